@@ -1,0 +1,42 @@
+# Each target works on a fresh clone: it makes its own virtual environment in .venv from pyproject.toml,
+# with the versions of constraints.txt, once.
+#
+#   make demo    reconstruct the built-in flight; figures and results go to demo-results
+#   make test    run the tests        make lint   ruff        make types   mypy
+#   make bench   run the benchmarks   make clean  remove what these targets made
+
+PYTHON ?= python3
+BIN := .venv/bin
+STAMP := .venv/installed
+
+.PHONY: demo test lint types bench clean
+
+demo: $(STAMP)
+	$(BIN)/edl-filter demo -o demo-results
+
+# One worker per file, so that what a file reads or reconstructs once serves all its tests
+test: $(STAMP)
+	$(BIN)/pytest -n 2 --dist loadfile
+
+lint: $(STAMP)
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+
+types: $(STAMP)
+	$(BIN)/mypy
+
+bench: $(STAMP)
+	@for file in benchmarks/*.py; do echo "== $$file"; $(BIN)/python "$$file" || exit 1; done
+
+clean:
+	rm -rf .venv demo-results build dist .pytest_cache .mypy_cache .ruff_cache .hypothesis
+
+# The stamp is written last: an installation that was interrupted starts again from nothing
+$(STAMP): pyproject.toml constraints.txt
+	rm -rf .venv
+	$(PYTHON) -c 'import sys; sys.exit("edl-filter needs Python 3.11 or newer; say which with PYTHON=...") \
+	if sys.version_info < (3, 11) else None'
+	$(PYTHON) -m venv .venv
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check \
+	--constraint constraints.txt --editable '.[dev]'
+	touch $@

@@ -1,0 +1,300 @@
+"""What the estimate starts from, what it is held to, how it is made and where it goes."""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike
+from pydantic import Field, Tag, model_validator
+
+from edl_filter.mission.checks import (
+    Array,
+    Covariance,
+    Direction,
+    Number,
+    Quaternion,
+    Switch,
+    Vector,
+    Within,
+    problem,
+    unit,
+)
+from edl_filter.mission.sections import (
+    DEG,
+    KM,
+    AngleSigma,
+    ForceSigma,
+    FromTelemetry,
+    LengthSigma,
+    Pressure,
+    Radius,
+    RelativeSigma,
+    Section,
+    SpeedSigma,
+    Time,
+    Window,
+    choice,
+    origin,
+)
+from edl_filter.rotations import to_matrix
+
+
+class SunLineSigma(Section):
+    """Attitude error that is larger about the line to the Sun than across it."""
+
+    about_sun: AngleSigma = Field(description="1 sigma about the Sun line, deg")
+    across_sun: AngleSigma = Field(description="1 sigma about each axis across it, deg")
+
+
+class StatedState(Section):
+    """Entry state that the mission states."""
+
+    time_s: Time = Field(description="time of the state, s since the epoch")
+    epoch_sigma_s: Annotated[Number, Within("s", 0.0, 1e3)] = Field(
+        0.0, description="1 sigma of the state's time, s; 0: exact"
+    )
+    position: Annotated[Vector, Within("m", 1e5, 1e9, KM)] = Field(description="position, m, inertial")
+    velocity: Annotated[Vector, Within("m/s", 100.0, 1e5, (("km/s", 1e3),))] = Field(
+        description="velocity, m/s, inertial"
+    )
+    position_sigma: LengthSigma | None = Field(None, description="1 sigma of the position per axis, m")
+    velocity_sigma: SpeedSigma | None = Field(None, description="1 sigma of the velocity per axis, m/s")
+    attitude: (
+        Annotated[
+            Annotated[Literal["onboard"], Tag("<word>")] | Annotated[Quaternion, Tag("<stated>")],
+            choice(lambda value: "<word>" if isinstance(value, str) else "<stated>"),
+        ]
+        | None
+    ) = Field(
+        None, description="'onboard': the on-board quaternion at time_s; or inertial_from_body, scalar last"
+    )
+    attitude_sigma_deg: (
+        Annotated[
+            Annotated[AngleSigma, Tag("<stated>")] | Annotated[SunLineSigma, Tag("<sun>")],
+            choice(lambda value: "<sun>" if isinstance(value, (dict, SunLineSigma)) else "<stated>"),
+        ]
+        | None
+    ) = Field(None, description="1 sigma of the attitude, deg: one number, or about_sun and across_sun")
+    sun_direction_j2000: Direction | None = Field(None, description="unit vector to the Sun in J2000")
+    covariance: Covariance | None = Field(
+        None,
+        description="9 x 9, in place of the sigmas: position, m; velocity, m/s; attitude error, rad, body axes",
+    )
+    frame_rotation_sigma_deg: Annotated[Number, Within("deg", 0.0, 180.0)] = Field(
+        0.0, description="1 sigma per axis of a rotation of the whole state's frame, deg; 0: none"
+    )
+
+    @model_validator(mode="after")
+    def _complete(self) -> StatedState:
+        sigmas = ("position_sigma", "velocity_sigma", "attitude_sigma_deg")
+        for key in sigmas:
+            stated = getattr(self, key) is not None
+            if self.covariance is not None and stated:
+                raise problem("both this and covariance", "one of them", key)
+            optional = key == "attitude_sigma_deg" and self.attitude is None
+            if self.covariance is None and not stated and not optional:
+                raise problem("nothing", f"{type(self).model_fields[key].description}; or covariance", key)
+        if isinstance(self.attitude_sigma_deg, SunLineSigma) and self.sun_direction_j2000 is None:
+            raise problem("nothing", "the unit vector that about_sun needs", "sun_direction_j2000")
+        return self
+
+    @property
+    def frame_rotation_sigma(self) -> float:
+        """`frame_rotation_sigma_deg` in rad."""
+        return self.frame_rotation_sigma_deg * DEG
+
+    @property
+    def sun_direction(self) -> Array | None:
+        """`sun_direction_j2000` brought to length 1, (3,)."""
+        return None if self.sun_direction_j2000 is None else unit(self.sun_direction_j2000)
+
+    def covariance_matrix(
+        self, inertial_from_body: ArrayLike, j2000_from_inertial: ArrayLike | None = None
+    ) -> Array:
+        """Covariance (9, 9) of position, velocity and attitude error, without the state's epoch and frame.
+
+        Parameters
+        ----------
+        inertial_from_body : (4,) array
+            Attitude of the state, scalar last: the error is in body axes.
+        j2000_from_inertial : (3, 3) array
+            Needed where the attitude's sigma is told about the Sun line.
+        """
+        if self.covariance is not None:
+            return np.array(self.covariance)
+        assert self.position_sigma is not None and self.velocity_sigma is not None  # _complete saw to it
+        p = np.zeros((9, 9))
+        p[:3, :3] = self.position_sigma**2 * np.eye(3)
+        p[3:6, 3:6] = self.velocity_sigma**2 * np.eye(3)
+        sigma = self.attitude_sigma_deg
+        if isinstance(sigma, SunLineSigma):
+            assert self.sun_direction is not None and j2000_from_inertial is not None
+            sun = to_matrix(inertial_from_body).T @ np.asarray(j2000_from_inertial).T @ self.sun_direction
+            across, about = (sigma.across_sun * DEG) ** 2, (sigma.about_sun * DEG) ** 2
+            p[6:, 6:] = across * np.eye(3) + (about - across) * np.outer(sun, sun)
+        else:
+            p[6:, 6:] = ((0.0 if sigma is None else sigma) * DEG) ** 2 * np.eye(3)
+        return p
+
+
+InitialState = Annotated[
+    Annotated[StatedState, Tag("<stated>")] | Annotated[FromTelemetry, Tag("<telemetry>")], choice(origin)
+]
+
+
+class OnboardAttitude(Section):
+    """The attitude computed on board."""
+
+    interval_s: Annotated[Number, Within("s", 0.0, 1e4, above=True)] = Field(
+        description="time between uses, s"
+    )
+    sigma_deg: AngleSigma = Field(description="1 sigma of one use about each axis, deg")
+    unit_change_sigma_deg: Annotated[Number, Within("deg", 0.0, 180.0)] = Field(
+        0.0, description="1 sigma of the step when another unit computes it, deg; 0: none"
+    )
+
+    @property
+    def sigma(self) -> float:
+        """`sigma_deg` in rad."""
+        return self.sigma_deg * DEG
+
+    @property
+    def unit_change_sigma(self) -> float:
+        """`unit_change_sigma_deg` in rad."""
+        return self.unit_change_sigma_deg * DEG
+
+
+class ZeroForce(Window):
+    """Before the atmosphere no force acts on the vehicle but gravity."""
+
+    sigma: ForceSigma = Field(description="1 sigma of the mean specific force over the window, m/s^2")
+
+
+class ParachutePressure(Section):
+    """Dynamic pressure when the event parachute_deploy happens."""
+
+    dynamic_pressure: Pressure = Field(description="dynamic pressure, Pa")
+    dynamic_pressure_sigma: Annotated[Number, Within("Pa", 0.0, 1e6, (("kPa", 1e3),), above=True)] = Field(
+        description="1 sigma, Pa"
+    )
+
+
+class SteadyDescent(Window):
+    """Under the parachute the vehicle sinks at terminal speed."""
+
+    horizontal_sigma: SpeedSigma = Field(description="1 sigma of each horizontal velocity, m/s: wind")
+    vertical_sigma: RelativeSigma = Field(description="1 sigma of the sinking speed, relative")
+
+
+class LandingSite(Section):
+    """Where the vehicle is when the event landing happens."""
+
+    latitude_deg: Annotated[Number, Within("deg", -90.0, 90.0)] = Field(
+        description="areocentric latitude, deg, north"
+    )
+    longitude_deg: Annotated[Number, Within("deg", -180.0, 360.0)] = Field(description="longitude, deg, east")
+    radius: Radius = Field(description="distance from the planet's centre, m")
+    horizontal_sigma: LengthSigma = Field(description="1 sigma to the north and to the east, m")
+    vertical_sigma: LengthSigma = Field(description="1 sigma of the radius, m")
+
+    @property
+    def latitude(self) -> float:
+        """Areocentric latitude, rad."""
+        return self.latitude_deg * DEG
+
+    @property
+    def longitude(self) -> float:
+        """Longitude, rad, east."""
+        return self.longitude_deg * DEG
+
+    @property
+    def position(self) -> Array:
+        """Planet-fixed position (3,), m."""
+        across = math.cos(self.latitude)
+        return self.radius * np.array(
+            [across * math.cos(self.longitude), across * math.sin(self.longitude), math.sin(self.latitude)]
+        )
+
+
+class Rest(Window):
+    """The vehicle rests on the surface."""
+
+    velocity_sigma: SpeedSigma = Field(description="1 sigma of each ground-relative velocity, m/s")
+    gravity_direction_sigma_deg: AngleSigma | None = Field(
+        None, description="1 sigma of the measured direction of gravity, deg; absent: not used"
+    )
+
+    @property
+    def gravity_direction_sigma(self) -> float | None:
+        """`gravity_direction_sigma_deg` in rad."""
+        sigma = self.gravity_direction_sigma_deg
+        return None if sigma is None else sigma * DEG
+
+
+class RestFromTelemetry(FromTelemetry):
+    """The vehicle rests from the time of the flight file's landing constraint to the record's end."""
+
+    velocity_sigma: SpeedSigma = Field(0.05, description="1 sigma of each ground-relative velocity, m/s")
+
+
+class AltimeterFromTelemetry(FromTelemetry):
+    """The altimeter of the flight file."""
+
+    sigma: LengthSigma | None = Field(None, description="1 sigma of one height, m; absent: the file's")
+
+
+class Constraints(Section):
+    """What the estimate is held to; a constraint that is absent or null is not used."""
+
+    onboard_attitude: OnboardAttitude | None = Field(None, description="attitude computed on board")
+    pre_entry_zero_force: ZeroForce | None = Field(None, description="no force before the atmosphere")
+    parachute: (
+        Annotated[
+            Annotated[ParachutePressure, Tag("<stated>")] | Annotated[FromTelemetry, Tag("<telemetry>")],
+            choice(origin),
+        ]
+        | None
+    ) = Field(None, description="dynamic pressure at deployment")
+    steady_descent: SteadyDescent | None = Field(None, description="terminal speed under the parachute")
+    landing: (
+        Annotated[
+            Annotated[LandingSite, Tag("<stated>")] | Annotated[FromTelemetry, Tag("<telemetry>")],
+            choice(origin),
+        ]
+        | None
+    ) = Field(None, description="where the vehicle lands")
+    rest: (
+        Annotated[
+            Annotated[Rest, Tag("<stated>")] | Annotated[RestFromTelemetry, Tag("<telemetry>")],
+            choice(origin),
+        ]
+        | None
+    ) = Field(None, description="rest on the surface")
+    altimeter: AltimeterFromTelemetry | None = Field(None, description="radar altimeter")
+
+
+class FilterSettings(Section):
+    """The filter."""
+
+    alpha: Annotated[Number, Within("", 0.1, 1.0)] = Field(
+        0.5, description="spread of the sigma points; below 0.1 digits are lost"
+    )
+    beta: Annotated[Number, Within("", 0.0, 10.0)] = Field(2.0, description="shape of the prior; 2: Gaussian")
+    kappa: Annotated[Number, Within("", -10.0, 100.0)] = Field(0.0, description="secondary spread")
+    longest_interval_s: Annotated[Number, Within("s", 0.0, 100.0, above=True)] = Field(
+        5.0, description="longest time between fusion epochs, s"
+    )
+    gate_probability: Annotated[Number, Within("", 0.5, 1.0, (("%", 1e-2),), below=True)] = Field(
+        0.99999, description="a constraint beyond this quantile of its NIS is not accepted"
+    )
+
+
+class Outputs(Section):
+    """What is written, and where."""
+
+    directory: str | None = Field(
+        None, description="folder of the results, from the current folder; absent: results/NAME"
+    )
+    figures: Switch = Field(True, description="draw figures")

@@ -1,0 +1,172 @@
+"""Telemetry: where it is, its clock, its instruments."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+from pydantic import Field, Tag, model_validator
+
+from edl_filter.mission.checks import (
+    Array,
+    Number,
+    Quaternion,
+    RotationMatrix,
+    Within,
+    orthonormal,
+    problem,
+    shown,
+    unit,
+)
+from edl_filter.mission.sections import (
+    DEG,
+    DEGREE_RATES,
+    DEGREES,
+    PARTS,
+    ForceSigma,
+    LeverArm,
+    Sclk,
+    Section,
+    Utc,
+    Window,
+    choice,
+)
+from edl_filter.telemetry.clock import SclkClock
+
+if TYPE_CHECKING:
+    from edl_filter.telemetry.record import SensorErrors
+
+
+class Clock(Section):
+    """One pair of readings that ties the spacecraft clock to UTC."""
+
+    sclk: Sclk = Field(description="spacecraft clock count, s")
+    utc: Utc = Field(description="UTC at that count, ISO 8601")
+
+
+class Imu(Section):
+    """Mounting, noise and error budget of one IMU."""
+
+    spacecraft_from_imu: Quaternion = Field(
+        description="quaternion, scalar last, that takes IMU components to spacecraft ones"
+    )
+    position: LeverArm = Field(description="position from the centre of mass, m, spacecraft axes")
+    transformed_alignment_deg: tuple[
+        Annotated[Number, Within("deg", -5.0, 5.0)], Annotated[Number, Within("deg", -5.0, 5.0)]
+    ] = Field((0.0, 0.0), description="share of a_z that the on-board transform adds to a_x and a_y, deg")
+    accelerometer_noise: ForceSigma = Field(description="1 sigma of one sample, m/s^2")
+    gyro_noise: Annotated[Number, Within("rad/s", 0.0, 1e-2, DEGREES, above=True)] = Field(
+        description="1 sigma of one sample, rad/s"
+    )
+    accelerometer_bias_sigma: Annotated[Number, Within("m/s^2", 0.0, 1.0)] = Field(
+        0.0, description="1 sigma of the constant error, m/s^2; 0: none"
+    )
+    accelerometer_scale_sigma: Annotated[Number, Within("", 0.0, 0.1, PARTS)] = Field(
+        0.0, description="1 sigma of the scale error, relative; 0: none"
+    )
+    accelerometer_misalignment_sigma: Annotated[Number, Within("rad", 0.0, 0.1, DEGREES)] = Field(
+        0.0, description="1 sigma of the misalignment about each axis, rad; 0: none"
+    )
+    gyro_bias_sigma: Annotated[Number, Within("rad/s", 0.0, 1e-3, DEGREE_RATES)] = Field(
+        0.0, description="1 sigma of the constant error, rad/s; 0: none"
+    )
+    gyro_scale_sigma: Annotated[Number, Within("", 0.0, 0.1, PARTS)] = Field(
+        0.0, description="1 sigma of the scale error, relative; 0: none"
+    )
+
+    @property
+    def spacecraft_from_imu_quaternion(self) -> Array:
+        """`spacecraft_from_imu` brought to norm 1, (4,)."""
+        return unit(self.spacecraft_from_imu)
+
+    @property
+    def transformed_alignment(self) -> tuple[float, float]:
+        """`transformed_alignment_deg` in rad."""
+        x, y = self.transformed_alignment_deg
+        return x * DEG, y * DEG
+
+    @property
+    def errors(self) -> SensorErrors:
+        """Sigmas of the constant errors, as telemetry's records carry them."""
+        from edl_filter.telemetry.record import SensorErrors
+
+        return SensorErrors(
+            accelerometer_bias=self.accelerometer_bias_sigma,
+            accelerometer_scale=self.accelerometer_scale_sigma,
+            accelerometer_misalignment=self.accelerometer_misalignment_sigma,
+            gyro_bias=self.gyro_bias_sigma,
+            gyro_scale=self.gyro_scale_sigma,
+        )
+
+
+class MerImu(Window):
+    """Telemetry of a Mars Exploration Rover, PDS volume merimu_1001."""
+
+    format: Literal["mer-imu"] = Field(description="mer-imu: PDS volume merimu_1001")
+    path: str | None = Field(
+        None, description="folder of the volume; absent: $EDL_FILTER_DATA, or what 'edl-filter fetch' brought"
+    )
+    spacecraft: Literal[1, 2] = Field(description="1 is Opportunity (MER-B), 2 is Spirit (MER-A)")
+    clock: Clock = Field(description="spacecraft clock against UTC")
+    epoch_sclk: Sclk = Field(description="spacecraft clock count at time 0, s")
+    register_frame: RotationMatrix = Field(
+        description="3 rows: axes of the rover's velocity register in J2000 (Earth mean equator and equinox)"
+    )
+    imus: dict[str, Imu] = Field(min_length=1, description="IMUs by name")
+    driving: str | None = Field(None, description="IMU that drives at first; absent: the first of imus")
+
+    @model_validator(mode="after")
+    def _consistent(self) -> MerImu:
+        if abs(self.epoch_sclk - self.clock.sclk) > 1e5:
+            raise problem(shown(self.epoch_sclk), f"s near clock.sclk = {self.clock.sclk!r}", "epoch_sclk")
+        if self.driving is not None and self.driving not in self.imus:
+            raise problem(shown(self.driving), "one of " + ", ".join(self.imus), "driving")
+        return self
+
+    @property
+    def driving_imu(self) -> str:
+        """Name of the IMU that drives at first."""
+        return self.driving if self.driving is not None else next(iter(self.imus))
+
+    @property
+    def sclk_clock(self) -> SclkClock:
+        """Spacecraft clock against UTC."""
+        return SclkClock(self.clock.sclk, self.clock.utc)
+
+    @property
+    def epoch_utc(self) -> str:
+        """UTC of time 0, ISO 8601."""
+        return self.sclk_clock.to_utc(self.epoch_sclk)
+
+    @property
+    def register_frame_matrix(self) -> Array:
+        """`register_frame` made orthonormal to rounding, (3, 3): takes J2000 to register components."""
+        return orthonormal(self.register_frame)
+
+
+class FlightFile(Section):
+    """Telemetry in a flight file, which states its epoch, IMUs and constraints itself."""
+
+    format: Literal["flight-file"] = Field(description="flight-file: HDF5 in the neutral layout")
+    path: str = Field(description="flight file: a path (--set telemetry.path=FILE), or builtin:NAME")
+    driving: str | None = Field(None, description="IMU that drives; absent: primary, or the only one")
+
+
+class PhoenixPds(Section):
+    """Telemetry of Phoenix, which the package cannot read yet."""
+
+    format: Literal["phoenix-pds"] = Field(description="phoenix-pds: raw IMU product (not read yet)")
+    product: str = Field(description="the PDS product that is needed")
+    path: str | None = Field(None, description="folder of the product")
+    epoch_utc: Utc = Field(description="UTC of time 0, ISO 8601")
+
+
+def _format(value: Any) -> str:
+    return f"<{value.get('format') if isinstance(value, dict) else getattr(value, 'format', None)}>"
+
+
+Telemetry = Annotated[
+    Annotated[MerImu, Tag("<mer-imu>")]
+    | Annotated[FlightFile, Tag("<flight-file>")]
+    | Annotated[PhoenixPds, Tag("<phoenix-pds>")],
+    choice(_format),
+]

@@ -1,0 +1,176 @@
+"""Text of a mission file to plain data, and changes of single keys that leave the rest of the text alone.
+
+In: text. Out: dicts, lists, text, numbers, true, false, null, as YAML 1.2's core schema reads them: ``1e13``
+is a number, a date is text, ``yes`` is text. Keys are text and stand once; there are no anchors.
+Every fault is an `InputError` that names file and line.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from edl_filter.errors import InputError
+
+
+class _Loader(yaml.SafeLoader):
+    """PyYAML with the scalars of YAML 1.2, without repeated keys and anchors."""
+
+    yaml_implicit_resolvers: dict = {}  # noqa: RUF012 - PyYAML's own form, filled below
+
+    def compose_node(self, parent: Any, index: Any) -> Any:
+        event = self.peek_event()
+        if isinstance(event, yaml.AliasEvent) or getattr(event, "anchor", None):
+            raise yaml.MarkedYAMLError(
+                problem="anchors and aliases (& and *) are not used in mission files",
+                problem_mark=event.start_mark,
+            )
+        return super().compose_node(parent, index)
+
+    def construct_mapping(self, node: Any, deep: bool = False) -> dict:
+        seen = set()
+        for key, _ in node.value:
+            if not isinstance(key, yaml.ScalarNode) or key.tag != "tag:yaml.org,2002:str":
+                name = getattr(key, "value", "a list or mapping")
+                raise yaml.MarkedYAMLError(problem=f"key {name!r} is no text", problem_mark=key.start_mark)
+            if key.value in seen:
+                raise yaml.MarkedYAMLError(
+                    problem=f"key '{key.value}' stands twice", problem_mark=key.start_mark
+                )
+            seen.add(key.value)
+        return super().construct_mapping(node, deep=True)
+
+
+def _integer(loader: yaml.SafeLoader, node: yaml.ScalarNode) -> int:
+    text = loader.construct_scalar(node)
+    base = {"0o": 8, "0x": 16}.get(text[:2], 10)
+    return int(text[2:] if base != 10 else text, base)
+
+
+def _float(loader: yaml.SafeLoader, node: yaml.ScalarNode) -> float:
+    return float(re.sub(r"\.(inf|nan)$", r"\1", loader.construct_scalar(node).lower()))
+
+
+for _tag, _pattern, _first in (
+    ("bool", r"true|True|TRUE|false|False|FALSE", "tTfF"),
+    ("int", r"[-+]?[0-9]+|0o[0-7]+|0x[0-9a-fA-F]+", "-+0123456789"),
+    ("float", r"[-+]?(?:\.[0-9]+|[0-9]+(?:\.[0-9]*)?)(?:[eE][-+]?[0-9]+)?", "-+.0123456789"),
+    ("float", r"[-+]?\.(?:inf|Inf|INF)|\.(?:nan|NaN|NAN)", "-+."),
+    ("null", r"~|null|Null|NULL|", ["~", "n", "N", ""]),
+):
+    _Loader.add_implicit_resolver(f"tag:yaml.org,2002:{_tag}", re.compile(f"^(?:{_pattern})$"), list(_first))
+_Loader.add_constructor("tag:yaml.org,2002:int", _integer)
+_Loader.add_constructor("tag:yaml.org,2002:float", _float)
+
+
+def _fault(where: str, error: yaml.YAMLError) -> InputError:
+    mark = getattr(error, "problem_mark", None) or getattr(error, "context_mark", None)
+    line = f"line {mark.line + 1}: " if mark is not None else ""
+    what = getattr(error, "problem", None) or getattr(error, "reason", None) or str(error)
+    return InputError(f"{where}: {line}{what}; YAML is expected.")
+
+
+def parse(text: str, where: str) -> Any:
+    """Read the data that `text` holds.
+
+    Raises
+    ------
+    InputError
+        `text` is not YAML, repeats a key or uses an anchor; the message begins with `where`.
+    """
+    try:
+        return yaml.load(text, Loader=_Loader)
+    except yaml.YAMLError as error:
+        raise _fault(where, error) from None
+
+
+def read_text(path: Path) -> str:
+    """Text of the mission file at `path`.
+
+    Raises
+    ------
+    InputError
+        There is no such file, or it is not text.
+    """
+    try:
+        return path.read_text(encoding="utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise InputError(f"{path}: byte {error.start} is no UTF-8 text; YAML is expected.") from None
+    except OSError as error:
+        reason = error.strerror or str(error)
+        raise InputError(f"{path}: {reason}; the path of a mission file is expected.") from None
+
+
+def parse_override(override: str) -> tuple[str, Any]:
+    """Dotted key and value of ``KEY=VALUE``, the value read as YAML.
+
+    Raises
+    ------
+    InputError
+        There is no ``=``, an empty part in the key, or the value is not YAML.
+    """
+    key, equals, value = override.partition("=")
+    key = key.strip()
+    if not equals or not all(key.split(".")):
+        raise InputError(f"--set {override}: found no KEY=VALUE; expected for example planet.gravity.j2=0.")
+    return key, parse(value, f"--set {key}")
+
+
+def set_key(text: str, key: str, value: Any) -> str:
+    """`text` with the value at the dotted `key` changed or added; comments elsewhere stay.
+
+    Raises
+    ------
+    InputError
+        A part of `key` before the last names a value, not a section.
+    """
+    new = json.dumps(value, ensure_ascii=False)  # JSON is YAML, on one line, and its text is quoted
+    loader = _Loader(text)
+    try:
+        node = loader.get_single_node()
+    finally:
+        loader.dispose()
+    parts = key.split(".")
+    if node is None:
+        raise InputError(f"--set {key}: the file is empty.")
+    for i, part in enumerate(parts):
+        if not isinstance(node, yaml.MappingNode):
+            if node.tag != "tag:yaml.org,2002:null":
+                above = ".".join(parts[:i]) or "the file"
+                raise InputError(f"--set {key}: {above} is no section, no key can be below it.")
+            return _replace(text, node, _nested(parts[i:], new))
+        below = {k.value: v for k, v in node.value}
+        if part not in below:
+            return _insert(text, node, part, _nested(parts[i + 1 :], new))
+        node = below[part]
+    return _replace(text, node, new)
+
+
+def _nested(parts: list[str], new: str) -> str:
+    for part in reversed(parts):
+        new = f"{{{json.dumps(part)}: {new}}}"
+    return new
+
+
+def _insert(text: str, mapping: yaml.MappingNode, key: str, new: str) -> str:
+    """Put a key before the first one of `mapping`."""
+    if not mapping.value:
+        return _replace(text, mapping, _nested([key], new))
+    first = mapping.value[0][0].start_mark
+    rest = ", " if mapping.flow_style else "\n" + " " * first.column
+    return f"{text[: first.index]}{json.dumps(key)}: {new}{rest}{text[first.index :]}"
+
+
+def _replace(text: str, node: yaml.Node, new: str) -> str:
+    start, end = node.start_mark.index, node.end_mark.index
+    if start == end:  # nothing stood there: "key:" needs a space before a value
+        return f"{text[:start]} {new}{text[end:]}"
+    block = not getattr(node, "flow_style", True) or getattr(node, "style", None) in ("|", ">")
+    if block:  # its end is the beginning of the next key
+        end -= node.end_mark.column
+        new += "\n"
+    return text[:start] + new + text[end:]

@@ -1,0 +1,334 @@
+"""What is known of the flight besides the IMU, each statement one class.
+
+A constraint says at one time what was measured, how well, where that comes from, and what a state predicts
+for it. `predict` works on all sigma points at once: navigation states ``(10, S)``, other states ``(n, S)``,
+and gives ``(S, m)``.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from edl_filter import rotations
+from edl_filter.navigation.layout import Layout, attitude_errors, turned_left
+from edl_filter.planet import Planet
+from edl_filter.planet.atmosphere import Atmosphere
+
+Array = NDArray[np.float64]
+
+
+class Constraint(Protocol):
+    """The form of all constraints.
+
+    Attributes
+    ----------
+    name : str
+        Several constraints may share one: they are reported together.
+    time : float
+        s since the epoch.
+    components : tuple of str
+        What each component is, with its unit.
+    source : str
+        Where the statement comes from.
+    """
+
+    name: ClassVar[str]
+    components: ClassVar[tuple[str, ...]]
+
+    @property
+    def time(self) -> float:
+        """s since the epoch."""
+
+    @property
+    def source(self) -> str:
+        """Where the statement comes from."""
+
+    @property
+    def measured(self) -> Array:
+        """Measured values ``(m,)``."""
+
+    @property
+    def noise(self) -> Array:
+        """Covariance of the measured values ``(m, m)``."""
+
+    def predict(self, nav: Array, errors: Array, layout: Layout) -> Array:
+        """What the states predict, ``(S, m)``."""
+
+
+@dataclass(frozen=True)
+class OnboardAttitude:
+    """Attitude computed on board, whose frame is off by the state ``onboard_attitude`` (inertial axes).
+
+    Predicted is the rotation vector in body axes from the on-board attitude to the state's, so that zero
+    was measured.
+    """
+
+    name: ClassVar[str] = "onboard_attitude"
+    components: ClassVar[tuple[str, ...]] = ("about x (rad)", "about y (rad)", "about z (rad)")
+    time: float
+    inertial_from_body: Array
+    sigma: float
+    source: str = "on-board quaternion"
+
+    @property
+    def measured(self) -> Array:
+        """No turn."""
+        return np.zeros(3)
+
+    @property
+    def noise(self) -> Array:
+        """The same for every axis."""
+        return self.sigma**2 * np.eye(3)
+
+    def predict(self, nav: Array, errors: Array, layout: Layout) -> Array:
+        """Turn from the on-board attitude to ``exp(frame error) ⊗ attitude``."""
+        attitude = nav[6:]
+        if "onboard_attitude" in layout:
+            attitude = turned_left(errors[layout["onboard_attitude"]].T, attitude)
+        return attitude_errors(self.inertial_from_body, attitude)
+
+
+@dataclass(frozen=True)
+class ZeroSpecificForce:
+    """Before entry nothing but gravity acts: the accelerometers read their bias."""
+
+    name: ClassVar[str] = "pre_entry_zero_force"
+    components: ClassVar[tuple[str, ...]] = ("x (m/s^2)", "y (m/s^2)", "z (m/s^2)")
+    time: float
+    mean_force: Array
+    sigma: Array
+    source: str = "mean of the accelerometers before entry"
+
+    @property
+    def measured(self) -> Array:
+        """Mean reading, body axes."""
+        return self.mean_force
+
+    @property
+    def noise(self) -> Array:
+        """Independent axes."""
+        return np.diag(self.sigma**2)
+
+    def predict(self, nav: Array, errors: Array, layout: Layout) -> Array:
+        """The bias."""
+        if "accelerometer_bias" in layout:
+            return errors[layout["accelerometer_bias"]].T
+        return np.zeros((nav.shape[1], 3))
+
+
+@dataclass(frozen=True)
+class DynamicPressure:
+    """Dynamic pressure at parachute deployment, against the preflight density."""
+
+    name: ClassVar[str] = "parachute"
+    components: ClassVar[tuple[str, ...]] = ("dynamic pressure (Pa)",)
+    time: float
+    pressure: float
+    sigma: float
+    density_sigma: float
+    planet: Planet
+    atmosphere: Atmosphere
+    source: str = "dynamic pressure at deployment"
+
+    @property
+    def measured(self) -> Array:
+        """Pa."""
+        return np.array([self.pressure])
+
+    @property
+    def noise(self) -> Array:
+        """Of the statement and of the table's density together."""
+        return np.array([[self.sigma**2 + (self.density_sigma * self.pressure) ** 2]])
+
+    def predict(self, nav: Array, errors: Array, layout: Layout) -> Array:
+        """``ρ V² / 2`` of the air-relative velocity."""
+        position = nav[:3].T
+        _, _, altitude = self.planet.geodetic(self.time, position)
+        enu = self.planet.enu_from_inertial(self.time, position)
+        velocity = np.einsum("sij,sj->si", enu, self.planet.velocity_relative(position, nav[3:6].T))
+        velocity[:, :2] -= self.atmosphere.wind_at(altitude)
+        return 0.5 * (self.atmosphere.density(altitude) * np.sum(velocity**2, axis=1))[:, None]
+
+
+@dataclass(frozen=True)
+class SteadyDescent:
+    """Under the parachute the vehicle sinks with its drag in balance, and drifts no faster than the wind."""
+
+    name: ClassVar[str] = "steady_descent"
+    components: ClassVar[tuple[str, ...]] = ("east (m/s)", "north (m/s)", "up (m/s)")
+    time: float
+    velocity: Array
+    sigma: Array
+    planet: Planet
+    source: str = "terminal speed under the parachute; wind"
+
+    @property
+    def measured(self) -> Array:
+        """Velocity against the ground: east, north, up."""
+        return self.velocity
+
+    @property
+    def noise(self) -> Array:
+        """Independent axes."""
+        return np.diag(self.sigma**2)
+
+    def predict(self, nav: Array, errors: Array, layout: Layout) -> Array:
+        """Ground-relative velocity in local axes."""
+        position = nav[:3].T
+        enu = self.planet.enu_from_inertial(self.time, position)
+        return np.einsum("sij,sj->si", enu, self.planet.velocity_relative(position, nav[3:6].T))
+
+
+@dataclass(frozen=True)
+class Altimeter:
+    """Height above a sphere about the planet's centre."""
+
+    name: ClassVar[str] = "altimeter"
+    components: ClassVar[tuple[str, ...]] = ("height (m)",)
+    time: float
+    height: float
+    sigma: float
+    surface_radius: float
+    source: str = "radar altimeter"
+
+    @property
+    def measured(self) -> Array:
+        """m."""
+        return np.array([self.height])
+
+    @property
+    def noise(self) -> Array:
+        """Of one reading."""
+        return np.array([[self.sigma**2]])
+
+    def predict(self, nav: Array, errors: Array, layout: Layout) -> Array:
+        """Distance from the centre minus the sphere's radius."""
+        return (np.linalg.norm(nav[:3], axis=0) - self.surface_radius)[:, None]
+
+
+@dataclass(frozen=True)
+class LandingSite:
+    """Where the vehicle came down, in planet-fixed axes."""
+
+    name: ClassVar[str] = "landing"
+    components: ClassVar[tuple[str, ...]] = ("fixed x (m)", "fixed y (m)", "fixed z (m)")
+    time: float
+    position: Array
+    covariance: Array
+    planet: Planet
+    source: str = "landing site"
+
+    @property
+    def measured(self) -> Array:
+        """m."""
+        return self.position
+
+    @property
+    def noise(self) -> Array:
+        """m²."""
+        return self.covariance
+
+    def predict(self, nav: Array, errors: Array, layout: Layout) -> Array:
+        """Planet-fixed position."""
+        return self.planet.rotation.to_fixed(self.time, nav[:3].T)
+
+
+@dataclass(frozen=True)
+class RestVelocity:
+    """At rest on the surface: no velocity against the ground."""
+
+    name: ClassVar[str] = "rest_velocity"
+    components: ClassVar[tuple[str, ...]] = ("inertial x (m/s)", "inertial y (m/s)", "inertial z (m/s)")
+    time: float
+    sigma: float
+    planet: Planet
+    source: str = "at rest on the surface"
+
+    @property
+    def measured(self) -> Array:
+        """None."""
+        return np.zeros(3)
+
+    @property
+    def noise(self) -> Array:
+        """The same for every axis."""
+        return self.sigma**2 * np.eye(3)
+
+    def predict(self, nav: Array, errors: Array, layout: Layout) -> Array:
+        """Velocity against the ground, inertial axes."""
+        return self.planet.velocity_relative(nav[:3].T, nav[3:6].T)
+
+
+@dataclass(frozen=True)
+class RestGravity:
+    """At rest on the surface: the accelerometers read minus gravity and the centrifugal part."""
+
+    name: ClassVar[str] = "rest_gravity"
+    components: ClassVar[tuple[str, ...]] = ("x (m/s^2)", "y (m/s^2)", "z (m/s^2)")
+    time: float
+    mean_force: Array
+    sigma: float
+    planet: Planet
+    source: str = "accelerometers at rest"
+
+    @property
+    def measured(self) -> Array:
+        """Mean reading, body axes."""
+        return self.mean_force
+
+    @property
+    def noise(self) -> Array:
+        """The same for every axis."""
+        return self.sigma**2 * np.eye(3)
+
+    def predict(self, nav: Array, errors: Array, layout: Layout) -> Array:
+        """``(1 + s) ∘ R(m) Cᵀ (ω × (ω × r) - g) + b``."""
+        position = nav[:3].T
+        centrifugal = position * np.array([1.0, 1.0, 0.0]) * self.planet.rotation_rate**2
+        support = -self.planet.gravity(position) - centrifugal
+        force = rotations.rotate(rotations.conjugate(nav[6:].T), support)
+        if "accelerometer_misalignment" in layout:
+            turn = rotations.from_rotation_vector(errors[layout["accelerometer_misalignment"]].T)
+            force = rotations.rotate(turn, force)
+        if "accelerometer_scale" in layout:
+            force = force * (1.0 + errors[layout["accelerometer_scale"]].T)
+        if "accelerometer_bias" in layout:
+            force = force + errors[layout["accelerometer_bias"]].T
+        return force
+
+
+@dataclass(frozen=True)
+class RestRate:
+    """At rest on the surface: the gyros read the planet's rotation."""
+
+    name: ClassVar[str] = "rest_rate"
+    components: ClassVar[tuple[str, ...]] = ("x (rad/s)", "y (rad/s)", "z (rad/s)")
+    time: float
+    mean_rate: Array
+    sigma: float
+    planet: Planet
+    source: str = "gyros at rest"
+
+    @property
+    def measured(self) -> Array:
+        """Mean reading, body axes."""
+        return self.mean_rate
+
+    @property
+    def noise(self) -> Array:
+        """The same for every axis."""
+        return self.sigma**2 * np.eye(3)
+
+    def predict(self, nav: Array, errors: Array, layout: Layout) -> Array:
+        """``(1 + s) ∘ Cᵀ ω + b``."""
+        spin = np.array([0.0, 0.0, self.planet.rotation_rate])
+        rate = rotations.rotate(rotations.conjugate(nav[6:].T), spin)
+        if "gyro_scale" in layout:
+            rate = rate * (1.0 + errors[layout["gyro_scale"]].T)
+        if "gyro_bias" in layout:
+            rate = rate + errors[layout["gyro_bias"]].T
+        return rate

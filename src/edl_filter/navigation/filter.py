@@ -1,0 +1,270 @@
+"""The way forwards through the flight: predict to each epoch, fuse what is known there, keep it all.
+
+Epochs are the constraints' times, the changes of the driving instrument, the mission's times of interest
+and a regular grid between them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import chi2
+
+from edl_filter.errors import InputError
+from edl_filter.navigation import initial as entry_state
+from edl_filter.navigation.constraints import Constraint
+from edl_filter.navigation.increments import Samples
+from edl_filter.navigation.initial import EntryErrors
+from edl_filter.navigation.layout import Layout, State
+from edl_filter.navigation.ukf import ErrorStateUKF, Innovation, Transition
+from edl_filter.planet import Planet
+from edl_filter.telemetry.record import InitialState, SensorErrors
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Settings:
+    """How to filter.
+
+    Attributes
+    ----------
+    alpha, beta, kappa : float
+        Of the unscented transform.
+    longest_interval : float
+        Between epochs, s.
+    gate_probability : float
+        A constraint beyond this quantile of its NIS is not accepted.
+    """
+
+    alpha: float = 0.5
+    beta: float = 2.0
+    kappa: float = 0.0
+    longest_interval: float = 5.0
+    gate_probability: float = 0.99999
+
+
+@dataclass(frozen=True)
+class Problem:
+    """All that the filter needs.
+
+    Attributes
+    ----------
+    samples : Samples
+        From the initial state's time on, with edges at all of `epochs`.
+    initial : InitialState
+    entry : EntryErrors
+    instruments : tuple of SensorErrors
+        By the samples' `unit`.
+    unit_change_sigma : float
+        By how much the on-board attitudes of two instruments differ, rad per axis.
+    constraints : tuple of Constraint
+        By time.
+    epochs : (K,) array
+        s, beginning with the initial state's time.
+    planet : Planet
+    settings : Settings
+    """
+
+    samples: Samples
+    initial: InitialState
+    entry: EntryErrors
+    instruments: tuple[SensorErrors, ...]
+    unit_change_sigma: float
+    constraints: tuple[Constraint, ...]
+    epochs: Array
+    planet: Planet
+    settings: Settings
+
+    @property
+    def layout(self) -> Layout:
+        """Of the filter's vector."""
+        return Layout.of(self.instruments, self.entry.states)
+
+
+@dataclass(frozen=True)
+class Node:
+    """The filter at one epoch, after all that was known there.
+
+    Attributes
+    ----------
+    time : float
+    unit : int
+        Instrument that drives from here on.
+    arrival : Transition or None
+        How it came here from the node before.
+    state, covariance : State, (n, n) array
+        After the updates.
+    """
+
+    time: float
+    unit: int
+    arrival: Transition | None
+    state: State
+    covariance: Array
+
+
+@dataclass(frozen=True)
+class Fused:
+    """One constraint as it was met on the way forwards.
+
+    Attributes
+    ----------
+    constraint : Constraint
+    node : int
+        Index of the epoch.
+    innovation : Innovation
+    accepted : bool
+    """
+
+    constraint: Constraint
+    node: int
+    innovation: Innovation
+    accepted: bool
+
+
+@dataclass(frozen=True)
+class Forward:
+    """The way forwards.
+
+    Attributes
+    ----------
+    layout : Layout
+    nodes : list of Node
+    fused : list of Fused
+    """
+
+    layout: Layout
+    nodes: list[Node]
+    fused: list[Fused]
+
+
+def pose(
+    samples: Samples,
+    initial: InitialState,
+    entry: EntryErrors,
+    instruments: tuple[SensorErrors, ...],
+    constraints: Sequence[Constraint],
+    planet: Planet,
+    settings: Settings,
+    times: Sequence[float] = (),
+    unit_change_sigma: float = 0.0,
+) -> Problem:
+    """Put a problem together: cut the samples at the epochs and order the constraints.
+
+    Parameters
+    ----------
+    times : sequence of float
+        Further epochs of interest, s; those outside the samples are ignored.
+
+    Raises
+    ------
+    InputError
+        A constraint outside the telemetry, or an initial state outside it.
+    """
+    first, last = samples.time[0] - samples.interval[0], samples.time[-1]
+    if not first - 1e-6 <= initial.time < last:
+        raise InputError(
+            f"initial_state: its time {initial.time:g} s is outside the telemetry, {first:g} to {last:g} s."
+        )
+    for c in constraints:
+        if not initial.time - 1e-6 <= c.time <= last + 1e-6:
+            raise InputError(
+                f"constraints.{c.name}: its time {c.time:g} s is outside the reconstruction, "
+                f"{initial.time:g} to {last:g} s."
+            )
+    wanted = [initial.time, *(c.time for c in constraints), *(t for t in times if initial.time < t < last)]
+    samples = samples.split(np.array(wanted))
+    samples = samples.part(samples.index(initial.time), len(samples.time))
+    changes = samples.time[np.flatnonzero(np.diff(samples.unit))]
+    epochs = merge(np.array([*wanted, *changes, last]))
+    grid = np.arange(epochs[0], last, settings.longest_interval)
+    regular = samples.time[np.minimum([samples.index(t) for t in grid], len(samples.time) - 1)]
+    far = [t for t in regular if np.min(np.abs(epochs - t)) > 0.25 * settings.longest_interval]
+    return Problem(
+        samples=samples,
+        initial=initial,
+        entry=entry,
+        instruments=instruments,
+        unit_change_sigma=unit_change_sigma,
+        constraints=tuple(sorted(constraints, key=lambda c: c.time)),
+        epochs=merge(np.concatenate((epochs, far))),
+        planet=planet,
+        settings=settings,
+    )
+
+
+def merge(times: Array) -> Array:
+    """Sorted times, those within two microseconds of each other taken as one."""
+    ordered = np.sort(times)
+    return ordered[np.concatenate(([True], np.diff(ordered) > 2e-6))]
+
+
+def forward(problem: Problem) -> Forward:
+    """Walk through the flight once.
+
+    Parameters
+    ----------
+    problem : Problem
+
+    Returns
+    -------
+    Forward
+    """
+    layout, samples, settings = problem.layout, problem.samples, problem.settings
+    unit = int(samples.unit[0])
+    state, covariance = entry_state.start(
+        layout, problem.initial, problem.entry, problem.instruments[unit], problem.planet
+    )
+    ukf = ErrorStateUKF(
+        layout, state, covariance, problem.planet, settings.alpha, settings.beta, settings.kappa
+    )
+    nodes: list[Node] = []
+    fused: list[Fused] = []
+    pending = list(problem.constraints)
+    done = 0
+    arrival: Transition | None = None
+    for epoch in problem.epochs:
+        stop = samples.index(epoch)
+        if stop > done:
+            arrival = ukf.advance(samples.part(done, stop))
+            done = stop
+        while pending and pending[0].time <= epoch + 2e-6:
+            fused.append(_fuse(ukf, pending.pop(0), len(nodes), settings.gate_probability))
+        nodes.append(Node(float(epoch), unit, arrival, ukf.state, ukf.P.copy()))
+        if done < len(samples.time) and samples.unit[done] != unit:
+            unit = int(samples.unit[done])
+            arrival = _change_unit(ukf, problem, unit)
+            nodes.append(Node(float(epoch), unit, arrival, ukf.state, ukf.P.copy()))
+    return Forward(layout, nodes, fused)
+
+
+def _fuse(ukf: ErrorStateUKF, constraint: Constraint, node: int, gate: float) -> Fused:
+    """Meet one constraint: predict it, test it, use it if it passes."""
+    sigmas = ukf.sigmas_f
+    nav, errors = ukf.states(sigmas)
+    predicted = constraint.predict(nav, errors, ukf.layout)
+    innovation = ukf.innovate(constraint.measured, constraint.noise, predicted)
+    accepted = innovation.nis <= chi2.ppf(gate, len(innovation.residual))
+    if accepted:
+        ukf.absorb(constraint.measured, constraint.noise, predicted)
+    return Fused(constraint, node, innovation, bool(accepted))
+
+
+def _change_unit(ukf: ErrorStateUKF, problem: Problem, unit: int) -> Transition:
+    """Let another instrument drive: its errors are new, and its attitude on board is another."""
+    layout = ukf.layout
+    sensor = layout.sensor
+    keep = np.eye(layout.size)
+    keep[sensor, sensor] = 0.0
+    noise = np.zeros_like(keep)
+    noise[sensor, sensor] = entry_state.sensor_prior(layout, problem.instruments[unit])
+    if "onboard_attitude" in layout:
+        where = layout["onboard_attitude"]
+        noise[where, where] = problem.unit_change_sigma**2 * np.eye(3)
+    errors = ukf.state.errors.copy()
+    errors[sensor] = 0.0
+    return ukf.replace(keep, noise, errors)

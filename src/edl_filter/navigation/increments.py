@@ -1,0 +1,162 @@
+"""From measured means to effective samples: lever arm, coning and sculling, and what a sample hides.
+
+Between samples the body turns and the force changes. To second order in the interval, with force and rate
+linear in time through the neighbouring samples (f = f0 + f1 t, w = w0 + w1 t about mid-sample), the
+rotation over a sample is ``dt (w0 + dt²/12 w0 × w1)`` (coning), and the velocity gained, in axes turned by
+half of that, is ``dt (f0 + dt²/12 (w0 × f1 - w1 × f0) + dt²/24 w0 × (w0 × f0))`` (sculling and rotation).
+Savage, J. Guidance 21 (1998) 19 and 208, in post-flight form: neighbours on both sides are known.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+
+import numpy as np
+from numpy.typing import NDArray
+
+from edl_filter.telemetry.record import ImuRecord
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Samples:
+    """What drives the propagation: effective means at the centre of mass, and their noise.
+
+    Attributes
+    ----------
+    time, interval : (N,) arrays
+        s; end and length of the intervals.
+    force, rate : (N, 3) arrays
+        Effective means for `strapdown.propagate`, m/s² and rad/s, body axes.
+    force_noise, rate_noise : (N,) arrays
+        One sigma of a sample, m/s² and rad/s, what the sample hides included.
+    shared_rate_noise : (N,) array
+        The part of the rate noise that an attitude computed on board has too: all but in gaps.
+    unit : (N,) integer array
+        Which instrument's errors apply.
+    """
+
+    time: Array
+    interval: Array
+    force: Array
+    rate: Array
+    force_noise: Array
+    rate_noise: Array
+    shared_rate_noise: Array
+    unit: NDArray[np.int64]
+
+    def index(self, time: float) -> int:
+        """Number of samples whose interval ends by `time` (a microsecond allowed for rounding)."""
+        return int(np.searchsorted(self.time, time + 1e-6))
+
+    def part(self, start: int, stop: int) -> Samples:
+        """Samples `start` to `stop`."""
+        return Samples(**{f.name: getattr(self, f.name)[start:stop] for f in fields(self)})
+
+    def split(self, times: Array) -> Samples:
+        """The same motion with sample edges also at `times`; the random walks stay what they were."""
+        edges = np.concatenate(([self.time[0] - self.interval[0]], self.time))
+        inside = [t for t in np.unique(times) if edges[0] < t < edges[-1]]
+        new = [t for t in inside if np.min(np.abs(edges - t)) > 1e-6]
+        time = np.sort(np.concatenate((self.time, new)))
+        index = np.searchsorted(self.time, time - 1e-9)
+        interval = np.diff(time, prepend=edges[0])
+        share = np.sqrt(self.interval[index] / interval)
+        return Samples(
+            time=time,
+            interval=interval,
+            force=self.force[index],
+            rate=self.rate[index],
+            force_noise=self.force_noise[index] * share,
+            rate_noise=self.rate_noise[index] * share,
+            shared_rate_noise=self.shared_rate_noise[index] * share,
+            unit=self.unit[index],
+        )
+
+
+def effective_samples(record: ImuRecord) -> Samples:
+    """Samples for `strapdown.propagate` from a record in body axes.
+
+    Parameters
+    ----------
+    record : ImuRecord
+
+    Returns
+    -------
+    Samples
+    """
+    dt, rate = record.interval, record.angular_rate
+    force = record.specific_force - lever_arm_acceleration(dt, rate, record.position, record.unit)
+    f1 = slope(record.time, dt, force)
+    w1 = slope(record.time, dt, rate)
+    h = dt[:, None] ** 2
+    turned = np.cross(rate, f1) - np.cross(w1, force)
+    effective_force = force + h / 12 * turned + h / 24 * np.cross(rate, np.cross(rate, force))
+    effective_rate = rate + h / 12 * np.cross(rate, w1)
+    hidden_force, hidden_rate = hidden_motion(dt, force, rate)
+    rate_noise = np.hypot(record.rate_noise, hidden_rate)
+    gap = np.array([name == "gap" for name in record.sources])[record.source]
+    return Samples(
+        time=record.time,
+        interval=dt,
+        force=effective_force,
+        rate=effective_rate,
+        force_noise=np.hypot(record.force_noise, hidden_force),
+        rate_noise=rate_noise,
+        shared_rate_noise=np.where(gap, 0.0, rate_noise),
+        unit=record.unit,
+    )
+
+
+def edge_values(interval: Array, mean: Array) -> Array:
+    """Values at the N + 1 edges of adjoining intervals from their means ``(N, 3)``, to second order."""
+    weight = interval[1:] / (interval[:-1] + interval[1:])
+    inner = mean[:-1] * weight[:, None] + mean[1:] * (1.0 - weight)[:, None]
+    return np.concatenate((mean[:1], inner, mean[-1:]))
+
+
+def slope(time: Array, interval: Array, mean: Array) -> Array:
+    """Time derivative at mid-sample by central difference of the neighbouring means, ``(N, 3)``."""
+    return np.gradient(mean, time - 0.5 * interval, axis=0)
+
+
+def lever_arm_acceleration(interval: Array, rate: Array, position: Array, unit: NDArray[np.int64]) -> Array:
+    """Mean over each sample of ``α × r + ω × (ω × r)``, what an IMU at r feels more than the centre of mass.
+
+    The first term is the difference of ω × r between the sample's edges, so that over many samples its
+    errors telescope instead of growing (thesis eq. 3.3 in increments). Where the instrument changes, the
+    edge belongs to neither's neighbour and is taken from the sample itself.
+    """
+    edges = edge_values(interval, rate)
+    start, end = edges[:-1].copy(), edges[1:].copy()
+    change = np.flatnonzero(np.any(np.diff(position, axis=0) != 0.0, axis=1) | (np.diff(unit) != 0))
+    end[change] = rate[change]
+    start[change + 1] = rate[change + 1]
+    tangential = np.cross(end - start, position) / interval[:, None]
+    return tangential + np.cross(rate, np.cross(rate, position))
+
+
+def hidden_motion(interval: Array, force: Array, rate: Array) -> tuple[Array, Array]:
+    """One sigma of what happens inside a sample and its means do not show, m/s² and rad/s.
+
+    Where force and rate run smoothly from sample to sample this is nothing; at a parachute's snatch or a
+    bounce their course inside the sample is unknown. With the non-smooth part of a mean being its second
+    difference, and course and rotation uncorrelated, the hidden velocity is of the order
+    ``(|Δθ| |δΔv| + |δΔθ| |Δv|) / √12`` (a uniform phase between them), the hidden rotation
+    ``|Δθ| |δΔθ| / √12``.
+    """
+    dv = np.linalg.norm(force, axis=1) * interval
+    dtheta = np.linalg.norm(rate, axis=1) * interval
+    rough_v = np.linalg.norm(second_difference(force), axis=1) * interval
+    rough_theta = np.linalg.norm(second_difference(rate), axis=1) * interval
+    hidden_v = (dtheta * rough_v + rough_theta * dv) / np.sqrt(12.0)
+    hidden_theta = dtheta * rough_theta / np.sqrt(12.0)
+    return hidden_v / interval, hidden_theta / interval
+
+
+def second_difference(mean: Array) -> Array:
+    """A sample minus the mean of its two neighbours, ``(N, 3)``; zero at the ends."""
+    out = np.zeros_like(mean)
+    out[1:-1] = mean[1:-1] - 0.5 * (mean[:-2] + mean[2:])
+    return out

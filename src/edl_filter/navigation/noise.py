@@ -1,0 +1,136 @@
+"""Process noise of an interval, from the noise of the IMU's samples.
+
+The attitude error is kept in inertial axes here, where it does not turn. A sample's rate noise turns all
+specific force that follows in the interval, so position and velocity gain from it ``ψ × (path and velocity
+that the specific force gives from there to the end)``; a sample's force noise adds to velocity at once and to
+position over the time that is left. Gravity's gradient over one interval (1e-6 s⁻² over seconds) is left out.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from edl_filter import rotations
+from edl_filter.navigation.increments import Samples
+from edl_filter.navigation.layout import Layout
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Course:
+    """The reference's attitude along an interval.
+
+    Attributes
+    ----------
+    middle : (N, 4) array
+        inertial_from_body at mid-sample.
+    end : (4,) array
+        At the interval's end.
+    force : (N, 3) array
+        Specific force in inertial axes, m/s².
+    """
+
+    middle: Array
+    end: Array
+    force: Array
+
+    @classmethod
+    def of(cls, samples: Samples, attitude: Array) -> Course:
+        """Course over `samples` from `attitude` at their beginning."""
+        middle, end = _attitudes(samples.interval, samples.rate, attitude)
+        return cls(middle, end, rotations.rotate(middle, samples.force))
+
+
+def process_noise(layout: Layout, samples: Samples, course: Course) -> Array:
+    """Process noise over `samples` in the filter's vector.
+
+    On-board attitude comes from the same gyros: their noise moves its error and the reference's error by
+    the same amount in opposite senses, and so tells nothing of the true attitude. Noise of a gap, in which
+    this filter alone is blind, is not shared.
+
+    Returns
+    -------
+    (n, n) array
+    """
+    to_end = np.eye(9)
+    to_end[6:, 6:] = rotations.to_matrix(course.end).T
+    noise = np.zeros((layout.size, layout.size))
+    args = samples.interval, course.force, samples.force_noise
+    inertial = _accumulate(*args, samples.rate_noise)
+    noise[:9, :9] = to_end @ inertial @ to_end.T
+    if "onboard_attitude" in layout:
+        where = layout["onboard_attitude"]
+        shared = _accumulate(*args, samples.shared_rate_noise)
+        noise[where, :9] = -shared[6:] @ to_end.T
+        noise[:9, where] = noise[where, :9].T
+        noise[where, where] = shared[6:, 6:]
+    return noise
+
+
+def gyro_error_turn(samples: Samples, course: Course) -> tuple[Array, Array]:
+    """Turn of an attitude that is integrated from uncorrected gyros, per unit of their errors.
+
+    Returns
+    -------
+    per_bias, per_scale : (3, 3) arrays
+        Inertial rotation vector = ``per_bias @ bias + per_scale @ scale``: the integrals of C and of C diag(ω).
+    """
+    turn = rotations.to_matrix(course.middle) * samples.interval[:, None, None]
+    return turn.sum(axis=0), (turn * samples.rate[:, None, :]).sum(axis=0)
+
+
+@njit(cache=True, error_model="numpy")
+def _attitudes(interval, rate, attitude):
+    """Attitude at the middle of each sample ``(N, 4)`` and at the end of all ``(4,)``."""
+    middle = np.empty((interval.size, 4))
+    qx, qy, qz, qw = attitude
+    for i in range(interval.size):
+        ax, ay, az = (0.25 * interval[i]) * rate[i]
+        a = np.sqrt(ax * ax + ay * ay + az * az)
+        s = 1.0 if a < 1e-12 else np.sin(a) / a
+        hx, hy, hz, hw = s * ax, s * ay, s * az, np.cos(a)
+        mx = qw * hx + qx * hw + qy * hz - qz * hy
+        my = qw * hy - qx * hz + qy * hw + qz * hx
+        mz = qw * hz + qx * hy - qy * hx + qz * hw
+        mw = qw * hw - qx * hx - qy * hy - qz * hz
+        middle[i, 0], middle[i, 1], middle[i, 2], middle[i, 3] = mx, my, mz, mw
+        qx, qy, qz, qw = 2 * hw * mx - qx, 2 * hw * my - qy, 2 * hw * mz - qz, 2 * hw * mw - qw
+    return middle, np.array([qx, qy, qz, qw])
+
+
+@njit(cache=True, error_model="numpy")
+def _accumulate(interval, force, force_noise, rate_noise):
+    """Covariance ``(9, 9)`` of position, velocity and attitude error in inertial axes, from the end backwards."""
+    cov = np.zeros((9, 9))
+    gain = np.zeros(3)  # velocity that the force gives from the current time to the end
+    path = np.zeros(3)  # and path: the integral of force times the time left
+    left = 0.0  # time left
+    turn = np.zeros((9, 3))
+    for k in range(3):
+        turn[6 + k, k] = 1.0
+    for i in range(interval.size - 1, -1, -1):
+        dt = interval[i]
+        # a sample's noise acts at its middle: half of its own force comes after
+        half_left = left + 0.5 * dt
+        half_gain = gain + 0.5 * dt * force[i]
+        half_path = path + (0.5 * dt * left + 0.125 * dt * dt) * force[i]
+        b = (force_noise[i] * dt) ** 2
+        for k in range(3):
+            cov[k, k] += b * half_left * half_left
+            cov[k, 3 + k] += b * half_left
+            cov[3 + k, k] += b * half_left
+            cov[3 + k, 3 + k] += b
+        for o, v in ((0, half_path), (3, half_gain)):  # ψ × v = -[v]× ψ
+            turn[o, 1], turn[o, 2] = v[2], -v[1]
+            turn[o + 1, 0], turn[o + 1, 2] = -v[2], v[0]
+            turn[o + 2, 0], turn[o + 2, 1] = v[1], -v[0]
+        cov += (rate_noise[i] * dt) ** 2 * (turn @ turn.T)
+        path = path + (dt * left + 0.5 * dt * dt) * force[i]
+        gain = gain + dt * force[i]
+        left = left + dt
+    return cov

@@ -1,0 +1,125 @@
+"""The smoothed trajectory at every sample, with its covariance.
+
+Between two nodes the smoothed state is propagated over the samples with the smoothed sensor errors; what is
+then missing to the next smoothed state is the estimate of the process noise in between and is spread
+linearly over the interval. Covariances are interpolated linearly in inertial axes.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from edl_filter import rotations
+from edl_filter.navigation.filter import Problem
+from edl_filter.navigation.layout import Layout, State, sensor_maps
+from edl_filter.navigation.smoother import Smoothed
+from edl_filter.navigation.strapdown import LANES, propagate
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Trajectory:
+    """Navigation state along the flight, inertial axes.
+
+    Attributes
+    ----------
+    time : (N,) array
+        s; the initial state's time, then the end of every sample.
+    position, velocity : (N, 3) arrays
+    inertial_from_body : (N, 4) array
+    covariance : (N, 9, 9) array
+        Of position, velocity and attitude error, the latter as an inertial rotation vector:
+        ``true = exp(error) ⊗ estimate``.
+    specific_force, angular_rate : (N, 3) arrays
+        Corrected for the estimated sensor errors, at the centre of mass, body axes: means over the interval
+        that ends at `time`. The first row repeats the second.
+    """
+
+    time: Array
+    position: Array
+    velocity: Array
+    inertial_from_body: Array
+    covariance: Array
+    specific_force: Array
+    angular_rate: Array
+
+
+def trace(problem: Problem, smoothed: Smoothed, layout: Layout) -> Trajectory:
+    """Smoothed trajectory at every sample."""
+    samples = problem.samples
+    stops = [samples.index(t) for t in smoothed.time]
+    nav = np.empty((len(samples.time) + 1, 10))
+    nav[0] = smoothed.states[0].nav
+    force, rate = np.empty_like(samples.force), np.empty_like(samples.rate)
+    for k in range(len(stops) - 1):
+        start, stop = stops[k], stops[k + 1]
+        if start == stop:
+            continue
+        state, target = smoothed.states[k], smoothed.states[k + 1]
+        force_map, rate_map = sensor_maps(layout, state.errors[:, None])
+        p, part = problem.planet, slice(start, stop)
+        force[part] = samples.force[part] @ force_map[:9, 0].reshape(3, 3).T + force_map[9:, 0]
+        rate[part] = samples.rate[part] * rate_map[:3, 0] + rate_map[3:, 0]
+        path = _march_one(
+            state.nav, samples.interval[part], force[part], rate[part], p.mu, p.j2, p.gravity_radius
+        )
+        share = (samples.time[part] - smoothed.time[k]) / (smoothed.time[k + 1] - smoothed.time[k])
+        nav[start + 1 : stop + 1] = spread(path, target, share)
+    time = np.concatenate(([smoothed.time[0]], samples.time))
+    return Trajectory(
+        time=time,
+        position=nav[:, :3],
+        velocity=nav[:, 3:6],
+        inertial_from_body=nav[:, 6:],
+        covariance=inertial_covariance(smoothed, time),
+        specific_force=np.concatenate((force[:1], force)),
+        angular_rate=np.concatenate((rate[:1], rate)),
+    )
+
+
+def spread(path: Array, target: State, share: Array) -> Array:
+    """Move a propagated path ``(n, 10)`` so that its last row meets `target`, by `share` (0 to 1) of the miss."""
+    size = len(target.errors)
+    miss = target.minus(State(path[-1], np.zeros(size)))[:9]
+    delta = share[:, None] * miss
+    out = path.copy()
+    out[:, :6] += delta[:, :6]
+    # the miss in attitude is a body vector of the end; take it along the path in inertial axes
+    inertial = rotations.rotate(path[-1, 6:], delta[:, 6:])
+    out[:, 6:] = rotations.multiply(rotations.from_rotation_vector(inertial), path[:, 6:])
+    return out
+
+
+def inertial_covariance(smoothed: Smoothed, time: Array) -> Array:
+    """Covariance of position, velocity and inertial attitude error at `time`, ``(N, 9, 9)``."""
+    turn = np.tile(np.eye(9), (len(smoothed.time), 1, 1))
+    turn[:, 6:, 6:] = rotations.to_matrix(np.array([s.nav[6:] for s in smoothed.states]))
+    nodes = turn @ smoothed.covariance[:, :9, :9] @ np.swapaxes(turn, 1, 2)
+    k = np.clip(np.searchsorted(smoothed.time, time, side="right") - 1, 0, len(smoothed.time) - 2)
+    step = smoothed.time[k + 1] - smoothed.time[k]
+    share = np.divide(time - smoothed.time[k], step, out=np.ones_like(time), where=step > 0.0)
+    share = np.clip(share, 0.0, 1.0)[:, None, None]
+    return (1.0 - share) * nodes[k] + share * nodes[k + 1]
+
+
+@njit(cache=True)
+def _march_one(start, interval, force, rate, mu, j2, radius):
+    """One state over samples, every step kept: ``(N, 10)``."""
+    state = np.empty((10, LANES))
+    for lane in range(LANES):
+        state[:, lane] = start
+    force_map = np.zeros((12, LANES))
+    force_map[0], force_map[4], force_map[8] = 1.0, 1.0, 1.0
+    rate_map = np.zeros((6, LANES))
+    rate_map[:3] = 1.0
+    out = np.empty((interval.size, 10))
+    for i in range(interval.size):
+        part = slice(i, i + 1)
+        propagate(state, force_map, rate_map, interval[part], force[part], rate[part], mu, j2, radius)
+        out[i] = state[:, 0]
+    return out

@@ -1,0 +1,319 @@
+"""The neutral flight file (HDF5, ``format = "edl-flight"``, version 1): read into records, and written.
+
+SI units, radians, float64. ``/imu/primary`` drives, every other IMU checks; what a simulator puts in
+``/truth`` is never opened here.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import tempfile
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+from numpy.typing import NDArray
+
+from edl_filter import rotations
+from edl_filter.errors import InputError
+from edl_filter.telemetry.clock import parse_utc
+from edl_filter.telemetry.hdf5_checks import Node
+from edl_filter.telemetry.record import (
+    AltimeterRecord,
+    ImuRecord,
+    InitialState,
+    LandingFix,
+    ParachuteFix,
+    SensorErrors,
+    Telemetry,
+)
+
+Array = NDArray[np.float64]
+
+FORMAT, VERSION = "edl-flight", 1
+#: A step in time longer than this many sampling intervals is a gap.
+GAP = 1.5
+_ERROR_ATTRIBUTES = {
+    "accelerometer_bias": "accelerometer_bias_sigma",
+    "accelerometer_scale": "accelerometer_scale_sigma",
+    "accelerometer_misalignment": "accelerometer_misalignment_sigma",
+    "gyro_bias": "gyro_bias_sigma",
+    "gyro_scale": "gyro_scale_sigma",
+}
+
+
+def _fill_gaps(time: Array, samples: Array, step: float) -> tuple[Array, Array, NDArray[np.bool_]]:
+    """Insert one long sample in each gap, the mean of its neighbours.
+
+    Parameters
+    ----------
+    time : (N,) array, s
+    samples : (N, K) array
+    step : float
+        Sampling interval, s.
+
+    Returns
+    -------
+    time, samples : with the inserted rows
+    inserted : boolean array, true at them
+    """
+    before = np.flatnonzero(np.diff(time) > GAP * step)
+    inserted = np.insert(np.zeros(len(time), bool), before + 1, True)
+    middle = 0.5 * (samples[before] + samples[before + 1])
+    # the sample after a gap still covers one sampling interval of its own
+    return (
+        np.insert(time, before + 1, time[before + 1] - step),
+        np.insert(samples, before + 1, middle, axis=0),
+        inserted,
+    )
+
+
+def _noise(sigma: float, samples: Array, inserted: NDArray[np.bool_]) -> Array:
+    """Noise of each sample; of an inserted one at least half the difference of its neighbours."""
+    noise = np.full(len(samples), sigma)
+    at = np.flatnonzero(inserted)
+    noise[at] = np.maximum(sigma, 0.5 * np.linalg.norm(samples[at + 1] - samples[at - 1], axis=1))
+    return noise
+
+
+def _read_imu(node: Node, name: str) -> ImuRecord:
+    """One IMU, turned to body axes, gaps filled by one long sample each."""
+    time = node.increasing("time", node.numbers("time", None))
+    if len(time) < 2:
+        raise InputError(f"{node.shown}: /imu/{name}/time has {len(time)} samples; at least 2 are needed.")
+    step = node.attribute("sample_interval", positive=True)
+    body_from_imu = node.unit("@body_from_imu", node.attribute("body_from_imu", 4))
+    measured = [rotations.rotate(body_from_imu, node.numbers(key, len(time), 3)) for key in
+                ("specific_force", "angular_rate")]  # fmt: skip
+    time, samples, inserted = _fill_gaps(time, np.hstack(measured), step)
+    force, rate = samples[:, :3].copy(), samples[:, 3:].copy()
+    noises = [node.attribute(key, positive=True) for key in ("accelerometer_noise", "gyro_noise")]
+    errors = SensorErrors(**{key: node.attribute(attribute) for key, attribute in _ERROR_ATTRIBUTES.items()})
+    return ImuRecord(
+        name=name,
+        time=time,
+        interval=np.diff(time, prepend=time[0] - step),
+        specific_force=force,
+        angular_rate=rate,
+        position=np.tile(node.attribute("position", 3), (len(time), 1)),
+        force_noise=_noise(noises[0], force, inserted),
+        rate_noise=_noise(noises[1], rate, inserted),
+        unit=np.zeros(len(time), np.int64),
+        units=(name,),
+        source=inserted.astype(np.int64),
+        sources=("flight file", "gap"),
+        errors=(errors,),
+    )
+
+
+def _read(file: h5py.File, shown: str) -> dict[str, Any]:
+    """All of the open file but the truth, as arguments of `Telemetry`."""
+    root = Node(shown, file["/"])
+    if (found := file.attrs.get("format")) != FORMAT:
+        raise InputError(f"{shown}: attribute format is {found!r}; {FORMAT!r} is needed.")
+    if (found := file.attrs.get("version")) != VERSION:
+        raise InputError(f"{shown}: attribute version is {found!r}; version {VERSION} is read.")
+    units = root.child("imu")
+    primary = _read_imu(units.child("primary"), "primary")
+    checking = tuple(_read_imu(units.child(name), name) for name in sorted(units.group) if name != "primary")
+    start = root.child("initial")
+    initial = InitialState(
+        start.attribute("time"),
+        start.numbers("position", 3),
+        start.numbers("velocity", 3),
+        start.unit("attitude", start.numbers("attitude", 4)),
+        start.covariance("covariance"),
+    )
+    constraints, altimeter, landing, parachute = root.optional("constraints"), None, None, None
+    if constraints and (node := constraints.optional("landing")):
+        landing = LandingFix(
+            node.attribute("time"), node.numbers("position", 3), node.numbers("position_sigma", 3)
+        )
+    if constraints and (node := constraints.optional("parachute")):
+        parachute = ParachuteFix(
+            node.attribute("time"),
+            node.attribute("dynamic_pressure", positive=True),
+            node.attribute("dynamic_pressure_sigma", positive=True),
+        )
+    if node := root.optional("altimeter"):
+        time = node.increasing("time", node.numbers("time", None))
+        height = node.numbers("height", len(time))
+        altimeter = AltimeterRecord(
+            time,
+            height,
+            node.attribute("sigma", positive=True),
+            node.attribute("surface_radius", positive=True),
+        )
+    events = root.optional("events")
+    epoch = root.text("epoch_utc")
+    parse_utc(epoch)
+    return {
+        "driving": primary,
+        "checking": checking,
+        "altimeter": altimeter,
+        "initial": initial,
+        "landing": landing,
+        "parachute": parachute,
+        "events": {name: events.child(name).attribute("time") for name in events.group} if events else {},
+        "epoch_utc": epoch,
+        "prime_meridian_at_epoch": root.attribute("prime_meridian_at_epoch"),
+        "notes": tuple(
+            f"/imu/{imu.name}: {count} gap{'s' * (count != 1)} in time, each filled by one long sample "
+            "between its neighbours."
+            for imu in (primary, *checking)
+            if (count := int(np.count_nonzero(imu.source)))
+        ),
+    }
+
+
+def read_flight_file(path: str | Path) -> Telemetry:
+    """Read a flight file into records in body axes.
+
+    A gap in an IMU's samples becomes one sample over the missing time: the mean of its two neighbours, with
+    half their difference as its noise, marked by the source ``"gap"``. ``/events``, ``/constraints`` and
+    ``/altimeter`` may be missing; everything else of the format must be there.
+
+    Parameters
+    ----------
+    path : path of the file
+
+    Returns
+    -------
+    Telemetry
+
+    Raises
+    ------
+    InputError
+        Not an HDF5 file, another format or version, a missing or misshapen group, dataset or attribute,
+        numbers that are not finite, time that does not increase, a quaternion off the unit by more than
+        1e-3, a covariance that is not symmetric and positive definite. The message names file, place, row.
+    """
+    path = Path(path)
+    if not path.is_file():
+        raise InputError(f"{path}: no such flight file.")
+    try:
+        file = h5py.File(path, "r")
+    except OSError:
+        raise InputError(
+            f"{path}: this is no HDF5 file, or a damaged one; a flight file (edl-flight) is needed."
+        ) from None
+    with file:
+        contents = _read(file, str(path))
+    return Telemetry(**contents, files={str(path): hashlib.sha256(path.read_bytes()).hexdigest()})
+
+
+@dataclass(frozen=True)
+class FlightImu:
+    """One IMU as the flight file holds it: arrays in IMU axes, SI (see ``/imu/<name>`` of the format)."""
+
+    time: Array
+    specific_force: Array
+    angular_rate: Array
+    sample_interval: float
+    body_from_imu: Array
+    position: Array
+    accelerometer_noise: float
+    gyro_noise: float
+    errors: SensorErrors = field(default_factory=SensorErrors)
+
+
+def _write_imu(group: Any, imu: FlightImu) -> None:
+    for key in ("time", "specific_force", "angular_rate"):
+        group[key] = np.asarray(getattr(imu, key), np.float64)
+    for key in ("sample_interval", "body_from_imu", "position", "accelerometer_noise", "gyro_noise"):
+        group.attrs[key] = np.asarray(getattr(imu, key), np.float64)[()]
+    for key, attribute in _ERROR_ATTRIBUTES.items():
+        group.attrs[attribute] = float(getattr(imu.errors, key))
+
+
+def _write_tree(group: Any, tree: dict[str, Any]) -> None:
+    """Nested dict as groups, arrays as datasets, strings and numbers as attributes."""
+    for key, value in tree.items():
+        if isinstance(value, dict):
+            _write_tree(group.require_group(key), value)
+        elif isinstance(value, str | float | int):
+            group.attrs[key] = value
+        else:
+            group[key] = np.asarray(value, np.float64)
+
+
+def write_flight_file(
+    path: str | Path,
+    *,
+    name: str,
+    planet: str,
+    epoch_utc: str,
+    prime_meridian_at_epoch: float,
+    imus: dict[str, FlightImu],
+    initial: InitialState,
+    events: dict[str, tuple[float, float]] | None = None,
+    parachute: ParachuteFix | None = None,
+    landing: LandingFix | None = None,
+    altimeter: AltimeterRecord | None = None,
+    truth: dict[str, Any] | None = None,
+) -> Path:
+    """Write a flight file, read it back as a check, and only then give it its name.
+
+    Parameters
+    ----------
+    path : path to write
+    imus : dict
+        Name → `FlightImu`; one is called ``primary``.
+    events : dict
+        Name → (time, sigma of the time), s.
+    truth : dict
+        Nested: dicts become groups of ``/truth``, arrays datasets, numbers and strings attributes.
+
+    Returns
+    -------
+    Path
+        `path`.
+
+    Raises
+    ------
+    InputError
+        The contents break the format (as `read_flight_file`), or the folder cannot be written; nothing is
+        left.
+    """
+    path = Path(path)
+    tree: dict[str, Any] = {
+        "format": FORMAT,
+        "version": VERSION,
+        "name": name,
+        "planet": planet,
+        "epoch_utc": epoch_utc,
+        "prime_meridian_at_epoch": float(prime_meridian_at_epoch),
+        "initial": {
+            "time": float(initial.time),
+            "position": initial.position,
+            "velocity": initial.velocity,
+            "attitude": initial.inertial_from_body,
+            "covariance": initial.covariance,
+        },
+        "events": {key: {"time": float(t), "time_sigma": float(s)} for key, (t, s) in (events or {}).items()},
+    }
+    fixes = {"parachute": parachute, "landing": landing}
+    tree["constraints"] = {key: dict(vars(fix)) for key, fix in fixes.items() if fix is not None}
+    if altimeter is not None:
+        tree["altimeter"] = dict(vars(altimeter))
+    if truth is not None:
+        tree["truth"] = truth
+    try:
+        handle, temporary = tempfile.mkstemp(prefix=f".{path.name}.", dir=path.parent)
+    except OSError as error:
+        raise InputError(f"{path}: cannot be written ({error.strerror}).") from None
+    os.close(handle)
+    try:
+        with h5py.File(temporary, "w") as file:
+            _write_tree(file, tree)
+            for key, imu in imus.items():
+                _write_imu(file.create_group(f"imu/{key}"), imu)
+            _read(file, str(path))
+        Path(temporary).chmod(0o644)  # mkstemp makes it private
+        Path(temporary).replace(path)
+    finally:
+        Path(temporary).unlink(missing_ok=True)
+    return path

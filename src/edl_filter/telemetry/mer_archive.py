@@ -1,0 +1,281 @@
+"""Spirit and Opportunity's entry telemetry, cleaned of what its labels do not say.
+
+The archive is PDS volume merimu_1001 (data set MER1/MER2-M-IMU-4-EDL-V1.0, Kass et al. 2004): for each
+spacecraft a table TRANSFORMED (on-board attitude, accumulated velocity, acceleration at the centre of mass)
+and a table HIGHRATE (increments of angle and velocity of both IMUs at 8 Hz). MER1 is Opportunity (MER-B),
+MER2 is Spirit (MER-A). Everything here stays in the archive's axes and in seconds of the spacecraft clock; a
+missing value is NaN, never zero. How each trap is found and mended: `mer_cleaning`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from edl_filter.errors import InputError
+from edl_filter.telemetry.clock import MER_CLOCKS, SclkClock
+from edl_filter.telemetry.mer_cleaning import (
+    Gap,
+    backshell_copies,
+    blank_quaternions,
+    blank_vectors,
+    clipped_register,
+    find_gaps,
+    find_resets,
+    fuller_rows,
+    j2000_from_sc,
+    rounding_sigma,
+    trailing_run,
+    with_nan,
+    without_resets,
+)
+from edl_filter.telemetry.pds3 import Pds3Table, find_file, read_table
+
+Array = NDArray[np.float64]
+#: Sampling interval of HIGHRATE, s; TRANSFORMED has one or two of them between rows.
+SAMPLE_INTERVAL = 0.125
+
+_NAMES = {1: "MER-B Opportunity", 2: "MER-A Spirit"}
+_CLOCK = "SPACECRAFT_CLOCK_START_COUNT"
+_AXES = ("X", "Y", "Z")
+
+
+@dataclass(frozen=True)
+class Transformed:
+    """The TRANSFORMED table, one row per clock count.
+
+    Attributes
+    ----------
+    sclk : (N,) array
+        Spacecraft clock, s, strictly increasing.
+    rover_j2000_from_sc, backshell_j2000_from_sc : (N, 4) arrays
+        On-board attitude, scalar last: ``rotate(q, v_sc)`` is in J2000. NaN where missing.
+    rover_sigma, backshell_sigma : (N,) arrays
+        One sigma per axis of the attitude from the archive's six decimals alone, rad (`rounding_sigma`).
+    register : (N, 3) array
+        Accumulated velocity change of the rover as telemetered, m/s. Its axes are inertial (north, east,
+        down of the landing site), not the spacecraft's, up to the first reset.
+    velocity : (N, 3) array
+        `register` without the jumps of its resets, m/s: what was accumulated between the row before a reset
+        and the reset itself is missing from it.
+    velocity_increment : (N, 3) array
+        Change of `velocity` since the row before, m/s; NaN in the first row, across resets and beside
+        missing rows.
+    backshell_acceleration : (N, 3) array
+        Specific force at the centre of mass from the backshell's IMU, m/s²; centred 0.125 s before its row's
+        time, since it is the mean of two 8 Hz samples.
+    """
+
+    sclk: Array
+    rover_j2000_from_sc: Array
+    backshell_j2000_from_sc: Array
+    rover_sigma: Array
+    backshell_sigma: Array
+    register: Array
+    velocity: Array
+    velocity_increment: Array
+    backshell_acceleration: Array
+
+
+@dataclass(frozen=True)
+class HighRate:
+    """The HIGHRATE table: increments over the 0.125 s that end at `sclk`, each IMU in its own axes.
+
+    Attributes
+    ----------
+    sclk : (M,) array
+        Spacecraft clock, s, strictly increasing.
+    rover_angle_increment, backshell_angle_increment : (M, 3) arrays
+        rad. The label calls them rates in rad/s; set against the on-board quaternions they are increments.
+    rover_velocity_increment, backshell_velocity_increment : (M, 3) arrays
+        m/s.
+    """
+
+    sclk: Array
+    rover_angle_increment: Array
+    backshell_angle_increment: Array
+    rover_velocity_increment: Array
+    backshell_velocity_increment: Array
+
+
+@dataclass(frozen=True)
+class MerTables:
+    """Both tables of one spacecraft, cleaned.
+
+    Attributes
+    ----------
+    spacecraft : int
+        1 (MER-B Opportunity) or 2 (MER-A Spirit).
+    name : str
+    transformed : Transformed
+    highrate : HighRate
+    resets : tuple of float
+        Clock counts of the first row after each reset of the register, s.
+    transformed_gaps, highrate_gaps : tuples of (start, length)
+        Count of the last row before each gap and seconds to the next row.
+    backshell_off : float
+        Count of the first row of either table without the backshell's IMU (inf: it never went off), s.
+    clock : SclkClock
+    files : dict
+        Path → sha256 of the four files.
+    notes : tuple of str
+        What cleaning did, one sentence each.
+    """
+
+    spacecraft: int
+    name: str
+    transformed: Transformed
+    highrate: HighRate
+    resets: tuple[float, ...]
+    transformed_gaps: tuple[Gap, ...]
+    highrate_gaps: tuple[Gap, ...]
+    backshell_off: float
+    clock: SclkClock
+    files: dict[str, str]
+    notes: tuple[str, ...]
+
+
+def _read(folder: Path, product: str, spacecraft: int) -> Pds3Table:
+    """Table `product` from `folder`/DATA or `folder`, checked to be of the spacecraft asked for."""
+    name = f"{spacecraft}{product}.LBL"
+    label = find_file(folder / "DATA", name) or find_file(folder, name)
+    if label is None:
+        raise InputError(
+            f"{folder}: neither DATA/{name} nor {name} is there; the folder of volume merimu_1001 is needed."
+        )
+    table = read_table(label)
+    host = f"MARS EXPLORATION ROVER {spacecraft}"
+    if table.label.get("INSTRUMENT_HOST_NAME") != host:
+        found = table.label.get("INSTRUMENT_HOST_NAME")
+        raise InputError(f"{label}: INSTRUMENT_HOST_NAME is {found!r}; {host!r} is needed.")
+    step = np.diff(table.stack(_CLOCK)[:, 0])
+    if np.any(step < 0.0):
+        row = int((step < 0.0).argmax()) + 2
+        raise InputError(f"{table.path}, row {row}: time goes backwards by {-step[row - 2]:g} s.")
+    return table
+
+
+def _clean_transformed(table: Pds3Table, notes: list[str]) -> tuple[Transformed, tuple[float, ...], float]:
+    """Clean TRANSFORMED; also the clock counts of the resets and of the backshell's switch-off."""
+    where = table.path.name
+    rover_names = [f"ROVER_IMU_QUATERNION_{k}" for k in (1, 2, 3, 4)]
+    back_names = [name.replace("ROVER", "BACKSHELL") for name in rover_names]
+    register_names = [f"ROVER_IMU_DELTA_VEL_{axis}" for axis in _AXES]
+    force_names = [f"BACKSHELL_IMU_ACCEL_{axis}" for axis in _AXES]
+    everything = table.stack(_CLOCK, *rover_names, *back_names, *register_names, *force_names)
+    keep = fuller_rows(everything[:, 0], everything[:, 1:])
+    notes.append(
+        f"{where}: {np.count_nonzero(~keep)} rows with the time of another removed, the fuller row kept."
+    )
+    sclk, rover, back, register, force = np.split(everything[keep], (1, 5, 9, 12), axis=1)
+    sclk = sclk[:, 0]
+    lost = {
+        "rover quaternion": blank_quaternions(rover),
+        "backshell quaternion": blank_quaternions(back),
+        "rover velocity register": blank_vectors(register) | clipped_register(register),
+        "backshell acceleration": blank_vectors(force),
+    }
+    off = trailing_run(lost["backshell quaternion"] & lost["backshell acceleration"])
+    for what, missing in lost.items():
+        before = np.count_nonzero(missing[:off] if "backshell" in what else missing)
+        notes.append(f"{where}: {before} rows with a blank or clipped {what} marked missing.")
+    notes.append(f"{where}: {len(sclk) - off} rows after the backshell's IMU went off marked missing.")
+    register = with_nan(register, lost["rover velocity register"])
+    resets = find_resets(sclk, register)
+    velocity, increment = without_resets(register, resets)
+    notes.append(
+        f"{where}: the velocity register was reset {len(resets)} times"
+        + (
+            f" (SCLK {', '.join(f'{t:.3f}' for t in sclk[resets])}); the jumps are removed."
+            if len(resets)
+            else "."
+        )
+    )
+    rover, back = with_nan(rover, lost["rover quaternion"]), with_nan(back, lost["backshell quaternion"])
+    cleaned = Transformed(
+        sclk=sclk,
+        rover_j2000_from_sc=j2000_from_sc(rover),
+        backshell_j2000_from_sc=j2000_from_sc(back),
+        rover_sigma=rounding_sigma(rover),
+        backshell_sigma=rounding_sigma(back),
+        register=register,
+        velocity=velocity,
+        velocity_increment=increment,
+        backshell_acceleration=with_nan(force, lost["backshell acceleration"]),
+    )
+    return cleaned, tuple(sclk[resets].tolist()), float(sclk[off]) if off < len(sclk) else np.inf
+
+
+def _clean_highrate(table: Pds3Table, notes: list[str]) -> tuple[HighRate, float]:
+    """Clean HIGHRATE; also the clock count of the backshell's switch-off."""
+    names = [f"{unit}_IMU_{what}_{axis}" for unit in ("ROVER", "BACKSHELL") for what in ("RATES", "DELTA_VEL")
+             for axis in _AXES]  # fmt: skip
+    everything = table.stack(_CLOCK, *names)
+    keep = fuller_rows(everything[:, 0], everything[:, 1:])
+    sclk, rover, back = np.split(everything[keep], (1, 7), axis=1)
+    sclk = sclk[:, 0]
+    off = backshell_copies(rover, back)
+    back = with_nan(back, off)
+    notes.append(
+        f"{table.path.name}: {np.count_nonzero(~keep)} rows with the time of another removed; "
+        f"{np.count_nonzero(off)} rows whose backshell columns repeat the rover's marked missing."
+    )
+    return (
+        HighRate(sclk, rover[:, :3], back[:, :3], rover[:, 3:], back[:, 3:]),
+        float(sclk[off.argmax()]) if off.any() else np.inf,
+    )
+
+
+def read_mer_tables(folder: str | Path, spacecraft: int) -> MerTables:
+    """Read and clean the tables TRANSFORMED and HIGHRATE of one spacecraft.
+
+    Parameters
+    ----------
+    folder : path
+        The volume's folder, or its DATA folder.
+    spacecraft : {1, 2}
+        1 is MER-B Opportunity, 2 is MER-A Spirit.
+
+    Returns
+    -------
+    MerTables
+
+    Raises
+    ------
+    InputError
+        Another spacecraft, a missing or damaged file, a file of the other spacecraft, time going backwards.
+    """
+    if spacecraft not in _NAMES:
+        raise InputError(
+            f"spacecraft is {spacecraft!r}; 1 (MER-B Opportunity) and 2 (MER-A Spirit) are accepted."
+        )
+    tables = {name: _read(Path(folder), name, spacecraft) for name in ("TRANSFORMED", "HIGHRATE")}
+    notes: list[str] = []
+    transformed, resets, off = _clean_transformed(tables["TRANSFORMED"], notes)
+    highrate, highrate_off = _clean_highrate(tables["HIGHRATE"], notes)
+    gaps = {
+        "TRANSFORMED": find_gaps(transformed.sclk, 2.1 * SAMPLE_INTERVAL),
+        "HIGHRATE": find_gaps(highrate.sclk, 1.1 * SAMPLE_INTERVAL),
+    }
+    for name, found in gaps.items():
+        text = ", ".join(f"{length:g} s after SCLK {start:.3f}" for start, length in found)
+        notes.append(
+            f"{tables[name].path.name}: {len(found)} gap{'s' * (len(found) != 1)}"
+            + (f" ({text})." if found else ".")
+        )
+    return MerTables(
+        spacecraft=spacecraft,
+        name=_NAMES[spacecraft],
+        transformed=transformed,
+        highrate=highrate,
+        resets=resets,
+        transformed_gaps=gaps["TRANSFORMED"],
+        highrate_gaps=gaps["HIGHRATE"],
+        backshell_off=min(off, highrate_off),
+        clock=MER_CLOCKS[spacecraft],
+        files=tables["TRANSFORMED"].files | tables["HIGHRATE"].files,
+        notes=tuple(notes),
+    )

@@ -1,0 +1,36 @@
+"""Fixtures that find the flights: real ones and practice flights only where the environment names them."""
+
+import os
+from importlib.resources import files
+from pathlib import Path
+
+import pytest
+
+
+def _folder(variable, *parts):
+    value = os.environ.get(variable)
+    if not value:
+        pytest.skip(f"{variable} is not set")
+    folder = Path(value, *parts)
+    if not folder.is_dir():
+        pytest.fail(f"{variable} is set, but {folder} is no folder")
+    return folder
+
+
+@pytest.fixture(scope="session")
+def mer_folder():
+    """Folder of the PDS volume merimu_1001 (``$EDL_FILTER_DATA/pds/mer_imu``)."""
+    return _folder("EDL_FILTER_DATA", "pds", "mer_imu")
+
+
+@pytest.fixture(scope="session")
+def practice():
+    """Function that gives the path of practice flight n (folder ``$EDL_FILTER_PRACTICE``)."""
+    folder = _folder("EDL_FILTER_PRACTICE")
+    return lambda n: folder / f"practice_{n:02d}.h5"
+
+
+@pytest.fixture(scope="session")
+def builtin_flight():
+    """Path of the flight that the package ships."""
+    return Path(str(files("edl_filter") / "data" / "practice_06.h5"))

@@ -1,0 +1,266 @@
+import shutil
+from dataclasses import replace
+
+import h5py
+import numpy as np
+import pytest
+
+from edl_filter import rotations
+from edl_filter.errors import InputError
+from edl_filter.telemetry.flight_file import FlightImu, read_flight_file, write_flight_file
+from edl_filter.telemetry.record import InitialState, LandingFix, ParachuteFix, SensorErrors
+
+
+@pytest.fixture
+def flight(builtin_flight, tmp_path):
+    """Copy of the built-in flight that a test may spoil."""
+    return shutil.copy(builtin_flight, tmp_path / "flight.h5")
+
+
+def test_the_built_in_flight_is_read_into_body_axes(builtin_flight):
+    telemetry = read_flight_file(builtin_flight)
+    imu = telemetry.driving
+    assert (imu.name, [c.name for c in telemetry.checking]) == ("primary", ["secondary"])
+    np.testing.assert_allclose(imu.interval, 0.125, atol=1e-9)
+    assert imu.start == pytest.approx(0.0, abs=1e-9)
+    np.testing.assert_array_equal(imu.position, np.tile([0.25, -0.35, 0.28], (len(imu), 1)))
+    assert imu.errors[0] == SensorErrors(0.0005, 0.0001, 0.0001, 2.42406840554768e-06, 5e-05)
+    # drag is along minus x in body axes in both IMUs, whatever their mounting
+    for record in (imu, *telemetry.checking):
+        peak = np.argmax(np.linalg.norm(record.specific_force[:1900], axis=1))
+        force = record.specific_force[peak]
+        assert force[0] < -0.99 * np.linalg.norm(force)
+    assert set(telemetry.events) == {"parachute_deploy", "landing"}
+    assert telemetry.parachute.dynamic_pressure == pytest.approx(696.138, abs=1e-3)
+    assert telemetry.altimeter.sigma == 5.0
+    assert telemetry.landing.position_sigma.shape == (3,)
+    assert telemetry.epoch_utc == "2004-01-04T04:19:52"
+    assert telemetry.attitude is None
+    assert telemetry.notes == ()
+    assert [len(sha) for sha in telemetry.files.values()] == [64]
+
+
+def test_imu_axes_become_body_axes(builtin_flight):
+    telemetry = read_flight_file(builtin_flight)
+    with h5py.File(builtin_flight) as file:
+        group = file["imu/primary"]
+        matrix = rotations.to_matrix(group.attrs["body_from_imu"])
+        np.testing.assert_allclose(
+            telemetry.driving.angular_rate, group["angular_rate"][()] @ matrix.T, atol=1e-8
+        )
+
+
+def test_the_truth_is_not_read(flight):
+    before = read_flight_file(flight)
+    with h5py.File(flight, "a") as file:
+        file["truth/initial/position"] = np.full(3, np.nan)
+        file["truth"].attrs["version"] = "nonsense"
+    after = read_flight_file(flight)
+    np.testing.assert_array_equal(after.initial.position, before.initial.position)
+
+
+def test_practice_flights_are_read(practice):
+    for n in range(1, 9):
+        telemetry = read_flight_file(practice(n))
+        expected = 0.05 if n in (3, 5) else 0.125
+        np.testing.assert_allclose(telemetry.driving.interval, expected, atol=1e-9)
+
+
+def test_a_gap_is_one_long_sample_between_its_neighbours(flight):
+    whole = read_flight_file(flight).driving
+    lost = slice(1500, 1507)
+    with h5py.File(flight, "a") as file:
+        group = file["imu/primary"]
+        for key in ("time", "specific_force", "angular_rate"):
+            values = np.delete(group[key][()], lost, axis=0)
+            del group[key]
+            group[key] = values
+    telemetry = read_flight_file(flight)
+    imu = telemetry.driving
+    assert len(imu) == len(whole) - 7 + 1
+    np.testing.assert_allclose(imu.time[1:] - imu.interval[1:], imu.time[:-1], atol=1e-9)
+    assert imu.interval[1500] == pytest.approx(7 * 0.125)
+    assert imu.time[1500] == pytest.approx(whole.time[1506])
+    assert [imu.sources[k] for k in imu.source[1499:1502]] == ["flight file", "gap", "flight file"]
+    ends = whole.specific_force[[1499, 1507]]
+    np.testing.assert_allclose(imu.specific_force[1500], ends.mean(axis=0))
+    assert imu.force_noise[1500] == pytest.approx(0.5 * np.linalg.norm(ends[1] - ends[0]))
+    assert imu.force_noise[1500] > 10.0 * imu.force_noise[1499]
+    rates = whole.angular_rate[[1499, 1507]]
+    assert imu.rate_noise[1500] == pytest.approx(max(2e-5, 0.5 * np.linalg.norm(rates[1] - rates[0])))
+    np.testing.assert_array_equal(np.delete(imu.force_noise, 1500), whole.force_noise[:-7])
+    assert telemetry.notes == (
+        "/imu/primary: 1 gap in time, each filled by one long sample between its neighbours.",
+    )
+
+
+def test_a_nearly_unit_quaternion_is_normalised(flight):
+    with h5py.File(flight, "a") as file:
+        file["initial/attitude"][...] *= 1.0 + 5e-4
+    assert np.linalg.norm(read_flight_file(flight).initial.inertial_from_body) == pytest.approx(
+        1.0, abs=1e-15
+    )
+
+
+def spoil(key, change):
+    def act(file):
+        values = change(file[key][()])
+        del file[key]
+        file[key] = values
+
+    return act
+
+
+def put(index, value):
+    def change(values):
+        values[index] = value
+        return values
+
+    return change
+
+
+def correlated(covariance):
+    """Correlation of 2 between the first two states: symmetric, but no covariance."""
+    covariance[0, 1] = covariance[1, 0] = 2.0 * np.sqrt(covariance[0, 0] * covariance[1, 1])
+    return covariance
+
+
+def attribute(key, name, value):
+    def act(file):
+        file[key].attrs[name] = value
+
+    return act
+
+
+def without(key, name=None):
+    def act(file):
+        if name:
+            del file[key].attrs[name]
+        else:
+            del file[key]
+
+    return act
+
+
+@pytest.mark.parametrize(
+    ("act", "message"),
+    [
+        (attribute("/", "format", "netcdf"), r"format is 'netcdf'; 'edl-flight' is needed"),
+        (without("/", "format"), r"format is None; 'edl-flight' is needed"),
+        (attribute("/", "version", 2), r"version is .*2.*; version 1 is read"),
+        (without("/", "epoch_utc"), r"/@epoch_utc \(attribute\) is missing"),
+        (attribute("/", "epoch_utc", "yesterday"), r"'yesterday' is no UTC time"),
+        (without("imu/primary"), r"/imu/primary is missing; the flight file needs this group"),
+        (without("imu/primary/time"), r"/imu/primary/time is missing; the flight file needs this dataset"),
+        (without("imu/secondary", "gyro_noise"), r"/imu/secondary/@gyro_noise \(attribute\) is missing"),
+        (attribute("imu/primary", "gyro_noise", -1.0), r"/imu/primary/@gyro_noise is -1.0; it must be"),
+        (attribute("imu/primary", "position", [1.0, 2.0]), r"/@position has shape \(2,\); \(3,\) is needed"),
+        (attribute("imu/primary", "gyro_noise", "small"), r"/@gyro_noise holds no numbers"),
+        (
+            attribute("imu/primary", "body_from_imu", [0.0, 0.0, 0.0, 1.01]),
+            r"/imu/primary/@body_from_imu has norm 1.01; a unit quaternion",
+        ),
+        (
+            spoil("imu/primary/specific_force", lambda v: v[:, :2]),
+            r"shape \(2910, 2\); \(2910, 3\) is needed",
+        ),
+        (spoil("imu/primary/angular_rate", lambda v: v[:-1]), r"shape \(2909, 3\); \(2910, 3\) is needed"),
+        (
+            spoil("imu/primary/specific_force", put((17, 1), np.nan)),
+            r"/imu/primary/specific_force row 17 holds nan; finite numbers",
+        ),
+        (
+            spoil("imu/secondary/time", put(9, 1.0)),
+            r"/imu/secondary/time row 9 is 1.000000 s after 1.125000 s; time must increase",
+        ),
+        (without("initial"), r"/initial is missing"),
+        (spoil("initial/attitude", lambda v: 1.01 * v), r"/initial/attitude has norm 1.01; a unit"),
+        (spoil("initial/covariance", put((0, 1), 1e9)), r"/initial/covariance is not symmetric"),
+        (spoil("initial/covariance", put((4, 4), -1.0)), r"covariance has -1 on its diagonal, row 4"),
+        (
+            spoil("initial/covariance", correlated),
+            r"covariance is not positive definite \(least eigenvalue of its correlations -",
+        ),
+        (spoil("initial/covariance", lambda v: v[:6, :6]), r"has shape \(6, 6\); \(9, 9\) is needed"),
+        (attribute("constraints/parachute", "dynamic_pressure_sigma", 0.0), r"sigma is 0.0; it must"),
+        (without("altimeter/height"), r"/altimeter/height is missing"),
+        (without("events/landing", "time"), r"/events/landing/@time \(attribute\) is missing"),
+    ],
+)
+def test_bad_input_is_one_clear_message(flight, act, message):
+    with h5py.File(flight, "a") as file:
+        act(file)
+    with pytest.raises(InputError, match=message) as caught:
+        read_flight_file(flight)
+    assert "\n" not in str(caught.value)
+
+
+def test_no_file_and_no_hdf5(tmp_path):
+    with pytest.raises(InputError, match=r"none.h5: no such flight file"):
+        read_flight_file(tmp_path / "none.h5")
+    (tmp_path / "text.h5").write_text("not HDF5")
+    with pytest.raises(InputError, match=r"text.h5: this is no HDF5 file"):
+        read_flight_file(tmp_path / "text.h5")
+
+
+def contents():
+    rng = np.random.default_rng(5)
+    imu = FlightImu(
+        time=0.1 * np.arange(1, 31),
+        specific_force=rng.standard_normal((30, 3)),
+        angular_rate=rng.standard_normal((30, 3)),
+        sample_interval=0.1,
+        body_from_imu=np.array([0.6, 0.0, 0.0, 0.8]),
+        position=np.array([0.1, 0.2, 0.3]),
+        accelerometer_noise=0.01,
+        gyro_noise=1e-4,
+        errors=SensorErrors(1e-3, 1e-4, 2e-4, 1e-6, 3e-5),
+    )
+    return {
+        "name": "made",
+        "planet": "mars",
+        "epoch_utc": "2004-01-04T04:19:52",
+        "prime_meridian_at_epoch": 0.5,
+        "imus": {"primary": imu},
+        "initial": InitialState(
+            0.0, np.array([3.5e6, 0, 0]), np.array([0, 5e3, 0]), np.array([0, 0, 0.6, 0.8]), np.eye(9)
+        ),
+        "events": {"landing": (2.5, 0.02)},
+        "parachute": ParachuteFix(1.0, 700.0, 20.0),
+        "landing": LandingFix(2.5, np.array([3.39e6, 0, 0]), np.full(3, 500.0)),
+        "truth": {"effect": {"name": "none", "size": 1.5, "series": np.arange(4.0)}},
+    }
+
+
+def test_written_and_read_back(tmp_path):
+    given = contents()
+    path = write_flight_file(tmp_path / "made.h5", **given)
+    telemetry, imu = read_flight_file(path), given["imus"]["primary"]
+    np.testing.assert_array_equal(telemetry.driving.time, imu.time)
+    np.testing.assert_allclose(
+        rotations.rotate(rotations.conjugate(imu.body_from_imu), telemetry.driving.specific_force),
+        imu.specific_force,
+        atol=1e-14,
+    )
+    assert telemetry.driving.errors == (imu.errors,)
+    assert telemetry.parachute == given["parachute"]
+    assert telemetry.events == {"landing": 2.5}
+    assert telemetry.altimeter is None
+    np.testing.assert_array_equal(telemetry.landing.position_sigma, np.full(3, 500.0))
+    with h5py.File(path) as file:
+        assert file["truth/effect"].attrs["size"] == 1.5
+        assert file["events/landing"].attrs["time_sigma"] == 0.02
+    assert [p.name for p in tmp_path.iterdir()] == ["made.h5"]
+
+
+def test_what_breaks_the_format_is_not_written_and_an_old_file_stays(tmp_path):
+    path = write_flight_file(tmp_path / "made.h5", **contents())
+    old = path.read_bytes()
+    bad = contents()
+    bad["initial"] = replace(bad["initial"], covariance=-np.eye(9))
+    with pytest.raises(InputError, match=r"made.h5: /initial/covariance has -1 on its diagonal"):
+        write_flight_file(path, **bad)
+    assert path.read_bytes() == old
+    assert [p.name for p in tmp_path.iterdir()] == ["made.h5"]
+    with pytest.raises(InputError, match=r"cannot be written \(No such file or directory\)"):
+        write_flight_file(tmp_path / "nowhere" / "made.h5", **contents())

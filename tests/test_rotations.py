@@ -1,0 +1,153 @@
+"""Properties of quaternions and rotation vectors, and where they stand to Shuster's convention."""
+
+import numpy as np
+import pytest
+from hypothesis import assume, given
+from hypothesis import strategies as st
+
+from edl_filter import rotations
+
+numbers = st.floats(-1.0, 1.0)
+vectors = st.tuples(numbers, numbers, numbers).map(np.array)
+quaternions = (
+    st.tuples(numbers, numbers, numbers, numbers)
+    .map(np.array)
+    .filter(lambda q: np.linalg.norm(q) > 1e-3)
+    .map(lambda q: q / np.linalg.norm(q))
+)
+near_and_far = st.sampled_from([0.0, 1e-300, 1e-160, 1e-13, 1e-12, 1e-8, 1e-4, 1.0, 3.0, 3.1415926])
+
+
+def twin_matrix(q):
+    """Direction cosines of a quaternion, element by element (Kuipers 1999, section 5.14)."""
+    x, y, z, w = q
+    return np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
+            [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
+            [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
+        ]
+    )
+
+
+def twin_exponential(phi):
+    """Matrix exponential of the cross matrix by its series."""
+    term = total = np.eye(3)
+    for k in range(1, 40):
+        term = term @ rotations.cross_matrix(phi) / k
+        total = total + term
+    return total
+
+
+def same_rotation(p, q, tolerance):
+    return min(np.linalg.norm(p - q), np.linalg.norm(p + q)) < tolerance
+
+
+@given(quaternions, vectors)
+def test_rotate_equals_the_direction_cosines(q, v):
+    np.testing.assert_allclose(rotations.rotate(q, v), twin_matrix(q) @ v, atol=1e-15 * 4)
+    np.testing.assert_allclose(rotations.to_matrix(q), twin_matrix(q), atol=1e-15 * 4)
+
+
+@given(quaternions, vectors)
+def test_rotation_keeps_lengths_and_its_inverse_undoes_it(q, v):
+    turned = rotations.rotate(q, v)
+    assert np.linalg.norm(turned) == pytest.approx(np.linalg.norm(v), abs=1e-15 * 4)
+    np.testing.assert_allclose(rotations.rotate(rotations.conjugate(q), turned), v, atol=1e-15 * 4)
+
+
+@given(quaternions, quaternions, vectors)
+def test_a_product_rotates_by_the_right_factor_first(p, q, v):
+    product = rotations.multiply(p, q)
+    assert np.linalg.norm(product) == pytest.approx(1.0, abs=1e-15 * 4)
+    np.testing.assert_allclose(
+        rotations.rotate(product, v), rotations.rotate(p, rotations.rotate(q, v)), atol=1e-15 * 8
+    )
+
+
+@given(quaternions, quaternions, quaternions)
+def test_products_form_a_group(p, q, r):
+    left = rotations.multiply(rotations.multiply(p, q), r)
+    right = rotations.multiply(p, rotations.multiply(q, r))
+    np.testing.assert_allclose(left, right, atol=1e-15 * 4)
+    np.testing.assert_allclose(
+        rotations.multiply(q, rotations.conjugate(q)), [0.0, 0.0, 0.0, 1.0], atol=1e-15 * 4
+    )
+
+
+@given(vectors, near_and_far)
+def test_rotation_vector_comes_back(direction, angle):
+    length = np.linalg.norm(direction)
+    assume(length > 1e-3)
+    phi = angle * direction / length
+    q = rotations.from_rotation_vector(phi)
+    assert np.linalg.norm(q) == pytest.approx(1.0, abs=1e-15)
+    np.testing.assert_allclose(rotations.to_rotation_vector(q), phi, rtol=1e-14, atol=1e-15 * angle)
+    np.testing.assert_array_equal(rotations.to_rotation_vector(-q), rotations.to_rotation_vector(q))
+
+
+@given(vectors.map(lambda v: 4.0 * v))
+def test_rotation_vector_is_the_matrix_exponential(phi):
+    q = rotations.from_rotation_vector(phi)
+    np.testing.assert_allclose(rotations.to_matrix(q), twin_exponential(phi), atol=1e-12)
+    assert np.linalg.norm(rotations.to_rotation_vector(q)) <= np.pi + 1e-15
+
+
+@given(vectors, st.floats(0.0, 1e-5))
+def test_small_rotation_is_a_cross_product(direction, size):
+    phi, v = size * direction, np.array([0.3, -0.7, 0.2])
+    expected = v + np.cross(phi, v)
+    np.testing.assert_allclose(
+        rotations.rotate(rotations.from_rotation_vector(phi), v), expected, atol=2 * size**2 + 1e-15
+    )
+
+
+@given(quaternions)
+def test_matrix_round_trip(q):
+    assert same_rotation(rotations.from_matrix(rotations.to_matrix(q)), q, 1e-13)
+
+
+@pytest.mark.parametrize("axis", np.eye(3))
+def test_matrix_round_trip_at_half_a_turn(axis):
+    q = np.append(axis, 0.0)
+    assert same_rotation(rotations.from_matrix(rotations.to_matrix(q)), q, 1e-14)
+
+
+@given(vectors, vectors)
+def test_cross_matrix(u, v):
+    np.testing.assert_allclose(rotations.cross_matrix(u) @ v, np.cross(u, v), atol=1e-15)
+
+
+@given(quaternions, quaternions)
+def test_shusters_matrix_is_the_transpose(a_from_b, b_from_c):
+    # Shuster 1993 gives the attitude matrix A(q) of the same four numbers as the transpose of to_matrix:
+    # his q for "b to a" (the archive's J2000 to spacecraft) is a_from_b's conjugate here, and his product
+    # composes in the order of matrices because its factors stand the other way round.
+    def attitude_matrix(q):
+        v, w = q[:3], q[3]
+        return (w * w - v @ v) * np.eye(3) + 2 * np.outer(v, v) - 2 * w * rotations.cross_matrix(v)
+
+    np.testing.assert_allclose(attitude_matrix(a_from_b), rotations.to_matrix(a_from_b).T, atol=1e-15 * 4)
+    np.testing.assert_allclose(
+        attitude_matrix(rotations.multiply(b_from_c, a_from_b)),
+        attitude_matrix(a_from_b) @ attitude_matrix(b_from_c),
+        atol=1e-15 * 8,
+    )
+
+
+def test_quarter_turn_about_z_by_hand():
+    # a's x axis is b's y axis turned back: components (1, 0, 0) in b are (0, 1, 0) in a
+    q = rotations.from_rotation_vector([0.0, 0.0, np.pi / 2])
+    np.testing.assert_allclose(q, [0.0, 0.0, np.sqrt(0.5), np.sqrt(0.5)])
+    np.testing.assert_allclose(rotations.rotate(q, [1.0, 0.0, 0.0]), [0.0, 1.0, 0.0], atol=1e-15)
+
+
+def test_shapes_broadcast():
+    rng = np.random.default_rng(3)
+    q = rotations.normalise(rng.normal(size=(5, 1, 4)))
+    v = rng.normal(size=(7, 3))
+    assert rotations.rotate(q, v).shape == (5, 7, 3)
+    assert rotations.multiply(q, q[:, 0]).shape == (5, 5, 4)
+    assert rotations.to_matrix(q).shape == (5, 1, 3, 3)
+    assert rotations.from_rotation_vector(v).shape == (7, 4)
+    np.testing.assert_allclose(rotations.rotate(q, v)[2, 4], rotations.rotate(q[2, 0], v[4]))
