@@ -53,14 +53,18 @@ class StatedState(Section):
 
     time_s: Time = Field(description="time of the state, s since the epoch")
     epoch_sigma_s: Annotated[Number, Within("s", 0.0, 1e3)] = Field(
-        0.0, description="1 sigma of the state's time, s; 0: exact"
+        default=0.0, description="1 sigma of the state's time, s; 0: exact"
     )
     position: Annotated[Vector, Within("m", 1e5, 1e9, KM)] = Field(description="position, m, inertial")
     velocity: Annotated[Vector, Within("m/s", 100.0, 1e5, (("km/s", 1e3),))] = Field(
         description="velocity, m/s, inertial"
     )
-    position_sigma: LengthSigma | None = Field(None, description="1 sigma of the position per axis, m")
-    velocity_sigma: SpeedSigma | None = Field(None, description="1 sigma of the velocity per axis, m/s")
+    position_sigma: LengthSigma | None = Field(
+        default=None, description="1 sigma of the position per axis, m"
+    )
+    velocity_sigma: SpeedSigma | None = Field(
+        default=None, description="1 sigma of the velocity per axis, m/s"
+    )
     attitude: (
         Annotated[
             Annotated[Literal["onboard"], Tag("<word>")] | Annotated[Quaternion, Tag("<stated>")],
@@ -68,7 +72,8 @@ class StatedState(Section):
         ]
         | None
     ) = Field(
-        None, description="'onboard': the on-board quaternion at time_s; or inertial_from_body, scalar last"
+        default=None,
+        description="'onboard': the on-board quaternion at time_s; or inertial_from_body, scalar last",
     )
     attitude_sigma_deg: (
         Annotated[
@@ -76,14 +81,14 @@ class StatedState(Section):
             choice(lambda value: "<sun>" if isinstance(value, (dict, SunLineSigma)) else "<stated>"),
         ]
         | None
-    ) = Field(None, description="1 sigma of the attitude, deg: one number, or about_sun and across_sun")
-    sun_direction_j2000: Direction | None = Field(None, description="unit vector to the Sun in J2000")
+    ) = Field(default=None, description="1 sigma of the attitude, deg: a number, or about_sun and across_sun")
+    sun_direction_j2000: Direction | None = Field(default=None, description="unit vector to the Sun in J2000")
     covariance: Covariance | None = Field(
-        None,
-        description="9 x 9, in place of the sigmas: position, m; velocity, m/s; attitude error, rad, body axes",
+        default=None,
+        description="9 x 9, in place of the sigmas: m, m/s, and rad of attitude error in body axes",
     )
     frame_rotation_sigma_deg: Annotated[Number, Within("deg", 0.0, 180.0)] = Field(
-        0.0, description="1 sigma per axis of a rotation of the whole state's frame, deg; 0: none"
+        default=0.0, description="1 sigma per axis of a rotation of the whole state's frame, deg; 0: none"
     )
 
     @model_validator(mode="after")
@@ -152,7 +157,7 @@ class OnboardAttitude(Section):
     )
     sigma_deg: AngleSigma = Field(description="1 sigma of one use about each axis, deg")
     unit_change_sigma_deg: Annotated[Number, Within("deg", 0.0, 180.0)] = Field(
-        0.0, description="1 sigma of the step when another unit computes it, deg; 0: none"
+        default=0.0, description="1 sigma of the step when another unit computes it, deg; 0: none"
     )
 
     @property
@@ -223,7 +228,7 @@ class Rest(Window):
 
     velocity_sigma: SpeedSigma = Field(description="1 sigma of each ground-relative velocity, m/s")
     gravity_direction_sigma_deg: AngleSigma | None = Field(
-        None, description="1 sigma of the measured direction of gravity, deg; absent: not used"
+        default=None, description="1 sigma of the measured direction of gravity, deg; absent: not used"
     )
 
     @property
@@ -236,58 +241,66 @@ class Rest(Window):
 class RestFromTelemetry(FromTelemetry):
     """The vehicle rests from the time of the flight file's landing constraint to the record's end."""
 
-    velocity_sigma: SpeedSigma = Field(0.05, description="1 sigma of each ground-relative velocity, m/s")
+    velocity_sigma: SpeedSigma = Field(
+        default=0.05, description="1 sigma of each ground-relative velocity, m/s"
+    )
 
 
 class AltimeterFromTelemetry(FromTelemetry):
     """The altimeter of the flight file."""
 
-    sigma: LengthSigma | None = Field(None, description="1 sigma of one height, m; absent: the file's")
+    sigma: LengthSigma | None = Field(
+        default=None, description="1 sigma of one height, m; absent: the file's"
+    )
 
 
 class Constraints(Section):
     """What the estimate is held to; a constraint that is absent or null is not used."""
 
-    onboard_attitude: OnboardAttitude | None = Field(None, description="attitude computed on board")
-    pre_entry_zero_force: ZeroForce | None = Field(None, description="no force before the atmosphere")
+    onboard_attitude: OnboardAttitude | None = Field(default=None, description="attitude computed on board")
+    pre_entry_zero_force: ZeroForce | None = Field(default=None, description="no force before the atmosphere")
     parachute: (
         Annotated[
             Annotated[ParachutePressure, Tag("<stated>")] | Annotated[FromTelemetry, Tag("<telemetry>")],
             choice(origin),
         ]
         | None
-    ) = Field(None, description="dynamic pressure at deployment")
-    steady_descent: SteadyDescent | None = Field(None, description="terminal speed under the parachute")
+    ) = Field(default=None, description="dynamic pressure at deployment")
+    steady_descent: SteadyDescent | None = Field(
+        default=None, description="terminal speed under the parachute"
+    )
     landing: (
         Annotated[
             Annotated[LandingSite, Tag("<stated>")] | Annotated[FromTelemetry, Tag("<telemetry>")],
             choice(origin),
         ]
         | None
-    ) = Field(None, description="where the vehicle lands")
+    ) = Field(default=None, description="where the vehicle lands")
     rest: (
         Annotated[
             Annotated[Rest, Tag("<stated>")] | Annotated[RestFromTelemetry, Tag("<telemetry>")],
             choice(origin),
         ]
         | None
-    ) = Field(None, description="rest on the surface")
-    altimeter: AltimeterFromTelemetry | None = Field(None, description="radar altimeter")
+    ) = Field(default=None, description="rest on the surface")
+    altimeter: AltimeterFromTelemetry | None = Field(default=None, description="radar altimeter")
 
 
 class FilterSettings(Section):
     """The filter."""
 
     alpha: Annotated[Number, Within("", 0.1, 1.0)] = Field(
-        0.5, description="spread of the sigma points; below 0.1 digits are lost"
+        default=0.5, description="spread of the sigma points; below 0.1 digits are lost"
     )
-    beta: Annotated[Number, Within("", 0.0, 10.0)] = Field(2.0, description="shape of the prior; 2: Gaussian")
-    kappa: Annotated[Number, Within("", -10.0, 100.0)] = Field(0.0, description="secondary spread")
+    beta: Annotated[Number, Within("", 0.0, 10.0)] = Field(
+        default=2.0, description="shape of the prior; 2: Gaussian"
+    )
+    kappa: Annotated[Number, Within("", -10.0, 100.0)] = Field(default=0.0, description="secondary spread")
     longest_interval_s: Annotated[Number, Within("s", 0.0, 100.0, above=True)] = Field(
-        5.0, description="longest time between fusion epochs, s"
+        default=5.0, description="longest time between fusion epochs, s"
     )
     gate_probability: Annotated[Number, Within("", 0.5, 1.0, (("%", 1e-2),), below=True)] = Field(
-        0.99999, description="a constraint beyond this quantile of its NIS is not accepted"
+        default=0.99999, description="a constraint beyond this quantile of its NIS is not accepted"
     )
 
 
@@ -295,6 +308,6 @@ class Outputs(Section):
     """What is written, and where."""
 
     directory: str | None = Field(
-        None, description="folder of the results, from the current folder; absent: results/NAME"
+        default=None, description="folder of the results, from the current folder; absent: results/NAME"
     )
-    figures: Switch = Field(True, description="draw figures")
+    figures: Switch = Field(default=True, description="draw figures")

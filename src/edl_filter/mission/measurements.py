@@ -52,25 +52,27 @@ class Imu(Section):
     position: LeverArm = Field(description="position from the centre of mass, m, spacecraft axes")
     transformed_alignment_deg: tuple[
         Annotated[Number, Within("deg", -5.0, 5.0)], Annotated[Number, Within("deg", -5.0, 5.0)]
-    ] = Field((0.0, 0.0), description="share of a_z that the on-board transform adds to a_x and a_y, deg")
+    ] = Field(
+        default=(0.0, 0.0), description="share of a_z that the on-board transform adds to a_x and a_y, deg"
+    )
     accelerometer_noise: ForceSigma = Field(description="1 sigma of one sample, m/s^2")
     gyro_noise: Annotated[Number, Within("rad/s", 0.0, 1e-2, DEGREES, above=True)] = Field(
         description="1 sigma of one sample, rad/s"
     )
     accelerometer_bias_sigma: Annotated[Number, Within("m/s^2", 0.0, 1.0)] = Field(
-        0.0, description="1 sigma of the constant error, m/s^2; 0: none"
+        default=0.0, description="1 sigma of the constant error, m/s^2; 0: none"
     )
     accelerometer_scale_sigma: Annotated[Number, Within("", 0.0, 0.1, PARTS)] = Field(
-        0.0, description="1 sigma of the scale error, relative; 0: none"
+        default=0.0, description="1 sigma of the scale error, relative; 0: none"
     )
     accelerometer_misalignment_sigma: Annotated[Number, Within("rad", 0.0, 0.1, DEGREES)] = Field(
-        0.0, description="1 sigma of the misalignment about each axis, rad; 0: none"
+        default=0.0, description="1 sigma of the misalignment about each axis, rad; 0: none"
     )
     gyro_bias_sigma: Annotated[Number, Within("rad/s", 0.0, 1e-3, DEGREE_RATES)] = Field(
-        0.0, description="1 sigma of the constant error, rad/s; 0: none"
+        default=0.0, description="1 sigma of the constant error, rad/s; 0: none"
     )
     gyro_scale_sigma: Annotated[Number, Within("", 0.0, 0.1, PARTS)] = Field(
-        0.0, description="1 sigma of the scale error, relative; 0: none"
+        default=0.0, description="1 sigma of the scale error, relative; 0: none"
     )
 
     @property
@@ -103,7 +105,8 @@ class MerImu(Window):
 
     format: Literal["mer-imu"] = Field(description="mer-imu: PDS volume merimu_1001")
     path: str | None = Field(
-        None, description="folder of the volume; absent: $EDL_FILTER_DATA, or what 'edl-filter fetch' brought"
+        default=None,
+        description="folder of the volume; absent: $EDL_FILTER_DATA, or what 'edl-filter fetch' brought",
     )
     spacecraft: Literal[1, 2] = Field(description="1 is Opportunity (MER-B), 2 is Spirit (MER-A)")
     clock: Clock = Field(description="spacecraft clock against UTC")
@@ -112,7 +115,9 @@ class MerImu(Window):
         description="3 rows: axes of the rover's velocity register in J2000 (Earth mean equator and equinox)"
     )
     imus: dict[str, Imu] = Field(min_length=1, description="IMUs by name")
-    driving: str | None = Field(None, description="IMU that drives at first; absent: the first of imus")
+    driving: str | None = Field(
+        default=None, description="IMU that drives at first; absent: the first of imus"
+    )
 
     @model_validator(mode="after")
     def _consistent(self) -> MerImu:
@@ -148,7 +153,7 @@ class FlightFile(Section):
 
     format: Literal["flight-file"] = Field(description="flight-file: HDF5 in the neutral layout")
     path: str = Field(description="flight file: a path (--set telemetry.path=FILE), or builtin:NAME")
-    driving: str | None = Field(None, description="IMU that drives; absent: primary, or the only one")
+    driving: str | None = Field(default=None, description="IMU that drives; absent: primary, or the only one")
 
 
 class PhoenixPds(Section):
@@ -156,7 +161,7 @@ class PhoenixPds(Section):
 
     format: Literal["phoenix-pds"] = Field(description="phoenix-pds: raw IMU product (not read yet)")
     product: str = Field(description="the PDS product that is needed")
-    path: str | None = Field(None, description="folder of the product")
+    path: str | None = Field(default=None, description="folder of the product")
     epoch_utc: Utc = Field(description="UTC of time 0, ISO 8601")
 
 
@@ -165,8 +170,8 @@ def _format(value: Any) -> str:
 
 
 Telemetry = Annotated[
-    Annotated[MerImu, Tag("<mer-imu>")]
-    | Annotated[FlightFile, Tag("<flight-file>")]
+    Annotated[FlightFile, Tag("<flight-file>")]
+    | Annotated[MerImu, Tag("<mer-imu>")]
     | Annotated[PhoenixPds, Tag("<phoenix-pds>")],
     choice(_format),
 ]

@@ -19,7 +19,6 @@ _EXPECTED = {
     "model_attributes_type": "a section of keys",
     "model_type": "a section of keys",
     "string_type": "text",
-    "too_short": "more entries",
     "tuple_type": "a list",
 }
 
@@ -27,7 +26,10 @@ _EXPECTED = {
 @cache
 def keys(model: type[BaseModel]) -> dict[str, str]:
     """Every dotted key below `model` with its description; ``*`` stands for names that the file chooses."""
-    return dict(_walk(model, ""))
+    found: dict[str, str] = {}
+    for key, description in _walk(model, ""):
+        found.setdefault(key, description)  # of several forms the first in the schema
+    return found
 
 
 def _walk(model: type[BaseModel], above: str) -> Iterator[tuple[str, str]]:
@@ -62,14 +64,12 @@ def describe(error: ValidationError, model: type[BaseModel], where: str, changed
     details = sorted(error.errors(include_url=False), key=lambda e: e["type"] != "extra_forbidden")
     key = _key(details[0])
     message = _message(dict(details[0]), key, model)
-    given = [c for c in changed if key == c or key.startswith(c + ".") or c.startswith(key + ".")]
-    start = (
-        f"--set {given[0]}: {key}"
-        if given and given[0] != key
-        else f"--set {key}"
-        if given
-        else f"{where}: {key}"
-    )
+    start = f"{where}: {key}"
+    for change in changed:
+        if key == change or key.startswith(change + "."):
+            start = f"--set {key}"
+        elif change.startswith(key + ".") and details[0]["type"] == "extra_forbidden":
+            start = f"--set {change}: {key}"
     more = len(details) - 1
     tail = f" (and {more} more problem{'s' if more > 1 else ''})" if more else ""
     return f"{start}: {message}{tail}"
@@ -77,6 +77,8 @@ def describe(error: ValidationError, model: type[BaseModel], where: str, changed
 
 def _key(detail: Any) -> str:
     parts = [str(p) for p in detail["loc"] if not str(p).startswith("<")]
+    if detail["type"] == "missing" and isinstance(detail["loc"][-1], int):
+        parts.pop()  # a list too short: told of the list
     below = detail.get("ctx", {}).get("key", "") if detail["type"] == "mission" else ""
     return ".".join(parts + ([below] if below else []))
 
@@ -89,13 +91,15 @@ def _message(detail: dict[str, Any], key: str, model: type[BaseModel]) -> str:
         return f"found an unknown key; {_nearest(key, model)}"
     about = _description(key, model)
     about = f" ({about})" if about else ""
+    if kind == "missing" and isinstance(value, (list, tuple)):
+        return f"found {shown(value)}; expected more entries{about}"
     if kind == "missing":
         return f"found nothing; expected a required key{about}"
     if kind == "union_tag_invalid":
         return _tag_message(value, context)
     expected = _EXPECTED.get(kind)
-    if kind in ("too_long", "too_short") or (kind == "missing" and isinstance(value, (list, tuple))):
-        expected = f"{context.get('min_length', context.get('max_length'))} entries at the least and most"
+    if kind in ("too_long", "too_short"):
+        expected = f"{context.get('min_length', context.get('max_length'))} entries"
     elif kind == "literal_error":
         expected = context["expected"]
     elif kind == "string_pattern_mismatch":
@@ -133,15 +137,15 @@ def _description(key: str, model: type[BaseModel]) -> str:
 def _nearest(key: str, model: type[BaseModel]) -> str:
     """Name the nearest accepted key: in the same section if one is alike, anywhere else if not."""
     head, _, last = key.rpartition(".")
-    filled = [_fits(pattern, key) or pattern for pattern in keys(model)]
-    beside = sorted({k.rpartition(".")[2] for k in filled if k.rpartition(".")[0] == head} - {"*"})
-    alike = difflib.get_close_matches(last, beside, 1, 0.6)
+    filled = [_fits(k, key) or k for k in keys(model) if not k.endswith("*")]
+    beside = sorted({k.rpartition(".")[2] for k in filled if k.rpartition(".")[0] == head})
+    alike = difflib.get_close_matches(last, beside, 1, 0.5)
     if alike:
         return "nearest accepted: " + (f"{head}.{alike[0]}" if head else alike[0])
-    whole = (
-        difflib.get_close_matches(key, filled, 1, 0.7)
-        or [k for k in filled if k.rpartition(".")[2] == last][:1]
-    )
-    if whole:
-        return f"nearest accepted: {whole[0]}"
+    # A known key in the wrong section, or a section that is itself misspelt
+    elsewhere = [k for k in filled if k.rpartition(".")[2] == last]
+    if not elsewhere and not (head and beside):
+        elsewhere = difflib.get_close_matches(key, filled, 1, 0.7)
+    if elsewhere:
+        return f"nearest accepted: {elsewhere[0]}"
     return "accepted here: " + ", ".join(beside)

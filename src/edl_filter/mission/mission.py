@@ -37,7 +37,7 @@ class Mission(Section):
     name: Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9_\-]+$")] = Field(
         description="short name, letters, digits, _ and -"
     )
-    title: str = Field("", description="name for people")
+    title: str = Field(default="", description="name for people")
     planet: Planet = Field(description="the planet")
     atmosphere: Atmosphere = Field(description="preflight atmosphere")
     telemetry: Telemetry = Field(description="what was measured")
@@ -84,19 +84,20 @@ class Mission(Section):
         InputError
             As `load`.
         """
-        return cls._from_text(json.dumps(data, indent=2, default=_plain), source, None, overrides)
+        return cls._from_text(
+            json.dumps(data, indent=2, ensure_ascii=False, default=_plain), source, None, overrides
+        )
 
     @classmethod
     def _from_text(cls, text: str, where: str, source: Path | None, overrides: Sequence[str]) -> Mission:
-        data = parse(text, where)
         changed = []
         for override in overrides:
             key, value = parse_override(override)
             if key in _PATH_KEYS and isinstance(value, str) and not value.startswith(_BUILTIN):
                 value = str(Path(value).expanduser().absolute())
-            text = set_key(text, key, value)
-            data = parse(text, f"{where} after --set {key}")
+            text = set_key(text, key, value, where)
             changed.append(key)
+        data = parse(text, where)
         if not isinstance(data, dict):
             raise InputError(
                 f"{where}: found {_kind(data)}; expected a mapping of keys, such as 'name: my_mission'."

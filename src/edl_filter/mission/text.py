@@ -120,18 +120,22 @@ def parse_override(override: str) -> tuple[str, Any]:
     return key, parse(value, f"--set {key}")
 
 
-def set_key(text: str, key: str, value: Any) -> str:
+def set_key(text: str, key: str, value: Any, where: str = "mission") -> str:
     """`text` with the value at the dotted `key` changed or added; comments elsewhere stay.
 
     Raises
     ------
     InputError
-        A part of `key` before the last names a value, not a section.
+        `text` is not YAML (the message begins with `where`), or a part of `key` before the last names a
+        value, not a section.
     """
     new = json.dumps(value, ensure_ascii=False)  # JSON is YAML, on one line, and its text is quoted
+    new = {"NaN": ".nan", "Infinity": ".inf", "-Infinity": "-.inf"}.get(new, new)
     loader = _Loader(text)
     try:
         node = loader.get_single_node()
+    except yaml.YAMLError as error:
+        raise _fault(where, error) from None
     finally:
         loader.dispose()
     parts = key.split(".")
@@ -152,7 +156,7 @@ def set_key(text: str, key: str, value: Any) -> str:
 
 def _nested(parts: list[str], new: str) -> str:
     for part in reversed(parts):
-        new = f"{{{json.dumps(part)}: {new}}}"
+        new = f"{{{json.dumps(part, ensure_ascii=False)}: {new}}}"
     return new
 
 
@@ -162,7 +166,7 @@ def _insert(text: str, mapping: yaml.MappingNode, key: str, new: str) -> str:
         return _replace(text, mapping, _nested([key], new))
     first = mapping.value[0][0].start_mark
     rest = ", " if mapping.flow_style else "\n" + " " * first.column
-    return f"{text[: first.index]}{json.dumps(key)}: {new}{rest}{text[first.index :]}"
+    return f"{text[: first.index]}{json.dumps(key, ensure_ascii=False)}: {new}{rest}{text[first.index :]}"
 
 
 def _replace(text: str, node: yaml.Node, new: str) -> str:
@@ -172,5 +176,5 @@ def _replace(text: str, node: yaml.Node, new: str) -> str:
     block = not getattr(node, "flow_style", True) or getattr(node, "style", None) in ("|", ">")
     if block:  # its end is the beginning of the next key
         end -= node.end_mark.column
-        new += "\n"
+        new = f" {new}\n"  # one further in than a list that stands right below its key
     return text[:start] + new + text[end:]

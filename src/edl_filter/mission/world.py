@@ -66,10 +66,11 @@ class Planet(Section):
         Within("rad/s", 1e-8, 1e-3, DEGREE_RATES, zero=True),
     ] = Field(description="rotation rate, rad/s, eastward")
     prime_meridian_deg: Annotated[Number, Within("deg", -360.0, 360.0)] | None = Field(
-        None, description="angle from the inertial x axis to the prime meridian at the epoch, deg"
+        default=None, description="angle from the inertial x axis to the prime meridian at the epoch, deg"
     )
     j2000_from_inertial: RotationMatrix | None = Field(
-        None, description="3 rows; columns are the inertial axes in J2000 (Earth mean equator and equinox)"
+        default=None,
+        description="3 rows; columns are the inertial axes in J2000 (Earth mean equator and equinox)",
     )
 
     @property
@@ -89,10 +90,10 @@ class Atmosphere(Section):
     table: str = Field(description="CSV table of the preflight atmosphere: a path, or builtin:NAME")
     density_sigma: RelativeSigma = Field(description="1 sigma of the preflight density, relative")
     gas_constant: Annotated[Number, Within("J/(kg K)", 10.0, 5e3, (("kJ/(kg K)", 1e3),))] = Field(
-        188.92, description="specific gas constant, J/(kg K)"
+        default=188.92, description="specific gas constant, J/(kg K)"
     )
     heat_capacity_ratio: Annotated[Number, Within("", 1.0, 1.7, above=True)] = Field(
-        1.3, description="ratio of specific heats"
+        default=1.3, description="ratio of specific heats"
     )
 
 
@@ -105,9 +106,9 @@ class Inertia(Section):
     xx: Moment = Field(description="moment about x (symmetry axis), kg m^2")
     yy: Moment = Field(description="moment about y, kg m^2")
     zz: Moment = Field(description="moment about z, kg m^2")
-    xy: Product = Field(0.0, description="product of x and y, kg m^2")
-    xz: Product = Field(0.0, description="product of x and z, kg m^2")
-    yz: Product = Field(0.0, description="product of y and z, kg m^2")
+    xy: Product = Field(default=0.0, description="product of x and y, kg m^2")
+    xz: Product = Field(default=0.0, description="product of x and z, kg m^2")
+    yz: Product = Field(default=0.0, description="product of y and z, kg m^2")
 
     @model_validator(mode="after")
     def _physical(self) -> Inertia:
@@ -129,20 +130,20 @@ class Parachute(Section):
         description="nominal diameter D0, m"
     )
     drag_coefficient: Annotated[Number, Within("", 0.05, 3.0)] | None = Field(
-        None, description="drag coefficient on pi D0^2 / 4, subsonic"
+        default=None, description="drag coefficient on pi D0^2 / 4, subsonic"
     )
 
 
 class Event(Section):
     """Something that happened, and what changed with it."""
 
-    sclk: Sclk | None = Field(None, description="spacecraft clock count, s (or time_s)")
-    time_s: Time | None = Field(None, description="time, s since the epoch (or sclk)")
+    sclk: Sclk | None = Field(default=None, description="spacecraft clock count, s (or time_s)")
+    time_s: Time | None = Field(default=None, description="time, s since the epoch (or sclk)")
     sigma_s: TimeSigma = Field(description="1 sigma of the time, s")
-    mass: Mass | None = Field(None, description="mass from here on, kg")
-    driving: str | None = Field(None, description="name of the IMU that drives from here on")
+    mass: Mass | None = Field(default=None, description="mass from here on, kg")
+    driving: str | None = Field(default=None, description="name of the IMU that drives from here on")
     position: LeverArm | None = Field(
-        None,
+        default=None,
         description="driving IMU's position from the new centre of mass, m, axes as under imus",
     )
 
@@ -163,8 +164,8 @@ class Vehicle(Section):
     centre_of_mass: Annotated[Number, Within("diameters", 0.0, 2.0)] = Field(
         description="distance of the centre of mass behind the nose, diameters"
     )
-    inertia: Inertia | None = Field(None, description="inertia at entry")
-    parachute: Parachute | None = Field(None, description="parachute")
+    inertia: Inertia | None = Field(default=None, description="inertia at entry")
+    parachute: Parachute | None = Field(default=None, description="parachute")
     events: dict[str, Event] = Field(default_factory=dict, description="events by name, in order of time")
 
     @property

@@ -32,7 +32,9 @@ class Samples:
     force_noise, rate_noise : (N,) arrays
         One sigma of a sample, m/s² and rad/s, what the sample hides included.
     shared_rate_noise : (N,) array
-        The part of the rate noise that an attitude computed on board has too: all but in gaps.
+        The part of the rate noise that an attitude computed on board from the same gyros has too, with opposite
+        effect: the gyros' own and what a sample hides, but not what is lost in a gap. Of what a sample hides,
+        1/√12 is not shared: two second-order algorithms (backward and central differences) differ by that.
     unit : (N,) integer array
         Which instrument's errors apply.
     """
@@ -95,7 +97,6 @@ def effective_samples(record: ImuRecord) -> Samples:
     effective_force = force + h / 12 * turned + h / 24 * np.cross(rate, np.cross(rate, force))
     effective_rate = rate + h / 12 * np.cross(rate, w1)
     hidden_force, hidden_rate = hidden_motion(dt, force, rate)
-    rate_noise = np.hypot(record.rate_noise, hidden_rate)
     gap = np.array([name == "gap" for name in record.sources])[record.source]
     return Samples(
         time=record.time,
@@ -103,8 +104,8 @@ def effective_samples(record: ImuRecord) -> Samples:
         force=effective_force,
         rate=effective_rate,
         force_noise=np.hypot(record.force_noise, hidden_force),
-        rate_noise=rate_noise,
-        shared_rate_noise=np.where(gap, 0.0, rate_noise),
+        rate_noise=np.hypot(record.rate_noise, hidden_rate),
+        shared_rate_noise=np.where(gap, 0.0, np.hypot(record.rate_noise, np.sqrt(11.0 / 12.0) * hidden_rate)),
         unit=record.unit,
     )
 
@@ -138,24 +139,23 @@ def lever_arm_acceleration(interval: Array, rate: Array, position: Array, unit: 
 
 
 def hidden_motion(interval: Array, force: Array, rate: Array) -> tuple[Array, Array]:
-    """One sigma of what happens inside a sample and its means do not show, m/s² and rad/s.
+    """One sigma per axis of what happens inside a sample and its means do not show, m/s² and rad/s.
 
     Where force and rate run smoothly from sample to sample this is nothing; at a parachute's snatch or a
-    bounce their course inside the sample is unknown. With the non-smooth part of a mean being its second
-    difference, and course and rotation uncorrelated, the hidden velocity is of the order
-    ``(|Δθ| |δΔv| + |δΔθ| |Δv|) / √12`` (a uniform phase between them), the hidden rotation
-    ``|Δθ| |δΔθ| / √12``.
+    bounce their course inside the sample is unknown. The part of a mean that is not smooth is what it differs
+    by from its neighbours' mean; with an unknown phase between that and the rotation (uniform: 1/√12) and an
+    unknown angle between their axes (√2/3 per axis of a cross product), the hidden velocity is of the order
+    ``(|Δθ| |δΔv| + |δΔθ| |Δv|)`` and the hidden rotation ``|Δθ| |δΔθ|``, both times ``√2/3 / √12``.
     """
     dv = np.linalg.norm(force, axis=1) * interval
     dtheta = np.linalg.norm(rate, axis=1) * interval
-    rough_v = np.linalg.norm(second_difference(force), axis=1) * interval
-    rough_theta = np.linalg.norm(second_difference(rate), axis=1) * interval
-    hidden_v = (dtheta * rough_v + rough_theta * dv) / np.sqrt(12.0)
-    hidden_theta = dtheta * rough_theta / np.sqrt(12.0)
-    return hidden_v / interval, hidden_theta / interval
+    rough_v = np.linalg.norm(roughness(force), axis=1) * interval
+    rough_theta = np.linalg.norm(roughness(rate), axis=1) * interval
+    factor = np.sqrt(2.0) / 3.0 / np.sqrt(12.0) / interval
+    return factor * (dtheta * rough_v + rough_theta * dv), factor * dtheta * rough_theta
 
 
-def second_difference(mean: Array) -> Array:
+def roughness(mean: Array) -> Array:
     """A sample minus the mean of its two neighbours, ``(N, 3)``; zero at the ends."""
     out = np.zeros_like(mean)
     out[1:-1] = mean[1:-1] - 0.5 * (mean[:-2] + mean[2:])

@@ -1,0 +1,304 @@
+"""One record in body axes from MER's two tables and two IMUs.
+
+Three products follow each other:
+
+1. TRANSFORMED up to HIGHRATE's beginning (90 s after entry interface): acceleration at the centre of mass from the
+   backshell's IMU, rates from its quaternion (thesis eq. 3.1);
+2. HIGHRATE: increments of angle and velocity, of the backshell's IMU until it separates, of the rover's after;
+3. from HIGHRATE's end, when the lander still rolls, the rover's quaternion and its accumulated velocity.
+
+The thesis's body axes are the archive's spacecraft axes taken in turn: x is the archive's +z (forward along the
+symmetry axis), y its +x, z its +y.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from edl_filter import rotations
+from edl_filter.errors import InputError
+from edl_filter.telemetry.joining import Piece, fill_gaps, join
+from edl_filter.telemetry.mer_archive import SAMPLE_INTERVAL, MerTables
+from edl_filter.telemetry.record import AttitudeRecord, ImuRecord, SensorErrors, Telemetry
+from edl_filter.telemetry.smoothing import rates_from_quaternions
+
+Array = NDArray[np.float64]
+
+#: Takes spacecraft components to body components.
+BODY_FROM_SPACECRAFT = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
+#: A quaternion whose rounding alone is worse than this (rad) gives no rate: its fourth element is too small.
+COARSEST_QUATERNION = 2e-5
+#: Longest step into which a gap in the rover's quaternion and register is cut, s.
+REGISTER_STEP = 0.25
+UNITS = ("backshell", "rover", "register")
+
+
+@dataclass(frozen=True)
+class MerImu:
+    """Calibration of one source of samples.
+
+    Attributes
+    ----------
+    accelerometer_noise, gyro_noise : float
+        One sigma of an 8 Hz sample, m/s² and rad/s.
+    errors : SensorErrors
+    spacecraft_from_imu : (4,) array or None
+        Mounting; None for the register, which has no axes of its own.
+    position : (3,) array
+        From the centre of mass, m, spacecraft axes.
+    transformed_alignment : (2,) array
+        What the on-board transform of acceleration adds to the archive's x and y per z, rad.
+    onboard_rate_correction : (3,) array
+        What the on-board software subtracts from the gyros before it makes its quaternion, rad/s, spacecraft
+        axes. HIGHRATE has not been corrected so; it is here, so that all products agree.
+    """
+
+    accelerometer_noise: float
+    gyro_noise: float
+    errors: SensorErrors
+    spacecraft_from_imu: Array | None = None
+    position: Array | None = None
+    transformed_alignment: Array | None = None
+    onboard_rate_correction: Array | None = None
+
+
+@dataclass(frozen=True)
+class MerSetup:
+    """How to read one rover's entry.
+
+    Attributes
+    ----------
+    epoch_sclk : float
+        Spacecraft clock at time 0, s.
+    epoch_utc : str
+    start, end : float
+        First and last time wanted, s since the epoch.
+    separation : float
+        When the backshell leaves and the rover's IMU begins to drive, s since the epoch.
+    rover_position : (3,) array
+        Of the rover's IMU after separation, m from the point that is navigated then, spacecraft axes.
+    inertial_from_j2000 : (4,) array
+    j2000_from_register : (4,) array
+        Axes in which the velocity register accumulates.
+    imus : dict
+        For each of ``backshell``, ``rover`` and ``register``.
+    events : dict
+        Name → s since the epoch.
+    attitude_sigma : float
+        Of an on-board quaternion apart from its rounding and its frame, rad.
+    """
+
+    epoch_sclk: float
+    epoch_utc: str
+    start: float
+    end: float
+    separation: float
+    rover_position: Array
+    inertial_from_j2000: Array
+    j2000_from_register: Array
+    imus: dict[str, MerImu]
+    events: dict[str, float]
+    attitude_sigma: float
+
+
+def mer_telemetry(tables: MerTables, setup: MerSetup) -> Telemetry:
+    """Telemetry of one rover's entry, in body axes and seconds since the epoch.
+
+    Parameters
+    ----------
+    tables : MerTables
+    setup : MerSetup
+
+    Returns
+    -------
+    Telemetry
+        `driving` as joined from the three products; `checking` holds the rover's IMU over HIGHRATE up to
+        separation; `attitude` is the backshell's quaternion up to separation and the rover's after it.
+
+    Raises
+    ------
+    InputError
+        The separation lies outside HIGHRATE, or the wanted span outside the telemetry.
+    """
+    times = tables.highrate.sclk - setup.epoch_sclk
+    if not times[0] < setup.separation < times[-1]:
+        raise InputError(
+            f"vehicle.events.backshell_separation at {setup.separation:g} s lies outside the HIGHRATE table, "
+            f"{times[0]:g} to {times[-1]:g} s."
+        )
+    backshell = highrate_piece(tables, setup, "backshell")
+    rover = highrate_piece(tables, setup, "rover")
+    handover = _handover(tables, setup)
+    pieces = [
+        transformed_piece(tables, setup, until=backshell.start),
+        *fill_gaps(backshell.between(-np.inf, setup.separation)),
+        *fill_gaps(rover.between(setup.separation, handover).moved(_to_body(setup.rover_position))),
+        register_piece(tables, setup, start=handover),
+    ]
+    driving = join("driving", pieces, UNITS, tuple(setup.imus[u].errors for u in UNITS))
+    if not driving.start <= setup.start + 0.5 or driving.time[-1] < setup.end - 0.5:
+        raise InputError(
+            f"telemetry.start_s and end_s ask for {setup.start:g} to {setup.end:g} s; the telemetry has "
+            f"{driving.start:g} to {driving.time[-1]:g} s."
+        )
+    check = join(
+        "rover",
+        fill_gaps(rover.between(-np.inf, setup.separation)),
+        UNITS,
+        tuple(setup.imus[u].errors for u in UNITS),
+    )
+    return Telemetry(
+        driving=driving.between(setup.start, setup.end),
+        checking=(check,),
+        attitude=onboard_attitude(tables, setup),
+        events=dict(setup.events),
+        epoch_utc=setup.epoch_utc,
+        epoch_sclk=setup.epoch_sclk,
+        files=tables.files,
+        notes=tables.notes,
+    )
+
+
+def _to_body(vector: Array | None) -> Array:
+    """Spacecraft components to body components."""
+    return np.zeros(3) if vector is None else np.asarray(vector) @ BODY_FROM_SPACECRAFT.T
+
+
+def _inertial_from_body(setup: MerSetup, j2000_from_spacecraft: Array) -> Array:
+    spacecraft_from_body = rotations.from_matrix(BODY_FROM_SPACECRAFT.T)
+    attitude = rotations.multiply(setup.inertial_from_j2000, j2000_from_spacecraft)
+    return rotations.multiply(attitude, spacecraft_from_body)
+
+
+def transformed_piece(tables: MerTables, setup: MerSetup, until: float) -> Piece:
+    """TRANSFORMED up to `until`: force at the centre of mass and rates from the backshell's quaternion.
+
+    What the on-board transform added to the lateral axes is taken off again, so that these samples and
+    HIGHRATE's share one alignment. Quaternions too coarse to give a rate are bridged by their neighbours.
+    """
+    t, imu = tables.transformed, setup.imus["backshell"]
+    time = t.sclk - setup.epoch_sclk
+    rows = np.flatnonzero((time <= until + 1e-6) & (time >= setup.start - 1.0))
+    time, force = time[rows], t.backshell_acceleration[rows].copy()
+    if imu.transformed_alignment is not None:
+        force[:, :2] -= imu.transformed_alignment * force[:, 2:]
+    sigma = t.backshell_sigma[rows]
+    rate, rate_noise = _quaternion_rates(time, t.backshell_j2000_from_sc[rows], sigma, imu.gyro_noise)
+    n = len(time) - 1
+    return Piece(
+        source="TRANSFORMED",
+        unit="backshell",
+        time=time[1:],
+        interval=np.diff(time),
+        force=force[1:] @ BODY_FROM_SPACECRAFT.T,
+        rate=rate @ BODY_FROM_SPACECRAFT.T,
+        position=np.zeros((n, 3)),
+        force_noise=np.full(n, imu.accelerometer_noise),
+        rate_noise=rate_noise,
+    )
+
+
+def _quaternion_rates(time: Array, quaternion: Array, sigma: Array, gyro_noise: Array | float) -> tuple[Array, Array]:
+    """Rates ``(N - 1, 3)`` between rows and their noise, coarse or missing quaternions bridged."""
+    good = np.flatnonzero(np.isfinite(quaternion[:, 0]) & (sigma < COARSEST_QUATERNION))
+    if len(good) < 2:
+        raise InputError("telemetry: fewer than two usable quaternions in the span asked for.")
+    rate = rates_from_quaternions(time[good], quaternion[good])
+    step = np.diff(time[good])
+    noise = np.hypot(np.hypot(sigma[good][1:], sigma[good][:-1]) / step, gyro_noise * np.sqrt(SAMPLE_INTERVAL / step))
+    index = np.clip(np.searchsorted(time[good], 0.5 * (time[1:] + time[:-1])) - 1, 0, len(rate) - 1)
+    return rate[index], noise[index]
+
+
+def highrate_piece(tables: MerTables, setup: MerSetup, unit: str) -> Piece:
+    """HIGHRATE of one IMU: increments over 0.125 s, turned into the body's axes; gaps are left open."""
+    h, imu = tables.highrate, setup.imus[unit]
+    angle, velocity = (
+        (h.backshell_angle_increment, h.backshell_velocity_increment)
+        if unit == "backshell"
+        else (h.rover_angle_increment, h.rover_velocity_increment)
+    )
+    good = np.isfinite(angle[:, 0]) & np.isfinite(velocity[:, 0])
+    body_from_imu = BODY_FROM_SPACECRAFT @ rotations.to_matrix(imu.spacecraft_from_imu)
+    n = int(good.sum())
+    return Piece(
+        source="HIGHRATE",
+        unit=unit,
+        time=h.sclk[good] - setup.epoch_sclk,
+        interval=np.full(n, SAMPLE_INTERVAL),
+        force=velocity[good] @ body_from_imu.T / SAMPLE_INTERVAL,
+        rate=angle[good] @ body_from_imu.T / SAMPLE_INTERVAL - _to_body(imu.onboard_rate_correction),
+        position=np.tile(_to_body(imu.position), (n, 1)),
+        force_noise=np.full(n, imu.accelerometer_noise),
+        rate_noise=np.full(n, imu.gyro_noise),
+    )
+
+
+def _register_rows(tables: MerTables, setup: MerSetup) -> NDArray[np.int64]:
+    """Rows of TRANSFORMED with a usable rover quaternion and register."""
+    t = tables.transformed
+    good = np.isfinite(t.rover_j2000_from_sc[:, 0]) & np.isfinite(t.velocity[:, 0])
+    return np.flatnonzero(good & (t.rover_sigma < COARSEST_QUATERNION))
+
+
+def _handover(tables: MerTables, setup: MerSetup) -> float:
+    """Last time up to HIGHRATE's end at which the rover's quaternion and register are usable, s."""
+    sclk = tables.transformed.sclk[_register_rows(tables, setup)]
+    return float(sclk[sclk <= tables.highrate.sclk[-1] + 1e-6][-1] - setup.epoch_sclk)
+
+
+def register_piece(tables: MerTables, setup: MerSetup, start: float) -> Piece:
+    """From `start` on: rates from the rover's quaternion, force from its accumulated velocity.
+
+    The register accumulates in axes that do not turn, so a difference of two rows is exact however the lander
+    rolled between them. It is spread evenly in time, and the turn between two quaternions evenly in angle, over
+    steps of at most `REGISTER_STEP`: across a gap of 15.75 s too, velocity and attitude end where they should.
+    """
+    t, imu = tables.transformed, setup.imus["register"]
+    rows = _register_rows(tables, setup)
+    time = t.sclk[rows] - setup.epoch_sclk
+    rows, time = rows[time >= start - 1e-6], time[time >= start - 1e-6]
+    attitude = t.rover_j2000_from_sc[rows]
+    rate = rates_from_quaternions(time, attitude)
+    gained = rotations.rotate(setup.j2000_from_register, np.diff(t.velocity[rows], axis=0))
+    parts = np.ceil(np.diff(time) / REGISTER_STEP - 1e-6).astype(int)
+    row = np.repeat(np.arange(len(parts)), parts)
+    step = np.diff(time)[row] / parts[row]
+    ordinal = np.arange(len(row)) - np.repeat(np.cumsum(parts) - parts, parts)
+    middle = rotations.multiply(
+        attitude[row], rotations.from_rotation_vector(rate[row] * (step * (ordinal + 0.5))[:, None])
+    )
+    force = rotations.rotate(rotations.conjugate(middle), gained[row] / np.diff(time)[row][:, None])
+    noise = np.sqrt(SAMPLE_INTERVAL / step)
+    return Piece(
+        source="register",
+        unit="register",
+        time=time[row] + step * (ordinal + 1),
+        interval=step,
+        force=force @ BODY_FROM_SPACECRAFT.T,
+        rate=rate[row] @ BODY_FROM_SPACECRAFT.T,
+        position=np.zeros((len(row), 3)),
+        force_noise=imu.accelerometer_noise * noise,
+        rate_noise=imu.gyro_noise * noise,
+    )
+
+
+def onboard_attitude(tables: MerTables, setup: MerSetup) -> AttitudeRecord:
+    """On-board attitude: the backshell's up to separation, the rover's after; coarse rows left out."""
+    t = tables.transformed
+    time = t.sclk - setup.epoch_sclk
+    rover = time > setup.separation + 1e-6
+    quaternion = np.where(rover[:, None], t.rover_j2000_from_sc, t.backshell_j2000_from_sc)
+    sigma = np.where(rover, t.rover_sigma, t.backshell_sigma)
+    keep = np.isfinite(quaternion[:, 0]) & (sigma < COARSEST_QUATERNION)
+    keep &= (time >= setup.start) & (time <= setup.end)
+    return AttitudeRecord(
+        time=time[keep],
+        inertial_from_body=_inertial_from_body(setup, quaternion[keep]),
+        sigma=np.hypot(sigma[keep], setup.attitude_sigma),
+        unit=rover[keep].astype(np.int64),
+        units=("backshell", "rover"),
+    )
