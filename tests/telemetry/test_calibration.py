@@ -26,6 +26,7 @@ def record(name, time, interval, force, rate=None, position=None):
         position=np.zeros((n, 3)) if position is None else np.broadcast_to(position, (n, 3)),
         force_noise=np.full(n, 0.003),
         rate_noise=np.full(n, 1e-5),
+        shared_rate_noise=np.full(n, 1e-5),
         unit=np.zeros(n, np.int64),
         units=("unit",),
         source=np.zeros(n, np.int64),

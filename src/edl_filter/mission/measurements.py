@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
+import numpy as np
 from pydantic import Field, Tag, model_validator
 
 from edl_filter.mission.checks import (
@@ -43,18 +44,12 @@ class Clock(Section):
     utc: Utc = Field(description="UTC at that count, ISO 8601")
 
 
-class Imu(Section):
-    """Mounting, noise and error budget of one IMU."""
+RateDegH = Annotated[Number, Within("deg/h", -1e3, 1e3)]
 
-    spacecraft_from_imu: Quaternion = Field(
-        description="quaternion, scalar last, that takes IMU components to spacecraft ones"
-    )
-    position: LeverArm = Field(description="position from the centre of mass, m, spacecraft axes")
-    transformed_alignment_deg: tuple[
-        Annotated[Number, Within("deg", -5.0, 5.0)], Annotated[Number, Within("deg", -5.0, 5.0)]
-    ] = Field(
-        default=(0.0, 0.0), description="share of a_z that the on-board transform adds to a_x and a_y, deg"
-    )
+
+class ErrorBudget(Section):
+    """Noise and constant errors of one source of samples."""
+
     accelerometer_noise: ForceSigma = Field(description="1 sigma of one sample, m/s^2")
     gyro_noise: Annotated[Number, Within("rad/s", 0.0, 1e-2, DEGREES, above=True)] = Field(
         description="1 sigma of one sample, rad/s"
@@ -76,17 +71,6 @@ class Imu(Section):
     )
 
     @property
-    def spacecraft_from_imu_quaternion(self) -> Array:
-        """`spacecraft_from_imu` brought to norm 1, (4,)."""
-        return unit(self.spacecraft_from_imu)
-
-    @property
-    def transformed_alignment(self) -> tuple[float, float]:
-        """`transformed_alignment_deg` in rad."""
-        x, y = self.transformed_alignment_deg
-        return x * DEG, y * DEG
-
-    @property
     def errors(self) -> SensorErrors:
         """Sigmas of the constant errors, as telemetry's records carry them."""
         from edl_filter.telemetry.record import SensorErrors
@@ -100,6 +84,53 @@ class Imu(Section):
         )
 
 
+class Imu(ErrorBudget):
+    """Mounting, noise and error budget of one IMU."""
+
+    spacecraft_from_imu: Quaternion = Field(
+        description="quaternion, scalar last, that takes IMU components to spacecraft ones"
+    )
+    position: LeverArm = Field(description="position from the centre of mass, m, spacecraft axes")
+    transformed_alignment_deg: tuple[
+        Annotated[Number, Within("deg", -5.0, 5.0)], Annotated[Number, Within("deg", -5.0, 5.0)]
+    ] = Field(
+        default=(0.0, 0.0), description="share of a_z that the on-board transform adds to a_x and a_y, deg"
+    )
+    onboard_rate_correction_deg_h: tuple[RateDegH, RateDegH, RateDegH] = Field(
+        default=(0.0, 0.0, 0.0),
+        description="what the on-board software subtracts from the gyros for its quaternion, deg/h, spacecraft axes",
+    )
+
+    @property
+    def spacecraft_from_imu_quaternion(self) -> Array:
+        """`spacecraft_from_imu` brought to norm 1, (4,)."""
+        return unit(self.spacecraft_from_imu)
+
+    @property
+    def transformed_alignment(self) -> tuple[float, float]:
+        """`transformed_alignment_deg` in rad."""
+        x, y = self.transformed_alignment_deg
+        return x * DEG, y * DEG
+
+    @property
+    def onboard_rate_correction(self) -> Array:
+        """`onboard_rate_correction_deg_h` in rad/s, (3,)."""
+        return np.array(self.onboard_rate_correction_deg_h) * DEG / 3600.0
+
+
+class Register(ErrorBudget):
+    """The rover's velocity register and quaternion, the only samples after HIGHRATE's end."""
+
+    frame: RotationMatrix = Field(
+        description="3 rows: axes in which the register accumulates, in J2000 (Earth mean equator and equinox)"
+    )
+
+    @property
+    def frame_matrix(self) -> Array:
+        """`frame` made orthonormal to rounding, (3, 3): takes J2000 to register components."""
+        return orthonormal(self.frame)
+
+
 class MerImu(Window):
     """Telemetry of a Mars Exploration Rover, PDS volume merimu_1001."""
 
@@ -111,9 +142,7 @@ class MerImu(Window):
     spacecraft: Literal[1, 2] = Field(description="1 is Opportunity (MER-B), 2 is Spirit (MER-A)")
     clock: Clock = Field(description="spacecraft clock against UTC")
     epoch_sclk: Sclk = Field(description="spacecraft clock count at time 0, s")
-    register_frame: RotationMatrix = Field(
-        description="3 rows: axes of the rover's velocity register in J2000 (Earth mean equator and equinox)"
-    )
+    velocity_register: Register = Field(description="the rover's accumulated velocity and quaternion")
     imus: dict[str, Imu] = Field(min_length=1, description="IMUs by name")
     driving: str | None = Field(
         default=None, description="IMU that drives at first; absent: the first of imus"
@@ -141,11 +170,6 @@ class MerImu(Window):
     def epoch_utc(self) -> str:
         """UTC of time 0, ISO 8601."""
         return self.sclk_clock.to_utc(self.epoch_sclk)
-
-    @property
-    def register_frame_matrix(self) -> Array:
-        """`register_frame` made orthonormal to rounding, (3, 3): takes J2000 to register components."""
-        return orthonormal(self.register_frame)
 
 
 class FlightFile(Section):

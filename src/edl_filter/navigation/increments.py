@@ -18,6 +18,11 @@ from edl_filter.telemetry.record import ImuRecord
 
 Array = NDArray[np.float64]
 
+#: Part of a sample's hidden rotation in which two integrations of the same samples differ. Two second-order
+#: algorithms, with backward and with central differences, differ by 1/√12 of it; on-board quaternions against
+#: HIGHRATE gyros show 0.02 to 0.2 through parachute openings and bounces of both rovers.
+NOT_SHARED = 0.15
+
 
 @dataclass(frozen=True)
 class Samples:
@@ -32,9 +37,8 @@ class Samples:
     force_noise, rate_noise : (N,) arrays
         One sigma of a sample, m/s² and rad/s, what the sample hides included.
     shared_rate_noise : (N,) array
-        The part of the rate noise that an attitude computed on board from the same gyros has too, with opposite
-        effect: the gyros' own and what a sample hides, but not what is lost in a gap. Of what a sample hides,
-        1/√12 is not shared: two second-order algorithms (backward and central differences) differ by that.
+        The part of the rate noise that an attitude computed on board from the same gyros has too: the gyros'
+        own and most of what a sample hides.
     unit : (N,) integer array
         Which instrument's errors apply.
     """
@@ -97,7 +101,6 @@ def effective_samples(record: ImuRecord) -> Samples:
     effective_force = force + h / 12 * turned + h / 24 * np.cross(rate, np.cross(rate, force))
     effective_rate = rate + h / 12 * np.cross(rate, w1)
     hidden_force, hidden_rate = hidden_motion(dt, force, rate)
-    gap = np.array([name == "gap" for name in record.sources])[record.source]
     return Samples(
         time=record.time,
         interval=dt,
@@ -105,7 +108,7 @@ def effective_samples(record: ImuRecord) -> Samples:
         rate=effective_rate,
         force_noise=np.hypot(record.force_noise, hidden_force),
         rate_noise=np.hypot(record.rate_noise, hidden_rate),
-        shared_rate_noise=np.where(gap, 0.0, np.hypot(record.rate_noise, np.sqrt(11.0 / 12.0) * hidden_rate)),
+        shared_rate_noise=np.hypot(record.shared_rate_noise, np.sqrt(1.0 - NOT_SHARED**2) * hidden_rate),
         unit=record.unit,
     )
 

@@ -101,6 +101,7 @@ def _read_imu(node: Node, name: str) -> ImuRecord:
         position=np.tile(node.attribute("position", 3), (len(time), 1)),
         force_noise=_noise(noises[0], force, inserted),
         rate_noise=_noise(noises[1], rate, inserted),
+        shared_rate_noise=_noise(noises[1], rate, inserted),
         unit=np.zeros(len(time), np.int64),
         units=(name,),
         source=inserted.astype(np.int64),

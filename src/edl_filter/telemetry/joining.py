@@ -28,6 +28,7 @@ class Piece:
     position: Array
     force_noise: Array
     rate_noise: Array
+    shared_rate_noise: Array
 
     @property
     def start(self) -> float:
@@ -92,6 +93,7 @@ def _bridge(piece: Piece, before: int) -> Piece:
         position=np.repeat(piece.position[before : before + 1], count, axis=0),
         force_noise=unknown(piece.force),
         rate_noise=unknown(piece.rate),
+        shared_rate_noise=np.zeros(count),
     )
 
 
@@ -126,6 +128,7 @@ def join(
         position=stack("position"),
         force_noise=stack("force_noise"),
         rate_noise=stack("rate_noise"),
+        shared_rate_noise=stack("shared_rate_noise"),
         unit=np.concatenate([np.full(len(p.time), units.index(p.unit)) for p in pieces]),
         units=units,
         source=np.concatenate([np.full(len(p.time), sources.index(p.source)) for p in pieces]),

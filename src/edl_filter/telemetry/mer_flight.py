@@ -186,7 +186,8 @@ def transformed_piece(tables: MerTables, setup: MerSetup, until: float) -> Piece
     if imu.transformed_alignment is not None:
         force[:, :2] -= imu.transformed_alignment * force[:, 2:]
     sigma = t.backshell_sigma[rows]
-    rate, rate_noise = _quaternion_rates(time, t.backshell_j2000_from_sc[rows], sigma, imu.gyro_noise)
+    rate, rounding = _quaternion_rates(time, t.backshell_j2000_from_sc[rows], sigma)
+    gyro_noise = imu.gyro_noise * np.sqrt(SAMPLE_INTERVAL / np.diff(time))
     n = len(time) - 1
     return Piece(
         source="TRANSFORMED",
@@ -197,20 +198,26 @@ def transformed_piece(tables: MerTables, setup: MerSetup, until: float) -> Piece
         rate=rate @ BODY_FROM_SPACECRAFT.T,
         position=np.zeros((n, 3)),
         force_noise=np.full(n, imu.accelerometer_noise),
-        rate_noise=rate_noise,
+        rate_noise=np.hypot(rounding, gyro_noise),
+        shared_rate_noise=gyro_noise,
     )
 
 
-def _quaternion_rates(time: Array, quaternion: Array, sigma: Array, gyro_noise: Array | float) -> tuple[Array, Array]:
-    """Rates ``(N - 1, 3)`` between rows and their noise, coarse or missing quaternions bridged."""
+def _quaternion_rates(time: Array, quaternion: Array, sigma: Array) -> tuple[Array, Array]:
+    """Rates ``(N - 1, 3)`` between rows and what rounding leaves uncertain of them, coarse quaternions bridged.
+
+    Over a bridge the mean rate is known and its course is not: its change to the neighbouring intervals is taken
+    for one sigma of each of the rows.
+    """
     good = np.flatnonzero(np.isfinite(quaternion[:, 0]) & (sigma < COARSEST_QUATERNION))
-    if len(good) < 2:
-        raise InputError("telemetry: fewer than two usable quaternions in the span asked for.")
+    if len(good) < 3:
+        raise InputError("telemetry: fewer than three usable quaternions in the span asked for.")
     rate = rates_from_quaternions(time[good], quaternion[good])
-    step = np.diff(time[good])
-    noise = np.hypot(np.hypot(sigma[good][1:], sigma[good][:-1]) / step, gyro_noise * np.sqrt(SAMPLE_INTERVAL / step))
+    noise = np.hypot(sigma[good][1:], sigma[good][:-1]) / np.diff(time[good])
+    change = np.linalg.norm(np.gradient(rate, axis=0), axis=1)
     index = np.clip(np.searchsorted(time[good], 0.5 * (time[1:] + time[:-1])) - 1, 0, len(rate) - 1)
-    return rate[index], noise[index]
+    bridged = ~(np.isin(np.arange(1, len(time)), good) & np.isin(np.arange(len(time) - 1), good))
+    return rate[index], np.hypot(noise[index], np.where(bridged, change[index], 0.0))
 
 
 def highrate_piece(tables: MerTables, setup: MerSetup, unit: str) -> Piece:
@@ -234,6 +241,7 @@ def highrate_piece(tables: MerTables, setup: MerSetup, unit: str) -> Piece:
         position=np.tile(_to_body(imu.position), (n, 1)),
         force_noise=np.full(n, imu.accelerometer_noise),
         rate_noise=np.full(n, imu.gyro_noise),
+        shared_rate_noise=np.full(n, imu.gyro_noise),
     )
 
 
@@ -283,6 +291,7 @@ def register_piece(tables: MerTables, setup: MerSetup, start: float) -> Piece:
         position=np.zeros((len(row), 3)),
         force_noise=imu.accelerometer_noise * noise,
         rate_noise=imu.gyro_noise * noise,
+        shared_rate_noise=imu.gyro_noise * noise,
     )
 
 

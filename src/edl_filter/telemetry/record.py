@@ -10,6 +10,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from edl_filter import rotations
 from edl_filter.errors import InputError
 
 Array = NDArray[np.float64]
@@ -49,6 +50,8 @@ class ImuRecord:
         moved to the centre of mass already.
     force_noise, rate_noise : (N,) arrays
         One sigma of one sample, m/s² and rad/s.
+    shared_rate_noise : (N,) array
+        The part of `rate_noise` that an attitude computed on board from the same gyros has too, rad/s.
     unit : (N,) integer array
         Index into `units`: the instrument that took the sample. The sensor errors change with it.
     units : tuple of str
@@ -67,6 +70,7 @@ class ImuRecord:
     position: Array
     force_noise: Array
     rate_noise: Array
+    shared_rate_noise: Array
     unit: NDArray[np.int64]
     units: tuple[str, ...]
     source: NDArray[np.int64]
@@ -77,7 +81,7 @@ class ImuRecord:
         n = len(self.time)
         if n < 2:
             raise InputError(f"IMU '{self.name}': {n} samples; at least 2 are needed.")
-        for key in ("interval", "force_noise", "rate_noise", "unit", "source"):
+        for key in ("interval", "force_noise", "rate_noise", "shared_rate_noise", "unit", "source"):
             if getattr(self, key).shape != (n,):
                 raise InputError(f"IMU '{self.name}': {key} has shape {getattr(self, key).shape}, not ({n},).")
         for key in ("specific_force", "angular_rate", "position"):
@@ -87,8 +91,8 @@ class ImuRecord:
         if not np.all(step > 0.0):  # also catches NaN
             i = int(np.flatnonzero(~(step > 0.0))[0])
             raise InputError(
-                f"IMU '{self.name}': time must increase, but sample {i + 1} at {self.time[i + 1]!r} s follows "
-                f"{self.time[i]!r} s."
+                f"IMU '{self.name}': time must increase, but sample {i + 1} at {self.time[i + 1]:.6g} s follows "
+                f"{self.time[i]:.6g} s."
             )
 
     def __len__(self) -> int:
@@ -108,7 +112,7 @@ class ImuRecord:
         """The samples where `keep` is true."""
         names = (
             "time", "interval", "specific_force", "angular_rate", "position", "force_noise", "rate_noise",
-            "unit", "source",
+            "shared_rate_noise", "unit", "source",
         )
         return replace(self, **{name: getattr(self, name)[keep] for name in names})
 
@@ -135,6 +139,25 @@ class AttitudeRecord:
     sigma: Array
     unit: NDArray[np.int64]
     units: tuple[str, ...]
+
+    def at(self, time: float) -> Array:
+        """Attitude ``(4,)`` at `time`, turned evenly between its two neighbours.
+
+        Raises
+        ------
+        InputError
+            `time` is outside the record.
+        """
+        if not self.time[0] <= time <= self.time[-1]:
+            raise InputError(
+                f"On-board attitude is wanted at {time:g} s; telemetry has it from {self.time[0]:g} to "
+                f"{self.time[-1]:g} s."
+            )
+        k = min(int(np.searchsorted(self.time, time, side="right")), len(self.time) - 1)
+        before, after = self.inertial_from_body[k - 1], self.inertial_from_body[k]
+        turn = rotations.to_rotation_vector(rotations.multiply(rotations.conjugate(before), after))
+        share = (time - self.time[k - 1]) / (self.time[k] - self.time[k - 1])
+        return rotations.multiply(before, rotations.from_rotation_vector(share * turn))
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,344 @@
+"""From a mission and its telemetry to the filter's problem: entry state and constraints.
+
+The mission says which statements are to be used and how well they are known; the telemetry, or the mission
+itself, holds the values. Nothing is estimated here but means over windows.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from edl_filter import rotations
+from edl_filter.errors import InputError
+from edl_filter.mission import Mission
+from edl_filter.mission.estimation import StatedState
+from edl_filter.mission.measurements import FlightFile
+from edl_filter.mission.measurements import MerImu as MerMission
+from edl_filter.mission.sections import FromTelemetry
+from edl_filter.navigation import constraints as known
+from edl_filter.navigation.filter import Problem, Settings, pose
+from edl_filter.navigation.increments import Samples, effective_samples
+from edl_filter.navigation.initial import EntryErrors, onboard_covariance
+from edl_filter.planet import Planet, ellipsoid
+from edl_filter.planet.atmosphere import Atmosphere
+from edl_filter.telemetry.fetch import find_mer_imu
+from edl_filter.telemetry.flight_file import read_flight_file
+from edl_filter.telemetry.mer_archive import read_mer_tables
+from edl_filter.telemetry.mer_flight import MerImu, MerSetup, mer_telemetry
+from edl_filter.telemetry.record import InitialState, Telemetry
+
+Array = NDArray[np.float64]
+
+
+def read_telemetry(mission: Mission) -> Telemetry:
+    """Telemetry of a mission, in body axes and seconds since its epoch.
+
+    Raises
+    ------
+    InputError
+        It is not there, or not as it should be.
+    """
+    path = mission.telemetry_path()
+    if isinstance(mission.telemetry, FlightFile):
+        assert path is not None
+        return read_flight_file(path)
+    tables = read_mer_tables(find_mer_imu(path), mission.telemetry.spacecraft)
+    return mer_telemetry(tables, mer_setup(mission))
+
+
+def mer_setup(mission: Mission) -> MerSetup:
+    """What reading a rover's tables needs of its mission.
+
+    Raises
+    ------
+    InputError
+        The mission does not say when the backshell separates, or how the inertial frame lies.
+    """
+    telemetry = mission.telemetry
+    assert isinstance(telemetry, MerMission)
+    j2000_from_inertial = mission.planet.j2000_from_inertial_matrix
+    separation = mission.vehicle.events.get("backshell_separation")
+    if j2000_from_inertial is None:
+        raise InputError(f"{mission.source}: planet.j2000_from_inertial: found nothing; mer-imu needs it.")
+    if separation is None or {"backshell", "rover"} - set(telemetry.imus):
+        raise InputError(
+            f"{mission.source}: mer-imu needs the event backshell_separation and telemetry.imus named backshell "
+            "and rover."
+        )
+    imus = {
+        name: MerImu(
+            accelerometer_noise=imu.accelerometer_noise,
+            gyro_noise=imu.gyro_noise,
+            errors=imu.errors,
+            spacecraft_from_imu=imu.spacecraft_from_imu_quaternion,
+            position=np.array(imu.position),
+            transformed_alignment=np.array(imu.transformed_alignment),
+            onboard_rate_correction=imu.onboard_rate_correction,
+        )
+        for name, imu in telemetry.imus.items()
+    }
+    register = telemetry.velocity_register
+    imus["register"] = MerImu(register.accelerometer_noise, register.gyro_noise, register.errors)
+    onboard = mission.constraints.onboard_attitude
+    events = mission.event_times()
+    return MerSetup(
+        epoch_sclk=telemetry.epoch_sclk,
+        epoch_utc=telemetry.epoch_utc,
+        start=telemetry.start_s,
+        end=telemetry.end_s,
+        separation=events["backshell_separation"],
+        rover_position=np.array(separation.position or (0.0, 0.0, 0.0)),
+        inertial_from_j2000=rotations.from_matrix(j2000_from_inertial.T),
+        j2000_from_register=rotations.from_matrix(register.frame_matrix.T),
+        imus=imus,
+        events=events,
+        attitude_sigma=onboard.sigma if onboard else 0.0,
+    )
+
+
+def read_atmosphere(mission: Mission) -> Atmosphere:
+    """Preflight atmosphere of a mission."""
+    a = mission.atmosphere
+    return Atmosphere.read(mission.atmosphere_path(), a.gas_constant, a.heat_capacity_ratio)
+
+
+def assemble(mission: Mission, telemetry: Telemetry, planet: Planet, atmosphere: Atmosphere) -> Problem:
+    """Put the filter's problem together.
+
+    Raises
+    ------
+    InputError
+        The mission takes something from the telemetry that is not in it, or a window holds no samples.
+    """
+    samples = effective_samples(telemetry.driving)
+    initial, entry = entry_state(mission, telemetry)
+    f = mission.filter
+    onboard = mission.constraints.onboard_attitude
+    return pose(
+        samples,
+        initial,
+        entry,
+        telemetry.driving.errors,
+        statements(mission, telemetry, samples, planet, atmosphere, initial.time),
+        planet,
+        Settings(f.alpha, f.beta, f.kappa, f.longest_interval_s, f.gate_probability),
+        times=tuple((mission.event_times() | telemetry.events).values()),
+        unit_change_sigma=onboard.unit_change_sigma if onboard else 0.0,
+    )
+
+
+def entry_state(mission: Mission, telemetry: Telemetry) -> tuple[InitialState, EntryErrors]:
+    """Entry state, and what may be wrong with it besides its covariance."""
+    stated = mission.initial_state
+    if not isinstance(stated, StatedState):
+        if telemetry.initial is None:
+            raise InputError(f"{mission.source}: initial_state.from: the telemetry has no initial state.")
+        return telemetry.initial, EntryErrors()
+    on_board = stated.attitude == "onboard"
+    if on_board:
+        if telemetry.attitude is None:
+            raise InputError(f"{mission.source}: initial_state.attitude: the telemetry has no on-board attitude.")
+        attitude = telemetry.attitude.at(stated.time_s)
+    elif stated.attitude is None:
+        raise InputError(f"{mission.source}: initial_state.attitude: found nothing; 'onboard' or a quaternion.")
+    else:
+        attitude = rotations.normalise(stated.attitude)
+    covariance = stated.covariance_matrix(attitude, mission.planet.j2000_from_inertial_matrix)
+    frame = None
+    if on_board:
+        # the attitude's error is that of the on-board frame: one state for both, and rounding for the rest
+        turn = rotations.to_matrix(attitude)
+        frame = turn @ covariance[6:, 6:] @ turn.T
+        covariance[6:, :] = covariance[:, 6:] = 0.0
+        assert telemetry.attitude is not None
+        covariance[6:, 6:] = float(np.median(telemetry.attitude.sigma)) ** 2 * np.eye(3)
+    initial = InitialState(
+        stated.time_s, np.array(stated.position), np.array(stated.velocity), attitude, covariance
+    )
+    return initial, EntryErrors(stated.epoch_sigma_s, stated.frame_rotation_sigma, frame)
+
+
+def statements(
+    mission: Mission,
+    telemetry: Telemetry,
+    samples: Samples,
+    planet: Planet,
+    atmosphere: Atmosphere,
+    start: float,
+) -> list[known.Constraint]:
+    """All constraints that the mission wants, from `start` (s) on."""
+    c = mission.constraints
+    found: list[known.Constraint] = []
+    if c.pre_entry_zero_force is not None:
+        z = c.pre_entry_zero_force
+        part = window(samples, z.start_s, z.end_s, "pre_entry_zero_force")
+        noise = float(np.sqrt(np.mean(part.force_noise**2) / len(part.time)))
+        found.append(known.ZeroSpecificForce(start, mean(part), np.full(3, np.hypot(z.sigma, noise))))
+    if c.onboard_attitude is not None:
+        found += onboard_attitudes(telemetry, c.onboard_attitude.interval_s, start)
+    if c.parachute is not None:
+        found.append(_parachute(mission, telemetry, planet, atmosphere))
+    if c.steady_descent is not None:
+        found.append(_steady_descent(mission, samples, planet, atmosphere))
+    if c.landing is not None:
+        found.append(_landing(mission, telemetry, planet))
+    if c.rest is not None:
+        found += _rest(mission, telemetry, samples, planet)
+    if c.altimeter is not None:
+        found += _altimeter(mission, telemetry)
+    return found
+
+
+def window(samples: Samples, start: float, end: float, name: str) -> Samples:
+    """Samples within a constraint's window."""
+    first, last = samples.index(start), samples.index(end)
+    if last - first < 2:
+        raise InputError(
+            f"constraints.{name}: no telemetry between {start:g} and {end:g} s; it runs from "
+            f"{samples.time[0]:g} to {samples.time[-1]:g} s."
+        )
+    return samples.part(first, last)
+
+
+def mean(samples: Samples) -> Array:
+    """Mean specific force over time, body axes."""
+    return samples.interval @ samples.force / samples.interval.sum()
+
+
+def onboard_attitudes(telemetry: Telemetry, interval: float, start: float) -> list[known.Constraint]:
+    """On-board attitudes every `interval` and on both sides of a gap, where the gyros were read themselves.
+
+    Where the rates were made from the on-board quaternion it would say nothing new.
+    """
+    attitude, driving = telemetry.attitude, telemetry.driving
+    if attitude is None:
+        raise InputError("constraints.onboard_attitude: the telemetry has no on-board attitude.")
+    gyros = np.isin(driving.source, [i for i, s in enumerate(driving.sources) if s in ("HIGHRATE", "gap")])
+    span = driving.time[gyros]
+    gap = driving.time[driving.source == driving.sources.index("gap")] if "gap" in driving.sources else ()
+    found: list[known.Constraint] = []
+    last = -np.inf
+    for time, quaternion, sigma in zip(attitude.time, attitude.inertial_from_body, attitude.sigma, strict=True):
+        if not max(start, span[0]) < time <= span[-1]:
+            continue
+        across_gap = any(last < g < time for g in gap)
+        if time - last >= interval or across_gap:
+            found.append(known.OnboardAttitude(float(time), quaternion, float(sigma)))
+            last = time
+    return found
+
+
+def _event(mission: Mission, telemetry: Telemetry, name: str, constraint: str) -> float:
+    times = telemetry.events | mission.event_times()
+    if name not in times:
+        raise InputError(f"{mission.source}: constraints.{constraint} needs the event {name}; there is none.")
+    return times[name]
+
+
+def _parachute(
+    mission: Mission, telemetry: Telemetry, planet: Planet, atmosphere: Atmosphere
+) -> known.DynamicPressure:
+    stated, sigma = mission.constraints.parachute, mission.atmosphere.density_sigma
+    if isinstance(stated, FromTelemetry):
+        fix = telemetry.parachute
+        if fix is None:
+            raise InputError(f"{mission.source}: constraints.parachute: the telemetry says nothing of it.")
+        return known.DynamicPressure(
+            fix.time, fix.dynamic_pressure, fix.dynamic_pressure_sigma, sigma, planet, atmosphere
+        )
+    assert stated is not None
+    time = _event(mission, telemetry, "parachute_deploy", "parachute")
+    return known.DynamicPressure(
+        time, stated.dynamic_pressure, stated.dynamic_pressure_sigma, sigma, planet, atmosphere
+    )
+
+
+def _steady_descent(
+    mission: Mission, samples: Samples, planet: Planet, atmosphere: Atmosphere
+) -> known.SteadyDescent:
+    """Terminal speed from the measured drag: ``m f = ρ V² C_D S / 2``, with the landing site's density."""
+    c, parachute, site = mission.constraints.steady_descent, mission.vehicle.parachute, mission.constraints.landing
+    assert c is not None
+    if parachute is None or parachute.drag_coefficient is None or site is None or isinstance(site, FromTelemetry):
+        raise InputError(
+            f"{mission.source}: constraints.steady_descent needs vehicle.parachute.drag_coefficient and a stated "
+            "constraints.landing, whose altitude gives the density."
+        )
+    part = window(samples, c.start_s, c.end_s, "steady_descent")
+    drag = float(part.interval @ np.linalg.norm(part.force, axis=1) / part.interval.sum())
+    time = 0.5 * (c.start_s + c.end_s)
+    events = mission.event_times()
+    masses = [e.mass for n, e in mission.vehicle.events.items() if e.mass is not None and events[n] < time]
+    mass = masses[-1] if masses else mission.vehicle.mass
+    _, _, altitude = ellipsoid.geodetic_from_fixed(
+        site.position, planet.equatorial_radius, planet.flattening
+    )
+    area = np.pi / 4.0 * parachute.area_diameter**2
+    density = float(atmosphere.density(altitude))
+    speed = np.sqrt(2.0 * mass * drag / (density * parachute.drag_coefficient * area))
+    density_part = 0.5 * mission.atmosphere.density_sigma
+    vertical = speed * float(np.hypot(c.vertical_sigma, density_part))
+    return known.SteadyDescent(
+        time,
+        np.array([0.0, 0.0, -speed]),
+        np.array([c.horizontal_sigma, c.horizontal_sigma, vertical]),
+        planet,
+    )
+
+
+def _landing(mission: Mission, telemetry: Telemetry, planet: Planet) -> known.LandingSite:
+    stated = mission.constraints.landing
+    if isinstance(stated, FromTelemetry):
+        fix = telemetry.landing
+        if fix is None:
+            raise InputError(f"{mission.source}: constraints.landing: the telemetry has no landing position.")
+        return known.LandingSite(fix.time, fix.position, np.diag(fix.position_sigma**2), planet)
+    assert stated is not None
+    enu = ellipsoid.enu_from_fixed(stated.latitude, stated.longitude)
+    sigma = np.array([stated.horizontal_sigma, stated.horizontal_sigma, stated.vertical_sigma])
+    time = _event(mission, telemetry, "landing", "landing")
+    return known.LandingSite(time, stated.position, enu.T @ np.diag(sigma**2) @ enu, planet)
+
+
+def _rest(
+    mission: Mission, telemetry: Telemetry, samples: Samples, planet: Planet
+) -> list[known.Constraint]:
+    """Rest: no velocity, and minus gravity on the accelerometers; in a flight file also rates on the gyros."""
+    stated = mission.constraints.rest
+    assert stated is not None
+    if isinstance(stated, FromTelemetry):
+        if telemetry.landing is None:
+            raise InputError(f"{mission.source}: constraints.rest: the telemetry has no landing.")
+        start, end = telemetry.landing.time, float(samples.time[-1])
+    else:
+        start, end = stated.start_s, stated.end_s
+    part = window(samples, start, end, "rest")
+    count = len(part.time)
+    force_sigma = float(np.sqrt(np.mean(part.force_noise**2) / count))
+    rate_sigma = float(np.sqrt(np.mean(part.rate_noise**2) / count))
+    found: list[known.Constraint] = [known.RestVelocity(start, stated.velocity_sigma, planet)]
+    if isinstance(stated, FromTelemetry):
+        found.append(known.RestGravity(start, mean(part), force_sigma, planet))
+        rate = part.interval @ part.rate / part.interval.sum()
+        found.append(known.RestRate(start, rate, rate_sigma, planet))
+    elif stated.gravity_direction_sigma is not None:
+        force = mean(part)
+        sigma = float(np.hypot(force_sigma, np.linalg.norm(force) * stated.gravity_direction_sigma))
+        found.append(known.RestGravity(start, force, sigma, planet))
+    return found
+
+
+def _altimeter(mission: Mission, telemetry: Telemetry) -> list[known.Constraint]:
+    """Every reading up to the landing."""
+    stated, record = mission.constraints.altimeter, telemetry.altimeter
+    assert stated is not None
+    if record is None:
+        raise InputError(f"{mission.source}: constraints.altimeter: the telemetry has no altimeter.")
+    end = telemetry.landing.time if telemetry.landing is not None else np.inf
+    sigma = stated.sigma if stated.sigma is not None else record.sigma
+    return [
+        known.Altimeter(float(t), float(h), sigma, record.surface_radius)
+        for t, h in zip(record.time, record.height, strict=True)
+        if t <= end
+    ]

@@ -1,0 +1,145 @@
+"""The main job: from a mission to a reconstructed entry."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from edl_filter import rotations
+from edl_filter.assembly import assemble, read_atmosphere, read_telemetry
+from edl_filter.mission import Mission
+from edl_filter.navigation import initial
+from edl_filter.navigation.filter import Forward, Problem, forward
+from edl_filter.navigation.leave_one_out import Statement, entry_statement, statements
+from edl_filter.navigation.smoother import Smoothed, smooth
+from edl_filter.navigation.trajectory import Trajectory, trace
+from edl_filter.planet import Planet
+from edl_filter.planet.atmosphere import Atmosphere
+from edl_filter.telemetry.record import Telemetry
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class EntryCorrection:
+    """What had to give in the entry state.
+
+    Attributes
+    ----------
+    change, change_sigma : (9,) arrays
+        Smoothed minus stated: position (m), velocity (m/s), attitude (rad, body axes), and one sigma of the
+        smoothed state.
+    rotation, rotation_left : (3,) array, (6,) array
+        The one rotation of the state's frame (rad, inertial axes) that comes nearest to the change of position and
+        velocity, and what it leaves of them.
+    states : dict
+        Name → (estimate, sigma) of the entry epoch (s), the state's frame (rad, inertial axes) and the on-board
+        attitude's frame (rad, inertial axes), as far as they are states.
+    """
+
+    change: Array
+    change_sigma: Array
+    rotation: Array
+    rotation_left: Array
+    states: dict[str, tuple[Array, Array]]
+
+
+@dataclass(frozen=True)
+class Reconstruction:
+    """A reconstructed entry and all that it came from."""
+
+    mission: Mission
+    telemetry: Telemetry
+    planet: Planet
+    atmosphere: Atmosphere
+    problem: Problem
+    forward: Forward
+    smoothed: Smoothed
+    trajectory: Trajectory
+    statements: list[Statement]
+    entry: EntryCorrection
+    timing: dict[str, float]
+
+    @property
+    def event_times(self) -> dict[str, float]:
+        """Name → s since the epoch."""
+        return dict(sorted((self.telemetry.events | self.mission.event_times()).items(), key=lambda e: e[1]))
+
+    @property
+    def site_radius(self) -> float | None:
+        """Distance of the landing site from the planet's centre, m, where a landing site is known."""
+        for fused in self.forward.fused:
+            if fused.constraint.name == "landing":
+                return float(np.linalg.norm(fused.constraint.measured))
+        return None
+
+
+def reconstruct(mission: Mission) -> Reconstruction:
+    """Reconstruct an entry.
+
+    Parameters
+    ----------
+    mission : Mission
+
+    Returns
+    -------
+    Reconstruction
+
+    Raises
+    ------
+    InputError
+        The mission's telemetry or tables are missing or not as they should be.
+    """
+    timing: dict[str, float] = {}
+    with _timed(timing, "telemetry"):
+        telemetry = read_telemetry(mission)
+        atmosphere = read_atmosphere(mission)
+        planet = mission.planet_model(telemetry.prime_meridian_at_epoch)
+    with _timed(timing, "filter"):
+        problem = assemble(mission, telemetry, planet, atmosphere)
+        way = forward(problem)
+    with _timed(timing, "smoother"):
+        smoothed = smooth(way)
+        trajectory = trace(problem, smoothed, way.layout)
+    with _timed(timing, "leave_one_out"):
+        found = statements(problem, way, smoothed)
+        entry, prior = _entry_correction(problem, way, smoothed)
+        found.insert(0, entry_statement(problem, way, smoothed, prior, -entry.change))
+    return Reconstruction(
+        mission, telemetry, planet, atmosphere, problem, way, smoothed, trajectory, found, entry, timing
+    )
+
+
+@contextmanager
+def _timed(timing: dict[str, float], stage: str) -> Iterator[None]:
+    begin = time.perf_counter()
+    yield
+    timing[stage] = time.perf_counter() - begin
+
+
+def _entry_correction(problem: Problem, way: Forward, smoothed: Smoothed) -> tuple[EntryCorrection, Array]:
+    """Correction of the entry state, and its prior covariance (9, 9)."""
+    layout, stated = way.layout, problem.initial
+    reference, covariance = initial.start(
+        layout, stated, problem.entry, problem.instruments[int(problem.samples.unit[0])], problem.planet
+    )
+    change = smoothed.states[0].minus(reference)[:9]
+    sigma = np.sqrt(np.diag(smoothed.covariance[0]))
+    scale = np.repeat(1.0 / np.array([np.linalg.norm(stated.position), np.linalg.norm(stated.velocity)]), 3)
+    effect = initial.frame_effect(stated)
+    rotation = np.linalg.lstsq(effect * scale[:, None], change[:6] * scale, rcond=None)[0]
+    names = [n for n in ("entry_epoch", "entry_frame", "onboard_attitude") if n in layout]
+    states = {n: (smoothed.states[0].errors[layout[n]], sigma[layout[n]]) for n in names}
+    entry = EntryCorrection(change, sigma[:9], rotation, change[:6] - effect @ rotation, states)
+    return entry, covariance[:9, :9]
+
+
+def in_j2000(mission: Mission, rotation: Array) -> Array | None:
+    """Components in J2000 of an inertial rotation vector, where the mission says how the frames lie."""
+    matrix = mission.planet.j2000_from_inertial_matrix
+    return None if matrix is None else rotations.rotate(rotations.from_matrix(matrix), rotation)
