@@ -19,7 +19,7 @@ from edl_filter.mission.sections import FromTelemetry
 from edl_filter.navigation import constraints as known
 from edl_filter.navigation.filter import Problem, Settings, pose
 from edl_filter.navigation.increments import Samples, effective_samples
-from edl_filter.navigation.initial import EntryErrors, onboard_covariance
+from edl_filter.navigation.initial import EntryErrors
 from edl_filter.planet import Planet, ellipsoid
 from edl_filter.planet.atmosphere import Atmosphere
 from edl_filter.telemetry.fetch import find_mer_imu
@@ -145,18 +145,16 @@ def entry_state(mission: Mission, telemetry: Telemetry) -> tuple[InitialState, E
     else:
         attitude = rotations.normalise(stated.attitude)
     covariance = stated.covariance_matrix(attitude, mission.planet.j2000_from_inertial_matrix)
-    frame = None
-    if on_board:
-        # the attitude's error is that of the on-board frame: one state for both, and rounding for the rest
-        turn = rotations.to_matrix(attitude)
-        frame = turn @ covariance[6:, 6:] @ turn.T
-        covariance[6:, :] = covariance[:, 6:] = 0.0
-        assert telemetry.attitude is not None
-        covariance[6:, 6:] = float(np.median(telemetry.attitude.sigma)) ** 2 * np.eye(3)
     initial = InitialState(
         stated.time_s, np.array(stated.position), np.array(stated.velocity), attitude, covariance
     )
-    return initial, EntryErrors(stated.epoch_sigma_s, stated.frame_rotation_sigma, frame)
+    onboard = None
+    if mission.constraints.onboard_attitude is not None and telemetry.attitude is not None:
+        onboard = telemetry.attitude.at(stated.time_s)
+    return initial, EntryErrors(
+        stated.epoch_sigma_s, stated.frame_rotation_sigma, onboard, float(np.max(telemetry.attitude.sigma))
+        if telemetry.attitude is not None else 0.0
+    )
 
 
 def statements(
@@ -216,17 +214,29 @@ def onboard_attitudes(telemetry: Telemetry, interval: float, start: float) -> li
         raise InputError("constraints.onboard_attitude: the telemetry has no on-board attitude.")
     gyros = np.isin(driving.source, [i for i, s in enumerate(driving.sources) if s in ("HIGHRATE", "gap")])
     span = driving.time[gyros]
-    gap = driving.time[driving.source == driving.sources.index("gap")] if "gap" in driving.sources else ()
+    gap = driving.source == (driving.sources.index("gap") if "gap" in driving.sources else -1)
+    inside, edges = _within(attitude.time, driving.time[gap], driving.interval[gap])
     found: list[known.Constraint] = []
     last = -np.inf
-    for time, quaternion, sigma in zip(attitude.time, attitude.inertial_from_body, attitude.sigma, strict=True):
-        if not max(start, span[0]) < time <= span[-1]:
-            continue
-        across_gap = any(last < g < time for g in gap)
-        if time - last >= interval or across_gap:
-            found.append(known.OnboardAttitude(float(time), quaternion, float(sigma)))
+    for k in np.flatnonzero((attitude.time > max(start, span[0])) & (attitude.time <= span[-1]) & ~inside):
+        time = float(attitude.time[k])
+        if time - last >= interval or k in edges:
+            quaternion, sigma = attitude.inertial_from_body[k], float(attitude.sigma[k])
+            found.append(known.OnboardAttitude(time, quaternion, sigma))
             last = time
     return found
+
+
+def _within(time: Array, end: Array, interval: Array) -> tuple[NDArray[np.bool_], set[int]]:
+    """Which of `time` lie within intervals, and the indices of the last before and the first after them."""
+    inside = np.zeros(len(time), bool)
+    edges: set[int] = set()
+    for stop, length in zip(end, interval, strict=True):
+        inside |= (time > stop - length + 1e-6) & (time < stop - 1e-6)
+    for stop, length in zip(end, interval, strict=True):
+        before, after = np.flatnonzero(time <= stop - length + 1e-6), np.flatnonzero(time >= stop - 1e-6)
+        edges |= {int(before[-1]), int(after[0])} if len(before) and len(after) else set()
+    return inside, edges
 
 
 def _event(mission: Mission, telemetry: Telemetry, name: str, constraint: str) -> float:

@@ -38,8 +38,8 @@ class EntryCorrection:
         The one rotation of the state's frame (rad, inertial axes) that comes nearest to the change of position and
         velocity, and what it leaves of them.
     states : dict
-        Name → (estimate, sigma) of the entry epoch (s), the state's frame (rad, inertial axes) and the on-board
-        attitude's frame (rad, inertial axes), as far as they are states.
+        Name → (estimate, sigma) of the entry epoch (s) and the state's frame (rad, inertial axes), as far as they
+        are states.
     """
 
     change: Array
@@ -107,9 +107,9 @@ def reconstruct(mission: Mission) -> Reconstruction:
         smoothed = smooth(way)
         trajectory = trace(problem, smoothed, way.layout)
     with _timed(timing, "leave_one_out"):
-        found = statements(problem, way, smoothed)
+        found = statements(problem, way)
         entry, prior = _entry_correction(problem, way, smoothed)
-        found.insert(0, entry_statement(problem, way, smoothed, prior, -entry.change))
+        found.insert(0, entry_statement(smoothed, prior, -entry.change))
     return Reconstruction(
         mission, telemetry, planet, atmosphere, problem, way, smoothed, trajectory, found, entry, timing
     )
@@ -133,7 +133,7 @@ def _entry_correction(problem: Problem, way: Forward, smoothed: Smoothed) -> tup
     scale = np.repeat(1.0 / np.array([np.linalg.norm(stated.position), np.linalg.norm(stated.velocity)]), 3)
     effect = initial.frame_effect(stated)
     rotation = np.linalg.lstsq(effect * scale[:, None], change[:6] * scale, rcond=None)[0]
-    names = [n for n in ("entry_epoch", "entry_frame", "onboard_attitude") if n in layout]
+    names = [n for n in ("entry_epoch", "entry_frame") if n in layout]
     states = {n: (smoothed.states[0].errors[layout[n]], sigma[layout[n]]) for n in names}
     entry = EntryCorrection(change, sigma[:9], rotation, change[:6] - effect @ rotation, states)
     return entry, covariance[:9, :9]

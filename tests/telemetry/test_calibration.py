@@ -27,6 +27,8 @@ def record(name, time, interval, force, rate=None, position=None):
         force_noise=np.full(n, 0.003),
         rate_noise=np.full(n, 1e-5),
         shared_rate_noise=np.full(n, 1e-5),
+        net_turn=np.zeros(n, bool),
+        net_gain=np.zeros(n, bool),
         unit=np.zeros(n, np.int64),
         units=("unit",),
         source=np.zeros(n, np.int64),

@@ -1,7 +1,7 @@
 """What is known of the flight besides the IMU, each statement one class.
 
 A constraint says at one time what was measured, how well, where that comes from, and what a state predicts
-for it. `predict` works on all sigma points at once: navigation states ``(10, S)``, other states ``(n, S)``,
+for it. `predict` works on all sigma points at once: navigation states ``(10 or 14, S)``, other states ``(n, S)``,
 and gives ``(S, m)``.
 """
 
@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from edl_filter import rotations
-from edl_filter.navigation.layout import Layout, attitude_errors, turned_left
+from edl_filter.navigation.layout import Layout, attitude_errors
 from edl_filter.planet import Planet
 from edl_filter.planet.atmosphere import Atmosphere
 
@@ -61,9 +61,9 @@ class Constraint(Protocol):
 
 @dataclass(frozen=True)
 class OnboardAttitude:
-    """Attitude computed on board, whose frame is off by the state ``onboard_attitude`` (inertial axes).
+    """Attitude computed on board, against the same sum of gyro readings carried along by the filter.
 
-    Predicted is the rotation vector in body axes from the on-board attitude to the state's, so that zero
+    Predicted is the rotation vector in body axes from the telemetered quaternion to the carried one, so that zero
     was measured.
     """
 
@@ -85,11 +85,8 @@ class OnboardAttitude:
         return self.sigma**2 * np.eye(3)
 
     def predict(self, nav: Array, errors: Array, layout: Layout) -> Array:
-        """Turn from the on-board attitude to ``exp(frame error) ⊗ attitude``."""
-        attitude = nav[6:]
-        if "onboard_attitude" in layout:
-            attitude = turned_left(errors[layout["onboard_attitude"]].T, attitude)
-        return attitude_errors(self.inertial_from_body, attitude)
+        """Turn from the telemetered quaternion to the carried one."""
+        return attitude_errors(self.inertial_from_body, nav[10:])
 
 
 @dataclass(frozen=True)
@@ -290,7 +287,7 @@ class RestGravity:
         position = nav[:3].T
         centrifugal = position * np.array([1.0, 1.0, 0.0]) * self.planet.rotation_rate**2
         support = -self.planet.gravity(position) - centrifugal
-        force = rotations.rotate(rotations.conjugate(nav[6:].T), support)
+        force = rotations.rotate(rotations.conjugate(nav[6:10].T), support)
         if "accelerometer_misalignment" in layout:
             turn = rotations.from_rotation_vector(errors[layout["accelerometer_misalignment"]].T)
             force = rotations.rotate(turn, force)
@@ -326,7 +323,7 @@ class RestRate:
     def predict(self, nav: Array, errors: Array, layout: Layout) -> Array:
         """``(1 + s) ∘ Cᵀ ω + b``."""
         spin = np.array([0.0, 0.0, self.planet.rotation_rate])
-        rate = rotations.rotate(rotations.conjugate(nav[6:].T), spin)
+        rate = rotations.rotate(rotations.conjugate(nav[6:10].T), spin)
         if "gyro_scale" in layout:
             rate = rate * (1.0 + errors[layout["gyro_scale"]].T)
         if "gyro_bias" in layout:

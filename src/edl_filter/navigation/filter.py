@@ -7,7 +7,8 @@ and a regular grid between them.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,12 +19,13 @@ from edl_filter.navigation import initial as entry_state
 from edl_filter.navigation.constraints import Constraint
 from edl_filter.navigation.increments import Samples
 from edl_filter.navigation.initial import EntryErrors
-from edl_filter.navigation.layout import Layout, State
+from edl_filter.navigation.layout import ONBOARD, Layout, State
 from edl_filter.navigation.ukf import ErrorStateUKF, Innovation, Transition
 from edl_filter.planet import Planet
 from edl_filter.telemetry.record import InitialState, SensorErrors
 
 Array = NDArray[np.float64]
+SAME_TIME = 2e-6  # s: times nearer than this are one
 
 
 @dataclass(frozen=True)
@@ -198,9 +200,9 @@ def pose(
 
 
 def merge(times: Array) -> Array:
-    """Sorted times, those within two microseconds of each other taken as one."""
+    """Sorted times, those within `SAME_TIME` of each other taken as one."""
     ordered = np.sort(times)
-    return ordered[np.concatenate(([True], np.diff(ordered) > 2e-6))]
+    return ordered[np.concatenate(([True], np.diff(ordered) > SAME_TIME))]
 
 
 def forward(problem: Problem) -> Forward:
@@ -214,32 +216,73 @@ def forward(problem: Problem) -> Forward:
     -------
     Forward
     """
-    layout, samples, settings = problem.layout, problem.samples, problem.settings
-    unit = int(samples.unit[0])
+    unit = int(problem.samples.unit[0])
     state, covariance = entry_state.start(
-        layout, problem.initial, problem.entry, problem.instruments[unit], problem.planet
+        problem.layout, problem.initial, problem.entry, problem.instruments[unit], problem.planet
     )
+    start = Node(problem.initial.time, unit, None, state, covariance)
+    return _march(problem, start, problem.constraints, [], [])
+
+
+def forward_without(problem: Problem, way: Forward, name: str) -> Forward:
+    """Walk again without the constraints called `name`, from the epoch before the first of them on.
+
+    Parameters
+    ----------
+    problem : Problem
+    way : Forward
+        With all constraints; what lies before the first left-out one is taken from it.
+    name : str
+    """
+    first = min(f.node for f in way.fused if f.constraint.name == name)
+    if first == 0:
+        return forward(replace(problem, constraints=_others(problem.constraints, name)))
+    nodes, fused = way.nodes[:first], [f for f in way.fused if f.node < first]
+    later = tuple(c for c in problem.constraints if c.time > nodes[-1].time + SAME_TIME)
+    return _march(problem, nodes[-1], _others(later, name), nodes, fused)
+
+
+def _others(constraints: tuple[Constraint, ...], name: str) -> tuple[Constraint, ...]:
+    return tuple(c for c in constraints if c.name != name)
+
+
+def _march(
+    problem: Problem, start: Node, constraints: tuple[Constraint, ...], nodes: list[Node], fused: list[Fused]
+) -> Forward:
+    """Go on from `start` through the epochs that are left; `nodes` and `fused` hold what was before."""
+    samples, settings, unit = problem.samples, problem.settings, start.unit
     ukf = ErrorStateUKF(
-        layout, state, covariance, problem.planet, settings.alpha, settings.beta, settings.kappa
+        problem.layout,
+        start.state,
+        start.covariance,
+        problem.planet,
+        settings.alpha,
+        settings.beta,
+        settings.kappa,
     )
-    nodes: list[Node] = []
-    fused: list[Fused] = []
-    pending = list(problem.constraints)
-    done = 0
+    nodes, fused, pending = list(nodes), list(fused), list(constraints)
+    done = samples.index(start.time)
+    left = problem.epochs if not nodes else problem.epochs[problem.epochs > start.time + SAME_TIME]
     arrival: Transition | None = None
-    for epoch in problem.epochs:
+    for epoch in left:
         stop = samples.index(epoch)
         if stop > done:
             arrival = ukf.advance(samples.part(done, stop))
             done = stop
-        while pending and pending[0].time <= epoch + 2e-6:
+        while pending and pending[0].time <= epoch + SAME_TIME:
             fused.append(_fuse(ukf, pending.pop(0), len(nodes), settings.gate_probability))
         nodes.append(Node(float(epoch), unit, arrival, ukf.state, ukf.P.copy()))
         if done < len(samples.time) and samples.unit[done] != unit:
             unit = int(samples.unit[done])
             arrival = _change_unit(ukf, problem, unit)
             nodes.append(Node(float(epoch), unit, arrival, ukf.state, ukf.P.copy()))
-    return Forward(layout, nodes, fused)
+    return Forward(problem.layout, nodes, fused)
+
+
+@lru_cache
+def gate_limit(probability: float, dof: int) -> float:
+    """Quantile of the chi-square distribution."""
+    return float(chi2.ppf(probability, dof))
 
 
 def _fuse(ukf: ErrorStateUKF, constraint: Constraint, node: int, gate: float) -> Fused:
@@ -248,7 +291,7 @@ def _fuse(ukf: ErrorStateUKF, constraint: Constraint, node: int, gate: float) ->
     nav, errors = ukf.states(sigmas)
     predicted = constraint.predict(nav, errors, ukf.layout)
     innovation = ukf.innovate(constraint.measured, constraint.noise, predicted)
-    accepted = innovation.nis <= chi2.ppf(gate, len(innovation.residual))
+    accepted = innovation.nis <= gate_limit(gate, len(innovation.residual))
     if accepted:
         ukf.absorb(constraint.measured, constraint.noise, predicted)
     return Fused(constraint, node, innovation, bool(accepted))
@@ -262,8 +305,8 @@ def _change_unit(ukf: ErrorStateUKF, problem: Problem, unit: int) -> Transition:
     keep[sensor, sensor] = 0.0
     noise = np.zeros_like(keep)
     noise[sensor, sensor] = entry_state.sensor_prior(layout, problem.instruments[unit])
-    if "onboard_attitude" in layout:
-        where = layout["onboard_attitude"]
+    if ONBOARD in layout:
+        where = layout[ONBOARD]
         noise[where, where] = problem.unit_change_sigma**2 * np.eye(3)
     errors = ukf.state.errors.copy()
     errors[sensor] = 0.0

@@ -14,6 +14,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 from numpy.typing import NDArray
 
+from edl_filter import rotations
 from edl_filter.telemetry.record import ImuRecord
 
 Array = NDArray[np.float64]
@@ -97,15 +98,15 @@ def effective_samples(record: ImuRecord) -> Samples:
     f1 = slope(record.time, dt, force)
     w1 = slope(record.time, dt, rate)
     h = dt[:, None] ** 2
-    turned = np.cross(rate, f1) - np.cross(w1, force)
-    effective_force = force + h / 12 * turned + h / 24 * np.cross(rate, np.cross(rate, force))
-    effective_rate = rate + h / 12 * np.cross(rate, w1)
+    coning = h / 12 * rotations.cross(rate, w1)
+    sculling = h / 12 * (rotations.cross(rate, f1) - rotations.cross(w1, force))
+    rotation = h / 24 * rotations.cross(rate, rotations.cross(rate, force))
     hidden_force, hidden_rate = hidden_motion(dt, force, rate)
     return Samples(
         time=record.time,
         interval=dt,
-        force=effective_force,
-        rate=effective_rate,
+        force=force + np.where(record.net_gain[:, None], 0.0, sculling + rotation),
+        rate=rate + np.where(record.net_turn[:, None], 0.0, coning),
         force_noise=np.hypot(record.force_noise, hidden_force),
         rate_noise=np.hypot(record.rate_noise, hidden_rate),
         shared_rate_noise=np.hypot(record.shared_rate_noise, np.sqrt(1.0 - NOT_SHARED**2) * hidden_rate),
@@ -137,8 +138,8 @@ def lever_arm_acceleration(interval: Array, rate: Array, position: Array, unit: 
     change = np.flatnonzero(np.any(np.diff(position, axis=0) != 0.0, axis=1) | (np.diff(unit) != 0))
     end[change] = rate[change]
     start[change + 1] = rate[change + 1]
-    tangential = np.cross(end - start, position) / interval[:, None]
-    return tangential + np.cross(rate, np.cross(rate, position))
+    tangential = rotations.cross(end - start, position) / interval[:, None]
+    return tangential + rotations.cross(rate, rotations.cross(rate, position))
 
 
 def hidden_motion(interval: Array, force: Array, rate: Array) -> tuple[Array, Array]:

@@ -1,8 +1,12 @@
 """The start of the filter: entry state, its covariance, and the states that explain its errors.
 
-An entry state is stated for an epoch on the spacecraft's clock, in a frame, with an attitude from on board.
-Each of the three can be off. Their errors are states of their own, constant, and correlated with position,
-velocity and attitude at the start, so that the filter's estimate says which of them had to give.
+An entry state is stated for an epoch on the spacecraft's clock and in a frame. Both can be off. Their errors are
+states of their own, constant, and correlated with position and velocity at the start, so that the filter's
+estimate says which of them had to give.
+
+An attitude that is computed on board is carried along as what it is: a sum of the gyros' readings from a start that
+may be wrong. Its readings are known, the vehicle's true turns are not quite; so it says nothing of the true attitude,
+but all of what was lost in a gap of the telemetry.
 """
 
 from __future__ import annotations
@@ -30,13 +34,16 @@ class EntryErrors:
         Of the state's time, s; zero: no such state.
     frame_sigma : float
         Of a rotation of position and velocity together, rad per inertial axis; zero: no such state.
-    onboard_covariance : (3, 3) array or None
-        Of the on-board attitude's frame, rad², inertial axes; None: attitude does not come from on board.
+    onboard_attitude : (4,) array or None
+        Attitude computed on board at the state's time, if there is one to be carried along.
+    onboard_sigma : float
+        Of that number itself, rad: its rounding.
     """
 
     epoch_sigma: float = 0.0
     frame_sigma: float = 0.0
-    onboard_covariance: Array | None = None
+    onboard_attitude: Array | None = None
+    onboard_sigma: float = 0.0
 
     @property
     def states(self) -> dict[str, int]:
@@ -46,7 +53,7 @@ class EntryErrors:
             states["entry_epoch"] = 1
         if self.frame_sigma > 0.0:
             states["entry_frame"] = 3
-        if self.onboard_covariance is not None:
+        if self.onboard_attitude is not None:
             states["onboard_attitude"] = 3
         return states
 
@@ -84,12 +91,10 @@ def start(
         where = layout["entry_frame"]
         prior[where, where] = entry.frame_sigma**2 * np.eye(3)
         effect[:6, where] = frame_effect(initial)
-    if "onboard_attitude" in layout:
-        assert entry.onboard_covariance is not None
+    if entry.onboard_attitude is not None:
         where = layout["onboard_attitude"]
-        prior[where, where] = entry.onboard_covariance
-        # on board = exp(b) ⊗ true, so true = on board ⊗ exp(-Cᵀ b)
-        effect[6:9, where] = -rotations.to_matrix(initial.inertial_from_body).T
+        nav = np.concatenate((nav, entry.onboard_attitude))
+        prior[where, where] = entry.onboard_sigma**2 * np.eye(3)
     return State(nav, np.zeros(layout.size)), effect @ prior @ effect.T
 
 
@@ -113,18 +118,3 @@ def sensor_prior(layout: Layout, errors: SensorErrors) -> Array:
     """
     sigmas = [max(getattr(errors, n), 1e-12) for n in SENSOR_STATES if n in layout]
     return np.diag(np.repeat(np.square(sigmas), 3))
-
-
-def onboard_covariance(sun: Array, about_sun: float, across_sun: float) -> Array:
-    """Covariance of an attitude that is known worse about the line to the Sun than across it.
-
-    Parameters
-    ----------
-    sun : (3,) array
-        Direction of the Sun, inertial axes.
-    about_sun, across_sun : float
-        One sigma, rad.
-    """
-    unit = np.asarray(sun, float) / np.linalg.norm(sun)
-    along = np.outer(unit, unit)
-    return about_sun**2 * along + across_sun**2 * (np.eye(3) - along)

@@ -2,7 +2,8 @@
 
 The first nine components are always there: position (m), velocity (m/s), both inertial, and attitude as a
 rotation vector in body axes (rad), ``true = reference ⊗ exp(error)``. Then come the error sources to which
-the mission gives a prior sigma; zero sigma means no state.
+the mission gives a prior sigma; zero sigma means no state. The attitude that was computed on board, if there is
+one, comes last.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ from edl_filter.telemetry.record import SensorErrors
 
 Array = NDArray[np.float64]
 
+ONBOARD = "onboard_attitude"
 SENSOR_STATES = tuple(f.name for f in fields(SensorErrors))
 UNITS = {
     "position": "m",
@@ -50,7 +52,8 @@ class Layout:
         """Layout for instruments with the given priors and `extra` states (name → length)."""
         sizes = {"position": 3, "velocity": 3, "attitude": 3}
         sizes |= {n: 3 for n in SENSOR_STATES if any(getattr(e, n) > 0.0 for e in errors)}
-        sizes |= extra
+        sizes |= {n: size for n, size in extra.items() if n != ONBOARD}
+        sizes |= {n: size for n, size in extra.items() if n == ONBOARD}  # the last, where `State` looks for it
         slices, start = {}, 0
         for name, size in sizes.items():
             slices[name] = slice(start, start + size)
@@ -77,9 +80,15 @@ class Layout:
 
 @dataclass(frozen=True)
 class State:
-    """A reference: navigation state (10,) and the other states as a full vector (n,), its first nine zero.
+    """A reference.
 
-    The navigation state is position, velocity and inertial_from_body.
+    Attributes
+    ----------
+    nav : (10,) or (14,) array
+        Inertial position (m) and velocity (m/s), inertial_from_body, and where there is one the attitude that was
+        computed on board; the error of the latter, a rotation vector in body axes, is then the vector's last three.
+    errors : (n,) array
+        The other states in full; zero where `nav` holds the state.
     """
 
     nav: Array
@@ -87,20 +96,22 @@ class State:
 
     def plus(self, delta: Array) -> State:
         """This state moved by the error vector `delta` (n,)."""
-        nav = self.nav.copy()
+        nav, errors = self.nav.copy(), self.errors.copy()
         nav[:6] += delta[:6]
-        turn = rotations.from_rotation_vector(delta[6:9])
-        nav[6:] = rotations.normalise(rotations.multiply(nav[6:], turn))
-        errors = self.errors.copy()
         errors[9:] += delta[9:]
+        nav[6:10] = turned(nav[6:10], delta[None, 6:9])[:, 0]
+        if len(nav) == 14:
+            nav[10:] = turned(nav[10:], delta[None, -3:])[:, 0]
+            errors[-3:] = 0.0
         return State(nav, errors)
 
     def minus(self, other: State) -> Array:
         """The error vector that moves `other` here."""
         delta = self.errors - other.errors
         delta[:6] = self.nav[:6] - other.nav[:6]
-        turn = rotations.multiply(rotations.conjugate(other.nav[6:]), self.nav[6:])
-        delta[6:9] = rotations.to_rotation_vector(turn)
+        delta[6:9] = attitude_errors(other.nav[6:10], self.nav[6:10, None])[0]
+        if len(self.nav) == 14:
+            delta[-3:] = attitude_errors(other.nav[10:], self.nav[10:, None])[0]
         return delta
 
 
@@ -117,7 +128,7 @@ def sigma_states(reference: State, sigmas: Array, columns: int) -> tuple[Array, 
 
     Returns
     -------
-    nav : (10, columns) array
+    nav : (10 or 14, columns) array
     errors : (n, columns) array
         The other states in full.
     """
@@ -125,21 +136,20 @@ def sigma_states(reference: State, sigmas: Array, columns: int) -> tuple[Array, 
     errors = np.repeat(reference.errors[:, None], columns, axis=1)
     count = len(sigmas)
     nav[:6, :count] += sigmas.T[:6]
-    nav[6:, :count] = turned(reference.nav[6:], sigmas[:, 6:9])
+    nav[6:10, :count] = turned(reference.nav[6:10], sigmas[:, 6:9])
     errors[9:, :count] += sigmas.T[9:]
+    if len(nav) == 14:
+        nav[10:, :count] = turned(reference.nav[10:], sigmas[:, -3:])
+        errors[-3:] = 0.0
     return nav, errors
 
 
 def turned(attitude: Array, phi: Array) -> Array:
-    """``attitude ⊗ exp(phi)`` for one quaternion and rotation vectors ``(S, 3)``, as ``(4, S)``."""
+    """``attitude ⊗ exp(phi)`` for one quaternion and rotation vectors ``(S, 3)``, as unit quaternions ``(4, S)``."""
     x, y, z, w = attitude
     left = np.array([[w, -z, y, x], [z, w, -x, y], [-y, x, w, z], [-x, -y, -z, w]])
-    return left @ rotations.from_rotation_vector(phi).T
-
-
-def turned_left(phi: Array, attitudes: Array) -> Array:
-    """``exp(phi) ⊗ attitude`` for rotation vectors ``(S, 3)`` and quaternions ``(4, S)``, as ``(4, S)``."""
-    return rotations.multiply(rotations.from_rotation_vector(phi), attitudes.T).T
+    out = left @ rotations.from_rotation_vector(phi).T
+    return out / np.sqrt(np.sum(out**2, axis=0))
 
 
 def attitude_errors(attitude: Array, others: Array) -> Array:

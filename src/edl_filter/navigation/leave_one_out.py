@@ -1,32 +1,30 @@
 """What all other knowledge says of one constraint: the only agreement that proves anything.
 
-A constraint that was fused at one epoch with covariance R is taken out of the smoothed estimate there in closed
-form. With r_s = measured - smoothed and S_s the smoothed prediction's covariance, the prediction from everything
-else has the residual ``R (R - S_s)⁻¹ r_s`` and its innovation the covariance ``R (R - S_s)⁻¹ R``. Where the others
-say nothing, R - S_s vanishes; such directions are left out and the degrees of freedom counted without them. The
-entry state is a constraint like any other, with its prior covariance for R.
-
-A constraint that was fused at many epochs is left out by filtering without it.
+Every constraint is left out once: the filter goes on without it from the epoch before its first use, the smoother
+comes back to that epoch, and what it predicts there is set beside what was measured. The entry state is a
+constraint too, with its prior covariance; it is taken out of the smoothed estimate in closed form, since no filter
+can start without one.
 """
 
 from __future__ import annotations
 
 from collections import defaultdict
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import cholesky, solve_triangular
 from scipy.stats import chi2
 
-from edl_filter.navigation.filter import Forward, Fused, Problem, forward
-from edl_filter.navigation.layout import Layout, sigma_states
+from edl_filter.navigation.constraints import Constraint
+from edl_filter.navigation.filter import Forward, Fused, Problem, forward_without
+from edl_filter.navigation.layout import State, sigma_states
 from edl_filter.navigation.smoother import Smoothed, smooth
 from edl_filter.navigation.ukf import MerwePoints
 
 Array = NDArray[np.float64]
 #: Least part of a direction's variance that the others must explain for the direction to count.
-LEAST_KNOWN = 1e-3
+LEAST_KNOWN = 0.01
 
 
 @dataclass(frozen=True)
@@ -51,7 +49,6 @@ class Statement:
         whose prediction error is taken as fully correlated.
     left_out_nis : float
     left_out_dof : int
-        Directions in which the others say anything.
     """
 
     name: str
@@ -88,22 +85,19 @@ class Statement:
         return float(np.max(np.abs(self.left_out / self.left_out_sigma)))
 
 
-def statements(problem: Problem, way: Forward, smoothed: Smoothed) -> list[Statement]:
+def statements(problem: Problem, way: Forward) -> list[Statement]:
     """All constraints of a reconstruction, by name, in the order of their first use."""
     uses: dict[str, list[Fused]] = defaultdict(list)
     for fused in way.fused:
         uses[fused.constraint.name].append(fused)
-    return [_statement(problem, way.layout, smoothed, group) for group in uses.values()]
+    return [_statement(problem, way, group) for group in uses.values()]
 
 
-def _statement(problem: Problem, layout: Layout, smoothed: Smoothed, group: list[Fused]) -> Statement:
+def _statement(problem: Problem, way: Forward, group: list[Fused]) -> Statement:
     first = group[0].constraint
     innovations = [f.innovation for f in group]
     sigma = [np.sqrt(np.diag(i.predicted_covariance + i.noise_covariance)) for i in innovations]
-    if len(group) == 1:
-        left = _from_smoothed(problem, layout, smoothed, group[0])
-    else:
-        left = _from_rerun(problem, group)
+    left, left_sigma, left_nis = _from_others(problem, way, group)
     return Statement(
         name=first.name,
         source=first.source,
@@ -114,95 +108,90 @@ def _statement(problem: Problem, layout: Layout, smoothed: Smoothed, group: list
         nis=np.array([i.nis for i in innovations]),
         dof=sum(len(i.residual) for i in innovations),
         accepted=np.array([f.accepted for f in group]),
-        left_out=left[0],
-        left_out_sigma=left[1],
-        left_out_nis=left[2],
-        left_out_dof=left[3],
+        left_out=left,
+        left_out_sigma=left_sigma,
+        left_out_nis=left_nis,
+        left_out_dof=len(left),
     )
 
 
-def predicted(problem: Problem, layout: Layout, smoothed: Smoothed, fused: Fused) -> tuple[Array, Array]:
-    """What the smoothed estimate predicts for a constraint, and the covariance of that."""
-    s = problem.settings
-    points = MerwePoints(layout.size, s.alpha, s.beta, s.kappa)
-    sigmas = points.sigma_points(np.zeros(layout.size), smoothed.covariance[fused.node])
-    nav, errors = sigma_states(smoothed.states[fused.node], sigmas, len(sigmas))
-    values = fused.constraint.predict(nav, errors, layout)
+def _from_others(problem: Problem, way: Forward, group: list[Fused]) -> tuple[Array, Array, float]:
+    """Residual against the estimate from everything else, its sigma and its NIS."""
+    without = forward_without(problem, way, group[0].constraint.name)
+    first = group[0].node
+    smoothed = smooth(without, first)
+    residuals, predictions, noises = [], [], []
+    for fused in group:
+        k = fused.node - first
+        mean, covariance = _predicted(problem, fused.constraint, smoothed.states[k], smoothed.covariance[k])
+        residuals.append(fused.constraint.measured - mean)
+        predictions.append(covariance)
+        noises.append(fused.constraint.noise)
+    residual = np.mean(residuals, axis=0)
+    if len(group) == 1:
+        total = predictions[0] + noises[0]
+    else:  # correlation in time and between components unknown: all of it, and none
+        spread = np.mean([np.sqrt(np.diag(p)) for p in predictions], axis=0)
+        total = np.diag(spread**2 + np.mean([np.diag(n) for n in noises], axis=0) / len(group))
+    return residual, np.sqrt(np.diag(total)), float(residual @ np.linalg.solve(total, residual))
+
+
+def _predicted(
+    problem: Problem, constraint: Constraint, state: State, covariance: Array
+) -> tuple[Array, Array]:
+    """What an estimate predicts for a constraint, and the covariance of that."""
+    s, n = problem.settings, len(covariance)
+    points = MerwePoints(n, s.alpha, s.beta, s.kappa)
+    sigmas = points.sigma_points(np.zeros(n), covariance)
+    nav, errors = sigma_states(state, sigmas, len(sigmas))
+    values = constraint.predict(nav, errors, problem.layout)
     mean = points.Wm @ values
     spread = values - mean
     return mean, (spread * points.Wc[:, None]).T @ spread
 
 
-def _from_smoothed(
-    problem: Problem, layout: Layout, smoothed: Smoothed, fused: Fused
-) -> tuple[Array, Array, float, int]:
-    mean, covariance = predicted(problem, layout, smoothed, fused)
-    residual, noise = fused.constraint.measured - mean, fused.constraint.noise
-    if fused.accepted:
-        return take_out(residual, covariance, noise)
-    total = covariance + noise
-    nis = float(residual @ np.linalg.solve(total, residual))
-    return residual, np.sqrt(np.diag(total)), nis, len(residual)
-
-
 def take_out(residual: Array, covariance: Array, noise: Array) -> tuple[Array, Array, float, int]:
-    """Residual against the prediction from everything else.
+    """Residual of a measurement against the prediction from everything else, from an estimate that used it.
+
+    With r = measured - estimated, S the estimate's covariance and R the measurement's, everything else alone
+    leaves the residual ``R (R - S)⁻¹ r`` with the innovation's covariance ``R (R - S)⁻¹ R``. Where the others say
+    nothing, R - S vanishes; such directions are left out.
 
     Parameters
     ----------
     residual : (m,) array
-        Measured minus smoothed.
-    covariance : (m, m) array
-        Of the smoothed prediction.
-    noise : (m, m) array
-        Of the measurement that went into it.
+        Measured minus estimated.
+    covariance, noise : (m, m) arrays
+        S and R.
 
     Returns
     -------
     left_out : (m,) array
-        Measured minus predicted without it, in the directions of which the others know anything.
+        Residual against everything else, in the directions of which it knows anything.
     sigma : (m,) array
-        One sigma of it; infinite for a component in the other directions.
+        One sigma of it; infinite for a component mostly in other directions.
     nis : float
     dof : int
+        Number of directions that count.
     """
     root = cholesky(noise, lower=True)
     whitened = solve_triangular(root, solve_triangular(root, covariance, lower=True).T, lower=True)
     known, directions = np.linalg.eigh(np.eye(len(residual)) - 0.5 * (whitened + whitened.T))
     keep = known > LEAST_KNOWN
+    inverse = np.where(keep, 1.0 / np.where(keep, known, 1.0), 0.0)
     along = directions.T @ solve_triangular(root, residual, lower=True)
-    left = np.where(keep, along / np.where(keep, known, 1.0), 0.0)
     spread = root @ directions
-    variance = np.where(keep, 1.0 / np.where(keep, known, 1.0), 0.0)
-    sigma = np.sqrt((spread**2) @ variance)
     blind = (spread[:, ~keep] ** 2).sum(axis=1) > 0.5 * np.diag(noise)
-    nis = float(np.sum(along[keep] ** 2 / known[keep]))
-    return spread @ left, np.where(blind, np.inf, sigma), nis, int(keep.sum())
+    sigma = np.where(blind, np.inf, np.sqrt((spread**2) @ inverse))
+    return spread @ (inverse * along), sigma, float(np.sum(inverse * along**2)), int(keep.sum())
 
 
-def _from_rerun(problem: Problem, group: list[Fused]) -> tuple[Array, Array, float, int]:
-    name = group[0].constraint.name
-    without = replace(problem, constraints=tuple(c for c in problem.constraints if c.name != name))
-    way = forward(without)
-    smoothed = smooth(way)
-    node = {round(n.time, 5): i for i, n in enumerate(way.nodes)}
-    residuals, covariances, noises = [], [], []
-    for fused in group:
-        here = replace(fused, node=node[round(fused.constraint.time, 5)])
-        mean, covariance = predicted(problem, way.layout, smoothed, here)
-        residuals.append(fused.constraint.measured - mean)
-        covariances.append(np.diag(covariance))
-        noises.append(np.diag(fused.constraint.noise))
-    residual = np.mean(residuals, axis=0)
-    sigma = np.sqrt(np.mean(np.sqrt(covariances), axis=0) ** 2 + np.mean(noises, axis=0) / len(group))
-    return residual, sigma, float(np.sum((residual / sigma) ** 2)), len(residual)
-
-
-def entry_statement(problem: Problem, way: Forward, smoothed: Smoothed, prior: Array, start: Array) -> Statement:
+def entry_statement(smoothed: Smoothed, prior: Array, start: Array) -> Statement:
     """The entry state as a constraint: what all other knowledge says of it.
 
     Parameters
     ----------
+    smoothed : Smoothed
     prior : (9, 9) array
         Covariance of position, velocity and attitude before any constraint.
     start : (9,) array

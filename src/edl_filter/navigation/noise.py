@@ -8,80 +8,53 @@ position over the time that is left. Gravity's gradient over one interval (1e-6 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
 from edl_filter import rotations
 from edl_filter.navigation.increments import Samples
-from edl_filter.navigation.layout import Layout
+from edl_filter.navigation.layout import ONBOARD, Layout
 
 Array = NDArray[np.float64]
 
 
-@dataclass(frozen=True)
-class Course:
-    """The reference's attitude along an interval.
-
-    Attributes
-    ----------
-    middle : (N, 4) array
-        inertial_from_body at mid-sample.
-    end : (4,) array
-        At the interval's end.
-    force : (N, 3) array
-        Specific force in inertial axes, m/s².
-    """
-
-    middle: Array
-    end: Array
-    force: Array
-
-    @classmethod
-    def of(cls, samples: Samples, attitude: Array) -> Course:
-        """Course over `samples` from `attitude` at their beginning."""
-        middle, end = _attitudes(samples.interval, samples.rate, attitude)
-        return cls(middle, end, rotations.rotate(middle, samples.force))
-
-
-def process_noise(layout: Layout, samples: Samples, course: Course) -> Array:
+def process_noise(layout: Layout, samples: Samples, attitude: Array) -> Array:
     """Process noise over `samples` in the filter's vector.
 
-    On-board attitude comes from the same gyros: their noise moves its error and the reference's error by
-    the same amount in opposite senses, and so tells nothing of the true attitude. Noise of a gap, in which
-    this filter alone is blind, is not shared.
+    The attitude that was computed on board is the sum of readings that this filter has too, noise and all, so the
+    gyros' noise does not touch it. What this filter does not know of the readings themselves (a gap's, or the
+    difference of two ways to integrate them) moves it and the true attitude alike.
+
+    Parameters
+    ----------
+    layout : Layout
+    samples : Samples
+    attitude : (4,) array
+        inertial_from_body at the samples' beginning.
 
     Returns
     -------
     (n, n) array
     """
+    middle, end = _attitudes(samples.interval, samples.rate, attitude)
     to_end = np.eye(9)
-    to_end[6:, 6:] = rotations.to_matrix(course.end).T
+    to_end[6:, 6:] = rotations.to_matrix(end).T
+    args = samples.interval, rotations.rotate(middle, samples.force), samples.force_noise
     noise = np.zeros((layout.size, layout.size))
-    args = samples.interval, course.force, samples.force_noise
-    inertial = _accumulate(*args, samples.rate_noise)
-    noise[:9, :9] = to_end @ inertial @ to_end.T
-    if "onboard_attitude" in layout:
-        where = layout["onboard_attitude"]
-        shared = _accumulate(*args, samples.shared_rate_noise)
-        noise[where, :9] = -shared[6:] @ to_end.T
-        noise[:9, where] = noise[where, :9].T
-        noise[where, where] = shared[6:, 6:]
+    noise[:9, :9] = to_end @ _accumulate(*args, samples.rate_noise) @ to_end.T
+    if ONBOARD in layout:
+        where = layout[ONBOARD]
+        unknown = np.sqrt(samples.rate_noise**2 - samples.shared_rate_noise**2)
+        alike = to_end @ _accumulate(*args, unknown) @ to_end.T
+        noise[where, :9], noise[:9, where] = alike[6:], alike[:, 6:]
+        noise[where, where] = alike[6:, 6:]
     return noise
 
 
-def gyro_error_turn(samples: Samples, course: Course) -> tuple[Array, Array]:
-    """Turn of an attitude that is integrated from uncorrected gyros, per unit of their errors.
-
-    Returns
-    -------
-    per_bias, per_scale : (3, 3) arrays
-        Inertial rotation vector = ``per_bias @ bias + per_scale @ scale``: the integrals of C and of C diag(ω).
-    """
-    turn = rotations.to_matrix(course.middle) * samples.interval[:, None, None]
-    return turn.sum(axis=0), (turn * samples.rate[:, None, :]).sum(axis=0)
+def net_turn(samples: Samples) -> Array:
+    """Turn over all `samples` as the gyros read, as a quaternion ``(4,)``."""
+    return _attitudes(samples.interval, samples.rate, np.array([0.0, 0.0, 0.0, 1.0]))[1]
 
 
 @njit(cache=True, error_model="numpy")

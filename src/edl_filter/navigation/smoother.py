@@ -38,18 +38,20 @@ class Smoothed:
     covariance: Array
 
 
-def smooth(forward: Forward) -> Smoothed:
+def smooth(forward: Forward, first: int = 0) -> Smoothed:
     """Smooth the way forwards.
 
     Parameters
     ----------
     forward : Forward
+    first : int
+        Node at which to stop on the way backwards; the result begins there.
 
     Returns
     -------
     Smoothed
     """
-    nodes = forward.nodes
+    nodes = forward.nodes[first:]
     states = [nodes[-1].state]
     covariances = [nodes[-1].covariance]
     for node, following in zip(reversed(nodes[:-1]), reversed(nodes[1:]), strict=True):

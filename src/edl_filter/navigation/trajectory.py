@@ -1,8 +1,8 @@
 """The smoothed trajectory at every sample, with its covariance.
 
 Between two nodes the smoothed state is propagated over the samples with the smoothed sensor errors; what is
-then missing to the next smoothed state is the estimate of the process noise in between and is spread
-linearly over the interval. Covariances are interpolated linearly in inertial axes.
+then missing to the next smoothed state is the estimate of the process noise in between and is spread over the
+interval as the noise is (evenly in smooth flight, mostly into a gap where there is one). Covariances are interpolated linearly in inertial axes.
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ def trace(problem: Problem, smoothed: Smoothed, layout: Layout) -> Trajectory:
     samples = problem.samples
     stops = [samples.index(t) for t in smoothed.time]
     nav = np.empty((len(samples.time) + 1, 10))
-    nav[0] = smoothed.states[0].nav
+    nav[0] = smoothed.states[0].nav[:10]
     force, rate = np.empty_like(samples.force), np.empty_like(samples.rate)
     for k in range(len(stops) - 1):
         start, stop = stops[k], stops[k + 1]
@@ -66,10 +66,11 @@ def trace(problem: Problem, smoothed: Smoothed, layout: Layout) -> Trajectory:
         force[part] = samples.force[part] @ force_map[:9, 0].reshape(3, 3).T + force_map[9:, 0]
         rate[part] = samples.rate[part] * rate_map[:3, 0] + rate_map[3:, 0]
         path = _march_one(
-            state.nav, samples.interval[part], force[part], rate[part], p.mu, p.j2, p.gravity_radius
+            state.nav[:10], samples.interval[part], force[part], rate[part], p.mu, p.j2, p.gravity_radius
         )
-        share = (samples.time[part] - smoothed.time[k]) / (smoothed.time[k + 1] - smoothed.time[k])
-        nav[start + 1 : stop + 1] = spread(path, target, share)
+        moved = noise_share(samples.interval[part], samples.force_noise[part])
+        turned = noise_share(samples.interval[part], samples.rate_noise[part])
+        nav[start + 1 : stop + 1] = spread(path, target, moved, turned)
     time = np.concatenate(([smoothed.time[0]], samples.time))
     return Trajectory(
         time=time,
@@ -82,15 +83,27 @@ def trace(problem: Problem, smoothed: Smoothed, layout: Layout) -> Trajectory:
     )
 
 
-def spread(path: Array, target: State, share: Array) -> Array:
-    """Move a propagated path ``(n, 10)`` so that its last row meets `target`, by `share` (0 to 1) of the miss."""
-    size = len(target.errors)
-    miss = target.minus(State(path[-1], np.zeros(size)))[:9]
-    delta = share[:, None] * miss
+def noise_share(interval: Array, noise: Array) -> Array:
+    """Part of an interval's random walk that is over at the end of each sample, up to 1."""
+    walk = np.cumsum((interval * noise) ** 2)
+    return walk / walk[-1]
+
+
+def spread(path: Array, target: State, moved: Array, turned: Array) -> Array:
+    """Move a propagated path ``(n, 10)`` so that its last row meets `target`.
+
+    Parameters
+    ----------
+    path : (n, 10) array
+    target : State
+    moved, turned : (n,) arrays
+        Part of the miss in position and velocity, and in attitude, that is taken up by each row.
+    """
+    miss = State(target.nav[:10], target.errors).minus(State(path[-1], target.errors))
     out = path.copy()
-    out[:, :6] += delta[:, :6]
+    out[:, :6] += moved[:, None] * miss[:6]
     # the miss in attitude is a body vector of the end; take it along the path in inertial axes
-    inertial = rotations.rotate(path[-1, 6:], delta[:, 6:])
+    inertial = rotations.rotate(path[-1, 6:], turned[:, None] * miss[6:9])
     out[:, 6:] = rotations.multiply(rotations.from_rotation_vector(inertial), path[:, 6:])
     return out
 
@@ -98,7 +111,7 @@ def spread(path: Array, target: State, share: Array) -> Array:
 def inertial_covariance(smoothed: Smoothed, time: Array) -> Array:
     """Covariance of position, velocity and inertial attitude error at `time`, ``(N, 9, 9)``."""
     turn = np.tile(np.eye(9), (len(smoothed.time), 1, 1))
-    turn[:, 6:, 6:] = rotations.to_matrix(np.array([s.nav[6:] for s in smoothed.states]))
+    turn[:, 6:, 6:] = rotations.to_matrix(np.array([s.nav[6:10] for s in smoothed.states]))
     nodes = turn @ smoothed.covariance[:, :9, :9] @ np.swapaxes(turn, 1, 2)
     k = np.clip(np.searchsorted(smoothed.time, time, side="right") - 1, 0, len(smoothed.time) - 2)
     step = smoothed.time[k + 1] - smoothed.time[k]

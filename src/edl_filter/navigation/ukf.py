@@ -15,10 +15,11 @@ from filterpy.kalman import MerweScaledSigmaPoints, UnscentedKalmanFilter
 from numpy.typing import NDArray
 from scipy.linalg import cholesky
 
+from edl_filter import rotations
 from edl_filter.navigation import strapdown
 from edl_filter.navigation.increments import Samples
 from edl_filter.navigation.layout import Layout, State, attitude_errors, sensor_maps, sigma_states
-from edl_filter.navigation.noise import Course, gyro_error_turn, process_noise
+from edl_filter.navigation.noise import net_turn, process_noise
 from edl_filter.planet import Planet
 
 Array = NDArray[np.float64]
@@ -121,36 +122,37 @@ class ErrorStateUKF(UnscentedKalmanFilter):
         count = len(self.sigmas_start)
         nav, errors = sigma_states(self.state, self.sigmas_start, strapdown.padded(count))
         self._propagate(samples, nav, errors)
-        if "onboard_attitude" in self.layout:
-            self._carry_onboard(samples, fx_args["course"], errors)
         centre = State(nav[:, 0].copy(), np.concatenate((np.zeros(9), errors[9:, 0])))
         sigmas = errors[:, :count].T - centre.errors
         sigmas[:, :6] = (nav[:6, :count] - centre.nav[:6, None]).T
-        sigmas[:, 6:9] = attitude_errors(centre.nav[6:], nav[6:, :count])
+        sigmas[:, 6:9] = attitude_errors(centre.nav[6:10], nav[6:10, :count])
+        if len(nav) == 14:
+            sigmas[:, -3:] = attitude_errors(centre.nav[10:], nav[10:, :count])
         self.sigmas_f, self.state = sigmas, centre
         self.sigmas_propagated = sigmas  # filterpy draws sigmas_f anew; these correlate with the start
 
     def _propagate(self, samples: Samples, nav: Array, errors: Array) -> None:
+        """Propagate full states in place; what was computed on board turns as the gyros read."""
+        if len(nav) == 14:
+            nav[10:] = rotations.multiply(nav[10:].T, net_turn(samples)).T
         p = self.planet
         force_map, rate_map = sensor_maps(self.layout, errors)
         strapdown.propagate(
-            nav, force_map, rate_map, samples.interval, samples.force, samples.rate, p.mu, p.j2, p.gravity_radius
+            nav[:10],
+            force_map,
+            rate_map,
+            samples.interval,
+            samples.force,
+            samples.rate,
+            p.mu,
+            p.j2,
+            p.gravity_radius,
         )
-
-    def _carry_onboard(self, samples: Samples, course: Course, errors: Array) -> None:
-        """Let the on-board attitude's error grow with the gyro errors that it does not know."""
-        per_bias, per_scale = gyro_error_turn(samples, course)
-        where = self.layout["onboard_attitude"]
-        if "gyro_bias" in self.layout:
-            errors[where] += per_bias @ errors[self.layout["gyro_bias"]]
-        if "gyro_scale" in self.layout:
-            errors[where] += per_scale @ errors[self.layout["gyro_scale"]]
 
     def advance(self, samples: Samples) -> Transition:
         """Predict to the end of `samples`."""
-        course = Course.of(samples, self.state.nav[6:])
-        self.Q = process_noise(self.layout, samples, course)
-        self.predict(0.0, samples=samples, course=course)
+        self.Q = process_noise(self.layout, samples, self.state.nav[6:10])
+        self.predict(0.0, samples=samples)
         start = self.sigmas_start - self.sigmas_start[0]
         cross = (start * self.Wc[:, None]).T @ (self.sigmas_propagated - self.x)
         self._recentre()

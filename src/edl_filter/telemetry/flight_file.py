@@ -102,6 +102,8 @@ def _read_imu(node: Node, name: str) -> ImuRecord:
         force_noise=_noise(noises[0], force, inserted),
         rate_noise=_noise(noises[1], rate, inserted),
         shared_rate_noise=_noise(noises[1], rate, inserted),
+        net_turn=np.zeros(len(time), bool),
+        net_gain=np.zeros(len(time), bool),
         unit=np.zeros(len(time), np.int64),
         units=(name,),
         source=inserted.astype(np.int64),

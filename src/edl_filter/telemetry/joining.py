@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +18,10 @@ GAP = "gap"  # the source of samples that bridge a gap
 
 @dataclass(frozen=True)
 class Piece:
-    """Samples from one product and one instrument, body axes; arrays as in `ImuRecord`."""
+    """Samples from one product and one instrument, body axes; arrays as in `ImuRecord`.
+
+    `net_turn` and `net_gain` hold for the whole piece.
+    """
 
     source: str
     unit: str
@@ -29,6 +33,8 @@ class Piece:
     force_noise: Array
     rate_noise: Array
     shared_rate_noise: Array
+    net_turn: bool = False
+    net_gain: bool = False
 
     @property
     def start(self) -> float:
@@ -45,8 +51,8 @@ class Piece:
         return replace(self, position=np.tile(position, (len(self.time), 1)))
 
     def _take(self, index: NDArray[np.int64]) -> Piece:
-        arrays = {f.name: getattr(self, f.name) for f in fields(self) if f.name not in ("source", "unit")}
-        return replace(self, **{name: values[index] for name, values in arrays.items()})
+        arrays = {f.name: getattr(self, f.name) for f in fields(self)}
+        return replace(self, **{n: v[index] for n, v in arrays.items() if isinstance(v, np.ndarray)})
 
 
 def fill_gaps(piece: Piece) -> list[Piece]:
@@ -118,6 +124,9 @@ def join(
     def stack(key: str) -> Array:
         return np.concatenate([getattr(p, key) for p in pieces])
 
+    def repeated(values: list[Any], kind: type) -> NDArray[Any]:
+        return np.concatenate([np.full(len(p.time), v, kind) for p, v in zip(pieces, values, strict=True)])
+
     time = stack("time")
     return ImuRecord(
         name=name,
@@ -129,9 +138,11 @@ def join(
         force_noise=stack("force_noise"),
         rate_noise=stack("rate_noise"),
         shared_rate_noise=stack("shared_rate_noise"),
-        unit=np.concatenate([np.full(len(p.time), units.index(p.unit)) for p in pieces]),
+        net_turn=repeated([p.net_turn for p in pieces], np.bool_),
+        net_gain=repeated([p.net_gain for p in pieces], np.bool_),
+        unit=repeated([units.index(p.unit) for p in pieces], np.int64),
         units=units,
-        source=np.concatenate([np.full(len(p.time), sources.index(p.source)) for p in pieces]),
+        source=repeated([sources.index(p.source) for p in pieces], np.int64),
         sources=sources,
         errors=errors,
     )

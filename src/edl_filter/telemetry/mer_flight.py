@@ -13,14 +13,14 @@ symmetry axis), y its +x, z its +y.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from edl_filter import rotations
 from edl_filter.errors import InputError
-from edl_filter.telemetry.joining import Piece, fill_gaps, join
+from edl_filter.telemetry.joining import GAP, Piece, fill_gaps, join
 from edl_filter.telemetry.mer_archive import SAMPLE_INTERVAL, MerTables
 from edl_filter.telemetry.record import AttitudeRecord, ImuRecord, SensorErrors, Telemetry
 from edl_filter.telemetry.smoothing import rates_from_quaternions
@@ -134,8 +134,8 @@ def mer_telemetry(tables: MerTables, setup: MerSetup) -> Telemetry:
     handover = _handover(tables, setup)
     pieces = [
         transformed_piece(tables, setup, until=backshell.start),
-        *fill_gaps(backshell.between(-np.inf, setup.separation)),
-        *fill_gaps(rover.between(setup.separation, handover).moved(_to_body(setup.rover_position))),
+        *bridged(tables, setup, backshell.between(-np.inf, setup.separation)),
+        *bridged(tables, setup, rover.between(setup.separation, handover).moved(_to_body(setup.rover_position))),
         register_piece(tables, setup, start=handover),
     ]
     driving = join("driving", pieces, UNITS, tuple(setup.imus[u].errors for u in UNITS))
@@ -146,7 +146,7 @@ def mer_telemetry(tables: MerTables, setup: MerSetup) -> Telemetry:
         )
     check = join(
         "rover",
-        fill_gaps(rover.between(-np.inf, setup.separation)),
+        bridged(tables, setup, rover.between(-np.inf, setup.separation)),
         UNITS,
         tuple(setup.imus[u].errors for u in UNITS),
     )
@@ -200,6 +200,7 @@ def transformed_piece(tables: MerTables, setup: MerSetup, until: float) -> Piece
         force_noise=np.full(n, imu.accelerometer_noise),
         rate_noise=np.hypot(rounding, gyro_noise),
         shared_rate_noise=gyro_noise,
+        net_turn=True,
     )
 
 
@@ -243,6 +244,57 @@ def highrate_piece(tables: MerTables, setup: MerSetup, unit: str) -> Piece:
         rate_noise=np.full(n, imu.gyro_noise),
         shared_rate_noise=np.full(n, imu.gyro_noise),
     )
+
+
+def bridged(tables: MerTables, setup: MerSetup, piece: Piece) -> list[Piece]:
+    """A piece of HIGHRATE with its gaps filled: force interpolated, the turn as the on-board quaternion has it.
+
+    In the 0.875 s that Spirit's table lacks under the parachute, interpolated gyros would lose more than ten degrees.
+    """
+    pieces = fill_gaps(piece)
+    for i, gap in enumerate(pieces):
+        if gap.source == GAP:
+            rate, sigma = _turn_across(tables, setup, pieces[i - 1], gap, pieces[i + 1])
+            noise = np.full(len(gap.time), sigma / gap.interval[0] / np.sqrt(len(gap.time)))
+            pieces[i] = replace(gap, rate=rate, rate_noise=noise, net_turn=True)
+    return pieces
+
+
+def _turn_across(
+    tables: MerTables, setup: MerSetup, before: Piece, gap: Piece, after: Piece
+) -> tuple[Array, float]:
+    """Rates (n, 3) of a gap's samples and the sigma of the whole turn, from the quaternions around and in it.
+
+    Gyro samples between the gap and the nearest quaternion carry the attitude to the gap's edges; in between, the
+    attitude turns evenly from quaternion to quaternion.
+    """
+    t = tables.transformed
+    quaternion = t.rover_j2000_from_sc if gap.unit == "rover" else t.backshell_j2000_from_sc
+    sigma = t.rover_sigma if gap.unit == "rover" else t.backshell_sigma
+    time = t.sclk - setup.epoch_sclk
+    good = np.flatnonzero(np.isfinite(quaternion[:, 0]) & (sigma < COARSEST_QUATERNION))
+    start, stop = gap.start, float(gap.time[-1])
+    first = int(np.searchsorted(time[good], start + 1e-6)) - 1
+    last = int(np.searchsorted(time[good], stop - 1e-6))
+    rows = good[first : last + 1]
+    knots, attitudes = time[rows], _inertial_from_body(setup, quaternion[rows])
+    attitudes[0] = rotations.multiply(attitudes[0], _gyro_turn(before.between(knots[0], start)))
+    attitudes[-1] = rotations.multiply(
+        attitudes[-1], rotations.conjugate(_gyro_turn(after.between(stop, knots[-1])))
+    )
+    knots[0], knots[-1] = start, stop
+    turn = rates_from_quaternions(knots, attitudes)
+    index = np.searchsorted(knots, gap.time - 0.5 * gap.interval) - 1
+    noise = np.hypot(np.hypot(sigma[rows[0]], sigma[rows[-1]]), setup.attitude_sigma)
+    return turn[index], float(noise)
+
+
+def _gyro_turn(piece: Piece) -> Array:
+    """Turn over a few samples, as a quaternion."""
+    turn = np.array([0.0, 0.0, 0.0, 1.0])
+    for angle in piece.rate * piece.interval[:, None]:
+        turn = rotations.multiply(turn, rotations.from_rotation_vector(angle))
+    return turn
 
 
 def _register_rows(tables: MerTables, setup: MerSetup) -> NDArray[np.int64]:
@@ -292,6 +344,8 @@ def register_piece(tables: MerTables, setup: MerSetup, start: float) -> Piece:
         force_noise=imu.accelerometer_noise * noise,
         rate_noise=imu.gyro_noise * noise,
         shared_rate_noise=imu.gyro_noise * noise,
+        net_turn=True,
+        net_gain=True,
     )
 
 

@@ -52,6 +52,12 @@ class ImuRecord:
         One sigma of one sample, m/s² and rad/s.
     shared_rate_noise : (N,) array
         The part of `rate_noise` that an attitude computed on board from the same gyros has too, rad/s.
+    net_turn : (N,) boolean array
+        Where `angular_rate` is the net turn over the interval (from two attitudes), not the mean of a gyro's rate:
+        coning is in it already.
+    net_gain : (N,) boolean array
+        Where `specific_force` is the velocity gained in the axes of mid-interval (from an inertial register), not
+        the mean of an accelerometer's reading: sculling is in it already.
     unit : (N,) integer array
         Index into `units`: the instrument that took the sample. The sensor errors change with it.
     units : tuple of str
@@ -71,6 +77,8 @@ class ImuRecord:
     force_noise: Array
     rate_noise: Array
     shared_rate_noise: Array
+    net_turn: NDArray[np.bool_]
+    net_gain: NDArray[np.bool_]
     unit: NDArray[np.int64]
     units: tuple[str, ...]
     source: NDArray[np.int64]
@@ -81,7 +89,9 @@ class ImuRecord:
         n = len(self.time)
         if n < 2:
             raise InputError(f"IMU '{self.name}': {n} samples; at least 2 are needed.")
-        for key in ("interval", "force_noise", "rate_noise", "shared_rate_noise", "unit", "source"):
+        for key in (
+            "interval", "force_noise", "rate_noise", "shared_rate_noise", "net_turn", "net_gain", "unit", "source"
+        ):  # fmt: skip
             if getattr(self, key).shape != (n,):
                 raise InputError(f"IMU '{self.name}': {key} has shape {getattr(self, key).shape}, not ({n},).")
         for key in ("specific_force", "angular_rate", "position"):
@@ -112,8 +122,8 @@ class ImuRecord:
         """The samples where `keep` is true."""
         names = (
             "time", "interval", "specific_force", "angular_rate", "position", "force_noise", "rate_noise",
-            "shared_rate_noise", "unit", "source",
-        )
+            "shared_rate_noise", "net_turn", "net_gain", "unit", "source",
+        )  # fmt: skip
         return replace(self, **{name: getattr(self, name)[keep] for name in names})
 
 
