@@ -228,13 +228,14 @@ def onboard_attitudes(telemetry: Telemetry, interval: float, start: float) -> li
 
 
 def _within(time: Array, end: Array, interval: Array) -> tuple[NDArray[np.bool_], set[int]]:
-    """Which of `time` lie within intervals, and the indices of the last before and the first after them."""
+    """Which of `time` lie within gaps of adjoining samples, and the indices of the last before and first after each."""
+    begins = end - interval
+    first = np.flatnonzero(np.diff(begins, prepend=-np.inf) > 1.5 * interval)
     inside = np.zeros(len(time), bool)
     edges: set[int] = set()
-    for stop, length in zip(end, interval, strict=True):
-        inside |= (time > stop - length + 1e-6) & (time < stop - 1e-6)
-    for stop, length in zip(end, interval, strict=True):
-        before, after = np.flatnonzero(time <= stop - length + 1e-6), np.flatnonzero(time >= stop - 1e-6)
+    for start, stop in zip(begins[first], np.append(end[first[1:] - 1], end[-1:]), strict=True):
+        inside |= (time > start + 1e-6) & (time < stop - 1e-6)
+        before, after = np.flatnonzero(time <= start + 1e-6), np.flatnonzero(time >= stop - 1e-6)
         edges |= {int(before[-1]), int(after[0])} if len(before) and len(after) else set()
     return inside, edges
 

@@ -20,6 +20,8 @@ from edl_filter.navigation.smoother import Smoothed, smooth
 from edl_filter.navigation.trajectory import Trajectory, trace
 from edl_filter.planet import Planet
 from edl_filter.planet.atmosphere import Atmosphere
+from edl_filter.telemetry.calibration import MisalignmentEstimate
+from edl_filter.telemetry.comparison import compare
 from edl_filter.telemetry.record import Telemetry
 
 Array = NDArray[np.float64]
@@ -51,7 +53,10 @@ class EntryCorrection:
 
 @dataclass(frozen=True)
 class Reconstruction:
-    """A reconstructed entry and all that it came from."""
+    """A reconstructed entry and all that it came from.
+
+    `comparison` sets each checking IMU beside the driving one: name → misalignment, where a window is covered.
+    """
 
     mission: Mission
     telemetry: Telemetry
@@ -63,6 +68,7 @@ class Reconstruction:
     trajectory: Trajectory
     statements: list[Statement]
     entry: EntryCorrection
+    comparison: dict[str, MisalignmentEstimate]
     timing: dict[str, float]
 
     @property
@@ -110,9 +116,17 @@ def reconstruct(mission: Mission) -> Reconstruction:
         found = statements(problem, way)
         entry, prior = _entry_correction(problem, way, smoothed)
         found.insert(0, entry_statement(smoothed, prior, -entry.change))
+    with _timed(timing, "comparison"):
+        comparison = _compare(mission, telemetry)
     return Reconstruction(
-        mission, telemetry, planet, atmosphere, problem, way, smoothed, trajectory, found, entry, timing
+        mission, telemetry, planet, atmosphere, problem, way, smoothed, trajectory, found, entry, comparison, timing
     )
+
+
+def _compare(mission: Mission, telemetry: Telemetry) -> dict[str, MisalignmentEstimate]:
+    parachute = (telemetry.events | mission.event_times()).get("parachute_deploy", np.inf)
+    pairs = {other.name: compare(telemetry.driving, other, parachute) for other in telemetry.checking}
+    return {name: estimate for name, estimate in pairs.items() if estimate is not None}
 
 
 @contextmanager

@@ -184,7 +184,7 @@ def pose(
     changes = samples.time[np.flatnonzero(np.diff(samples.unit))]
     epochs = merge(np.array([*wanted, *changes, last]))
     grid = np.arange(epochs[0], last, settings.longest_interval)
-    regular = samples.time[np.minimum([samples.index(t) for t in grid], len(samples.time) - 1)]
+    regular = samples.time[[max(samples.index(t) - 1, 0) for t in grid]]
     far = [t for t in regular if np.min(np.abs(epochs - t)) > 0.25 * settings.longest_interval]
     return Problem(
         samples=samples,

@@ -115,8 +115,8 @@ def mer_telemetry(tables: MerTables, setup: MerSetup) -> Telemetry:
     Returns
     -------
     Telemetry
-        `driving` as joined from the three products; `checking` holds the rover's IMU over HIGHRATE up to
-        separation; `attitude` is the backshell's quaternion up to separation and the rover's after it.
+        `driving` as joined from the three products; `checking` holds the rover's IMU up to separation, from its
+        register before HIGHRATE; `attitude` is the backshell's quaternion up to separation and the rover's after it.
 
     Raises
     ------
@@ -136,7 +136,7 @@ def mer_telemetry(tables: MerTables, setup: MerSetup) -> Telemetry:
         transformed_piece(tables, setup, until=backshell.start),
         *bridged(tables, setup, backshell.between(-np.inf, setup.separation)),
         *bridged(tables, setup, rover.between(setup.separation, handover).moved(_to_body(setup.rover_position))),
-        register_piece(tables, setup, start=handover),
+        register_piece(tables, setup, handover, setup.end + 1.0),
     ]
     driving = join("driving", pieces, UNITS, tuple(setup.imus[u].errors for u in UNITS))
     if not driving.start <= setup.start + 0.5 or driving.time[-1] < setup.end - 0.5:
@@ -146,7 +146,10 @@ def mer_telemetry(tables: MerTables, setup: MerSetup) -> Telemetry:
         )
     check = join(
         "rover",
-        bridged(tables, setup, rover.between(-np.inf, setup.separation)),
+        [
+            register_piece(tables, setup, max(setup.start, -5.0), rover.start),
+            *bridged(tables, setup, rover.between(-np.inf, setup.separation)),
+        ],
         UNITS,
         tuple(setup.imus[u].errors for u in UNITS),
     )
@@ -310,8 +313,8 @@ def _handover(tables: MerTables, setup: MerSetup) -> float:
     return float(sclk[sclk <= tables.highrate.sclk[-1] + 1e-6][-1] - setup.epoch_sclk)
 
 
-def register_piece(tables: MerTables, setup: MerSetup, start: float) -> Piece:
-    """From `start` on: rates from the rover's quaternion, force from its accumulated velocity.
+def register_piece(tables: MerTables, setup: MerSetup, start: float, end: float) -> Piece:
+    """From `start` to `end`: rates from the rover's quaternion, force from its accumulated velocity.
 
     The register accumulates in axes that do not turn, so a difference of two rows is exact however the lander
     rolled between them. It is spread evenly in time, and the turn between two quaternions evenly in angle, over
@@ -320,7 +323,8 @@ def register_piece(tables: MerTables, setup: MerSetup, start: float) -> Piece:
     t, imu = tables.transformed, setup.imus["register"]
     rows = _register_rows(tables, setup)
     time = t.sclk[rows] - setup.epoch_sclk
-    rows, time = rows[time >= start - 1e-6], time[time >= start - 1e-6]
+    keep = (time >= start - 1e-6) & (time <= end + 1e-6)
+    rows, time = rows[keep], time[keep]
     attitude = t.rover_j2000_from_sc[rows]
     rate = rates_from_quaternions(time, attitude)
     gained = rotations.rotate(setup.j2000_from_register, np.diff(t.velocity[rows], axis=0))
