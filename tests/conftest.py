@@ -34,3 +34,28 @@ def practice():
 def builtin_flight():
     """Path of the flight that the package ships."""
     return Path(str(files("edl_filter") / "data" / "practice_06.h5"))
+
+
+def _reconstructed(name, *changes):
+    from edl_filter.mission import Mission
+    from edl_filter.reconstruct import reconstruct
+
+    return reconstruct(Mission.load(f"builtin:{name}", changes))
+
+
+@pytest.fixture(scope="session")
+def spirit(mer_folder):
+    """Spirit, reconstructed."""
+    return _reconstructed("mer_a", f"telemetry.path={mer_folder}")
+
+
+@pytest.fixture(scope="session")
+def opportunity(mer_folder):
+    """Opportunity, reconstructed."""
+    return _reconstructed("mer_b", f"telemetry.path={mer_folder}")
+
+
+@pytest.fixture(scope="session")
+def practice_06():
+    """The flight that the package ships, reconstructed."""
+    return _reconstructed("practice_mer")

@@ -33,6 +33,61 @@ Times
 Arrays
     Time runs along the first axis: ``(N,)``, ``(N, 3)`` for vectors, ``(N, 4)`` for quaternions.
     Kernels alone use ``(state, sigma)``.
+
+Use
+    >>> from edl_filter import Mission, reconstruct
+    >>> reconstruction = reconstruct(Mission.load("missions/mer_a.yaml"))
+
+    `Mission`, `reconstruct`, `Reconstruction`, `read_result` and `InputError` are the public names; they are
+    imported when they are first asked for, so that a command's help need not wait for a compiler.
 """
 
+from __future__ import annotations
+
+import sys
+from importlib import import_module
+from types import ModuleType
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from edl_filter.errors import InputError
+    from edl_filter.mission import Mission
+    from edl_filter.reconstruct import Reconstruction, reconstruct
+    from edl_filter.results import read as read_result
+
 __version__ = "0.1.0"
+__all__ = ["InputError", "Mission", "Reconstruction", "__version__", "read_result", "reconstruct"]
+
+#: Public name → module and its name there.
+_PUBLIC = {
+    "InputError": ("edl_filter.errors", "InputError"),
+    "Mission": ("edl_filter.mission", "Mission"),
+    "Reconstruction": ("edl_filter.reconstruct", "Reconstruction"),
+    "read_result": ("edl_filter.results", "read"),
+    "reconstruct": ("edl_filter.reconstruct", "reconstruct"),
+}
+
+
+class _Package(ModuleType):
+    """This package. A class of its own, since the function `reconstruct` has the name of its module.
+
+    Importing the module would put it in the function's place, or not, depending on who imported what first.
+    """
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        if not (name in _PUBLIC and isinstance(value, ModuleType)):
+            super().__setattr__(name, value)
+
+    def __getattr__(self, name: str) -> Any:
+        if name not in _PUBLIC:
+            raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+        module, there = _PUBLIC[name]
+        value = getattr(import_module(module), there)
+        setattr(self, name, value)
+        return value
+
+    def __dir__(self) -> list[str]:
+        return sorted({*super().__dir__(), *_PUBLIC})
+
+
+sys.modules[__name__].__class__ = _Package

@@ -6,6 +6,8 @@ itself, holds the values. Nothing is estimated here but means over windows.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -43,6 +45,7 @@ def read_telemetry(mission: Mission) -> Telemetry:
     if isinstance(mission.telemetry, FlightFile):
         assert path is not None
         return read_flight_file(path)
+    assert isinstance(mission.telemetry, MerMission)  # telemetry_path stops the others
     tables = read_mer_tables(find_mer_imu(path), mission.telemetry.spacecraft)
     return mer_telemetry(tables, mer_setup(mission))
 
@@ -148,13 +151,11 @@ def entry_state(mission: Mission, telemetry: Telemetry) -> tuple[InitialState, E
     initial = InitialState(
         stated.time_s, np.array(stated.position), np.array(stated.velocity), attitude, covariance
     )
-    onboard = None
+    entry = EntryErrors(stated.epoch_sigma_s, stated.frame_rotation_sigma)
     if mission.constraints.onboard_attitude is not None and telemetry.attitude is not None:
-        onboard = telemetry.attitude.at(stated.time_s)
-    return initial, EntryErrors(
-        stated.epoch_sigma_s, stated.frame_rotation_sigma, onboard, float(np.max(telemetry.attitude.sigma))
-        if telemetry.attitude is not None else 0.0
-    )
+        start, rounding = telemetry.attitude.at(stated.time_s), float(np.max(telemetry.attitude.sigma))
+        entry = replace(entry, onboard_attitude=start, onboard_sigma=rounding)
+    return initial, entry
 
 
 def statements(

@@ -143,10 +143,10 @@ def _entry_correction(problem: Problem, way: Forward, smoothed: Smoothed) -> tup
         layout, stated, problem.entry, problem.instruments[int(problem.samples.unit[0])], problem.planet
     )
     change = smoothed.states[0].minus(reference)[:9]
-    sigma = np.sqrt(np.diag(smoothed.covariance[0]))
+    sigma = np.sqrt(np.diag(smoothed.covariance[0])).astype(float)
     scale = np.repeat(1.0 / np.array([np.linalg.norm(stated.position), np.linalg.norm(stated.velocity)]), 3)
     effect = initial.frame_effect(stated)
-    rotation = np.linalg.lstsq(effect * scale[:, None], change[:6] * scale, rcond=None)[0]
+    rotation = np.asarray(np.linalg.lstsq(effect * scale[:, None], change[:6] * scale, rcond=None)[0], float)
     names = [n for n in ("entry_epoch", "entry_frame") if n in layout]
     states = {n: (smoothed.states[0].errors[layout[n]], sigma[layout[n]]) for n in names}
     entry = EntryCorrection(change, sigma[:9], rotation, change[:6] - effect @ rotation, states)

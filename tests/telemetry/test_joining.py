@@ -62,8 +62,9 @@ def test_join_keeps_units_sources_and_adjoining_intervals():
 
 
 def test_pieces_that_do_not_adjoin_are_named():
+    apart = [piece(grid(0.0, 8)), piece(grid(1.5, 8), unit="rover")]
     with pytest.raises(InputError, match=r"HIGHRATE of the backshell ends at 1\.0000 s .* begins at 1\.5000 s"):
-        join("x", [piece(grid(0.0, 8)), piece(grid(1.5, 8), unit="rover")], ("backshell", "rover"), (SensorErrors(),) * 2)
+        join("x", apart, ("backshell", "rover"), (SensorErrors(),) * 2)
 
 
 def test_between_and_moved():

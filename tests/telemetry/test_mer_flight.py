@@ -1,6 +1,7 @@
 """The join of the archive's three products, on the real tables."""
 
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -80,7 +81,7 @@ def test_gyros_agree_with_the_on_board_quaternion(rover):
     samples, attitude = effective_samples(telemetry.driving), telemetry.attitude
     misses = []
     rows = [np.argmin(np.abs(attitude.time - t)) for t in np.arange(95.0, 245.0, 10.0)]
-    for a, b in zip(rows[:-1], rows[1:], strict=True):
+    for a, b in pairwise(rows):
         part = samples.part(samples.index(attitude.time[a]), samples.index(attitude.time[b]))
         end = _attitudes(part.interval, part.rate, attitude.inertial_from_body[a])[1]
         miss = rotations.multiply(rotations.conjugate(attitude.inertial_from_body[b]), end)
@@ -156,7 +157,7 @@ def test_rover_and_backshell_agree_before_separation(rover):
 
 
 def test_on_board_attitude_is_used_where_gyros_are_and_not_inside_the_gap(rover):
-    _, _, setup, telemetry = rover
+    telemetry = rover[3]
     used = np.array([c.time for c in onboard_attitudes(telemetry, 10.0, 0.0)])
     record = telemetry.driving
     assert used[0] > record.time[source(record, "TRANSFORMED")][-1]

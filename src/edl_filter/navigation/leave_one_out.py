@@ -44,9 +44,11 @@ class Statement:
     dof : int
         Of all epochs together.
     accepted : (K,) boolean array
-    left_out, left_out_sigma : (m,) arrays
-        Measured minus predicted from all other knowledge, and one sigma of that; over many epochs the mean,
-        whose prediction error is taken as fully correlated.
+    left_out : (m,) array
+        Measured minus predicted from all other knowledge; over many epochs the mean, whose prediction error is
+        taken as fully correlated.
+    left_out_covariance : (m, m) array
+        Of `left_out`: prediction and measurement together.
     left_out_nis : float
     left_out_dof : int
     """
@@ -61,7 +63,7 @@ class Statement:
     dof: int
     accepted: NDArray[np.bool_]
     left_out: Array
-    left_out_sigma: Array
+    left_out_covariance: Array
     left_out_nis: float
     left_out_dof: int
 
@@ -70,6 +72,11 @@ class Statement:
         tail = 0.5 * (1.0 - probability)
         low, high = chi2.ppf([tail, 1.0 - tail], self.dof)
         return float(low), float(high)
+
+    @property
+    def left_out_sigma(self) -> Array:
+        """One sigma of `left_out`, ``(m,)``; infinite where the others say nothing."""
+        return np.sqrt(np.diag(self.left_out_covariance))
 
     @property
     def consistent(self) -> bool:
@@ -97,7 +104,7 @@ def _statement(problem: Problem, way: Forward, group: list[Fused]) -> Statement:
     first = group[0].constraint
     innovations = [f.innovation for f in group]
     sigma = [np.sqrt(np.diag(i.predicted_covariance + i.noise_covariance)) for i in innovations]
-    left, left_sigma, left_nis = _from_others(problem, way, group)
+    left, left_covariance = _from_others(problem, way, group)
     return Statement(
         name=first.name,
         source=first.source,
@@ -109,14 +116,14 @@ def _statement(problem: Problem, way: Forward, group: list[Fused]) -> Statement:
         dof=sum(len(i.residual) for i in innovations),
         accepted=np.array([f.accepted for f in group]),
         left_out=left,
-        left_out_sigma=left_sigma,
-        left_out_nis=left_nis,
+        left_out_covariance=left_covariance,
+        left_out_nis=float(left @ np.linalg.solve(left_covariance, left)),
         left_out_dof=len(left),
     )
 
 
-def _from_others(problem: Problem, way: Forward, group: list[Fused]) -> tuple[Array, Array, float]:
-    """Residual against the estimate from everything else, its sigma and its NIS."""
+def _from_others(problem: Problem, way: Forward, group: list[Fused]) -> tuple[Array, Array]:
+    """Residual against the estimate from everything else, and its covariance."""
     without = forward_without(problem, way, group[0].constraint.name)
     first = group[0].node
     smoothed = smooth(without, first)
@@ -133,7 +140,7 @@ def _from_others(problem: Problem, way: Forward, group: list[Fused]) -> tuple[Ar
     else:  # correlation in time and between components unknown: all of it, and none
         spread = np.mean([np.sqrt(np.diag(p)) for p in predictions], axis=0)
         total = np.diag(spread**2 + np.mean([np.diag(n) for n in noises], axis=0) / len(group))
-    return residual, np.sqrt(np.diag(total)), float(residual @ np.linalg.solve(total, residual))
+    return residual, total
 
 
 def _predicted(
@@ -215,7 +222,7 @@ def entry_statement(smoothed: Smoothed, prior: Array, start: Array) -> Statement
         dof=dof,
         accepted=np.array([True]),
         left_out=left,
-        left_out_sigma=sigma,
+        left_out_covariance=np.diag(sigma**2),
         left_out_nis=nis,
         left_out_dof=dof,
     )

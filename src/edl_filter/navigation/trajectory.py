@@ -1,8 +1,9 @@
 """The smoothed trajectory at every sample, with its covariance.
 
-Between two nodes the smoothed state is propagated over the samples with the smoothed sensor errors; what is
-then missing to the next smoothed state is the estimate of the process noise in between and is spread over the
-interval as the noise is (evenly in smooth flight, mostly into a gap where there is one). Covariances are interpolated linearly in inertial axes.
+Between two nodes the smoothed state is propagated over the samples with the smoothed sensor errors. What is then
+missing to the next smoothed state is the estimate of the process noise in between; it is spread over the interval as
+the noise is: evenly in smooth flight, mostly into a gap where there is one. Covariances are interpolated linearly in
+inertial axes.
 """
 
 from __future__ import annotations

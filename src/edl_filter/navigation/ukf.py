@@ -88,6 +88,11 @@ class ErrorStateUKF(UnscentedKalmanFilter):
         Of the scaled unscented transform. An alpha below 0.1 costs digits.
     """
 
+    x: Array
+    P: Array
+    Wm: Array
+    Wc: Array
+
     def __init__(
         self,
         layout: Layout,

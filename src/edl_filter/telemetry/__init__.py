@@ -1,0 +1,1 @@
+"""Telemetry: readers, cleaning, smoothing, calibration; records in body axes come out."""

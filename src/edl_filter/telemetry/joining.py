@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -52,7 +53,8 @@ class Piece:
 
     def _take(self, index: NDArray[np.int64]) -> Piece:
         arrays = {f.name: getattr(self, f.name) for f in fields(self)}
-        return replace(self, **{n: v[index] for n, v in arrays.items() if isinstance(v, np.ndarray)})
+        taken: dict[str, Any] = {n: v[index] for n, v in arrays.items() if isinstance(v, np.ndarray)}
+        return replace(self, **taken)
 
 
 def fill_gaps(piece: Piece) -> list[Piece]:
@@ -65,7 +67,7 @@ def fill_gaps(piece: Piece) -> list[Piece]:
     cuts = np.flatnonzero(missing > 1e-6)
     edges = [0, *(cuts + 1), len(piece.time)]
     pieces: list[Piece] = []
-    for first, last in zip(edges[:-1], edges[1:], strict=True):
+    for first, last in pairwise(edges):
         if first:
             pieces.append(_bridge(piece, first - 1))
         pieces.append(piece._take(np.arange(first, last)))
@@ -113,7 +115,7 @@ def join(
     InputError
         Two pieces overlap or leave time between them.
     """
-    for a, b in zip(pieces[:-1], pieces[1:], strict=True):
+    for a, b in pairwise(pieces):
         if abs(b.start - a.time[-1]) > 1e-6:
             raise InputError(
                 f"telemetry: {a.source} of the {a.unit} ends at {a.time[-1]:.4f} s and {b.source} of the {b.unit} "

@@ -22,7 +22,7 @@ from edl_filter import rotations
 from edl_filter.errors import InputError
 from edl_filter.telemetry.joining import GAP, Piece, fill_gaps, join
 from edl_filter.telemetry.mer_archive import SAMPLE_INTERVAL, MerTables
-from edl_filter.telemetry.record import AttitudeRecord, ImuRecord, SensorErrors, Telemetry
+from edl_filter.telemetry.record import AttitudeRecord, SensorErrors, Telemetry
 from edl_filter.telemetry.smoothing import rates_from_quaternions
 
 Array = NDArray[np.float64]
@@ -233,6 +233,7 @@ def highrate_piece(tables: MerTables, setup: MerSetup, unit: str) -> Piece:
         else (h.rover_angle_increment, h.rover_velocity_increment)
     )
     good = np.isfinite(angle[:, 0]) & np.isfinite(velocity[:, 0])
+    assert imu.spacecraft_from_imu is not None
     body_from_imu = BODY_FROM_SPACECRAFT @ rotations.to_matrix(imu.spacecraft_from_imu)
     n = int(good.sum())
     return Piece(

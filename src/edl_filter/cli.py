@@ -1,0 +1,217 @@
+"""Commands: parse, call the API, print.
+
+Exit codes: 0 done; 2 the input is wrong, with one message on standard error; 1 a fault of ours. Nothing heavy is
+imported before a command runs, so that help comes at once.
+"""
+
+from __future__ import annotations
+
+import sys
+import traceback
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+from typer.core import TyperGroup
+
+from edl_filter import __version__
+from edl_filter.errors import InputError
+
+if TYPE_CHECKING:
+    from edl_filter.mission import Mission
+
+_HDF5 = (".h5", ".hdf5", ".nc")
+
+
+class _Commands(TyperGroup):
+    """Turns exceptions into messages and exit codes, for all commands alike."""
+
+    def invoke(self, ctx: Any) -> Any:
+        """Run a command."""
+        try:
+            return super().invoke(ctx)
+        except Exception as error:
+            if type(error).__module__.split(".")[0] in ("typer", "click"):
+                raise  # these carry their own message and code
+            if ctx.params.get("debug"):
+                traceback.print_exc()
+            if isinstance(error, InputError):
+                typer.echo(f"edl-filter: {error}", err=True)
+                raise typer.Exit(2) from None
+            typer.echo(
+                f"edl-filter: a fault of ours: {type(error).__name__}: {error}\n"
+                "Run 'edl-filter --debug COMMAND …' to see where, and please report it.",
+                err=True,
+            )
+            raise typer.Exit(1) from None
+
+
+app = typer.Typer(
+    cls=_Commands,
+    no_args_is_help=True,
+    add_completion=False,
+    rich_markup_mode=None,  # half the time of help is rich's import
+    pretty_exceptions_enable=False,
+    # a value for the help that was not asked for: else typer imports pydantic to convert None
+    context_settings={"help_option_names": ["-h", "--help"], "default_map": {"help": False}},
+)
+
+
+def main() -> None:
+    """Entry point of ``edl-filter``."""
+    app(prog_name="edl-filter")
+
+
+def _version(wanted: bool) -> None:
+    if wanted:
+        typer.echo(f"edl-filter {__version__}")
+        raise typer.Exit
+
+
+@app.callback(help="Reconstruct planetary entries from inertial telemetry.")
+def _app(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version.")
+    ] = False,
+    debug: Annotated[bool, typer.Option("--debug", help="Show the traceback of an error.")] = False,
+) -> None:
+    """Options of all commands; `debug` is read where exceptions are caught."""
+
+
+@app.command(epilog="Example: edl-filter run missions/mer_a.yaml -o results/mer_a")
+def run(
+    mission: Annotated[str, typer.Argument(help="Mission file, or builtin:NAME.")],
+    output: Annotated[Path | None, typer.Option("-o", "--output", help="Folder of the results.")] = None,
+    changes: Annotated[
+        list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Change a key of the mission.")
+    ] = None,
+    no_figures: Annotated[bool, typer.Option("--no-figures", help="Draw no figures.")] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="Print the summary as JSON, nothing else.")] = False,
+) -> None:
+    """Reconstruct an entry; write result.nc, summary.json and figures."""
+    from edl_filter.mission import Mission
+
+    _run(Mission.load(mission, changes or ()), output, not no_figures, as_json)
+
+
+@app.command(epilog="Example: edl-filter demo -o results/demo")
+def demo(
+    output: Annotated[Path | None, typer.Option("-o", "--output", help="Folder of the results.")] = None,
+) -> None:
+    """Reconstruct the flight that comes with the package, and say where its figures are."""
+    from edl_filter.mission import Mission
+
+    written = _run(Mission.load("builtin:practice_mer"), output, True, False)
+    typer.echo(f"Look at {written['figures'][0] if written['figures'] else written['result']} first.")
+
+
+@app.command(epilog="Example: edl-filter validate missions/mer_a.yaml")
+def validate(
+    path: Annotated[str, typer.Argument(help="Mission file (with its telemetry and tables), or flight file.")],
+    changes: Annotated[
+        list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Change a key of the mission.")
+    ] = None,
+) -> None:
+    """Check a mission with all that it names, or a flight file."""
+    if path.lower().endswith(_HDF5):
+        from edl_filter.telemetry.flight_file import read_flight_file
+
+        if changes:
+            raise InputError(f"--set: {path} is a flight file; only a mission has keys to change.")
+        telemetry, what = read_flight_file(path), "a flight file"
+    else:
+        from edl_filter.assembly import assemble, read_atmosphere, read_telemetry
+        from edl_filter.mission import Mission
+
+        loaded = Mission.load(path, changes or ())
+        telemetry, what = read_telemetry(loaded), f"the mission {loaded.name}"
+        planet = loaded.planet_model(telemetry.prime_meridian_at_epoch)
+        assemble(loaded, telemetry, planet, read_atmosphere(loaded))
+    from edl_filter.report.terminal import telemetry_lines
+
+    typer.echo(f"{path}: {what}, nothing wrong with it.")
+    for line in telemetry_lines(telemetry):
+        typer.echo(f"  {line}")
+
+
+@app.command(epilog="Example: edl-filter convert imu_log.csv --spec imu_log.spec.yaml -o flight.h5")
+def convert(
+    log: Annotated[Path, typer.Argument(help="IMU log, CSV with a header.")],
+    spec: Annotated[Path, typer.Option("--spec", help="Which columns hold what (YAML).")],
+    output: Annotated[Path, typer.Option("-o", "--output", help="Flight file to write.")],
+) -> None:
+    """Turn an IMU log into a flight file."""
+    from edl_filter.telemetry.csv_log import convert as convert_log
+
+    typer.echo(f"Written: {convert_log(log, spec, output)}")
+
+
+@app.command(epilog="Example: edl-filter export results/mer_a --to csv -o spirit.csv")
+def export(
+    result: Annotated[Path, typer.Argument(help="result.nc, or the folder that holds it.")],
+    to: Annotated[str, typer.Option("--to", help="csv, spk or ck.")],
+    output: Annotated[
+        Path | None, typer.Option("-o", "--output", help="File to write; beside the result if not given.")
+    ] = None,
+    naif_id: Annotated[int | None, typer.Option("--naif-id", help="Spacecraft's number in SPICE.")] = None,
+) -> None:
+    """Write trajectory and attitude for other tools: a table, or SPICE kernels."""
+    from edl_filter.export import export as export_result
+
+    for path in export_result(result, to, output, naif_id):
+        typer.echo(f"Written: {path}")
+
+
+@app.command(epilog="Example: edl-filter fetch mer-imu")
+def fetch(
+    what: Annotated[str, typer.Argument(help="mer-imu: telemetry of Spirit and Opportunity.")],
+    base_url: Annotated[str | None, typer.Option("--base-url", help="Another copy of the volume.")] = None,
+    to: Annotated[Path | None, typer.Option("--to", help="Folder for downloads, not the cache.")] = None,
+) -> None:
+    """Download public data, each file checked by its sha256."""
+    if what != "mer-imu":
+        raise InputError(f"fetch: found {what!r}; accepted is mer-imu.")
+    from edl_filter.telemetry.fetch import fetch_mer_imu
+
+    typer.echo(f"MER telemetry: {fetch_mer_imu(base_url, to, progress=sys.stdout.isatty())}")
+
+
+def _run(mission: Mission, output: Path | None, figures: bool, as_json: bool) -> dict[str, Any]:
+    """Reconstruct, write and print."""
+    from edl_filter.reconstruct import reconstruct
+    from edl_filter.results.outputs import finite, write_outputs
+
+    with _busy(f"Reconstructing {mission.title or mission.name}", quiet=as_json):
+        reconstruction = reconstruct(mission)
+    with _busy("Writing results", quiet=as_json):
+        written = write_outputs(
+            reconstruction, output or mission.output_directory(), figures and mission.outputs.figures
+        )
+    if as_json:
+        import json
+
+        paths = {"result": str(written["result"]), "figures": [str(p) for p in written["figures"]]}
+        typer.echo(json.dumps(finite(written["content"] | {"outputs": paths}), allow_nan=False))
+    else:
+        from edl_filter.report.terminal import print_run
+
+        print_run(written)
+    return written
+
+
+@contextmanager
+def _busy(what: str, quiet: bool) -> Iterator[None]:
+    """Show that work goes on, on a terminal."""
+    if quiet or not sys.stdout.isatty():
+        yield
+        return
+    from rich.console import Console
+
+    with Console(stderr=True).status(f"{what} …"):
+        yield
+
+
+if __name__ == "__main__":
+    main()

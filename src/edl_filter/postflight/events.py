@@ -1,0 +1,161 @@
+"""The state at every event of the flight, and the peak deceleration."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from edl_filter.navigation.trajectory import Trajectory
+from edl_filter.postflight.airdata import AirData
+from edl_filter.reconstruct import Reconstruction
+from edl_filter.telemetry.clock import SclkClock
+from edl_filter.telemetry.record import ImuRecord
+
+Array = NDArray[np.float64]
+#: Samples longer than this many usual intervals are gaps, not measurements.
+_GAP = 1.5
+
+
+@dataclass(frozen=True)
+class Event:
+    """State at one event. Velocities are air-relative; the names carry the units, as tables for people do.
+
+    Attributes
+    ----------
+    name : str
+    time_s : float
+        Since the epoch.
+    sclk : float or None
+        Spacecraft clock, s, where there is one.
+    utc : str
+    altitude_m, altitude_sigma_m : float
+        Areodetic.
+    height_above_site_m : float or None
+        Distance from the planet's centre less the landing site's.
+    velocity_m_s, velocity_sigma_m_s : float
+    mach, dynamic_pressure_pa : float
+        With the preflight atmosphere.
+    flight_path_deg, alpha_total_deg, alpha_total_sigma_deg : float
+    acceleration_m_s2, acceleration_single_m_s2 : float or None
+        Axial deceleration at the centre of mass, of the peak only: mean of two successive samples, and the
+        largest single sample.
+    """
+
+    name: str
+    time_s: float
+    sclk: float | None
+    utc: str
+    altitude_m: float
+    altitude_sigma_m: float
+    height_above_site_m: float | None
+    velocity_m_s: float
+    velocity_sigma_m_s: float
+    mach: float
+    dynamic_pressure_pa: float
+    flight_path_deg: float
+    alpha_total_deg: float
+    alpha_total_sigma_deg: float
+    acceleration_m_s2: float | None = None
+    acceleration_single_m_s2: float | None = None
+
+
+@dataclass(frozen=True)
+class Peak:
+    """Largest axial deceleration.
+
+    Attributes
+    ----------
+    time : float
+        Middle of the two samples, s.
+    acceleration, single : float
+        Mean of two successive samples, and the largest single one, m/s².
+    """
+
+    time: float
+    acceleration: float
+    single: float
+
+
+def events(reconstruction: Reconstruction, air: AirData) -> dict[str, Event]:
+    """Give all events within the trajectory, in order of time.
+
+    ``entry_interface`` (time 0) and ``peak_deceleration`` are added to those of mission and telemetry.
+
+    Parameters
+    ----------
+    reconstruction : Reconstruction
+    air : AirData
+        Along its trajectory.
+
+    Returns
+    -------
+    dict
+        Name → `Event`.
+    """
+    trajectory, telemetry = reconstruction.trajectory, reconstruction.telemetry
+    times = {"entry_interface": 0.0} | reconstruction.event_times
+    end = next((times[n] for n in ("parachute_deploy", "landing") if n in times), float(trajectory.time[-1]))
+    peak = peak_deceleration(trajectory, telemetry.driving, end)
+    if peak is not None:
+        times["peak_deceleration"] = peak.time
+    found = {}
+    for name, time in sorted(times.items(), key=lambda item: item[1]):
+        if trajectory.time[0] - 1e-6 <= time <= trajectory.time[-1] + 1e-6:
+            found[name] = _event(name, time, reconstruction, air, peak if name == "peak_deceleration" else None)
+    return found
+
+
+def peak_deceleration(trajectory: Trajectory, record: ImuRecord, end: float) -> Peak | None:
+    """Largest axial deceleration at the centre of mass before `end` (s).
+
+    The mean of two successive samples, since a single one carries the noise and the motion of 0.125 s; gaps do
+    not count. None where there are no two samples.
+    """
+    inside = (record.time > trajectory.time[0] + 1e-6) & (record.time <= end + 1e-6)
+    inside &= record.interval < _GAP * np.median(record.interval)
+    # the trajectory's samples are the record's, some cut in two: both parts carry the whole's mean
+    index = np.searchsorted(trajectory.time, record.time[inside] - 1e-6)
+    force = -trajectory.specific_force[np.minimum(index, len(trajectory.time) - 1), 0]
+    time, interval = record.time[inside], record.interval[inside]
+    adjoin = np.abs(np.diff(time) - interval[1:]) < 1e-6
+    if not adjoin.any():
+        return None
+    mean = (force[:-1] * interval[:-1] + force[1:] * interval[1:]) / (interval[:-1] + interval[1:])
+    k = int(np.argmax(np.where(adjoin, mean, -np.inf)))
+    middle = time[k] + 0.5 * (interval[k + 1] - interval[k])
+    return Peak(float(middle), float(mean[k]), float(force.max()))
+
+
+def clock_readings(reconstruction: Reconstruction, time: Array) -> tuple[Array | None, NDArray[np.datetime64]]:
+    """Spacecraft clock (s; None without one) and UTC at `time` (s since the epoch)."""
+    telemetry = reconstruction.telemetry
+    utc = SclkClock(0.0, telemetry.epoch_utc).to_datetime64(time)
+    return (None if telemetry.epoch_sclk is None else telemetry.epoch_sclk + np.asarray(time)), utc
+
+
+def _event(name: str, time: float, reconstruction: Reconstruction, air: AirData, peak: Peak | None) -> Event:
+    telemetry, site = reconstruction.telemetry, reconstruction.site_radius
+
+    def at(values: Array) -> float:
+        return float(np.interp(time, air.time, values))
+
+    return Event(
+        name=name,
+        time_s=time,
+        sclk=None if telemetry.epoch_sclk is None else telemetry.epoch_sclk + time,
+        utc=SclkClock(0.0, telemetry.epoch_utc).to_utc(time),
+        altitude_m=at(air.altitude),
+        altitude_sigma_m=at(air.altitude_sigma),
+        height_above_site_m=None if site is None else at(air.radius) - site,
+        velocity_m_s=at(air.speed),
+        velocity_sigma_m_s=at(air.speed_sigma),
+        mach=at(air.mach),
+        dynamic_pressure_pa=at(air.dynamic_pressure),
+        flight_path_deg=float(np.rad2deg(at(air.flight_path_angle))),
+        alpha_total_deg=float(np.rad2deg(at(air.alpha_total))),
+        alpha_total_sigma_deg=float(np.rad2deg(at(air.alpha_total_sigma))),
+        acceleration_m_s2=None if peak is None else peak.acceleration,
+        acceleration_single_m_s2=None if peak is None else peak.single,
+    )

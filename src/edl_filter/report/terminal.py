@@ -1,0 +1,159 @@
+"""What a run and a check say on the terminal."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any
+
+from rich import box
+from rich.console import Console
+from rich.table import Table
+
+if TYPE_CHECKING:
+    from edl_filter.telemetry.record import ImuRecord, Telemetry
+
+#: Columns where the output is no terminal and has no width of its own.
+_WIDTH = 118
+
+
+def print_run(written: dict[str, Any]) -> None:
+    """Print a run's events, constraints, what gave in the entry state, and where the outputs are.
+
+    Parameters
+    ----------
+    written : dict
+        As `results.write_outputs` gives it.
+    """
+    console = Console(highlight=False)
+    if not console.is_terminal:
+        console = Console(highlight=False, width=_WIDTH)
+    told = written["content"]
+    console.print(f"[bold]{told['title'] or told['mission']}[/bold], epoch {told['epoch_utc']} UTC")
+    console.print(events_table(told["events"]))
+    if "peak_deceleration" in told["events"]:
+        console.print(peak_sentence(told["events"]["peak_deceleration"]))
+    console.print(constraints_table(told["constraints"]))
+    console.print(entry_sentence(told["entry_state"]))
+    if told["landing"].get("miss_m") is not None:
+        console.print(landing_sentence(told["landing"]))
+    seconds = sum(told["timing_s"].values())
+    console.print(f"Written in {seconds:.1f} s: {written['result']}", soft_wrap=True)
+    console.print(f"Summary: {written['summary']}", soft_wrap=True)
+    if written["figures"]:
+        console.print(f"Figures: {written['figures'][0].parent} ({len(written['figures'])} files)", soft_wrap=True)
+
+
+def events_table(events: dict[str, dict[str, Any]]) -> Table:
+    """Events in order of time."""
+    table = Table(title="Events", title_justify="left", box=box.SIMPLE_HEAD, padding=(0, 1))
+    table.add_column("event", no_wrap=True)
+    for head in ("time s", "altitude km", "over site km", "velocity m/s", "Mach", "q Pa", "alpha_t deg"):
+        table.add_column(head, justify="right")
+    for name, e in events.items():
+        height = e.get("height_above_site_m")
+        table.add_row(
+            name.replace("_", " "),
+            f"{e['time_s']:.2f}",
+            f"{1e-3 * e['altitude_m']:.2f} ± {1e-3 * e['altitude_sigma_m']:.2f}",
+            "" if height is None else f"{1e-3 * height:.2f}",
+            f"{e['velocity_m_s']:.1f} ± {e['velocity_sigma_m_s']:.1f}",
+            f"{e['mach']:.2f}",
+            f"{e['dynamic_pressure_pa']:.3g}" if e["dynamic_pressure_pa"] < 1.0 else f"{e['dynamic_pressure_pa']:.0f}",
+            f"{e['alpha_total_deg']:.1f} ± {e['alpha_total_sigma_deg']:.1f}",
+        )
+    return table
+
+
+def peak_sentence(peak: dict[str, Any]) -> str:
+    """Largest deceleration before the parachute."""
+    return (
+        f"Peak deceleration: {peak['acceleration_m_s2']:.1f} m/s² as the mean of two samples, "
+        f"{peak['acceleration_single_m_s2']:.1f} m/s² in one."
+    )
+
+
+def constraints_table(constraints: dict[str, dict[str, Any]]) -> Table:
+    """Constraints: how far off on the way forwards, and against all others."""
+    table = Table(title="Constraints (in sigmas)", title_justify="left", box=box.SIMPLE_HEAD, padding=(0, 1))
+    table.add_column("constraint", no_wrap=True)
+    for head in ("uses", "innovation", "NIS (dof)", "99.9 %", "left out", "its NIS"):
+        table.add_column(head, justify="right")
+    table.add_column("")
+    for name, c in constraints.items():
+        low, high = c["nis_interval_99_9"]
+        table.add_row(
+            name.replace("_", " "),
+            f"{c['accepted_epochs']}/{c['epochs']}",
+            _sigmas(c["innovation"], c["innovation_sigma"]),
+            f"{c['nis']:.1f} ({c['dof']})",
+            f"{low:.1g} – {high:.1f}" if low < 1.0 else f"{low:.0f} – {high:.0f}",
+            _sigmas(c["left_out"], c["left_out_sigma"]),
+            f"{c['left_out_nis']:.1f} ({c['left_out_dof']})" if c["left_out_dof"] else "–",
+            _verdict(c),
+        )
+    return table
+
+
+def _sigmas(values: list[float], sigmas: list[float]) -> str:
+    """Components over their sigmas; many of them as the largest."""
+    ratio = [v / s if s > 0.0 and math.isfinite(s) else math.nan for v, s in zip(values, sigmas, strict=True)]
+    shown = ["–" if math.isnan(r) else f"{r:+.1f}" for r in ratio]
+    if len(shown) <= 3:
+        return " ".join(shown)
+    known = [abs(r) for r in ratio if not math.isnan(r)]
+    return f"≤ {max(known):.1f}" if known else "–"
+
+
+def _verdict(c: dict[str, Any]) -> str:
+    if not c["accepted"]:
+        return f"[red]{c['epochs'] - c['accepted_epochs']} rejected[/red]"
+    return "[green]ok[/green]" if c["consistent"] else "[yellow]outside[/yellow]"
+
+
+def entry_sentence(entry: dict[str, Any]) -> str:
+    """What had to give in the entry state."""
+    distance = math.dist(entry["position_change_m"], (0.0, 0.0, 0.0))
+    speed = math.dist(entry["velocity_change_m_s"], (0.0, 0.0, 0.0))
+    left = math.dist(entry["rotation_leaves_m"], (0.0, 0.0, 0.0))
+    sentence = (
+        f"Entry state: moved by {distance / 1e3:.2f} km and {speed:.2f} m/s; a rotation of its frame by "
+        f"{entry['rotation_deg']:.3f} deg explains all but {left / 1e3:.2f} km"
+    )
+    epoch = entry["states"].get("entry_epoch")
+    if epoch is not None:
+        sentence += f", with its epoch off by {epoch['estimate'][0]:+.2f} ± {epoch['sigma'][0]:.2f} s"
+    return sentence + "."
+
+
+def landing_sentence(landing: dict[str, Any]) -> str:
+    """Where the vehicle came down, and where it would have without the landing constraint."""
+    out = landing["left_out"]
+    return (
+        f"Landing: {landing['lat_deg']:.4f} N {landing['lon_deg']:.4f} E, {landing['miss_m']:.0f} ± "
+        f"{landing['sigma_m']:.0f} m from the site; predicted without it {out['miss_m'] / 1e3:.2f} ± "
+        f"{out['sigma_m'] / 1e3:.2f} km away."
+    )
+
+
+def telemetry_lines(telemetry: Telemetry) -> list[str]:
+    """What telemetry holds, a line each."""
+    lines = [f"epoch {telemetry.epoch_utc} UTC"]
+    if telemetry.epoch_sclk is not None:
+        lines[0] += f", SCLK {telemetry.epoch_sclk:.3f} s"
+    lines.append(_imu_line("drives", telemetry.driving))
+    lines += [_imu_line("checks", record) for record in telemetry.checking]
+    if telemetry.attitude is not None:
+        lines.append(f"on-board attitude: {len(telemetry.attitude.time)} quaternions")
+    if telemetry.altimeter is not None:
+        lines.append(f"altimeter: {len(telemetry.altimeter.time)} heights")
+    known = [n for n in ("initial", "landing", "parachute") if getattr(telemetry, n) is not None]
+    if known:
+        lines.append(f"stated: {', '.join(known)}")
+    return lines + list(telemetry.notes)
+
+
+def _imu_line(does: str, record: ImuRecord) -> str:
+    return (
+        f"IMU {record.name} {does}: {len(record)} samples, {record.start:.2f} to {record.time[-1]:.2f} s "
+        f"({', '.join(record.sources)})"
+    )

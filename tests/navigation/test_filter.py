@@ -1,0 +1,287 @@
+"""The walk through the epochs: cutting, gating, changing the instrument, leaving out."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import twins
+
+from edl_filter import rotations
+from edl_filter.errors import InputError
+from edl_filter.navigation.constraints import Altimeter, LandingSite, OnboardAttitude, RestVelocity
+from edl_filter.navigation.filter import EntryErrors, Settings, forward, forward_without, gate_limit, merge, pose
+from edl_filter.navigation.smoother import smooth
+from edl_filter.telemetry.record import InitialState, SensorErrors
+
+FIRST = SensorErrors(accelerometer_bias=0.02, gyro_bias=1e-3)
+SECOND = SensorErrors(accelerometer_bias=0.05, gyro_bias=3e-3)
+POSITION, VELOCITY = np.array([3.4e6, 1e5, -2e5]), np.array([-300.0, 900.0, 100.0])
+ATTITUDE = rotations.normalise([0.2, -0.1, 0.3, 0.9])
+
+
+def drive(count=80, unit=None, start=0.0, seed=0):
+    rng = np.random.default_rng(seed)
+    return twins.samples(
+        np.full(count, 0.125),
+        np.array([-20.0, 1.0, -2.0]) + rng.standard_normal((count, 3)),
+        [0.3, 0.1, -0.2] + 0.1 * rng.standard_normal((count, 3)),
+        force_noise=0.1,
+        rate_noise=2e-3,
+        shared=2e-3,
+        unit=unit,
+        start=start,
+    )
+
+
+def initial(time=0.0):
+    sigma = np.repeat([100.0, 2.0, 0.01], 3)
+    return InitialState(time, POSITION, VELOCITY, ATTITUDE, np.diag(sigma**2))
+
+
+def build(known=(), samples=None, entry=None, instruments=(FIRST,), settings=None, **more):
+    return pose(
+        drive() if samples is None else samples,
+        more.pop("start", initial()),
+        entry or EntryErrors(),
+        instruments,
+        list(known),
+        twins.MARS,
+        settings or Settings(longest_interval=2.0),
+        **more,
+    )
+
+
+def height(time, value=0.0, sigma=30.0):
+    return Altimeter(time, value, sigma, float(np.linalg.norm(POSITION)))
+
+
+def velocity_at_rest(time, sigma=1e4):
+    return RestVelocity(time, sigma, twins.MARS)
+
+
+def same(a, b):
+    """Whether two nodes are the same to the last bits."""
+    np.testing.assert_allclose(a.state.nav, b.state.nav, rtol=1e-12)
+    np.testing.assert_allclose(a.state.errors, b.state.errors, rtol=1e-9, atol=1e-15)
+    np.testing.assert_allclose(a.covariance, b.covariance, rtol=1e-9, atol=1e-15)
+    assert a.time == b.time
+    assert a.unit == b.unit
+
+
+# Putting together
+
+
+def test_samples_are_cut_where_a_constraint_is():
+    problem = build([height(3.2), height(7.77)], times=(5.05,))
+    edges = np.append(0.0, problem.samples.time)
+    for t in (3.2, 7.77, 5.05):
+        assert np.min(np.abs(edges - t)) < 1e-12
+        assert np.min(np.abs(problem.epochs - t)) < 1e-12
+    assert np.sum(problem.samples.interval) == pytest.approx(10.0)
+
+
+def test_the_state_at_a_constraint_is_that_of_its_own_time():
+    """Between samples too: the altimeter meets the height there, not at the next sample's end."""
+    problem = build([height(3.2, sigma=1e9)])
+    way = forward(problem)
+    fused = way.fused[0]
+    nav = np.concatenate((POSITION, VELOCITY, ATTITUDE))
+    s = drive()
+    maps = np.concatenate((np.eye(3).ravel(), np.zeros(3))), np.array([1.0, 1, 1, 0, 0, 0])
+    p = twins.MARS
+    step = np.append(np.full(25, 0.125), 0.075)
+    nav = twins.propagate(nav, *maps, step, s.force[:26], s.rate[:26], p.mu, p.j2, p.gravity_radius)
+    wanted = np.linalg.norm(nav[:3]) - np.linalg.norm(POSITION)
+    assert -fused.innovation.residual[0] == pytest.approx(wanted, abs=0.1)  # a sample is 40 m
+    assert way.nodes[fused.node].time == pytest.approx(3.2)
+
+
+def test_epochs_begin_and_end_with_the_flight_and_are_nowhere_far_apart():
+    problem = build([height(3.2)], settings=Settings(longest_interval=1.0))
+    assert problem.epochs[0] == 0.0
+    assert problem.epochs[-1] == problem.samples.time[-1]
+    assert np.all(np.diff(problem.epochs) > 0.0)
+    assert np.max(np.diff(problem.epochs)) < 1.5
+
+
+def test_constraints_are_met_in_the_order_of_time():
+    way = forward(build([height(7.0), velocity_at_rest(2.0), height(4.0)]))
+    assert [f.constraint.time for f in way.fused] == [2.0, 4.0, 7.0]
+    assert [way.nodes[f.node].time for f in way.fused] == [2.0, 4.0, 7.0]
+
+
+def test_a_start_inside_the_telemetry_drops_what_was_before():
+    problem = build(start=initial(4.06))
+    assert problem.samples.time[0] - problem.samples.interval[0] == pytest.approx(4.06)
+    assert forward(problem).nodes[0].time == 4.06
+
+
+@pytest.mark.parametrize("time", [-0.5, 10.5])
+def test_a_constraint_outside_the_telemetry_is_named(time):
+    with pytest.raises(InputError) as error:
+        build([height(time)])
+    assert str(error.value) == (f"constraints.altimeter: its time {time:g} s is outside the reconstruction, 0 to 10 s.")
+
+
+@pytest.mark.parametrize("time", [-0.5, 10.0, 12.0])
+def test_a_start_outside_the_telemetry_is_named(time):
+    with pytest.raises(InputError) as error:
+        build(start=initial(time))
+    assert str(error.value) == f"initial_state: its time {time:g} s is outside the telemetry, 0 to 10 s."
+
+
+def test_further_times_outside_are_ignored():
+    assert build(times=(-3.0, 44.0)).epochs[-1] == 10.0
+
+
+def test_merging_takes_near_times_as_one():
+    np.testing.assert_array_equal(merge(np.array([3.0, 1.0, 1.0 + 1e-6, 3.0, 2.0])), [1.0, 2.0, 3.0])
+
+
+def test_two_constraints_within_a_microsecond_are_met_at_one_epoch():
+    way = forward(build([height(3.0), height(3.0 + 5e-7)]))
+    assert [f.node for f in way.fused] == [way.fused[0].node] * 2
+
+
+# Gate
+
+
+def test_an_outlier_is_not_accepted_and_the_rest_goes_on_without_it():
+    good, late = height(4.0, -1000.0, 300.0), height(8.0, -2000.0, 300.0)
+    bad = LandingSite(6.0, np.array([0.0, 0.0, 3.4e6]), 100.0**2 * np.eye(3), twins.MARS)
+    way, without = forward(build([good, bad, late])), forward(build([good, late], times=(6.0,)))
+    assert [f.accepted for f in way.fused] == [True, False, True]
+    assert way.fused[1].innovation.nis > 1e4
+    assert len(way.nodes) == len(without.nodes)
+    for a, b in zip(way.nodes, without.nodes, strict=True):
+        same(a, b)
+
+
+def test_the_gate_is_a_quantile_of_chi_square():
+    assert gate_limit(0.99999, 1) == pytest.approx(19.511, abs=1e-3)  # 4.417 sigmas
+    assert gate_limit(0.95, 3) == pytest.approx(7.8147, abs=1e-4)
+    first = forward(build([height(4.0, sigma=1.0)])).fused[0].innovation
+    sigma = np.sqrt(first.predicted_covariance[0, 0] + 1.0)
+    predicted = -first.residual[0]
+    for sigmas, accepted in ((4.41, True), (4.43, False), (-4.41, True), (-4.43, False)):
+        fused = forward(build([height(4.0, predicted + sigmas * sigma, 1.0)])).fused[0]
+        assert fused.accepted is accepted
+        assert fused.innovation.nis == pytest.approx(sigmas**2, rel=1e-6)
+
+
+# Change of the instrument
+
+
+def changing(onboard=False, known=()):
+    unit = (np.arange(80) >= 40).astype(int)
+    entry = EntryErrors(onboard_attitude=ATTITUDE, onboard_sigma=1e-4) if onboard else EntryErrors()
+    return build(
+        known, drive(unit=unit), entry, instruments=(FIRST, SECOND), unit_change_sigma=4e-3 if onboard else 0.0
+    )
+
+
+def test_another_instrument_has_errors_of_its_own():
+    known = [height(3.0, -900.0, 1.0), velocity_at_rest(4.0, 900.0)]
+    way = forward(changing(known=known))
+    k = next(i for i, n in enumerate(way.nodes) if n.unit == 1)
+    before, after = way.nodes[k - 1], way.nodes[k]
+    assert (before.time, after.time) == (5.0, 5.0)
+    sensor = way.layout.sensor
+    assert np.all(before.state.errors[sensor] != 0.0)  # the first one's errors were learnt of
+    assert not after.state.errors[sensor].any()
+    wanted = np.diag(np.repeat([0.05**2, 3e-3**2], 3))
+    np.testing.assert_allclose(after.covariance[sensor, sensor], wanted)
+    np.testing.assert_allclose(after.covariance[:9, sensor], 0.0, atol=1e-15)
+    np.testing.assert_array_equal(after.state.nav, before.state.nav)
+    np.testing.assert_allclose(after.covariance[:9, :9], before.covariance[:9, :9])
+    assert {n.unit for n in way.nodes[k:]} == {1}
+
+
+def test_the_smoother_goes_through_a_change():
+    """Navigation states have one smoothed value there; the errors have one of each instrument."""
+    dead = forward(changing(known=[height(3.0, sigma=1e6), height(9.0, sigma=1e6)]))
+    heights = [f.innovation.residual[0] for f in dead.fused]  # of nothing against what is predicted
+    way = forward(changing(known=[height(3.0, 100.0 - heights[0], 1.0), height(9.0, 85.0 - heights[1], 1.0)]))
+    assert all(f.accepted for f in way.fused)
+    smoothed = smooth(way)
+    k = int(np.argmax(smoothed.unit == 1))
+    assert smoothed.time[k - 1] == smoothed.time[k]
+    sigma = np.sqrt(np.diag(smoothed.covariance[k]))[:9]
+    jump = smoothed.states[k].minus(smoothed.states[k - 1])[:9]
+    assert np.max(np.abs(jump / sigma)) < 1e-6
+    scale = np.outer(sigma, sigma)
+    change = smoothed.covariance[k, :9, :9] - smoothed.covariance[k - 1, :9, :9]
+    assert np.max(np.abs(change / scale)) < 1e-6
+    sensor = way.layout.sensor
+    first, second = (smoothed.states[i].errors[sensor] for i in (k - 1, k))
+    assert np.all(first != 0.0)
+    assert np.all(second != 0.0)
+    assert np.linalg.norm(second - first) > 1e-3
+
+
+def test_the_other_instruments_onboard_attitude_is_off_by_a_step():
+    way = forward(changing(onboard=True))
+    k = next(i for i, n in enumerate(way.nodes) if n.unit == 1)
+    where = way.layout["onboard_attitude"]
+    change = way.nodes[k].covariance[where, where] - way.nodes[k - 1].covariance[where, where]
+    np.testing.assert_allclose(change, 4e-3**2 * np.eye(3), atol=1e-12)
+
+
+def test_the_onboard_attitude_bridges_a_gap():
+    """A second without rates: a quaternion behind it tells the turn, as well as the two quaternions were read."""
+    s = drive()
+    gap = np.zeros(80, bool)
+    gap[32:40] = True
+    s = replace(s, rate_noise=np.where(gap, 0.3, 2e-3), shared_rate_noise=np.where(gap, 0.0, 2e-3))
+    entry = EntryErrors(onboard_attitude=ATTITUDE, onboard_sigma=1e-4)
+    blind = forward(build(samples=s, entry=entry, times=(5.0,)))
+    k = next(i for i, n in enumerate(blind.nodes) if n.time == 5.0)
+    carried = blind.nodes[k].state.nav[10:]
+    turned = rotations.multiply(carried, rotations.from_rotation_vector([0.1, -0.05, 0.12]))
+    way = forward(build([OnboardAttitude(5.0, turned, 1e-4)], samples=s, entry=entry))
+    k = next(i for i, n in enumerate(way.nodes) if n.time == 5.0)
+    moved = way.nodes[k].state.minus(blind.nodes[k].state)
+    np.testing.assert_allclose(moved[6:9], [0.1, -0.05, 0.12], atol=5e-3)
+    np.testing.assert_allclose(moved[-3:], [0.1, -0.05, 0.12], atol=2e-3)
+    before, after = (np.sqrt(np.diag(w.nodes[k].covariance)[6:9]) for w in (blind, way))
+    assert np.all(before > 0.1)
+    assert np.all(after < 0.02)
+
+
+def test_without_a_gap_the_onboard_attitude_tells_nothing_of_the_true_one():
+    """It is the sum of the same readings: however good, the attitude's sigma stays what it was."""
+    entry = EntryErrors(onboard_attitude=ATTITUDE, onboard_sigma=1e-3)
+    known = [OnboardAttitude(t, ATTITUDE, 1.0) for t in (4.0, 8.0)]
+    alone, way = forward(build(entry=entry, times=(4.0, 8.0))), forward(build(known, entry=entry))
+    np.testing.assert_allclose(
+        way.nodes[-1].covariance[:9, :9], alone.nodes[-1].covariance[:9, :9], rtol=1e-6, atol=1e-9
+    )
+    assert way.nodes[-1].covariance[-1, -1] <= alone.nodes[-1].covariance[-1, -1]
+
+
+# Leaving out
+
+
+@pytest.mark.parametrize("name", ["altimeter", "rest_velocity", "landing"])
+def test_walking_again_without_a_constraint_is_walking_without_it(name):
+    """From a stored node on, or from the start: the same as if it had never been there."""
+    site = LandingSite(0.0, twins.MARS.rotation.to_fixed(0.0, POSITION + 50.0), 200.0**2 * np.eye(3), twins.MARS)
+    unit = (np.arange(80) >= 40).astype(int)
+    problem = build(
+        [
+            site,
+            height(2.0, -500.0, 50.0),
+            velocity_at_rest(5.0, 800.0),
+            height(5.0, -1400.0, 50.0),
+            height(8.03, -2000.0),
+        ],
+        drive(unit=unit),
+        instruments=(FIRST, SECOND),
+    )
+    again = forward_without(problem, forward(problem), name)
+    fresh = forward(replace(problem, constraints=tuple(c for c in problem.constraints if c.name != name)))
+    assert [f.constraint for f in again.fused] == [f.constraint for f in fresh.fused]
+    assert [f.node for f in again.fused] == [f.node for f in fresh.fused]
+    assert len(again.nodes) == len(fresh.nodes)
+    for a, b in zip(again.nodes, fresh.nodes, strict=True):
+        same(a, b)

@@ -1,0 +1,100 @@
+"""The start: what an error of epoch, frame or on-board attitude does to it, against finite changes."""
+
+import numpy as np
+import pytest
+import twins
+
+from edl_filter import rotations
+from edl_filter.navigation import initial as entry_state
+from edl_filter.navigation.initial import EntryErrors
+from edl_filter.navigation.layout import Layout
+from edl_filter.telemetry.record import InitialState, SensorErrors
+
+MARS = twins.MARS
+FIRST = SensorErrors(accelerometer_bias=0.01, gyro_bias=1e-4)
+SECOND = SensorErrors(accelerometer_bias=0.02, accelerometer_scale=1e-3)
+
+
+def stated():
+    covariance = twins.random_covariance(np.random.default_rng(0), [10, 20, 30, 1, 2, 3, 0.01, 0.02, 0.03])
+    q = rotations.normalise([0.1, 0.2, -0.3, 0.8])
+    return InitialState(5.0, np.array([3.5e6, 1e5, -2e5]), np.array([-900.0, 5000.0, 800.0]), q, covariance)
+
+
+def test_effect_of_the_epoch_is_the_motion_itself():
+    """A state stated for a time too early by τ: at its nominal time the vehicle is τ further on, in free fall."""
+    s = stated()
+    rest = lambda _: np.zeros(3)  # noqa: E731
+    nav = np.concatenate((s.position, s.velocity, s.inertial_from_body))
+    later = twins.integrate(nav, rest, rest, [0.0, 0.1], MARS)[-1]
+    earlier = twins.integrate(nav, rest, rest, [0.0, -0.1], MARS)[-1]
+    np.testing.assert_allclose(entry_state.epoch_effect(s, MARS), (later - earlier)[:6] / 0.2, rtol=1e-5)
+
+
+def test_effect_of_the_frame_is_a_rotation_of_position_and_velocity():
+    s = stated()
+    phi = 1e-6 * np.array([1.0, -2.0, 0.5])
+    q = rotations.from_rotation_vector(phi)
+    change = np.concatenate(
+        (rotations.rotate(q, s.position) - s.position, rotations.rotate(q, s.velocity) - s.velocity)
+    )
+    np.testing.assert_allclose(entry_state.frame_effect(s) @ phi, change, rtol=1e-5, atol=2e-5)
+
+
+def test_start_without_further_errors_is_what_was_stated():
+    s = stated()
+    layout = Layout.of((FIRST,), {})
+    state, covariance = entry_state.start(layout, s, EntryErrors(), FIRST, MARS)
+    np.testing.assert_array_equal(state.nav, np.concatenate((s.position, s.velocity, s.inertial_from_body)))
+    assert not state.errors.any()
+    wanted = np.zeros((15, 15))
+    wanted[:9, :9] = s.covariance
+    wanted[9:, 9:] = np.diag([1e-4] * 3 + [1e-8] * 3)
+    np.testing.assert_allclose(covariance, wanted, rtol=1e-12)
+
+
+def test_covariance_is_that_of_drawn_starts():
+    """Epoch, frame and the rest drawn apart, and put together by their finite effects."""
+    s = stated()
+    entry = EntryErrors(0.4, 1e-5, rotations.normalise([0.0, 0.1, 0.2, 0.9]), 2e-3)
+    layout = Layout.of((FIRST,), entry.states)
+    state, covariance = entry_state.start(layout, s, entry, FIRST, MARS)
+    np.testing.assert_array_equal(state.nav[10:], entry.onboard_attitude)
+    rng = np.random.default_rng(1)
+    runs = 20000
+    x = np.zeros((runs, layout.size))
+    x[:, :9] = rng.multivariate_normal(np.zeros(9), s.covariance, runs)
+    x[:, layout["accelerometer_bias"]] = 0.01 * rng.standard_normal((runs, 3))
+    x[:, layout["gyro_bias"]] = 1e-4 * rng.standard_normal((runs, 3))
+    tau, phi = 0.4 * rng.standard_normal(runs), 1e-5 * rng.standard_normal((runs, 3))
+    x[:, layout["entry_epoch"]], x[:, layout["entry_frame"]] = tau[:, None], phi
+    x[:, layout["onboard_attitude"]] = 2e-3 * rng.standard_normal((runs, 3))
+    x[:, :3] += tau[:, None] * s.velocity + np.cross(phi, s.position)
+    x[:, 3:6] += tau[:, None] * MARS.gravity(s.position) + np.cross(phi, s.velocity)
+    root = np.linalg.cholesky(covariance)
+    ratio = np.linalg.solve(root, np.linalg.solve(root, x.T @ x / runs).T)
+    assert np.max(np.abs(ratio - np.eye(layout.size))) < 5 * np.sqrt(2 / runs)
+
+
+@pytest.mark.parametrize(
+    ("entry", "names"),
+    [
+        (EntryErrors(), []),
+        (EntryErrors(epoch_sigma=0.1), ["entry_epoch"]),
+        (EntryErrors(frame_sigma=0.1), ["entry_frame"]),
+        (EntryErrors(onboard_attitude=np.array([0, 0, 0, 1.0])), ["onboard_attitude"]),
+    ],
+)
+def test_an_error_without_sigma_is_no_state(entry, names):
+    assert list(entry.states) == names
+
+
+def test_prior_of_an_instrument_that_lacks_a_state():
+    """The other instrument's state stays, with next to no variance, and the covariance positive definite."""
+    layout = Layout.of((FIRST, SECOND), {})
+    first, second = (entry_state.sensor_prior(layout, e) for e in (FIRST, SECOND))
+    names = ("accelerometer_bias", "accelerometer_scale", "gyro_bias")
+    assert [n for n in layout.slices if n in names] == list(names)
+    np.testing.assert_allclose(np.sqrt(np.diag(first)), np.repeat([0.01, 1e-12, 1e-4], 3))
+    np.testing.assert_allclose(np.sqrt(np.diag(second)), np.repeat([0.02, 1e-3, 1e-12], 3))
+    np.linalg.cholesky(first)

@@ -1,0 +1,132 @@
+"""Process noise against a recursion forwards and against a Monte Carlo through the kernel."""
+
+import numpy as np
+import pytest
+import twins
+
+from edl_filter import rotations
+from edl_filter.navigation import strapdown
+from edl_filter.navigation.layout import Layout, attitude_errors
+from edl_filter.navigation.noise import net_turn, process_noise
+from edl_filter.telemetry.record import SensorErrors
+
+RUNS = 4096
+BARE = Layout.of((SensorErrors(),), {})
+ONBOARD = Layout.of((SensorErrors(),), {"onboard_attitude": 3})
+
+
+def problem(count=40, seed=0):
+    rng = np.random.default_rng(seed)
+    s = twins.samples(
+        rng.uniform(0.06, 0.2, count),
+        [-30.0, 4.0, -6.0] + 5.0 * rng.standard_normal((count, 3)),
+        [0.4, -0.2, 0.3] + 0.3 * rng.standard_normal((count, 3)),
+        force_noise=rng.uniform(0.05, 0.2, count),
+        rate_noise=rng.uniform(2e-4, 1e-3, count),
+    )
+    return s, rotations.normalise(rng.standard_normal(4))
+
+
+def spread(s, attitude, force_noise, rate_noise):
+    """States ``(10, RUNS)`` after samples whose force and rate carry the given errors ``(N, 3, RUNS)``."""
+    state = np.repeat(np.concatenate(([3.5e6, 0, 0, 0, 3e3, 0], attitude))[:, None], RUNS, axis=1)
+    force_map, rate_map = twins.no_maps(RUNS)
+    p = twins.MARS
+    for i in range(len(s.time)):
+        force_map[9:], rate_map[3:] = force_noise[i], rate_noise[i]
+        part = slice(i, i + 1)
+        strapdown.propagate(
+            state, force_map, rate_map, s.interval[part], s.force[part], s.rate[part], p.mu, p.j2, p.gravity_radius
+        )
+    return state
+
+
+def errors_of(state, reference):
+    return np.concatenate((state[:6] - reference[:6, None], attitude_errors(reference[6:], state[6:]).T))
+
+
+def draw(rng, sigma):
+    return sigma[:, None, None] * rng.standard_normal((len(sigma), 3, RUNS))
+
+
+def whitened(sample, expected):
+    """The sample covariance in units of the expected one: the unit matrix but for 1/√RUNS."""
+    root = np.linalg.cholesky(expected)
+    return np.linalg.solve(root, np.linalg.solve(root, sample).T)
+
+
+def test_equals_a_recursion_forwards():
+    s, attitude = problem()
+    found = process_noise(BARE, s, attitude)
+    wanted = twins.process_noise(s, attitude)
+    scale = np.sqrt(np.diag(wanted))
+    np.testing.assert_allclose(found / np.outer(scale, scale), wanted / np.outer(scale, scale), rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize("count", [8, 40])
+def test_is_the_covariance_of_many_noisy_flights(count):
+    s, attitude = problem(count, seed=count)
+    rng = np.random.default_rng(1)
+    state = spread(s, attitude, draw(rng, s.force_noise), draw(rng, s.rate_noise))
+    reference = spread(s, attitude, np.zeros((count, 3, RUNS)), np.zeros((count, 3, RUNS)))[:, 0]
+    noise = process_noise(BARE, s, attitude)
+    ratio = whitened(np.cov(errors_of(state, reference)), noise)
+    assert np.max(np.abs(ratio - np.eye(9))) < 5 * np.sqrt(2 / RUNS)  # 90 numbers, five sigmas
+
+
+def test_the_onboard_attitude_shares_what_is_unknown_of_the_readings():
+    """Errors of the true motion and of the on-board attitude, both about this filter's references.
+
+    The gyros' noise is in the readings, which on board and this filter have alike: it parts the true attitude from
+    both. What this filter does not know of the readings (here all of a gap) moves the true and the on-board attitude.
+    """
+    s, attitude = problem(30, seed=5)
+    known = 0.8 * s.rate_noise
+    known[10:12] = 0.0  # a gap: only this filter is blind
+    s = twins.samples(s.interval, s.force, s.rate, s.force_noise, s.rate_noise, known)
+    rng = np.random.default_rng(2)
+    gyros, unknown = draw(rng, known), draw(rng, np.sqrt(s.rate_noise**2 - known**2))
+    nothing = np.zeros((30, 3, RUNS))
+    true = spread(s, attitude, draw(rng, s.force_noise), gyros + unknown)
+    onboard = spread(s, attitude, nothing, unknown)
+    reference = spread(s, attitude, nothing, nothing)[:, 0]
+    found = np.cov(np.concatenate((errors_of(true, reference), errors_of(onboard, reference)[6:])))
+    ratio = whitened(found, process_noise(ONBOARD, s, attitude))
+    assert np.max(np.abs(ratio - np.eye(12))) < 5 * np.sqrt(2 / RUNS)
+
+
+def test_without_unknown_readings_the_onboard_attitude_has_no_noise():
+    s, attitude = problem(20, seed=6)
+    s = twins.samples(s.interval, s.force, s.rate, s.force_noise, s.rate_noise, s.rate_noise)
+    noise = process_noise(ONBOARD, s, attitude)
+    assert not noise[9:].any()
+    np.testing.assert_allclose(noise[:9, :9], process_noise(BARE, s, attitude), rtol=1e-12)
+
+
+def test_other_states_get_no_noise():
+    layout = Layout.of((SensorErrors(1e-3, 1e-3, 1e-3, 1e-3, 1e-3),), {"entry_epoch": 1})
+    s, attitude = problem(5)
+    noise = process_noise(layout, s, attitude)
+    assert not noise[9:].any()
+    assert not noise[:, 9:].any()
+
+
+def test_splitting_a_sample_changes_its_noise_to_second_order_only():
+    s, attitude = problem(40, seed=3)
+    cut = s.split(s.time - 0.3 * s.interval)
+    whole = process_noise(BARE, s, attitude)
+    parts = process_noise(BARE, cut, attitude)
+    assert np.max(np.abs(whitened(parts, whole) - np.eye(9))) < 0.02
+
+
+def test_net_turn_is_the_product_of_the_samples_turns():
+    s, _ = problem(10, seed=4)
+    q = np.array([0, 0, 0, 1.0])
+    for dt, w in zip(s.interval, s.rate, strict=True):
+        q = rotations.multiply(q, rotations.from_rotation_vector(dt * w))
+    np.testing.assert_allclose(net_turn(s), q, atol=1e-13)
+
+
+def test_net_turn_of_nothing_is_none():
+    s = twins.samples(np.ones(3), np.zeros((3, 3)), np.zeros((3, 3)))
+    np.testing.assert_array_equal(net_turn(s), [0, 0, 0, 1])

@@ -1,0 +1,97 @@
+"""Events: the known flights, and the peak on made-up samples."""
+
+import numpy as np
+import pytest
+
+from edl_filter.navigation.trajectory import Trajectory
+from edl_filter.postflight.airdata import air_data
+from edl_filter.postflight.events import events, peak_deceleration
+from edl_filter.telemetry.record import ImuRecord, SensorErrors
+
+
+def found(reconstruction):
+    return events(reconstruction, air_data(reconstruction.trajectory, reconstruction.planet, reconstruction.atmosphere))
+
+
+def made(deceleration, interval):
+    """A record and a trajectory over the same samples, the third one cut in two in the trajectory."""
+    interval, deceleration = np.asarray(interval, float), np.asarray(deceleration, float)
+    time, n = np.cumsum(interval), len(interval)
+    force = np.zeros((n, 3))
+    force[:, 0] = -deceleration
+    one, three = np.ones(n), np.zeros((n, 3))
+    index = np.zeros(n, np.int64)
+    record = ImuRecord(
+        name="made",
+        time=time,
+        interval=interval,
+        specific_force=force,
+        angular_rate=three,
+        position=three,
+        force_noise=one,
+        rate_noise=one,
+        shared_rate_noise=one,
+        net_turn=one > 2.0,
+        net_gain=one > 2.0,
+        unit=index,
+        units=("a",),
+        source=index,
+        sources=("b",),
+        errors=(SensorErrors(),),
+    )
+    cut = np.insert(time, 2, time[2] - 0.5 * interval[2])
+    forces = np.insert(force, 2, force[2], axis=0)
+    times = np.concatenate(([0.0], cut))
+    forces = np.concatenate((forces[:1], forces))
+    rows = len(times)
+    empty = np.zeros((rows, 3))
+    trajectory = Trajectory(times, empty, empty, np.zeros((rows, 4)), np.zeros((rows, 9, 9)), forces, empty)
+    return trajectory, record
+
+
+def test_peak_is_the_mean_of_two_successive_samples():
+    trajectory, record = made([1.0, 5.0, 9.0, 8.0, 2.0, 1.0], [0.125] * 6)
+    peak = peak_deceleration(trajectory, record, 10.0)
+    assert (peak.acceleration, peak.single) == (8.5, 9.0)
+    assert peak.time == pytest.approx(0.375)
+
+
+def test_peak_ignores_gaps_and_what_comes_after_the_parachute():
+    trajectory, record = made([1.0, 2.0, 3.0, 99.0, 2.0, 50.0, 60.0], [0.1, 0.1, 0.1, 0.8, 0.1, 0.1, 0.1])
+    peak = peak_deceleration(trajectory, record, 1.25)
+    assert (peak.acceleration, peak.single) == (2.5, 3.0)
+
+
+def test_no_two_samples_no_peak():
+    trajectory, record = made([1.0, 2.0, 3.0, 4.0], [0.1] * 4)
+    assert peak_deceleration(trajectory, record, 0.15) is None
+
+
+def test_spirit(spirit):
+    e = found(spirit)
+    assert list(e)[:3] == ["entry_interface", "peak_deceleration", "parachute_deploy"]
+    peak, chute = e["peak_deceleration"], e["parachute_deploy"]
+    assert peak.acceleration_m_s2 == pytest.approx(57.2, abs=0.1)
+    assert peak.acceleration_single_m_s2 == pytest.approx(57.8, abs=0.1)
+    assert peak.time_s == pytest.approx(120.7, abs=0.1)
+    assert chute.velocity_m_s == pytest.approx(410.0, abs=8.0)
+    assert 7.3e3 - 400.0 < chute.height_above_site_m < 7.8e3 + 400.0
+    assert chute.sclk == pytest.approx(126462336.5)
+    assert chute.utc == "2004-01-04T04:24:03.032"
+    assert chute.acceleration_m_s2 is None
+    assert e["entry_interface"].height_above_site_m == pytest.approx(3522.2e3 - 3392.3e3, abs=500.0)
+
+
+def test_opportunity(opportunity):
+    e = found(opportunity)
+    assert e["peak_deceleration"].acceleration_m_s2 == pytest.approx(61.5, abs=0.1)
+    assert e["parachute_deploy"].velocity_m_s == pytest.approx(432.0, abs=8.0)
+    assert e["parachute_deploy"].height_above_site_m == pytest.approx(7.8e3, abs=500.0)
+
+
+def test_a_flight_without_a_clock_has_utc_alone(practice_06):
+    e = found(practice_06)
+    assert {event.sclk for event in e.values()} == {None}
+    assert e["entry_interface"].utc == "2004-01-04T04:19:52.000"
+    times = [event.time_s for event in e.values()]
+    assert times == sorted(times)

@@ -1,0 +1,281 @@
+"""Figures from a small made-up result: no flight, no filter."""
+
+import matplotlib as mpl
+import numpy as np
+import pytest
+import xarray as xr
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from edl_filter.report import attitude, constraints, motion, track, trajectory, view
+from edl_filter.report.envelope import envelope
+from edl_filter.report.figures import FIGURES, available, draw_all
+from edl_filter.report.labels import place
+from edl_filter.report.landing import about, landing
+
+EVENTS = {"parachute_deploy": 60.0, "heat_shield_separation": 66.0, "bridle_cut": 88.0, "landing": 90.0}
+RADIUS, RATE = 3.39e6, 7e-5
+PANELS = (
+    trajectory.altitude,
+    trajectory.speed,
+    trajectory.uncertainty,
+    motion.axial_deceleration,
+    motion.acceleration,
+    motion.angular_rate,
+    attitude.total_angle_of_attack,
+)
+MAPS = (track.ground_track, track.landing_ellipse)
+ROWS = (constraints.innovations, constraints.left_out)
+
+
+def make_tree(count: int = 801) -> xr.DataTree:
+    """A straight way down to longitude 1 rad on the equator, and two constraints."""
+    time = np.linspace(0.0, 100.0, count)
+    down = np.clip(1.0 - time / 90.0, 0.0, None)
+    longitude = 1.0 - 0.2 * down
+    angle = longitude + 0.3 + RATE * time  # the prime meridian stands at 0.3 rad
+    altitude = 1.2e5 * down - 2e3
+    radius = RADIUS + altitude
+    position = np.column_stack((radius * np.cos(angle), radius * np.sin(angle), np.zeros(count)))
+    vector = np.column_stack((-60.0 * np.sin(np.pi * time / 100.0), np.sin(time), np.cos(time)))
+    covariance = np.tile(np.diag([1e4, 1e4, 4e4, 1, 1, 1, 1e-6, 1e-6, 1e-6]), (count, 1, 1))
+    along = {
+        "altitude": altitude,
+        "latitude": np.zeros(count),
+        "longitude": longitude,
+        "speed": 5e3 * down,
+        "alpha_total": 0.02 + 0.01 * np.sin(time),
+        "altitude_sigma": np.full(count, 100.0),
+        "speed_sigma": np.full(count, 1.0),
+        "alpha_total_sigma": np.full(count, 0.002),
+    }
+    path = xr.Dataset(
+        {
+            **{name: ("time", values) for name, values in along.items()},
+            "position": (("time", "axis"), position),
+            "covariance": (("time", "state", "state_2"), covariance),
+            "specific_force": (("time", "axis"), vector),
+            "angular_rate": (("time", "axis"), 0.1 * vector),
+        },
+        coords={"time": time},
+    )
+    events = xr.Dataset({"time_s": ("event", list(EVENTS.values()))}, coords={"event": list(EVENTS)})
+    site = (RADIUS - 2e3) * np.array([np.cos(1.0), np.sin(1.0), 0.0])
+    root = xr.Dataset(attrs={"title": "Test flight", "mission": "test", "epoch_utc": "2004-01-04T04:19:51.9"})
+    return xr.DataTree.from_dict(
+        {
+            "/": root,
+            "/trajectory": path,
+            "/events": events,
+            "/constraints/landing": constraint([90.0], ("fixed x (m)", "fixed y (m)", "fixed z (m)"), site),
+            "/constraints/altimeter": constraint(np.arange(61.0, 89.0), ("height (m)",), np.zeros(1)),
+        }
+    )
+
+
+def constraint(times, components, measured) -> xr.Dataset:
+    uses, size = len(times), len(components)
+    spread = np.linspace(-2.0, 2.0, uses * size).reshape(uses, size)
+    both = ("time", "component")
+    return xr.Dataset(
+        {
+            "innovation": (both, 10.0 * spread),
+            "innovation_sigma": (both, np.full((uses, size), 10.0)),
+            "nis": ("time", (spread**2).sum(axis=1)),
+            "accepted": ("time", np.ones(uses, np.int8)),
+            "left_out": ("component", np.full(size, 300.0)),
+            "left_out_sigma": ("component", np.full(size, 600.0)),
+            "left_out_covariance": (("component", "component_2"), 3.6e5 * np.eye(size)),
+            "measured": (both, np.tile(measured, (uses, 1))),
+            "noise": (
+                ("time", "component", "component_2"),
+                np.tile(2.5e5 * np.eye(size), (uses, 1, 1)),
+            ),
+        },
+        coords={"time": np.asarray(times, float), "component": list(components)},
+        attrs={"dof": uses * size, "left_out_nis": 0.25 * size, "left_out_dof": size},
+    )
+
+
+@pytest.fixture(scope="module")
+def tree() -> xr.DataTree:
+    return make_tree()
+
+
+def less(tree: xr.DataTree, *paths: str) -> xr.DataTree:
+    """Tree without some groups (``a/b``) or variables (``a:x``)."""
+    groups = {node.path: node.to_dataset() for node in tree.subtree}
+    for path in paths:
+        if ":" in path:
+            node, name = path.split(":")
+            groups["/" + node] = groups["/" + node].drop_vars(name)
+        else:
+            groups = {key: value for key, value in groups.items() if not key.startswith("/" + path)}
+    return xr.DataTree.from_dict(groups)
+
+
+def test_all_files_are_written(tree, tmp_path):
+    written = draw_all(tree, tmp_path / "new" / "figures")
+    assert [p.stem for p in written] == list(FIGURES)
+    assert all(p.read_bytes().startswith(b"\x89PNG") and p.stat().st_size > 5000 for p in written)
+
+
+@pytest.mark.parametrize("panel", PANELS)
+def test_panels_name_axes_with_units_and_mark_events(tree, panel):
+    ax = panel(tree)
+    assert isinstance(ax, Axes)
+    assert ax.get_xlabel() == "time since 2004-01-04 04:19:51.9 UTC (s)"
+    assert ax.get_ylabel().endswith(")") and "(" in ax.get_ylabel()
+    assert ax.get_title(loc="left").startswith("Test flight: ")
+    low, high = ax.get_xlim()
+    marked = [line.get_xdata()[0] for line in ax.lines if line.get_gid() == "event"]
+    assert marked == [t for t in EVENTS.values() if low <= t <= high]
+    assert {"parachute"} <= {text.get_text() for text in ax.texts}
+
+
+@pytest.mark.parametrize("panel", (*PANELS, *MAPS, *ROWS))
+def test_panels_draw_on_the_axes_they_are_given(tree, panel):
+    ax = Figure().add_subplot()
+    assert panel(tree, ax) is ax
+    assert ax.get_title(loc="left") == ""
+
+
+@pytest.mark.parametrize("panel", MAPS)
+def test_maps_are_in_km_of_the_site(tree, panel):
+    ax = panel(tree)
+    assert ax.get_xlabel() == "east of the site (km)"
+    assert ax.get_ylabel() == "north (km)"
+    stars = [line for line in ax.lines if line.get_label() == "landing site"]
+    assert [tuple(line.get_xydata()[0]) for line in stars] == [(0.0, 0.0)]
+
+
+def test_landing_without_its_constraint(tree):
+    found = landing(tree)
+    np.testing.assert_allclose(found.position, found.site, atol=1e-3)
+    np.testing.assert_allclose(found.site - found.predicted, 300.0)
+    # 600 m of left_out less the landing's own 500 m
+    spread = about(found.site).spread(found.predicted_covariance)
+    np.testing.assert_allclose(spread, 1.1e5 * np.eye(2), atol=1e-3)
+
+
+def test_map_keeps_distance_along_the_ground(tree):
+    here = about(np.array([RADIUS, 0.0, 0.0]))
+    for angle in (1e-6, 0.1, 0.5):
+        for height in (0.0, 1e5):  # height must not matter
+            east = (RADIUS + height) * np.array([np.cos(angle), np.sin(angle), 0.0])
+            np.testing.assert_allclose(here.offset(east), [RADIUS * angle, 0.0], rtol=1e-9, atol=1e-6)
+            north = (RADIUS + height) * np.array([np.cos(angle), 0.0, np.sin(angle)])
+            np.testing.assert_allclose(here.offset(north), [0.0, RADIUS * angle], rtol=1e-9, atol=1e-6)
+
+
+def test_constraint_rows_name_components_and_nis(tree):
+    ax = constraints.innovations(tree)
+    texts = [t.get_text() for t in ax.texts]
+    assert {"fixed x", "fixed y", "fixed z", "height"} <= set(texts)
+    assert {"landing", "altimeter", "NIS in its 99.9 % interval"} <= set(texts)
+    assert "8.00 in 0.02 … 17.7" in texts
+    assert ax.get_xlabel().startswith("innovation (sigma)")
+
+
+def test_constraint_far_out_is_shown_at_the_edge_with_its_number(tree):
+    odd = less(tree)
+    data = odd["constraints/landing"].to_dataset()
+    data["left_out"] = ("component", [300.0, -6000.0, 300.0])
+    data["left_out_sigma"] = ("component", [600.0, 600.0, np.inf])
+    odd["constraints/landing"].dataset = data
+    texts = [t.get_text() for t in constraints.left_out(odd).texts]
+    assert "-10.0" in texts or "−10.0" in texts
+    assert "not predicted by the others" in texts
+
+
+@pytest.mark.parametrize(
+    "missing",
+    [
+        ("events",),
+        ("constraints",),
+        ("constraints/landing",),
+        ("constraints/landing:measured",),
+        ("constraints/landing:noise", "constraints/landing:accepted"),
+        ("trajectory:altitude_sigma", "trajectory:speed_sigma", "trajectory:alpha_total_sigma"),
+        ("trajectory:covariance",),
+    ],
+)
+def test_optional_parts_may_be_absent(tree, missing, tmp_path):
+    part = less(tree, *missing)
+    expected = set(FIGURES)
+    if missing == ("constraints",):
+        expected -= {"constraint_innovations", "leave_one_out"}
+    assert set(available(part)) == expected
+    for name in expected & {"altitude_velocity", "total_angle_of_attack", "ground_track", "leave_one_out"}:
+        assert isinstance(FIGURES[name](part), Figure)
+
+
+def test_figures_without_data_are_left_out(tree, tmp_path):
+    part = less(tree, "constraints", "trajectory:specific_force", "trajectory:alpha_total", "trajectory:longitude")
+    assert [p.stem for p in draw_all(part, tmp_path)] == ["altitude_velocity", "angular_rates"]
+
+
+def test_bare_attributes(tree):
+    bare = less(tree)
+    bare.attrs = {}
+    assert view.title(bare) == "Entry"
+    assert view.time_label(bare) == "time since the epoch (s)"
+
+
+def test_drawing_leaves_the_users_matplotlib_alone(tree):
+    before = dict(mpl.rcParams)
+    constraints.innovations(tree)
+    assert dict(mpl.rcParams) == before
+
+
+class TestEnvelope:
+    def test_keeps_peaks_and_ends(self):
+        rng = np.random.default_rng(1)
+        time = np.arange(120_000) / 200.0
+        values = rng.standard_normal(len(time))
+        values[[777, 54_321]] = 99.0, -99.0
+        thin_time, thin = envelope(time, values, bins=500)
+        assert len(thin) <= 1002
+        assert {time[777], time[54_321], time[0], time[-1]} <= set(thin_time)
+        assert thin.max() == 99.0 and thin.min() == -99.0
+        assert np.all(np.diff(thin_time) > 0.0)
+        np.testing.assert_array_equal(np.interp(thin_time, time, values), thin)
+
+    def test_short_curves_stay(self):
+        time = np.arange(10.0)
+        assert envelope(time, time)[0] is time
+
+    def test_gaps_stay_gaps(self):
+        time = np.arange(10_000.0)
+        values = np.sin(time)
+        values[4000:6000] = np.nan
+        values[::7] = np.nan
+        thin_time, thin = envelope(time, values, bins=100)
+        assert np.isnan(thin[(thin_time > 4100) & (thin_time < 5900)]).all()
+        assert not np.isnan(thin[(thin_time > 10) & (thin_time < 3900)]).any()
+
+    def test_nothing_but_nan(self):
+        assert np.isnan(envelope(np.arange(9999.0), np.full(9999, np.nan), bins=10)[1]).all()
+
+
+class TestLabels:
+    @pytest.mark.parametrize("seed", range(20))
+    def test_nothing_meets(self, seed):
+        rng = np.random.default_rng(seed)
+        span, gap = 500.0, 4.0
+        marks = np.sort(rng.uniform(0.0, span, rng.integers(1, 8)))
+        widths = rng.uniform(20.0, 90.0, len(marks))
+        places = place(marks, widths, span, gap)
+        for i, a in enumerate(places):
+            assert -gap <= a.left and a.left + widths[i] <= span + gap
+            for j, b in enumerate(places):
+                if i != j and a.row == b.row:
+                    assert a.left >= b.left + widths[j] or b.left >= a.left + widths[i]
+                if i != j and a.row > b.row:  # the leader of i passes row of j
+                    assert not b.left < marks[i] < b.left + widths[j]
+
+    def test_marks_far_apart_need_one_row(self):
+        assert {p.row for p in place([100.0, 300.0, 500.0], [60.0] * 3, 500.0)} == {0}
+
+    def test_no_marks(self):
+        assert place([], [], 100.0) == []

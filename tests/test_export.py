@@ -1,0 +1,122 @@
+"""Exports, read back."""
+
+import csv
+import sys
+
+import numpy as np
+import pytest
+
+from edl_filter import results, rotations
+from edl_filter.errors import InputError
+from edl_filter.export import export
+from edl_filter.export.spice import ephemeris_time
+
+
+@pytest.fixture(scope="module")
+def result(spirit, tmp_path_factory):
+    return results.write_outputs(spirit, tmp_path_factory.mktemp("spirit"), figures=False)["result"]
+
+
+@pytest.fixture(scope="module")
+def practice_result(practice_06, tmp_path_factory):
+    return results.write_outputs(practice_06, tmp_path_factory.mktemp("practice"), figures=False)["result"]
+
+
+def test_csv(result, spirit):
+    (path,) = export(result, "csv")
+    assert path == result.parent / "trajectory.csv"
+    with path.open(encoding="ascii") as file:
+        rows = list(csv.DictReader(file))
+    t = spirit.trajectory
+    assert len(rows) == len(t.time)
+    for name in ("time [s]", "sclk [s]", "utc", "altitude [m]", "alpha_total [deg]", "density [kg/m^3]"):
+        assert name in rows[0]
+    k = len(rows) // 2
+    assert float(rows[k]["time [s]"]) == pytest.approx(t.time[k], abs=1e-6)
+    assert float(rows[k]["sclk [s]"]) == pytest.approx(126462085.4 + t.time[k], abs=1e-6)
+    assert float(rows[k]["position_y [m]"]) == pytest.approx(t.position[k, 1], abs=1e-4)
+    assert float(rows[k]["angular_rate_x [deg/s]"]) == pytest.approx(np.rad2deg(t.angular_rate[k, 0]))
+    since = np.datetime64(rows[k]["utc"]) - np.datetime64(spirit.telemetry.epoch_utc)
+    assert since / np.timedelta64(1, "us") * 1e-6 == pytest.approx(t.time[k], abs=1e-6)
+    assert all(None not in row and None not in row.values() for row in rows)
+
+
+def test_csv_without_a_clock_has_utc(practice_result, tmp_path):
+    (path,) = export(practice_result.parent, "csv", tmp_path / "t.csv")
+    header = path.read_text().splitlines()[0]
+    assert "utc" in header and "sclk" not in header
+
+
+def test_leap_seconds_and_the_periodic_term():
+    utc = np.array(["2000-01-01T12:00:00", "2004-01-04T04:19:51.932", "2008-05-25T23:46:00"], "datetime64[us]")
+    # spiceypy.str2et with naif0012.tls
+    np.testing.assert_allclose(ephemeris_time(utc)[:1], [64.183927284], atol=1e-6)
+    after = ephemeris_time(utc) - (utc - utc[0]) / np.timedelta64(1, "s")
+    np.testing.assert_allclose(after, [64.184, 64.184, 65.184], atol=2e-3)
+
+
+@pytest.fixture
+def spice():
+    spiceypy = pytest.importorskip("spiceypy")
+    spiceypy.kclear()
+    yield spiceypy
+    spiceypy.kclear()
+
+
+def test_spk_and_ck_read_back(result, spirit, spice, tmp_path):
+    spk = export(result, "spk", tmp_path / "a.bsp")
+    ck = export(result, "ck", tmp_path / "b.bc")
+    for path in (spk[0], *ck):
+        spice.furnsh(str(path))
+    t, turn = spirit.trajectory, spirit.mission.planet.j2000_from_inertial_matrix
+    for k in (1, 1234, len(t.time) - 2):
+        utc = str(np.datetime64(spirit.telemetry.epoch_utc, "ns") + np.timedelta64(round(t.time[k] * 1e9), "ns"))
+        et = spice.utc2et(utc)
+        state, _ = spice.spkezr("-254", et, "J2000", "NONE", "MARS")
+        np.testing.assert_allclose(1e3 * state[:3], turn @ t.position[k], atol=0.02)
+        np.testing.assert_allclose(1e3 * state[3:], turn @ t.velocity[k], atol=2e-3)
+        ticks = spice.sce2c(-254, et)
+        assert ticks / 256.0 == pytest.approx(126462085.4 + t.time[k], abs=1e-5)
+        matrix, rate, _ = spice.ckgpav(-254000, ticks, 1.0, "J2000")
+        body = turn @ rotations.to_matrix(t.inertial_from_body[k])
+        np.testing.assert_allclose(matrix.T, body, atol=1e-5)
+        np.testing.assert_allclose(rate, body @ t.angular_rate[k], atol=1e-3)
+
+
+def test_attitude_turns_as_the_rates_say(result, spice, tmp_path):
+    """The sign of SPICE's angular velocity: a C-matrix turns by minus the rate in its own axes."""
+    for path in export(result, "ck", tmp_path / "b.bc"):
+        spice.furnsh(str(path))
+    ticks = 256.0 * (126462085.4 + 30.0)
+    before, rate, _ = spice.ckgpav(-254000, ticks, 0.0, "J2000")
+    after, _, _ = spice.ckgpav(-254000, ticks + 256.0, 0.0, "J2000")
+    axis, angle = spice.raxisa(after.T @ before)
+    np.testing.assert_allclose(axis * angle, rate, atol=0.05 * np.linalg.norm(rate))
+
+
+def test_comments_hold_utc_and_clock(result, spice, tmp_path):
+    for fmt in ("spk", "ck"):
+        path, clock, _ = export(result, fmt, tmp_path / f"x.{fmt}")
+        handle = spice.dafopr(str(path))
+        _, lines, _ = spice.dafec(handle, 20)
+        spice.dafcls(handle)
+        for text in ("\n".join(lines), clock.read_text()):
+            assert "2004-01-04T04:19:51.932" in text and "126462085.4" in text
+
+
+def test_a_frame_that_nobody_states(practice_result, tmp_path):
+    pytest.importorskip("spiceypy")
+    with pytest.raises(InputError, match=r"planet\.j2000_from_inertial"):
+        export(practice_result, "spk", tmp_path / "a.bsp")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_the_extra_is_missing(practice_result, tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "spiceypy", None)
+    with pytest.raises(InputError, match=r"pip install 'edl-filter\[spice\]'"):
+        export(practice_result, "ck", tmp_path / "a.bc")
+
+
+def test_an_unknown_format(practice_result):
+    with pytest.raises(InputError, match="'xls'; accepted are csv, spk, ck"):
+        export(practice_result, "xls")

@@ -1,0 +1,197 @@
+"""Results: what is in them, that they come back, and that a failure leaves nothing."""
+
+import json
+
+import h5py
+import numpy as np
+import pytest
+import xarray as xr
+
+import edl_filter
+from edl_filter import results
+from edl_filter.errors import InputError
+from edl_filter.results import netcdf, outputs
+from edl_filter.results.content import content
+
+
+@pytest.fixture(scope="module")
+def tree(practice_06):
+    return results.to_datatree(practice_06)
+
+
+@pytest.fixture(scope="module")
+def written(practice_06, tmp_path_factory):
+    return results.write_outputs(practice_06, tmp_path_factory.mktemp("run"), figures=False)
+
+
+def same(a, b, attributes=True):
+    assert {n.path for n in a.subtree} >= {n.path for n in b.subtree}
+    for node in b.subtree:
+        x, y = a[node.path].to_dataset(), node.to_dataset()
+        assert set(x.variables) == set(y.variables), node.path
+        for name in x.variables:
+            assert x[name].dims == y[name].dims, (node.path, name)
+            assert x[name].equals(y[name]), (node.path, name)
+            if attributes:
+                assert {k: np.ravel(v).tolist() for k, v in x[name].attrs.items()} == {
+                    k: np.ravel(v).tolist() for k, v in y[name].attrs.items()
+                }
+
+
+def test_every_variable_says_what_it_is(tree):
+    for node in tree.subtree:
+        for name, variable in node.to_dataset().variables.items():
+            assert variable.attrs.get("long_name"), (node.path, name)
+            text = variable.dtype.kind in "OUMT"
+            assert text or variable.attrs.get("units"), (node.path, name)
+
+
+def test_groups_and_shapes(tree, practice_06):
+    n = len(practice_06.trajectory.time)
+    assert tree["trajectory/covariance"].shape == (n, 9, 9)
+    assert tree["trajectory/position"].dims == ("time", "axis")
+    assert {"driving", "secondary"} == set(tree["imu"].children)
+    assert "attitude" not in tree
+    assert tree["sensor_errors/primary/accelerometer_bias"].shape == (3,)
+    assert tree.attrs["format"] == "edl-result"
+    assert tree.attrs["mission_yaml"] == practice_06.mission.text
+    assert set(json.loads(tree.attrs["versions"])) >= {"numpy", "numba", "filterpy"}
+    assert list(json.loads(tree.attrs["input_sha256"]).values()) == list(practice_06.telemetry.files.values())
+    names = tree["imu/driving/source"].attrs["flag_meanings"].split()
+    assert names == ["flight_file", "gap"]
+
+
+def test_corrected_samples_are_those_of_the_trajectory(tree, practice_06):
+    driving = tree["imu/driving"].dataset
+    inside = np.isfinite(driving["specific_force"].values[:, 0])
+    t = practice_06.trajectory
+    times, forces = driving["time"].values[inside], driving["specific_force"].values[inside]
+    for time, force in zip(times[::97], forces[::97], strict=True):
+        k = int(np.argmin(np.abs(t.time - time)))
+        np.testing.assert_array_equal(force, t.specific_force[k])
+    assert inside.sum() >= len(driving["time"]) - 1
+
+
+def test_utc_is_time_since_the_epoch(tree):
+    data = tree["trajectory"].dataset
+    epoch = np.datetime64(tree.attrs["epoch_utc"], "us")
+    seconds = (data["utc"].values - epoch) / np.timedelta64(1, "us") * 1e-6
+    np.testing.assert_allclose(seconds, data["time"].values, atol=1e-6)
+
+
+def test_the_file_comes_back_whole(written, tree):
+    same(results.read(written["result"]), tree)
+    same(edl_filter.read_result(written["result"].parent), tree)
+
+
+def test_other_libraries_read_it_alike(written, tree):
+    with xr.open_datatree(written["result"], engine="h5netcdf", decode_timedelta=False) as other:
+        same(other.load(), tree)
+    with h5py.File(written["result"]) as file:
+        assert file["trajectory/position"].dims[0].keys() == ["time"]
+        assert file["trajectory/utc"].dtype == np.int64
+        assert file.attrs["format"] == "edl-result"
+
+
+def test_a_changed_tree_can_be_written_too(tree, tmp_path):
+    path = results.write(tree, tmp_path / "again.nc")
+    same(results.read(path), tree, attributes=False)
+
+
+def test_nothing_is_left_of_a_failure(practice_06, tmp_path, monkeypatch):
+    def broken(*_):
+        raise RuntimeError("disk")
+
+    monkeypatch.setattr("edl_filter.results.hdf5._write_group", broken)
+    with pytest.raises(RuntimeError, match="disk"):
+        results.write(content(practice_06), tmp_path / "result.nc")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_failure_keeps_the_old_file(tmp_path):
+    path = tmp_path / "summary.json"
+    path.write_text("old")
+    with pytest.raises(TypeError):
+        outputs.write_json({"a": object()}, path)
+    assert path.read_text() == "old"
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_a_folder_that_cannot_be_made(practice_06, tmp_path):
+    (tmp_path / "file").write_text("")
+    with pytest.raises(InputError, match="cannot be written"):
+        results.write(content(practice_06), tmp_path / "file" / "result.nc")
+
+
+def test_what_is_no_result(tmp_path, builtin_flight, written):
+    with pytest.raises(InputError, match="no such result"):
+        results.read(tmp_path / "none.nc")
+    (tmp_path / "text.nc").write_text("text")
+    with pytest.raises(InputError, match="no HDF5 file"):
+        results.read(tmp_path / "text.nc")
+    with pytest.raises(InputError, match="format is 'edl-flight'"):
+        results.read(builtin_flight)
+    old = tmp_path / "old.nc"
+    old.write_bytes(written["result"].read_bytes())
+    with h5py.File(old, "a") as file:
+        file.attrs["format_version"] = 99
+    with pytest.raises(InputError, match="version 99"):
+        results.read(old)
+
+
+def test_summary(written, practice_06):
+    told = json.loads(written["summary"].read_text(), parse_constant=lambda c: pytest.fail(f"{c} in JSON"))
+    assert set(told["events"]) >= {"parachute_deploy", "peak_deceleration", "landing", "entry_interface"}
+    assert {"time_s", "altitude_m", "velocity_m_s", "mach", "dynamic_pressure_pa"} <= set(
+        told["events"]["parachute_deploy"]
+    )
+    landing = told["landing"]
+    assert landing["miss_m"] < 3.0 * landing["sigma_m"]
+    assert landing["left_out"]["miss_m"] < 3.0 * landing["left_out"]["sigma_m"]
+    for statement in practice_06.statements:
+        c = told["constraints"][statement.name]
+        assert c["nis"] == pytest.approx(float(statement.nis.sum()))
+        assert len(c["innovation"]) == len(c["components"])
+    assert all(0.0 <= r < 5.0 for r in told["residuals"].values())
+    assert {"telemetry", "filter", "smoother", "write"} <= set(told["timing_s"])
+
+
+def test_what_is_not_finite_becomes_null():
+    found = outputs.finite(
+        {
+            "a": [np.inf, 1.0, float("nan")],
+            "b": np.array([1.0, -np.inf]),
+            "c": None,
+            "d": True,
+            "e": np.longdouble(2.0),
+            "f": np.int64(3),
+        }
+    )
+    assert found == {"a": [None, 1.0, None], "b": [1.0, None], "c": None, "d": True, "e": 2.0, "f": 3}
+
+
+def test_spirit(spirit, tmp_path):
+    written = results.write_outputs(spirit, tmp_path, figures=False)
+    tree = results.read(tmp_path)
+    assert set(tree["sensor_errors"].children) == {"backshell", "rover", "register"}
+    assert tree["trajectory/sclk"].values[0] == pytest.approx(126462085.4)
+    assert tree["attitude/inertial_from_body"].shape[1] == 4
+    entry = written["content"]["entry_state"]
+    assert entry["rotation_deg"] == pytest.approx(0.26, abs=0.1)
+    assert np.linalg.norm(entry["rotation_j2000_deg"]) == pytest.approx(entry["rotation_deg"])
+    out = written["content"]["landing"]["left_out"]
+    assert out["miss_m"] < 3.0 * out["sigma_m"]
+    same(tree, netcdf.tree_of(content(spirit)))
+    fit = spirit.comparison["rover"].all
+    assert tree["comparison/rover/slope"].sel(window="all").values == pytest.approx(fit.slope)
+    assert written["content"]["imu_comparison"]["rover"]["samples"] == fit.samples
+
+
+def test_public_names_do_not_depend_on_the_order_of_imports():
+    import edl_filter.reconstruct
+
+    assert callable(edl_filter.reconstruct)
+    assert edl_filter.InputError is InputError
+    assert set(edl_filter.__all__) <= set(dir(edl_filter))
+    with pytest.raises(AttributeError, match="no attribute 'nothing'"):
+        _ = edl_filter.nothing
