@@ -24,7 +24,7 @@ from edl_filter.navigation import initial, strapdown
 from edl_filter.navigation.filter import forward
 from edl_filter.navigation.layout import State
 from edl_filter.navigation.noise import process_noise
-from edl_filter.reconstruct import reconstruct
+from edl_filter.reconstruction import reconstruct
 
 MISSIONS = Path(__file__).parent.parent / "missions"
 

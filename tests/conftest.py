@@ -5,6 +5,11 @@ from importlib.resources import files
 from pathlib import Path
 
 import pytest
+from hypothesis import settings
+
+# Examples are many in all; a compiler's first call must not count as a slow example
+settings.register_profile("edl-filter", deadline=None, max_examples=40)
+settings.load_profile("edl-filter")
 
 
 def _folder(variable, *parts):
@@ -38,7 +43,7 @@ def builtin_flight():
 
 def _reconstructed(name, *changes):
     from edl_filter.mission import Mission
-    from edl_filter.reconstruct import reconstruct
+    from edl_filter.reconstruction import reconstruct
 
     return reconstruct(Mission.load(f"builtin:{name}", changes))
 

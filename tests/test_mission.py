@@ -44,9 +44,7 @@ def test_shipped_missions_load(name):
 
 
 def test_an_unknown_shipped_mission_lists_the_known():
-    with pytest.raises(
-        InputError, match="builtin:mer_c: found no such mission; expected one of mer_a, mer_b"
-    ):
+    with pytest.raises(InputError, match="builtin:mer_c: found no such mission; expected one of mer_a, mer_b"):
         Mission.load("builtin:mer_c")
 
 
@@ -292,9 +290,7 @@ def test_text_that_is_no_mission(tmp_path, text, expected):
 
 
 def test_files_that_cannot_be_read(tmp_path):
-    with pytest.raises(
-        InputError, match=r"none\.yaml: No such file.*; the path of a mission file is expected"
-    ):
+    with pytest.raises(InputError, match=r"none\.yaml: No such file.*; the path of a mission file is expected"):
         Mission.load(tmp_path / "none.yaml")
     with pytest.raises(InputError, match="the path of a mission file is expected"):
         Mission.load(tmp_path)
@@ -320,9 +316,7 @@ def test_paths_start_from_the_file_and_in_overrides_from_the_current_folder(tmp_
     monkeypatch.chdir(here)
     assert Mission.load(file).telemetry_path() == there / "f.h5"
     assert Mission.load(file, ["telemetry.path=f.h5"]).telemetry_path() == here / "f.h5"
-    with pytest.raises(
-        InputError, match=r"m\.yaml: telemetry\.path: found .*none\.h5', but there is no file"
-    ):
+    with pytest.raises(InputError, match=r"m\.yaml: telemetry\.path: found .*none\.h5', but there is no file"):
         Mission.load(file, ["telemetry.path=none.h5"]).telemetry_path()
     with pytest.raises(InputError, match=r"table: found 'builtin:venus'; the package ships .*mars"):
         Mission.load(file, ["atmosphere.table=builtin:venus"]).atmosphere_path()
@@ -333,9 +327,7 @@ def test_telemetry_paths_of_the_formats(tmp_path):
     assert load("practice_mer").telemetry_path().name == "practice_06.h5"
     assert load("mer_a").telemetry_path() is None
     assert load("mer_a", f"telemetry.path={tmp_path}").telemetry_path() == tmp_path
-    with pytest.raises(
-        InputError, match=r"this mission needs the raw \(EDR\) IMU product .*edl-filter convert"
-    ):
+    with pytest.raises(InputError, match=r"this mission needs the raw \(EDR\) IMU product .*edl-filter convert"):
         load("phoenix").telemetry_path()
 
 
@@ -377,9 +369,7 @@ TREES = st.recursive(
 
 
 @settings(max_examples=60, deadline=None)
-@given(
-    st.dictionaries(NAMES, TREES, min_size=1), st.lists(NAMES, min_size=1, max_size=3), TREES, st.booleans()
-)
+@given(st.dictionaries(NAMES, TREES, min_size=1), st.lists(NAMES, min_size=1, max_size=3), TREES, st.booleans())
 def test_set_key_changes_one_key_and_nothing_else(tree, path, value, flow):
     text = (
         json.dumps(tree, ensure_ascii=False)

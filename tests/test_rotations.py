@@ -70,9 +70,7 @@ def test_products_form_a_group(p, q, r):
     left = rotations.multiply(rotations.multiply(p, q), r)
     right = rotations.multiply(p, rotations.multiply(q, r))
     np.testing.assert_allclose(left, right, atol=1e-15 * 4)
-    np.testing.assert_allclose(
-        rotations.multiply(q, rotations.conjugate(q)), [0.0, 0.0, 0.0, 1.0], atol=1e-15 * 4
-    )
+    np.testing.assert_allclose(rotations.multiply(q, rotations.conjugate(q)), [0.0, 0.0, 0.0, 1.0], atol=1e-15 * 4)
 
 
 @given(vectors, near_and_far)

@@ -44,15 +44,13 @@ Use
 
 from __future__ import annotations
 
-import sys
 from importlib import import_module
-from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from edl_filter.errors import InputError
     from edl_filter.mission import Mission
-    from edl_filter.reconstruct import Reconstruction, reconstruct
+    from edl_filter.reconstruction import Reconstruction, reconstruct
     from edl_filter.results import read as read_result
 
 __version__ = "0.1.0"
@@ -62,32 +60,20 @@ __all__ = ["InputError", "Mission", "Reconstruction", "__version__", "read_resul
 _PUBLIC = {
     "InputError": ("edl_filter.errors", "InputError"),
     "Mission": ("edl_filter.mission", "Mission"),
-    "Reconstruction": ("edl_filter.reconstruct", "Reconstruction"),
+    "Reconstruction": ("edl_filter.reconstruction", "Reconstruction"),
     "read_result": ("edl_filter.results", "read"),
-    "reconstruct": ("edl_filter.reconstruct", "reconstruct"),
+    "reconstruct": ("edl_filter.reconstruction", "reconstruct"),
 }
 
 
-class _Package(ModuleType):
-    """This package. A class of its own, since the function `reconstruct` has the name of its module.
-
-    Importing the module would put it in the function's place, or not, depending on who imported what first.
-    """
-
-    def __setattr__(self, name: str, value: Any) -> None:
-        if not (name in _PUBLIC and isinstance(value, ModuleType)):
-            super().__setattr__(name, value)
-
-    def __getattr__(self, name: str) -> Any:
-        if name not in _PUBLIC:
-            raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-        module, there = _PUBLIC[name]
-        value = getattr(import_module(module), there)
-        setattr(self, name, value)
-        return value
-
-    def __dir__(self) -> list[str]:
-        return sorted({*super().__dir__(), *_PUBLIC})
+def __getattr__(name: str) -> Any:
+    if name not in _PUBLIC:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    module, there = _PUBLIC[name]
+    value = getattr(import_module(module), there)
+    globals()[name] = value
+    return value
 
 
-sys.modules[__name__].__class__ = _Package
+def __dir__() -> list[str]:
+    return sorted({*globals(), *_PUBLIC})

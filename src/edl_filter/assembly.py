@@ -148,9 +148,7 @@ def entry_state(mission: Mission, telemetry: Telemetry) -> tuple[InitialState, E
     else:
         attitude = rotations.normalise(stated.attitude)
     covariance = stated.covariance_matrix(attitude, mission.planet.j2000_from_inertial_matrix)
-    initial = InitialState(
-        stated.time_s, np.array(stated.position), np.array(stated.velocity), attitude, covariance
-    )
+    initial = InitialState(stated.time_s, np.array(stated.position), np.array(stated.velocity), attitude, covariance)
     entry = EntryErrors(stated.epoch_sigma_s, stated.frame_rotation_sigma)
     if mission.constraints.onboard_attitude is not None and telemetry.attitude is not None:
         start, rounding = telemetry.attitude.at(stated.time_s), float(np.max(telemetry.attitude.sigma))
@@ -248,9 +246,7 @@ def _event(mission: Mission, telemetry: Telemetry, name: str, constraint: str) -
     return times[name]
 
 
-def _parachute(
-    mission: Mission, telemetry: Telemetry, planet: Planet, atmosphere: Atmosphere
-) -> known.DynamicPressure:
+def _parachute(mission: Mission, telemetry: Telemetry, planet: Planet, atmosphere: Atmosphere) -> known.DynamicPressure:
     stated, sigma = mission.constraints.parachute, mission.atmosphere.density_sigma
     if isinstance(stated, FromTelemetry):
         fix = telemetry.parachute
@@ -266,9 +262,7 @@ def _parachute(
     )
 
 
-def _steady_descent(
-    mission: Mission, samples: Samples, planet: Planet, atmosphere: Atmosphere
-) -> known.SteadyDescent:
+def _steady_descent(mission: Mission, samples: Samples, planet: Planet, atmosphere: Atmosphere) -> known.SteadyDescent:
     """Terminal speed from the measured drag: ``m f = ρ V² C_D S / 2``, with the landing site's density."""
     c, parachute, site = mission.constraints.steady_descent, mission.vehicle.parachute, mission.constraints.landing
     assert c is not None
@@ -283,9 +277,7 @@ def _steady_descent(
     events = mission.event_times()
     masses = [e.mass for n, e in mission.vehicle.events.items() if e.mass is not None and events[n] < time]
     mass = masses[-1] if masses else mission.vehicle.mass
-    _, _, altitude = ellipsoid.geodetic_from_fixed(
-        site.position, planet.equatorial_radius, planet.flattening
-    )
+    _, _, altitude = ellipsoid.geodetic_from_fixed(site.position, planet.equatorial_radius, planet.flattening)
     area = np.pi / 4.0 * parachute.area_diameter**2
     density = float(atmosphere.density(altitude))
     speed = np.sqrt(2.0 * mass * drag / (density * parachute.drag_coefficient * area))
@@ -313,9 +305,7 @@ def _landing(mission: Mission, telemetry: Telemetry, planet: Planet) -> known.La
     return known.LandingSite(time, stated.position, enu.T @ np.diag(sigma**2) @ enu, planet)
 
 
-def _rest(
-    mission: Mission, telemetry: Telemetry, samples: Samples, planet: Planet
-) -> list[known.Constraint]:
+def _rest(mission: Mission, telemetry: Telemetry, samples: Samples, planet: Planet) -> list[known.Constraint]:
     """Rest: no velocity, and minus gravity on the accelerometers; in a flight file also rates on the gyros."""
     stated = mission.constraints.rest
     assert stated is not None

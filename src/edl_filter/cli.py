@@ -180,7 +180,7 @@ def fetch(
 
 def _run(mission: Mission, output: Path | None, figures: bool, as_json: bool) -> dict[str, Any]:
     """Reconstruct, write and print."""
-    from edl_filter.reconstruct import reconstruct
+    from edl_filter.reconstruction import reconstruct
     from edl_filter.results.outputs import finite, write_outputs
 
     with _busy(f"Reconstructing {mission.title or mission.name}", quiet=as_json):

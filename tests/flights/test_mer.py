@@ -9,7 +9,7 @@ import pytest
 from edl_filter import rotations
 from edl_filter.mission import Mission, shipped_mission
 from edl_filter.planet import ellipsoid
-from edl_filter.reconstruct import in_j2000, reconstruct
+from edl_filter.reconstruction import in_j2000, reconstruct
 
 pytestmark = pytest.mark.usefixtures("mer_folder")
 ALL_BUT_ATTITUDE = ("pre_entry_zero_force", "parachute", "steady_descent", "landing", "rest")

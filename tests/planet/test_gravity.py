@@ -10,9 +10,9 @@ from edl_filter.planet.gravity import gravity, gravity_vector, potential
 
 MU, J2, RE = 4.282837e13, 1.960454e-3, 3396190.0
 
-positions = st.tuples(
-    st.floats(3.3e6, 4.0e7), st.floats(-np.pi / 2, np.pi / 2), st.floats(-np.pi, np.pi)
-).map(lambda s: s[0] * np.array([np.cos(s[1]) * np.cos(s[2]), np.cos(s[1]) * np.sin(s[2]), np.sin(s[1])]))
+positions = st.tuples(st.floats(3.3e6, 4.0e7), st.floats(-np.pi / 2, np.pi / 2), st.floats(-np.pi, np.pi)).map(
+    lambda s: s[0] * np.array([np.cos(s[1]) * np.cos(s[2]), np.cos(s[1]) * np.sin(s[2]), np.sin(s[1])])
+)
 
 
 def twin_potential(position, mu, j2, re):

@@ -39,9 +39,7 @@ def test_fixed_components(time, vector):
 @given(times)
 def test_the_prime_meridian_is_where_it_says(time):
     angle = MARS.angle(time)
-    np.testing.assert_allclose(
-        MARS.to_fixed(time, [np.cos(angle), np.sin(angle), 0.0]), [1.0, 0.0, 0.0], atol=1e-15
-    )
+    np.testing.assert_allclose(MARS.to_fixed(time, [np.cos(angle), np.sin(angle), 0.0]), [1.0, 0.0, 0.0], atol=1e-15)
     assert np.linalg.norm(MARS.fixed_from_inertial(time)) == pytest.approx(1.0, abs=1e-15)
 
 

@@ -158,9 +158,7 @@ def test_misalignment_finds_an_injected_rotation_across_samplings_and_a_gap():
     rover += rng.normal(0.0, 0.003, rover.shape)
     rover[1700:1707] = np.nan
     backshell = truth.reshape(-1, 2, 3).mean(axis=1) + rng.normal(0.0, 0.003, (1020, 3))
-    result = calibration.misalignment(
-        record("backshell", coarse, 0.25, backshell), record("rover", fine, 0.125, rover)
-    )
+    result = calibration.misalignment(record("backshell", coarse, 0.25, backshell), record("rover", fine, 0.125, rover))
     fit = result.all
     np.testing.assert_allclose(fit.slope, [m[2], -m[1]], atol=5e-5)
     assert np.all(np.abs(fit.slope - [m[2], -m[1]]) < 4.0 * fit.slope_sigma)
@@ -182,9 +180,7 @@ def test_projection_is_least_squares_with_honest_sigmas():
     for _ in range(200):
         noise = rng.normal(0.0, 0.01, (300, 2))
         slope, sigma, offset, offset_sigma, rms = calibration.misalignment_by_projection(axial, truth + noise)
-        pulls.append(
-            np.concatenate(((slope - [0.005, -0.002]) / sigma, (offset - [0.1, -0.2]) / offset_sigma))
-        )
+        pulls.append(np.concatenate(((slope - [0.005, -0.002]) / sigma, (offset - [0.1, -0.2]) / offset_sigma)))
     assert np.std(pulls) == pytest.approx(1.0, abs=0.1)
     np.testing.assert_allclose(rms, 0.01, rtol=0.15)
     twin = np.linalg.lstsq(np.stack((axial, np.ones(300)), -1), truth + noise)

@@ -64,9 +64,7 @@ def test_every_file_lands_in_the_cache_and_is_not_fetched_again(volume, serve, t
 def test_a_changed_file_is_refused_and_not_kept(volume, serve, tmp_path):
     (volume / "DATA" / "2HIGHRATE.TAB").write_bytes(b"changed")
     address, _ = serve(volume.parent)
-    with pytest.raises(
-        InputError, match=r"volume/DATA/2HIGHRATE.TAB is not the known file, whose sha256 is"
-    ) as e:
+    with pytest.raises(InputError, match=r"volume/DATA/2HIGHRATE.TAB is not the known file, whose sha256 is") as e:
         fetch.fetch_mer_imu(address)
     assert "put the volume's DATA folder under $EDL_FILTER_DATA/pds/mer_imu instead" in str(e.value)
     assert not (tmp_path / "cache" / "mer_imu" / "DATA" / "2HIGHRATE.TAB").exists()
@@ -75,9 +73,7 @@ def test_a_changed_file_is_refused_and_not_kept(volume, serve, tmp_path):
 def test_a_missing_file_and_a_dead_server(volume, serve):
     (volume / "AAREADME.txt").unlink()
     address, _ = serve(volume.parent)
-    with pytest.raises(
-        InputError, match=r"download failed: .*/AAREADME.txt: the server answered 404; put the"
-    ):
+    with pytest.raises(InputError, match=r"download failed: .*/AAREADME.txt: the server answered 404; put the"):
         fetch.fetch_mer_imu(address)
     with socket.socket() as unused:
         unused.bind(("127.0.0.1", 0))
@@ -87,9 +83,7 @@ def test_a_missing_file_and_a_dead_server(volume, serve):
 
 
 def test_where_the_data_are_looked_for(volume, tmp_path, monkeypatch):
-    with pytest.raises(
-        InputError, match=r"is not in .*cache/mer_imu; run `edl-filter fetch mer-imu`, or set EDL"
-    ):
+    with pytest.raises(InputError, match=r"is not in .*cache/mer_imu; run `edl-filter fetch mer-imu`, or set EDL"):
         fetch.find_mer_imu()
     for parts in (("mer_imu",), ("pds", "mer_imu")):  # the second is preferred once it is there
         place = tmp_path.joinpath("data", *parts)

@@ -45,9 +45,7 @@ def test_imu_axes_become_body_axes(builtin_flight):
     with h5py.File(builtin_flight) as file:
         group = file["imu/primary"]
         matrix = rotations.to_matrix(group.attrs["body_from_imu"])
-        np.testing.assert_allclose(
-            telemetry.driving.angular_rate, group["angular_rate"][()] @ matrix.T, atol=1e-8
-        )
+        np.testing.assert_allclose(telemetry.driving.angular_rate, group["angular_rate"][()] @ matrix.T, atol=1e-8)
 
 
 def test_the_truth_is_not_read(flight):
@@ -89,17 +87,13 @@ def test_a_gap_is_one_long_sample_between_its_neighbours(flight):
     rates = whole.angular_rate[[1499, 1507]]
     assert imu.rate_noise[1500] == pytest.approx(max(2e-5, 0.5 * np.linalg.norm(rates[1] - rates[0])))
     np.testing.assert_array_equal(np.delete(imu.force_noise, 1500), whole.force_noise[:-7])
-    assert telemetry.notes == (
-        "/imu/primary: 1 gap in time, each filled by one long sample between its neighbours.",
-    )
+    assert telemetry.notes == ("/imu/primary: 1 gap in time, each filled by one long sample between its neighbours.",)
 
 
 def test_a_nearly_unit_quaternion_is_normalised(flight):
     with h5py.File(flight, "a") as file:
         file["initial/attitude"][...] *= 1.0 + 5e-4
-    assert np.linalg.norm(read_flight_file(flight).initial.inertial_from_body) == pytest.approx(
-        1.0, abs=1e-15
-    )
+    assert np.linalg.norm(read_flight_file(flight).initial.inertial_from_body) == pytest.approx(1.0, abs=1e-15)
 
 
 def spoil(key, change):

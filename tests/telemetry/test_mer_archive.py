@@ -84,9 +84,7 @@ def test_quaternions_are_shusters_from_j2000_to_spacecraft():
     shuster = (w**2 - u @ u) * np.eye(3) + 2.0 * np.outer(u, u) - 2.0 * w * rotations.cross_matrix(u)
     v_j2000 = rng.standard_normal(3)
     v_sc = shuster @ v_j2000
-    np.testing.assert_allclose(
-        rotations.rotate(mer_cleaning.j2000_from_sc(archive), v_sc), v_j2000, atol=1e-14
-    )
+    np.testing.assert_allclose(rotations.rotate(mer_cleaning.j2000_from_sc(archive), v_sc), v_j2000, atol=1e-14)
 
 
 @pytest.mark.parametrize("w", [1.0, 0.3, 0.03, 0.004, 0.001])
@@ -99,9 +97,7 @@ def test_rounding_sigma_is_the_spread_of_rounded_quaternions(w):
     true = np.column_stack((u, fourth))
     seen = np.round(u, 6)
     seen = np.column_stack((seen, np.sqrt(np.maximum(0.0, 1.0 - np.sum(seen**2, axis=1)))))
-    error = rotations.to_rotation_vector(
-        rotations.multiply(rotations.conjugate(true), rotations.normalise(seen))
-    )
+    error = rotations.to_rotation_vector(rotations.multiply(rotations.conjugate(true), rotations.normalise(seen)))
     rms = np.sqrt(np.mean(error**2))
     sigma = np.sqrt(np.mean(mer_cleaning.rounding_sigma(seen) ** 2))
     assert sigma == pytest.approx(rms, rel=0.05 if w > 0.002 else 0.4)
@@ -118,9 +114,7 @@ def test_spirit_as_the_facts_say(spirit):
     assert spirit.transformed_gaps == ((126462354.5, 0.625), (126462499.75, 1.75), (126462516.25, 1.5))
     assert spirit.highrate_gaps == ((126462354.375, 0.875),)
     assert spirit.backshell_off == 126462427.0
-    assert spirit.notes[0] == (
-        "2TRANSFORMED.TAB: 44 rows with the time of another removed, the fuller row kept."
-    )
+    assert spirit.notes[0] == ("2TRANSFORMED.TAB: 44 rows with the time of another removed, the fuller row kept.")
 
 
 def test_opportunity_as_the_facts_say(opportunity):
@@ -179,9 +173,7 @@ def test_highrate_rates_are_increments_of_angle(tables):
     t, h = tables.transformed, tables.highrate
     entry = slice(0, 700)  # the 87 s from entry interface + 90 s: spin, no parachute yet or just
     per_second = np.linalg.norm(h.rover_angle_increment[entry], axis=1) / SAMPLE_INTERVAL
-    rows = np.flatnonzero(
-        (t.sclk >= h.sclk[0]) & (t.sclk <= h.sclk[699]) & (t.rover_j2000_from_sc[:, 3] > 0.1)
-    )
+    rows = np.flatnonzero((t.sclk >= h.sclk[0]) & (t.sclk <= h.sclk[699]) & (t.rover_j2000_from_sc[:, 3] > 0.1))
     q = t.rover_j2000_from_sc
     turn = rotations.to_rotation_vector(rotations.multiply(rotations.conjugate(q[rows[:-1]]), q[rows[1:]]))
     next_to = np.diff(rows) == 1
@@ -235,9 +227,7 @@ def test_a_table_of_the_other_rover_is_refused(mer_folder, tmp_path):
     shutil.copytree(mer_folder / "DATA", tmp_path / "DATA")
     label = (tmp_path / "DATA" / "1HIGHRATE.LBL").read_bytes()
     (tmp_path / "DATA" / "2HIGHRATE.LBL").write_bytes(label)
-    with pytest.raises(
-        InputError, match=r"HOST_NAME is 'MARS EXPLORATION ROVER 1'; 'MARS EXPLORATION ROVER 2'"
-    ):
+    with pytest.raises(InputError, match=r"HOST_NAME is 'MARS EXPLORATION ROVER 1'; 'MARS EXPLORATION ROVER 2'"):
         read_mer_tables(tmp_path, 2)
 
 

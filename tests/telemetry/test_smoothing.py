@@ -55,9 +55,7 @@ def test_rates_are_eq_3_1_in_the_limit_of_short_steps():
     def attitude(t):
         zero = np.zeros_like(t)
         spin = rotations.from_rotation_vector(np.stack((zero, zero, 0.21 * t), -1))
-        return rotations.multiply(
-            spin, rotations.from_rotation_vector(np.stack((0.3 * np.sin(t), zero, zero), -1))
-        )
+        return rotations.multiply(spin, rotations.from_rotation_vector(np.stack((0.3 * np.sin(t), zero, zero), -1)))
 
     middle, h = 0.5 * (time[1:] + time[:-1]), 1e-5
     derivative = (attitude(middle + h) - attitude(middle - h)) / (2 * h)
@@ -178,9 +176,7 @@ def test_low_pass_does_not_shift_in_time_and_keeps_a_line():
     time = interval * np.arange(-1000, 1001)
     bump = smoothing.low_pass(np.exp(-((time / 0.1) ** 2)), interval, 17.0)
     np.testing.assert_allclose(bump, bump[::-1], atol=1e-9)
-    np.testing.assert_allclose(
-        smoothing.low_pass(2.0 + 3.0 * time, interval, 17.0), 2.0 + 3.0 * time, atol=1e-6
-    )
+    np.testing.assert_allclose(smoothing.low_pass(2.0 + 3.0 * time, interval, 17.0), 2.0 + 3.0 * time, atol=1e-6)
 
 
 def test_low_pass_refuses_what_it_cannot_do():

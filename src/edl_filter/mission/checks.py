@@ -119,9 +119,7 @@ def _rotation_matrix(value: tuple[tuple[float, ...], ...]) -> tuple[tuple[float,
     m = np.array(value)
     error = float(np.abs(m @ m.T - np.eye(3)).max())
     if error > 1e-4:
-        raise problem(
-            f"rows that are {error:.2g} from orthonormal", "3 rows of a rotation matrix, orthonormal to 1e-4"
-        )
+        raise problem(f"rows that are {error:.2g} from orthonormal", "3 rows of a rotation matrix, orthonormal to 1e-4")
     if np.linalg.det(m) < 0.0:
         raise problem("a left-handed matrix (determinant -1)", "3 rows of a rotation matrix, right-handed")
     return value
@@ -129,9 +127,7 @@ def _rotation_matrix(value: tuple[tuple[float, ...], ...]) -> tuple[tuple[float,
 
 def _covariance(value: tuple[tuple[float, ...], ...]) -> tuple[tuple[float, ...], ...]:
     if {len(row) for row in value} != {len(value)} or len(value) != 9:
-        raise problem(
-            f"{len(value)} rows of {sorted({len(r) for r in value})} numbers", "9 rows of 9 numbers"
-        )
+        raise problem(f"{len(value)} rows of {sorted({len(r) for r in value})} numbers", "9 rows of 9 numbers")
     p = np.array(value)
     scale = np.sqrt(np.abs(np.diag(p)))
     if np.any(np.abs(p - p.T) > 1e-9 * np.outer(scale, scale)):

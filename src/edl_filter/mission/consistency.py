@@ -45,17 +45,13 @@ def _check_events(mission: Mission) -> None:
         if event.sclk is not None and not has_clock:
             raise problem(shown(event.sclk), "time_s: this telemetry states no epoch_sclk", f"{key}.sclk")
         if isinstance(mission.telemetry, MerImu) and event.driving not in (None, *mission.telemetry.imus):
-            raise problem(
-                shown(event.driving), "one of " + ", ".join(mission.telemetry.imus), f"{key}.driving"
-            )
+            raise problem(shown(event.driving), "one of " + ", ".join(mission.telemetry.imus), f"{key}.driving")
     for name, time in event_times(mission):
         if not before < time < 1e5:
             event = mission.vehicle.events[name]
             at, field = (event.time_s, "time_s") if event.sclk is None else (event.sclk, "sclk")
             found = f"{at!r}, {time:.6g} s after the epoch"
-            raise problem(
-                found, f"a time after {previous} at {before:.6g} s", f"vehicle.events.{name}.{field}"
-            )
+            raise problem(found, f"a time after {previous} at {before:.6g} s", f"vehicle.events.{name}.{field}")
         before, previous = time, name
 
 
@@ -65,9 +61,7 @@ def _check_state(mission: Mission) -> None:
         return _check_from_telemetry(mission, "initial_state")
     assert isinstance(state, StatedState)
     if isinstance(telemetry, FlightFile) and state.attitude == "onboard":
-        raise problem(
-            "'onboard'", "a quaternion: a flight file holds none on board", "initial_state.attitude"
-        )
+        raise problem("'onboard'", "a quaternion: a flight file holds none on board", "initial_state.attitude")
     if state.attitude is None and not isinstance(telemetry, PhoenixPds):
         raise problem("nothing", "onboard, or inertial_from_body as a quaternion", "initial_state.attitude")
     if isinstance(state.attitude_sigma_deg, SunLineSigma) and mission.planet.j2000_from_inertial is None:
@@ -99,9 +93,7 @@ def _check_constraints(mission: Mission) -> None:
                     expected = f"s within the telemetry used, {telemetry.start_s:g} to {telemetry.end_s:g}"
                     raise problem(shown(getattr(value, end)), expected, f"constraints.{key}.{end}")
     if constraints.onboard_attitude is not None and isinstance(telemetry, FlightFile):
-        raise problem(
-            "a section", "none: a flight file holds no on-board attitude", "constraints.onboard_attitude"
-        )
+        raise problem("a section", "none: a flight file holds no on-board attitude", "constraints.onboard_attitude")
     if isinstance(constraints.parachute, ParachutePressure):
         _check_event(mission, "parachute", "parachute_deploy")
     if constraints.landing is not None and not isinstance(constraints.landing, FromTelemetry):

@@ -59,12 +59,8 @@ class StatedState(Section):
     velocity: Annotated[Vector, Within("m/s", 100.0, 1e5, (("km/s", 1e3),))] = Field(
         description="velocity, m/s, inertial"
     )
-    position_sigma: LengthSigma | None = Field(
-        default=None, description="1 sigma of the position per axis, m"
-    )
-    velocity_sigma: SpeedSigma | None = Field(
-        default=None, description="1 sigma of the velocity per axis, m/s"
-    )
+    position_sigma: LengthSigma | None = Field(default=None, description="1 sigma of the position per axis, m")
+    velocity_sigma: SpeedSigma | None = Field(default=None, description="1 sigma of the velocity per axis, m/s")
     attitude: (
         Annotated[
             Annotated[Literal["onboard"], Tag("<word>")] | Annotated[Quaternion, Tag("<stated>")],
@@ -115,9 +111,7 @@ class StatedState(Section):
         """`sun_direction_j2000` brought to length 1, (3,)."""
         return None if self.sun_direction_j2000 is None else unit(self.sun_direction_j2000)
 
-    def covariance_matrix(
-        self, inertial_from_body: ArrayLike, j2000_from_inertial: ArrayLike | None = None
-    ) -> Array:
+    def covariance_matrix(self, inertial_from_body: ArrayLike, j2000_from_inertial: ArrayLike | None = None) -> Array:
         """Covariance (9, 9) of position, velocity and attitude error, without the state's epoch and frame.
 
         Parameters
@@ -152,9 +146,7 @@ InitialState = Annotated[
 class OnboardAttitude(Section):
     """The attitude computed on board."""
 
-    interval_s: Annotated[Number, Within("s", 0.0, 1e4, above=True)] = Field(
-        description="time between uses, s"
-    )
+    interval_s: Annotated[Number, Within("s", 0.0, 1e4, above=True)] = Field(description="time between uses, s")
     sigma_deg: AngleSigma = Field(description="1 sigma of one use about each axis, deg")
     unit_change_sigma_deg: Annotated[Number, Within("deg", 0.0, 180.0)] = Field(
         default=0.0, description="1 sigma of the step when another unit computes it, deg; 0: none"
@@ -196,9 +188,7 @@ class SteadyDescent(Window):
 class LandingSite(Section):
     """Where the vehicle is when the event landing happens."""
 
-    latitude_deg: Annotated[Number, Within("deg", -90.0, 90.0)] = Field(
-        description="areocentric latitude, deg, north"
-    )
+    latitude_deg: Annotated[Number, Within("deg", -90.0, 90.0)] = Field(description="areocentric latitude, deg, north")
     longitude_deg: Annotated[Number, Within("deg", -180.0, 360.0)] = Field(description="longitude, deg, east")
     radius: Radius = Field(description="distance from the planet's centre, m")
     horizontal_sigma: LengthSigma = Field(description="1 sigma to the north and to the east, m")
@@ -241,17 +231,13 @@ class Rest(Window):
 class RestFromTelemetry(FromTelemetry):
     """The vehicle rests from the time of the flight file's landing constraint to the record's end."""
 
-    velocity_sigma: SpeedSigma = Field(
-        default=0.05, description="1 sigma of each ground-relative velocity, m/s"
-    )
+    velocity_sigma: SpeedSigma = Field(default=0.05, description="1 sigma of each ground-relative velocity, m/s")
 
 
 class AltimeterFromTelemetry(FromTelemetry):
     """The altimeter of the flight file."""
 
-    sigma: LengthSigma | None = Field(
-        default=None, description="1 sigma of one height, m; absent: the file's"
-    )
+    sigma: LengthSigma | None = Field(default=None, description="1 sigma of one height, m; absent: the file's")
 
 
 class Constraints(Section):
@@ -266,9 +252,7 @@ class Constraints(Section):
         ]
         | None
     ) = Field(default=None, description="dynamic pressure at deployment")
-    steady_descent: SteadyDescent | None = Field(
-        default=None, description="terminal speed under the parachute"
-    )
+    steady_descent: SteadyDescent | None = Field(default=None, description="terminal speed under the parachute")
     landing: (
         Annotated[
             Annotated[LandingSite, Tag("<stated>")] | Annotated[FromTelemetry, Tag("<telemetry>")],
@@ -292,9 +276,7 @@ class FilterSettings(Section):
     alpha: Annotated[Number, Within("", 0.1, 1.0)] = Field(
         default=0.5, description="spread of the sigma points; below 0.1 digits are lost"
     )
-    beta: Annotated[Number, Within("", 0.0, 10.0)] = Field(
-        default=2.0, description="shape of the prior; 2: Gaussian"
-    )
+    beta: Annotated[Number, Within("", 0.0, 10.0)] = Field(default=2.0, description="shape of the prior; 2: Gaussian")
     kappa: Annotated[Number, Within("", -10.0, 100.0)] = Field(default=0.0, description="secondary spread")
     longest_interval_s: Annotated[Number, Within("s", 0.0, 100.0, above=True)] = Field(
         default=5.0, description="longest time between fusion epochs, s"

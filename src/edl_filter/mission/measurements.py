@@ -93,9 +93,7 @@ class Imu(ErrorBudget):
     position: LeverArm = Field(description="position from the centre of mass, m, spacecraft axes")
     transformed_alignment_deg: tuple[
         Annotated[Number, Within("deg", -5.0, 5.0)], Annotated[Number, Within("deg", -5.0, 5.0)]
-    ] = Field(
-        default=(0.0, 0.0), description="share of a_z that the on-board transform adds to a_x and a_y, deg"
-    )
+    ] = Field(default=(0.0, 0.0), description="share of a_z that the on-board transform adds to a_x and a_y, deg")
     onboard_rate_correction_deg_h: tuple[RateDegH, RateDegH, RateDegH] = Field(
         default=(0.0, 0.0, 0.0),
         description="what the on-board software subtracts from the gyros for its quaternion, deg/h, spacecraft axes",
@@ -144,9 +142,7 @@ class MerImu(Window):
     epoch_sclk: Sclk = Field(description="spacecraft clock count at time 0, s")
     velocity_register: Register = Field(description="the rover's accumulated velocity and quaternion")
     imus: dict[str, Imu] = Field(min_length=1, description="IMUs by name")
-    driving: str | None = Field(
-        default=None, description="IMU that drives at first; absent: the first of imus"
-    )
+    driving: str | None = Field(default=None, description="IMU that drives at first; absent: the first of imus")
 
     @model_validator(mode="after")
     def _consistent(self) -> MerImu:

@@ -72,9 +72,7 @@ class Mission(Section):
         return cls._from_text(read_text(file), str(path), file, overrides)
 
     @classmethod
-    def from_dict(
-        cls, data: dict[str, Any], source: str = "mission", overrides: Sequence[str] = ()
-    ) -> Mission:
+    def from_dict(cls, data: dict[str, Any], source: str = "mission", overrides: Sequence[str] = ()) -> Mission:
         """Mission of plain `data` in the file's form; `source` stands for the file in messages.
 
         Relative paths start from the current folder.
@@ -84,9 +82,7 @@ class Mission(Section):
         InputError
             As `load`.
         """
-        return cls._from_text(
-            json.dumps(data, indent=2, ensure_ascii=False, default=_plain), source, None, overrides
-        )
+        return cls._from_text(json.dumps(data, indent=2, ensure_ascii=False, default=_plain), source, None, overrides)
 
     @classmethod
     def _from_text(cls, text: str, where: str, source: Path | None, overrides: Sequence[str]) -> Mission:
@@ -99,9 +95,7 @@ class Mission(Section):
             changed.append(key)
         data = parse(text, where)
         if not isinstance(data, dict):
-            raise InputError(
-                f"{where}: found {_kind(data)}; expected a mapping of keys, such as 'name: my_mission'."
-            )
+            raise InputError(f"{where}: found {_kind(data)}; expected a mapping of keys, such as 'name: my_mission'.")
         try:
             mission = cls.model_validate(data)
         except ValidationError as error:
@@ -142,9 +136,7 @@ class Mission(Section):
 
         angle = self.planet.prime_meridian if self.planet.prime_meridian is not None else prime_meridian
         if angle is None:
-            raise InputError(
-                f"{self._where}: planet.prime_meridian_deg: found nothing; expected deg at the epoch."
-            )
+            raise InputError(f"{self._where}: planet.prime_meridian_deg: found nothing; expected deg at the epoch.")
         return PlanetModel(
             name=self.planet.name,
             mu=self.planet.gravity.mu,

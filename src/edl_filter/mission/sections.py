@@ -65,9 +65,7 @@ def choice(pick: Callable[[Any], str]) -> Discriminator:
 class FromTelemetry(Section):
     """Take the values and their sigmas from the telemetry's file."""
 
-    from_: Literal["telemetry"] = Field(
-        alias="from", description="telemetry: values and sigmas are in its file"
-    )
+    from_: Literal["telemetry"] = Field(alias="from", description="telemetry: values and sigmas are in its file")
 
 
 def origin(value: Any) -> str:

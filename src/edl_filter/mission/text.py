@@ -38,9 +38,7 @@ class _Loader(yaml.SafeLoader):
                 name = getattr(key, "value", "a list or mapping")
                 raise yaml.MarkedYAMLError(problem=f"key {name!r} is no text", problem_mark=key.start_mark)
             if key.value in seen:
-                raise yaml.MarkedYAMLError(
-                    problem=f"key '{key.value}' stands twice", problem_mark=key.start_mark
-                )
+                raise yaml.MarkedYAMLError(problem=f"key '{key.value}' stands twice", problem_mark=key.start_mark)
             seen.add(key.value)
         return super().construct_mapping(node, deep=True)
 

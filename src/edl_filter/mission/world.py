@@ -118,17 +118,13 @@ class Inertia(Section):
     @property
     def tensor(self) -> Array:
         """Inertia tensor (3, 3), kg m²."""
-        return np.array(
-            [[self.xx, -self.xy, -self.xz], [-self.xy, self.yy, -self.yz], [-self.xz, -self.yz, self.zz]]
-        )
+        return np.array([[self.xx, -self.xy, -self.xz], [-self.xy, self.yy, -self.yz], [-self.xz, -self.yz, self.zz]])
 
 
 class Parachute(Section):
     """The parachute."""
 
-    area_diameter: Annotated[Number, Within("m", 0.1, 100.0, KM)] = Field(
-        description="nominal diameter D0, m"
-    )
+    area_diameter: Annotated[Number, Within("m", 0.1, 100.0, KM)] = Field(description="nominal diameter D0, m")
     drag_coefficient: Annotated[Number, Within("", 0.05, 3.0)] | None = Field(
         default=None, description="drag coefficient on pi D0^2 / 4, subsonic"
     )

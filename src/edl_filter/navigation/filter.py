@@ -12,7 +12,7 @@ from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import chi2
+from scipy.special import chdtri
 
 from edl_filter.errors import InputError
 from edl_filter.navigation import initial as entry_state
@@ -280,9 +280,9 @@ def _march(
 
 
 @lru_cache
-def gate_limit(probability: float, dof: int) -> float:
+def quantile(probability: float, dof: int) -> float:
     """Quantile of the chi-square distribution."""
-    return float(chi2.ppf(probability, dof))
+    return float(chdtri(dof, 1.0 - probability))
 
 
 def _fuse(ukf: ErrorStateUKF, constraint: Constraint, node: int, gate: float) -> Fused:
@@ -291,7 +291,7 @@ def _fuse(ukf: ErrorStateUKF, constraint: Constraint, node: int, gate: float) ->
     nav, errors = ukf.states(sigmas)
     predicted = constraint.predict(nav, errors, ukf.layout)
     innovation = ukf.innovate(constraint.measured, constraint.noise, predicted)
-    accepted = innovation.nis <= gate_limit(gate, len(innovation.residual))
+    accepted = innovation.nis <= quantile(gate, len(innovation.residual))
     if accepted:
         ukf.absorb(constraint.measured, constraint.noise, predicted)
     return Fused(constraint, node, innovation, bool(accepted))

@@ -105,9 +105,7 @@ def epoch_effect(initial: InitialState, planet: Planet) -> Array:
 
 def frame_effect(initial: InitialState) -> Array:
     """Change of position and velocity per small rotation of the state's frame, ``(6, 3)``."""
-    return np.concatenate(
-        (-rotations.cross_matrix(initial.position), -rotations.cross_matrix(initial.velocity))
-    )
+    return np.concatenate((-rotations.cross_matrix(initial.position), -rotations.cross_matrix(initial.velocity)))
 
 
 def sensor_prior(layout: Layout, errors: SensorErrors) -> Array:

@@ -14,10 +14,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import cholesky, solve_triangular
-from scipy.stats import chi2
 
 from edl_filter.navigation.constraints import Constraint
-from edl_filter.navigation.filter import Forward, Fused, Problem, forward_without
+from edl_filter.navigation.filter import Forward, Fused, Problem, forward_without, quantile
 from edl_filter.navigation.layout import State, sigma_states
 from edl_filter.navigation.smoother import Smoothed, smooth
 from edl_filter.navigation.ukf import MerwePoints
@@ -70,8 +69,7 @@ class Statement:
     def nis_interval(self, probability: float = 0.999) -> tuple[float, float]:
         """Interval that holds the sum of `nis` with `probability`."""
         tail = 0.5 * (1.0 - probability)
-        low, high = chi2.ppf([tail, 1.0 - tail], self.dof)
-        return float(low), float(high)
+        return quantile(tail, self.dof), quantile(1.0 - tail, self.dof)
 
     @property
     def left_out_sigma(self) -> Array:
@@ -143,9 +141,7 @@ def _from_others(problem: Problem, way: Forward, group: list[Fused]) -> tuple[Ar
     return residual, total
 
 
-def _predicted(
-    problem: Problem, constraint: Constraint, state: State, covariance: Array
-) -> tuple[Array, Array]:
+def _predicted(problem: Problem, constraint: Constraint, state: State, covariance: Array) -> tuple[Array, Array]:
     """What an estimate predicts for a constraint, and the covariance of that."""
     s, n = problem.settings, len(covariance)
     points = MerwePoints(n, s.alpha, s.beta, s.kappa)

@@ -66,9 +66,7 @@ def trace(problem: Problem, smoothed: Smoothed, layout: Layout) -> Trajectory:
         p, part = problem.planet, slice(start, stop)
         force[part] = samples.force[part] @ force_map[:9, 0].reshape(3, 3).T + force_map[9:, 0]
         rate[part] = samples.rate[part] * rate_map[:3, 0] + rate_map[3:, 0]
-        path = _march_one(
-            state.nav[:10], samples.interval[part], force[part], rate[part], p.mu, p.j2, p.gravity_radius
-        )
+        path = _march_one(state.nav[:10], samples.interval[part], force[part], rate[part], p.mu, p.j2, p.gravity_radius)
         moved = noise_share(samples.interval[part], samples.force_noise[part])
         turned = noise_share(samples.interval[part], samples.rate_noise[part])
         nav[start + 1 : stop + 1] = spread(path, target, moved, turned)

@@ -73,9 +73,7 @@ class Planet:
 
     def fixed_from_geodetic(self, latitude: ArrayLike, longitude: ArrayLike, altitude: ArrayLike) -> Array:
         """Planet-fixed positions ``(..., 3)``, m, of areodetic coordinates (rad, rad, m)."""
-        return ellipsoid.fixed_from_geodetic(
-            latitude, longitude, altitude, self.equatorial_radius, self.flattening
-        )
+        return ellipsoid.fixed_from_geodetic(latitude, longitude, altitude, self.equatorial_radius, self.flattening)
 
     def velocity_relative(self, position: ArrayLike, velocity: ArrayLike) -> Array:
         """Velocity against the ground and the still air, m/s, from an inertial state, in inertial axes."""

@@ -14,9 +14,7 @@ Array = NDArray[np.float64]
 _ITERATIONS = 5
 
 
-def geodetic_from_fixed(
-    position: ArrayLike, equatorial_radius: float, flattening: float
-) -> tuple[Array, Array, Array]:
+def geodetic_from_fixed(position: ArrayLike, equatorial_radius: float, flattening: float) -> tuple[Array, Array, Array]:
     """Areodetic latitude, longitude and altitude of planet-fixed points.
 
     Bowring's formula, iterated on the sine and cosine of the parametric latitude, so that nothing is

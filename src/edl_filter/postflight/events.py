@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from edl_filter.navigation.trajectory import Trajectory
 from edl_filter.postflight.airdata import AirData
-from edl_filter.reconstruct import Reconstruction
+from edl_filter.reconstruction import Reconstruction
 from edl_filter.telemetry.clock import SclkClock
 from edl_filter.telemetry.record import ImuRecord
 

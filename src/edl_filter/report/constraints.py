@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.transforms import blended_transform_factory
 from numpy.typing import NDArray
-from scipy.stats import chi2
+from scipy.special import chdtri
 from xarray import Dataset, DataTree
 
 from edl_filter.report import style, view
@@ -43,7 +43,7 @@ class Block:
     def interval(self) -> tuple[float, float]:
         """Interval that holds the NIS with `PROBABILITY`."""
         tail = 0.5 * (1.0 - PROBABILITY)
-        low, high = chi2.ppf([tail, 1.0 - tail], self.dof)
+        low, high = chdtri(self.dof, [1.0 - tail, tail])
         return float(low), float(high)
 
 

@@ -92,9 +92,7 @@ def at_centre_of_mass(record: ImuRecord, angular_acceleration: ArrayLike) -> Imu
     `angular_acceleration` (N, 3), rad/s², in the middle of each interval: see
     `edl_filter.telemetry.smoothing.differentiated_rates`.
     """
-    force = centre_of_mass_correction(
-        record.specific_force, record.angular_rate, angular_acceleration, record.position
-    )
+    force = centre_of_mass_correction(record.specific_force, record.angular_rate, angular_acceleration, record.position)
     return replace(record, specific_force=force, position=np.zeros_like(record.position))
 
 
@@ -145,9 +143,7 @@ def bias_from_velocity_slope(
     return bias, np.sqrt(weight @ weight) * force.std(axis=0, ddof=1)
 
 
-def misalignment_by_projection(
-    axial: ArrayLike, lateral: ArrayLike
-) -> tuple[Array, Array, Array, Array, Array]:
+def misalignment_by_projection(axial: ArrayLike, lateral: ArrayLike) -> tuple[Array, Array, Array, Array, Array]:
     """Linear least squares of a lateral difference on the axial force: its slope is a misalignment.
 
     Parameters
@@ -224,9 +220,7 @@ def misalignment(
 
 def _project(start: float, end: float, reference: Array, other: Array) -> Misalignment:
     if len(reference) < 4:
-        raise InputError(
-            f"The misalignment window {start} to {end} s holds {len(reference)} common samples; 4 needed."
-        )
+        raise InputError(f"The misalignment window {start} to {end} s holds {len(reference)} common samples; 4 needed.")
     fit = misalignment_by_projection(reference[:, 0], (other - reference)[:, 1:])
     return Misalignment(start, end, *fit, samples=len(reference))
 
@@ -234,8 +228,7 @@ def _project(start: float, end: float, reference: Array, other: Array) -> Misali
 def _common_forces(a: ImuRecord, b: ImuRecord, start: float, end: float) -> tuple[Array, Array]:
     """Mean forces of both records over the intervals of the one with fewer samples in the window."""
     inside = [
-        (record.time - record.interval >= start - _SAME_TIME) & (record.time <= end + _SAME_TIME)
-        for record in (a, b)
+        (record.time - record.interval >= start - _SAME_TIME) & (record.time <= end + _SAME_TIME) for record in (a, b)
     ]
     coarse, keep = (a, inside[0]) if inside[0].sum() <= inside[1].sum() else (b, inside[1])
     ends = coarse.time[keep]

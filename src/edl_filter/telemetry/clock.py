@@ -26,9 +26,7 @@ def parse_utc(text: str) -> datetime:
     try:
         time = datetime.fromisoformat(text)
     except (TypeError, ValueError):
-        raise InputError(
-            f"{text!r} is no UTC time; ISO 8601 such as 2004-01-04T04:21:21.532 is accepted."
-        ) from None
+        raise InputError(f"{text!r} is no UTC time; ISO 8601 such as 2004-01-04T04:21:21.532 is accepted.") from None
     return time.replace(tzinfo=UTC) if time.tzinfo is None else time.astimezone(UTC)
 
 
@@ -57,9 +55,7 @@ class SclkClock:
 
     def to_utc(self, sclk: float) -> str:
         """ISO 8601 time of one count, to the millisecond."""
-        return _milliseconds(
-            parse_utc(self.reference_utc) + timedelta(seconds=float(sclk) - self.reference_sclk)
-        )
+        return _milliseconds(parse_utc(self.reference_utc) + timedelta(seconds=float(sclk) - self.reference_sclk))
 
     def to_datetime64(self, sclk: ArrayLike) -> NDArray[np.datetime64]:
         """UTC of an array of counts, to the microsecond."""

@@ -56,9 +56,7 @@ class _Log:
         try:
             text = path.read_text(encoding="utf-8-sig")
         except (OSError, UnicodeDecodeError) as error:
-            raise InputError(
-                f"{path}: the log cannot be read ({getattr(error, 'strerror', None) or error})."
-            ) from None
+            raise InputError(f"{path}: the log cannot be read ({getattr(error, 'strerror', None) or error}).") from None
         lines = [(n, line.split("#")[0]) for n, line in enumerate(text.splitlines(), 1)]
         lines = [(n, line) for n, line in lines if line.strip()]
         rows = list(csv.reader([line for _, line in lines], skipinitialspace=True))
@@ -90,8 +88,7 @@ class _Log:
                 values[i] = np.nan
             if not np.isfinite(values[i]):
                 raise InputError(
-                    f"{self.path}, line {self.line[i]}, column {name!r}: found {field!r}; "
-                    "a finite number is needed."
+                    f"{self.path}, line {self.line[i]}, column {name!r}: found {field!r}; a finite number is needed."
                 )
         return values
 
@@ -115,9 +112,7 @@ def _body_from_imu(value: Quaternion | Matrix, spec_path: Path, name: str) -> Ar
     if mounting.ndim == 1:
         return mounting
     if np.max(np.abs(mounting @ mounting.T - np.eye(3))) > 1e-3 or np.linalg.det(mounting) < 0.0:
-        raise InputError(
-            f"{spec_path}: imu.{name}.body_from_imu is no rotation matrix (orthonormal, determinant +1)."
-        )
+        raise InputError(f"{spec_path}: imu.{name}.body_from_imu is no rotation matrix (orthonormal, determinant +1).")
     return rotations.from_matrix(mounting)
 
 
@@ -141,9 +136,7 @@ def _imu(log: _Log, spec: ImuSpec, spec_path: Path, name: str) -> FlightImu:
         specific_force=_scaled(
             log, spec.specific_force.columns, spec.specific_force.unit, _FORCE, _FORCE_INCREMENT, step
         ),
-        angular_rate=_scaled(
-            log, spec.angular_rate.columns, spec.angular_rate.unit, _RATE, _RATE_INCREMENT, step
-        ),
+        angular_rate=_scaled(log, spec.angular_rate.columns, spec.angular_rate.unit, _RATE, _RATE_INCREMENT, step),
         sample_interval=step,
         body_from_imu=_body_from_imu(spec.body_from_imu, spec_path, name),
         position=np.array(spec.position_m),
@@ -183,9 +176,7 @@ def _altimeter(log: _Log, spec: AltimeterSpec) -> AltimeterRecord:
     seen = np.isfinite(height)
     if not seen.any():
         raise InputError(f"{log.path}: column {spec.height.column!r} of the altimeter is empty throughout.")
-    return AltimeterRecord(
-        time[seen], _LENGTH[spec.height.unit] * height[seen], spec.sigma_m, spec.surface_radius_m
-    )
+    return AltimeterRecord(time[seen], _LENGTH[spec.height.unit] * height[seen], spec.sigma_m, spec.surface_radius_m)
 
 
 def convert(log_csv: str | Path, spec_yaml: str | Path, out_h5: str | Path) -> Path:

@@ -163,7 +163,5 @@ def read_spec(path: str | Path) -> LogSpec:
             raise InputError(f"{path}: {key} is missing.") from None
         raise InputError(f"{path}: {key} is {first['input']!r}; {first['msg']}.") from None
     if "primary" not in spec.imu:
-        raise InputError(
-            f"{path}: imu has {', '.join(spec.imu) or 'nothing'}; one IMU must be called primary."
-        )
+        raise InputError(f"{path}: imu has {', '.join(spec.imu) or 'nothing'}; one IMU must be called primary.")
     return spec

@@ -36,9 +36,7 @@ def cache_folder(cache: str | Path | None = None) -> Path:
     return Path(pooch.os_cache("edl-filter"))
 
 
-def fetch_mer_imu(
-    base_url: str | None = None, cache: str | Path | None = None, progress: bool = False
-) -> Path:
+def fetch_mer_imu(base_url: str | None = None, cache: str | Path | None = None, progress: bool = False) -> Path:
     """Download what is not in the cache yet of Spirit and Opportunity's IMU telemetry (about 5 MB).
 
     Parameters
@@ -79,8 +77,7 @@ def fetch_mer_imu(
         if "hash" not in str(error):
             raise InputError(f"download failed: {base}{name} ({error}); {_INSTEAD}.") from None
         raise InputError(
-            f"download failed: {base}{name} is not the known file, whose sha256 is {REGISTRY[name]}; "
-            f"{_INSTEAD}."
+            f"download failed: {base}{name} is not the known file, whose sha256 is {REGISTRY[name]}; {_INSTEAD}."
         ) from None
     except requests.exceptions.RequestException as error:
         answer = getattr(error, "response", None)

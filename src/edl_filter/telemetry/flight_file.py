@@ -132,9 +132,7 @@ def _read(file: h5py.File, shown: str) -> dict[str, Any]:
     )
     constraints, altimeter, landing, parachute = root.optional("constraints"), None, None, None
     if constraints and (node := constraints.optional("landing")):
-        landing = LandingFix(
-            node.attribute("time"), node.numbers("position", 3), node.numbers("position_sigma", 3)
-        )
+        landing = LandingFix(node.attribute("time"), node.numbers("position", 3), node.numbers("position_sigma", 3))
     if constraints and (node := constraints.optional("parachute")):
         parachute = ParachuteFix(
             node.attribute("time"),

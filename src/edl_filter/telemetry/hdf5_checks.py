@@ -48,9 +48,7 @@ class Node:
         except (TypeError, ValueError):
             raise self._complain(key, "holds no numbers.") from None
         wanted = str(shape).replace("None", "N")
-        if values.ndim != len(shape) or any(
-            n not in (None, m) for n, m in zip(shape, values.shape, strict=True)
-        ):
+        if values.ndim != len(shape) or any(n not in (None, m) for n, m in zip(shape, values.shape, strict=True)):
             raise self._complain(key, f"has shape {values.shape}; {wanted} is needed.")
         bad = ~np.isfinite(values)
         if bad.any():
@@ -96,15 +94,11 @@ class Node:
         diagonal = np.diag(value)
         if np.any(diagonal <= 0.0):
             i = int((diagonal <= 0.0).argmax())
-            raise self._complain(
-                key, f"has {diagonal[i]:g} on its diagonal, row {i}; it must be positive definite."
-            )
+            raise self._complain(key, f"has {diagonal[i]:g} on its diagonal, row {i}; it must be positive definite.")
         # units differ by ten orders of magnitude: judge the correlations
         correlation = value / np.sqrt(np.outer(diagonal, diagonal))
         if np.max(np.abs(correlation - correlation.T)) > 1e-6:
             raise self._complain(key, "is not symmetric.")
         if (least := float(np.linalg.eigvalsh(correlation)[0])) <= 0.0:
-            raise self._complain(
-                key, f"is not positive definite (least eigenvalue of its correlations {least:.3g})."
-            )
+            raise self._complain(key, f"is not positive definite (least eigenvalue of its correlations {least:.3g}).")
         return 0.5 * (value + value.T)

@@ -105,9 +105,7 @@ def _bridge(piece: Piece, before: int) -> Piece:
     )
 
 
-def join(
-    name: str, pieces: Sequence[Piece], units: tuple[str, ...], errors: tuple[SensorErrors, ...]
-) -> ImuRecord:
+def join(name: str, pieces: Sequence[Piece], units: tuple[str, ...], errors: tuple[SensorErrors, ...]) -> ImuRecord:
     """One record from pieces that adjoin in time.
 
     Raises

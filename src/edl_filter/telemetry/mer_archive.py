@@ -167,9 +167,7 @@ def _clean_transformed(table: Pds3Table, notes: list[str]) -> tuple[Transformed,
     force_names = [f"BACKSHELL_IMU_ACCEL_{axis}" for axis in _AXES]
     everything = table.stack(_CLOCK, *rover_names, *back_names, *register_names, *force_names)
     keep = fuller_rows(everything[:, 0], everything[:, 1:])
-    notes.append(
-        f"{where}: {np.count_nonzero(~keep)} rows with the time of another removed, the fuller row kept."
-    )
+    notes.append(f"{where}: {np.count_nonzero(~keep)} rows with the time of another removed, the fuller row kept.")
     sclk, rover, back, register, force = np.split(everything[keep], (1, 5, 9, 12), axis=1)
     sclk = sclk[:, 0]
     lost = {
@@ -188,11 +186,7 @@ def _clean_transformed(table: Pds3Table, notes: list[str]) -> tuple[Transformed,
     velocity, increment = without_resets(register, resets)
     notes.append(
         f"{where}: the velocity register was reset {len(resets)} times"
-        + (
-            f" (SCLK {', '.join(f'{t:.3f}' for t in sclk[resets])}); the jumps are removed."
-            if len(resets)
-            else "."
-        )
+        + (f" (SCLK {', '.join(f'{t:.3f}' for t in sclk[resets])}); the jumps are removed." if len(resets) else ".")
     )
     rover, back = with_nan(rover, lost["rover quaternion"]), with_nan(back, lost["backshell quaternion"])
     cleaned = Transformed(
@@ -249,9 +243,7 @@ def read_mer_tables(folder: str | Path, spacecraft: int) -> MerTables:
         Another spacecraft, a missing or damaged file, a file of the other spacecraft, time going backwards.
     """
     if spacecraft not in _NAMES:
-        raise InputError(
-            f"spacecraft is {spacecraft!r}; 1 (MER-B Opportunity) and 2 (MER-A Spirit) are accepted."
-        )
+        raise InputError(f"spacecraft is {spacecraft!r}; 1 (MER-B Opportunity) and 2 (MER-A Spirit) are accepted.")
     tables = {name: _read(Path(folder), name, spacecraft) for name in ("TRANSFORMED", "HIGHRATE")}
     notes: list[str] = []
     transformed, resets, off = _clean_transformed(tables["TRANSFORMED"], notes)
@@ -263,8 +255,7 @@ def read_mer_tables(folder: str | Path, spacecraft: int) -> MerTables:
     for name, found in gaps.items():
         text = ", ".join(f"{length:g} s after SCLK {start:.3f}" for start, length in found)
         notes.append(
-            f"{tables[name].path.name}: {len(found)} gap{'s' * (len(found) != 1)}"
-            + (f" ({text})." if found else ".")
+            f"{tables[name].path.name}: {len(found)} gap{'s' * (len(found) != 1)}" + (f" ({text})." if found else ".")
         )
     return MerTables(
         spacecraft=spacecraft,

@@ -264,9 +264,7 @@ def bridged(tables: MerTables, setup: MerSetup, piece: Piece) -> list[Piece]:
     return pieces
 
 
-def _turn_across(
-    tables: MerTables, setup: MerSetup, before: Piece, gap: Piece, after: Piece
-) -> tuple[Array, float]:
+def _turn_across(tables: MerTables, setup: MerSetup, before: Piece, gap: Piece, after: Piece) -> tuple[Array, float]:
     """Rates (n, 3) of a gap's samples and the sigma of the whole turn, from the quaternions around and in it.
 
     Gyro samples between the gap and the nearest quaternion carry the attitude to the gap's edges; in between, the
@@ -283,9 +281,7 @@ def _turn_across(
     rows = good[first : last + 1]
     knots, attitudes = time[rows], _inertial_from_body(setup, quaternion[rows])
     attitudes[0] = rotations.multiply(attitudes[0], _gyro_turn(before.between(knots[0], start)))
-    attitudes[-1] = rotations.multiply(
-        attitudes[-1], rotations.conjugate(_gyro_turn(after.between(stop, knots[-1])))
-    )
+    attitudes[-1] = rotations.multiply(attitudes[-1], rotations.conjugate(_gyro_turn(after.between(stop, knots[-1]))))
     knots[0], knots[-1] = start, stop
     turn = rates_from_quaternions(knots, attitudes)
     index = np.searchsorted(knots, gap.time - 0.5 * gap.interval) - 1

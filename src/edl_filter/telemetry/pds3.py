@@ -145,9 +145,7 @@ def read_label(path: str | Path) -> Label:
         start = position + len(text[position:]) - len(text[position:].lstrip())
         found = text[start : start + 40].split("\n")[0].strip() or "the end of the file"
         line = text.count("\n", 0, start) + 1
-        raise InputError(
-            f"{path}, line {line}: found {found!r}; a PDS3 label has KEY = VALUE lines up to END."
-        )
+        raise InputError(f"{path}, line {line}: found {found!r}; a PDS3 label has KEY = VALUE lines up to END.")
     if len(stack) > 1:
         raise InputError(f"{path}: OBJECT = {stack[-1][0]} is never closed by END_OBJECT.")
     if label.get("PDS_VERSION_ID") != "PDS3":
@@ -195,8 +193,7 @@ def _column(path: Path, block: Label, name: str, table: NDArray[np.uint8], label
     start, width = _integer(label_path, block, "START_BYTE"), _integer(label_path, block, "BYTES")
     if start + width - 1 > table.shape[1]:
         raise InputError(
-            f"{label_path}: column {name} ends at byte {start + width - 1}, beyond "
-            f"ROW_BYTES = {table.shape[1]}."
+            f"{label_path}: column {name} ends at byte {start + width - 1}, beyond ROW_BYTES = {table.shape[1]}."
         )
     if "ITEMS" in block:
         raise InputError(f"{label_path}: column {name} has ITEMS; only columns of one item are read.")
@@ -257,9 +254,7 @@ def read_table(label_path: str | Path) -> Pds3Table:
         if label.get(key, expected) != expected:
             raise InputError(f"{label_path}: {key} is {label[key]}, but {meaning} is {expected}.")
     if block.get("COLUMNS", len(columns)) != len(columns):
-        raise InputError(
-            f"{label_path}: COLUMNS is {block['COLUMNS']}, but it describes {len(columns)} columns."
-        )
+        raise InputError(f"{label_path}: COLUMNS is {block['COLUMNS']}, but it describes {len(columns)} columns.")
     path = find_file(label_path.parent, label["^TABLE"])
     if path is None:
         raise InputError(f"{label_path}: its table {label['^TABLE']} is not in {label_path.parent}.")

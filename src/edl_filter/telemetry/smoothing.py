@@ -9,7 +9,6 @@ from collections.abc import Callable
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import ArrayLike, NDArray
-from scipy import optimize, signal
 
 from edl_filter import rotations
 from edl_filter.errors import InputError
@@ -87,6 +86,8 @@ def batch_polynomial(time: ArrayLike, values: ArrayLike, points: int, order: int
     InputError
         `points` is even, not above `order` or more than N; a value is not finite; time does not increase.
     """
+    from scipy import signal  # slow to import, and few runs need it
+
     time, values = _series(time, values, "values")
     _check_batch(points, order)
     n = len(time)
@@ -116,6 +117,11 @@ def batch_polynomial_bandwidth(points: int, order: int, interval: float) -> floa
     float
         The Nyquist frequency if the filter never falls so low (as with ``points = order + 1``).
     """
+    from scipy import (
+        optimize,  # slow to import, and few runs need it
+        signal,  # slow to import, and few runs need it
+    )
+
     _check_batch(points, order)
     weights = signal.savgol_coeffs(points, order)
     lag = np.arange(points) - points // 2
@@ -156,6 +162,8 @@ def low_pass(values: ArrayLike, interval: float, cutoff_hz: float, order: int = 
         The cut-off is not between 0 and the Nyquist frequency, a value is not finite, or the data are
         too short for the filter's run-in.
     """
+    from scipy import signal  # slow to import, and few runs need it
+
     values = np.asarray(values, float)
     _check_cutoff(cutoff_hz, interval)
     _check_finite(values, "values")
@@ -163,9 +171,7 @@ def low_pass(values: ArrayLike, interval: float, cutoff_hz: float, order: int = 
     # Long enough for the filter's slowest pole to settle on the reflected data before the real ones begin
     run_in = int(np.ceil(4.0 / (cutoff_hz * interval)))
     if len(values) <= run_in:
-        raise InputError(
-            f"A low-pass at {cutoff_hz} Hz needs more than {run_in} samples; there are {len(values)}."
-        )
+        raise InputError(f"A low-pass at {cutoff_hz} Hz needs more than {run_in} samples; there are {len(values)}.")
     return signal.sosfiltfilt(sections, values, axis=0, padlen=run_in)
 
 
@@ -258,9 +264,7 @@ def _series(time: ArrayLike, values: ArrayLike, what: str) -> tuple[Array, Array
     """Both as arrays, checked: same length, time increasing, values finite."""
     time, values = np.asarray(time, float), np.asarray(values, float)
     if time.ndim != 1 or values.shape[:1] != time.shape:
-        raise InputError(
-            f"The {what} have shape {values.shape}, the times {time.shape}: first axes must agree."
-        )
+        raise InputError(f"The {what} have shape {values.shape}, the times {time.shape}: first axes must agree.")
     back = np.flatnonzero(~(np.diff(time) > 0.0))
     if back.size:
         raise InputError(f"Time must increase, but {time[back[0] + 1]!r} s follows {time[back[0]]!r} s.")
@@ -283,6 +287,4 @@ def _check_batch(points: int, order: int) -> None:
 
 def _check_cutoff(cutoff_hz: float, interval: float) -> None:
     if not 0.0 < cutoff_hz < 0.5 / interval:
-        raise InputError(
-            f"A cut-off of {cutoff_hz} Hz is not between 0 and the Nyquist frequency {0.5 / interval} Hz."
-        )
+        raise InputError(f"A cut-off of {cutoff_hz} Hz is not between 0 and the Nyquist frequency {0.5 / interval} Hz.")
