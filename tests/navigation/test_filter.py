@@ -9,7 +9,7 @@ import twins
 from edl_filter import rotations
 from edl_filter.errors import InputError
 from edl_filter.navigation.constraints import Altimeter, LandingSite, OnboardAttitude, RestVelocity
-from edl_filter.navigation.filter import EntryErrors, Settings, forward, forward_without, gate_limit, merge, pose
+from edl_filter.navigation.filter import EntryErrors, Settings, forward, forward_without, merge, pose, quantile
 from edl_filter.navigation.smoother import smooth
 from edl_filter.telemetry.record import InitialState, SensorErrors
 
@@ -158,8 +158,8 @@ def test_an_outlier_is_not_accepted_and_the_rest_goes_on_without_it():
 
 
 def test_the_gate_is_a_quantile_of_chi_square():
-    assert gate_limit(0.99999, 1) == pytest.approx(19.511, abs=1e-3)  # 4.417 sigmas
-    assert gate_limit(0.95, 3) == pytest.approx(7.8147, abs=1e-4)
+    assert quantile(0.99999, 1) == pytest.approx(19.511, abs=1e-3)  # 4.417 sigmas
+    assert quantile(0.95, 3) == pytest.approx(7.8147, abs=1e-4)
     first = forward(build([height(4.0, sigma=1.0)])).fused[0].innovation
     sigma = np.sqrt(first.predicted_covariance[0, 0] + 1.0)
     predicted = -first.residual[0]

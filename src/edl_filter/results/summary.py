@@ -1,0 +1,182 @@
+"""What a person or a script asks first of a result: the content of ``summary.json``."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from edl_filter.navigation.leave_one_out import Statement
+    from edl_filter.reconstruction import Reconstruction
+    from edl_filter.results.content import Derived
+    from edl_filter.telemetry.calibration import MisalignmentEstimate
+
+Array = NDArray[np.float64]
+
+
+def summary(reconstruction: Reconstruction, derived: Derived | None = None) -> dict[str, Any]:
+    """Summarise a reconstruction (design section 7).
+
+    Parameters
+    ----------
+    reconstruction : Reconstruction
+    derived : Derived, optional
+        As `results.content.derive` gives it.
+
+    Returns
+    -------
+    dict
+        ``events``, ``landing``, ``constraints``, ``entry_state``, ``residuals``, ``timing_s`` and what they belong
+        to. Names carry units; plain numbers, lists and dicts, some numbers perhaps not finite.
+    """
+    from edl_filter import __version__
+    from edl_filter.results.content import derive
+
+    derived = derived or derive(reconstruction)
+    found = {name: _without_nothing(asdict(event)) for name, event in derived.events.items()}
+    return {
+        "mission": reconstruction.mission.name,
+        "title": reconstruction.mission.title,
+        "edl_filter_version": __version__,
+        "epoch_utc": reconstruction.telemetry.epoch_utc,
+        "events": found,
+        "landing": landing(reconstruction),
+        "constraints": {s.name: constraint(s) for s in reconstruction.statements},
+        "entry_state": entry_state(reconstruction),
+        "imu_comparison": {name: comparison(fit) for name, fit in reconstruction.comparison.items()},
+        "residuals": residuals(reconstruction.statements),
+        "notes": list(reconstruction.telemetry.notes),
+        "timing_s": dict(reconstruction.timing),
+    }
+
+
+def _without_nothing(event: dict[str, Any]) -> dict[str, Any]:
+    return {key: value for key, value in event.items() if value is not None and key != "name"}
+
+
+def landing(reconstruction: Reconstruction) -> dict[str, Any]:
+    """Where the reconstruction comes down, against the site, and against the site when that was left out.
+
+    Sigmas are of distances: the root of the variances' sum, over the horizontal directions for ``sigma_m`` and
+    over all three for ``left_out.sigma_m``. Without a landing constraint there is no site to miss.
+    """
+    from edl_filter.planet import ellipsoid
+
+    fused = next((f for f in reconstruction.forward.fused if f.constraint.name == "landing"), None)
+    times = reconstruction.event_times
+    trajectory = reconstruction.trajectory
+    time = fused.constraint.time if fused else times.get("landing", float(trajectory.time[-1]))
+    k = int(np.argmin(np.abs(trajectory.time - time)))
+    rotation = reconstruction.planet.rotation
+    place = rotation.to_fixed(trajectory.time[k], trajectory.position[k])
+    latitude, longitude, radius = ellipsoid.areocentric_from_fixed(place)
+    enu_from_inertial = ellipsoid.enu_from_fixed(latitude, longitude + rotation.angle(trajectory.time[k]))
+    covariance = enu_from_inertial @ trajectory.covariance[k, :3, :3] @ enu_from_inertial.T
+    told: dict[str, Any] = {
+        "time_s": float(trajectory.time[k]),
+        "lat_deg": float(np.rad2deg(latitude)),
+        "lon_deg": float(np.rad2deg(longitude)) % 360.0,
+        "radius_m": float(radius),
+        "sigma_m": float(np.sqrt(covariance[0, 0] + covariance[1, 1])),
+    }
+    if fused is None:
+        return told | {"miss_m": None}
+    site = fused.constraint.measured
+    site_latitude, site_longitude, site_radius = ellipsoid.areocentric_from_fixed(site)
+    enu = ellipsoid.enu_from_fixed(site_latitude, site_longitude)
+    east, north, up = enu @ (place - site)
+    told |= {
+        "miss_m": float(np.hypot(east, north)),
+        "miss_east_m": float(east),
+        "miss_north_m": float(north),
+        "miss_up_m": float(up),
+        "site_lat_deg": float(np.rad2deg(site_latitude)),
+        "site_lon_deg": float(np.rad2deg(site_longitude)) % 360.0,
+        "site_radius_m": float(site_radius),
+    }
+    statement = next(s for s in reconstruction.statements if s.name == "landing")
+    # left_out is measured minus predicted; a miss is predicted minus measured
+    east, north, up = -(enu @ statement.left_out)
+    told["left_out"] = {
+        "miss_m": float(np.linalg.norm(statement.left_out)),
+        "miss_east_m": float(east),
+        "miss_north_m": float(north),
+        "miss_up_m": float(up),
+        "sigma_m": float(np.linalg.norm(statement.left_out_sigma)),
+        "nis": statement.left_out_nis,
+        "dof": statement.left_out_dof,
+    }
+    return told
+
+
+def constraint(s: Statement) -> dict[str, Any]:
+    """One constraint. Used at many epochs: mean innovation, root mean square of its sigmas, sum of the NIS."""
+    return {
+        "source": s.source,
+        "components": list(s.components),
+        "epochs": len(s.time),
+        "time_s": float(s.time[0]),
+        "innovation": s.innovation.mean(axis=0).tolist(),
+        "innovation_sigma": np.sqrt(np.mean(s.innovation_sigma**2, axis=0)).tolist(),
+        "nis": float(np.sum(s.nis)),
+        "dof": s.dof,
+        "nis_interval_99_9": list(s.nis_interval()),
+        "consistent": s.consistent,
+        "accepted": bool(np.all(s.accepted)),
+        "accepted_epochs": int(np.sum(s.accepted)),
+        "left_out": s.left_out.tolist(),
+        "left_out_sigma": s.left_out_sigma.tolist(),
+        "left_out_nis": s.left_out_nis,
+        "left_out_dof": s.left_out_dof,
+    }
+
+
+def entry_state(reconstruction: Reconstruction) -> dict[str, Any]:
+    """What had to give in the entry state, beside the one rotation of its frame that comes nearest."""
+    from edl_filter.reconstruction import in_j2000
+
+    entry = reconstruction.entry
+    j2000 = in_j2000(reconstruction.mission, entry.rotation)
+    names = {"entry_epoch": "s", "entry_frame": "rad", "onboard_attitude": "rad"}
+    return {
+        "position_change_m": entry.change[:3].tolist(),
+        "position_sigma_m": entry.change_sigma[:3].tolist(),
+        "velocity_change_m_s": entry.change[3:6].tolist(),
+        "velocity_sigma_m_s": entry.change_sigma[3:6].tolist(),
+        "attitude_change_deg": np.rad2deg(entry.change[6:]).tolist(),
+        "attitude_sigma_deg": np.rad2deg(entry.change_sigma[6:]).tolist(),
+        "rotation_deg": float(np.rad2deg(np.linalg.norm(entry.rotation))),
+        "rotation_inertial_deg": np.rad2deg(entry.rotation).tolist(),
+        "rotation_j2000_deg": None if j2000 is None else np.rad2deg(j2000).tolist(),
+        "rotation_leaves_m": entry.rotation_left[:3].tolist(),
+        "rotation_leaves_m_s": entry.rotation_left[3:].tolist(),
+        "states": {
+            name: {"estimate": estimate.tolist(), "sigma": sigma.tolist(), "unit": names.get(name, "")}
+            for name, (estimate, sigma) in entry.states.items()
+        },
+    }
+
+
+def comparison(estimate: MisalignmentEstimate) -> dict[str, Any]:
+    """Misalignment and bias difference of a checking IMU along y and z, all windows together."""
+    fit = estimate.all
+    return {
+        "misalignment_deg": np.rad2deg(fit.slope).tolist(),
+        "misalignment_sigma_deg": np.rad2deg(fit.slope_sigma).tolist(),
+        "bias_difference_m_s2": fit.offset.tolist(),
+        "bias_difference_sigma_m_s2": fit.offset_sigma.tolist(),
+        "residual_rms_m_s2": fit.residual_rms.tolist(),
+        "samples": fit.samples,
+    }
+
+
+def residuals(statements: list[Statement]) -> dict[str, float]:
+    """Normalised root mean square of the innovations: ``"constraint: component"`` → 1 where all is as stated."""
+    found: dict[str, float] = {}
+    for s in statements:
+        rms = np.sqrt(np.mean((s.innovation / s.innovation_sigma) ** 2, axis=0))
+        found |= {f"{s.name}: {c}": float(value) for c, value in zip(s.components, rms, strict=True)}
+    return found
