@@ -151,3 +151,9 @@ def test_smoothed_path_tells_a_known_motion_better_than_dead_reckoning():
     assert np.max(np.abs(path.position - true[:, :3]) / sigma[:, :3]) < 3.0
     assert np.max(np.abs(path.position - true[:, :3])) < 10.0
     assert np.max(np.abs(path.velocity - true[:, 3:6])) == pytest.approx(0.0, abs=1.0)
+
+
+def test_without_noise_a_miss_is_spread_over_time():
+    interval = np.array([0.1, 0.3, 0.6])
+    np.testing.assert_allclose(noise_share(interval, np.zeros(3)), [0.1, 0.4, 1.0])
+    np.testing.assert_allclose(noise_share(interval, np.array([1.0, 0.0, 0.0])), [1.0, 1.0, 1.0])

@@ -83,9 +83,9 @@ def trace(problem: Problem, smoothed: Smoothed, layout: Layout) -> Trajectory:
 
 
 def noise_share(interval: Array, noise: Array) -> Array:
-    """Part of an interval's random walk that is over at the end of each sample, up to 1."""
+    """Part of an interval's random walk that is over at the end of each sample, up to 1; of time, without noise."""
     walk = np.cumsum((interval * noise) ** 2)
-    return walk / walk[-1]
+    return walk / walk[-1] if walk[-1] > 0.0 else np.cumsum(interval) / np.sum(interval)
 
 
 def spread(path: Array, target: State, moved: Array, turned: Array) -> Array:

@@ -101,7 +101,7 @@ def _read_imu(node: Node, name: str) -> ImuRecord:
         position=np.tile(node.attribute("position", 3), (len(time), 1)),
         force_noise=_noise(noises[0], force, inserted),
         rate_noise=_noise(noises[1], rate, inserted),
-        shared_rate_noise=_noise(noises[1], rate, inserted),
+        shared_rate_noise=np.where(inserted, 0.0, noises[1]),
         net_turn=np.zeros(len(time), bool),
         net_gain=np.zeros(len(time), bool),
         unit=np.zeros(len(time), np.int64),

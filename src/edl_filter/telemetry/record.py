@@ -97,6 +97,8 @@ class ImuRecord:
         for key in ("specific_force", "angular_rate", "position"):
             if getattr(self, key).shape != (n, 3):
                 raise InputError(f"IMU '{self.name}': {key} has shape {getattr(self, key).shape}, not ({n}, 3).")
+        if np.any(self.shared_rate_noise > self.rate_noise):
+            raise InputError(f"IMU '{self.name}': shared_rate_noise is a part of rate_noise and cannot exceed it.")
         step = np.diff(self.time)
         if not np.all(step > 0.0):  # also catches NaN
             i = int(np.flatnonzero(~(step > 0.0))[0])
