@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from edl_filter import rotations
 from edl_filter.errors import InputError
 from edl_filter.mission import Mission
-from edl_filter.mission.estimation import StatedState
+from edl_filter.mission.estimation import LandingSite, StatedState
 from edl_filter.mission.measurements import FlightFile
 from edl_filter.mission.measurements import MerImu as MerMission
 from edl_filter.mission.sections import FromTelemetry
@@ -44,10 +44,26 @@ def read_telemetry(mission: Mission) -> Telemetry:
     path = mission.telemetry_path()
     if isinstance(mission.telemetry, FlightFile):
         assert path is not None
-        return read_flight_file(path)
+        telemetry = read_flight_file(path)
+        return telemetry if mission.telemetry.driving is None else driven_by(telemetry, mission.telemetry.driving)
     assert isinstance(mission.telemetry, MerMission)  # telemetry_path stops the others
     tables = read_mer_tables(find_mer_imu(path), mission.telemetry.spacecraft)
     return mer_telemetry(tables, mer_setup(mission))
+
+
+def driven_by(telemetry: Telemetry, name: str) -> Telemetry:
+    """The same telemetry with the IMU called `name` driving and all others checking.
+
+    Raises
+    ------
+    InputError
+        There is no such IMU.
+    """
+    records = {record.name: record for record in (telemetry.driving, *telemetry.checking)}
+    if name not in records:
+        raise InputError(f"telemetry.driving: found '{name}'; the flight file has {', '.join(records)}.")
+    driving = records.pop(name)
+    return replace(telemetry, driving=driving, checking=tuple(records.values()))
 
 
 def mer_setup(mission: Mission) -> MerSetup:
@@ -64,12 +80,9 @@ def mer_setup(mission: Mission) -> MerSetup:
     separation = mission.vehicle.events.get("backshell_separation")
     if j2000_from_inertial is None:
         raise InputError(f"{mission.source}: planet.j2000_from_inertial: found nothing; mer-imu needs it.")
-    if separation is None or {"backshell", "rover"} - set(telemetry.imus):
-        raise InputError(
-            f"{mission.source}: mer-imu needs the event backshell_separation and telemetry.imus named backshell "
-            "and rover."
-        )
-    imus = {
+    if separation is None:
+        raise InputError(f"{mission.source}: vehicle.events.backshell_separation: found nothing; mer-imu needs it.")
+    imus: dict[str, MerImu] = {
         name: MerImu(
             accelerometer_noise=imu.accelerometer_noise,
             gyro_noise=imu.gyro_noise,
@@ -91,7 +104,11 @@ def mer_setup(mission: Mission) -> MerSetup:
         start=telemetry.start_s,
         end=telemetry.end_s,
         separation=events["backshell_separation"],
-        rover_position=np.array(separation.position or (0.0, 0.0, 0.0)),
+        positions={
+            events[name]: np.array(event.position)
+            for name, event in mission.vehicle.events.items()
+            if event.position is not None
+        },
         inertial_from_j2000=rotations.from_matrix(j2000_from_inertial.T),
         j2000_from_register=rotations.from_matrix(register.frame_matrix.T),
         imus=imus,
@@ -152,7 +169,14 @@ def entry_state(mission: Mission, telemetry: Telemetry) -> tuple[InitialState, E
     entry = EntryErrors(stated.epoch_sigma_s, stated.frame_rotation_sigma)
     if mission.constraints.onboard_attitude is not None and telemetry.attitude is not None:
         start, rounding = telemetry.attitude.at(stated.time_s), float(np.max(telemetry.attitude.sigma))
-        entry = replace(entry, onboard_attitude=start, onboard_sigma=rounding)
+        onboard = mission.constraints.onboard_attitude
+        entry = replace(
+            entry,
+            onboard_attitude=start,
+            onboard_sigma=rounding,
+            onboard_rate_sigma=onboard.rate_sigma,
+            onboard_mounting_sigma=onboard.mounting_sigma,
+        )
     return initial, entry
 
 
@@ -178,7 +202,7 @@ def statements(
         found.append(_parachute(mission, telemetry, planet, atmosphere))
     if c.steady_descent is not None:
         found.append(_steady_descent(mission, samples, planet, atmosphere))
-    if c.landing is not None:
+    if c.landing is not None and not (isinstance(c.landing, LandingSite) and not c.landing.use):
         found.append(_landing(mission, telemetry, planet))
     if c.rest is not None:
         found += _rest(mission, telemetry, samples, planet)
@@ -263,31 +287,24 @@ def _parachute(mission: Mission, telemetry: Telemetry, planet: Planet, atmospher
 
 
 def _steady_descent(mission: Mission, samples: Samples, planet: Planet, atmosphere: Atmosphere) -> known.SteadyDescent:
-    """Terminal speed from the measured drag: ``m f = ρ V² C_D S / 2``, with the landing site's density."""
-    c, parachute, site = mission.constraints.steady_descent, mission.vehicle.parachute, mission.constraints.landing
-    assert c is not None
-    if parachute is None or parachute.drag_coefficient is None or site is None or isinstance(site, FromTelemetry):
-        raise InputError(
-            f"{mission.source}: constraints.steady_descent needs vehicle.parachute.drag_coefficient and a stated "
-            "constraints.landing, whose altitude gives the density."
-        )
+    """Terminal speed from the measured drag, ``m f = ρ V² C_D S / 2``, at whatever density the state's altitude has."""
+    c, parachute = mission.constraints.steady_descent, mission.vehicle.parachute
+    assert c is not None and parachute is not None and parachute.drag_coefficient is not None  # the mission is checked
     part = window(samples, c.start_s, c.end_s, "steady_descent")
     drag = float(part.interval @ np.linalg.norm(part.force, axis=1) / part.interval.sum())
     time = 0.5 * (c.start_s + c.end_s)
     events = mission.event_times()
     masses = [e.mass for n, e in mission.vehicle.events.items() if e.mass is not None and events[n] < time]
     mass = masses[-1] if masses else mission.vehicle.mass
-    _, _, altitude = ellipsoid.geodetic_from_fixed(site.position, planet.equatorial_radius, planet.flattening)
     area = np.pi / 4.0 * parachute.area_diameter**2
-    density = float(atmosphere.density(altitude))
-    speed = np.sqrt(2.0 * mass * drag / (density * parachute.drag_coefficient * area))
-    density_part = 0.5 * mission.atmosphere.density_sigma
-    vertical = speed * float(np.hypot(c.vertical_sigma, density_part))
     return known.SteadyDescent(
-        time,
-        np.array([0.0, 0.0, -speed]),
-        np.array([c.horizontal_sigma, c.horizontal_sigma, vertical]),
-        planet,
+        time=time,
+        dynamic_pressure=mass * drag / (parachute.drag_coefficient * area),
+        wind_sigma=c.horizontal_sigma,
+        # a speed goes with the root of the density
+        speed_sigma=float(np.hypot(c.vertical_sigma, 0.5 * mission.atmosphere.density_sigma)),
+        planet=planet,
+        atmosphere=atmosphere,
     )
 
 

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from edl_filter import rotations
 from edl_filter.assembly import assemble, read_atmosphere, read_telemetry
 from edl_filter.mission import Mission
+from edl_filter.mission.estimation import LandingSite
 from edl_filter.navigation import initial
 from edl_filter.navigation.filter import Forward, Problem, forward
 from edl_filter.navigation.leave_one_out import Statement, entry_statement, statements
@@ -77,12 +78,17 @@ class Reconstruction:
         return dict(sorted((self.telemetry.events | self.mission.event_times()).items(), key=lambda e: e[1]))
 
     @property
+    def site(self) -> Array | None:
+        """Landing site, planet-fixed position (m), whether the estimate was held to it or not; None if not known."""
+        stated = self.mission.constraints.landing
+        if isinstance(stated, LandingSite):
+            return stated.position
+        return None if self.telemetry.landing is None else self.telemetry.landing.position
+
+    @property
     def site_radius(self) -> float | None:
-        """Distance of the landing site from the planet's centre, m, where a landing site is known."""
-        for fused in self.forward.fused:
-            if fused.constraint.name == "landing":
-                return float(np.linalg.norm(fused.constraint.measured))
-        return None
+        """Distance of the landing site from the planet's centre, m."""
+        return None if self.site is None else float(np.linalg.norm(self.site))
 
 
 def reconstruct(mission: Mission) -> Reconstruction:

@@ -6,6 +6,7 @@ the order misalignment, scale, bias, and white noise.
 """
 
 from dataclasses import dataclass, replace
+from typing import ClassVar
 
 import numpy as np
 import twins
@@ -17,6 +18,7 @@ from edl_filter.navigation import initial as entry_state
 from edl_filter.navigation.filter import EntryErrors, Problem, Settings, pose
 from edl_filter.navigation.increments import effective_samples
 from edl_filter.navigation.layout import SENSOR_STATES, Layout, State
+from edl_filter.planet import Planet
 from edl_filter.planet.atmosphere import Atmosphere
 from edl_filter.telemetry.record import InitialState, SensorErrors
 
@@ -34,6 +36,32 @@ AIR = Atmosphere(
 #: Sigmas of position (m), velocity (m/s) and attitude (rad) at the start.
 START = np.repeat([20.0, 0.3, 3e-3], 3)
 SETTINGS = Settings(longest_interval=5.0, gate_probability=1.0)
+
+
+@dataclass(frozen=True)
+class LocalVelocity:
+    """Velocity against the ground: east, north, up. No constraint of the package; any object of the form will do."""
+
+    name: ClassVar[str] = "velocity"
+    components: ClassVar[tuple[str, ...]] = ("east (m/s)", "north (m/s)", "up (m/s)")
+    time: float
+    velocity: np.ndarray
+    sigma: np.ndarray
+    planet: Planet
+    source: str = "test"
+
+    @property
+    def measured(self):
+        return self.velocity
+
+    @property
+    def noise(self):
+        return np.diag(self.sigma**2)
+
+    def predict(self, nav, errors, layout):
+        position = nav[:3].T
+        enu = self.planet.enu_from_inertial(self.time, position)
+        return np.einsum("sij,sj->si", enu, self.planet.velocity_relative(position, nav[3:6].T))
 
 
 @dataclass(frozen=True)
@@ -133,9 +161,9 @@ def sensor_flights(seed, count, times):
         initial = InitialState(0.0, start[:3], start[3:6], start[6:], np.diag(START**2))
         statements = [
             (known.Altimeter(17.3, 0.0, 10.0, 3.39e6), "height"),
-            (known.SteadyDescent(20.0, np.zeros(3), np.array([0.5, 0.5, 0.2]), PLANET), "velocity"),
+            (LocalVelocity(20.0, np.zeros(3), np.array([0.5, 0.5, 0.2]), PLANET), "velocity"),
             (known.DynamicPressure(40.0, 0.0, 2.0, 0.0, PLANET, AIR), "pressure"),
-            (known.SteadyDescent(40.0, np.zeros(3), np.array([0.3, 0.5, 0.4]), PLANET), "velocity"),
+            (LocalVelocity(40.0, np.zeros(3), np.array([0.3, 0.5, 0.4]), PLANET), "velocity"),
             (known.LandingSite(END, np.zeros(3), 15.0**2 * np.eye(3), PLANET), "position"),
         ]
         met = [measure(rng, c, truth[c.time], layout, field) for c, field in statements]
@@ -230,9 +258,9 @@ def onboard_flights(seed, count, times):
             met.append(known.OnboardAttitude(t, q, 1e-3))
         statements = [
             (known.LandingSite(10.0, np.zeros(3), 30.0**2 * np.eye(3), PLANET), "position"),
-            (known.SteadyDescent(20.0, np.zeros(3), np.array([0.5, 0.5, 0.2]), PLANET), "velocity"),
+            (LocalVelocity(20.0, np.zeros(3), np.array([0.5, 0.5, 0.2]), PLANET), "velocity"),
             (known.Altimeter(45.0, 0.0, 10.0, 3.39e6), "height"),
-            (known.SteadyDescent(55.0, np.zeros(3), np.array([0.3, 0.5, 0.4]), PLANET), "velocity"),
+            (LocalVelocity(55.0, np.zeros(3), np.array([0.3, 0.5, 0.4]), PLANET), "velocity"),
         ]
         met += [measure(rng, c, truth[c.time], layout, field) for c, field in statements]
         samples = effective_samples(record)

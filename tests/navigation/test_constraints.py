@@ -119,9 +119,15 @@ def test_a_vehicle_that_stands_has_no_velocity_and_keeps_its_place():
 
 
 def test_steady_descent_is_in_local_axes():
-    c = known.SteadyDescent(TIME, np.array([0.0, 0.0, -70.0]), np.array([1.0, 2.0, 3.0]), MARS)
-    check(c, lambda nav, _: local(nav)[:3], rtol=1e-9)
-    np.testing.assert_array_equal(c.noise, np.diag([1.0, 4.0, 9.0]))
+    c = known.SteadyDescent(TIME, 40.0, 10.0, 0.12, MARS, AIR)
+
+    def drift(nav, _):
+        east, north, up, h = local(nav)
+        return [east, north, -up / sqrt(2.0 * 40.0 / (0.02 * exp(-2.0 * h / 20e3)))]
+
+    check(c, drift, rtol=1e-9)
+    np.testing.assert_allclose(c.noise, np.diag([100.0, 100.0, 0.0144]))
+    np.testing.assert_array_equal(c.measured, [0.0, 0.0, 1.0])
 
 
 def test_dynamic_pressure_is_of_the_moving_air():
@@ -210,9 +216,11 @@ def test_signs_of_the_slopes():
     nav[3:6] = np.cross([0, 0, MARS.rotation_rate], nav[:3]) - 80.0 * enu[2] + 300.0 * enu[0]
     nav[9] = nav[13] = 1.0
     assert slope(known.Altimeter(TIME, 0.0, 1.0, 3.39e6), nav, above)[0] == pytest.approx(1.0, abs=1e-3)
-    descent = known.SteadyDescent(TIME, np.zeros(3), np.ones(3), MARS)
-    for axis, direction in enumerate((east, north, up)):
+    descent = known.SteadyDescent(TIME, 40.0, 1.0, 1.0, MARS, AIR)
+    for axis, direction in enumerate((east, north)):
         np.testing.assert_allclose(slope(descent, nav, direction), np.eye(3)[axis], atol=1e-9)
+    assert slope(descent, nav, up)[2] < 0.0  # sinking more slowly
+    assert slope(descent, nav, above, step=1.0)[2] < 0.0  # thinner air, faster terminal speed
     pressure = known.DynamicPressure(TIME, 0.0, 1.0, 0.0, MARS, AIR)
     assert slope(pressure, nav, east)[0] > 0.0
     assert slope(pressure, nav, up)[0] < 0.0  # sinking more slowly

@@ -1,5 +1,7 @@
 """Process noise against a recursion forwards and against a Monte Carlo through the kernel."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import twins
@@ -7,7 +9,7 @@ import twins
 from edl_filter import rotations
 from edl_filter.navigation import strapdown
 from edl_filter.navigation.layout import Layout, attitude_errors
-from edl_filter.navigation.noise import net_turn, process_noise
+from edl_filter.navigation.noise import net_turn, onboard_turn, process_noise
 from edl_filter.telemetry.record import SensorErrors
 
 RUNS = 4096
@@ -130,3 +132,20 @@ def test_net_turn_is_the_product_of_the_samples_turns():
 def test_net_turn_of_nothing_is_none():
     s = twins.samples(np.ones(3), np.zeros((3, 3)), np.zeros((3, 3)))
     np.testing.assert_array_equal(net_turn(s), [0, 0, 0, 1])
+
+
+def test_what_is_computed_on_board_with_other_rates_and_mounting_turns_as_said():
+    """Against the same samples integrated with ``ω + ω × m - b``; net turns gain nothing."""
+    rng = np.random.default_rng(11)
+    n, dt = 80, 0.125
+    time = dt * np.arange(1, n + 1)
+    rate = np.stack((0.2 + 0.02 * np.sin(time), 0.1 * np.cos(0.7 * time), 0.1 * np.sin(0.7 * time)), axis=1)
+    samples = twins.samples(np.full(n, dt), np.zeros((n, 3)), rate)
+    b, m = 1e-6 * rng.standard_normal(3), 5e-5 * rng.standard_normal(3)
+    other = replace(samples, rate=rate + np.cross(rate, m) - b)
+    miss = rotations.multiply(rotations.conjugate(net_turn(samples)), net_turn(other))
+    per_rate, per_mounting = onboard_turn(samples)
+    turn = rotations.to_rotation_vector(miss)
+    np.testing.assert_allclose(per_rate @ b + per_mounting @ m, turn, atol=3e-4 * np.linalg.norm(turn))
+    for effect in onboard_turn(replace(samples, net_turn=np.ones(n, bool))):
+        assert not np.any(effect)

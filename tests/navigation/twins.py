@@ -170,6 +170,7 @@ def samples(interval, force, rate, force_noise=0.0, rate_noise=0.0, shared=0.0, 
         force_noise=force_noise * full,
         rate_noise=rate_noise * full,
         shared_rate_noise=shared * full,
+        net_turn=np.zeros(n, bool),
         unit=np.zeros(n, int) if unit is None else unit,
     )
 

@@ -67,7 +67,5 @@ def test_pieces_that_do_not_adjoin_are_named():
         join("x", apart, ("backshell", "rover"), (SensorErrors(),) * 2)
 
 
-def test_between_and_moved():
-    cut = piece(grid(0.0, 16)).between(0.5, 1.0)
-    np.testing.assert_allclose(cut.time, grid(0.5, 4))
-    assert np.all(cut.moved(np.zeros(3)).position == 0.0)
+def test_between_takes_whole_samples():
+    np.testing.assert_allclose(piece(grid(0.0, 16)).between(0.5, 1.05).time, grid(0.5, 4))

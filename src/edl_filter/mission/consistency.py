@@ -37,15 +37,15 @@ def _check_telemetry(mission: Mission) -> None:
 
 
 def _check_events(mission: Mission) -> None:
-    """Events come in order, after the epoch, and speak of IMUs that exist."""
+    """Events come in order, after the epoch, and change only what this telemetry leaves to the mission."""
     before, previous = 0.0, "the epoch"
     has_clock = isinstance(mission.telemetry, MerImu)
     for name, event in mission.vehicle.events.items():
         key = f"vehicle.events.{name}"
         if event.sclk is not None and not has_clock:
             raise problem(shown(event.sclk), "time_s: this telemetry states no epoch_sclk", f"{key}.sclk")
-        if isinstance(mission.telemetry, MerImu) and event.driving not in (None, *mission.telemetry.imus):
-            raise problem(shown(event.driving), "one of " + ", ".join(mission.telemetry.imus), f"{key}.driving")
+        if event.position is not None and not has_clock:
+            raise problem(shown(event.position), "none: a flight file's lever arm is in the file", f"{key}.position")
     for name, time in event_times(mission):
         if not before < time < 1e5:
             event = mission.vehicle.events[name]

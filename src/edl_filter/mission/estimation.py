@@ -152,10 +152,30 @@ class OnboardAttitude(Section):
         default=0.0, description="1 sigma of the step when another unit computes it, deg; 0: none"
     )
 
+    rate_sigma_deg_h: Annotated[Number, Within("deg/h", 0.0, 1e3)] = Field(
+        default=0.0,
+        description="1 sigma per body axis of the rates that it was computed with, against the gyro samples, deg/h; "
+        "0: none",
+    )
+    mounting_sigma_deg: Annotated[Number, Within("deg", 0.0, 10.0)] = Field(
+        default=0.0,
+        description="1 sigma per body axis of the mounting that it used, against the samples', deg; 0: none",
+    )
+
     @property
     def sigma(self) -> float:
         """`sigma_deg` in rad."""
         return self.sigma_deg * DEG
+
+    @property
+    def rate_sigma(self) -> float:
+        """`rate_sigma_deg_h` in rad/s."""
+        return self.rate_sigma_deg_h * DEG / 3600.0
+
+    @property
+    def mounting_sigma(self) -> float:
+        """`mounting_sigma_deg` in rad."""
+        return self.mounting_sigma_deg * DEG
 
     @property
     def unit_change_sigma(self) -> float:
@@ -188,6 +208,9 @@ class SteadyDescent(Window):
 class LandingSite(Section):
     """Where the vehicle is when the event landing happens."""
 
+    use: Switch = Field(
+        default=True, description="false: known, to measure misses from, but the estimate is not held to it"
+    )
     latitude_deg: Annotated[Number, Within("deg", -90.0, 90.0)] = Field(description="areocentric latitude, deg, north")
     longitude_deg: Annotated[Number, Within("deg", -180.0, 360.0)] = Field(description="longitude, deg, east")
     radius: Radius = Field(description="distance from the planet's centre, m")

@@ -141,21 +141,16 @@ class MerImu(Window):
     clock: Clock = Field(description="spacecraft clock against UTC")
     epoch_sclk: Sclk = Field(description="spacecraft clock count at time 0, s")
     velocity_register: Register = Field(description="the rover's accumulated velocity and quaternion")
-    imus: dict[str, Imu] = Field(min_length=1, description="IMUs by name")
-    driving: str | None = Field(default=None, description="IMU that drives at first; absent: the first of imus")
+    imus: dict[Literal["backshell", "rover"], Imu] = Field(
+        min_length=2,
+        description="backshell, which drives up to the event backshell_separation, and rover, which drives after",
+    )
 
     @model_validator(mode="after")
     def _consistent(self) -> MerImu:
         if abs(self.epoch_sclk - self.clock.sclk) > 1e5:
             raise problem(shown(self.epoch_sclk), f"s near clock.sclk = {self.clock.sclk!r}", "epoch_sclk")
-        if self.driving is not None and self.driving not in self.imus:
-            raise problem(shown(self.driving), "one of " + ", ".join(self.imus), "driving")
         return self
-
-    @property
-    def driving_imu(self) -> str:
-        """Name of the IMU that drives at first."""
-        return self.driving if self.driving is not None else next(iter(self.imus))
 
     @property
     def sclk_clock(self) -> SclkClock:

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from pydantic import Field, PrivateAttr, StringConstraints, ValidationError, model_validator
 
 from edl_filter.errors import InputError
+from edl_filter.mission.aerodynamics import Aerodynamics, Postflight
 from edl_filter.mission.checks import shown
 from edl_filter.mission.consistency import check_together, event_times
 from edl_filter.mission.estimation import Constraints, FilterSettings, InitialState, Outputs
@@ -25,7 +26,7 @@ if TYPE_CHECKING:
 
 _BUILTIN = "builtin:"
 #: Keys that name a file to read. In a mission file they start from its folder, in --set from the current one.
-_PATH_KEYS = ("telemetry.path", "atmosphere.table")
+_PATH_KEYS = ("telemetry.path", "atmosphere.table", "aerodynamics.continuum", "aerodynamics.rarefied")
 
 
 class Mission(Section):
@@ -42,6 +43,10 @@ class Mission(Section):
     atmosphere: Atmosphere = Field(description="preflight atmosphere")
     telemetry: Telemetry = Field(description="what was measured")
     vehicle: Vehicle = Field(description="the vehicle")
+    aerodynamics: Aerodynamics | None = Field(
+        default=None, description="aerodynamic database; absent: no atmosphere and no coefficients are derived"
+    )
+    postflight: Postflight = Field(default=Postflight(), description="how they are derived")
     initial_state: InitialState = Field(description="state at entry")
     constraints: Constraints = Field(default=Constraints(), description="an absent constraint is not used")
     filter: FilterSettings = Field(default=FilterSettings(), description="the filter's settings")
@@ -182,6 +187,17 @@ class Mission(Section):
             There is no such file.
         """
         return self._existing("atmosphere.table", self.atmosphere.table)
+
+    def aerodynamic_table(self, key: str) -> str | Path:
+        """Aerodynamic database at ``aerodynamics.KEY``: a ``builtin:`` name as it stands, or the file's path.
+
+        Raises
+        ------
+        InputError
+            There is no such file.
+        """
+        reference = str(getattr(self.aerodynamics, key))
+        return reference if reference.startswith(_BUILTIN) else self._existing(f"aerodynamics.{key}", reference)
 
     def output_directory(self) -> Path:
         """Folder of the results, relative to the current folder."""

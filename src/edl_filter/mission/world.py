@@ -95,6 +95,12 @@ class Atmosphere(Section):
     heat_capacity_ratio: Annotated[Number, Within("", 1.0, 1.7, above=True)] = Field(
         default=1.3, description="ratio of specific heats"
     )
+    molecule_diameter: Annotated[Number, Within("m", 1e-11, 1e-8)] = Field(
+        default=4.64e-10, description="hard-sphere diameter of a molecule, m"
+    )
+    molecule_mass: Annotated[Number, Within("kg", 1e-27, 1e-24)] = Field(
+        default=7.3079e-26, description="mass of a molecule, kg"
+    )
 
 
 class Inertia(Section):
@@ -137,10 +143,9 @@ class Event(Section):
     time_s: Time | None = Field(default=None, description="time, s since the epoch (or sclk)")
     sigma_s: TimeSigma = Field(description="1 sigma of the time, s")
     mass: Mass | None = Field(default=None, description="mass from here on, kg")
-    driving: str | None = Field(default=None, description="name of the IMU that drives from here on")
     position: LeverArm | None = Field(
         default=None,
-        description="driving IMU's position from the new centre of mass, m, axes as under imus",
+        description="driving IMU's position from the centre of mass as it is from here on, m, axes as under imus",
     )
 
     @model_validator(mode="after")
@@ -154,6 +159,7 @@ class Vehicle(Section):
     """Mass properties, size and what happens to them."""
 
     mass: Mass = Field(description="mass at entry, kg")
+    mass_sigma: Annotated[Number, Within("kg", 0.0, 1e4)] = Field(default=0.0, description="1 sigma of it, kg")
     diameter: Annotated[Number, Within("m", 0.1, 50.0, KM)] = Field(
         description="diameter, m: reference length; reference area pi D^2 / 4"
     )

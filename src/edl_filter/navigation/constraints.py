@@ -153,31 +153,41 @@ class DynamicPressure:
 
 @dataclass(frozen=True)
 class SteadyDescent:
-    """Under the parachute the vehicle sinks with its drag in balance, and drifts no faster than the wind."""
+    """Under the parachute the vehicle sinks with its drag in balance, and drifts no faster than the wind.
+
+    The parachute's drag is known from the accelerometers, so its dynamic pressure is, and the terminal speed follows
+    from the density at the state's own altitude.
+    """
 
     name: ClassVar[str] = "steady_descent"
-    components: ClassVar[tuple[str, ...]] = ("east (m/s)", "north (m/s)", "up (m/s)")
+    components: ClassVar[tuple[str, ...]] = ("east (m/s)", "north (m/s)", "sinking over terminal speed (1)")
     time: float
-    velocity: Array
-    sigma: Array
+    dynamic_pressure: float
+    wind_sigma: float
+    speed_sigma: float
     planet: Planet
+    atmosphere: Atmosphere
     source: str = "terminal speed under the parachute; wind"
 
     @property
     def measured(self) -> Array:
-        """Velocity against the ground: east, north, up."""
-        return self.velocity
+        """No drift, and the terminal speed itself."""
+        return np.array([0.0, 0.0, 1.0])
 
     @property
     def noise(self) -> Array:
-        """Independent axes."""
-        return np.diag(self.sigma**2)
+        """Independent components."""
+        return np.diag(np.square([self.wind_sigma, self.wind_sigma, self.speed_sigma]))
 
     def predict(self, nav: Array, errors: Array, layout: Layout) -> Array:
-        """Ground-relative velocity in local axes."""
+        """Ground-relative velocity to east and north, and the sinking speed over ``sqrt(2 q / ρ)``."""
         position = nav[:3].T
         enu = self.planet.enu_from_inertial(self.time, position)
-        return np.einsum("sij,sj->si", enu, self.planet.velocity_relative(position, nav[3:6].T))
+        velocity = np.einsum("sij,sj->si", enu, self.planet.velocity_relative(position, nav[3:6].T))
+        _, _, altitude = self.planet.geodetic(self.time, position)
+        terminal = np.sqrt(2.0 * self.dynamic_pressure / self.atmosphere.density(altitude))
+        velocity[:, 2] /= -terminal
+        return velocity
 
 
 @dataclass(frozen=True)

@@ -310,4 +310,9 @@ def _change_unit(ukf: ErrorStateUKF, problem: Problem, unit: int) -> Transition:
         noise[where, where] = problem.unit_change_sigma**2 * np.eye(3)
     errors = ukf.state.errors.copy()
     errors[sensor] = 0.0
+    for name, sigma in problem.entry.instrument_prior(layout).items():
+        where = layout[name]
+        keep[where, where] = 0.0
+        noise[where, where] = sigma**2 * np.eye(3)
+        errors[where] = 0.0
     return ukf.replace(keep, noise, errors)

@@ -22,7 +22,7 @@ Array = NDArray[np.float64]
 #: Part of a sample's hidden rotation in which two integrations of the same samples differ. Two second-order
 #: algorithms, with backward and with central differences, differ by 1/√12 of it; on-board quaternions against
 #: HIGHRATE gyros show 0.02 to 0.2 through parachute openings and bounces of both rovers.
-NOT_SHARED = 0.15
+NOT_SHARED = 0.05
 
 
 @dataclass(frozen=True)
@@ -40,6 +40,8 @@ class Samples:
     shared_rate_noise : (N,) array
         The part of the rate noise that an attitude computed on board from the same gyros has too: the gyros'
         own and most of what a sample hides.
+    net_turn : (N,) boolean array
+        Where the rate was taken from two attitudes, not from gyros.
     unit : (N,) integer array
         Which instrument's errors apply.
     """
@@ -51,6 +53,7 @@ class Samples:
     force_noise: Array
     rate_noise: Array
     shared_rate_noise: Array
+    net_turn: NDArray[np.bool_]
     unit: NDArray[np.int64]
 
     def index(self, time: float) -> int:
@@ -78,6 +81,7 @@ class Samples:
             force_noise=self.force_noise[index] * share,
             rate_noise=self.rate_noise[index] * share,
             shared_rate_noise=self.shared_rate_noise[index] * share,
+            net_turn=self.net_turn[index],
             unit=self.unit[index],
         )
 
@@ -110,6 +114,7 @@ def effective_samples(record: ImuRecord) -> Samples:
         force_noise=np.hypot(record.force_noise, hidden_force),
         rate_noise=np.hypot(record.rate_noise, hidden_rate),
         shared_rate_noise=np.hypot(record.shared_rate_noise, np.sqrt(1.0 - NOT_SHARED**2) * hidden_rate),
+        net_turn=record.net_turn,
         unit=record.unit,
     )
 

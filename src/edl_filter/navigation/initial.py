@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from edl_filter import rotations
-from edl_filter.navigation.layout import SENSOR_STATES, Layout, State
+from edl_filter.navigation.layout import ONBOARD, SENSOR_STATES, Layout, State
 from edl_filter.planet import Planet
 from edl_filter.telemetry.record import InitialState, SensorErrors
 
@@ -38,24 +38,34 @@ class EntryErrors:
         Attitude computed on board at the state's time, if there is one to be carried along.
     onboard_sigma : float
         Of that number itself, rad: its rounding.
+    onboard_rate_sigma, onboard_mounting_sigma : float
+        How far the rates and the mounting that it was computed with differ from the gyro samples', rad/s and rad per
+        body axis; zero: no such state.
     """
 
     epoch_sigma: float = 0.0
     frame_sigma: float = 0.0
     onboard_attitude: Array | None = None
     onboard_sigma: float = 0.0
+    onboard_rate_sigma: float = 0.0
+    onboard_mounting_sigma: float = 0.0
 
     @property
     def states(self) -> dict[str, int]:
         """Names and lengths of the states that these are."""
-        states = {}
-        if self.epoch_sigma > 0.0:
-            states["entry_epoch"] = 1
-        if self.frame_sigma > 0.0:
-            states["entry_frame"] = 3
-        if self.onboard_attitude is not None:
-            states["onboard_attitude"] = 3
-        return states
+        wanted = {
+            "entry_epoch": (1, self.epoch_sigma > 0.0),
+            "entry_frame": (3, self.frame_sigma > 0.0),
+            "onboard_rate": (3, self.onboard_attitude is not None and self.onboard_rate_sigma > 0.0),
+            "onboard_mounting": (3, self.onboard_attitude is not None and self.onboard_mounting_sigma > 0.0),
+            ONBOARD: (3, self.onboard_attitude is not None),
+        }
+        return {name: size for name, (size, there) in wanted.items() if there}
+
+    def instrument_prior(self, layout: Layout) -> dict[str, float]:
+        """Sigmas of the states that belong to the instrument behind the on-board attitude, by name."""
+        sigmas = {"onboard_rate": self.onboard_rate_sigma, "onboard_mounting": self.onboard_mounting_sigma}
+        return {name: sigma for name, sigma in sigmas.items() if name in layout}
 
 
 def start(
@@ -91,8 +101,10 @@ def start(
         where = layout["entry_frame"]
         prior[where, where] = entry.frame_sigma**2 * np.eye(3)
         effect[:6, where] = frame_effect(initial)
+    for name, sigma in entry.instrument_prior(layout).items():
+        prior[layout[name], layout[name]] = sigma**2 * np.eye(3)
     if entry.onboard_attitude is not None:
-        where = layout["onboard_attitude"]
+        where = layout[ONBOARD]
         nav = np.concatenate((nav, entry.onboard_attitude))
         prior[where, where] = entry.onboard_sigma**2 * np.eye(3)
     return State(nav, np.zeros(layout.size)), effect @ prior @ effect.T

@@ -31,6 +31,8 @@ UNITS = {
     "gyro_scale": "1",
     "entry_epoch": "s",
     "entry_frame": "rad",
+    "onboard_rate": "rad/s",
+    "onboard_mounting": "rad",
     "onboard_attitude": "rad",
 }
 

@@ -17,6 +17,7 @@ from edl_filter.navigation.increments import Samples
 from edl_filter.navigation.layout import ONBOARD, Layout
 
 Array = NDArray[np.float64]
+IDENTITY = np.array([0.0, 0.0, 0.0, 1.0])
 
 
 def process_noise(layout: Layout, samples: Samples, attitude: Array) -> Array:
@@ -54,7 +55,25 @@ def process_noise(layout: Layout, samples: Samples, attitude: Array) -> Array:
 
 def net_turn(samples: Samples) -> Array:
     """Turn over all `samples` as the gyros read, as a quaternion ``(4,)``."""
-    return _attitudes(samples.interval, samples.rate, np.array([0.0, 0.0, 0.0, 1.0]))[1]
+    return _attitudes(samples.interval, samples.rate, IDENTITY)[1]
+
+
+def onboard_turn(samples: Samples) -> tuple[Array, Array]:
+    """Turn that an on-board attitude gains by what it is computed with differing from the gyro samples.
+
+    On board ``ω + ω × m - b`` is integrated where the samples read ω, with a mounting that differs by the small
+    rotation m and a rate correction b. Only where gyros were read: a net turn was taken from the on-board attitude.
+
+    Returns
+    -------
+    per_rate, per_mounting : (3, 3) arrays
+        Rotation vector in the body axes of the end = ``per_rate @ rate + per_mounting @ mounting``: the integrals of
+        C and of C [ω]ₓ, with C from the axes of each sample to those of the end.
+    """
+    middle, end = _attitudes(samples.interval, samples.rate, IDENTITY)
+    weight = np.where(samples.net_turn, 0.0, samples.interval)
+    to_end = rotations.to_matrix(rotations.multiply(rotations.conjugate(end), middle)) * weight[:, None, None]
+    return -to_end.sum(axis=0), np.einsum("nij,njk->ik", to_end, rotations.cross_matrix(samples.rate))
 
 
 @njit(cache=True, error_model="numpy")

@@ -19,7 +19,7 @@ from edl_filter import rotations
 from edl_filter.navigation import strapdown
 from edl_filter.navigation.increments import Samples
 from edl_filter.navigation.layout import Layout, State, attitude_errors, sensor_maps, sigma_states
-from edl_filter.navigation.noise import net_turn, process_noise
+from edl_filter.navigation.noise import net_turn, onboard_turn, process_noise
 from edl_filter.planet import Planet
 
 Array = NDArray[np.float64]
@@ -139,7 +139,7 @@ class ErrorStateUKF(UnscentedKalmanFilter):
     def _propagate(self, samples: Samples, nav: Array, errors: Array) -> None:
         """Propagate full states in place; what was computed on board turns as the gyros read."""
         if len(nav) == 14:
-            nav[10:] = rotations.multiply(nav[10:].T, net_turn(samples)).T
+            nav[10:] = self._turn_onboard(samples, nav[10:].T, errors).T
         p = self.planet
         force_map, rate_map = sensor_maps(self.layout, errors)
         strapdown.propagate(
@@ -153,6 +153,16 @@ class ErrorStateUKF(UnscentedKalmanFilter):
             p.j2,
             p.gravity_radius,
         )
+
+    def _turn_onboard(self, samples: Samples, onboard: Array, errors: Array) -> Array:
+        """Turn on-board attitudes ``(S, 4)`` as the gyros read, less what they were computed with."""
+        onboard = rotations.multiply(onboard, net_turn(samples))
+        names = [n for n in ("onboard_rate", "onboard_mounting") if n in self.layout]
+        if names:
+            effect = dict(zip(("onboard_rate", "onboard_mounting"), onboard_turn(samples), strict=True))
+            turn = sum(effect[n] @ errors[self.layout[n]] for n in names)
+            onboard = rotations.multiply(onboard, rotations.from_rotation_vector(np.transpose(turn)))
+        return onboard
 
     def advance(self, samples: Samples) -> Transition:
         """Predict to the end of `samples`."""

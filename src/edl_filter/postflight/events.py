@@ -138,8 +138,16 @@ def clock_readings(reconstruction: Reconstruction, time: Array) -> tuple[Array |
 def _event(name: str, time: float, reconstruction: Reconstruction, air: AirData, peak: Peak | None) -> Event:
     telemetry, site = reconstruction.telemetry, reconstruction.site_radius
 
+    stated = reconstruction.mission.vehicle.events.get(name)
+    own = 0.0 if stated is None else stated.sigma_s
+
     def at(values: Array) -> float:
         return float(np.interp(time, air.time, values))
+
+    def sigma(values: Array, sigmas: Array) -> float:
+        """One sigma of a value at an event whose own time has one."""
+        step = float(np.interp(time + own, air.time, values) - np.interp(time - own, air.time, values))
+        return float(np.hypot(at(sigmas), 0.5 * step))
 
     return Event(
         name=name,
@@ -147,10 +155,10 @@ def _event(name: str, time: float, reconstruction: Reconstruction, air: AirData,
         sclk=None if telemetry.epoch_sclk is None else telemetry.epoch_sclk + time,
         utc=SclkClock(0.0, telemetry.epoch_utc).to_utc(time),
         altitude_m=at(air.altitude),
-        altitude_sigma_m=at(air.altitude_sigma),
+        altitude_sigma_m=sigma(air.altitude, air.altitude_sigma),
         height_above_site_m=None if site is None else at(air.radius) - site,
         velocity_m_s=at(air.speed),
-        velocity_sigma_m_s=at(air.speed_sigma),
+        velocity_sigma_m_s=sigma(air.speed, air.speed_sigma),
         mach=at(air.mach),
         dynamic_pressure_pa=at(air.dynamic_pressure),
         flight_path_deg=float(np.rad2deg(at(air.flight_path_angle))),

@@ -47,10 +47,6 @@ class Piece:
         keep = (self.time - self.interval >= start - 1e-6) & (self.time <= end + 1e-6)
         return self._take(np.flatnonzero(keep))
 
-    def moved(self, position: Array) -> Piece:
-        """The same samples taken at another place."""
-        return replace(self, position=np.tile(position, (len(self.time), 1)))
-
     def _take(self, index: NDArray[np.int64]) -> Piece:
         arrays = {f.name: getattr(self, f.name) for f in fields(self)}
         taken: dict[str, Any] = {n: v[index] for n, v in arrays.items() if isinstance(v, np.ndarray)}

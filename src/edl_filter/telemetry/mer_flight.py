@@ -78,8 +78,9 @@ class MerSetup:
         First and last time wanted, s since the epoch.
     separation : float
         When the backshell leaves and the rover's IMU begins to drive, s since the epoch.
-    rover_position : (3,) array
-        Of the rover's IMU after separation, m from the point that is navigated then, spacecraft axes.
+    positions : dict
+        Time (s since the epoch) → position of the driving IMU from the centre of mass as it is from then on, m,
+        spacecraft axes.
     inertial_from_j2000 : (4,) array
     j2000_from_register : (4,) array
         Axes in which the velocity register accumulates.
@@ -96,7 +97,7 @@ class MerSetup:
     start: float
     end: float
     separation: float
-    rover_position: Array
+    positions: dict[float, Array]
     inertial_from_j2000: Array
     j2000_from_register: Array
     imus: dict[str, MerImu]
@@ -134,8 +135,8 @@ def mer_telemetry(tables: MerTables, setup: MerSetup) -> Telemetry:
     handover = _handover(tables, setup)
     pieces = [
         transformed_piece(tables, setup, until=backshell.start),
-        *bridged(tables, setup, backshell.between(-np.inf, setup.separation)),
-        *bridged(tables, setup, rover.between(setup.separation, handover).moved(_to_body(setup.rover_position))),
+        *_placed(setup, bridged(tables, setup, backshell.between(-np.inf, setup.separation))),
+        *_placed(setup, bridged(tables, setup, rover.between(setup.separation, handover))),
         register_piece(tables, setup, handover, setup.end + 1.0),
     ]
     driving = join("driving", pieces, UNITS, tuple(setup.imus[u].errors for u in UNITS))
@@ -163,6 +164,16 @@ def mer_telemetry(tables: MerTables, setup: MerSetup) -> Telemetry:
         files=tables.files,
         notes=tables.notes,
     )
+
+
+def _placed(setup: MerSetup, pieces: list[Piece]) -> list[Piece]:
+    """Pieces with the lever arms that the flight's events gave the driving IMU."""
+    for time, position in sorted(setup.positions.items()):
+        pieces = [
+            replace(p, position=np.where((p.time - 0.5 * p.interval > time)[:, None], _to_body(position), p.position))
+            for p in pieces
+        ]
+    return pieces
 
 
 def _to_body(vector: Array | None) -> Array:

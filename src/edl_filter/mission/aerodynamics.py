@@ -1,0 +1,58 @@
+"""The aerodynamic database, and how the layer after the flight looks at the data."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import Field, StringConstraints, model_validator
+
+from edl_filter.mission.checks import Number, Within, problem
+from edl_filter.mission.sections import Section, Window
+
+
+class Aerodynamics(Section):
+    """Which tables of the Mars entry vehicle aerodynamic database the flight is compared with."""
+
+    family: Literal["MER", "Phoenix"] = Field(description="vehicle whose database uncertainties apply: MER or Phoenix")
+    continuum: str = Field(
+        default="builtin:surrogate",
+        description="continuum database: builtin:surrogate, builtin:continuum_grid, or a CSV mach,alpha_deg,CA,CN,Cm",
+    )
+    rarefied: str = Field(
+        default="builtin:free_molecular",
+        description="rarefied database: builtin:free_molecular (bridged), builtin:rarefied_grid, "
+        "or a CSV knudsen,alpha_deg,CA,CN,Cm",
+    )
+    join: Literal["continuous", "switch", "blend"] = Field(
+        default="continuous", description="how the two join at the continuum limit: continuous, switch or blend"
+    )
+    continuum_limit: Annotated[Number, Within("", 1e-5, 1.0)] = Field(
+        default=1e-3, description="Knudsen number on D above which the rarefied database holds"
+    )
+    velocity_per_mach: Annotated[Number, Within("m/s", 50.0, 1000.0)] | None = Field(
+        default=None,
+        description="m/s: index the hypersonic part by speed over this, not by Mach: for a table of another trajectory",
+    )
+
+    @model_validator(mode="after")
+    def _joins(self) -> Aerodynamics:
+        if self.join == "continuous" and self.rarefied != "builtin:free_molecular":
+            raise problem("'continuous'", "switch or blend, since this rarefied database is a table", "join")
+        return self
+
+
+class NamedWindow(Window):
+    """A span over which differences are averaged."""
+
+    name: Annotated[str, StringConstraints(min_length=1)] = Field(description="what the window is called in tables")
+
+
+class Postflight(Section):
+    """How atmosphere and coefficients are derived after the flight."""
+
+    batch_s: Annotated[Number, Within("s", 0.0, 30.0, above=True)] = Field(
+        default=0.875, description="length of the second-order batch polynomial that smooths rates and forces, s"
+    )
+    windows: tuple[NamedWindow, ...] | None = Field(
+        default=None, description="windows of the average differences; absent: found from the flight"
+    )
