@@ -1,0 +1,29 @@
+import numpy as np
+import pytest
+
+from edl_filter.aero.base_pressure import add_base_pressure, base_pressure_coefficient, base_to_forebody_pressure
+from edl_filter.aero.surrogate import phoenix_surrogate
+
+
+def test_cubic_at_printed_mach_numbers():
+    mach = [1.5, 2.0, 3.0, 5.0, 8.8, 10.0]
+    np.testing.assert_allclose(
+        base_pressure_coefficient(mach), [-0.3351, -0.2244, -0.1064, -0.0308, -0.0002, 0.0029], atol=5e-5
+    )
+
+
+def test_it_ends_at_mach_10_and_is_held_below_1_5():
+    assert base_pressure_coefficient(10.01) == 0.0
+    assert base_pressure_coefficient(0.5) == base_pressure_coefficient(1.5)
+
+
+def test_suction_adds_to_the_forebodys_drag():
+    assert add_base_pressure(1.3, 2.0) == pytest.approx(1.3 + 0.2244, abs=1e-4)
+
+
+def test_share_of_the_forebodys_pressure():
+    """Thesis, Appendix A: 10 % at Mach 1.9; 0.6 % at Mach 22.3, where the cubic gives 0.75 %."""
+    ca = phoenix_surrogate().lookup([1.9, 22.3], 0.0)[0]
+    share = base_to_forebody_pressure([1.9, 22.3], ca)
+    assert share[0] == pytest.approx(0.10, abs=0.003)
+    assert share[1] == pytest.approx(0.0075, abs=5e-4)
