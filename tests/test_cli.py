@@ -115,12 +115,15 @@ def test_validate_says_what_is_there(cli, builtin_flight):
     flight = cli("validate", builtin_flight)
     assert "a flight file, nothing wrong" in flight.stdout
     assert "altimeter: 261 heights" in flight.stdout
+    assert "driving IMU (primary): 2910 samples, 0.00 to 363.75 s (flight file)" in flight.stdout
+    assert "gap" not in flight.stdout
 
 
 def test_validate_real_mission(cli, mer_folder):
     result = cli("validate", "builtin:mer_a", "--set", f"telemetry.path={mer_folder}")
     assert result.exit_code == 0, result.output
     assert "SCLK 126462085.400" in result.stdout
+    assert ": 0 rows" not in result.stdout
 
 
 def test_convert_the_example(cli):
@@ -184,6 +187,96 @@ def test_truncated_table(cli, volume):
     table.write_bytes(table.read_bytes()[:100_001])
     result = cli("run", "builtin:mer_a", "-o", "out", "--set", f"telemetry.path={volume.parent}")
     refused(result, "2TRANSFORMED.TAB")
+
+
+def test_label_that_disagrees_with_its_table(cli, volume):
+    label = volume / "2HIGHRATE.LBL"
+    text = label.read_bytes()
+    assert text.count(b"= 2495") >= 1
+    label.write_bytes(text.replace(b"= 2495", b"= 2496"))
+    result = cli("run", "builtin:mer_a", "-o", "out", "--set", f"telemetry.path={volume.parent}")
+    refused(result, "2HIGHRATE", "2496")
+
+
+def test_the_other_rover(cli, mer_folder):
+    changes = ("--set", f"telemetry.path={mer_folder}", "--set", "telemetry.spacecraft=1")
+    refused(cli("run", "builtin:mer_a", "-o", "out", *changes), "telemetry.spacecraft", "MER-B Opportunity")
+
+
+def test_a_flight_that_ends_within_highrate(cli, mer_folder):
+    nothing = [f"constraints.{name}=null" for name in ("landing", "rest", "steady_descent")]
+    changes = (f"telemetry.path={mer_folder}", "telemetry.end_s=310", *nothing)
+    result = cli("run", "builtin:mer_a", "-o", "out", "--no-figures", *(a for c in changes for a in ("--set", c)))
+    assert result.exit_code == 0, result.output
+    assert "parachute deploy" in result.stdout
+
+
+@pytest.mark.parametrize(
+    ("key", "place", "value", "message"),
+    [
+        ("imu/primary/specific_force", (17, 1), float("nan"), "/imu/primary/specific_force row 17 holds nan"),
+        ("imu/primary/time", 9, 1.0, "/imu/primary/time row 9 is 1.000000 s after 1.125000 s; time must increase"),
+        ("initial/attitude", 0, 2.0, "/initial/attitude has norm"),
+        ("initial/covariance", (4, 4), -1.0, "/initial/covariance has -1 on its diagonal, row 4"),
+        ("initial/position", slice(None), 3522.2, "/initial/position is 6100.63; m between 100000 and 1e+09 is needed"),
+        ("constraints/landing/position_sigma", 0, 0.0, "/constraints/landing/position_sigma"),
+    ],
+)
+def test_wrong_numbers_in_a_flight_file(cli, builtin_flight, tmp_path, key, place, value, message):
+    import h5py
+
+    path = shutil.copy(builtin_flight, tmp_path / "flight.h5")
+    with h5py.File(path, "a") as file:
+        file[key][place] = value
+    refused(cli("validate", path), "flight.h5", message)
+    refused(cli("run", "builtin:practice_mer", "-o", "out", "--set", f"telemetry.path={path}"), "flight.h5", message)
+
+
+def test_outputs_that_cannot_be_written(cli, practice_06, monkeypatch):
+    Path("file").touch()
+    monkeypatch.setattr("edl_filter.reconstruction.reconstruct", lambda mission: practice_06)
+    refused(cli("run", "builtin:practice_mer", "-o", "file"), "file: cannot be written (File exists)")
+    Path("here/result.nc").mkdir(parents=True)
+    result = cli("run", "builtin:practice_mer", "-o", "here")
+    assert (result.exit_code, result.stderr) == (2, "edl-filter: here/result.nc: cannot be written (it is a folder).\n")
+    assert [p.name for p in Path("here").iterdir()] == ["result.nc"]
+    shutil.rmtree("here")
+    log = EXAMPLES / "imu_log.csv", "--spec", EXAMPLES / "imu_log.spec.yaml"
+    refused(cli("convert", *log, "-o", "."), "it is a folder")
+    refused(cli("convert", *log, "-o", "file/flight.h5"), "file/flight.h5: cannot be written")
+    write_outputs(practice_06, "../result", figures=False)
+    refused(cli("export", "../result", "--to", "csv", "-o", "."), "it is a folder")
+    refused(cli("export", "../result", "--to", "csv", "-o", "file/t.csv"), "file/t.csv: cannot be written")
+
+
+def test_a_disk_that_fails_names_the_file(cli, monkeypatch):
+    def full(*_, **__):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("edl_filter.telemetry.flight_file._write_tree", full)
+    result = cli("convert", EXAMPLES / "imu_log.csv", "--spec", EXAMPLES / "imu_log.spec.yaml", "-o", "f.h5")
+    refused(result, "f.h5: cannot be written (No space left on device)")
+    assert list(Path().iterdir()) == []
+
+
+def test_a_part_of_a_result(cli, practice_06):
+    import h5py
+
+    write_outputs(practice_06, "../result", figures=False)
+    with h5py.File("../result/result.nc", "a") as file:
+        del file["trajectory"]
+    refused(cli("export", "../result", "--to", "csv", "-o", "t.csv"), "/trajectory is missing")
+    assert not Path("t.csv").exists()
+
+
+@pytest.mark.parametrize("command", ["validate", "run"])
+def test_a_reader_that_goes_away_is_no_fault(command, tmp_path):
+    call = [sys.executable, "-m", "edl_filter.cli", command, "builtin:practice_mer"]
+    call += ["-o", str(tmp_path), "--no-figures"] if command == "run" else []
+    with subprocess.Popen(call, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+        process.stdout.close()
+        said = process.stderr.read()
+    assert (process.returncode, said) == (0, "")
 
 
 def test_not_a_flight_file(cli):

@@ -1,17 +1,22 @@
 """Results: what is in them, that they come back, and that a failure leaves nothing."""
 
+import io
 import json
+from dataclasses import replace
 
 import h5py
 import numpy as np
 import pytest
 import xarray as xr
+from rich.console import Console
 
 import edl_filter
 from edl_filter import results
 from edl_filter.errors import InputError
+from edl_filter.report import terminal
 from edl_filter.results import netcdf, outputs
 from edl_filter.results.content import content
+from edl_filter.results.summary import constraint
 
 
 @pytest.fixture(scope="module")
@@ -56,9 +61,10 @@ def test_groups_and_shapes(tree, practice_06):
     assert tree.attrs["format"] == "edl-result"
     assert tree.attrs["mission_yaml"] == practice_06.mission.text
     assert set(json.loads(tree.attrs["versions"])) >= {"numpy", "numba", "filterpy"}
-    assert list(json.loads(tree.attrs["input_sha256"]).values()) == list(practice_06.telemetry.files.values())
+    assert json.loads(tree.attrs["input_sha256"]) == practice_06.telemetry.files
+    assert list(practice_06.telemetry.files) == ["practice_06.h5"]
     names = tree["imu/driving/source"].attrs["flag_meanings"].split()
-    assert names == ["flight_file", "gap"]
+    assert names == ["flight_file"]
 
 
 def test_corrected_samples_are_those_of_the_trajectory(tree, practice_06):
@@ -137,6 +143,11 @@ def test_what_is_no_result(tmp_path, builtin_flight, written):
         file.attrs["format_version"] = 99
     with pytest.raises(InputError, match="version 99"):
         results.read(old)
+    with h5py.File(old, "a") as file:
+        file.attrs["format_version"] = 1
+        del file["trajectory"]
+    with pytest.raises(InputError, match=r"old\.nc: the group /trajectory is missing"):
+        results.read(old)
 
 
 def test_summary(written, practice_06):
@@ -156,6 +167,77 @@ def test_summary(written, practice_06):
     assert {"telemetry", "filter", "smoother", "write"} <= set(told["timing_s"])
 
 
+def test_landing_and_events_are_told_over_the_ground(written, practice_06):
+    told = written["content"]
+    for place in (told["landing"], told["landing"]["left_out"]):
+        assert place["miss_m"] == pytest.approx(np.hypot(place["miss_east_m"], place["miss_north_m"]))
+        assert place["sigma_m"] == pytest.approx(np.hypot(place["sigma_east_m"], place["sigma_north_m"]))
+        assert place["sigma_up_m"] > 0.0
+    statement = next(s for s in practice_06.statements if s.name == "landing")
+    out = told["landing"]["left_out"]
+    length = np.linalg.norm([out[f"miss_{a}_m"] for a in ("east", "north", "up")])
+    assert length == pytest.approx(np.linalg.norm(statement.left_out))
+    landed, deployed = told["events"]["landing"], told["events"]["parachute_deploy"]
+    assert np.hypot(landed["east_m"], landed["north_m"]) < 200.0
+    assert deployed["up_m"] == pytest.approx(deployed["height_above_site_m"], abs=10.0)
+    speed = np.linalg.norm([deployed[f"velocity_{a}_m_s"] for a in ("east", "north", "up")])
+    assert speed == pytest.approx(deployed["velocity_m_s"], abs=0.1)
+
+
+def test_what_compares_nothing_has_no_verdict(practice_06):
+    found = constraint(replace(practice_06.statements[0], dof=0))
+    assert found["nis_interval_99_9"] is None and found["consistent"] is None
+    assert (found["accepted"], found["accepted_uses"], found["uses"]) == (True, 1, 1)
+    assert terminal._verdict(found) == "–"
+    console = Console(width=120, record=True, file=io.StringIO())
+    console.print(terminal.constraints_table({"entry_state": found}))
+    assert "nan" not in console.export_text()
+
+
+def test_a_rejected_landing_is_a_loud_warning(practice_06):
+    told = {s.name: constraint(s) for s in practice_06.statements}
+    assert terminal.warnings(told) == []
+    told["landing"] |= {"accepted": False, "accepted_uses": 0}
+    told["altimeter"] |= {"accepted": False, "accepted_uses": 251}  # 10 of 261
+    (warning,) = terminal.warnings(told)
+    assert "landing" in warning and "wrong units, wrong axes or a wrong calibration" in warning
+    told["altimeter"]["accepted_uses"] = 240
+    assert len(terminal.warnings(told)) == 2
+
+
+def test_latitude_has_its_hemisphere():
+    told = {"lat_deg": -14.569, "lon_deg": 175.47, "miss_m": 5.0, "sigma_m": 40.0}
+    assert terminal.landing_sentence(told).startswith("Landing: 14.5690 S 175.4700 E, 5 ± 40 m from the site.")
+
+
+def test_old_figures_do_not_stay_beside_a_new_result(practice_06, tmp_path):
+    figures = tmp_path / "figures"
+    figures.mkdir()
+    for name in ("leave_one_out.png", "mine.png"):
+        (figures / name).touch()
+    results.write_outputs(practice_06, tmp_path, figures=False)
+    assert {p.name for p in figures.iterdir()} == {"mine.png"}
+    (figures / "mine.png").rename(figures / "leave_one_out.png")
+    results.write_outputs(practice_06, tmp_path, figures=False)
+    assert {p.name for p in tmp_path.iterdir()} == {"result.nc", "summary.json"}
+
+
+def test_a_failed_drawing_leaves_the_earlier_run(practice_06, tmp_path, monkeypatch):
+    (tmp_path / "figures").mkdir()
+    old = [tmp_path / name for name in ("result.nc", "summary.json", "figures/leave_one_out.png")]
+    for path in old:
+        path.write_text("old")
+
+    def broken(*_):
+        raise RuntimeError("no font")
+
+    monkeypatch.setattr("edl_filter.report.figures.draw_all", broken)
+    with pytest.raises(RuntimeError, match="no font"):
+        results.write_outputs(practice_06, tmp_path, figures=True)
+    assert {p for p in tmp_path.rglob("*") if p.is_file()} == set(old)
+    assert {p.read_text() for p in old} == {"old"}
+
+
 def test_what_is_not_finite_becomes_null():
     found = outputs.finite(
         {
@@ -173,6 +255,9 @@ def test_what_is_not_finite_becomes_null():
 def test_spirit(spirit, tmp_path):
     written = results.write_outputs(spirit, tmp_path, figures=False)
     tree = results.read(tmp_path)
+    assert sorted(spirit.telemetry.files) == [
+        f"DATA/2{name}" for name in ("HIGHRATE.LBL", "HIGHRATE.TAB", "TRANSFORMED.LBL", "TRANSFORMED.TAB")
+    ]
     assert set(tree["sensor_errors"].children) == {"backshell", "rover", "register"}
     assert tree["trajectory/sclk"].values[0] == pytest.approx(126462085.4)
     assert tree["attitude/inertial_from_body"].shape[1] == 4
@@ -184,7 +269,9 @@ def test_spirit(spirit, tmp_path):
     same(tree, netcdf.tree_of(content(spirit)))
     fit = spirit.comparison["rover"].all
     assert tree["comparison/rover/slope"].sel(window="all").values == pytest.approx(fit.slope)
-    assert written["content"]["imu_comparison"]["rover"]["samples"] == fit.samples
+    assert written["content"]["imu_comparison"]["rover"]["all"]["samples"] == fit.samples
+    windows = written["content"]["imu_comparison"]["rover"]["windows"]
+    assert [w["end_s"] for w in windows] == [w.end for w in spirit.comparison["rover"].windows]
 
 
 def test_public_names_do_not_depend_on_the_order_of_imports():

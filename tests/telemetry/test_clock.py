@@ -2,8 +2,15 @@ import numpy as np
 import pytest
 
 from edl_filter.errors import InputError
-from edl_filter.telemetry.clock import MER_CLOCKS, SclkClock, label_utc, parse_utc
+from edl_filter.telemetry.clock import SclkClock, label_utc, parse_utc
 from edl_filter.telemetry.pds3 import read_label
+
+# By spacecraft number. The reference is the start of each HIGHRATE table: the one count of each label that is a
+# whole second, where both readings of the fraction agree.
+MER_CLOCKS = {
+    1: SclkClock(128278284.0, "2004-01-25T04:50:11.164"),
+    2: SclkClock(126462175.0, "2004-01-04T04:21:21.532"),
+}
 
 # (spacecraft, count, UTC) as the eight times in the four labels have them
 LABELS = [

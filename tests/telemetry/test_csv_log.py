@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from edl_filter.errors import InputError
-from edl_filter.telemetry.csv_log import convert
+from edl_filter.telemetry.csv_log import _imu, _Log, convert
+from edl_filter.telemetry.csv_spec import read_spec
 from edl_filter.telemetry.flight_file import read_flight_file
 
 EXAMPLES = Path(__file__).parents[2] / "docs" / "examples"
@@ -50,11 +51,23 @@ def test_the_example_becomes_a_flight_in_si_and_body_axes(texts, tmp_path):
     ],
 )
 def test_units_and_increments(texts, tmp_path, unit, new, factor):
-    log, spec = texts
+    """Before the flight file refuses sizes that only a wrong unit gives."""
     key = "specific_force" if unit == "unit: g" else "angular_rate"
-    before = getattr(run(tmp_path, log, spec).driving, key)
-    after = getattr(run(tmp_path, log, spec.replace(unit + " ", new + " ", 1)).driving, key)
-    np.testing.assert_allclose(after, factor * before, rtol=1e-12)
+    log, spec = tmp_path / "log.csv", tmp_path / "spec.yaml"
+    log.write_text(texts[0])
+
+    def read(text):
+        spec.write_text(text)
+        return getattr(_imu(_Log(log), read_spec(spec).imu["primary"], spec, "primary"), key)
+
+    np.testing.assert_allclose(read(texts[1].replace(unit + " ", new + " ", 1)), factor * read(texts[1]), rtol=1e-12)
+
+
+def test_a_wrong_unit_is_refused_and_nothing_written(texts, tmp_path):
+    log, spec = texts
+    with pytest.raises(InputError, match=r"/imu/primary/angular_rate row 0 is 240\.\d+; .* \(is it in deg/s\?\)"):
+        run(tmp_path, log, spec.replace("unit: deg/s ", "unit: rad ", 1))
+    assert not (tmp_path / "flight.h5").exists()
 
 
 def test_a_quaternion_does_for_the_matrix(texts, tmp_path):

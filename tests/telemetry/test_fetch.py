@@ -8,6 +8,7 @@ import pytest
 
 from edl_filter.errors import InputError
 from edl_filter.telemetry import fetch
+from edl_filter.whole_file import usual_mode
 
 
 class Quiet(SimpleHTTPRequestHandler):
@@ -56,9 +57,16 @@ def test_every_file_lands_in_the_cache_and_is_not_fetched_again(volume, serve, t
     assert (folder / "DATA" / "2HIGHRATE.TAB").read_bytes() == b"DATA/2HIGHRATE.TAB"
     count = len(asked)
     assert count == 9
+    assert {p.stat().st_mode & 0o777 for p in folder.rglob("*") if p.is_file()} == {usual_mode()}
     fetch.fetch_mer_imu(address + "/", progress=True)
     assert len(asked) == count
     assert fetch.find_mer_imu() == folder
+
+
+def test_the_address_of_the_data_folder_will_do(volume, serve):
+    address, asked = serve(volume.parent)
+    fetch.fetch_mer_imu(address + "/DATA/")
+    assert "/volume/DATA/2HIGHRATE.TAB" in asked
 
 
 def test_a_changed_file_is_refused_and_not_kept(volume, serve, tmp_path):

@@ -143,7 +143,60 @@ def without(key, name=None):
         (without("/", "format"), r"format is None; 'edl-flight' is needed"),
         (attribute("/", "version", 2), r"version is .*2.*; version 1 is read"),
         (without("/", "epoch_utc"), r"/@epoch_utc \(attribute\) is missing"),
-        (attribute("/", "epoch_utc", "yesterday"), r"'yesterday' is no UTC time"),
+        (
+            attribute("/", "epoch_utc", "yesterday"),
+            r"flight\.h5: /@epoch_utc \(attribute\): 'yesterday' is no UTC time",
+        ),
+        (without("/", "planet"), r"/@planet \(attribute\) is missing"),
+        (
+            attribute("/", "prime_meridian_at_epoch", 50.0),
+            r"/@prime_meridian_at_epoch is 50; rad .* \(is it in deg\?\)",
+        ),
+        (
+            spoil("initial/position", lambda v: 1e-3 * v),
+            r"/initial/position is 3522.17; m between .* \(is it in km\?\)",
+        ),
+        (spoil("initial/velocity", lambda v: 1e-3 * v), r"/initial/velocity is 5.62\d*; .* \(is it in km/s\?\)"),
+        (attribute("initial", "time", 1e6), r"/initial/@time is 1e\+06; s between"),
+        (
+            spoil("imu/primary/specific_force", lambda v: v / 9.80665),
+            r"/imu/primary/specific_force in the mean after the landing is 0.37\d*; .* \(is it in g\?\)",
+        ),
+        (
+            spoil("imu/primary/specific_force", lambda v: 1e3 * v / 9.8),
+            r"specific_force row \d+ is .* \(is it in mg\?\)",
+        ),
+        (
+            spoil("imu/secondary/angular_rate", lambda v: np.degrees(v)),
+            r"/imu/secondary/angular_rate row \d+ is 1\d\.\d+; rad/s between 0 and 12 is needed \(is it in deg/s\?\)",
+        ),
+        (
+            attribute("imu/primary", "sample_interval", 0.2),
+            r"/@sample_interval is 0.2 s, but the usual step of its time is 0.125 s",
+        ),
+        (spoil("imu/primary/time", lambda v: v + 1e6), r"/imu/primary/time row 0 is 1e\+06; s between"),
+        (attribute("imu/primary", "position", [250.0, 0.0, 0.0]), r"/@position is 250; m .* \(is it in cm\?\)"),
+        (attribute("imu/primary", "accelerometer_noise", 3.0), r"/@accelerometer_noise is 3; m/s\^2 between"),
+        (attribute("imu/primary", "accelerometer_bias_sigma", -1e-3), r"/@accelerometer_bias_sigma is -0.001; m/s"),
+        (attribute("imu/primary", "gyro_scale_sigma", -1e-3), r"/@gyro_scale_sigma is -0.001; a number between"),
+        (attribute("imu/primary", "accelerometer_misalignment_sigma", -1.0), r"misalignment_sigma is -1; rad between"),
+        (
+            spoil("constraints/landing/position_sigma", lambda v: 0.0 * v),
+            r"/position_sigma is \[0. 0. 0.\]; it must be",
+        ),
+        (spoil("constraints/landing/position_sigma", put(1, -3.0)), r"/position_sigma is \[.*-3.*\]; it must be"),
+        (
+            spoil("constraints/landing/position", lambda v: 1e-3 * v),
+            r"/landing/position is 3392.\d*; .* \(is it in km\?\)",
+        ),
+        (
+            attribute("constraints/parachute", "dynamic_pressure", 0.7),
+            r"dynamic_pressure is 0.7; Pa .* \(is it in kPa\?\)",
+        ),
+        (attribute("altimeter", "surface_radius", 3392.3), r"/@surface_radius is 3392.3; m .* \(is it in km\?\)"),
+        (attribute("altimeter", "sigma", -5.0), r"/altimeter/@sigma is -5.0; it must be positive"),
+        (spoil("altimeter/height", put(3, 1e7)), r"/altimeter/height row 3 is 1e\+07; m between"),
+        (attribute("events/landing", "time_sigma", -0.1), r"/events/landing/@time_sigma is -0.1; s between"),
         (without("imu/primary"), r"/imu/primary is missing; the flight file needs this group"),
         (without("imu/primary/time"), r"/imu/primary/time is missing; the flight file needs this dataset"),
         (without("imu/secondary", "gyro_noise"), r"/imu/secondary/@gyro_noise \(attribute\) is missing"),
@@ -256,5 +309,8 @@ def test_what_breaks_the_format_is_not_written_and_an_old_file_stays(tmp_path):
         write_flight_file(path, **bad)
     assert path.read_bytes() == old
     assert [p.name for p in tmp_path.iterdir()] == ["made.h5"]
-    with pytest.raises(InputError, match=r"cannot be written \(No such file or directory\)"):
-        write_flight_file(tmp_path / "nowhere" / "made.h5", **contents())
+    assert read_flight_file(write_flight_file(tmp_path / "new" / "folder" / "made.h5", **contents())).planet == "mars"
+    with pytest.raises(InputError, match=r"new: cannot be written \(it is a folder; a file's name is needed\)"):
+        write_flight_file(tmp_path / "new", **contents())
+    with pytest.raises(InputError, match=r"cannot be written"):
+        write_flight_file(path / "made.h5", **contents())

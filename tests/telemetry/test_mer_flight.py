@@ -1,5 +1,6 @@
 """The join of the archive's three products, on the real tables."""
 
+import re
 from dataclasses import replace
 from itertools import pairwise
 
@@ -186,7 +187,7 @@ def test_transformed_alignment_is_taken_off(rover):
 
 def test_register_piece_can_begin_before_highrate(rover):
     _, tables, setup, _ = rover
-    piece = register_piece(tables, setup, 0.0, 60.0)
+    (piece,) = register_piece(tables, setup, 0.0, 60.0)
     assert piece.time[-1] <= 60.0 + 1e-6 and piece.net_turn and piece.net_gain
 
 
@@ -198,5 +199,27 @@ def test_a_separation_outside_highrate_is_named(rover):
 
 def test_a_span_beyond_the_telemetry_is_named(rover):
     _, tables, setup, _ = rover
-    with pytest.raises(InputError, match=r"telemetry\.start_s and end_s ask for -2000 to 560 s"):
+    with pytest.raises(InputError, match=r"telemetry\.start_s and end_s ask for -2000 to 560 s") as caught:
         mer_telemetry(tables, replace(setup, start=-2000.0))
+    real = tables.transformed.sclk[[0, -1]] - setup.epoch_sclk
+    first, last = re.search(r"has (\S+) to (\S+) s\.$", str(caught.value)).groups()
+    assert float(first) == pytest.approx(real[0], abs=1.0)
+    assert float(last) == pytest.approx(real[1], abs=1.0)
+
+
+def test_a_span_that_ends_within_highrate_has_no_register(rover):
+    _, tables, setup, telemetry = rover
+    short = mer_telemetry(tables, replace(setup, end=300.0)).driving
+    whole = telemetry.driving.between(setup.start, 300.0)
+    assert short.time[-1] == pytest.approx(300.0, abs=0.2)
+    assert not np.any(source(short, "register"))
+    np.testing.assert_array_equal(short.specific_force, whole.specific_force)
+    np.testing.assert_array_equal(short.rate_noise, whole.rate_noise)
+    assert register_piece(tables, setup, 500.0, 499.0) == []
+    assert mer_telemetry(tables, replace(setup, end=-100.0)).checking == ()
+
+
+def test_the_other_rovers_tables_are_named(rover):
+    _, tables, setup, _ = rover
+    with pytest.raises(InputError, match=r"^telemetry\.spacecraft: .*telemetry\.epoch_sclk = 1000\.000"):
+        mer_telemetry(tables, replace(setup, epoch_sclk=1000.0))

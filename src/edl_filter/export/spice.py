@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from edl_filter import rotations
 from edl_filter.errors import InputError
 from edl_filter.results.groups import Groups
-from edl_filter.results.netcdf import replace_with
+from edl_filter.whole_file import replace_with
 
 Array = NDArray[np.float64]
 

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from edl_filter.results.groups import Group, Groups
-from edl_filter.results.netcdf import replace_with
+from edl_filter.whole_file import replace_with
 
 #: Columns after the times: variables of ``/trajectory``, in this order. Vectors become one column per axis.
 _COLUMNS = (

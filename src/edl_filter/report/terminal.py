@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Any
 
+import typer
 from rich import box
 from rich.console import Console
 from rich.table import Table
@@ -14,6 +15,8 @@ if TYPE_CHECKING:
 
 #: Columns where the output is no terminal and has no width of its own.
 _WIDTH = 118
+#: Share of a constraint's uses that may fail the gate before a run warns.
+_USUAL_REJECTIONS = 0.05
 
 
 def print_run(written: dict[str, Any]) -> None:
@@ -27,12 +30,20 @@ def print_run(written: dict[str, Any]) -> None:
     console = Console(highlight=False)
     if not console.is_terminal:
         console = Console(highlight=False, width=_WIDTH)
+    with console.capture() as captured:  # rich would end the program where a reader such as head goes away
+        _print(console, written)
+    typer.echo(captured.get(), nl=False)
+
+
+def _print(console: Console, written: dict[str, Any]) -> None:
     told = written["content"]
     console.print(f"[bold]{told['title'] or told['mission']}[/bold], epoch {told['epoch_utc']} UTC")
     console.print(events_table(told["events"]))
     if "peak_deceleration" in told["events"]:
         console.print(peak_sentence(told["events"]["peak_deceleration"]))
     console.print(constraints_table(told["constraints"]))
+    for warning in warnings(told["constraints"]):
+        console.print(f"[bold red]{warning}[/bold red]")
     console.print(entry_sentence(told["entry_state"]))
     if told["landing"].get("miss_m") is not None:
         console.print(landing_sentence(told["landing"]))
@@ -80,13 +91,12 @@ def constraints_table(constraints: dict[str, dict[str, Any]]) -> Table:
         table.add_column(head, justify="right")
     table.add_column("")
     for name, c in constraints.items():
-        low, high = c["nis_interval_99_9"]
         table.add_row(
             name.replace("_", " "),
-            f"{c['accepted_epochs']}/{c['epochs']}",
+            f"{c['accepted_uses']}/{c['uses']}",
             _sigmas(c["innovation"], c["innovation_sigma"]),
-            f"{c['nis']:.1f} ({c['dof']})",
-            f"{low:.1g} – {high:.1f}" if low < 1.0 else f"{low:.0f} – {high:.0f}",
+            f"{c['nis']:.1f} ({c['dof']})" if c["dof"] else "–",
+            _interval(c["nis_interval_99_9"]),
             _sigmas(c["left_out"], c["left_out_sigma"]),
             f"{c['left_out_nis']:.1f} ({c['left_out_dof']})" if c["left_out_dof"] else "–",
             _verdict(c),
@@ -104,10 +114,33 @@ def _sigmas(values: list[float], sigmas: list[float]) -> str:
     return f"≤ {max(known):.1f}" if known else "–"
 
 
+def _interval(limits: list[float] | None) -> str:
+    if limits is None:
+        return "–"
+    low, high = limits
+    return f"{low:.1g} – {high:.1f}" if low < 1.0 else f"{low:.0f} – {high:.0f}"
+
+
 def _verdict(c: dict[str, Any]) -> str:
     if not c["accepted"]:
-        return f"[red]{c['epochs'] - c['accepted_epochs']} rejected[/red]"
+        return f"[red]{c['uses'] - c['accepted_uses']} rejected[/red]"
+    if c["consistent"] is None:
+        return "–"
     return "[green]ok[/green]" if c["consistent"] else "[yellow]outside[/yellow]"
+
+
+def warnings(constraints: dict[str, dict[str, Any]]) -> list[str]:
+    """Sentences about constraints that the reconstruction contradicts: one that must hold, or one use of twenty."""
+    found = []
+    for name, c in constraints.items():
+        rejected = c["uses"] - c["accepted_uses"]
+        must_hold = name in ("landing", "parachute") or name.startswith("rest_")
+        if rejected > (0 if must_hold else _USUAL_REJECTIONS * c["uses"]):
+            found.append(
+                f"WARNING: {name.replace('_', ' ')} contradicts all else and was rejected in {rejected} of {c['uses']} "
+                "uses; that usually means wrong units, wrong axes or a wrong calibration. Do not trust this result."
+            )
+    return found
 
 
 def entry_sentence(entry: dict[str, Any]) -> str:
@@ -127,12 +160,14 @@ def entry_sentence(entry: dict[str, Any]) -> str:
 
 def landing_sentence(landing: dict[str, Any]) -> str:
     """Where the vehicle came down, and where it would have without the landing constraint."""
-    out = landing["left_out"]
-    return (
-        f"Landing: {landing['lat_deg']:.4f} N {landing['lon_deg']:.4f} E, {landing['miss_m']:.0f} ± "
-        f"{landing['sigma_m']:.0f} m from the site; predicted without it {out['miss_m'] / 1e3:.2f} ± "
-        f"{out['sigma_m'] / 1e3:.2f} km away."
+    latitude = landing["lat_deg"]
+    sentence = (
+        f"Landing: {abs(latitude):.4f} {'S' if latitude < 0.0 else 'N'} {landing['lon_deg']:.4f} E, "
+        f"{landing['miss_m']:.0f} ± {landing['sigma_m']:.0f} m from the site"
     )
+    if out := landing.get("left_out"):
+        sentence += f"; predicted without it {out['miss_m'] / 1e3:.2f} ± {out['sigma_m'] / 1e3:.2f} km away"
+    return sentence + "."
 
 
 def telemetry_lines(telemetry: Telemetry) -> list[str]:
@@ -140,8 +175,8 @@ def telemetry_lines(telemetry: Telemetry) -> list[str]:
     lines = [f"epoch {telemetry.epoch_utc} UTC"]
     if telemetry.epoch_sclk is not None:
         lines[0] += f", SCLK {telemetry.epoch_sclk:.3f} s"
-    lines.append(_imu_line("drives", telemetry.driving))
-    lines += [_imu_line("checks", record) for record in telemetry.checking]
+    lines.append(_imu_line("driving", telemetry.driving))
+    lines += [_imu_line("checking", record) for record in telemetry.checking]
     if telemetry.attitude is not None:
         lines.append(f"on-board attitude: {len(telemetry.attitude.time)} quaternions")
     if telemetry.altimeter is not None:
@@ -152,8 +187,7 @@ def telemetry_lines(telemetry: Telemetry) -> list[str]:
     return lines + list(telemetry.notes)
 
 
-def _imu_line(does: str, record: ImuRecord) -> str:
-    return (
-        f"IMU {record.name} {does}: {len(record)} samples, {record.start:.2f} to {record.time[-1]:.2f} s "
-        f"({', '.join(record.sources)})"
-    )
+def _imu_line(role: str, record: ImuRecord) -> str:
+    used = [record.sources[k] for k in sorted(set(record.source.tolist()))]
+    name = "" if record.name == role else f" ({record.name})"
+    return f"{role} IMU{name}: {len(record)} samples, {record.start:.2f} to {record.time[-1]:.2f} s ({', '.join(used)})"

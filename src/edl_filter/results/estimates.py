@@ -59,7 +59,7 @@ def add_constraints(groups: Groups, statements: Iterable[Statement], fused: Iter
                 "dof": s.dof,
                 "nis_total": float(np.sum(s.nis)),
                 "nis_interval_99_9": np.array([low, high]),
-                "consistent": int(s.consistent),
+                "consistent": int(s.consistent or not s.dof),
                 "left_out_nis": s.left_out_nis,
                 "left_out_dof": s.left_out_dof,
             }

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import os
-import tempfile
-from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from edl_filter.errors import InputError
 from edl_filter.results.groups import Groups
+from edl_filter.whole_file import replace_with
 
 if TYPE_CHECKING:
     import xarray
@@ -77,36 +75,6 @@ def write(result: xarray.DataTree | Groups, path: str | Path) -> Path:
     return replace_with(path, lambda temporary: tree.to_netcdf(temporary, engine="h5netcdf"))
 
 
-def replace_with(path: Path, make: Callable[[Path], Any]) -> Path:
-    """Let `make` write a temporary file beside `path`, then give it that name; nothing is left on failure.
-
-    Raises
-    ------
-    InputError
-        The folder cannot be written.
-    """
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        handle, name = tempfile.mkstemp(prefix=f".{path.name}.", suffix=path.suffix, dir=path.parent)
-    except OSError as error:
-        raise InputError(f"{path}: cannot be written ({error.strerror}).") from None
-    os.close(handle)
-    temporary = Path(name)
-    try:
-        make(temporary)
-        temporary.chmod(0o666 & ~_umask())  # mkstemp makes it private
-        temporary.replace(path)
-    finally:
-        temporary.unlink(missing_ok=True)
-    return path
-
-
-def _umask() -> int:
-    mask = os.umask(0)
-    os.umask(mask)
-    return mask
-
-
 def read(path: str | Path) -> xarray.DataTree:
     """Read a result into memory.
 
@@ -146,6 +114,7 @@ def _check(path: Path) -> None:
     try:
         with h5py.File(path, "r") as file:
             found, version = file.attrs.get("format"), file.attrs.get("format_version")
+            whole = isinstance(file.get("trajectory"), h5py.Group)
     except OSError:
         raise InputError(
             f"{path}: this is no HDF5 file, or a damaged one; expected the result.nc that 'edl-filter run' writes."
@@ -159,3 +128,5 @@ def _check(path: Path) -> None:
             f"{path}: it is a result of version {version}; this edl-filter reads version {FORMAT_VERSION}. "
             "Run the mission again."
         )
+    if not whole:
+        raise InputError(f"{path}: the group /trajectory is missing; this is only a part of a result.")

@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import json
 import math
+import tempfile
 import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from edl_filter.results.netcdf import replace_with, tree_of, write
+from edl_filter.results.netcdf import tree_of, write
 from edl_filter.results.summary import summary
+from edl_filter.whole_file import cannot_write, replace_with
 
 if TYPE_CHECKING:
     from edl_filter.reconstruction import Reconstruction
@@ -19,6 +21,9 @@ if TYPE_CHECKING:
 
 def write_outputs(reconstruction: Reconstruction, directory: str | Path, figures: bool) -> dict[str, Any]:
     """Write ``result.nc``, ``summary.json`` and, if wanted, ``figures/``.
+
+    All is made in a hidden folder first and takes its place at the end, so that a failure leaves what was there;
+    figures of an earlier run go.
 
     Parameters
     ----------
@@ -37,27 +42,61 @@ def write_outputs(reconstruction: Reconstruction, directory: str | Path, figures
     InputError
         The folder cannot be written.
     """
+    directory = Path(directory)
+    result, path = directory / "result.nc", directory / "summary.json"
+    for place in (result, path):
+        if place.is_dir():
+            raise cannot_write(place, "it is a folder")
+    try:
+        directory.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryDirectory(prefix=".edl-filter.", dir=directory) as hidden:
+            staged = Path(hidden)
+            drawn, told = _make(reconstruction, staged, figures)
+            _remove_figures(directory / "figures")
+            if drawn:
+                (directory / "figures").mkdir(exist_ok=True)
+            places = [directory / path.relative_to(staged) for path in drawn]
+            for place in (*places, result, path):
+                (staged / place.relative_to(directory)).replace(place)
+    except OSError as error:
+        raise cannot_write(Path(error.filename2 or error.filename or directory), error) from None
+    return {"result": result, "summary": path, "figures": places, "content": told}
+
+
+def _make(reconstruction: Reconstruction, folder: Path, figures: bool) -> tuple[list[Path], dict[str, Any]]:
+    """Write everything into `folder`; the figures' paths and the summary."""
     from edl_filter.results.content import content, derive
 
-    directory = Path(directory)
     begin = time.perf_counter()
     derived = derive(reconstruction)
     groups = content(reconstruction, derived)
     timing = {"postflight": time.perf_counter() - begin}
     begin = time.perf_counter()
-    result = write(groups, directory / "result.nc")
+    write(groups, folder / "result.nc")
     timing["write"] = time.perf_counter() - begin
     drawn: list[Path] = []
     if figures:
         from edl_filter.report.figures import draw_all
 
         begin = time.perf_counter()
-        drawn = draw_all(tree_of(groups), directory / "figures")
+        drawn = draw_all(tree_of(groups), folder / "figures")
         timing["figures"] = time.perf_counter() - begin
     told = summary(reconstruction, derived)
     told["timing_s"] |= timing
-    path = write_json(told, directory / "summary.json")
-    return {"result": result, "summary": path, "figures": drawn, "content": told}
+    write_json(told, folder / "summary.json")
+    return drawn, told
+
+
+def _remove_figures(folder: Path) -> None:
+    """Remove the figures that a run draws, and the folder if nothing else is in it."""
+    if not any(folder.glob("*.png")):
+        return
+    from edl_filter.report.figures import FIGURES
+
+    for name in FIGURES:
+        (folder / f"{name}.png").unlink(missing_ok=True)
+    if not any(folder.iterdir()):
+        folder.rmdir()
 
 
 def write_json(data: Any, path: Path) -> Path:

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from edl_filter.navigation.leave_one_out import Statement
     from edl_filter.reconstruction import Reconstruction
     from edl_filter.results.content import Derived
-    from edl_filter.telemetry.calibration import MisalignmentEstimate
+    from edl_filter.telemetry.calibration import Misalignment, MisalignmentEstimate
 
 Array = NDArray[np.float64]
 
@@ -36,7 +36,10 @@ def summary(reconstruction: Reconstruction, derived: Derived | None = None) -> d
     from edl_filter.results.content import derive
 
     derived = derived or derive(reconstruction)
-    found = {name: _without_nothing(asdict(event)) for name, event in derived.events.items()}
+    found = {
+        name: _without_nothing(asdict(event)) | from_site(reconstruction, event.time_s)
+        for name, event in derived.events.items()
+    }
     return {
         "mission": reconstruction.mission.name,
         "title": reconstruction.mission.title,
@@ -57,14 +60,66 @@ def _without_nothing(event: dict[str, Any]) -> dict[str, Any]:
     return {key: value for key, value in event.items() if value is not None and key != "name"}
 
 
+def site_of(reconstruction: Reconstruction) -> Array | None:
+    """Planet-fixed position of the landing site, m, (3,), where one is known."""
+    site: Array | None = getattr(reconstruction, "site", None)
+    if site is None:
+        fused = (f.constraint for f in reconstruction.forward.fused)
+        site = next((c.measured for c in fused if c.name == "landing"), None)
+    return site
+
+
+def _enu(site: Array) -> Array:
+    """East, north, up of a site from planet-fixed components, (3, 3); up is away from the planet's centre."""
+    from edl_filter.planet import ellipsoid
+
+    latitude, longitude, _ = ellipsoid.areocentric_from_fixed(site)
+    return ellipsoid.enu_from_fixed(latitude, longitude)
+
+
+def from_site(reconstruction: Reconstruction, time: float) -> dict[str, float]:
+    """Position from the landing site and velocity against the ground at `time` (s), along the site's axes."""
+    site = site_of(reconstruction)
+    if site is None:
+        return {}
+    trajectory, rotation, enu = reconstruction.trajectory, reconstruction.planet.rotation, _enu(site)
+
+    def at(values: Array) -> Array:
+        return np.array([np.interp(time, trajectory.time, column) for column in values.T])
+
+    position = at(trajectory.position)
+    velocity = rotation.velocity_relative(position, at(trajectory.velocity))
+    places = enu @ (rotation.to_fixed(time, position) - site)
+    speeds = enu @ rotation.to_fixed(time, velocity)
+    axes = ("east", "north", "up")
+    return {f"{axis}_m": float(value) for axis, value in zip(axes, places, strict=True)} | {
+        f"velocity_{axis}_m_s": float(value) for axis, value in zip(axes, speeds, strict=True)
+    }
+
+
+def _miss(miss: Array, covariance: Array) -> dict[str, float]:
+    """Distance over the ground and its components (east, north, up), with sigmas.
+
+    ``sigma_m`` is the root of the horizontal variances' sum.
+    """
+    told = {
+        "miss_m": float(np.hypot(miss[0], miss[1])),
+        "sigma_m": float(np.sqrt(covariance[0, 0] + covariance[1, 1])),
+    }
+    for k, axis in enumerate(("east", "north", "up")):
+        told |= {f"miss_{axis}_m": float(miss[k]), f"sigma_{axis}_m": float(np.sqrt(covariance[k, k]))}
+    return told
+
+
 def landing(reconstruction: Reconstruction) -> dict[str, Any]:
     """Where the reconstruction comes down, against the site, and against the site when that was left out.
 
-    Sigmas are of distances: the root of the variances' sum, over the horizontal directions for ``sigma_m`` and
-    over all three for ``left_out.sigma_m``. Without a landing constraint there is no site to miss.
+    ``miss_m`` and ``sigma_m`` are horizontal. Sigmas are of the trajectory in the first place, and of prediction
+    and site together in ``left_out``. Without a site there is none to miss.
     """
     from edl_filter.planet import ellipsoid
 
+    site = site_of(reconstruction)
     fused = next((f for f in reconstruction.forward.fused if f.constraint.name == "landing"), None)
     times = reconstruction.event_times
     trajectory = reconstruction.trajectory
@@ -73,60 +128,51 @@ def landing(reconstruction: Reconstruction) -> dict[str, Any]:
     rotation = reconstruction.planet.rotation
     place = rotation.to_fixed(trajectory.time[k], trajectory.position[k])
     latitude, longitude, radius = ellipsoid.areocentric_from_fixed(place)
-    enu_from_inertial = ellipsoid.enu_from_fixed(latitude, longitude + rotation.angle(trajectory.time[k]))
+    enu = _enu(place if site is None else site)
+    enu_from_inertial = rotation.to_inertial(trajectory.time[k], enu)
     covariance = enu_from_inertial @ trajectory.covariance[k, :3, :3] @ enu_from_inertial.T
     told: dict[str, Any] = {
         "time_s": float(trajectory.time[k]),
         "lat_deg": float(np.rad2deg(latitude)),
         "lon_deg": float(np.rad2deg(longitude)) % 360.0,
         "radius_m": float(radius),
+        "miss_m": None,
         "sigma_m": float(np.sqrt(covariance[0, 0] + covariance[1, 1])),
     }
-    if fused is None:
-        return told | {"miss_m": None}
-    site = fused.constraint.measured
+    if site is None:
+        return told
     site_latitude, site_longitude, site_radius = ellipsoid.areocentric_from_fixed(site)
-    enu = ellipsoid.enu_from_fixed(site_latitude, site_longitude)
-    east, north, up = enu @ (place - site)
-    told |= {
-        "miss_m": float(np.hypot(east, north)),
-        "miss_east_m": float(east),
-        "miss_north_m": float(north),
-        "miss_up_m": float(up),
+    told |= _miss(enu @ (place - site), covariance) | {
         "site_lat_deg": float(np.rad2deg(site_latitude)),
         "site_lon_deg": float(np.rad2deg(site_longitude)) % 360.0,
         "site_radius_m": float(site_radius),
     }
-    statement = next(s for s in reconstruction.statements if s.name == "landing")
-    # left_out is measured minus predicted; a miss is predicted minus measured
-    east, north, up = -(enu @ statement.left_out)
-    told["left_out"] = {
-        "miss_m": float(np.linalg.norm(statement.left_out)),
-        "miss_east_m": float(east),
-        "miss_north_m": float(north),
-        "miss_up_m": float(up),
-        "sigma_m": float(np.linalg.norm(statement.left_out_sigma)),
-        "nis": statement.left_out_nis,
-        "dof": statement.left_out_dof,
-    }
+    for statement in (s for s in reconstruction.statements if s.name == "landing"):
+        # left_out is measured minus predicted; a miss is predicted minus measured
+        miss = _miss(-(enu @ statement.left_out), enu @ statement.left_out_covariance @ enu.T)
+        told["left_out"] = miss | {"nis": statement.left_out_nis, "dof": statement.left_out_dof}
     return told
 
 
 def constraint(s: Statement) -> dict[str, Any]:
-    """One constraint. Used at many epochs: mean innovation, root mean square of its sigmas, sum of the NIS."""
+    """One constraint. Used many times: mean innovation, root mean square of its sigmas, sum of the NIS.
+
+    ``accepted`` is whether every use passed the gate; where nothing could be compared (``dof`` 0) there is neither
+    an interval nor a verdict.
+    """
     return {
         "source": s.source,
         "components": list(s.components),
-        "epochs": len(s.time),
+        "uses": len(s.time),
+        "accepted_uses": int(np.sum(s.accepted)),
+        "accepted": bool(np.all(s.accepted)),
         "time_s": float(s.time[0]),
         "innovation": s.innovation.mean(axis=0).tolist(),
         "innovation_sigma": np.sqrt(np.mean(s.innovation_sigma**2, axis=0)).tolist(),
         "nis": float(np.sum(s.nis)),
         "dof": s.dof,
-        "nis_interval_99_9": list(s.nis_interval()),
-        "consistent": s.consistent,
-        "accepted": bool(np.all(s.accepted)),
-        "accepted_epochs": int(np.sum(s.accepted)),
+        "nis_interval_99_9": list(s.nis_interval()) if s.dof else None,
+        "consistent": s.consistent if s.dof else None,
         "left_out": s.left_out.tolist(),
         "left_out_sigma": s.left_out_sigma.tolist(),
         "left_out_nis": s.left_out_nis,
@@ -161,9 +207,14 @@ def entry_state(reconstruction: Reconstruction) -> dict[str, Any]:
 
 
 def comparison(estimate: MisalignmentEstimate) -> dict[str, Any]:
-    """Misalignment and bias difference of a checking IMU along y and z, all windows together."""
-    fit = estimate.all
+    """Misalignment and bias difference of a checking IMU along y and z: all windows together, and each."""
+    return {"all": _fit(estimate.all), "windows": [_fit(fit) for fit in estimate.windows]}
+
+
+def _fit(fit: Misalignment) -> dict[str, Any]:
     return {
+        "start_s": float(fit.start),
+        "end_s": float(fit.end),
         "misalignment_deg": np.rad2deg(fit.slope).tolist(),
         "misalignment_sigma_deg": np.rad2deg(fit.slope_sigma).tolist(),
         "bias_difference_m_s2": fit.offset.tolist(),

@@ -72,15 +72,6 @@ class SclkClock:
         return np.asarray(sclk, float) - self.from_utc(epoch_utc)
 
 
-#: MER's clocks by spacecraft number. The reference is the start of each HIGHRATE table: the one count of each
-#: label that is a whole second, where both readings of the fraction agree. The clock correlation's own error
-#: is not in the archive (probably below 0.5 s).
-MER_CLOCKS = {
-    1: SclkClock(128278284.0, "2004-01-25T04:50:11.164"),
-    2: SclkClock(126462175.0, "2004-01-04T04:21:21.532"),
-}
-
-
 def label_utc(clock: SclkClock, count: str) -> str:
     """UTC that MER's PDS labels give for a clock count such as ``"126461185.125"``.
 

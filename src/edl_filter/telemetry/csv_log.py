@@ -26,7 +26,7 @@ from edl_filter.telemetry.csv_spec import (
     TimeColumn,
     read_spec,
 )
-from edl_filter.telemetry.flight_file import FlightImu, write_flight_file
+from edl_filter.telemetry.flight_file import STEP_TOLERANCE, FlightImu, write_flight_file
 from edl_filter.telemetry.record import (
     AltimeterRecord,
     InitialState,
@@ -126,7 +126,7 @@ def _scaled(log: _Log, columns: tuple[str, ...], unit: str, means: dict[str, flo
 def _imu(log: _Log, spec: ImuSpec, spec_path: Path, name: str) -> FlightImu:
     step, time = spec.sample_interval_s, log.time(spec.time)
     usual = float(np.median(np.diff(time)))
-    if not 0.5 < usual / step < 2.0:
+    if abs(usual / step - 1.0) > STEP_TOLERANCE:
         raise InputError(
             f"{spec_path}: imu.{name}.sample_interval_s is {step:g}, but the usual step of column "
             f"{spec.time.column!r} in unit {spec.time.unit!r} is {usual:g} s."

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import os
+import re
 from pathlib import Path
 
 from edl_filter.errors import InputError
 from edl_filter.telemetry.pds3 import find_file
+from edl_filter.whole_file import usual_mode
 
 #: PDS Atmospheres node, volume merimu_1001.
 BASE_URL = "https://pds-atmospheres.nmsu.edu/PDS/data/merimu_1001/"
@@ -42,7 +44,7 @@ def fetch_mer_imu(base_url: str | None = None, cache: str | Path | None = None, 
     Parameters
     ----------
     base_url : str
-        Address of a copy of the volume; the PDS Atmospheres node if not given.
+        Address of a copy of the volume, or of its DATA folder; the PDS Atmospheres node if not given.
     cache : path
         Folder for downloads; see `cache_folder`.
     progress : bool
@@ -65,14 +67,14 @@ def fetch_mer_imu(base_url: str | None = None, cache: str | Path | None = None, 
     from rich.console import Console
     from rich.progress import track
 
-    folder, base = cache_folder(cache) / "mer_imu", (base_url or BASE_URL).rstrip("/") + "/"
+    folder, base = cache_folder(cache) / "mer_imu", _volume(base_url or BASE_URL)
     pooch.get_logger().setLevel(logging.WARNING)
     console = Console(stderr=True)
     hidden = not (progress and console.is_terminal)
     try:
         store = pooch.create(path=folder, base_url=base, registry=REGISTRY)
         for name in track(list(REGISTRY), "MER telemetry", console=console, disable=hidden, transient=True):
-            store.fetch(name)
+            Path(store.fetch(name)).chmod(usual_mode())  # pooch makes it private
     except ValueError as error:  # pooch's for a hash that does not match
         if "hash" not in str(error):
             raise InputError(f"download failed: {base}{name} ({error}); {_INSTEAD}.") from None
@@ -86,6 +88,11 @@ def fetch_mer_imu(base_url: str | None = None, cache: str | Path | None = None, 
     except OSError as error:
         raise InputError(f"{folder}: cannot be written ({error.strerror or error}).") from None
     return folder
+
+
+def _volume(url: str) -> str:
+    """Address of the volume's folder, also if that of its DATA folder is given."""
+    return re.sub("/DATA$", "", url.rstrip("/"), flags=re.IGNORECASE) + "/"
 
 
 def _holds_tables(folder: Path) -> bool:

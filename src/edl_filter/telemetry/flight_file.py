@@ -7,8 +7,6 @@ SI units, radians, float64. ``/imu/primary`` drives, every other IMU checks; wha
 from __future__ import annotations
 
 import hashlib
-import os
-import tempfile
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -19,8 +17,7 @@ from numpy.typing import NDArray
 
 from edl_filter import rotations
 from edl_filter.errors import InputError
-from edl_filter.telemetry.clock import parse_utc
-from edl_filter.telemetry.hdf5_checks import Node
+from edl_filter.telemetry.hdf5_checks import DEGREE_RATES, DEGREES, PARTS, Node, Within
 from edl_filter.telemetry.record import (
     AltimeterRecord,
     ImuRecord,
@@ -30,19 +27,29 @@ from edl_filter.telemetry.record import (
     SensorErrors,
     Telemetry,
 )
+from edl_filter.whole_file import replace_with
 
 Array = NDArray[np.float64]
 
 FORMAT, VERSION = "edl-flight", 1
 #: A step in time longer than this many sampling intervals is a gap.
 GAP = 1.5
+#: How far the usual step in time may be from the sampling interval, relative.
+STEP_TOLERANCE = 0.1
+#: Most turn within one sample, rad: more can be no gyro's reading of a vehicle that is to be tracked.
+MOST_TURN = 1.5
+#: Attribute, and its size at the most, by field of `SensorErrors`.
 _ERROR_ATTRIBUTES = {
-    "accelerometer_bias": "accelerometer_bias_sigma",
-    "accelerometer_scale": "accelerometer_scale_sigma",
-    "accelerometer_misalignment": "accelerometer_misalignment_sigma",
-    "gyro_bias": "gyro_bias_sigma",
-    "gyro_scale": "gyro_scale_sigma",
+    "accelerometer_bias": ("accelerometer_bias_sigma", Within("m/s^2", 0.0, 1.0)),
+    "accelerometer_scale": ("accelerometer_scale_sigma", Within("", 0.0, 0.1, PARTS)),
+    "accelerometer_misalignment": ("accelerometer_misalignment_sigma", Within("rad", 0.0, 0.1, DEGREES)),
+    "gyro_bias": ("gyro_bias_sigma", Within("rad/s", 0.0, 0.1, DEGREE_RATES)),
+    "gyro_scale": ("gyro_scale_sigma", Within("", 0.0, 0.1, PARTS)),
 }
+_TIME = Within("s", -1e5, 1e5, {"ms": 1e-3, "us": 1e-6})
+_RADIUS = Within("m", 1e5, 1e8, {"km": 1e3})
+_FORCE = Within("m/s^2", 0.0, 5e3, {"mg": 9.80665e-3})
+_REST = Within("m/s^2", 0.5, 30.0, {"g": 9.80665, "mg": 9.80665e-3})
 
 
 def _fill_gaps(time: Array, samples: Array, step: float) -> tuple[Array, Array, NDArray[np.bool_]]:
@@ -84,21 +91,34 @@ def _read_imu(node: Node, name: str) -> ImuRecord:
     time = node.increasing("time", node.numbers("time", None))
     if len(time) < 2:
         raise InputError(f"{node.shown}: /imu/{name}/time has {len(time)} samples; at least 2 are needed.")
+    node.within("time", time[[0, -1]], _TIME)
     step = node.attribute("sample_interval", positive=True)
+    if abs((usual := float(np.median(np.diff(time)))) / step - 1.0) > STEP_TOLERANCE:
+        raise node.complain("@sample_interval", f"is {step:g} s, but the usual step of its time is {usual:g} s.")
     body_from_imu = node.unit("@body_from_imu", node.attribute("body_from_imu", 4))
-    measured = [rotations.rotate(body_from_imu, node.numbers(key, len(time), 3)) for key in
-                ("specific_force", "angular_rate")]  # fmt: skip
-    time, samples, inserted = _fill_gaps(time, np.hstack(measured), step)
+    measured = {key: node.numbers(key, len(time), 3) for key in ("specific_force", "angular_rate")}
+    node.within("specific_force", measured["specific_force"], _FORCE)
+    node.within(
+        "angular_rate", measured["angular_rate"], Within("rad/s", 0.0, min(50.0, MOST_TURN / step), DEGREE_RATES)
+    )
+    turned = [rotations.rotate(body_from_imu, values) for values in measured.values()]
+    time, samples, inserted = _fill_gaps(time, np.hstack(turned), step)
     force, rate = samples[:, :3].copy(), samples[:, 3:].copy()
-    noises = [node.attribute(key, positive=True) for key in ("accelerometer_noise", "gyro_noise")]
-    errors = SensorErrors(**{key: node.attribute(attribute) for key, attribute in _ERROR_ATTRIBUTES.items()})
+    noises = [
+        node.attribute("accelerometer_noise", positive=True, range=Within("m/s^2", 0.0, 1.0)),
+        node.attribute("gyro_noise", positive=True, range=Within("rad/s", 0.0, 0.1, DEGREE_RATES)),
+    ]
+    errors = SensorErrors(**{
+        key: node.attribute(attribute, range=size) for key, (attribute, size) in _ERROR_ATTRIBUTES.items()
+    })  # fmt: skip
+    position = node.attribute("position", 3, range=Within("m", 0.0, 20.0, {"cm": 1e-2, "mm": 1e-3}))
     return ImuRecord(
         name=name,
         time=time,
         interval=np.diff(time, prepend=time[0] - step),
         specific_force=force,
         angular_rate=rate,
-        position=np.tile(node.attribute("position", 3), (len(time), 1)),
+        position=np.tile(position, (len(time), 1)),
         force_noise=_noise(noises[0], force, inserted),
         rate_noise=_noise(noises[1], rate, inserted),
         shared_rate_noise=np.where(inserted, 0.0, noises[1]),
@@ -107,9 +127,24 @@ def _read_imu(node: Node, name: str) -> ImuRecord:
         unit=np.zeros(len(time), np.int64),
         units=(name,),
         source=inserted.astype(np.int64),
-        sources=("flight file", "gap"),
+        sources=("flight file", "gap") if inserted.any() else ("flight file",),
         errors=(errors,),
     )
+
+
+def _check_rest(units: Node, records: tuple[ImuRecord, ...], landing: LandingFix) -> None:
+    """See that after the landing accelerometers show the gravity of some planet."""
+    for record in records:
+        rest = record.specific_force[record.time > landing.time]
+        if len(rest):
+            gravity = float(np.linalg.norm(rest, axis=1).mean())
+            units.within(f"{record.name}/specific_force", np.array(gravity), _REST, "in the mean after the landing ")
+
+
+def _event_time(node: Node) -> float:
+    if "time_sigma" in node.group.attrs:
+        node.attribute("time_sigma", range=Within("s", 0.0, 1e3))
+    return float(node.attribute("time", range=_TIME))
 
 
 def _read(file: h5py.File, shown: str) -> dict[str, Any]:
@@ -124,33 +159,37 @@ def _read(file: h5py.File, shown: str) -> dict[str, Any]:
     checking = tuple(_read_imu(units.child(name), name) for name in sorted(units.group) if name != "primary")
     start = root.child("initial")
     initial = InitialState(
-        start.attribute("time"),
-        start.numbers("position", 3),
-        start.numbers("velocity", 3),
+        start.attribute("time", range=_TIME),
+        start.within("position", start.numbers("position", 3), Within("m", 1e5, 1e9, {"km": 1e3})),
+        start.within("velocity", start.numbers("velocity", 3), Within("m/s", 100.0, 1e5, {"km/s": 1e3})),
         start.unit("attitude", start.numbers("attitude", 4)),
         start.covariance("covariance"),
     )
     constraints, altimeter, landing, parachute = root.optional("constraints"), None, None, None
     if constraints and (node := constraints.optional("landing")):
-        landing = LandingFix(node.attribute("time"), node.numbers("position", 3), node.numbers("position_sigma", 3))
+        landing = LandingFix(
+            node.attribute("time", range=_TIME),
+            node.within("position", node.numbers("position", 3), _RADIUS),
+            node.within("position_sigma", node.positive("position_sigma", node.numbers("position_sigma", 3)),
+                        Within("m", 0.0, 1e6)),
+        )  # fmt: skip
+        _check_rest(units, (primary, *checking), landing)
     if constraints and (node := constraints.optional("parachute")):
         parachute = ParachuteFix(
-            node.attribute("time"),
-            node.attribute("dynamic_pressure", positive=True),
-            node.attribute("dynamic_pressure_sigma", positive=True),
+            node.attribute("time", range=_TIME),
+            node.attribute("dynamic_pressure", range=Within("Pa", 10.0, 1e6, {"kPa": 1e3})),
+            node.attribute("dynamic_pressure_sigma", positive=True, range=Within("Pa", 0.0, 1e6)),
         )
     if node := root.optional("altimeter"):
         time = node.increasing("time", node.numbers("time", None))
-        height = node.numbers("height", len(time))
+        height = node.within("height", node.numbers("height", len(time))[:, None], Within("m", -1e4, 1e6))[:, 0]
         altimeter = AltimeterRecord(
             time,
             height,
-            node.attribute("sigma", positive=True),
-            node.attribute("surface_radius", positive=True),
+            node.attribute("sigma", positive=True, range=Within("m", 0.0, 1e5)),
+            node.attribute("surface_radius", range=_RADIUS),
         )
     events = root.optional("events")
-    epoch = root.text("epoch_utc")
-    parse_utc(epoch)
     return {
         "driving": primary,
         "checking": checking,
@@ -158,9 +197,10 @@ def _read(file: h5py.File, shown: str) -> dict[str, Any]:
         "initial": initial,
         "landing": landing,
         "parachute": parachute,
-        "events": {name: events.child(name).attribute("time") for name in events.group} if events else {},
-        "epoch_utc": epoch,
-        "prime_meridian_at_epoch": root.attribute("prime_meridian_at_epoch"),
+        "events": {name: _event_time(events.child(name)) for name in events.group} if events else {},
+        "epoch_utc": root.utc("epoch_utc"),
+        "prime_meridian_at_epoch": root.attribute("prime_meridian_at_epoch", range=Within("rad", -6.3, 6.3, DEGREES)),
+        "planet": root.text("planet"),
         "notes": tuple(
             f"/imu/{imu.name}: {count} gap{'s' * (count != 1)} in time, each filled by one long sample "
             "between its neighbours."
@@ -189,8 +229,9 @@ def read_flight_file(path: str | Path) -> Telemetry:
     ------
     InputError
         Not an HDF5 file, another format or version, a missing or misshapen group, dataset or attribute,
-        numbers that are not finite, time that does not increase, a quaternion off the unit by more than
-        1e-3, a covariance that is not symmetric and positive definite. The message names file, place, row.
+        numbers that are not finite or of a size that only a wrong unit gives, time that does not increase, a
+        sampling interval unlike the steps in time, a quaternion off the unit by more than 1e-3, a covariance that
+        is not symmetric and positive definite. The message names file, place, row.
     """
     path = Path(path)
     if not path.is_file():
@@ -203,7 +244,7 @@ def read_flight_file(path: str | Path) -> Telemetry:
         ) from None
     with file:
         contents = _read(file, str(path))
-    return Telemetry(**contents, files={str(path): hashlib.sha256(path.read_bytes()).hexdigest()})
+    return Telemetry(**contents, files={path.name: hashlib.sha256(path.read_bytes()).hexdigest()})
 
 
 @dataclass(frozen=True)
@@ -226,7 +267,7 @@ def _write_imu(group: Any, imu: FlightImu) -> None:
         group[key] = np.asarray(getattr(imu, key), np.float64)
     for key in ("sample_interval", "body_from_imu", "position", "accelerometer_noise", "gyro_noise"):
         group.attrs[key] = np.asarray(getattr(imu, key), np.float64)[()]
-    for key, attribute in _ERROR_ATTRIBUTES.items():
+    for key, (attribute, _) in _ERROR_ATTRIBUTES.items():
         group.attrs[attribute] = float(getattr(imu.errors, key))
 
 
@@ -302,19 +343,12 @@ def write_flight_file(
         tree["altimeter"] = dict(vars(altimeter))
     if truth is not None:
         tree["truth"] = truth
-    try:
-        handle, temporary = tempfile.mkstemp(prefix=f".{path.name}.", dir=path.parent)
-    except OSError as error:
-        raise InputError(f"{path}: cannot be written ({error.strerror}).") from None
-    os.close(handle)
-    try:
+
+    def make(temporary: Path) -> None:
         with h5py.File(temporary, "w") as file:
             _write_tree(file, tree)
             for key, imu in imus.items():
                 _write_imu(file.create_group(f"imu/{key}"), imu)
             _read(file, str(path))
-        Path(temporary).chmod(0o644)  # mkstemp makes it private
-        Path(temporary).replace(path)
-    finally:
-        Path(temporary).unlink(missing_ok=True)
-    return path
+
+    return replace_with(path, make)

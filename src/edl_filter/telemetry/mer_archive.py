@@ -16,7 +16,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from edl_filter.errors import InputError
-from edl_filter.telemetry.clock import MER_CLOCKS, SclkClock
 from edl_filter.telemetry.mer_cleaning import (
     Gap,
     backshell_copies,
@@ -116,11 +115,8 @@ class MerTables:
         Clock counts of the first row after each reset of the register, s.
     transformed_gaps, highrate_gaps : tuples of (start, length)
         Count of the last row before each gap and seconds to the next row.
-    backshell_off : float
-        Count of the first row of either table without the backshell's IMU (inf: it never went off), s.
-    clock : SclkClock
     files : dict
-        Path → sha256 of the four files.
+        Name in the volume → sha256 of the four files.
     notes : tuple of str
         What cleaning did, one sentence each.
     """
@@ -132,8 +128,6 @@ class MerTables:
     resets: tuple[float, ...]
     transformed_gaps: tuple[Gap, ...]
     highrate_gaps: tuple[Gap, ...]
-    backshell_off: float
-    clock: SclkClock
     files: dict[str, str]
     notes: tuple[str, ...]
 
@@ -158,8 +152,8 @@ def _read(folder: Path, product: str, spacecraft: int) -> Pds3Table:
     return table
 
 
-def _clean_transformed(table: Pds3Table, notes: list[str]) -> tuple[Transformed, tuple[float, ...], float]:
-    """Clean TRANSFORMED; also the clock counts of the resets and of the backshell's switch-off."""
+def _clean_transformed(table: Pds3Table, notes: list[str]) -> tuple[Transformed, tuple[float, ...]]:
+    """Clean TRANSFORMED; also the clock counts of the resets."""
     where = table.path.name
     rover_names = [f"ROVER_IMU_QUATERNION_{k}" for k in (1, 2, 3, 4)]
     back_names = [name.replace("ROVER", "BACKSHELL") for name in rover_names]
@@ -167,7 +161,8 @@ def _clean_transformed(table: Pds3Table, notes: list[str]) -> tuple[Transformed,
     force_names = [f"BACKSHELL_IMU_ACCEL_{axis}" for axis in _AXES]
     everything = table.stack(_CLOCK, *rover_names, *back_names, *register_names, *force_names)
     keep = fuller_rows(everything[:, 0], everything[:, 1:])
-    notes.append(f"{where}: {np.count_nonzero(~keep)} rows with the time of another removed, the fuller row kept.")
+    if twice := np.count_nonzero(~keep):
+        notes.append(f"{where}: {twice} rows with the time of another removed, the fuller row kept.")
     sclk, rover, back, register, force = np.split(everything[keep], (1, 5, 9, 12), axis=1)
     sclk = sclk[:, 0]
     lost = {
@@ -179,8 +174,10 @@ def _clean_transformed(table: Pds3Table, notes: list[str]) -> tuple[Transformed,
     off = trailing_run(lost["backshell quaternion"] & lost["backshell acceleration"])
     for what, missing in lost.items():
         before = np.count_nonzero(missing[:off] if "backshell" in what else missing)
-        notes.append(f"{where}: {before} rows with a blank or clipped {what} marked missing.")
-    notes.append(f"{where}: {len(sclk) - off} rows after the backshell's IMU went off marked missing.")
+        if before:
+            notes.append(f"{where}: {before} rows with a blank or clipped {what} marked missing.")
+    if off < len(sclk):
+        notes.append(f"{where}: {len(sclk) - off} rows after the backshell's IMU went off marked missing.")
     register = with_nan(register, lost["rover velocity register"])
     resets = find_resets(sclk, register)
     velocity, increment = without_resets(register, resets)
@@ -200,11 +197,11 @@ def _clean_transformed(table: Pds3Table, notes: list[str]) -> tuple[Transformed,
         velocity_increment=increment,
         backshell_acceleration=with_nan(force, lost["backshell acceleration"]),
     )
-    return cleaned, tuple(sclk[resets].tolist()), float(sclk[off]) if off < len(sclk) else np.inf
+    return cleaned, tuple(sclk[resets].tolist())
 
 
-def _clean_highrate(table: Pds3Table, notes: list[str]) -> tuple[HighRate, float]:
-    """Clean HIGHRATE; also the clock count of the backshell's switch-off."""
+def _clean_highrate(table: Pds3Table, notes: list[str]) -> HighRate:
+    """Clean HIGHRATE."""
     names = [f"{unit}_IMU_{what}_{axis}" for unit in ("ROVER", "BACKSHELL") for what in ("RATES", "DELTA_VEL")
              for axis in _AXES]  # fmt: skip
     everything = table.stack(_CLOCK, *names)
@@ -213,14 +210,13 @@ def _clean_highrate(table: Pds3Table, notes: list[str]) -> tuple[HighRate, float
     sclk = sclk[:, 0]
     off = backshell_copies(rover, back)
     back = with_nan(back, off)
-    notes.append(
-        f"{table.path.name}: {np.count_nonzero(~keep)} rows with the time of another removed; "
-        f"{np.count_nonzero(off)} rows whose backshell columns repeat the rover's marked missing."
-    )
-    return (
-        HighRate(sclk, rover[:, :3], back[:, :3], rover[:, 3:], back[:, 3:]),
-        float(sclk[off.argmax()]) if off.any() else np.inf,
-    )
+    for count, what in (
+        (np.count_nonzero(~keep), "with the time of another removed"),
+        (np.count_nonzero(off), "whose backshell columns repeat the rover's marked missing"),
+    ):
+        if count:
+            notes.append(f"{table.path.name}: {count} rows {what}.")
+    return HighRate(sclk, rover[:, :3], back[:, :3], rover[:, 3:], back[:, 3:])
 
 
 def read_mer_tables(folder: str | Path, spacecraft: int) -> MerTables:
@@ -246,8 +242,8 @@ def read_mer_tables(folder: str | Path, spacecraft: int) -> MerTables:
         raise InputError(f"spacecraft is {spacecraft!r}; 1 (MER-B Opportunity) and 2 (MER-A Spirit) are accepted.")
     tables = {name: _read(Path(folder), name, spacecraft) for name in ("TRANSFORMED", "HIGHRATE")}
     notes: list[str] = []
-    transformed, resets, off = _clean_transformed(tables["TRANSFORMED"], notes)
-    highrate, highrate_off = _clean_highrate(tables["HIGHRATE"], notes)
+    transformed, resets = _clean_transformed(tables["TRANSFORMED"], notes)
+    highrate = _clean_highrate(tables["HIGHRATE"], notes)
     gaps = {
         "TRANSFORMED": find_gaps(transformed.sclk, 2.1 * SAMPLE_INTERVAL),
         "HIGHRATE": find_gaps(highrate.sclk, 1.1 * SAMPLE_INTERVAL),
@@ -265,8 +261,6 @@ def read_mer_tables(folder: str | Path, spacecraft: int) -> MerTables:
         resets=resets,
         transformed_gaps=gaps["TRANSFORMED"],
         highrate_gaps=gaps["HIGHRATE"],
-        backshell_off=min(off, highrate_off),
-        clock=MER_CLOCKS[spacecraft],
-        files=tables["TRANSFORMED"].files | tables["HIGHRATE"].files,
+        files={f"DATA/{name}": sha for table in tables.values() for name, sha in table.files.items()},
         notes=tuple(notes),
     )

@@ -122,8 +122,10 @@ def mer_telemetry(tables: MerTables, setup: MerSetup) -> Telemetry:
     Raises
     ------
     InputError
-        The separation lies outside HIGHRATE, or the wanted span outside the telemetry.
+        The epoch is nowhere near the tables, the separation lies outside HIGHRATE, or the wanted span outside the
+        telemetry.
     """
+    _check_epoch(tables, setup)
     times = tables.highrate.sclk - setup.epoch_sclk
     if not times[0] < setup.separation < times[-1]:
         raise InputError(
@@ -133,13 +135,13 @@ def mer_telemetry(tables: MerTables, setup: MerSetup) -> Telemetry:
     backshell = highrate_piece(tables, setup, "backshell")
     rover = highrate_piece(tables, setup, "rover")
     handover = _handover(tables, setup)
-    pieces = [
+    joined = [
         transformed_piece(tables, setup, until=backshell.start),
         *_placed(setup, bridged(tables, setup, backshell.between(-np.inf, setup.separation))),
         *_placed(setup, bridged(tables, setup, rover.between(setup.separation, handover))),
-        register_piece(tables, setup, handover, setup.end + 1.0),
+        *register_piece(tables, setup, handover, np.inf),
     ]
-    driving = join("driving", pieces, UNITS, tuple(setup.imus[u].errors for u in UNITS))
+    driving = join("driving", joined, UNITS, tuple(setup.imus[u].errors for u in UNITS))
     if not driving.start <= setup.start + 0.5 or driving.time[-1] < setup.end - 0.5:
         raise InputError(
             f"telemetry.start_s and end_s ask for {setup.start:g} to {setup.end:g} s; the telemetry has "
@@ -148,15 +150,16 @@ def mer_telemetry(tables: MerTables, setup: MerSetup) -> Telemetry:
     check = join(
         "rover",
         [
-            register_piece(tables, setup, max(setup.start, -5.0), rover.start),
+            *register_piece(tables, setup, -5.0, rover.start),
             *bridged(tables, setup, rover.between(-np.inf, setup.separation)),
         ],
         UNITS,
         tuple(setup.imus[u].errors for u in UNITS),
     )
+    common = max(setup.start, check.start), min(setup.end, float(check.time[-1]))
     return Telemetry(
         driving=driving.between(setup.start, setup.end),
-        checking=(check,),
+        checking=(check.between(*common),) if common[1] - common[0] > 1.0 else (),
         attitude=onboard_attitude(tables, setup),
         events=dict(setup.events),
         epoch_utc=setup.epoch_utc,
@@ -164,6 +167,17 @@ def mer_telemetry(tables: MerTables, setup: MerSetup) -> Telemetry:
         files=tables.files,
         notes=tables.notes,
     )
+
+
+def _check_epoch(tables: MerTables, setup: MerSetup) -> None:
+    """See that the epoch is within the table, or not further from it than it is long."""
+    first, last = tables.transformed.sclk[[0, -1]]
+    if not 2.0 * first - last <= setup.epoch_sclk <= 2.0 * last - first:
+        raise InputError(
+            f"telemetry.spacecraft: the tables of spacecraft {tables.spacecraft} ({tables.name}) run from SCLK "
+            f"{first:.3f} to {last:.3f}, far from telemetry.epoch_sclk = {setup.epoch_sclk:.3f}; one of the two is "
+            "another rover's."
+        )
 
 
 def _placed(setup: MerSetup, pieces: list[Piece]) -> list[Piece]:
@@ -195,7 +209,7 @@ def transformed_piece(tables: MerTables, setup: MerSetup, until: float) -> Piece
     """
     t, imu = tables.transformed, setup.imus["backshell"]
     time = t.sclk - setup.epoch_sclk
-    rows = np.flatnonzero((time <= until + 1e-6) & (time >= setup.start - 1.0))
+    rows = np.flatnonzero(time <= until + 1e-6)
     time, force = time[rows], t.backshell_acceleration[rows].copy()
     if imu.transformed_alignment is not None:
         force[:, :2] -= imu.transformed_alignment * force[:, 2:]
@@ -318,21 +332,25 @@ def _register_rows(tables: MerTables, setup: MerSetup) -> NDArray[np.int64]:
 def _handover(tables: MerTables, setup: MerSetup) -> float:
     """Last time up to HIGHRATE's end at which the rover's quaternion and register are usable, s."""
     sclk = tables.transformed.sclk[_register_rows(tables, setup)]
-    return float(sclk[sclk <= tables.highrate.sclk[-1] + 1e-6][-1] - setup.epoch_sclk)
+    before = sclk[sclk <= tables.highrate.sclk[-1] + 1e-6]
+    return float((before[-1] if len(before) else tables.highrate.sclk[-1]) - setup.epoch_sclk)
 
 
-def register_piece(tables: MerTables, setup: MerSetup, start: float, end: float) -> Piece:
+def register_piece(tables: MerTables, setup: MerSetup, start: float, end: float) -> list[Piece]:
     """From `start` to `end`: rates from the rover's quaternion, force from its accumulated velocity.
 
     The register accumulates in axes that do not turn, so a difference of two rows is exact however the lander
     rolled between them. It is spread evenly in time, and the turn between two quaternions evenly in angle, over
     steps of at most `REGISTER_STEP`: across a gap of 15.75 s too, velocity and attitude end where they should.
+    No piece where there are not two rows.
     """
     t, imu = tables.transformed, setup.imus["register"]
     rows = _register_rows(tables, setup)
     time = t.sclk[rows] - setup.epoch_sclk
     keep = (time >= start - 1e-6) & (time <= end + 1e-6)
     rows, time = rows[keep], time[keep]
+    if len(rows) < 2:
+        return []
     attitude = t.rover_j2000_from_sc[rows]
     rate = rates_from_quaternions(time, attitude)
     gained = rotations.rotate(setup.j2000_from_register, np.diff(t.velocity[rows], axis=0))
@@ -345,7 +363,7 @@ def register_piece(tables: MerTables, setup: MerSetup, start: float, end: float)
     )
     force = rotations.rotate(rotations.conjugate(middle), gained[row] / np.diff(time)[row][:, None])
     noise = np.sqrt(SAMPLE_INTERVAL / step)
-    return Piece(
+    piece = Piece(
         source="register",
         unit="register",
         time=time[row] + step * (ordinal + 1),
@@ -359,6 +377,7 @@ def register_piece(tables: MerTables, setup: MerSetup, start: float, end: float)
         net_turn=True,
         net_gain=True,
     )
+    return [piece]
 
 
 def onboard_attitude(tables: MerTables, setup: MerSetup) -> AttitudeRecord:

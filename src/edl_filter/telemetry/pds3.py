@@ -271,7 +271,7 @@ def read_table(label_path: str | Path) -> Pds3Table:
             values[name] = _column(path, column, name, table, label_path)
             units[name] = str(column.get("UNIT", ""))
     files = {
-        str(label_path): hashlib.sha256(label_path.read_bytes()).hexdigest(),
-        str(path): hashlib.sha256(raw).hexdigest(),
+        label_path.name: hashlib.sha256(label_path.read_bytes()).hexdigest(),
+        path.name: hashlib.sha256(raw).hexdigest(),
     }
     return Pds3Table(values, units, label, path, files)

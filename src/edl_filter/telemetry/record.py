@@ -239,9 +239,11 @@ class Telemetry:
     prime_meridian_at_epoch : float or None
         Angle from the inertial x axis to the prime meridian at time 0, rad, where the telemetry says it.
     files : dict
-        Path → sha256 of what was read.
+        Name within its folder or volume → sha256 of what was read.
     notes : tuple of str
         What cleaning did, one sentence each, for the report.
+    planet : str
+        Name of the planet as the telemetry has it; empty where it does not say.
     """
 
     driving: ImuRecord
@@ -257,3 +259,4 @@ class Telemetry:
     prime_meridian_at_epoch: float | None = None
     files: dict[str, str] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
+    planet: str = ""
