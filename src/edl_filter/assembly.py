@@ -45,6 +45,10 @@ def read_telemetry(mission: Mission) -> Telemetry:
     if isinstance(mission.telemetry, FlightFile):
         assert path is not None
         telemetry = read_flight_file(path)
+        if telemetry.planet.lower() != mission.planet.name.lower():
+            raise InputError(
+                f"{path}: the flight is of {telemetry.planet}, the mission's planet is {mission.planet.name}."
+            )
         return telemetry if mission.telemetry.driving is None else driven_by(telemetry, mission.telemetry.driving)
     assert isinstance(mission.telemetry, MerMission)  # telemetry_path stops the others
     tables = read_mer_tables(find_mer_imu(path), mission.telemetry.spacecraft)
@@ -236,6 +240,8 @@ def onboard_attitudes(telemetry: Telemetry, interval: float, start: float) -> li
     if attitude is None:
         raise InputError("constraints.onboard_attitude: the telemetry has no on-board attitude.")
     gyros = np.isin(driving.source, [i for i, s in enumerate(driving.sources) if s in ("HIGHRATE", "gap")])
+    if not gyros.any():
+        return []
     span = driving.time[gyros]
     gap = driving.source == (driving.sources.index("gap") if "gap" in driving.sources else -1)
     inside, edges = _within(attitude.time, driving.time[gap], driving.interval[gap])

@@ -53,6 +53,13 @@ class Postflight(Section):
     batch_s: Annotated[Number, Within("s", 0.0, 30.0, above=True)] = Field(
         default=0.875, description="length of the second-order batch polynomial that smooths rates and forces, s"
     )
+    top_temperature: Annotated[Number, Within("K", 10.0, 3000.0)] | None = Field(
+        default=None,
+        description="temperature where deceleration is first felt, K: gives the pressure there; absent: none there",
+    )
+    top_temperature_sigma: Annotated[Number, Within("K", 0.0, 1000.0)] = Field(
+        default=0.0, description="1 sigma of it, K"
+    )
     windows: tuple[NamedWindow, ...] | None = Field(
         default=None, description="windows of the average differences; absent: found from the flight"
     )

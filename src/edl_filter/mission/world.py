@@ -21,6 +21,7 @@ from edl_filter.mission.sections import (
     DEG,
     DEGREE_RATES,
     KM,
+    PERCENT,
     LeverArm,
     Mass,
     Moment,
@@ -167,6 +168,9 @@ class Vehicle(Section):
         description="distance of the centre of mass behind the nose, diameters"
     )
     inertia: Inertia | None = Field(default=None, description="inertia at entry")
+    inertia_sigma: Annotated[Number, Within("", 0.0, 1.0, PERCENT)] = Field(
+        default=0.0, description="relative 1 sigma of all of it together"
+    )
     parachute: Parachute | None = Field(default=None, description="parachute")
     events: dict[str, Event] = Field(default_factory=dict, description="events by name, in order of time")
 

@@ -13,7 +13,9 @@ from numpy.typing import NDArray
 import edl_filter
 from edl_filter.mission.measurements import MerImu
 from edl_filter.postflight.airdata import AirData, air_data
+from edl_filter.postflight.derive import Derived as Aftermath
 from edl_filter.postflight.events import Event, events
+from edl_filter.postflight.flight import derive_flight
 from edl_filter.reconstruction import Reconstruction, in_j2000
 from edl_filter.results.estimates import (
     add_comparison,
@@ -24,6 +26,7 @@ from edl_filter.results.estimates import (
 )
 from edl_filter.results.groups import Attributes, Group, Groups
 from edl_filter.results.netcdf import FORMAT, FORMAT_VERSION
+from edl_filter.results.postflight import add_postflight
 from edl_filter.telemetry.clock import SclkClock
 from edl_filter.telemetry.record import ImuRecord
 
@@ -86,16 +89,19 @@ class Derived:
     air : AirData
     events : dict
         Name → `Event`.
+    aftermath : postflight.derive.Derived or None
+        Atmosphere and coefficients, where the mission names an aerodynamic database.
     """
 
     air: AirData
     events: dict[str, Event]
+    aftermath: Aftermath | None
 
 
 def derive(reconstruction: Reconstruction) -> Derived:
-    """Air data along the trajectory, and the events."""
+    """Air data along the trajectory, the events, atmosphere and coefficients."""
     air = air_data(reconstruction.trajectory, reconstruction.planet, reconstruction.atmosphere)
-    return Derived(air, events(reconstruction, air))
+    return Derived(air, events(reconstruction, air), derive_flight(reconstruction, air))
 
 
 def content(reconstruction: Reconstruction, derived: Derived | None = None) -> Groups:
@@ -128,6 +134,8 @@ def content(reconstruction: Reconstruction, derived: Derived | None = None) -> G
     add_comparison(groups, reconstruction.comparison)
     groups["/events"] = _events(derived.events)
     add_nodes(groups, reconstruction.forward.layout, reconstruction.smoothed)
+    if derived.aftermath is not None:
+        add_postflight(groups, derived.aftermath)
     return groups
 
 

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 def write_outputs(reconstruction: Reconstruction, directory: str | Path, figures: bool) -> dict[str, Any]:
-    """Write ``result.nc``, ``summary.json`` and, if wanted, ``figures/``.
+    """Write ``result.nc``, ``summary.json``, tables in ``tables/`` and, if wanted, ``figures/``.
 
     All is made in a hidden folder first and takes its place at the end, so that a failure leaves what was there;
     figures of an earlier run go.
@@ -51,21 +51,23 @@ def write_outputs(reconstruction: Reconstruction, directory: str | Path, figures
         directory.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryDirectory(prefix=".edl-filter.", dir=directory) as hidden:
             staged = Path(hidden)
-            drawn, told = _make(reconstruction, staged, figures)
+            made, told = _make(reconstruction, staged, figures)
             _remove_figures(directory / "figures")
-            if drawn:
-                (directory / "figures").mkdir(exist_ok=True)
-            places = [directory / path.relative_to(staged) for path in drawn]
+            places = [directory / path.relative_to(staged) for path in made]
+            for place in places:
+                place.parent.mkdir(exist_ok=True)
             for place in (*places, result, path):
                 (staged / place.relative_to(directory)).replace(place)
     except OSError as error:
         raise cannot_write(Path(error.filename2 or error.filename or directory), error) from None
-    return {"result": result, "summary": path, "figures": places, "content": told}
+    drawn = [place for place in places if place.suffix == ".png"]
+    return {"result": result, "summary": path, "figures": drawn, "content": told}
 
 
 def _make(reconstruction: Reconstruction, folder: Path, figures: bool) -> tuple[list[Path], dict[str, Any]]:
-    """Write everything into `folder`; the figures' paths and the summary."""
+    """Write everything into `folder`; the paths of figures and tables, and the summary."""
     from edl_filter.results.content import content, derive
+    from edl_filter.results.postflight import tables
 
     begin = time.perf_counter()
     derived = derive(reconstruction)
@@ -74,17 +76,22 @@ def _make(reconstruction: Reconstruction, folder: Path, figures: bool) -> tuple[
     begin = time.perf_counter()
     write(groups, folder / "result.nc")
     timing["write"] = time.perf_counter() - begin
-    drawn: list[Path] = []
+    made: list[Path] = []
+    if derived.aftermath is not None:
+        (folder / "tables").mkdir()
+        for name, text in tables(derived.aftermath).items():
+            made.append(folder / "tables" / name)
+            made[-1].write_text(text, encoding="utf-8")
     if figures:
         from edl_filter.report.figures import draw_all
 
         begin = time.perf_counter()
-        drawn = draw_all(tree_of(groups), folder / "figures")
+        made += draw_all(tree_of(groups), folder / "figures")
         timing["figures"] = time.perf_counter() - begin
     told = summary(reconstruction, derived)
     told["timing_s"] |= timing
     write_json(told, folder / "summary.json")
-    return drawn, told
+    return made, told
 
 
 def _remove_figures(folder: Path) -> None:

@@ -33,6 +33,7 @@ def summary(reconstruction: Reconstruction, derived: Derived | None = None) -> d
         to. Names carry units; plain numbers, lists and dicts, some numbers perhaps not finite.
     """
     from edl_filter import __version__
+    from edl_filter.results import postflight
     from edl_filter.results.content import derive
 
     derived = derived or derive(reconstruction)
@@ -51,6 +52,7 @@ def summary(reconstruction: Reconstruction, derived: Derived | None = None) -> d
         "entry_state": entry_state(reconstruction),
         "imu_comparison": {name: comparison(fit) for name, fit in reconstruction.comparison.items()},
         "residuals": residuals(reconstruction.statements),
+        "postflight": None if derived.aftermath is None else postflight.summary(derived.aftermath),
         "notes": list(reconstruction.telemetry.notes),
         "timing_s": dict(reconstruction.timing),
     }
@@ -58,15 +60,6 @@ def summary(reconstruction: Reconstruction, derived: Derived | None = None) -> d
 
 def _without_nothing(event: dict[str, Any]) -> dict[str, Any]:
     return {key: value for key, value in event.items() if value is not None and key != "name"}
-
-
-def site_of(reconstruction: Reconstruction) -> Array | None:
-    """Planet-fixed position of the landing site, m, (3,), where one is known."""
-    site: Array | None = getattr(reconstruction, "site", None)
-    if site is None:
-        fused = (f.constraint for f in reconstruction.forward.fused)
-        site = next((c.measured for c in fused if c.name == "landing"), None)
-    return site
 
 
 def _enu(site: Array) -> Array:
@@ -79,7 +72,7 @@ def _enu(site: Array) -> Array:
 
 def from_site(reconstruction: Reconstruction, time: float) -> dict[str, float]:
     """Position from the landing site and velocity against the ground at `time` (s), along the site's axes."""
-    site = site_of(reconstruction)
+    site = reconstruction.site
     if site is None:
         return {}
     trajectory, rotation, enu = reconstruction.trajectory, reconstruction.planet.rotation, _enu(site)
@@ -119,7 +112,7 @@ def landing(reconstruction: Reconstruction) -> dict[str, Any]:
     """
     from edl_filter.planet import ellipsoid
 
-    site = site_of(reconstruction)
+    site = reconstruction.site
     fused = next((f for f in reconstruction.forward.fused if f.constraint.name == "landing"), None)
     times = reconstruction.event_times
     trajectory = reconstruction.trajectory

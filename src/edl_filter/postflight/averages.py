@@ -1,0 +1,168 @@
+"""Average differences between the three kinds of coefficients, and what they say (thesis tables 7.1 to 7.6)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from edl_filter.postflight.coefficients import FlightCoefficients
+from edl_filter.postflight.comparison import Combination, DatabaseCoefficients
+from edl_filter.postflight.windows import Window
+
+Array = NDArray[np.float64]
+
+#: Coefficient → name of the flight's method, and the coefficient that the combination went through.
+METHODS = {"CN": ("accels", "Cm"), "CY": ("accels", "Cn"), "Cm": ("gyros", "CN"), "Cn": ("gyros", "CY")}
+#: The database's uncertainty is too wide when it is this many times what the flight supports (thesis section 7.1).
+_WIDE = 10.0
+
+
+@dataclass(frozen=True)
+class Difference:
+    """Mean of one difference over one window.
+
+    Attributes
+    ----------
+    window, coefficient : str
+    pair : str
+        ``IMU-accels`` (database less flight), ``IMU-Cm`` (database less combination), ``accels-Cm``, and so on as in
+        the thesis: IMU is the database at the reconstructed angles.
+    mean : float
+    mean_sigma : float
+        One sigma of the mean: noise averaged over batches, and errors common to the window.
+    rms : float
+        Of the difference.
+    three_sigma : float
+        The database's, mean over the window.
+    percent : float
+        ``mean`` in percent of it.
+    samples : int
+        That went into the mean.
+    """
+
+    window: str
+    coefficient: str
+    pair: str
+    mean: float
+    mean_sigma: float
+    rms: float
+    three_sigma: float
+    percent: float
+    samples: int
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """What a window says of one coefficient's uncertainty.
+
+    ``within``: database and flight differ on average by less than the database's 3 sigma; ``wide``: that is ten times
+    what the flight supports, or more. The flight supports the larger of the mean difference and three sigma of
+    the mean.
+    """
+
+    window: str
+    coefficient: str
+    within: bool
+    wide: bool
+    ratio: float
+    sentence: str
+
+
+def average_differences(
+    time: Array,
+    database: DatabaseCoefficients,
+    flight: FlightCoefficients,
+    forces: Combination,
+    moments: Combination,
+    windows: Sequence[Window],
+    batch: NDArray[np.int64],
+) -> list[Difference]:
+    """Tables 7.1 to 7.6.
+
+    Parameters
+    ----------
+    time : (N,) array
+        s.
+    database, flight, forces, moments
+        The three kinds; `forces` gives Cm and Cn, `moments` CN and CY.
+    windows : sequence of Window
+    batch : (N,) array
+        Samples in a smoothing batch: noise is independent from one batch to the next.
+    """
+    rows = []
+    for window in windows:
+        inside = window.mask(time)
+        for name, (method, through) in METHODS.items():
+            imu, measured = database.value[name], flight.value[name]
+            through_it = moments if name in ("CN", "CY") else forces
+            combined = through_it.value[name]
+            angle = database.angle_sigma[name]
+            flown, combine = (flight.noise[name], flight.systematic[name]), (through_it.noise, through_it.systematic)
+            nothing = np.zeros(len(time))
+            for pair, difference, one, other in (
+                (f"IMU-{method}", imu - measured, flown, (nothing, angle)),
+                (f"IMU-{through}", imu - combined, combine, (nothing, angle)),
+                (f"{method}-{through}", measured - combined, flown, combine),
+            ):
+                noise, common = np.hypot(one[0], other[0]), np.hypot(one[1], other[1])
+                rows.append(
+                    _row(window.name, name, pair, inside, difference, noise, common, database.three_sigma[name], batch)
+                )
+    return rows
+
+
+def verdicts(differences: Sequence[Difference]) -> list[Verdict]:
+    """One sentence per coefficient and window, from database less flight."""
+    out = []
+    for row in differences:
+        if row.pair != f"IMU-{METHODS[row.coefficient][0]}" or not row.samples:
+            continue
+        supported = max(abs(row.mean), 3.0 * row.mean_sigma)
+        ratio = row.three_sigma / supported if supported > 0.0 else float("inf")
+        within, wide = abs(row.mean) < row.three_sigma, ratio >= _WIDE
+        text = (
+            f"{row.window}: {row.coefficient} of the database and of the flight differ by {row.mean:+.2g} ± "
+            f"{row.mean_sigma:.1g} on average, {'less' if within else 'more'} than the database's 3 sigma of "
+            f"{row.three_sigma:.2g} ({abs(row.percent):.0f} %)."
+        )
+        if wide:
+            text += f" That uncertainty is {ratio:.0f} times what this flight supports."
+        out.append(Verdict(row.window, row.coefficient, within, wide, ratio, text))
+    return out
+
+
+def _row(
+    window: str,
+    name: str,
+    pair: str,
+    inside: NDArray[np.bool_],
+    difference: Array,
+    noise: Array,
+    common: Array,
+    limit: Array,
+    batch: NDArray[np.int64],
+) -> Difference:
+    use = inside & np.isfinite(difference) & np.isfinite(noise)
+    n = int(use.sum())
+    if not n:
+        nan = float("nan")
+        return Difference(window, name, pair, nan, nan, nan, nan, nan, 0)
+    d = difference[use]
+    batches = max(1.0, float(np.sum(1.0 / batch[use])))
+    random = np.sqrt(np.mean(noise[use] ** 2) / batches)
+    three = float(np.mean(limit[use]))
+    mean = float(np.mean(d))
+    return Difference(
+        window=window,
+        coefficient=name,
+        pair=pair,
+        mean=mean,
+        mean_sigma=float(np.hypot(random, np.mean(common[use]))),
+        rms=float(np.sqrt(np.mean(d**2))),
+        three_sigma=three,
+        percent=100.0 * mean / three,
+        samples=n,
+    )

@@ -1,0 +1,104 @@
+"""Flight coefficients from forces and moments (thesis eqs. 6.1 to 6.5), with bands.
+
+CN acts along −z, CY along +y; Cl, Cm and Cn about x, y and z at the centre of mass; reference π D²/4 and D.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from edl_filter.postflight.atmosphere import FlightAtmosphere
+from edl_filter.postflight.moments import Moments
+
+Array = NDArray[np.float64]
+
+FORCES = ("CN", "CY")
+MOMENTS = ("Cl", "Cm", "Cn")
+NAMES = FORCES + MOMENTS
+
+
+@dataclass(frozen=True)
+class FlightCoefficients:
+    """Coefficients by name (`NAMES`), ``(N,)`` each; NaN where the atmosphere is.
+
+    Attributes
+    ----------
+    value : dict
+    noise, systematic : dict
+        One sigma that changes from batch to batch of samples, and one sigma common to the flight.
+    dynamic_pressure : array
+        Pa.
+    """
+
+    value: dict[str, Array]
+    noise: dict[str, Array]
+    systematic: dict[str, Array]
+    dynamic_pressure: Array
+
+    def sigma(self, name: str) -> Array:
+        """One sigma."""
+        return np.hypot(self.noise[name], self.systematic[name])
+
+
+def flight_coefficients(
+    force: Array,
+    force_noise: Array,
+    bias_sigma: ArrayLike,
+    moments: Moments,
+    atmosphere: FlightAtmosphere,
+    speed: Array,
+    mass: ArrayLike,
+    diameter: float,
+    alignment_sigma: float = 0.0,
+) -> FlightCoefficients:
+    """Coefficients with one of the atmospheres.
+
+    Parameters
+    ----------
+    force : (N, 3) array
+        Smoothed specific force at the centre of mass, m/s².
+    force_noise : (N,) array
+        Its one sigma per axis, m/s².
+    bias_sigma : float or (3,) array
+        m/s², per axis.
+    moments : Moments
+    atmosphere : FlightAtmosphere
+    speed, mass : (N,) array, float or (N,) array
+        m/s, kg.
+    diameter : float
+        m.
+    alignment_sigma : float
+        rad: one sigma of the accelerometers' axes against the body's; brings that share of the axial force into the
+        lateral ones.
+
+    Returns
+    -------
+    FlightCoefficients
+
+    Notes
+    -----
+    Linear bands: the lateral force's own noise and bias, and the relative sigma of m/q or 1/q that the atmosphere
+    states.
+    """
+    area = np.pi / 4.0 * diameter**2
+    q = 0.5 * atmosphere.density * speed**2
+    per_force, per_moment = np.asarray(mass, float) / (q * area), 1.0 / (q * area * diameter)
+    bias = np.broadcast_to(np.asarray(bias_sigma, float), (3,))
+    value: dict[str, Array] = {}
+    noise: dict[str, Array] = {}
+    systematic: dict[str, Array] = {}
+    leak = alignment_sigma * np.abs(force[:, 0])
+    for name, axis, sign in (("CN", 2, -1.0), ("CY", 1, 1.0)):
+        value[name] = sign * per_force * force[:, axis]
+        size, scale = np.abs(value[name]), atmosphere.force_scale
+        noise[name] = np.hypot(per_force * force_noise, size * scale[:, 0])
+        systematic[name] = np.hypot(per_force * np.hypot(bias[axis], leak), size * scale[:, 1])
+    for axis, name in enumerate(MOMENTS):
+        value[name] = per_moment * moments.moment[:, axis]
+        size, scale = np.abs(value[name]), atmosphere.moment_scale
+        noise[name] = np.hypot(per_moment * moments.sigma[:, axis], size * scale[:, 0])
+        systematic[name] = np.hypot(per_moment * moments.systematic[:, axis], size * scale[:, 1])
+    return FlightCoefficients(value, noise, systematic, q)

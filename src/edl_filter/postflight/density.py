@@ -1,0 +1,231 @@
+"""Density, pressure and temperature extracted from the flight (thesis section 4.1), with bands.
+
+Density follows from the axial force and the database's CA, which hangs on Mach and Knudsen number and so on density and
+pressure: all are iterated together.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from edl_filter.aero.database import Database
+from edl_filter.errors import InputError
+from edl_filter.postflight.atmosphere import FlightAtmosphere
+from edl_filter.postflight.gas import Gas
+
+Array = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+
+_TOLERANCE = 1e-8
+_MOST_ITERATIONS = 60
+#: No air is colder or hotter (K): keeps the Mach number finite where the pressure begins at zero.
+_COLDEST, _HOTTEST = 20.0, 2000.0
+#: Fall of density over which the density at the top is fitted: one scale height.
+_FIT_FALL = np.e
+
+
+@dataclass(frozen=True)
+class AxialForce:
+    """What the axial accelerometer says, and what else goes into density.
+
+    Attributes
+    ----------
+    acceleration : (N,) array
+        Smoothed axial specific force at the centre of mass, m/s²; drag is negative.
+    noise : (N,) array
+        Its one sigma after smoothing, m/s².
+    noise_raw : (N,) array
+        The same before smoothing: the independent part of one sample.
+    bias_sigma : float or (N,) array
+        m/s², constant in flight.
+    mass : float or (N,) array
+        kg.
+    mass_sigma : float
+        kg.
+    """
+
+    acceleration: Array
+    noise: Array
+    noise_raw: Array
+    bias_sigma: ArrayLike
+    mass: ArrayLike
+    mass_sigma: float = 0.0
+
+
+def flight_extracted(
+    time: Array,
+    altitude: Array,
+    speed: Array,
+    alpha_total: Array,
+    gravity: Array,
+    axial: AxialForce,
+    valid: Bools,
+    database: Database,
+    gas: Gas,
+    diameter: float,
+    *,
+    speed_sigma: ArrayLike = 0.0,
+    top_temperature: float | None = None,
+    top_temperature_sigma: float = 0.0,
+) -> FlightAtmosphere:
+    """Density ``ρ = -2 m a_x/(CA S V²)`` (eq. 4.1), pressure ``∫ρ g dh`` (eq. 4.2), temperature ``p/(ρ R)``.
+
+    Parameters
+    ----------
+    time, altitude, speed, alpha_total : (N,) arrays
+        s, m, m/s, rad.
+    gravity : (N,) array
+        Along the local vertical, m/s².
+    axial : AxialForce
+    valid : (N,) array of bool
+        Where the acceleration is above its threshold; one stretch is used, from the first to the last.
+    database : Database
+    gas : Gas
+    diameter : float
+        m.
+    speed_sigma : float or (N,) array
+        From the smoother, m/s; taken as common to the whole flight.
+    top_temperature, top_temperature_sigma : float, optional
+        K: the air above the first valid sample is isothermal. None: the pressure begins at zero there.
+
+    Returns
+    -------
+    FlightAtmosphere
+
+    Raises
+    ------
+    InputError
+        Nothing is valid, the axial force does not decelerate in it, or the iteration does not settle.
+
+    Notes
+    -----
+    Pressure is integrated in altitude along the trajectory with the logarithmic mean of ρg between samples, exact for
+    an exponential atmosphere and the trapezoid rule otherwise to second order. The density at the top is that of a
+    log-linear fit over the first scale height, so that one noisy sample does not set the boundary.
+
+    Bands are linear. Density: noise, bias, CA (a third of the database's 3 sigma), mass and speed, added in
+    quadrature; that CA itself moves with density is left out (``dlnCA/dlnρ`` below 0.05). Bias, CA, mass and speed are
+    each taken as one error common to all altitudes and carried through the integral with their sign; noise adds
+    independently from sample to sample. In temperature the common relative errors cancel between p and ρ.
+    """
+    inside = np.flatnonzero(valid)
+    if not inside.size:
+        raise InputError(
+            "Density: the axial acceleration never rises above its threshold; there is nothing to derive from."
+        )
+    part = slice(int(inside[0]), int(inside[-1]) + 1)
+    area = np.pi / 4.0 * diameter**2
+    mass = np.broadcast_to(np.asarray(axial.mass, float), time.shape)[part]
+    force, v, h = -axial.acceleration[part], speed[part], altitude[part]
+    bad = np.flatnonzero(~(force > 0.0))
+    if bad.size:
+        raise InputError(
+            f"Density: the axial specific force at {time[part][bad[0]]:.6g} s is {-force[bad[0]]:.4g} m/s^2; "
+            "it must be negative (a deceleration) throughout the valid stretch."
+        )
+    product = 2.0 * mass * force / (area * v**2)  # density times CA
+    weight = gravity[part]
+    temperature = np.full(len(h), 200.0 if top_temperature is None else top_temperature)
+    density = product / 1.7
+    for count in range(1, _MOST_ITERATIONS + 1):  # noqa: B007 - the count is a result
+        mach, knudsen = gas.mach(v, temperature), gas.knudsen(density, diameter)
+        found = database.lookup(mach, knudsen, alpha_total[part], v)
+        new = product / found.ca
+        top = top_density(h, new)
+        start = 0.0 if top_temperature is None else top * gas.constant * top_temperature
+        pressure = start + _running_integral(h, new * weight)
+        warm = np.clip(gas.temperature(pressure, new), _COLDEST, _HOTTEST)
+        change = np.max(np.abs(new - density) / new)
+        settled = change < _TOLERANCE and np.max(np.abs(warm - temperature) / warm) < _TOLERANCE
+        density, temperature = new, warm
+        if settled:
+            break
+    else:
+        raise InputError(
+            f"Density: {_MOST_ITERATIONS} iterations on CA leave a change of {change:.2g}; check the database."
+        )
+
+    relative = {
+        "noise": axial.noise[part] / force,
+        "bias": np.broadcast_to(np.asarray(axial.bias_sigma, float), time.shape)[part] / force,
+        "ca": found.three_sigma.ca / 3.0 / found.ca,
+        "mass": axial.mass_sigma / mass,
+        "speed": -2.0 * np.broadcast_to(np.asarray(speed_sigma, float), time.shape)[part] / v,
+    }
+    step = _running_integral(h, density * weight, total=False)
+    raw = axial.noise_raw[part] / force
+    p_noise = np.sqrt(np.cumsum((step * raw) ** 2))
+    p_common, t_common = np.zeros(len(h)), (p_noise / pressure_or_one(pressure)) ** 2 + relative["noise"] ** 2
+    for name in ("bias", "ca", "mass", "speed"):
+        moved = start * _at_top(h, density, relative[name]) + _running_integral(h, density * weight * relative[name])
+        p_common += moved**2
+        t_common += (moved / pressure_or_one(pressure) - relative[name]) ** 2
+    if top_temperature is not None:
+        edge = top * gas.constant * top_temperature_sigma
+        p_common += edge**2
+        t_common += (edge / pressure_or_one(pressure)) ** 2
+    common = np.sqrt(sum(relative[k] ** 2 for k in ("bias", "ca", "mass", "speed")))
+    force_scale = np.stack((relative["noise"], np.hypot(relative["bias"], relative["ca"])), axis=1)
+    moment_scale = force_scale.copy()
+    moment_scale[:, 1] = np.hypot(moment_scale[:, 1], relative["mass"])
+
+    def full(values: Array) -> Array:
+        out = np.full((len(time), *values.shape[1:]), np.nan)
+        out[part] = values
+        return out
+
+    whole = np.zeros(len(time), bool)
+    whole[part] = True
+    return FlightAtmosphere(
+        time=time,
+        altitude=altitude,
+        density=full(density),
+        pressure=full(pressure),
+        temperature=full(temperature),
+        mach=full(gas.mach(v, temperature)),
+        knudsen=full(gas.knudsen(density, diameter)),
+        ca=full(found.ca),
+        iterations=count,
+        valid=whole,
+        density_sigma=full(density * np.hypot(common, relative["noise"])),
+        pressure_sigma=full(np.sqrt(p_noise**2 + p_common)),
+        temperature_sigma=full(temperature * np.sqrt(t_common)),
+        density_noise=full(density * relative["noise"]),
+        force_scale=full(force_scale),
+        moment_scale=full(moment_scale),
+    )
+
+
+def top_density(altitude: Array, density: Array) -> float:
+    """Density at the first sample by a log-linear fit over the first scale height (three samples at least)."""
+    deep = np.flatnonzero(density > _FIT_FALL * density[0])
+    n = min(len(density), max(3, int(deep[0]) if deep.size else len(density)))
+    h = altitude[:n] - altitude[0]
+    if np.ptp(h) == 0.0:
+        return float(np.exp(np.mean(np.log(density[:n]))))
+    return float(np.exp(np.polyfit(h / np.ptp(h), np.log(density[:n]), 1)[1]))
+
+
+def pressure_or_one(pressure: Array) -> Array:
+    """Pressure to divide by: infinite where it begins at zero, so that nothing relative is said there."""
+    return np.where(pressure > 0.0, pressure, np.inf)
+
+
+def _at_top(altitude: Array, density: Array, relative: Array) -> float:
+    """Mean relative error over the stretch that sets the density at the top."""
+    deep = np.flatnonzero(density > _FIT_FALL * density[0])
+    return float(np.mean(relative[: max(3, int(deep[0]) if deep.size else len(density))]))
+
+
+def _running_integral(altitude: Array, weight: Array, total: bool = True) -> Array:
+    """Integral of `weight` downwards from the first sample, ``(N,)``; or, not `total`, each step's share."""
+    a, b = weight[:-1], weight[1:]
+    ratio = np.divide(b, a, out=np.ones_like(a), where=(a != 0.0) & (a * b > 0.0))
+    curved = np.abs(ratio - 1.0) > 1e-4
+    log = np.log(ratio, out=np.ones_like(a), where=curved)
+    mean = np.where(curved & (a * b > 0.0), (b - a) / log, 0.5 * (a + b))
+    steps = np.concatenate(([0.0], -np.diff(altitude) * mean))
+    return np.cumsum(steps) if total else steps

@@ -1,0 +1,285 @@
+"""The post-flight layer on arrays: atmosphere, coefficients, and their comparison with the database."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from edl_filter.aero.database import Database
+from edl_filter.errors import InputError
+from edl_filter.postflight.atmosphere import FlightAtmosphere, preflight
+from edl_filter.postflight.averages import Difference, Verdict, average_differences, verdicts
+from edl_filter.postflight.coefficients import FlightCoefficients, flight_coefficients
+from edl_filter.postflight.comparison import (
+    AngleDifferences,
+    Combination,
+    DatabaseCoefficients,
+    angle_differences,
+    database_coefficients,
+    from_forces,
+    from_moments,
+    stride_of,
+)
+from edl_filter.postflight.density import AxialForce, flight_extracted
+from edl_filter.postflight.gas import Gas
+from edl_filter.postflight.measured import as_measured
+from edl_filter.postflight.moments import Moments, check_inertia, euler
+from edl_filter.postflight.rates import BATCH, Smoother, smoother
+from edl_filter.postflight.windows import Domain, Marks, Window, marks, sensed, standard_windows, useful_from
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class DeriveInputs:
+    """All that the layer needs. Arrays run over the samples' middles (`at_middles`).
+
+    Attributes
+    ----------
+    time : (N,) array
+        Middles of the samples' intervals, s.
+    altitude, speed, gravity : (N,) arrays
+        m; air-relative, m/s; along the vertical, m/s².
+    velocity_body : (N, 3) array
+        Air-relative, m/s.
+    alpha, beta, alpha_total : (N,) arrays
+        rad.
+    speed_sigma, angle_sigma : (N,) arrays
+        One sigma from the smoother: m/s; of the air's direction in a plane, rad.
+    specific_force, angular_rate : (N, 3) arrays
+        Means over the samples at the centre of mass, sensor errors taken off: m/s², rad/s.
+    force_noise, rate_noise : (N,) arrays
+        One sigma of one sample.
+    bias_sigma : (3,) array
+        What is left of the accelerometers' bias, m/s².
+    alignment_sigma : float
+        What is left of the accelerometers' alignment, rad.
+    mass : float or (N,) array
+        kg.
+    mass_sigma : float
+        kg.
+    diameter, x_over_d : float
+        m; centre of mass behind the nose, diameters.
+    inertia : (3, 3) array
+        kg m².
+    inertia_relative : float
+        Relative one sigma of it.
+    gas : Gas
+    database : Database
+    preflight_density, preflight_temperature : (N,) arrays
+        Of the table at the flight's altitudes.
+    preflight_sigma : float
+        Relative one sigma of that density.
+    parachute : float
+        s.
+    top_temperature, top_temperature_sigma : float, optional
+        K: isothermal above the first valid sample; None begins with no pressure there, as the thesis does.
+    batch : float
+        Length of the smoothing batch, s.
+    windows : sequence of Window, optional
+        Instead of those found from the flight.
+    """
+
+    time: Array
+    altitude: Array
+    speed: Array
+    gravity: Array
+    velocity_body: Array
+    alpha: Array
+    beta: Array
+    alpha_total: Array
+    speed_sigma: Array
+    angle_sigma: Array
+    specific_force: Array
+    angular_rate: Array
+    force_noise: Array
+    rate_noise: Array
+    bias_sigma: Array
+    mass: Array | float
+    diameter: float
+    x_over_d: float
+    inertia: Array
+    gas: Gas
+    database: Database
+    preflight_density: Array
+    preflight_temperature: Array
+    parachute: float
+    preflight_sigma: float = 0.0
+    alignment_sigma: float = 0.0
+    mass_sigma: float = 0.0
+    inertia_relative: float = 0.0
+    top_temperature: float | None = None
+    top_temperature_sigma: float = 0.0
+    batch: float = BATCH
+    windows: Sequence[Window] | None = None
+
+    def until_parachute(self) -> DeriveInputs:
+        """The samples up to the parachute."""
+        keep, n = self.time <= self.parachute, len(self.time)
+        if keep.sum() < 2:
+            raise InputError(f"Post-flight: no samples before the parachute at {self.parachute:.6g} s.")
+
+        def cut(name: str) -> Any:
+            value = getattr(self, name)
+            along = isinstance(value, np.ndarray) and value.shape[:1] == (n,) and name not in ("inertia", "bias_sigma")
+            return value[keep] if along else value
+
+        return DeriveInputs(**{f.name: cut(f.name) for f in fields(self)})
+
+
+@dataclass(frozen=True)
+class Derived:
+    """What the layer gives, over `time` up to the parachute.
+
+    Attributes
+    ----------
+    time : (N,) array
+        s.
+    alpha, beta, alpha_total : (N,) arrays
+        Reconstructed, rad.
+    filters : Smoother
+        Batches and bandwidths.
+    force, rate, acceleration : (N, 3) arrays
+        Smoothed specific force and rate, angular acceleration: m/s², rad/s, rad/s².
+    force_sigma, rate_sigma, acceleration_sigma : (N,) arrays
+        One sigma per axis, from noise.
+    domain : Domain
+    marks : Marks
+    windows : tuple of Window
+    moments : Moments
+    flight, preflight : FlightAtmosphere
+    coefficients, coefficients_preflight : FlightCoefficients
+        With the two atmospheres.
+    database, database_preflight : DatabaseCoefficients
+        At the reconstructed angles, with the two atmospheres.
+    database_measured : DatabaseCoefficients
+        With the flight's atmosphere, through the flight's sampling and smoothing: what the averages compare.
+    forces, from_moments : Combination
+        Forces → angles → moments, and moments → angles → forces.
+    angles : AngleDifferences
+    differences : list of Difference
+    verdicts : list of Verdict
+    """
+
+    time: Array
+    alpha: Array
+    beta: Array
+    alpha_total: Array
+    filters: Smoother
+    force: Array
+    rate: Array
+    acceleration: Array
+    force_sigma: Array
+    rate_sigma: Array
+    acceleration_sigma: Array
+    domain: Domain
+    marks: Marks
+    windows: tuple[Window, ...]
+    moments: Moments
+    flight: FlightAtmosphere
+    preflight: FlightAtmosphere
+    coefficients: FlightCoefficients
+    coefficients_preflight: FlightCoefficients
+    database: DatabaseCoefficients
+    database_preflight: DatabaseCoefficients
+    database_measured: DatabaseCoefficients
+    forces: Combination
+    from_moments: Combination
+    angles: AngleDifferences
+    differences: list[Difference]
+    verdicts: list[Verdict]
+
+
+def derive(inputs: DeriveInputs) -> Derived:
+    """Run the whole layer.
+
+    Raises
+    ------
+    InputError
+        The inertia is no body's, the preflight density does not decrease with altitude, the axial force never
+        decelerates.
+    """
+    check_inertia(inputs.inertia)
+    i = inputs.until_parachute()
+    filters = smoother(i.time, i.batch)
+    force, rate = filters.smooth(i.specific_force), filters.smooth(i.angular_rate)
+    acceleration = filters.differentiate(i.angular_rate)
+    force_sigma, rate_sigma = filters.gain * i.force_noise, filters.gain * i.rate_noise
+    acceleration_sigma = filters.acceleration_gain * i.rate_noise
+    # the smoother's gain at the very first sample is that of an end, not of the quiet stretch
+    quiet = force_sigma.copy()
+    edge = min(int(filters.points[0]), len(quiet) - 1)
+    quiet[:edge] = quiet[edge]
+    threshold, valid = sensed(i.time, -force[:, 0], quiet)
+
+    axial = AxialForce(force[:, 0], force_sigma, i.force_noise, i.bias_sigma[0], i.mass, i.mass_sigma)
+    place = (i.time, i.altitude, i.speed, i.alpha_total)
+    flown = flight_extracted(
+        *place, i.gravity, axial, valid, i.database, i.gas, i.diameter,
+        speed_sigma=i.speed_sigma, top_temperature=i.top_temperature, top_temperature_sigma=i.top_temperature_sigma,
+    )  # fmt: skip
+    expected = preflight(
+        *place, i.preflight_density, i.preflight_temperature, i.database, i.gas, i.diameter,
+        density_sigma=i.preflight_sigma, mass_relative=i.mass_sigma / np.asarray(i.mass), speed_sigma=i.speed_sigma,
+    )  # fmt: skip
+    moments = euler(rate, acceleration, i.inertia, rate_sigma, acceleration_sigma, i.inertia_relative)
+
+    def measured(atmosphere: FlightAtmosphere) -> FlightCoefficients:
+        return flight_coefficients(
+            force, force_sigma, i.bias_sigma, moments, atmosphere, i.speed, i.mass, i.diameter, i.alignment_sigma
+        )
+
+    def looked_up(atmosphere: FlightAtmosphere) -> DatabaseCoefficients:
+        return database_coefficients(i.database, atmosphere, i.speed, i.velocity_body, i.x_over_d, i.angle_sigma)
+
+    coefficients, database = measured(flown), looked_up(flown)
+    ways = (i.database, flown, coefficients, i.speed, i.velocity_body, i.x_over_d)
+    stride = stride_of(filters.points)
+    forces, by_moments = from_forces(*ways, stride), from_moments(*ways, stride)
+    useful = useful_from(i.time, coefficients.noise["CN"], database.three_sigma["CN"])
+    start = float(i.time[np.flatnonzero(flown.valid)[0]])
+    domain = Domain(threshold, start, useful, float(min(i.parachute, i.time[-1])))
+    found = marks(i.time, i.alpha_total, i.speed, flown, i.database, i.x_over_d, domain)
+    windows = standard_windows(domain, found) if i.windows is None else tuple(i.windows)
+    seen = as_measured(database, flown, filters, rate, i.speed, i.mass, i.diameter, i.inertia)
+    differences = average_differences(i.time, seen, coefficients, forces, by_moments, windows, filters.points)
+    return Derived(
+        time=i.time,
+        alpha=i.alpha,
+        beta=i.beta,
+        alpha_total=i.alpha_total,
+        filters=filters,
+        force=force,
+        rate=rate,
+        acceleration=acceleration,
+        force_sigma=force_sigma,
+        rate_sigma=rate_sigma,
+        acceleration_sigma=acceleration_sigma,
+        domain=domain,
+        marks=found,
+        windows=windows,
+        moments=moments,
+        flight=flown,
+        preflight=expected,
+        coefficients=coefficients,
+        coefficients_preflight=measured(expected),
+        database=database,
+        database_preflight=looked_up(expected),
+        database_measured=seen,
+        forces=forces,
+        from_moments=by_moments,
+        angles=angle_differences(i.alpha, i.beta, forces, by_moments),
+        differences=differences,
+        verdicts=verdicts(differences),
+    )
+
+
+def at_middles(time: Array, values: Array) -> Array:
+    """Values ``(N, ...)`` of a smooth quantity at the middles of its N - 1 intervals, by cubic splines."""
+    from scipy.interpolate import CubicSpline  # slow to import, and few runs need it
+
+    return CubicSpline(time, values, axis=0)(0.5 * (time[1:] + time[:-1]))

@@ -1,0 +1,179 @@
+"""Gas, density, pressure and temperature: closed forms, and bands against Monte Carlo."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from edl_filter.aero.uncertainty import ThreeSigma
+from edl_filter.errors import InputError
+from edl_filter.postflight.atmosphere import check_decreasing, preflight
+from edl_filter.postflight.density import AxialForce, flight_extracted
+from edl_filter.postflight.gas import Gas
+
+GAS, D, MASS, G, T = Gas(), 2.65, 830.0, 3.7, 180.0
+H = GAS.constant * T / G
+AREA = np.pi / 4 * D**2
+
+
+class Drag:
+    """Stand-in database: CA from Knudsen number, Mach and angle; CN and Cm linear in the angle."""
+
+    def __init__(self, ca=lambda mach, knudsen, alpha: 1.7 + 0 * mach, sigma=0.05):
+        self.ca, self.sigma = ca, sigma
+
+    def lookup(self, mach, knudsen, alpha, speed=None):
+        ca = self.ca(mach, knudsen, alpha)
+        one = np.ones_like(ca)
+        return SimpleNamespace(
+            ca=ca,
+            cn=0.2 * alpha,
+            cm_nose=-0.15 * alpha,
+            outside=one < 0,
+            rarefied=knudsen > 1e-3,
+            three_sigma=ThreeSigma(self.sigma * ca, 0.01 * one, 0.003 * one, 1e-6 * one),
+            cm_at=lambda x: (-0.15 + 0.2 * x) * alpha,
+        )
+
+
+def entry(n=2000, database=None):
+    """Descent through an isothermal exponential atmosphere; the true axial force."""
+    database = database or Drag()
+    t = np.linspace(0.0, 200.0, n)
+    h = 1e5 - 450.0 * t
+    rho = 5e-7 * np.exp((1e5 - h) / H)
+    v = 5400.0 / (1.0 + np.exp((t - 140.0) / 20.0)) + 400.0
+    alpha = np.full(n, 0.03)
+    ca = database.lookup(GAS.mach(v, T), GAS.knudsen(rho, D), alpha).ca
+    ax = -0.5 * rho * v**2 * AREA * ca / MASS
+    return SimpleNamespace(t=t, h=h, rho=rho, v=v, alpha=alpha, ax=ax, g=np.full(n, G), n=n, database=database)
+
+
+def extract(e, ax=None, *, noise=1e-9, top=T, mass=MASS, **keywords):
+    ax = e.ax if ax is None else ax
+    raw = np.broadcast_to(np.asarray(noise, float), e.t.shape)
+    axial = AxialForce(ax, raw, raw, keywords.pop("bias", 0.0), mass, keywords.pop("mass_sigma", 0.0))
+    valid = keywords.pop("valid", np.ones(e.n, bool))
+    return flight_extracted(
+        e.t, e.h, e.v, e.alpha, e.g, axial, valid, e.database, GAS, D, top_temperature=top, **keywords
+    )
+
+
+def test_gas_closed_forms():
+    n = 1e-5 / GAS.molecule_mass
+    assert GAS.mean_free_path(1e-5) == pytest.approx(1 / (np.sqrt(2) * np.pi * 4.64e-10**2 * n))
+    assert GAS.knudsen(1e-5, 2.0) == pytest.approx(GAS.mean_free_path(1e-5) / 2)
+    assert GAS.temperature(GAS.constant * 200 * 1e-3, 1e-3) == pytest.approx(200)
+    assert GAS.mach(500.0, 200.0) == pytest.approx(500 / np.sqrt(1.3 * 188.92 * 200))
+
+
+@pytest.mark.parametrize(
+    "ca",
+    [
+        lambda m, k, a: 1.7 + 0 * m,
+        lambda m, k, a: 1.7 + 0.3 / (1 + 1e-2 / k) + 0.01 * np.tanh(m - 5) - a**2,
+    ],
+)
+def test_an_exponential_atmosphere_comes_back(ca):
+    e = entry(database=Drag(ca))
+    found = extract(e)
+    np.testing.assert_allclose(found.density, e.rho, rtol=2e-8)
+    np.testing.assert_allclose(found.pressure, e.rho * GAS.constant * T, rtol=2e-8)
+    np.testing.assert_allclose(found.temperature, T, rtol=2e-8)
+    np.testing.assert_allclose(found.mach, GAS.mach(e.v, T), rtol=2e-8)
+    assert 1 <= found.iterations < 20
+
+
+def test_pressure_from_zero_forgets_its_start():
+    e = entry()
+    found = extract(e, top=None)
+    late = e.rho > 1000 * e.rho[0]
+    np.testing.assert_allclose(found.temperature[late], T, rtol=1.1e-3)
+    np.testing.assert_allclose(found.pressure, (e.rho - e.rho[0]) * G * H, rtol=1e-7, atol=1e-12)
+
+
+def test_the_slow_twin():
+    """Fixed point and hydrostatic integral written out sample by sample."""
+    database = Drag(lambda m, k, a: 1.6 + 0.3 / (1 + 1e-2 / k) + 0.004 * m)
+    e = entry(400, database)
+    found = extract(e, top=T)
+    temperature = np.full(e.n, 250.0)
+    rho = e.rho * 1.3
+    for _ in range(60):
+        for i in range(e.n):
+            ca = database.lookup(GAS.mach(e.v[i], temperature[i]), GAS.knudsen(rho[i], D), e.alpha[i]).ca
+            rho[i] = -2 * MASS * e.ax[i] / (ca * AREA * e.v[i] ** 2)
+        p = np.empty(e.n)
+        p[0] = rho[0] * GAS.constant * T
+        for i in range(1, e.n):
+            fine = np.linspace(0, 1, 41)
+            weight = np.exp(np.interp(fine, [0, 1], np.log([rho[i - 1], rho[i]]))) * G
+            p[i] = p[i - 1] + np.trapezoid(weight, fine) * (e.h[i - 1] - e.h[i])
+        temperature = GAS.temperature(p, rho)
+    np.testing.assert_allclose(found.density, rho, rtol=1e-5)
+    np.testing.assert_allclose(found.temperature, temperature, rtol=1e-4)
+
+
+def test_nothing_outside_the_valid_stretch_and_mass_in_time():
+    e = entry()
+    valid = e.t > 30
+    mass = np.where(e.t > 100, 0.5, 1.0) * MASS
+    found = extract(e, e.ax * MASS / mass, valid=valid, mass=mass)
+    assert np.isnan(found.density[~valid]).all() and np.isfinite(found.temperature[valid]).all()
+    np.testing.assert_allclose(found.density[valid], e.rho[valid], rtol=2e-8)
+
+
+def test_bands_are_those_of_sampled_errors():
+    rng, e = np.random.default_rng(5), entry(400)
+    noise, bias, ca, mass, v = 2e-4, 1e-4, 0.02, 6.0, 8.0
+    keywords = {"noise": noise, "bias": bias, "mass_sigma": mass, "speed_sigma": v}
+    e.database.sigma = 3 * ca
+    band = extract(e, **keywords, top_temperature_sigma=10.0)
+    runs = []
+    for _ in range(600):
+        factor = 1 + ca * rng.normal()
+        shifted = replace_entry(e, v=e.v + v * rng.normal(), database=Drag(lambda m, k, a, f=factor: 1.7 * f + 0 * m))
+        measured = e.ax + bias * rng.normal() + noise * rng.normal(size=e.n)
+        found = extract(shifted, measured, mass=MASS + mass * rng.normal(), top=T + 10.0 * rng.normal())
+        runs.append((found.density, found.pressure, found.temperature))
+    scatter = np.std(np.array(runs), axis=0)
+    for got, stated in zip(scatter, (band.density_sigma, band.pressure_sigma, band.temperature_sigma), strict=True):
+        ratio = got[5:] / stated[5:]
+        assert np.all(np.abs(ratio - 1) < 0.15), (ratio.min(), ratio.max())
+
+
+def replace_entry(e, **changes):
+    return SimpleNamespace(**{**vars(e), **changes})
+
+
+def test_common_errors_cancel_in_temperature():
+    e = entry()
+    e.database.sigma = 0.15
+    found = extract(e, mass_sigma=20.0)
+    assert np.all(found.temperature_sigma < 0.002 * T)
+    np.testing.assert_allclose(found.pressure_sigma / found.pressure, np.hypot(0.05, 20 / MASS), rtol=1e-3)
+
+
+def test_preflight():
+    e = entry()
+    found = preflight(e.t, e.h, e.v, e.alpha, e.rho, np.full(e.n, T), e.database, GAS, D, density_sigma=0.1)
+    np.testing.assert_allclose(found.pressure, e.rho * GAS.constant * T)
+    np.testing.assert_allclose(found.density_sigma, 0.1 * e.rho)
+    assert found.iterations == 0 and found.valid.all()
+
+
+def test_bad_input():
+    e = entry()
+    with pytest.raises(InputError, match="never rises"):
+        extract(e, valid=np.zeros(e.n, bool))
+    with pytest.raises(InputError, match="must be negative"):
+        extract(e, -e.ax)
+    with pytest.raises(InputError, match="density must decrease with altitude"):
+        check_decreasing(np.array([0.0, 1e3, 2e3]), np.array([1e-2, 1.1e-2, 1e-3]))
+    with pytest.raises(InputError, match="must be positive"):
+        check_decreasing(np.array([0.0, 1e3]), np.array([1e-2, 0.0]))
+    jumpy = Drag(lambda m, k, a: 1.0 + (k * 1e5 % 2 > 1))
+    with pytest.raises(InputError, match="iterations on CA"):
+        extract(replace_entry(e, database=jumpy))
+    assert replace(extract(e)).valid.all()

@@ -1,0 +1,109 @@
+"""Smoothing, angular acceleration and Euler's equations."""
+
+import numpy as np
+import pytest
+
+from edl_filter.errors import InputError
+from edl_filter.postflight.moments import check_inertia, euler
+from edl_filter.postflight.rates import smoother
+
+INERTIA = np.array([[400.0, -3.0, 2.0], [-3.0, 303.0, 1.5], [2.0, 1.5, 299.0]])
+
+
+def test_batches_keep_their_length_in_time():
+    slow, fast = np.arange(0, 20, 0.25), np.arange(20, 60, 0.125)
+    filters = smoother(np.concatenate((slow, fast)))
+    assert set(filters.points[:70]) == {5} and set(filters.points[90:]) == {7}
+    assert smoother(np.arange(0, 10, 0.005)).points[0] == 175
+    assert filters.bandwidth[7] == pytest.approx(1.28, abs=0.01)
+    assert filters.acceleration_bandwidth[7] < filters.bandwidth[7]
+
+
+def test_quadratics_pass_unchanged():
+    t = np.sort(np.concatenate((np.arange(0, 10, 0.25), np.arange(10, 20, 0.125))))
+    filters = smoother(t)
+    x = np.stack((1 + t - 0.1 * t**2, 3 * t, t**2), axis=1)
+    np.testing.assert_allclose(filters.smooth(x), x, atol=1e-9)
+    want = np.stack((1 - 0.2 * t, 3 + 0 * t, 2 * t), axis=1)
+    np.testing.assert_allclose(filters.differentiate(x), want, atol=1e-8)
+
+
+def test_gains_are_the_scatter_of_white_noise_ends_included():
+    t, rng = np.arange(120) * 0.125, np.random.default_rng(3)
+    filters = smoother(t)
+    noise = rng.normal(size=(120, 4000))
+    np.testing.assert_allclose(filters.smooth(noise).std(axis=1), filters.gain, rtol=0.06)
+    np.testing.assert_allclose(filters.differentiate(noise).std(axis=1), filters.acceleration_gain, rtol=0.06)
+
+
+def test_bandwidth_of_the_angular_acceleration():
+    t = np.arange(0, 60, 0.125)
+    filters = smoother(t)
+    w = 2 * np.pi * filters.acceleration_bandwidth[7]
+    got = filters.differentiate(np.sin(w * t)[:, None])[40:-40, 0] / w
+    reference = np.cos(w * t)[40:-40]
+    assert got @ reference / (reference @ reference) == pytest.approx(np.sqrt(0.5), rel=2e-3)
+
+
+def test_a_model_goes_the_same_way_as_the_sensor():
+    """Means over the intervals of a true rate, differenced, against the true derivative sent the same way."""
+    dt, w = 0.125, 2 * np.pi * 0.7
+    t = np.arange(0, 40, dt)
+    filters = smoother(t)
+    mean_rate = (np.sin(w * t) * np.sinc(w * dt / 2 / np.pi))[:, None]
+    got = filters.as_derived((w * np.cos(w * t))[:, None])[20:-20]
+    want = filters.differentiate(mean_rate)[20:-20]
+    assert np.abs(got - want).max() < 0.002 * np.abs(want).max()
+    np.testing.assert_allclose(
+        filters.as_smoothed(np.sin(w * t)[:, None])[20:-20], filters.smooth(mean_rate)[20:-20], atol=5e-4
+    )
+
+
+def test_a_free_symmetric_top_feels_no_moment():
+    inertia, n, p = np.diag([400.0, 300.0, 300.0]), 0.02, 0.21
+    wobble = (400 - 300) / 300 * p
+    t = np.arange(0, 300, 0.125)
+    rate = np.stack((np.full_like(t, p), n * np.cos(wobble * t), n * np.sin(wobble * t)), axis=1)
+    turn = wobble * np.stack((0 * t, -n * np.sin(wobble * t), n * np.cos(wobble * t)), axis=1)
+    np.testing.assert_allclose(euler(rate, turn, inertia).moment, 0.0, atol=1e-12)
+    filters = smoother(t)
+    seen = euler(filters.smooth(rate), filters.differentiate(rate), inertia)
+    assert np.abs(seen.moment[10:-10]).max() < 1e-4 * 300 * n * wobble + 1e-6
+
+
+def test_the_slow_twin_and_the_parts_of_the_rolling_moment():
+    rng = np.random.default_rng(1)
+    rate, turn = rng.normal(size=(2, 20, 3))
+    found = euler(rate, turn, INERTIA)
+    for k in range(20):
+        want = INERTIA @ turn[k] + np.cross(rate[k], INERTIA @ rate[k])
+        np.testing.assert_allclose(found.moment[k], want)
+    np.testing.assert_allclose(sum(found.rolling.values()), found.moment[:, 0], rtol=1e-10)
+    np.testing.assert_allclose(found.inertia_coupling, found.moment[:, 0] - 400 * turn[:, 0])
+
+
+def test_bands_of_moments():
+    rng = np.random.default_rng(2)
+    rate, turn = rng.normal(size=(2, 1, 3))
+    found = euler(rate, turn, INERTIA, 0.01, 0.003, 0.05)
+    many = euler(rate + 0.01 * rng.normal(size=(20000, 3)), turn + 0.003 * rng.normal(size=(20000, 3)), INERTIA)
+    np.testing.assert_allclose(many.moment.std(axis=0), found.sigma[0], rtol=0.03)
+    np.testing.assert_allclose(found.systematic, 0.05 * np.abs(found.moment))
+
+
+@pytest.mark.parametrize(
+    ("inertia", "says"),
+    [
+        (np.diag([400.0, 300.0, -1.0]), "not positive definite"),
+        (np.diag([400.0, 100.0, 100.0]), "exceeds the sum"),
+        (np.array([[1.0, 1, 0], [0, 1, 0], [0, 0, 1]]), "symmetric"),
+    ],
+)
+def test_no_such_body(inertia, says):
+    with pytest.raises(InputError, match=says):
+        check_inertia(inertia)
+
+
+def test_too_few_samples():
+    with pytest.raises(InputError, match="more than 5 samples"):
+        smoother(np.arange(4.0))
