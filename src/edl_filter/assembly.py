@@ -228,7 +228,7 @@ def window(samples: Samples, start: float, end: float, name: str) -> Samples:
 
 def mean(samples: Samples) -> Array:
     """Mean specific force over time, body axes."""
-    return samples.interval @ samples.force / samples.interval.sum()
+    return samples.interval @ samples.mean_force / samples.interval.sum()
 
 
 def onboard_attitudes(telemetry: Telemetry, interval: float, start: float) -> list[known.Constraint]:
@@ -297,7 +297,7 @@ def _steady_descent(mission: Mission, samples: Samples, planet: Planet, atmosphe
     c, parachute = mission.constraints.steady_descent, mission.vehicle.parachute
     assert c is not None and parachute is not None and parachute.drag_coefficient is not None  # the mission is checked
     part = window(samples, c.start_s, c.end_s, "steady_descent")
-    drag = float(part.interval @ np.linalg.norm(part.force, axis=1) / part.interval.sum())
+    drag = float(part.interval @ np.linalg.norm(part.mean_force, axis=1) / part.interval.sum())
     time = 0.5 * (c.start_s + c.end_s)
     events = mission.event_times()
     masses = [e.mass for n, e in mission.vehicle.events.items() if e.mass is not None and events[n] < time]
@@ -345,7 +345,7 @@ def _rest(mission: Mission, telemetry: Telemetry, samples: Samples, planet: Plan
     found: list[known.Constraint] = [known.RestVelocity(start, stated.velocity_sigma, planet)]
     if isinstance(stated, FromTelemetry):
         found.append(known.RestGravity(start, mean(part), force_sigma, planet))
-        rate = part.interval @ part.rate / part.interval.sum()
+        rate = part.interval @ part.mean_rate / part.interval.sum()
         found.append(known.RestRate(start, rate, rate_sigma, planet))
     elif stated.gravity_direction_sigma is not None:
         force = mean(part)

@@ -24,6 +24,8 @@ def samples(n=400, dt=0.125, noise=0.01):
         interval=np.full(n, dt),
         force=zero,
         rate=zero,
+        mean_force=zero,
+        mean_rate=zero,
         force_noise=np.full(n, noise),
         rate_noise=np.full(n, 1e-6),
         shared_rate_noise=np.full(n, 1e-6),

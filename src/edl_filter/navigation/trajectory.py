@@ -64,9 +64,18 @@ def trace(problem: Problem, smoothed: Smoothed, layout: Layout) -> Trajectory:
         state, target = smoothed.states[k], smoothed.states[k + 1]
         force_map, rate_map = sensor_maps(layout, state.errors[:, None])
         p, part = problem.planet, slice(start, stop)
-        force[part] = samples.force[part] @ force_map[:9, 0].reshape(3, 3).T + force_map[9:, 0]
-        rate[part] = samples.rate[part] * rate_map[:3, 0] + rate_map[3:, 0]
-        path = _march_one(state.nav[:10], samples.interval[part], force[part], rate[part], p.mu, p.j2, p.gravity_radius)
+        undo = force_map[:9, 0].reshape(3, 3).T
+        force[part] = samples.mean_force[part] @ undo + force_map[9:, 0]
+        rate[part] = samples.mean_rate[part] * rate_map[:3, 0] + rate_map[3:, 0]
+        path = _march_one(
+            state.nav[:10],
+            samples.interval[part],
+            samples.force[part] @ undo + force_map[9:, 0],
+            samples.rate[part] * rate_map[:3, 0] + rate_map[3:, 0],
+            p.mu,
+            p.j2,
+            p.gravity_radius,
+        )
         moved = noise_share(samples.interval[part], samples.force_noise[part])
         turned = noise_share(samples.interval[part], samples.rate_noise[part])
         nav[start + 1 : stop + 1] = spread(path, target, moved, turned)
