@@ -47,6 +47,8 @@ def _print(console: Console, written: dict[str, Any]) -> None:
     console.print(entry_sentence(told["entry_state"]))
     if told["landing"].get("miss_m") is not None:
         console.print(landing_sentence(told["landing"]))
+    for line in postflight_lines(told.get("postflight")):
+        console.print(line)
     seconds = sum(told["timing_s"].values())
     console.print(f"Written in {seconds:.1f} s: {written['result']}", soft_wrap=True)
     console.print(f"Summary: {written['summary']}", soft_wrap=True)
@@ -168,6 +170,27 @@ def landing_sentence(landing: dict[str, Any]) -> str:
     if out := landing.get("left_out"):
         sentence += f"; predicted without it {out['miss_m'] / 1e3:.2f} ± {out['sigma_m'] / 1e3:.2f} km away"
     return sentence + "."
+
+
+def postflight_lines(told: dict[str, Any] | None) -> list[str]:
+    """What the coefficients say, in a few lines."""
+    if told is None:
+        return []
+    domain = told["domain_s"]
+    marks = [f"{name} {span[0]:.0f}-{span[1]:.0f} s" for name, span in told["instabilities_s"].items() if span]
+    within = [a for a in told["averages"] if a["pair"] == "IMU-accels"]
+    worst = max(within, key=lambda a: abs(a["percent"]), default=None)
+    lines = [
+        f"Aerodynamics from {domain['start']:.0f} s (forces from {domain['useful']:.0f} s); instabilities: "
+        + (", ".join(marks) or "none found")
+        + "."
+    ]
+    if worst is not None:
+        lines.append(
+            f"Database less flight, forces: at most {abs(worst['percent']):.0f} % of the database's 3 sigma "
+            f"({worst['coefficient']}, {worst['window']})."
+        )
+    return lines
 
 
 def telemetry_lines(telemetry: Telemetry) -> list[str]:

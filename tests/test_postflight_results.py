@@ -1,0 +1,103 @@
+"""Post-flight groups, tables and summary of a result."""
+
+import csv
+import io
+import json
+
+import numpy as np
+import pytest
+
+from edl_filter.errors import InputError
+from edl_filter.mission import Mission, shipped_mission
+from edl_filter.postflight.flight import derive_flight
+from edl_filter.reconstruction import reconstruct
+from edl_filter.results.content import content, derive
+from edl_filter.results.postflight import summary, tables
+
+
+@pytest.fixture(scope="module")
+def everything(practice_06):
+    derived = derive(practice_06)
+    return content(practice_06, derived), derived.aftermath
+
+
+def test_every_group_is_there_with_units_and_meanings(everything):
+    groups, _ = everything
+    below = {path for path in groups if path.startswith("/postflight/")}
+    assert {p.removeprefix("/postflight/") for p in below} == {
+        "atmosphere/flight", "atmosphere/preflight", "coefficients/flight", "coefficients/preflight_density",
+        "coefficients/database", "coefficients/database_preflight", "coefficients/database_measured",
+        "combination/forces", "combination/moments", "angles", "motion", "averages",
+    }  # fmt: skip
+    for path in below:
+        for name, variable in groups[path].variables.items():
+            assert variable.attrs["long_name"], (path, name)
+            assert "units" in variable.attrs or variable.values.dtype == object, (path, name)
+
+
+def test_root_says_where_the_flight_can_be_used(everything):
+    groups, aftermath = everything
+    root = groups["/postflight"].attrs
+    assert root["domain_start"] < root["domain_useful"] < root["domain_end"]
+    assert set(json.loads(root["mach_times"])) == {"25", "15", "5"}
+    assert root["bandwidth_hz"] == aftermath.filters.bandwidth[root["batch_points"]]
+    assert len(json.loads(root["verdicts"])) == len(aftermath.verdicts)
+
+
+def test_tables_say_the_same_as_the_result(everything):
+    _, aftermath = everything
+    made = tables(aftermath)
+    rows = list(csv.DictReader(io.StringIO(made["average_differences.csv"])))
+    assert len(rows) == len(aftermath.differences)
+    assert float(rows[0]["mean"]) == pytest.approx(aftermath.differences[0].mean, rel=1e-4)
+    levels = list(csv.DictReader(io.StringIO(made["atmosphere.csv"])))
+    density = np.array([float(r["density [kg/m^3]"]) for r in levels])
+    altitude = np.array([float(r["altitude [m]"]) for r in levels])
+    assert np.all(np.diff(altitude) == -1000.0)
+    low = altitude < 60e3
+    assert np.all(np.diff(density[low]) > 0.0)
+    k = int(np.flatnonzero(aftermath.flight.altitude < 30e3)[0])
+    assert density[altitude == 30e3][0] == pytest.approx(aftermath.flight.density[k], rel=0.01)
+
+
+def test_summary_has_what_a_person_asks_first(everything):
+    told = summary(everything[1])
+    assert abs(told["rolling_moment_coefficient_110_140_s"]) < 1e-7
+    assert set(told["force_less_moment_angle_last_20_s_deg"]) == {"alpha", "beta"}
+    assert told["averages"][0]["samples"] > 0
+
+
+def test_stated_windows_replace_those_found(practice_06):
+    windows = "postflight.windows=[{name: mine, start_s: 150, end_s: 160}]"
+    flight = reconstruct(Mission.load(shipped_mission("practice_mer"), [windows, "constraints.altimeter=null"]))
+    found = derive(flight).aftermath
+    assert [(w.name, w.start, w.end) for w in found.windows] == [("mine", 150.0, 160.0)]
+    assert {d.window for d in found.differences} == {"mine"}
+
+
+def test_without_a_database_nothing_is_derived(practice_06):
+    flight = reconstruct(
+        Mission.load(shipped_mission("practice_mer"), ["aerodynamics=null", "constraints.altimeter=null"])
+    )
+    derived = derive(flight)
+    assert derived.aftermath is None
+    assert "/postflight" not in content(flight, derived)
+
+
+@pytest.mark.parametrize(
+    ("override", "message"),
+    [
+        ("aerodynamics.family=Viking", "aerodynamics.family"),
+        ("aerodynamics.continuum=nowhere.csv", "aerodynamics.continuum: found .*nowhere.csv"),
+        ("aerodynamics.continuum=builtin:nothing", "builtin:nothing"),
+        ("aerodynamics.continuum_limit=0", "aerodynamics.continuum_limit"),
+        ("vehicle.inertia=null", "vehicle.inertia: found nothing"),
+        ("postflight.windows=[{name: a, start_s: 10, end_s: 5}]", "end_s"),
+    ],
+)
+def test_wrong_aerodynamics_is_named(override, message, practice_06):
+    with pytest.raises(InputError, match=message):
+        mission = Mission.load(shipped_mission("practice_mer"), [override])
+        from dataclasses import replace
+
+        derive_flight(replace(practice_06, mission=mission), derive(practice_06).air)
