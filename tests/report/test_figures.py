@@ -25,6 +25,8 @@ PANELS = (
     attitude.total_angle_of_attack,
 )
 MAPS = (track.ground_track, track.landing_ellipse)
+#: Figures that need no post-flight groups.
+RECONSTRUCTION = list(FIGURES)[:8]
 ROWS = (constraints.innovations, constraints.left_out)
 
 
@@ -116,7 +118,7 @@ def less(tree: xr.DataTree, *paths: str) -> xr.DataTree:
 
 def test_all_files_are_written(tree, tmp_path):
     written = draw_all(tree, tmp_path / "new" / "figures")
-    assert [p.stem for p in written] == list(FIGURES)
+    assert [p.stem for p in written] == RECONSTRUCTION
     assert all(p.read_bytes().startswith(b"\x89PNG") and p.stat().st_size > 5000 for p in written)
 
 
@@ -202,7 +204,7 @@ def test_constraint_far_out_is_shown_at_the_edge_with_its_number(tree):
 )
 def test_optional_parts_may_be_absent(tree, missing, tmp_path):
     part = less(tree, *missing)
-    expected = set(FIGURES)
+    expected = set(RECONSTRUCTION)
     if missing == ("constraints",):
         expected -= {"constraint_innovations", "leave_one_out"}
     assert set(available(part)) == expected

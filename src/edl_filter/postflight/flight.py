@@ -114,7 +114,8 @@ def inputs(reconstruction: Reconstruction, air: AirData) -> DeriveInputs:
         preflight_density=atmosphere.density(middle["altitude"]),
         preflight_temperature=atmosphere.temperature_at(middle["altitude"]),
         preflight_sigma=mission.atmosphere.density_sigma,
-        parachute=parachute,
+        # the batch that reaches the mortar's recoil would smear it over what comes before
+        parachute=parachute - mission.postflight.batch_s,
         batch=mission.postflight.batch_s,
         top_temperature=mission.postflight.top_temperature,
         top_temperature_sigma=mission.postflight.top_temperature_sigma,

@@ -25,6 +25,9 @@ _FIRST_MACH, _SECOND_MACH = 22.0, 12.0
 #: Averaging time of alpha_total where the database shows no instability, and half the width then given to one, s.
 _ENVELOPE, _HALF_WIDTH = 6.0, 5.0
 
+#: A peak of the mean angle is this much larger than the mean at both ends of its range.
+_PROMINENT = 1.15
+
 
 @dataclass(frozen=True)
 class Window:
@@ -198,7 +201,7 @@ def _longest_run(mask: Bools) -> tuple[int, int] | None:
 
 
 def _envelope_peak(time: Array, alpha_total: Array, here: Bools) -> float | None:
-    """Time of the largest running mean, if it is not at an end."""
+    """Time of the largest running mean, if it stands out against both ends of the range."""
     index = np.flatnonzero(here)
     if index.size < 3 or time[index[-1]] - time[index[0]] < 2.0 * _ENVELOPE:
         return None
@@ -209,4 +212,4 @@ def _envelope_peak(time: Array, alpha_total: Array, here: Bools) -> float | None
         return None
     mean = np.interp(centre + _ENVELOPE / 2, t, area) - np.interp(centre - _ENVELOPE / 2, t, area)
     best = int(np.argmax(mean))
-    return None if best in (0, len(centre) - 1) else float(centre[best])
+    return float(centre[best]) if mean[best] > _PROMINENT * max(mean[0], mean[-1]) else None

@@ -13,10 +13,21 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from xarray import DataTree
 
-from edl_filter.report import attitude, constraints, motion, style, track, trajectory, view
+from edl_filter.report import (
+    aerodynamics,
+    atmosphere,
+    attitude,
+    constraints,
+    motion,
+    postflight,
+    rotation,
+    style,
+    track,
+    trajectory,
+    view,
+)
 
 DPI = 120
-COLUMN_GAP = 0.75  # inches between the entry's and the descent's column
 
 
 @style.styled
@@ -102,11 +113,46 @@ FIGURES: dict[str, Callable[[DataTree], Figure]] = {
     "ground_track": ground_track,
     "constraint_innovations": constraint_innovations,
     "leave_one_out": leave_one_out,
+    "mach_and_knudsen": atmosphere.mach_and_knudsen,
+    "atmosphere_profile": atmosphere.atmosphere_profile,
+    "database_atmospheres": aerodynamics.database_atmospheres,
+    "flight_atmospheres": aerodynamics.flight_atmospheres,
+    "force_coefficients": aerodynamics.force_coefficients,
+    "moment_coefficients": aerodynamics.moment_coefficients,
+    "rolling_moment": rotation.rolling_moment,
+    "angles_by_method": rotation.angles_by_method,
+    "angular_accelerations": rotation.angular_accelerations,
 }
 _NEEDS = {
     "altitude_velocity": ("altitude", "speed"),
     "total_angle_of_attack": ("alpha_total",),
     "ground_track": ("position", "longitude"),
+}
+#: The same for the figures of the post-flight layer: ``group:variable``.
+_NEEDS_POSTFLIGHT = {
+    "mach_and_knudsen": ("atmosphere/flight:mach", "atmosphere/preflight:mach"),
+    "atmosphere_profile": ("atmosphere/flight:density", "atmosphere/preflight:density"),
+    "database_atmospheres": ("coefficients/database:CN", "coefficients/database_preflight:CN"),
+    "flight_atmospheres": (
+        "coefficients/flight:CN",
+        "coefficients/preflight_density:CN",
+        "coefficients/database:CN_three_sigma",
+    ),
+    "force_coefficients": (
+        "coefficients/flight:CN",
+        "coefficients/database:CN_three_sigma",
+        "coefficients/database_measured:CN",
+        "combination/moments:CN",
+    ),
+    "moment_coefficients": (
+        "coefficients/flight:Cm",
+        "coefficients/database:Cm_three_sigma",
+        "coefficients/database_measured:Cm",
+        "combination/forces:Cm",
+    ),
+    "rolling_moment": ("coefficients/flight:Cl", "motion:rolling_spin"),
+    "angles_by_method": ("angles:alpha_between", "combination/forces:alpha", "combination/moments:alpha"),
+    "angular_accelerations": ("motion:angular_acceleration",),
 }
 
 
@@ -118,6 +164,8 @@ def available(tree: DataTree) -> list[str]:
             found = bool(view.constraints(tree))
         elif name in ("axial_deceleration", "accelerations"):
             found = view.imu(tree, "specific_force") is not None
+        elif name in _NEEDS_POSTFLIGHT:
+            found = postflight.has(tree, *_NEEDS_POSTFLIGHT[name])
         elif name == "angular_rates":
             found = view.imu(tree, "angular_rate") is not None
         else:

@@ -16,7 +16,12 @@ AFTER_LANDING = 2.0
 
 def group(tree: DataTree, path: str) -> Dataset | None:
     """Return the data of one group, where there is one."""
-    return tree[path].dataset if path in tree else None
+    node = tree
+    for part in path.split("/"):  # `in` looks only at children
+        if part not in node.children:
+            return None
+        node = node.children[part]
+    return node.dataset
 
 
 def trajectory(tree: DataTree, name: str) -> Array | None:

@@ -1,0 +1,144 @@
+"""Figures of the aerodynamic coefficients: two atmospheres, three methods (thesis chapters 5 to 7)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+from xarray import DataTree
+
+from edl_filter.report import style
+from edl_filter.report.postflight import BAND, LEGEND, Layer, Panel, layer, strips
+
+Array = NDArray[np.float64]
+
+FLIGHT, OTHER = "coefficients/flight", "coefficients/preflight_density"
+DATABASE, DATABASE_OTHER, MEASURED = (
+    "coefficients/database",
+    "coefficients/database_preflight",
+    "coefficients/database_measured",
+)
+_COLOURS = {"CA": style.BLACK, "CN": style.BLUE, "CY": style.ORANGE, "Cm": style.VERMILLION, "Cn": style.GREEN}
+#: Coefficient → name of the flight's method, of the combination's, and the latter's group.
+_WAYS = {
+    "CN": ("accels", "combine Cm", "combination/moments"),
+    "CY": ("accels", "combine Cn", "combination/moments"),
+    "Cm": ("gyros", "combine CN", "combination/forces"),
+    "Cn": ("gyros", "combine CY", "combination/forces"),
+}
+
+
+@style.styled
+def database_atmospheres(tree: DataTree) -> Figure:
+    """The database's coefficients with the flight's atmosphere less those with the preflight one."""
+    shared = layer(tree)
+    panels = (_database_change("CA", "CN", "CY"), _database_change("Cm", "Cn"))
+    return strips(shared, "MEVAD, flight less preflight", panels, (2.8, 2.8), low=shared.start)
+
+
+def _database_change(*names: str) -> Callable[[Panel], None]:
+    def draw(panel: Panel) -> None:
+        shown = [_percent(panel.layer, DATABASE, DATABASE_OTHER, name) for name in names]
+        for name, values in zip(names, shown, strict=True):
+            panel.line(values, _COLOURS[name], name)
+        panel.limits(*shown, everything=True, room=LEGEND)
+        panel.ax.set_ylabel(f"{'moments' if 'Cm' in names else 'forces'}\n(% of MEVAD 3 sigma)")
+        panel.legend()
+
+    return draw
+
+
+def _percent(shared: Layer, group: str, other: str, name: str) -> Array:
+    """Difference of a coefficient between two groups in percent of the database's 3 sigma."""
+    return 100.0 * (shared.get(group, name) - shared.get(other, name)) / shared.get(DATABASE, f"{name}_three_sigma")
+
+
+@style.styled
+def flight_atmospheres(tree: DataTree) -> Figure:
+    """The flight's CN, Cm and Cn with both atmospheres, and the differences."""
+    panels = (*(_flight_both(name) for name in ("CN", "Cm", "Cn")), _flight_change)
+    return strips(layer(tree), "coefficients, both atmospheres", panels, (1.9, 1.9, 1.9, 2.1))
+
+
+def _flight_both(name: str) -> Callable[[Panel], None]:
+    def draw(panel: Panel) -> None:
+        flown, other = panel.layer.get(FLIGHT, name), panel.layer.get(OTHER, name)
+        panel.line(other, style.VERMILLION, "preflight atmosphere", 1.8)
+        panel.line(flown, style.BLUE, "flight atmosphere", 0.9)
+        first = name == "CN"
+        panel.limits(flown, other, room=LEGEND if first else 0.0)
+        panel.ax.set_ylabel(f"{name} (–)")
+        if first:
+            panel.legend()
+
+    return draw
+
+
+def _flight_change(panel: Panel) -> None:
+    shown = []
+    for name in ("CN", "Cm", "Cn"):
+        shown.append(_percent(panel.layer, FLIGHT, OTHER, name))
+        panel.line(shown[-1], _COLOURS[name], name)
+    panel.limits(*shown, room=LEGEND)
+    panel.ax.set_ylabel("flight − preflight\n(% of MEVAD 3 sigma)")
+    panel.legend()
+
+
+@style.styled
+def force_coefficients(tree: DataTree) -> Figure:
+    """CN and CY by three methods, and their differences within the database's 3 sigma."""
+    return _methods(tree, "forces by three methods", "CN", "CY")
+
+
+@style.styled
+def moment_coefficients(tree: DataTree) -> Figure:
+    """Cm and Cn by three methods, and their differences within the database's 3 sigma."""
+    return _methods(tree, "moments by three methods", "Cm", "Cn")
+
+
+def _methods(tree: DataTree, subject: str, *names: str) -> Figure:
+    panels = [draw for name in names for draw in (_three(name), _apart(name))]
+    return strips(layer(tree), subject, panels, (2.3, 1.7) * len(names))
+
+
+def _three(name: str) -> Callable[[Panel], None]:
+    def draw(panel: Panel) -> None:
+        shared = panel.layer
+        expected, limit, flown, combined = _found(shared, name)
+        own, through, _ = _WAYS[name]
+        panel.band(expected - limit, expected + limit, BAND, "MEVAD 3 sigma")
+        panel.line(combined, style.GREEN, through, 1.2)
+        panel.line(flown, style.VERMILLION, own, 1.0)
+        panel.line(expected, style.BLUE, "MEVAD", 1.0)
+        panel.limits(expected - limit, expected + limit, flown, combined, room=LEGEND)
+        panel.ax.set_ylabel(f"{name} (–)")
+        panel.legend()
+
+    return draw
+
+
+def _apart(name: str) -> Callable[[Panel], None]:
+    def draw(panel: Panel) -> None:
+        expected, limit, flown, combined = _found(panel.layer, name)
+        own, through, _ = _WAYS[name]
+        panel.band(-limit, limit, BAND)
+        panel.line(expected - combined, style.GREEN, f"MEVAD − {through}", 1.2)
+        panel.line(expected - flown, style.VERMILLION, f"MEVAD − {own}", 1.0)
+        panel.ax.axhline(0.0, color=style.GREY, linewidth=0.8)
+        panel.limits(-limit, limit, expected - flown, expected - combined, room=LEGEND)
+        panel.ax.set_ylabel(f"Δ{name} (–)")
+        panel.legend()
+
+    return draw
+
+
+def _found(shared: Layer, name: str) -> tuple[Array, Array, Array, Array]:
+    """The database's, as the flight's instruments would see it, its 3 sigma, the flight's and the combination's."""
+    return (
+        shared.get(MEASURED, name),
+        shared.get(DATABASE, f"{name}_three_sigma"),
+        shared.get(FLIGHT, name),
+        shared.get(_WAYS[name][2], name),
+    )

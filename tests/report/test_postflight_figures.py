@@ -1,0 +1,189 @@
+"""Figures of the post-flight layer from made-up groups: no flight, no filter."""
+
+import json
+
+import numpy as np
+import pytest
+import xarray as xr
+from matplotlib.figure import Figure
+
+from edl_filter.report.figures import FIGURES, available, draw_all
+from edl_filter.report.postflight import bounds, has, layer
+
+NAMES = [
+    "mach_and_knudsen",
+    "atmosphere_profile",
+    "database_atmospheres",
+    "flight_atmospheres",
+    "force_coefficients",
+    "moment_coefficients",
+    "rolling_moment",
+    "angles_by_method",
+    "angular_accelerations",
+]
+COEFFICIENTS = ("CA", "CN", "CY", "Cl", "Cm", "Cn")
+START, USEFUL, END, PARACHUTE = 10.0, 40.0, 199.9, 200.0
+
+
+def make_tree(count: int = 1500) -> xr.DataTree:
+    """A swinging flight of 200 s whose density is 5 % above the one expected."""
+    time = np.linspace(0.1, END, count)
+    swing = np.sin(0.7 * time)
+    altitude = 1.2e5 - 550.0 * time
+    density = 2e-2 * np.exp(-altitude / 1e4)
+
+    def group(**values):
+        dims = ("time", "axis")
+        data = {name: (dims[: np.ndim(v)], v) for name, v in values.items()}
+        return xr.Dataset(data, coords={"time": time})
+
+    def air(factor):
+        rho = factor * density
+        names = ("density", "pressure", "temperature")
+        values = dict(zip(names, (rho, 190.0 * 200.0 * rho, np.full(count, 200.0)), strict=True))
+        sigma = {f"{name}_sigma": 0.02 * v for name, v in values.items()}
+        mach = 30.0 - 0.14 * time
+        return group(altitude=altitude, mach=mach, knudsen=1e-7 / rho, ca=1.6 + 0.0 * rho, **values, **sigma)
+
+    def coefficients(size, spread):
+        values = dict.fromkeys(COEFFICIENTS, size * swing)
+        return group(**values, **{f"{name}_{spread}": np.full(count, 0.01) for name in COEFFICIENTS})
+
+    tensor = np.column_stack((swing, swing, -swing))
+    terms = {f"rolling_{k}": k_size * swing for k, k_size in (("spin", 0.3), ("difference", 0.1), ("xy", 0.0))}
+    forces = group(alpha=0.05 * swing, beta=-0.05 * swing, Cm=0.01 * swing, Cn=0.01 * swing)
+    forces["alpha"][500:600] = np.nan  # no solution there
+    attrs = {
+        "domain_start": START,
+        "domain_useful": USEFUL,
+        "domain_end": END,
+        "mach_times": json.dumps({"25": 35.0, "15": 107.0, "5": None}),
+        "instabilities": json.dumps({"first": None, "second": [100.0, 110.0]}),
+    }
+    angles = ("alpha", "beta", "alpha_total")
+    differences = [f"{a}_{k}" for a in ("alpha", "beta") for k in ("forces", "moments", "between")]
+    events = xr.Dataset(
+        {"time_s": ("event", [0.0, PARACHUTE])}, coords={"event": ["entry_interface", "parachute_deploy"]}
+    )
+    groups = {
+        "/": xr.Dataset(attrs={"title": "Test flight", "epoch_utc": "2004-01-04T04:19:51.9"}),
+        "/trajectory": xr.Dataset(coords={"time": time}),
+        "/events": events,
+        "/postflight": xr.Dataset(attrs=attrs),
+        "/postflight/atmosphere/flight": air(1.05),
+        "/postflight/atmosphere/preflight": air(1.0),
+        "/postflight/coefficients/flight": coefficients(0.010, "sigma"),
+        "/postflight/coefficients/preflight_density": coefficients(0.0105, "sigma"),
+        "/postflight/coefficients/database": coefficients(0.009, "three_sigma"),
+        "/postflight/coefficients/database_preflight": coefficients(0.0095, "three_sigma"),
+        "/postflight/coefficients/database_measured": coefficients(0.009, "three_sigma").drop_vars("CA"),
+        "/postflight/combination/forces": forces,
+        "/postflight/combination/moments": group(alpha=swing, beta=swing, CN=0.01 * swing, CY=0.01 * swing),
+        "/postflight/angles": group(**dict.fromkeys((*angles, *differences), 0.05 * swing)),
+        "/postflight/motion": group(
+            angular_acceleration=tensor,
+            angular_acceleration_sigma=np.full(count, 0.01),
+            **terms,
+            rolling_xz=0.0 * swing,
+            rolling_yz=0.0 * swing,
+        ),
+    }
+    return xr.DataTree.from_dict(groups)
+
+
+@pytest.fixture(scope="module")
+def tree() -> xr.DataTree:
+    return make_tree()
+
+
+def less(tree: xr.DataTree, *paths: str) -> xr.DataTree:
+    groups = {node.path: node.to_dataset() for node in tree.subtree}
+    return xr.DataTree.from_dict({k: v for k, v in groups.items() if not k.startswith(paths)})
+
+
+def test_all_files_are_written(tree, tmp_path):
+    assert [p.stem for p in draw_all(tree, tmp_path)] == NAMES
+    assert all(p.read_bytes().startswith(b"\x89PNG") and p.stat().st_size > 5000 for p in tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_axes_have_labels_with_units_and_the_flights_marks(tree, name):
+    made = FIGURES[name](tree)
+    assert isinstance(made, Figure)
+    assert made.axes[0].get_title(loc="left").startswith("Test flight: ")
+    texts = {text.get_text() for ax in made.axes for text in ax.texts}
+    assert "Mach 15" in texts
+    assert "Mach 5" not in texts  # the flight does not reach it
+    if name == "atmosphere_profile":
+        assert [ax.get_xlabel() for ax in made.axes][:3] == ["density (kg/m³)", "pressure (Pa)", "temperature (K)"]
+        assert made.axes[0].get_ylabel() == "altitude (km)"
+        return
+    assert all(ax.get_ylabel().endswith(")") and "(" in ax.get_ylabel() for ax in made.axes)
+    assert made.axes[-1].get_xlabel() == "time since 2004-01-04 04:19:51.9 UTC (s)"
+    assert {"parachute", "unstable"} <= texts
+    for ax in made.axes:
+        low, high = ax.get_xlim()
+        assert (low in (START, USEFUL)) and high == PARACHUTE
+        marked = [line.get_xdata()[0] for line in ax.lines if line.get_gid() == "event"]
+        assert marked == [t for t in (35.0, 107.0, PARACHUTE) if t >= low]
+
+
+@pytest.mark.parametrize(
+    ("missing", "gone"),
+    [
+        ("/postflight", set(NAMES)),
+        ("/postflight/atmosphere/preflight", {"mach_and_knudsen", "atmosphere_profile"}),
+        ("/postflight/coefficients/database_preflight", {"database_atmospheres"}),
+        ("/postflight/coefficients/preflight_density", {"flight_atmospheres"}),
+        ("/postflight/coefficients/database_measured", {"force_coefficients", "moment_coefficients"}),
+        ("/postflight/combination/moments", {"force_coefficients", "angles_by_method"}),
+        ("/postflight/motion", {"rolling_moment", "angular_accelerations"}),
+    ],
+)
+def test_figures_without_their_groups_are_skipped(tree, missing, gone):
+    some = less(tree, missing)
+    assert available(some) == [n for n in NAMES if n not in gone]
+    assert all(isinstance(FIGURES[n](some), Figure) for n in available(some)[:2])
+
+
+def test_percent_is_of_three_sigma(tree):
+    ax = FIGURES["database_atmospheres"](tree).axes[1]
+    line = next(line for line in ax.lines if line.get_label() == "Cm")
+    np.testing.assert_allclose(np.max(np.abs(line.get_ydata())), 5.0, rtol=1e-3)  # 0.0005 of 0.01
+
+
+def test_wild_samples_before_the_useful_domain_do_not_set_the_range(tree):
+    wild = make_tree()
+    for name in ("CN", "CY"):
+        values = wild["postflight/coefficients/flight"][name].values
+        values[wild["postflight/coefficients/flight"]["time"].values < USEFUL] = 10.0
+        values[-2:] = -10.0  # the parachute's first pull
+    for ax in FIGURES["force_coefficients"](wild).axes:
+        assert np.max(np.abs(ax.get_ylim())) < 0.05
+
+
+def test_terms_that_are_nothing_are_not_named(tree):
+    labels = FIGURES["rolling_moment"](tree).axes[2].get_legend_handles_labels()[1]
+    assert labels == ["by Izz − Iyy"]
+
+
+def test_nothing_useful_and_nothing_stated():
+    bare = make_tree()
+    bare["postflight"].attrs = {"domain_useful": float("nan")}
+    found = layer(bare)
+    assert (found.start, found.useful, found.end) == (found.time[0], found.time[0], found.time[-1])
+    assert found.mach_times == {}
+    assert found.unstable == []
+    assert all(isinstance(FIGURES[name](bare), Figure) for name in NAMES)
+
+
+def test_has_looks_below_children(tree):
+    assert has(tree, "atmosphere/flight:mach", "angles:alpha")
+    assert not has(tree, "atmosphere/flight:nothing")
+    assert not has(tree, "atmosphere/nothing:mach")
+
+
+def test_bounds_of_nothing():
+    assert bounds([np.full(3, np.nan)]) == (-1.0, 1.0)
+    low, high = bounds([np.zeros(5)])
+    assert low < 0.0 < high
