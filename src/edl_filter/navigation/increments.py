@@ -131,9 +131,9 @@ def effective_samples(record: ImuRecord) -> Samples:
 def edge_values(interval: Array, mean: Array) -> Array:
     """Values at the N + 1 edges of adjoining intervals from their means ``(N, 3)``.
 
-    Fourth order where the four intervals around an edge are equal, ``(7 (m_i + m_j) - m_h - m_k) / 12`` with h, i before
-    and j, k after it: at 8 Hz and one oscillation a second, second order would miss a tenth of an angular acceleration.
-    Elsewhere second order.
+    Fourth order where the four intervals around an edge are equal, ``(7 (m_i + m_j) - m_h - m_k) / 12`` with h, i
+    before and j, k after it: at 8 Hz and one oscillation a second, second order would miss a tenth of an angular
+    acceleration. Elsewhere second order.
     """
     weight = (interval[1:] / (interval[:-1] + interval[1:]))[:, None]
     inner = mean[:-1] * weight + mean[1:] * (1.0 - weight)
