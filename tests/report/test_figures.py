@@ -23,10 +23,11 @@ PANELS = (
     motion.acceleration,
     motion.angular_rate,
     attitude.total_angle_of_attack,
+    attitude.quaternion,
 )
 MAPS = (track.ground_track, track.landing_ellipse)
 #: Figures that need no post-flight groups.
-RECONSTRUCTION = list(FIGURES)[:8]
+RECONSTRUCTION = list(FIGURES)[:9]
 ROWS = (constraints.innovations, constraints.left_out)
 
 
@@ -40,6 +41,7 @@ def make_tree(count: int = 801) -> xr.DataTree:
     radius = RADIUS + altitude
     position = np.column_stack((radius * np.cos(angle), radius * np.sin(angle), np.zeros(count)))
     vector = np.column_stack((-60.0 * np.sin(np.pi * time / 100.0), np.sin(time), np.cos(time)))
+    spin = np.column_stack((np.sin(0.1 * time), np.zeros((count, 2)), np.cos(0.1 * time)))
     covariance = np.tile(np.diag([1e4, 1e4, 4e4, 1, 1, 1, 1e-6, 1e-6, 1e-6]), (count, 1, 1))
     along = {
         "altitude": altitude,
@@ -55,6 +57,7 @@ def make_tree(count: int = 801) -> xr.DataTree:
         {
             **{name: ("time", values) for name, values in along.items()},
             "position": (("time", "axis"), position),
+            "inertial_from_body": (("time", "quaternion"), spin),
             "covariance": (("time", "state", "state_2"), covariance),
             "specific_force": (("time", "axis"), vector),
             "angular_rate": (("time", "axis"), 0.1 * vector),
@@ -214,7 +217,7 @@ def test_optional_parts_may_be_absent(tree, missing, tmp_path):
 
 def test_figures_without_data_are_left_out(tree, tmp_path):
     part = less(tree, "constraints", "trajectory:specific_force", "trajectory:alpha_total", "trajectory:longitude")
-    assert [p.stem for p in draw_all(part, tmp_path)] == ["altitude_velocity", "angular_rates"]
+    assert [p.stem for p in draw_all(part, tmp_path)] == ["altitude_velocity", "angular_rates", "attitude_quaternion"]
 
 
 def test_bare_attributes(tree):
@@ -281,3 +284,14 @@ class TestLabels:
 
     def test_no_marks(self):
         assert place([], [], 100.0) == []
+
+
+def test_quaternion_is_of_the_body_from_j2000_and_does_not_jump(tree):
+    """A turn of the frame by half a revolution about z swaps elements; a sign that flips on the way is taken out."""
+    turned = tree.copy()
+    turned.attrs["j2000_from_inertial"] = np.diag([-1.0, -1.0, 1.0]).ravel()
+    for given, frame in ((tree, "inertial"), (turned, "J2000")):
+        ax = attitude.quaternion(given)
+        lines = np.array([line.get_ydata() for line in ax.lines if line.get_label().startswith("q")])
+        assert len(lines) == 4 and np.max(np.abs(np.diff(lines, axis=1))) < 0.1
+        assert f"{frame} to body" in ax.get_title(loc="left")

@@ -1,4 +1,4 @@
-"""Panel of the total angle of attack with its uncertainty (thesis figure 3.13)."""
+"""Panels of the attitude: total angle of attack (thesis figure 3.13) and quaternion (figures 18.1 to 18.3)."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from xarray import DataTree
 
+from edl_filter import rotations
 from edl_filter.report import style, view
 from edl_filter.report.envelope import envelope
 
@@ -50,6 +51,34 @@ def total_angle_of_attack(tree: DataTree, ax: Axes | None = None, *, phase: str 
             ax.legend(loc="upper left", ncols=3)
     ax.set_xlim(low, high)
     ax.set_ylabel("total angle of attack (°)")
+    style.mark_events(tree, ax)
+    finish()
+    return ax
+
+
+@style.styled
+def quaternion(tree: DataTree, ax: Axes | None = None) -> Axes:
+    """Elements of the quaternion from J2000, or from inertial axes where J2000 is not known, to the body."""
+    matrix = tree.attrs.get("j2000_from_inertial")
+    frame = "inertial" if matrix is None else "J2000"
+    ax, finish = style.alone(tree, ax, f"{frame} to body quaternion")
+    attitude, time = view.trajectory(tree, "inertial_from_body"), view.time(tree)
+    low, high = view.span(tree, "entry")
+    inside = (time >= low) & (time <= high)
+    if attitude is not None and inside.any():
+        q = attitude[inside]
+        if matrix is not None:
+            q = rotations.multiply(rotations.from_matrix(np.reshape(matrix, (3, 3))), q)
+        q = rotations.conjugate(q)
+        flip = np.cumprod(np.where(np.sum(q[1:] * q[:-1], axis=1) < 0.0, -1.0, 1.0))
+        q = q * np.concatenate(([1.0], flip))[:, None]
+        colours = (*style.AXIS_COLOURS, style.ORANGE)
+        for k, colour in enumerate(colours):
+            ax.plot(*envelope(time[inside], q[:, k]), color=colour, linewidth=0.9, label=f"q{k + 1}")
+        ax.legend(loc="lower left", ncols=4)
+    ax.set_xlim(low, high)
+    ax.set_ylim(-1.25, 1.05)
+    ax.set_ylabel("quaternion element, scalar last (–)")
     style.mark_events(tree, ax)
     finish()
     return ax

@@ -56,6 +56,12 @@ def angular_rates(tree: DataTree) -> Figure:
 
 
 @style.styled
+def attitude_quaternion(tree: DataTree) -> Figure:
+    """Quaternion to the body, up to the parachute."""
+    return _root(attitude.quaternion(tree))
+
+
+@style.styled
 def accelerations(tree: DataTree) -> Figure:
     """Accelerations along x, y, z at the centre of mass."""
     return _components(tree, motion.acceleration, "accelerations at the centre of mass")
@@ -113,6 +119,7 @@ FIGURES: dict[str, Callable[[DataTree], Figure]] = {
     "ground_track": ground_track,
     "constraint_innovations": constraint_innovations,
     "leave_one_out": leave_one_out,
+    "attitude_quaternion": attitude_quaternion,
     "mach_and_knudsen": atmosphere.mach_and_knudsen,
     "atmosphere_profile": atmosphere.atmosphere_profile,
     "database_atmospheres": aerodynamics.database_atmospheres,
@@ -124,6 +131,7 @@ FIGURES: dict[str, Callable[[DataTree], Figure]] = {
     "angular_accelerations": rotation.angular_accelerations,
 }
 _NEEDS = {
+    "attitude_quaternion": ("inertial_from_body",),
     "altitude_velocity": ("altitude", "speed"),
     "total_angle_of_attack": ("alpha_total",),
     "ground_track": ("position", "longitude"),
