@@ -21,8 +21,8 @@ from edl_filter.navigation.smoother import Smoothed, smooth
 from edl_filter.navigation.trajectory import Trajectory, trace
 from edl_filter.planet import Planet
 from edl_filter.planet.atmosphere import Atmosphere
-from edl_filter.telemetry.calibration import MisalignmentEstimate
-from edl_filter.telemetry.comparison import compare
+from edl_filter.telemetry.calibration import MisalignmentEstimate, bias_from_velocity_slope
+from edl_filter.telemetry.comparison import centred, compare
 from edl_filter.telemetry.record import Telemetry
 
 Array = NDArray[np.float64]
@@ -57,6 +57,8 @@ class Reconstruction:
     """A reconstructed entry and all that it came from.
 
     `comparison` sets each checking IMU beside the driving one: name → misalignment, where a window is covered.
+    `pre_entry_bias` is the accelerometers' bias by the thesis's way, slope of the velocity before entry, and its sigma,
+    (3,) each, m/s²; None where the mission has no such window.
     """
 
     mission: Mission
@@ -70,6 +72,7 @@ class Reconstruction:
     statements: list[Statement]
     entry: EntryCorrection
     comparison: dict[str, MisalignmentEstimate]
+    pre_entry_bias: tuple[Array, Array] | None
     timing: dict[str, float]
 
     @property
@@ -124,9 +127,30 @@ def reconstruct(mission: Mission) -> Reconstruction:
         found.insert(0, entry_statement(smoothed, prior, -entry.change))
     with _timed(timing, "comparison"):
         comparison = _compare(mission, telemetry)
+        bias = _pre_entry_bias(mission, telemetry)
     return Reconstruction(
-        mission, telemetry, planet, atmosphere, problem, way, smoothed, trajectory, found, entry, comparison, timing
+        mission=mission,
+        telemetry=telemetry,
+        planet=planet,
+        atmosphere=atmosphere,
+        problem=problem,
+        forward=way,
+        smoothed=smoothed,
+        trajectory=trajectory,
+        statements=found,
+        entry=entry,
+        comparison=comparison,
+        pre_entry_bias=bias,
+        timing=timing,
     )
+
+
+def _pre_entry_bias(mission: Mission, telemetry: Telemetry) -> tuple[Array, Array] | None:
+    window = mission.constraints.pre_entry_zero_force
+    if window is None:
+        return None
+    quiet = centred(telemetry.driving.between(window.start_s, window.end_s))
+    return bias_from_velocity_slope(quiet.time, quiet.interval, quiet.specific_force, window.start_s, window.end_s)
 
 
 def _compare(mission: Mission, telemetry: Telemetry) -> dict[str, MisalignmentEstimate]:

@@ -194,3 +194,15 @@ def test_a_point_mass_lands_elsewhere(dead_reckoned):
     )
     assert 100.0 < np.linalg.norm(shift) < 1000.0
     assert dead_reckoned["mer_a"].planet.j2 == 1.95545e-3
+
+
+@pytest.mark.parametrize(
+    ("rover", "axial"), [("spirit", 3.74e-3), ("opportunity", -3.92e-3)]
+)  # facts file, section 2: pre-entry means of the backshell's IMU
+def test_bias_by_the_thesiss_way_is_the_filters(rover, axial, request):
+    flight = request.getfixturevalue(rover)
+    slope, sigma = flight.pre_entry_bias
+    assert slope[0] == pytest.approx(axial, abs=1e-4)
+    estimate = flight.smoothed.states[0].errors[flight.forward.layout["accelerometer_bias"]]
+    assert np.all(np.abs(estimate - slope) < 3e-4)
+    assert np.all((sigma > 1e-5) & (sigma < 1e-3))

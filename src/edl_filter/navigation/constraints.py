@@ -59,8 +59,20 @@ class Constraint(Protocol):
         """What the states predict, ``(S, m)``."""
 
 
+class _OneSigma:
+    """A constraint all of whose components are known equally well."""
+
+    components: ClassVar[tuple[str, ...]]
+    sigma: float
+
+    @property
+    def noise(self) -> Array:
+        """Independent components with one sigma."""
+        return self.sigma**2 * np.eye(len(self.components))
+
+
 @dataclass(frozen=True)
-class OnboardAttitude:
+class OnboardAttitude(_OneSigma):
     """Attitude computed on board, against the same sum of gyro readings carried along by the filter.
 
     Predicted is the rotation vector in body axes from the telemetered quaternion to the carried one, so that zero
@@ -78,11 +90,6 @@ class OnboardAttitude:
     def measured(self) -> Array:
         """No turn."""
         return np.zeros(3)
-
-    @property
-    def noise(self) -> Array:
-        """The same for every axis."""
-        return self.sigma**2 * np.eye(3)
 
     def predict(self, nav: Array, errors: Array, layout: Layout) -> Array:
         """Turn from the telemetered quaternion to the carried one."""
@@ -191,7 +198,7 @@ class SteadyDescent:
 
 
 @dataclass(frozen=True)
-class Altimeter:
+class Altimeter(_OneSigma):
     """Height above a sphere about the planet's centre."""
 
     name: ClassVar[str] = "altimeter"
@@ -206,11 +213,6 @@ class Altimeter:
     def measured(self) -> Array:
         """m."""
         return np.array([self.height])
-
-    @property
-    def noise(self) -> Array:
-        """Of one reading."""
-        return np.array([[self.sigma**2]])
 
     def predict(self, nav: Array, errors: Array, layout: Layout) -> Array:
         """Distance from the centre minus the sphere's radius."""
@@ -245,7 +247,7 @@ class LandingSite:
 
 
 @dataclass(frozen=True)
-class RestVelocity:
+class RestVelocity(_OneSigma):
     """At rest on the surface: no velocity against the ground."""
 
     name: ClassVar[str] = "rest_velocity"
@@ -260,18 +262,13 @@ class RestVelocity:
         """None."""
         return np.zeros(3)
 
-    @property
-    def noise(self) -> Array:
-        """The same for every axis."""
-        return self.sigma**2 * np.eye(3)
-
     def predict(self, nav: Array, errors: Array, layout: Layout) -> Array:
         """Velocity against the ground, inertial axes."""
         return self.planet.velocity_relative(nav[:3].T, nav[3:6].T)
 
 
 @dataclass(frozen=True)
-class RestGravity:
+class RestGravity(_OneSigma):
     """At rest on the surface: the accelerometers read minus gravity and the centrifugal part."""
 
     name: ClassVar[str] = "rest_gravity"
@@ -286,11 +283,6 @@ class RestGravity:
     def measured(self) -> Array:
         """Mean reading, body axes."""
         return self.mean_force
-
-    @property
-    def noise(self) -> Array:
-        """The same for every axis."""
-        return self.sigma**2 * np.eye(3)
 
     def predict(self, nav: Array, errors: Array, layout: Layout) -> Array:
         """``(1 + s) ∘ R(m) Cᵀ (ω × (ω × r) - g) + b``."""
@@ -309,7 +301,7 @@ class RestGravity:
 
 
 @dataclass(frozen=True)
-class RestRate:
+class RestRate(_OneSigma):
     """At rest on the surface: the gyros read the planet's rotation."""
 
     name: ClassVar[str] = "rest_rate"
@@ -324,11 +316,6 @@ class RestRate:
     def measured(self) -> Array:
         """Mean reading, body axes."""
         return self.mean_rate
-
-    @property
-    def noise(self) -> Array:
-        """The same for every axis."""
-        return self.sigma**2 * np.eye(3)
 
     def predict(self, nav: Array, errors: Array, layout: Layout) -> Array:
         """``(1 + s) ∘ Cᵀ ω + b``."""

@@ -51,11 +51,26 @@ def summary(reconstruction: Reconstruction, derived: Derived | None = None) -> d
         "constraints": {s.name: constraint(s) for s in reconstruction.statements},
         "entry_state": entry_state(reconstruction),
         "imu_comparison": {name: comparison(fit) for name, fit in reconstruction.comparison.items()},
+        "pre_entry_bias_m_s2": _bias(reconstruction),
         "residuals": residuals(reconstruction.statements),
         "postflight": None if derived.aftermath is None else postflight.summary(derived.aftermath),
         "notes": list(reconstruction.telemetry.notes),
         "timing_s": dict(reconstruction.timing),
     }
+
+
+def _bias(reconstruction: Reconstruction) -> dict[str, Any] | None:
+    """Accelerometer bias, body axes: slope of the velocity before entry (the thesis), and the filter's estimate."""
+    if reconstruction.pre_entry_bias is None:
+        return None
+    slope, sigma = reconstruction.pre_entry_bias
+    layout, smoothed = reconstruction.forward.layout, reconstruction.smoothed
+    told: dict[str, Any] = {"slope": slope.tolist(), "slope_sigma": sigma.tolist()}
+    if "accelerometer_bias" in layout:
+        where = layout["accelerometer_bias"]
+        told["filter"] = smoothed.states[0].errors[where].tolist()
+        told["filter_sigma"] = np.sqrt(np.diag(smoothed.covariance[0])[where]).tolist()
+    return told
 
 
 def _without_nothing(event: dict[str, Any]) -> dict[str, Any]:
