@@ -149,11 +149,10 @@ def entry_sentence(entry: dict[str, Any]) -> str:
     """What had to give in the entry state."""
     distance = math.dist(entry["position_change_m"], (0.0, 0.0, 0.0))
     speed = math.dist(entry["velocity_change_m_s"], (0.0, 0.0, 0.0))
-    left = math.dist(entry["rotation_leaves_m"], (0.0, 0.0, 0.0))
-    sentence = (
-        f"Entry state: moved by {distance / 1e3:.2f} km and {speed:.2f} m/s; a rotation of its frame by "
-        f"{entry['rotation_deg']:.3f} deg explains all but {left / 1e3:.2f} km"
-    )
+    sentence = f"Entry state: moved by {distance / 1e3:.2f} km and {speed:.2f} m/s"
+    if "entry_frame" in entry["states"]:
+        left = math.dist(entry["rotation_leaves_m"], (0.0, 0.0, 0.0))
+        sentence += f"; a rotation of its frame by {entry['rotation_deg']:.3f} deg explains all but {left / 1e3:.2f} km"
     epoch = entry["states"].get("entry_epoch")
     if epoch is not None:
         sentence += f", with its epoch off by {epoch['estimate'][0]:+.2f} ± {epoch['sigma'][0]:.2f} s"
