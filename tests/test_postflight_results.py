@@ -3,13 +3,14 @@
 import csv
 import io
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from edl_filter.errors import InputError
 from edl_filter.mission import Mission, shipped_mission
-from edl_filter.postflight.flight import derive_flight
+from edl_filter.postflight.flight import database, derive_flight
 from edl_filter.reconstruction import reconstruct
 from edl_filter.results.content import content, derive
 from edl_filter.results.postflight import summary, tables
@@ -93,11 +94,33 @@ def test_without_a_database_nothing_is_derived(practice_06):
         ("aerodynamics.continuum_limit=0", "aerodynamics.continuum_limit"),
         ("vehicle.inertia=null", "vehicle.inertia: found nothing"),
         ("postflight.windows=[{name: a, start_s: 10, end_s: 5}]", "end_s"),
+        ("postflight.windows=[{name: late, start_s: 400, end_s: 500}]", "'late', 400 to 500 s, holds no sample"),
+        (
+            "postflight.windows=[{name: a, start_s: 60, end_s: 70}, {name: a, start_s: 80, end_s: 90}]",
+            "two windows are called 'a'",
+        ),
     ],
 )
 def test_wrong_aerodynamics_is_named(override, message, practice_06):
     with pytest.raises(InputError, match=message):
         mission = Mission.load(shipped_mission("practice_mer"), [override])
-        from dataclasses import replace
-
         derive_flight(replace(practice_06, mission=mission), derive(practice_06).air)
+
+
+KNUDSEN = "knudsen,alpha_deg,CA,CN,Cm"
+
+
+def rarefied(path, *rows):
+    path.write_text("\n".join((KNUDSEN, *rows)) + "\n", encoding="utf-8")
+    return f"aerodynamics.rarefied={path}"
+
+
+def test_a_brought_rarefied_table_switches_unless_the_mission_says_otherwise(practice_06, tmp_path):
+    grid = [f"{kn},{a},{1.7 + 0.1 * i},{0.002 * a},{-0.002 * a}" for i, kn in enumerate((1e-3, 1.0)) for a in (0, 20)]
+    override = rarefied(tmp_path / "kn.csv", *grid)
+    mission = Mission.load(shipped_mission("practice_mer"), [override, "aerodynamics.join=null"])
+    found = database(replace(practice_06, mission=mission))
+    assert found.join == "switch" and found.lookup(28.0, 1.0, 0.0).ca == pytest.approx(1.8)
+    with pytest.raises(InputError, match=r"hole|grid"):
+        broken = Mission.load(shipped_mission("practice_mer"), [rarefied(tmp_path / "hole.csv", *grid[:-1])])
+        database(replace(practice_06, mission=broken))

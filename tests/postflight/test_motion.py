@@ -107,3 +107,22 @@ def test_no_such_body(inertia, says):
 def test_too_few_samples():
     with pytest.raises(InputError, match="more than 5 samples"):
         smoother(np.arange(4.0))
+
+
+def test_one_noisy_sample_is_noisy_for_all_that_its_batch_reaches():
+    """Against draws: sigmas of all neighbours are right to a factor of 1.8, and beyond the reach they stay small."""
+    rng = np.random.default_rng(4)
+    n, bad = 121, 60
+    filters = smoother(0.125 * np.arange(float(n)))
+    sample = np.full(n, 1e-3)
+    sample[bad] = 0.1
+    draws = rng.standard_normal((n, 3000)) * sample[:, None]
+    for seen, said in (
+        (filters.smooth(draws).std(axis=1), filters.smoothed_sigma(sample)),
+        (filters.differentiate(draws).std(axis=1), filters.acceleration_sigma(sample)),
+    ):
+        far = np.abs(np.arange(n) - bad) > 8
+        np.testing.assert_allclose(said[far][10:-10], seen[far][10:-10], rtol=0.1)
+        near = np.abs(np.arange(n) - bad) <= 3
+        assert np.all(said[near] > 5.0 * np.median(said))
+        assert np.sqrt(np.mean(said[near] ** 2)) == pytest.approx(np.sqrt(np.mean(seen[near] ** 2)), rel=0.5)

@@ -23,8 +23,10 @@ class Aerodynamics(Section):
         description="rarefied database: builtin:free_molecular (bridged), builtin:rarefied_grid, "
         "or a CSV knudsen,alpha_deg,CA,CN,Cm",
     )
-    join: Literal["continuous", "switch", "blend"] = Field(
-        default="continuous", description="how the two join at the continuum limit: continuous, switch or blend"
+    join: Literal["continuous", "switch", "blend"] | None = Field(
+        default=None,
+        description="how the two join at the continuum limit: continuous, switch or blend; absent: continuous for "
+        "builtin:free_molecular, switch for a table",
     )
     continuum_limit: Annotated[Number, Within("", 1e-5, 1.0)] = Field(
         default=1e-3, description="Knudsen number on D above which the rarefied database holds"

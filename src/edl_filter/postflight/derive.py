@@ -29,7 +29,16 @@ from edl_filter.postflight.gas import Gas
 from edl_filter.postflight.measured import as_measured
 from edl_filter.postflight.moments import Moments, check_inertia, euler
 from edl_filter.postflight.rates import BATCH, Smoother, smoother
-from edl_filter.postflight.windows import Domain, Marks, Window, marks, sensed, standard_windows, useful_from
+from edl_filter.postflight.windows import (
+    Domain,
+    Marks,
+    Window,
+    marks,
+    sensed,
+    standard_windows,
+    stated_windows,
+    useful_from,
+)
 
 Array = NDArray[np.float64]
 
@@ -75,7 +84,7 @@ class DeriveInputs:
     preflight_sigma : float
         Relative one sigma of that density.
     parachute : float
-        s.
+        Last time to be used, s: the parachute, or a little before it.
     top_temperature, top_temperature_sigma : float, optional
         K: isothermal above the first valid sample; None begins with no pressure there, as the thesis does.
     batch : float
@@ -208,8 +217,8 @@ def derive(inputs: DeriveInputs) -> Derived:
     filters = smoother(i.time, i.batch)
     force, rate = filters.smooth(i.specific_force), filters.smooth(i.angular_rate)
     acceleration = filters.differentiate(i.angular_rate)
-    force_sigma, rate_sigma = filters.gain * i.force_noise, filters.gain * i.rate_noise
-    acceleration_sigma = filters.acceleration_gain * i.rate_noise
+    force_sigma, rate_sigma = filters.smoothed_sigma(i.force_noise), filters.smoothed_sigma(i.rate_noise)
+    acceleration_sigma = filters.acceleration_sigma(i.rate_noise)
     # the smoother's gain at the very first sample is that of an end, not of the quiet stretch
     quiet = force_sigma.copy()
     edge = min(int(filters.points[0]), len(quiet) - 1)
@@ -244,7 +253,7 @@ def derive(inputs: DeriveInputs) -> Derived:
     start = float(i.time[np.flatnonzero(flown.valid)[0]])
     domain = Domain(threshold, start, useful, float(min(i.parachute, i.time[-1])))
     found = marks(i.time, i.alpha_total, i.speed, flown, i.database, i.x_over_d, domain)
-    windows = standard_windows(domain, found) if i.windows is None else tuple(i.windows)
+    windows = standard_windows(domain, found) if i.windows is None else stated_windows(i.windows, domain)
     seen = as_measured(database, flown, filters, rate, i.speed, i.mass, i.diameter, i.inertia)
     differences = average_differences(i.time, seen, coefficients, forces, by_moments, windows, filters.points)
     return Derived(

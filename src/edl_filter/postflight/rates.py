@@ -62,6 +62,21 @@ class Smoother:
             lambda p: differentiated_rates(self.time, smooth, lambda t, v: batch_polynomial(t, v, p, _ORDER))
         )
 
+    def smoothed_sigma(self, sample: Array) -> Array:
+        """One sigma ``(N,)`` of smoothed values from one sigma of each sample, which need not be the same for all."""
+        return self.gain * self._around(sample, self.points // 2)
+
+    def acceleration_sigma(self, sample: Array) -> Array:
+        """One sigma ``(N,)`` of `differentiate` from one sigma of each sample: two batches and a difference reach."""
+        return self.acceleration_gain * self._around(sample, 2 * (self.points // 2) + 1)
+
+    def _around(self, sample: Array, reach: NDArray[np.int64]) -> Array:
+        """Root of the mean variance of the samples within `reach` of each: what a batch mixes."""
+        total = np.concatenate(([0.0], np.cumsum(sample**2)))
+        index = np.arange(len(sample))
+        low, high = np.maximum(index - reach, 0), np.minimum(index + reach + 1, len(sample))
+        return np.sqrt((total[high] - total[low]) / (high - low))
+
     def as_derived(self, derivative: Array) -> Array:
         """A model's derivative ``(N, K)`` as `differentiate` would see it in the means that a sensor takes.
 

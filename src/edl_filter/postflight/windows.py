@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -55,7 +56,7 @@ class Domain:
     useful : float
         From here on the force coefficients' noise stays below a third of the database's 3 sigma, s.
     end : float
-        Parachute, s.
+        Last time used, s: just before the parachute.
     """
 
     threshold: float
@@ -189,6 +190,26 @@ def standard_windows(domain: Domain, found: Marks) -> tuple[Window, ...]:
         )
     late = (Window("Mach 15 to Mach 5", m15, m5), Window("Mach 5 to parachute", m5, domain.end))
     return tuple(w for w in early + late if w.end > w.start)
+
+
+def stated_windows(windows: Sequence[Window], domain: Domain) -> tuple[Window, ...]:
+    """Windows that a mission states, checked.
+
+    Raises
+    ------
+    InputError
+        Two have one name, or one does not meet the part of the flight that can be used.
+    """
+    names = [w.name for w in windows]
+    for window in windows:
+        if names.count(window.name) > 1:
+            raise InputError(f"postflight.windows: two windows are called '{window.name}'.")
+        if window.start >= domain.end or window.end <= domain.start:
+            raise InputError(
+                f"postflight.windows: '{window.name}', {window.start:g} to {window.end:g} s, holds no sample; the "
+                f"flight can be used from {domain.start:.1f} to {domain.end:.1f} s."
+            )
+    return tuple(windows)
 
 
 def _longest_run(mask: Bools) -> tuple[int, int] | None:

@@ -86,9 +86,14 @@ def summary(derived: Derived) -> dict[str, Any]:
         "domain_s": {f.name: getattr(derived.domain, f.name) for f in fields(derived.domain)},
         "mach_times_s": {f"{k:g}": v for k, v in derived.marks.mach_times.items()},
         "instabilities_s": _instabilities(derived),
+        "instabilities_found_by": dict(derived.marks.found),
         "rolling_moment_coefficient_110_140_s": _mean(rolling[part]),
         "force_less_moment_angle_last_20_s_deg": {
-            name: {"mean": _mean(np.degrees(values[last])), "rms": float(np.sqrt(_mean(np.degrees(values[last]) ** 2)))}
+            name: {
+                "mean": _mean(np.degrees(values[last])),
+                "mean_absolute": _mean(np.abs(np.degrees(values[last]))),
+                "rms": float(np.sqrt(_mean(np.degrees(values[last]) ** 2))),
+            }
             for name, values in (("alpha", derived.angles.alpha_between), ("beta", derived.angles.beta_between))
         },
         "averages": [asdict(d) for d in derived.differences],
@@ -123,6 +128,7 @@ def _root(derived: Derived) -> dict[str, Any]:
         "threshold": domain.threshold,
         "mach_times": json.dumps({f"{k:g}": v for k, v in derived.marks.mach_times.items()}),
         "instabilities": json.dumps(_instabilities(derived)),
+        "instabilities_found_by": json.dumps(derived.marks.found),
         "verdicts": json.dumps([v.sentence for v in derived.verdicts], ensure_ascii=False),
         "batch_points": points,
         "bandwidth_hz": derived.filters.bandwidth[points],
@@ -141,6 +147,7 @@ def _atmosphere(time: Array, atmosphere: FlightAtmosphere) -> Group:
     group.attrs["iterations"] = atmosphere.iterations
     for name, (unit, meaning) in ATMOSPHERE.items():
         group.add(name, ("time",), getattr(atmosphere, name), unit, meaning)
+    group.add("density_noise", ("time",), atmosphere.density_noise, "kg/m^3", "part of density_sigma that is noise")
     group.add("valid", ("time",), atmosphere.valid, "1", "1 where the deceleration is above the threshold for good")
     return group
 
@@ -173,6 +180,11 @@ def _combination(time: Array, way: Combination) -> Group:
     for name in ("alpha", "beta", "alpha_total"):
         group.add(name, ("time",), getattr(way, name), "rad", f"{name.replace('_', ' ')} by inverse look-up")
     _add(group, way.value, "", "")
+    for name, column in zip(way.value, range(2), strict=True):
+        for kind, values in (("noise", way.noise), ("systematic", way.systematic)):
+            part = np.asarray(values)
+            if part.ndim == 2:
+                group.add(f"{name}_{kind}", ("time",), part[:, column], "1", f"one sigma, {kind} part, of {name}")
     group.add("status", ("time",), way.status, "1", "solutions: 0 none, 1 one, 2 several, -1 not asked")
     return group
 
@@ -194,6 +206,7 @@ def _motion(derived: Derived) -> Group:
         )
     group.add("moment", both, derived.moments.moment, "N m", "moment, Euler's equations with the full tensor")
     group.add("moment_sigma", both, derived.moments.sigma, "N m", "one sigma of the moment, noise")
+    group.add("moment_systematic", both, derived.moments.systematic, "N m", "one sigma of the moment, inertia")
     for name, values in derived.moments.rolling.items():
         group.add(f"rolling_{name}", ("time",), values, "N m", f"term of the rolling moment: {name}")
     return group
