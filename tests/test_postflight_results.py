@@ -28,7 +28,8 @@ def test_every_group_is_there_with_units_and_meanings(everything):
     assert {p.removeprefix("/postflight/") for p in below} == {
         "atmosphere/flight", "atmosphere/preflight", "coefficients/flight", "coefficients/preflight_density",
         "coefficients/database", "coefficients/database_preflight", "coefficients/database_measured",
-        "combination/forces", "combination/moments", "angles", "motion", "averages",
+        "combination/forces", "combination/moments", "combination/forces_preflight", "combination/moments_preflight",
+        "angles", "motion", "averages", "averages_preflight",
     }  # fmt: skip
     for path in below:
         for name, variable in groups[path].variables.items():
@@ -49,7 +50,8 @@ def test_tables_say_the_same_as_the_result(everything):
     _, aftermath = everything
     made = tables(aftermath)
     rows = list(csv.DictReader(io.StringIO(made["average_differences.csv"])))
-    assert len(rows) == len(aftermath.differences)
+    assert len(rows) == len(aftermath.differences) + len(aftermath.differences_preflight)
+    assert [r["atmosphere"] for r in rows] == sorted(r["atmosphere"] for r in rows)
     assert float(rows[0]["mean"]) == pytest.approx(aftermath.differences[0].mean, rel=1e-4)
     levels = list(csv.DictReader(io.StringIO(made["atmosphere.csv"])))
     density = np.array([float(r["density [kg/m^3]"]) for r in levels])
@@ -124,3 +126,26 @@ def test_a_brought_rarefied_table_switches_unless_the_mission_says_otherwise(pra
     with pytest.raises(InputError, match=r"hole|grid"):
         broken = Mission.load(shipped_mission("practice_mer"), [rarefied(tmp_path / "hole.csv", *grid[:-1])])
         database(replace(practice_06, mission=broken))
+
+
+def test_a_printed_table_with_its_own_moment_point_is_the_same_database(practice_06, tmp_path):
+    """The shipped grid with moments moved to 0.253 D and back (eq. 11.1)."""
+    shipped = database(practice_06)
+    grid = shipped.continuum
+    rows = ["mach,alpha_total_deg,CA,CN,Cm"]
+    for i, mach in enumerate(grid.nodes):
+        for k, alpha in enumerate(np.degrees(grid.alpha)):
+            ca, cn, cm = float(grid.CA[i, k]), float(grid.CN[i, k]), float(grid.Cm[i, k])
+            rows.append(",".join(map(repr, (float(mach), float(alpha), ca, cn, cm + 0.253 * cn))))
+    path = tmp_path / "printed.csv"
+    path.write_text("\n".join(rows) + "\n", encoding="utf-8")
+    overrides = [f"aerodynamics.continuum={path}", "aerodynamics.continuum_moment_point=0.253"]
+    mission = Mission.load(shipped_mission("practice_mer"), overrides)
+    brought = database(replace(practice_06, mission=mission)).lookup([18.0, 2.0], 1e-5, [0.03, 0.1])
+    known = shipped.lookup([18.0, 2.0], 1e-5, [0.03, 0.1])
+    np.testing.assert_allclose(brought.cm_nose, known.cm_nose, atol=1e-12)
+    with pytest.raises(InputError, match="header"):
+        database(replace(practice_06, mission=Mission.load(shipped_mission("practice_mer"), overrides[:1])))
+    alone = Mission.load(shipped_mission("practice_mer"), overrides[1:])
+    with pytest.raises(InputError, match=r"aerodynamics\.continuum_moment_point is for a CSV"):
+        database(replace(practice_06, mission=alone))

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from edl_filter.aero.grid import Array, Bools, GridTable, Interpolation, Kind
 from edl_filter.aero.planes import moments_at_cm, split, total_from_planes
 from edl_filter.aero.surrogate import Surrogate, phoenix_surrogate
-from edl_filter.aero.tables import read_table
+from edl_filter.aero.tables import read_printed_table, read_table
 from edl_filter.aero.transition import FreeMolecularBridge, Join, Sum, join_regimes
 from edl_filter.aero.uncertainty import CONTINUUM_LIMIT, ThreeSigma, three_sigma
 from edl_filter.errors import InputError
@@ -155,6 +155,8 @@ def load_database(
     speed_per_mach: float | None = None,
     interpolation: Interpolation = "linear",
     body: str | None = None,
+    continuum_moment_point: float | None = None,
+    rarefied_moment_point: float | None = None,
 ) -> Database:
     """A database from built-in or brought tables.
 
@@ -172,6 +174,9 @@ def load_database(
         In the angle, for tables.
     body : str or None
         Vehicle whose panels are summed; None is the family's.
+    continuum_moment_point, rarefied_moment_point : float or None
+        Moment reference point behind the nose, diameters, of a file in the thesis's printed form
+        (`edl_filter.aero.tables.read_printed_table`); None is a file with moments about the nose.
 
     Raises
     ------
@@ -179,8 +184,10 @@ def load_database(
         No such built-in table, a file that cannot be used, no such family.
     """
     three_sigma(family, 20.0, 1e-5, 1.7)  # refuses an unknown family here rather than at the first look-up
-    thick = _resolve(continuum, "mach", BUILTIN_CONTINUUM, interpolation)
-    thin: GridTable | FreeMolecularBridge | None = _resolve(rarefied, "knudsen", BUILTIN_RAREFIED, interpolation)
+    thick = _resolve(continuum, "mach", BUILTIN_CONTINUUM, interpolation, continuum_moment_point)
+    thin: GridTable | FreeMolecularBridge | None = _resolve(
+        rarefied, "knudsen", BUILTIN_RAREFIED, interpolation, rarefied_moment_point
+    )
     if thin is None:
         thin = FreeMolecularBridge.of(body or family)
     if join is None:
@@ -188,12 +195,21 @@ def load_database(
     return Database(thick or phoenix_surrogate(), thin, continuum_limit, join, family, speed_per_mach)
 
 
-def _resolve(where: str | Path, kind: Kind, builtin: tuple[str, str], interpolation: Interpolation) -> GridTable | None:
+def _resolve(
+    where: str | Path, kind: Kind, builtin: tuple[str, str], interpolation: Interpolation, moment_point: float | None
+) -> GridTable | None:
     """The table of a path or built-in name; None for the built-in that is no grid, the first."""
     if not str(where).startswith("builtin:"):
+        if moment_point is not None:
+            return read_printed_table(Path(where), kind, moment_point, interpolation)
         return read_table(Path(where), kind, interpolation)
+    side = "continuum" if kind == "mach" else "rarefied"
+    if moment_point is not None:
+        raise InputError(
+            f"aerodynamics.{side}_moment_point is for a CSV in the printed form; {where} has its moments about the "
+            f"nose. Leave the key out, or name a file under aerodynamics.{side}."
+        )
     if where not in builtin:
-        side = "continuum" if kind == "mach" else "rarefied"
         raise InputError(f"{side} table: there is no '{where}'; accepted are {', '.join(builtin)} or a CSV file.")
     if where == builtin[0]:
         return None

@@ -23,6 +23,17 @@ class Aerodynamics(Section):
         description="rarefied database: builtin:free_molecular (bridged), builtin:rarefied_grid, "
         "or a CSV knudsen,alpha_deg,CA,CN,Cm",
     )
+    continuum_moment_point: Annotated[Number, Within("diameters", 0.0, 2.0)] | None = Field(
+        default=None,
+        description="moment reference point behind the nose, diameters: the continuum CSV is in the thesis's printed "
+        "form, mach,alpha_total_deg,CA,CN,Cm; absent: moments about the nose",
+    )
+    rarefied_moment_point: Annotated[Number, Within("diameters", 0.0, 2.0)] | None = Field(
+        default=None, description="the same for the rarefied CSV, knudsen,alpha_total_deg,CA,CN,Cm"
+    )
+    interpolation: Literal["linear", "pchip"] = Field(
+        default="linear", description="of tables in the angle: linear, or pchip (smooth, odd in CN and Cm)"
+    )
     join: Literal["continuous", "switch", "blend"] | None = Field(
         default=None,
         description="how the two join at the continuum limit: continuous, switch or blend; absent: continuous for "

@@ -169,8 +169,10 @@ class Derived:
         With the flight's atmosphere, through the flight's sampling and smoothing: what the averages compare.
     forces, from_moments : Combination
         Forces → angles → moments, and moments → angles → forces.
-    angles : AngleDifferences
-    differences : list of Difference
+    forces_preflight, from_moments_preflight : Combination
+        The same with the preflight atmosphere.
+    angles, angles_preflight : AngleDifferences
+    differences, differences_preflight : list of Difference
     verdicts : list of Verdict
     """
 
@@ -198,8 +200,12 @@ class Derived:
     database_measured: DatabaseCoefficients
     forces: Combination
     from_moments: Combination
+    forces_preflight: Combination
+    from_moments_preflight: Combination
     angles: AngleDifferences
+    angles_preflight: AngleDifferences
     differences: list[Difference]
+    differences_preflight: list[Difference]
     verdicts: list[Verdict]
 
 
@@ -246,16 +252,35 @@ def derive(inputs: DeriveInputs) -> Derived:
         return database_coefficients(i.database, atmosphere, i.speed, i.velocity_body, i.x_over_d, i.angle_sigma)
 
     coefficients, database = measured(flown), looked_up(flown)
-    ways = (i.database, flown, coefficients, i.speed, i.velocity_body, i.x_over_d)
     stride = stride_of(filters.points)
-    forces, by_moments = from_forces(*ways, stride), from_moments(*ways, stride)
+
+    def combined(atmosphere: FlightAtmosphere, flight: FlightCoefficients) -> tuple[Combination, Combination]:
+        ways = (i.database, atmosphere, flight, i.speed, i.velocity_body, i.x_over_d)
+        return from_forces(*ways, stride), from_moments(*ways, stride)
+
+    forces, by_moments = combined(flown, coefficients)
     useful = useful_from(i.time, coefficients.noise["CN"], database.three_sigma["CN"])
     start = float(i.time[np.flatnonzero(flown.valid)[0]])
     domain = Domain(threshold, start, useful, float(min(i.parachute, i.time[-1])))
     found = marks(i.time, i.alpha_total, i.speed, flown, i.database, i.x_over_d, domain)
     windows = standard_windows(domain, found) if i.windows is None else stated_windows(i.windows, domain)
-    seen = as_measured(database, flown, filters, rate, i.speed, i.mass, i.diameter, i.inertia)
-    differences = average_differences(i.time, seen, coefficients, forces, by_moments, windows, filters.points)
+
+    def averaged(
+        atmosphere: FlightAtmosphere,
+        at: DatabaseCoefficients,
+        flight: FlightCoefficients,
+        by_force: Combination,
+        by_moment: Combination,
+    ) -> tuple[DatabaseCoefficients, list[Difference]]:
+        seen = as_measured(at, atmosphere, filters, rate, i.speed, i.mass, i.diameter, i.inertia)
+        return seen, average_differences(i.time, seen, flight, by_force, by_moment, windows, filters.points)
+
+    seen, differences = averaged(flown, database, coefficients, forces, by_moments)
+    coefficients_preflight, database_preflight = measured(expected), looked_up(expected)
+    forces_preflight, by_moments_preflight = combined(expected, coefficients_preflight)
+    _, differences_preflight = averaged(
+        expected, database_preflight, coefficients_preflight, forces_preflight, by_moments_preflight
+    )
     return Derived(
         time=i.time,
         alpha=i.alpha,
@@ -275,14 +300,18 @@ def derive(inputs: DeriveInputs) -> Derived:
         flight=flown,
         preflight=expected,
         coefficients=coefficients,
-        coefficients_preflight=measured(expected),
+        coefficients_preflight=coefficients_preflight,
         database=database,
-        database_preflight=looked_up(expected),
+        database_preflight=database_preflight,
         database_measured=seen,
         forces=forces,
         from_moments=by_moments,
+        forces_preflight=forces_preflight,
+        from_moments_preflight=by_moments_preflight,
         angles=angle_differences(i.alpha, i.beta, forces, by_moments),
+        angles_preflight=angle_differences(i.alpha, i.beta, forces_preflight, by_moments_preflight),
         differences=differences,
+        differences_preflight=differences_preflight,
         verdicts=verdicts(differences),
     )
 

@@ -56,6 +56,9 @@ def database(reconstruction: Reconstruction) -> Database:
         join=aero.join,
         family=aero.family,
         speed_per_mach=aero.velocity_per_mach,
+        interpolation=aero.interpolation,
+        continuum_moment_point=aero.continuum_moment_point,
+        rarefied_moment_point=aero.rarefied_moment_point,
     )
 
 

@@ -65,16 +65,24 @@ def add_postflight(groups: Groups, derived: Derived) -> None:
         ("database_measured", derived.database_measured),
     ):
         groups[f"/postflight/coefficients/{name}"] = _database(derived.time, table)
-    for name, way in (("forces", derived.forces), ("moments", derived.from_moments)):
+    for name, way in (
+        ("forces", derived.forces),
+        ("moments", derived.from_moments),
+        ("forces_preflight", derived.forces_preflight),
+        ("moments_preflight", derived.from_moments_preflight),
+    ):
         groups[f"/postflight/combination/{name}"] = _combination(derived.time, way)
     angles = _timed(derived.time)
     for name in ("alpha", "beta", "alpha_total"):
         angles.add(name, ("time",), getattr(derived, name), "rad", f"reconstructed {name.replace('_', ' ')}")
     for name, meaning in ANGLE.items():
         angles.add(name, ("time",), getattr(derived.angles, name), "rad", meaning)
+        preflight = getattr(derived.angles_preflight, name)
+        angles.add(f"{name}_preflight", ("time",), preflight, "rad", f"{meaning}, preflight atmosphere")
     groups["/postflight/angles"] = angles
     groups["/postflight/motion"] = _motion(derived)
     groups["/postflight/averages"] = _averages(derived.differences)
+    groups["/postflight/averages_preflight"] = _averages(derived.differences_preflight)
 
 
 def summary(derived: Derived) -> dict[str, Any]:
@@ -104,7 +112,9 @@ def summary(derived: Derived) -> dict[str, Any]:
 def tables(derived: Derived) -> dict[str, str]:
     """Tables as CSV text, by file name: the thesis's tables 7.1 to 7.6, and the atmosphere every kilometre."""
     return {
-        "average_differences.csv": _differences_csv(derived.differences),
+        "average_differences.csv": _differences_csv(
+            {"flight": derived.differences, "preflight": derived.differences_preflight}
+        ),
         "atmosphere.csv": _atmosphere_csv(derived),
     }
 
@@ -223,12 +233,14 @@ def _averages(differences: list[Difference]) -> Group:
     return group
 
 
-def _differences_csv(differences: list[Difference]) -> str:
+def _differences_csv(by_atmosphere: Mapping[str, list[Difference]]) -> str:
     out = io.StringIO()
     writer = csv.writer(out, lineterminator="\n")
-    writer.writerow([f.name if f.name != "percent" else "percent_of_three_sigma" for f in fields(Difference)])
-    for d in differences:
-        writer.writerow([f"{v:.6g}" if isinstance(v, float) else v for v in asdict(d).values()])
+    names = [f.name if f.name != "percent" else "percent_of_three_sigma" for f in fields(Difference)]
+    writer.writerow(["atmosphere", *names])
+    for atmosphere, differences in by_atmosphere.items():
+        for d in differences:
+            writer.writerow([atmosphere, *(f"{v:.6g}" if isinstance(v, float) else v for v in asdict(d).values())])
     return out.getvalue()
 
 
