@@ -96,6 +96,8 @@ def test_printed_table_comes_in_any_order_and_moves_to_the_nose(tmp_path):
         (GOOD[:3], HEADER, "at least 2 values of mach and 2 angles are needed; found 1 and 3"),
         (["-1,0,1,0,0"], HEADER, "line 3: mach must be positive, found -1"),
         (["1,-2,1,0,0"], HEADER, "line 3: the total angle must lie in 0 to 180 degrees, found -2"),
+        (["1,0,0,0,0"], HEADER, "line 3: CA must be positive for a vehicle that flies nose first"),
+        (["1,0,-1.5,0,0"], HEADER, "found -1.5; drag gives the density"),
     ],
 )
 def test_bad_tables(tmp_path, rows, header, message):

@@ -155,6 +155,19 @@ def test_common_errors_cancel_in_temperature():
     np.testing.assert_allclose(found.pressure_sigma / found.pressure, np.hypot(0.05, 20 / MASS), rtol=1e-3)
 
 
+def test_a_sample_at_a_step_of_the_database_takes_the_mean_of_both_sides():
+    """The continuum's CA asks for a density that is rarefied, and the other way round: no CA of the database fits."""
+    e = entry(n=20000, database=Drag(lambda m, k, a: 1.713 + 0 * m))
+    step = Drag(lambda m, k, a: np.where(k > 1e-3, 1.712, 1.714))
+    found = extract(replace_entry(e, database=step))
+    either = np.where(found.knudsen > 1e-3, 1.712, 1.714)
+    ratio = found.density / e.rho * either / 1.713
+    between = np.abs(ratio - 1.0) > 1e-6
+    assert 1 <= between.sum() <= 3
+    np.testing.assert_allclose(found.density[between], e.rho[between], rtol=1e-6)
+    assert np.abs(np.log(found.knudsen[between] / 1e-3)).max() < 0.002
+
+
 def test_preflight():
     e = entry()
     found = preflight(e.t, e.h, e.v, e.alpha, e.rho, np.full(e.n, T), e.database, GAS, D, density_sigma=0.1)

@@ -15,6 +15,8 @@ import numpy as np
 from edl_filter.aero.grid import Array, GridTable, Interpolation, Kind
 from edl_filter.errors import InputError
 
+FORWARD = 45.0  # degrees; a blunt vehicle that flies nose first decelerates along its axis up to here at least
+
 __all__ = ["GridTable", "move_moment_to_nose", "read_printed_table", "read_rows", "read_table"]
 
 
@@ -33,7 +35,8 @@ def read_table(path: Path, kind: Kind, interpolation: Interpolation = "linear") 
     Raises
     ------
     InputError
-        Wrong header, a value that is no finite number, nodes or angles unsorted or repeated, a grid with a hole.
+        Wrong header, a value that is no finite number, nodes or angles unsorted or repeated, a grid with a hole, CA not
+        positive at small angles.
     """
     rows = read_rows(path, (kind, "alpha_deg", "CA", "CN", "Cm"))
     _check_range(path, kind, rows)
@@ -128,11 +131,16 @@ def _numbers(path: Path, line: int, text: str, count: int) -> list[float]:
 
 
 def _check_range(path: Path, kind: Kind, rows: list[Row]) -> None:
-    for line, (x, angle, *_) in rows:
+    for line, (x, angle, ca, *_) in rows:
         if x <= 0.0:
             raise InputError(f"{path}, line {line}: {kind} must be positive, found {x:g}.")
         if not 0.0 <= angle <= 180.0:
             raise InputError(f"{path}, line {line}: the total angle must lie in 0 to 180 degrees, found {angle:g}.")
+        if angle < FORWARD and ca <= 0.0:
+            raise InputError(
+                f"{path}, line {line}: CA must be positive for a vehicle that flies nose first (below {FORWARD:g} "
+                f"degrees), found {ca:g}; drag gives the density. Forces backward along the axis count positive."
+            )
 
 
 def _grid(path: Path, kind: Kind, rows: list[Row], interpolation: Interpolation) -> GridTable:

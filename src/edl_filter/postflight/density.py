@@ -102,6 +102,9 @@ def flight_extracted(
 
     Notes
     -----
+    Where the database steps (regimes that switch) a sample may have no solution: its density with either side's CA asks
+    for the other side. It takes the mean of the two, if they differ by less than CA's own 3 sigma.
+
     Pressure is integrated in altitude along the trajectory with the logarithmic mean of ρg between samples, exact for
     an exponential atmosphere and the trapezoid rule otherwise to second order. The density at the top is that of a
     log-linear fit over the first scale height, so that one noisy sample does not set the boundary.
@@ -130,10 +133,14 @@ def flight_extracted(
     weight = gravity[part]
     temperature = np.full(len(h), 200.0 if top_temperature is None else top_temperature)
     density = product / 1.7
+    ca = np.full((3, len(h)), np.nan)  # of this iteration, the last and the one before
+    held = np.full(len(h), np.nan)
     for count in range(1, _MOST_ITERATIONS + 1):  # noqa: B007 - the count is a result
         mach, knudsen = gas.mach(v, temperature), gas.knudsen(density, diameter)
         found = database.lookup(mach, knudsen, alpha_total[part], v)
-        new = product / found.ca
+        ca = np.stack((found.ca, ca[0], ca[1]))
+        held = np.where(np.isnan(held), _between_sides(ca, found.three_sigma.ca), held)
+        new = product / np.where(np.isnan(held), found.ca, held)
         top = top_density(h, new)
         start = 0.0 if top_temperature is None else top * gas.constant * top_temperature
         pressure = start + _running_integral(h, new * weight)
@@ -229,3 +236,11 @@ def _running_integral(altitude: Array, weight: Array, total: bool = True) -> Arr
     mean = np.where(curved & (a * b > 0.0), (b - a) / log, 0.5 * (a + b))
     steps = np.concatenate(([0.0], -np.diff(altitude) * mean))
     return np.cumsum(steps) if total else steps
+
+
+def _between_sides(ca: Array, three_sigma: Array) -> Array:
+    """Mean of the two CA between which a sample alternates in the iteration, ``(3, N)`` latest first; nan elsewhere."""
+    latest, last, before = ca
+    apart = np.abs(latest - last)
+    alternates = (apart > _TOLERANCE * latest) & (np.abs(latest - before) < 0.01 * apart) & (apart < three_sigma)
+    return np.where(alternates, 0.5 * (latest + last), np.nan)
