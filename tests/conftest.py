@@ -29,6 +29,12 @@ def mer_folder():
 
 
 @pytest.fixture(scope="session")
+def mevad():
+    """Folder of the shared aerodynamic tables, beside that of the practice flights."""
+    return _folder("EDL_FILTER_PRACTICE", "..", "mevad")
+
+
+@pytest.fixture(scope="session")
 def practice():
     """Function that gives the path of practice flight n (folder ``$EDL_FILTER_PRACTICE``)."""
     folder = _folder("EDL_FILTER_PRACTICE")

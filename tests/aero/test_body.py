@@ -1,8 +1,6 @@
 """The sphere-cone forebody: shape, panels, names, and what it refuses."""
 
 import math
-import os
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -24,13 +22,6 @@ def bodies(draw):
     nose = draw(st.floats(0.0, 1.0)) * room
     diameter = draw(st.floats(0.3, 20.0))
     return SphereCone(diameter, nose * diameter, shoulder * diameter, angle)
-
-
-def mevad_geometry():
-    practice = os.environ.get("EDL_FILTER_PRACTICE")
-    if not practice:
-        pytest.skip("EDL_FILTER_PRACTICE is not set: the shared geometry.csv lies beside that folder")
-    return Path(practice).parent / "mevad" / "geometry.csv"
 
 
 @given(bodies())
@@ -109,8 +100,8 @@ def test_refuses_too_few_points():
         MER.meridian(0)
 
 
-def test_named_bodies():
-    table = mevad_geometry()
+def test_named_bodies(mevad):
+    table = mevad / "geometry.csv"
     assert sphere_cone("mer", table) == MER
     assert sphere_cone("Stardust", table).diameter == pytest.approx(0.8128)
     with pytest.raises(InputError, match=r"'Beagle'.*Viking, Pathfinder, MER"):

@@ -1,8 +1,5 @@
 """The sin² bridge: its ends, its shape, and the Huygens database that was made with it."""
 
-import os
-from pathlib import Path
-
 import numpy as np
 import pytest
 from hypothesis import given
@@ -30,11 +27,8 @@ def test_slope_is_continuous_at_the_ends():
         assert abs(bridge(end * (1 + step)) - bridge(end * (1 - step))) < 1e-8
 
 
-def test_huygens_transitional_numbers():
-    practice = os.environ.get("EDL_FILTER_PRACTICE")
-    if not practice:
-        pytest.skip("EDL_FILTER_PRACTICE is not set: the Huygens table lies beside that folder")
-    path = Path(practice).parent / "mevad" / "huygens_aedb_transitional_CA.csv"
+def test_huygens_transitional_numbers(mevad):
+    path = mevad / "huygens_aedb_transitional_CA.csv"
     lines = [line for line in path.read_text().splitlines() if not line.startswith("#")]
     log_knudsen, alpha, ca = np.array([line.split(",") for line in lines[1:]], dtype=float).T
     checked = 0

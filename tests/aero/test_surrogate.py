@@ -1,6 +1,5 @@
 """The shipped surrogate against the grid made from it, and the published trims of Phoenix."""
 
-import os
 from importlib.resources import files
 from pathlib import Path
 
@@ -75,12 +74,8 @@ def test_trim_in_the_low_speed_instability(grid):
     assert peak_trim(grid) == pytest.approx(1.73, abs=0.05)
 
 
-def test_published_trims_from_the_published_nodes():
-    practice = os.environ.get("EDL_FILTER_PRACTICE")
-    path = Path(practice or ".").parent / "mevad" / "phoenix_nodes.csv"
-    if not practice or not path.is_file():
-        pytest.skip("phoenix_nodes.csv is not beside EDL_FILTER_PRACTICE")
-    nodes = read_table(path, "mach", "pchip")
+def test_published_trims_from_the_published_nodes(mevad):
+    nodes = read_table(mevad / "phoenix_nodes.csv", "mach", "pchip")
     assert peak_trim(nodes) == pytest.approx(2.5, abs=0.1)
     assert peak_trim(nodes, d_cm=0.002) == pytest.approx(4.2, abs=0.1)
     assert peak_trim(nodes, z_over_d=OFFSET) == pytest.approx(4.8, abs=0.1)

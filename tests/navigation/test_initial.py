@@ -24,7 +24,10 @@ def stated():
 def test_effect_of_the_epoch_is_the_motion_itself():
     """A state stated for a time too early by τ: at its nominal time the vehicle is τ further on, in free fall."""
     s = stated()
-    rest = lambda _: np.zeros(3)  # noqa: E731
+
+    def rest(_):
+        return np.zeros(3)
+
     nav = np.concatenate((s.position, s.velocity, s.inertial_from_body))
     later = twins.integrate(nav, rest, rest, [0.0, 0.1], MARS)[-1]
     earlier = twins.integrate(nav, rest, rest, [0.0, -0.1], MARS)[-1]

@@ -24,8 +24,10 @@ def event_times(mission: Mission) -> Iterator[tuple[str, float]]:
     """Yield name and time, s since the epoch, of each event that the mission states."""
     epoch = getattr(mission.telemetry, "epoch_sclk", 0.0)
     for name, event in mission.vehicle.events.items():
-        time = event.time_s if event.time_s is not None else event.sclk - epoch  # type: ignore[operator]
-        yield name, time
+        if event.time_s is not None:
+            yield name, event.time_s
+        elif event.sclk is not None:
+            yield name, event.sclk - epoch
 
 
 def _check_telemetry(mission: Mission) -> None:

@@ -20,7 +20,8 @@ from edl_filter.errors import InputError
 class _Loader(yaml.SafeLoader):
     """PyYAML with the scalars of YAML 1.2, without repeated keys and anchors."""
 
-    yaml_implicit_resolvers: dict = {}  # noqa: RUF012 - PyYAML's own form, filled below
+    # PyYAML keeps its resolvers on the class, and its types call them an instance's: ClassVar would contradict them
+    yaml_implicit_resolvers: dict = {}  # noqa: RUF012
 
     def compose_node(self, parent: Any, index: Any) -> Any:
         event = self.peek_event()

@@ -194,7 +194,7 @@ def _dots(ax: Axes, row: Row, y: float) -> None:
 
 def _beside(ax: Axes, block: Block, y: float) -> None:
     """Write the constraint's name to the left of its rows, its NIS with the interval to the right."""
-    width = ax.get_window_extent().width / ax.get_figure(root=True).dpi  # type: ignore[union-attr]
+    width = style.width(ax) / 72.0
     beside = blended_transform_factory(ax.transAxes, ax.transData)
     name = block.name.replace("_", " ")
     ax.text(-(LEFT - 0.15) / width, y, name, transform=beside, ha="left", va="center", fontsize=11.0)

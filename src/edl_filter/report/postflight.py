@@ -6,6 +6,7 @@ import json
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -136,10 +137,10 @@ class Panel:
         self.inside = (layer.time >= low) & (layer.time <= layer.end)
         self.time = layer.time[self.inside]
 
-    def line(self, values: Array, colour: str, label: str = "", width: float = 1.0, **how: object) -> None:
+    def line(self, values: Array, colour: str, label: str = "", width: float = 1.0, **how: Any) -> None:
         """One variable over time."""
         shown = envelope(self.time, values[self.inside])
-        self.ax.plot(*shown, color=colour, label=label or None, linewidth=width, **how)  # type: ignore[arg-type]
+        self.ax.plot(*shown, color=colour, label=label or None, linewidth=width, **how)
 
     def band(self, low: Array, high: Array, colour: str, label: str = "", alpha: float = 1.0) -> None:
         """What lies between two variables."""

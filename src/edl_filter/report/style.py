@@ -147,13 +147,18 @@ def mark_events(tree: DataTree, ax: Axes) -> None:
         line.set_gid("event")
 
 
+def width(ax: Axes) -> float:
+    """Width of the axes, points."""
+    return float(ax.get_window_extent().width) * 72.0 / ax.figure.dpi
+
+
 def label_events(tree: DataTree, ax: Axes) -> int:
     """Name the events above the axes; gives the number of rows that takes."""
     shown = _visible(tree, ax)
     if not shown:
         return 0
     low, high = ax.get_xlim()
-    span = ax.get_window_extent().width * 72.0 / ax.get_figure(root=True).dpi  # type: ignore[union-attr]
+    span = width(ax)
     names = [EVENT_LABELS.get(n, n.replace("_", " ")) for n, _ in shown]
     marks = [(t - low) / (high - low) * span for _, t in shown]
     widths = [0.58 * EVENT_SIZE * len(n) for n in names]
