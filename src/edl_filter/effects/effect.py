@@ -1,0 +1,262 @@
+"""What a physical effect is: one statement with parameters, off at zero, and the places where it may act.
+
+An effect declares what a person must know of it and overrides the hooks that it needs; every hook is vectorised over
+time and leaves things as they are if it is not overridden. The same object serves reconstruction, prediction and
+simulation. `p` is always a mapping from parameter names to numbers, in the units of the declaration (SI, radians).
+
+The hooks
+---------
+imu
+    What a sensor reads of the true motion; `corrected` is its inverse.
+imu_position
+    By how much the IMU sits away from where the mission says, m, body axes.
+gravity, atmosphere_rate
+    Planet with another field; factor on the rate at which the air turns with the planet.
+wind, density
+    Added wind towards east and north; factor on the density; by areodetic altitude.
+coefficients
+    Total coefficients in the plane of the total angle, rolling moment and damping.
+force_moment
+    Further body-fixed force and moment, as coefficients of q S and q S D, or in N and N m.
+vehicle
+    Mass, inertia, centre of mass.
+entry_state
+    Position and velocity of the stated entry state.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from edl_filter.planet import Planet
+from edl_filter.telemetry.record import InitialState
+
+Array = NDArray[np.float64]
+Values = Mapping[str, float]
+
+#: What a parameter says: how much (the effect is linear in it, or nearly), or where (scanned, not linearised at zero).
+KINDS = ("size", "time", "altitude", "length", "phase", "mach", "frequency")
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One number of an effect.
+
+    Attributes
+    ----------
+    name, unit, description : str
+    sigma : float
+        Plausible size: one sigma of a size about zero. Not used for the other kinds, which are uniform in their range.
+    kind : str
+        One of `KINDS`. An effect is off when all its parameters of kind ``size`` are zero.
+    low, high : float
+        Bounds. For a ``time``, infinite bounds stand for the flight's own, from entry to parachute.
+    scan : int
+        For the kinds that say where: how many values the diagnosis tries between the bounds.
+    """
+
+    name: str
+    unit: str
+    description: str
+    sigma: float = 0.0
+    kind: str = "size"
+    low: float = -np.inf
+    high: float = np.inf
+    scan: int = 0
+
+
+@dataclass(frozen=True)
+class Flow:
+    """Where the vehicle is and how the air meets it, ``(N,)`` each if not said otherwise.
+
+    Attributes
+    ----------
+    time : array
+        s since the epoch.
+    altitude : array
+        Areodetic, m.
+    velocity_body : (N, 3) array
+        Air-relative, m/s.
+    rate : (N, 3) array
+        Angular rate, rad/s, body axes.
+    speed, density, mach, knudsen, dynamic_pressure : arrays
+        m/s, kg/m³, 1, 1, Pa.
+    alpha_total : array
+        rad.
+    """
+
+    time: Array
+    altitude: Array
+    velocity_body: Array
+    rate: Array
+    speed: Array
+    density: Array
+    mach: Array
+    knudsen: Array
+    dynamic_pressure: Array
+    alpha_total: Array
+
+
+@dataclass(frozen=True)
+class Totals:
+    """Coefficients in the plane of the total angle, ``(N,)`` each; the pitching moment is about the nose.
+
+    Attributes
+    ----------
+    ca, cn, cm_nose : arrays
+        Along -x, along the lateral flow's plane, and nose-up in that plane.
+    cl : array
+        Rolling moment.
+    cmq : array
+        Pitch and yaw damping: moment coefficient over rate D / 2V.
+    """
+
+    ca: Array
+    cn: Array
+    cm_nose: Array
+    cl: Array
+    cmq: Array
+
+
+@dataclass(frozen=True)
+class Body:
+    """The vehicle as a rigid body.
+
+    Attributes
+    ----------
+    mass : float
+        kg.
+    inertia : (3, 3) array
+        About the centre of mass, kg m²; elements off the diagonal are minus the products.
+    offset : (3,) array
+        Centre of mass against the nominal one, m, body axes. What is bolted to the vehicle does not move with it.
+    """
+
+    mass: float
+    inertia: Array
+    offset: Array = field(default_factory=lambda: np.zeros(3))
+
+
+class Effect:
+    """Base of all effects; see the module for the hooks.
+
+    Attributes
+    ----------
+    name : str
+        As in missions and tables.
+    family : str
+        ``sensor``, ``vehicle``, ``planet``, ``atmosphere``, ``aerodynamics`` or ``user``.
+    summary : str
+        What it is, one line.
+    shows : str
+        How it shows in the residuals, one sentence.
+    region : str
+        Where it is valid.
+    source : str
+        Where form and plausible size come from.
+    parameters : tuple of Parameter
+    """
+
+    name: ClassVar[str] = ""
+    family: ClassVar[str] = "user"
+    summary: ClassVar[str] = ""
+    shows: ClassVar[str] = ""
+    region: ClassVar[str] = "everywhere"
+    source: ClassVar[str] = ""
+    parameters: ClassVar[tuple[Parameter, ...]] = ()
+
+    def imu(self, p: Values, time: Array, force: Array, rate: Array) -> tuple[Array, Array]:
+        """What the sensor reads where the true means are `force` and `rate`, ``(N, 3)``, body axes, at `time`."""
+        return force, rate
+
+    def corrected(self, p: Values, time: Array, force: Array, rate: Array) -> tuple[Array, Array]:
+        """What was true where the sensor read `force` and `rate`: `imu` inverted by iteration.
+
+        Converges for errors that are small against what they act on; overridden where a closed form exists.
+        """
+        f, w = force, rate
+        for _ in range(4):
+            read_f, read_w = self.imu(p, time, f, w)
+            f, w = f + (force - read_f), w + (rate - read_w)
+        return f, w
+
+    def imu_position(self, p: Values) -> Array:
+        """By how much the IMU sits away from its stated position, ``(3,)``, m, body axes."""
+        return np.zeros(3)
+
+    def gravity(self, p: Values, planet: Planet) -> Planet:
+        """The planet with another gravity field."""
+        return planet
+
+    def atmosphere_rate(self, p: Values) -> float:
+        """Factor on the rate at which the air turns with the planet."""
+        return 1.0
+
+    def wind(self, p: Values, altitude: Array) -> Array:
+        """Further velocity of the air towards east and north, ``(N, 2)``, m/s."""
+        return np.zeros((len(altitude), 2))
+
+    def density(self, p: Values, altitude: Array) -> Array:
+        """Factor on the density, ``(N,)``."""
+        return np.ones(len(altitude))
+
+    def coefficients(self, p: Values, flow: Flow, totals: Totals) -> Totals:
+        """Other coefficients."""
+        return totals
+
+    def force_moment(self, p: Values, flow: Flow) -> tuple[Array, Array]:
+        """Further force (N) and moment about the centre of mass (N m), ``(N, 3)`` each, body axes."""
+        return np.zeros((len(flow.time), 3)), np.zeros((len(flow.time), 3))
+
+    def vehicle(self, p: Values, body: Body) -> Body:
+        """Another rigid body."""
+        return body
+
+    def entry_state(self, p: Values, initial: InitialState) -> InitialState:
+        """The true entry state where `initial` was stated."""
+        return initial
+
+    def acts(self, hook: str) -> bool:
+        """Whether the effect overrides `hook`."""
+        return getattr(type(self), hook) is not getattr(Effect, hook)
+
+    @property
+    def sizes(self) -> tuple[Parameter, ...]:
+        """Parameters that say how much."""
+        return tuple(q for q in self.parameters if q.kind == "size")
+
+    @property
+    def places(self) -> tuple[Parameter, ...]:
+        """Parameters that say where, when or how long."""
+        return tuple(q for q in self.parameters if q.kind != "size")
+
+
+@dataclass(frozen=True)
+class Active:
+    """An effect switched on.
+
+    Attributes
+    ----------
+    effect : Effect
+    values : dict
+        Parameter → number; sizes that are not named are zero.
+    imu : str or None
+        Which IMU a sensor effect sits in; None is the driving one.
+    fixed : bool
+        Held at its values instead of being refitted.
+    """
+
+    effect: Effect
+    values: dict[str, float]
+    imu: str | None = None
+    fixed: bool = False
+
+    @property
+    def name(self) -> str:
+        """The effect's."""
+        return self.effect.name
