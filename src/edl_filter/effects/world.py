@@ -134,17 +134,21 @@ class World:
             alpha_total=np.arctan2(np.hypot(body[:, 1], body[:, 2]), body[:, 0]),
         )
 
-    def totals(self, flow: Flow) -> Totals:
-        """Coefficients with the effects'."""
+    def looked_up(self, flow: Flow) -> Totals:
+        """Coefficients of the tables alone."""
         found = self.database.lookup(flow.mach, flow.knudsen, flow.alpha_total, flow.speed)
-        totals = Totals(found.ca, found.cn, found.cm_nose, np.zeros(len(flow.time)), self.damping.at(flow.mach))
+        return Totals(found.ca, found.cn, found.cm_nose, np.zeros(len(flow.time)), self.damping.at(flow.mach))
+
+    def totals(self, flow: Flow, tables: Totals | None = None) -> Totals:
+        """Coefficients with the effects'; `tables` is `looked_up` there, if it is known already."""
+        totals = self.looked_up(flow) if tables is None else tables
         for a in self.effects:
             totals = a.effect.coefficients(a.values, flow, totals)
         return totals
 
-    def loads(self, flow: Flow) -> tuple[Array, Array]:
+    def loads(self, flow: Flow, tables: Totals | None = None) -> tuple[Array, Array]:
         """Force (N) and moment about the true centre of mass (N m), ``(N, 3)`` each, body axes."""
-        totals, d = self.totals(flow), self.diameter
+        totals, d = self.totals(flow, tables), self.diameter
         _, v, w = flow.velocity_body.T
         cn, cy, cm, yaw = split(totals.cn, totals.cm_nose, v, w)
         cl, cm, yaw = moments_at_cm((totals.ca, cy, cn), (totals.cl, cm, yaw), (self.x_over_d, 0.0, 0.0))

@@ -67,7 +67,7 @@ def trace(problem: Problem, smoothed: Smoothed, layout: Layout) -> Trajectory:
         undo = force_map[:9, 0].reshape(3, 3).T
         force[part] = samples.mean_force[part] @ undo + force_map[9:, 0]
         rate[part] = samples.mean_rate[part] * rate_map[:3, 0] + rate_map[3:, 0]
-        path = _march_one(
+        path = march_one(
             state.nav[:10],
             samples.interval[part],
             samples.force[part] @ undo + force_map[9:, 0],
@@ -129,8 +129,8 @@ def inertial_covariance(smoothed: Smoothed, time: Array) -> Array:
 
 
 @njit(cache=True)
-def _march_one(start, interval, force, rate, mu, j2, radius):
-    """One state over samples, every step kept: ``(N, 10)``."""
+def march_one(start, interval, force, rate, mu, j2, radius):
+    """One state ``(10,)`` over samples, every step kept: ``(N, 10)``; arguments as in `strapdown.propagate`."""
     state = np.empty((10, LANES))
     for lane in range(LANES):
         state[:, lane] = start

@@ -126,7 +126,7 @@ class ErrorStateUKF(UnscentedKalmanFilter):
         self.sigmas_start = self.points_fn.sigma_points(self.x, self.P)
         count = len(self.sigmas_start)
         nav, errors = sigma_states(self.state, self.sigmas_start, strapdown.padded(count))
-        self._propagate(samples, nav, errors)
+        propagate_states(self.layout, self.planet, samples, nav, errors)
         centre = State(nav[:, 0].copy(), np.concatenate((np.zeros(9), errors[9:, 0])))
         sigmas = errors[:, :count].T - centre.errors
         sigmas[:, :6] = (nav[:6, :count] - centre.nav[:6, None]).T
@@ -135,34 +135,6 @@ class ErrorStateUKF(UnscentedKalmanFilter):
             sigmas[:, -3:] = attitude_errors(centre.nav[10:], nav[10:, :count])
         self.sigmas_f, self.state = sigmas, centre
         self.sigmas_propagated = sigmas  # filterpy draws sigmas_f anew; these correlate with the start
-
-    def _propagate(self, samples: Samples, nav: Array, errors: Array) -> None:
-        """Propagate full states in place; what was computed on board turns as the gyros read."""
-        if len(nav) == 14:
-            nav[10:] = self._turn_onboard(samples, nav[10:].T, errors).T
-        p = self.planet
-        force_map, rate_map = sensor_maps(self.layout, errors)
-        strapdown.propagate(
-            nav[:10],
-            force_map,
-            rate_map,
-            samples.interval,
-            samples.force,
-            samples.rate,
-            p.mu,
-            p.j2,
-            p.gravity_radius,
-        )
-
-    def _turn_onboard(self, samples: Samples, onboard: Array, errors: Array) -> Array:
-        """Turn on-board attitudes ``(S, 4)`` as the gyros read, less what they were computed with."""
-        onboard = rotations.multiply(onboard, net_turn(samples))
-        names = [n for n in ("onboard_rate", "onboard_mounting") if n in self.layout]
-        if names:
-            effect = dict(zip(("onboard_rate", "onboard_mounting"), onboard_turn(samples), strict=True))
-            turn = sum(effect[n] @ errors[self.layout[n]] for n in names)
-            onboard = rotations.multiply(onboard, rotations.from_rotation_vector(np.transpose(turn)))
-        return onboard
 
     def advance(self, samples: Samples) -> Transition:
         """Predict to the end of `samples`."""
@@ -212,3 +184,42 @@ class ErrorStateUKF(UnscentedKalmanFilter):
         self.state = State(self.state.nav, errors)
         self.redraw()
         return Transition(cross, self.state, self.P.copy())
+
+
+def propagate_states(layout: Layout, planet: Planet, samples: Samples, nav: Array, errors: Array) -> None:
+    """Propagate full states over `samples`, in place; what was computed on board turns as the gyros read.
+
+    Parameters
+    ----------
+    layout : Layout
+    planet : Planet
+    samples : Samples
+    nav : (10 or 14, S) array, changed in place
+        S a multiple of `strapdown.LANES`.
+    errors : (n, S) array
+    """
+    if len(nav) == 14:
+        nav[10:] = _turn_onboard(layout, samples, nav[10:].T, errors).T
+    force_map, rate_map = sensor_maps(layout, errors)
+    strapdown.propagate(
+        nav[:10],
+        force_map,
+        rate_map,
+        samples.interval,
+        samples.force,
+        samples.rate,
+        planet.mu,
+        planet.j2,
+        planet.gravity_radius,
+    )
+
+
+def _turn_onboard(layout: Layout, samples: Samples, onboard: Array, errors: Array) -> Array:
+    """Turn on-board attitudes ``(S, 4)`` as the gyros read, less what they were computed with."""
+    onboard = rotations.multiply(onboard, net_turn(samples))
+    names = [n for n in ("onboard_rate", "onboard_mounting") if n in layout]
+    if names:
+        effect = dict(zip(("onboard_rate", "onboard_mounting"), onboard_turn(samples), strict=True))
+        turn = sum(effect[n] @ errors[layout[n]] for n in names)
+        onboard = rotations.multiply(onboard, rotations.from_rotation_vector(np.transpose(turn)))
+    return onboard

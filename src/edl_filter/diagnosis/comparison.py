@@ -1,0 +1,211 @@
+"""Prediction beside measurement: what the model says that every instrument should have read.
+
+Along a dead-reckoned path (`path`) the model of the world gives force and moment at five nodes of every bin (`bins`).
+Specific force is averaged over the bin by Simpson's rule. Rates are never differentiated: the step of the mean rate from
+one bin to the next is the integral of the angular acceleration with a triangular weight,
+
+    w[k+1] - w[k] = ∫ α(t) (t - t[k-1])/dt dt over bin k  +  ∫ α(t) (t[k+1] - t)/dt' dt over bin k + 1,
+
+and Euler's equations (thesis 6.6 to 6.8) give α at the nodes; so both sides go through the same sampling. A second IMU is
+compared with what the first says that it should read, the constraints with what the path says.
+
+All differences are measured minus predicted.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from edl_filter.diagnosis.bins import Bins, bin_means
+from edl_filter.diagnosis.path import PER_BIN, Nodes, Path, dead_reckon, nodes_of
+from edl_filter.effects.effect import Flow, Totals
+from edl_filter.effects.world import World
+from edl_filter.navigation.filter import Problem
+from edl_filter.navigation.increments import lever_arm_acceleration
+from edl_filter.telemetry.record import ImuRecord
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Setup:
+    """The model, and the measurements as it understands them.
+
+    Attributes
+    ----------
+    problem : Problem
+        Samples with the effects' sensor errors taken off, gravity and entry state with the effects'.
+    world : World
+    driving : ImuRecord
+        The IMU behind the samples, with its own noise: what a sample hides disturbs integration, not its mean.
+    checking : tuple of ImuRecord
+        The other IMUs, body axes.
+    """
+
+    problem: Problem
+    world: World
+    driving: ImuRecord
+    checking: tuple[ImuRecord, ...]
+
+
+@dataclass(frozen=True)
+class Frame:
+    """What stays as it is while the model changes.
+
+    Attributes
+    ----------
+    bins : Bins
+    start : (10,) array
+        State at the initial state's time from which the path begins.
+    errors : (U, n) array
+        Sensor errors by instrument, in the filter's vector.
+    onboard : (C, 4) array or None
+        On-board attitude carried to the constraints' times: what the gyros said, whatever the model.
+    """
+
+    bins: Bins
+    start: Array
+    errors: Array
+    onboard: Array | None
+
+
+@dataclass(frozen=True)
+class Differences:
+    """Measured minus predicted.
+
+    Attributes
+    ----------
+    force : (B, 3) array
+        Specific force, m/s².
+    turn : (B - 1, 3) array
+        Step of the rate between adjoining bins, rad/s.
+    other_force, other_rate : tuples of (B, 3) arrays
+        Of each checking IMU, m/s² and rad/s.
+    constraints : tuple of (m,) arrays
+    path : Path
+    nodes : Nodes
+    flow : Flow
+        At the nodes.
+    tables : Totals
+        What the tables say there.
+    """
+
+    force: Array
+    turn: Array
+    other_force: tuple[Array, ...]
+    other_rate: tuple[Array, ...]
+    constraints: tuple[Array, ...]
+    path: Path
+    nodes: Nodes
+    flow: Flow
+    tables: Totals
+
+
+def compare(frame: Frame, setup: Setup) -> Differences:
+    """Run the whole chain once."""
+    bins, problem, world = frame.bins, setup.problem, setup.world
+    path = dead_reckon(problem, frame.start, frame.errors)
+    samples = problem.samples
+    force = bin_means(bins.edges, samples.time, samples.interval, path.force)
+    rate = bin_means(bins.edges, samples.time, samples.interval, path.rate)
+    nodes = nodes_of(path, bins, rate)
+    flow = world.flow(nodes.time, nodes.nav[:, :3], nodes.nav[:, 3:6], nodes.nav[:, 6:], nodes.rate)
+    tables = world.looked_up(flow)
+    felt, step = predicted(world, bins, flow, tables)
+    checking = [_other(record, bins, force, rate) for record in setup.checking]
+    return Differences(
+        force=force - felt,
+        turn=np.diff(rate, axis=0) - step,
+        other_force=tuple(f for f, _ in checking),
+        other_rate=tuple(w for _, w in checking),
+        constraints=constraint_differences(frame, path, problem),
+        path=path,
+        nodes=nodes,
+        flow=flow,
+        tables=tables,
+    )
+
+
+def predicted(world: World, bins: Bins, flow: Flow, tables: Totals | None = None) -> tuple[Array, Array]:
+    """Mean specific force in the bins ``(B, 3)`` and steps of the rate between them ``(B - 1, 3)``."""
+    force, moment = world.loads(flow, tables)
+    return averaged(force / world.rigid_body.mass, bins), stepped(world, bins, flow, moment)
+
+
+def averaged(values: Array, bins: Bins) -> Array:
+    """Means over the bins from values at the nodes ``(4 B + 1, ...)``, Simpson's rule."""
+    return _weighted(values, _SIMPSON)
+
+
+def stepped(world: World, bins: Bins, flow: Flow, moment: Array) -> Array:
+    """Steps of the mean rate from the moment at the nodes."""
+    return triangle(angular_acceleration(world, flow, moment), bins)
+
+
+def angular_acceleration(world: World, flow: Flow, moment: Array) -> Array:
+    """Euler's equations, ``I⁻¹ (M - w × I w)``, rad/s²."""
+    inertia = world.rigid_body.inertia
+    return np.linalg.solve(inertia, (moment - np.cross(flow.rate, flow.rate @ inertia)).T).T
+
+
+def triangle(values: Array, bins: Bins, weights: Array | None = None) -> Array:
+    """Integrals over adjoining bins with the triangular weight, ``(B - 1, ...)`` from nodes ``(4 B + 1, ...)``."""
+    rule = _SIMPSON if weights is None else weights
+    dt = bins.interval.reshape(-1, *(1,) * (values.ndim - 1))
+    share = np.arange(PER_BIN + 1) / PER_BIN
+    rising, falling = _weighted(values, rule * share), _weighted(values, rule * (1.0 - share))
+    return dt[:-1] * rising[:-1] + dt[1:] * falling[1:]
+
+
+def rounding(world: World, bins: Bins, flow: Flow, force: Array, moment: Array) -> tuple[Array, Array]:
+    """What the sums over nodes may be wrong by: a third of what half of the nodes changes.
+
+    Between tables' nodes the model is smooth and this is nothing; a bend inside a bin costs the rule its order, and of
+    second order a third of the last step is left.
+    """
+    turn = angular_acceleration(world, flow, moment)
+    felt = force / world.rigid_body.mass
+    return (
+        np.abs(_weighted(felt, _SIMPSON - _COARSE)) / 3.0,
+        np.abs(triangle(turn, bins, _SIMPSON - _COARSE)) / 3.0,
+    )
+
+
+#: Weights of Simpson's rule over a bin of unit length, with four steps and with two.
+_SIMPSON = np.array([1.0, 4.0, 2.0, 4.0, 1.0]) / 12.0
+_COARSE = np.array([1.0, 0.0, 4.0, 0.0, 1.0]) / 6.0
+
+
+def _weighted(values: Array, weights: Array) -> Array:
+    """Weighted sums over the nodes of every bin."""
+    last = len(values) - 1
+    out = weights[0] * values[:last:PER_BIN]
+    for i in range(1, PER_BIN):
+        out = out + weights[i] * values[i:last:PER_BIN]
+    return out + weights[PER_BIN] * values[PER_BIN::PER_BIN]
+
+
+def constraint_differences(frame: Frame, path: Path, problem: Problem) -> tuple[Array, ...]:
+    """Measured minus predicted of every constraint."""
+    found = []
+    for i, c in enumerate(problem.constraints):
+        k = problem.samples.index(c.time)
+        nav = path.nav[k]
+        if frame.onboard is not None:
+            nav = np.concatenate((nav, frame.onboard[i]))
+        errors = frame.errors[problem.samples.unit[max(k - 1, 0)]]
+        found.append(c.measured - c.predict(nav[:, None], errors[:, None], problem.layout)[0])
+    return tuple(found)
+
+
+def _other(record: ImuRecord, bins: Bins, force: Array, rate: Array) -> tuple[Array, Array]:
+    """What another IMU read beyond what the driving one says, means over the bins."""
+    read = bin_means(bins.edges, record.time, record.interval, record.specific_force)
+    turned = bin_means(bins.edges, record.time, record.interval, record.angular_rate)
+    place = np.broadcast_to(record.position[0], (len(read), 3))
+    one = np.zeros(len(read), np.int64)
+    felt = force + lever_arm_acceleration(bins.interval, rate, place, one)
+    return read - felt, turned - rate
