@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 
 from edl_filter import rotations
 from edl_filter.diagnosis.bins import Bins, bin_means
-from edl_filter.diagnosis.comparison import Differences, Setup, averaged, predicted, rounding, stepped, triangle
+from edl_filter.diagnosis.comparison import Differences, Setup, predicted, rounding, stepped
 from edl_filter.diagnosis.path import PER_BIN, Nodes
-from edl_filter.diagnosis.unknowns import Allowance, Missing, Unknowns
+from edl_filter.diagnosis.unknowns import Allowance, Unknowns
 from edl_filter.effects.effect import Active, Effect, Flow, Totals, Values
 from edl_filter.effects.world import World
 from edl_filter.navigation.layout import SENSOR_STATES
@@ -155,7 +155,6 @@ def bin_rows(
     unknowns: Unknowns,
     slope: Slopes,
     allowance: Allowance,
-    missing: Missing | None,
 ) -> Rows:
     """Design of the rows at the bins' ends."""
     samples, layout = setup.problem.samples, unknowns.layout
@@ -235,8 +234,6 @@ def bin_rows(
         for c in range(3):
             for other in range(i):
                 noise[:, 6 + 6 * other + c, f0 + c] = noise[:, f0 + c, 6 + 6 * other + c] = sigma_f**2
-    if missing is not None:
-        _put_missing(design, bins, found.flow, unknowns, missing)
     use = np.isfinite(values) & bins.sound[:, None]
     use[:-1, 3:6] &= bins.sound[1:, None]
     use[-1, 3:6] = False
@@ -254,18 +251,6 @@ def _sensor_design(force: Array, rate: Array) -> dict[str, Array]:
         "gyro_scale": rate[:, :, None] * np.eye(3),
     }
     return {name: by_name[name] for name in SENSOR_STATES}
-
-
-def _put_missing(design: Array, bins: Bins, flow: Flow, unknowns: Unknowns, missing: Missing) -> None:
-    """Columns of a force and a moment that nobody named."""
-    strength = np.ones_like(flow.dynamic_pressure)
-    if missing.with_pressure:
-        strength = flow.dynamic_pressure / np.max(flow.dynamic_pressure)
-    if "missing_force" in unknowns:
-        design[:, :3, unknowns["missing_force"]] = (missing.force * averaged(strength, bins))[:, None, None] * np.eye(3)
-    if "missing_moment" in unknowns:
-        step = triangle(strength, bins)
-        design[:-1, 3:6, unknowns["missing_moment"]] = (missing.moment * step)[:, None, None] * np.eye(3)
 
 
 def bin_sigma(bins: Bins, time: Array, interval: Array, noise: Array) -> Array:

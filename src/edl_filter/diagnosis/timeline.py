@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from edl_filter.diagnosis.bins import Bins
 from edl_filter.diagnosis.comparison import Differences, Frame, Setup
 from edl_filter.diagnosis.sensitivity import Rows, bin_sigma
-from edl_filter.diagnosis.unknowns import Allowance, Missing, Unknowns, smooth_step
+from edl_filter.diagnosis.unknowns import Allowance, Unknowns, smooth_step
 from edl_filter.diagnosis.whitening import Steps
 from edl_filter.navigation import initial as entry
 from edl_filter.navigation import strapdown
@@ -183,11 +183,30 @@ class Order:
     constraint_rows : tuple of slices
         By constraint.
     count : int
+    dt : (K,) array
+        Time that passes in each step, s.
+    time : (R,) array
+        Of each row, s.
     """
 
     bin_rows: NDArray[np.int64]
     constraint_rows: tuple[slice, ...]
     count: int
+    dt: Array
+    time: Array
+
+    def stack(self, found: Differences) -> Array:
+        """The differences as one column ``(R,)``."""
+        out = np.zeros(self.count)
+        table = np.full(self.bin_rows.shape, np.nan)
+        table[:, :3], table[:-1, 3:6] = found.force, found.turn
+        for i, (force, rate) in enumerate(zip(found.other_force, found.other_rate, strict=True)):
+            table[:, 6 + 6 * i : 9 + 6 * i], table[:, 9 + 6 * i : 12 + 6 * i] = force, rate
+        used = self.bin_rows >= 0
+        out[self.bin_rows[used]] = table[used]
+        for where, difference in zip(self.constraint_rows, found.constraints, strict=True):
+            out[where] = difference
+        return out
 
 
 def in_order(
@@ -197,7 +216,6 @@ def in_order(
     rows: Rows,
     unknowns: Unknowns,
     allowance: Allowance,
-    missing: Missing | None,
     found: Differences,
 ) -> tuple[Steps, Order]:
     """Put everything into the order of time."""
@@ -231,7 +249,7 @@ def in_order(
     starts.append(count)
     sigma = bin_sigma(bins, setup.driving.time, setup.driving.interval, setup.driving.rate_noise)
     sigma = np.where(np.isfinite(sigma), sigma, np.nanmedian(sigma))
-    move, process = _law(steps, motion, unknowns, allowance, missing, found, sigma)
+    move, process = _law(steps, motion, unknowns, allowance, found, sigma)
     return (
         Steps(
             move=move,
@@ -241,7 +259,13 @@ def in_order(
             row_noise=np.concatenate(noise) if noise else np.zeros((0, widest)),
             start=_start(setup, unknowns, sigma[0]),
         ),
-        Order(where, tuple(at[i] for i in range(len(problem.constraints))), count),
+        Order(
+            bin_rows=where,
+            constraint_rows=tuple(at[i] for i in range(len(problem.constraints))),
+            count=count,
+            dt=_passed(steps, motion, found),
+            time=np.repeat(motion.time[np.array(steps.epoch)], np.diff(starts)),
+        ),
     )
 
 
@@ -273,7 +297,6 @@ def _law(
     motion: Motion,
     unknowns: Unknowns,
     allowance: Allowance,
-    missing: Missing | None,
     found: Differences,
     rate_sigma: Array,
 ) -> tuple[Array, Array]:
@@ -294,19 +317,18 @@ def _law(
     noise[at, after, after] = (fresh**2)[:, None, None] * np.eye(3)
     time = np.concatenate((found.path.time[:1], motion.time))
     height = np.interp(time, found.nodes.time, found.flow.altitude)
-    dt, dh = np.diff(time)[epoch] * moves, np.abs(np.diff(height))[epoch] * moves
+    dt, dh = _passed(steps, motion, found), np.abs(np.diff(height))[epoch] * moves
     passed = dict.fromkeys(("density", "wind_east", "wind_north"), dh / allowance.density_correlation)
     passed |= dict.fromkeys(("ca", "cn", "cm"), dt / allowance.coefficient_memory)
     for name, distance in passed.items():
         if name in unknowns:
             move[:, unknowns[name], unknowns[name]], noise[:, unknowns[name], unknowns[name]] = smooth_step(distance)
-    if missing is not None:
-        decay = np.exp(-dt / missing.memory)[:, None, None] * np.eye(3)
-        for name in ("missing_force", "missing_moment"):
-            if name in unknowns:
-                move[:, unknowns[name], unknowns[name]] = decay
-                noise[:, unknowns[name], unknowns[name]] = np.eye(3) - decay**2
     return move, noise
+
+
+def _passed(steps: _Split, motion: Motion, found: Differences) -> Array:
+    """Time that passes in each step, s."""
+    return np.diff(np.concatenate((found.path.time[:1], motion.time)))[np.array(steps.epoch)] * np.array(steps.moves)
 
 
 def _start(setup: Setup, unknowns: Unknowns, rate_sigma: float) -> Array:

@@ -17,7 +17,7 @@ ca, cn, cm
 mass, inertia
     Relative errors, in sigmas.
 missing_force, missing_moment
-    What no effect explains (`remainder`): m/s² and rad/s², in sigmas; absent unless asked for.
+    What no effect explains (`missing`): m/s² and rad/s² per axis; without effect on anything until it is given a size.
 """
 
 from __future__ import annotations
@@ -61,27 +61,6 @@ class Allowance:
 
 
 @dataclass(frozen=True)
-class Missing:
-    """A missing force and moment that nobody named: Gauss–Markov in time, body-fixed.
-
-    Attributes
-    ----------
-    force, moment : float
-        One sigma per axis: of the specific force (m/s²) and of the angular acceleration (rad/s²), at the flight's
-        largest dynamic pressure if they follow it.
-    memory : float
-        Correlation time, s.
-    with_pressure : bool
-        Both go with the dynamic pressure, as what the air does; else they are the same throughout.
-    """
-
-    force: float
-    moment: float
-    memory: float
-    with_pressure: bool
-
-
-@dataclass(frozen=True)
 class Unknowns:
     """Where each unknown stands in the vector.
 
@@ -118,9 +97,7 @@ def lay_out(layout: Layout, checking: tuple[ImuRecord, ...], allowance: Allowanc
         sizes["mass"] = 1
     if allowance.inertia > 0.0:
         sizes["inertia"] = 1
-    if missing is not None:
-        sizes |= {"missing_force": 3} if missing.force > 0.0 else {}
-        sizes |= {"missing_moment": 3} if missing.moment > 0.0 else {}
+    sizes |= {"missing_force": 3, "missing_moment": 3}
     slices, at = {}, layout.size
     for name, size in sizes.items():
         slices[name] = slice(at, at + size)

@@ -1,0 +1,109 @@
+"""A missing force and moment that nobody named: the hypothesis *something else*, and the ground on which names are judged.
+
+Body-fixed, each axis a Gauss–Markov process of its own, of a size, a memory, and with the dynamic pressure or without
+it. Size and memory are those under which the flight is most likely. A name must explain the flight better than this
+does, or make it smaller.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from edl_filter.diagnosis.bins import Bins
+from edl_filter.diagnosis.comparison import averaged, triangle
+from edl_filter.diagnosis.timeline import Order
+from edl_filter.diagnosis.unknowns import Unknowns
+from edl_filter.diagnosis.whitening import Steps, White, whiten
+from edl_filter.effects.effect import Flow
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Missing:
+    """Size of what nobody named.
+
+    Attributes
+    ----------
+    force, moment : float
+        One sigma per axis: of the specific force (m/s²) and of the angular acceleration (rad/s²), at the flight's
+        largest dynamic pressure if they follow it. Zero: none.
+    memory : float
+        Correlation time, s.
+    with_pressure : bool
+        Both go with the dynamic pressure, as what the air does; else they are the same throughout.
+    """
+
+    force: float = 0.0
+    moment: float = 0.0
+    memory: float = 1.0
+    with_pressure: bool = False
+
+
+#: What is tried: memories (s) with and without dynamic pressure, and the sizes of force and moment.
+MEMORIES = (0.3, 3.0, 30.0)
+FORCES = (0.0, 3e-3, 3e-2, 0.3)
+MOMENTS = (0.0, 1e-4, 1e-3, 1e-2, 0.1)
+
+
+def allow(
+    steps: Steps, order: Order, unknowns: Unknowns, bins: Bins, flow: Flow, missing: Missing
+) -> Steps:
+    """The linear problem with a missing force and moment among its unknowns."""
+    if missing.force == missing.moment == 0.0:
+        return steps
+    strength = np.ones_like(flow.dynamic_pressure)
+    if missing.with_pressure:
+        strength = flow.dynamic_pressure / np.max(flow.dynamic_pressure)
+    design, move, noise = steps.design.copy(), steps.move.copy(), steps.noise.copy()
+    sizes = (missing.force * averaged(strength, bins), missing.moment * triangle(strength, bins))
+    for name, size, first in zip(("missing_force", "missing_moment"), sizes, (0, 3), strict=True):
+        at = unknowns[name]
+        for axis in range(3):
+            rows = order.bin_rows[: len(size), first + axis]
+            used = rows >= 0
+            design[rows[used], at.start + axis] = size[used]
+        decay = np.exp(-order.dt / missing.memory)
+        move[:, at, at] = decay[:, None, None] * np.eye(3)
+        noise[:, at, at] = (1.0 - decay**2)[:, None, None] * np.eye(3)
+    return replace(steps, design=design, move=move, noise=noise)
+
+
+def log_likelihood(white: White, column: int = 0) -> float:
+    """Of one column, up to a constant that is the same for all models of the flight."""
+    return -0.5 * float(white.rows[:, column] @ white.rows[:, column]) - 0.5 * white.log_determinant
+
+
+def most_likely(
+    steps: Steps, order: Order, unknowns: Unknowns, bins: Bins, flow: Flow, column: Array, start: Array
+) -> tuple[Missing, float]:
+    """The missing force and moment under which the column is most likely, and its log-likelihood.
+
+    Sizes are searched one after the other on their grid, for each memory; then the best is refined by a factor.
+    """
+
+    def value(missing: Missing) -> float:
+        allowed = allow(steps, order, unknowns, bins, flow, missing)
+        return log_likelihood(whiten(allowed, column[:, None], start[:, None]))
+
+    best, found = Missing(), value(Missing())
+    for with_pressure in (False, True):
+        for memory in MEMORIES:
+            trial, at = Missing(0.0, 0.0, memory, with_pressure), -np.inf
+            for name, sizes in (("moment", MOMENTS), ("force", FORCES)):
+                for size in sizes[1:]:
+                    other = replace(trial, **{name: size})
+                    if (v := value(other)) > at:
+                        trial, at = other, v
+                    else:
+                        break
+            if at > found:
+                best, found = trial, at
+    for name in ("moment", "force", "memory"):
+        for factor in (1.8, 1.0 / 1.8):
+            while (v := value(other := replace(best, **{name: getattr(best, name) * factor}))) > found + 0.5:
+                best, found = other, v
+    return best, found
