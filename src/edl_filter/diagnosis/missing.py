@@ -7,6 +7,7 @@ does, or make it smaller.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -16,7 +17,7 @@ from edl_filter.diagnosis.bins import Bins
 from edl_filter.diagnosis.comparison import averaged, triangle
 from edl_filter.diagnosis.timeline import Order
 from edl_filter.diagnosis.unknowns import Unknowns
-from edl_filter.diagnosis.whitening import Steps, White, whiten
+from edl_filter.diagnosis.whitening import Steps, whitener
 from edl_filter.effects.effect import Flow
 
 Array = NDArray[np.float64]
@@ -44,7 +45,7 @@ class Missing:
 
 
 #: What is tried: memories (s) with and without dynamic pressure, and the sizes of force and moment.
-MEMORIES = (0.3, 3.0, 30.0)
+MEMORIES = (0.5, 10.0)
 FORCES = (0.0, 3e-3, 3e-2, 0.3)
 MOMENTS = (0.0, 1e-4, 1e-3, 1e-2, 0.1)
 
@@ -72,11 +73,6 @@ def allow(
     return replace(steps, design=design, move=move, noise=noise)
 
 
-def log_likelihood(white: White, column: int = 0) -> float:
-    """Of one column, up to a constant that is the same for all models of the flight."""
-    return -0.5 * float(white.rows[:, column] @ white.rows[:, column]) - 0.5 * white.log_determinant
-
-
 def most_likely(
     steps: Steps, order: Order, unknowns: Unknowns, bins: Bins, flow: Flow, column: Array, start: Array
 ) -> tuple[Missing, float]:
@@ -86,20 +82,12 @@ def most_likely(
     """
 
     def value(missing: Missing) -> float:
-        allowed = allow(steps, order, unknowns, bins, flow, missing)
-        return log_likelihood(whiten(allowed, column[:, None], start[:, None]))
+        return _likelihood(steps, order, unknowns, bins, flow, column, start, missing)
 
     best, found = Missing(), value(Missing())
     for with_pressure in (False, True):
         for memory in MEMORIES:
-            trial, at = Missing(0.0, 0.0, memory, with_pressure), -np.inf
-            for name, sizes in (("moment", MOMENTS), ("force", FORCES)):
-                for size in sizes[1:]:
-                    other = replace(trial, **{name: size})
-                    if (v := value(other)) > at:
-                        trial, at = other, v
-                    else:
-                        break
+            trial, at = _sized(value, memory, with_pressure)
             if at > found:
                 best, found = trial, at
     for name in ("moment", "force", "memory"):
@@ -107,3 +95,32 @@ def most_likely(
             while (v := value(other := replace(best, **{name: getattr(best, name) * factor}))) > found + 0.5:
                 best, found = other, v
     return best, found
+
+
+def rough(
+    steps: Steps, order: Order, unknowns: Unknowns, bins: Bins, flow: Flow, column: Array, start: Array
+) -> Missing:
+    """A missing force and moment that is new in every sample, as large as the failures: a bad model's own noise."""
+    return _sized(
+        lambda missing: _likelihood(steps, order, unknowns, bins, flow, column, start, missing), 0.1, True
+    )[0]
+
+
+def _sized(value: Callable[[Missing], float], memory: float, with_pressure: bool) -> tuple[Missing, float]:
+    """Sizes of moment, then of force, that make `value` greatest."""
+    best = Missing(0.0, 0.0, memory, with_pressure)
+    at = value(best)
+    for name, sizes in (("moment", MOMENTS), ("force", FORCES)):
+        for size in sizes[1:]:
+            other = replace(best, **{name: size})
+            if (v := value(other)) <= at:
+                break
+            best, at = other, v
+    return best, at
+
+
+def _likelihood(
+    steps: Steps, order: Order, unknowns: Unknowns, bins: Bins, flow: Flow, column: Array, start: Array, missing: Missing
+) -> float:
+    found = whitener(allow(steps, order, unknowns, bins, flow, missing))
+    return found.log_likelihood(found(column[:, None], start[:, None])[:, 0])

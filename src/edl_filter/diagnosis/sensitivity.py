@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 from edl_filter import rotations
 from edl_filter.diagnosis.bins import Bins, bin_means
 from edl_filter.diagnosis.comparison import Differences, Setup, predicted, rounding, stepped
-from edl_filter.diagnosis.path import PER_BIN, Nodes
+from edl_filter.diagnosis.path import PER_BIN, Nodes, Path
 from edl_filter.diagnosis.unknowns import Allowance, Unknowns
-from edl_filter.effects.effect import Active, Effect, Flow, Totals, Values
+from edl_filter.effects.effect import Active, Effect, Flow, Parameter, Totals, Values
 from edl_filter.effects.world import World
 from edl_filter.navigation.layout import SENSOR_STATES
 
@@ -55,6 +55,7 @@ class _Probe(Effect):
     """Small changes of what the air does, to differentiate by; for the coefficients a vector over time is allowed."""
 
     name = "probe"
+    parameters = tuple(Parameter(n, "", n) for n in ("east", "north", "density", "ca", "cn", "cm"))
 
     def wind(self, p: Values, altitude: Array) -> Array:
         return np.tile([p["east"], p["north"]], (len(altitude), 1))
@@ -64,9 +65,6 @@ class _Probe(Effect):
 
     def coefficients(self, p: Values, flow: Flow, totals: Totals) -> Totals:
         return replace(totals, ca=totals.ca + p["ca"], cn=totals.cn + p["cn"], cm_nose=totals.cm_nose + p["cm"])
-
-
-_NOTHING = {"east": 0.0, "north": 0.0, "density": 0.0, "ca": 0.0, "cn": 0.0, "cm": 0.0}
 
 
 def slopes(setup: Setup, bins: Bins, found: Differences, density_sigma: float) -> Slopes:
@@ -83,14 +81,14 @@ def slopes(setup: Setup, bins: Bins, found: Differences, density_sigma: float) -
         add(_at(world, bins, _moved(nodes, j, step)), _at(world, bins, _moved(nodes, j, -step)), 2.0 * step)
 
     def probed(**change: float) -> tuple[Array, Array]:
-        other = world.having((*world.effects, Active(_Probe(), _NOTHING | change)))
+        other = world.having((*world.effects, Active(_Probe(), change)))
         return _at(other, bins, nodes)
 
     for name, step in (("density", 1e-3), ("east", 0.5), ("north", 0.5)):
         add(probed(**{name: step}), probed(**{name: -step}), 2.0 * step)
     base = predicted(world, bins, found.flow, found.tables)
     for name, step in (("ca", 1e-3), ("cn", 1e-4), ("cm", 1e-5)):
-        other = world.having((*world.effects, Active(_Probe(), _NOTHING | {name: step})))
+        other = world.having((*world.effects, Active(_Probe(), {name: step})))
         add(predicted(other, bins, found.flow, found.tables), base, step)
     force, moment = world.loads(found.flow, found.tables)
     parts_f += [-base[0], np.zeros_like(base[0])]
@@ -152,11 +150,12 @@ def bin_rows(
     setup: Setup,
     bins: Bins,
     found: Differences,
+    quiet: Path,
     unknowns: Unknowns,
     slope: Slopes,
     allowance: Allowance,
 ) -> Rows:
-    """Design of the rows at the bins' ends."""
+    """Design of the rows at the bins' ends; `quiet` is the path of readings without their own noise."""
     samples, layout = setup.problem.samples, unknowns.layout
     b, others = len(bins.interval), len(setup.checking)
     width = 6 + 6 * others
@@ -198,8 +197,8 @@ def bin_rows(
     design[:-1, 3:6, before] += inner
     design[:-1, 3:6, after] -= inner
 
-    force = bin_means(bins.edges, samples.time, samples.interval, found.path.force)
-    rate = bin_means(bins.edges, samples.time, samples.interval, found.path.rate)
+    force = bin_means(bins.edges, samples.time, samples.interval, quiet.force)
+    rate = bin_means(bins.edges, samples.time, samples.interval, quiet.rate)
     step = np.concatenate((np.diff(rate, axis=0), np.zeros((1, 3))))
     own = _sensor_design(force, rate)
     for name, block in own.items():

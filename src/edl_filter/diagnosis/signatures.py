@@ -107,13 +107,13 @@ def places(effect: Effect, begin: float, end: float) -> list[dict[str, float]]:
             grids.append(list(np.linspace(low, high, q.scan)))
     names = [q.name for q in effect.places]
     found = [dict(zip(names, values, strict=True)) for values in product(*grids)]
-    return [p for p in found if _ordered(effect, p)]
+    return [p for p in found if ordered(Active(effect, p))]
 
 
-def _ordered(effect: Effect, place: dict[str, float]) -> bool:
+def ordered(active: Active) -> bool:
     """Lower edges lie below upper ones: bounds of one kind come in pairs, in the order of declaration."""
     for kind in ("altitude", "time", "mach"):
-        values = [place[q.name] for q in effect.places if q.kind == kind]
+        values = [active.values[q.name] for q in active.effect.places if q.kind == kind]
         if any(b <= a for a, b in zip(values, values[1:], strict=False)):
             return False
     return True

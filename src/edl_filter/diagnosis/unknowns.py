@@ -84,7 +84,7 @@ class Unknowns:
         return self.slices[name]
 
 
-def lay_out(layout: Layout, checking: tuple[ImuRecord, ...], allowance: Allowance, missing: Missing | None) -> Unknowns:
+def lay_out(layout: Layout, checking: tuple[ImuRecord, ...], allowance: Allowance) -> Unknowns:
     """Decide what is unknown."""
     sizes = {"rate_before": 3, "rate_after": 3}
     for i, record in enumerate(checking):

@@ -9,11 +9,14 @@ error in altitude (design section 6; Friedland, IEEE Trans. AC 14 (1969) 359, fo
 
 from __future__ import annotations
 
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
+from threadpoolctl import ThreadpoolController
 
 Array = NDArray[np.float64]
 
@@ -45,47 +48,118 @@ class Steps:
 
 
 @dataclass(frozen=True)
-class White:
-    """White rows: of unit variance and independent, if the allowed errors are all there is.
+class Whitener:
+    """The gains of the filter, which are the same for every column.
 
     Attributes
     ----------
-    rows : (R, c) array
-        Innovations over their Cholesky factor, a column for each that was given.
+    steps : Steps
+    gain : (R, n) array
+        ``P Hᵀ L⁻ᵀ`` of each step, transposed: what a white row moves.
+    factor : (R, w) array
+        L, the Cholesky factor of each step's innovation covariance.
     log_determinant : float
         Of the innovations' covariance, over the whole flight.
     """
 
-    rows: Array
+    steps: Steps
+    gain: Array
+    factor: Array
     log_determinant: float
 
+    def __call__(self, columns: Array, start: Array) -> Array:
+        """White rows ``(R, c)``: of unit variance and independent, if the allowed errors are all there is.
 
-def whiten(steps: Steps, columns: Array, start: Array) -> White:
-    """Pass columns through the filter.
+        Parameters
+        ----------
+        columns : (R, c) array
+            Differences and signatures.
+        start : (n, c) array
+            What each column expects of the unknowns at the beginning.
+        """
+        s = self.steps
+        with _one_thread():
+            return _apply(
+                s.move, s.rows, s.design, self.gain, self.factor,
+                np.ascontiguousarray(columns), np.ascontiguousarray(start),
+            )  # fmt: skip
 
-    Parameters
-    ----------
-    steps : Steps
-    columns : (R, c) array
-        Differences and signatures.
-    start : (n, c) array
-        What each column expects of the unknowns at the beginning.
-    """
-    rows, log_det = _pass(
-        steps.move, steps.noise, steps.rows, np.ascontiguousarray(steps.design), steps.row_noise, steps.start.copy(),
-        np.ascontiguousarray(columns), np.ascontiguousarray(start).copy(),
-    )  # fmt: skip
-    return White(rows, log_det)
+    def start_correction(self, white: Array, count: int) -> tuple[Array, Array]:
+        """What all rows say of the first `count` unknowns at the beginning, beyond what was stated of them.
+
+        Fixed-point smoothing: the answer of every row to a unit of each unknown is that of a column that expects it.
+
+        Parameters
+        ----------
+        white : (R,) array
+            The differences.
+        count : int
+
+        Returns
+        -------
+        mean : (count,) array
+        covariance : (count, count) array
+            Before: `steps.start`.
+        """
+        unit = np.zeros((len(self.steps.start), count))
+        unit[:count] = np.eye(count)
+        answers = self(np.zeros((len(white), count)), unit)
+        prior = self.steps.start[:count, :count]
+        mean = -prior @ (answers.T @ white)
+        return mean, prior - prior @ (answers.T @ answers) @ prior
+
+    def innovations(self, white: Array) -> Array:
+        """The innovations ``(R,)`` behind white rows, in their own units."""
+        return _coloured(self.steps.rows, self.factor, white)
+
+    @property
+    def innovation_sigma(self) -> Array:
+        """One sigma of each innovation ``(R,)``."""
+        return np.sqrt(np.sum(self.factor**2, axis=1))
+
+    def log_likelihood(self, white: Array) -> float:
+        """Of the column that became `white` ``(R,)``, up to a constant of the flight."""
+        return -0.5 * float(white @ white) - 0.5 * self.log_determinant
+
+
+def whitener(steps: Steps) -> Whitener:
+    """Run the covariances once."""
+    design = np.ascontiguousarray(steps.design)
+    with _one_thread():
+        gain, factor, log_det = _gains(
+            steps.move, steps.noise, steps.rows, design, steps.row_noise, steps.start.copy()
+        )
+    return Whitener(steps, gain, factor, log_det)
+
+
+@cache
+def _blas() -> ThreadpoolController:
+    return ThreadpoolController()
+
+
+def _one_thread() -> AbstractContextManager[object]:
+    """Small matrices in a long loop: threads that wait for each other cost ten times what they save."""
+    return _blas().limit(limits=1, user_api="blas")
+
+
+@njit(cache=True)
+def _coloured(rows, factor, white):
+    out = np.zeros_like(white)
+    for k in range(rows.size - 1):
+        for i in range(rows[k], rows[k + 1]):
+            for j in range(i - rows[k] + 1):
+                out[i] += factor[i, j] * white[rows[k] + j]
+    return out
 
 
 @njit(cache=True, error_model="numpy")
-def _pass(move, noise, rows, design, row_noise, p, columns, x):
-    """Kalman filter over all steps; `p` and `x` are changed in place."""
-    out = np.empty_like(columns)
+def _gains(move, noise, rows, design, row_noise, p):
+    """Covariance recursion of the Kalman filter over all steps."""
+    gains = np.empty_like(design)
+    factor = np.zeros_like(row_noise)
     log_det = 0.0
     for k in range(rows.size - 1):
         p = np.dot(np.dot(move[k], p), move[k].T) + noise[k]
-        x = np.dot(move[k], x)
         first, last = rows[k], rows[k + 1]
         m = last - first
         if m == 0:
@@ -95,10 +169,30 @@ def _pass(move, noise, rows, design, row_noise, p, columns, x):
         low = np.linalg.cholesky(np.dot(h, ph) + row_noise[first:last, :m])
         for i in range(m):
             log_det += 2.0 * np.log(low[i, i])
-        white = np.linalg.solve(low, columns[first:last] - np.dot(h, x))
-        gain = np.linalg.solve(low, ph.T.copy()).T.copy()  # P Hᵀ L⁻ᵀ
-        x = x + np.dot(gain, white)
-        p = p - np.dot(gain, gain.T)
+        gain = np.linalg.solve(low, ph.T.copy())  # L⁻¹ H P
+        p = p - np.dot(gain.T.copy(), gain)
         p = 0.5 * (p + p.T)
-        out[first:last] = white
-    return out, log_det
+        gains[first:last] = gain
+        factor[first:last, :m] = low
+    return gains, factor, log_det
+
+
+@njit(cache=True, error_model="numpy")
+def _apply(move, rows, design, gains, factor, columns, start):
+    """State recursion of the Kalman filter for all columns."""
+    out = np.empty_like(columns)
+    x = start.copy()
+    for k in range(rows.size - 1):
+        x = np.dot(move[k], x)
+        first, last = rows[k], rows[k + 1]
+        m = last - first
+        if m == 0:
+            continue
+        left = columns[first:last] - np.dot(design[first:last], x)
+        for i in range(m):  # forward substitution
+            for j in range(i):
+                left[i] -= factor[first + i, j] * left[j]
+            left[i] /= factor[first + i, i]
+        x = x + np.dot(gains[first:last].T.copy(), left)
+        out[first:last] = left
+    return out

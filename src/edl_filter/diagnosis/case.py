@@ -1,0 +1,242 @@
+"""A flight laid out for diagnosis: measurements, model, and the linear problem about one path.
+
+`Case` holds what the flight and the mission give; `Linear` is the comparison about a model with chosen effects, ready to
+be whitened.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from edl_filter.assembly import assemble, without_effects
+from edl_filter.diagnosis.bins import Bins, lay_bins
+from edl_filter.diagnosis.comparison import Setup, compare
+from edl_filter.diagnosis.missing import Missing, allow, rough
+from edl_filter.diagnosis.sensitivity import bin_rows, slopes
+from edl_filter.diagnosis.signatures import Ground
+from edl_filter.diagnosis.timeline import follow, frame_of, in_order, stated_start
+from edl_filter.diagnosis.unknowns import Allowance, Unknowns, lay_out
+from edl_filter.diagnosis.whitening import Steps, Whitener, whitener
+from edl_filter.effects.effect import Active
+from edl_filter.mission import Mission
+from edl_filter.modelling import world_of
+from edl_filter.navigation.layout import State
+from edl_filter.reconstruction import Reconstruction, reconstruct
+from edl_filter.telemetry.record import ImuRecord, Telemetry
+
+Array = NDArray[np.float64]
+
+#: Time before the parachute that is not compared, s: the mortar's recoil and the samples that reach over it.
+_MARGIN = 0.3
+#: Rounds of moving the path, and what it may still move, in sigmas of what is known of it.
+_ROUNDS, _SETTLED = 4, 0.1
+
+
+@dataclass(frozen=True)
+class Case:
+    """A flight and its mission.
+
+    Attributes
+    ----------
+    reconstruction : Reconstruction
+        With the effects of the model.
+    bins : Bins
+    allowance : Allowance
+    """
+
+    reconstruction: Reconstruction
+    bins: Bins
+    allowance: Allowance
+
+    @property
+    def mission(self) -> Mission:
+        """The mission."""
+        return self.reconstruction.mission
+
+    @property
+    def effects(self) -> tuple[Active, ...]:
+        """Effects in the model."""
+        return self.reconstruction.effects
+
+    @property
+    def parachute(self) -> float:
+        """End of the comparison, s."""
+        return float(self.bins.edges[-1])
+
+    def arrange(self, effects: Sequence[Active]) -> Setup:
+        """Model and measurements with other effects than the model's."""
+        return self._arranged(self.reconstruction.telemetry, effects)
+
+    def arrange_quiet(self, effects: Sequence[Active]) -> Setup:
+        """The same with readings from which their own noise was taken (`quiet`), to differentiate by sensor errors."""
+        return self._arranged(self.quiet_telemetry, effects)
+
+    @cached_property
+    def quiet_telemetry(self) -> Telemetry:
+        """Telemetry with every sample replaced by what its neighbours say."""
+        t = self.reconstruction.telemetry
+        return replace(t, driving=quiet(t.driving), checking=tuple(quiet(r) for r in t.checking))
+
+    def _arranged(self, read: Telemetry, effects: Sequence[Active]) -> Setup:
+        r = self.reconstruction
+        telemetry = without_effects(r.mission, read, effects)
+        return Setup(
+            problem=assemble(r.mission, read, r.planet, r.atmosphere, effects),
+            world=world_of(r.mission, r.planet, r.atmosphere, effects),
+            driving=telemetry.driving,
+            checking=telemetry.checking,
+        )
+
+
+def quiet(record: ImuRecord) -> ImuRecord:
+    """A record in which every sample is the cubic through its four neighbours, ``(4 (a + b) - (c + d)) / 6``.
+
+    A scale error multiplies what was read, noise and all. A signature with a sample's own noise in it would find that
+    noise in the difference again, and call it a scale error.
+    """
+    even = np.zeros(len(record), bool)
+    same = (np.abs(np.diff(record.interval)) < 1e-6) & (np.diff(record.unit) == 0)
+    even[2:-2] = same[:-3] & same[1:-2] & same[2:-1] & same[3:]
+
+    def smooth(values: Array) -> Array:
+        out = values.copy()
+        out[2:-2] = (4.0 * (values[1:-3] + values[3:-1]) - values[:-4] - values[4:]) / 6.0
+        return np.where(even[:, None], out, values)
+
+    return replace(
+        record, specific_force=smooth(record.specific_force), angular_rate=smooth(record.angular_rate)
+    )
+
+
+@dataclass(frozen=True)
+class Linear:
+    """The comparison about a model.
+
+    Attributes
+    ----------
+    ground : Ground
+        Where signatures are taken.
+    bins : Bins
+    unknowns : Unknowns
+    steps : Steps
+        Nothing missing allowed.
+    column : (R,) array
+        The differences.
+    start : (n,) array
+        What the mission states of the unknowns at the beginning, about the path.
+    """
+
+    ground: Ground
+    bins: Bins
+    unknowns: Unknowns
+    steps: Steps
+    column: Array
+    start: Array
+
+    @cached_property
+    def plain(self) -> Whitener:
+        """Whitener that allows for nothing missing."""
+        return whitener(self.steps)
+
+    @cached_property
+    def softened(self) -> Whitener:
+        """Whitener that takes the model's failures for noise."""
+        order, flow = self.ground.order, self.ground.found.flow
+        found = rough(self.steps, order, self.unknowns, self.bins, flow, self.column, self.start)
+        return self.plain if found.force == found.moment == 0.0 else self.allowing(found)
+
+    def allowing(self, missing: Missing) -> Whitener:
+        """Whitener that allows for a missing force and moment."""
+        order, flow = self.ground.order, self.ground.found.flow
+        return whitener(allow(self.steps, order, self.unknowns, self.bins, flow, missing))
+
+
+def load_case(mission: Mission, effects: Sequence[Active] | None = None) -> Case:
+    """Reconstruct a mission and lay it out for comparison.
+
+    Parameters
+    ----------
+    mission : Mission
+    effects : sequence of Active, optional
+        Instead of the mission's.
+    """
+    return case_of(reconstruct(mission, effects))
+
+
+def case_of(reconstruction: Reconstruction) -> Case:
+    """Lay a reconstructed flight out for comparison."""
+    r, mission = reconstruction, reconstruction.mission
+    record, begin = r.telemetry.driving, r.problem.initial.time
+    edges = np.concatenate(([record.start], record.time))
+    parachute = r.event_times.get("parachute_deploy", float(record.time[-1]))
+    vehicle, aero = mission.vehicle, mission.aerodynamics
+    return Case(
+        reconstruction=r,
+        bins=lay_bins(r.problem.samples, edges[edges >= begin - 1e-9], parachute - _MARGIN),
+        allowance=Allowance(
+            density=max(mission.atmosphere.density_sigma, 1e-4),
+            density_correlation=mission.atmosphere.density_correlation_m,
+            wind=mission.atmosphere.wind_sigma,
+            coefficients=0.0 if aero is None else aero.coefficient_sigma,
+            mass=vehicle.mass_sigma / vehicle.mass,
+            inertia=vehicle.inertia_sigma,
+        ),
+    )
+
+
+def linearise(case: Case) -> Linear:
+    """Compare model and measurement about the path that all of it makes most probable.
+
+    The first path begins where the reconstruction says. What forces and moments say of its beginning and of the sensor
+    errors is more than the reconstruction knew; the path is moved there and everything taken again, until it stays. A
+    model that fails must not drag the path along: its failures are allowed for as noise (`missing.rough`) meanwhile.
+    """
+    r = case.reconstruction
+    layout, start = r.problem.layout, r.smoothed.states[0]
+    errors = np.zeros((len(r.problem.instruments), layout.size))
+    met: set[int] = set()
+    for node, state in zip(r.forward.nodes, r.smoothed.states, strict=True):
+        if node.unit not in met:
+            met.add(node.unit)
+            errors[node.unit] = state.errors
+    for _ in range(_ROUNDS):
+        linear = about(case, start, errors)
+        soft = linear.softened
+        white = soft(linear.column[:, None], linear.start[:, None])[:, 0]
+        shift, covariance = soft.start_correction(white, layout.size)
+        shift = shift + linear.start[: layout.size]
+        spread = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+        if np.all(np.abs(shift) <= _SETTLED * spread + 1e-15):
+            break
+        start = start.plus(shift)
+        errors[int(r.problem.samples.unit[0])] = start.errors
+    return linear
+
+
+def about(case: Case, start: State, errors: Array) -> Linear:
+    """Compare model and measurement about the path that begins at `start` with `errors` ``(U, n)`` of the sensors."""
+    bins, setup = case.bins, case.arrange(case.effects)
+    layout = setup.problem.layout
+    motion = follow(setup.problem, bins, start, errors)
+    frame = frame_of(motion, bins, start, errors)
+    found = compare(frame, setup)
+    slope = slopes(setup, bins, found, case.allowance.density)
+    unknowns = lay_out(layout, setup.checking, case.allowance)
+    readings = compare(frame, case.arrange_quiet(case.effects)).path
+    rows = bin_rows(setup, bins, found, readings, unknowns, slope, case.allowance)
+    steps, order = in_order(setup, bins, motion, rows, unknowns, case.allowance, found)
+    stated = np.zeros(unknowns.size)
+    stated[: layout.size] = stated_start(setup, start)
+    return Linear(
+        ground=Ground(case.arrange_quiet, case.effects, frame, setup, found, slope, order, start, unknowns.size),
+        bins=bins,
+        unknowns=unknowns,
+        steps=steps,
+        column=order.stack(found),
+        start=stated,
+    )

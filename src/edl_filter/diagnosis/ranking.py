@@ -1,0 +1,238 @@
+"""Ranking: which effect is missing, by evidence.
+
+Every effect of the catalogue that is not in the model is first tried linearly, at every place that it may have: its
+signature is whitened and regressed (`regression`), with nothing else missing, and again with a rough missing force and
+moment allowed, which keeps one large failure from deciding everything. The leaders' places are narrowed down and all
+their parameters refitted through the whole chain (`refit`), the last time about a new reconstruction. The same evidence,
+in nats, is computed for *none* and for *something else* (`missing`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from edl_filter.diagnosis.case import Case, Linear, linearise, load_case
+from edl_filter.diagnosis.missing import Missing, most_likely
+from edl_filter.diagnosis.refit import Refit, refit
+from edl_filter.diagnosis.regression import Fit, held_out, regress
+from edl_filter.diagnosis.signatures import Signature, ordered, places, signature
+from edl_filter.diagnosis.whitening import Whitener
+from edl_filter.effects.effect import Active, Effect
+
+Array = NDArray[np.float64]
+Progress = Callable[[str], None]
+
+#: Leaders of each of the two linear rankings that are refitted.
+LEADERS = 4
+#: Linear gain (nats) below which an effect is no leader.
+_HOPELESS = 0.0
+#: Dynamic pressure from which air can be felt, Pa: places in time begin there.
+_FELT = 1.0
+
+
+@dataclass(frozen=True)
+class Trial:
+    """An effect tried linearly at its best place.
+
+    Attributes
+    ----------
+    active : Active
+        With its sizes as they came out.
+    signature : Signature
+    fit : Fit
+    gain : float
+        Evidence over none, averaged over the places, nats.
+    rows : (R, k) array
+        White signature.
+    """
+
+    active: Active
+    signature: Signature
+    fit: Fit
+    gain: float
+    rows: Array
+
+
+@dataclass(frozen=True)
+class Hypothesis:
+    """An effect refitted.
+
+    Attributes
+    ----------
+    name : str
+    refit : Refit
+    gain : float
+        Evidence over none, nats.
+    score_gain : float
+        Held-out log predictive density over none, nats.
+    case, linear : Case, Linear
+        The ground of the last refit.
+    """
+
+    name: str
+    refit: Refit
+    gain: float
+    score_gain: float
+    case: Case
+    linear: Linear
+
+
+@dataclass(frozen=True)
+class Ranking:
+    """All hypotheses about one model.
+
+    Attributes
+    ----------
+    case, linear : Case, Linear
+    white : (R,) array
+        Differences of the model as it is.
+    trials : dict
+        Effect → linear trial with nothing else missing.
+    hypotheses : list of Hypothesis
+        Refitted, most probable first.
+    missing : Missing
+        Something else, at its most likely.
+    something_else : float
+        Its evidence over none, nats.
+    """
+
+    case: Case
+    linear: Linear
+    white: Array
+    trials: dict[str, Trial]
+    hypotheses: list[Hypothesis]
+    missing: Missing
+    something_else: float
+
+
+def rank(case: Case, candidates: Iterable[Effect], progress: Progress = lambda _: None) -> Ranking:
+    """Rank the effects that may be missing from a case's model."""
+    progress("comparing model and measurements")
+    linear = linearise(case)
+    plain = linear.plain
+    white = plain(linear.column[:, None], linear.start[:, None])[:, 0]
+    base = plain.log_likelihood(white)
+    order, flow = linear.ground.order, linear.ground.found.flow
+    present = {a.name for a in case.effects}
+    progress("signatures")
+    tried = signatures(linear, [e for e in candidates if e.name not in present], case.parachute)
+    trials = try_all(linear, plain, tried)
+    progress("something else")
+    softened = linear.softened
+    soft_trials = try_all(linear, softened, tried)
+    missing, likely = most_likely(
+        linear.steps, order, linear.unknowns, linear.bins, flow, linear.column, linear.start
+    )
+    found = []
+    for name in leaders(trials, soft_trials):
+        progress(f"refitting {name}")
+        best = max((t[name] for t in (soft_trials, trials) if name in t), key=lambda t: t.gain)
+        found.append(_refitted(case, linear, best, softened, plain, base))
+    found.sort(key=lambda h: -h.gain)
+    for i, h in enumerate(found[:2]):
+        progress(f"refitting {h.name} about a new reconstruction")
+        found[i] = about_itself(h, base)
+    found.sort(key=lambda h: -h.gain)
+    return Ranking(case, linear, white, trials, found, missing, likely - base)
+
+
+def signatures(linear: Linear, effects: Sequence[Effect], end: float) -> list[list[Signature]]:
+    """Signatures of every effect at all its places."""
+    nodes, q = linear.ground.found.nodes.time, linear.ground.found.flow.dynamic_pressure
+    begin = float(nodes[np.argmax(q > _FELT)])
+    return [
+        [signature(linear.ground, Active(e, place)) for place in places(e, begin, end)] for e in effects
+    ]
+
+
+def try_all(linear: Linear, whiten: Whitener, tried: list[list[Signature]]) -> dict[str, Trial]:
+    """Regress the differences on every effect, at every place."""
+    flat = [s for group in tried for s in group]
+    if not flat:
+        return {}
+    rows = np.concatenate([linear.column[:, None], *(s.rows for s in flat)], axis=1)
+    starts = np.concatenate([linear.start[:, None], *(s.start for s in flat)], axis=1)
+    white = whiten(rows, starts)
+    y, at, found = white[:, 0], 1, {}
+    for group in tried:
+        fits = []
+        for s in group:
+            x = white[:, at : at + len(s.names)]
+            at += len(s.names)
+            fits.append((regress(y, x, s.sigma), s, x))
+        best, s, x = max(fits, key=lambda f: f[0].gain)
+        gains = np.array([f[0].gain for f in fits])
+        mean = float(gains.max() + np.log(np.mean(np.exp(gains - gains.max()))))
+        active = replace(s.active, values=s.active.values | dict(zip(s.names, best.size.tolist(), strict=True)))
+        found[s.active.name] = Trial(active, s, best, mean, x)
+    return found
+
+
+def leaders(*rankings: dict[str, Trial]) -> list[str]:
+    """Names that lead any of the rankings, each once."""
+    names: list[str] = []
+    for trials in rankings:
+        ranked = sorted(trials, key=lambda n: -trials[n].gain)
+        names += [n for n in ranked[:LEADERS] if trials[n].gain > _HOPELESS and n not in names]
+    return names
+
+
+def _refitted(case: Case, linear: Linear, trial: Trial, softened: Whitener, plain: Whitener, base: float) -> Hypothesis:
+    active = narrowed(linear, trial.active, softened)
+    soft = refit(case, linear, (*case.effects, active), softened, steps=4)
+    hard = refit(case, linear, soft.effects, plain)
+    return _hypothesis(trial.active.name, hard, base, case, linear)
+
+
+def _hypothesis(name: str, found: Refit, base: float, case: Case, linear: Linear) -> Hypothesis:
+    active = next(a for a in found.effects if a.name == name)
+    sizes = {q.name for q in active.effect.sizes}
+    mine = [i for i, (effect, q) in enumerate(found.names) if effect == name and q in sizes]
+    size = np.array([active.values[found.names[i][1]] for i in mine])
+    x = found.signature[:, mine]
+    # before and after in one linear problem: the differences without the effect are those with it, plus x size
+    score = held_out(found.white + x @ size, x, found.sigma[mine], linear.ground.order.time)
+    return Hypothesis(name, found, found.evidence - base, score, case, linear)
+
+
+def about_itself(h: Hypothesis, base: float) -> Hypothesis:
+    """The same hypothesis refitted about a reconstruction that has it."""
+    case = load_case(h.case.mission, h.refit.effects)
+    linear = linearise(case)
+    found = refit(case, linear, case.effects, linear.plain)
+    return _hypothesis(h.name, found, base, case, linear)
+
+
+def narrowed(linear: Linear, active: Active, whiten: Whitener, rounds: int = 6) -> Active:
+    """Move an effect's places, one after the other and in ever smaller steps, to where it explains most."""
+    scanned = [q for q in active.effect.places if q.scan > 1]
+    if not scanned:
+        return active
+    y = whiten(linear.column[:, None], linear.start[:, None])[:, 0]
+
+    def tried(at: Active) -> tuple[float, Active]:
+        s = signature(linear.ground, replace(at, values=at.values | dict.fromkeys((p.name for p in at.effect.sizes), 0.0)))
+        fit = regress(y, whiten(s.rows, s.start), s.sigma)
+        return fit.gain, replace(at, values=at.values | dict(zip(s.names, fit.size.tolist(), strict=True)))
+
+    gain, best = tried(active)
+    spans = {}
+    for q in scanned:
+        low, high = (q.low, q.high) if np.isfinite([q.low, q.high]).all() else (0.0, linear.bins.edges[-1])
+        spans[q.name] = (high - low) / (q.scan if q.kind == "phase" else q.scan - 1)
+    for _ in range(rounds):
+        for name in spans:
+            spans[name] *= 0.5
+            for sign in (1.0, -1.0):
+                other = replace(best, values=best.values | {name: best.values[name] + sign * spans[name]})
+                if not ordered(other):
+                    continue
+                g, fitted = tried(other)
+                if g > gain:
+                    gain, best = g, fitted
+                    break
+    return best
