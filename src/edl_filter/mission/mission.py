@@ -19,7 +19,7 @@ from edl_filter.mission.estimation import Constraints, FilterSettings, InitialSt
 from edl_filter.mission.measurements import MerImu, PhoenixPds, Telemetry
 from edl_filter.mission.messages import describe
 from edl_filter.mission.sections import Section
-from edl_filter.mission.text import parse, parse_override, read_text, set_key
+from edl_filter.mission.text import flow_text, parse, parse_override, read_text, set_key
 from edl_filter.mission.world import Atmosphere, Planet, Vehicle
 
 if TYPE_CHECKING:
@@ -96,7 +96,8 @@ class Mission(Section):
         InputError
             As `load`.
         """
-        return cls._from_text(json.dumps(data, indent=2, ensure_ascii=False, default=_plain), source, None, overrides)
+        plain = json.loads(json.dumps(data, default=_plain))
+        return cls._from_text(flow_text(plain, "  "), source, None, overrides)
 
     @classmethod
     def _from_text(cls, text: str, where: str, source: Path | None, overrides: Sequence[str]) -> Mission:
