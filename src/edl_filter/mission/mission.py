@@ -83,7 +83,7 @@ class Mission(Section):
         """
         text_path = str(path)
         file = shipped_mission(text_path[len(BUILTIN) :]) if text_path.startswith(BUILTIN) else Path(path)
-        return cls._from_text(read_text(file), str(path), file, overrides)
+        return cls.from_text(read_text(file), str(path), file, overrides)
 
     @classmethod
     def from_dict(cls, data: dict[str, Any], source: str = "mission", overrides: Sequence[str] = ()) -> Mission:
@@ -97,10 +97,17 @@ class Mission(Section):
             As `load`.
         """
         plain = json.loads(json.dumps(data, default=_plain))
-        return cls._from_text(flow_text(plain, "  "), source, None, overrides)
+        return cls.from_text(flow_text(plain, "  "), source, None, overrides)
 
     @classmethod
-    def _from_text(cls, text: str, where: str, source: Path | None, overrides: Sequence[str]) -> Mission:
+    def from_text(cls, text: str, where: str, source: Path | None, overrides: Sequence[str] = ()) -> Mission:
+        """Mission of a file's `text`, which messages call `where`; its relative paths start beside `source`.
+
+        Raises
+        ------
+        InputError
+            As `load`.
+        """
         changed = []
         for override in overrides:
             key, value = parse_override(override)

@@ -88,6 +88,23 @@ def parse(text: str, where: str) -> Any:
         raise _fault(where, error) from None
 
 
+def compose(text: str, where: str) -> yaml.Node | None:
+    """Tree of `text` with the places of all nodes in it; None where it is empty.
+
+    Raises
+    ------
+    InputError
+        As `parse`.
+    """
+    loader = _Loader(text)
+    try:
+        return loader.get_single_node()
+    except yaml.YAMLError as error:
+        raise _fault(where, error) from None
+    finally:
+        loader.dispose()
+
+
 def read_text(path: Path) -> str:
     """Text of the mission file at `path`.
 
@@ -130,13 +147,7 @@ def set_key(text: str, key: str, value: Any, where: str = "mission") -> str:
         value, not a section.
     """
     new = flow_text(value)
-    loader = _Loader(text)
-    try:
-        node = loader.get_single_node()
-    except yaml.YAMLError as error:
-        raise _fault(where, error) from None
-    finally:
-        loader.dispose()
+    node = compose(text, where)
     parts = key.split(".")
     if node is None:
         raise InputError(f"--set {key}: the file is empty.")
