@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 from edl_filter.assembly import assemble, without_effects
 from edl_filter.diagnosis.bins import Bins, lay_bins
 from edl_filter.diagnosis.comparison import Setup, compare
-from edl_filter.diagnosis.missing import Missing, allow, rough
+from edl_filter.diagnosis.missing import Missing, allow
+from edl_filter.diagnosis.roughness import Rough, find_rough, roughened
 from edl_filter.diagnosis.sensitivity import bin_rows, slopes
 from edl_filter.diagnosis.signatures import Ground
 from edl_filter.diagnosis.timeline import follow, frame_of, in_order, stated_start
@@ -144,16 +145,24 @@ class Linear:
         return whitener(self.steps)
 
     @cached_property
-    def softened(self) -> Whitener:
-        """Whitener that takes the model's failures for noise."""
-        order, flow = self.ground.order, self.ground.found.flow
-        found = rough(self.steps, order, self.unknowns, self.bins, flow, self.column, self.start)
-        return self.plain if found.force == found.moment == 0.0 else self.allowing(found)
+    def rough(self) -> tuple[Rough, Whitener]:
+        """Noise that the differences have beyond what is stated, and the whitener that allows for it."""
+        return find_rough(self.steps, self.ground.order, self.column, self.start)
 
-    def allowing(self, missing: Missing) -> Whitener:
-        """Whitener that allows for a missing force and moment."""
+    @property
+    def soft(self) -> Whitener:
+        """Whitener that takes the model's failures for noise."""
+        return self.rough[1]
+
+    def white(self, whiten: Whitener) -> Array:
+        """The differences, white."""
+        return whiten(self.column[:, None], self.start[:, None])[:, 0]
+
+    def with_missing(self, missing: Missing) -> Whitener:
+        """Whitener that allows for a missing force and moment, and for the roughness."""
         order, flow = self.ground.order, self.ground.found.flow
-        return whitener(allow(self.steps, order, self.unknowns, self.bins, flow, missing))
+        rough = roughened(self.steps, order, self.rough[0])
+        return whitener(allow(rough, order, self.unknowns, self.bins, flow, missing))
 
 
 def load_case(mission: Mission, effects: Sequence[Active] | None = None) -> Case:
@@ -194,7 +203,7 @@ def linearise(case: Case) -> Linear:
 
     The first path begins where the reconstruction says. What forces and moments say of its beginning and of the sensor
     errors is more than the reconstruction knew; the path is moved there and everything taken again, until it stays. A
-    model that fails must not drag the path along: its failures are allowed for as noise (`missing.rough`) meanwhile.
+    model that fails must not drag the path along: its failures are allowed for as noise (`roughness`) meanwhile.
     """
     r = case.reconstruction
     layout, start = r.problem.layout, r.smoothed.states[0]
@@ -206,8 +215,8 @@ def linearise(case: Case) -> Linear:
             errors[node.unit] = state.errors
     for _ in range(_ROUNDS):
         linear = about(case, start, errors)
-        soft = linear.softened
-        white = soft(linear.column[:, None], linear.start[:, None])[:, 0]
+        soft = linear.soft
+        white = linear.white(soft)
         shift, covariance = soft.start_correction(white, layout.size)
         shift = shift + linear.start[: layout.size]
         spread = np.sqrt(np.maximum(np.diag(covariance), 0.0))

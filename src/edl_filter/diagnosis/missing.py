@@ -97,15 +97,6 @@ def most_likely(
     return best, found
 
 
-def rough(
-    steps: Steps, order: Order, unknowns: Unknowns, bins: Bins, flow: Flow, column: Array, start: Array
-) -> Missing:
-    """A missing force and moment that is new in every sample, as large as the failures: a bad model's own noise."""
-    return _sized(
-        lambda missing: _likelihood(steps, order, unknowns, bins, flow, column, start, missing), 0.1, True
-    )[0]
-
-
 def _sized(value: Callable[[Missing], float], memory: float, with_pressure: bool) -> tuple[Missing, float]:
     """Sizes of moment, then of force, that make `value` greatest."""
     best = Missing(0.0, 0.0, memory, with_pressure)

@@ -187,6 +187,8 @@ class Order:
         Time that passes in each step, s.
     time : (R,) array
         Of each row, s.
+    place : (R,) array of int
+        Of each row within its step's block.
     """
 
     bin_rows: NDArray[np.int64]
@@ -194,6 +196,7 @@ class Order:
     count: int
     dt: Array
     time: Array
+    place: NDArray[np.int64]
 
     def stack(self, found: Differences) -> Array:
         """The differences as one column ``(R,)``."""
@@ -265,6 +268,7 @@ def in_order(
             count=count,
             dt=_passed(steps, motion, found),
             time=np.repeat(motion.time[np.array(steps.epoch)], np.diff(starts)),
+            place=np.arange(count) - np.repeat(starts[:-1], np.diff(starts)),
         ),
     )
 
