@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,7 +16,6 @@ from edl_filter.simulation.parachute import Parachute
 from edl_filter.simulation.tables import Tables, tabulate
 
 Array = NDArray[np.float64]
-Progress = Callable[[float], None]
 
 #: Length of the windows, s: with hooks to be asked for what they add, and without.
 WINDOW, FREE_WINDOW = 1.0, 50.0
@@ -94,9 +92,7 @@ class Motion:
         return out
 
 
-def fly(
-    world: World, parachute: Parachute, start: Array, course: Course, progress: Progress = lambda time: None
-) -> Motion:
+def fly(world: World, parachute: Parachute, start: Array, course: Course) -> Motion:
     """Integrate a flight from time 0 to rest.
 
     Parameters
@@ -107,8 +103,6 @@ def fly(
     start : (13,) array
         Position and velocity (inertial), inertial_from_body, body rates.
     course : Course
-    progress : callable
-        Told the time reached, s.
 
     Raises
     ------
@@ -116,8 +110,7 @@ def fly(
         The vehicle does not come down: it never reaches the parachute's dynamic pressure, or the surface.
     """
     tables = tabulate(world, parachute)
-    flight = _Flight(tables, Increments.of(world), course, progress)
-    flight.begin(start)
+    flight = _Flight(tables, Increments.of(world), course, start)
     deployed = flight.until(ENTRY, course.deploy_pressure, "the parachute's dynamic pressure, falling")
     chute = tables.parachute.copy()
     chute[3] = deployed
@@ -133,8 +126,10 @@ def fly(
 class _Flight:
     """A flight as it grows, window by window."""
 
-    def __init__(self, tables: Tables, increments: Increments, course: Course, progress: Progress) -> None:
-        self.tables, self.increments, self.course, self.progress = tables, increments, course, progress
+    def __init__(self, tables: Tables, increments: Increments, course: Course, start: Array) -> None:
+        self.tables, self.increments, self.course = tables, increments, course
+        self.state = np.zeros(SIZE)
+        self.state[:13] = start
         self.step = course.interval / course.substeps
         self.taken = 0
         self.iterations = 0
@@ -143,12 +138,9 @@ class _Flight:
         self.parts: list[tuple[Array, Array]] = []
         self.last = np.zeros((1, NOTHING.shape[1]))
 
-    def begin(self, start: Array) -> None:
-        self.state = np.zeros(SIZE)
-        self.state[:13] = start
-
     @property
     def time(self) -> float:
+        """Time reached, s."""
         # of whole intervals, so that sums of steps leave no rounding
         return self.taken / self.course.substeps * self.course.interval
 
@@ -163,7 +155,6 @@ class _Flight:
                 )
             length = WINDOW if self.increments.needed else FREE_WINDOW
             event = self._window(phase, limit, self._steps(length))
-            self.progress(self.time)
         return self.time
 
     def through(self, phase: int, length: float) -> None:
@@ -179,6 +170,7 @@ class _Flight:
         self.stop = np.concatenate(([time], -velocity / length, -rate / length))
 
     def motion(self, deployed: float, landed: float, stopped: float) -> Motion:
+        """All windows as one."""
         states = np.concatenate([state[:-1] for state, _ in self.parts] + [self.parts[-1][0][-1:]])
         before = np.concatenate([slope[:-1] for _, slope in self.parts])
         after = np.concatenate([slope[1:] for _, slope in self.parts])
