@@ -17,7 +17,7 @@ wind, density
 coefficients
     Total coefficients in the plane of the total angle, rolling moment and damping.
 force_moment
-    Further body-fixed force and moment, as coefficients of q S and q S D, or in N and N m.
+    Further body-fixed force and moment, N and N m.
 vehicle
     Mass, inertia, centre of mass.
 entry_state
@@ -28,13 +28,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from edl_filter.planet import Planet
-from edl_filter.telemetry.record import InitialState
+if TYPE_CHECKING:  # a compiler comes with the planet, and a table of the catalogue needs none
+    from edl_filter.planet import Planet
+    from edl_filter.telemetry.record import InitialState
 
 Array = NDArray[np.float64]
 Values = Mapping[str, float]
@@ -58,6 +59,8 @@ class Parameter:
         Bounds. For a ``time``, infinite bounds stand for the flight's own, from entry to parachute.
     scan : int
         For the kinds that say where: how many values the diagnosis tries between the bounds.
+    default : float
+        Value where none is given.
     """
 
     name: str
@@ -68,6 +71,7 @@ class Parameter:
     low: float = -np.inf
     high: float = np.inf
     scan: int = 0
+    default: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -88,6 +92,8 @@ class Flow:
         m/s, kg/m³, 1, 1, Pa.
     alpha_total : array
         rad.
+    diameter : float
+        Reference length, m; the reference area is pi D²/4.
     """
 
     time: Array
@@ -100,6 +106,12 @@ class Flow:
     knudsen: Array
     dynamic_pressure: Array
     alpha_total: Array
+    diameter: float = np.nan
+
+    @property
+    def area(self) -> float:
+        """Reference area, m²."""
+        return np.pi / 4.0 * self.diameter**2
 
 
 @dataclass(frozen=True)
@@ -150,7 +162,7 @@ class Effect:
     name : str
         As in missions and tables.
     family : str
-        ``sensor``, ``vehicle``, ``planet``, ``atmosphere``, ``aerodynamics`` or ``user``.
+        ``sensor``, ``vehicle``, ``planet``, ``atmosphere``, ``aerodynamics``, ``entry`` or ``user``.
     summary : str
         What it is, one line.
     shows : str
@@ -171,7 +183,10 @@ class Effect:
     parameters: ClassVar[tuple[Parameter, ...]] = ()
 
     def imu(self, p: Values, time: Array, force: Array, rate: Array) -> tuple[Array, Array]:
-        """What the sensor reads where the true means are `force` and `rate`, ``(N, 3)``, body axes, at `time`."""
+        """What the sensor reads where the true means are `force` and `rate`, ``(N, 3)``, body axes.
+
+        `time` is the end of each sample's interval; intervals adjoin.
+        """
         return force, rate
 
     def corrected(self, p: Values, time: Array, force: Array, rate: Array) -> tuple[Array, Array]:
@@ -225,6 +240,10 @@ class Effect:
         """Whether the effect overrides `hook`."""
         return getattr(type(self), hook) is not getattr(Effect, hook)
 
+    def completed(self, values: Values) -> dict[str, float]:
+        """All parameters by name: those of `values`, the others at their defaults."""
+        return {q.name: float(values.get(q.name, q.default)) for q in self.parameters}
+
     @property
     def sizes(self) -> tuple[Parameter, ...]:
         """Parameters that say how much."""
@@ -244,7 +263,7 @@ class Active:
     ----------
     effect : Effect
     values : dict
-        Parameter → number; sizes that are not named are zero.
+        Parameter → number; what is not named takes its default, which is zero for sizes.
     imu : str or None
         Which IMU a sensor effect sits in; None is the driving one.
     fixed : bool
@@ -255,6 +274,9 @@ class Active:
     values: dict[str, float]
     imu: str | None = None
     fixed: bool = False
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "values", self.effect.completed(self.values))
 
     @property
     def name(self) -> str:

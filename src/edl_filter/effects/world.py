@@ -132,6 +132,7 @@ class World:
             knudsen=self.gas.knudsen(density, self.diameter),
             dynamic_pressure=0.5 * density * speed**2,
             alpha_total=np.arctan2(np.hypot(body[:, 1], body[:, 2]), body[:, 0]),
+            diameter=self.diameter,
         )
 
     def totals(self, flow: Flow) -> Totals:

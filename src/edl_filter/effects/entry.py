@@ -1,0 +1,46 @@
+"""Effects in the entry state that navigation starts from."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from edl_filter import rotations
+from edl_filter.effects.effect import Effect, Parameter, Values
+from edl_filter.effects.sensors import AXES, components
+
+if TYPE_CHECKING:
+    from edl_filter.telemetry.record import InitialState
+
+
+class AttitudeFrame(Effect):
+    """Position and velocity of the entry state turned against the attitude's inertial axes."""
+
+    name = "attitude_frame"
+    family = "entry"
+    summary = "position and velocity of the entry state stand in turned axes: true = R(r) stated, r in inertial axes"
+    shows = (
+        "The whole path is turned about the planet's centre: landing site and gravity at rest are missed by kilometres "
+        "in one direction while forces and rates agree; angles of attack and sideslip are off by a constant rotation."
+    )
+    source = "Spirit's entry state against its attitude, Thomas (2011), section 3: 0.3 to 0.5 degrees"
+    parameters = tuple(
+        Parameter(f"r{axis}", "rad", f"rotation vector, inertial {axis}", 5e-3, low=-0.1, high=0.1) for axis in AXES
+    )
+
+    def entry_state(self, p: Values, initial: InitialState) -> InitialState:
+        """The state with position, velocity and their covariance turned; the attitude stays."""
+        turn = rotations.from_rotation_vector(components(p, "r"))
+        both = np.eye(9)
+        both[:3, :3] = both[3:6, 3:6] = rotations.to_matrix(turn)
+        return replace(
+            initial,
+            position=rotations.rotate(turn, initial.position),
+            velocity=rotations.rotate(turn, initial.velocity),
+            covariance=both @ initial.covariance @ both.T,
+        )
+
+
+EFFECTS = (AttitudeFrame,)

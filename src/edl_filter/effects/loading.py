@@ -1,0 +1,150 @@
+"""Effects by name wherever they come from: the catalogue, a user's Python file, an installed package.
+
+A package offers its effects under the entry-point group ``edl_filter.effects``: name → class. In a file they are the
+subclasses of `Effect` that it defines. Both are guarded (`edl_filter.effects.guard`).
+"""
+
+from __future__ import annotations
+
+import importlib.util
+import math
+from functools import cache
+from importlib.metadata import entry_points
+from pathlib import Path
+from typing import Any
+
+from edl_filter.effects.catalogue import catalogue, nearest, unknown
+from edl_filter.effects.effect import KINDS, Effect, Parameter
+from edl_filter.effects.guard import guarded, last_line
+from edl_filter.errors import InputError
+
+GROUP = "edl_filter.effects"
+
+
+def find_effect(name: str, file: Path | None = None) -> Effect:
+    """The effect called `name`, from `file` if one is given, else from the catalogue or an installed package.
+
+    Raises
+    ------
+    InputError
+        There is none of that name (the nearest are named), or the file or package cannot be used.
+    """
+    if file is not None:
+        known = effects_in(file)
+        if name not in known:
+            raise InputError(f"{file}: {unknown(name, known)}.")
+        return known[name]
+    known = catalogue()
+    if name not in known:
+        known |= installed()
+    if name not in known:
+        raise InputError(unknown(name, known))
+    return known[name]
+
+
+def effects_in(file: Path) -> dict[str, Effect]:
+    """Effects that a Python file defines, by name.
+
+    Raises
+    ------
+    InputError
+        It cannot be read, raises, defines none, or declares one wrongly.
+    """
+    if not file.is_file():
+        raise InputError(f"{file}: there is no such file; a Python file with an effect is expected.")
+    return _effects_in(file.resolve(), file.stat().st_mtime_ns)
+
+
+@cache
+def _effects_in(file: Path, changed: int) -> dict[str, Effect]:
+    spec = importlib.util.spec_from_file_location(f"edl_filter_user_{file.stem}", file)
+    if spec is None or spec.loader is None:
+        raise InputError(f"{file}: found a file of another kind; a Python file (.py) with an effect is expected.")
+    module = importlib.util.module_from_spec(spec)
+    try:
+        spec.loader.exec_module(module)
+    except Exception as error:
+        raise InputError(f"{file}: raised {last_line(error, str(file))} when it was read.") from error
+    classes = [c for c in vars(module).values() if _is_effect(c) and c.__module__ == module.__name__]
+    if not classes:
+        raise InputError(f"{file}: found no effect; a subclass of edl_filter.effects.Effect is expected.")
+    return {c.name: _user(c, str(file)) for c in classes}
+
+
+@cache
+def installed() -> dict[str, Effect]:
+    """Effects of installed packages (entry-point group ``edl_filter.effects``), by name.
+
+    Raises
+    ------
+    InputError
+        One cannot be loaded, is no effect, or takes a name of the catalogue.
+    """
+    found: dict[str, Effect] = {}
+    for point in entry_points(group=GROUP):
+        where = f"entry point {point.name} = {point.value}"
+        try:
+            cls = point.load()
+        except Exception as error:
+            raise InputError(f"{where}: raised {last_line(error)} when it was loaded.") from error
+        if not _is_effect(cls):
+            raise InputError(f"{where}: found {cls!r}; a subclass of edl_filter.effects.Effect is expected.")
+        effect = _user(cls, where)
+        if effect.name in catalogue():
+            raise InputError(f"{where}: the name {effect.name!r} is taken by the catalogue; another one is expected.")
+        found[effect.name] = effect
+    return found
+
+
+def checked_values(effect: Effect, values: dict[str, float]) -> dict[str, float]:
+    """All parameters of an effect, those that `values` leaves out at their defaults.
+
+    Raises
+    ------
+    InputError
+        The message begins with the parameter's name: there is no such parameter, or it is out of its bounds.
+    """
+    parameters = {q.name: q for q in effect.parameters}
+    for name, value in values.items():
+        if name not in parameters:
+            raise InputError(f"{name}: found an unknown parameter of {effect.name}; {nearest(name, parameters)}")
+        q = parameters[name]
+        if not q.low <= value <= q.high:  # not a number fails as well
+            raise InputError(f"{name}: found {value:g}; expected {bounds_text(q)}")
+    return effect.completed(values)
+
+
+def bounds_text(q: Parameter) -> str:
+    """Unit and bounds of a parameter in words."""
+    unit = f"{q.unit} " if q.unit else ""
+    if math.isinf(q.low) and math.isinf(q.high):
+        return f"{unit}any number".strip()
+    return f"{unit}between {q.low:g} and {q.high:g}"
+
+
+def _is_effect(value: Any) -> bool:
+    return isinstance(value, type) and issubclass(value, Effect) and value is not Effect
+
+
+def _user(cls: type[Effect], where: str) -> Effect:
+    """An instance of a user's class, guarded, after its declaration was checked."""
+    start = f"{where}: effect {cls.__name__}"
+    if not isinstance(cls.name, str) or not cls.name.isidentifier():
+        raise InputError(f"{start}: name: found {cls.name!r}; letters, digits and _ are expected.")
+    if not isinstance(cls.parameters, tuple) or not all(isinstance(q, Parameter) for q in cls.parameters):
+        raise InputError(f"{start}: parameters: found {cls.parameters!r}; a tuple of Parameter is expected.")
+    names = [q.name for q in cls.parameters]
+    if len(set(names)) < len(names) or not all(n.isidentifier() for n in names):
+        raise InputError(f"{start}: parameters: found the names {names}; different ones of letters, digits and _.")
+    for q in cls.parameters:
+        what = f"{start}: parameter {q.name}"
+        if q.kind not in KINDS:
+            raise InputError(f"{what}: found the kind {q.kind!r}; expected one of {', '.join(KINDS)}.")
+        if q.kind == "size" and not (q.sigma > 0.0 and q.low < 0.0 < q.high and q.default == 0.0):
+            raise InputError(f"{what}: a size needs a positive sigma, bounds on both sides of zero and default 0.")
+        if not q.low <= q.default <= q.high:
+            raise InputError(f"{what}: found the default {q.default:g}; expected {bounds_text(q)}.")
+    try:
+        return guarded(cls)()
+    except Exception as error:
+        raise InputError(f"{start}: raised {last_line(error)} when it was made.") from error

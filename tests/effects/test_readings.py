@@ -1,0 +1,127 @@
+"""Sensor effects: their forms, their order, their inverses, and whose samples they change."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from edl_filter.effects import Active, Effect, Parameter
+from edl_filter.effects.catalogue import effect_named
+from edl_filter.effects.readings import as_read, check_imus, corrected_record
+from edl_filter.effects.sensors import delayed
+from edl_filter.errors import InputError
+from edl_filter.rotations import from_rotation_vector, rotate
+from edl_filter.telemetry.record import ImuRecord, SensorErrors, Telemetry
+
+N, DT = 400, 0.125
+
+
+def record(units=("primary",), name="primary"):
+    time = DT * np.arange(1, N + 1)
+    rng = np.random.default_rng(3)
+    wave = np.sin(2 * np.pi * (0.4 * time[:, None] + rng.uniform(size=3)))
+    return ImuRecord(
+        name=name, time=time, interval=np.full(N, DT), specific_force=-40.0 + 10.0 * wave, angular_rate=0.2 * wave,
+        position=np.zeros((N, 3)), force_noise=np.full(N, 1e-3), rate_noise=np.full(N, 1e-5),
+        shared_rate_noise=np.zeros(N), net_turn=np.zeros(N, bool), net_gain=np.zeros(N, bool),
+        unit=np.arange(N) * len(units) // N, units=units, source=np.zeros(N, int), sources=("test",),
+        errors=tuple(SensorErrors() for _ in units),
+    )  # fmt: skip
+
+
+def active(name, imu=None, **values):
+    return Active(effect_named(name), values, imu)
+
+
+small = st.floats(-0.05, 0.05)
+SENSOR = {
+    "accelerometer_bias": "b", "accelerometer_scale": "s", "accelerometer_misalignment": "m", "gyro_bias": "b",
+    "gyro_scale": "s",
+}  # fmt: skip
+
+
+def test_misalignment_then_scale_then_bias_however_listed():
+    listed = [
+        active("accelerometer_bias", bx=0.1, bz=-0.2),
+        active("accelerometer_scale", sx=0.01, sy=0.02),
+        active("accelerometer_misalignment", mx=0.01, my=-0.02, mz=0.03),
+    ]
+    f = record().specific_force
+    turned = rotate(from_rotation_vector([0.01, -0.02, 0.03]), f)
+    expected = (1 + np.array([0.01, 0.02, 0.0])) * turned + [0.1, 0.0, -0.2]
+    for order in (listed, listed[::-1]):
+        np.testing.assert_allclose(as_read(record(), order).specific_force, expected, rtol=1e-14)
+
+
+@given(st.lists(st.tuples(st.sampled_from(sorted(SENSOR)), small, small, small), max_size=5))
+def test_correction_undoes_what_the_sensors_did(drawn):
+    effects = [
+        active(name, **dict(zip((SENSOR[name] + a for a in "xyz"), values, strict=True))) for name, *values in drawn
+    ]
+    there_and_back = corrected_record(as_read(record(), effects), effects)
+    np.testing.assert_allclose(there_and_back.specific_force, record().specific_force, rtol=1e-12)
+    np.testing.assert_allclose(there_and_back.angular_rate, record().angular_rate, rtol=1e-11, atol=1e-13)
+
+
+def test_delayed_means_are_those_of_the_earlier_signal():
+    time = DT * np.arange(1, N + 1)
+
+    def means(at):  # of cos(2 t) over each interval
+        return np.tile(((np.sin(2 * at) - np.sin(2 * (at - DT))) / (2 * DT))[:, None], 3)
+
+    inside = slice(10, -10)
+    for delay in (0.03, 0.1, -0.2):
+        np.testing.assert_allclose(delayed(time, means(time), delay)[inside], means(time - delay)[inside], atol=2e-5)
+
+
+def test_time_offset_is_undone_by_its_opposite():
+    late = [active("imu_time_offset", tau=0.1)]
+    back = corrected_record(as_read(record(), late), late)
+    np.testing.assert_allclose(back.angular_rate[5:-5], record().angular_rate[5:-5], atol=2e-4)
+    np.testing.assert_array_equal(back.specific_force, record().specific_force)
+
+
+def test_delay_holds_at_the_ends_and_keeps_what_is_unknown_unknown():
+    mean = np.ones((20, 3)) * [1.0, 2.0, 3.0]
+    time = DT * np.arange(1, 21)
+    np.testing.assert_allclose(delayed(time, mean, 0.3), mean, rtol=1e-12)
+    mean[7] = np.nan
+    shifted = delayed(time, mean, 0.3)
+    assert np.isnan(shifted[7]).all() and np.isfinite(np.delete(shifted, 7, axis=0)).all()
+
+
+def test_an_effect_sits_in_one_instrument():
+    joined = record(("backshell", "rover"), "driving")
+    changed = {
+        imu: corrected_record(joined, [active("gyro_bias", imu, bx=1.0)]).angular_rate[:, 0]
+        != joined.angular_rate[:, 0]
+        for imu in (None, "backshell", "rover", "driving", "other")
+    }
+    first = joined.unit == 0
+    np.testing.assert_array_equal(changed[None], first)
+    np.testing.assert_array_equal(changed["backshell"], first)
+    np.testing.assert_array_equal(changed["rover"], ~first)
+    assert changed["driving"].all() and not changed["other"].any()
+    assert corrected_record(joined, [active("gyro_bias", bx=1.0)], driving=False) is joined
+
+
+def test_an_unknown_imu_is_refused():
+    telemetry = Telemetry(record(), (replace(record(), name="secondary", units=("secondary",)),))
+    check_imus(telemetry, [active("gyro_bias", "secondary", bx=1.0)], "m.yaml")
+    with pytest.raises(InputError, match=r"m.yaml: effects.0.imu: found 'third', .* accepted: primary, secondary"):
+        check_imus(telemetry, [active("gyro_bias", "third", bx=1.0)], "m.yaml")
+
+
+def test_the_default_inverse_converges():
+    class Cubic(Effect):
+        name = "cubic"
+        parameters = (Parameter("k", "s^4/m^2", "cubic error", 1e-6),)
+
+        def imu(self, p, time, force, rate):
+            return force + p["k"] * force**3, rate
+
+    effects = [Active(Cubic(), {"k": 1e-6})]
+    back = corrected_record(as_read(record(), effects), effects)
+    np.testing.assert_allclose(back.specific_force, record().specific_force, rtol=1e-9)
