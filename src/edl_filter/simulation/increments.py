@@ -9,7 +9,6 @@ Newton's: what most effects follow within a window is the angle.
 from __future__ import annotations
 
 from dataclasses import dataclass, fields, replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +16,6 @@ from numpy.typing import NDArray
 from edl_filter import rotations
 from edl_filter.effects.effect import Active, Flow, Totals
 from edl_filter.effects.world import World
-from edl_filter.errors import InputError
 from edl_filter.simulation.dynamics import INCREMENTS
 
 Array = NDArray[np.float64]
@@ -59,13 +57,7 @@ class Increments:
         return bool(self.shaping or self.pushing)
 
     def at(self, time: Array, states: Array) -> Array:
-        """Increments ``(N, 17)`` (`edl_filter.simulation.dynamics.INCREMENTS`) at times (N,) and states (N, 13 or more).
-
-        Raises
-        ------
-        InputError
-            A hook gives numbers that are not finite, or of another shape.
-        """
+        """Increments ``(N, 17)`` (`edl_filter.simulation.dynamics.INCREMENTS`) at times (N,) and states (N, 13 or more)."""
         n = len(time)
         flow = self.world.flow(time, states[:, :3], states[:, 3:6], states[:, 6:10], states[:, 10:13])
         out = np.zeros((n, INCREMENTS))
@@ -76,8 +68,8 @@ class Increments:
             out[:, 5:10] = (change[n:] - change[:n]) / _STEP
         for a in self.pushing:
             force, moment = a.effect.force_moment(a.values, flow)
-            out[:, 10:13] += _checked(a, "force", force, (n, 3))
-            out[:, 13:16] += _checked(a, "moment", moment, (n, 3))
+            out[:, 10:13] += force
+            out[:, 13:16] += moment
         return out
 
     def _coefficients(self, flow: Flow) -> Array:
@@ -88,8 +80,6 @@ class Increments:
         totals = base
         for a in self.shaping:
             totals = a.effect.coefficients(a.values, flow, totals)
-            for f in fields(Totals):
-                _checked(a, f.name, getattr(totals, f.name), (n,))
         return np.column_stack([getattr(totals, f.name) - getattr(base, f.name) for f in fields(Totals)])
 
 
@@ -123,15 +113,8 @@ def change(used: Array, found: Array) -> float:
 
 def _twice(flow: Flow) -> Flow:
     """The flow, and after it the same flow at a slightly larger angle."""
-    both = replace(flow, **{f.name: np.concatenate((getattr(flow, f.name),) * 2) for f in fields(Flow)})
+    arrays = {f.name: x for f in fields(Flow) if isinstance(x := getattr(flow, f.name), np.ndarray)}
+    both = replace(flow, **{name: np.concatenate((x, x)) for name, x in arrays.items()})
     both.alpha_total[len(flow.time) :] += _STEP
     return both
 
-
-def _checked(active: Active, what: str, value: Any, shape: tuple[int, ...]) -> Array:
-    value = np.asarray(value, float)
-    if value.shape != shape:
-        raise InputError(f"effect {active.name}: its {what} has shape {value.shape}; expected {shape}.")
-    if not np.all(np.isfinite(value)):
-        raise InputError(f"effect {active.name}: its {what} is not finite; expected numbers.")
-    return value

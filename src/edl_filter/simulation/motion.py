@@ -188,11 +188,6 @@ class _Flight:
             self.time, self.step, state, slope, phase, self.tables, self.stop, more, self.course.substeps, limit,
             self.armed,
         )  # fmt: skip
-        if not np.all(np.isfinite(state[done])):
-            raise InputError(
-                f"simulation: the motion becomes infinite near {self.time:.0f} s; expected entry conditions, "
-                "effects and steps that keep it finite."
-            )
         return state[: done + 1], slope[: done + 1], event, armed
 
     def _window(self, phase: int, limit: float, steps: int) -> bool:
@@ -205,6 +200,8 @@ class _Flight:
         for _ in range(MOST_ITERATIONS):
             state, slope, event, armed = self._march(phase, limit, steps, more)
             self.iterations += 1
+            if not np.all(np.isfinite(state[-1])):  # the assumed increments were too far off
+                return self._halved(phase, limit, steps, state)
             middles = with_middles(self.step, state, slope)
             found = self.increments.at(self.time + 0.5 * self.step * np.arange(len(middles)), middles)
             settled = change(more[: len(found)], found) <= 1.0
@@ -213,13 +210,29 @@ class _Flight:
                 break
         else:
             if steps > self.course.substeps:
-                return self._window(phase, limit, self._steps(0.5 * steps * self.step))
+                return self._halved(phase, limit, steps, state)
             # a hook that jumps with the state: where it jumps is then known to a step
         self.armed, self.last = armed, more[len(found) - 1 : len(found)]
         self._keep(state, slope)
         return event
 
+    def _halved(self, phase: int, limit: float, steps: int, state: Array) -> bool:
+        """The window again, and half as long."""
+        if steps <= self.course.substeps:
+            self._keep(state, state)  # says what is wrong
+        return self._window(phase, limit, self._steps(0.5 * steps * self.step))
+
     def _keep(self, state: Array, slope: Array) -> None:
+        velocity = state[:, 3:6] - rotations.cross([0.0, 0.0, self.tables.planet[5]], state[:, :3])
+        forward = np.einsum("ni,ni->n", rotations.rotate(state[:, 6:10], [1.0, 0.0, 0.0]), velocity)
+        # below walking pace, at touchdown and at rest, it may point anywhere
+        backwards = (forward < 0.0) & (np.linalg.norm(velocity, axis=1) > 5.0)
+        if (wrong := backwards | ~np.all(np.isfinite(state), axis=1)).any():
+            raise InputError(
+                f"simulation: the vehicle tumbles {self.time + self.step * int(np.argmax(wrong)):.0f} s after the "
+                "start, and no aerodynamic database holds then; expected effects and entry conditions with which "
+                "it flies nose first."
+            )
         self.parts.append((state, slope))
         self.taken += len(state) - 1
         self.state = state[-1].copy()
