@@ -6,18 +6,23 @@ itself, holds the values. Nothing is estimated here but means over windows.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from edl_filter import rotations
+from edl_filter.effects.air import air_planet, changed_atmosphere, gravity_planet
+from edl_filter.effects.effect import Active
+from edl_filter.effects.readings import check_imus, corrected_record, moved_record
 from edl_filter.errors import InputError
 from edl_filter.mission import Mission
 from edl_filter.mission.estimation import LandingSite, StatedState
 from edl_filter.mission.measurements import FlightFile
 from edl_filter.mission.measurements import MerImu as MerMission
 from edl_filter.mission.sections import FromTelemetry
+from edl_filter.modelling import body_of
 from edl_filter.navigation import constraints as known
 from edl_filter.navigation.filter import Problem, Settings, pose
 from edl_filter.navigation.increments import Samples, effective_samples
@@ -28,7 +33,7 @@ from edl_filter.telemetry.fetch import find_mer_imu
 from edl_filter.telemetry.flight_file import read_flight_file
 from edl_filter.telemetry.mer_archive import read_mer_tables
 from edl_filter.telemetry.mer_flight import MerImu, MerSetup, mer_telemetry
-from edl_filter.telemetry.record import InitialState, Telemetry
+from edl_filter.telemetry.record import ImuRecord, InitialState, Telemetry
 
 Array = NDArray[np.float64]
 
@@ -127,16 +132,59 @@ def read_atmosphere(mission: Mission) -> Atmosphere:
     return Atmosphere.read(mission.atmosphere_path(), a.gas_constant, a.heat_capacity_ratio)
 
 
-def assemble(mission: Mission, telemetry: Telemetry, planet: Planet, atmosphere: Atmosphere) -> Problem:
-    """Put the filter's problem together.
+def without_effects(mission: Mission, telemetry: Telemetry, effects: Sequence[Active]) -> Telemetry:
+    """Telemetry as it would be with perfect sensors at known places: what effects did to all IMUs is undone.
 
     Raises
     ------
     InputError
-        The mission takes something from the telemetry that is not in it, or a window holds no samples.
+        An effect names an IMU that is not there.
     """
+    if not effects:
+        return telemetry
+    check_imus(telemetry, effects, str(mission.source or mission.name))
+    times = mission.event_times()
+    until = min((times[n] for n, e in mission.vehicle.events.items() if e.position is not None), default=np.inf)
+
+    def undone(record: ImuRecord, driving: bool) -> ImuRecord:
+        return moved_record(corrected_record(record, effects, driving), effects, until, driving)
+
+    checking = tuple(undone(record, driving=False) for record in telemetry.checking)
+    return replace(telemetry, driving=undone(telemetry.driving, driving=True), checking=checking)
+
+
+def assemble(
+    mission: Mission,
+    telemetry: Telemetry,
+    planet: Planet,
+    atmosphere: Atmosphere,
+    effects: Sequence[Active] | None = None,
+) -> Problem:
+    """Put the filter's problem together.
+
+    Parameters
+    ----------
+    mission : Mission
+    telemetry : Telemetry
+        As it was read: the effects are undone here.
+    planet, atmosphere : Planet, Atmosphere
+        The mission's own, without effects.
+    effects : sequence of Active, optional
+        Instead of the mission's.
+
+    Raises
+    ------
+    InputError
+        The mission takes something from the telemetry that is not in it, or a window holds no samples; an effect names
+        an IMU that is not there.
+    """
+    effects = mission.active_effects() if effects is None else effects
+    telemetry = without_effects(mission, telemetry, effects)
+    planet = gravity_planet(planet, effects)
     samples = effective_samples(telemetry.driving)
     initial, entry = entry_state(mission, telemetry)
+    for a in effects:
+        initial = a.effect.entry_state(a.values, initial)
     f = mission.filter
     onboard = mission.constraints.onboard_attitude
     return pose(
@@ -144,7 +192,7 @@ def assemble(mission: Mission, telemetry: Telemetry, planet: Planet, atmosphere:
         initial,
         entry,
         telemetry.driving.errors,
-        statements(mission, telemetry, samples, planet, atmosphere, initial.time),
+        statements(mission, telemetry, samples, planet, atmosphere, initial.time, effects),
         planet,
         Settings(f.alpha, f.beta, f.kappa, f.longest_interval_s, f.gate_probability),
         times=tuple((mission.event_times() | telemetry.events).values()),
@@ -191,9 +239,11 @@ def statements(
     planet: Planet,
     atmosphere: Atmosphere,
     start: float,
+    effects: Sequence[Active] = (),
 ) -> list[known.Constraint]:
-    """All constraints that the mission wants, from `start` (s) on."""
+    """All constraints that the mission wants, from `start` (s) on; the air that they ask is that of the effects."""
     c = mission.constraints
+    atmosphere = changed_atmosphere(atmosphere, effects)
     found: list[known.Constraint] = []
     if c.pre_entry_zero_force is not None:
         z = c.pre_entry_zero_force
@@ -203,9 +253,9 @@ def statements(
     if c.onboard_attitude is not None:
         found += onboard_attitudes(telemetry, c.onboard_attitude.interval_s, start)
     if c.parachute is not None:
-        found.append(_parachute(mission, telemetry, planet, atmosphere))
+        found.append(_parachute(mission, telemetry, air_planet(planet, effects), atmosphere))
     if c.steady_descent is not None:
-        found.append(_steady_descent(mission, samples, planet, atmosphere))
+        found.append(_steady_descent(mission, samples, planet, atmosphere, body_of(mission, effects).mass))
     if c.landing is not None and not (isinstance(c.landing, LandingSite) and not c.landing.use):
         found.append(_landing(mission, telemetry, planet))
     if c.rest is not None:
@@ -292,7 +342,9 @@ def _parachute(mission: Mission, telemetry: Telemetry, planet: Planet, atmospher
     )
 
 
-def _steady_descent(mission: Mission, samples: Samples, planet: Planet, atmosphere: Atmosphere) -> known.SteadyDescent:
+def _steady_descent(
+    mission: Mission, samples: Samples, planet: Planet, atmosphere: Atmosphere, mass_at_entry: float
+) -> known.SteadyDescent:
     """Terminal speed from the measured drag, ``m f = ρ V² C_D S / 2``, at whatever density the state's altitude has."""
     c, parachute = mission.constraints.steady_descent, mission.vehicle.parachute
     assert c is not None and parachute is not None and parachute.drag_coefficient is not None  # the mission is checked
@@ -301,7 +353,7 @@ def _steady_descent(mission: Mission, samples: Samples, planet: Planet, atmosphe
     time = 0.5 * (c.start_s + c.end_s)
     events = mission.event_times()
     masses = [e.mass for n, e in mission.vehicle.events.items() if e.mass is not None and events[n] < time]
-    mass = masses[-1] if masses else mission.vehicle.mass
+    mass = masses[-1] if masses else mass_at_entry
     area = np.pi / 4.0 * parachute.area_diameter**2
     return known.SteadyDescent(
         time=time,

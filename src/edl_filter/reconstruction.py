@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 
@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from edl_filter import rotations
-from edl_filter.assembly import assemble, read_atmosphere, read_telemetry
+from edl_filter.assembly import assemble, read_atmosphere, read_telemetry, without_effects
+from edl_filter.effects.effect import Active
 from edl_filter.mission import Mission
 from edl_filter.mission.estimation import LandingSite
 from edl_filter.navigation import initial
@@ -58,7 +59,9 @@ class Reconstruction:
 
     `comparison` sets each checking IMU beside the driving one: name → misalignment, where a window is covered.
     `pre_entry_bias` is the accelerometers' bias by the thesis's way, slope of the velocity before entry, and its sigma,
-    (3,) each, m/s²; None where the mission has no such window.
+    (3,) each, m/s²; None where the mission has no such window. `telemetry`, `planet` and `atmosphere` are as read and
+    stated; `effects` are those of which the estimate is free (`assembly.without_effects`), and the planet with their
+    gravity is the problem's.
     """
 
     mission: Mission
@@ -74,6 +77,7 @@ class Reconstruction:
     comparison: dict[str, MisalignmentEstimate]
     pre_entry_bias: tuple[Array, Array] | None
     timing: dict[str, float]
+    effects: tuple[Active, ...] = ()
 
     @property
     def event_times(self) -> dict[str, float]:
@@ -94,12 +98,14 @@ class Reconstruction:
         return None if self.site is None else float(np.linalg.norm(self.site))
 
 
-def reconstruct(mission: Mission) -> Reconstruction:
+def reconstruct(mission: Mission, effects: Sequence[Active] | None = None) -> Reconstruction:
     """Reconstruct an entry.
 
     Parameters
     ----------
     mission : Mission
+    effects : sequence of Active, optional
+        Instead of the mission's.
 
     Returns
     -------
@@ -115,8 +121,9 @@ def reconstruct(mission: Mission) -> Reconstruction:
         telemetry = read_telemetry(mission)
         atmosphere = read_atmosphere(mission)
         planet = mission.planet_model(telemetry.prime_meridian_at_epoch)
+        active = mission.active_effects() if effects is None else tuple(effects)
     with _timed(timing, "filter"):
-        problem = assemble(mission, telemetry, planet, atmosphere)
+        problem = assemble(mission, telemetry, planet, atmosphere, active)
         way = forward(problem)
     with _timed(timing, "smoother"):
         smoothed = smooth(way)
@@ -126,8 +133,9 @@ def reconstruct(mission: Mission) -> Reconstruction:
         entry, prior = _entry_correction(problem, way, smoothed)
         found.insert(0, entry_statement(smoothed, prior, -entry.change))
     with _timed(timing, "comparison"):
-        comparison = _compare(mission, telemetry)
-        bias = _pre_entry_bias(mission, telemetry)
+        corrected = without_effects(mission, telemetry, active)
+        comparison = _compare(mission, corrected)
+        bias = _pre_entry_bias(mission, corrected)
     return Reconstruction(
         mission=mission,
         telemetry=telemetry,
@@ -142,6 +150,7 @@ def reconstruct(mission: Mission) -> Reconstruction:
         comparison=comparison,
         pre_entry_bias=bias,
         timing=timing,
+        effects=active,
     )
 
 

@@ -8,10 +8,11 @@ from __future__ import annotations
 
 import importlib.util
 import math
+from collections.abc import Mapping
 from functools import cache
 from importlib.metadata import entry_points
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from edl_filter.effects.catalogue import catalogue, nearest, unknown
 from edl_filter.effects.effect import KINDS, Effect, Parameter
@@ -36,10 +37,21 @@ def find_effect(name: str, file: Path | None = None) -> Effect:
         return known[name]
     known = catalogue()
     if name not in known:
-        known |= installed()
+        known = known_effects()
     if name not in known:
         raise InputError(unknown(name, known))
     return known[name]
+
+
+def known_effects() -> dict[str, Effect]:
+    """The catalogue, and what installed packages bring, by name.
+
+    Raises
+    ------
+    InputError
+        As `installed`.
+    """
+    return catalogue() | installed()
 
 
 def effects_in(file: Path) -> dict[str, Effect]:
@@ -96,7 +108,15 @@ def installed() -> dict[str, Effect]:
     return found
 
 
-def checked_values(effect: Effect, values: dict[str, float]) -> dict[str, float]:
+class Problem(NamedTuple):
+    """What is wrong with a value: which parameter, what was found, what is expected."""
+
+    parameter: str
+    found: str
+    expected: str
+
+
+def checked_values(effect: Effect, values: Mapping[str, float]) -> dict[str, float]:
     """All parameters of an effect, those that `values` leaves out at their defaults.
 
     Raises
@@ -104,14 +124,22 @@ def checked_values(effect: Effect, values: dict[str, float]) -> dict[str, float]
     InputError
         The message begins with the parameter's name: there is no such parameter, or it is out of its bounds.
     """
+    wrong = first_problem(effect, values)
+    if wrong is not None:
+        raise InputError(f"{wrong.parameter}: found {wrong.found}; expected {wrong.expected}")
+    return effect.completed(values)
+
+
+def first_problem(effect: Effect, values: Mapping[str, float]) -> Problem | None:
+    """The first of `values` that is of no parameter of the effect, or out of its bounds."""
     parameters = {q.name: q for q in effect.parameters}
     for name, value in values.items():
         if name not in parameters:
-            raise InputError(f"{name}: found an unknown parameter of {effect.name}; {nearest(name, parameters)}")
+            return Problem(name, "an unknown key", f"a parameter of {effect.name}; {nearest(name, parameters)}")
         q = parameters[name]
         if not q.low <= value <= q.high:  # not a number fails as well
-            raise InputError(f"{name}: found {value:g}; expected {bounds_text(q)}")
-    return effect.completed(values)
+            return Problem(name, f"{value:g}", bounds_text(q))
+    return None
 
 
 def bounds_text(q: Parameter) -> str:

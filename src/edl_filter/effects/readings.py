@@ -1,4 +1,4 @@
-"""Sensor effects on a record of samples: what several together make of a motion, and how they are undone.
+"""Effects on a record of samples: what several together make of a motion, how they are undone, where the IMU sits.
 
 Of several effects in one sensor the built-in ones act in the order time offset, misalignment, scale, bias (that of the
 flight file's own errors), then users' own in the order of the mission; `corrected_record` goes backwards through it.
@@ -14,7 +14,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from edl_filter.effects.effect import Active
+from edl_filter.effects.effect import Active, Body
 from edl_filter.errors import InputError
 from edl_filter.telemetry.record import ImuRecord, Telemetry
 
@@ -70,6 +70,30 @@ def _through(record: ImuRecord, effects: Sequence[Active], driving: bool, hook: 
                 angular_rate=np.where(there[:, None], rate, record.angular_rate),
             )
     return record
+
+
+def moved_record(record: ImuRecord, effects: Sequence[Active], until: float, driving: bool = True) -> ImuRecord:
+    """The record with its IMU where the effects say, against the true centre of mass.
+
+    Parameters
+    ----------
+    record : ImuRecord
+    effects : sequence of Active
+        Their `imu_position`, and the offset of the centre of mass that they make: IMUs stay bolted.
+    until : float
+        When the vehicle's centre of mass is stated anew, s: the offset is that of the vehicle at entry.
+    driving : bool
+        As in `corrected_record`.
+    """
+    position, body = record.position, Body(1.0, np.zeros((3, 3)))
+    for a in effects:
+        if a.effect.acts("imu_position"):
+            there = samples_of(record, a.imu, driving)
+            position = position + there[:, None] * a.effect.imu_position(a.values)
+        body = a.effect.vehicle(a.values, body)
+    if body.offset.any():
+        position = position - (record.time < until)[:, None] * body.offset
+    return record if position is record.position else replace(record, position=position)
 
 
 def check_imus(telemetry: Telemetry, effects: Sequence[Active], where: str) -> None:

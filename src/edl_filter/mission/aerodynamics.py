@@ -47,6 +47,15 @@ class Aerodynamics(Section):
         description="m/s: index the hypersonic part by speed over this, not by Mach: for a table of another trajectory",
     )
 
+    damping: str | None = Field(
+        default=None,
+        description="pitch and yaw damping: builtin:practice_damping, or a CSV mach,Cmq; absent: no damping",
+    )
+    coefficient_sigma: Annotated[Number, Within("", 0.0, 10.0)] = Field(
+        default=1.0,
+        description="how many of its own sigmas (a third of its family's 3 sigma) the database may be off; 0: exact",
+    )
+
     @model_validator(mode="after")
     def _joins(self) -> Aerodynamics:
         if self.join == "continuous" and self.rarefied != "builtin:free_molecular":

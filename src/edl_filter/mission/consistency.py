@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 from edl_filter.mission.checks import problem, shown
+from edl_filter.mission.effects import check_effects
 from edl_filter.mission.estimation import ParachutePressure, StatedState, SunLineSigma
 from edl_filter.mission.measurements import FlightFile, MerImu, PhoenixPds
 from edl_filter.mission.sections import FromTelemetry, Window
@@ -16,7 +17,7 @@ if TYPE_CHECKING:
 
 def check_together(mission: Mission) -> None:
     """Raise the error of the first contradiction between sections."""
-    for check in (_check_telemetry, _check_events, _check_state, _check_constraints):
+    for check in (_check_telemetry, _check_events, _check_state, _check_constraints, check_effects):
         check(mission)
 
 

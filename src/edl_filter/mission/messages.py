@@ -25,7 +25,10 @@ _EXPECTED = {
 
 @cache
 def keys(model: type[BaseModel]) -> dict[str, str]:
-    """Every dotted key below `model` with its description; ``*`` stands for names that the file chooses."""
+    """Every dotted key below `model` with its description.
+
+    ``*`` stands for names that the file chooses, or places in a list.
+    """
     found: dict[str, str] = {}
     for key, description in _walk(model, ""):
         found.setdefault(key, description)  # of several forms the first in the schema
@@ -44,7 +47,7 @@ def _models(annotation: Any, star: bool = False) -> Iterator[tuple[type[BaseMode
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         yield annotation, star
     for part in get_args(annotation):
-        yield from _models(part, star or get_origin(annotation) is dict)
+        yield from _models(part, star or get_origin(annotation) in (dict, tuple))
 
 
 def describe(error: ValidationError, model: type[BaseModel], where: str, changed: Sequence[str] = ()) -> str:

@@ -14,6 +14,7 @@ from edl_filter.errors import InputError
 from edl_filter.mission.aerodynamics import Aerodynamics, Postflight
 from edl_filter.mission.checks import shown
 from edl_filter.mission.consistency import check_together, event_times
+from edl_filter.mission.effects import EffectEntry
 from edl_filter.mission.estimation import Constraints, FilterSettings, InitialState, Outputs
 from edl_filter.mission.measurements import MerImu, PhoenixPds, Telemetry
 from edl_filter.mission.messages import describe
@@ -22,11 +23,18 @@ from edl_filter.mission.text import parse, parse_override, read_text, set_key
 from edl_filter.mission.world import Atmosphere, Planet, Vehicle
 
 if TYPE_CHECKING:
+    from edl_filter.effects.effect import Active
     from edl_filter.planet import Planet as PlanetModel
 
-_BUILTIN = "builtin:"
+BUILTIN = "builtin:"
 #: Keys that name a file to read. In a mission file they start from its folder, in --set from the current one.
-_PATH_KEYS = ("telemetry.path", "atmosphere.table", "aerodynamics.continuum", "aerodynamics.rarefied")
+PATH_KEYS = (
+    "telemetry.path",
+    "atmosphere.table",
+    "aerodynamics.continuum",
+    "aerodynamics.rarefied",
+    "aerodynamics.damping",
+)
 
 
 class Mission(Section):
@@ -50,6 +58,7 @@ class Mission(Section):
     initial_state: InitialState = Field(description="state at entry")
     constraints: Constraints = Field(default=Constraints(), description="an absent constraint is not used")
     filter: FilterSettings = Field(default=FilterSettings(), description="the filter's settings")
+    effects: tuple[EffectEntry, ...] = Field(default=(), description="physical effects that are switched on")
     outputs: Outputs = Field(default=Outputs(), description="what is written")
 
     _text: str = PrivateAttr("")
@@ -73,7 +82,7 @@ class Mission(Section):
             The file cannot be read, is not YAML, or a key is unknown, missing or wrong.
         """
         text_path = str(path)
-        file = shipped_mission(text_path[len(_BUILTIN) :]) if text_path.startswith(_BUILTIN) else Path(path)
+        file = shipped_mission(text_path[len(BUILTIN) :]) if text_path.startswith(BUILTIN) else Path(path)
         return cls._from_text(read_text(file), str(path), file, overrides)
 
     @classmethod
@@ -94,7 +103,7 @@ class Mission(Section):
         changed = []
         for override in overrides:
             key, value = parse_override(override)
-            if key in _PATH_KEYS and isinstance(value, str) and not value.startswith(_BUILTIN):
+            if key in PATH_KEYS and isinstance(value, str) and not value.startswith(BUILTIN):
                 value = str(Path(value).expanduser().absolute())
             text = set_key(text, key, value, where)
             changed.append(key)
@@ -197,7 +206,43 @@ class Mission(Section):
             There is no such file.
         """
         reference = str(getattr(self.aerodynamics, key))
-        return reference if reference.startswith(_BUILTIN) else self._existing(f"aerodynamics.{key}", reference)
+        return reference if reference.startswith(BUILTIN) else self._existing(f"aerodynamics.{key}", reference)
+
+    def damping_path(self) -> Path | None:
+        """Table of pitch and yaw damping; None where the mission names none.
+
+        Raises
+        ------
+        InputError
+            There is no such file.
+        """
+        reference = None if self.aerodynamics is None else self.aerodynamics.damping
+        return None if reference is None else self._existing("aerodynamics.damping", reference)
+
+    def active_effects(self) -> tuple[Active, ...]:
+        """Give the effects that are switched on, in the file's order, with all their parameters.
+
+        Raises
+        ------
+        InputError
+            The file of a user's effect is missing or cannot be used, or has no such effect or parameter.
+        """
+        if not self.effects:
+            return ()
+        from edl_filter.effects.effect import Active
+        from edl_filter.effects.loading import checked_values, find_effect
+
+        active = []
+        for k, entry in enumerate(self.effects):
+            key = f"effects.{k}"
+            file = None if entry.file is None else self._existing(f"{key}.file", entry.file)
+            effect = find_effect(entry.name, file)
+            try:
+                values = checked_values(effect, entry.parameters)
+            except InputError as error:
+                raise InputError(f"{self._where}: {key}.parameters.{error}.") from None
+            active.append(Active(effect, values, entry.imu, entry.fixed))
+        return tuple(active)
 
     def output_directory(self) -> Path:
         """Folder of the results, relative to the current folder."""
@@ -208,8 +253,8 @@ class Mission(Section):
         return str(self._source or self.name)
 
     def _existing(self, key: str, reference: str, folder: bool = False) -> Path:
-        if reference.startswith(_BUILTIN):
-            return _builtin_data(reference[len(_BUILTIN) :], f"{self._where}: {key}")
+        if reference.startswith(BUILTIN):
+            return _builtin_data(reference[len(BUILTIN) :], f"{self._where}: {key}")
         path = Path(reference).expanduser()
         if self._source is not None:
             path = self._source.parent / path  # an absolute path stays as it is
@@ -238,7 +283,7 @@ def shipped_mission(name: str) -> Path:
         if (path := folder / f"{name}.yaml").is_file():
             return path
     names = sorted({path.stem for folder in folders for path in folder.glob("*.yaml")})
-    raise InputError(f"{_BUILTIN}{name}: found no such mission; expected one of {', '.join(names)}.")
+    raise InputError(f"{BUILTIN}{name}: found no such mission; expected one of {', '.join(names)}.")
 
 
 def _builtin_data(name: str, where: str) -> Path:
@@ -247,7 +292,7 @@ def _builtin_data(name: str, where: str) -> Path:
         if (path := folder / (name + suffix)).is_file():
             return path
     names = ", ".join(sorted(path.stem for path in folder.glob("*") if path.suffix in (".csv", ".h5")))
-    raise InputError(f"{where}: found {_BUILTIN + name!r}; the package ships {names}.")
+    raise InputError(f"{where}: found {BUILTIN + name!r}; the package ships {names}.")
 
 
 def _plain(value: Any) -> Any:

@@ -90,6 +90,12 @@ class Atmosphere(Section):
 
     table: str = Field(description="CSV table of the preflight atmosphere: a path, or builtin:NAME")
     density_sigma: RelativeSigma = Field(description="1 sigma of the preflight density, relative")
+    density_correlation_m: Annotated[Number, Within("m", 10.0, 2e5, KM)] = Field(
+        default=1e4, description="altitude over which the density's error is correlated, m"
+    )
+    wind_sigma: Annotated[Number, Within("m/s", 0.0, 500.0, (("km/s", 1e3),))] = Field(
+        default=20.0, description="1 sigma of the wind towards east and north about the table's, m/s"
+    )
     gas_constant: Annotated[Number, Within("J/(kg K)", 10.0, 5e3, (("kJ/(kg K)", 1e3),))] = Field(
         default=188.92, description="specific gas constant, J/(kg K)"
     )

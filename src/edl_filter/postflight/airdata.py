@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from edl_filter import rotations
+from edl_filter.effects.air import ChangedAtmosphere, air_planet, changed_atmosphere
+from edl_filter.effects.effect import Active
 from edl_filter.navigation.trajectory import Trajectory
 from edl_filter.planet import Planet, ellipsoid
 from edl_filter.planet.atmosphere import Atmosphere
@@ -18,6 +21,8 @@ Array = NDArray[np.float64]
 _FULL_TURN, _HALF_TURN = 2.0 * np.pi / np.sqrt(12.0), np.pi / np.sqrt(12.0)
 #: Below this air-relative speed (m/s), or share of it, an angle's derivative is taken as at it.
 _LEAST = 1e-9
+#: Height between which the slope of an effect's wind is taken, m.
+_APART = 5.0
 
 
 @dataclass(frozen=True)
@@ -35,7 +40,7 @@ class AirData:
     radius : array
         Distance from the planet's centre, m.
     velocity_body : (N, 3) array
-        Air-relative velocity u, v, w in body axes, m/s: rigid rotation and the preflight winds.
+        Air-relative velocity u, v, w in body axes, m/s: the air's rotation and its winds.
     speed : array
         m/s.
     flight_path_angle, azimuth : array
@@ -72,7 +77,7 @@ class AirData:
     alpha_total_sigma: Array
 
 
-def air_data(trajectory: Trajectory, planet: Planet, atmosphere: Atmosphere) -> AirData:
+def air_data(trajectory: Trajectory, planet: Planet, atmosphere: Atmosphere, effects: Sequence[Active] = ()) -> AirData:
     """Air-relative state along a trajectory (design section 2 for the angles).
 
     Parameters
@@ -81,25 +86,28 @@ def air_data(trajectory: Trajectory, planet: Planet, atmosphere: Atmosphere) -> 
     planet : Planet
     atmosphere : Atmosphere
         Winds, preflight density and speed of sound.
+    effects : sequence of Active
+        Their winds, densities and rotation of the air are added.
 
     Returns
     -------
     AirData
     """
     time, position = trajectory.time, trajectory.position
+    atmosphere, air_turning = changed_atmosphere(atmosphere, effects), air_planet(planet, effects)
     latitude, longitude, altitude = planet.geodetic(time, position)
     # longitude from the inertial x axis turns the local axes straight into inertial ones
     enu = ellipsoid.enu_from_fixed(latitude, longitude + planet.rotation.angle(time))
     wind = np.concatenate((atmosphere.wind_at(altitude), np.zeros((len(time), 1))), axis=1)
-    ground = planet.velocity_relative(position, trajectory.velocity)
-    local = np.einsum("nij,nj->ni", enu, ground) - wind
+    still = air_turning.velocity_relative(position, trajectory.velocity)
+    local = np.einsum("nij,nj->ni", enu, still) - wind
     air = np.einsum("nji,nj->ni", enu, local)
     body = rotations.rotate(rotations.conjugate(trajectory.inertial_from_body), air)
     speed = np.linalg.norm(local, axis=1)
     u, v, w = body.T
     density = atmosphere.density(altitude)
     radius = np.linalg.norm(position, axis=1)
-    sigma = _sigmas(trajectory, planet, atmosphere, enu, altitude, air, body)
+    sigma = _sigmas(trajectory, air_turning, atmosphere, enu, altitude, air, body)
     return AirData(
         time=time,
         latitude=latitude,
@@ -127,11 +135,15 @@ def air_data(trajectory: Trajectory, planet: Planet, atmosphere: Atmosphere) -> 
 
 
 def wind_shear(atmosphere: Atmosphere, altitude: Array) -> Array:
-    """Change of the wind towards east and north with altitude, ``(N, 2)``, 1/s: the table's own slope."""
+    """Change of the wind towards east and north with altitude, ``(N, 2)``, 1/s: the table's own slope, and effects'."""
     step = np.diff(atmosphere.wind, axis=0) / np.diff(atmosphere.altitude)[:, None]
     k = np.searchsorted(atmosphere.altitude, altitude, side="right") - 1
     inside = (k >= 0) & (k < len(step))
-    return np.where(inside[:, None], step[np.clip(k, 0, len(step) - 1)], 0.0)
+    slope = np.where(inside[:, None], step[np.clip(k, 0, len(step) - 1)], 0.0)
+    if isinstance(atmosphere, ChangedAtmosphere):
+        above, below = atmosphere.added_wind(altitude + _APART), atmosphere.added_wind(altitude - _APART)
+        slope = slope + (above - below) / (2.0 * _APART)
+    return slope
 
 
 def _sigmas(

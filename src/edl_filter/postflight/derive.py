@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import numpy as np
@@ -91,6 +91,9 @@ class DeriveInputs:
         Length of the smoothing batch, s.
     windows : sequence of Window, optional
         Instead of those found from the flight.
+    offset : (3,) array, optional
+        True centre of mass against the one at `x_over_d`, m, body axes: forces act and moments are measured about the
+        true one, coefficients are told about the other.
     """
 
     time: Array
@@ -125,6 +128,7 @@ class DeriveInputs:
     top_temperature_sigma: float = 0.0
     batch: float = BATCH
     windows: Sequence[Window] | None = None
+    offset: Array | None = None
 
     def until_parachute(self) -> DeriveInputs:
         """The samples up to the parachute."""
@@ -134,7 +138,11 @@ class DeriveInputs:
 
         def cut(name: str) -> Any:
             value = getattr(self, name)
-            along = isinstance(value, np.ndarray) and value.shape[:1] == (n,) and name not in ("inertia", "bias_sigma")
+            along = (
+                isinstance(value, np.ndarray)
+                and value.shape[:1] == (n,)
+                and name not in ("inertia", "bias_sigma", "offset")
+            )
             return value[keep] if along else value
 
         return DeriveInputs(**{f.name: cut(f.name) for f in fields(self)})
@@ -243,9 +251,11 @@ def derive(inputs: DeriveInputs) -> Derived:
     )  # fmt: skip
     moments = euler(rate, acceleration, i.inertia, rate_sigma, acceleration_sigma, i.inertia_relative)
 
+    told = moments if i.offset is None else _about_nominal(moments, force, i.mass, i.offset)
+
     def measured(atmosphere: FlightAtmosphere) -> FlightCoefficients:
         return flight_coefficients(
-            force, force_sigma, i.bias_sigma, moments, atmosphere, i.speed, i.mass, i.diameter, i.alignment_sigma
+            force, force_sigma, i.bias_sigma, told, atmosphere, i.speed, i.mass, i.diameter, i.alignment_sigma
         )
 
     def looked_up(atmosphere: FlightAtmosphere) -> DatabaseCoefficients:
@@ -314,6 +324,12 @@ def derive(inputs: DeriveInputs) -> Derived:
         differences_preflight=differences_preflight,
         verdicts=verdicts(differences),
     )
+
+
+def _about_nominal(moments: Moments, force: Array, mass: Array | float, offset: Array) -> Moments:
+    """Moments about the nominal centre of mass from those about the true one, which lies `offset` from it."""
+    push = np.broadcast_to(np.asarray(mass, float), force.shape[:1])[:, None] * force
+    return replace(moments, moment=moments.moment + np.cross(offset, push))
 
 
 def at_middles(time: Array, values: Array) -> Array:

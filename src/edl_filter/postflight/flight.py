@@ -5,11 +5,12 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from edl_filter.aero.database import Database, load_database
+from edl_filter.aero.database import Database
+from edl_filter.effects.air import changed_atmosphere
 from edl_filter.errors import InputError
+from edl_filter.modelling import body_of, database_of, gas_of
 from edl_filter.postflight.airdata import AirData
 from edl_filter.postflight.derive import Derived, DeriveInputs, at_middles, derive
-from edl_filter.postflight.gas import Gas
 from edl_filter.postflight.windows import Window
 from edl_filter.reconstruction import Reconstruction
 
@@ -46,30 +47,19 @@ def derive_flight(reconstruction: Reconstruction, air: AirData) -> Derived | Non
 
 def database(reconstruction: Reconstruction) -> Database:
     """Aerodynamic database of the mission."""
-    mission = reconstruction.mission
-    aero = mission.aerodynamics
-    assert aero is not None
-    return load_database(
-        mission.aerodynamic_table("continuum"),
-        mission.aerodynamic_table("rarefied"),
-        continuum_limit=aero.continuum_limit,
-        join=aero.join,
-        family=aero.family,
-        speed_per_mach=aero.velocity_per_mach,
-        interpolation=aero.interpolation,
-        continuum_moment_point=aero.continuum_moment_point,
-        rarefied_moment_point=aero.rarefied_moment_point,
-    )
+    return database_of(reconstruction.mission)
 
 
 def inputs(reconstruction: Reconstruction, air: AirData) -> DeriveInputs:
     """All that `derive` needs, at the middles of the samples.
 
     A sample's force and rate are means over its interval and stand for its middle; the trajectory, which is known at
-    the intervals' ends, is brought there by splines.
+    the intervals' ends, is brought there by splines. Mass, inertia, air and centre of mass are those of the
+    reconstruction's effects; effects in the coefficients are not in the database, which stays what it is.
     """
-    mission, planet, trajectory = reconstruction.mission, reconstruction.planet, reconstruction.trajectory
-    vehicle, atmosphere, samples = mission.vehicle, reconstruction.atmosphere, reconstruction.problem.samples
+    mission, planet, trajectory = reconstruction.mission, reconstruction.problem.planet, reconstruction.trajectory
+    vehicle, samples, body = mission.vehicle, reconstruction.problem.samples, body_of(mission, reconstruction.effects)
+    atmosphere = changed_atmosphere(reconstruction.atmosphere, reconstruction.effects)
     assert vehicle.inertia is not None
     middle = {name: at_middles(air.time, getattr(air, name)) for name in _ALONG}
     u, v, w = middle["velocity_body"].T
@@ -101,18 +91,14 @@ def inputs(reconstruction: Reconstruction, air: AirData) -> DeriveInputs:
         rate_noise=samples.rate_noise,
         bias_sigma=left("accelerometer_bias"),
         alignment_sigma=float(np.max(left("accelerometer_misalignment"))),
-        mass=vehicle.mass,
+        mass=body.mass,
         mass_sigma=vehicle.mass_sigma,
         diameter=vehicle.diameter,
         x_over_d=vehicle.centre_of_mass,
-        inertia=vehicle.inertia.tensor,
+        inertia=body.inertia,
+        offset=body.offset if body.offset.any() else None,
         inertia_relative=vehicle.inertia_sigma,
-        gas=Gas(
-            atmosphere.gas_constant,
-            atmosphere.heat_capacity_ratio,
-            mission.atmosphere.molecule_diameter,
-            mission.atmosphere.molecule_mass,
-        ),
+        gas=gas_of(mission),
         database=database(reconstruction),
         preflight_density=atmosphere.density(middle["altitude"]),
         preflight_temperature=atmosphere.temperature_at(middle["altitude"]),

@@ -100,7 +100,8 @@ class Derived:
 
 def derive(reconstruction: Reconstruction) -> Derived:
     """Air data along the trajectory, the events, atmosphere and coefficients."""
-    air = air_data(reconstruction.trajectory, reconstruction.planet, reconstruction.atmosphere)
+    r = reconstruction
+    air = air_data(r.trajectory, r.planet, r.atmosphere, r.effects)
     return Derived(air, events(reconstruction, air), derive_flight(reconstruction, air))
 
 

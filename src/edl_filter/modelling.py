@@ -1,0 +1,90 @@
+"""From a mission to the model of the world: database, damping, rigid body, effects."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from edl_filter.aero.damping import read_damping
+from edl_filter.aero.database import Database, load_database
+from edl_filter.effects.effect import Active, Body
+from edl_filter.effects.world import Damping, World
+from edl_filter.errors import InputError
+from edl_filter.mission import Mission
+from edl_filter.planet import Planet
+from edl_filter.planet.atmosphere import Atmosphere
+from edl_filter.postflight.gas import Gas
+
+
+def world_of(
+    mission: Mission, planet: Planet, atmosphere: Atmosphere, effects: Sequence[Active] | None = None
+) -> World:
+    """The world that a mission states.
+
+    Parameters
+    ----------
+    mission : Mission
+    planet, atmosphere : Planet, Atmosphere
+        The mission's own, without effects, as in `Reconstruction`.
+    effects : sequence of Active, optional
+        Instead of the mission's.
+
+    Raises
+    ------
+    InputError
+        The mission has no aerodynamics or no inertia, or a table or effect cannot be used.
+    """
+    if mission.aerodynamics is None:
+        raise InputError(f"{mission.source or mission.name}: aerodynamics: found nothing; a prediction needs it.")
+    if mission.vehicle.inertia is None:
+        raise InputError(f"{mission.source or mission.name}: vehicle.inertia: found nothing; a prediction needs it.")
+    return World(
+        planet=planet,
+        atmosphere=atmosphere,
+        gas=gas_of(mission),
+        database=database_of(mission),
+        damping=damping_of(mission),
+        body=body_of(mission),
+        diameter=mission.vehicle.diameter,
+        x_over_d=mission.vehicle.centre_of_mass,
+        effects=mission.active_effects() if effects is None else tuple(effects),
+    )
+
+
+def gas_of(mission: Mission) -> Gas:
+    """The gas of the mission's atmosphere."""
+    a = mission.atmosphere
+    return Gas(a.gas_constant, a.heat_capacity_ratio, a.molecule_diameter, a.molecule_mass)
+
+
+def database_of(mission: Mission) -> Database:
+    """Aerodynamic database of a mission that names one."""
+    aero = mission.aerodynamics
+    assert aero is not None
+    return load_database(
+        mission.aerodynamic_table("continuum"),
+        mission.aerodynamic_table("rarefied"),
+        continuum_limit=aero.continuum_limit,
+        join=aero.join,
+        family=aero.family,
+        speed_per_mach=aero.velocity_per_mach,
+        interpolation=aero.interpolation,
+        continuum_moment_point=aero.continuum_moment_point,
+        rarefied_moment_point=aero.rarefied_moment_point,
+    )
+
+
+def damping_of(mission: Mission) -> Damping:
+    """Pitch and yaw damping of a mission; none where it names no table."""
+    path = mission.damping_path()
+    return Damping() if path is None else Damping(*read_damping(path))
+
+
+def body_of(mission: Mission, effects: Sequence[Active] = ()) -> Body:
+    """The vehicle at entry, with effects; its inertia is zero where the mission states none."""
+    vehicle = mission.vehicle
+    body = Body(vehicle.mass, np.zeros((3, 3)) if vehicle.inertia is None else vehicle.inertia.tensor)
+    for a in effects:
+        body = a.effect.vehicle(a.values, body)
+    return body
