@@ -22,7 +22,7 @@ START = np.array([
 
 
 def smooth_world(planet=MARS, density=1.5e-2, scale_height=11e3, ca=1.6, cn=0.4, cm=-0.2, inertia=INERTIA):
-    """Isothermal air, CA constant, CN and Cm proportional to the angle: smooth wherever the vehicle flies nose first."""
+    """Isothermal air, CA constant, CN and Cm proportional to the angle: smooth wherever it flies nose first."""
     altitude = np.array([-10e3, 300e3])
     air = Atmosphere(
         altitude, np.log(density) - altitude / scale_height, np.full(2, 190.0), np.zeros((2, 2)), 188.92, 1.3

@@ -136,7 +136,7 @@ def test_order_is_four():
     """Each halving of the step leaves a sixteenth of the error, in everything that is integrated."""
     world = slow.smooth_world()
     start = slow.entering(world)
-    ends = [march(world, start, 20.0 / n, n)[-1] for n in (100, 200, 400, 3200)]
+    ends = [march(world, start, 8.0 / n, n)[-1] for n in (200, 400, 800, 6400)]
     errors = np.array([[np.linalg.norm((e - ends[-1])[p]) for p in PARTS] for e in ends[:-1]])
     order = np.log2(errors[:-1] / errors[1:])
     assert np.all(np.abs(order - 4.0) < 0.25), order

@@ -160,7 +160,7 @@ def derivative(time, s, d, phase, t, stop, more):
     if phase >= STOP:
         ground = t.planet[5]
         # velocity against the ground, its change, and the acceleration of the turning frame
-        ux, uy, uz = s[3] + ground * y, s[4] - ground * x, s[5]
+        ux, uy = s[3] + ground * y, s[4] - ground * x
         bx, by, bz, tx, ty, tz = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
         if phase == STOP:
             angle = ground * (time - stop[0])

@@ -51,7 +51,9 @@ class Flight:
         return flight_telemetry(self.contents)
 
 
-def stated_state(random: np.random.Generator, motion: Motion, sigma: Array, effects: tuple[Active, ...]) -> InitialState:
+def stated_state(
+    random: np.random.Generator, motion: Motion, sigma: Array, effects: tuple[Active, ...]
+) -> InitialState:
     """The entry state as it is stated: the true one disturbed.
 
     Parameters

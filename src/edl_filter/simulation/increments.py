@@ -9,6 +9,7 @@ Newton's: what most effects follow within a window is the angle.
 from __future__ import annotations
 
 from dataclasses import dataclass, fields, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -57,7 +58,7 @@ class Increments:
         return bool(self.shaping or self.pushing)
 
     def at(self, time: Array, states: Array) -> Array:
-        """Increments ``(N, 17)`` (`edl_filter.simulation.dynamics.INCREMENTS`) at times (N,) and states (N, 13 or more)."""
+        """Increments ``(N, 17)`` (`edl_filter.simulation.dynamics.INCREMENTS`) at times (N,), states (N, 13 or more)."""
         n = len(time)
         flow = self.world.flow(time, states[:, :3], states[:, 3:6], states[:, 6:10], states[:, 10:13])
         out = np.zeros((n, INCREMENTS))
@@ -113,8 +114,7 @@ def change(used: Array, found: Array) -> float:
 
 def _twice(flow: Flow) -> Flow:
     """The flow, and after it the same flow at a slightly larger angle."""
-    arrays = {f.name: x for f in fields(Flow) if isinstance(x := getattr(flow, f.name), np.ndarray)}
+    arrays: dict[str, Any] = {f.name: x for f in fields(Flow) if isinstance(x := getattr(flow, f.name), np.ndarray)}
     both = replace(flow, **{name: np.concatenate((x, x)) for name, x in arrays.items()})
     both.alpha_total[len(flow.time) :] += _STEP
     return both
-

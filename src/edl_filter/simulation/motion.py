@@ -203,7 +203,8 @@ class _Flight:
             if not np.all(np.isfinite(state[-1])):  # the assumed increments were too far off
                 return self._halved(phase, limit, steps, state)
             middles = with_middles(self.step, state, slope)
-            found = self.increments.at(self.time + 0.5 * self.step * np.arange(len(middles)), middles)
+            time = self.time + 0.5 * self.step * np.arange(len(middles), dtype=float)
+            found = self.increments.at(time, middles)
             settled = change(more[: len(found)], found) <= 1.0
             more[: len(found)], more[len(found) :] = found, found[-1]
             if settled:

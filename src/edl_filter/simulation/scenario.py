@@ -15,6 +15,7 @@ from pydantic import Field, PrivateAttr, StringConstraints, ValidationError, mod
 
 from edl_filter.errors import InputError
 from edl_filter.mission.checks import Array, Number, Quaternion, Within, problem, shown, unit
+from edl_filter.mission.effects import EffectEntry, check_effects, switched_on
 from edl_filter.mission.measurements import ErrorBudget
 from edl_filter.mission.messages import describe
 from edl_filter.mission.mission import Mission
@@ -35,6 +36,7 @@ from edl_filter.mission.sections import (
 from edl_filter.mission.text import parse, parse_override, read_text, set_key
 
 if TYPE_CHECKING:
+    from edl_filter.effects.effect import Active
     from edl_filter.simulation.sensors import Instrument
 
 _BUILTIN = "builtin:"
@@ -183,7 +185,8 @@ class Scenario(Section):
     mission: str = Field(description="mission of the nominal model: a path, or builtin:NAME")
     epoch_utc: Utc = Field(description="UTC of time 0, ISO 8601")
     prime_meridian_deg: Degrees | None = Field(
-        default=None, description="angle from the inertial x axis to the prime meridian at time 0, deg; absent: mission's"
+        default=None,
+        description="angle from the inertial x axis to the prime meridian at time 0, deg; absent: mission's",
     )
     seed: Annotated[int, Field(strict=True, ge=0)] = Field(default=0, description="of all that is drawn")
     entry: Entry = Field(description="entry conditions")
@@ -194,6 +197,9 @@ class Scenario(Section):
     parachute: Parachute = Field(description="the parachute")
     landing: Landing = Field(description="the end of the flight")
     altimeter: Altimeter | None = Field(default=None, description="absent: none")
+    effects: tuple[EffectEntry, ...] = Field(
+        default=(), description="physical effects that are switched on, with their true values"
+    )
 
     _source: Path | None = PrivateAttr(None)
     _model: Mission | None = PrivateAttr(None)
@@ -202,6 +208,10 @@ class Scenario(Section):
     def _consistent(self) -> Scenario:
         if "primary" not in self.imus:
             raise problem(f"{', '.join(self.imus) or 'none'}", "an IMU called primary", "imus")
+        check_effects(self.effects)
+        for k, effect in enumerate(self.effects):
+            if effect.imu is not None and effect.imu not in self.imus:
+                raise problem(shown(effect.imu), f"one of {', '.join(self.imus)}", f"effects.{k}.imu")
         for key in ("stop_s", "rest_s"):
             length = getattr(self.landing, key)
             if abs(length / self.sampling.interval_s - round(length / self.sampling.interval_s)) > 1e-6:
@@ -254,11 +264,33 @@ class Scenario(Section):
         return scenario
 
     @property
+    def source(self) -> Path | None:
+        """File that was read."""
+        return self._source
+
+    @property
     def model(self) -> Mission:
         """The mission of the nominal model."""
         if self._model is None:  # made by pydantic alone
             self._model = self._read_model(self.name)
         return self._model
+
+    def active_effects(self) -> tuple[Active, ...]:
+        """Effects with their true values, in the file's order.
+
+        Raises
+        ------
+        InputError
+            The file of a user's effect is missing or cannot be used, or has no such effect or parameter.
+        """
+        return switched_on(self.effects, self._existing, str(self._source or self.name))
+
+    def _existing(self, key: str, reference: str) -> Path:
+        path = Path(reference).expanduser()
+        path = path if self._source is None else self._source.parent / path
+        if not path.is_file():
+            raise InputError(f"{self._source or self.name}: {key}: found {reference!r}, but there is no file {path}.")
+        return path
 
     def _read_model(self, where: str) -> Mission:
         name = self.mission

@@ -72,7 +72,7 @@ def step_means(motion: Motion, arm: Array) -> tuple[Array, Array]:
 
 
 def delayed_rates(motion: Motion, delay: float) -> Array:
-    """Mean rate over each step of what happened `delay` (s) earlier; before the first and after the last state it holds."""
+    """Mean rate over each step of what happened `delay` (s) earlier; outside the record it holds."""
     edges = motion.time - delay
     inside = np.clip(edges, motion.time[0], motion.time[-1])
     turned = motion.at(inside)[:, 16:19]
@@ -82,7 +82,9 @@ def delayed_rates(motion: Motion, delay: float) -> Array:
     return np.diff(turned + beyond, axis=0) / np.diff(motion.time)[:, None]
 
 
-def true_means(motion: Motion, arm: Array, interval: float, delay: float, effects: Sequence[Active]) -> tuple[Array, ...]:
+def true_means(
+    motion: Motion, arm: Array, interval: float, delay: float, effects: Sequence[Active]
+) -> tuple[Array, Array, Array]:
     """What a faultless IMU would read, but for the effects in it: time ``(N,)``, force and rate ``(N, 3)``, body axes.
 
     Parameters
@@ -103,7 +105,7 @@ def true_means(motion: Motion, arm: Array, interval: float, delay: float, effect
     each = round(interval / float(motion.time[1] - motion.time[0]))
     count = len(force) // each
     force, rate = (x[: count * each].reshape(count, each, 3).mean(axis=1) for x in (force, rate))
-    return motion.time[each :: each][:count], force, rate
+    return motion.time[each::each][:count], force, rate
 
 
 def draw_errors(random: np.random.Generator, sigmas: SensorErrors) -> dict[str, Array]:
@@ -112,7 +114,12 @@ def draw_errors(random: np.random.Generator, sigmas: SensorErrors) -> dict[str, 
 
 
 def read(
-    random: np.random.Generator, instrument: Instrument, errors: dict[str, Array], time: Array, force: Array, rate: Array
+    random: np.random.Generator,
+    instrument: Instrument,
+    errors: dict[str, Array],
+    time: Array,
+    force: Array,
+    rate: Array,
 ) -> FlightImu:
     """What the instrument reads of true means ``(N, 3)`` in body axes, in its own axes."""
     turned = rotations.rotate(rotations.from_rotation_vector(errors["accelerometer_misalignment"]), force)

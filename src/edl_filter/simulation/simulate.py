@@ -8,15 +8,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from edl_filter.assembly import read_atmosphere
 from edl_filter.effects.effect import Active
 from edl_filter.effects.readings import in_order
 from edl_filter.effects.world import World
 from edl_filter.errors import InputError
 from edl_filter.mission.sections import DEG
+from edl_filter.modelling import world_of
 from edl_filter.simulation import chance
 from edl_filter.simulation.entry import attitude, inertial_state
 from edl_filter.simulation.flight import Flight, stated_state, true_course
-from edl_filter.simulation.model import nominal_world
 from edl_filter.simulation.motion import Course, Motion, fly
 from edl_filter.simulation.parachute import Parachute
 from edl_filter.simulation.scenario import Scenario
@@ -53,7 +54,7 @@ def simulate(scenario: Scenario, effects: Sequence[Active] | None = None, seed: 
         The scenario's tables are missing, or its vehicle does not come down.
     """
     seed = scenario.seed if seed is None else seed
-    effects = tuple(() if effects is None else effects)
+    effects = scenario.active_effects() if effects is None else tuple(effects)
     _check_imus(effects, scenario)
     world = flown_world(scenario, effects, _random(seed, _WEATHER))
     s = scenario
@@ -106,7 +107,7 @@ def flown_world(scenario: Scenario, effects: Sequence[Active], random: np.random
     """The nominal model with effects, and with the atmosphere's own errors."""
     mission = scenario.model
     angle = None if scenario.prime_meridian_deg is None else scenario.prime_meridian_deg * DEG
-    world = nominal_world(mission, mission.planet_model(angle))
+    world = world_of(mission, mission.planet_model(angle), read_atmosphere(mission), ())
     w = scenario.weather
     return world.having((*effects, *chance.weather(random, w.density_sigma, w.wind_sigma, w.correlation_length)))
 
@@ -130,9 +131,8 @@ def true_start(scenario: Scenario, world: World, random: np.random.Generator) ->
 def _check_imus(effects: Sequence[Active], scenario: Scenario) -> None:
     for a in effects:
         if a.imu is not None and a.imu not in scenario.imus:
-            raise InputError(
-                f"effect {a.name}: imu: found {a.imu!r}, but there is no such IMU; accepted: {', '.join(scenario.imus)}."
-            )
+            known = ", ".join(scenario.imus)
+            raise InputError(f"effect {a.name}: imu: found {a.imu!r}, but there is no such IMU; accepted: {known}.")
 
 
 def _measured(
