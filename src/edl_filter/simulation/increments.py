@@ -58,7 +58,7 @@ class Increments:
         return bool(self.shaping or self.pushing)
 
     def at(self, time: Array, states: Array) -> Array:
-        """Increments ``(N, 17)`` (`edl_filter.simulation.dynamics.INCREMENTS`) at times (N,), states (N, 13 or more)."""
+        """Increments ``(N, 17)`` (`edl_filter.simulation.dynamics.INCREMENTS`) at times (N,), states (N, 13+)."""
         n = len(time)
         flow = self.world.flow(time, states[:, :3], states[:, 3:6], states[:, 6:10], states[:, 10:13])
         out = np.zeros((n, INCREMENTS))
@@ -114,7 +114,8 @@ def change(used: Array, found: Array) -> float:
 
 def _twice(flow: Flow) -> Flow:
     """The flow, and after it the same flow at a slightly larger angle."""
-    arrays: dict[str, Any] = {f.name: x for f in fields(Flow) if isinstance(x := getattr(flow, f.name), np.ndarray)}
-    both = replace(flow, **{name: np.concatenate((x, x)) for name, x in arrays.items()})
+    values = {f.name: getattr(flow, f.name) for f in fields(Flow)}
+    twice: dict[str, Any] = {k: np.concatenate((x, x)) for k, x in values.items() if isinstance(x, np.ndarray)}
+    both = replace(flow, **twice)
     both.alpha_total[len(flow.time) :] += _STEP
     return both
