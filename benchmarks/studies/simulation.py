@@ -52,7 +52,7 @@ def flown(job):
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--flights", type=int, default=25, help="of each scenario")
+    parser.add_argument("--flights", type=int, default=50, help="of each scenario")
     parser.add_argument("--workers", type=int, default=2)
     arguments = parser.parse_args()
     for name in ("mer", "phoenix"):
