@@ -386,3 +386,62 @@ def test_set_key_changes_one_key_and_nothing_else(tree, path, value, flow):
             return
     section[path[-1]] = value
     assert parse(set_key(text, ".".join(path), value), "m") == expected
+
+
+@pytest.mark.parametrize(
+    ("entry", "expected"),
+    [
+        (
+            "{name: gyro_bais}",
+            "effects.0.name: found 'gyro_bais'; expected the name of an effect; nearest accepted: gyro_bias",
+        ),
+        (
+            "{name: wind, parameters: {est: 1}}",
+            "effects.0.parameters.est: found an unknown key; expected a parameter of wind; nearest accepted: east",
+        ),
+        ("{name: mass, parameters: {k: 3}}", "effects.0.parameters.k: found 3; expected between -0.5 and 1"),
+        ("{name: mass, parameters: {k: .nan}}", "effects.0.parameters.k: found nan; expected a number, or .inf"),
+        ("{name: mass, parameters: {k: '1'}}", "effects.0.parameters.k: found '1' (text); expected a number"),
+        ("{name: mass, imu: primary}", "effects.0.imu: found 'primary'; expected none: mass sits in no IMU"),
+        ("{name: mass, fixed: 1}", "effects.0.fixed: found 1; expected true or false"),
+        ("{name: mass, fixd: true}", "effects.0.fixd: found an unknown key; nearest accepted: effects.0.fixed"),
+        ("{parameters: {}}", "effects.0.name: found nothing; expected a required key (name in the catalogue"),
+    ],
+)
+def test_effects_that_cannot_be(entry, expected):
+    assert f"--set {expected}" in message(f"effects=[{entry}]", name="practice_mer")
+
+
+def test_effects_are_completed_and_in_order():
+    torque = "{name: remnant_torque, parameters: {Cm: 1e-3, t0: 120, t1: .inf}, fixed: true}"
+    mission = load("practice_mer", f"effects=[{torque}, {{name: gyro_bias, imu: secondary}}]")
+    assert Mission.from_dict(parse(mission.text, "again")).effects == mission.effects
+    torque, bias = mission.active_effects()
+    assert (torque.name, torque.fixed, torque.imu) == ("remnant_torque", True, None)
+    assert torque.values == {"Cl": 0.0, "Cm": 1e-3, "Cn": 0.0, "t0": 120.0, "t1": math.inf}
+    assert (bias.name, bias.fixed, bias.imu) == ("gyro_bias", False, "secondary")
+    assert bias.values == {"bx": 0.0, "by": 0.0, "bz": 0.0}
+    assert load("practice_mer").active_effects() == ()
+
+
+def test_a_users_effect_starts_from_the_missions_folder(tmp_path):
+    (tmp_path / "mine.py").write_text(
+        "from edl_filter.effects import Effect, Parameter\n"
+        "class Mine(Effect):\n"
+        "    name = 'mine'\n"
+        "    parameters = (Parameter('a', '', 'how much', 0.1, low=-1.0, high=1.0),)\n"
+    )
+    path = tmp_path / "m.yaml"
+    text = load("practice_mer").text + "effects: [{name: mine, file: mine.py, parameters: {a: 0.2}}]\n"
+    path.write_text(text)
+    (mine,) = Mission.load(path).active_effects()
+    assert mine.name == "mine" and mine.values == {"a": 0.2}
+    for old, new, expected in (
+        ("a: 0.2", "a: 2", "m.yaml: effects.0.parameters.a: found 2; expected between -1 and 1."),
+        ("name: mine", "name: mime", "mine.py: found no effect 'mime'; nearest accepted: mine."),
+        ("mine.py", "other.py", "effects.0.file: found 'other.py', but there is no file"),
+    ):
+        path.write_text(text.replace(old, new))
+        with pytest.raises(InputError) as caught:
+            Mission.load(path).active_effects()
+        assert expected in str(caught.value)

@@ -206,6 +206,62 @@ def fetch(
     typer.echo(f"MER telemetry: {fetch_mer_imu(base_url, to, progress=sys.stdout.isatty())}")
 
 
+@app.command(epilog="Example: edl-filter effects remnant_torque")
+def effects(
+    name: Annotated[str | None, typer.Argument(help="One effect in detail; without it, all of them.")] = None,
+    file: Annotated[Path | None, typer.Option("--file", help="Python file with effects of your own.")] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print JSON, nothing else.")] = False,
+) -> None:
+    """List the physical effects that a model may lack: parameters, plausible sizes, how they show, sources."""
+    from edl_filter.effects.loading import effects_in, find_effect, known_effects
+
+    chosen = [find_effect(name, file)] if name else list((effects_in(file) if file else known_effects()).values())
+    if as_json:
+        import json
+
+        from edl_filter.effects.describe import as_plain
+
+        plain = [as_plain(effect) for effect in chosen]
+        typer.echo(json.dumps(plain[0] if name else {"effects": plain}, allow_nan=False))
+        return
+    from edl_filter.report.catalogue import print_catalogue, print_effect
+
+    if name:
+        print_effect(chosen[0])
+    else:
+        print_catalogue(chosen)
+
+
+@app.command(epilog="Example: edl-filter add missions/mer_a.yaml remnant_torque --from results/mer_a")
+def add(
+    mission: Annotated[str, typer.Argument(help="Mission file, or builtin:NAME.")],
+    effect: Annotated[str, typer.Argument(help="Name of the effect ('edl-filter effects').")],
+    output: Annotated[
+        Path | None, typer.Option("-o", "--output", help="File to write; MISSION+EFFECT.yaml if not given.")
+    ] = None,
+    values: Annotated[
+        list[str] | None, typer.Option("--set", metavar="PARAM=VALUE", help="Starting value of a parameter.")
+    ] = None,
+    result: Annotated[
+        Path | None, typer.Option("--from", metavar="RESULT", help="Result whose diagnosis has the starting values.")
+    ] = None,
+    imu: Annotated[str | None, typer.Option("--imu", help="IMU that a sensor effect sits in.")] = None,
+    file: Annotated[str | None, typer.Option("--file", help="Python file with an effect of your own.")] = None,
+) -> None:
+    """Write a new mission file with one physical effect more."""
+    from shlex import quote
+
+    from edl_filter.mission import Mission
+    from edl_filter.mission.adding import add_effect
+
+    written = add_effect(mission, effect, output, values or (), result, imu, file)
+    typer.echo(f"Written: {written}")
+    added = Mission.load(written).active_effects()[-1]
+    if not any(added.values[q.name] for q in added.effect.sizes):
+        typer.echo(f"All sizes of {effect} are zero: it is off until one of them is set or estimated.")
+    typer.echo(f"Next: edl-filter run {quote(str(written))} -o {quote(str(Path('results') / written.stem))}")
+
+
 def _run(mission: Mission, output: Path | None, figures: bool, as_json: bool) -> dict[str, Any]:
     """Reconstruct, write and print."""
     from edl_filter.reconstruction import reconstruct

@@ -144,10 +144,9 @@ def first_problem(effect: Effect, values: Mapping[str, float]) -> Problem | None
 
 def bounds_text(q: Parameter) -> str:
     """Unit and bounds of a parameter in words."""
-    unit = f"{q.unit} " if q.unit else ""
     if math.isinf(q.low) and math.isinf(q.high):
-        return f"{unit}any number".strip()
-    return f"{unit}between {q.low:g} and {q.high:g}"
+        return "any number" + (f" of {q.unit}" if q.unit else "")
+    return (f"{q.unit} " if q.unit else "") + f"between {q.low:g} and {q.high:g}"
 
 
 def _is_effect(value: Any) -> bool:

@@ -19,7 +19,7 @@ from edl_filter.mission.estimation import Constraints, FilterSettings, InitialSt
 from edl_filter.mission.measurements import MerImu, PhoenixPds, Telemetry
 from edl_filter.mission.messages import describe
 from edl_filter.mission.sections import Section
-from edl_filter.mission.text import parse, parse_override, read_text, set_key
+from edl_filter.mission.text import flow_text, parse, parse_override, read_text, set_key
 from edl_filter.mission.world import Atmosphere, Planet, Vehicle
 
 if TYPE_CHECKING:
@@ -83,7 +83,7 @@ class Mission(Section):
         """
         text_path = str(path)
         file = shipped_mission(text_path[len(BUILTIN) :]) if text_path.startswith(BUILTIN) else Path(path)
-        return cls._from_text(read_text(file), str(path), file, overrides)
+        return cls.from_text(read_text(file), str(path), file, overrides)
 
     @classmethod
     def from_dict(cls, data: dict[str, Any], source: str = "mission", overrides: Sequence[str] = ()) -> Mission:
@@ -96,10 +96,18 @@ class Mission(Section):
         InputError
             As `load`.
         """
-        return cls._from_text(json.dumps(data, indent=2, ensure_ascii=False, default=_plain), source, None, overrides)
+        plain = json.loads(json.dumps(data, default=_plain))
+        return cls.from_text(flow_text(plain, "  "), source, None, overrides)
 
     @classmethod
-    def _from_text(cls, text: str, where: str, source: Path | None, overrides: Sequence[str]) -> Mission:
+    def from_text(cls, text: str, where: str, source: Path | None, overrides: Sequence[str] = ()) -> Mission:
+        """Mission of a file's `text`, which messages call `where`; its relative paths start beside `source`.
+
+        Raises
+        ------
+        InputError
+            As `load`.
+        """
         changed = []
         for override in overrides:
             key, value = parse_override(override)

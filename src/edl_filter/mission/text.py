@@ -8,6 +8,7 @@ Every fault is an `InputError` that names file and line.
 from __future__ import annotations
 
 import json
+import math
 import re
 from pathlib import Path
 from typing import Any
@@ -87,6 +88,23 @@ def parse(text: str, where: str) -> Any:
         raise _fault(where, error) from None
 
 
+def compose(text: str, where: str) -> yaml.Node | None:
+    """Tree of `text` with the places of all nodes in it; None where it is empty.
+
+    Raises
+    ------
+    InputError
+        As `parse`.
+    """
+    loader = _Loader(text)
+    try:
+        return loader.get_single_node()
+    except yaml.YAMLError as error:
+        raise _fault(where, error) from None
+    finally:
+        loader.dispose()
+
+
 def read_text(path: Path) -> str:
     """Text of the mission file at `path`.
 
@@ -128,15 +146,8 @@ def set_key(text: str, key: str, value: Any, where: str = "mission") -> str:
         `text` is not YAML (the message begins with `where`), or a part of `key` before the last names a
         value, not a section.
     """
-    new = json.dumps(value, ensure_ascii=False)  # JSON is YAML, on one line, and its text is quoted
-    new = {"NaN": ".nan", "Infinity": ".inf", "-Infinity": "-.inf"}.get(new, new)
-    loader = _Loader(text)
-    try:
-        node = loader.get_single_node()
-    except yaml.YAMLError as error:
-        raise _fault(where, error) from None
-    finally:
-        loader.dispose()
+    new = flow_text(value)
+    node = compose(text, where)
     parts = key.split(".")
     if node is None:
         raise InputError(f"--set {key}: the file is empty.")
@@ -151,6 +162,23 @@ def set_key(text: str, key: str, value: Any, where: str = "mission") -> str:
             return _insert(text, node, part, _nested(parts[i + 1 :], new))
         node = below[part]
     return _replace(text, node, new)
+
+
+def flow_text(value: Any, indent: str = "") -> str:
+    """`value` as JSON, which is YAML, but for numbers that JSON has not; one line, or with `indent` one per entry."""
+    if isinstance(value, float) and not math.isfinite(value):
+        return ".nan" if math.isnan(value) else ".inf" if value > 0.0 else "-.inf"
+    if isinstance(value, dict):
+        parts = [f"{json.dumps(str(k), ensure_ascii=False)}: {flow_text(v, indent)}" for k, v in value.items()]
+    elif isinstance(value, (list, tuple)):
+        parts = [flow_text(v, indent) for v in value]
+    else:
+        return json.dumps(value, ensure_ascii=False)
+    start, end = "{}" if isinstance(value, dict) else "[]"
+    if not parts or not indent:
+        return start + ", ".join(parts) + end
+    body = ",\n".join(parts).replace("\n", "\n" + indent)
+    return f"{start}\n{indent}{body}\n{end}"
 
 
 def _nested(parts: list[str], new: str) -> str:

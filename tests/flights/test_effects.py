@@ -1,0 +1,139 @@
+"""Effects in the reconstruction and the model: off they change nothing, the true one sets a practice flight right."""
+
+import json
+
+import numpy as np
+import pytest
+
+from edl_filter.effects import Active
+from edl_filter.effects.catalogue import effect_named
+from edl_filter.errors import InputError
+from edl_filter.mission import Mission
+from edl_filter.modelling import world_of
+from edl_filter.reconstruction import reconstruct
+from edl_filter.results.content import content, derive
+
+#: Flight → vehicle, hidden effect, its true parameters (practice/answers.json).
+HIDDEN = {
+    1: ("mer", "wind", {"east": -37.58, "north": 33.544, "h_lo": 7773.8, "h_hi": 21531.9}),
+    2: ("mer", "remnant_torque", {"Cl": -2.3194e-6, "Cm": 1.75337e-3, "Cn": 6.56712e-4, "t0": 129.0, "t1": 400.0}),
+    3: ("phoenix", "com_offset", {"dy": 4.1216e-3, "dz": -3.09206e-3}),
+    4: ("mer", "accelerometer_misalignment", {"my": 0.01127612, "mz": 0.00712172}),
+    7: ("mer", "density_wave", {"A": 0.118368, "L": 14254.57, "phase": 3.15719}),
+}
+
+
+@pytest.fixture(scope="module")
+def flown(practice):
+    """Function that reconstructs a practice flight with its true effect, or without."""
+    known = {}
+
+    def fly(n, on):
+        if (n, on) not in known:
+            vehicle, name, values = HIDDEN[n]
+            effects = json.dumps([{"name": name, "parameters": values}] if on else [])
+            changes = [f"telemetry.path={practice(n)}", f"effects={effects}"]
+            known[n, on] = reconstruct(Mission.load(f"builtin:practice_{vehicle}", changes))
+        return known[n, on]
+
+    return fly
+
+
+def test_no_effects_leave_every_number_bit_for_bit(practice_06):
+    empty = reconstruct(Mission.load("builtin:practice_mer", ["effects=[]"]))
+    assert empty.problem.planet is empty.planet and empty.effects == ()
+    before, after = content(practice_06), content(empty)
+    assert before.keys() == after.keys()
+    for path, group in before.items():
+        for name, variable in group.variables.items():
+            np.testing.assert_array_equal(after[path].variables[name].values, variable.values, f"{path}/{name}")
+
+
+def test_effects_at_zero_change_nothing_that_counts(practice_06):
+    names = ("gyro_bias", "com_offset", "gravity_oblateness", "density_wave", "wind", "atmosphere_rotation", "mass",
+             "attitude_frame", "imu_time_offset", "imu_lever_arm", "accelerometer_misalignment")  # fmt: skip
+    off = reconstruct(practice_06.mission, [Active(effect_named(name), {}) for name in names])
+    np.testing.assert_allclose(off.trajectory.position, practice_06.trajectory.position, atol=1e-6)
+    np.testing.assert_allclose(off.trajectory.velocity, practice_06.trajectory.velocity, atol=1e-9)
+    one, other = derive(off), derive(practice_06)
+    np.testing.assert_allclose(one.air.velocity_body, other.air.velocity_body, atol=1e-6)
+    for name, values in other.aftermath.coefficients.value.items():
+        np.testing.assert_allclose(one.aftermath.coefficients.value[name], values, rtol=1e-6, atol=1e-10)
+
+
+def test_the_true_misalignment_brings_landing_rest_and_the_other_imu_back(flown):
+    before, after = flown(4, False), flown(4, True)
+    nis = {s.name: s for s in before.statements}
+    assert not nis["rest_gravity"].consistent and nis["rest_velocity"].left_out_sigmas > 3.0
+    for s in after.statements:
+        assert s.consistent and s.left_out_sigmas < 3.0, s.name
+    fits = [r.comparison["secondary"].windows[-1] for r in (before, after)]
+    assert np.all(np.abs(fits[0].slope) > 20.0 * fits[0].slope_sigma)
+    assert np.all(np.abs(fits[1].slope) < 3.0 * fits[1].slope_sigma)
+
+
+def lateral_misses(flight):
+    """Spread of the flight's coefficients about the database's where the air is thick."""
+    d = derive(flight).aftermath
+    thick = d.coefficients.dynamic_pressure > 500.0
+    miss = {k: (d.coefficients.value[k] - d.database_measured.value[k])[thick] for k in ("CN", "CY", "Cm", "Cn")}
+    return {k: float(np.sqrt(np.nanmean(x**2))) for k, x in miss.items()}
+
+
+@pytest.mark.parametrize(("n", "channels", "least"), [(1, ("CN", "CY", "Cm", "Cn"), 10.0), (3, ("Cm", "Cn"), 10.0)])
+def test_the_true_wind_and_centre_of_mass_bring_the_coefficients_back(flown, n, channels, least):
+    before, after = lateral_misses(flown(n, False)), lateral_misses(flown(n, True))
+    for name in channels:
+        assert after[name] < before[name] / least, (name, before[name], after[name])
+
+
+def test_the_true_wave_is_in_the_expected_density(flown):
+    spread = []
+    for on in (False, True):
+        d = derive(flown(7, on)).aftermath
+        thick = d.coefficients.dynamic_pressure > 500.0
+        spread.append(np.nanstd((d.flight.density / d.preflight.density)[thick]))
+    assert spread[0] > 0.07 and spread[1] < 0.01
+
+
+@pytest.mark.parametrize(("n", "least"), [(1, 20.0), (2, 15.0), (3, 10.0)])
+def test_the_world_with_the_true_effect_predicts_the_moments(flown, n, least):
+    """Loads at the trajectory's own states against Euler's equations: what is left is sampling."""
+    rms = []
+    for on in (False, True):
+        flight = flown(n, on)
+        d, t = derive(flight).aftermath, flight.trajectory
+        world = world_of(flight.mission, flight.planet, flight.atmosphere)
+        flow = world.flow(t.time, t.position, t.velocity, t.inertial_from_body, t.angular_rate)
+        _, moment = world.loads(flow)
+        expected = d.filters.smooth(0.5 * (moment[1:] + moment[:-1])[: len(d.time)])
+        miss = (d.moments.moment - expected)[d.time > 80.0, 1:]
+        rms.append(np.sqrt(np.mean(miss**2)))
+    assert rms[1] < rms[0] / least, rms
+
+
+def test_oblateness_added_to_a_point_mass_is_the_mission_with_it(practice_06):
+    j2 = practice_06.mission.planet.gravity.j2
+    point = Mission.load("builtin:practice_mer", ["planet.gravity.j2=0"])
+    added = reconstruct(point, [Active(effect_named("gravity_oblateness"), {"J2": j2})])
+    assert added.planet.j2 == 0.0 and added.problem.planet.j2 == j2
+    np.testing.assert_array_equal(added.trajectory.position, practice_06.trajectory.position)
+
+
+def test_the_state_is_turned_and_the_imus_named(practice_06):
+    turn = [Active(effect_named("attitude_frame"), {"rz": 1e-3})]
+    initial = reconstruct(practice_06.mission, turn).problem.initial
+    stated = practice_06.problem.initial
+    assert np.linalg.norm(initial.position - stated.position) == pytest.approx(
+        1e-3 * np.hypot(*stated.position[:2]), rel=1e-6
+    )
+    mission = Mission.load("builtin:practice_mer", ["effects=[{name: gyro_bias, imu: third}]"])
+    with pytest.raises(InputError, match=r"effects.0.imu: found 'third', .* accepted: primary, secondary"):
+        reconstruct(mission)
+
+
+def test_a_prediction_needs_aerodynamics_and_inertia(practice_06):
+    for key in ("aerodynamics", "vehicle.inertia"):
+        mission = Mission.load("builtin:practice_mer", [f"{key}=null"])
+        with pytest.raises(InputError, match=f"{key}: found nothing; a prediction needs it"):
+            world_of(mission, practice_06.planet, practice_06.atmosphere)
