@@ -137,3 +137,18 @@ def test_a_prediction_needs_aerodynamics_and_inertia(practice_06):
         mission = Mission.load("builtin:practice_mer", [f"{key}=null"])
         with pytest.raises(InputError, match=f"{key}: found nothing; a prediction needs it"):
             world_of(mission, practice_06.planet, practice_06.atmosphere)
+
+
+def test_a_run_says_which_effects_are_in_the_model(practice_06):
+    from edl_filter.report.terminal import effect_lines
+    from edl_filter.results.summary import summary
+
+    effects = [Active(effect_named("gyro_bias"), {"bx": 1e-5}, "secondary"), Active(effect_named("wind"), {})]
+    told = summary(reconstruct(practice_06.mission, effects))["effects"]
+    parameters = {"bx": 1e-5, "by": 0.0, "bz": 0.0}
+    assert told[0] == {"name": "gyro_bias", "imu": "secondary", "fixed": False, "parameters": parameters}
+    assert effect_lines(told) == [
+        "Effect in the model: gyro_bias in secondary (bx 1e-05).",
+        "Effect in the model: wind (off).",
+    ]
+    assert summary(practice_06)["effects"] == []

@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from edl_filter.aero.database import Database
 from edl_filter.effects.air import changed_atmosphere
+from edl_filter.effects.database import changed_database
 from edl_filter.errors import InputError
 from edl_filter.modelling import body_of, database_of, gas_of
 from edl_filter.postflight.airdata import AirData
@@ -46,7 +47,7 @@ def derive_flight(reconstruction: Reconstruction, air: AirData) -> Derived | Non
 
 
 def database(reconstruction: Reconstruction) -> Database:
-    """Aerodynamic database of the mission."""
+    """Aerodynamic database of the mission, without effects."""
     return database_of(reconstruction.mission)
 
 
@@ -55,7 +56,8 @@ def inputs(reconstruction: Reconstruction, air: AirData) -> DeriveInputs:
 
     A sample's force and rate are means over its interval and stand for its middle; the trajectory, which is known at
     the intervals' ends, is brought there by splines. Mass, inertia, air and centre of mass are those of the
-    reconstruction's effects; effects in the coefficients are not in the database, which stays what it is.
+    reconstruction's effects; so is the database, as far as effects change CA, CN and Cm. Rolling moment, damping and
+    further torques are not in it.
     """
     mission, planet, trajectory = reconstruction.mission, reconstruction.problem.planet, reconstruction.trajectory
     vehicle, samples, body = mission.vehicle, reconstruction.problem.samples, body_of(mission, reconstruction.effects)
@@ -99,7 +101,7 @@ def inputs(reconstruction: Reconstruction, air: AirData) -> DeriveInputs:
         offset=body.offset if body.offset.any() else None,
         inertia_relative=vehicle.inertia_sigma,
         gas=gas_of(mission),
-        database=database(reconstruction),
+        database=changed_database(database(reconstruction), reconstruction.effects),
         preflight_density=atmosphere.density(middle["altitude"]),
         preflight_temperature=atmosphere.temperature_at(middle["altitude"]),
         preflight_sigma=mission.atmosphere.density_sigma,

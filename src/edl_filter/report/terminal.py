@@ -47,6 +47,8 @@ def _print(console: Console, written: dict[str, Any]) -> None:
     console.print(entry_sentence(told["entry_state"]))
     if told["landing"].get("miss_m") is not None:
         console.print(landing_sentence(told["landing"]))
+    for line in effect_lines(told["effects"]):
+        console.print(line)
     for line in postflight_lines(told.get("postflight")):
         console.print(line)
     seconds = sum(told["timing_s"].values())
@@ -54,6 +56,20 @@ def _print(console: Console, written: dict[str, Any]) -> None:
     console.print(f"Summary: {written['summary']}", soft_wrap=True)
     if written["figures"]:
         console.print(f"Figures: {written['figures'][0].parent} ({len(written['figures'])} files)", soft_wrap=True)
+
+
+def effect_lines(effects: list[dict[str, Any]]) -> list[str]:
+    """One line for each effect in the model, with the parameters that are not zero."""
+    from edl_filter.effects.catalogue import catalogue
+
+    lines = []
+    for e in effects:
+        values = ", ".join(f"{k} {v:.4g}" for k, v in e["parameters"].items() if v and math.isfinite(v))
+        known = catalogue().get(e["name"])
+        off = known is not None and not any(e["parameters"][q.name] for q in known.sizes)
+        where = f" in {e['imu']}" if e["imu"] else ""
+        lines.append(f"Effect in the model: {e['name']}{where} ({'off' if off else values}).")
+    return lines
 
 
 def events_table(events: dict[str, dict[str, Any]]) -> Table:

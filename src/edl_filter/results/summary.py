@@ -54,6 +54,10 @@ def summary(reconstruction: Reconstruction, derived: Derived | None = None) -> d
         "pre_entry_bias_m_s2": _bias(reconstruction),
         "residuals": residuals(reconstruction.statements),
         "postflight": None if derived.aftermath is None else postflight.summary(derived.aftermath),
+        "effects": [
+            {"name": a.name, "imu": a.imu, "fixed": a.fixed, "parameters": dict(a.values)}
+            for a in reconstruction.effects
+        ],
         "notes": list(reconstruction.telemetry.notes),
         "timing_s": dict(reconstruction.timing),
     }

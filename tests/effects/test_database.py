@@ -1,0 +1,67 @@
+"""The database with effects: look-up, curves and inverse agree with the effects applied by hand."""
+
+import numpy as np
+import pytest
+
+from edl_filter.aero.database import load_database
+from edl_filter.aero.inverse import angle_from_cm, angle_from_cn
+from edl_filter.effects import Active, Effect
+from edl_filter.effects.catalogue import effect_named
+from edl_filter.effects.database import changed_database
+
+DATABASE = load_database("builtin:continuum_grid", "builtin:rarefied_grid", family="MER")
+MACH, KNUDSEN = np.array([25.0, 18.0, 8.0, 2.5]), np.array([2e-3, 1e-5, 1e-5, 1e-6])
+ALPHA = np.radians([1.0, 3.0, 5.0, 7.0])
+EFFECTS = [
+    Active(effect_named("axial_force_scale"), {"k": 0.05}),
+    Active(effect_named("normal_force_scale"), {"k": -0.3}),
+    Active(effect_named("base_pressure"), {"a": 0.1}),
+    Active(effect_named("pitching_moment_scale"), {"k": 0.2}),
+    Active(effect_named("static_instability"), {"a": 2e-3}),
+]
+CHANGED = changed_database(DATABASE, EFFECTS)
+
+
+def test_a_look_up_has_the_effects():
+    bare, found = DATABASE.lookup(MACH, KNUDSEN, ALPHA), CHANGED.lookup(MACH, KNUDSEN, ALPHA)
+    base = 0.1 * np.maximum(1 - MACH / 10, 0) ** 2
+    np.testing.assert_allclose(found.ca, 1.05 * bare.ca + base)
+    np.testing.assert_allclose(found.cn, 0.7 * bare.cn)
+    unstable = 2e-3 * np.exp(-(((MACH - 18) / 4) ** 2)) * np.sin(np.pi * ALPHA / np.radians(8))
+    np.testing.assert_allclose(found.cm_nose, 1.2 * bare.cm_nose + unstable)
+    np.testing.assert_array_equal(found.outside, bare.outside)
+    np.testing.assert_array_equal(found.rarefied, bare.rarefied)
+
+
+def test_rows_are_evaluations():
+    cut, angles = CHANGED.at(MACH, KNUDSEN), np.radians([0.5, 2.0, 6.0])
+    weights = (0.1, 0.27, 1.0)
+    rows = cut.rows(angles, weights)
+    for k, angle in enumerate(angles):
+        np.testing.assert_allclose(rows[:, k], np.asarray(weights) @ cut.evaluate(np.full(4, angle)), rtol=1e-12)
+    index = np.array([2, 0])
+    np.testing.assert_allclose(cut.take(index).evaluate(ALPHA[index]), cut.evaluate(ALPHA)[:, index])
+    np.testing.assert_array_equal(cut.alpha_nodes, DATABASE.at(MACH, KNUDSEN).alpha_nodes)
+
+
+def test_the_inverse_returns_the_angle():
+    found = CHANGED.lookup(MACH, KNUDSEN, ALPHA)
+    back = angle_from_cn(CHANGED, found.cn, MACH, KNUDSEN, hint=ALPHA)
+    np.testing.assert_allclose(back.alpha, ALPHA, atol=1e-6)
+    back = angle_from_cm(CHANGED, found.cm_at(0.27), MACH, KNUDSEN, x_over_d=0.27, hint=ALPHA)
+    np.testing.assert_allclose(back.alpha, ALPHA, atol=1e-6)
+
+
+@pytest.mark.parametrize("name", ["mass", "wind", "remnant_torque"])
+def test_without_effects_in_coefficients_it_is_the_same(name):
+    assert changed_database(DATABASE, [Active(effect_named(name), {})]) is DATABASE
+
+
+def test_a_users_coefficients_are_left_to_predictions():
+    class Mine(Effect):
+        name = "normal_force_scale"
+
+        def coefficients(self, p, flow, totals):
+            raise AssertionError
+
+    assert changed_database(DATABASE, [Active(Mine(), {})]) is DATABASE
