@@ -104,6 +104,14 @@ def test_an_instrument_stays_bolted_where_the_centre_of_mass_moves(mer_scenario)
     np.testing.assert_allclose(change, spin**2 * shift * [0.0, 1.0, 1.0], atol=2e-4)
 
 
+def test_under_the_parachute_the_vehicle_drifts_with_the_air(mer_scenario):
+    """Air that does not turn blows at 230 m/s over the ground, and the nose still meets the wind."""
+    flight = simulate(mer_scenario, [Active(effect_named("atmosphere_rotation"), {"k": 1.0})])
+    m, planet = flight.motion, flight.world.planet
+    late = m.at(np.array([m.landed - 5.0]))[0]
+    assert 200.0 < np.linalg.norm(planet.velocity_relative(late[:3], late[3:6])) < 260.0
+
+
 def test_an_effect_in_an_imu_that_is_not_there(mer_scenario):
     with pytest.raises(InputError, match=r"imu: found 'third'.*primary, secondary"):
         simulate(mer_scenario, [Active(effect_named("gyro_bias"), {"bx": 1e-4}, imu="third")])

@@ -160,7 +160,7 @@ class _Flight:
     def through(self, phase: int, length: float) -> None:
         """Fly on for a time."""
         if length > 0.0:
-            self._keep(*self._march(phase, 0.0, round(length / self.step), NOTHING)[:2])
+            self._keep(*self._march(phase, 0.0, round(length / self.step), NOTHING)[:2], flying=False)
 
     def touch_down(self, time: float, length: float) -> None:
         """Note what is to fall to zero while the vehicle stops."""
@@ -223,16 +223,19 @@ class _Flight:
             self._keep(state, state)  # says what is wrong
         return self._window(phase, limit, self._steps(0.5 * steps * self.step))
 
-    def _keep(self, state: Array, slope: Array) -> None:
-        velocity = state[:, 3:6] - rotations.cross([0.0, 0.0, self.tables.planet[5]], state[:, :3])
-        forward = np.einsum("ni,ni->n", rotations.rotate(state[:, 6:10], [1.0, 0.0, 0.0]), velocity)
-        # below walking pace, at touchdown and at rest, it may point anywhere
-        backwards = (forward < 0.0) & (np.linalg.norm(velocity, axis=1) > 5.0)
-        if (wrong := backwards | ~np.all(np.isfinite(state), axis=1)).any():
+    def _keep(self, state: Array, slope: Array, flying: bool = True) -> None:
+        """Take a window as flown; in the air the vehicle must meet the wind with its nose."""
+        each = self.course.substeps
+        wrong = ~np.all(np.isfinite(state[::each]), axis=1)
+        if not wrong.any() and flying:
+            time = self.time + self.step * np.arange(0, len(state), each, dtype=float)
+            flow = self.increments.world.flow(time, *np.split(state[::each, :13], [3, 6, 10], axis=1))
+            wrong = flow.velocity_body[:, 0] < 0.0
+        if wrong.any():
+            when = self.time + self.course.interval * int(np.argmax(wrong))
             raise InputError(
-                f"simulation: the vehicle tumbles {self.time + self.step * int(np.argmax(wrong)):.0f} s after the "
-                "start, and no aerodynamic database holds then; expected effects and entry conditions with which "
-                "it flies nose first."
+                f"simulation: the vehicle tumbles {when:.0f} s after the start, and no database holds then; "
+                "expected effects and entry conditions with which it flies nose first."
             )
         self.parts.append((state, slope))
         self.taken += len(state) - 1
