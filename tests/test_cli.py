@@ -16,7 +16,7 @@ from edl_filter.mission import shipped_mission
 from edl_filter.results import write_outputs
 
 EXAMPLES = Path(__file__).parent.parent / "docs" / "examples"
-COMMANDS = ("run", "validate", "convert", "export", "fetch", "demo", "effects", "add")
+COMMANDS = ("run", "validate", "convert", "simulate", "export", "fetch", "demo", "effects", "add")
 
 
 @pytest.fixture
@@ -328,3 +328,18 @@ def test_debug_shows_where_input_was_refused(cli):
     result = cli("--debug", "run", "nowhere.yaml")
     assert result.exit_code == 2
     assert "Traceback" in result.stderr and "nowhere.yaml" in result.stderr
+
+
+def test_simulate_writes_a_flight_that_runs_can_read(cli):
+    result = cli("simulate", "builtin:mer", "-o", "flight.h5", "--seed", "7", "--set", "name=seventh")
+    assert result.exit_code == 0, result.output
+    assert result.stdout == "Written: flight.h5\n"
+    result = cli("validate", "flight.h5")
+    assert result.exit_code == 0 and "nothing wrong" in result.stdout
+
+
+def test_simulate_refuses_what_it_cannot_fly(cli):
+    refused(cli("simulate", "builtin:beagle", "-o", "flight.h5"), "builtin:beagle", "mer, phoenix")
+    refused(cli("simulate", "nowhere.yaml", "-o", "flight.h5"), "nowhere.yaml")
+    wrong = cli("simulate", "builtin:mer", "-o", "flight.h5", "--set", "entry.flight_path_angle_deg=20")
+    refused(wrong, "has not reached the parachute's dynamic pressure")

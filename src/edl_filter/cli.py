@@ -157,6 +157,25 @@ def convert(
     typer.echo(f"Written: {convert_log(log, spec, output)}")
 
 
+@app.command(epilog="Example: edl-filter simulate missions/scenarios/mer.yaml -o flight.h5 --seed 7")
+def simulate(
+    scenario: Annotated[str, typer.Argument(help="Scenario file, or builtin:NAME.")],
+    output: Annotated[Path, typer.Option("-o", "--output", help="Flight file to write.")],
+    seed: Annotated[int | None, typer.Option("--seed", min=0, help="Of all that is drawn.")] = None,
+    changes: Annotated[
+        list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Change a key of the scenario.")
+    ] = None,
+) -> None:
+    """Fly a scenario with six degrees of freedom; write what was measured, and the truth."""
+    from edl_filter.simulation import Scenario
+    from edl_filter.simulation import simulate as fly
+
+    loaded = Scenario.load(scenario, changes or ())
+    with _busy(f"Simulating {loaded.title or loaded.name}", quiet=False):
+        flight = fly(loaded, seed=seed)
+    typer.echo(f"Written: {flight.write(output)}")
+
+
 @app.command(epilog="Example: edl-filter export results/mer_a --to csv -o spirit.csv")
 def export(
     result: Annotated[Path, typer.Argument(help="result.nc, or the folder that holds it.")],

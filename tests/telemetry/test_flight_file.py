@@ -7,7 +7,7 @@ import pytest
 
 from edl_filter import rotations
 from edl_filter.errors import InputError
-from edl_filter.telemetry.flight_file import FlightImu, read_flight_file, write_flight_file
+from edl_filter.telemetry.flight_file import FlightContents, FlightImu, read_flight_file, write_flight_file
 from edl_filter.telemetry.record import InitialState, LandingFix, ParachuteFix, SensorErrors
 
 
@@ -281,7 +281,7 @@ def contents():
 
 def test_written_and_read_back(tmp_path):
     given = contents()
-    path = write_flight_file(tmp_path / "made.h5", **given)
+    path = write_flight_file(tmp_path / "made.h5", FlightContents(**given))
     telemetry, imu = read_flight_file(path), given["imus"]["primary"]
     np.testing.assert_array_equal(telemetry.driving.time, imu.time)
     np.testing.assert_allclose(
@@ -301,16 +301,21 @@ def test_written_and_read_back(tmp_path):
 
 
 def test_what_breaks_the_format_is_not_written_and_an_old_file_stays(tmp_path):
-    path = write_flight_file(tmp_path / "made.h5", **contents())
+    path = write_flight_file(tmp_path / "made.h5", FlightContents(**contents()))
     old = path.read_bytes()
     bad = contents()
     bad["initial"] = replace(bad["initial"], covariance=-np.eye(9))
     with pytest.raises(InputError, match=r"made.h5: /initial/covariance has -1 on its diagonal"):
-        write_flight_file(path, **bad)
+        write_flight_file(path, FlightContents(**bad))
     assert path.read_bytes() == old
     assert [p.name for p in tmp_path.iterdir()] == ["made.h5"]
-    assert read_flight_file(write_flight_file(tmp_path / "new" / "folder" / "made.h5", **contents())).planet == "mars"
+    assert (
+        read_flight_file(
+            write_flight_file(tmp_path / "new" / "folder" / "made.h5", FlightContents(**contents()))
+        ).planet
+        == "mars"
+    )
     with pytest.raises(InputError, match=r"new: cannot be written \(it is a folder; a file's name is needed\)"):
-        write_flight_file(tmp_path / "new", **contents())
+        write_flight_file(tmp_path / "new", FlightContents(**contents()))
     with pytest.raises(InputError, match=r"cannot be written"):
-        write_flight_file(path / "made.h5", **contents())
+        write_flight_file(path / "made.h5", FlightContents(**contents()))

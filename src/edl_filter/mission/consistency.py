@@ -17,8 +17,9 @@ if TYPE_CHECKING:
 
 def check_together(mission: Mission) -> None:
     """Raise the error of the first contradiction between sections."""
-    for check in (_check_telemetry, _check_events, _check_state, _check_constraints, check_effects):
+    for check in (_check_telemetry, _check_events, _check_state, _check_constraints):
         check(mission)
+    check_effects(mission.effects)
 
 
 def event_times(mission: Mission) -> Iterator[tuple[str, float]]:

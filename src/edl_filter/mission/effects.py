@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from pydantic import AfterValidator, Field, StringConstraints
 
+from edl_filter.errors import InputError
 from edl_filter.mission.checks import Switch, problem, shown
 from edl_filter.mission.sections import Section
 
 if TYPE_CHECKING:
-    from edl_filter.mission.mission import Mission
+    from edl_filter.effects.effect import Active
 
 
 def _number(value: float) -> float:
@@ -38,17 +41,17 @@ class EffectEntry(Section):
     )
 
 
-def check_effects(mission: Mission) -> None:
+def check_effects(effects: Sequence[EffectEntry]) -> None:
     """Raise the error of the first effect that is not known, or has a parameter that it cannot have.
 
     Effects of files are left to `Mission.active_effects`, which knows where the mission's folder is.
     """
-    if not mission.effects:
+    if not effects:
         return
     from edl_filter.effects.loading import first_problem, known_effects, nearest
 
     known = known_effects()
-    for k, entry in enumerate(mission.effects):
+    for k, entry in enumerate(effects):
         if entry.file is not None:
             continue
         if entry.name not in known:
@@ -60,3 +63,36 @@ def check_effects(mission: Mission) -> None:
             raise problem(wrong.found, wrong.expected, f"effects.{k}.parameters.{wrong.parameter}")
         if entry.imu is not None and not any(effect.acts(h) for h in ("imu", "corrected", "imu_position")):
             raise problem(shown(entry.imu), f"none: {entry.name} sits in no IMU", f"effects.{k}.imu")
+
+
+def switched_on(effects: Sequence[EffectEntry], locate: Callable[[str, str], Path], where: str) -> tuple[Active, ...]:
+    """Effects as they act, in the file's order, with all their parameters.
+
+    Parameters
+    ----------
+    effects : sequence of EffectEntry
+    locate : callable
+        Key and reference of a file to its path; raises `InputError` where there is none.
+    where : str
+        The file that lists them, for messages.
+
+    Raises
+    ------
+    InputError
+        The file of a user's effect is missing or cannot be used, or has no such effect or parameter.
+    """
+    if not effects:
+        return ()
+    from edl_filter.effects.effect import Active
+    from edl_filter.effects.loading import checked_values, find_effect
+
+    active = []
+    for k, entry in enumerate(effects):
+        key = f"effects.{k}"
+        effect = find_effect(entry.name, None if entry.file is None else locate(f"{key}.file", entry.file))
+        try:
+            values = checked_values(effect, entry.parameters)
+        except InputError as error:
+            raise InputError(f"{where}: {key}.parameters.{error}.") from None
+        active.append(Active(effect, values, entry.imu, entry.fixed))
+    return tuple(active)

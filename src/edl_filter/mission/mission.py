@@ -14,7 +14,7 @@ from edl_filter.errors import InputError
 from edl_filter.mission.aerodynamics import Aerodynamics, Postflight
 from edl_filter.mission.checks import shown
 from edl_filter.mission.consistency import check_together, event_times
-from edl_filter.mission.effects import EffectEntry
+from edl_filter.mission.effects import EffectEntry, switched_on
 from edl_filter.mission.estimation import Constraints, FilterSettings, InitialState, Outputs
 from edl_filter.mission.measurements import MerImu, PhoenixPds, Telemetry
 from edl_filter.mission.messages import describe
@@ -235,22 +235,7 @@ class Mission(Section):
         InputError
             The file of a user's effect is missing or cannot be used, or has no such effect or parameter.
         """
-        if not self.effects:
-            return ()
-        from edl_filter.effects.effect import Active
-        from edl_filter.effects.loading import checked_values, find_effect
-
-        active = []
-        for k, entry in enumerate(self.effects):
-            key = f"effects.{k}"
-            file = None if entry.file is None else self._existing(f"{key}.file", entry.file)
-            effect = find_effect(entry.name, file)
-            try:
-                values = checked_values(effect, entry.parameters)
-            except InputError as error:
-                raise InputError(f"{self._where}: {key}.parameters.{error}.") from None
-            active.append(Active(effect, values, entry.imu, entry.fixed))
-        return tuple(active)
+        return switched_on(self.effects, self._existing, self._where)
 
     def output_directory(self) -> Path:
         """Folder of the results, relative to the current folder."""

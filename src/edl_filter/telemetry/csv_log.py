@@ -26,7 +26,7 @@ from edl_filter.telemetry.csv_spec import (
     TimeColumn,
     read_spec,
 )
-from edl_filter.telemetry.flight_file import STEP_TOLERANCE, FlightImu, write_flight_file
+from edl_filter.telemetry.flight_file import STEP_TOLERANCE, FlightContents, FlightImu, write_flight_file
 from edl_filter.telemetry.record import (
     AltimeterRecord,
     InitialState,
@@ -203,8 +203,7 @@ def convert(log_csv: str | Path, spec_yaml: str | Path, out_h5: str | Path) -> P
     """
     spec_path, log = Path(spec_yaml), _Log(Path(log_csv))
     spec = read_spec(spec_path)
-    return write_flight_file(
-        out_h5,
+    contents = FlightContents(
         name=spec.name,
         planet=spec.planet,
         epoch_utc=spec.epoch_utc,
@@ -216,3 +215,4 @@ def convert(log_csv: str | Path, spec_yaml: str | Path, out_h5: str | Path) -> P
         landing=_landing(spec.landing) if spec.landing else None,
         altimeter=_altimeter(log, spec.altimeter) if spec.altimeter else None,
     )
+    return write_flight_file(out_h5, contents)

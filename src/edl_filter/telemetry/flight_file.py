@@ -282,32 +282,71 @@ def _write_tree(group: Any, tree: dict[str, Any]) -> None:
             group[key] = np.asarray(value, np.float64)
 
 
-def write_flight_file(
-    path: str | Path,
-    *,
-    name: str,
-    planet: str,
-    epoch_utc: str,
-    prime_meridian_at_epoch: float,
-    imus: dict[str, FlightImu],
-    initial: InitialState,
-    events: dict[str, tuple[float, float]] | None = None,
-    parachute: ParachuteFix | None = None,
-    landing: LandingFix | None = None,
-    altimeter: AltimeterRecord | None = None,
-    truth: dict[str, Any] | None = None,
-) -> Path:
-    """Write a flight file, read it back as a check, and only then give it its name.
+@dataclass(frozen=True)
+class FlightContents:
+    """All that a flight file holds.
 
-    Parameters
+    Attributes
     ----------
-    path : path to write
+    name, planet, epoch_utc : str
+    prime_meridian_at_epoch : float
+        rad.
     imus : dict
         Name → `FlightImu`; one is called ``primary``.
+    initial : InitialState
     events : dict
         Name → (time, sigma of the time), s.
-    truth : dict
+    parachute : ParachuteFix or None
+    landing : LandingFix or None
+    altimeter : AltimeterRecord or None
+    truth : dict or None
         Nested: dicts become groups of ``/truth``, arrays datasets, numbers and strings attributes.
+    """
+
+    name: str
+    planet: str
+    epoch_utc: str
+    prime_meridian_at_epoch: float
+    imus: dict[str, FlightImu]
+    initial: InitialState
+    events: dict[str, tuple[float, float]] = field(default_factory=dict)
+    parachute: ParachuteFix | None = None
+    landing: LandingFix | None = None
+    altimeter: AltimeterRecord | None = None
+    truth: dict[str, Any] | None = None
+
+    def fill(self, file: h5py.File) -> None:
+        """Write all into an open file."""
+        initial = self.initial
+        tree: dict[str, Any] = {
+            "format": FORMAT,
+            "version": VERSION,
+            "name": self.name,
+            "planet": self.planet,
+            "epoch_utc": self.epoch_utc,
+            "prime_meridian_at_epoch": float(self.prime_meridian_at_epoch),
+            "initial": {
+                "time": float(initial.time),
+                "position": initial.position,
+                "velocity": initial.velocity,
+                "attitude": initial.inertial_from_body,
+                "covariance": initial.covariance,
+            },
+            "events": {key: {"time": float(t), "time_sigma": float(s)} for key, (t, s) in self.events.items()},
+        }
+        fixes = {"parachute": self.parachute, "landing": self.landing}
+        tree["constraints"] = {key: dict(vars(fix)) for key, fix in fixes.items() if fix is not None}
+        if self.altimeter is not None:
+            tree["altimeter"] = dict(vars(self.altimeter))
+        if self.truth is not None:
+            tree["truth"] = self.truth
+        _write_tree(file, tree)
+        for key, imu in self.imus.items():
+            _write_imu(file.create_group(f"imu/{key}"), imu)
+
+
+def write_flight_file(path: str | Path, contents: FlightContents) -> Path:
+    """Write a flight file, read it back as a check, and only then give it its name.
 
     Returns
     -------
@@ -321,34 +360,23 @@ def write_flight_file(
         left.
     """
     path = Path(path)
-    tree: dict[str, Any] = {
-        "format": FORMAT,
-        "version": VERSION,
-        "name": name,
-        "planet": planet,
-        "epoch_utc": epoch_utc,
-        "prime_meridian_at_epoch": float(prime_meridian_at_epoch),
-        "initial": {
-            "time": float(initial.time),
-            "position": initial.position,
-            "velocity": initial.velocity,
-            "attitude": initial.inertial_from_body,
-            "covariance": initial.covariance,
-        },
-        "events": {key: {"time": float(t), "time_sigma": float(s)} for key, (t, s) in (events or {}).items()},
-    }
-    fixes = {"parachute": parachute, "landing": landing}
-    tree["constraints"] = {key: dict(vars(fix)) for key, fix in fixes.items() if fix is not None}
-    if altimeter is not None:
-        tree["altimeter"] = dict(vars(altimeter))
-    if truth is not None:
-        tree["truth"] = truth
 
     def make(temporary: Path) -> None:
         with h5py.File(temporary, "w") as file:
-            _write_tree(file, tree)
-            for key, imu in imus.items():
-                _write_imu(file.create_group(f"imu/{key}"), imu)
+            contents.fill(file)
             _read(file, str(path))
 
     return replace_with(path, make)
+
+
+def flight_telemetry(contents: FlightContents) -> Telemetry:
+    """Records as `read_flight_file` would give them of the contents, without a file on disk.
+
+    Raises
+    ------
+    InputError
+        The contents break the format.
+    """
+    with h5py.File(f"{contents.name}.h5", "w", driver="core", backing_store=False) as file:
+        contents.fill(file)
+        return Telemetry(**_read(file, contents.name))

@@ -1,0 +1,242 @@
+"""A flight from entry to rest: phases, events, and what effects add along the way."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from edl_filter import rotations
+from edl_filter.effects.world import World
+from edl_filter.errors import InputError
+from edl_filter.simulation.dynamics import DESCENT, ENTRY, REST, SIZE, STOP, march
+from edl_filter.simulation.increments import NOTHING, Increments, change, with_middles
+from edl_filter.simulation.parachute import Parachute
+from edl_filter.simulation.tables import Tables, tabulate
+
+Array = NDArray[np.float64]
+
+#: Length of the windows, s: with hooks to be asked for what they add, and without.
+WINDOW, FREE_WINDOW = 1.0, 50.0
+#: Iterations before a window is halved.
+MOST_ITERATIONS = 25
+
+
+@dataclass(frozen=True)
+class Course:
+    """What happens during a flight.
+
+    Attributes
+    ----------
+    interval : float
+        The flight computer looks for events at each multiple of it, s.
+    substeps : int
+        Steps of the integration in it.
+    deploy_pressure : float
+        Dynamic pressure at which, falling, the parachute is deployed, Pa.
+    surface_radius : float
+        Radius of the surface where the vehicle comes down, m.
+    stop, rest : float
+        How long it takes to stop, and how long the record goes on after it, s: multiples of the interval.
+    longest : float
+        Longest flight, s.
+    """
+
+    interval: float
+    substeps: int
+    deploy_pressure: float
+    surface_radius: float
+    stop: float = 0.5
+    rest: float = 19.5
+    longest: float = 1500.0
+
+
+@dataclass(frozen=True)
+class Motion:
+    """The true motion, at every step.
+
+    Attributes
+    ----------
+    time : (N + 1,) array
+        s.
+    state : (N + 1, 25) array
+        `edl_filter.simulation.dynamics`.
+    before, after : (N, 25) arrays
+        Derivative at the beginning and at the end of each step; at an event they differ between two steps.
+    deployed, landed, stopped : float
+        Times of the parachute's deployment, of the touchdown, and of rest, s.
+    iterations : int
+        How often windows were integrated again for what effects add.
+    """
+
+    time: Array
+    state: Array
+    before: Array
+    after: Array
+    deployed: float
+    landed: float
+    stopped: float
+    iterations: int = 0
+
+    def at(self, time: Array) -> Array:
+        """States at any times ``(K,)`` within the flight, by cubic Hermite: ``(K, 25)``, of order 4."""
+        i = np.clip(np.searchsorted(self.time, time, side="right") - 1, 0, len(self.time) - 2)
+        h = (self.time[i + 1] - self.time[i])[:, None]
+        u = (time - self.time[i])[:, None] / h
+        a, b = self.state[i], self.state[i + 1]
+        # differences from the first end keep the digits of large positions
+        rise = u * u * (3.0 - 2.0 * u)
+        out = a + rise * (b - a) + h * u * (1.0 - u) * ((1.0 - u) * self.before[i] - u * self.after[i])
+        out[:, 6:10] = rotations.normalise(out[:, 6:10])
+        return out
+
+
+def fly(world: World, parachute: Parachute, start: Array, course: Course) -> Motion:
+    """Integrate a flight from time 0 to rest.
+
+    Parameters
+    ----------
+    world : World
+        With its effects.
+    parachute : Parachute
+    start : (13,) array
+        Position and velocity (inertial), inertial_from_body, body rates.
+    course : Course
+
+    Raises
+    ------
+    InputError
+        The vehicle does not come down: it never reaches the parachute's dynamic pressure, or the surface.
+    """
+    tables = tabulate(world, parachute)
+    flight = _Flight(tables, Increments.of(world), course, start)
+    deployed = flight.until(ENTRY, course.deploy_pressure, "the parachute's dynamic pressure, falling")
+    chute = tables.parachute.copy()
+    chute[3] = deployed
+    flight.tables = tables._replace(parachute=chute)
+    landed = flight.until(DESCENT, course.surface_radius, "the surface")
+    flight.touch_down(landed, course.stop)
+    flight.through(STOP, course.stop)
+    stopped = flight.time
+    flight.through(REST, course.rest)
+    return flight.motion(deployed, landed, stopped)
+
+
+class _Flight:
+    """A flight as it grows, window by window."""
+
+    def __init__(self, tables: Tables, increments: Increments, course: Course, start: Array) -> None:
+        self.tables, self.increments, self.course = tables, increments, course
+        self.state = np.zeros(SIZE)
+        self.state[:13] = start
+        self.step = course.interval / course.substeps
+        self.taken = 0
+        self.iterations = 0
+        self.armed = False
+        self.stop = np.zeros(7)
+        self.parts: list[tuple[Array, Array]] = []
+        self.last = np.zeros((1, NOTHING.shape[1]))
+
+    @property
+    def time(self) -> float:
+        """Time reached, s."""
+        # of whole intervals, so that sums of steps leave no rounding
+        return self.taken / self.course.substeps * self.course.interval
+
+    def until(self, phase: int, limit: float, goal: str) -> float:
+        """Fly on until the event; its time."""
+        event = False
+        while not event:
+            if self.time > self.course.longest:
+                raise InputError(
+                    f"simulation: after {self.time:.0f} s the vehicle has not reached {goal}; expected an entry "
+                    "that comes down (look at speed, flight path angle, deployment pressure and surface radius)."
+                )
+            length = WINDOW if self.increments.needed else FREE_WINDOW
+            event = self._window(phase, limit, self._steps(length))
+        return self.time
+
+    def through(self, phase: int, length: float) -> None:
+        """Fly on for a time."""
+        if length > 0.0:
+            self._keep(*self._march(phase, 0.0, round(length / self.step), NOTHING)[:2], flying=False)
+
+    def touch_down(self, time: float, length: float) -> None:
+        """Note what is to fall to zero while the vehicle stops."""
+        s, ground = self.state, self.tables.planet[5]
+        velocity = s[3:6] - np.cross([0.0, 0.0, ground], s[:3])
+        rate = s[10:13] - rotations.rotate(rotations.conjugate(s[6:10]), [0.0, 0.0, ground])
+        self.stop = np.concatenate(([time], -velocity / length, -rate / length))
+
+    def motion(self, deployed: float, landed: float, stopped: float) -> Motion:
+        """All windows as one."""
+        states = np.concatenate([state[:-1] for state, _ in self.parts] + [self.parts[-1][0][-1:]])
+        before = np.concatenate([slope[:-1] for _, slope in self.parts])
+        after = np.concatenate([slope[1:] for _, slope in self.parts])
+        time = np.arange(len(states)) / self.course.substeps * self.course.interval
+        return Motion(time, states, before, after, deployed, landed, stopped, self.iterations)
+
+    def _steps(self, length: float) -> int:
+        """Steps in about `length`, of whole intervals."""
+        return max(1, round(length / self.course.interval)) * self.course.substeps
+
+    def _march(self, phase: int, limit: float, steps: int, more: Array) -> tuple[Array, Array, bool, bool]:
+        state, slope = np.empty((steps + 1, SIZE)), np.empty((steps + 1, SIZE))
+        state[0] = self.state
+        done, event, armed = march(
+            self.time, self.step, state, slope, phase, self.tables, self.stop, more, self.course.substeps, limit,
+            self.armed,
+        )  # fmt: skip
+        return state[: done + 1], slope[: done + 1], event, armed
+
+    def _window(self, phase: int, limit: float, steps: int) -> bool:
+        """One window with what the effects add to it; whether it ended with the event."""
+        if not self.increments.needed:
+            state, slope, event, self.armed = self._march(phase, limit, steps, NOTHING)
+            self._keep(state, slope)
+            return event
+        more = np.repeat(self.last, 2 * steps + 1, axis=0)
+        for _ in range(MOST_ITERATIONS):
+            state, slope, event, armed = self._march(phase, limit, steps, more)
+            self.iterations += 1
+            if not np.all(np.isfinite(state[-1])):  # the assumed increments were too far off
+                return self._halved(phase, limit, steps, state)
+            middles = with_middles(self.step, state, slope)
+            time = self.time + 0.5 * self.step * np.arange(len(middles), dtype=float)
+            found = self.increments.at(time, middles)
+            settled = change(more[: len(found)], found) <= 1.0
+            more[: len(found)], more[len(found) :] = found, found[-1]
+            if settled:
+                break
+        else:
+            if steps > self.course.substeps:
+                return self._halved(phase, limit, steps, state)
+            # a hook that jumps with the state: where it jumps is then known to a step
+        self.armed, self.last = armed, more[len(found) - 1 : len(found)]
+        self._keep(state, slope)
+        return event
+
+    def _halved(self, phase: int, limit: float, steps: int, state: Array) -> bool:
+        """The window again, and half as long."""
+        if steps <= self.course.substeps:
+            self._keep(state, state)  # says what is wrong
+        return self._window(phase, limit, self._steps(0.5 * steps * self.step))
+
+    def _keep(self, state: Array, slope: Array, flying: bool = True) -> None:
+        """Take a window as flown; in the air the vehicle must meet the wind with its nose."""
+        each = self.course.substeps
+        wrong = ~np.all(np.isfinite(state[::each]), axis=1)
+        if not wrong.any() and flying:
+            time = self.time + self.step * np.arange(0, len(state), each, dtype=float)
+            flow = self.increments.world.flow(time, *np.split(state[::each, :13], [3, 6, 10], axis=1))
+            wrong = flow.velocity_body[:, 0] < 0.0
+        if wrong.any():
+            when = self.time + self.course.interval * int(np.argmax(wrong))
+            raise InputError(
+                f"simulation: the vehicle tumbles {when:.0f} s after the start, and no database holds then; "
+                "expected effects and entry conditions with which it flies nose first."
+            )
+        self.parts.append((state, slope))
+        self.taken += len(state) - 1
+        self.state = state[-1].copy()

@@ -1,0 +1,30 @@
+"""Puts this folder on the path, so that the tests of the simulation can share `slow_flight`."""
+
+import sys
+from pathlib import Path
+
+import pytest
+
+sys.path.insert(0, str(Path(__file__).parent))
+
+
+@pytest.fixture(scope="session")
+def mer_scenario():
+    """The shipped scenario of a MER-like vehicle."""
+    from edl_filter.simulation import Scenario
+
+    return Scenario.load("builtin:mer")
+
+
+@pytest.fixture(scope="session")
+def mer_flight(mer_scenario):
+    """A clean flight of it."""
+    from edl_filter.simulation import simulate
+
+    return simulate(mer_scenario)
+
+
+@pytest.fixture(scope="session")
+def nominal(mer_flight):
+    """The nominal world of that vehicle."""
+    return mer_flight.world.having(())

@@ -1,0 +1,154 @@
+"""Whole flights: what effects add is found by iteration, and events are where they belong."""
+
+import dataclasses
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import slow_flight as slow
+
+from edl_filter.effects.catalogue import effect_named
+from edl_filter.effects.effect import Active, Effect, Parameter
+from edl_filter.errors import InputError
+from edl_filter.simulation import motion
+from edl_filter.simulation.motion import Course, fly
+from edl_filter.simulation.parachute import Parachute
+
+CHUTE = Parachute(15.0)
+
+
+class Jet(Effect):
+    """A force and a moment that oscillate."""
+
+    name = "jet"
+    parameters = (Parameter("A", "N m", "amplitude"),)
+
+    def force_moment(self, p, flow):
+        wave = p["A"] * np.sin(2.0 * np.pi * 0.7 * flow.time)[:, None]
+        return 2.0 * wave * [0.0, 0.0, 1.0], wave * [0.0, 1.0, 0.0]
+
+
+class Steer(Effect):
+    """A moment that follows the motion itself: the hardest case for the iteration."""
+
+    name = "steer"
+    parameters = (Parameter("k", "", "gain"),)
+
+    def force_moment(self, p, flow):
+        push = flow.dynamic_pressure * flow.area * flow.diameter * p["k"]
+        lateral = flow.velocity_body / flow.speed[:, None]
+        zero = np.zeros_like(push)
+        return np.zeros((len(push), 3)), np.column_stack((zero, push * lateral[:, 2], -push * lateral[:, 1]))
+
+
+HOOKED = {
+    "pitching_moment_scale": Active(effect_named("pitching_moment_scale"), {"k": 0.4}),
+    "pitch_damping": Active(effect_named("pitch_damping"), {"a": -0.6}),
+    "rolling_moment": Active(effect_named("rolling_moment"), {"k": 5e-4, "c": 5e-6}),
+    "jet": Active(Jet(), {"A": 8.0}),
+    "steer": Active(Steer(), {"k": -0.02}),
+}
+
+
+def short_course(seconds):
+    """A flight that ends its entry after some seconds: the dynamic pressure falls to what it has then."""
+    return Course(interval=0.125, substeps=20, deploy_pressure=1e9, surface_radius=1.0, longest=seconds)
+
+
+def state_after(world, start, seconds, window=1.0):
+    """State after some seconds of entry, by the simulator."""
+    course = short_course(seconds)
+    flight = motion._Flight(motion.tabulate(world, CHUTE), motion.Increments.of(world), course, start)
+    while flight.time < seconds - 1e-9:
+        flight._window(motion.ENTRY, 1e12, flight._steps(min(window, seconds - flight.time)))
+    return flight
+
+
+@pytest.mark.parametrize("name", HOOKED)
+def test_what_effects_add_is_what_the_loads_have(name):
+    """Against an integration of World.loads, effects included, by another method."""
+    world = slow.smooth_world().having((HOOKED[name],))
+    start = slow.entering(world)
+    flight = state_after(world, start, 8.0)
+    twin = slow.integrate(world, start, 8.0)
+    clean = slow.integrate(world.having(()), start, 8.0)
+    off, effect = flight.state[:13] - twin, twin - clean
+    for part in (slice(0, 3), slice(3, 6), slice(6, 10), slice(10, 13)):
+        assert np.linalg.norm(off[part]) < 1e-4 * np.linalg.norm(effect[part]) + 1e-7, part
+    assert 8 <= flight.iterations < 120
+
+
+def test_windows_leave_no_trace():
+    world = slow.smooth_world().having(tuple(HOOKED.values()))
+    start = slow.entering(world)
+    short, long = (state_after(world, start, 4.0, window).state for window in (0.25, 2.0))
+    np.testing.assert_allclose(short[3:13], long[3:13], rtol=0.0, atol=1e-8)
+    np.testing.assert_allclose(short[:3], long[:3], rtol=0.0, atol=1e-6)
+
+
+def test_nothing_is_iterated_where_no_hook_asks_for_it(mer_flight):
+    assert mer_flight.motion.iterations == 0
+
+
+def test_events_of_a_flight(mer_flight, mer_scenario):
+    """Deployment at the pressure, landing at the radius, rest at the end; all on samples."""
+    m, world = mer_flight.motion, mer_flight.world
+    for event in (m.deployed, m.landed, m.stopped):
+        assert event / 0.125 == pytest.approx(round(event / 0.125), abs=1e-9)
+    around = np.array([m.deployed - 0.125, m.deployed])
+    s = m.at(around)
+    q = world.flow(around, s[:, :3], s[:, 3:6], s[:, 6:10], s[:, 10:13]).dynamic_pressure
+    assert q[0] > 700.0 >= q[1]
+    radius = np.linalg.norm(m.at(np.array([m.landed - 0.125, m.landed]))[:, :3], axis=1)
+    assert radius[0] > mer_scenario.landing.surface_radius >= radius[1]
+    assert m.time[-1] == pytest.approx(m.stopped + 19.5)
+    assert 200.0 < m.deployed < 300.0 < m.landed < 400.0
+    last = m.state[-1]
+    assert np.linalg.norm(world.planet.velocity_relative(last[:3], last[3:6])) < 1e-5
+
+
+def test_states_between_steps_are_of_order_four(mer_flight):
+    """Every second step left out, the states there are found again."""
+    m = mer_flight.motion
+    i = slice(0, 2 * ((len(m.time) - 1) // 2) + 1, 2)
+    before, after = m.before[::2], m.after[1::2]
+    n = min(len(before), len(after))
+    coarse = replace(m, time=m.time[i], state=m.state[i], before=before[:n], after=after[:n])
+    middle = m.time[1 : 2 * n : 2]
+    calm = middle < m.deployed - 1.0
+    found = coarse.at(middle[calm])
+    np.testing.assert_allclose(found[:, :3], m.state[1 : 2 * n : 2, :3][calm], rtol=0.0, atol=1e-5)
+    np.testing.assert_allclose(found[:, 10:13], m.state[1 : 2 * n : 2, 10:13][calm], rtol=0.0, atol=3e-5)
+
+
+def test_a_vehicle_that_does_not_come_down_is_refused():
+    world = slow.empty(slow.smooth_world())
+    with pytest.raises(InputError, match="has not reached the parachute's dynamic pressure"):
+        fly(world, CHUTE, slow.entering(world), Course(0.125, 1, 700.0, 3.39e6, longest=100.0))
+
+
+def test_a_vehicle_that_tumbles_is_refused():
+    world = slow.smooth_world(cm=0.0)
+    start = slow.entering(world)
+    with pytest.raises(InputError, match="the vehicle tumbles"):
+        fly(world, CHUTE, start, Course(0.125, 10, 700.0, 3.39e6, longest=500.0))
+
+
+def test_moments_of_a_user_are_asked_for_along_the_true_flight():
+    """The hook sees the flow of the flight that it makes, not of the nominal one."""
+    seen = []
+
+    class Watch(Effect):
+        name = "watch"
+        parameters = (Parameter("k", "", "any"),)
+
+        def coefficients(self, p, flow, totals):
+            seen.append(flow.alpha_total.copy())
+            return dataclasses.replace(totals, cm_nose=totals.cm_nose * (1.0 + p["k"]))
+
+    world = slow.smooth_world().having((Active(Watch(), {"k": 0.5}),))
+    flight = state_after(world, slow.entering(world), 1.0)
+    state, slope = flight.parts[-1]
+    middles = motion.with_middles(flight.step, state, slope)
+    flow = world.flow(np.arange(len(middles)) * 0.5 * flight.step, *np.split(middles, [3, 6, 10], axis=1))
+    np.testing.assert_allclose(seen[-1][: len(middles)], flow.alpha_total, atol=1e-9)

@@ -1,0 +1,144 @@
+"""Flights as files and in memory: what is drawn, what is measured, what the truth says."""
+
+import h5py
+import numpy as np
+import pytest
+
+from edl_filter import rotations
+from edl_filter.effects.catalogue import effect_named
+from edl_filter.effects.effect import Active
+from edl_filter.errors import InputError
+from edl_filter.mission import Mission
+from edl_filter.reconstruction import reconstruct
+from edl_filter.simulation import Scenario, simulate
+from edl_filter.telemetry.flight_file import read_flight_file
+
+
+@pytest.fixture(scope="module")
+def written(mer_flight, tmp_path_factory):
+    return mer_flight.write(tmp_path_factory.mktemp("flight") / "mer.h5")
+
+
+def test_the_file_is_a_flight_file_with_its_truth(mer_flight, written):
+    telemetry = read_flight_file(written)
+    assert set(telemetry.events) == {"parachute_deploy", "landing"}
+    assert telemetry.landing.time == pytest.approx(telemetry.events["landing"] + 0.5)
+    assert telemetry.altimeter.height[0] < 2400.0 and abs(telemetry.altimeter.height[-1]) < 40.0
+    with h5py.File(written) as file:
+        truth = file["truth"]
+        assert truth.attrs["seed"] == 1
+        n = len(telemetry.driving.time) + 1
+        for key, shape in {"position": (n, 3), "attitude": (n, 4), "alpha_total": (n,), "density": (n,)}.items():
+            assert truth[key].shape == shape
+        assert truth["sensor_errors/primary/accelerometer_bias"].shape == (3,)
+        assert list(truth["effects"]) == []
+
+
+def test_memory_holds_what_the_file_holds(mer_flight, written):
+    memory, file = mer_flight.telemetry(), read_flight_file(written)
+    np.testing.assert_array_equal(memory.driving.specific_force, file.driving.specific_force)
+    np.testing.assert_array_equal(memory.initial.covariance, file.initial.covariance)
+    assert memory.parachute == file.parachute and memory.events == file.events
+
+
+def test_forces_of_the_file_are_the_loads_of_the_world(mer_scenario):
+    """Without errors in it, a sample is the mean of World.loads over the mass, along the truth."""
+    quiet = [f"imus.primary.{key}=0" for key in vars_of("accelerometer", "gyro")]
+    scenario = Scenario.load(
+        "builtin:mer", [*quiet, "imus.primary.position=[0, 0, 0]", "imus.primary.velocity_quantum=0"]
+    )
+    effects = [
+        Active(effect_named("pitching_moment_scale"), {"k": 0.1}),
+        Active(effect_named("mass"), {"k": 0.03}),
+        Active(effect_named("density_wave"), {"A": 0.1, "L": 12e3}),
+    ]
+    flight = simulate(scenario, effects)
+    m, world = flight.motion, flight.world
+    flow = world.flow(m.time, *np.split(m.state[:, :13], [3, 6, 10], axis=1))
+    force = world.loads(flow)[0] / world.rigid_body.mass
+    means = (0.5 * (force[:-1] + force[1:]))[: 10 * len(flight.contents.imus["primary"].time)]
+    means = means.reshape(-1, 10, 3).mean(axis=1)
+    imu = flight.contents.imus["primary"]
+    measured = rotations.rotate(imu.body_from_imu, imu.specific_force)
+    before = (imu.time > 1.0) & (imu.time <= m.deployed)
+    noise = imu.accelerometer_noise
+    np.testing.assert_allclose(measured[before], means[before], rtol=0.0, atol=6.0 * noise)
+    assert np.abs((measured - means)[before].mean(axis=0)).max() < 5.0 * noise / np.sqrt(before.sum()) + 2e-5
+    assert np.abs(measured[before, 0]).max() > 40.0
+
+
+def vars_of(*sensors):
+    return [
+        f"{sensor}_{error}_sigma"
+        for sensor, errors in zip(sensors, (("bias", "scale", "misalignment"), ("bias", "scale")), strict=True)
+        for error in errors
+    ]
+
+
+def test_the_same_seed_draws_the_same_whatever_flies(mer_scenario, mer_flight):
+    again = simulate(mer_scenario)
+    other = simulate(mer_scenario, [Active(effect_named("accelerometer_bias"), {"bx": 0.5})])
+    late = simulate(mer_scenario, seed=2)
+    first, *rest = (f.contents.imus["primary"].specific_force for f in (mer_flight, again, other, late))
+    np.testing.assert_array_equal(first, rest[0])
+    body = mer_flight.contents.imus["primary"].body_from_imu
+    shift = rotations.rotate(body, rest[1] - first)
+    np.testing.assert_allclose(shift.mean(axis=0), [0.5, 0.0, 0.0], atol=1e-3)
+    assert not np.array_equal(first[:100], rest[2][:100])
+    np.testing.assert_array_equal(mer_flight.contents.initial.position, other.contents.initial.position)
+    np.testing.assert_array_equal(other.contents.imus["secondary"].angular_rate,
+                                  mer_flight.contents.imus["secondary"].angular_rate)  # fmt: skip
+
+
+def test_an_instrument_stays_bolted_where_the_centre_of_mass_moves(mer_scenario):
+    """At the end of the arm, which the offset shortens, the spin is felt: w × (w × r)."""
+    spin = 2.0 * np.pi / 30.0
+    shift = np.array([0.0, 0.02, -0.03])
+    flights = [
+        simulate(mer_scenario, effects)
+        for effects in ((), [Active(effect_named("com_offset"), {"dy": shift[1], "dz": shift[2]})])
+    ]
+    early = [f.contents.imus["primary"] for f in flights]
+    change = np.mean(early[1].specific_force[:24] - early[0].specific_force[:24], axis=0)
+    change = rotations.rotate(early[0].body_from_imu, change)
+    np.testing.assert_allclose(change, spin**2 * shift * [0.0, 1.0, 1.0], atol=2e-4)
+
+
+def test_under_the_parachute_the_vehicle_drifts_with_the_air(mer_scenario):
+    """Air that does not turn blows at 230 m/s over the ground, and the nose still meets the wind."""
+    flight = simulate(mer_scenario, [Active(effect_named("atmosphere_rotation"), {"k": 1.0})])
+    m, planet = flight.motion, flight.world.planet
+    late = m.at(np.array([m.landed - 5.0]))[0]
+    assert 200.0 < np.linalg.norm(planet.velocity_relative(late[:3], late[3:6])) < 260.0
+
+
+def test_an_effect_in_an_imu_that_is_not_there(mer_scenario):
+    with pytest.raises(InputError, match=r"imu: found 'third'.*primary, secondary"):
+        simulate(mer_scenario, [Active(effect_named("gyro_bias"), {"bx": 1e-4}, imu="third")])
+
+
+def test_a_turned_frame_is_undone_by_its_effect(mer_scenario, mer_flight):
+    """Stated and turned back by the effect it is the state that would have been stated without."""
+    turn = Active(effect_named("attitude_frame"), {"rx": 3e-3, "ry": -4e-3, "rz": 5e-3})
+    stated = simulate(mer_scenario, [turn]).contents.initial
+    plain = mer_flight.contents.initial
+    assert np.linalg.norm(stated.position - plain.position) > 1e4
+    undone = turn.effect.entry_state(turn.values, stated)
+    np.testing.assert_allclose(undone.position, plain.position, atol=1e-3)
+    np.testing.assert_allclose(undone.velocity, plain.velocity, atol=1e-6)
+    np.testing.assert_allclose(stated.inertial_from_body, plain.inertial_from_body, atol=1e-12)
+
+
+def test_its_reconstruction_is_consistent(mer_flight, written):
+    """Every kind of statement fits its sigma, and the truth lies within the estimate's covariance."""
+    found = reconstruct(Mission.load("builtin:practice_mer", [f"telemetry.path={written}"]))
+    nis = np.array([[f.innovation.nis, len(f.innovation.residual)] for f in found.forward.fused]).sum(axis=0)
+    assert abs(nis[0] - nis[1]) < 4.0 * np.sqrt(2.0 * nis[1])
+    for node, state, covariance in zip(
+        found.forward.nodes, found.smoothed.states, found.smoothed.covariance, strict=True
+    ):
+        true = mer_flight.motion.at(np.array([node.time]))[0]
+        turn = rotations.multiply(rotations.conjugate(state.nav[6:10]), true[6:10])
+        error = np.concatenate((true[:6] - state.nav[:6], rotations.to_rotation_vector(turn)))
+        # 9 degrees of freedom: one in 10⁵ is above 40
+        assert error @ np.linalg.solve(covariance[:9, :9], error) < 40.0, node.time
