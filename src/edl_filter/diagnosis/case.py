@@ -158,11 +158,11 @@ class Linear:
         """The differences, white."""
         return whiten(self.column[:, None], self.start[:, None])[:, 0]
 
-    def with_missing(self, missing: Missing) -> Whitener:
-        """Whitener that allows for a missing force and moment, and for the roughness."""
+    def with_missing(self, missing: Missing, rough: bool = True) -> Whitener:
+        """Whitener that allows for a missing force and moment, and for the roughness or not."""
         order, flow = self.ground.order, self.ground.found.flow
-        rough = roughened(self.steps, order, self.rough[0])
-        return whitener(allow(rough, order, self.unknowns, self.bins, flow, missing))
+        steps = roughened(self.steps, order, self.rough[0]) if rough else self.steps
+        return whitener(allow(steps, order, self.unknowns, self.bins, flow, missing))
 
 
 def load_case(mission: Mission, effects: Sequence[Active] | None = None) -> Case:

@@ -17,7 +17,7 @@ from edl_filter.diagnosis.bins import Bins
 from edl_filter.diagnosis.comparison import averaged, triangle
 from edl_filter.diagnosis.timeline import Order
 from edl_filter.diagnosis.unknowns import Unknowns
-from edl_filter.diagnosis.whitening import Steps, whitener
+from edl_filter.diagnosis.whitening import Steps
 from edl_filter.effects.effect import Flow
 
 Array = NDArray[np.float64]
@@ -73,17 +73,11 @@ def allow(
     return replace(steps, design=design, move=move, noise=noise)
 
 
-def most_likely(
-    steps: Steps, order: Order, unknowns: Unknowns, bins: Bins, flow: Flow, column: Array, start: Array
-) -> tuple[Missing, float]:
-    """The missing force and moment under which the column is most likely, and its log-likelihood.
+def most_likely(value: Callable[[Missing], float]) -> tuple[Missing, float]:
+    """The missing force and moment under which a flight is most likely, and its log-likelihood, `value` of it.
 
     Sizes are searched one after the other on their grid, for each memory; then the best is refined by a factor.
     """
-
-    def value(missing: Missing) -> float:
-        return _likelihood(steps, order, unknowns, bins, flow, column, start, missing)
-
     best, found = Missing(), value(Missing())
     for with_pressure in (False, True):
         for memory in MEMORIES:
@@ -108,10 +102,3 @@ def _sized(value: Callable[[Missing], float], memory: float, with_pressure: bool
                 break
             best, at = other, v
     return best, at
-
-
-def _likelihood(
-    steps: Steps, order: Order, unknowns: Unknowns, bins: Bins, flow: Flow, column: Array, start: Array, missing: Missing
-) -> float:
-    found = whitener(allow(steps, order, unknowns, bins, flow, missing))
-    return found.log_likelihood(found(column[:, None], start[:, None])[:, 0])

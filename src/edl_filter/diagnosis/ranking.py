@@ -1,8 +1,7 @@
 """Ranking: which effect is missing, by evidence.
 
 Every effect of the catalogue that is not in the model is first tried linearly, at every place that it may have: its
-signature is whitened and regressed (`regression`), with nothing else missing, and again with a rough missing force and
-moment allowed, which keeps one large failure from deciding everything. The leaders' places are narrowed down and all
+signature is whitened and regressed (`regression`), the model's failures being taken for noise (`roughness`). The leaders' places are narrowed down and all
 their parameters refitted through the whole chain (`refit`), the last time about a new reconstruction. The same evidence,
 in nats, is computed for *none* and for *something else* (`missing`).
 """
@@ -19,6 +18,7 @@ from edl_filter.diagnosis.case import Case, Linear, linearise, load_case
 from edl_filter.diagnosis.missing import Missing, most_likely
 from edl_filter.diagnosis.refit import Refit, refit
 from edl_filter.diagnosis.regression import Fit, held_out, regress
+from edl_filter.diagnosis.roughness import find_rough
 from edl_filter.diagnosis.signatures import Signature, ordered, places, signature
 from edl_filter.diagnosis.whitening import Whitener
 from edl_filter.effects.effect import Active, Effect
@@ -26,8 +26,8 @@ from edl_filter.effects.effect import Active, Effect
 Array = NDArray[np.float64]
 Progress = Callable[[str], None]
 
-#: Leaders of each of the two linear rankings that are refitted.
-LEADERS = 4
+#: Leaders of the linear ranking that are refitted, and of those about a new reconstruction.
+LEADERS, AGAIN = 5, 2
 #: Linear gain (nats) below which an effect is no leader.
 _HOPELESS = 0.0
 #: Dynamic pressure from which air can be felt, Pa: places in time begin there.
@@ -65,6 +65,8 @@ class Hypothesis:
     ----------
     name : str
     refit : Refit
+    whiten : Whitener
+        At the noise that the hypothesis leaves.
     gain : float
         Evidence over none, nats.
     score_gain : float
@@ -75,6 +77,7 @@ class Hypothesis:
 
     name: str
     refit: Refit
+    whiten: Whitener
     gain: float
     score_gain: float
     case: Case
@@ -113,31 +116,40 @@ def rank(case: Case, candidates: Iterable[Effect], progress: Progress = lambda _
     """Rank the effects that may be missing from a case's model."""
     progress("comparing model and measurements")
     linear = linearise(case)
-    plain = linear.plain
-    white = plain(linear.column[:, None], linear.start[:, None])[:, 0]
-    base = plain.log_likelihood(white)
-    order, flow = linear.ground.order, linear.ground.found.flow
+    soft = linear.soft
+    white = linear.white(soft)
+    base = soft.log_likelihood(white)
     present = {a.name for a in case.effects}
-    progress("signatures")
+    progress("trying the catalogue")
     tried = signatures(linear, [e for e in candidates if e.name not in present], case.parachute)
-    trials = try_all(linear, plain, tried)
-    progress("something else")
-    softened = linear.softened
-    soft_trials = try_all(linear, softened, tried)
-    missing, likely = most_likely(
-        linear.steps, order, linear.unknowns, linear.bins, flow, linear.column, linear.start
-    )
+    trials = try_all(linear, soft, tried)
+    progress("trying something else")
+    missing, likely = something_else(linear)
     found = []
-    for name in leaders(trials, soft_trials):
+    for name in leaders(trials):
         progress(f"refitting {name}")
-        best = max((t[name] for t in (soft_trials, trials) if name in t), key=lambda t: t.gain)
-        found.append(_refitted(case, linear, best, softened, plain, base))
+        found.append(_refitted(case, linear, trials[name], base))
     found.sort(key=lambda h: -h.gain)
-    for i, h in enumerate(found[:2]):
+    for i, h in enumerate(found[:AGAIN]):
         progress(f"refitting {h.name} about a new reconstruction")
         found[i] = about_itself(h, base)
     found.sort(key=lambda h: -h.gain)
     return Ranking(case, linear, white, trials, found, missing, likely - base)
+
+
+def something_else(linear: Linear) -> tuple[Missing, float]:
+    """Most likely missing force and moment, and the log-likelihood with it at the noise that it leaves."""
+
+    def value(missing: Missing) -> float:
+        whiten = linear.with_missing(missing)
+        return whiten.log_likelihood(linear.white(whiten))
+
+    missing, found = most_likely(value)
+    if missing.force == missing.moment == 0.0:
+        return missing, found
+    steps = linear.with_missing(missing, rough=False).steps
+    _, whiten = find_rough(steps, linear.ground.order, linear.column, linear.start)
+    return missing, max(found, whiten.log_likelihood(linear.white(whiten)))
 
 
 def signatures(linear: Linear, effects: Sequence[Effect], end: float) -> list[list[Signature]]:
@@ -172,23 +184,22 @@ def try_all(linear: Linear, whiten: Whitener, tried: list[list[Signature]]) -> d
     return found
 
 
-def leaders(*rankings: dict[str, Trial]) -> list[str]:
-    """Names that lead any of the rankings, each once."""
-    names: list[str] = []
-    for trials in rankings:
-        ranked = sorted(trials, key=lambda n: -trials[n].gain)
-        names += [n for n in ranked[:LEADERS] if trials[n].gain > _HOPELESS and n not in names]
-    return names
+def leaders(trials: dict[str, Trial]) -> list[str]:
+    """Names of the effects worth refitting, best first."""
+    ranked = sorted(trials, key=lambda n: -trials[n].gain)
+    return [n for n in ranked[:LEADERS] if trials[n].gain > _HOPELESS]
 
 
-def _refitted(case: Case, linear: Linear, trial: Trial, softened: Whitener, plain: Whitener, base: float) -> Hypothesis:
-    active = narrowed(linear, trial.active, softened)
-    soft = refit(case, linear, (*case.effects, active), softened, steps=4)
-    hard = refit(case, linear, soft.effects, plain)
-    return _hypothesis(trial.active.name, hard, base, case, linear)
+def _refitted(case: Case, linear: Linear, trial: Trial, base: float) -> Hypothesis:
+    """Refit, and again at the noise that the effect leaves."""
+    active = narrowed(linear, trial.active, linear.soft)
+    found = refit(case, linear, (*case.effects, active), linear.soft, steps=5)
+    _, whiten = find_rough(linear.steps, linear.ground.order, found.column, found.start, linear.rough[0])
+    found = refit(case, linear, found.effects, whiten)
+    return _hypothesis(trial.active.name, found, whiten, base, case, linear)
 
 
-def _hypothesis(name: str, found: Refit, base: float, case: Case, linear: Linear) -> Hypothesis:
+def _hypothesis(name: str, found: Refit, whiten: Whitener, base: float, case: Case, linear: Linear) -> Hypothesis:
     active = next(a for a in found.effects if a.name == name)
     sizes = {q.name for q in active.effect.sizes}
     mine = [i for i, (effect, q) in enumerate(found.names) if effect == name and q in sizes]
@@ -196,15 +207,17 @@ def _hypothesis(name: str, found: Refit, base: float, case: Case, linear: Linear
     x = found.signature[:, mine]
     # before and after in one linear problem: the differences without the effect are those with it, plus x size
     score = held_out(found.white + x @ size, x, found.sigma[mine], linear.ground.order.time)
-    return Hypothesis(name, found, found.evidence - base, score, case, linear)
+    return Hypothesis(name, found, whiten, found.evidence - base, score, case, linear)
 
 
 def about_itself(h: Hypothesis, base: float) -> Hypothesis:
     """The same hypothesis refitted about a reconstruction that has it."""
     case = load_case(h.case.mission, h.refit.effects)
     linear = linearise(case)
-    found = refit(case, linear, case.effects, linear.plain)
-    return _hypothesis(h.name, found, base, case, linear)
+    found = refit(case, linear, case.effects, linear.soft)
+    _, whiten = find_rough(linear.steps, linear.ground.order, found.column, found.start, linear.rough[0])
+    found = refit(case, linear, found.effects, whiten, steps=3)
+    return _hypothesis(h.name, found, whiten, base, case, linear)
 
 
 def narrowed(linear: Linear, active: Active, whiten: Whitener, rounds: int = 6) -> Active:

@@ -40,9 +40,10 @@ class Refit:
         Of the parameters.
     evidence : float
         Log-likelihood at the values, with prior and Laplace's volume, nats.
-    log_likelihood : float
+    column, start : (R,), (n,) arrays
+        Differences at the values, and what is stated of the unknowns at the beginning.
     white : (R,) array
-        Differences at the values.
+        The same, white.
     signature : (R, k) array
         White signatures there.
     sigma : (k,) array
@@ -53,7 +54,8 @@ class Refit:
     names: tuple[tuple[str, str], ...]
     covariance: Array
     evidence: float
-    log_likelihood: float
+    column: Array
+    start: Array
     white: Array
     signature: Array
     sigma: Array
@@ -108,13 +110,15 @@ def refit(case: Case, linear: Linear, effects: Sequence[Active], whiten: Whitene
         at, value, white = trial, new, new_white
         if gained < _ENOUGH:
             break
+    column, start = _differences(case, linear, at)
     volume = 0.5 * np.linalg.slogdet(covariance)[1] - float(np.sum(np.log(sigma))) if free else 0.0
     return Refit(
         effects=at,
         names=names,
         covariance=covariance,
         evidence=value + volume,
-        log_likelihood=whiten.log_likelihood(white),
+        column=column,
+        start=start,
         white=white,
         signature=columns,
         sigma=sigma,
@@ -147,13 +151,18 @@ def _value_at(
     names: Sequence[tuple[str, str]],
 ) -> tuple[float, Array]:
     """Log posterior up to a constant, and the white differences."""
-    setup = case.arrange(effects)
-    start = linear.start.copy()
-    start[: setup.problem.layout.size] = stated_start(setup, linear.ground.start)
-    column = linear.ground.order.stack(compare(linear.ground.frame, setup))
+    column, start = _differences(case, linear, effects)
     white = whiten(column[:, None], start[:, None])[:, 0]
     theta = np.array([_value(effects, e, n) for e, n in names])
     return whiten.log_likelihood(white) - 0.5 * float(np.sum(((theta - centre) / sigma) ** 2)), white
+
+
+def _differences(case: Case, linear: Linear, effects: Sequence[Active]) -> tuple[Array, Array]:
+    """Differences with effects at their values, and what is stated of the unknowns at the beginning."""
+    setup = case.arrange(effects)
+    start = linear.start.copy()
+    start[: setup.problem.layout.size] = stated_start(setup, linear.ground.start)
+    return linear.ground.order.stack(compare(linear.ground.frame, setup)), start
 
 
 def _columns(
