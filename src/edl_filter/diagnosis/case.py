@@ -17,7 +17,7 @@ from edl_filter.assembly import assemble, without_effects
 from edl_filter.diagnosis.bins import Bins, lay_bins
 from edl_filter.diagnosis.comparison import Setup, compare
 from edl_filter.diagnosis.missing import Missing, allow
-from edl_filter.diagnosis.roughness import Rough, find_rough, roughened
+from edl_filter.diagnosis.roughness import Rough, find_rough
 from edl_filter.diagnosis.sensitivity import bin_rows, slopes
 from edl_filter.diagnosis.signatures import Ground
 from edl_filter.diagnosis.timeline import follow, frame_of, in_order, stated_start
@@ -34,8 +34,8 @@ Array = NDArray[np.float64]
 
 #: Time before the parachute that is not compared, s: the mortar's recoil and the samples that reach over it.
 _MARGIN = 0.3
-#: Rounds of moving the path, and what it may still move, in sigmas of what is known of it.
-_ROUNDS, _SETTLED = 4, 0.1
+#: What a path may still move when it has settled, in sigmas of what is known of it.
+_SETTLED = 0.1
 
 
 @dataclass(frozen=True)
@@ -147,7 +147,8 @@ class Linear:
     @cached_property
     def rough(self) -> tuple[Rough, Whitener]:
         """Noise that the differences have beyond what is stated, and the whitener that allows for it."""
-        return find_rough(self.steps, self.ground.order, self.column, self.start)
+        rough, whiten = find_rough(self.steps, self.ground.order, self.column, self.start)
+        return rough, self.plain if rough.none else whiten
 
     @property
     def soft(self) -> Whitener:
@@ -158,11 +159,10 @@ class Linear:
         """The differences, white."""
         return whiten(self.column[:, None], self.start[:, None])[:, 0]
 
-    def with_missing(self, missing: Missing, rough: bool = True) -> Whitener:
-        """Whitener that allows for a missing force and moment, and for the roughness or not."""
+    def with_missing(self, missing: Missing) -> Whitener:
+        """Whitener that allows for a missing force and moment."""
         order, flow = self.ground.order, self.ground.found.flow
-        steps = roughened(self.steps, order, self.rough[0]) if rough else self.steps
-        return whitener(allow(steps, order, self.unknowns, self.bins, flow, missing))
+        return whitener(allow(self.steps, order, self.unknowns, self.bins, flow, missing))
 
 
 def load_case(mission: Mission, effects: Sequence[Active] | None = None) -> Case:
@@ -198,12 +198,12 @@ def case_of(reconstruction: Reconstruction) -> Case:
     )
 
 
-def linearise(case: Case) -> Linear:
-    """Compare model and measurement about the path that all of it makes most probable.
+def linearise(case: Case, rounds: int = 1) -> Linear:
+    """Compare model and measurement about a path.
 
-    The first path begins where the reconstruction says. What forces and moments say of its beginning and of the sensor
-    errors is more than the reconstruction knew; the path is moved there and everything taken again, until it stays. A
-    model that fails must not drag the path along: its failures are allowed for as noise (`roughness`) meanwhile.
+    The first path begins where the reconstruction says, which knows nothing of the air. What forces and moments say of
+    its beginning and of the sensor errors is more; with further `rounds` the path is moved there and everything taken
+    again, until it stays. That is for models that hold: a failing one would drag the path along.
     """
     r = case.reconstruction
     layout, start = r.problem.layout, r.smoothed.states[0]
@@ -213,8 +213,10 @@ def linearise(case: Case) -> Linear:
         if node.unit not in met:
             met.add(node.unit)
             errors[node.unit] = state.errors
-    for _ in range(_ROUNDS):
+    for i in range(rounds):
         linear = about(case, start, errors)
+        if i == rounds - 1:
+            break
         soft = linear.soft
         white = linear.white(soft)
         shift, covariance = soft.start_correction(white, layout.size)

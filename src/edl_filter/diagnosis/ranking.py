@@ -27,7 +27,7 @@ Array = NDArray[np.float64]
 Progress = Callable[[str], None]
 
 #: Leaders of the linear ranking that are refitted, and of those about a new reconstruction.
-LEADERS, AGAIN = 5, 2
+LEADERS, AGAIN = 4, 2
 #: Linear gain (nats) below which an effect is no leader.
 _HOPELESS = 0.0
 #: Dynamic pressure from which air can be felt, Pa: places in time begin there.
@@ -71,6 +71,10 @@ class Hypothesis:
         Evidence over none, nats.
     score_gain : float
         Held-out log predictive density over none, nats.
+    at_floor : bool
+        No noise beyond the stated one is left with it.
+    explained : (R,) array
+        What its sizes make of the differences, white, at the noise of the model without it.
     case, linear : Case, Linear
         The ground of the last refit.
     """
@@ -80,6 +84,8 @@ class Hypothesis:
     whiten: Whitener
     gain: float
     score_gain: float
+    at_floor: bool
+    explained: Array
     case: Case
     linear: Linear
 
@@ -100,7 +106,9 @@ class Ranking:
     missing : Missing
         Something else, at its most likely.
     something_else : float
-        Its evidence over none, nats.
+        Its evidence, nats, over the model at its own noise, as all gains are.
+    noise_evidence : float
+        Evidence of the model's own noise over the stated one, nats; zero where they are one.
     """
 
     case: Case
@@ -110,6 +118,7 @@ class Ranking:
     hypotheses: list[Hypothesis]
     missing: Missing
     something_else: float
+    noise_evidence: float
 
 
 def rank(case: Case, candidates: Iterable[Effect], progress: Progress = lambda _: None) -> Ranking:
@@ -122,19 +131,22 @@ def rank(case: Case, candidates: Iterable[Effect], progress: Progress = lambda _
     present = {a.name for a in case.effects}
     progress("trying the catalogue")
     tried = signatures(linear, [e for e in candidates if e.name not in present], case.parachute)
-    trials = try_all(linear, soft, tried)
+    ways = [soft] if soft is linear.plain else [soft, linear.plain]
+    trials = [try_all(linear, way, tried) for way in ways]
     progress("trying something else")
     missing, likely = something_else(linear)
     found = []
     for name in leaders(trials):
         progress(f"refitting {name}")
-        found.append(_refitted(case, linear, trials[name], base))
+        starts = [(t[name], way) for t, way in zip(trials, ways, strict=True)]
+        found.append(_refitted(case, linear, starts, base))
     found.sort(key=lambda h: -h.gain)
     for i, h in enumerate(found[:AGAIN]):
         progress(f"refitting {h.name} about a new reconstruction")
         found[i] = about_itself(h, base)
     found.sort(key=lambda h: -h.gain)
-    return Ranking(case, linear, white, trials, found, missing, likely - base)
+    stated = linear.plain.log_likelihood(linear.white(linear.plain))
+    return Ranking(case, linear, white, trials[0], found, missing, likely - base, base - stated)
 
 
 def something_else(linear: Linear) -> tuple[Missing, float]:
@@ -144,12 +156,10 @@ def something_else(linear: Linear) -> tuple[Missing, float]:
         whiten = linear.with_missing(missing)
         return whiten.log_likelihood(linear.white(whiten))
 
-    missing, found = most_likely(value)
-    if missing.force == missing.moment == 0.0:
-        return missing, found
-    steps = linear.with_missing(missing, rough=False).steps
+    missing, _ = most_likely(value)
+    steps = linear.with_missing(missing).steps
     _, whiten = find_rough(steps, linear.ground.order, linear.column, linear.start)
-    return missing, max(found, whiten.log_likelihood(linear.white(whiten)))
+    return missing, whiten.log_likelihood(linear.white(whiten))
 
 
 def signatures(linear: Linear, effects: Sequence[Effect], end: float) -> list[list[Signature]]:
@@ -184,22 +194,37 @@ def try_all(linear: Linear, whiten: Whitener, tried: list[list[Signature]]) -> d
     return found
 
 
-def leaders(trials: dict[str, Trial]) -> list[str]:
-    """Names of the effects worth refitting, best first."""
-    ranked = sorted(trials, key=lambda n: -trials[n].gain)
-    return [n for n in ranked[:LEADERS] if trials[n].gain > _HOPELESS]
+def leaders(rankings: list[dict[str, Trial]]) -> list[str]:
+    """Names that lead any of the linear rankings, each once."""
+    names: list[str] = []
+    for trials in rankings:
+        ranked = sorted(trials, key=lambda n: -trials[n].gain)
+        names += [n for n in ranked[:LEADERS] if trials[n].gain > _HOPELESS and n not in names]
+    return names
 
 
-def _refitted(case: Case, linear: Linear, trial: Trial, base: float) -> Hypothesis:
-    """Refit, and again at the noise that the effect leaves."""
-    active = narrowed(linear, trial.active, linear.soft)
-    found = refit(case, linear, (*case.effects, active), linear.soft, steps=5)
-    _, whiten = find_rough(linear.steps, linear.ground.order, found.column, found.start, linear.rough[0])
-    found = refit(case, linear, found.effects, whiten)
-    return _hypothesis(trial.active.name, found, whiten, base, case, linear)
+def _refitted(case: Case, linear: Linear, starts: list[tuple[Trial, Whitener]], base: float) -> Hypothesis:
+    """Refit from where each linear ranking saw the effect, and the better one at the noise that it leaves."""
+    found: list[Refit] = []
+    for trial, way in starts:
+        if trial.gain <= _HOPELESS or (found and not trial.active.effect.places):
+            continue
+        active = narrowed(linear, trial.active, way)
+        begun = refit(case, linear, (*case.effects, active), linear.soft, steps=4)
+        found.append(refit(case, linear, begun.effects, linear.plain))
+    best = max(found, key=lambda r: r.evidence)
+    return _at_own_noise(starts[0][0].active.name, best, base, case, linear)
 
 
-def _hypothesis(name: str, found: Refit, whiten: Whitener, base: float, case: Case, linear: Linear) -> Hypothesis:
+def _at_own_noise(name: str, found: Refit, base: float, case: Case, linear: Linear) -> Hypothesis:
+    rough, whiten = find_rough(linear.steps, linear.ground.order, found.column, found.start)
+    found = refit(case, linear, found.effects, whiten, steps=4)
+    return _hypothesis(name, found, whiten, rough.none, base, case, linear)
+
+
+def _hypothesis(
+    name: str, found: Refit, whiten: Whitener, at_floor: bool, base: float, case: Case, linear: Linear
+) -> Hypothesis:
     active = next(a for a in found.effects if a.name == name)
     sizes = {q.name for q in active.effect.sizes}
     mine = [i for i, (effect, q) in enumerate(found.names) if effect == name and q in sizes]
@@ -207,17 +232,15 @@ def _hypothesis(name: str, found: Refit, whiten: Whitener, base: float, case: Ca
     x = found.signature[:, mine]
     # before and after in one linear problem: the differences without the effect are those with it, plus x size
     score = held_out(found.white + x @ size, x, found.sigma[mine], linear.ground.order.time)
-    return Hypothesis(name, found, whiten, found.evidence - base, score, case, linear)
+    gain = found.evidence - base
+    return Hypothesis(name, found, whiten, gain, score, at_floor, x @ size, case, linear)
 
 
 def about_itself(h: Hypothesis, base: float) -> Hypothesis:
     """The same hypothesis refitted about a reconstruction that has it."""
     case = load_case(h.case.mission, h.refit.effects)
-    linear = linearise(case)
-    found = refit(case, linear, case.effects, linear.soft)
-    _, whiten = find_rough(linear.steps, linear.ground.order, found.column, found.start, linear.rough[0])
-    found = refit(case, linear, found.effects, whiten, steps=3)
-    return _hypothesis(h.name, found, whiten, base, case, linear)
+    linear = linearise(case, rounds=2)
+    return _at_own_noise(h.name, refit(case, linear, case.effects, linear.soft), base, case, linear)
 
 
 def narrowed(linear: Linear, active: Active, whiten: Whitener, rounds: int = 6) -> Active:

@@ -1,0 +1,183 @@
+"""Diagnosis of one flight: where the model fails, which effect is missing, what is left."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from edl_filter.diagnosis.case import Case, Linear
+from edl_filter.diagnosis.ranking import Hypothesis, Progress, Ranking, Trial, rank
+from edl_filter.diagnosis.remainder import Remainder, describe
+from edl_filter.diagnosis.verdict import Entry, Verdict, judge
+from edl_filter.diagnosis.where import Cell, channels, failures, normalised, survey
+from edl_filter.effects.effect import Effect
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Diagnosis:
+    """What is wrong with a model, and what would mend it.
+
+    Attributes
+    ----------
+    mission : str
+        Name.
+    effects : tuple of str
+        In the model already.
+    cells : list of Cell
+    verdict : Verdict
+    ranking : Ranking
+    remainder : Remainder or None
+        Described where nothing in the catalogue explains it.
+    errors : dict
+        Channel → normalised RMS over the flight, as the model is.
+    noise_floor : float
+        Normalised RMS that chance allows over the flight: its 97.5 % point.
+    """
+
+    mission: str
+    effects: tuple[str, ...]
+    cells: list[Cell]
+    verdict: Verdict
+    ranking: Ranking
+    remainder: Remainder | None
+    errors: dict[str, float]
+    noise_floor: float
+
+    def content(self) -> dict[str, Any]:
+        """What ``diagnosis.json`` holds."""
+        verdict, ranking = self.verdict, self.ranking
+        left = self.remainder
+        return {
+            "verdict": verdict.verdict,
+            "sentence": verdict.sentence,
+            "mission": self.mission,
+            "effects": list(self.effects),
+            "where": [_cell(c) for c in failures(self.cells)],
+            "map": [_cell(c) for c in self.cells],
+            "ranking": [_entry(e, self.errors) for e in verdict.entries],
+            "none": verdict.none,
+            "something_else": {
+                "probability": verdict.something_else,
+                "score_gain": ranking.something_else,
+                "force_m_s2": ranking.missing.force,
+                "angular_acceleration_rad_s2": ranking.missing.moment,
+                "memory_s": ranking.missing.memory,
+                "with_dynamic_pressure": ranking.missing.with_pressure,
+            },
+            "undecided": {
+                name: {"gain": t.gain, "parameters": _trial(t)} for name, t in ranking.trials.items()
+            },
+            "remainder": None
+            if left is None
+            else {
+                "channel": left.channel, "t0_s": left.t0, "t1_s": left.t1, "normalised_rms": left.rms,
+                "size": left.size, "unit": left.unit, "frequency_hz": left.frequency, "follows": left.follows,
+                "companions": list(left.companions), "description": left.description,
+            },
+            "errors": self.errors,
+            "noise_floor": self.noise_floor,
+        }  # fmt: skip
+
+
+def diagnose(case: Case, candidates: Iterable[Effect], progress: Progress = lambda _: None) -> Diagnosis:
+    """Diagnose a flight.
+
+    Parameters
+    ----------
+    case : Case
+    candidates : iterable of Effect
+        What may be missing; effects in the model are passed over.
+    progress : callable
+        Told what is being done.
+    """
+    ranking = rank(case, candidates, progress)
+    verdict = judge(ranking)
+    progress("describing what is left")
+    count = ranking.linear.ground.order.count
+    return Diagnosis(
+        mission=case.mission.name,
+        effects=tuple(a.name for a in case.effects),
+        cells=survey(ranking.linear),
+        verdict=verdict,
+        ranking=ranking,
+        remainder=describe(ranking.linear) if verdict.verdict == "unknown" else None,
+        errors=channel_errors(ranking.linear, normalised(ranking.linear)),
+        noise_floor=float(np.sqrt(1.0 + 1.96 * np.sqrt(2.0 / count))),
+    )
+
+
+def errors_with(h: Hypothesis) -> dict[str, float]:
+    """Normalised RMS of every channel over the flight with a hypothesis in the model."""
+    return channel_errors(h.linear, h.whiten.innovations(h.refit.white) / h.linear.plain.innovation_sigma)
+
+
+def channel_errors(linear: Linear, scaled: Array) -> dict[str, float]:
+    """Normalised RMS of every channel over the flight, from innovations ``(R,)`` in sigmas of what is stated."""
+    order = linear.ground.order
+    found = {}
+    for c, (name, _) in enumerate(channels(linear)):
+        rows = order.bin_rows[:, c]
+        found[name] = _rms(scaled[rows[rows >= 0]])
+    by_name: dict[str, list[float]] = {}
+    for constraint, where in zip(linear.ground.setup.problem.constraints, order.constraint_rows, strict=True):
+        by_name.setdefault(constraint.name, []).extend(scaled[where])
+    return found | {name: _rms(np.array(values)) for name, values in by_name.items()}
+
+
+def _rms(values: Any) -> float:
+    return float(np.sqrt(np.mean(np.square(values)))) if len(values) else float("nan")
+
+
+def _cell(c: Cell) -> dict[str, Any]:
+    return {
+        "channel": c.channel, "regime": c.regime, "t0_s": c.t0, "t1_s": c.t1, "normalised_rms": c.rms, "bias": c.bias,
+        "autocorrelation": c.autocorrelation, "beyond_noise": c.physical, "unit": c.unit,
+        "over_database_sigma": c.matters, "count": c.count, "fails": c.fails,
+    }  # fmt: skip
+
+
+def _trial(trial: Trial) -> dict[str, Any]:
+    spread = np.sqrt(np.diag(trial.fit.covariance))
+    return {
+        n: {"estimate": float(v), "sigma": float(s), "data_share": float(d)}
+        for n, v, s, d in zip(trial.signature.names, trial.fit.size, spread, trial.fit.data_share, strict=True)
+    }
+
+
+def _entry(entry: Entry, before: dict[str, float]) -> dict[str, Any]:
+    h = entry.hypothesis
+    active = next(a for a in h.refit.effects if a.name == h.name)
+    units = {q.name: q.unit for q in active.effect.parameters}
+    after = errors_with(h)
+    worst = max(before, key=lambda name: before[name])
+    return {
+        "effect": h.name,
+        "same_as": list(entry.same_as),
+        "probability": entry.probability,
+        "gain": h.gain,
+        "score_gain": h.score_gain,
+        "at_noise_floor": h.at_floor,
+        "parameters": {
+            n: {"estimate": v, "sigma": s, "unit": units[n]} for n, (v, s) in h.refit.parameters(h.name).items()
+        },
+        "correlations": _correlations(h),
+        "error_before": before[worst],
+        "error_after": after[worst],
+        "channel": worst,
+        "errors_after": after,
+    }
+
+
+def _correlations(h: Hypothesis) -> dict[str, float]:
+    spread = np.sqrt(np.diag(h.refit.covariance))
+    found = {}
+    for i, (_, one) in enumerate(h.refit.names):
+        for j in range(i):
+            found[f"{h.refit.names[j][1]}, {one}"] = float(h.refit.covariance[i, j] / (spread[i] * spread[j]))
+    return found

@@ -1,0 +1,126 @@
+"""The verdict: clean, missing or unknown, and how probable each hypothesis is.
+
+Evidence (nats) is compared among *none* (the model at its stated noise), every refitted effect, and *something else*
+(the model with noise or a missing force and moment that nobody named), all equal before the data.
+
+A name must beat both by `CLEAR`, in evidence and on held-out data. Beyond that, effects whose white signatures cannot
+be told apart are one hypothesis with several names.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from edl_filter.diagnosis.ranking import Hypothesis, Ranking
+from edl_filter.effects.effect import Active
+
+Array = NDArray[np.float64]
+
+#: Gain that names an effect, nats: that of a detectable one (design section 6), and on a flight with unexplained noise.
+CLEAR, CLEAR_IN_NOISE = 6.0, 12.0
+#: Correlation of fitted signatures from which two names are one hypothesis, and the evidence that still parts them.
+SAME, PARTED = 0.9, 6.0
+#: Evidence that the model's noise is not what is stated, nats.
+_NOISY = 10.0
+
+
+@dataclass(frozen=True)
+class Entry:
+    """One row of the ranking.
+
+    Attributes
+    ----------
+    hypothesis : Hypothesis
+    same_as : tuple of str
+        Names that the flight does not tell from it.
+    probability : float
+    """
+
+    hypothesis: Hypothesis
+    same_as: tuple[str, ...]
+    probability: float
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """What the ranking says.
+
+    Attributes
+    ----------
+    verdict : str
+        ``clean``, ``missing`` or ``unknown``.
+    entries : list of Entry
+        Most probable first.
+    none, something_else : float
+        Their probabilities.
+    sentence : str
+    """
+
+    verdict: str
+    entries: list[Entry]
+    none: float
+    something_else: float
+    sentence: str
+
+    @property
+    def leader(self) -> Active | None:
+        """The effect that is missing, with its estimate."""
+        if self.verdict != "missing":
+            return None
+        h = self.entries[0].hypothesis
+        return next(a for a in h.refit.effects if a.name == h.name)
+
+
+def judge(ranking: Ranking) -> Verdict:
+    """Probabilities and verdict."""
+    noisy = ranking.noise_evidence > _NOISY
+    none = -ranking.noise_evidence if noisy else 0.0
+    other = max(0.0, ranking.something_else) if noisy else ranking.something_else - CLEAR
+    groups = grouped(ranking.hypotheses)
+    evidence = np.array([none, other, *(g[0].gain for g in groups)])
+    weight = np.exp(evidence - evidence.max())
+    probability = weight / weight.sum()
+    entries = [
+        Entry(g[0], tuple(h.name for h in g[1:]), float(p)) for g, p in zip(groups, probability[2:], strict=True)
+    ]
+    need = CLEAR_IN_NOISE if noisy else CLEAR
+    best = groups[0][0] if groups else None
+    # a name stands against the noise that is left without it; a smooth missing force may pass for a true effect
+    named = best is not None and best.gain > need and best.score_gain > need
+    if named and best is not None and best.gain < other and not best.at_floor:
+        named = best.gain > 0.05 * other
+    verdict = "missing" if named else "unknown" if noisy or other > 0.0 else "clean"
+    return Verdict(verdict, entries, float(probability[0]), float(probability[1]), _words(verdict, entries))
+
+
+def grouped(hypotheses: list[Hypothesis]) -> list[list[Hypothesis]]:
+    """Hypotheses that cannot be told apart, together; best first in and among the groups."""
+    left, groups = sorted(hypotheses, key=lambda h: -h.gain), []
+    while left:
+        head, rest = left[0], left[1:]
+        same = [h for h in rest if head.gain - h.gain < PARTED and likeness(head, h) > SAME]
+        groups.append([head, *same])
+        left = [h for h in rest if h not in same]
+    return groups
+
+
+def likeness(a: Hypothesis, b: Hypothesis) -> float:
+    """Correlation of what two hypotheses make of the differences, white; 0 where they stand on different ground."""
+    one, other = a.explained, b.explained
+    if len(one) != len(other):
+        return 0.0
+    scale = float(np.linalg.norm(one) * np.linalg.norm(other))
+    return abs(float(one @ other)) / scale if scale > 0.0 else 0.0
+
+
+def _words(verdict: str, entries: list[Entry]) -> str:
+    if verdict == "clean":
+        return "The flight is clean: model and measurement agree to the stated noise, and no effect earns its place."
+    if verdict == "unknown":
+        return "Something is missing that no effect of the catalogue explains."
+    e = entries[0]
+    name = " or ".join((e.hypothesis.name, *e.same_as))
+    return f"Missing: {name} (gain {e.hypothesis.gain:.0f} nats)."
