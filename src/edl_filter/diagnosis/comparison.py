@@ -1,6 +1,6 @@
 """Prediction beside measurement: what the model says that every instrument should have read.
 
-Along a dead-reckoned path (`path`) the model of the world gives force and moment at five nodes of every bin (`bins`).
+Along a dead-reckoned path (`path`) the model of the world gives force and moment at some nodes of every bin (`bins`).
 Specific force is averaged over the bin by Simpson's rule. Rates are never differentiated: the step of the mean rate from
 one bin to the next is the integral of the angular acceleration with a triangular weight,
 
@@ -136,7 +136,7 @@ def predicted(world: World, bins: Bins, flow: Flow, tables: Totals | None = None
 
 
 def averaged(values: Array, bins: Bins) -> Array:
-    """Means over the bins from values at the nodes ``(4 B + 1, ...)``, Simpson's rule."""
+    """Means over the bins from values at the nodes ``(PER_BIN B + 1, ...)``, Simpson's rule."""
     return _weighted(values, _SIMPSON)
 
 
@@ -152,7 +152,7 @@ def angular_acceleration(world: World, flow: Flow, moment: Array) -> Array:
 
 
 def triangle(values: Array, bins: Bins, weights: Array | None = None) -> Array:
-    """Integrals over adjoining bins with the triangular weight, ``(B - 1, ...)`` from nodes ``(4 B + 1, ...)``."""
+    """Integrals over adjoining bins with the triangular weight, ``(B - 1, ...)`` from nodes ``(PER_BIN B + 1, ...)``."""
     rule = _SIMPSON if weights is None else weights
     dt = bins.interval.reshape(-1, *(1,) * (values.ndim - 1))
     share = np.arange(PER_BIN + 1) / PER_BIN
@@ -174,9 +174,11 @@ def rounding(world: World, bins: Bins, flow: Flow, force: Array, moment: Array) 
     )
 
 
-#: Weights of Simpson's rule over a bin of unit length, with four steps and with two.
-_SIMPSON = np.array([1.0, 4.0, 2.0, 4.0, 1.0]) / 12.0
-_COARSE = np.array([1.0, 0.0, 4.0, 0.0, 1.0]) / 6.0
+#: Weights of Simpson's rule over a bin of unit length, with all nodes and with every second one.
+_SIMPSON = np.where(np.arange(PER_BIN + 1) % 2, 4.0, 2.0) / (3.0 * PER_BIN)
+_COARSE = np.where(np.arange(PER_BIN + 1) % 4 == 2, 8.0, np.where(np.arange(PER_BIN + 1) % 4 == 0, 4.0, 0.0)) / (3.0 * PER_BIN)
+_SIMPSON[[0, -1]] /= 2.0
+_COARSE[[0, -1]] /= 2.0
 
 
 def _weighted(values: Array, weights: Array) -> Array:

@@ -47,7 +47,7 @@ class Missing:
 #: What is tried: memories (s) with and without dynamic pressure, and the sizes of force and moment.
 MEMORIES = (0.5, 10.0)
 FORCES = (0.0, 3e-3, 3e-2, 0.3)
-MOMENTS = (0.0, 1e-4, 1e-3, 1e-2, 0.1)
+MOMENTS = (0.0, 1e-3, 1e-2, 0.1)
 
 
 def allow(
@@ -84,9 +84,9 @@ def most_likely(value: Callable[[Missing], float]) -> tuple[Missing, float]:
             trial, at = _sized(value, memory, with_pressure)
             if at > found:
                 best, found = trial, at
-    for name in ("moment", "force", "memory"):
-        for factor in (1.8, 1.0 / 1.8):
-            while (v := value(other := replace(best, **{name: getattr(best, name) * factor}))) > found + 0.5:
+    for name in ("moment", "force"):
+        for factor in (3.0, 1.0 / 3.0):
+            if (v := value(other := replace(best, **{name: getattr(best, name) * factor}))) > found:
                 best, found = other, v
     return best, found
 

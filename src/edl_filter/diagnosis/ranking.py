@@ -27,7 +27,7 @@ Array = NDArray[np.float64]
 Progress = Callable[[str], None]
 
 #: Leaders of the linear ranking that are refitted, and of those about a new reconstruction.
-LEADERS, AGAIN = 4, 2
+LEADERS, AGAIN = 4, 1
 #: Linear gain (nats) below which an effect is no leader.
 _HOPELESS = 0.0
 #: Dynamic pressure from which air can be felt, Pa: places in time begin there.

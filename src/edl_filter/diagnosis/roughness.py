@@ -22,7 +22,7 @@ Array = NDArray[np.float64]
 PIECE = 10.0
 #: Excess of a piece's mean square that is more than chance, in sigmas of chance.
 _CHANCE = 4.0
-_ROUNDS = 8
+_ROUNDS = 6
 
 
 @dataclass(frozen=True)

@@ -177,14 +177,17 @@ def bin_rows(
         design[:-1, 3:6, at] = slope.turn[:, :, slope.names[name]]
     gains: dict[str, Array | float] = {"density": allowance.density, "mass": allowance.mass}
     gains |= {"inertia": allowance.inertia, "wind_east": allowance.wind, "wind_north": allowance.wind}
-    if "ca" in unknowns:
-        middle = slice(PER_BIN // 2, None, PER_BIN)
-        limits = setup.world.database.lookup(
-            found.flow.mach[middle], found.flow.knudsen[middle], found.flow.alpha_total[middle],
-            found.flow.speed[middle],
-        ).three_sigma  # fmt: skip
-        third = allowance.coefficients / 3.0
-        gains |= {"ca": third * limits.ca, "cn": third * limits.cn, "cm": third * limits.cm}
+    middle = slice(PER_BIN // 2, None, PER_BIN)
+    flow, tables = found.flow, found.tables
+    limits = setup.world.database.lookup(
+        flow.mach[middle], flow.knudsen[middle], flow.alpha_total[middle], flow.speed[middle]
+    ).three_sigma
+    third, least = allowance.coefficients / 3.0, allowance.numerical
+    gains |= {
+        "ca": np.hypot(third * limits.ca, least * tables.ca[middle]),
+        "cn": np.hypot(third * limits.cn, least * tables.cn[middle]),
+        "cm": np.hypot(third * limits.cm, least * tables.cm_nose[middle]),
+    }
     for name, gain in gains.items():
         if name in unknowns:
             put(name, slope.names[name], gain)

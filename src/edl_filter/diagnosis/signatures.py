@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from edl_filter.diagnosis.comparison import Differences, Frame, Setup, compare, predicted
+from edl_filter.diagnosis.path import PER_BIN
 from edl_filter.diagnosis.sensitivity import Slopes
 from edl_filter.diagnosis.timeline import Order, stated_start
 from edl_filter.effects.effect import Active, Effect
@@ -190,7 +191,7 @@ def _loads_only(ground: Ground, others: Sequence[Active], active: Active) -> tup
         return predicted(world, bins, moved)
     # a scan has hundreds of places: air that is a little different acts by the slopes that are known
     force, turn = predicted(world, bins, flow, ground.found.tables)
-    middle = flow.altitude[2::4]
+    middle = flow.altitude[PER_BIN // 2 :: PER_BIN]
     denser, wind = np.log(effect.density(active.values, middle)), effect.wind(active.values, middle)
     for name, amount in (("density", denser), ("wind_east", wind[:, 0]), ("wind_north", wind[:, 1])):
         column = ground.slopes.names[name].start

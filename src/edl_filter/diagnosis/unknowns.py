@@ -13,7 +13,8 @@ density, wind_east, wind_north
     and slope: a Matérn process of order 3/2, which is as smooth as air is (a first-order one, of the same correlation
     length, would be let jump by a tenth of its sigma in a hundred metres).
 ca, cn, cm
-    Errors of the database in sigmas, pairs of the same kind; they change with time.
+    Errors of the database in sigmas, pairs of the same kind; they change with time. Exact tables leave what numbers
+    cannot do better.
 mass, inertia
     Relative errors, in sigmas.
 missing_force, missing_moment
@@ -47,6 +48,8 @@ class Allowance:
         How many of the database's own sigmas it may be off; 0: exact.
     coefficient_memory : float
         s.
+    numerical : float
+        Relative one sigma of a prediction from exact tables: what sampling, interpolation and small angles leave.
     mass, inertia : float
         Relative one sigma.
     """
@@ -56,6 +59,7 @@ class Allowance:
     wind: float = 0.0
     coefficients: float = 0.0
     coefficient_memory: float = 20.0
+    numerical: float = 2e-4
     mass: float = 0.0
     inertia: float = 0.0
 
@@ -91,7 +95,7 @@ def lay_out(layout: Layout, checking: tuple[ImuRecord, ...], allowance: Allowanc
         sizes |= {f"other{i}_{n}": 3 for n in SENSOR_STATES if getattr(record.errors[0], n) > 0.0}
     smooth = ["density"] if allowance.density > 0.0 else []
     smooth += ["wind_east", "wind_north"] if allowance.wind > 0.0 else []
-    smooth += ["ca", "cn", "cm"] if allowance.coefficients > 0.0 else []
+    smooth += ["ca", "cn", "cm"]
     sizes |= dict.fromkeys(smooth, 2)
     if allowance.mass > 0.0:
         sizes["mass"] = 1

@@ -125,10 +125,13 @@ class Whitener:
 def whitener(steps: Steps) -> Whitener:
     """Run the covariances once."""
     design = np.ascontiguousarray(steps.design)
+    # rows that no step moves need not be multiplied
+    moves = np.any(steps.move != np.eye(len(steps.start)), axis=(0, 2))
     with _one_thread():
         gain, factor, log_det = _gains(
-            steps.move, steps.noise, steps.rows, design, steps.row_noise, steps.start.copy()
-        )
+            np.flatnonzero(moves), np.ascontiguousarray(steps.move[:, moves]), steps.noise, steps.rows, design,
+            steps.row_noise, steps.start.copy(),
+        )  # fmt: skip
     return Whitener(steps, gain, factor, log_det)
 
 
@@ -153,13 +156,19 @@ def _coloured(rows, factor, white):
 
 
 @njit(cache=True, error_model="numpy")
-def _gains(move, noise, rows, design, row_noise, p):
-    """Covariance recursion of the Kalman filter over all steps."""
+def _gains(moving, move, noise, rows, design, row_noise, p):
+    """Covariance recursion of the Kalman filter over all steps; `move` has the rows `moving` only."""
     gains = np.empty_like(design)
     factor = np.zeros_like(row_noise)
     log_det = 0.0
     for k in range(rows.size - 1):
-        p = np.dot(np.dot(move[k], p), move[k].T) + noise[k]
+        moved = np.dot(move[k], p)
+        for i in range(moving.size):
+            p[moving[i]] = moved[i]
+        across = np.dot(p, move[k].T)
+        for i in range(moving.size):
+            p[:, moving[i]] = across[:, i]
+        p += noise[k]
         first, last = rows[k], rows[k + 1]
         m = last - first
         if m == 0:
@@ -170,8 +179,7 @@ def _gains(move, noise, rows, design, row_noise, p):
         for i in range(m):
             log_det += 2.0 * np.log(low[i, i])
         gain = np.linalg.solve(low, ph.T.copy())  # L⁻¹ H P
-        p = p - np.dot(gain.T.copy(), gain)
-        p = 0.5 * (p + p.T)
+        p -= np.dot(gain.T.copy(), gain)
         gains[first:last] = gain
         factor[first:last, :m] = low
     return gains, factor, log_det
