@@ -29,7 +29,7 @@ def test_every_group_is_there_with_units_and_meanings(everything):
         "atmosphere/flight", "atmosphere/preflight", "coefficients/flight", "coefficients/preflight_density",
         "coefficients/database", "coefficients/database_preflight", "coefficients/database_measured",
         "combination/forces", "combination/moments", "combination/forces_preflight", "combination/moments_preflight",
-        "angles", "motion", "averages", "averages_preflight",
+        "angles", "motion", "atmosphere_differences", "averages", "averages_preflight",
     }  # fmt: skip
     for path in below:
         for name, variable in groups[path].variables.items():
@@ -61,6 +61,23 @@ def test_tables_say_the_same_as_the_result(everything):
     assert np.all(np.diff(density[low]) > 0.0)
     k = int(np.flatnonzero(aftermath.flight.altitude < 30e3)[0])
     assert density[altitude == 30e3][0] == pytest.approx(aftermath.flight.density[k], rel=0.01)
+
+
+def test_the_choice_of_atmosphere_is_in_the_result(everything):
+    """Percent of the database's 3 sigma; the largest of a window is the group's own."""
+    groups, aftermath = everything
+    group = groups["/postflight/atmosphere_differences"]
+    flown, other = (aftermath.coefficients.value, aftermath.coefficients_preflight.value)
+    for name in ("CA", "CN", "CY", "Cl", "Cm", "Cn"):
+        expected = 100.0 * (flown[name] - other[name]) / aftermath.database.three_sigma[name]
+        np.testing.assert_allclose(group.variables[f"{name}_flight"].values, expected)
+        assert group.variables[f"{name}_flight"].attrs["units"] == "%"
+    rows = list(csv.DictReader(io.StringIO(tables(aftermath)["atmosphere_differences.csv"])))
+    assert len(rows) == len(aftermath.windows) * (2 + 5 + 6)
+    window = aftermath.windows[-1]
+    row = next(r for r in rows if (r["window"], r["of"], r["quantity"]) == (window.name, "database", "CN"))
+    inside = group.variables["CN_database"].values[window.mask(aftermath.time)]
+    assert abs(float(row["largest"])) == pytest.approx(np.nanmax(np.abs(inside)), rel=1e-5)
 
 
 def test_summary_has_what_a_person_asks_first(everything):

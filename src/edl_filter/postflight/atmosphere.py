@@ -25,8 +25,8 @@ class FlightAtmosphere:
         s and m.
     density, pressure, temperature : arrays
         kg/m³, Pa, K.
-    mach, knudsen, ca : arrays
-        The Knudsen number on the diameter; the database's CA.
+    mach, knudsen, ca, ca_sigma : arrays
+        The Knudsen number on the diameter; the database's CA and its one sigma, a third of its 3 sigma.
     iterations : int
         Until the density changed by less than 1e-8 of itself; 0 for a table.
     valid : array of bool
@@ -48,6 +48,7 @@ class FlightAtmosphere:
     mach: Array
     knudsen: Array
     ca: Array
+    ca_sigma: Array
     iterations: int
     valid: Bools
     density_sigma: Array
@@ -56,6 +57,11 @@ class FlightAtmosphere:
     density_noise: Array
     force_scale: Array
     moment_scale: Array
+
+    @property
+    def from_drag(self) -> bool:
+        """Whether the density was made from the axial force with the database's CA."""
+        return self.iterations > 0
 
 
 def preflight(
@@ -96,6 +102,7 @@ def preflight(
     fast = 2.0 * np.broadcast_to(np.asarray(speed_sigma, float), time.shape) / speed
     common = np.hypot(density_sigma, fast)
     none = np.zeros(len(time))
+    found = database.lookup(mach, knudsen, alpha_total, speed)
     return FlightAtmosphere(
         time=time,
         altitude=altitude,
@@ -104,7 +111,8 @@ def preflight(
         temperature=temperature,
         mach=mach,
         knudsen=knudsen,
-        ca=database.lookup(mach, knudsen, alpha_total, speed).ca,
+        ca=found.ca,
+        ca_sigma=found.three_sigma.ca / 3.0,
         iterations=0,
         valid=np.ones(len(time), bool),
         density_sigma=density * density_sigma,

@@ -195,6 +195,7 @@ def flight_extracted(
         mach=full(gas.mach(v, temperature)),
         knudsen=full(gas.knudsen(density, diameter)),
         ca=full(found.ca),
+        ca_sigma=full(found.three_sigma.ca / 3.0),
         iterations=count,
         valid=whole,
         density_sigma=full(density * np.hypot(common, relative["noise"])),

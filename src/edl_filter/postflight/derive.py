@@ -2,15 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, fields
-from typing import Any
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from edl_filter.aero.database import Database
-from edl_filter.errors import InputError
 from edl_filter.postflight.atmosphere import FlightAtmosphere, preflight
 from edl_filter.postflight.averages import Difference, Verdict, average_differences, verdicts
 from edl_filter.postflight.coefficients import FlightCoefficients, flight_coefficients
@@ -25,10 +21,11 @@ from edl_filter.postflight.comparison import (
     stride_of,
 )
 from edl_filter.postflight.density import AxialForce, flight_extracted
-from edl_filter.postflight.gas import Gas
+from edl_filter.postflight.inputs import DeriveInputs
 from edl_filter.postflight.measured import as_measured
 from edl_filter.postflight.moments import Moments, check_inertia, euler
-from edl_filter.postflight.rates import BATCH, Smoother, smoother
+from edl_filter.postflight.rates import Smoother, smoother
+from edl_filter.postflight.two_atmospheres import AtmosphereDifferences, Change, atmosphere_differences, changes
 from edl_filter.postflight.windows import (
     Domain,
     Marks,
@@ -41,103 +38,6 @@ from edl_filter.postflight.windows import (
 )
 
 Array = NDArray[np.float64]
-
-
-@dataclass(frozen=True)
-class DeriveInputs:
-    """All that the layer needs. Arrays run over the samples' middles (`at_middles`).
-
-    Attributes
-    ----------
-    time : (N,) array
-        Middles of the samples' intervals, s.
-    altitude, speed, gravity : (N,) arrays
-        m; air-relative, m/s; along the vertical, m/s².
-    velocity_body : (N, 3) array
-        Air-relative, m/s.
-    alpha, beta, alpha_total : (N,) arrays
-        rad.
-    speed_sigma, angle_sigma : (N,) arrays
-        One sigma from the smoother: m/s; of the air's direction in a plane, rad.
-    specific_force, angular_rate : (N, 3) arrays
-        Means over the samples at the centre of mass, sensor errors taken off: m/s², rad/s.
-    force_noise, rate_noise : (N,) arrays
-        One sigma of one sample.
-    bias_sigma : (3,) array
-        What is left of the accelerometers' bias, m/s².
-    alignment_sigma : float
-        What is left of the accelerometers' alignment, rad.
-    mass : float or (N,) array
-        kg.
-    mass_sigma : float
-        kg.
-    diameter, x_over_d : float
-        m; centre of mass behind the nose, diameters.
-    inertia : (3, 3) array
-        kg m².
-    inertia_relative : float
-        Relative one sigma of it.
-    gas : Gas
-    database : Database
-    preflight_density, preflight_temperature : (N,) arrays
-        Of the table at the flight's altitudes.
-    preflight_sigma : float
-        Relative one sigma of that density.
-    parachute : float
-        Last time to be used, s: the parachute, or a little before it.
-    top_temperature, top_temperature_sigma : float, optional
-        K: isothermal above the first valid sample; None begins with no pressure there, as the thesis does.
-    batch : float
-        Length of the smoothing batch, s.
-    windows : sequence of Window, optional
-        Instead of those found from the flight.
-    """
-
-    time: Array
-    altitude: Array
-    speed: Array
-    gravity: Array
-    velocity_body: Array
-    alpha: Array
-    beta: Array
-    alpha_total: Array
-    speed_sigma: Array
-    angle_sigma: Array
-    specific_force: Array
-    angular_rate: Array
-    force_noise: Array
-    rate_noise: Array
-    bias_sigma: Array
-    mass: Array | float
-    diameter: float
-    x_over_d: float
-    inertia: Array
-    gas: Gas
-    database: Database
-    preflight_density: Array
-    preflight_temperature: Array
-    parachute: float
-    preflight_sigma: float = 0.0
-    alignment_sigma: float = 0.0
-    mass_sigma: float = 0.0
-    inertia_relative: float = 0.0
-    top_temperature: float | None = None
-    top_temperature_sigma: float = 0.0
-    batch: float = BATCH
-    windows: Sequence[Window] | None = None
-
-    def until_parachute(self) -> DeriveInputs:
-        """The samples up to the parachute."""
-        keep, n = self.time <= self.parachute, len(self.time)
-        if keep.sum() < 2:
-            raise InputError(f"Post-flight: no samples before the parachute at {self.parachute:.6g} s.")
-
-        def cut(name: str) -> Any:
-            value = getattr(self, name)
-            along = isinstance(value, np.ndarray) and value.shape[:1] == (n,) and name not in ("inertia", "bias_sigma")
-            return value[keep] if along else value
-
-        return DeriveInputs(**{f.name: cut(f.name) for f in fields(self)})
 
 
 @dataclass(frozen=True)
@@ -173,6 +73,9 @@ class Derived:
         The same with the preflight atmosphere.
     angles, angles_preflight : AngleDifferences
     differences, differences_preflight : list of Difference
+    between_atmospheres : AtmosphereDifferences
+    changes : list of Change
+        Its averages over the windows.
     verdicts : list of Verdict
     """
 
@@ -206,6 +109,8 @@ class Derived:
     angles_preflight: AngleDifferences
     differences: list[Difference]
     differences_preflight: list[Difference]
+    between_atmospheres: AtmosphereDifferences
+    changes: list[Change]
     verdicts: list[Verdict]
 
 
@@ -281,6 +186,9 @@ def derive(inputs: DeriveInputs) -> Derived:
     _, differences_preflight = averaged(
         expected, database_preflight, coefficients_preflight, forces_preflight, by_moments_preflight
     )
+    between = atmosphere_differences(
+        (flown, expected), (database, database_preflight), (coefficients, coefficients_preflight)
+    )
     return Derived(
         time=i.time,
         alpha=i.alpha,
@@ -312,6 +220,8 @@ def derive(inputs: DeriveInputs) -> Derived:
         angles_preflight=angle_differences(i.alpha, i.beta, forces_preflight, by_moments_preflight),
         differences=differences,
         differences_preflight=differences_preflight,
+        between_atmospheres=between,
+        changes=changes(i.time, between, windows),
         verdicts=verdicts(differences),
     )
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, fields
 from typing import Any
 
@@ -17,6 +17,7 @@ from edl_filter.postflight.averages import Difference
 from edl_filter.postflight.coefficients import NAMES, FlightCoefficients
 from edl_filter.postflight.comparison import Combination, DatabaseCoefficients
 from edl_filter.postflight.derive import Derived
+from edl_filter.postflight.two_atmospheres import AtmosphereDifferences, Change
 from edl_filter.results.groups import Group, Groups
 
 Array = NDArray[np.float64]
@@ -81,6 +82,7 @@ def add_postflight(groups: Groups, derived: Derived) -> None:
         angles.add(f"{name}_preflight", ("time",), preflight, "rad", f"{meaning}, preflight atmosphere")
     groups["/postflight/angles"] = angles
     groups["/postflight/motion"] = _motion(derived)
+    groups["/postflight/atmosphere_differences"] = _between(derived.time, derived.between_atmospheres)
     groups["/postflight/averages"] = _averages(derived.differences)
     groups["/postflight/averages_preflight"] = _averages(derived.differences_preflight)
 
@@ -115,6 +117,7 @@ def tables(derived: Derived) -> dict[str, str]:
         "average_differences.csv": _differences_csv(
             {"flight": derived.differences, "preflight": derived.differences_preflight}
         ),
+        "atmosphere_differences.csv": _rows_csv(Change, derived.changes),
         "atmosphere.csv": _atmosphere_csv(derived),
     }
 
@@ -231,6 +234,29 @@ def _averages(differences: list[Difference]) -> Group:
         group.add(name, ("row",), [getattr(d, name) for d in differences], unit, meaning)
     group.add("samples", ("row",), np.array([d.samples for d in differences], np.int64), "1", "samples in the mean")
     return group
+
+
+def _between(time: Array, between: AtmosphereDifferences) -> Group:
+    group = _timed(time)
+    for of, name, values in between.items():
+        if of == "atmosphere":
+            meaning = f"{ATMOSPHERE[name][1]}: flight's less preflight, of the preflight value"
+            group.add(name, ("time",), values, "%", meaning)
+        else:
+            what = f"{COEFFICIENT[name]}, {'MEVAD' if of == 'database' else 'flight'}"
+            meaning = f"{what}: with the flight's atmosphere less the preflight one, of MEVAD's 3 sigma"
+            group.add(f"{name}_{of}", ("time",), values, "%", meaning)
+    return group
+
+
+def _rows_csv(kind: type, rows: Sequence[Any]) -> str:
+    """Rows that are all of one dataclass, a column per field."""
+    out = io.StringIO()
+    writer = csv.writer(out, lineterminator="\n")
+    writer.writerow([f.name for f in fields(kind)])
+    for row in rows:
+        writer.writerow([f"{v:.6g}" if isinstance(v, float) else v for v in asdict(row).values()])
+    return out.getvalue()
 
 
 def _differences_csv(by_atmosphere: Mapping[str, list[Difference]]) -> str:
