@@ -53,6 +53,9 @@ def test_tables_say_the_same_as_the_result(everything):
     assert len(rows) == len(aftermath.differences) + len(aftermath.differences_preflight)
     assert [r["atmosphere"] for r in rows] == sorted(r["atmosphere"] for r in rows)
     assert float(rows[0]["mean"]) == pytest.approx(aftermath.differences[0].mean, rel=1e-4)
+    verdicts = list(csv.DictReader(io.StringIO(made["verdicts.csv"])))
+    assert [v["sentence"] for v in verdicts] == [v.sentence for v in aftermath.verdicts]
+    assert float(verdicts[0]["rms"]) == pytest.approx(aftermath.verdicts[0].rms, rel=1e-4)
     levels = list(csv.DictReader(io.StringIO(made["atmosphere.csv"])))
     density = np.array([float(r["density [kg/m^3]"]) for r in levels])
     altitude = np.array([float(r["altitude [m]"]) for r in levels])

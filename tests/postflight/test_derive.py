@@ -162,12 +162,17 @@ def test_a_force_beyond_the_table_has_no_angle():
 
 def test_averages_and_verdicts():
     clean, spoilt = derive(flight()), derive(flight(spoil=0.05))
-    assert len(clean.differences) == 3 * 4 * len(clean.windows)
+    assert len(clean.differences) == (3 * 4 + 1) * len(clean.windows)
+    assert len(clean.differences_preflight) == (3 * 4 + 2) * len(clean.windows)
     for row in clean.differences:
         if row.pair == "IMU-gyros" or row.pair == "IMU-accels":
             assert abs(row.mean) < 5 * row.mean_sigma + 1e-5
             assert row.percent == pytest.approx(100 * row.mean / row.three_sigma)
-    assert all(v.within for v in clean.verdicts)
+    assert all(v.within for v in clean.verdicts if v.coefficient != "Cl")
+    # four planes and Cl with the flight's density, CA with the preflight one; each sentence has its rms
+    judged = {(v.coefficient, v.density) for v in clean.verdicts}
+    assert judged == {*((c, "flight") for c in (*METHODS, "Cl")), ("CA", "preflight")}
+    assert all(f"(rms {v.rms:.2g})" in v.sentence for v in clean.verdicts)
     # an extra normal force turns with the lateral flow, so window means tell little of it and rms all
     rows = [r for r in spoilt.differences if r.pair == "IMU-accels"]
     assert all(r.rms > 0.03 for r in rows)

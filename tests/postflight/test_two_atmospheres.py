@@ -13,7 +13,7 @@ TIME = np.arange(5.0)
 
 def side(scale):
     """Coefficients 1 to 5 times `scale`, 3 sigma of 0.5 each."""
-    values = {name: scale * (1.0 + TIME) for name in ("CA", "CN", "CY", "Cl", "Cm", "Cn")}
+    values = dict.fromkeys(("CA", "CN", "CY", "Cl", "Cm", "Cn"), scale * (1.0 + TIME))
     database = SimpleNamespace(value=values, three_sigma={name: np.full(5, 0.5) for name in values})
     atmosphere = SimpleNamespace(mach=scale * np.full(5, 10.0), knudsen=np.full(5, 1e-3) / scale)
     return atmosphere, database, SimpleNamespace(value=values)
@@ -30,7 +30,7 @@ def test_percent_of_the_preflight_value_and_of_three_sigma():
 
 def test_averages_keep_the_sign_of_the_largest_and_say_when_there_is_nothing():
     found = atmosphere_differences(*zip(side(0.9), side(1.0), strict=True))
-    found.flight["CN"][2] = np.nan
+    found.flight["CN"][2] = np.nan  # each name has an array of its own
     rows = {
         (r.window, r.of, r.quantity): r
         for r in changes(TIME, found, (Window("all", 0.0, 4.0), Window("none", 9.0, 10.0)))

@@ -158,7 +158,7 @@ def test_both_atmospheres_are_compared_in_all_six_coefficients(tree):
     axes = FIGURES["flight_atmospheres"](tree).axes
     assert [ax.get_ylabel().split()[0] for ax in axes[:6]] == ["CA", "CN", "CY", "Cl", "Cm", "Cn"]
     named = [label for ax in axes[6:] for label in ax.get_legend_handles_labels()[1]]
-    assert named == ["CA", "CN", "CY", "Cl", "Cm", "Cn"]
+    assert named == ["CN", "CY", "Cm", "Cn", "CA", "Cl"]
     line = next(line for line in axes[7].lines if line.get_label() == "Cm")
     np.testing.assert_allclose(np.max(np.abs(line.get_ydata())), 5.0, rtol=1e-3)
 

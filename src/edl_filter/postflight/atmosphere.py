@@ -78,6 +78,8 @@ def preflight(
     density_sigma: float = 0.0,
     mass_relative: ArrayLike = 0.0,
     speed_sigma: ArrayLike = 0.0,
+    altitude_sigma: ArrayLike = 0.0,
+    gravity: ArrayLike = 0.0,
 ) -> FlightAtmosphere:
     """The same quantities from the density and temperature of a table at the flight's altitudes.
 
@@ -88,6 +90,10 @@ def preflight(
         hydrostatic table scaled as a whole), and its temperature has none.
     mass_relative : float or (N,) array
         Relative one sigma of the mass, for the coefficients.
+    altitude_sigma : float or (N,) array
+        m: the table is entered with an altitude that is off by as much.
+    gravity : float or (N,) array
+        m/s²: with the temperature it gives the scale height, over which the density at a wrong altitude is off.
     others
         As for `flight_extracted`; arrays ``(N,)``.
 
@@ -100,7 +106,9 @@ def preflight(
     mach, knudsen = gas.mach(speed, temperature), gas.knudsen(density, diameter)
     pressure = density * gas.constant * temperature
     fast = 2.0 * np.broadcast_to(np.asarray(speed_sigma, float), time.shape) / speed
-    common = np.hypot(density_sigma, fast)
+    high = np.broadcast_to(altitude_sigma, time.shape) * np.asarray(gravity, float) / (gas.constant * temperature)
+    density_relative = np.hypot(density_sigma, high)
+    common = np.hypot(density_relative, fast)
     none = np.zeros(len(time))
     found = database.lookup(mach, knudsen, alpha_total, speed)
     return FlightAtmosphere(
@@ -115,8 +123,8 @@ def preflight(
         ca_sigma=found.three_sigma.ca / 3.0,
         iterations=0,
         valid=np.ones(len(time), bool),
-        density_sigma=density * density_sigma,
-        pressure_sigma=pressure * density_sigma,
+        density_sigma=density * density_relative,
+        pressure_sigma=pressure * density_relative,
         temperature_sigma=none,
         density_noise=none,
         force_scale=np.stack((none, np.hypot(common, np.broadcast_to(mass_relative, time.shape))), axis=1),

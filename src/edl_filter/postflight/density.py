@@ -68,6 +68,8 @@ def flight_extracted(
     diameter: float,
     *,
     speed_sigma: ArrayLike = 0.0,
+    wind_sigma: ArrayLike = 0.0,
+    sink_sigma: ArrayLike = 0.0,
     top_temperature: float | None = None,
     top_temperature_sigma: float = 0.0,
 ) -> FlightAtmosphere:
@@ -88,6 +90,11 @@ def flight_extracted(
         m.
     speed_sigma : float or (N,) array
         From the smoother, m/s; taken as common to the whole flight.
+    wind_sigma : float or (N,) array
+        What the wind may add to the speed, m/s; common to the flight.
+    sink_sigma : float or (N,) array
+        Of the vertical velocity, m/s, common to the flight: an error of the altitude that stays the same changes no
+        pressure, one that grows does.
     top_temperature, top_temperature_sigma : float, optional
         K: the air above the first valid sample is isothermal. None: the pressure begins at zero there.
 
@@ -109,10 +116,11 @@ def flight_extracted(
     an exponential atmosphere and the trapezoid rule otherwise to second order. The density at the top is that of a
     log-linear fit over the first scale height, so that one noisy sample does not set the boundary.
 
-    Bands are linear. Density: noise, bias, CA (a third of the database's 3 sigma), mass and speed, added in
-    quadrature; that CA itself moves with density is left out (``dlnCA/dlnρ`` below 0.05). Bias, CA, mass and speed are
-    each taken as one error common to all altitudes and carried through the integral with their sign; noise adds
-    independently from sample to sample. In temperature the common relative errors cancel between p and ρ.
+    Bands are linear. Density: noise, bias, CA (a third of the database's 3 sigma), mass, speed and wind, added in
+    quadrature; that CA itself moves with density is left out (``dlnCA/dlnρ`` below 0.05). Bias, CA, mass, speed and
+    wind are each taken as one error common to all altitudes and carried through the integral with their sign; noise
+    adds independently from sample to sample. In temperature the common relative errors cancel between p and ρ. The
+    height fallen through has the error of the vertical velocity, in p and T alone.
     """
     inside = np.flatnonzero(valid)
     if not inside.size:
@@ -161,20 +169,26 @@ def flight_extracted(
         "ca": found.three_sigma.ca / 3.0 / found.ca,
         "mass": axial.mass_sigma / mass,
         "speed": -2.0 * np.broadcast_to(np.asarray(speed_sigma, float), time.shape)[part] / v,
+        "wind": -2.0 * np.broadcast_to(np.asarray(wind_sigma, float), time.shape)[part] / v,
     }
+    shared = [name for name in relative if name != "noise"]
     step = _running_integral(h, density * weight, total=False)
     raw = axial.noise_raw[part] / force
     p_noise = np.sqrt(np.cumsum((step * raw) ** 2))
     p_common, t_common = np.zeros(len(h)), (p_noise / pressure_or_one(pressure)) ** 2 + relative["noise"] ** 2
-    for name in ("bias", "ca", "mass", "speed"):
+    for name in shared:
         moved = start * _at_top(h, density, relative[name]) + _running_integral(h, density * weight * relative[name])
         p_common += moved**2
         t_common += (moved / pressure_or_one(pressure) - relative[name]) ** 2
+    sink = np.broadcast_to(np.asarray(sink_sigma, float), time.shape)[part]
+    fallen = _running_integral(-time[part], density * weight * sink)
+    p_common += fallen**2
+    t_common += (fallen / pressure_or_one(pressure)) ** 2
     if top_temperature is not None:
         edge = top * gas.constant * top_temperature_sigma
         p_common += edge**2
         t_common += (edge / pressure_or_one(pressure)) ** 2
-    common = np.sqrt(sum(relative[k] ** 2 for k in ("bias", "ca", "mass", "speed")))
+    common = np.sqrt(sum(relative[k] ** 2 for k in shared))
     force_scale = np.stack((relative["noise"], np.hypot(relative["bias"], relative["ca"])), axis=1)
     moment_scale = force_scale.copy()
     moment_scale[:, 1] = np.hypot(moment_scale[:, 1], relative["mass"])

@@ -140,11 +140,13 @@ def derive(inputs: DeriveInputs) -> Derived:
     place = (i.time, i.altitude, i.speed, i.alpha_total)
     flown = flight_extracted(
         *place, i.gravity, axial, valid, i.database, i.gas, i.diameter,
-        speed_sigma=i.speed_sigma, top_temperature=i.top_temperature, top_temperature_sigma=i.top_temperature_sigma,
+        speed_sigma=i.speed_sigma, wind_sigma=i.wind_sigma, sink_sigma=i.sink_sigma,
+        top_temperature=i.top_temperature, top_temperature_sigma=i.top_temperature_sigma,
     )  # fmt: skip
     expected = preflight(
         *place, i.preflight_density, i.preflight_temperature, i.database, i.gas, i.diameter,
-        density_sigma=i.preflight_sigma, mass_relative=i.mass_sigma / np.asarray(i.mass), speed_sigma=i.speed_sigma,
+        density_sigma=i.preflight_sigma, mass_relative=i.mass_sigma / np.asarray(i.mass),
+        speed_sigma=np.hypot(i.speed_sigma, i.wind_sigma), altitude_sigma=i.altitude_sigma, gravity=i.gravity,
     )  # fmt: skip
     moments = euler(rate, acceleration, i.inertia, rate_sigma, acceleration_sigma, i.inertia_relative)
 
@@ -154,14 +156,15 @@ def derive(inputs: DeriveInputs) -> Derived:
         )
 
     def looked_up(atmosphere: FlightAtmosphere) -> DatabaseCoefficients:
-        return database_coefficients(i.database, atmosphere, i.speed, i.velocity_body, i.x_over_d, i.angle_sigma)
+        state = (atmosphere, i.speed, i.velocity_body)
+        return database_coefficients(i.database, *state, i.x_over_d, i.angle_sigma, i.offset)
 
     coefficients, database = measured(flown), looked_up(flown)
     stride = stride_of(filters.points)
 
     def combined(atmosphere: FlightAtmosphere, flight: FlightCoefficients) -> tuple[Combination, Combination]:
         ways = (i.database, atmosphere, flight, i.speed, i.velocity_body, i.x_over_d)
-        return from_forces(*ways, stride), from_moments(*ways, stride)
+        return from_forces(*ways, stride, i.offset), from_moments(*ways, stride, i.offset)
 
     forces, by_moments = combined(flown, coefficients)
     useful = useful_from(i.time, coefficients.noise["CN"], database.three_sigma["CN"])
@@ -178,7 +181,8 @@ def derive(inputs: DeriveInputs) -> Derived:
         by_moment: Combination,
     ) -> tuple[DatabaseCoefficients, list[Difference]]:
         seen = as_measured(at, atmosphere, filters, rate, i.speed, i.mass, i.diameter, i.inertia)
-        return seen, average_differences(i.time, seen, flight, by_force, by_moment, windows, filters.points)
+        kinds = (i.time, seen, flight, by_force, by_moment)
+        return seen, average_differences(*kinds, windows, filters.points, axial=not atmosphere.from_drag)
 
     seen, differences = averaged(flown, database, coefficients, forces, by_moments)
     coefficients_preflight, database_preflight = measured(expected), looked_up(expected)
@@ -216,13 +220,13 @@ def derive(inputs: DeriveInputs) -> Derived:
         from_moments=by_moments,
         forces_preflight=forces_preflight,
         from_moments_preflight=by_moments_preflight,
-        angles=angle_differences(i.alpha, i.beta, forces, by_moments),
-        angles_preflight=angle_differences(i.alpha, i.beta, forces_preflight, by_moments_preflight),
+        angles=angle_differences(i.alpha, i.beta, forces, by_moments, i.angle_sigma),
+        angles_preflight=angle_differences(i.alpha, i.beta, forces_preflight, by_moments_preflight, i.angle_sigma),
         differences=differences,
         differences_preflight=differences_preflight,
         between_atmospheres=between,
         changes=changes(i.time, between, windows),
-        verdicts=verdicts(differences),
+        verdicts=verdicts(differences, differences_preflight),
     )
 
 

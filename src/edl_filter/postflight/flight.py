@@ -14,7 +14,16 @@ from edl_filter.postflight.windows import Window
 from edl_filter.reconstruction import Reconstruction
 
 #: Components of an air-data record that are taken at the samples' middles.
-_ALONG = ("altitude", "speed", "velocity_body", "speed_sigma", "alpha_total_sigma")
+_ALONG = (
+    "altitude",
+    "speed",
+    "velocity_body",
+    "flight_path_angle",
+    "altitude_sigma",
+    "speed_sigma",
+    "flight_path_angle_sigma",
+    "alpha_total_sigma",
+)
 
 
 def derive_flight(reconstruction: Reconstruction, air: AirData) -> Derived | None:
@@ -83,6 +92,7 @@ def inputs(reconstruction: Reconstruction, air: AirData) -> DeriveInputs:
         """One sigma of what is left of the first instrument's error."""
         return sensor[layout[name]] if name in layout else np.zeros(3)
 
+    path, wind = middle["flight_path_angle"], mission.atmosphere.wind_sigma
     stated = mission.postflight.windows
     return DeriveInputs(
         time=samples.time - 0.5 * samples.interval,
@@ -94,7 +104,12 @@ def inputs(reconstruction: Reconstruction, air: AirData) -> DeriveInputs:
         beta=np.arcsin(v / speed),
         alpha_total=np.arccos(np.clip(u / speed, -1.0, 1.0)),
         speed_sigma=middle["speed_sigma"],
-        angle_sigma=middle["alpha_total_sigma"],
+        angle_sigma=np.hypot(middle["alpha_total_sigma"], wind / speed),
+        altitude_sigma=middle["altitude_sigma"],
+        sink_sigma=np.hypot(
+            np.sin(path) * middle["speed_sigma"], speed * np.cos(path) * middle["flight_path_angle_sigma"]
+        ),
+        wind_sigma=wind * np.abs(np.cos(path)),
         specific_force=trajectory.specific_force[1:],
         angular_rate=trajectory.angular_rate[1:],
         force_noise=samples.force_noise,
@@ -105,6 +120,7 @@ def inputs(reconstruction: Reconstruction, air: AirData) -> DeriveInputs:
         mass_sigma=vehicle.mass_sigma,
         diameter=vehicle.diameter,
         x_over_d=vehicle.centre_of_mass,
+        offset=vehicle.centre_of_mass_offset,
         inertia=vehicle.inertia.tensor,
         inertia_relative=vehicle.inertia_sigma,
         gas=Gas(

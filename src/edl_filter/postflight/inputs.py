@@ -33,7 +33,10 @@ class DeriveInputs:
     alpha, beta, alpha_total : (N,) arrays
         rad.
     speed_sigma, angle_sigma : (N,) arrays
-        One sigma from the smoother: m/s; of the air's direction in a plane, rad.
+        One sigma: of the speed, from the smoother, m/s; of the air's direction in a plane, wind included, rad.
+    altitude_sigma, sink_sigma, wind_sigma : float or (N,) arrays
+        One sigma of the altitude, m; of the vertical velocity; and of what the wind adds to the speed, m/s. Each is one
+        error common to the flight.
     specific_force, angular_rate : (N, 3) arrays
         Means over the samples at the centre of mass, sensor errors taken off: m/s², rad/s.
     force_noise, rate_noise : (N,) arrays
@@ -48,6 +51,8 @@ class DeriveInputs:
         kg.
     diameter, x_over_d : float
         m; centre of mass behind the nose, diameters.
+    offset : tuple of float
+        Centre of mass right of the axis (+y) and below it (+z), diameters.
     inertia : (3, 3) array
         kg m².
     inertia_relative : float
@@ -100,6 +105,10 @@ class DeriveInputs:
     top_temperature_sigma: float = 0.0
     batch: float = BATCH
     windows: Sequence[Window] | None = None
+    offset: tuple[float, float] = (0.0, 0.0)
+    altitude_sigma: Array | float = 0.0
+    sink_sigma: Array | float = 0.0
+    wind_sigma: Array | float = 0.0
 
     def until_parachute(self) -> DeriveInputs:
         """The samples up to the parachute."""

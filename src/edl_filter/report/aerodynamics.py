@@ -47,10 +47,10 @@ def flight_atmospheres(tree: DataTree) -> Figure:
     """The flight's six coefficients with both atmospheres, and the differences."""
     panels = (
         *(_flight_both(name) for name in _COLOURS),
-        _change("flight", "CA", "CN", "CY"),
-        _change("flight", "Cl", "Cm", "Cn"),
+        # CA and Cl change by ten times what the others do: apart from them
+        *(_change("flight", *pair) for pair in (("CN", "CY"), ("Cm", "Cn"), ("CA", "Cl"))),
     )
-    return strips(layer(tree), "coefficients, both atmospheres", panels, (1.4,) * 6 + (1.9, 1.9))
+    return strips(layer(tree), "coefficients, both atmospheres", panels, (1.2,) * 6 + (1.6,) * 3)
 
 
 def _flight_both(name: str) -> Callable[[Panel], None]:
@@ -76,7 +76,7 @@ def _change(of: str, *names: str) -> Callable[[Panel], None]:
         for name, values in zip(names, shown, strict=True):
             panel.line(values, _COLOURS[name], name)
         panel.limits(*shown, everything=of == "database", room=LEGEND)
-        panel.ax.set_ylabel(f"{'moments' if 'Cm' in names else 'forces'}\n(% of MEVAD 3 sigma)")
+        panel.ax.set_ylabel(f"Δ {', '.join(names)}\n(% of 3 sigma)")
         panel.legend()
 
     return draw

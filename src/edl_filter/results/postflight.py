@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from edl_filter.postflight.atmosphere import FlightAtmosphere
-from edl_filter.postflight.averages import Difference
+from edl_filter.postflight.averages import Difference, Verdict
 from edl_filter.postflight.coefficients import NAMES, FlightCoefficients
 from edl_filter.postflight.comparison import Combination, DatabaseCoefficients
 from edl_filter.postflight.derive import Derived
@@ -77,9 +77,14 @@ def add_postflight(groups: Groups, derived: Derived) -> None:
     for name in ("alpha", "beta", "alpha_total"):
         angles.add(name, ("time",), getattr(derived, name), "rad", f"reconstructed {name.replace('_', ' ')}")
     for name, meaning in ANGLE.items():
-        angles.add(name, ("time",), getattr(derived.angles, name), "rad", meaning)
-        preflight = getattr(derived.angles_preflight, name)
-        angles.add(f"{name}_preflight", ("time",), preflight, "rad", f"{meaning}, preflight atmosphere")
+        ways = name.split("_")[1]
+        for found, suffix, which in (
+            (derived.angles, "", ""),
+            (derived.angles_preflight, "_preflight", ", preflight atmosphere"),
+        ):
+            angles.add(f"{name}{suffix}", ("time",), getattr(found, name), "rad", f"{meaning}{which}")
+            sigma = getattr(found, f"{ways}_sigma")
+            angles.add(f"{name}_sigma{suffix}", ("time",), sigma, "rad", f"one sigma: {meaning}{which}")
     groups["/postflight/angles"] = angles
     groups["/postflight/motion"] = _motion(derived)
     groups["/postflight/atmosphere_differences"] = _between(derived.time, derived.between_atmospheres)
@@ -118,6 +123,7 @@ def tables(derived: Derived) -> dict[str, str]:
             {"flight": derived.differences, "preflight": derived.differences_preflight}
         ),
         "atmosphere_differences.csv": _rows_csv(Change, derived.changes),
+        "verdicts.csv": _rows_csv(Verdict, derived.verdicts),
         "atmosphere.csv": _atmosphere_csv(derived),
     }
 
@@ -198,7 +204,10 @@ def _combination(time: Array, way: Combination) -> Group:
             part = np.asarray(values)
             if part.ndim == 2:
                 group.add(f"{name}_{kind}", ("time",), part[:, column], "1", f"one sigma, {kind} part, of {name}")
-    group.add("status", ("time",), way.status, "1", "solutions: 0 none, 1 one, 2 several, -1 not asked")
+    group.add("angle_noise", ("time",), way.angle_noise, "rad", "one sigma, noise part, of the angle in a plane")
+    group.add("angle_systematic", ("time",), way.angle_systematic, "rad", "one sigma, systematic part, of the same")
+    meaning = "solutions: 0 none, 1 one, 2 several, -1 not asked; of the last sample that was asked"
+    group.add("status", ("time",), way.status, "1", meaning)
     return group
 
 
