@@ -4,12 +4,13 @@
 #   make demo    reconstruct the built-in flight; figures and results go to demo-results
 #   make test    run the tests        make lint   ruff        make types   mypy
 #   make bench   run the benchmarks   make clean  remove what these targets made
+#   make study-closure  how often the post-flight layer's bands hold the truth, over many flights (minutes)
 
 PYTHON ?= python3
 BIN := .venv/bin
 STAMP := .venv/installed
 
-.PHONY: demo test lint types bench clean
+.PHONY: demo test lint types bench study-closure clean
 
 demo: $(STAMP)
 	$(BIN)/edl-filter demo -o demo-results
@@ -27,6 +28,9 @@ types: $(STAMP)
 
 bench: $(STAMP)
 	@for file in benchmarks/*.py; do echo "== $$file"; $(BIN)/python "$$file" || exit 1; done
+
+study-closure: $(STAMP)
+	$(BIN)/python studies/closure.py
 
 clean:
 	rm -rf .venv demo-results build dist .pytest_cache .mypy_cache .ruff_cache .hypothesis

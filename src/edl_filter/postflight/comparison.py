@@ -285,8 +285,14 @@ def _combine(
         slopes = np.abs(np.stack((above.cn - there.cn, cm_above - cm))) / _STEP
         into, passed[known] = slopes if forces else slopes[::-1]
         unsure[known] = 1.0 / np.maximum(into, 1e-12)
-        # an error across the coefficient turns the plane, by itself over the coefficient, and the angle with it
-        turned[known] = total / np.maximum(size[known], 1e-12)
+        # an error across the coefficient turns the plane, by itself over the coefficient, and the angle with it;
+        # where the curve folds, the slope at the angle found does not tell how flat it is on the way there
+        at_hint = database.lookup(*arguments, np.abs(hint[known]), fast[known])
+        expected = np.sign(hint[known]) * (at_hint.cn if forces else at_hint.cm_at(x_over_d))
+        rise = np.abs(expected - (1.0 if forces else -1.0) * size[known])
+        way = np.abs(hint[known] - angle[known])
+        folded = np.where(way > _STEP, way / np.maximum(rise, 1e-12), 0.0)
+        turned[known] = np.maximum(total / np.maximum(size[known], 1e-12), folded)
     pair = ("CN", "CY") if forces else ("Cm", "Cn")
 
     def full(values: Array) -> Array:

@@ -21,6 +21,8 @@ Bools = NDArray[np.bool_]
 
 _TOLERANCE = 1e-8
 _MOST_ITERATIONS = 60
+#: Step of the angle for the slope of CA, rad.
+_STEP = 1e-3
 #: No air is colder or hotter (K): keeps the Mach number finite where the pressure begins at zero.
 _COLDEST, _HOTTEST = 20.0, 2000.0
 #: Fall of density over which the density at the top is fitted: one scale height.
@@ -70,6 +72,7 @@ def flight_extracted(
     speed_sigma: ArrayLike = 0.0,
     wind_sigma: ArrayLike = 0.0,
     sink_sigma: ArrayLike = 0.0,
+    angle_sigma: ArrayLike = 0.0,
     top_temperature: float | None = None,
     top_temperature_sigma: float = 0.0,
 ) -> FlightAtmosphere:
@@ -95,6 +98,8 @@ def flight_extracted(
     sink_sigma : float or (N,) array
         Of the vertical velocity, m/s, common to the flight: an error of the altitude that stays the same changes no
         pressure, one that grows does.
+    angle_sigma : float or (N,) array
+        Of the angle, rad, common to the flight: CA is looked up with it.
     top_temperature, top_temperature_sigma : float, optional
         K: the air above the first valid sample is isothermal. None: the pressure begins at zero there.
 
@@ -116,11 +121,11 @@ def flight_extracted(
     an exponential atmosphere and the trapezoid rule otherwise to second order. The density at the top is that of a
     log-linear fit over the first scale height, so that one noisy sample does not set the boundary.
 
-    Bands are linear. Density: noise, bias, CA (a third of the database's 3 sigma), mass, speed and wind, added in
-    quadrature; that CA itself moves with density is left out (``dlnCA/dlnρ`` below 0.05). Bias, CA, mass, speed and
-    wind are each taken as one error common to all altitudes and carried through the integral with their sign; noise
-    adds independently from sample to sample. In temperature the common relative errors cancel between p and ρ. The
-    height fallen through has the error of the vertical velocity, in p and T alone.
+    Bands are linear. Density: noise, bias, CA (a third of the database's 3 sigma, and what the angle's error changes in
+    it), mass, speed and wind, added in quadrature; that CA itself moves with density is left out (``dlnCA/dlnρ`` below
+    0.05). All but noise are each taken as one error common to all altitudes and carried through the integral with their
+    sign; noise adds independently from sample to sample. In temperature the common relative errors cancel between p and
+    ρ. The height fallen through has the error of the vertical velocity, in p and T alone.
     """
     inside = np.flatnonzero(valid)
     if not inside.size:
@@ -163,13 +168,18 @@ def flight_extracted(
             f"Density: {_MOST_ITERATIONS} iterations on CA leave a change of {change:.2g}; check the database."
         )
 
+    def along(values: ArrayLike) -> Array:
+        return np.broadcast_to(np.asarray(values, float), time.shape)[part]
+
+    turned = database.lookup(mach, knudsen, alpha_total[part] + _STEP, v)
     relative = {
         "noise": axial.noise[part] / force,
-        "bias": np.broadcast_to(np.asarray(axial.bias_sigma, float), time.shape)[part] / force,
+        "bias": along(axial.bias_sigma) / force,
         "ca": found.three_sigma.ca / 3.0 / found.ca,
         "mass": axial.mass_sigma / mass,
-        "speed": -2.0 * np.broadcast_to(np.asarray(speed_sigma, float), time.shape)[part] / v,
-        "wind": -2.0 * np.broadcast_to(np.asarray(wind_sigma, float), time.shape)[part] / v,
+        "speed": -2.0 * along(speed_sigma) / v,
+        "wind": -2.0 * along(wind_sigma) / v,
+        "angle": (found.ca - turned.ca) / _STEP * along(angle_sigma) / found.ca,
     }
     shared = [name for name in relative if name != "noise"]
     step = _running_integral(h, density * weight, total=False)
@@ -179,9 +189,11 @@ def flight_extracted(
     for name in shared:
         moved = start * _at_top(h, density, relative[name]) + _running_integral(h, density * weight * relative[name])
         p_common += moved**2
-        t_common += (moved / pressure_or_one(pressure) - relative[name]) ** 2
-    sink = np.broadcast_to(np.asarray(sink_sigma, float), time.shape)[part]
-    fallen = _running_integral(-time[part], density * weight * sink)
+        if name == "angle":  # fixed in space, it comes and goes in alpha_total as the body rolls: nothing cancels
+            t_common += (moved / pressure_or_one(pressure)) ** 2 + relative[name] ** 2
+        else:
+            t_common += (moved / pressure_or_one(pressure) - relative[name]) ** 2
+    fallen = _running_integral(-time[part], density * weight * along(sink_sigma))
     p_common += fallen**2
     t_common += (fallen / pressure_or_one(pressure)) ** 2
     if top_temperature is not None:

@@ -140,7 +140,7 @@ def derive(inputs: DeriveInputs) -> Derived:
     place = (i.time, i.altitude, i.speed, i.alpha_total)
     flown = flight_extracted(
         *place, i.gravity, axial, valid, i.database, i.gas, i.diameter,
-        speed_sigma=i.speed_sigma, wind_sigma=i.wind_sigma, sink_sigma=i.sink_sigma,
+        speed_sigma=i.speed_sigma, wind_sigma=i.wind_sigma, sink_sigma=i.sink_sigma, angle_sigma=i.angle_sigma,
         top_temperature=i.top_temperature, top_temperature_sigma=i.top_temperature_sigma,
     )  # fmt: skip
     expected = preflight(
