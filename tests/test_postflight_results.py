@@ -8,6 +8,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from edl_filter.aero.body import SphereCone
+from edl_filter.aero.free_molecular import free_molecular_coefficients
+from edl_filter.aero.newtonian import newtonian_coefficients, rayleigh_pitot_cp_max
 from edl_filter.errors import InputError
 from edl_filter.mission import Mission, shipped_mission
 from edl_filter.postflight.flight import database, derive_flight
@@ -146,6 +149,31 @@ def test_a_brought_rarefied_table_switches_unless_the_mission_says_otherwise(pra
     with pytest.raises(InputError, match=r"hole|grid"):
         broken = Mission.load(shipped_mission("practice_mer"), [rarefied(tmp_path / "hole.csv", *grid[:-1])])
         database(replace(practice_06, mission=broken))
+
+
+def test_a_body_given_by_its_geometry(practice_06):
+    """Newtonian continuum and free-molecular panels of the stated forebody, with Viking's base pressure."""
+    shape = "aerodynamics.forebody={nose_radius: 0.6, shoulder_radius: 0.03, cone_half_angle_deg: 60}"
+    mine = [
+        "aerodynamics.continuum=builtin:newtonian", "aerodynamics.rarefied=builtin:free_molecular",
+        "aerodynamics.join=null", shape,
+    ]  # fmt: skip
+    body = SphereCone(2.65, 0.6, 0.03, np.radians(60.0))
+
+    def looked_up(*overrides):
+        mission = Mission.load(shipped_mission("practice_mer"), [*mine, *overrides])
+        return database(replace(practice_06, mission=mission)).lookup([2.0, 20.0, 20.0], [1e-6, 1e-6, 20.0], 0.1)
+
+    plain, whole = looked_up(), looked_up("aerodynamics.base_pressure=true")
+    peak = [rayleigh_pitot_cp_max(2.0, 1.33), 1.94]
+    np.testing.assert_allclose(plain.ca[:2], newtonian_coefficients(body, 0.1, peak)[0], rtol=1e-4)
+    np.testing.assert_allclose(plain.ca[2], free_molecular_coefficients(body, 0.1)[0], rtol=1e-4)
+    np.testing.assert_allclose(whole.ca - plain.ca, [0.2244, 0.0, 0.0], atol=1e-4)
+    np.testing.assert_allclose(whole.cm_nose, plain.cm_nose, atol=1e-12)
+    with pytest.raises(InputError, match=r"aerodynamics\.base_pressure: builtin:continuum_grid has the base pressure"):
+        looked_up("aerodynamics.base_pressure=true", "aerodynamics.continuum=builtin:continuum_grid")
+    with pytest.raises(InputError, match=r"aerodynamics\.forebody: the nose and the shoulder overlap"):
+        looked_up("aerodynamics.forebody.nose_radius=2.9")
 
 
 def test_a_printed_table_with_its_own_moment_point_is_the_same_database(practice_06, tmp_path):

@@ -5,8 +5,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from edl_filter.aero.body import SphereCone
 from edl_filter.aero.database import Database, load_database
 from edl_filter.errors import InputError
+from edl_filter.mission import Mission
 from edl_filter.postflight.airdata import AirData
 from edl_filter.postflight.derive import Derived, DeriveInputs, at_middles, derive
 from edl_filter.postflight.gas import Gas
@@ -66,9 +68,22 @@ def database(reconstruction: Reconstruction) -> Database:
         family=aero.family,
         speed_per_mach=aero.velocity_per_mach,
         interpolation=aero.interpolation,
+        body=_forebody(mission),
+        base_pressure=aero.base_pressure,
         continuum_moment_point=aero.continuum_moment_point,
         rarefied_moment_point=aero.rarefied_moment_point,
     )
+
+
+def _forebody(mission: Mission) -> SphereCone | None:
+    """The forebody that the mission states, if it does."""
+    shape = None if mission.aerodynamics is None else mission.aerodynamics.forebody
+    if shape is None:
+        return None
+    try:
+        return SphereCone(mission.vehicle.diameter, shape.nose_radius, shape.shoulder_radius, shape.cone_half_angle)
+    except InputError as error:
+        raise InputError(f"{mission.source}: aerodynamics.forebody: {error}") from None
 
 
 def inputs(reconstruction: Reconstruction, air: AirData) -> DeriveInputs:
