@@ -76,7 +76,7 @@ def test_the_second_instability_is_visible_in_alpha_total(flights):
 
 
 def swing(d, name):
-    """Slope of a flight coefficient in the database's from Mach 5 to the parachute: how far one swings for the other."""
+    """How far a flight coefficient swings for one of the database from Mach 5 to the parachute: slope between them."""
     inside = d.windows[-1].mask(d.time)
     known, flown = d.database_measured.value[name][inside], d.coefficients.value[name][inside]
     both = np.isfinite(known) & np.isfinite(flown)

@@ -137,11 +137,11 @@ QUANTITIES = (
 )  # fmt: skip
 
 
-def misses(run, truth):
+def misses(run, truth, axial=None):
     """Misses of one derived flight in its own sigmas, by name, (N,); NaN where it says nothing.
 
     A coefficient is compared with the database's at the reconstructed angle as measured, an angle where there is one
-    solution.
+    solution. Where CA is not the database's own, the database has its own sigma in it too.
     """
     n, known = len(run.time), run.database_measured.value
     out = {}
@@ -151,7 +151,8 @@ def misses(run, truth):
     out["density"] = (run.flight.density - truth.preflight_density[:n]) / run.flight.density_sigma
     out["temperature"] = (run.flight.temperature - T) / run.flight.temperature_sigma
     other = run.coefficients_preflight
-    out["CA"] = (other.value["CA"] - run.database_preflight.value["CA"]) / other.sigma("CA")
+    sigma = other.sigma("CA") if axial is None else np.hypot(other.sigma("CA"), run.preflight.ca_sigma)
+    out["CA"] = (other.value["CA"] - run.database_preflight.value["CA"]) / sigma
     one = {"forces": run.forces.status == 1, "moments": run.from_moments.status == 1}
     one["between"] = one["forces"] & one["moments"]
     for name in QUANTITIES[-6:]:
@@ -169,7 +170,7 @@ def shares(count, axial=None):
     """Share of the samples of `count` flights that lie within two sigma: window → quantity → share."""
     truth = flight(noisy=False)
     clean = derive(truth)
-    seen = [misses(derive(reconstructed(k, common, axial)), truth) for k, common in enumerate(spread(count))]
+    seen = [misses(derive(reconstructed(k, common, axial)), truth, axial) for k, common in enumerate(spread(count))]
     found = {}
     for window in clean.windows:
         inside = window.mask(clean.time)

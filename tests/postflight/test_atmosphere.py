@@ -161,6 +161,17 @@ def test_a_preflight_density_at_a_wrong_altitude():
     np.testing.assert_allclose(found.density_sigma, e.rho * 500.0 / H)
 
 
+def test_noise_and_bias_of_the_first_samples_reach_the_top():
+    """The density there is a fit's end, and the pressure below remembers it: 5 % of noise and of bias at the top."""
+    rng, e = np.random.default_rng(2), entry(400)
+    size = 0.05 * abs(e.ax[0])
+    e.database.sigma = 0.0
+    band = extract(e, noise=size, bias=size)
+    runs = [extract(e, e.ax + size * rng.normal() + size * rng.normal(size=e.n)).pressure for _ in range(600)]
+    ratio = np.std(runs, axis=0)[:200] / band.pressure_sigma[:200]
+    assert np.all(np.abs(ratio - 1) < 0.15), (ratio.min(), ratio.max())
+
+
 def replace_entry(e, **changes):
     return SimpleNamespace(**{**vars(e), **changes})
 

@@ -184,10 +184,15 @@ def flight_extracted(
     shared = [name for name in relative if name != "noise"]
     step = _running_integral(h, density * weight, total=False)
     raw = axial.noise_raw[part] / force
-    p_noise = np.sqrt(np.cumsum((step * raw) ** 2))
+    fitted = np.zeros(len(h))
+    weights = top_weights(h, density)
+    fitted[: len(weights)] = start * weights
+    # a sample's noise is in the density at the top, and below the sample in the integral as well
+    above, below = np.cumsum(((fitted + step) * raw) ** 2), np.cumsum((fitted * raw) ** 2)
+    p_noise = np.sqrt(above + below[-1] - below)
     p_common, t_common = np.zeros(len(h)), (p_noise / pressure_or_one(pressure)) ** 2 + relative["noise"] ** 2
     for name in shared:
-        moved = start * _at_top(h, density, relative[name]) + _running_integral(h, density * weight * relative[name])
+        moved = fitted @ relative[name] + _running_integral(h, density * weight * relative[name])
         p_common += moved**2
         if name == "angle":  # fixed in space, it comes and goes in alpha_total as the body rolls: nothing cancels
             t_common += (moved / pressure_or_one(pressure)) ** 2 + relative[name] ** 2
@@ -235,23 +240,23 @@ def flight_extracted(
 
 def top_density(altitude: Array, density: Array) -> float:
     """Density at the first sample by a log-linear fit over the first scale height (three samples at least)."""
+    weights = top_weights(altitude, density)
+    return float(np.exp(weights @ np.log(density[: len(weights)])))
+
+
+def top_weights(altitude: Array, density: Array) -> Array:
+    """Weights of the first samples' logarithms in that fit, ``(n,)``: so their relative errors reach the top's."""
     deep = np.flatnonzero(density > _FIT_FALL * density[0])
     n = min(len(density), max(3, int(deep[0]) if deep.size else len(density)))
     h = altitude[:n] - altitude[0]
     if np.ptp(h) == 0.0:
-        return float(np.exp(np.mean(np.log(density[:n]))))
-    return float(np.exp(np.polyfit(h / np.ptp(h), np.log(density[:n]), 1)[1]))
+        return np.full(n, 1.0 / n)
+    return np.linalg.pinv(np.stack((np.ones(n), h / np.ptp(h)), axis=1))[0]
 
 
 def pressure_or_one(pressure: Array) -> Array:
     """Pressure to divide by: infinite where it begins at zero, so that nothing relative is said there."""
     return np.where(pressure > 0.0, pressure, np.inf)
-
-
-def _at_top(altitude: Array, density: Array, relative: Array) -> float:
-    """Mean relative error over the stretch that sets the density at the top."""
-    deep = np.flatnonzero(density > _FIT_FALL * density[0])
-    return float(np.mean(relative[: max(3, int(deep[0]) if deep.size else len(density))]))
 
 
 def _running_integral(altitude: Array, weight: Array, total: bool = True) -> Array:
