@@ -61,7 +61,7 @@ def make_tree(count: int = 1500) -> xr.DataTree:
         "instabilities": json.dumps({"first": None, "second": [100.0, 110.0]}),
     }
     angles = ("alpha", "beta", "alpha_total")
-    differences = [f"{a}_{k}" for a in ("alpha", "beta") for k in ("forces", "moments", "between")]
+    differences = [f"{a}_{k}" for a in ("alpha", "beta") for k in ("forces", "moments", "between", "between_sigma")]
     events = xr.Dataset(
         {"time_s": ("event", [0.0, PARACHUTE])}, coords={"event": ["entry_interface", "parachute_deploy"]}
     )

@@ -21,7 +21,7 @@ Bools = NDArray[np.bool_]
 
 _TOLERANCE = 1e-8
 _MOST_ITERATIONS = 60
-#: Step of the angle for the slope of CA, rad.
+#: Step of the angle, rad, and relative one of the speed for the slopes of CA.
 _STEP = 1e-3
 #: No air is colder or hotter (K): keeps the Mach number finite where the pressure begins at zero.
 _COLDEST, _HOTTEST = 20.0, 2000.0
@@ -122,10 +122,11 @@ def flight_extracted(
     log-linear fit over the first scale height, so that one noisy sample does not set the boundary.
 
     Bands are linear. Density: noise, bias, CA (a third of the database's 3 sigma, and what the angle's error changes in
-    it), mass, speed and wind, added in quadrature; that CA itself moves with density is left out (``dlnCA/dlnρ`` below
-    0.05). All but noise are each taken as one error common to all altitudes and carried through the integral with their
-    sign; noise adds independently from sample to sample. In temperature the common relative errors cancel between p and
-    ρ. The height fallen through has the error of the vertical velocity, in p and T alone.
+    it), mass, speed and wind (squared, and in the Mach number of CA), added in quadrature; that CA itself moves with
+    density and temperature is left out (``dlnCA/dlnρ`` below 0.05). All but noise are each taken as one error common to
+    all altitudes and carried through the integral with their sign; noise adds independently from sample to sample. In
+    temperature the common relative errors cancel between p and ρ. The height fallen through has the error of the
+    vertical velocity, in p and T alone.
     """
     inside = np.flatnonzero(valid)
     if not inside.size:
@@ -172,13 +173,15 @@ def flight_extracted(
         return np.broadcast_to(np.asarray(values, float), time.shape)[part]
 
     turned = database.lookup(mach, knudsen, alpha_total[part] + _STEP, v)
+    faster = database.lookup(mach * (1.0 + _STEP), knudsen, alpha_total[part], v * (1.0 + _STEP))
+    steeper = (faster.ca / found.ca - 1.0) / _STEP  # a wrong speed is a wrong Mach number too
     relative = {
         "noise": axial.noise[part] / force,
         "bias": along(axial.bias_sigma) / force,
         "ca": found.three_sigma.ca / 3.0 / found.ca,
         "mass": axial.mass_sigma / mass,
-        "speed": -2.0 * along(speed_sigma) / v,
-        "wind": -2.0 * along(wind_sigma) / v,
+        "speed": -(2.0 + steeper) * along(speed_sigma) / v,
+        "wind": -(2.0 + steeper) * along(wind_sigma) / v,
         "angle": (found.ca - turned.ca) / _STEP * along(angle_sigma) / found.ca,
     }
     shared = [name for name in relative if name != "noise"]

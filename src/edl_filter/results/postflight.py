@@ -88,6 +88,8 @@ def add_postflight(groups: Groups, derived: Derived) -> None:
     groups["/postflight/angles"] = angles
     groups["/postflight/motion"] = _motion(derived)
     groups["/postflight/atmosphere_differences"] = _between(derived.time, derived.between_atmospheres)
+    groups["/postflight/atmosphere_averages"] = _change_rows(derived.changes)
+    groups["/postflight/verdicts"] = _verdict_rows(derived.verdicts)
     groups["/postflight/averages"] = _averages(derived.differences)
     groups["/postflight/averages_preflight"] = _averages(derived.differences_preflight)
 
@@ -266,6 +268,43 @@ def _rows_csv(kind: type, rows: Sequence[Any]) -> str:
     for row in rows:
         writer.writerow([f"{v:.6g}" if isinstance(v, float) else v for v in asdict(row).values()])
     return out.getvalue()
+
+
+def _change_rows(rows: list[Change]) -> Group:
+    group = Group()
+    meanings = {"window": "window", "of": "what: atmosphere, database or flight", "quantity": "quantity"}
+    for name, meaning in meanings.items():
+        group.text(name, "row", [getattr(r, name) for r in rows], meaning)
+    for name in ("mean", "rms", "largest"):
+        meaning = f"{name} of the difference, of the preflight value or of MEVAD's 3 sigma"
+        group.add(name, ("row",), [getattr(r, name) for r in rows], "%", meaning)
+    group.add("samples", ("row",), np.array([r.samples for r in rows], np.int64), "1", "samples in the mean")
+    return group
+
+
+def _verdict_rows(rows: list[Verdict]) -> Group:
+    group = Group()
+    for name, meaning in (
+        ("window", "window"),
+        ("coefficient", "coefficient"),
+        ("density", "density that the flight's was made with"),
+        ("sentence", "what it says"),
+    ):
+        group.text(name, "row", [getattr(r, name) for r in rows], meaning)
+    for name, meaning in (
+        ("mean", "mean of database less flight"),
+        ("mean_sigma", "one sigma of the mean"),
+        ("rms", "rms of database less flight"),
+        ("three_sigma", "the database's 3 sigma"),
+        ("ratio", "the database's 3 sigma over what the flight supports"),
+    ):
+        group.add(name, ("row",), [getattr(r, name) for r in rows], "1", meaning)
+    for name, meaning in (
+        ("within", "1 where the mean is less than the 3 sigma"),
+        ("wide", "1 where the 3 sigma is ten times what the flight supports, or more"),
+    ):
+        group.add(name, ("row",), np.array([getattr(r, name) for r in rows]), "1", meaning)
+    return group
 
 
 def _differences_csv(by_atmosphere: Mapping[str, list[Difference]]) -> str:
