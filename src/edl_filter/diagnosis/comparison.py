@@ -1,13 +1,13 @@
 """Prediction beside measurement: what the model says that every instrument should have read.
 
 Along a dead-reckoned path (`path`) the model of the world gives force and moment at five nodes of every bin (`bins`).
-Specific force is averaged over the bin by Simpson's rule. Rates are never differentiated: the step of the mean rate from
-one bin to the next is the integral of the angular acceleration with a triangular weight,
+Specific force is averaged over the bin by Simpson's rule. Rates are never differentiated: the step of the mean rate
+from one bin to the next is the integral of the angular acceleration with a triangular weight,
 
-    w[k+1] - w[k] = ∫ α(t) (t - t[k-1])/dt dt over bin k  +  ∫ α(t) (t[k+1] - t)/dt' dt over bin k + 1,
+    w[k+1] - w[k] = ∫ α(t) (t - t[k-1])/dt dt over bin k + ∫ α(t) (t[k+1] - t)/dt' dt over bin k + 1,
 
-and Euler's equations (thesis 6.6 to 6.8) give α at the nodes; so both sides go through the same sampling. A second IMU is
-compared with what the first says that it should read, the constraints with what the path says.
+and Euler's equations (thesis 6.6 to 6.8) give α at the nodes; so both sides go through the same sampling. A second IMU
+is compared with what the first says that it should read, the constraints with what the path says.
 
 All differences are measured minus predicted.
 """
@@ -148,7 +148,8 @@ def stepped(world: World, bins: Bins, flow: Flow, moment: Array) -> Array:
 def angular_acceleration(world: World, flow: Flow, moment: Array) -> Array:
     """Euler's equations, ``I⁻¹ (M - w × I w)``, rad/s²."""
     inertia = world.rigid_body.inertia
-    return np.linalg.solve(inertia, (moment - np.cross(flow.rate, flow.rate @ inertia)).T).T
+    turned = np.linalg.solve(inertia, (moment - np.cross(flow.rate, flow.rate @ inertia)).T)
+    return np.asarray(turned.T, float)
 
 
 def triangle(values: Array, bins: Bins, weights: Array | None = None) -> Array:

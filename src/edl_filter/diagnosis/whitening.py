@@ -3,8 +3,8 @@
 The differences (`comparison`) are linear in the unknowns (`unknowns`), which move by a known linear law: then the
 filter's innovations are white, and their variance is what the allowed errors explain. The same gains applied to the
 signature of an effect give what is left of it when the allowed errors have taken all that they can. So a regression of
-white differences on white signatures is the exact Gaussian answer, with navigation error correlated in time, and density
-error in altitude (design section 6; Friedland, IEEE Trans. AC 14 (1969) 359, for many columns under one gain).
+white differences on white signatures is the exact Gaussian answer, with navigation error correlated in time, and
+density error in altitude (design section 6; Friedland, IEEE Trans. AC 14 (1969) 359, for many columns under one gain).
 """
 
 from __future__ import annotations
@@ -126,9 +126,7 @@ def whitener(steps: Steps) -> Whitener:
     """Run the covariances once."""
     design = np.ascontiguousarray(steps.design)
     with _one_thread():
-        gain, factor, log_det = _gains(
-            steps.move, steps.noise, steps.rows, design, steps.row_noise, steps.start.copy()
-        )
+        gain, factor, log_det = _gains(steps.move, steps.noise, steps.rows, design, steps.row_noise, steps.start.copy())
     return Whitener(steps, gain, factor, log_det)
 
 
