@@ -5,12 +5,13 @@
 #   make test    run the tests        make lint   ruff        make types   mypy
 #   make bench   run the benchmarks   make clean  remove what these targets made
 #   make study-simulation   reconstruct many simulated flights and judge the errors (some minutes)
+#   make study-closure      how often the post-flight layer's bands hold the truth, over many flights (minutes)
 
 PYTHON ?= python3
 BIN := .venv/bin
 STAMP := .venv/installed
 
-.PHONY: demo test lint types bench study-simulation clean
+.PHONY: demo test lint types bench study-simulation study-closure clean
 
 demo: $(STAMP)
 	$(BIN)/edl-filter demo -o demo-results
@@ -31,6 +32,9 @@ bench: $(STAMP)
 
 study-simulation: $(STAMP)
 	$(BIN)/python benchmarks/studies/simulation.py
+
+study-closure: $(STAMP)
+	$(BIN)/python benchmarks/studies/closure.py
 
 clean:
 	rm -rf .venv demo-results build dist .pytest_cache .mypy_cache .ruff_cache .hypothesis

@@ -8,9 +8,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from edl_filter.aero.body import SphereCone
+from edl_filter.aero.free_molecular import free_molecular_coefficients
+from edl_filter.aero.newtonian import newtonian_coefficients, rayleigh_pitot_cp_max
 from edl_filter.errors import InputError
 from edl_filter.mission import Mission, shipped_mission
-from edl_filter.postflight.flight import database, derive_flight
+from edl_filter.modelling import database_of
+from edl_filter.postflight.flight import derive_flight
 from edl_filter.reconstruction import reconstruct
 from edl_filter.results.content import content, derive
 from edl_filter.results.postflight import summary, tables
@@ -29,7 +33,8 @@ def test_every_group_is_there_with_units_and_meanings(everything):
         "atmosphere/flight", "atmosphere/preflight", "coefficients/flight", "coefficients/preflight_density",
         "coefficients/database", "coefficients/database_preflight", "coefficients/database_measured",
         "combination/forces", "combination/moments", "combination/forces_preflight", "combination/moments_preflight",
-        "angles", "motion", "averages", "averages_preflight",
+        "angles", "motion", "averages", "averages_preflight", "atmosphere_differences", "atmosphere_averages",
+        "verdicts",
     }  # fmt: skip
     for path in below:
         for name, variable in groups[path].variables.items():
@@ -53,6 +58,9 @@ def test_tables_say_the_same_as_the_result(everything):
     assert len(rows) == len(aftermath.differences) + len(aftermath.differences_preflight)
     assert [r["atmosphere"] for r in rows] == sorted(r["atmosphere"] for r in rows)
     assert float(rows[0]["mean"]) == pytest.approx(aftermath.differences[0].mean, rel=1e-4)
+    verdicts = list(csv.DictReader(io.StringIO(made["verdicts.csv"])))
+    assert [v["sentence"] for v in verdicts] == [v.sentence for v in aftermath.verdicts]
+    assert float(verdicts[0]["rms"]) == pytest.approx(aftermath.verdicts[0].rms, rel=1e-4)
     levels = list(csv.DictReader(io.StringIO(made["atmosphere.csv"])))
     density = np.array([float(r["density [kg/m^3]"]) for r in levels])
     altitude = np.array([float(r["altitude [m]"]) for r in levels])
@@ -61,6 +69,23 @@ def test_tables_say_the_same_as_the_result(everything):
     assert np.all(np.diff(density[low]) > 0.0)
     k = int(np.flatnonzero(aftermath.flight.altitude < 30e3)[0])
     assert density[altitude == 30e3][0] == pytest.approx(aftermath.flight.density[k], rel=0.01)
+
+
+def test_the_choice_of_atmosphere_is_in_the_result(everything):
+    """Percent of the database's 3 sigma; the largest of a window is the group's own."""
+    groups, aftermath = everything
+    group = groups["/postflight/atmosphere_differences"]
+    flown, other = (aftermath.coefficients.value, aftermath.coefficients_preflight.value)
+    for name in ("CA", "CN", "CY", "Cl", "Cm", "Cn"):
+        expected = 100.0 * (flown[name] - other[name]) / aftermath.database.three_sigma[name]
+        np.testing.assert_allclose(group.variables[f"{name}_flight"].values, expected)
+        assert group.variables[f"{name}_flight"].attrs["units"] == "%"
+    rows = list(csv.DictReader(io.StringIO(tables(aftermath)["atmosphere_differences.csv"])))
+    assert len(rows) == len(aftermath.windows) * (2 + 5 + 6)
+    window = aftermath.windows[-1]
+    row = next(r for r in rows if (r["window"], r["of"], r["quantity"]) == (window.name, "database", "CN"))
+    inside = group.variables["CN_database"].values[window.mask(aftermath.time)]
+    assert abs(float(row["largest"])) == pytest.approx(np.nanmax(np.abs(inside)), rel=1e-5)
 
 
 def test_summary_has_what_a_person_asks_first(everything):
@@ -117,20 +142,45 @@ def rarefied(path, *rows):
     return f"aerodynamics.rarefied={path}"
 
 
-def test_a_brought_rarefied_table_switches_unless_the_mission_says_otherwise(practice_06, tmp_path):
+def test_a_brought_rarefied_table_switches_unless_the_mission_says_otherwise(tmp_path):
     grid = [f"{kn},{a},{1.7 + 0.1 * i},{0.002 * a},{-0.002 * a}" for i, kn in enumerate((1e-3, 1.0)) for a in (0, 20)]
     override = rarefied(tmp_path / "kn.csv", *grid)
     mission = Mission.load(shipped_mission("practice_mer"), [override, "aerodynamics.join=null"])
-    found = database(replace(practice_06, mission=mission))
+    found = database_of(mission)
     assert found.join == "switch" and found.lookup(28.0, 1.0, 0.0).ca == pytest.approx(1.8)
     with pytest.raises(InputError, match=r"hole|grid"):
         broken = Mission.load(shipped_mission("practice_mer"), [rarefied(tmp_path / "hole.csv", *grid[:-1])])
-        database(replace(practice_06, mission=broken))
+        database_of(broken)
+
+
+def test_a_body_given_by_its_geometry():
+    """Newtonian continuum and free-molecular panels of the stated forebody, with Viking's base pressure."""
+    shape = "aerodynamics.forebody={nose_radius: 0.6, shoulder_radius: 0.03, cone_half_angle_deg: 60}"
+    mine = [
+        "aerodynamics.continuum=builtin:newtonian", "aerodynamics.rarefied=builtin:free_molecular",
+        "aerodynamics.join=null", shape,
+    ]  # fmt: skip
+    body = SphereCone(2.65, 0.6, 0.03, np.radians(60.0))
+
+    def looked_up(*overrides):
+        mission = Mission.load(shipped_mission("practice_mer"), [*mine, *overrides])
+        return database_of(mission).lookup([2.0, 20.0, 20.0], [1e-6, 1e-6, 20.0], 0.1)
+
+    plain, whole = looked_up(), looked_up("aerodynamics.base_pressure=true")
+    peak = [rayleigh_pitot_cp_max(2.0, 1.33), 1.94]
+    np.testing.assert_allclose(plain.ca[:2], newtonian_coefficients(body, 0.1, peak)[0], rtol=1e-4)
+    np.testing.assert_allclose(plain.ca[2], free_molecular_coefficients(body, 0.1)[0], rtol=1e-4)
+    np.testing.assert_allclose(whole.ca - plain.ca, [0.2244, 0.0, 0.0], atol=1e-4)
+    np.testing.assert_allclose(whole.cm_nose, plain.cm_nose, atol=1e-12)
+    with pytest.raises(InputError, match=r"aerodynamics\.base_pressure: builtin:continuum_grid has the base pressure"):
+        looked_up("aerodynamics.base_pressure=true", "aerodynamics.continuum=builtin:continuum_grid")
+    with pytest.raises(InputError, match=r"aerodynamics\.forebody: the nose and the shoulder overlap"):
+        looked_up("aerodynamics.forebody.nose_radius=2.9")
 
 
 def test_a_printed_table_with_its_own_moment_point_is_the_same_database(practice_06, tmp_path):
     """The shipped grid with moments moved to 0.253 D and back (eq. 11.1)."""
-    shipped = database(practice_06)
+    shipped = database_of(practice_06.mission)
     grid = shipped.continuum
     rows = ["mach,alpha_total_deg,CA,CN,Cm"]
     for i, mach in enumerate(grid.nodes):
@@ -141,11 +191,11 @@ def test_a_printed_table_with_its_own_moment_point_is_the_same_database(practice
     path.write_text("\n".join(rows) + "\n", encoding="utf-8")
     overrides = [f"aerodynamics.continuum={path}", "aerodynamics.continuum_moment_point=0.253"]
     mission = Mission.load(shipped_mission("practice_mer"), overrides)
-    brought = database(replace(practice_06, mission=mission)).lookup([18.0, 2.0], 1e-5, [0.03, 0.1])
+    brought = database_of(mission).lookup([18.0, 2.0], 1e-5, [0.03, 0.1])
     known = shipped.lookup([18.0, 2.0], 1e-5, [0.03, 0.1])
     np.testing.assert_allclose(brought.cm_nose, known.cm_nose, atol=1e-12)
     with pytest.raises(InputError, match="header"):
-        database(replace(practice_06, mission=Mission.load(shipped_mission("practice_mer"), overrides[:1])))
+        database_of(Mission.load(shipped_mission("practice_mer"), overrides[:1]))
     alone = Mission.load(shipped_mission("practice_mer"), overrides[1:])
     with pytest.raises(InputError, match=r"aerodynamics\.continuum_moment_point is for a CSV"):
-        database(replace(practice_06, mission=alone))
+        database_of(alone)

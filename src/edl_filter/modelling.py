@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from edl_filter.aero.body import SphereCone
 from edl_filter.aero.damping import read_damping
 from edl_filter.aero.database import Database, load_database
 from edl_filter.effects.effect import Active, Body
@@ -70,9 +71,22 @@ def database_of(mission: Mission) -> Database:
         family=aero.family,
         speed_per_mach=aero.velocity_per_mach,
         interpolation=aero.interpolation,
+        body=_forebody(mission),
+        base_pressure=aero.base_pressure,
         continuum_moment_point=aero.continuum_moment_point,
         rarefied_moment_point=aero.rarefied_moment_point,
     )
+
+
+def _forebody(mission: Mission) -> SphereCone | None:
+    """The forebody that the mission states, if it does."""
+    shape = None if mission.aerodynamics is None else mission.aerodynamics.forebody
+    if shape is None:
+        return None
+    try:
+        return SphereCone(mission.vehicle.diameter, shape.nose_radius, shape.shoulder_radius, shape.cone_half_angle)
+    except InputError as error:
+        raise InputError(f"{mission.source}: aerodynamics.forebody: {error}") from None
 
 
 def damping_of(mission: Mission) -> Damping:
@@ -84,7 +98,11 @@ def damping_of(mission: Mission) -> Damping:
 def body_of(mission: Mission, effects: Sequence[Active] = ()) -> Body:
     """The vehicle at entry, with effects; its inertia is zero where the mission states none."""
     vehicle = mission.vehicle
-    body = Body(vehicle.mass, np.zeros((3, 3)) if vehicle.inertia is None else vehicle.inertia.tensor)
+    body = Body(
+        mass=vehicle.mass,
+        inertia=np.zeros((3, 3)) if vehicle.inertia is None else vehicle.inertia.tensor,
+        offset=vehicle.diameter * np.array([0.0, *vehicle.centre_of_mass_offset]),
+    )
     for a in effects:
         body = a.effect.vehicle(a.values, body)
     return body

@@ -5,6 +5,7 @@ import pytest
 
 from edl_filter.postflight.airdata import air_data
 from edl_filter.postflight.flight import derive_flight
+from edl_filter.postflight.windows import _envelope_peak
 
 # Density times CA at altitudes (km), kg/m³: dead-reckoned and fitted elsewhere, the same telemetry, no database
 KNOWN = {
@@ -57,6 +58,41 @@ def test_instabilities_are_where_they_were_seen(flights):
     assert marks.second.start < 126.0 < marks.second.end
     assert flights["opportunity"].marks.first is None
     assert flights["opportunity"].marks.second.start < 125.0 < flights["opportunity"].marks.second.end
+
+
+def mean_angle(d, start, end):
+    """Mean alpha_total over a span, deg."""
+    return np.degrees(d.alpha_total[(d.time > start) & (d.time < end)].mean())
+
+
+def test_the_second_instability_is_visible_in_alpha_total(flights):
+    """Without the database: both rovers' mean angle has a peak near 125 s, twice what it was 20 s before."""
+    for rover, before, within in (("spirit", 1.44, 3.25), ("opportunity", 1.52, 3.10)):
+        d = flights[rover]
+        between = (d.flight.mach <= 22.0) & (d.flight.mach > 12.0)
+        assert _envelope_peak(d.time, d.alpha_total, between) == pytest.approx(125.0, abs=5.0), rover
+        assert mean_angle(d, 95.0, 105.0) == pytest.approx(before, abs=0.1), rover
+        assert mean_angle(d, 115.0, 125.0) == pytest.approx(within, abs=0.1), rover
+
+
+def swing(d, name):
+    """How far a flight coefficient swings for one of the database from Mach 5 to the parachute: slope between them."""
+    inside = d.windows[-1].mask(d.time)
+    known, flown = d.database_measured.value[name][inside], d.coefficients.value[name][inside]
+    both = np.isfinite(known) & np.isfinite(flown)
+    known, flown = known[both] - known[both].mean(), flown[both] - flown[both].mean()
+    return (flown @ known) / (known @ known)
+
+
+def test_late_swings_against_the_database(flights, practice_06):
+    """What docs/validation.md says does not agree, and that a clean flight has nothing of it."""
+    clean = derived(practice_06)
+    for forces, moments, d in ((1.5, 1.18, flights["spirit"]), (1.7, 1.17, flights["opportunity"]), (1, 1, clean)):
+        assert d.windows[-1].name == "Mach 5 to parachute"
+        for name in ("CN", "CY"):
+            assert swing(d, name) == pytest.approx(forces, abs=0.06), name
+        for name in ("Cm", "Cn"):
+            assert swing(d, name) == pytest.approx(moments, abs=0.03), name
 
 
 def test_validation_domain_begins_where_the_thesis_begins_it(flights):

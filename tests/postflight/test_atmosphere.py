@@ -127,13 +127,22 @@ def test_nothing_outside_the_valid_stretch_and_mass_in_time():
 def test_bands_are_those_of_sampled_errors():
     rng, e = np.random.default_rng(5), entry(400)
     noise, bias, ca, mass, v = 2e-4, 1e-4, 0.02, 6.0, 8.0
-    keywords = {"noise": noise, "bias": bias, "mass_sigma": mass, "speed_sigma": v}
+    wind, sink, turn = 5.0 + 0.05 * e.t, 4.0, 5e-3
+    e.database = Drag(lambda m, k, a: 1.7 - 2.0 * a**2)
+    keywords = {"noise": noise, "bias": bias, "mass_sigma": mass, "speed_sigma": v, "angle_sigma": turn}
+    keywords |= {"wind_sigma": wind, "sink_sigma": sink}
     e.database.sigma = 3 * ca
     band = extract(e, **keywords, top_temperature_sigma=10.0)
     runs = []
     for _ in range(600):
         factor = 1 + ca * rng.normal()
-        shifted = replace_entry(e, v=e.v + v * rng.normal(), database=Drag(lambda m, k, a, f=factor: 1.7 * f + 0 * m))
+        lower = Drag(lambda m, k, a, f=factor: f * (1.7 - 2.0 * a**2))
+        # the angle's error turns with the body: as often one way as the other, at any sample
+        alpha = e.alpha + turn * (np.cos(e.t) * rng.normal() + np.sin(e.t) * rng.normal())
+        shifted = replace_entry(
+            e, v=e.v + v * rng.normal() + wind * rng.normal(), h=e.h + sink * e.t * rng.normal(), alpha=alpha,
+            database=lower,
+        )  # fmt: skip
         measured = e.ax + bias * rng.normal() + noise * rng.normal(size=e.n)
         found = extract(shifted, measured, mass=MASS + mass * rng.normal(), top=T + 10.0 * rng.normal())
         runs.append((found.density, found.pressure, found.temperature))
@@ -141,6 +150,26 @@ def test_bands_are_those_of_sampled_errors():
     for got, stated in zip(scatter, (band.density_sigma, band.pressure_sigma, band.temperature_sigma), strict=True):
         ratio = got[5:] / stated[5:]
         assert np.all(np.abs(ratio - 1) < 0.15), (ratio.min(), ratio.max())
+
+
+def test_a_preflight_density_at_a_wrong_altitude():
+    """500 m are 5 % of a scale height."""
+    e = entry()
+    found = preflight(
+        e.t, e.h, e.v, e.alpha, e.rho, np.full(e.n, T), e.database, GAS, D, altitude_sigma=500.0, gravity=G
+    )
+    np.testing.assert_allclose(found.density_sigma, e.rho * 500.0 / H)
+
+
+def test_noise_and_bias_of_the_first_samples_reach_the_top():
+    """The density there is a fit's end, and the pressure below remembers it: 5 % of noise and of bias at the top."""
+    rng, e = np.random.default_rng(2), entry(400)
+    size = 0.05 * abs(e.ax[0])
+    e.database.sigma = 0.0
+    band = extract(e, noise=size, bias=size)
+    runs = [extract(e, e.ax + size * rng.normal() + size * rng.normal(size=e.n)).pressure for _ in range(600)]
+    ratio = np.std(runs, axis=0)[:200] / band.pressure_sigma[:200]
+    assert np.all(np.abs(ratio - 1) < 0.15), (ratio.min(), ratio.max())
 
 
 def replace_entry(e, **changes):

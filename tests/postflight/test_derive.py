@@ -1,86 +1,17 @@
 """Coefficients, combinations, windows and averages: closure on made flights, and bands."""
 
 from dataclasses import replace
-from functools import cache
 from time import perf_counter
 
 import numpy as np
 import pytest
+from made_flights import ROLLING, T, X, flight, shares
 
-from edl_filter.aero.database import shipped_database, split
 from edl_filter.errors import InputError
 from edl_filter.postflight.averages import METHODS
 from edl_filter.postflight.comparison import database_coefficients, from_forces, from_moments
-from edl_filter.postflight.derive import DeriveInputs, at_middles, derive
-from edl_filter.postflight.gas import Gas
+from edl_filter.postflight.derive import at_middles, derive
 from edl_filter.postflight.windows import Window, crossing, sensed, useful_from
-
-GAS, D, MASS, X, G, T = Gas(), 2.65, 830.0, 0.27, 3.7, 180.0
-H, AREA = GAS.constant * T / G, np.pi / 4 * D**2
-INERTIA = np.array([[400.0, -1.0, 0.5], [-1.0, 303.0, 0.2], [0.5, 0.2, 300.0]])
-DATABASE = shipped_database(family="MER")
-NOISE, GYRO = 3e-3, 4e-5
-
-
-@cache
-def flight(dt=0.125, seed=1, noisy=True, spoil=0.0, end=245.0):
-    """Prescribed path and angles; forces and moments from the database; rates by integrating Euler's equations."""
-    rng, sub = np.random.default_rng(seed), max(1, round(dt / 0.0125))
-    fine = np.arange(0.0, end, dt / sub)
-    n = len(fine) // sub
-    fine = fine[: n * sub]
-    step = dt / sub
-    speed, altitude = np.empty(len(fine)), np.empty(len(fine))
-    v, h = 5420.0, 1.32e5
-    for k in range(len(fine)):
-        speed[k], altitude[k] = v, h
-        gamma = np.deg2rad(11.5 + 12 * (fine[k] / 245.0) ** 4)
-        v += step * (-0.5 * 2.1e-2 * np.exp(-h / H) * v**2 * AREA * 1.68 / MASS + G * np.sin(gamma))
-        h -= step * v * np.sin(gamma)
-    rho = 2.1e-2 * np.exp(-altitude / H)
-    total = np.deg2rad(2.0 + 1.2 * np.sin(0.05 * fine))
-    turn = 1.3 * fine
-    lateral = np.stack((np.sin(total) * np.sin(turn), np.sin(total) * np.cos(turn)), axis=1)
-    direction = np.column_stack((np.cos(total), lateral))
-    found = DATABASE.lookup(GAS.mach(speed, T), GAS.knudsen(rho, D), total, speed)
-    cn, cy, cm, yaw = split(found.cn + spoil, found.cm_at(X), *lateral.T)
-    q = 0.5 * rho * speed**2
-    force = (q * AREA / MASS)[:, None] * np.stack((-found.ca, cy, -cn), axis=1)
-    moment = (q * AREA * D)[:, None] * np.stack((1e-6 + 0 * cm, cm, yaw), axis=1)
-    inverse, rate = np.linalg.inv(INERTIA), np.empty((len(fine), 3))
-    w = np.array([0.21, 0.0, 0.0])
-
-    def slope(w, m):
-        a, b, c = w
-        x, y, z = INERTIA @ w
-        return inverse @ (m - np.array([b * z - c * y, c * x - a * z, a * y - b * x]))
-
-    for k in range(len(fine)):
-        rate[k] = w
-        after = moment[min(k + 1, len(fine) - 1)]
-        one = slope(w, moment[k])
-        two = slope(w + step * one, after)
-        w = w + 0.5 * step * (one + two)
-
-    def mean(x):
-        return x.reshape(n, sub, *x.shape[1:]).mean(axis=1)
-
-    force, rate = mean(force), mean(rate)
-    if noisy:
-        force += NOISE * rng.normal(size=force.shape)
-        rate += GYRO * rng.normal(size=rate.shape)
-    time, velocity = mean(fine), mean(direction * speed[:, None])
-    v = np.linalg.norm(velocity, axis=1)
-    rows = np.ones(n)
-    return DeriveInputs(
-        time=time, altitude=mean(altitude), speed=v, gravity=G * rows, velocity_body=velocity,
-        alpha=np.arctan2(velocity[:, 2], velocity[:, 0]), beta=np.arcsin(velocity[:, 1] / v),
-        alpha_total=np.arctan2(np.hypot(velocity[:, 1], velocity[:, 2]), velocity[:, 0]),
-        speed_sigma=0.0 * rows, angle_sigma=0.0 * rows, specific_force=force, angular_rate=rate,
-        force_noise=NOISE * rows, rate_noise=GYRO * rows, bias_sigma=np.zeros(3), mass=MASS, diameter=D, x_over_d=X,
-        inertia=INERTIA, gas=GAS, database=DATABASE, preflight_density=mean(rho), preflight_temperature=T * rows,
-        parachute=240.0, preflight_sigma=0.1, top_temperature=T,
-    )  # fmt: skip
 
 
 def test_closure_within_bands_in_every_window():
@@ -99,8 +30,22 @@ def test_closure_within_bands_in_every_window():
             rho = np.abs(r.flight.density - r.preflight.density)[inside]
             assert np.mean(rho < r.flight.density_sigma[inside]) > 0.95
     spin = np.mean([r.coefficients.value["Cl"][(r.time > 90) & (r.time < 130)].mean() for r in runs])
-    assert spin == pytest.approx(1e-6, rel=0.1)
+    assert spin == pytest.approx(ROLLING, rel=0.1)
     assert np.all(runs[0].forces.status[runs[0].time > runs[0].domain.useful] >= 1)
+
+
+def test_closure_over_an_ensemble_with_errors_common_to_a_flight():
+    """Mass, inertia, bias, alignment, angle, speed, densities: each drawn once per flight from its sigma.
+
+    Gaussian bands hold 95.4 %. What errs by one number per flight and window shows in steps of one flight; two are
+    allowed. `make study-closure` has 1024.
+    """
+    count = 64
+    found = shares(count)
+    assert len(found) == 4
+    for window, by_name in found.items():
+        for name, share in by_name.items():
+            assert share >= 0.95 - 2.0 / count, (window, name, share)
 
 
 def test_without_noise_it_closes_to_the_sampling():
@@ -145,6 +90,31 @@ def test_combinations_return_the_angle_of_a_look_up():
     assert (b.status[keep] == 2).any()  # the bounded instability
 
 
+def test_a_centre_of_mass_beside_the_axis():
+    """The moment about the moved point is ``M - d × F``, and from it the angle comes back."""
+    i, (y, z) = flight(noisy=False), (0.004, -0.003)
+    found = derive(i)
+    on_axis = found.database.value
+    looked = database_coefficients(i.database, found.flight, *cut(i, found), X, 0.0, (y, z))
+    force = np.stack((-on_axis["CA"], on_axis["CY"], -on_axis["CN"]), axis=1)
+    moved = np.stack([on_axis[k] for k in ("Cl", "Cm", "Cn")], axis=1) - np.cross([0.0, y, z], force)
+    for k, name in enumerate(("Cl", "Cm", "Cn")):
+        np.testing.assert_allclose(looked.value[name], moved[:, k], atol=1e-15)
+    made = replace(found.coefficients, value={**found.coefficients.value, **looked.value})
+    keep = (found.time > 60) & (found.time < 235)
+    alpha = i.alpha[: len(found.time)]
+    through = from_moments(i.database, found.flight, made, *cut(i, found), X, 1, (y, z))
+    assert np.abs(through.alpha - alpha)[keep].max() < 1e-5
+    for name in ("CN", "CY"):
+        np.testing.assert_allclose(through.value[name][keep], looked.value[name][keep], atol=1e-6)
+    forces = from_forces(i.database, found.flight, made, *cut(i, found), X, 1, (y, z))
+    one = keep & (forces.status == 1)
+    np.testing.assert_allclose(forces.value["Cm"][one], looked.value["Cm"][one], atol=1e-8)
+    # as if on the axis, the moments would ask for an angle that is degrees off
+    plain = from_moments(i.database, found.flight, made, *cut(i, found), X)
+    assert np.nanmax(np.abs(plain.alpha - alpha)[keep]) > np.deg2rad(1.0)
+
+
 def cut(i, found):
     n = len(found.time)
     return i.speed[:n], i.velocity_body[:n]
@@ -162,12 +132,17 @@ def test_a_force_beyond_the_table_has_no_angle():
 
 def test_averages_and_verdicts():
     clean, spoilt = derive(flight()), derive(flight(spoil=0.05))
-    assert len(clean.differences) == 3 * 4 * len(clean.windows)
+    assert len(clean.differences) == (3 * 4 + 1) * len(clean.windows)
+    assert len(clean.differences_preflight) == (3 * 4 + 2) * len(clean.windows)
     for row in clean.differences:
         if row.pair == "IMU-gyros" or row.pair == "IMU-accels":
             assert abs(row.mean) < 5 * row.mean_sigma + 1e-5
             assert row.percent == pytest.approx(100 * row.mean / row.three_sigma)
-    assert all(v.within for v in clean.verdicts)
+    assert all(v.within for v in clean.verdicts if v.coefficient != "Cl")
+    # four planes and Cl with the flight's density, CA with the preflight one; each sentence has its rms
+    judged = {(v.coefficient, v.density) for v in clean.verdicts}
+    assert judged == {*((c, "flight") for c in (*METHODS, "Cl")), ("CA", "preflight")}
+    assert all(f"(rms {v.rms:.2g})" in v.sentence for v in clean.verdicts)
     # an extra normal force turns with the lateral flow, so window means tell little of it and rms all
     rows = [r for r in spoilt.differences if r.pair == "IMU-accels"]
     assert all(r.rms > 0.03 for r in rows)
@@ -219,6 +194,22 @@ def test_a_stride_loses_nothing():
         np.abs(each.alpha - some.alpha)[keep].max() < 0.02 * np.abs(each.alpha[keep]).max()
     )  # (1.3 rad/s * 0.25 s)^2 / 8
     assert (some.status[keep] == 1).all()
+
+
+def test_with_a_stride_only_nan_tells_whether_there_is_a_value():
+    """The status of a sample between two is the earlier one's; its values are NaN if either has no solution."""
+    i = flight(noisy=False)
+    found = derive(i)
+    value = {name: v.copy() for name, v in found.coefficients.value.items()}
+    asked = np.flatnonzero(found.flight.valid)[::4]
+    hole = asked[200]
+    value["CN"][hole] = 5.0  # beyond the table
+    some = from_forces(i.database, found.flight, replace(found.coefficients, value=value), *cut(i, found), X, 4)
+    assert np.isnan(some.alpha[hole]) and some.status[hole] == 0
+    before, after = slice(hole - 3, hole), slice(hole + 1, hole + 4)
+    assert (some.status[before] >= 1).all() and np.isnan(some.alpha[before]).all()
+    assert (some.status[after] == 0).all() and np.isnan(some.alpha[after]).all()
+    assert np.isfinite(some.alpha[hole - 4]) and np.isfinite(some.alpha[hole + 4])
 
 
 def test_time_grows_in_proportion_to_the_samples():

@@ -61,7 +61,7 @@ def make_tree(count: int = 1500) -> xr.DataTree:
         "instabilities": json.dumps({"first": None, "second": [100.0, 110.0]}),
     }
     angles = ("alpha", "beta", "alpha_total")
-    differences = [f"{a}_{k}" for a in ("alpha", "beta") for k in ("forces", "moments", "between")]
+    differences = [f"{a}_{k}" for a in ("alpha", "beta") for k in ("forces", "moments", "between", "between_sigma")]
     events = xr.Dataset(
         {"time_s": ("event", [0.0, PARACHUTE])}, coords={"event": ["entry_interface", "parachute_deploy"]}
     )
@@ -77,6 +77,11 @@ def make_tree(count: int = 1500) -> xr.DataTree:
         "/postflight/coefficients/database": coefficients(0.009, "three_sigma"),
         "/postflight/coefficients/database_preflight": coefficients(0.0095, "three_sigma"),
         "/postflight/coefficients/database_measured": coefficients(0.009, "three_sigma").drop_vars("CA"),
+        "/postflight/atmosphere_differences": group(
+            **dict.fromkeys(("mach", "knudsen"), 3.0 + swing),
+            **dict.fromkeys([f"{n}_database" for n in COEFFICIENTS if n != "Cl"], 5.0 * swing),
+            **dict.fromkeys([f"{n}_flight" for n in COEFFICIENTS], 5.0 * swing),
+        ),
         "/postflight/combination/forces": forces,
         "/postflight/combination/moments": group(alpha=swing, beta=swing, CN=0.01 * swing, CY=0.01 * swing),
         "/postflight/angles": group(**dict.fromkeys((*angles, *differences), 0.05 * swing)),
@@ -133,7 +138,10 @@ def test_axes_have_labels_with_units_and_the_flights_marks(tree, name):
     [
         ("/postflight", set(NAMES)),
         ("/postflight/atmosphere/preflight", {"mach_and_knudsen", "atmosphere_profile"}),
-        ("/postflight/coefficients/database_preflight", {"database_atmospheres"}),
+        (
+            "/postflight/atmosphere_differences",
+            {"mach_and_knudsen", "database_atmospheres", "flight_atmospheres"},
+        ),
         ("/postflight/coefficients/preflight_density", {"flight_atmospheres"}),
         ("/postflight/coefficients/database_measured", {"force_coefficients", "moment_coefficients"}),
         ("/postflight/combination/moments", {"force_coefficients", "angles_by_method"}),
@@ -146,10 +154,13 @@ def test_figures_without_their_groups_are_skipped(tree, missing, gone):
     assert all(isinstance(FIGURES[n](some), Figure) for n in available(some)[:2])
 
 
-def test_percent_is_of_three_sigma(tree):
-    ax = FIGURES["database_atmospheres"](tree).axes[1]
-    line = next(line for line in ax.lines if line.get_label() == "Cm")
-    np.testing.assert_allclose(np.max(np.abs(line.get_ydata())), 5.0, rtol=1e-3)  # 0.0005 of 0.01
+def test_both_atmospheres_are_compared_in_all_six_coefficients(tree):
+    axes = FIGURES["flight_atmospheres"](tree).axes
+    assert [ax.get_ylabel().split()[0] for ax in axes[:6]] == ["CA", "CN", "CY", "Cl", "Cm", "Cn"]
+    named = [label for ax in axes[6:] for label in ax.get_legend_handles_labels()[1]]
+    assert named == ["CN", "CY", "Cm", "Cn", "CA", "Cl"]
+    line = next(line for line in axes[7].lines if line.get_label() == "Cm")
+    np.testing.assert_allclose(np.max(np.abs(line.get_ydata())), 5.0, rtol=1e-3)
 
 
 def test_wild_samples_before_the_useful_domain_do_not_set_the_range(tree):

@@ -104,6 +104,16 @@ def test_an_instrument_stays_bolted_where_the_centre_of_mass_moves(mer_scenario)
     np.testing.assert_allclose(change, spin**2 * shift * [0.0, 1.0, 1.0], atol=2e-4)
 
 
+def test_a_missions_centre_of_mass_beside_the_axis_moves_no_instrument(mer_scenario, mer_flight, tmp_path):
+    """Positions are stated from it: before the air is felt the primary reads the same, afterwards it does not."""
+    model = Mission.load("builtin:practice_mer", ["vehicle.centre_of_mass_offset=[0.01, -0.01]"])
+    (tmp_path / "beside.yaml").write_text(model.text, encoding="utf-8")
+    beside = Scenario.load("builtin:mer", [f"mission={tmp_path / 'beside.yaml'}"])
+    one, other = (f.contents.imus["primary"].specific_force for f in (mer_flight, simulate(beside)))
+    np.testing.assert_allclose(np.mean(other[:24] - one[:24], axis=0), 0.0, atol=2e-4)  # an arm would give 1.2e-3
+    assert np.max(np.abs(other[:1000] - one[:1000])) > 0.1
+
+
 def test_under_the_parachute_the_vehicle_drifts_with_the_air(mer_scenario):
     """Air that does not turn blows at 230 m/s over the ground, and the nose still meets the wind."""
     flight = simulate(mer_scenario, [Active(effect_named("atmosphere_rotation"), {"k": 1.0})])

@@ -10,10 +10,12 @@ MEVAD's own tables (and the surrogate) have the base pressure in them; this is f
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import ArrayLike
 
-from edl_filter.aero.grid import Array
+from edl_filter.aero.grid import Array, GridTable
 
 #: a0 … a3 of eq. 11.3.
 COEFFICIENTS = (8.325e-3, 1.1293e-1, -1.801, 1.2885)
@@ -34,6 +36,23 @@ def base_pressure_coefficient(mach: ArrayLike) -> Array:
 def add_base_pressure(ca_forebody: ArrayLike, mach: ArrayLike) -> Array:
     """Eq. 11.4: CA of the whole body from CA of its forebody (gauge pressure)."""
     return np.asarray(ca_forebody, float) - base_pressure_coefficient(mach)
+
+
+def with_base_pressure(table: GridTable) -> GridTable:
+    """A continuum table of a forebody with eq. 11.4 applied: nodes are put in, so that the cubic is followed to 2e-4.
+
+    The step of 0.003 at Mach 10, where the thesis's databases end the base pressure, stays a step (of Mach 0.001).
+    """
+    first, last = table.nodes[0], table.nodes[-1]
+    more = np.concatenate((np.arange(0.4, 4.0, 0.05), np.arange(4.0, 10.0, 0.25), [MACH_MAX, MACH_MAX + 1e-3]))
+    nodes = np.unique(np.concatenate((table.nodes, more[(more > first) & (more < last)])))
+
+    def at_nodes(values: Array) -> Array:
+        return np.stack([np.interp(nodes, table.nodes, column) for column in values.T], axis=1)
+
+    ca = add_base_pressure(at_nodes(table.CA), nodes[:, None])
+    source = f"{table.source}, base pressure by eq. 11.4"
+    return replace(table, nodes=nodes, CA=ca, CN=at_nodes(table.CN), Cm=at_nodes(table.Cm), source=source)
 
 
 def base_to_forebody_pressure(mach: ArrayLike, ca: ArrayLike, heat_capacity_ratio: float = 1.33) -> Array:

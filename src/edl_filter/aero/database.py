@@ -9,7 +9,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike
 
+from edl_filter.aero.base_pressure import with_base_pressure
+from edl_filter.aero.body import SphereCone, sphere_cone
 from edl_filter.aero.grid import Array, Bools, GridTable, Interpolation, Kind
+from edl_filter.aero.newtonian import newtonian_table
 from edl_filter.aero.planes import moments_at_cm, split, total_from_planes
 from edl_filter.aero.surrogate import Surrogate, phoenix_surrogate
 from edl_filter.aero.tables import read_printed_table, read_table
@@ -32,7 +35,8 @@ SPEED_PER_MACH = 205.8
 #: Between these Mach numbers a database indexed by speed goes over from Mach to speed.
 INDEX_MACH = (8.0, 9.0)
 
-BUILTIN_CONTINUUM = ("builtin:surrogate", "builtin:continuum_grid")
+NEWTONIAN = "builtin:newtonian"
+BUILTIN_CONTINUUM = ("builtin:surrogate", "builtin:continuum_grid", NEWTONIAN)
 BUILTIN_RAREFIED = ("builtin:free_molecular", "builtin:rarefied_grid")
 
 
@@ -154,7 +158,8 @@ def load_database(
     family: str = "Phoenix",
     speed_per_mach: float | None = None,
     interpolation: Interpolation = "linear",
-    body: str | None = None,
+    body: str | SphereCone | None = None,
+    base_pressure: bool = False,
     continuum_moment_point: float | None = None,
     rarefied_moment_point: float | None = None,
 ) -> Database:
@@ -163,7 +168,8 @@ def load_database(
     Parameters
     ----------
     continuum : str or Path
-        ``builtin:surrogate``, ``builtin:continuum_grid`` or a CSV file (`edl_filter.aero.tables.read_table`).
+        ``builtin:surrogate``, ``builtin:continuum_grid``, ``builtin:newtonian`` or a CSV file
+        (`edl_filter.aero.tables.read_table`).
     rarefied : str or Path
         ``builtin:free_molecular``, ``builtin:rarefied_grid`` or a CSV file.
     continuum_limit, family, speed_per_mach
@@ -172,8 +178,11 @@ def load_database(
         None is "continuous" for free-molecular panels and "switch" for tables.
     interpolation : "linear" or "pchip"
         In the angle, for tables.
-    body : str or None
-        Vehicle whose panels are summed; None is the family's.
+    body : str, SphereCone or None
+        Vehicle by name, or its forebody, whose panels are summed; None is the family's.
+    base_pressure : bool
+        Take base pressure off CA (eq. 11.4): for continuum tables of a forebody, which the first two built-in ones are
+        not.
     continuum_moment_point, rarefied_moment_point : float or None
         Moment reference point behind the nose, diameters, of a file in the thesis's printed form
         (`edl_filter.aero.tables.read_printed_table`); None is a file with moments about the nose.
@@ -181,10 +190,22 @@ def load_database(
     Raises
     ------
     InputError
-        No such built-in table, a file that cannot be used, no such family.
+        No such built-in table, a file that cannot be used, no such family; base pressure for a table that has it.
     """
     three_sigma(family, 20.0, 1e-5, 1.7)  # refuses an unknown family here rather than at the first look-up
-    thick = _resolve(continuum, "mach", BUILTIN_CONTINUUM, interpolation, continuum_moment_point)
+    forebody = body if isinstance(body, SphereCone) else sphere_cone(body or family)
+    thick: GridTable | None
+    if continuum == NEWTONIAN and continuum_moment_point is None:
+        thick = newtonian_table(forebody)
+    else:
+        thick = _resolve(continuum, "mach", BUILTIN_CONTINUUM, interpolation, continuum_moment_point)
+    if base_pressure:
+        if thick is None or continuum in BUILTIN_CONTINUUM[:2]:
+            raise InputError(
+                f"aerodynamics.base_pressure: {continuum} has the base pressure in it already; leave the key out, or "
+                f"use {NEWTONIAN} or a table of a forebody."
+            )
+        thick = with_base_pressure(thick)
     thin: GridTable | FreeMolecularBridge | None = _resolve(
         rarefied, "knudsen", BUILTIN_RAREFIED, interpolation, rarefied_moment_point
     )
@@ -196,7 +217,7 @@ def load_database(
 
 
 def _resolve(
-    where: str | Path, kind: Kind, builtin: tuple[str, str], interpolation: Interpolation, moment_point: float | None
+    where: str | Path, kind: Kind, builtin: tuple[str, ...], interpolation: Interpolation, moment_point: float | None
 ) -> GridTable | None:
     """The table of a path or built-in name; None for the built-in that is no grid, the first."""
     if not str(where).startswith("builtin:"):

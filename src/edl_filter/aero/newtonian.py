@@ -13,9 +13,16 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from edl_filter.aero.body import SphereCone
+from edl_filter.aero.grid import GridTable
 from edl_filter.errors import InputError
 
-__all__ = ["newtonian_coefficients", "rayleigh_pitot_cp_max"]
+__all__ = ["newtonian_coefficients", "newtonian_table", "rayleigh_pitot_cp_max"]
+
+#: Effective ratio of specific heats of the shocked CO2 up to Mach 9, and Cp_max above Mach 10, where it dissociates.
+_GAMMA, _CP_MAX = 1.33, 1.94
+#: Nodes of the table: Mach and deg.
+_MACH = np.concatenate((np.arange(0.4, 3.0, 0.1), np.arange(3.0, 9.1, 0.5), [10.0, 40.0]))
+_ALPHA_DEG = np.arange(0.0, 30.5, 0.5)
 
 
 def rayleigh_pitot_cp_max(mach: ArrayLike, gamma: ArrayLike) -> NDArray[np.float64]:
@@ -84,6 +91,18 @@ def newtonian_coefficients(
     cn = side * (odd @ (ring * line.normal_r))
     cm = side * (odd @ (ring * arm))
     return (peak * ca)[()], (peak * cn)[()], (peak * cm)[()]
+
+
+def newtonian_table(body: SphereCone) -> GridTable:
+    """Modified Newtonian coefficients of a forebody as a continuum table, Mach 0.4 to 40, 0 to 30 degrees.
+
+    Cp_max is Rayleigh's for a ratio of specific heats of 1.33 up to Mach 9 and 1.94 above Mach 10, linear between.
+    Against the Phoenix table: CA to 0.5 to 3 %, CN too large by 30 to 80 %, and no bounded instability.
+    """
+    peak = np.where(_MACH < 9.5, rayleigh_pitot_cp_max(_MACH, _GAMMA), _CP_MAX)[:, None]
+    alpha = np.radians(_ALPHA_DEG)
+    ca, cn, cm = newtonian_coefficients(body, alpha, peak)
+    return GridTable("mach", _MACH, alpha, ca, cn, cm, "pchip", "modified Newtonian, forebody only")
 
 
 def _ring_integrals(a: NDArray[np.float64], b: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

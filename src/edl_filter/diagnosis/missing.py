@@ -1,4 +1,4 @@
-"""A missing force and moment that nobody named: the hypothesis *something else*, and the ground on which names are judged.
+"""A missing force and moment that nobody named: the hypothesis *something else*, the ground on which names are judged.
 
 Body-fixed, each axis a Gauss–Markov process of its own, of a size, a memory, and with the dynamic pressure or without
 it. Size and memory are those under which the flight is most likely. A name must explain the flight better than this
@@ -50,9 +50,7 @@ FORCES = (0.0, 3e-3, 3e-2, 0.3)
 MOMENTS = (0.0, 1e-3, 1e-2, 0.1)
 
 
-def allow(
-    steps: Steps, order: Order, unknowns: Unknowns, bins: Bins, flow: Flow, missing: Missing
-) -> Steps:
+def allow(steps: Steps, order: Order, unknowns: Unknowns, bins: Bins, flow: Flow, missing: Missing) -> Steps:
     """The linear problem with a missing force and moment among its unknowns."""
     if missing.force == missing.moment == 0.0:
         return steps
@@ -97,7 +95,7 @@ def _sized(value: Callable[[Missing], float], memory: float, with_pressure: bool
     at = value(best)
     for name, sizes in (("moment", MOMENTS), ("force", FORCES)):
         for size in sizes[1:]:
-            other = replace(best, **{name: size})
+            other = replace(best, moment=size) if name == "moment" else replace(best, force=size)
             if (v := value(other)) <= at:
                 break
             best, at = other, v

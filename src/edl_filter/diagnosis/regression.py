@@ -46,7 +46,7 @@ def from_moments(information: Array, projection: Array, sigma: Array, mean: Arra
     prior = 1.0 / sigma**2
     shift = np.zeros_like(sigma) if mean is None else mean
     target = projection + prior * shift
-    covariance = np.linalg.inv(information + np.diag(prior))
+    covariance = np.asarray(np.linalg.inv(information + np.diag(prior)), float)
     size = covariance @ target
     gain = 0.5 * float(target @ size - prior @ shift**2)
     gain -= 0.5 * np.linalg.slogdet(np.eye(len(sigma)) + information * sigma**2)[1]

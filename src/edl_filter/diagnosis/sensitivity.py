@@ -1,7 +1,7 @@
 """How the differences hang on the unknowns: the linear problem that `whitening` passes through.
 
-Where the flight goes (`navigation`) is linear in the error of the filter's vector by the same propagation that the filter
-uses, differenced; what the model predicts there by differences of the model itself.
+Where the flight goes (`navigation`) is linear in the error of the filter's vector by the same propagation that the
+filter uses, differenced; what the model predicts there by differences of the model itself.
 """
 
 from __future__ import annotations
@@ -37,8 +37,8 @@ class Slopes:
     turn : (B - 1, 3, c) array
         Of the steps of the rate.
     names : dict
-        position, velocity, attitude (the local error of the state), density (relative), wind_east, wind_north (m/s), ca, cn, cm
-        (the coefficient), mass, inertia (relative) → slice of columns.
+        position, velocity, attitude (the local error of the state), density (relative), wind_east, wind_north (m/s),
+        ca, cn, cm (the coefficient), mass, inertia (relative) → slice of columns.
     force_bend, turn_bend : (B, 3), (B - 1, 3) arrays
         By how much two sigmas of density bend the predictions off a straight line: at the step where one table ends and
         another begins nobody knows to a tenth of a second when it comes. And what sums over nodes may be wrong by.

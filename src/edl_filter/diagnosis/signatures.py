@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from itertools import product
+from itertools import pairwise, product
 
 import numpy as np
 from numpy.typing import NDArray
@@ -115,7 +115,7 @@ def ordered(active: Active) -> bool:
     """Lower edges lie below upper ones: bounds of one kind come in pairs, in the order of declaration."""
     for kind in ("altitude", "time", "mach"):
         values = [active.values[q.name] for q in active.effect.places if q.kind == kind]
-        if any(b <= a for a, b in zip(values, values[1:], strict=False)):
+        if any(b <= a for a, b in pairwise(values)):
             return False
     return True
 

@@ -1,7 +1,7 @@
 """The linear problem in the order of time: bins' ends, constraints, changes of the driving instrument.
 
-The filter's vector moves as the filter moves it: its sigma-point propagation, differenced about the path. Where a bin is
-compared, the noise of its gyros is an unknown of its own and not process noise (`unknowns`).
+The filter's vector moves as the filter moves it: its sigma-point propagation, differenced about the path. Where a bin
+is compared, the noise of its gyros is an unknown of its own and not process noise (`unknowns`).
 """
 
 from __future__ import annotations

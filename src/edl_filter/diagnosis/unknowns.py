@@ -1,7 +1,7 @@
 """What the model does not know exactly, as one vector: the errors that the comparison allows for.
 
-First comes the filter's own vector (`navigation.layout`): navigation and the driving instrument's errors. Then what only
-the comparison knows of, in units of one sigma where that is said:
+First comes the filter's own vector (`navigation.layout`): navigation and the driving instrument's errors. Then what
+only the comparison knows of, in units of one sigma where that is said:
 
 rate_before, rate_after
     Gyro noise of the bin that ends and of the one that begins (rad/s): the same numbers turn the attitude and stand in
@@ -9,9 +9,9 @@ rate_before, rate_after
 other
     Errors of the checking IMUs.
 density, wind_east, wind_north
-    Relative error of the preflight density and of the winds, in sigmas; they change with altitude. Each is a pair, value
-    and slope: a Matérn process of order 3/2, which is as smooth as air is (a first-order one, of the same correlation
-    length, would be let jump by a tenth of its sigma in a hundred metres).
+    Relative error of the preflight density and of the winds, in sigmas; they change with altitude. Each is a pair,
+    value and slope: a Matérn process of order 3/2, which is as smooth as air is (a first-order one, of the same
+    correlation length, would be let jump by a tenth of its sigma in a hundred metres).
 ca, cn, cm
     Errors of the database in sigmas, pairs of the same kind; they change with time. Exact tables leave what numbers
     cannot do better.

@@ -146,12 +146,24 @@ class Body:
     inertia : (3, 3) array
         About the centre of mass, kg m²; elements off the diagonal are minus the products.
     offset : (3,) array
-        Centre of mass against the nominal one, m, body axes. What is bolted to the vehicle does not move with it.
+        Centre of mass against the point on the axis that the mission names, m, body axes: what the mission puts it
+        beside the axis, and what effects move it further. What is bolted to the vehicle does not move with it.
     """
 
     mass: float
     inertia: Array
     offset: Array = field(default_factory=lambda: np.zeros(3))
+
+    def centre(self, x_over_d: float, diameter: float) -> tuple[float, float, float]:
+        """Centre of mass in diameters: behind the nose, to the right (+y) and down (+z).
+
+        Parameters
+        ----------
+        x_over_d, diameter : float
+            The mission's point on the axis, diameters behind the nose; m.
+        """
+        x, y, z = (float(d) / diameter for d in self.offset)
+        return x_over_d - x, y, z
 
 
 class Effect:

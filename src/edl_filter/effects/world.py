@@ -52,7 +52,7 @@ class World:
     database : Database
     damping : Damping
     body : Body
-        Nominal mass, inertia, and no offset.
+        Without effects; its offset is what the mission puts the centre of mass beside the axis.
     diameter, x_over_d : float
         m; nominal centre of mass behind the nose, diameters.
     effects : tuple of Active
@@ -92,6 +92,11 @@ class World:
         for a in self.effects:
             body = a.effect.vehicle(a.values, body)
         return body
+
+    @property
+    def centre_of_mass(self) -> tuple[float, float, float]:
+        """The true one, in diameters: behind the nose, to the right and down."""
+        return self.rigid_body.centre(self.x_over_d, self.diameter)
 
     def flow(self, time: Array, position: Array, velocity: Array, inertial_from_body: Array, rate: Array) -> Flow:
         """How the air meets the vehicle.
@@ -152,15 +157,13 @@ class World:
         totals, d = self.totals(flow, tables), self.diameter
         _, v, w = flow.velocity_body.T
         cn, cy, cm, yaw = split(totals.cn, totals.cm_nose, v, w)
-        cl, cm, yaw = moments_at_cm((totals.ca, cy, cn), (totals.cl, cm, yaw), (self.x_over_d, 0.0, 0.0))
+        cl, cm, yaw = moments_at_cm((totals.ca, cy, cn), (totals.cl, cm, yaw), self.centre_of_mass)
         damping = totals.cmq * d / (2.0 * np.maximum(flow.speed, 1.0))
         cm = cm + damping * flow.rate[:, 1]
         yaw = yaw + damping * flow.rate[:, 2]
         push = (flow.dynamic_pressure * self.area)[:, None]
         force = push * np.stack((-totals.ca, cy, -cn), axis=1)
         moment = push * d * np.stack((cl, cm, yaw), axis=1)
-        # about the true centre of mass: the air's force acts where it did, the point has moved
-        moment = moment - np.cross(self.rigid_body.offset, force)
         for a in self.effects:
             if a.effect.acts("force_moment"):
                 more_force, more_moment = a.effect.force_moment(a.values, flow)

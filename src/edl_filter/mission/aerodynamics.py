@@ -6,8 +6,23 @@ from typing import Annotated, Literal
 
 from pydantic import Field, StringConstraints, model_validator
 
-from edl_filter.mission.checks import Number, Within, problem
-from edl_filter.mission.sections import Section, Window
+from edl_filter.mission.checks import Number, Switch, Within, problem
+from edl_filter.mission.sections import DEG, Section, Window
+
+
+class Forebody(Section):
+    """Sphere-cone: spherical nose, cone, rounded shoulder up to the vehicle's diameter."""
+
+    nose_radius: Annotated[Number, Within("m", 0.0, 25.0)] = Field(description="radius of the nose, m")
+    shoulder_radius: Annotated[Number, Within("m", 0.0, 25.0)] = Field(description="radius of the shoulder, m")
+    cone_half_angle_deg: Annotated[Number, Within("deg", 0.0, 90.0)] = Field(
+        description="angle between axis and cone, deg"
+    )
+
+    @property
+    def cone_half_angle(self) -> float:
+        """`cone_half_angle_deg` in rad."""
+        return self.cone_half_angle_deg * DEG
 
 
 class Aerodynamics(Section):
@@ -16,7 +31,14 @@ class Aerodynamics(Section):
     family: Literal["MER", "Phoenix"] = Field(description="vehicle whose database uncertainties apply: MER or Phoenix")
     continuum: str = Field(
         default="builtin:surrogate",
-        description="continuum database: builtin:surrogate, builtin:continuum_grid, or a CSV mach,alpha_deg,CA,CN,Cm",
+        description="continuum database: builtin:surrogate, builtin:continuum_grid, builtin:newtonian (the forebody's, "
+        "modified Newtonian), or a CSV mach,alpha_deg,CA,CN,Cm",
+    )
+    base_pressure: Switch = Field(
+        default=False, description="take Viking's base pressure off CA: for a continuum database of a forebody"
+    )
+    forebody: Forebody | None = Field(
+        default=None, description="for builtin:newtonian and builtin:free_molecular; absent: the family's"
     )
     rarefied: str = Field(
         default="builtin:free_molecular",

@@ -94,7 +94,9 @@ class Atmosphere(Section):
         default=1e4, description="altitude over which the density's error is correlated, m"
     )
     wind_sigma: Annotated[Number, Within("m/s", 0.0, 500.0, (("km/s", 1e3),))] = Field(
-        default=20.0, description="1 sigma of the wind towards east and north about the table's, m/s"
+        default=20.0,
+        description="1 sigma of the wind towards east and north about the table's, m/s: in the bands of what is "
+        "derived, and what a diagnosis allows for",
     )
     gas_constant: Annotated[Number, Within("J/(kg K)", 10.0, 5e3, (("kJ/(kg K)", 1e3),))] = Field(
         default=188.92, description="specific gas constant, J/(kg K)"
@@ -173,6 +175,9 @@ class Vehicle(Section):
     centre_of_mass: Annotated[Number, Within("diameters", 0.0, 2.0)] = Field(
         description="distance of the centre of mass behind the nose, diameters"
     )
+    centre_of_mass_offset: tuple[
+        Annotated[Number, Within("diameters", -0.2, 0.2)], Annotated[Number, Within("diameters", -0.2, 0.2)]
+    ] = Field(default=(0.0, 0.0), description="[y, z] of the centre of mass from the axis of symmetry, diameters")
     inertia: Inertia | None = Field(default=None, description="inertia at entry")
     inertia_sigma: Annotated[Number, Within("", 0.0, 1.0, PERCENT)] = Field(
         default=0.0, description="relative 1 sigma of all of it together"

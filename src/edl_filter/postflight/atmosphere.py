@@ -25,8 +25,8 @@ class FlightAtmosphere:
         s and m.
     density, pressure, temperature : arrays
         kg/m³, Pa, K.
-    mach, knudsen, ca : arrays
-        The Knudsen number on the diameter; the database's CA.
+    mach, knudsen, ca, ca_sigma : arrays
+        The Knudsen number on the diameter; the database's CA and its one sigma, a third of its 3 sigma.
     iterations : int
         Until the density changed by less than 1e-8 of itself; 0 for a table.
     valid : array of bool
@@ -48,6 +48,7 @@ class FlightAtmosphere:
     mach: Array
     knudsen: Array
     ca: Array
+    ca_sigma: Array
     iterations: int
     valid: Bools
     density_sigma: Array
@@ -56,6 +57,11 @@ class FlightAtmosphere:
     density_noise: Array
     force_scale: Array
     moment_scale: Array
+
+    @property
+    def from_drag(self) -> bool:
+        """Whether the density was made from the axial force with the database's CA."""
+        return self.iterations > 0
 
 
 def preflight(
@@ -72,6 +78,8 @@ def preflight(
     density_sigma: float = 0.0,
     mass_relative: ArrayLike = 0.0,
     speed_sigma: ArrayLike = 0.0,
+    altitude_sigma: ArrayLike = 0.0,
+    gravity: ArrayLike = 0.0,
 ) -> FlightAtmosphere:
     """The same quantities from the density and temperature of a table at the flight's altitudes.
 
@@ -82,6 +90,10 @@ def preflight(
         hydrostatic table scaled as a whole), and its temperature has none.
     mass_relative : float or (N,) array
         Relative one sigma of the mass, for the coefficients.
+    altitude_sigma : float or (N,) array
+        m: the table is entered with an altitude that is off by as much.
+    gravity : float or (N,) array
+        m/s²: with the temperature it gives the scale height, over which the density at a wrong altitude is off.
     others
         As for `flight_extracted`; arrays ``(N,)``.
 
@@ -94,8 +106,11 @@ def preflight(
     mach, knudsen = gas.mach(speed, temperature), gas.knudsen(density, diameter)
     pressure = density * gas.constant * temperature
     fast = 2.0 * np.broadcast_to(np.asarray(speed_sigma, float), time.shape) / speed
-    common = np.hypot(density_sigma, fast)
+    high = np.broadcast_to(altitude_sigma, time.shape) * np.asarray(gravity, float) / (gas.constant * temperature)
+    density_relative = np.hypot(density_sigma, high)
+    common = np.hypot(density_relative, fast)
     none = np.zeros(len(time))
+    found = database.lookup(mach, knudsen, alpha_total, speed)
     return FlightAtmosphere(
         time=time,
         altitude=altitude,
@@ -104,11 +119,12 @@ def preflight(
         temperature=temperature,
         mach=mach,
         knudsen=knudsen,
-        ca=database.lookup(mach, knudsen, alpha_total, speed).ca,
+        ca=found.ca,
+        ca_sigma=found.three_sigma.ca / 3.0,
         iterations=0,
         valid=np.ones(len(time), bool),
-        density_sigma=density * density_sigma,
-        pressure_sigma=pressure * density_sigma,
+        density_sigma=density * density_relative,
+        pressure_sigma=pressure * density_relative,
         temperature_sigma=none,
         density_noise=none,
         force_scale=np.stack((none, np.hypot(common, np.broadcast_to(mass_relative, time.shape))), axis=1),

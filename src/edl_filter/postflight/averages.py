@@ -16,6 +16,8 @@ Array = NDArray[np.float64]
 
 #: Coefficient → name of the flight's method, and the coefficient that the combination went through.
 METHODS = {"CN": ("accels", "Cm"), "CY": ("accels", "Cn"), "Cm": ("gyros", "CN"), "Cn": ("gyros", "CY")}
+#: Coefficients that no combination gives: the flight's method.
+ALONE = {"CA": "accels", "Cl": "gyros"}
 #: The database's uncertainty is too wide when it is this many times what the flight supports (thesis section 7.1).
 _WIDE = 10.0
 
@@ -58,13 +60,30 @@ class Difference:
 class Verdict:
     """What a window says of one coefficient's uncertainty.
 
-    ``within``: database and flight differ on average by less than the database's 3 sigma; ``wide``: that is ten times
-    what the flight supports, or more. The flight supports the larger of the mean difference and three sigma of
-    the mean.
+    Attributes
+    ----------
+    window, coefficient : str
+    density : str
+        ``flight`` or ``preflight``: with which the flight's coefficient was made.
+    mean, mean_sigma, rms, three_sigma : float
+        As in `Difference`, database less flight.
+    within : bool
+        They differ on average by less than the database's 3 sigma.
+    wide : bool
+        That is ten times what the flight supports, or more.
+    ratio : float
+        The database's 3 sigma over what the flight supports: the larger of the mean difference and three sigma of the
+        mean.
+    sentence : str
     """
 
     window: str
     coefficient: str
+    density: str
+    mean: float
+    mean_sigma: float
+    rms: float
+    three_sigma: float
     within: bool
     wide: bool
     ratio: float
@@ -79,8 +98,10 @@ def average_differences(
     moments: Combination,
     windows: Sequence[Window],
     batch: NDArray[np.int64],
+    *,
+    axial: bool = False,
 ) -> list[Difference]:
-    """Tables 7.1 to 7.6.
+    """Tables 7.1 to 7.6, and rows of database less flight for Cl and CA, which have no combination coefficient.
 
     Parameters
     ----------
@@ -91,10 +112,28 @@ def average_differences(
     windows : sequence of Window
     batch : (N,) array
         Samples in a smoothing batch: noise is independent from one batch to the next.
+    axial : bool
+        With CA, which says nothing where the density was made with the database's.
     """
     rows = []
     for window in windows:
         inside = window.mask(time)
+        for name, method in ALONE.items():
+            if name == "CA" and not axial:
+                continue
+            rows.append(
+                _row(
+                    window.name,
+                    name,
+                    f"IMU-{method}",
+                    inside,
+                    database.value[name] - flight.value[name],
+                    flight.noise[name],
+                    np.hypot(flight.systematic[name], database.angle_sigma[name]),
+                    database.three_sigma[name],
+                    batch,
+                )
+            )
         for name, (method, through) in METHODS.items():
             imu, measured = database.value[name], flight.value[name]
             through_it = moments if name in ("CN", "CY") else forces
@@ -114,24 +153,39 @@ def average_differences(
     return rows
 
 
-def verdicts(differences: Sequence[Difference]) -> list[Verdict]:
-    """One sentence per coefficient and window, from database less flight."""
-    out = []
-    for row in differences:
-        if row.pair != f"IMU-{METHODS[row.coefficient][0]}" or not row.samples:
-            continue
-        supported = max(abs(row.mean), 3.0 * row.mean_sigma)
-        ratio = row.three_sigma / supported if supported > 0.0 else float("inf")
-        within, wide = abs(row.mean) < row.three_sigma, ratio >= _WIDE
-        text = (
-            f"{row.window}: {row.coefficient} of the database and of the flight differ by {row.mean:+.2g} ± "
-            f"{row.mean_sigma:.1g} on average, {'less' if within else 'more'} than the database's 3 sigma of "
-            f"{row.three_sigma:.2g} ({abs(row.percent):.0f} %)."
-        )
-        if wide:
-            text += f" That uncertainty is {ratio:.0f} times what this flight supports."
-        out.append(Verdict(row.window, row.coefficient, within, wide, ratio, text))
-    return out
+def verdicts(differences: Sequence[Difference], preflight: Sequence[Difference] = ()) -> list[Verdict]:
+    """One sentence per coefficient and window, from database less flight.
+
+    Parameters
+    ----------
+    differences : sequence of Difference
+        With the flight's atmosphere.
+    preflight : sequence of Difference
+        With the preflight atmosphere: its CA is judged.
+    """
+    rows = [("flight", r) for r in differences]
+    rows += [("preflight", r) for r in preflight if r.coefficient == "CA"]
+    return [_verdict(density, r) for density, r in rows if r.samples and r.pair in ("IMU-accels", "IMU-gyros")]
+
+
+def _verdict(density: str, row: Difference) -> Verdict:
+    supported = max(abs(row.mean), 3.0 * row.mean_sigma)
+    ratio = row.three_sigma / supported if supported > 0.0 else float("inf")
+    within, wide = abs(row.mean) < row.three_sigma, ratio >= _WIDE
+    which = f"{row.coefficient} of the database and of the flight"
+    if density == "preflight":
+        which += ", with the preflight density,"
+    side = "less" if within else "more"
+    text = (
+        f"{row.window}: {which} differ by {row.mean:+.2g} ± {row.mean_sigma:.1g} on average (rms {row.rms:.2g}), "
+        f"{side} than the database's 3 sigma of {row.three_sigma:.2g} ({abs(row.percent):.0f} %)."
+    )
+    if not within and abs(row.mean) < 3.0 * row.mean_sigma:
+        text += " The flight's own uncertainty is as large."
+    if wide:
+        text += f" That uncertainty is {ratio:.0f} times what this flight supports."
+    numbers = (row.mean, row.mean_sigma, row.rms, row.three_sigma)
+    return Verdict(row.window, row.coefficient, density, *numbers, within, wide, ratio, text)
 
 
 def _row(

@@ -1,6 +1,8 @@
 """Flight coefficients from forces and moments (thesis eqs. 6.1 to 6.5), with bands.
 
-CN acts along −z, CY along +y; Cl, Cm and Cn about x, y and z at the centre of mass; reference π D²/4 and D.
+CA acts along −x, CN along −z, CY along +y; Cl, Cm and Cn about x, y and z at the centre of mass; reference π D²/4 and
+D. With the flight's density CA is the database's, which that density was made with; with another density it is a
+measurement.
 """
 
 from __future__ import annotations
@@ -15,7 +17,7 @@ from edl_filter.postflight.moments import Moments
 
 Array = NDArray[np.float64]
 
-FORCES = ("CN", "CY")
+FORCES = ("CA", "CN", "CY")
 MOMENTS = ("Cl", "Cm", "Cn")
 NAMES = FORCES + MOMENTS
 
@@ -80,8 +82,8 @@ def flight_coefficients(
 
     Notes
     -----
-    Linear bands: the lateral force's own noise and bias, and the relative sigma of m/q or 1/q that the atmosphere
-    states.
+    Linear bands: the force's own noise and bias, and the relative sigma of m/q or 1/q that the atmosphere states. CA
+    with the flight's density has the database's sigma alone, for the force cancels in it.
     """
     area = np.pi / 4.0 * diameter**2
     q = 0.5 * atmosphere.density * speed**2
@@ -91,11 +93,15 @@ def flight_coefficients(
     noise: dict[str, Array] = {}
     systematic: dict[str, Array] = {}
     leak = alignment_sigma * np.abs(force[:, 0])
-    for name, axis, sign in (("CN", 2, -1.0), ("CY", 1, 1.0)):
+    for name, axis, sign in (("CA", 0, -1.0), ("CN", 2, -1.0), ("CY", 1, 1.0)):
         value[name] = sign * per_force * force[:, axis]
+        if axis == 0 and atmosphere.from_drag:
+            noise[name], systematic[name] = np.where(np.isfinite(q), 0.0, np.nan), atmosphere.ca_sigma
+            continue
         size, scale = np.abs(value[name]), atmosphere.force_scale
+        aside = leak if axis else 0.0
         noise[name] = np.hypot(per_force * force_noise, size * scale[:, 0])
-        systematic[name] = np.hypot(per_force * np.hypot(bias[axis], leak), size * scale[:, 1])
+        systematic[name] = np.hypot(per_force * np.hypot(bias[axis], aside), size * scale[:, 1])
     for axis, name in enumerate(MOMENTS):
         value[name] = per_moment * moments.moment[:, axis]
         size, scale = np.abs(value[name]), atmosphere.moment_scale

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from edl_filter.aero.database import Database, split
+from edl_filter.aero.database import Database, moments_at_cm, split
 from edl_filter.aero.inverse import InverseResult, angle_from_cm, angle_from_cn
 from edl_filter.postflight.atmosphere import FlightAtmosphere
 from edl_filter.postflight.coefficients import FlightCoefficients
@@ -24,6 +24,8 @@ Array = NDArray[np.float64]
 _STEP = 1e-3
 #: An angle that the slope would leave less known than this is not known at all, rad.
 _UNKNOWN = 0.5
+#: Passes in which CA settles at the angle found: each leaves under a hundredth of the change before.
+_PASSES = 3
 #: Samples in a smoothing batch that are asked for their angle.
 _SAMPLES = 35
 
@@ -35,9 +37,9 @@ class DatabaseCoefficients:
     Attributes
     ----------
     value : dict
-        CA, CN, CY, Cm, Cn at the centre of mass.
+        CA, CN, CY, Cl, Cm, Cn at the centre of mass; Cl is zero with the centre of mass on the axis.
     angle_sigma : dict
-        One sigma of CN, CY, Cm, Cn that comes from the angle's.
+        One sigma of each that comes from the angle's.
     three_sigma : dict
         The database's own, for CA, CN, CY, Cl, Cm, Cn.
     outside : array of bool
@@ -63,9 +65,12 @@ class Combination:
     noise, systematic : arrays
         One sigma of each of the two, from the flight's coefficients through the database's slopes: what changes from
         batch to batch, and what is common to the flight.
+    angle_noise, angle_systematic : arrays
+        The same of the angle in each plane, rad; an angle that nothing holds has half a radian.
     status : array of int8
         0 no solution, 1 one, 2 several (the one nearest to the reconstructed angle is taken); -1 where nothing was
-        asked.
+        asked. With a stride, a sample between two that were asked has the earlier one's status, while its values lie
+        between the two and are NaN where either has no solution: whether there is a value only NaN tells.
     """
 
     alpha: Array
@@ -74,12 +79,17 @@ class Combination:
     value: dict[str, Array]
     noise: Array
     systematic: Array
+    angle_noise: Array
+    angle_systematic: Array
     status: NDArray[np.int8]
 
 
 @dataclass(frozen=True)
 class AngleDifferences:
-    """Differences of the angles, rad: reconstructed less forces, reconstructed less moments, forces less moments."""
+    """Differences of the angles, rad: reconstructed less forces, reconstructed less moments, forces less moments.
+
+    ``forces_sigma``, ``moments_sigma`` and ``between_sigma`` are one sigma of each in either plane.
+    """
 
     alpha_forces: Array
     alpha_moments: Array
@@ -87,6 +97,9 @@ class AngleDifferences:
     beta_forces: Array
     beta_moments: Array
     beta_between: Array
+    forces_sigma: Array
+    moments_sigma: Array
+    between_sigma: Array
 
 
 def database_coefficients(
@@ -96,6 +109,7 @@ def database_coefficients(
     velocity_body: Array,
     x_over_d: float,
     alpha_sigma: Array | float = 0.0,
+    offset: tuple[float, float] = (0.0, 0.0),
 ) -> DatabaseCoefficients:
     """Coefficients at the reconstructed angles.
 
@@ -112,6 +126,8 @@ def database_coefficients(
         Centre of mass behind the nose, diameters.
     alpha_sigma : (N,) array or float
         One sigma of the air's direction in each plane, rad.
+    offset : tuple of float
+        Centre of mass right of the axis (+y) and below it (+z), diameters.
     """
     ok = atmosphere.valid
     u, v, w = velocity_body[ok].T
@@ -119,7 +135,8 @@ def database_coefficients(
     arguments = atmosphere.mach[ok], atmosphere.knudsen[ok]
     found = database.lookup(*arguments, total, speed[ok])
     cm = found.cm_at(x_over_d)
-    cn, cy, pitch, yaw = split(found.cn, cm, v, w)
+    cn, cy, pitch_nose, yaw_nose = split(found.cn, found.cm_nose, v, w)
+    roll, pitch, yaw = moments_at_cm((found.ca, cy, cn), (0.0, pitch_nose, yaw_nose), (x_over_d, *offset))
     above = database.lookup(*arguments, total + _STEP, speed[ok])
     # a coefficient turns with the plane by C/alpha, and grows in it by its slope: the larger of the two bounds it
     safe = np.maximum(total, _STEP)
@@ -131,11 +148,17 @@ def database_coefficients(
     def full(values: Array) -> Array:
         return scatter(ok, values)
 
-    by_force, by_moment = full(force_slope * sigma), full(moment_slope * sigma)
+    aside, axial_slope = float(np.hypot(*offset)), np.abs(above.ca - found.ca) / _STEP
+    by_force, by_moment = full(force_slope * sigma), full((moment_slope + aside * axial_slope) * sigma)
     force, moment = full(limits.cn), full(limits.cm)
     return DatabaseCoefficients(
-        value={"CA": full(found.ca), "CN": full(cn), "CY": full(cy), "Cm": full(pitch), "Cn": full(yaw)},
-        angle_sigma={"CN": by_force, "CY": by_force, "Cm": by_moment, "Cn": by_moment},
+        value={
+            "CA": full(found.ca), "CN": full(cn), "CY": full(cy), "Cl": full(roll), "Cm": full(pitch), "Cn": full(yaw)
+        },
+        angle_sigma={
+            "CA": full(axial_slope * sigma), "CN": by_force, "CY": by_force,
+            "Cl": aside * by_force, "Cm": by_moment, "Cn": by_moment,
+        },
         three_sigma={
             "CA": full(limits.ca), "CN": force, "CY": force, "Cl": full(limits.cl), "Cm": moment, "Cn": moment
         },
@@ -151,6 +174,7 @@ def from_forces(
     velocity_body: Array,
     x_over_d: float,
     stride: int = 1,
+    offset: tuple[float, float] = (0.0, 0.0),
 ) -> Combination:
     """Forces → angles → moments: the lateral flow lies along (−CY, CN).
 
@@ -158,7 +182,7 @@ def from_forces(
     solution); `stride_of` says how many a smoothed series allows.
     """
     toward = np.stack((-flight.value["CY"], flight.value["CN"]), axis=1)
-    return _combine(database, atmosphere, flight, toward, speed, velocity_body, x_over_d, stride, forces=True)
+    return _combine(database, atmosphere, flight, toward, speed, velocity_body, x_over_d, stride, offset, forces=True)
 
 
 def from_moments(
@@ -169,14 +193,26 @@ def from_moments(
     velocity_body: Array,
     x_over_d: float,
     stride: int = 1,
+    offset: tuple[float, float] = (0.0, 0.0),
 ) -> Combination:
     """Moments → angles → forces: the lateral flow lies along (Cn, −Cm) if the body is stable, against it if not.
 
     As `from_forces`. The search covers both directions; of several solutions the one nearest to the reconstructed angle
-    is taken.
+    is taken. What a centre of mass beside the axis adds (``z CA``, ``−y CA``) is taken off first, with CA of the
+    reconstructed angle and then of the angle found.
     """
-    toward = np.stack((flight.value["Cn"], -flight.value["Cm"]), axis=1)
-    return _combine(database, atmosphere, flight, toward, speed, velocity_body, x_over_d, stride, forces=False)
+    y, z = offset
+    axial, ok = atmosphere.ca.copy(), atmosphere.valid
+    for _ in range(_PASSES if y or z else 1):
+        toward = np.stack((flight.value["Cn"] + y * axial, z * axial - flight.value["Cm"]), axis=1)
+        found = _combine(
+            database, atmosphere, flight, toward, speed, velocity_body, x_over_d, stride, offset, forces=False
+        )
+        there = ok & np.isfinite(found.alpha_total)
+        mach, knudsen = atmosphere.mach[there], atmosphere.knudsen[there]
+        if y or z:
+            axial[there] = database.lookup(mach, knudsen, found.alpha_total[there], speed[there]).ca
+    return found
 
 
 def stride_of(points: NDArray[np.int64]) -> int:
@@ -184,8 +220,12 @@ def stride_of(points: NDArray[np.int64]) -> int:
     return max(1, int(points.min()) // _SAMPLES)
 
 
-def angle_differences(alpha: Array, beta: Array, forces: Combination, moments: Combination) -> AngleDifferences:
-    """Eqs. 8.1 to 8.3 in both planes."""
+def angle_differences(
+    alpha: Array, beta: Array, forces: Combination, moments: Combination, sigma: Array
+) -> AngleDifferences:
+    """Eqs. 8.1 to 8.3 in both planes; `sigma` is the reconstructed angle's in a plane, rad."""
+    by_forces = np.hypot(forces.angle_noise, forces.angle_systematic)
+    by_moments = np.hypot(moments.angle_noise, moments.angle_systematic)
     return AngleDifferences(
         alpha_forces=alpha - forces.alpha,
         alpha_moments=alpha - moments.alpha,
@@ -193,6 +233,9 @@ def angle_differences(alpha: Array, beta: Array, forces: Combination, moments: C
         beta_forces=beta - forces.beta,
         beta_moments=beta - moments.beta,
         beta_between=forces.beta - moments.beta,
+        forces_sigma=np.hypot(sigma, by_forces),
+        moments_sigma=np.hypot(sigma, by_moments),
+        between_sigma=np.hypot(by_forces, by_moments),
     )
 
 
@@ -205,6 +248,7 @@ def _combine(
     velocity_body: Array,
     x_over_d: float,
     stride: int,
+    offset: tuple[float, float],
     *,
     forces: bool,
 ) -> Combination:
@@ -227,17 +271,28 @@ def _combine(
     value = {k: np.full(len(angle), np.nan) for k in (("Cm", "Cn") if forces else ("CN", "CY"))}
     passed = np.full(len(angle), np.nan)
     unsure = np.full(len(angle), np.nan)
+    turned = np.full(len(angle), np.nan)
     if known.any():
         arguments, total = (mach[known], knudsen[known]), np.abs(angle[known])
         there = database.lookup(*arguments, total, fast[known])
         above = database.lookup(*arguments, total + _STEP, fast[known])
         cm, cm_above = there.cm_at(x_over_d), above.cm_at(x_over_d)
         parts = split(there.cn, cm, sideways[known], along[known])
-        for name, part in zip(value, parts[2:] if forces else parts[:2], strict=True):
+        y, z = offset
+        moments = parts[2] + z * there.ca, parts[3] - y * there.ca
+        for name, part in zip(value, moments if forces else parts[:2], strict=True):
             value[name][known] = part
         slopes = np.abs(np.stack((above.cn - there.cn, cm_above - cm))) / _STEP
         into, passed[known] = slopes if forces else slopes[::-1]
         unsure[known] = 1.0 / np.maximum(into, 1e-12)
+        # an error across the coefficient turns the plane, by itself over the coefficient, and the angle with it;
+        # where the curve folds, the slope at the angle found does not tell how flat it is on the way there
+        at_hint = database.lookup(*arguments, np.abs(hint[known]), fast[known])
+        expected = np.sign(hint[known]) * (at_hint.cn if forces else at_hint.cm_at(x_over_d))
+        rise = np.abs(expected - (1.0 if forces else -1.0) * size[known])
+        way = np.abs(hint[known] - angle[known])
+        folded = np.where(way > _STEP, way / np.maximum(rise, 1e-12), 0.0)
+        turned[known] = np.maximum(total / np.maximum(size[known], 1e-12), folded)
     pair = ("CN", "CY") if forces else ("Cm", "Cn")
 
     def full(values: Array) -> Array:
@@ -245,10 +300,14 @@ def _combine(
         out[asked_at] = values if stride == 1 or not len(ok) else np.interp(asked_at, ok, values)
         return out
 
-    def sigma(of: dict[str, Array]) -> Array:
+    def sigma(of: dict[str, Array]) -> tuple[Array, Array]:
+        """Of the other coefficients, and of the angle."""
         one = np.sqrt(0.5 * (of[pair[0]][ok] ** 2 + of[pair[1]][ok] ** 2))
-        return full(passed * np.minimum(one * unsure, _UNKNOWN))
+        angle = np.minimum(one * np.maximum(unsure, turned), _UNKNOWN)
+        return full(passed * np.minimum(one * unsure, _UNKNOWN)), full(angle)
 
+    noise, angle_noise = sigma(flight.noise)
+    systematic, angle_systematic = sigma(flight.systematic)
     status = np.full(len(speed), -1, np.int8)
     status[asked_at] = np.repeat(found.status, stride)[: len(asked_at)]
     return Combination(
@@ -256,8 +315,10 @@ def _combine(
         beta=full(np.arcsin(sideways)),
         alpha_total=full(np.abs(angle)),
         value={k: full(x) for k, x in value.items()},
-        noise=sigma(flight.noise),
-        systematic=sigma(flight.systematic),
+        noise=noise,
+        systematic=systematic,
+        angle_noise=angle_noise,
+        angle_systematic=angle_systematic,
         status=status,
     )
 

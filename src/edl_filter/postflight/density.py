@@ -21,6 +21,8 @@ Bools = NDArray[np.bool_]
 
 _TOLERANCE = 1e-8
 _MOST_ITERATIONS = 60
+#: Step of the angle, rad, and relative one of the speed for the slopes of CA.
+_STEP = 1e-3
 #: No air is colder or hotter (K): keeps the Mach number finite where the pressure begins at zero.
 _COLDEST, _HOTTEST = 20.0, 2000.0
 #: Fall of density over which the density at the top is fitted: one scale height.
@@ -68,6 +70,9 @@ def flight_extracted(
     diameter: float,
     *,
     speed_sigma: ArrayLike = 0.0,
+    wind_sigma: ArrayLike = 0.0,
+    sink_sigma: ArrayLike = 0.0,
+    angle_sigma: ArrayLike = 0.0,
     top_temperature: float | None = None,
     top_temperature_sigma: float = 0.0,
 ) -> FlightAtmosphere:
@@ -88,6 +93,13 @@ def flight_extracted(
         m.
     speed_sigma : float or (N,) array
         From the smoother, m/s; taken as common to the whole flight.
+    wind_sigma : float or (N,) array
+        What the wind may add to the speed, m/s; common to the flight.
+    sink_sigma : float or (N,) array
+        Of the vertical velocity, m/s, common to the flight: an error of the altitude that stays the same changes no
+        pressure, one that grows does.
+    angle_sigma : float or (N,) array
+        Of the angle, rad, common to the flight: CA is looked up with it.
     top_temperature, top_temperature_sigma : float, optional
         K: the air above the first valid sample is isothermal. None: the pressure begins at zero there.
 
@@ -109,10 +121,12 @@ def flight_extracted(
     an exponential atmosphere and the trapezoid rule otherwise to second order. The density at the top is that of a
     log-linear fit over the first scale height, so that one noisy sample does not set the boundary.
 
-    Bands are linear. Density: noise, bias, CA (a third of the database's 3 sigma), mass and speed, added in
-    quadrature; that CA itself moves with density is left out (``dlnCA/dlnρ`` below 0.05). Bias, CA, mass and speed are
-    each taken as one error common to all altitudes and carried through the integral with their sign; noise adds
-    independently from sample to sample. In temperature the common relative errors cancel between p and ρ.
+    Bands are linear. Density: noise, bias, CA (a third of the database's 3 sigma, and what the angle's error changes in
+    it), mass, speed and wind (squared, and in the Mach number of CA), added in quadrature; that CA itself moves with
+    density and temperature is left out (``dlnCA/dlnρ`` below 0.05). All but noise are each taken as one error common to
+    all altitudes and carried through the integral with their sign; noise adds independently from sample to sample. In
+    temperature the common relative errors cancel between p and ρ. The height fallen through has the error of the
+    vertical velocity, in p and T alone.
     """
     inside = np.flatnonzero(valid)
     if not inside.size:
@@ -155,26 +169,46 @@ def flight_extracted(
             f"Density: {_MOST_ITERATIONS} iterations on CA leave a change of {change:.2g}; check the database."
         )
 
+    def along(values: ArrayLike) -> Array:
+        return np.broadcast_to(np.asarray(values, float), time.shape)[part]
+
+    turned = database.lookup(mach, knudsen, alpha_total[part] + _STEP, v)
+    faster = database.lookup(mach * (1.0 + _STEP), knudsen, alpha_total[part], v * (1.0 + _STEP))
+    steeper = (faster.ca / found.ca - 1.0) / _STEP  # a wrong speed is a wrong Mach number too
     relative = {
         "noise": axial.noise[part] / force,
-        "bias": np.broadcast_to(np.asarray(axial.bias_sigma, float), time.shape)[part] / force,
+        "bias": along(axial.bias_sigma) / force,
         "ca": found.three_sigma.ca / 3.0 / found.ca,
         "mass": axial.mass_sigma / mass,
-        "speed": -2.0 * np.broadcast_to(np.asarray(speed_sigma, float), time.shape)[part] / v,
+        "speed": -(2.0 + steeper) * along(speed_sigma) / v,
+        "wind": -(2.0 + steeper) * along(wind_sigma) / v,
+        "angle": (found.ca - turned.ca) / _STEP * along(angle_sigma) / found.ca,
     }
+    shared = [name for name in relative if name != "noise"]
     step = _running_integral(h, density * weight, total=False)
     raw = axial.noise_raw[part] / force
-    p_noise = np.sqrt(np.cumsum((step * raw) ** 2))
+    fitted = np.zeros(len(h))
+    weights = top_weights(h, density)
+    fitted[: len(weights)] = start * weights
+    # a sample's noise is in the density at the top, and below the sample in the integral as well
+    above, below = np.cumsum(((fitted + step) * raw) ** 2), np.cumsum((fitted * raw) ** 2)
+    p_noise = np.sqrt(above + below[-1] - below)
     p_common, t_common = np.zeros(len(h)), (p_noise / pressure_or_one(pressure)) ** 2 + relative["noise"] ** 2
-    for name in ("bias", "ca", "mass", "speed"):
-        moved = start * _at_top(h, density, relative[name]) + _running_integral(h, density * weight * relative[name])
+    for name in shared:
+        moved = fitted @ relative[name] + _running_integral(h, density * weight * relative[name])
         p_common += moved**2
-        t_common += (moved / pressure_or_one(pressure) - relative[name]) ** 2
+        if name == "angle":  # fixed in space, it comes and goes in alpha_total as the body rolls: nothing cancels
+            t_common += (moved / pressure_or_one(pressure)) ** 2 + relative[name] ** 2
+        else:
+            t_common += (moved / pressure_or_one(pressure) - relative[name]) ** 2
+    fallen = _running_integral(-time[part], density * weight * along(sink_sigma))
+    p_common += fallen**2
+    t_common += (fallen / pressure_or_one(pressure)) ** 2
     if top_temperature is not None:
         edge = top * gas.constant * top_temperature_sigma
         p_common += edge**2
         t_common += (edge / pressure_or_one(pressure)) ** 2
-    common = np.sqrt(sum(relative[k] ** 2 for k in ("bias", "ca", "mass", "speed")))
+    common = np.sqrt(sum(relative[k] ** 2 for k in shared))
     force_scale = np.stack((relative["noise"], np.hypot(relative["bias"], relative["ca"])), axis=1)
     moment_scale = force_scale.copy()
     moment_scale[:, 1] = np.hypot(moment_scale[:, 1], relative["mass"])
@@ -195,6 +229,7 @@ def flight_extracted(
         mach=full(gas.mach(v, temperature)),
         knudsen=full(gas.knudsen(density, diameter)),
         ca=full(found.ca),
+        ca_sigma=full(found.three_sigma.ca / 3.0),
         iterations=count,
         valid=whole,
         density_sigma=full(density * np.hypot(common, relative["noise"])),
@@ -208,23 +243,23 @@ def flight_extracted(
 
 def top_density(altitude: Array, density: Array) -> float:
     """Density at the first sample by a log-linear fit over the first scale height (three samples at least)."""
+    weights = top_weights(altitude, density)
+    return float(np.exp(weights @ np.log(density[: len(weights)])))
+
+
+def top_weights(altitude: Array, density: Array) -> Array:
+    """Weights of the first samples' logarithms in that fit, ``(n,)``: so their relative errors reach the top's."""
     deep = np.flatnonzero(density > _FIT_FALL * density[0])
     n = min(len(density), max(3, int(deep[0]) if deep.size else len(density)))
     h = altitude[:n] - altitude[0]
     if np.ptp(h) == 0.0:
-        return float(np.exp(np.mean(np.log(density[:n]))))
-    return float(np.exp(np.polyfit(h / np.ptp(h), np.log(density[:n]), 1)[1]))
+        return np.full(n, 1.0 / n)
+    return np.linalg.pinv(np.stack((np.ones(n), h / np.ptp(h)), axis=1))[0]
 
 
 def pressure_or_one(pressure: Array) -> Array:
     """Pressure to divide by: infinite where it begins at zero, so that nothing relative is said there."""
     return np.where(pressure > 0.0, pressure, np.inf)
-
-
-def _at_top(altitude: Array, density: Array, relative: Array) -> float:
-    """Mean relative error over the stretch that sets the density at the top."""
-    deep = np.flatnonzero(density > _FIT_FALL * density[0])
-    return float(np.mean(relative[: max(3, int(deep[0]) if deep.size else len(density))]))
 
 
 def _running_integral(altitude: Array, weight: Array, total: bool = True) -> Array:

@@ -2,15 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, fields, replace
-from typing import Any
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from edl_filter.aero.database import Database
-from edl_filter.errors import InputError
 from edl_filter.postflight.atmosphere import FlightAtmosphere, preflight
 from edl_filter.postflight.averages import Difference, Verdict, average_differences, verdicts
 from edl_filter.postflight.coefficients import FlightCoefficients, flight_coefficients
@@ -25,10 +21,11 @@ from edl_filter.postflight.comparison import (
     stride_of,
 )
 from edl_filter.postflight.density import AxialForce, flight_extracted
-from edl_filter.postflight.gas import Gas
+from edl_filter.postflight.inputs import DeriveInputs
 from edl_filter.postflight.measured import as_measured
 from edl_filter.postflight.moments import Moments, check_inertia, euler
-from edl_filter.postflight.rates import BATCH, Smoother, smoother
+from edl_filter.postflight.rates import Smoother, smoother
+from edl_filter.postflight.two_atmospheres import AtmosphereDifferences, Change, atmosphere_differences, changes
 from edl_filter.postflight.windows import (
     Domain,
     Marks,
@@ -41,111 +38,6 @@ from edl_filter.postflight.windows import (
 )
 
 Array = NDArray[np.float64]
-
-
-@dataclass(frozen=True)
-class DeriveInputs:
-    """All that the layer needs. Arrays run over the samples' middles (`at_middles`).
-
-    Attributes
-    ----------
-    time : (N,) array
-        Middles of the samples' intervals, s.
-    altitude, speed, gravity : (N,) arrays
-        m; air-relative, m/s; along the vertical, m/s².
-    velocity_body : (N, 3) array
-        Air-relative, m/s.
-    alpha, beta, alpha_total : (N,) arrays
-        rad.
-    speed_sigma, angle_sigma : (N,) arrays
-        One sigma from the smoother: m/s; of the air's direction in a plane, rad.
-    specific_force, angular_rate : (N, 3) arrays
-        Means over the samples at the centre of mass, sensor errors taken off: m/s², rad/s.
-    force_noise, rate_noise : (N,) arrays
-        One sigma of one sample.
-    bias_sigma : (3,) array
-        What is left of the accelerometers' bias, m/s².
-    alignment_sigma : float
-        What is left of the accelerometers' alignment, rad.
-    mass : float or (N,) array
-        kg.
-    mass_sigma : float
-        kg.
-    diameter, x_over_d : float
-        m; centre of mass behind the nose, diameters.
-    inertia : (3, 3) array
-        kg m².
-    inertia_relative : float
-        Relative one sigma of it.
-    gas : Gas
-    database : Database
-    preflight_density, preflight_temperature : (N,) arrays
-        Of the table at the flight's altitudes.
-    preflight_sigma : float
-        Relative one sigma of that density.
-    parachute : float
-        Last time to be used, s: the parachute, or a little before it.
-    top_temperature, top_temperature_sigma : float, optional
-        K: isothermal above the first valid sample; None begins with no pressure there, as the thesis does.
-    batch : float
-        Length of the smoothing batch, s.
-    windows : sequence of Window, optional
-        Instead of those found from the flight.
-    offset : (3,) array, optional
-        True centre of mass against the one at `x_over_d`, m, body axes: forces act and moments are measured about the
-        true one, coefficients are told about the other.
-    """
-
-    time: Array
-    altitude: Array
-    speed: Array
-    gravity: Array
-    velocity_body: Array
-    alpha: Array
-    beta: Array
-    alpha_total: Array
-    speed_sigma: Array
-    angle_sigma: Array
-    specific_force: Array
-    angular_rate: Array
-    force_noise: Array
-    rate_noise: Array
-    bias_sigma: Array
-    mass: Array | float
-    diameter: float
-    x_over_d: float
-    inertia: Array
-    gas: Gas
-    database: Database
-    preflight_density: Array
-    preflight_temperature: Array
-    parachute: float
-    preflight_sigma: float = 0.0
-    alignment_sigma: float = 0.0
-    mass_sigma: float = 0.0
-    inertia_relative: float = 0.0
-    top_temperature: float | None = None
-    top_temperature_sigma: float = 0.0
-    batch: float = BATCH
-    windows: Sequence[Window] | None = None
-    offset: Array | None = None
-
-    def until_parachute(self) -> DeriveInputs:
-        """The samples up to the parachute."""
-        keep, n = self.time <= self.parachute, len(self.time)
-        if keep.sum() < 2:
-            raise InputError(f"Post-flight: no samples before the parachute at {self.parachute:.6g} s.")
-
-        def cut(name: str) -> Any:
-            value = getattr(self, name)
-            along = (
-                isinstance(value, np.ndarray)
-                and value.shape[:1] == (n,)
-                and name not in ("inertia", "bias_sigma", "offset")
-            )
-            return value[keep] if along else value
-
-        return DeriveInputs(**{f.name: cut(f.name) for f in fields(self)})
 
 
 @dataclass(frozen=True)
@@ -181,6 +73,9 @@ class Derived:
         The same with the preflight atmosphere.
     angles, angles_preflight : AngleDifferences
     differences, differences_preflight : list of Difference
+    between_atmospheres : AtmosphereDifferences
+    changes : list of Change
+        Its averages over the windows.
     verdicts : list of Verdict
     """
 
@@ -214,6 +109,8 @@ class Derived:
     angles_preflight: AngleDifferences
     differences: list[Difference]
     differences_preflight: list[Difference]
+    between_atmospheres: AtmosphereDifferences
+    changes: list[Change]
     verdicts: list[Verdict]
 
 
@@ -243,30 +140,31 @@ def derive(inputs: DeriveInputs) -> Derived:
     place = (i.time, i.altitude, i.speed, i.alpha_total)
     flown = flight_extracted(
         *place, i.gravity, axial, valid, i.database, i.gas, i.diameter,
-        speed_sigma=i.speed_sigma, top_temperature=i.top_temperature, top_temperature_sigma=i.top_temperature_sigma,
+        speed_sigma=i.speed_sigma, wind_sigma=i.wind_sigma, sink_sigma=i.sink_sigma, angle_sigma=i.angle_sigma,
+        top_temperature=i.top_temperature, top_temperature_sigma=i.top_temperature_sigma,
     )  # fmt: skip
     expected = preflight(
         *place, i.preflight_density, i.preflight_temperature, i.database, i.gas, i.diameter,
-        density_sigma=i.preflight_sigma, mass_relative=i.mass_sigma / np.asarray(i.mass), speed_sigma=i.speed_sigma,
+        density_sigma=i.preflight_sigma, mass_relative=i.mass_sigma / np.asarray(i.mass),
+        speed_sigma=np.hypot(i.speed_sigma, i.wind_sigma), altitude_sigma=i.altitude_sigma, gravity=i.gravity,
     )  # fmt: skip
     moments = euler(rate, acceleration, i.inertia, rate_sigma, acceleration_sigma, i.inertia_relative)
 
-    told = moments if i.offset is None else _about_nominal(moments, force, i.mass, i.offset)
-
     def measured(atmosphere: FlightAtmosphere) -> FlightCoefficients:
         return flight_coefficients(
-            force, force_sigma, i.bias_sigma, told, atmosphere, i.speed, i.mass, i.diameter, i.alignment_sigma
+            force, force_sigma, i.bias_sigma, moments, atmosphere, i.speed, i.mass, i.diameter, i.alignment_sigma
         )
 
     def looked_up(atmosphere: FlightAtmosphere) -> DatabaseCoefficients:
-        return database_coefficients(i.database, atmosphere, i.speed, i.velocity_body, i.x_over_d, i.angle_sigma)
+        state = (atmosphere, i.speed, i.velocity_body)
+        return database_coefficients(i.database, *state, i.x_over_d, i.angle_sigma, i.offset)
 
     coefficients, database = measured(flown), looked_up(flown)
     stride = stride_of(filters.points)
 
     def combined(atmosphere: FlightAtmosphere, flight: FlightCoefficients) -> tuple[Combination, Combination]:
         ways = (i.database, atmosphere, flight, i.speed, i.velocity_body, i.x_over_d)
-        return from_forces(*ways, stride), from_moments(*ways, stride)
+        return from_forces(*ways, stride, i.offset), from_moments(*ways, stride, i.offset)
 
     forces, by_moments = combined(flown, coefficients)
     useful = useful_from(i.time, coefficients.noise["CN"], database.three_sigma["CN"])
@@ -283,13 +181,17 @@ def derive(inputs: DeriveInputs) -> Derived:
         by_moment: Combination,
     ) -> tuple[DatabaseCoefficients, list[Difference]]:
         seen = as_measured(at, atmosphere, filters, rate, i.speed, i.mass, i.diameter, i.inertia)
-        return seen, average_differences(i.time, seen, flight, by_force, by_moment, windows, filters.points)
+        kinds = (i.time, seen, flight, by_force, by_moment)
+        return seen, average_differences(*kinds, windows, filters.points, axial=not atmosphere.from_drag)
 
     seen, differences = averaged(flown, database, coefficients, forces, by_moments)
     coefficients_preflight, database_preflight = measured(expected), looked_up(expected)
     forces_preflight, by_moments_preflight = combined(expected, coefficients_preflight)
     _, differences_preflight = averaged(
         expected, database_preflight, coefficients_preflight, forces_preflight, by_moments_preflight
+    )
+    between = atmosphere_differences(
+        (flown, expected), (database, database_preflight), (coefficients, coefficients_preflight)
     )
     return Derived(
         time=i.time,
@@ -318,18 +220,14 @@ def derive(inputs: DeriveInputs) -> Derived:
         from_moments=by_moments,
         forces_preflight=forces_preflight,
         from_moments_preflight=by_moments_preflight,
-        angles=angle_differences(i.alpha, i.beta, forces, by_moments),
-        angles_preflight=angle_differences(i.alpha, i.beta, forces_preflight, by_moments_preflight),
+        angles=angle_differences(i.alpha, i.beta, forces, by_moments, i.angle_sigma),
+        angles_preflight=angle_differences(i.alpha, i.beta, forces_preflight, by_moments_preflight, i.angle_sigma),
         differences=differences,
         differences_preflight=differences_preflight,
-        verdicts=verdicts(differences),
+        between_atmospheres=between,
+        changes=changes(i.time, between, windows),
+        verdicts=verdicts(differences, differences_preflight),
     )
-
-
-def _about_nominal(moments: Moments, force: Array, mass: Array | float, offset: Array) -> Moments:
-    """Moments about the nominal centre of mass from those about the true one, which lies `offset` from it."""
-    push = np.broadcast_to(np.asarray(mass, float), force.shape[:1])[:, None] * force
-    return replace(moments, moment=moments.moment + np.cross(offset, push))
 
 
 def at_middles(time: Array, values: Array) -> Array:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from edl_filter.aero.database import Database
 from edl_filter.effects.air import changed_atmosphere
 from edl_filter.effects.database import changed_database
 from edl_filter.errors import InputError
@@ -16,7 +15,16 @@ from edl_filter.postflight.windows import Window
 from edl_filter.reconstruction import Reconstruction
 
 #: Components of an air-data record that are taken at the samples' middles.
-_ALONG = ("altitude", "speed", "velocity_body", "speed_sigma", "alpha_total_sigma")
+_ALONG = (
+    "altitude",
+    "speed",
+    "velocity_body",
+    "flight_path_angle",
+    "altitude_sigma",
+    "speed_sigma",
+    "flight_path_angle_sigma",
+    "alpha_total_sigma",
+)
 
 
 def derive_flight(reconstruction: Reconstruction, air: AirData) -> Derived | None:
@@ -46,11 +54,6 @@ def derive_flight(reconstruction: Reconstruction, air: AirData) -> Derived | Non
     return derive(inputs(reconstruction, air))
 
 
-def database(reconstruction: Reconstruction) -> Database:
-    """Aerodynamic database of the mission, without effects."""
-    return database_of(reconstruction.mission)
-
-
 def inputs(reconstruction: Reconstruction, air: AirData) -> DeriveInputs:
     """All that `derive` needs, at the middles of the samples.
 
@@ -63,6 +66,7 @@ def inputs(reconstruction: Reconstruction, air: AirData) -> DeriveInputs:
     vehicle, samples, body = mission.vehicle, reconstruction.problem.samples, body_of(mission, reconstruction.effects)
     atmosphere = changed_atmosphere(reconstruction.atmosphere, reconstruction.effects)
     assert vehicle.inertia is not None
+    x, y, z = body.centre(vehicle.centre_of_mass, vehicle.diameter)
     middle = {name: at_middles(air.time, getattr(air, name)) for name in _ALONG}
     u, v, w = middle["velocity_body"].T
     speed = np.sqrt(u * u + v * v + w * w)
@@ -75,6 +79,7 @@ def inputs(reconstruction: Reconstruction, air: AirData) -> DeriveInputs:
         """One sigma of what is left of the first instrument's error."""
         return sensor[layout[name]] if name in layout else np.zeros(3)
 
+    path, wind = middle["flight_path_angle"], mission.atmosphere.wind_sigma
     stated = mission.postflight.windows
     return DeriveInputs(
         time=samples.time - 0.5 * samples.interval,
@@ -86,7 +91,12 @@ def inputs(reconstruction: Reconstruction, air: AirData) -> DeriveInputs:
         beta=np.arcsin(v / speed),
         alpha_total=np.arccos(np.clip(u / speed, -1.0, 1.0)),
         speed_sigma=middle["speed_sigma"],
-        angle_sigma=middle["alpha_total_sigma"],
+        angle_sigma=np.hypot(middle["alpha_total_sigma"], wind / speed),
+        altitude_sigma=middle["altitude_sigma"],
+        sink_sigma=np.hypot(
+            np.sin(path) * middle["speed_sigma"], speed * np.cos(path) * middle["flight_path_angle_sigma"]
+        ),
+        wind_sigma=wind * np.abs(np.cos(path)),
         specific_force=trajectory.specific_force[1:],
         angular_rate=trajectory.angular_rate[1:],
         force_noise=samples.force_noise,
@@ -96,12 +106,12 @@ def inputs(reconstruction: Reconstruction, air: AirData) -> DeriveInputs:
         mass=body.mass,
         mass_sigma=vehicle.mass_sigma,
         diameter=vehicle.diameter,
-        x_over_d=vehicle.centre_of_mass,
+        x_over_d=x,
+        offset=(y, z),
         inertia=body.inertia,
-        offset=body.offset if body.offset.any() else None,
         inertia_relative=vehicle.inertia_sigma,
         gas=gas_of(mission),
-        database=changed_database(database(reconstruction), reconstruction.effects),
+        database=changed_database(database_of(mission), reconstruction.effects),
         preflight_density=atmosphere.density(middle["altitude"]),
         preflight_temperature=atmosphere.temperature_at(middle["altitude"]),
         preflight_sigma=mission.atmosphere.density_sigma,

@@ -28,7 +28,7 @@ def as_measured(
     diameter: float,
     inertia: Array,
 ) -> DatabaseCoefficients:
-    """CN, CY, Cm and Cn through the flight's sampling, smoothing and differencing.
+    """CN, CY, Cl, Cm and Cn through the flight's sampling, smoothing and differencing.
 
     Parameters
     ----------
@@ -52,7 +52,7 @@ def as_measured(
     v = database.value
     missing = ~np.isfinite(v["CN"])
     lateral = np.stack((per_force * v["CN"], per_force * v["CY"]), axis=1)
-    moment = np.stack((np.zeros(len(q)), per_moment * v["Cm"], per_moment * v["Cn"]), axis=1)
+    moment = np.stack((per_moment * v["Cl"], per_moment * v["Cm"], per_moment * v["Cn"]), axis=1)
     lateral[missing], moment[missing] = 0.0, 0.0
     gyroscopic = np.cross(rate, rate @ inertia.T)
     turn = (moment - gyroscopic) @ np.linalg.inv(inertia).T
@@ -64,6 +64,7 @@ def as_measured(
         **v,
         "CN": np.where(near, np.nan, seen_force[:, 0] / per_force),
         "CY": np.where(near, np.nan, seen_force[:, 1] / per_force),
+        "Cl": np.where(near, np.nan, seen_moment[:, 0] / per_moment),
         "Cm": np.where(near, np.nan, seen_moment[:, 1] / per_moment),
         "Cn": np.where(near, np.nan, seen_moment[:, 2] / per_moment),
     }

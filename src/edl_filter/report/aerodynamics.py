@@ -15,12 +15,16 @@ from edl_filter.report.postflight import BAND, LEGEND, Layer, Panel, layer, stri
 Array = NDArray[np.float64]
 
 FLIGHT, OTHER = "coefficients/flight", "coefficients/preflight_density"
-DATABASE, DATABASE_OTHER, MEASURED = (
-    "coefficients/database",
-    "coefficients/database_preflight",
-    "coefficients/database_measured",
-)
-_COLOURS = {"CA": style.BLACK, "CN": style.BLUE, "CY": style.ORANGE, "Cm": style.VERMILLION, "Cn": style.GREEN}
+DATABASE, MEASURED = "coefficients/database", "coefficients/database_measured"
+BETWEEN = "atmosphere_differences"
+_COLOURS = {
+    "CA": style.BLACK,
+    "CN": style.BLUE,
+    "CY": style.ORANGE,
+    "Cl": style.PURPLE,
+    "Cm": style.VERMILLION,
+    "Cn": style.GREEN,
+}
 #: Coefficient → name of the flight's method, of the combination's, and the latter's group.
 _WAYS = {
     "CN": ("accels", "combine Cm", "combination/moments"),
@@ -34,56 +38,48 @@ _WAYS = {
 def database_atmospheres(tree: DataTree) -> Figure:
     """The database's coefficients with the flight's atmosphere less those with the preflight one."""
     shared = layer(tree)
-    panels = (_database_change("CA", "CN", "CY"), _database_change("Cm", "Cn"))
+    panels = (_change("database", "CA", "CN", "CY"), _change("database", "Cm", "Cn"))
     return strips(shared, "MEVAD, flight less preflight", panels, (2.8, 2.8), low=shared.start)
-
-
-def _database_change(*names: str) -> Callable[[Panel], None]:
-    def draw(panel: Panel) -> None:
-        shown = [_percent(panel.layer, DATABASE, DATABASE_OTHER, name) for name in names]
-        for name, values in zip(names, shown, strict=True):
-            panel.line(values, _COLOURS[name], name)
-        panel.limits(*shown, everything=True, room=LEGEND)
-        panel.ax.set_ylabel(f"{'moments' if 'Cm' in names else 'forces'}\n(% of MEVAD 3 sigma)")
-        panel.legend()
-
-    return draw
-
-
-def _percent(shared: Layer, group: str, other: str, name: str) -> Array:
-    """Difference of a coefficient between two groups in percent of the database's 3 sigma."""
-    return 100.0 * (shared.get(group, name) - shared.get(other, name)) / shared.get(DATABASE, f"{name}_three_sigma")
 
 
 @style.styled
 def flight_atmospheres(tree: DataTree) -> Figure:
-    """The flight's CN, Cm and Cn with both atmospheres, and the differences."""
-    panels = (*(_flight_both(name) for name in ("CN", "Cm", "Cn")), _flight_change)
-    return strips(layer(tree), "coefficients, both atmospheres", panels, (1.9, 1.9, 1.9, 2.1))
+    """The flight's six coefficients with both atmospheres, and the differences."""
+    panels = (
+        *(_flight_both(name) for name in _COLOURS),
+        # CA and Cl change by ten times what the others do: apart from them
+        *(_change("flight", *pair) for pair in (("CN", "CY"), ("Cm", "Cn"), ("CA", "Cl"))),
+    )
+    return strips(layer(tree), "coefficients, both atmospheres", panels, (1.2,) * 6 + (1.6,) * 3)
 
 
 def _flight_both(name: str) -> Callable[[Panel], None]:
     def draw(panel: Panel) -> None:
-        flown, other = panel.layer.get(FLIGHT, name), panel.layer.get(OTHER, name)
+        factor, unit = (1e6, "1e−6") if name == "Cl" else (1.0, "–")
+        flown, other = factor * panel.layer.get(FLIGHT, name), factor * panel.layer.get(OTHER, name)
         panel.line(other, style.VERMILLION, "preflight atmosphere", 1.8)
         panel.line(flown, style.BLUE, "flight atmosphere", 0.9)
-        first = name == "CN"
+        first = name == "CA"
         panel.limits(flown, other, room=LEGEND if first else 0.0)
-        panel.ax.set_ylabel(f"{name} (–)")
+        panel.ax.set_ylabel(f"{name} ({unit})")
         if first:
             panel.legend()
 
     return draw
 
 
-def _flight_change(panel: Panel) -> None:
-    shown = []
-    for name in ("CN", "Cm", "Cn"):
-        shown.append(_percent(panel.layer, FLIGHT, OTHER, name))
-        panel.line(shown[-1], _COLOURS[name], name)
-    panel.limits(*shown, room=LEGEND)
-    panel.ax.set_ylabel("flight − preflight\n(% of MEVAD 3 sigma)")
-    panel.legend()
+def _change(of: str, *names: str) -> Callable[[Panel], None]:
+    """Differences in percent of the database's 3 sigma, of the database's or the flight's coefficients."""
+
+    def draw(panel: Panel) -> None:
+        shown = [panel.layer.get(BETWEEN, f"{name}_{of}") for name in names]
+        for name, values in zip(names, shown, strict=True):
+            panel.line(values, _COLOURS[name], name)
+        panel.limits(*shown, everything=of == "database", room=LEGEND)
+        panel.ax.set_ylabel(f"Δ {', '.join(names)}\n(% of 3 sigma)")
+        panel.legend()
+
+    return draw
 
 
 @style.styled

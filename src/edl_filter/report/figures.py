@@ -138,13 +138,17 @@ _NEEDS = {
 }
 #: The same for the figures of the post-flight layer: ``group:variable``.
 _NEEDS_POSTFLIGHT = {
-    "mach_and_knudsen": ("atmosphere/flight:mach", "atmosphere/preflight:mach"),
+    "mach_and_knudsen": (
+        "atmosphere/flight:mach",
+        "atmosphere/preflight:mach",
+        "atmosphere_differences:mach",
+    ),
     "atmosphere_profile": ("atmosphere/flight:density", "atmosphere/preflight:density"),
-    "database_atmospheres": ("coefficients/database:CN", "coefficients/database_preflight:CN"),
+    "database_atmospheres": ("atmosphere_differences:CN_database",),
     "flight_atmospheres": (
         "coefficients/flight:CN",
         "coefficients/preflight_density:CN",
-        "coefficients/database:CN_three_sigma",
+        "atmosphere_differences:CN_flight",
     ),
     "force_coefficients": (
         "coefficients/flight:CN",

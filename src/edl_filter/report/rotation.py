@@ -61,7 +61,7 @@ def _rolling_terms(panel: Panel) -> None:
 
 @style.styled
 def angles_by_method(tree: DataTree) -> Figure:
-    """Angle of attack and sideslip by three methods, and their differences."""
+    """Angle of attack and sideslip by three methods, and their differences; the band is of forces less moments."""
     panels = (_angle("alpha"), _angle_change("alpha"), _angle("beta"), _angle_change("beta"))
     return strips(layer(tree), "angles by three methods", panels, (2.1, 1.9, 2.1, 1.9))
 
@@ -83,11 +83,14 @@ def _angle(name: str) -> Callable[[Panel], None]:
 def _angle_change(name: str) -> Callable[[Panel], None]:
     def draw(panel: Panel) -> None:
         parts = {
-            "moments": ("reconstructed − moments", style.GREEN),
-            "forces": ("reconstructed − forces", style.VERMILLION),
+            "moments": ("recon. − moments", style.GREEN),
+            "forces": ("recon. − forces", style.VERMILLION),
             "between": ("forces − moments", style.BLACK),
         }
         shown = []
+        if panel.layer.has(_ANGLES, f"{name}_between_sigma"):
+            sigma = np.degrees(panel.layer.get(_ANGLES, f"{name}_between_sigma"))
+            panel.band(-sigma, sigma, "#DDDDDD", "±1 sigma")
         for key, (label, colour) in parts.items():
             shown.append(np.degrees(panel.layer.get(_ANGLES, f"{name}_{key}")))
             panel.line(shown[-1], colour, label)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, fields
 from typing import Any
 
@@ -13,10 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from edl_filter.postflight.atmosphere import FlightAtmosphere
-from edl_filter.postflight.averages import Difference
+from edl_filter.postflight.averages import Difference, Verdict
 from edl_filter.postflight.coefficients import NAMES, FlightCoefficients
 from edl_filter.postflight.comparison import Combination, DatabaseCoefficients
 from edl_filter.postflight.derive import Derived
+from edl_filter.postflight.two_atmospheres import AtmosphereDifferences, Change
 from edl_filter.results.groups import Group, Groups
 
 Array = NDArray[np.float64]
@@ -76,11 +77,19 @@ def add_postflight(groups: Groups, derived: Derived) -> None:
     for name in ("alpha", "beta", "alpha_total"):
         angles.add(name, ("time",), getattr(derived, name), "rad", f"reconstructed {name.replace('_', ' ')}")
     for name, meaning in ANGLE.items():
-        angles.add(name, ("time",), getattr(derived.angles, name), "rad", meaning)
-        preflight = getattr(derived.angles_preflight, name)
-        angles.add(f"{name}_preflight", ("time",), preflight, "rad", f"{meaning}, preflight atmosphere")
+        ways = name.split("_")[1]
+        for found, suffix, which in (
+            (derived.angles, "", ""),
+            (derived.angles_preflight, "_preflight", ", preflight atmosphere"),
+        ):
+            angles.add(f"{name}{suffix}", ("time",), getattr(found, name), "rad", f"{meaning}{which}")
+            sigma = getattr(found, f"{ways}_sigma")
+            angles.add(f"{name}_sigma{suffix}", ("time",), sigma, "rad", f"one sigma: {meaning}{which}")
     groups["/postflight/angles"] = angles
     groups["/postflight/motion"] = _motion(derived)
+    groups["/postflight/atmosphere_differences"] = _between(derived.time, derived.between_atmospheres)
+    groups["/postflight/atmosphere_averages"] = _change_rows(derived.changes)
+    groups["/postflight/verdicts"] = _verdict_rows(derived.verdicts)
     groups["/postflight/averages"] = _averages(derived.differences)
     groups["/postflight/averages_preflight"] = _averages(derived.differences_preflight)
 
@@ -115,6 +124,8 @@ def tables(derived: Derived) -> dict[str, str]:
         "average_differences.csv": _differences_csv(
             {"flight": derived.differences, "preflight": derived.differences_preflight}
         ),
+        "atmosphere_differences.csv": _rows_csv(Change, derived.changes),
+        "verdicts.csv": _rows_csv(Verdict, derived.verdicts),
         "atmosphere.csv": _atmosphere_csv(derived),
     }
 
@@ -195,7 +206,10 @@ def _combination(time: Array, way: Combination) -> Group:
             part = np.asarray(values)
             if part.ndim == 2:
                 group.add(f"{name}_{kind}", ("time",), part[:, column], "1", f"one sigma, {kind} part, of {name}")
-    group.add("status", ("time",), way.status, "1", "solutions: 0 none, 1 one, 2 several, -1 not asked")
+    group.add("angle_noise", ("time",), way.angle_noise, "rad", "one sigma, noise part, of the angle in a plane")
+    group.add("angle_systematic", ("time",), way.angle_systematic, "rad", "one sigma, systematic part, of the same")
+    meaning = "solutions: 0 none, 1 one, 2 several, -1 not asked; of the last sample that was asked"
+    group.add("status", ("time",), way.status, "1", meaning)
     return group
 
 
@@ -230,6 +244,66 @@ def _averages(differences: list[Difference]) -> Group:
         meaning = f"{name.replace('_', ' ')} of the difference, or of the database"
         group.add(name, ("row",), [getattr(d, name) for d in differences], unit, meaning)
     group.add("samples", ("row",), np.array([d.samples for d in differences], np.int64), "1", "samples in the mean")
+    return group
+
+
+def _between(time: Array, between: AtmosphereDifferences) -> Group:
+    group = _timed(time)
+    for of, name, values in between.items():
+        if of == "atmosphere":
+            meaning = f"{ATMOSPHERE[name][1]}: flight's less preflight, of the preflight value"
+            group.add(name, ("time",), values, "%", meaning)
+        else:
+            what = f"{COEFFICIENT[name]}, {'MEVAD' if of == 'database' else 'flight'}"
+            meaning = f"{what}: with the flight's atmosphere less the preflight one, of MEVAD's 3 sigma"
+            group.add(f"{name}_{of}", ("time",), values, "%", meaning)
+    return group
+
+
+def _rows_csv(kind: type, rows: Sequence[Any]) -> str:
+    """Rows that are all of one dataclass, a column per field."""
+    out = io.StringIO()
+    writer = csv.writer(out, lineterminator="\n")
+    writer.writerow([f.name for f in fields(kind)])
+    for row in rows:
+        writer.writerow([f"{v:.6g}" if isinstance(v, float) else v for v in asdict(row).values()])
+    return out.getvalue()
+
+
+def _change_rows(rows: list[Change]) -> Group:
+    group = Group()
+    meanings = {"window": "window", "of": "what: atmosphere, database or flight", "quantity": "quantity"}
+    for name, meaning in meanings.items():
+        group.text(name, "row", [getattr(r, name) for r in rows], meaning)
+    for name in ("mean", "rms", "largest"):
+        meaning = f"{name} of the difference, of the preflight value or of MEVAD's 3 sigma"
+        group.add(name, ("row",), [getattr(r, name) for r in rows], "%", meaning)
+    group.add("samples", ("row",), np.array([r.samples for r in rows], np.int64), "1", "samples in the mean")
+    return group
+
+
+def _verdict_rows(rows: list[Verdict]) -> Group:
+    group = Group()
+    for name, meaning in (
+        ("window", "window"),
+        ("coefficient", "coefficient"),
+        ("density", "density that the flight's was made with"),
+        ("sentence", "what it says"),
+    ):
+        group.text(name, "row", [getattr(r, name) for r in rows], meaning)
+    for name, meaning in (
+        ("mean", "mean of database less flight"),
+        ("mean_sigma", "one sigma of the mean"),
+        ("rms", "rms of database less flight"),
+        ("three_sigma", "the database's 3 sigma"),
+        ("ratio", "the database's 3 sigma over what the flight supports"),
+    ):
+        group.add(name, ("row",), [getattr(r, name) for r in rows], "1", meaning)
+    for name, meaning in (
+        ("within", "1 where the mean is less than the 3 sigma"),
+        ("wide", "1 where the 3 sigma is ten times what the flight supports, or more"),
+    ):
+        group.add(name, ("row",), np.array([getattr(r, name) for r in rows]), "1", meaning)
     return group
 
 

@@ -140,7 +140,8 @@ def _measured(
 ) -> tuple[dict[str, FlightImu], dict[str, dict[str, Array]]]:
     """IMUs and their constant errors, by name."""
     imus, errors = {}, {}
-    offset = world.rigid_body.offset
+    # positions are stated from the centre of mass without effects, wherever the mission puts that
+    offset = world.rigid_body.offset - world.body.offset
     for k, (name, imu) in enumerate(scenario.imus.items()):
         instrument = imu.instrument(scenario.sampling.interval_s)
         inside = [a for a in in_order(effects) if (a.imu or "primary") == name]
