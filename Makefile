@@ -6,12 +6,13 @@
 #   make bench   run the benchmarks   make clean  remove what these targets made
 #   make study-simulation   reconstruct many simulated flights and judge the errors (some minutes)
 #   make study-closure      how often the post-flight layer's bands hold the truth, over many flights (minutes)
+#   make study-comparators  what stepwise regression and pysindy say of the practice flights
 
 PYTHON ?= python3
 BIN := .venv/bin
 STAMP := .venv/installed
 
-.PHONY: demo test lint types bench study-simulation study-closure clean
+.PHONY: demo test lint types bench study-simulation study-closure study-comparators clean
 
 demo: $(STAMP)
 	$(BIN)/edl-filter demo -o demo-results
@@ -35,6 +36,11 @@ study-simulation: $(STAMP)
 
 study-closure: $(STAMP)
 	$(BIN)/python benchmarks/studies/closure.py
+
+study-comparators: $(STAMP)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check \
+	--constraint constraints.txt --editable '.[study]'
+	$(BIN)/python benchmarks/studies/comparators.py
 
 clean:
 	rm -rf .venv demo-results build dist .pytest_cache .mypy_cache .ruff_cache .hypothesis
