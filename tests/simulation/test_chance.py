@@ -1,14 +1,16 @@
 import numpy as np
 import pytest
 
-from edl_filter.simulation.chance import gauss_markov, weather
+from edl_filter.simulation.chance import smooth_noise, weather
 
 
-def test_gauss_markov_has_its_size_and_correlation():
-    x = np.array([gauss_markov(np.random.default_rng(k), 41, 500.0, 0.02, 10e3) for k in range(4000)])
+def test_smooth_noise_has_its_size_and_correlation():
+    x = np.array([smooth_noise(np.random.default_rng(k), 41, 500.0, 0.02, 10e3) for k in range(4000)])
     np.testing.assert_allclose(x.std(axis=0), 0.02, rtol=0.05)
-    assert np.corrcoef(x[:, 0], x[:, 20])[0, 1] == pytest.approx(np.exp(-1.0), abs=0.04)
-    assert np.corrcoef(x[:, 7], x[:, 8])[0, 1] == pytest.approx(np.exp(-0.05), abs=0.02)
+    for steps in (20, 1):
+        d = np.sqrt(3.0) * steps * 500.0 / 10e3
+        found = np.corrcoef(x[:, 7], x[:, 7 + steps])[0, 1]
+        assert found == pytest.approx((1.0 + d) * np.exp(-d), abs=0.04 * d)
 
 
 def test_weather_is_the_same_for_the_same_stream():

@@ -1,7 +1,7 @@
 """A flight laid out for diagnosis: measurements, model, and the linear problem about one path.
 
-`Case` holds what the flight and the mission give; `Linear` is the comparison about a model with chosen effects, ready to
-be whitened.
+`Case` holds what the flight and the mission give; `Linear` is the comparison about a model with chosen effects, ready
+to be whitened.
 """
 
 from __future__ import annotations
@@ -24,6 +24,7 @@ from edl_filter.diagnosis.timeline import follow, frame_of, in_order, stated_sta
 from edl_filter.diagnosis.unknowns import Allowance, Unknowns, lay_out
 from edl_filter.diagnosis.whitening import Steps, Whitener, whitener
 from edl_filter.effects.effect import Active
+from edl_filter.effects.world import World
 from edl_filter.mission import Mission
 from edl_filter.modelling import world_of
 from edl_filter.navigation.layout import State
@@ -83,12 +84,18 @@ class Case:
         t = self.reconstruction.telemetry
         return replace(t, driving=quiet(t.driving), checking=tuple(quiet(r) for r in t.checking))
 
+    @cached_property
+    def world(self) -> World:
+        """The mission's world without effects; its tables are read once."""
+        r = self.reconstruction
+        return world_of(r.mission, r.planet, r.atmosphere, ())
+
     def _arranged(self, read: Telemetry, effects: Sequence[Active]) -> Setup:
         r = self.reconstruction
         telemetry = without_effects(r.mission, read, effects)
         return Setup(
             problem=assemble(r.mission, read, r.planet, r.atmosphere, effects),
-            world=world_of(r.mission, r.planet, r.atmosphere, effects),
+            world=self.world.having(effects),
             driving=telemetry.driving,
             checking=telemetry.checking,
         )
@@ -109,9 +116,7 @@ def quiet(record: ImuRecord) -> ImuRecord:
         out[2:-2] = (4.0 * (values[1:-3] + values[3:-1]) - values[:-4] - values[4:]) / 6.0
         return np.where(even[:, None], out, values)
 
-    return replace(
-        record, specific_force=smooth(record.specific_force), angular_rate=smooth(record.angular_rate)
-    )
+    return replace(record, specific_force=smooth(record.specific_force), angular_rate=smooth(record.angular_rate))
 
 
 @dataclass(frozen=True)

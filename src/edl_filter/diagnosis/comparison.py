@@ -1,13 +1,13 @@
 """Prediction beside measurement: what the model says that every instrument should have read.
 
-Along a dead-reckoned path (`path`) the model of the world gives force and moment at some nodes of every bin (`bins`).
-Specific force is averaged over the bin by Simpson's rule. Rates are never differentiated: the step of the mean rate from
-one bin to the next is the integral of the angular acceleration with a triangular weight,
+Along a dead-reckoned path (`path`) the model of the world gives force and moment at some nodes of every bin
+(`bins`). Specific force is averaged over the bin by Simpson's rule. Rates are never differentiated: the step of the
+mean rate from one bin to the next is the integral of the angular acceleration with a triangular weight,
 
     w[k+1] - w[k] = ∫ α(t) (t - t[k-1])/dt dt over bin k  +  ∫ α(t) (t[k+1] - t)/dt' dt over bin k + 1,
 
-and Euler's equations (thesis 6.6 to 6.8) give α at the nodes; so both sides go through the same sampling. A second IMU is
-compared with what the first says that it should read, the constraints with what the path says.
+and Euler's equations (thesis 6.6 to 6.8) give α at the nodes; so both sides go through the same sampling. A second
+IMU is compared with what the first says that it should read, the constraints with what the path says.
 
 All differences are measured minus predicted.
 """
@@ -152,7 +152,7 @@ def angular_acceleration(world: World, flow: Flow, moment: Array) -> Array:
 
 
 def triangle(values: Array, bins: Bins, weights: Array | None = None) -> Array:
-    """Integrals over adjoining bins with the triangular weight, ``(B - 1, ...)`` from nodes ``(PER_BIN B + 1, ...)``."""
+    """Integrals over adjoining bins with the triangular weight, ``(B - 1, ...)`` at `PER_BIN` nodes each."""
     rule = _SIMPSON if weights is None else weights
     dt = bins.interval.reshape(-1, *(1,) * (values.ndim - 1))
     share = np.arange(PER_BIN + 1) / PER_BIN
@@ -176,7 +176,9 @@ def rounding(world: World, bins: Bins, flow: Flow, force: Array, moment: Array) 
 
 #: Weights of Simpson's rule over a bin of unit length, with all nodes and with every second one.
 _SIMPSON = np.where(np.arange(PER_BIN + 1) % 2, 4.0, 2.0) / (3.0 * PER_BIN)
-_COARSE = np.where(np.arange(PER_BIN + 1) % 4 == 2, 8.0, np.where(np.arange(PER_BIN + 1) % 4 == 0, 4.0, 0.0)) / (3.0 * PER_BIN)
+_COARSE = np.where(np.arange(PER_BIN + 1) % 4 == 2, 8.0, np.where(np.arange(PER_BIN + 1) % 4 == 0, 4.0, 0.0)) / (
+    3.0 * PER_BIN
+)
 _SIMPSON[[0, -1]] /= 2.0
 _COARSE[[0, -1]] /= 2.0
 

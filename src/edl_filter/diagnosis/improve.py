@@ -46,8 +46,8 @@ class Step:
         if best is None:
             return "Stopped: something is missing, and no effect of the catalogue explains any of it."
         return (
-            f"Stopped: something is missing that no effect of the catalogue explains; the best, {best.name}, would gain "
-            f"{best.gain:.1f} nats and {best.score_gain:.1f} on held-out data."
+            "Stopped: something is missing that no effect of the catalogue explains; "
+            f"the best, {best.name}, would gain {best.gain:.1f} nats and {best.score_gain:.1f} on held-out data."
         )
 
 

@@ -1,8 +1,9 @@
 """Ranking: which effect is missing, by evidence.
 
 Every effect of the catalogue that is not in the model is first tried linearly, at every place that it may have: its
-signature is whitened and regressed (`regression`), the model's failures being taken for noise (`roughness`). The leaders' places are narrowed down and all
-their parameters refitted through the whole chain (`refit`), the last time about a new reconstruction. The same evidence,
+signature is whitened and regressed (`regression`), once with the model's failures taken for noise (`roughness`) and
+once without. The leaders' places are narrowed down and all their parameters
+refitted through the whole chain (`refit`), the last time about a new reconstruction. The same evidence,
 in nats, is computed for *none* and for *something else* (`missing`).
 """
 
@@ -26,8 +27,12 @@ from edl_filter.effects.effect import Active, Effect
 Array = NDArray[np.float64]
 Progress = Callable[[str], None]
 
-#: Leaders of the linear ranking that are refitted, and of those about a new reconstruction.
-LEADERS, AGAIN = 4, 1
+#: Leaders of each linear ranking that are refitted.
+LEADERS = 4
+#: Share of the model's roughness below which an effect has explained it.
+_FLOOR = 0.1
+#: Likeness from which an effect may be a rival of one that explains everything.
+_RIVAL = 0.7
 #: Linear gain (nats) below which an effect is no leader.
 _HOPELESS = 0.0
 #: Dynamic pressure from which air can be felt, Pa: places in time begin there.
@@ -72,7 +77,7 @@ class Hypothesis:
     score_gain : float
         Held-out log predictive density over none, nats.
     at_floor : bool
-        No noise beyond the stated one is left with it.
+        Next to no noise beyond the stated one is left with it.
     explained : (R,) array
         What its sizes make of the differences, white, at the noise of the model without it.
     case, linear : Case, Linear
@@ -135,16 +140,18 @@ def rank(case: Case, candidates: Iterable[Effect], progress: Progress = lambda _
     trials = [try_all(linear, way, tried) for way in ways]
     progress("trying something else")
     missing, likely = something_else(linear)
-    found = []
+    found: list[Hypothesis] = []
     for name in leaders(trials):
+        solved = next((h for h in found if h.at_floor), None)
+        if solved is not None and _alike(trials[-1], solved.name, name) < _RIVAL:
+            continue  # everything is explained, and this is another thing
         progress(f"refitting {name}")
         starts = [(t[name], way) for t, way in zip(trials, ways, strict=True)]
         found.append(_refitted(case, linear, starts, base))
     found.sort(key=lambda h: -h.gain)
-    for i, h in enumerate(found[:AGAIN]):
-        progress(f"refitting {h.name} about a new reconstruction")
-        found[i] = about_itself(h, base)
-    found.sort(key=lambda h: -h.gain)
+    if found:
+        progress(f"refitting {found[0].name} about a new reconstruction")
+        found[0] = about_itself(found[0])
     stated = linear.plain.log_likelihood(linear.white(linear.plain))
     return Ranking(case, linear, white, trials[0], found, missing, likely - base, base - stated)
 
@@ -156,7 +163,9 @@ def something_else(linear: Linear) -> tuple[Missing, float]:
         whiten = linear.with_missing(missing)
         return whiten.log_likelihood(linear.white(whiten))
 
-    missing, _ = most_likely(value)
+    missing, found = most_likely(value)
+    if linear.rough[0].none:
+        return missing, found
     steps = linear.with_missing(missing).steps
     _, whiten = find_rough(steps, linear.ground.order, linear.column, linear.start)
     return missing, whiten.log_likelihood(linear.white(whiten))
@@ -166,9 +175,7 @@ def signatures(linear: Linear, effects: Sequence[Effect], end: float) -> list[li
     """Signatures of every effect at all its places."""
     nodes, q = linear.ground.found.nodes.time, linear.ground.found.flow.dynamic_pressure
     begin = float(nodes[np.argmax(q > _FELT)])
-    return [
-        [signature(linear.ground, Active(e, place)) for place in places(e, begin, end)] for e in effects
-    ]
+    return [[signature(linear.ground, Active(e, place)) for place in places(e, begin, end)] for e in effects]
 
 
 def try_all(linear: Linear, whiten: Whitener, tried: list[list[Signature]]) -> dict[str, Trial]:
@@ -203,23 +210,45 @@ def leaders(rankings: list[dict[str, Trial]]) -> list[str]:
     return names
 
 
+def _alike(trials: dict[str, Trial], one: str, other: str) -> float:
+    """Correlation of two effects' fitted signatures, white."""
+    a, b = (trials[n].rows @ trials[n].fit.size for n in (one, other))
+    scale = float(np.linalg.norm(a) * np.linalg.norm(b))
+    return abs(float(a @ b)) / scale if scale > 0.0 else 0.0
+
+
 def _refitted(case: Case, linear: Linear, starts: list[tuple[Trial, Whitener]], base: float) -> Hypothesis:
-    """Refit from where each linear ranking saw the effect, and the better one at the noise that it leaves."""
-    found: list[Refit] = []
+    """Refit from where each linear ranking saw the effect, and take the most probable outcome."""
+    soft: list[Refit] = []
+    hard: list[Refit] = []
     for trial, way in starts:
-        if trial.gain <= _HOPELESS or (found and not trial.active.effect.places):
+        if trial.gain <= _HOPELESS or (soft and not trial.active.effect.places):
             continue
         active = narrowed(linear, trial.active, way)
-        begun = refit(case, linear, (*case.effects, active), linear.soft, steps=4)
-        found.append(refit(case, linear, begun.effects, linear.plain))
-    best = max(found, key=lambda r: r.evidence)
-    return _at_own_noise(starts[0][0].active.name, best, base, case, linear)
+        soft.append(refit(case, linear, (*case.effects, active), linear.soft, steps=6))
+        if linear.soft is not linear.plain:
+            hard.append(refit(case, linear, soft[-1].effects, linear.plain, steps=8))
+    return _best(starts[0][0].active.name, soft, hard, base, case, linear)
 
 
-def _at_own_noise(name: str, found: Refit, base: float, case: Case, linear: Linear) -> Hypothesis:
-    rough, whiten = find_rough(linear.steps, linear.ground.order, found.column, found.start)
-    found = refit(case, linear, found.effects, whiten, steps=4)
-    return _hypothesis(name, found, whiten, rough.none, base, case, linear)
+def _best(
+    name: str,
+    soft: list[Refit],
+    hard: list[Refit],
+    base: float,
+    case: Case,
+    linear: Linear,
+    rough_share: float | None = None,
+) -> Hypothesis:
+    """The most probable of some refits, at the noise of the model without the effect or at the noise that it leaves."""
+    found = max(soft, key=lambda r: r.evidence)
+    share = linear.rough[0].share if rough_share is None else rough_share
+    outcomes = [_hypothesis(name, found, linear.soft, False, base, case, linear)]
+    for start in (found, *([max(hard, key=lambda r: r.evidence)] if hard else [])):
+        rough, whiten = find_rough(linear.steps, linear.ground.order, start.column, start.start)
+        own = refit(case, linear, start.effects, whiten, steps=3)
+        outcomes.append(_hypothesis(name, own, whiten, rough.share < _FLOOR * share, base, case, linear))
+    return max(outcomes, key=lambda h: h.gain)
 
 
 def _hypothesis(
@@ -236,11 +265,17 @@ def _hypothesis(
     return Hypothesis(name, found, whiten, gain, score, at_floor, x @ size, case, linear)
 
 
-def about_itself(h: Hypothesis, base: float) -> Hypothesis:
-    """The same hypothesis refitted about a reconstruction that has it."""
+def about_itself(h: Hypothesis) -> Hypothesis:
+    """The same hypothesis refitted about a reconstruction that has it.
+
+    What the effect does to the path is then taken up to all orders. The gain stays that of the first refit: another
+    path would serve the model without the effect as well.
+    """
     case = load_case(h.case.mission, h.refit.effects)
     linear = linearise(case, rounds=2)
-    return _at_own_noise(h.name, refit(case, linear, case.effects, linear.soft), base, case, linear)
+    found = refit(case, linear, case.effects, linear.soft)
+    again = _best(h.name, [found], [], 0.0, case, linear, h.linear.rough[0].share)
+    return replace(again, gain=h.gain, score_gain=h.score_gain)
 
 
 def narrowed(linear: Linear, active: Active, whiten: Whitener, rounds: int = 6) -> Active:
@@ -251,7 +286,9 @@ def narrowed(linear: Linear, active: Active, whiten: Whitener, rounds: int = 6) 
     y = whiten(linear.column[:, None], linear.start[:, None])[:, 0]
 
     def tried(at: Active) -> tuple[float, Active]:
-        s = signature(linear.ground, replace(at, values=at.values | dict.fromkeys((p.name for p in at.effect.sizes), 0.0)))
+        s = signature(
+            linear.ground, replace(at, values=at.values | dict.fromkeys((p.name for p in at.effect.sizes), 0.0))
+        )
         fit = regress(y, whiten(s.rows, s.start), s.sigma)
         return fit.gain, replace(at, values=at.values | dict(zip(s.names, fit.size.tolist(), strict=True)))
 

@@ -89,7 +89,9 @@ def describe(linear: Linear) -> Remainder | None:
     frequency = _line(time, series)
     follows = _follows(linear, inside, series)
     companions = tuple(
-        names[c] for c, s in enumerate(spans) if s is not None and c != best and min(t1, s[1]) - max(t0, s[0]) > 0.5 * (t1 - t0)
+        names[c]
+        for c, s in enumerate(spans)
+        if s is not None and c != best and min(t1, s[1]) - max(t0, s[0]) > 0.5 * (t1 - t0)
     )
     unit = "N" if best < 3 else "N m"
     size = float(np.sqrt(np.mean(series**2)))
@@ -128,7 +130,11 @@ def _span(rows: NDArray[np.int64], scaled: Array, middle: Array, edges: Array) -
     if b == a:
         return None
     inside = (piece >= a) & (piece <= b)
-    return float(edges[0] + a * _PIECE), float(edges[0] + (b + 1) * _PIECE), float(np.sqrt(np.mean(values[inside] ** 2)))
+    return (
+        float(edges[0] + a * _PIECE),
+        float(edges[0] + (b + 1) * _PIECE),
+        float(np.sqrt(np.mean(values[inside] ** 2))),
+    )
 
 
 def _line(time: Array, series: Array) -> float | None:

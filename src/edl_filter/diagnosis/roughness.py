@@ -42,6 +42,11 @@ class Rough:
         """Whether nothing was added anywhere."""
         return not np.any(self.variance)
 
+    @property
+    def share(self) -> float:
+        """Part of the rows that are rough."""
+        return float(np.mean(self.variance > 0.0))
+
 
 def smooth_noise(steps: Steps) -> Rough:
     """No roughness."""
@@ -70,18 +75,26 @@ def find_rough(
     start : (n,) array
     first : Rough, optional
         To begin with.
+
+    Returns
+    -------
+    The most likely of the rounds: noise that is added to one channel changes what the others are asked for.
     """
     rough = smooth_noise(steps) if first is None else first
     groups = _groups(order)
-    for i in range(_ROUNDS):
+    best: tuple[float, Rough, Whitener] | None = None
+    for _ in range(_ROUNDS):
         whiten = whitener(roughened(steps, order, rough))
         white = whiten(column[:, None], start[:, None])[:, 0]
+        likelihood = whiten.log_likelihood(white)
+        if best is None or likelihood > best[0]:
+            best = likelihood, rough, whiten
         excess = _excess(whiten, white, rough, groups)
-        settled = np.allclose(np.sqrt(excess), np.sqrt(rough.variance), rtol=0.1, atol=0.0)
-        if settled or i == _ROUNDS - 1:
+        if np.allclose(np.sqrt(excess), np.sqrt(rough.variance), rtol=0.1, atol=0.0):
             break
         rough = Rough(excess)
-    return rough, whiten
+    assert best is not None
+    return best[1], best[2]
 
 
 def _groups(order: Order) -> list[NDArray[np.int64]]:

@@ -7,6 +7,7 @@ look like ten; they are judged by the noise that is stated, so that it does look
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -95,7 +96,7 @@ def regimes(linear: Linear) -> list[tuple[str, NDArray[np.bool_]]]:
     found = [("free-molecular flow", rare), ("transitional flow", between)]
     dense = ~rare & ~between
     edges = (np.inf, *MACH, 0.0)
-    for high, low in zip(edges, edges[1:], strict=False):
+    for high, low in pairwise(edges):
         name = f"Mach {high:g} to {low:g}" if np.isfinite(high) else f"Mach above {low:g}"
         found.append((name if low > 0.0 else f"Mach below {high:g}", dense & (mach < high) & (mach >= low)))
     return [(name, inside) for name, inside in found if inside.any()]

@@ -2,9 +2,9 @@
 
 The differences (`comparison`) are linear in the unknowns (`unknowns`), which move by a known linear law: then the
 filter's innovations are white, and their variance is what the allowed errors explain. The same gains applied to the
-signature of an effect give what is left of it when the allowed errors have taken all that they can. So a regression of
-white differences on white signatures is the exact Gaussian answer, with navigation error correlated in time, and density
-error in altitude (design section 6; Friedland, IEEE Trans. AC 14 (1969) 359, for many columns under one gain).
+signature of an effect give what is left of it when the allowed errors have taken all that they can. So a regression
+of white differences on white signatures is the exact Gaussian answer, with navigation error correlated in time, and
+density error in altitude (design section 6; Friedland, IEEE Trans. AC 14 (1969) 359, for many columns under one gain).
 """
 
 from __future__ import annotations

@@ -1,0 +1,107 @@
+"""The whitener against a plain Kalman filter, against the full Gaussian, and against sampled errors."""
+
+import numpy as np
+import pytest
+
+from edl_filter.diagnosis.whitening import Steps, whitener
+
+
+def problem(seed=3, steps=40, n=7):
+    """A linear problem with still and moving unknowns, and steps without rows."""
+    rng = np.random.default_rng(seed)
+    move = np.tile(np.eye(n), (steps, 1, 1))
+    move[:, :3, :3] += 0.1 * rng.normal(size=(steps, 3, 3))
+    noise = np.zeros((steps, n, n))
+    for k in range(steps):
+        root = 0.1 * rng.normal(size=(3, 3))
+        noise[k, :3, :3] = root @ root.T
+    counts = rng.integers(0, 4, steps)
+    rows = np.concatenate(([0], np.cumsum(counts)))
+    design = rng.normal(size=(rows[-1], n))
+    row_noise = np.zeros((rows[-1], 3))
+    for k in range(steps):
+        root = rng.normal(size=(counts[k], counts[k]))
+        row_noise[rows[k] : rows[k + 1], : counts[k]] = root @ root.T + 0.5 * np.eye(counts[k])
+    root = rng.normal(size=(n, n))
+    return Steps(move, noise, rows, design, row_noise, root @ root.T)
+
+
+def joint_covariance(s):
+    """Covariance of all rows, by carrying every source of error to every row."""
+    n, count = len(s.start), s.rows[-1]
+    sources, at = [], [(np.linalg.cholesky(s.start + 1e-14 * np.eye(n)), 0)]
+    for k in range(len(s.move)):
+        w, v = np.linalg.eigh(s.noise[k])
+        at.append((v * np.sqrt(np.maximum(w, 0.0)), k + 1))
+    for root, begin in at:
+        column, carried = np.zeros((count, n)), root
+        for k in range(max(begin - 1, 0), len(s.move)):
+            if k >= begin:
+                carried = s.move[k] @ carried
+            a, b = s.rows[k], s.rows[k + 1]
+            if begin <= k + 1:
+                column[a:b] = s.design[a:b] @ carried
+        sources.append(column)
+    total = sum(c @ c.T for c in sources)
+    for a, b in zip(s.rows, s.rows[1:], strict=False):
+        total[a:b, a:b] += s.row_noise[a:b, : b - a]
+    return total
+
+
+def test_it_is_the_kalman_filter():
+    s = problem()
+    rng = np.random.default_rng(1)
+    columns, start = rng.normal(size=(s.rows[-1], 3)), rng.normal(size=(7, 3))
+    w = whitener(s)
+    p, x, out, log_det = s.start.copy(), start.copy(), np.zeros_like(columns), 0.0
+    for k in range(len(s.move)):
+        p, x = s.move[k] @ p @ s.move[k].T + s.noise[k], s.move[k] @ x
+        a, b = s.rows[k], s.rows[k + 1]
+        if a == b:
+            continue
+        h = s.design[a:b]
+        low = np.linalg.cholesky(h @ p @ h.T + s.row_noise[a:b, : b - a])
+        left = columns[a:b] - h @ x
+        out[a:b] = np.linalg.solve(low, left)
+        gain = p @ h.T @ np.linalg.inv(low @ low.T)
+        x, p = x + gain @ left, p - gain @ h @ p
+        log_det += 2.0 * np.log(np.diag(low)).sum()
+    np.testing.assert_allclose(w(columns, start), out, atol=1e-9)
+    assert w.log_determinant == pytest.approx(log_det, abs=1e-9)
+
+
+def test_white_rows_are_the_whole_gaussian():
+    s = problem()
+    y = np.random.default_rng(2).normal(size=s.rows[-1])
+    w = whitener(s)
+    white = w(y[:, None], np.zeros((7, 1)))[:, 0]
+    covariance = joint_covariance(s)
+    expected = -0.5 * y @ np.linalg.solve(covariance, y) - 0.5 * np.linalg.slogdet(covariance)[1]
+    assert w.log_likelihood(white) == pytest.approx(expected, rel=1e-9)
+
+
+def test_innovations_go_back_and_forth():
+    s = problem()
+    y = np.random.default_rng(2).normal(size=(s.rows[-1], 1))
+    w = whitener(s)
+    white = w(y, np.zeros((7, 1)))[:, 0]
+    back = w.innovations(white)
+    assert np.std(back / w.innovation_sigma) == pytest.approx(np.std(white), rel=0.5)
+    first = slice(s.rows[0], s.rows[1]) if s.rows[1] else slice(s.rows[1], s.rows[2])
+    np.testing.assert_allclose(back[first], y[first, 0], atol=1e-12)  # nothing was known before
+
+
+def test_start_correction_is_the_smoothed_start():
+    s = problem()
+    y = np.random.default_rng(5).normal(size=s.rows[-1])
+    w = whitener(s)
+    mean, covariance = w.start_correction(w(y[:, None], np.zeros((7, 1)))[:, 0], 7)
+    # joint Gaussian of the start and all rows: cross covariance by carrying the start
+    carried, cross = s.start, np.zeros((7, s.rows[-1]))
+    for k in range(len(s.move)):
+        carried = s.move[k] @ carried
+        a, b = s.rows[k], s.rows[k + 1]
+        cross[:, a:b] = (s.design[a:b] @ carried).T
+    total = joint_covariance(s)
+    np.testing.assert_allclose(mean, cross @ np.linalg.solve(total, y), atol=1e-8)
+    np.testing.assert_allclose(covariance, s.start - cross @ np.linalg.solve(total, cross.T), atol=1e-8)
