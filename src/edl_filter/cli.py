@@ -10,7 +10,7 @@ import gc
 import os
 import sys
 import traceback
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -97,12 +97,15 @@ def run(
         list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Change a key of the mission.")
     ] = None,
     no_figures: Annotated[bool, typer.Option("--no-figures", help="Draw no figures.")] = False,
+    no_refit: Annotated[
+        bool, typer.Option("--no-refit", help="Leave effects at their values; compare nothing.")
+    ] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print the summary as JSON, nothing else.")] = False,
 ) -> None:
-    """Reconstruct an entry; write result.nc, summary.json and figures."""
+    """Reconstruct an entry, its effects refitted; write result.nc, summary.json and figures."""
     from edl_filter.mission import Mission
 
-    _run(Mission.load(mission, changes or ()), output, not no_figures, as_json)
+    _run(Mission.load(mission, changes or ()), output, not no_figures, as_json, not no_refit)
 
 
 @app.command(epilog="Example: edl-filter demo -o results/demo")
@@ -262,16 +265,16 @@ def add(
     typer.echo(f"Next: edl-filter run {quote(str(written))} -o {quote(str(Path('results') / written.stem))}")
 
 
-def _run(mission: Mission, output: Path | None, figures: bool, as_json: bool) -> dict[str, Any]:
+def _run(mission: Mission, output: Path | None, figures: bool, as_json: bool, refit: bool = True) -> dict[str, Any]:
     """Reconstruct, write and print."""
-    from edl_filter.reconstruction import reconstruct
+    from edl_filter.judging import reconstruct_and_judge
     from edl_filter.results.outputs import finite, write_outputs
 
-    with _busy(f"Reconstructing {mission.title or mission.name}", quiet=as_json):
-        reconstruction = reconstruct(mission)
+    with _busy(f"Reconstructing {mission.title or mission.name}", quiet=as_json) as say:
+        reconstruction, judged = reconstruct_and_judge(mission, refit, say)
     with _busy("Writing results", quiet=as_json):
         written = write_outputs(
-            reconstruction, output or mission.output_directory(), figures and mission.outputs.figures
+            reconstruction, output or mission.output_directory(), figures and mission.outputs.figures, judged
         )
     if as_json:
         import json
@@ -286,15 +289,15 @@ def _run(mission: Mission, output: Path | None, figures: bool, as_json: bool) ->
 
 
 @contextmanager
-def _busy(what: str, quiet: bool) -> Iterator[None]:
-    """Show that work goes on, on a terminal."""
+def _busy(what: str, quiet: bool) -> Iterator[Callable[[str], None]]:
+    """Show that work goes on, on a terminal; gives what is told of each step."""
     if quiet or not sys.stdout.isatty():
-        yield
+        yield lambda _: None
         return
     from rich.console import Console
 
-    with Console(stderr=True).status(f"{what} …"):
-        yield
+    with Console(stderr=True).status(f"{what} …") as status:
+        yield lambda step: status.update(f"{what}: {step} …")
 
 
 if __name__ == "__main__":
