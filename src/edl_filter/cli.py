@@ -265,10 +265,42 @@ def add(
     typer.echo(f"Next: edl-filter run {quote(str(written))} -o {quote(str(Path('results') / written.stem))}")
 
 
+@app.command(epilog="Example: edl-filter diagnose results/mer_a")
+def diagnose(
+    result: Annotated[Path, typer.Argument(help="result.nc, or the folder that holds it.")],
+    names: Annotated[
+        list[str] | None, typer.Option("--effect", metavar="NAME", help="Try only this effect; may be repeated.")
+    ] = None,
+    file: Annotated[Path | None, typer.Option("--file", help="Python file with effects of your own.")] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print the diagnosis as JSON, nothing else.")] = False,
+) -> None:
+    """Say where the model fails, which effect is missing and what is left; write diagnosis.json and figures."""
+    from edl_filter.diagnosis.of_result import diagnose_result
+
+    with _busy(f"Diagnosing {result}", quiet=as_json) as say:
+        found = diagnose_result(result, names or (), file, say)
+    paths = [str(p) for p in (found.path, *found.figures)]
+    if as_json:
+        _print_json(found.content | {"outputs": paths, "next": found.following})
+        return
+    from edl_filter.report.findings import print_diagnosis
+
+    print_diagnosis(found.content, paths, found.following)
+
+
+def _print_json(content: dict[str, Any]) -> None:
+    """Print one JSON object."""
+    import json
+
+    from edl_filter.results.plain import finite
+
+    typer.echo(json.dumps(finite(content), allow_nan=False))
+
+
 def _run(mission: Mission, output: Path | None, figures: bool, as_json: bool, refit: bool = True) -> dict[str, Any]:
     """Reconstruct, write and print."""
     from edl_filter.judging import reconstruct_and_judge
-    from edl_filter.results.outputs import finite, write_outputs
+    from edl_filter.results.outputs import write_outputs
 
     with _busy(f"Reconstructing {mission.title or mission.name}", quiet=as_json) as say:
         reconstruction, judged = reconstruct_and_judge(mission, refit, say)
@@ -277,10 +309,8 @@ def _run(mission: Mission, output: Path | None, figures: bool, as_json: bool, re
             reconstruction, output or mission.output_directory(), figures and mission.outputs.figures, judged
         )
     if as_json:
-        import json
-
         paths = {"result": str(written["result"]), "figures": [str(p) for p in written["figures"]]}
-        typer.echo(json.dumps(finite(written["content"] | {"outputs": paths}), allow_nan=False))
+        _print_json(written["content"] | {"outputs": paths})
     else:
         from edl_filter.report.terminal import print_run
 

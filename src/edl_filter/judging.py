@@ -16,8 +16,8 @@ def reconstruct_and_judge(
 ) -> tuple[Reconstruction, Judged]:
     """Reconstruct an entry with its effects at their most probable values.
 
-    A mission without effects is reconstructed and no more: to compare it with its model would take longer than that, and
-    `edl-filter diagnose` does it.
+    A mission without effects is reconstructed and no more: to compare it with its model takes longer than that,
+    and `edl-filter diagnose` does it.
 
     Parameters
     ----------

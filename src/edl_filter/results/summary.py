@@ -240,7 +240,7 @@ def _fit(fit: Misalignment) -> dict[str, Any]:
 
 
 def innovations(statements: list[Statement]) -> dict[str, dict[str, float]]:
-    """Normalised root mean square of the filter's innovations: ``"constraint: component"`` → 1 where all is as stated."""
+    """Normalised RMS of the filter's innovations: ``"constraint: component"`` → 1 where all is as stated."""
     found: dict[str, dict[str, float]] = {}
     for s in statements:
         rms = np.sqrt(np.mean((s.innovation / s.innovation_sigma) ** 2, axis=0))
