@@ -288,6 +288,79 @@ def diagnose(
     print_diagnosis(found.content, paths, found.following)
 
 
+@app.command(epilog="Example: edl-filter compare results/mer_a results/mer_a+remnant_torque")
+def compare(
+    results: Annotated[list[Path], typer.Argument(help="Two or more results of one flight, in the order of the work.")],
+    as_json: Annotated[bool, typer.Option("--json", help="Print JSON, nothing else.")] = False,
+) -> None:
+    """Set results of one flight side by side: errors by channel, constraints, effects, and how the error fell."""
+    from edl_filter.diagnosis.side_by_side import side_by_side
+
+    with _busy("Comparing", quiet=as_json):
+        told = side_by_side(results)
+    if as_json:
+        _print_json(told)
+        return
+    from edl_filter.report.findings import print_comparison
+
+    print_comparison(told)
+
+
+@app.command(epilog="Example: edl-filter improve missions/mer_a.yaml -o results/mer_a_improved")
+def improve(
+    mission: Annotated[str, typer.Argument(help="Mission file, or builtin:NAME.")],
+    output: Annotated[Path, typer.Option("-o", "--output", help="Folder of the steps, the ledger and the result.")],
+    changes: Annotated[
+        list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Change a key of the mission.")
+    ] = None,
+    most: Annotated[int | None, typer.Option("--most", min=0, help="Add no more effects than this.")] = None,
+    names: Annotated[
+        list[str] | None, typer.Option("--effect", metavar="NAME", help="Try only this effect; may be repeated.")
+    ] = None,
+    file: Annotated[Path | None, typer.Option("--file", help="Python file with effects of your own.")] = None,
+) -> None:
+    """Diagnose, add what is missing, and again, until nothing earns its place; keep every step and a ledger."""
+    from edl_filter.diagnosis.improving import finish, steps
+    from edl_filter.mission import Mission
+
+    loaded, told = Mission.load(mission, changes or ()), []
+    with _busy(f"Improving {loaded.title or loaded.name}", quiet=False) as say:
+        for step in steps(loaded, output, most, names or (), file, say):
+            typer.echo(step.paragraph)
+            told.append(step)
+        written = finish(loaded, output, told, say)
+    for path in written:
+        typer.echo(f"Written: {path}")
+
+
+@app.command(epilog="Example: edl-filter identifiability missions/mer_a.yaml")
+def identifiability(
+    mission: Annotated[str, typer.Argument(help="Mission file, or builtin:NAME.")],
+    changes: Annotated[
+        list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Change a key of the mission.")
+    ] = None,
+    names: Annotated[
+        list[str] | None, typer.Option("--effect", metavar="NAME", help="Only this effect; may be repeated.")
+    ] = None,
+    file: Annotated[Path | None, typer.Option("--file", help="Python file with effects of your own.")] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print JSON, nothing else.")] = False,
+) -> None:
+    """Say how large each effect must be to be found on this flight, and with which others it would be confused."""
+    from edl_filter.diagnosis.identifiability import identify
+    from edl_filter.diagnosis.of_result import candidates
+    from edl_filter.mission import Mission
+
+    loaded = Mission.load(mission, changes or ())
+    with _busy(f"Studying {loaded.title or loaded.name}", quiet=as_json) as say:
+        told = identify(loaded, candidates(names or (), file), say)
+    if as_json:
+        _print_json(told)
+        return
+    from edl_filter.report.findings import print_identifiability
+
+    print_identifiability(told)
+
+
 def _print_json(content: dict[str, Any]) -> None:
     """Print one JSON object."""
     import json

@@ -43,6 +43,58 @@ def print_diagnosis(told: Mapping[str, Any], written: Sequence[str], following: 
         echo("Next:", *(f"  {escape(command)}" for command in following))
 
 
+def print_comparison(told: Mapping[str, Any]) -> None:
+    """Print results side by side, as `diagnosis.side_by_side` gives them."""
+    results = told["results"]
+    names = [f"{k + 1}" for k in range(len(results))]
+    echo(*(f"{k}: {escape(r['path'])}{_verdict(r)}" for k, r in zip(names, results, strict=True)))
+    errors = table("Normalised RMS by channel (1: the model holds)", ("channel",), (*names, "fall"))
+    for channel, fall in told["fall_percent"].items():
+        values = [number(r["residuals"].get(channel)) for r in results]
+        errors.add_row(channel.replace("_", " "), *values, "–" if fall is None else f"{fall:.1f} %")
+    nis = table("Constraints: NIS per degree of freedom", ("constraint",), tuple(names))
+    for name in dict.fromkeys(n for r in results for n in r["nis_per_dof"]):
+        nis.add_row(name.replace("_", " "), *(number(r["nis_per_dof"].get(name)) for r in results))
+    effects = table("Effects in the model", ("effect",), after=tuple(names))
+    known = list(dict.fromkeys(n for r in results for n in r["effects"]))
+    for name in known:
+        effects.add_row(name, *(parameters_text(r["effects"].get(name, {}).get("parameters", {})) for r in results))
+    echo(errors, nis, effects if known else "No effects in any of the models.")
+    for k, r in zip(names, results, strict=True):
+        if r["score_gain"] is not None:
+            echo(f"Held-out gain of {k} over the one before: {number(r['score_gain'])} nats.")
+
+
+def _verdict(result: Mapping[str, Any]) -> str:
+    return "" if result["verdict"] is None else f" (diagnosed: {result['verdict']})"
+
+
+def print_identifiability(told: Mapping[str, Any]) -> None:
+    """Print what `diagnosis.identifiability` found."""
+    made = table(
+        "Smallest size that would be found (6 nats), beside the plausible one",
+        ("effect", "parameter"),
+        ("smallest", "plausible", "ratio"),
+        ("confused with",),
+    )
+    for effect in told["effects"]:
+        alike = ", ".join(f"{name} ({r:.2f})" for name, r in effect["confused_with"].items())
+        for k, (name, value) in enumerate(effect["parameters"].items()):
+            unit = f" {value['unit']}" if value["unit"] else ""
+            made.add_row(
+                effect["effect"] if k == 0 else "",
+                name,
+                "none" if value["smallest"] is None else f"{value['smallest']:.2g}{unit}",
+                f"{value['plausible']:.2g}",
+                "–" if value["ratio"] is None else f"{value['ratio']:.2g}",
+                alike if k == 0 else "",
+            )
+    model = told["in_model"]
+    lines = [f"[red]Left out: {escape(reason)}[/red]" for reason in told["failed"].values()]
+    echo(made, f"In the model already: {', '.join(model)}." if model else "", *lines)
+    echo("A ratio above 1: an effect of plausible size would not be found on this flight.")
+
+
 def where_table(told: Mapping[str, Any]) -> Table:
     """Cells that fail, worst first."""
     cells = told["where"]
