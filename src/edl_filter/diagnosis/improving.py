@@ -1,8 +1,8 @@
 """`edl-filter improve`: the loop with every step kept as plain files, and a ledger beside them.
 
 ``step_K`` holds the model that was diagnosed in step K, as a mission file that runs, and its diagnosis; the folder
-itself the final model, its result and ``ledger.jsonl``: a line for each effect that was added, and a last one that says why
-there are no more.
+itself the final model, its result and ``ledger.jsonl``: a line for each effect that was added, and a last one that
+says why there are no more.
 """
 
 from __future__ import annotations

@@ -157,16 +157,21 @@ def _value(change: str) -> tuple[str, float]:
 def _lines(effect: Effect, entry: Mapping[str, Any]) -> list[str]:
     """An entry as lines of YAML, each parameter with its unit and meaning."""
     meaning = {q.name: q for q in effect.parameters}
-    lines = [f"name: {entry['name']}".ljust(_COMMENT - 2) + f"# {effect.summary}"]
+    lines = [_beside(f"name: {entry['name']}", effect.summary)]
     lines += [
         f"{key}: {json.dumps(entry[key], ensure_ascii=False)}" for key in ("file", "imu", "fixed") if key in entry
     ]
     if entry["parameters"]:
         lines.append("parameters:")
     for name, value in entry["parameters"].items():
-        comment = f"# {_said(meaning[name])}" if name in meaning else ""
-        lines.append((f"  {name}: {_number(value)}".ljust(_COMMENT - 2) + comment).rstrip())
+        line = f"  {name}: {_number(value)}"
+        lines.append(_beside(line, _said(meaning[name])) if name in meaning else line)
     return lines
+
+
+def _beside(line: str, comment: str) -> str:
+    """A line with its comment at the usual column, or behind it where it is longer."""
+    return f"{line:<{_COMMENT - 3}} # {comment}"
 
 
 def _said(q: Parameter) -> str:
