@@ -52,7 +52,7 @@ def print_comparison(told: Mapping[str, Any]) -> None:
     for channel, fall in told["fall_percent"].items():
         values = [number(r["residuals"].get(channel)) for r in results]
         errors.add_row(channel.replace("_", " "), *values, "–" if fall is None else f"{fall:.1f} %")
-    nis = table("Constraints: NIS per degree of freedom", ("constraint",), tuple(names))
+    nis = table("Constraints: NIS per dof", ("constraint",), tuple(names))
     for name in dict.fromkeys(n for r in results for n in r["nis_per_dof"]):
         nis.add_row(name.replace("_", " "), *(number(r["nis_per_dof"].get(name)) for r in results))
     effects = table("Effects in the model", ("effect",), after=tuple(names))
