@@ -84,6 +84,13 @@ def test_add_writes_a_mission_that_runs_with_the_effect(cli):
     assert offset.values == {"dx": 0.0, "dy": 4e-3, "dz": 0.0} and not offset.fixed
 
 
+@pytest.mark.parametrize("name", catalogue())
+def test_every_effect_of_the_catalogue_can_be_added(cli, name):
+    """A long name must not run into its comment."""
+    assert cli("add", "builtin:practice_mer", name, "-o", "m.yaml").exit_code == 0
+    assert [e.name for e in Mission.load("m.yaml").effects] == [name]
+
+
 def test_a_second_effect_comes_after_the_first_and_in_place_only_if_asked(cli):
     cli("add", "builtin:practice_mer", "mass", "-o", "m.yaml", "--set", "k=0.01")
     before = Path("m.yaml").read_text()

@@ -16,7 +16,10 @@ from edl_filter.mission import shipped_mission
 from edl_filter.results import write_outputs
 
 EXAMPLES = Path(__file__).parent.parent / "docs" / "examples"
-COMMANDS = ("run", "validate", "convert", "simulate", "export", "fetch", "demo", "effects", "add")
+COMMANDS = (
+    "run", "validate", "convert", "simulate", "export", "fetch", "demo", "effects", "add",
+    "diagnose", "compare", "improve", "identifiability",
+)  # fmt: skip
 
 
 @pytest.fixture
@@ -71,7 +74,7 @@ def test_cli_imports_nothing_heavy():
     assert found.stdout.strip() == "[]"
 
 
-@pytest.mark.parametrize("command", [[], ["run"], ["export"], ["effects"], ["add"]])
+@pytest.mark.parametrize("command", [[], ["run"], ["export"], ["effects"], ["add"], ["diagnose"], ["improve"]])
 def test_help_comes_at_once(command):
     call = [sys.executable, "-c", "from edl_filter.cli import main; main()", *command, "--help"]
     taken = []

@@ -163,7 +163,7 @@ def test_summary(written, practice_06):
         c = told["constraints"][statement.name]
         assert c["nis"] == pytest.approx(float(statement.nis.sum()))
         assert len(c["innovation"]) == len(c["components"])
-    assert all(0.0 <= r < 5.0 for r in told["residuals"].values())
+    assert all(0.0 <= r["overall"] < 5.0 for r in told["residuals"].values())
     assert {"telemetry", "filter", "smoother", "write"} <= set(told["timing_s"])
 
 

@@ -3,8 +3,8 @@
 Flights of the own simulator with one hidden effect each (every name of the catalogue, at its plausible size and at half
 of it, on both vehicles), clean ones, pairs, and effects outside the catalogue, are diagnosed without a hint. Whether an
 effect is *detectable* is computed with the truth known and fixed before the diagnosis: the gain that a linear fit of
-its noise-free signature would have, at its true places, exceeds 6 nats. Answers go to ``identification.jsonl``, one line a
-flight; `--report` turns them into the table and the figure of ``docs/identification.md``.
+its noise-free signature would have, at its true places, exceeds 6 nats. Answers go to ``identification.jsonl``, one
+line a flight; ``identification_report.py`` turns them into the table and the figure of ``docs/identification.md``.
 """
 
 import argparse

@@ -10,7 +10,7 @@ import gc
 import os
 import sys
 import traceback
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -97,12 +97,15 @@ def run(
         list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Change a key of the mission.")
     ] = None,
     no_figures: Annotated[bool, typer.Option("--no-figures", help="Draw no figures.")] = False,
+    no_refit: Annotated[
+        bool, typer.Option("--no-refit", help="Leave effects at their values; compare nothing.")
+    ] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print the summary as JSON, nothing else.")] = False,
 ) -> None:
-    """Reconstruct an entry; write result.nc, summary.json and figures."""
+    """Reconstruct an entry, its effects refitted; write result.nc, summary.json and figures."""
     from edl_filter.mission import Mission
 
-    _run(Mission.load(mission, changes or ()), output, not no_figures, as_json)
+    _run(Mission.load(mission, changes or ()), output, not no_figures, as_json, not no_refit)
 
 
 @app.command(epilog="Example: edl-filter demo -o results/demo")
@@ -262,22 +265,125 @@ def add(
     typer.echo(f"Next: edl-filter run {quote(str(written))} -o {quote(str(Path('results') / written.stem))}")
 
 
-def _run(mission: Mission, output: Path | None, figures: bool, as_json: bool) -> dict[str, Any]:
-    """Reconstruct, write and print."""
-    from edl_filter.reconstruction import reconstruct
-    from edl_filter.results.outputs import finite, write_outputs
+@app.command(epilog="Example: edl-filter diagnose results/mer_a")
+def diagnose(
+    result: Annotated[Path, typer.Argument(help="result.nc, or the folder that holds it.")],
+    names: Annotated[
+        list[str] | None, typer.Option("--effect", metavar="NAME", help="Try only this effect; may be repeated.")
+    ] = None,
+    file: Annotated[Path | None, typer.Option("--file", help="Python file with effects of your own.")] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print the diagnosis as JSON, nothing else.")] = False,
+) -> None:
+    """Say where the model fails, which effect is missing and what is left; write diagnosis.json and figures."""
+    from edl_filter.diagnosis.of_result import diagnose_result
 
-    with _busy(f"Reconstructing {mission.title or mission.name}", quiet=as_json):
-        reconstruction = reconstruct(mission)
+    with _busy(f"Diagnosing {result}", quiet=as_json) as say:
+        found = diagnose_result(result, names or (), file, say)
+    paths = [str(p) for p in (found.path, *found.figures)]
+    if as_json:
+        _print_json(found.content | {"outputs": paths, "next": found.following})
+        return
+    from edl_filter.report.findings import print_diagnosis
+
+    print_diagnosis(found.content, paths, found.following)
+
+
+@app.command(epilog="Example: edl-filter compare results/mer_a results/mer_a+remnant_torque")
+def compare(
+    results: Annotated[list[Path], typer.Argument(help="Two or more results of one flight, in the order of the work.")],
+    as_json: Annotated[bool, typer.Option("--json", help="Print JSON, nothing else.")] = False,
+) -> None:
+    """Set results of one flight side by side: errors by channel, constraints, effects, and how the error fell."""
+    from edl_filter.diagnosis.side_by_side import side_by_side
+
+    with _busy("Comparing", quiet=as_json):
+        told = side_by_side(results)
+    if as_json:
+        _print_json(told)
+        return
+    from edl_filter.report.findings import print_comparison
+
+    print_comparison(told)
+
+
+@app.command(epilog="Example: edl-filter improve missions/mer_a.yaml -o results/mer_a_improved")
+def improve(
+    mission: Annotated[str, typer.Argument(help="Mission file, or builtin:NAME.")],
+    output: Annotated[Path, typer.Option("-o", "--output", help="Folder of the steps, the ledger and the result.")],
+    changes: Annotated[
+        list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Change a key of the mission.")
+    ] = None,
+    most: Annotated[int | None, typer.Option("--most", min=0, help="Add no more effects than this.")] = None,
+    names: Annotated[
+        list[str] | None, typer.Option("--effect", metavar="NAME", help="Try only this effect; may be repeated.")
+    ] = None,
+    file: Annotated[Path | None, typer.Option("--file", help="Python file with effects of your own.")] = None,
+) -> None:
+    """Diagnose, add what is missing, and again, until nothing earns its place; keep every step and a ledger."""
+    from edl_filter.diagnosis.improving import finish, steps
+    from edl_filter.mission import Mission
+
+    loaded, told = Mission.load(mission, changes or ()), []
+    with _busy(f"Improving {loaded.title or loaded.name}", quiet=False) as say:
+        for step in steps(loaded, output, most, names or (), file, say):
+            typer.echo(step.paragraph)
+            told.append(step)
+        written = finish(loaded, output, told, say)
+    for path in written:
+        typer.echo(f"Written: {path}")
+
+
+@app.command(epilog="Example: edl-filter identifiability missions/mer_a.yaml")
+def identifiability(
+    mission: Annotated[str, typer.Argument(help="Mission file, or builtin:NAME.")],
+    changes: Annotated[
+        list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Change a key of the mission.")
+    ] = None,
+    names: Annotated[
+        list[str] | None, typer.Option("--effect", metavar="NAME", help="Only this effect; may be repeated.")
+    ] = None,
+    file: Annotated[Path | None, typer.Option("--file", help="Python file with effects of your own.")] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print JSON, nothing else.")] = False,
+) -> None:
+    """Say how large each effect must be to be found on this flight, and with which others it would be confused."""
+    from edl_filter.diagnosis.identifiability import identify
+    from edl_filter.diagnosis.of_result import candidates
+    from edl_filter.mission import Mission
+
+    loaded = Mission.load(mission, changes or ())
+    with _busy(f"Studying {loaded.title or loaded.name}", quiet=as_json) as say:
+        told = identify(loaded, candidates(names or (), file), say)
+    if as_json:
+        _print_json(told)
+        return
+    from edl_filter.report.findings import print_identifiability
+
+    print_identifiability(told)
+
+
+def _print_json(content: dict[str, Any]) -> None:
+    """Print one JSON object."""
+    import json
+
+    from edl_filter.results.plain import finite
+
+    typer.echo(json.dumps(finite(content), allow_nan=False))
+
+
+def _run(mission: Mission, output: Path | None, figures: bool, as_json: bool, refit: bool = True) -> dict[str, Any]:
+    """Reconstruct, write and print."""
+    from edl_filter.judging import reconstruct_and_judge
+    from edl_filter.results.outputs import write_outputs
+
+    with _busy(f"Reconstructing {mission.title or mission.name}", quiet=as_json) as say:
+        reconstruction, judged = reconstruct_and_judge(mission, refit, say)
     with _busy("Writing results", quiet=as_json):
         written = write_outputs(
-            reconstruction, output or mission.output_directory(), figures and mission.outputs.figures
+            reconstruction, output or mission.output_directory(), figures and mission.outputs.figures, judged
         )
     if as_json:
-        import json
-
         paths = {"result": str(written["result"]), "figures": [str(p) for p in written["figures"]]}
-        typer.echo(json.dumps(finite(written["content"] | {"outputs": paths}), allow_nan=False))
+        _print_json(written["content"] | {"outputs": paths})
     else:
         from edl_filter.report.terminal import print_run
 
@@ -286,15 +392,15 @@ def _run(mission: Mission, output: Path | None, figures: bool, as_json: bool) ->
 
 
 @contextmanager
-def _busy(what: str, quiet: bool) -> Iterator[None]:
-    """Show that work goes on, on a terminal."""
+def _busy(what: str, quiet: bool) -> Iterator[Callable[[str], None]]:
+    """Show that work goes on, on a terminal; gives what is told of each step."""
     if quiet or not sys.stdout.isatty():
-        yield
+        yield lambda _: None
         return
     from rich.console import Console
 
-    with Console(stderr=True).status(f"{what} …"):
-        yield
+    with Console(stderr=True).status(f"{what} …") as status:
+        yield lambda step: status.update(f"{what}: {step} …")
 
 
 if __name__ == "__main__":

@@ -80,6 +80,7 @@ class Diagnosis:
                 "size": left.size, "unit": left.unit, "frequency_hz": left.frequency, "follows": left.follows,
                 "companions": list(left.companions), "description": left.description,
             },
+            "failed": ranking.failed,
             "errors": self.errors,
             "noise_floor": self.noise_floor,
         }  # fmt: skip

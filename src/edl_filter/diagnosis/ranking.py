@@ -10,7 +10,7 @@ in nats, is computed for *none* and for *something else* (`missing`).
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +23,7 @@ from edl_filter.diagnosis.roughness import find_rough
 from edl_filter.diagnosis.signatures import Signature, ordered, places, signature
 from edl_filter.diagnosis.whitening import Whitener
 from edl_filter.effects.effect import Active, Effect
+from edl_filter.errors import InputError
 
 Array = NDArray[np.float64]
 Progress = Callable[[str], None]
@@ -114,6 +115,8 @@ class Ranking:
         Its evidence, nats, over the model at its own noise, as all gains are.
     noise_evidence : float
         Evidence of the model's own noise over the stated one, nats; zero where they are one.
+    failed : dict
+        Effect → what went wrong in it: a user's, whose hooks raise or give the wrong thing.
     """
 
     case: Case
@@ -124,6 +127,7 @@ class Ranking:
     missing: Missing
     something_else: float
     noise_evidence: float
+    failed: dict[str, str] = field(default_factory=dict)
 
 
 def rank(case: Case, candidates: Iterable[Effect], progress: Progress = lambda _: None) -> Ranking:
@@ -135,7 +139,8 @@ def rank(case: Case, candidates: Iterable[Effect], progress: Progress = lambda _
     base = soft.log_likelihood(white)
     present = {a.name for a in case.effects}
     progress("trying the catalogue")
-    tried = signatures(linear, [e for e in candidates if e.name not in present], case.parachute)
+    failed: dict[str, str] = {}
+    tried = signatures(linear, [e for e in candidates if e.name not in present], case.parachute, failed)
     ways = [soft] if soft is linear.plain else [soft, linear.plain]
     trials = [try_all(linear, way, tried) for way in ways]
     progress("trying something else")
@@ -147,13 +152,19 @@ def rank(case: Case, candidates: Iterable[Effect], progress: Progress = lambda _
             continue  # everything is explained, and this is another thing
         progress(f"refitting {name}")
         starts = [(t[name], way) for t, way in zip(trials, ways, strict=True)]
-        found.append(_refitted(case, linear, starts, base))
+        try:
+            found.append(_refitted(case, linear, starts, base))
+        except InputError as error:
+            failed[name] = str(error)
     found.sort(key=lambda h: -h.gain)
     if found:
         progress(f"refitting {found[0].name} about a new reconstruction")
-        found[0] = about_itself(found[0])
+        try:
+            found[0] = about_itself(found[0])
+        except InputError as error:
+            failed[found[0].name] = str(error)
     stated = linear.plain.log_likelihood(linear.white(linear.plain))
-    return Ranking(case, linear, white, trials[0], found, missing, likely - base, base - stated)
+    return Ranking(case, linear, white, trials[0], found, missing, likely - base, base - stated, failed)
 
 
 def something_else(linear: Linear) -> tuple[Missing, float]:
@@ -171,11 +182,21 @@ def something_else(linear: Linear) -> tuple[Missing, float]:
     return missing, whiten.log_likelihood(linear.white(whiten))
 
 
-def signatures(linear: Linear, effects: Sequence[Effect], end: float) -> list[list[Signature]]:
-    """Signatures of every effect at all its places."""
+def signatures(
+    linear: Linear, effects: Sequence[Effect], end: float, failed: dict[str, str] | None = None
+) -> list[list[Signature]]:
+    """Signatures of every effect at all its places; an effect that fails goes into `failed`, if that is given."""
     nodes, q = linear.ground.found.nodes.time, linear.ground.found.flow.dynamic_pressure
     begin = float(nodes[np.argmax(q > _FELT)])
-    return [[signature(linear.ground, Active(e, place)) for place in places(e, begin, end)] for e in effects]
+    found = []
+    for e in effects:
+        try:
+            found.append([signature(linear.ground, Active(e, place)) for place in places(e, begin, end)])
+        except InputError as error:
+            if failed is None:
+                raise
+            failed[e.name] = str(error)
+    return found
 
 
 def try_all(linear: Linear, whiten: Whitener, tried: list[list[Signature]]) -> dict[str, Trial]:

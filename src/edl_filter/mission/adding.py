@@ -83,11 +83,26 @@ def add_effect(
         entry["imu"] = imu
     # a parameter that is not the effect's stays, for the mission's own check to name it
     entry["parameters"] = effect.completed(values) | values
-    text = append_entry(before.text, "effects", entry, _lines(effect, entry), str(source))
+    text = with_effect(before.text, effect, entry, str(source))
     # checked from the mission's folder: that of the target may not be there yet
     Mission.from_text(text, str(target), source).active_effects()
     text = seen_from(text, (*PATH_KEYS, "effects.*.file"), source.parent, target.parent, str(source))
     return replace_with(target, lambda path: path.write_text(text, encoding="utf-8"))
+
+
+def with_effect(text: str, effect: Effect, entry: dict[str, Any], where: str) -> str:
+    """A mission's `text` with one `entry` more at the end of its ``effects:``, said in comments.
+
+    Parameters
+    ----------
+    text : str
+    effect : Effect
+    entry : dict
+        ``name`` and ``parameters``, and ``file``, ``imu`` or ``fixed`` where they are needed.
+    where : str
+        The file, in messages.
+    """
+    return append_entry(text, "effects", entry, _lines(effect, entry), where)
 
 
 def estimates_of(result: Path, name: str) -> tuple[dict[str, float], str | None]:
@@ -142,14 +157,21 @@ def _value(change: str) -> tuple[str, float]:
 def _lines(effect: Effect, entry: Mapping[str, Any]) -> list[str]:
     """An entry as lines of YAML, each parameter with its unit and meaning."""
     meaning = {q.name: q for q in effect.parameters}
-    lines = [f"name: {entry['name']}".ljust(_COMMENT - 2) + f"# {effect.summary}"]
-    lines += [f"{key}: {json.dumps(entry[key], ensure_ascii=False)}" for key in ("file", "imu") if key in entry]
+    lines = [_beside(f"name: {entry['name']}", effect.summary)]
+    lines += [
+        f"{key}: {json.dumps(entry[key], ensure_ascii=False)}" for key in ("file", "imu", "fixed") if key in entry
+    ]
     if entry["parameters"]:
         lines.append("parameters:")
     for name, value in entry["parameters"].items():
-        comment = f"# {_said(meaning[name])}" if name in meaning else ""
-        lines.append((f"  {name}: {_number(value)}".ljust(_COMMENT - 2) + comment).rstrip())
+        line = f"  {name}: {_number(value)}"
+        lines.append(_beside(line, _said(meaning[name])) if name in meaning else line)
     return lines
+
+
+def _beside(line: str, comment: str) -> str:
+    """A line with its comment at the usual column, or behind it where it is longer."""
+    return f"{line:<{_COMMENT - 3}} # {comment}"
 
 
 def _said(q: Parameter) -> str:

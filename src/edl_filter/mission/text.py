@@ -140,11 +140,13 @@ def parse_override(override: str) -> tuple[str, Any]:
 def set_key(text: str, key: str, value: Any, where: str = "mission") -> str:
     """`text` with the value at the dotted `key` changed or added; comments elsewhere stay.
 
+    A number in the key is a place in a list, from 0: ``effects.0.fixed``.
+
     Raises
     ------
     InputError
         `text` is not YAML (the message begins with `where`), or a part of `key` before the last names a
-        value, not a section.
+        value, not a section; or a list has no such place.
     """
     new = flow_text(value)
     node = compose(text, where)
@@ -152,6 +154,12 @@ def set_key(text: str, key: str, value: Any, where: str = "mission") -> str:
     if node is None:
         raise InputError(f"--set {key}: the file is empty.")
     for i, part in enumerate(parts):
+        if isinstance(node, yaml.SequenceNode) and part.isdecimal():
+            if int(part) >= len(node.value):
+                above = ".".join(parts[:i])
+                raise InputError(f"--set {key}: {above} has {len(node.value)} entries; the first is {above}.0.")
+            node = node.value[int(part)]
+            continue
         if not isinstance(node, yaml.MappingNode):
             if node.tag != "tag:yaml.org,2002:null":
                 above = ".".join(parts[:i]) or "the file"

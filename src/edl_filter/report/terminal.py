@@ -58,18 +58,34 @@ def _print(console: Console, written: dict[str, Any]) -> None:
         console.print(f"Figures: {written['figures'][0].parent} ({len(written['figures'])} files)", soft_wrap=True)
 
 
-def effect_lines(effects: list[dict[str, Any]]) -> list[str]:
-    """One line for each effect in the model, with the parameters that are not zero."""
+def effect_lines(effects: dict[str, dict[str, Any]]) -> list[str]:
+    """One line for each effect in the model, with the parameters that are not zero and their sigmas."""
     from edl_filter.effects.catalogue import catalogue
 
     lines = []
-    for e in effects:
-        values = ", ".join(f"{k} {v:.4g}" for k, v in e["parameters"].items() if v and math.isfinite(v))
-        known = catalogue().get(e["name"])
-        off = known is not None and not any(e["parameters"][q.name] for q in known.sizes)
+    for key, e in effects.items():
+        estimate = {q: v["estimate"] for q, v in e["parameters"].items() if v["estimate"] is not None}
+        values = ", ".join(_estimate(q, e["parameters"][q]) for q, v in estimate.items() if v and math.isfinite(v))
+        name = key.split(" in ")[0]
+        known = catalogue().get(name)
+        off = known is not None and not any(estimate.get(q.name) for q in known.sizes)
         where = f" in {e['imu']}" if e["imu"] else ""
-        lines.append(f"Effect in the model: {e['name']}{where} ({'off' if off else values}).")
+        lines.append(f"Effect in the model: {name}{where} ({'off' if off else values}).")
     return lines
+
+
+def _estimate(name: str, value: dict[str, Any]) -> str:
+    unit = f" {value['unit']}" if value["unit"] and value["sigma"] else ""
+    return f"{name} {with_sigma(value['estimate'], value['sigma'])}{unit}"
+
+
+def with_sigma(estimate: float, sigma: float | None) -> str:
+    """An estimate with as many digits as its sigma allows, at most nine: ``129.00 ± 0.02``."""
+    if not sigma or not math.isfinite(sigma) or not math.isfinite(estimate):
+        return f"{estimate:.4g}"
+    size = max(abs(estimate), sigma)
+    digits = min(max(math.floor(math.log10(size)) - math.floor(math.log10(sigma)) + 2, 1), 9)
+    return f"{estimate:.{digits}g} ± {sigma:.2g}"
 
 
 def events_table(events: dict[str, dict[str, Any]]) -> Table:

@@ -17,6 +17,7 @@ from edl_filter.postflight.derive import Derived as Aftermath
 from edl_filter.postflight.events import Event, events
 from edl_filter.postflight.flight import derive_flight
 from edl_filter.reconstruction import Reconstruction, in_j2000
+from edl_filter.results.effects import Judged, effects
 from edl_filter.results.estimates import (
     add_comparison,
     add_constraints,
@@ -26,6 +27,7 @@ from edl_filter.results.estimates import (
 )
 from edl_filter.results.groups import Attributes, Group, Groups
 from edl_filter.results.netcdf import FORMAT, FORMAT_VERSION
+from edl_filter.results.plain import finite
 from edl_filter.results.postflight import add_postflight
 from edl_filter.telemetry.clock import SclkClock
 from edl_filter.telemetry.record import ImuRecord
@@ -105,7 +107,7 @@ def derive(reconstruction: Reconstruction) -> Derived:
     return Derived(air, events(reconstruction, air), derive_flight(reconstruction, air))
 
 
-def content(reconstruction: Reconstruction, derived: Derived | None = None) -> Groups:
+def content(reconstruction: Reconstruction, derived: Derived | None = None, judged: Judged | None = None) -> Groups:
     """All groups of a result, by path.
 
     Parameters
@@ -113,6 +115,8 @@ def content(reconstruction: Reconstruction, derived: Derived | None = None) -> G
     reconstruction : Reconstruction
     derived : Derived, optional
         As `derive` gives it.
+    judged : Judged, optional
+        What the comparison of model and measurement adds.
 
     Returns
     -------
@@ -121,7 +125,7 @@ def content(reconstruction: Reconstruction, derived: Derived | None = None) -> G
     """
     derived = derived or derive(reconstruction)
     telemetry = reconstruction.telemetry
-    groups: Groups = {"/": Group(attrs=_root(reconstruction))}
+    groups: Groups = {"/": Group(attrs=_root(reconstruction, judged or Judged()))}
     groups["/trajectory"] = _trajectory(reconstruction, derived.air)
     groups["/imu/driving"] = _imu(reconstruction, telemetry.driving)
     _add_corrected(groups["/imu/driving"], reconstruction)
@@ -140,7 +144,7 @@ def content(reconstruction: Reconstruction, derived: Derived | None = None) -> G
     return groups
 
 
-def _root(reconstruction: Reconstruction) -> Attributes:
+def _root(reconstruction: Reconstruction, judged: Judged) -> Attributes:
     mission, telemetry = reconstruction.mission, reconstruction.telemetry
     j2000 = mission.planet.j2000_from_inertial_matrix
     naif = _NAIF_MER.get(mission.telemetry.spacecraft) if isinstance(mission.telemetry, MerImu) else None
@@ -149,6 +153,7 @@ def _root(reconstruction: Reconstruction) -> Attributes:
         "site_radius": reconstruction.site_radius,
         "j2000_from_inertial": None if j2000 is None else np.ravel(j2000),
         "naif_spacecraft_id": naif,
+        "mission_file": None if mission.source is None else str(mission.source.absolute()),
     }
     return {
         "format": FORMAT,
@@ -157,6 +162,8 @@ def _root(reconstruction: Reconstruction) -> Attributes:
         "title": mission.title or mission.name,
         "mission": mission.name,
         "mission_yaml": mission.text,
+        "effects": json.dumps(finite(effects(reconstruction, judged.sigma))),
+        "residuals": json.dumps(finite(judged.residuals)),
         "planet": mission.planet.name,
         "edl_filter_version": edl_filter.__version__,
         "versions": json.dumps({name: _version(name) for name in _LIBRARIES}),

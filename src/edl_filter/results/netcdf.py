@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from edl_filter.errors import InputError
-from edl_filter.results.groups import Groups
+from edl_filter.results.groups import Attributes, Groups
 from edl_filter.whole_file import replace_with
 
 if TYPE_CHECKING:
@@ -103,6 +103,17 @@ def load(path: str | Path) -> Groups:
     from edl_filter.results.hdf5 import read_groups
 
     return read_groups(path)
+
+
+def attributes(path: str | Path) -> Attributes:
+    """Attributes of a result's root, which say where it comes from; otherwise as `load`."""
+    import h5py
+
+    path = Path(path)
+    path = path / "result.nc" if path.is_dir() else path
+    _check(path)
+    with h5py.File(path, "r") as file:
+        return dict(file.attrs)
 
 
 def _check(path: Path) -> None:

@@ -3,27 +3,31 @@
 from __future__ import annotations
 
 import json
-import math
 import tempfile
 import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
+from edl_filter.results.effects import Judged
 from edl_filter.results.netcdf import tree_of, write
+from edl_filter.results.plain import finite
 from edl_filter.results.summary import summary
 from edl_filter.whole_file import cannot_write, replace_with
 
 if TYPE_CHECKING:
     from edl_filter.reconstruction import Reconstruction
 
+#: What `edl-filter diagnose` writes beside a result: the figures in ``figures/``.
+DIAGNOSIS, DIAGNOSIS_FIGURES = "diagnosis.json", ("diagnosis_heatmap", "diagnosis_ranking")
 
-def write_outputs(reconstruction: Reconstruction, directory: str | Path, figures: bool) -> dict[str, Any]:
+
+def write_outputs(
+    reconstruction: Reconstruction, directory: str | Path, figures: bool, judged: Judged | None = None
+) -> dict[str, Any]:
     """Write ``result.nc``, ``summary.json``, tables in ``tables/`` and, if wanted, ``figures/``.
 
     All is made in a hidden folder first and takes its place at the end, so that a failure leaves what was there;
-    figures of an earlier run go.
+    figures of an earlier run go, and a diagnosis of it.
 
     Parameters
     ----------
@@ -31,6 +35,8 @@ def write_outputs(reconstruction: Reconstruction, directory: str | Path, figures
     directory : path
         Made if it is not there.
     figures : bool
+    judged : Judged, optional
+        What the comparison of model and measurement adds.
 
     Returns
     -------
@@ -51,8 +57,9 @@ def write_outputs(reconstruction: Reconstruction, directory: str | Path, figures
         directory.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryDirectory(prefix=".edl-filter.", dir=directory) as hidden:
             staged = Path(hidden)
-            made, told = _make(reconstruction, staged, figures)
+            made, told = _make(reconstruction, staged, figures, judged or Judged())
             _remove_figures(directory / "figures")
+            (directory / DIAGNOSIS).unlink(missing_ok=True)
             places = [directory / path.relative_to(staged) for path in made]
             for place in places:
                 place.parent.mkdir(exist_ok=True)
@@ -64,14 +71,16 @@ def write_outputs(reconstruction: Reconstruction, directory: str | Path, figures
     return {"result": result, "summary": path, "figures": drawn, "content": told}
 
 
-def _make(reconstruction: Reconstruction, folder: Path, figures: bool) -> tuple[list[Path], dict[str, Any]]:
+def _make(
+    reconstruction: Reconstruction, folder: Path, figures: bool, judged: Judged
+) -> tuple[list[Path], dict[str, Any]]:
     """Write everything into `folder`; the paths of figures and tables, and the summary."""
     from edl_filter.results.content import content, derive
     from edl_filter.results.postflight import tables
 
     begin = time.perf_counter()
     derived = derive(reconstruction)
-    groups = content(reconstruction, derived)
+    groups = content(reconstruction, derived, judged)
     timing = {"postflight": time.perf_counter() - begin}
     begin = time.perf_counter()
     write(groups, folder / "result.nc")
@@ -88,7 +97,7 @@ def _make(reconstruction: Reconstruction, folder: Path, figures: bool) -> tuple[
         begin = time.perf_counter()
         made += draw_all(tree_of(groups), folder / "figures")
         timing["figures"] = time.perf_counter() - begin
-    told = summary(reconstruction, derived)
+    told = summary(reconstruction, derived, judged)
     told["timing_s"] |= timing
     write_json(told, folder / "summary.json")
     return made, told
@@ -100,7 +109,7 @@ def _remove_figures(folder: Path) -> None:
         return
     from edl_filter.report.figures import FIGURES
 
-    for name in FIGURES:
+    for name in (*FIGURES, *DIAGNOSIS_FIGURES):
         (folder / f"{name}.png").unlink(missing_ok=True)
     if not any(folder.iterdir()):
         folder.rmdir()
@@ -110,16 +119,3 @@ def write_json(data: Any, path: Path) -> Path:
     """Write JSON whole or not at all; what is not finite becomes null."""
     text = json.dumps(finite(data), indent=2, allow_nan=False, ensure_ascii=False) + "\n"
     return replace_with(path, lambda temporary: temporary.write_text(text, encoding="utf-8"))
-
-
-def finite(data: Any) -> Any:
-    """Return `data` with None for every number that is not finite, and arrays as lists."""
-    if isinstance(data, dict):
-        return {key: finite(value) for key, value in data.items()}
-    if isinstance(data, list | tuple):
-        return [finite(value) for value in data]
-    if isinstance(data, np.floating):
-        return finite(float(data))
-    if isinstance(data, np.ndarray | np.generic):
-        return finite(data.tolist())
-    return None if isinstance(data, float) and not math.isfinite(data) else data

@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from edl_filter.results.effects import Judged, effects
+
 if TYPE_CHECKING:
     from edl_filter.navigation.leave_one_out import Statement
     from edl_filter.reconstruction import Reconstruction
@@ -17,7 +19,9 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 
-def summary(reconstruction: Reconstruction, derived: Derived | None = None) -> dict[str, Any]:
+def summary(
+    reconstruction: Reconstruction, derived: Derived | None = None, judged: Judged | None = None
+) -> dict[str, Any]:
     """Summarise a reconstruction (design section 7).
 
     Parameters
@@ -25,18 +29,20 @@ def summary(reconstruction: Reconstruction, derived: Derived | None = None) -> d
     reconstruction : Reconstruction
     derived : Derived, optional
         As `results.content.derive` gives it.
+    judged : Judged, optional
+        What the comparison of model and measurement adds.
 
     Returns
     -------
     dict
-        ``events``, ``landing``, ``constraints``, ``entry_state``, ``residuals``, ``timing_s`` and what they belong
-        to. Names carry units; plain numbers, lists and dicts, some numbers perhaps not finite.
+        ``events``, ``landing``, ``constraints``, ``entry_state``, ``residuals``, ``effects``, ``timing_s`` and what
+        they belong to. Names carry units; plain numbers, lists and dicts, some numbers perhaps not finite.
     """
     from edl_filter import __version__
     from edl_filter.results import postflight
     from edl_filter.results.content import derive
 
-    derived = derived or derive(reconstruction)
+    derived, judged = derived or derive(reconstruction), judged or Judged()
     found = {
         name: _without_nothing(asdict(event)) | from_site(reconstruction, event.time_s)
         for name, event in derived.events.items()
@@ -52,12 +58,9 @@ def summary(reconstruction: Reconstruction, derived: Derived | None = None) -> d
         "entry_state": entry_state(reconstruction),
         "imu_comparison": {name: comparison(fit) for name, fit in reconstruction.comparison.items()},
         "pre_entry_bias_m_s2": _bias(reconstruction),
-        "residuals": residuals(reconstruction.statements),
+        "residuals": dict(judged.residuals) | innovations(reconstruction.statements),
         "postflight": None if derived.aftermath is None else postflight.summary(derived.aftermath),
-        "effects": [
-            {"name": a.name, "imu": a.imu, "fixed": a.fixed, "parameters": dict(a.values)}
-            for a in reconstruction.effects
-        ],
+        "effects": effects(reconstruction, judged.sigma),
         "notes": list(reconstruction.telemetry.notes),
         "timing_s": dict(reconstruction.timing),
     }
@@ -236,10 +239,10 @@ def _fit(fit: Misalignment) -> dict[str, Any]:
     }
 
 
-def residuals(statements: list[Statement]) -> dict[str, float]:
-    """Normalised root mean square of the innovations: ``"constraint: component"`` → 1 where all is as stated."""
-    found: dict[str, float] = {}
+def innovations(statements: list[Statement]) -> dict[str, dict[str, float]]:
+    """Normalised RMS of the filter's innovations: ``"constraint: component"`` → 1 where all is as stated."""
+    found: dict[str, dict[str, float]] = {}
     for s in statements:
         rms = np.sqrt(np.mean((s.innovation / s.innovation_sigma) ** 2, axis=0))
-        found |= {f"{s.name}: {c}": float(value) for c, value in zip(s.components, rms, strict=True)}
+        found |= {f"{s.name}: {c}": {"overall": float(value)} for c, value in zip(s.components, rms, strict=True)}
     return found

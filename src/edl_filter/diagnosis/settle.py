@@ -1,0 +1,105 @@
+"""Settle: a mission's own effects refitted, and the reconstruction that has them at their estimates.
+
+An effect in a mission file has starting values. A run finds the most probable ones: it refits about a reconstruction,
+reconstructs with what it found, and again until nothing moves.
+"""
+
+from __future__ import annotations
+
+import time
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from edl_filter.diagnosis.case import linearise, load_case
+from edl_filter.diagnosis.refit import Refit, refit
+from edl_filter.effects.effect import Active
+from edl_filter.errors import InputError
+from edl_filter.mission import Mission
+from edl_filter.reconstruction import Reconstruction
+
+#: Reconstructions that a run refits about at most, and the move (sigmas) that is small enough to stop.
+ROUNDS, STILL = 3, 0.3
+
+
+@dataclass(frozen=True)
+class Settled:
+    """A reconstruction with effects at their estimates.
+
+    Attributes
+    ----------
+    reconstruction : Reconstruction
+    sigma : dict
+        Effect → parameter → one sigma; what was not fitted is not in it.
+    """
+
+    reconstruction: Reconstruction
+    sigma: dict[str, dict[str, float]]
+
+
+def can_settle(mission: Mission) -> bool:
+    """Whether a mission has effects to refit, and the model that a comparison needs."""
+    return (
+        any(not entry.fixed for entry in mission.effects)
+        and mission.aerodynamics is not None
+        and mission.vehicle.inertia is not None
+    )
+
+
+def settle(mission: Mission, progress: Callable[[str], None] = lambda _: None) -> Settled:
+    """Refit a mission's effects.
+
+    Parameters
+    ----------
+    mission : Mission
+    progress : callable
+        Told what is being done.
+
+    Raises
+    ------
+    InputError
+        An effect stands twice, or the mission cannot be reconstructed.
+    """
+    begin = time.perf_counter()
+    _once(mission)
+    progress("reconstructing with the effects as they are stated")
+    case = load_case(mission)
+    sigma: dict[str, dict[str, float]] = {}
+    for i in range(ROUNDS):
+        progress(f"refitting the effects, round {i + 1}")
+        linear = linearise(case, rounds=2)
+        found = refit(case, linear, case.effects, linear.soft)
+        moved, sigma = _moved(case.effects, found), _sigma(found)
+        case = load_case(mission, found.effects)
+        if moved <= STILL:
+            break
+    timing = case.reconstruction.timing | {"refit": time.perf_counter() - begin}
+    return Settled(replace(case.reconstruction, timing=timing), sigma)
+
+
+def _once(mission: Mission) -> None:
+    twice = [name for name, n in Counter(entry.name for entry in mission.effects).items() if n > 1]
+    if twice:
+        raise InputError(
+            f"{mission.source or mission.name}: effects: found {twice[0]} twice; a refit takes each name once. "
+            "Run with --no-refit to hold all effects at their values."
+        )
+
+
+def _sigma(found: Refit) -> dict[str, dict[str, float]]:
+    spread = np.sqrt(np.diag(found.covariance))
+    told: dict[str, dict[str, float]] = {}
+    for (effect, parameter), s in zip(found.names, spread, strict=True):
+        told.setdefault(effect, {})[parameter] = float(s)
+    return told
+
+
+def _moved(before: tuple[Active, ...], found: Refit) -> float:
+    """Largest move of a parameter, in its sigmas."""
+    old = {a.name: a.values for a in before}
+    new = {a.name: a.values for a in found.effects}
+    spread = np.sqrt(np.diag(found.covariance))
+    moves = [abs(new[e][q] - old[e][q]) / s for (e, q), s in zip(found.names, spread, strict=True)]
+    return max(moves, default=0.0)

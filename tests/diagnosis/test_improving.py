@@ -1,0 +1,133 @@
+"""`edl-filter improve`, `compare` and the refit of a run, on the shipped flight with its oblateness forgotten."""
+
+import json
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from edl_filter.cli import app
+from edl_filter.diagnosis.improving import with_effects
+from edl_filter.effects import Active
+from edl_filter.effects.catalogue import effect_named
+from edl_filter.mission import Mission
+
+POINT_MASS = ("--set", "planet.gravity.j2=0")
+TRUE_J2 = 1.960454e-3
+
+
+def call(*arguments):
+    return CliRunner().invoke(app, [str(a) for a in arguments])
+
+
+def refused(result, *parts):
+    assert result.exit_code == 2, result.output
+    assert "Traceback" not in result.stderr
+    for part in parts:
+        assert part in result.stderr
+
+
+@pytest.fixture(scope="module")
+def improved(tmp_path_factory):
+    """Folder of an improved mission that had forgotten the oblateness, and what was printed."""
+    folder = tmp_path_factory.mktemp("improved")
+    result = call("improve", "builtin:practice_mer", "-o", folder / "out", *POINT_MASS,
+                  "--effect", "gravity_oblateness", "--effect", "gyro_bias")  # fmt: skip
+    assert result.exit_code == 0, result.output
+    return folder / "out", result.stdout
+
+
+def test_improve_keeps_every_step(improved):
+    out, told = improved
+    lines = [json.loads(line) for line in (out / "ledger.jsonl").read_text().splitlines()]
+    assert [line["added"] for line in lines] == ["gravity_oblateness", None]
+    assert lines[1]["why"].startswith("Stopped: model and measurement agree")
+    assert "Added gravity_oblateness (J2 0.00" in told and "Stopped: model and measurement agree" in told
+    models = [[e.name for e in Mission.load(out / f"step_{k}" / "mission.yaml").effects] for k in (0, 1)]
+    assert models == [[], ["gravity_oblateness"]]
+    verdicts = [json.loads((out / f"step_{k}" / "diagnosis.json").read_text())["verdict"] for k in (0, 1)]
+    assert verdicts == ["missing", "clean"]
+    names = {p.name for p in out.iterdir()}
+    assert {"mission.yaml", "result.nc", "summary.json", "diagnosis.json", "ledger.jsonl"} <= names
+    assert (out / "figures" / "ledger.png").is_file()
+    j2 = json.loads((out / "summary.json").read_text())["effects"]["gravity_oblateness"]["parameters"]["J2"]
+    assert abs(j2["estimate"] - TRUE_J2) < 3.0 * j2["sigma"] and j2["unit"] == ""
+
+
+def test_another_missions_ledger_is_refused(improved, tmp_path):
+    out, _ = improved
+    text = (out / "mission.yaml").read_text().replace("name: practice_mer", "name: other", 1)
+    (tmp_path / "other.yaml").write_text(text)
+    before = (out / "ledger.jsonl").read_text()
+    refused(call("improve", tmp_path / "other.yaml", "-o", out), "found the ledger of 'practice_mer'; expected none")
+    assert (out / "ledger.jsonl").read_text() == before
+
+
+def test_a_run_refits_from_any_start_and_not_if_told_so(improved, tmp_path):
+    out, _ = improved
+    start = ("--set", "effects.0.parameters.J2=0.001")
+    for name, more in (("fitted", ()), ("held", ("--no-refit",)), ("fixed", ("--set", "effects.0.fixed=true"))):
+        result = call("run", out / "mission.yaml", "-o", tmp_path / name, "--no-figures", *start, *more)
+        assert result.exit_code == 0, result.output
+    told = {n: json.loads((tmp_path / n / "summary.json").read_text()) for n in ("fitted", "held", "fixed")}
+    j2 = {n: t["effects"]["gravity_oblateness"]["parameters"]["J2"] for n, t in told.items()}
+    assert abs(j2["fitted"]["estimate"] - TRUE_J2) < 3.0 * j2["fitted"]["sigma"] and j2["fitted"]["start"] == 1e-3
+    for name in ("held", "fixed"):
+        assert j2[name] == {"estimate": 1e-3, "sigma": None, "unit": "", "start": 1e-3}
+    assert 0.8 < told["fitted"]["residuals"]["force_x"]["overall"] < 1.2
+    assert "force_x" not in told["held"]["residuals"]
+
+    both = call("compare", tmp_path / "held", tmp_path / "fitted", out, "--json")
+    assert both.exit_code == 0, both.output
+    compared = json.loads(both.stdout)
+    assert [r["verdict"] for r in compared["results"]] == [None, None, "clean"]
+    first, last = (compared["results"][k] for k in (0, 2))
+    for channel, fall in compared["fall_percent"].items():
+        assert fall == pytest.approx(100.0 * (1.0 - last["residuals"][channel] / first["residuals"][channel]))
+    assert last["nis_per_dof"].keys() == first["nis_per_dof"].keys() >= {"landing", "altimeter"}
+    table = call("compare", tmp_path / "held", tmp_path / "fitted").stdout
+    assert "Normalised RMS by channel" in table and "gravity_oblateness" in table
+
+
+def test_an_effect_that_stands_twice_is_not_refitted(tmp_path):
+    twice = "effects=[{name: gyro_bias}, {name: gyro_bias, imu: secondary}]"
+    refused(call("run", "builtin:practice_mer", "--set", twice, "-o", tmp_path / "out"), "found gyro_bias twice",
+            "--no-refit")  # fmt: skip
+    assert not (tmp_path / "out").exists()
+
+
+def test_only_results_of_one_flight_are_compared(improved, tmp_path):
+    import h5py
+
+    out, _ = improved
+    (tmp_path / "other").mkdir()
+    other = tmp_path / "other" / "result.nc"
+    other.write_bytes((out / "result.nc").read_bytes())
+    with h5py.File(other, "r+") as file:
+        file.attrs["input_sha256"] = '{"flight.h5": "0123456789"}'
+    refused(call("compare", out, other), f"{other}: found another flight than in", "flight.h5 01234567 against")
+    refused(call("compare", out), "compare: found 1 result; two or more are expected")
+
+
+def test_a_model_becomes_the_text_of_a_mission(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    stated = "effects=[{name: mass, parameters: {k: 0.01}}, {name: wind}]"
+    mission = Mission.load("builtin:practice_mer", [stated])
+    Path("mine.py").write_text(
+        "from edl_filter.effects import Effect, Parameter\n"
+        "class Mine(Effect):\n"
+        "    name = 'mine'\n"
+        "    parameters = (Parameter('a', 'N', 'how much', 1.0, low=-9.0, high=9.0),)\n"
+    )
+    from edl_filter.effects.loading import find_effect
+
+    mass, wind = mission.active_effects()
+    model = [
+        Active(mass.effect, {"k": 0.02}),
+        Active(wind.effect, wind.values | {"east": 12.0}),
+        Active(effect_named("gyro_bias"), {"bx": 1e-5}, "secondary"),
+        Active(find_effect("mine", Path("mine.py")), {"a": 2.0}),
+    ]
+    text = with_effects(mission, model, Path("mine.py"))
+    again = Mission.from_text(text, "again", mission.source).active_effects()
+    assert [(a.name, a.values, a.imu) for a in again] == [(a.name, a.values, a.imu) for a in model]

@@ -1,0 +1,77 @@
+"""The loop as a user goes through it: run, diagnose, add, run, diagnose, by commands only.
+
+A fast version: few candidates, one hidden effect. All effects on many flights are for the study.
+"""
+
+import json
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from edl_filter.cli import app
+from edl_filter.mission import Mission
+
+
+@pytest.fixture
+def cli(tmp_path, monkeypatch):
+    """Run a command that succeeds, in an empty folder."""
+    monkeypatch.chdir(tmp_path)
+
+    def call(*arguments):
+        result = CliRunner().invoke(app, [str(a) for a in arguments])
+        assert result.exit_code == 0, result.output
+        return result.stdout
+
+    return call
+
+
+def tried(*names):
+    return [part for name in names for part in ("--effect", name)]
+
+
+def loop(cli, changes, missing, others):
+    """Run, diagnose, add, run, diagnose; gives both diagnoses and the mission at the end."""
+    cli("run", "builtin:practice_mer", *changes, "-o", "first", "--no-figures")
+    first = json.loads(cli("diagnose", "first", *tried(missing, *others), "--json"))
+    for command in first["next"]:
+        program, *arguments = command.split()
+        assert program == "edl-filter"
+        cli(*arguments)
+    second = json.loads(cli("diagnose", f"first+{missing}", *tried(*others), "--json"))
+    return first, second
+
+
+def check(first, second, missing):
+    assert (first["verdict"], second["verdict"]) == ("missing", "clean"), (first["sentence"], second["sentence"])
+    assert first["ranking"][0]["effect"] == missing
+    failing = {c["channel"] for c in first["where"]}
+    assert failing
+    for channel in failing:
+        if len([c for c in first["map"] if c["channel"] == channel and c["regime"] != "constraints"]):
+            assert 0.8 < second["errors"][channel] < 1.3, channel
+    assert second["where"] == [] and second["effects"] == [missing]
+
+
+def test_the_oblateness_that_the_mission_forgot_is_found(cli):
+    changes = ("--set", "planet.gravity.j2=0")
+    first, second = loop(cli, changes, "gravity_oblateness", ["gyro_bias"])
+    assert (first["verdict"], second["verdict"]) == ("missing", "clean"), (first["sentence"], second["sentence"])
+    assert first["ranking"][0]["effect"] == "gravity_oblateness"
+    j2 = json.loads(Path("first+gravity_oblateness/summary.json").read_text())["effects"]["gravity_oblateness"]
+    found = j2["parameters"]["J2"]
+    assert abs(found["estimate"] - 1.960454e-3) < 3.0 * found["sigma"]
+    # what is compared tells the same story
+    told = json.loads(cli("compare", "first", "first+gravity_oblateness", "--json"))
+    assert told["results"][1]["score_gain"] == first["ranking"][0]["score_gain"]
+    assert told["results"][0]["residuals"] == first["errors"]
+
+
+def test_a_hidden_misalignment_is_found_and_the_error_falls_to_the_noise(cli, practice):
+    changes = ("--set", f"telemetry.path={practice(4)}")
+    first, second = loop(cli, changes, "accelerometer_misalignment", ["gyro_bias"])
+    check(first, second, "accelerometer_misalignment")
+    mission = Mission.load("first/mission_as_run+accelerometer_misalignment.yaml")
+    assert mission.effects[0].name == "accelerometer_misalignment"
+    told = cli("compare", "first", "first+accelerometer_misalignment")
+    assert "Held-out gain of 2 over the one before:" in told and "accelerometer_misalignment" in told
