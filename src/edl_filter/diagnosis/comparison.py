@@ -148,7 +148,8 @@ def stepped(world: World, bins: Bins, flow: Flow, moment: Array) -> Array:
 def angular_acceleration(world: World, flow: Flow, moment: Array) -> Array:
     """Euler's equations, ``I⁻¹ (M - w × I w)``, rad/s²."""
     inertia = world.rigid_body.inertia
-    return np.linalg.solve(inertia, (moment - np.cross(flow.rate, flow.rate @ inertia)).T).T
+    left = moment - np.cross(flow.rate, flow.rate @ inertia)
+    return np.asarray(np.linalg.solve(inertia, left.T).T, np.float64)
 
 
 def triangle(values: Array, bins: Bins, weights: Array | None = None) -> Array:

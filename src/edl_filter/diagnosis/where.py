@@ -151,15 +151,16 @@ def _cell(
     channel: str, regime: str, t0: float, t1: float, scaled: Array, sigma: Array, unit: str, limit: Array | None
 ) -> Cell:
     n = len(scaled)
-    rms = float(np.sqrt(np.mean(scaled**2)))
-    physical = float(np.sqrt(max(np.mean((scaled * sigma) ** 2 - sigma**2), 0.0)))
-    lag = float(np.mean(scaled[1:] * scaled[:-1]) / max(np.mean(scaled**2), 1e-30)) if n > 2 else 0.0
+    square = float(np.mean(scaled**2))
+    rms = np.sqrt(square)
+    physical = float(np.sqrt(max(float(np.mean((scaled * sigma) ** 2 - sigma**2)), 0.0)))
+    lag = float(np.mean(scaled[1:] * scaled[:-1])) / max(square, 1e-30) if n > 2 else 0.0
     return Cell(
         channel=channel,
         regime=regime,
         t0=float(t0),
         t1=float(t1),
-        rms=rms,
+        rms=float(rms),
         bias=float(np.mean(scaled)),
         autocorrelation=lag,
         physical=physical,
