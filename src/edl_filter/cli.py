@@ -7,18 +7,14 @@ imported before a command runs, so that help comes at once.
 from __future__ import annotations
 
 import gc
-import os
 import sys
-import traceback
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
-from typer.core import TyperGroup
 
 from edl_filter import __version__
+from edl_filter.command_line import Commands, busy, print_json
 from edl_filter.errors import InputError
 
 if TYPE_CHECKING:
@@ -27,36 +23,8 @@ if TYPE_CHECKING:
 _HDF5 = (".h5", ".hdf5", ".nc")
 
 
-class _Commands(TyperGroup):
-    """Turns exceptions into messages and exit codes, for all commands alike."""
-
-    def invoke(self, ctx: Any) -> Any:
-        """Run a command."""
-        try:
-            done = super().invoke(ctx)
-            sys.stdout.flush()
-            return done
-        except BrokenPipeError:  # the reader, such as head, has seen enough
-            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-            raise typer.Exit(0) from None
-        except Exception as error:
-            if type(error).__module__.split(".")[0] in ("typer", "click"):
-                raise  # these carry their own message and code
-            if ctx.params.get("debug"):
-                traceback.print_exc()
-            if isinstance(error, InputError):
-                typer.echo(f"edl-filter: {error}", err=True)
-                raise typer.Exit(2) from None
-            typer.echo(
-                f"edl-filter: a fault of ours: {type(error).__name__}: {error}\n"
-                "Run 'edl-filter --debug COMMAND …' to see where, and please report it.",
-                err=True,
-            )
-            raise typer.Exit(1) from None
-
-
 app = typer.Typer(
-    cls=_Commands,
+    cls=Commands,
     no_args_is_help=True,
     add_completion=False,
     rich_markup_mode=None,  # half the time of help is rich's import
@@ -174,7 +142,7 @@ def simulate(
     from edl_filter.simulation import simulate as fly
 
     loaded = Scenario.load(scenario, changes or ())
-    with _busy(f"Simulating {loaded.title or loaded.name}", quiet=False):
+    with busy(f"Simulating {loaded.title or loaded.name}", quiet=False):
         flight = fly(loaded, seed=seed)
     typer.echo(f"Written: {flight.write(output)}")
 
@@ -277,11 +245,11 @@ def diagnose(
     """Say where the model fails, which effect is missing and what is left; write diagnosis.json and figures."""
     from edl_filter.diagnosis.of_result import diagnose_result
 
-    with _busy(f"Diagnosing {result}", quiet=as_json) as say:
+    with busy(f"Diagnosing {result}", quiet=as_json) as say:
         found = diagnose_result(result, names or (), file, say)
     paths = [str(p) for p in (found.path, *found.figures)]
     if as_json:
-        _print_json(found.content | {"outputs": paths, "next": found.following})
+        print_json(found.content | {"outputs": paths, "next": found.following})
         return
     from edl_filter.report.findings import print_diagnosis
 
@@ -296,10 +264,10 @@ def compare(
     """Set results of one flight side by side: errors by channel, constraints, effects, and how the error fell."""
     from edl_filter.diagnosis.side_by_side import side_by_side
 
-    with _busy("Comparing", quiet=as_json):
+    with busy("Comparing", quiet=as_json):
         told = side_by_side(results)
     if as_json:
-        _print_json(told)
+        print_json(told)
         return
     from edl_filter.report.findings import print_comparison
 
@@ -324,7 +292,7 @@ def improve(
     from edl_filter.mission import Mission
 
     loaded, told = Mission.load(mission, changes or ()), []
-    with _busy(f"Improving {loaded.title or loaded.name}", quiet=False) as say:
+    with busy(f"Improving {loaded.title or loaded.name}", quiet=False) as say:
         for step in steps(loaded, output, most, names or (), file, say):
             typer.echo(step.paragraph)
             told.append(step)
@@ -351,23 +319,14 @@ def identifiability(
     from edl_filter.mission import Mission
 
     loaded = Mission.load(mission, changes or ())
-    with _busy(f"Studying {loaded.title or loaded.name}", quiet=as_json) as say:
+    with busy(f"Studying {loaded.title or loaded.name}", quiet=as_json) as say:
         told = identify(loaded, candidates(names or (), file), say)
     if as_json:
-        _print_json(told)
+        print_json(told)
         return
     from edl_filter.report.findings import print_identifiability
 
     print_identifiability(told)
-
-
-def _print_json(content: dict[str, Any]) -> None:
-    """Print one JSON object."""
-    import json
-
-    from edl_filter.results.plain import finite
-
-    typer.echo(json.dumps(finite(content), allow_nan=False))
 
 
 def _run(mission: Mission, output: Path | None, figures: bool, as_json: bool, refit: bool = True) -> dict[str, Any]:
@@ -375,32 +334,20 @@ def _run(mission: Mission, output: Path | None, figures: bool, as_json: bool, re
     from edl_filter.judging import reconstruct_and_judge
     from edl_filter.results.outputs import write_outputs
 
-    with _busy(f"Reconstructing {mission.title or mission.name}", quiet=as_json) as say:
+    with busy(f"Reconstructing {mission.title or mission.name}", quiet=as_json) as say:
         reconstruction, judged = reconstruct_and_judge(mission, refit, say)
-    with _busy("Writing results", quiet=as_json):
+    with busy("Writing results", quiet=as_json):
         written = write_outputs(
             reconstruction, output or mission.output_directory(), figures and mission.outputs.figures, judged
         )
     if as_json:
         paths = {"result": str(written["result"]), "figures": [str(p) for p in written["figures"]]}
-        _print_json(written["content"] | {"outputs": paths})
+        print_json(written["content"] | {"outputs": paths})
     else:
         from edl_filter.report.terminal import print_run
 
         print_run(written)
     return written
-
-
-@contextmanager
-def _busy(what: str, quiet: bool) -> Iterator[Callable[[str], None]]:
-    """Show that work goes on, on a terminal; gives what is told of each step."""
-    if quiet or not sys.stdout.isatty():
-        yield lambda _: None
-        return
-    from rich.console import Console
-
-    with Console(stderr=True).status(f"{what} …") as status:
-        yield lambda step: status.update(f"{what}: {step} …")
 
 
 if __name__ == "__main__":
