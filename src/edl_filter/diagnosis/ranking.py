@@ -261,15 +261,21 @@ def _best(
     linear: Linear,
     rough_share: float | None = None,
 ) -> Hypothesis:
-    """The most probable of some refits, at the noise of the model without the effect or at the noise that it leaves."""
+    """The most probable of some refits, at the noise of the model without the effect or at the noise that it leaves.
+
+    Its gain is that at the noise of the model without it, where all effects are judged alike; only one that leaves next
+    to no roughness is judged at the noise that it leaves.
+    """
     found = max(soft, key=lambda r: r.evidence)
     share = linear.rough[0].share if rough_share is None else rough_share
-    outcomes = [_hypothesis(name, found, linear.soft, False, base, case, linear)]
+    first = _hypothesis(name, found, linear.soft, False, base, case, linear)
+    outcomes = [first]
     for start in (found, *([max(hard, key=lambda r: r.evidence)] if hard else [])):
         rough, whiten = find_rough(linear.steps, linear.ground.order, start.column, start.start)
         own = refit(case, linear, start.effects, whiten, steps=3)
         outcomes.append(_hypothesis(name, own, whiten, rough.share < _FLOOR * share, base, case, linear))
-    return max(outcomes, key=lambda h: h.gain)
+    best = max(outcomes, key=lambda h: h.gain)
+    return best if best.at_floor else replace(best, gain=first.gain, score_gain=first.score_gain)
 
 
 def _hypothesis(

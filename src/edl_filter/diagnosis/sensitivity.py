@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import median_filter
 
 from edl_filter import rotations
 from edl_filter.diagnosis.bins import Bins, bin_means
@@ -24,6 +25,9 @@ Array = NDArray[np.float64]
 
 #: Steps of the differences: m, m/s, rad.
 _NAV_STEPS = np.repeat([100.0, 0.05, 1e-5], 3)
+
+#: How far a bend stands out: times the median around it.
+_BEND = 3.0
 
 
 @dataclass(frozen=True)
@@ -211,10 +215,13 @@ def bin_rows(
                 design[:, :3, at] += block
             elif name == "gyro_scale":
                 design[:, 3:6, at] += step[:, :, None] * eye
+    here = setup.driving.position[0]
+    read = bin_means(bins.edges, samples.time, samples.interval, found.path.rate)
+    jerk_f = lever_error(bins, read, here)
     values = np.full((b, width), np.nan)
     values[:, :3], values[:-1, 3:6] = found.force, found.turn
     noise = np.zeros((b, width, width))
-    noise[:, range(3), range(3)] = (sigma_f**2)[:, None] + slope.force_bend**2
+    noise[:, range(3), range(3)] = (sigma_f**2)[:, None] + slope.force_bend**2 + jerk_f**2
     noise[:, range(3, 6), range(3, 6)] = ((0.05 * sigma_w) ** 2)[:, None]
     noise[:-1, range(3, 6), range(3, 6)] += slope.turn_bend**2
     for i, record in enumerate(setup.checking):
@@ -229,7 +236,8 @@ def bin_rows(
         design[:, w0 : w0 + 3, before] = -eye
         other_f = bin_sigma(bins, record.time, record.interval, record.force_noise)
         other_w = bin_sigma(bins, record.time, record.interval, record.rate_noise)
-        noise[:, range(f0, f0 + 3), range(f0, f0 + 3)] = (sigma_f**2 + other_f**2)[:, None]
+        between = lever_error(bins, read, record.position[0] - here)
+        noise[:, range(f0, f0 + 3), range(f0, f0 + 3)] = (sigma_f**2 + other_f**2)[:, None] + between**2
         noise[:, range(w0, w0 + 3), range(w0, w0 + 3)] = (other_w**2)[:, None]
         for c in range(3):
             noise[:, c, f0 + c] = noise[:, f0 + c, c] = -(sigma_f**2)
@@ -253,6 +261,24 @@ def _sensor_design(force: Array, rate: Array) -> dict[str, Array]:
         "gyro_scale": rate[:, :, None] * np.eye(3),
     }
     return {name: by_name[name] for name in SENSOR_STATES}
+
+
+def lever_error(bins: Bins, rate: Array, position: Array) -> Array:
+    """What a lever arm's acceleration may be wrong by where a torque sets in all at once, ``(B, 3)``, m/s².
+
+    The tangential part is the difference of rates at the bin's edges, of fourth order in the means (`increments`). At a
+    bend of the rate that order is off by ten times of what sixth order changes; a bend is where the change stands out
+    from the ten bins before and after.
+    """
+    change = np.zeros((len(rate) + 1, 3))
+    if len(rate) > 6:
+        one, two, three = rate[2:-3] + rate[3:-2], rate[1:-4] + rate[4:-1], rate[:-5] + rate[5:]
+        change[3:-3] = (37.0 * one - 8.0 * two + three) / 60.0 - (7.0 * one - two) / 12.0
+    size = np.linalg.norm(np.nan_to_num(change), axis=1)
+    bent = size > _BEND * median_filter(size, 21)
+    at_edges = np.where(bent[:, None], 10.0 * np.nan_to_num(change), 0.0)
+    before, after = (np.cross(e, position) / bins.interval[:, None] for e in (at_edges[:-1], at_edges[1:]))
+    return np.hypot(before, after)
 
 
 def bin_sigma(bins: Bins, time: Array, interval: Array, noise: Array) -> Array:
