@@ -6,13 +6,14 @@
 #   make bench   run the benchmarks   make clean  remove what these targets made
 #   make study-simulation   reconstruct many simulated flights and judge the errors (some minutes)
 #   make study-closure      how often the post-flight layer's bands hold the truth, over many flights (minutes)
+#   make study              how often the right effect is named, on simulated flights (hours; goes on where it stopped)
 #   make study-comparators  what stepwise regression and pysindy say of the practice flights
 
 PYTHON ?= python3
 BIN := .venv/bin
 STAMP := .venv/installed
 
-.PHONY: demo test lint types bench study-simulation study-closure study-comparators clean
+.PHONY: demo test lint types bench study study-simulation study-closure study-comparators clean
 
 demo: $(STAMP)
 	$(BIN)/edl-filter demo -o demo-results
@@ -30,6 +31,13 @@ types: $(STAMP)
 
 bench: $(STAMP)
 	@for file in benchmarks/*.py; do echo "== $$file"; $(BIN)/python "$$file" || exit 1; done
+
+study: $(STAMP)
+	mkdir -p study-results
+	for w in 0 1; do $(BIN)/python benchmarks/studies/identification.py --worker $$w --workers 2 \
+	  -o study-results/identification.jsonl & done; wait
+	$(BIN)/python benchmarks/studies/identification_report.py study-results/*.jsonl \
+	  --figure docs/figures/identification.png
 
 study-simulation: $(STAMP)
 	$(BIN)/python benchmarks/studies/simulation.py

@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from edl_filter.aero.planes import moments_at_cm, split, total_from_planes
@@ -20,6 +20,7 @@ def test_without_lateral_flow():
 
 
 @given(coefficients, coefficients, speeds, speeds)
+@example(0.1, 0.1, 5e-324, 5e-324)
 def test_round_trip(cnt, cmt, v, w):
     assert total_from_planes(*split(cnt, cmt, v, w), v, w) == pytest.approx((cnt, cmt), abs=1e-12)
 

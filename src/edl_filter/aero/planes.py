@@ -13,10 +13,10 @@ from edl_filter.aero.grid import Array
 
 
 def _direction(v: ArrayLike, w: ArrayLike) -> tuple[Array, Array]:
-    """Sine and cosine of the lateral flow's direction; (0, 1) without lateral flow."""
+    """Sine and cosine of the lateral flow's direction; (0, 1) without lateral flow, or one too small for a direction."""
     v, w = np.broadcast_arrays(np.asarray(v, float), np.asarray(w, float))
     size = np.hypot(v, w)
-    still = size == 0.0
+    still = size < np.finfo(float).tiny
     safe = np.where(still, 1.0, size)
     return v / safe, np.where(still, 1.0, w / safe)
 
