@@ -13,7 +13,7 @@ from edl_filter.aero.grid import Array
 
 
 def _direction(v: ArrayLike, w: ArrayLike) -> tuple[Array, Array]:
-    """Sine and cosine of the lateral flow's direction; (0, 1) without lateral flow, or one too small for a direction."""
+    """Sine and cosine of the lateral flow's direction; (0, 1) without lateral flow, or next to none."""
     v, w = np.broadcast_arrays(np.asarray(v, float), np.asarray(w, float))
     size = np.hypot(v, w)
     still = size < np.finfo(float).tiny

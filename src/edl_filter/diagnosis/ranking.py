@@ -28,8 +28,8 @@ from edl_filter.errors import InputError
 Array = NDArray[np.float64]
 Progress = Callable[[str], None]
 
-#: Leaders of each linear ranking that are refitted.
-LEADERS = 4
+#: Leaders of each linear ranking that are refitted, and places at which one begins.
+LEADERS, STARTS = 4, 3
 #: Share of the model's roughness below which an effect has explained it.
 _FLOOR = 0.1
 #: Likeness from which an effect may be a rival of one that explains everything.
@@ -54,6 +54,8 @@ class Trial:
         Evidence over none, averaged over the places, nats.
     rows : (R, k) array
         White signature.
+    elsewhere : tuple of Active
+        The effect at other places that look unlike the best, best first.
     """
 
     active: Active
@@ -61,6 +63,7 @@ class Trial:
     fit: Fit
     gain: float
     rows: Array
+    elsewhere: tuple[Active, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -188,10 +191,11 @@ def signatures(
     """Signatures of every effect at all its places; an effect that fails goes into `failed`, if that is given."""
     nodes, q = linear.ground.found.nodes.time, linear.ground.found.flow.dynamic_pressure
     begin = float(nodes[np.argmax(q > _FELT)])
+    lowest = float(np.min(linear.ground.found.flow.altitude))
     found = []
     for e in effects:
         try:
-            found.append([signature(linear.ground, Active(e, place)) for place in places(e, begin, end)])
+            found.append([signature(linear.ground, Active(e, place)) for place in places(e, begin, end, lowest)])
         except InputError as error:
             if failed is None:
                 raise
@@ -214,12 +218,40 @@ def try_all(linear: Linear, whiten: Whitener, tried: list[list[Signature]]) -> d
             x = white[:, at : at + len(s.names)]
             at += len(s.names)
             fits.append((regress(y, x, s.sigma), s, x))
-        best, s, x = max(fits, key=lambda f: f[0].gain)
         gains = np.array([f[0].gain for f in fits])
         mean = float(gains.max() + np.log(np.mean(np.exp(gains - gains.max()))))
-        active = replace(s.active, values=s.active.values | dict(zip(s.names, best.size.tolist(), strict=True)))
-        found[s.active.name] = Trial(active, s, best, mean, x)
+        chosen = _unlike(fits)
+        best, s, x = chosen[0]
+        found[s.active.name] = Trial(
+            _sized(s, best), s, best, mean, x, tuple(_sized(other, fit) for fit, other, _ in chosen[1:])
+        )
     return found
+
+
+def _sized(s: Signature, fit: Fit) -> Active:
+    """The effect of a signature with the sizes of a fit."""
+    return replace(s.active, values=s.active.values | dict(zip(s.names, fit.size.tolist(), strict=True)))
+
+
+def _unlike(fits: list[tuple[Fit, Signature, Array]]) -> list[tuple[Fit, Signature, Array]]:
+    """The best fit and up to `STARTS` - 1 others, each unlike those before."""
+    ranked = sorted(fits, key=lambda f: -f[0].gain)
+    chosen = ranked[:1]
+    made = [ranked[0][2] @ ranked[0][0].size]
+    for fit, s, x in ranked[1:]:
+        if len(chosen) == STARTS or fit.gain <= _HOPELESS:
+            break
+        y = x @ fit.size
+        if all(_likeness(y, m) < _RIVAL for m in made):
+            chosen.append((fit, s, x))
+            made.append(y)
+    return chosen
+
+
+def _likeness(a: Array, b: Array) -> float:
+    """Correlation without its sign."""
+    scale = float(np.linalg.norm(a) * np.linalg.norm(b))
+    return abs(float(a @ b)) / scale if scale > 0.0 else 0.0
 
 
 def leaders(rankings: list[dict[str, Trial]]) -> list[str]:
@@ -234,22 +266,31 @@ def leaders(rankings: list[dict[str, Trial]]) -> list[str]:
 def _alike(trials: dict[str, Trial], one: str, other: str) -> float:
     """Correlation of two effects' fitted signatures, white."""
     a, b = (trials[n].rows @ trials[n].fit.size for n in (one, other))
-    scale = float(np.linalg.norm(a) * np.linalg.norm(b))
-    return abs(float(a @ b)) / scale if scale > 0.0 else 0.0
+    return _likeness(a, b)
 
 
 def _refitted(case: Case, linear: Linear, starts: list[tuple[Trial, Whitener]], base: float) -> Hypothesis:
     """Refit from where each linear ranking saw the effect, and take the most probable outcome."""
     soft: list[Refit] = []
     hard: list[Refit] = []
+    begun: list[Active] = []
     for trial, way in starts:
-        if trial.gain <= _HOPELESS or (soft and not trial.active.effect.places):
+        if soft and (trial.gain <= _HOPELESS or not trial.active.effect.places):
             continue
-        active = narrowed(linear, trial.active, way)
-        soft.append(refit(case, linear, (*case.effects, active), linear.soft, steps=6))
-        if linear.soft is not linear.plain:
-            hard.append(refit(case, linear, soft[-1].effects, linear.plain, steps=8))
+        for start in (trial.active, *trial.elsewhere):
+            active = narrowed(linear, start, way)
+            if any(_near(active, other) for other in begun):
+                continue
+            begun.append(active)
+            soft.append(refit(case, linear, (*case.effects, active), linear.soft, steps=6))
+            if linear.soft is not linear.plain:
+                hard.append(refit(case, linear, soft[-1].effects, linear.plain))
     return _best(starts[0][0].active.name, soft, hard, base, case, linear)
+
+
+def _near(a: Active, b: Active) -> bool:
+    """Whether two starts are at one place."""
+    return all(np.isclose(a.values[q.name], b.values[q.name], rtol=0.05) for q in a.effect.places)
 
 
 def _best(
@@ -323,6 +364,8 @@ def narrowed(linear: Linear, active: Active, whiten: Whitener, rounds: int = 6) 
     spans = {}
     for q in scanned:
         low, high = (q.low, q.high) if np.isfinite([q.low, q.high]).all() else (0.0, linear.bins.edges[-1])
+        if q.kind == "altitude":
+            low, high = 0.0, 4e3 * (q.scan - 1)
         spans[q.name] = (high - low) / (q.scan if q.kind == "phase" else q.scan - 1)
     for _ in range(rounds):
         for name in spans:

@@ -28,6 +28,8 @@ Arrange = Callable[[Sequence[Active]], Setup]
 #: Hooks that change the path, or what was measured along it.
 PATH_HOOKS = ("imu", "corrected", "imu_position", "gravity", "entry_state", "vehicle")
 AIR_HOOKS = ("atmosphere_rate", "wind", "density")
+#: Altitude above which no layer begins or ends for the scan, and how far below the comparison's end it begins, m.
+_THIN, _BELOW = 70e3, 3e3
 #: Step of a derivative, in plausible sizes.
 _STEP = 0.05
 
@@ -88,7 +90,7 @@ class Ground:
     size: int
 
 
-def places(effect: Effect, begin: float, end: float) -> list[dict[str, float]]:
+def places(effect: Effect, begin: float, end: float, lowest: float | None = None) -> list[dict[str, float]]:
     """All places at which an effect is tried, at least one.
 
     Parameters
@@ -96,12 +98,18 @@ def places(effect: Effect, begin: float, end: float) -> list[dict[str, float]]:
     effect : Effect
     begin, end : float
         Bounds of parameters of kind ``time`` that have none, s.
+    lowest : float, optional
+        Altitude at which the comparison ends, m: altitudes are tried from a little below it upwards, in steps that grow
+        as air thins.
     """
     grids = []
     for q in effect.places:
         low, high = (q.low, q.high) if np.isfinite([q.low, q.high]).all() else (begin, end)
         if q.scan == 0:
             grids.append([q.default])
+        elif q.kind == "altitude" and lowest is not None:
+            first = max(low, lowest - _BELOW)
+            grids.append(list(first + (min(high, _THIN) - first) * (np.arange(q.scan) / (q.scan - 1)) ** 1.7))
         elif q.kind == "phase":
             grids.append(list(np.arange(q.scan) * (high - low) / q.scan + low))
         else:

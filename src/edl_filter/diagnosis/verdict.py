@@ -3,8 +3,9 @@
 Evidence (nats) is compared among *none* (the model at its stated noise), every refitted effect, and *something else*
 (the model with noise or a missing force and moment that nobody named), all equal before the data.
 
-A name must beat both by `CLEAR`, in evidence and on held-out data. Beyond that, effects whose white signatures cannot
-be told apart are one hypothesis with several names.
+A name must gain more than `CLEAR`, in evidence and on held-out data. Where an unnamed force and moment explain more
+than it does, two effects may be missing, and the unnamed one has both: then the name must explain a good part of it.
+Effects whose white signatures cannot be told apart are one hypothesis with several names.
 """
 
 from __future__ import annotations
@@ -23,6 +24,8 @@ Array = NDArray[np.float64]
 CLEAR, CLEAR_IN_NOISE = 6.0, 12.0
 #: Correlation of fitted signatures from which two names are one hypothesis, and the evidence that still parts them.
 SAME, PARTED = 0.9, 6.0
+#: Part of what an unnamed force and moment explain that a name must explain if it does not beat them.
+SHARE = 0.05
 #: Evidence that the model's noise is not what is stated, nats.
 _NOISY = 10.0
 
@@ -91,7 +94,7 @@ def judge(ranking: Ranking) -> Verdict:
     # a name stands against the noise that is left without it; a smooth missing force may pass for a true effect
     named = best is not None and best.gain > need and best.score_gain > need
     if named and best is not None and best.gain < other and not best.at_floor:
-        named = best.gain > 0.05 * other
+        named = best.gain > SHARE * other
     verdict = "missing" if named else "unknown" if noisy or other > 0.0 else "clean"
     return Verdict(verdict, entries, float(probability[0]), float(probability[1]), _words(verdict, entries))
 
