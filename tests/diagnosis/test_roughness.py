@@ -90,6 +90,31 @@ def test_a_clean_flight_has_none():
     assert np.mean(none) >= 0.95
 
 
+@pytest.mark.parametrize("share", [0.5, 2.0])
+def test_what_it_begins_with_is_taken_into_account(share):
+    """Begun with half or twice of the excess, it comes out whole."""
+    steps, order = problem()
+    column = drawn(1, factor=loud(2, 0))
+    whole, _ = find_rough(steps, order, column, np.zeros(1))
+    again, _ = find_rough(steps, order, column, np.zeros(1), Rough(share * whole.variance))
+    np.testing.assert_allclose(again.variance, whole.variance, rtol=1e-9)
+
+
+def test_the_most_likely_round_is_kept_not_the_last():
+    """A little noise in the other channel as well is sometimes likelier than where the rounds end."""
+    steps, order = problem(walk=0.1)
+    factor = loud(3, 0)
+    more = (factor > 1.0) * 27.0
+    more[:, 1] = 0.8 * (more[:, 0] > 0.0)
+    first = Rough((more * SIGMA**2).ravel())
+    for seed in range(20):
+        column = drawn(seed, 0.1, factor)
+        begun = whitener(roughened(steps, order, first))
+        _, whiten = find_rough(steps, order, column, np.zeros(1), first)
+        likelihood = [w.log_likelihood(w(column[:, None], np.zeros((1, 1)))[:, 0]) for w in (begun, whiten)]
+        assert likelihood[1] >= likelihood[0]
+
+
 @given(st.integers(0, 1000), st.lists(st.floats(0.2, 30.0), min_size=12, max_size=12))
 def test_it_is_never_less_likely_than_without(seed, sizes):
     """Noise as loud as you like in any of the twelve pieces, and begun from any roughness."""
