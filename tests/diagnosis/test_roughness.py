@@ -1,0 +1,153 @@
+"""Noise beyond what is stated: the right amount where it is, and none where it is not."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from edl_filter.diagnosis.roughness import PIECE, Rough, find_rough, roughened, smooth_noise
+from edl_filter.diagnosis.timeline import Order
+from edl_filter.diagnosis.whitening import Steps, whitener
+
+RATE, LENGTH = 8, 60
+COUNT = RATE * LENGTH
+SIGMA = np.array([0.1, 2.0])
+
+
+def problem(walk=0.0):
+    """Two channels at 8 Hz for a minute; both also see one common unknown that walks by `walk` a step."""
+    rows = 2 * COUNT
+    steps = Steps(
+        move=np.ones((COUNT, 1, 1)),
+        noise=np.full((COUNT, 1, 1), walk**2),
+        rows=np.arange(0, rows + 1, 2),
+        design=np.tile(SIGMA if walk else np.zeros(2), COUNT)[:, None],
+        row_noise=np.tile(np.diag(SIGMA**2), (COUNT, 1)),
+        start=np.eye(1),
+    )
+    order = Order(
+        bin_rows=np.arange(rows).reshape(COUNT, 2),
+        constraint_rows=(),
+        count=rows,
+        dt=np.full(COUNT, 1.0 / RATE),
+        time=100.0 + np.repeat(np.arange(COUNT), 2) / RATE,
+        place=np.tile([0, 1], COUNT),
+    )
+    return steps, order
+
+
+def drawn(seed, walk=0.0, factor=None):
+    """Differences as stated; the noise times `factor` ``(COUNT, 2)``."""
+    rng = np.random.default_rng(seed)
+    noise = rng.normal(size=(COUNT, 2)) * (1.0 if factor is None else factor)
+    common = rng.normal() + np.cumsum(walk * rng.normal(size=COUNT)) if walk else np.zeros(COUNT)
+    return (SIGMA * (noise + common[:, None])).ravel()
+
+
+def loud(piece, channel, by=5.0):
+    factor = np.ones((COUNT, 2))
+    first = round(piece * PIECE * RATE)
+    factor[first : first + round(PIECE * RATE), channel] = by
+    return factor
+
+
+@pytest.mark.parametrize("channel", [0, 1])
+def test_of_independent_rows_the_excess_is_what_the_mean_square_has_too_much(channel):
+    steps, order = problem()
+    factor = loud(2, channel)
+    column = drawn(1, factor=factor)
+    rough, whiten = find_rough(steps, order, column, np.zeros(1))
+    rows = order.bin_rows[:, channel][factor[:, channel] > 1.0]
+    expected = np.zeros(len(column))
+    expected[rows] = np.mean(column[rows] ** 2) - SIGMA[channel] ** 2
+    np.testing.assert_allclose(rough.variance, expected, rtol=1e-9)
+    assert not rough.none and rough.share == pytest.approx(len(rows) / len(column))
+    # and the whitener that comes back has it
+    np.testing.assert_allclose(whiten.innovation_sigma**2, np.tile(SIGMA**2, COUNT) + expected)
+
+
+@pytest.mark.parametrize("channel", [0, 1])
+def test_five_times_the_noise_is_found_where_it_is(channel):
+    """Beside an unknown that both channels see: innovations are more than noise, and the piece is not alone."""
+    steps, order = problem(walk=0.1)
+    factor = loud(3, channel)
+    alone = []
+    for seed in range(20):
+        rough, _ = find_rough(steps, order, drawn(seed, 0.1, factor), np.zeros(1))
+        table = rough.variance[order.bin_rows] / SIGMA**2
+        inside = factor[:, channel] > 1.0
+        assert np.ptp(table[inside, channel]) == 0.0
+        assert np.sqrt(1.0 + table[inside, channel][0]) == pytest.approx(5.0, rel=0.25)  # chance: one sigma is 8 %
+        assert not table[~inside].any()
+        assert np.all(table[:, 1 - channel] < 1.0)
+        alone.append(not table[:, 1 - channel].any())
+    assert np.mean(alone) >= 0.9  # the unknown that both see may make the other a little louder at the same time
+
+
+def test_a_clean_flight_has_none():
+    steps, order = problem(walk=0.1)
+    none = [find_rough(steps, order, drawn(seed, 0.1), np.zeros(1))[0].none for seed in range(100)]
+    assert np.mean(none) >= 0.95
+
+
+@pytest.mark.parametrize("share", [0.5, 2.0])
+def test_what_it_begins_with_is_taken_into_account(share):
+    """Begun with half or twice of the excess, it comes out whole."""
+    steps, order = problem()
+    column = drawn(1, factor=loud(2, 0))
+    whole, _ = find_rough(steps, order, column, np.zeros(1))
+    again, _ = find_rough(steps, order, column, np.zeros(1), Rough(share * whole.variance))
+    np.testing.assert_allclose(again.variance, whole.variance, rtol=1e-9)
+
+
+def test_the_most_likely_round_is_kept_not_the_last():
+    """A little noise in the other channel as well is sometimes likelier than where the rounds end."""
+    steps, order = problem(walk=0.1)
+    factor = loud(3, 0)
+    more = (factor > 1.0) * 27.0
+    more[:, 1] = 0.8 * (more[:, 0] > 0.0)
+    first = Rough((more * SIGMA**2).ravel())
+    for seed in range(20):
+        column = drawn(seed, 0.1, factor)
+        begun = whitener(roughened(steps, order, first))
+        _, whiten = find_rough(steps, order, column, np.zeros(1), first)
+        likelihood = [w.log_likelihood(w(column[:, None], np.zeros((1, 1)))[:, 0]) for w in (begun, whiten)]
+        assert likelihood[1] >= likelihood[0]
+
+
+@given(st.integers(0, 1000), st.lists(st.floats(0.2, 30.0), min_size=12, max_size=12))
+def test_it_is_never_less_likely_than_without(seed, sizes):
+    """Noise as loud as you like in any of the twelve pieces, and begun from any roughness."""
+    steps, order = problem(walk=0.1)
+    factor = np.repeat(np.reshape(sizes, (6, 2)), round(PIECE * RATE), axis=0)
+    column = drawn(seed, 0.1, factor)[:, None]
+
+    def likelihood(whiten):
+        return whiten.log_likelihood(whiten(column, np.zeros((1, 1)))[:, 0])
+
+    _, whiten = find_rough(steps, order, column[:, 0], np.zeros(1))
+    assert likelihood(whiten) >= likelihood(whitener(steps))
+    first = Rough(np.tile(SIGMA**2, COUNT) * 9.0)
+    _, again = find_rough(steps, order, column[:, 0], np.zeros(1), first)
+    assert likelihood(again) >= likelihood(whitener(roughened(steps, order, first)))
+
+
+def test_the_excess_stands_on_the_diagonal_and_nowhere_else():
+    steps, order = problem()
+    assert roughened(steps, order, smooth_noise(steps)) is steps
+    more = np.arange(2.0 * COUNT)
+    found = roughened(steps, order, Rough(more)).row_noise - steps.row_noise
+    expected = np.zeros((2 * COUNT, 2))
+    expected[0::2, 0], expected[1::2, 1] = more[0::2], more[1::2]
+    np.testing.assert_allclose(found, expected, atol=1e-12)
+    assert steps.row_noise[0, 0] == SIGMA[0] ** 2  # the problem that was given is left as it was
+
+
+def test_rows_that_are_not_used_are_passed_over():
+    """A channel that is nowhere compared, and constraints' rows, which are no channel's."""
+    steps, order = problem()
+    rows = np.stack((order.bin_rows[:, 0], np.full(COUNT, -1)), axis=1)
+    order = Order(rows, (), order.count, order.dt, order.time, order.place)
+    rough, _ = find_rough(steps, order, drawn(1, factor=np.full((COUNT, 2), 7.0)), np.zeros(1))
+    table = rough.variance.reshape(COUNT, 2)
+    assert table[:, 0].all() and not table[:, 1].any()
