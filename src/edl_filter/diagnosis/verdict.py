@@ -106,7 +106,7 @@ def grouped(hypotheses: list[Hypothesis]) -> list[list[Hypothesis]]:
         head, rest = left[0], left[1:]
         same = [h for h in rest if head.gain - h.gain < PARTED and likeness(head, h) > SAME]
         groups.append([head, *same])
-        left = [h for h in rest if h not in same]
+        left = [h for h in rest if not any(h is s for s in same)]
     return groups
 
 
