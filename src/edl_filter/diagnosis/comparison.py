@@ -24,7 +24,7 @@ from edl_filter.diagnosis.path import PER_BIN, Nodes, Path, dead_reckon, nodes_o
 from edl_filter.effects.effect import Flow, Totals
 from edl_filter.effects.world import World
 from edl_filter.navigation.filter import Problem
-from edl_filter.navigation.increments import lever_arm_acceleration
+from edl_filter.navigation.increments import Samples, lever_arm_acceleration
 from edl_filter.telemetry.record import ImuRecord
 
 Array = NDArray[np.float64]
@@ -115,7 +115,7 @@ def compare(frame: Frame, setup: Setup) -> Differences:
     flow = world.flow(nodes.time, nodes.nav[:, :3], nodes.nav[:, 3:6], nodes.nav[:, 6:], nodes.rate)
     tables = world.looked_up(flow)
     felt, step = predicted(world, bins, flow, tables)
-    checking = [_other(record, bins, force, rate) for record in setup.checking]
+    checking = [_other(record, bins, samples, path, force, rate) for record in setup.checking]
     return Differences(
         force=force - felt,
         turn=np.diff(rate, axis=0) - step,
@@ -206,11 +206,15 @@ def constraint_differences(frame: Frame, path: Path, problem: Problem) -> tuple[
     return tuple(found)
 
 
-def _other(record: ImuRecord, bins: Bins, force: Array, rate: Array) -> tuple[Array, Array]:
-    """What another IMU read beyond what the driving one says, means over the bins."""
+def _other(
+    record: ImuRecord, bins: Bins, samples: Samples, path: Path, force: Array, rate: Array
+) -> tuple[Array, Array]:
+    """What another IMU read beyond what the driving one says, means over the bins.
+
+    The lever arm's acceleration is taken sample by sample: in longer steps its tangential part loses an order.
+    """
     read = bin_means(bins.edges, record.time, record.interval, record.specific_force)
     turned = bin_means(bins.edges, record.time, record.interval, record.angular_rate)
-    place = np.broadcast_to(record.position[0], (len(read), 3))
-    one = np.zeros(len(read), np.int64)
-    felt = force + lever_arm_acceleration(bins.interval, rate, place, one)
-    return read - felt, turned - rate
+    place = np.broadcast_to(record.position[0], path.rate.shape)
+    more = lever_arm_acceleration(samples.interval, path.rate, place, np.zeros(len(path.rate), np.int64))
+    return read - force - bin_means(bins.edges, samples.time, samples.interval, more), turned - rate

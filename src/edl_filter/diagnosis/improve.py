@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from edl_filter.diagnosis.case import load_case
 from edl_filter.diagnosis.diagnose import Diagnosis, diagnose
 from edl_filter.diagnosis.ranking import Progress
+from edl_filter.diagnosis.settle import settle
 from edl_filter.effects.effect import Active, Effect
 from edl_filter.mission import Mission
 
@@ -79,6 +80,6 @@ def improve(
         if leader is None or len(model) >= MOST:
             yield Step(model, found, None, model)
             return
-        improved = found.verdict.entries[0].hypothesis.refit.effects
+        improved = settle(mission, progress, found.verdict.entries[0].hypothesis.refit.effects).reconstruction.effects
         yield Step(model, found, leader, improved)
         model = improved

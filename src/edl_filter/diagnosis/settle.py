@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import time
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -48,7 +48,9 @@ def can_settle(mission: Mission) -> bool:
     )
 
 
-def settle(mission: Mission, progress: Callable[[str], None] = lambda _: None) -> Settled:
+def settle(
+    mission: Mission, progress: Callable[[str], None] = lambda _: None, effects: Sequence[Active] | None = None
+) -> Settled:
     """Refit a mission's effects.
 
     Parameters
@@ -56,6 +58,8 @@ def settle(mission: Mission, progress: Callable[[str], None] = lambda _: None) -
     mission : Mission
     progress : callable
         Told what is being done.
+    effects : sequence of Active, optional
+        Instead of the mission's.
 
     Raises
     ------
@@ -65,7 +69,7 @@ def settle(mission: Mission, progress: Callable[[str], None] = lambda _: None) -
     begin = time.perf_counter()
     _once(mission)
     progress("reconstructing with the effects as they are stated")
-    case = load_case(mission)
+    case = load_case(mission, effects)
     sigma: dict[str, dict[str, float]] = {}
     for i in range(ROUNDS):
         progress(f"refitting the effects, round {i + 1}")
