@@ -137,8 +137,6 @@ def rank(case: Case, candidates: Iterable[Effect], progress: Progress = lambda _
     """Rank the effects that may be missing from a case's model."""
     progress("comparing model and measurements")
     linear = linearise(case)
-    if linear.rough[0].none:  # the model holds: what is small is judged about the best path
-        linear = linearise(case, rounds=3)
     soft = linear.soft
     white = linear.white(soft)
     base = soft.log_likelihood(white)
