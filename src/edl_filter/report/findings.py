@@ -138,7 +138,7 @@ def ranking_table(told: Mapping[str, Any]) -> Table:
         )
     made.add_section()
     other = told["something_else"]
-    made.add_row("nothing is missing", chance(told["none"]), "0", "0", "", "")
+    made.add_row("nothing is missing", chance(told["none"]), number(told.get("none_gain", 0.0)), "–", "", "")
     made.add_row("something else", chance(other["probability"]), number(other["score_gain"]), "–", "", "")
     return made
 
