@@ -62,7 +62,7 @@ class Diagnosis:
             "map": [_cell(c) for c in self.cells],
             "ranking": [_entry(e, self.errors) for e in verdict.entries],
             "none": verdict.none,
-            "none_gain": -max(ranking.noise_evidence, 0.0),
+            "none_gain": 0.0 if ranking.noise_evidence <= 0.0 else -ranking.noise_evidence,
             "something_else": {
                 "probability": verdict.something_else,
                 "score_gain": ranking.something_else,
