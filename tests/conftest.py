@@ -15,7 +15,7 @@ settings.load_profile("edl-filter")
 def _folder(variable, *parts):
     value = os.environ.get(variable)
     if not value:
-        pytest.skip(f"{variable} is not set")
+        pytest.skip(f"{variable} does not say where the flights lie, which are too large to ship")
     folder = Path(value, *parts)
     if not folder.is_dir():
         pytest.fail(f"{variable} is set, but {folder} is no folder")

@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 
-from edl_filter.assembly import assemble, read_atmosphere, read_telemetry
+from edl_filter.assembly import assemble
 from edl_filter.errors import InputError
 from edl_filter.mission import Mission, shipped_mission
+from edl_filter.reading import read_atmosphere, read_telemetry
 from edl_filter.reconstruction import reconstruct
 
 

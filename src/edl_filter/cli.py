@@ -102,8 +102,9 @@ def validate(
             raise InputError(f"--set: {path} is a flight file; only a mission has keys to change.")
         telemetry, what = read_flight_file(path), "a flight file"
     else:
-        from edl_filter.assembly import assemble, read_atmosphere, read_telemetry
+        from edl_filter.assembly import assemble
         from edl_filter.mission import Mission
+        from edl_filter.reading import read_atmosphere, read_telemetry
 
         loaded = Mission.load(path, changes or ())
         telemetry, what = read_telemetry(loaded), f"the mission {loaded.name}"

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from edl_filter import rotations
-from edl_filter.assembly import assemble, read_atmosphere, read_telemetry, without_effects
+from edl_filter.assembly import assemble, without_effects
 from edl_filter.effects.effect import Active
 from edl_filter.mission import Mission
 from edl_filter.mission.estimation import LandingSite
@@ -22,6 +22,7 @@ from edl_filter.navigation.smoother import Smoothed, smooth
 from edl_filter.navigation.trajectory import Trajectory, trace
 from edl_filter.planet import Planet
 from edl_filter.planet.atmosphere import Atmosphere
+from edl_filter.reading import read_atmosphere, read_telemetry
 from edl_filter.telemetry.calibration import MisalignmentEstimate, bias_from_velocity_slope
 from edl_filter.telemetry.comparison import centred, compare
 from edl_filter.telemetry.record import Telemetry

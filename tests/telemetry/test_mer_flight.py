@@ -8,11 +8,12 @@ import numpy as np
 import pytest
 
 from edl_filter import rotations
-from edl_filter.assembly import mer_setup, onboard_attitudes
 from edl_filter.errors import InputError
 from edl_filter.mission import Mission, shipped_mission
 from edl_filter.navigation.increments import effective_samples
 from edl_filter.navigation.noise import _attitudes
+from edl_filter.reading import mer_setup
+from edl_filter.statements import onboard_attitudes
 from edl_filter.telemetry.mer_archive import read_mer_tables
 from edl_filter.telemetry.mer_flight import (
     BODY_FROM_SPACECRAFT,

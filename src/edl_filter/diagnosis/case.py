@@ -13,7 +13,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from edl_filter.assembly import assemble, without_effects
+from edl_filter.assembly import assemble_free, without_effects
 from edl_filter.diagnosis.bins import Bins, lay_bins
 from edl_filter.diagnosis.comparison import Setup, compare
 from edl_filter.diagnosis.missing import Missing, allow
@@ -94,7 +94,7 @@ class Case:
         r = self.reconstruction
         telemetry = without_effects(r.mission, read, effects)
         return Setup(
-            problem=assemble(r.mission, read, r.planet, r.atmosphere, effects),
+            problem=assemble_free(r.mission, telemetry, r.planet, r.atmosphere, effects),
             world=self.world.having(effects),
             driving=telemetry.driving,
             checking=telemetry.checking,

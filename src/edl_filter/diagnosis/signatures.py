@@ -18,7 +18,7 @@ from edl_filter.diagnosis.comparison import Differences, Frame, Setup, compare, 
 from edl_filter.diagnosis.path import PER_BIN
 from edl_filter.diagnosis.sensitivity import Slopes
 from edl_filter.diagnosis.timeline import Order, stated_start
-from edl_filter.effects.effect import Active, Effect
+from edl_filter.effects.effect import Active, Effect, Parameter
 from edl_filter.navigation.layout import State
 
 Array = NDArray[np.float64]
@@ -152,11 +152,8 @@ def signature(ground: Ground, active: Active, names: Sequence[str] | None = None
     return Signature(active, wanted, sigma, np.stack(rows, axis=1), np.stack(starts, axis=1))
 
 
-def scale_of(parameter: object) -> float:
+def scale_of(parameter: Parameter) -> float:
     """One sigma of a parameter's prior: its plausible size, or that of a uniform one."""
-    from edl_filter.effects.effect import Parameter
-
-    assert isinstance(parameter, Parameter)
     if parameter.kind == "size":
         return parameter.sigma
     spread = parameter.high - parameter.low

@@ -22,7 +22,7 @@ class _Loader(yaml.SafeLoader):
     """PyYAML with the scalars of YAML 1.2, without repeated keys and anchors."""
 
     # PyYAML keeps its resolvers on the class, and its types call them an instance's: ClassVar would contradict them
-    yaml_implicit_resolvers: dict = {}  # noqa: RUF012
+    yaml_implicit_resolvers: dict = {}  # noqa: RUF012 - PyYAML's own form, see above
 
     def compose_node(self, parent: Any, index: Any) -> Any:
         event = self.peek_event()

@@ -8,13 +8,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from edl_filter.assembly import read_atmosphere
 from edl_filter.effects.effect import Active
 from edl_filter.effects.readings import in_order
 from edl_filter.effects.world import World
 from edl_filter.errors import InputError
 from edl_filter.mission.sections import DEG
 from edl_filter.modelling import world_of
+from edl_filter.reading import read_atmosphere
 from edl_filter.simulation import chance
 from edl_filter.simulation.entry import attitude, inertial_state
 from edl_filter.simulation.flight import Flight, stated_state, true_course

@@ -1,0 +1,113 @@
+"""Reading what a mission names: telemetry and preflight atmosphere."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from edl_filter import rotations
+from edl_filter.errors import InputError
+from edl_filter.mission import Mission
+from edl_filter.mission.measurements import FlightFile
+from edl_filter.mission.measurements import MerImu as MerMission
+from edl_filter.planet.atmosphere import Atmosphere
+from edl_filter.telemetry.fetch import find_mer_imu
+from edl_filter.telemetry.flight_file import read_flight_file
+from edl_filter.telemetry.mer_archive import read_mer_tables
+from edl_filter.telemetry.mer_flight import MerImu, MerSetup, mer_telemetry
+from edl_filter.telemetry.record import Telemetry
+
+
+def read_telemetry(mission: Mission) -> Telemetry:
+    """Telemetry of a mission, in body axes and seconds since its epoch.
+
+    Raises
+    ------
+    InputError
+        It is not there, or not as it should be.
+    """
+    path = mission.telemetry_path()
+    if isinstance(mission.telemetry, FlightFile):
+        assert path is not None
+        telemetry = read_flight_file(path)
+        if telemetry.planet.lower() != mission.planet.name.lower():
+            raise InputError(
+                f"{path}: the flight is of {telemetry.planet}, the mission's planet is {mission.planet.name}."
+            )
+        return telemetry if mission.telemetry.driving is None else driven_by(telemetry, mission.telemetry.driving)
+    assert isinstance(mission.telemetry, MerMission)  # telemetry_path stops the others
+    tables = read_mer_tables(find_mer_imu(path), mission.telemetry.spacecraft)
+    return mer_telemetry(tables, mer_setup(mission))
+
+
+def driven_by(telemetry: Telemetry, name: str) -> Telemetry:
+    """The same telemetry with the IMU called `name` driving and all others checking.
+
+    Raises
+    ------
+    InputError
+        There is no such IMU.
+    """
+    records = {record.name: record for record in (telemetry.driving, *telemetry.checking)}
+    if name not in records:
+        raise InputError(f"telemetry.driving: found '{name}'; the flight file has {', '.join(records)}.")
+    driving = records.pop(name)
+    return replace(telemetry, driving=driving, checking=tuple(records.values()))
+
+
+def mer_setup(mission: Mission) -> MerSetup:
+    """What reading a rover's tables needs of its mission.
+
+    Raises
+    ------
+    InputError
+        The mission does not say when the backshell separates, or how the inertial frame lies.
+    """
+    telemetry = mission.telemetry
+    assert isinstance(telemetry, MerMission)
+    j2000_from_inertial = mission.planet.j2000_from_inertial_matrix
+    separation = mission.vehicle.events.get("backshell_separation")
+    if j2000_from_inertial is None:
+        raise InputError(f"{mission.source}: planet.j2000_from_inertial: found nothing; mer-imu needs it.")
+    if separation is None:
+        raise InputError(f"{mission.source}: vehicle.events.backshell_separation: found nothing; mer-imu needs it.")
+    imus: dict[str, MerImu] = {
+        name: MerImu(
+            accelerometer_noise=imu.accelerometer_noise,
+            gyro_noise=imu.gyro_noise,
+            errors=imu.errors,
+            spacecraft_from_imu=imu.spacecraft_from_imu_quaternion,
+            position=np.array(imu.position),
+            transformed_alignment=np.array(imu.transformed_alignment),
+            onboard_rate_correction=imu.onboard_rate_correction,
+        )
+        for name, imu in telemetry.imus.items()
+    }
+    register = telemetry.velocity_register
+    imus["register"] = MerImu(register.accelerometer_noise, register.gyro_noise, register.errors)
+    onboard = mission.constraints.onboard_attitude
+    events = mission.event_times()
+    return MerSetup(
+        epoch_sclk=telemetry.epoch_sclk,
+        epoch_utc=telemetry.epoch_utc,
+        start=telemetry.start_s,
+        end=telemetry.end_s,
+        separation=events["backshell_separation"],
+        positions={
+            events[name]: np.array(event.position)
+            for name, event in mission.vehicle.events.items()
+            if event.position is not None
+        },
+        inertial_from_j2000=rotations.from_matrix(j2000_from_inertial.T),
+        j2000_from_register=rotations.from_matrix(register.frame_matrix.T),
+        imus=imus,
+        events=events,
+        attitude_sigma=onboard.sigma if onboard else 0.0,
+    )
+
+
+def read_atmosphere(mission: Mission) -> Atmosphere:
+    """Preflight atmosphere of a mission."""
+    a = mission.atmosphere
+    return Atmosphere.read(mission.atmosphere_path(), a.gas_constant, a.heat_capacity_ratio)
