@@ -14,7 +14,7 @@ KNOWN = {
         30: 1.576e-3, 20: 3.697e-3, 15: 5.827e-3, 10: 9.046e-3, 8: 1.063e-2,
     },
     "opportunity": {
-        90: 8.235e-7, 80: 4.574e-6, 70: 1.713e-5, 60: 5.274e-5, 50: 1.837e-4, 40: 5.628e-4,
+        100: 2.892e-7, 90: 8.235e-7, 80: 4.574e-6, 70: 1.713e-5, 60: 5.274e-5, 50: 1.837e-4, 40: 5.628e-4,
         30: 1.581e-3, 20: 3.844e-3, 15: 5.562e-3, 10: 8.683e-3, 8: 1.079e-2,
     },
 }  # fmt: skip
@@ -30,12 +30,20 @@ def flights(spirit, opportunity):
     return {"spirit": derived(spirit), "opportunity": derived(opportunity)}
 
 
+def product_at(flight, altitude):
+    """Density times CA at an altitude (km): a parabola through its logarithm over two kilometres on either side.
+
+    One batch at 100 km has 8 % of noise alone, more than the 5 % that are asked for.
+    """
+    above = flight.altitude - altitude * 1e3
+    near = (np.abs(above) < 2e3) & np.isfinite(flight.density) & (flight.density > 0.0)
+    return np.exp(np.polyfit(above[near], np.log((flight.density * flight.ca)[near]), 2)[-1])
+
+
 @pytest.mark.parametrize("rover", KNOWN)
 def test_density_is_the_known_one(rover, flights):
-    d = flights[rover]
     for altitude, product in KNOWN[rover].items():
-        k = int(np.flatnonzero(d.flight.altitude < altitude * 1e3)[0])
-        assert d.flight.density[k] * d.flight.ca[k] == pytest.approx(product, rel=0.05), altitude
+        assert product_at(flights[rover].flight, altitude) == pytest.approx(product, rel=0.05), altitude
 
 
 def test_opportunitys_density_at_100_km_is_within_its_own_sigmas(flights):
