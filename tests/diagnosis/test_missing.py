@@ -12,10 +12,9 @@ from edl_filter.diagnosis.bins import Bins
 from edl_filter.diagnosis.comparison import averaged, triangle
 from edl_filter.diagnosis.missing import FORCES, MOMENTS, Missing, allow, most_likely
 from edl_filter.diagnosis.path import PER_BIN
+from edl_filter.diagnosis.sparse import sparse
 from edl_filter.diagnosis.timeline import Order
-from edl_filter.diagnosis.unknowns import Unknowns
 from edl_filter.diagnosis.whitening import Steps, whitener
-from edl_filter.navigation.layout import Layout
 
 DT = 0.125
 FORCE_SIGMA, TURN_SIGMA = 5e-3, 2e-4
@@ -32,27 +31,26 @@ def flight(count):
     noise = np.repeat([FORCE_SIGMA**2, TURN_SIGMA**2], 3)
     row_noise = np.tile(np.diag(noise), (count, 1))[:total]
     steps = Steps(
-        move=np.tile(np.eye(6), (count, 1, 1)),
-        noise=np.zeros((count, 6, 6)),
+        change=sparse(0, [(slice(0, 0), slice(0, 0), np.zeros((count, 0, 0)))]),
+        noise=sparse(0, [(slice(0, 0), slice(0, 0), np.zeros((count, 0, 0)))]),
         rows=np.append(np.arange(count) * 6, total),
-        design=np.zeros((total, 6)),
+        design=np.zeros((total, 0)),
         row_noise=row_noise,
-        start=np.eye(6),
+        start=np.zeros((0, 0)),
     )
     order = Order(rows, (), total, np.full(count, DT), np.repeat(edges[1:], 6)[:total], np.arange(total) % 6)
-    unknowns = Unknowns(Layout({}), {"missing_force": slice(0, 3), "missing_moment": slice(3, 6)}, 6)
     at = np.linspace(0.0, 1.0, PER_BIN * count + 1)
-    return steps, order, unknowns, bins, SimpleNamespace(dynamic_pressure=8e3 * np.exp(-0.5 * ((at - 0.6) / 0.2) ** 2))
+    return steps, order, bins, SimpleNamespace(dynamic_pressure=8e3 * np.exp(-0.5 * ((at - 0.6) / 0.2) ** 2))
 
 
 def likelihood(parts, column, missing):
     w = whitener(allow(*parts, missing))
-    return w.log_likelihood(w(column[:, None], np.zeros((6, 1)))[:, 0])
+    return w.log_likelihood(w(column[:, None], np.zeros((0, 1)))[:, 0])
 
 
 def drawn(parts, rng, force=0.0, moment=0.0, memory=10.0, strength=1.0):
     """Differences under a Gauss–Markov force and moment that were drawn at the nodes, and the stated noise."""
-    _, order, _, bins, _ = parts
+    _, order, bins, _ = parts
     nodes = PER_BIN * len(bins.interval) + 1
     keep = np.exp(-DT / PER_BIN / memory)
     course = np.empty((nodes, 6))
@@ -78,7 +76,7 @@ def test_it_is_a_gauss_markov_process(with_pressure):
     """The likelihood is the joint Gaussian's with covariance ``s_i s_j exp(-|t_i - t_j| / memory)`` plus noise."""
     count, missing = 25, Missing(0.02, 0.004, 0.7, with_pressure)
     parts = flight(count)
-    _, order, _, bins, flow = parts
+    _, order, bins, flow = parts
     column = drawn(parts, np.random.default_rng(3), 0.02, 0.004, 0.7)
     time = bins.edges[1:]
     kernel = np.exp(-np.abs(time[:, None] - time) / missing.memory)
@@ -100,14 +98,15 @@ def test_its_size_stays_what_it_was(memory, size):
     """One sigma at the beginning is one sigma ever after, whatever the memory and the steps."""
     parts = flight(4)
     steps = allow(*parts, Missing(size, size, memory))
-    for move, noise in zip(steps.move, steps.noise, strict=True):
+    for k in range(len(steps.noise)):
+        move, noise = np.eye(6) + steps.change[k], steps.noise[k]
         np.testing.assert_allclose(move @ np.eye(6) @ move.T + noise, np.eye(6), atol=1e-12)
 
 
 def test_the_problem_that_was_given_is_left_as_it_was():
     parts = flight(10)
     allow(*parts, Missing(0.1, 0.1))
-    assert not parts[0].design.any() and not parts[0].noise.any()
+    assert not parts[0].design.any() and not parts[0].noise.values.any()
 
 
 @pytest.mark.parametrize(("memory", "size"), [(0.5, 0.01), (10.0, 0.02), (10.0, 0.2)])

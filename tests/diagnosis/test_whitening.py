@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from edl_filter.diagnosis.sparse import dense
 from edl_filter.diagnosis.whitening import Steps, whitener
 
 
@@ -23,21 +24,26 @@ def problem(seed=3, steps=40, n=7):
         root = rng.normal(size=(counts[k], counts[k]))
         row_noise[rows[k] : rows[k + 1], : counts[k]] = root @ root.T + 0.5 * np.eye(counts[k])
     root = rng.normal(size=(n, n))
-    return Steps(move, noise, rows, design, row_noise, root @ root.T)
+    return Steps(dense(move - np.eye(n)), dense(noise), rows, design, row_noise, root @ root.T)
+
+
+def moved(s, k):
+    """The whole transition."""
+    return np.eye(len(s.start)) + s.change[k]
 
 
 def joint_covariance(s):
     """Covariance of all rows, by carrying every source of error to every row."""
     n, count = len(s.start), s.rows[-1]
     sources, at = [], [(np.linalg.cholesky(s.start + 1e-14 * np.eye(n)), 0)]
-    for k in range(len(s.move)):
+    for k in range(len(s.change)):
         w, v = np.linalg.eigh(s.noise[k])
         at.append((v * np.sqrt(np.maximum(w, 0.0)), k + 1))
     for root, begin in at:
         column, carried = np.zeros((count, n)), root
-        for k in range(max(begin - 1, 0), len(s.move)):
+        for k in range(max(begin - 1, 0), len(s.change)):
             if k >= begin:
-                carried = s.move[k] @ carried
+                carried = moved(s, k) @ carried
             a, b = s.rows[k], s.rows[k + 1]
             if begin <= k + 1:
                 column[a:b] = s.design[a:b] @ carried
@@ -54,8 +60,8 @@ def test_it_is_the_kalman_filter():
     columns, start = rng.normal(size=(s.rows[-1], 3)), rng.normal(size=(7, 3))
     w = whitener(s)
     p, x, out, log_det = s.start.copy(), start.copy(), np.zeros_like(columns), 0.0
-    for k in range(len(s.move)):
-        p, x = s.move[k] @ p @ s.move[k].T + s.noise[k], s.move[k] @ x
+    for k in range(len(s.change)):
+        p, x = moved(s, k) @ p @ moved(s, k).T + s.noise[k], moved(s, k) @ x
         a, b = s.rows[k], s.rows[k + 1]
         if a == b:
             continue
@@ -98,8 +104,8 @@ def test_start_correction_is_the_smoothed_start():
     mean, covariance = w.start_correction(w(y[:, None], np.zeros((7, 1)))[:, 0], 7)
     # joint Gaussian of the start and all rows: cross covariance by carrying the start
     carried, cross = s.start, np.zeros((7, s.rows[-1]))
-    for k in range(len(s.move)):
-        carried = s.move[k] @ carried
+    for k in range(len(s.change)):
+        carried = moved(s, k) @ carried
         a, b = s.rows[k], s.rows[k + 1]
         cross[:, a:b] = (s.design[a:b] @ carried).T
     total = joint_covariance(s)

@@ -152,8 +152,7 @@ class Linear:
     @cached_property
     def rough(self) -> tuple[Rough, Whitener]:
         """Noise that the differences have beyond what is stated, and the whitener that allows for it."""
-        rough, whiten = find_rough(self.steps, self.ground.order, self.column, self.start)
-        return rough, self.plain if rough.none else whiten
+        return find_rough(self.plain, self.ground.order, self.column, self.start)
 
     @property
     def soft(self) -> Whitener:
@@ -167,7 +166,7 @@ class Linear:
     def with_missing(self, missing: Missing) -> Whitener:
         """Whitener that allows for a missing force and moment."""
         order, flow = self.ground.order, self.ground.found.flow
-        return whitener(allow(self.steps, order, self.unknowns, self.bins, flow, missing))
+        return whitener(allow(self.steps, order, self.bins, flow, missing))
 
 
 def load_case(mission: Mission, effects: Sequence[Active] | None = None) -> Case:

@@ -91,6 +91,8 @@ class Differences:
         At the nodes.
     tables : Totals
         What the tables say there.
+    felt, stepped : (B, 3), (B - 1, 3) arrays
+        Specific force and steps of the rate as predicted.
     """
 
     force: Array
@@ -102,6 +104,8 @@ class Differences:
     nodes: Nodes
     flow: Flow
     tables: Totals
+    felt: Array
+    stepped: Array
 
 
 def compare(frame: Frame, setup: Setup) -> Differences:
@@ -126,6 +130,8 @@ def compare(frame: Frame, setup: Setup) -> Differences:
         nodes=nodes,
         flow=flow,
         tables=tables,
+        felt=felt,
+        stepped=step,
     )
 
 

@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from edl_filter.diagnosis.bins import Bins
 from edl_filter.diagnosis.comparison import averaged, triangle
+from edl_filter.diagnosis.sparse import joined, sparse
 from edl_filter.diagnosis.timeline import Order
-from edl_filter.diagnosis.unknowns import Unknowns
 from edl_filter.diagnosis.whitening import Steps
 from edl_filter.effects.effect import Flow
 
@@ -50,25 +50,31 @@ FORCES = (0.0, 3e-3, 3e-2, 0.3)
 MOMENTS = (0.0, 1e-3, 1e-2, 0.1)
 
 
-def allow(steps: Steps, order: Order, unknowns: Unknowns, bins: Bins, flow: Flow, missing: Missing) -> Steps:
-    """The linear problem with a missing force and moment among its unknowns."""
+def allow(steps: Steps, order: Order, bins: Bins, flow: Flow, missing: Missing) -> Steps:
+    """The linear problem with a missing force and moment behind its unknowns, three each, in sigmas."""
     if missing.force == missing.moment == 0.0:
         return steps
     strength = np.ones_like(flow.dynamic_pressure)
     if missing.with_pressure:
         strength = flow.dynamic_pressure / np.max(flow.dynamic_pressure)
-    design, move, noise = steps.design.copy(), steps.move.copy(), steps.noise.copy()
+    n, there = len(steps.start), slice(len(steps.start), len(steps.start) + 6)
+    design, start = np.pad(steps.design, ((0, 0), (0, 6))), np.eye(n + 6)
+    start[:n, :n] = steps.start
     sizes = (missing.force * averaged(strength, bins), missing.moment * triangle(strength, bins))
-    for name, size, first in zip(("missing_force", "missing_moment"), sizes, (0, 3), strict=True):
-        at = unknowns[name]
-        for axis in range(3):
-            rows = order.bin_rows[: len(size), first + axis]
+    for first, size in zip((0, 3), sizes, strict=True):
+        for axis in range(first, first + 3):
+            rows = order.bin_rows[: len(size), axis]
             used = rows >= 0
-            design[rows[used], at.start + axis] = size[used]
-        decay = np.exp(-order.dt / missing.memory)
-        move[:, at, at] = decay[:, None, None] * np.eye(3)
-        noise[:, at, at] = (1.0 - decay**2)[:, None, None] * np.eye(3)
-    return replace(steps, design=design, move=move, noise=noise)
+            design[rows[used], n + axis] = size[used]
+    decay = np.exp(-order.dt / missing.memory)[:, None, None]
+    change, noise = (sparse(n + 6, [(there, there, v * np.eye(6))]) for v in (decay - 1.0, 1.0 - decay**2))
+    return replace(
+        steps,
+        design=design,
+        change=joined(steps.change, change, n + 6),
+        noise=joined(steps.noise, noise, n + 6),
+        start=start,
+    )
 
 
 def most_likely(value: Callable[[Missing], float]) -> tuple[Missing, float]:

@@ -19,7 +19,7 @@ from edl_filter.diagnosis.case import Case, Linear, linearise, load_case
 from edl_filter.diagnosis.missing import Missing, most_likely
 from edl_filter.diagnosis.refit import Refit, refit
 from edl_filter.diagnosis.regression import Fit, held_out, regress
-from edl_filter.diagnosis.roughness import find_rough
+from edl_filter.diagnosis.roughness import find_rough, first_look
 from edl_filter.diagnosis.signatures import Signature, ordered, places, signature
 from edl_filter.diagnosis.whitening import Whitener
 from edl_filter.effects.effect import Active, Effect
@@ -32,6 +32,8 @@ Progress = Callable[[str], None]
 LEADERS, STARTS = 4, 3
 #: Share of the model's roughness below which an effect has explained it.
 _FLOOR = 0.1
+#: The same at a first look, from which there is no hope.
+_MAYBE = 0.7
 #: Likeness from which an effect may be a rival of one that explains everything.
 _RIVAL = 0.7
 #: Linear gain (nats) below which an effect is no leader.
@@ -180,8 +182,7 @@ def something_else(linear: Linear) -> tuple[Missing, float]:
     missing, found = most_likely(value)
     if linear.rough[0].none:
         return missing, found
-    steps = linear.with_missing(missing).steps
-    _, whiten = find_rough(steps, linear.ground.order, linear.column, linear.start)
+    _, whiten = find_rough(linear.with_missing(missing), linear.ground.order, linear.column, linear.start)
     return missing, whiten.log_likelihood(linear.white(whiten))
 
 
@@ -277,15 +278,27 @@ def _refitted(case: Case, linear: Linear, starts: list[tuple[Trial, Whitener]], 
     for trial, way in starts:
         if soft and (trial.gain <= _HOPELESS or not trial.active.effect.places):
             continue
+        here: list[Refit] = []
         for start in (trial.active, *trial.elsewhere):
             active = narrowed(linear, start, way)
             if any(_near(active, other) for other in begun):
                 continue
             begun.append(active)
-            soft.append(refit(case, linear, (*case.effects, active), linear.soft, steps=6))
-            if linear.soft is not linear.plain:
-                hard.append(refit(case, linear, soft[-1].effects, linear.plain))
+            here.append(refit(case, linear, (*case.effects, active), linear.soft, steps=6))
+            if _look(linear, here[-1]) < _FLOOR:
+                return _best(starts[0][0].active.name, here[-1:], [], base, case, linear)
+        if here and linear.soft is not linear.plain:
+            hard.append(refit(case, linear, max(here, key=lambda r: r.evidence).effects, linear.plain))
+        soft += here
     return _best(starts[0][0].active.name, soft, hard, base, case, linear)
+
+
+def _look(linear: Linear, found: Refit, share: float | None = None) -> float:
+    """Roughness that a first look at a refit sees, of that of the model without the effect (`share`)."""
+    before = linear.rough[0].share if share is None else share
+    if before == 0.0:
+        return 1.0
+    return first_look(linear.plain, linear.ground.order, found.column, found.start).share / before
 
 
 def _near(a: Active, b: Active) -> bool:
@@ -301,18 +314,22 @@ def _best(
     case: Case,
     linear: Linear,
     rough_share: float | None = None,
+    thorough: bool = False,
 ) -> Hypothesis:
     """The most probable of some refits, at the noise of the model without the effect or at the noise that it leaves.
 
     Its gain is that at the noise of the model without it, where all effects are judged alike; only one that leaves next
-    to no roughness is judged at the noise that it leaves.
+    to no roughness is judged at the noise that it leaves. That one is tried where a first look gives hope, or if
+    `thorough`.
     """
     found = max(soft, key=lambda r: r.evidence)
     share = linear.rough[0].share if rough_share is None else rough_share
     first = _hypothesis(name, found, linear.soft, False, base, case, linear)
     outcomes = [first]
     for start in (found, *([max(hard, key=lambda r: r.evidence)] if hard else [])):
-        rough, whiten = find_rough(linear.steps, linear.ground.order, start.column, start.start)
+        if not thorough and _look(linear, start, share) > _MAYBE:
+            continue
+        rough, whiten = find_rough(linear.plain, linear.ground.order, start.column, start.start)
         own = refit(case, linear, start.effects, whiten, steps=3)
         outcomes.append(_hypothesis(name, own, whiten, rough.share < _FLOOR * share, base, case, linear))
     best = max(outcomes, key=lambda h: h.gain)
@@ -342,7 +359,7 @@ def about_itself(h: Hypothesis) -> Hypothesis:
     case = load_case(h.case.mission, h.refit.effects)
     linear = linearise(case, rounds=2)
     found = refit(case, linear, case.effects, linear.soft)
-    again = _best(h.name, [found], [], 0.0, case, linear, h.linear.rough[0].share)
+    again = _best(h.name, [found], [], 0.0, case, linear, h.linear.rough[0].share, thorough=True)
     return replace(again, gain=h.gain, score_gain=h.score_gain)
 
 

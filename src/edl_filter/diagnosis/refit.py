@@ -14,7 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from edl_filter.diagnosis.case import Case, Linear
-from edl_filter.diagnosis.comparison import compare
+from edl_filter.diagnosis.chain import compared
+from edl_filter.diagnosis.comparison import Differences, Setup
 from edl_filter.diagnosis.signatures import Signature, ordered, scale_of, signature
 from edl_filter.diagnosis.timeline import stated_start
 from edl_filter.diagnosis.whitening import Whitener
@@ -83,14 +84,15 @@ def refit(case: Case, linear: Linear, effects: Sequence[Active], whiten: Whitene
     free = [(a.name, q) for a in at if not a.fixed for q in a.effect.parameters if _fitted(a, q)]
     names = tuple((e, q.name) for e, q in free)
     sigma = np.array([scale_of(q) for _, q in free])
-    centre = np.array([0.0 if q.kind == "size" else _value(at, e, q.name) for e, q in free])
-    value, white = _value_at(case, linear, at, whiten, centre, sigma, names)
+    centre = np.array([0.0 if q.kind == "size" else _parameter(at, e, q.name) for e, q in free])
+    here = _at(case, linear, (linear.ground.setup, linear.ground.found), at)
+    value, white = _value(here, whiten, centre, sigma, names)
     columns = np.zeros((len(white), 0))
     covariance = np.diag(sigma**2)
     for _ in range(steps if free else 0):
-        columns = _columns(case, linear, at, whiten, free)
+        columns = _columns(linear, here, whiten, free)
         prior = np.diag(1.0 / sigma**2)
-        theta = np.array([_value(at, e, q.name) for e, q in free])
+        theta = np.array([_parameter(at, e, q.name) for e, q in free])
         information = columns.T @ columns + prior
         covariance = np.linalg.inv(information)
         move = covariance @ (columns.T @ white - prior @ (theta - centre))
@@ -100,25 +102,25 @@ def refit(case: Case, linear: Linear, effects: Sequence[Active], whiten: Whitene
             if not all(ordered(a) for a in trial):
                 part *= 0.3
                 continue
-            new, new_white = _value_at(case, linear, trial, whiten, centre, sigma, names)
+            there = _at(case, linear, here.known, trial)
+            new, new_white = _value(there, whiten, centre, sigma, names)
             gained = new - value
             if gained > 0.0:
                 break
             part *= 0.3
         if gained <= 0.0:
             break
-        at, value, white = trial, new, new_white
+        at, here, value, white = trial, there, new, new_white
         if gained < _ENOUGH:
             break
-    column, start = _differences(case, linear, at)
     volume = 0.5 * np.linalg.slogdet(covariance)[1] - float(np.sum(np.log(sigma))) if free else 0.0
     return Refit(
         effects=at,
         names=names,
         covariance=covariance,
         evidence=value + volume,
-        column=column,
-        start=start,
+        column=here.column,
+        start=here.start,
         white=white,
         signature=columns,
         sigma=sigma,
@@ -130,7 +132,7 @@ def _fitted(active: Active, parameter: Parameter) -> bool:
     return parameter.kind == "size" or bool(np.isfinite(active.values[parameter.name]))
 
 
-def _value(effects: Sequence[Active], effect: str, parameter: str) -> float:
+def _parameter(effects: Sequence[Active], effect: str, parameter: str) -> float:
     return next(a.values[parameter] for a in effects if a.name == effect)
 
 
@@ -141,42 +143,50 @@ def _moved(effects: Sequence[Active], free: Sequence[tuple[str, Parameter]], the
     return tuple(replace(a, values=a.values | new.get(a.name, {})) for a in effects)
 
 
-def _value_at(
-    case: Case,
-    linear: Linear,
-    effects: Sequence[Active],
-    whiten: Whitener,
-    centre: Array,
-    sigma: Array,
-    names: Sequence[tuple[str, str]],
+@dataclass(frozen=True)
+class _Here:
+    """The chain with effects at their values.
+
+    Attributes
+    ----------
+    effects : tuple of Active
+    known : (Setup, Differences)
+    column, start : (R,), (n,) arrays
+        The differences, and what is stated of the unknowns at the beginning.
+    """
+
+    effects: tuple[Active, ...]
+    known: tuple[Setup, Differences]
+    column: Array
+    start: Array
+
+
+def _at(case: Case, linear: Linear, known: tuple[Setup, Differences], effects: tuple[Active, ...]) -> _Here:
+    ground = linear.ground
+    setup, found = compared(ground.frame, case.arrange, known, effects)
+    start = linear.start.copy()
+    start[: setup.problem.layout.size] = stated_start(setup, ground.start)
+    return _Here(effects, (setup, found), ground.order.stack(found), start)
+
+
+def _value(
+    here: _Here, whiten: Whitener, centre: Array, sigma: Array, names: Sequence[tuple[str, str]]
 ) -> tuple[float, Array]:
     """Log posterior up to a constant, and the white differences."""
-    column, start = _differences(case, linear, effects)
-    white = whiten(column[:, None], start[:, None])[:, 0]
-    theta = np.array([_value(effects, e, n) for e, n in names])
+    white = whiten(here.column[:, None], here.start[:, None])[:, 0]
+    theta = np.array([_parameter(here.effects, e, n) for e, n in names])
     return whiten.log_likelihood(white) - 0.5 * float(np.sum(((theta - centre) / sigma) ** 2)), white
 
 
-def _differences(case: Case, linear: Linear, effects: Sequence[Active]) -> tuple[Array, Array]:
-    """Differences with effects at their values, and what is stated of the unknowns at the beginning."""
-    setup = case.arrange(effects)
-    start = linear.start.copy()
-    start[: setup.problem.layout.size] = stated_start(setup, linear.ground.start)
-    return linear.ground.order.stack(compare(linear.ground.frame, setup)), start
-
-
-def _columns(
-    case: Case, linear: Linear, effects: Sequence[Active], whiten: Whitener, free: Sequence[tuple[str, Parameter]]
-) -> Array:
+def _columns(linear: Linear, here: _Here, whiten: Whitener, free: Sequence[tuple[str, Parameter]]) -> Array:
     """White signatures of all free parameters, with the effects at their values."""
-    setup = case.arrange(effects)
-    found = compare(linear.ground.frame, setup)
-    ground = replace(linear.ground, effects=tuple(effects), setup=setup, found=found)
+    setup, found = here.known
+    ground = replace(linear.ground, effects=here.effects, setup=setup, found=found)
     by_effect: dict[str, list[str]] = {}
     for effect, q in free:
         by_effect.setdefault(effect, []).append(q.name)
     parts: list[Signature] = [
-        signature(ground, next(a for a in effects if a.name == e), names) for e, names in by_effect.items()
+        signature(ground, next(a for a in here.effects if a.name == e), names) for e, names in by_effect.items()
     ]
     rows = np.concatenate([s.rows for s in parts], axis=1)
     return whiten(rows, np.concatenate([s.start for s in parts], axis=1))

@@ -62,37 +62,39 @@ def roughened(steps: Steps, order: Order, rough: Rough) -> Steps:
     return replace(steps, row_noise=noise)
 
 
-def find_rough(
-    steps: Steps, order: Order, column: Array, start: Array, first: Rough | None = None
-) -> tuple[Rough, Whitener]:
+def first_look(plain: Whitener, order: Order, column: Array, start: Array) -> Rough:
+    """Roughness of a column of differences if all else is as stated: more than is left when all is weighed anew."""
+    white = plain(column[:, None], start[:, None])[:, 0]
+    return Rough(_excess(plain, white, smooth_noise(plain.steps), _groups(order)))
+
+
+def find_rough(plain: Whitener, order: Order, column: Array, start: Array) -> tuple[Rough, Whitener]:
     """Roughness of a column of differences, and the whitener that allows for it.
 
     Parameters
     ----------
-    steps : Steps
+    plain : Whitener
+        Of the problem as it is stated.
     order : Order
     column : (R,) array
     start : (n,) array
-    first : Rough, optional
-        To begin with.
 
     Returns
     -------
     The most likely of the rounds: noise that is added to one channel changes what the others are asked for.
     """
-    rough = smooth_noise(steps) if first is None else first
-    groups = _groups(order)
+    rough, whiten, groups = smooth_noise(plain.steps), plain, _groups(order)
     best: tuple[float, Rough, Whitener] | None = None
-    for _ in range(_ROUNDS):
-        whiten = whitener(roughened(steps, order, rough))
+    for i in range(_ROUNDS):
         white = whiten(column[:, None], start[:, None])[:, 0]
         likelihood = whiten.log_likelihood(white)
         if best is None or likelihood > best[0]:
             best = likelihood, rough, whiten
         excess = _excess(whiten, white, rough, groups)
-        if np.allclose(np.sqrt(excess), np.sqrt(rough.variance), rtol=0.1, atol=0.0):
+        if i == _ROUNDS - 1 or np.allclose(np.sqrt(excess), np.sqrt(rough.variance), rtol=0.1, atol=0.0):
             break
         rough = Rough(excess)
+        whiten = whitener(roughened(plain.steps, order, rough))
     assert best is not None
     return best[1], best[2]
 

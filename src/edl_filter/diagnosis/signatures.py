@@ -7,13 +7,14 @@ constraints. Effects that leave the path alone are asked on the path that is the
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise, product
 
 import numpy as np
 from numpy.typing import NDArray
 
+from edl_filter.diagnosis.chain import Arrange, moves_air, moves_path
 from edl_filter.diagnosis.comparison import Differences, Frame, Setup, compare, predicted
 from edl_filter.diagnosis.path import PER_BIN
 from edl_filter.diagnosis.sensitivity import Slopes
@@ -22,12 +23,6 @@ from edl_filter.effects.effect import Active, Effect, Parameter
 from edl_filter.navigation.layout import State
 
 Array = NDArray[np.float64]
-#: From effects to the model and the measurements as it understands them.
-Arrange = Callable[[Sequence[Active]], Setup]
-
-#: Hooks that change the path, or what was measured along it.
-PATH_HOOKS = ("imu", "corrected", "imu_position", "gravity", "entry_state", "vehicle")
-AIR_HOOKS = ("atmosphere_rate", "wind", "density")
 #: Altitude above which no layer begins or ends for the scan, and how far below the comparison's end it begins, m.
 _THIN, _BELOW = 70e3, 3e3
 #: Step of a derivative, in plausible sizes.
@@ -173,7 +168,7 @@ def _derivative(ground: Ground, active: Active, name: str, step: float) -> tuple
         return replace(active, values=active.values | {name: active.values[name] + change})
 
     start = np.zeros(ground.size)
-    if any(effect.acts(hook) for hook in PATH_HOOKS):
+    if moves_path(effect):
         plus, minus = (ground.arrange((*others, at(d))) for d in (step, -step))
         up, down = (ground.order.stack(compare(ground.frame, s)) for s in (plus, minus))
         if effect.acts("entry_state"):
@@ -188,7 +183,7 @@ def _loads_only(ground: Ground, others: Sequence[Active], active: Active) -> tup
     """Predictions with the effect, on the path that is there."""
     world, bins = ground.setup.world.having((*others, active)), ground.frame.bins
     effect, flow = active.effect, ground.found.flow
-    if not any(effect.acts(hook) for hook in AIR_HOOKS):
+    if not moves_air(effect):
         return predicted(world, bins, flow, ground.found.tables)
     if effect.acts("atmosphere_rate") or active.name in {a.name for a in ground.effects}:
         nodes = ground.found.nodes

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from edl_filter.diagnosis.bins import Bins
 from edl_filter.diagnosis.comparison import Differences, Frame, Setup
 from edl_filter.diagnosis.sensitivity import Rows, bin_sigma
+from edl_filter.diagnosis.sparse import Sparse, sparse
 from edl_filter.diagnosis.unknowns import Allowance, Unknowns, smooth_step
 from edl_filter.diagnosis.whitening import Steps
 from edl_filter.navigation import initial as entry
@@ -252,10 +253,10 @@ def in_order(
     starts.append(count)
     sigma = bin_sigma(bins, setup.driving.time, setup.driving.interval, setup.driving.rate_noise)
     sigma = np.where(np.isfinite(sigma), sigma, np.nanmedian(sigma))
-    move, process = _law(steps, motion, unknowns, allowance, found, sigma)
+    change, process = _law(steps, motion, unknowns, allowance, found, sigma)
     return (
         Steps(
-            move=move,
+            change=change,
             noise=process,
             rows=np.array(starts, np.int64),
             design=np.concatenate(design) if design else np.zeros((0, unknowns.size)),
@@ -303,22 +304,24 @@ def _law(
     allowance: Allowance,
     found: Differences,
     rate_sigma: Array,
-) -> tuple[Array, Array]:
-    """Transition and process noise of all unknowns, ``(K, n, n)`` each."""
-    n, count = unknowns.layout.size, len(steps.epoch)
+) -> tuple[Sparse, Sparse]:
+    """Transition less identity, and process noise, of all unknowns."""
+    n = unknowns.layout.size
     moves, epoch = np.array(steps.moves), np.array(steps.epoch)
-    move = np.tile(np.eye(unknowns.size), (count, 1, 1))
-    noise = np.zeros_like(move)
-    move[moves, :n, :n], noise[moves, :n, :n] = motion.move[epoch[moves]], motion.noise[epoch[moves]]
+    here = slice(0, n)
+    change: list[tuple[slice, slice, Array]] = [
+        (here, here, np.where(moves[:, None, None], motion.move[epoch] - np.eye(n), 0.0))
+    ]
+    noise: list[tuple[slice, slice, Array]] = [(here, here, np.where(moves[:, None, None], motion.noise[epoch], 0.0))]
     before, after = unknowns["rate_before"], unknowns["rate_after"]
     walk = np.where(moves, motion.walk[epoch], 0.0)
-    move[:, unknowns.layout["attitude"], after] = -walk[:, None, None] * np.eye(3)
+    change.append((unknowns.layout["attitude"], after, -walk[:, None, None] * np.eye(3)))
     ends = np.array(steps.bin)
-    at = np.flatnonzero(ends >= 0)
     # the noise of the bin that ends is kept, that of the next one is fresh
-    move[at, before, before], move[at, before, after], move[at, after, after] = 0.0, np.eye(3), 0.0
-    fresh = rate_sigma[np.minimum(ends[at] + 1, len(rate_sigma) - 1)]
-    noise[at, after, after] = (fresh**2)[:, None, None] * np.eye(3)
+    over = (ends >= 0)[:, None, None] * np.eye(3)
+    change += [(before, before, -over), (before, after, over), (after, after, -over)]
+    fresh = rate_sigma[np.minimum(ends + 1, len(rate_sigma) - 1)]
+    noise.append((after, after, (fresh**2)[:, None, None] * over))
     time = np.concatenate((found.path.time[:1], motion.time))
     height = np.interp(time, found.nodes.time, found.flow.altitude)
     dt, dh = _passed(steps, motion, found), np.abs(np.diff(height))[epoch] * moves
@@ -326,8 +329,11 @@ def _law(
     passed |= dict.fromkeys(("ca", "cn", "cm"), dt / allowance.coefficient_memory)
     for name, distance in passed.items():
         if name in unknowns:
-            move[:, unknowns[name], unknowns[name]], noise[:, unknowns[name], unknowns[name]] = smooth_step(distance)
-    return move, noise
+            at = unknowns[name]
+            step, rest = smooth_step(distance)
+            change.append((at, at, step - np.eye(2)))
+            noise.append((at, at, rest))
+    return sparse(unknowns.size, change), sparse(unknowns.size, noise)
 
 
 def _passed(steps: _Split, motion: Motion, found: Differences) -> Array:

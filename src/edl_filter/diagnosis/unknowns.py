@@ -17,8 +17,8 @@ ca, cn, cm
     cannot do better.
 mass, inertia
     Relative errors, in sigmas.
-missing_force, missing_moment
-    What no effect explains (`missing`): m/s² and rad/s² per axis; without effect on anything until it is given a size.
+
+What no effect explains (`missing`) comes behind all of them where it is allowed for.
 """
 
 from __future__ import annotations
@@ -101,7 +101,6 @@ def lay_out(layout: Layout, checking: tuple[ImuRecord, ...], allowance: Allowanc
         sizes["mass"] = 1
     if allowance.inertia > 0.0:
         sizes["inertia"] = 1
-    sizes |= {"missing_force": 3, "missing_moment": 3}
     slices, at = {}, layout.size
     for name, size in sizes.items():
         slices[name] = slice(at, at + size)

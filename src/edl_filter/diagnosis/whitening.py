@@ -18,6 +18,8 @@ from numba import njit
 from numpy.typing import NDArray
 from threadpoolctl import ThreadpoolController
 
+from edl_filter.diagnosis.sparse import Sparse
+
 Array = NDArray[np.float64]
 
 
@@ -27,8 +29,8 @@ class Steps:
 
     Attributes
     ----------
-    move, noise : (K, n, n) arrays
-        Transition and process noise of each step.
+    change, noise : Sparse
+        Transition less identity, and process noise, of each step.
     rows : (K + 1,) array
         Where each step's rows begin.
     design : (R, n) array
@@ -39,8 +41,8 @@ class Steps:
         Covariance at the beginning.
     """
 
-    move: Array
-    noise: Array
+    change: Sparse
+    noise: Sparse
     rows: NDArray[np.int64]
     design: Array
     row_noise: Array
@@ -75,14 +77,15 @@ class Whitener:
         columns : (R, c) array
             Differences and signatures.
         start : (n, c) array
-            What each column expects of the unknowns at the beginning.
+            What each column expects of the unknowns at the beginning; nothing of those at the end that are left out.
         """
         s = self.steps
+        begin = np.zeros((len(s.start), start.shape[1]))
+        begin[: len(start)] = start
         with _one_thread():
             return _apply(
-                s.move, s.rows, s.design, self.gain, self.factor,
-                np.ascontiguousarray(columns), np.ascontiguousarray(start),
-            )  # fmt: skip
+                *_pattern(s.change), s.rows, s.design, self.gain, self.factor, np.ascontiguousarray(columns), begin
+            )
 
     def start_correction(self, white: Array, count: int) -> tuple[Array, Array]:
         """What all rows say of the first `count` unknowns at the beginning, beyond what was stated of them.
@@ -124,15 +127,19 @@ class Whitener:
 
 def whitener(steps: Steps) -> Whitener:
     """Run the covariances once."""
-    design = np.ascontiguousarray(steps.design)
-    # rows that no step moves need not be multiplied
-    moves = np.any(steps.move != np.eye(len(steps.start)), axis=(0, 2))
+    n = steps.noise
     with _one_thread():
         gain, factor, log_det = _gains(
-            np.flatnonzero(moves), np.ascontiguousarray(steps.move[:, moves]), steps.noise, steps.rows, design,
+            *_pattern(steps.change), n.row, n.column, n.values, steps.rows, np.ascontiguousarray(steps.design),
             steps.row_noise, steps.start.copy(),
         )  # fmt: skip
     return Whitener(steps, gain, factor, log_det)
+
+
+def _pattern(change: Sparse) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64], Array]:
+    """Rows that move, where the entries of each begin, their columns, and their values step by step."""
+    moving, first = np.unique(change.row, return_index=True)
+    return moving, np.append(first, len(change.row)), change.column, change.values
 
 
 @cache
@@ -156,51 +163,83 @@ def _coloured(rows, factor, white):
 
 
 @njit(cache=True, error_model="numpy")
-def _gains(moving, move, noise, rows, design, row_noise, p):
-    """Covariance recursion of the Kalman filter over all steps; `move` has the rows `moving` only."""
+def _move(p, moving, first, column, values, moved):
+    """Rows of ``(I + change) p``, in place; `moved` is room for them."""
+    width = p.shape[1]
+    for i in range(moving.size):
+        for j in range(width):
+            moved[i, j] = p[moving[i], j]
+        for z in range(first[i], first[i + 1]):
+            v, source = values[z], column[z]
+            for j in range(width):
+                moved[i, j] += v * p[source, j]
+    for i in range(moving.size):
+        for j in range(width):
+            p[moving[i], j] = moved[i, j]
+
+
+@njit(cache=True, error_model="numpy")
+def _transpose(p):
+    """In place."""
+    for i in range(p.shape[0]):
+        for j in range(i):
+            p[i, j], p[j, i] = p[j, i], p[i, j]
+
+
+@njit(cache=True, error_model="numpy")
+def _gains(moving, first, column, change, noise_row, noise_column, noise, rows, design, row_noise, p):
+    """Covariance recursion of the Kalman filter over all steps."""
     gains = np.empty_like(design)
     factor = np.zeros_like(row_noise)
+    room = np.empty((moving.size, p.shape[0]))
     log_det = 0.0
     for k in range(rows.size - 1):
-        moved = np.dot(move[k], p)
-        for i in range(moving.size):
-            p[moving[i]] = moved[i]
-        across = np.dot(p, move[k].T)
-        for i in range(moving.size):
-            p[:, moving[i]] = across[:, i]
-        p += noise[k]
-        first, last = rows[k], rows[k + 1]
-        m = last - first
+        _move(p, moving, first, column, change[k], room)  # F P, and again on its transpose, P being symmetric
+        _transpose(p)
+        _move(p, moving, first, column, change[k], room)
+        for z in range(noise_row.size):
+            p[noise_row[z], noise_column[z]] += noise[k, z]
+        begin, end = rows[k], rows[k + 1]
+        m = end - begin
         if m == 0:
             continue
-        h = design[first:last]
-        ph = np.dot(p, h.T)
-        low = np.linalg.cholesky(np.dot(h, ph) + row_noise[first:last, :m])
+        h = design[begin:end]
+        hp = np.dot(h, p)
+        low = np.linalg.cholesky(np.dot(hp, h.T) + row_noise[begin:end, :m])
         for i in range(m):
             log_det += 2.0 * np.log(low[i, i])
-        gain = np.linalg.solve(low, ph.T.copy())  # L⁻¹ H P
-        p -= np.dot(gain.T.copy(), gain)
-        gains[first:last] = gain
-        factor[first:last, :m] = low
+        _solve_lower(low, hp)  # L⁻¹ H P
+        p -= np.dot(hp.T, hp)
+        gains[begin:end] = hp
+        factor[begin:end, :m] = low
     return gains, factor, log_det
 
 
 @njit(cache=True, error_model="numpy")
-def _apply(move, rows, design, gains, factor, columns, start):
-    """State recursion of the Kalman filter for all columns."""
+def _solve_lower(low, right):
+    """``L⁻¹ right``, in place."""
+    for i in range(right.shape[0]):
+        for j in range(i):
+            v = low[i, j]
+            for c in range(right.shape[1]):
+                right[i, c] -= v * right[j, c]
+        for c in range(right.shape[1]):
+            right[i, c] /= low[i, i]
+
+
+@njit(cache=True, error_model="numpy")
+def _apply(moving, first, column, change, rows, design, gains, factor, columns, x):
+    """State recursion of the Kalman filter for all columns; `x` begins it and is used up."""
     out = np.empty_like(columns)
-    x = start.copy()
+    room = np.empty((moving.size, x.shape[1]))
     for k in range(rows.size - 1):
-        x = np.dot(move[k], x)
-        first, last = rows[k], rows[k + 1]
-        m = last - first
+        _move(x, moving, first, column, change[k], room)
+        begin, end = rows[k], rows[k + 1]
+        m = end - begin
         if m == 0:
             continue
-        left = columns[first:last] - np.dot(design[first:last], x)
-        for i in range(m):  # forward substitution
-            for j in range(i):
-                left[i] -= factor[first + i, j] * left[j]
-            left[i] /= factor[first + i, i]
-        x = x + np.dot(gains[first:last].T.copy(), left)
-        out[first:last] = left
+        left = columns[begin:end] - np.dot(design[begin:end], x)
+        _solve_lower(factor[begin:end], left)
+        x += np.dot(gains[begin:end].T, left)
+        out[begin:end] = left
     return out

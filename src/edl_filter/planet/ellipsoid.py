@@ -5,6 +5,7 @@ vector; both are positive to the north, longitude to the east in ``(-pi, pi]``. 
 """
 
 import numpy as np
+from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
 Array = NDArray[np.float64]
@@ -41,24 +42,36 @@ def geodetic_from_fixed(position: ArrayLike, equatorial_radius: float, flattenin
     ----------
     Bowring 1976, Survey Review 23, 323; Bowring 1985, ibid. 28, 202 (altitude).
     """
-    x, y, z = np.moveaxis(np.asarray(position, float), -1, 0)
-    a, b = equatorial_radius, equatorial_radius * (1.0 - flattening)
-    p = np.hypot(x, y)
+    points = np.asarray(position, float)
+    flat = np.ascontiguousarray(points.reshape(-1, 3))
+    latitude, longitude, altitude = _geodetic(flat, equatorial_radius, flattening).reshape(3, *points.shape[:-1])
+    return latitude, longitude, altitude
+
+
+@njit(error_model="numpy", cache=True)
+def _geodetic(points, a, flattening):
+    out = np.empty((3, len(points)))
+    b = a * (1.0 - flattening)
     e2 = flattening * (2.0 - flattening)
-    # tan(parametric latitude) = a z / (b p) holds on the surface and starts the iteration above it
-    s, c = a * z, b * p
-    for _ in range(_ITERATIONS):
+    for i in range(len(points)):
+        x, y, z = points[i]
+        p = np.hypot(x, y)
+        # tan(parametric latitude) = a z / (b p) holds on the surface and starts the iteration above it
+        s, c = a * z, b * p
+        normal_z, normal_p = z, p
+        for _ in range(_ITERATIONS):
+            norm = np.hypot(s, c)
+            s, c = s / norm, c / norm
+            normal_z = z + e2 * a * a / b * s**3
+            normal_p = p - e2 * a * c**3
+            s, c = (1.0 - flattening) * normal_z, normal_p
+        latitude = np.arctan2(normal_z, normal_p)
         norm = np.hypot(s, c)
         s, c = s / norm, c / norm
-        normal_z = z + e2 * a * a / b * s**3
-        normal_p = p - e2 * a * c**3
-        s, c = (1.0 - flattening) * normal_z, normal_p
-    latitude = np.arctan2(normal_z, normal_p)
-    norm = np.hypot(s, c)
-    s, c = s / norm, c / norm
-    # Distance to the foot point (a c, b s) along the normal: the large radii cancel before any product
-    altitude = (p - a * c) * np.cos(latitude) + (z - b * s) * np.sin(latitude)
-    return latitude, np.arctan2(y, x), altitude
+        # Distance to the foot point (a c, b s) along the normal: the large radii cancel before any product
+        out[0, i], out[1, i] = latitude, np.arctan2(y, x)
+        out[2, i] = (p - a * c) * np.cos(latitude) + (z - b * s) * np.sin(latitude)
+    return out
 
 
 def fixed_from_geodetic(
