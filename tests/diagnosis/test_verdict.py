@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from edl_filter.diagnosis.missing import Missing
 from edl_filter.diagnosis.ranking import Hypothesis, Ranking
+from edl_filter.diagnosis.separating import Parting
 from edl_filter.diagnosis.verdict import CLEAR, CLEAR_IN_NOISE, PARTED, grouped, judge, likeness
 from edl_filter.effects import Active
 from edl_filter.effects.catalogue import effect_named
@@ -127,7 +128,15 @@ def test_a_name_that_leaves_most_to_something_else_is_no_name():
         assert (verdict.verdict == "missing") == named, (gain, at_floor)
 
 
-def test_two_names_for_one_column_are_one_hypothesis():
+@pytest.mark.parametrize(
+    ("found", "text"),
+    [
+        (Parting("knowing the mass", 41.2), "knowing the mass would part them by 41 nats"),
+        (None, "no better knowledge of anything else would part them, only a measurement of one of the two itself"),
+    ],
+)
+def test_two_names_for_one_column_are_one_hypothesis(monkeypatch, found, text):
+    monkeypatch.setattr("edl_filter.diagnosis.verdict.parting", lambda *_: found)
     column = np.array([3.0, -1.0, 0.5, 2.0, 0.0])
     pair = [
         hypothesis_of("mass", 28.0, explained=column),
@@ -139,6 +148,7 @@ def test_two_names_for_one_column_are_one_hypothesis():
         ("com_offset", ()),
     ]
     assert verdict.sentence == "Missing: density_scale or mass (gain 30 nats)."
+    assert verdict.entries[0].parted_by == {"mass": text} and verdict.entries[1].parted_by == {}
 
 
 def test_evidence_parts_names_that_look_alike():

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from edl_filter.diagnosis.path import PER_BIN
-from edl_filter.diagnosis.where import CHANCE, _cell, failures, regimes
+from edl_filter.diagnosis.where import CHANCE, _cell, failures, louder_from, regimes
 
 
 def cell_of(scaled, sigma=0.02, limit=None, channel="force_x"):
@@ -78,3 +78,21 @@ def test_every_bin_is_in_one_regime():
     for name, inside in found[2:]:
         high, low = (float(x) for x in name.removeprefix("Mach ").split(" to "))
         assert np.all((mach[::PER_BIN][inside] < high) & (mach[::PER_BIN][inside] >= low))
+
+
+@pytest.mark.parametrize(("at", "factor"), [(100, 3.0), (700, 1.6), (30, 30.0)])
+def test_an_onset_is_found_where_it_is(at, factor):
+    rng = np.random.default_rng(7)
+    scaled = rng.normal(size=1000)
+    scaled[at:] *= factor
+    found, gain = louder_from(scaled)
+    assert abs(found - at) <= 12 and gain > 12.0
+
+
+def test_noise_and_what_always_fails_have_no_onset():
+    rng = np.random.default_rng(8)
+    gains = [louder_from(f * rng.normal(size=400))[1] for f in (0.5, 1.0, 5.0) for _ in range(100)]
+    assert np.mean(np.array(gains) > 12.0) < 0.01
+    quieter = rng.normal(size=400)
+    quieter[:200] *= 5.0  # what ends does not begin
+    assert louder_from(quieter)[1] < 12.0

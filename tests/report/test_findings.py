@@ -4,7 +4,7 @@ import json
 
 import pytest
 
-from edl_filter.report.diagnosis import draw_diagnosis, heatmap, ledger_figure, ranking
+from edl_filter.report.diagnosis import draw_diagnosis, heatmap, ledger_figure, missing, ranking
 from edl_filter.report.findings import chance, number, parameters_text, print_diagnosis, where_table
 from edl_filter.report.terminal import with_sigma
 
@@ -33,11 +33,13 @@ def content(verdict="missing", rms=880.0):
         "ranking": [
             {"effect": "remnant_torque", "same_as": ["com_offset"], "probability": 0.9999, "gain": 16713.1,
              "score_gain": 6.4e7, "parameters": parameters, "error_before": rms, "error_after": 0.91,
-             "channel": "moment_x"},
+             "channel": "moment_x", "parted_by": {"com_offset": "knowing the mass would part them by 41 nats"}},
         ],
         "none": 0.0,
         "something_else": {"probability": 1e-9, "score_gain": 4839.6},
         "remainder": None,
+        "latent": None,
+        "onsets": [{"channel": "moment_y", "time_s": 129.04, "gain": 812.0}],
         "failed": {"mine": "effect 'mine': its hook wind raised ZeroDivisionError: [division] by zero."},
     }  # fmt: skip
 
@@ -54,6 +56,8 @@ def test_a_diagnosis_says_what_a_person_wants_to_read(capsys):
         "> 0.999",
         "Cm 0.00175 ± 1e-06",
         "moment x 880 → 0.91",
+        "It begins: moment y from 129.0 s.",
+        "remnant_torque or com_offset: knowing the mass would part them by 41 nats.",
         "nothing is missing",
         "[division] by zero",
         "Written: out/diagnosis.json",
@@ -69,6 +73,19 @@ def test_what_is_left_is_told_when_nothing_explains_it(capsys):
     told = capsys.readouterr().out
     assert "What is left: force_y from 63 to 164 s; it oscillates at 0.679 Hz." in told
     assert "diagnose with --file" in told and "Next" not in told
+
+
+def test_what_is_left_is_drawn_with_bands(tmp_path):
+    time = [float(k) for k in range(5)]
+    pair = {"force_N": [[1.0, 2.0, 3.0]] * 5, "moment_N_m": [[0.0, 4.0, 0.0]] * 5}
+    sigma = {"force_sigma_N": [[0.1] * 3] * 5, "moment_sigma_N_m": [[0.5] * 3] * 5}
+    told = content("unknown") | {"latent": {"time_s": time} | pair | sigma}
+    force, moment = missing(told, "flight").axes
+    assert [ax.get_ylabel() for ax in (force, moment)] == ["missing force (N)", "missing moment (N m)"]
+    band = moment.collections[1].get_paths()[0].vertices[:, 1]
+    assert band.min() == 3.0 and band.max() == 5.0
+    assert moment.lines[-1].get_xdata()[0] == 129.04 and len(force.lines) == 3  # the onset is a moment's
+    assert [p.stem for p in draw_diagnosis(told, "flight", tmp_path)][-1] == "diagnosis_missing"
 
 
 def test_a_clean_flight_has_no_table_of_failures(capsys):

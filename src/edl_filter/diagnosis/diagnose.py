@@ -10,10 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from edl_filter.diagnosis.case import Case, Linear
+from edl_filter.diagnosis.latent import Latent, estimate
 from edl_filter.diagnosis.ranking import Hypothesis, Progress, Ranking, Trial, rank
 from edl_filter.diagnosis.remainder import Remainder, describe
 from edl_filter.diagnosis.verdict import Entry, Verdict, judge
-from edl_filter.diagnosis.where import Cell, channels, failures, normalised, survey
+from edl_filter.diagnosis.where import Cell, Onset, channels, failures, normalised, onsets, survey
 from edl_filter.effects.effect import Effect
 
 Array = NDArray[np.float64]
@@ -34,6 +35,10 @@ class Diagnosis:
     ranking : Ranking
     remainder : Remainder or None
         Described where nothing in the catalogue explains it.
+    latent : Latent or None
+        Missing force and moment against time, in the same case.
+    onsets : list of Onset
+        When channels begin to fail, clearest first.
     errors : dict
         Channel → normalised RMS over the flight, as the model is.
     noise_floor : float
@@ -46,6 +51,8 @@ class Diagnosis:
     verdict: Verdict
     ranking: Ranking
     remainder: Remainder | None
+    latent: Latent | None
+    onsets: list[Onset]
     errors: dict[str, float]
     noise_floor: float
 
@@ -81,6 +88,12 @@ class Diagnosis:
                 "size": left.size, "unit": left.unit, "frequency_hz": left.frequency, "follows": left.follows,
                 "companions": list(left.companions), "description": left.description,
             },
+            "latent": None if self.latent is None else {
+                "time_s": self.latent.time.tolist(), "force_N": self.latent.force.tolist(),
+                "force_sigma_N": self.latent.force_sigma.tolist(), "moment_N_m": self.latent.moment.tolist(),
+                "moment_sigma_N_m": self.latent.moment_sigma.tolist(),
+            },
+            "onsets": [{"channel": o.channel, "time_s": o.time, "gain": o.gain} for o in self.onsets],
             "failed": ranking.failed,
             "errors": self.errors,
             "noise_floor": self.noise_floor,
@@ -109,6 +122,8 @@ def diagnose(case: Case, candidates: Iterable[Effect], progress: Progress = lamb
         verdict=verdict,
         ranking=ranking,
         remainder=describe(ranking.linear) if verdict.verdict == "unknown" else None,
+        latent=estimate(ranking.linear, ranking.missing) if verdict.verdict == "unknown" else None,
+        onsets=onsets(ranking.linear),
         errors=channel_errors(ranking.linear, normalised(ranking.linear)),
         noise_floor=float(np.sqrt(1.0 + 1.96 * np.sqrt(2.0 / count))),
     )
@@ -140,7 +155,7 @@ def _cell(c: Cell) -> dict[str, Any]:
     return {
         "channel": c.channel, "regime": c.regime, "t0_s": c.t0, "t1_s": c.t1, "normalised_rms": c.rms, "bias": c.bias,
         "autocorrelation": c.autocorrelation, "beyond_noise": c.physical, "unit": c.unit,
-        "over_database_sigma": c.matters, "count": c.count, "fails": c.fails,
+        "over_database_sigma": c.matters, "count": c.count, "fails": c.fails, "sentence": c.sentence,
     }  # fmt: skip
 
 
@@ -154,13 +169,13 @@ def _trial(trial: Trial) -> dict[str, Any]:
 
 def _entry(entry: Entry, before: dict[str, float]) -> dict[str, Any]:
     h = entry.hypothesis
-    active = next(a for a in h.refit.effects if a.name == h.name)
-    units = {q.name: q.unit for q in active.effect.parameters}
+    units = {q.name: q.unit for q in h.active.effect.parameters}
     after = errors_with(h)
     worst = max(before, key=lambda name: before[name])
     return {
         "effect": h.name,
         "same_as": list(entry.same_as),
+        "parted_by": entry.parted_by,
         "probability": entry.probability,
         "gain": h.gain,
         "score_gain": h.score_gain,

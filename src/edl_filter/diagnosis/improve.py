@@ -45,9 +45,9 @@ class Step:
             return "Stopped: model and measurement agree to the noise."
         best = self.diagnosis.verdict.entries[0].hypothesis if self.diagnosis.verdict.entries else None
         if best is None:
-            return "Stopped: something is missing, and no effect of the catalogue explains any of it."
+            return "Stopped: something is missing, and none of the effects tried explains any of it."
         return (
-            "Stopped: something is missing that no effect of the catalogue explains; "
+            "Stopped: something is missing that none of the effects tried explains; "
             f"the best, {best.name}, would gain {best.gain:.1f} nats and {best.score_gain:.1f} on held-out data."
         )
 

@@ -54,13 +54,11 @@ def allow(steps: Steps, order: Order, bins: Bins, flow: Flow, missing: Missing) 
     """The linear problem with a missing force and moment behind its unknowns, three each, in sigmas."""
     if missing.force == missing.moment == 0.0:
         return steps
-    strength = np.ones_like(flow.dynamic_pressure)
-    if missing.with_pressure:
-        strength = flow.dynamic_pressure / np.max(flow.dynamic_pressure)
     n, there = len(steps.start), slice(len(steps.start), len(steps.start) + 6)
     design, start = np.pad(steps.design, ((0, 0), (0, 6))), np.eye(n + 6)
     start[:n, :n] = steps.start
-    sizes = (missing.force * averaged(strength, bins), missing.moment * triangle(strength, bins))
+    push = strength(flow, missing)
+    sizes = (missing.force * averaged(push, bins), missing.moment * triangle(push, bins))
     for first, size in zip((0, 3), sizes, strict=True):
         for axis in range(first, first + 3):
             rows = order.bin_rows[: len(size), axis]
@@ -75,6 +73,12 @@ def allow(steps: Steps, order: Order, bins: Bins, flow: Flow, missing: Missing) 
         noise=joined(steps.noise, noise, n + 6),
         start=start,
     )
+
+
+def strength(flow: Flow, missing: Missing) -> Array:
+    """By how much both are larger or smaller at each node than their size says."""
+    q = flow.dynamic_pressure
+    return q / np.max(q) if missing.with_pressure else np.ones_like(q)
 
 
 def most_likely(value: Callable[[Missing], float]) -> tuple[Missing, float]:

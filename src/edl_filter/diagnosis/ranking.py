@@ -100,6 +100,11 @@ class Hypothesis:
     case: Case
     linear: Linear
 
+    @property
+    def active(self) -> Active:
+        """The effect with its estimate."""
+        return next(a for a in self.refit.effects if a.name == self.name)
+
 
 @dataclass(frozen=True)
 class Ranking:
@@ -158,9 +163,12 @@ def rank(case: Case, candidates: Iterable[Effect], progress: Progress = lambda _
         progress(f"refitting {name}")
         starts = [(t[name], way) for t, way in zip(trials, ways, strict=True)]
         try:
-            found.append(_refitted(case, linear, starts, base))
+            one = _refitted(case, linear, starts, base)
         except InputError as error:
             failed[name] = str(error)
+            continue
+        if np.any(one.explained):  # a place outside the flight is no hypothesis
+            found.append(one)
     found.sort(key=lambda h: -h.gain)
     if found:
         progress(f"refitting {found[0].name} about a new reconstruction")

@@ -10,12 +10,13 @@ Effects whose white signatures cannot be told apart are one hypothesis with seve
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
 from edl_filter.diagnosis.ranking import Hypothesis, Ranking
+from edl_filter.diagnosis.separating import parting
 from edl_filter.effects.effect import Active
 
 Array = NDArray[np.float64]
@@ -40,11 +41,14 @@ class Entry:
     same_as : tuple of str
         Names that the flight does not tell from it.
     probability : float
+    parted_by : dict
+        Each of those names → what would part it from the first, in words.
     """
 
     hypothesis: Hypothesis
     same_as: tuple[str, ...]
     probability: float
+    parted_by: dict[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -73,8 +77,7 @@ class Verdict:
         """The effect that is missing, with its estimate."""
         if self.verdict != "missing":
             return None
-        h = self.entries[0].hypothesis
-        return next(a for a in h.refit.effects if a.name == h.name)
+        return self.entries[0].hypothesis.active
 
 
 def judge(ranking: Ranking) -> Verdict:
@@ -87,7 +90,8 @@ def judge(ranking: Ranking) -> Verdict:
     weight = np.exp(evidence - evidence.max())
     probability = weight / weight.sum()
     entries = [
-        Entry(g[0], tuple(h.name for h in g[1:]), float(p)) for g, p in zip(groups, probability[2:], strict=True)
+        Entry(g[0], tuple(h.name for h in g[1:]), float(p), {h.name: parted(g[0], h) for h in g[1:]})
+        for g, p in zip(groups, probability[2:], strict=True)
     ]
     need = CLEAR_IN_NOISE if noisy else CLEAR
     best = groups[0][0] if groups else None
@@ -110,6 +114,14 @@ def grouped(hypotheses: list[Hypothesis]) -> list[list[Hypothesis]]:
     return groups
 
 
+def parted(one: Hypothesis, other: Hypothesis) -> str:
+    """What would part two names, in words."""
+    found = parting(other.linear, one.active, other.active)
+    if found is not None:
+        return f"{found.remedy} would part them by {found.evidence:.0f} nats"
+    return "no better knowledge of anything else would part them, only a measurement of one of the two itself"
+
+
 def likeness(a: Hypothesis, b: Hypothesis) -> float:
     """Correlation of what two hypotheses make of the differences, white; 0 where they stand on different ground."""
     one, other = a.explained, b.explained
@@ -123,7 +135,7 @@ def _words(verdict: str, entries: list[Entry]) -> str:
     if verdict == "clean":
         return "The flight is clean: model and measurement agree to the stated noise, and no effect earns its place."
     if verdict == "unknown":
-        return "Something is missing that no effect of the catalogue explains."
+        return "Something is missing that none of the effects tried explains."
     e = entries[0]
     name = " or ".join((e.hypothesis.name, *e.same_as))
     return f"Missing: {name} (gain {e.hypothesis.gain:.0f} nats)."

@@ -24,6 +24,8 @@ KNUDSEN = (10.0, 1e-3)
 AXES = ("x", "y", "z")
 #: Normalised RMS beyond which a cell fails, where chance allows less: sigmas of chance.
 CHANCE = 5.0
+#: Samples on either side of an onset, and the evidence that it needs, nats.
+_SHORTEST, _BEGINS = 10, 12.0
 #: And a size below which nobody cares: a tenth more than the noise.
 _LEAST = 1.1
 
@@ -140,6 +142,64 @@ def survey(linear: Linear) -> list[Cell]:
             )
         )  # fmt: skip
     return cells
+
+
+@dataclass(frozen=True)
+class Onset:
+    """When a channel begins to fail.
+
+    Attributes
+    ----------
+    channel : str
+    time : float
+        s.
+    gain : float
+        Log-likelihood over one noise throughout, nats.
+    """
+
+    channel: str
+    time: float
+    gain: float
+
+
+def onsets(linear: Linear) -> list[Onset]:
+    """When each channel begins to fail, by a likelihood-ratio scan; channels without a beginning are left out."""
+    scaled, order = normalised(linear), linear.ground.order
+    found = []
+    for c, (channel, _) in enumerate(channels(linear)):
+        used = np.flatnonzero(order.bin_rows[:, c] >= 0)
+        if len(used) < 2 * _SHORTEST:
+            continue
+        at, gain = louder_from(scaled[order.bin_rows[used, c]])
+        if gain > _BEGINS:
+            found.append(Onset(channel, float(linear.bins.edges[used[at]]), gain))
+    return sorted(found, key=lambda o: -o.gain)
+
+
+def louder_from(scaled: Array) -> tuple[int, float]:
+    """Index from which normal numbers are louder, and the log-likelihood that this explains (0: from nowhere).
+
+    Two variances with a step between them stand against one; none is below the stated 1, and the later is the larger.
+    """
+    n, square = len(scaled), np.concatenate(([0.0], np.cumsum(scaled**2)))
+    k = np.arange(_SHORTEST, n - _SHORTEST + 1)
+    first = np.maximum(square[k] / k, 1.0)
+    second = np.maximum((square[-1] - square[k]) / (n - k), 1.0)
+    whole = max(square[-1] / n, 1.0)
+
+    gain = (
+        _cost(np.array(n), whole, square[-1])
+        - _cost(k, first, square[k])
+        - _cost(n - k, second, square[-1] - square[k])
+    )
+    gain = np.where(second > first, gain, 0.0)
+    best = int(np.argmax(gain))
+    return int(k[best]), float(max(gain[best], 0.0))
+
+
+def _cost(count: NDArray[np.int64], variance: Array, total: Array) -> Array:
+    """Minus the log-likelihood of normal numbers, up to a constant."""
+    return np.asarray(0.5 * (count * np.log(variance) + total / variance), float)
 
 
 def failures(cells: list[Cell]) -> list[Cell]:

@@ -28,7 +28,7 @@ _MARKS = tuple(zip(_COLOURS, "osD^vP*X", strict=True))
 
 
 def draw_diagnosis(told: Mapping[str, Any], title: str, folder: Path) -> list[Path]:
-    """Write ``diagnosis_heatmap.png`` and ``diagnosis_ranking.png``.
+    """Write ``diagnosis_heatmap.png``, ``diagnosis_ranking.png`` and, maybe, ``diagnosis_missing.png``.
 
     Parameters
     ----------
@@ -39,6 +39,8 @@ def draw_diagnosis(told: Mapping[str, Any], title: str, folder: Path) -> list[Pa
     folder : Path
     """
     made = {"diagnosis_heatmap": heatmap(told, title), "diagnosis_ranking": ranking(told, title)}
+    if told["latent"] is not None:
+        made["diagnosis_missing"] = missing(told, title)
     return [write_figure(made_one, folder / f"{name}.png") for name, made_one in made.items()]
 
 
@@ -131,6 +133,40 @@ def ranking(told: Mapping[str, Any], title: str) -> Figure:
     ax.set_title(f"{title}: which effect is missing", loc="left", fontweight="bold")
     height = made.get_size_inches()[1]
     made.subplots_adjust(left=0.27, right=0.89, bottom=1.15 / height, top=1.0 - 0.5 / height)
+    return made
+
+
+@style.styled
+def missing(told: Mapping[str, Any], title: str) -> Figure:
+    """Missing force and moment against time, with bands of two sigmas; onsets marked."""
+    latent = told["latent"]
+    time = np.array(latent["time_s"], float)
+    made = style.figure(7.5)
+    axes = made.subplots(2, 1, sharex=True)
+    for ax, key, sigma, unit in zip(
+        axes,
+        ("force_N", "moment_N_m"),
+        ("force_sigma_N", "moment_sigma_N_m"),
+        ("force (N)", "moment (N m)"),
+        strict=True,
+    ):
+        values, spread = np.array(latent[key], float), np.array(latent[sigma], float)
+        for c, (name, colour) in enumerate(zip("xyz", (style.BLUE, style.ORANGE, style.GREEN), strict=True)):
+            ax.plot(time, values[:, c], color=colour, label=name, linewidth=1.0)
+            ax.fill_between(
+                time, values[:, c] - 2.0 * spread[:, c], values[:, c] + 2.0 * spread[:, c], color=colour, alpha=0.2,
+                linewidth=0.0,
+            )  # fmt: skip
+        ax.set_ylabel(f"missing {unit}")
+        prefix = unit.split()[0]
+        for onset in told["onsets"]:
+            if onset["channel"].startswith(prefix):
+                ax.axvline(onset["time_s"], color=style.GREY, linestyle=(0, (4, 3)), linewidth=1.0)
+                break
+    axes[0].legend(loc="upper left", bbox_to_anchor=(1.0, 1.0), title="body axis")
+    axes[1].set_xlabel("time (s); bands: 2 sigma; dashed: the clearest onset")
+    axes[0].set_title(f"{title}: what is missing", loc="left", fontweight="bold")
+    made.subplots_adjust(left=0.11, right=0.87, bottom=0.09, top=0.93, hspace=0.12)
     return made
 
 

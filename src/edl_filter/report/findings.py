@@ -16,6 +16,8 @@ from edl_filter.report.terminal import with_sigma
 _NOISE = 1.1
 #: Failing cells that are shown: a person reads no more.
 _ROWS = 8
+#: Onsets that are told.
+_ONSETS = 3
 
 
 def print_diagnosis(told: Mapping[str, Any], written: Sequence[str], following: Sequence[str]) -> None:
@@ -35,7 +37,10 @@ def print_diagnosis(told: Mapping[str, Any], written: Sequence[str], following: 
     if told["effects"]:
         parts.append(f"In the model: {', '.join(told['effects'])}.")
     parts.append(where_table(told) if told["where"] else "No channel fails in any regime.")
+    parts += [onset_text(told)] if told["onsets"] else []
     parts.append(ranking_table(told))
+    for entry in told["ranking"]:
+        parts += [f"{entry['effect']} or {name}: {escape(text)}." for name, text in entry["parted_by"].items()]
     if told["remainder"] is not None:
         parts.append(f"What is left: {escape(told['remainder']['description'])}")
         parts.append("Write it as an effect of your own (docs/effects.md), then diagnose with --file my_effect.py.")
@@ -117,6 +122,12 @@ def where_table(told: Mapping[str, Any]) -> Table:
             "–" if matters is None or not math.isfinite(matters) else f"{number(matters)} sigma",
         )
     return made
+
+
+def onset_text(told: Mapping[str, Any]) -> str:
+    """When the clearest channels begin to fail."""
+    said = [f"{o['channel'].replace('_', ' ')} from {o['time_s']:.1f} s" for o in told["onsets"][:_ONSETS]]
+    return f"It begins: {', '.join(said)}."
 
 
 def ranking_table(told: Mapping[str, Any]) -> Table:
