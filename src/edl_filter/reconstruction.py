@@ -99,7 +99,9 @@ class Reconstruction:
         return None if self.site is None else float(np.linalg.norm(self.site))
 
 
-def reconstruct(mission: Mission, effects: Sequence[Active] | None = None) -> Reconstruction:
+def reconstruct(
+    mission: Mission, effects: Sequence[Active] | None = None, leave_one_out: bool = True
+) -> Reconstruction:
     """Reconstruct an entry.
 
     Parameters
@@ -107,6 +109,8 @@ def reconstruct(mission: Mission, effects: Sequence[Active] | None = None) -> Re
     mission : Mission
     effects : sequence of Active, optional
         Instead of the mission's.
+    leave_one_out : bool
+        Predict every constraint from all others; without it there are no `statements`, which saves half of the time.
 
     Returns
     -------
@@ -130,9 +134,10 @@ def reconstruct(mission: Mission, effects: Sequence[Active] | None = None) -> Re
         smoothed = smooth(way)
         trajectory = trace(problem, smoothed, way.layout)
     with _timed(timing, "leave_one_out"):
-        found = statements(problem, way)
+        found = statements(problem, way) if leave_one_out else []
         entry, prior = _entry_correction(problem, way, smoothed)
-        found.insert(0, entry_statement(smoothed, prior, -entry.change))
+        if leave_one_out:
+            found.insert(0, entry_statement(smoothed, prior, -entry.change))
     with _timed(timing, "comparison"):
         corrected = without_effects(mission, telemetry, active)
         comparison = _compare(mission, corrected)

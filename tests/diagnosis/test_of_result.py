@@ -5,11 +5,13 @@ import shutil
 from pathlib import Path
 
 import h5py
+import numpy as np
 import pytest
 from typer.testing import CliRunner
 
 from edl_filter.cli import app
 from edl_filter.mission import Mission, shipped_mission
+from edl_filter.results.hdf5 import read_groups
 from edl_filter.results.reopen import reopen
 
 BROKEN = """
@@ -93,6 +95,15 @@ def test_the_shipped_flight_is_clean_and_broken_effects_are_named(clean):
     summary = json.loads((clean / "result" / "summary.json").read_text())
     assert summary["residuals"]["moment_y"]["overall"] == told["errors"]["moment_y"]
     assert "Mach 15 to 5" in summary["residuals"]["moment_y"] and "landing: x (m)" not in told["errors"]
+    # residuals against time are those that the errors are the RMS of
+    root = read_groups(clean / "result" / "residuals.nc")["/"].variables
+    names, normalised = list(root["channel"].values), root["normalised"].values
+    assert names[:4] == ["force_x", "force_y", "force_z", "moment_x"]
+    assert list(root["unit"].values[[0, 3]]) == ["m/s^2", "rad/s^2"]
+    for name, values in zip(names, normalised, strict=True):
+        assert np.sqrt(np.nanmean(values**2)) == pytest.approx(told["errors"][name], rel=1e-9)
+    np.testing.assert_allclose(root["residual"].values / root["sigma"].values, normalised, rtol=1e-9)
+    assert normalised.shape == (len(names), len(root["time"].values))
 
 
 @pytest.mark.parametrize(

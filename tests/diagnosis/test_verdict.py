@@ -34,8 +34,9 @@ def hypothesis_of(name, gain, score=None, explained=None, at_floor=True):
     )
 
 
-def ranking_of(*hypotheses, something_else=0.0, noise=0.0):
-    return Ranking(None, None, np.zeros(5), {}, list(hypotheses), Missing(), something_else, noise)
+def ranking_of(*hypotheses, something_else=0.0, noise=0.0, coefficients=1.0):
+    case = SimpleNamespace(allowance=SimpleNamespace(coefficients=coefficients))
+    return Ranking(case, None, np.zeros(5), {}, list(hypotheses), Missing(), something_else, noise)
 
 
 def test_a_clean_flight():
@@ -126,6 +127,17 @@ def test_a_name_that_leaves_most_to_something_else_is_no_name():
     for gain, at_floor, named in ((60.0, False, True), (40.0, False, False), (40.0, True, True)):
         verdict = judge(ranking_of(hypothesis_of("mass", gain, at_floor=at_floor), something_else=1000.0))
         assert (verdict.verdict == "missing") == named, (gain, at_floor)
+
+
+@pytest.mark.parametrize(
+    ("coefficients", "part", "verdict"), [(0.0, 0.95, "missing"), (0.0, 0.8, "unknown"), (1.0, 0.8, "missing")]
+)
+def test_beside_another_it_explains_one_channel_whole_if_the_database_is_exact(
+    monkeypatch, coefficients, part, verdict
+):
+    monkeypatch.setattr("edl_filter.diagnosis.verdict.most_explained", lambda *_: part)
+    one = hypothesis_of("mass", 60.0, at_floor=False)
+    assert judge(ranking_of(one, something_else=1000.0, noise=1e4, coefficients=coefficients)).verdict == verdict
 
 
 @pytest.mark.parametrize(

@@ -152,3 +152,10 @@ def test_its_reconstruction_is_consistent(mer_flight, written):
         error = np.concatenate((true[:6] - state.nav[:6], rotations.to_rotation_vector(turn)))
         # 9 degrees of freedom: one in 10⁵ is above 40
         assert error @ np.linalg.solve(covariance[:9, :9], error) < 40.0, node.time
+
+
+def test_the_altimeter_reads_at_its_own_interval(mer_flight):
+    scenario = Scenario.load("builtin:mer", ["altimeter.interval_s=0.5", "seed=1"])
+    seldom, often = simulate(scenario, seed=1).telemetry().altimeter, mer_flight.telemetry().altimeter
+    np.testing.assert_allclose(np.diff(seldom.time), 0.5, atol=1e-9)
+    assert len(often.time) == pytest.approx(4 * len(seldom.time), abs=4)

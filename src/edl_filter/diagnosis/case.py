@@ -81,8 +81,8 @@ class Case:
     @cached_property
     def quiet_telemetry(self) -> Telemetry:
         """Telemetry with every sample replaced by what its neighbours say."""
-        t = self.reconstruction.telemetry
-        return replace(t, driving=quiet(t.driving), checking=tuple(quiet(r) for r in t.checking))
+        t, bin_ = self.reconstruction.telemetry, float(np.median(self.bins.interval))
+        return replace(t, driving=quiet(t.driving, bin_), checking=tuple(quiet(r, bin_) for r in t.checking))
 
     @cached_property
     def world(self) -> World:
@@ -101,21 +101,31 @@ class Case:
         )
 
 
-def quiet(record: ImuRecord) -> ImuRecord:
-    """A record in which every sample is the cubic through its four neighbours, ``(4 (a + b) - (c + d)) / 6``.
+def quiet(record: ImuRecord, length: float) -> ImuRecord:
+    """A record in which every sample is the cubic through four others, ``(4 (a + b) - (c + d)) / 6``.
 
-    A scale error multiplies what was read, noise and all. A signature with a sample's own noise in it would find that
-    noise in the difference again, and call it a scale error.
+    The others are one and two bins away on either side, `length` (s) being that of a bin: none is in the sample's own
+    bin. A scale error multiplies what was read, noise and all. A signature with the noise of a bin in it would find
+    that noise in the bin's difference again, and call it a scale error.
     """
-    even = np.zeros(len(record), bool)
-    same = (np.abs(np.diff(record.interval)) < 1e-6) & (np.diff(record.unit) == 0)
-    even[2:-2] = same[:-3] & same[1:-2] & same[2:-1] & same[3:]
+    p = max(1, round(length / float(np.median(record.interval))))
+    count = len(record)
+    even = np.zeros(count, bool)
+    if count > 4 * p:
+        usual = np.abs(record.interval - np.median(record.interval)) < 1e-6
+        broken = np.concatenate(([0], np.cumsum(~usual | (np.diff(record.unit, prepend=record.unit[0]) != 0))))
+        # samples from 2 p before to 2 p after are as long as usual and of one unit
+        even[2 * p : count - 2 * p] = broken[4 * p + 1 :] == broken[: count - 4 * p]
 
     def smooth(values: Array) -> Array:
         out = values.copy()
-        out[2:-2] = (4.0 * (values[1:-3] + values[3:-1]) - values[:-4] - values[4:]) / 6.0
+        near = values[p : -3 * p] + values[3 * p : -p]
+        far = values[: -4 * p] + values[4 * p :]
+        out[2 * p : -2 * p] = (4.0 * near - far) / 6.0
         return np.where(even[:, None], out, values)
 
+    if not even.any():
+        return record
     return replace(record, specific_force=smooth(record.specific_force), angular_rate=smooth(record.angular_rate))
 
 
@@ -169,7 +179,7 @@ class Linear:
         return whitener(allow(self.steps, order, self.bins, flow, missing))
 
 
-def load_case(mission: Mission, effects: Sequence[Active] | None = None) -> Case:
+def load_case(mission: Mission, effects: Sequence[Active] | None = None, leave_one_out: bool = False) -> Case:
     """Reconstruct a mission and lay it out for comparison.
 
     Parameters
@@ -177,8 +187,10 @@ def load_case(mission: Mission, effects: Sequence[Active] | None = None) -> Case
     mission : Mission
     effects : sequence of Active, optional
         Instead of the mission's.
+    leave_one_out : bool
+        Of `reconstruct`; the comparison itself has no use for it.
     """
-    return case_of(reconstruct(mission, effects))
+    return case_of(reconstruct(mission, effects, leave_one_out))
 
 
 def case_of(reconstruction: Reconstruction) -> Case:

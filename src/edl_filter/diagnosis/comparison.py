@@ -23,6 +23,7 @@ from edl_filter.diagnosis.bins import Bins, bin_means
 from edl_filter.diagnosis.path import PER_BIN, Nodes, Path, dead_reckon, nodes_of
 from edl_filter.effects.effect import Flow, Totals
 from edl_filter.effects.world import World
+from edl_filter.navigation.constraints import Altimeter
 from edl_filter.navigation.filter import Problem
 from edl_filter.navigation.increments import Samples, lever_arm_acceleration
 from edl_filter.telemetry.record import ImuRecord
@@ -201,15 +202,24 @@ def _weighted(values: Array, weights: Array) -> Array:
 
 def constraint_differences(frame: Frame, path: Path, problem: Problem) -> tuple[Array, ...]:
     """Measured minus predicted of every constraint."""
-    found = []
-    for i, c in enumerate(problem.constraints):
-        k = problem.samples.index(c.time)
-        nav = path.nav[k]
-        if frame.onboard is not None:
-            nav = np.concatenate((nav, frame.onboard[i]))
-        errors = frame.errors[problem.samples.unit[max(k - 1, 0)]]
-        found.append(c.measured - c.predict(nav[:, None], errors[:, None], problem.layout)[0])
-    return tuple(found)
+    constraints = problem.constraints
+    at = np.searchsorted(problem.samples.time, np.array([c.time for c in constraints]) + 1e-6)
+    units = problem.samples.unit[np.maximum(at - 1, 0)]
+    nav = path.nav[at]
+    if frame.onboard is not None:
+        nav = np.concatenate((nav, frame.onboard), axis=1)
+    found: dict[int, Array] = {}
+    by_sphere: dict[float, list[int]] = {}
+    for i, c in enumerate(constraints):
+        if isinstance(c, Altimeter):  # of which there may be thousands: all at once
+            by_sphere.setdefault(c.surface_radius, []).append(i)
+        else:
+            predicted_here = c.predict(nav[i][:, None], frame.errors[units[i]][:, None], problem.layout)[0]
+            found[i] = c.measured - predicted_here
+    for which in by_sphere.values():
+        heights = constraints[which[0]].predict(nav[which].T, frame.errors[units[which]].T, problem.layout)
+        found |= {i: constraints[i].measured - h for i, h in zip(which, heights, strict=True)}
+    return tuple(found[i] for i in range(len(constraints)))
 
 
 def _other(

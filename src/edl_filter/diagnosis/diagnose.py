@@ -9,12 +9,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from edl_filter.diagnosis.case import Case, Linear
+from edl_filter.diagnosis.case import Case
+from edl_filter.diagnosis.channel_errors import errors_of, errors_with
 from edl_filter.diagnosis.latent import Latent, estimate
 from edl_filter.diagnosis.ranking import Hypothesis, Progress, Ranking, Trial, rank
 from edl_filter.diagnosis.remainder import Remainder, describe
 from edl_filter.diagnosis.verdict import Entry, Verdict, judge
-from edl_filter.diagnosis.where import Cell, Onset, channels, failures, normalised, onsets, survey
+from edl_filter.diagnosis.where import Cell, Onset, failures, onsets, survey
 from edl_filter.effects.effect import Effect
 
 Array = NDArray[np.float64]
@@ -124,31 +125,9 @@ def diagnose(case: Case, candidates: Iterable[Effect], progress: Progress = lamb
         remainder=describe(ranking.linear) if verdict.verdict == "unknown" else None,
         latent=estimate(ranking.linear, ranking.missing) if verdict.verdict == "unknown" else None,
         onsets=onsets(ranking.linear),
-        errors=channel_errors(ranking.linear, normalised(ranking.linear)),
+        errors=errors_of(ranking.linear),
         noise_floor=float(np.sqrt(1.0 + 1.96 * np.sqrt(2.0 / count))),
     )
-
-
-def errors_with(h: Hypothesis) -> dict[str, float]:
-    """Normalised RMS of every channel over the flight with a hypothesis in the model."""
-    return channel_errors(h.linear, h.whiten.innovations(h.refit.white) / h.linear.plain.innovation_sigma)
-
-
-def channel_errors(linear: Linear, scaled: Array) -> dict[str, float]:
-    """Normalised RMS of every channel over the flight, from innovations ``(R,)`` in sigmas of what is stated."""
-    order = linear.ground.order
-    found = {}
-    for c, (name, _) in enumerate(channels(linear)):
-        rows = order.bin_rows[:, c]
-        found[name] = _rms(scaled[rows[rows >= 0]])
-    by_name: dict[str, list[float]] = {}
-    for constraint, where in zip(linear.ground.setup.problem.constraints, order.constraint_rows, strict=True):
-        by_name.setdefault(constraint.name, []).extend(scaled[where])
-    return found | {name: _rms(np.array(values)) for name, values in by_name.items()}
-
-
-def _rms(values: Any) -> float:
-    return float(np.sqrt(np.mean(np.square(values)))) if len(values) else float("nan")
 
 
 def _cell(c: Cell) -> dict[str, Any]:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import count
 from pathlib import Path
 from typing import Any
@@ -18,6 +18,7 @@ from edl_filter.diagnosis import ledger
 from edl_filter.diagnosis.improve import Step, improve
 from edl_filter.diagnosis.of_result import by_channel, candidates, needs_prediction
 from edl_filter.diagnosis.ranking import Progress
+from edl_filter.diagnosis.series import RESIDUALS, residual_series
 from edl_filter.diagnosis.settle import settle
 from edl_filter.effects.effect import Active
 from edl_filter.effects.loading import effects_in
@@ -26,7 +27,9 @@ from edl_filter.mission import Mission
 from edl_filter.mission.adding import with_effect
 from edl_filter.mission.naming import write_mission
 from edl_filter.mission.text import set_key
+from edl_filter.reconstruction import reconstruct
 from edl_filter.results.effects import Judged
+from edl_filter.results.netcdf import write
 from edl_filter.results.outputs import DIAGNOSIS, write_json, write_outputs
 from edl_filter.results.plain import finite
 
@@ -110,13 +113,14 @@ def finish(mission: Mission, folder: Path, kept: Sequence[Kept], progress: Progr
         settled = settle(final)
         reconstruction, sigma = settled.reconstruction, settled.sigma
     else:
-        reconstruction, sigma = replace(last.step.diagnosis.ranking.case.reconstruction, mission=final), {}
+        reconstruction, sigma = reconstruct(final), {}
     written = write_outputs(reconstruction, folder, False, Judged(sigma, by_channel(last.content)))
     title = mission.title or mission.name
     figures = draw_diagnosis(last.content, title, folder / "figures")
     made = ledger_figure(ledger.read(folder), last.content["noise_floor"], title)
     figures.append(write_figure(made, folder / "figures" / "ledger.png"))
     found = write_json(last.content, folder / DIAGNOSIS)
+    write(residual_series(last.step.diagnosis.ranking.linear), folder / RESIDUALS)
     return [path, written["result"], written["summary"], found, folder / ledger.NAME, *figures]
 
 

@@ -12,12 +12,14 @@ from typing import Any
 from edl_filter.diagnosis.case import load_case
 from edl_filter.diagnosis.diagnose import diagnose
 from edl_filter.diagnosis.ranking import Progress
+from edl_filter.diagnosis.series import RESIDUALS, residual_series
 from edl_filter.effects.catalogue import unknown
 from edl_filter.effects.effect import Effect
 from edl_filter.effects.loading import effects_in, known_effects
 from edl_filter.errors import InputError
 from edl_filter.mission import Mission
 from edl_filter.mission.naming import name_of, unchanged, write_mission
+from edl_filter.results.netcdf import write
 from edl_filter.results.outputs import DIAGNOSIS, write_json
 from edl_filter.results.plain import finite
 from edl_filter.results.reopen import Reopened, reopen
@@ -81,7 +83,7 @@ def needs_prediction(mission: Mission, where: str) -> None:
 def diagnose_result(
     result: Path, names: Sequence[str] = (), file: Path | None = None, progress: Progress = lambda _: None
 ) -> Diagnosed:
-    """Diagnose a result; write ``diagnosis.json`` and figures beside it.
+    """Diagnose a result; write ``diagnosis.json``, ``residuals.nc`` and figures beside it.
 
     Parameters
     ----------
@@ -107,12 +109,14 @@ def diagnose_result(
     progress("reconstructing")
     case = load_case(mission, reopened.effects)
     reopened.check_same_flight(case.reconstruction)
-    content = finite(diagnose(case, chosen, progress).content())
+    found = diagnose(case, chosen, progress)
+    content = finite(found.content())
     progress("drawing")
     from edl_filter.report.diagnosis import draw_diagnosis
 
     figures = draw_diagnosis(content, mission.title or mission.name, reopened.folder / "figures")
     path = write_json(content, reopened.folder / DIAGNOSIS)
+    write(residual_series(found.ranking.linear), reopened.folder / RESIDUALS)
     _update_summary(reopened.folder / "summary.json", content)
     return Diagnosed(content, path, figures, following(reopened, content, file))
 

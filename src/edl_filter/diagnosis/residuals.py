@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from edl_filter.diagnosis.case import case_of, linearise
-from edl_filter.diagnosis.diagnose import channel_errors
-from edl_filter.diagnosis.where import normalised, survey
+from edl_filter.diagnosis.channel_errors import errors_of
+from edl_filter.diagnosis.where import survey
 from edl_filter.reconstruction import Reconstruction
 
 #: Key of the whole flight beside those of the regimes.
@@ -20,7 +20,7 @@ def residuals(reconstruction: Reconstruction) -> dict[str, dict[str, float]]:
         Channel → ``overall`` and every regime → normalised RMS, as a diagnosis has them.
     """
     linear = linearise(case_of(reconstruction))
-    found = {name: {OVERALL: rms} for name, rms in channel_errors(linear, normalised(linear)).items()}
+    found = {name: {OVERALL: rms} for name, rms in errors_of(linear).items()}
     for cell in survey(linear):
         if cell.regime != "constraints":
             found[cell.channel][cell.regime] = cell.rms

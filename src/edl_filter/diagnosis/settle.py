@@ -76,7 +76,7 @@ def settle(
         linear = linearise(case, rounds=2)
         found = refit(case, linear, case.effects, linear.soft)
         moved, sigma = _moved(case.effects, found), _sigma(found)
-        case = load_case(mission, found.effects)
+        case = load_case(mission, found.effects, leave_one_out=True)
         if moved <= STILL:
             break
     timing = case.reconstruction.timing | {"refit": time.perf_counter() - begin}

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import cached_property, lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -81,7 +81,7 @@ class Problem:
     planet: Planet
     settings: Settings
 
-    @property
+    @cached_property
     def layout(self) -> Layout:
         """Of the filter's vector."""
         return Layout.of(self.instruments, self.entry.states)

@@ -72,8 +72,10 @@ class Samples:
     def split(self, times: Array) -> Samples:
         """The same motion with sample edges also at `times`; the random walks stay what they were."""
         edges = np.concatenate(([self.time[0] - self.interval[0]], self.time))
-        inside = [t for t in np.unique(times) if edges[0] < t < edges[-1]]
-        new = [t for t in inside if np.min(np.abs(edges - t)) > 1e-6]
+        inside = np.unique(times)
+        inside = inside[(inside > edges[0]) & (inside < edges[-1])]
+        after = np.searchsorted(edges, inside)
+        new = inside[np.minimum(edges[after] - inside, inside - edges[after - 1]) > 1e-6]
         time = np.sort(np.concatenate((self.time, new)))
         index = np.searchsorted(self.time, time - 1e-9)
         interval = np.diff(time, prepend=edges[0])

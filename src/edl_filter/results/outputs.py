@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from edl_filter.reconstruction import Reconstruction
 
 #: What `edl-filter diagnose` writes beside a result: the figures in ``figures/``.
-DIAGNOSIS, DIAGNOSIS_FIGURES = "diagnosis.json", ("diagnosis_heatmap", "diagnosis_ranking")
+DIAGNOSIS, DIAGNOSIS_FIGURES = "diagnosis.json", ("diagnosis_heatmap", "diagnosis_ranking", "diagnosis_missing")
 
 
 def write_outputs(

@@ -173,6 +173,7 @@ class Altimeter(Section):
 
     sigma: LengthSigma = Field(description="1 sigma of one sample, m")
     highest: Annotated[Number, Within("m", 0.0, 1e5, above=True)] = Field(description="height where it begins, m")
+    interval_s: Duration | None = Field(default=None, description="time between readings, s; absent: every sample")
 
 
 class Scenario(Section):

@@ -175,6 +175,8 @@ def _altimeter(scenario: Scenario, motion: Motion, random: np.random.Generator) 
     if scenario.altimeter is None:
         return None
     each, surface = scenario.sampling.substeps, scenario.landing.surface_radius
+    if scenario.altimeter.interval_s is not None:
+        each *= max(1, round(scenario.altimeter.interval_s / scenario.sampling.interval_s))
     time = motion.time[each::each]
     height = np.linalg.norm(motion.state[each::each, :3], axis=1) - surface
     seen = (height < scenario.altimeter.highest) & (time > motion.deployed) & (time <= motion.landed + 1e-9)

@@ -1,0 +1,65 @@
+"""Normalised RMS of every channel over the flight, with a hypothesis in the model and without."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from edl_filter.diagnosis.case import Linear
+from edl_filter.diagnosis.ranking import Hypothesis
+from edl_filter.diagnosis.where import channels, normalised
+
+Array = NDArray[np.float64]
+
+#: RMS from which a channel is said to fail, where it is asked how much of it an effect explains.
+_FAILS = 1.5
+
+
+def errors_of(linear: Linear) -> dict[str, float]:
+    """Channel or constraint → normalised RMS of a model as it is."""
+    return _by_channel(linear, normalised(linear)) | _by_constraint(linear, normalised(linear))
+
+
+def errors_with(h: Hypothesis) -> dict[str, float]:
+    """The same with a hypothesis in the model."""
+    scaled = _scaled(h)
+    return _by_channel(h.linear, scaled) | _by_constraint(h.linear, scaled)
+
+
+def most_explained(linear: Linear, h: Hypothesis) -> float:
+    """Part of the excess of a failing channel that a hypothesis explains, in the channel where it is largest.
+
+    The excess is the mean square beyond noise. Channels of forces, moments and other IMUs count, constraints do not:
+    one landing can be met by anything.
+    """
+    before, after = _by_channel(linear, normalised(linear)), _by_channel(h.linear, _scaled(h))
+    shares = [
+        1.0 - max(after[name] ** 2 - 1.0, 0.0) / (rms**2 - 1.0)
+        for name, rms in before.items()
+        if rms > _FAILS and name in after
+    ]
+    return max(shares, default=0.0)
+
+
+def _scaled(h: Hypothesis) -> Array:
+    return h.whiten.innovations(h.refit.white) / h.linear.plain.innovation_sigma
+
+
+def _by_channel(linear: Linear, scaled: Array) -> dict[str, float]:
+    found = {}
+    for c, (name, _) in enumerate(channels(linear)):
+        rows = linear.ground.order.bin_rows[:, c]
+        found[name] = _rms(scaled[rows[rows >= 0]])
+    return found
+
+
+def _by_constraint(linear: Linear, scaled: Array) -> dict[str, float]:
+    by_name: dict[str, list[float]] = {}
+    order = linear.ground.order
+    for constraint, where in zip(linear.ground.setup.problem.constraints, order.constraint_rows, strict=True):
+        by_name.setdefault(constraint.name, []).extend(scaled[where])
+    return {name: _rms(np.array(values)) for name, values in by_name.items()}
+
+
+def _rms(values: Array) -> float:
+    return float(np.sqrt(np.mean(np.square(values)))) if len(values) else float("nan")
