@@ -1,9 +1,12 @@
 """Quiet records: the cubic comes back, and no sample keeps the noise of its own bin."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
-from edl_filter.diagnosis.case import quiet
+from edl_filter.diagnosis import case as case_module
+from edl_filter.diagnosis.case import linearise, quiet
 from edl_filter.telemetry.record import ImuRecord, SensorErrors
 
 
@@ -21,7 +24,7 @@ def record(values, interval=0.05, unit=None):
 def test_a_cubic_stays_what_it_is(interval, length):
     t = interval * np.arange(400)
     cubic = np.column_stack((t**3 - t, 2.0 * t**2, 5.0 + t))
-    found = quiet(record(cubic, interval), length).specific_force
+    found = quiet(record(cubic, interval), length, 1e3).specific_force
     np.testing.assert_allclose(found, cubic, atol=1e-9 * np.abs(cubic).max())
 
 
@@ -30,7 +33,7 @@ def test_no_sample_keeps_the_noise_of_its_own_bin(per_bin):
     for k in range(100, 100 + per_bin):
         spike = np.zeros((400, 3))
         spike[k] = 1.0
-        found = quiet(record(spike, 0.1 / per_bin), 0.1).specific_force[:, 0]
+        found = quiet(record(spike, 0.1 / per_bin), 0.1, 1e3).specific_force[:, 0]
         own = slice(k - k % per_bin, k - k % per_bin + per_bin)
         assert not found[own].any() and np.count_nonzero(found) == 4 and found.sum() == pytest.approx(1.0)
 
@@ -38,8 +41,44 @@ def test_no_sample_keeps_the_noise_of_its_own_bin(per_bin):
 def test_where_samples_or_units_change_they_stay_as_they_were():
     noise = np.random.default_rng(0).normal(size=(60, 3))
     unit = np.repeat([0, 1], 30)
-    found = quiet(record(noise, unit=unit), 0.1).specific_force
+    found = quiet(record(noise, unit=unit), 0.1, 1e3).specific_force
     same = np.all(found == noise, axis=1)
     assert same[26:35].all() and same[:4].all() and same[-4:].all()
     assert not same[4:26].any() and not same[35:56].any()
-    assert quiet(record(noise[:6]), 0.1).specific_force is not None
+    short = record(noise[:6])
+    assert quiet(short, 0.1, 1e3) is short
+
+
+def test_after_the_end_they_stay_as_they_were():
+    noise = np.random.default_rng(0).normal(size=(60, 3))
+    same = np.all(quiet(record(noise), 0.1, 2.0).specific_force == noise, axis=1)
+    assert same[36:].all() and not same[4:36].any()  # 36 and its neighbours four further on end by 2 s: no longer
+
+
+@pytest.mark.parametrize(("share", "until", "calls"), [(0.0, 0.02, 3), (0.5, 0.02, 1), (0.5, 1.0, 3)])
+def test_further_rounds_are_for_models_that_hold(monkeypatch, share, until, calls):
+    """The path moves round by round, but not where the model fails by more than `until`."""
+    made = []
+
+    class Start:
+        errors = np.zeros(2)
+
+        def plus(self, shift):
+            return self
+
+    def about(case, start, errors):
+        made.append(start)
+        soft = SimpleNamespace(start_correction=lambda white, size: (np.ones(2), np.eye(2)))
+        rough = SimpleNamespace(share=share), soft
+        return SimpleNamespace(rough=rough, soft=soft, white=lambda _: np.zeros(3), start=np.zeros(2))
+
+    monkeypatch.setattr(case_module, "about", about)
+    problem = SimpleNamespace(
+        layout=SimpleNamespace(size=2), instruments=(0,), samples=SimpleNamespace(unit=np.zeros(1, int))
+    )
+    reconstruction = SimpleNamespace(
+        problem=problem, smoothed=SimpleNamespace(states=[Start()]),
+        forward=SimpleNamespace(nodes=[SimpleNamespace(unit=0)]),
+    )  # fmt: skip
+    linearise(SimpleNamespace(reconstruction=reconstruction), rounds=3, until=until)
+    assert len(made) == calls

@@ -81,8 +81,8 @@ class Case:
     @cached_property
     def quiet_telemetry(self) -> Telemetry:
         """Telemetry with every sample replaced by what its neighbours say."""
-        t, bin_ = self.reconstruction.telemetry, float(np.median(self.bins.interval))
-        return replace(t, driving=quiet(t.driving, bin_), checking=tuple(quiet(r, bin_) for r in t.checking))
+        t, bin_, end = self.reconstruction.telemetry, float(np.median(self.bins.interval)), self.parachute
+        return replace(t, driving=quiet(t.driving, bin_, end), checking=tuple(quiet(r, bin_, end) for r in t.checking))
 
     @cached_property
     def world(self) -> World:
@@ -101,12 +101,13 @@ class Case:
         )
 
 
-def quiet(record: ImuRecord, length: float) -> ImuRecord:
+def quiet(record: ImuRecord, length: float, end: float) -> ImuRecord:
     """A record in which every sample is the cubic through four others, ``(4 (a + b) - (c + d)) / 6``.
 
     The others are one and two bins away on either side, `length` (s) being that of a bin: none is in the sample's own
     bin. A scale error multiplies what was read, noise and all. A signature with the noise of a bin in it would find
-    that noise in the bin's difference again, and call it a scale error.
+    that noise in the bin's difference again, and call it a scale error. After `end` (s), where nothing is compared,
+    samples stay: a cubic through a parachute's shock would lead the path astray.
     """
     p = max(1, round(length / float(np.median(record.interval))))
     count = len(record)
@@ -116,6 +117,7 @@ def quiet(record: ImuRecord, length: float) -> ImuRecord:
         broken = np.concatenate(([0], np.cumsum(~usual | (np.diff(record.unit, prepend=record.unit[0]) != 0))))
         # samples from 2 p before to 2 p after are as long as usual and of one unit
         even[2 * p : count - 2 * p] = broken[4 * p + 1 :] == broken[: count - 4 * p]
+        even[: count - 2 * p] &= record.time[2 * p :] <= end
 
     def smooth(values: Array) -> Array:
         out = values.copy()
@@ -214,12 +216,13 @@ def case_of(reconstruction: Reconstruction) -> Case:
     )
 
 
-def linearise(case: Case, rounds: int = 1) -> Linear:
+def linearise(case: Case, rounds: int = 1, until: float = 1.0) -> Linear:
     """Compare model and measurement about a path.
 
     The first path begins where the reconstruction says, which knows nothing of the air. What forces and moments say of
     its beginning and of the sensor errors is more; with further `rounds` the path is moved there and everything taken
-    again, until it stays. That is for models that hold: a failing one would drag the path along.
+    again, until it stays. That is for models that hold: a failing one would drag the path along, so the rounds end
+    where more than the part `until` of the rows is rough.
     """
     r = case.reconstruction
     layout, start = r.problem.layout, r.smoothed.states[0]
@@ -231,7 +234,7 @@ def linearise(case: Case, rounds: int = 1) -> Linear:
             errors[node.unit] = state.errors
     for i in range(rounds):
         linear = about(case, start, errors)
-        if i == rounds - 1:
+        if i == rounds - 1 or linear.rough[0].share > until:
             break
         soft = linear.soft
         white = linear.white(soft)

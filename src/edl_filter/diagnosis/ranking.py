@@ -34,6 +34,8 @@ LEADERS, STARTS = 4, 3
 _FLOOR = 0.1
 #: The same at a first look, from which there is no hope.
 _MAYBE = 0.7
+#: Part of the rows that may be rough where a model holds.
+_HOLDS = 0.02
 #: Likeness from which an effect may be a rival of one that explains everything.
 _RIVAL = 0.7
 #: Linear gain (nats) below which an effect is no leader.
@@ -143,7 +145,7 @@ class Ranking:
 def rank(case: Case, candidates: Iterable[Effect], progress: Progress = lambda _: None) -> Ranking:
     """Rank the effects that may be missing from a case's model."""
     progress("comparing model and measurements")
-    linear = linearise(case)
+    linear = linearise(case, rounds=3, until=_HOLDS)
     soft = linear.soft
     white = linear.white(soft)
     base = soft.log_likelihood(white)

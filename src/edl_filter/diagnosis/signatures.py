@@ -25,8 +25,8 @@ from edl_filter.navigation.layout import State
 Array = NDArray[np.float64]
 #: Altitude above which no layer begins or ends for the scan, and how far below the comparison's end it begins, m.
 _THIN, _BELOW = 70e3, 3e3
-#: Step of a derivative, in plausible sizes.
-_STEP = 0.05
+#: Step of a derivative, in plausible sizes: small, for tables have bends wherever angles pass their nodes.
+_STEP = 2e-3
 
 
 @dataclass(frozen=True)
