@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from edl_filter.diagnosis.case import Case, Linear
 from edl_filter.diagnosis.chain import compared
 from edl_filter.diagnosis.comparison import Differences, Setup
+from edl_filter.diagnosis.path import PER_BIN
 from edl_filter.diagnosis.signatures import Signature, ordered, scale_of, signature
 from edl_filter.diagnosis.timeline import stated_start
 from edl_filter.diagnosis.whitening import Whitener
@@ -38,7 +39,7 @@ class Refit:
     names : tuple of (str, str)
         Effect and parameter of each column.
     covariance : (k, k) array
-        Of the parameters.
+        Of the parameters; times with the grain of the nodes at which the model is asked.
     evidence : float
         Log-likelihood at the values, with prior and Laplace's volume, nats.
     column, start : (R,), (n,) arrays
@@ -114,10 +115,12 @@ def refit(case: Case, linear: Linear, effects: Sequence[Active], whiten: Whitene
         if gained < _ENOUGH:
             break
     volume = 0.5 * np.linalg.slogdet(covariance)[1] - float(np.sum(np.log(sigma))) if free else 0.0
+    between = float(np.median(linear.bins.interval)) / PER_BIN
+    grain = np.array([between**2 / 12.0 if q.kind == "time" else 0.0 for _, q in free])
     return Refit(
         effects=at,
         names=names,
-        covariance=covariance,
+        covariance=covariance + np.diag(grain),
         evidence=value + volume,
         column=here.column,
         start=here.start,
