@@ -55,10 +55,8 @@ def fill(text: str, page: str) -> str:
     return PLACE.sub(made, text)
 
 
-def _read(app: Sphinx, page: str, source: list[str]) -> None:
+def _read(_: Sphinx, page: str, source: list[str]) -> None:
     source[0] = fill(source[0], page)
-    if page.startswith("reference/"):
-        app.env.note_reread()
 
 
 def setup(app: Sphinx) -> dict[str, bool]:
