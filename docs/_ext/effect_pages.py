@@ -20,9 +20,9 @@ def effects_text(name: str = "") -> str:
 
 
 def _effect(effect: dict[str, Any]) -> str:
-    lines = [f"### `{effect['name']}`", f"{_sentence(effect['summary'])} {_sentence(effect['shows'])}"]
+    lines = [f"### `{effect['name']}`", _sentence(effect["summary"]), f"How it shows: {_sentence(effect['shows'])}"]
     if effect["region"]:
-        lines.append(f"Acts: {_sentence(effect['region'])}")
+        lines.append(f"Where it acts: {effect['region']}.")
     rows = ["| parameter | unit | what it is | plausible size or range | default |", "|---|---|---|---|---|"]
     rows += [
         f"| `{q['name']}` | {q['unit'] or '–'} | {q['description']} | {_range(q)} | {_default(q)} |"
@@ -33,6 +33,7 @@ def _effect(effect: dict[str, Any]) -> str:
 
 def _sentence(text: str) -> str:
     text = text.strip().replace("*", "\\*")
+    text = text[:1].upper() + text[1:]
     return text if text.endswith(".") else text + "."
 
 

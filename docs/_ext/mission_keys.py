@@ -83,19 +83,14 @@ def _section_text(part: Part) -> str:
     intro = "" if not part.path else (part.model.__doc__ or "").strip().split("\n\n")[0] + "\n\n"
     rows = ["| key | value | default | what it is |", "|---|---|---|---|"]
     for key, field in part.model.model_fields.items():
-        cells = (f"`{field.alias or key}`", value_text(field), _default(field), field.description or "")
+        kind = _kind(field.annotation, field.metadata)
+        cells = (f"`{field.alias or key}`", kind, _default(field), field.description or "")
         rows.append("| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |")
     return f"## {title}\n\n{intro}" + "\n".join(rows)
 
 
-def value_text(field: FieldInfo) -> str:
-    """What a key accepts, in words: kind, unit and range."""
-    kind = _kind(field.annotation, field.metadata)
-    return kind or "section"
-
-
 def _kind(annotation: Any, metadata: Any = ()) -> str:
-    """The kind of value of an annotation; a range in its `metadata` says more than the type."""
+    """What an annotation accepts, in words: kind, unit and range; a range in `metadata` says more than the type."""
     ranges = [m.expected for m in metadata if isinstance(m, Within)]
     origin, args = get_origin(annotation), get_args(annotation)
     if origin is Annotated:
@@ -118,7 +113,8 @@ def _kind(annotation: Any, metadata: Any = ()) -> str:
 
 def _tuple(args: tuple[Any, ...], ranges: list[str]) -> str:
     if args[-1] is Ellipsis:
-        return f"list of {_kind(args[0])}s"
+        inner = _kind(args[0])
+        return "rows of numbers" if inner.startswith("list") else f"list of {inner}s"
     if get_origin(args[0]) is tuple or (get_origin(args[0]) is Annotated and get_origin(get_args(args[0])[0]) is tuple):
         return f"{len(args)} rows of {len(get_args(args[0]))} numbers"
     inner = _kind(args[0])

@@ -49,7 +49,7 @@ def _version(wanted: bool) -> None:
 
 @app.callback(
     help="Reconstruct planetary entries from inertial telemetry.",
-    epilog="Example: edl-filter demo    (then: edl-filter COMMAND --help)",
+    epilog="Example: edl-filter demo -o results/demo",
 )
 def _app(
     version: Annotated[
