@@ -146,7 +146,7 @@ def test_every_effect_is_in_the_reference():
 
 
 def test_a_place_for_something_unknown_is_refused():
-    with pytest.raises(Exception, match="page: found 'generated: nonsense'; accepted are commands, effects, mission"):
+    with pytest.raises(ValueError, match="page: found 'generated: nonsense'; accepted are commands, effects, mission"):
         fill("<!-- generated: nonsense -->", "page")
 
 

@@ -7,12 +7,14 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
+from typing import TYPE_CHECKING
 
 from command_pages import commands_text
 from effect_pages import effects_text
 from mission_keys import keys_text
-from sphinx.application import Sphinx
-from sphinx.errors import ExtensionError
+
+if TYPE_CHECKING:  # the tests use this without Sphinx
+    from sphinx.application import Sphinx
 
 PLACE = re.compile(r"^<!-- generated: (?P<kind>[a-z]+)(?: (?P<name>[\w.]+))? -->$", re.MULTILINE)
 
@@ -42,14 +44,14 @@ def fill(text: str, page: str) -> str:
 
     Raises
     ------
-    ExtensionError
+    ValueError
         A place asks for a kind that there is not.
     """
 
     def made(place: re.Match[str]) -> str:
         kind = place["kind"]
         if kind not in KINDS:
-            raise ExtensionError(f"{page}: found 'generated: {kind}'; accepted are {', '.join(KINDS)}.")
+            raise ValueError(f"{page}: found 'generated: {kind}'; accepted are {', '.join(KINDS)}.")
         return KINDS[kind](place["name"] or "")
 
     return PLACE.sub(made, text)
