@@ -4,6 +4,7 @@
 #   make demo    reconstruct the built-in flight; figures and results go to demo-results
 #   make test    run the tests        make lint   ruff        make types   mypy
 #   make bench   run the benchmarks   make clean  remove what these targets made
+#   make docs    build the documentation into docs/_build/html; a warning is an error
 #   make study-simulation   reconstruct many simulated flights and judge the errors (some minutes)
 #   make study-closure      how often the post-flight layer's bands hold the truth, over many flights (minutes)
 #   make study              how often the right effect is named, on simulated flights (hours; goes on where it stopped)
@@ -12,8 +13,9 @@
 PYTHON ?= python3
 BIN := .venv/bin
 STAMP := .venv/installed
+DOCS_STAMP := .venv/installed-docs
 
-.PHONY: demo test lint types bench study study-simulation study-closure study-comparators clean
+.PHONY: demo test lint types bench docs study study-simulation study-closure study-comparators clean
 
 demo: $(STAMP)
 	$(BIN)/edl-filter demo -o demo-results
@@ -31,6 +33,11 @@ types: $(STAMP)
 
 bench: $(STAMP)
 	@for file in benchmarks/*.py; do echo "== $$file"; $(BIN)/python "$$file" || exit 1; done
+
+# Every page is read anew (-E): what is generated hangs on the package, which Sphinx does not watch
+docs: $(DOCS_STAMP)
+	$(BIN)/sphinx-build -W --keep-going -q -E -b html docs docs/_build/html
+	@echo "Open docs/_build/html/index.html"
 
 study: $(STAMP)
 	mkdir -p study-results
@@ -51,7 +58,7 @@ study-comparators: $(STAMP)
 	$(BIN)/python benchmarks/studies/comparators.py
 
 clean:
-	rm -rf .venv demo-results build dist .pytest_cache .mypy_cache .ruff_cache .hypothesis
+	rm -rf .venv demo-results docs/_build build dist .pytest_cache .mypy_cache .ruff_cache .hypothesis
 
 # The stamp is written last: an installation that was interrupted starts again from nothing
 $(STAMP): pyproject.toml constraints.txt
@@ -61,4 +68,9 @@ $(STAMP): pyproject.toml constraints.txt
 	$(PYTHON) -m venv .venv
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check \
 	--constraint constraints.txt --editable '.[dev]'
+	touch $@
+
+$(DOCS_STAMP): $(STAMP)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check \
+	--constraint constraints.txt --editable '.[docs]'
 	touch $@

@@ -47,7 +47,10 @@ def _version(wanted: bool) -> None:
         raise typer.Exit
 
 
-@app.callback(help="Reconstruct planetary entries from inertial telemetry.")
+@app.callback(
+    help="Reconstruct planetary entries from inertial telemetry.",
+    epilog="Example: edl-filter demo -o results/demo",
+)
 def _app(
     version: Annotated[
         bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version.")

@@ -1,0 +1,67 @@
+"""Fills pages with what the package itself declares: ``<!-- generated: KIND NAME -->`` becomes Markdown.
+
+The text is made while Sphinx reads the page and never written to a file, so it cannot be out of date.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+from command_pages import commands_text
+from effect_pages import effects_text
+from mission_keys import keys_text
+
+if TYPE_CHECKING:  # the tests use this without Sphinx
+    from sphinx.application import Sphinx
+
+PLACE = re.compile(r"^<!-- generated: (?P<kind>[a-z]+)(?: (?P<name>[\w.]+))? -->$", re.MULTILINE)
+
+
+def _mission(_: str) -> str:
+    from edl_filter.mission import Mission
+
+    return keys_text(Mission)
+
+
+def _scenario(_: str) -> str:
+    from edl_filter.simulation import Scenario
+
+    return keys_text(Scenario)
+
+
+KINDS: dict[str, Callable[[str], str]] = {
+    "commands": lambda _: commands_text(),
+    "effects": effects_text,
+    "mission": _mission,
+    "scenario": _scenario,
+}
+
+
+def fill(text: str, page: str) -> str:
+    """`text` of the `page` with all its places filled.
+
+    Raises
+    ------
+    ValueError
+        A place asks for a kind that there is not.
+    """
+
+    def made(place: re.Match[str]) -> str:
+        kind = place["kind"]
+        if kind not in KINDS:
+            raise ValueError(f"{page}: found 'generated: {kind}'; accepted are {', '.join(KINDS)}.")
+        return KINDS[kind](place["name"] or "")
+
+    return PLACE.sub(made, text)
+
+
+def _read(_: Sphinx, page: str, source: list[str]) -> None:
+    source[0] = fill(source[0], page)
+
+
+def setup(app: Sphinx) -> dict[str, bool]:
+    """Tell Sphinx of it."""
+    app.connect("source-read", _read)
+    return {"parallel_read_safe": True, "parallel_write_safe": True}
