@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -82,11 +82,16 @@ class Diagnosis:
 
         return tree_of(residual_series(self.ranking.linear)).to_dataset()
 
-    def scan(self, effect: str | Effect | type[Effect], place: str | None = None) -> DataArray:
+    def scan(
+        self,
+        effect: str | Effect | type[Effect],
+        place: str | None = None,
+        values: Sequence[float] | None = None,
+    ) -> DataArray:
         """Evidence for an effect at every place that it may have; see `edl_filter.diagnosis.scan.scan`."""
         from edl_filter.diagnosis.scan import scan
 
-        return scan(self.ranking.linear, effect, place)
+        return scan(self.ranking.linear, effect, place, values)
 
     @property
     def plot(self) -> DiagnosisPlots:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -20,7 +21,12 @@ if TYPE_CHECKING:
 _FELT = 1.0
 
 
-def scan(linear: Linear, effect: str | Effect | type[Effect], place: str | None = None) -> DataArray:
+def scan(
+    linear: Linear,
+    effect: str | Effect | type[Effect],
+    place: str | None = None,
+    values: Sequence[float] | None = None,
+) -> DataArray:
     """Evidence for an effect, with the model's failures taken for noise, at every value of a place.
 
     Of the places that differ in other parameters only the best counts.
@@ -33,6 +39,8 @@ def scan(linear: Linear, effect: str | Effect | type[Effect], place: str | None 
         Not in the model.
     place : str, optional
         Parameter that says where; the first one that is scanned if not given.
+    values : sequence of float, optional
+        Where to try it, instead of the catalogue's grid.
 
     Returns
     -------
@@ -55,14 +63,18 @@ def scan(linear: Linear, effect: str | Effect | type[Effect], place: str | None 
     soft = linear.soft
     y = linear.white(soft)
     best: dict[float, float] = {}
-    for at in places(one, begin, float(linear.bins.edges[-1]), float(np.min(flow.altitude))):
+    tried = places(one, begin, float(linear.bins.edges[-1]), float(np.min(flow.altitude)))
+    if values is not None:
+        others = {tuple((at | {q.name: 0.0}).items()) for at in tried}
+        tried = [dict(at) | {q.name: float(v)} for at in others for v in values]
+    for at in tried:
         s = signature(linear.ground, Active(one, at))
         gain = regress(y, soft(s.rows, s.start), s.sigma).gain
         best[at[q.name]] = max(gain, best.get(at[q.name], -np.inf))
-    values = sorted(best)
+    grid = sorted(best)
     gains = DataArray(
-        [best[v] for v in values],
-        {q.name: (q.name, values, {"units": q.unit, "long_name": q.description})},
+        [best[v] for v in grid],
+        {q.name: (q.name, grid, {"units": q.unit, "long_name": q.description})},
         (q.name,),
         name=one.name,
     )

@@ -29,7 +29,7 @@ _CELL = f"padding:.15em .8em .15em 0;text-align:left;vertical-align:top;backgrou
 
 def mission_card(mission: Mission) -> str:
     """Name, what is measured, and the model."""
-    vehicle, state = mission.vehicle, mission.initial_state
+    vehicle = mission.vehicle
     mass = f"{with_sigma(vehicle.mass, vehicle.mass_sigma)} kg" if vehicle.mass_sigma else f"{vehicle.mass:g} kg"
     aero = mission.aerodynamics
     constraints = [
@@ -44,7 +44,6 @@ def mission_card(mission: Mission) -> str:
         ("vehicle", f"{mass}, diameter {vehicle.diameter:g} m"),
         ("aerodynamic database", "none" if aero is None else aero.continuum),
         ("preflight density", f"known to {100.0 * mission.atmosphere.density_sigma:g} % (1 sigma)"),
-        ("initial state", type(state).__name__),
         ("constraints", ", ".join(constraints) or "none"),
         ("effects in the model", _effects(mission.active_effects())),
     ]
@@ -109,7 +108,7 @@ def diagnosis_card(diagnosis: Diagnosis) -> str:
         failing = [
             (
                 c["channel"].replace("_", " "), c["regime"], f"{c['t0_s']:.0f} to {c['t1_s']:.0f}",
-                number(c["normalised_rms"]), f"{number(c['beyond_noise'])} {c['unit']}",
+                number(c["normalised_rms"]), f"{number(c['beyond_noise'])} {c['unit'].replace('^2', '²')}",
             )
             for c in cells[:_ROWS]
         ]  # fmt: skip

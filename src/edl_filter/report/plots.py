@@ -6,7 +6,7 @@ axes, one or an array of them, to draw on further. Methods that take ``ax`` draw
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -189,7 +189,8 @@ class DiagnosisPlots:
         """
         if self._told["latent"] is None:
             raise InputError(
-                f"missing: found the verdict {self._told['verdict']!r}; expected 'unknown', where a missing force is estimated."
+                f"missing: found the verdict {self._told['verdict']!r}; a missing force is estimated where it is "
+                "'unknown'."
             )
         return _axes(_drawn(diagnosis.missing, self._told, self._found.title))
 
@@ -209,9 +210,15 @@ class DiagnosisPlots:
         """
         return _drawn(residuals.residual, self._found.residuals, channel, self._told["map"], self._found.title, ax)
 
-    def scan(self, effect: str | Effect | type[Effect], place: str | None = None, ax: Axes | None = None) -> Axes:
+    def scan(
+        self,
+        effect: str | Effect | type[Effect],
+        place: str | None = None,
+        values: Sequence[float] | None = None,
+        ax: Axes | None = None,
+    ) -> Axes:
         """Evidence for an effect (nats) against one of its places; see `Diagnosis.scan`."""
-        gains: DataArray = self._found.scan(effect, place)
+        gains: DataArray = self._found.scan(effect, place, values)
         return _drawn(residuals.scan, gains, self._found.title, ax)
 
     def fall(self, *earlier: Diagnosis) -> Axes:

@@ -96,6 +96,10 @@ def styled(draw: Callable[P, R]) -> Callable[P, R]:
 @contextmanager
 def shown() -> Iterator[None]:
     """Make figures with pyplot meanwhile: a notebook shows them at the end of the cell, a script in a window."""
+    from matplotlib import pyplot
+
+    # Loads the backend before any style is set: a notebook's switches interaction on, which must outlast the style
+    pyplot.draw_if_interactive()
     token = _SHOWN.set(True)
     try:
         yield
