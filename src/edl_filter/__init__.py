@@ -37,9 +37,19 @@ Arrays
 Use
     >>> from edl_filter import Mission, reconstruct
     >>> reconstruction = reconstruct(Mission.load("missions/mer_a.yaml"))
+    >>> reconstruction.plot.trajectory()         # matplotlib axes; dir(reconstruction.plot) has the others
+    >>> reconstruction.to_xarray()["trajectory"]["altitude"]
 
-    `Mission`, `reconstruct`, `Reconstruction`, `read_result` and `InputError` are the public names; they are
-    imported when they are first asked for, so that a command's help need not wait for a compiler.
+    The loop in Python, as the notebooks go through it (``notebooks/``, `docs/notebooks.md`):
+
+    >>> from edl_filter import diagnose, refit
+    >>> diagnosis = diagnose(reconstruction)     # .residuals, .errors, .leader, .plot.heatmap()
+    >>> improved = refit(reconstruction.mission.with_effect(diagnosis.leader))
+    >>> diagnose(improved).plot.fall(diagnosis)
+
+    `improve` goes round by itself, `simulate` flies a `Scenario` with hidden effects, `catalogue` and `effect` give
+    the effects. All public names (`__all__`) are imported when they are first asked for, so that a command's help
+    need not wait for a compiler.
 """
 
 from __future__ import annotations
@@ -48,21 +58,53 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from edl_filter.api import catalogue, diagnose, effect, improve, refit
+    from edl_filter.diagnosis.diagnose import Diagnosis
+    from edl_filter.effects import Effect, Parameter
     from edl_filter.errors import InputError
     from edl_filter.mission import Mission
     from edl_filter.reconstruction import Reconstruction, reconstruct
     from edl_filter.results import read as read_result
+    from edl_filter.simulation.scenario import Scenario
+    from edl_filter.simulation.simulate import simulate
 
 __version__ = "0.1.0"
-__all__ = ["InputError", "Mission", "Reconstruction", "__version__", "read_result", "reconstruct"]
+__all__ = [
+    "Diagnosis",
+    "Effect",
+    "InputError",
+    "Mission",
+    "Parameter",
+    "Reconstruction",
+    "Scenario",
+    "__version__",
+    "catalogue",
+    "diagnose",
+    "effect",
+    "improve",
+    "read_result",
+    "reconstruct",
+    "refit",
+    "simulate",
+]
 
 #: Public name → module and its name there.
 _PUBLIC = {
+    "Diagnosis": ("edl_filter.diagnosis.diagnose", "Diagnosis"),
+    "Effect": ("edl_filter.effects", "Effect"),
     "InputError": ("edl_filter.errors", "InputError"),
     "Mission": ("edl_filter.mission", "Mission"),
+    "Parameter": ("edl_filter.effects", "Parameter"),
     "Reconstruction": ("edl_filter.reconstruction", "Reconstruction"),
+    "Scenario": ("edl_filter.simulation", "Scenario"),
+    "catalogue": ("edl_filter.api", "catalogue"),
+    "diagnose": ("edl_filter.api", "diagnose"),
+    "effect": ("edl_filter.api", "effect"),
+    "improve": ("edl_filter.api", "improve"),
     "read_result": ("edl_filter.results", "read"),
     "reconstruct": ("edl_filter.reconstruction", "reconstruct"),
+    "refit": ("edl_filter.api", "refit"),
+    "simulate": ("edl_filter.simulation", "simulate"),
 }
 
 

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +29,12 @@ from edl_filter.reading import read_atmosphere, read_telemetry
 from edl_filter.telemetry.calibration import MisalignmentEstimate, bias_from_velocity_slope
 from edl_filter.telemetry.comparison import centred, compare
 from edl_filter.telemetry.record import Telemetry
+
+if TYPE_CHECKING:
+    from xarray import DataTree
+
+    from edl_filter.report.plots import ReconstructionPlots
+    from edl_filter.results.content import Derived
 
 Array = NDArray[np.float64]
 
@@ -62,7 +71,7 @@ class Reconstruction:
     `pre_entry_bias` is the accelerometers' bias by the thesis's way, slope of the velocity before entry, and its sigma,
     (3,) each, m/s²; None where the mission has no such window. `telemetry`, `planet` and `atmosphere` are as read and
     stated; `effects` are those of which the estimate is free (`assembly.without_effects`), and the planet with their
-    gravity is the problem's.
+    gravity is the problem's. `effect_sigma` has one sigma of what was refitted: effect → parameter → sigma.
     """
 
     mission: Mission
@@ -79,6 +88,63 @@ class Reconstruction:
     pre_entry_bias: tuple[Array, Array] | None
     timing: dict[str, float]
     effects: tuple[Active, ...] = ()
+    effect_sigma: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+
+    @cached_property
+    def derived(self) -> Derived:
+        """Air data, events, atmosphere and coefficients."""
+        from edl_filter.results.content import derive
+
+        return derive(self)
+
+    @cached_property
+    def _tree(self) -> DataTree:
+        from edl_filter.results.content import content
+        from edl_filter.results.effects import Judged
+        from edl_filter.results.netcdf import tree_of
+
+        return tree_of(content(self, self.derived, Judged(self.effect_sigma)))
+
+    def to_xarray(self) -> DataTree:
+        """All results as an xarray DataTree with units, the same as `edl_filter.read_result` gives of a run's file."""
+        return self._tree.copy()
+
+    def summary(self) -> dict[str, Any]:
+        """Give what a person asks first, as ``summary.json`` has it."""
+        from edl_filter.results.effects import Judged
+        from edl_filter.results.summary import summary
+
+        return summary(self, self.derived, Judged(self.effect_sigma))
+
+    def save(self, folder: str | Path, figures: bool = True) -> Path:
+        """Write ``result.nc``, ``summary.json``, tables and figures as ``edl-filter run`` does; gives the folder.
+
+        Raises
+        ------
+        InputError
+            The folder cannot be written, or an effect of the mission stands in no file.
+        """
+        from edl_filter.results.effects import Judged
+        from edl_filter.results.outputs import write_outputs
+
+        write_outputs(self, folder, figures, Judged(self.effect_sigma))
+        return Path(folder)
+
+    @property
+    def plot(self) -> ReconstructionPlots:
+        """Figures: ``reconstruction.plot.trajectory()`` and so on give matplotlib axes."""
+        from edl_filter.report.plots import ReconstructionPlots
+
+        return ReconstructionPlots(self._tree)
+
+    def __repr__(self) -> str:
+        added = ", ".join(a.name for a in self.effects) or "no effects"
+        return f"<Reconstruction of {self.mission.name}: {len(self.trajectory.time)} samples, {added}>"
+
+    def _repr_html_(self) -> str:
+        from edl_filter.report.cards import reconstruction_card
+
+        return reconstruction_card(self)
 
     @property
     def event_times(self) -> dict[str, float]:

@@ -7,10 +7,10 @@ import pytest
 from typer.testing import CliRunner
 
 from edl_filter.cli import app
-from edl_filter.diagnosis.improving import with_effects
 from edl_filter.effects import Active
 from edl_filter.effects.catalogue import effect_named
 from edl_filter.mission import Mission
+from edl_filter.mission.having import text_with
 
 POINT_MASS = ("--set", "planet.gravity.j2=0")
 TRUE_J2 = 1.960454e-3
@@ -128,6 +128,7 @@ def test_a_model_becomes_the_text_of_a_mission(tmp_path, monkeypatch):
         Active(effect_named("gyro_bias"), {"bx": 1e-5}, "secondary"),
         Active(find_effect("mine", Path("mine.py")), {"a": 2.0}),
     ]
-    text = with_effects(mission, model, Path("mine.py"))
+    text, session = text_with(mission, model)
+    assert session == ()
     again = Mission.from_text(text, "again", mission.source).active_effects()
     assert [(a.name, a.values, a.imu) for a in again] == [(a.name, a.values, a.imu) for a in model]

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import Any
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +17,12 @@ from edl_filter.diagnosis.ranking import Hypothesis, Progress, Ranking, Trial, r
 from edl_filter.diagnosis.remainder import Remainder, describe
 from edl_filter.diagnosis.verdict import Entry, Verdict, judge
 from edl_filter.diagnosis.where import Cell, Onset, failures, onsets, survey
-from edl_filter.effects.effect import Effect
+from edl_filter.effects.effect import Active, Effect
+
+if TYPE_CHECKING:
+    from xarray import DataArray, Dataset
+
+    from edl_filter.report.plots import DiagnosisPlots
 
 Array = NDArray[np.float64]
 
@@ -56,6 +62,51 @@ class Diagnosis:
     onsets: list[Onset]
     errors: dict[str, float]
     noise_floor: float
+
+    @property
+    def title(self) -> str:
+        """Name of the flight, for people."""
+        mission = self.ranking.case.mission
+        return mission.title or mission.name
+
+    @property
+    def leader(self) -> Active | None:
+        """The effect that is missing, with its estimate; None unless the verdict is ``missing``."""
+        return self.verdict.leader
+
+    @cached_property
+    def residuals(self) -> Dataset:
+        """Residuals against time: ``residual``, ``sigma`` and ``normalised`` by ``channel`` and ``time`` (`series`)."""
+        from edl_filter.diagnosis.series import residual_series
+        from edl_filter.results.netcdf import tree_of
+
+        return tree_of(residual_series(self.ranking.linear)).to_dataset()
+
+    def scan(
+        self,
+        effect: str | Effect | type[Effect],
+        place: str | None = None,
+        values: Sequence[float] | None = None,
+    ) -> DataArray:
+        """Evidence for an effect at every place that it may have; see `edl_filter.diagnosis.scan.scan`."""
+        from edl_filter.diagnosis.scan import scan
+
+        return scan(self.ranking.linear, effect, place, values)
+
+    @property
+    def plot(self) -> DiagnosisPlots:
+        """Figures: ``diagnosis.plot.heatmap()`` and so on give matplotlib axes."""
+        from edl_filter.report.plots import DiagnosisPlots
+
+        return DiagnosisPlots(self)
+
+    def __repr__(self) -> str:
+        return f"<Diagnosis of {self.mission}: {self.verdict.sentence}>"
+
+    def _repr_html_(self) -> str:
+        from edl_filter.report.cards import diagnosis_card
+
+        return diagnosis_card(self)
 
     def content(self) -> dict[str, Any]:
         """What ``diagnosis.json`` holds."""

@@ -7,7 +7,6 @@ says why there are no more.
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import count
@@ -20,13 +19,10 @@ from edl_filter.diagnosis.of_result import by_channel, candidates, needs_predict
 from edl_filter.diagnosis.ranking import Progress
 from edl_filter.diagnosis.series import RESIDUALS, residual_series
 from edl_filter.diagnosis.settle import settle
-from edl_filter.effects.effect import Active
-from edl_filter.effects.loading import effects_in
 from edl_filter.errors import InputError
 from edl_filter.mission import Mission
-from edl_filter.mission.adding import with_effect
+from edl_filter.mission.having import text_with
 from edl_filter.mission.naming import write_mission
-from edl_filter.mission.text import set_key
 from edl_filter.reconstruction import reconstruct
 from edl_filter.results.effects import Judged
 from edl_filter.results.netcdf import write
@@ -89,7 +85,7 @@ def steps(
     for k, step in enumerate(improve(mission, chosen, progress=progress)):
         full = most is not None and k >= most and step.added is not None
         content = finite(step.diagnosis.content())
-        text = with_effects(mission, step.model, file)
+        text, _ = text_with(mission, step.model)
         here = folder / f"step_{k}"
         write_mission(mission, text, here / MISSION)
         write_json(content, here / DIAGNOSIS)
@@ -122,40 +118,6 @@ def finish(mission: Mission, folder: Path, kept: Sequence[Kept], progress: Progr
     found = write_json(last.content, folder / DIAGNOSIS)
     write(residual_series(last.step.diagnosis.ranking.linear), folder / RESIDUALS)
     return [path, written["result"], written["summary"], found, folder / ledger.NAME, *figures]
-
-
-def with_effects(mission: Mission, model: Sequence[Active], file: Path | None = None) -> str:
-    """A mission's text with a model's effects at their values: its own ones changed, the others added.
-
-    Parameters
-    ----------
-    mission : Mission
-    model : sequence of Active
-        The mission's own effects first, in its order.
-    file : Path, optional
-        Python file with effects of the user's.
-    """
-    where, text = str(mission.source or mission.name), mission.text
-    own = mission.active_effects()
-    for k, (was, now) in enumerate(zip(own, model, strict=False)):
-        for name, value in _rounded(now.values).items():
-            if value != was.values[name]:
-                text = set_key(text, f"effects.{k}.parameters.{name}", value, where)
-    mine = {} if file is None else effects_in(file.expanduser())
-    beside = Path() if mission.source is None else mission.source.parent
-    for active in model[len(own) :]:
-        entry: dict[str, Any] = {"name": active.name}
-        if file is not None and active.name in mine:
-            entry["file"] = os.path.relpath(file.expanduser().resolve(), beside.resolve())
-        if active.imu is not None:
-            entry["imu"] = active.imu
-        entry["parameters"] = _rounded(active.values)
-        text = with_effect(text, active.effect, entry, where)
-    return text
-
-
-def _rounded(values: dict[str, float]) -> dict[str, float]:
-    return {name: float(f"{value:.10g}") for name, value in values.items()}
 
 
 def _clear(mission: Mission, folder: Path) -> None:

@@ -28,6 +28,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
@@ -184,6 +185,8 @@ class Effect:
     source : str
         Where form and plausible size come from.
     parameters : tuple of Parameter
+    file : Path or None
+        Python file that it was read from, for a user's.
     """
 
     name: ClassVar[str] = ""
@@ -193,6 +196,7 @@ class Effect:
     region: ClassVar[str] = "everywhere"
     source: ClassVar[str] = ""
     parameters: ClassVar[tuple[Parameter, ...]] = ()
+    file: Path | None = None
 
     def imu(self, p: Values, time: Array, force: Array, rate: Array) -> tuple[Array, Array]:
         """What the sensor reads where the true means are `force` and `rate`, ``(N, 3)``, body axes.
@@ -255,6 +259,26 @@ class Effect:
     def completed(self, values: Values) -> dict[str, float]:
         """All parameters by name: those of `values`, the others at their defaults."""
         return {q.name: float(values.get(q.name, q.default)) for q in self.parameters}
+
+    def at(self, **values: float) -> Active:
+        """The effect switched on: what is not named takes its default, which is zero for sizes.
+
+        Raises
+        ------
+        InputError
+            There is no such parameter, or it is out of its bounds.
+        """
+        from edl_filter.effects.loading import checked_values
+
+        return Active(self, checked_values(self, values))
+
+    def __repr__(self) -> str:
+        return f"<effect {self.name}: {self.summary}>"
+
+    def _repr_html_(self) -> str:
+        from edl_filter.report.cards import effect_card
+
+        return effect_card(self)
 
     @property
     def sizes(self) -> tuple[Parameter, ...]:

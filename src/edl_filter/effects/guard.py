@@ -26,7 +26,7 @@ def guarded(cls: type[Effect]) -> type[Effect]:
     and the one that is expected.
     """
     hooks = {hook: _wrapped(cls, hook, check) for hook, check in _CHECKS.items() if cls().acts(hook)}
-    return type(cls.__name__, (cls,), {**hooks, "__module__": cls.__module__, "__doc__": cls.__doc__})
+    return type(cls.__name__, (cls,), {**hooks, "__module__": cls.__module__, "__doc__": cls.__doc__, "guarded": True})
 
 
 def _wrapped(cls: type[Effect], hook: str, check: Callable[..., None]) -> Callable[..., Any]:

@@ -80,7 +80,10 @@ def _effects_in(file: Path, changed: int) -> dict[str, Effect]:
     classes = [c for c in vars(module).values() if _is_effect(c) and c.__module__ == module.__name__]
     if not classes:
         raise InputError(f"{file}: found no effect; a subclass of edl_filter.effects.Effect is expected.")
-    return {c.name: _user(c, str(file)) for c in classes}
+    found = {c.name: _user(c, str(file)) for c in classes}
+    for effect in found.values():
+        effect.file = file
+    return found
 
 
 @cache
@@ -106,6 +109,37 @@ def installed() -> dict[str, Effect]:
             raise InputError(f"{where}: the name {effect.name!r} is taken by the catalogue; another one is expected.")
         found[effect.name] = effect
     return found
+
+
+def of_session(given: Effect | type[Effect]) -> Effect:
+    """An effect that was given as an object: as it is if it has a home, else of this Python session, and guarded.
+
+    Parameters
+    ----------
+    given : Effect or subclass of it
+        A class that was written in a notebook, say.
+
+    Raises
+    ------
+    InputError
+        It is declared wrongly, or takes a name of the catalogue.
+    """
+    cls = given if isinstance(given, type) else type(given)
+    if not _is_effect(cls):
+        raise InputError(f"found {given!r}; expected an effect, its class, or its name.")
+    if not isinstance(given, type) and (has_home(given) or getattr(cls, "guarded", False)):
+        return given
+    known = known_effects().get(cls.name)
+    if known is not None and type(known) is cls:
+        return known
+    if known is not None:
+        raise InputError(f"effect {cls.__name__}: the name {cls.name!r} is taken; another one is expected.")
+    return _user(cls, "this session")
+
+
+def has_home(effect: Effect) -> bool:
+    """Whether a mission file can name the effect: one of the catalogue, of an installed package or of a file."""
+    return effect.file is not None or type(known_effects().get(effect.name)) is type(effect)
 
 
 class Problem(NamedTuple):

@@ -23,7 +23,7 @@ from edl_filter.mission.text import flow_text, parse, parse_override, read_text,
 from edl_filter.mission.world import Atmosphere, Planet, Vehicle
 
 if TYPE_CHECKING:
-    from edl_filter.effects.effect import Active
+    from edl_filter.effects.effect import Active, Effect
     from edl_filter.planet import Planet as PlanetModel
 
 BUILTIN = "builtin:"
@@ -63,6 +63,7 @@ class Mission(Section):
 
     _text: str = PrivateAttr("")
     _source: Path | None = PrivateAttr(None)
+    _session: tuple[Active, ...] = PrivateAttr(())
 
     @classmethod
     def load(cls, path: str | Path, overrides: Sequence[str] = ()) -> Mission:
@@ -230,12 +231,49 @@ class Mission(Section):
     def active_effects(self) -> tuple[Active, ...]:
         """Give the effects that are switched on, in the file's order, with all their parameters.
 
+        Those that only this Python session has (`with_effect`) come last.
+
         Raises
         ------
         InputError
             The file of a user's effect is missing or cannot be used, or has no such effect or parameter.
         """
-        return switched_on(self.effects, self._existing, self._where)
+        return (*switched_on(self.effects, self._existing, self._where), *self._session)
+
+    def with_effect(
+        self,
+        effect: str | Effect | type[Effect] | Active | None,
+        *,
+        imu: str | None = None,
+        fixed: bool = False,
+        **values: float,
+    ) -> Mission:
+        """Give this mission with one effect more; see `edl_filter.mission.having.with_effect`."""
+        from edl_filter.mission.having import with_effect
+
+        return with_effect(self, effect, imu, fixed, values)
+
+    def with_effects(self, model: Sequence[Active]) -> Mission:
+        """Give this mission with a `model`: its own effects at other values, then further ones.
+
+        Raises
+        ------
+        InputError
+            The model does not begin with the mission's own effects.
+        """
+        from edl_filter.mission.having import with_effects
+
+        return with_effects(self, model)
+
+    @property
+    def session_effects(self) -> tuple[Active, ...]:
+        """Effects that no file names: a class written in a notebook. They are not in `text`."""
+        return self._session
+
+    def _repr_html_(self) -> str:
+        from edl_filter.report.cards import mission_card
+
+        return mission_card(self)
 
     def output_directory(self) -> Path:
         """Folder of the results, relative to the current folder."""

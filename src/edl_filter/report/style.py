@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from contextvars import ContextVar
 from typing import Any, ParamSpec, TypeVar
 
@@ -62,6 +63,7 @@ _RC: Any = {
 }
 
 _ACTIVE: ContextVar[bool] = ContextVar("_ACTIVE", default=False)
+_SHOWN: ContextVar[bool] = ContextVar("_SHOWN", default=False)
 
 EVENT_LABELS = {
     "entry_interface": "entry",
@@ -91,8 +93,26 @@ def styled(draw: Callable[P, R]) -> Callable[P, R]:
     return wrapper
 
 
+@contextmanager
+def shown() -> Iterator[None]:
+    """Make figures with pyplot meanwhile: a notebook shows them at the end of the cell, a script in a window."""
+    from matplotlib import pyplot
+
+    # Loads the backend before any style is set: a notebook's switches interaction on, which must outlast the style
+    pyplot.draw_if_interactive()
+    token = _SHOWN.set(True)
+    try:
+        yield
+    finally:
+        _SHOWN.reset(token)
+
+
 def figure(height: float, width: float = WIDTH) -> Figure:
-    """Empty figure, inches, on its own Agg canvas: no window, no global state."""
+    """Empty figure, inches, on its own Agg canvas: no window, no global state, unless it is to be `shown`."""
+    if _SHOWN.get():
+        from matplotlib import pyplot
+
+        return pyplot.figure(figsize=(width, height))
     made = Figure(figsize=(width, height))
     FigureCanvasAgg(made)
     return made

@@ -8,6 +8,7 @@ import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from edl_filter.errors import InputError
 from edl_filter.results.effects import Judged
 from edl_filter.results.netcdf import tree_of, write
 from edl_filter.results.plain import finite
@@ -48,6 +49,11 @@ def write_outputs(
     InputError
         The folder cannot be written.
     """
+    for active in reconstruction.mission.session_effects:
+        raise InputError(
+            f"{directory}: found the effect {active.name}, which lives in this Python session only; a result that "
+            f"is to be read again needs it in a file: edl_filter.effect({active.name!r}, file='my_effect.py')."
+        )
     directory = Path(directory)
     result, path = directory / "result.nc", directory / "summary.json"
     for place in (result, path):
