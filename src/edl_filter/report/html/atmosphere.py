@@ -14,6 +14,8 @@ from edl_filter.report.html.source import Source
 _KEY, _TITLE = "atmosphere", "Atmosphere"
 _FLIGHT, _PREFLIGHT = "postflight/atmosphere/flight", "postflight/atmosphere/preflight"
 _HEIGHT, _BINS = 400, 250
+#: Relative sigma up to which a temperature or a ratio is worth a line.
+_KNOWN = 0.15
 #: Before the parachute, s: its first pull reaches the smoothed deceleration that far back.
 _EDGE = 0.5
 _UNITS = {"density": "kg/m³", "pressure": "Pa", "temperature": "K"}
@@ -40,7 +42,8 @@ def atmosphere(source: Source) -> Section:
     plots += [p for p in (_ratio(source, km, inside, counts),) if p is not None]
     note = (
         "From the drag: density from the axial force and the database, pressure by the hydrostatic integral, "
-        "temperature by the gas law. Bands are one sigma."
+        "temperature by the gas law. Bands are one sigma. Temperature and ratios are left out where a sigma exceeds "
+        f"{_KNOWN:.0%}."
     )
     return Section(_KEY, _TITLE, [Note(note, "muted"), Grid(plots)])
 
@@ -57,7 +60,7 @@ def _profile(source: Source, name: str, km: Array, inside: NDArray[np.bool_], co
     if flown is None:
         return None
     unit, linear = _UNITS[name], name == "temperature"
-    flown = flown[inside]
+    flown = (_known(flown, sigma) if linear else flown)[inside]
     before = None if expected is None else expected[inside]
     least = 0.0 if linear else 1e-3 * float(np.nanmin(np.abs(flown if before is None else before)))
     traces: list[Trace] = []
@@ -89,7 +92,7 @@ def _ratio(source: Source, km: Array, inside: NDArray[np.bool_], counts: NDArray
         )  # fmt: skip
         if flown is None or expected is None:
             continue
-        ratio = flown[inside] / expected[inside]
+        ratio = _known(flown, sigma)[inside] / expected[inside]
         if sigma is not None:
             apart = sigma[inside] / expected[inside]
             area = band(km, ratio - apart, ratio + apart, name, f"{colour}-band", bins=_BINS, turned=True)
@@ -103,6 +106,11 @@ def _ratio(source: Source, km: Array, inside: NDArray[np.bool_], counts: NDArray
     made |= {"yaxis": axis("altitude (km)")}
     caption = "Flight over preflight: 1 where the atmosphere is the expected one."
     return Plot("profile_ratio", caption, {"data": traces, "layout": made}, _HEIGHT)
+
+
+def _known(values: Array, sigma: Array | None) -> Array:
+    """`values` with gaps where their sigma is too large."""
+    return values if sigma is None else np.where(sigma < _KNOWN * np.abs(values), values, np.nan)
 
 
 def _up(km: Array, values: Array, name: str, colour: str, unit: str, **more: Any) -> Trace:

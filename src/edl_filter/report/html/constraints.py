@@ -21,7 +21,8 @@ def constraints(source: Source) -> Section:
     rows = [_row(name, c) for name, c in found.items()]
     note = (
         "Innovations are components over their sigmas (many uses: their mean). NIS is the normalised innovation "
-        "squared; it should lie in the interval. Left out: predicted from all other constraints alone, which is the fairer test."
+        "squared; it should lie in the interval. Left out: predicted from all other constraints alone, which is the "
+        "fairer test."
     )
     return Section(_KEY, _TITLE, [Table("", _HEADS, rows, texts=2, wide=(9,)), Note(note, "muted")])
 
@@ -35,7 +36,7 @@ def _row(name: str, c: dict[str, Any]) -> list[str | Mark]:
         _sigmas(c["innovation"], c["innovation_sigma"]),
         f"{c['nis']:.2f}" if c["dof"] else "–",
         str(c["dof"]),
-        "–" if interval is None else f"{interval[0]:.2g} – {interval[1]:.3g}",
+        "–" if interval is None else f"{_limit(interval[0])} – {_limit(interval[1])}",
         _sigmas(c["left_out"], c["left_out_sigma"]),
         f"{c['left_out_nis']:.2f} ({c['left_out_dof']})" if c["left_out_dof"] else "–",
         _verdict(c),
@@ -47,9 +48,18 @@ def _sigmas(values: list[float | None], sigmas: list[float | None]) -> str:
     pairs = zip(values, sigmas, strict=True)
     ratio = [v / s if v is not None and s and math.isfinite(s) else None for v, s in pairs]
     if len(ratio) <= 3:
-        return "  ".join("–" if r is None else f"{r:+.1f}".replace("-", "−") for r in ratio)
+        return "  ".join("–" if r is None else _signed(r) for r in ratio)
     known = [abs(r) for r in ratio if r is not None]
     return f"≤ {max(known):.1f}" if known else "–"
+
+
+def _signed(ratio: float) -> str:
+    return f"{round(ratio, 1) + 0.0:+.1f}".replace("-", "−")
+
+
+def _limit(value: float) -> str:
+    """A limit of the NIS as far as a person reads it; the lowest are as good as nothing."""
+    return f"{value:.0f}" if value >= 100.0 else f"{value:.1f}" if value >= 10.0 else f"{value:.2f}"
 
 
 def _verdict(c: dict[str, Any]) -> Mark:

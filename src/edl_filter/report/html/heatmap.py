@@ -14,6 +14,7 @@ from edl_filter.report.html.colours import LEAST, MOST, cell_colours, gradient
 from edl_filter.report.html.commands import diagnose
 from edl_filter.report.html.plotting import Array, axis, band, event_marks, layout, packed
 from edl_filter.report.html.source import Source
+from edl_filter.report.html.words import readable
 
 FIXED = "constraints"
 #: Bins of all channels' residuals together, and of one channel at most: the page must stay small.
@@ -57,7 +58,7 @@ def _counted(told: Mapping[str, Any]) -> str:
     failing, whole = len(told["where"]), len(told["map"])
     if not failing:
         return f"None of the {whole} cells fails: model and measurement agree to the noise."
-    return f"{failing} of {whole} cells fail. Worst: {told['where'][0]['sentence']}"
+    return f"{failing} of {whole} cells fail. Worst: {_sentence(told['where'][0])}"
 
 
 def _flight_map(cells: Sequence[Mapping[str, Any]], worst: float) -> HeatMap:
@@ -90,8 +91,12 @@ def _cell(index: int, cell: Mapping[str, Any], worst: float) -> HeatCell:
     if rms is None:
         return HeatCell()
     ground, ink = cell_colours(rms, worst)
-    text = f"{rms:.2g}" if rms < 100.0 else f"{rms:.0f}"
-    return HeatCell(index, text, ground, ink, bool(cell["fails"]), str(cell["sentence"]))
+    text = f"{rms:.2f}" if rms < 10.0 else f"{rms:.1f}" if rms < 100.0 else f"{rms:.0f}"
+    return HeatCell(index, text, ground, ink, bool(cell["fails"]), _sentence(cell))
+
+
+def _sentence(cell: Mapping[str, Any]) -> str:
+    return readable(str(cell["sentence"]).replace(cell["channel"], _words(cell["channel"]), 1))
 
 
 def _words(name: str) -> str:
@@ -104,7 +109,7 @@ def _payload(source: Source, cells: Sequence[Mapping[str, Any]]) -> dict[str, An
     shapes, notes = event_marks(source.events, span)
     return {
         "cells": [
-            {"channel": c["channel"], "regime": c["regime"], "t0": c["t0_s"], "t1": c["t1_s"], "text": c["sentence"]}
+            {"channel": c["channel"], "regime": c["regime"], "t0": c["t0_s"], "t1": c["t1_s"], "text": _sentence(c)}
             for c in cells
         ],
         "first": _first(cells),
@@ -146,7 +151,7 @@ def _channels(source: Source) -> dict[str, Any]:
         x, y = envelope(time, residual, bins)
         kept = np.searchsorted(time, x)
         made[str(name)] = {
-            "unit": str(found["unit"][k]),
+            "unit": readable(str(found["unit"][k])),
             "x": packed(x),
             "y": packed(y),
             "normalised": packed(np.asarray(found["normalised"][k], float)[kept]),

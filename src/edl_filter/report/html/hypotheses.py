@@ -10,6 +10,7 @@ from edl_filter.report.findings import chance, number, parameters_text
 from edl_filter.report.html.blocks import Block, Cell, Command, Details, Note, Section, Table
 from edl_filter.report.html.commands import add, diagnose, mission_name
 from edl_filter.report.html.source import Source
+from edl_filter.report.html.words import readable
 
 _KEY, _TITLE = "hypotheses", "Which effect is missing"
 
@@ -45,7 +46,7 @@ def hypotheses(source: Source) -> Section:
 def _in_model(source: Source) -> list[Table]:
     """Effects that the run has, at their estimates."""
     effects = source.summary.get("effects") or {}
-    rows = [[name, parameters_text(e["parameters"]), "kept fixed" if e.get("fixed") else "refitted"]
+    rows = [[name, readable(parameters_text(e["parameters"])), "kept fixed" if e.get("fixed") else "refitted"]
             for name, e in effects.items()]  # fmt: skip
     return [Table("In the model", ("effect", "size", ""), rows, texts=3)] if rows else []
 
@@ -61,7 +62,7 @@ def _ranking(source: Source, told: Mapping[str, Any]) -> Table:
                 chance(entry["probability"]),
                 number(entry["gain"]),
                 number(entry["score_gain"]),
-                parameters_text(entry["parameters"]),
+                readable(parameters_text(entry["parameters"])),
                 " or ".join(entry["same_as"]) or "nothing",
                 f"{entry['channel'].replace('_', ' ')}\n{fall}",
                 Command(add(source, mission, entry)),
@@ -82,7 +83,7 @@ def _something(other: Mapping[str, Any]) -> str:
     force, turn = other.get("force_m_s2"), other.get("angular_acceleration_rad_s2")
     if force is None or turn is None:
         return ""
-    return f"typically {number(force)} m/s^2\nand {number(turn)} rad/s^2"
+    return f"typically {number(force)} m/s²\nand {number(turn)} rad/s²"
 
 
 def _tried(undecided: Mapping[str, Any]) -> Table:

@@ -10,6 +10,7 @@ from edl_filter.report.html.blocks import Block, Note, Plot, Section
 from edl_filter.report.html.colours import AXES
 from edl_filter.report.html.plotting import axis, band, line, stacked
 from edl_filter.report.html.source import Source
+from edl_filter.report.html.words import readable
 
 _KEY, _TITLE = "left", "What is left"
 _BINS = 200
@@ -22,7 +23,7 @@ def missing(source: Source) -> Section:
         return Section(_KEY, _TITLE, [Note("Unknown without a diagnosis.", "muted")])
     blocks: list[Block] = []
     if told.get("remainder"):
-        blocks.append(Note(str(told["remainder"]["description"])))
+        blocks.append(Note(readable(str(told["remainder"]["description"]))))
         blocks.append(
             Note("Write it as an effect of your own (docs/effects.md), then diagnose with --file my_effect.py.")
         )

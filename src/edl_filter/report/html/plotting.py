@@ -96,13 +96,14 @@ def axis(title: str, **more: Any) -> dict[str, Any]:
     """An axis in the report's style."""
     return {
         "title": {"text": title, "standoff": 6, "font": {"size": 12}}, "gridcolor": "@grid", "zerolinecolor": "@grid",
-        "linecolor": "@muted", "automargin": True, "ticks": "outside", "tickcolor": "@muted", "ticklen": 4,
+        "linecolor": "@muted", "automargin": True, "exponentformat": "power", "ticks": "outside", "ticklen": 4,
+        "tickcolor": "@muted",
     } | more  # fmt: skip
 
 
 def logarithmic(title: str, **more: Any) -> dict[str, Any]:
     """A logarithmic axis, a tick at every power of ten."""
-    return axis(title, type="log", dtick=1, exponentformat="power", **more)
+    return axis(title, type="log", dtick=1, **more)
 
 
 def layout(height: int, *, top: int = 12, legend: bool = True, **more: Any) -> dict[str, Any]:

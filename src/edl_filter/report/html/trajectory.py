@@ -7,7 +7,18 @@ from typing import Any
 import numpy as np
 
 from edl_filter.report.html.blocks import Block, Note, Plot, Section
-from edl_filter.report.html.plotting import Array, Trace, axis, curve, extent, layout, line, logarithmic, stacked
+from edl_filter.report.html.plotting import (
+    LABELS,
+    Array,
+    Trace,
+    axis,
+    curve,
+    extent,
+    layout,
+    line,
+    logarithmic,
+    stacked,
+)
 from edl_filter.report.html.source import Source
 
 _KEY, _TITLE = "trajectory", "Trajectory"
@@ -19,6 +30,8 @@ _PANELS = {
     "mach": (1.0, "Mach (–)", ""),
     "dynamic_pressure": (1e-3, "q (kPa)", "kPa"),
 }
+#: Events that are named on the path; the others are too near to them.
+_NAMED = ("entry_interface", "peak_deceleration", "parachute_deploy", "landing")
 _SIGMAS = {
     "altitude_sigma": ("altitude", "@blue", "m"),
     "speed_sigma": ("speed", "@vermillion", "m/s"),
@@ -77,14 +90,19 @@ def _against(source: Source, time: Array, speed: Array, altitude: Array) -> Plot
     at = {n: t for n, t in source.events.items() if time[0] <= t <= time[-1]}
     names = [n.replace("_", " ") for n in at]
     events = {
-        "type": "scatter", "mode": "markers", "name": "events", "text": names,
+        "type": "scatter", "mode": "markers+text", "name": "events", "hovertext": names,
+        "text": [LABELS[n] if n in _NAMED else "" for n in at], "textposition": "top right", "cliponaxis": False,
+        "textfont": {"size": 11, "color": "@ink"},
         "x": [float(np.interp(t, time, speed)) for t in at.values()],
         "y": [float(np.interp(t, time, altitude)) for t in at.values()],
         "marker": {"color": "@vermillion", "size": 9, "symbol": "diamond"},
-        "hovertemplate": "%{text}<br>%{x:.4~g} km/s, %{y:.4~g} km<extra></extra>",
+        "hovertemplate": "%{hovertext}<br>%{x:.4~g} km/s, %{y:.4~g} km<extra></extra>",
     }  # fmt: skip
     made = layout(420, legend=bool(at))
-    made |= {"xaxis": axis("speed (km/s)"), "yaxis": axis("altitude (km)", range=extent(altitude, outside=0.0))}
+    made |= {
+        "xaxis": axis("speed (km/s)", range=extent(speed, outside=0.0)),
+        "yaxis": axis("altitude (km)", range=extent(altitude, outside=0.0)),
+    }
     return Plot(
         "altitude_speed", "Altitude against speed.", {"data": [path, *([events] if at else [])], "layout": made}, 420
     )

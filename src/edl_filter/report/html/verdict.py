@@ -8,6 +8,7 @@ from typing import Any
 from edl_filter.report.html.blocks import Block, Note, Section, Table
 from edl_filter.report.html.commands import diagnose
 from edl_filter.report.html.source import Source
+from edl_filter.report.html.words import readable
 from edl_filter.report.terminal import entry_sentence, landing_sentence, peak_sentence, warnings
 
 #: Verdict → sign, tone and the word before the sentence.
@@ -41,12 +42,12 @@ def verdict(source: Source) -> Verdict:
     more = warnings(constraints)
     told = source.diagnosis
     if not told:
-        return Verdict("–", "muted", f"Not diagnosed yet: {_agreement(constraints)}.", more, diagnose(source))
+        return Verdict("–", "none", f"Not diagnosed yet: {_agreement(constraints)}.", more, diagnose(source))
     sign, tone = _WORDS.get(told["verdict"], ("?", "bad"))
     if told.get("effects"):
         more.append(f"In the model: {', '.join(told['effects'])}.")
     if told.get("remainder"):
-        more.append(f"What is left: {told['remainder']['description']}")
+        more.append(f"What is left: {readable(told['remainder']['description'])}")
     if source.ledger and source.ledger[-1].get("why"):
         more.append(str(source.ledger[-1]["why"]))
     return Verdict(sign, tone, str(told["sentence"]), more)
@@ -70,7 +71,7 @@ def events(source: Source) -> Section:
             "events", "Events", [Note("There are none: the folder has no summary.json with events.", "muted")]
         )
     heads = ("event", "UTC", "time (s)", "altitude (km)", "over site (km)", "velocity (m/s)", "flight path (°)",
-             "Mach", "q (Pa)", "angle of attack (°)")  # fmt: skip
+             "Mach", "q (Pa)", "α total (°)")  # fmt: skip
     rows = [_event(name, found[name]) for name in source.events]
     blocks: list[Block] = [Table("", heads, rows, texts=2)]
     if "acceleration_single_m_s2" in found.get("peak_deceleration", {}):
@@ -80,7 +81,11 @@ def events(source: Source) -> Section:
     if told.get("entry_state"):
         blocks.append(Note(entry_sentence(told["entry_state"])))
     blocks.append(
-        Note("± is one sigma; velocities are relative to the air; angle of attack is the total one.", "muted")
+        Note(
+            f"Epoch {str(told.get('epoch_utc', 'unknown')).replace('T', ' ')} UTC. ± is one sigma; velocity and flight "
+            "path are relative to the air.",
+            "muted",
+        )
     )
     return Section("events", "Events", blocks)
 
@@ -88,7 +93,7 @@ def events(source: Source) -> Section:
 def _event(name: str, e: dict[str, Any]) -> list[str]:
     return [
         name.replace("_", " "),
-        str(e.get("utc", "")).replace("T", " ")[:23],
+        str(e.get("utc", "")).partition("T")[2][:12],
         _fixed(e.get("time_s"), 2),
         _with(e.get("altitude_m"), e.get("altitude_sigma_m"), 1e-3, 2),
         _fixed(e.get("height_above_site_m"), 2, 1e-3),

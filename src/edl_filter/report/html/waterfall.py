@@ -12,6 +12,7 @@ from edl_filter.report.html.blocks import Command, Details, Note, Plot, Section,
 from edl_filter.report.html.commands import mission_name
 from edl_filter.report.html.plotting import axis, layout
 from edl_filter.report.html.source import Source
+from edl_filter.report.html.words import readable
 
 _KEY, _TITLE = "ledger", "How the error fell"
 _HEIGHT = 380
@@ -89,10 +90,9 @@ def _figure(lines: Lines, noise: float | None) -> dict[str, Any]:
 
 def _steps(lines: Lines) -> Table:
     rows = []
-    for line in (entry for entry in lines if entry.get("added")):
-        before, after = overall(line["errors"]), overall(line["errors"], "after")
+    for line, (before, after) in zip((e for e in lines if e.get("added")), pairwise(levels(lines)), strict=False):
         names = " or ".join((line["added"], *line.get("same_as", ())))
-        rows.append([f"{line['step']}", names, parameters_text(line["parameters"]), number(line["gain"]),
+        rows.append([f"{line['step']}", names, readable(parameters_text(line["parameters"])), number(line["gain"]),
                      number(line["held_out_score"]), f"{number(before)} → {number(after)}"])  # fmt: skip
     heads = ("step", "added", "size as it was added", "gain (nats)", "held-out gain", "normalised RMS")
     return Table("Steps", heads, rows or [["–", "nothing was added", "", "", "", ""]], texts=3)

@@ -23,7 +23,7 @@
       return pair ? pair[dark() ? 1 : 0] : value;
     }
     if (Array.isArray(value)) return value.map(coloured);
-    if (value && typeof value === "object") {
+    if (value && typeof value === "object" && !ArrayBuffer.isView(value)) {
       const made = {};
       for (const key of Object.keys(value)) made[key] = coloured(value[key]);
       return made;
@@ -105,7 +105,7 @@
     }
     const shown = told.notes.filter((n) => n.x >= range[0] && n.x <= range[1]);
     const layout = {
-      ...told.layout, shapes, annotations: shown,
+      ...told.layout, shapes, annotations: shown, margin: { ...told.layout.margin, t: shown.length ? 74 : 16 },
       xaxis: { ...told.layout.xaxis, range: [...range] },
       yaxis: { ...told.layout.yaxis, range: [least - margin, most + margin],
         title: { ...told.layout.yaxis.title, text: `${words(cell.channel)} (${unit})` } },
@@ -132,7 +132,7 @@
     }));
     const time = uses.once ? { type: "category", title: { text: "" } } : { title: told.layout.xaxis.title };
     const layout = {
-      ...told.layout, shapes: bands, annotations: [], xaxis: { ...told.layout.xaxis, ...time },
+      ...told.layout, shapes: bands, annotations: [], margin: { ...told.layout.margin, t: 16 }, xaxis: { ...told.layout.xaxis, ...time },
       yaxis: { ...told.layout.yaxis, range: [-most, most], title: { ...told.layout.yaxis.title, text: "innovation (sigma)" } },
     };
     return { data: traces, layout };
