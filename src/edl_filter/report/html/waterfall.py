@@ -23,7 +23,7 @@ Lines = Sequence[Mapping[str, Any]]
 def waterfall(source: Source) -> Section:
     """Each effect that was added and the fall of the error that it brought."""
     lines = source.ledger
-    if not lines:
+    if not lines or not levels(lines):
         return Section(
             _KEY,
             _TITLE,
@@ -54,7 +54,7 @@ def overall(errors: Mapping[str, Mapping[str, float | None]], when: str = "befor
 def levels(lines: Lines) -> list[float]:
     """The error before each step, and at the end."""
     found = [overall(line["errors"]) for line in lines]
-    if lines[-1].get("added"):  # the loop was broken off: what the last effect promised
+    if lines and lines[-1].get("added"):  # the loop was broken off: what the last effect promised
         found.append(overall(lines[-1]["errors"], "after"))
     return [level for level in found if level is not None]
 
