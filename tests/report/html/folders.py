@@ -96,7 +96,8 @@ def diagnosis(folder, verdict="missing", **more):
             "none_gain": -40.0, "something_else": {"probability": 0.02, "score_gain": 20.0}, "remainder": None,
             "latent": None, "onsets": [{"channel": "force_x", "time_s": 152.4, "gain": 812.0}], "failed": {},
             "noise_floor": 1.0,
-            "undecided": {"gyro_bias": {"gain": -5.0, "parameters": {"bx": {"estimate": 1e-6, "sigma": 2e-6}}}}}  # fmt: skip
+            "undecided": {"gyro_bias": {"gain": -5.0, "parameters": {"bx": {"estimate": 1e-6, "sigma": 2e-6}}}},
+            }  # fmt: skip
     (folder / "diagnosis.json").write_text(json.dumps(told | more), encoding="utf-8")
 
 
