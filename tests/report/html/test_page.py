@@ -145,9 +145,7 @@ def test_a_clean_verdict_and_an_unknown_one_say_what_is_left(tmp_path):
     text = page(tmp_path)
     assert "It follows q at 3 m/s²." in section(text, "left") and "plot-missing" in section(text, "left")
     traces = data(text)["figures"]["missing"]["data"]
-    curve = next(
-        t for t in traces if (t["name"] == "along x" and "yaxis" not in t | {"yaxis": 0}) or t["name"] == "along x"
-    )
+    curve = next(t for t in traces if t["name"] == "along x")
     assert abs(numbers(curve["y"])).max() == pytest.approx(20.0, rel=1e-3)
 
 

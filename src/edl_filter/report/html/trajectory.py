@@ -91,7 +91,8 @@ def _against(source: Source, time: Array, speed: Array, altitude: Array) -> Plot
     names = [n.replace("_", " ") for n in at]
     events = {
         "type": "scatter", "mode": "markers+text", "name": "events", "hovertext": names,
-        "text": [LABELS[n] if n in _NAMED else "" for n in at], "textposition": ["bottom right" if n == "landing" else "top right" for n in at], "cliponaxis": False,
+        "text": [LABELS[n] if n in _NAMED else "" for n in at], "cliponaxis": False,
+        "textposition": ["bottom right" if n == "landing" else "top right" for n in at],
         "textfont": {"size": 11, "color": "@ink"},
         "x": [float(np.interp(t, time, speed)) for t in at.values()],
         "y": [float(np.interp(t, time, altitude)) for t in at.values()],
