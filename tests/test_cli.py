@@ -103,6 +103,7 @@ def test_run_json_is_one_object(cli):
     outputs = told.pop("outputs")
     assert told == json.loads(Path("out/summary.json").read_text())
     assert Path(outputs["result"]).is_file()
+    assert Path(outputs["report"]).is_file()
 
 
 def test_set_changes_the_mission(cli):

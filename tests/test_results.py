@@ -219,7 +219,7 @@ def test_old_figures_do_not_stay_beside_a_new_result(practice_06, tmp_path):
     assert {p.name for p in figures.iterdir()} == {"mine.png"}
     (figures / "mine.png").rename(figures / "leave_one_out.png")
     results.write_outputs(practice_06, tmp_path, figures=False)
-    assert {p.name for p in tmp_path.iterdir()} == {"result.nc", "summary.json", "tables"}
+    assert {p.name for p in tmp_path.iterdir()} == {"result.nc", "summary.json", "report.html", "tables"}
 
 
 def test_a_failed_drawing_leaves_the_earlier_run(practice_06, tmp_path, monkeypatch):

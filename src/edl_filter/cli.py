@@ -73,7 +73,7 @@ def run(
     ] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print the summary as JSON, nothing else.")] = False,
 ) -> None:
-    """Reconstruct an entry, its effects refitted; write result.nc, summary.json and figures."""
+    """Reconstruct an entry, its effects refitted; write result.nc, summary.json, report.html and figures."""
     from edl_filter.mission import Mission
 
     _run(Mission.load(mission, changes or ()), output, not no_figures, as_json, not no_refit)
@@ -251,7 +251,7 @@ def diagnose(
 
     with busy(f"Diagnosing {result}", quiet=as_json) as say:
         found = diagnose_result(result, names or (), file, say)
-    paths = [str(p) for p in (found.path, *found.figures)]
+    paths = [str(p) for p in (found.path, found.report, *found.figures)]
     if as_json:
         print_json(found.content | {"outputs": paths, "next": found.following})
         return
@@ -345,7 +345,7 @@ def _run(mission: Mission, output: Path | None, figures: bool, as_json: bool, re
             reconstruction, output or mission.output_directory(), figures and mission.outputs.figures, judged
         )
     if as_json:
-        paths = {"result": str(written["result"]), "figures": [str(p) for p in written["figures"]]}
+        paths = {k: str(written[k]) for k in ("result", "report")} | {"figures": [str(p) for p in written["figures"]]}
         print_json(written["content"] | {"outputs": paths})
     else:
         from edl_filter.report.terminal import print_run

@@ -89,7 +89,7 @@ def test_the_shipped_flight_is_clean_and_broken_effects_are_named(clean):
     kept = json.loads((clean / "result" / "diagnosis.json").read_text())
     assert kept == {k: v for k, v in told.items() if k not in ("outputs", "next")}
     assert [Path(p).name for p in told["outputs"]] == [
-        "diagnosis.json", "diagnosis_heatmap.png", "diagnosis_ranking.png",
+        "diagnosis.json", "report.html", "diagnosis_heatmap.png", "diagnosis_ranking.png",
     ]  # fmt: skip
     assert all(Path(p).is_file() for p in told["outputs"])
     summary = json.loads((clean / "result" / "summary.json").read_text())

@@ -17,7 +17,7 @@ from edl_filter.diagnosis import ledger
 from edl_filter.diagnosis.improve import Step, improve
 from edl_filter.diagnosis.of_result import by_channel, candidates, needs_prediction
 from edl_filter.diagnosis.ranking import Progress
-from edl_filter.diagnosis.series import RESIDUALS, residual_series
+from edl_filter.diagnosis.series import residual_series
 from edl_filter.diagnosis.settle import settle
 from edl_filter.errors import InputError
 from edl_filter.mission import Mission
@@ -26,7 +26,7 @@ from edl_filter.mission.naming import write_mission
 from edl_filter.reconstruction import reconstruct
 from edl_filter.results.effects import Judged
 from edl_filter.results.netcdf import write
-from edl_filter.results.outputs import DIAGNOSIS, write_json, write_outputs
+from edl_filter.results.outputs import DIAGNOSIS, RESIDUALS, write_json, write_outputs
 from edl_filter.results.plain import finite
 
 MISSION = "mission.yaml"
@@ -117,7 +117,10 @@ def finish(mission: Mission, folder: Path, kept: Sequence[Kept], progress: Progr
     figures.append(write_figure(made, folder / "figures" / "ledger.png"))
     found = write_json(last.content, folder / DIAGNOSIS)
     write(residual_series(last.step.diagnosis.ranking.linear), folder / RESIDUALS)
-    return [path, written["result"], written["summary"], found, folder / ledger.NAME, *figures]
+    from edl_filter.report.html import write_report
+
+    report = write_report(folder)
+    return [path, written["result"], written["summary"], found, folder / ledger.NAME, report, *figures]
 
 
 def _clear(mission: Mission, folder: Path) -> None:

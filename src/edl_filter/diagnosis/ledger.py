@@ -11,9 +11,8 @@ from pathlib import Path
 from typing import Any
 
 from edl_filter.errors import InputError
+from edl_filter.results.outputs import LEDGER as NAME
 from edl_filter.results.outputs import finite
-
-NAME = "ledger.jsonl"
 
 
 def entry(step: int, content: dict[str, Any]) -> dict[str, Any]:

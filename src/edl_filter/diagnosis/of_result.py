@@ -12,7 +12,7 @@ from typing import Any
 from edl_filter.diagnosis.case import load_case
 from edl_filter.diagnosis.diagnose import diagnose
 from edl_filter.diagnosis.ranking import Progress
-from edl_filter.diagnosis.series import RESIDUALS, residual_series
+from edl_filter.diagnosis.series import residual_series
 from edl_filter.effects.catalogue import unknown
 from edl_filter.effects.effect import Effect
 from edl_filter.effects.loading import effects_in, known_effects
@@ -20,12 +20,9 @@ from edl_filter.errors import InputError
 from edl_filter.mission import Mission
 from edl_filter.mission.naming import name_of, unchanged, write_mission
 from edl_filter.results.netcdf import write
-from edl_filter.results.outputs import DIAGNOSIS, write_json
+from edl_filter.results.outputs import AS_RUN, DIAGNOSIS, RESIDUALS, write_json
 from edl_filter.results.plain import finite
 from edl_filter.results.reopen import Reopened, reopen
-
-#: A mission that was changed by ``--set`` as it was run, beside its result.
-AS_RUN = "mission_as_run.yaml"
 
 
 @dataclass(frozen=True)
@@ -41,12 +38,15 @@ class Diagnosed:
     figures : list of Path
     following : list of str
         Commands to type next.
+    report : Path
+        ``report.html``, with the diagnosis in it.
     """
 
     content: dict[str, Any]
     path: Path
     figures: list[Path]
     following: list[str]
+    report: Path
 
 
 def candidates(names: Sequence[str] = (), file: Path | None = None) -> list[Effect]:
@@ -118,18 +118,27 @@ def diagnose_result(
     path = write_json(content, reopened.folder / DIAGNOSIS)
     write(residual_series(found.ranking.linear), reopened.folder / RESIDUALS)
     _update_summary(reopened.folder / "summary.json", content)
-    return Diagnosed(content, path, figures, following(reopened, content, file))
+    commands = following(reopened, content, file)
+    progress("writing the report")
+    from edl_filter.report.html import write_report
+
+    return Diagnosed(content, path, figures, commands, write_report(reopened.folder))
 
 
 def following(reopened: Reopened, content: dict[str, Any], file: Path | None) -> list[str]:
-    """Commands that add the effect which a diagnosis names, and run the mission with it."""
-    if content["verdict"] != "missing":
+    """Commands that add the effect which a diagnosis names, and run the mission with it.
+
+    A mission that ``--set`` changed is written beside its result as soon as there is a hypothesis to add to it.
+    """
+    if not content["ranking"]:
         return []
     mission, effect = reopened.mission, content["ranking"][0]["effect"]
     if unchanged(mission):
         name = name_of(mission)
     else:
         name = str(write_mission(mission, mission.text, reopened.folder / AS_RUN))
+    if content["verdict"] != "missing":
+        return []
     built_in = name.startswith("builtin:")
     stem = f"{name.removeprefix('builtin:') if built_in else Path(name).stem}+{effect}"
     added = f"{stem}.yaml" if built_in else str(Path(name).with_name(f"{stem}.yaml"))

@@ -12,9 +12,6 @@ from edl_filter.diagnosis.case import Linear
 from edl_filter.diagnosis.where import channels, normalised
 from edl_filter.results.groups import Group, Groups
 
-#: Name of the file, beside the result.
-RESIDUALS = "residuals.nc"
-
 
 def residual_series(linear: Linear) -> Groups:
     """Groups of ``residuals.nc``.

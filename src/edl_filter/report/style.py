@@ -16,22 +16,11 @@ from xarray import DataTree
 
 from edl_filter.report import view
 from edl_filter.report.labels import place
+from edl_filter.report.palette import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, SKY, VERMILLION, YELLOW  # noqa: F401
 
 P = ParamSpec("P")
 R = TypeVar("R")
 
-#: Okabe and Ito's palette, distinct for all common kinds of colour vision.
-BLACK, ORANGE, SKY, GREEN, YELLOW, BLUE, VERMILLION, PURPLE = (
-    "#000000",
-    "#E69F00",
-    "#56B4E9",
-    "#009E73",
-    "#F0E442",
-    "#0072B2",
-    "#D55E00",
-    "#CC79A7",
-)
-GREY = "#666666"
 #: Colours of body axes x, y, z.
 AXIS_COLOURS = (BLUE, VERMILLION, GREEN)
 

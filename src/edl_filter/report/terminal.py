@@ -54,6 +54,7 @@ def _print(console: Console, written: dict[str, Any]) -> None:
     seconds = sum(told["timing_s"].values())
     console.print(f"Written in {seconds:.1f} s: {written['result']}", soft_wrap=True)
     console.print(f"Summary: {written['summary']}", soft_wrap=True)
+    console.print(f"Report: {written['report']} (open it in a browser)", soft_wrap=True)
     if written["figures"]:
         console.print(f"Figures: {written['figures'][0].parent} ({len(written['figures'])} files)", soft_wrap=True)
 

@@ -20,12 +20,14 @@ if TYPE_CHECKING:
 
 #: What `edl-filter diagnose` writes beside a result: the figures in ``figures/``.
 DIAGNOSIS, DIAGNOSIS_FIGURES = "diagnosis.json", ("diagnosis_heatmap", "diagnosis_ranking", "diagnosis_missing")
+#: Residuals of that diagnosis against time; the mission that `--set` changed, as it was run; steps of the loop.
+RESIDUALS, AS_RUN, LEDGER = "residuals.nc", "mission_as_run.yaml", "ledger.jsonl"
 
 
 def write_outputs(
     reconstruction: Reconstruction, directory: str | Path, figures: bool, judged: Judged | None = None
 ) -> dict[str, Any]:
-    """Write ``result.nc``, ``summary.json``, tables in ``tables/`` and, if wanted, ``figures/``.
+    """Write ``result.nc``, ``summary.json``, ``report.html``, tables in ``tables/`` and, if wanted, ``figures/``.
 
     All is made in a hidden folder first and takes its place at the end, so that a failure leaves what was there;
     figures of an earlier run go, and a diagnosis of it.
@@ -42,7 +44,7 @@ def write_outputs(
     Returns
     -------
     dict
-        ``result`` and ``summary``: `Path`; ``figures``: list of `Path`; ``content``: the summary itself.
+        ``result``, ``summary`` and ``report``: `Path`; ``figures``: list of `Path`; ``content``: the summary itself.
 
     Raises
     ------
@@ -65,7 +67,8 @@ def write_outputs(
             staged = Path(hidden)
             made, told = _make(reconstruction, staged, figures, judged or Judged())
             _remove_figures(directory / "figures")
-            (directory / DIAGNOSIS).unlink(missing_ok=True)
+            for name in (DIAGNOSIS, RESIDUALS):
+                (directory / name).unlink(missing_ok=True)
             places = [directory / path.relative_to(staged) for path in made]
             for place in places:
                 place.parent.mkdir(exist_ok=True)
@@ -73,8 +76,12 @@ def write_outputs(
                 (staged / place.relative_to(directory)).replace(place)
     except OSError as error:
         raise cannot_write(Path(error.filename2 or error.filename or directory), error) from None
+    from edl_filter.report.html import write_report
+
     drawn = [place for place in places if place.suffix == ".png"]
-    return {"result": result, "summary": path, "figures": drawn, "content": told}
+    return {
+        "result": result, "summary": path, "report": write_report(directory), "figures": drawn, "content": told,
+    }  # fmt: skip
 
 
 def _make(

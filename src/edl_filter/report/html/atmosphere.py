@@ -1,0 +1,121 @@
+"""The atmosphere that the flight met: density, pressure, temperature against altitude, beside the preflight one."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from edl_filter.report.html.blocks import Grid, Note, Plot, Section
+from edl_filter.report.html.plotting import Array, Trace, axis, band, curve, envelope, extent, layout, logarithmic
+from edl_filter.report.html.source import Source
+
+_KEY, _TITLE = "atmosphere", "Atmosphere"
+_FLIGHT, _PREFLIGHT = "postflight/atmosphere/flight", "postflight/atmosphere/preflight"
+_HEIGHT, _BINS = 400, 250
+#: Relative sigma up to which a temperature or a ratio is worth a line.
+_KNOWN = 0.15
+#: Before the parachute, s: its first pull reaches the smoothed deceleration that far back.
+_EDGE = 0.5
+_UNITS = {"density": "kg/m³", "pressure": "Pa", "temperature": "K"}
+
+
+def atmosphere(source: Source) -> Section:
+    """Profiles with one-sigma bands, and the ratio of the densities."""
+    height, time = source.get(_FLIGHT, "altitude"), source.get(_FLIGHT, "time")
+    if height is None or time is None or source.get(_FLIGHT, "density") is None:
+        return Section(
+            _KEY,
+            _TITLE,
+            [Note("The run derived no atmosphere; that needs an aerodynamic database in the mission.", "muted")],
+        )
+    start = _limit(source, "domain_start", float(time[0]))
+    end = _limit(source, "domain_end", float(time[-1])) - _EDGE
+    useful = _limit(source, "domain_useful", start)
+    inside = (time >= start) & (time <= end)
+    if not inside.any():
+        return Section(_KEY, _TITLE, [Note("No air was felt long enough for a profile.", "muted")])
+    counts = time[inside] >= useful
+    km = 1e-3 * height[inside]
+    plots = [p for name in _UNITS if (p := _profile(source, name, km, inside, counts)) is not None]
+    plots += [p for p in (_ratio(source, km, inside, counts),) if p is not None]
+    note = (
+        "From the drag: density from the axial force and the database, pressure by the hydrostatic integral, "
+        "temperature by the gas law. Bands are one sigma. Temperature and ratios are left out where a sigma exceeds "
+        f"{_KNOWN:.0%}."
+    )
+    return Section(_KEY, _TITLE, [Note(note, "muted"), Grid(plots)])
+
+
+def _limit(source: Source, name: str, otherwise: float) -> float:
+    found = source.attribute("postflight", name)
+    return otherwise if found is None or not np.isfinite(found) else float(found)
+
+
+def _profile(source: Source, name: str, km: Array, inside: NDArray[np.bool_], counts: NDArray[np.bool_]) -> Plot | None:
+    flown, sigma, expected = (
+        source.get(_FLIGHT, name), source.get(_FLIGHT, f"{name}_sigma"), source.get(_PREFLIGHT, name)
+    )  # fmt: skip
+    if flown is None:
+        return None
+    unit, linear = _UNITS[name], name == "temperature"
+    flown = (_known(flown, sigma) if linear else flown)[inside]
+    before = None if expected is None else expected[inside]
+    least = 0.0 if linear else 1e-3 * float(np.nanmin(np.abs(flown if before is None else before)))
+    traces: list[Trace] = []
+    if sigma is not None:
+        low, high = np.maximum(flown - sigma[inside], least), flown + sigma[inside]
+        traces.append(band(km, low, high, "±1 sigma", "@blue-band", bins=_BINS, turned=True))
+    traces.append(_up(km, flown if linear else np.where(flown > 0.0, flown, np.nan), "flight", "@blue", unit))
+    if before is not None:
+        traces.append(_up(km, before, "preflight", "@vermillion", unit, line={"dash": "dash"}))
+    if linear:
+        x = axis(f"{name} ({unit})", range=extent(*(v for v in (flown[counts], before) if v is not None), outside=0.01))
+    else:
+        both = np.concatenate([v for v in (flown, before) if v is not None])
+        both = both[np.isfinite(both) & (both > 0.0)]
+        reference = flown if before is None else before
+        low_end = max(float(both.min()), 0.02 * float(np.nanmin(np.abs(reference))))
+        ends = np.log10([0.5 * low_end, 2.0 * float(both.max())])
+        x = logarithmic(f"{name} ({unit})", range=ends.tolist())
+    made = layout(_HEIGHT) | {"xaxis": x, "yaxis": axis("altitude (km)")}
+    return Plot(f"profile_{name}", f"{name.capitalize()} along the flight.", {"data": traces, "layout": made}, _HEIGHT)
+
+
+def _ratio(source: Source, km: Array, inside: NDArray[np.bool_], counts: NDArray[np.bool_]) -> Plot | None:
+    traces: list[Trace] = []
+    shown = [np.array([0.9, 1.1])]
+    for name, colour in (("density", "@blue"), ("pressure", "@green"), ("temperature", "@orange")):
+        flown, sigma, expected = (
+            source.get(_FLIGHT, name), source.get(_FLIGHT, f"{name}_sigma"), source.get(_PREFLIGHT, name)
+        )  # fmt: skip
+        if flown is None or expected is None:
+            continue
+        ratio = _known(flown, sigma)[inside] / expected[inside]
+        if sigma is not None:
+            apart = sigma[inside] / expected[inside]
+            area = band(km, ratio - apart, ratio + apart, name, f"{colour}-band", bins=_BINS, turned=True)
+            traces.append(area | {"legendgroup": name, "showlegend": False})
+        traces.append(_up(km, ratio, name, colour, "") | {"legendgroup": name})
+        shown.append(ratio if name == "density" else ratio[counts])
+    if not traces:
+        return None
+    made = layout(_HEIGHT)
+    made |= {"xaxis": axis("flight over preflight (–)", range=extent(*shown, outside=0.01))}
+    made |= {"yaxis": axis("altitude (km)")}
+    caption = "Flight over preflight: 1 where the atmosphere is the expected one."
+    return Plot("profile_ratio", caption, {"data": traces, "layout": made}, _HEIGHT)
+
+
+def _known(values: Array, sigma: Array | None) -> Array:
+    """`values` with gaps where their sigma is too large."""
+    return values if sigma is None else np.where(sigma < _KNOWN * np.abs(values), values, np.nan)
+
+
+def _up(km: Array, values: Array, name: str, colour: str, unit: str, **more: Any) -> Trace:
+    """A curve of `values` over altitude, drawn upwards."""
+    height, thin = envelope(km, values, _BINS)
+    ends = f" {unit}" if unit else ""
+    hover = f"%{{y:.4~g}} km: %{{x:.4~g}}{ends}<extra>%{{fullData.name}}</extra>"
+    return curve(thin, height, name, colour, unit, hovertemplate=hover, **more)

@@ -1,0 +1,252 @@
+"use strict";
+(() => {
+  const data = JSON.parse(document.getElementById("data").textContent);
+  const root = document.documentElement;
+  const wantsDark = window.matchMedia("(prefers-color-scheme: dark)");
+  const narrow = () => window.innerWidth < 600;
+  const printing = { now: false };
+  // on a touch screen a finger on a plot moves the page, not the axes
+  const touch = window.matchMedia("(pointer: coarse)").matches;
+  const config = {
+    responsive: true, displaylogo: false, displayModeBar: touch ? false : "hover",
+    modeBarButtonsToRemove: ["select2d", "lasso2d", "zoomIn2d", "zoomOut2d"],
+  };
+
+  // ---- theme: figures name roles of colours, which become colours here ----
+  const dark = () => {
+    if (printing.now) return false;
+    return root.dataset.theme ? root.dataset.theme === "dark" : wantsDark.matches;
+  };
+  const coloured = (value) => {
+    if (typeof value === "string") {
+      const pair = value[0] === "@" && Object.hasOwn(data.roles, value) ? data.roles[value] : null;
+      return pair ? pair[dark() ? 1 : 0] : value;
+    }
+    if (Array.isArray(value)) return value.map(coloured);
+    if (value && typeof value === "object" && !ArrayBuffer.isView(value)) {
+      const made = {};
+      for (const key of Object.keys(value)) made[key] = coloured(value[key]);
+      return made;
+    }
+    return value;
+  };
+  const unpacked = (bytes) => {
+    const text = atob(bytes.bdata);
+    const raw = Uint8Array.from(text, (c) => c.charCodeAt(0));
+    return new Float32Array(raw.buffer);
+  };
+
+  // ---- plots ----
+  const drawn = new Map();
+  const draw = (element, figure) => {
+    drawn.set(element, figure);
+    const made = coloured(figure);
+    made.layout = { ...made.layout, autosize: true, dragmode: touch ? false : "zoom" };
+    made.layout.hoverlabel = { bgcolor: coloured("@page"), bordercolor: coloured("@muted"), font: { color: coloured("@ink") } };
+    if (narrow() && !printing.now) {
+      made.layout.margin = { ...made.layout.margin, l: 54, r: 6 };
+      made.layout.font = { ...made.layout.font, size: 11 };
+    }
+    return Plotly.react(element, made.data, made.layout, config);
+  };
+  const redraw = () => { for (const [element, figure] of drawn) draw(element, figure); };
+
+  // ---- the plot that the map's cells fill ----
+  const told = data.residuals;
+  const place = document.getElementById("plot-residuals");
+  const chosen = { cell: told ? told.first : 0, window: "regime", unit: "unit" };
+  const words = (name) => name.replaceAll("_", " ");
+
+  const inTime = (cell, channel) => {
+    const sigmas = chosen.unit === "sigma";
+    const x = unpacked(channel.x);
+    const y = unpacked(sigmas ? channel.normalised : channel.y);
+    const room = Math.max(0.06 * (cell.t1 - cell.t0), 0.5);
+    const range = chosen.window === "flight" ? told.span : [cell.t0 - room, cell.t1 + room];
+    let least = sigmas ? -2.5 : 0, most = sigmas ? 2.5 : 0;
+    for (let k = 0; k < x.length; k++) {
+      if (x[k] < range[0] || x[k] > range[1] || Number.isNaN(y[k])) continue;
+      least = Math.min(least, y[k]);
+      most = Math.max(most, y[k]);
+    }
+    const bands = sigmas
+      ? [2, 1].map((m) => ({
+        type: "scatter", mode: "lines", x: [told.span[0], told.span[1], told.span[1], told.span[0]], y: [-m, -m, m, m],
+        fill: "toself", fillcolor: m === 1 ? "@blue-band" : "@blue-faint", line: { width: 0 }, name: `±${m} sigma`,
+        hoverinfo: "skip",
+      }))
+      : channel.bands;
+    if (!sigmas) {
+      for (const band of bands) {
+        const bx = unpacked(band.x), by = unpacked(band.y);
+        for (let k = 0; k < bx.length; k++) {
+          if (bx[k] < range[0] || bx[k] > range[1] || Number.isNaN(by[k])) continue;
+          least = Math.min(least, by[k]);
+          most = Math.max(most, by[k]);
+        }
+      }
+    }
+    const unit = sigmas ? "sigma" : channel.unit;
+    const curve = {
+      type: "scatter", mode: "lines", name: "residual", x, y, line: { color: "@vermillion", width: 1.2 },
+      hovertemplate: `%{x:.2f} s: %{y:.4~g} ${unit}<extra></extra>`,
+    };
+    const margin = 0.06 * (most - least) || 1;
+    const shapes = [...told.shapes, {
+      type: "rect", xref: "x", yref: "paper", x0: cell.t0, x1: cell.t1, y0: 0, y1: 1, fillcolor: "@shade",
+      line: { width: 1, color: "@orange" }, layer: "below",
+    }];
+    const onset = told.onsets[cell.channel];
+    if (onset !== undefined) {
+      shapes.push({
+        type: "line", xref: "x", yref: "paper", x0: onset, x1: onset, y0: 0, y1: 1,
+        line: { color: "@ink", width: 1.5, dash: "dash" },
+      });
+    }
+    const shown = told.notes.filter((n) => n.x >= range[0] && n.x <= range[1]);
+    const layout = {
+      ...told.layout, shapes, annotations: shown, margin: { ...told.layout.margin, t: shown.length ? 74 : 16 },
+      xaxis: { ...told.layout.xaxis, range: [...range] },
+      yaxis: { ...told.layout.yaxis, range: [least - margin, most + margin],
+        title: { ...told.layout.yaxis.title, text: `${words(cell.channel)} (${unit})` } },
+    };
+    return { data: [...bands, curve], layout };
+  };
+
+  const fixed = (cell, uses) => {
+    const colours = ["@blue", "@vermillion", "@green"];
+    const x = uses.once ? uses.parts : unpacked(uses.time);
+    const traces = uses.values.map((packed, k) => {
+      const y = unpacked(packed);
+      const point = { color: colours[k % 3], size: uses.once ? 11 : 5 };
+      return {
+        type: "scatter", mode: "markers", name: uses.parts[k], x: uses.once ? [uses.parts[k]] : x, y, marker: point,
+        hovertemplate: "%{y:.2f} sigma<extra>%{fullData.name}</extra>", showlegend: !uses.once,
+      };
+    });
+    let most = 3.3;
+    for (const trace of traces) for (const y of trace.y) if (Math.abs(y) > most) most = 1.08 * Math.abs(y);
+    const bands = [3, 1].map((m) => ({
+      type: "rect", xref: "paper", yref: "y", x0: 0, x1: 1, y0: -m, y1: m, layer: "below",
+      fillcolor: m === 1 ? "@blue-band" : "@blue-faint", line: { width: 0 },
+    }));
+    const time = uses.once ? { type: "category", title: { text: "" } } : { title: told.layout.xaxis.title };
+    const layout = {
+      ...told.layout, shapes: bands, annotations: [], margin: { ...told.layout.margin, t: 16 }, xaxis: { ...told.layout.xaxis, ...time },
+      yaxis: { ...told.layout.yaxis, range: [-most, most], title: { ...told.layout.yaxis.title, text: "innovation (sigma)" } },
+    };
+    return { data: traces, layout };
+  };
+
+  const press = (selector, test) => {
+    for (const b of document.querySelectorAll(selector)) b.setAttribute("aria-pressed", String(test(b)));
+  };
+
+  const show = () => {
+    const cell = told.cells[chosen.cell];
+    const channel = told.channels[cell.channel], uses = told.constraints[cell.channel];
+    const title = document.getElementById("residuals-title");
+    press(".cell", (b) => Number(b.dataset.cell) === chosen.cell);
+    press("[data-window]", (b) => b.dataset.window === chosen.window);
+    press("[data-unit]", (b) => b.dataset.unit === chosen.unit);
+    const inFlight = cell.regime !== "constraints" && channel;
+    for (const b of document.querySelectorAll(".choices button")) b.disabled = !inFlight;
+    title.textContent = cell.text;
+    if (inFlight) {
+      place.hidden = false;
+      draw(place, inTime(cell, channel));
+    } else if (cell.regime === "constraints" && uses) {
+      title.textContent += " Below: its innovations on the way forwards; bands of one and three sigmas.";
+      place.hidden = false;
+      draw(place, fixed(cell, uses));
+    } else {
+      drawn.delete(place);
+      place.hidden = true;
+      title.textContent += " There is no residual against time for it.";
+    }
+  };
+
+  // ---- what people press ----
+  const toggle = document.getElementById("theme");
+  const label = () => { toggle.textContent = dark() ? "light theme" : "dark theme"; };
+  toggle.addEventListener("click", () => {
+    root.dataset.theme = dark() ? "light" : "dark";
+    label();
+    redraw();
+  });
+  wantsDark.addEventListener("change", () => { if (!root.dataset.theme) { label(); redraw(); } });
+  label();
+
+  for (const button of document.querySelectorAll(".cell")) {
+    button.addEventListener("click", () => {
+      chosen.cell = Number(button.dataset.cell);
+      chosen.window = "regime";
+      show();
+      const box = place.getBoundingClientRect();
+      if (box.top > window.innerHeight - 200) {
+        document.getElementById("residuals").scrollIntoView({ block: "nearest" });
+      }
+    });
+  }
+  for (const button of document.querySelectorAll(".choices button")) {
+    button.addEventListener("click", () => {
+      if (button.dataset.window) chosen.window = button.dataset.window;
+      if (button.dataset.unit) chosen.unit = button.dataset.unit;
+      show();
+    });
+  }
+  const select = (element) => {
+    const range = document.createRange();
+    range.selectNodeContents(element);
+    const selection = window.getSelection();
+    selection.removeAllRanges();
+    selection.addRange(range);
+  };
+  for (const button of document.querySelectorAll(".copy")) {
+    button.addEventListener("click", async () => {
+      const code = button.parentElement.querySelector("code");
+      try {
+        await navigator.clipboard.writeText(code.textContent);
+        button.textContent = "copied";
+      } catch {  // not every browser lets a file use the clipboard
+        select(code);
+        button.textContent = document.execCommand("copy") ? "copied" : "selected";
+      }
+      window.setTimeout(() => { button.textContent = "copy"; }, 1500);
+    });
+  }
+
+  // ---- first drawing, one plot after the other so that the page answers meanwhile ----
+  if (told) show();
+  const waiting = [...document.querySelectorAll("[data-figure]")];
+  const next = () => {
+    const element = waiting.shift();
+    if (!element) { root.dataset.drawn = "true"; return; }
+    draw(element, data.figures[element.dataset.figure]);
+    window.setTimeout(next, 0);
+  };
+  next();
+
+  // ---- paper: light, and as wide as the page ----
+  const resized = (width) => {
+    for (const element of drawn.keys()) {
+      const half = element.closest(".grid") !== null;
+      Plotly.relayout(element, width ? { width: half ? width / 2 - 8 : width, autosize: false } : { width: null, autosize: true });
+    }
+  };
+  window.addEventListener("beforeprint", () => {
+    while (waiting.length) { const e = waiting.shift(); draw(e, data.figures[e.dataset.figure]); }
+    printing.now = true;
+    root.dataset.screen = root.dataset.theme || "";
+    root.dataset.theme = "light";
+    redraw();
+    resized(680);
+  });
+  window.addEventListener("afterprint", () => {
+    printing.now = false;
+    if (root.dataset.screen) root.dataset.theme = root.dataset.screen;
+    else delete root.dataset.theme;
+    redraw();
+    resized(null);
+  });
+})();

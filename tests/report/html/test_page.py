@@ -1,0 +1,216 @@
+"""The report from folders made by hand: what it says, what it must not hold, and what is missing."""
+
+import base64
+import json
+import re
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+sys.path.insert(0, str(Path(__file__).parent))
+import folders
+
+from edl_filter.errors import InputError
+from edl_filter.report.html import write_report
+from edl_filter.report.html.colours import cell_colours
+from edl_filter.report.html.plotting import band, event_marks
+from edl_filter.report.html.waterfall import levels
+from edl_filter.report.html.words import readable
+
+
+def page(folder):
+    return write_report(folder).read_text(encoding="utf-8")
+
+
+def body(text):
+    """The page without the library and the data."""
+    return re.sub(r"<script.*?</script>", "", text, flags=re.S)
+
+
+def data(text):
+    return json.loads(re.search(r'<script type="application/json" id="data">(.*?)</script>', text, re.S).group(1))
+
+
+def numbers(packed):
+    return np.frombuffer(base64.b64decode(packed["bdata"]), "<f4")
+
+
+def section(text, key):
+    return re.search(rf'<section id="{key}".*?</section>', body(text), re.S).group(0)
+
+
+def test_the_sections_stand_in_the_order_of_the_reading(tmp_path):
+    folders.whole(tmp_path)
+    text = body(page(tmp_path))
+    keys = ["verdict", "events", "where", "hypotheses", "left", "ledger", "trajectory", "atmosphere", "coefficients",
+            "constraints", "provenance"]  # fmt: skip
+    assert re.findall(r'<section id="(\w+)"', text) == keys
+    assert "Missing: wind (gain 42 nats)." in section(text, "verdict")
+
+
+def test_the_file_is_small_and_asks_nothing_of_a_network(tmp_path):
+    folders.whole(tmp_path)
+    text = page(tmp_path)
+    assert len(text.encode()) < 6e6
+    assert text.count("plotly.js v") >= 1
+    assert text.count("<script") - body(text).count("<script") <= 3
+    assert not re.search(r"""(?:src|href)\s*=\s*["']?\s*(?:https?:)?//""", body(text))
+    own = body(text) + text[text.rindex("<script>") :]
+    assert not re.search(r"url\(|@import|https?://|fetch\(|XMLHttpRequest", own)
+    assert "default-src 'none'" in text
+
+
+def test_a_hostile_title_stays_text(tmp_path):
+    hostile = "</script><script>window.bad = 1</script><img src=x onerror=alert(1)>\u2028 & {{ 7 * 7 }}"
+    folders.whole(tmp_path, hostile)
+    folders.diagnosis(tmp_path, sentence=hostile)
+    told = json.loads((tmp_path / "diagnosis.json").read_text())
+    told["map"][0]["channel"], told["map"][0]["sentence"] = hostile, f"{hostile} fails"
+    (tmp_path / "diagnosis.json").write_text(json.dumps(told))
+    text = page(tmp_path)
+    assert "<img" not in body(text) and "window.bad = 1</script>" not in text
+    assert "&lt;img src=x onerror=alert(1)&gt;" in text
+    assert data(text)["residuals"]["cells"][0]["channel"] == hostile
+
+
+def test_a_run_without_a_diagnosis_says_so_and_how_to_get_one(tmp_path):
+    folders.result(tmp_path)
+    folders.summary(tmp_path)
+    folders.residuals(tmp_path)  # of an earlier diagnosis
+    text = page(tmp_path)
+    command = f"edl-filter diagnose {tmp_path}"
+    assert "has not been diagnosed" in section(text, "where") and command in section(text, "where")
+    assert "Not diagnosed yet" in section(text, "verdict") and "all 1 constraints agree" in section(text, "verdict")
+    assert 'class="cell' not in text.split("<script")[0]
+    assert data(text)["residuals"] is None
+
+
+def test_what_a_folder_lacks_is_said(tmp_path):
+    folders.summary(tmp_path)
+    text = page(tmp_path)
+    assert "no trajectory" in section(text, "trajectory")
+    assert "no atmosphere" in section(text, "atmosphere")
+    assert "no coefficients" in section(text, "coefficients")
+    assert "no result.nc" in section(text, "provenance")
+    other = tmp_path / "other"
+    other.mkdir()
+    folders.result(other, postflight=False)
+    text = page(other)
+    assert "no summary.json" in section(text, "events") and "no summary.json" in section(text, "constraints")
+    assert "plot-flight" in section(text, "trajectory") and "no atmosphere" in section(text, "atmosphere")
+
+
+def test_a_folder_without_a_result_is_refused(tmp_path):
+    with pytest.raises(InputError, match="found no result; expected the folder that 'edl-filter run' writes"):
+        write_report(tmp_path)
+
+
+def test_a_folder_that_was_moved_still_renders(tmp_path):
+    first = tmp_path / "first"
+    first.mkdir()
+    folders.whole(first)
+    moved = first.rename(tmp_path / "second place")
+    text = section(page(moved), "hypotheses")
+    assert f"--from &#39;{moved}&#39;" in text
+    assert "edl-filter add MISSION wind" in text  # its mission file is not known
+
+
+def test_a_hypothesis_has_size_sigma_unit_and_what_it_is_confused_with(tmp_path):
+    folders.whole(tmp_path)
+    text = section(page(tmp_path), "hypotheses")
+    for part in ("-38.07 ± 0.53 m/s", "0.980", "mass", "a second probe would part them", "9.5 → 1", "something else",
+                 "gyro_bias"):  # fmt: skip
+        assert part in text
+
+
+def test_failing_cells_are_marked_by_more_than_colour(tmp_path):
+    folders.whole(tmp_path)
+    text = section(page(tmp_path), "where")
+    cells = re.findall(r'<button type="button" class="cell( fails)?".*?</button>', text, re.S)
+    assert len(cells) == 5 and sum(bool(c) for c in cells) == 2
+    failing = re.search(r'class="cell fails".*?</button>', text, re.S).group(0)
+    assert "▲" in failing and "It fails." in failing and "0.1 m/s²" in failing
+
+
+def test_a_clean_verdict_and_an_unknown_one_say_what_is_left(tmp_path):
+    folders.whole(tmp_path)
+    folders.diagnosis(tmp_path, verdict="clean", ranking=[], where=[], onsets=[])
+    text = page(tmp_path)
+    assert "the model holds" in section(text, "left") and "No effect of the catalogue" in section(text, "hypotheses")
+    assert "None of the 5 cells fails" in section(text, "where")
+    remainder = {"description": "It follows q at 3 m/s^2."}
+    folders.diagnosis(tmp_path, verdict="unknown", latent=folders.latent(), remainder=remainder)
+    text = page(tmp_path)
+    assert "It follows q at 3 m/s²." in section(text, "left") and "plot-missing" in section(text, "left")
+    traces = data(text)["figures"]["missing"]["data"]
+    curve = next(t for t in traces if t["name"] == "along x")
+    assert abs(numbers(curve["y"])).max() == pytest.approx(20.0, rel=1e-3)
+
+
+def test_the_waterfall_falls_as_the_ledger_says(tmp_path):
+    folders.whole(tmp_path)
+    folders.ledger(tmp_path)
+    told = json.loads((tmp_path / "summary.json").read_text())
+    told["effects"] = {n: {"parameters": {}, "fixed": False} for n in ("wind", "mass")}
+    (tmp_path / "summary.json").write_text(json.dumps(told))
+    text = page(tmp_path)
+    bars = data(text)["figures"]["waterfall"]["data"][0]
+    tops = [base + high for base, high in zip(bars["base"], bars["y"], strict=True)]
+    assert tops == pytest.approx([40.0, 40.0, 6.0, 1.0]) and bars["base"][1:3] == pytest.approx([6.0, 1.0])
+    assert "Stopped." in section(text, "ledger")
+
+
+def test_a_ledger_of_another_model_is_not_shown(tmp_path):
+    folders.whole(tmp_path)
+    folders.ledger(tmp_path)  # its model has two effects, the run none
+    assert "There is no ledger" in section(page(tmp_path), "ledger")
+    assert levels([]) == []
+
+
+def test_thinning_keeps_a_single_sample_peak(tmp_path):
+    folders.whole(tmp_path)
+    time = folders.residuals(tmp_path, samples=60_000, peak=321.0)
+    found = data(page(tmp_path))["residuals"]["channels"]["force_x"]
+    y, x = numbers(found["normalised"]), numbers(found["x"])
+    assert len(y) < 2000 and y.max() == pytest.approx(321.0)
+    assert x[y.argmax()] == pytest.approx(time[20_000], abs=1e-3)
+    assert numbers(found["y"]).max() == pytest.approx(32.1, rel=1e-5)
+
+
+def test_the_bands_are_one_and_two_sigmas_wide(tmp_path):
+    folders.whole(tmp_path)
+    two, one = data(page(tmp_path))["residuals"]["channels"]["force_x"]["bands"]
+    assert (two["name"], one["name"]) == ("±2 sigma", "±1 sigma")
+    assert np.abs(numbers(two["y"])).max() == pytest.approx(0.2) and np.abs(numbers(one["y"])).max() == pytest.approx(
+        0.1
+    )
+
+
+def test_a_band_has_a_gap_where_its_curves_have():
+    x = np.arange(100.0)
+    low = np.where((x > 40) & (x < 60), np.nan, -1.0)
+    ends = numbers(band(x, low, -low, "", "@blue")["x"])
+    gaps = np.flatnonzero(np.isnan(ends))
+    assert len(gaps) == 1 and not ((ends > 40) & (ends < 60)).any()
+
+
+def test_labels_of_events_never_meet():
+    events = {"heat_shield_separation": 95.0, "landing": 100.0, "peak_deceleration": 40.0, "bridle_cut": 99.0}
+    shapes, notes = event_marks(events, (0.0, 100.0))
+    assert len(shapes) == 4 and sorted(n["text"] for n in notes) == ["landing", "peak"]
+
+
+def test_text_of_a_cell_is_readable_on_its_ground():
+    def light(colour):
+        parts = np.array([int(colour[k : k + 2], 16) for k in (1, 3, 5)]) / 255.0
+        return float(np.where(parts > 0.04, ((parts + 0.055) / 1.055) ** 2.4, parts / 12.92) @ (0.2126, 0.7152, 0.0722))
+
+    for rms in np.geomspace(0.1, 1000.0, 60):
+        ground, ink = (light(c) for c in cell_colours(rms, 1000.0))
+        assert (max(ground, ink) + 0.05) / (min(ground, ink) + 0.05) >= 4.5
+
+
+def test_powers_of_units_are_raised():
+    assert readable("0.1 rad/s^2 and 3 kg m^-3.") == "0.1 rad/s² and 3 kg m⁻³."
