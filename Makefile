@@ -3,6 +3,7 @@
 #
 #   make demo    reconstruct the built-in flight; figures and results go to demo-results
 #   make test    run the tests        make lint   ruff        make types   mypy
+#   make test-browser   click through the workbench in Chromium, from first look to noise floor (minutes)
 #   make bench   run the benchmarks   make clean  remove what these targets made
 #   make study-simulation   reconstruct many simulated flights and judge the errors (some minutes)
 #   make study-closure      how often the post-flight layer's bands hold the truth, over many flights (minutes)
@@ -13,14 +14,18 @@ PYTHON ?= python3
 BIN := .venv/bin
 STAMP := .venv/installed
 
-.PHONY: demo test lint types bench study study-simulation study-closure study-comparators clean
+.PHONY: demo test test-browser lint types bench study study-simulation study-closure study-comparators clean
 
 demo: $(STAMP)
 	$(BIN)/edl-filter demo -o demo-results
 
 # One worker per file, so that what a file reads or reconstructs once serves all its tests
 test: $(STAMP)
-	$(BIN)/pytest -n 2 --dist loadfile
+	$(BIN)/pytest -n 2 --dist loadfile -m "not browser"
+
+# Two runs and two diagnoses by clicking take minutes, and need Chromium and the practice flights
+test-browser: $(STAMP)
+	$(BIN)/pytest -m browser -rs tests/serve
 
 lint: $(STAMP)
 	$(BIN)/ruff check .

@@ -62,6 +62,12 @@ function number(x, digits = 3) {
   return x.toFixed(places).replace("-", "−");
 }
 
+/** A normalised RMS as a cell of the map shows it. */
+const short = (rms) => (rms == null ? "–" : rms.toFixed(rms < 10 ? 2 : rms < 100 ? 1 : 0));
+
+/** Nats, whole where they are many. */
+const nats = (x) => (x == null ? "–" : `${Math.abs(x) < 100 ? number(x) : Math.round(x).toLocaleString("en").replaceAll(",", "\u202f").replace("-", "−")} nats`);
+
 /** A value with its sigma, both to the place of the sigma's second digit. */
 function withSigma(value, sigma) {
   if (value == null) return "–";
@@ -79,7 +85,7 @@ function withSigma(value, sigma) {
 }
 
 const chance = (p) => (p > 0.999 ? "> 99.9 %" : p < 0.001 ? "< 0.1 %" : `${(100 * p).toFixed(1)} %`);
-const plain = (name) => name.replaceAll("_", " ");
+const plain = (name) => name.replaceAll("_", " ").replaceAll("^2", "²").replaceAll("^3", "³");
 const unitText = (unit) => (unit ? ` ${unit.replace("^2", "²").replace("^3", "³")}` : "");
 
 /** Commands to copy, a line each. */
@@ -183,14 +189,16 @@ function resultView(result) {
       commands(result.diagnosing)];
   }
   return [...heading, verdictView(told), ledgerView(result), effectsView(result), ...mapView(result), ...rankingView(result),
-    make("h2", {}, "This page, at a shell"), commands(result.diagnosing)];
+    make("h2", {}, "Diagnose again"), make("p", { class: "quiet" }, "The command that made this page’s map and hypotheses."),
+    commands(result.diagnosing), make("div", { class: "actions" }, make("button", { type: "button", class: "work", id: "diagnose",
+      onclick: guarded(() => begin("api/diagnose", { result: result.path })) }, "Diagnose again"))];
 }
 
 function verdictView(told) {
   const floor = told.noise_floor == null ? "" : ` Over all channels it leaves a normalised RMS of ${number(told.noise_floor)}; 1 is the stated noise.`;
   const words = {
     clean: ["Noise floor reached.", `The model explains this flight: what is left is noise, and no effect earns its place.${floor}`],
-    missing: ["An effect is missing.", told.sentence],
+    missing: [told.sentence, "It is first among the hypotheses below, with its evidence."],
     unknown: ["Something is missing that no known effect explains.", told.sentence],
   }[told.verdict] || ["", told.sentence];
   const more = told.remainder ? make("p", {}, `What is left: ${told.remainder.description}`) : null;
@@ -232,7 +240,7 @@ function ledgerView(result) {
   const shown = table(heads, rows.map((r) => r.row));
   shown.id = "ledger";
   return make("section", {}, make("h2", {}, "How the error fell"),
-    make("p", { class: "quiet" }, "Normalised RMS by channel: 1 where the model holds. No fall is given within the noise."),
+    make("p", { class: "quiet" }, "Normalised RMS by channel: 1 where the model holds. No fall is given within the noise; a fall below zero is a rise."),
     shown,
     make("p", {}, "Steps: ", ...steps.flatMap((s, k) => [k ? " → " : null,
       s.path === result.path ? make("b", {}, s.path) : make("a", { href: address("result", s.path) }, s.path), " ", badge(s.verdict)])),
@@ -269,7 +277,7 @@ function mapView(result) {
       type: "button", class: c.fails ? "fails" : null, title: plain(c.sentence), "aria-pressed": "false",
       "data-channel": c.channel, "data-regime": c.regime,
       "aria-label": `${plain(c.channel)}, ${c.regime}: ${number(c.normalised_rms)} sigmas${c.fails ? ", fails" : ""}`,
-    }, number(c.normalised_rms, c.normalised_rms < 10 ? 2 : 3));
+    }, short(c.normalised_rms));
     button.style.background = `rgb(${rgb})`;
     button.style.color = bright ? "#000" : "#fff";
     button.onclick = guarded(async () => {
@@ -279,7 +287,7 @@ function mapView(result) {
     return make("td", {}, button);
   };
   const grid = (corner, columns, names, found) => make("div", { class: "scroll" }, make("table", { class: "map" },
-    make("thead", {}, make("tr", {}, make("th", {}, corner), ...columns.map((r) => make("th", { scope: "col" }, r.replace(" flow", ""))))),
+    make("thead", {}, make("tr", {}, make("th", {}, corner), ...columns.map((r) => make("th", { scope: "col" }, r === "constraints" ? "sigmas" : r.replace(" flow", ""))))),
     make("tbody", {}, ...names.map((n) => make("tr", {}, make("th", { scope: "row" }, plain(n)),
       ...columns.map((r) => cell(found.find((c) => c.channel === n && c.regime === r))))))));
   const bar = make("span", { class: "bar" });
@@ -306,7 +314,15 @@ async function residualView(panel, result, cell) {
   }
   const told = await ask(`api/residual?path=${encodeURIComponent(result.path)}&channel=${encodeURIComponent(cell.channel)}`);
   const plot = make("div", { class: "plot", role: "img", "aria-label": `Residual of ${plain(cell.channel)} against time` });
-  panel.replaceChildren(make("h3", {}, `${plain(cell.channel)}: measured less predicted`), words, plot,
+  const near = make("button", { type: "button", id: "near", "aria-pressed": "false" }, "Zoom to the band");
+  near.onclick = () => {
+    const zoomed = near.getAttribute("aria-pressed") !== "true";
+    near.setAttribute("aria-pressed", String(zoomed));
+    near.textContent = zoomed ? "Show all" : "Zoom to the band";
+    const usual = [...told.sigma].sort((a, b) => a - b)[Math.floor(0.9 * (told.sigma.length - 1))];
+    Plotly.relayout(plot, zoomed ? { "yaxis.range": [-5 * usual, 5 * usual] } : { "yaxis.autorange": true });
+  };
+  panel.replaceChildren(make("div", { class: "line" }, make("h3", {}, `${plain(cell.channel)}: measured less predicted`), near), words, plot,
     make("p", { class: "quiet" }, `From ${result.path}/residuals.nc, which diagnose writes. Shaded: ${cell.regime}. Drag to zoom, double-click to see all.`));
   drawResidual(plot, told, cell);
   panel.scrollIntoView({ block: "nearest", behavior: matchMedia("(prefers-reduced-motion: reduce)").matches ? "auto" : "smooth" });
@@ -360,7 +376,7 @@ function rankingView(result) {
   }
   const advice = { missing: "Select one to add it to the mission.", clean: "Nothing needs to be added.",
     unknown: "None of them is enough; adding one may still show what is left." }[told.verdict];
-  return [make("h2", {}, "Hypotheses"), make("p", { class: "quiet" }, `${advice || ""} Gains in nats; held out: on data that were not fitted.`), box,
+  return [make("h2", {}, "Hypotheses"), make("p", { class: "quiet" }, `${advice || ""} Held out: on data that were not fitted.`), box,
     ...(told.ranking.length ? [make("div", { class: "actions" }, go), shown] : [])];
 }
 
@@ -377,7 +393,7 @@ function hypothesis(entry, choose) {
     "another name than the first is added with ", make("code", {}, "edl-filter add MISSION EFFECT --set PARAM=VALUE"), ".") : null;
   const parted = Object.entries(entry.parted_by || {}).map(([name, words]) => make("p", { class: "quiet" }, `${plain(name)}: ${words}.`));
   return make("label", { class: "choice", "data-effect": entry.effect }, chanceHead(make("h3", {}, plain(entry.effect)), entry.probability, input),
-    make("p", { class: "number quiet" }, `gain ${number(entry.gain)} · held out ${number(entry.score_gain)}`),
+    make("p", { class: "number quiet" }, `gain ${nats(entry.gain)} · held out ${nats(entry.score_gain)}`),
     make("p", {}, `${plain(entry.channel)}: ${number(entry.error_before)} → ${number(entry.error_after)} sigmas expected`),
     parameters(entry.parameters), alike, ...parted);
 }
@@ -419,7 +435,6 @@ async function finished() {
     await loadLibrary();
     if (job.state === "done" || state.library.results.some((r) => r.path === job.result)) {
       location.hash = target; // opens it
-      scrollTo({ top: 0 });
       return;
     }
   }
@@ -432,15 +447,19 @@ function showJob() {
   setBusy();
   $("job").hidden = !job || (job.state === "done" && $("job").hidden);
   if (!job) return;
+  if (job.state === "failed" && $("job").dataset.state === "running") scrollTo({ top: 0 }); // where the sentence stands
+  $("job").dataset.state = job.state;
   const now = { running: `${job.seconds.toFixed(0)} s`, done: `done in ${job.seconds.toFixed(0)} s`, failed: "failed", cancelled: "cancelled; what was finished before stays" }[job.state];
   $("job-title").textContent = job.title;
   $("job-state").textContent = now;
   $("cancel").hidden = !state.busy;
   $("job-close").hidden = state.busy;
-  $("job-steps").replaceChildren(...job.commands.map((line, k) => {
+  const shown = JSON.stringify([job.number, job.state, job.at, job.said]);
+  if ($("job-steps").dataset.shown !== shown) $("job-steps").replaceChildren(...job.commands.map((line, k) => {
     const at = job.state === "done" || k < job.at ? "done" : k > job.at ? "waiting" : job.state;
     return make("li", { "data-state": at }, make("code", {}, line), at === "running" && job.said ? make("div", { class: "quiet" }, job.said) : null);
   }));
+  $("job-steps").dataset.shown = shown;
   $("job-error").textContent = job.error;
   $("job-error").hidden = !job.error;
 }
@@ -462,7 +481,12 @@ $("cancel").onclick = guarded(async () => {
   showJob();
 });
 $("job-close").onclick = () => { $("job").hidden = true; };
-addEventListener("hashchange", open);
+addEventListener("hashchange", async () => {
+  await open();
+  if (matchMedia("(max-width: 760px)").matches) $("main").scrollIntoView(); // the lists stand above it there
+  else scrollTo({ top: 0 });
+  $("main").focus({ preventScroll: true });
+});
 matchMedia("(prefers-color-scheme: dark)").addEventListener("change", open); // plots take their colours when drawn
 
 (async () => {
