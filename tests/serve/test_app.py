@@ -112,6 +112,8 @@ def test_a_job_is_cancelled_and_leaves_nothing(client, root):
 
 
 def test_a_job_that_is_done(client, root):
+    text = (root / "flight.yaml").read_text()
+    (root / "flight.yaml").write_text(text.replace("figures: true", "figures: false"))
     client.post("/api/run", json={"mission": "flight.yaml", "diagnose": False})
     job = wait(client)
     assert (job["state"], job["error"]) == ("done", "")
