@@ -102,6 +102,9 @@ def test_a_job_that_fails_says_why(client, root):
 
 def test_a_job_is_cancelled_and_leaves_nothing(client, root):
     client.post("/api/run", json={"mission": "flight.yaml"})
+    while not (said := client.get("/api/job").json()["job"]["said"]):  # what the command tells of itself
+        time.sleep(0.02)
+    assert said == "Reconstructing Practice flight, MER-like vehicle"
     again = client.post("/api/run", json={"mission": "flight.yaml"})
     assert again.status_code == 409
     assert "is still at work" in again.json()["error"]
