@@ -201,7 +201,7 @@ function verdictView(told) {
     missing: [told.sentence, "It is first among the hypotheses below, with its evidence."],
     unknown: ["Something is missing that no known effect explains.", told.sentence],
   }[told.verdict] || ["", told.sentence];
-  const more = told.remainder ? make("p", {}, `What is left: ${told.remainder.description}`) : null;
+  const more = told.remainder ? make("p", {}, `What is left: ${plain(told.remainder.description)}`) : null;
   const failed = Object.values(told.failed || {}).map((reason) => make("p", { class: "quiet" }, `Left out: ${reason}`));
   return make("div", { class: `verdict ${told.verdict}`, id: "verdict", "data-verdict": told.verdict },
     make("strong", {}, words[0]), make("p", {}, words[1]), more, ...failed);
