@@ -177,10 +177,11 @@ def sentence(lines: Sequence[str], code: int) -> str:
 def _interrupt(process: subprocess.Popen[str]) -> None:
     """Ask a process to stop as Ctrl-C does, which lets it clear away; then insist."""
     if os.name == "posix":
-        process.send_signal(signal.SIGINT)
-        try:
-            process.wait(_PATIENCE)
-            return
-        except subprocess.TimeoutExpired:
-            pass
+        for _ in range(2):  # one that falls into compiled code's callback may be swallowed there
+            process.send_signal(signal.SIGINT)
+            try:
+                process.wait(0.5 * _PATIENCE)
+                return
+            except subprocess.TimeoutExpired:
+                continue
     process.kill()
