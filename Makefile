@@ -3,6 +3,7 @@
 #
 #   make demo    reconstruct the built-in flight; figures and results go to demo-results
 #   make test    run the tests        make lint   ruff        make types   mypy
+#   make test-browser   click through the workbench in Chromium, from first look to noise floor (minutes)
 #   make bench   run the benchmarks   make clean  remove what these targets made
 #   make docs    build the documentation into docs/_build/html; a warning is an error
 #   make study-simulation   reconstruct many simulated flights and judge the errors (some minutes)
@@ -15,14 +16,18 @@ BIN := .venv/bin
 STAMP := .venv/installed
 DOCS_STAMP := .venv/installed-docs
 
-.PHONY: demo test lint types bench docs study study-simulation study-closure study-comparators clean
+.PHONY: demo test test-browser lint types bench docs study study-simulation study-closure study-comparators clean
 
 demo: $(STAMP)
 	$(BIN)/edl-filter demo -o demo-results
 
 # One worker per file, so that what a file reads or reconstructs once serves all its tests
 test: $(STAMP)
-	$(BIN)/pytest -n 2 --dist loadfile
+	$(BIN)/pytest -n 2 --dist loadfile -m "not browser"
+
+# Two runs and two diagnoses by clicking take minutes, and need Chromium and the practice flights
+test-browser: $(STAMP)
+	$(BIN)/pytest -m browser -rs tests/serve
 
 lint: $(STAMP)
 	$(BIN)/ruff check .

@@ -18,7 +18,7 @@ from edl_filter.results import write_outputs
 EXAMPLES = Path(__file__).parent.parent / "docs" / "examples"
 COMMANDS = (
     "run", "validate", "convert", "simulate", "export", "fetch", "demo", "effects", "add",
-    "diagnose", "compare", "improve", "identifiability",
+    "diagnose", "compare", "improve", "identifiability", "serve",
 )  # fmt: skip
 
 

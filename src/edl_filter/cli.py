@@ -333,6 +333,19 @@ def identifiability(
     print_identifiability(told)
 
 
+@app.command(epilog="Example: edl-filter serve . --port 8765")
+def serve(
+    folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder of missions and results; all that it sees.")],
+    port: Annotated[int, typer.Option("--port", min=0, max=65535, help="Of 127.0.0.1; 0 takes a free one.")] = 8765,
+    no_browser: Annotated[bool, typer.Option("--no-browser", help="Only print the page's address.")] = False,
+) -> None:
+    """Open a workbench in the browser: run, see where it fails, add what is missing, watch the error fall."""
+    from edl_filter.serve.server import serve as serve_folder
+
+    at = folder.resolve()
+    serve_folder(folder, port, not no_browser, lambda address: typer.echo(f"{address} serves {at}; Ctrl-C ends it."))
+
+
 def _run(mission: Mission, output: Path | None, figures: bool, as_json: bool, refit: bool = True) -> dict[str, Any]:
     """Reconstruct, write and print."""
     from edl_filter.judging import reconstruct_and_judge

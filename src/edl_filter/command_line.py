@@ -17,6 +17,9 @@ from typer.core import TyperGroup
 
 from edl_filter.errors import InputError
 
+#: Environment variable that, set to ``lines``, makes commands tell each step on standard error behind this mark.
+PROGRESS, PROGRESS_MARK = "EDL_FILTER_PROGRESS", "progress: "
+
 
 class Commands(TyperGroup):
     """Turns exceptions into messages and exit codes, for all commands alike."""
@@ -48,7 +51,11 @@ class Commands(TyperGroup):
 
 @contextmanager
 def busy(what: str, quiet: bool) -> Iterator[Callable[[str], None]]:
-    """Show that work goes on, on a terminal; gives what is told of each step."""
+    """Show that work goes on, on a terminal or as lines for a program; gives what is told of each step."""
+    if os.environ.get(PROGRESS) == "lines":
+        typer.echo(f"{PROGRESS_MARK}{what}", err=True)
+        yield lambda step: typer.echo(f"{PROGRESS_MARK}{what}: {step}", err=True)
+        return
     if quiet or not sys.stdout.isatty():
         yield lambda _: None
         return

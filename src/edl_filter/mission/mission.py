@@ -308,13 +308,20 @@ def shipped_mission(name: str) -> Path:
     InputError
         There is none of that name.
     """
-    package = Path(str(files("edl_filter")))
-    folders = (package / "missions", package.parent.parent / "missions")
-    for folder in folders:
+    for folder in _shipped():
         if (path := folder / f"{name}.yaml").is_file():
             return path
-    names = sorted({path.stem for folder in folders for path in folder.glob("*.yaml")})
-    raise InputError(f"{BUILTIN}{name}: found no such mission; expected one of {', '.join(names)}.")
+    raise InputError(f"{BUILTIN}{name}: found no such mission; expected one of {', '.join(shipped_names())}.")
+
+
+def shipped_names() -> list[str]:
+    """Names of the missions that the package ships."""
+    return sorted({path.stem for folder in _shipped() for path in folder.glob("*.yaml")})
+
+
+def _shipped() -> tuple[Path, Path]:
+    package = Path(str(files("edl_filter")))
+    return package / "missions", package.parent.parent / "missions"
 
 
 def _builtin_data(name: str, where: str) -> Path:

@@ -1,0 +1,67 @@
+"""A folder with missions and a result, as the workbench finds them."""
+
+import json
+import shutil
+
+import numpy as np
+import pytest
+from starlette.testclient import TestClient
+
+from edl_filter.mission import Mission, shipped_mission
+from edl_filter.reconstruction import reconstruct
+from edl_filter.results import write_outputs
+from edl_filter.results.groups import Group
+from edl_filter.results.hdf5 import write_groups
+from edl_filter.serve.app import make_app
+from edl_filter.serve.jobs import Worker
+
+PORT = 8765
+ORIGIN = f"http://127.0.0.1:{PORT}"
+
+DIAGNOSIS = {
+    "verdict": "missing", "sentence": "Missing: wind (gain 100 nats).", "effects": [], "where": [], "map": [],
+    "ranking": [{"effect": "wind", "same_as": [], "probability": 1.0, "gain": 100.0, "score_gain": 90.0,
+                 "parameters": {"east": {"estimate": 30.0, "sigma": 1.0, "unit": "m/s"}}}],
+    "errors": {"force_x": 9.0},
+}  # fmt: skip
+
+
+@pytest.fixture(scope="session")
+def made(tmp_path_factory):
+    """A served folder with one mission, its result and a diagnosis that was made up; copied, not changed."""
+    root = tmp_path_factory.mktemp("served")
+    (root / "flight.yaml").write_text(shipped_mission("practice_mer").read_text())
+    result = root / "results" / "flight"
+    write_outputs(reconstruct(Mission.load(root / "flight.yaml")), result, figures=False)
+    (result / "diagnosis.json").write_text(json.dumps(DIAGNOSIS))
+    group = Group()
+    group.add("time", ("time",), np.arange(4.0), "s", "time")
+    group.label("channel", ["force_x", "force_y"], "channel")
+    group.text("unit", "channel", ["m/s^2", "m/s^2"], "unit")
+    values = np.array([[1.0, np.nan, 3.0, 4.0], [5.0, 6.0, 7.0, 8.0]])
+    for name, factor in (("residual", 1.0), ("sigma", 0.5), ("normalised", 2.0)):
+        group.add(name, ("channel", "time"), factor * values, "1", name)
+    write_groups({"/": group}, result / "residuals.nc")
+    return root
+
+
+@pytest.fixture
+def root(made, tmp_path):
+    """A copy of it; the result's mission stays the one of the copy's source, which has the same text."""
+    copied = (tmp_path / "served").resolve()
+    shutil.copytree(made, copied)
+    return copied
+
+
+@pytest.fixture
+def worker(root):
+    """What does the jobs in it."""
+    made_worker = Worker(root)
+    yield made_worker
+    made_worker.cancel()
+
+
+@pytest.fixture
+def client(root, worker):
+    """The page: same host, same origin."""
+    return TestClient(make_app(root, PORT, worker), base_url=ORIGIN, headers={"Origin": ORIGIN})

@@ -1,0 +1,109 @@
+"""One job at a time, each command a process: progress, failure in one sentence, and cancelling."""
+
+import sys
+import time
+
+import pytest
+
+from edl_filter.serve.jobs import BusyError, Worker, own_command, sentence
+from edl_filter.serve.plans import Plan
+
+
+def python(code):
+    """A worker's command line that runs `code` instead of `edl-filter`."""
+    return lambda arguments: [sys.executable, "-c", code, *arguments]
+
+
+def wait(worker, until=lambda job: job.state != "running"):
+    for _ in range(1000):
+        if until(worker.job):
+            return worker.job
+        time.sleep(0.02)
+    raise AssertionError(worker.job)
+
+
+def test_commands_one_after_the_other_in_the_folder(tmp_path):
+    code = "import sys, pathlib; pathlib.Path('log').open('a').write(sys.argv[1] + ' ')"
+    worker = Worker(tmp_path, python(code))
+    worker.start(Plan("two", (("first",), ("second",)), "r"))
+    assert wait(worker).state == "done"
+    assert (tmp_path / "log").read_text() == "first second "
+    assert worker.job.told()["commands"] == ["edl-filter first", "edl-filter second"]
+
+
+def test_a_failure_is_one_sentence_and_ends_the_job(tmp_path):
+    said = "noise\nprogress: half\nedl-filter: k: found 3; expected 4."
+    code = f"import sys; print({said!r}, file=sys.stderr); sys.exit(2)"
+    worker = Worker(tmp_path, python(code))
+    worker.start(Plan("bad", (("first",), ("second",)), "r"))
+    job = wait(worker)
+    assert (job.state, job.at, job.said, job.error) == ("failed", 0, "half", "k: found 3; expected 4.")
+
+
+def test_a_command_that_cannot_be_started(tmp_path):
+    worker = Worker(tmp_path, lambda _: [str(tmp_path / "none")])
+    worker.start(Plan("none", (("run",),), "r"))
+    assert "could not be started" in wait(worker).error
+
+
+@pytest.mark.parametrize(
+    ("lines", "code", "said"),
+    [
+        (["Usage: x", "Error: No such option: -q"], 2, "Error: No such option: -q"),
+        (["edl-filter: a fault of ours: KeyError: 1", "Run 'edl-filter --debug'."], 1,
+         "a fault of ours: KeyError: 1 Run 'edl-filter --debug'."),
+        ([], 1, "The command ended with code 1 and said nothing."),
+        ([], -9, "The command was ended by signal 9."),
+    ],
+)  # fmt: skip
+def test_sentences(lines, code, said):
+    assert sentence(lines, code) == said
+
+
+SLOW = """
+import pathlib, sys, time
+pathlib.Path('half').write_text('')
+try:
+    print('progress: waiting', file=sys.stderr, flush=True)
+    time.sleep(60)
+finally:
+    pathlib.Path('half').unlink()
+"""
+
+
+def test_cancel_lets_the_command_clear_away_and_runs_no_other(tmp_path):
+    worker = Worker(tmp_path, python(SLOW))
+    worker.start(Plan("slow", (("first",), ("second",)), "r"))
+    wait(worker, lambda job: job.said == "waiting")
+    with pytest.raises(BusyError, match="“slow” is still at work; wait for it or cancel it"):
+        worker.start(Plan("other", (("run",),), "r"))
+    began = time.monotonic()
+    worker.cancel()
+    assert time.monotonic() - began < 10.0
+    assert (worker.job.state, worker.job.at, worker.job.error) == ("cancelled", 0, "")
+    assert not (tmp_path / "half").exists()
+    worker.cancel()  # nothing to do
+    worker.start(Plan("next", (("run",),), "r"))
+    worker.cancel()
+
+
+def test_a_command_that_does_not_listen_is_ended(tmp_path, monkeypatch):
+    monkeypatch.setattr("edl_filter.serve.jobs._PATIENCE", 0.5)
+    deaf = "import signal, sys, time; signal.signal(2, signal.SIG_IGN)"
+    code = f"{deaf}; print('progress: deaf', file=sys.stderr, flush=True); time.sleep(60)"
+    worker = Worker(tmp_path, python(code))
+    worker.start(Plan("deaf", (("run",),), "r"))
+    wait(worker, lambda job: job.said == "deaf")
+    worker.cancel()
+    wait(worker, lambda job: job.ended is not None)
+    assert worker.job.state == "cancelled"
+
+
+def test_modules_in_the_folder_are_not_imported(tmp_path):
+    (tmp_path / "yaml.py").write_text("raise SystemExit('taken from the folder')")
+    worker = Worker(tmp_path, own_command)
+    worker.start(Plan("bad", (("run", "none.yaml"),), "r"))
+    job = wait(worker)
+    assert job.state == "failed"
+    assert "none.yaml" in job.error
+    assert "taken" not in job.error

@@ -1,0 +1,86 @@
+"""What the workbench finds in a folder."""
+
+import pytest
+
+from edl_filter.errors import InputError
+from edl_filter.mission import shipped_mission
+from edl_filter.serve import library
+from edl_filter.serve.library import Result
+from edl_filter.serve.safety import ForbiddenError
+
+
+def names(root):
+    return [m["name"] for m in library.missions(root) if not m["shipped"]]
+
+
+def test_missions_and_nothing_else(root, tmp_path):
+    (root / "notes.yaml").write_text("a: 1\n")
+    (root / "broken.yaml").write_text("a: [\n")
+    (root / ".hidden.yaml").write_text((root / "flight.yaml").read_text())
+    (root / "more").mkdir()
+    (root / "more" / "second.yml").write_text((root / "flight.yaml").read_text())
+    (tmp_path / "secret.yaml").write_text((root / "flight.yaml").read_text())
+    (root / "out.yaml").symlink_to(tmp_path / "secret.yaml")
+    assert names(root) == ["flight.yaml", "more/second.yml"]
+    shipped = [m for m in library.missions(root) if m["shipped"]]
+    assert {"name": "builtin:practice_mer", "title": "Practice flight, MER-like vehicle", "shipped": True} in shipped
+
+
+def test_a_changed_title_is_seen(root):
+    assert library.missions(root)[0]["title"] == "Practice flight, MER-like vehicle"
+    text = (root / "flight.yaml").read_text()
+    (root / "flight.yaml").write_text(text.replace("Practice flight, MER-like vehicle", "Another title of it"))
+    assert library.missions(root)[0]["title"] == "Another title of it"
+
+
+def test_finding_a_mission(root):
+    assert library.find_mission(root, "flight.yaml") == root / "flight.yaml"
+    assert library.find_mission(root, "builtin:mer_a") == shipped_mission("mer_a")
+    for name in ("none.yaml", "builtin:../../pyproject", "builtin:none"):
+        with pytest.raises(InputError, match="found no such mission"):
+            library.find_mission(root, name)
+    with pytest.raises(ForbiddenError):
+        library.find_mission(root, "../flight.yaml")
+
+
+def test_results(root):
+    (root / "results" / "bad").mkdir()
+    (root / "results" / "bad" / "result.nc").write_bytes(b"no HDF5")
+    found = library.results(root)
+    assert [(r.path, r.verdict, r.effects) for r in found] == [("results/flight", "missing", {})]
+
+
+def test_a_diagnosis_that_cannot_be_read(root):
+    (root / "results/flight/diagnosis.json").write_text('{"verdict": "clean"}')
+    with pytest.raises(InputError, match=r"diagnosis.json cannot be read .*diagnose the result again"):
+        library.find_result(root, "results/flight")
+
+
+def test_residual_where_it_was_compared(root):
+    told = library.residual(root, "results/flight", "force_x")
+    assert told == {
+        "unit": "m/s^2", "time": [0.0, 2.0, 3.0], "residual": [1.0, 3.0, 4.0], "sigma": [0.5, 1.5, 2.0],
+        "normalised": [2.0, 6.0, 8.0],
+    }  # fmt: skip
+    with pytest.raises(InputError, match="found no residual of landing against time; there are force_x, force_y"):
+        library.residual(root, "results/flight", "landing")
+    (root / "results/flight/residuals.nc").unlink()
+    with pytest.raises(InputError, match=r"found no residuals.nc; diagnose the result again"):
+        library.residual(root, "results/flight", "force_x")
+
+
+def result(path, *effects, flight="one", changed=0.0):
+    return Result(path, "", "m", flight, {name: {} for name in effects}, None, changed)
+
+
+def test_lineage_goes_back_by_effects_of_the_same_flight():
+    first, second, third = result("a"), result("a+wind", "wind"), result("a+wind+mass", "wind", "mass")
+    others = [result("b", "mass", flight="two"), result("c", "drag"), third, first, second]
+    assert [r.path for r in library.lineage(third, others)] == ["a", "a+wind", "a+wind+mass"]
+    assert [r.path for r in library.lineage(first, others)] == ["a"]
+
+
+def test_lineage_prefers_the_folder_that_the_name_continues():
+    old, new, last = result("a", changed=1.0), result("b", changed=9.0), result("a+wind", "wind")
+    assert [r.path for r in library.lineage(last, [old, new])] == ["a", "a+wind"]
+    assert [r.path for r in library.lineage(result("x", "wind"), [old, new])] == ["b", "x"]
