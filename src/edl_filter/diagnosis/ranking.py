@@ -90,6 +90,8 @@ class Hypothesis:
         What its sizes make of the differences, white, at the noise of the model without it.
     case, linear : Case, Linear
         The ground of the last refit.
+    own_gain : float
+        Evidence at the noise that it leaves over none, nats: its gain, should it turn out to explain everything.
     """
 
     name: str
@@ -101,6 +103,7 @@ class Hypothesis:
     explained: Array
     case: Case
     linear: Linear
+    own_gain: float = -np.inf
 
     @property
     def active(self) -> Active:
@@ -343,7 +346,9 @@ def _best(
         own = refit(case, linear, start.effects, whiten, steps=3)
         outcomes.append(_hypothesis(name, own, whiten, rough.share < _FLOOR * share, base, case, linear))
     best = max(outcomes, key=lambda h: h.gain)
-    return best if best.at_floor else replace(best, gain=first.gain, score_gain=first.score_gain)
+    if best.at_floor:
+        return best
+    return replace(best, gain=first.gain, score_gain=first.score_gain, own_gain=best.gain)
 
 
 def _hypothesis(
@@ -370,7 +375,7 @@ def about_itself(h: Hypothesis) -> Hypothesis:
     linear = linearise(case, rounds=2)
     found = refit(case, linear, case.effects, linear.soft)
     again = _best(h.name, [found], [], 0.0, case, linear, h.linear.rough[0].share, thorough=True)
-    return replace(again, gain=h.gain, score_gain=h.score_gain)
+    return replace(again, gain=max(h.gain, h.own_gain) if again.at_floor else h.gain, score_gain=h.score_gain)
 
 
 def narrowed(linear: Linear, active: Active, whiten: Whitener, rounds: int = 6) -> Active:

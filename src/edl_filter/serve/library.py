@@ -10,13 +10,12 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
-from edl_filter.diagnosis.series import RESIDUALS
 from edl_filter.errors import InputError
 from edl_filter.mission.mission import BUILTIN, shipped_mission, shipped_names
 from edl_filter.mission.text import parse, read_text
 from edl_filter.results.hdf5 import read_groups
 from edl_filter.results.netcdf import attributes
-from edl_filter.results.outputs import DIAGNOSIS
+from edl_filter.results.outputs import DIAGNOSIS, RESIDUALS
 from edl_filter.results.plain import finite
 from edl_filter.serve.safety import ForbiddenError, inside, leads_inside
 
