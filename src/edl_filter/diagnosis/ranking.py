@@ -345,7 +345,7 @@ def _best(
         rough, whiten = find_rough(linear.plain, linear.ground.order, start.column, start.start)
         own = refit(case, linear, start.effects, whiten, steps=3)
         outcomes.append(_hypothesis(name, own, whiten, rough.share < _FLOOR * share, base, case, linear))
-    best = max(outcomes, key=lambda h: h.gain)
+    best = max(outcomes, key=lambda h: (h.gain, h.at_floor))
     if best.at_floor:
         return best
     return replace(best, gain=first.gain, score_gain=first.score_gain, own_gain=best.gain)
