@@ -60,15 +60,15 @@ def test_the_loop_finds_what_is_missing_and_the_error_falls(first, better):
     assert 0.0 < sigma < 1e-4 and abs(found.values["J2"] - J2) < 3.0 * sigma
     second = diagnose(better, [])
     assert second.verdict.verdict == "clean" and second.leader is None
-    assert second.errors["landing"] < 0.5 * first.errors["landing"]
+    assert max(second.errors.values()) < 0.5 * max(first.errors.values())
     assert "gravity_oblateness" in repr(better) and "clean" in repr(second)
 
 
 def test_a_mission_may_be_diagnosed_itself(mission):
     said = []
     found = diagnose(mission, "gyro_bias", progress=said.append)
-    assert said[0] == "reconstructing" and "refitting gyro_bias" in said
-    assert [e.hypothesis.name for e in found.verdict.entries] in ([], ["gyro_bias"])
+    assert said[:2] == ["reconstructing", "comparing model and measurements"]
+    assert list(found.ranking.trials) == ["gyro_bias"]
 
 
 def test_improve_goes_round_by_itself(mission):
@@ -197,7 +197,7 @@ class TestTables:
     def test_they_have_units_and_sigmas_and_no_colours_of_their_own(self, mission, flight, first, better):
         cards = [x._repr_html_() for x in (mission, flight, first, better, effect("mass"), edl_filter.catalogue())]
         for card in cards:
-            assert "color:inherit" in card and "#" not in card and "white" not in card and "black" not in card
+            assert "color:inherit" in card and "color:#" not in card and "white" not in card and "black" not in card
             assert card.count("<table") == card.count("</table>") >= 1
         assert "832 kg" in cards[0] and "altitude (km)" in cards[1] and "±" in cards[1]
         assert "gravity_oblateness" in cards[2] and "nats" in cards[2] and "J2" in cards[2]

@@ -1,0 +1,66 @@
+"""The accessors ``reconstruction.plot`` and ``diagnosis.plot``: axes with labels, shown by pyplot."""
+
+import matplotlib as mpl
+import pytest
+from matplotlib import pyplot as plt
+from matplotlib.axes import Axes
+
+from edl_filter import InputError, diagnose
+
+mpl.use("agg")
+
+
+@pytest.fixture(autouse=True)
+def _closed():
+    plt.close("all")
+    yield
+    plt.close("all")
+
+
+@pytest.fixture(scope="module")
+def found(practice_06):
+    return diagnose(practice_06, [])
+
+
+def test_panels_give_axes_with_units_on_a_figure_that_is_shown(practice_06):
+    for name in ("altitude", "velocity", "deceleration", "angle_of_attack"):
+        ax = getattr(practice_06.plot, name)()
+        assert isinstance(ax, Axes) and "(" in ax.get_ylabel() and "(s)" in ax.get_xlabel(), name
+        assert plt.gcf() is ax.figure
+
+
+def test_figures_give_arrays_of_axes(practice_06):
+    for draw, count in (("trajectory", 3), ("atmosphere", 4), ("angles", 4)):
+        assert getattr(practice_06.plot, draw)().shape == (count,)
+    assert practice_06.plot.coefficients("moments").shape == (4,)
+
+
+def test_a_panel_draws_on_axes_that_are_given(practice_06, found):
+    _, (left, right) = plt.subplots(1, 2)
+    assert practice_06.plot.altitude(left) is left and found.plot.residual("moment_y", right) is right
+    assert len(plt.get_fignums()) == 1 and left.lines and right.lines
+
+
+def test_a_residual_has_its_band_and_unit(found):
+    ax = found.plot.residual("moment y")
+    assert "rad/s²" in ax.get_ylabel() and "±2 sigma stated" in [t.get_text() for t in ax.get_legend().get_texts()]
+
+
+def test_the_fall_needs_an_earlier_diagnosis(found):
+    assert len(found.plot.fall(found).get_xticks()) == 2
+    with pytest.raises(InputError, match="found no earlier diagnosis"):
+        found.plot.fall()
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda r, d: r.plot.figure("nothing"), "found no data for 'nothing'; this flight has: altitude_velocity"),
+        (lambda r, d: r.plot.coefficients("lift"), "found 'lift'; accepted: forces, moments"),
+        (lambda r, d: d.plot.residual("moment_q"), "found 'moment_q'; accepted: force_x"),
+        (lambda r, d: d.plot.missing(), "found the verdict 'clean'"),
+    ],
+)
+def test_what_is_not_there_is_told(practice_06, found, call, message):
+    with pytest.raises(InputError, match=message):
+        call(practice_06, found)
