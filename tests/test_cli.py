@@ -90,7 +90,7 @@ def test_help_comes_at_once(command):
 def test_run_writes_and_prints(cli):
     result = cli("run", "builtin:practice_mer", "-o", "out", "--no-figures")
     assert result.exit_code == 0, result.output
-    assert {p.name for p in Path("out").iterdir()} == {"result.nc", "summary.json", "tables"}
+    assert {p.name for p in Path("out").iterdir()} == {"result.nc", "summary.json", "report.html", "tables"}
     for part in ("parachute deploy", "rest gravity", "Entry state: moved by", "result.nc", "Peak deceleration"):
         assert part in result.stdout
     assert "\x1b" not in result.output

@@ -6,6 +6,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from scipy.stats import chi2, norm
 
 from edl_filter.diagnosis.path import PER_BIN
 from edl_filter.diagnosis.where import CHANCE, _cell, failures, louder_from, regimes
@@ -44,7 +45,7 @@ def test_noise_below_what_is_stated_leaves_nothing_beyond():
 @pytest.mark.parametrize("n", [50, 400])
 def test_it_fails_beyond_chance_only(n):
     """A mean square of n numbers has the sigma √(2/n)."""
-    limit = np.sqrt(1.0 + CHANCE * np.sqrt(2.0 / n))
+    limit = np.sqrt(chi2.isf(norm.sf(CHANCE), n) / n)
     even = np.where(np.arange(n) % 2, 1.0, -1.0)
     assert not cell_of(0.99 * limit * even).fails
     assert cell_of(1.01 * limit * even).fails

@@ -1,6 +1,7 @@
 """Which commands a click means."""
 
 import json
+import shutil
 
 import pytest
 
@@ -34,10 +35,12 @@ def test_running_a_mission(root):
 
 def test_a_result_of_its_own_mission_is_made_again_and_no_other_is_replaced(made):
     assert plans.plan_run(made, "flight.yaml").result == "results/flight"
-    (made / "more").mkdir(exist_ok=True)
-    (made / "more" / "flight.yaml").write_text((made / "flight.yaml").read_text())
-    assert plans.plan_run(made, "more/flight.yaml").result == "results/flight-2"
-    (made / "more" / "flight.yaml").unlink()
+    (made / "more").mkdir()
+    try:
+        (made / "more" / "flight.yaml").write_text((made / "flight.yaml").read_text())
+        assert plans.plan_run(made, "more/flight.yaml").result == "results/flight-2"
+    finally:  # the folder serves other tests too
+        shutil.rmtree(made / "more")
 
 
 def test_names_that_look_like_options_or_need_quotes(root):

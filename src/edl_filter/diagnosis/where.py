@@ -11,6 +11,7 @@ from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import chdtri, ndtr
 
 from edl_filter.diagnosis.case import Linear
 from edl_filter.diagnosis.path import PER_BIN
@@ -227,7 +228,7 @@ def _cell(
         unit=unit,
         matters=physical / float(np.sqrt(np.mean(limit**2))) if limit is not None else float("nan"),
         count=n,
-        fails=bool(rms**2 - 1.0 > CHANCE * np.sqrt(2.0 / n) and rms > _LEAST),
+        fails=bool(rms**2 > chdtri(n, ndtr(-CHANCE)) / n and rms > _LEAST),
     )
 
 
