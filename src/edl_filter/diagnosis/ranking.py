@@ -92,6 +92,8 @@ class Hypothesis:
         The ground of the last refit.
     own_gain : float
         Evidence at the noise that it leaves over none, nats: its gain, should it turn out to explain everything.
+    hard : Refit or None
+        The same at the stated noise, where that is another.
     """
 
     name: str
@@ -104,6 +106,7 @@ class Hypothesis:
     case: Case
     linear: Linear
     own_gain: float = -np.inf
+    hard: Refit | None = None
 
     @property
     def active(self) -> Active:
@@ -338,8 +341,9 @@ def _best(
     found = max(soft, key=lambda r: r.evidence)
     share = linear.rough[0].share if rough_share is None else rough_share
     first = _hypothesis(name, found, linear.soft, False, base, case, linear)
+    surest = max(hard, key=lambda r: r.evidence) if hard else None
     outcomes = [first]
-    for start in (found, *([max(hard, key=lambda r: r.evidence)] if hard else [])):
+    for start in (found, *([surest] if surest is not None else [])):
         if not thorough and _look(linear, start, share) > _MAYBE:
             continue
         rough, whiten = find_rough(linear.plain, linear.ground.order, start.column, start.start)
@@ -348,7 +352,7 @@ def _best(
     best = max(outcomes, key=lambda h: (h.gain, h.at_floor))
     if best.at_floor:
         return best
-    return replace(best, gain=first.gain, score_gain=first.score_gain, own_gain=best.gain)
+    return replace(best, gain=first.gain, score_gain=first.score_gain, own_gain=best.gain, hard=surest)
 
 
 def _hypothesis(
@@ -369,9 +373,14 @@ def about_itself(h: Hypothesis) -> Hypothesis:
     """The same hypothesis refitted about a reconstruction that has it.
 
     What the effect does to the path is then taken up to all orders. The gain stays that of the first refit: another
-    path would serve the model without the effect as well.
+    path would serve the model without the effect as well. It begins at what is most likely at the noise that the
+    effect leaves, which the others were not polished to.
     """
-    case = load_case(h.case.mission, h.refit.effects)
+    polished = h
+    if not h.at_floor:
+        starts = [] if h.hard is None else [h.hard]
+        polished = _best(h.name, [h.refit], starts, 0.0, h.case, h.linear, thorough=True)
+    case = load_case(h.case.mission, polished.refit.effects)
     linear = linearise(case, rounds=2)
     found = refit(case, linear, case.effects, linear.soft)
     again = _best(h.name, [found], [], 0.0, case, linear, h.linear.rough[0].share, thorough=True)
