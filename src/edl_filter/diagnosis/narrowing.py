@@ -1,0 +1,48 @@
+"""Places narrowed down: from the scan's grid to where an effect explains most, one place after the other."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from edl_filter.diagnosis.case import Linear
+from edl_filter.diagnosis.regression import regress
+from edl_filter.diagnosis.signatures import ordered, signature
+from edl_filter.diagnosis.whitening import Whitener
+from edl_filter.effects.effect import Active
+
+
+def narrowed(linear: Linear, active: Active, whiten: Whitener, rounds: int = 6) -> Active:
+    """Move an effect's places, one after the other and in ever smaller steps, to where it explains most."""
+    scanned = [q for q in active.effect.places if q.scan > 1]
+    if not scanned:
+        return active
+    y = whiten(linear.column[:, None], linear.start[:, None])[:, 0]
+
+    def tried(at: Active) -> tuple[float, Active]:
+        s = signature(
+            linear.ground, replace(at, values=at.values | dict.fromkeys((p.name for p in at.effect.sizes), 0.0))
+        )
+        fit = regress(y, whiten(s.rows, s.start), s.sigma)
+        return fit.gain, replace(at, values=at.values | dict(zip(s.names, fit.size.tolist(), strict=True)))
+
+    gain, best = tried(active)
+    spans = {}
+    for q in scanned:
+        low, high = (q.low, q.high) if np.isfinite([q.low, q.high]).all() else (0.0, linear.bins.edges[-1])
+        if q.kind == "altitude":
+            low, high = 0.0, 4e3 * (q.scan - 1)
+        spans[q.name] = (high - low) / (q.scan if q.kind == "phase" else q.scan - 1)
+    for _ in range(rounds):
+        for name in spans:
+            spans[name] *= 0.5
+            for sign in (1.0, -1.0):
+                other = replace(best, values=best.values | {name: best.values[name] + sign * spans[name]})
+                if not ordered(other):
+                    continue
+                g, fitted = tried(other)
+                if g > gain:
+                    gain, best = g, fitted
+                    break
+    return best
