@@ -18,7 +18,7 @@ def cell(channel, regime, rms, **more):
 def content(verdict="missing", rms=880.0):
     """What a diagnosis.json holds, made by hand."""
     cells = [cell(f"moment_{a}", f"Mach {m}", rms / (k + 1)) for k, a in enumerate("xyz") for m in (25, 15, 5, 3)]
-    cells.append(cell("landing", "constraints", 0.8, unit="of its unit", over_database_sigma=None))
+    cells.append(cell("landing", "constraints", 0.8, unit="m", over_database_sigma=None))
     parameters = {
         "Cm": {"estimate": 1.75e-3, "sigma": 1e-6, "unit": ""},
         "t0": {"estimate": 129.0, "sigma": 0.1, "unit": "s"},

@@ -15,6 +15,7 @@ from scipy.special import chdtri, ndtr
 
 from edl_filter.diagnosis.case import Linear
 from edl_filter.diagnosis.path import PER_BIN
+from edl_filter.navigation.constraints import Constraint
 
 Array = NDArray[np.float64]
 
@@ -132,14 +133,15 @@ def survey(linear: Linear) -> list[Cell]:
                 )
             )  # fmt: skip
     by_name: dict[str, list[int]] = {}
-    for i, constraint in enumerate(linear.ground.setup.problem.constraints):
+    problem = linear.ground.setup.problem
+    for i, constraint in enumerate(problem.constraints):
         by_name.setdefault(constraint.name, []).append(i)
     for name, which in by_name.items():
         rows = np.concatenate([np.arange(order.constraint_rows[i].start, order.constraint_rows[i].stop) for i in which])
         cells.append(
             _cell(
                 name, "constraints", order.time[rows[0]], order.time[rows[-1]], scaled[rows],
-                linear.plain.innovation_sigma[rows], "of its unit", None,
+                linear.plain.innovation_sigma[rows], _unit(problem.constraints[which[0]]), None,
             )
         )  # fmt: skip
     return cells
@@ -201,6 +203,11 @@ def louder_from(scaled: Array) -> tuple[int, float]:
 def _cost(count: NDArray[np.int64], variance: Array, total: Array) -> Array:
     """Minus the log-likelihood of normal numbers, up to a constant."""
     return np.asarray(0.5 * (count * np.log(variance) + total / variance), float)
+
+
+def _unit(constraint: Constraint) -> str:
+    """Unit of a constraint, which its components' names end with in brackets."""
+    return constraint.components[0].rpartition("(")[2].rstrip(")")
 
 
 def failures(cells: list[Cell]) -> list[Cell]:
