@@ -101,6 +101,18 @@ def tree() -> xr.DataTree:
     return make_tree()
 
 
+def test_the_angle_of_attack_shows_the_instabilities(tree):
+    flown = xr.DataTree.from_dict({node.path: node.to_dataset() for node in tree.subtree})
+    angle = xr.DataArray(np.full(flown["trajectory"].sizes["time"], 0.05), dims="time")
+    flown["trajectory"] = xr.DataTree(flown["trajectory"].to_dataset().assign(alpha_total=angle))
+    entry = FIGURES["total_angle_of_attack"](flown).axes[0]
+    assert [t.get_text() for t in entry.texts].count("unstable") == 1
+    spans = [p.get_extents() for p in entry.patches]
+    assert [entry.transData.inverted().transform((s.x0, 0))[0] for s in spans] == pytest.approx([100.0])
+    bare = FIGURES["total_angle_of_attack"](less(flown, "/postflight")).axes[0]
+    assert "unstable" not in [t.get_text() for t in bare.texts] and not bare.patches
+
+
 def less(tree: xr.DataTree, *paths: str) -> xr.DataTree:
     groups = {node.path: node.to_dataset() for node in tree.subtree}
     return xr.DataTree.from_dict({k: v for k, v in groups.items() if not k.startswith(paths)})

@@ -69,13 +69,18 @@ def accelerations(tree: DataTree) -> Figure:
 
 @style.styled
 def total_angle_of_attack(tree: DataTree) -> Figure:
-    """Total angle of attack with its bands, large up to the parachute."""
+    """Total angle of attack with its bands, large up to the parachute; instabilities shaded where they are known."""
     made = style.figure(5.4)
     columns = _columns(made, view.phases(tree), 1)
     for phase, (ax,) in columns.items():
         attitude.total_angle_of_attack(tree, ax, phase=phase)
         if phase != "entry":
             ax.set_ylabel("")
+        elif "postflight" in tree.children:
+            shared = postflight.layer(tree)
+            postflight.shade_instabilities(shared, ax)
+            # Below the legend: the angle dips to 0 at the foot
+            postflight.name_shades(shared, ax, low=ax.get_xlim()[0], height=0.8)
     tops = [axes[0] for axes in columns.values()]
     style.dress(tree, tops, tops, "total angle of attack")
     return made

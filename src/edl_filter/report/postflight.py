@@ -197,8 +197,7 @@ def strips(
     axes = made.subplots(len(panels), 1, sharex=True, height_ratios=heights, squeeze=False)[:, 0]
     begin = shared.useful if low is None else low
     for k, (draw, ax) in enumerate(zip(panels, axes, strict=True)):
-        for left, right in shared.unstable:
-            ax.axvspan(left, right, color=SHADE, linewidth=0.0, zorder=0.5)
+        shade_instabilities(shared, ax)
         draw(Panel(shared, ax, begin))
         ax.yaxis.set_label_coords(-0.088, 0.5)  # all in line, without measuring the ticks' labels
         ax.set_title("", y=1.0)  # only the top axes get a title: no search for its place
@@ -210,14 +209,20 @@ def strips(
     return made
 
 
-def name_shades(shared: Layer, ax: Axes, low: float) -> None:
-    """Say at the foot of the axes what the shades are."""
+def shade_instabilities(shared: Layer, ax: Axes) -> None:
+    """Shade the times at which the vehicle is statically unstable."""
+    for left, right in shared.unstable:
+        ax.axvspan(left, right, color=SHADE, linewidth=0.0, zorder=0.5)
+
+
+def name_shades(shared: Layer, ax: Axes, low: float, height: float = 0.02) -> None:
+    """Say what the shades are, at a `height` that is a fraction of the axes': their foot, if nothing dips there."""
     for left, right in shared.unstable:
         middle = max(0.5 * (left + right), low + 0.04 * (shared.right - low))
         if right > low:
             ax.annotate(
                 "unstable",
-                (middle, 0.02),
+                (middle, height),
                 xycoords=("data", "axes fraction"),
                 ha="center",
                 fontsize=9.0,
