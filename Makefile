@@ -3,6 +3,7 @@
 #
 #   make demo    reconstruct the built-in flight; figures and results go to demo-results
 #   make test    run the tests        make lint   ruff        make types   mypy
+#   make notebooks      execute the notebooks (minutes)
 #   make test-browser   click through the workbench in Chromium, from first look to noise floor (minutes)
 #   make bench   run the benchmarks   make clean  remove what these targets made
 #   make docs    build the documentation into docs/_build/html; a warning is an error
@@ -16,14 +17,18 @@ BIN := .venv/bin
 STAMP := .venv/installed
 DOCS_STAMP := .venv/installed-docs
 
-.PHONY: demo test test-browser lint types bench docs study study-simulation study-closure study-comparators clean
+.PHONY: demo test notebooks test-browser lint types bench docs study study-simulation study-closure study-comparators clean
 
 demo: $(STAMP)
 	$(BIN)/edl-filter demo -o demo-results
 
 # One worker per file, so that what a file reads or reconstructs once serves all its tests
 test: $(STAMP)
-	$(BIN)/pytest -n 2 --dist loadfile -m "not browser"
+	$(BIN)/pytest -n 2 --dist loadfile -m "not browser and not notebook"
+
+# Five notebooks, each with runs and diagnoses of its own
+notebooks: $(STAMP)
+	$(BIN)/pytest -n 2 -m notebook tests/notebooks
 
 # Two runs and two diagnoses by clicking take minutes, and need Chromium and the practice flights
 test-browser: $(STAMP)

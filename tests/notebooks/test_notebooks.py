@@ -93,12 +93,14 @@ class TestAsKept:
                 assert (FOLDER / target).is_file(), target
 
 
+@pytest.mark.notebook
 @pytest.mark.parametrize("path", [named(n) for n in NEEDS_DATA])
 def test_it_runs_on_the_rovers_telemetry(path, mer_folder, tmp_path):
     notebook = execute(path, tmp_path)
     assert pictures(notebook) == shown(notebook) > 4
 
 
+@pytest.mark.notebook
 def test_the_hidden_effect_is_found_and_the_error_falls_to_the_noise(tmp_path):
     notebook = execute(FOLDER / "3_find_the_hidden_effect.ipynb", tmp_path)
     assert pictures(notebook) == shown(notebook) > 3
@@ -107,6 +109,7 @@ def test_the_hidden_effect_is_found_and_the_error_falls_to_the_noise(tmp_path):
     assert any("Missing: accelerometer_misalignment" in str(c.outputs) for c in codes(notebook))
 
 
+@pytest.mark.notebook
 def test_ones_own_effect_is_named_after_the_verdict_was_unknown(tmp_path):
     notebook = execute(FOLDER / "4_write_your_own_effect.ipynb", tmp_path)
     assert pictures(notebook) == shown(notebook) > 3
