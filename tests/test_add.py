@@ -111,6 +111,7 @@ def test_starting_values_come_from_a_diagnosis_and_set_goes_before_them(cli):
         "add", "builtin:practice_mer", "remnant_torque", "--from", "out", "--set", "Cl=1e-6", "--set", "Cm=0.002"
     )
     assert result.exit_code == 0, result.output
+    assert result.stdout.endswith("-o out+remnant_torque\n")  # beside the result, as diagnose says
     (torque,) = Mission.load("practice_mer+remnant_torque.yaml").active_effects()
     assert torque.values == {"Cl": 1e-6, "Cm": 2e-3, "Cn": 0.0, "t0": 183.12346, "t1": float("inf")}
 

@@ -234,7 +234,11 @@ def add(
     added = Mission.load(written).active_effects()[-1]
     if not any(added.values[q.name] for q in added.effect.sizes):
         typer.echo(f"All sizes of {effect} are zero: it is off until one of them is set or estimated.")
-    typer.echo(f"Next: edl-filter run {quote(str(written))} -o {quote(str(Path('results') / written.stem))}")
+    place = Path("results") / written.stem
+    if result is not None:  # beside the result that it came from, as 'diagnose' says
+        folder = result.parent if result.suffix == ".nc" else result
+        place = folder.with_name(f"{folder.name}+{effect}")
+    typer.echo(f"Next: edl-filter run {quote(str(written))} -o {quote(str(place))}")
 
 
 @app.command(epilog="Example: edl-filter diagnose results/mer_a")
