@@ -151,6 +151,7 @@
     press("[data-unit]", (b) => b.dataset.unit === chosen.unit);
     const inFlight = cell.regime !== "constraints" && channel;
     for (const b of document.querySelectorAll(".choices button")) b.disabled = !inFlight;
+    document.getElementById("residuals-caption").hidden = !inFlight;
     title.textContent = cell.text;
     if (inFlight) {
       place.hidden = false;
