@@ -77,7 +77,9 @@ def test_a_click_on_a_cell_shows_its_residual_in_its_regime(browser, report):
     page.click("text=in sigmas")
     page.click("text=whole flight")
     assert residual(page)[:2] == ["force y (sigma)", [20.0, 220.0]]
+    assert page.is_visible("#residuals-caption")
     page.get_by_label("landing in constraints").click()
+    assert not page.is_visible("#residuals-caption")
     assert page.evaluate("document.getElementById('plot-residuals').layout.yaxis.title.text") == "innovation (sigma)"
     assert said == []
 
