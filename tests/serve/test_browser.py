@@ -72,6 +72,7 @@ def page(browser, address):
 
 def test_from_first_look_to_noise_floor(page, folder):
     page.click('#missions button[data-name="flight_01.yaml"]')
+    page.wait_for_selector("#run:enabled")
     assert "edl-filter run flight_01.yaml -o results/flight_01" in page.inner_text("main")
     page.click("#run")
     page.wait_for_selector("#job-steps li[data-state=running]")
