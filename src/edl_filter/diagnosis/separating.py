@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -80,7 +81,7 @@ def remedies(linear: Linear) -> list[tuple[str, Callable[[Steps], Steps]]]:
         there = [slices[n] for n in names if n in slices]
         if there:
             at = np.concatenate([np.arange(s.start, s.stop) for s in there])
-            found.append((f"knowing {what}", lambda steps, at=at: known(steps, at)))  # type: ignore[misc]
+            found.append((f"knowing {what}", partial(known, at=at)))
     constraints = zip(linear.ground.setup.problem.constraints, linear.ground.order.constraint_rows, strict=True)
     by_name: dict[str, list[Array]] = {}
     for constraint, rows in constraints:
@@ -88,7 +89,7 @@ def remedies(linear: Linear) -> list[tuple[str, Callable[[Steps], Steps]]]:
     for name, parts in by_name.items():
         at = np.concatenate(parts)
         text = f"a constraint {name} {_BETTER:.0f} times better"
-        found.append((text, lambda steps, at=at: better(steps, at)))  # type: ignore[misc]
+        found.append((text, partial(better, rows=at)))
     return found
 
 

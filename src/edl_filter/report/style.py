@@ -16,7 +16,17 @@ from xarray import DataTree
 
 from edl_filter.report import view
 from edl_filter.report.labels import place
-from edl_filter.report.palette import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, SKY, VERMILLION, YELLOW  # noqa: F401
+from edl_filter.report.palette import (  # noqa: F401 - figures say style.ORANGE; the report needs no matplotlib for it
+    BLACK,
+    BLUE,
+    GREEN,
+    GREY,
+    ORANGE,
+    PURPLE,
+    SKY,
+    VERMILLION,
+    YELLOW,
+)
 
 P = ParamSpec("P")
 R = TypeVar("R")

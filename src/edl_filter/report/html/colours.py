@@ -41,7 +41,8 @@ def cividis(share: float) -> tuple[int, int, int]:
     place = min(max(share, 0.0), 1.0) * (len(_CIVIDIS) - 1)
     k = min(int(place), len(_CIVIDIS) - 2)
     low, high = (_parts(_CIVIDIS[i]) for i in (k, k + 1))
-    return tuple(round(a + (place - k) * (b - a)) for a, b in zip(low, high, strict=True))  # type: ignore[return-value]
+    red, green, blue = (round(a + (place - k) * (b - a)) for a, b in zip(low, high, strict=True))
+    return red, green, blue
 
 
 def cell_colours(rms: float, worst: float) -> tuple[str, str]:
