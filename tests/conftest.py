@@ -1,6 +1,7 @@
 """Fixtures that find the flights: real ones and practice flights only where the environment names them."""
 
 import os
+import shutil
 from importlib.resources import files
 from pathlib import Path
 
@@ -70,3 +71,16 @@ def opportunity(mer_folder):
 def practice_06():
     """The flight that the package ships, reconstructed."""
     return _reconstructed("practice_mer")
+
+
+@pytest.fixture(scope="module")
+def browser():
+    """Headless Chromium, the one that is installed: playwright's own would be a download of 150 MB."""
+    api = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
+    path = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
+    if path is None:
+        pytest.skip("no chromium, chromium-browser or google-chrome is on the path")
+    with api.sync_playwright() as playwright:
+        opened = playwright.chromium.launch(executable_path=path, args=["--no-sandbox"])
+        yield opened
+        opened.close()

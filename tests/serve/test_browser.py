@@ -5,7 +5,6 @@ Two reconstructions and two diagnoses take one to three minutes, which is too lo
 
 import os
 import re
-import shutil
 import signal
 import subprocess
 import sys
@@ -19,18 +18,6 @@ pytestmark = pytest.mark.browser
 
 #: Seconds that a run and its diagnosis may take on a busy machine.
 PATIENCE = 300
-
-
-@pytest.fixture(scope="module")
-def browser():
-    api = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
-    path = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
-    if path is None:
-        pytest.skip("there is no Chromium on this computer")
-    with api.sync_playwright() as playwright:
-        opened = playwright.chromium.launch(executable_path=path, args=["--no-sandbox"])
-        yield opened
-        opened.close()
 
 
 @pytest.fixture

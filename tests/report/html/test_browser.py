@@ -1,6 +1,5 @@
 """The report in a browser without a network."""
 
-import shutil
 import sys
 from pathlib import Path
 
@@ -10,18 +9,6 @@ sys.path.insert(0, str(Path(__file__).parent))
 import folders
 
 from edl_filter.report.html import write_report
-
-CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
-sync_api = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
-pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="there is no chromium on the path")
-
-
-@pytest.fixture(scope="module")
-def browser():
-    with sync_api.sync_playwright() as playwright:
-        opened = playwright.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
-        yield opened
-        opened.close()
 
 
 @pytest.fixture(scope="module")
