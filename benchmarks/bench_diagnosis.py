@@ -42,7 +42,7 @@ def in_turn(case):
     linear, evidence = linearise(case), {}
     for name, effect in catalogue().items():
         try:
-            evidence[name] = refit(case, linear, (*case.effects, Active(effect, {})), linear.plain).evidence
+            evidence[name] = refit(linear, (*case.effects, Active(effect, {})), linear.plain).evidence
         except InputError:
             continue  # this flight has not what it needs
     return max(evidence, key=evidence.get)

@@ -81,14 +81,13 @@ OUTSIDE = {
 
 
 def cases(seeds, clean):
-    """All flights: (key, vehicle, seed, names, part of the plausible size)."""
+    """All flights: (vehicle, seed, names, part of the plausible size)."""
     found = []
-    for seed in range(seeds):
+    for seed in seeds:
         for name in catalogue():
             found += [(vehicle, seed, (name,), 1.0) for vehicle in VEHICLES]
         found += [(vehicle, seed, (name,), 1.0) for vehicle in VEHICLES for name in OUTSIDE]
-        if seed == 0:
-            found += [(VEHICLES[i % 2], 1000 + i, (), 0.0) for i in range(clean)]
+        found += [(VEHICLES[i % 2], 1000 * (1 + seed) + i, (), 0.0) for i in range(clean)]
         found += [(VEHICLES[i % 2], seed, pair, 1.0) for i, pair in enumerate(PAIRS)]
         for name in catalogue():
             found += [(vehicle, seed, (name,), 0.5) for vehicle in VEHICLES]
@@ -175,8 +174,9 @@ def answer(case):
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--seeds", type=int, default=2)
-    parser.add_argument("--clean", type=int, default=20)
+    parser.add_argument("--seeds", type=int, default=1, help="how many draws of sizes, places, weather and noise")
+    parser.add_argument("--first-seed", type=int, default=0, help="begin at this one: flights that nobody has seen")
+    parser.add_argument("--clean", type=int, default=20, help="clean flights for each seed")
     parser.add_argument("--worker", type=int, default=0, help="this one of --workers")
     parser.add_argument("--workers", type=int, default=1)
     parser.add_argument("-o", "--output", type=Path, default=Path("identification.jsonl"))
@@ -187,7 +187,7 @@ def main():
             line = json.loads(text)
             done.add((line["vehicle"], line["seed"], tuple(line["hidden"]), line["part"]))
     mine = a.output.with_stem(f"{a.output.stem}_{a.worker}")
-    for i, case in enumerate(cases(a.seeds, a.clean)):
+    for i, case in enumerate(cases(range(a.first_seed, a.first_seed + a.seeds), a.clean)):
         if i % a.workers == a.worker and case not in done:
             with mine.open("a") as file:
                 file.write(json.dumps(answer(case), default=float) + "\n")

@@ -57,28 +57,24 @@ def test_after_the_end_they_stay_as_they_were():
 
 @pytest.mark.parametrize(("share", "until", "calls"), [(0.0, 0.02, 3), (0.5, 0.02, 1), (0.5, 1.0, 3)])
 def test_further_rounds_are_for_models_that_hold(monkeypatch, share, until, calls):
-    """The path moves round by round, but not where the model fails by more than `until`."""
+    """The point moves round by round, but not where the model fails by more than `until`."""
     made = []
 
-    class Start:
-        errors = np.zeros(2)
-
-        def plus(self, shift):
-            return self
-
-    def about(case, start, errors):
-        made.append(start)
-        soft = SimpleNamespace(start_correction=lambda white, size: (np.ones(2), np.eye(2)))
+    def about(case, point):
+        made.append(point)
+        soft = SimpleNamespace(start_covariance=lambda size: np.eye(2))
         rough = SimpleNamespace(share=share), soft
-        return SimpleNamespace(rough=rough, soft=soft, white=lambda _: np.zeros(3), start=np.zeros(2))
+        unknowns = SimpleNamespace(layout=SimpleNamespace(size=2))
+        white = SimpleNamespace(rough=rough, soft=soft, white=lambda _: np.zeros(3), start=np.zeros(2))
+        white.unknowns, white.sigma = unknowns, {}
+        return white
+
+    def told(linear, point, *_):
+        far = SimpleNamespace(minus=lambda _: np.ones(2))
+        return SimpleNamespace(start=far, deviation=None)
 
     monkeypatch.setattr(case_module, "about", about)
-    problem = SimpleNamespace(
-        layout=SimpleNamespace(size=2), instruments=(0,), samples=SimpleNamespace(unit=np.zeros(1, int))
-    )
-    reconstruction = SimpleNamespace(
-        problem=problem, smoothed=SimpleNamespace(states=[Start()]),
-        forward=SimpleNamespace(nodes=[SimpleNamespace(unit=0)]),
-    )  # fmt: skip
-    linearise(SimpleNamespace(reconstruction=reconstruction), rounds=3, until=until)
+    monkeypatch.setattr(case_module, "told", told)
+    monkeypatch.setattr(case_module, "first_point", lambda _: SimpleNamespace(start=None, deviation=None))
+    linearise(SimpleNamespace(reconstruction=None), rounds=3, until=until)
     assert len(made) == calls

@@ -1,4 +1,4 @@
-"""How much of a failing channel a hypothesis explains."""
+"""Whether a hypothesis mends a failing channel."""
 
 from types import SimpleNamespace
 
@@ -6,20 +6,22 @@ import numpy as np
 import pytest
 
 from edl_filter.diagnosis import channel_errors
-from edl_filter.diagnosis.channel_errors import most_explained
+from edl_filter.diagnosis.channel_errors import mends_its_channel
 
 
 @pytest.mark.parametrize(
-    ("before", "after", "expected"),
+    ("before", "after", "mended"),
     [
-        ({"force_x": 10.0, "moment_y": 50.0}, {"force_x": 1.0, "moment_y": 50.0}, 1.0),
-        ({"force_x": 10.0, "moment_y": 50.0}, {"force_x": 12.0, "moment_y": 25.0}, 1.0 - 624.0 / 2499.0),
-        ({"force_x": 1.4, "moment_y": 50.0}, {"force_x": 0.9, "moment_y": 60.0}, 1.0 - 3599.0 / 2499.0),
-        ({"force_x": 1.2}, {"force_x": 1.0}, 0.0),  # nothing fails
+        ({"force_x": 10.0, "moment_y": 50.0}, {"force_x": 1.0, "moment_y": 50.0}, True),
+        ({"force_x": 10.0, "moment_y": 50.0}, {"force_x": 1.0, "moment_y": 20.0}, False),  # not that which it is about
+        ({"force_x": 10.0, "moment_y": 50.0}, {"force_x": 12.0, "moment_y": 15.0}, False),  # nine tenths, and fails yet
+        ({"force_x": 1.6}, {"force_x": 1.4}, False),  # fails no more, but by next to nothing
+        ({"force_x": 1.2}, {"force_x": 1.0}, False),  # nothing failed
+        ({"force_x": 9.0}, {}, False),  # not compared any more
     ],
 )
-def test_the_best_explained_of_the_channels_that_fail(monkeypatch, before, after, expected):
+def test_a_failing_channel_comes_to_its_noise(monkeypatch, before, after, mended):
     monkeypatch.setattr(channel_errors, "normalised", lambda _: np.zeros(0))
     monkeypatch.setattr(channel_errors, "_scaled", lambda _: np.zeros(0))
     monkeypatch.setattr(channel_errors, "_by_channel", lambda linear, _: {"model": before, "with": after}[linear])
-    assert most_explained("model", SimpleNamespace(linear="with")) == pytest.approx(expected)
+    assert mends_its_channel("model", SimpleNamespace(linear="with")) == mended

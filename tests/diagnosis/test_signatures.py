@@ -58,6 +58,22 @@ def test_of_an_effect_on_the_path_it_is_taken_on_readings_without_their_own_nois
     np.testing.assert_allclose(column, (at[1] - at[0]) / 2e-5, rtol=1e-3, atol=1e-3 * np.abs(column).max())
 
 
+@pytest.mark.parametrize("name", ["gyro_bias", "accelerometer_bias"])
+def test_an_effect_that_is_an_unknown_as_well_leaves_the_same_mark(linear, name):
+    """The biases are states of the filter: white, signature and state must be one, or a small rest looks like evidence.
+
+    Taken through the whole chain by differences they were a thousandth apart, and that was 300 sigmas of a mark of 24.
+    """
+    effect, at = effect_named(name), linear.unknowns.layout[name]
+    s = signature(linear.ground, Active(effect, {}))
+    marks = linear.plain(s.rows, s.start) * s.sigma
+    unit = np.zeros((linear.unknowns.size, 3))
+    unit[at] = np.eye(3)
+    states = -linear.plain(np.zeros((len(marks), 3)), unit) * s.sigma
+    assert np.linalg.norm(states, axis=0).min() > 5.0
+    assert np.linalg.norm(marks - states, axis=0).max() < 0.5
+
+
 def test_about_another_value_the_derivative_is_taken_there(linear):
     """Force over mass falls with the square of the mass: the slope at ``k`` is that at zero over ``(1 + k)²``."""
     effect = effect_named("mass")
@@ -117,7 +133,7 @@ def test_signatures_of_several_parameters_are_those_of_each(linear):
 def test_a_turned_frame_is_expected_at_the_beginning(linear):
     """The only effect on the start: position and velocity are turned with the frame, and nothing else is."""
     s = signature(linear.ground, Active(effect_named("attitude_frame"), {}), ["rz"])
-    nav, layout = linear.ground.start.nav, linear.ground.setup.problem.layout
+    nav, layout = linear.ground.point.start.nav, linear.ground.setup.problem.layout
     x, y = nav[:2]
     start = s.start[:, 0]
     assert np.abs(start[layout["position"]]) == pytest.approx(np.abs([y, x, 0.0]), rel=1e-4, abs=1.0)

@@ -130,12 +130,10 @@ def test_a_name_that_leaves_most_to_something_else_is_no_name():
 
 
 @pytest.mark.parametrize(
-    ("coefficients", "part", "verdict"), [(0.0, 0.95, "missing"), (0.0, 0.8, "unknown"), (1.0, 0.8, "missing")]
+    ("coefficients", "mends", "verdict"), [(0.0, True, "missing"), (0.0, False, "unknown"), (1.0, False, "missing")]
 )
-def test_beside_another_it_explains_one_channel_whole_if_the_database_is_exact(
-    monkeypatch, coefficients, part, verdict
-):
-    monkeypatch.setattr("edl_filter.diagnosis.verdict.most_explained", lambda *_: part)
+def test_beside_another_it_mends_one_channel_if_the_database_is_exact(monkeypatch, coefficients, mends, verdict):
+    monkeypatch.setattr("edl_filter.diagnosis.verdict.mends_its_channel", lambda *_: mends)
     one = hypothesis_of("mass", 60.0, at_floor=False)
     assert judge(ranking_of(one, something_else=1000.0, noise=1e4, coefficients=coefficients)).verdict == verdict
 

@@ -97,17 +97,41 @@ def test_innovations_go_back_and_forth():
     np.testing.assert_allclose(back[first], y[first, 0], atol=1e-12)  # nothing was known before
 
 
-def test_start_correction_is_the_smoothed_start():
+def test_the_smoother_is_the_joint_gaussian():
+    """At the beginning and at every step, against the covariance of every unknown with all rows."""
     s = problem()
-    y = np.random.default_rng(5).normal(size=s.rows[-1])
+    rng = np.random.default_rng(5)
+    y, stated = rng.normal(size=s.rows[-1]), rng.normal(size=7)
     w = whitener(s)
-    mean, covariance = w.start_correction(w(y[:, None], np.zeros((7, 1)))[:, 0], 7)
-    # joint Gaussian of the start and all rows: cross covariance by carrying the start
-    carried, cross = s.start, np.zeros((7, s.rows[-1]))
+    first, every = w.smoothed(w(y[:, None], stated[:, None])[:, 0], stated)
+    expected = np.zeros(s.rows[-1])  # of the rows, from what is stated
+    cross = [np.zeros((7, s.rows[-1])) for _ in range(41)]
+    at, means = [stated], stated
     for k in range(len(s.change)):
-        carried = moved(s, k) @ carried
-        a, b = s.rows[k], s.rows[k + 1]
-        cross[:, a:b] = (s.design[a:b] @ carried).T
+        means = moved(s, k) @ means
+        at.append(means)
+        expected[s.rows[k] : s.rows[k + 1]] = s.design[s.rows[k] : s.rows[k + 1]] @ means
+    for i in range(41):  # covariance of the unknowns after i moves with every row
+        for k in range(len(s.change)):
+            row = slice(s.rows[k], s.rows[k + 1])
+            cross[i][:, row] = between(s, i, k + 1) @ s.design[row].T
     total = joint_covariance(s)
-    np.testing.assert_allclose(mean, cross @ np.linalg.solve(total, y), atol=1e-8)
-    np.testing.assert_allclose(covariance, s.start - cross @ np.linalg.solve(total, cross.T), atol=1e-8)
+    left = np.linalg.solve(total, y - expected)
+    np.testing.assert_allclose(first, at[0] + cross[0] @ left, atol=1e-8)
+    for i in range(40):
+        np.testing.assert_allclose(every[i], at[i + 1] + cross[i + 1] @ left, atol=1e-8)
+    np.testing.assert_allclose(
+        w.start_covariance(7), s.start - cross[0] @ np.linalg.solve(total, cross[0].T), atol=1e-8
+    )
+
+
+def between(s, one, other):
+    """Covariance of the unknowns after `one` and after `other` moves."""
+    low, high = min(one, other), max(one, other)
+    p = s.start
+    for k in range(low):
+        p = moved(s, k) @ p @ moved(s, k).T + s.noise[k]
+    carried = np.eye(len(p))
+    for k in range(low, high):
+        carried = moved(s, k) @ carried
+    return p @ carried.T if one == low else carried @ p

@@ -16,18 +16,19 @@ from numpy.typing import NDArray
 from edl_filter.assembly import assemble_free, without_effects
 from edl_filter.diagnosis.bins import Bins, lay_bins
 from edl_filter.diagnosis.comparison import Setup, compare
+from edl_filter.diagnosis.deviating import moved
 from edl_filter.diagnosis.missing import Missing, allow
+from edl_filter.diagnosis.point import Point, first_point, told
 from edl_filter.diagnosis.roughness import Rough, find_rough
-from edl_filter.diagnosis.sensitivity import bin_rows, slopes
+from edl_filter.diagnosis.sensitivity import bin_rows, one_sigma, slopes
 from edl_filter.diagnosis.signatures import Ground
-from edl_filter.diagnosis.timeline import follow, frame_of, in_order, stated_start
+from edl_filter.diagnosis.timeline import follow, frame_of, in_order
 from edl_filter.diagnosis.unknowns import Allowance, Unknowns, lay_out
 from edl_filter.diagnosis.whitening import Steps, Whitener, whitener
 from edl_filter.effects.effect import Active
 from edl_filter.effects.world import World
 from edl_filter.mission import Mission
 from edl_filter.modelling import world_of
-from edl_filter.navigation.layout import State
 from edl_filter.reconstruction import Reconstruction, reconstruct
 from edl_filter.telemetry.record import ImuRecord, Telemetry
 
@@ -71,12 +72,28 @@ class Case:
         return float(self.bins.edges[-1])
 
     def arrange(self, effects: Sequence[Active]) -> Setup:
-        """Model and measurements with other effects than the model's."""
-        return self._arranged(self.reconstruction.telemetry, effects)
+        """Model and measurements with other effects than the model's.
+
+        What sensor effects did is undone as the quiet readings tell it. Undone in the readings themselves, a scale
+        error of one percent would take one percent of the noise away, which many samples call evidence.
+        """
+        telemetry = self.reconstruction.telemetry
+        quiet, free = self.quiet_telemetry, without_effects(self.mission, self.quiet_telemetry, effects)
+
+        def undone(read: ImuRecord, before: ImuRecord, after: ImuRecord) -> ImuRecord:
+            return replace(
+                after,
+                specific_force=read.specific_force + (after.specific_force - before.specific_force),
+                angular_rate=read.angular_rate + (after.angular_rate - before.angular_rate),
+            )
+
+        driving = undone(telemetry.driving, quiet.driving, free.driving)
+        pairs = zip(telemetry.checking, quiet.checking, free.checking, strict=True)
+        return self._arranged(replace(telemetry, driving=driving, checking=tuple(undone(*p) for p in pairs)), effects)
 
     def arrange_quiet(self, effects: Sequence[Active]) -> Setup:
         """The same with readings from which their own noise was taken (`quiet`), to differentiate by sensor errors."""
-        return self._arranged(self.quiet_telemetry, effects)
+        return self._arranged(without_effects(self.mission, self.quiet_telemetry, effects), effects)
 
     @cached_property
     def quiet_telemetry(self) -> Telemetry:
@@ -90,9 +107,8 @@ class Case:
         r = self.reconstruction
         return world_of(r.mission, r.planet, r.atmosphere, ())
 
-    def _arranged(self, read: Telemetry, effects: Sequence[Active]) -> Setup:
+    def _arranged(self, telemetry: Telemetry, effects: Sequence[Active]) -> Setup:
         r = self.reconstruction
-        telemetry = without_effects(r.mission, read, effects)
         return Setup(
             problem=assemble_free(r.mission, telemetry, r.planet, r.atmosphere, effects),
             world=self.world.having(effects),
@@ -141,6 +157,8 @@ class Linear:
         Where signatures are taken.
     bins : Bins
     unknowns : Unknowns
+    sigma : dict
+        What one sigma of air, tables and vehicle is (`sensitivity.one_sigma`).
     steps : Steps
         Nothing missing allowed.
     column : (R,) array
@@ -152,6 +170,7 @@ class Linear:
     ground: Ground
     bins: Bins
     unknowns: Unknowns
+    sigma: dict[str, Array]
     steps: Steps
     column: Array
     start: Array
@@ -217,56 +236,52 @@ def case_of(reconstruction: Reconstruction) -> Case:
 
 
 def linearise(case: Case, rounds: int = 1, until: float = 1.0) -> Linear:
-    """Compare model and measurement about a path.
+    """Compare model and measurement, about a path and about what the flight says of air, tables and vehicle.
 
     The first path begins where the reconstruction says, which knows nothing of the air. What forces and moments say of
-    its beginning and of the sensor errors is more; with further `rounds` the path is moved there and everything taken
-    again, until it stays. That is for models that hold: a failing one would drag the path along, so the rounds end
+    its beginning, of the sensor errors and of the air is more; with further `rounds` everything is taken again there
+    (`point`), until it stays. That is for models that hold: a failing one would drag the path along, so the rounds end
     where more than the part `until` of the rows is rough.
     """
-    r = case.reconstruction
-    layout, start = r.problem.layout, r.smoothed.states[0]
-    errors = np.zeros((len(r.problem.instruments), layout.size))
-    met: set[int] = set()
-    for node, state in zip(r.forward.nodes, r.smoothed.states, strict=True):
-        if node.unit not in met:
-            met.add(node.unit)
-            errors[node.unit] = state.errors
+    point = first_point(case.reconstruction)
     for i in range(rounds):
-        linear = about(case, start, errors)
+        linear = about(case, point)
         if i == rounds - 1 or linear.rough[0].share > until:
             break
-        soft = linear.soft
+        soft, size = linear.soft, linear.unknowns.layout.size
         white = linear.white(soft)
-        shift, covariance = soft.start_correction(white, layout.size)
-        shift = shift + linear.start[: layout.size]
-        spread = np.sqrt(np.maximum(np.diag(covariance), 0.0))
-        if np.all(np.abs(shift) <= _SETTLED * spread + 1e-15):
+        new = told(linear, point, linear.start, soft, white)
+        spread = np.sqrt(np.maximum(np.diag(soft.start_covariance(size)), 0.0))
+        still = np.all(np.abs(new.start.minus(point.start)) <= _SETTLED * spread + 1e-15)
+        if still and moved(point.deviation, new.deviation, linear.sigma) <= _SETTLED:
             break
-        start = start.plus(shift)
-        errors[int(r.problem.samples.unit[0])] = start.errors
+        point = new
     return linear
 
 
-def about(case: Case, start: State, errors: Array) -> Linear:
-    """Compare model and measurement about the path that begins at `start` with `errors` ``(U, n)`` of the sensors."""
-    bins, setup = case.bins, case.arrange(case.effects)
+def about(case: Case, point: Point) -> Linear:
+    """Compare model and measurement about a point."""
+    bins, unmoved = case.bins, case.arrange(case.effects)
+    setup = replace(unmoved, world=replace(unmoved.world, deviation=point.deviation))
     layout = setup.problem.layout
-    motion = follow(setup.problem, bins, start, errors)
-    frame = frame_of(motion, bins, start, errors)
+    motion = follow(setup.problem, bins, point.start, point.errors)
+    frame = frame_of(motion, bins, point.start, point.errors)
     found = compare(frame, setup)
     slope = slopes(setup, bins, found, case.allowance.density)
     unknowns = lay_out(layout, setup.checking, case.allowance)
+    sigma = one_sigma(setup, found, case.allowance)
     readings = compare(frame, case.arrange_quiet(case.effects)).path
-    rows = bin_rows(setup, bins, found, readings, unknowns, slope, case.allowance)
+    rows = bin_rows(setup, bins, found, readings, unknowns, slope, sigma)
     steps, order = in_order(setup, bins, motion, rows, unknowns, case.allowance, found)
-    stated = np.zeros(unknowns.size)
-    stated[: layout.size] = stated_start(setup, start)
+    ground = Ground(
+        case.arrange, case.arrange_quiet, case.effects, frame, setup, found, slope, order, point, unknowns.size
+    )
     return Linear(
-        ground=Ground(case.arrange_quiet, case.effects, frame, setup, found, slope, order, start, unknowns.size),
+        ground=ground,
         bins=bins,
         unknowns=unknowns,
+        sigma=sigma,
         steps=steps,
-        column=order.stack(found),
-        start=stated,
+        column=ground.column(found),
+        start=ground.stated(setup),
     )

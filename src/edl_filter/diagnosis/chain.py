@@ -12,7 +12,8 @@ from edl_filter.effects.effect import Active, Effect
 Arrange = Callable[[Sequence[Active]], Setup]
 
 #: Hooks that change the path, or what was measured along it.
-PATH_HOOKS = ("imu", "corrected", "imu_position", "gravity", "entry_state", "vehicle")
+READING_HOOKS = ("imu", "corrected", "imu_position", "vehicle")
+PATH_HOOKS = (*READING_HOOKS, "gravity", "entry_state")
 AIR_HOOKS = ("atmosphere_rate", "wind", "density")
 
 

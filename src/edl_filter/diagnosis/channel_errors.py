@@ -11,8 +11,10 @@ from edl_filter.diagnosis.where import channels, normalised
 
 Array = NDArray[np.float64]
 
-#: RMS from which a channel is said to fail, where it is asked how much of it an effect explains.
+#: RMS from which a channel is said to fail, where it is asked whether an effect mends it.
 _FAILS = 1.5
+#: Part of its excess (mean square beyond noise) that is nearly all of it.
+_WHOLE = 0.9
 
 
 def errors_of(linear: Linear) -> dict[str, float]:
@@ -26,19 +28,18 @@ def errors_with(h: Hypothesis) -> dict[str, float]:
     return _by_channel(h.linear, scaled) | _by_constraint(h.linear, scaled)
 
 
-def most_explained(linear: Linear, h: Hypothesis) -> float:
-    """Part of the excess of a failing channel that a hypothesis explains, in the channel where it is largest.
+def mends_its_channel(linear: Linear, h: Hypothesis) -> bool:
+    """Whether the channel that a hypothesis explains most of fails without it, and comes to its noise with it.
 
-    The excess is the mean square beyond noise. Channels of forces, moments and other IMUs count, constraints do not:
-    one landing can be met by anything.
+    Channels of forces, moments and other IMUs count, constraints do not: one landing can be met by anything.
     """
     before, after = _by_channel(linear, normalised(linear)), _by_channel(h.linear, _scaled(h))
-    shares = [
-        1.0 - max(after[name] ** 2 - 1.0, 0.0) / (rms**2 - 1.0)
-        for name, rms in before.items()
-        if rms > _FAILS and name in after
-    ]
-    return max(shares, default=0.0)
+    taken = {name: before[name] ** 2 - after[name] ** 2 for name in before if name in after}
+    if not taken:
+        return False
+    name = max(taken, key=lambda n: taken[n])
+    left, had = after[name] ** 2 - 1.0, before[name] ** 2 - 1.0
+    return before[name] > _FAILS >= after[name] and left < (1.0 - _WHOLE) * had
 
 
 def _scaled(h: Hypothesis) -> Array:

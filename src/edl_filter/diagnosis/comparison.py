@@ -14,7 +14,7 @@ All differences are measured minus predicted.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -133,6 +133,24 @@ def compare(frame: Frame, setup: Setup) -> Differences:
         tables=tables,
         felt=felt,
         stepped=step,
+    )
+
+
+def beside_held(frame: Frame, setup: Setup, read: tuple[Array, Array], held: Differences) -> Differences:
+    """Compare other readings, `path.readings`, and another vehicle, along a path that is held; no constraints."""
+    bins, samples = frame.bins, setup.problem.samples
+    path = Path(held.path.time, held.path.nav, *read)
+    force, rate = (bin_means(bins.edges, samples.time, samples.interval, x) for x in read)
+    flow = replace(held.flow, rate=nodes_of(path, bins, rate).rate)
+    felt, step = predicted(setup.world, bins, flow, held.tables)
+    checking = [_other(record, bins, samples, path, force, rate) for record in setup.checking]
+    return replace(
+        held,
+        force=force - felt,
+        turn=np.diff(rate, axis=0) - step,
+        other_force=tuple(f for f, _ in checking),
+        other_rate=tuple(w for _, w in checking),
+        constraints=tuple(np.zeros_like(c) for c in held.constraints),
     )
 
 

@@ -56,29 +56,27 @@ def dead_reckon(problem: Problem, start: Array, errors: Array) -> Path:
     errors : (U, n) array
         Sensor errors by instrument, each in the filter's vector.
     """
-    samples, planet, layout = problem.samples, problem.planet, problem.layout
-    force_map, rate_map = sensor_maps(layout, errors.T)
-    undo = force_map[:9].T.reshape(-1, 3, 3)[samples.unit]
-    shift, scale, drift = force_map[9:].T[samples.unit], rate_map[:3].T[samples.unit], rate_map[3:].T[samples.unit]
-
-    def force(read: Array) -> Array:
-        return np.einsum("nij,nj->ni", undo, read) + shift
-
-    nav = march_one(
-        start,
-        samples.interval,
-        force(samples.force),
-        samples.rate * scale + drift,
-        planet.mu,
-        planet.j2,
-        planet.gravity_radius,
-    )
+    samples, planet = problem.samples, problem.planet
+    force, rate = _undone(problem, errors, samples.force, samples.rate)
+    nav = march_one(start, samples.interval, force, rate, planet.mu, planet.j2, planet.gravity_radius)
     return Path(
-        time=np.concatenate(([samples.time[0] - samples.interval[0]], samples.time)),
-        nav=np.concatenate((start[None], nav)),
-        force=force(samples.mean_force),
-        rate=samples.mean_rate * scale + drift,
+        np.concatenate(([samples.time[0] - samples.interval[0]], samples.time)),
+        np.concatenate((start[None], nav)),
+        *readings(problem, errors),
     )
+
+
+def readings(problem: Problem, errors: Array) -> tuple[Array, Array]:
+    """Means over the samples at the centre of mass, the assumed sensor errors taken off: m/s², rad/s, ``(N, 3)``."""
+    return _undone(problem, errors, problem.samples.mean_force, problem.samples.mean_rate)
+
+
+def _undone(problem: Problem, errors: Array, force: Array, rate: Array) -> tuple[Array, Array]:
+    """Readings without sensor errors."""
+    unit = problem.samples.unit
+    force_map, rate_map = sensor_maps(problem.layout, errors.T)
+    undo, shift = force_map[:9].T.reshape(-1, 3, 3)[unit], force_map[9:].T[unit]
+    return np.einsum("nij,nj->ni", undo, force) + shift, rate * rate_map[:3].T[unit] + rate_map[3:].T[unit]
 
 
 @dataclass(frozen=True)

@@ -21,6 +21,7 @@ from edl_filter.diagnosis.narrowing import narrowed
 from edl_filter.diagnosis.refit import Refit, refit
 from edl_filter.diagnosis.regression import Fit, held_out, regress
 from edl_filter.diagnosis.roughness import find_rough, first_look
+from edl_filter.diagnosis.settle import until_still
 from edl_filter.diagnosis.signatures import Signature, places, signature
 from edl_filter.diagnosis.whitening import Whitener
 from edl_filter.effects.effect import Active, Effect
@@ -41,6 +42,8 @@ _HOLDS = 0.02
 _RIVAL = 0.7
 #: Linear gain (nats) below which an effect is no leader.
 _HOPELESS = 0.0
+#: Part of the leader's gain from which another may be right about its own path.
+_CLOSE = 0.25
 #: Dynamic pressure from which air can be felt, Pa: places in time begin there.
 _FELT = 1.0
 
@@ -91,8 +94,6 @@ class Hypothesis:
         What its sizes make of the differences, white, at the noise of the model without it.
     case, linear : Case, Linear
         The ground of the last refit.
-    own_gain : float
-        Evidence at the noise that it leaves over none, nats: its gain, should it turn out to explain everything.
     hard : Refit or None
         The same at the stated noise, where that is another.
     """
@@ -106,7 +107,6 @@ class Hypothesis:
     explained: Array
     case: Case
     linear: Linear
-    own_gain: float = -np.inf
     hard: Refit | None = None
 
     @property
@@ -178,15 +178,9 @@ def rank(case: Case, candidates: Iterable[Effect], progress: Progress = lambda _
             continue
         if np.any(one.explained):  # a place outside the flight is no hypothesis
             found.append(one)
-    found.sort(key=lambda h: -h.gain)
-    if found:
-        progress(f"refitting {found[0].name} about a new reconstruction")
-        try:
-            found[0] = about_itself(found[0])
-        except InputError as error:
-            failed[found[0].name] = str(error)
+    polished = _polished(case, found, base, failed, progress)
     stated = linear.plain.log_likelihood(linear.white(linear.plain))
-    return Ranking(case, linear, white, trials[0], found, missing, likely - base, base - stated, failed)
+    return Ranking(case, linear, white, trials[0], polished, missing, likely - base, base - stated, failed)
 
 
 def something_else(linear: Linear) -> tuple[Missing, float]:
@@ -301,11 +295,11 @@ def _refitted(case: Case, linear: Linear, starts: list[tuple[Trial, Whitener]], 
             if any(_near(active, other) for other in begun):
                 continue
             begun.append(active)
-            here.append(refit(case, linear, (*case.effects, active), linear.soft, steps=6))
+            here.append(refit(linear, (*case.effects, active), linear.soft, steps=6))
             if _look(linear, here[-1]) < _FLOOR:
                 return _best(starts[0][0].active.name, here[-1:], [], base, case, linear)
         if here and linear.soft is not linear.plain:
-            hard.append(refit(case, linear, max(here, key=lambda r: r.evidence).effects, linear.plain))
+            hard.append(refit(linear, max(here, key=lambda r: r.evidence).effects, linear.plain))
         soft += here
     return _best(starts[0][0].active.name, soft, hard, base, case, linear)
 
@@ -341,19 +335,21 @@ def _best(
     """
     found = max(soft, key=lambda r: r.evidence)
     share = linear.rough[0].share if rough_share is None else rough_share
-    first = _hypothesis(name, found, linear.soft, False, base, case, linear)
+    first = _hypothesis(name, found, linear.soft, linear.rough[0].share < _FLOOR * share, base, case, linear)
+    if first.at_floor and linear.rough[0].none:
+        return first
     surest = max(hard, key=lambda r: r.evidence) if hard else None
     outcomes = [first]
     for start in (found, *([surest] if surest is not None else [])):
         if not thorough and _look(linear, start, share) > _MAYBE:
             continue
         rough, whiten = find_rough(linear.plain, linear.ground.order, start.column, start.start)
-        own = refit(case, linear, start.effects, whiten, steps=3)
+        own = refit(linear, start.effects, whiten, steps=3)
         outcomes.append(_hypothesis(name, own, whiten, rough.share < _FLOOR * share, base, case, linear))
     best = max(outcomes, key=lambda h: (h.gain, h.at_floor))
     if best.at_floor:
         return best
-    return replace(best, gain=first.gain, score_gain=first.score_gain, own_gain=best.gain, hard=surest)
+    return replace(best, gain=first.gain, score_gain=first.score_gain, hard=surest)
 
 
 def _hypothesis(
@@ -370,19 +366,50 @@ def _hypothesis(
     return Hypothesis(name, found, whiten, gain, score, at_floor, x @ size, case, linear)
 
 
-def about_itself(h: Hypothesis) -> Hypothesis:
+def _polished(
+    case: Case, found: list[Hypothesis], base: float, failed: dict[str, str], progress: Progress
+) -> list[Hypothesis]:
+    """All hypotheses, the leader refitted about itself, and others that may be right where it is wrong.
+
+    About a model that fails, gains are good to a factor only: a wrong name may lead where the right one moves the path
+    by much. The right one comes to the noise about its own path, if nothing else is missing and the database is exact;
+    so those that are `_CLOSE` to the leader are given the chance.
+    """
+    ranked = sorted(found, key=lambda h: -h.gain)
+    holds = not ranked or ranked[0].linear.rough[0].share <= _HOLDS
+    close = [h.name for h in ranked if h.gain > _CLOSE * ranked[0].gain]
+    near = close if not holds and case.allowance.coefficients == 0.0 else []
+    own: set[str] = set()
+    while ranked and len(own) < STARTS:
+        waiting = [h.name for h in ranked if h.name not in own and (h is ranked[0] or h.name in near)]
+        if not waiting:
+            break
+        name = waiting[0]
+        i = next(i for i, h in enumerate(ranked) if h.name == name)
+        own.add(name)
+        progress(f"refitting {name} about a new reconstruction")
+        try:
+            ranked[i] = about_itself(ranked[i], base)
+        except InputError as error:
+            failed[name] = str(error)
+        ranked.sort(key=lambda h: -h.gain)
+    return ranked
+
+
+def about_itself(h: Hypothesis, base: float) -> Hypothesis:
     """The same hypothesis refitted about a reconstruction that has it.
 
-    What the effect does to the path is then taken up to all orders. The gain stays that of the first refit: another
-    path would serve the model without the effect as well. It begins at what is most likely at the noise that the
-    effect leaves, which the others were not polished to.
+    What the effect does to the path is then taken up to all orders. It begins at what is most likely at the noise that
+    the effect leaves, which the others were not polished to. The gain is what it has over the model without it
+    (`base`), where one of the two holds. Where both fail, it stays that of the first refit: another path would serve
+    the model without the effect as well.
     """
     polished = h
     if not h.at_floor:
         starts = [] if h.hard is None else [h.hard]
         polished = _best(h.name, [h.refit], starts, 0.0, h.case, h.linear, thorough=True)
-    case = load_case(h.case.mission, polished.refit.effects)
-    linear = linearise(case, rounds=2)
-    found = refit(case, linear, case.effects, linear.soft)
+    exact = h.case.allowance.coefficients == 0.0  # or nothing will hold, and what it moves is lost in the noise
+    case, linear, found = until_still(load_case(h.case.mission, polished.refit.effects), rounds=2 if exact else 1)
     again = _best(h.name, [found], [], 0.0, case, linear, h.linear.rough[0].share, thorough=True)
-    return replace(again, gain=max(h.gain, h.own_gain) if again.at_floor else h.gain, score_gain=h.score_gain)
+    either = again.at_floor or h.linear.rough[0].share <= _HOLDS
+    return replace(again, gain=again.gain - base if either else h.gain, score_gain=h.score_gain)

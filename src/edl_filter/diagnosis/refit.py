@@ -1,8 +1,10 @@
 """Refit: an effect's parameters by Gauss–Newton through the whole chain, places and times included.
 
 Each step runs the chain with the effect at its values, takes the signatures there, whitens both, and solves with the
-prior. Steps that make things worse are shortened. The ground (allowed errors, path start) is that of the model without
-the effect: what an effect changes there is of second order, and the next run takes it up.
+prior. Steps that make things worse are shortened. While effects are only compared, path and air stay where they are in
+the model without the effect. A refit that is to stand (`moving`) takes both along to where they most probably are with
+the effect at its new values: a gyro's bias and the roll at the start, say, make up for each other over many sigmas, and
+along a bent valley one that moves alone comes to rest far from the bottom.
 """
 
 from __future__ import annotations
@@ -13,18 +15,19 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from edl_filter.diagnosis.case import Case, Linear
+from edl_filter.diagnosis.case import Linear
 from edl_filter.diagnosis.chain import compared
-from edl_filter.diagnosis.comparison import Differences, Setup
 from edl_filter.diagnosis.path import PER_BIN
-from edl_filter.diagnosis.signatures import Signature, ordered, scale_of, signature
-from edl_filter.diagnosis.timeline import stated_start
+from edl_filter.diagnosis.point import Point, told
+from edl_filter.diagnosis.signatures import Ground, Signature, ordered, scale_of, signature
 from edl_filter.diagnosis.whitening import Whitener
 from edl_filter.effects.effect import Active, Parameter
 
 Array = NDArray[np.float64]
 
 _STEPS = 12
+#: Moves of everything else at most, at one step of the effects.
+_MOVES = 4
 #: A step that gains less than this (nats) is the last.
 _ENOUGH = 0.05
 
@@ -50,6 +53,8 @@ class Refit:
         White signatures there.
     sigma : (k,) array
         Prior one sigma.
+    point : Point
+        About which the differences are.
     """
 
     effects: tuple[Active, ...]
@@ -61,6 +66,7 @@ class Refit:
     white: Array
     signature: Array
     sigma: Array
+    point: Point
 
     def parameters(self, effect: str) -> dict[str, tuple[float, float]]:
         """Value and one sigma of every parameter of an effect; zero sigma where it was not fitted."""
@@ -69,56 +75,66 @@ class Refit:
         return {q: (v, float(spread.get((effect, q), 0.0))) for q, v in active.values.items()}
 
 
-def refit(case: Case, linear: Linear, effects: Sequence[Active], whiten: Whitener, steps: int = _STEPS) -> Refit:
+def refit(
+    linear: Linear, effects: Sequence[Active], whiten: Whitener, steps: int = _STEPS, moving: bool = False
+) -> Refit:
     """Fit all parameters of `effects` that are not fixed, beginning at their values.
 
     Parameters
     ----------
-    case, linear : Case, Linear
+    linear : Linear
         The ground.
     effects : sequence of Active
         The whole model.
     whiten : Whitener
         Of the ground, with a missing force and moment or without.
+    steps : int
+        At most.
+    moving : bool
+        Whether path, air, tables and vehicle move with the effects.
     """
-    at = tuple(effects)
-    free = [(a.name, q) for a in at if not a.fixed for q in a.effect.parameters if _fitted(a, q)]
+    here = _at(linear.ground, tuple(effects))
+    free = [(a.name, q) for a in here.effects if not a.fixed for q in a.effect.parameters if _fitted(a, q)]
     names = tuple((e, q.name) for e, q in free)
     sigma = np.array([scale_of(q) for _, q in free])
-    centre = np.array([0.0 if q.kind == "size" else _parameter(at, e, q.name) for e, q in free])
-    here = _at(case, linear, (linear.ground.setup, linear.ground.found), at)
+    centre = np.array([0.0 if q.kind == "size" else _parameter(here.effects, e, q.name) for e, q in free])
+    if moving:
+        here = _settled(linear, here, whiten, _white(here, whiten), here.effects)
     value, white = _value(here, whiten, centre, sigma, names)
     columns = np.zeros((len(white), 0))
     covariance = np.diag(sigma**2)
     for _ in range(steps if free else 0):
-        columns = _columns(linear, here, whiten, free)
+        columns = _columns(here, whiten, free)
         prior = np.diag(1.0 / sigma**2)
-        theta = np.array([_parameter(at, e, q.name) for e, q in free])
+        theta = np.array([_parameter(here.effects, e, q.name) for e, q in free])
         information = columns.T @ columns + prior
         covariance = np.linalg.inv(information)
         move = covariance @ (columns.T @ white - prior @ (theta - centre))
         gained, part = -np.inf, 1.0
         while part > 1e-3:
-            trial = _moved(at, free, theta + part * move)
+            trial = _moved(here.effects, free, theta + part * move)
             if not all(ordered(a) for a in trial):
                 part *= 0.3
                 continue
-            there = _at(case, linear, here.known, trial)
+            if moving:
+                there = _settled(linear, here, whiten, white - part * (columns @ move), trial)
+            else:
+                there = _at(here.ground, trial)
             new, new_white = _value(there, whiten, centre, sigma, names)
             gained = new - value
-            if gained > 0.0:
+            if gained > 0.0 or (part == 1.0 and gained > -_ENOUGH):
                 break
             part *= 0.3
         if gained <= 0.0:
             break
-        at, here, value, white = trial, there, new, new_white
+        here, value, white = there, new, new_white
         if gained < _ENOUGH:
             break
     volume = 0.5 * np.linalg.slogdet(covariance)[1] - float(np.sum(np.log(sigma))) if free else 0.0
     between = float(np.median(linear.bins.interval)) / PER_BIN
     grain = np.array([between**2 / 12.0 if q.kind == "time" else 0.0 for _, q in free])
     return Refit(
-        effects=at,
+        effects=here.effects,
         names=names,
         covariance=covariance + np.diag(grain),
         evidence=value + volume,
@@ -127,6 +143,7 @@ def refit(case: Case, linear: Linear, effects: Sequence[Active], whiten: Whitene
         white=white,
         signature=columns,
         sigma=sigma,
+        point=here.ground.point,
     )
 
 
@@ -152,44 +169,66 @@ class _Here:
 
     Attributes
     ----------
-    effects : tuple of Active
-    known : (Setup, Differences)
+    ground : Ground
     column, start : (R,), (n,) arrays
         The differences, and what is stated of the unknowns at the beginning.
     """
 
-    effects: tuple[Active, ...]
-    known: tuple[Setup, Differences]
+    ground: Ground
     column: Array
     start: Array
 
+    @property
+    def effects(self) -> tuple[Active, ...]:
+        """With their values."""
+        return self.ground.effects
 
-def _at(case: Case, linear: Linear, known: tuple[Setup, Differences], effects: tuple[Active, ...]) -> _Here:
-    ground = linear.ground
-    setup, found = compared(ground.frame, case.arrange, known, effects)
-    start = linear.start.copy()
-    start[: setup.problem.layout.size] = stated_start(setup, ground.start)
-    return _Here(effects, (setup, found), ground.order.stack(found), start)
+
+def _at(ground: Ground, effects: tuple[Active, ...]) -> _Here:
+    """About the same point."""
+    setup, found = compared(ground.frame, ground.arrange, (ground.setup, ground.found), effects)
+    return _there(replace(ground, effects=effects, setup=setup, found=found))
+
+
+def _there(ground: Ground) -> _Here:
+    return _Here(ground, ground.column(ground.found), ground.stated(ground.setup))
+
+
+def _settled(linear: Linear, here: _Here, whiten: Whitener, white: Array, effects: tuple[Active, ...]) -> _Here:
+    """Where everything else goes with effects at new values, beginning with the differences that are expected there."""
+    last = np.inf
+    for _ in range(_MOVES):
+        here = _there(
+            here.ground.moved(told(linear, here.ground.point, here.start, whiten, white, onboard=False), effects)
+        )
+        white = _white(here, whiten)
+        size = 0.5 * float(white @ white)
+        if abs(last - size) < _ENOUGH:
+            break
+        last = size
+    return here
+
+
+def _white(here: _Here, whiten: Whitener) -> Array:
+    return whiten(here.column[:, None], here.start[:, None])[:, 0]
 
 
 def _value(
     here: _Here, whiten: Whitener, centre: Array, sigma: Array, names: Sequence[tuple[str, str]]
 ) -> tuple[float, Array]:
     """Log posterior up to a constant, and the white differences."""
-    white = whiten(here.column[:, None], here.start[:, None])[:, 0]
+    white = _white(here, whiten)
     theta = np.array([_parameter(here.effects, e, n) for e, n in names])
     return whiten.log_likelihood(white) - 0.5 * float(np.sum(((theta - centre) / sigma) ** 2)), white
 
 
-def _columns(linear: Linear, here: _Here, whiten: Whitener, free: Sequence[tuple[str, Parameter]]) -> Array:
+def _columns(here: _Here, whiten: Whitener, free: Sequence[tuple[str, Parameter]]) -> Array:
     """White signatures of all free parameters, with the effects at their values."""
-    setup, found = here.known
-    ground = replace(linear.ground, effects=here.effects, setup=setup, found=found)
     by_effect: dict[str, list[str]] = {}
     for effect, q in free:
         by_effect.setdefault(effect, []).append(q.name)
     parts: list[Signature] = [
-        signature(ground, next(a for a in here.effects if a.name == e), names) for e, names in by_effect.items()
+        signature(here.ground, next(a for a in here.effects if a.name == e), names) for e, names in by_effect.items()
     ]
     rows = np.concatenate([s.rows for s in parts], axis=1)
     return whiten(rows, np.concatenate([s.start for s in parts], axis=1))

@@ -25,6 +25,7 @@ Array = NDArray[np.float64]
 
 #: Steps of the differences: m, m/s, rad.
 _NAV_STEPS = np.repeat([100.0, 0.05, 1e-5], 3)
+_RATE_STEP = 1e-3
 
 #: How far a bend stands out: times the median around it.
 _BEND = 3.0
@@ -42,7 +43,7 @@ class Slopes:
         Of the steps of the rate.
     names : dict
         position, velocity, attitude (the local error of the state), density (relative), wind_east, wind_north (m/s),
-        ca, cn, cm (the coefficient), mass, inertia (relative) → slice of columns.
+        ca, cn, cm (the coefficient), mass, inertia (relative), rate (rad/s) → slice of columns.
     force_bend, turn_bend : (B, 3), (B - 1, 3) arrays
         By how much two sigmas of density bend the predictions off a straight line: at the step where one table ends and
         another begins nobody knows to a tenth of a second when it comes. And what sums over nodes may be wrong by.
@@ -98,6 +99,10 @@ def slopes(setup: Setup, bins: Bins, found: Differences, density_sigma: float) -
     parts_f += [-base[0], np.zeros_like(base[0])]
     still = stepped(world, bins, found.flow, np.zeros_like(moment))
     parts_t += [np.zeros_like(base[1]), still - base[1]]
+    for turn in _RATE_STEP * np.eye(3):
+        sides = [replace(found.flow, rate=found.flow.rate + s) for s in (turn, -turn)]
+        plus, minus = (predicted(world, bins, flow, found.tables) for flow in sides)
+        add(plus, minus, 2.0 * _RATE_STEP)
     names = {"position": slice(0, 3), "velocity": slice(3, 6), "attitude": slice(6, 9), "density": slice(9, 10)}
     names |= {
         "wind_east": slice(10, 11),
@@ -106,7 +111,7 @@ def slopes(setup: Setup, bins: Bins, found: Differences, density_sigma: float) -
         "cn": slice(13, 14),
         "cm": slice(14, 15),
     }
-    names |= {"mass": slice(15, 16), "inertia": slice(16, 17)}
+    names |= {"mass": slice(15, 16), "inertia": slice(16, 17), "rate": slice(17, 20)}
     denser, thinner = probed(density=2.0 * density_sigma), probed(density=-2.0 * density_sigma)
     sums = rounding(world, bins, found.flow, force, moment)
     bend = [np.hypot(a + b - 2.0 * c, r) for a, b, c, r in zip(denser, thinner, base, sums, strict=True)]
@@ -157,9 +162,12 @@ def bin_rows(
     quiet: Path,
     unknowns: Unknowns,
     slope: Slopes,
-    allowance: Allowance,
+    sigma: dict[str, Array],
 ) -> Rows:
-    """Design of the rows at the bins' ends; `quiet` is the path of readings without their own noise."""
+    """Design of the rows at the bins' ends.
+
+    `quiet` is the path of readings without their own noise, `sigma` what `one_sigma` says.
+    """
     samples, layout = setup.problem.samples, unknowns.layout
     b, others = len(bins.interval), len(setup.checking)
     width = 6 + 6 * others
@@ -168,31 +176,17 @@ def bin_rows(
     sigma_f = bin_sigma(bins, driving.time, driving.interval, driving.force_noise)
     sigma_w = bin_sigma(bins, driving.time, driving.interval, driving.rate_noise)
 
-    def put(name: str, column: slice, gain: Array | float) -> None:
+    def put(name: str, column: slice, gain: Array) -> None:
         """An unknown's value; what stands beside it (its slope) does not show at once."""
         at = unknowns[name].start
-        along = np.broadcast_to(np.reshape(gain, (-1,)), (b,))[:, None]
-        design[:, :3, at] = slope.force[:, :, column.start] * along
-        design[:-1, 3:6, at] = slope.turn[:, :, column.start] * along[:-1]
+        design[:, :3, at] = slope.force[:, :, column.start] * gain[:, None]
+        design[:-1, 3:6, at] = slope.turn[:, :, column.start] * gain[:-1, None]
 
     for name in ("position", "velocity", "attitude"):
         at = layout[name]
         design[:, :3, at] = slope.force[:, :, slope.names[name]]
         design[:-1, 3:6, at] = slope.turn[:, :, slope.names[name]]
-    gains: dict[str, Array | float] = {"density": allowance.density, "mass": allowance.mass}
-    gains |= {"inertia": allowance.inertia, "wind_east": allowance.wind, "wind_north": allowance.wind}
-    middle = slice(PER_BIN // 2, None, PER_BIN)
-    flow, tables = found.flow, found.tables
-    limits = setup.world.database.lookup(
-        flow.mach[middle], flow.knudsen[middle], flow.alpha_total[middle], flow.speed[middle]
-    ).three_sigma
-    third, least = allowance.coefficients / 3.0, allowance.numerical
-    gains |= {
-        "ca": np.hypot(third * limits.ca, least * tables.ca[middle]),
-        "cn": np.hypot(third * limits.cn, least * tables.cn[middle]),
-        "cm": np.hypot(third * limits.cm, least * tables.cm_nose[middle]),
-    }
-    for name, gain in gains.items():
+    for name, gain in sigma.items():
         if name in unknowns:
             put(name, slope.names[name], gain)
 
@@ -213,8 +207,12 @@ def bin_rows(
             at = layout[name]
             if name.startswith("accelerometer"):
                 design[:, :3, at] += block
-            elif name == "gyro_scale":
-                design[:, 3:6, at] += step[:, :, None] * eye
+            else:
+                gyro = slope.turn[:, :, slope.names["rate"]]
+                at_edge = 0.5 * (block[:-1] + block[1:])
+                design[:-1, 3:6, at] -= np.einsum("bij,bjk->bik", gyro, at_edge)
+                if name == "gyro_scale":
+                    design[:, 3:6, at] += step[:, :, None] * eye
     here = setup.driving.position[0]
     read = bin_means(bins.edges, samples.time, samples.interval, found.path.rate)
     jerk_f = lever_error(bins, read, here)
@@ -248,6 +246,23 @@ def bin_rows(
     use[:-1, 3:6] &= bins.sound[1:, None]
     use[-1, 3:6] = False
     return Rows(np.where(use[:, :, None], design, 0.0), noise, use, np.where(use, values, 0.0))
+
+
+def one_sigma(setup: Setup, found: Differences, allowance: Allowance) -> dict[str, Array]:
+    """What one sigma of each unknown of air, tables and vehicle is, bin by bin ``(B,)``: relative, m/s, coefficient."""
+    middle = slice(PER_BIN // 2, None, PER_BIN)
+    flow, tables = found.flow, found.tables
+    limits = setup.world.database.lookup(
+        flow.mach[middle], flow.knudsen[middle], flow.alpha_total[middle], flow.speed[middle]
+    ).three_sigma
+    third, least = allowance.coefficients / 3.0, allowance.numerical
+    same = {"density": allowance.density, "wind_east": allowance.wind, "wind_north": allowance.wind}
+    same |= {"mass": allowance.mass, "inertia": allowance.inertia}
+    return {name: np.full(len(flow.time[middle]), s) for name, s in same.items()} | {
+        "ca": np.hypot(third * limits.ca, least * tables.ca[middle]),
+        "cn": np.hypot(third * limits.cn, least * tables.cn[middle]),
+        "cm": np.hypot(third * limits.cm, least * tables.cm_nose[middle]),
+    }
 
 
 def _sensor_design(force: Array, rate: Array) -> dict[str, Array]:

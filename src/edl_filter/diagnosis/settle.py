@@ -1,7 +1,7 @@
 """Settle: a mission's own effects refitted, and the reconstruction that has them at their estimates.
 
 An effect in a mission file has starting values. A run finds the most probable ones: it refits about a reconstruction,
-reconstructs with what it found, and again until nothing moves.
+reconstructs with what it found, and again until nothing moves. A hypothesis that is to stand is refitted so as well.
 """
 
 from __future__ import annotations
@@ -13,12 +13,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from edl_filter.diagnosis.case import linearise, load_case
+from edl_filter.diagnosis.case import Case, Linear, about, linearise, load_case
 from edl_filter.diagnosis.refit import Refit, refit
 from edl_filter.effects.effect import Active
 from edl_filter.errors import InputError
 from edl_filter.mission import Mission
-from edl_filter.reconstruction import Reconstruction
+from edl_filter.reconstruction import Reconstruction, reconstruct
 
 #: Reconstructions that a run refits about at most, and the move (sigmas) that is small enough to stop.
 ROUNDS, STILL = 3, 0.3
@@ -69,18 +69,27 @@ def settle(
     begin = time.perf_counter()
     _once(mission)
     progress("reconstructing with the effects as they are stated")
-    case = load_case(mission, effects)
-    sigma: dict[str, dict[str, float]] = {}
-    for i in range(ROUNDS):
-        progress(f"refitting the effects, round {i + 1}")
-        linear = linearise(case, rounds=2)
-        found = refit(case, linear, case.effects, linear.soft)
-        moved, sigma = _moved(case.effects, found), _sigma(found)
-        case = load_case(mission, found.effects, leave_one_out=True)
-        if moved <= STILL:
+    _, _, found = until_still(load_case(mission, effects), ROUNDS, progress)
+    last = reconstruct(mission, found.effects, leave_one_out=True)
+    timing = last.timing | {"refit": time.perf_counter() - begin}
+    return Settled(replace(last, timing=timing), _sigma(found))
+
+
+def until_still(
+    case: Case, rounds: int = ROUNDS, progress: Callable[[str], None] = lambda _: None
+) -> tuple[Case, Linear, Refit]:
+    """Refit a case's effects about its reconstruction, and again about one with what was found, until nothing moves."""
+    progress("refitting the effects, round 1")
+    linear = linearise(case, rounds=2)
+    found = refit(linear, case.effects, linear.soft, moving=True)
+    for i in range(1, rounds):
+        if _moved(case.effects, found) <= STILL:
             break
-    timing = case.reconstruction.timing | {"refit": time.perf_counter() - begin}
-    return Settled(replace(case.reconstruction, timing=timing), sigma)
+        progress(f"refitting the effects, round {i + 1}")
+        case = load_case(case.mission, found.effects)
+        linear = about(case, found.point)
+        found = refit(linear, case.effects, linear.soft, moving=True)
+    return case, linear, found
 
 
 def _once(mission: Mission) -> None:

@@ -229,13 +229,16 @@ def in_order(
     where = np.full(rows.use.shape, -1, np.int64)
     at: dict[int, slice] = {}
     steps = _Split(motion)
+    halfway = _halfway(motion, len(bins.interval))
     for k in steps.order:
         starts.append(count)
         bin_, constraint = steps.bin[k], steps.constraint[k]
         if bin_ >= 0:
             used = np.flatnonzero(rows.use[bin_])
             where[bin_, used] = count + np.arange(len(used))
-            design.append(rows.design[bin_][used])
+            h = rows.design[bin_].copy()
+            h[:3, :n] = h[:3, :n] @ halfway[bin_]
+            design.append(h[used])
             block = np.zeros((len(used), widest))
             block[:, : len(used)] = rows.noise[bin_][np.ix_(used, used)]
             noise.append(block)
@@ -272,6 +275,22 @@ def in_order(
             place=np.arange(count) - np.repeat(starts[:-1], np.diff(starts)),
         ),
     )
+
+
+def _halfway(motion: Motion, count: int) -> Array:
+    """From the filter's vector at every bin's end to its mean over the bin ``(B, n, n)``.
+
+    It is half of it and half the one before. A force is a mean over the bin, and half a bin's turn of the body is a
+    thousandth of what an attitude error makes.
+    """
+    eye = np.eye(motion.move.shape[1])
+    out, passed = np.tile(eye, (count, 1, 1)), eye
+    for move, bin_ in zip(motion.move, motion.bin, strict=True):
+        passed = move @ passed
+        if bin_ >= 0:
+            out[bin_], passed = passed, eye
+    out[np.abs(np.linalg.det(out)) < 0.5] = eye  # another instrument took over in between
+    return np.asarray(0.5 * (eye + np.linalg.inv(out)), np.float64)
 
 
 class _Split:

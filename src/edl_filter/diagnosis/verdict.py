@@ -5,8 +5,8 @@ Evidence (nats) is compared among *none* (the model at its stated noise), every 
 
 A name must gain more than `CLEAR`, in evidence and on held-out data. Where an unnamed force and moment explain more
 than it does, two effects may be missing, and the unnamed one has both: then the name must explain a good part of it;
-and, where the mission calls its database exact, one failing channel nearly whole, for the other effect leaves some
-channel alone. A database with an error of its own leaves no channel at the noise, whatever is added.
+and, where the mission calls its database exact, bring the channel that it explains most of to its noise, for the other
+effect leaves some channel alone. A database with an error of its own leaves no channel at the noise, whatever is added.
 Effects whose white signatures cannot be told apart are one hypothesis with several names.
 """
 
@@ -17,7 +17,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from edl_filter.diagnosis.channel_errors import most_explained
+from edl_filter.diagnosis.channel_errors import mends_its_channel
 from edl_filter.diagnosis.ranking import Hypothesis, Ranking
 from edl_filter.diagnosis.separating import parting
 from edl_filter.effects.effect import Active
@@ -30,8 +30,6 @@ CLEAR, CLEAR_IN_NOISE = 6.0, 12.0
 SAME, PARTED = 0.9, 6.0
 #: Part of what an unnamed force and moment explain that a name must explain if it does not beat them.
 SHARE = 0.05
-#: And the part of one failing channel that it must explain then.
-WHOLE = 0.9
 #: Evidence that the model's noise is not what is stated, nats.
 _NOISY = 10.0
 
@@ -104,7 +102,7 @@ def judge(ranking: Ranking) -> Verdict:
     named = best is not None and best.gain > need and best.score_gain > need
     if named and best is not None and best.gain < other and not best.at_floor:
         exact = ranking.case.allowance.coefficients == 0.0
-        named = best.gain > SHARE * other and (not exact or most_explained(ranking.linear, best) > WHOLE)
+        named = best.gain > SHARE * other and (not exact or mends_its_channel(ranking.linear, best))
     verdict = "missing" if named else "unknown" if noisy or other > 0.0 else "clean"
     return Verdict(verdict, entries, float(probability[0]), float(probability[1]), _words(verdict, entries))
 

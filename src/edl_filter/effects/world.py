@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from edl_filter import rotations
 from edl_filter.aero.database import Database
 from edl_filter.aero.planes import moments_at_cm, split
+from edl_filter.effects.deviation import Deviation
 from edl_filter.effects.effect import Active, Body, Flow, Totals
 from edl_filter.planet import Planet, ellipsoid
 from edl_filter.planet.atmosphere import Atmosphere
@@ -56,6 +57,8 @@ class World:
     diameter, x_over_d : float
         m; nominal centre of mass behind the nose, diameters.
     effects : tuple of Active
+    deviation : Deviation, optional
+        What one flight was off all this, without being an effect.
     """
 
     planet: Planet
@@ -67,6 +70,7 @@ class World:
     diameter: float
     x_over_d: float
     effects: tuple[Active, ...] = ()
+    deviation: Deviation | None = None
 
     def having(self, effects: Sequence[Active]) -> World:
         """The same world with other effects."""
@@ -91,7 +95,7 @@ class World:
         body = self.body
         for a in self.effects:
             body = a.effect.vehicle(a.values, body)
-        return body
+        return body if self.deviation is None else self.deviation.body(body)
 
     @property
     def centre_of_mass(self) -> tuple[float, float, float]:
@@ -122,6 +126,8 @@ class World:
                 wind = wind + a.effect.wind(a.values, altitude)
             if a.effect.acts("density"):
                 density = density * a.effect.density(a.values, altitude)
+        if self.deviation is not None:
+            wind, density = self.deviation.blown(time, wind), self.deviation.thinned(time, density)
         blown = np.einsum("nji,nj->ni", enu[:, :2], wind)
         air = velocity - np.cross(spin, position) - blown
         body = rotations.rotate(rotations.conjugate(inertial_from_body), air)
@@ -150,7 +156,7 @@ class World:
         totals = self.looked_up(flow) if tables is None else tables
         for a in self.effects:
             totals = a.effect.coefficients(a.values, flow, totals)
-        return totals
+        return totals if self.deviation is None else self.deviation.coefficients(flow.time, totals)
 
     def loads(self, flow: Flow, tables: Totals | None = None) -> tuple[Array, Array]:
         """Force (N) and moment about the true centre of mass (N m), ``(N, 3)`` each, body axes."""
