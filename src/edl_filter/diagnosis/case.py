@@ -36,6 +36,8 @@ Array = NDArray[np.float64]
 
 #: Time before the parachute that is not compared, s: the mortar's recoil and the samples that reach over it.
 _MARGIN = 0.3
+#: Part of the rows that may be rough where a model holds.
+HOLDS = 0.02
 #: What a path may still move when it has settled, in sigmas of what is known of it.
 _SETTLED = 0.1
 
@@ -65,6 +67,11 @@ class Case:
     def effects(self) -> tuple[Active, ...]:
         """Effects in the model."""
         return self.reconstruction.effects
+
+    @property
+    def exact(self) -> bool:
+        """Whether the mission calls its database exact: then a model that fails lacks something."""
+        return self.allowance.coefficients == 0.0
 
     @property
     def parachute(self) -> float:
@@ -251,6 +258,8 @@ def linearise(case: Case, rounds: int = 1, until: float = 1.0) -> Linear:
         soft, size = linear.soft, linear.unknowns.layout.size
         white = linear.white(soft)
         new = told(linear, point, linear.start, soft, white)
+        if new is None:
+            break
         spread = np.sqrt(np.maximum(np.diag(soft.start_covariance(size)), 0.0))
         still = np.all(np.abs(new.start.minus(point.start)) <= _SETTLED * spread + 1e-15)
         if still and moved(point.deviation, new.deviation, linear.sigma) <= _SETTLED:

@@ -28,6 +28,8 @@ Array = NDArray[np.float64]
 
 #: States of the attitude that was computed on board, which no model moves.
 _ONBOARD = ("onboard_rate", "onboard_mounting", ONBOARD)
+#: Sigmas of what is stated beyond which nothing is believed to lie.
+_BELIEF = 100.0
 
 
 @dataclass(frozen=True)
@@ -61,8 +63,10 @@ def first_point(reconstruction: Reconstruction) -> Point:
     return Point(r.smoothed.states[0], errors)
 
 
-def told(linear: Linear, point: Point, start: Array, whiten: Whitener, white: Array, onboard: bool = True) -> Point:
-    """Where the unknowns most probably are.
+def told(
+    linear: Linear, point: Point, start: Array, whiten: Whitener, white: Array, onboard: bool = True
+) -> Point | None:
+    """Where the unknowns most probably are; None where that is beyond belief, as with a model far from the truth.
 
     Parameters
     ----------
@@ -85,8 +89,12 @@ def told(linear: Linear, point: Point, start: Array, whiten: Whitener, white: Ar
         for name in _ONBOARD:
             if name in layout:
                 shift[layout[name]] = 0.0
+    prior = np.sqrt(np.diag(whiten.steps.start)[: layout.size])
+    order, rows = linear.ground.order, whiten.steps.rows
+    air = deviation(order, linear.bins, linear.unknowns, linear.sigma, rows, smoothed)
+    if not (np.all(np.abs(shift - start[: layout.size]) <= _BELIEF * prior) and np.all(np.abs(air.density) < 0.9)):
+        return None
     begin = point.start.plus(shift)
     errors = point.errors.copy()
     errors[int(linear.ground.setup.problem.samples.unit[0])] = begin.errors
-    order, rows = linear.ground.order, whiten.steps.rows
-    return Point(begin, errors, deviation(order, linear.bins, linear.unknowns, linear.sigma, rows, smoothed))
+    return Point(begin, errors, air)

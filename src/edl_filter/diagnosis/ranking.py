@@ -15,7 +15,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from edl_filter.diagnosis.case import Case, Linear, linearise, load_case
+from edl_filter.diagnosis.case import HOLDS, Case, Linear, linearise, load_case
 from edl_filter.diagnosis.missing import Missing, most_likely
 from edl_filter.diagnosis.narrowing import narrowed
 from edl_filter.diagnosis.refit import Refit, refit
@@ -36,8 +36,6 @@ LEADERS, STARTS = 4, 3
 _FLOOR = 0.1
 #: The same at a first look, from which there is no hope.
 _MAYBE = 0.7
-#: Part of the rows that may be rough where a model holds.
-_HOLDS = 0.02
 #: Likeness from which an effect may be a rival of one that explains everything.
 _RIVAL = 0.7
 #: Linear gain (nats) below which an effect is no leader.
@@ -152,7 +150,7 @@ class Ranking:
 def rank(case: Case, candidates: Iterable[Effect], progress: Progress = lambda _: None) -> Ranking:
     """Rank the effects that may be missing from a case's model."""
     progress("comparing model and measurements")
-    linear = linearise(case, rounds=3, until=_HOLDS)
+    linear = linearise(case, rounds=3, until=HOLDS)
     soft = linear.soft
     white = linear.white(soft)
     base = soft.log_likelihood(white)
@@ -376,9 +374,9 @@ def _polished(
     so those that are `_CLOSE` to the leader are given the chance.
     """
     ranked = sorted(found, key=lambda h: -h.gain)
-    holds = not ranked or ranked[0].linear.rough[0].share <= _HOLDS
+    holds = not ranked or ranked[0].linear.rough[0].share <= HOLDS
     close = [h.name for h in ranked if h.gain > _CLOSE * ranked[0].gain]
-    near = close if not holds and case.allowance.coefficients == 0.0 else []
+    near = close if not holds and case.exact else []
     own: set[str] = set()
     while ranked and len(own) < STARTS:
         waiting = [h.name for h in ranked if h.name not in own and (h is ranked[0] or h.name in near)]
@@ -408,8 +406,8 @@ def about_itself(h: Hypothesis, base: float) -> Hypothesis:
     if not h.at_floor:
         starts = [] if h.hard is None else [h.hard]
         polished = _best(h.name, [h.refit], starts, 0.0, h.case, h.linear, thorough=True)
-    exact = h.case.allowance.coefficients == 0.0  # or nothing will hold, and what it moves is lost in the noise
-    case, linear, found = until_still(load_case(h.case.mission, polished.refit.effects), rounds=2 if exact else 1)
+    rounds = 2 if h.case.exact else 1  # or nothing will hold, and what it moves is lost in the noise
+    case, linear, found = until_still(load_case(h.case.mission, polished.refit.effects), rounds)
     again = _best(h.name, [found], [], 0.0, case, linear, h.linear.rough[0].share, thorough=True)
-    either = again.at_floor or h.linear.rough[0].share <= _HOLDS
+    either = again.at_floor or h.linear.rough[0].share <= HOLDS
     return replace(again, gain=again.gain - base if either else h.gain, score_gain=h.score_gain)

@@ -9,7 +9,7 @@ along a bent valley one that moves alone comes to rest far from the bottom.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -26,6 +26,8 @@ from edl_filter.effects.effect import Active, Parameter
 Array = NDArray[np.float64]
 
 _STEPS = 12
+#: Part of a step below which none is tried.
+_SHORTEST = 1e-3
 #: Moves of everything else at most, at one step of the effects.
 _MOVES = 4
 #: A step that gains less than this (nats) is the last.
@@ -99,7 +101,7 @@ def refit(
     sigma = np.array([scale_of(q) for _, q in free])
     centre = np.array([0.0 if q.kind == "size" else _parameter(here.effects, e, q.name) for e, q in free])
     if moving:
-        here = _settled(linear, here, whiten, _white(here, whiten), here.effects)
+        here = _settled(linear, here, whiten, _white(here, whiten), here.effects) or here
     value, white = _value(here, whiten, centre, sigma, names)
     columns = np.zeros((len(white), 0))
     covariance = np.diag(sigma**2)
@@ -110,24 +112,21 @@ def refit(
         information = columns.T @ columns + prior
         covariance = np.linalg.inv(information)
         move = covariance @ (columns.T @ white - prior @ (theta - centre))
-        gained, part = -np.inf, 1.0
-        while part > 1e-3:
-            trial = _moved(here.effects, free, theta + part * move)
-            if not all(ordered(a) for a in trial):
-                part *= 0.3
+        better: tuple[_Here, float, Array] | None = None
+        for part, trial in _trials(here.effects, free, theta, move):
+            left = white - part * (columns @ move)
+            there = _settled(linear, here, whiten, left, trial) if moving else _at(here.ground, trial)
+            if there is None:
                 continue
-            if moving:
-                there = _settled(linear, here, whiten, white - part * (columns @ move), trial)
-            else:
-                there = _at(here.ground, trial)
             new, new_white = _value(there, whiten, centre, sigma, names)
-            gained = new - value
-            if gained > 0.0 or (part == 1.0 and gained > -_ENOUGH):
+            if new > value:
+                better = there, new, new_white
+            if new > value or (part == 1.0 and new > value - _ENOUGH):
                 break
-            part *= 0.3
-        if gained <= 0.0:
+        if better is None:
             break
-        here, value, white = there, new, new_white
+        gained = better[1] - value
+        here, value, white = better
         if gained < _ENOUGH:
             break
     volume = 0.5 * np.linalg.slogdet(covariance)[1] - float(np.sum(np.log(sigma))) if free else 0.0
@@ -154,6 +153,18 @@ def _fitted(active: Active, parameter: Parameter) -> bool:
 
 def _parameter(effects: Sequence[Active], effect: str, parameter: str) -> float:
     return next(a.values[parameter] for a in effects if a.name == effect)
+
+
+def _trials(
+    effects: Sequence[Active], free: Sequence[tuple[str, Parameter]], theta: Array, move: Array
+) -> Iterator[tuple[float, tuple[Active, ...]]]:
+    """The whole step, then ever shorter parts of it; not those that put an upper edge below a lower one."""
+    part = 1.0
+    while part > _SHORTEST:
+        trial = _moved(effects, free, theta + part * move)
+        if all(ordered(a) for a in trial):
+            yield part, trial
+        part *= 0.3
 
 
 def _moved(effects: Sequence[Active], free: Sequence[tuple[str, Parameter]], theta: Array) -> tuple[Active, ...]:
@@ -194,13 +205,17 @@ def _there(ground: Ground) -> _Here:
     return _Here(ground, ground.column(ground.found), ground.stated(ground.setup))
 
 
-def _settled(linear: Linear, here: _Here, whiten: Whitener, white: Array, effects: tuple[Active, ...]) -> _Here:
-    """Where everything else goes with effects at new values, beginning with the differences that are expected there."""
+def _settled(linear: Linear, here: _Here, whiten: Whitener, white: Array, effects: tuple[Active, ...]) -> _Here | None:
+    """Where everything else goes with effects at new values, beginning with the differences that are expected there.
+
+    None where that is beyond belief.
+    """
     last = np.inf
     for _ in range(_MOVES):
-        here = _there(
-            here.ground.moved(told(linear, here.ground.point, here.start, whiten, white, onboard=False), effects)
-        )
+        point = told(linear, here.ground.point, here.start, whiten, white, onboard=False)
+        if point is None:
+            return None
+        here = _there(here.ground.moved(point, effects))
         white = _white(here, whiten)
         size = 0.5 * float(white @ white)
         if abs(last - size) < _ENOUGH:

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from edl_filter.diagnosis.case import Case, Linear, about, linearise, load_case
+from edl_filter.diagnosis.case import HOLDS, Case, Linear, about, linearise, load_case
 from edl_filter.diagnosis.refit import Refit, refit
 from edl_filter.effects.effect import Active
 from edl_filter.errors import InputError
@@ -78,17 +78,26 @@ def settle(
 def until_still(
     case: Case, rounds: int = ROUNDS, progress: Callable[[str], None] = lambda _: None
 ) -> tuple[Case, Linear, Refit]:
-    """Refit a case's effects about its reconstruction, and again about one with what was found, until nothing moves."""
+    """Refit a case's effects about its reconstruction, and again about one with what was found, until nothing moves.
+
+    Path and air move along, but not where a model fails beside a database that has errors of its own: what is wrong
+    with the database would drag them along.
+    """
+    until = 1.0 if case.exact else HOLDS
+
+    def about_it(linear: Linear) -> Refit:
+        return refit(linear, case.effects, linear.soft, moving=linear.rough[0].share <= until)
+
     progress("refitting the effects, round 1")
-    linear = linearise(case, rounds=2)
-    found = refit(linear, case.effects, linear.soft, moving=True)
+    linear = linearise(case, rounds=2, until=until)
+    found = about_it(linear)
     for i in range(1, rounds):
         if _moved(case.effects, found) <= STILL:
             break
         progress(f"refitting the effects, round {i + 1}")
         case = load_case(case.mission, found.effects)
         linear = about(case, found.point)
-        found = refit(linear, case.effects, linear.soft, moving=True)
+        found = about_it(linear)
     return case, linear, found
 
 

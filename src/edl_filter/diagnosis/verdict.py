@@ -101,7 +101,7 @@ def judge(ranking: Ranking) -> Verdict:
     # a name stands against the noise that is left without it; a smooth missing force may pass for a true effect
     named = best is not None and best.gain > need and best.score_gain > need
     if named and best is not None and best.gain < other and not best.at_floor:
-        exact = ranking.case.allowance.coefficients == 0.0
+        exact = ranking.case.exact
         named = best.gain > SHARE * other and (not exact or mends_its_channel(ranking.linear, best))
     verdict = "missing" if named else "unknown" if noisy or other > 0.0 else "clean"
     return Verdict(verdict, entries, float(probability[0]), float(probability[1]), _words(verdict, entries))
