@@ -153,7 +153,8 @@ def rank(case: Case, candidates: Iterable[Effect], progress: Progress = lambda _
     linear = linearise(case, rounds=3, until=HOLDS)
     soft = linear.soft
     white = linear.white(soft)
-    base = soft.log_likelihood(white)
+    volume = linear.ground.volume(case.effects)
+    base = soft.log_likelihood(white) + volume
     present = {a.name for a in case.effects}
     progress("trying the catalogue")
     failed: dict[str, str] = {}
@@ -177,8 +178,8 @@ def rank(case: Case, candidates: Iterable[Effect], progress: Progress = lambda _
         if np.any(one.explained):  # a place outside the flight is no hypothesis
             found.append(one)
     polished = _polished(case, found, base, failed, progress)
-    stated = linear.plain.log_likelihood(linear.white(linear.plain))
-    return Ranking(case, linear, white, trials[0], polished, missing, likely - base, base - stated, failed)
+    stated = linear.plain.log_likelihood(linear.white(linear.plain)) + volume
+    return Ranking(case, linear, white, trials[0], polished, missing, likely + volume - base, base - stated, failed)
 
 
 def something_else(linear: Linear) -> tuple[Missing, float]:
@@ -284,6 +285,7 @@ def _refitted(case: Case, linear: Linear, starts: list[tuple[Trial, Whitener]], 
     soft: list[Refit] = []
     hard: list[Refit] = []
     begun: list[Active] = []
+    holds = linear.rough[0].share <= HOLDS
     for trial, way in starts:
         if soft and (trial.gain <= _HOPELESS or not trial.active.effect.places):
             continue
@@ -293,7 +295,7 @@ def _refitted(case: Case, linear: Linear, starts: list[tuple[Trial, Whitener]], 
             if any(_near(active, other) for other in begun):
                 continue
             begun.append(active)
-            here.append(refit(linear, (*case.effects, active), linear.soft, steps=6))
+            here.append(refit(linear, (*case.effects, active), linear.soft, steps=6, moving=holds))
             if _look(linear, here[-1]) < _FLOOR:
                 return _best(starts[0][0].active.name, here[-1:], [], base, case, linear)
         if here and linear.soft is not linear.plain:
@@ -342,7 +344,8 @@ def _best(
         if not thorough and _look(linear, start, share) > _MAYBE:
             continue
         rough, whiten = find_rough(linear.plain, linear.ground.order, start.column, start.start)
-        own = refit(linear, start.effects, whiten, steps=3)
+        moving = start.point is not linear.ground.point  # one that moved goes on from there
+        own = refit(linear, start.effects, whiten, steps=3, moving=moving)
         outcomes.append(_hypothesis(name, own, whiten, rough.share < _FLOOR * share, base, case, linear))
     best = max(outcomes, key=lambda h: (h.gain, h.at_floor))
     if best.at_floor:

@@ -234,7 +234,8 @@ def _value(
     """Log posterior up to a constant, and the white differences."""
     white = _white(here, whiten)
     theta = np.array([_parameter(here.effects, e, n) for e, n in names])
-    return whiten.log_likelihood(white) - 0.5 * float(np.sum(((theta - centre) / sigma) ** 2)), white
+    likely = whiten.log_likelihood(white) + here.ground.volume(here.effects)
+    return likely - 0.5 * float(np.sum(((theta - centre) / sigma) ** 2)), white
 
 
 def _columns(here: _Here, whiten: Whitener, free: Sequence[tuple[str, Parameter]]) -> Array:

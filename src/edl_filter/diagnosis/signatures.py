@@ -7,7 +7,7 @@ constraints. Effects that leave the path alone are asked on the path that is the
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise, product
 
@@ -71,6 +71,8 @@ class Ground:
     ----------
     arranged, arranged_quiet : callable
         Effects → `Setup` of the mission's world; and with readings from which their own noise was taken.
+    volume : callable
+        Effects → what undoing them makes of a volume of readings, as its logarithm.
     effects : tuple of Active
         In the model.
     frame : Frame
@@ -86,6 +88,7 @@ class Ground:
 
     arranged: Arrange
     arranged_quiet: Arrange
+    volume: Callable[[Sequence[Active]], float]
     effects: tuple[Active, ...]
     frame: Frame
     setup: Setup
@@ -261,20 +264,25 @@ def _held(ground: Ground, effects: Sequence[Active]) -> Array:
 
 
 def _loads_only(ground: Ground, others: Sequence[Active], active: Active) -> tuple[Array, Array]:
-    """Predictions with the effect, on the path that is there."""
+    """Predictions with the effect, on the path that is there.
+
+    Air that is a little different acts by the slopes by which the unknown density and winds act, for the reason that
+    `carried` gives.
+    """
     world, bins = ground.setup.world.having((*others, active)), ground.frame.bins
     effect, flow = active.effect, ground.found.flow
-    if not moves_air(effect):
-        return predicted(world, bins, flow, ground.found.tables)
-    if effect.acts("atmosphere_rate") or active.name in {a.name for a in ground.effects}:
-        nodes = ground.found.nodes
-        moved = world.flow(nodes.time, nodes.nav[:, :3], nodes.nav[:, 3:6], nodes.nav[:, 6:], nodes.rate)
-        return predicted(world, bins, moved)
-    # a scan has hundreds of places: air that is a little different acts by the slopes that are known
     force, turn = predicted(world, bins, flow, ground.found.tables)
-    middle = flow.altitude[PER_BIN // 2 :: PER_BIN]
-    denser, wind = np.log(effect.density(active.values, middle)), effect.wind(active.values, middle)
-    for name, amount in (("density", denser), ("wind_east", wind[:, 0]), ("wind_north", wind[:, 1])):
+    if not moves_air(effect):
+        return force, turn
+    middle = slice(PER_BIN // 2, None, PER_BIN)
+    altitude, place = flow.altitude[middle], ground.found.nodes.nav[middle]
+    wind = effect.wind(active.values, altitude)
+    turning = effect.atmosphere_rate(active.values) * world.planet.rotation_rate * np.hypot(place[:, 0], place[:, 1])
+    for name, amount in (
+        ("density", np.log(effect.density(active.values, altitude))),
+        ("wind_east", wind[:, 0] + turning),
+        ("wind_north", wind[:, 1]),
+    ):
         column = ground.slopes.names[name].start
         force = force + ground.slopes.force[:, :, column] * amount[:, None]
         at_edge = 0.5 * (amount[:-1] + amount[1:])

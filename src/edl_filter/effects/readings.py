@@ -59,6 +59,24 @@ def corrected_record(record: ImuRecord, effects: Sequence[Active], driving: bool
     return _through(record, in_order(effects)[::-1], driving, "corrected")
 
 
+def log_stretch(record: ImuRecord, effects: Sequence[Active], driving: bool = True) -> float:
+    """Logarithm of the volume that a sample's corrected readings take of what it was.
+
+    The determinants of the derivatives of corrected force and rate by what was read, averaged over the record; by a
+    change that is the same at all times, so that a shift in time takes nothing.
+    """
+    free = corrected_record(record, effects, driving)
+    total = 0.0
+    for name, step in (("specific_force", 1e-3), ("angular_rate", 1e-5)):
+        slopes = np.empty((3, 3))
+        for axis in range(3):
+            moved = replace(record, **{name: getattr(record, name) + step * np.eye(3)[axis]})
+            change = getattr(corrected_record(moved, effects, driving), name) - getattr(free, name)
+            slopes[:, axis] = np.mean(change, axis=0) / step
+        total += float(np.linalg.slogdet(slopes)[1])
+    return total
+
+
 def _through(record: ImuRecord, effects: Sequence[Active], driving: bool, hook: str) -> ImuRecord:
     for a in effects:
         there = samples_of(record, a.imu, driving)
