@@ -66,7 +66,7 @@ class Slosh(Effect):
     """Torque that follows the rate with the square of the angle: no damping of the catalogue."""
 
     name = "slosh"
-    parameters = (Parameter("k", "N m s", "size", 3e3),)
+    parameters = (Parameter("k", "N m s", "size", 3e2),)
 
     def force_moment(self, p, flow):
         size = p["k"] * flow.alpha_total**2
@@ -76,7 +76,7 @@ class Slosh(Effect):
 OUTSIDE = {
     "oscillating_jet": (Jet(), {"A": 5.0, "f": 0.7}),
     "leak": (Leak(), {"F": 20.0}),
-    "slosh": (Slosh(), {"k": 3e3}),
+    "slosh": (Slosh(), {"k": 3e2}),
 }
 
 

@@ -62,7 +62,7 @@ def test_further_rounds_are_for_models_that_hold(monkeypatch, share, until, call
 
     def about(case, point):
         made.append(point)
-        soft = SimpleNamespace(start_covariance=lambda size: np.eye(2))
+        soft = SimpleNamespace(start_covariance=lambda size: np.eye(2), log_likelihood=lambda _: float(len(made)))
         rough = SimpleNamespace(share=share), soft
         unknowns = SimpleNamespace(layout=SimpleNamespace(size=2))
         white = SimpleNamespace(rough=rough, soft=soft, white=lambda _: np.zeros(3), start=np.zeros(2))

@@ -13,7 +13,7 @@ from edl_filter.diagnosis.channel_errors import mends_its_channel
     ("before", "after", "mended"),
     [
         ({"force_x": 10.0, "moment_y": 50.0}, {"force_x": 1.0, "moment_y": 50.0}, True),
-        ({"force_x": 10.0, "moment_y": 50.0}, {"force_x": 1.0, "moment_y": 20.0}, False),  # not that which it is about
+        ({"force_x": 3.0, "moment_y": 80.0}, {"force_x": 1.0, "moment_y": 20.0}, False),  # not that which it is about
         ({"force_x": 10.0, "moment_y": 50.0}, {"force_x": 12.0, "moment_y": 15.0}, False),  # nine tenths, and fails yet
         ({"force_x": 1.6}, {"force_x": 1.4}, False),  # fails no more, but by next to nothing
         ({"force_x": 1.2}, {"force_x": 1.0}, False),  # nothing failed

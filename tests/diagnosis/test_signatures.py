@@ -89,6 +89,20 @@ def test_an_effect_that_is_in_the_model_is_asked_about_its_value(linear):
     np.testing.assert_allclose(signature(inside, heavy).rows, signature(linear.ground, heavy).rows, atol=1e-12)
 
 
+@pytest.mark.parametrize("name", ["density_scale", "atmosphere_rotation", "wind"])
+def test_air_acts_by_the_slopes_of_the_unknown_air(linear, name):
+    """In the model or not: a density scale is the unknown density everywhere, and must be known no better than that."""
+    active = Active(effect_named(name), {"h_lo": 5e3, "h_hi": 60e3} if name == "wind" else {})
+    inside = replace(linear.ground, effects=(active,), setup=linear.ground.arrange((active,)))
+    rows = signature(linear.ground, active).rows
+    np.testing.assert_allclose(signature(inside, active).rows, rows, atol=1e-9 * np.abs(rows).max())
+    slopes, order = linear.ground.slopes, linear.ground.order
+    if name == "density_scale":
+        used = order.bin_rows[:, 0] >= 0
+        own = slopes.force[used, 0, slopes.names["density"].start]
+        np.testing.assert_allclose(rows[order.bin_rows[used, 0], 0], own, rtol=1e-6)
+
+
 def test_a_bias_shows_in_its_own_sensor_and_else_by_the_path_alone(linear):
     """What the accelerometers read too much is in the force itself; what it makes of the velocity turns the air."""
     s = signature(linear.ground, Active(effect_named("accelerometer_bias"), {}))

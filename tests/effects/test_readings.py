@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from edl_filter.effects import Active, Effect, Parameter
 from edl_filter.effects.catalogue import effect_named
-from edl_filter.effects.readings import as_read, check_imus, corrected_record
+from edl_filter.effects.readings import as_read, check_imus, corrected_record, log_stretch
 from edl_filter.effects.sensors import delayed
 from edl_filter.errors import InputError
 from edl_filter.rotations import from_rotation_vector, rotate
@@ -125,3 +125,21 @@ def test_the_default_inverse_converges():
     effects = [Active(Cubic(), {"k": 1e-6})]
     back = corrected_record(as_read(record(), effects), effects)
     np.testing.assert_allclose(back.specific_force, record().specific_force, rtol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("name", "values", "expected"),
+    [
+        ("accelerometer_scale", {"sx": 0.01, "sy": -0.02, "sz": 0.0}, -np.log(1.01) - np.log(0.98)),
+        ("gyro_scale", {"sx": 0.0, "sy": 0.0, "sz": 0.003}, -np.log(1.003)),
+        ("accelerometer_misalignment", {"mx": 0.01, "my": 0.02, "mz": -0.01}, 0.0),
+        ("gyro_bias", {"bx": 1e-3}, 0.0),
+        ("imu_time_offset", {"tau": 0.07}, 0.0),
+        ("mass", {"k": 0.1}, 0.0),
+    ],
+)
+def test_what_undoing_takes_of_the_readings(name, values, expected):
+    """One over the scale, and nothing where readings are turned, shifted or left alone."""
+    effect = effect_named(name)
+    active = Active(effect, {q.name: 0.0 for q in effect.parameters} | values)
+    assert log_stretch(record(), (active,)) == pytest.approx(expected, abs=2e-6)

@@ -244,12 +244,15 @@ def linearise(case: Case, rounds: int = 1, until: float = 1.0) -> Linear:
 
     The first path begins where the reconstruction says, which knows nothing of the air. What forces and moments say of
     its beginning, of the sensor errors and of the air is more; with further `rounds` everything is taken again there
-    (`point`), until it stays. That is for models that hold: a failing one would drag the path along, so the rounds end
-    where more than the part `until` of the rows is rough.
+    (`point`), until it stays. That is for models that hold: a failing one may drag the path along, so the rounds end
+    where more than the part `until` of the rows is rough. It may also fail only where the reconstruction put the path;
+    so the likeliest of all rounds is kept where the model fails.
     """
     point = first_point(case.reconstruction)
+    tried: list[Linear] = []
     for i in range(rounds):
         linear = about(case, point)
+        tried.append(linear)
         if i == rounds - 1 or linear.rough[0].share > until:
             break
         soft, size = linear.soft, linear.unknowns.layout.size
@@ -262,7 +265,17 @@ def linearise(case: Case, rounds: int = 1, until: float = 1.0) -> Linear:
         if still and moved(point.deviation, new.deviation, linear.sigma) <= _SETTLED:
             break
         point = new
-    return linear
+    if linear.rough[0].share <= HOLDS:
+        return linear
+    return max(tried, key=lambda x: x.soft.log_likelihood(x.white(x.soft)))
+
+
+def until_of(case: Case) -> float:
+    """Part of the rows up to which a model may fail, and its path move all the same.
+
+    A database with errors of its own would drag it along; beside an exact one the path may be all that is wrong.
+    """
+    return 1.0 if case.exact else HOLDS
 
 
 def about(case: Case, point: Point) -> Linear:

@@ -29,15 +29,15 @@ def errors_with(h: Hypothesis) -> dict[str, float]:
 
 
 def mends_its_channel(linear: Linear, h: Hypothesis) -> bool:
-    """Whether the channel that a hypothesis explains most of fails without it, and comes to its noise with it.
+    """Whether the channel that a hypothesis lessens most fails without it, and comes to its noise with it.
 
     Channels of forces, moments and other IMUs count, constraints do not: one landing can be met by anything.
     """
     before, after = _by_channel(linear, normalised(linear)), _by_channel(h.linear, _scaled(h))
-    taken = {name: before[name] ** 2 - after[name] ** 2 for name in before if name in after}
-    if not taken:
+    both = [name for name in before if name in after]
+    if not both:
         return False
-    name = max(taken, key=lambda n: taken[n])
+    name = max(both, key=lambda n: before[n] / after[n])
     left, had = after[name] ** 2 - 1.0, before[name] ** 2 - 1.0
     return before[name] > _FAILS >= after[name] and left < (1.0 - _WHOLE) * had
 

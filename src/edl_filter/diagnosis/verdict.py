@@ -4,9 +4,10 @@ Evidence (nats) is compared among *none* (the model at its stated noise), every 
 (the model with noise or a missing force and moment that nobody named), all equal before the data.
 
 A name must gain more than `CLEAR`, in evidence and on held-out data. Where an unnamed force and moment explain more
-than it does, two effects may be missing, and the unnamed one has both: then the name must explain a good part of it;
-and, where the mission calls its database exact, bring the channel that it explains most of to its noise, for the other
-effect leaves some channel alone. A database with an error of its own leaves no channel at the noise, whatever is added.
+than it does, two effects may be missing, and the unnamed one has both: then the name must explain a good part of it.
+Where it leaves the model failing and the mission calls its database exact, it must bring the channel that it lessens
+most to its noise, for the other effect leaves some channel alone. A database with an error of its own leaves no channel
+at the noise, whatever is added.
 Effects whose white signatures cannot be told apart are one hypothesis with several names.
 """
 
@@ -100,9 +101,11 @@ def judge(ranking: Ranking) -> Verdict:
     best = groups[0][0] if groups else None
     # a name stands against the noise that is left without it; a smooth missing force may pass for a true effect
     named = best is not None and best.gain > need and best.score_gain > need
-    if named and best is not None and best.gain < other and not best.at_floor:
-        exact = ranking.case.exact
-        named = best.gain > SHARE * other and (not exact or mends_its_channel(ranking.linear, best))
+    if named and best is not None and not best.at_floor:
+        if noisy and ranking.case.exact:
+            named = mends_its_channel(ranking.linear, best)
+        if best.gain < other:
+            named = named and best.gain > SHARE * other
     verdict = "missing" if named else "unknown" if noisy or other > 0.0 else "clean"
     return Verdict(verdict, entries, float(probability[0]), float(probability[1]), _words(verdict, entries))
 

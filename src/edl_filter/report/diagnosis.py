@@ -58,7 +58,7 @@ def heatmap(told: Mapping[str, Any], title: str) -> Figure:
     regimes = list(dict.fromkeys(c["regime"] for c in sorted(flight, key=lambda c: c["t0_s"])))
     rows = max(len(channels), len(fixed))
     made = style.figure(1.9 + 0.42 * rows, width=12.5)
-    grid = made.add_gridspec(1, 3, width_ratios=(max(len(regimes), 1), 1.1, 0.25), wspace=0.62)
+    grid = made.add_gridspec(1, 3, width_ratios=(max(len(regimes), 1), 1.1, 0.25), wspace=0.75)
     left, right, bar = (made.add_subplot(grid[0, k]) for k in range(3))
     worst = max((c["normalised_rms"] for c in told["map"]), default=1.0)
     norm = LogNorm(0.5, max(10.0, worst))
