@@ -1,5 +1,6 @@
 """One job at a time, each command a process: progress, failure in one sentence, and cancelling."""
 
+import signal
 import sys
 import time
 
@@ -85,6 +86,19 @@ def test_cancel_lets_the_command_clear_away_and_runs_no_other(tmp_path):
     worker.cancel()  # nothing to do
     worker.start(Plan("next", (("run",),), "r"))
     worker.cancel()
+
+
+def test_a_server_that_a_shell_runs_behind_itself_can_cancel(tmp_path):
+    """Such a shell starts it with the interrupt ignored, and children inherit that."""
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        worker = Worker(tmp_path, python(SLOW))
+        worker.start(Plan("slow", (("first",),), "r"))
+        wait(worker, lambda job: job.said == "waiting")
+        worker.cancel()
+    finally:
+        signal.signal(signal.SIGINT, before)
+    assert not (tmp_path / "half").exists()
 
 
 def test_a_command_that_does_not_listen_is_ended(tmp_path, monkeypatch):

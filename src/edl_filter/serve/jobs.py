@@ -150,6 +150,7 @@ class Worker:
                 self._command(arguments), cwd=self._root, env=os.environ | {PROGRESS: "lines"}, text=True,
                 stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, encoding="utf-8",
                 errors="replace", start_new_session=True,  # Ctrl-C at the terminal is the server's to pass on
+                preexec_fn=_listening if os.name == "posix" else None,
             )  # fmt: skip
         lines: list[str] = []
         with process:
@@ -162,6 +163,11 @@ class Worker:
         with self._lock:
             self._process = None
         return "" if process.returncode == 0 else sentence(lines, process.returncode)
+
+
+def _listening() -> None:
+    """Let a command hear the interrupt that cancels it: a shell that runs the server with ``&`` has it ignored."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
 
 
 def sentence(lines: Sequence[str], code: int) -> str:
