@@ -15,7 +15,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from edl_filter.diagnosis.case import HOLDS, Case, Linear, linearise, load_case, until_of
+from edl_filter.diagnosis.case import HOLDS, Case, Linear, linearise, load_case
 from edl_filter.diagnosis.missing import Missing, most_likely
 from edl_filter.diagnosis.narrowing import narrowed
 from edl_filter.diagnosis.refit import Refit, refit
@@ -150,7 +150,7 @@ class Ranking:
 def rank(case: Case, candidates: Iterable[Effect], progress: Progress = lambda _: None) -> Ranking:
     """Rank the effects that may be missing from a case's model."""
     progress("comparing model and measurements")
-    linear = linearise(case, rounds=3, until=until_of(case))
+    linear = linearise(case, rounds=3, until=HOLDS)
     soft = linear.soft
     white = linear.white(soft)
     volume = linear.ground.volume(case.effects)
