@@ -138,10 +138,10 @@ def test_beside_another_it_mends_one_channel_if_the_database_is_exact(monkeypatc
     assert judge(ranking_of(one, something_else=1000.0, noise=1e4, coefficients=coefficients)).verdict == verdict
 
 
-def test_a_name_that_leaves_an_exact_model_failing_mends_a_channel_though_nothing_beats_it(monkeypatch):
+def test_a_name_that_leaves_an_exact_model_failing_halves_a_channel_though_nothing_beats_it(monkeypatch):
     """Beside an exact database what is left is another effect, or the name is wrong."""
-    for mends, at_floor, verdict in ((False, False, "unknown"), (True, False, "missing"), (False, True, "missing")):
-        monkeypatch.setattr("edl_filter.diagnosis.verdict.mends_its_channel", lambda *_, m=mends: m)
+    for halves, at_floor, verdict in ((False, False, "unknown"), (True, False, "missing"), (False, True, "missing")):
+        monkeypatch.setattr("edl_filter.diagnosis.verdict.halves_a_channel", lambda *_, h=halves: h)
         one = hypothesis_of("mass", 60.0, at_floor=at_floor)
         assert judge(ranking_of(one, something_else=5.0, noise=1e4, coefficients=0.0)).verdict == verdict
 

@@ -29,17 +29,25 @@ def errors_with(h: Hypothesis) -> dict[str, float]:
 
 
 def mends_its_channel(linear: Linear, h: Hypothesis) -> bool:
-    """Whether the channel that a hypothesis lessens most fails without it, and comes to its noise with it.
+    """Whether the channel that a hypothesis lessens most fails without it, and comes to its noise with it."""
+    before, after = _lessened(linear, h)
+    return before > _FAILS >= after and after**2 - 1.0 < (1.0 - _WHOLE) * (before**2 - 1.0)
+
+
+def halves_a_channel(linear: Linear, h: Hypothesis) -> bool:
+    """Whether the channel that a hypothesis lessens most fails without it, and half as much with it."""
+    before, after = _lessened(linear, h)
+    return before > _FAILS and after < 0.5 * before
+
+
+def _lessened(linear: Linear, h: Hypothesis) -> tuple[float, float]:
+    """Error without and with a hypothesis of the channel that it lessens most, by the factor; ones where there is none.
 
     Channels of forces, moments and other IMUs count, constraints do not: one landing can be met by anything.
     """
     before, after = _by_channel(linear, normalised(linear)), _by_channel(h.linear, _scaled(h))
-    both = [name for name in before if name in after]
-    if not both:
-        return False
-    name = max(both, key=lambda n: before[n] / after[n])
-    left, had = after[name] ** 2 - 1.0, before[name] ** 2 - 1.0
-    return before[name] > _FAILS >= after[name] and left < (1.0 - _WHOLE) * had
+    both = [(before[name], after[name]) for name in before if name in after]
+    return max(both, key=lambda pair: pair[0] / pair[1], default=(1.0, 1.0))
 
 
 def _scaled(h: Hypothesis) -> Array:

@@ -5,9 +5,9 @@ Evidence (nats) is compared among *none* (the model at its stated noise), every 
 
 A name must gain more than `CLEAR`, in evidence and on held-out data. Where an unnamed force and moment explain more
 than it does, two effects may be missing, and the unnamed one has both: then the name must explain a good part of it.
-Where it leaves the model failing and the mission calls its database exact, it must bring the channel that it lessens
-most to its noise, for the other effect leaves some channel alone. A database with an error of its own leaves no channel
-at the noise, whatever is added.
+Where the mission calls its database exact, it must bring the channel that it lessens most to its noise, for the other
+effect leaves some channel alone; and at least to half of what it was where nothing unnamed explains more. A database
+with an error of its own leaves no channel at the noise, whatever is added.
 Effects whose white signatures cannot be told apart are one hypothesis with several names.
 """
 
@@ -18,7 +18,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from edl_filter.diagnosis.channel_errors import mends_its_channel
+from edl_filter.diagnosis.channel_errors import halves_a_channel, mends_its_channel
 from edl_filter.diagnosis.ranking import Hypothesis, Ranking
 from edl_filter.diagnosis.separating import parting
 from edl_filter.effects.effect import Active
@@ -102,10 +102,11 @@ def judge(ranking: Ranking) -> Verdict:
     # a name stands against the noise that is left without it; a smooth missing force may pass for a true effect
     named = best is not None and best.gain > need and best.score_gain > need
     if named and best is not None and not best.at_floor:
-        if noisy and ranking.case.exact:
-            named = mends_its_channel(ranking.linear, best)
+        exact = noisy and ranking.case.exact
         if best.gain < other:
-            named = named and best.gain > SHARE * other
+            named = best.gain > SHARE * other and (not exact or mends_its_channel(ranking.linear, best))
+        elif exact:
+            named = halves_a_channel(ranking.linear, best)
     verdict = "missing" if named else "unknown" if noisy or other > 0.0 else "clean"
     return Verdict(verdict, entries, float(probability[0]), float(probability[1]), _words(verdict, entries))
 
