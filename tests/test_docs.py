@@ -2,19 +2,16 @@
 
 import re
 import shlex
-import sys
 from pathlib import Path
 
 import pytest
 import yaml
+from command_pages import command_tree, commands_text
+from effect_pages import effects_text
+from generated import fill
+from mission_keys import keys_text
 
 ROOT = Path(__file__).parents[1]
-sys.path.insert(0, str(ROOT / "docs" / "_ext"))
-
-from command_pages import command_tree, commands_text  # noqa: E402
-from effect_pages import effects_text  # noqa: E402
-from generated import fill  # noqa: E402
-from mission_keys import keys_text  # noqa: E402
 
 PAGES = [
     ROOT / "README.md", ROOT / "CONTRIBUTING.md", ROOT / "CHANGELOG.md",

@@ -1,11 +1,6 @@
-"""Puts this folder on the path, so that the tests of the simulation can share `slow_flight`."""
-
-import sys
-from pathlib import Path
+"""The scenario, flight and world that the tests of the simulation share."""
 
 import pytest
-
-sys.path.insert(0, str(Path(__file__).parent))
 
 
 @pytest.fixture(scope="session")

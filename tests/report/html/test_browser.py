@@ -1,12 +1,7 @@
 """The report in a browser without a network."""
 
-import sys
-from pathlib import Path
-
-import pytest
-
-sys.path.insert(0, str(Path(__file__).parent))
 import folders
+import pytest
 
 from edl_filter.report.html import write_report
 

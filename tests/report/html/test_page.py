@@ -3,14 +3,10 @@
 import base64
 import json
 import re
-import sys
-from pathlib import Path
 
+import folders
 import numpy as np
 import pytest
-
-sys.path.insert(0, str(Path(__file__).parent))
-import folders
 
 from edl_filter.errors import InputError
 from edl_filter.report.html import write_report
