@@ -10,7 +10,13 @@ from hypothesis import strategies as st
 
 from edl_filter import rotations
 from edl_filter.navigation import strapdown
-from edl_filter.navigation.increments import NOT_SHARED, effective_samples, hidden_motion, lever_arm_acceleration
+from edl_filter.navigation.increments import (
+    NOT_SHARED,
+    edge_values,
+    effective_samples,
+    hidden_motion,
+    lever_arm_acceleration,
+)
 
 LANES = strapdown.LANES
 
@@ -161,7 +167,9 @@ def test_tangential_parts_telescope(seed, count):
     interval, rate = rng.uniform(0.05, 0.9, count), rng.standard_normal((count, 3))
     position = np.tile(rng.standard_normal(3), (count, 1))
     acceleration = lever_arm_acceleration(interval, rate, position, np.zeros(count, int))
-    tangential = acceleration - np.cross(rate, np.cross(rate, position))
+    inside = np.diff(edge_values(interval, rate), axis=0)
+    squares = np.cross(rate, np.cross(rate, position)) + np.cross(inside, np.cross(inside, position)) / 12.0
+    tangential = acceleration - squares
     np.testing.assert_allclose(interval @ tangential, np.cross(rate[-1] - rate[0], position[0]), atol=1e-13)
 
 
@@ -173,7 +181,44 @@ def test_tangential_part_of_a_steady_spin_up():
     interval = np.diff(edges)
     found = lever_arm_acceleration(interval, rate, np.tile(position, (7, 1)), np.zeros(7, int))
     wanted = np.cross(alpha, position) + np.cross(rate, np.cross(rate, position))
+    wanted += np.cross(alpha, np.cross(alpha, position)) * interval[:, None] ** 2 / 12.0
     np.testing.assert_allclose(found[1:-1], wanted[1:-1], atol=1e-14)
+
+
+@pytest.mark.parametrize("degree", range(8))
+def test_edge_values_of_polynomials(degree):
+    """Eighth order: exact to the seventh power, four samples from an end."""
+    edges = np.linspace(-1.0, 1.0, 17)
+    rising = edges ** (degree + 1) / (degree + 1)
+    mean = np.tile((np.diff(rising) / np.diff(edges))[:, None], 3)
+    found = edge_values(np.diff(edges), mean)[4:-4, 0]
+    np.testing.assert_allclose(found, edges[4:-4] ** degree, atol=1e-13)
+
+
+def test_edge_values_beside_an_uneven_sample():
+    """Every edge has the order that the samples around it allow, and a longer sample spoils no other's."""
+    interval = np.full(24, 0.125)
+    interval[12] = 0.25
+    edges = np.concatenate(([0.0], np.cumsum(interval)))
+    mean = np.tile((-np.diff(np.cos(6.0 * edges)) / 6.0 / interval)[:, None], 3)
+    off = np.abs(edge_values(interval, mean)[:, 0] - np.sin(6.0 * edges))
+    assert max(np.max(off[4:9]), np.max(off[17:-4])) < 2e-4  # eighth order: 0.75**8 / 630
+    assert off[9] < 1e-3 and off[10] < 1e-2  # sixth and fourth
+    assert off[11] > 0.02  # second, next to the long one
+
+
+def test_lever_arm_in_a_fast_oscillation():
+    """Eight samples a second, an oscillation a second: a mean over a sample to a thousandth of itself."""
+    dt, w, position = 0.125, 2.0 * np.pi, np.array([-0.8, 0.8, -0.6])
+    edges = np.arange(0.0, 8.0 + 0.5 * dt, dt)
+    swing = np.array([0.0, 0.2, 0.1])
+    rate = np.outer(-np.diff(np.cos(w * edges)) / (w * dt), swing)
+    found = lever_arm_acceleration(np.full(len(rate), dt), rate, np.tile(position, (len(rate), 1)), np.zeros(len(rate)))
+    tangential = np.outer(np.diff(np.sin(w * edges)) / dt, np.cross(swing, position))
+    squared = 0.5 - np.diff(np.sin(2.0 * w * edges)) / (4.0 * w * dt)
+    wanted = tangential + np.outer(squared, np.cross(swing, np.cross(swing, position)))
+    size = np.max(np.linalg.norm(wanted, axis=1))
+    assert np.max(np.linalg.norm(found - wanted, axis=1)[4:-4]) < 1e-3 * size
 
 
 @pytest.mark.parametrize("what", ["unit", "position", "both"])
