@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from edl_filter.diagnosis import case as case_module
-from edl_filter.diagnosis.case import linearise, quiet
+from edl_filter.diagnosis.case import followed, linearise, quiet
 from edl_filter.telemetry.record import ImuRecord, SensorErrors
 
 
@@ -64,9 +64,9 @@ def test_further_rounds_are_for_models_that_hold(monkeypatch, share, until, call
         made.append(point)
         soft = SimpleNamespace(start_covariance=lambda size: np.eye(2), log_likelihood=lambda _: float(len(made)))
         rough = SimpleNamespace(share=share), soft
-        unknowns = SimpleNamespace(layout=SimpleNamespace(size=2))
+        unknowns, ground = SimpleNamespace(layout=SimpleNamespace(size=2)), SimpleNamespace(point=point)
         white = SimpleNamespace(rough=rough, soft=soft, white=lambda _: np.zeros(3), start=np.zeros(2))
-        white.unknowns, white.sigma = unknowns, {}
+        white.unknowns, white.sigma, white.ground, white.log_likelihood = unknowns, {}, ground, float(len(made))
         return white
 
     def told(linear, point, *_):
@@ -78,3 +78,20 @@ def test_further_rounds_are_for_models_that_hold(monkeypatch, share, until, call
     monkeypatch.setattr(case_module, "first_point", lambda _: SimpleNamespace(start=None, deviation=None))
     linearise(SimpleNamespace(reconstruction=None), rounds=3, until=until)
     assert len(made) == calls
+
+
+@pytest.mark.parametrize(
+    ("shares", "exact", "found"),
+    [
+        ([0.1, 0.05, 0.01, 0.0], True, 2),  # where it holds first
+        ([0.1, 0.05, 0.045, 0.0], True, None),  # hardly any better: no hope
+        ([0.1, 0.07, 0.05, 0.03, 0.0], True, None),  # not soon enough
+        ([0.1, 0.05, 0.01], False, None),  # a database with errors of its own would drag it along
+        ([0.02, 0.0], True, None),  # it holds as it is
+    ],
+)
+def test_a_failing_model_is_followed_to_where_it_holds(monkeypatch, shares, exact, found):
+    rounds = [SimpleNamespace(rough=(SimpleNamespace(share=s), None)) for s in shares]
+    monkeypatch.setattr(case_module, "_rounds", lambda case, count, until, first: iter(rounds[:count]))
+    there = followed(SimpleNamespace(exact=exact), rounds[0])
+    assert there is (None if found is None else rounds[found])

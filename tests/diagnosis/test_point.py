@@ -86,9 +86,11 @@ def test_an_offset_undoes_a_small_deviation(case, rounds):
     linear = rounds[0]
     point = linear.ground.point
     n = len(linear.bins.middle)
-    shift = {"density": 1e-4, "wind": 1e-2, "ca": 1e-5, "cn": 1e-6, "cm": 1e-6, "mass": 1e-6, "inertia": 1e-6}
+    shift = {"density": 1e-4, "wind": 1e-2, "ca": 1e-2, "cn": 1e-2, "cm": 1e-2, "mass": 1e-6, "inertia": 1e-6}
     ones = {k: np.full((n, 2) if k == "wind" else n, v) for k, v in shift.items() if k not in ("mass", "inertia")}
-    air = deviating.Deviation(time=linear.bins.middle, mass=shift["mass"], inertia=shift["inertia"], **ones)
+    air = deviating.Deviation(
+        linear.bins.edges[1:], mass=shift["mass"], inertia=shift["inertia"], units=linear.units, **ones
+    )
     there = about(case, replace(point, deviation=air))
     plain = there.ground.order.stack(there.ground.found)
     changed = np.linalg.norm(plain - linear.column)

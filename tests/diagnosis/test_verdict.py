@@ -7,10 +7,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from edl_filter.diagnosis.hypotheses import Hypothesis
 from edl_filter.diagnosis.missing import Missing
-from edl_filter.diagnosis.ranking import Hypothesis, Ranking
+from edl_filter.diagnosis.ranking import Ranking
 from edl_filter.diagnosis.separating import Parting
-from edl_filter.diagnosis.verdict import CLEAR, CLEAR_IN_NOISE, PARTED, grouped, judge, likeness
+from edl_filter.diagnosis.verdict import CLEAR, CLEAR_IN_NOISE, PARTED, grouped, judge
 from edl_filter.effects import Active
 from edl_filter.effects.catalogue import effect_named
 
@@ -31,6 +32,8 @@ def hypothesis_of(name, gain, score=None, explained=None, at_floor=True):
         explained=own if explained is None else np.asarray(explained, float),
         case=None,
         linear=None,
+        before=0.0,
+        predictive=0.0,
     )
 
 
@@ -134,14 +137,15 @@ def test_a_name_that_leaves_most_to_something_else_is_no_name():
 )
 def test_beside_another_it_mends_one_channel_if_the_database_is_exact(monkeypatch, coefficients, mends, verdict):
     monkeypatch.setattr("edl_filter.diagnosis.verdict.mends_its_channel", lambda *_: mends)
+    monkeypatch.setattr("edl_filter.diagnosis.verdict.lessens_its_channel", lambda *_: True)
     one = hypothesis_of("mass", 60.0, at_floor=False)
     assert judge(ranking_of(one, something_else=1000.0, noise=1e4, coefficients=coefficients)).verdict == verdict
 
 
-def test_a_name_that_leaves_an_exact_model_failing_halves_a_channel_though_nothing_beats_it(monkeypatch):
+def test_a_name_that_leaves_an_exact_model_failing_lessens_its_channel_though_nothing_beats_it(monkeypatch):
     """Beside an exact database what is left is another effect, or the name is wrong."""
-    for halves, at_floor, verdict in ((False, False, "unknown"), (True, False, "missing"), (False, True, "missing")):
-        monkeypatch.setattr("edl_filter.diagnosis.verdict.halves_a_channel", lambda *_, h=halves: h)
+    for lessens, at_floor, verdict in ((False, False, "unknown"), (True, False, "missing"), (False, True, "missing")):
+        monkeypatch.setattr("edl_filter.diagnosis.verdict.lessens_its_channel", lambda *_, x=lessens: x)
         one = hypothesis_of("mass", 60.0, at_floor=at_floor)
         assert judge(ranking_of(one, something_else=5.0, noise=1e4, coefficients=0.0)).verdict == verdict
 
@@ -186,11 +190,3 @@ def test_every_hypothesis_is_in_one_group_best_first(tried):
     assert heads == sorted(heads, reverse=True)
     for g in groups:
         assert [h.gain for h in g] == sorted((h.gain for h in g), reverse=True)
-
-
-def test_likeness():
-    a, b = (hypothesis_of("mass", 1.0, explained=x) for x in ([3.0, 4.0], [4.0, 3.0]))
-    assert likeness(a, b) == pytest.approx(24.0 / 25.0) and likeness(b, a) == likeness(a, b)
-    assert likeness(a, a) == pytest.approx(1.0)
-    assert likeness(a, hypothesis_of("mass", 1.0, explained=[0.0, 0.0])) == 0.0
-    assert likeness(a, hypothesis_of("mass", 1.0, explained=[3.0, 4.0, 0.0])) == 0.0  # about another path

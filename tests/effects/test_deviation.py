@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from edl_filter.effects.deviation import Deviation
+from edl_filter.effects.deviation import CoefficientUnits, Deviation
 from edl_filter.modelling import world_of
 
 
@@ -39,7 +39,7 @@ def test_none_changes_nothing(world, practice_06):
 def test_density_and_wind_are_added_against_time(world, practice_06):
     flow = met(world, practice_06)
     denser = met(replace(world, deviation=deviation(density=np.array([0.0, 0.2]))), practice_06)
-    np.testing.assert_allclose(denser.density / flow.density, 1.0 + 1e-3 * flow.time, rtol=1e-12)
+    np.testing.assert_allclose(denser.density / flow.density, np.exp(1e-3 * flow.time), rtol=1e-12)
     blown = met(replace(world, deviation=deviation(wind=np.full((2, 2), 10.0))), practice_06)
     change = np.linalg.norm(blown.velocity_body - flow.velocity_body, axis=1)
     np.testing.assert_allclose(change, np.hypot(10.0, 10.0), rtol=1e-9)
@@ -51,6 +51,10 @@ def test_coefficients_and_vehicle(world, practice_06):
     there = replace(world, deviation=off)
     one, other = world.totals(flow), there.totals(flow)
     for name, by in (("ca", 0.1), ("cn", 0.02), ("cm_nose", 0.003), ("cl", 0.0)):
+        np.testing.assert_allclose(getattr(other, name) - getattr(one, name), by, atol=1e-12)
+    units = CoefficientUnits(np.array([0.0, 200.0]), ca=np.array([0.0, 2.0]), cn=np.ones(2), cm=np.full(2, 0.5))
+    other = replace(world, deviation=replace(off, units=units)).totals(flow)
+    for name, by in (("ca", 1e-3 * flow.time), ("cn", 0.02), ("cm_nose", 0.0015)):
         np.testing.assert_allclose(getattr(other, name) - getattr(one, name), by, atol=1e-12)
     assert there.rigid_body.mass == pytest.approx(1.01 * world.rigid_body.mass)
     np.testing.assert_allclose(there.rigid_body.inertia, 0.98 * world.rigid_body.inertia)

@@ -6,9 +6,10 @@ to be whitened.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import islice
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,13 +19,15 @@ from edl_filter.diagnosis.bins import Bins, lay_bins
 from edl_filter.diagnosis.comparison import Setup, compare
 from edl_filter.diagnosis.deviating import moved
 from edl_filter.diagnosis.missing import Missing, allow
+from edl_filter.diagnosis.motion import follow, frame_of
 from edl_filter.diagnosis.point import Point, first_point, told
 from edl_filter.diagnosis.roughness import Rough, find_rough
-from edl_filter.diagnosis.sensitivity import bin_rows, one_sigma, slopes
+from edl_filter.diagnosis.sensitivity import bin_rows, coefficient_sigma, one_sigma, slopes
 from edl_filter.diagnosis.signatures import Ground
-from edl_filter.diagnosis.timeline import follow, frame_of, in_order
+from edl_filter.diagnosis.timeline import in_order
 from edl_filter.diagnosis.unknowns import Allowance, Unknowns, lay_out
 from edl_filter.diagnosis.whitening import Steps, Whitener, whitener
+from edl_filter.effects.deviation import CoefficientUnits
 from edl_filter.effects.effect import Active
 from edl_filter.effects.readings import log_stretch
 from edl_filter.effects.world import World
@@ -41,6 +44,9 @@ _MARGIN = 0.3
 HOLDS = 0.02
 #: What a path may still move when it has settled, in sigmas of what is known of it.
 _SETTLED = 0.1
+#: Rounds, its last one counted, in which a failing model may find where it holds, and how much of its roughness one
+#: may leave if there is hope.
+_AWAY, _HOPE = 4, 0.8
 
 
 @dataclass(frozen=True)
@@ -162,7 +168,9 @@ class Linear:
     bins : Bins
     unknowns : Unknowns
     sigma : dict
-        What one sigma of air, tables and vehicle is (`sensitivity.one_sigma`).
+        What one sigma of air and vehicle is (`sensitivity.one_sigma`).
+    units : CoefficientUnits
+        One sigma of the tables.
     steps : Steps
         Nothing missing allowed.
     column : (R,) array
@@ -174,7 +182,8 @@ class Linear:
     ground: Ground
     bins: Bins
     unknowns: Unknowns
-    sigma: dict[str, Array]
+    sigma: dict[str, float]
+    units: CoefficientUnits
     steps: Steps
     column: Array
     start: Array
@@ -197,6 +206,19 @@ class Linear:
     def white(self, whiten: Whitener) -> Array:
         """The differences, white."""
         return whiten(self.column[:, None], self.start[:, None])[:, 0]
+
+    @cached_property
+    def log_likelihood(self) -> float:
+        """Of the differences, at the noise that they have."""
+        return self.soft.log_likelihood(self.white(self.soft))
+
+    @property
+    def surprise(self) -> float:
+        """How far the point is from what the mission states, in sigmas of the unknown that is farthest."""
+        size = self.unknowns.layout.size
+        prior = np.sqrt(np.diag(self.steps.start)[:size])
+        start = float(np.max(np.abs(self.start[:size]) / np.where(prior > 0.0, prior, np.inf)))
+        return max(start, moved(None, self.ground.point.deviation, self.sigma))
 
     def with_missing(self, missing: Missing) -> Whitener:
         """Whitener that allows for a missing force and moment."""
@@ -245,29 +267,53 @@ def linearise(case: Case, rounds: int = 1, until: float = 1.0) -> Linear:
     The first path begins where the reconstruction says, which knows nothing of the air. What forces and moments say of
     its beginning, of the sensor errors and of the air is more; with further `rounds` everything is taken again there
     (`point`), until it stays. That is for models that hold: a failing one may drag the path along, so the rounds end
-    where more than the part `until` of the rows is rough. It may also fail only where the reconstruction put the path;
-    so the likeliest of all rounds is kept where the model fails.
+    where more than the part `until` of the rows is rough. Tables have bends, and the rounds may go to and fro between
+    two sides of one; so the likeliest is kept.
     """
-    point = first_point(case.reconstruction)
-    tried: list[Linear] = []
+    return _likeliest(list(_rounds(case, rounds, until)))
+
+
+def followed(case: Case, linear: Linear) -> Linear | None:
+    """Where a failing model beside an exact database leads, if it holds there; None otherwise.
+
+    It fails where the reconstruction has put the path. After some rounds an unknown may have taken what is missing upon
+    itself, by as many sigmas as that takes (`Linear.surprise`).
+    """
+    share = linear.rough[0].share
+    if not case.exact or share <= HOLDS:
+        return None
+    for there in islice(_rounds(case, _AWAY, 1.0, linear), 1, None):
+        if there.rough[0].share <= HOLDS:
+            return there
+        if there.rough[0].share > _HOPE * share:
+            break
+        share = there.rough[0].share
+    return None
+
+
+def _likeliest(tried: list[Linear]) -> Linear:
+    """Of those that hold, if any does."""
+    holding = [x for x in tried if x.rough[0].share <= HOLDS]
+    return max(holding or tried, key=lambda x: x.log_likelihood)
+
+
+def _rounds(case: Case, rounds: int, until: float, first: Linear | None = None) -> Iterator[Linear]:
+    """The comparison about the first point (or `first`), and about where that leads, until it stays or fails."""
+    linear = about(case, first_point(case.reconstruction)) if first is None else first
     for i in range(rounds):
-        linear = about(case, point)
-        tried.append(linear)
+        yield linear
+        point = linear.ground.point
         if i == rounds - 1 or linear.rough[0].share > until:
-            break
+            return
         soft, size = linear.soft, linear.unknowns.layout.size
-        white = linear.white(soft)
-        new = told(linear, point, linear.start, soft, white)
+        new = told(linear, point, linear.start, soft, linear.white(soft))
         if new is None:
-            break
+            return
         spread = np.sqrt(np.maximum(np.diag(soft.start_covariance(size)), 0.0))
         still = np.all(np.abs(new.start.minus(point.start)) <= _SETTLED * spread + 1e-15)
         if still and moved(point.deviation, new.deviation, linear.sigma) <= _SETTLED:
-            break
-        point = new
-    if linear.rough[0].share <= HOLDS:
-        return linear
-    return max(tried, key=lambda x: x.soft.log_likelihood(x.white(x.soft)))
+            return
+        linear = about(case, new)
 
 
 def until_of(case: Case) -> float:
@@ -286,11 +332,13 @@ def about(case: Case, point: Point) -> Linear:
     motion = follow(setup.problem, bins, point.start, point.errors)
     frame = frame_of(motion, bins, point.start, point.errors)
     found = compare(frame, setup)
-    slope = slopes(setup, bins, found, case.allowance.density)
+    told_units = None if point.deviation is None else point.deviation.units
+    units = told_units or coefficient_sigma(setup, found, case.allowance)
+    slope = slopes(setup, bins, found, case.allowance.density, units)
     unknowns = lay_out(layout, setup.checking, case.allowance)
-    sigma = one_sigma(setup, found, case.allowance)
+    sigma = one_sigma(case.allowance)
     readings = compare(frame, case.arrange_quiet(case.effects)).path
-    rows = bin_rows(setup, bins, found, readings, unknowns, slope, sigma)
+    rows = bin_rows(setup, bins, found, readings, unknowns, slope, sigma, case.allowance)
     steps, order = in_order(setup, bins, motion, rows, unknowns, case.allowance, found)
     ground = Ground(
         case.arrange,
@@ -310,6 +358,7 @@ def about(case: Case, point: Point) -> Linear:
         bins=bins,
         unknowns=unknowns,
         sigma=sigma,
+        units=units,
         steps=steps,
         column=ground.column(found),
         start=ground.stated(setup),

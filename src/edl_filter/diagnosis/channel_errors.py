@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from edl_filter.diagnosis.case import Linear
-from edl_filter.diagnosis.ranking import Hypothesis
+from edl_filter.diagnosis.hypotheses import Hypothesis
 from edl_filter.diagnosis.where import channels, normalised
 
 Array = NDArray[np.float64]
@@ -15,6 +15,8 @@ Array = NDArray[np.float64]
 _FAILS = 1.5
 #: Part of its excess (mean square beyond noise) that is nearly all of it.
 _WHOLE = 0.9
+#: Part of its error that an effect may leave in the channel that it is about.
+_LEFT = 0.2
 
 
 def errors_of(linear: Linear) -> dict[str, float]:
@@ -29,25 +31,24 @@ def errors_with(h: Hypothesis) -> dict[str, float]:
 
 
 def mends_its_channel(linear: Linear, h: Hypothesis) -> bool:
-    """Whether the channel that a hypothesis lessens most fails without it, and comes to its noise with it."""
-    before, after = _lessened(linear, h)
+    """Whether the channel that a hypothesis lessens by the largest factor fails without it, and not with it."""
+    before, after = max(_both(linear, h), key=lambda pair: pair[0] / pair[1], default=(1.0, 1.0))
     return before > _FAILS >= after and after**2 - 1.0 < (1.0 - _WHOLE) * (before**2 - 1.0)
 
 
-def halves_a_channel(linear: Linear, h: Hypothesis) -> bool:
-    """Whether the channel that a hypothesis lessens most fails without it, and half as much with it."""
-    before, after = _lessened(linear, h)
-    return before > _FAILS and after < 0.5 * before
+def lessens_its_channel(linear: Linear, h: Hypothesis) -> bool:
+    """Whether the channel that a hypothesis takes most from fails without it, and a fifth as much or less with it."""
+    before, after = max(_both(linear, h), key=lambda pair: pair[0] ** 2 - pair[1] ** 2, default=(1.0, 1.0))
+    return before > _FAILS and after < _LEFT * before
 
 
-def _lessened(linear: Linear, h: Hypothesis) -> tuple[float, float]:
-    """Error without and with a hypothesis of the channel that it lessens most, by the factor; ones where there is none.
+def _both(linear: Linear, h: Hypothesis) -> list[tuple[float, float]]:
+    """Error without and with a hypothesis, of every channel of forces, moments and other IMUs.
 
-    Channels of forces, moments and other IMUs count, constraints do not: one landing can be met by anything.
+    Constraints do not count: one landing can be met by anything.
     """
     before, after = _by_channel(linear, normalised(linear)), _by_channel(h.linear, _scaled(h))
-    both = [(before[name], after[name]) for name in before if name in after]
-    return max(both, key=lambda pair: pair[0] / pair[1], default=(1.0, 1.0))
+    return [(before[name], after[name]) for name in before if name in after]
 
 
 def _scaled(h: Hypothesis) -> Array:

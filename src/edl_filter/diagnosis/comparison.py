@@ -174,7 +174,7 @@ def angular_acceleration(world: World, flow: Flow, moment: Array) -> Array:
     """Euler's equations, ``I⁻¹ (M - w × I w)``, rad/s²."""
     inertia = world.rigid_body.inertia
     left = moment - np.cross(flow.rate, flow.rate @ inertia)
-    return np.asarray(np.linalg.solve(inertia, left.T).T, np.float64)
+    return np.asarray(left @ np.linalg.inv(inertia).T, np.float64)
 
 
 def triangle(values: Array, bins: Bins, weights: Array | None = None) -> Array:

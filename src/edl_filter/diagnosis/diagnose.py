@@ -12,9 +12,11 @@ from numpy.typing import NDArray
 
 from edl_filter.diagnosis.case import Case
 from edl_filter.diagnosis.channel_errors import errors_of, errors_with
+from edl_filter.diagnosis.hypotheses import Hypothesis
 from edl_filter.diagnosis.latent import Latent, estimate
-from edl_filter.diagnosis.ranking import Hypothesis, Progress, Ranking, Trial, rank
+from edl_filter.diagnosis.ranking import Progress, Ranking, rank
 from edl_filter.diagnosis.remainder import Remainder, describe
+from edl_filter.diagnosis.trying import Trial
 from edl_filter.diagnosis.verdict import Entry, Verdict, judge
 from edl_filter.diagnosis.where import Cell, Onset, failures, onsets, survey
 from edl_filter.effects.effect import Active, Effect

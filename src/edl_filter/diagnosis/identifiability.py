@@ -15,8 +15,9 @@ from scipy.optimize import brentq
 
 from edl_filter.diagnosis.case import Linear, linearise, load_case
 from edl_filter.diagnosis.of_result import needs_prediction
-from edl_filter.diagnosis.ranking import Progress, signatures
+from edl_filter.diagnosis.ranking import Progress
 from edl_filter.diagnosis.signatures import Signature
+from edl_filter.diagnosis.trying import signatures
 from edl_filter.effects.effect import Effect
 from edl_filter.mission import Mission
 

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from edl_filter.diagnosis.bins import Bins
 from edl_filter.diagnosis.comparison import averaged, triangle
 from edl_filter.diagnosis.sparse import joined, sparse
+from edl_filter.diagnosis.threads import in_threads
 from edl_filter.diagnosis.timeline import Order
 from edl_filter.diagnosis.whitening import Steps
 from edl_filter.effects.effect import Flow
@@ -86,12 +87,9 @@ def most_likely(value: Callable[[Missing], float]) -> tuple[Missing, float]:
 
     Sizes are searched one after the other on their grid, for each memory; then the best is refined by a factor.
     """
-    best, found = Missing(), value(Missing())
-    for with_pressure in (False, True):
-        for memory in MEMORIES:
-            trial, at = _sized(value, memory, with_pressure)
-            if at > found:
-                best, found = trial, at
+    kinds = [(memory, with_pressure) for with_pressure in (False, True) for memory in MEMORIES]
+    searched = in_threads(lambda kind: _sized(value, *kind), kinds)
+    best, found = max([(Missing(), value(Missing())), *searched], key=lambda pair: pair[1])
     for name in ("moment", "force"):
         for factor in (3.0, 1.0 / 3.0):
             if (v := value(other := replace(best, **{name: getattr(best, name) * factor}))) > found:

@@ -39,10 +39,16 @@ def narrowed(linear: Linear, active: Active, whiten: Whitener, rounds: int = 6) 
             spans[name] *= 0.5
             for sign in (1.0, -1.0):
                 other = replace(best, values=best.values | {name: best.values[name] + sign * spans[name]})
-                if not ordered(other):
+                if not (ordered(other) and _inside(other, name)):
                     continue
                 g, fitted = tried(other)
                 if g > gain:
                     gain, best = g, fitted
                     break
     return best
+
+
+def _inside(active: Active, name: str) -> bool:
+    """Whether a place is between its bounds; a phase may go round."""
+    q = next(p for p in active.effect.parameters if p.name == name)
+    return q.kind == "phase" or q.low <= active.values[name] <= q.high

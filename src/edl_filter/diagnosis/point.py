@@ -91,7 +91,7 @@ def told(
                 shift[layout[name]] = 0.0
     prior = np.sqrt(np.diag(whiten.steps.start)[: layout.size])
     order, rows = linear.ground.order, whiten.steps.rows
-    air = deviation(order, linear.bins, linear.unknowns, linear.sigma, rows, smoothed)
+    air = deviation(order, linear.bins, linear.unknowns, linear.sigma, linear.units, rows, smoothed)
     if not (np.all(np.abs(shift - start[: layout.size]) <= _BELIEF * prior) and np.all(np.abs(air.density) < 0.9)):
         return None
     begin = point.start.plus(shift)

@@ -133,7 +133,7 @@ def refit(
     between = float(np.median(linear.bins.interval)) / PER_BIN
     grain = np.array([between**2 / 12.0 if q.kind == "time" else 0.0 for _, q in free])
     return Refit(
-        effects=here.effects,
+        effects=tuple(a.in_one_turn() for a in here.effects),
         names=names,
         covariance=covariance + np.diag(grain),
         evidence=value + volume,

@@ -16,8 +16,9 @@ from edl_filter import rotations
 from edl_filter.diagnosis.bins import Bins, bin_means
 from edl_filter.diagnosis.comparison import Differences, Setup, predicted, rounding, stepped
 from edl_filter.diagnosis.path import PER_BIN, Nodes, Path
-from edl_filter.diagnosis.unknowns import Allowance, Unknowns
-from edl_filter.effects.effect import Active, Effect, Flow, Parameter, Totals, Values
+from edl_filter.diagnosis.unknowns import Allowance, Unknowns, distances
+from edl_filter.effects.deviation import CoefficientUnits, Deviation
+from edl_filter.effects.effect import Active, Effect, Parameter, Values
 from edl_filter.effects.world import World
 from edl_filter.navigation.layout import SENSOR_STATES
 
@@ -43,7 +44,7 @@ class Slopes:
         Of the steps of the rate.
     names : dict
         position, velocity, attitude (the local error of the state), density (relative), wind_east, wind_north (m/s),
-        ca, cn, cm (the coefficient), mass, inertia (relative), rate (rad/s) → slice of columns.
+        ca, cn, cm (by sigmas of the database), mass, inertia (relative), rate (rad/s) → slice of columns.
     force_bend, turn_bend : (B, 3), (B - 1, 3) arrays
         By how much two sigmas of density bend the predictions off a straight line: at the step where one table ends and
         another begins nobody knows to a tenth of a second when it comes. And what sums over nodes may be wrong by.
@@ -57,10 +58,10 @@ class Slopes:
 
 
 class _Probe(Effect):
-    """Small changes of what the air does, to differentiate by; for the coefficients a vector over time is allowed."""
+    """Small changes of the air, to differentiate by."""
 
     name = "probe"
-    parameters = tuple(Parameter(n, "", n) for n in ("east", "north", "density", "ca", "cn", "cm"))
+    parameters = tuple(Parameter(n, "", n) for n in ("east", "north", "density"))
 
     def wind(self, p: Values, altitude: Array) -> Array:
         return np.tile([p["east"], p["north"]], (len(altitude), 1))
@@ -68,11 +69,8 @@ class _Probe(Effect):
     def density(self, p: Values, altitude: Array) -> Array:
         return np.full(len(altitude), 1.0 + p["density"])
 
-    def coefficients(self, p: Values, flow: Flow, totals: Totals) -> Totals:
-        return replace(totals, ca=totals.ca + p["ca"], cn=totals.cn + p["cn"], cm_nose=totals.cm_nose + p["cm"])
 
-
-def slopes(setup: Setup, bins: Bins, found: Differences, density_sigma: float) -> Slopes:
+def slopes(setup: Setup, bins: Bins, found: Differences, density_sigma: float, units: CoefficientUnits) -> Slopes:
     """Differentiate the predictions along the path; `density_sigma` is relative."""
     nodes, world = found.nodes, setup.world
     parts_f: list[Array] = []
@@ -92,9 +90,10 @@ def slopes(setup: Setup, bins: Bins, found: Differences, density_sigma: float) -
     for name, step in (("density", 1e-3), ("east", 0.5), ("north", 0.5)):
         add(probed(**{name: step}), probed(**{name: -step}), 2.0 * step)
     base = predicted(world, bins, found.flow, found.tables)
-    for name, step in (("ca", 1e-3), ("cn", 1e-4), ("cm", 1e-5)):
-        other = world.having((*world.effects, Active(_Probe(), {name: step})))
-        add(predicted(other, bins, found.flow, found.tables), base, step)
+    here = world.deviation or Deviation.none(units)
+    for name in ("ca", "cn", "cm"):
+        off = replace(here, **{name: getattr(here, name) + 1.0})
+        add(predicted(replace(world, deviation=off), bins, found.flow, found.tables), base, 1.0)
     force, moment = world.loads(found.flow, found.tables)
     parts_f += [-base[0], np.zeros_like(base[0])]
     still = stepped(world, bins, found.flow, np.zeros_like(moment))
@@ -162,7 +161,8 @@ def bin_rows(
     quiet: Path,
     unknowns: Unknowns,
     slope: Slopes,
-    sigma: dict[str, Array],
+    sigma: dict[str, float],
+    allowance: Allowance,
 ) -> Rows:
     """Design of the rows at the bins' ends.
 
@@ -176,12 +176,15 @@ def bin_rows(
     sigma_f = bin_sigma(bins, driving.time, driving.interval, driving.force_noise)
     sigma_w = bin_sigma(bins, driving.time, driving.interval, driving.rate_noise)
 
-    def put(name: str, column: slice, gain: Array) -> None:
-        """An unknown's value; what stands beside it (its slope) does not show at once."""
-        at = unknowns[name].start
-        design[:, :3, at] = slope.force[:, :, column.start] * gain[:, None]
-        design[:-1, 3:6, at] = slope.turn[:, :, column.start] * gain[:-1, None]
+    def put(name: str, column: slice, gain: float) -> None:
+        """An unknown's value at the bin's end, where the step of the rate is; for the force half a bin before."""
+        at = unknowns[name]
+        design[:, :3, at.start] = slope.force[:, :, column.start] * gain
+        design[:-1, 3:6, at.start] = slope.turn[:, :, column.start] * gain
+        if at.stop - at.start == 2:
+            design[:, :3, at.start + 1] = -0.5 * passed[name][:, None] * design[:, :3, at.start]
 
+    passed = distances(allowance, bins.interval, np.diff(found.flow.altitude[::PER_BIN]))
     for name in ("position", "velocity", "attitude"):
         at = layout[name]
         design[:, :3, at] = slope.force[:, :, slope.names[name]]
@@ -248,21 +251,25 @@ def bin_rows(
     return Rows(np.where(use[:, :, None], design, 0.0), noise, use, np.where(use, values, 0.0))
 
 
-def one_sigma(setup: Setup, found: Differences, allowance: Allowance) -> dict[str, Array]:
-    """What one sigma of each unknown of air, tables and vehicle is, bin by bin ``(B,)``: relative, m/s, coefficient."""
-    middle = slice(PER_BIN // 2, None, PER_BIN)
+def one_sigma(allowance: Allowance) -> dict[str, float]:
+    """What one sigma of each unknown of air and vehicle is, relative or m/s; slopes by coefficients are by sigmas."""
+    return {
+        "density": allowance.density, "wind_east": allowance.wind, "wind_north": allowance.wind,
+        "mass": allowance.mass, "inertia": allowance.inertia, "ca": 1.0, "cn": 1.0, "cm": 1.0,
+    }  # fmt: skip
+
+
+def coefficient_sigma(setup: Setup, found: Differences, allowance: Allowance) -> CoefficientUnits:
+    """One sigma of the database at the nodes: its own, and what numbers cannot do better."""
     flow, tables = found.flow, found.tables
-    limits = setup.world.database.lookup(
-        flow.mach[middle], flow.knudsen[middle], flow.alpha_total[middle], flow.speed[middle]
-    ).three_sigma
+    limits = setup.world.database.lookup(flow.mach, flow.knudsen, flow.alpha_total, flow.speed).three_sigma
     third, least = allowance.coefficients / 3.0, allowance.numerical
-    same = {"density": allowance.density, "wind_east": allowance.wind, "wind_north": allowance.wind}
-    same |= {"mass": allowance.mass, "inertia": allowance.inertia}
-    return {name: np.full(len(flow.time[middle]), s) for name, s in same.items()} | {
-        "ca": np.hypot(third * limits.ca, least * tables.ca[middle]),
-        "cn": np.hypot(third * limits.cn, least * tables.cn[middle]),
-        "cm": np.hypot(third * limits.cm, least * tables.cm_nose[middle]),
-    }
+    return CoefficientUnits(
+        flow.time,
+        ca=np.hypot(third * limits.ca, least * tables.ca),
+        cn=np.hypot(third * limits.cn, least * tables.cn),
+        cm=np.hypot(third * limits.cm, least * tables.cm_nose),
+    )
 
 
 def _sensor_design(force: Array, rate: Array) -> dict[str, Array]:
@@ -281,9 +288,9 @@ def _sensor_design(force: Array, rate: Array) -> dict[str, Array]:
 def lever_error(bins: Bins, rate: Array, position: Array) -> Array:
     """What a lever arm's acceleration may be wrong by where a torque sets in all at once, ``(B, 3)``, m/s².
 
-    The tangential part is the difference of rates at the bin's edges, of fourth order in the means (`increments`). At a
-    bend of the rate that order is off by ten times of what sixth order changes; a bend is where the change stands out
-    from the ten bins before and after.
+    The tangential part is the difference of rates at the bin's edges, of eighth order in the means (`increments`). At a
+    bend of the rate that order is off by up to nine times of what sixth order changes in fourth; a bend is where this
+    change stands out from the ten bins before and after.
     """
     change = np.zeros((len(rate) + 1, 3))
     if len(rate) > 6:
@@ -291,7 +298,7 @@ def lever_error(bins: Bins, rate: Array, position: Array) -> Array:
         change[3:-3] = (37.0 * one - 8.0 * two + three) / 60.0 - (7.0 * one - two) / 12.0
     size = np.linalg.norm(np.nan_to_num(change), axis=1)
     bent = size > _BEND * median_filter(size, 21)
-    at_edges = np.where(bent[:, None], 10.0 * np.nan_to_num(change), 0.0)
+    at_edges = np.where(bent[:, None], 9.0 * np.nan_to_num(change), 0.0)
     before, after = (np.cross(e, position) / bins.interval[:, None] for e in (at_edges[:-1], at_edges[1:]))
     return np.hypot(before, after)
 

@@ -121,7 +121,7 @@ def _sigma(found: Refit) -> dict[str, dict[str, float]]:
 def _moved(before: tuple[Active, ...], found: Refit) -> float:
     """Largest move of a parameter, in its sigmas."""
     old = {a.name: a.values for a in before}
-    new = {a.name: a.values for a in found.effects}
+    new = {a.name: a for a in found.effects}
     spread = np.sqrt(np.diag(found.covariance))
-    moves = [abs(new[e][q] - old[e][q]) / s for (e, q), s in zip(found.names, spread, strict=True)]
+    moves = [new[e].change_from(old[e], q) / s for (e, q), s in zip(found.names, spread, strict=True)]
     return max(moves, default=0.0)

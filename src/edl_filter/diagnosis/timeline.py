@@ -1,176 +1,27 @@
-"""The linear problem in the order of time: bins' ends, constraints, changes of the driving instrument.
+"""The linear problem in the order of time: every difference's row, and the law by which all unknowns move.
 
-The filter's vector moves as the filter moves it: its sigma-point propagation, differenced about the path. Where a bin
-is compared, the noise of its gyros is an unknown of its own and not process noise (`unknowns`).
+The filter's vector moves along the path (`motion`); the unknowns beside it by their own laws (`unknowns`).
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from edl_filter.diagnosis.bins import Bins
-from edl_filter.diagnosis.comparison import Differences, Frame, Setup
+from edl_filter.diagnosis.comparison import Differences, Setup
+from edl_filter.diagnosis.motion import Motion, differencing_steps
 from edl_filter.diagnosis.sensitivity import Rows, bin_sigma
 from edl_filter.diagnosis.sparse import Sparse, sparse
-from edl_filter.diagnosis.unknowns import Allowance, Unknowns, smooth_step
+from edl_filter.diagnosis.unknowns import Allowance, Unknowns, distances, smooth_step
 from edl_filter.diagnosis.whitening import Steps
 from edl_filter.navigation import initial as entry
-from edl_filter.navigation import strapdown
 from edl_filter.navigation.constraints import Constraint
-from edl_filter.navigation.filter import Problem, merge
-from edl_filter.navigation.increments import Samples
-from edl_filter.navigation.layout import ONBOARD, SENSOR_STATES, Layout, State, attitude_errors, sigma_states
-from edl_filter.navigation.noise import process_noise
-from edl_filter.navigation.ukf import propagate_states
+from edl_filter.navigation.layout import Layout, State, sigma_states
 
 Array = NDArray[np.float64]
-
-#: Steps by which the filter's vector is moved to difference its propagation.
-_STEPS = {
-    "position": 10.0, "velocity": 0.05, "attitude": 1e-5, "accelerometer_bias": 1e-4, "accelerometer_scale": 1e-5,
-    "accelerometer_misalignment": 1e-5, "gyro_bias": 1e-7, "gyro_scale": 1e-6, "entry_epoch": 1e-2,
-    "entry_frame": 1e-5, "onboard_rate": 1e-7, "onboard_mounting": 1e-6, ONBOARD: 1e-5,
-}  # fmt: skip
-
-
-@dataclass(frozen=True)
-class Motion:
-    """How the filter's vector moves from epoch to epoch.
-
-    Attributes
-    ----------
-    time : (K,) array
-        Epochs after the start, s; two of the same time where the instrument changes.
-    move, noise : (K, n, n) arrays
-    walk : (K,) array
-        Time over which a bin's gyro noise turns the attitude, s.
-    bin : (K,) array of int
-        Bin that ends at the epoch, or -1.
-    constraints : tuple of tuples of int
-        Indices of the constraints met at the epoch.
-    reference : (K, …) list of State
-    onboard : (C, 4) array or None
-        On-board attitude carried to each constraint.
-    """
-
-    time: Array
-    move: Array
-    noise: Array
-    walk: Array
-    bin: NDArray[np.int64]
-    constraints: tuple[tuple[int, ...], ...]
-    reference: list[State]
-    onboard: Array | None
-
-
-def follow(problem: Problem, bins: Bins, start: State, errors: Array) -> Motion:
-    """Propagate the path and its neighbours from epoch to epoch.
-
-    Parameters
-    ----------
-    problem : Problem
-    bins : Bins
-    start : State
-        Where the path begins, with the first instrument's errors.
-    errors : (U, n) array
-        By instrument.
-    """
-    layout, samples = problem.layout, problem.samples
-    gyro_density = float(np.min(samples.rate_noise * np.sqrt(samples.interval)))
-    epochs = merge(np.concatenate((bins.edges, problem.epochs)))
-    wanted = [c.time for c in problem.constraints]
-    late = epochs > bins.edges[-1] + 1e-6
-    # before the last bin's end only the bins' ends and the constraints matter
-    keep = late | np.isin(np.round(epochs, 5), np.round(np.concatenate((bins.edges, wanted)), 5))
-    epochs = epochs[keep]
-    steps = np.concatenate([np.full(s.stop - s.start, _STEPS[name]) for name, s in layout.slices.items()])
-    offsets = np.concatenate((np.zeros((1, layout.size)), np.diag(steps), -np.diag(steps)))
-    move, noise, walk, ends, met, path, times = [], [], [], [], [], [], []
-    state, done, unit = start, 0, int(samples.unit[0])
-    onboard = np.empty((len(problem.constraints), 4)) if len(start.nav) == 14 else None
-    bin_of = {round(float(t), 5): k for k, t in enumerate(bins.edges[1:])}
-    pending = sorted(range(len(wanted)), key=lambda i: wanted[i])
-    for time in epochs:
-        stop = samples.index(time)
-        part = samples.part(done, stop)
-        if stop > done:
-            state, f = _step(problem, state, part, offsets, steps)
-        else:
-            f = np.eye(layout.size)
-        inside = int(np.searchsorted(bins.edges, time - 1e-6)) - 1
-        walks = 0 <= inside < len(bins.sound) and bool(bins.sound[inside]) and stop > done
-        if stop == done:
-            q = np.zeros_like(f)
-        else:
-            q = process_noise(layout, _hidden(part, gyro_density) if walks else part, state.nav[6:10])
-        here = []
-        while pending and wanted[pending[0]] <= time + 2e-6:
-            here.append(pending.pop(0))
-            if onboard is not None:
-                onboard[here[-1]] = state.nav[10:]
-        move.append(f)
-        noise.append(q)
-        walk.append(float(part.interval.sum()) if walks else 0.0)
-        ends.append(bin_of.get(round(float(time), 5), -1))
-        met.append(tuple(here))
-        path.append(state)
-        times.append(float(time))
-        done = stop
-        if done < len(samples.time) and samples.unit[done] != unit:
-            unit = int(samples.unit[done])
-            state, f, q = _change(problem, state, unit, errors[unit])
-            move.append(f)
-            noise.append(q)
-            walk.append(0.0)
-            ends.append(-1)
-            met.append(())
-            path.append(state)
-            times.append(float(time))
-    return Motion(
-        np.array(times), np.array(move), np.array(noise), np.array(walk), np.array(ends), tuple(met), path, onboard
-    )
-
-
-def _hidden(samples: Samples, gyro_density: float) -> Samples:
-    """The same samples with that part of the rate noise only which is not the gyros' own."""
-    own = gyro_density / np.sqrt(samples.interval)
-    rest = np.sqrt(np.maximum(samples.rate_noise**2 - own**2, 0.0))
-    return replace(samples, rate_noise=rest, shared_rate_noise=np.minimum(samples.shared_rate_noise, rest))
-
-
-def _step(problem: Problem, state: State, part: Samples, offsets: Array, steps: Array) -> tuple[State, Array]:
-    """Propagate a state and its neighbours; new state and transition."""
-    n, count = problem.layout.size, len(offsets)
-    nav, errors = sigma_states(state, offsets, strapdown.padded(count))
-    propagate_states(problem.layout, problem.planet, part, nav, errors)
-    centre = State(nav[:, 0].copy(), state.errors.copy())
-    moved = errors[:, :count].T - centre.errors
-    moved[:, :6] = (nav[:6, :count] - centre.nav[:6, None]).T
-    moved[:, 6:9] = attitude_errors(centre.nav[6:10], nav[6:10, :count])
-    if len(nav) == 14:
-        moved[:, -3:] = attitude_errors(centre.nav[10:], nav[10:, :count])
-    return centre, ((moved[1 : n + 1] - moved[n + 1 :]) / (2.0 * steps[:, None])).T
-
-
-def _change(problem: Problem, state: State, unit: int, errors: Array) -> tuple[State, Array, Array]:
-    """Let another instrument drive, as the filter does."""
-    layout = problem.layout
-    fresh = [layout.sensor, *(layout[n] for n in problem.entry.instrument_prior(layout))]
-    keep, noise = np.eye(layout.size), np.zeros((layout.size, layout.size))
-    for where in fresh:
-        keep[where, where] = 0.0
-    noise[layout.sensor, layout.sensor] = entry.sensor_prior(layout, problem.instruments[unit])
-    for name, sigma in problem.entry.instrument_prior(layout).items():
-        noise[layout[name], layout[name]] = sigma**2 * np.eye(3)
-    if ONBOARD in layout:
-        noise[layout[ONBOARD], layout[ONBOARD]] = problem.unit_change_sigma**2 * np.eye(3)
-    new = state.errors.copy()
-    for where in fresh:
-        new[where] = errors[where]
-    return State(state.nav, new), keep, noise
 
 
 @dataclass(frozen=True)
@@ -343,10 +194,8 @@ def _law(
     noise.append((after, after, (fresh**2)[:, None, None] * over))
     time = np.concatenate((found.path.time[:1], motion.time))
     height = np.interp(time, found.nodes.time, found.flow.altitude)
-    dt, dh = _passed(steps, motion, found), np.abs(np.diff(height))[epoch] * moves
-    passed = dict.fromkeys(("density", "wind_east", "wind_north"), dh / allowance.density_correlation)
-    passed |= dict.fromkeys(("ca", "cn", "cm"), dt / allowance.coefficient_memory)
-    for name, distance in passed.items():
+    dt, dh = _passed(steps, motion, found), np.diff(height)[epoch] * moves
+    for name, distance in distances(allowance, dt, dh).items():
         if name in unknowns:
             at = unknowns[name]
             step, rest = smooth_step(distance)
@@ -397,15 +246,7 @@ def stated_start(setup: Setup, start: State) -> Array:
 def _constraint_design(c: Constraint, state: State, layout: Layout) -> Array:
     """Slope of a constraint's prediction, ``(m, n)``."""
     n = layout.size
-    steps = np.concatenate([np.full(s.stop - s.start, _STEPS[name]) for name, s in layout.slices.items()])
+    steps = differencing_steps(layout)
     nav, errors = sigma_states(state, np.concatenate((np.diag(steps), -np.diag(steps))), 2 * n)
     found = c.predict(nav, errors, layout)
     return ((found[:n] - found[n:]) / (2.0 * steps[:, None])).T
-
-
-def frame_of(motion: Motion, bins: Bins, start: State, errors: Array) -> Frame:
-    """What stays as it is while the model changes."""
-    return Frame(bins=bins, start=start.nav[:10], errors=errors, onboard=motion.onboard)
-
-
-__all__ = ["SENSOR_STATES", "Motion", "Order", "follow", "frame_of", "in_order", "stated_start"]

@@ -108,6 +108,12 @@ def lay_out(layout: Layout, checking: tuple[ImuRecord, ...], allowance: Allowanc
     return Unknowns(layout, slices, at)
 
 
+def distances(allowance: Allowance, time: Array, altitude: Array) -> dict[str, Array]:
+    """What passes of the correlation length of every smooth unknown, with steps of time (s) and altitude (m)."""
+    air = dict.fromkeys(("density", "wind_east", "wind_north"), np.abs(altitude) / allowance.density_correlation)
+    return air | dict.fromkeys(("ca", "cn", "cm"), time / allowance.coefficient_memory)
+
+
 def smooth_step(passed: Array) -> tuple[Array, Array]:
     """Transition and noise ``(..., 2, 2)`` of a Matérn process of order 3/2 and unit variance.
 

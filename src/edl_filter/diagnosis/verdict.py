@@ -6,8 +6,8 @@ Evidence (nats) is compared among *none* (the model at its stated noise), every 
 A name must gain more than `CLEAR`, in evidence and on held-out data. Where an unnamed force and moment explain more
 than it does, two effects may be missing, and the unnamed one has both: then the name must explain a good part of it.
 Where the mission calls its database exact, it must bring the channel that it lessens most to its noise, for the other
-effect leaves some channel alone; and at least to half of what it was where nothing unnamed explains more. A database
-with an error of its own leaves no channel at the noise, whatever is added.
+effect leaves some channel alone. And the channel that it takes most from must fall to a fifth at least, whatever the
+unnamed explain. A database with an error of its own leaves no channel at the noise, whatever is added.
 Effects whose white signatures cannot be told apart are one hypothesis with several names.
 """
 
@@ -18,9 +18,11 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from edl_filter.diagnosis.channel_errors import halves_a_channel, mends_its_channel
-from edl_filter.diagnosis.ranking import Hypothesis, Ranking
+from edl_filter.diagnosis.channel_errors import lessens_its_channel, mends_its_channel
+from edl_filter.diagnosis.hypotheses import Hypothesis
+from edl_filter.diagnosis.ranking import Ranking
 from edl_filter.diagnosis.separating import parting
+from edl_filter.diagnosis.trying import likeness
 from edl_filter.effects.effect import Active
 
 Array = NDArray[np.float64]
@@ -105,8 +107,8 @@ def judge(ranking: Ranking) -> Verdict:
         exact = noisy and ranking.case.exact
         if best.gain < other:
             named = best.gain > SHARE * other and (not exact or mends_its_channel(ranking.linear, best))
-        elif exact:
-            named = halves_a_channel(ranking.linear, best)
+        if exact:
+            named = named and lessens_its_channel(ranking.linear, best)
     verdict = "missing" if named else "unknown" if noisy or other > 0.0 else "clean"
     return Verdict(verdict, entries, float(probability[0]), float(probability[1]), _words(verdict, entries))
 
@@ -116,7 +118,7 @@ def grouped(hypotheses: list[Hypothesis]) -> list[list[Hypothesis]]:
     left, groups = sorted(hypotheses, key=lambda h: -h.gain), []
     while left:
         head, rest = left[0], left[1:]
-        same = [h for h in rest if head.gain - h.gain < PARTED and likeness(head, h) > SAME]
+        same = [h for h in rest if head.gain - h.gain < PARTED and likeness(head.explained, h.explained) > SAME]
         groups.append([head, *same])
         left = [h for h in rest if not any(h is s for s in same)]
     return groups
@@ -128,15 +130,6 @@ def parted(one: Hypothesis, other: Hypothesis) -> str:
     if found is not None:
         return f"{found.remedy} would part them by {found.evidence:.0f} nats"
     return "no better knowledge of anything else would part them, only a measurement of one of the two itself"
-
-
-def likeness(a: Hypothesis, b: Hypothesis) -> float:
-    """Correlation of what two hypotheses make of the differences, white; 0 where they stand on different ground."""
-    one, other = a.explained, b.explained
-    if len(one) != len(other):
-        return 0.0
-    scale = float(np.linalg.norm(one) * np.linalg.norm(other))
-    return abs(float(one @ other)) / scale if scale > 0.0 else 0.0
 
 
 def _words(verdict: str, entries: list[Entry]) -> str:

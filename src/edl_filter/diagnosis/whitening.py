@@ -9,18 +9,20 @@ density error in altitude (design section 6; Friedland, IEEE Trans. AC 14 (1969)
 
 from __future__ import annotations
 
-from contextlib import AbstractContextManager
 from dataclasses import dataclass
-from functools import cache
+from itertools import pairwise
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
-from threadpoolctl import ThreadpoolController
 
 from edl_filter.diagnosis.sparse import Sparse
+from edl_filter.diagnosis.threads import THREADS, in_threads, one_blas_thread
 
 Array = NDArray[np.float64]
+
+#: Columns from which threads share them.
+_MANY = 64
 
 
 @dataclass(frozen=True)
@@ -82,10 +84,17 @@ class Whitener:
         s = self.steps
         begin = np.zeros((len(s.start), start.shape[1]))
         begin[: len(start)] = start
-        with _one_thread():
-            return _apply(
-                *_pattern(s.change), s.rows, s.design, self.gain, self.factor, np.ascontiguousarray(columns), begin
-            )
+        model = (*_pattern(s.change), s.rows, s.design, self.gain, self.factor)
+
+        def white(part: slice) -> Array:
+            return _apply(*model, np.ascontiguousarray(columns[:, part]), np.ascontiguousarray(begin[:, part]))
+
+        count = columns.shape[1]
+        if count < _MANY:
+            with one_blas_thread():
+                return white(slice(None))
+        cuts = np.linspace(0, count, THREADS + 1).astype(int)
+        return np.concatenate(in_threads(white, [slice(a, b) for a, b in pairwise(cuts)]), axis=1)
 
     def start_covariance(self, count: int) -> Array:
         """Covariance ``(count, count)`` of the first unknowns at the beginning, given all rows.
@@ -137,7 +146,7 @@ class Whitener:
 def whitener(steps: Steps) -> Whitener:
     """Run the covariances once."""
     n = steps.noise
-    with _one_thread():
+    with one_blas_thread():
         gain, factor, log_det = _gains(
             *_pattern(steps.change), n.row, n.column, n.values, steps.rows, np.ascontiguousarray(steps.design),
             steps.row_noise, steps.start.copy(),
@@ -149,16 +158,6 @@ def _pattern(change: Sparse) -> tuple[NDArray[np.int64], NDArray[np.int64], NDAr
     """Rows that move, where the entries of each begin, their columns, and their values step by step."""
     moving, first = np.unique(change.row, return_index=True)
     return moving, np.append(first, len(change.row)), change.column, change.values
-
-
-@cache
-def _blas() -> ThreadpoolController:
-    return ThreadpoolController()
-
-
-def _one_thread() -> AbstractContextManager[object]:
-    """Small matrices in a long loop: threads that wait for each other cost ten times what they save."""
-    return _blas().limit(limits=1, user_api="blas")
 
 
 @njit(cache=True)
@@ -195,7 +194,7 @@ def _transpose(p):
             p[i, j], p[j, i] = p[j, i], p[i, j]
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", nogil=True)
 def _gains(moving, first, column, change, noise_row, noise_column, noise, rows, design, row_noise, p):
     """Covariance recursion of the Kalman filter over all steps."""
     gains = np.empty_like(design)
@@ -236,7 +235,7 @@ def _solve_lower(low, right):
             right[i, c] /= low[i, i]
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", nogil=True)
 def _apply(moving, first, column, change, rows, design, gains, factor, columns, x):
     """State recursion of the Kalman filter for all columns; `x` begins it and is used up."""
     out = np.empty_like(columns)

@@ -18,6 +18,24 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
+class CoefficientUnits:
+    """What one of a coefficient's deviation is, against time: the database's sigma swings with the angle.
+
+    Attributes
+    ----------
+    time : (N,) array
+        s.
+    ca, cn, cm : (N,) arrays
+        Of the coefficient itself.
+    """
+
+    time: Array
+    ca: Array
+    cn: Array
+    cm: Array
+
+
+@dataclass(frozen=True)
 class Deviation:
     """Deviations against time; linear between the times and held at the ends.
 
@@ -26,13 +44,15 @@ class Deviation:
     time : (M,) array
         s.
     density : (M,) array
-        Relative.
+        Of its logarithm.
     wind : (M, 2) array
         Towards east and north, m/s.
     ca, cn, cm : (M,) arrays
-        Of the coefficients.
+        Of the coefficients, in `units`.
     mass, inertia : float
         Relative.
+    units : CoefficientUnits, optional
+        Without them deviations are of the coefficient itself.
     """
 
     time: Array
@@ -43,10 +63,17 @@ class Deviation:
     cm: Array
     mass: float = 0.0
     inertia: float = 0.0
+    units: CoefficientUnits | None = None
+
+    @classmethod
+    def none(cls, units: CoefficientUnits) -> Deviation:
+        """Nothing is off."""
+        still = np.zeros(1)
+        return cls(units.time[:1], still, np.zeros((1, 2)), still, still, still, units=units)
 
     def thinned(self, time: Array, density: Array) -> Array:
         """Density ``(N,)`` with the deviation."""
-        return density * (1.0 + np.interp(time, self.time, self.density))
+        return density * np.exp(np.interp(time, self.time, self.density))
 
     def blown(self, time: Array, wind: Array) -> Array:
         """Winds ``(N, 2)`` with the deviation."""
@@ -55,6 +82,8 @@ class Deviation:
     def coefficients(self, time: Array, totals: Totals) -> Totals:
         """Coefficients with the deviation."""
         ca, cn, cm = (np.interp(time, self.time, c) for c in (self.ca, self.cn, self.cm))
+        if (u := self.units) is not None:
+            ca, cn, cm = (c * np.interp(time, u.time, unit) for c, unit in ((ca, u.ca), (cn, u.cn), (cm, u.cm)))
         return replace(totals, ca=totals.ca + ca, cn=totals.cn + cn, cm_nose=totals.cm_nose + cm)
 
     def body(self, body: Body) -> Body:

@@ -27,7 +27,7 @@ entry_state
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar
 
@@ -318,3 +318,20 @@ class Active:
     def name(self) -> str:
         """The effect's."""
         return self.effect.name
+
+    def in_one_turn(self) -> Active:
+        """The same, phases brought between their bounds."""
+        turned = {q.name: q.low + (self.values[q.name] - q.low) % (q.high - q.low) for q in self._phases}
+        return replace(self, values=self.values | turned)
+
+    def change_from(self, other: Mapping[str, float], parameter: str) -> float:
+        """By how much a parameter differs from another value, not counting whole turns of a phase."""
+        change = abs(self.values[parameter] - other[parameter])
+        for q in self._phases:
+            if q.name == parameter:
+                change = min(change % (q.high - q.low), -change % (q.high - q.low))
+        return change
+
+    @property
+    def _phases(self) -> tuple[Parameter, ...]:
+        return tuple(q for q in self.effect.parameters if q.kind == "phase" and np.isfinite(q.high - q.low))

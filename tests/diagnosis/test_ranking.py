@@ -1,0 +1,49 @@
+"""The ranking on simulated flights: the evidence of a name is what it should be, also where the model leads away."""
+
+import numpy as np
+import pytest
+
+from edl_filter import Mission
+from edl_filter.diagnosis.case import HOLDS, followed, linearise, load_case
+from edl_filter.diagnosis.ranking import rank
+from edl_filter.diagnosis.regression import regress
+from edl_filter.diagnosis.signatures import signature
+from edl_filter.diagnosis.verdict import judge
+from edl_filter.effects.catalogue import effect_named
+from edl_filter.effects.effect import Active
+from edl_filter.simulation import Scenario, simulate
+
+HIDDEN = {"mx": 4e-3, "my": 2.5e-3, "mz": 1e-3}
+TRIED = ("accelerometer_misalignment", "accelerometer_scale", "gyro_bias", "static_instability")
+
+
+@pytest.fixture(scope="module")
+def case(tmp_path_factory):
+    """A vehicle that does not spin: what is hidden is an error that the filter itself allows for, only too large."""
+    hidden = Active(effect_named("accelerometer_misalignment"), HIDDEN)
+    path = simulate(Scenario.load("builtin:phoenix"), (hidden,), 3).write(tmp_path_factory.mktemp("made") / "flight.h5")
+    return load_case(Mission.load("builtin:practice_phoenix", [f"telemetry.path={path}"]), ())
+
+
+def test_the_model_fails_only_where_the_reconstruction_put_the_path(case):
+    here = linearise(case, rounds=3, until=HOLDS)
+    there = followed(case, here)
+    assert here.rough[0].share > HOLDS >= there.rough[0].share
+    assert there.log_likelihood > here.log_likelihood + 100.0
+    assert there.surprise > 10.0  # what is hidden, in the sigmas that the mission states of it
+
+
+def test_the_evidence_is_that_of_a_linear_fit_at_the_truth(case):
+    """It stands against the model that has taken the error upon itself, by many sigmas."""
+    ranking = rank(case, [effect_named(n) for n in TRIED])
+    verdict = judge(ranking)
+    assert verdict.verdict == "missing" and verdict.leader.name == "accelerometer_misalignment"
+    for name, true in HIDDEN.items():
+        at = ranking.hypotheses[0].refit.names.index(("accelerometer_misalignment", name))
+        sigma = np.sqrt(ranking.hypotheses[0].refit.covariance[at, at])
+        assert abs(verdict.leader.values[name] - true) < 3.0 * sigma
+    ground = linearise(case)
+    s = signature(ground.ground, Active(effect_named("accelerometer_misalignment"), {}))
+    x = ground.plain(s.rows, s.start)
+    expected = regress(x @ np.array([HIDDEN[n] for n in s.names]), x, s.sigma).gain
+    assert 0.7 * expected < ranking.hypotheses[0].gain < 1.3 * expected
