@@ -34,7 +34,7 @@ def test_every_group_is_there_with_units_and_meanings(everything):
         "coefficients/database", "coefficients/database_preflight", "coefficients/database_measured",
         "combination/forces", "combination/moments", "combination/forces_preflight", "combination/moments_preflight",
         "angles", "motion", "averages", "averages_preflight", "atmosphere_differences", "atmosphere_averages",
-        "verdicts",
+        "verdicts", "oscillation",
     }  # fmt: skip
     for path in below:
         for name, variable in groups[path].variables.items():

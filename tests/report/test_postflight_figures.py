@@ -20,6 +20,7 @@ NAMES = [
     "rolling_moment",
     "angles_by_method",
     "angular_accelerations",
+    "oscillation",
 ]
 COEFFICIENTS = ("CA", "CN", "CY", "Cl", "Cm", "Cn")
 START, USEFUL, END, PARACHUTE = 10.0, 40.0, 199.9, 200.0
@@ -65,6 +66,10 @@ def make_tree(count: int = 1500) -> xr.DataTree:
     events = xr.Dataset(
         {"time_s": ("event", [0.0, PARACHUTE])}, coords={"event": ["entry_interface", "parachute_deploy"]}
     )
+    middles = np.arange(44.0, END - 4.0, 4.0)
+    parts = ("growth", "growth_sigma", "stiffness", "stiffness_sigma", "rate")
+    windows = xr.Dataset(dict.fromkeys(parts, ("time", 0.01 + 1e-5 * middles)), coords={"time": middles})
+    windows["growth"] = windows["growth"].where(windows["time"] != middles[3])  # too few swings there
     groups = {
         "/": xr.Dataset(attrs={"title": "Test flight", "epoch_utc": "2004-01-04T04:19:51.9"}),
         "/trajectory": xr.Dataset(coords={"time": time}),
@@ -92,6 +97,7 @@ def make_tree(count: int = 1500) -> xr.DataTree:
             rolling_xz=0.0 * swing,
             rolling_yz=0.0 * swing,
         ),
+        "/postflight/oscillation": windows,
     }
     return xr.DataTree.from_dict(groups)
 
@@ -158,6 +164,7 @@ def test_axes_have_labels_with_units_and_the_flights_marks(tree, name):
         ("/postflight/coefficients/database_measured", {"force_coefficients", "moment_coefficients"}),
         ("/postflight/combination/moments", {"force_coefficients", "angles_by_method"}),
         ("/postflight/motion", {"rolling_moment", "angular_accelerations"}),
+        ("/postflight/oscillation", {"oscillation"}),
     ],
 )
 def test_figures_without_their_groups_are_skipped(tree, missing, gone):

@@ -24,6 +24,7 @@ from edl_filter.postflight.density import AxialForce, flight_extracted
 from edl_filter.postflight.inputs import DeriveInputs
 from edl_filter.postflight.measured import as_measured
 from edl_filter.postflight.moments import Moments, check_inertia, euler
+from edl_filter.postflight.oscillation import Oscillation, oscillation
 from edl_filter.postflight.rates import Smoother, smoother
 from edl_filter.postflight.two_atmospheres import AtmosphereDifferences, Change, atmosphere_differences, changes
 from edl_filter.postflight.windows import (
@@ -77,6 +78,8 @@ class Derived:
     changes : list of Change
         Its averages over the windows.
     verdicts : list of Verdict
+    oscillation : Oscillation
+        Stiffness and damping, window by window, with the flight's atmosphere.
     """
 
     time: Array
@@ -112,6 +115,7 @@ class Derived:
     between_atmospheres: AtmosphereDifferences
     changes: list[Change]
     verdicts: list[Verdict]
+    oscillation: Oscillation
 
 
 def derive(inputs: DeriveInputs) -> Derived:
@@ -227,7 +231,24 @@ def derive(inputs: DeriveInputs) -> Derived:
         between_atmospheres=between,
         changes=changes(i.time, between, windows),
         verdicts=verdicts(differences, differences_preflight),
+        oscillation=_oscillation(i, filters, coefficients, useful),
     )
+
+
+def _oscillation(i: DeriveInputs, filters: Smoother, coefficients: FlightCoefficients, useful: float) -> Oscillation:
+    """From where coefficients count on; angles and rates are seen as moments are."""
+    pressure = coefficients.dynamic_pressure[:, None]
+    load = np.nan_to_num(pressure)
+
+    def seen(values: Array) -> Array:
+        """Through a moment's sampling and smoothing, with the pressure: where that rises, smoothing shifts phases."""
+        return filters.as_derived(load * values) / pressure
+
+    moments = np.column_stack((coefficients.value["Cm"], coefficients.value["Cn"]))
+    moments = np.where((i.time >= useful)[:, None], moments, np.nan)
+    lateral = 0.5 * float(i.inertia[1, 1] + i.inertia[2, 2])
+    swing = (seen(np.column_stack((i.alpha, i.beta))), seen(i.angular_rate[:, 1:]), moments)
+    return oscillation(i.time, *swing, i.speed, coefficients.dynamic_pressure, i.diameter, lateral)
 
 
 def at_middles(time: Array, values: Array) -> Array:

@@ -19,6 +19,7 @@ from edl_filter.report import (
     attitude,
     constraints,
     motion,
+    oscillation,
     postflight,
     rotation,
     style,
@@ -134,6 +135,7 @@ FIGURES: dict[str, Callable[[DataTree], Figure]] = {
     "rolling_moment": rotation.rolling_moment,
     "angles_by_method": rotation.angles_by_method,
     "angular_accelerations": rotation.angular_accelerations,
+    "oscillation": oscillation.oscillation,
 }
 _NEEDS = {
     "attitude_quaternion": ("inertial_from_body",),
@@ -170,6 +172,7 @@ _NEEDS_POSTFLIGHT = {
     "rolling_moment": ("coefficients/flight:Cl", "motion:rolling_spin"),
     "angles_by_method": ("angles:alpha_between", "combination/forces:alpha", "combination/moments:alpha"),
     "angular_accelerations": ("motion:angular_acceleration",),
+    "oscillation": ("oscillation:growth",),
 }
 
 

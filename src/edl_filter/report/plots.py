@@ -142,6 +142,10 @@ class ReconstructionPlots:
         """Angular accelerations (°/s²) with their bands."""
         return self.figure("angular_accelerations")
 
+    def oscillation(self) -> AxesArray:
+        """Lateral rates (°/s), growth of the oscillation by its damping (1/s) and static stability (1/rad)."""
+        return self.figure("oscillation")
+
     def figure(self, name: str) -> AxesArray:
         """Any figure of a run by the name of its file.
 

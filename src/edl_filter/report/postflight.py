@@ -36,7 +36,7 @@ class Layer:
     ----------
     tree : DataTree
     time : (N,) array
-        s, the same in all groups.
+        s, the same in all groups of samples.
     start, useful, end : float
         Validation domain, s: deceleration is felt; force coefficients count; parachute.
     unstable : list of (float, float)
@@ -100,9 +100,8 @@ def layer(tree: DataTree) -> Layer:
     """Read what all figures need; where the domain is not stated it is all there is."""
     node = tree["postflight"]
     about = node.attrs
-    time = next(
-        np.asarray(n.dataset["time"].values, float) for n in node.subtree if "time" in n.dataset and n is not node
-    )
+    series = (np.asarray(n.dataset["time"].values, float) for n in node.subtree if "time" in n.dataset)
+    time = max(series, key=len)  # the samples', not the windows' of the oscillation
     start = _finite(about.get("domain_start"), float(time[0]))
     windows = json.loads(about.get("instabilities") or "{}")
     machs = json.loads(about.get("mach_times") or "{}")

@@ -17,6 +17,7 @@ from edl_filter.postflight.averages import Difference, Verdict
 from edl_filter.postflight.coefficients import NAMES, FlightCoefficients
 from edl_filter.postflight.comparison import Combination, DatabaseCoefficients
 from edl_filter.postflight.derive import Derived
+from edl_filter.postflight.oscillation import Oscillation
 from edl_filter.postflight.two_atmospheres import AtmosphereDifferences, Change
 from edl_filter.results.groups import Group, Groups
 
@@ -42,6 +43,11 @@ COEFFICIENT = {
     "Cl": "rolling-moment coefficient, about x",
     "Cm": "pitching-moment coefficient, about y at the centre of mass",
     "Cn": "yawing-moment coefficient, about z at the centre of mass",
+}
+OSCILLATION = {
+    "stiffness": ("1/rad", "slope of the moment coefficients over the angles, Cm_alpha; negative: stable"),
+    "damping": ("1", "moment coefficient over rate D / 2V, Cmq; positive: feeds the oscillation"),
+    "growth": ("1/s", "relative growth of the oscillation by the damping"),
 }
 ANGLE = {
     "alpha_forces": "angle of attack: reconstructed less that from forces",
@@ -89,6 +95,7 @@ def add_postflight(groups: Groups, derived: Derived) -> None:
     groups["/postflight/motion"] = _motion(derived)
     groups["/postflight/atmosphere_differences"] = _between(derived.time, derived.between_atmospheres)
     groups["/postflight/atmosphere_averages"] = _change_rows(derived.changes)
+    groups["/postflight/oscillation"] = _oscillation(derived.oscillation)
     groups["/postflight/verdicts"] = _verdict_rows(derived.verdicts)
     groups["/postflight/averages"] = _averages(derived.differences)
     groups["/postflight/averages_preflight"] = _averages(derived.differences_preflight)
@@ -233,6 +240,16 @@ def _motion(derived: Derived) -> Group:
     group.add("moment_systematic", both, derived.moments.systematic, "N m", "one sigma of the moment, inertia")
     for name, values in derived.moments.rolling.items():
         group.add(f"rolling_{name}", ("time",), values, "N m", f"term of the rolling moment: {name}")
+    return group
+
+
+def _oscillation(found: Oscillation) -> Group:
+    group = Group()
+    group.add("time", ("time",), found.time, "s", "time since the epoch, middle of the window")
+    for name, (unit, meaning) in OSCILLATION.items():
+        group.add(name, ("time",), getattr(found, name), unit, meaning)
+        group.add(f"{name}_sigma", ("time",), getattr(found, f"{name}_sigma"), unit, f"one sigma of the {name}")
+    group.add("rate", ("time",), found.rate, "rad/s", "RMS of the swinging lateral rates")
     return group
 
 
