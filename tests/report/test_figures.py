@@ -295,3 +295,12 @@ def test_quaternion_is_of_the_body_from_j2000_and_does_not_jump(tree):
         lines = np.array([line.get_ydata() for line in ax.lines if line.get_label().startswith("q")])
         assert len(lines) == 4 and np.max(np.abs(np.diff(lines, axis=1))) < 0.1
         assert f"{frame} to body" in ax.get_title(loc="left")
+
+
+def test_the_start_of_the_domain_is_marked_where_it_is_known():
+    flown = make_tree()
+    assert "air felt from" not in str(motion.axial_deceleration(flown).get_legend_handles_labels()[1])
+    flown["postflight"] = xr.DataTree(xr.Dataset(attrs={"domain_start": 7.25, "threshold": 0.02}))
+    ax = motion.axial_deceleration(flown)
+    assert "air felt from 7.2 s" in ax.get_legend_handles_labels()[1]
+    assert [0.02, 0.02] in [list(line.get_ydata()) for line in ax.lines]

@@ -7,6 +7,7 @@ import pytest
 import xarray as xr
 from matplotlib.figure import Figure
 
+from edl_filter.report import style
 from edl_filter.report.figures import FIGURES, available, draw_all
 from edl_filter.report.postflight import bounds, has, layer
 
@@ -58,6 +59,8 @@ def make_tree(count: int = 1500) -> xr.DataTree:
         "domain_start": START,
         "domain_useful": USEFUL,
         "domain_end": END,
+        "continuum_from": 60.0,
+        "continuum_limit": 0.002,
         "mach_times": json.dumps({"25": 35.0, "15": 107.0, "5": None}),
         "instabilities": json.dumps({"first": None, "second": [100.0, 110.0]}),
     }
@@ -190,6 +193,18 @@ def test_wild_samples_before_the_useful_domain_do_not_set_the_range(tree):
         values[-2:] = -10.0  # the parachute's first pull
     for ax in FIGURES["force_coefficients"](wild).axes:
         assert np.max(np.abs(ax.get_ylim())) < 0.05
+
+
+def test_the_transition_to_continuum_and_the_flights_own_sigma_are_drawn(tree):
+    labels = [ax.get_legend_handles_labels()[1] for ax in FIGURES["mach_and_knudsen"](tree).axes]
+    assert "continuum (Kn < 0.002)" in labels[0]
+    assert [next(line for line in ax.lines if line.get_color() == style.GREEN).get_xdata()[0] for ax in
+            FIGURES["mach_and_knudsen"](tree).axes[:2]] == [60.0, 60.0]  # fmt: skip
+    drawn = FIGURES["force_coefficients"](tree).axes[1]
+    assert "flight's 1 sigma" in drawn.get_legend_handles_labels()[1]
+    bare = make_tree()
+    del bare["postflight"].attrs["continuum_from"]
+    assert "continuum (Kn < 0.002)" not in FIGURES["mach_and_knudsen"](bare).axes[0].get_legend_handles_labels()[1]
 
 
 def test_terms_that_are_nothing_are_not_named(tree):

@@ -67,15 +67,18 @@ class Domain:
 
 @dataclass(frozen=True)
 class Marks:
-    """Instabilities (None where there is none), with how each was found, and times of the Mach numbers.
+    """Instabilities (None: there is none), with how each was found, and times of Mach numbers and of the continuum.
 
     ``found`` is ``database`` (the moment's slope at small angles is positive) or ``alpha_total`` (largest mean angle).
+    From ``continuum`` (s, NaN if never) the Knudsen number is below ``continuum_limit``, the database's.
     """
 
     first: Window | None
     second: Window | None
     found: dict[str, str]
     mach_times: dict[float, float]
+    continuum: float
+    continuum_limit: float
 
 
 def sensed(time: Array, deceleration: Array, noise: Array) -> tuple[float, Bools]:
@@ -156,16 +159,19 @@ def marks(
         windows[name] = None if peak is None else Window(f"{name} instability", peak - _HALF_WIDTH, peak + _HALF_WIDTH)
         if peak is not None:
             how[name] = "alpha_total"
-    return Marks(windows["first"], windows["second"], how, crossings)
+    felt = atmosphere.valid & (time >= domain.start) & (time <= domain.end)
+    limit = database.continuum_limit
+    continuum = crossing(time[felt], atmosphere.knudsen[felt], limit)
+    return Marks(windows["first"], windows["second"], how, crossings, continuum, limit)
 
 
-def crossing(time: Array, mach: Array, value: float) -> float:
-    """Last time at which the Mach number falls through a value, s; NaN if it does not."""
-    down = np.flatnonzero((mach[:-1] >= value) & (mach[1:] < value))
+def crossing(time: Array, number: Array, value: float) -> float:
+    """Last time at which a number falls through a value, s; NaN if it does not."""
+    down = np.flatnonzero((number[:-1] >= value) & (number[1:] < value))
     if not down.size:
         return float("nan")
     i = int(down[-1])
-    return float(time[i] + (mach[i] - value) / (mach[i] - mach[i + 1]) * (time[i + 1] - time[i]))
+    return float(time[i] + (number[i] - value) / (number[i] - number[i + 1]) * (time[i + 1] - time[i]))
 
 
 def standard_windows(domain: Domain, found: Marks) -> tuple[Window, ...]:

@@ -120,6 +120,11 @@ def _apart(name: str) -> Callable[[Panel], None]:
         expected, limit, flown, combined = _found(panel.layer, name)
         own, through, _ = _WAYS[name]
         panel.band(-limit, limit, BAND)
+        if panel.layer.has(FLIGHT, f"{name}_sigma"):
+            sigma = panel.layer.get(FLIGHT, f"{name}_sigma")
+            panel.band(
+                expected - flown - sigma, expected - flown + sigma, style.VERMILLION, "flight's 1 sigma", alpha=0.3
+            )
         panel.line(expected - combined, style.GREEN, f"MEVAD − {through}", 1.2)
         panel.line(expected - flown, style.VERMILLION, f"MEVAD − {own}", 1.0)
         panel.ax.axhline(0.0, color=style.GREY, linewidth=0.8)

@@ -35,6 +35,7 @@ def _mach(panel: Panel) -> None:
     flown, expected = _pair(panel, "mach")
     panel.ax.set_ylim(0.0, 1.25 * max(np.nanmax(expected[panel.inside]), np.nanmax(flown[panel.layer.counts])))
     panel.ax.set_ylabel("Mach number (–)")
+    _continuum(panel)
     panel.ax.legend(loc="upper right")
 
 
@@ -44,6 +45,9 @@ def _knudsen(panel: Panel) -> None:
     panel.ax.yaxis.set_major_locator(LogLocator(numticks=6))
     panel.ax.yaxis.set_minor_locator(NullLocator())
     panel.ax.set_ylabel("Knudsen number (–)")
+    _continuum(panel)
+    if panel.layer.continuum:
+        panel.ax.axhline(panel.layer.continuum[1], color=style.GREEN, linewidth=1.2, linestyle=":")
 
 
 def _differences(panel: Panel) -> None:
@@ -56,6 +60,13 @@ def _differences(panel: Panel) -> None:
     panel.limits(np.where(panel.layer.counts, mach, np.nan), knudsen, everything=True, room=LEGEND)
     panel.ax.set_ylabel("flight less\npreflight (%)")
     panel.legend()
+
+
+def _continuum(panel: Panel) -> None:
+    """From where on the database is entered with the Mach number."""
+    if panel.layer.continuum:
+        time, limit = panel.layer.continuum
+        panel.ax.axvline(time, color=style.GREEN, linewidth=1.4, linestyle=":", label=f"continuum (Kn < {limit:g})")
 
 
 def _pair(panel: Panel, name: str) -> tuple[Array, Array]:

@@ -36,10 +36,11 @@ def axial_deceleration(tree: DataTree, ax: Axes | None = None) -> Axes:
             label = "acceleration (+x)"
             ax.semilogy(time[other], -drag[other], ".", color=style.ORANGE, markersize=2.5, label=label)
         _mark_peak(tree, ax, time, drag)
+        _mark_domain(tree, ax)
         top = 10.0 ** np.ceil(np.log10(np.nanmax(np.abs(drag))))
         ax.set_ylim(LEAST_DECELERATION, max(top, 1e2))
         ax.yaxis.set_major_formatter(style.plain_powers)
-        ax.legend(loc="lower center", ncols=2, markerscale=3.0)
+        ax.legend(loc="lower center", ncols=3, markerscale=3.0)
     ax.set_xlim(low, high)
     ax.set_ylabel("axial deceleration (m/s²)")
     style.mark_events(tree, ax)
@@ -64,6 +65,15 @@ def _mark_peak(tree: DataTree, ax: Axes, time: Array, drag: Array) -> None:
         fontsize=11.0,
         bbox={"facecolor": "white", "edgecolor": "none", "pad": 1.0},
     )
+
+
+def _mark_domain(tree: DataTree, ax: Axes) -> None:
+    """From where on the air is felt: the deceleration stays above three sigmas of its noise."""
+    about = tree["postflight"].attrs if "postflight" in tree.children else {}
+    if np.isfinite(about.get("domain_start", np.nan)) and np.isfinite(about.get("threshold", np.nan)):
+        start, threshold = float(about["domain_start"]), float(about["threshold"])
+        ax.axhline(threshold, color=style.GREEN, linewidth=1.2, linestyle=":")
+        ax.axvline(start, color=style.GREEN, linewidth=1.2, linestyle=":", label=f"air felt from {start:.1f} s")
 
 
 @style.styled

@@ -43,6 +43,8 @@ class Layer:
         Instabilities, s.
     mach_times : dict
         Mach number → s.
+    continuum : (float, float) or None
+        From when on the flow is a continuum, s, and the Knudsen number that says so.
     """
 
     tree: DataTree
@@ -52,6 +54,7 @@ class Layer:
     end: float
     unstable: list[tuple[float, float]]
     mach_times: dict[str, float]
+    continuum: tuple[float, float] | None
 
     def get(self, group: str, name: str) -> Array:
         """Variable `name` of group ``/postflight/<group>``."""
@@ -113,6 +116,9 @@ def layer(tree: DataTree) -> Layer:
         end=_finite(about.get("domain_end"), float(time[-1])),
         unstable=[(float(w[0]), float(w[1])) for w in windows.values() if w],
         mach_times={m: float(t) for m, t in machs.items() if t is not None and np.isfinite(t)},
+        continuum=(float(about["continuum_from"]), float(about["continuum_limit"]))
+        if "continuum_from" in about
+        else None,
     )
 
 

@@ -155,6 +155,8 @@ def _root(derived: Derived) -> dict[str, Any]:
         "domain_end": domain.end,
         "threshold": domain.threshold,
         "mach_times": json.dumps({f"{k:g}": v for k, v in derived.marks.mach_times.items()}),
+        "continuum_from": derived.marks.continuum,
+        "continuum_limit": derived.marks.continuum_limit,
         "instabilities": json.dumps(_instabilities(derived)),
         "instabilities_found_by": json.dumps(derived.marks.found),
         "verdicts": json.dumps([v.sentence for v in derived.verdicts], ensure_ascii=False),
