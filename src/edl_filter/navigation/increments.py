@@ -131,18 +131,20 @@ def effective_samples(record: ImuRecord) -> Samples:
     )
 
 
-def edge_values(interval: Array, mean: Array) -> Array:
+def edge_values(interval: Array, mean: Array, parted: NDArray[np.bool_] | None = None) -> Array:
     """Values at the N + 1 edges of adjoining intervals from their means ``(N, 3)``.
 
     Eighth order where the eight intervals around an edge are equal, sixth, fourth and second where fewer are: central
     differences of the integral, which is known at the edges. At 8 Hz and one oscillation a second, second order would
-    miss a tenth of an angular acceleration, and two IMUs a metre apart still show what fourth order leaves.
+    miss a tenth of an angular acceleration, and two IMUs a metre apart still show what fourth order leaves. No higher
+    order reaches across an inner edge that is `parted` ``(N - 1,)``: other instruments on its two sides.
     """
     weight = (interval[1:] / (interval[:-1] + interval[1:]))[:, None]
     inner = mean[:-1] * weight + mean[1:] * (1.0 - weight)
     n = len(mean)
-    # where the interval changes; a stencil is even if there is no change inside
-    changes = np.concatenate(([0], np.cumsum(np.abs(np.diff(interval)) > 1e-6 * interval[:-1])))
+    # where the interval or the instrument changes; a stencil is even if there is no change inside
+    changed = np.abs(np.diff(interval)) > 1e-6 * interval[:-1]
+    changes = np.concatenate(([0], np.cumsum(changed if parted is None else changed | parted)))
     for weights in _EDGE:
         k = len(weights)
         if n < 2 * k:
@@ -177,9 +179,10 @@ def lever_arm_acceleration(interval: Array, rate: Array, position: Array, unit: 
     inside the sample adds to the square of its mean. Where the instrument changes, the edge belongs to neither's
     neighbour and is taken from the sample itself.
     """
-    edges = edge_values(interval, rate)
+    parted = np.any(np.diff(position, axis=0) != 0.0, axis=1) | (np.diff(unit) != 0)
+    edges = edge_values(interval, rate, parted)
     start, end = edges[:-1].copy(), edges[1:].copy()
-    new = np.flatnonzero(np.any(np.diff(position, axis=0) != 0.0, axis=1) | (np.diff(unit) != 0))
+    new = np.flatnonzero(parted)
     end[new] = rate[new]
     start[new + 1] = rate[new + 1]
     change_inside = end - start
