@@ -1,9 +1,12 @@
 """The ranking on simulated flights: the evidence of a name is what it should be, also where the model leads away."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from edl_filter import Mission
+from edl_filter.diagnosis import diagnose as module
 from edl_filter.diagnosis.case import HOLDS, followed, linearise, load_case
 from edl_filter.diagnosis.ranking import rank
 from edl_filter.diagnosis.regression import regress
@@ -25,6 +28,11 @@ def case(tmp_path_factory):
     return load_case(Mission.load("builtin:practice_phoenix", [f"telemetry.path={path}"]), ())
 
 
+@pytest.fixture(scope="module")
+def ranking(case):
+    return rank(case, [effect_named(n) for n in TRIED])
+
+
 def test_the_model_fails_only_where_the_reconstruction_put_the_path(case):
     here = linearise(case, rounds=3, until=HOLDS)
     there = followed(case, here)
@@ -33,9 +41,8 @@ def test_the_model_fails_only_where_the_reconstruction_put_the_path(case):
     assert there.surprise > 10.0  # what is hidden, in the sigmas that the mission states of it
 
 
-def test_the_evidence_is_that_of_a_linear_fit_at_the_truth(case):
+def test_the_evidence_is_that_of_a_linear_fit_at_the_truth(case, ranking):
     """It stands against the model that has taken the error upon itself, by many sigmas."""
-    ranking = rank(case, [effect_named(n) for n in TRIED])
     verdict = judge(ranking)
     assert verdict.verdict == "missing" and verdict.leader.name == "accelerometer_misalignment"
     for name, true in HIDDEN.items():
@@ -47,3 +54,22 @@ def test_the_evidence_is_that_of_a_linear_fit_at_the_truth(case):
     x = ground.plain(s.rows, s.start)
     expected = regress(x @ np.array([HIDDEN[n] for n in s.names]), x, s.sigma).gain
     assert 0.7 * expected < ranking.hypotheses[0].gain < 1.3 * expected
+
+
+def test_a_doubted_name_is_diagnosed_again_with_a_partner(case, ranking, monkeypatch):
+    """Whatever partner is found stands in the verdict, in its sentence and, with all sizes together, in the content."""
+    doubted = replace(ranking, hypotheses=[replace(h, at_floor=False) for h in ranking.hypotheses])
+    partner = ranking.hypotheses[0]
+    monkeypatch.setattr(module, "rank", lambda *_: doubted)
+    monkeypatch.setattr("edl_filter.diagnosis.verdict.lessens_its_channel", lambda *_: False)
+    monkeypatch.setattr(
+        module, "partner_of", lambda first, candidates, progress: partner if first.name in TRIED else None
+    )
+    found = module.diagnose(case, [effect_named(n) for n in TRIED])
+    assert found.verdict.verdict == "missing" and found.verdict.partner is partner
+    told = found.content()
+    assert told["partner"]["effect"] == partner.name in told["sentence"]
+    assert set(told["partner"]["together"][partner.name]) == set(HIDDEN)
+    monkeypatch.setattr(module, "partner_of", lambda *_: None)
+    alone = module.diagnose(case, [effect_named(n) for n in TRIED])
+    assert alone.verdict.verdict == "unknown" and alone.content()["partner"] is None

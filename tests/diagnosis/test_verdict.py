@@ -147,7 +147,23 @@ def test_a_name_that_leaves_an_exact_model_failing_lessens_its_channel_though_no
     for lessens, at_floor, verdict in ((False, False, "unknown"), (True, False, "missing"), (False, True, "missing")):
         monkeypatch.setattr("edl_filter.diagnosis.verdict.lessens_its_channel", lambda *_, x=lessens: x)
         one = hypothesis_of("mass", 60.0, at_floor=at_floor)
-        assert judge(ranking_of(one, something_else=5.0, noise=1e4, coefficients=0.0)).verdict == verdict
+        found = judge(ranking_of(one, something_else=5.0, noise=1e4, coefficients=0.0))
+        assert found.verdict == verdict
+        assert found.doubted is (one if verdict == "unknown" else None)
+
+
+def test_only_a_name_with_enough_gain_beside_an_exact_database_is_doubted(monkeypatch):
+    monkeypatch.setattr("edl_filter.diagnosis.verdict.lessens_its_channel", lambda *_: False)
+    weak, strong = (hypothesis_of("mass", gain, at_floor=False) for gain in (11.0, 60.0))
+    assert judge(ranking_of(weak, noise=1e4, coefficients=0.0)).doubted is None
+    assert judge(ranking_of(strong, something_else=1e4, noise=1e4)).doubted is None  # a database with an error
+    found = judge(ranking_of(strong, noise=1e4, coefficients=0.0))
+    assert found.doubted is strong and found.leader is None
+    partner = hypothesis_of("wind", 500.0)
+    stands = judge(ranking_of(strong, something_else=900.0, noise=1e4, coefficients=0.0), partner)
+    assert stands.leader.name == "mass" and stands.doubted is None and stands.partner is partner
+    assert stands.something_else == 0.0 and stands.entries[0].probability > 0.999  # two names explain it all
+    assert stands.sentence == "Missing: mass (gain 60 nats). With wind besides, model and measurement would agree."
 
 
 @pytest.mark.parametrize(

@@ -16,6 +16,7 @@ from edl_filter.diagnosis.hypotheses import Hypothesis
 from edl_filter.diagnosis.latent import Latent, estimate
 from edl_filter.diagnosis.ranking import Progress, Ranking, rank
 from edl_filter.diagnosis.remainder import Remainder, describe
+from edl_filter.diagnosis.together import partner_of
 from edl_filter.diagnosis.trying import Trial
 from edl_filter.diagnosis.verdict import Entry, Verdict, judge
 from edl_filter.diagnosis.where import Cell, Onset, failures, onsets, survey
@@ -117,6 +118,7 @@ class Diagnosis:
         return {
             "verdict": verdict.verdict,
             "sentence": verdict.sentence,
+            "partner": None if verdict.partner is None else _partner(verdict.partner),
             "mission": self.mission,
             "effects": list(self.effects),
             "where": [_cell(c) for c in failures(self.cells)],
@@ -165,8 +167,12 @@ def diagnose(case: Case, candidates: Iterable[Effect], progress: Progress = lamb
     progress : callable
         Told what is being done.
     """
-    ranking = rank(case, candidates, progress)
+    effects = list(candidates)
+    ranking = rank(case, effects, progress)
     verdict = judge(ranking)
+    if verdict.doubted is not None:
+        partner = partner_of(verdict.doubted, effects, progress)
+        verdict = verdict if partner is None else judge(ranking, partner)
     progress("describing what is left")
     count = ranking.linear.ground.order.count
     return Diagnosis(
@@ -199,9 +205,19 @@ def _trial(trial: Trial) -> dict[str, Any]:
     }
 
 
+def _partner(h: Hypothesis) -> dict[str, Any]:
+    """The leader's partner, and the estimates of all effects of that model together."""
+    return {"effect": h.name, "together": {a.name: _parameters(h, a) for a in h.refit.effects}}
+
+
+def _parameters(h: Hypothesis, active: Active) -> dict[str, Any]:
+    units = {q.name: q.unit for q in active.effect.parameters}
+    found = h.refit.parameters(active.name)
+    return {n: {"estimate": v, "sigma": s, "unit": units[n]} for n, (v, s) in found.items()}
+
+
 def _entry(entry: Entry, before: dict[str, float]) -> dict[str, Any]:
     h = entry.hypothesis
-    units = {q.name: q.unit for q in h.active.effect.parameters}
     after = errors_with(h)
     worst = max(before, key=lambda name: before[name])
     return {
@@ -212,9 +228,7 @@ def _entry(entry: Entry, before: dict[str, float]) -> dict[str, Any]:
         "gain": h.gain,
         "score_gain": h.score_gain,
         "at_noise_floor": h.at_floor,
-        "parameters": {
-            n: {"estimate": v, "sigma": s, "unit": units[n]} for n, (v, s) in h.refit.parameters(h.name).items()
-        },
+        "parameters": _parameters(h, h.active),
         "correlations": _correlations(h),
         "error_before": before[worst],
         "error_after": after[worst],

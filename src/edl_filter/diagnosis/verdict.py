@@ -7,7 +7,8 @@ A name must gain more than `CLEAR`, in evidence and on held-out data. Where an u
 than it does, two effects may be missing, and the unnamed one has both: then the name must explain a good part of it.
 Where the mission calls its database exact, it must bring the channel that it lessens most to its noise, for the other
 effect leaves some channel alone. And the channel that it takes most from must fall to a fifth at least, whatever the
-unnamed explain. A database with an error of its own leaves no channel at the noise, whatever is added.
+unnamed explain. Or one more effect must explain all that it leaves (`together`). A database with an error of its own
+leaves no channel at the noise, whatever is added.
 Effects whose white signatures cannot be told apart are one hypothesis with several names.
 """
 
@@ -70,6 +71,11 @@ class Verdict:
     none, something_else : float
         Their probabilities.
     sentence : str
+    doubted : Hypothesis or None
+        The best name, where it gains enough and is turned away for what it leaves beside an exact database. With a
+        partner that explains the rest it would stand.
+    partner : Hypothesis or None
+        That partner, refitted together with the leader, which stands by it.
     """
 
     verdict: str
@@ -77,6 +83,8 @@ class Verdict:
     none: float
     something_else: float
     sentence: str
+    doubted: Hypothesis | None = None
+    partner: Hypothesis | None = None
 
     @property
     def leader(self) -> Active | None:
@@ -86,11 +94,20 @@ class Verdict:
         return self.entries[0].hypothesis.active
 
 
-def judge(ranking: Ranking) -> Verdict:
-    """Probabilities and verdict."""
+def judge(ranking: Ranking, partner: Hypothesis | None = None) -> Verdict:
+    """Probabilities and verdict.
+
+    Parameters
+    ----------
+    ranking : Ranking
+    partner : Hypothesis, optional
+        One more effect that explains all that the best name leaves: then nothing is left for *something else*.
+    """
     noisy = ranking.noise_evidence > _NOISY
     none = -ranking.noise_evidence if noisy else 0.0
     other = max(0.0, ranking.something_else) if noisy else ranking.something_else - CLEAR
+    if partner is not None:
+        other = -np.inf
     groups = grouped(ranking.hypotheses)
     evidence = np.array([none, other, *(g[0].gain for g in groups)])
     weight = np.exp(evidence - evidence.max())
@@ -102,15 +119,27 @@ def judge(ranking: Ranking) -> Verdict:
     need = CLEAR_IN_NOISE if noisy else CLEAR
     best = groups[0][0] if groups else None
     # a name stands against the noise that is left without it; a smooth missing force may pass for a true effect
-    named = best is not None and best.gain > need and best.score_gain > need
-    if named and best is not None and not best.at_floor:
-        exact = noisy and ranking.case.exact
-        if best.gain < other:
-            named = best.gain > SHARE * other and (not exact or mends_its_channel(ranking.linear, best))
-        if exact:
-            named = named and lessens_its_channel(ranking.linear, best)
+    gains = best is not None and best.gain > need and best.score_gain > need
+    exact = noisy and ranking.case.exact
+    stands = best is not None and (best.at_floor or partner is not None or _stands(ranking, best, other, exact))
+    named = gains and stands
     verdict = "missing" if named else "unknown" if noisy or other > 0.0 else "clean"
-    return Verdict(verdict, entries, float(probability[0]), float(probability[1]), _words(verdict, entries))
+    return Verdict(
+        verdict,
+        entries,
+        float(probability[0]),
+        float(probability[1]),
+        _words(verdict, entries, partner),
+        doubted=best if exact and gains and not stands else None,
+        partner=partner,
+    )
+
+
+def _stands(ranking: Ranking, best: Hypothesis, other: float, exact: bool) -> bool:
+    """Whether a name that does not reach the noise is one all the same; `other` is what unnamed things explain."""
+    if best.gain < other and not (best.gain > SHARE * other and (not exact or mends_its_channel(ranking.linear, best))):
+        return False
+    return not exact or lessens_its_channel(ranking.linear, best)
 
 
 def grouped(hypotheses: list[Hypothesis]) -> list[list[Hypothesis]]:
@@ -132,11 +161,12 @@ def parted(one: Hypothesis, other: Hypothesis) -> str:
     return "no better knowledge of anything else would part them, only a measurement of one of the two itself"
 
 
-def _words(verdict: str, entries: list[Entry]) -> str:
+def _words(verdict: str, entries: list[Entry], partner: Hypothesis | None) -> str:
     if verdict == "clean":
         return "The flight is clean: model and measurement agree to the stated noise, and no effect earns its place."
     if verdict == "unknown":
         return "Something is missing that none of the effects tried explains."
     e = entries[0]
     name = " or ".join((e.hypothesis.name, *e.same_as))
-    return f"Missing: {name} (gain {e.hypothesis.gain:.0f} nats)."
+    beside = "" if partner is None else f" With {partner.name} besides, model and measurement would agree."
+    return f"Missing: {name} (gain {e.hypothesis.gain:.0f} nats).{beside}"
