@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from edl_filter.diagnosis import case as case_module
-from edl_filter.diagnosis.case import followed, linearise, quiet
+from edl_filter.diagnosis.case import HOLDS, followed, linearise, quiet
 from edl_filter.telemetry.record import ImuRecord, SensorErrors
 
 
@@ -63,9 +63,10 @@ def test_further_rounds_are_for_models_that_hold(monkeypatch, share, until, call
     def about(case, point):
         made.append(point)
         soft = SimpleNamespace(start_covariance=lambda size: np.eye(2), log_likelihood=lambda _: float(len(made)))
-        rough = SimpleNamespace(share=share), soft
         unknowns, ground = SimpleNamespace(layout=SimpleNamespace(size=2)), SimpleNamespace(point=point)
-        white = SimpleNamespace(rough=rough, soft=soft, white=lambda _: np.zeros(3), start=np.zeros(2))
+        white = SimpleNamespace(
+            share=share, holds=share <= HOLDS, soft=soft, white=lambda _: np.zeros(3), start=np.zeros(2)
+        )
         white.unknowns, white.sigma, white.ground, white.log_likelihood = unknowns, {}, ground, float(len(made))
         return white
 
@@ -91,7 +92,7 @@ def test_further_rounds_are_for_models_that_hold(monkeypatch, share, until, call
     ],
 )
 def test_a_failing_model_is_followed_to_where_it_holds(monkeypatch, shares, exact, found):
-    rounds = [SimpleNamespace(rough=(SimpleNamespace(share=s), None)) for s in shares]
+    rounds = [SimpleNamespace(share=s, holds=s <= HOLDS) for s in shares]
     monkeypatch.setattr(case_module, "_rounds", lambda case, count, until, first: iter(rounds[:count]))
     there = followed(SimpleNamespace(exact=exact), rounds[0])
     assert there is (None if found is None else rounds[found])

@@ -10,7 +10,7 @@ from edl_filter.effects.catalogue import effect_named
 from edl_filter.effects.effect import Active
 
 LINEAR = SimpleNamespace(
-    column=np.zeros(3), start=np.zeros(2), ground=None, bins=SimpleNamespace(edges=np.array([0.0, 250.0]))
+    white=lambda whiten: np.zeros(3), ground=None, bins=SimpleNamespace(edges=np.array([0.0, 250.0]))
 )
 
 
@@ -21,12 +21,9 @@ def best_of(monkeypatch, effect, begun, evidence):
         names = [q.name for q in active.effect.sizes]
         return SimpleNamespace(active=active, names=names, sigma=None, rows=active.values, start=None)
 
-    def whiten(rows, start):
-        return np.zeros((3, 1)) if isinstance(rows, np.ndarray) else rows
-
     monkeypatch.setattr(narrowing, "signature", signature)
     monkeypatch.setattr(narrowing, "regress", lambda y, x, s: SimpleNamespace(gain=evidence(x), size=np.array([1e-3])))
-    return narrowing.narrowed(LINEAR, Active(effect_named(effect), begun), whiten).values
+    return narrowing.narrowed(LINEAR, Active(effect_named(effect), begun), lambda rows, start: rows).values
 
 
 @pytest.mark.parametrize(("begun", "peak", "found"), [(18.0, 17.3, 17.3), (26.0, 28.0, 26.0), (10.0, 3.0, 10.0)])

@@ -39,7 +39,7 @@ def hypothesis_of(name, gain, score=None, explained=None, at_floor=True):
 
 def ranking_of(*hypotheses, something_else=0.0, noise=0.0, coefficients=1.0):
     case = SimpleNamespace(exact=coefficients == 0.0)
-    return Ranking(case, None, np.zeros(5), {}, list(hypotheses), Missing(), something_else, noise)
+    return Ranking(case, None, {}, list(hypotheses), Missing(), something_else, noise)
 
 
 def test_a_clean_flight():

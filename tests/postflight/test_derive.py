@@ -5,7 +5,7 @@ from time import perf_counter
 
 import numpy as np
 import pytest
-from made_flights import ROLLING, T, X, flight, shares
+from made_flights import DATABASE, ROLLING, T, X, flight, shares
 
 from edl_filter.errors import InputError
 from edl_filter.postflight.averages import METHODS
@@ -164,6 +164,8 @@ def test_domain_and_windows():
     t = np.arange(10.0)
     at = np.interp(found.marks.continuum, found.time, np.nan_to_num(found.flight.knudsen))
     assert at == pytest.approx(found.marks.continuum_limit, rel=1e-3) and found.marks.continuum_limit == 1e-3
+    thin = replace(DATABASE, continuum_limit=1e-9)
+    assert derive(replace(flight(), database=thin)).marks.continuum is None
     assert crossing(t, 10 - t, 4.5) == pytest.approx(5.5) and np.isnan(crossing(t, 10 - t, 30.0))
     noise = np.array([9, 1, 9, 1, 1, 1, 0.5, 9.0, 9, 9])
     assert useful_from(t, noise, np.full(10, 6.0)) == 3.0 and np.isnan(useful_from(t, noise, np.full(10, 0.3)))

@@ -1,5 +1,7 @@
 """Stiffness and damping by window: closed forms, honest sigmas, the practice flights' own damping, the rovers'."""
 
+import json
+
 import numpy as np
 import pytest
 
@@ -12,13 +14,13 @@ D, INERTIA, SPEED = 2.65, 300.0, 1500.0
 STIFF, DAMPING = -0.09, 0.4
 
 
-def swing(noise=None, slow=1e-3, frequency=0.5, end=24.0, dt=0.125, rate=1.0):
+def swing(noise=None, slow=1e-3, frequency=0.5, end=24.0, dt=0.125, size=0.04):
     """Two planes that swing out of step, moments of known slope and damping, and slow body-fixed moments."""
     t = np.arange(0.0, end, dt)
     w = 2.0 * np.pi * frequency
-    angles = 0.04 * np.column_stack((np.sin(w * t), 0.6 * np.cos(w * t + 0.4)))
+    angles = size * np.column_stack((np.sin(w * t), 0.6 * np.cos(w * t + 0.4)))
     # in small angles the pitch rate raises alpha, the yaw rate (nose right) lowers beta
-    rates = rate * 0.04 * w * np.column_stack((np.cos(w * t), 0.6 * np.sin(w * t + 0.4)))
+    rates = size * w * np.column_stack((np.cos(w * t), 0.6 * np.sin(w * t + 0.4)))
     moments = STIFF * angles * (1.0, -1.0) + DAMPING * rates * D / (2.0 * SPEED)
     moments = moments + slow * np.column_stack((1.0 + 0.02 * t, -0.5 + 0.001 * t**2))
     if noise is not None:
@@ -59,12 +61,13 @@ def test_sigmas_are_those_of_the_scatter_though_noise_is_correlated():
             noise[k] = 0.7 * noise[k - 1] + white[k]
         found = swing(noise=1e-4 * noise[50:])
         scaled.append((found.damping - DAMPING) / found.damping_sigma)
-    assert 0.75 < np.std(scaled) < 1.4
-    assert abs(np.mean(scaled)) < 0.2
+    assert 0.9 < np.std(scaled) < 1.2
+    assert abs(np.mean(scaled)) < 0.15
 
 
 def test_too_few_swings_or_samples_are_not_judged():
     assert np.isnan(swing(frequency=0.15).damping).all()
+    assert np.isnan(swing(size=0.0).damping).all()  # nothing swings
     assert np.isnan(swing(dt=1.0).damping).all()
     assert len(swing(end=6.0).time) == 0
 
@@ -81,17 +84,19 @@ def _against_truth(reconstruction, added=0.0):
     return value - truth[part], sigma
 
 
+def _agrees(error, sigma):
+    assert np.abs(error).max() < 0.01
+    assert np.sqrt(np.mean((error / sigma) ** 2)) < 1.3
+
+
 def test_a_clean_flight_has_the_damping_of_its_table(practice_06):
-    error, sigma = _against_truth(practice_06)
-    assert np.abs(error).max() < 0.02
-    assert np.sqrt(np.mean((error / sigma) ** 2)) < 1.6
+    _agrees(*_against_truth(practice_06))
 
 
 def test_a_hidden_damping_is_measured(practice):
     flight = reconstruct(Mission.load("builtin:practice_phoenix", [f"telemetry.path={practice(5)}"]))
-    error, sigma = _against_truth(flight, added=-0.8957)  # answers.json, practice_05
-    assert np.abs(error).max() < 0.02
-    assert np.sqrt(np.mean((error / sigma) ** 2)) < 1.6
+    answers = json.loads(practice(5).with_name("answers.json").read_text())
+    _agrees(*_against_truth(flight, answers["practice_05"]["sizes"]["pitch_damping"]["cmq"]))
 
 
 def test_the_rovers_oscillations_are_fed_when_the_thesis_sees_the_blanket(spirit, opportunity):
@@ -105,6 +110,6 @@ def test_the_rovers_oscillations_are_fed_when_the_thesis_sees_the_blanket(spirit
             return found["growth"].values[inside], found["growth_sigma"].values[inside]
 
         growth, sigma = part(fed)
-        assert np.all(growth > 2.0 * sigma) and growth.mean() > 0.05
+        assert len(growth) >= 2 and np.all(growth > 2.0 * sigma) and growth.mean() > 0.05
         growth, sigma = part(quiet)
-        assert np.all(np.abs(growth) < 0.025)
+        assert len(growth) >= 8 and np.all(np.abs(growth) < 0.025)

@@ -203,7 +203,7 @@ def test_the_transition_to_continuum_and_the_flights_own_sigma_are_drawn(tree):
     drawn = FIGURES["force_coefficients"](tree).axes[1]
     assert "flight's 1 sigma" in drawn.get_legend_handles_labels()[1]
     bare = make_tree()
-    del bare["postflight"].attrs["continuum_from"]
+    del bare["postflight"].attrs["continuum_from"]  # the air never becomes a continuum
     assert "continuum (Kn < 0.002)" not in FIGURES["mach_and_knudsen"](bare).axes[0].get_legend_handles_labels()[1]
 
 

@@ -199,6 +199,16 @@ class Linear:
         return find_rough(self.plain, self.ground.order, self.column, self.start)
 
     @property
+    def share(self) -> float:
+        """Part of the rows that are rough."""
+        return self.rough[0].share
+
+    @property
+    def holds(self) -> bool:
+        """Whether next to nothing is rough: the model agrees with the measurements about this path."""
+        return self.share <= HOLDS
+
+    @property
     def soft(self) -> Whitener:
         """Whitener that takes the model's failures for noise."""
         return self.rough[1]
@@ -279,21 +289,21 @@ def followed(case: Case, linear: Linear) -> Linear | None:
     It fails where the reconstruction has put the path. After some rounds an unknown may have taken what is missing upon
     itself, by as many sigmas as that takes (`Linear.surprise`).
     """
-    share = linear.rough[0].share
-    if not case.exact or share <= HOLDS:
+    share = linear.share
+    if not case.exact or linear.holds:
         return None
     for there in islice(_rounds(case, _AWAY, 1.0, linear), 1, None):
-        if there.rough[0].share <= HOLDS:
+        if there.holds:
             return there
-        if there.rough[0].share > _HOPE * share:
+        if there.share > _HOPE * share:
             break
-        share = there.rough[0].share
+        share = there.share
     return None
 
 
 def _likeliest(tried: list[Linear]) -> Linear:
     """Of those that hold, if any does."""
-    holding = [x for x in tried if x.rough[0].share <= HOLDS]
+    holding = [x for x in tried if x.holds]
     return max(holding or tried, key=lambda x: x.log_likelihood)
 
 
@@ -303,7 +313,7 @@ def _rounds(case: Case, rounds: int, until: float, first: Linear | None = None) 
     for i in range(rounds):
         yield linear
         point = linear.ground.point
-        if i == rounds - 1 or linear.rough[0].share > until:
+        if i == rounds - 1 or linear.share > until:
             return
         soft, size = linear.soft, linear.unknowns.layout.size
         new = told(linear, point, linear.start, soft, linear.white(soft))
@@ -314,14 +324,6 @@ def _rounds(case: Case, rounds: int, until: float, first: Linear | None = None) 
         if still and moved(point.deviation, new.deviation, linear.sigma) <= _SETTLED:
             return
         linear = about(case, new)
-
-
-def until_of(case: Case) -> float:
-    """Part of the rows up to which a model may fail, and its path move all the same.
-
-    A database with errors of its own would drag it along; beside an exact one the path may be all that is wrong.
-    """
-    return 1.0 if case.exact else HOLDS
 
 
 def about(case: Case, point: Point) -> Linear:

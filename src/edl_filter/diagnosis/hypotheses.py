@@ -83,18 +83,19 @@ def refitted(
     soft: list[Refit] = []
     hard: list[Refit] = []
     begun: list[Active] = []
-    holds = linear.rough[0].share <= HOLDS
+    holds = linear.holds
     for trial, way in starts:
         if soft and (trial.gain <= HOPELESS or not trial.active.effect.places):
             continue
         here: list[Refit] = []
         for start in (trial.active, *trial.elsewhere):
-            active = _unsized(start) if holds and not start.effect.places else narrowed(linear, start, way)
+            # where path and air move with the effect, its size and they take one step together, from nothing
+            active = start.unsized() if holds and not start.effect.places else narrowed(linear, start, way)
             if any(_near(active, other) for other in begun):
                 continue
             begun.append(active)
             here.append(refit(linear, (*case.effects, active), linear.soft, steps=6, moving=holds))
-            if _look(linear, here[-1], linear.rough[0].share) < _FLOOR:
+            if _look(linear, here[-1], linear.share) < _FLOOR:
                 return _best(starts[0][0].active.name, here[-1:], [], base, case, linear, before)
         if here and linear.soft is not linear.plain:
             hard.append(refit(linear, max(here, key=lambda r: r.evidence).effects, linear.plain))
@@ -107,11 +108,6 @@ def _look(linear: Linear, found: Refit, before: float) -> float:
     if before == 0.0:
         return 1.0
     return first_look(linear.plain, linear.ground.order, found.column, found.start).share / before
-
-
-def _unsized(active: Active) -> Active:
-    """The effect as if it were not there: where path and air move with it, its size and they take one step together."""
-    return replace(active, values=active.values | {q.name: 0.0 for q in active.effect.sizes})
 
 
 def _near(a: Active, b: Active) -> bool:
@@ -137,7 +133,7 @@ def _best(
     """
     found = max(soft, key=lambda r: r.evidence)
     floor = _FLOOR * before
-    first = _hypothesis(name, found, linear.soft, linear.rough[0].share < floor, base, case, linear, before)
+    first = _hypothesis(name, found, linear.soft, linear.share < floor, base, case, linear, before)
     if first.at_floor and linear.rough[0].none:
         return first
     surest = max(hard, key=lambda r: r.evidence) if hard else None
@@ -167,7 +163,9 @@ def _hypothesis(
     without = found.white + x @ size
     score = held_out(without, x, found.sigma[mine], linear.ground.order.time)
     predictive = score + whiten.log_likelihood(without) + linear.ground.volume(found.effects)
-    if whiten is not linear.soft:  # as the gain: over none at none's own noise
+    if whiten is linear.soft:  # over none about this path so far; the likeliest none may be about another
+        score -= base - linear.log_likelihood - linear.ground.volume(case.effects)
+    else:  # as the gain: over none at none's own noise
         score = predictive - base
     gain = found.evidence - base
     return Hypothesis(name, found, whiten, gain, score, at_floor, x @ size, case, linear, before, predictive)
@@ -190,7 +188,7 @@ def about_itself(h: Hypothesis, base: float) -> Hypothesis:
     case, linear, found = until_still(load_case(h.case.mission, polished.refit.effects), rounds)
     again = _best(h.name, [found], [], 0.0, case, linear, h.before, thorough=True)
     gain = again.gain - base
-    if h.linear.rough[0].share <= HOLDS:  # from path to path evidence jumps by some nats; `base` is the likeliest's too
+    if h.linear.holds:  # from path to path evidence jumps by some nats; `base` is the likeliest's too
         gain = max(gain, h.gain)
     elif not again.at_floor:
         gain = h.gain

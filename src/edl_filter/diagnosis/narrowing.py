@@ -18,12 +18,10 @@ def narrowed(linear: Linear, active: Active, whiten: Whitener, rounds: int = 6) 
     scanned = [q for q in active.effect.places if q.scan > 1]
     if not scanned:
         return active
-    y = whiten(linear.column[:, None], linear.start[:, None])[:, 0]
+    y = linear.white(whiten)
 
     def tried(at: Active) -> tuple[float, Active]:
-        s = signature(
-            linear.ground, replace(at, values=at.values | dict.fromkeys((p.name for p in at.effect.sizes), 0.0))
-        )
+        s = signature(linear.ground, at.unsized())
         fit = regress(y, whiten(s.rows, s.start), s.sigma)
         return fit.gain, replace(at, values=at.values | dict(zip(s.names, fit.size.tolist(), strict=True)))
 

@@ -38,25 +38,22 @@ class Ranking:
     Attributes
     ----------
     case, linear : Case, Linear
-    white : (R,) array
-        Differences of the model as it is.
     trials : dict
-        Effect → linear trial with nothing else missing.
+        Effect → linear trial at the noise that the model without it shows.
     hypotheses : list of Hypothesis
         Refitted, most probable first.
     missing : Missing
         Something else, at its most likely.
     something_else : float
-        Its evidence, nats, over the model at its own noise, as all gains are.
+        Its evidence, nats, over the model at its own noise where it is likeliest, as all gains are.
     noise_evidence : float
-        Evidence of the model's own noise over the stated one, nats; zero where they are one.
+        Evidence of that over the model where it is, at the stated noise; zero where they are one.
     failed : dict
         Effect → what went wrong in it: a user's, whose hooks raise or give the wrong thing.
     """
 
     case: Case
     linear: Linear
-    white: Array
     trials: dict[str, Trial]
     hypotheses: list[Hypothesis]
     missing: Missing
@@ -78,7 +75,7 @@ def rank(case: Case, candidates: Iterable[Effect], progress: Progress = lambda _
     present = {a.name for a in case.effects}
     effects = [e for e in candidates if e.name not in present]
     failed: dict[str, str] = {}
-    # where the model holds an effect has its full evidence, but for one with a place the scan is too coarse
+    # where the model holds an effect has its full evidence; the scan of one with a place is too coarse for that
     shares = [(linear, effects)]
     if away is not None:
         shares = [(linear, [e for e in effects if e.places]), (away, [e for e in effects if not e.places])]
@@ -88,14 +85,13 @@ def rank(case: Case, candidates: Iterable[Effect], progress: Progress = lambda _
     polished: list[Hypothesis] = []
     for tried in grounds:
         best = max((h.gain for h in polished), default=0.0)
-        found = _refitted(case, tried, base, linear.rough[0].share, _CLOSE * best, failed, progress)
+        found = _refitted(case, tried, base, linear.share, _CLOSE * best, failed, progress)
         polished += _polished(case, found, base, failed, progress)
     polished.sort(key=lambda h: -h.gain)
     stated = linear.plain.log_likelihood(linear.white(linear.plain)) + volume
     trials = {name: trial for tried in grounds for name, trial in tried.trials[0].items()}
-    white = linear.white(linear.soft)
     other, noise = likely + volume - base, base - stated
-    return Ranking(case, linear, white, trials, polished, missing, other, noise, failed)
+    return Ranking(case, linear, trials, polished, missing, other, noise, failed)
 
 
 @dataclass(frozen=True)
@@ -117,15 +113,15 @@ def _tried(linear: Linear, effects: Sequence[Effect], end: float, failed: dict[s
 def _refitted(
     case: Case, tried: _Tried, base: float, before: float, least: float, failed: dict[str, str], progress: Progress
 ) -> list[Hypothesis]:
-    """The leaders of what was tried, refitted, if they have the gain that they need at `least`.
+    """The leaders of what was tried, refitted: those whose linear gain is not below `least`.
 
-    `before` is the roughness of the model where it fails.
+    `before` is the part of the rows that are rough without them, where the model fails.
     """
     found: list[Hypothesis] = []
     for name in leaders(tried.trials):
         if max(t[name].gain for t in tried.trials) < least:
             continue
-        solved = next((h for h in found if h.at_floor), None) if tried.linear.rough[0].share > HOLDS else None
+        solved = next((h for h in found if h.at_floor), None) if not tried.linear.holds else None
         if solved is not None and alike(tried.trials[-1], solved.name, name) < RIVAL:
             continue  # everything is explained, and this is another thing
         progress(f"refitting {name}")
@@ -168,7 +164,7 @@ def _polished(
     """
     ranked = sorted(found, key=lambda h: -h.gain)
     close, least = [], []
-    if case.exact and ranked and ranked[0].linear.rough[0].share > HOLDS:
+    if case.exact and ranked and not ranked[0].linear.holds:
         close = [h.name for h in ranked if h.gain > _CLOSE * ranked[0].gain]
         least = [name for _, name in sorted((h.hard.evidence, h.name) for h in found if h.hard is not None)[-1:]]
     own: set[str] = set()

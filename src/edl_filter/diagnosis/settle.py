@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from edl_filter.diagnosis.case import Case, Linear, about, linearise, load_case, until_of
+from edl_filter.diagnosis.case import HOLDS, Case, Linear, about, linearise, load_case
 from edl_filter.diagnosis.refit import Refit, refit
 from edl_filter.effects.effect import Active
 from edl_filter.errors import InputError
@@ -83,7 +83,8 @@ def until_still(
     Path and air move along, but not where a model fails beside a database that has errors of its own: what is wrong
     with the database would drag them along.
     """
-    until = until_of(case)
+    # a database with errors of its own would drag the path of a failing model along; else it may be all that is wrong
+    until = 1.0 if case.exact else HOLDS
 
     def about_it(linear: Linear) -> Refit:
         return refit(linear, case.effects, linear.soft, moving=linear.rough[0].share <= until)

@@ -1,4 +1,4 @@
-"""Threads for compiled loops that hold no interpreter lock: one for each core, and one for BLAS in each."""
+"""Threads for compiled loops that hold no interpreter lock: one for each core up to four, and one for BLAS in each."""
 
 from __future__ import annotations
 

@@ -319,6 +319,10 @@ class Active:
         """The effect's."""
         return self.effect.name
 
+    def unsized(self) -> Active:
+        """The same as if it were not there: its places stay, its sizes are zero."""
+        return replace(self, values=self.values | {q.name: 0.0 for q in self.effect.sizes})
+
     def in_one_turn(self) -> Active:
         """The same, phases brought between their bounds."""
         turned = {q.name: q.low + (self.values[q.name] - q.low) % (q.high - q.low) for q in self._phases}

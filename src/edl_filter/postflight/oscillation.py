@@ -109,17 +109,20 @@ def oscillation(
             continue
         tau = (time[part] - middle) / (0.5 * _WIDTH)
         half_span = 0.5 * diameter / speed[part]
-        value, sigma, swing = _fit(tau, angles[part], rates[part], moments[part], half_span)
+        found = _fit(tau, angles[part], rates[part], moments[part], half_span)
         load = float(np.mean(pressure[part])) * np.pi / 4.0 * diameter**3 / inertia
-        if np.sqrt(max(-value[0] * load, 0.0)) * _WIDTH < 2.0 * np.pi * _SWINGS:
+        if found is None or np.sqrt(max(-found[0][0] * load, 0.0)) * _WIDTH < 2.0 * np.pi * _SWINGS:
             continue
+        value, sigma, swing = found
         growth = 0.5 * load * float(np.mean(half_span))
         rows[k] = value[0], sigma[0], value[1], sigma[1], growth * value[1], growth * sigma[1], swing
     return Oscillation(middles, *rows.T)
 
 
-def _fit(tau: Array, angles: Array, rates: Array, moments: Array, half_span: Array) -> tuple[Array, Array, float]:
-    """Slope and damping, their sigmas, and the RMS of the swinging rates, of one window."""
+def _fit(
+    tau: Array, angles: Array, rates: Array, moments: Array, half_span: Array
+) -> tuple[Array, Array, float] | None:
+    """Slope and damping, their sigmas, and the RMS of the swinging rates, of one window; None where nothing swings."""
     slow, _ = np.linalg.qr(np.vander(tau, 3))
 
     def swinging(values: Array) -> Array:
@@ -129,6 +132,8 @@ def _fit(tau: Array, angles: Array, rates: Array, moments: Array, half_span: Arr
     signed = angles * (1.0, -1.0)
     columns = [swinging(v) for v in (signed, rates * half_span[:, None], tau[:, None] * signed)]
     design = np.column_stack([np.concatenate(c.T) for c in columns])  # one plane below the other
+    if np.linalg.matrix_rank(design) < design.shape[1]:
+        return None
     value, *_ = np.linalg.lstsq(design, np.concatenate(swinging(moments).T), rcond=None)
     left = np.concatenate(swinging(moments).T) - design @ value
     both = np.block([[slow, np.zeros_like(slow)], [np.zeros_like(slow), slow]])
@@ -166,7 +171,7 @@ def _covariance(left: Array, design: Array, slow: Array) -> Array:
             2.0 * (count - 1) * rho - 2.0 * float(np.sum(near * spread)) + float(np.sum((taken.T @ near) * kept))
         )
 
-    found = float(left @ planes(neighbours, left)) / float(left @ left)
+    found = float(left @ planes(neighbours, left)) / max(float(left @ left), np.finfo(float).tiny)
     low, high = 0.0, _MOST_CORRELATED
     for _ in range(_HALVINGS):
         rho = 0.5 * (low + high)

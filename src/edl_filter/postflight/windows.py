@@ -70,14 +70,14 @@ class Marks:
     """Instabilities (None: there is none), with how each was found, and times of Mach numbers and of the continuum.
 
     ``found`` is ``database`` (the moment's slope at small angles is positive) or ``alpha_total`` (largest mean angle).
-    From ``continuum`` (s, NaN if never) the Knudsen number is below ``continuum_limit``, the database's.
+    From ``continuum`` (s, None if never) on the Knudsen number is below ``continuum_limit``, the database's.
     """
 
     first: Window | None
     second: Window | None
     found: dict[str, str]
     mach_times: dict[float, float]
-    continuum: float
+    continuum: float | None
     continuum_limit: float
 
 
@@ -161,7 +161,9 @@ def marks(
             how[name] = "alpha_total"
     felt = atmosphere.valid & (time >= domain.start) & (time <= domain.end)
     limit = database.continuum_limit
-    continuum = crossing(time[felt], atmosphere.knudsen[felt], limit)
+    rarefied = np.flatnonzero(atmosphere.knudsen[felt] >= limit)
+    falls = crossing(time[felt], atmosphere.knudsen[felt], limit) if rarefied.size else float(time[felt][0])
+    continuum = falls if np.isfinite(falls) else None
     return Marks(windows["first"], windows["second"], how, crossings, continuum, limit)
 
 

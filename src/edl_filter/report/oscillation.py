@@ -35,7 +35,10 @@ def _growth(panel: Panel) -> None:
     _windows(panel, "growth", style.VERMILLION)
     panel.ax.axhline(0.0, color=style.GREY, linewidth=0.8)
     panel.ax.set_ylabel("growth by moments in\nphase with rates (1/s)")
-    says, box = "above zero the oscillation is fed; bars: 1 sigma", {"facecolor": "white", "edgecolor": "none"}
+    says, box = (
+        "above zero the oscillation is fed; bars: 1 sigma of the fit",
+        {"facecolor": "white", "edgecolor": "none"},
+    )
     panel.ax.text(0.99, 0.05, says, transform=panel.ax.transAxes, ha="right", fontsize=9.0, bbox=box)
 
 

@@ -148,22 +148,22 @@ def _instabilities(derived: Derived) -> dict[str, list[float] | None]:
 
 
 def _root(derived: Derived) -> dict[str, Any]:
-    domain, points = derived.domain, int(derived.filters.points[-1])
+    domain, marks, points = derived.domain, derived.marks, int(derived.filters.points[-1])
+    continuum = {} if marks.continuum is None else {"continuum_from": marks.continuum}
     return {
         "domain_start": domain.start,
         "domain_useful": domain.useful,
         "domain_end": domain.end,
         "threshold": domain.threshold,
         "mach_times": json.dumps({f"{k:g}": v for k, v in derived.marks.mach_times.items()}),
-        "continuum_from": derived.marks.continuum,
-        "continuum_limit": derived.marks.continuum_limit,
         "instabilities": json.dumps(_instabilities(derived)),
         "instabilities_found_by": json.dumps(derived.marks.found),
         "verdicts": json.dumps([v.sentence for v in derived.verdicts], ensure_ascii=False),
         "batch_points": points,
         "bandwidth_hz": derived.filters.bandwidth[points],
         "acceleration_bandwidth_hz": derived.filters.acceleration_bandwidth[points],
-    }
+        "continuum_limit": marks.continuum_limit,
+    } | continuum
 
 
 def _timed(time: Array) -> Group:
@@ -250,7 +250,13 @@ def _oscillation(found: Oscillation) -> Group:
     group.add("time", ("time",), found.time, "s", "time since the epoch, middle of the window")
     for name, (unit, meaning) in OSCILLATION.items():
         group.add(name, ("time",), getattr(found, name), unit, meaning)
-        group.add(f"{name}_sigma", ("time",), getattr(found, f"{name}_sigma"), unit, f"one sigma of the {name}")
+        group.add(
+            f"{name}_sigma",
+            ("time",),
+            getattr(found, f"{name}_sigma"),
+            unit,
+            f"one sigma of the {name}, from residuals",
+        )
     group.add("rate", ("time",), found.rate, "rad/s", "RMS of the swinging lateral rates")
     return group
 
