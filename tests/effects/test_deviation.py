@@ -18,7 +18,9 @@ def world(practice_06):
 
 def deviation(**changes):
     nothing = {name: np.zeros(2) for name in ("density", "ca", "cn", "cm")}
-    return replace(Deviation(time=np.array([0.0, 200.0]), wind=np.zeros((2, 2)), **nothing), **changes)
+    time, one = np.array([0.0, 200.0]), np.ones(2)
+    units = CoefficientUnits(time, ca=one, cn=one, cm=one)
+    return replace(Deviation(time=time, wind=np.zeros((2, 2)), units=units, **nothing), **changes)
 
 
 def met(world, r):

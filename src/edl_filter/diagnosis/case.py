@@ -334,8 +334,8 @@ def about(case: Case, point: Point) -> Linear:
     motion = follow(setup.problem, bins, point.start, point.errors)
     frame = frame_of(motion, bins, point.start, point.errors)
     found = compare(frame, setup)
-    told_units = None if point.deviation is None else point.deviation.units
-    units = told_units or coefficient_sigma(setup, found, case.allowance)
+    off = point.deviation
+    units = coefficient_sigma(setup, found, case.allowance) if off is None else off.units
     slope = slopes(setup, bins, found, case.allowance.density, units)
     unknowns = lay_out(layout, setup.checking, case.allowance)
     sigma = one_sigma(case.allowance)

@@ -30,6 +30,8 @@ Array = NDArray[np.float64]
 _ONBOARD = ("onboard_rate", "onboard_mounting", ONBOARD)
 #: Sigmas of what is stated beyond which nothing is believed to lie.
 _BELIEF = 100.0
+#: The same of the logarithm of the density.
+_THICK = 0.9
 
 
 @dataclass(frozen=True)
@@ -92,7 +94,7 @@ def told(
     prior = np.sqrt(np.diag(whiten.steps.start)[: layout.size])
     order, rows = linear.ground.order, whiten.steps.rows
     air = deviation(order, linear.bins, linear.unknowns, linear.sigma, linear.units, rows, smoothed)
-    if not (np.all(np.abs(shift - start[: layout.size]) <= _BELIEF * prior) and np.all(np.abs(air.density) < 0.9)):
+    if not (np.all(np.abs(shift - start[: layout.size]) <= _BELIEF * prior) and np.all(np.abs(air.density) < _THICK)):
         return None
     begin = point.start.plus(shift)
     errors = point.errors.copy()

@@ -49,10 +49,9 @@ class Deviation:
         Towards east and north, m/s.
     ca, cn, cm : (M,) arrays
         Of the coefficients, in `units`.
+    units : CoefficientUnits
     mass, inertia : float
         Relative.
-    units : CoefficientUnits, optional
-        Without them deviations are of the coefficient itself.
     """
 
     time: Array
@@ -61,9 +60,9 @@ class Deviation:
     ca: Array
     cn: Array
     cm: Array
+    units: CoefficientUnits
     mass: float = 0.0
     inertia: float = 0.0
-    units: CoefficientUnits | None = None
 
     @classmethod
     def none(cls, units: CoefficientUnits) -> Deviation:
@@ -81,9 +80,11 @@ class Deviation:
 
     def coefficients(self, time: Array, totals: Totals) -> Totals:
         """Coefficients with the deviation."""
-        ca, cn, cm = (np.interp(time, self.time, c) for c in (self.ca, self.cn, self.cm))
-        if (u := self.units) is not None:
-            ca, cn, cm = (c * np.interp(time, u.time, unit) for c, unit in ((ca, u.ca), (cn, u.cn), (cm, u.cm)))
+        off, u = (self.ca, self.cn, self.cm), self.units
+        ca, cn, cm = (
+            np.interp(time, self.time, c) * np.interp(time, u.time, unit)
+            for c, unit in zip(off, (u.ca, u.cn, u.cm), strict=True)
+        )
         return replace(totals, ca=totals.ca + ca, cn=totals.cn + cn, cm_nose=totals.cm_nose + cm)
 
     def body(self, body: Body) -> Body:
