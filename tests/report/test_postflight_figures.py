@@ -232,3 +232,16 @@ def test_bounds_of_nothing():
     assert bounds([np.full(3, np.nan)]) == (-1.0, 1.0)
     low, high = bounds([np.zeros(5)])
     assert low < 0.0 < high
+
+
+def test_a_clear_window_is_inside_the_oscillations_range_and_a_vague_one_does_not_widen_it():
+    flown = make_tree()
+    windows = flown["postflight/oscillation"]
+    growth, sigma = windows["growth"].values.copy(), np.full(windows.sizes["time"], 0.002)
+    growth[5], sigma[5] = 0.3, 0.05  # six sigmas, though its sigma is large
+    growth[8], sigma[8] = 5.0, 4.0
+    flown["postflight/oscillation"] = xr.DataTree(
+        windows.to_dataset().assign(growth=("time", growth), growth_sigma=("time", sigma))
+    )
+    low, high = FIGURES["oscillation"](flown).axes[1].get_ylim()
+    assert low > -0.1 and 0.3 < high < 0.5

@@ -35,11 +35,8 @@ def _growth(panel: Panel) -> None:
     _windows(panel, "growth", style.VERMILLION)
     panel.ax.axhline(0.0, color=style.GREY, linewidth=0.8)
     panel.ax.set_ylabel("growth by moments in\nphase with rates (1/s)")
-    says, box = (
-        "above zero the oscillation is fed; bars: 1 sigma of the fit",
-        {"facecolor": "white", "edgecolor": "none"},
-    )
-    panel.ax.text(0.99, 0.05, says, transform=panel.ax.transAxes, ha="right", fontsize=9.0, bbox=box)
+    says = "above zero the oscillation is fed; bars: 1 sigma of the fit"
+    panel.ax.text(0.99, 0.03, says, transform=panel.ax.transAxes, ha="right", fontsize=9.0)
 
 
 def _stiffness(panel: Panel) -> None:
@@ -50,7 +47,8 @@ def _stiffness(panel: Panel) -> None:
 def _windows(panel: Panel, name: str, colour: str) -> None:
     time, value, sigma = (panel.layer.get(_GROUP, n) for n in ("time", name, f"{name}_sigma"))
     known = np.isfinite(value)
-    telling = sigma < 3.0 * np.nanmedian(sigma)  # windows that say little do not set the range
+    # windows that say little do not set the range
+    telling = (sigma < 3.0 * np.nanmedian(sigma)) | (np.abs(value) > 3.0 * sigma)
     panel.ax.errorbar(
         time[known], value[known], sigma[known], fmt="o", color=colour, markersize=3.5, elinewidth=1.0, capsize=2.0
     )
