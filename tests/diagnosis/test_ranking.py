@@ -53,7 +53,8 @@ def test_the_evidence_is_that_of_a_linear_fit_at_the_truth(case, ranking):
     s = signature(ground.ground, Active(effect_named("accelerometer_misalignment"), {}))
     x = ground.plain(s.rows, s.start)
     expected = regress(x @ np.array([HIDDEN[n] for n in s.names]), x, s.sigma).gain
-    assert 0.7 * expected < ranking.hypotheses[0].gain < 1.3 * expected
+    # the noise of this flight moves a log-likelihood ratio by sqrt(2 gain)
+    assert abs(ranking.hypotheses[0].gain - expected) < 3.0 * np.sqrt(2.0 * expected)
 
 
 def test_a_doubted_name_is_diagnosed_again_with_a_partner(case, ranking, monkeypatch):

@@ -279,6 +279,18 @@ def linearise(case: Case, rounds: int = 1, until: float = 1.0) -> Linear:
     (`point`), until it stays. That is for models that hold: a failing one may drag the path along, so the rounds end
     where more than the part `until` of the rows is rough. Tables have bends, and the rounds may go to and fro between
     two sides of one; so the likeliest is kept.
+
+    Parameters
+    ----------
+    case : Case
+    rounds : int
+        How often it is compared at most.
+    until : float
+        Part of the rows, 0 to 1.
+
+    Returns
+    -------
+    Linear
     """
     return _likeliest(list(_rounds(case, rounds, until)))
 
@@ -288,6 +300,16 @@ def followed(case: Case, linear: Linear) -> Linear | None:
 
     It fails where the reconstruction has put the path. After some rounds an unknown may have taken what is missing upon
     itself, by as many sigmas as that takes (`Linear.surprise`).
+
+    Parameters
+    ----------
+    case : Case
+    linear : Linear
+        The model where it fails.
+
+    Returns
+    -------
+    Linear or None
     """
     share = linear.share
     if not case.exact or linear.holds:

@@ -79,7 +79,23 @@ class Hypothesis:
 def refitted(
     case: Case, linear: Linear, starts: list[tuple[Trial, Whitener]], base: float, before: float
 ) -> Hypothesis:
-    """Refit from where each linear ranking saw the effect, and take the most probable outcome."""
+    """Refit from where each linear ranking saw the effect, and take the most probable outcome.
+
+    Parameters
+    ----------
+    case, linear : Case, Linear
+        The model without it, and the comparison about it.
+    starts : list of (Trial, Whitener)
+        What each linear ranking saw, and how it whitened.
+    base : float
+        Log-likelihood of *none* where it is likeliest: gains are over that, nats.
+    before : float
+        Part of the rows that are rough without the effect, where the model fails.
+
+    Returns
+    -------
+    Hypothesis
+    """
     soft: list[Refit] = []
     hard: list[Refit] = []
     begun: list[Active] = []
@@ -179,6 +195,16 @@ def about_itself(h: Hypothesis, base: float) -> Hypothesis:
     noise, and it begins where it was. The gain is what it has over the model without it
     (`base`), where one of the two holds. Where both fail, it stays that of the first refit: another path would serve
     the model without the effect as well.
+
+    Parameters
+    ----------
+    h : Hypothesis
+    base : float
+        Log-likelihood of *none* where it is likeliest, nats.
+
+    Returns
+    -------
+    Hypothesis
     """
     polished = h
     if not h.at_floor:

@@ -12,6 +12,9 @@ from edl_filter.diagnosis.signatures import ordered, signature
 from edl_filter.diagnosis.whitening import Whitener
 from edl_filter.effects.effect import Active
 
+#: An altitude's first step before it is halved, m: between the scan's finest and its coarsest.
+_ALTITUDE_STEP = 4e3
+
 
 def narrowed(linear: Linear, active: Active, whiten: Whitener, rounds: int = 6) -> Active:
     """Move an effect's places, one after the other and in ever smaller steps, to where it explains most."""
@@ -29,9 +32,8 @@ def narrowed(linear: Linear, active: Active, whiten: Whitener, rounds: int = 6) 
     spans = {}
     for q in scanned:
         low, high = (q.low, q.high) if np.isfinite([q.low, q.high]).all() else (0.0, linear.bins.edges[-1])
-        if q.kind == "altitude":
-            low, high = 0.0, 4e3 * (q.scan - 1)
-        spans[q.name] = (high - low) / (q.scan if q.kind == "phase" else q.scan - 1)
+        step = (high - low) / (q.scan if q.kind == "phase" else q.scan - 1)
+        spans[q.name] = _ALTITUDE_STEP if q.kind == "altitude" else step
     for _ in range(rounds):
         for name in spans:
             spans[name] *= 0.5

@@ -63,7 +63,20 @@ class Ranking:
 
 
 def rank(case: Case, candidates: Iterable[Effect], progress: Progress = lambda _: None) -> Ranking:
-    """Rank the effects that may be missing from a case's model."""
+    """Rank the effects that may be missing from a case's model.
+
+    Parameters
+    ----------
+    case : Case
+    candidates : iterable of Effect
+        Those that are in the model already are passed over.
+    progress : callable
+        Told what is being done.
+
+    Returns
+    -------
+    Ranking
+    """
     progress("comparing model and measurements")
     linear = linearise(case, rounds=3, until=HOLDS)
     away = followed(case, linear)
@@ -140,6 +153,16 @@ def something_else(linear: Linear) -> tuple[Missing, float]:
     """Most likely missing force and moment, and the log-likelihood with it at the noise that it leaves.
 
     Noise that nobody named is something else as well, if the flight is likelier with that alone.
+
+    Parameters
+    ----------
+    linear : Linear
+
+    Returns
+    -------
+    missing : Missing
+    likely : float
+        nats.
     """
 
     def value(missing: Missing) -> float:

@@ -60,7 +60,22 @@ class Trial:
 def signatures(
     linear: Linear, effects: Sequence[Effect], end: float, failed: dict[str, str] | None = None
 ) -> list[list[Signature]]:
-    """Signatures of every effect at all its places; an effect that fails goes into `failed`, if that is given."""
+    """Signatures of every effect at all its places; an effect that fails goes into `failed`, if that is given.
+
+    Parameters
+    ----------
+    linear : Linear
+    effects : sequence of Effect
+    end : float
+        Of the comparison, s: the last place in time.
+    failed : dict, optional
+        Effect → message.
+
+    Returns
+    -------
+    list of list of Signature
+        One list for each effect that did not fail, one entry a place.
+    """
     nodes, q = linear.ground.found.nodes.time, linear.ground.found.flow.dynamic_pressure
     begin = float(nodes[np.argmax(q > _FELT)])
     lowest = float(np.min(linear.ground.found.flow.altitude))
@@ -76,7 +91,20 @@ def signatures(
 
 
 def try_all(linear: Linear, whiten: Whitener, tried: list[list[Signature]]) -> dict[str, Trial]:
-    """Regress the differences on every effect, at every place."""
+    """Regress the differences on every effect, at every place.
+
+    Parameters
+    ----------
+    linear : Linear
+    whiten : Whitener
+    tried : list of list of Signature
+        Of `signatures`.
+
+    Returns
+    -------
+    dict
+        Effect → `Trial` at its best place.
+    """
     flat = [s for group in tried for s in group]
     if not flat:
         return {}

@@ -21,9 +21,6 @@ from edl_filter.errors import InputError
 class _Loader(yaml.SafeLoader):
     """PyYAML with the scalars of YAML 1.2, without repeated keys and anchors."""
 
-    # PyYAML keeps its resolvers on the class, and its types call them an instance's: ClassVar would contradict them
-    yaml_implicit_resolvers: dict = {}  # noqa: RUF012 - PyYAML's own form, see above
-
     def compose_node(self, parent: Any, index: Any) -> Any:
         event = self.peek_event()
         if isinstance(event, yaml.AliasEvent) or getattr(event, "anchor", None):
@@ -55,6 +52,8 @@ def _float(loader: yaml.SafeLoader, node: yaml.ScalarNode) -> float:
     return float(re.sub(r"\.(inf|nan)$", r"\1", loader.construct_scalar(node).lower()))
 
 
+# none of YAML 1.1's scalars, which PyYAML keeps on the class
+_Loader.yaml_implicit_resolvers = {}
 for _tag, _pattern, _first in (
     ("bool", r"true|True|TRUE|false|False|FALSE", "tTfF"),
     ("int", r"[-+]?[0-9]+|0o[0-7]+|0x[0-9a-fA-F]+", "-+0123456789"),

@@ -149,7 +149,7 @@ def flight_extracted(
     density = product / 1.7
     ca = np.full((3, len(h)), np.nan)  # of this iteration, the last and the one before
     held = np.full(len(h), np.nan)
-    for count in range(1, _MOST_ITERATIONS + 1):  # noqa: B007 - the count is a result
+    for count in range(1, _MOST_ITERATIONS + 1):
         mach, knudsen = gas.mach(v, temperature), gas.knudsen(density, diameter)
         found = database.lookup(mach, knudsen, alpha_total[part], v)
         ca = np.stack((found.ca, ca[0], ca[1]))
@@ -163,6 +163,7 @@ def flight_extracted(
         settled = change < _TOLERANCE and np.max(np.abs(warm - temperature) / warm) < _TOLERANCE
         density, temperature = new, warm
         if settled:
+            iterations = count
             break
     else:
         raise InputError(
@@ -230,7 +231,7 @@ def flight_extracted(
         knudsen=full(gas.knudsen(density, diameter)),
         ca=full(found.ca),
         ca_sigma=full(found.three_sigma.ca / 3.0),
-        iterations=count,
+        iterations=iterations,
         valid=whole,
         density_sigma=full(density * np.hypot(common, relative["noise"])),
         pressure_sigma=full(np.sqrt(p_noise**2 + p_common)),

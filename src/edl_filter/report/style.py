@@ -16,17 +16,17 @@ from xarray import DataTree
 
 from edl_filter.report import view
 from edl_filter.report.labels import place
-from edl_filter.report.palette import (  # noqa: F401 - figures say style.ORANGE; the report needs no matplotlib for it
-    BLACK,
-    BLUE,
-    GREEN,
-    GREY,
-    ORANGE,
-    PURPLE,
-    SKY,
-    VERMILLION,
-    YELLOW,
-)
+
+# re-exported: figures say style.ORANGE, and the HTML report needs no matplotlib for its colours
+from edl_filter.report.palette import BLACK as BLACK
+from edl_filter.report.palette import BLUE as BLUE
+from edl_filter.report.palette import GREEN as GREEN
+from edl_filter.report.palette import GREY as GREY
+from edl_filter.report.palette import ORANGE as ORANGE
+from edl_filter.report.palette import PURPLE as PURPLE
+from edl_filter.report.palette import SKY as SKY
+from edl_filter.report.palette import VERMILLION as VERMILLION
+from edl_filter.report.palette import YELLOW as YELLOW
 
 P = ParamSpec("P")
 R = TypeVar("R")

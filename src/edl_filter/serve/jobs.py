@@ -166,7 +166,10 @@ class Worker:
 
 
 def _listening() -> None:
-    """Let a command hear the interrupt that cancels it: a shell that runs the server with ``&`` has it ignored."""
+    """Let a command hear the interrupt that cancels it: a shell that runs the server with ``&`` has it ignored.
+
+    Between fork and exec of a process with threads, so it takes no lock that another thread could hold.
+    """
     signal.signal(signal.SIGINT, signal.SIG_DFL)
 
 
