@@ -20,6 +20,7 @@ from edl_filter.diagnosis.unknowns import Allowance, Unknowns, distances
 from edl_filter.effects.deviation import CoefficientUnits, Deviation
 from edl_filter.effects.effect import Active, Effect, Parameter, Values
 from edl_filter.effects.world import World
+from edl_filter.navigation.increments import edge_weights
 from edl_filter.navigation.layout import SENSOR_STATES
 
 Array = NDArray[np.float64]
@@ -294,8 +295,9 @@ def lever_error(bins: Bins, rate: Array, position: Array) -> Array:
     """
     change = np.zeros((len(rate) + 1, 3))
     if len(rate) > 6:
-        one, two, three = rate[2:-3] + rate[3:-2], rate[1:-4] + rate[4:-1], rate[:-5] + rate[5:]
-        change[3:-3] = (37.0 * one - 8.0 * two + three) / 60.0 - (7.0 * one - two) / 12.0
+        pairs = (rate[2:-3] + rate[3:-2], rate[1:-4] + rate[4:-1], rate[:-5] + rate[5:])
+        sixth, fourth = (sum(w * p for w, p in zip(edge_weights(k), pairs, strict=False)) for k in (3, 2))
+        change[3:-3] = sixth - fourth
     size = np.linalg.norm(np.nan_to_num(change), axis=1)
     bent = size > _BEND * median_filter(size, 21)
     at_edges = np.where(bent[:, None], 9.0 * np.nan_to_num(change), 0.0)

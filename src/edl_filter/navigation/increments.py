@@ -156,14 +156,14 @@ def edge_values(interval: Array, mean: Array, parted: NDArray[np.bool_] | None =
     return np.concatenate((mean[:1], inner, mean[-1:]))
 
 
-def _edge_weights(pairs: int) -> tuple[float, ...]:
+def edge_weights(pairs: int) -> tuple[float, ...]:
     """Weights of the pairs of means around an edge, nearest first, for the order twice their number."""
     k = pairs
     central = [(-1) ** (j + 1) * factorial(k) ** 2 / (j * factorial(k - j) * factorial(k + j)) for j in range(1, k + 1)]
     return tuple(sum(central[i:]) for i in range(k))
 
 
-_EDGE = tuple(_edge_weights(k) for k in (2, 3, 4))
+_EDGE = tuple(edge_weights(k) for k in (2, 3, 4))
 
 
 def slope(time: Array, interval: Array, mean: Array) -> Array:
