@@ -1,8 +1,10 @@
 """Noise beyond what is stated: the right amount where it is, and none where it is not."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from edl_filter.diagnosis.roughness import PIECE, Rough, find_rough, first_look, roughened, smooth_noise
@@ -81,7 +83,7 @@ def test_five_times_the_noise_is_found_where_it_is(channel):
         assert np.sqrt(1.0 + table[inside, channel][0]) == pytest.approx(5.0, rel=0.25)  # chance: one sigma is 8 %
         assert not table[~inside].any()
         assert np.all(table[:, 1 - channel] < 1.0)
-        alone.append(not table[:, 1 - channel].any())
+        alone.append(not rough.sure[order.bin_rows][:, 1 - channel].any())
     assert np.mean(alone) >= 0.9  # the unknown that both see may make the other a little louder at the same time
 
 
@@ -113,11 +115,26 @@ def test_it_is_never_less_likely_than_without(seed, sizes):
     assert likelihood(whiten) >= likelihood(whitener(steps))
 
 
+@settings(max_examples=20, deadline=None)
+@given(st.integers(0, 1000), st.integers(0, 5), st.integers(0, 1), st.floats(3.0, 30.0))
+def test_no_piece_would_be_likelier_with_another_variance(seed, piece, channel, by):
+    """Beside an unknown that both channels see, where the excess of innovations would not be the answer."""
+    steps, order = problem(walk=0.5)
+    column = drawn(seed, 0.5, loud(piece, channel, by) * loud((piece + 1) % 6, 1 - channel, by))[:, None]
+    rough, whiten = find_rough(whitener(steps), order, column[:, 0], np.zeros(1))
+    best = whiten.log_likelihood(whiten(column, np.zeros((1, 1)))[:, 0])
+    for variance in np.unique(rough.variance[rough.sure]):
+        for factor in (0.7, 1.4):
+            moved = replace(rough, variance=np.where(rough.variance == variance, factor, 1.0) * rough.variance)
+            other = whitener(roughened(steps, order, moved))
+            assert other.log_likelihood(other(column, np.zeros((1, 1)))[:, 0]) < best + 2.0
+
+
 def test_the_excess_stands_on_the_diagonal_and_nowhere_else():
     steps, order = problem()
     assert roughened(steps, order, smooth_noise(steps)) is steps
     more = np.arange(2.0 * COUNT)
-    found = roughened(steps, order, Rough(more)).row_noise - steps.row_noise
+    found = roughened(steps, order, Rough(more, more > 0.0)).row_noise - steps.row_noise
     expected = np.zeros((2 * COUNT, 2))
     expected[0::2, 0], expected[1::2, 1] = more[0::2], more[1::2]
     np.testing.assert_allclose(found, expected, atol=1e-12)

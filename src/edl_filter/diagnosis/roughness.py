@@ -1,9 +1,14 @@
 """Roughness: noise that a channel has beyond what is stated, found from the flight itself.
 
 A vehicle shakes, a table has bends, and a model that lacks an effect fails by hundreds of sigmas for a while. Where a
-channel's innovations are larger than stated over ten seconds, their excess is added to its noise there, so that one
-failure does not decide about everything else, and evidence compares models at the noise that each of them leaves. On a
-flight that is understood there is none.
+channel's differences are larger than stated over ten seconds, the variance that makes them most likely is added to its
+noise there, so that one failure does not decide about everything else, and evidence compares models at the noise that
+each of them leaves. On a flight that is understood there is none.
+
+All pieces share one path, so their variances are sought together. With C the covariance of all differences y, the
+likelihood is level in a piece's variance where the sums over its rows of ``(C⁻¹ y)²`` and of the diagonal of ``C⁻¹``
+are equal (`hindsight`); a variance is multiplied by their ratio until they are (MacKay, Neural Computation 4 (1992)
+415).
 """
 
 from __future__ import annotations
@@ -13,6 +18,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from edl_filter.diagnosis.hindsight import in_hindsight
 from edl_filter.diagnosis.timeline import Order
 from edl_filter.diagnosis.whitening import Steps, Whitener, whitener
 
@@ -22,7 +28,10 @@ Array = NDArray[np.float64]
 PIECE = 10.0
 #: Excess of a piece's mean square that is more than chance, in sigmas of chance.
 _CHANCE = 4.0
-_ROUNDS = 6
+#: Rounds at most, and a gain (nats) that is not worth another.
+_ROUNDS, _ENOUGH = 10, 2.0
+#: Part of a difference's variance, all others known, that is as good as none.
+_NOTHING = 1e-6
 
 
 @dataclass(frozen=True)
@@ -33,9 +42,12 @@ class Rough:
     ----------
     variance : (R,) array
         In the rows' own units, squared.
+    sure : (R,) array of bool
+        Where it is more than chance.
     """
 
     variance: Array
+    sure: NDArray[np.bool_]
 
     @property
     def none(self) -> bool:
@@ -44,13 +56,13 @@ class Rough:
 
     @property
     def share(self) -> float:
-        """Part of the rows that are rough."""
-        return float(np.mean(self.variance > 0.0))
+        """Part of the rows that are surely rough."""
+        return float(np.mean(self.sure))
 
 
 def smooth_noise(steps: Steps) -> Rough:
     """No roughness."""
-    return Rough(np.zeros(len(steps.design)))
+    return Rough(np.zeros(len(steps.design)), np.zeros(len(steps.design), bool))
 
 
 def roughened(steps: Steps, order: Order, rough: Rough) -> Steps:
@@ -65,7 +77,14 @@ def roughened(steps: Steps, order: Order, rough: Rough) -> Steps:
 def first_look(plain: Whitener, order: Order, column: Array, start: Array) -> Rough:
     """Roughness of a column of differences if all else is as stated: more than is left when all is weighed anew."""
     white = plain(column[:, None], start[:, None])[:, 0]
-    return Rough(_excess(plain, white, smooth_noise(plain.steps), _groups(order)))
+    innovation, sigma = plain.innovations(white), plain.innovation_sigma
+    out = np.zeros_like(white)
+    for rows in _pieces(order):
+        square, stated = innovation[rows] ** 2, sigma[rows] ** 2
+        excess = np.mean(square) - np.mean(stated)
+        if min(np.mean(square / stated) - 1.0, excess / np.mean(stated)) > _chance(len(rows)):
+            out[rows] = excess
+    return Rough(out, out > 0.0)
 
 
 def find_rough(plain: Whitener, order: Order, column: Array, start: Array) -> tuple[Rough, Whitener]:
@@ -81,25 +100,26 @@ def find_rough(plain: Whitener, order: Order, column: Array, start: Array) -> tu
 
     Returns
     -------
-    The most likely of the rounds: noise that is added to one channel changes what the others are asked for.
+    The most likely variances; none where a first look sees none.
     """
-    rough, whiten, groups = smooth_noise(plain.steps), plain, _groups(order)
-    best: tuple[float, Rough, Whitener] | None = None
-    for i in range(_ROUNDS):
+    pieces, best = _pieces(order), -np.inf
+    found, at_it = first_look(plain, order, column, start), plain
+    if found.none:
+        return found, plain
+    trial = found.variance
+    for _ in range(_ROUNDS):
+        whiten = whitener(roughened(plain.steps, order, replace(found, variance=trial)))
         white = whiten(column[:, None], start[:, None])[:, 0]
         likelihood = whiten.log_likelihood(white)
-        if best is None or likelihood > best[0]:
-            best = likelihood, rough, whiten
-        excess = _excess(whiten, white, rough, groups)
-        if i == _ROUNDS - 1 or np.allclose(np.sqrt(excess), np.sqrt(rough.variance), rtol=0.1, atol=0.0):
+        if likelihood < best + _ENOUGH:
             break
-        rough = Rough(excess)
-        whiten = whitener(roughened(plain.steps, order, rough))
-    assert best is not None
-    return best[1], best[2]
+        weighed, diagonal = in_hindsight(whiten, white)
+        best, at_it, found = likelihood, whiten, Rough(trial, _sure(trial, pieces, diagonal))
+        trial = _likelier(trial, pieces, weighed, diagonal)
+    return found, at_it
 
 
-def _groups(order: Order) -> list[NDArray[np.int64]]:
+def _pieces(order: Order) -> list[NDArray[np.int64]]:
     """Rows of one channel in one piece of time."""
     found = []
     for channel in order.bin_rows.T:
@@ -111,17 +131,27 @@ def _groups(order: Order) -> list[NDArray[np.int64]]:
     return found
 
 
-def _excess(whiten: Whitener, white: Array, rough: Rough, groups: list[NDArray[np.int64]]) -> Array:
-    """Variance that the innovations ask for beyond what is stated."""
-    innovation, sigma = whiten.innovations(white), whiten.innovation_sigma
-    out = np.zeros_like(rough.variance)
-    for rows in groups:
-        had = rough.variance[rows]
-        square = innovation[rows] ** 2
-        ratio = np.mean(square / sigma[rows] ** 2)
-        surprising = ratio - 1.0 > _CHANCE * np.sqrt(2.0 / len(rows))
-        if had.any() or surprising:
-            wanted = np.mean(square) - np.mean(sigma[rows] ** 2 - had)
-            stated = np.mean(sigma[rows] ** 2 - had)
-            out[rows] = wanted if wanted > _CHANCE * np.sqrt(2.0 / len(rows)) * stated else 0.0
+def _likelier(variance: Array, pieces: list[NDArray[np.int64]], weighed: Array, diagonal: Array) -> Array:
+    """The next variances from ``C⁻¹ y`` and the diagonal of ``C⁻¹``; of rows that are independent it is the last."""
+    out = np.zeros_like(variance)
+    for rows in pieces:
+        had, n = variance[rows[0]], len(rows)
+        square, expected = np.sum(weighed[rows] ** 2), np.sum(diagonal[rows])
+        if had * expected > _NOTHING * n:
+            out[rows] = had * square / expected
+        elif square / expected - 1.0 > _chance(n):
+            out[rows] = (square - expected) * n / expected**2
     return out
+
+
+def _sure(variance: Array, pieces: list[NDArray[np.int64]], diagonal: Array) -> NDArray[np.bool_]:
+    """Where variance is more than may be chance, of what a difference has when all others are known."""
+    out = np.zeros(len(variance), bool)
+    for rows in pieces:
+        out[rows] = variance[rows[0]] * np.mean(diagonal[rows]) > _chance(len(rows))
+    return out
+
+
+def _chance(count: int) -> float:
+    """Excess of the mean square of `count` differences that may be chance, of the square that is stated."""
+    return float(_CHANCE * np.sqrt(2.0 / count))

@@ -10,6 +10,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
@@ -35,6 +36,12 @@ class Sparse:
 
     def __len__(self) -> int:
         return len(self.values)
+
+    @property
+    def transposed(self) -> Sparse:
+        """The same matrices, transposed."""
+        order = np.lexsort((self.row, self.column))
+        return Sparse(self.size, self.column[order], self.row[order], self.values[:, order])
 
     def __getitem__(self, k: int) -> Array:
         """The whole k-th matrix ``(n, n)``."""
@@ -72,3 +79,33 @@ def joined(a: Sparse, b: Sparse, size: int) -> Sparse:
     row, column = np.concatenate((a.row, b.row)), np.concatenate((a.column, b.column))
     order = np.lexsort((column, row))
     return Sparse(size, row[order], column[order], np.concatenate((a.values, b.values), axis=1)[:, order])
+
+
+def pattern(change: Sparse) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64], Array]:
+    """Rows that move, where the entries of each begin, their columns, and their values step by step."""
+    moving, first = np.unique(change.row, return_index=True)
+    return moving, np.append(first, len(change.row)), change.column, change.values
+
+
+@njit(cache=True, error_model="numpy")
+def move_rows(p, moving, first, column, values, moved):
+    """Rows of ``(I + change) p``, in place; `moved` is room for them."""
+    width = p.shape[1]
+    for i in range(moving.size):
+        for j in range(width):
+            moved[i, j] = p[moving[i], j]
+        for z in range(first[i], first[i + 1]):
+            v, source = values[z], column[z]
+            for j in range(width):
+                moved[i, j] += v * p[source, j]
+    for i in range(moving.size):
+        for j in range(width):
+            p[moving[i], j] = moved[i, j]
+
+
+@njit(cache=True, error_model="numpy")
+def transpose(p):
+    """In place."""
+    for i in range(p.shape[0]):
+        for j in range(i):
+            p[i, j], p[j, i] = p[j, i], p[i, j]

@@ -16,7 +16,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from edl_filter.diagnosis.sparse import Sparse
+from edl_filter.diagnosis.sparse import Sparse, move_rows, pattern, transpose
 from edl_filter.diagnosis.threads import THREADS, in_threads, one_blas_thread
 
 Array = NDArray[np.float64]
@@ -84,7 +84,7 @@ class Whitener:
         s = self.steps
         begin = np.zeros((len(s.start), start.shape[1]))
         begin[: len(start)] = start
-        model = (*_pattern(s.change), s.rows, s.design, self.gain, self.factor)
+        model = (*pattern(s.change), s.rows, s.design, self.gain, self.factor)
 
         def white(part: slice) -> Array:
             return _apply(*model, np.ascontiguousarray(columns[:, part]), np.ascontiguousarray(begin[:, part]))
@@ -148,16 +148,10 @@ def whitener(steps: Steps) -> Whitener:
     n = steps.noise
     with one_blas_thread():
         gain, factor, log_det = _gains(
-            *_pattern(steps.change), n.row, n.column, n.values, steps.rows, np.ascontiguousarray(steps.design),
+            *pattern(steps.change), n.row, n.column, n.values, steps.rows, np.ascontiguousarray(steps.design),
             steps.row_noise, steps.start.copy(),
         )  # fmt: skip
     return Whitener(steps, gain, factor, log_det)
-
-
-def _pattern(change: Sparse) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64], Array]:
-    """Rows that move, where the entries of each begin, their columns, and their values step by step."""
-    moving, first = np.unique(change.row, return_index=True)
-    return moving, np.append(first, len(change.row)), change.column, change.values
 
 
 @njit(cache=True)
@@ -170,30 +164,6 @@ def _coloured(rows, factor, white):
     return out
 
 
-@njit(cache=True, error_model="numpy")
-def _move(p, moving, first, column, values, moved):
-    """Rows of ``(I + change) p``, in place; `moved` is room for them."""
-    width = p.shape[1]
-    for i in range(moving.size):
-        for j in range(width):
-            moved[i, j] = p[moving[i], j]
-        for z in range(first[i], first[i + 1]):
-            v, source = values[z], column[z]
-            for j in range(width):
-                moved[i, j] += v * p[source, j]
-    for i in range(moving.size):
-        for j in range(width):
-            p[moving[i], j] = moved[i, j]
-
-
-@njit(cache=True, error_model="numpy")
-def _transpose(p):
-    """In place."""
-    for i in range(p.shape[0]):
-        for j in range(i):
-            p[i, j], p[j, i] = p[j, i], p[i, j]
-
-
 @njit(cache=True, error_model="numpy", nogil=True)
 def _gains(moving, first, column, change, noise_row, noise_column, noise, rows, design, row_noise, p):
     """Covariance recursion of the Kalman filter over all steps."""
@@ -202,9 +172,9 @@ def _gains(moving, first, column, change, noise_row, noise_column, noise, rows, 
     room = np.empty((moving.size, p.shape[0]))
     log_det = 0.0
     for k in range(rows.size - 1):
-        _move(p, moving, first, column, change[k], room)  # F P, and again on its transpose, P being symmetric
-        _transpose(p)
-        _move(p, moving, first, column, change[k], room)
+        move_rows(p, moving, first, column, change[k], room)  # F P, and again on its transpose, P being symmetric
+        transpose(p)
+        move_rows(p, moving, first, column, change[k], room)
         for z in range(noise_row.size):
             p[noise_row[z], noise_column[z]] += noise[k, z]
         begin, end = rows[k], rows[k + 1]
@@ -241,7 +211,7 @@ def _apply(moving, first, column, change, rows, design, gains, factor, columns, 
     out = np.empty_like(columns)
     room = np.empty((moving.size, x.shape[1]))
     for k in range(rows.size - 1):
-        _move(x, moving, first, column, change[k], room)
+        move_rows(x, moving, first, column, change[k], room)
         begin, end = rows[k], rows[k + 1]
         m = end - begin
         if m == 0:
