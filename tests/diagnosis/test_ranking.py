@@ -11,7 +11,8 @@ from edl_filter.diagnosis.case import HOLDS, followed, linearise, load_case
 from edl_filter.diagnosis.ranking import rank
 from edl_filter.diagnosis.regression import regress
 from edl_filter.diagnosis.signatures import signature
-from edl_filter.diagnosis.verdict import judge
+from edl_filter.diagnosis.verdict import CLEAR, judge
+from edl_filter.diagnosis.without import without_more
 from edl_filter.effects.catalogue import effect_named
 from edl_filter.effects.effect import Active
 from edl_filter.simulation import Scenario, simulate
@@ -74,3 +75,11 @@ def test_a_doubted_name_is_diagnosed_again_with_a_partner(case, ranking, monkeyp
     monkeypatch.setattr(module, "partner_of", lambda *_: None)
     alone = module.diagnose(case, [effect_named(n) for n in TRIED])
     assert alone.verdict.verdict == "unknown" and alone.content()["partner"] is None
+
+
+def test_what_a_name_gains_is_what_the_model_with_it_has_more(ranking):
+    """A model's own effects cost what they cost once: the next gain is over the model with all of that."""
+    h = ranking.hypotheses[0]
+    base = without_more([h.linear], h.refit.effects)
+    assert base.evidence - h.without.evidence == pytest.approx(h.gain, abs=3.0)
+    assert base.likelihood - base.evidence > CLEAR  # else the next name would pay for this one as well

@@ -12,6 +12,7 @@ from edl_filter.diagnosis.missing import Missing
 from edl_filter.diagnosis.ranking import Ranking
 from edl_filter.diagnosis.separating import Parting
 from edl_filter.diagnosis.verdict import CLEAR, CLEAR_IN_NOISE, PARTED, grouped, judge
+from edl_filter.diagnosis.without import Without
 from edl_filter.effects import Active
 from edl_filter.effects.catalogue import effect_named
 
@@ -32,8 +33,7 @@ def hypothesis_of(name, gain, score=None, explained=None, at_floor=True):
         explained=own if explained is None else np.asarray(explained, float),
         case=None,
         linear=None,
-        before=0.0,
-        predictive=0.0,
+        without=Without(0.0, 0.0, 0.0),
     )
 
 

@@ -19,6 +19,7 @@ from edl_filter.diagnosis.roughness import find_rough, first_look
 from edl_filter.diagnosis.settle import until_still
 from edl_filter.diagnosis.trying import HOPELESS, Trial
 from edl_filter.diagnosis.whitening import Whitener
+from edl_filter.diagnosis.without import Without
 from edl_filter.effects.effect import Active
 
 Array = NDArray[np.float64]
@@ -49,10 +50,8 @@ class Hypothesis:
         What its sizes make of the differences, white, at the noise of the model without it.
     case, linear : Case, Linear
         The ground of the last refit.
-    before : float
-        Part of the rows that are rough without it, where the model fails.
-    predictive : float
-        Held-out log predictive density with it, as the evidence up to a constant of the flight.
+    without : Without
+        The model without it.
     hard : Refit or None
         The same at the stated noise, where that is another.
     """
@@ -66,8 +65,7 @@ class Hypothesis:
     explained: Array
     case: Case
     linear: Linear
-    before: float
-    predictive: float
+    without: Without
     hard: Refit | None = None
 
     @property
@@ -76,9 +74,7 @@ class Hypothesis:
         return next(a for a in self.refit.effects if a.name == self.name)
 
 
-def refitted(
-    case: Case, linear: Linear, starts: list[tuple[Trial, Whitener]], base: float, before: float
-) -> Hypothesis:
+def refitted(case: Case, linear: Linear, starts: list[tuple[Trial, Whitener]], without: Without) -> Hypothesis:
     """Refit from where each linear ranking saw the effect, and take the most probable outcome.
 
     Parameters
@@ -87,10 +83,8 @@ def refitted(
         The model without it, and the comparison about it.
     starts : list of (Trial, Whitener)
         What each linear ranking saw, and how it whitened.
-    base : float
-        Log-likelihood of *none* where it is likeliest: gains are over that, nats.
-    before : float
-        Part of the rows that are rough without the effect, where the model fails.
+    without : Without
+        The model without it, which gains are over.
 
     Returns
     -------
@@ -112,11 +106,11 @@ def refitted(
             begun.append(active)
             here.append(refit(linear, (*case.effects, active), linear.soft, steps=6, moving=holds))
             if _look(linear, here[-1], linear.share) < _FLOOR:
-                return _best(starts[0][0].active.name, here[-1:], [], base, case, linear, before)
+                return _best(starts[0][0].active.name, here[-1:], [], without, case, linear)
         if here and linear.soft is not linear.plain:
             hard.append(refit(linear, max(here, key=lambda r: r.evidence).effects, linear.plain))
         soft += here
-    return _best(starts[0][0].active.name, soft, hard, base, case, linear, before)
+    return _best(starts[0][0].active.name, soft, hard, without, case, linear)
 
 
 def _look(linear: Linear, found: Refit, before: float) -> float:
@@ -135,10 +129,9 @@ def _best(
     name: str,
     soft: list[Refit],
     hard: list[Refit],
-    base: float,
+    without: Without,
     case: Case,
     linear: Linear,
-    before: float,
     thorough: bool = False,
 ) -> Hypothesis:
     """The most probable of some refits, at the noise of the model without the effect or at the noise that it leaves.
@@ -148,19 +141,19 @@ def _best(
     `thorough`.
     """
     found = max(soft, key=lambda r: r.evidence)
-    floor = _FLOOR * before
-    first = _hypothesis(name, found, linear.soft, linear.share < floor, base, case, linear, before)
+    floor = _FLOOR * without.rough
+    first = _hypothesis(name, found, linear.soft, linear.share < floor, without, case, linear)
     if first.at_floor and linear.rough[0].none:
         return first
     surest = max(hard, key=lambda r: r.evidence) if hard else None
     outcomes = [first]
     for start in (found, *([surest] if surest is not None else [])):
-        if not thorough and _look(linear, start, before) > _MAYBE:
+        if not thorough and _look(linear, start, without.rough) > _MAYBE:
             continue
         rough, whiten = find_rough(linear.plain, linear.ground.order, start.column, start.start)
         moving = start.point is not linear.ground.point  # one that moved goes on from there
         own = refit(linear, start.effects, whiten, steps=3, moving=moving)
-        outcomes.append(_hypothesis(name, own, whiten, rough.share < floor, base, case, linear, before))
+        outcomes.append(_hypothesis(name, own, whiten, rough.share < floor, without, case, linear))
     best = max(outcomes, key=lambda h: (h.gain, h.at_floor))
     if best.at_floor:
         return best
@@ -168,7 +161,7 @@ def _best(
 
 
 def _hypothesis(
-    name: str, found: Refit, whiten: Whitener, at_floor: bool, base: float, case: Case, linear: Linear, before: float
+    name: str, found: Refit, whiten: Whitener, at_floor: bool, without: Without, case: Case, linear: Linear
 ) -> Hypothesis:
     active = next(a for a in found.effects if a.name == name)
     sizes = {q.name for q in active.effect.sizes}
@@ -176,47 +169,42 @@ def _hypothesis(
     size = np.array([active.values[found.names[i][1]] for i in mine])
     x = found.signature[:, mine]
     # before and after in one linear problem: the differences without the effect are those with it, plus x size
-    without = found.white + x @ size
-    score = held_out(without, x, found.sigma[mine], linear.ground.order.time)
-    predictive = score + whiten.log_likelihood(without) + linear.ground.volume(found.effects)
-    if whiten is linear.soft:  # over none about this path so far; the likeliest none may be about another
-        score -= base - linear.log_likelihood - linear.ground.volume(case.effects)
-    else:  # as the gain: over none at none's own noise
-        score = predictive - base
-    gain = found.evidence - base
-    return Hypothesis(name, found, whiten, gain, score, at_floor, x @ size, case, linear, before, predictive)
+    before = found.white + x @ size
+    predictive = held_out(before, x, found.sigma[mine], linear.ground.order.time)
+    predictive += whiten.log_likelihood(before) + linear.ground.volume(found.effects)
+    return Hypothesis(
+        name=name,
+        refit=found,
+        whiten=whiten,
+        gain=found.evidence - without.evidence,
+        score_gain=predictive - without.likelihood,
+        at_floor=at_floor,
+        explained=x @ size,
+        case=case,
+        linear=linear,
+        without=without,
+    )
 
 
-def about_itself(h: Hypothesis, base: float) -> Hypothesis:
+def about_itself(h: Hypothesis) -> Hypothesis:
     """The same hypothesis refitted about a reconstruction that has it.
 
     What the effect does to the path is then taken up to all orders. It begins at what is most likely at the noise that
     the effect leaves, which the others were not polished to; beside a database with errors of its own there is no such
-    noise, and it begins where it was. The gain is what it has over the model without it
-    (`base`), where one of the two holds. Where both fail, it stays that of the first refit: another path would serve
-    the model without the effect as well.
-
-    Parameters
-    ----------
-    h : Hypothesis
-    base : float
-        Log-likelihood of *none* where it is likeliest, nats.
-
-    Returns
-    -------
-    Hypothesis
+    noise, and it begins where it was. The gain is what it has over the model without it, where one of the two holds.
+    Where both fail, it stays that of the first refit: another path would serve the model without the effect as well.
     """
     polished = h
     if not h.at_floor:
         starts = [h.hard] if h.hard is not None and h.case.exact else []
-        polished = _best(h.name, [h.refit], starts, 0.0, h.case, h.linear, h.before, thorough=True)
+        polished = _best(h.name, [h.refit], starts, h.without, h.case, h.linear, thorough=True)
     rounds = 2 if h.case.exact else 1  # or nothing will hold, and what it moves is lost in the noise
     case, linear, found = until_still(load_case(h.case.mission, polished.refit.effects), rounds)
-    again = _best(h.name, [found], [], 0.0, case, linear, h.before, thorough=True)
-    gain = again.gain - base
-    if h.linear.holds:  # from path to path evidence jumps by some nats; `base` is the likeliest's too
+    again = _best(h.name, [found], [], h.without, case, linear, thorough=True)
+    gain = again.gain
+    if h.linear.holds:  # from path to path evidence jumps by some nats; the model without it has its likeliest too
         gain = max(gain, h.gain)
     elif not again.at_floor:
         gain = h.gain
-    solved = again.at_floor and h.before > HOLDS
-    return replace(again, gain=gain, score_gain=again.predictive - base if solved else h.score_gain)
+    solved = again.at_floor and h.without.rough > HOLDS
+    return replace(again, gain=gain, score_gain=again.score_gain if solved else h.score_gain)

@@ -19,6 +19,7 @@ from edl_filter.diagnosis.missing import Missing, most_likely
 from edl_filter.diagnosis.roughness import find_rough
 from edl_filter.diagnosis.trying import RIVAL, STARTS, Trial, alike, leaders, signatures, try_all
 from edl_filter.diagnosis.whitening import Whitener
+from edl_filter.diagnosis.without import Without, without_more
 from edl_filter.effects.effect import Effect
 from edl_filter.errors import InputError
 
@@ -83,7 +84,7 @@ def rank(case: Case, candidates: Iterable[Effect], progress: Progress = lambda _
     if away is not None and away.surprise <= _BELIEVED:
         linear, away = away, None  # it failed only where the reconstruction had put the path
     volume = linear.ground.volume(case.effects)
-    base = max(x.log_likelihood for x in (linear, away) if x is not None) + volume
+    without = without_more([x for x in (linear, away) if x is not None], case.effects)
     progress("trying the catalogue")
     present = {a.name for a in case.effects}
     effects = [e for e in candidates if e.name not in present]
@@ -98,12 +99,12 @@ def rank(case: Case, candidates: Iterable[Effect], progress: Progress = lambda _
     polished: list[Hypothesis] = []
     for tried in grounds:
         best = max((h.gain for h in polished), default=0.0)
-        found = _refitted(case, tried, base, linear.share, _CLOSE * best, failed, progress)
-        polished += _polished(case, found, base, failed, progress)
+        found = _refitted(case, tried, without, _CLOSE * best, failed, progress)
+        polished += _polished(case, found, failed, progress)
     polished.sort(key=lambda h: -h.gain)
     stated = linear.plain.log_likelihood(linear.white(linear.plain)) + volume
     trials = {name: trial for tried in grounds for name, trial in tried.trials[0].items()}
-    other, noise = likely + volume - base, base - stated
+    other, noise = likely + volume - without.likelihood, without.likelihood - stated
     return Ranking(case, linear, trials, polished, missing, other, noise, failed)
 
 
@@ -124,12 +125,9 @@ def _tried(linear: Linear, effects: Sequence[Effect], end: float, failed: dict[s
 
 
 def _refitted(
-    case: Case, tried: _Tried, base: float, before: float, least: float, failed: dict[str, str], progress: Progress
+    case: Case, tried: _Tried, without: Without, least: float, failed: dict[str, str], progress: Progress
 ) -> list[Hypothesis]:
-    """The leaders of what was tried, refitted: those whose linear gain is not below `least`.
-
-    `before` is the part of the rows that are rough without them, where the model fails.
-    """
+    """The leaders of what was tried, refitted: those whose linear gain is not below `least`."""
     found: list[Hypothesis] = []
     for name in leaders(tried.trials):
         if max(t[name].gain for t in tried.trials) < least:
@@ -140,7 +138,7 @@ def _refitted(
         progress(f"refitting {name}")
         starts = [(t[name], way) for t, way in zip(tried.trials, tried.ways, strict=True)]
         try:
-            one = refitted(case, tried.linear, starts, base, before)
+            one = refitted(case, tried.linear, starts, without)
         except InputError as error:
             failed[name] = str(error)
             continue
@@ -176,9 +174,7 @@ def something_else(linear: Linear) -> tuple[Missing, float]:
     return missing, max(whiten.log_likelihood(linear.white(whiten)), linear.log_likelihood)
 
 
-def _polished(
-    case: Case, found: list[Hypothesis], base: float, failed: dict[str, str], progress: Progress
-) -> list[Hypothesis]:
+def _polished(case: Case, found: list[Hypothesis], failed: dict[str, str], progress: Progress) -> list[Hypothesis]:
     """All hypotheses, the leader refitted about itself, and others that may be right where it is wrong.
 
     About a model that fails, gains are good to a factor only: a wrong name may lead where the right one moves the path
@@ -201,7 +197,7 @@ def _polished(
         own.add(name)
         progress(f"refitting {name} about a new reconstruction")
         try:
-            ranked[i] = about_itself(ranked[i], base)
+            ranked[i] = about_itself(ranked[i])
         except InputError as error:
             failed[name] = str(error)
         ranked.sort(key=lambda h: -h.gain)
