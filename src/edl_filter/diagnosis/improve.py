@@ -46,9 +46,9 @@ class Step:
         best = self.diagnosis.verdict.entries[0].hypothesis if self.diagnosis.verdict.entries else None
         if self.diagnosis.verdict.leader is not None and best is not None:
             return (
-                f"Stopped: the model still fails with {len(self.model)} effects, which is as many as are tried; the next "
-                f"would be {best.name} (gain {best.gain:.1f} nats). Some of them may stand for something else: their "
-                "sizes and what they mend are for a person to judge."
+                f"Stopped: the model still fails with {len(self.model)} effects, which is as many as are tried; the "
+                f"next would be {best.name} (gain {best.gain:.1f} nats). Some of them may stand for something else: "
+                "what they are and what they mend is for a person to judge."
             )
         if best is None:
             return "Stopped: something is missing, and none of the effects tried explains any of it."
