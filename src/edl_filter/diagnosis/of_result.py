@@ -13,6 +13,7 @@ from edl_filter.diagnosis.case import load_case
 from edl_filter.diagnosis.diagnose import diagnose
 from edl_filter.diagnosis.ranking import Progress
 from edl_filter.diagnosis.series import residual_series
+from edl_filter.effects.again import among, offered
 from edl_filter.effects.catalogue import unknown
 from edl_filter.effects.effect import Effect
 from edl_filter.effects.loading import effects_in, known_effects
@@ -65,10 +66,11 @@ def candidates(names: Sequence[str] = (), file: Path | None = None) -> list[Effe
         There is none of a name (the nearest are named), or the file cannot be used.
     """
     known = known_effects() | (effects_in(file.expanduser()) if file is not None else {})
-    for name in names:
-        if name not in known:
+    found = {name: among(known, name) for name in names}
+    for name, effect in found.items():
+        if effect is None:
             raise InputError(f"--effect: {unknown(name, known)}.")
-    return [known[name] for name in dict.fromkeys(names)] if names else list(known.values())
+    return [e for e in found.values() if e is not None] if names else list(known.values())
 
 
 def needs_prediction(mission: Mission, where: str) -> None:
@@ -104,7 +106,7 @@ def diagnose_result(
     needs_prediction(mission, str(reopened.path))
     chosen = candidates(names, file)
     present = {a.name for a in reopened.effects}
-    if names and all(e.name in present for e in chosen):
+    if names and not offered(chosen, present):
         raise InputError(f"--effect: {', '.join(names)} is in the model already; name an effect that is not.")
     progress("reconstructing")
     case = load_case(mission, reopened.effects)
@@ -142,7 +144,7 @@ def following(reopened: Reopened, content: dict[str, Any], file: Path | None) ->
     built_in = name.startswith("builtin:")
     stem = f"{name.removeprefix('builtin:') if built_in else Path(name).stem}+{effect}"
     added = f"{stem}.yaml" if built_in else str(Path(name).with_name(f"{stem}.yaml"))
-    mine = file is not None and effect in effects_in(file.expanduser())
+    mine = file is not None and among(effects_in(file.expanduser()), effect) is not None
     add = f"edl-filter add {quote(name)} {effect} --from {quote(str(reopened.folder))}"
     output = reopened.folder.parent / f"{reopened.folder.name}+{effect}"
     return [

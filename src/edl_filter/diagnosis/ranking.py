@@ -20,6 +20,7 @@ from edl_filter.diagnosis.roughness import find_rough
 from edl_filter.diagnosis.trying import RIVAL, STARTS, Trial, alike, leaders, signatures, try_all
 from edl_filter.diagnosis.whitening import Whitener
 from edl_filter.diagnosis.without import Without, without_more
+from edl_filter.effects.again import offered
 from edl_filter.effects.effect import Effect
 from edl_filter.errors import InputError
 
@@ -70,7 +71,7 @@ def rank(case: Case, candidates: Iterable[Effect], progress: Progress = lambda _
     ----------
     case : Case
     candidates : iterable of Effect
-        Those that are in the model already are passed over.
+        Those that are in the model already are passed over, or tried once more if they act at a place (`again`).
     progress : callable
         Told what is being done.
 
@@ -86,8 +87,7 @@ def rank(case: Case, candidates: Iterable[Effect], progress: Progress = lambda _
     volume = linear.ground.volume(case.effects)
     without = without_more([x for x in (linear, away) if x is not None], case.effects)
     progress("trying the catalogue")
-    present = {a.name for a in case.effects}
-    effects = [e for e in candidates if e.name not in present]
+    effects = offered(candidates, {a.name for a in case.effects})
     failed: dict[str, str] = {}
     # where the model holds an effect has its full evidence; the scan of one with a place is too coarse for that
     shares = [(linear, effects)]

@@ -37,7 +37,8 @@ def partner_of(first: Hypothesis, candidates: Sequence[Effect], progress: Progre
         the stated one, and does not do without the first.
     """
     held = load_case(first.case.mission, first.refit.effects)
-    verdict = judge(rank(held, candidates, lambda said: progress(f"with {first.name}: {said}")))
+    others = [e for e in candidates if e.name != first.name]  # two of one kind may copy what neither is
+    verdict = judge(rank(held, others, lambda said: progress(f"with {first.name}: {said}")))
     if verdict.leader is None:
         return None
     second = verdict.entries[0].hypothesis

@@ -185,11 +185,14 @@ class Effect:
     source : str
         Where form and plausible size come from.
     parameters : tuple of Parameter
+    number : int
+        Which of its kind it is in a model: the second is called ``name_2`` (`again`).
     file : Path or None
         Python file that it was read from, for a user's.
     """
 
     name: ClassVar[str] = ""
+    number: ClassVar[int] = 1
     family: ClassVar[str] = "user"
     summary: ClassVar[str] = ""
     shows: ClassVar[str] = ""

@@ -14,6 +14,7 @@ from importlib.metadata import entry_points
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from edl_filter.effects.again import among
 from edl_filter.effects.catalogue import catalogue, nearest, unknown
 from edl_filter.effects.effect import KINDS, Effect, Parameter
 from edl_filter.effects.guard import guarded, last_line
@@ -31,16 +32,19 @@ def find_effect(name: str, file: Path | None = None) -> Effect:
         There is none of that name (the nearest are named), or the file or package cannot be used.
     """
     if file is not None:
-        known = effects_in(file)
-        if name not in known:
-            raise InputError(f"{file}: {unknown(name, known)}.")
-        return known[name]
+        return _one_of(effects_in(file), name, f"{file}: ", ".")
     known = catalogue()
-    if name not in known:
-        known = known_effects()
-    if name not in known:
-        raise InputError(unknown(name, known))
-    return known[name]
+    if name in known:
+        return known[name]
+    return _one_of(known_effects(), name)
+
+
+def _one_of(known: dict[str, Effect], name: str, before: str = "", after: str = "") -> Effect:
+    """By its name, or by that of an effect that is there once more."""
+    found = among(known, name)
+    if found is None:
+        raise InputError(f"{before}{unknown(name, known)}{after}")
+    return found
 
 
 def known_effects() -> dict[str, Effect]:
@@ -139,7 +143,7 @@ def of_session(given: Effect | type[Effect]) -> Effect:
 
 def has_home(effect: Effect) -> bool:
     """Whether a mission file can name the effect: one of the catalogue, of an installed package or of a file."""
-    return effect.file is not None or type(known_effects().get(effect.name)) is type(effect)
+    return effect.file is not None or type(among(known_effects(), effect.name)) is type(effect)
 
 
 class Problem(NamedTuple):

@@ -48,16 +48,17 @@ def check_effects(effects: Sequence[EffectEntry]) -> None:
     """
     if not effects:
         return
+    from edl_filter.effects.again import among
     from edl_filter.effects.loading import first_problem, known_effects, nearest
 
     known = known_effects()
     for k, entry in enumerate(effects):
         if entry.file is not None:
             continue
-        if entry.name not in known:
+        effect = among(known, entry.name)
+        if effect is None:
             expected = f"the name of an effect; {nearest(entry.name, known)}"
             raise problem(shown(entry.name), expected, f"effects.{k}.name")
-        effect = known[entry.name]
         wrong = first_problem(effect, entry.parameters)
         if wrong is not None:
             raise problem(wrong.found, wrong.expected, f"effects.{k}.parameters.{wrong.parameter}")

@@ -1,0 +1,75 @@
+"""An effect once more: under its number, the same in all else, and only where it acts at a place."""
+
+import numpy as np
+import pytest
+from standins import flow
+
+from edl_filter.effects.again import MOST, offered
+from edl_filter.effects.catalogue import catalogue, effect_named
+from edl_filter.effects.effect import Effect, Parameter
+from edl_filter.effects.loading import find_effect, has_home
+from edl_filter.errors import InputError
+
+
+def names(effects):
+    return [e.name for e in effects]
+
+
+def test_what_is_in_the_model_is_offered_once_more_if_it_acts_at_a_place():
+    tried = [effect_named(n) for n in ("mass", "remnant_torque", "wind")]
+    assert names(offered(tried, ())) == ["mass", "remnant_torque", "wind"]
+    assert names(offered(tried, {"mass", "remnant_torque"})) == ["remnant_torque_2", "wind"]
+    assert names(offered(tried, {"remnant_torque", "remnant_torque_2"})) == ["mass", "remnant_torque_3", "wind"]
+    assert names(offered(tried, {"wind", *(f"wind_{n}" for n in range(2, MOST + 1))})) == ["mass", "remnant_torque"]
+    second = find_effect("wind_2")
+    assert names(offered([second], ())) == ["wind_2"] and offered([second], {"wind_2"}) == []
+
+
+def test_it_is_found_by_its_name_and_has_a_home():
+    second = find_effect("remnant_torque_2")
+    assert second is find_effect("remnant_torque_2") and second.name == "remnant_torque_2" and second.number == 2
+    assert has_home(second)
+    assert second.parameters == effect_named("remnant_torque").parameters
+    assert effect_named("remnant_torque").name == "remnant_torque" and "remnant_torque_2" not in catalogue()
+
+
+def test_it_acts_as_the_first_does():
+    values = {"Cl": 1e-6, "Cm": 1e-3, "Cn": -2e-3, "t0": 0.0, "t1": np.inf}
+    one, other = (find_effect(n).force_moment(values, flow()) for n in ("remnant_torque", "remnant_torque_3"))
+    assert np.any(one[1])
+    np.testing.assert_array_equal(one, other)
+
+
+@pytest.mark.parametrize("name", ["mass_2", "wind_1", "wind_02", f"wind_{MOST + 1}", "wind_2_2", "wind_"])
+def test_what_is_there_only_once_has_no_number(name):
+    with pytest.raises(InputError, match=f"found no effect '{name}'"):
+        find_effect(name)
+
+
+def test_a_users_effect_is_there_once_more_as_well(tmp_path):
+    path = tmp_path / "gusts.py"
+    path.write_text(
+        "import numpy as np\nfrom edl_filter.effects import Effect, Parameter\n"
+        "class Gust(Effect):\n    name = 'gust'\n"
+        "    parameters = (Parameter('v', 'm/s', 'speed', 10.0, low=-99.0, high=99.0),\n"
+        "                  Parameter('h', 'm', 'above', kind='altitude', low=0.0, high=1e5, scan=9))\n"
+        "    def wind(self, p, altitude):\n"
+        "        return np.column_stack([p['v'] * (altitude > p['h']), 0 * altitude])\n"
+    )
+    second = find_effect("gust_2", path)
+    assert second.file == path and has_home(second)
+    np.testing.assert_allclose(second.wind({"v": 3.0, "h": 1e4}, np.array([0.0, 2e4])), [[0.0, 0.0], [3.0, 0.0]])
+    with pytest.raises(InputError, match="gust_9"):
+        find_effect("gust_9", path)
+
+
+def test_an_effect_of_this_session_is_offered_once_more():
+    class Mine(Effect):
+        name = "mine"
+        parameters = (
+            Parameter("a", "", "how much", 0.1, low=-1.0, high=1.0),
+            Parameter("t0", "s", "from", kind="time", scan=5),
+        )
+
+    mine = Mine()
+    assert names(offered([mine], {"mine"})) == ["mine_2"] and isinstance(offered([mine], {"mine"})[0], Mine)
