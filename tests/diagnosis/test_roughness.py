@@ -130,6 +130,21 @@ def test_no_piece_would_be_likelier_with_another_variance(seed, piece, channel, 
             assert other.log_likelihood(other(column, np.zeros((1, 1)))[:, 0]) < best + 2.0
 
 
+@settings(max_examples=20, deadline=None)
+@given(st.integers(0, 1000), st.floats(2.0, 30.0), st.floats(2.0, 30.0))
+def test_it_does_not_matter_where_it_begins(seed, one, other):
+    """From what another column has, louder and elsewhere, it comes to the same."""
+    steps, order = problem(walk=0.2)
+    plain, start = whitener(steps), np.zeros(1)
+    begin, _ = find_rough(plain, order, drawn(seed + 1, 0.2, loud(1, 0, other) * loud(4, 1, other)), start)
+    column = drawn(seed, 0.2, loud(1, 0, one) * loud(2, 1, one))
+    likelihoods = [
+        w.log_likelihood(w(column[:, None], np.zeros((1, 1)))[:, 0])
+        for _, w in (find_rough(plain, order, column, start), find_rough(plain, order, column, start, begin))
+    ]
+    assert likelihoods[0] == pytest.approx(likelihoods[1], abs=4.0)
+
+
 def test_the_excess_stands_on_the_diagonal_and_nowhere_else():
     steps, order = problem()
     assert roughened(steps, order, smooth_noise(steps)) is steps

@@ -150,7 +150,7 @@ def _best(
     for start in (found, *([surest] if surest is not None else [])):
         if not thorough and _look(linear, start, without.rough) > _MAYBE:
             continue
-        rough, whiten = find_rough(linear.plain, linear.ground.order, start.column, start.start)
+        rough, whiten = find_rough(linear.plain, linear.ground.order, start.column, start.start, linear.rough[0])
         moving = start.point is not linear.ground.point  # one that moved goes on from there
         own = refit(linear, start.effects, whiten, steps=3, moving=moving)
         outcomes.append(_hypothesis(name, own, whiten, rough.share < floor, without, case, linear))

@@ -12,8 +12,8 @@ from edl_filter.diagnosis.settle import settle
 from edl_filter.effects.effect import Active, Effect
 from edl_filter.mission import Mission
 
-#: Effects that are added at most: a model that still fails then needs a person.
-MOST = 6
+#: Effects in a model at which the loop ends though more would earn their place: it then needs a person.
+MOST = 12
 
 
 @dataclass(frozen=True)

@@ -170,7 +170,8 @@ def something_else(linear: Linear) -> tuple[Missing, float]:
     missing, found = most_likely(value)
     if linear.rough[0].none:
         return missing, found
-    _, whiten = find_rough(linear.with_missing(missing), linear.ground.order, linear.column, linear.start)
+    allowed, order = linear.with_missing(missing), linear.ground.order
+    _, whiten = find_rough(allowed, order, linear.column, linear.start, linear.rough[0])
     return missing, max(whiten.log_likelihood(linear.white(whiten)), linear.log_likelihood)
 
 

@@ -87,7 +87,9 @@ def first_look(plain: Whitener, order: Order, column: Array, start: Array) -> Ro
     return Rough(out, out > 0.0)
 
 
-def find_rough(plain: Whitener, order: Order, column: Array, start: Array) -> tuple[Rough, Whitener]:
+def find_rough(
+    plain: Whitener, order: Order, column: Array, start: Array, begin: Rough | None = None
+) -> tuple[Rough, Whitener]:
     """Roughness of a column of differences, and the whitener that allows for it.
 
     Parameters
@@ -97,6 +99,8 @@ def find_rough(plain: Whitener, order: Order, column: Array, start: Array) -> tu
     order : Order
     column : (R,) array
     start : (n,) array
+    begin : Rough, optional
+        What another column was found to have, such as that of the model without an effect: it saves rounds.
 
     Returns
     -------
@@ -106,7 +110,7 @@ def find_rough(plain: Whitener, order: Order, column: Array, start: Array) -> tu
     found, at_it = first_look(plain, order, column, start), plain
     if found.none:
         return found, plain
-    trial = found.variance
+    trial = found.variance if begin is None or begin.none else np.where(begin.sure, begin.variance, found.variance)
     for _ in range(_ROUNDS):
         whiten = whitener(roughened(plain.steps, order, replace(found, variance=trial)))
         white = whiten(column[:, None], start[:, None])[:, 0]
