@@ -2,11 +2,13 @@
 
 import json
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 from typer.testing import CliRunner
 
 from edl_filter.cli import app
+from edl_filter.diagnosis.improve import Step
 from edl_filter.effects import Active
 from edl_filter.effects.catalogue import effect_named
 from edl_filter.mission import Mission
@@ -52,6 +54,20 @@ def test_improve_keeps_every_step(improved):
     assert (out / "figures" / "ledger.png").is_file()
     j2 = json.loads((out / "summary.json").read_text())["effects"]["gravity_oblateness"]["parameters"]["J2"]
     assert abs(j2["estimate"] - TRUE_J2) < 3.0 * j2["sigma"] and j2["unit"] == ""
+
+
+def test_the_last_step_says_why():
+    """The noise is reached; or nothing that was tried explains what is left; or as much was added as may be."""
+    best = SimpleNamespace(hypothesis=SimpleNamespace(name="wind", gain=20.0, score_gain=19.0))
+
+    def why(verdict, leader, entries):
+        judged = SimpleNamespace(verdict=verdict, leader=leader, entries=entries)
+        return Step((), SimpleNamespace(verdict=judged), None, ()).why_stopped
+
+    assert "agree to the noise" in why("clean", None, [best])
+    assert "none of the effects tried explains; the best, wind, would gain 20.0" in why("unknown", None, [best])
+    assert why("unknown", None, []).endswith("explains any of it.")
+    assert "as many as are tried; the next would be wind" in why("missing", "wind", [best])
 
 
 def test_another_missions_ledger_is_refused(improved, tmp_path):
