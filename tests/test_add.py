@@ -116,11 +116,19 @@ def test_starting_values_come_from_a_diagnosis_and_set_goes_before_them(cli):
     assert torque.values == {"Cl": 1e-6, "Cm": 2e-3, "Cn": 0.0, "t0": 183.12346, "t1": float("inf")}
 
 
+def test_a_name_that_cannot_be_told_from_the_first_has_its_own_estimates(cli):
+    diagnosis(alternatives={"com_offset": {"parameters": {"dy": {"estimate": 4e-3, "sigma": 1e-4, "unit": "m"}}}})
+    result = cli("add", "builtin:practice_mer", "com_offset", "--from", "out")
+    assert result.exit_code == 0, result.output
+    (offset,) = Mission.load("practice_mer+com_offset.yaml").active_effects()
+    assert offset.values == {"dx": 0.0, "dy": 4e-3, "dz": 0.0}
+
+
 @pytest.mark.parametrize(
     ("effect", "text", "message"),
     [
         ("wind", None, "out/diagnosis.json: found no estimate of wind; it has estimates of remnant_torque."),
-        ("com_offset", None, "com_offset cannot be told from remnant_torque, which has the estimate; add that"),
+        ("com_offset", None, "found no estimate of com_offset; it has estimates of remnant_torque."),
         ("wind", "{", "out/diagnosis.json: Expecting property name"),
         ("wind", "{}", "found no ranking of effects with estimates (KeyError('ranking') is missing)"),
         ("wind", '{"ranking": [{"effect": "wind", "parameters": {"east": 3}}]}', "found no ranking of effects"),

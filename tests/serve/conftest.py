@@ -20,7 +20,9 @@ ORIGIN = f"http://127.0.0.1:{PORT}"
 
 DIAGNOSIS = {
     "verdict": "missing", "sentence": "Missing: wind (gain 100 nats).", "effects": [], "where": [], "map": [],
-    "ranking": [{"effect": "wind", "same_as": [], "probability": 1.0, "gain": 100.0, "score_gain": 90.0,
+    "ranking": [{"effect": "wind", "same_as": ["com_offset"], "probability": 1.0,
+                 "alternatives": {"com_offset": {"parameters": {"dy": {"estimate": 4e-3, "sigma": 1e-4, "unit": "m"}}}},
+                 "gain": 100.0, "score_gain": 90.0,
                  "parameters": {"east": {"estimate": 30.0, "sigma": 1.0, "unit": "m/s"}}}],
     "errors": {"force_x": 9.0},
 }  # fmt: skip

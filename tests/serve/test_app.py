@@ -40,6 +40,7 @@ def test_result_with_commands(client):
     assert [s["path"] for s in told["steps"]] == ["results/flight"]
     assert told["diagnosing"] == ["edl-filter diagnose results/flight"]
     assert told["adding"]["wind"][0].startswith("edl-filter add ")
+    assert " com_offset --from " in told["adding"]["com_offset"][0]
     assert told["comparing"] == []
 
 

@@ -58,6 +58,11 @@ def test_adding_an_effect(made):
     ]
 
 
+def test_adding_another_name_of_a_hypothesis(made):
+    plan = plans.plan_add(made.resolve(), "results/flight", "com_offset")
+    assert plan.lines()[0] == "edl-filter add flight.yaml com_offset --from results/flight -o flight+com_offset.yaml"
+
+
 def test_an_earlier_attempt_is_left_alone(made):
     (made / "flight+wind.yaml").write_text("an earlier attempt")
     try:
@@ -67,7 +72,7 @@ def test_an_earlier_attempt_is_left_alone(made):
 
 
 def test_only_hypotheses_of_the_diagnosis_can_be_added(root, diagnosis):
-    with pytest.raises(InputError, match="found no estimate of '--help'; it has estimates of wind"):
+    with pytest.raises(InputError, match="found no estimate of '--help'; it has estimates of com_offset, wind"):
         plans.plan_add(root, "results/flight", "--help")
     diagnosis(root / "results/flight", "mass")
     assert plans.plan_add(root, "results/flight", "mass").result == "results/flight+mass"

@@ -223,6 +223,7 @@ def _entry(entry: Entry, before: dict[str, float]) -> dict[str, Any]:
     return {
         "effect": h.name,
         "same_as": list(entry.same_as),
+        "alternatives": {other.name: {"parameters": _parameters(other, other.active)} for other in entry.others},
         "parted_by": entry.parted_by,
         "probability": entry.probability,
         "gain": h.gain,

@@ -45,17 +45,22 @@ class Entry:
     Attributes
     ----------
     hypothesis : Hypothesis
-    same_as : tuple of str
-        Names that the flight does not tell from it.
+    others : tuple of Hypothesis
+        Those that the flight does not tell from it.
     probability : float
     parted_by : dict
         Each of those names → what would part it from the first, in words.
     """
 
     hypothesis: Hypothesis
-    same_as: tuple[str, ...]
+    others: tuple[Hypothesis, ...]
     probability: float
     parted_by: dict[str, str] = field(default_factory=dict)
+
+    @property
+    def same_as(self) -> tuple[str, ...]:
+        """Names that the flight does not tell from the first."""
+        return tuple(h.name for h in self.others)
 
 
 @dataclass(frozen=True)
@@ -113,7 +118,7 @@ def judge(ranking: Ranking, partner: Hypothesis | None = None) -> Verdict:
     weight = np.exp(evidence - evidence.max())
     probability = weight / weight.sum()
     entries = [
-        Entry(g[0], tuple(h.name for h in g[1:]), float(p), {h.name: parted(g[0], h) for h in g[1:]})
+        Entry(g[0], tuple(g[1:]), float(p), {h.name: parted(g[0], h) for h in g[1:]})
         for g, p in zip(groups, probability[2:], strict=True)
     ]
     need = CLEAR_IN_NOISE if noisy else CLEAR

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -129,13 +129,7 @@ def estimates_of(result: Path, name: str) -> tuple[dict[str, float], str | None]
     except ValueError as error:
         raise InputError(f"{path}: {error}; JSON is expected.") from None
     try:
-        ranking = {entry["effect"]: entry for entry in told["ranking"]}
-        partners = {p: e for e, entry in ranking.items() for p in entry.get("same_as", ())}
-        if name not in ranking and name in partners:
-            raise InputError(
-                f"{path}: {name} cannot be told from {partners[name]}, which has the estimate; add that, or {name} "
-                "with --set instead of --from."
-            )
+        ranking = by_name(told["ranking"])
         if name not in ranking:
             names = ", ".join(ranking) or "none"
             raise InputError(f"{path}: found no estimate of {name}; it has estimates of {names}.")
@@ -144,6 +138,13 @@ def estimates_of(result: Path, name: str) -> tuple[dict[str, float], str | None]
         return values, ranking[name].get("imu")
     except (KeyError, TypeError, AttributeError) as error:
         raise InputError(f"{path}: found no ranking of effects with estimates ({error!r} is missing).") from None
+
+
+def by_name(ranking: Iterable[dict[str, Any]]) -> dict[str, dict[str, Any]]:
+    """Hypotheses of a ``diagnosis.json`` by name, those among them that the flight does not tell from another too."""
+    entries = list(ranking)
+    others = {name: other for e in entries for name, other in e.get("alternatives", {}).items()}
+    return others | {e["effect"]: e for e in entries}
 
 
 def _value(change: str) -> tuple[str, float]:

@@ -18,6 +18,7 @@ from starlette.routing import Route
 
 import edl_filter
 from edl_filter.errors import InputError
+from edl_filter.mission.adding import by_name
 from edl_filter.serve import library
 from edl_filter.serve.jobs import BusyError, Worker
 from edl_filter.serve.plans import Plan, plan_add, plan_compare, plan_diagnose, plan_run, prepare_add
@@ -104,7 +105,7 @@ class _Bench:
             for s in way
         ]
         told = result.diagnosis
-        adding = {e["effect"]: self._add_lines(result.path, e["effect"]) for e in (told or {"ranking": ()})["ranking"]}
+        adding = {e: self._add_lines(result.path, e) for e in by_name((told or {"ranking": ()})["ranking"])}
         return JSONResponse({
             "path": result.path, "title": result.title, "mission": result.mission, "effects": result.effects,
             "diagnosis": told, "steps": steps, "adding": adding,

@@ -10,6 +10,7 @@ from pathlib import Path, PurePosixPath
 from edl_filter.diagnosis.of_result import AS_RUN
 from edl_filter.errors import InputError
 from edl_filter.mission import Mission
+from edl_filter.mission.adding import by_name
 from edl_filter.mission.mission import BUILTIN, shipped_mission, shipped_names
 from edl_filter.mission.naming import write_mission
 from edl_filter.mission.text import read_text
@@ -76,7 +77,7 @@ def plan_add(root: Path, result: str, effect: str) -> Plan:
         There is no such result, or its diagnosis has no such hypothesis.
     """
     told = find_result(root, result).diagnosis
-    names = [] if told is None else [e["effect"] for e in told["ranking"]]
+    names = [] if told is None else list(by_name(told["ranking"]))
     if effect not in names:
         raise InputError(
             f"{result}: found no estimate of {effect!r}; it has estimates of {', '.join(names) or 'none'}."

@@ -368,7 +368,7 @@ function rankingView(result) {
     setBusy();
   };
   state.effect = null;
-  for (const entry of told.ranking) box.append(hypothesis(entry, choose));
+  for (const entry of told.ranking) box.append(hypothesis(entry, choose), ...alternatives(entry, choose));
   const rest = [["nothing is missing", told.none, "The model as it is."],
     ["something else", told.something_else && told.something_else.probability, "A force and moment that nobody named."]];
   for (const [name, p, words] of rest) {
@@ -389,13 +389,22 @@ function chanceHead(title, p, input) {
 
 function hypothesis(entry, choose) {
   const input = make("input", { type: "radio", name: "effect", value: entry.effect, onchange: () => choose(entry.effect) });
-  const alike = entry.same_as.length ? make("p", {}, make("b", {}, "Cannot be told from: "), entry.same_as.map(plain).join(", "), ". Choose by what you know of the vehicle; ",
-    "another name than the first is added with ", make("code", {}, "edl-filter add MISSION EFFECT --set PARAM=VALUE"), ".") : null;
-  const parted = Object.entries(entry.parted_by || {}).map(([name, words]) => make("p", { class: "quiet" }, `${plain(name)}: ${words}.`));
+  const alike = entry.same_as.length ? make("p", {}, make("b", {}, "Cannot be told from: "), entry.same_as.map(plain).join(", "), ". Choose by what you know of the vehicle.") : null;
   return make("label", { class: "choice", "data-effect": entry.effect }, chanceHead(make("h3", {}, plain(entry.effect)), entry.probability, input),
     make("p", { class: "number quiet" }, `gain ${nats(entry.gain)} · held out ${nats(entry.score_gain)}`),
     make("p", {}, `${plain(entry.channel)}: ${number(entry.error_before)} → ${number(entry.error_after)} sigmas expected`),
-    parameters(entry.parameters), alike, ...parted);
+    parameters(entry.parameters), alike);
+}
+
+/** The other names of a hypothesis, each to be chosen with its own estimates. */
+function alternatives(entry, choose) {
+  return Object.entries(entry.alternatives || {}).map(([name, other]) => {
+    const input = make("input", { type: "radio", name: "effect", value: name, onchange: () => choose(name) });
+    const parted = (entry.parted_by || {})[name];
+    return make("label", { class: "choice also", "data-effect": name },
+      make("div", { class: "line" }, input, make("h3", {}, plain(name)), make("span", { class: "quiet" }, `instead of ${plain(entry.effect)}`)),
+      parameters(other.parameters), parted ? make("p", { class: "quiet" }, `${parted}.`) : null);
+  });
 }
 
 // ---- work ------------------------------------------------------------------------------------------------------
