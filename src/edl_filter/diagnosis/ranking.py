@@ -49,7 +49,8 @@ class Ranking:
     something_else : float
         Its evidence, nats, over the model at its own noise where it is likeliest, as all gains are.
     noise_evidence : float
-        Evidence of that over the model where it is, at the stated noise; zero where they are one.
+        Evidence of that over the model where it is, at the stated noise, less what its variances cost; zero where they
+        are one.
     failed : dict
         Effect → what went wrong in it: a user's, whose hooks raise or give the wrong thing.
     """
@@ -104,7 +105,8 @@ def rank(case: Case, candidates: Iterable[Effect], progress: Progress = lambda _
     polished.sort(key=lambda h: -h.gain)
     stated = linear.plain.log_likelihood(linear.white(linear.plain)) + volume
     trials = {name: trial for tried in grounds for name, trial in tried.trials[0].items()}
-    other, noise = likely + volume - without.likelihood, without.likelihood - stated
+    other = likely + volume - without.likelihood
+    noise = without.likelihood - without.price - stated
     return Ranking(case, linear, trials, polished, missing, other, noise, failed)
 
 

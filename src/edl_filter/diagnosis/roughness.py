@@ -44,10 +44,14 @@ class Rough:
         In the rows' own units, squared.
     sure : (R,) array of bool
         Where it is more than chance.
+    price : float
+        What the variances cost in evidence, nats: each was chosen among all pieces, and its size found from the piece's
+        own rows (Schwarz, Annals of Statistics 6 (1978) 461).
     """
 
     variance: Array
     sure: NDArray[np.bool_]
+    price: float = 0.0
 
     @property
     def none(self) -> bool:
@@ -104,22 +108,34 @@ def find_rough(
 
     Returns
     -------
-    The most likely variances; none where a first look sees none.
+    The most likely variances, or only those that are more than chance, or none, if that is as likely for the price;
+    none where a first look sees none.
     """
+
+    def tried(rough: Rough) -> tuple[float, Whitener, Array]:
+        whiten = plain if rough.none else whitener(roughened(plain.steps, order, rough))
+        white = whiten(column[:, None], start[:, None])[:, 0]
+        return whiten.log_likelihood(white), whiten, white
+
     pieces, best = _pieces(order), -np.inf
     found, at_it = first_look(plain, order, column, start), plain
     if found.none:
         return found, plain
     trial = found.variance if begin is None or begin.none else np.where(begin.sure, begin.variance, found.variance)
     for _ in range(_ROUNDS):
-        whiten = whitener(roughened(plain.steps, order, replace(found, variance=trial)))
-        white = whiten(column[:, None], start[:, None])[:, 0]
-        likelihood = whiten.log_likelihood(white)
+        likelihood, whiten, white = tried(replace(found, variance=trial))
         if likelihood < best + _ENOUGH:
             break
         weighed, diagonal = in_hindsight(whiten, white)
-        best, at_it, found = likelihood, whiten, Rough(trial, _sure(trial, pieces, diagonal))
+        best, at_it = likelihood, whiten
+        found = Rough(trial, _sure(trial, pieces, diagonal), _price(trial, pieces))
         trial = _likelier(trial, pieces, weighed, diagonal)
+    kept = np.where(found.sure, found.variance, 0.0)
+    fewer = [Rough(v, v > 0.0, _price(v, pieces)) for v in (kept, np.zeros_like(kept)) if np.any(v != found.variance)]
+    for rough in fewer:
+        likelihood, whiten, _ = tried(rough)
+        if likelihood - rough.price > best - found.price:
+            best, at_it, found = likelihood, whiten, rough
     return found, at_it
 
 
@@ -154,6 +170,12 @@ def _sure(variance: Array, pieces: list[NDArray[np.int64]], diagonal: Array) -> 
     for rows in pieces:
         out[rows] = variance[rows[0]] * np.mean(diagonal[rows]) > _chance(len(rows))
     return out
+
+
+def _price(variance: Array, pieces: list[NDArray[np.int64]]) -> float:
+    """Evidence that choosing the rough pieces and fitting their variances costs, nats."""
+    fitted = [len(rows) for rows in pieces if variance[rows[0]] > 0.0]
+    return len(fitted) * float(np.log(len(pieces))) + 0.5 * float(np.sum(np.log(fitted)))
 
 
 def _chance(count: int) -> float:

@@ -29,11 +29,14 @@ class Without:
         Without priors, nats.
     rough : float
         Part of the rows that are rough where the model fails.
+    price : float
+        What the variances of its roughness cost, nats (`Rough`).
     """
 
     evidence: float
     likelihood: float
     rough: float
+    price: float = 0.0
 
 
 def without_more(linears: Sequence[Linear], effects: Sequence[Active]) -> Without:
@@ -50,6 +53,7 @@ def without_more(linears: Sequence[Linear], effects: Sequence[Active]) -> Withou
     def about(linear: Linear) -> Without:
         kept = refit(linear, effects, linear.soft, steps=_STEPS)
         volume = linear.ground.volume(kept.effects)
-        return Without(kept.evidence, linear.soft.log_likelihood(kept.white) + volume, linears[0].share)
+        likelihood = linear.soft.log_likelihood(kept.white) + volume
+        return Without(kept.evidence, likelihood, linears[0].share, linear.rough[0].price)
 
     return max((about(x) for x in linears), key=lambda w: w.evidence)
