@@ -87,7 +87,7 @@ def test_from_first_look_to_noise_floor(page, folder):
     assert "Noise floor reached" in page.inner_text("#verdict")
     fall = {row.split("\t")[0]: row.split("\t")[1:] for row in page.inner_text("#ledger tbody").splitlines()}
     before, after, percent = fall["moment y"]
-    assert float(before) > 20.0
+    assert float(before) > 5.0  # plainly; how far hangs on the path of the failing model
     assert float(after) < 1.1
     assert float(percent.removesuffix(" %")) > 90.0
     assert page.locator(".map button.fails").count() == 0
