@@ -87,6 +87,18 @@ def test_five_times_the_noise_is_found_where_it_is(channel):
     assert np.mean(alone) >= 0.9  # the unknown that both see may make the other a little louder at the same time
 
 
+@pytest.mark.parametrize("rate", [0.5, 1.0, 4.0, 8.0])
+def test_what_a_first_look_sees_is_sure_however_few_rows_a_piece_has(rate):
+    """Of rows that are independent both ask the same: is the excess more than chance has in so many rows?"""
+    steps, order = problem()
+    order = replace(order, dt=np.full(COUNT, 1.0 / rate), time=100.0 + np.repeat(np.arange(COUNT), 2) / rate)
+    column = drawn(1, factor=loud(2, 0))
+    look = first_look(whitener(steps), order, column, np.zeros(1))
+    rough, _ = find_rough(whitener(steps), order, column, np.zeros(1))
+    assert not look.none
+    np.testing.assert_array_equal(rough.sure, look.sure)
+
+
 def test_a_clean_flight_has_none():
     steps, order = problem(walk=0.1)
     none = [find_rough(whitener(steps), order, drawn(seed, 0.1), np.zeros(1))[0].none for seed in range(100)]

@@ -165,10 +165,11 @@ def _likelier(variance: Array, pieces: list[NDArray[np.int64]], weighed: Array, 
 
 
 def _sure(variance: Array, pieces: list[NDArray[np.int64]], diagonal: Array) -> NDArray[np.bool_]:
-    """Where variance is more than may be chance, of what a difference has when all others are known."""
+    """Where variance is more than may be chance, of what a difference would have without it, all others known."""
     out = np.zeros(len(variance), bool)
     for rows in pieces:
-        out[rows] = variance[rows[0]] * np.mean(diagonal[rows]) > _chance(len(rows))
+        part = variance[rows[0]] * np.mean(diagonal[rows])
+        out[rows] = part > _chance(len(rows)) * (1.0 - part)
     return out
 
 
