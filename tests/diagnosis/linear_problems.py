@@ -6,15 +6,15 @@ from edl_filter.diagnosis.sparse import dense
 from edl_filter.diagnosis.whitening import Steps
 
 
-def problem(seed=3, steps=40, n=7):
-    """A linear problem with still and moving unknowns, and steps without rows."""
+def problem(seed=3, steps=40, n=7, moving=3):
+    """A linear problem whose first unknowns move while the others keep still, and steps without rows."""
     rng = np.random.default_rng(seed)
     move = np.tile(np.eye(n), (steps, 1, 1))
-    move[:, :3, :3] += 0.1 * rng.normal(size=(steps, 3, 3))
+    move[:, :moving, :moving] += 0.1 * rng.normal(size=(steps, moving, moving))
     noise = np.zeros((steps, n, n))
     for k in range(steps):
-        root = 0.1 * rng.normal(size=(3, 3))
-        noise[k, :3, :3] = root @ root.T
+        root = 0.1 * rng.normal(size=(moving, moving))
+        noise[k, :moving, :moving] = root @ root.T
     counts = rng.integers(0, 4, steps)
     rows = np.concatenate(([0], np.cumsum(counts)))
     design = rng.normal(size=(rows[-1], n))
