@@ -32,7 +32,7 @@ notebooks: $(STAMP)
 
 # Two runs and two diagnoses by clicking take minutes, and need Chromium and the practice flights
 test-browser: $(STAMP)
-	$(BIN)/pytest -m browser -rs tests/serve
+	$(BIN)/pytest -m browser tests/serve
 
 lint: $(STAMP)
 	$(BIN)/ruff check .
@@ -63,8 +63,6 @@ study-closure: $(STAMP)
 	$(BIN)/python benchmarks/studies/closure.py
 
 study-comparators: $(STAMP)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check \
-	--constraint constraints.txt --editable '.[study]'
 	$(BIN)/python benchmarks/studies/comparators.py
 
 clean:

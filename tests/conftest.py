@@ -76,11 +76,12 @@ def practice_06():
 @pytest.fixture(scope="module")
 def browser():
     """Headless Chromium, the one that is installed: playwright's own would be a download of 150 MB."""
-    api = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
+    from playwright.sync_api import sync_playwright
+
     path = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
     if path is None:
         pytest.skip("no chromium, chromium-browser or google-chrome is on the path")
-    with api.sync_playwright() as playwright:
+    with sync_playwright() as playwright:
         opened = playwright.chromium.launch(executable_path=path, args=["--no-sandbox"])
         yield opened
         opened.close()

@@ -5,6 +5,7 @@ import sys
 
 import numpy as np
 import pytest
+import spiceypy
 
 from edl_filter import results, rotations
 from edl_filter.errors import InputError
@@ -57,7 +58,6 @@ def test_leap_seconds_and_the_periodic_term():
 
 @pytest.fixture
 def spice():
-    spiceypy = pytest.importorskip("spiceypy")
     spiceypy.kclear()
     yield spiceypy
     spiceypy.kclear()
@@ -105,7 +105,6 @@ def test_comments_hold_utc_and_clock(result, spice, tmp_path):
 
 
 def test_a_frame_that_nobody_states(practice_result, tmp_path):
-    pytest.importorskip("spiceypy")
     with pytest.raises(InputError, match=r"planet\.j2000_from_inertial"):
         export(practice_result, "spk", tmp_path / "a.bsp")
     assert list(tmp_path.iterdir()) == []

@@ -1,7 +1,5 @@
 """What a user could reach for today: both selections on made libraries, and the library on a model that is wrong."""
 
-import importlib.util
-
 import numpy as np
 import pytest
 from comparators import forward, identified, stepwise, thresholded
@@ -11,13 +9,7 @@ from edl_filter.effects import Active
 from edl_filter.effects.catalogue import catalogue, effect_named
 from edl_filter.reconstruction import reconstruct
 
-METHODS = [
-    forward,
-    pytest.param(
-        thresholded,
-        marks=pytest.mark.skipif(importlib.util.find_spec("pysindy") is None, reason="pysindy is not installed"),
-    ),
-]
+METHODS = [forward, thresholded]
 NAMES = ("a", "b", "b", "c", "d")
 
 
