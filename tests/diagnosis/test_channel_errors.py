@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from edl_filter.diagnosis import channel_errors
-from edl_filter.diagnosis.channel_errors import lessens_its_channel, mends_its_channel
+from edl_filter.diagnosis.channel_errors import lessens_its_channel, mends_its_channel, most_lessened
 
 
 @pytest.mark.parametrize(
@@ -35,3 +35,10 @@ def test_what_is_left_of_the_channel_that_it_takes_most_from(monkeypatch):
         monkeypatch.setattr(channel_errors, "_by_channel", lambda linear, _, f=found: f[linear])
         assert lessens_its_channel("model", SimpleNamespace(linear="with")) == lessened
         assert mends_its_channel("model", SimpleNamespace(linear="with"))
+
+
+def test_the_channel_that_falls_most():
+    nan = float("nan")
+    before = {"moment_x": 11.1, "force_x": 9.0, "force_y": 8.0, "landing": nan, "altimeter": 20.0}
+    assert most_lessened(before, {"moment_x": 11.1, "force_x": 1.0, "force_y": 0.9, "landing": 1.0}) == "force_x"
+    assert most_lessened(before, {"moment_x": 12.0, "force_x": 9.1, "force_y": 8.05, "landing": 1.0}) == "force_y"

@@ -9,6 +9,7 @@ from typer.testing import CliRunner
 
 from edl_filter.cli import app
 from edl_filter.diagnosis.improve import Step
+from edl_filter.diagnosis.improving import _why
 from edl_filter.effects import Active
 from edl_filter.effects.catalogue import effect_named
 from edl_filter.mission import Mission
@@ -68,6 +69,14 @@ def test_the_last_step_says_why():
     assert "none of the effects tried explains; the best, wind, would gain 20.0" in why("unknown", None, [best])
     assert why("unknown", None, []).endswith("explains any of it.")
     assert "as many as are tried; the next would be wind" in why("missing", "wind", [best])
+
+
+def test_where_nothing_explains_it_what_is_left_is_described():
+    verdict = SimpleNamespace(verdict="unknown", leader=None, entries=[])
+    last = Step((), SimpleNamespace(verdict=verdict), None, ())
+    left = {"remainder": {"description": "moment_y from 62 to 170 s: 4.9 N m RMS; it oscillates at 0.680 Hz."}}
+    assert _why(last, left, False).endswith(f"explains any of it. What is left: {left['remainder']['description']}")
+    assert _why(last, {"remainder": None}, False).endswith("explains any of it.")
 
 
 def test_another_missions_ledger_is_refused(improved, tmp_path):

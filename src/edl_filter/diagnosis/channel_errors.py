@@ -30,6 +30,12 @@ def errors_with(h: Hypothesis) -> dict[str, float]:
     return _by_channel(h.linear, scaled) | _by_constraint(h.linear, scaled)
 
 
+def most_lessened(before: dict[str, float], after: dict[str, float]) -> str:
+    """The channel or constraint whose mean square falls most."""
+    fall = {name: before[name] ** 2 - after[name] ** 2 for name in before if name in after}
+    return max(fall, key=lambda name: np.nan_to_num(fall[name], nan=-np.inf))
+
+
 def mends_its_channel(linear: Linear, h: Hypothesis) -> bool:
     """Whether the channel that a hypothesis lessens by the largest factor fails without it, and not with it."""
     before, after = max(_both(linear, h), key=lambda pair: pair[0] / pair[1], default=(1.0, 1.0))

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from edl_filter.diagnosis.case import Case
-from edl_filter.diagnosis.channel_errors import errors_of, errors_with
+from edl_filter.diagnosis.channel_errors import errors_of, errors_with, most_lessened
 from edl_filter.diagnosis.hypotheses import Hypothesis
 from edl_filter.diagnosis.latent import Latent, estimate
 from edl_filter.diagnosis.ranking import Progress, Ranking, rank
@@ -219,7 +219,7 @@ def _parameters(h: Hypothesis, active: Active) -> dict[str, Any]:
 def _entry(entry: Entry, before: dict[str, float]) -> dict[str, Any]:
     h = entry.hypothesis
     after = errors_with(h)
-    worst = max(before, key=lambda name: before[name])
+    channel = most_lessened(before, after)
     return {
         "effect": h.name,
         "same_as": list(entry.same_as),
@@ -231,9 +231,9 @@ def _entry(entry: Entry, before: dict[str, float]) -> dict[str, Any]:
         "at_noise_floor": h.at_floor,
         "parameters": _parameters(h, h.active),
         "correlations": _correlations(h),
-        "error_before": before[worst],
-        "error_after": after[worst],
-        "channel": worst,
+        "error_before": before[channel],
+        "error_after": after[channel],
+        "channel": channel,
         "errors_after": after,
     }
 

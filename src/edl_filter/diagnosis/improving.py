@@ -89,7 +89,7 @@ def steps(
         here = folder / f"step_{k}"
         write_mission(mission, text, here / MISSION)
         write_json(content, here / DIAGNOSIS)
-        stop = _why(step, full)
+        stop = _why(step, content, full)
         line = _last_line(k, content, stop) if stop else ledger.entry(k, content)
         ledger.append(folder, line)
         yield Kept(step, content, text, _paragraph(k, content, line, stop))
@@ -143,11 +143,12 @@ def _clear(mission: Mission, folder: Path) -> None:
             old.rmdir()
 
 
-def _why(step: Step, full: bool) -> str:
-    """Why nothing is added; empty where something is."""
+def _why(step: Step, content: dict[str, Any], full: bool) -> str:
+    """Why nothing is added, and what is left; empty where something is added."""
     if full and step.added is not None:
         return f"Stopped: as many effects as were asked for; the next would be {step.added.name}."
-    return step.why_stopped
+    left = content["remainder"]
+    return step.why_stopped + (f" What is left: {left['description']}" if step.why_stopped and left else "")
 
 
 def _last_line(step: int, content: dict[str, Any], why: str) -> dict[str, Any]:
