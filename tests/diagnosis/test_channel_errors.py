@@ -37,8 +37,18 @@ def test_what_is_left_of_the_channel_that_it_takes_most_from(monkeypatch):
         assert mends_its_channel("model", SimpleNamespace(linear="with"))
 
 
-def test_the_channel_that_falls_most():
+def test_the_channel_that_falls_most(monkeypatch):
     nan = float("nan")
-    before = {"moment_x": 11.1, "force_x": 9.0, "force_y": 8.0, "landing": nan, "altimeter": 20.0}
-    assert most_lessened(before, {"moment_x": 11.1, "force_x": 1.0, "force_y": 0.9, "landing": 1.0}) == "force_x"
-    assert most_lessened(before, {"moment_x": 12.0, "force_x": 9.1, "force_y": 8.05, "landing": 1.0}) == "force_y"
+    names = ["moment_x", "force_x", "force_y", "force_z"]
+    monkeypatch.setattr(channel_errors, "channels", lambda _: [(name, "") for name in names])
+    before = {"moment_x": 11.1, "force_x": 9.0, "force_y": 8.0, "force_z": nan, "altimeter": 20.0, "landing": nan}
+    found = [
+        most_lessened(SimpleNamespace(linear=None), before, dict(zip(before, after, strict=True)))
+        for after in (
+            (11.1, 1.0, 0.9, 1.0, 1.0, 1.0),
+            (12.0, 9.1, 7.9, nan, 1.0, 1.0),
+            (12.0, 9.1, 8.1, nan, 1.0, 1.0),  # no channel's falls
+            (12.0, 9.1, 8.1, nan, 20.1, nan),
+        )
+    ]
+    assert found == ["force_x", "force_y", "altimeter", "force_y"]

@@ -30,10 +30,14 @@ def errors_with(h: Hypothesis) -> dict[str, float]:
     return _by_channel(h.linear, scaled) | _by_constraint(h.linear, scaled)
 
 
-def most_lessened(before: dict[str, float], after: dict[str, float]) -> str:
-    """The channel or constraint whose mean square falls most."""
-    fall = {name: before[name] ** 2 - after[name] ** 2 for name in before if name in after}
-    return max(fall, key=lambda name: np.nan_to_num(fall[name], nan=-np.inf))
+def most_lessened(h: Hypothesis, before: dict[str, float], after: dict[str, float]) -> str:
+    """The channel whose mean square falls most with a hypothesis; a constraint only where no channel's falls.
+
+    A constraint is one number or a few, which anything can meet.
+    """
+    fall = {name: before[name] ** 2 - after[name] ** 2 for name in before if np.isfinite(before[name] - after[name])}
+    lessened = [name for name, _ in channels(h.linear) if fall.get(name, 0.0) > 0.0]
+    return max(lessened or fall, key=lambda name: fall[name])
 
 
 def mends_its_channel(linear: Linear, h: Hypothesis) -> bool:

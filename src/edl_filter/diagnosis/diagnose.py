@@ -219,7 +219,7 @@ def _parameters(h: Hypothesis, active: Active) -> dict[str, Any]:
 def _entry(entry: Entry, before: dict[str, float]) -> dict[str, Any]:
     h = entry.hypothesis
     after = errors_with(h)
-    channel = most_lessened(before, after)
+    channel = most_lessened(h, before, after)
     return {
         "effect": h.name,
         "same_as": list(entry.same_as),
