@@ -8,7 +8,7 @@ each of them leaves. On a flight that is understood there is none.
 All pieces share one path, so their variances are sought together. With C the covariance of all differences y, the
 likelihood is level in a piece's variance where the sums over its rows of ``(C⁻¹ y)²`` and of the diagonal of ``C⁻¹``
 are equal (`hindsight`); a variance is multiplied by their ratio until they are (MacKay, Neural Computation 4 (1992)
-415).
+415), and, but for the first time, by a power of it: its steps are always a little short.
 """
 
 from __future__ import annotations
@@ -30,6 +30,8 @@ PIECE = 10.0
 _CHANCE = 4.0
 #: Rounds at most, and a gain (nats) that is not worth another.
 _ROUNDS, _ENOUGH = 10, 2.0
+#: Power of the ratio after the first round: with two, flights were seen to go to and fro.
+_LONGER = 1.5
 #: Part of a difference's variance, all others known, that is as good as none.
 _NOTHING = 1e-6
 
@@ -122,14 +124,14 @@ def find_rough(
     if found.none:
         return found, plain
     trial = found.variance if begin is None or begin.none else np.where(begin.sure, begin.variance, found.variance)
-    for _ in range(_ROUNDS):
+    for i in range(_ROUNDS):
         likelihood, whiten, white = tried(replace(found, variance=trial))
         if likelihood < best + _ENOUGH:
             break
         weighed, diagonal = in_hindsight(whiten, white)
         best, at_it = likelihood, whiten
         found = Rough(trial, _sure(trial, pieces, diagonal), _price(trial, pieces))
-        trial = _likelier(trial, pieces, weighed, diagonal)
+        trial = _likelier(trial, pieces, weighed, diagonal, _LONGER if i else 1.0)
     kept = np.where(found.sure, found.variance, 0.0)
     fewer = [Rough(v, v > 0.0, _price(v, pieces)) for v in (kept, np.zeros_like(kept)) if np.any(v != found.variance)]
     for rough in fewer:
@@ -151,14 +153,14 @@ def _pieces(order: Order) -> list[NDArray[np.int64]]:
     return found
 
 
-def _likelier(variance: Array, pieces: list[NDArray[np.int64]], weighed: Array, diagonal: Array) -> Array:
-    """The next variances from ``C⁻¹ y`` and the diagonal of ``C⁻¹``; of rows that are independent it is the last."""
+def _likelier(variance: Array, pieces: list[NDArray[np.int64]], weighed: Array, diagonal: Array, power: float) -> Array:
+    """The next variances from ``C⁻¹ y`` and the diagonal of ``C⁻¹``."""
     out = np.zeros_like(variance)
     for rows in pieces:
         had, n = variance[rows[0]], len(rows)
         square, expected = np.sum(weighed[rows] ** 2), np.sum(diagonal[rows])
         if had * expected > _NOTHING * n:
-            out[rows] = had * square / expected
+            out[rows] = had * (square / expected) ** power
         elif square / expected - 1.0 > _chance(n):
             out[rows] = (square - expected) * n / expected**2
     return out
