@@ -140,6 +140,21 @@ def test_quarter_turn_about_z_by_hand():
     np.testing.assert_allclose(rotations.rotate(q, [1.0, 0.0, 0.0]), [0.0, 1.0, 0.0], atol=1e-15)
 
 
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        lambda: rotations.multiply(np.zeros((2, 3)), np.zeros((2, 3))),
+        lambda: rotations.cross(np.zeros(2), np.zeros(2)),
+        lambda: rotations.from_rotation_vector(np.zeros((5, 4))),
+        lambda: rotations.to_rotation_vector(np.zeros((5, 3))),
+        lambda: rotations.to_matrix(1.0),
+    ],
+)
+def test_a_last_axis_of_another_length_is_refused(wrong):
+    with pytest.raises(ValueError, match=r"expected \(\.\.\., [34]\)"):
+        wrong()
+
+
 def test_shapes_broadcast():
     rng = np.random.default_rng(3)
     q = rotations.normalise(rng.normal(size=(5, 1, 4)))

@@ -23,7 +23,7 @@ _SMALL = 1e-4
 
 def multiply(p: ArrayLike, q: ArrayLike) -> Array:
     """Hamilton product ``p ⊗ q``: first q, then p."""
-    return _pairwise(_multiply, p, q)
+    return _pairwise(_multiply, p, q, 4)
 
 
 def conjugate(q: ArrayLike) -> Array:
@@ -47,12 +47,12 @@ def rotate(a_from_b: ArrayLike, v: ArrayLike) -> Array:
 
 def cross(u: ArrayLike, v: ArrayLike) -> Array:
     """Vector product; `numpy.cross` costs ten times as much on small arrays."""
-    return _pairwise(_cross, u, v)
+    return _pairwise(_cross, u, v, 3)
 
 
 def from_rotation_vector(phi: ArrayLike) -> Array:
     """Quaternion ``exp(phi)`` of a rotation by ``|phi|`` radians about `phi`."""
-    return _each(_exponential, phi, 4)
+    return _each(_exponential, phi, 4, of=3)
 
 
 def to_rotation_vector(q: ArrayLike) -> Array:
@@ -88,17 +88,25 @@ def cross_matrix(v: ArrayLike) -> Array:
     return out
 
 
-def _each(kernel: Callable[[Array, Array], None], a: ArrayLike, width: int) -> Array:
-    """A kernel over the rows of `a`."""
-    a = np.asarray(a, float)
+def _each(kernel: Callable[[Array, Array], None], a: ArrayLike, width: int, of: int = 4) -> Array:
+    """A kernel over the rows of `a`, which are `of` wide."""
+    a = _wide(a, of)
     out = np.empty((*a.shape[:-1], width))
     kernel(_rows(a, a.shape), out.reshape(-1, width))
     return out
 
 
-def _pairwise(kernel: Callable[[Array, Array, Array], None], a: ArrayLike, b: ArrayLike) -> Array:
-    """A kernel over pairs of rows, as numpy broadcasts them."""
-    a, b = np.asarray(a, float), np.asarray(b, float)
+def _wide(a: ArrayLike, width: int) -> Array:
+    """As an array; compiled code would read past the end of a narrower one."""
+    a = np.asarray(a, float)
+    if a.shape[-1:] != (width,):
+        raise ValueError(f"found shape {a.shape}; expected (..., {width})")
+    return a
+
+
+def _pairwise(kernel: Callable[[Array, Array, Array], None], a: ArrayLike, b: ArrayLike, of: int) -> Array:
+    """A kernel over pairs of rows `of` wide, as numpy broadcasts them."""
+    a, b = _wide(a, of), _wide(b, of)
     shape = a.shape if a.shape == b.shape else np.broadcast_shapes(a.shape, b.shape)
     out = np.empty(shape)
     kernel(_rows(a, shape), _rows(b, shape), out.reshape(-1, shape[-1]))

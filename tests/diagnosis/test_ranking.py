@@ -83,3 +83,12 @@ def test_what_a_name_gains_is_what_the_model_with_it_has_more(ranking):
     base = without_more([h.linear], h.refit.effects)
     assert base.evidence - h.without.evidence == pytest.approx(h.gain, abs=3.0)
     assert base.likelihood - base.evidence > CLEAR  # else the next name would pay for this one as well
+
+
+def test_effects_that_are_not_refitted_are_no_noise(practice_06):
+    """What refitting them would gain is not called noise, nor something else that is missing."""
+    stated = Active(effect_named("axial_force_scale"), {"k": 0.0015})
+    found = rank(load_case(practice_06.mission, (stated,)), [])
+    assert found.linear.rough[0].none
+    assert found.noise_evidence == found.something_else == 0.0
+    assert judge(found).verdict == "clean"

@@ -99,6 +99,23 @@ def test_what_a_first_look_sees_is_sure_however_few_rows_a_piece_has(rate):
     np.testing.assert_array_equal(rough.sure, look.sure)
 
 
+@pytest.mark.parametrize(("excess", "worth"), [(3.0, False), (6.0, True)])
+def test_noise_must_be_worth_its_price(excess, worth):
+    """Five rows a piece: three times the variance is more than chance in one piece, but there are 192 of them."""
+    steps, order = problem()
+    order = replace(order, dt=np.full(COUNT, 2.0), time=100.0 + 2.0 * np.repeat(np.arange(COUNT), 2))
+    column = np.tile(SIGMA, COUNT)  # one sigma in each row
+    piece = order.bin_rows[20:25, 0]
+    column[piece] *= np.sqrt(1.0 + excess)
+    assert not first_look(whitener(steps), order, column, np.zeros(1)).none
+    rough, _ = find_rough(whitener(steps), order, column, np.zeros(1))
+    gain = 0.5 * len(piece) * (excess - np.log1p(excess))
+    price = np.log(192.0) + 0.5 * np.log(5.0)
+    assert (gain > price) == worth == (not rough.none)
+    assert rough.price == pytest.approx(price if worth else 0.0)
+    np.testing.assert_array_equal(np.flatnonzero(rough.sure), piece if worth else [])
+
+
 def test_a_clean_flight_has_none():
     steps, order = problem(walk=0.1)
     none = [find_rough(whitener(steps), order, drawn(seed, 0.1), np.zeros(1))[0].none for seed in range(100)]

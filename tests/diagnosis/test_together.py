@@ -7,6 +7,7 @@ import pytest
 from edl_filter.diagnosis import together
 from edl_filter.effects import Active
 from edl_filter.effects.catalogue import effect_named
+from edl_filter.effects.loading import find_effect
 
 FITTED = (Active(effect_named("mass"), {"k": -0.07}),)
 
@@ -38,3 +39,20 @@ def test_a_partner_is_named_leaves_nothing_and_needs_the_first(monkeypatch, name
     )
     assert together.partner_of(first, (), said.append) is (second if found else None)
     assert begun == [("flight", FITTED)] and said == ["with mass: trying"]
+
+
+def test_another_of_the_firsts_kind_is_no_partner(monkeypatch):
+    """Two of one kind may copy what neither is."""
+    second = find_effect("wind_2")
+    tried = []
+    monkeypatch.setattr(together, "load_case", lambda mission, effects: None)
+    monkeypatch.setattr(together, "rank", lambda held, candidates, progress: tried.extend(candidates))
+    monkeypatch.setattr(together, "judge", lambda _: SimpleNamespace(leader=None, entries=[]))
+    first = SimpleNamespace(
+        name="wind_2",
+        active=Active(second, {}),
+        case=SimpleNamespace(mission="flight"),
+        refit=SimpleNamespace(effects=()),
+    )
+    assert together.partner_of(first, [effect_named("wind"), effect_named("mass"), second], lambda _: None) is None
+    assert [e.name for e in tried] == ["mass"]

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from standins import flow
 
-from edl_filter.effects.again import MOST, offered
+from edl_filter.effects.again import MOST, kind_of, offered
 from edl_filter.effects.catalogue import catalogue, effect_named
 from edl_filter.effects.effect import Effect, Parameter
 from edl_filter.effects.loading import find_effect, has_home
@@ -23,6 +23,22 @@ def test_what_is_in_the_model_is_offered_once_more_if_it_acts_at_a_place():
     assert names(offered(tried, {"wind", *(f"wind_{n}" for n in range(2, MOST + 1))})) == ["mass", "remnant_torque"]
     second = find_effect("wind_2")
     assert names(offered([second], ())) == ["wind_2"] and offered([second], {"wind_2"}) == []
+
+
+def test_no_two_of_one_name_are_offered():
+    class Gust(Effect):
+        name = "gust"
+        parameters = (Parameter("t0", "s", "from", kind="time", scan=5),)
+
+    class Other(Effect):
+        name = "gust_2"
+
+    gust, other = Gust(), Other()
+    assert offered([gust, other], {"gust"})[1] is other
+    assert names(offered([gust, other], {"gust"})) == ["gust_3", "gust_2"]
+    wind, second = (find_effect(n) for n in ("wind", "wind_2"))
+    assert offered([wind, second], {"wind"}) == [second]
+    assert [kind_of(e) for e in (wind, second, other, effect_named("mass"))] == ["wind", "wind", "gust_2", "mass"]
 
 
 def test_it_is_found_by_its_name_and_has_a_home():

@@ -8,6 +8,7 @@ from edl_filter.aero.inverse import angle_from_cm, angle_from_cn
 from edl_filter.effects import Active, Effect
 from edl_filter.effects.catalogue import effect_named
 from edl_filter.effects.database import changed_database
+from edl_filter.effects.loading import find_effect
 
 DATABASE = load_database("builtin:continuum_grid", "builtin:rarefied_grid", family="MER")
 MACH, KNUDSEN = np.array([25.0, 18.0, 8.0, 2.5]), np.array([2e-3, 1e-5, 1e-5, 1e-6])
@@ -31,6 +32,16 @@ def test_a_look_up_has_the_effects():
     np.testing.assert_allclose(found.cm_nose, 1.2 * bare.cm_nose + unstable)
     np.testing.assert_array_equal(found.outside, bare.outside)
     np.testing.assert_array_equal(found.rarefied, bare.rarefied)
+
+
+def test_an_effect_that_is_there_once_more_acts_as_well():
+    values = {"a": 2e-3, "M0": 8.0}
+    one, other = (
+        changed_database(DATABASE, [Active(find_effect(name), values)]).lookup(MACH, KNUDSEN, ALPHA).cm_nose
+        for name in ("static_instability", "static_instability_2")
+    )
+    assert np.any(one != DATABASE.lookup(MACH, KNUDSEN, ALPHA).cm_nose)
+    np.testing.assert_array_equal(other, one)
 
 
 def test_rows_are_evaluations():

@@ -163,7 +163,7 @@ def diagnose(case: Case, candidates: Iterable[Effect], progress: Progress = lamb
     ----------
     case : Case
     candidates : iterable of Effect
-        What may be missing; effects in the model are passed over.
+        What may be missing; those in the model are passed over, or tried once more if they act at a place.
     progress : callable
         Told what is being done.
     """
@@ -239,9 +239,11 @@ def _entry(entry: Entry, before: dict[str, float]) -> dict[str, Any]:
 
 
 def _correlations(h: Hypothesis) -> dict[str, float]:
+    """Of all sizes; those of other effects in the model have the effect before the name."""
     spread = np.sqrt(np.diag(h.refit.covariance))
+    name = [q if effect == h.name else f"{effect} {q}" for effect, q in h.refit.names]
     found = {}
-    for i, (_, one) in enumerate(h.refit.names):
+    for i in range(len(name)):
         for j in range(i):
-            found[f"{h.refit.names[j][1]}, {one}"] = float(h.refit.covariance[i, j] / (spread[i] * spread[j]))
+            found[f"{name[j]}, {name[i]}"] = float(h.refit.covariance[i, j] / (spread[i] * spread[j]))
     return found

@@ -85,8 +85,8 @@ def rank(case: Case, candidates: Iterable[Effect], progress: Progress = lambda _
     away = followed(case, linear)
     if away is not None and away.surprise <= _BELIEVED:
         linear, away = away, None  # it failed only where the reconstruction had put the path
-    volume = linear.ground.volume(case.effects)
-    without = without_more([x for x in (linear, away) if x is not None], case.effects)
+    paths = [x for x in (linear, away) if x is not None]
+    without, likeliest = without_more(paths, case.effects), max(paths, key=lambda x: x.log_likelihood)
     progress("trying the catalogue")
     effects = offered(candidates, {a.name for a in case.effects})
     failed: dict[str, str] = {}
@@ -103,10 +103,10 @@ def rank(case: Case, candidates: Iterable[Effect], progress: Progress = lambda _
         found = _refitted(case, tried, without, _CLOSE * best, failed, progress)
         polished += _polished(case, found, failed, progress)
     polished.sort(key=lambda h: -h.gain)
-    stated = linear.plain.log_likelihood(linear.white(linear.plain)) + volume
+    stated = linear.plain.log_likelihood(linear.white(linear.plain))
     trials = {name: trial for tried in grounds for name, trial in tried.trials[0].items()}
-    other = likely + volume - without.likelihood
-    noise = without.likelihood - without.price - stated
+    other = likely - likeliest.log_likelihood  # the model's own effects where they are, in both
+    noise = likeliest.log_likelihood - likeliest.rough[0].price - stated
     return Ranking(case, linear, trials, polished, missing, other, noise, failed)
 
 

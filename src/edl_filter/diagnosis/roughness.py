@@ -133,8 +133,10 @@ def find_rough(
         found = Rough(trial, _sure(trial, pieces, diagonal), _price(trial, pieces))
         trial = _likelier(trial, pieces, weighed, diagonal, _LONGER if i else 1.0)
     kept = np.where(found.sure, found.variance, 0.0)
-    fewer = [Rough(v, v > 0.0, _price(v, pieces)) for v in (kept, np.zeros_like(kept)) if np.any(v != found.variance)]
-    for rough in fewer:
+    fewer = [np.zeros_like(kept)]
+    if np.any(kept) and np.any(kept != found.variance):
+        fewer.insert(0, kept)
+    for rough in (Rough(v, v > 0.0, _price(v, pieces)) for v in fewer):
         likelihood, whiten, _ = tried(rough)
         if likelihood - rough.price > best - found.price:
             best, at_it, found = likelihood, whiten, rough

@@ -14,6 +14,7 @@ from edl_filter.diagnosis.case import load_case
 from edl_filter.diagnosis.hypotheses import Hypothesis
 from edl_filter.diagnosis.ranking import Progress, rank
 from edl_filter.diagnosis.verdict import judge
+from edl_filter.effects.again import kind_of
 from edl_filter.effects.effect import Effect
 
 #: A first name whose sizes are all within so many sigmas of zero beside its partner is not needed.
@@ -37,7 +38,8 @@ def partner_of(first: Hypothesis, candidates: Sequence[Effect], progress: Progre
         the stated one, and does not do without the first.
     """
     held = load_case(first.case.mission, first.refit.effects)
-    others = [e for e in candidates if e.name != first.name]  # two of one kind may copy what neither is
+    own = kind_of(first.active.effect)
+    others = [e for e in candidates if kind_of(e) != own]  # two of one kind may copy what neither is
     verdict = judge(rank(held, others, lambda said: progress(f"with {first.name}: {said}")))
     if verdict.leader is None:
         return None

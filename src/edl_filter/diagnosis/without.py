@@ -29,14 +29,11 @@ class Without:
         Without priors, nats.
     rough : float
         Part of the rows that are rough where the model fails.
-    price : float
-        What the variances of its roughness cost, nats (`Rough`).
     """
 
     evidence: float
     likelihood: float
     rough: float
-    price: float = 0.0
 
 
 def without_more(linears: Sequence[Linear], effects: Sequence[Active]) -> Without:
@@ -48,12 +45,16 @@ def without_more(linears: Sequence[Linear], effects: Sequence[Active]) -> Withou
         About different paths; the first is where it may fail.
     effects : sequence of Active
         The model's.
+
+    Returns
+    -------
+    Without
     """
 
     def about(linear: Linear) -> Without:
-        kept = refit(linear, effects, linear.soft, steps=_STEPS)
+        kept = refit(linear, effects, linear.soft, steps=_STEPS, moving=linear.holds)
         volume = linear.ground.volume(kept.effects)
         likelihood = linear.soft.log_likelihood(kept.white) + volume
-        return Without(kept.evidence, likelihood, linears[0].share, linear.rough[0].price)
+        return Without(kept.evidence, likelihood, linears[0].share)
 
     return max((about(x) for x in linears), key=lambda w: w.evidence)

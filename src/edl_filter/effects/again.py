@@ -25,16 +25,38 @@ def offered(candidates: Iterable[Effect], present: Collection[str]) -> list[Effe
     candidates : iterable of Effect
     present : collection of str
         Names of the model's effects.
+
+    Returns
+    -------
+    list of Effect
+        No two of one name.
     """
-    found = []
-    for effect in candidates:
-        kind = [effect, *(_numbered(effect, n) for n in range(2, MOST + 1) if _may_repeat(effect))]
-        found += [e for e in kind if e.name not in present][:1]
-    return found
+    known = {e.name: e for e in candidates}
+    found: dict[str, Effect] = {}
+    for effect in known.values():
+        twins = [_numbered(effect, n) for n in range(2, MOST + 1) if _may_repeat(effect)]
+        kind = [effect, *(t for t in twins if known.get(t.name, t) is t)]  # another effect may have that name
+        found |= {e.name: e for e in [e for e in kind if e.name not in present][:1]}
+    return list(found.values())
+
+
+def kind_of(effect: Effect) -> str:
+    """The name of the effect that it is, whichever in a model."""
+    return effect.name.removesuffix(f"_{effect.number}") if effect.number > 1 else effect.name
 
 
 def among(known: Mapping[str, Effect], name: str) -> Effect | None:
-    """The effect of that name among the `known`, or the one that is there once more if it has its number."""
+    """The effect of that name among the `known`, or the one that is there once more if it has its number.
+
+    Parameters
+    ----------
+    known : mapping of str to Effect
+    name : str
+
+    Returns
+    -------
+    Effect or None
+    """
     told = _NUMBERED.fullmatch(name)
     if name in known or told is None:
         return known.get(name)

@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from edl_filter.aero.database import Database
 from edl_filter.aero.grid import Array, Weights
 from edl_filter.aero.transition import Sum
+from edl_filter.effects.again import among
 from edl_filter.effects.catalogue import catalogue
 from edl_filter.effects.effect import Active, Flow, Totals
 
@@ -86,7 +87,7 @@ class ChangedDatabase(Database):
 def changed_database(database: Database, effects: Sequence[Active]) -> Database:
     """`database` with the effects that act on CA, CN or Cm; itself where none does."""
     known = catalogue()
-    acting = tuple(a for a in effects if a.effect.acts("coefficients") and a.effect is known.get(a.name))
+    acting = tuple(a for a in effects if a.effect.acts("coefficients") and a.effect is among(known, a.name))
     if not acting:
         return database
     return ChangedDatabase(**{f.name: getattr(database, f.name) for f in fields(Database)}, effects=acting)

@@ -26,9 +26,17 @@ def envelope(time: ArrayLike, values: ArrayLike, bins: int = 1200) -> tuple[Arra
         ``M <= 2 bins + 2``; the input itself where it is as short as that. First and last samples are kept.
     """
     time, values = np.asarray(time, float), np.asarray(values, float)
-    n = len(time)
+    index = extremes(values, bins)
+    return (time, values) if len(index) == len(time) else (time[index], values[index])
+
+
+def extremes(values: ArrayLike, bins: int = 1200) -> NDArray[np.intp]:
+    """Indices of the samples that `envelope` keeps."""
+    values = np.asarray(values, float)
+    n = len(values)
+    index = np.arange(n)
     if n <= 2 * bins + 2:
-        return time, values
+        return index
     edges = np.linspace(0, n, bins + 1).astype(int)[:-1]
     groups = np.repeat(np.arange(bins), np.diff(np.append(edges, n)))
     # Sorted by bin, then value, the first and last of each bin are its extremes; NaN is put in the middle
@@ -37,11 +45,9 @@ def envelope(time: ArrayLike, values: ArrayLike, bins: int = 1200) -> tuple[Arra
     filled = np.where(missing, mean, values)
     least = np.minimum.reduceat(np.where(missing, np.inf, filled), edges)
     most = np.maximum.reduceat(np.where(missing, -np.inf, filled), edges)
-    index = np.arange(n)
     far = n + 1
     low = np.minimum.reduceat(np.where(~missing & (values == least[groups]), index, far), edges)
     high = np.minimum.reduceat(np.where(~missing & (values == most[groups]), index, far), edges)
     empty = low == far
     low[empty], high[empty] = edges[empty], edges[empty]
-    keep = np.unique(np.concatenate(([0], low, high, [n - 1])))
-    return time[keep], values[keep]
+    return np.unique(np.concatenate(([0], low, high, [n - 1])))

@@ -108,20 +108,29 @@ def latent():
             "moment_N_m": wave.tolist(), "moment_sigma_N_m": (0.1 + 0.0 * wave).tolist()}  # fmt: skip
 
 
-def residuals(folder, samples=2000, peak=None):
-    """Write ``residuals.nc``; `peak` is put into force x at one sample."""
-    time = np.linspace(20.0, 220.0, samples)
-    noise = np.random.default_rng(1).normal(size=(2, samples))
+def noise(samples, peak=None):
+    """Two channels in sigmas; `peak` is one sample of the first."""
+    found = np.random.default_rng(1).normal(size=(2, samples))
     if peak is not None:
-        noise[0, samples // 3] = peak
+        found[0, samples // 3] = peak
+    return found
+
+
+def residuals(folder, samples=2000, peak=None):
+    """Write ``residuals.nc``; `peak` (sigmas) is put into force x at one sample. Gives times and sigma.
+
+    Sigma is a thousand times as large later on, so that the peak in sigmas is none in m/s².
+    """
+    time, scaled = np.linspace(20.0, 220.0, samples), noise(samples, peak)
+    sigma = np.where(time < 120.0, 0.1, 0.1 if peak is None else 100.0)
     group = Group()
     group.add("time", ("time",), time, "s", "time")
     group.label("channel", ["force_x", "force_y"], "what is compared")
     group.text("unit", "channel", ["m/s^2", "m/s^2"], "unit")
-    for name, values in (("residual", 0.1 * noise), ("sigma", 0.1 + 0.0 * noise), ("normalised", noise)):
+    for name, values in (("residual", sigma * scaled), ("sigma", sigma + 0.0 * scaled), ("normalised", scaled)):
         group.add(name, ("channel", "time"), values, "1", name)
     write({"/": group}, folder / "residuals.nc")
-    return time
+    return time, sigma
 
 
 def ledger(folder, mission="toy"):

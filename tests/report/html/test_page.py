@@ -166,22 +166,19 @@ def test_a_ledger_of_another_model_is_not_shown(tmp_path):
 
 
 def test_thinning_keeps_a_single_sample_peak(tmp_path):
+    """In the unit and in sigmas, which are not at the same sample where sigma changes."""
     folders.whole(tmp_path)
-    time = folders.residuals(tmp_path, samples=60_000, peak=321.0)
+    time, sigma = folders.residuals(tmp_path, samples=60_000, peak=321.0)
     found = data(page(tmp_path))["residuals"]["channels"]["force_x"]
-    y, x = numbers(found["normalised"]), numbers(found["x"])
-    assert len(y) < 2000 and y.max() == pytest.approx(321.0)
-    assert x[y.argmax()] == pytest.approx(time[20_000], abs=1e-3)
-    assert numbers(found["y"]).max() == pytest.approx(32.1, rel=1e-5)
-
-
-def test_the_bands_are_one_and_two_sigmas_wide(tmp_path):
-    folders.whole(tmp_path)
-    two, one = data(page(tmp_path))["residuals"]["channels"]["force_x"]["bands"]
-    assert (two["name"], one["name"]) == ("±2 sigma", "±1 sigma")
-    assert np.abs(numbers(two["y"])).max() == pytest.approx(0.2) and np.abs(numbers(one["y"])).max() == pytest.approx(
-        0.1
-    )
+    x, y, one = (numbers(found[name]) for name in ("x", "y", "sigma"))
+    assert len(x) == len(y) == len(one) < 5000
+    ratio = y / one
+    assert ratio.max() == pytest.approx(321.0, rel=1e-5)
+    assert x[ratio.argmax()] == pytest.approx(time[20_000], abs=1e-3)
+    largest = np.argmax(np.abs(folders.noise(60_000, 321.0)[0] * sigma))
+    assert largest != 20_000
+    assert x[np.abs(y).argmax()] == pytest.approx(time[largest], abs=1e-3)
+    assert (one.min(), one.max()) == pytest.approx((sigma.min(), sigma.max()))
 
 
 def test_a_band_has_a_gap_where_its_curves_have():

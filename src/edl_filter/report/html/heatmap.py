@@ -7,18 +7,18 @@ from typing import Any
 
 import numpy as np
 
-from edl_filter.report.envelope import envelope
+from edl_filter.report.envelope import extremes
 from edl_filter.report.findings import number, onset_text
 from edl_filter.report.html.blocks import Block, Command, HeatCell, HeatMap, Note, Residuals, Scale, Section
 from edl_filter.report.html.colours import LEAST, MOST, cell_colours, gradient
 from edl_filter.report.html.commands import diagnose
-from edl_filter.report.html.plotting import Array, axis, band, event_marks, layout, packed
+from edl_filter.report.html.plotting import axis, event_marks, layout, packed
 from edl_filter.report.html.source import Source
 from edl_filter.report.html.words import readable
 
 FIXED = "constraints"
 #: Bins of all channels' residuals together, and of one channel at most: the page must stay small.
-_ALL_BINS, _BINS = 7200, 800
+_ALL_BINS, _BINS = 4800, 800
 _KEY, _TITLE = "where", "Where the model fails"
 
 
@@ -137,7 +137,7 @@ def _whole(source: Source) -> list[float]:
 
 
 def _channels(source: Source) -> dict[str, Any]:
-    """Each channel against time: residual and bands of one and two sigmas, in its unit and in sigmas."""
+    """Each channel against time: residual and one sigma in its unit, with the peaks of both and of their ratio."""
     found = source.residuals
     if not found:
         return {}
@@ -145,24 +145,17 @@ def _channels(source: Source) -> dict[str, Any]:
     bins = min(_BINS, _ALL_BINS // max(len(found["channel"]), 1))
     made = {}
     for k, name in enumerate(found["channel"]):
-        residual, sigma = (np.asarray(found[v][k], float) for v in ("residual", "sigma"))
+        residual, sigma, ratio = (np.asarray(found[v][k], float) for v in ("residual", "sigma", "normalised"))
         if not np.isfinite(residual).any():
             continue
-        x, y = envelope(time, residual, bins)
-        kept = np.searchsorted(time, x)
+        kept = np.unique(np.concatenate([extremes(v, bins) for v in (residual, sigma, ratio)]))
         made[str(name)] = {
             "unit": readable(str(found["unit"][k])),
-            "x": packed(x),
-            "y": packed(y),
-            "normalised": packed(np.asarray(found["normalised"][k], float)[kept]),
-            "bands": [_around(time, m * sigma, m) for m in (2.0, 1.0)],
+            "x": packed(time[kept]),
+            "y": packed(residual[kept]),
+            "sigma": packed(sigma[kept]),
         }
     return made
-
-
-def _around(time: Array, limit: Array, sigmas: float) -> dict[str, Any]:
-    colour = "@blue-band" if sigmas == 1.0 else "@blue-faint"
-    return band(time, -limit, limit, f"±{sigmas:g} sigma", colour, bins=120)
 
 
 def _fixed_names(cells: Sequence[Mapping[str, Any]]) -> list[str]:

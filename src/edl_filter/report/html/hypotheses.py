@@ -32,8 +32,9 @@ def hypotheses(source: Source) -> Section:
     ]
     blocks.append(
         Note(
-            "Gain is the logarithm of the evidence over the model as it is (nats; from 6 on an effect is found); "
-            "held-out gain is on data that were not fitted. ± is one sigma.",
+            "Gain is the logarithm of the evidence over the model as it is at the noise that it shows (nats; from 6 on "
+            "an effect is found), so that nothing is missing loses what is to be called noise then; held-out gain is "
+            "on data that were not fitted. ± is one sigma.",
             "muted",
         )
     )
@@ -53,29 +54,30 @@ def _in_model(source: Source) -> list[Table]:
 
 def _ranking(source: Source, told: Mapping[str, Any]) -> Table:
     mission = mission_name(source)
-    rows: list[list[Cell]] = []
+    rows: list[tuple[float, list[Cell]]] = []
     for entry in told["ranking"]:
         fall = f"{number(entry['error_before'])} → {number(entry['error_after'])}"
-        rows.append(
-            [
-                str(entry["effect"]),
-                chance(entry["probability"]),
-                number(entry["gain"]),
-                number(entry["score_gain"]),
-                readable(parameters_text(entry["parameters"])),
-                " or ".join(entry["same_as"]) or "nothing",
-                f"{entry['channel'].replace('_', ' ')}\n{fall}",
-                Command(add(source, mission, entry)),
-            ]
-        )
+        row: list[Cell] = [
+            str(entry["effect"]),
+            chance(entry["probability"]),
+            number(entry["gain"]),
+            number(entry["score_gain"]),
+            readable(parameters_text(entry["parameters"])),
+            " or ".join(entry["same_as"]) or "nothing",
+            f"{entry['channel'].replace('_', ' ')}\n{fall}",
+            Command(add(source, mission, entry)),
+        ]
+        rows.append((entry["probability"], row))
     other = told["something_else"]
-    none_gain = told.get("none_gain")
-    rows.append(["nothing is missing", chance(told["none"]), number(none_gain), "–", "", "", "", ""])
-    rows.append(["something else", chance(other["probability"]), number(other["score_gain"]), "–",
-                 _something(other), "", "", ""])  # fmt: skip
+    nothing: list[Cell] = ["nothing is missing", chance(told["none"]), number(told.get("none_gain")), "–", *[""] * 4]
+    something: list[Cell] = [
+        "something else", chance(other["probability"]), number(other["score_gain"]), "–", _something(other), *[""] * 3
+    ]  # fmt: skip
+    rows += [(told["none"], nothing), (other["probability"], something)]
+    rows.sort(key=lambda one: -one[0])  # stable: of equals the one with the most evidence stays before
     heads = ("effect", "probability", "gain (nats)", "held-out gain", "size", "confused with",
              "normalised RMS", "to add it")  # fmt: skip
-    return Table("Hypotheses, most probable first", heads, rows, wide=(4, 5, 6, 7))
+    return Table("Hypotheses, most probable first", heads, [row for _, row in rows], wide=(4, 5, 6, 7))
 
 
 def _something(other: Mapping[str, Any]) -> str:

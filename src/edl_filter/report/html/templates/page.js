@@ -57,35 +57,38 @@
   const chosen = { cell: told ? told.first : 0, window: "regime", unit: "unit" };
   const words = (name) => name.replaceAll("_", " ");
 
+  /** The area within m sigmas, in pieces where nothing is compared between them. */
+  const around = (x, sigma, m) => {
+    const bx = [], by = [];
+    for (let first = 0; first < x.length; first++) {
+      if (Number.isNaN(sigma[first])) continue;
+      let last = first;
+      while (last + 1 < x.length && !Number.isNaN(sigma[last + 1])) last++;
+      if (bx.length) { bx.push(null); by.push(null); }
+      for (let k = first; k <= last; k++) { bx.push(x[k]); by.push(m * sigma[k]); }
+      for (let k = last; k >= first; k--) { bx.push(x[k]); by.push(-m * sigma[k]); }
+      first = last;
+    }
+    return {
+      type: "scatter", mode: "lines", x: bx, y: by, fill: "toself", fillcolor: m === 1 ? "@blue-band" : "@blue-faint",
+      line: { width: 0 }, name: `±${m} sigma`, hoverinfo: "skip",
+    };
+  };
+
   const inTime = (cell, channel) => {
     const sigmas = chosen.unit === "sigma";
-    const x = unpacked(channel.x);
-    const y = unpacked(sigmas ? channel.normalised : channel.y);
+    const x = unpacked(channel.x), one = unpacked(channel.sigma);
+    const y = sigmas ? unpacked(channel.y).map((v, k) => v / one[k]) : unpacked(channel.y);
+    const spread = sigmas ? one.map((v) => v / v) : one;  // NaN stays NaN
     const room = Math.max(0.06 * (cell.t1 - cell.t0), 0.5);
     const range = chosen.window === "flight" ? told.span : [cell.t0 - room, cell.t1 + room];
     let least = sigmas ? -2.5 : 0, most = sigmas ? 2.5 : 0;
     for (let k = 0; k < x.length; k++) {
       if (x[k] < range[0] || x[k] > range[1] || Number.isNaN(y[k])) continue;
-      least = Math.min(least, y[k]);
-      most = Math.max(most, y[k]);
+      least = Math.min(least, y[k], -2 * spread[k]);
+      most = Math.max(most, y[k], 2 * spread[k]);
     }
-    const bands = sigmas
-      ? [2, 1].map((m) => ({
-        type: "scatter", mode: "lines", x: [told.span[0], told.span[1], told.span[1], told.span[0]], y: [-m, -m, m, m],
-        fill: "toself", fillcolor: m === 1 ? "@blue-band" : "@blue-faint", line: { width: 0 }, name: `±${m} sigma`,
-        hoverinfo: "skip",
-      }))
-      : channel.bands;
-    if (!sigmas) {
-      for (const band of bands) {
-        const bx = unpacked(band.x), by = unpacked(band.y);
-        for (let k = 0; k < bx.length; k++) {
-          if (bx[k] < range[0] || bx[k] > range[1] || Number.isNaN(by[k])) continue;
-          least = Math.min(least, by[k]);
-          most = Math.max(most, by[k]);
-        }
-      }
-    }
+    const bands = [2, 1].map((m) => around(x, spread, m));
     const unit = sigmas ? "sigma" : channel.unit;
     const curve = {
       type: "scatter", mode: "lines", name: "residual", x, y, line: { color: "@vermillion", width: 1.2 },
@@ -184,7 +187,7 @@
       chosen.window = "regime";
       show();
       const box = place.getBoundingClientRect();
-      if (box.top > window.innerHeight - 200) {
+      if (box.bottom > window.innerHeight || box.top < 0) {
         document.getElementById("residuals").scrollIntoView({ block: "nearest" });
       }
     });
