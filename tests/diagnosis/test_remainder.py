@@ -86,7 +86,7 @@ def test_the_words_name_what_is_followed_and_what_acts_as_well():
     told = _words("moment_y", 63.0, 164.0, 116.4, 4.9, "N m", 0.6794, {"q": 0.6, "Mach": -0.9}, ("force_z",))
     assert told == (
         "moment_y from 63 to 164 s: 4.9 N m RMS, 116 times its sigma; it oscillates at 0.679 Hz; "
-        "it follows Mach (correlation -0.90); force_z act at the same time."
+        "it follows Mach (correlation -0.90); force_z acts at the same time."
     )
     told = _words("force_x", 1.0, 2.0, 3.0, 4.0, "N", None, {"q": 0.2}, ())
     assert "Hz" not in told and told.endswith("it follows none of q, angle of attack and Mach number.")

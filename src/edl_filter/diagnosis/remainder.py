@@ -182,5 +182,5 @@ def _words(
     else:
         text += "; it follows none of q, angle of attack and Mach number"
     if companions:
-        text += f"; {', '.join(companions)} act at the same time"
+        text += f"; {', '.join(companions)} {'acts' if len(companions) == 1 else 'act'} at the same time"
     return text + "."

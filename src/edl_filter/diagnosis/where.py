@@ -72,9 +72,11 @@ class Cell:
     @property
     def sentence(self) -> str:
         """The failure in words."""
+        begin, end = f"{self.t0:.0f}", f"{self.t1:.0f}"
+        size = f"{self.physical:.2g}" if self.physical < 100.0 else f"{self.physical:.0f}"
         text = (
-            f"{self.channel} in {self.regime} ({self.t0:.0f} to {self.t1:.0f} s): {self.rms:.3g} times its sigma, "
-            f"{self.physical:.2g} {self.unit} beyond noise"
+            f"{self.channel} in {self.regime} ({begin if begin == end else f'{begin} to {end}'} s): "
+            f"{self.rms:.3g} times its sigma, {size} {self.unit} beyond noise"
         )
         if np.isfinite(self.matters):
             text += f", {self.matters:.2g} of the database's sigma"

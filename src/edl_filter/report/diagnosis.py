@@ -7,12 +7,15 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from matplotlib import colormaps
 from matplotlib.axes import Axes
 from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
 from edl_filter.report import style
+from edl_filter.report.findings import chance
+from edl_filter.report.html.colours import ink_on
 from edl_filter.whole_file import replace_with
 
 DPI = 120
@@ -88,9 +91,9 @@ def _cells(
     ax.imshow(np.clip(values, norm.vmin, None), cmap=_MAP, norm=norm, aspect="auto", interpolation="none")
     for (row, column), cell in cells.items():
         r, c, rms = rows.index(row), columns.index(column), cell["normalised_rms"]
-        light = norm(max(rms, 0.5)) > 0.55
+        ground = [round(255 * part) for part in colormaps[_MAP](norm(max(rms, norm.vmin)))[:3]]
         text = f"{rms:.2g}" if rms < 100.0 else f"{rms:.0f}"
-        ax.text(c, r, text, ha="center", va="center", fontsize=9.5, color="black" if light else "white")
+        ax.text(c, r, text, ha="center", va="center", fontsize=9.5, color=ink_on(ground))
         if cell["fails"]:
             ax.add_patch(Rectangle((c - 0.47, r - 0.45), 0.94, 0.9, fill=False, edgecolor=_FAILS, linewidth=2.5))
     ax.set_yticks(range(len(rows)), [name.replace("_", " ") for name in rows])
@@ -117,7 +120,7 @@ def ranking(told: Mapping[str, Any], title: str) -> Figure:
         if score is not None:
             ax.barh(k + 0.18, score, 0.34, color=style.ORANGE, label="held-out gain" if k == 0 else None)
         ax.annotate(
-            f"p = {probability:.2g}", (1.0, k), xycoords=("axes fraction", "data"), xytext=(4, 0),
+            f"p {chance(probability)}", (1.0, k), xycoords=("axes fraction", "data"), xytext=(4, 0),
             textcoords="offset points", ha="left", va="center", fontsize=10.5,
         )  # fmt: skip
     ax.axvline(CLEAR, color=style.GREY, linestyle=(0, (4, 3)), linewidth=1.0, label="6 nats: found")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 from edl_filter.report.palette import BLUE, GREEN, GREY, ORANGE, PURPLE, SKY, VERMILLION
 
@@ -50,8 +51,12 @@ def cell_colours(rms: float, worst: float) -> tuple[str, str]:
     top = max(MOST, worst)
     share = math.log(max(rms, LEAST) / LEAST) / math.log(top / LEAST)
     ground = cividis(share)
-    # black is the better contrast from a luminance of 0.18 on (WCAG 2)
-    return _hex(ground), "#000000" if _luminance(ground) > 0.18 else "#ffffff"
+    return _hex(ground), ink_on(ground)
+
+
+def ink_on(ground: Sequence[int]) -> str:
+    """Black or white on a colour (of 255), whichever has the better contrast: black from 0.18 on (WCAG 2)."""
+    return "#000000" if luminance(ground) > 0.18 else "#ffffff"
 
 
 def gradient() -> str:
@@ -67,6 +72,7 @@ def _hex(parts: tuple[int, int, int]) -> str:
     return "#{:02x}{:02x}{:02x}".format(*parts)
 
 
-def _luminance(parts: tuple[int, int, int]) -> float:
+def luminance(parts: Sequence[int]) -> float:
+    """Relative luminance of a colour of 255 (WCAG 2), 0 to 1."""
     linear = [(p / 255.0 + 0.055) ** 2.4 / 1.055**2.4 if p > 10 else p / 255.0 / 12.92 for p in parts]
     return 0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2]

@@ -272,7 +272,8 @@ function mapView(result) {
   const cell = (c) => {
     if (!c) return make("td");
     const rgb = colour(share(c.normalised_rms ?? 1));
-    const bright = (0.299 * rgb[0] + 0.587 * rgb[1] + 0.114 * rgb[2]) > 125;
+    const [red, green, blue] = rgb.map((c) => (c < 10.3 ? c / 3294.6 : ((c / 255 + 0.055) / 1.055) ** 2.4));
+    const bright = 0.2126 * red + 0.7152 * green + 0.0722 * blue > 0.18;  // black has the better contrast then (WCAG 2)
     const button = make("button", {
       type: "button", class: c.fails ? "fails" : null, title: plain(c.sentence), "aria-pressed": "false",
       "data-channel": c.channel, "data-regime": c.regime,
