@@ -33,7 +33,7 @@ class Mark:
     kind: ClassVar[str] = "mark"
 
 
-Cell = str | Command | Mark
+Cell = str | Mark
 
 
 @dataclass(frozen=True)

@@ -22,7 +22,9 @@ def hypotheses(source: Source) -> Section:
     if not told:
         return Section(_KEY, _TITLE, [*blocks, Note("No hypotheses without a diagnosis:"), Command(diagnose(source))])
     if told["ranking"]:
-        blocks.append(_ranking(source, told))
+        mission = mission_name(source)
+        blocks += [_ranking(told), Note("To add one of them:")]
+        blocks += [Command(add(source, mission, entry)) for entry in told["ranking"]]
     else:
         blocks.append(Note("No effect of the catalogue gains enough to be refitted."))
     blocks += [
@@ -52,8 +54,7 @@ def _in_model(source: Source) -> list[Table]:
     return [Table("In the model", ("effect", "size", ""), rows, texts=3)] if rows else []
 
 
-def _ranking(source: Source, told: Mapping[str, Any]) -> Table:
-    mission = mission_name(source)
+def _ranking(told: Mapping[str, Any]) -> Table:
     rows: list[tuple[float, list[Cell]]] = []
     for entry in told["ranking"]:
         fall = f"{number(entry['error_before'])} → {number(entry['error_after'])}"
@@ -65,19 +66,18 @@ def _ranking(source: Source, told: Mapping[str, Any]) -> Table:
             readable(parameters_text(entry["parameters"])),
             " or ".join(entry["same_as"]) or "nothing",
             f"{entry['channel'].replace('_', ' ')}\n{fall}",
-            Command(add(source, mission, entry)),
         ]
         rows.append((entry["probability"], row))
     other = told["something_else"]
-    nothing: list[Cell] = ["nothing is missing", chance(told["none"]), number(told.get("none_gain")), "–", *[""] * 4]
+    nothing: list[Cell] = ["nothing is missing", chance(told["none"]), number(told.get("none_gain")), "–", *[""] * 3]
     something: list[Cell] = [
-        "something else", chance(other["probability"]), number(other["score_gain"]), "–", _something(other), *[""] * 3
+        "something else", chance(other["probability"]), number(other["score_gain"]), "–", _something(other), *[""] * 2
     ]  # fmt: skip
     rows += [(told["none"], nothing), (other["probability"], something)]
     rows.sort(key=lambda one: -one[0])  # stable: of equals the one with the most evidence stays before
     heads = ("effect", "probability", "gain (nats)", "held-out gain", "size", "confused with",
-             "normalised RMS", "to add it")  # fmt: skip
-    return Table("Hypotheses, most probable first", heads, [row for _, row in rows], wide=(4, 5, 6, 7))
+             "normalised RMS")  # fmt: skip
+    return Table("Hypotheses, most probable first", heads, [row for _, row in rows], wide=(4, 5, 6))
 
 
 def _something(other: Mapping[str, Any]) -> str:
