@@ -197,10 +197,14 @@ def ledger_figure(lines: Sequence[Mapping[str, Any]], noise_floor: float, title:
     ax.set_yscale("log")
     ax.yaxis.set_major_formatter(style.plain_powers)
     added = ["as stated", *(f"+ {line['added']}" for line in lines[:-1])]
-    ax.set_xticks(range(len(lines)), added, rotation=20 if len(lines) > 2 else 0)
+    # the more labels, the steeper
+    turn, room = (
+        (0, 0.1) if len(lines) <= 2 else (20, 0.2) if len(lines) <= 5 else (55, 0.06 + 0.013 * max(map(len, added)))
+    )
+    ax.set_xticks(range(len(lines)), added, rotation=turn, ha="right" if turn else "center", rotation_mode="anchor")
     ax.set_xlim(-0.3, len(lines) - 0.7)
     ax.set_ylabel("normalised RMS (1: the model holds)")
     ax.legend(loc="center left", bbox_to_anchor=(1.0, 0.5))
     ax.set_title(f"{title}: how the error fell", loc="left", fontweight="bold")
-    made.subplots_adjust(left=0.11, right=0.74, bottom=0.2 if len(lines) > 2 else 0.1, top=0.9)
+    made.subplots_adjust(left=0.11, right=0.74, bottom=room, top=0.9)
     return made
