@@ -15,6 +15,9 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
+#: A product and its sum in one rounding, for compiled loops that do little else.
+FUSED = {"contract"}
+
 
 @dataclass(frozen=True)
 class Sparse:
@@ -41,7 +44,7 @@ class Sparse:
     def transposed(self) -> Sparse:
         """The same matrices, transposed."""
         order = np.lexsort((self.row, self.column))
-        return Sparse(self.size, self.column[order], self.row[order], self.values[:, order])
+        return Sparse(self.size, self.column[order], self.row[order], np.ascontiguousarray(self.values[:, order]))
 
     def __getitem__(self, k: int) -> Array:
         """The whole k-th matrix ``(n, n)``."""
@@ -87,20 +90,22 @@ def pattern(change: Sparse) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArr
     return moving, np.append(first, len(change.row)), change.column, change.values
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", fastmath=FUSED)
 def move_rows(p, moving, first, column, values, moved):
     """Rows of ``(I + change) p``, in place; `moved` is room for them."""
     width = p.shape[1]
     for i in range(moving.size):
+        row, out = p[moving[i]], moved[i]
         for j in range(width):
-            moved[i, j] = p[moving[i], j]
+            out[j] = row[j]
         for z in range(first[i], first[i + 1]):
-            v, source = values[z], column[z]
+            v, source = values[z], p[column[z]]
             for j in range(width):
-                moved[i, j] += v * p[source, j]
+                out[j] += v * source[j]
     for i in range(moving.size):
+        row, out = p[moving[i]], moved[i]
         for j in range(width):
-            p[moving[i], j] = moved[i, j]
+            row[j] = out[j]
 
 
 @njit(cache=True, error_model="numpy")

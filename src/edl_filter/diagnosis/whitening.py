@@ -16,7 +16,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from edl_filter.diagnosis.sparse import Sparse, move_rows, pattern, transpose
+from edl_filter.diagnosis.sparse import FUSED, Sparse, move_rows, pattern, transpose
 from edl_filter.diagnosis.threads import THREADS, in_threads, one_blas_thread
 
 Array = NDArray[np.float64]
@@ -169,7 +169,7 @@ def _gains(moving, first, column, change, noise_row, noise_column, noise, rows, 
     """Covariance recursion of the Kalman filter over all steps."""
     gains = np.empty_like(design)
     factor = np.zeros_like(row_noise)
-    room = np.empty((moving.size, p.shape[0]))
+    room, known = np.empty((moving.size, p.shape[0])), np.empty_like(p)
     log_det = 0.0
     for k in range(rows.size - 1):
         move_rows(p, moving, first, column, change[k], room)  # F P, and again on its transpose, P being symmetric
@@ -187,22 +187,27 @@ def _gains(moving, first, column, change, noise_row, noise_column, noise, rows, 
         for i in range(m):
             log_det += 2.0 * np.log(low[i, i])
         _solve_lower(low, hp)  # L⁻¹ H P
-        p -= np.dot(hp.T, hp)
+        np.dot(hp.T, hp, known)
+        for i in range(p.shape[0]):
+            row, less = p[i], known[i]
+            for j in range(p.shape[0]):
+                row[j] -= less[j]
         gains[begin:end] = hp
         factor[begin:end, :m] = low
     return gains, factor, log_det
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", fastmath=FUSED)
 def _solve_lower(low, right):
     """``L⁻¹ right``, in place."""
     for i in range(right.shape[0]):
+        row = right[i]
         for j in range(i):
-            v = low[i, j]
+            v, above = low[i, j], right[j]
             for c in range(right.shape[1]):
-                right[i, c] -= v * right[j, c]
+                row[c] -= v * above[c]
         for c in range(right.shape[1]):
-            right[i, c] /= low[i, i]
+            row[c] /= low[i, i]
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
