@@ -16,6 +16,7 @@ import numpy as np
 from numba import njit
 
 LANES = 16  # sigma points in a block; their number is padded to a multiple of this
+FAST = {"contract", "reassoc", "arcp", "nsz"}
 ROWS = 28  # of a block: 10 of the state, 12 of the force map, 6 of the rate map
 
 
@@ -65,70 +66,73 @@ def propagate(state, force_map, rate_map, interval, force, rate, mu, j2, radius)
                 state[k, b * LANES + lane] = work[o + k * LANES]
 
 
-@njit(cache=True, fastmath={"contract", "reassoc", "arcp", "nsz"}, error_model="numpy")
+@njit(cache=True, fastmath=FAST, error_model="numpy")
 def _march(work, blocks, interval, force, rate, mu, j2, radius):
     """Samples outer, blocks, lanes inner."""
     j = 1.5 * j2 * radius * radius
     for i in range(interval.size):
         dt = interval[i]
-        half = 0.5 * dt
         fx, fy, fz = force[i, 0], force[i, 1], force[i, 2]
         wx, wy, wz = rate[i, 0], rate[i, 1], rate[i, 2]
         for b in range(blocks):
             for lane in range(LANES):
                 o = b * ROWS * LANES + lane
-                # half the rotation of this sample as a quaternion
-                c = 0.25 * dt
-                ax = c * (work[o + 22 * LANES] * wx + work[o + 25 * LANES])
-                ay = c * (work[o + 23 * LANES] * wy + work[o + 26 * LANES])
-                az = c * (work[o + 24 * LANES] * wz + work[o + 27 * LANES])
-                u = ax * ax + ay * ay + az * az
-                hw = 1.0 - u / 2.0 * (1.0 - u / 12.0 * (1.0 - u / 30.0 * (1.0 - u / 56.0)))
-                sc = 1.0 - u / 6.0 * (1.0 - u / 20.0 * (1.0 - u / 42.0 * (1.0 - u / 72.0)))
-                hx, hy, hz = sc * ax, sc * ay, sc * az
-                qx, qy = work[o + 6 * LANES], work[o + 7 * LANES]
-                qz, qw = work[o + 8 * LANES], work[o + 9 * LANES]
-                mx = qw * hx + qx * hw + qy * hz - qz * hy
-                my = qw * hy - qx * hz + qy * hw + qz * hx
-                mz = qw * hz + qx * hy - qy * hx + qz * hw
-                mw = qw * hw - qx * hx - qy * hy - qz * hz
-                hh = 2.0 * hw  # the same half turn again: q(2t) = 2 cos(t) q(t) - q(0)
-                ex = hh * mx - qx
-                ey = hh * my - qy
-                ez = hh * mz - qz
-                ew = hh * mw - qw
-                n = 1.5 - 0.5 * (ex * ex + ey * ey + ez * ez + ew * ew)  # one Newton step towards unit norm
-                work[o + 6 * LANES] = n * ex
-                work[o + 7 * LANES] = n * ey
-                work[o + 8 * LANES] = n * ez
-                work[o + 9 * LANES] = n * ew
-                # specific force, turned by the attitude at mid-step
+                ax = work[o + 22 * LANES] * wx + work[o + 25 * LANES]
+                ay = work[o + 23 * LANES] * wy + work[o + 26 * LANES]
+                az = work[o + 24 * LANES] * wz + work[o + 27 * LANES]
                 bx = work[o + 10 * LANES] * fx + work[o + 11 * LANES] * fy + work[o + 12 * LANES] * fz
                 bx += work[o + 19 * LANES]
                 by = work[o + 13 * LANES] * fx + work[o + 14 * LANES] * fy + work[o + 15 * LANES] * fz
                 by += work[o + 20 * LANES]
                 bz = work[o + 16 * LANES] * fx + work[o + 17 * LANES] * fy + work[o + 18 * LANES] * fz
                 bz += work[o + 21 * LANES]
-                tx = 2.0 * (my * bz - mz * by)
-                ty = 2.0 * (mz * bx - mx * bz)
-                tz = 2.0 * (mx * by - my * bx)
-                gx = bx + mw * tx + my * tz - mz * ty
-                gy = by + mw * ty + mz * tx - mx * tz
-                gz = bz + mw * tz + mx * ty - my * tx
-                # drift, kick, drift
-                x = work[o] + half * work[o + 3 * LANES]
-                y = work[o + LANES] + half * work[o + 4 * LANES]
-                z = work[o + 2 * LANES] + half * work[o + 5 * LANES]
-                r2 = 1.0 / (x * x + y * y + z * z)
-                a = -mu * r2 * np.sqrt(r2)
-                h = j * r2
-                d = 5.0 * z * z * r2
-                vx = work[o + 3 * LANES] + dt * (gx + a * x * (1.0 + h * (1.0 - d)))
-                vy = work[o + 4 * LANES] + dt * (gy + a * y * (1.0 + h * (1.0 - d)))
-                vz = work[o + 5 * LANES] + dt * (gz + a * z * (1.0 + h * (3.0 - d)))
-                work[o] = x + half * vx
-                work[o + LANES] = y + half * vy
-                work[o + 2 * LANES] = z + half * vz
-                work[o + 3 * LANES] = vx
-                work[o + 4 * LANES] = vy
-                work[o + 5 * LANES] = vz
+                x, y, z, vx, vy, vz, qx, qy, qz, qw = step(
+                    work[o], work[o + LANES], work[o + 2 * LANES],
+                    work[o + 3 * LANES], work[o + 4 * LANES], work[o + 5 * LANES],
+                    work[o + 6 * LANES], work[o + 7 * LANES], work[o + 8 * LANES], work[o + 9 * LANES],
+                    dt, bx, by, bz, ax, ay, az, mu, j,
+                )  # fmt: skip
+                work[o], work[o + LANES], work[o + 2 * LANES] = x, y, z
+                work[o + 3 * LANES], work[o + 4 * LANES], work[o + 5 * LANES] = vx, vy, vz
+                work[o + 6 * LANES], work[o + 7 * LANES] = qx, qy
+                work[o + 8 * LANES], work[o + 9 * LANES] = qz, qw
+
+
+@njit(cache=True, fastmath=FAST, error_model="numpy", inline="always")
+def step(x, y, z, vx, vy, vz, qx, qy, qz, qw, dt, fx, fy, fz, wx, wy, wz, mu, j):
+    """One state over one sample of specific force f and rate w; `j` is 3/2 J2 times the squared reference radius."""
+    # half the rotation of this sample as a quaternion
+    c = 0.25 * dt
+    ax, ay, az = c * wx, c * wy, c * wz
+    u = ax * ax + ay * ay + az * az
+    hw = 1.0 - u / 2.0 * (1.0 - u / 12.0 * (1.0 - u / 30.0 * (1.0 - u / 56.0)))
+    sc = 1.0 - u / 6.0 * (1.0 - u / 20.0 * (1.0 - u / 42.0 * (1.0 - u / 72.0)))
+    hx, hy, hz = sc * ax, sc * ay, sc * az
+    mx = qw * hx + qx * hw + qy * hz - qz * hy
+    my = qw * hy - qx * hz + qy * hw + qz * hx
+    mz = qw * hz + qx * hy - qy * hx + qz * hw
+    mw = qw * hw - qx * hx - qy * hy - qz * hz
+    hh = 2.0 * hw  # the same half turn again: q(2t) = 2 cos(t) q(t) - q(0)
+    ex = hh * mx - qx
+    ey = hh * my - qy
+    ez = hh * mz - qz
+    ew = hh * mw - qw
+    n = 1.5 - 0.5 * (ex * ex + ey * ey + ez * ez + ew * ew)  # one Newton step towards unit norm
+    # specific force, turned by the attitude at mid-step
+    tx = 2.0 * (my * fz - mz * fy)
+    ty = 2.0 * (mz * fx - mx * fz)
+    tz = 2.0 * (mx * fy - my * fx)
+    gx = fx + mw * tx + my * tz - mz * ty
+    gy = fy + mw * ty + mz * tx - mx * tz
+    gz = fz + mw * tz + mx * ty - my * tx
+    # drift, kick, drift
+    half = 0.5 * dt
+    x, y, z = x + half * vx, y + half * vy, z + half * vz
+    r2 = 1.0 / (x * x + y * y + z * z)
+    a = -mu * r2 * np.sqrt(r2)
+    h = j * r2
+    d = 5.0 * z * z * r2
+    vx = vx + dt * (gx + a * x * (1.0 + h * (1.0 - d)))
+    vy = vy + dt * (gy + a * y * (1.0 + h * (1.0 - d)))
+    vz = vz + dt * (gz + a * z * (1.0 + h * (3.0 - d)))
+    return x + half * vx, y + half * vy, z + half * vz, vx, vy, vz, n * ex, n * ey, n * ez, n * ew

@@ -18,7 +18,7 @@ from edl_filter import rotations
 from edl_filter.navigation.filter import Problem
 from edl_filter.navigation.layout import Layout, State, sensor_maps
 from edl_filter.navigation.smoother import Smoothed
-from edl_filter.navigation.strapdown import LANES, propagate
+from edl_filter.navigation.strapdown import step
 
 Array = NDArray[np.float64]
 
@@ -128,19 +128,18 @@ def inertial_covariance(smoothed: Smoothed, time: Array) -> Array:
     return (1.0 - share) * nodes[k] + share * nodes[k + 1]
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy", nogil=True)
 def march_one(start, interval, force, rate, mu, j2, radius):
     """One state ``(10,)`` over samples, every step kept: ``(N, 10)``; arguments as in `strapdown.propagate`."""
-    state = np.empty((10, LANES))
-    for lane in range(LANES):
-        state[:, lane] = start
-    force_map = np.zeros((12, LANES))
-    force_map[0], force_map[4], force_map[8] = 1.0, 1.0, 1.0
-    rate_map = np.zeros((6, LANES))
-    rate_map[:3] = 1.0
+    x, y, z, vx, vy, vz, qx, qy, qz, qw = start
+    j = 1.5 * j2 * radius * radius
     out = np.empty((interval.size, 10))
     for i in range(interval.size):
-        part = slice(i, i + 1)
-        propagate(state, force_map, rate_map, interval[part], force[part], rate[part], mu, j2, radius)
-        out[i] = state[:, 0]
+        fx, fy, fz = force[i, 0], force[i, 1], force[i, 2]
+        wx, wy, wz = rate[i, 0], rate[i, 1], rate[i, 2]
+        x, y, z, vx, vy, vz, qx, qy, qz, qw = step(
+            x, y, z, vx, vy, vz, qx, qy, qz, qw, interval[i], fx, fy, fz, wx, wy, wz, mu, j
+        )
+        out[i, 0], out[i, 1], out[i, 2], out[i, 3], out[i, 4], out[i, 5] = x, y, z, vx, vy, vz
+        out[i, 6], out[i, 7], out[i, 8], out[i, 9] = qx, qy, qz, qw
     return out
