@@ -8,6 +8,7 @@ here is a function of the start, the sensor errors and the samples alone; what i
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -75,8 +76,13 @@ def _undone(problem: Problem, errors: Array, force: Array, rate: Array) -> tuple
     """Readings without sensor errors."""
     unit = problem.samples.unit
     force_map, rate_map = sensor_maps(problem.layout, errors.T)
-    undo, shift = force_map[:9].T.reshape(-1, 3, 3)[unit], force_map[9:].T[unit]
-    return np.einsum("nij,nj->ni", undo, force) + shift, rate * rate_map[:3].T[unit] + rate_map[3:].T[unit]
+    real, turning = np.empty_like(force), np.empty_like(rate)
+    cuts = np.concatenate(([0], np.flatnonzero(np.diff(unit)) + 1, [len(unit)]))
+    for run in (slice(a, b) for a, b in pairwise(cuts)):  # one instrument at a time
+        u = unit[run.start]
+        real[run] = force[run] @ force_map[:9, u].reshape(3, 3).T + force_map[9:, u]
+        turning[run] = rate[run] * rate_map[:3, u] + rate_map[3:, u]
+    return real, turning
 
 
 @dataclass(frozen=True)

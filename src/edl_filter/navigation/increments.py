@@ -13,9 +13,9 @@ from dataclasses import dataclass, fields
 from math import factorial
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
-from edl_filter import rotations
 from edl_filter.telemetry.record import ImuRecord
 
 Array = NDArray[np.float64]
@@ -84,15 +84,15 @@ class Samples:
         return Samples(
             time=time,
             interval=interval,
-            force=self.force[index],
-            rate=self.rate[index],
-            mean_force=self.mean_force[index],
-            mean_rate=self.mean_rate[index],
+            force=self.force.take(index, axis=0),
+            rate=self.rate.take(index, axis=0),
+            mean_force=self.mean_force.take(index, axis=0),
+            mean_rate=self.mean_rate.take(index, axis=0),
             force_noise=self.force_noise[index] * share,
             rate_noise=self.rate_noise[index] * share,
             shared_rate_noise=self.shared_rate_noise[index] * share,
-            net_turn=self.net_turn[index],
-            unit=self.unit[index],
+            net_turn=self.net_turn.take(index, axis=0),
+            unit=self.unit.take(index, axis=0),
         )
 
 
@@ -109,18 +109,15 @@ def effective_samples(record: ImuRecord) -> Samples:
     """
     dt, rate = record.interval, record.angular_rate
     force = record.specific_force - lever_arm_acceleration(dt, rate, record.position, record.unit)
-    f1 = slope(record.time, dt, force)
-    w1 = slope(record.time, dt, rate)
-    h = dt[:, None] ** 2
-    coning = h / 12 * rotations.cross(rate, w1)
-    sculling = h / 12 * (rotations.cross(rate, f1) - rotations.cross(w1, force))
-    rotation = h / 24 * rotations.cross(rate, rotations.cross(rate, force))
+    more_force, more_rate = _turning(dt, force, rate, slope(record.time, dt, force), slope(record.time, dt, rate))
+    more_force[record.net_gain] = 0.0
+    more_rate[record.net_turn] = 0.0
     hidden_force, hidden_rate = hidden_motion(dt, force, rate)
     return Samples(
         time=record.time,
         interval=dt,
-        force=force + np.where(record.net_gain[:, None], 0.0, sculling + rotation),
-        rate=rate + np.where(record.net_turn[:, None], 0.0, coning),
+        force=force + more_force,
+        rate=rate + more_rate,
         mean_force=force,
         mean_rate=rate,
         force_noise=np.hypot(record.force_noise, hidden_force),
@@ -139,21 +136,10 @@ def edge_values(interval: Array, mean: Array, parted: NDArray[np.bool_] | None =
     miss a tenth of an angular acceleration, and two IMUs a metre apart still show what fourth order leaves. No higher
     order reaches across an inner edge that is `parted` ``(N - 1,)``: other instruments on its two sides.
     """
-    weight = (interval[1:] / (interval[:-1] + interval[1:]))[:, None]
-    inner = mean[:-1] * weight + mean[1:] * (1.0 - weight)
-    n = len(mean)
     # where the interval or the instrument changes; a stencil is even if there is no change inside
     changed = np.abs(np.diff(interval)) > 1e-6 * interval[:-1]
     changes = np.concatenate(([0], np.cumsum(changed if parted is None else changed | parted)))
-    for weights in _EDGE:
-        k = len(weights)
-        if n < 2 * k:
-            break
-        even = changes[2 * k - 1 :] == changes[: n - 2 * k + 1]
-        pairs = (mean[k - 1 - i : n - k - i] + mean[k + i : n - k + 1 + i] for i in range(k))
-        better = sum(w * pair for w, pair in zip(weights, pairs, strict=True))
-        inner[k - 1 : n - k] = np.where(even[:, None], better, inner[k - 1 : n - k])
-    return np.concatenate((mean[:1], inner, mean[-1:]))
+    return _edges(interval, np.ascontiguousarray(mean), changes, _EDGE)
 
 
 def edge_weights(pairs: int) -> tuple[float, ...]:
@@ -163,7 +149,8 @@ def edge_weights(pairs: int) -> tuple[float, ...]:
     return tuple(sum(central[i:]) for i in range(k))
 
 
-_EDGE = tuple(edge_weights(k) for k in (2, 3, 4))
+#: Weights for two, three and four pairs, with zeros behind.
+_EDGE = np.array([np.pad(edge_weights(k), (0, 4 - k)) for k in (2, 3, 4)])
 
 
 def slope(time: Array, interval: Array, mean: Array) -> Array:
@@ -185,10 +172,7 @@ def lever_arm_acceleration(interval: Array, rate: Array, position: Array, unit: 
     new = np.flatnonzero(parted)
     end[new] = rate[new]
     start[new + 1] = rate[new + 1]
-    change_inside = end - start
-    tangential = rotations.cross(change_inside, position) / interval[:, None]
-    centripetal = rotations.cross(rate, rotations.cross(rate, position))
-    return tangential + centripetal + rotations.cross(change_inside, rotations.cross(change_inside, position)) / 12.0
+    return _felt(interval, np.ascontiguousarray(rate), end - start, np.ascontiguousarray(position))
 
 
 def hidden_motion(interval: Array, force: Array, rate: Array) -> tuple[Array, Array]:
@@ -200,10 +184,8 @@ def hidden_motion(interval: Array, force: Array, rate: Array) -> tuple[Array, Ar
     unknown angle between their axes (√2/3 per axis of a cross product), the hidden velocity is of the order
     ``(|Δθ| |δΔv| + |δΔθ| |Δv|)`` and the hidden rotation ``|Δθ| |δΔθ|``, both times ``√2/3 / √12``.
     """
-    dv = np.linalg.norm(force, axis=1) * interval
-    dtheta = np.linalg.norm(rate, axis=1) * interval
-    rough_v = np.linalg.norm(roughness(force), axis=1) * interval
-    rough_theta = np.linalg.norm(roughness(rate), axis=1) * interval
+    dv, rough_v = _length(force) * interval, _length(roughness(force)) * interval
+    dtheta, rough_theta = _length(rate) * interval, _length(roughness(rate)) * interval
     factor = np.sqrt(2.0) / 3.0 / np.sqrt(12.0) / interval
     return factor * (dtheta * rough_v + rough_theta * dv), factor * dtheta * rough_theta
 
@@ -213,3 +195,69 @@ def roughness(mean: Array) -> Array:
     out = np.zeros_like(mean)
     out[1:-1] = mean[1:-1] - 0.5 * (mean[:-2] + mean[2:])
     return out
+
+
+def _length(vectors: Array) -> Array:
+    """Of each row."""
+    x, y, z = vectors.T
+    return np.asarray(np.sqrt(x * x + y * y + z * z), np.float64)
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def _edges(interval, mean, changes, weights):
+    """Values at all edges: the highest order whose stencil is even, or the second."""
+    n = len(mean)
+    out = np.empty((n + 1, 3))
+    out[0], out[n] = mean[0], mean[n - 1]
+    for e in range(n - 1):  # the edge between two samples
+        share = interval[e + 1] / (interval[e] + interval[e + 1])
+        for axis in range(3):
+            out[e + 1, axis] = mean[e, axis] * share + mean[e + 1, axis] * (1.0 - share)
+        for order in range(len(weights) - 1, -1, -1):
+            pairs = order + 2
+            if e - pairs + 1 < 0 or e + pairs >= n or changes[e + pairs] != changes[e - pairs + 1]:
+                continue
+            for axis in range(3):
+                value = 0.0
+                for i in range(pairs):
+                    value += weights[order, i] * (mean[e - i, axis] + mean[e + 1 + i, axis])
+                out[e + 1, axis] = value
+            break
+    return out
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def _felt(interval, rate, change, position):
+    """``Δω × r / dt + ω × (ω × r) + Δω × (Δω × r) / 12`` of every sample."""
+    out = np.empty_like(rate)
+    for i in range(len(rate)):
+        r = position[i, 0], position[i, 1], position[i, 2]
+        w = rate[i, 0], rate[i, 1], rate[i, 2]
+        dw = change[i, 0], change[i, 1], change[i, 2]
+        swung = _cross(dw, r)
+        steady, inside = _cross(w, _cross(w, r)), _cross(dw, swung)
+        for axis in range(3):
+            out[i, axis] = swung[axis] / interval[i] + steady[axis] + inside[axis] / 12.0
+    return out
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def _turning(interval, force, rate, force_slope, rate_slope):
+    """What a sample's turn adds to its means: sculling and rotation to force, coning to rate."""
+    more_force, more_rate = np.empty_like(force), np.empty_like(rate)
+    for i in range(len(rate)):
+        w, f = (rate[i, 0], rate[i, 1], rate[i, 2]), (force[i, 0], force[i, 1], force[i, 2])
+        w1 = rate_slope[i, 0], rate_slope[i, 1], rate_slope[i, 2]
+        f1 = force_slope[i, 0], force_slope[i, 1], force_slope[i, 2]
+        coning, rowing, sculling = _cross(w, w1), _cross(w, f1), _cross(w1, f)
+        rotation = _cross(w, _cross(w, f))
+        h = interval[i] ** 2
+        for axis in range(3):
+            more_force[i, axis] = h / 12.0 * (rowing[axis] - sculling[axis]) + h / 24.0 * rotation[axis]
+            more_rate[i, axis] = h / 12.0 * coning[axis]
+    return more_force, more_rate
+
+
+@njit(error_model="numpy")
+def _cross(a, b):
+    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
