@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from edl_filter.diagnosis.sparse import move_rows, pattern, transpose
 from edl_filter.diagnosis.threads import one_blas_thread
-from edl_filter.diagnosis.whitening import Whitener
+from edl_filter.diagnosis.whitening import Whitener, solve_lower
 
 Array = NDArray[np.float64]
 
@@ -51,7 +51,8 @@ def _backwards(moving, first, column, change, rows, design, gains, factor, white
         begin, end = rows[k], rows[k + 1]
         m = end - begin
         if m > 0:
-            inverse = np.linalg.inv(np.ascontiguousarray(factor[begin:end, :m]))
+            inverse = np.eye(m)
+            solve_lower(factor[begin:end], inverse)
             g = gains[begin:end]
             gn, h = np.dot(g, n), np.dot(inverse, design[begin:end])
             seen = white[begin:end] - np.dot(g, r)[:, 0]

@@ -186,7 +186,7 @@ def _gains(moving, first, column, change, noise_row, noise_column, noise, rows, 
         low = np.linalg.cholesky(np.dot(hp, h.T) + row_noise[begin:end, :m])
         for i in range(m):
             log_det += 2.0 * np.log(low[i, i])
-        _solve_lower(low, hp)  # L⁻¹ H P
+        solve_lower(low, hp)  # L⁻¹ H P
         np.dot(hp.T, hp, known)
         for i in range(p.shape[0]):
             row, less = p[i], known[i]
@@ -198,7 +198,7 @@ def _gains(moving, first, column, change, noise_row, noise_column, noise, rows, 
 
 
 @njit(cache=True, error_model="numpy", fastmath=FUSED)
-def _solve_lower(low, right):
+def solve_lower(low, right):
     """``L⁻¹ right``, in place."""
     for i in range(right.shape[0]):
         row = right[i]
@@ -214,17 +214,24 @@ def _solve_lower(low, right):
 def _apply(moving, first, column, change, rows, design, gains, factor, columns, x):
     """State recursion of the Kalman filter for all columns; `x` begins it and is used up."""
     out = np.empty_like(columns)
-    room = np.empty((moving.size, x.shape[1]))
+    room, expected = np.empty((moving.size, x.shape[1])), np.empty((factor.shape[1], x.shape[1]))
+    told = np.empty_like(x)
     for k in range(rows.size - 1):
         move_rows(x, moving, first, column, change[k], room)
         begin, end = rows[k], rows[k + 1]
         m = end - begin
         if m == 0:
             continue
-        left = columns[begin:end] - np.dot(design[begin:end], x)
-        _solve_lower(factor[begin:end], left)
-        x += np.dot(gains[begin:end].T, left)
-        out[begin:end] = left
+        left = out[begin:end]
+        np.dot(design[begin:end], x, expected[:m])
+        for i in range(m):
+            for c in range(x.shape[1]):
+                left[i, c] = columns[begin + i, c] - expected[i, c]
+        solve_lower(factor[begin:end], left)
+        np.dot(gains[begin:end].T, left, told)
+        for i in range(x.shape[0]):
+            for c in range(x.shape[1]):
+                x[i, c] += told[i, c]
     return out
 
 
