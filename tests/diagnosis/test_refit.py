@@ -48,3 +48,20 @@ def test_a_point_beyond_belief_is_not_gone_to(linear, monkeypatch):
     found = refit(linear, linear.ground.effects, linear.soft, moving=True)
     assert found.effects == linear.ground.effects
     assert np.isfinite(found.evidence)
+
+
+def test_a_wave_found_upside_down_is_told_upright(linear):
+    """With its signature and covariance: what it explains stays the same, and the two agree with the values told."""
+    wave = effect_named("density_wave")
+    start = {"A": 0.01, "L": 12e3, "phase": 1.0}
+    upside = {"A": -0.01, "L": 12e3, "phase": 1.0 + np.pi}
+    up, down = (
+        refit(linear, (*linear.ground.effects, Active(wave, values)), linear.plain, steps=1)
+        for values in (start, upside)
+    )
+    assert up.parameters("density_wave")["A"][0] >= 0.0
+    i, k = (up.names.index(("density_wave", name)) for name in ("A", "phase"))
+    for name, (value, sigma) in up.parameters("density_wave").items():
+        assert down.parameters("density_wave")[name] == pytest.approx((value, sigma), rel=1e-3)
+    np.testing.assert_allclose(down.signature[:, i], up.signature[:, i], atol=1e-4 * np.abs(up.signature[:, i]).max())
+    assert down.covariance[i, k] == pytest.approx(up.covariance[i, k], rel=1e-2)

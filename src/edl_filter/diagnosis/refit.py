@@ -132,15 +132,17 @@ def refit(
     volume = 0.5 * np.linalg.slogdet(covariance)[1] - float(np.sum(np.log(sigma))) if free else 0.0
     between = float(np.median(linear.bins.interval)) / PER_BIN
     grain = np.array([between**2 / 12.0 if q.kind == "time" else 0.0 for _, q in free])
+    told = tuple(a.in_one_turn() for a in here.effects)
+    sign = np.array([_swapped(told, here.effects, e, q) for e, q in free])
     return Refit(
-        effects=tuple(a.in_one_turn() for a in here.effects),
+        effects=told,
         names=names,
-        covariance=covariance + np.diag(grain),
+        covariance=sign[:, None] * covariance * sign + np.diag(grain),
         evidence=value + volume,
         column=here.column,
         start=here.start,
         white=white,
-        signature=columns,
+        signature=columns * sign if columns.shape[1] else columns,
         sigma=sigma,
         point=here.ground.point,
     )
@@ -153,6 +155,13 @@ def _fitted(active: Active, parameter: Parameter) -> bool:
 
 def _parameter(effects: Sequence[Active], effect: str, parameter: str) -> float:
     return next(a.values[parameter] for a in effects if a.name == effect)
+
+
+def _swapped(told: Sequence[Active], found: Sequence[Active], effect: str, parameter: Parameter) -> float:
+    """-1 for a size that is told with the other sign than it was found with, which half a turn of a phase makes good."""
+    if parameter.kind != "size":
+        return 1.0
+    return -1.0 if _parameter(told, effect, parameter.name) * _parameter(found, effect, parameter.name) < 0.0 else 1.0
 
 
 def _trials(

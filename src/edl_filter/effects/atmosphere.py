@@ -44,6 +44,7 @@ class DensityWave(Effect):
         Parameter("L", "m", "vertical wavelength", kind="length", low=8e3, high=25e3, scan=14, default=14e3),
         Parameter("phase", "rad", "phase at altitude zero", kind="phase", low=0.0, high=2.0 * np.pi, scan=8),
     )
+    half_turn = ("A",)
 
     def density(self, p: Values, altitude: Array) -> Array:
         """The wave's factor."""

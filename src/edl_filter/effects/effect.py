@@ -185,6 +185,8 @@ class Effect:
     source : str
         Where form and plausible size come from.
     parameters : tuple of Parameter
+    half_turn : tuple of str
+        Sizes that change their sign with half a turn of the phases: estimates are told with the first not negative.
     number : int
         Which of its kind it is in a model: the second is called ``name_2`` (`again`).
     file : Path or None
@@ -198,6 +200,7 @@ class Effect:
     shows: ClassVar[str] = ""
     region: ClassVar[str] = "everywhere"
     source: ClassVar[str] = ""
+    half_turn: ClassVar[tuple[str, ...]] = ()
     parameters: ClassVar[tuple[Parameter, ...]] = ()
     file: Path | None = None
 
@@ -327,9 +330,15 @@ class Active:
         return replace(self, values=self.values | {q.name: 0.0 for q in self.effect.sizes})
 
     def in_one_turn(self) -> Active:
-        """The same, phases brought between their bounds."""
-        turned = {q.name: q.low + (self.values[q.name] - q.low) % (q.high - q.low) for q in self._phases}
-        return replace(self, values=self.values | turned)
+        """The same in one form: an amplitude that is not negative, phases between their bounds."""
+        swapped = self.effect.half_turn
+        flips = bool(swapped) and self.values[swapped[0]] < 0.0
+        sizes = {name: -self.values[name] for name in swapped} if flips else {}
+        turned = {}
+        for q in self._phases:
+            turn = q.high - q.low
+            turned[q.name] = q.low + (self.values[q.name] + (0.5 * turn if flips else 0.0) - q.low) % turn
+        return replace(self, values=self.values | sizes | turned)
 
     def change_from(self, other: Mapping[str, float], parameter: str) -> float:
         """By how much a parameter differs from another value, not counting whole turns of a phase."""
