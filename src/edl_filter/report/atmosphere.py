@@ -12,13 +12,12 @@ from xarray import DataTree
 from edl_filter.report import style
 from edl_filter.report.envelope import envelope
 from edl_filter.report.postflight import LEGEND, Layer, Panel, bounds, layer, strips
+from edl_filter.report.profile import EDGE, known
 
 Array = NDArray[np.float64]
 
 FLIGHT, PREFLIGHT = "atmosphere/flight", "atmosphere/preflight"
 _KILO = 1e-3
-#: Before the parachute, s: its first pull reaches the smoothed deceleration that far back.
-_EDGE = 0.5
 
 
 @style.styled
@@ -87,7 +86,7 @@ def atmosphere_profile(tree: DataTree) -> Figure:
     style.margins(made, top=0.6)
     made.subplots_adjust(hspace=0.3, wspace=0.12)
     axes = made.subplots(2, 2, sharey=True)
-    inside = (shared.time >= shared.start) & (shared.time <= shared.end - _EDGE)
+    inside = (shared.time >= shared.start) & (shared.time <= shared.end - EDGE)
     height = _KILO * shared.get(FLIGHT, "altitude")[inside]
     for ax, name, unit in zip(axes.flat, ("density", "pressure", "temperature"), ("kg/m³", "Pa", "K"), strict=False):
         _profile(shared, ax, name, inside, height)
@@ -107,6 +106,7 @@ def _profile(shared: Layer, ax: Axes, name: str, inside: NDArray[np.bool_], heig
     flown, expected = (shared.get(group, name)[inside] for group in (FLIGHT, PREFLIGHT))
     sigma = shared.get(FLIGHT, f"{name}_sigma")[inside]
     linear = name == "temperature"
+    flown = known(flown, sigma) if linear else flown
     _band(ax, height, flown, sigma, 0.0 if linear else 1e-3 * float(np.nanmin(expected)), style.SKY, "±1 sigma")
     ax.plot(*envelope(height, flown)[::-1], color=style.BLUE, linewidth=1.3, label="flight")
     ax.plot(
@@ -136,8 +136,9 @@ def _ratios(shared: Layer, ax: Axes, inside: NDArray[np.bool_], height: Array) -
     shown = []
     for name, colour in (("density", style.BLUE), ("pressure", style.GREEN), ("temperature", style.ORANGE)):
         flown, expected = (shared.get(group, name)[inside] for group in (FLIGHT, PREFLIGHT))
-        ratio = flown / expected
-        _band(ax, height, ratio, shared.get(FLIGHT, f"{name}_sigma")[inside] / expected, 0.0, colour, "", alpha=0.25)
+        sigma = shared.get(FLIGHT, f"{name}_sigma")[inside]
+        ratio = known(flown, sigma) / expected
+        _band(ax, height, ratio, sigma / expected, 0.0, colour, "", alpha=0.25)
         ax.plot(*envelope(height, ratio)[::-1], color=colour, linewidth=1.2, label=name)
         shown.append(ratio if name == "density" else ratio[shared.counts[inside]])
     ax.axvline(1.0, color=style.GREY, linewidth=0.8)

@@ -127,7 +127,8 @@ def where_table(told: Mapping[str, Any]) -> Table:
 def onset_text(told: Mapping[str, Any]) -> str:
     """When the clearest channels begin to fail."""
     said = [f"{o['channel'].replace('_', ' ')} from {o['time_s']:.1f} s" for o in told["onsets"][:_ONSETS]]
-    return f"It begins: {', '.join(said)}."
+    more = len(told["onsets"]) - len(said)
+    return f"It begins: {', '.join(said)}{f', and {more} more' if more else ''}."
 
 
 def ranking_table(told: Mapping[str, Any]) -> Table:

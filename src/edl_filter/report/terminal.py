@@ -15,6 +15,10 @@ if TYPE_CHECKING:
 
 #: Columns where the output is no terminal and has no width of its own.
 _WIDTH = 118
+#: Digits before or behind the point that are written out; beyond, a power of ten stands behind the number.
+_PLACES = 6
+#: Digits of an estimate at most.
+_DIGITS = 9
 #: Share of a constraint's uses that may fail the gate before a run warns.
 _USUAL_REJECTIONS = 0.05
 
@@ -82,12 +86,19 @@ def _estimate(name: str, value: dict[str, Any]) -> str:
 
 
 def with_sigma(estimate: float, sigma: float | None) -> str:
-    """An estimate with as many digits as its sigma allows, at most nine: ``129.00 ± 0.02``."""
+    """Both to the second digit of the sigma: ``129.000 ± 0.013``, ``(1.75300 ± 0.00020)e-3``."""
     if not sigma or not math.isfinite(sigma) or not math.isfinite(estimate):
         return f"{estimate:.4g}"
-    size = max(abs(estimate), sigma)
-    digits = min(max(math.floor(math.log10(size)) - math.floor(math.log10(sigma)) + 2, 1), 9)
-    return f"{estimate:.{digits}g} ± {sigma:.2g}"
+    power = math.floor(math.log10(max(abs(estimate), sigma)))
+    places = 1 - math.floor(math.log10(sigma))
+    if power + places >= _DIGITS:
+        return f"{estimate:.{_DIGITS}g} ± {sigma:.2g}"
+    if 0 <= places <= _PLACES:
+        return f"{estimate:.{places}f} ± {sigma:.{places}f}"
+    if places < 0 and power < _PLACES:
+        return f"{estimate:.0f} ± {sigma:.0f}"
+    places = max(places + power, 0)
+    return f"({estimate / 10.0**power:.{places}f} ± {sigma / 10.0**power:.{places}f})e{power}"
 
 
 def events_table(events: dict[str, dict[str, Any]]) -> Table:

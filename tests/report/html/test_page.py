@@ -116,7 +116,7 @@ def test_a_folder_that_was_moved_still_renders(tmp_path):
 def test_a_hypothesis_has_size_sigma_unit_and_what_it_is_confused_with(tmp_path):
     folders.whole(tmp_path)
     text = section(page(tmp_path), "hypotheses")
-    for part in ("-38.07 ± 0.53 m/s", "0.980", "mass", "a second probe would part them", "9.5 → 1", "something else",
+    for part in ("−38.07 ± 0.53 m/s", "0.980", "mass", "a second probe would part them", "9.5 → 1", "something else",
                  "gyro_bias"):  # fmt: skip
         assert part in text
 
@@ -207,3 +207,7 @@ def test_text_of_a_cell_is_readable_on_its_ground():
 
 def test_powers_of_units_are_raised():
     assert readable("0.1 rad/s^2 and 3 kg m^-3.") == "0.1 rad/s² and 3 kg m⁻³."
+
+
+def test_negative_numbers_have_a_minus_and_words_keep_their_hyphens():
+    assert readable("x -0.5 m, (-1.2 ± 0.1)e-5, on-board 2011-03") == "x −0.5 m, (−1.2 ± 0.1)e-5, on-board 2011-03"

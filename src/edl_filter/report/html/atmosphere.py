@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from typing import Any
 
 import numpy as np
@@ -10,14 +11,11 @@ from numpy.typing import NDArray
 from edl_filter.report.html.blocks import Grid, Note, Plot, Section
 from edl_filter.report.html.plotting import Array, Trace, axis, band, curve, envelope, extent, layout, logarithmic
 from edl_filter.report.html.source import Source
+from edl_filter.report.profile import EDGE, KNOWN, known
 
 _KEY, _TITLE = "atmosphere", "Atmosphere"
 _FLIGHT, _PREFLIGHT = "postflight/atmosphere/flight", "postflight/atmosphere/preflight"
 _HEIGHT, _BINS = 400, 250
-#: Relative sigma up to which a temperature or a ratio is worth a line.
-_KNOWN = 0.15
-#: Before the parachute, s: its first pull reaches the smoothed deceleration that far back.
-_EDGE = 0.5
 _UNITS = {"density": "kg/m³", "pressure": "Pa", "temperature": "K"}
 
 
@@ -31,7 +29,7 @@ def atmosphere(source: Source) -> Section:
             [Note("The run derived no atmosphere; that needs an aerodynamic database in the mission.", "muted")],
         )
     start = _limit(source, "domain_start", float(time[0]))
-    end = _limit(source, "domain_end", float(time[-1])) - _EDGE
+    end = _limit(source, "domain_end", float(time[-1])) - EDGE
     useful = _limit(source, "domain_useful", start)
     inside = (time >= start) & (time <= end)
     if not inside.any():
@@ -40,12 +38,32 @@ def atmosphere(source: Source) -> Section:
     km = 1e-3 * height[inside]
     plots = [p for name in _UNITS if (p := _profile(source, name, km, inside, counts)) is not None]
     plots += [p for p in (_ratio(source, km, inside, counts),) if p is not None]
+    for plot in plots:
+        plot.figure["layout"] |= _mach_marks(source, time, height)
     note = (
         "From the drag: density from the axial force and the database, pressure by the hydrostatic integral, "
         "temperature by the gas law. Bands are one sigma. Temperature and ratios are left out where a sigma exceeds "
-        f"{_KNOWN:.0%}."
+        f"{KNOWN:.0%}."
     )
     return Section(_KEY, _TITLE, [Note(note, "muted"), Grid(plots)])
+
+
+def _mach_marks(source: Source, time: Array, height: Array) -> dict[str, Any]:
+    """Lines at the altitudes at which Mach numbers were passed."""
+    times = json.loads(source.attribute("postflight", "mach_times") or "{}")
+    at = {mach: 1e-3 * float(np.interp(t, time, height)) for mach, t in times.items() if t is not None}
+    return {
+        "shapes": [
+            {"type": "line", "xref": "paper", "x0": 0, "x1": 1, "yref": "y", "y0": km, "y1": km, "layer": "below",
+             "line": {"color": "@muted", "width": 1, "dash": "dot"}}
+            for km in at.values()
+        ],
+        "annotations": [
+            {"xref": "paper", "x": 1, "xanchor": "right", "yref": "y", "y": km, "yanchor": "bottom",
+             "text": f"Mach {mach}", "showarrow": False, "font": {"size": 11, "color": "@muted"}}
+            for mach, km in at.items()
+        ],
+    }  # fmt: skip
 
 
 def _limit(source: Source, name: str, otherwise: float) -> float:
@@ -60,7 +78,7 @@ def _profile(source: Source, name: str, km: Array, inside: NDArray[np.bool_], co
     if flown is None:
         return None
     unit, linear = _UNITS[name], name == "temperature"
-    flown = (_known(flown, sigma) if linear else flown)[inside]
+    flown = (known(flown, sigma) if linear else flown)[inside]
     before = None if expected is None else expected[inside]
     least = 0.0 if linear else 1e-3 * float(np.nanmin(np.abs(flown if before is None else before)))
     traces: list[Trace] = []
@@ -92,7 +110,7 @@ def _ratio(source: Source, km: Array, inside: NDArray[np.bool_], counts: NDArray
         )  # fmt: skip
         if flown is None or expected is None:
             continue
-        ratio = _known(flown, sigma)[inside] / expected[inside]
+        ratio = known(flown, sigma)[inside] / expected[inside]
         if sigma is not None:
             apart = sigma[inside] / expected[inside]
             area = band(km, ratio - apart, ratio + apart, name, f"{colour}-band", bins=_BINS, turned=True)
@@ -106,11 +124,6 @@ def _ratio(source: Source, km: Array, inside: NDArray[np.bool_], counts: NDArray
     made |= {"yaxis": axis("altitude (km)")}
     caption = "Flight over preflight: 1 where the atmosphere is the expected one."
     return Plot("profile_ratio", caption, {"data": traces, "layout": made}, _HEIGHT)
-
-
-def _known(values: Array, sigma: Array | None) -> Array:
-    """`values` with gaps where their sigma is too large."""
-    return values if sigma is None else np.where(sigma < _KNOWN * np.abs(values), values, np.nan)
 
 
 def _up(km: Array, values: Array, name: str, colour: str, unit: str, **more: Any) -> Trace:

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from edl_filter.report.html.blocks import Block, Details, Grid, Mark, Note, Plot, Section, Table
-from edl_filter.report.html.plotting import Array, axis, band, event_marks, extent, layout, line
+from edl_filter.report.html.plotting import ABOVE, Array, axis, band, event_marks, extent, layout, line
 from edl_filter.report.html.source import Source
 
 _KEY, _TITLE = "coefficients", "Coefficients against the database"
@@ -20,7 +20,7 @@ _MEANING = {
     "CN": "normal force", "CY": "side force", "Cm": "pitching moment", "Cn": "yawing moment", "Cl": "rolling moment",
     "CA": "axial force, preflight density",
 }  # fmt: skip
-_HEIGHT, _BINS = 330, 250
+_HEIGHT, _BINS = 390, 250
 
 
 def coefficients(source: Source) -> Section:
@@ -73,9 +73,10 @@ def _plot(source: Source, name: str) -> Plot | None:
     traces.append(line(time, expected, "database", "@blue", bins=_BINS))
     traces.append(line(time, flown, "flight", "@vermillion", bins=_BINS, line={"width": 1.1}))
     span = [float(time[0]), float(time[-1])]
-    made = layout(_HEIGHT)
+    made = layout(_HEIGHT, top=ABOVE)
     made |= {"xaxis": axis(source.time_label, range=span), "yaxis": axis(f"{name} (–)", range=extent(*shown))}
-    made["shapes"] = event_marks(source.events, span, named=False)[0] + _unstable(source, span)
+    marks, made["annotations"] = event_marks(source.events, span)
+    made["shapes"] = marks + _unstable(source, span)
     return Plot(f"coefficient_{name}", f"{name}: {_MEANING[name]}.", {"data": traces, "layout": made}, _HEIGHT)
 
 

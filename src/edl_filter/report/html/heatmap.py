@@ -42,6 +42,11 @@ def heatmap(source: Source) -> Section:
         ),
         _flight_map(cells, worst),
         _fixed_map(cells, worst),
+        Note(
+            "A constraint's number tells how it fits the path that is dead-reckoned from the estimated start; the plot "
+            "of its cell shows what the filter met when it used it.",
+            "muted",
+        ),
         Scale(gradient(), f"{LEAST:g}", number(max(MOST, worst))),
     ]
     if told.get("onsets"):

@@ -30,7 +30,7 @@ LABELS = {
 #: Least distance of two events' labels, share of the axis.
 _APART = 0.06
 #: Pixels below the axes for the time label and a legend, and above them for events' names.
-_BELOW, _ABOVE = 46, 74
+_BELOW, ABOVE = 46, 74
 #: Pieces into which gaps may cut a band; beyond them it is drawn across its gaps.
 _PIECES = 80
 
@@ -145,7 +145,7 @@ def stacked(
     count, gap = len(panels), 0.035
     tall = (1.0 - gap * (count - 1)) / count
     marks = dict(events or {})
-    made = layout(height, top=_ABOVE if marks else 12, legend=legend)
+    made = layout(height, top=ABOVE if marks else 12, legend=legend)
     for k, (_, y) in enumerate(panels):
         top = 1.0 - k * (tall + gap)
         made[f"yaxis{k + 1 if k else ''}"] = y | {"domain": [max(top - tall, 0.0), top], "automargin": False}
@@ -155,7 +155,7 @@ def stacked(
 
 
 def event_marks(
-    events: Mapping[str, float], span: Sequence[float] | None, named: bool = True
+    events: Mapping[str, float], span: Sequence[float] | None
 ) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
     """Lines at all events in the span, and names above those whose labels do not meet."""
     inside = {n: t for n, t in events.items() if span is None or span[0] <= t <= span[1]}
@@ -164,7 +164,7 @@ def event_marks(
          "line": {"color": "@muted", "width": 1, "dash": "dot"}}
         for t in inside.values()
     ]  # fmt: skip
-    if not named or not inside:
+    if not inside:
         return shapes, []
     low, high = span if span is not None else (min(inside.values()), max(inside.values()))
     order = sorted(inside, key=lambda name: list(LABELS).index(name) if name in LABELS else len(LABELS))

@@ -37,7 +37,7 @@ def waterfall(source: Source) -> Section:
         _KEY,
         _TITLE,
         [
-            Plot("waterfall", caption, _figure(lines, source.diagnosis.get("noise_floor")), _HEIGHT),
+            Plot("waterfall", caption, _figure(lines, source.diagnosis), _HEIGHT),
             _steps(lines),
             *([Note(str(lines[-1]["why"]))] if lines[-1].get("why") else []),
             Details("Normalised RMS of every channel, step by step", [_channels(lines)]),
@@ -59,8 +59,8 @@ def levels(lines: Lines) -> list[float]:
     return [level for level in found if level is not None]
 
 
-def _figure(lines: Lines, noise: float | None) -> dict[str, Any]:
-    level = levels(lines)
+def _figure(lines: Lines, diagnosis: Mapping[str, Any]) -> dict[str, Any]:
+    level, noise = levels(lines), diagnosis.get("noise_floor")
     bottom = 0.5 * min([1.0, *level])
     added = [f"+ {line['added']}" for line in lines if line.get("added")]
     names = ["as stated", *added, "what is left"]
@@ -69,7 +69,11 @@ def _figure(lines: Lines, noise: float | None) -> dict[str, Any]:
     low, high = [min(p) for p in pairs], [max(p) for p in pairs]
     told = [number(level[0]), *(f"{number(a)} → {number(b)}" for a, b in pairwise(level)),
             number(level[-1])]  # fmt: skip
-    fell = ["@muted", *("@blue" if b <= a else "@vermillion" for a, b in pairwise(level)), "@green"]
+    fell = [
+        "@muted",
+        *("@blue" if b <= a else "@vermillion" for a, b in pairwise(level)),
+        "@green" if diagnosis.get("verdict") == "clean" else "@muted",
+    ]
     bars = {
         "type": "bar", "x": list(range(len(pairs))), "y": [b - a for a, b in zip(low, high, strict=True)], "base": low,
         "text": told, "textposition": "outside", "cliponaxis": False, "marker": {"color": fell}, "width": 0.6,
@@ -78,13 +82,21 @@ def _figure(lines: Lines, noise: float | None) -> dict[str, Any]:
     made = layout(_HEIGHT, top=24, legend=False)
     made["xaxis"] = axis("", tickvals=list(range(len(pairs))), ticktext=names, showgrid=False)
     top = math.log10(2.0 * max(level))
-    made["yaxis"] = axis("normalised RMS (–)", type="log", range=[math.log10(bottom), top], dtick="D1")
-    if top - math.log10(bottom) > 1.0:
-        made["yaxis"]["dtick"] = 1
-    made["shapes"] = [
-        {"type": "line", "xref": "paper", "x0": 0, "x1": 1, "yref": "y", "y0": noise, "y1": noise,
-         "line": {"color": "@ink", "width": 1, "dash": "dash"}}
-    ] if noise else []  # fmt: skip
+    made["yaxis"] = axis(
+        "normalised RMS (–)",
+        type="log",
+        range=[math.log10(bottom), top],
+        dtick="D1" if top - math.log10(bottom) < 1.0 else "D2",
+    )
+    if noise:
+        made["shapes"] = [
+            {"type": "line", "xref": "paper", "x0": 0, "x1": 1, "yref": "y", "y0": noise, "y1": noise,
+             "line": {"color": "@ink", "width": 1, "dash": "dash"}}
+        ]  # fmt: skip
+        made["annotations"] = [
+            {"xref": "paper", "x": 1, "xanchor": "right", "yref": "y", "y": math.log10(noise), "yanchor": "bottom",
+             "text": "noise floor", "showarrow": False, "font": {"size": 11, "color": "@ink"}}
+        ]  # fmt: skip
     return {"data": [bars], "layout": made}
 
 
