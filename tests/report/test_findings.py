@@ -54,7 +54,7 @@ def test_a_diagnosis_says_what_a_person_wants_to_read(capsys):
         "0.05 rad/s^2",
         "remnant_torque or com_offset",
         "> 0.999",
-        "Cm 0.00175 ± 1e-06",
+        "Cm (1.7500 ± 0.0010)e-3",
         "moment x 880 → 0.91",
         "It begins: moment y from 129.0 s.",
         "remnant_torque or com_offset: knowing the mass would part them by 41 nats.",

@@ -158,7 +158,7 @@ def _parameter(effects: Sequence[Active], effect: str, parameter: str) -> float:
 
 
 def _swapped(told: Sequence[Active], found: Sequence[Active], effect: str, parameter: Parameter) -> float:
-    """-1 for a size that is told with the other sign than it was found with, which half a turn of a phase makes good."""
+    """-1 for a size that is told with the other sign than it was found with, a phase half a turn on; else 1."""
     if parameter.kind != "size":
         return 1.0
     return -1.0 if _parameter(told, effect, parameter.name) * _parameter(found, effect, parameter.name) < 0.0 else 1.0

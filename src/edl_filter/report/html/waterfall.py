@@ -16,6 +16,8 @@ from edl_filter.report.html.words import readable
 
 _KEY, _TITLE = "ledger", "How the error fell"
 _HEIGHT = 380
+#: Where the logarithmic axis may have its ticks.
+_TICKS = [m * 10.0**p for p in range(-3, 7) for m in (1, 2, 5)]
 
 Lines = Sequence[Mapping[str, Any]]
 
@@ -32,7 +34,7 @@ def waterfall(source: Source) -> Section:
                 Command(f"edl-filter improve {mission_name(source)} -o DIR"),
             ],
         )
-    caption = "Normalised RMS over all channels and constraints; 1 where the model holds. Logarithmic."
+    caption = "Normalised RMS over all channels and constraints; 1 where the model holds. Logarithmic. Dashed: the noise floor."
     return Section(
         _KEY,
         _TITLE,
@@ -81,21 +83,18 @@ def _figure(lines: Lines, diagnosis: Mapping[str, Any]) -> dict[str, Any]:
     }  # fmt: skip
     made = layout(_HEIGHT, top=24, legend=False)
     made["xaxis"] = axis("", tickvals=list(range(len(pairs))), ticktext=names, showgrid=False)
-    top = math.log10(2.0 * max(level))
+    ticks = [v for v in _TICKS if bottom <= v <= 2.0 * max(level)]
     made["yaxis"] = axis(
         "normalised RMS (–)",
         type="log",
-        range=[math.log10(bottom), top],
-        dtick="D1" if top - math.log10(bottom) < 1.0 else "D2",
+        range=[math.log10(bottom), math.log10(2.0 * max(level))],
+        tickvals=ticks,
+        ticktext=[f"{v:g}" for v in ticks],
     )
     if noise:
         made["shapes"] = [
             {"type": "line", "xref": "paper", "x0": 0, "x1": 1, "yref": "y", "y0": noise, "y1": noise,
              "line": {"color": "@ink", "width": 1, "dash": "dash"}}
-        ]  # fmt: skip
-        made["annotations"] = [
-            {"xref": "paper", "x": 1, "xanchor": "right", "yref": "y", "y": math.log10(noise), "yanchor": "bottom",
-             "text": "noise floor", "showarrow": False, "font": {"size": 11, "color": "@ink"}}
         ]  # fmt: skip
     return {"data": [bars], "layout": made}
 
