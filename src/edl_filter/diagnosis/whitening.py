@@ -188,7 +188,7 @@ def _gains(moving, first, column, change, noise_row, noise_column, noise, rows, 
             log_det += 2.0 * np.log(low[i, i])
         solve_lower(low, hp)  # L⁻¹ H P
         np.dot(hp.T, hp, known)
-        for i in range(p.shape[0]):
+        for i in range(p.shape[0]):  # an array expression would make a matrix at every step
             row, less = p[i], known[i]
             for j in range(p.shape[0]):
                 row[j] -= less[j]

@@ -34,7 +34,7 @@ def waterfall(source: Source) -> Section:
                 Command(f"edl-filter improve {mission_name(source)} -o DIR"),
             ],
         )
-    caption = "Normalised RMS over all channels and constraints; 1 where the model holds. Logarithmic. Dashed: the noise floor."
+    caption = "Normalised RMS over all channels and constraints; 1 where the model holds. Dashed: the noise floor."
     return Section(
         _KEY,
         _TITLE,
