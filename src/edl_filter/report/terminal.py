@@ -112,12 +112,12 @@ def events_table(events: dict[str, dict[str, Any]]) -> Table:
         table.add_row(
             name.replace("_", " "),
             f"{e['time_s']:.2f}",
-            f"{1e-3 * e['altitude_m']:.2f} ± {1e-3 * e['altitude_sigma_m']:.2f}",
+            f"{1e-3 * e['altitude_m']:.3f} ± {1e-3 * e['altitude_sigma_m']:.3f}",
             "" if height is None else f"{1e-3 * height:.2f}",
             f"{e['velocity_m_s']:.1f} ± {e['velocity_sigma_m_s']:.1f}",
             f"{e['mach']:.2f}",
             f"{e['dynamic_pressure_pa']:.3g}" if e["dynamic_pressure_pa"] < 1.0 else f"{e['dynamic_pressure_pa']:.0f}",
-            f"{e['alpha_total_deg']:.1f} ± {e['alpha_total_sigma_deg']:.1f}",
+            f"{e['alpha_total_deg']:.2f} ± {e['alpha_total_sigma_deg']:.2f}",
         )
     return table
 
