@@ -51,7 +51,7 @@ def atmosphere(source: Source) -> Section:
 def _mach_marks(source: Source, time: Array, height: Array) -> dict[str, Any]:
     """Lines at the altitudes at which Mach numbers were passed."""
     times = json.loads(source.attribute("postflight", "mach_times") or "{}")
-    at = {mach: 1e-3 * float(np.interp(t, time, height)) for mach, t in times.items() if t is not None}
+    at = {mach: 1e-3 * float(np.interp(t, time, height)) for mach, t in times.items() if t}
     return {
         "shapes": [
             {"type": "line", "xref": "paper", "x0": 0, "x1": 1, "yref": "y", "y0": km, "y1": km, "layer": "below",

@@ -19,6 +19,10 @@ from edl_filter.report.html.words import readable
 FIXED = "constraints"
 #: Bins of all channels' residuals together, and of one channel at most: the page must stay small.
 _ALL_BINS, _BINS = 4800, 800
+_FIXED_NOTE = (
+    "A constraint's number tells how it fits the path that is dead-reckoned from the estimated start; the plot of its "
+    "cell shows what the filter met when it used it."
+)
 _KEY, _TITLE = "where", "Where the model fails"
 
 
@@ -42,11 +46,7 @@ def heatmap(source: Source) -> Section:
         ),
         _flight_map(cells, worst),
         _fixed_map(cells, worst),
-        Note(
-            "A constraint's number tells how it fits the path that is dead-reckoned from the estimated start; the plot "
-            "of its cell shows what the filter met when it used it.",
-            "muted",
-        ),
+        *([Note(_FIXED_NOTE, "muted")] if _fixed_names(cells) else []),
         Scale(gradient(), f"{LEAST:g}", number(max(MOST, worst))),
     ]
     if told.get("onsets"):
