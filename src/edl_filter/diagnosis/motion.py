@@ -12,15 +12,16 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from edl_filter import rotations
 from edl_filter.diagnosis.bins import Bins
 from edl_filter.diagnosis.comparison import Frame
+from edl_filter.diagnosis.neighbours import Neighbours
+from edl_filter.diagnosis.path import dead_reckon
 from edl_filter.navigation import initial as entry
-from edl_filter.navigation import strapdown
 from edl_filter.navigation.filter import Problem, merge
 from edl_filter.navigation.increments import Samples
-from edl_filter.navigation.layout import ONBOARD, Layout, State, attitude_errors, sigma_states
+from edl_filter.navigation.layout import ONBOARD, Layout, State
 from edl_filter.navigation.noise import process_noise
-from edl_filter.navigation.ukf import propagate_states
 
 Array = NDArray[np.float64]
 
@@ -74,37 +75,37 @@ def follow(problem: Problem, bins: Bins, start: State, errors: Array) -> Motion:
     errors : (U, n) array
         By instrument.
     """
-    layout, samples = problem.layout, problem.samples
-    gyro_density = float(np.min(samples.rate_noise * np.sqrt(samples.interval)))
+    samples = problem.samples
+    hidden = _hidden(samples, float(np.min(samples.rate_noise * np.sqrt(samples.interval))))
+    times = _epochs(problem, bins)
+    ends = np.array([samples.index(t) for t in times])
+    begins = np.concatenate(([0], ends[:-1]))
+    units = samples.unit[np.minimum(begins, len(samples.unit) - 1)]
+    nav = dead_reckon(problem, start.nav[:10], errors).nav
     wanted = [c.time for c in problem.constraints]
-    steps = differencing_steps(layout)
-    offsets = np.concatenate((np.zeros((1, layout.size)), np.diag(steps), -np.diag(steps)))
-    found: list[_Epoch] = []
-    state, done, unit = start, 0, int(samples.unit[0])
-    onboard = np.empty((len(problem.constraints), 4)) if len(start.nav) == 14 else None
-    bin_of = {round(float(t), 5): k for k, t in enumerate(bins.edges[1:])}
     pending = sorted(range(len(wanted)), key=lambda i: wanted[i])
-    for time in _epochs(problem, bins):
-        stop = samples.index(time)
-        f, q, walk = np.eye(layout.size), np.zeros((layout.size, layout.size)), 0.0
-        if stop > done:
-            part = samples.part(done, stop)
-            state, f = _step(problem, state, part, offsets, steps)
+    onboard = np.empty((len(wanted), 4)) if len(start.nav) == 14 else None
+    bin_of = {round(float(t), 5): k for k, t in enumerate(bins.edges[1:])}
+    found: list[_Epoch] = []
+    state = start
+    for run in np.split(np.arange(len(times)), np.flatnonzero(np.diff(units)) + 1):
+        if found:  # another instrument drives from here on
+            state, f, q = _change(problem, state, int(units[run[0]]), errors[units[run[0]]])
+            found.append(_Epoch(found[-1].time, f, q, 0.0, -1, (), state))
+        states, moves = _stretches(problem, state, nav, begins[run], ends[run])
+        for k, moved, f in zip(run, states, moves, strict=True):
+            time, before, state = float(times[k]), state, moved
             inside = int(np.searchsorted(bins.edges, time - 1e-6)) - 1
-            walks = 0 <= inside < len(bins.sound) and bool(bins.sound[inside])
-            q = process_noise(layout, _hidden(part, gyro_density) if walks else part, state.nav[6:10])
+            walks = ends[k] > begins[k] and 0 <= inside < len(bins.sound) and bool(bins.sound[inside])
+            part = (hidden if walks else samples).part(begins[k], ends[k])
+            q = process_noise(problem.layout, part, before.nav[6:10])
             walk = float(part.interval.sum()) if walks else 0.0
-        here = []
-        while pending and wanted[pending[0]] <= time + 2e-6:
-            here.append(pending.pop(0))
-            if onboard is not None:
-                onboard[here[-1]] = state.nav[10:]
-        found.append(_Epoch(float(time), f, q, walk, bin_of.get(round(float(time), 5), -1), tuple(here), state))
-        done = stop
-        if done < len(samples.time) and samples.unit[done] != unit:
-            unit = int(samples.unit[done])
-            state, f, q = _change(problem, state, unit, errors[unit])
-            found.append(_Epoch(float(time), f, q, 0.0, -1, (), state))
+            here = []
+            while pending and wanted[pending[0]] <= time + 2e-6:
+                here.append(pending.pop(0))
+                if onboard is not None:
+                    onboard[here[-1]] = state.nav[10:]
+            found.append(_Epoch(time, f, q, walk, bin_of.get(round(time, 5), -1), tuple(here), state))
     return Motion(
         time=np.array([e.time for e in found]),
         move=np.array([e.move for e in found]),
@@ -144,18 +145,30 @@ def _hidden(samples: Samples, gyro_density: float) -> Samples:
     return replace(samples, rate_noise=rest, shared_rate_noise=np.minimum(samples.shared_rate_noise, rest))
 
 
-def _step(problem: Problem, state: State, part: Samples, offsets: Array, steps: Array) -> tuple[State, Array]:
-    """Propagate a state and its neighbours; new state and transition."""
-    n, count = problem.layout.size, len(offsets)
-    nav, errors = sigma_states(state, offsets, strapdown.padded(count))
-    propagate_states(problem.layout, problem.planet, part, nav, errors)
-    centre = State(nav[:, 0].copy(), state.errors.copy())
-    moved = errors[:, :count].T - centre.errors
-    moved[:, :6] = (nav[:6, :count] - centre.nav[:6, None]).T
-    moved[:, 6:9] = attitude_errors(centre.nav[6:10], nav[6:10, :count])
-    if len(nav) == 14:
-        moved[:, -3:] = attitude_errors(centre.nav[10:], nav[10:, :count])
-    return centre, ((moved[1 : n + 1] - moved[n + 1 :]) / (2.0 * steps[:, None])).T
+def _stretches(
+    problem: Problem, start: State, nav: Array, begins: NDArray[np.int64], ends: NDArray[np.int64]
+) -> tuple[list[State], Array]:
+    """States at the ends of adjoining stretches under one instrument, and the transitions over them.
+
+    Parameters
+    ----------
+    problem : Problem
+    start : State
+        At the beginning of the first.
+    nav : (N + 1, 10) array
+        The path at the ends of all samples.
+    begins, ends : (K,) arrays of int
+        Samples.
+    """
+    near = Neighbours.of(problem, start, differencing_steps(problem.layout))
+    turns = [near.onboard(a, b) for a, b in zip(begins, ends, strict=True)] if len(start.nav) == 14 else []
+    carried = [start.nav[10:]]
+    for net, turn in turns:
+        carried.append(rotations.multiply(rotations.multiply(carried[-1], net), turn[0]))
+    board = np.array(carried) if turns else np.empty((len(ends) + 1, 0))
+    at = np.concatenate((nav[np.append(begins[:1], ends)], board), axis=1)
+    moves = near.transitions(at[:-1], begins, ends, turns)
+    return [State(row, start.errors.copy()) for row in at[1:]], moves
 
 
 def _change(problem: Problem, state: State, unit: int, errors: Array) -> tuple[State, Array, Array]:

@@ -17,6 +17,7 @@ from edl_filter.diagnosis.case import HOLDS, Case, Linear, followed, linearise
 from edl_filter.diagnosis.hypotheses import Hypothesis, about_itself, refitted
 from edl_filter.diagnosis.missing import Missing, most_likely
 from edl_filter.diagnosis.roughness import find_rough
+from edl_filter.diagnosis.threads import meanwhile, one_blas_thread
 from edl_filter.diagnosis.trying import RIVAL, STARTS, Trial, alike, leaders, signatures, try_all
 from edl_filter.diagnosis.whitening import Whitener
 from edl_filter.diagnosis.without import Without, without_more
@@ -80,6 +81,11 @@ def rank(case: Case, candidates: Iterable[Effect], progress: Progress = lambda _
     -------
     Ranking
     """
+    with one_blas_thread():  # throughout: of two threads that set it in turn, the second would leave the first's
+        return _ranked(case, candidates, progress)
+
+
+def _ranked(case: Case, candidates: Iterable[Effect], progress: Progress) -> Ranking:
     progress("comparing model and measurements")
     linear = linearise(case, rounds=3, until=HOLDS)
     away = followed(case, linear)
@@ -87,7 +93,8 @@ def rank(case: Case, candidates: Iterable[Effect], progress: Progress = lambda _
         linear, away = away, None  # it failed only where the reconstruction had put the path
     paths = [x for x in (linear, away) if x is not None]
     without, likeliest = without_more(paths, case.effects), max(paths, key=lambda x: x.log_likelihood)
-    progress("trying the catalogue")
+    progress("trying the catalogue and something else")
+    elsewise = meanwhile(lambda: something_else(linear))  # compiled loops for the most part
     effects = offered(candidates, {a.name for a in case.effects})
     failed: dict[str, str] = {}
     # where the model holds an effect has its full evidence; the scan of one with a place is too coarse for that
@@ -95,14 +102,13 @@ def rank(case: Case, candidates: Iterable[Effect], progress: Progress = lambda _
     if away is not None:
         shares = [(linear, [e for e in effects if e.places]), (away, [e for e in effects if not e.places])]
     grounds = [_tried(ground, share, case.parachute, failed) for ground, share in shares]
-    progress("trying something else")
-    missing, likely = something_else(linear)
     polished: list[Hypothesis] = []
     for tried in grounds:
         best = max((h.gain for h in polished), default=0.0)
         found = _refitted(case, tried, without, _CLOSE * best, failed, progress)
         polished += _polished(case, found, failed, progress)
     polished.sort(key=lambda h: -h.gain)
+    missing, likely = elsewise()
     stated = linear.plain.log_likelihood(linear.white(linear.plain))
     trials = {name: trial for tried in grounds for name, trial in tried.trials[0].items()}
     other = likely - likeliest.log_likelihood  # the model's own effects where they are, in both

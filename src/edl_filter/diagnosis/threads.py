@@ -29,6 +29,14 @@ def in_threads(function: Callable[[Item], Found], items: Iterable[Item]) -> list
         return list(pool.map(function, items))
 
 
+def meanwhile(function: Callable[[], Found]) -> Callable[[], Found]:
+    """Begin a function beside what follows; calling what is given waits for its answer."""
+    pool = ThreadPoolExecutor(1)
+    begun = pool.submit(function)
+    pool.shutdown(wait=False)
+    return begun.result
+
+
 @cache
 def _blas() -> ThreadpoolController:
     return ThreadpoolController()

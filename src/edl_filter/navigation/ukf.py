@@ -199,7 +199,8 @@ def propagate_states(layout: Layout, planet: Planet, samples: Samples, nav: Arra
     errors : (n, S) array
     """
     if len(nav) == 14:
-        nav[10:] = _turn_onboard(layout, samples, nav[10:].T, errors).T
+        net, turn = onboard_steps(layout, samples, errors)
+        nav[10:] = rotations.multiply(rotations.multiply(nav[10:].T, net), turn).T
     force_map, rate_map = sensor_maps(layout, errors)
     strapdown.propagate(
         nav[:10],
@@ -214,12 +215,11 @@ def propagate_states(layout: Layout, planet: Planet, samples: Samples, nav: Arra
     )
 
 
-def _turn_onboard(layout: Layout, samples: Samples, onboard: Array, errors: Array) -> Array:
-    """Turn on-board attitudes ``(S, 4)`` as the gyros read, less what they were computed with."""
-    onboard = rotations.multiply(onboard, net_turn(samples))
+def onboard_steps(layout: Layout, samples: Samples, errors: Array) -> tuple[Array, Array]:
+    """Turn of on-board attitudes: as the gyros read ``(4,)``, then less what they were computed with ``(S, 4)``."""
     names = [n for n in ("onboard_rate", "onboard_mounting") if n in layout]
+    turn = np.zeros((3, errors.shape[1]))
     if names:
         effect = dict(zip(("onboard_rate", "onboard_mounting"), onboard_turn(samples), strict=True))
-        turn = sum(effect[n] @ errors[layout[n]] for n in names)
-        onboard = rotations.multiply(onboard, rotations.from_rotation_vector(np.transpose(turn)))
-    return onboard
+        turn = sum((effect[n] @ errors[layout[n]] for n in names), turn)
+    return net_turn(samples), rotations.from_rotation_vector(turn.T)
