@@ -41,7 +41,7 @@ def in_hindsight(whiten: Whitener, white: Array) -> tuple[Array, Array]:
         return _backwards(*pattern(s.change.transposed), s.rows, s.design, whiten.gain, whiten.factor, white)
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", nogil=True)
 def _backwards(moving, first, column, change, rows, design, gains, factor, white):
     size = design.shape[1]
     weighed, diagonal = np.empty_like(white), np.empty_like(white)

@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 from edl_filter.diagnosis.bins import Bins
 from edl_filter.diagnosis.comparison import averaged, triangle
 from edl_filter.diagnosis.sparse import joined, sparse
-from edl_filter.diagnosis.threads import in_threads
 from edl_filter.diagnosis.timeline import Order
 from edl_filter.diagnosis.whitening import Steps
 from edl_filter.effects.effect import Flow
@@ -88,7 +87,7 @@ def most_likely(value: Callable[[Missing], float]) -> tuple[Missing, float]:
     Sizes are searched one after the other on their grid, for each memory; then the best is refined by a factor.
     """
     kinds = [(memory, with_pressure) for with_pressure in (False, True) for memory in MEMORIES]
-    searched = in_threads(lambda kind: _sized(value, *kind), kinds)
+    searched = [_sized(value, *kind) for kind in kinds]
     best, found = max([(Missing(), value(Missing())), *searched], key=lambda pair: pair[1])
     for name in ("moment", "force"):
         for factor in (3.0, 1.0 / 3.0):

@@ -235,7 +235,7 @@ def _apply(moving, first, column, change, rows, design, gains, factor, columns, 
     return out
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", nogil=True)
 def _smooth(row, column, change, noise_row, noise_column, noise, rows, design, gains, factor, white, x, start):
     """Smoothed state at the beginning, which takes the place of `x`, and after each step's move."""
     count, size = rows.size - 1, x.size
