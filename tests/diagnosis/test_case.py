@@ -57,17 +57,19 @@ def test_after_the_end_they_stay_as_they_were():
 
 @pytest.mark.parametrize(("share", "until", "calls"), [(0.0, 0.02, 3), (0.5, 0.02, 1), (0.5, 1.0, 3)])
 def test_further_rounds_are_for_models_that_hold(monkeypatch, share, until, calls):
-    """The point moves round by round, but not where the model fails by more than `until`."""
-    made = []
+    """The point moves round by round, but not where the model fails by more than `until`; noise begins at the last."""
+    made, begun = [], []
 
-    def about(case, point):
+    def about(case, point, begin=None):
         made.append(point)
+        begun.append(begin)
         soft = SimpleNamespace(start_covariance=lambda size: np.eye(2), log_likelihood=lambda _: float(len(made)))
         unknowns, ground = SimpleNamespace(layout=SimpleNamespace(size=2)), SimpleNamespace(point=point)
         white = SimpleNamespace(
             share=share, holds=share <= HOLDS, soft=soft, white=lambda _: np.zeros(3), start=np.zeros(2)
         )
         white.unknowns, white.sigma, white.ground, white.log_likelihood = unknowns, {}, ground, float(len(made))
+        white.rough = f"noise {len(made)}", soft
         return white
 
     def told(linear, point, *_):
@@ -79,6 +81,7 @@ def test_further_rounds_are_for_models_that_hold(monkeypatch, share, until, call
     monkeypatch.setattr(case_module, "first_point", lambda _: SimpleNamespace(start=None, deviation=None))
     linearise(SimpleNamespace(reconstruction=None), rounds=3, until=until)
     assert len(made) == calls
+    assert begun == [None, "noise 1", "noise 2"][:calls]
 
 
 @pytest.mark.parametrize(

@@ -7,7 +7,7 @@ import pytest
 
 from edl_filter import rotations
 from edl_filter.diagnosis.bins import Bins
-from edl_filter.diagnosis.path import PER_BIN, Path, dead_reckon, nodes_of
+from edl_filter.diagnosis.path import PER_BIN, Path, dead_reckon, node_rates, nodes_of
 from edl_filter.navigation import strapdown
 from edl_filter.navigation.increments import Samples
 from edl_filter.navigation.layout import Layout
@@ -175,5 +175,6 @@ def test_a_bin_without_rates_does_not_spoil_the_others():
     rates[10] = np.nan
     found = nodes_of(path, Bins(edges, np.ones(80, bool), 1), rates)
     assert np.isfinite(found.nav).all() and np.isfinite(found.rate).all()
+    np.testing.assert_array_equal(node_rates(Bins(edges, np.ones(80, bool), 1), rates), found.rate)
     late = found.time > 5.0
     assert np.abs(found.rate - coning(found.time)[1])[late & (found.time < 9.5)].max() < 2e-3 * WIDE

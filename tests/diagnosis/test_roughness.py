@@ -174,6 +174,18 @@ def test_it_does_not_matter_where_it_begins(seed, one, other):
     assert likelihoods[0] == pytest.approx(likelihoods[1], abs=4.0)
 
 
+@pytest.mark.parametrize("count", [0, 3, -3])
+def test_what_was_found_with_other_rows_is_a_beginning_too(count):
+    """A model may use a few rows more or less than the one whose noise is begun with."""
+    steps, order = problem()
+    column, start = drawn(5, factor=loud(2, 1)), np.zeros(1)
+    found, whiten = find_rough(whitener(steps), order, column, start)
+    variance = np.resize(found.variance, len(column) + count)
+    _, again = find_rough(whitener(steps), order, column, start, Rough(variance, variance > 0.0))
+    likelihoods = [w.log_likelihood(w(column[:, None], start[:, None])[:, 0]) for w in (whiten, again)]
+    assert likelihoods[0] == pytest.approx(likelihoods[1], abs=2.0)
+
+
 def test_the_excess_stands_on_the_diagonal_and_nowhere_else():
     steps, order = problem()
     assert roughened(steps, order, smooth_noise(steps)) is steps

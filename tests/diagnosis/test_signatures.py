@@ -58,6 +58,24 @@ def test_of_an_effect_on_the_path_it_is_taken_on_readings_without_their_own_nois
     np.testing.assert_allclose(column, (at[1] - at[0]) / 2e-5, rtol=1e-3, atol=1e-3 * np.abs(column).max())
 
 
+@pytest.mark.parametrize(
+    "values",
+    [{}, {"gyro_scale": {"sx": 0.01}}, {"imu_lever_arm": {"x": 0.1}}, {"imu_time_offset": {"tau": 2e-3}}],
+    ids=lambda v: next(iter(v), "none"),
+)
+def test_quiet_readings_are_cut_and_corrected_as_the_others_are(case, values):
+    """They are put together in fewer steps; the samples' edges, and what effects do to them, must be the same."""
+    effects = tuple(Active(effect_named(name), v) for name, v in values.items())
+    plain, calm = case.arrange(effects), case.arrange_quiet(effects)
+    one, other = plain.problem.samples, calm.problem.samples
+    np.testing.assert_array_equal(np.isin(one.time, other.time), True)
+    assert other.time[0] - other.interval[0] == pytest.approx(plain.problem.initial.time, abs=1e-9)
+    same = np.searchsorted(other.time, one.time)
+    gap = np.abs(other.mean_force[same] - one.mean_force)
+    assert np.median(gap) < 0.01 < np.max(gap)  # they differ by a sample's noise, and by that they do
+    assert [r.name for r in plain.checking] == [r.name for r in calm.checking]
+
+
 @pytest.mark.parametrize("name", ["gyro_bias", "accelerometer_bias"])
 def test_an_effect_that_is_an_unknown_as_well_leaves_the_same_mark(linear, name):
     """The biases are states of the filter: white, signature and state must be one, or a small rest looks like evidence.

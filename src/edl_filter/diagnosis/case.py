@@ -16,10 +16,11 @@ from numpy.typing import NDArray
 
 from edl_filter.assembly import assemble_free, without_effects
 from edl_filter.diagnosis.bins import Bins, lay_bins
-from edl_filter.diagnosis.comparison import Setup, compare
+from edl_filter.diagnosis.comparison import Setup, binned, compare
 from edl_filter.diagnosis.deviating import moved
 from edl_filter.diagnosis.missing import Missing, allow
 from edl_filter.diagnosis.motion import follow, frame_of
+from edl_filter.diagnosis.path import readings
 from edl_filter.diagnosis.point import Point, first_point, told
 from edl_filter.diagnosis.roughness import Rough, find_rough
 from edl_filter.diagnosis.sensitivity import bin_rows, coefficient_sigma, one_sigma, slopes
@@ -33,6 +34,8 @@ from edl_filter.effects.readings import log_stretch
 from edl_filter.effects.world import World
 from edl_filter.mission import Mission
 from edl_filter.modelling import world_of
+from edl_filter.navigation.filter import Problem
+from edl_filter.navigation.increments import effective_samples
 from edl_filter.reconstruction import Reconstruction, reconstruct
 from edl_filter.telemetry.record import ImuRecord, Telemetry
 
@@ -87,11 +90,21 @@ class Case:
 
     def arrange(self, effects: Sequence[Active]) -> Setup:
         """Model and measurements with other effects than the model's."""
-        return self._arranged(self.reconstruction.telemetry, effects)
+        r = self.reconstruction
+        telemetry = without_effects(r.mission, r.telemetry, effects)
+        problem = assemble_free(r.mission, telemetry, r.planet, r.atmosphere, effects)
+        return self._setup(problem, telemetry, effects)
 
     def arrange_quiet(self, effects: Sequence[Active]) -> Setup:
-        """The same with readings from which their own noise was taken (`quiet`), to differentiate by sensor errors."""
-        return self._arranged(self.quiet_telemetry, effects)
+        """The same with readings from which their own noise was taken (`quiet`), to differentiate by sensor errors.
+
+        Of the problem the samples alone are as the effects have them.
+        """
+        known = self.reconstruction.problem
+        telemetry = without_effects(self.mission, self.quiet_telemetry, effects)
+        samples = effective_samples(telemetry.driving).split(known.epochs)
+        samples = samples.part(samples.index(known.initial.time), len(samples.time))
+        return self._setup(replace(known, samples=samples), telemetry, effects)
 
     def volume(self, effects: Sequence[Active]) -> float:
         """What undoing effects makes of a volume of readings, as its logarithm: the likelihood is that of the readings.
@@ -116,15 +129,8 @@ class Case:
         r = self.reconstruction
         return world_of(r.mission, r.planet, r.atmosphere, ())
 
-    def _arranged(self, read: Telemetry, effects: Sequence[Active]) -> Setup:
-        r = self.reconstruction
-        telemetry = without_effects(r.mission, read, effects)
-        return Setup(
-            problem=assemble_free(r.mission, telemetry, r.planet, r.atmosphere, effects),
-            world=self.world.having(effects),
-            driving=telemetry.driving,
-            checking=telemetry.checking,
-        )
+    def _setup(self, problem: Problem, telemetry: Telemetry, effects: Sequence[Active]) -> Setup:
+        return Setup(problem, self.world.having(effects), telemetry.driving, telemetry.checking)
 
 
 def quiet(record: ImuRecord, length: float, end: float) -> ImuRecord:
@@ -177,6 +183,8 @@ class Linear:
         The differences.
     start : (n,) array
         What the mission states of the unknowns at the beginning, about the path.
+    begin : Rough or None
+        Noise from which the search for its own begins: what was found about another path.
     """
 
     ground: Ground
@@ -187,6 +195,7 @@ class Linear:
     steps: Steps
     column: Array
     start: Array
+    begin: Rough | None = None
 
     @cached_property
     def plain(self) -> Whitener:
@@ -196,7 +205,7 @@ class Linear:
     @cached_property
     def rough(self) -> tuple[Rough, Whitener]:
         """Noise that the differences have beyond what is stated, and the whitener that allows for it."""
-        return find_rough(self.plain, self.ground.order, self.column, self.start)
+        return find_rough(self.plain, self.ground.order, self.column, self.start, self.begin)
 
     @property
     def share(self) -> float:
@@ -271,7 +280,7 @@ def case_of(reconstruction: Reconstruction) -> Case:
     )
 
 
-def linearise(case: Case, rounds: int = 1, until: float = 1.0) -> Linear:
+def linearise(case: Case, rounds: int = 1, until: float = 1.0, begin: Rough | None = None) -> Linear:
     """Compare model and measurement, about a path and about what the flight says of air, tables and vehicle.
 
     The first path begins where the reconstruction says, which knows nothing of the air. What forces and moments say of
@@ -287,12 +296,14 @@ def linearise(case: Case, rounds: int = 1, until: float = 1.0) -> Linear:
         How often it is compared at most.
     until : float
         Part of the rows, 0 to 1.
+    begin : Rough, optional
+        Noise of a model much like it, from which the search for its own begins.
 
     Returns
     -------
     Linear
     """
-    return _likeliest(list(_rounds(case, rounds, until)))
+    return _likeliest(list(_rounds(case, rounds, until, about(case, first_point(case.reconstruction), begin))))
 
 
 def followed(case: Case, linear: Linear) -> Linear | None:
@@ -329,9 +340,8 @@ def _likeliest(tried: list[Linear]) -> Linear:
     return max(holding or tried, key=lambda x: x.log_likelihood)
 
 
-def _rounds(case: Case, rounds: int, until: float, first: Linear | None = None) -> Iterator[Linear]:
-    """The comparison about the first point (or `first`), and about where that leads, until it stays or fails."""
-    linear = about(case, first_point(case.reconstruction)) if first is None else first
+def _rounds(case: Case, rounds: int, until: float, linear: Linear) -> Iterator[Linear]:
+    """The comparison about a point, and about where that leads, until it stays or fails."""
     for i in range(rounds):
         yield linear
         point = linear.ground.point
@@ -345,11 +355,11 @@ def _rounds(case: Case, rounds: int, until: float, first: Linear | None = None) 
         still = np.all(np.abs(new.start.minus(point.start)) <= _SETTLED * spread + 1e-15)
         if still and moved(point.deviation, new.deviation, linear.sigma) <= _SETTLED:
             return
-        linear = about(case, new)
+        linear = about(case, new, linear.rough[0])
 
 
-def about(case: Case, point: Point) -> Linear:
-    """Compare model and measurement about a point."""
+def about(case: Case, point: Point, begin: Rough | None = None) -> Linear:
+    """Compare model and measurement about a point; the search for the noise begins at `begin`."""
     bins, unmoved = case.bins, case.arrange(case.effects)
     setup = replace(unmoved, world=replace(unmoved.world, deviation=point.deviation))
     layout = setup.problem.layout
@@ -361,8 +371,9 @@ def about(case: Case, point: Point) -> Linear:
     slope = slopes(setup, bins, found, case.allowance.density, units)
     unknowns = lay_out(layout, setup.checking, case.allowance)
     sigma = one_sigma(case.allowance)
-    readings = compare(frame, case.arrange_quiet(case.effects)).path
-    rows = bin_rows(setup, bins, found, readings, unknowns, slope, sigma, case.allowance)
+    calm = case.arrange_quiet(case.effects).problem
+    read = binned(bins, calm.samples, readings(calm, point.errors))
+    rows = bin_rows(setup, bins, found, read, unknowns, slope, sigma, case.allowance)
     steps, order = in_order(setup, bins, motion, rows, unknowns, case.allowance, found)
     ground = Ground(
         case.arrange,
@@ -386,4 +397,5 @@ def about(case: Case, point: Point) -> Linear:
         steps=steps,
         column=ground.column(found),
         start=ground.stated(setup),
+        begin=begin,
     )

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from edl_filter.diagnosis.bins import Bins, bin_means
-from edl_filter.diagnosis.path import PER_BIN, Nodes, Path, dead_reckon, nodes_of
+from edl_filter.diagnosis.path import PER_BIN, Nodes, Path, dead_reckon, node_rates, nodes_of
 from edl_filter.effects.effect import Flow, Totals
 from edl_filter.effects.world import World
 from edl_filter.navigation.constraints import Altimeter
@@ -114,13 +114,12 @@ def compare(frame: Frame, setup: Setup) -> Differences:
     bins, problem, world = frame.bins, setup.problem, setup.world
     path = dead_reckon(problem, frame.start, frame.errors)
     samples = problem.samples
-    force = bin_means(bins.edges, samples.time, samples.interval, path.force)
-    rate = bin_means(bins.edges, samples.time, samples.interval, path.rate)
+    force, rate = binned(bins, samples, (path.force, path.rate))
     nodes = nodes_of(path, bins, rate)
     flow = world.flow(nodes.time, nodes.nav[:, :3], nodes.nav[:, 3:6], nodes.nav[:, 6:], nodes.rate)
     tables = world.looked_up(flow)
     felt, step = predicted(world, bins, flow, tables)
-    checking = [_other(record, bins, samples, path, force, rate) for record in setup.checking]
+    checking = [_other(record, bins, samples, path.rate, force, rate) for record in setup.checking]
     return Differences(
         force=force - felt,
         turn=np.diff(rate, axis=0) - step,
@@ -139,11 +138,10 @@ def compare(frame: Frame, setup: Setup) -> Differences:
 def beside_held(frame: Frame, setup: Setup, read: tuple[Array, Array], held: Differences) -> Differences:
     """Compare other readings, `path.readings`, and another vehicle, along a path that is held; no constraints."""
     bins, samples = frame.bins, setup.problem.samples
-    path = Path(held.path.time, held.path.nav, *read)
-    force, rate = (bin_means(bins.edges, samples.time, samples.interval, x) for x in read)
-    flow = replace(held.flow, rate=nodes_of(path, bins, rate).rate)
+    force, rate = binned(bins, samples, read)
+    flow = replace(held.flow, rate=node_rates(bins, rate))
     felt, step = predicted(setup.world, bins, flow, held.tables)
-    checking = [_other(record, bins, samples, path, force, rate) for record in setup.checking]
+    checking = [_other(record, bins, samples, read[1], force, rate) for record in setup.checking]
     return replace(
         held,
         force=force - felt,
@@ -154,10 +152,22 @@ def beside_held(frame: Frame, setup: Setup, read: tuple[Array, Array], held: Dif
     )
 
 
+def binned(bins: Bins, samples: Samples, read: tuple[Array, Array]) -> tuple[Array, Array]:
+    """Means over the bins ``(B, 3)`` of force and rate that are given by sample."""
+    force, rate = (bin_means(bins.edges, samples.time, samples.interval, x) for x in read)
+    return force, rate
+
+
 def predicted(world: World, bins: Bins, flow: Flow, tables: Totals | None = None) -> tuple[Array, Array]:
     """Mean specific force in the bins ``(B, 3)`` and steps of the rate between them ``(B - 1, 3)``."""
     force, moment = world.loads(flow, tables)
     return averaged(force / world.rigid_body.mass, bins), stepped(world, bins, flow, moment)
+
+
+def more_predicted(world: World, bins: Bins, force: Array, moment: Array) -> tuple[Array, Array]:
+    """What more force and moment at the nodes make of `predicted`."""
+    turning = moment @ np.linalg.inv(world.rigid_body.inertia).T
+    return averaged(force / world.rigid_body.mass, bins), triangle(turning, bins)
 
 
 def averaged(values: Array, bins: Bins) -> Array:
@@ -241,14 +251,15 @@ def constraint_differences(frame: Frame, path: Path, problem: Problem) -> tuple[
 
 
 def _other(
-    record: ImuRecord, bins: Bins, samples: Samples, path: Path, force: Array, rate: Array
+    record: ImuRecord, bins: Bins, samples: Samples, turning: Array, force: Array, rate: Array
 ) -> tuple[Array, Array]:
     """What another IMU read beyond what the driving one says, means over the bins.
 
-    The lever arm's acceleration is taken sample by sample: in longer steps its tangential part loses an order.
+    `turning` is the rate sample by sample, `force` and `rate` the driving one's means over the bins. The lever
+    arm's acceleration is taken sample by sample: in longer steps its tangential part loses an order.
     """
     read = bin_means(bins.edges, record.time, record.interval, record.specific_force)
     turned = bin_means(bins.edges, record.time, record.interval, record.angular_rate)
-    place = np.broadcast_to(record.position[0], path.rate.shape)
-    more = lever_arm_acceleration(samples.interval, path.rate, place, np.zeros(len(path.rate), np.int64))
+    place = np.broadcast_to(record.position[0], turning.shape)
+    more = lever_arm_acceleration(samples.interval, turning, place, np.zeros(len(turning), np.int64))
     return read - force - bin_means(bins.edges, samples.time, samples.interval, more), turned - rate

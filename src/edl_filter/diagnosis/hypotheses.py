@@ -199,7 +199,9 @@ def about_itself(h: Hypothesis) -> Hypothesis:
         starts = [h.hard] if h.hard is not None and h.case.exact else []
         polished = _best(h.name, [h.refit], starts, h.without, h.case, h.linear, thorough=True)
     rounds = 2 if h.case.exact else 1  # or nothing will hold, and what it moves is lost in the noise
-    case, linear, found = until_still(load_case(h.case.mission, polished.refit.effects), rounds)
+    case, linear, found = until_still(
+        load_case(h.case.mission, polished.refit.effects), rounds, begin=h.linear.rough[0]
+    )
     again = _best(h.name, [found], [], h.without, case, linear, thorough=True)
     gain = again.gain
     if h.linear.holds:  # from path to path evidence jumps by some nats; the model without it has its likeliest too

@@ -12,7 +12,7 @@ from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import CubicSpline, make_interp_spline
+from scipy.interpolate import BSpline, CubicSpline, make_interp_spline
 
 from edl_filter import rotations
 from edl_filter.diagnosis.bins import Bins
@@ -115,16 +115,30 @@ def nodes_of(path: Path, bins: Bins, mean_rate: Array) -> Nodes:
     mean_rate : (B, 3) array
         Means over the bins, rad/s.
     """
-    edges, dt = bins.edges, bins.interval
-    count = len(dt)
-    turned = np.concatenate((np.zeros((1, 3)), np.cumsum(np.nan_to_num(mean_rate) * dt[:, None], axis=0)))
-    share = np.arange(PER_BIN) / PER_BIN
-    time = np.append((edges[:-1, None] + dt[:, None] * share).ravel(), edges[-1])
+    edges, count = bins.edges, len(bins.interval)
+    time, angle = node_times(bins), _angle(bins, mean_rate)
     bin_ = np.append(np.repeat(np.arange(count), PER_BIN), count)
-    angle = make_interp_spline(edges, turned, k=5)
     at_edges = path.nav[np.searchsorted(path.time, edges - 1e-6)]
     nav = np.empty((len(time), 10))
     nav[:, :6] = CubicSpline(edges, at_edges[:, :6], axis=0)(time)
-    turn = angle(time) - turned[bin_]
+    turned = angle(time)
+    turn = turned - turned[::PER_BIN][bin_]
     nav[:, 6:] = rotations.multiply(at_edges[bin_, 6:], rotations.from_rotation_vector(turn))
     return Nodes(time, nav, angle.derivative()(time))
+
+
+def node_rates(bins: Bins, mean_rate: Array) -> Array:
+    """Rates at the nodes ``(M, 3)``, as `nodes_of` has them."""
+    return np.asarray(_angle(bins, mean_rate).derivative()(node_times(bins)), np.float64)
+
+
+def node_times(bins: Bins) -> Array:
+    """Times of the nodes ``(M,)``."""
+    share = np.arange(PER_BIN) / PER_BIN
+    return np.append((bins.edges[:-1, None] + bins.interval[:, None] * share).ravel(), bins.edges[-1])
+
+
+def _angle(bins: Bins, mean_rate: Array) -> BSpline:
+    """Integral of the rates."""
+    steps = np.nan_to_num(mean_rate) * bins.interval[:, None]
+    return make_interp_spline(bins.edges, np.concatenate((np.zeros((1, 3)), np.cumsum(steps, axis=0))), k=5)

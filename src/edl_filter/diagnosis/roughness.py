@@ -8,7 +8,8 @@ each of them leaves. On a flight that is understood there is none.
 All pieces share one path, so their variances are sought together. With C the covariance of all differences y, the
 likelihood is level in a piece's variance where the sums over its rows of ``(C⁻¹ y)²`` and of the diagonal of ``C⁻¹``
 are equal (`hindsight`); a variance is multiplied by their ratio until they are (MacKay, Neural Computation 4 (1992)
-415), and, but for the first time, by a power of it: its steps are always a little short.
+415), and, but for the first time, by a power of it: its steps are always a little short. By which power, the last two
+rounds say, piece by piece: the secant of the ratio's logarithm over that of the variance.
 """
 
 from __future__ import annotations
@@ -30,8 +31,8 @@ PIECE = 10.0
 _CHANCE = 4.0
 #: Rounds at most, and a gain (nats) that is not worth another.
 _ROUNDS, _ENOUGH = 10, 2.0
-#: Power of the ratio after the first round: with two, flights were seen to go to and fro.
-_LONGER = 1.5
+#: Power of the ratio where no secant is known, and the largest: with two for all, flights were seen to go to and fro.
+_LONGER, _LONGEST = 1.5, 3.0
 #: Part of a difference's variance, all others known, that is as good as none.
 _NOTHING = 1e-6
 
@@ -64,6 +65,13 @@ class Rough:
     def share(self) -> float:
         """Part of the rows that are surely rough."""
         return float(np.mean(self.sure))
+
+    def along(self, pieces: list[NDArray[np.int64]], count: int) -> Array:
+        """Its variance ``(R,)`` in other pieces, of `count` rows, which may be a few more or less."""
+        out = np.zeros(count)
+        for rows in pieces:
+            out[rows] = self.variance[min(int(rows[0]), len(self.variance) - 1)]
+        return out
 
 
 def smooth_noise(steps: Steps) -> Rough:
@@ -106,7 +114,7 @@ def find_rough(
     column : (R,) array
     start : (n,) array
     begin : Rough, optional
-        What another column was found to have, such as that of the model without an effect: it saves rounds.
+        What was found about another path, or without an effect: it saves rounds.
 
     Returns
     -------
@@ -123,15 +131,17 @@ def find_rough(
     found, at_it = first_look(plain, order, column, start), plain
     if found.none:
         return found, plain
-    trial = found.variance if begin is None or begin.none else np.where(begin.sure, begin.variance, found.variance)
-    for i in range(_ROUNDS):
+    trial = found.variance if begin is None or begin.none else begin.along(pieces, len(column))
+    rounds: list[_Round] = []
+    for _ in range(_ROUNDS):
         likelihood, whiten, white = tried(replace(found, variance=trial))
         if likelihood < best + _ENOUGH:
             break
         weighed, diagonal = in_hindsight(whiten, white)
         best, at_it = likelihood, whiten
         found = Rough(trial, _sure(trial, pieces, diagonal), _price(trial, pieces))
-        trial = _likelier(trial, pieces, weighed, diagonal, _LONGER if i else 1.0)
+        rounds.append(_round(trial, pieces, weighed, diagonal))
+        trial = _likelier(rounds, pieces, len(trial))
     kept = np.where(found.sure, found.variance, 0.0)
     fewer = [np.zeros_like(kept)]
     if np.any(kept) and np.any(kept != found.variance):
@@ -155,16 +165,58 @@ def _pieces(order: Order) -> list[NDArray[np.int64]]:
     return found
 
 
-def _likelier(variance: Array, pieces: list[NDArray[np.int64]], weighed: Array, diagonal: Array, power: float) -> Array:
-    """The next variances from ``C⁻¹ y`` and the diagonal of ``C⁻¹``."""
-    out = np.zeros_like(variance)
-    for rows in pieces:
-        had, n = variance[rows[0]], len(rows)
-        square, expected = np.sum(weighed[rows] ** 2), np.sum(diagonal[rows])
-        if had * expected > _NOTHING * n:
-            out[rows] = had * (square / expected) ** power
-        elif square / expected - 1.0 > _chance(n):
-            out[rows] = (square - expected) * n / expected**2
+@dataclass(frozen=True)
+class _Round:
+    """What one round found, by piece.
+
+    Attributes
+    ----------
+    variance : (p,) array
+    square, expected : (p,) arrays
+        Sums over a piece's rows of ``(C⁻¹ y)²`` and of the diagonal of ``C⁻¹``.
+    """
+
+    variance: Array
+    square: Array
+    expected: Array
+
+    @property
+    def ratio(self) -> Array:
+        """By what a variance is too small, roughly."""
+        return self.square / self.expected
+
+
+def _round(variance: Array, pieces: list[NDArray[np.int64]], weighed: Array, diagonal: Array) -> _Round:
+    return _Round(
+        variance=np.array([variance[rows[0]] for rows in pieces]),
+        square=np.array([np.sum(weighed[rows] ** 2) for rows in pieces]),
+        expected=np.array([np.sum(diagonal[rows]) for rows in pieces]),
+    )
+
+
+def _power(rounds: list[_Round]) -> Array:
+    """Power of each piece's ratio by which its variance is multiplied."""
+    same = np.ones(len(rounds[-1].variance))
+    if len(rounds) < 3:
+        return same if len(rounds) == 1 else _LONGER * same
+    before, last = rounds[-2:]
+    fitted = (before.variance > 0.0) & (last.variance > 0.0) & (before.ratio > 0.0) & (last.ratio > 0.0)
+    went, fell = same.copy(), np.zeros_like(same)
+    went[fitted] = np.log(last.variance[fitted] / before.variance[fitted])
+    fell[fitted] = np.log(before.ratio[fitted] / last.ratio[fitted])
+    nearer = went * fell > 0.0  # or the other pieces moved it more than its own variance did
+    return np.where(nearer, np.clip(went / np.where(nearer, fell, 1.0), 1.0, _LONGEST), _LONGER)
+
+
+def _likelier(rounds: list[_Round], pieces: list[NDArray[np.int64]], count: int) -> Array:
+    """The next variances ``(R,)``."""
+    last, power, out = rounds[-1], _power(rounds), np.zeros(count)
+    for i, rows in enumerate(pieces):
+        n = len(rows)
+        if last.variance[i] * last.expected[i] > _NOTHING * n:
+            out[rows] = last.variance[i] * last.ratio[i] ** power[i]
+        elif last.ratio[i] - 1.0 > _chance(n):
+            out[rows] = (last.square[i] - last.expected[i]) * n / last.expected[i] ** 2
     return out
 
 

@@ -15,7 +15,7 @@ from scipy.ndimage import median_filter
 from edl_filter import rotations
 from edl_filter.diagnosis.bins import Bins, bin_means
 from edl_filter.diagnosis.comparison import Differences, Setup, predicted, rounding, stepped
-from edl_filter.diagnosis.path import PER_BIN, Nodes, Path
+from edl_filter.diagnosis.path import PER_BIN, Nodes
 from edl_filter.diagnosis.unknowns import Allowance, Unknowns, distances
 from edl_filter.effects.deviation import CoefficientUnits, Deviation
 from edl_filter.effects.effect import Active, Effect, Parameter, Values
@@ -159,7 +159,7 @@ def bin_rows(
     setup: Setup,
     bins: Bins,
     found: Differences,
-    quiet: Path,
+    quiet: tuple[Array, Array],
     unknowns: Unknowns,
     slope: Slopes,
     sigma: dict[str, float],
@@ -167,7 +167,7 @@ def bin_rows(
 ) -> Rows:
     """Design of the rows at the bins' ends.
 
-    `quiet` is the path of readings without their own noise, `sigma` what `one_sigma` says.
+    `quiet` are means over the bins of force and rate without their own noise, `sigma` what `one_sigma` says.
     """
     samples, layout = setup.problem.samples, unknowns.layout
     b, others = len(bins.interval), len(setup.checking)
@@ -202,8 +202,7 @@ def bin_rows(
     design[:-1, 3:6, before] += inner
     design[:-1, 3:6, after] -= inner
 
-    force = bin_means(bins.edges, samples.time, samples.interval, quiet.force)
-    rate = bin_means(bins.edges, samples.time, samples.interval, quiet.rate)
+    force, rate = quiet
     step = np.concatenate((np.diff(rate, axis=0), np.zeros((1, 3))))
     own = _sensor_design(force, rate)
     for name, block in own.items():

@@ -15,6 +15,7 @@ import numpy as np
 
 from edl_filter.diagnosis.case import HOLDS, Case, Linear, about, linearise, load_case
 from edl_filter.diagnosis.refit import Refit, refit
+from edl_filter.diagnosis.roughness import Rough
 from edl_filter.effects.effect import Active
 from edl_filter.errors import InputError
 from edl_filter.mission import Mission
@@ -76,12 +77,15 @@ def settle(
 
 
 def until_still(
-    case: Case, rounds: int = ROUNDS, progress: Callable[[str], None] = lambda _: None
+    case: Case,
+    rounds: int = ROUNDS,
+    progress: Callable[[str], None] = lambda _: None,
+    begin: Rough | None = None,
 ) -> tuple[Case, Linear, Refit]:
     """Refit a case's effects about its reconstruction, and again about one with what was found, until nothing moves.
 
     Path and air move along, but not where a model fails beside a database that has errors of its own: what is wrong
-    with the database would drag them along.
+    with the database would drag them along. The search for the noise begins at `begin`, that of a model much like it.
     """
     # a database with errors of its own would drag the path of a failing model along; else it may be all that is wrong
     until = 1.0 if case.exact else HOLDS
@@ -90,14 +94,14 @@ def until_still(
         return refit(linear, case.effects, linear.soft, moving=linear.rough[0].share <= until)
 
     progress("refitting the effects, round 1")
-    linear = linearise(case, rounds=2, until=until)
+    linear = linearise(case, rounds=2, until=until, begin=begin)
     found = about_it(linear)
     for i in range(1, rounds):
         if _moved(case.effects, found) <= STILL:
             break
         progress(f"refitting the effects, round {i + 1}")
         case = load_case(case.mission, found.effects)
-        linear = about(case, found.point)
+        linear = about(case, found.point, linear.rough[0])
         found = about_it(linear)
     return case, linear, found
 

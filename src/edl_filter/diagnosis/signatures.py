@@ -23,7 +23,7 @@ from edl_filter.diagnosis.comparison import (
     beside_held,
     compare,
     constraint_differences,
-    predicted,
+    more_predicted,
 )
 from edl_filter.diagnosis.deviating import offset
 from edl_filter.diagnosis.path import PER_BIN, Path, dead_reckon, readings
@@ -230,8 +230,7 @@ def _derivative(ground: Ground, active: Active, name: str, step: float) -> tuple
             up_there, down_there = (_held(ground, effects) for effects in sides)
             rows += down_there - up_there
         return rows / (2.0 * step), start
-    plus_p, minus_p = (_loads_only(ground, others, at(d)) for d in (step, -step))
-    return (_stacked(ground, *plus_p) - _stacked(ground, *minus_p)) / (2.0 * step), start
+    return _stacked(ground, *_loads_only(ground, others, at(step), at(-step))) / (2.0 * step), start
 
 
 def carried(ground: Ground, up: Path, down: Path) -> Array:
@@ -263,31 +262,37 @@ def _held(ground: Ground, effects: Sequence[Active]) -> Array:
     return ground.order.stack(there)
 
 
-def _loads_only(ground: Ground, others: Sequence[Active], active: Active) -> tuple[Array, Array]:
-    """Predictions with the effect, on the path that is there.
+def _loads_only(ground: Ground, others: Sequence[Active], plus: Active, minus: Active) -> tuple[Array, Array]:
+    """What the predictions change from `minus` to `plus`, on the path that is there.
 
     Air that is a little different acts by the slopes by which the unknown density and winds act, for the reason that
     `carried` gives.
     """
-    world, bins = ground.setup.world.having((*others, active)), ground.frame.bins
-    effect, flow = active.effect, ground.found.flow
-    force, turn = predicted(world, bins, flow, ground.found.tables)
-    if not moves_air(effect):
-        return force, turn
-    middle = slice(PER_BIN // 2, None, PER_BIN)
-    altitude, place = flow.altitude[middle], ground.found.nodes.nav[middle]
-    wind = effect.wind(active.values, altitude)
-    turning = effect.atmosphere_rate(active.values) * world.planet.rotation_rate * np.hypot(place[:, 0], place[:, 1])
-    for name, amount in (
-        ("density", np.log(effect.density(active.values, altitude))),
-        ("wind_east", wind[:, 0] + turning),
-        ("wind_north", wind[:, 1]),
-    ):
-        column = ground.slopes.names[name].start
-        force = force + ground.slopes.force[:, :, column] * amount[:, None]
-        at_edge = 0.5 * (amount[:-1] + amount[1:])
-        turn = turn + ground.slopes.turn[:, :, column] * at_edge[:, None]
+    bins, flow, tables = ground.frame.bins, ground.found.flow, ground.found.tables
+    up, down = (ground.setup.world.having((*others, a)) for a in (plus, minus))
+    (force_up, moment_up), (force_down, moment_down) = up.loads(flow, tables), down.loads(flow, tables)
+    force, turn = more_predicted(up, bins, force_up - force_down, moment_up - moment_down)
+    if moves_air(plus.effect):
+        here, there = _air(ground, plus), _air(ground, minus)
+        for name, value in here.items():
+            column, amount = ground.slopes.names[name].start, value - there[name]
+            force = force + ground.slopes.force[:, :, column] * amount[:, None]
+            at_edge = 0.5 * (amount[:-1] + amount[1:])
+            turn = turn + ground.slopes.turn[:, :, column] * at_edge[:, None]
     return force, turn
+
+
+def _air(ground: Ground, active: Active) -> dict[str, Array]:
+    """What an effect makes of the air at the bins' middles, as the unknowns count it."""
+    middle = slice(PER_BIN // 2, None, PER_BIN)
+    effect, altitude, place = active.effect, ground.found.flow.altitude[middle], ground.found.nodes.nav[middle]
+    wind = effect.wind(active.values, altitude)
+    turning = effect.atmosphere_rate(active.values) * ground.setup.world.planet.rotation_rate
+    return {
+        "density": np.log(effect.density(active.values, altitude)),
+        "wind_east": wind[:, 0] + turning * np.hypot(place[:, 0], place[:, 1]),
+        "wind_north": wind[:, 1],
+    }
 
 
 def _stacked(ground: Ground, force: Array, turn: Array) -> Array:
