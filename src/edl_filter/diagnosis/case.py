@@ -27,7 +27,7 @@ from edl_filter.diagnosis.sensitivity import bin_rows, coefficient_sigma, one_si
 from edl_filter.diagnosis.signatures import Ground
 from edl_filter.diagnosis.timeline import in_order
 from edl_filter.diagnosis.unknowns import Allowance, Unknowns, lay_out
-from edl_filter.diagnosis.whitening import Steps, Whitener, whitener
+from edl_filter.diagnosis.whitening import Steps, Whitener, Whitens, whitener
 from edl_filter.effects.deviation import CoefficientUnits
 from edl_filter.effects.effect import Active
 from edl_filter.effects.readings import log_stretch
@@ -222,7 +222,7 @@ class Linear:
         """Whitener that takes the model's failures for noise."""
         return self.rough[1]
 
-    def white(self, whiten: Whitener) -> Array:
+    def white(self, whiten: Whitens) -> Array:
         """The differences, white."""
         return whiten(self.column[:, None], self.start[:, None])[:, 0]
 

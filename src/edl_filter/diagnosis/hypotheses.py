@@ -18,7 +18,7 @@ from edl_filter.diagnosis.regression import held_out
 from edl_filter.diagnosis.roughness import find_rough, first_look
 from edl_filter.diagnosis.settle import until_still
 from edl_filter.diagnosis.trying import HOPELESS, Trial
-from edl_filter.diagnosis.whitening import Whitener
+from edl_filter.diagnosis.whitening import Whitener, Whitens
 from edl_filter.diagnosis.without import Without
 from edl_filter.effects.effect import Active
 
@@ -74,14 +74,14 @@ class Hypothesis:
         return next(a for a in self.refit.effects if a.name == self.name)
 
 
-def refitted(case: Case, linear: Linear, starts: list[tuple[Trial, Whitener]], without: Without) -> Hypothesis:
+def refitted(case: Case, linear: Linear, starts: list[tuple[Trial, Whitens]], without: Without) -> Hypothesis:
     """Refit from where each linear ranking saw the effect, and take the most probable outcome.
 
     Parameters
     ----------
     case, linear : Case, Linear
         The model without it, and the comparison about it.
-    starts : list of (Trial, Whitener)
+    starts : list of (Trial, callable)
         What each linear ranking saw, and how it whitened.
     without : Without
         The model without it, which gains are over.

@@ -9,14 +9,14 @@ import numpy as np
 from edl_filter.diagnosis.case import Linear
 from edl_filter.diagnosis.regression import regress
 from edl_filter.diagnosis.signatures import ordered, signature
-from edl_filter.diagnosis.whitening import Whitener
+from edl_filter.diagnosis.whitening import Whitens
 from edl_filter.effects.effect import Active
 
 #: An altitude's first step before it is halved, m: between the scan's finest and its coarsest.
 _ALTITUDE_STEP = 4e3
 
 
-def narrowed(linear: Linear, active: Active, whiten: Whitener, rounds: int = 6) -> Active:
+def narrowed(linear: Linear, active: Active, whiten: Whitens, rounds: int = 6) -> Active:
     """Move an effect's places, one after the other and in ever smaller steps, to where it explains most."""
     scanned = [q for q in active.effect.places if q.scan > 1]
     if not scanned:

@@ -13,13 +13,14 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from edl_filter.diagnosis.beside import beside_own
 from edl_filter.diagnosis.case import HOLDS, Case, Linear, followed, linearise
 from edl_filter.diagnosis.hypotheses import Hypothesis, about_itself, refitted
 from edl_filter.diagnosis.missing import Missing, most_likely
 from edl_filter.diagnosis.roughness import find_rough
 from edl_filter.diagnosis.threads import meanwhile, one_blas_thread
 from edl_filter.diagnosis.trying import RIVAL, STARTS, Trial, alike, leaders, signatures, try_all
-from edl_filter.diagnosis.whitening import Whitener
+from edl_filter.diagnosis.whitening import Whitens
 from edl_filter.diagnosis.without import Without, without_more
 from edl_filter.effects.again import offered
 from edl_filter.effects.effect import Effect
@@ -121,13 +122,14 @@ class _Tried:
     """Effects tried linearly about one point, in each way to whiten."""
 
     linear: Linear
-    ways: list[Whitener]
+    ways: list[Whitens]
     trials: list[dict[str, Trial]]
 
 
 def _tried(linear: Linear, effects: Sequence[Effect], end: float, failed: dict[str, str]) -> _Tried:
     """With the model's failures taken for noise, and without."""
-    ways = [linear.soft] if linear.soft is linear.plain else [linear.soft, linear.plain]
+    whiteners = [linear.soft] if linear.soft is linear.plain else [linear.soft, linear.plain]
+    ways = [beside_own(linear, w) for w in whiteners]
     columns = signatures(linear, effects, end, failed)
     return _Tried(linear, ways, [try_all(linear, way, columns) for way in ways])
 

@@ -96,7 +96,7 @@ def refit(
         Whether path, air, tables and vehicle move with the effects.
     """
     here = _at(linear.ground, tuple(effects))
-    free = [(a.name, q) for a in here.effects if not a.fixed for q in a.effect.parameters if _fitted(a, q)]
+    free = [(a.name, q) for a in here.effects for q in a.fitted]
     names = tuple((e, q.name) for e, q in free)
     sigma = np.array([scale_of(q) for _, q in free])
     centre = np.array([0.0 if q.kind == "size" else _parameter(here.effects, e, q.name) for e, q in free])
@@ -146,11 +146,6 @@ def refit(
         sigma=sigma,
         point=here.ground.point,
     )
-
-
-def _fitted(active: Active, parameter: Parameter) -> bool:
-    """Whether a parameter is to be found: sizes always, places where they are finite."""
-    return parameter.kind == "size" or bool(np.isfinite(active.values[parameter.name]))
 
 
 def _parameter(effects: Sequence[Active], effect: str, parameter: str) -> float:

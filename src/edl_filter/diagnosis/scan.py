@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from edl_filter.diagnosis.beside import beside_own
 from edl_filter.diagnosis.case import Linear
 from edl_filter.diagnosis.regression import regress
 from edl_filter.diagnosis.signatures import places, signature
@@ -60,7 +61,7 @@ def scan(
     q = _scanned(one, place)
     flow, nodes = linear.ground.found.flow, linear.ground.found.nodes.time
     begin = float(nodes[np.argmax(flow.dynamic_pressure > _FELT)])
-    soft = linear.soft
+    soft = beside_own(linear, linear.soft)
     y = linear.white(soft)
     best: dict[float, float] = {}
     tried = places(one, begin, float(linear.bins.edges[-1]), float(np.min(flow.altitude)))

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from edl_filter.diagnosis.case import Linear
 from edl_filter.diagnosis.regression import Fit, regress
 from edl_filter.diagnosis.signatures import Signature, places, signature
-from edl_filter.diagnosis.whitening import Whitener
+from edl_filter.diagnosis.whitening import Whitens
 from edl_filter.effects.effect import Active, Effect
 from edl_filter.errors import InputError
 
@@ -90,13 +90,14 @@ def signatures(
     return found
 
 
-def try_all(linear: Linear, whiten: Whitener, tried: list[list[Signature]]) -> dict[str, Trial]:
+def try_all(linear: Linear, whiten: Whitens, tried: list[list[Signature]]) -> dict[str, Trial]:
     """Regress the differences on every effect, at every place.
 
     Parameters
     ----------
     linear : Linear
-    whiten : Whitener
+    whiten : callable
+        How white rows are made, such as by `beside_own`.
     tried : list of list of Signature
         Of `signatures`.
 

@@ -9,6 +9,7 @@ density error in altitude (design section 6; Friedland, IEEE Trans. AC 14 (1969)
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -20,6 +21,9 @@ from edl_filter.diagnosis.sparse import FUSED, Sparse, move_rows, pattern, trans
 from edl_filter.diagnosis.threads import THREADS, in_threads, one_blas_thread
 
 Array = NDArray[np.float64]
+
+#: From columns ``(R, c)``, and what each expects of the unknowns at the beginning, to white rows ``(R, c)``.
+Whitens = Callable[[Array, Array], Array]
 
 #: Columns from which threads share them.
 _MANY = 64

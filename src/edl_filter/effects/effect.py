@@ -325,6 +325,13 @@ class Active:
         """The effect's."""
         return self.effect.name
 
+    @property
+    def fitted(self) -> tuple[Parameter, ...]:
+        """Parameters that are to be found: sizes, and places where they are finite; none if it is fixed."""
+        if self.fixed:
+            return ()
+        return tuple(q for q in self.effect.parameters if q.kind == "size" or np.isfinite(self.values[q.name]))
+
     def unsized(self) -> Active:
         """The same as if it were not there: its places stay, its sizes are zero."""
         return replace(self, values=self.values | {q.name: 0.0 for q in self.effect.sizes})
