@@ -7,7 +7,16 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from edl_filter.diagnosis.roughness import PIECE, Rough, find_rough, first_look, roughened, smooth_noise
+from edl_filter.diagnosis.roughness import (
+    PIECE,
+    Rough,
+    _likelier,
+    _Round,
+    find_rough,
+    first_look,
+    roughened,
+    smooth_noise,
+)
 from edl_filter.diagnosis.sparse import dense
 from edl_filter.diagnosis.timeline import Order
 from edl_filter.diagnosis.whitening import Steps, whitener
@@ -172,6 +181,22 @@ def test_it_does_not_matter_where_it_begins(seed, one, other):
         for _, w in (find_rough(plain, order, column, start), find_rough(plain, order, column, start, begin))
     ]
     assert likelihoods[0] == pytest.approx(likelihoods[1], abs=4.0)
+
+
+@given(st.floats(1.1, 2.9), st.floats(0.01, 100.0), st.floats(1.5, 20.0), st.booleans())
+def test_the_secant_finds_the_power_of_each_piece(power, best, off, above):
+    """Where a ratio is a power of the variance, the third step arrives; a piece beside it has a power of its own."""
+    begin = np.array([best * (off if above else 1.0 / off), 2.0])
+
+    def round_at(variance):
+        return _Round(variance, (np.array([best, 5.0]) / variance) ** (1.0 / np.array([power, 1.5])), np.ones(2))
+
+    pieces, rounds = [np.arange(4), np.arange(4, 9)], [round_at(begin)]
+    for _ in range(3):
+        along = _likelier(rounds, pieces, 9)
+        assert np.ptp(along[:4]) == np.ptp(along[4:]) == 0.0
+        rounds.append(round_at(along[[0, 4]]))
+    np.testing.assert_allclose(rounds[-1].variance, [best, 5.0], rtol=1e-6)
 
 
 @pytest.mark.parametrize("count", [0, 3, -3])

@@ -196,12 +196,12 @@ def _round(variance: Array, pieces: list[NDArray[np.int64]], weighed: Array, dia
 
 def _power(rounds: list[_Round]) -> Array:
     """Power of each piece's ratio by which its variance is multiplied."""
-    same = np.ones(len(rounds[-1].variance))
+    once = np.ones(len(rounds[-1].variance))
     if len(rounds) < 3:
-        return same if len(rounds) == 1 else _LONGER * same
+        return once if len(rounds) == 1 else _LONGER * once
     before, last = rounds[-2:]
     fitted = (before.variance > 0.0) & (last.variance > 0.0) & (before.ratio > 0.0) & (last.ratio > 0.0)
-    went, fell = same.copy(), np.zeros_like(same)
+    went, fell = once.copy(), np.zeros_like(once)
     went[fitted] = np.log(last.variance[fitted] / before.variance[fitted])
     fell[fitted] = np.log(before.ratio[fitted] / last.ratio[fitted])
     nearer = went * fell > 0.0  # or the other pieces moved it more than its own variance did
