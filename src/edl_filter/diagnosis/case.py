@@ -184,7 +184,7 @@ class Linear:
     start : (n,) array
         What the mission states of the unknowns at the beginning, about the path.
     begin : Rough or None
-        Noise from which the search for its own begins: what was found about another path.
+        Noise from which the search for its own begins: `failures` of a model much like it.
     """
 
     ground: Ground
@@ -216,6 +216,11 @@ class Linear:
     def holds(self) -> bool:
         """Whether next to nothing is rough: the model agrees with the measurements about this path."""
         return self.share <= HOLDS
+
+    @property
+    def failures(self) -> Rough | None:
+        """Its noise, where a model much like it may begin; None if it holds: noise is then asked for afresh."""
+        return None if self.holds else self.rough[0]
 
     @property
     def soft(self) -> Whitener:
@@ -297,7 +302,7 @@ def linearise(case: Case, rounds: int = 1, until: float = 1.0, begin: Rough | No
     until : float
         Part of the rows, 0 to 1.
     begin : Rough, optional
-        Noise of a model much like it, from which the search for its own begins.
+        `Linear.failures` of a model much like it, from which the search for its own noise begins.
 
     Returns
     -------
@@ -355,7 +360,7 @@ def _rounds(case: Case, rounds: int, until: float, linear: Linear) -> Iterator[L
         still = np.all(np.abs(new.start.minus(point.start)) <= _SETTLED * spread + 1e-15)
         if still and moved(point.deviation, new.deviation, linear.sigma) <= _SETTLED:
             return
-        linear = about(case, new, linear.rough[0])
+        linear = about(case, new, linear.failures)
 
 
 def about(case: Case, point: Point, begin: Rough | None = None) -> Linear:

@@ -150,7 +150,7 @@ def _best(
     for start in (found, *([surest] if surest is not None else [])):
         if not thorough and _look(linear, start, without.rough) > _MAYBE:
             continue
-        rough, whiten = find_rough(linear.plain, linear.ground.order, start.column, start.start, linear.rough[0])
+        rough, whiten = find_rough(linear.plain, linear.ground.order, start.column, start.start, linear.failures)
         moving = start.point is not linear.ground.point  # one that moved goes on from there
         own = refit(linear, start.effects, whiten, steps=3, moving=moving)
         outcomes.append(_hypothesis(name, own, whiten, rough.share < floor, without, case, linear))
@@ -200,7 +200,7 @@ def about_itself(h: Hypothesis) -> Hypothesis:
         polished = _best(h.name, [h.refit], starts, h.without, h.case, h.linear, thorough=True)
     rounds = 2 if h.case.exact else 1  # or nothing will hold, and what it moves is lost in the noise
     case, linear, found = until_still(
-        load_case(h.case.mission, polished.refit.effects), rounds, begin=h.linear.rough[0]
+        load_case(h.case.mission, polished.refit.effects), rounds, begin=h.linear.failures
     )
     again = _best(h.name, [found], [], h.without, case, linear, thorough=True)
     gain = again.gain

@@ -181,7 +181,7 @@ def something_else(linear: Linear) -> tuple[Missing, float]:
     if linear.rough[0].none:
         return missing, found
     allowed, order = linear.with_missing(missing), linear.ground.order
-    _, whiten = find_rough(allowed, order, linear.column, linear.start, linear.rough[0])
+    _, whiten = find_rough(allowed, order, linear.column, linear.start, linear.failures)
     return missing, max(whiten.log_likelihood(linear.white(whiten)), linear.log_likelihood)
 
 

@@ -85,7 +85,8 @@ def until_still(
     """Refit a case's effects about its reconstruction, and again about one with what was found, until nothing moves.
 
     Path and air move along, but not where a model fails beside a database that has errors of its own: what is wrong
-    with the database would drag them along. The search for the noise begins at `begin`, that of a model much like it.
+    with the database would drag them along. The search for the noise begins at `begin`, `Linear.failures` of a model
+    much like it.
     """
     # a database with errors of its own would drag the path of a failing model along; else it may be all that is wrong
     until = 1.0 if case.exact else HOLDS
@@ -101,7 +102,7 @@ def until_still(
             break
         progress(f"refitting the effects, round {i + 1}")
         case = load_case(case.mission, found.effects)
-        linear = about(case, found.point, linear.rough[0])
+        linear = about(case, found.point, linear.failures)
         found = about_it(linear)
     return case, linear, found
 
