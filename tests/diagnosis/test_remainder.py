@@ -26,6 +26,13 @@ def test_gaps_do_not_hide_a_line():
     assert found == pytest.approx(0.7, abs=2e-3)
 
 
+@pytest.mark.parametrize(("turns", "line"), [(0.5, False), (1.0, False), (2.0, False), (4.0, True)])
+def test_a_trend_does_not_oscillate(turns, line):
+    """One or two turns within the span are its course."""
+    found = _line(TIME, np.sin(2.0 * np.pi * turns * (TIME - TIME[0]) / (TIME[-1] - TIME[0])))
+    assert (found is not None) == line
+
+
 def test_noise_has_no_line():
     rng = np.random.default_rng(2)
     assert not any(_line(TIME, rng.normal(size=len(TIME))) for _ in range(15))

@@ -23,6 +23,8 @@ Array = NDArray[np.float64]
 _PIECE = 2.5
 #: A line stands out if it holds this part of the power.
 _LINE = 0.3
+#: Turns within the span from which it is one.
+_CYCLES = 3.0
 #: Correlation from which something is said to follow a quantity.
 _FOLLOWS = 0.5
 
@@ -138,11 +140,11 @@ def _span(rows: NDArray[np.int64], scaled: Array, middle: Array, edges: Array) -
 
 
 def _line(time: Array, series: Array) -> float | None:
-    """Frequency of a line that holds a good part of the power, Hz."""
+    """Frequency of a line that holds a good part of the power, Hz; a trend of one or two turns is none."""
     if len(time) < 16:
         return None
     step, span = float(np.median(np.diff(time))), float(time[-1] - time[0])
-    frequency = np.arange(1.0 / span, 0.5 / step, 0.2 / span)
+    frequency = np.arange(_CYCLES / span, 0.5 / step, 0.2 / span)
     centred = series - series.mean()
     power = lombscargle(time, centred, 2.0 * np.pi * frequency, normalize=True)
     k = int(np.argmax(power))
@@ -172,7 +174,7 @@ def _words(
     channel: str, t0: float, t1: float, rms: float, size: float, unit: str, frequency: float | None,
     follows: dict[str, float], companions: tuple[str, ...],
 ) -> str:  # fmt: skip
-    text = f"{channel} from {t0:.0f} to {t1:.0f} s: {size:.3g} {unit} RMS, {rms:.3g} times its sigma"
+    text = f"{channel} from {t0:.0f} to {t1:.0f} s: {float(f'{size:.3g}'):g} {unit} RMS, {rms:.3g} times its sigma"
     if frequency is not None:
         text += f"; it oscillates at {frequency:.3f} Hz"
     strong = {n: r for n, r in follows.items() if abs(r) > _FOLLOWS}

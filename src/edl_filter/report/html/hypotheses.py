@@ -61,18 +61,17 @@ def _ranking(told: Mapping[str, Any]) -> Table:
         row: list[Cell] = [
             str(entry["effect"]),
             chance(entry["probability"]),
-            number(entry["gain"]),
-            number(entry["score_gain"]),
+            readable(number(entry["gain"])),
+            readable(number(entry["score_gain"])),
             readable(parameters_text(entry["parameters"])),
             " or ".join(entry["same_as"]) or "nothing",
             f"{entry['channel'].replace('_', ' ')}\n{fall}",
         ]
         rows.append((entry["probability"], row))
     other = told["something_else"]
-    nothing: list[Cell] = ["nothing is missing", chance(told["none"]), number(told.get("none_gain")), "–", *[""] * 3]
-    something: list[Cell] = [
-        "something else", chance(other["probability"]), number(other["score_gain"]), "–", _something(other), *[""] * 2
-    ]  # fmt: skip
+    none, unnamed = (readable(number(gain)) for gain in (told.get("none_gain"), other["score_gain"]))
+    nothing: list[Cell] = ["nothing is missing", chance(told["none"]), none, "–", *[""] * 3]
+    something: list[Cell] = ["something else", chance(other["probability"]), unnamed, "–", _something(other), "", ""]
     rows += [(told["none"], nothing), (other["probability"], something)]
     rows.sort(key=lambda one: -one[0])  # stable: of equals the one with the most evidence stays before
     heads = ("effect", "probability", "gain (nats)", "held-out gain", "size", "confused with",
@@ -90,7 +89,7 @@ def _something(other: Mapping[str, Any]) -> str:
 
 def _tried(undecided: Mapping[str, Any]) -> Table:
     rows = [
-        [name, number(e["gain"]), _linear(e["parameters"])]
+        [name, readable(number(e["gain"])), _linear(e["parameters"])]
         for name, e in sorted(undecided.items(), key=lambda item: -_finite(item[1]["gain"]))
     ]
     return Table("Effects as linear estimates", ("effect", "gain (nats)", "size, SI units"), rows, wide=(2,))

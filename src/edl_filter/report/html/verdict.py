@@ -49,7 +49,7 @@ def verdict(source: Source) -> Verdict:
     if told.get("remainder"):
         more.append(f"What is left: {readable(told['remainder']['description'])}")
     if source.ledger and source.ledger[-1].get("why"):
-        more.append(str(source.ledger[-1]["why"]))
+        more.append(readable(str(source.ledger[-1]["why"])))
     return Verdict(sign, tone, str(told["sentence"]), more)
 
 
