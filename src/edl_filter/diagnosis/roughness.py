@@ -114,7 +114,7 @@ def find_rough(
     column : (R,) array
     start : (n,) array
     begin : Rough, optional
-        What was found about another path, or without an effect: it saves rounds.
+        What was found about another path, or without an effect: it saves rounds where it is likelier than a first look.
 
     Returns
     -------
@@ -131,7 +131,10 @@ def find_rough(
     found, at_it = first_look(plain, order, column, start), plain
     if found.none:
         return found, plain
-    trial = found.variance if begin is None or begin.none else begin.along(pieces, len(column))
+    trial = found.variance
+    if begin is not None:
+        starts = (trial, begin.along(pieces, len(column)))
+        trial = max(starts, key=lambda variance: tried(replace(found, variance=variance))[0])
     rounds: list[_Round] = []
     for _ in range(_ROUNDS):
         likelihood, whiten, white = tried(replace(found, variance=trial))
