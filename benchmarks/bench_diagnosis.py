@@ -17,9 +17,10 @@ from pathlib import Path
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
-from edl_filter.diagnosis.case import linearise, load_case
+from edl_filter.diagnosis.case import load_case
 from edl_filter.diagnosis.diagnose import diagnose
 from edl_filter.diagnosis.refit import refit
+from edl_filter.diagnosis.rounds import linearise
 from edl_filter.effects.catalogue import catalogue
 from edl_filter.effects.effect import Active
 from edl_filter.errors import InputError

@@ -19,10 +19,11 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 import numpy as np
 
 from edl_filter import Mission
-from edl_filter.diagnosis.case import linearise, load_case
+from edl_filter.diagnosis.case import load_case
 from edl_filter.diagnosis.diagnose import diagnose
 from edl_filter.diagnosis.improve import improve
 from edl_filter.diagnosis.regression import regress
+from edl_filter.diagnosis.rounds import linearise
 from edl_filter.diagnosis.signatures import signature
 from edl_filter.effects.catalogue import catalogue
 from edl_filter.effects.effect import Active, Effect, Parameter

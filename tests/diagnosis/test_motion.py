@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
-from edl_filter.diagnosis.case import case_of, first_point
+from edl_filter.diagnosis.case import case_of
 from edl_filter.diagnosis.motion import differencing_steps, follow
+from edl_filter.diagnosis.point import first_point
 from edl_filter.navigation import strapdown
 from edl_filter.navigation.layout import State
 from edl_filter.navigation.noise import process_noise

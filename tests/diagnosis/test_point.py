@@ -8,8 +8,10 @@ import pytest
 
 from edl_filter import Mission
 from edl_filter.diagnosis import deviating
-from edl_filter.diagnosis.case import about, case_of, linearise, load_case
+from edl_filter.diagnosis.case import case_of, load_case
+from edl_filter.diagnosis.linear import about
 from edl_filter.diagnosis.point import first_point, told
+from edl_filter.diagnosis.rounds import linearise
 from edl_filter.simulation import Scenario, simulate
 
 

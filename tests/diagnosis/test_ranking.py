@@ -7,9 +7,11 @@ import pytest
 
 from edl_filter import Mission
 from edl_filter.diagnosis import diagnose as module
-from edl_filter.diagnosis.case import HOLDS, followed, linearise, load_case
+from edl_filter.diagnosis.case import load_case
+from edl_filter.diagnosis.linear import HOLDS
 from edl_filter.diagnosis.ranking import rank
 from edl_filter.diagnosis.regression import regress
+from edl_filter.diagnosis.rounds import followed, linearise
 from edl_filter.diagnosis.signatures import signature
 from edl_filter.diagnosis.verdict import CLEAR, judge
 from edl_filter.diagnosis.without import without_more

@@ -5,8 +5,9 @@ import pytest
 
 from edl_filter import Mission
 from edl_filter.diagnosis import refit as refit_module
-from edl_filter.diagnosis.case import linearise, load_case
+from edl_filter.diagnosis.case import load_case
 from edl_filter.diagnosis.refit import refit
+from edl_filter.diagnosis.rounds import linearise
 from edl_filter.effects import Active
 from edl_filter.effects.catalogue import effect_named
 from edl_filter.simulation import Scenario, simulate

@@ -6,8 +6,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from edl_filter.diagnosis.case import case_of, linearise
+from edl_filter.diagnosis.case import case_of
 from edl_filter.diagnosis.comparison import compare, predicted
+from edl_filter.diagnosis.rounds import linearise
 from edl_filter.diagnosis.signatures import ordered, places, scale_of, signature
 from edl_filter.effects import Active, Effect, Parameter
 from edl_filter.effects.catalogue import effect_named

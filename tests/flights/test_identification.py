@@ -2,9 +2,10 @@
 
 import pytest
 
-from edl_filter.diagnosis.case import linearise, load_case
+from edl_filter.diagnosis.case import load_case
 from edl_filter.diagnosis.ranking import rank
 from edl_filter.diagnosis.remainder import describe
+from edl_filter.diagnosis.rounds import linearise
 from edl_filter.diagnosis.verdict import judge
 from edl_filter.diagnosis.where import failures, survey
 from edl_filter.effects.catalogue import effect_named

@@ -12,7 +12,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from edl_filter.diagnosis.case import Linear
+from edl_filter.diagnosis.linear import Linear
 from edl_filter.diagnosis.signatures import signature
 from edl_filter.diagnosis.whitening import Whitener, Whitens
 

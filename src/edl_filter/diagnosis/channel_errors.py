@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from edl_filter.diagnosis.case import Linear
 from edl_filter.diagnosis.hypotheses import Hypothesis
+from edl_filter.diagnosis.linear import Linear
 from edl_filter.diagnosis.where import channels, normalised
 
 Array = NDArray[np.float64]

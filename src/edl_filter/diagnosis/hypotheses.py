@@ -11,7 +11,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from edl_filter.diagnosis.case import HOLDS, Case, Linear, load_case
+from edl_filter.diagnosis.case import Case, load_case
+from edl_filter.diagnosis.linear import HOLDS, Linear
 from edl_filter.diagnosis.narrowing import narrowed
 from edl_filter.diagnosis.refit import Refit, refit
 from edl_filter.diagnosis.regression import held_out

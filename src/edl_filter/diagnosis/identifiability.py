@@ -13,9 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 
-from edl_filter.diagnosis.case import Linear, linearise, load_case
+from edl_filter.diagnosis.case import load_case
+from edl_filter.diagnosis.linear import Linear
 from edl_filter.diagnosis.of_result import needs_prediction
 from edl_filter.diagnosis.ranking import Progress
+from edl_filter.diagnosis.rounds import linearise
 from edl_filter.diagnosis.signatures import Signature
 from edl_filter.diagnosis.trying import signatures
 from edl_filter.effects.effect import Effect

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from edl_filter.diagnosis.case import Linear
+from edl_filter.diagnosis.linear import Linear
 from edl_filter.diagnosis.missing import Missing, strength
 from edl_filter.diagnosis.path import PER_BIN
 from edl_filter.diagnosis.whitening import Whitener

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from edl_filter.diagnosis.case import Linear
+from edl_filter.diagnosis.linear import Linear
 from edl_filter.diagnosis.regression import regress
 from edl_filter.diagnosis.signatures import ordered, signature
 from edl_filter.diagnosis.whitening import Whitens

@@ -22,7 +22,7 @@ from edl_filter.navigation.layout import ONBOARD, State
 from edl_filter.reconstruction import Reconstruction
 
 if TYPE_CHECKING:
-    from edl_filter.diagnosis.case import Linear
+    from edl_filter.diagnosis.linear import Linear
 
 Array = NDArray[np.float64]
 

@@ -14,10 +14,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from edl_filter.diagnosis.beside import beside_own
-from edl_filter.diagnosis.case import HOLDS, Case, Linear, followed, linearise
+from edl_filter.diagnosis.case import Case
 from edl_filter.diagnosis.hypotheses import Hypothesis, about_itself, refitted
+from edl_filter.diagnosis.linear import HOLDS, Linear
 from edl_filter.diagnosis.missing import Missing, most_likely
 from edl_filter.diagnosis.roughness import find_rough
+from edl_filter.diagnosis.rounds import followed, linearise
 from edl_filter.diagnosis.threads import meanwhile, one_blas_thread
 from edl_filter.diagnosis.trying import RIVAL, STARTS, Trial, alike, leaders, signatures, try_all
 from edl_filter.diagnosis.whitening import Whitens

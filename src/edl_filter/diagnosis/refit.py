@@ -15,8 +15,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from edl_filter.diagnosis.case import Linear
 from edl_filter.diagnosis.chain import compared
+from edl_filter.diagnosis.linear import Linear
 from edl_filter.diagnosis.path import PER_BIN
 from edl_filter.diagnosis.point import Point, told
 from edl_filter.diagnosis.signatures import Ground, Signature, ordered, scale_of, signature

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from edl_filter.diagnosis.case import case_of, linearise
+from edl_filter.diagnosis.case import case_of
 from edl_filter.diagnosis.channel_errors import errors_of
+from edl_filter.diagnosis.rounds import linearise
 from edl_filter.diagnosis.where import survey
 from edl_filter.reconstruction import Reconstruction
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from edl_filter.diagnosis.beside import beside_own
-from edl_filter.diagnosis.case import Linear
+from edl_filter.diagnosis.linear import Linear
 from edl_filter.diagnosis.regression import regress
 from edl_filter.diagnosis.signatures import places, signature
 from edl_filter.effects.effect import Active, Effect, Parameter

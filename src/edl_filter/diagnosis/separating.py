@@ -14,7 +14,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from edl_filter.diagnosis.case import Linear
+from edl_filter.diagnosis.linear import Linear
 from edl_filter.diagnosis.signatures import signature
 from edl_filter.diagnosis.sparse import Sparse
 from edl_filter.diagnosis.whitening import Steps, whitener

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from edl_filter.diagnosis.case import Linear
+from edl_filter.diagnosis.linear import Linear
 from edl_filter.diagnosis.where import channels, normalised
 from edl_filter.results.groups import Group, Groups
 

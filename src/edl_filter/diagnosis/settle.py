@@ -13,9 +13,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from edl_filter.diagnosis.case import HOLDS, Case, Linear, about, linearise, load_case
+from edl_filter.diagnosis.case import Case, load_case
+from edl_filter.diagnosis.linear import HOLDS, Linear, about
 from edl_filter.diagnosis.refit import Refit, refit
 from edl_filter.diagnosis.roughness import Rough
+from edl_filter.diagnosis.rounds import linearise
 from edl_filter.effects.effect import Active
 from edl_filter.errors import InputError
 from edl_filter.mission import Mission

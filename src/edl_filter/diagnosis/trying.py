@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from edl_filter.diagnosis.case import Linear
+from edl_filter.diagnosis.linear import Linear
 from edl_filter.diagnosis.regression import Fit, regress
 from edl_filter.diagnosis.signatures import Signature, places, signature
 from edl_filter.diagnosis.whitening import Whitens
