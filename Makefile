@@ -2,14 +2,17 @@
 # with the versions of constraints.txt, once.
 #
 #   make demo    reconstruct the built-in flight; figures and results go to demo-results
-#   make test    run the tests        make lint   ruff        make types   mypy
+#   make test    run the tests        make lint   ruff        make types   mypy        make layers  import-linter
 #   make notebooks      execute the notebooks (minutes)
 #   make test-browser   click through the workbench in Chromium, from first look to noise floor (minutes)
 #   make bench   run the benchmarks   make clean  remove what these targets made
 #   make docs    build the documentation into docs/_build/html; a warning is an error
 #   make study-simulation   reconstruct many simulated flights and judge the errors (some minutes)
 #   make study-closure      how often the post-flight layer's bands hold the truth, over many flights (minutes)
+#   make study-filters      the unscented against the extended filter (minutes; goes on where it stopped)
 #   make study              how often the right effect is named, on simulated flights (hours; goes on where it stopped)
+#   make study-thresholds   which verdicts change with each threshold of the diagnosis (hours; resumable); the practice
+#                           flights are in EDL_FILTER_PRACTICE
 #   make study-comparators  what stepwise regression and pysindy say of the practice flights
 
 PYTHON ?= python3
@@ -17,7 +20,7 @@ BIN := .venv/bin
 STAMP := .venv/installed
 DOCS_STAMP := .venv/installed-docs
 
-.PHONY: demo test notebooks test-browser lint types bench docs study study-simulation study-closure study-comparators clean
+.PHONY: demo test notebooks test-browser lint types layers bench docs study study-simulation study-closure study-filters study-thresholds study-comparators clean
 
 demo: $(STAMP)
 	$(BIN)/edl-filter demo -o demo-results
@@ -41,6 +44,10 @@ lint: $(STAMP)
 types: $(STAMP)
 	$(BIN)/mypy
 
+# Lower layers never import higher ones, and no circle of packages or files (contracts in pyproject.toml)
+layers: $(STAMP)
+	$(BIN)/lint-imports --no-cache
+
 bench: $(STAMP)
 	@for file in benchmarks/*.py; do echo "== $$file"; $(BIN)/python "$$file" || exit 1; done
 
@@ -61,6 +68,14 @@ study-simulation: $(STAMP)
 
 study-closure: $(STAMP)
 	$(BIN)/python benchmarks/studies/closure.py
+
+study-thresholds: $(STAMP)
+	for w in 0 1; do $(BIN)/python benchmarks/studies/thresholds.py --flights "$(EDL_FILTER_PRACTICE)" \
+	  -o study-results/thresholds.jsonl --worker $$w --workers 2 & done; wait
+	$(BIN)/python benchmarks/studies/thresholds.py --report study-results/thresholds.jsonl
+
+study-filters: $(STAMP)
+	$(BIN)/python benchmarks/studies/filter_comparison.py
 
 study-comparators: $(STAMP)
 	$(BIN)/python benchmarks/studies/comparators.py

@@ -1,4 +1,4 @@
-"""How fast the filter is, and filterpy with Python callbacks beside it in the same run.
+"""How fast the filter is, against filterpy with Python callbacks and against the extended filter, in the same run.
 
 1. The same problem (the built-in flight: 8 Hz, 364 s, every sensor error a state) through our filter and through
    filterpy's own `UnscentedKalmanFilter` with callbacks in Python: `fx` steps one sigma point through the samples of
@@ -21,10 +21,10 @@ from filterpy.kalman import MerweScaledSigmaPoints, UnscentedKalmanFilter
 
 from edl_filter.mission import Mission
 from edl_filter.navigation import initial, strapdown
-from edl_filter.navigation.filter import forward
+from edl_filter.navigation.filter import run_filter
 from edl_filter.navigation.layout import State
 from edl_filter.navigation.noise import process_noise
-from edl_filter.reconstruction import reconstruct
+from edl_filter.pipeline.reconstruct import reconstruct
 
 MISSIONS = Path(__file__).parent.parent / "missions"
 
@@ -100,7 +100,7 @@ class Plain:
 
     def __init__(self, problem):
         self.problem, self.layout, self.planet = problem, problem.layout, problem.planet
-        state, covariance = initial.start(
+        state, covariance = initial.initial_estimate(
             self.layout, problem.initial, problem.entry, problem.instruments[0], problem.planet
         )
         self.reference, s, n = state, problem.settings, self.layout.size
@@ -164,7 +164,7 @@ class Plain:
 
     def run(self):
         """Through all epochs: states and covariances."""
-        found, done = [], 0
+        estimates, done = [], 0
         pending = list(self.problem.constraints)
         for epoch in self.problem.epochs:
             stop = self.problem.samples.index(epoch)
@@ -173,8 +173,8 @@ class Plain:
                 done = stop
             while pending and pending[0].time <= epoch + 2e-6:
                 self.update(pending.pop(0))
-            found.append((self.reference, self.ukf.P.copy()))
-        return found
+            estimates.append((self.reference, self.ukf.P.copy()))
+        return estimates
 
 
 # The measurements
@@ -182,18 +182,22 @@ class Plain:
 
 def compare(problem, label):
     """Ours against `Plain` on one problem: times, ratio, largest difference in sigmas."""
-    forward(problem)  # compiled, caches warm
-    ours, way = best(lambda: forward(problem), 5)
-    theirs, found = best(lambda: Plain(problem).run(), 1)
+    run_filter(problem)  # compiled, caches warm
+    ours, filter_pass = best(lambda: run_filter(problem), 5)
+    theirs, estimates = best(lambda: Plain(problem).run(), 1)
     worst = 0.0
-    for node, (state, covariance) in zip(way.nodes, found, strict=True):
+    for node, (state, covariance) in zip(filter_pass.nodes, estimates, strict=True):
         sigma = np.sqrt(np.diag(covariance))
         worst = max(worst, np.max(np.abs(node.state.minus(state)) / sigma))
         worst = max(worst, np.max(np.abs(np.sqrt(np.diag(node.covariance)) / sigma - 1.0)))
     count = 2 * problem.layout.size + 1
     print(f"{label}: {len(problem.samples.time)} samples, {count} sigma points, {len(problem.epochs)} epochs,")
     print(f"    {len(problem.constraints)} updates")
+    extended = replace(problem, settings=replace(problem.settings, method="ekf"))
+    run_filter(extended)
+    fast, _ = best(lambda: run_filter(extended), 5)
     print(f"    ours                                   {ours:9.3f} s")
+    print(f"    ours, extended instead of unscented    {fast:9.3f} s   {fast / ours:6.2f} times ours")
     print(f"    filterpy, fx over an interval's samples{theirs:9.3f} s   {theirs / ours:6.0f} times ours")
     print(f"    largest difference                     {worst:9.1e} sigma (goal 1e-6)")
     return ours
@@ -246,10 +250,10 @@ def main():
     # nothing gated out, so that both meet the same constraints
     problem = replace(problem, settings=replace(problem.settings, gate_probability=1.0))
     few = replace(problem, constraints=tuple(c for c in problem.constraints if c.name != "altimeter"))
-    wanted = np.array([c.time for c in few.constraints])
+    times = np.array([c.time for c in few.constraints])
     start, end = problem.epochs[[0, -1]]
     regular = few.samples.time[[few.samples.index(t) - 1 for t in np.arange(start + 5.0, end, 5.0)]]
-    edges = np.concatenate(([start], wanted, regular, [end]))
+    edges = np.concatenate(([start], times, regular, [end]))
     edges = np.unique(np.round(edges, 6))
     sparse = replace(few, epochs=edges[np.append(True, np.diff(edges) > 1e-3)])
     ours = compare(sparse, "Built-in flight, an epoch every 5 s, no altimeter")

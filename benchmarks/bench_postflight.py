@@ -14,10 +14,10 @@ from pathlib import Path
 import numpy as np
 
 from edl_filter.mission import Mission
+from edl_filter.pipeline.reconstruct import reconstruct
 from edl_filter.postflight.derive import derive
-from edl_filter.postflight.flight import inputs
-from edl_filter.reconstruction import reconstruct
-from edl_filter.results.content import derive as derive_content
+from edl_filter.postflight.flight import postflight_inputs
+from edl_filter.results import derive as derive_content
 
 MISSIONS = Path(__file__).parent.parent / "missions"
 RATE = 200.0
@@ -51,7 +51,7 @@ def mission(name):
     """Time of the reconstruction and of the layer; the layer's inputs."""
     loaded = Mission.load(MISSIONS / f"{name}.yaml")
     reconstruction = reconstruct(loaded)
-    given = inputs(reconstruction, derive_content(reconstruction).air)
+    given = postflight_inputs(reconstruction, derive_content(reconstruction).air)
     whole, layer = best(lambda: reconstruct(loaded), 3), best(lambda: derive(given))
     print(f"{name}: reconstruction {whole:.3f} s, layer {layer:.3f} s ({100 * layer / whole:.0f} % of it)")
     return given, layer

@@ -23,6 +23,16 @@ def _folder(variable, *parts):
     return folder
 
 
+@pytest.fixture(scope="session", autouse=True)
+def consistent_diagnoses():
+    """Check every diagnosis of the session: verdict, probabilities and ranking must not contradict each other."""
+    from decision_checks import check_all_diagnoses
+
+    with pytest.MonkeyPatch.context() as patch:
+        check_all_diagnoses(patch)
+        yield
+
+
 @pytest.fixture(scope="session")
 def mer_folder():
     """Folder of the PDS volume merimu_1001 (``$EDL_FILTER_DATA/pds/mer_imu``)."""
@@ -50,7 +60,7 @@ def builtin_flight():
 
 def _reconstructed(name, *changes):
     from edl_filter.mission import Mission
-    from edl_filter.reconstruction import reconstruct
+    from edl_filter.pipeline.reconstruct import reconstruct
 
     return reconstruct(Mission.load(f"builtin:{name}", changes))
 

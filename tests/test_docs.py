@@ -1,4 +1,4 @@
-"""README and docs: command lines that exist, links that lead somewhere, references that miss no key and no command."""
+"""README and docs: valid command lines and links, and references with every key, command and effect."""
 
 import re
 import shlex
@@ -8,6 +8,7 @@ import pytest
 import yaml
 from command_pages import command_tree, commands_text
 from effect_pages import effects_text
+from file_pages import file_text, schema_file, write_schemas
 from generated import fill
 from mission_keys import keys_text
 
@@ -21,23 +22,23 @@ BLOCK = re.compile(r"^ *```(?:sh|console)\n(.*?)^ *```", re.MULTILINE | re.DOTAL
 LINK = re.compile(r"\[[^\]]*\]\(([^)\s]+)\)")
 
 
-def name_of(page):
+def page_name(page):
     return str(page.relative_to(ROOT))
 
 
 def commands_of(text):
     """Command lines of edl-filter in the shell blocks of a page, as lists of words after the program's name."""
-    found = []
+    commands = []
     for block in BLOCK.findall(text):
         for line in block.replace("\\\n", " ").splitlines():
             words = shlex.split(line.strip().removeprefix("$ "), comments=True) if "edl-filter" in line else []
             if words and Path(words[0]).name == "edl-filter":
-                found.append(words[1:])
-    return found
+                commands.append(words[1:])
+    return commands
 
 
-def complaint(words):
-    """What is wrong with a command line; None if it parses."""
+def usage_error(words):
+    """Error of a command line; None if it is valid."""
     tree = command_tree()
     if not words or words[0] not in tree.commands:
         return f"no such command: {words[:1]}"
@@ -49,46 +50,48 @@ def complaint(words):
     return None
 
 
-def broken(page, text):
-    """Relative links of a page to files that are not there."""
+def broken_links(page, text):
+    """Relative links of a page to files that do not exist."""
     links = [link.split("#")[0] for link in LINK.findall(text) if not re.match(r"[a-z]+:|#", link)]
     return [link for link in links if link and not (page.parent / link).exists()]
 
 
-@pytest.mark.parametrize("page", PAGES, ids=name_of)
-def test_command_lines_are_real(page):
-    wrong = {" ".join(w): complaint(w) for w in commands_of(page.read_text(encoding="utf-8"))}
-    assert not {line: why for line, why in wrong.items() if why}
+@pytest.mark.parametrize("page", PAGES, ids=page_name)
+def test_command_lines_are_valid(page):
+    errors = {" ".join(w): usage_error(w) for w in commands_of(page.read_text(encoding="utf-8"))}
+    assert not {line: error for line, error in errors.items() if error}
 
 
-@pytest.mark.parametrize("page", PAGES, ids=name_of)
-def test_links_lead_somewhere(page):
-    assert broken(page, page.read_text(encoding="utf-8")) == []
+@pytest.mark.parametrize("page", PAGES, ids=page_name)
+def test_links_are_valid(page):
+    assert broken_links(page, page.read_text(encoding="utf-8")) == []
 
 
-def test_the_tutorial_has_the_whole_loop():
+def test_the_tutorial_uses_every_step_of_the_diagnosis():
     used = [w[0] for w in commands_of((ROOT / "docs" / "tutorial.md").read_text(encoding="utf-8"))]
     assert {"simulate", "run", "diagnose", "add", "compare", "improve"} <= set(used)
 
 
-def test_the_checks_can_fail():
-    page = "```sh\nedl-filter run m.yaml --sett a=1\nedl-filter rum m.yaml\nedl-filter add m.yaml   # one short\n```\n"
-    first, second, third = (complaint(w) for w in commands_of(page))
+def test_the_checks_find_errors():
+    page = "```sh\nedl-filter run m.yaml --sett a=1\nedl-filter rum m.yaml\nedl-filter add m.yaml   # no effect\n```\n"
+    first, second, third = (usage_error(w) for w in commands_of(page))
     assert "--sett" in first and "no such command" in second and "effect" in third
-    assert broken(ROOT / "README.md", "[a](docs/nothing.md) [b](README.md#x) [c](https://x.org)") == ["docs/nothing.md"]
+    assert broken_links(ROOT / "README.md", "[a](docs/nothing.md) [b](README.md#x) [c](https://x.org)") == [
+        "docs/nothing.md"
+    ]
 
 
 @pytest.mark.parametrize("name", command_tree().commands)
-def test_each_command_has_an_example_that_is_real(name):
+def test_each_command_has_a_valid_example(name):
     epilog = command_tree().commands[name].epilog or ""
     assert epilog.startswith(f"Example: edl-filter {name} "), epilog
-    assert complaint(shlex.split(epilog)[2:]) is None
+    assert usage_error(shlex.split(epilog)[2:]) is None
 
 
 def test_the_program_itself_has_an_example():
     example = shlex.split(command_tree().epilog or "")
     assert example[:2] == ["Example:", "edl-filter"]
-    assert complaint(example[2:]) is None
+    assert usage_error(example[2:]) is None
 
 
 def test_every_command_is_in_the_reference():
@@ -100,14 +103,14 @@ def test_every_command_is_in_the_reference():
 
 
 def keys_in(data, path=""):
-    """Dotted keys of a file's mappings, numbers of lists as N."""
+    """Section and key of every entry of a file, with N for indices of lists."""
     for key, value in data.items() if isinstance(data, dict) else [("N", v) for v in data]:
         yield (path, key)
         if isinstance(value, dict) or (isinstance(value, list) and value and isinstance(value[0], dict)):
             yield from keys_in(value, f"{path}.{key}".strip("."))
 
 
-@pytest.mark.parametrize("file", sorted((ROOT / "missions").rglob("*.yaml")), ids=name_of)
+@pytest.mark.parametrize("file", sorted((ROOT / "missions").rglob("*.yaml")), ids=page_name)
 def test_every_key_of_the_shipped_files_is_in_the_reference(file):
     from edl_filter.mission import Mission
     from edl_filter.simulation import Scenario
@@ -116,13 +119,13 @@ def test_every_key_of_the_shipped_files_is_in_the_reference(file):
     for path, key in keys_in(yaml.safe_load(file.read_text(encoding="utf-8"))):
         named = re.sub(r"(vehicle\.events|imus)\.\w+", r"\1.NAME", path)
         if re.search(r"(vehicle\.events|imus)$", named) or key == "N":
-            continue  # a name of the user's own
+            continue  # a name chosen by the user
         title = f"`{named}`" if named else "At the top of the file"
         sections = [s for s in text.split("## ") if s.startswith(title)]
         assert any(f"| `{key}` |" in s for s in sections), f"{named}.{key}"
 
 
-def test_the_reference_tells_unit_range_and_default():
+def test_the_reference_has_unit_range_and_default():
     from edl_filter.mission import Mission
 
     text = keys_text(Mission)
@@ -134,7 +137,7 @@ def test_the_reference_tells_unit_range_and_default():
 
 
 def test_every_effect_is_in_the_reference():
-    from edl_filter.effects.catalogue import catalogue
+    from edl_filter.effects.registry import catalogue
 
     text = effects_text()
     for name, effect in catalogue().items():
@@ -142,8 +145,37 @@ def test_every_effect_is_in_the_reference():
         assert all(f"| `{q.name}` |" in section for q in effect.parameters)
 
 
-def test_a_place_for_something_unknown_is_refused():
-    with pytest.raises(ValueError, match="page: found 'generated: nonsense'; accepted are commands, effects, mission"):
+def keys_of_schema(node):
+    """Keys of a JSON Schema and of all its definitions, but for the settings, which have a page of their own."""
+    definitions = [d for name, d in node.get("$defs", {}).items() if name != "DecisionSettings"]
+    return {key for part in (node, *definitions) for key in part.get("properties", {})}
+
+
+@pytest.mark.parametrize("stem", ["summary", "diagnosis", "ledger"])
+def test_every_key_of_a_results_files_is_in_the_reference(stem):
+    from edl_filter.results.schema import MODELS, json_schemas
+
+    (file,) = [name for name in MODELS if Path(name).stem == stem]
+    text, keys = file_text(stem), keys_of_schema(json_schemas()[file])
+    assert len(keys) > 10
+    for key in keys:
+        assert f"| `{key}` | " in text, key
+    assert "|  |" not in text  # every key has a value and a meaning
+
+
+def test_the_json_schemas_that_the_reference_links_are_written(tmp_path):
+    import json
+
+    names = {path.name: json.loads(path.read_text(encoding="utf-8")) for path in write_schemas(tmp_path / "schemas")}
+    assert set(names) == {"summary.schema.json", "diagnosis.schema.json", "ledger.schema.json"}
+    page = fill((ROOT / "docs/reference/result-files.md").read_text(encoding="utf-8"), "page")
+    for name, written in names.items():
+        assert f'href="../schemas/{name}"' in page
+        assert schema_file(written["title"]) == name and written["$schema"].endswith("2020-12/schema")
+
+
+def test_an_unknown_placeholder_is_refused():
+    with pytest.raises(ValueError, match="page: found 'generated: nonsense'; accepted are commands, effects, file"):
         fill("<!-- generated: nonsense -->", "page")
 
 

@@ -1,10 +1,11 @@
-"""How often the right effect is named: `make study` (hours of one core; results are kept and taken up again).
+"""How often the right effect is named: `make study` (hours of one core; an interrupted study is continued).
 
-Flights of the own simulator with one hidden effect each (every name of the catalogue, at its plausible size and at half
-of it, on both vehicles), clean ones, pairs, and effects outside the catalogue, are diagnosed without a hint. Whether an
-effect is *detectable* is computed with the truth known and fixed before the diagnosis: the gain that a linear fit of
-its noise-free signature would have, at its true places, exceeds 6 nats. Answers go to ``identification.jsonl``, one
-line a flight; ``identification_report.py`` turns them into the table and the figure of ``docs/identification.md``.
+Flights of the package's simulator with one hidden effect each (every name of the catalogue, at its plausible size and
+at half of it, on both vehicles), clean ones, pairs, and effects outside the catalogue, are diagnosed with the whole
+catalogue. Whether an effect is *detectable* is computed with the truth and fixed before the diagnosis: the gain that a
+linear fit of its noise-free columns would have, at its true places, exceeds `named_gain_nats`. Results go to
+``identification.jsonl``, one line a flight; ``identification_report.py`` makes of them the table and the figure of
+``docs/identification.md``.
 """
 
 import argparse
@@ -19,18 +20,19 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 import numpy as np
 
 from edl_filter import Mission
-from edl_filter.diagnosis.case import load_case
-from edl_filter.diagnosis.diagnose import diagnose
-from edl_filter.diagnosis.improve import improve
-from edl_filter.diagnosis.regression import regress
-from edl_filter.diagnosis.rounds import linearise
-from edl_filter.diagnosis.signatures import signature
-from edl_filter.effects.catalogue import catalogue
-from edl_filter.effects.effect import Active, Effect, Parameter
+from edl_filter.diagnosis.diagnosis import diagnose
+from edl_filter.diagnosis.diagnosis_json import diagnosis_content
+from edl_filter.diagnosis.linear_model.effect_jacobian import effect_jacobian
+from edl_filter.diagnosis.linear_model.flight_case import load_case
+from edl_filter.diagnosis.linear_model.linear_model import linearize
+from edl_filter.diagnosis.stepwise import improve
+from edl_filter.effects.base import Effect, EffectInstance
+from edl_filter.effects.parameters import Parameter
+from edl_filter.effects.registry import catalogue
 from edl_filter.errors import InputError
+from edl_filter.estimation.regression import regress
 from edl_filter.simulation import Scenario, simulate
 
-DETECTABLE = 6.0
 VEHICLES = ("mer", "phoenix")
 PAIRS = (
     ("density_wave", "rolling_moment"), ("wind", "remnant_torque"), ("com_offset", "accelerometer_misalignment"),
@@ -45,26 +47,26 @@ class Jet(Effect):
     parameters = (Parameter("A", "N m", "torque", 5.0), Parameter("f", "Hz", "frequency", kind="frequency"))
 
     def force_moment(self, p, flow):
-        there = (flow.time > 70.0) & (flow.time < 160.0)
-        wave = np.where(there, p["A"] * np.sin(2.0 * np.pi * p["f"] * flow.time), 0.0)
-        nothing = np.zeros_like(wave)
-        return np.column_stack((nothing, nothing, 2.0 * wave)), np.column_stack((nothing, wave, nothing))
+        active = (flow.time > 70.0) & (flow.time < 160.0)
+        torque = np.where(active, p["A"] * np.sin(2.0 * np.pi * p["f"] * flow.time), 0.0)
+        zero = np.zeros_like(torque)
+        return np.column_stack((zero, zero, 2.0 * torque)), np.column_stack((zero, torque, zero))
 
 
 class Leak(Effect):
-    """A steady leak: force along y and torque about z, absolute, from one moment on."""
+    """A steady leak: force along y and torque about z, of constant size, from 90 s on."""
 
     name = "leak"
     parameters = (Parameter("F", "N", "force", 20.0),)
 
     def force_moment(self, p, flow):
-        push = np.where(flow.time > 90.0, p["F"], 0.0)
-        nothing = np.zeros_like(push)
-        return np.column_stack((nothing, push, nothing)), np.column_stack((nothing, nothing, 0.5 * push))
+        force = np.where(flow.time > 90.0, p["F"], 0.0)
+        zero = np.zeros_like(force)
+        return np.column_stack((zero, force, zero)), np.column_stack((zero, zero, 0.5 * force))
 
 
 class Slosh(Effect):
-    """Torque that follows the rate with the square of the angle: no damping of the catalogue."""
+    """Torque proportional to the rate and the square of the angle of attack: no damping of the catalogue."""
 
     name = "slosh"
     parameters = (Parameter("k", "N m s", "size", 3e2),)
@@ -83,23 +85,23 @@ OUTSIDE = {
 
 def cases(seeds, clean):
     """All flights: (vehicle, seed, names, part of the plausible size)."""
-    found = []
+    flights = []
     for seed in seeds:
         for name in catalogue():
-            found += [(vehicle, seed, (name,), 1.0) for vehicle in VEHICLES]
-        found += [(vehicle, seed, (name,), 1.0) for vehicle in VEHICLES for name in OUTSIDE]
-        found += [(VEHICLES[i % 2], 1000 * (1 + seed) + i, (), 0.0) for i in range(clean)]
-        found += [(VEHICLES[i % 2], seed, pair, 1.0) for i, pair in enumerate(PAIRS)]
+            flights += [(vehicle, seed, (name,), 1.0) for vehicle in VEHICLES]
+        flights += [(vehicle, seed, (name,), 1.0) for vehicle in VEHICLES for name in OUTSIDE]
+        flights += [(VEHICLES[i % 2], 1000 * (1 + seed) + i, (), 0.0) for i in range(clean)]
+        flights += [(VEHICLES[i % 2], seed, pair, 1.0) for i, pair in enumerate(PAIRS)]
         for name in catalogue():
-            found += [(vehicle, seed, (name,), 0.5) for vehicle in VEHICLES]
-    return found
+            flights += [(vehicle, seed, (name,), 0.5) for vehicle in VEHICLES]
+    return flights
 
 
-def drawn(name, part, random):
+def random_instance(name, part, random):
     """An effect with sizes drawn in a random direction, of the given part of the plausible size, and random places."""
     if name in OUTSIDE:
         effect, values = OUTSIDE[name]
-        return Active(effect, values)
+        return EffectInstance(effect, values)
     effect = catalogue()[name]
     direction = random.standard_normal(len(effect.sizes))
     direction *= np.sqrt(len(direction)) / np.linalg.norm(direction)
@@ -110,53 +112,51 @@ def drawn(name, part, random):
     }  # fmt: skip
     values["h_hi"] = values["h_lo"] + random.uniform(8e3, 20e3)
     names = {q.name for q in effect.parameters}
-    return Active(effect, {n: v for n, v in values.items() if n in names})
+    return EffectInstance(effect, {n: v for n, v in values.items() if n in names})
 
 
-def flown(vehicle, seed, effects, folder):
-    """The flight's file, and the mission that a user would have."""
-    changes = []
-    kept = []
-    for active in effects:
-        if active.name == "gravity_oblateness":  # hidden by leaving J2 out of the mission
-            changes.append("planet.gravity.j2=" + repr(1.960454e-3 * (1.0 - abs(active.values["J2"]) / 2e-3)))
+def simulated_mission(vehicle, seed, effects, folder):
+    """Simulate a flight; the mission that a user would have of it."""
+    changes, in_flight = [], []
+    for instance in effects:
+        if instance.name == "gravity_oblateness":  # hidden by leaving J2 out of the mission
+            changes.append("planet.gravity.j2=" + repr(1.960454e-3 * (1.0 - abs(instance.values["J2"]) / 2e-3)))
         else:
-            kept.append(active)
-    path = simulate(Scenario.load(f"builtin:{vehicle}"), kept, seed).write(folder / "flight.h5")
+            in_flight.append(instance)
+    path = simulate(Scenario.load(f"builtin:{vehicle}"), in_flight, seed).write(folder / "flight.h5")
     return Mission.load(f"builtin:practice_{vehicle}", [f"telemetry.path={path}", *changes])
 
 
-def expected_gain(mission, active):
-    """Gain of the noise-free signature at the truth, nats."""
-    truth = active
-    if active.name == "gravity_oblateness":
-        truth = Active(active.effect, {"J2": 1.960454e-3 - mission.planet.gravity.j2})
-    linear = linearise(load_case(mission, ()))
-    none = Active(active.effect, truth.values | {q.name: 0.0 for q in active.effect.sizes})
-    s = signature(linear.ground, none)
-    x = linear.plain(s.rows, s.start)
-    return regress(x @ np.array([truth.values[n] for n in s.names]), x, s.sigma).gain
+def expected_gain(mission, instance):
+    """Gain of the noise-free columns at the truth, nats."""
+    truth = instance
+    if instance.name == "gravity_oblateness":
+        truth = EffectInstance(instance.effect, {"J2": 1.960454e-3 - mission.planet.gravity.j2})
+    model = linearize(load_case(mission, ()))
+    j = effect_jacobian(model, truth.at_zero())
+    x = model.stated_noise_filter(j.rows, j.initial_mean)
+    return regress(x @ np.array([truth.values[n] for n in j.names]), x, j.sigma).gain
 
 
-def answer(case):
-    """Diagnose one flight."""
+def result_of(case):
+    """Diagnose one flight; its line of the results."""
     vehicle, seed, names, part = case
     random = np.random.default_rng([seed, sum(map(ord, "".join(names))), int(10 * part)])
     begin = time.perf_counter()
     line = {"vehicle": vehicle, "seed": seed, "hidden": list(names), "part": part}
     with tempfile.TemporaryDirectory() as folder:
         try:
-            effects = [drawn(name, part, random) for name in names]
+            effects = [random_instance(name, part, random) for name in names]
             line["truth"] = {a.name: a.values for a in effects}
-            mission = flown(vehicle, seed, effects, Path(folder))
+            mission = simulated_mission(vehicle, seed, effects, Path(folder))
             if len(names) == 1 and names[0] not in OUTSIDE:
                 line["expected_gain"] = expected_gain(mission, effects[0])
             if len(names) == 2:
                 steps = list(improve(mission, list(catalogue().values())))
                 line["named"] = [s.added.name for s in steps if s.added is not None]
-                content = steps[-1].diagnosis.content()
+                content = diagnosis_content(steps[-1].diagnosis)
             else:
-                content = diagnose(load_case(mission, ()), catalogue().values()).content()
+                content = diagnosis_content(diagnose(load_case(mission, ()), catalogue().values()))
             line["verdict"] = content["verdict"]
             line["ranking"] = [
                 {
@@ -176,9 +176,9 @@ def answer(case):
 def main():
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--seeds", type=int, default=1, help="how many draws of sizes, places, weather and noise")
-    parser.add_argument("--first-seed", type=int, default=0, help="begin at this one: flights that nobody has seen")
+    parser.add_argument("--first-seed", type=int, default=0, help="the first draw")
     parser.add_argument("--clean", type=int, default=20, help="clean flights for each seed")
-    parser.add_argument("--worker", type=int, default=0, help="this one of --workers")
+    parser.add_argument("--worker", type=int, default=0, help="number of this process among --workers")
     parser.add_argument("--workers", type=int, default=1)
     parser.add_argument("-o", "--output", type=Path, default=Path("identification.jsonl"))
     a = parser.parse_args()
@@ -187,11 +187,11 @@ def main():
         for text in path.read_text().splitlines():
             line = json.loads(text)
             done.add((line["vehicle"], line["seed"], tuple(line["hidden"]), line["part"]))
-    mine = a.output.with_stem(f"{a.output.stem}_{a.worker}")
+    output = a.output.with_stem(f"{a.output.stem}_{a.worker}")
     for i, case in enumerate(cases(range(a.first_seed, a.first_seed + a.seeds), a.clean)):
         if i % a.workers == a.worker and case not in done:
-            with mine.open("a") as file:
-                file.write(json.dumps(answer(case), default=float) + "\n")
+            with output.open("a") as file:
+                file.write(json.dumps(result_of(case), default=float) + "\n")
 
 
 if __name__ == "__main__":

@@ -1,6 +1,6 @@
-"""From the study's answers to a table and a figure: `python benchmarks/studies/identification_report.py FILES…`.
+"""Table and figure of the study's results: `python benchmarks/studies/identification_report.py FILES…`.
 
-Reads the lines that `identification.py` wrote and prints the rates, the misses and the confusion as Markdown; with
+Reads the lines that `identification.py` wrote and prints the rates, the errors and the confusion as Markdown; with
 ``--figure PATH`` it draws the confusion matrix.
 """
 
@@ -15,22 +15,24 @@ matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 import numpy as np
 
-from edl_filter.effects.catalogue import catalogue
+from edl_filter.effects.registry import catalogue
+from edl_filter.mission.decision_settings import DecisionSettings
 
-DETECTABLE = 6.0
+#: Expected gain from which an effect is detectable, nats.
+DETECTABLE = DecisionSettings().named_gain_nats
 OUTSIDE = ("oscillating_jet", "leak", "slosh")
 
 
 def names_of(line):
-    """What was named first, with its partners; or the verdict."""
+    """The first name, with those that are not distinguished from it; or the verdict."""
     if line.get("verdict") != "missing":
         return (line.get("verdict") or "refused",)
     first = line["ranking"][0]
     return (first["effect"], *first["same_as"])
 
 
-def inside(line):
-    """Whether every estimated size is within three sigma of the truth; None where that is not asked."""
+def estimates_agree(line):
+    """Whether every estimated size is within three sigma of the truth; None where the name is not the hidden one."""
     if (
         line.get("verdict") != "missing"
         or len(line["hidden"]) != 1
@@ -40,14 +42,26 @@ def inside(line):
     truth = line["truth"][line["hidden"][0]]
     if line["hidden"][0] == "gravity_oblateness":
         truth = {"J2": abs(truth["J2"]) * 1.960454e-3 / 2e-3}
-    found = line["ranking"][0]["parameters"]
-    apart = {n: found[n]["estimate"] - v for n, v in truth.items() if found[n]["sigma"] > 0}
+    parameters = line["ranking"][0]["parameters"]
+    errors = {n: parameters[n]["estimate"] - v for n, v in truth.items() if parameters[n]["sigma"] > 0}
     if line["hidden"][0] == "density_wave":  # minus A is A half a turn on
-        turned = found["A"]["estimate"] * truth["A"] < 0.0
-        apart["A"] = abs(found["A"]["estimate"]) - abs(truth["A"])
-        phase = found["phase"]["estimate"] - truth["phase"] + np.pi * turned
-        apart["phase"] = (phase + np.pi) % (2.0 * np.pi) - np.pi
-    return all(abs(d) < 3.0 * found[n]["sigma"] for n, d in apart.items())
+        opposite = parameters["A"]["estimate"] * truth["A"] < 0.0
+        errors["A"] = abs(parameters["A"]["estimate"]) - abs(truth["A"])
+        phase = parameters["phase"]["estimate"] - truth["phase"] + np.pi * opposite
+        errors["phase"] = (phase + np.pi) % (2.0 * np.pi) - np.pi
+    return all(abs(e) < 3.0 * parameters[n]["sigma"] for n, e in errors.items())
+
+
+def is_wrong(line, outside):
+    """Whether the names or the verdict are not those of what was hidden."""
+    names = names_of(line)
+    if not line["hidden"]:
+        return names[0] != "clean"
+    if line in outside:
+        return line["verdict"] != "unknown"
+    if len(line["hidden"]) == 2:
+        return not set(line["hidden"]) <= set(line.get("named", ()))
+    return line["hidden"][0] not in names
 
 
 def main():
@@ -57,21 +71,20 @@ def main():
     a = parser.parse_args()
     lines = [json.loads(text) for path in a.files for text in path.read_text().splitlines()]
     single = [line for line in lines if len(line["hidden"]) == 1 and line["hidden"][0] not in OUTSIDE]
-    flown = [line for line in single if "verdict" in line]
-    seen = [line for line in flown if line["expected_gain"] > DETECTABLE]
-    right = [line for line in seen if line["hidden"][0] in names_of(line)]
-    hidden = [line for line in flown if line["expected_gain"] <= DETECTABLE]
+    diagnosed = [line for line in single if "verdict" in line]
+    detectable = [line for line in diagnosed if line["expected_gain"] > DETECTABLE]
+    correct = [line for line in detectable if line["hidden"][0] in names_of(line)]
+    undetectable = [line for line in diagnosed if line["expected_gain"] <= DETECTABLE]
     clean = [line for line in lines if not line["hidden"]]
     outside = [line for line in lines if line["hidden"] and line["hidden"][0] in OUTSIDE and "verdict" in line]
     pairs = [line for line in lines if len(line["hidden"]) == 2 and "verdict" in line]
-    sized = [inside(line) for line in right if inside(line) is not None]
+    agreement = [estimates_agree(line) for line in correct if estimates_agree(line) is not None]
+    named = sum(x["hidden"][0] in names_of(x) for x in undetectable)
+    misnamed = sum(x["verdict"] == "missing" and x["hidden"][0] not in names_of(x) for x in undetectable)
     print("| what | flights | outcome |\n|---|---|---|")
-    print(f"| detectable effect | {len(seen)} | right name first: {len(right)} |")
-    print(f"| the same, estimate | {len(sized)} | all sizes within 3 sigma: {sum(sized)} |")
-    print(
-        f"| not detectable | {len(hidden)} | named all the same: {sum(x['hidden'][0] in names_of(x) for x in hidden)}, "
-        f"another name: {sum(x['verdict'] == 'missing' and x['hidden'][0] not in names_of(x) for x in hidden)} |"
-    )
+    print(f"| detectable effect | {len(detectable)} | right name first: {len(correct)} |")
+    print(f"| the same, estimate | {len(agreement)} | all sizes within 3 sigma: {sum(agreement)} |")
+    print(f"| not detectable | {len(undetectable)} | named all the same: {named}, another name: {misnamed} |")
     print(f"| clean | {len(clean)} | false alarms: {sum(x.get('verdict') != 'clean' for x in clean)} |")
     print(
         f"| outside the catalogue | {len(outside)} | unknown: {sum(x['verdict'] == 'unknown' for x in outside)}, "
@@ -80,17 +93,12 @@ def main():
     print(f"| pairs | {len(pairs)} | both named: {sum(set(x['hidden']) <= set(x.get('named', ())) for x in pairs)} |")
     print(f"| not flown (tumbled) or faulty | {sum('verdict' not in x for x in lines)} | |")
     print("\nNot right:\n\n| vehicle | hidden | part | expected gain | outcome |\n|---|---|---|---|---|")
-    for x in [*seen, *clean, *outside, *pairs]:
-        named = names_of(x)
-        wrong = (
-            named[0] != "clean" if not x["hidden"] else x["verdict"] != "unknown" if x in outside
-            else not set(x["hidden"]) <= set(x.get("named", ())) if x in pairs else x["hidden"][0] not in named
-        )  # fmt: skip
-        if wrong:
+    for x in [*detectable, *clean, *outside, *pairs]:
+        if is_wrong(x, outside):
             also = f", named in all: {', '.join(x['named'])}" if x.get("named") else ""
             print(
                 f"| {x['vehicle']} | {', '.join(x['hidden']) or 'nothing'} | {x['part']} | "
-                f"{x.get('expected_gain', float('nan')):.3g} | {' or '.join(named)}{also} |"
+                f"{x.get('expected_gain', float('nan')):.3g} | {' or '.join(names_of(x))}{also} |"
             )
     for x in lines:
         if "verdict" not in x:
@@ -98,18 +106,18 @@ def main():
                 f"| {x['vehicle']} | {', '.join(x['hidden'])} | {x['part']} | | {x.get('refused') or x.get('fault')} |"
             )
     if a.figure:
-        draw(seen, clean, outside, a.figure)
+        draw(detectable, clean, outside, a.figure)
 
 
-def draw(seen, clean, outside, path):
-    """Confusion matrix: hidden down, named across."""
+def draw(detectable, clean, outside, path):
+    """Confusion matrix: hidden effects in the rows, names in the columns."""
     rows = [*catalogue(), *OUTSIDE, "nothing"]
     columns = [*catalogue(), "unknown", "clean"]
     counts = Counter()
-    for x in [*seen, *clean, *outside]:
+    for x in [*detectable, *clean, *outside]:
         hidden = x["hidden"][0] if x["hidden"] else "nothing"
-        named = names_of(x)
-        counts[hidden, hidden if hidden in named else named[0]] += 1
+        names = names_of(x)
+        counts[hidden, hidden if hidden in names else names[0]] += 1
     matrix = np.array([[counts[r, c] for c in columns] for r in rows])
     share = matrix / np.maximum(matrix.sum(axis=1, keepdims=True), 1)
     fig, ax = plt.subplots(figsize=(11, 10.5), layout="constrained")

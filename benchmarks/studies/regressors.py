@@ -7,22 +7,20 @@ methods of `comparators` regress. Every column is written down by hand, as someb
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from edl_filter import rotations
 from edl_filter.aero.planes import moments_at_cm, split
-from edl_filter.modelling import damping_of
+from edl_filter.pipeline.forward_model import damping_of
+from edl_filter.pipeline.reconstruct import Reconstruction
 from edl_filter.planet import ellipsoid
-from edl_filter.postflight.atmosphere import FlightAtmosphere
+from edl_filter.postflight.atmosphere import AtmosphereProfile
 from edl_filter.postflight.comparison import database_coefficients
-from edl_filter.postflight.derive import Derived
-from edl_filter.postflight.flight import inputs
-from edl_filter.postflight.inputs import DeriveInputs
+from edl_filter.postflight.derive import PostflightResult
+from edl_filter.postflight.flight import postflight_inputs
+from edl_filter.postflight.inputs import PostflightInputs
 from edl_filter.postflight.measured import as_measured
-from edl_filter.reconstruction import Reconstruction
-from edl_filter.results.content import derive
-
-Array = NDArray[np.float64]
+from edl_filter.results.result import derive
+from edl_filter.types import Array
 
 #: Order in which coefficients stand in a stacked column.
 CHANNELS = ("CA", "CY", "CN", "Cl", "Cm", "Cn")
@@ -59,7 +57,7 @@ class Course:
 
     Attributes
     ----------
-    given, derived : DeriveInputs, Derived
+    given, derived : PostflightInputs, PostflightResult
     dynamic_pressure : array
         Of the preflight atmosphere, Pa.
     per_force, per_moment : arrays
@@ -77,8 +75,8 @@ class Course:
         Of the planet, rad/s.
     """
 
-    given: DeriveInputs
-    derived: Derived
+    given: PostflightInputs
+    derived: PostflightResult
     dynamic_pressure: Array
     per_force: Array
     per_moment: Array
@@ -112,14 +110,14 @@ class Course:
 
     def met(self, change: Array, step: float) -> Array:
         """How the coefficients change with the air-relative velocity, per `step`; `change` (N, 3) in body axes."""
-        i, air = self.given, self.derived.preflight
+        i, air = self.given, self.derived.preflight.atmosphere
         velocity = i.velocity_body + change
         faster = np.linalg.norm(velocity, axis=1) / i.speed
         there = table_at(i, replace(air, mach=air.mach * faster), velocity)
         return (there * faster[:, None] ** 2 - self.table) / step
 
 
-def table_at(given: DeriveInputs, atmosphere: FlightAtmosphere, velocity: Array) -> Array:
+def table_at(given: PostflightInputs, atmosphere: AtmosphereProfile, velocity: Array) -> Array:
     """The database's coefficients ``(N, 6)`` where the air comes with `velocity`."""
     speed = np.linalg.norm(velocity, axis=1)
     found = database_coefficients(given.database, atmosphere, speed, velocity, given.x_over_d, 0.0, given.offset)
@@ -129,10 +127,10 @@ def table_at(given: DeriveInputs, atmosphere: FlightAtmosphere, velocity: Array)
 def course_of(flight: Reconstruction) -> Course:
     """The flight up to the parachute."""
     everything = derive(flight)
-    given, derived = inputs(flight, everything.air).until_parachute(), everything.aftermath
+    given, derived = postflight_inputs(flight, everything.air).until_parachute(), everything.postflight
     n, t, air = len(given.time), flight.trajectory, everything.air
     middle = 0.5 * (t.time[1:] + t.time[:-1])[:n]
-    pressure = 0.5 * derived.preflight.density * given.speed**2
+    pressure = 0.5 * derived.preflight.atmosphere.density * given.speed**2
     area = np.pi / 4.0 * given.diameter**2
     attitude = rotations.normalise(t.inertial_from_body[1 : n + 1] + _same_side(t.inertial_from_body)[:n])
     back = rotations.conjugate(attitude)
@@ -145,7 +143,7 @@ def course_of(flight: Reconstruction) -> Course:
         dynamic_pressure=pressure,
         per_force=np.asarray(given.mass / (pressure * area)),
         per_moment=1.0 / (pressure * area * given.diameter),
-        table=table_at(given, derived.preflight, given.velocity_body),
+        table=table_at(given, derived.preflight.atmosphere, given.velocity_body),
         inertial_from_body=attitude,
         position=half[2],
         velocity=half[3],
@@ -168,9 +166,9 @@ def regressors(p: Course) -> dict[str, list[Array]]:
     the model are the database's.
     """
     i, d = p.given, p.derived
-    mach, time, altitude, alpha = d.preflight.mach, i.time, i.altitude, i.alpha_total
-    force, rate, turn, inertia = d.force, d.rate, d.acceleration, i.inertia
-    found = i.database.lookup(mach, d.preflight.knudsen, alpha, i.speed)
+    mach, time, altitude, alpha = d.preflight.atmosphere.mach, i.time, i.altitude, i.alpha_total
+    force, rate, turn, inertia = d.motion.force, d.motion.rate, d.motion.acceleration, i.inertia
+    found = i.database.lookup(mach, d.preflight.atmosphere.knudsen, alpha, i.speed)
     axes, zero = np.eye(3), np.zeros(len(time))
 
     def spun(change_rate: Array, change_turn: Array) -> Array:
@@ -236,15 +234,16 @@ def residuals(flight: Reconstruction, p: Course) -> tuple[Array, Array]:
     flight's sampling and smoothing.
     """
     i, d = p.given, p.derived
-    mach = d.preflight.mach
+    mach = d.preflight.atmosphere.mach
     damping = damping_of(flight.mission).at(mach) * i.diameter / (2.0 * i.speed)
-    still = d.database_preflight
-    damped = {"Cm": still.value["Cm"] + damping * d.rate[:, 1], "Cn": still.value["Cn"] + damping * d.rate[:, 2]}
-    told = replace(still, value=still.value | damped)
-    seen = as_measured(told, d.preflight, d.filters, d.rate, i.speed, i.mass, i.diameter, i.inertia)
-    flown = d.coefficients_preflight
-    difference = np.stack([flown.value[c] - seen.value[c] for c in CHANNELS], axis=1)
-    sigma = np.stack([np.hypot(flown.sigma(c), seen.angle_sigma[c]) for c in CHANNELS], axis=1)
+    case, rate = d.preflight, d.motion.rate
+    undamped = case.database.value
+    damped = {"Cm": undamped["Cm"] + damping * rate[:, 1], "Cn": undamped["Cn"] + damping * rate[:, 2]}
+    database = replace(case.database, value=undamped | damped)
+    smoother = d.motion.smoother
+    measured = as_measured(database, case.atmosphere, smoother, rate, i.speed, i.mass, i.diameter, i.inertia)
+    difference = np.stack([case.coefficients.value[c] - measured.value[c] for c in CHANNELS], axis=1)
+    sigma = np.stack([np.hypot(case.coefficients.sigma(c), measured.angle_sigma[c]) for c in CHANNELS], axis=1)
     return difference, sigma
 
 

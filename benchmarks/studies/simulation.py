@@ -32,8 +32,8 @@ def flown(job):
     with tempfile.TemporaryDirectory() as folder:
         path = flight.write(Path(folder) / "flight.h5")
         found = reconstruct(Mission.load(scenario.mission, [f"telemetry.path={path}"]))
-    nis = [(f.constraint.name, f.innovation.nis, len(f.innovation.residual)) for f in found.forward.fused]
-    times = np.array([node.time for node in found.forward.nodes])
+    nis = [(f.constraint.name, f.innovation.nis, len(f.innovation.residual)) for f in found.filter_pass.fused]
+    times = np.array([node.time for node in found.filter_pass.nodes])
     motion, rows = flight.motion, {}
     peak = motion.time[
         np.argmax(np.linalg.norm(motion.before[:, 13:16], axis=1) * (motion.time[:-1] < motion.deployed))

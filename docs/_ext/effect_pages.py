@@ -8,8 +8,8 @@ from typing import Any
 
 def effects_text(name: str = "") -> str:
     """Markdown of the catalogue by family, or of the effect `name` alone."""
-    from edl_filter.effects.catalogue import catalogue
-    from edl_filter.effects.describe import as_plain
+    from edl_filter.effects.registry import catalogue
+    from edl_filter.effects.tables import as_plain
 
     known = [as_plain(effect) for key, effect in catalogue().items() if name in ("", key)]
     text = []

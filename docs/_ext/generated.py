@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 from command_pages import commands_text
 from effect_pages import effects_text
+from file_pages import build_finished, file_text
 from mission_keys import keys_text
 
 if TYPE_CHECKING:  # the tests use this without Sphinx
@@ -34,6 +35,7 @@ def _scenario(_: str) -> str:
 KINDS: dict[str, Callable[[str], str]] = {
     "commands": lambda _: commands_text(),
     "effects": effects_text,
+    "file": file_text,
     "mission": _mission,
     "scenario": _scenario,
 }
@@ -64,4 +66,5 @@ def _read(_: Sphinx, page: str, source: list[str]) -> None:
 def setup(app: Sphinx) -> dict[str, bool]:
     """Tell Sphinx of it."""
     app.connect("source-read", _read)
+    app.connect("build-finished", build_finished)
     return {"parallel_read_safe": True, "parallel_write_safe": True}

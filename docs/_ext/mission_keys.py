@@ -10,7 +10,7 @@ from typing import Annotated, Any, Literal, Union, get_args, get_origin
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
-from edl_filter.mission.checks import Within
+from edl_filter.mission.validators import Within
 
 #: What stands between the key of a section and the keys below it, where the section is one of many.
 NAMED, LISTED = "NAME", "N"
@@ -83,27 +83,27 @@ def _section_text(part: Part) -> str:
     intro = "" if not part.path else (part.model.__doc__ or "").strip().split("\n\n")[0] + "\n\n"
     rows = ["| key | value | default | what it is |", "|---|---|---|---|"]
     for key, field in part.model.model_fields.items():
-        kind = _kind(field.annotation, field.metadata)
-        cells = (f"`{field.alias or key}`", kind, _default(field), field.description or "")
+        value = kind(field.annotation, field.metadata)
+        cells = (f"`{field.alias or key}`", value, _default(field), field.description or "")
         rows.append("| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |")
     return f"## {title}\n\n{intro}" + "\n".join(rows)
 
 
-def _kind(annotation: Any, metadata: Any = ()) -> str:
+def kind(annotation: Any, metadata: Any = ()) -> str:
     """What an annotation accepts, in words: kind, unit and range; a range in `metadata` says more than the type."""
     ranges = [m.expected for m in metadata if isinstance(m, Within)]
     origin, args = get_origin(annotation), get_args(annotation)
     if origin is Annotated:
-        return _kind(args[0], (*metadata, *args[1:]))
+        return kind(args[0], (*metadata, *args[1:]))
     if origin in (Union, types.UnionType):
-        kinds = [_kind(each, metadata) for each in args if each is not type(None)]
+        kinds = [kind(each, metadata) for each in args if each is not type(None)]
         return ", or ".join(dict.fromkeys(filter(None, kinds)))
     if origin is Literal:
         return " or ".join(f"`{each}`" for each in args)
     if origin is tuple:
         return _tuple(args, ranges)
     if origin is dict:
-        return f"mapping from name to {_kind(args[1]) or 'section'}"
+        return f"mapping from name to {kind(args[1]) or 'section'}"
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         return "section"
     if ranges:
@@ -113,11 +113,11 @@ def _kind(annotation: Any, metadata: Any = ()) -> str:
 
 def _tuple(args: tuple[Any, ...], ranges: list[str]) -> str:
     if args[-1] is Ellipsis:
-        inner = _kind(args[0])
+        inner = kind(args[0])
         return "rows of numbers" if inner.startswith("list") else f"list of {inner}s"
     if get_origin(args[0]) is tuple or (get_origin(args[0]) is Annotated and get_origin(get_args(args[0])[0]) is tuple):
         return f"{len(args)} rows of {len(get_args(args[0]))} numbers"
-    inner = _kind(args[0])
+    inner = kind(args[0])
     size = f", its length {ranges[0]}" if ranges else "" if inner == "number" else f", each {inner}"
     return f"list of {len(args)} numbers{size}"
 

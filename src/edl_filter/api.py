@@ -1,40 +1,38 @@
-"""The loop in Python: what notebooks and scripts call, over the diagnosis's own functions.
+"""Diagnosis and improvement of a model in Python, for notebooks and scripts.
 
-Effects are given as a person has them at hand: names of the catalogue, classes, objects.
+In: missions, results, and effects as names of the catalogue, classes or objects. Out: diagnoses, results and steps.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from edl_filter.effects.effect import Effect
-from edl_filter.effects.loading import find_effect, known_effects, of_session
+from edl_filter.display import render
+from edl_filter.effects.base import Effect
+from edl_filter.effects.registry import find_effect, known_effects
 from edl_filter.errors import InputError
+from edl_filter.mission.edit_effects import EffectLike, resolve_effect
+from edl_filter.mission.mission import Mission, require_prediction_inputs
 
 if TYPE_CHECKING:
-    from edl_filter.diagnosis.diagnose import Diagnosis
-    from edl_filter.diagnosis.improve import Step
-    from edl_filter.mission import Mission
-    from edl_filter.reconstruction import Reconstruction
+    from edl_filter.diagnosis.diagnosis import Diagnosis
+    from edl_filter.diagnosis.stepwise import Step
+    from edl_filter.results.result import Result
 
 Progress = Callable[[str], None]
-Given = str | Effect | type[Effect]
 
 
 class Catalogue(dict[str, Effect]):
-    """Effects by name, shown as a table in a notebook."""
+    """Effects by name, displayed as a table in a notebook."""
 
     def _repr_html_(self) -> str:
-        from edl_filter.report.cards import catalogue_card
-
-        return catalogue_card(self.values())
+        return str(render("html", self))
 
 
 def catalogue() -> Catalogue:
-    """Effects by name: the catalogue, and what installed packages bring.
+    """Return the effects of the catalogue and of installed packages, by name.
 
     Raises
     ------
@@ -45,126 +43,144 @@ def catalogue() -> Catalogue:
 
 
 def effect(name: str, file: str | Path | None = None) -> Effect:
-    """One effect by name; ``effect(name).at(parameter=value)`` switches it on.
+    """Return one effect; ``effect(name).at(parameter=value)`` switches it on.
 
     Parameters
     ----------
     name : str
+        Name of the effect.
     file : path, optional
-        Python file with effects of the user's.
+        Python file with effects of the user.
 
     Raises
     ------
     InputError
-        There is none of that name (the nearest are named), or the file cannot be used.
+        No effect has that name (the message has the nearest names), or the file cannot be used.
     """
     return find_effect(name, None if file is None else Path(file).expanduser())
 
 
-def chosen(effects: Iterable[Given] | Given | None) -> list[Effect]:
-    """Effects that a person names in one way or another; None is the whole catalogue, installed ones too.
+def resolve_effects(effects: Iterable[EffectLike] | EffectLike | None) -> list[Effect]:
+    """Return effects from names, classes and objects; None returns the catalogue and those of installed packages.
 
     Raises
     ------
     InputError
-        One is not known, or declared wrongly.
+        An effect does not exist or is declared wrongly.
     """
     if effects is None:
         return list(known_effects().values())
     if isinstance(effects, (str, Effect, type)):
         effects = (effects,)
-    found = [find_effect(e) if isinstance(e, str) else of_session(e) for e in effects]
-    return list({e.name: e for e in found}.values())
+    return list({e.name: e for e in map(resolve_effect, effects)}.values())
 
 
 def diagnose(
-    of: Mission | Reconstruction,
-    effects: Iterable[Given] | Given | None = None,
+    mission_or_result: Mission | Result,
+    effects: Iterable[EffectLike] | EffectLike | None = None,
     progress: Progress | None = None,
 ) -> Diagnosis:
-    """Say where a model fails, which effect is missing, and what is left.
+    """Determine where a model fails, which effect is missing, and what remains unexplained.
 
     Parameters
     ----------
-    of : Mission or Reconstruction
-        A mission is reconstructed first, its effects as they are stated.
+    mission_or_result : Mission or Result
+        A mission is reconstructed first, with its effects at their stated values.
     effects : iterable of str, Effect or class, optional
-        Only these may be missing; otherwise all that are known. None at all (``[]``) compares without trying any.
+        Candidate effects; by default all of the catalogue and of installed packages. An empty list compares model and
+        measurement without testing any effect.
     progress : callable, optional
-        Told what is being done, such as ``print``.
+        Called with a description of each step; for example ``print``.
+
+    Returns
+    -------
+    Diagnosis
+        Residual map, ranking of the effects, verdict and unexplained remainder.
 
     Raises
     ------
     InputError
-        The mission cannot be read, or has no database to compare with; an effect is not known.
+        The mission cannot be read or has no aerodynamic database; an effect does not exist.
     """
-    from edl_filter.diagnosis.case import case_of, load_case
-    from edl_filter.diagnosis.diagnose import diagnose as find
-    from edl_filter.reconstruction import Reconstruction
+    from edl_filter.diagnosis.diagnosis import diagnose as diagnose_case
+    from edl_filter.diagnosis.linear_model.flight_case import flight_case, load_case
+    from edl_filter.results.result import Result
 
-    candidates, say = chosen(effects), progress or _silent
-    if isinstance(of, Reconstruction):
-        _predictable(of.mission)
-        return find(case_of(of), candidates, say)
-    _predictable(of)
-    say("reconstructing")
-    return find(load_case(of), candidates, say)
+    candidates, report_progress = resolve_effects(effects), progress or _no_progress
+    if isinstance(mission_or_result, Result):
+        _check_mission(mission_or_result.mission)
+        return diagnose_case(flight_case(mission_or_result.reconstruction), candidates, report_progress)
+    _check_mission(mission_or_result)
+    report_progress("reconstructing")
+    return diagnose_case(load_case(mission_or_result), candidates, report_progress)
 
 
-def refit(mission: Mission, progress: Progress | None = None) -> Reconstruction:
+def refit(mission: Mission, progress: Progress | None = None) -> Result:
     """Reconstruct a mission with its effects at their most probable values, as ``edl-filter run`` does.
-
-    One sigma of each is in the reconstruction's ``effect_sigma``. A mission without effects, or with all of them fixed,
-    is reconstructed as it is.
-
-    Raises
-    ------
-    InputError
-        As `diagnose`; or an effect stands twice.
-    """
-    from edl_filter.diagnosis.settle import settle
-    from edl_filter.reconstruction import reconstruct
-
-    if all(a.fixed for a in mission.active_effects()):
-        return reconstruct(mission)
-    _predictable(mission)
-    settled = settle(mission, progress or _silent)
-    return replace(settled.reconstruction, effect_sigma=settled.sigma)
-
-
-def improve(
-    mission: Mission, effects: Iterable[Given] | Given | None = None, progress: Progress | None = None
-) -> Iterator[Step]:
-    """Diagnose, add what is missing, refit, and again until nothing earns its place; one `Step` for each turn.
-
-    ``mission.with_effects(step.improved)`` is the mission of the next model.
 
     Parameters
     ----------
     mission : Mission
+        A mission without effects, or with fixed effects only, is reconstructed with the stated values.
+    progress : callable, optional
+        As `diagnose`.
+
+    Returns
+    -------
+    Result
+        Its ``refit.sigma`` has one sigma of each parameter.
+
+    Raises
+    ------
+    InputError
+        As `diagnose`; or an effect is listed twice.
+    """
+    from edl_filter.diagnosis.selection.outer_loop import fit_effects
+    from edl_filter.results.result import RefitSummary, Result, reconstruct
+
+    if all(a.fixed for a in mission.active_effects()):
+        return reconstruct(mission)
+    _check_mission(mission)
+    fitted = fit_effects(mission, progress or _no_progress)
+    return Result(fitted.reconstruction, RefitSummary(fitted.sigma))
+
+
+def improve(
+    mission: Mission, effects: Iterable[EffectLike] | EffectLike | None = None, progress: Progress | None = None
+) -> Iterator[Step]:
+    """Diagnose, add the missing effect and refit, until no effect is accepted (forward stepwise selection).
+
+    ``with_effects(mission, step.improved)`` is the mission of the next model.
+
+    Parameters
+    ----------
+    mission : Mission
+        Mission with the initial model.
     effects, progress
         As `diagnose`.
+
+    Yields
+    ------
+    Step
+        One per diagnosis; the last adds no effect.
 
     Raises
     ------
     InputError
         As `diagnose`.
     """
-    from edl_filter.diagnosis.improve import improve as go_on
+    from edl_filter.diagnosis.stepwise import improve as improve_stepwise
 
-    _predictable(mission)
-    return go_on(mission, chosen(effects), progress=progress or _silent)
+    _check_mission(mission)
+    return improve_stepwise(mission, resolve_effects(effects), progress=progress or _no_progress)
 
 
-def _predictable(mission: object) -> None:
-    """Raise InputError where there is no mission, or one with nothing to predict the flight with."""
-    from edl_filter.diagnosis.of_result import needs_prediction
-    from edl_filter.mission import Mission
-
+def _check_mission(mission: object) -> None:
+    """Raise InputError if `mission` is no `Mission`, or lacks the sections from which a flight is predicted."""
     if not isinstance(mission, Mission):
-        raise InputError(f"found {type(mission).__name__}; expected a Mission, or a Reconstruction of one.")
-    needs_prediction(mission, str(mission.source or mission.name))
+        raise InputError(f"found {type(mission).__name__}; expected a Mission, or a Result of one.")
+    require_prediction_inputs(mission)
 
 
-def _silent(_: str) -> None:
-    """Say nothing."""
+def _no_progress(_: str) -> None:
+    """Ignore a progress message."""

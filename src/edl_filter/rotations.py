@@ -1,44 +1,92 @@
-"""Quaternions and rotation vectors, vectorised over the first axes.
+"""Quaternions and rotation vectors, vectorised over the leading axes.
 
-Scalar-last ``[x, y, z, w]``; ``rotate(a_from_b, v)`` takes components in b to components in a, and
-``multiply(a_from_b, b_from_c)`` is ``a_from_c``. Shapes broadcast like numpy's; the last axis is the
-quaternion's or the vector's. (Shuster 1993, J. Astronaut. Sci. 41, 439, with the product in
-Hamilton's order.)
+Quaternions are scalar-last ``[x, y, z, w]``. ``rotate(a_from_b, v)`` takes components in b to components in a, and
+``multiply(a_from_b, b_from_c)`` is ``a_from_c``. The last axis holds the components of a quaternion or of a vector;
+the leading axes broadcast as in numpy. (Shuster 1993, J. Astronaut. Sci. 41, 439, with the product in Hamilton's
+order.)
 
-What is asked thousands of times a second is compiled: between numpy's calls on strided components it would be ten
-times slower.
+The functions that are called thousands of times per second are compiled: on small arrays with strided components the
+overhead of numpy's calls would make them ten times slower.
 """
 
 from collections.abc import Callable
 
 import numpy as np
 from numba import njit
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-Array = NDArray[np.float64]
+from edl_filter.types import Array
 
-#: Length of a rotation vector's half below which its sine is a series.
+#: Half the length of a rotation vector (rad) below which its sine is computed from the series.
 _SMALL = 1e-4
 
 
 def multiply(p: ArrayLike, q: ArrayLike) -> Array:
-    """Hamilton product ``p ⊗ q``: first q, then p."""
-    return _pairwise(_multiply, p, q, 4)
+    """Hamilton product ``p ⊗ q``: the rotation by q followed by the rotation by p.
+
+    Parameters
+    ----------
+    p, q : (..., 4) arrays
+        Quaternions; their leading axes broadcast.
+
+    Returns
+    -------
+    (..., 4) array
+
+    Raises
+    ------
+    ValueError
+        A last axis is not of length 4.
+    """
+    return _apply_to_pairs(_multiply, p, q, 4)
 
 
 def conjugate(q: ArrayLike) -> Array:
-    """Inverse of a unit quaternion."""
+    """Inverse of unit quaternions.
+
+    Parameters
+    ----------
+    q : (..., 4) array
+        Unit quaternions.
+
+    Returns
+    -------
+    (..., 4) array
+    """
     return np.asarray(q, float) * np.array([-1.0, -1.0, -1.0, 1.0])
 
 
 def normalise(q: ArrayLike) -> Array:
-    """Unit quaternion along `q`."""
+    """Unit quaternions in the direction of `q`.
+
+    Parameters
+    ----------
+    q : (..., 4) array
+        Not zero.
+
+    Returns
+    -------
+    (..., 4) array
+    """
     q = np.asarray(q, float)
     return q / np.linalg.norm(q, axis=-1, keepdims=True)
 
 
 def rotate(a_from_b: ArrayLike, v: ArrayLike) -> Array:
-    """Components in a of the vector with components `v` in b."""
+    """Components in a of vectors whose components in b are `v`.
+
+    Parameters
+    ----------
+    a_from_b : (..., 4) array
+        Unit quaternions.
+    v : (..., 3) array
+        Any unit; the leading axes broadcast against those of `a_from_b`.
+
+    Returns
+    -------
+    (..., 3) array
+        In the unit of `v`.
+    """
     q, v = np.asarray(a_from_b, float), np.asarray(v, float)
     u, w = q[..., :3], q[..., 3:]
     t = 2.0 * cross(u, v)
@@ -46,24 +94,97 @@ def rotate(a_from_b: ArrayLike, v: ArrayLike) -> Array:
 
 
 def cross(u: ArrayLike, v: ArrayLike) -> Array:
-    """Vector product; `numpy.cross` costs ten times as much on small arrays."""
-    return _pairwise(_cross, u, v, 3)
+    """Vector product ``u × v``; on small arrays `numpy.cross` takes ten times as long.
+
+    Parameters
+    ----------
+    u, v : (..., 3) arrays
+        Any units; their leading axes broadcast.
+
+    Returns
+    -------
+    (..., 3) array
+        In the product of the two units.
+
+    Raises
+    ------
+    ValueError
+        A last axis is not of length 3.
+    """
+    return _apply_to_pairs(_cross, u, v, 3)
 
 
 def from_rotation_vector(phi: ArrayLike) -> Array:
-    """Quaternion ``exp(phi)`` of a rotation by ``|phi|`` radians about `phi`."""
-    return _each(_exponential, phi, 4, of=3)
+    """Quaternions ``exp(phi)`` of rotations by the angle ``|phi|`` about the axis `phi`.
+
+    Parameters
+    ----------
+    phi : (..., 3) array
+        rad.
+
+    Returns
+    -------
+    (..., 4) array
+
+    Raises
+    ------
+    ValueError
+        The last axis is not of length 3.
+    """
+    return _apply_to_rows(_exponential, phi, 3, 4)
 
 
 def to_rotation_vector(q: ArrayLike) -> Array:
-    """Rotation vector of `q`, at most pi long: the inverse of `from_rotation_vector`."""
-    return _each(_logarithm, q, 3)
+    """Rotation vectors of quaternions: the inverse of `from_rotation_vector`.
+
+    Parameters
+    ----------
+    q : (..., 4) array
+        Unit quaternions of either sign.
+
+    Returns
+    -------
+    (..., 3) array
+        rad, at most pi long.
+
+    Raises
+    ------
+    ValueError
+        The last axis is not of length 4.
+    """
+    return _apply_to_rows(_logarithm, q, 4, 3)
+
+
+def rotation_vector_between(reference_from_a: ArrayLike, reference_from_b: ArrayLike) -> Array:
+    """Rotation vectors of ``a_from_b``, the rotation from the first attitude to the second, in the axes of a.
+
+    Parameters
+    ----------
+    reference_from_a, reference_from_b : (..., 4) arrays
+        Unit quaternions; their leading axes broadcast.
+
+    Returns
+    -------
+    (..., 3) array
+        rad, at most pi long.
+    """
+    return to_rotation_vector(multiply(conjugate(reference_from_a), reference_from_b))
 
 
 def from_matrix(a_from_b: ArrayLike) -> Array:
-    """Quaternion of one 3 x 3 direction-cosine matrix, by the largest-element method.
+    """Quaternion of one direction-cosine matrix.
 
-    Shepperd 1978; the matrix is assumed orthonormal to rounding.
+    It is the eigenvector of the largest eigenvalue of the symmetric matrix K that is formed from the elements
+    (Bar-Itzhack 2000, J. Guidance, Control, and Dynamics 23, 1085, without the common factor 1/3).
+
+    Parameters
+    ----------
+    a_from_b : (3, 3) array
+        Assumed orthonormal to rounding.
+
+    Returns
+    -------
+    (4,) array
     """
     m = np.asarray(a_from_b, float)
     k = np.empty((4, 4))
@@ -74,12 +195,38 @@ def from_matrix(a_from_b: ArrayLike) -> Array:
 
 
 def to_matrix(a_from_b: ArrayLike) -> Array:
-    """Direction-cosine matrices ``(..., 3, 3)``."""
-    return _each(_matrix, a_from_b, 9).reshape(*np.shape(a_from_b)[:-1], 3, 3)
+    """Direction-cosine matrices of quaternions.
+
+    Parameters
+    ----------
+    a_from_b : (..., 4) array
+        Unit quaternions.
+
+    Returns
+    -------
+    (..., 3, 3) array
+
+    Raises
+    ------
+    ValueError
+        The last axis is not of length 4.
+    """
+    return _apply_to_rows(_matrix, a_from_b, 4, 9).reshape(*np.shape(a_from_b)[:-1], 3, 3)
 
 
 def cross_matrix(v: ArrayLike) -> Array:
-    """Matrices ``(..., 3, 3)`` with ``cross_matrix(v) @ u = v × u``."""
+    """Matrices with ``cross_matrix(v) @ u = v × u``.
+
+    Parameters
+    ----------
+    v : (..., 3) array
+        Any unit.
+
+    Returns
+    -------
+    (..., 3, 3) array
+        In the unit of `v`.
+    """
     v = np.asarray(v, float)
     out = np.zeros((*v.shape, 3))
     out[..., 2, 1], out[..., 1, 2] = v[..., 0], -v[..., 0]
@@ -88,35 +235,57 @@ def cross_matrix(v: ArrayLike) -> Array:
     return out
 
 
-def _each(kernel: Callable[[Array, Array], None], a: ArrayLike, width: int, of: int = 4) -> Array:
-    """A kernel over the rows of `a`, which are `of` wide."""
-    a = _wide(a, of)
-    out = np.empty((*a.shape[:-1], width))
-    kernel(_rows(a, a.shape), out.reshape(-1, width))
+def right_jacobian(phi: ArrayLike) -> Array:
+    """Right Jacobian of the rotation group: ``exp(phi + d) = exp(phi) ⊗ exp(J d)`` to first order in d.
+
+    Solà, Deray & Atchuthan 2018, eq. 143.
+
+    Parameters
+    ----------
+    phi : (..., 3) array
+        Rotation vectors, rad.
+
+    Returns
+    -------
+    (..., 3, 3) array
+
+    Raises
+    ------
+    ValueError
+        The last axis is not of length 3.
+    """
+    return _apply_to_rows(_right_jacobian, phi, 3, 9).reshape(*np.shape(phi), 3)
+
+
+def _apply_to_rows(kernel: Callable[[Array, Array], None], a: ArrayLike, width: int, width_out: int) -> Array:
+    """Apply a kernel to the rows of `a`, from ``(..., width)`` to ``(..., width_out)``."""
+    a = _checked(a, width)
+    out = np.empty((*a.shape[:-1], width_out))
+    kernel(_as_rows(a, a.shape), out.reshape(-1, width_out))
     return out
 
 
-def _wide(a: ArrayLike, width: int) -> Array:
-    """As an array; compiled code would read past the end of a narrower one."""
+def _apply_to_pairs(kernel: Callable[[Array, Array, Array], None], a: ArrayLike, b: ArrayLike, width: int) -> Array:
+    """Apply a kernel to pairs of rows of length `width`, broadcast as in numpy."""
+    a, b = _checked(a, width), _checked(b, width)
+    shape = a.shape if a.shape == b.shape else np.broadcast_shapes(a.shape, b.shape)
+    out = np.empty(shape)
+    kernel(_as_rows(a, shape), _as_rows(b, shape), out.reshape(-1, shape[-1]))
+    return out
+
+
+def _checked(a: ArrayLike, width: int) -> Array:
+    """`a` as an array ``(..., width)``; compiled code would read past the end of a shorter last axis."""
     a = np.asarray(a, float)
     if a.shape[-1:] != (width,):
         raise ValueError(f"found shape {a.shape}; expected (..., {width})")
     return a
 
 
-def _pairwise(kernel: Callable[[Array, Array, Array], None], a: ArrayLike, b: ArrayLike, of: int) -> Array:
-    """A kernel over pairs of rows `of` wide, as numpy broadcasts them."""
-    a, b = _wide(a, of), _wide(b, of)
-    shape = a.shape if a.shape == b.shape else np.broadcast_shapes(a.shape, b.shape)
-    out = np.empty(shape)
-    kernel(_rows(a, shape), _rows(b, shape), out.reshape(-1, shape[-1]))
-    return out
-
-
-def _rows(a: Array, shape: tuple[int, ...]) -> Array:
-    """`a` as rows, repeated to a shape."""
-    whole = np.ascontiguousarray(a) if a.shape == shape else np.array(np.broadcast_to(a, shape))
-    return whole.reshape(-1, shape[-1])
+def _as_rows(a: Array, shape: tuple[int, ...]) -> Array:
+    """`a`, broadcast to `shape`, as contiguous rows."""
+    contiguous = np.ascontiguousarray(a) if a.shape == shape else np.array(np.broadcast_to(a, shape))
+    return contiguous.reshape(-1, shape[-1])
 
 
 @njit(cache=True)
@@ -167,3 +336,25 @@ def _matrix(q, out):
         out[i, 0], out[i, 1], out[i, 2] = 1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - z * w), 2.0 * (x * z + y * w)
         out[i, 3], out[i, 4], out[i, 5] = 2.0 * (x * y + z * w), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - x * w)
         out[i, 6], out[i, 7], out[i, 8] = 2.0 * (x * z - y * w), 2.0 * (y * z + x * w), 1.0 - 2.0 * (x * x + y * y)
+
+
+@njit(cache=True)
+def right_jacobian_coefficients(square):
+    """``(1 - cos a) / a²`` and ``(a - sin a) / a³`` of an angle a (rad) with the given square."""
+    if square < 1e-3:
+        return 0.5 - square / 24.0 * (1.0 - square / 30.0), 1.0 / 6.0 - square / 120.0 * (1.0 - square / 42.0)
+    angle = np.sqrt(square)
+    return (1.0 - np.cos(angle)) / square, (angle - np.sin(angle)) / (square * angle)
+
+
+@njit(cache=True)
+def _right_jacobian(phi, out):
+    for i in range(len(out)):
+        x, y, z = phi[i, 0], phi[i, 1], phi[i, 2]
+        square = x * x + y * y + z * z
+        a, b = right_jacobian_coefficients(square)
+        # J = 1 - a [phi]ₓ + b [phi]ₓ², with [phi]ₓ² = phi phiᵀ - |phi|² 1
+        diagonal = 1.0 - b * square
+        out[i, 0], out[i, 1], out[i, 2] = diagonal + b * x * x, b * x * y + a * z, b * x * z - a * y
+        out[i, 3], out[i, 4], out[i, 5] = b * x * y - a * z, diagonal + b * y * y, b * y * z + a * x
+        out[i, 6], out[i, 7], out[i, 8] = b * x * z + a * y, b * y * z - a * x, diagonal + b * z * z

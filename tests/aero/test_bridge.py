@@ -1,4 +1,4 @@
-"""The sin² bridge: its ends, its shape, and the Huygens database that was made with it."""
+"""The sin² bridge: its ends, its shape, and the Huygens database that was computed with it."""
 
 import numpy as np
 import pytest
@@ -15,10 +15,10 @@ def test_ends_and_middle():
 
 
 @given(st.floats(-3.0, 1.0), st.floats(-3.0, 1.0))
-def test_rises_and_is_symmetric_in_the_logarithm(one, other):
-    low, high = sorted((one, other))
+def test_increases_and_is_symmetric_in_the_logarithm(first, second):
+    low, high = sorted((first, second))
     assert bridge(10.0**low) <= bridge(10.0**high) + 1e-15
-    assert bridge(10.0**one) + bridge(10.0 ** (-2.0 - one)) == pytest.approx(1.0, abs=1e-12)
+    assert bridge(10.0**first) + bridge(10.0 ** (-2.0 - first)) == pytest.approx(1.0, abs=1e-12)
 
 
 def test_slope_is_continuous_at_the_ends():
@@ -33,10 +33,10 @@ def test_huygens_transitional_numbers(mevad):
     log_knudsen, alpha, ca = np.array([line.split(",") for line in lines[1:]], dtype=float).T
     checked = 0
     for angle in np.unique(alpha):
-        at = alpha == angle
-        continuum, free = ca[at & (log_knudsen == -3.0)], ca[at & (log_knudsen == 1.0)]
+        rows = alpha == angle
+        continuum, free = ca[rows & (log_knudsen == -3.0)], ca[rows & (log_knudsen == 1.0)]
         assert continuum.size == free.size == 1
-        ours = continuum + (free - continuum) * bridge(10.0 ** log_knudsen[at])
-        np.testing.assert_allclose(ours, ca[at], rtol=0, atol=1e-4)
-        checked += at.sum()
+        bridged = continuum + (free - continuum) * bridge(10.0 ** log_knudsen[rows])
+        np.testing.assert_allclose(bridged, ca[rows], rtol=0, atol=1e-4)
+        checked += rows.sum()
     assert checked == 104

@@ -1,18 +1,18 @@
-"""Reading of damping tables."""
+"""Reader of damping tables."""
 
 import numpy as np
 import pytest
 
 from edl_filter.aero.damping import read_damping
-from edl_filter.effects.world import Damping
+from edl_filter.effects.forward_model import Damping
 from edl_filter.errors import InputError
 from edl_filter.mission import Mission
-from edl_filter.modelling import damping_of
+from edl_filter.pipeline.forward_model import damping_of
 
 
-def test_a_table_is_linear_and_held_at_its_edges(tmp_path):
+def test_interpolation_is_linear_and_constant_beyond_the_edges(tmp_path):
     path = tmp_path / "d.csv"
-    path.write_text("# mine\nmach,Cmq\n0.5,-0.1\n1.5,0.3\n4,-0.2\n")
+    path.write_text("# a comment\nmach,Cmq\n0.5,-0.1\n1.5,0.3\n4,-0.2\n")
     damping = Damping(*read_damping(path))
     np.testing.assert_allclose(damping.at(np.array([0.0, 1.0, 1.5, 9.0])), [-0.1, 0.1, 0.3, -0.2])
 
@@ -27,15 +27,15 @@ def test_a_table_is_linear_and_held_at_its_edges(tmp_path):
         ("mach,Cmq\n1,two\n", "line 2: expected 2 finite numbers"),
     ],
 )
-def test_a_table_that_cannot_be_used(tmp_path, text, message):
+def test_invalid_table_raises(tmp_path, text, message):
     (tmp_path / "d.csv").write_text(text)
     with pytest.raises(InputError, match=message):
         read_damping(tmp_path / "d.csv")
 
 
-def test_the_practice_missions_name_the_shipped_table(practice):
+def test_practice_missions_use_the_shipped_table(practice):
     damping = damping_of(Mission.load("builtin:practice_mer"))
-    shared = np.loadtxt(practice(6).parent / "damping.csv", delimiter=",", skiprows=2)
-    np.testing.assert_array_equal(np.stack((damping.mach, damping.cmq), axis=1), shared)
-    none = damping_of(Mission.load("builtin:practice_mer", ["aerodynamics.damping=null"]))
-    assert not none.at(np.array([0.0, 2.0, 20.0])).any()
+    expected = np.loadtxt(practice(6).parent / "damping.csv", delimiter=",", skiprows=2)
+    np.testing.assert_array_equal(np.stack((damping.mach, damping.cmq), axis=1), expected)
+    without_table = damping_of(Mission.load("builtin:practice_mer", ["aerodynamics.damping=null"]))
+    assert not without_table.at(np.array([0.0, 2.0, 20.0])).any()

@@ -1,3 +1,5 @@
+"""Three-sigma uncertainties of the thesis's tables, and their interpolation in Mach number."""
+
 import numpy as np
 import pytest
 
@@ -28,6 +30,6 @@ def test_linear_between_mach_5_and_10():
     np.testing.assert_allclose(s.cm, [0.005, 0.0035, 0.002])
 
 
-def test_unknown_family():
+def test_unknown_family_raises():
     with pytest.raises(InputError, match="no family 'Viking'; accepted are MER, Phoenix"):
         three_sigma("Viking", 5.0, 1e-5, 1.7)

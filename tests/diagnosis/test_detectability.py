@@ -1,4 +1,4 @@
-"""Smallest sizes that would be found: the equation, and the shipped flight."""
+"""Smallest detectable sizes: the equation, correlated effects, and the shipped flight."""
 
 import json
 
@@ -9,41 +9,52 @@ from hypothesis import strategies as st
 from typer.testing import CliRunner
 
 from edl_filter.cli import app
-from edl_filter.diagnosis.identifiability import _basis, _likeness, smallest_size
+from edl_filter.diagnosis.detectability import _basis, _largest_correlation, smallest_size
 
 
-@given(st.floats(-6.0, 12.0), st.floats(-4.0, 4.0))
-def test_the_smallest_size_gains_six_nats(log_information, log_sigma):
+@given(st.floats(-6.0, 12.0), st.floats(-4.0, 4.0), st.floats(1.0, 20.0))
+def test_the_smallest_size_has_the_required_gain(log_information, log_sigma, gain):
     information, sigma = 10.0**log_information, 10.0**log_sigma
-    s = smallest_size(information, sigma)
-    gain = 0.5 * s**2 * information - 0.5 * np.log1p(information * sigma**2)
-    assert gain == pytest.approx(6.0, abs=1e-4)
+    s = smallest_size(information, sigma, gain)
+    expected = 0.5 * s**2 * information - 0.5 * np.log1p(information * sigma**2)
+    assert expected == pytest.approx(gain, abs=1e-4)
 
 
-def test_no_information_finds_nothing():
-    assert smallest_size(0.0, 1.0) == np.inf
+def test_without_information_no_size_is_detectable():
+    assert smallest_size(0.0, 1.0, 6.0) == np.inf
 
 
-def test_spaces_that_share_a_direction_are_alike():
+def test_the_largest_correlation_of_two_column_spaces():
     random = np.random.default_rng(1)
     a = random.normal(size=(200, 2)) * 10.0
     b = np.stack((random.normal(size=200) * 10.0, a @ (1.0, -2.0)), axis=1)
-    assert _likeness(_basis(a), _basis(b)) == pytest.approx(1.0, abs=1e-9)
-    assert _likeness(_basis(a), _basis(random.normal(size=(200, 2)) * 10.0)) < 0.4
-    assert _likeness(_basis(a), _basis(1e-3 * a)) == 0.0  # too small to be seen is like nothing
+    assert _largest_correlation(_basis(a), _basis(b)) == pytest.approx(1.0, abs=1e-9)  # a common direction
+    assert _largest_correlation(_basis(a), _basis(random.normal(size=(200, 2)) * 10.0)) < 0.4
+    assert _largest_correlation(_basis(a), _basis(1e-3 * a)) == 0.0  # below the noise there is no direction
 
 
-def test_a_flight_says_what_it_could_find():
+def test_the_shipped_flight():
     names = ("mass", "axial_force_scale", "gyro_bias", "wind")
     options = [part for name in names for part in ("--effect", name)]
     result = CliRunner().invoke(app, ["identifiability", "builtin:practice_mer", *options, "--json"])
     assert result.exit_code == 0, result.output
-    told = {e["effect"]: e for e in json.loads(result.stdout)["effects"]}
-    assert list(told) == list(names)
+    effects = {e["effect"]: e for e in json.loads(result.stdout)["effects"]}
+    assert list(effects) == list(names)
     for name in ("mass", "axial_force_scale"):
-        assert told[name]["parameters"]["k"]["ratio"] < 0.1
-    assert told["mass"]["confused_with"]["axial_force_scale"] > 0.9
-    assert told["gyro_bias"]["confused_with"] == {}
-    assert list(told["wind"]["places"]) == ["h_lo", "h_hi"]
-    told = CliRunner().invoke(app, ["identifiability", "builtin:practice_mer", "--effect", "mass"]).stdout
-    assert "Smallest size that would be found" in told and "A ratio above 1" in told
+        assert effects[name]["parameters"]["k"]["ratio"] < 0.1
+    assert effects["mass"]["confused_with"]["axial_force_scale"] > 0.9
+    assert effects["gyro_bias"]["confused_with"] == {}
+    assert list(effects["wind"]["places"]) == ["h_lo", "h_hi"]
+    text = CliRunner().invoke(app, ["identifiability", "builtin:practice_mer", "--effect", "mass"]).stdout
+    assert "Smallest size that would be found" in text and "A ratio above 1" in text
+
+
+def test_the_required_gain_is_a_setting():
+    """Sizes increase with it."""
+    sizes = []
+    for gain in (6.0, 24.0):
+        options = ["--effect", "mass", "--set", f"diagnosis.named_gain_nats={gain}", "--json"]
+        result = CliRunner().invoke(app, ["identifiability", "builtin:practice_mer", *options])
+        assert result.exit_code == 0, result.output
+        sizes.append(json.loads(result.stdout)["effects"][0]["parameters"]["k"]["smallest"])
+    assert 1.2 < sizes[1] / sizes[0] < 2.0

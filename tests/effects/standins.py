@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from edl_filter.effects import Body, Flow, Totals
+from edl_filter.effects import AeroCoefficients, Body, FlightCondition
 from edl_filter.planet import Planet
 from edl_filter.telemetry.record import InitialState
 
@@ -20,11 +20,13 @@ def flow(**changes):
         "density": 1e-2 * np.exp(-H / 11e3), "mach": speed / 200.0, "knudsen": np.full(N, 1e-5),
         "dynamic_pressure": np.linspace(100.0, 7e3, N), "alpha_total": np.linspace(0.0, 0.2, N), "diameter": 2.65,
     }  # fmt: skip
-    return Flow(**(values | changes))
+    return FlightCondition(**(values | changes))
 
 
 def totals():
-    return Totals(np.full(N, 1.7), np.linspace(0.0, 0.05, N), np.linspace(0.0, -0.02, N), np.zeros(N), np.full(N, -0.1))
+    return AeroCoefficients(
+        np.full(N, 1.7), np.linspace(0.0, 0.05, N), np.linspace(0.0, -0.02, N), np.zeros(N), np.full(N, -0.1)
+    )
 
 
 BODY = Body(832.0, np.diag([270.0, 205.0, 210.0]))

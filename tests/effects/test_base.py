@@ -1,33 +1,40 @@
-"""An effect switched on: phases, of which whole turns mean nothing."""
+"""Instances of effects: keys, labels, and phases modulo whole turns."""
 
 import numpy as np
 import pytest
 
-from edl_filter.effects.catalogue import effect_named
-from edl_filter.effects.effect import Active
+from edl_filter.effects.base import EffectInstance
+from edl_filter.effects.registry import effect_named
+
+
+def test_name_and_imu_identify_an_instance():
+    bias = effect_named("gyro_bias")
+    driving, checking = EffectInstance(bias, {}), EffectInstance(bias, {"bx": 1e-4}, "secondary")
+    assert (driving.key, driving.label) == (("gyro_bias", None), "gyro_bias")
+    assert (checking.key, checking.label) == (("gyro_bias", "secondary"), "gyro_bias in secondary")
 
 
 def wave(phase):
-    return Active(effect_named("density_wave"), {"A": 0.1, "L": 1e4, "phase": phase})
+    return EffectInstance(effect_named("density_wave"), {"A": 0.1, "L": 1e4, "phase": phase})
 
 
 @pytest.mark.parametrize("turns", [-2, -1, 0, 1, 3])
 def test_phases_are_brought_into_one_turn(turns):
-    found = wave(0.3 + turns * 2.0 * np.pi).in_one_turn()
-    assert found.values == pytest.approx({"A": 0.1, "L": 1e4, "phase": 0.3})
-    assert 0.0 <= wave(-1e-17).in_one_turn().values["phase"] <= 2.0 * np.pi
-    other = Active(effect_named("wind"), {"east": 700.0})
-    assert other.in_one_turn().values == other.values
+    instance = wave(0.3 + turns * 2.0 * np.pi).canonical_phase()
+    assert instance.values == pytest.approx({"A": 0.1, "L": 1e4, "phase": 0.3})
+    assert 0.0 <= wave(-1e-17).canonical_phase().values["phase"] <= 2.0 * np.pi
+    wind = EffectInstance(effect_named("wind"), {"east": 700.0})
+    assert wind.canonical_phase().values == wind.values
 
 
 @pytest.mark.parametrize("phase", [0.0, 0.3, 4.0])
-def test_an_amplitude_is_told_without_a_sign(phase):
-    """Half a turn further on it is the same wave."""
-    found = Active(effect_named("density_wave"), {"A": -0.1, "L": 1e4, "phase": phase})
-    told, altitude = found.in_one_turn(), np.linspace(0.0, 1e5, 50)
-    assert told.values["A"] == 0.1 and 0.0 <= told.values["phase"] < 2.0 * np.pi
-    density = found.effect.density
-    np.testing.assert_allclose(density(told.values, altitude), density(found.values, altitude), atol=1e-12)
+def test_the_canonical_amplitude_is_not_negative(phase):
+    """An amplitude of the other sign is a phase half a turn further."""
+    instance = EffectInstance(effect_named("density_wave"), {"A": -0.1, "L": 1e4, "phase": phase})
+    canonical, altitude = instance.canonical_phase(), np.linspace(0.0, 1e5, 50)
+    assert canonical.values["A"] == 0.1 and 0.0 <= canonical.values["phase"] < 2.0 * np.pi
+    density = instance.effect.density
+    np.testing.assert_allclose(density(canonical.values, altitude), density(instance.values, altitude), atol=1e-12)
 
 
 def test_a_change_does_not_count_whole_turns():

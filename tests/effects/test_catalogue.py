@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from standins import BODY, PLANET, STATE, H, N, T, flow, totals
 
-from edl_filter.effects import Active
-from edl_filter.effects.catalogue import catalogue, effect_named
-from edl_filter.effects.effect import KINDS
+from edl_filter.effects import EffectInstance
+from edl_filter.effects.parameters import KINDS
+from edl_filter.effects.registry import catalogue, effect_named
 from edl_filter.errors import InputError
 
 NAMES = [
@@ -29,7 +29,7 @@ SIGMAS = {
 
 
 def hooks(effect, p):
-    """What every hook gives, as one list of arrays."""
+    """Return values of all hooks, as one list of arrays."""
     rng = np.random.default_rng(1)
     force, rate = rng.normal(size=(2, N, 3))
     planet, body, state = effect.gravity(p, PLANET), effect.vehicle(p, BODY), effect.entry_state(p, STATE)
@@ -64,21 +64,21 @@ def test_declarations_are_complete(name):
 @pytest.mark.parametrize("name", NAMES)
 def test_every_effect_is_off_at_zero_and_not_elsewhere(name):
     effect = effect_named(name)
-    off = Active(effect, {}).values
-    nothing = hooks(effect_named("mass"), {"k": 0.0})
-    for given, expected in zip(hooks(effect, off), nothing, strict=True):
-        np.testing.assert_array_equal(given, expected)
+    off = EffectInstance(effect, {}).values
+    reference = hooks(effect_named("mass"), {"k": 0.0})
+    for values, expected in zip(hooks(effect, off), reference, strict=True):
+        np.testing.assert_array_equal(values, expected)
     for q in effect.sizes:
-        there = hooks(effect, off | {q.name: q.sigma})
-        assert any(not np.array_equal(a, b) for a, b in zip(there, nothing, strict=True)), q.name
+        changed = hooks(effect, off | {q.name: q.sigma})
+        assert any(not np.array_equal(a, b) for a, b in zip(changed, reference, strict=True)), q.name
 
 
 @pytest.mark.parametrize("name", NAMES)
 def test_hooks_keep_shapes(name):
     effect = effect_named(name)
-    p = Active(effect, {q.name: q.sigma for q in effect.sizes}).values
-    for given, expected in zip(hooks(effect, p), hooks(effect_named("mass"), {"k": 0.0}), strict=True):
-        assert given.shape == expected.shape and np.all(np.isfinite(given))
+    p = EffectInstance(effect, {q.name: q.sigma for q in effect.sizes}).values
+    for values, expected in zip(hooks(effect, p), hooks(effect_named("mass"), {"k": 0.0}), strict=True):
+        assert values.shape == expected.shape and np.all(np.isfinite(values))
 
 
 @pytest.mark.parametrize(
@@ -91,5 +91,5 @@ def test_an_unknown_name_has_the_nearest(name, nearest):
 
 
 def test_what_is_not_named_takes_its_default():
-    active = Active(effect_named("remnant_torque"), {"Cm": 1e-3, "t0": 130.0})
+    active = EffectInstance(effect_named("remnant_torque"), {"Cm": 1e-3, "t0": 130.0})
     assert active.values == {"Cl": 0.0, "Cm": 1e-3, "Cn": 0.0, "t0": 130.0, "t1": np.inf}

@@ -5,43 +5,44 @@ import pytest
 
 from edl_filter.aero.database import load_database
 from edl_filter.aero.inverse import angle_from_cm, angle_from_cn
-from edl_filter.effects import Active, Effect
-from edl_filter.effects.catalogue import effect_named
-from edl_filter.effects.database import changed_database
-from edl_filter.effects.loading import find_effect
+from edl_filter.effects import Effect, EffectInstance
+from edl_filter.effects.adapters import database_with_effects
+from edl_filter.effects.registry import effect_named, find_effect
 
 DATABASE = load_database("builtin:continuum_grid", "builtin:rarefied_grid", family="MER")
 MACH, KNUDSEN = np.array([25.0, 18.0, 8.0, 2.5]), np.array([2e-3, 1e-5, 1e-5, 1e-6])
 ALPHA = np.radians([1.0, 3.0, 5.0, 7.0])
 EFFECTS = [
-    Active(effect_named("axial_force_scale"), {"k": 0.05}),
-    Active(effect_named("normal_force_scale"), {"k": -0.3}),
-    Active(effect_named("base_pressure"), {"a": 0.1}),
-    Active(effect_named("pitching_moment_scale"), {"k": 0.2}),
-    Active(effect_named("static_instability"), {"a": 2e-3}),
+    EffectInstance(effect_named("axial_force_scale"), {"k": 0.05}),
+    EffectInstance(effect_named("normal_force_scale"), {"k": -0.3}),
+    EffectInstance(effect_named("base_pressure"), {"a": 0.1}),
+    EffectInstance(effect_named("pitching_moment_scale"), {"k": 0.2}),
+    EffectInstance(effect_named("static_instability"), {"a": 2e-3}),
 ]
-CHANGED = changed_database(DATABASE, EFFECTS)
+CHANGED = database_with_effects(DATABASE, EFFECTS)
 
 
 def test_a_look_up_has_the_effects():
-    bare, found = DATABASE.lookup(MACH, KNUDSEN, ALPHA), CHANGED.lookup(MACH, KNUDSEN, ALPHA)
+    bare, entry = DATABASE.lookup(MACH, KNUDSEN, ALPHA), CHANGED.lookup(MACH, KNUDSEN, ALPHA)
     base = 0.1 * np.maximum(1 - MACH / 10, 0) ** 2
-    np.testing.assert_allclose(found.ca, 1.05 * bare.ca + base)
-    np.testing.assert_allclose(found.cn, 0.7 * bare.cn)
+    np.testing.assert_allclose(entry.ca, 1.05 * bare.ca + base)
+    np.testing.assert_allclose(entry.cn, 0.7 * bare.cn)
     unstable = 2e-3 * np.exp(-(((MACH - 18) / 4) ** 2)) * np.sin(np.pi * ALPHA / np.radians(8))
-    np.testing.assert_allclose(found.cm_nose, 1.2 * bare.cm_nose + unstable)
-    np.testing.assert_array_equal(found.outside, bare.outside)
-    np.testing.assert_array_equal(found.rarefied, bare.rarefied)
+    np.testing.assert_allclose(entry.cm_nose, 1.2 * bare.cm_nose + unstable)
+    np.testing.assert_array_equal(entry.outside, bare.outside)
+    np.testing.assert_array_equal(entry.rarefied, bare.rarefied)
 
 
 def test_an_effect_that_is_there_once_more_acts_as_well():
     values = {"a": 2e-3, "M0": 8.0}
-    one, other = (
-        changed_database(DATABASE, [Active(find_effect(name), values)]).lookup(MACH, KNUDSEN, ALPHA).cm_nose
+    first, second = (
+        database_with_effects(DATABASE, [EffectInstance(find_effect(name), values)])
+        .lookup(MACH, KNUDSEN, ALPHA)
+        .cm_nose
         for name in ("static_instability", "static_instability_2")
     )
-    assert np.any(one != DATABASE.lookup(MACH, KNUDSEN, ALPHA).cm_nose)
-    np.testing.assert_array_equal(other, one)
+    assert np.any(first != DATABASE.lookup(MACH, KNUDSEN, ALPHA).cm_nose)
+    np.testing.assert_array_equal(second, first)
 
 
 def test_rows_are_evaluations():
@@ -56,16 +57,16 @@ def test_rows_are_evaluations():
 
 
 def test_the_inverse_returns_the_angle():
-    found = CHANGED.lookup(MACH, KNUDSEN, ALPHA)
-    back = angle_from_cn(CHANGED, found.cn, MACH, KNUDSEN, hint=ALPHA)
+    entry = CHANGED.lookup(MACH, KNUDSEN, ALPHA)
+    back = angle_from_cn(CHANGED, entry.cn, MACH, KNUDSEN, hint=ALPHA)
     np.testing.assert_allclose(back.alpha, ALPHA, atol=1e-6)
-    back = angle_from_cm(CHANGED, found.cm_at(0.27), MACH, KNUDSEN, x_over_d=0.27, hint=ALPHA)
+    back = angle_from_cm(CHANGED, entry.cm_at(0.27), MACH, KNUDSEN, x_over_d=0.27, hint=ALPHA)
     np.testing.assert_allclose(back.alpha, ALPHA, atol=1e-6)
 
 
 @pytest.mark.parametrize("name", ["mass", "wind", "remnant_torque"])
 def test_without_effects_in_coefficients_it_is_the_same(name):
-    assert changed_database(DATABASE, [Active(effect_named(name), {})]) is DATABASE
+    assert database_with_effects(DATABASE, [EffectInstance(effect_named(name), {})]) is DATABASE
 
 
 def test_a_users_coefficients_are_left_to_predictions():
@@ -75,4 +76,4 @@ def test_a_users_coefficients_are_left_to_predictions():
         def coefficients(self, p, flow, totals):
             raise AssertionError
 
-    assert changed_database(DATABASE, [Active(Mine(), {})]) is DATABASE
+    assert database_with_effects(DATABASE, [EffectInstance(Mine(), {})]) is DATABASE

@@ -1,4 +1,4 @@
-"""docs/effects.md: its table is that of the declarations, and its example runs and does what it says."""
+"""docs/effects.md: its table is that of the declarations, and its example explains the practice flight."""
 
 import os
 import re
@@ -6,13 +6,13 @@ from pathlib import Path
 
 import numpy as np
 
-from edl_filter.effects.catalogue import catalogue
-from edl_filter.effects.describe import as_plain, markdown
+from edl_filter.effects.registry import catalogue
+from edl_filter.effects.tables import as_plain, markdown
 from edl_filter.mission import Mission, shipped_mission
-from edl_filter.mission.adding import add_effect
-from edl_filter.modelling import world_of
-from edl_filter.reconstruction import reconstruct
-from edl_filter.results.content import derive
+from edl_filter.mission.edit_effects import add_effect
+from edl_filter.pipeline.forward_model import forward_model_of
+from edl_filter.pipeline.reconstruct import reconstruct
+from edl_filter.results import derive
 
 DOCS = Path(__file__).parents[2] / "docs" / "effects.md"
 BEGIN, END = "<!-- catalogue -->\n", "<!-- end of catalogue -->"
@@ -22,10 +22,10 @@ def test_the_table_is_up_to_date():
     text = DOCS.read_text(encoding="utf-8")
     before, rest = text.split(BEGIN)
     _, after = rest.split(END)
-    made = before + BEGIN + markdown(catalogue().values()) + END + after
+    updated = before + BEGIN + markdown(catalogue().values()) + END + after
     if os.environ.get("EDL_FILTER_UPDATE_DOCS"):
-        DOCS.write_text(made, encoding="utf-8")
-    assert made == DOCS.read_text(encoding="utf-8")
+        DOCS.write_text(updated, encoding="utf-8")
+    assert updated == DOCS.read_text(encoding="utf-8")
 
 
 def test_plain_data_have_no_infinities():
@@ -46,15 +46,15 @@ def test_the_example_finds_what_practice_08_hides(practice, tmp_path):
         file=str(tmp_path / "my_jet.py"),
     )  # fmt: skip
     flight = reconstruct(Mission.load(path, [f"telemetry.path={practice(8)}"]))
-    d, t = derive(flight).aftermath, flight.trajectory
+    d, t = derive(flight).postflight, flight.trajectory
     rms = []
     for effects in ((), None):
-        world = world_of(flight.mission, flight.planet, flight.atmosphere, effects)
+        world = forward_model_of(flight.mission, flight.planet, flight.atmosphere, effects)
         flow = world.flow(t.time, t.position, t.velocity, t.inertial_from_body, t.angular_rate)
         force, moment = (0.5 * (x[1:] + x[:-1])[: len(d.time)] for x in world.loads(flow))
-        part = (d.time > 65.0) & (d.time < 80.0)  # before the air's own moments are large
-        pitch = d.moments.moment[:, 1] - d.filters.smooth(moment)[:, 1]
-        normal = d.force[:, 2] * world.rigid_body.mass - d.filters.smooth(force)[:, 2]
+        part = (d.time > 65.0) & (d.time < 80.0)  # before the aerodynamic moments are large
+        pitch = d.motion.moments.moment[:, 1] - d.motion.smoother.smooth(moment)[:, 1]
+        normal = d.motion.force[:, 2] * world.rigid_body.mass - d.motion.smoother.smooth(force)[:, 2]
         rms.append([np.sqrt(np.mean(x[part] ** 2)) for x in (pitch, normal)])
     assert rms[0][0] > 3.0 and rms[1][0] < 0.3 * rms[0][0], rms
     assert rms[1][1] < 0.5 * rms[0][1], rms

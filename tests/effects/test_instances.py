@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from standins import flow
 
-from edl_filter.effects.again import MOST, kind_of, offered
-from edl_filter.effects.catalogue import catalogue, effect_named
-from edl_filter.effects.effect import Effect, Parameter
-from edl_filter.effects.loading import find_effect, has_home
+from edl_filter.effects.base import Effect
+from edl_filter.effects.instances import MOST, candidates, kind_of
+from edl_filter.effects.parameters import Parameter
+from edl_filter.effects.registry import catalogue, effect_named, find_effect, nameable_in_mission
 from edl_filter.errors import InputError
 
 
@@ -15,17 +15,20 @@ def names(effects):
     return [e.name for e in effects]
 
 
-def test_what_is_in_the_model_is_offered_once_more_if_it_acts_at_a_place():
-    tried = [effect_named(n) for n in ("mass", "remnant_torque", "wind")]
-    assert names(offered(tried, ())) == ["mass", "remnant_torque", "wind"]
-    assert names(offered(tried, {"mass", "remnant_torque"})) == ["remnant_torque_2", "wind"]
-    assert names(offered(tried, {"remnant_torque", "remnant_torque_2"})) == ["mass", "remnant_torque_3", "wind"]
-    assert names(offered(tried, {"wind", *(f"wind_{n}" for n in range(2, MOST + 1))})) == ["mass", "remnant_torque"]
+def test_what_is_in_the_model_is_candidates_once_more_if_it_acts_at_a_place():
+    effects = [effect_named(n) for n in ("mass", "remnant_torque", "wind")]
+    assert names(candidates(effects, ())) == ["mass", "remnant_torque", "wind"]
+    assert names(candidates(effects, {"mass", "remnant_torque"})) == ["remnant_torque_2", "wind"]
+    assert names(candidates(effects, {"remnant_torque", "remnant_torque_2"})) == ["mass", "remnant_torque_3", "wind"]
+    assert names(candidates(effects, {"wind", *(f"wind_{n}" for n in range(2, MOST + 1))})) == [
+        "mass",
+        "remnant_torque",
+    ]
     second = find_effect("wind_2")
-    assert names(offered([second], ())) == ["wind_2"] and offered([second], {"wind_2"}) == []
+    assert names(candidates([second], ())) == ["wind_2"] and candidates([second], {"wind_2"}) == []
 
 
-def test_no_two_of_one_name_are_offered():
+def test_no_two_of_one_name_are_candidates():
     class Gust(Effect):
         name = "gust"
         parameters = (Parameter("t0", "s", "from", kind="time", scan=5),)
@@ -33,27 +36,27 @@ def test_no_two_of_one_name_are_offered():
     class Other(Effect):
         name = "gust_2"
 
-    gust, other = Gust(), Other()
-    assert offered([gust, other], {"gust"})[1] is other
-    assert names(offered([gust, other], {"gust"})) == ["gust_3", "gust_2"]
+    gust, different = Gust(), Other()
+    assert candidates([gust, different], {"gust"})[1] is different
+    assert names(candidates([gust, different], {"gust"})) == ["gust_3", "gust_2"]
     wind, second = (find_effect(n) for n in ("wind", "wind_2"))
-    assert offered([wind, second], {"wind"}) == [second]
-    assert [kind_of(e) for e in (wind, second, other, effect_named("mass"))] == ["wind", "wind", "gust_2", "mass"]
+    assert candidates([wind, second], {"wind"}) == [second]
+    assert [kind_of(e) for e in (wind, second, different, effect_named("mass"))] == ["wind", "wind", "gust_2", "mass"]
 
 
 def test_it_is_found_by_its_name_and_has_a_home():
     second = find_effect("remnant_torque_2")
     assert second is find_effect("remnant_torque_2") and second.name == "remnant_torque_2" and second.number == 2
-    assert has_home(second)
+    assert nameable_in_mission(second)
     assert second.parameters == effect_named("remnant_torque").parameters
     assert effect_named("remnant_torque").name == "remnant_torque" and "remnant_torque_2" not in catalogue()
 
 
 def test_it_acts_as_the_first_does():
     values = {"Cl": 1e-6, "Cm": 1e-3, "Cn": -2e-3, "t0": 0.0, "t1": np.inf}
-    one, other = (find_effect(n).force_moment(values, flow()) for n in ("remnant_torque", "remnant_torque_3"))
-    assert np.any(one[1])
-    np.testing.assert_array_equal(one, other)
+    first, third = (find_effect(n).force_moment(values, flow()) for n in ("remnant_torque", "remnant_torque_3"))
+    assert np.any(first[1])
+    np.testing.assert_array_equal(first, third)
 
 
 @pytest.mark.parametrize("name", ["mass_2", "wind_1", "wind_02", f"wind_{MOST + 1}", "wind_2_2", "wind_"])
@@ -73,13 +76,13 @@ def test_a_users_effect_is_there_once_more_as_well(tmp_path):
         "        return np.column_stack([p['v'] * (altitude > p['h']), 0 * altitude])\n"
     )
     second = find_effect("gust_2", path)
-    assert second.file == path and has_home(second)
+    assert second.file == path and nameable_in_mission(second)
     np.testing.assert_allclose(second.wind({"v": 3.0, "h": 1e4}, np.array([0.0, 2e4])), [[0.0, 0.0], [3.0, 0.0]])
     with pytest.raises(InputError, match="gust_9"):
         find_effect("gust_9", path)
 
 
-def test_an_effect_of_this_session_is_offered_once_more():
+def test_an_effect_of_this_session_is_candidates_once_more():
     class Mine(Effect):
         name = "mine"
         parameters = (
@@ -87,5 +90,5 @@ def test_an_effect_of_this_session_is_offered_once_more():
             Parameter("t0", "s", "from", kind="time", scan=5),
         )
 
-    mine = Mine()
-    assert names(offered([mine], {"mine"})) == ["mine_2"] and isinstance(offered([mine], {"mine"})[0], Mine)
+    effect = Mine()
+    assert names(candidates([effect], {"mine"})) == ["mine_2"] and isinstance(candidates([effect], {"mine"})[0], Mine)

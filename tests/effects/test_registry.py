@@ -1,12 +1,12 @@
-"""Users' effects: found in files and packages, and guarded against what is wrong in them."""
+"""Users' effects: from files and packages, with validation of their declarations and hooks."""
 
 import numpy as np
 import pytest
 from standins import BODY, PLANET, STATE, H, N, T, flow, totals
 
-from edl_filter.effects import loading
-from edl_filter.effects.catalogue import effect_named
-from edl_filter.effects.loading import checked_values, find_effect
+from edl_filter.effects import registry
+from edl_filter.effects.parameters import checked_values
+from edl_filter.effects.registry import effect_named, find_effect
 from edl_filter.errors import InputError
 
 START = """
@@ -55,8 +55,8 @@ GIVEN = {"imu": "time, force, rate", "corrected": "time, force, rate", "gravity"
 
 
 def call(tmp_path, hook, body):
-    given = f", {GIVEN[hook]}" if hook in GIVEN else ""
-    path = write(tmp_path, f"def {hook}(self, p{given}):\n    {body}")
+    arguments = f", {GIVEN[hook]}" if hook in GIVEN else ""
+    path = write(tmp_path, f"def {hook}(self, p{arguments}):\n    {body}")
     return getattr(find_effect("mine", path), hook)({"a": 0.1}, *ARGUMENTS[hook])
 
 
@@ -80,7 +80,7 @@ def test_a_hook_that_raises_is_named_with_the_tracebacks_last_line(tmp_path, hoo
         ("wind", "return np.zeros(len(altitude))", r"an array of shape \(7,\); expected \(7, 2\)"),
         ("density", "return 1.0", r"gave float; expected an array of shape \(7,\)"),
         ("density", "return np.log(altitude - altitude)", "7 values that are not finite; expected finite numbers"),
-        ("coefficients", "return totals.ca", "gave ndarray; expected Totals"),
+        ("coefficients", "return totals.ca", "gave ndarray; expected AeroCoefficients"),
         ("coefficients", "return replace(totals, cl=0.0)", r"gave float for cl; expected an array of shape \(7,\)"),
         ("force_moment", "return np.zeros((7, 3)), None", "gave NoneType for moment"),
         ("vehicle", "return replace(body, mass=-1.0)", "gave a mass of -1 kg; expected a positive one"),
@@ -126,46 +126,46 @@ def test_a_file_that_is_not_there(tmp_path):
         find_effect("mine", tmp_path / "my_effect.py")
 
 
-class Point:
-    """An entry point as importlib.metadata gives it."""
+class EntryPoint:
+    """An entry point with the interface of importlib.metadata."""
 
-    def __init__(self, value, found):
-        self.name, self.value, self._found = "mine", value, found
+    def __init__(self, value, loaded):
+        self.name, self.value, self._loaded = "mine", value, loaded
 
     def load(self):
-        if isinstance(self._found, Exception):
-            raise self._found
-        return self._found
+        if isinstance(self._loaded, Exception):
+            raise self._loaded
+        return self._loaded
 
 
 def packages(monkeypatch, *points):
-    loading.installed.cache_clear()
-    monkeypatch.setattr(loading, "entry_points", lambda group: points if group == "edl_filter.effects" else ())
+    registry.installed.cache_clear()
+    monkeypatch.setattr(registry, "entry_points", lambda group: points if group == "edl_filter.effects" else ())
 
 
 def test_a_package_brings_effects(tmp_path, monkeypatch):
-    mine = type(find_effect("mine", write(tmp_path, "")))
-    packages(monkeypatch, Point("package:Mine", mine))
+    effect_class = type(find_effect("mine", write(tmp_path, "")))
+    packages(monkeypatch, EntryPoint("package:Mine", effect_class))
     assert find_effect("mine").name == "mine"
     assert find_effect("wind") is effect_named("wind")
     with pytest.raises(InputError, match="found no effect 'mime'; nearest accepted: mine"):
         find_effect("mime")
-    loading.installed.cache_clear()
+    registry.installed.cache_clear()
 
 
 @pytest.mark.parametrize(
-    ("found", "message"),
+    ("loaded", "message"),
     [
         (ImportError("no module x"), "raised ImportError: no module x .* when it was loaded"),
         (3, "found 3; a subclass of edl_filter.effects.Effect is expected"),
         (type(effect_named("wind")), "the name 'wind' is taken by the catalogue"),
     ],
 )
-def test_a_package_that_cannot_be_used(monkeypatch, found, message):
-    packages(monkeypatch, Point("package:Mine", found))
+def test_a_package_that_cannot_be_used(monkeypatch, loaded, message):
+    packages(monkeypatch, EntryPoint("package:Mine", loaded))
     with pytest.raises(InputError, match=f"entry point mine = package:Mine: {message}"):
         find_effect("mine")
-    loading.installed.cache_clear()
+    registry.installed.cache_clear()
 
 
 def test_values_are_checked_and_completed():

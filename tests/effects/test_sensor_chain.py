@@ -7,13 +7,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from edl_filter.effects import Active, Effect, Parameter
-from edl_filter.effects.catalogue import effect_named
-from edl_filter.effects.readings import as_read, check_imus, corrected_record, log_stretch
+from edl_filter.effects import Effect, EffectInstance, Parameter
+from edl_filter.effects.registry import effect_named
+from edl_filter.effects.sensor_chain import as_read, check_imus, corrected_record, log_abs_det_jacobian
 from edl_filter.effects.sensors import delayed
 from edl_filter.errors import InputError
+from edl_filter.imu_model.sensor_errors import SensorErrors
 from edl_filter.rotations import from_rotation_vector, rotate
-from edl_filter.telemetry.record import ImuRecord, SensorErrors, Telemetry
+from edl_filter.telemetry.record import ImuRecord, Telemetry
 
 N, DT = 400, 0.125
 
@@ -32,7 +33,7 @@ def record(units=("primary",), name="primary"):
 
 
 def active(name, imu=None, **values):
-    return Active(effect_named(name), values, imu)
+    return EffectInstance(effect_named(name), values, imu)
 
 
 small = st.floats(-0.05, 0.05)
@@ -122,7 +123,7 @@ def test_the_default_inverse_converges():
         def imu(self, p, time, force, rate):
             return force + p["k"] * force**3, rate
 
-    effects = [Active(Cubic(), {"k": 1e-6})]
+    effects = [EffectInstance(Cubic(), {"k": 1e-6})]
     back = corrected_record(as_read(record(), effects), effects)
     np.testing.assert_allclose(back.specific_force, record().specific_force, rtol=1e-9)
 
@@ -138,8 +139,8 @@ def test_the_default_inverse_converges():
         ("mass", {"k": 0.1}, 0.0),
     ],
 )
-def test_what_undoing_takes_of_the_readings(name, values, expected):
-    """One over the scale, and nothing where readings are turned, shifted or left alone."""
+def test_log_jacobian_of_the_correction(name, values, expected):
+    """Minus the log of the scale, and zero where readings are rotated, shifted or unchanged."""
     effect = effect_named(name)
-    active = Active(effect, {q.name: 0.0 for q in effect.parameters} | values)
-    assert log_stretch(record(), (active,)) == pytest.approx(expected, abs=2e-6)
+    active = EffectInstance(effect, {q.name: 0.0 for q in effect.parameters} | values)
+    assert log_abs_det_jacobian(record(), (active,)) == pytest.approx(expected, abs=2e-6)

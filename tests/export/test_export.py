@@ -1,4 +1,4 @@
-"""Exports, read back."""
+"""Exported files, read back."""
 
 import csv
 import sys
@@ -7,23 +7,25 @@ import numpy as np
 import pytest
 import spiceypy
 
-from edl_filter import results, rotations
+from edl_filter import rotations
 from edl_filter.errors import InputError
 from edl_filter.export import export
 from edl_filter.export.spice import ephemeris_time
+from edl_filter.results import Result
+from edl_filter.workflow.outputs import write_outputs
 
 
 @pytest.fixture(scope="module")
 def result(spirit, tmp_path_factory):
-    return results.write_outputs(spirit, tmp_path_factory.mktemp("spirit"), figures=False)["result"]
+    return write_outputs(Result(spirit), tmp_path_factory.mktemp("spirit"), figures=False)["result"]
 
 
 @pytest.fixture(scope="module")
 def practice_result(practice_06, tmp_path_factory):
-    return results.write_outputs(practice_06, tmp_path_factory.mktemp("practice"), figures=False)["result"]
+    return write_outputs(Result(practice_06), tmp_path_factory.mktemp("practice"), figures=False)["result"]
 
 
-def test_csv(result, spirit):
+def test_csv_has_the_trajectory_with_units(result, spirit):
     (path,) = export(result, "csv")
     assert path == result.parent / "trajectory.csv"
     with path.open(encoding="ascii") as file:
@@ -37,12 +39,12 @@ def test_csv(result, spirit):
     assert float(rows[k]["sclk [s]"]) == pytest.approx(126462085.4 + t.time[k], abs=1e-6)
     assert float(rows[k]["position_y [m]"]) == pytest.approx(t.position[k, 1], abs=1e-4)
     assert float(rows[k]["angular_rate_x [deg/s]"]) == pytest.approx(np.rad2deg(t.angular_rate[k, 0]))
-    since = np.datetime64(rows[k]["utc"]) - np.datetime64(spirit.telemetry.epoch_utc)
-    assert since / np.timedelta64(1, "us") * 1e-6 == pytest.approx(t.time[k], abs=1e-6)
+    since_epoch = np.datetime64(rows[k]["utc"]) - np.datetime64(spirit.telemetry.epoch_utc)
+    assert since_epoch / np.timedelta64(1, "us") * 1e-6 == pytest.approx(t.time[k], abs=1e-6)
     assert all(None not in row and None not in row.values() for row in rows)
 
 
-def test_csv_without_a_clock_has_utc(practice_result, tmp_path):
+def test_csv_of_a_flight_without_a_clock_has_utc(practice_result, tmp_path):
     (path,) = export(practice_result.parent, "csv", tmp_path / "t.csv")
     header = path.read_text().splitlines()[0]
     assert "utc" in header and "sclk" not in header
@@ -52,8 +54,8 @@ def test_leap_seconds_and_the_periodic_term():
     utc = np.array(["2000-01-01T12:00:00", "2004-01-04T04:19:51.932", "2008-05-25T23:46:00"], "datetime64[us]")
     # spiceypy.str2et with naif0012.tls
     np.testing.assert_allclose(ephemeris_time(utc)[:1], [64.183927284], atol=1e-6)
-    after = ephemeris_time(utc) - (utc - utc[0]) / np.timedelta64(1, "s")
-    np.testing.assert_allclose(after, [64.184, 64.184, 65.184], atol=2e-3)
+    offset = ephemeris_time(utc) - (utc - utc[0]) / np.timedelta64(1, "s")
+    np.testing.assert_allclose(offset, [64.184, 64.184, 65.184], atol=2e-3)
 
 
 @pytest.fixture
@@ -68,23 +70,23 @@ def test_spk_and_ck_read_back(result, spirit, spice, tmp_path):
     ck = export(result, "ck", tmp_path / "b.bc")
     for path in (spk[0], *ck):
         spice.furnsh(str(path))
-    t, turn = spirit.trajectory, spirit.mission.planet.j2000_from_inertial_matrix
+    t, j2000_from_inertial = spirit.trajectory, spirit.mission.planet.j2000_from_inertial_matrix
     for k in (1, 1234, len(t.time) - 2):
         utc = str(np.datetime64(spirit.telemetry.epoch_utc, "ns") + np.timedelta64(round(t.time[k] * 1e9), "ns"))
         et = spice.utc2et(utc)
         state, _ = spice.spkezr("-254", et, "J2000", "NONE", "MARS")
-        np.testing.assert_allclose(1e3 * state[:3], turn @ t.position[k], atol=0.02)
-        np.testing.assert_allclose(1e3 * state[3:], turn @ t.velocity[k], atol=2e-3)
+        np.testing.assert_allclose(1e3 * state[:3], j2000_from_inertial @ t.position[k], atol=0.02)
+        np.testing.assert_allclose(1e3 * state[3:], j2000_from_inertial @ t.velocity[k], atol=2e-3)
         ticks = spice.sce2c(-254, et)
         assert ticks / 256.0 == pytest.approx(126462085.4 + t.time[k], abs=1e-5)
         matrix, rate, _ = spice.ckgpav(-254000, ticks, 1.0, "J2000")
-        body = turn @ rotations.to_matrix(t.inertial_from_body[k])
-        np.testing.assert_allclose(matrix.T, body, atol=1e-5)
-        np.testing.assert_allclose(rate, body @ t.angular_rate[k], atol=1e-3)
+        j2000_from_body = j2000_from_inertial @ rotations.to_matrix(t.inertial_from_body[k])
+        np.testing.assert_allclose(matrix.T, j2000_from_body, atol=1e-5)
+        np.testing.assert_allclose(rate, j2000_from_body @ t.angular_rate[k], atol=1e-3)
 
 
-def test_attitude_turns_as_the_rates_say(result, spice, tmp_path):
-    """The sign of SPICE's angular velocity: a C-matrix turns by minus the rate in its own axes."""
+def test_attitudes_and_rates_are_consistent(result, spice, tmp_path):
+    """The sign of SPICE's angular velocity: a C-matrix rotates by minus the rate in its own axes."""
     for path in export(result, "ck", tmp_path / "b.bc"):
         spice.furnsh(str(path))
     ticks = 256.0 * (126462085.4 + 30.0)
@@ -94,7 +96,7 @@ def test_attitude_turns_as_the_rates_say(result, spice, tmp_path):
     np.testing.assert_allclose(axis * angle, rate, atol=0.05 * np.linalg.norm(rate))
 
 
-def test_comments_hold_utc_and_clock(result, spice, tmp_path):
+def test_comments_contain_utc_and_clock(result, spice, tmp_path):
     for fmt in ("spk", "ck"):
         path, clock, _ = export(result, fmt, tmp_path / f"x.{fmt}")
         handle = spice.dafopr(str(path))
@@ -104,18 +106,18 @@ def test_comments_hold_utc_and_clock(result, spice, tmp_path):
             assert "2004-01-04T04:19:51.932" in text and "126462085.4" in text
 
 
-def test_a_frame_that_nobody_states(practice_result, tmp_path):
+def test_result_without_an_orientation_in_j2000_raises(practice_result, tmp_path):
     with pytest.raises(InputError, match=r"planet\.j2000_from_inertial"):
         export(practice_result, "spk", tmp_path / "a.bsp")
     assert list(tmp_path.iterdir()) == []
 
 
-def test_the_extra_is_missing(practice_result, tmp_path, monkeypatch):
+def test_missing_spiceypy_raises(practice_result, tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "spiceypy", None)
     with pytest.raises(InputError, match=r"pip install 'edl-filter\[spice\]'"):
         export(practice_result, "ck", tmp_path / "a.bc")
 
 
-def test_an_unknown_format(practice_result):
+def test_unknown_format_raises(practice_result):
     with pytest.raises(InputError, match="'xls'; accepted are csv, spk, ck"):
         export(practice_result, "xls")

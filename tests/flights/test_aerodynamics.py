@@ -43,29 +43,29 @@ def product_at(flight, altitude):
 @pytest.mark.parametrize("rover", KNOWN)
 def test_density_is_the_known_one(rover, flights):
     for altitude, product in KNOWN[rover].items():
-        assert product_at(flights[rover].flight, altitude) == pytest.approx(product, rel=0.05), altitude
+        assert product_at(flights[rover].flight.atmosphere, altitude) == pytest.approx(product, rel=0.05), altitude
 
 
 def test_opportunitys_density_at_100_km_is_within_its_own_sigmas(flights):
-    d = flights["opportunity"].flight
+    d = flights["opportunity"].flight.atmosphere
     k = int(np.flatnonzero(d.altitude < 100e3)[0])
     assert abs(d.density[k] * d.ca[k] / 2.892e-7 - 1.0) < 2.0 * d.density_sigma[k] / d.density[k]
 
 
 def test_rolling_moment_has_the_known_size_and_sign(flights):
-    for rover, known in (("spirit", 5e-6), ("opportunity", -1.5e-6)):
+    for rover, torque in (("spirit", 5e-6), ("opportunity", -1.5e-6)):
         d = flights[rover]
         part = (d.time > 110.0) & (d.time < 140.0)
-        assert np.nanmean(d.coefficients.value["Cl"][part]) == pytest.approx(known, rel=0.1)
+        assert np.nanmean(d.flight.coefficients.value["Cl"][part]) == pytest.approx(torque, rel=0.1)
 
 
 def test_instabilities_are_where_they_were_seen(flights):
     """Near 75 and 125 s for Spirit; of Opportunity only the second."""
-    marks = flights["spirit"].marks
+    marks = flights["spirit"].regimes
     assert marks.first.start < 75.0 < marks.first.end
     assert marks.second.start < 126.0 < marks.second.end
-    assert flights["opportunity"].marks.first is None
-    assert flights["opportunity"].marks.second.start < 125.0 < flights["opportunity"].marks.second.end
+    assert flights["opportunity"].regimes.first is None
+    assert flights["opportunity"].regimes.second.start < 125.0 < flights["opportunity"].regimes.second.end
 
 
 def mean_angle(d, start, end):
@@ -77,7 +77,7 @@ def test_the_second_instability_is_visible_in_alpha_total(flights):
     """Without the database: both rovers' mean angle has a peak near 125 s, twice what it was 20 s before."""
     for rover, before, within in (("spirit", 1.44, 3.25), ("opportunity", 1.52, 3.10)):
         d = flights[rover]
-        between = (d.flight.mach <= 22.0) & (d.flight.mach > 12.0)
+        between = (d.flight.atmosphere.mach <= 22.0) & (d.flight.atmosphere.mach > 12.0)
         assert _envelope_peak(d.time, d.alpha_total, between) == pytest.approx(125.0, abs=5.0), rover
         assert mean_angle(d, 95.0, 105.0) == pytest.approx(before, abs=0.1), rover
         assert mean_angle(d, 115.0, 125.0) == pytest.approx(within, abs=0.1), rover
@@ -86,10 +86,10 @@ def test_the_second_instability_is_visible_in_alpha_total(flights):
 def swing(d, name):
     """How far a flight coefficient swings for one of the database from Mach 5 to the parachute: slope between them."""
     inside = d.windows[-1].mask(d.time)
-    known, flown = d.database_measured.value[name][inside], d.coefficients.value[name][inside]
-    both = np.isfinite(known) & np.isfinite(flown)
-    known, flown = known[both] - known[both].mean(), flown[both] - flown[both].mean()
-    return (flown @ known) / (known @ known)
+    database, flown = d.flight.database_measured.value[name][inside], d.flight.coefficients.value[name][inside]
+    both = np.isfinite(database) & np.isfinite(flown)
+    database, flown = database[both] - database[both].mean(), flown[both] - flown[both].mean()
+    return (flown @ database) / (database @ database)
 
 
 def test_late_swings_against_the_database(flights, practice_06):
@@ -110,7 +110,7 @@ def test_validation_domain_begins_where_the_thesis_begins_it(flights):
 
 def test_mean_force_coefficient_differences_are_inside_the_databases_3_sigma(flights):
     for d in flights.values():
-        means = [x.mean for x in d.differences if x.pair == "IMU-accels" and x.coefficient in ("CN", "CY")]
+        means = [x.mean for x in d.flight.differences if x.pair == "IMU-accels" and x.coefficient in ("CN", "CY")]
         assert len(means) >= 8
         assert np.max(np.abs(means)) < 0.01
 
@@ -119,7 +119,7 @@ def test_force_and_moment_angles_disagree_by_less_than_the_thesis_says(flights):
     """The thesis finds 2.5 deg in the last 20 s; with the proxy database it is half that."""
     for d in flights.values():
         last = d.time > d.domain.end - 20.0
-        for values in (d.angles.alpha_between, d.angles.beta_between):
+        for values in (d.flight.angles.alpha_between, d.flight.angles.beta_between):
             assert np.sqrt(np.nanmean(np.degrees(values[last]) ** 2)) < 2.5
 
 
@@ -129,14 +129,14 @@ def test_a_clean_flight_closes(practice_06):
     for window in d.windows:
         part = window.mask(d.time)
         for name in ("CN", "CY", "Cm", "Cn"):
-            miss = d.coefficients.value[name] - d.database_measured.value[name]
-            z = (miss / np.hypot(d.coefficients.sigma(name), d.database.angle_sigma[name]))[part]
+            miss = d.flight.coefficients.value[name] - d.flight.database_measured.value[name]
+            z = (miss / np.hypot(d.flight.coefficients.sigma(name), d.flight.database.angle_sigma[name]))[part]
             z = z[np.isfinite(z)]
             assert np.mean(np.abs(z) < 3.0) > 0.95, (window.name, name)
             assert np.mean(np.abs(z) < 2.0) > 0.90, (window.name, name)
-    good = d.flight.valid & (d.time > d.domain.useful)
-    relative = d.flight.density / d.preflight.density - 1.0
-    z = relative[good] / np.hypot(d.flight.density_sigma / d.flight.density, 0.01)[good]
+    good = d.flight.atmosphere.valid & (d.time > d.domain.useful)
+    relative = d.flight.atmosphere.density / d.preflight.atmosphere.density - 1.0
+    z = relative[good] / np.hypot(d.flight.atmosphere.density_sigma / d.flight.atmosphere.density, 0.01)[good]
     assert np.mean(np.abs(z) < 2.0) > 0.95
     part = (d.time > 110.0) & (d.time < 140.0)
-    assert abs(np.nanmean(d.coefficients.value["Cl"][part])) < 2e-8
+    assert abs(np.nanmean(d.flight.coefficients.value["Cl"][part])) < 2e-8

@@ -5,13 +5,13 @@ import json
 import numpy as np
 import pytest
 
-from edl_filter.effects import Active
-from edl_filter.effects.catalogue import effect_named
+from edl_filter.effects import EffectInstance
+from edl_filter.effects.registry import effect_named
 from edl_filter.errors import InputError
 from edl_filter.mission import Mission
-from edl_filter.modelling import world_of
-from edl_filter.reconstruction import reconstruct
-from edl_filter.results.content import content, derive
+from edl_filter.pipeline.forward_model import forward_model_of
+from edl_filter.pipeline.reconstruct import reconstruct
+from edl_filter.results import Result, derive
 
 #: Flight → vehicle, hidden effect, its true parameters (practice/answers.json).
 HIDDEN = {
@@ -26,15 +26,15 @@ HIDDEN = {
 @pytest.fixture(scope="module")
 def flown(practice):
     """Function that reconstructs a practice flight with its true effect, or without."""
-    known = {}
+    runs = {}
 
     def fly(n, on):
-        if (n, on) not in known:
+        if (n, on) not in runs:
             vehicle, name, values = HIDDEN[n]
             effects = json.dumps([{"name": name, "parameters": values}] if on else [])
             changes = [f"telemetry.path={practice(n)}", f"effects={effects}"]
-            known[n, on] = reconstruct(Mission.load(f"builtin:practice_{vehicle}", changes))
-        return known[n, on]
+            runs[n, on] = reconstruct(Mission.load(f"builtin:practice_{vehicle}", changes))
+        return runs[n, on]
 
     return fly
 
@@ -42,7 +42,7 @@ def flown(practice):
 def test_no_effects_leave_every_number_bit_for_bit(practice_06):
     empty = reconstruct(Mission.load("builtin:practice_mer", ["effects=[]"]))
     assert empty.problem.planet is empty.planet and empty.effects == ()
-    before, after = content(practice_06), content(empty)
+    before, after = Result(practice_06).groups, Result(empty).groups
     assert before.keys() == after.keys()
     for path, group in before.items():
         for name, variable in group.variables.items():
@@ -52,20 +52,20 @@ def test_no_effects_leave_every_number_bit_for_bit(practice_06):
 def test_effects_at_zero_change_nothing_that_counts(practice_06):
     names = ("gyro_bias", "com_offset", "gravity_oblateness", "density_wave", "wind", "atmosphere_rotation", "mass",
              "attitude_frame", "imu_time_offset", "imu_lever_arm", "accelerometer_misalignment")  # fmt: skip
-    off = reconstruct(practice_06.mission, [Active(effect_named(name), {}) for name in names])
+    off = reconstruct(practice_06.mission, [EffectInstance(effect_named(name), {}) for name in names])
     np.testing.assert_allclose(off.trajectory.position, practice_06.trajectory.position, atol=1e-6)
     np.testing.assert_allclose(off.trajectory.velocity, practice_06.trajectory.velocity, atol=1e-9)
-    one, other = derive(off), derive(practice_06)
-    np.testing.assert_allclose(one.air.velocity_body, other.air.velocity_body, atol=1e-6)
-    for name, values in other.aftermath.coefficients.value.items():
-        np.testing.assert_allclose(one.aftermath.coefficients.value[name], values, rtol=1e-6, atol=1e-10)
+    without, reference = derive(off), derive(practice_06)
+    np.testing.assert_allclose(without.air.velocity_body, reference.air.velocity_body, atol=1e-6)
+    for name, values in reference.postflight.flight.coefficients.value.items():
+        np.testing.assert_allclose(without.postflight.flight.coefficients.value[name], values, rtol=1e-6, atol=1e-10)
 
 
 def test_the_true_misalignment_brings_landing_rest_and_the_other_imu_back(flown):
     before, after = flown(4, False), flown(4, True)
-    nis = {s.name: s for s in before.statements}
+    nis = {s.name: s for s in before.constraint_checks}
     assert not nis["rest_gravity"].consistent and nis["rest_velocity"].left_out_sigmas > 3.0
-    for s in after.statements:
+    for s in after.constraint_checks:
         assert s.consistent and s.left_out_sigmas < 3.0, s.name
     fits = [r.comparison["secondary"].windows[-1] for r in (before, after)]
     assert np.all(np.abs(fits[0].slope) > 20.0 * fits[0].slope_sigma)
@@ -74,9 +74,12 @@ def test_the_true_misalignment_brings_landing_rest_and_the_other_imu_back(flown)
 
 def lateral_misses(flight):
     """Spread of the flight's coefficients about the database's where the air is thick."""
-    d = derive(flight).aftermath
-    thick = d.coefficients.dynamic_pressure > 500.0
-    miss = {k: (d.coefficients.value[k] - d.database_measured.value[k])[thick] for k in ("CN", "CY", "Cm", "Cn")}
+    d = derive(flight).postflight
+    thick = d.flight.coefficients.dynamic_pressure > 500.0
+    miss = {
+        k: (d.flight.coefficients.value[k] - d.flight.database_measured.value[k])[thick]
+        for k in ("CN", "CY", "Cm", "Cn")
+    }
     return {k: float(np.sqrt(np.nanmean(x**2))) for k, x in miss.items()}
 
 
@@ -90,9 +93,9 @@ def test_the_true_wind_and_centre_of_mass_bring_the_coefficients_back(flown, n, 
 def test_the_true_wave_is_in_the_expected_density(flown):
     spread = []
     for on in (False, True):
-        d = derive(flown(7, on)).aftermath
-        thick = d.coefficients.dynamic_pressure > 500.0
-        spread.append(np.nanstd((d.flight.density / d.preflight.density)[thick]))
+        d = derive(flown(7, on)).postflight
+        thick = d.flight.coefficients.dynamic_pressure > 500.0
+        spread.append(np.nanstd((d.flight.atmosphere.density / d.preflight.atmosphere.density)[thick]))
     assert spread[0] > 0.07 and spread[1] < 0.01
 
 
@@ -102,12 +105,12 @@ def test_the_world_with_the_true_effect_predicts_the_moments(flown, n, least):
     rms = []
     for on in (False, True):
         flight = flown(n, on)
-        d, t = derive(flight).aftermath, flight.trajectory
-        world = world_of(flight.mission, flight.planet, flight.atmosphere)
+        d, t = derive(flight).postflight, flight.trajectory
+        world = forward_model_of(flight.mission, flight.planet, flight.atmosphere)
         flow = world.flow(t.time, t.position, t.velocity, t.inertial_from_body, t.angular_rate)
         _, moment = world.loads(flow)
-        expected = d.filters.smooth(0.5 * (moment[1:] + moment[:-1])[: len(d.time)])
-        miss = (d.moments.moment - expected)[d.time > 80.0, 1:]
+        expected = d.motion.smoother.smooth(0.5 * (moment[1:] + moment[:-1])[: len(d.time)])
+        miss = (d.motion.moments.moment - expected)[d.time > 80.0, 1:]
         rms.append(np.sqrt(np.mean(miss**2)))
     assert rms[1] < rms[0] / least, rms
 
@@ -115,13 +118,13 @@ def test_the_world_with_the_true_effect_predicts_the_moments(flown, n, least):
 def test_oblateness_added_to_a_point_mass_is_the_mission_with_it(practice_06):
     j2 = practice_06.mission.planet.gravity.j2
     point = Mission.load("builtin:practice_mer", ["planet.gravity.j2=0"])
-    added = reconstruct(point, [Active(effect_named("gravity_oblateness"), {"J2": j2})])
+    added = reconstruct(point, [EffectInstance(effect_named("gravity_oblateness"), {"J2": j2})])
     assert added.planet.j2 == 0.0 and added.problem.planet.j2 == j2
     np.testing.assert_array_equal(added.trajectory.position, practice_06.trajectory.position)
 
 
 def test_the_state_is_turned_and_the_imus_named(practice_06):
-    turn = [Active(effect_named("attitude_frame"), {"rz": 1e-3})]
+    turn = [EffectInstance(effect_named("attitude_frame"), {"rz": 1e-3})]
     initial = reconstruct(practice_06.mission, turn).problem.initial
     stated = practice_06.problem.initial
     assert np.linalg.norm(initial.position - stated.position) == pytest.approx(
@@ -136,20 +139,22 @@ def test_a_prediction_needs_aerodynamics_and_inertia(practice_06):
     for key in ("aerodynamics", "vehicle.inertia"):
         mission = Mission.load("builtin:practice_mer", [f"{key}=null"])
         with pytest.raises(InputError, match=f"{key}: found nothing; a prediction needs it"):
-            world_of(mission, practice_06.planet, practice_06.atmosphere)
+            forward_model_of(mission, practice_06.planet, practice_06.atmosphere)
 
 
 def test_a_run_says_which_effects_are_in_the_model(practice_06):
     from edl_filter.report.terminal import effect_lines
-    from edl_filter.results.summary import summary
 
-    effects = [Active(effect_named("gyro_bias"), {"bx": 1e-5}, "secondary"), Active(effect_named("wind"), {})]
-    told = summary(reconstruct(practice_06.mission, effects))["effects"]
-    bias = told["gyro_bias"]
+    effects = [
+        EffectInstance(effect_named("gyro_bias"), {"bx": 1e-5}, "secondary"),
+        EffectInstance(effect_named("wind"), {}),
+    ]
+    estimates = Result(reconstruct(practice_06.mission, effects)).summary()["effects"]
+    bias = estimates["gyro_bias"]
     assert (bias["imu"], bias["fixed"], list(bias["parameters"])) == ("secondary", False, ["bx", "by", "bz"])
     assert bias["parameters"]["bx"] == {"estimate": 1e-5, "sigma": None, "unit": "rad/s", "start": None}
-    assert effect_lines(told) == [
+    assert effect_lines(estimates) == [
         "Effect in the model: gyro_bias in secondary (bx 1e-05).",
         "Effect in the model: wind (off).",
     ]
-    assert summary(practice_06)["effects"] == {}
+    assert Result(practice_06).summary()["effects"] == {}

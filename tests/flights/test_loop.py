@@ -26,19 +26,19 @@ def cli(tmp_path, monkeypatch):
     return call
 
 
-def tried(*names):
+def only(*names):
     return [part for name in names for part in ("--effect", name)]
 
 
-def loop(cli, changes, missing, others):
+def loop(cli, changes, missing, alternatives):
     """Run, diagnose, add, run, diagnose; gives both diagnoses and the mission at the end."""
     cli("run", "builtin:practice_mer", *changes, "-o", "first", "--no-figures")
-    first = json.loads(cli("diagnose", "first", *tried(missing, *others), "--json"))
+    first = json.loads(cli("diagnose", "first", *only(missing, *alternatives), "--json"))
     for command in first["next"]:
         program, *arguments = command.split()
         assert program == "edl-filter"
         cli(*arguments)
-    second = json.loads(cli("diagnose", f"first+{missing}", *tried(*others), "--json"))
+    second = json.loads(cli("diagnose", f"first+{missing}", *only(*alternatives), "--json"))
     return first, second
 
 
@@ -53,25 +53,25 @@ def check(first, second, missing):
     assert second["where"] == [] and second["effects"] == [missing]
 
 
-def test_the_oblateness_that_the_mission_forgot_is_found(cli):
+def test_an_oblateness_missing_in_the_mission_is_identified(cli):
     changes = ("--set", "planet.gravity.j2=0")
     first, second = loop(cli, changes, "gravity_oblateness", ["gyro_bias"])
     assert (first["verdict"], second["verdict"]) == ("missing", "clean"), (first["sentence"], second["sentence"])
     assert first["ranking"][0]["effect"] == "gravity_oblateness"
     j2 = json.loads(Path("first+gravity_oblateness/summary.json").read_text())["effects"]["gravity_oblateness"]
-    found = j2["parameters"]["J2"]
-    assert abs(found["estimate"] - 1.960454e-3) < 3.0 * found["sigma"]
+    parameter = j2["parameters"]["J2"]
+    assert abs(parameter["estimate"] - 1.960454e-3) < 3.0 * parameter["sigma"]
     # what is compared tells the same story
-    told = json.loads(cli("compare", "first", "first+gravity_oblateness", "--json"))
-    assert told["results"][1]["score_gain"] == first["ranking"][0]["score_gain"]
-    assert told["results"][0]["residuals"] == first["errors"]
+    comparison = json.loads(cli("compare", "first", "first+gravity_oblateness", "--json"))
+    assert comparison["results"][1]["score_gain"] == first["ranking"][0]["score_gain"]
+    assert comparison["results"][0]["residuals"] == first["errors"]
 
 
-def test_a_hidden_misalignment_is_found_and_the_error_falls_to_the_noise(cli, practice):
+def test_a_hidden_misalignment_is_identified_and_the_error_falls_to_the_noise(cli, practice):
     changes = ("--set", f"telemetry.path={practice(4)}")
     first, second = loop(cli, changes, "accelerometer_misalignment", ["gyro_bias"])
     check(first, second, "accelerometer_misalignment")
     mission = Mission.load("first/mission_as_run+accelerometer_misalignment.yaml")
     assert mission.effects[0].name == "accelerometer_misalignment"
-    told = cli("compare", "first", "first+accelerometer_misalignment")
-    assert "Held-out gain of 2 over the one before:" in told and "accelerometer_misalignment" in told
+    comparison = cli("compare", "first", "first+accelerometer_misalignment")
+    assert "Held-out gain of 2 over the one before:" in comparison and "accelerometer_misalignment" in comparison

@@ -8,8 +8,8 @@ import pytest
 
 from edl_filter import rotations
 from edl_filter.mission import Mission, shipped_mission
+from edl_filter.pipeline.reconstruct import in_j2000, reconstruct
 from edl_filter.planet import ellipsoid
-from edl_filter.reconstruction import in_j2000, reconstruct
 
 pytestmark = pytest.mark.usefixtures("mer_folder")
 NOTHING_BUT_ATTITUDE = (
@@ -69,7 +69,7 @@ def alpha_total_deg(reconstruction):
 
 
 def statement(reconstruction, name):
-    return next(s for s in reconstruction.statements if s.name == name)
+    return next(s for s in reconstruction.constraint_checks if s.name == name)
 
 
 @pytest.fixture(scope="module")
@@ -116,7 +116,7 @@ def test_opportunity_parachute_and_peak(opportunity):
 @pytest.mark.parametrize("rover", ["spirit", "opportunity"])
 def test_constraints_agree(rover, request):
     flight = request.getfixturevalue(rover)
-    for s in flight.statements:
+    for s in flight.constraint_checks:
         assert s.consistent, f"{s.name}: NIS {s.nis.sum():.1f}, interval {s.nis_interval()}"
         assert s.left_out_sigmas < 3.0, s.name
     for name in ("landing", "parachute"):
@@ -129,11 +129,11 @@ def test_spirits_entry_state_gives_as_a_rotated_frame_would(spirit):
     """A turn of the state's frame by 0.26 deg explains the miss (facts file: 0.257, 0.044, -0.036 in J2000)."""
     entry = spirit.entry
     estimate, sigma = entry.states["entry_frame"]
-    known = np.radians([0.257, 0.044, -0.036])
-    turn = rotations.rotate(rotations.conjugate(rotations.from_matrix(j2000_from_inertial(spirit))), known)
+    stated = np.radians([0.257, 0.044, -0.036])
+    turn = rotations.rotate(rotations.conjugate(rotations.from_matrix(j2000_from_inertial(spirit))), stated)
     assert np.all(np.abs(estimate - turn) < 3.0 * sigma)
     assert np.degrees(np.linalg.norm(entry.rotation)) == pytest.approx(0.26, abs=0.05)
-    assert np.linalg.norm(entry.rotation_left[:3]) < 0.05 * np.linalg.norm(entry.change[:3])
+    assert np.linalg.norm(entry.rotation_remainder[:3]) < 0.05 * np.linalg.norm(entry.change[:3])
     np.testing.assert_allclose(
         np.linalg.norm(in_j2000(spirit.mission, entry.rotation)), np.linalg.norm(entry.rotation), rtol=1e-12
     )
@@ -154,15 +154,15 @@ def test_alpha_under_opportunitys_parachute_does_not_drift_away(dead_reckoned, o
 
 def test_alpha_before_the_parachute_as_the_facts_have_it(spirit, opportunity):
     """Means over windows, deg; two sets of independent solutions give them to a few tenths."""
-    known = {
+    windows_of = {
         "spirit": (spirit, {(40, 60): 1.6, (60, 80): 2.2, (80, 100): 1.7, (110, 130): 3.0, (140, 160): 0.6}),
         "opportunity": (opportunity, {(40, 60): 1.8, (60, 80): 1.9, (110, 130): 2.7, (140, 160): 3.0}),
     }
-    for name, (flight, windows) in known.items():
+    for name, (flight, windows) in windows_of.items():
         alpha, time = alpha_total_deg(flight), flight.trajectory.time
         for (start, end), mean in windows.items():
-            found = np.mean(alpha[(time > start) & (time < end)])
-            assert found == pytest.approx(mean, abs=0.35), (name, start, end)
+            average = np.mean(alpha[(time > start) & (time < end)])
+            assert average == pytest.approx(mean, abs=0.35), (name, start, end)
 
 
 @pytest.mark.parametrize("rover", ["spirit", "opportunity"])
@@ -199,10 +199,10 @@ def test_a_point_mass_lands_elsewhere(dead_reckoned):
 @pytest.mark.parametrize(
     ("rover", "axial"), [("spirit", 3.74e-3), ("opportunity", -3.92e-3)]
 )  # facts file, section 2: pre-entry means of the backshell's IMU
-def test_bias_by_the_thesiss_way_is_the_filters(rover, axial, request):
+def test_bias_by_the_thesiss_method_is_the_filters(rover, axial, request):
     flight = request.getfixturevalue(rover)
     slope, sigma = flight.pre_entry_bias
     assert slope[0] == pytest.approx(axial, abs=1e-4)
-    estimate = flight.smoothed.states[0].errors[flight.forward.layout["accelerometer_bias"]]
+    estimate = flight.smoothed.states[0].errors[flight.filter_pass.layout["accelerometer_bias"]]
     assert np.all(np.abs(estimate - slope) < 3e-4)
     assert np.all((sigma > 1e-5) & (sigma < 1e-3))

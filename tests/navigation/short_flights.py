@@ -1,4 +1,4 @@
-"""Simulated short flights for the consistency tests: the truth is integrated apart from the package's kernel.
+"""Simulated short flights for the consistency tests: the truth is integrated by another integrator.
 
 The body's rate and the specific force at the centre of mass are smooth functions of time; DOP853 integrates the
 motion of all flights at once. Instruments give exact means over their samples, with errors drawn from the priors in
@@ -13,14 +13,15 @@ import twins
 from scipy.integrate import solve_ivp
 
 from edl_filter import rotations
-from edl_filter.navigation import constraints as known
+from edl_filter.imu_model.sensor_errors import SENSOR_STATES, SensorErrors
+from edl_filter.navigation import constraints as models
 from edl_filter.navigation import initial as entry_state
-from edl_filter.navigation.filter import EntryErrors, Problem, Settings, pose
+from edl_filter.navigation.filter import EntryErrors, Problem, Settings, build_problem
 from edl_filter.navigation.increments import effective_samples
-from edl_filter.navigation.layout import SENSOR_STATES, Layout, State
+from edl_filter.navigation.layout import Layout, State
 from edl_filter.planet import Planet
 from edl_filter.planet.atmosphere import Atmosphere
-from edl_filter.telemetry.record import InitialState, SensorErrors
+from edl_filter.telemetry.record import InitialState
 
 END, RATE = 60.0, 8
 FORCE_NOISE, RATE_NOISE = 0.05, 2e-3
@@ -40,7 +41,7 @@ SETTINGS = Settings(longest_interval=5.0, gate_probability=1.0)
 
 @dataclass(frozen=True)
 class LocalVelocity:
-    """Velocity against the ground: east, north, up. No constraint of the package; any object of the form will do."""
+    """Velocity against the ground: east, north, up. A constraint that the package does not have."""
 
     name: ClassVar[str] = "velocity"
     components: ClassVar[tuple[str, ...]] = ("east (m/s)", "north (m/s)", "up (m/s)")
@@ -66,7 +67,7 @@ class LocalVelocity:
 
 @dataclass(frozen=True)
 class Flight:
-    """A problem for the filter, and the truth at the times asked for."""
+    """A problem for the filter, and the truth at the requested times."""
 
     problem: Problem
     truth: dict[float, State]
@@ -103,8 +104,8 @@ def fly(rng, count, times):
         return np.concatenate((y[:, 3:6], acceleration, 0.5 * rotations.multiply(y[:, 6:], w)), axis=1).ravel()
 
     times = np.unique(np.append(times, [0.0, END]))
-    found = solve_ivp(derivative, (0.0, END), start.ravel(), "DOP853", times, rtol=1e-11, atol=1e-9)
-    return Motion(force, rate, times, found.y.T.reshape(len(times), count, 10))
+    solution = solve_ivp(derivative, (0.0, END), start.ravel(), "DOP853", times, rtol=1e-11, atol=1e-9)
+    return Motion(force, rate, times, solution.y.T.reshape(len(times), count, 10))
 
 
 def draw_errors(rng, priors):
@@ -124,7 +125,7 @@ def read(rng, force, rate, errors, force_noise, rate_noise):
 
 
 def measure(rng, constraint, state, layout, field):
-    """The constraint with what is measured of the true state in place of its `field`."""
+    """The constraint with a noisy measurement of the true state in place of its `field`."""
     value = constraint.predict(state.nav[:, None], state.errors[:, None], layout)[0]
     value = value + np.linalg.cholesky(constraint.noise) @ rng.standard_normal(len(value))
     return replace(constraint, **{field: value if np.ndim(getattr(constraint, field)) else float(value[0])})
@@ -140,7 +141,7 @@ def error_vector(layout, errors):
 
 
 def sensor_flights(seed, count, times):
-    """One instrument off the centre of mass with every error; air, ground and velocities are met."""
+    """One instrument away from the centre of mass with every error; measured are air, ground and velocities."""
     rng = np.random.default_rng(seed)
     priors = SensorErrors(0.01, 5e-4, 1e-3, 2e-4, 1e-3)
     layout = Layout.of((priors,), {})
@@ -160,14 +161,16 @@ def sensor_flights(seed, count, times):
         start = truth[0.0].plus(np.concatenate((-START * rng.standard_normal(9), np.zeros(layout.size - 9)))).nav
         initial = InitialState(0.0, start[:3], start[3:6], start[6:], np.diag(START**2))
         statements = [
-            (known.Altimeter(17.3, 0.0, 10.0, 3.39e6), "height"),
+            (models.Altimeter(17.3, 0.0, 10.0, 3.39e6), "height"),
             (LocalVelocity(20.0, np.zeros(3), np.array([0.5, 0.5, 0.2]), PLANET), "velocity"),
-            (known.DynamicPressure(40.0, 0.0, 2.0, 0.0, PLANET, AIR), "pressure"),
+            (models.DynamicPressure(40.0, 0.0, 2.0, 0.0, PLANET, AIR), "pressure"),
             (LocalVelocity(40.0, np.zeros(3), np.array([0.3, 0.5, 0.4]), PLANET), "velocity"),
-            (known.LandingSite(END, np.zeros(3), 15.0**2 * np.eye(3), PLANET), "position"),
+            (models.LandingSite(END, np.zeros(3), 15.0**2 * np.eye(3), PLANET), "position"),
         ]
         met = [measure(rng, c, truth[c.time], layout, field) for c, field in statements]
-        problem = pose(effective_samples(record), initial, EntryErrors(), (priors,), met, PLANET, SETTINGS, times)
+        problem = build_problem(
+            effective_samples(record), initial, EntryErrors(), (priors,), met, PLANET, SETTINGS, times
+        )
         flights.append(Flight(problem, truth))
     return flights
 
@@ -231,7 +234,7 @@ def onboard_flights(seed, count, times):
         entry = EntryErrors(epoch_sigma, frame_sigma, stated, onboard_sigma)
         layout = Layout.of(priors, entry.states)
         about = InitialState(0.0, true[:3], true[3:6], true[6:], np.diag(START**2))
-        _, covariance = entry_state.start(layout, about, entry, priors[0], PLANET)
+        _, covariance = entry_state.initial_estimate(layout, about, entry, priors[0], PLANET)
         delta = np.linalg.cholesky(covariance) @ rng.standard_normal(layout.size)
         delta[layout.sensor] = error_vector(layout, both[0])[layout.sensor]
         start = State(true, np.zeros(layout.size)).plus(-delta).nav
@@ -255,15 +258,17 @@ def onboard_flights(seed, count, times):
         met = []
         for t in every:
             q = rotations.multiply(truth[t].nav[10:], rotations.from_rotation_vector(1e-3 * rng.standard_normal(3)))
-            met.append(known.OnboardAttitude(t, q, 1e-3))
+            met.append(models.OnboardAttitude(t, q, 1e-3))
         statements = [
-            (known.LandingSite(10.0, np.zeros(3), 30.0**2 * np.eye(3), PLANET), "position"),
+            (models.LandingSite(10.0, np.zeros(3), 30.0**2 * np.eye(3), PLANET), "position"),
             (LocalVelocity(20.0, np.zeros(3), np.array([0.5, 0.5, 0.2]), PLANET), "velocity"),
-            (known.Altimeter(45.0, 0.0, 10.0, 3.39e6), "height"),
+            (models.Altimeter(45.0, 0.0, 10.0, 3.39e6), "height"),
             (LocalVelocity(55.0, np.zeros(3), np.array([0.3, 0.5, 0.4]), PLANET), "velocity"),
         ]
         met += [measure(rng, c, truth[c.time], layout, field) for c, field in statements]
         samples = effective_samples(record)
-        problem = pose(samples, initial, entry, priors, met, PLANET, SETTINGS, times, unit_change_sigma=change_sigma)
+        problem = build_problem(
+            samples, initial, entry, priors, met, PLANET, SETTINGS, times, unit_change_sigma=change_sigma
+        )
         flights.append(Flight(problem, truth))
     return flights

@@ -1,4 +1,4 @@
-"""The filter against its own sigmas: 100 simulated flights of a minute, for two sets of states and statements.
+"""Both filters against their own sigmas: 100 simulated flights of a minute, for two sets of states and constraints.
 
 Averages over the flights of the normalised squares of the estimate's error (NEES) and of the innovations (NIS) must
 lie inside their 95 % chi-square intervals (Bar-Shalom, Li & Kirubarajan 2001, section 5.4): too large means sigmas
@@ -7,6 +7,7 @@ fixed.
 """
 
 from collections import defaultdict
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -14,7 +15,7 @@ import pytest
 import short_flights
 from scipy.stats import chi2
 
-from edl_filter.navigation.filter import forward
+from edl_filter.navigation.filter import run_filter
 from edl_filter.navigation.smoother import smooth
 
 COUNT = 100
@@ -23,19 +24,25 @@ KINDS = {"sensors": (short_flights.sensor_flights, 1), "onboard": (short_flights
 
 
 @cache
-def study(kind):
-    """Errors normalised by their covariance, by (way, states, time), and NIS by constraint."""
+def flights(kind):
     make, seed = KINDS[kind]
+    return make(seed, COUNT, TIMES)
+
+
+@cache
+def study(kind, method):
+    """Errors normalised by their covariance, by (estimate, states, time), and NIS by constraint."""
     nees, nis, sizes = defaultdict(list), defaultdict(list), {}
-    for flight in make(seed, COUNT, TIMES):
-        way = forward(flight.problem)
-        smoothed = smooth(way)
-        for f in way.fused:
+    for flight in flights(kind):
+        settings = replace(flight.problem.settings, method=method)
+        filter_pass = run_filter(replace(flight.problem, settings=settings))
+        smoothed = smooth(filter_pass)
+        for f in filter_pass.fused:
             nis[f.constraint.name].append((f.innovation.nis, len(f.innovation.residual)))
         for t in TIMES:
-            i = min(range(len(way.nodes)), key=lambda i: abs(way.nodes[i].time - t))
+            i = min(range(len(filter_pass.nodes)), key=lambda i: abs(filter_pass.nodes[i].time - t))
             both = {
-                "filtered": (way.nodes[i].state, way.nodes[i].covariance),
+                "filtered": (filter_pass.nodes[i].state, filter_pass.nodes[i].covariance),
                 "smoothed": (smoothed.states[i], smoothed.covariance[i]),
             }
             for name, (state, covariance) in both.items():
@@ -53,20 +60,22 @@ def interval(dof, runs, probability=0.95):
     return chi2.ppf([tail, 1.0 - tail], dof * runs) / runs
 
 
+@pytest.mark.parametrize("method", ["ukf", "ekf"])
 @pytest.mark.parametrize("kind", KINDS)
-@pytest.mark.parametrize("way", ["filtered", "smoothed"])
+@pytest.mark.parametrize("estimate", ["filtered", "smoothed"])
 @pytest.mark.parametrize("part", ["navigation", "all"])
 @pytest.mark.parametrize("time", TIMES)
-def test_average_nees_is_in_its_interval(kind, way, part, time):
-    nees, _, sizes = study(kind)
+def test_average_nees_is_in_its_interval(method, kind, estimate, part, time):
+    nees, _, sizes = study(kind, method)
     low, high = interval(sizes[part], COUNT)
-    assert low < np.mean(nees[way, part, time]) < high
+    assert low < np.mean(nees[estimate, part, time]) < high
 
 
+@pytest.mark.parametrize("method", ["ukf", "ekf"])
 @pytest.mark.parametrize("kind", KINDS)
-def test_average_nis_is_in_its_interval(kind):
+def test_average_nis_is_in_its_interval(method, kind):
     """Of all constraints together, and of each kind."""
-    _, nis, _ = study(kind)
+    _, nis, _ = study(kind, method)
     groups = {"together": [x for group in nis.values() for x in group], **nis}
     for name, group in groups.items():
         low, high = interval(sum(dof for _, dof in group) / COUNT, COUNT)

@@ -1,21 +1,20 @@
-"""What each constraint predicts, against a formula written by hand for one state, and the signs of its slopes."""
+"""Predictions of each constraint, against a formula for one state, and the signs of their slopes."""
 
 from math import atan2, cos, exp, sin, sqrt
 
 import numpy as np
 import pytest
 import twins
+from twins import FULL, TIME, points
 
 from edl_filter import rotations
-from edl_filter.navigation import constraints as known
+from edl_filter.imu_model.sensor_errors import SensorErrors
+from edl_filter.navigation import constraints as models
 from edl_filter.navigation.layout import UNITS, Layout
 from edl_filter.planet.atmosphere import Atmosphere
-from edl_filter.telemetry.record import SensorErrors
 
 MARS = twins.MARS
-FULL = Layout.of((SensorErrors(1.0, 1.0, 1.0, 1.0, 1.0),), {"onboard_attitude": 3})
 BARE = Layout.of((SensorErrors(),), {})
-TIME = 300.0
 AIR = Atmosphere(
     altitude=np.array([0.0, 20e3]),
     log_density=np.log([0.02, 0.02 * exp(-2.0)]),
@@ -26,27 +25,14 @@ AIR = Atmosphere(
 )
 
 
-def points(count=4, seed=0):
-    """Navigation states ``(14, S)`` some kilometres above the ground, and other states."""
-    rng = np.random.default_rng(seed)
-    nav = np.empty((14, count))
-    for s in range(count):
-        fixed = MARS.fixed_from_geodetic(rng.uniform(-1, 1), rng.uniform(-3, 3), rng.uniform(1e3, 15e3))
-        nav[:3, s] = MARS.rotation.to_inertial(TIME, fixed)
-    nav[3:6] = 300.0 * rng.standard_normal((3, count))
-    nav[6:10] = rotations.normalise(rng.standard_normal((count, 4))).T
-    nav[10:] = rotations.normalise(rng.standard_normal((count, 4))).T
-    return nav, 0.1 * rng.standard_normal((FULL.size, count))
-
-
 def check(constraint, formula, layout=FULL, rtol=1e-12, atol=0.0):
     """`predict` on all points at once, against `formula` (nav, errors) on each."""
     nav, errors = points()
-    found = constraint.predict(nav, errors, layout)
-    assert found.shape == (nav.shape[1], len(constraint.measured))
+    predicted = constraint.predict(nav, errors, layout)
+    assert predicted.shape == (nav.shape[1], len(constraint.measured))
     assert len(constraint.components) == len(constraint.measured) == len(constraint.noise)
     for s in range(nav.shape[1]):
-        np.testing.assert_allclose(found[s], formula(nav[:, s], errors[:, s]), rtol=rtol, atol=atol)
+        np.testing.assert_allclose(predicted[s], formula(nav[:, s], errors[:, s]), rtol=rtol, atol=atol)
 
 
 def air_relative(nav):
@@ -81,7 +67,7 @@ def to_body(q, v):
 
 
 def test_altimeter_is_height_above_its_sphere():
-    c = known.Altimeter(TIME, 900.0, 10.0, 3.39e6)
+    c = models.Altimeter(TIME, 900.0, 10.0, 3.39e6)
     check(c, lambda nav, _: [sqrt(nav[0] ** 2 + nav[1] ** 2 + nav[2] ** 2) - 3.39e6], atol=1e-8)
     assert c.measured == [900.0]
     assert c.noise == [[100.0]]
@@ -89,7 +75,7 @@ def test_altimeter_is_height_above_its_sphere():
 
 def test_landing_site_is_planet_fixed():
     covariance = twins.random_covariance(np.random.default_rng(0), [3.0, 4.0, 5.0])
-    c = known.LandingSite(TIME, np.array([1.0, 2.0, 3.0]), covariance, MARS)
+    c = models.LandingSite(TIME, np.array([1.0, 2.0, 3.0]), covariance, MARS)
 
     def fixed(nav, _):
         a = MARS.prime_meridian_at_epoch + MARS.rotation_rate * TIME
@@ -100,17 +86,17 @@ def test_landing_site_is_planet_fixed():
 
 
 def test_rest_velocity_is_against_the_turning_ground():
-    c = known.RestVelocity(TIME, 0.5, MARS)
+    c = models.RestVelocity(TIME, 0.5, MARS)
     check(c, lambda nav, _: air_relative(nav), rtol=1e-11)
     np.testing.assert_array_equal(c.measured, np.zeros(3))
     np.testing.assert_array_equal(c.noise, 0.25 * np.eye(3))
 
 
-def test_a_vehicle_that_stands_has_no_velocity_and_keeps_its_place():
-    """The same rock half an hour later: position and velocity both as predicted."""
+def test_a_vehicle_at_rest_has_no_velocity_and_a_constant_position():
+    """Half an hour after the epoch: position and velocity both as predicted."""
     rock = MARS.fixed_from_geodetic(0.3, 1.0, -2000.0)
-    site = known.LandingSite(1800.0, rock, np.eye(3), MARS)
-    rest = known.RestVelocity(1800.0, 0.1, MARS)
+    site = models.LandingSite(1800.0, rock, np.eye(3), MARS)
+    rest = models.RestVelocity(1800.0, 0.1, MARS)
     position = MARS.rotation.to_inertial(1800.0, rock)
     velocity = np.cross([0, 0, MARS.rotation_rate], position)
     nav = np.concatenate((position, velocity, [0, 0, 0, 1]))[:, None]
@@ -119,7 +105,7 @@ def test_a_vehicle_that_stands_has_no_velocity_and_keeps_its_place():
 
 
 def test_steady_descent_is_in_local_axes():
-    c = known.SteadyDescent(TIME, 40.0, 10.0, 0.12, MARS, AIR)
+    c = models.SteadyDescent(TIME, 40.0, 10.0, 0.12, MARS, AIR)
 
     def drift(nav, _):
         east, north, up, h = local(nav)
@@ -131,7 +117,7 @@ def test_steady_descent_is_in_local_axes():
 
 
 def test_dynamic_pressure_is_of_the_moving_air():
-    c = known.DynamicPressure(TIME, 700.0, 20.0, 0.1, MARS, AIR)
+    c = models.DynamicPressure(TIME, 700.0, 20.0, 0.1, MARS, AIR)
 
     def pressure(nav, _):
         east, north, up, h = local(nav)
@@ -144,8 +130,8 @@ def test_dynamic_pressure_is_of_the_moving_air():
 
 
 @pytest.mark.parametrize("layout", [FULL, BARE])
-def test_rest_gravity_is_what_holds_the_vehicle_up(layout):
-    c = known.RestGravity(TIME, np.array([0.0, 0.0, -3.7]), 0.01, MARS)
+def test_rest_gravity_is_the_support_against_gravity(layout):
+    c = models.RestGravity(TIME, np.array([0.0, 0.0, -3.7]), 0.01, MARS)
 
     def reading(nav, errors):
         # not falling: f = ω × (ω × r) - g
@@ -163,13 +149,13 @@ def test_an_upright_vehicle_reads_gravity_upwards():
     """Nose (x) up on the equator: the accelerometer along x reads plus 3.7 m/s²."""
     position = np.array([3.3962e6, 0.0, 0.0])
     nav = np.concatenate((position, np.zeros(3), [0, 0, 0, 1]))[:, None]
-    found = known.RestGravity(0.0, np.zeros(3), 0.01, MARS).predict(nav, np.zeros((9, 1)), BARE)[0]
-    assert found == pytest.approx([3.70, 0.0, 0.0], abs=0.02)
+    reading = models.RestGravity(0.0, np.zeros(3), 0.01, MARS).predict(nav, np.zeros((9, 1)), BARE)[0]
+    assert reading == pytest.approx([3.70, 0.0, 0.0], abs=0.02)
 
 
 @pytest.mark.parametrize("layout", [FULL, BARE])
 def test_rest_rate_is_the_planets(layout):
-    c = known.RestRate(TIME, np.zeros(3), 1e-5, MARS)
+    c = models.RestRate(TIME, np.zeros(3), 1e-5, MARS)
 
     def reading(nav, errors):
         rate = to_body(nav[6:10], [0.0, 0.0, MARS.rotation_rate])
@@ -180,15 +166,15 @@ def test_rest_rate_is_the_planets(layout):
 
 @pytest.mark.parametrize("layout", [FULL, BARE])
 def test_before_entry_the_bias_is_read(layout):
-    c = known.ZeroSpecificForce(TIME, np.array([0.1, 0.2, 0.3]), np.array([1.0, 2.0, 3.0]))
+    c = models.ZeroSpecificForce(TIME, np.array([0.1, 0.2, 0.3]), np.array([1.0, 2.0, 3.0]))
     check(c, lambda _, e: e[FULL["accelerometer_bias"]] if layout is FULL else np.zeros(3), layout)
     np.testing.assert_array_equal(c.noise, np.diag([1.0, 4.0, 9.0]))
     np.testing.assert_array_equal(c.measured, [0.1, 0.2, 0.3])
 
 
-def test_onboard_attitude_is_the_turn_to_the_carried_one():
+def test_onboard_attitude_is_the_rotation_to_the_propagated_one():
     q = rotations.normalise([0.3, -0.2, 0.5, 0.7])
-    c = known.OnboardAttitude(TIME, q, 1e-3)
+    c = models.OnboardAttitude(TIME, q, 1e-3)
     turns = np.array([[0.1, 0.0, 0.0], [0.0, -0.2, 0.0], [0.3, 0.2, -0.1], [0.0, 0.0, 1.0]])
     nav, errors = points()
     nav[10:] = rotations.multiply(q, rotations.from_rotation_vector(turns)).T
@@ -198,7 +184,7 @@ def test_onboard_attitude_is_the_turn_to_the_carried_one():
 
 
 def slope(constraint, nav, direction, layout=FULL, errors=None, step=1e-3):
-    """Change of what is predicted per step of the navigation state along `direction`."""
+    """Slope of the prediction with respect to the navigation state along `direction`."""
     errors = np.zeros((FULL.size, 1)) if errors is None else errors
     ahead, behind = (
         constraint.predict((nav + sign * step * direction)[:, None], errors, layout)[0] for sign in (1, -1)
@@ -215,20 +201,20 @@ def test_signs_of_the_slopes():
     above = np.concatenate((enu[2], np.zeros(11)))
     nav[3:6] = np.cross([0, 0, MARS.rotation_rate], nav[:3]) - 80.0 * enu[2] + 300.0 * enu[0]
     nav[9] = nav[13] = 1.0
-    assert slope(known.Altimeter(TIME, 0.0, 1.0, 3.39e6), nav, above)[0] == pytest.approx(1.0, abs=1e-3)
-    descent = known.SteadyDescent(TIME, 40.0, 1.0, 1.0, MARS, AIR)
+    assert slope(models.Altimeter(TIME, 0.0, 1.0, 3.39e6), nav, above)[0] == pytest.approx(1.0, abs=1e-3)
+    descent = models.SteadyDescent(TIME, 40.0, 1.0, 1.0, MARS, AIR)
     for axis, direction in enumerate((east, north)):
         np.testing.assert_allclose(slope(descent, nav, direction), np.eye(3)[axis], atol=1e-9)
     assert slope(descent, nav, up)[2] < 0.0  # sinking more slowly
     assert slope(descent, nav, above, step=1.0)[2] < 0.0  # thinner air, faster terminal speed
-    pressure = known.DynamicPressure(TIME, 0.0, 1.0, 0.0, MARS, AIR)
+    pressure = models.DynamicPressure(TIME, 0.0, 1.0, 0.0, MARS, AIR)
     assert slope(pressure, nav, east)[0] > 0.0
     assert slope(pressure, nav, up)[0] < 0.0  # sinking more slowly
     assert slope(pressure, nav, above, step=1.0)[0] < 0.0
 
 
 def test_components_name_their_units():
-    classes = [c for c in vars(known).values() if isinstance(c, type) and "components" in vars(c)]
+    classes = [c for c in vars(models).values() if isinstance(c, type) and "components" in vars(c)]
     assert len(classes) == 9
     for c in classes:
         assert all(name.endswith(")") and "(" in name for name in c.components)

@@ -1,6 +1,7 @@
-"""The walk through the epochs: cutting, gating, changing the instrument, leaving out."""
+"""The run through the epochs: cutting, gating, changing the instrument, leaving out."""
 
 from dataclasses import replace
+from functools import partialmethod
 
 import numpy as np
 import pytest
@@ -8,15 +9,30 @@ import twins
 
 from edl_filter import rotations
 from edl_filter.errors import InputError
+from edl_filter.imu_model.sensor_errors import SensorErrors
 from edl_filter.navigation.constraints import Altimeter, LandingSite, OnboardAttitude, RestVelocity
-from edl_filter.navigation.filter import EntryErrors, Settings, forward, forward_without, merge, pose, quantile
+from edl_filter.navigation.filter import (
+    EntryErrors,
+    Settings,
+    build_problem,
+    merge,
+    quantile,
+    run_filter,
+    run_filter_without,
+)
 from edl_filter.navigation.smoother import smooth
-from edl_filter.telemetry.record import InitialState, SensorErrors
+from edl_filter.telemetry.record import InitialState
 
 FIRST = SensorErrors(accelerometer_bias=0.02, gyro_bias=1e-3)
 SECOND = SensorErrors(accelerometer_bias=0.05, gyro_bias=3e-3)
 POSITION, VELOCITY = np.array([3.4e6, 1e5, -2e5]), np.array([-300.0, 900.0, 100.0])
 ATTITUDE = rotations.normalise([0.2, -0.1, 0.3, 0.9])
+
+
+@pytest.fixture(params=["ukf", "ekf"], autouse=True)
+def method(request, monkeypatch):
+    """Every test runs with both filters."""
+    monkeypatch.setattr(Settings, "__init__", partialmethod(Settings.__init__, method=request.param))
 
 
 def drive(count=80, unit=None, start=0.0, seed=0):
@@ -38,13 +54,13 @@ def initial(time=0.0):
     return InitialState(time, POSITION, VELOCITY, ATTITUDE, np.diag(sigma**2))
 
 
-def build(known=(), samples=None, entry=None, instruments=(FIRST,), settings=None, **more):
-    return pose(
+def build(constraints=(), samples=None, entry=None, instruments=(FIRST,), settings=None, **more):
+    return build_problem(
         drive() if samples is None else samples,
         more.pop("start", initial()),
         entry or EntryErrors(),
         instruments,
-        list(known),
+        list(constraints),
         twins.MARS,
         settings or Settings(longest_interval=2.0),
         **more,
@@ -60,7 +76,7 @@ def velocity_at_rest(time, sigma=1e4):
 
 
 def same(a, b):
-    """Whether two nodes are the same to the last bits."""
+    """Assert that two nodes are equal to rounding."""
     np.testing.assert_allclose(a.state.nav, b.state.nav, rtol=1e-12)
     np.testing.assert_allclose(a.state.errors, b.state.errors, rtol=1e-9, atol=1e-15)
     np.testing.assert_allclose(a.covariance, b.covariance, rtol=1e-9, atol=1e-15)
@@ -81,22 +97,22 @@ def test_samples_are_cut_where_a_constraint_is():
 
 
 def test_the_state_at_a_constraint_is_that_of_its_own_time():
-    """Between samples too: the altimeter meets the height there, not at the next sample's end."""
+    """Between samples too: the altimeter is compared with the height at its time, not at the next sample's end."""
     problem = build([height(3.2, sigma=1e9)])
-    way = forward(problem)
-    fused = way.fused[0]
+    filter_pass = run_filter(problem)
+    fused = filter_pass.fused[0]
     nav = np.concatenate((POSITION, VELOCITY, ATTITUDE))
     s = drive()
     maps = np.concatenate((np.eye(3).ravel(), np.zeros(3))), np.array([1.0, 1, 1, 0, 0, 0])
     p = twins.MARS
     step = np.append(np.full(25, 0.125), 0.075)
     nav = twins.propagate(nav, *maps, step, s.force[:26], s.rate[:26], p.mu, p.j2, p.gravity_radius)
-    wanted = np.linalg.norm(nav[:3]) - np.linalg.norm(POSITION)
-    assert -fused.innovation.residual[0] == pytest.approx(wanted, abs=0.1)  # a sample is 40 m
-    assert way.nodes[fused.node].time == pytest.approx(3.2)
+    expected = np.linalg.norm(nav[:3]) - np.linalg.norm(POSITION)
+    assert -fused.innovation.residual[0] == pytest.approx(expected, abs=0.1)  # a sample is 40 m
+    assert filter_pass.nodes[fused.node].time == pytest.approx(3.2)
 
 
-def test_epochs_begin_and_end_with_the_flight_and_are_nowhere_far_apart():
+def test_epochs_begin_and_end_with_the_flight_and_are_close_together():
     problem = build([height(3.2)], settings=Settings(longest_interval=1.0))
     assert problem.epochs[0] == 0.0
     assert problem.epochs[-1] == problem.samples.time[-1]
@@ -104,16 +120,16 @@ def test_epochs_begin_and_end_with_the_flight_and_are_nowhere_far_apart():
     assert np.max(np.diff(problem.epochs)) < 1.5
 
 
-def test_constraints_are_met_in_the_order_of_time():
-    way = forward(build([height(7.0), velocity_at_rest(2.0), height(4.0)]))
-    assert [f.constraint.time for f in way.fused] == [2.0, 4.0, 7.0]
-    assert [way.nodes[f.node].time for f in way.fused] == [2.0, 4.0, 7.0]
+def test_constraints_are_used_in_the_order_of_time():
+    filter_pass = run_filter(build([height(7.0), velocity_at_rest(2.0), height(4.0)]))
+    assert [f.constraint.time for f in filter_pass.fused] == [2.0, 4.0, 7.0]
+    assert [filter_pass.nodes[f.node].time for f in filter_pass.fused] == [2.0, 4.0, 7.0]
 
 
-def test_a_start_inside_the_telemetry_drops_what_was_before():
+def test_a_start_inside_the_telemetry_drops_the_samples_before_it():
     problem = build(start=initial(4.06))
     assert problem.samples.time[0] - problem.samples.interval[0] == pytest.approx(4.06)
-    assert forward(problem).nodes[0].time == 4.06
+    assert run_filter(problem).nodes[0].time == 4.06
 
 
 @pytest.mark.parametrize("time", [-0.5, 10.5])
@@ -134,37 +150,37 @@ def test_further_times_outside_are_ignored():
     assert build(times=(-3.0, 44.0)).epochs[-1] == 10.0
 
 
-def test_merging_takes_near_times_as_one():
+def test_merging_takes_near_times_as_equal():
     np.testing.assert_array_equal(merge(np.array([3.0, 1.0, 1.0 + 1e-6, 3.0, 2.0])), [1.0, 2.0, 3.0])
 
 
-def test_two_constraints_within_a_microsecond_are_met_at_one_epoch():
-    way = forward(build([height(3.0), height(3.0 + 5e-7)]))
-    assert [f.node for f in way.fused] == [way.fused[0].node] * 2
+def test_two_constraints_within_a_microsecond_share_an_epoch():
+    filter_pass = run_filter(build([height(3.0), height(3.0 + 5e-7)]))
+    assert [f.node for f in filter_pass.fused] == [filter_pass.fused[0].node] * 2
 
 
 # Gate
 
 
-def test_an_outlier_is_not_accepted_and_the_rest_goes_on_without_it():
+def test_an_outlier_is_not_accepted_and_changes_nothing():
     good, late = height(4.0, -1000.0, 300.0), height(8.0, -2000.0, 300.0)
     bad = LandingSite(6.0, np.array([0.0, 0.0, 3.4e6]), 100.0**2 * np.eye(3), twins.MARS)
-    way, without = forward(build([good, bad, late])), forward(build([good, late], times=(6.0,)))
-    assert [f.accepted for f in way.fused] == [True, False, True]
-    assert way.fused[1].innovation.nis > 1e4
-    assert len(way.nodes) == len(without.nodes)
-    for a, b in zip(way.nodes, without.nodes, strict=True):
+    filter_pass, without = run_filter(build([good, bad, late])), run_filter(build([good, late], times=(6.0,)))
+    assert [f.accepted for f in filter_pass.fused] == [True, False, True]
+    assert filter_pass.fused[1].innovation.nis > 1e4
+    assert len(filter_pass.nodes) == len(without.nodes)
+    for a, b in zip(filter_pass.nodes, without.nodes, strict=True):
         same(a, b)
 
 
 def test_the_gate_is_a_quantile_of_chi_square():
     assert quantile(0.99999, 1) == pytest.approx(19.511, abs=1e-3)  # 4.417 sigmas
     assert quantile(0.95, 3) == pytest.approx(7.8147, abs=1e-4)
-    first = forward(build([height(4.0, sigma=1.0)])).fused[0].innovation
+    first = run_filter(build([height(4.0, sigma=1.0)])).fused[0].innovation
     sigma = np.sqrt(first.predicted_covariance[0, 0] + 1.0)
     predicted = -first.residual[0]
     for sigmas, accepted in ((4.41, True), (4.43, False), (-4.41, True), (-4.43, False)):
-        fused = forward(build([height(4.0, predicted + sigmas * sigma, 1.0)])).fused[0]
+        fused = run_filter(build([height(4.0, predicted + sigmas * sigma, 1.0)])).fused[0]
         assert fused.accepted is accepted
         assert fused.innovation.nis == pytest.approx(sigmas**2, rel=1e-6)
 
@@ -172,38 +188,40 @@ def test_the_gate_is_a_quantile_of_chi_square():
 # Change of the instrument
 
 
-def changing(onboard=False, known=()):
+def changing(onboard=False, constraints=()):
     unit = (np.arange(80) >= 40).astype(int)
     entry = EntryErrors(onboard_attitude=ATTITUDE, onboard_sigma=1e-4) if onboard else EntryErrors()
     return build(
-        known, drive(unit=unit), entry, instruments=(FIRST, SECOND), unit_change_sigma=4e-3 if onboard else 0.0
+        constraints, drive(unit=unit), entry, instruments=(FIRST, SECOND), unit_change_sigma=4e-3 if onboard else 0.0
     )
 
 
-def test_another_instrument_has_errors_of_its_own():
-    known = [height(3.0, -900.0, 1.0), velocity_at_rest(4.0, 900.0)]
-    way = forward(changing(known=known))
-    k = next(i for i, n in enumerate(way.nodes) if n.unit == 1)
-    before, after = way.nodes[k - 1], way.nodes[k]
+def test_another_instrument_has_its_own_errors():
+    constraints = [height(3.0, -900.0, 1.0), velocity_at_rest(4.0, 900.0)]
+    filter_pass = run_filter(changing(constraints=constraints))
+    k = next(i for i, n in enumerate(filter_pass.nodes) if n.unit == 1)
+    before, after = filter_pass.nodes[k - 1], filter_pass.nodes[k]
     assert (before.time, after.time) == (5.0, 5.0)
-    sensor = way.layout.sensor
-    assert np.all(before.state.errors[sensor] != 0.0)  # the first one's errors were learnt of
+    sensor = filter_pass.layout.sensor
+    assert np.all(before.state.errors[sensor] != 0.0)  # the first instrument's errors were estimated
     assert not after.state.errors[sensor].any()
-    wanted = np.diag(np.repeat([0.05**2, 3e-3**2], 3))
-    np.testing.assert_allclose(after.covariance[sensor, sensor], wanted)
+    expected = np.diag(np.repeat([0.05**2, 3e-3**2], 3))
+    np.testing.assert_allclose(after.covariance[sensor, sensor], expected)
     np.testing.assert_allclose(after.covariance[:9, sensor], 0.0, atol=1e-15)
     np.testing.assert_array_equal(after.state.nav, before.state.nav)
     np.testing.assert_allclose(after.covariance[:9, :9], before.covariance[:9, :9])
-    assert {n.unit for n in way.nodes[k:]} == {1}
+    assert {n.unit for n in filter_pass.nodes[k:]} == {1}
 
 
-def test_the_smoother_goes_through_a_change():
-    """Navigation states have one smoothed value there; the errors have one of each instrument."""
-    dead = forward(changing(known=[height(3.0, sigma=1e6), height(9.0, sigma=1e6)]))
-    heights = [f.innovation.residual[0] for f in dead.fused]  # of nothing against what is predicted
-    way = forward(changing(known=[height(3.0, 100.0 - heights[0], 1.0), height(9.0, 85.0 - heights[1], 1.0)]))
-    assert all(f.accepted for f in way.fused)
-    smoothed = smooth(way)
+def test_the_smoother_passes_a_change_of_the_instrument():
+    """Navigation states have one smoothed value at the change; the sensor errors have one for each instrument."""
+    dead = run_filter(changing(constraints=[height(3.0, sigma=1e6), height(9.0, sigma=1e6)]))
+    heights = [f.innovation.residual[0] for f in dead.fused]  # zero minus the prediction
+    filter_pass = run_filter(
+        changing(constraints=[height(3.0, 100.0 - heights[0], 1.0), height(9.0, 85.0 - heights[1], 1.0)])
+    )
+    assert all(f.accepted for f in filter_pass.fused)
+    smoothed = smooth(filter_pass)
     k = int(np.argmax(smoothed.unit == 1))
     assert smoothed.time[k - 1] == smoothed.time[k]
     sigma = np.sqrt(np.diag(smoothed.covariance[k]))[:9]
@@ -212,59 +230,59 @@ def test_the_smoother_goes_through_a_change():
     scale = np.outer(sigma, sigma)
     change = smoothed.covariance[k, :9, :9] - smoothed.covariance[k - 1, :9, :9]
     assert np.max(np.abs(change / scale)) < 1e-6
-    sensor = way.layout.sensor
+    sensor = filter_pass.layout.sensor
     first, second = (smoothed.states[i].errors[sensor] for i in (k - 1, k))
     assert np.all(first != 0.0)
     assert np.all(second != 0.0)
     assert np.linalg.norm(second - first) > 1e-3
 
 
-def test_the_other_instruments_onboard_attitude_is_off_by_a_step():
-    way = forward(changing(onboard=True))
-    k = next(i for i, n in enumerate(way.nodes) if n.unit == 1)
-    where = way.layout["onboard_attitude"]
-    change = way.nodes[k].covariance[where, where] - way.nodes[k - 1].covariance[where, where]
+def test_the_other_instruments_onboard_attitude_differs_by_a_step():
+    filter_pass = run_filter(changing(onboard=True))
+    k = next(i for i, n in enumerate(filter_pass.nodes) if n.unit == 1)
+    block = filter_pass.layout["onboard_attitude"]
+    change = filter_pass.nodes[k].covariance[block, block] - filter_pass.nodes[k - 1].covariance[block, block]
     np.testing.assert_allclose(change, 4e-3**2 * np.eye(3), atol=1e-12)
 
 
 def test_the_onboard_attitude_bridges_a_gap():
-    """A second without rates: a quaternion behind it tells the turn, as well as the two quaternions were read."""
+    """A second without rates: a quaternion after it gives the rotation, to the accuracy of the two quaternions."""
     s = drive()
     gap = np.zeros(80, bool)
     gap[32:40] = True
     s = replace(s, rate_noise=np.where(gap, 0.3, 2e-3), shared_rate_noise=np.where(gap, 0.0, 2e-3))
     entry = EntryErrors(onboard_attitude=ATTITUDE, onboard_sigma=1e-4)
-    blind = forward(build(samples=s, entry=entry, times=(5.0,)))
-    k = next(i for i, n in enumerate(blind.nodes) if n.time == 5.0)
-    carried = blind.nodes[k].state.nav[10:]
-    turned = rotations.multiply(carried, rotations.from_rotation_vector([0.1, -0.05, 0.12]))
-    way = forward(build([OnboardAttitude(5.0, turned, 1e-4)], samples=s, entry=entry))
-    k = next(i for i, n in enumerate(way.nodes) if n.time == 5.0)
-    moved = way.nodes[k].state.minus(blind.nodes[k].state)
+    without = run_filter(build(samples=s, entry=entry, times=(5.0,)))
+    k = next(i for i, n in enumerate(without.nodes) if n.time == 5.0)
+    propagated = without.nodes[k].state.nav[10:]
+    turned = rotations.multiply(propagated, rotations.from_rotation_vector([0.1, -0.05, 0.12]))
+    filter_pass = run_filter(build([OnboardAttitude(5.0, turned, 1e-4)], samples=s, entry=entry))
+    k = next(i for i, n in enumerate(filter_pass.nodes) if n.time == 5.0)
+    moved = filter_pass.nodes[k].state.minus(without.nodes[k].state)
     np.testing.assert_allclose(moved[6:9], [0.1, -0.05, 0.12], atol=5e-3)
     np.testing.assert_allclose(moved[-3:], [0.1, -0.05, 0.12], atol=2e-3)
-    before, after = (np.sqrt(np.diag(w.nodes[k].covariance)[6:9]) for w in (blind, way))
+    before, after = (np.sqrt(np.diag(w.nodes[k].covariance)[6:9]) for w in (without, filter_pass))
     assert np.all(before > 0.1)
     assert np.all(after < 0.02)
 
 
-def test_without_a_gap_the_onboard_attitude_tells_nothing_of_the_true_one():
-    """It is the sum of the same readings: however good, the attitude's sigma stays what it was."""
+def test_without_a_gap_the_onboard_attitude_contains_no_information_on_the_true_one():
+    """It is the sum of the same readings: whatever its sigma, the attitude's sigma does not change."""
     entry = EntryErrors(onboard_attitude=ATTITUDE, onboard_sigma=1e-3)
-    known = [OnboardAttitude(t, ATTITUDE, 1.0) for t in (4.0, 8.0)]
-    alone, way = forward(build(entry=entry, times=(4.0, 8.0))), forward(build(known, entry=entry))
+    constraints = [OnboardAttitude(t, ATTITUDE, 1.0) for t in (4.0, 8.0)]
+    alone, filter_pass = run_filter(build(entry=entry, times=(4.0, 8.0))), run_filter(build(constraints, entry=entry))
     np.testing.assert_allclose(
-        way.nodes[-1].covariance[:9, :9], alone.nodes[-1].covariance[:9, :9], rtol=1e-6, atol=1e-9
+        filter_pass.nodes[-1].covariance[:9, :9], alone.nodes[-1].covariance[:9, :9], rtol=1e-6, atol=1e-9
     )
-    assert way.nodes[-1].covariance[-1, -1] <= alone.nodes[-1].covariance[-1, -1]
+    assert filter_pass.nodes[-1].covariance[-1, -1] <= alone.nodes[-1].covariance[-1, -1]
 
 
 # Leaving out
 
 
 @pytest.mark.parametrize("name", ["altimeter", "rest_velocity", "landing"])
-def test_walking_again_without_a_constraint_is_walking_without_it(name):
-    """From a stored node on, or from the start: the same as if it had never been there."""
+def test_running_again_without_a_constraint_equals_running_without_it(name):
+    """From a stored node on, or from the start: the same as a problem without the constraint."""
     site = LandingSite(0.0, twins.MARS.rotation.to_fixed(0.0, POSITION + 50.0), 200.0**2 * np.eye(3), twins.MARS)
     unit = (np.arange(80) >= 40).astype(int)
     problem = build(
@@ -278,8 +296,8 @@ def test_walking_again_without_a_constraint_is_walking_without_it(name):
         drive(unit=unit),
         instruments=(FIRST, SECOND),
     )
-    again = forward_without(problem, forward(problem), name)
-    fresh = forward(replace(problem, constraints=tuple(c for c in problem.constraints if c.name != name)))
+    again = run_filter_without(problem, run_filter(problem), name)
+    fresh = run_filter(replace(problem, constraints=tuple(c for c in problem.constraints if c.name != name)))
     assert [f.constraint for f in again.fused] == [f.constraint for f in fresh.fused]
     assert [f.node for f in again.fused] == [f.node for f in fresh.fused]
     assert len(again.nodes) == len(fresh.nodes)

@@ -1,14 +1,15 @@
-"""The start: what an error of epoch, frame or on-board attitude does to it, against finite changes."""
+"""The initial estimate: effect of an error of epoch, frame or on-board attitude, against finite changes."""
 
 import numpy as np
 import pytest
 import twins
 
 from edl_filter import rotations
+from edl_filter.imu_model.sensor_errors import SensorErrors
 from edl_filter.navigation import initial as entry_state
 from edl_filter.navigation.initial import EntryErrors
 from edl_filter.navigation.layout import Layout
-from edl_filter.telemetry.record import InitialState, SensorErrors
+from edl_filter.telemetry.record import InitialState
 
 MARS = twins.MARS
 FIRST = SensorErrors(accelerometer_bias=0.01, gyro_bias=1e-4)
@@ -21,7 +22,7 @@ def stated():
     return InitialState(5.0, np.array([3.5e6, 1e5, -2e5]), np.array([-900.0, 5000.0, 800.0]), q, covariance)
 
 
-def test_effect_of_the_epoch_is_the_motion_itself():
+def test_jacobian_of_the_epoch_is_the_motion_itself():
     """A state stated for a time too early by τ: at its nominal time the vehicle is τ further on, in free fall."""
     s = stated()
 
@@ -31,37 +32,37 @@ def test_effect_of_the_epoch_is_the_motion_itself():
     nav = np.concatenate((s.position, s.velocity, s.inertial_from_body))
     later = twins.integrate(nav, rest, rest, [0.0, 0.1], MARS)[-1]
     earlier = twins.integrate(nav, rest, rest, [0.0, -0.1], MARS)[-1]
-    np.testing.assert_allclose(entry_state.epoch_effect(s, MARS), (later - earlier)[:6] / 0.2, rtol=1e-5)
+    np.testing.assert_allclose(entry_state.epoch_jacobian(s, MARS), (later - earlier)[:6] / 0.2, rtol=1e-5)
 
 
-def test_effect_of_the_frame_is_a_rotation_of_position_and_velocity():
+def test_jacobian_of_the_frame_is_a_rotation_of_position_and_velocity():
     s = stated()
     phi = 1e-6 * np.array([1.0, -2.0, 0.5])
     q = rotations.from_rotation_vector(phi)
     change = np.concatenate(
         (rotations.rotate(q, s.position) - s.position, rotations.rotate(q, s.velocity) - s.velocity)
     )
-    np.testing.assert_allclose(entry_state.frame_effect(s) @ phi, change, rtol=1e-5, atol=2e-5)
+    np.testing.assert_allclose(entry_state.frame_jacobian(s) @ phi, change, rtol=1e-5, atol=2e-5)
 
 
-def test_start_without_further_errors_is_what_was_stated():
+def test_initial_estimate_without_further_errors_is_the_stated_one():
     s = stated()
     layout = Layout.of((FIRST,), {})
-    state, covariance = entry_state.start(layout, s, EntryErrors(), FIRST, MARS)
+    state, covariance = entry_state.initial_estimate(layout, s, EntryErrors(), FIRST, MARS)
     np.testing.assert_array_equal(state.nav, np.concatenate((s.position, s.velocity, s.inertial_from_body)))
     assert not state.errors.any()
-    wanted = np.zeros((15, 15))
-    wanted[:9, :9] = s.covariance
-    wanted[9:, 9:] = np.diag([1e-4] * 3 + [1e-8] * 3)
-    np.testing.assert_allclose(covariance, wanted, rtol=1e-12)
+    expected = np.zeros((15, 15))
+    expected[:9, :9] = s.covariance
+    expected[9:, 9:] = np.diag([1e-4] * 3 + [1e-8] * 3)
+    np.testing.assert_allclose(covariance, expected, rtol=1e-12)
 
 
 def test_covariance_is_that_of_drawn_starts():
-    """Epoch, frame and the rest drawn apart, and put together by their finite effects."""
+    """Epoch, frame and the other errors drawn independently, and combined by their finite effects."""
     s = stated()
     entry = EntryErrors(0.4, 1e-5, rotations.normalise([0.0, 0.1, 0.2, 0.9]), 2e-3)
     layout = Layout.of((FIRST,), entry.states)
-    state, covariance = entry_state.start(layout, s, entry, FIRST, MARS)
+    state, covariance = entry_state.initial_estimate(layout, s, entry, FIRST, MARS)
     np.testing.assert_array_equal(state.nav[10:], entry.onboard_attitude)
     rng = np.random.default_rng(1)
     runs = 20000
@@ -93,7 +94,7 @@ def test_an_error_without_sigma_is_no_state(entry, names):
 
 
 def test_prior_of_an_instrument_that_lacks_a_state():
-    """The other instrument's state stays, with next to no variance, and the covariance positive definite."""
+    """The other instrument's state stays, with a negligible variance, and the covariance is positive definite."""
     layout = Layout.of((FIRST, SECOND), {})
     first, second = (entry_state.sensor_prior(layout, e) for e in (FIRST, SECOND))
     names = ("accelerometer_bias", "accelerometer_scale", "gyro_bias")

@@ -6,9 +6,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from edl_filter import rotations
+from edl_filter.imu_model.sensor_errors import SensorErrors
 from edl_filter.navigation import layout as lay
 from edl_filter.navigation.layout import Layout, State
-from edl_filter.telemetry.record import SensorErrors
 
 EVERY = SensorErrors(1.0, 1.0, 1.0, 1.0, 1.0)
 seeds = st.integers(0, 2**32 - 1)
@@ -92,15 +92,15 @@ def test_plus_undoes_minus(seed, onboard):
 
 
 def test_plus_turns_in_body_axes():
-    """``true = reference ⊗ exp(error)``: an error about body x of a body on its side is about inertial y."""
-    side = rotations.from_rotation_vector([0, 0, np.pi / 2])
-    state = State(np.concatenate((np.zeros(6), side)), np.zeros(9))
+    """``true = reference ⊗ exp(error)``: with x along inertial y, an error about body x is about inertial y."""
+    attitude = rotations.from_rotation_vector([0, 0, np.pi / 2])
+    state = State(np.concatenate((np.zeros(6), attitude)), np.zeros(9))
     moved = state.plus(np.concatenate((np.zeros(6), [0.1, 0, 0])))
-    wanted = rotations.multiply(rotations.from_rotation_vector([0, 0.1, 0]), side)
-    np.testing.assert_allclose(moved.nav[6:], wanted, atol=1e-15)
+    expected = rotations.multiply(rotations.from_rotation_vector([0, 0.1, 0]), attitude)
+    np.testing.assert_allclose(moved.nav[6:], expected, atol=1e-15)
 
 
-def test_plus_leaves_its_argument_alone():
+def test_plus_does_not_change_its_argument():
     state = random_state(np.random.default_rng(0), 12)
     nav, errors = state.nav.copy(), state.errors.copy()
     state.plus(np.ones(12))
@@ -118,9 +118,9 @@ def test_sigma_states_are_the_reference_plus_each_point(seed, onboard):
     assert nav.shape == (14 if onboard else 10, 10)
     assert errors.shape == (15, 10)
     for s in range(7):
-        one = state.plus(sigmas[s])
-        np.testing.assert_allclose(nav[:, s], one.nav, rtol=1e-14, atol=1e-14)
-        np.testing.assert_allclose(errors[9:, s], one.errors[9:], atol=1e-14)
+        single = state.plus(sigmas[s])
+        np.testing.assert_allclose(nav[:, s], single.nav, rtol=1e-14, atol=1e-14)
+        np.testing.assert_allclose(errors[9:, s], single.errors[9:], atol=1e-14)
     for s in range(7, 10):
         np.testing.assert_array_equal(nav[:, s], state.nav)
         np.testing.assert_array_equal(errors[:, s], state.errors)
@@ -132,7 +132,7 @@ def test_attitude_helpers_agree_with_rotations(seed):
     rng = np.random.default_rng(seed)
     q = rotations.normalise(rng.standard_normal(4))
     phi = rng.uniform(-1.7, 1.7, (5, 3))  # shorter than pi
-    right = lay.turned(q, phi)
+    right = lay.perturbed_attitudes(q, phi)
     np.testing.assert_allclose(right.T, rotations.multiply(q, rotations.from_rotation_vector(phi)), atol=1e-14)
     np.testing.assert_allclose(lay.attitude_errors(q, right), phi, atol=1e-12)
 
@@ -150,8 +150,8 @@ def test_maps_undo_misalignment_scale_and_bias(seed):
         e = {name: errors[layout[name], s] for name in lay.SENSOR_STATES}
         turned = rotations.rotate(rotations.from_rotation_vector(e["accelerometer_misalignment"]), force)
         measured = (1 + e["accelerometer_scale"]) * turned + e["accelerometer_bias"]
-        found = force_map[:9, s].reshape(3, 3) @ measured + force_map[9:, s]
-        np.testing.assert_allclose(found, force, atol=1e-13)
+        corrected = force_map[:9, s].reshape(3, 3) @ measured + force_map[9:, s]
+        np.testing.assert_allclose(corrected, force, atol=1e-13)
         measured = (1 + e["gyro_scale"]) * rate + e["gyro_bias"]
         np.testing.assert_allclose(rate_map[:3, s] * measured + rate_map[3:, s], rate, atol=1e-13)
 

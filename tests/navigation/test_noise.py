@@ -7,10 +7,10 @@ import pytest
 import twins
 
 from edl_filter import rotations
+from edl_filter.imu_model.sensor_errors import SensorErrors
 from edl_filter.navigation import strapdown
 from edl_filter.navigation.layout import Layout, attitude_errors
 from edl_filter.navigation.noise import net_turn, onboard_turn, process_noise
-from edl_filter.telemetry.record import SensorErrors
 
 RUNS = 4096
 BARE = Layout.of((SensorErrors(),), {})
@@ -59,10 +59,12 @@ def whitened(sample, expected):
 
 def test_equals_a_recursion_forwards():
     s, attitude = problem()
-    found = process_noise(BARE, s, attitude)
-    wanted = twins.process_noise(s, attitude)
-    scale = np.sqrt(np.diag(wanted))
-    np.testing.assert_allclose(found / np.outer(scale, scale), wanted / np.outer(scale, scale), rtol=0, atol=1e-12)
+    covariance = process_noise(BARE, s, attitude)
+    expected = twins.process_noise(s, attitude)
+    scale = np.sqrt(np.diag(expected))
+    np.testing.assert_allclose(
+        covariance / np.outer(scale, scale), expected / np.outer(scale, scale), rtol=0, atol=1e-12
+    )
 
 
 @pytest.mark.parametrize("count", [8, 40])
@@ -76,24 +78,24 @@ def test_is_the_covariance_of_many_noisy_flights(count):
     assert np.max(np.abs(ratio - np.eye(9))) < 5 * np.sqrt(2 / RUNS)  # 90 numbers, five sigmas
 
 
-def test_the_onboard_attitude_shares_what_is_unknown_of_the_readings():
+def test_the_onboard_attitude_shares_the_noise_of_unknown_readings():
     """Errors of the true motion and of the on-board attitude, both about this filter's references.
 
     The gyros' noise is in the readings, which on board and this filter have alike: it parts the true attitude from
     both. What this filter does not know of the readings (here all of a gap) moves the true and the on-board attitude.
     """
     s, attitude = problem(30, seed=5)
-    known = 0.8 * s.rate_noise
-    known[10:12] = 0.0  # a gap: only this filter is blind
-    s = twins.samples(s.interval, s.force, s.rate, s.force_noise, s.rate_noise, known)
+    shared = 0.8 * s.rate_noise
+    shared[10:12] = 0.0  # a gap: only the filter lacks the readings
+    s = twins.samples(s.interval, s.force, s.rate, s.force_noise, s.rate_noise, shared)
     rng = np.random.default_rng(2)
-    gyros, unknown = draw(rng, known), draw(rng, np.sqrt(s.rate_noise**2 - known**2))
+    gyros, unshared = draw(rng, shared), draw(rng, np.sqrt(s.rate_noise**2 - shared**2))
     nothing = np.zeros((30, 3, RUNS))
-    true = spread(s, attitude, draw(rng, s.force_noise), gyros + unknown)
-    onboard = spread(s, attitude, nothing, unknown)
+    true = spread(s, attitude, draw(rng, s.force_noise), gyros + unshared)
+    onboard = spread(s, attitude, nothing, unshared)
     reference = spread(s, attitude, nothing, nothing)[:, 0]
-    found = np.cov(np.concatenate((errors_of(true, reference), errors_of(onboard, reference)[6:])))
-    ratio = whitened(found, process_noise(ONBOARD, s, attitude))
+    covariance = np.cov(np.concatenate((errors_of(true, reference), errors_of(onboard, reference)[6:])))
+    ratio = whitened(covariance, process_noise(ONBOARD, s, attitude))
     assert np.max(np.abs(ratio - np.eye(12))) < 5 * np.sqrt(2 / RUNS)
 
 
@@ -134,7 +136,7 @@ def test_net_turn_of_nothing_is_none():
     np.testing.assert_array_equal(net_turn(s), [0, 0, 0, 1])
 
 
-def test_what_is_computed_on_board_with_other_rates_and_mounting_turns_as_said():
+def test_an_attitude_computed_with_other_rates_and_mounting_turns_as_predicted():
     """Against the same samples integrated with ``ω + ω × m - b``; net turns gain nothing."""
     rng = np.random.default_rng(11)
     n, dt = 80, 0.125
@@ -142,8 +144,8 @@ def test_what_is_computed_on_board_with_other_rates_and_mounting_turns_as_said()
     rate = np.stack((0.2 + 0.02 * np.sin(time), 0.1 * np.cos(0.7 * time), 0.1 * np.sin(0.7 * time)), axis=1)
     samples = twins.samples(np.full(n, dt), np.zeros((n, 3)), rate)
     b, m = 1e-6 * rng.standard_normal(3), 5e-5 * rng.standard_normal(3)
-    other = replace(samples, rate=rate + np.cross(rate, m) - b)
-    miss = rotations.multiply(rotations.conjugate(net_turn(samples)), net_turn(other))
+    onboard = replace(samples, rate=rate + np.cross(rate, m) - b)
+    miss = rotations.multiply(rotations.conjugate(net_turn(samples)), net_turn(onboard))
     per_rate, per_mounting = onboard_turn(samples)
     turn = rotations.to_rotation_vector(miss)
     np.testing.assert_allclose(per_rate @ b + per_mounting @ m, turn, atol=3e-4 * np.linalg.norm(turn))

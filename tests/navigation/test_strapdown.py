@@ -35,7 +35,7 @@ def run(state, force_map, rate_map, interval, force, rate, planet, j2=None):
     return out
 
 
-def one(nav, interval, force, rate, planet, j2=None):
+def propagate_single(nav, interval, force, rate, planet, j2=None):
     """One state without sensor errors."""
     state = np.repeat(nav[:, None], LANES, axis=1)
     return run(state, *twins.no_maps(LANES), interval, force, rate, planet, j2)[:, 0]
@@ -43,7 +43,7 @@ def one(nav, interval, force, rate, planet, j2=None):
 
 def free_fall(nav, dt, count, planet, j2=None, rate=None):
     rate = np.zeros((count, 3)) if rate is None else rate
-    return one(nav, np.full(count, dt), np.zeros((count, 3)), rate, planet, j2)
+    return propagate_single(nav, np.full(count, dt), np.zeros((count, 3)), rate, planet, j2)
 
 
 @pytest.mark.parametrize("columns", [LANES, 4 * LANES])
@@ -58,7 +58,7 @@ def test_every_sigma_point_equals_the_scalar_twin(columns, j2):
             np.testing.assert_allclose(out[part, s], twin[part], rtol=0, atol=1e-12 * np.linalg.norm(twin[part]))
 
 
-def test_maps_and_samples_are_left_alone():
+def test_maps_and_samples_are_not_changed():
     problem = random_problem(1, LANES, 5)
     before = [a.copy() for a in problem]
     run(*problem, MARS)
@@ -72,13 +72,13 @@ def test_no_samples_change_nothing():
     np.testing.assert_array_equal(out, state)
 
 
-@pytest.mark.parametrize(("count", "wanted"), [(1, LANES), (LANES, LANES), (LANES + 1, 2 * LANES)])
-def test_padding_goes_up_to_whole_blocks(count, wanted):
-    assert strapdown.padded(count) == wanted
+@pytest.mark.parametrize(("count", "expected"), [(1, LANES), (LANES, LANES), (LANES + 1, 2 * LANES)])
+def test_padding_goes_up_to_whole_blocks(count, expected):
+    assert strapdown.padded(count) == expected
 
 
 def test_second_order_against_an_accurate_integrator():
-    """Halving the step takes the error of position, velocity and attitude down by four."""
+    """Halving the step divides the error of position, velocity and attitude by four."""
     rng = np.random.default_rng(5)
     force = twins.Waves.draw(rng, (), 20.0, 10.0, 2.0)
     rate = twins.Waves.draw(rng, (), 0.3, 0.2, 2.0)
@@ -88,7 +88,7 @@ def test_second_order_against_an_accurate_integrator():
     errors = []
     for dt in (0.125, 0.0625, 0.03125):
         edges = np.arange(0.0, end + dt / 2, dt)
-        out = one(start, np.diff(edges), force.means(edges), rate.means(edges), MARS)
+        out = propagate_single(start, np.diff(edges), force.means(edges), rate.means(edges), MARS)
         errors.append(
             (
                 np.linalg.norm(out[:3] - truth[:3]),
@@ -106,8 +106,8 @@ def test_constant_turn_is_exact():
     rate = rate / np.linalg.norm(rate) * 4.0
     nav = np.array([3.5e6, 0.0, 0.0, 0.0, 3000.0, 0.0, 0.1, 0.2, 0.3, np.sqrt(0.86)])
     out = free_fall(nav, 0.25, 40, MARS, rate=np.tile(rate, (40, 1)))
-    wanted = rotations.multiply(nav[6:], rotations.from_rotation_vector(10.0 * rate))
-    assert twins.attitude_error(wanted, out[6:]) < 40 * 1e-12
+    expected = rotations.multiply(nav[6:], rotations.from_rotation_vector(10.0 * rate))
+    assert twins.attitude_error(expected, out[6:]) < 40 * 1e-12
 
 
 unit = st.floats(-1.0, 1.0)
@@ -130,7 +130,7 @@ def test_quaternion_norm_stays_one(axis, speed, dt, seed):
 
 
 def test_quaternion_norm_is_pulled_to_one():
-    """A norm that is off does not stay off: one Newton step a sample."""
+    """A wrong norm is corrected: one Newton step a sample."""
     nav = np.array([3.5e6, 0, 0, 0, 3000.0, 0, 0, 0, 0, 1.0 + 1e-5])
     assert abs(np.linalg.norm(free_fall(nav, 0.1, 1, MARS)[6:]) - 1.0) < 1e-9
     assert abs(np.linalg.norm(free_fall(nav, 0.1, 2, MARS)[6:]) - 1.0) < 1e-15
@@ -164,8 +164,8 @@ def test_oblateness_turns_the_orbit_by_its_known_rate():
     out = free_fall(nav, 2.0, count, MARS)
     h = np.cross(out[:3], out[3:6])
     node = np.arctan2(h[0], -h[1])
-    wanted = -1.5 * n * MARS.j2 * (MARS.gravity_radius / a) ** 2 * np.cos(inclination) * 2.0 * count
-    assert node == pytest.approx(wanted, rel=5e-3)
+    expected = -1.5 * n * MARS.j2 * (MARS.gravity_radius / a) ** 2 * np.cos(inclination) * 2.0 * count
+    assert node == pytest.approx(expected, rel=5e-3)
 
 
 @given(st.floats(0.0, 0.3), st.floats(1.0, 10.0))
@@ -197,9 +197,9 @@ def test_free_fall_keeps_energy_within_bounds(eccentricity, dt):
 def test_time_runs_back_to_the_start(seed):
     """The step is symmetric: the same samples in reverse with negative intervals undo it."""
     state, force_map, rate_map, interval, force, rate = random_problem(seed, LANES, 100)
-    there = run(state, force_map, rate_map, interval, force, rate, MARS)
-    back = run(there, force_map, rate_map, -interval[::-1], force[::-1], rate[::-1], MARS)
-    assert np.max(np.abs(there[:3] - state[:3])) > 1e3
+    end = run(state, force_map, rate_map, interval, force, rate, MARS)
+    back = run(end, force_map, rate_map, -interval[::-1], force[::-1], rate[::-1], MARS)
+    assert np.max(np.abs(end[:3] - state[:3])) > 1e3
     for part in (slice(0, 3), slice(3, 6), slice(6, 10)):
         scale = np.linalg.norm(state[part], axis=0)
         np.testing.assert_allclose(back[part] / scale, state[part] / scale, rtol=0, atol=1e-12)

@@ -1,16 +1,22 @@
-"""The smoothed path at every sample: through the nodes, and between them where the motion says."""
+"""The smoothed trajectory at every sample: at the nodes, and between them."""
 
 import numpy as np
 import pytest
 import twins
 
 from edl_filter import rotations
+from edl_filter.imu_model.sensor_errors import SensorErrors
 from edl_filter.navigation.constraints import LandingSite, RestVelocity
-from edl_filter.navigation.filter import EntryErrors, Settings, forward, pose
+from edl_filter.navigation.filter import EntryErrors, Settings, build_problem, run_filter
 from edl_filter.navigation.layout import State
 from edl_filter.navigation.smoother import Smoothed, smooth
-from edl_filter.navigation.trajectory import inertial_covariance, noise_share, spread, trace
-from edl_filter.telemetry.record import InitialState, SensorErrors
+from edl_filter.navigation.trajectory import (
+    distribute_correction,
+    inertial_covariance,
+    random_walk_share,
+    smoothed_trajectory,
+)
+from edl_filter.telemetry.record import InitialState
 
 ERRORS = SensorErrors(0.05, 1e-3, 1e-3, 1e-3, 1e-3)
 MARS = twins.MARS
@@ -18,7 +24,7 @@ NAV = np.array([3.4e6, 1e5, -2e5, -300.0, 900.0, 100.0, 0.2, -0.1, 0.3, 0.9])
 NAV[6:] = rotations.normalise(NAV[6:])
 
 
-def problem(known=(), count=80):
+def problem(constraints=(), count=80):
     rng = np.random.default_rng(3)
     s = twins.samples(
         np.full(count, 0.125),
@@ -29,7 +35,7 @@ def problem(known=(), count=80):
     )
     covariance = np.diag(np.repeat([100.0, 2.0, 0.01], 3) ** 2)
     start = InitialState(0.0, NAV[:3], NAV[3:6], NAV[6:], covariance)
-    return pose(s, start, EntryErrors(), (ERRORS,), list(known), MARS, Settings(longest_interval=2.0))
+    return build_problem(s, start, EntryErrors(), (ERRORS,), list(constraints), MARS, Settings(longest_interval=2.0))
 
 
 def dead_reckoning(start):
@@ -43,17 +49,17 @@ def dead_reckoning(start):
     return np.array(path)
 
 
-def known():
+def two_constraints():
     end = dead_reckoning(NAV)[-1, :3] + [100.0, -80.0, 120.0]
     site = LandingSite(10.0, MARS.rotation.to_fixed(10.0, end), 5.0**2 * np.eye(3), MARS)
     return [RestVelocity(4.0, 500.0, MARS), site]
 
 
-def test_meets_the_smoothed_state_at_every_node():
-    p = problem(known())
-    way = forward(p)
-    smoothed = smooth(way)
-    path = trace(p, smoothed, way.layout)
+def test_equals_the_smoothed_state_at_every_node():
+    p = problem(two_constraints())
+    filter_pass = run_filter(p)
+    smoothed = smooth(filter_pass)
+    path = smoothed_trajectory(p, smoothed, filter_pass.layout)
     assert len(path.time) == len(p.samples.time) + 1
     for t, state, covariance in zip(smoothed.time, smoothed.states, smoothed.covariance, strict=True):
         i = int(np.argmin(np.abs(path.time - t)))
@@ -65,55 +71,55 @@ def test_meets_the_smoothed_state_at_every_node():
 
 
 def test_without_noise_and_errors_is_dead_reckoning():
-    """Nodes of a propagation alone, with the errors' priors next to nothing: the scalar twin at every sample."""
+    """Nodes of a propagation without updates and negligible priors of the errors: the scalar twin at every sample."""
     p = problem()
     s, whole, stops = p.samples, dead_reckoning(NAV), [0, 21, 51, 80]
     states, time = [State(whole[i], np.zeros(24)) for i in stops], [0.125 * i for i in stops]
     smoothed = Smoothed(np.array(time), np.zeros(4, int), states, np.tile(np.eye(24), (4, 1, 1)))
-    path = trace(p, smoothed, p.layout)
-    found = np.concatenate((path.position, path.velocity, path.inertial_from_body), axis=1)
-    np.testing.assert_allclose(found, whole, rtol=1e-11, atol=1e-11)
+    path = smoothed_trajectory(p, smoothed, p.layout)
+    states = np.concatenate((path.position, path.velocity, path.inertial_from_body), axis=1)
+    np.testing.assert_allclose(states, whole, rtol=1e-11, atol=1e-11)
     np.testing.assert_array_equal(path.specific_force[1:], s.force)
     np.testing.assert_array_equal(path.angular_rate[0], s.rate[0])
 
 
 def test_force_and_rate_are_corrected():
-    p = problem(known())
-    way = forward(p)
-    smoothed = smooth(way)
-    path = trace(p, smoothed, way.layout)
+    p = problem(two_constraints())
+    filter_pass = run_filter(p)
+    smoothed = smooth(filter_pass)
+    path = smoothed_trajectory(p, smoothed, filter_pass.layout)
     e = smoothed.states[1].errors
     assert np.all(np.abs(e[9:]) > 1e-8)
     i = p.samples.index(smoothed.time[1]) + 1  # the first sample after the second node
-    turn = rotations.from_rotation_vector(e[way.layout["accelerometer_misalignment"]])
-    scale, bias = e[way.layout["accelerometer_scale"]], e[way.layout["accelerometer_bias"]]
+    turn = rotations.from_rotation_vector(e[filter_pass.layout["accelerometer_misalignment"]])
+    scale, bias = e[filter_pass.layout["accelerometer_scale"]], e[filter_pass.layout["accelerometer_bias"]]
     read = (1 + scale) * rotations.rotate(turn, path.specific_force[i]) + bias
     np.testing.assert_allclose(read, p.samples.force[i - 1], rtol=1e-12)
-    read = (1 + e[way.layout["gyro_scale"]]) * path.angular_rate[i] + e[way.layout["gyro_bias"]]
+    read = (1 + e[filter_pass.layout["gyro_scale"]]) * path.angular_rate[i] + e[filter_pass.layout["gyro_bias"]]
     np.testing.assert_allclose(read, p.samples.rate[i - 1], rtol=1e-12)
 
 
-def test_noise_is_shared_out_as_it_came():
-    share = noise_share(np.array([1.0, 1.0, 2.0, 1.0]), np.array([1.0, 1.0, 3.0, 0.0]))
+def test_shares_are_those_of_the_random_walk():
+    share = random_walk_share(np.array([1.0, 1.0, 2.0, 1.0]), np.array([1.0, 1.0, 3.0, 0.0]))
     np.testing.assert_allclose(share, np.array([1.0, 2.0, 38.0, 38.0]) / 38.0)
 
 
-def test_a_miss_is_taken_up_along_the_path():
+def test_a_correction_is_distributed_along_the_path():
     rng = np.random.default_rng(0)
     path = rng.standard_normal((5, 10))
     path[:, 6:] = rotations.normalise(path[:, 6:])
-    miss = np.array([1.0, -2.0, 3.0, 0.1, 0.2, 0.3, 0.05, -0.02, 0.03])
-    target = State(path[-1], np.zeros(9)).plus(miss)
+    correction = np.array([1.0, -2.0, 3.0, 0.1, 0.2, 0.3, 0.05, -0.02, 0.03])
+    target = State(path[-1], np.zeros(9)).plus(correction)
     moved, turned = np.array([0.1, 0.2, 0.3, 0.9, 1.0]), np.array([0.0, 0.5, 0.5, 0.5, 1.0])
-    out = spread(path, target, moved, turned)
-    np.testing.assert_allclose(out[:, :6] - path[:, :6], moved[:, None] * miss[:6], atol=1e-14)
+    out = distribute_correction(path, target, moved, turned)
+    np.testing.assert_allclose(out[:, :6] - path[:, :6], moved[:, None] * correction[:6], atol=1e-14)
     assert twins.attitude_error(out[-1, 6:], target.nav[6:]) < 1e-14
     np.testing.assert_allclose(out[0, 6:], path[0, 6:], atol=1e-15)
     # half the turn, about the same inertial axis, everywhere in between
-    axis = rotations.rotate(path[-1, 6:], 0.5 * miss[6:])
+    axis = rotations.rotate(path[-1, 6:], 0.5 * correction[6:])
     for i in (1, 2, 3):
-        found = rotations.to_rotation_vector(rotations.multiply(out[i, 6:], rotations.conjugate(path[i, 6:])))
-        np.testing.assert_allclose(found, axis, atol=1e-14)
+        turn = rotations.to_rotation_vector(rotations.multiply(out[i, 6:], rotations.conjugate(path[i, 6:])))
+        np.testing.assert_allclose(turn, axis, atol=1e-14)
 
 
 def test_covariances_are_in_inertial_axes_and_even_between_nodes():
@@ -123,7 +129,7 @@ def test_covariances_are_in_inertial_axes_and_even_between_nodes():
     ]
     nodes = np.array([twins.random_covariance(rng, rng.uniform(1, 2, 9)) for _ in "abc"])
     smoothed = Smoothed(np.array([0.0, 2.0, 6.0]), np.zeros(3, int), states, nodes)
-    found = inertial_covariance(smoothed, np.array([0.0, 1.0, 2.0, 5.0, 6.0]))
+    covariances = inertial_covariance(smoothed, np.array([0.0, 1.0, 2.0, 5.0, 6.0]))
 
     def inertial(k):
         # errors drawn in body axes, turned one by one
@@ -132,12 +138,12 @@ def test_covariances_are_in_inertial_axes_and_even_between_nodes():
         return x @ x.T
 
     a, b, c = (inertial(k) for k in range(3))
-    for got, wanted in zip(found, (a, (a + b) / 2, b, b / 4 + 3 * c / 4, c), strict=True):
-        np.testing.assert_allclose(got, wanted, atol=1e-13)
+    for got, expected in zip(covariances, (a, (a + b) / 2, b, b / 4 + 3 * c / 4, c), strict=True):
+        np.testing.assert_allclose(got, expected, atol=1e-13)
 
 
-def test_smoothed_path_tells_a_known_motion_better_than_dead_reckoning():
-    """A wrong start is put right all along: the path's error is of its own sigma's size at every sample."""
+def test_smoothed_trajectory_is_closer_to_the_truth_than_dead_reckoning():
+    """A wrong start is corrected everywhere: the error is within three of its own sigmas at every sample."""
     start = NAV.copy()
     start[:6] += [80.0, -120.0, 60.0, 1.5, -2.0, 1.0]
     true = dead_reckoning(start)
@@ -145,15 +151,15 @@ def test_smoothed_path_tells_a_known_motion_better_than_dead_reckoning():
         LandingSite(t, MARS.rotation.to_fixed(t, true[round(8 * t), :3]), 1.0 * np.eye(3), MARS) for t in (3.0, 9.0)
     ]
     p = problem(fixes)
-    way = forward(p)
-    path = trace(p, smooth(way), way.layout)
+    filter_pass = run_filter(p)
+    path = smoothed_trajectory(p, smooth(filter_pass), filter_pass.layout)
     sigma = np.sqrt(np.array([np.diag(c) for c in path.covariance]))
     assert np.max(np.abs(path.position - true[:, :3]) / sigma[:, :3]) < 3.0
     assert np.max(np.abs(path.position - true[:, :3])) < 10.0
     assert np.max(np.abs(path.velocity - true[:, 3:6])) == pytest.approx(0.0, abs=1.0)
 
 
-def test_without_noise_a_miss_is_spread_over_time():
+def test_without_noise_a_correction_is_distributed_over_time():
     interval = np.array([0.1, 0.3, 0.6])
-    np.testing.assert_allclose(noise_share(interval, np.zeros(3)), [0.1, 0.4, 1.0])
-    np.testing.assert_allclose(noise_share(interval, np.array([1.0, 0.0, 0.0])), [1.0, 1.0, 1.0])
+    np.testing.assert_allclose(random_walk_share(interval, np.zeros(3)), [0.1, 0.4, 1.0])
+    np.testing.assert_allclose(random_walk_share(interval, np.array([1.0, 0.0, 0.0])), [1.0, 1.0, 1.0])

@@ -1,6 +1,6 @@
-"""Slow, readable twins of the navigation code, and the small worlds that its tests share.
+"""Slow, readable twins of the navigation code, and the small problems that its tests share.
 
-Nothing here calls the code that it checks: `rotations` and `planet` have tests of their own.
+No function calls the code that it checks: `rotations` and `planet` have tests of their own.
 """
 
 from dataclasses import dataclass
@@ -12,14 +12,15 @@ from scipy.integrate import solve_ivp
 from scipy.linalg import block_diag
 
 from edl_filter import rotations
-from edl_filter.navigation.constraints import LandingSite, RestVelocity, ZeroSpecificForce
-from edl_filter.navigation.filter import Problem, Settings, pose
+from edl_filter.imu_model.sensor_errors import SENSOR_STATES, SensorErrors
+from edl_filter.navigation.constraints import Altimeter, LandingSite, RestGravity, RestVelocity, ZeroSpecificForce
+from edl_filter.navigation.filter import Problem, Settings, build_problem
 from edl_filter.navigation.increments import Samples
 from edl_filter.navigation.initial import EntryErrors
-from edl_filter.navigation.layout import SENSOR_STATES, State
+from edl_filter.navigation.layout import Layout, State
 from edl_filter.planet import Planet
 from edl_filter.planet.gravity import gravity_vector
-from edl_filter.telemetry.record import ImuRecord, InitialState, SensorErrors
+from edl_filter.telemetry.record import ImuRecord, InitialState
 
 MARS = Planet(
     name="mars",
@@ -63,8 +64,8 @@ def integrate(state, force, rate, times, planet):
         return np.concatenate((y[3:6], acceleration, 0.5 * rotations.multiply(y[6:], w)))
 
     span = times[0], times[-1]
-    found = solve_ivp(derivative, span, state, "DOP853", times, rtol=1e-12, atol=1e-12, max_step=0.1)
-    return found.y.T
+    solution = solve_ivp(derivative, span, state, "DOP853", times, rtol=1e-12, atol=1e-12, max_step=0.1)
+    return solution.y.T
 
 
 def no_maps(columns):
@@ -75,9 +76,9 @@ def no_maps(columns):
     return force_map, rate_map
 
 
-def attitude_error(q, other):
+def attitude_error(q, attitudes):
     """Angles between attitudes, rad."""
-    return np.linalg.norm(rotations.to_rotation_vector(rotations.multiply(rotations.conjugate(q), other)), axis=-1)
+    return np.linalg.norm(rotations.to_rotation_vector(rotations.multiply(rotations.conjugate(q), attitudes)), axis=-1)
 
 
 @dataclass(frozen=True)
@@ -159,7 +160,7 @@ def record(
 
 
 def samples(interval, force, rate, force_noise=0.0, rate_noise=0.0, shared=0.0, unit=None, start=0.0):
-    """`Samples` as they are, without any correction."""
+    """`Samples` without any correction."""
     n = len(interval)
     full = np.ones(n)
     return Samples(
@@ -233,13 +234,13 @@ def kalman(mean, covariance, steps):
         residual = s.measured - s.matrix @ x
         nis.append(float(residual @ np.linalg.solve(total, residual)))
         means.append(x + gain @ residual)
-        left = np.eye(len(x)) - gain @ s.matrix
-        covariances.append(left @ p @ left.T + gain @ s.measured_noise @ gain.T)  # Joseph's form
+        reduction = np.eye(len(x)) - gain @ s.matrix
+        covariances.append(reduction @ p @ reduction.T + gain @ s.measured_noise @ gain.T)  # Joseph's form
     return means, covariances, nis
 
 
 def rauch_tung_striebel(means, covariances, steps):
-    """Smoother of Rauch, Tung and Striebel (1965) over what `kalman` gave."""
+    """Smoother of Rauch, Tung and Striebel (1965) over the results of `kalman`."""
     means, covariances = list(means), list(covariances)
     for k in range(len(steps) - 1, -1, -1):
         s = steps[k]
@@ -280,7 +281,7 @@ def least_squares(mean, covariance, steps):
 
 
 @dataclass(frozen=True)
-class Linear:
+class LinearTwin:
     """A linear problem in position, velocity and accelerometer bias, as the filter and as a textbook see it."""
 
     problem: Problem
@@ -298,7 +299,7 @@ def random_covariance(rng, sigmas):
 
 
 def linear(seed=0, settings=None):
-    """Twelve seconds in empty space with a known attitude; positions, velocities and readings of the bias are met."""
+    """Twelve seconds in empty space with a known attitude; positions, velocities and the bias are measured."""
     rng = np.random.default_rng(seed)
     q = rotations.normalise(rng.standard_normal(4))
     turn = rotations.to_matrix(q)
@@ -312,7 +313,7 @@ def linear(seed=0, settings=None):
         np.full(n, 0.125), 5.0 * rng.standard_normal((n, 3)), np.zeros((n, 3)), force_noise=rng.uniform(0.2, 1.0, n)
     )
     position, bias = random_covariance(rng, [3.0, 5.0, 4.0]), np.array([0.2, 0.3, 0.1])
-    known = [
+    constraints = [
         LandingSite(4.0, mean[:3] + 10.0 * rng.standard_normal(3), position, VOID),
         RestVelocity(4.0, 0.7, VOID),
         ZeroSpecificForce(6.03, 0.3 * rng.standard_normal(3), bias),
@@ -321,10 +322,10 @@ def linear(seed=0, settings=None):
     ]
     settings = settings or Settings(longest_interval=1.5, gate_probability=1.0)
     errors = (SensorErrors(accelerometer_bias=0.5),)
-    problem = pose(drive, initial, EntryErrors(), errors, known, VOID, settings)
+    problem = build_problem(drive, initial, EntryErrors(), errors, constraints, VOID, settings)
     full = np.zeros((9, 9))
     full[:6, :6], full[6:, 6:] = covariance[:6, :6], 0.25 * np.eye(3)
-    return Linear(problem, mean, full, [_linear_step(problem, turn, k) for k in range(1, len(problem.epochs))])
+    return LinearTwin(problem, mean, full, [_linear_step(problem, turn, k) for k in range(1, len(problem.epochs))])
 
 
 def _linear_step(problem, turn, k):
@@ -339,15 +340,15 @@ def _linear_step(problem, turn, k):
         step[:, 6:] -= gain
         transition, drive = step @ transition, step @ drive + gain @ f
         noise = step @ noise @ step.T + sigma**2 * gain @ gain.T
-    here = [c for c in problem.constraints if abs(c.time - problem.epochs[k]) < 1e-5]
+    constraints = [c for c in problem.constraints if abs(c.time - problem.epochs[k]) < 1e-5]
     rows = {"landing": slice(0, 3), "rest_velocity": slice(3, 6), "pre_entry_zero_force": slice(6, 9)}
     return Step(
         transition,
         drive,
         noise,
-        np.concatenate([np.eye(9)[rows[c.name]] for c in here]) if here else np.empty((0, 9)),
-        np.concatenate([c.measured for c in here]) if here else np.empty(0),
-        block_diag(*(c.noise for c in here)) if here else np.empty((0, 0)),
+        np.concatenate([np.eye(9)[rows[c.name]] for c in constraints]) if constraints else np.empty((0, 9)),
+        np.concatenate([c.measured for c in constraints]) if constraints else np.empty(0),
+        block_diag(*(c.noise for c in constraints)) if constraints else np.empty((0, 0)),
     )
 
 
@@ -362,7 +363,7 @@ def linear_block(covariance):
     return covariance[np.ix_(keep, keep)]
 
 
-# filterpy used plainly
+# filterpy with Python callbacks
 
 
 def full_state(reference, x):
@@ -411,7 +412,7 @@ def plain_filter(problem, start, covariance):
 
     ukf = UnscentedKalmanFilter(n, 1, 0.0, hx, fx, MerweScaledSigmaPoints(n, s.alpha, s.beta, s.kappa))
     ukf.x, ukf.P = np.zeros(n), covariance.copy()
-    found, done = [], 0
+    nodes, done = [], 0
     for epoch in problem.epochs:
         stop = int(np.sum(problem.samples.time < epoch + 1e-6))
         if stop > done:
@@ -429,5 +430,56 @@ def plain_filter(problem, start, covariance):
                 nis.append(float(ukf.y @ np.linalg.solve(ukf.S, ukf.y)))
                 reference = State(*full_state(reference, ukf.x))
                 ukf.x = np.zeros(n)
-        found.append((reference, ukf.P.copy()))
-    return found, nis
+        nodes.append((reference, ukf.P.copy()))
+    return nodes, nis
+
+
+# Shared by the tests of the filters and of the constraints
+
+#: Sigmas of a typical instrument.
+ALL = SensorErrors(0.02, 1e-3, 2e-3, 1e-4, 1e-3)
+
+
+def short_descent(settings):
+    """Ten seconds of a braking, turning vehicle with every sensor error; curved constraints, four epochs with none."""
+    rng = np.random.default_rng(21)
+    nav = np.array([3.39e6, 2e5, -3e5, -200.0, 900.0, 300.0, 0.1, -0.3, 0.4, 0.5])
+    nav[6:] = rotations.normalise(nav[6:])
+    covariance = random_covariance(rng, [300.0, 500.0, 400.0, 4.0, 3.0, 5.0, 0.02, 0.03, 0.02])
+    start = InitialState(0.0, nav[:3], nav[3:6], nav[6:], covariance)
+    s = samples(
+        np.full(80, 0.125),
+        [-25.0, 1.0, -3.0] + 4.0 * rng.standard_normal((80, 3)),
+        [0.3, -0.2, 0.1] + 0.2 * rng.standard_normal((80, 3)),
+        force_noise=0.1,
+        rate_noise=1e-3,
+    )
+    planet = MARS
+    radius = np.linalg.norm(nav[:3])
+    far = nav[:3] + 10.0 * nav[3:6]
+    constraints = [
+        Altimeter(3.3, 600.0, 50.0, radius - 2000.0),
+        RestVelocity(5.0, 400.0, planet),
+        RestGravity(5.0, np.array([1.0, -2.5, 2.0]), 0.8, planet),
+        LandingSite(10.0, planet.rotation.to_fixed(10.0, far), 200.0**2 * np.eye(3), planet),
+    ]
+    return build_problem(s, start, EntryErrors(), (ALL,), constraints, planet, settings)
+
+
+#: Layout with every sensor error and an attitude computed on board.
+FULL = Layout.of((SensorErrors(1.0, 1.0, 1.0, 1.0, 1.0),), {"onboard_attitude": 3})
+#: Time of the measurements at `points`, s.
+TIME = 300.0
+
+
+def points(count=4, seed=0):
+    """Navigation states ``(14, S)`` some kilometres above the ground, and other states."""
+    rng = np.random.default_rng(seed)
+    nav = np.empty((14, count))
+    for s in range(count):
+        fixed = MARS.fixed_from_geodetic(rng.uniform(-1, 1), rng.uniform(-3, 3), rng.uniform(1e3, 15e3))
+        nav[:3, s] = MARS.rotation.to_inertial(TIME, fixed)
+    nav[3:6] = 300.0 * rng.standard_normal((3, count))
+    nav[6:10] = rotations.normalise(rng.standard_normal((count, 4))).T
+    nav[10:] = rotations.normalise(rng.standard_normal((count, 4))).T
+    return nav, 0.1 * rng.standard_normal((FULL.size, count))

@@ -1,66 +1,69 @@
-"""From a mission to its model: a centre of mass beside the axis, stated by the mission, by an effect, or by both."""
+"""From a mission to its forward model: a centre of mass off the axis, by the mission, by an effect, or by both."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from edl_filter.assembly import without_effects
-from edl_filter.effects import Active
-from edl_filter.effects.catalogue import effect_named
+from edl_filter.effects import EffectInstance
+from edl_filter.effects.registry import effect_named
 from edl_filter.mission import Mission
-from edl_filter.modelling import body_of, world_of
-from edl_filter.results.content import derive
+from edl_filter.pipeline.forward_model import body_of, forward_model_of
+from edl_filter.pipeline.problem import without_effects
+from edl_filter.results import derive
 
-BESIDE = "vehicle.centre_of_mass_offset=[0.002, -0.001]"
+OFF_AXIS = "vehicle.centre_of_mass_offset=[0.002, -0.001]"
 SHIFT = [0.01, 0.0053, -0.00265]
 
 
 def shifted(dx, dy, dz):
-    return [Active(effect_named("com_offset"), {"dx": dx, "dy": dy, "dz": dz})]
+    return [EffectInstance(effect_named("com_offset"), {"dx": dx, "dy": dy, "dz": dz})]
 
 
 @pytest.fixture(scope="module")
-def beside():
-    return Mission.load("builtin:practice_mer", [BESIDE])
+def off_axis():
+    return Mission.load("builtin:practice_mer", [OFF_AXIS])
 
 
-def test_the_missions_offset_and_the_effects_add_up(beside):
-    both = body_of(beside, shifted(*SHIFT))
+def test_the_missions_offset_and_the_effects_add_up(off_axis):
+    both = body_of(off_axis, shifted(*SHIFT))
     np.testing.assert_allclose(both.offset, [0.01, 2.65 * 0.002 + 0.0053, -2.65 * 0.001 - 0.00265])
     np.testing.assert_allclose(both.centre(0.27, 2.65), [0.27 - 0.01 / 2.65, 0.004, -0.002])
     on_axis = Mission.load("builtin:practice_mer")
     assert body_of(on_axis).centre(0.27, 2.65) == (0.27, 0.0, 0.0)
 
 
-def test_moments_know_one_centre_of_mass(beside, practice_06):
+def test_moments_use_one_centre_of_mass(off_axis, practice_06):
     """Stated by the mission or by an effect, it is the same force at the same place: M - d × F."""
     r, t = practice_06, practice_06.trajectory
-    plain = world_of(r.mission, r.planet, r.atmosphere)
-    stated, told = world_of(beside, r.planet, r.atmosphere), plain.having(shifted(0.0, *body_of(beside).offset[1:]))
-    both = stated.having(shifted(*SHIFT))
+    plain = forward_model_of(r.mission, r.planet, r.atmosphere)
+    stated, by_effect = (
+        forward_model_of(off_axis, r.planet, r.atmosphere),
+        plain.with_effects(shifted(0.0, *body_of(off_axis).offset[1:])),
+    )
+    both = stated.with_effects(shifted(*SHIFT))
     flow = plain.flow(t.time, t.position, t.velocity, t.inertial_from_body, t.angular_rate)
     force, moment = plain.loads(flow)
-    np.testing.assert_allclose(stated.loads(flow)[1], told.loads(flow)[1], atol=1e-9)
+    np.testing.assert_allclose(stated.loads(flow)[1], by_effect.loads(flow)[1], atol=1e-9)
     for world in (stated, both):
         expected = moment - np.cross(world.rigid_body.offset, force)
         np.testing.assert_allclose(world.loads(flow)[1], expected, atol=1e-6)
         np.testing.assert_array_equal(world.loads(flow)[0], force)
 
 
-def test_only_an_effect_moves_the_centre_of_mass_from_under_the_imus(beside, practice_06):
+def test_only_an_effect_changes_the_lever_arms_of_the_imus(off_axis, practice_06):
     telemetry = practice_06.telemetry
-    assert without_effects(beside, telemetry, ()) is telemetry
-    moved = without_effects(beside, telemetry, shifted(*SHIFT))
+    assert without_effects(off_axis, telemetry, ()) is telemetry
+    moved = without_effects(off_axis, telemetry, shifted(*SHIFT))
     change = moved.driving.position - telemetry.driving.position
     np.testing.assert_allclose(change, np.broadcast_to(-np.array(SHIFT), change.shape), atol=1e-15)
 
 
-def test_coefficients_after_the_flight_are_about_the_same_centre(beside, practice_06):
-    """The database's moments go with the centre of mass, whoever moves it; the flight's need no moving."""
-    by_mission = derive(replace(practice_06, mission=beside)).aftermath
-    effects = tuple(shifted(0.0, *body_of(beside).offset[1:]))
-    by_effect, plain = derive(replace(practice_06, effects=effects)).aftermath, derive(practice_06).aftermath
+def test_coefficients_after_the_flight_are_about_the_same_centre(off_axis, practice_06):
+    """The database's moments refer to the centre of mass, whatever moves it; the flight's do so already."""
+    by_mission = derive(replace(practice_06, mission=off_axis)).postflight
+    effects = tuple(shifted(0.0, *body_of(off_axis).offset[1:]))
+    by_effect, plain = derive(replace(practice_06, effects=effects)).postflight, derive(practice_06).postflight
     for name, values in by_mission.database.value.items():
         np.testing.assert_allclose(by_effect.database.value[name], values, rtol=1e-9, atol=1e-12)
     for name in ("Cl", "Cm", "Cn"):

@@ -1,24 +1,24 @@
-"""From missions to problems: what is asked for and is not there is named."""
+"""From missions to problems: messages name what a mission asks for and the telemetry does not have."""
 
 import numpy as np
 import pytest
 
-from edl_filter.assembly import assemble
 from edl_filter.errors import InputError
 from edl_filter.mission import Mission, shipped_mission
-from edl_filter.reading import read_atmosphere, read_telemetry
-from edl_filter.reconstruction import reconstruct
+from edl_filter.pipeline.load import read_atmosphere, read_telemetry
+from edl_filter.pipeline.problem import assemble
+from edl_filter.pipeline.reconstruct import reconstruct
 
 
 def test_practice_flight_has_its_constraints(practice_06):
-    names = [s.name for s in practice_06.statements]
+    names = [s.name for s in practice_06.constraint_checks]
     assert names == [
         "entry_state", "parachute", "altimeter", "landing", "rest_velocity", "rest_gravity", "rest_rate"
     ]  # fmt: skip
 
 
 def test_all_constraints_of_the_clean_practice_flight_are_consistent(practice_06):
-    for s in practice_06.statements:
+    for s in practice_06.constraint_checks:
         assert s.consistent, s.name
         assert s.left_out_sigmas < 3.0, s.name
         assert np.all(s.accepted)
@@ -36,7 +36,7 @@ def test_all_constraints_of_the_clean_practice_flight_are_consistent(practice_06
         ("constraints.rest={start_s: 900, end_s: 950, velocity_sigma: 0.1}", "no telemetry between 900"),
     ],
 )
-def test_what_the_telemetry_has_not_is_named(override, message):
+def test_a_message_names_what_the_telemetry_lacks(override, message):
     with pytest.raises(InputError, match=message):
         reconstruct(Mission.load(shipped_mission("practice_mer"), [override]))
 
@@ -49,7 +49,7 @@ def test_the_other_imu_can_drive():
         read_telemetry(Mission.load(shipped_mission("practice_mer"), ["telemetry.driving=third"]))
 
 
-def test_phoenix_says_what_it_needs():
+def test_phoenix_has_no_public_telemetry():
     with pytest.raises(InputError, match="Phoenix"):
         read_telemetry(Mission.load(shipped_mission("phoenix")))
 
@@ -69,4 +69,4 @@ def test_every_practice_vehicle_runs(practice):
     mission = Mission.load(shipped_mission("practice_phoenix"), [f"telemetry.path={practice(3)}"])
     flight = reconstruct(mission)
     assert flight.telemetry.driving.interval[0] == pytest.approx(0.05)
-    assert all(s.consistent for s in flight.statements if s.name in ("altimeter", "parachute", "landing"))
+    assert all(s.consistent for s in flight.constraint_checks if s.name in ("altimeter", "parachute", "landing"))

@@ -14,7 +14,7 @@ longitudes = st.floats(-3.14159, 3.14159)
 altitudes = st.floats(-8.0e3, 1.0e7)
 
 
-def twin_position(latitude, longitude, altitude, a, f):
+def definition_of_position(latitude, longitude, altitude, a, f):
     """Definition of areodetic coordinates, written out for one point in extended precision."""
     latitude, longitude, altitude, a, f = (np.longdouble(v) for v in (latitude, longitude, altitude, a, f))
     e2 = f * (2 - f)
@@ -30,17 +30,17 @@ def twin_position(latitude, longitude, altitude, a, f):
 
 @given(latitudes, longitudes, altitudes)
 def test_position_equals_the_definition(latitude, longitude, altitude):
-    got = ellipsoid.fixed_from_geodetic(latitude, longitude, altitude, A, F)
-    expected = twin_position(latitude, longitude, altitude, A, F).astype(float)
-    np.testing.assert_allclose(got, expected, rtol=0, atol=3e-16 * (A + altitude) * 4)
+    position = ellipsoid.fixed_from_geodetic(latitude, longitude, altitude, A, F)
+    expected = definition_of_position(latitude, longitude, altitude, A, F).astype(float)
+    np.testing.assert_allclose(position, expected, rtol=0, atol=3e-16 * (A + altitude) * 4)
 
 
 @given(latitudes, longitudes, st.floats(-8.0e3, 4.0e5))
-def test_altitude_comes_back_to_a_nanometre_at_entry_heights(latitude, longitude, altitude):
-    # The point is rounded to float64, so the altitude of the rounded point is what can be asked for
-    point = twin_position(latitude, longitude, altitude, A, F).astype(float)
+def test_round_trip_is_accurate_to_a_nanometre_at_entry_altitudes(latitude, longitude, altitude):
+    # The point is rounded to float64: the comparison is with the coordinates of the rounded point
+    point = definition_of_position(latitude, longitude, altitude, A, F).astype(float)
     lat, lon, alt = ellipsoid.geodetic_from_fixed(point, A, F)
-    error = (twin_position(lat, lon, alt, A, F) - point).astype(float)
+    error = (definition_of_position(lat, lon, alt, A, F) - point).astype(float)
     up = ellipsoid.enu_from_fixed(lat, lon)[2]
     assert abs(up @ error) < 1e-9
     assert np.linalg.norm(error) < 3e-9  # rounding of the two angles, half an ulp of pi each, in metres
@@ -52,8 +52,8 @@ def test_altitude_comes_back_to_a_nanometre_at_entry_heights(latitude, longitude
 def test_round_trip_for_any_flattening(latitude, longitude, altitude, flattening):
     point = ellipsoid.fixed_from_geodetic(latitude, longitude, altitude, A, flattening)
     lat, lon, alt = ellipsoid.geodetic_from_fixed(point, A, flattening)
-    again = ellipsoid.fixed_from_geodetic(lat, lon, alt, A, flattening)
-    np.testing.assert_allclose(again, point, rtol=0, atol=1e-15 * (A + altitude) * 4)
+    round_trip = ellipsoid.fixed_from_geodetic(lat, lon, alt, A, flattening)
+    np.testing.assert_allclose(round_trip, point, rtol=0, atol=1e-15 * (A + altitude) * 4)
     assert alt == pytest.approx(altitude, abs=1e-15 * (A + altitude) * 4)
 
 
@@ -66,14 +66,14 @@ def test_round_trip_for_any_flattening(latitude, longitude, altitude, flattening
         ((0.0, 0.0, -A * (1 - F)), -np.pi / 2, 0.0),
     ],
 )
-def test_poles_and_equator_in_closed_form(point, latitude, altitude):
+def test_closed_forms_at_poles_and_equator(point, latitude, altitude):
     lat, _, alt = ellipsoid.geodetic_from_fixed(point, A, F)
     assert lat == pytest.approx(latitude, abs=1e-16)
     assert alt == pytest.approx(altitude, abs=1e-9)
 
 
 @given(latitudes, longitudes, st.floats(3.3e6, 1.0e7))
-def test_on_a_sphere_areodetic_is_areocentric(latitude, longitude, radius):
+def test_areodetic_equals_areocentric_on_a_sphere(latitude, longitude, radius):
     point = ellipsoid.fixed_from_areocentric(latitude, longitude, radius)
     lat, lon, alt = ellipsoid.geodetic_from_fixed(point, A, 0.0)
     np.testing.assert_allclose((lat, lon), ellipsoid.areocentric_from_fixed(point)[:2], atol=1e-15)
@@ -104,22 +104,22 @@ def test_shapes_broadcast():
 
 
 @given(st.floats(-1.5, 1.5), longitudes, st.floats(0.0, 1.0e5))
-def test_local_axes_are_the_directions_of_growing_coordinates(latitude, longitude, altitude):
+def test_local_axes_point_along_increasing_coordinates(latitude, longitude, altitude):
     axes = ellipsoid.enu_from_fixed(latitude, longitude)
     np.testing.assert_allclose(axes @ axes.T, np.eye(3), atol=1e-15)
     assert np.linalg.det(axes) == pytest.approx(1.0)
     step = np.eye(3) * (1e-6, 1e-6, 1.0)
     coordinates = np.array([latitude, longitude, altitude])
-    moved = [
+    displacements = [
         ellipsoid.fixed_from_geodetic(*(coordinates + d), A, F)
         - ellipsoid.fixed_from_geodetic(*(coordinates - d), A, F)
         for d in step
     ]
-    north, east, up = (v / np.linalg.norm(v) for v in moved)
+    north, east, up = (v / np.linalg.norm(v) for v in displacements)
     np.testing.assert_allclose(axes, [east, north, up], atol=1e-7)
 
 
-def test_mer_a_entry_state_of_the_thesis():
+def test_thesis_entry_state_of_mer_a():
     # Facts file section 3: areocentric latitude -17.590 deg at |r| = 3522.2 km
     latitude, _, radius = ellipsoid.areocentric_from_fixed([-2833658.0, -1800899.0, -1064442.0])
     assert np.degrees(latitude) == pytest.approx(-17.590, abs=5e-4)

@@ -17,24 +17,24 @@ positions = st.tuples(st.floats(3.3e6, 4.0e7), st.floats(-np.pi / 2, np.pi / 2),
 )
 
 
-def twin_potential(position, mu, j2, re):
+def reference_potential(position, mu, j2, re):
     """mu/r (1 - J2 (re/r)^2 P2(sin latitude)), also for complex arguments."""
     x, y, z = position
     r = (x * x + y * y + z * z) ** 0.5
     return mu / r * (1 - j2 * (re / r) ** 2 * (3 * (z / r) ** 2 - 1) / 2)
 
 
-def twin_gradient(position, mu, j2, re):
-    """Gradient by the complex step: exact to rounding."""
+def reference_gradient(position, mu, j2, re):
+    """Gradient by complex-step differentiation, exact to rounding."""
     step = 1e-10
-    return np.array([twin_potential(position + 1j * step * e, mu, j2, re).imag / step for e in np.eye(3)])
+    return np.array([reference_potential(position + 1j * step * e, mu, j2, re).imag / step for e in np.eye(3)])
 
 
 @given(positions)
 def test_acceleration_is_the_gradient_of_the_potential(position):
     g = gravity_vector(position, MU, J2, RE)
-    np.testing.assert_allclose(g, twin_gradient(position, MU, J2, RE), rtol=0, atol=1e-14 * np.linalg.norm(g))
-    assert potential(position, MU, J2, RE) == pytest.approx(twin_potential(position, MU, J2, RE), rel=1e-15)
+    np.testing.assert_allclose(g, reference_gradient(position, MU, J2, RE), rtol=0, atol=1e-14 * np.linalg.norm(g))
+    assert potential(position, MU, J2, RE) == pytest.approx(reference_potential(position, MU, J2, RE), rel=1e-15)
 
 
 @settings(deadline=None)  # the first call compiles
@@ -53,9 +53,9 @@ def test_point_mass(position):
 
 @given(positions, st.floats(-np.pi, np.pi))
 def test_symmetric_about_the_axis_and_the_equator(position, angle):
-    turn = np.array([[np.cos(angle), -np.sin(angle), 0], [np.sin(angle), np.cos(angle), 0], [0, 0, 1.0]])
+    rotation = np.array([[np.cos(angle), -np.sin(angle), 0], [np.sin(angle), np.cos(angle), 0], [0, 0, 1.0]])
     g = gravity_vector(position, MU, J2, RE)
-    np.testing.assert_allclose(gravity_vector(turn @ position, MU, J2, RE), turn @ g, atol=1e-14)
+    np.testing.assert_allclose(gravity_vector(rotation @ position, MU, J2, RE), rotation @ g, atol=1e-14)
     mirror = np.array([1.0, 1.0, -1.0])
     np.testing.assert_array_equal(gravity_vector(mirror * position, MU, J2, RE), mirror * g)
 

@@ -1,4 +1,4 @@
-"""Rotation of the planet: a twin with plain sines and cosines, and the velocity as a derivative."""
+"""Rotation of the planet against sines and cosines written out, and relative velocity as a derivative."""
 
 import numpy as np
 import pytest
@@ -24,7 +24,7 @@ times = st.floats(-1e6, 1e6)
 vectors = st.tuples(*[st.floats(-4e6, 4e6)] * 3).map(np.array)
 
 
-def twin_fixed(time, vector):
+def reference_fixed(time, vector):
     angle = MARS.prime_meridian_at_epoch + MARS.rate * time
     x, y, z = vector
     return np.array([x * np.cos(angle) + y * np.sin(angle), -x * np.sin(angle) + y * np.cos(angle), z])
@@ -32,19 +32,19 @@ def twin_fixed(time, vector):
 
 @given(times, vectors)
 def test_fixed_components(time, vector):
-    np.testing.assert_allclose(MARS.to_fixed(time, vector), twin_fixed(time, vector), atol=1e-8)
+    np.testing.assert_allclose(MARS.to_fixed(time, vector), reference_fixed(time, vector), atol=1e-8)
     np.testing.assert_allclose(MARS.to_inertial(time, MARS.to_fixed(time, vector)), vector, atol=1e-8)
 
 
 @given(times)
-def test_the_prime_meridian_is_where_it_says(time):
+def test_prime_meridian_is_at_its_angle(time):
     angle = MARS.angle(time)
     np.testing.assert_allclose(MARS.to_fixed(time, [np.cos(angle), np.sin(angle), 0.0]), [1.0, 0.0, 0.0], atol=1e-15)
     assert np.linalg.norm(MARS.fixed_from_inertial(time)) == pytest.approx(1.0, abs=1e-15)
 
 
 @given(vectors, vectors)
-def test_relative_velocity_is_eq_3_6_and_comes_back(position, velocity):
+def test_relative_velocity_is_eq_3_6_and_inverts(position, velocity):
     relative = MARS.velocity_relative(position, velocity)
     expected = velocity - np.cross([0.0, 0.0, MARS.rate], position)
     np.testing.assert_allclose(relative, expected, atol=1e-9)
@@ -54,15 +54,15 @@ def test_relative_velocity_is_eq_3_6_and_comes_back(position, velocity):
 def test_relative_velocity_is_the_derivative_of_the_fixed_position():
     position, velocity = np.array([-2833658.0, -1800899.0, -1064442.0]), np.array([3522.0, -4166.0, 1383.0])
     dt = 0.05
-    after, before = (MARS.to_fixed(s * dt, position + s * dt * velocity) for s in (1.0, -1.0))
+    after, before = (MARS.to_fixed(sign * dt, position + sign * dt * velocity) for sign in (1.0, -1.0))
     expected = (after - before) / (2 * dt)
     relative = MARS.velocity_relative(position, velocity)
     np.testing.assert_allclose(MARS.to_fixed(0.0, relative), expected, atol=1e-6)
-    # By hand: (3522 - 127.651, -4166 + 200.856, 1383)
+    # Computed by hand: (3522 - 127.651, -4166 + 200.856, 1383)
     assert np.linalg.norm(relative) == pytest.approx(5399.7, abs=0.1)
 
 
-def test_a_point_of_the_ground_stands_still():
+def test_point_on_the_ground_has_zero_relative_velocity():
     time = np.linspace(0.0, 500.0, 7)
     fixed = np.array([-3.1e6, 1.2e6, -8e5])
     inertial = MARS.to_inertial(time, fixed)
@@ -76,7 +76,7 @@ def test_a_point_of_the_ground_stands_still():
     )
 
 
-def test_planet_passes_its_numbers_on():
+def test_planet_delegates_to_the_formulas():
     time, position = 120.0, np.array([-2833658.0, -1800899.0, -1064442.0])
     latitude, longitude, altitude = PLANET.geodetic(time, position)
     fixed = PLANET.fixed_from_geodetic(latitude, longitude, altitude)
@@ -108,7 +108,7 @@ def test_local_axes_of_inertial_positions():
         np.testing.assert_allclose(np.cross(east, north), up, atol=1e-14)
 
 
-def test_quaternions_turn_the_axes_forward():
+def test_axes_rotate_eastward():
     quarter = Rotation(rate=np.pi / 2, prime_meridian_at_epoch=0.0)
     q = quarter.fixed_from_inertial([0.0, 1.0])
     np.testing.assert_allclose(rotations.rotate(q, [1.0, 0.0, 0.0]), [[1, 0, 0], [0, -1, 0]], atol=1e-15)

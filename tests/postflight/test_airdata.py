@@ -67,7 +67,7 @@ def test_closed_forms():
     assert air.mach[0] == pytest.approx(speed / np.sqrt(1.3 * 188.92 * temperature), rel=1e-12)
 
 
-def test_the_wind_is_taken_off():
+def test_the_wind_is_subtracted():
     windy = atmosphere(east=(20.0, 20.0), north=(-5.0, -5.0))
     air = air_data(flight(-0.2, 2.0, 10e3, [20.0, -5.0, -80.0]), MARS, windy)
     assert air.speed[0] == pytest.approx(80.0, rel=1e-12)
@@ -87,7 +87,7 @@ def test_sigmas_are_those_of_sampled_errors(local):
     covariance = root @ root.T
     windy = atmosphere(east=(0.0, 60.0), north=(0.0, -30.0))
     centre = flight(-0.25, 3.0, 12e3, local, 0.08, -0.05, covariance)
-    told = air_data(centre, MARS, windy)
+    stated = air_data(centre, MARS, windy)
     errors = rng.multivariate_normal(np.zeros(9), covariance, 20000)
     count = len(errors)
     drawn = Trajectory(
@@ -99,11 +99,11 @@ def test_sigmas_are_those_of_sampled_errors(local):
         np.zeros((count, 3)),
         np.zeros((count, 3)),
     )
-    seen = air_data(drawn, MARS, windy)
+    sampled = air_data(drawn, MARS, windy)
     for name in ("altitude", "speed", "flight_path_angle", "alpha", "beta", "alpha_total"):
-        spread = np.std(getattr(seen, name))
+        spread = np.std(getattr(sampled, name))
         # 20000 draws give a standard deviation to 0.5 %
-        assert getattr(told, f"{name}_sigma")[0] == pytest.approx(spread, rel=0.02), name
+        assert getattr(stated, f"{name}_sigma")[0] == pytest.approx(spread, rel=0.02), name
 
 
 def test_gradients_by_finite_differences():
@@ -114,7 +114,7 @@ def test_gradients_by_finite_differences():
     for k in range(9):
         error = np.zeros(9)
         error[k] = step[k]
-        told = air_data(replace(base, covariance=np.outer(error, error)[None]), MARS, windy)
+        stated = air_data(replace(base, covariance=np.outer(error, error)[None]), MARS, windy)
         sides = [
             air_data(
                 replace(
@@ -132,9 +132,9 @@ def test_gradients_by_finite_differences():
         ]
         for name in ("altitude", "speed", "flight_path_angle", "alpha", "beta", "alpha_total"):
             change = abs(getattr(sides[0], name)[0] - getattr(sides[1], name)[0]) / 2.0
-            # what is left out: the wind's axes turning over a position error, and the ellipsoid's curvature
+            # neglected: the rotation of the wind's axes by a position error, and the ellipsoid's curvature
             allowed = {"altitude": 1e-8, "speed": 2e-5}.get(name, 2e-8)
-            assert getattr(told, f"{name}_sigma")[0] == pytest.approx(change, rel=2e-3, abs=allowed), (k, name)
+            assert getattr(stated, f"{name}_sigma")[0] == pytest.approx(change, rel=2e-3, abs=allowed), (k, name)
 
 
 def test_at_rest_no_sigma_exceeds_that_of_a_uniform_angle():

@@ -8,9 +8,9 @@ import pytest
 
 from edl_filter.aero.uncertainty import ThreeSigma
 from edl_filter.errors import InputError
-from edl_filter.postflight.atmosphere import check_decreasing, preflight
-from edl_filter.postflight.density import AxialForce, flight_extracted
-from edl_filter.postflight.gas import Gas
+from edl_filter.planet.gas import Gas
+from edl_filter.postflight.atmosphere import check_decreasing, preflight_atmosphere
+from edl_filter.postflight.density import AxialForce, extract_atmosphere
 
 GAS, D, MASS, G, T = Gas(), 2.65, 830.0, 3.7, 180.0
 H = GAS.constant * T / G
@@ -18,21 +18,21 @@ AREA = np.pi / 4 * D**2
 
 
 class Drag:
-    """Stand-in database: CA from Knudsen number, Mach and angle; CN and Cm linear in the angle."""
+    """Substitute for a database: CA from Knudsen number, Mach number and angle; CN and Cm linear in the angle."""
 
     def __init__(self, ca=lambda mach, knudsen, alpha: 1.7 + 0 * mach, sigma=0.05):
         self.ca, self.sigma = ca, sigma
 
     def lookup(self, mach, knudsen, alpha, speed=None):
         ca = self.ca(mach, knudsen, alpha)
-        one = np.ones_like(ca)
+        ones = np.ones_like(ca)
         return SimpleNamespace(
             ca=ca,
             cn=0.2 * alpha,
             cm_nose=-0.15 * alpha,
-            outside=one < 0,
+            outside=ones < 0,
             rarefied=knudsen > 1e-3,
-            three_sigma=ThreeSigma(self.sigma * ca, 0.01 * one, 0.003 * one, 1e-6 * one),
+            three_sigma=ThreeSigma(self.sigma * ca, 0.01 * ones, 0.003 * ones, 1e-6 * ones),
             cm_at=lambda x: (-0.15 + 0.2 * x) * alpha,
         )
 
@@ -55,7 +55,7 @@ def extract(e, ax=None, *, noise=1e-9, top=T, mass=MASS, **keywords):
     raw = np.broadcast_to(np.asarray(noise, float), e.t.shape)
     axial = AxialForce(ax, raw, raw, keywords.pop("bias", 0.0), mass, keywords.pop("mass_sigma", 0.0))
     valid = keywords.pop("valid", np.ones(e.n, bool))
-    return flight_extracted(
+    return extract_atmosphere(
         e.t, e.h, e.v, e.alpha, e.g, axial, valid, e.database, GAS, D, top_temperature=top, **keywords
     )
 
@@ -77,27 +77,27 @@ def test_gas_closed_forms():
 )
 def test_an_exponential_atmosphere_comes_back(ca):
     e = entry(database=Drag(ca))
-    found = extract(e)
-    np.testing.assert_allclose(found.density, e.rho, rtol=2e-8)
-    np.testing.assert_allclose(found.pressure, e.rho * GAS.constant * T, rtol=2e-8)
-    np.testing.assert_allclose(found.temperature, T, rtol=2e-8)
-    np.testing.assert_allclose(found.mach, GAS.mach(e.v, T), rtol=2e-8)
-    assert 1 <= found.iterations < 20
+    profile = extract(e)
+    np.testing.assert_allclose(profile.density, e.rho, rtol=2e-8)
+    np.testing.assert_allclose(profile.pressure, e.rho * GAS.constant * T, rtol=2e-8)
+    np.testing.assert_allclose(profile.temperature, T, rtol=2e-8)
+    np.testing.assert_allclose(profile.mach, GAS.mach(e.v, T), rtol=2e-8)
+    assert 1 <= profile.iterations < 20
 
 
 def test_pressure_from_zero_forgets_its_start():
     e = entry()
-    found = extract(e, top=None)
+    profile = extract(e, top=None)
     late = e.rho > 1000 * e.rho[0]
-    np.testing.assert_allclose(found.temperature[late], T, rtol=1.1e-3)
-    np.testing.assert_allclose(found.pressure, (e.rho - e.rho[0]) * G * H, rtol=1e-7, atol=1e-12)
+    np.testing.assert_allclose(profile.temperature[late], T, rtol=1.1e-3)
+    np.testing.assert_allclose(profile.pressure, (e.rho - e.rho[0]) * G * H, rtol=1e-7, atol=1e-12)
 
 
 def test_the_slow_twin():
     """Fixed point and hydrostatic integral written out sample by sample."""
     database = Drag(lambda m, k, a: 1.6 + 0.3 / (1 + 1e-2 / k) + 0.004 * m)
     e = entry(400, database)
-    found = extract(e, top=T)
+    profile = extract(e, top=T)
     temperature = np.full(e.n, 250.0)
     rho = e.rho * 1.3
     for _ in range(60):
@@ -111,17 +111,17 @@ def test_the_slow_twin():
             weight = np.exp(np.interp(fine, [0, 1], np.log([rho[i - 1], rho[i]]))) * G
             p[i] = p[i - 1] + np.trapezoid(weight, fine) * (e.h[i - 1] - e.h[i])
         temperature = GAS.temperature(p, rho)
-    np.testing.assert_allclose(found.density, rho, rtol=1e-5)
-    np.testing.assert_allclose(found.temperature, temperature, rtol=1e-4)
+    np.testing.assert_allclose(profile.density, rho, rtol=1e-5)
+    np.testing.assert_allclose(profile.temperature, temperature, rtol=1e-4)
 
 
 def test_nothing_outside_the_valid_stretch_and_mass_in_time():
     e = entry()
     valid = e.t > 30
     mass = np.where(e.t > 100, 0.5, 1.0) * MASS
-    found = extract(e, e.ax * MASS / mass, valid=valid, mass=mass)
-    assert np.isnan(found.density[~valid]).all() and np.isfinite(found.temperature[valid]).all()
-    np.testing.assert_allclose(found.density[valid], e.rho[valid], rtol=2e-8)
+    profile = extract(e, e.ax * MASS / mass, valid=valid, mass=mass)
+    assert np.isnan(profile.density[~valid]).all() and np.isfinite(profile.temperature[valid]).all()
+    np.testing.assert_allclose(profile.density[valid], e.rho[valid], rtol=2e-8)
 
 
 def test_bands_are_those_of_sampled_errors():
@@ -137,15 +137,15 @@ def test_bands_are_those_of_sampled_errors():
     for _ in range(600):
         factor = 1 + ca * rng.normal()
         lower = Drag(lambda m, k, a, f=factor: f * (1.7 - 2.0 * a**2))
-        # the angle's error turns with the body: as often one way as the other, at any sample
+        # the error of the angle rotates with the body: at any sample either sign is as frequent
         alpha = e.alpha + turn * (np.cos(e.t) * rng.normal() + np.sin(e.t) * rng.normal())
         shifted = replace_entry(
             e, v=e.v + v * rng.normal() + wind * rng.normal(), h=e.h + sink * e.t * rng.normal(), alpha=alpha,
             database=lower,
         )  # fmt: skip
         measured = e.ax + bias * rng.normal() + noise * rng.normal(size=e.n)
-        found = extract(shifted, measured, mass=MASS + mass * rng.normal(), top=T + 10.0 * rng.normal())
-        runs.append((found.density, found.pressure, found.temperature))
+        profile = extract(shifted, measured, mass=MASS + mass * rng.normal(), top=T + 10.0 * rng.normal())
+        runs.append((profile.density, profile.pressure, profile.temperature))
     scatter = np.std(np.array(runs), axis=0)
     for got, stated in zip(scatter, (band.density_sigma, band.pressure_sigma, band.temperature_sigma), strict=True):
         ratio = got[5:] / stated[5:]
@@ -155,10 +155,10 @@ def test_bands_are_those_of_sampled_errors():
 def test_a_preflight_density_at_a_wrong_altitude():
     """500 m are 5 % of a scale height."""
     e = entry()
-    found = preflight(
+    profile = preflight_atmosphere(
         e.t, e.h, e.v, e.alpha, e.rho, np.full(e.n, T), e.database, GAS, D, altitude_sigma=500.0, gravity=G
     )
-    np.testing.assert_allclose(found.density_sigma, e.rho * 500.0 / H)
+    np.testing.assert_allclose(profile.density_sigma, e.rho * 500.0 / H)
 
 
 def test_noise_and_bias_of_the_first_samples_reach_the_top():
@@ -179,30 +179,32 @@ def replace_entry(e, **changes):
 def test_common_errors_cancel_in_temperature():
     e = entry()
     e.database.sigma = 0.15
-    found = extract(e, mass_sigma=20.0)
-    assert np.all(found.temperature_sigma < 0.002 * T)
-    np.testing.assert_allclose(found.pressure_sigma / found.pressure, np.hypot(0.05, 20 / MASS), rtol=1e-3)
+    profile = extract(e, mass_sigma=20.0)
+    assert np.all(profile.temperature_sigma < 0.002 * T)
+    np.testing.assert_allclose(profile.pressure_sigma / profile.pressure, np.hypot(0.05, 20 / MASS), rtol=1e-3)
 
 
 def test_a_sample_at_a_step_of_the_database_takes_the_mean_of_both_sides():
-    """The continuum's CA asks for a density that is rarefied, and the other way round: no CA of the database fits."""
+    """With the continuum's CA the density is rarefied, and vice versa: no CA of the database is consistent."""
     e = entry(n=20000, database=Drag(lambda m, k, a: 1.713 + 0 * m))
     step = Drag(lambda m, k, a: np.where(k > 1e-3, 1.712, 1.714))
-    found = extract(replace_entry(e, database=step))
-    either = np.where(found.knudsen > 1e-3, 1.712, 1.714)
-    ratio = found.density / e.rho * either / 1.713
+    profile = extract(replace_entry(e, database=step))
+    either = np.where(profile.knudsen > 1e-3, 1.712, 1.714)
+    ratio = profile.density / e.rho * either / 1.713
     between = np.abs(ratio - 1.0) > 1e-6
     assert 1 <= between.sum() <= 3
-    np.testing.assert_allclose(found.density[between], e.rho[between], rtol=1e-6)
-    assert np.abs(np.log(found.knudsen[between] / 1e-3)).max() < 0.002
+    np.testing.assert_allclose(profile.density[between], e.rho[between], rtol=1e-6)
+    assert np.abs(np.log(profile.knudsen[between] / 1e-3)).max() < 0.002
 
 
 def test_preflight():
     e = entry()
-    found = preflight(e.t, e.h, e.v, e.alpha, e.rho, np.full(e.n, T), e.database, GAS, D, density_sigma=0.1)
-    np.testing.assert_allclose(found.pressure, e.rho * GAS.constant * T)
-    np.testing.assert_allclose(found.density_sigma, 0.1 * e.rho)
-    assert found.iterations == 0 and found.valid.all()
+    profile = preflight_atmosphere(
+        e.t, e.h, e.v, e.alpha, e.rho, np.full(e.n, T), e.database, GAS, D, density_sigma=0.1
+    )
+    np.testing.assert_allclose(profile.pressure, e.rho * GAS.constant * T)
+    np.testing.assert_allclose(profile.density_sigma, 0.1 * e.rho)
+    assert profile.iterations == 0 and profile.valid.all()
 
 
 def test_bad_input():

@@ -1,38 +1,39 @@
-"""Events: the known flights, and the peak on made-up samples."""
+"""Events of real flights, and the peak deceleration on constructed samples."""
 
 import numpy as np
 import pytest
 
+from edl_filter.imu_model.sensor_errors import SensorErrors
 from edl_filter.navigation.trajectory import Trajectory
 from edl_filter.postflight.airdata import air_data
 from edl_filter.postflight.events import events, peak_deceleration
-from edl_filter.telemetry.record import ImuRecord, SensorErrors
+from edl_filter.telemetry.record import ImuRecord
 
 
-def found(reconstruction):
+def events_of(reconstruction):
     return events(reconstruction, air_data(reconstruction.trajectory, reconstruction.planet, reconstruction.atmosphere))
 
 
-def made(deceleration, interval):
+def record_and_trajectory(deceleration, interval):
     """A record and a trajectory over the same samples, the third one cut in two in the trajectory."""
     interval, deceleration = np.asarray(interval, float), np.asarray(deceleration, float)
     time, n = np.cumsum(interval), len(interval)
     force = np.zeros((n, 3))
     force[:, 0] = -deceleration
-    one, three = np.ones(n), np.zeros((n, 3))
+    ones, vectors = np.ones(n), np.zeros((n, 3))
     index = np.zeros(n, np.int64)
     record = ImuRecord(
         name="made",
         time=time,
         interval=interval,
         specific_force=force,
-        angular_rate=three,
-        position=three,
-        force_noise=one,
-        rate_noise=one,
-        shared_rate_noise=one,
-        net_turn=one > 2.0,
-        net_gain=one > 2.0,
+        angular_rate=vectors,
+        position=vectors,
+        force_noise=ones,
+        rate_noise=ones,
+        shared_rate_noise=ones,
+        net_turn=ones > 2.0,
+        net_gain=ones > 2.0,
         unit=index,
         units=("a",),
         source=index,
@@ -50,25 +51,27 @@ def made(deceleration, interval):
 
 
 def test_peak_is_the_mean_of_two_successive_samples():
-    trajectory, record = made([1.0, 5.0, 9.0, 8.0, 2.0, 1.0], [0.125] * 6)
+    trajectory, record = record_and_trajectory([1.0, 5.0, 9.0, 8.0, 2.0, 1.0], [0.125] * 6)
     peak = peak_deceleration(trajectory, record, 10.0)
     assert (peak.acceleration, peak.single) == (8.5, 9.0)
     assert peak.time == pytest.approx(0.375)
 
 
 def test_peak_ignores_gaps_and_what_comes_after_the_parachute():
-    trajectory, record = made([1.0, 2.0, 3.0, 99.0, 2.0, 50.0, 60.0], [0.1, 0.1, 0.1, 0.8, 0.1, 0.1, 0.1])
+    trajectory, record = record_and_trajectory(
+        [1.0, 2.0, 3.0, 99.0, 2.0, 50.0, 60.0], [0.1, 0.1, 0.1, 0.8, 0.1, 0.1, 0.1]
+    )
     peak = peak_deceleration(trajectory, record, 1.25)
     assert (peak.acceleration, peak.single) == (2.5, 3.0)
 
 
 def test_no_two_samples_no_peak():
-    trajectory, record = made([1.0, 2.0, 3.0, 4.0], [0.1] * 4)
+    trajectory, record = record_and_trajectory([1.0, 2.0, 3.0, 4.0], [0.1] * 4)
     assert peak_deceleration(trajectory, record, 0.15) is None
 
 
 def test_spirit(spirit):
-    e = found(spirit)
+    e = events_of(spirit)
     assert list(e)[:3] == ["entry_interface", "peak_deceleration", "parachute_deploy"]
     peak, chute = e["peak_deceleration"], e["parachute_deploy"]
     assert peak.acceleration_m_s2 == pytest.approx(57.2, abs=0.1)
@@ -83,14 +86,14 @@ def test_spirit(spirit):
 
 
 def test_opportunity(opportunity):
-    e = found(opportunity)
+    e = events_of(opportunity)
     assert e["peak_deceleration"].acceleration_m_s2 == pytest.approx(61.5, abs=0.1)
     assert e["parachute_deploy"].velocity_m_s == pytest.approx(432.0, abs=8.0)
     assert e["parachute_deploy"].height_above_site_m == pytest.approx(7.8e3, abs=500.0)
 
 
 def test_a_flight_without_a_clock_has_utc_alone(practice_06):
-    e = found(practice_06)
+    e = events_of(practice_06)
     assert {event.sclk for event in e.values()} == {None}
     assert e["entry_interface"].utc == "2004-01-04T04:19:52.000"
     times = [event.time_s for event in e.values()]

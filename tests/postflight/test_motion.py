@@ -5,23 +5,23 @@ import pytest
 
 from edl_filter.errors import InputError
 from edl_filter.postflight.moments import check_inertia, euler
-from edl_filter.postflight.rates import smoother
+from edl_filter.postflight.rates import batch_smoother
 
 INERTIA = np.array([[400.0, -3.0, 2.0], [-3.0, 303.0, 1.5], [2.0, 1.5, 299.0]])
 
 
 def test_batches_keep_their_length_in_time():
     slow, fast = np.arange(0, 20, 0.25), np.arange(20, 60, 0.125)
-    filters = smoother(np.concatenate((slow, fast)))
+    filters = batch_smoother(np.concatenate((slow, fast)))
     assert set(filters.points[:70]) == {5} and set(filters.points[90:]) == {7}
-    assert smoother(np.arange(0, 10, 0.005)).points[0] == 175
+    assert batch_smoother(np.arange(0, 10, 0.005)).points[0] == 175
     assert filters.bandwidth[7] == pytest.approx(1.28, abs=0.01)
     assert filters.acceleration_bandwidth[7] < filters.bandwidth[7]
 
 
 def test_quadratics_pass_unchanged():
     t = np.sort(np.concatenate((np.arange(0, 10, 0.25), np.arange(10, 20, 0.125))))
-    filters = smoother(t)
+    filters = batch_smoother(t)
     x = np.stack((1 + t - 0.1 * t**2, 3 * t, t**2), axis=1)
     np.testing.assert_allclose(filters.smooth(x), x, atol=1e-9)
     want = np.stack((1 - 0.2 * t, 3 + 0 * t, 2 * t), axis=1)
@@ -30,7 +30,7 @@ def test_quadratics_pass_unchanged():
 
 def test_gains_are_the_scatter_of_white_noise_ends_included():
     t, rng = np.arange(120) * 0.125, np.random.default_rng(3)
-    filters = smoother(t)
+    filters = batch_smoother(t)
     noise = rng.normal(size=(120, 4000))
     np.testing.assert_allclose(filters.smooth(noise).std(axis=1), filters.gain, rtol=0.06)
     np.testing.assert_allclose(filters.differentiate(noise).std(axis=1), filters.acceleration_gain, rtol=0.06)
@@ -38,7 +38,7 @@ def test_gains_are_the_scatter_of_white_noise_ends_included():
 
 def test_bandwidth_of_the_angular_acceleration():
     t = np.arange(0, 60, 0.125)
-    filters = smoother(t)
+    filters = batch_smoother(t)
     w = 2 * np.pi * filters.acceleration_bandwidth[7]
     got = filters.differentiate(np.sin(w * t)[:, None])[40:-40, 0] / w
     reference = np.cos(w * t)[40:-40]
@@ -49,7 +49,7 @@ def test_a_model_goes_the_same_way_as_the_sensor():
     """Means over the intervals of a true rate, differenced, against the true derivative sent the same way."""
     dt, w = 0.125, 2 * np.pi * 0.7
     t = np.arange(0, 40, dt)
-    filters = smoother(t)
+    filters = batch_smoother(t)
     mean_rate = (np.sin(w * t) * np.sinc(w * dt / 2 / np.pi))[:, None]
     got = filters.as_derived((w * np.cos(w * t))[:, None])[20:-20]
     want = filters.differentiate(mean_rate)[20:-20]
@@ -66,29 +66,29 @@ def test_a_free_symmetric_top_feels_no_moment():
     rate = np.stack((np.full_like(t, p), n * np.cos(wobble * t), n * np.sin(wobble * t)), axis=1)
     turn = wobble * np.stack((0 * t, -n * np.sin(wobble * t), n * np.cos(wobble * t)), axis=1)
     np.testing.assert_allclose(euler(rate, turn, inertia).moment, 0.0, atol=1e-12)
-    filters = smoother(t)
-    seen = euler(filters.smooth(rate), filters.differentiate(rate), inertia)
-    assert np.abs(seen.moment[10:-10]).max() < 1e-4 * 300 * n * wobble + 1e-6
+    filters = batch_smoother(t)
+    moments = euler(filters.smooth(rate), filters.differentiate(rate), inertia)
+    assert np.abs(moments.moment[10:-10]).max() < 1e-4 * 300 * n * wobble + 1e-6
 
 
 def test_the_slow_twin_and_the_parts_of_the_rolling_moment():
     rng = np.random.default_rng(1)
     rate, turn = rng.normal(size=(2, 20, 3))
-    found = euler(rate, turn, INERTIA)
+    moments = euler(rate, turn, INERTIA)
     for k in range(20):
         want = INERTIA @ turn[k] + np.cross(rate[k], INERTIA @ rate[k])
-        np.testing.assert_allclose(found.moment[k], want)
-    np.testing.assert_allclose(sum(found.rolling.values()), found.moment[:, 0], rtol=1e-10)
-    np.testing.assert_allclose(found.inertia_coupling, found.moment[:, 0] - 400 * turn[:, 0])
+        np.testing.assert_allclose(moments.moment[k], want)
+    np.testing.assert_allclose(sum(moments.rolling.values()), moments.moment[:, 0], rtol=1e-10)
+    np.testing.assert_allclose(moments.inertia_coupling, moments.moment[:, 0] - 400 * turn[:, 0])
 
 
 def test_bands_of_moments():
     rng = np.random.default_rng(2)
     rate, turn = rng.normal(size=(2, 1, 3))
-    found = euler(rate, turn, INERTIA, 0.01, 0.003, 0.05)
+    moments = euler(rate, turn, INERTIA, 0.01, 0.003, 0.05)
     many = euler(rate + 0.01 * rng.normal(size=(20000, 3)), turn + 0.003 * rng.normal(size=(20000, 3)), INERTIA)
-    np.testing.assert_allclose(many.moment.std(axis=0), found.sigma[0], rtol=0.03)
-    np.testing.assert_allclose(found.systematic, 0.05 * np.abs(found.moment))
+    np.testing.assert_allclose(many.moment.std(axis=0), moments.sigma[0], rtol=0.03)
+    np.testing.assert_allclose(moments.systematic, 0.05 * np.abs(moments.moment))
 
 
 @pytest.mark.parametrize(
@@ -106,23 +106,23 @@ def test_no_such_body(inertia, says):
 
 def test_too_few_samples():
     with pytest.raises(InputError, match="more than 5 samples"):
-        smoother(np.arange(4.0))
+        batch_smoother(np.arange(4.0))
 
 
 def test_one_noisy_sample_is_noisy_for_all_that_its_batch_reaches():
     """Against draws: sigmas of all neighbours are right to a factor of 1.8, and beyond the reach they stay small."""
     rng = np.random.default_rng(4)
     n, bad = 121, 60
-    filters = smoother(0.125 * np.arange(float(n)))
+    filters = batch_smoother(0.125 * np.arange(float(n)))
     sample = np.full(n, 1e-3)
     sample[bad] = 0.1
     draws = rng.standard_normal((n, 3000)) * sample[:, None]
-    for seen, said in (
+    for scatter, stated in (
         (filters.smooth(draws).std(axis=1), filters.smoothed_sigma(sample)),
         (filters.differentiate(draws).std(axis=1), filters.acceleration_sigma(sample)),
     ):
         far = np.abs(np.arange(n) - bad) > 8
-        np.testing.assert_allclose(said[far][10:-10], seen[far][10:-10], rtol=0.1)
+        np.testing.assert_allclose(stated[far][10:-10], scatter[far][10:-10], rtol=0.1)
         near = np.abs(np.arange(n) - bad) <= 3
-        assert np.all(said[near] > 5.0 * np.median(said))
-        assert np.sqrt(np.mean(said[near] ** 2)) == pytest.approx(np.sqrt(np.mean(seen[near] ** 2)), rel=0.5)
+        assert np.all(stated[near] > 5.0 * np.median(stated))
+        assert np.sqrt(np.mean(stated[near] ** 2)) == pytest.approx(np.sqrt(np.mean(scatter[near] ** 2)), rel=0.5)

@@ -1,4 +1,4 @@
-"""Stiffness and damping by window: closed forms, honest sigmas, the practice flights' own damping, the rovers'."""
+"""Stiffness and damping by window: closed forms, sigmas, the damping of the practice flights and of the rovers."""
 
 import json
 
@@ -6,16 +6,17 @@ import numpy as np
 import pytest
 
 from edl_filter.mission import Mission
-from edl_filter.modelling import damping_of
+from edl_filter.pipeline.forward_model import damping_of
+from edl_filter.pipeline.reconstruct import reconstruct
 from edl_filter.postflight.oscillation import oscillation
-from edl_filter.reconstruction import reconstruct
+from edl_filter.results import Result
 
 D, INERTIA, SPEED = 2.65, 300.0, 1500.0
 STIFF, DAMPING = -0.09, 0.4
 
 
 def swing(noise=None, slow=1e-3, frequency=0.5, end=24.0, dt=0.125, size=0.04):
-    """Two planes that swing out of step, moments of known slope and damping, and slow body-fixed moments."""
+    """Two planes that oscillate with a phase shift, moments of known slope and damping, and slow body-fixed moments."""
     t = np.arange(0.0, end, dt)
     w = 2.0 * np.pi * frequency
     angles = size * np.column_stack((np.sin(w * t), 0.6 * np.cos(w * t + 0.4)))
@@ -26,22 +27,22 @@ def swing(noise=None, slow=1e-3, frequency=0.5, end=24.0, dt=0.125, size=0.04):
     if noise is not None:
         moments = moments + noise
     flat = np.ones(len(t))
-    load = (w**2 / -STIFF) * INERTIA / (np.pi / 4.0 * D**3)  # so that the motion is the moments' own
+    load = (w**2 / -STIFF) * INERTIA / (np.pi / 4.0 * D**3)  # so that the motion is consistent with the moments
     return oscillation(t, angles, rates, moments, SPEED * flat, load * flat, D, INERTIA)
 
 
 def test_known_slope_and_damping_come_back_whatever_slow_torque_is_there():
     for slow in (0.0, 1e-3, 1e-2):
-        found = swing(slow=slow)
-        np.testing.assert_allclose(found.stiffness, STIFF, rtol=1e-6)
-        np.testing.assert_allclose(found.damping, DAMPING, rtol=1e-6)
-    assert len(found.time) == 4 and found.time[0] == 4.0
+        rows = swing(slow=slow)
+        np.testing.assert_allclose(rows.stiffness, STIFF, rtol=1e-6)
+        np.testing.assert_allclose(rows.damping, DAMPING, rtol=1e-6)
+    assert len(rows.time) == 4 and rows.time[0] == 4.0
 
 
 def test_growth_is_that_of_the_equation_of_motion():
-    """An oscillator with that damping, integrated: its amplitude grows as `growth` says."""
-    found = swing()
-    w, growth = np.pi, found.growth[0]
+    """The amplitude of an oscillator with that damping grows at the rate `growth`."""
+    rows = swing()
+    w, growth = np.pi, rows.growth[0]
     # theta'' = 2 growth theta' - w^2 theta, over ten periods
     decay = np.array([[0.0, 1.0], [-(w**2), 2.0 * growth]])
     values, vectors = np.linalg.eig(decay)
@@ -59,8 +60,8 @@ def test_sigmas_are_those_of_the_scatter_though_noise_is_correlated():
         noise = np.zeros_like(white)
         for k in range(1, len(white)):
             noise[k] = 0.7 * noise[k - 1] + white[k]
-        found = swing(noise=1e-4 * noise[50:])
-        scaled.append((found.damping - DAMPING) / found.damping_sigma)
+        rows = swing(noise=1e-4 * noise[50:])
+        scaled.append((rows.damping - DAMPING) / rows.damping_sigma)
     assert 0.9 < np.std(scaled) < 1.2
     assert abs(np.mean(scaled)) < 0.15
 
@@ -73,13 +74,13 @@ def test_too_few_swings_or_samples_are_not_judged():
 
 
 def _against_truth(reconstruction, added=0.0):
-    """Damping found, its sigma, and the world's own where Mach is between 2.1 and 5, but for windows over a step."""
-    tree = reconstruction.to_xarray()
-    found, path = tree["postflight/oscillation"].dataset, tree["trajectory"].dataset
-    mach = np.interp(found["time"], path["time"], path["mach"])
+    """Error of the damping and its sigma, where Mach is between 2.1 and 5, without windows over a step."""
+    tree = Result(reconstruction).to_xarray()
+    rows, path = tree["postflight/oscillation"].dataset, tree["trajectory"].dataset
+    mach = np.interp(rows["time"], path["time"], path["mach"])
     truth = damping_of(reconstruction.mission).at(mach) + np.where(mach < 3.5, added, 0.0)
     part = (mach > 2.1) & (mach < 5.0) & (np.abs(mach - 3.5) > (0.35 if added else 0.0))
-    value, sigma = found["damping"].values[part], found["damping_sigma"].values[part]
+    value, sigma = rows["damping"].values[part], rows["damping_sigma"].values[part]
     assert len(value) >= 8
     return value - truth[part], sigma
 
@@ -102,12 +103,12 @@ def test_a_hidden_damping_is_measured(practice):
 def test_the_rovers_oscillations_are_fed_when_the_thesis_sees_the_blanket(spirit, opportunity):
     """Tolson (AAS 06-087): from Mach 6 on Spirit, right after peak pressure on Opportunity."""
     for flight, fed, quiet in ((spirit, (183.0, 191.0), (208.0, 240.0)), (opportunity, (131.0, 143.0), (160.0, 200.0))):
-        found = flight.to_xarray()["postflight/oscillation"].dataset
+        rows = Result(flight).to_xarray()["postflight/oscillation"].dataset
 
-        def part(span, found=found):
-            time = found["time"].values
+        def part(span, rows=rows):
+            time = rows["time"].values
             inside = (time > span[0]) & (time < span[1])
-            return found["growth"].values[inside], found["growth_sigma"].values[inside]
+            return rows["growth"].values[inside], rows["growth_sigma"].values[inside]
 
         growth, sigma = part(fed)
         assert len(growth) >= 2 and np.all(growth > 2.0 * sigma) and growth.mean() > 0.05

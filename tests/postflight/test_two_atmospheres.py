@@ -1,4 +1,4 @@
-"""What the choice of the atmosphere changes."""
+"""Effect of the choice of the atmosphere."""
 
 from types import SimpleNamespace
 
@@ -16,24 +16,24 @@ def side(scale):
     values = dict.fromkeys(("CA", "CN", "CY", "Cl", "Cm", "Cn"), scale * (1.0 + TIME))
     database = SimpleNamespace(value=values, three_sigma={name: np.full(5, 0.5) for name in values})
     atmosphere = SimpleNamespace(mach=scale * np.full(5, 10.0), knudsen=np.full(5, 1e-3) / scale)
-    return atmosphere, database, SimpleNamespace(value=values)
+    return SimpleNamespace(atmosphere=atmosphere, database=database, coefficients=SimpleNamespace(value=values))
 
 
 def test_percent_of_the_preflight_value_and_of_three_sigma():
-    found = atmosphere_differences(*zip(side(1.1), side(1.0), strict=True))
-    np.testing.assert_allclose(found.atmosphere["mach"], 10.0)
-    np.testing.assert_allclose(found.atmosphere["knudsen"], 100.0 * (1.0 / 1.1 - 1.0))
-    np.testing.assert_allclose(found.flight["Cl"], 20.0 * (1.0 + TIME))
-    assert list(found.database) == ["CA", "CN", "CY", "Cm", "Cn"]
-    assert list(found.flight) == ["CA", "CN", "CY", "Cl", "Cm", "Cn"]
+    differences = atmosphere_differences(side(1.1), side(1.0))
+    np.testing.assert_allclose(differences.atmosphere["mach"], 10.0)
+    np.testing.assert_allclose(differences.atmosphere["knudsen"], 100.0 * (1.0 / 1.1 - 1.0))
+    np.testing.assert_allclose(differences.flight["Cl"], 20.0 * (1.0 + TIME))
+    assert list(differences.database) == ["CA", "CN", "CY", "Cm", "Cn"]
+    assert list(differences.flight) == ["CA", "CN", "CY", "Cl", "Cm", "Cn"]
 
 
 def test_averages_keep_the_sign_of_the_largest_and_say_when_there_is_nothing():
-    found = atmosphere_differences(*zip(side(0.9), side(1.0), strict=True))
-    found.flight["CN"][2] = np.nan  # each name has an array of its own
+    differences = atmosphere_differences(side(0.9), side(1.0))
+    differences.flight["CN"][2] = np.nan  # the arrays are independent
     rows = {
         (r.window, r.of, r.quantity): r
-        for r in changes(TIME, found, (Window("all", 0.0, 4.0), Window("none", 9.0, 10.0)))
+        for r in changes(TIME, differences, (Window("all", 0.0, 4.0), Window("none", 9.0, 10.0)))
     }
     row = rows["all", "flight", "CN"]
     assert (row.largest, row.samples) == (pytest.approx(-100.0), 4)

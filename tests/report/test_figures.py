@@ -8,10 +8,10 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from edl_filter.report import attitude, constraints, motion, track, trajectory, view
-from edl_filter.report.envelope import envelope
+from edl_filter.report.decimate import envelope
 from edl_filter.report.figures import FIGURES, available, draw_all
-from edl_filter.report.labels import place
-from edl_filter.report.landing import about, landing
+from edl_filter.report.label_layout import place
+from edl_filter.report.landing_ellipse import about, landing
 
 EVENTS = {"parachute_deploy": 60.0, "heat_shield_separation": 66.0, "bridle_cut": 88.0, "landing": 90.0}
 RADIUS, RATE = 3.39e6, 7e-5

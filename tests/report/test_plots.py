@@ -1,4 +1,4 @@
-"""The accessors ``reconstruction.plot`` and ``diagnosis.plot``: axes with labels, shown by pyplot."""
+"""The accessors ``result.plot`` and ``diagnosis.plot``: axes with labels, shown by pyplot."""
 
 import matplotlib as mpl
 import pytest
@@ -6,6 +6,7 @@ from matplotlib import pyplot as plt
 from matplotlib.axes import Axes
 
 from edl_filter import InputError, diagnose
+from edl_filter.results import Result
 
 mpl.use("agg")
 
@@ -18,26 +19,31 @@ def _closed():
 
 
 @pytest.fixture(scope="module")
-def found(practice_06):
-    return diagnose(practice_06, [])
+def flight(practice_06):
+    return Result(practice_06)
 
 
-def test_panels_give_axes_with_units_on_a_figure_that_is_shown(practice_06):
+@pytest.fixture(scope="module")
+def found(flight):
+    return diagnose(flight, [])
+
+
+def test_panels_give_axes_with_units_on_a_figure_that_is_shown(flight):
     for name in ("altitude", "velocity", "deceleration", "angle_of_attack"):
-        ax = getattr(practice_06.plot, name)()
+        ax = getattr(flight.plot, name)()
         assert isinstance(ax, Axes) and "(" in ax.get_ylabel() and "(s)" in ax.get_xlabel(), name
         assert plt.gcf() is ax.figure
 
 
-def test_figures_give_arrays_of_axes(practice_06):
+def test_figures_give_arrays_of_axes(flight):
     for draw, count in (("trajectory", 3), ("atmosphere", 4), ("angles", 4)):
-        assert getattr(practice_06.plot, draw)().shape == (count,)
-    assert practice_06.plot.coefficients("moments").shape == (4,)
+        assert getattr(flight.plot, draw)().shape == (count,)
+    assert flight.plot.coefficients("moments").shape == (4,)
 
 
-def test_a_panel_draws_on_axes_that_are_given(practice_06, found):
+def test_a_panel_draws_on_axes_that_are_given(flight, found):
     _, (left, right) = plt.subplots(1, 2)
-    assert practice_06.plot.altitude(left) is left and found.plot.residual("moment_y", right) is right
+    assert flight.plot.altitude(left) is left and found.plot.residual("moment_y", right) is right
     assert len(plt.get_fignums()) == 1 and left.lines and right.lines
 
 
@@ -61,6 +67,6 @@ def test_the_fall_needs_an_earlier_diagnosis(found):
         (lambda r, d: d.plot.missing(), "found the verdict 'clean'"),
     ],
 )
-def test_what_is_not_there_is_told(practice_06, found, call, message):
+def test_what_is_not_there_is_told(flight, found, call, message):
     with pytest.raises(InputError, match=message):
-        call(practice_06, found)
+        call(flight, found)

@@ -1,4 +1,4 @@
-"""Results: what is in them, that they come back, and that a failure leaves nothing."""
+"""Results: their contents, that reading returns what was written, and that a failure leaves no file."""
 
 import io
 import json
@@ -14,19 +14,19 @@ import edl_filter
 from edl_filter import results
 from edl_filter.errors import InputError
 from edl_filter.report import terminal
-from edl_filter.results import netcdf, outputs
-from edl_filter.results.content import content
+from edl_filter.results import Result, files, netcdf, plain
 from edl_filter.results.summary import constraint
+from edl_filter.workflow.outputs import write_outputs
 
 
 @pytest.fixture(scope="module")
 def tree(practice_06):
-    return results.to_datatree(practice_06)
+    return Result(practice_06).to_xarray()
 
 
 @pytest.fixture(scope="module")
 def written(practice_06, tmp_path_factory):
-    return results.write_outputs(practice_06, tmp_path_factory.mktemp("run"), figures=False)
+    return write_outputs(Result(practice_06), tmp_path_factory.mktemp("run"), figures=False)
 
 
 def same(a, b, attributes=True):
@@ -91,8 +91,8 @@ def test_the_file_comes_back_whole(written, tree):
 
 
 def test_other_libraries_read_it_alike(written, tree):
-    with xr.open_datatree(written["result"], engine="h5netcdf", decode_timedelta=False) as other:
-        same(other.load(), tree)
+    with xr.open_datatree(written["result"], engine="h5netcdf", decode_timedelta=False) as opened:
+        same(opened.load(), tree)
     with h5py.File(written["result"]) as file:
         assert file["trajectory/position"].dims[0].keys() == ["time"]
         assert file["trajectory/utc"].dtype == np.int64
@@ -110,7 +110,7 @@ def test_nothing_is_left_of_a_failure(practice_06, tmp_path, monkeypatch):
 
     monkeypatch.setattr("edl_filter.results.hdf5._write_group", broken)
     with pytest.raises(RuntimeError, match="disk"):
-        results.write(content(practice_06), tmp_path / "result.nc")
+        results.write(Result(practice_06).groups, tmp_path / "result.nc")
     assert list(tmp_path.iterdir()) == []
 
 
@@ -118,7 +118,7 @@ def test_a_failure_keeps_the_old_file(tmp_path):
     path = tmp_path / "summary.json"
     path.write_text("old")
     with pytest.raises(TypeError):
-        outputs.write_json({"a": object()}, path)
+        files.write_json({"a": object()}, path)
     assert path.read_text() == "old"
     assert list(tmp_path.iterdir()) == [path]
 
@@ -126,7 +126,7 @@ def test_a_failure_keeps_the_old_file(tmp_path):
 def test_a_folder_that_cannot_be_made(practice_06, tmp_path):
     (tmp_path / "file").write_text("")
     with pytest.raises(InputError, match="cannot be written"):
-        results.write(content(practice_06), tmp_path / "file" / "result.nc")
+        results.write(Result(practice_06).groups, tmp_path / "file" / "result.nc")
 
 
 def test_what_is_no_result(tmp_path, builtin_flight, written):
@@ -144,40 +144,40 @@ def test_what_is_no_result(tmp_path, builtin_flight, written):
     with pytest.raises(InputError, match="version 99"):
         results.read(old)
     with h5py.File(old, "a") as file:
-        file.attrs["format_version"] = 1
+        file.attrs["format_version"] = netcdf.FORMAT_VERSION
         del file["trajectory"]
     with pytest.raises(InputError, match=r"old\.nc: the group /trajectory is missing"):
         results.read(old)
 
 
 def test_summary(written, practice_06):
-    told = json.loads(written["summary"].read_text(), parse_constant=lambda c: pytest.fail(f"{c} in JSON"))
-    assert set(told["events"]) >= {"parachute_deploy", "peak_deceleration", "landing", "entry_interface"}
+    summary = json.loads(written["summary"].read_text(), parse_constant=lambda c: pytest.fail(f"{c} in JSON"))
+    assert set(summary["events"]) >= {"parachute_deploy", "peak_deceleration", "landing", "entry_interface"}
     assert {"time_s", "altitude_m", "velocity_m_s", "mach", "dynamic_pressure_pa"} <= set(
-        told["events"]["parachute_deploy"]
+        summary["events"]["parachute_deploy"]
     )
-    landing = told["landing"]
+    landing = summary["landing"]
     assert landing["miss_m"] < 3.0 * landing["sigma_m"]
     assert landing["left_out"]["miss_m"] < 3.0 * landing["left_out"]["sigma_m"]
-    for statement in practice_06.statements:
-        c = told["constraints"][statement.name]
+    for statement in practice_06.constraint_checks:
+        c = summary["constraints"][statement.name]
         assert c["nis"] == pytest.approx(float(statement.nis.sum()))
         assert len(c["innovation"]) == len(c["components"])
-    assert all(0.0 <= r["overall"] < 5.0 for r in told["residuals"].values())
-    assert {"telemetry", "filter", "smoother", "write"} <= set(told["timing_s"])
+    assert all(0.0 <= r["overall"] < 5.0 for r in summary["residuals"].values())
+    assert {"telemetry", "filter", "smoother", "write"} <= set(summary["timing_s"])
 
 
 def test_landing_and_events_are_told_over_the_ground(written, practice_06):
-    told = written["content"]
-    for place in (told["landing"], told["landing"]["left_out"]):
+    content = written["content"]
+    for place in (content["landing"], content["landing"]["left_out"]):
         assert place["miss_m"] == pytest.approx(np.hypot(place["miss_east_m"], place["miss_north_m"]))
         assert place["sigma_m"] == pytest.approx(np.hypot(place["sigma_east_m"], place["sigma_north_m"]))
         assert place["sigma_up_m"] > 0.0
-    statement = next(s for s in practice_06.statements if s.name == "landing")
-    out = told["landing"]["left_out"]
+    statement = next(s for s in practice_06.constraint_checks if s.name == "landing")
+    out = content["landing"]["left_out"]
     length = np.linalg.norm([out[f"miss_{a}_m"] for a in ("east", "north", "up")])
     assert length == pytest.approx(np.linalg.norm(statement.left_out))
-    landed, deployed = told["events"]["landing"], told["events"]["parachute_deploy"]
+    landed, deployed = content["events"]["landing"], content["events"]["parachute_deploy"]
     assert np.hypot(landed["east_m"], landed["north_m"]) < 200.0
     assert deployed["up_m"] == pytest.approx(deployed["height_above_site_m"], abs=10.0)
     speed = np.linalg.norm([deployed[f"velocity_{a}_m_s"] for a in ("east", "north", "up")])
@@ -185,29 +185,29 @@ def test_landing_and_events_are_told_over_the_ground(written, practice_06):
 
 
 def test_what_compares_nothing_has_no_verdict(practice_06):
-    found = constraint(replace(practice_06.statements[0], dof=0))
-    assert found["nis_interval_99_9"] is None and found["consistent"] is None
-    assert (found["accepted"], found["accepted_uses"], found["uses"]) == (True, 1, 1)
-    assert terminal._verdict(found) == "–"
+    row = constraint(replace(practice_06.constraint_checks[0], dof=0))
+    assert row["nis_interval_99_9"] is None and row["consistent"] is None
+    assert (row["accepted"], row["accepted_uses"], row["uses"]) == (True, 1, 1)
+    assert terminal._verdict(row) == "–"
     console = Console(width=120, record=True, file=io.StringIO())
-    console.print(terminal.constraints_table({"entry_state": found}))
+    console.print(terminal.constraints_table({"entry_state": row}))
     assert "nan" not in console.export_text()
 
 
 def test_a_rejected_landing_is_a_loud_warning(practice_06):
-    told = {s.name: constraint(s) for s in practice_06.statements}
-    assert terminal.warnings(told) == []
-    told["landing"] |= {"accepted": False, "accepted_uses": 0}
-    told["altimeter"] |= {"accepted": False, "accepted_uses": 251}  # 10 of 261
-    (warning,) = terminal.warnings(told)
+    rows = {s.name: constraint(s) for s in practice_06.constraint_checks}
+    assert terminal.warnings(rows) == []
+    rows["landing"] |= {"accepted": False, "accepted_uses": 0}
+    rows["altimeter"] |= {"accepted": False, "accepted_uses": 251}  # 10 of 261
+    (warning,) = terminal.warnings(rows)
     assert "landing" in warning and "wrong units, wrong axes or a wrong calibration" in warning
-    told["altimeter"]["accepted_uses"] = 240
-    assert len(terminal.warnings(told)) == 2
+    rows["altimeter"]["accepted_uses"] = 240
+    assert len(terminal.warnings(rows)) == 2
 
 
 def test_latitude_has_its_hemisphere():
-    told = {"lat_deg": -14.569, "lon_deg": 175.47, "miss_m": 5.0, "sigma_m": 40.0}
-    assert terminal.landing_sentence(told).startswith("Landing: 14.5690 S 175.4700 E, 5 ± 40 m from the site.")
+    content = {"lat_deg": -14.569, "lon_deg": 175.47, "miss_m": 5.0, "sigma_m": 40.0}
+    assert terminal.landing_sentence(content).startswith("Landing: 14.5690 S 175.4700 E, 5 ± 40 m from the site.")
 
 
 def test_old_figures_do_not_stay_beside_a_new_result(practice_06, tmp_path):
@@ -215,10 +215,10 @@ def test_old_figures_do_not_stay_beside_a_new_result(practice_06, tmp_path):
     figures.mkdir()
     for name in ("leave_one_out.png", "mine.png"):
         (figures / name).touch()
-    results.write_outputs(practice_06, tmp_path, figures=False)
+    write_outputs(Result(practice_06), tmp_path, figures=False)
     assert {p.name for p in figures.iterdir()} == {"mine.png"}
     (figures / "mine.png").rename(figures / "leave_one_out.png")
-    results.write_outputs(practice_06, tmp_path, figures=False)
+    write_outputs(Result(practice_06), tmp_path, figures=False)
     assert {p.name for p in tmp_path.iterdir()} == {"result.nc", "summary.json", "report.html", "tables"}
 
 
@@ -233,13 +233,13 @@ def test_a_failed_drawing_leaves_the_earlier_run(practice_06, tmp_path, monkeypa
 
     monkeypatch.setattr("edl_filter.report.figures.draw_all", broken)
     with pytest.raises(RuntimeError, match="no font"):
-        results.write_outputs(practice_06, tmp_path, figures=True)
+        write_outputs(Result(practice_06), tmp_path, figures=True)
     assert {p for p in tmp_path.rglob("*") if p.is_file()} == set(old)
     assert {p.read_text() for p in old} == {"old"}
 
 
 def test_what_is_not_finite_becomes_null():
-    found = outputs.finite(
+    plain_data = plain.finite(
         {
             "a": [np.inf, 1.0, float("nan")],
             "b": np.array([1.0, -np.inf]),
@@ -249,11 +249,11 @@ def test_what_is_not_finite_becomes_null():
             "f": np.int64(3),
         }
     )
-    assert found == {"a": [None, 1.0, None], "b": [1.0, None], "c": None, "d": True, "e": 2.0, "f": 3}
+    assert plain_data == {"a": [None, 1.0, None], "b": [1.0, None], "c": None, "d": True, "e": 2.0, "f": 3}
 
 
 def test_spirit(spirit, tmp_path):
-    written = results.write_outputs(spirit, tmp_path, figures=False)
+    written = write_outputs(Result(spirit), tmp_path, figures=False)
     tree = results.read(tmp_path)
     assert sorted(spirit.telemetry.files) == [
         f"DATA/2{name}" for name in ("HIGHRATE.LBL", "HIGHRATE.TAB", "TRANSFORMED.LBL", "TRANSFORMED.TAB")
@@ -266,7 +266,7 @@ def test_spirit(spirit, tmp_path):
     assert np.linalg.norm(entry["rotation_j2000_deg"]) == pytest.approx(entry["rotation_deg"])
     out = written["content"]["landing"]["left_out"]
     assert out["miss_m"] < 3.0 * out["sigma_m"]
-    same(tree, netcdf.tree_of(content(spirit)))
+    same(tree, netcdf.tree_of(Result(spirit).groups))
     fit = spirit.comparison["rover"].all
     assert tree["comparison/rover/slope"].sel(window="all").values == pytest.approx(fit.slope)
     assert written["content"]["imu_comparison"]["rover"]["all"]["samples"] == fit.samples
@@ -275,9 +275,9 @@ def test_spirit(spirit, tmp_path):
 
 
 def test_public_names_do_not_depend_on_the_order_of_imports():
-    import edl_filter.reconstruction
+    import edl_filter.results.result
 
-    assert edl_filter.reconstruct is edl_filter.reconstruction.reconstruct
+    assert edl_filter.reconstruct is edl_filter.results.result.reconstruct
     assert edl_filter.InputError is InputError
     assert set(edl_filter.__all__) <= set(dir(edl_filter))
     with pytest.raises(AttributeError, match="no attribute 'nothing'"):

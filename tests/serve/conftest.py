@@ -1,4 +1,4 @@
-"""A folder with missions and a result, as the workbench finds them."""
+"""A served folder with a mission and a result, and a client of its server."""
 
 import json
 import shutil
@@ -8,12 +8,13 @@ import pytest
 from starlette.testclient import TestClient
 
 from edl_filter.mission import Mission, shipped_mission
-from edl_filter.reconstruction import reconstruct
-from edl_filter.results import write_outputs
+from edl_filter.pipeline.reconstruct import reconstruct
+from edl_filter.results import Result
 from edl_filter.results.groups import Group
 from edl_filter.results.hdf5 import write_groups
 from edl_filter.serve.app import make_app
 from edl_filter.serve.jobs import Worker
+from edl_filter.workflow.outputs import write_outputs
 
 PORT = 8765
 ORIGIN = f"http://127.0.0.1:{PORT}"
@@ -29,12 +30,12 @@ DIAGNOSIS = {
 
 
 @pytest.fixture(scope="session")
-def made(tmp_path_factory):
-    """A served folder with one mission, its result and a diagnosis that was made up; copied, not changed."""
+def served_folder(tmp_path_factory):
+    """A folder with one mission, its result and an invented diagnosis; tests must not change it."""
     root = tmp_path_factory.mktemp("served")
     (root / "flight.yaml").write_text(shipped_mission("practice_mer").read_text())
     result = root / "results" / "flight"
-    write_outputs(reconstruct(Mission.load(root / "flight.yaml")), result, figures=False)
+    write_outputs(Result(reconstruct(Mission.load(root / "flight.yaml"))), result, figures=False)
     (result / "diagnosis.json").write_text(json.dumps(DIAGNOSIS))
     group = Group()
     group.add("time", ("time",), np.arange(4.0), "s", "time")
@@ -48,22 +49,22 @@ def made(tmp_path_factory):
 
 
 @pytest.fixture
-def root(made, tmp_path):
-    """A copy of it; the result's mission stays the one of the copy's source, which has the same text."""
+def root(served_folder, tmp_path):
+    """A copy of `served_folder`, whose result names the mission file of the original."""
     copied = (tmp_path / "served").resolve()
-    shutil.copytree(made, copied)
+    shutil.copytree(served_folder, copied)
     return copied
 
 
 @pytest.fixture
 def worker(root):
-    """What does the jobs in it."""
-    made_worker = Worker(root)
-    yield made_worker
-    made_worker.cancel()
+    """Worker that runs jobs in the copy."""
+    folder_worker = Worker(root)
+    yield folder_worker
+    folder_worker.cancel()
 
 
 @pytest.fixture
 def client(root, worker):
-    """The page: same host, same origin."""
+    """Client with the host and origin of the page."""
     return TestClient(make_app(root, PORT, worker), base_url=ORIGIN, headers={"Origin": ORIGIN})

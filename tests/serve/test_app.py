@@ -1,4 +1,4 @@
-"""Routes: listing, a result, residuals, and work that is begun, fails and is cancelled."""
+"""Routes: library, results, residuals, and jobs that succeed, fail or are cancelled."""
 
 import json
 import time
@@ -6,7 +6,7 @@ import time
 import pytest
 
 
-def wait(client):
+def wait_for_job(client):
     for _ in range(600):
         job = client.get("/api/job").json()["job"]
         if job["state"] != "running":
@@ -18,61 +18,61 @@ def wait(client):
 def test_the_page_and_its_parts(client):
     page = client.get("/")
     assert page.headers["content-type"].startswith("text/html")
-    assert "http" not in page.text.replace("http-equiv", "")  # nothing from elsewhere
+    assert "http" not in page.text.replace("http-equiv", "")  # no external resources
     for part in ("workbench.css", "workbench.js", "plotly.js"):
         assert part in page.text
         assert client.get(f"/{part}").status_code == 200
 
 
 def test_library(client, root):
-    told = client.get("/api/library").json()
-    assert told["root"] == str(root)
-    mine = told["missions"][0]
-    assert (mine["name"], mine["commands"][1]) == ("flight.yaml", "edl-filter diagnose results/flight-2")
-    assert told["results"] == [
+    library = client.get("/api/library").json()
+    assert library["root"] == str(root)
+    mission = library["missions"][0]
+    assert (mission["name"], mission["commands"][1]) == ("flight.yaml", "edl-filter diagnose results/flight-2")
+    assert library["results"] == [
         {"path": "results/flight", "title": "Practice flight, MER-like vehicle", "effects": [], "verdict": "missing"}
     ]
 
 
 def test_result_with_commands(client):
-    told = client.get("/api/result", params={"path": "results/flight"}).json()
-    assert told["diagnosis"]["verdict"] == "missing"
-    assert [s["path"] for s in told["steps"]] == ["results/flight"]
-    assert told["diagnosing"] == ["edl-filter diagnose results/flight"]
-    assert told["adding"]["wind"][0].startswith("edl-filter add ")
-    assert " com_offset --from " in told["adding"]["com_offset"][0]
-    assert told["comparing"] == []
+    result = client.get("/api/result", params={"path": "results/flight"}).json()
+    assert result["diagnosis"]["verdict"] == "missing"
+    assert [s["path"] for s in result["steps"]] == ["results/flight"]
+    assert result["diagnosing"] == ["edl-filter diagnose results/flight"]
+    assert result["adding"]["wind"][0].startswith("edl-filter add ")
+    assert " com_offset --from " in result["adding"]["com_offset"][0]
+    assert result["comparing"] == []
 
 
 def test_result_without_diagnosis(client, root):
     (root / "results/flight/diagnosis.json").unlink()
-    told = client.get("/api/result", params={"path": "results/flight"}).json()
-    assert (told["diagnosis"], told["adding"]) == (None, {})
+    result = client.get("/api/result", params={"path": "results/flight"}).json()
+    assert (result["diagnosis"], result["adding"]) == (None, {})
 
 
 def test_residual(client):
-    told = client.get("/api/residual", params={"path": "results/flight", "channel": "force_y"}).json()
-    assert told["residual"] == [5.0, 6.0, 7.0, 8.0]
+    residual = client.get("/api/residual", params={"path": "results/flight", "channel": "force_y"}).json()
+    assert residual["residual"] == [5.0, 6.0, 7.0, 8.0]
 
 
 @pytest.mark.parametrize("path", ["..", "../served/results/flight", "/etc", "out"])
-def test_paths_that_lead_out(client, root, tmp_path, path):
-    (tmp_path / "elsewhere").mkdir()
-    (root / "out").symlink_to(tmp_path / "elsewhere")
-    asked = [
+def test_paths_out_of_the_folder_are_refused(client, root, tmp_path, path):
+    (tmp_path / "outside").mkdir()
+    (root / "out").symlink_to(tmp_path / "outside")
+    responses = [
         client.get("/api/result", params={"path": path}),
         client.get("/api/residual", params={"path": path, "channel": "force_x"}),
         client.post("/api/run", json={"mission": f"{path}/flight.yaml"}),
         client.post("/api/diagnose", json={"result": path}),
         client.post("/api/add", json={"result": path, "effect": "wind"}),
     ]
-    for answer in asked:
-        assert (answer.status_code, answer.json()["error"].startswith("Refused: ")) == (403, True), answer.text
+    for response in responses:
+        assert (response.status_code, response.json()["error"].startswith("Refused: ")) == (403, True), response.text
     assert client.get("/api/job").json() == {"job": None}
 
 
 @pytest.mark.parametrize(
-    ("sent", "said"),
+    ("body", "message"),
     [
         (b"[]", "The request holds no JSON object."),
         (b"{", "The request holds no JSON object."),
@@ -81,46 +81,46 @@ def test_paths_that_lead_out(client, root, tmp_path, path):
         (b'{"mission": "none.yaml"}', "none.yaml: found no such mission in the served folder."),
     ],
 )
-def test_requests_that_say_nothing_useful(client, sent, said):
-    answer = client.post("/api/run", content=sent, headers={"Content-Type": "application/json"})
-    assert (answer.status_code, answer.json()) == (400, {"error": said})
+def test_incomplete_requests_are_refused(client, body, message):
+    response = client.post("/api/run", content=body, headers={"Content-Type": "application/json"})
+    assert (response.status_code, response.json()) == (400, {"error": message})
 
 
-def test_too_long_a_request(client):
+def test_a_long_request_is_refused(client):
     assert client.post("/api/run", json={"mission": "x" * 20_000}).status_code == 413
 
 
-def test_a_job_that_fails_says_why(client, root):
+def test_a_failed_job_has_an_error_message(client, root):
     text = (root / "flight.yaml").read_text()
     (root / "flight.yaml").write_text(text.replace("mass: 832.0 ", "mass: -1.0 "))
-    answer = client.post("/api/run", json={"mission": "flight.yaml"})
-    assert answer.status_code == 202
-    job = wait(client)
+    response = client.post("/api/run", json={"mission": "flight.yaml"})
+    assert response.status_code == 202
+    job = wait_for_job(client)
     assert (job["state"], job["at"]) == ("failed", 0)
     assert job["error"].startswith("flight.yaml: vehicle.mass")
     assert not (root / "results" / "flight-2").exists()
 
 
-def test_a_job_is_cancelled_and_leaves_nothing(client, root):
+def test_a_cancelled_job_leaves_no_files(client, root):
     client.post("/api/run", json={"mission": "flight.yaml"})
-    while not (said := client.get("/api/job").json()["job"]["said"]):  # what the command tells of itself
+    while not (step := client.get("/api/job").json()["job"]["said"]):  # current step of the command
         time.sleep(0.02)
-    assert said.startswith("Reconstructing Practice flight, MER-like vehicle")
-    again = client.post("/api/run", json={"mission": "flight.yaml"})
-    assert again.status_code == 409
-    assert "is still at work" in again.json()["error"]
-    told = client.post("/api/cancel", json={}).json()["job"]
-    assert told["state"] == "cancelled"
-    assert wait(client)["result"] == "results/flight-2"
-    left = root / "results" / "flight-2"
-    assert not left.exists() or not list(left.iterdir())  # nothing half-written, and no result either
+    assert step.startswith("Reconstructing Practice flight, MER-like vehicle")
+    second = client.post("/api/run", json={"mission": "flight.yaml"})
+    assert second.status_code == 409
+    assert "is still at work" in second.json()["error"]
+    job = client.post("/api/cancel", json={}).json()["job"]
+    assert job["state"] == "cancelled"
+    assert wait_for_job(client)["result"] == "results/flight-2"
+    folder = root / "results" / "flight-2"
+    assert not folder.exists() or not list(folder.iterdir())  # neither temporary files nor a result
 
 
-def test_a_job_that_is_done(client, root):
+def test_a_finished_job(client, root):
     text = (root / "flight.yaml").read_text()
     (root / "flight.yaml").write_text(text.replace("figures: true", "figures: false"))
     client.post("/api/run", json={"mission": "flight.yaml", "diagnose": False})
-    job = wait(client)
+    job = wait_for_job(client)
     assert (job["state"], job["error"]) == ("done", "")
     assert json.loads((root / job["result"] / "summary.json").read_text())["mission"] == "practice_mer"
     assert job["result"] in [r["path"] for r in client.get("/api/library").json()["results"]]

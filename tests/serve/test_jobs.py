@@ -1,4 +1,4 @@
-"""One job at a time, each command a process: progress, failure in one sentence, and cancelling."""
+"""One job at a time, each command in a process: progress, error messages, and cancelling."""
 
 import signal
 import sys
@@ -6,7 +6,7 @@ import time
 
 import pytest
 
-from edl_filter.serve.jobs import BusyError, Worker, own_command, sentence
+from edl_filter.serve.jobs import BusyError, Worker, failure_message, installed_command
 from edl_filter.serve.plans import Plan
 
 
@@ -23,32 +23,32 @@ def wait(worker, until=lambda job: job.state != "running"):
     raise AssertionError(worker.job)
 
 
-def test_commands_one_after_the_other_in_the_folder(tmp_path):
+def test_commands_run_in_sequence_in_the_folder(tmp_path):
     code = "import sys, pathlib; pathlib.Path('log').open('a').write(sys.argv[1] + ' ')"
     worker = Worker(tmp_path, python(code))
     worker.start(Plan("two", (("first",), ("second",)), "r"))
     assert wait(worker).state == "done"
     assert (tmp_path / "log").read_text() == "first second "
-    assert worker.job.told()["commands"] == ["edl-filter first", "edl-filter second"]
+    assert worker.job.as_json()["commands"] == ["edl-filter first", "edl-filter second"]
 
 
-def test_a_failure_is_one_sentence_and_ends_the_job(tmp_path):
-    said = "noise\nprogress: half\nedl-filter: k: found 3; expected 4."
-    code = f"import sys; print({said!r}, file=sys.stderr); sys.exit(2)"
+def test_a_failed_command_ends_the_job_with_its_message(tmp_path):
+    output = "noise\nprogress: half\nedl-filter: k: found 3; expected 4."
+    code = f"import sys; print({output!r}, file=sys.stderr); sys.exit(2)"
     worker = Worker(tmp_path, python(code))
     worker.start(Plan("bad", (("first",), ("second",)), "r"))
     job = wait(worker)
-    assert (job.state, job.at, job.said, job.error) == ("failed", 0, "half", "k: found 3; expected 4.")
+    assert (job.state, job.command_index, job.step, job.error) == ("failed", 0, "half", "k: found 3; expected 4.")
 
 
-def test_a_command_that_cannot_be_started(tmp_path):
+def test_a_command_that_does_not_start_is_an_error(tmp_path):
     worker = Worker(tmp_path, lambda _: [str(tmp_path / "none")])
     worker.start(Plan("none", (("run",),), "r"))
     assert "could not be started" in wait(worker).error
 
 
 @pytest.mark.parametrize(
-    ("lines", "code", "said"),
+    ("lines", "code", "message"),
     [
         (["Usage: x", "Error: No such option: -q"], 2, "Error: No such option: -q"),
         (["edl-filter: a fault of ours: KeyError: 1", "Run 'edl-filter --debug'."], 1,
@@ -57,8 +57,8 @@ def test_a_command_that_cannot_be_started(tmp_path):
         ([], -9, "The command was ended by signal 9."),
     ],
 )  # fmt: skip
-def test_sentences(lines, code, said):
-    assert sentence(lines, code) == said
+def test_failure_messages(lines, code, message):
+    assert failure_message(lines, code) == message
 
 
 SLOW = """
@@ -72,42 +72,42 @@ finally:
 """
 
 
-def test_cancel_lets_the_command_clear_away_and_runs_no_other(tmp_path):
+def test_cancel_lets_the_command_clean_up_and_starts_no_other(tmp_path):
     worker = Worker(tmp_path, python(SLOW))
     worker.start(Plan("slow", (("first",), ("second",)), "r"))
-    wait(worker, lambda job: job.said == "waiting")
+    wait(worker, lambda job: job.step == "waiting")
     with pytest.raises(BusyError, match="“slow” is still at work; wait for it or cancel it"):
         worker.start(Plan("other", (("run",),), "r"))
     began = time.monotonic()
     worker.cancel()
     assert time.monotonic() - began < 10.0
-    assert (worker.job.state, worker.job.at, worker.job.error) == ("cancelled", 0, "")
+    assert (worker.job.state, worker.job.command_index, worker.job.error) == ("cancelled", 0, "")
     assert not (tmp_path / "half").exists()
-    worker.cancel()  # nothing to do
+    worker.cancel()  # without a running job
     worker.start(Plan("next", (("run",),), "r"))
     worker.cancel()
 
 
-def test_a_server_that_a_shell_runs_behind_itself_can_cancel(tmp_path):
-    """Such a shell starts it with the interrupt ignored, and children inherit that."""
-    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+def test_a_server_in_the_background_of_a_shell_can_cancel(tmp_path):
+    """Such a shell starts the server with the interrupt ignored, and child processes inherit this."""
+    previous = signal.signal(signal.SIGINT, signal.SIG_IGN)
     try:
         worker = Worker(tmp_path, python(SLOW))
         worker.start(Plan("slow", (("first",),), "r"))
-        wait(worker, lambda job: job.said == "waiting")
+        wait(worker, lambda job: job.step == "waiting")
         worker.cancel()
     finally:
-        signal.signal(signal.SIGINT, before)
+        signal.signal(signal.SIGINT, previous)
     assert not (tmp_path / "half").exists()
 
 
-def test_a_command_that_does_not_listen_is_ended(tmp_path, monkeypatch):
-    monkeypatch.setattr("edl_filter.serve.jobs._PATIENCE", 0.5)
-    deaf = "import signal, sys, time; signal.signal(2, signal.SIG_IGN)"
-    code = f"{deaf}; print('progress: deaf', file=sys.stderr, flush=True); time.sleep(60)"
+def test_a_command_that_ignores_the_interrupt_is_killed(tmp_path, monkeypatch):
+    monkeypatch.setattr("edl_filter.serve.jobs._SHUTDOWN_TIMEOUT", 0.5)
+    ignore = "import signal, sys, time; signal.signal(2, signal.SIG_IGN)"
+    code = f"{ignore}; print('progress: running', file=sys.stderr, flush=True); time.sleep(60)"
     worker = Worker(tmp_path, python(code))
-    worker.start(Plan("deaf", (("run",),), "r"))
-    wait(worker, lambda job: job.said == "deaf")
+    worker.start(Plan("ignoring", (("run",),), "r"))
+    wait(worker, lambda job: job.step == "running")
     worker.cancel()
     wait(worker, lambda job: job.ended is not None)
     assert worker.job.state == "cancelled"
@@ -115,7 +115,7 @@ def test_a_command_that_does_not_listen_is_ended(tmp_path, monkeypatch):
 
 def test_modules_in_the_folder_are_not_imported(tmp_path):
     (tmp_path / "yaml.py").write_text("raise SystemExit('taken from the folder')")
-    worker = Worker(tmp_path, own_command)
+    worker = Worker(tmp_path, installed_command)
     worker.start(Plan("bad", (("run", "none.yaml"),), "r"))
     job = wait(worker)
     assert job.state == "failed"

@@ -1,11 +1,11 @@
-"""What the workbench finds in a folder."""
+"""Missions and results of the served folder."""
 
 import pytest
 
 from edl_filter.errors import InputError
 from edl_filter.mission import shipped_mission
 from edl_filter.serve import library
-from edl_filter.serve.library import Result
+from edl_filter.serve.library import ServedResult
 from edl_filter.serve.safety import ForbiddenError
 
 
@@ -13,7 +13,7 @@ def names(root):
     return [m["name"] for m in library.missions(root) if not m["shipped"]]
 
 
-def test_missions_and_nothing_else(root, tmp_path):
+def test_only_missions_are_listed(root, tmp_path):
     (root / "notes.yaml").write_text("a: 1\n")
     (root / "broken.yaml").write_text("a: [\n")
     (root / ".hidden.yaml").write_text((root / "flight.yaml").read_text())
@@ -26,14 +26,14 @@ def test_missions_and_nothing_else(root, tmp_path):
     assert {"name": "builtin:practice_mer", "title": "Practice flight, MER-like vehicle", "shipped": True} in shipped
 
 
-def test_a_changed_title_is_seen(root):
+def test_a_changed_title_is_read_again(root):
     assert library.missions(root)[0]["title"] == "Practice flight, MER-like vehicle"
     text = (root / "flight.yaml").read_text()
     (root / "flight.yaml").write_text(text.replace("Practice flight, MER-like vehicle", "Another title of it"))
     assert library.missions(root)[0]["title"] == "Another title of it"
 
 
-def test_finding_a_mission(root):
+def test_find_mission(root):
     assert library.find_mission(root, "flight.yaml") == root / "flight.yaml"
     assert library.find_mission(root, "builtin:mer_a") == shipped_mission("mer_a")
     for name in ("none.yaml", "builtin:../../pyproject", "builtin:none"):
@@ -46,19 +46,19 @@ def test_finding_a_mission(root):
 def test_results(root):
     (root / "results" / "bad").mkdir()
     (root / "results" / "bad" / "result.nc").write_bytes(b"no HDF5")
-    found = library.results(root)
-    assert [(r.path, r.verdict, r.effects) for r in found] == [("results/flight", "missing", {})]
+    results = library.results(root)
+    assert [(r.path, r.verdict, r.effects) for r in results] == [("results/flight", "missing", {})]
 
 
-def test_a_diagnosis_that_cannot_be_read(root):
+def test_an_invalid_diagnosis_is_an_error(root):
     (root / "results/flight/diagnosis.json").write_text('{"verdict": "clean"}')
     with pytest.raises(InputError, match=r"diagnosis.json cannot be read .*diagnose the result again"):
         library.find_result(root, "results/flight")
 
 
-def test_residual_where_it_was_compared(root):
-    told = library.residual(root, "results/flight", "force_x")
-    assert told == {
+def test_residual_at_the_times_at_which_it_was_computed(root):
+    residual = library.residual(root, "results/flight", "force_x")
+    assert residual == {
         "unit": "m/s^2", "time": [0.0, 2.0, 3.0], "residual": [1.0, 3.0, 4.0], "sigma": [0.5, 1.5, 2.0],
         "normalised": [2.0, 6.0, 8.0],
     }  # fmt: skip
@@ -69,18 +69,18 @@ def test_residual_where_it_was_compared(root):
         library.residual(root, "results/flight", "force_x")
 
 
-def result(path, *effects, flight="one", changed=0.0):
-    return Result(path, "", "m", flight, {name: {} for name in effects}, None, changed)
+def result(path, *effects, flight="first", changed=0.0):
+    return ServedResult(path, "", "m", flight, {name: {} for name in effects}, None, changed)
 
 
-def test_lineage_goes_back_by_effects_of_the_same_flight():
+def test_lineage_has_results_of_the_same_flight_with_fewer_effects():
     first, second, third = result("a"), result("a+wind", "wind"), result("a+wind+mass", "wind", "mass")
-    others = [result("b", "mass", flight="two"), result("c", "drag"), third, first, second]
-    assert [r.path for r in library.lineage(third, others)] == ["a", "a+wind", "a+wind+mass"]
-    assert [r.path for r in library.lineage(first, others)] == ["a"]
+    candidates = [result("b", "mass", flight="second"), result("c", "drag"), third, first, second]
+    assert [r.path for r in library.lineage(third, candidates)] == ["a", "a+wind", "a+wind+mass"]
+    assert [r.path for r in library.lineage(first, candidates)] == ["a"]
 
 
-def test_lineage_prefers_the_folder_that_the_name_continues():
+def test_lineage_prefers_the_folder_whose_name_is_continued():
     old, new, last = result("a", changed=1.0), result("b", changed=9.0), result("a+wind", "wind")
     assert [r.path for r in library.lineage(last, [old, new])] == ["a", "a+wind"]
     assert [r.path for r in library.lineage(result("x", "wind"), [old, new])] == ["b", "x"]

@@ -1,4 +1,4 @@
-"""Which commands a click means."""
+"""Commands of each action."""
 
 import json
 import shutil
@@ -12,13 +12,13 @@ from edl_filter.serve.safety import ForbiddenError
 
 
 @pytest.fixture
-def diagnosis(made):
-    """Function that writes the made-up diagnosis, its one effect renamed, beside a result."""
-    told = json.loads((made / "results/flight/diagnosis.json").read_text())
+def write_diagnosis(served_folder):
+    """Function that writes the invented diagnosis, with its effect renamed, into a result's folder."""
+    content = json.loads((served_folder / "results/flight/diagnosis.json").read_text())
 
     def write(folder, effect):
-        told["ranking"][0]["effect"] = effect
-        (folder / "diagnosis.json").write_text(json.dumps(told))
+        content["ranking"][0]["effect"] = effect
+        (folder / "diagnosis.json").write_text(json.dumps(content))
 
     return write
 
@@ -33,24 +33,24 @@ def test_running_a_mission(root):
     assert len(plans.plan_run(root, "builtin:practice_mer", diagnose=False).commands) == 1
 
 
-def test_a_result_of_its_own_mission_is_made_again_and_no_other_is_replaced(made):
-    assert plans.plan_run(made, "flight.yaml").result == "results/flight"
-    (made / "more").mkdir()
+def test_a_run_replaces_only_a_result_of_the_same_mission(served_folder):
+    assert plans.plan_run(served_folder, "flight.yaml").result == "results/flight"
+    (served_folder / "more").mkdir()
     try:
-        (made / "more" / "flight.yaml").write_text((made / "flight.yaml").read_text())
-        assert plans.plan_run(made, "more/flight.yaml").result == "results/flight-2"
-    finally:  # the folder serves other tests too
-        shutil.rmtree(made / "more")
+        (served_folder / "more" / "flight.yaml").write_text((served_folder / "flight.yaml").read_text())
+        assert plans.plan_run(served_folder, "more/flight.yaml").result == "results/flight-2"
+    finally:  # other tests use the folder
+        shutil.rmtree(served_folder / "more")
 
 
 def test_names_that_look_like_options_or_need_quotes(root):
-    for name, said in (("-o.yaml", "run ./-o.yaml -o results/-o"), ("a b.yaml", "run 'a b.yaml' -o 'results/a b'")):
+    for name, command in (("-o.yaml", "run ./-o.yaml -o results/-o"), ("a b.yaml", "run 'a b.yaml' -o 'results/a b'")):
         (root / name).write_text((root / "flight.yaml").read_text())
-        assert plans.plan_run(root, name).lines()[0] == f"edl-filter {said}"
+        assert plans.plan_run(root, name).lines()[0] == f"edl-filter {command}"
 
 
-def test_adding_an_effect(made):
-    plan = plans.plan_add(made.resolve(), "results/flight", "wind")
+def test_adding_an_effect(served_folder):
+    plan = plans.plan_add(served_folder.resolve(), "results/flight", "wind")
     assert plan.lines() == [
         "edl-filter add flight.yaml wind --from results/flight -o flight+wind.yaml",
         "edl-filter run flight+wind.yaml -o results/flight+wind",
@@ -58,28 +58,28 @@ def test_adding_an_effect(made):
     ]
 
 
-def test_adding_another_name_of_a_hypothesis(made):
-    plan = plans.plan_add(made.resolve(), "results/flight", "com_offset")
+def test_adding_another_name_of_a_hypothesis(served_folder):
+    plan = plans.plan_add(served_folder.resolve(), "results/flight", "com_offset")
     assert plan.lines()[0] == "edl-filter add flight.yaml com_offset --from results/flight -o flight+com_offset.yaml"
 
 
-def test_an_earlier_attempt_is_left_alone(made):
-    (made / "flight+wind.yaml").write_text("an earlier attempt")
+def test_an_earlier_attempt_is_not_replaced(served_folder):
+    (served_folder / "flight+wind.yaml").write_text("an earlier attempt")
     try:
-        assert plans.plan_add(made.resolve(), "results/flight", "wind").result == "results/flight+wind-2"
+        assert plans.plan_add(served_folder.resolve(), "results/flight", "wind").result == "results/flight+wind-2"
     finally:
-        (made / "flight+wind.yaml").unlink()
+        (served_folder / "flight+wind.yaml").unlink()
 
 
-def test_only_hypotheses_of_the_diagnosis_can_be_added(root, diagnosis):
+def test_only_hypotheses_of_the_diagnosis_can_be_added(root, write_diagnosis):
     with pytest.raises(InputError, match="found no estimate of '--help'; it has estimates of com_offset, wind"):
         plans.plan_add(root, "results/flight", "--help")
-    diagnosis(root / "results/flight", "mass")
+    write_diagnosis(root / "results/flight", "mass")
     assert plans.plan_add(root, "results/flight", "mass").result == "results/flight+mass"
 
 
-def test_a_mission_that_no_file_in_the_folder_says_is_written_beside_its_result(root):
-    # the copy's result names the mission file that it was made from, which lies elsewhere
+def test_a_mission_without_accessible_file_is_written_to_its_results_folder(root):
+    # the result in the copy names the mission file of the original folder
     plan = plans.plan_add(root, "results/flight", "wind")
     assert plan.lines()[0] == (
         "edl-filter add results/flight/mission_as_run.yaml wind --from results/flight "
@@ -91,7 +91,7 @@ def test_a_mission_that_no_file_in_the_folder_says_is_written_beside_its_result(
 
 
 @pytest.mark.parametrize("path", ["..", "/etc", "../served/results/flight"])
-def test_paths_that_lead_out(root, path):
+def test_paths_out_of_the_folder_are_refused(root, path):
     for plan in (plans.plan_run, plans.plan_diagnose):
         with pytest.raises(ForbiddenError):
             plan(root, path)
@@ -99,10 +99,10 @@ def test_paths_that_lead_out(root, path):
         plans.plan_add(root, path, "wind")
 
 
-def test_results_that_a_symlink_would_lead_out(made, tmp_path):
+def test_results_behind_a_symlink_out_of_the_folder_are_refused(served_folder, tmp_path):
     root = tmp_path / "served"
     root.mkdir()
-    (root / "flight.yaml").write_text((made / "flight.yaml").read_text())
+    (root / "flight.yaml").write_text((served_folder / "flight.yaml").read_text())
     (root / "results").symlink_to(tmp_path)
     with pytest.raises(ForbiddenError, match="leads out"):
         plans.plan_run(root.resolve(), "flight.yaml")

@@ -1,4 +1,4 @@
-"""Port, extra and folder of the server."""
+"""Port, optional packages and folder of the server."""
 
 import importlib.util
 
@@ -10,9 +10,9 @@ from edl_filter.errors import InputError
 from edl_filter.serve.server import check_extra, listen
 
 
-def test_loopback_only_and_a_free_port():
-    with listen(0) as opened:
-        host, port = opened.getsockname()
+def test_listens_on_loopback_and_on_a_free_port():
+    with listen(0) as listener:
+        host, port = listener.getsockname()
         assert host == "127.0.0.1"
         assert port > 0
         with pytest.raises(
@@ -21,14 +21,14 @@ def test_loopback_only_and_a_free_port():
             listen(port)
 
 
-def test_a_missing_extra_says_how_to_get_it(monkeypatch):
-    real = importlib.util.find_spec
-    monkeypatch.setattr(importlib.util, "find_spec", lambda name: None if name == "uvicorn" else real(name))
+def test_a_missing_package_is_reported_with_its_extra(monkeypatch):
+    find_spec = importlib.util.find_spec
+    monkeypatch.setattr(importlib.util, "find_spec", lambda name: None if name == "uvicorn" else find_spec(name))
     with pytest.raises(InputError, match=r"found no uvicorn; it comes with pip install 'edl-filter\[serve\]'"):
         check_extra()
 
 
-def test_no_such_folder(tmp_path):
+def test_a_missing_folder_is_refused(tmp_path):
     result = CliRunner().invoke(app, ["serve", str(tmp_path / "none"), "--no-browser"])
     assert result.exit_code == 2
     assert "none: found no such folder" in result.stderr

@@ -8,11 +8,11 @@ from scipy.integrate import solve_ivp
 from edl_filter import rotations
 from edl_filter.aero.database import Database
 from edl_filter.aero.grid import GridTable
-from edl_filter.effects.effect import Body
-from edl_filter.effects.world import Damping, World
+from edl_filter.effects.forward_model import Damping, ForwardModel
+from edl_filter.effects.types import Body
 from edl_filter.planet import Planet
 from edl_filter.planet.atmosphere import Atmosphere
-from edl_filter.postflight.gas import Gas
+from edl_filter.planet.gas import Gas
 
 MARS = Planet("mars", 4.282837e13, 1.960454e-3, 3396190.0, 3396190.0, 5.886e-3, 7.088218e-5, 0.3)
 INERTIA = np.array([[270.0, 1.5, -0.8], [1.5, 205.0, -0.6], [-0.8, -0.6, 210.0]])
@@ -32,7 +32,7 @@ def smooth_world(planet=MARS, density=1.5e-2, scale_height=11e3, ca=1.6, cn=0.4,
     table = GridTable("mach", nodes, alpha, ca * ones, cn * slope, cm * slope)
     thin = GridTable("knudsen", np.array([1e-3, 10.0]), alpha, ca * ones, cn * slope, cm * slope)
     database = Database(table, thin, join="switch")
-    return World(
+    return ForwardModel(
         planet, air, Gas(), database, Damping(np.array([0.0, 1e3]), np.full(2, -0.3)), Body(832.0, inertia), 2.65, 0.27
     )
 
@@ -71,7 +71,7 @@ def parachute_force(world, flow, chute, age):
 
 
 def derivative(world, time, state, chute=None, age=0.0):
-    """Time derivative of position, velocity, attitude and rates, ``(13,)``, from `World.loads`."""
+    """Time derivative of position, velocity, attitude and rates, ``(13,)``, from `ForwardModel.loads`."""
     position, velocity, attitude, rate = state[:3], state[3:6], state[6:10], state[10:13]
     flow = world.flow(np.array([time]), position[None], velocity[None], attitude[None], rate[None])
     force, moment = (x[0] for x in world.loads(flow))
@@ -89,5 +89,5 @@ def derivative(world, time, state, chute=None, age=0.0):
 
 def integrate(world, start, time):
     """State at `time` by DOP853."""
-    found = solve_ivp(lambda t, y: derivative(world, t, y), (0.0, time), start, "DOP853", rtol=1e-11, atol=1e-9)
-    return found.y[:, -1]
+    solution = solve_ivp(lambda t, y: derivative(world, t, y), (0.0, time), start, "DOP853", rtol=1e-11, atol=1e-9)
+    return solution.y[:, -1]

@@ -7,8 +7,8 @@ import pytest
 import slow_flight as slow
 
 from edl_filter import rotations
-from edl_filter.effects.catalogue import effect_named
-from edl_filter.effects.effect import Active
+from edl_filter.effects.base import EffectInstance
+from edl_filter.effects.registry import effect_named
 from edl_filter.planet import ellipsoid
 from edl_filter.simulation import dynamics
 from edl_filter.simulation.increments import NOTHING
@@ -51,13 +51,13 @@ def effects():
         "products_of_inertia": {"a": 5.0, "b": -8.0, "c": 3.0},
         "gravity_oblateness": {"J2": 1e-3},
     }
-    return tuple(Active(effect_named(name), v) for name, v in values.items())
+    return tuple(EffectInstance(effect_named(name), v) for name, v in values.items())
 
 
 @pytest.mark.parametrize("phase", [dynamics.ENTRY, dynamics.DESCENT])
 def test_derivative_is_its_twin(nominal, phase):
     """Nominal loads, wind, density, air's turning, mass properties and gravity, in continuum and rarefied flow."""
-    world = nominal.having(effects())
+    world = nominal.with_effects(effects())
     tables = tabulate(world, CHUTE)
     tables.parachute[3] = 9.8
     d = np.zeros(dynamics.SIZE)
@@ -87,7 +87,7 @@ def test_place_is_the_ellipsoids():
 
 
 def test_a_free_symmetric_body_precesses():
-    """w_y + i w_z turns at (Ixx - Iyy) / Iyy of the spin (Goldstein, Poole & Safko 2002, eq. 5.47)."""
+    """w_y + i w_z rotates at (Ixx - Iyy) / Iyy of the spin (Goldstein, Poole & Safko 2002, eq. 5.47)."""
     world = slow.empty(slow.smooth_world(inertia=np.diag([300.0, 200.0, 200.0])))
     start = slow.START.copy()
     start[10:] = [0.8, 0.1, 0.0]
@@ -146,7 +146,7 @@ PARTS = (slice(0, 3), slice(3, 6), slice(6, 10), slice(10, 13), slice(13, 16), s
 
 
 def test_touchdown_brings_the_vehicle_to_rest():
-    """Velocity against the ground and rate against the planet's end at zero, and stay there."""
+    """Velocity relative to the ground and rate relative to the planet's end at zero, and stay zero."""
     world = slow.smooth_world()
     start = slow.START.copy()
     start[3:6] = world.planet.rotation.velocity_inertial(start[:3], np.array([-60.0, 20.0, 5.0]))

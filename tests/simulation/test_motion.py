@@ -1,4 +1,4 @@
-"""Whole flights: what effects add is found by iteration, and events are where they belong."""
+"""Whole flights: iteration of the effects' increments, and times of the events."""
 
 import dataclasses
 from dataclasses import replace
@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 import slow_flight as slow
 
-from edl_filter.effects.catalogue import effect_named
-from edl_filter.effects.effect import Active, Effect, Parameter
+from edl_filter.effects.base import Effect, EffectInstance
+from edl_filter.effects.parameters import Parameter
+from edl_filter.effects.registry import effect_named
 from edl_filter.errors import InputError
 from edl_filter.simulation import motion
 from edl_filter.simulation.motion import Course, fly
@@ -29,7 +30,7 @@ class Jet(Effect):
 
 
 class Steer(Effect):
-    """A moment that follows the motion itself: the hardest case for the iteration."""
+    """A moment that depends on the motion: the hardest case for the iteration."""
 
     name = "steer"
     parameters = (Parameter("k", "", "gain"),)
@@ -42,16 +43,16 @@ class Steer(Effect):
 
 
 HOOKED = {
-    "pitching_moment_scale": Active(effect_named("pitching_moment_scale"), {"k": 0.4}),
-    "pitch_damping": Active(effect_named("pitch_damping"), {"a": -0.6}),
-    "rolling_moment": Active(effect_named("rolling_moment"), {"k": 5e-4, "c": 5e-6}),
-    "jet": Active(Jet(), {"A": 8.0}),
-    "steer": Active(Steer(), {"k": -0.02}),
+    "pitching_moment_scale": EffectInstance(effect_named("pitching_moment_scale"), {"k": 0.4}),
+    "pitch_damping": EffectInstance(effect_named("pitch_damping"), {"a": -0.6}),
+    "rolling_moment": EffectInstance(effect_named("rolling_moment"), {"k": 5e-4, "c": 5e-6}),
+    "jet": EffectInstance(Jet(), {"A": 8.0}),
+    "steer": EffectInstance(Steer(), {"k": -0.02}),
 }
 
 
 def short_course(seconds):
-    """A flight that ends its entry after some seconds: the dynamic pressure falls to what it has then."""
+    """Course of a flight that never deploys its parachute, with a limit of its time."""
     return Course(interval=0.125, substeps=20, deploy_pressure=1e9, surface_radius=1.0, longest=seconds)
 
 
@@ -65,13 +66,13 @@ def state_after(world, start, seconds, window=1.0):
 
 
 @pytest.mark.parametrize("name", HOOKED)
-def test_what_effects_add_is_what_the_loads_have(name):
-    """Against an integration of World.loads, effects included, by another method."""
-    world = slow.smooth_world().having((HOOKED[name],))
+def test_increments_are_those_of_the_loads(name):
+    """Against an integration of ForwardModel.loads, effects included, by another method."""
+    world = slow.smooth_world().with_effects((HOOKED[name],))
     start = slow.entering(world)
     flight = state_after(world, start, 8.0)
     twin = slow.integrate(world, start, 8.0)
-    clean = slow.integrate(world.having(()), start, 8.0)
+    clean = slow.integrate(world.with_effects(()), start, 8.0)
     off, effect = flight.state[:13] - twin, twin - clean
     for part in (slice(0, 3), slice(3, 6), slice(6, 10), slice(10, 13)):
         assert np.linalg.norm(off[part]) < 1e-4 * np.linalg.norm(effect[part]) + 1e-7, part
@@ -79,14 +80,14 @@ def test_what_effects_add_is_what_the_loads_have(name):
 
 
 def test_windows_leave_no_trace():
-    world = slow.smooth_world().having(tuple(HOOKED.values()))
+    world = slow.smooth_world().with_effects(tuple(HOOKED.values()))
     start = slow.entering(world)
     short, long = (state_after(world, start, 4.0, window).state for window in (0.25, 2.0))
     np.testing.assert_allclose(short[3:13], long[3:13], rtol=0.0, atol=1e-8)
     np.testing.assert_allclose(short[:3], long[:3], rtol=0.0, atol=1e-6)
 
 
-def test_nothing_is_iterated_where_no_hook_asks_for_it(mer_flight):
+def test_nothing_is_iterated_without_hooks(mer_flight):
     assert mer_flight.motion.iterations == 0
 
 
@@ -108,7 +109,7 @@ def test_events_of_a_flight(mer_flight, mer_scenario):
 
 
 def test_states_between_steps_are_of_order_four(mer_flight):
-    """Every second step left out, the states there are found again."""
+    """The states at every second step are interpolated from the others."""
     m = mer_flight.motion
     i = slice(0, 2 * ((len(m.time) - 1) // 2) + 1, 2)
     before, after = m.before[::2], m.after[1::2]
@@ -116,9 +117,9 @@ def test_states_between_steps_are_of_order_four(mer_flight):
     coarse = replace(m, time=m.time[i], state=m.state[i], before=before[:n], after=after[:n])
     middle = m.time[1 : 2 * n : 2]
     calm = middle < m.deployed - 1.0
-    found = coarse.at(middle[calm])
-    np.testing.assert_allclose(found[:, :3], m.state[1 : 2 * n : 2, :3][calm], rtol=0.0, atol=1e-5)
-    np.testing.assert_allclose(found[:, 10:13], m.state[1 : 2 * n : 2, 10:13][calm], rtol=0.0, atol=3e-5)
+    states = coarse.at(middle[calm])
+    np.testing.assert_allclose(states[:, :3], m.state[1 : 2 * n : 2, :3][calm], rtol=0.0, atol=1e-5)
+    np.testing.assert_allclose(states[:, 10:13], m.state[1 : 2 * n : 2, 10:13][calm], rtol=0.0, atol=3e-5)
 
 
 def test_a_vehicle_that_does_not_come_down_is_refused():
@@ -134,8 +135,8 @@ def test_a_vehicle_that_tumbles_is_refused():
         fly(world, CHUTE, start, Course(0.125, 10, 700.0, 3.39e6, longest=500.0))
 
 
-def test_moments_of_a_user_are_asked_for_along_the_true_flight():
-    """The hook sees the flow of the flight that it makes, not of the nominal one."""
+def test_a_users_hook_is_evaluated_along_the_true_flight():
+    """The hook is evaluated in the flow of the flight with the effect, not in that of the nominal one."""
     seen = []
 
     class Watch(Effect):
@@ -146,7 +147,7 @@ def test_moments_of_a_user_are_asked_for_along_the_true_flight():
             seen.append(flow.alpha_total.copy())
             return dataclasses.replace(totals, cm_nose=totals.cm_nose * (1.0 + p["k"]))
 
-    world = slow.smooth_world().having((Active(Watch(), {"k": 0.5}),))
+    world = slow.smooth_world().with_effects((EffectInstance(Watch(), {"k": 0.5}),))
     flight = state_after(world, slow.entering(world), 1.0)
     state, slope = flight.parts[-1]
     middles = motion.with_middles(flight.step, state, slope)

@@ -1,4 +1,4 @@
-"""Scenario files: what ships loads, and what is wrong is told by file and key."""
+"""Scenario files: the shipped ones load, and errors name file and key."""
 
 import numpy as np
 import pytest

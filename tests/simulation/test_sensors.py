@@ -1,11 +1,12 @@
-"""What an IMU reads, against fine sampling of the true motion and the form of its errors."""
+"""Readings of an IMU, against fine sampling of the true motion and the form of its errors."""
 
 import numpy as np
 import pytest
 
 from edl_filter import rotations
-from edl_filter.effects.catalogue import effect_named
-from edl_filter.effects.effect import Active
+from edl_filter.effects.base import EffectInstance
+from edl_filter.effects.registry import effect_named
+from edl_filter.imu_model.sensor_errors import SensorErrors
 from edl_filter.simulation.sensors import (
     Instrument,
     counted,
@@ -15,7 +16,6 @@ from edl_filter.simulation.sensors import (
     step_means,
     true_means,
 )
-from edl_filter.telemetry.record import SensorErrors
 
 ARM = np.array([0.3, -0.4, 0.5])
 SIGMAS = SensorErrors(5e-4, 1e-4, 1e-4, 2e-6, 5e-5)
@@ -56,18 +56,18 @@ def test_samples_are_means_of_steps_and_end_at_their_times(mer_flight):
 
 
 def test_a_delay_is_a_shift_of_the_integral(mer_flight):
-    """By whole steps it is the steps before; the effect of the catalogue says the same."""
+    """A delay of whole steps gives the steps before; the catalogue's effect agrees."""
     m = mer_flight.motion
     rate = step_means(m, ARM)[1]
     np.testing.assert_allclose(delayed_rates(m, 0.05)[4:], rate[:-4], rtol=0.0, atol=1e-9)
     time, _, late = true_means(m, ARM, 0.125, 0.06, ())
-    effect = Active(effect_named("imu_time_offset"), {"tau": 0.06})
+    effect = EffectInstance(effect_named("imu_time_offset"), {"tau": 0.06})
     calm = (time > 5.0) & (time < m.deployed - 5.0)
     np.testing.assert_allclose(late[calm], true_means(m, ARM, 0.125, 0.0, (effect,))[2][calm], rtol=0.0, atol=1e-7)
 
 
 def test_errors_act_in_their_order():
-    """f_m = (1 + s) ∘ (R(m) f) + b, in body axes, then turned to the instrument's."""
+    """f_m = (1 + s) ∘ (R(m) f) + b, in body axes, then rotated to the instrument's."""
     random = np.random.default_rng(5)
     mounting = rotations.normalise([0.3, -0.2, 0.5, 0.7])
     instrument = Instrument(0.1, mounting, ARM, 0.0, 0.0, SIGMAS)

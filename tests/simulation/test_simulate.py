@@ -1,15 +1,15 @@
-"""Flights as files and in memory: what is drawn, what is measured, what the truth says."""
+"""Flights as files and in memory: random quantities, measurements and truth."""
 
 import h5py
 import numpy as np
 import pytest
 
 from edl_filter import rotations
-from edl_filter.effects.catalogue import effect_named
-from edl_filter.effects.effect import Active
+from edl_filter.effects.base import EffectInstance
+from edl_filter.effects.registry import effect_named
 from edl_filter.errors import InputError
 from edl_filter.mission import Mission
-from edl_filter.reconstruction import reconstruct
+from edl_filter.pipeline.reconstruct import reconstruct
 from edl_filter.simulation import Scenario, simulate
 from edl_filter.telemetry.flight_file import read_flight_file
 
@@ -42,15 +42,15 @@ def test_memory_holds_what_the_file_holds(mer_flight, written):
 
 
 def test_forces_of_the_file_are_the_loads_of_the_world(mer_scenario):
-    """Without errors in it, a sample is the mean of World.loads over the mass, along the truth."""
+    """Without errors, a sample is the mean of ForwardModel.loads over the mass, along the true motion."""
     quiet = [f"imus.primary.{key}=0" for key in vars_of("accelerometer", "gyro")]
     scenario = Scenario.load(
         "builtin:mer", [*quiet, "imus.primary.position=[0, 0, 0]", "imus.primary.velocity_quantum=0"]
     )
     effects = [
-        Active(effect_named("pitching_moment_scale"), {"k": 0.1}),
-        Active(effect_named("mass"), {"k": 0.03}),
-        Active(effect_named("density_wave"), {"A": 0.1, "L": 12e3}),
+        EffectInstance(effect_named("pitching_moment_scale"), {"k": 0.1}),
+        EffectInstance(effect_named("mass"), {"k": 0.03}),
+        EffectInstance(effect_named("density_wave"), {"A": 0.1, "L": 12e3}),
     ]
     flight = simulate(scenario, effects)
     m, world = flight.motion, flight.world
@@ -75,28 +75,28 @@ def vars_of(*sensors):
     ]
 
 
-def test_the_same_seed_draws_the_same_whatever_flies(mer_scenario, mer_flight):
-    again = simulate(mer_scenario)
-    other = simulate(mer_scenario, [Active(effect_named("accelerometer_bias"), {"bx": 0.5})])
-    late = simulate(mer_scenario, seed=2)
-    first, *rest = (f.contents.imus["primary"].specific_force for f in (mer_flight, again, other, late))
+def test_the_same_seed_draws_the_same_whatever_the_effects(mer_scenario, mer_flight):
+    repeated = simulate(mer_scenario)
+    biased = simulate(mer_scenario, [EffectInstance(effect_named("accelerometer_bias"), {"bx": 0.5})])
+    reseeded = simulate(mer_scenario, seed=2)
+    first, *rest = (f.contents.imus["primary"].specific_force for f in (mer_flight, repeated, biased, reseeded))
     np.testing.assert_array_equal(first, rest[0])
     body = mer_flight.contents.imus["primary"].body_from_imu
     shift = rotations.rotate(body, rest[1] - first)
     np.testing.assert_allclose(shift.mean(axis=0), [0.5, 0.0, 0.0], atol=1e-3)
     assert not np.array_equal(first[:100], rest[2][:100])
-    np.testing.assert_array_equal(mer_flight.contents.initial.position, other.contents.initial.position)
-    np.testing.assert_array_equal(other.contents.imus["secondary"].angular_rate,
+    np.testing.assert_array_equal(mer_flight.contents.initial.position, biased.contents.initial.position)
+    np.testing.assert_array_equal(biased.contents.imus["secondary"].angular_rate,
                                   mer_flight.contents.imus["secondary"].angular_rate)  # fmt: skip
 
 
-def test_an_instrument_stays_bolted_where_the_centre_of_mass_moves(mer_scenario):
-    """At the end of the arm, which the offset shortens, the spin is felt: w × (w × r)."""
+def test_an_instrument_does_not_move_with_the_centre_of_mass(mer_scenario):
+    """The offset shortens the lever arm, at whose end the IMU measures the acceleration of the spin: w × (w × r)."""
     spin = 2.0 * np.pi / 30.0
     shift = np.array([0.0, 0.02, -0.03])
     flights = [
         simulate(mer_scenario, effects)
-        for effects in ((), [Active(effect_named("com_offset"), {"dy": shift[1], "dz": shift[2]})])
+        for effects in ((), [EffectInstance(effect_named("com_offset"), {"dy": shift[1], "dz": shift[2]})])
     ]
     early = [f.contents.imus["primary"] for f in flights]
     change = np.mean(early[1].specific_force[:24] - early[0].specific_force[:24], axis=0)
@@ -104,19 +104,21 @@ def test_an_instrument_stays_bolted_where_the_centre_of_mass_moves(mer_scenario)
     np.testing.assert_allclose(change, spin**2 * shift * [0.0, 1.0, 1.0], atol=2e-4)
 
 
-def test_a_missions_centre_of_mass_beside_the_axis_moves_no_instrument(mer_scenario, mer_flight, tmp_path):
-    """Positions are stated from it: before the air is felt the primary reads the same, afterwards it does not."""
+def test_a_missions_centre_of_mass_off_the_axis_moves_no_instrument(mer_scenario, mer_flight, tmp_path):
+    """Positions are stated from it: the primary reads the same until the first deceleration, and differs after it."""
     model = Mission.load("builtin:practice_mer", ["vehicle.centre_of_mass_offset=[0.01, -0.01]"])
     (tmp_path / "beside.yaml").write_text(model.text, encoding="utf-8")
     beside = Scenario.load("builtin:mer", [f"mission={tmp_path / 'beside.yaml'}"])
-    one, other = (f.contents.imus["primary"].specific_force for f in (mer_flight, simulate(beside)))
-    np.testing.assert_allclose(np.mean(other[:24] - one[:24], axis=0), 0.0, atol=2e-4)  # an arm would give 1.2e-3
-    assert np.max(np.abs(other[:1000] - one[:1000])) > 0.1
+    on_axis, off_axis = (f.contents.imus["primary"].specific_force for f in (mer_flight, simulate(beside)))
+    np.testing.assert_allclose(
+        np.mean(off_axis[:24] - on_axis[:24], axis=0), 0.0, atol=2e-4
+    )  # an arm would give 1.2e-3
+    assert np.max(np.abs(off_axis[:1000] - on_axis[:1000])) > 0.1
 
 
 def test_under_the_parachute_the_vehicle_drifts_with_the_air(mer_scenario):
-    """Air that does not turn blows at 230 m/s over the ground, and the nose still meets the wind."""
-    flight = simulate(mer_scenario, [Active(effect_named("atmosphere_rotation"), {"k": 1.0})])
+    """Air that does not rotate moves at 230 m/s over the ground, and the vehicle with it."""
+    flight = simulate(mer_scenario, [EffectInstance(effect_named("atmosphere_rotation"), {"k": 1.0})])
     m, planet = flight.motion, flight.world.planet
     late = m.at(np.array([m.landed - 5.0]))[0]
     assert 200.0 < np.linalg.norm(planet.velocity_relative(late[:3], late[3:6])) < 260.0
@@ -124,12 +126,12 @@ def test_under_the_parachute_the_vehicle_drifts_with_the_air(mer_scenario):
 
 def test_an_effect_in_an_imu_that_is_not_there(mer_scenario):
     with pytest.raises(InputError, match=r"imu: found 'third'.*primary, secondary"):
-        simulate(mer_scenario, [Active(effect_named("gyro_bias"), {"bx": 1e-4}, imu="third")])
+        simulate(mer_scenario, [EffectInstance(effect_named("gyro_bias"), {"bx": 1e-4}, imu="third")])
 
 
 def test_a_turned_frame_is_undone_by_its_effect(mer_scenario, mer_flight):
-    """Stated and turned back by the effect it is the state that would have been stated without."""
-    turn = Active(effect_named("attitude_frame"), {"rx": 3e-3, "ry": -4e-3, "rz": 5e-3})
+    """The effect turns the stated state into the one that is stated without the effect."""
+    turn = EffectInstance(effect_named("attitude_frame"), {"rx": 3e-3, "ry": -4e-3, "rz": 5e-3})
     stated = simulate(mer_scenario, [turn]).contents.initial
     plain = mer_flight.contents.initial
     assert np.linalg.norm(stated.position - plain.position) > 1e4
@@ -140,12 +142,17 @@ def test_a_turned_frame_is_undone_by_its_effect(mer_scenario, mer_flight):
 
 
 def test_its_reconstruction_is_consistent(mer_flight, written):
-    """Every kind of statement fits its sigma, and the truth lies within the estimate's covariance."""
-    found = reconstruct(Mission.load("builtin:practice_mer", [f"telemetry.path={written}"]))
-    nis = np.array([[f.innovation.nis, len(f.innovation.residual)] for f in found.forward.fused]).sum(axis=0)
+    """Every kind of constraint is consistent with its sigma, and the truth with the covariance of the estimate."""
+    reconstruction = reconstruct(Mission.load("builtin:practice_mer", [f"telemetry.path={written}"]))
+    nis = np.array([[f.innovation.nis, len(f.innovation.residual)] for f in reconstruction.filter_pass.fused]).sum(
+        axis=0
+    )
     assert abs(nis[0] - nis[1]) < 4.0 * np.sqrt(2.0 * nis[1])
     for node, state, covariance in zip(
-        found.forward.nodes, found.smoothed.states, found.smoothed.covariance, strict=True
+        reconstruction.filter_pass.nodes,
+        reconstruction.smoothed.states,
+        reconstruction.smoothed.covariance,
+        strict=True,
     ):
         true = mer_flight.motion.at(np.array([node.time]))[0]
         turn = rotations.multiply(rotations.conjugate(state.nav[6:10]), true[6:10])

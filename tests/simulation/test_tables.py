@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from edl_filter.aero.database import load_database, shipped_database
-from edl_filter.effects.catalogue import effect_named
-from edl_filter.effects.effect import Active
+from edl_filter.aero.database import load_database
+from edl_filter.effects.base import EffectInstance
+from edl_filter.effects.registry import effect_named
 from edl_filter.simulation import dynamics
 from edl_filter.simulation.parachute import Parachute
 from edl_filter.simulation.tables import air_table, tabulate
@@ -15,8 +15,8 @@ DATABASES = {
     "grids, switch": (lambda: load_database(**GRIDS, join="switch"), 1e-12),
     "grids, blend": (lambda: load_database(**GRIDS, join="blend"), 2e-4),
     "grids, cubic in the angle": (lambda: load_database(**GRIDS, interpolation="pchip"), 1e-5),
-    "surrogate and bridge": (shipped_database, 1e-4),
-    "surrogate by speed": (lambda: shipped_database(family="MER"), 1e-4),
+    "surrogate and bridge": (load_database, 1e-4),
+    "surrogate by speed": (lambda: load_database(family="MER", speed_per_mach=205.8), 1e-4),
 }
 
 
@@ -35,17 +35,17 @@ def test_coefficients_are_the_databases(nominal, name):
     random = np.random.default_rng(3)
     mach, alpha = random.uniform(0.3, 31.0, 400), random.uniform(0.0, np.radians(25.0), 400)
     speed, knudsen = mach * random.uniform(190.0, 230.0, 400), 10.0 ** random.uniform(-6.0, 1.0, 400)
-    found = database.lookup(mach, knudsen, alpha, speed)
-    expected = np.array([found.ca, found.cn, found.cm_nose])
+    entry = database.lookup(mach, knudsen, alpha, speed)
+    expected = np.array([entry.ca, entry.cn, entry.cm_nose])
     np.testing.assert_allclose(from_kernel(tables, mach, speed, knudsen, alpha), expected, rtol=0.0, atol=tolerance)
 
 
 def test_air_has_the_effects_on_it(nominal):
     on = (
-        Active(effect_named("density_wave"), {"A": 0.1, "L": 10e3, "phase": 0.4}),
-        Active(effect_named("wind"), {"east": 30.0, "north": -10.0, "h_lo": 10e3, "h_hi": 50e3}),
+        EffectInstance(effect_named("density_wave"), {"A": 0.1, "L": 10e3, "phase": 0.4}),
+        EffectInstance(effect_named("wind"), {"east": 30.0, "north": -10.0, "h_lo": 10e3, "h_hi": 50e3}),
     )
-    world = nominal.having(on)
+    world = nominal.with_effects(on)
     tables = tabulate(world, Parachute(15.0))
     heights = np.random.default_rng(4).uniform(-5e3, 140e3, 300)
     expected = air_table(world, heights)

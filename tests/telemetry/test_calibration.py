@@ -1,4 +1,4 @@
-"""Centre of mass, bias and misalignment: closed forms, injected errors, and the real flights' biases."""
+"""Centre of mass, bias and misalignment: closed forms, injected errors, and the biases of the real flights."""
 
 from dataclasses import replace
 
@@ -9,8 +9,9 @@ from hypothesis import strategies as st
 
 from edl_filter import rotations
 from edl_filter.errors import InputError
+from edl_filter.imu_model.sensor_errors import SensorErrors
 from edl_filter.telemetry import calibration
-from edl_filter.telemetry.record import ImuRecord, SensorErrors
+from edl_filter.telemetry.record import ImuRecord
 
 vectors = st.tuples(*[st.floats(-2.0, 2.0)] * 3).map(np.array)
 
@@ -32,7 +33,7 @@ def record(name, time, interval, force, rate=None, position=None):
         unit=np.zeros(n, np.int64),
         units=("unit",),
         source=np.zeros(n, np.int64),
-        sources=("made up",),
+        sources=("simulated",),
         errors=(SensorErrors(),),
     )
 
@@ -48,15 +49,15 @@ def entry_force(time):
 
 @given(vectors, vectors, vectors, vectors)
 def test_correction_is_the_rigid_body_formula(force, rate, acceleration, position):
-    lever = rotations.cross_matrix(acceleration) + np.linalg.matrix_power(rotations.cross_matrix(rate), 2)
-    got = calibration.centre_of_mass_correction(
-        force[None] + lever @ position, rate[None], acceleration[None], position
+    lever_arm_matrix = rotations.cross_matrix(acceleration) + np.linalg.matrix_power(rotations.cross_matrix(rate), 2)
+    corrected = calibration.centre_of_mass_correction(
+        force[None] + lever_arm_matrix @ position, rate[None], acceleration[None], position
     )
-    np.testing.assert_allclose(got[0], force, atol=1e-13)
+    np.testing.assert_allclose(corrected[0], force, atol=1e-13)
 
 
-def test_correction_from_the_motion_of_a_sensor_on_a_turning_body():
-    # A body turning by exp(phi(t)) about a resting centre: the sensor's path, differenced twice
+def test_correction_cancels_the_motion_of_a_sensor_on_a_rotating_body():
+    # A body that rotates by exp(phi(t)) about a fixed centre: second difference of the sensor's path
     position, h = np.array([-0.3839, -0.2503, 0.4460]), 1e-4
 
     def path(t):
@@ -71,36 +72,36 @@ def test_correction_from_the_motion_of_a_sensor_on_a_turning_body():
     )
 
 
-def test_a_record_moved_to_the_centre_of_mass_says_so():
+def test_record_at_the_centre_of_mass_has_zero_positions():
     time = 0.125 * np.arange(1, 9)
     rate = np.tile([0.21, 0.0, 0.0], (8, 1))
-    # Spin alone: the lateral axes read -w^2 r
+    # Constant spin: the lateral accelerometers measure -w^2 r
     force = np.tile([0.0, -(0.21**2) * 0.5, 0.0], (8, 1))
-    moved = calibration.at_centre_of_mass(
+    transferred = calibration.at_centre_of_mass(
         record("backshell", time, 0.125, force, rate, (0.1, 0.5, 0.0)), np.zeros((8, 3))
     )
-    np.testing.assert_allclose(moved.specific_force, 0.0, atol=1e-16)
-    np.testing.assert_array_equal(moved.position, 0.0)
-    np.testing.assert_array_equal(moved.angular_rate, rate)
+    np.testing.assert_allclose(transferred.specific_force, 0.0, atol=1e-16)
+    np.testing.assert_array_equal(transferred.position, 0.0)
+    np.testing.assert_array_equal(transferred.angular_rate, rate)
 
 
 # --- bias
 
 
-def test_bias_is_the_slope_of_polyfit_on_the_velocity():
+def test_bias_is_the_slope_of_a_linear_fit_to_the_velocity():
     rng = np.random.default_rng(4)
     interval = rng.choice([0.125, 0.25], 300)
     time = np.cumsum(interval) - 50.0
     force = rng.normal(0.004, 0.003, (300, 3))
     bias, sigma = calibration.bias_from_velocity_slope(time, interval, force, -100.0, 100.0)
-    instants = np.concatenate(([-50.0], time))
+    edges = np.concatenate(([-50.0], time))
     velocity = np.concatenate((np.zeros((1, 3)), np.cumsum(force * interval[:, None], axis=0)))
-    np.testing.assert_allclose(bias, np.polyfit(instants, velocity, 1)[0], rtol=1e-10)
+    np.testing.assert_allclose(bias, np.polyfit(edges, velocity, 1)[0], rtol=1e-10)
     assert np.all(sigma > 0.0)
 
 
-def test_bias_sigma_is_honest_and_tends_to_the_closed_form():
-    # Slope through a random walk: variance 6/5 sigma^2 / N, not the fit's own
+def test_bias_sigma_is_consistent_and_tends_to_the_closed_form():
+    # Slope of a random walk: variance 6/5 sigma^2 / N, larger than the fit's formal one
     rng = np.random.default_rng(5)
     n, trials = 400, 600
     time = 0.25 * np.arange(1, n + 1)
@@ -119,7 +120,7 @@ def test_bias_uses_only_its_window():
     assert sigma == pytest.approx(0.0, abs=1e-12)
 
 
-def test_bias_refuses_a_window_it_cannot_use():
+def test_invalid_bias_window_raises():
     time, interval, force = np.arange(1.0, 11.0), np.ones(10), np.zeros((10, 3))
     with pytest.raises(InputError, match=r"window 8\.0 to 10\.0 s holds 2 samples; at least 3"):
         calibration.bias_from_velocity_slope(time, interval, force, 8.0, 10.0)
@@ -148,7 +149,7 @@ def test_axial_bias_of_the_real_backshell_units(mer_folder, table, entry, expect
 # --- misalignment
 
 
-def test_misalignment_finds_an_injected_rotation_across_samplings_and_a_gap():
+def test_misalignment_recovers_a_rotation_with_different_samplings_and_a_gap():
     rng = np.random.default_rng(6)
     fine, coarse = 0.125 * np.arange(1, 2041), 0.25 * np.arange(1, 1021)
     m = np.array([0.0, -2.0e-3, 5.0e-3])
@@ -166,42 +167,44 @@ def test_misalignment_finds_an_injected_rotation_across_samplings_and_a_gap():
     assert np.all(np.abs(fit.offset - bias[1:]) < 4.0 * fit.offset_sigma)
     assert (fit.start, fit.end) == (0.0, 250.0)
     assert fit.samples == sum(w.samples for w in result.windows)
-    # 440 intervals of 0.25 s after 140 s, less the four that the seven lost samples touch
+    # 440 intervals of 0.25 s after 140 s, without the four that contain the seven missing samples
     assert [w.samples for w in result.windows] == [40, 436]
-    # Ten seconds without load say next to nothing about an angle, and the sigma owns up to it
+    # Ten seconds without load hardly determine an angle: the sigma is large
     assert np.all(result.windows[0].slope_sigma > 20.0 * result.windows[1].slope_sigma)
 
 
-def test_projection_is_least_squares_with_honest_sigmas():
+def test_projection_is_least_squares_with_consistent_sigmas():
     rng = np.random.default_rng(7)
     axial = -np.linspace(0.0, 50.0, 300)
     truth = np.array([0.1, -0.2]) + np.outer(axial, [0.005, -0.002])
-    pulls = []
+    normalised_errors = []
     for _ in range(200):
         noise = rng.normal(0.0, 0.01, (300, 2))
         slope, sigma, offset, offset_sigma, rms = calibration.misalignment_by_projection(axial, truth + noise)
-        pulls.append(np.concatenate(((slope - [0.005, -0.002]) / sigma, (offset - [0.1, -0.2]) / offset_sigma)))
-    assert np.std(pulls) == pytest.approx(1.0, abs=0.1)
+        normalised_errors.append(
+            np.concatenate(((slope - [0.005, -0.002]) / sigma, (offset - [0.1, -0.2]) / offset_sigma))
+        )
+    assert np.std(normalised_errors) == pytest.approx(1.0, abs=0.1)
     np.testing.assert_allclose(rms, 0.01, rtol=0.15)
-    twin = np.linalg.lstsq(np.stack((axial, np.ones(300)), -1), truth + noise)
-    np.testing.assert_allclose([slope, offset], twin[0], rtol=1e-9)
+    expected = np.linalg.lstsq(np.stack((axial, np.ones(300)), -1), truth + noise)
+    np.testing.assert_allclose([slope, offset], expected[0], rtol=1e-9)
 
 
-def test_coloured_residuals_widen_the_sigma():
+def test_sigma_is_enlarged_for_autocorrelated_residuals():
     rng = np.random.default_rng(8)
     axial = -np.linspace(0.0, 50.0, 500)
-    pulls = []
+    normalised_errors = []
     for _ in range(200):
         noise = np.zeros((500, 2))
-        shock = rng.normal(0.0, 0.01, (500, 2))
+        innovation = rng.normal(0.0, 0.01, (500, 2))
         for i in range(1, 500):
-            noise[i] = 0.8 * noise[i - 1] + shock[i]
+            noise[i] = 0.8 * noise[i - 1] + innovation[i]
         slope, sigma, *_ = calibration.misalignment_by_projection(axial, noise)
-        pulls.append(slope / sigma)
-    assert 0.8 < np.std(pulls) < 1.3
+        normalised_errors.append(slope / sigma)
+    assert 0.8 < np.std(normalised_errors) < 1.3
 
 
-def test_misalignment_refuses_what_it_cannot_see():
+def test_invalid_misalignment_input_raises():
     time = 0.25 * np.arange(1, 81)
     a = record("backshell", time, 0.25, entry_force(time))
     with pytest.raises(InputError, match="'rover' is not at the centre of mass"):
@@ -216,7 +219,7 @@ def test_misalignment_refuses_what_it_cannot_see():
         calibration.misalignment_by_projection(np.ones(3), np.zeros((3, 2)))
 
 
-def test_misalignment_of_a_record_with_itself_is_nothing():
+def test_misalignment_of_a_record_with_itself_is_zero():
     time = 0.25 * np.arange(1, 1001)
     a = record("backshell", time, 0.25, entry_force(time))
     fit = calibration.misalignment(a, a).all

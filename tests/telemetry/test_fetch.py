@@ -1,3 +1,5 @@
+"""Download and search of the MER telemetry, with a server on the loopback interface."""
+
 import hashlib
 import socket
 import threading
@@ -7,26 +9,26 @@ from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 import pytest
 
 from edl_filter.errors import InputError
+from edl_filter.io.atomic import default_file_mode
 from edl_filter.telemetry import fetch
-from edl_filter.whole_file import usual_mode
 
 
-class Quiet(SimpleHTTPRequestHandler):
+class RecordingHandler(SimpleHTTPRequestHandler):
     def log_message(self, *args):
-        self.server.asked.append(self.path)
+        self.server.requests.append(self.path)
 
 
 @pytest.fixture
 def serve():
-    """Function that serves a folder on loopback and gives (address, list of requests)."""
+    """Function that serves a folder on loopback and returns (address, list of requested paths)."""
     servers = []
 
     def start(folder):
-        server = ThreadingHTTPServer(("127.0.0.1", 0), partial(Quiet, directory=str(folder)))
-        server.asked = []
+        server = ThreadingHTTPServer(("127.0.0.1", 0), partial(RecordingHandler, directory=str(folder)))
+        server.requests = []
         threading.Thread(target=server.serve_forever, args=(0.01,), daemon=True).start()
         servers.append(server)
-        return f"http://127.0.0.1:{server.server_port}/volume", server.asked
+        return f"http://127.0.0.1:{server.server_port}/volume", server.requests
 
     yield start
     for server in servers:
@@ -36,7 +38,7 @@ def serve():
 
 @pytest.fixture
 def volume(tmp_path, monkeypatch):
-    """Small stand-in for the volume, with its checksums in place of the real ones."""
+    """Small substitute for the volume; its checksums replace the real ones."""
     root = tmp_path / "www" / "volume"
     registry = {}
     for name in fetch.REGISTRY:
@@ -50,26 +52,26 @@ def volume(tmp_path, monkeypatch):
     return root
 
 
-def test_every_file_lands_in_the_cache_and_is_not_fetched_again(volume, serve, tmp_path):
-    address, asked = serve(volume.parent)
+def test_every_file_is_cached_and_downloaded_once(volume, serve, tmp_path):
+    address, requests = serve(volume.parent)
     folder = fetch.fetch_mer_imu(address)
     assert folder == tmp_path / "cache" / "mer_imu"
     assert (folder / "DATA" / "2HIGHRATE.TAB").read_bytes() == b"DATA/2HIGHRATE.TAB"
-    count = len(asked)
+    count = len(requests)
     assert count == 9
-    assert {p.stat().st_mode & 0o777 for p in folder.rglob("*") if p.is_file()} == {usual_mode()}
+    assert {p.stat().st_mode & 0o777 for p in folder.rglob("*") if p.is_file()} == {default_file_mode()}
     fetch.fetch_mer_imu(address + "/", progress=True)
-    assert len(asked) == count
+    assert len(requests) == count
     assert fetch.find_mer_imu() == folder
 
 
-def test_the_address_of_the_data_folder_will_do(volume, serve):
-    address, asked = serve(volume.parent)
+def test_address_of_the_data_folder_is_accepted(volume, serve):
+    address, requests = serve(volume.parent)
     fetch.fetch_mer_imu(address + "/DATA/")
-    assert "/volume/DATA/2HIGHRATE.TAB" in asked
+    assert "/volume/DATA/2HIGHRATE.TAB" in requests
 
 
-def test_a_changed_file_is_refused_and_not_kept(volume, serve, tmp_path):
+def test_changed_file_raises_and_is_not_cached(volume, serve, tmp_path):
     (volume / "DATA" / "2HIGHRATE.TAB").write_bytes(b"changed")
     address, _ = serve(volume.parent)
     with pytest.raises(InputError, match=r"volume/DATA/2HIGHRATE.TAB is not the known file, whose sha256 is") as e:
@@ -78,7 +80,7 @@ def test_a_changed_file_is_refused_and_not_kept(volume, serve, tmp_path):
     assert not (tmp_path / "cache" / "mer_imu" / "DATA" / "2HIGHRATE.TAB").exists()
 
 
-def test_a_missing_file_and_a_dead_server(volume, serve):
+def test_missing_file_and_unreachable_server_raise(volume, serve):
     (volume / "AAREADME.txt").unlink()
     address, _ = serve(volume.parent)
     with pytest.raises(InputError, match=r"download failed: .*/AAREADME.txt: the server answered 404; put the"):
@@ -90,28 +92,28 @@ def test_a_missing_file_and_a_dead_server(volume, serve):
         fetch.fetch_mer_imu(f"http://127.0.0.1:{port}/volume")
 
 
-def test_where_the_data_are_looked_for(volume, tmp_path, monkeypatch):
+def test_search_order_of_the_folders(volume, tmp_path, monkeypatch):
     with pytest.raises(InputError, match=r"is not in .*cache/mer_imu; run `edl-filter fetch mer-imu`, or set EDL"):
         fetch.find_mer_imu()
-    for parts in (("mer_imu",), ("pds", "mer_imu")):  # the second is preferred once it is there
-        place = tmp_path.joinpath("data", *parts)
-        (place / "DATA").mkdir(parents=True)
-        (place / "DATA" / "1TRANSFORMED.LBL").touch()
+    for parts in (("mer_imu",), ("pds", "mer_imu")):  # the second has precedence once it exists
+        folder = tmp_path.joinpath("data", *parts)
+        (folder / "DATA").mkdir(parents=True)
+        (folder / "DATA" / "1TRANSFORMED.LBL").touch()
         monkeypatch.setenv("EDL_FILTER_DATA", str(tmp_path / "data"))
-        assert fetch.find_mer_imu() == place
+        assert fetch.find_mer_imu() == folder
     assert fetch.find_mer_imu(volume) == volume
     assert fetch.find_mer_imu(volume / "DATA") == volume / "DATA"
-    # a folder that is named is the only one looked at
+    # An explicit folder is the only one that is searched
     with pytest.raises(InputError, match=r"is not in .*elsewhere; run"):
         fetch.find_mer_imu(tmp_path / "elsewhere")
 
 
-def test_the_cache_without_the_variable_is_the_systems(monkeypatch):
+def test_default_cache_is_the_systems(monkeypatch):
     monkeypatch.delenv("EDL_FILTER_CACHE", raising=False)
     assert "edl-filter" in str(fetch.cache_folder())
 
 
-def test_the_real_files_have_the_known_checksums(mer_folder, serve, tmp_path):
+def test_real_files_have_the_registered_checksums(mer_folder, serve, tmp_path):
     (tmp_path / "volume").symlink_to(mer_folder)
     address, _ = serve(tmp_path)
     folder = fetch.fetch_mer_imu(address, cache=tmp_path / "cache")

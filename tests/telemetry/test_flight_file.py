@@ -1,3 +1,5 @@
+"""Reader and writer of the flight file: contents, gap filling, and every kind of error in a file."""
+
 import shutil
 from dataclasses import replace
 
@@ -7,17 +9,18 @@ import pytest
 
 from edl_filter import rotations
 from edl_filter.errors import InputError
+from edl_filter.imu_model.sensor_errors import SensorErrors
 from edl_filter.telemetry.flight_file import FlightContents, FlightImu, read_flight_file, write_flight_file
-from edl_filter.telemetry.record import InitialState, LandingFix, ParachuteFix, SensorErrors
+from edl_filter.telemetry.record import InitialState, LandingFix, ParachuteFix
 
 
 @pytest.fixture
 def flight(builtin_flight, tmp_path):
-    """Copy of the built-in flight that a test may spoil."""
+    """Copy of the built-in flight that a test may modify."""
     return shutil.copy(builtin_flight, tmp_path / "flight.h5")
 
 
-def test_the_built_in_flight_is_read_into_body_axes(builtin_flight):
+def test_built_in_flight_is_read_in_body_axes(builtin_flight):
     telemetry = read_flight_file(builtin_flight)
     imu = telemetry.driving
     assert (imu.name, [c.name for c in telemetry.checking]) == ("primary", ["secondary"])
@@ -25,7 +28,7 @@ def test_the_built_in_flight_is_read_into_body_axes(builtin_flight):
     assert imu.start == pytest.approx(0.0, abs=1e-9)
     np.testing.assert_array_equal(imu.position, np.tile([0.25, -0.35, 0.28], (len(imu), 1)))
     assert imu.errors[0] == SensorErrors(0.0005, 0.0001, 0.0001, 2.42406840554768e-06, 5e-05)
-    # drag is along minus x in body axes in both IMUs, whatever their mounting
+    # Drag is along -x in body axes in both IMUs, independent of their mounting
     for record in (imu, *telemetry.checking):
         peak = np.argmax(np.linalg.norm(record.specific_force[:1900], axis=1))
         force = record.specific_force[peak]
@@ -40,7 +43,7 @@ def test_the_built_in_flight_is_read_into_body_axes(builtin_flight):
     assert [len(sha) for sha in telemetry.files.values()] == [64]
 
 
-def test_imu_axes_become_body_axes(builtin_flight):
+def test_rates_are_rotated_from_imu_to_body_axes(builtin_flight):
     telemetry = read_flight_file(builtin_flight)
     with h5py.File(builtin_flight) as file:
         group = file["imu/primary"]
@@ -48,7 +51,7 @@ def test_imu_axes_become_body_axes(builtin_flight):
         np.testing.assert_allclose(telemetry.driving.angular_rate, group["angular_rate"][()] @ matrix.T, atol=1e-8)
 
 
-def test_the_truth_is_not_read(flight):
+def test_truth_is_not_read(flight):
     before = read_flight_file(flight)
     with h5py.File(flight, "a") as file:
         file["truth/initial/position"] = np.full(3, np.nan)
@@ -64,48 +67,48 @@ def test_practice_flights_are_read(practice):
         np.testing.assert_allclose(telemetry.driving.interval, expected, atol=1e-9)
 
 
-def test_a_gap_is_one_long_sample_between_its_neighbours(flight):
-    whole = read_flight_file(flight).driving
-    lost = slice(1500, 1507)
+def test_gap_is_filled_with_one_long_sample(flight):
+    without_gap = read_flight_file(flight).driving
+    missing = slice(1500, 1507)
     with h5py.File(flight, "a") as file:
         group = file["imu/primary"]
         for key in ("time", "specific_force", "angular_rate"):
-            values = np.delete(group[key][()], lost, axis=0)
+            values = np.delete(group[key][()], missing, axis=0)
             del group[key]
             group[key] = values
     telemetry = read_flight_file(flight)
     imu = telemetry.driving
-    assert len(imu) == len(whole) - 7 + 1
+    assert len(imu) == len(without_gap) - 7 + 1
     np.testing.assert_allclose(imu.time[1:] - imu.interval[1:], imu.time[:-1], atol=1e-9)
     assert imu.interval[1500] == pytest.approx(7 * 0.125)
-    assert imu.time[1500] == pytest.approx(whole.time[1506])
+    assert imu.time[1500] == pytest.approx(without_gap.time[1506])
     assert [imu.sources[k] for k in imu.source[1499:1502]] == ["flight file", "gap", "flight file"]
-    ends = whole.specific_force[[1499, 1507]]
-    np.testing.assert_allclose(imu.specific_force[1500], ends.mean(axis=0))
-    assert imu.force_noise[1500] == pytest.approx(0.5 * np.linalg.norm(ends[1] - ends[0]))
+    neighbours = without_gap.specific_force[[1499, 1507]]
+    np.testing.assert_allclose(imu.specific_force[1500], neighbours.mean(axis=0))
+    assert imu.force_noise[1500] == pytest.approx(0.5 * np.linalg.norm(neighbours[1] - neighbours[0]))
     assert imu.force_noise[1500] > 10.0 * imu.force_noise[1499]
-    rates = whole.angular_rate[[1499, 1507]]
+    rates = without_gap.angular_rate[[1499, 1507]]
     assert imu.rate_noise[1500] == pytest.approx(max(2e-5, 0.5 * np.linalg.norm(rates[1] - rates[0])))
-    np.testing.assert_array_equal(np.delete(imu.force_noise, 1500), whole.force_noise[:-7])
+    np.testing.assert_array_equal(np.delete(imu.force_noise, 1500), without_gap.force_noise[:-7])
     assert telemetry.notes == ("/imu/primary: 1 gap in time, each filled by one long sample between its neighbours.",)
 
 
-def test_a_nearly_unit_quaternion_is_normalised(flight):
+def test_nearly_unit_quaternion_is_normalised(flight):
     with h5py.File(flight, "a") as file:
         file["initial/attitude"][...] *= 1.0 + 5e-4
     assert np.linalg.norm(read_flight_file(flight).initial.inertial_from_body) == pytest.approx(1.0, abs=1e-15)
 
 
-def spoil(key, change):
-    def act(file):
+def changed(key, change):
+    def modify(file):
         values = change(file[key][()])
         del file[key]
         file[key] = values
 
-    return act
+    return modify
 
 
-def put(index, value):
+def element(index, value):
     def change(values):
         values[index] = value
         return values
@@ -120,24 +123,24 @@ def correlated(covariance):
 
 
 def attribute(key, name, value):
-    def act(file):
+    def modify(file):
         file[key].attrs[name] = value
 
-    return act
+    return modify
 
 
 def without(key, name=None):
-    def act(file):
+    def modify(file):
         if name:
             del file[key].attrs[name]
         else:
             del file[key]
 
-    return act
+    return modify
 
 
 @pytest.mark.parametrize(
-    ("act", "message"),
+    ("modify", "message"),
     [
         (attribute("/", "format", "netcdf"), r"format is 'netcdf'; 'edl-flight' is needed"),
         (without("/", "format"), r"format is None; 'edl-flight' is needed"),
@@ -153,40 +156,40 @@ def without(key, name=None):
             r"/@prime_meridian_at_epoch is 50; rad .* \(is it in deg\?\)",
         ),
         (
-            spoil("initial/position", lambda v: 1e-3 * v),
+            changed("initial/position", lambda v: 1e-3 * v),
             r"/initial/position is 3522.17; m between .* \(is it in km\?\)",
         ),
-        (spoil("initial/velocity", lambda v: 1e-3 * v), r"/initial/velocity is 5.62\d*; .* \(is it in km/s\?\)"),
+        (changed("initial/velocity", lambda v: 1e-3 * v), r"/initial/velocity is 5.62\d*; .* \(is it in km/s\?\)"),
         (attribute("initial", "time", 1e6), r"/initial/@time is 1e\+06; s between"),
         (
-            spoil("imu/primary/specific_force", lambda v: v / 9.80665),
+            changed("imu/primary/specific_force", lambda v: v / 9.80665),
             r"/imu/primary/specific_force in the mean after the landing is 0.37\d*; .* \(is it in g\?\)",
         ),
         (
-            spoil("imu/primary/specific_force", lambda v: 1e3 * v / 9.8),
+            changed("imu/primary/specific_force", lambda v: 1e3 * v / 9.8),
             r"specific_force row \d+ is .* \(is it in mg\?\)",
         ),
         (
-            spoil("imu/secondary/angular_rate", lambda v: np.degrees(v)),
+            changed("imu/secondary/angular_rate", lambda v: np.degrees(v)),
             r"/imu/secondary/angular_rate row \d+ is 1\d\.\d+; rad/s between 0 and 12 is needed \(is it in deg/s\?\)",
         ),
         (
             attribute("imu/primary", "sample_interval", 0.2),
             r"/@sample_interval is 0.2 s, but the usual step of its time is 0.125 s",
         ),
-        (spoil("imu/primary/time", lambda v: v + 1e6), r"/imu/primary/time row 0 is 1e\+06; s between"),
+        (changed("imu/primary/time", lambda v: v + 1e6), r"/imu/primary/time row 0 is 1e\+06; s between"),
         (attribute("imu/primary", "position", [250.0, 0.0, 0.0]), r"/@position is 250; m .* \(is it in cm\?\)"),
         (attribute("imu/primary", "accelerometer_noise", 3.0), r"/@accelerometer_noise is 3; m/s\^2 between"),
         (attribute("imu/primary", "accelerometer_bias_sigma", -1e-3), r"/@accelerometer_bias_sigma is -0.001; m/s"),
         (attribute("imu/primary", "gyro_scale_sigma", -1e-3), r"/@gyro_scale_sigma is -0.001; a number between"),
         (attribute("imu/primary", "accelerometer_misalignment_sigma", -1.0), r"misalignment_sigma is -1; rad between"),
         (
-            spoil("constraints/landing/position_sigma", lambda v: 0.0 * v),
+            changed("constraints/landing/position_sigma", lambda v: 0.0 * v),
             r"/position_sigma is \[0. 0. 0.\]; it must be",
         ),
-        (spoil("constraints/landing/position_sigma", put(1, -3.0)), r"/position_sigma is \[.*-3.*\]; it must be"),
+        (changed("constraints/landing/position_sigma", element(1, -3.0)), r"/position_sigma is \[.*-3.*\]; it must be"),
         (
-            spoil("constraints/landing/position", lambda v: 1e-3 * v),
+            changed("constraints/landing/position", lambda v: 1e-3 * v),
             r"/landing/position is 3392.\d*; .* \(is it in km\?\)",
         ),
         (
@@ -195,7 +198,7 @@ def without(key, name=None):
         ),
         (attribute("altimeter", "surface_radius", 3392.3), r"/@surface_radius is 3392.3; m .* \(is it in km\?\)"),
         (attribute("altimeter", "sigma", -5.0), r"/altimeter/@sigma is -5.0; it must be positive"),
-        (spoil("altimeter/height", put(3, 1e7)), r"/altimeter/height row 3 is 1e\+07; m between"),
+        (changed("altimeter/height", element(3, 1e7)), r"/altimeter/height row 3 is 1e\+07; m between"),
         (attribute("events/landing", "time_sigma", -0.1), r"/events/landing/@time_sigma is -0.1; s between"),
         (without("imu/primary"), r"/imu/primary is missing; the flight file needs this group"),
         (without("imu/primary/time"), r"/imu/primary/time is missing; the flight file needs this dataset"),
@@ -208,41 +211,41 @@ def without(key, name=None):
             r"/imu/primary/@body_from_imu has norm 1.01; a unit quaternion",
         ),
         (
-            spoil("imu/primary/specific_force", lambda v: v[:, :2]),
+            changed("imu/primary/specific_force", lambda v: v[:, :2]),
             r"shape \(2910, 2\); \(2910, 3\) is needed",
         ),
-        (spoil("imu/primary/angular_rate", lambda v: v[:-1]), r"shape \(2909, 3\); \(2910, 3\) is needed"),
+        (changed("imu/primary/angular_rate", lambda v: v[:-1]), r"shape \(2909, 3\); \(2910, 3\) is needed"),
         (
-            spoil("imu/primary/specific_force", put((17, 1), np.nan)),
+            changed("imu/primary/specific_force", element((17, 1), np.nan)),
             r"/imu/primary/specific_force row 17 holds nan; finite numbers",
         ),
         (
-            spoil("imu/secondary/time", put(9, 1.0)),
+            changed("imu/secondary/time", element(9, 1.0)),
             r"/imu/secondary/time row 9 is 1.000000 s after 1.125000 s; time must increase",
         ),
         (without("initial"), r"/initial is missing"),
-        (spoil("initial/attitude", lambda v: 1.01 * v), r"/initial/attitude has norm 1.01; a unit"),
-        (spoil("initial/covariance", put((0, 1), 1e9)), r"/initial/covariance is not symmetric"),
-        (spoil("initial/covariance", put((4, 4), -1.0)), r"covariance has -1 on its diagonal, row 4"),
+        (changed("initial/attitude", lambda v: 1.01 * v), r"/initial/attitude has norm 1.01; a unit"),
+        (changed("initial/covariance", element((0, 1), 1e9)), r"/initial/covariance is not symmetric"),
+        (changed("initial/covariance", element((4, 4), -1.0)), r"covariance has -1 on its diagonal, row 4"),
         (
-            spoil("initial/covariance", correlated),
+            changed("initial/covariance", correlated),
             r"covariance is not positive definite \(least eigenvalue of its correlations -",
         ),
-        (spoil("initial/covariance", lambda v: v[:6, :6]), r"has shape \(6, 6\); \(9, 9\) is needed"),
+        (changed("initial/covariance", lambda v: v[:6, :6]), r"has shape \(6, 6\); \(9, 9\) is needed"),
         (attribute("constraints/parachute", "dynamic_pressure_sigma", 0.0), r"sigma is 0.0; it must"),
         (without("altimeter/height"), r"/altimeter/height is missing"),
         (without("events/landing", "time"), r"/events/landing/@time \(attribute\) is missing"),
     ],
 )
-def test_bad_input_is_one_clear_message(flight, act, message):
+def test_bad_input_raises_one_line(flight, modify, message):
     with h5py.File(flight, "a") as file:
-        act(file)
-    with pytest.raises(InputError, match=message) as caught:
+        modify(file)
+    with pytest.raises(InputError, match=message) as raised:
         read_flight_file(flight)
-    assert "\n" not in str(caught.value)
+    assert "\n" not in str(raised.value)
 
 
-def test_no_file_and_no_hdf5(tmp_path):
+def test_missing_file_and_other_format_raise(tmp_path):
     with pytest.raises(InputError, match=r"none.h5: no such flight file"):
         read_flight_file(tmp_path / "none.h5")
     (tmp_path / "text.h5").write_text("not HDF5")
@@ -250,7 +253,7 @@ def test_no_file_and_no_hdf5(tmp_path):
         read_flight_file(tmp_path / "text.h5")
 
 
-def contents():
+def example_contents():
     rng = np.random.default_rng(5)
     imu = FlightImu(
         time=0.1 * np.arange(1, 31),
@@ -264,7 +267,7 @@ def contents():
         errors=SensorErrors(1e-3, 1e-4, 2e-4, 1e-6, 3e-5),
     )
     return {
-        "name": "made",
+        "name": "example",
         "planet": "mars",
         "epoch_utc": "2004-01-04T04:19:52",
         "prime_meridian_at_epoch": 0.5,
@@ -279,10 +282,10 @@ def contents():
     }
 
 
-def test_written_and_read_back(tmp_path):
-    given = contents()
-    path = write_flight_file(tmp_path / "made.h5", FlightContents(**given))
-    telemetry, imu = read_flight_file(path), given["imus"]["primary"]
+def test_contents_are_written_and_read_back(tmp_path):
+    contents = example_contents()
+    path = write_flight_file(tmp_path / "example.h5", FlightContents(**contents))
+    telemetry, imu = read_flight_file(path), contents["imus"]["primary"]
     np.testing.assert_array_equal(telemetry.driving.time, imu.time)
     np.testing.assert_allclose(
         rotations.rotate(rotations.conjugate(imu.body_from_imu), telemetry.driving.specific_force),
@@ -290,32 +293,28 @@ def test_written_and_read_back(tmp_path):
         atol=1e-14,
     )
     assert telemetry.driving.errors == (imu.errors,)
-    assert telemetry.parachute == given["parachute"]
+    assert telemetry.parachute == contents["parachute"]
     assert telemetry.events == {"landing": 2.5}
     assert telemetry.altimeter is None
     np.testing.assert_array_equal(telemetry.landing.position_sigma, np.full(3, 500.0))
     with h5py.File(path) as file:
         assert file["truth/effect"].attrs["size"] == 1.5
         assert file["events/landing"].attrs["time_sigma"] == 0.02
-    assert [p.name for p in tmp_path.iterdir()] == ["made.h5"]
+    assert [p.name for p in tmp_path.iterdir()] == ["example.h5"]
 
 
-def test_what_breaks_the_format_is_not_written_and_an_old_file_stays(tmp_path):
-    path = write_flight_file(tmp_path / "made.h5", FlightContents(**contents()))
+def test_invalid_contents_are_not_written_and_an_old_file_is_unchanged(tmp_path):
+    path = write_flight_file(tmp_path / "example.h5", FlightContents(**example_contents()))
     old = path.read_bytes()
-    bad = contents()
-    bad["initial"] = replace(bad["initial"], covariance=-np.eye(9))
-    with pytest.raises(InputError, match=r"made.h5: /initial/covariance has -1 on its diagonal"):
-        write_flight_file(path, FlightContents(**bad))
+    invalid = example_contents()
+    invalid["initial"] = replace(invalid["initial"], covariance=-np.eye(9))
+    with pytest.raises(InputError, match=r"example.h5: /initial/covariance has -1 on its diagonal"):
+        write_flight_file(path, FlightContents(**invalid))
     assert path.read_bytes() == old
-    assert [p.name for p in tmp_path.iterdir()] == ["made.h5"]
-    assert (
-        read_flight_file(
-            write_flight_file(tmp_path / "new" / "folder" / "made.h5", FlightContents(**contents()))
-        ).planet
-        == "mars"
-    )
+    assert [p.name for p in tmp_path.iterdir()] == ["example.h5"]
+    in_new_folder = tmp_path / "new" / "folder" / "example.h5"
+    assert read_flight_file(write_flight_file(in_new_folder, FlightContents(**example_contents()))).planet == "mars"
     with pytest.raises(InputError, match=r"new: cannot be written \(it is a folder; a file's name is needed\)"):
-        write_flight_file(tmp_path / "new", FlightContents(**contents()))
+        write_flight_file(tmp_path / "new", FlightContents(**example_contents()))
     with pytest.raises(InputError, match=r"cannot be written"):
-        write_flight_file(path / "made.h5", FlightContents(**contents()))
+        write_flight_file(path / "example.h5", FlightContents(**example_contents()))

@@ -1,15 +1,17 @@
+"""Gap filling within a segment, and joining of segments."""
+
 import numpy as np
 import pytest
 
 from edl_filter.errors import InputError
-from edl_filter.telemetry.joining import GAP, Piece, fill_gaps, join
-from edl_filter.telemetry.record import SensorErrors
+from edl_filter.imu_model.sensor_errors import SensorErrors
+from edl_filter.telemetry.joining import GAP, Segment, fill_gaps, join
 
 
-def piece(times, unit="backshell", source="HIGHRATE", slope=1.0):
+def segment(times, unit="backshell", source="HIGHRATE", slope=1.0):
     times = np.asarray(times, float)
     n = len(times)
-    return Piece(
+    return Segment(
         source=source,
         unit=unit,
         time=times,
@@ -23,37 +25,37 @@ def piece(times, unit="backshell", source="HIGHRATE", slope=1.0):
     )
 
 
-def grid(start, count):
+def sample_times(start, count):
     return start + 0.125 * np.arange(1, count + 1)
 
 
-def test_a_gap_is_bridged_by_samples_on_the_line_between_its_sides():
-    times = np.concatenate((grid(0.0, 40), grid(5.875, 40)))  # 0.875 s missing after t = 5
-    pieces = fill_gaps(piece(times))
-    assert [p.source for p in pieces] == ["HIGHRATE", GAP, "HIGHRATE"]
-    gap = pieces[1]
+def test_gap_is_filled_with_linearly_interpolated_samples():
+    times = np.concatenate((sample_times(0.0, 40), sample_times(5.875, 40)))  # a gap of 0.875 s after t = 5
+    segments = fill_gaps(segment(times))
+    assert [p.source for p in segments] == ["HIGHRATE", GAP, "HIGHRATE"]
+    gap = segments[1]
     assert len(gap.time) == 7
-    np.testing.assert_allclose(gap.time, grid(5.0, 7))
+    np.testing.assert_allclose(gap.time, sample_times(5.0, 7))
     inside = gap.force[:, 0]
     assert np.all(np.diff(inside) > 0.0) and inside[0] > 5.0 and inside[-1] < 6.0
     assert np.all(gap.force_noise > 0.003) and np.all(gap.shared_rate_noise == 0.0)
 
 
-def test_the_bridges_sigma_grows_with_how_much_the_signal_changes():
-    times = np.concatenate((grid(0.0, 40), grid(5.875, 40)))
-    calm, wild = (fill_gaps(piece(times, slope=s))[1] for s in (0.1, 10.0))
-    np.testing.assert_allclose(wild.force_noise, 100.0 * calm.force_noise)
+def test_sigma_in_a_gap_is_proportional_to_the_change_of_the_signal():
+    times = np.concatenate((sample_times(0.0, 40), sample_times(5.875, 40)))
+    small, large = (fill_gaps(segment(times, slope=slope))[1] for slope in (0.1, 10.0))
+    np.testing.assert_allclose(large.force_noise, 100.0 * small.force_noise)
 
 
-def test_no_gap_leaves_the_piece_alone():
-    whole = piece(grid(0.0, 16))
+def test_segment_without_a_gap_is_unchanged():
+    whole = segment(sample_times(0.0, 16))
     assert len(fill_gaps(whole)) == 1
     np.testing.assert_array_equal(fill_gaps(whole)[0].time, whole.time)
 
 
-def test_join_keeps_units_sources_and_adjoining_intervals():
+def test_joined_record_has_units_sources_and_adjoining_intervals():
     errors = (SensorErrors(0.1), SensorErrors(0.2))
-    a, b = piece(grid(0.0, 8)), piece(grid(1.0, 8), unit="rover", source="register")
+    a, b = segment(sample_times(0.0, 8)), segment(sample_times(1.0, 8), unit="rover", source="register")
     record = join("driving", [a, b], ("backshell", "rover"), errors)
     assert record.sources == ("HIGHRATE", "register")
     np.testing.assert_array_equal(record.unit, [0] * 8 + [1] * 8)
@@ -61,11 +63,11 @@ def test_join_keeps_units_sources_and_adjoining_intervals():
     assert record.errors == errors
 
 
-def test_pieces_that_do_not_adjoin_are_named():
-    apart = [piece(grid(0.0, 8)), piece(grid(1.5, 8), unit="rover")]
+def test_segments_that_do_not_adjoin_raise():
+    separated = [segment(sample_times(0.0, 8)), segment(sample_times(1.5, 8), unit="rover")]
     with pytest.raises(InputError, match=r"HIGHRATE of the backshell ends at 1\.0000 s .* begins at 1\.5000 s"):
-        join("x", apart, ("backshell", "rover"), (SensorErrors(),) * 2)
+        join("x", separated, ("backshell", "rover"), (SensorErrors(),) * 2)
 
 
-def test_between_takes_whole_samples():
-    np.testing.assert_allclose(piece(grid(0.0, 16)).between(0.5, 1.05).time, grid(0.5, 4))
+def test_between_selects_whole_samples():
+    np.testing.assert_allclose(segment(sample_times(0.0, 16)).between(0.5, 1.05).time, sample_times(0.5, 4))

@@ -1,4 +1,4 @@
-"""The join of the archive's three products, on the real tables."""
+"""The record joined from the archive's three products, on the real tables."""
 
 import re
 from dataclasses import replace
@@ -12,16 +12,17 @@ from edl_filter.errors import InputError
 from edl_filter.mission import Mission, shipped_mission
 from edl_filter.navigation.increments import effective_samples
 from edl_filter.navigation.noise import _attitudes
-from edl_filter.reading import mer_setup
-from edl_filter.statements import onboard_attitudes
+from edl_filter.pipeline.constraints import onboard_attitudes
+from edl_filter.pipeline.load import mer_setup
+from edl_filter.telemetry.comparison import compare
 from edl_filter.telemetry.mer_archive import read_mer_tables
-from edl_filter.telemetry.mer_flight import (
+from edl_filter.telemetry.mer_flight import mer_telemetry
+from edl_filter.telemetry.mer_segments import (
     BODY_FROM_SPACECRAFT,
-    highrate_piece,
-    mer_telemetry,
+    highrate_segment,
     onboard_attitude,
-    register_piece,
-    transformed_piece,
+    register_segment,
+    transformed_segment,
 )
 
 ROVERS = {"mer_a": 2, "mer_b": 1}
@@ -35,81 +36,81 @@ def rover(request, mer_folder):
     return mission, tables, setup, mer_telemetry(tables, setup)
 
 
-def source(record, name):
+def from_source(record, name):
     return record.source == record.sources.index(name)
 
 
-def test_products_follow_each_other_without_holes(rover):
+def test_products_adjoin_without_gaps(rover):
     _, tables, setup, telemetry = rover
     record = telemetry.driving
     np.testing.assert_allclose(record.time[1:] - record.interval[1:], record.time[:-1], atol=1e-9)
     assert np.isfinite(record.specific_force).all() and np.isfinite(record.angular_rate).all()
     highrate = tables.highrate.sclk - setup.epoch_sclk
-    assert record.time[source(record, "TRANSFORMED")][-1] == pytest.approx(highrate[0] - 0.125)
-    assert record.time[source(record, "HIGHRATE")][-1] == pytest.approx(highrate[-1], abs=0.25)
-    assert record.time[source(record, "register")][-1] == pytest.approx(setup.end, abs=0.5)
+    assert record.time[from_source(record, "TRANSFORMED")][-1] == pytest.approx(highrate[0] - 0.125)
+    assert record.time[from_source(record, "HIGHRATE")][-1] == pytest.approx(highrate[-1], abs=0.25)
+    assert record.time[from_source(record, "register")][-1] == pytest.approx(setup.end, abs=0.5)
 
 
-def test_the_rover_drives_from_separation_on(rover):
+def test_rover_drives_from_separation_on(rover):
     _, _, setup, record = rover[0], rover[1], rover[2], rover[3].driving
     before = record.time <= setup.separation + 1e-6
     assert set(record.unit[before]) == {record.units.index("backshell")}
     assert record.units.index("backshell") not in set(record.unit[~before])
     assert np.all(record.position[~before] == 0.0)
     shield = setup.events["heat_shield_separation"]
-    highrate, middle = source(record, "HIGHRATE") & before, record.time - 0.5 * record.interval
-    for part, position in (
+    highrate, middle = from_source(record, "HIGHRATE") & before, record.time - 0.5 * record.interval
+    for rows, position in (
         (highrate & (middle < shield), setup.imus["backshell"].position),
-        (highrate & (middle > shield), setup.positions[shield]),  # the centre of mass moves back without the shield
+        (highrate & (middle > shield), setup.positions[shield]),  # without the shield the centre of mass is farther aft
     ):
-        assert part.sum() > 50
-        np.testing.assert_allclose(record.position[part], np.tile(BODY_FROM_SPACECRAFT @ position, (part.sum(), 1)))
+        assert rows.sum() > 50
+        np.testing.assert_allclose(record.position[rows], np.tile(BODY_FROM_SPACECRAFT @ position, (rows.sum(), 1)))
 
 
-def test_body_axes_are_the_archives_taken_in_turn(rover):
+def test_body_axes_are_a_permutation_of_the_archives(rover):
     record = rover[3].driving
-    before = (record.time > 100.0) & (record.time < 140.0)
-    assert np.all(record.specific_force[before, 0] < -30.0)  # drag on the nose
-    assert np.median(np.abs(record.specific_force[before, 1:])) < 1.0
+    near_peak = (record.time > 100.0) & (record.time < 140.0)
+    assert np.all(record.specific_force[near_peak, 0] < -30.0)  # drag on the nose
+    assert np.median(np.abs(record.specific_force[near_peak, 1:])) < 1.0
     assert np.linalg.det(BODY_FROM_SPACECRAFT) == pytest.approx(1.0)
     np.testing.assert_array_equal(BODY_FROM_SPACECRAFT @ [0.0, 0.0, 1.0], [1.0, 0.0, 0.0])
 
 
-def test_rates_are_one_signal_across_the_join(rover):
+def test_rates_are_continuous_across_the_join(rover):
     record = rover[3].driving
-    join = np.flatnonzero(source(record, "HIGHRATE"))[0]
-    assert record.angular_rate[join - 1, 0] == pytest.approx(record.angular_rate[join, 0], abs=2e-3)
-    assert 0.18 < record.angular_rate[join, 0] < 0.24  # about 2 rpm: HIGHRATE's columns are increments
+    first = np.flatnonzero(from_source(record, "HIGHRATE"))[0]
+    assert record.angular_rate[first - 1, 0] == pytest.approx(record.angular_rate[first, 0], abs=2e-3)
+    assert 0.18 < record.angular_rate[first, 0] < 0.24  # about 2 rpm: HIGHRATE's columns are increments
 
 
 def test_gyros_agree_with_the_on_board_quaternion(rover):
-    """Once the software's own rate correction is taken off: 0.002 deg over ten seconds before the parachute."""
+    """With the on-board rate correction the difference is 0.002 deg over ten seconds, before parachute deployment."""
     telemetry = rover[3]
     samples, attitude = effective_samples(telemetry.driving), telemetry.attitude
-    misses = []
+    errors = []
     rows = [np.argmin(np.abs(attitude.time - t)) for t in np.arange(95.0, 245.0, 10.0)]
     for a, b in pairwise(rows):
         part = samples.part(samples.index(attitude.time[a]), samples.index(attitude.time[b]))
         end = _attitudes(part.interval, part.rate, attitude.inertial_from_body[a])[1]
-        miss = rotations.multiply(rotations.conjugate(attitude.inertial_from_body[b]), end)
-        misses.append(rotations.to_rotation_vector(miss))
-    rms = np.degrees(np.sqrt(np.mean(np.square(misses), axis=0)))
+        errors.append(rotations.rotation_vector_between(attitude.inertial_from_body[b], end))
+    rms = np.degrees(np.sqrt(np.mean(np.square(errors), axis=0)))
     assert np.all(rms < 0.002)
 
 
-def test_without_the_rate_correction_they_part(rover):
+def test_rate_correction_is_applied_to_highrate(rover):
     mission, tables, setup, _ = rover
-    raw = highrate_piece(tables, setup, "rover").rate.mean(axis=0)
+    corrected = highrate_segment(tables, setup, "rover").rate.mean(axis=0)
     key = "telemetry.imus.rover.onboard_rate_correction_deg_h=[0, 0, 0]"
-    without = mer_setup(Mission.load(mission.source, [key]))
-    shift = np.degrees(highrate_piece(tables, without, "rover").rate.mean(axis=0) - raw) * 3600.0
-    assert shift[0] == pytest.approx(mission.telemetry.imus["rover"].onboard_rate_correction_deg_h[2])
+    uncorrected_setup = mer_setup(Mission.load(mission.source, [key]))
+    uncorrected = highrate_segment(tables, uncorrected_setup, "rover").rate.mean(axis=0)
+    correction = np.degrees(uncorrected - corrected) * 3600.0
+    assert correction[0] == pytest.approx(mission.telemetry.imus["rover"].onboard_rate_correction_deg_h[2])
 
 
-def test_spirit_turned_more_than_ten_degrees_in_the_gap(rover):
+def test_attitude_across_the_gap_is_that_of_the_quaternions(rover):
     mission, _, _, telemetry = rover
     record = telemetry.driving
-    gap = source(record, "gap")
+    gap = from_source(record, "gap")
     length = record.interval[gap].sum()
     assert length == pytest.approx(0.75 if mission.name == "mer_a" else 0.625)  # 0.875 and 0.75 s between samples
     assert np.all(record.net_turn[gap]) and np.all(record.shared_rate_noise[gap] == 0.0)
@@ -120,107 +121,105 @@ def test_spirit_turned_more_than_ten_degrees_in_the_gap(rover):
     b = np.flatnonzero(attitude.time >= record.time[last] - 1e-6)[0]
     part = samples.part(samples.index(attitude.time[a]), samples.index(attitude.time[b]))
     end = _attitudes(part.interval, part.rate, attitude.inertial_from_body[a])[1]
-    miss = rotations.multiply(rotations.conjugate(attitude.inertial_from_body[b]), end)
-    assert np.degrees(np.linalg.norm(rotations.to_rotation_vector(miss))) < 0.05
-    turn = rotations.multiply(rotations.conjugate(attitude.inertial_from_body[a]), attitude.inertial_from_body[b])
+    error = rotations.rotation_vector_between(attitude.inertial_from_body[b], end)
+    assert np.degrees(np.linalg.norm(error)) < 0.05
+    rotation = rotations.rotation_vector_between(attitude.inertial_from_body[a], attitude.inertial_from_body[b])
     if mission.name == "mer_a":
-        assert np.degrees(np.linalg.norm(rotations.to_rotation_vector(turn))) > 10.0
+        assert np.degrees(np.linalg.norm(rotation)) > 10.0
 
 
-def test_register_ends_where_quaternion_and_velocity_end_also_across_15_seconds(rover):
+def test_register_ends_at_the_quaternion_and_velocity_also_across_a_gap_of_15_seconds(rover):
     _, tables, setup, telemetry = rover
     record, t = telemetry.driving, tables.transformed
     time = t.sclk - setup.epoch_sclk
-    part = source(record, "register")
-    first = record.time[part][0] - record.interval[part][0]
+    rows = from_source(record, "register")
+    first = record.time[rows][0] - record.interval[rows][0]
     start = int(np.argmin(np.abs(time - first)))
     stop = int(np.argmin(np.abs(time - 470.0)))
     samples = effective_samples(record)
-    piece = samples.part(samples.index(time[start]), samples.index(time[stop]))
-    to_body = rotations.from_matrix(BODY_FROM_SPACECRAFT.T)
-    attitude = rotations.multiply(t.rover_j2000_from_sc, to_body)
-    middle, end = _attitudes(piece.interval, piece.rate, attitude[start])
-    miss = rotations.to_rotation_vector(rotations.multiply(rotations.conjugate(attitude[stop]), end))
-    assert np.degrees(np.linalg.norm(miss)) < 1e-3
-    gained = piece.interval @ rotations.rotate(middle, piece.force)
+    part = samples.part(samples.index(time[start]), samples.index(time[stop]))
+    spacecraft_from_body = rotations.from_matrix(BODY_FROM_SPACECRAFT.T)
+    attitude = rotations.multiply(t.rover_j2000_from_sc, spacecraft_from_body)
+    attitude_at_middle, end = _attitudes(part.interval, part.rate, attitude[start])
+    error = rotations.rotation_vector_between(attitude[stop], end)
+    assert np.degrees(np.linalg.norm(error)) < 1e-3
+    velocity_increment = part.interval @ rotations.rotate(attitude_at_middle, part.force)
     register = rotations.rotate(setup.j2000_from_register, t.velocity[stop] - t.velocity[start])
-    np.testing.assert_allclose(gained, register, atol=1e-3)
-    assert np.max(piece.interval) <= 0.25 + 1e-9
+    np.testing.assert_allclose(velocity_increment, register, atol=1e-3)
+    assert np.max(part.interval) <= 0.25 + 1e-9
 
 
 def test_rover_and_backshell_agree_before_separation(rover):
-    """Where both are read: to a few hundredths m/s² at the centre of mass, as the facts file has it."""
-    from edl_filter.telemetry.comparison import compare
-
+    """At the centre of mass they agree to a few hundredths m/s² (facts file)."""
     mission, _, setup, telemetry = rover
     estimate = compare(telemetry.driving, telemetry.checking[0], setup.events["parachute_deploy"])
     late = estimate.windows[-1]
     assert (late.start, late.end) == (140.0, 250.0)
-    turn = np.degrees(late.rotation_vector[1:])  # about y and z of the body
-    known = {"mer_a": (0.032, 0.007), "mer_b": (0.040, -0.045)}[mission.name]
-    np.testing.assert_allclose(np.abs(turn), np.abs(known), atol=0.03)
+    rotation = np.degrees(late.rotation_vector[1:])  # about y and z of the body
+    expected = {"mer_a": (0.032, 0.007), "mer_b": (0.040, -0.045)}[mission.name]
+    np.testing.assert_allclose(np.abs(rotation), np.abs(expected), atol=0.03)
     assert np.all(late.residual_rms < 0.02)
     assert len(estimate.windows) == 2
 
 
-def test_on_board_attitude_is_used_where_gyros_are_and_not_inside_the_gap(rover):
+def test_on_board_attitude_is_used_with_gyros_and_not_inside_the_gap(rover):
     telemetry = rover[3]
     used = np.array([c.time for c in onboard_attitudes(telemetry, 10.0, 0.0)])
     record = telemetry.driving
-    assert used[0] > record.time[source(record, "TRANSFORMED")][-1]
-    assert used[-1] <= record.time[source(record, "HIGHRATE")][-1]
-    gap = record.time[source(record, "gap")]
+    assert used[0] > record.time[from_source(record, "TRANSFORMED")][-1]
+    assert used[-1] <= record.time[from_source(record, "HIGHRATE")][-1]
+    gap = record.time[from_source(record, "gap")]
     assert not np.any((used > gap[0] - 0.125 + 1e-6) & (used < gap[-1] - 1e-6))
     assert np.any(np.abs(used - gap[-1]) < 0.3)
-    coarse = onboard_attitude(*rover[1:3]).sigma
-    assert np.all(coarse < 1e-4)
+    sigma = onboard_attitude(*rover[1:3]).sigma
+    assert np.all(sigma < 1e-4)
 
 
-def test_transformed_alignment_is_taken_off(rover):
+def test_transformed_alignment_is_subtracted(rover):
     mission, tables, setup, _ = rover
     key = "telemetry.imus.backshell.transformed_alignment_deg=[0, 0]"
-    without = transformed_piece(tables, mer_setup(Mission.load(mission.source, [key])), 80.0)
-    with_it = transformed_piece(tables, setup, 80.0)
-    share = (without.force - with_it.force)[:, 1:] / with_it.force[:, :1]
+    uncorrected = transformed_segment(tables, mer_setup(Mission.load(mission.source, [key])), 80.0)
+    corrected = transformed_segment(tables, setup, 80.0)
+    ratio = (uncorrected.force - corrected.force)[:, 1:] / corrected.force[:, :1]
     expected = np.radians(mission.telemetry.imus["backshell"].transformed_alignment_deg)
-    np.testing.assert_allclose(share[-40:], np.tile(expected, (40, 1)), rtol=1e-9)
+    np.testing.assert_allclose(ratio[-40:], np.tile(expected, (40, 1)), rtol=1e-9)
 
 
-def test_register_piece_can_begin_before_highrate(rover):
+def test_register_segment_can_begin_before_highrate(rover):
     _, tables, setup, _ = rover
-    (piece,) = register_piece(tables, setup, 0.0, 60.0)
-    assert piece.time[-1] <= 60.0 + 1e-6 and piece.net_turn and piece.net_gain
+    (segment,) = register_segment(tables, setup, 0.0, 60.0)
+    assert segment.time[-1] <= 60.0 + 1e-6 and segment.net_turn and segment.net_gain
 
 
-def test_a_separation_outside_highrate_is_named(rover):
+def test_separation_outside_highrate_raises(rover):
     _, tables, setup, _ = rover
     with pytest.raises(InputError, match="backshell_separation at 20 s lies outside the HIGHRATE table"):
         mer_telemetry(tables, replace(setup, separation=20.0))
 
 
-def test_a_span_beyond_the_telemetry_is_named(rover):
+def test_span_beyond_the_telemetry_raises(rover):
     _, tables, setup, _ = rover
-    with pytest.raises(InputError, match=r"telemetry\.start_s and end_s ask for -2000 to 560 s") as caught:
+    with pytest.raises(InputError, match=r"telemetry\.start_s and end_s ask for -2000 to 560 s") as raised:
         mer_telemetry(tables, replace(setup, start=-2000.0))
-    real = tables.transformed.sclk[[0, -1]] - setup.epoch_sclk
-    first, last = re.search(r"has (\S+) to (\S+) s\.$", str(caught.value)).groups()
-    assert float(first) == pytest.approx(real[0], abs=1.0)
-    assert float(last) == pytest.approx(real[1], abs=1.0)
+    expected = tables.transformed.sclk[[0, -1]] - setup.epoch_sclk
+    first, last = re.search(r"has (\S+) to (\S+) s\.$", str(raised.value)).groups()
+    assert float(first) == pytest.approx(expected[0], abs=1.0)
+    assert float(last) == pytest.approx(expected[1], abs=1.0)
 
 
-def test_a_span_that_ends_within_highrate_has_no_register(rover):
+def test_record_that_ends_within_highrate_has_no_register_samples(rover):
     _, tables, setup, telemetry = rover
     short = mer_telemetry(tables, replace(setup, end=300.0)).driving
-    whole = telemetry.driving.between(setup.start, 300.0)
+    expected = telemetry.driving.between(setup.start, 300.0)
     assert short.time[-1] == pytest.approx(300.0, abs=0.2)
-    assert not np.any(source(short, "register"))
-    np.testing.assert_array_equal(short.specific_force, whole.specific_force)
-    np.testing.assert_array_equal(short.rate_noise, whole.rate_noise)
-    assert register_piece(tables, setup, 500.0, 499.0) == []
+    assert not np.any(from_source(short, "register"))
+    np.testing.assert_array_equal(short.specific_force, expected.specific_force)
+    np.testing.assert_array_equal(short.rate_noise, expected.rate_noise)
+    assert register_segment(tables, setup, 500.0, 499.0) == []
     assert mer_telemetry(tables, replace(setup, end=-100.0)).checking == ()
 
 
-def test_the_other_rovers_tables_are_named(rover):
+def test_tables_of_the_other_rover_raise(rover):
     _, tables, setup, _ = rover
     with pytest.raises(InputError, match=r"^telemetry\.spacecraft: .*telemetry\.epoch_sclk = 1000\.000"):
         mer_telemetry(tables, replace(setup, epoch_sclk=1000.0))

@@ -1,3 +1,5 @@
+"""Reader of PDS3 tables on a small constructed one and on the real ones."""
+
 import shutil
 import time
 
@@ -40,15 +42,15 @@ END
 ROWS = ["   1.25   -2.500", "   1.50    3.000", "   1.75    1.0e2"]
 
 
-def write(folder, label=LABEL, rows=ROWS, table="SMALL.TAB", end="\r\n"):
+def write_table(folder, label=LABEL, rows=ROWS, table="SMALL.TAB", end="\r\n"):
     (folder / "SMALL.LBL").write_text(label, newline="")
     if rows is not None:
         (folder / table).write_text("".join(row + end for row in rows), newline="")
     return folder / "SMALL.LBL"
 
 
-def test_label_is_nested_and_comments_and_long_strings_are_understood(tmp_path):
-    label = read_label(write(tmp_path))
+def test_label_with_nested_objects_comments_and_multiline_strings(tmp_path):
+    label = read_label(write_table(tmp_path))
     assert label["RECORD_BYTES"] == 18
     assert label["PRODUCER"] == ["A", "B"]
     columns = label["TABLE"][0]["COLUMN"]
@@ -56,8 +58,8 @@ def test_label_is_nested_and_comments_and_long_strings_are_understood(tmp_path):
     assert columns[0]["DESCRIPTION"] == "Time, with an = and a /* no comment */ in it"
 
 
-def test_columns_come_by_their_bytes_and_the_table_in_any_case(tmp_path):
-    table = read_table(write(tmp_path))
+def test_columns_are_read_by_their_bytes_and_the_file_name_in_any_case(tmp_path):
+    table = read_table(write_table(tmp_path))
     assert table.path.name == "SMALL.TAB"
     np.testing.assert_array_equal(table.columns["TIME"], [1.25, 1.5, 1.75])
     np.testing.assert_array_equal(table.stack("SPEED", "TIME")[:, 0], [-2.5, 3.0, 100.0])
@@ -98,43 +100,44 @@ def test_columns_come_by_their_bytes_and_the_table_in_any_case(tmp_path):
         ({"label": LABEL.replace('"TIME"', "SPEED")}, r"two columns are called SPEED"),
     ],
 )
-def test_bad_input_is_one_clear_message(tmp_path, change, message):
-    with pytest.raises(InputError, match=message) as caught:
-        read_table(write(tmp_path, **change))
-    assert str(tmp_path) in str(caught.value)
-    assert "\n" not in str(caught.value)
+def test_bad_input_raises_one_line(tmp_path, change, message):
+    with pytest.raises(InputError, match=message) as raised:
+        read_table(write_table(tmp_path, **change))
+    assert str(tmp_path) in str(raised.value)
+    assert "\n" not in str(raised.value)
 
 
-def test_missing_label_and_missing_column(tmp_path):
+def test_missing_label_and_missing_column_raise(tmp_path):
     with pytest.raises(InputError, match=r"NONE.LBL: no such label"):
         read_table(tmp_path / "NONE.LBL")
     with pytest.raises(InputError, match=r"no column MASS; the label has TIME, SPEED"):
-        read_table(write(tmp_path)).stack("TIME", "MASS")
+        read_table(write_table(tmp_path)).stack("TIME", "MASS")
 
 
-def test_real_tables_equal_a_plain_reading(mer_folder):
+def test_real_tables_equal_loadtxt(mer_folder):
     for label in sorted((mer_folder / "DATA").glob("*.LBL")):
         table = read_table(label)
-        plain = np.loadtxt(table.path)
-        np.testing.assert_array_equal(table.stack(*table.columns), plain)
-        assert len(plain) == table.label["FILE_RECORDS"]
+        expected = np.loadtxt(table.path)
+        np.testing.assert_array_equal(table.stack(*table.columns), expected)
+        assert len(expected) == table.label["FILE_RECORDS"]
 
 
-def test_a_real_table_takes_no_longer_than_a_plain_reading(mer_folder):
-    """Twice as long at most, in turn in one run: how fast the machine is does not count."""
+def test_reading_takes_at_most_twice_as_long_as_loadtxt(mer_folder):
+    """Both are timed alternately, so that the result is independent of the machine."""
     label = mer_folder / "DATA" / "2TRANSFORMED.LBL"
     path = read_table(label).path
 
-    def seconds(read, what):
+    def duration(read, file):
         start = time.perf_counter()
-        read(what)
+        read(file)
         return time.perf_counter() - start
 
-    both = [(seconds(read_table, label), seconds(np.loadtxt, path)) for _ in range(7)]
-    assert min(mine for mine, _ in both) < 2.0 * min(plain for _, plain in both)
+    durations = np.array([(duration(read_table, label), duration(np.loadtxt, path)) for _ in range(7)])
+    fastest_read_table, fastest_loadtxt = durations.min(axis=0)
+    assert fastest_read_table < 2.0 * fastest_loadtxt
 
 
-def test_the_label_of_the_other_rover_is_refused(mer_folder, tmp_path):
+def test_label_of_another_table_raises(mer_folder, tmp_path):
     shutil.copy(mer_folder / "DATA" / "2HIGHRATE.LBL", tmp_path)
     shutil.copy(mer_folder / "DATA" / "1HIGHRATE.TAB", tmp_path / "2HIGHRATE.TAB")
     with pytest.raises(InputError, match=r"2476 lines, but 2HIGHRATE.LBL says 2495 rows"):

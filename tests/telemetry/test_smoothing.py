@@ -1,4 +1,4 @@
-"""The thesis's filters against closed forms and slow twins."""
+"""The thesis's filters against closed forms and slow reference implementations."""
 
 import numpy as np
 import pytest
@@ -10,17 +10,17 @@ from edl_filter.errors import InputError
 from edl_filter.telemetry import smoothing
 
 
-def twin_batch(time, values, points, order):
+def reference_batch_polynomial(time, values, points, order):
     """One least-squares polynomial per sample, written out."""
     n, half = len(time), points // 2
-    result = np.empty(n)
+    out = np.empty(n)
     for i in range(n):
         start = min(max(i - half, 0), n - points)
         t = time[start : start + points] - time[i]
         scale = np.abs(t).max() or 1.0
         powers = np.vander(t / scale, order + 1, increasing=True)
-        result[i] = np.linalg.lstsq(powers, values[start : start + points], rcond=None)[0][0]
-    return result
+        out[i] = np.linalg.lstsq(powers, values[start : start + points], rcond=None)[0][0]
+    return out
 
 
 def jittered_time(n, seed=0):
@@ -35,21 +35,19 @@ def jittered_time(n, seed=0):
     st.lists(st.floats(0.05, 1.0), min_size=2, max_size=6),
     st.lists(st.booleans(), min_size=7, max_size=7),
 )
-def test_constant_rate_comes_back_exactly_whatever_the_signs(rate, steps, flips):
+def test_constant_rate_is_exact_for_any_signs_of_the_quaternions(rate, steps, flips):
     time = np.concatenate(([0.0], np.cumsum(steps)))
     start = rotations.normalise([0.1, -0.4, 0.3, 0.8])
     q = rotations.multiply(start, rotations.from_rotation_vector(time[:, None] * rate))
     q[np.array(flips[: len(q)])] *= -1.0
-    # |rate| dt stays below half a turn only for the shorter of these steps
-    fast = np.linalg.norm(rate) * np.max(steps) >= np.pi
-    got = smoothing.rates_from_quaternions(time, q)
-    assert got.shape == (len(steps), 3)
-    if not fast:
-        np.testing.assert_allclose(got, np.broadcast_to(rate, got.shape), atol=1e-12)
+    computed = smoothing.rates_from_quaternions(time, q)
+    assert computed.shape == (len(steps), 3)
+    if np.linalg.norm(rate) * np.max(steps) < np.pi:  # a rotation by more than 180 degrees is ambiguous
+        np.testing.assert_allclose(computed, np.broadcast_to(rate, computed.shape), atol=1e-12)
 
 
-def test_rates_are_eq_3_1_in_the_limit_of_short_steps():
-    # A coning spinner: q = exp(spin z t) exp(nod x sin t); eq. 3.1 with a central difference of q
+def test_rates_tend_to_eq_3_1_for_short_steps():
+    # Coning motion: q = exp(0.21 t z) exp(0.3 sin(t) x); eq. 3.1 with a central difference of q
     time = np.arange(0.0, 2.0, 1e-3)
 
     def attitude(t):
@@ -60,11 +58,11 @@ def test_rates_are_eq_3_1_in_the_limit_of_short_steps():
     middle, h = 0.5 * (time[1:] + time[:-1]), 1e-5
     derivative = (attitude(middle + h) - attitude(middle - h)) / (2 * h)
     eq_3_1 = 2.0 * rotations.multiply(rotations.conjugate(attitude(middle)), derivative)[:, :3]
-    got = smoothing.rates_from_quaternions(time, attitude(time))
-    np.testing.assert_allclose(got, eq_3_1, atol=1e-7)
+    computed = smoothing.rates_from_quaternions(time, attitude(time))
+    np.testing.assert_allclose(computed, eq_3_1, atol=1e-7)
 
 
-def test_rates_refuse_quaternions_that_are_none():
+def test_invalid_quaternions_raise():
     q = np.array([[0.0, 0.0, 0.0, 1.0]] * 3)
     with pytest.raises(InputError, match=r"Quaternion 1 at 1\.0+ s has length 0\.5"):
         smoothing.rates_from_quaternions([0.0, 1.0, 2.0], q * [[1.0], [0.5], [1.0]])
@@ -79,7 +77,7 @@ def test_rates_refuse_quaternions_that_are_none():
 
 @pytest.mark.parametrize(("points", "order"), [(7, 2), (5, 0), (9, 3), (41, 2), (1, 0)])
 @pytest.mark.parametrize("kind", ["even", "epoch", "jittered", "one gap"])
-def test_batch_equals_its_twin(points, order, kind):
+def test_batch_polynomial_equals_the_reference(points, order, kind):
     n = 60
     time = {
         "even": 0.125 * np.arange(n),
@@ -90,13 +88,13 @@ def test_batch_equals_its_twin(points, order, kind):
     values = np.random.default_rng(1).normal(size=n) + np.sin(time)
     np.testing.assert_allclose(
         smoothing.batch_polynomial(time, values, points, order),
-        twin_batch(time, values, points, order),
+        reference_batch_polynomial(time, values, points, order),
         atol=1e-6 if kind == "epoch" else 1e-11,
     )
 
 
 @given(st.integers(0, 4), st.integers(0, 1000), st.integers(0, 10))
-def test_a_polynomial_passes_unchanged_at_uneven_times_and_ends(order, seed, extra):
+def test_polynomial_passes_unchanged_at_uneven_times_and_at_the_ends(order, seed, extra):
     rng = np.random.default_rng(seed)
     time = np.cumsum(rng.uniform(0.05, 1.0, 40))
     values = np.polynomial.Polynomial(rng.normal(size=order + 1), domain=time[[0, -1]])(time)
@@ -104,28 +102,30 @@ def test_a_polynomial_passes_unchanged_at_uneven_times_and_ends(order, seed, ext
     np.testing.assert_allclose(smoothing.batch_polynomial(time, values, points, order), values, atol=1e-10)
 
 
-def test_batch_works_on_columns_at_the_thesis_longest_batch():
+def test_columns_are_independent_at_the_longest_batch_of_the_thesis():
     time = jittered_time(1200)
     values = np.random.default_rng(2).normal(size=(1200, 3))
-    got = smoothing.batch_polynomial(time, values, 901)
-    np.testing.assert_allclose(got[700, 2], twin_batch(time, values[:, 2], 901, 2)[700], atol=1e-12)
-    alone = smoothing.batch_polynomial(time, values[:, 1], 901)
-    np.testing.assert_allclose(got[:, 1], alone, atol=1e-13)
+    computed = smoothing.batch_polynomial(time, values, 901)
+    np.testing.assert_allclose(
+        computed[700, 2], reference_batch_polynomial(time, values[:, 2], 901, 2)[700], atol=1e-12
+    )
+    single_column = smoothing.batch_polynomial(time, values[:, 1], 901)
+    np.testing.assert_allclose(computed[:, 1], single_column, atol=1e-13)
 
 
 @pytest.mark.parametrize("points", [5, 7, 31, 901])
-def test_bandwidth_is_the_frequency_that_keeps_half_the_power(points):
+def test_half_the_power_passes_at_the_bandwidth(points):
     interval = 0.125
     frequency = smoothing.batch_polynomial_bandwidth(points, 2, interval)
     time = interval * np.arange(4 * points)
     wave = np.cos(2 * np.pi * frequency * (time - time[2 * points]))
-    kept = smoothing.batch_polynomial(time, wave, points)[2 * points]
-    assert kept == pytest.approx(np.sqrt(0.5), abs=1e-9)
+    gain = smoothing.batch_polynomial(time, wave, points)[2 * points]
+    assert gain == pytest.approx(np.sqrt(0.5), abs=1e-9)
     slower = np.cos(2 * np.pi * 0.9 * frequency * (time - time[2 * points]))
-    assert smoothing.batch_polynomial(time, slower, points)[2 * points] > kept
+    assert smoothing.batch_polynomial(time, slower, points)[2 * points] > gain
 
 
-def test_a_moving_average_has_its_textbook_bandwidth():
+def test_bandwidth_of_a_moving_average():
     # The running mean of N points: sin(pi f N) / (N sin(pi f)); tends to 0.4429 / N
     assert smoothing.batch_polynomial_bandwidth(1001, 0, 1.0) == pytest.approx(0.44295 / 1001, rel=1e-4)
     assert smoothing.batch_polynomial_bandwidth(3, 2, 0.125) == 4.0  # passes everything: Nyquist
@@ -141,12 +141,12 @@ def test_a_moving_average_has_its_textbook_bandwidth():
         (21, 2, "21 points is longer than the data: 20 samples"),
     ],
 )
-def test_batch_refuses_what_it_cannot_fit(points, order, message):
+def test_invalid_batch_raises(points, order, message):
     with pytest.raises(InputError, match=message):
         smoothing.batch_polynomial(np.arange(20.0), np.zeros(20), points, order)
 
 
-def test_batch_refuses_bad_data():
+def test_invalid_data_raise():
     values = np.zeros((20, 3))
     values[4, 1] = np.nan
     with pytest.raises(InputError, match="NaN or infinity in row 4"):
@@ -161,25 +161,25 @@ def test_batch_refuses_bad_data():
 
 
 @pytest.mark.parametrize(("cutoff", "order"), [(17.0, 4), (15.0, 4), (2.0, 2), (80.0, 5)])
-def test_low_pass_keeps_half_the_power_at_its_stated_bandwidth(cutoff, order):
+def test_low_pass_passes_half_the_power_at_its_bandwidth(cutoff, order):
     interval = 1.0 / 200.0
     frequency = smoothing.low_pass_bandwidth(cutoff, interval, order)
     assert 0.0 < frequency < cutoff
     time = interval * (np.arange(4001) - 2000)
     wave = np.stack((np.cos(2 * np.pi * frequency * time), np.cos(2 * np.pi * cutoff * time)), -1)
-    kept = smoothing.low_pass(wave, interval, cutoff, order)[2000]
-    np.testing.assert_allclose(kept, [np.sqrt(0.5), 0.5], atol=1e-6)  # two passes: half at the cut-off
+    gains = smoothing.low_pass(wave, interval, cutoff, order)[2000]
+    np.testing.assert_allclose(gains, [np.sqrt(0.5), 0.5], atol=1e-6)  # two passes: half the amplitude at the cut-off
 
 
-def test_low_pass_does_not_shift_in_time_and_keeps_a_line():
+def test_low_pass_has_zero_phase_and_passes_a_straight_line():
     interval = 0.005
     time = interval * np.arange(-1000, 1001)
-    bump = smoothing.low_pass(np.exp(-((time / 0.1) ** 2)), interval, 17.0)
-    np.testing.assert_allclose(bump, bump[::-1], atol=1e-9)
+    pulse = smoothing.low_pass(np.exp(-((time / 0.1) ** 2)), interval, 17.0)
+    np.testing.assert_allclose(pulse, pulse[::-1], atol=1e-9)
     np.testing.assert_allclose(smoothing.low_pass(2.0 + 3.0 * time, interval, 17.0), 2.0 + 3.0 * time, atol=1e-6)
 
 
-def test_low_pass_refuses_what_it_cannot_do():
+def test_invalid_low_pass_raises():
     with pytest.raises(InputError, match=r"4\.0 Hz is not between 0 and the Nyquist frequency 4\.0"):
         smoothing.low_pass(np.zeros(100), 0.125, 4.0)
     with pytest.raises(InputError, match="Nyquist"):
@@ -194,27 +194,27 @@ def test_low_pass_refuses_what_it_cannot_do():
 
 
 @given(st.integers(0, 1000))
-def test_a_quadratic_rate_gives_its_exact_derivative_at_the_samples(seed):
+def test_quadratic_rate_gives_its_exact_derivative_at_the_samples(seed):
     rng = np.random.default_rng(seed)
     time = np.cumsum(rng.uniform(0.05, 0.5, 15))
     a, b, c = rng.normal(size=(3, 3))
     rate = a + b * time[:, None] + c * time[:, None] ** 2
     expected = b + 2 * c * time[:, None]
     for smooth in (None, lambda t, v: smoothing.batch_polynomial(t, v, 7)):
-        got = smoothing.differentiated_rates(time, rate, smooth)
-        np.testing.assert_allclose(got, expected, atol=1e-9)
+        computed = smoothing.differentiated_rates(time, rate, smooth)
+        np.testing.assert_allclose(computed, expected, atol=1e-9)
 
 
-def test_an_oscillation_is_not_late_and_loses_the_stated_share():
+def test_oscillation_has_no_delay_and_the_stated_gain():
     time, frequency = 0.125 * np.arange(801), 0.7
     rate = np.sin(2 * np.pi * frequency * time)
-    got = smoothing.differentiated_rates(time, rate)[1:-1]
+    computed = smoothing.differentiated_rates(time, rate)[1:-1]
     phase = 2 * np.pi * frequency * 0.125
     expected = 2 * np.pi * frequency * np.cos(2 * np.pi * frequency * time)[1:-1] * np.sin(phase) / phase
-    np.testing.assert_allclose(got, expected, atol=1e-10)
+    np.testing.assert_allclose(computed, expected, atol=1e-10)
 
 
-def test_differences_of_too_few_rates():
+def test_fewer_than_three_rates_raise():
     with pytest.raises(InputError, match="at least 3 rates; there are 2"):
         smoothing.differentiated_rates([0.0, 1.0], np.zeros((2, 3)))
 
@@ -223,20 +223,20 @@ def test_differences_of_too_few_rates():
 
 
 def test_spirit_rates_from_quaternions_agree_with_the_gyros(mer_folder):
-    # For a minute from 90 s after entry the on-board quaternion (TRANSFORMED) and the gyros' angle increments
-    # (HIGHRATE) both exist; the length of the rate needs no frame. Both from the backshell unit.
+    # For a minute from 90 s after entry both the on-board quaternion (TRANSFORMED) and the gyros' angle increments
+    # (HIGHRATE) exist, from the backshell's unit. The norm of the rate is independent of the frame.
     table = np.loadtxt(mer_folder / "DATA" / "2TRANSFORMED.TAB", max_rows=4600)
     gyro = np.loadtxt(mer_folder / "DATA" / "2HIGHRATE.TAB", max_rows=500)
     time, first = np.unique(table[:, 0], return_index=True)
-    keep = (time > 126462174.8) & (time < 126462235.0)
-    # Shuster's quaternion from J2000 to the spacecraft is, as four numbers, Hamilton's j2000_from_body
-    time, j2000_from_body = time[keep], table[first[keep], 5:9]
+    inside = (time > 126462174.8) & (time < 126462235.0)
+    # Shuster's quaternion from J2000 to the spacecraft has the same four elements as Hamilton's j2000_from_body
+    time, j2000_from_body = time[inside], table[first[inside], 5:9]
     rate = smoothing.rates_from_quaternions(time, j2000_from_body)
-    turned = np.vstack((np.zeros(3), np.cumsum(gyro[:, 7:10], axis=0)))
+    cumulative_angle = np.vstack((np.zeros(3), np.cumsum(gyro[:, 7:10], axis=0)))
     knots = np.append(gyro[0, 0] - 0.125, gyro[:, 0])
-    angle = np.stack([np.interp(time, knots, column) for column in turned.T], axis=-1)
+    angle = np.stack([np.interp(time, knots, column) for column in cumulative_angle.T], axis=-1)
     expected = np.linalg.norm(np.diff(angle, axis=0), axis=-1) / np.diff(time)
     difference = np.linalg.norm(rate, axis=-1) - expected
     assert len(difference) > 200
-    assert difference.std() < 4e-5  # the quaternion's six decimals over 0.25 s, and the fourth's near zero
+    assert difference.std() < 4e-5  # from six decimals of the quaternion over 0.25 s
     assert np.median(rate[:, 2]) == pytest.approx(0.21, abs=0.02)  # spin, about the archive's +z

@@ -1,4 +1,4 @@
-"""`edl-filter improve`, `compare` and the refit of a run, on the shipped flight with its oblateness forgotten."""
+"""`edl-filter improve`, `compare` and the refit of a run, on the shipped flight with no oblateness in the mission."""
 
 import json
 from pathlib import Path
@@ -8,12 +8,13 @@ import pytest
 from typer.testing import CliRunner
 
 from edl_filter.cli import app
-from edl_filter.diagnosis.improve import Step
-from edl_filter.diagnosis.improving import _why
-from edl_filter.effects import Active
-from edl_filter.effects.catalogue import effect_named
+from edl_filter.diagnosis.stepwise import Step
+from edl_filter.effects import EffectInstance
+from edl_filter.effects.registry import effect_named
 from edl_filter.mission import Mission
-from edl_filter.mission.having import text_with
+from edl_filter.mission.edit_effects import text_with_effects
+from edl_filter.results.files import read_diagnosis, read_ledger, read_summary
+from edl_filter.workflow.improve_model import _why_stopped
 
 POINT_MASS = ("--set", "planet.gravity.j2=0")
 TRUE_J2 = 1.960454e-3
@@ -23,7 +24,8 @@ def call(*arguments):
     return CliRunner().invoke(app, [str(a) for a in arguments])
 
 
-def refused(result, *parts):
+def assert_refused(result, *parts):
+    """The command ends with an input error whose message has these parts."""
     assert result.exit_code == 2, result.output
     assert "Traceback" not in result.stderr
     for part in parts:
@@ -32,7 +34,7 @@ def refused(result, *parts):
 
 @pytest.fixture(scope="module")
 def improved(tmp_path_factory):
-    """Folder of an improved mission that had forgotten the oblateness, and what was printed."""
+    """Folder of an improved mission without oblateness, and the text that was printed."""
     folder = tmp_path_factory.mktemp("improved")
     result = call("improve", "builtin:practice_mer", "-o", folder / "out", *POINT_MASS,
                   "--effect", "gravity_oblateness", "--effect", "gyro_bias")  # fmt: skip
@@ -40,12 +42,12 @@ def improved(tmp_path_factory):
     return folder / "out", result.stdout
 
 
-def test_improve_keeps_every_step(improved):
-    out, told = improved
+def test_improve_writes_every_step(improved):
+    out, printed = improved
     lines = [json.loads(line) for line in (out / "ledger.jsonl").read_text().splitlines()]
     assert [line["added"] for line in lines] == ["gravity_oblateness", None]
     assert lines[1]["why"].startswith("Stopped: model and measurement agree")
-    assert "Added gravity_oblateness (J2 0.00" in told and "Stopped: model and measurement agree" in told
+    assert "Added gravity_oblateness (J2 0.00" in printed and "Stopped: model and measurement agree" in printed
     models = [[e.name for e in Mission.load(out / f"step_{k}" / "mission.yaml").effects] for k in (0, 1)]
     assert models == [[], ["gravity_oblateness"]]
     verdicts = [json.loads((out / f"step_{k}" / "diagnosis.json").read_text())["verdict"] for k in (0, 1)]
@@ -57,13 +59,26 @@ def test_improve_keeps_every_step(improved):
     assert abs(j2["estimate"] - TRUE_J2) < 3.0 * j2["sigma"] and j2["unit"] == ""
 
 
-def test_the_last_step_says_why():
-    """The noise is reached; or nothing that was tried explains what is left; or as much was added as may be."""
+def test_the_files_satisfy_their_schemas(improved):
+    """The readers forbid unknown keys and miss none; written again, the contents are the same."""
+    out, _ = improved
+    for folder in (out, out / "step_0", out / "step_1"):
+        content = json.loads((folder / "diagnosis.json").read_text())
+        assert json.loads(read_diagnosis(folder).model_dump_json(exclude_unset=True)) == content
+    lines = [json.loads(line) for line in (out / "ledger.jsonl").read_text().splitlines()]
+    assert [json.loads(line.model_dump_json()) for line in read_ledger(out)] == lines
+    assert json.loads(read_summary(out).model_dump_json(exclude_unset=True)) == json.loads(
+        (out / "summary.json").read_text()
+    )
+
+
+def test_the_last_step_says_why_it_is_the_last():
+    """The noise is reached, no effect explains the remainder, or the largest number of effects is in the model."""
     best = SimpleNamespace(hypothesis=SimpleNamespace(name="wind", gain=20.0, score_gain=19.0))
 
-    def why(verdict, leader, entries):
-        judged = SimpleNamespace(verdict=verdict, leader=leader, entries=entries)
-        return Step((), SimpleNamespace(verdict=judged), None, ()).why_stopped
+    def why(label, leader, entries):
+        verdict = SimpleNamespace(verdict=label, leader=leader, entries=entries)
+        return Step((), SimpleNamespace(verdict=verdict), None, ()).why_stopped
 
     assert "agree to the noise" in why("clean", None, [best])
     assert "none of the effects tried explains; the best, wind, would gain 20.0" in why("unknown", None, [best])
@@ -71,52 +86,55 @@ def test_the_last_step_says_why():
     assert "as many as are tried; the next would be wind" in why("missing", "wind", [best])
 
 
-def test_where_nothing_explains_it_what_is_left_is_described():
+def test_a_remainder_that_no_effect_explains_is_described():
     verdict = SimpleNamespace(verdict="unknown", leader=None, entries=[])
     last = Step((), SimpleNamespace(verdict=verdict), None, ())
-    left = {"remainder": {"description": "moment_y from 62 to 170 s: 4.9 N m RMS; it oscillates at 0.680 Hz."}}
-    assert _why(last, left, False).endswith(f"explains any of it. What is left: {left['remainder']['description']}")
-    assert _why(last, {"remainder": None}, False).endswith("explains any of it.")
+    description = "moment_y from 62 to 170 s: 4.9 N m RMS; it oscillates at 0.680 Hz."
+    text = _why_stopped(last, {"remainder": {"description": description}}, False)
+    assert text.endswith(f"explains any of it. What is left: {description}")
+    assert _why_stopped(last, {"remainder": None}, False).endswith("explains any of it.")
 
 
-def test_another_missions_ledger_is_refused(improved, tmp_path):
+def test_the_ledger_of_another_mission_is_refused(improved, tmp_path):
     out, _ = improved
     text = (out / "mission.yaml").read_text().replace("name: practice_mer", "name: other", 1)
     (tmp_path / "other.yaml").write_text(text)
     before = (out / "ledger.jsonl").read_text()
-    refused(call("improve", tmp_path / "other.yaml", "-o", out), "found the ledger of 'practice_mer'; expected none")
+    assert_refused(
+        call("improve", tmp_path / "other.yaml", "-o", out), "found the ledger of 'practice_mer'; expected none"
+    )
     assert (out / "ledger.jsonl").read_text() == before
 
 
-def test_a_run_refits_from_any_start_and_not_if_told_so(improved, tmp_path):
+def test_a_run_refits_from_any_start_unless_switched_off(improved, tmp_path):
     out, _ = improved
     start = ("--set", "effects.0.parameters.J2=0.001")
     for name, more in (("fitted", ()), ("held", ("--no-refit",)), ("fixed", ("--set", "effects.0.fixed=true"))):
         result = call("run", out / "mission.yaml", "-o", tmp_path / name, "--no-figures", *start, *more)
         assert result.exit_code == 0, result.output
-    told = {n: json.loads((tmp_path / n / "summary.json").read_text()) for n in ("fitted", "held", "fixed")}
-    j2 = {n: t["effects"]["gravity_oblateness"]["parameters"]["J2"] for n, t in told.items()}
+    summaries = {n: json.loads((tmp_path / n / "summary.json").read_text()) for n in ("fitted", "held", "fixed")}
+    j2 = {n: s["effects"]["gravity_oblateness"]["parameters"]["J2"] for n, s in summaries.items()}
     assert abs(j2["fitted"]["estimate"] - TRUE_J2) < 3.0 * j2["fitted"]["sigma"] and j2["fitted"]["start"] == 1e-3
     for name in ("held", "fixed"):
         assert j2[name] == {"estimate": 1e-3, "sigma": None, "unit": "", "start": 1e-3}
-    assert 0.8 < told["fitted"]["residuals"]["force_x"]["overall"] < 1.2
-    assert "force_x" not in told["held"]["residuals"]
+    assert 0.8 < summaries["fitted"]["residuals"]["force_x"]["overall"] < 1.2
+    assert "force_x" not in summaries["held"]["residuals"]
 
-    both = call("compare", tmp_path / "held", tmp_path / "fitted", out, "--json")
-    assert both.exit_code == 0, both.output
-    compared = json.loads(both.stdout)
-    assert [r["verdict"] for r in compared["results"]] == [None, None, "clean"]
-    first, last = (compared["results"][k] for k in (0, 2))
-    for channel, fall in compared["fall_percent"].items():
+    result = call("compare", tmp_path / "held", tmp_path / "fitted", out, "--json")
+    assert result.exit_code == 0, result.output
+    comparison = json.loads(result.stdout)
+    assert [r["verdict"] for r in comparison["results"]] == [None, None, "clean"]
+    first, last = (comparison["results"][k] for k in (0, 2))
+    for channel, fall in comparison["fall_percent"].items():
         assert fall == pytest.approx(100.0 * (1.0 - last["residuals"][channel] / first["residuals"][channel]))
     assert last["nis_per_dof"].keys() == first["nis_per_dof"].keys() >= {"landing", "altimeter"}
     table = call("compare", tmp_path / "held", tmp_path / "fitted").stdout
     assert "Normalised RMS by channel" in table and "gravity_oblateness" in table
 
 
-def test_an_effect_that_stands_twice_is_not_refitted(tmp_path):
+def test_an_effect_that_is_in_the_mission_twice_is_not_refitted(tmp_path):
     twice = "effects=[{name: gyro_bias}, {name: gyro_bias, imu: secondary}]"
-    refused(call("run", "builtin:practice_mer", "--set", twice, "-o", tmp_path / "out"), "found gyro_bias twice",
+    assert_refused(call("run", "builtin:practice_mer", "--set", twice, "-o", tmp_path / "out"), "found gyro_bias twice",
             "--no-refit")  # fmt: skip
     assert not (tmp_path / "out").exists()
 
@@ -126,34 +144,33 @@ def test_only_results_of_one_flight_are_compared(improved, tmp_path):
 
     out, _ = improved
     (tmp_path / "other").mkdir()
-    other = tmp_path / "other" / "result.nc"
-    other.write_bytes((out / "result.nc").read_bytes())
-    with h5py.File(other, "r+") as file:
+    path = tmp_path / "other" / "result.nc"
+    path.write_bytes((out / "result.nc").read_bytes())
+    with h5py.File(path, "r+") as file:
         file.attrs["input_sha256"] = '{"flight.h5": "0123456789"}'
-    refused(call("compare", out, other), f"{other}: found another flight than in", "flight.h5 01234567 against")
-    refused(call("compare", out), "compare: found 1 result; two or more are expected")
+    assert_refused(call("compare", out, path), f"{path}: found another flight than in", "flight.h5 01234567 against")
+    assert_refused(call("compare", out), "compare: found 1 result; two or more are expected")
 
 
 def test_a_model_becomes_the_text_of_a_mission(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    stated = "effects=[{name: mass, parameters: {k: 0.01}}, {name: wind}]"
-    mission = Mission.load("builtin:practice_mer", [stated])
+    mission = Mission.load("builtin:practice_mer", ["effects=[{name: mass, parameters: {k: 0.01}}, {name: wind}]"])
     Path("mine.py").write_text(
         "from edl_filter.effects import Effect, Parameter\n"
         "class Mine(Effect):\n"
         "    name = 'mine'\n"
         "    parameters = (Parameter('a', 'N', 'how much', 1.0, low=-9.0, high=9.0),)\n"
     )
-    from edl_filter.effects.loading import find_effect
+    from edl_filter.effects.registry import find_effect
 
     mass, wind = mission.active_effects()
     model = [
-        Active(mass.effect, {"k": 0.02}),
-        Active(wind.effect, wind.values | {"east": 12.0}),
-        Active(effect_named("gyro_bias"), {"bx": 1e-5}, "secondary"),
-        Active(find_effect("mine", Path("mine.py")), {"a": 2.0}),
+        EffectInstance(mass.effect, {"k": 0.02}),
+        EffectInstance(wind.effect, wind.values | {"east": 12.0}),
+        EffectInstance(effect_named("gyro_bias"), {"bx": 1e-5}, "secondary"),
+        EffectInstance(find_effect("mine", Path("mine.py")), {"a": 2.0}),
     ]
-    text, session = text_with(mission, model)
+    text, session = text_with_effects(mission, model)
     assert session == ()
-    again = Mission.from_text(text, "again", mission.source).active_effects()
-    assert [(a.name, a.values, a.imu) for a in again] == [(a.name, a.values, a.imu) for a in model]
+    effects = Mission.from_text(text, "reread", mission.source).active_effects()
+    assert [(a.name, a.values, a.imu) for a in effects] == [(a.name, a.values, a.imu) for a in model]

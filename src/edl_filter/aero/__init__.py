@@ -1,23 +1,30 @@
-"""MEVAD, the Mars entry vehicle aerodynamic database, as data with provenance.
+"""Aerodynamic database of a Mars entry vehicle: coefficients over Mach number, Knudsen number and angle of attack.
 
-The thesis collects every table that Mars missions used (appendices B to G) under this name. Their printed
-numbers are not public in machine form, so three kinds of table live here and `aero.catalogue` says which is
-which: *shipped* (a smooth surrogate of the Phoenix table, exact in its symmetry), *computed here*
-(free-molecular panels and a bridge to them, modified Newtonian) and *to be brought* (any CSV of the user).
+In: names of built-in tables or CSV files, the geometry of a forebody, the vehicle family of the uncertainties. Out:
+`database.Database`, which gives CA, CN and Cm with three sigma at given flow conditions, and the inverse look-up
+(`inverse`), which gives angles of attack from measured coefficients. Nothing depends on a mission.
+
+The thesis collects the tables of all Mars missions (appendices B to G) under the name MEVAD. Its printed numbers are
+not public in machine-readable form. The package has a smooth surrogate of the Phoenix table, exactly symmetric,
+computes free-molecular panels with a bridge to them and modified Newtonian flow, and reads any CSV of the user.
+``docs/how-to/own-database.md`` lists what replaces each table of the thesis.
 
 Conventions
     alpha is the total angle of attack, acos(u/V), in rad and ≥ 0; only the inverse look-up gives it a sign.
-    CA and CN act along −x and −z (CN > 0 for alpha > 0) and are total: in the plane of alpha.
-    Cm is about the **nose** inside the database, nose-up positive; stable is a negative slope.
-    Reference area pi D²/4, reference length D. Knudsen numbers are on D.
-    A centre of mass lies ``x_over_d`` behind the nose and ``z_over_d`` below the axis, both in D:
+    CA and CN act along −x and −z (CN > 0 for alpha > 0) and are total coefficients, in the plane of alpha.
+    Cm is about the **nose** inside the database, nose-up positive; a negative slope is stable.
+    The reference area is pi D²/4, the reference length D. Knudsen numbers are based on D.
+    A centre of mass is ``x_over_d`` behind the nose and ``z_over_d`` below the axis, both in D:
     ``Cm_cm = Cm_nose + x_over_d CN + z_over_d CA``.
-    Outside a table, the value is held at the edge and flagged.
+    Outside a table its value at the edge is used, and the sample is flagged.
 
-The way of the data
+Reading order
     CSV ─ tables ─► grid (one table) ─┐
     33 × 9 numbers ─► surrogate ──────┤ continuum
-                                      ├─► database ─► coefficients with 3 sigma ─► planes (CN, CY, Cm, Cn)
-    body ─► free_molecular, bridge ───┤ rarefied          │
-            └─► transition ───────────┘                   └─► inverse (CN or Cm → alpha)
+    body ─► newtonian, base_pressure ─┤
+                                      ├─► database ─► coefficients, with 3 sigma of uncertainty
+    body ─► free_molecular, bridge ───┤ rarefied │        └─► planes (CN, CY, Cm, Cn)
+            └─► transition ───────────┘          └─► inverse (alpha from CN or Cm)
+
+    ``damping`` reads the table of pitch and yaw damping, which is not part of the database.
 """

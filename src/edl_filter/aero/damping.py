@@ -1,36 +1,42 @@
-"""Reading of pitch and yaw damping from CSV."""
+"""Table of pitch and yaw damping: read from CSV.
+
+Input: a file of Mach numbers and damping coefficients. Output: both as arrays.
+"""
 
 from __future__ import annotations
 
-from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 
-from edl_filter.aero.grid import Array
-from edl_filter.aero.tables import read_rows
 from edl_filter.errors import InputError
+from edl_filter.io.csv_table import check_monotonic, read_rows
+from edl_filter.types import Array
 
 
 def read_damping(path: Path) -> tuple[Array, Array]:
-    """Read ``mach,Cmq``: the moment coefficient over rate D / 2V, about body y and z alike.
+    """Read a CSV with the header ``mach,Cmq``.
+
+    Cmq is the derivative of the moment coefficient with respect to the rate times D / 2V, for pitch and yaw alike.
+
+    Parameters
+    ----------
+    path : Path
+        CSV file; ``#`` starts a comment.
 
     Returns
     -------
     mach, cmq : (N,) arrays
+        Cmq per rad.
 
     Raises
     ------
     InputError
         Wrong header, a value that is no finite number, a negative Mach number, or Mach numbers that do not increase.
     """
-    rows = read_rows(path, ("mach", "Cmq"))
+    rows = read_rows(path, ("mach", "Cmq"), "aerodynamic table")
     if rows[0].values[0] < 0.0:
         raise InputError(f"{path}, line {rows[0].line}: mach must not be negative, found {rows[0].values[0]:g}.")
-    for before, row in pairwise(rows):
-        if row.values[0] <= before.values[0]:
-            raise InputError(
-                f"{path}, line {row.line}: mach must increase, but {row.values[0]:g} follows {before.values[0]:g}."
-            )
+    check_monotonic(path, rows, 0, "mach")
     mach, cmq = np.array([row.values for row in rows]).T
     return mach, cmq

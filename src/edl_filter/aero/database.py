@@ -1,9 +1,13 @@
-"""A vehicle's aerodynamic database: continuum and rarefied tables, joined, with their uncertainties."""
+"""Aerodynamic database of a vehicle: continuum and rarefied tables, joined, with their uncertainties.
+
+Input: names of built-in tables, or CSV files (`load_database`). Output: a `Database`, which gives total coefficients
+with three sigma at Mach numbers, Knudsen numbers and total angles of attack (`Database.lookup`), or the curves over
+the angle for the inverse look-up (`Database.at`).
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from importlib.resources import files
 from pathlib import Path
 
 import numpy as np
@@ -11,28 +15,26 @@ from numpy.typing import ArrayLike
 
 from edl_filter.aero.base_pressure import with_base_pressure
 from edl_filter.aero.body import SphereCone, sphere_cone
-from edl_filter.aero.grid import Array, Bools, GridTable, Interpolation, Kind
+from edl_filter.aero.grid import GridTable, Interpolation, Kind
 from edl_filter.aero.newtonian import newtonian_table
-from edl_filter.aero.planes import moments_at_cm, split, total_from_planes
+from edl_filter.aero.planes import moments_at_cm, split
 from edl_filter.aero.surrogate import Surrogate, phoenix_surrogate
 from edl_filter.aero.tables import read_printed_table, read_table
 from edl_filter.aero.transition import FreeMolecularBridge, Join, Sum, join_regimes
 from edl_filter.aero.uncertainty import CONTINUUM_LIMIT, ThreeSigma, three_sigma
 from edl_filter.errors import InputError
+from edl_filter.io.csv_table import package_data
+from edl_filter.types import Array, BoolArray
 
 __all__ = [
     "Coefficients",
     "Database",
     "load_database",
     "moments_at_cm",
-    "shipped_database",
     "split",
-    "total_from_planes",
 ]
 
-#: Speed per Mach number that joins Phoenix's CA(Mach) with its CA(speed), m/s (900 to 4200 m/s, rms 0.003).
-SPEED_PER_MACH = 205.8
-#: Between these Mach numbers a database indexed by speed goes over from Mach to speed.
+#: Mach numbers between which the index of a database that is indexed by speed changes from Mach number to speed.
 INDEX_MACH = (8.0, 9.0)
 
 NEWTONIAN = "builtin:newtonian"
@@ -42,54 +44,63 @@ BUILTIN_RAREFIED = ("builtin:free_molecular", "builtin:rarefied_grid")
 
 @dataclass(frozen=True, eq=False)
 class Coefficients:
-    """Total coefficients along a flight, all of one shape.
+    """Total coefficients, all arrays of one shape.
 
     Attributes
     ----------
-    ca, cn, cm_nose : arrays
+    ca, cn, cm_nose : (...) arrays
         In the plane of the total angle; the moment about the nose.
-    outside : array of bool
-        Held at the edge of a table.
+    outside : (...) boolean array
+        True outside a table, where its value at the edge is used.
     three_sigma : ThreeSigma
-        The database's uncertainty.
-    rarefied : array of bool
-        The Knudsen number is above the continuum limit.
+        Uncertainties of the database.
+    rarefied : (...) boolean array
+        True where the Knudsen number is above the continuum limit.
     """
 
     ca: Array
     cn: Array
     cm_nose: Array
-    outside: Bools
+    outside: BoolArray
     three_sigma: ThreeSigma
-    rarefied: Bools
+    rarefied: BoolArray
 
     def cm_at(self, x_over_d: ArrayLike, z_over_d: ArrayLike = 0.0) -> Array:
-        """Pitching moment about a point behind the nose and below the axis (+z), both in diameters.
+        """Pitching moment about another point, ``Cm_nose + x CN + z CA``.
 
-        ``Cm_nose + x CN + z CA``: a centre of mass below the axis turns the nose up, for drag then pulls the
-        body back above it.
+        With a centre of mass below the axis the moment of the drag is nose-up.
+
+        Parameters
+        ----------
+        x_over_d, z_over_d : (...) arrays
+            Distance of the point behind the nose and below the axis (+z), in diameters.
+
+        Returns
+        -------
+        (...) array
         """
         return self.cm_nose + np.asarray(x_over_d, float) * self.cn + np.asarray(z_over_d, float) * self.ca
 
 
 @dataclass(frozen=True, eq=False)
 class Database:
-    """Look-up in Mach and Knudsen number and total angle.
+    """Look-up in Mach number, Knudsen number and total angle of attack.
 
     Attributes
     ----------
     continuum : GridTable or Surrogate
     rarefied : GridTable or FreeMolecularBridge
     continuum_limit : float
-        Knudsen number, on the diameter, up to which the flow is a continuum.
+        Knudsen number, based on the diameter, up to which the flow is a continuum.
     join : "switch", "blend" or "continuous"
-        `edl_filter.aero.transition`.
+        See `edl_filter.aero.transition`.
     family : "MER" or "Phoenix"
-        Whose uncertainties hold.
+        Vehicle family of the uncertainties.
     speed_per_mach : float or None
-        m/s; if given, the continuum table is entered with speed/speed_per_mach instead of Mach above Mach 9 and
-        with Mach below Mach 8, linearly joined between. So a table of one vehicle stands for another whose
-        flight is as fast but in other air.
+        If given, m/s: above Mach 9 the continuum table is indexed by speed/speed_per_mach instead of the Mach number,
+        below Mach 8 by the Mach number, with a linear transition in between. A table of one vehicle is thus a proxy
+        for another one that flies at the same speed in another atmosphere. With 205.8 m/s Phoenix's CA(speed) agrees
+        with its CA(Mach) from 900 to 4200 m/s (RMS difference 0.003).
     """
 
     continuum: GridTable | Surrogate
@@ -100,53 +111,69 @@ class Database:
     speed_per_mach: float | None = None
 
     def at(self, mach: ArrayLike, knudsen: ArrayLike, speed: ArrayLike | None = None) -> Sum:
-        """The curves over the angle of N samples; arguments (N,).
+        """Slice: the curves over the angle of N samples.
+
+        Parameters
+        ----------
+        mach, knudsen : (N,) arrays
+            Mach number, and Knudsen number based on the diameter.
+        speed : (N,) array, optional
+            Air-relative speed, m/s; needed if the database is indexed by speed.
+
+        Returns
+        -------
+        Sum
 
         Raises
         ------
         ValueError
-            The database is indexed by speed and none is given.
+            The database is indexed by speed and no speed is given.
         """
         mach, knudsen = np.broadcast_arrays(np.asarray(mach, float), np.asarray(knudsen, float))
-        cut = self.continuum.at(self._index(mach, speed))
-        return join_regimes(cut, self.rarefied, knudsen, self.continuum_limit, self.join)
+        continuum = self.continuum.at(self._index(mach, speed))
+        return join_regimes(continuum, self.rarefied, knudsen, self.continuum_limit, self.join)
 
     def lookup(
         self, mach: ArrayLike, knudsen: ArrayLike, alpha_total: ArrayLike, speed: ArrayLike | None = None
     ) -> Coefficients:
-        """Coefficients at Mach and Knudsen numbers and total angles (rad) that broadcast against each other.
+        """Coefficients at Mach numbers, Knudsen numbers and total angles.
+
+        Parameters
+        ----------
+        mach, knudsen : (...) arrays
+            Mach number, and Knudsen number based on the diameter.
+        alpha_total : (...) array
+            Total angle of attack, rad, ≥ 0.
+        speed : (...) array, optional
+            Air-relative speed, m/s; needed if the database is indexed by speed. All arguments broadcast.
+
+        Returns
+        -------
+        Coefficients
 
         Raises
         ------
         ValueError
-            The database is indexed by speed and none is given.
+            The database is indexed by speed and no speed is given.
         """
         inputs = (mach, knudsen, alpha_total, np.nan if speed is None else speed)
         mach, knudsen, alpha, speeds = np.broadcast_arrays(*(np.asarray(x, float) for x in inputs))
         shape = mach.shape
-        cut = self.at(mach.ravel(), knudsen.ravel(), None if speed is None else speeds.ravel())
-        ca, cn, cm = cut.evaluate(alpha.ravel()).reshape(3, *shape)
+        curves = self.at(mach.ravel(), knudsen.ravel(), None if speed is None else speeds.ravel())
+        ca, cn, cm = curves.evaluate(alpha.ravel()).reshape(3, *shape)
         sigma = three_sigma(self.family, mach, knudsen, ca, self.continuum_limit)
-        outside = cut.outside_at(alpha.ravel()).reshape(shape)
+        outside = curves.outside_at(alpha.ravel()).reshape(shape)
         return Coefficients(ca, cn, cm, outside, sigma, knudsen > self.continuum_limit)
 
     def _index(self, mach: Array, speed: ArrayLike | None) -> Array:
+        """Mach numbers (N,) at which the continuum table is evaluated."""
         if self.speed_per_mach is None:
             return mach
         if speed is None:
             raise ValueError("this database is indexed by speed: give the speed with the Mach number")
         low, high = INDEX_MACH
-        part = np.clip((mach - low) / (high - low), 0.0, 1.0)
-        return mach + part * (np.asarray(speed, float) / self.speed_per_mach - mach)
-
-
-def shipped_database(join: Join = "continuous", family: str = "Phoenix") -> Database:
-    """The database that the package ships: Phoenix's surrogate and free-molecular panels.
-
-    For MER it is a *proxy*: the same table, entered by speed in its hypersonic part.
-    """
-    speed = SPEED_PER_MACH if family == "MER" else None
-    return load_database(join=join, family=family, speed_per_mach=speed)
+        weight = np.clip((mach - low) / (high - low), 0.0, 1.0)
+        return mach + weight * (np.asarray(speed, float) / self.speed_per_mach - mach)
 
 
 def load_database(
@@ -163,7 +190,7 @@ def load_database(
     continuum_moment_point: float | None = None,
     rarefied_moment_point: float | None = None,
 ) -> Database:
-    """A database from built-in or brought tables.
+    """Load a database from built-in tables or from files.
 
     Parameters
     ----------
@@ -175,64 +202,71 @@ def load_database(
     continuum_limit, family, speed_per_mach
         As in `Database`.
     join : "switch", "blend", "continuous" or None
-        None is "continuous" for free-molecular panels and "switch" for tables.
+        None means "continuous" for free-molecular panels and "switch" for tables.
     interpolation : "linear" or "pchip"
         In the angle, for tables.
     body : str, SphereCone or None
-        Vehicle by name, or its forebody, whose panels are summed; None is the family's.
+        Vehicle name or forebody for the free-molecular panels and the Newtonian table; None means that of the family.
     base_pressure : bool
-        Take base pressure off CA (eq. 11.4): for continuum tables of a forebody, which the first two built-in ones are
-        not.
+        Subtract the base pressure coefficient from CA (eq. 11.4). For continuum tables of a forebody, which the first
+        two built-in tables are not.
     continuum_moment_point, rarefied_moment_point : float or None
-        Moment reference point behind the nose, diameters, of a file in the thesis's printed form
-        (`edl_filter.aero.tables.read_printed_table`); None is a file with moments about the nose.
+        Moment reference point behind the nose, in diameters, of a file in the thesis's printed format
+        (`edl_filter.aero.tables.read_printed_table`); None means a file with moments about the nose.
+
+    Returns
+    -------
+    Database
 
     Raises
     ------
     InputError
-        No such built-in table, a file that cannot be used, no such family; base pressure for a table that has it.
+        No such built-in table, a file that cannot be used, no such family, or base pressure for a table that includes
+        it.
     """
-    three_sigma(family, 20.0, 1e-5, 1.7)  # refuses an unknown family here rather than at the first look-up
+    three_sigma(family, 20.0, 1e-5, 1.7)  # raises for an unknown family now, not at the first look-up
     forebody = body if isinstance(body, SphereCone) else sphere_cone(body or family)
-    thick: GridTable | None
+    continuum_table: GridTable | None
     if continuum == NEWTONIAN and continuum_moment_point is None:
-        thick = newtonian_table(forebody)
+        continuum_table = newtonian_table(forebody)
     else:
-        thick = _resolve(continuum, "mach", BUILTIN_CONTINUUM, interpolation, continuum_moment_point)
+        continuum_table = _table(continuum, "mach", BUILTIN_CONTINUUM, interpolation, continuum_moment_point)
     if base_pressure:
-        if thick is None or continuum in BUILTIN_CONTINUUM[:2]:
+        if continuum_table is None or continuum in BUILTIN_CONTINUUM[:2]:
             raise InputError(
                 f"aerodynamics.base_pressure: {continuum} has the base pressure in it already; leave the key out, or "
                 f"use {NEWTONIAN} or a table of a forebody."
             )
-        thick = with_base_pressure(thick)
-    thin: GridTable | FreeMolecularBridge | None = _resolve(
+        continuum_table = with_base_pressure(continuum_table)
+    rarefied_table: GridTable | FreeMolecularBridge | None = _table(
         rarefied, "knudsen", BUILTIN_RAREFIED, interpolation, rarefied_moment_point
     )
-    if thin is None:
-        thin = FreeMolecularBridge.of(body or family)
+    if rarefied_table is None:
+        rarefied_table = FreeMolecularBridge.of(body or family)
     if join is None:
-        join = "continuous" if isinstance(thin, FreeMolecularBridge) else "switch"
-    return Database(thick or phoenix_surrogate(), thin, continuum_limit, join, family, speed_per_mach)
+        join = "continuous" if isinstance(rarefied_table, FreeMolecularBridge) else "switch"
+    return Database(
+        continuum_table or phoenix_surrogate(), rarefied_table, continuum_limit, join, family, speed_per_mach
+    )
 
 
-def _resolve(
-    where: str | Path, kind: Kind, builtin: tuple[str, ...], interpolation: Interpolation, moment_point: float | None
+def _table(
+    name: str | Path, kind: Kind, builtin: tuple[str, ...], interpolation: Interpolation, moment_point: float | None
 ) -> GridTable | None:
-    """The table of a path or built-in name; None for the built-in that is no grid, the first."""
-    if not str(where).startswith("builtin:"):
+    """Table of a file or built-in name; None for the first built-in name, which is no grid."""
+    if not str(name).startswith("builtin:"):
         if moment_point is not None:
-            return read_printed_table(Path(where), kind, moment_point, interpolation)
-        return read_table(Path(where), kind, interpolation)
+            return read_printed_table(Path(name), kind, moment_point, interpolation)
+        return read_table(Path(name), kind, interpolation)
     side = "continuum" if kind == "mach" else "rarefied"
     if moment_point is not None:
         raise InputError(
-            f"aerodynamics.{side}_moment_point is for a CSV in the printed form; {where} has its moments about the "
+            f"aerodynamics.{side}_moment_point is for a CSV in the printed form; {name} has its moments about the "
             f"nose. Leave the key out, or name a file under aerodynamics.{side}."
         )
-    if where not in builtin:
-        raise InputError(f"{side} table: there is no '{where}'; accepted are {', '.join(builtin)} or a CSV file.")
-    if where == builtin[0]:
+    if name not in builtin:
+        raise InputError(f"{side} table: there is no '{name}'; accepted are {', '.join(builtin)} or a CSV file.")
+    if name == builtin[0]:
         return None
-    name = "mevad_continuum.csv" if kind == "mach" else "mevad_rarefied.csv"
-    return read_table(Path(str(files("edl_filter") / "data" / name)), kind, interpolation)
+    file_name = "mevad_continuum.csv" if kind == "mach" else "mevad_rarefied.csv"
+    return read_table(package_data(file_name), kind, interpolation)

@@ -1,7 +1,7 @@
-"""Total coefficients and their two planes; moments from the nose to the centre of mass.
+"""Components of the total coefficients in the pitch and yaw planes, and transfer of moments to the centre of mass.
 
-The total coefficients act in the plane of the total angle; the direction of the lateral flow (v, w) splits
-them into the body's planes.
+Input: total coefficients, which act in the plane of the total angle of attack, and the lateral air-relative velocity
+(v, w), whose direction defines that plane. Output: coefficients in body axes.
 """
 
 from __future__ import annotations
@@ -9,31 +9,32 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from edl_filter.aero.grid import Array
+from edl_filter.types import Array
 
 
 def _direction(v: ArrayLike, w: ArrayLike) -> tuple[Array, Array]:
-    """Sine and cosine of the lateral flow's direction; (0, 1) without lateral flow, or next to none."""
+    """Sine and cosine of the lateral flow's direction; (0, 1) where the lateral flow is zero or denormal."""
     v, w = np.broadcast_arrays(np.asarray(v, float), np.asarray(w, float))
-    size = np.hypot(v, w)
-    still = size < np.finfo(float).tiny
-    safe = np.where(still, 1.0, size)
-    return v / safe, np.where(still, 1.0, w / safe)
+    speed = np.hypot(v, w)
+    zero = speed < np.finfo(float).tiny
+    divisor = np.where(zero, 1.0, speed)
+    return v / divisor, np.where(zero, 1.0, w / divisor)
 
 
 def split(cnt: ArrayLike, cmt: ArrayLike, v: ArrayLike, w: ArrayLike) -> tuple[Array, Array, Array, Array]:
-    """Split total coefficients by the lateral flow.
+    """Components of total coefficients in the pitch and yaw planes, by the direction of the lateral flow.
 
     Parameters
     ----------
-    cnt, cmt : array_like
-        Total normal force and total pitching moment.
-    v, w : array_like
-        Air-relative velocity along body y and z; any common scale. Where both vanish, all is in the pitch plane.
+    cnt, cmt : (...) arrays
+        Coefficients of the total normal force and of the total pitching moment.
+    v, w : (...) arrays
+        Air-relative velocity along body y and z, in any common unit. Where both vanish, the components in the yaw plane
+        are zero.
 
     Returns
     -------
-    cn, cy, cm, cn_yaw : arrays
+    cn, cy, cm, cn_yaw : (...) arrays
         ``CN = CNT w/√(v²+w²)``, ``CY = −CNT v/√(…)``, ``Cm = CmT w/√(…)``, ``Cn = −CmT v/√(…)``.
     """
     sine, cosine = _direction(v, w)
@@ -41,37 +42,25 @@ def split(cnt: ArrayLike, cmt: ArrayLike, v: ArrayLike, w: ArrayLike) -> tuple[A
     return cnt * cosine, -cnt * sine, cmt * cosine, -cmt * sine
 
 
-def total_from_planes(
-    cn: ArrayLike, cy: ArrayLike, cm: ArrayLike, cn_yaw: ArrayLike, v: ArrayLike, w: ArrayLike
-) -> tuple[Array, Array]:
-    """Total normal force and pitching moment: the planes' parts along the lateral flow.
-
-    The inverse of `split`; what a measurement has across the flow is not in it.
-    """
-    sine, cosine = _direction(v, w)
-    cn, cy, cm, cn_yaw = (np.asarray(x, float) for x in (cn, cy, cm, cn_yaw))
-    return cn * cosine - cy * sine, cm * cosine - cn_yaw * sine
-
-
 def moments_at_cm(
     forces: tuple[ArrayLike, ArrayLike, ArrayLike],
     moments_nose: tuple[ArrayLike, ArrayLike, ArrayLike],
     cm_over_d: tuple[float, float, float],
 ) -> tuple[Array, Array, Array]:
-    """Move the three moments from the nose to the centre of mass.
+    """Transfer the three moment coefficients from the nose to the centre of mass.
 
     Parameters
     ----------
-    forces : tuple
+    forces : tuple of (...) arrays
         CA, CY, CN (along −x, +y, −z).
-    moments_nose : tuple
+    moments_nose : tuple of (...) arrays
         Cl, Cm, Cn about the nose.
     cm_over_d : tuple of float
-        Centre of mass in diameters: behind the nose, to the right (+y) and down (+z).
+        Position of the centre of mass: behind the nose, to the right (+y) and down (+z), in diameters.
 
     Returns
     -------
-    cl, cm, cn : arrays
+    cl, cm, cn : (...) arrays
         ``Cl + y CN + z CY``, ``Cm + x CN + z CA``, ``Cn + x CY − y CA``.
     """
     ca, cy, cn = (np.asarray(f, float) for f in forces)

@@ -1,47 +1,47 @@
-"""The smooth surrogate of the Phoenix continuum table: 33 × 9 numbers.
+"""Smooth surrogate of Phoenix's continuum table: 33 × 9 numbers.
 
-Per Mach number ``CA = a0 + a1 s² + a2 exp(−(s/sig)²)`` and, about a point 0.253 D behind the nose,
-``CN, Cm = s (a0 + a1 s² + a2 exp(−(s/sig)²))`` with s = sin(alpha); PCHIP of the coefficients in Mach.
-Odd and even symmetry hold exactly. Against the published curves it is off by rms 0.0024 in CA, 0.0007 in CN
-and 0.0004 in Cm (``mevad_surrogate.csv``); beyond 16 degrees it is extrapolated.
+Input: Mach numbers and angles. Method: at each Mach number ``CA = a0 + a1 s² + a2 exp(−(s/sig)²)`` and, about a point
+0.253 D behind the nose, ``CN, Cm = s (a0 + a1 s² + a2 exp(−(s/sig)²))`` with s = sin(alpha); the coefficients are
+interpolated in Mach number by PCHIP. Output: CA, CN and Cm about the nose, exactly even or odd in the angle. The RMS
+difference from the published curves is 0.0024 in CA, 0.0007 in CN and 0.0004 in Cm (``mevad_surrogate.csv``); beyond 16
+degrees the surrogate is an extrapolation.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
-from importlib.resources import files
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.interpolate import PchipInterpolator
 
-from edl_filter.aero.grid import Array, Bools, Weights, look_up, within
-from edl_filter.aero.tables import read_rows
+from edl_filter.aero.grid import Table, Weights, within
+from edl_filter.io.csv_table import package_data, read_rows
+from edl_filter.types import Array, BoolArray
 
-#: Widths of the bump in sin(alpha), for CA, CN and Cm.
+#: Widths sig of the Gaussian term in sin(alpha), for CA, CN and Cm.
 WIDTHS = np.array([0.115, 0.080, 0.110])
 #: Moment reference point of the coefficients, diameters behind the nose (Phoenix's centre of mass).
 X_REFERENCE = 0.253
-#: The largest angle at which the surrogate is used, rad; its data end at 16 degrees.
+#: Largest angle at which the surrogate is used, rad; its data end at 16 degrees.
 ALPHA_MAX = float(np.radians(25.0))
 
 COLUMNS = ("mach", *(f"{c}_{k}" for c in ("CA", "CN", "Cm_cg0253") for k in range(3)))
 
 
 @dataclass(frozen=True, eq=False)
-class Surrogate:
-    """Smooth coefficients over Mach and angle.
+class Surrogate(Table):
+    """Smooth coefficients over Mach number and angle.
 
     Attributes
     ----------
     mach : (M,) array
         Increasing.
     coefficients : (M, 9) array
-        a0, a1, a2 of CA, of CN and of Cm about 0.253 D.
+        a0, a1, a2 of CA, of CN and of Cm about a point 0.253 D behind the nose.
     source : str
-        Where the numbers come from.
+        Origin of the numbers.
     """
 
     mach: Array
@@ -53,34 +53,36 @@ class Surrogate:
         """Largest angle, rad."""
         return ALPHA_MAX
 
-    def lookup(self, mach: ArrayLike, alpha: ArrayLike) -> tuple[Array, Array, Array, Bools]:
-        """CA, CN, Cm_nose and whether the point lies outside (`edl_filter.aero.grid.look_up`)."""
-        return look_up(self, mach, alpha)
-
     def at(self, x: ArrayLike) -> SurrogateSlice:
-        """The curves at Mach numbers (N,)."""
+        """Slice at Mach numbers (N,)."""
         x = np.asarray(x, float)
-        return SurrogateSlice(self._in_mach(np.clip(x, self.mach[0], self.mach[-1])), ~within(x, self.mach))
+        return SurrogateSlice(self._interpolator(np.clip(x, self.mach[0], self.mach[-1])), ~within(x, self.mach))
 
     @cached_property
-    def _in_mach(self) -> PchipInterpolator:
+    def _interpolator(self) -> PchipInterpolator:
         return PchipInterpolator(self.mach, self.coefficients)
 
 
 @dataclass(frozen=True, eq=False)
 class SurrogateSlice:
-    """A `Surrogate` cut at N Mach numbers: its nine coefficients (N, 9) there."""
+    """Slice of a `Surrogate` at N Mach numbers.
+
+    Attributes
+    ----------
+    coefficients : (N, 9) array
+    outside : (N,) boolean array
+    """
 
     coefficients: Array
-    outside: Bools
+    outside: BoolArray
 
     @property
     def alpha_nodes(self) -> Array:
-        """Bounds of the angle, rad; the curves are smooth between them."""
+        """Bounds of the angle (2,), rad; the curves are smooth in between."""
         return np.array([0.0, ALPHA_MAX])
 
     def evaluate(self, alpha: Array) -> Array:
-        """(3, N) CA, CN, Cm_nose, each curve at its own angle."""
+        """CA, CN, Cm_nose (3, N), each curve at its own angle (N,), rad."""
         s = np.sin(np.clip(alpha, 0.0, ALPHA_MAX))
         s2 = s * s
         a = self.coefficients.T
@@ -89,25 +91,25 @@ class SurrogateSlice:
         return np.stack([ca, cn, s * cm - X_REFERENCE * cn])
 
     def rows(self, alpha: Array, weights: Weights) -> Array:
-        """(N, G) weighted sum of the coefficients at common angles (G,)."""
+        """Weighted sum of the coefficients (N, G) at common angles (G,), rad."""
         s = np.sin(np.clip(alpha, 0.0, ALPHA_MAX))
         ca, cn, cm = weights
         basis = [
-            part * shape
-            for part, width in zip((ca, (cn - X_REFERENCE * cm) * s, cm * s), WIDTHS, strict=True)
-            for shape in (np.ones_like(s), s**2, np.exp(-((s / width) ** 2)))
+            factor * function
+            for factor, width in zip((ca, (cn - X_REFERENCE * cm) * s, cm * s), WIDTHS, strict=True)
+            for function in (np.ones_like(s), s**2, np.exp(-((s / width) ** 2)))
         ]
-        used = [k for k, b in enumerate(basis) if np.any(b)]
-        return self.coefficients[:, used] @ np.array([basis[k] for k in used])
+        nonzero = [k for k, values in enumerate(basis) if np.any(values)]
+        return self.coefficients[:, nonzero] @ np.array([basis[k] for k in nonzero])
 
     def take(self, index: NDArray[np.intp]) -> SurrogateSlice:
-        """The slice of some of the samples."""
+        """Slice of the samples at the indices (S,)."""
         return SurrogateSlice(self.coefficients[index], self.outside[index])
 
 
 @lru_cache(maxsize=1)
 def phoenix_surrogate() -> Surrogate:
-    """The surrogate that the package ships."""
-    path = Path(str(files("edl_filter") / "data" / "mevad_surrogate.csv"))
-    values = np.array([row.values for row in read_rows(path, COLUMNS)])
+    """Surrogate from the numbers that the package ships."""
+    rows = read_rows(package_data("mevad_surrogate.csv"), COLUMNS, "aerodynamic table")
+    values = np.array([row.values for row in rows])
     return Surrogate(values[:, 0], values[:, 1:])

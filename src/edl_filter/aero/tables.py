@@ -1,36 +1,45 @@
-"""Reading of aerodynamic tables from CSV, with one clear message for each mistake.
+"""Reader of aerodynamic tables in CSV, with an error message for each kind of mistake.
 
-Two forms: that of ``flight-file.md``, in order and with the moment about the nose; and the thesis's printed
-form, in any order and with the moment about the table's own reference point.
+Input: a file in one of two formats. `read_table`: rows in order, moment about the nose. `read_printed_table`: the
+format of the thesis's printed tables, rows in any order, moment about the reference point of the table. Output: a
+`GridTable`.
 """
 
 from __future__ import annotations
 
 from itertools import pairwise
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 
-from edl_filter.aero.grid import Array, GridTable, Interpolation, Kind
+from edl_filter.aero.grid import GridTable, Interpolation, Kind
 from edl_filter.errors import InputError
+from edl_filter.io.csv_table import Row, read_rows
+from edl_filter.types import Array
 
-FORWARD = 45.0  # degrees; a blunt vehicle that flies nose first decelerates along its axis up to here at least
+#: Total angle, degrees, up to which CA of a blunt vehicle that flies nose first is positive at least.
+FORWARD_DEG = 45.0
 
-__all__ = ["GridTable", "move_moment_to_nose", "read_printed_table", "read_rows", "read_table"]
-
-
-class Row(NamedTuple):
-    """One line of numbers and its place in the file."""
-
-    line: int
-    values: list[float]
+__all__ = ["GridTable", "move_moment_to_nose", "read_printed_table", "read_table"]
 
 
 def read_table(path: Path, kind: Kind, interpolation: Interpolation = "linear") -> GridTable:
-    """Read ``mach,alpha_deg,CA,CN,Cm`` or ``knudsen,alpha_deg,CA,CN,Cm``.
+    """Read a table with the header ``mach,alpha_deg,CA,CN,Cm`` or ``knudsen,alpha_deg,CA,CN,Cm``.
 
     Rows are grouped by Mach (or Knudsen) number, which increases, and the angle increases within each group.
+
+    Parameters
+    ----------
+    path : Path
+        CSV of Mach (or Knudsen) numbers, total angles (degrees) and coefficients, Cm about the nose.
+    kind : "mach" or "knudsen"
+        Quantity of the first column.
+    interpolation : "linear" or "pchip"
+        Interpolation in the angle.
+
+    Returns
+    -------
+    GridTable
 
     Raises
     ------
@@ -38,11 +47,11 @@ def read_table(path: Path, kind: Kind, interpolation: Interpolation = "linear") 
         Wrong header, a value that is no finite number, nodes or angles unsorted or repeated, a grid with a hole, CA not
         positive at small angles.
     """
-    rows = read_rows(path, (kind, "alpha_deg", "CA", "CN", "Cm"))
+    rows = read_rows(path, (kind, "alpha_deg", "CA", "CN", "Cm"), "aerodynamic table")
     _check_range(path, kind, rows)
-    for before, row in pairwise(rows):
+    for previous, row in pairwise(rows):
         x, angle = row.values[:2]
-        x_before, angle_before = before.values[:2]
+        x_before, angle_before = previous.values[:2]
         if x < x_before:
             raise InputError(f"{path}, line {row.line}: {kind} must increase, but {x:g} follows {x_before:g}.")
         if x == x_before and angle == angle_before:
@@ -58,29 +67,35 @@ def read_table(path: Path, kind: Kind, interpolation: Interpolation = "linear") 
 def read_printed_table(
     path: Path, kind: Kind, x_mrp_over_d: float, interpolation: Interpolation = "linear"
 ) -> GridTable:
-    """Read a table in the thesis's printed form and move its moment to the nose (eq. 11.1).
+    """Read a table in the thesis's printed format and transfer its moment to the nose (eq. 11.1).
 
     Parameters
     ----------
     path : Path
         CSV with the header ``mach,alpha_total_deg,CA,CN,Cm`` (or ``knudsen,…``), rows in any order.
     kind : "mach" or "knudsen"
+        Quantity of the first column.
     x_mrp_over_d : float
         Distance of the table's moment reference point behind the nose, in diameters.
     interpolation : "linear" or "pchip"
+        Interpolation in the angle.
+
+    Returns
+    -------
+    GridTable
 
     Raises
     ------
     InputError
-        As `read_table`, but rows need no order.
+        As for `read_table`, except that rows may be in any order.
     """
-    rows = read_rows(path, (kind, "alpha_total_deg", "CA", "CN", "Cm"))
+    rows = read_rows(path, (kind, "alpha_total_deg", "CA", "CN", "Cm"), "aerodynamic table")
     _check_range(path, kind, rows)
     rows.sort(key=lambda row: row.values[:2])
-    for before, row in pairwise(rows):
-        if row.values[:2] == before.values[:2]:
+    for previous, row in pairwise(rows):
+        if row.values[:2] == previous.values[:2]:
             x, angle = row.values[:2]
-            line = max(row.line, before.line)
+            line = max(row.line, previous.line)
             raise InputError(f"{path}, line {line}: {kind} {x:g}, alpha_total_deg {angle:g} is there twice.")
     table = _grid(path, kind, rows, interpolation)
     cm = move_moment_to_nose(table.Cm, table.CN, x_mrp_over_d)
@@ -88,77 +103,56 @@ def read_printed_table(
 
 
 def move_moment_to_nose(cm_mrp: Array, cn: Array, x_mrp_over_d: float) -> Array:
-    """Thesis eq. 11.1: ``Cm_nose = Cm_mrp − (x_mrp/D) CN``.
+    """Transfer of a pitching moment to the nose (thesis eq. 11.1): ``Cm_nose = Cm_mrp − (x_mrp/D) CN``.
 
-    The thesis's arm is positive for a point in front of the nose; here x_mrp is positive behind it, as vehicles
-    have their centre of mass.
+    The thesis's arm is positive for a point in front of the nose; x_mrp is positive behind it.
+
+    Parameters
+    ----------
+    cm_mrp, cn : (...) arrays
+        Cm about the moment reference point, and CN.
+    x_mrp_over_d : float
+        Distance of the moment reference point behind the nose, in diameters.
+
+    Returns
+    -------
+    (...) array
+        Cm about the nose.
     """
     return cm_mrp - x_mrp_over_d * cn
 
 
-def read_rows(path: Path, columns: tuple[str, ...]) -> list[Row]:
-    """Rows of finite numbers of a CSV file with this header; ``#`` starts a comment.
-
-    Raises
-    ------
-    InputError
-        The file cannot be read, wrong header, no rows, a value that is no finite number.
-    """
-    try:
-        lines = path.read_text(encoding="utf-8").splitlines()
-    except OSError as error:
-        raise InputError(f"{path}: the aerodynamic table cannot be read ({error.strerror}).") from None
-    except UnicodeDecodeError:
-        raise InputError(f"{path}: the aerodynamic table is no text file.") from None
-    content = [(n, line.split("#")[0].strip()) for n, line in enumerate(lines, 1)]
-    content = [(n, line) for n, line in content if line]
-    if not content or tuple(c.strip() for c in content[0][1].split(",")) != columns:
-        found = f"'{content[0][1]}' in line {content[0][0]}" if content else "an empty file"
-        raise InputError(f"{path}: the header must be {','.join(columns)}; found {found}.")
-    if len(content) == 1:
-        raise InputError(f"{path}: the table has a header but no rows.")
-    return [Row(n, _numbers(path, n, line, len(columns))) for n, line in content[1:]]
-
-
-def _numbers(path: Path, line: int, text: str, count: int) -> list[float]:
-    try:
-        values = [float(c) for c in text.split(",")]
-    except ValueError:
-        values = []
-    if len(values) != count or not np.all(np.isfinite(values)):
-        raise InputError(f"{path}, line {line}: expected {count} finite numbers, found '{text}'.")
-    return values
-
-
 def _check_range(path: Path, kind: Kind, rows: list[Row]) -> None:
+    """Raise if a value is impossible for a vehicle that flies nose first."""
     for line, (x, angle, ca, *_) in rows:
         if x <= 0.0:
             raise InputError(f"{path}, line {line}: {kind} must be positive, found {x:g}.")
         if not 0.0 <= angle <= 180.0:
             raise InputError(f"{path}, line {line}: the total angle must lie in 0 to 180 degrees, found {angle:g}.")
-        if angle < FORWARD and ca <= 0.0:
+        if angle < FORWARD_DEG and ca <= 0.0:
             raise InputError(
-                f"{path}, line {line}: CA must be positive for a vehicle that flies nose first (below {FORWARD:g} "
+                f"{path}, line {line}: CA must be positive for a vehicle that flies nose first (below {FORWARD_DEG:g} "
                 f"degrees), found {ca:g}; drag gives the density. Forces backward along the axis count positive."
             )
 
 
 def _grid(path: Path, kind: Kind, rows: list[Row], interpolation: Interpolation) -> GridTable:
+    """Table from rows of a full grid; raises if a row is missing."""
     nodes = sorted({row.values[0] for row in rows})
     angles = sorted({row.values[1] for row in rows})
     if len(nodes) < 2 or len(angles) < 2:
         raise InputError(
             f"{path}: at least 2 values of {kind} and 2 angles are needed; found {len(nodes)} and {len(angles)}."
         )
-    lines = {(row.values[0], row.values[1]): row for row in rows}
+    row_at = {(row.values[0], row.values[1]): row for row in rows}
     for x in nodes:
         for angle in angles:
-            if (x, angle) not in lines:
+            if (x, angle) not in row_at:
                 last = max(row.line for row in rows if row.values[0] == x)
                 raise InputError(
                     f"{path}, line {last}: the grid has a hole: {kind} {x:g} has no row for {angle:g} degrees, "
                     "which other rows have; every angle is needed at every node."
                 )
-    values = np.array([[lines[x, angle].values[2:] for angle in angles] for x in nodes])
+    values = np.array([[row_at[x, angle].values[2:] for angle in angles] for x in nodes])
     ca, cn, cm = np.ascontiguousarray(np.moveaxis(values, 2, 0))
     return GridTable(kind, np.array(nodes), np.radians(angles), ca, cn, cm, interpolation, str(path))

@@ -1,17 +1,19 @@
-"""Between continuum and free-molecular flow: what is joined there, and how.
+"""Transition between continuum and free-molecular flow.
 
-A database is a weighted sum of curves over the angle, with weights that depend on the Knudsen number; this
-module finds the weights. The three joins:
+Input: continuum coefficients at the Mach numbers of the samples, rarefied coefficients, Knudsen numbers. Method: the
+database is a weighted sum of curves over the angle; the weights depend on the Knudsen number, by one of three joins:
 
 ``continuous``
-    The rarefied end is reached from the continuum curve *of the current Mach number*, so nothing jumps. With
-    free-molecular panels, ``C = Cc(M) + (Cfm − Cc(M)) bridge(Kn)``. With a rarefied table, which starts on one
-    continuum curve of its own, ``C = Cr(Kn) + (Cc(M) − Cr(limit)) (1 − bridge(Kn))``, the same thing where the
-    table itself was made with the bridge.
+    The transition starts at the continuum curve *of the current Mach number*, so that the coefficients are continuous.
+    With free-molecular panels, ``C = Cc(M) + (Cfm − Cc(M)) bridge(Kn)``. With a rarefied table, which starts at a
+    continuum curve of its own, ``C = Cr(Kn) + (Cc(M) − Cr(limit)) (1 − bridge(Kn))``; this is the same formula if the
+    table was computed with the bridge.
 ``switch``
-    The continuum table up to the limit, the rarefied one above it.
+    The continuum table up to the limit, the rarefied table above it.
 ``blend``
-    From one to the other over a decade of Knudsen number around the limit, linear in its logarithm.
+    A transition over one decade of Knudsen number around the limit, linear in its logarithm.
+
+Output: a `Sum`, which is a slice (`edl_filter.aero.grid.Slice`).
 """
 
 from __future__ import annotations
@@ -27,43 +29,44 @@ from numpy.typing import NDArray
 from edl_filter.aero.body import SphereCone, sphere_cone
 from edl_filter.aero.bridge import FREE_MOLECULAR_KNUDSEN, bridge
 from edl_filter.aero.free_molecular import free_molecular_coefficients
-from edl_filter.aero.grid import Array, Bools, GridSlice, GridTable, Slice, Weights, within
+from edl_filter.aero.grid import GridSlice, GridTable, Slice, Weights, within
+from edl_filter.types import Array, BoolArray
 
 Join = Literal["switch", "blend", "continuous"]
 
-#: Angles at which the panels are summed once, rad.
+#: Angles at which the panels are summed, rad.
 _ANGLES = np.radians(np.arange(0.0, 30.5, 0.5))
 
 
 @dataclass(frozen=True, eq=False)
 class FreeMolecularBridge:
-    """The free-molecular end of a body, to be bridged to from any continuum curve.
+    """Free-molecular coefficients of a body, the upper end of the bridge from any continuum curve.
 
     Attributes
     ----------
     end : GridTable
-        One row: the free-molecular coefficients over the angle.
+        Table with one row: the coefficients over the angle.
     """
 
     end: GridTable
 
     @classmethod
     def of(cls, body: str | SphereCone) -> FreeMolecularBridge:
-        """The end of a body, or of a vehicle known by name, from Schaaf and Chambré's panels."""
-        return _named_end(body) if isinstance(body, str) else cls(_end(body))
+        """Compute the coefficients of a body, or of a vehicle by name, with Schaaf and Chambré's panels."""
+        return _bridge_of_vehicle(body) if isinstance(body, str) else cls(_free_molecular_table(body))
 
     def at(self, count: int) -> GridSlice:
-        """The one curve, for a number of samples; it is outside nowhere, for the bridge says how much it counts."""
+        """Slice of `count` samples; no sample is outside, since the bridge gives the weight of the curve."""
         first = np.zeros(count, np.intp)
         return GridSlice(self.end, first, first, np.zeros(count), np.zeros(count, bool))
 
 
 @lru_cache(maxsize=16)
-def _named_end(name: str) -> FreeMolecularBridge:
-    return FreeMolecularBridge(_end(sphere_cone(name)))
+def _bridge_of_vehicle(name: str) -> FreeMolecularBridge:
+    return FreeMolecularBridge(_free_molecular_table(sphere_cone(name)))
 
 
-def _end(body: SphereCone) -> GridTable:
+def _free_molecular_table(body: SphereCone) -> GridTable:
     ca, cn, cm = (np.atleast_2d(c) for c in free_molecular_coefficients(body, _ANGLES))
     nodes = np.array([FREE_MOLECULAR_KNUDSEN])
     return GridTable("knudsen", nodes, _ANGLES, ca, cn, cm, "pchip", "free-molecular panels")
@@ -71,88 +74,97 @@ def _end(body: SphereCone) -> GridTable:
 
 @dataclass(frozen=True, eq=False)
 class Sum:
-    """A weighted sum of slices (a `edl_filter.aero.grid.Slice` itself).
+    """Weighted sum of slices, which is a slice too (`edl_filter.aero.grid.Slice`).
 
     Attributes
     ----------
     terms : sequence of (weight, slice)
-        Weights (N,). A term counts as outside only where its weight is not zero.
+        The weights are (N,) arrays. Samples with zero weight are not outside of a term's table.
     """
 
     terms: Sequence[tuple[Array, Slice]]
 
     @property
-    def outside(self) -> Bools:
-        """(N,) samples that use a term outside its table."""
+    def outside(self) -> BoolArray:
+        """True (N,) for samples that use a term outside its table."""
         return np.any([(w != 0.0) & s.outside for w, s in self.terms], axis=0)
 
-    def outside_at(self, alpha: Array) -> Bools:
-        """(N,) as `outside`, or the angle lies outside a table that is used."""
+    def outside_at(self, alpha: Array) -> BoolArray:
+        """As `outside` (N,), and true where the angle (N,), rad, is outside a table that is used."""
         return np.any([(w != 0.0) & (s.outside | ~within(alpha, s.alpha_nodes)) for w, s in self.terms], axis=0)
 
     @property
     def alpha_nodes(self) -> Array:
-        """Every term's angles in the range that all terms cover, rad."""
+        """Angles of all terms (A,), rad, within the range that all terms cover."""
         low = max(s.alpha_nodes[0] for _, s in self.terms)
         high = min(s.alpha_nodes[-1] for _, s in self.terms)
         nodes = np.unique(np.concatenate([s.alpha_nodes for _, s in self.terms]))
         return nodes[(nodes >= low) & (nodes <= high)]
 
     def evaluate(self, alpha: Array) -> Array:
-        """(3, N) CA, CN, Cm_nose, each curve at its own angle."""
+        """CA, CN, Cm_nose (3, N), each curve at its own angle (N,), rad."""
         total = np.zeros((3, len(alpha)))
-        for weight, cut in self.terms:
+        for weight, curves in self.terms:
             if np.any(weight):
-                total += weight * cut.evaluate(alpha)
+                total += weight * curves.evaluate(alpha)
         return total
 
     def rows(self, alpha: Array, weights: Weights) -> Array:
-        """(N, G) weighted sum of the coefficients at common angles (G,)."""
+        """Weighted sum of the coefficients (N, G) at common angles (G,), rad."""
         total = np.zeros((len(self.terms[0][0]), len(alpha)))
-        for weight, cut in self.terms:
+        for weight, curves in self.terms:
             if np.any(weight):
-                total += weight[:, None] * cut.rows(alpha, weights)
+                total += weight[:, None] * curves.rows(alpha, weights)
         return total
 
     def take(self, index: NDArray[np.intp]) -> Sum:
-        """The sum for some of the samples."""
+        """Sum of the samples at the indices (S,)."""
         return Sum([(w[index], s.take(index)) for w, s in self.terms])
 
 
 def join_regimes(
     continuum: Slice, rarefied: GridTable | FreeMolecularBridge, knudsen: Array, limit: float, join: Join
 ) -> Sum:
-    """Weighted curves of N samples, by their Knudsen numbers.
+    """Join the continuum and the rarefied coefficients of N samples, by their Knudsen numbers.
 
     Parameters
     ----------
     continuum : Slice
-        At the samples' Mach numbers.
+        At the Mach numbers of the samples.
     rarefied : GridTable or FreeMolecularBridge
+        Table over the Knudsen number, or free-molecular coefficients.
     knudsen : (N,) array
-        On the diameter.
+        Based on the diameter.
     limit : float
         Knudsen number up to which the flow is a continuum.
     join : "switch", "blend" or "continuous"
+        Kind of the transition, see the module.
+
+    Returns
+    -------
+    Sum
+        Slice of the N samples.
     """
-    share = _share(knudsen, limit, join)
+    weight = _rarefied_weight(knudsen, limit, join)
     if isinstance(rarefied, FreeMolecularBridge):
         if join != "continuous":
-            share = share * bridge(knudsen)
-        return Sum([(1.0 - share, continuum), (share, rarefied.at(len(knudsen)))])
+            weight = weight * bridge(knudsen)
+        return Sum([(1.0 - weight, continuum), (weight, rarefied.at(len(knudsen)))])
     if join != "continuous":
-        return Sum([(1.0 - share, continuum), (share, rarefied.at(knudsen))])
-    thin = np.where(knudsen > limit, 1.0, 0.0)
+        return Sum([(1.0 - weight, continuum), (weight, rarefied.at(knudsen))])
+    above_limit = np.where(knudsen > limit, 1.0, 0.0)
     at_limit = rarefied.at(np.full(len(knudsen), limit))
-    return Sum([(1.0 - share, continuum), (thin, rarefied.at(knudsen)), (-thin * (1.0 - share), at_limit)])
+    return Sum(
+        [(1.0 - weight, continuum), (above_limit, rarefied.at(knudsen)), (-above_limit * (1.0 - weight), at_limit)]
+    )
 
 
-def _share(knudsen: Array, limit: float, join: Join) -> Array:
-    """Share of the rarefied side, 0 to 1."""
+def _rarefied_weight(knudsen: Array, limit: float, join: Join) -> Array:
+    """Weight (N,) of the rarefied coefficients, 0 to 1."""
     if join == "switch":
         return np.where(knudsen > limit, 1.0, 0.0)
     if join == "blend":
         return np.clip(0.5 + np.log10(np.clip(knudsen / limit, 1e-3, 1e3)), 0.0, 1.0)
-    # The bridge begins at 1e-3; with a higher limit what it has passed by then is taken off, so nothing jumps
+    # The bridge starts at Kn = 1e-3; for a higher limit it is rescaled to start there, so that the weight is continuous
     start = float(bridge(limit))
     return np.clip((bridge(knudsen) - start) / (1.0 - start), 0.0, 1.0)

@@ -1,44 +1,46 @@
 """Three-sigma uncertainties of the mission databases (thesis tables 11.3 to 11.5).
 
-The tables give one number above Mach 10 (hypersonic) and one below Mach 5 (supersonic) and nothing between:
-here the two are joined **linearly in Mach between 5 and 10**. From the continuum limit in Knudsen number
-upwards the transitional and free-molecular numbers hold. CA's is a fraction of CA, the rest are additive.
+Input: vehicle family, Mach numbers, Knudsen numbers and CA. Method: the tables have one number above Mach 10
+(hypersonic) and one below Mach 5 (supersonic), and none in between; this module interpolates **linearly in Mach number
+between 5 and 10**. Above the continuum limit in Knudsen number the transitional and free-molecular numbers apply. The
+uncertainty of CA is a fraction of CA, the others are additive. Output: `ThreeSigma`.
 
-The thesis's text lost several numbers; ``mevad_uncertainties.csv`` says for each what it rests on. Cl is known
-for Phoenix's continuum only, to a low confidence, and stands for MER and for rarefied flow as well.
+Several numbers are missing in the thesis's text; ``mevad_uncertainties.csv`` states the source of each. The
+uncertainty of Cl is available for Phoenix in continuum flow only, with low confidence; it is used for MER and for
+rarefied flow too.
 """
 
 from __future__ import annotations
 
-import csv
 from dataclasses import dataclass
 from functools import lru_cache
-from importlib.resources import files
 from typing import Literal, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from edl_filter.aero.grid import Array
 from edl_filter.errors import InputError
+from edl_filter.io.csv_table import package_data, read_records
+from edl_filter.types import Array
 
 Family = Literal["MER", "Phoenix"]
-#: Mach numbers between which the supersonic numbers go over into the hypersonic ones.
+#: Mach numbers between which the supersonic and the hypersonic numbers are interpolated.
 SUPERSONIC_MACH, HYPERSONIC_MACH = 5.0, 10.0
-#: Knudsen number from which the rarefied numbers hold.
+#: Knudsen number above which the rarefied numbers apply.
 CONTINUUM_LIMIT = 1e-3
 
 _REGIMES = ("hypersonic", "supersonic", "transitional")
+_COLUMNS = ("vehicle", "regime", "coefficient", "three_sigma")
 _COEFFICIENTS = {"CA": "CA", "CN CY": "CN", "Cm Cn": "Cm"}
 
 
 @dataclass(frozen=True, eq=False)
 class ThreeSigma:
-    """Three-sigma uncertainties, additive, shaped like the samples.
+    """Additive three-sigma uncertainties of coefficients.
 
     Attributes
     ----------
-    ca, cn, cm, cl : arrays
+    ca, cn, cm, cl : (...) arrays
         Of CA; of CN and CY; of Cm and Cn; of Cl.
     """
 
@@ -51,15 +53,20 @@ class ThreeSigma:
 def three_sigma(
     family: str, mach: ArrayLike, knudsen: ArrayLike, ca: ArrayLike, continuum_limit: float = CONTINUUM_LIMIT
 ) -> ThreeSigma:
-    """Uncertainties of a vehicle family's database along a flight.
+    """Uncertainties of the database of a vehicle family.
 
     Parameters
     ----------
     family : "MER" or "Phoenix"
-    mach, knudsen, ca : array_like
-        Of one shape.
+        Vehicle family.
+    mach, knudsen, ca : (...) arrays
+        Mach number, Knudsen number based on the diameter, and CA; they broadcast.
     continuum_limit : float
-        Knudsen number from which the rarefied numbers hold.
+        Knudsen number above which the rarefied numbers apply.
+
+    Returns
+    -------
+    ThreeSigma
 
     Raises
     ------
@@ -69,27 +76,26 @@ def three_sigma(
     if family not in get_args(Family):
         raise InputError(f"uncertainties: there is no family '{family}'; accepted are {', '.join(get_args(Family))}.")
     mach, knudsen, ca = np.broadcast_arrays(*(np.asarray(x, float) for x in (mach, knudsen, ca)))
-    hypersonic = np.clip((mach - SUPERSONIC_MACH) / (HYPERSONIC_MACH - SUPERSONIC_MACH), 0.0, 1.0)
+    hypersonic_weight = np.clip((mach - SUPERSONIC_MACH) / (HYPERSONIC_MACH - SUPERSONIC_MACH), 0.0, 1.0)
     rarefied = knudsen > continuum_limit
-    known = _table()
+    table = _table()
 
-    def along(coefficient: str) -> Array:
-        high, low, thin = (known[family, regime, coefficient] for regime in _REGIMES)
-        return np.where(rarefied, thin, low + hypersonic * (high - low))
+    def interpolated(coefficient: str) -> Array:
+        hypersonic, supersonic, transitional = (table[family, regime, coefficient] for regime in _REGIMES)
+        return np.where(rarefied, transitional, supersonic + hypersonic_weight * (hypersonic - supersonic))
 
-    cl = np.full(ca.shape, known["Phoenix", "hypersonic", "Cl"])
-    return ThreeSigma(along("CA") * np.abs(ca), along("CN"), along("Cm"), cl)
+    cl = np.full(ca.shape, table["Phoenix", "hypersonic", "Cl"])
+    return ThreeSigma(interpolated("CA") * np.abs(ca), interpolated("CN"), interpolated("Cm"), cl)
 
 
 @lru_cache(maxsize=1)
 def _table() -> dict[tuple[str, str, str], float]:
-    """(family, regime, coefficient) → three sigma; percents as fractions."""
-    text = (files("edl_filter") / "data" / "mevad_uncertainties.csv").read_text(encoding="utf-8")
-    known: dict[tuple[str, str, str], float] = {}
-    for row in csv.DictReader(line for line in text.splitlines() if not line.startswith("#")):
+    """(family, regime, coefficient) → three sigma; percentages are converted to fractions."""
+    table: dict[tuple[str, str, str], float] = {}
+    for row in read_records(package_data("mevad_uncertainties.csv"), _COLUMNS):
         value, percent = row["three_sigma"].removesuffix(" %"), row["three_sigma"].endswith("%")
         for family in row["vehicle"].split(" and "):
-            regime = next(r for r in _REGIMES if row["regime"].startswith(r))
+            regime = next(name for name in _REGIMES if row["regime"].startswith(name))
             coefficient = _COEFFICIENTS.get(row["coefficient"], row["coefficient"])
-            known[family, regime, coefficient] = float(value) / (100.0 if percent else 1.0)
-    return known
+            table[family, regime, coefficient] = float(value) / (100.0 if percent else 1.0)
+    return table

@@ -1,6 +1,6 @@
-"""What all commands share: errors as messages and exit codes, signs of life, one JSON object.
+"""What all commands share: exceptions as messages and exit codes, progress, output of one JSON object.
 
-Nothing heavy is imported here either.
+This module imports no large package either.
 """
 
 from __future__ import annotations
@@ -16,26 +16,24 @@ import typer
 from typer.core import TyperGroup
 
 from edl_filter.errors import InputError
-
-#: Environment variable that, set to ``lines``, makes commands tell each step on standard error behind this mark.
-PROGRESS, PROGRESS_MARK = "EDL_FILTER_PROGRESS", "progress: "
+from edl_filter.io.progress import PROGRESS, PROGRESS_MARK
 
 
 class Commands(TyperGroup):
-    """Turns exceptions into messages and exit codes, for all commands alike."""
+    """Converts the exceptions of all commands into messages and exit codes."""
 
     def invoke(self, ctx: Any) -> Any:
         """Run a command."""
         try:
-            done = super().invoke(ctx)
+            result = super().invoke(ctx)
             sys.stdout.flush()
-            return done
-        except BrokenPipeError:  # the reader, such as head, has seen enough
+            return result
+        except BrokenPipeError:  # the reading program, such as head, has closed the pipe
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
             raise typer.Exit(0) from None
         except Exception as error:
             if type(error).__module__.split(".")[0] in ("typer", "click"):
-                raise  # these carry their own message and code
+                raise  # exceptions of typer have their own message and exit code
             if ctx.params.get("debug"):
                 traceback.print_exc()
             if isinstance(error, InputError):
@@ -50,23 +48,39 @@ class Commands(TyperGroup):
 
 
 @contextmanager
-def busy(what: str, quiet: bool) -> Iterator[Callable[[str], None]]:
-    """Show that work goes on, on a terminal or as lines for a program; gives what is told of each step."""
+def progress(task: str, quiet: bool) -> Iterator[Callable[[str], None]]:
+    """Display a task and its current step while it runs.
+
+    A terminal shows a status line on standard error; a program that sets the variable `PROGRESS` receives one line per
+    step.
+
+    Parameters
+    ----------
+    task : str
+        Name of the task.
+    quiet : bool
+        Whether a terminal shows nothing.
+
+    Yields
+    ------
+    callable
+        To be called with a description of each step.
+    """
     if os.environ.get(PROGRESS) == "lines":
-        typer.echo(f"{PROGRESS_MARK}{what}", err=True)
-        yield lambda step: typer.echo(f"{PROGRESS_MARK}{what}: {step}", err=True)
+        typer.echo(f"{PROGRESS_MARK}{task}", err=True)
+        yield lambda step: typer.echo(f"{PROGRESS_MARK}{task}: {step}", err=True)
         return
     if quiet or not sys.stdout.isatty():
         yield lambda _: None
         return
     from rich.console import Console
 
-    with Console(stderr=True).status(f"{what} …") as status:
-        yield lambda step: status.update(f"{what}: {step} …")
+    with Console(stderr=True).status(f"{task} …") as status:
+        yield lambda step: status.update(f"{task}: {step} …")
 
 
 def print_json(content: dict[str, Any]) -> None:
-    """Print one JSON object."""
+    """Print one JSON object; numbers that are not finite are printed as null."""
     import json
 
     from edl_filter.results.plain import finite

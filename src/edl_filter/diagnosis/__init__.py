@@ -1,7 +1,21 @@
-"""Diagnosis: where the model fails, which physical effect is missing, and what is left.
+"""Diagnosis: where a model fails, which physical effect is missing, and what is left.
 
-Data flow: `comparison` sets prediction beside measurement along one dead-reckoned path, `sensitivity` says how the
-differences hang on what is uncertain, `motion` and `timeline` put that into the order of time, `whitening` takes the
-uncertainty out in one pass of a Kalman filter, and on the white residuals `where`, `ranking` and `remainder` answer the
-three questions. Ranking goes from `trying` the catalogue over refitted `hypotheses` to a `verdict`.
+In: a reconstructed flight with its mission (`FlightCase`), and candidate effects. Out: a `Diagnosis`. The steps, one
+package each, in this order:
+
+`prediction`
+    What the model says that every instrument should have read, and the residuals.
+`jacobians`
+    Derivatives of the residuals with respect to everything that is uncertain, as a linear state-space model.
+`noise`
+    Noise and accelerations beyond those stated, by marginal likelihood.
+`linear_model`
+    Residuals, Jacobians and noise about one linearisation point; derivatives with respect to an effect.
+`residual_analysis`
+    Residual map, change points, residuals against time, unmodelled force, unexplained remainder.
+`selection`
+    Screening, fits, evidence, probabilities and verdict.
+
+`diagnosis` joins them; `stepwise` repeats diagnosis and fit (forward selection); `detectability` says before a flight
+is looked at how large an effect must be to be named.
 """

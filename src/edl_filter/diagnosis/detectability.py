@@ -1,7 +1,7 @@
-"""`edl-filter identifiability`: how large an effect must be to be found, before any difference is looked at.
+"""Detectability: how large an effect must be to be named, before any residual is looked at.
 
-A signature whitened by what is stated says how much information a flight has of a parameter. What the differences are
-does not enter: only where the vehicle flew, and how well its sensors and its world are known.
+The columns of an effect, whitened by what is stated, are the information that a flight has of its parameters. The
+residuals do not enter: only where the vehicle flew, and how well its sensors and its models are known.
 """
 
 from __future__ import annotations
@@ -10,27 +10,23 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import brentq
 
-from edl_filter.diagnosis.case import load_case
-from edl_filter.diagnosis.linear import Linear
-from edl_filter.diagnosis.of_result import needs_prediction
-from edl_filter.diagnosis.ranking import Progress
-from edl_filter.diagnosis.rounds import linearise
-from edl_filter.diagnosis.signatures import Signature
-from edl_filter.diagnosis.trying import signatures
-from edl_filter.effects.effect import Effect
+from edl_filter.diagnosis.linear_model.effect_jacobian import EffectJacobian
+from edl_filter.diagnosis.linear_model.flight_case import load_case
+from edl_filter.diagnosis.linear_model.linear_model import LinearizedModel, linearize
+from edl_filter.diagnosis.selection.ranking import Progress
+from edl_filter.diagnosis.selection.screening import scan_jacobians
+from edl_filter.effects.base import Effect
 from edl_filter.mission import Mission
-
-Array = NDArray[np.float64]
-
-#: Gain from which an effect is found, nats, and correlation from which two are confused (design section 6).
-FOUND, SAME = 6.0, 0.9
+from edl_filter.mission.mission import require_prediction_inputs
+from edl_filter.types import Array
 
 
-def identify(mission: Mission, candidates: Sequence[Effect], progress: Progress = lambda _: None) -> dict[str, Any]:
-    """Say what a mission's flight can tell of each effect.
+def detectability(
+    mission: Mission, candidates: Sequence[Effect], progress: Progress = lambda _: None
+) -> dict[str, Any]:
+    """Smallest detectable size of each effect on a mission's flight, and which effects are confused with which.
 
     Parameters
     ----------
@@ -38,51 +34,55 @@ def identify(mission: Mission, candidates: Sequence[Effect], progress: Progress 
     candidates : sequence of Effect
         Those in the mission are passed over.
     progress : callable
-        Told what is being done.
+        Called with what is being done.
 
     Returns
     -------
     dict
-        ``effects``: for each its name, ``places`` (where it was asked: where it tells most), ``parameters`` (name →
-        ``smallest``: size that gains `FOUND` nats, None if none does; ``unit``, ``plausible``, ``ratio`` of the two)
-        and ``confused_with`` (name → correlation); ``failed``: effect → what went wrong in it.
+        ``effects``: for each its name, ``places`` (the place of its scan grid with the most information),
+        ``parameters`` (name → ``smallest``: size whose expected gain is `named_gain_nats`, None if none has it;
+        ``unit``, ``plausible``, ``ratio`` of the two) and ``confused_with`` (name → correlation); ``failed``: effect →
+        message of an effect whose hooks fail.
 
     Raises
     ------
     InputError
         The mission cannot be predicted.
     """
-    needs_prediction(mission, str(mission.source or mission.name))
+    require_prediction_inputs(mission)
     progress("reconstructing")
     case = load_case(mission)
     progress("comparing model and measurements")
-    linear = linearise(case)
+    model = linearize(case)
     present = {a.name for a in case.effects}
     failed: dict[str, str] = {}
-    tried = []
+    by_effect = []
     for effect in (e for e in candidates if e.name not in present):
         progress(f"asking for {effect.name}")
-        tried += signatures(linear, [effect], case.parachute, failed)
-    white = [_most_telling(linear, group) for group in tried]
-    told = [_told(s, x) for s, x in white]
-    bases = [_basis(x * s.sigma) for s, x in white]
-    for i, one in enumerate(told):
-        for j, other in enumerate(told):
-            likeness = _likeness(bases[i], bases[j]) if i != j else 0.0
-            if likeness > SAME:
-                one["confused_with"][other["effect"]] = likeness
-    return {"mission": mission.name, "in_model": sorted(present), "effects": told, "failed": failed}
+        by_effect += scan_jacobians(model, [effect], case.end, failed)
+    informative = [_most_informative(model, group) for group in by_effect]
+    settings = case.settings
+    entries = [_entry(j, x, settings.named_gain_nats) for j, x in informative]
+    bases = [_basis(x * j.sigma) for j, x in informative]
+    for i, entry in enumerate(entries):
+        for k, other in enumerate(entries):
+            similarity = _largest_correlation(bases[i], bases[k]) if i != k else 0.0
+            if similarity > settings.same_correlation:
+                entry["confused_with"][other["effect"]] = similarity
+    return {"mission": mission.name, "in_model": sorted(present), "effects": entries, "failed": failed}
 
 
-def smallest_size(information: float, sigma: float, wanted: float = FOUND) -> float:
-    """Size whose expected gain is `wanted` nats: ``0.5 s² A - 0.5 log(1 + A sigma²)``.
+def smallest_size(information: float, sigma: float, gain: float) -> float:
+    """Size whose expected gain is `gain` nats: ``0.5 s² A - 0.5 log(1 + A sigma²)``.
 
     Parameters
     ----------
     information : float
-        A, squared norm of the white signature per unit of size squared.
+        A, squared norm of the white column, per unit of size squared.
     sigma : float
-        Plausible size, which the prior has.
+        Prior standard deviation.
+    gain : float
+        nats.
 
     Returns
     -------
@@ -92,45 +92,46 @@ def smallest_size(information: float, sigma: float, wanted: float = FOUND) -> fl
     if not information > 0.0:
         return float("inf")
     penalty = 0.5 * np.log1p(information * sigma**2)
-    high = 2.0 * np.sqrt(2.0 * (wanted + penalty) / information)
-    return float(brentq(lambda s: 0.5 * s**2 * information - penalty - wanted, 0.0, high))
+    high = 2.0 * np.sqrt(2.0 * (gain + penalty) / information)
+    return float(brentq(lambda s: 0.5 * s**2 * information - penalty - gain, 0.0, high))
 
 
-def _most_telling(linear: Linear, group: Sequence[Signature]) -> tuple[Signature, Array]:
-    """The place of an effect where its plausible size would tell most, and its white signature there."""
+def _most_informative(model: LinearizedModel, group: Sequence[EffectJacobian]) -> tuple[EffectJacobian, Array]:
+    """The place of an effect where its plausible size has the most information, and its white columns there."""
     best = None
-    for s in group:
-        x = linear.plain(s.rows, s.start)
-        told = float(np.sum((x * s.sigma) ** 2))
-        if best is None or told > best[2]:
-            best = s, x, told
+    for jacobian in group:
+        x = model.stated_noise_filter(jacobian.rows, jacobian.initial_mean)
+        information = float(np.sum((x * jacobian.sigma) ** 2))
+        if best is None or information > best[2]:
+            best = jacobian, x, information
     assert best is not None
     return best[0], best[1]
 
 
-def _told(s: Signature, x: Array) -> dict[str, Any]:
-    units = {q.name: q.unit for q in s.active.effect.parameters}
+def _entry(jacobian: EffectJacobian, x: Array, gain: float) -> dict[str, Any]:
+    instance = jacobian.instance
+    units = {q.name: q.unit for q in instance.effect.parameters}
     parameters = {}
-    for name, sigma, column in zip(s.names, s.sigma, x.T, strict=True):
-        smallest = smallest_size(float(column @ column), float(sigma))
+    for name, sigma, column in zip(jacobian.names, jacobian.sigma, x.T, strict=True):
+        smallest = smallest_size(float(column @ column), float(sigma), gain)
         parameters[name] = {
             "smallest": smallest if np.isfinite(smallest) else None,
             "unit": units[name],
             "plausible": float(sigma),
             "ratio": smallest / float(sigma) if np.isfinite(smallest) else None,
         }
-    places = {q.name: s.active.values[q.name] for q in s.active.effect.places}
-    return {"effect": s.active.name, "places": places, "parameters": parameters, "confused_with": {}}
+    places = {q.name: instance.values[q.name] for q in instance.effect.places}
+    return {"effect": instance.name, "places": places, "parameters": parameters, "confused_with": {}}
 
 
 def _basis(scaled: Array) -> Array:
-    """Orthonormal directions of a white signature that the plausible size could show, ``(R, r)``."""
+    """Orthonormal directions of white columns times plausible sizes that exceed the noise, ``(R, r)``."""
     u, size, _ = np.linalg.svd(scaled, full_matrices=False)
     return np.asarray(u[:, size > 1.0])
 
 
-def _likeness(one: Array, other: Array) -> float:
-    """Largest correlation of two spaces of signatures: cosine of the smallest angle between them."""
-    if not one.shape[1] or not other.shape[1]:
+def _largest_correlation(a: Array, b: Array) -> float:
+    """Largest correlation of two column spaces: cosine of the smallest principal angle."""
+    if not a.shape[1] or not b.shape[1]:
         return 0.0
-    return float(min(np.linalg.svd(one.T @ other, compute_uv=False)[0], 1.0))
+    return float(min(np.linalg.svd(a.T @ b, compute_uv=False)[0], 1.0))

@@ -1,50 +1,52 @@
-"""The loop: diagnose, add what is missing, refit, and again, until nothing earns its place."""
+"""Stepwise improvement of a model: diagnose, add the missing effect, fit, and repeat (forward selection).
+
+References: Klein and Morelli, Aircraft System Identification (2006), section 5.4 (stepwise regression).
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
-from edl_filter.diagnosis.case import load_case
-from edl_filter.diagnosis.diagnose import Diagnosis, diagnose
-from edl_filter.diagnosis.ranking import Progress
-from edl_filter.diagnosis.settle import settle
-from edl_filter.effects.effect import Active, Effect
+from edl_filter.diagnosis.diagnosis import Diagnosis, diagnose
+from edl_filter.diagnosis.linear_model.flight_case import load_case
+from edl_filter.diagnosis.selection.decision import CLEAN
+from edl_filter.diagnosis.selection.outer_loop import fit_effects
+from edl_filter.diagnosis.selection.ranking import Progress
+from edl_filter.effects.base import Effect, EffectInstance
 from edl_filter.mission import Mission
-
-#: Effects in a model at which the loop ends though more would earn their place: it then needs a person.
-MOST = 12
 
 
 @dataclass(frozen=True)
 class Step:
-    """One turn of the loop.
+    """One step of the selection.
 
     Attributes
     ----------
-    model : tuple of Active
+    model : tuple of EffectInstance
         Effects in the model that was diagnosed.
     diagnosis : Diagnosis
-    added : Active or None
-        What the next model has more.
-    improved : tuple of Active
-        The next model, all effects refitted together.
+    added : EffectInstance or None
+        The effect by which the next model is larger.
+    improved : tuple of EffectInstance
+        The next model, all effects fitted together.
     """
 
-    model: tuple[Active, ...]
+    model: tuple[EffectInstance, ...]
     diagnosis: Diagnosis
-    added: Active | None
-    improved: tuple[Active, ...]
+    added: EffectInstance | None
+    improved: tuple[EffectInstance, ...]
 
     @property
     def why_stopped(self) -> str:
-        """Why nothing was added; empty where something was."""
+        """Why nothing was added; empty where an effect was."""
         if self.added is not None:
             return ""
-        if self.diagnosis.verdict.verdict == "clean":
+        verdict = self.diagnosis.verdict
+        if verdict.verdict == CLEAN:
             return "Stopped: model and measurement agree to the noise."
-        best = self.diagnosis.verdict.entries[0].hypothesis if self.diagnosis.verdict.entries else None
-        if self.diagnosis.verdict.leader is not None and best is not None:
+        best = verdict.entries[0].hypothesis if verdict.entries else None
+        if verdict.leader is not None and best is not None:
             return (
                 f"Stopped: the model still fails with {len(self.model)} effects, which is as many as are tried; the "
                 f"next would be {best.name} (gain {best.gain:.1f} nats). Some of them may stand for something else: "
@@ -61,7 +63,7 @@ class Step:
 def improve(
     mission: Mission,
     candidates: Sequence[Effect],
-    effects: Iterable[Active] | None = None,
+    effects: Iterable[EffectInstance] | None = None,
     progress: Progress = lambda _: None,
 ) -> Iterator[Step]:
     """Improve a mission's model step by step.
@@ -70,7 +72,7 @@ def improve(
     ----------
     mission : Mission
     candidates : sequence of Effect
-    effects : iterable of Active, optional
+    effects : iterable of EffectInstance, optional
         To begin with, instead of the mission's.
     progress : callable
 
@@ -80,12 +82,14 @@ def improve(
         The last one has nothing added.
     """
     model = mission.active_effects() if effects is None else tuple(effects)
-    for _ in range(MOST + 1):
-        found = diagnose(load_case(mission, model), candidates, progress)
-        leader = found.verdict.leader
-        if leader is None or len(model) >= MOST:
-            yield Step(model, found, None, model)
+    limit = mission.diagnosis.max_effects
+    for _ in range(limit + 1):
+        diagnosis = diagnose(load_case(mission, model), candidates, progress)
+        leader = diagnosis.verdict.leader
+        if leader is None or len(model) >= limit:
+            yield Step(model, diagnosis, None, model)
             return
-        improved = settle(mission, progress, found.verdict.entries[0].hypothesis.refit.effects).reconstruction.effects
-        yield Step(model, found, leader, improved)
+        fitted = diagnosis.verdict.entries[0].hypothesis.fit.effects
+        improved = fit_effects(mission, progress, fitted).reconstruction.effects
+        yield Step(model, diagnosis, leader, improved)
         model = improved

@@ -1,12 +1,14 @@
-"""Effects in the atmosphere: density, winds, and how the air turns with the planet."""
+"""Effects in the atmosphere: density, winds, and the rotation of the air with the planet."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from edl_filter.effects.effect import Array, Effect, Parameter, Values
+from edl_filter.effects.base import Effect
+from edl_filter.effects.parameters import Parameter, Values
+from edl_filter.types import Array
 
-#: Height over which a wind layer sets in and ends, m.
+#: Height over which a wind layer begins and ends, m.
 _SHEAR = 2e3
 
 
@@ -15,16 +17,13 @@ class DensityScale(Effect):
 
     name = "density_scale"
     family = "atmosphere"
-    summary = "another density at all altitudes: rho (1 + k)"
-    shows = (
-        "All forces and moments are off by one factor from the top of the atmosphere down, and the parachute's dynamic "
-        "pressure with them."
-    )
+    summary = "relative change of the density at all altitudes: rho (1 + k)"
+    shows = "All forces and moments, and the dynamic pressure at the parachute, differ by one factor at all altitudes."
     source = "season and dust against a preflight model; Withers and Smith (2006)"
     parameters = (Parameter("k", "", "relative change of the density", 0.1, low=-0.9, high=4.0),)
 
     def density(self, p: Values, altitude: Array) -> Array:
-        """One factor."""
+        """The same factor at all altitudes."""
         return np.full(len(altitude), 1.0 + p["k"])
 
 
@@ -35,7 +34,7 @@ class DensityWave(Effect):
     family = "atmosphere"
     summary = "wave in the density: rho (1 + A sin(2 pi h/L + phase))"
     shows = (
-        "Axial force, lateral forces and moments swing together about the model with altitude, two to six times "
+        "Axial force, lateral forces and moments oscillate together about the model with altitude, two to six times "
         "between 80 and 10 km."
     )
     source = "thermal tides and gravity waves in entry profiles; Withers and Smith (2006)"
@@ -47,19 +46,19 @@ class DensityWave(Effect):
     half_turn = ("A",)
 
     def density(self, p: Values, altitude: Array) -> Array:
-        """The wave's factor."""
+        """Factor of the wave."""
         return 1.0 + p["A"] * np.sin(2.0 * np.pi * altitude / p["L"] + p["phase"])
 
 
 class Wind(Effect):
-    """A layer of wind, ``½[tanh((h − h_lo)/s) − tanh((h − h_hi)/s)]`` with s = 2 km."""
+    """A layer of wind with the profile ``½[tanh((h − h_lo)/s) − tanh((h − h_hi)/s)]``, s = 2 km."""
 
     name = "wind"
     family = "atmosphere"
-    summary = "layer of wind between two altitudes, setting in over 2 km"
+    summary = "layer of wind between two altitudes, with edges 2 km wide"
     shows = (
-        "The air meets the vehicle from another side within the layer: lateral forces and moments there as of an angle "
-        "of attack that is fixed against the ground; strongest where the flight is slow."
+        "Within the layer the direction of the air-relative velocity differs: lateral forces and moments as of an "
+        "angle of attack whose direction is fixed to the ground; largest where the flight is slow."
     )
     region = "one layer; below and above it the mission's own winds"
     source = "general circulation models of Mars: tens of m/s, more in jets"
@@ -71,26 +70,26 @@ class Wind(Effect):
     )
 
     def wind(self, p: Values, altitude: Array) -> Array:
-        """The layer's wind."""
+        """Wind of the layer, ``(N, 2)``, m/s, at altitudes ``(N,)``, m."""
         inside = 0.5 * (np.tanh((altitude - p["h_lo"]) / _SHEAR) - np.tanh((altitude - p["h_hi"]) / _SHEAR))
         return inside[:, None] * np.array([p["east"], p["north"]])
 
 
 class AtmosphereRotation(Effect):
-    """The air turns at (1 − k) of the planet's rate."""
+    """The air rotates at (1 − k) of the planet's rate."""
 
     name = "atmosphere_rotation"
     family = "atmosphere"
-    summary = "the air turns at (1 - k) of the planet's rate"
+    summary = "the air rotates at (1 - k) of the planet's rate"
     shows = (
-        "A wind from the east of up to 240 m/s at the equator, at all altitudes: lateral forces and moments that grow "
-        "as the flight slows down, and a wrong dynamic pressure at the parachute."
+        "A wind from the east of up to 240 m/s at the equator, at all altitudes: residuals of lateral forces and "
+        "moments that grow as the vehicle decelerates, and of the dynamic pressure at the parachute."
     )
     source = "Thomas (2011), section 3: rigid rotation is an assumption; k = 1 is air at rest in inertial space"
     parameters = (Parameter("k", "", "part of the rotation that is missing", 1.0, low=-2.0, high=3.0),)
 
     def atmosphere_rate(self, p: Values) -> float:
-        """The factor."""
+        """Factor 1 − k."""
         return 1.0 - p["k"]
 
 

@@ -1,47 +1,191 @@
-"""The model of the world that missions state and effects change: air, loads and rigid body, vectorised over time.
+"""Forward model of the entry: flow, loads and rigid body, vectorised over time.
 
-`World` holds what the mission says together with the effects that are switched on. Prediction and simulation ask it
-the same questions: how does the air meet the vehicle (`flow`), and what does it do to it (`loads`).
+This module is the one place where the models that a mission states are composed with the effects that are switched on.
+`ForwardModel` does so for prediction and simulation: `ForwardModel.flow` gives the flow about the vehicle, and
+`ForwardModel.loads` its force and moment. The functions ``compose_*`` do it for callers that have no aerodynamic
+database: the filter's problem, its constraints and the air data.
 
 Loads are those of the entry vehicle with its heat shield on, before the parachute:
 ``F = q S (-CA, CY, -CN)``, moments about the nose moved to the centre of mass (eq. 11.1), pitch and yaw damping
-``Cmq (rate D / 2V) q S D``, and what effects add (`edl_filter.effects.effect`).
+``Cmq (rate D / 2V) q S D``, and what effects add (`edl_filter.effects.base`).
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from edl_filter import rotations
 from edl_filter.aero.database import Database
 from edl_filter.aero.planes import moments_at_cm, split
-from edl_filter.effects.deviation import Deviation
-from edl_filter.effects.effect import Active, Body, Flow, Totals
+from edl_filter.effects.base import EffectInstance
+from edl_filter.effects.perturbation import Perturbation
+from edl_filter.effects.types import AeroCoefficients, Body, FlightCondition
 from edl_filter.planet import Planet, ellipsoid
 from edl_filter.planet.atmosphere import Atmosphere
-from edl_filter.postflight.gas import Gas
+from edl_filter.planet.gas import Gas
+from edl_filter.types import Array
 
-Array = NDArray[np.float64]
+if TYPE_CHECKING:
+    from edl_filter.telemetry.record import InitialState
+
+#: Iterations of `invert_entry_state`: each leaves the effect's size times the error before.
+_ENTRY_ITERATIONS = 8
 
 
 @dataclass(frozen=True)
 class Damping:
-    """Pitch and yaw damping against Mach number, linear between nodes and held at the edges."""
+    """Pitch and yaw damping against Mach number, linear between nodes and held at the edges.
+
+    Attributes
+    ----------
+    mach, cmq : (M,) arrays
+        Nodes, and the moment coefficient over rate D / 2V there.
+    """
 
     mach: Array = field(default_factory=lambda: np.array([0.0, 1.0]))
     cmq: Array = field(default_factory=lambda: np.zeros(2))
 
     def at(self, mach: Array) -> Array:
-        """Coefficient at Mach numbers ``(N,)``."""
+        """Coefficient ``(N,)`` at Mach numbers ``(N,)``."""
         return np.interp(mach, self.mach, self.cmq)
 
 
+def compose_gravity(planet: Planet, effects: Sequence[EffectInstance]) -> Planet:
+    """The planet with the gravity field that the effects give it."""
+    for a in effects:
+        planet = a.effect.gravity(a.values, planet)
+    return planet
+
+
+def compose_air_rotation(planet: Planet, effects: Sequence[EffectInstance]) -> Planet:
+    """A planet that rotates at the rate of the air: right for velocities relative to the air, not for longitudes."""
+    factors = [a.effect.atmosphere_rate(a.values) for a in effects if a.effect.acts("atmosphere_rate")]
+    return replace(planet, rotation_rate=planet.rotation_rate * float(np.prod(factors))) if factors else planet
+
+
+def compose_density(density: Array, effects: Sequence[EffectInstance], altitude: Array) -> Array:
+    """Density with the effects' factors.
+
+    Parameters
+    ----------
+    density : (N,) array
+        Without effects, kg/m³.
+    effects : sequence of EffectInstance
+        In the order in which they act.
+    altitude : (N,) array
+        Areodetic, m.
+
+    Returns
+    -------
+    (N,) array
+        kg/m³.
+    """
+    for a in effects:
+        if a.effect.acts("density"):
+            density = density * a.effect.density(a.values, altitude)
+    return density
+
+
+def compose_wind(wind: Array, effects: Sequence[EffectInstance], altitude: Array) -> Array:
+    """Wind with the effects' winds added.
+
+    Parameters
+    ----------
+    wind : (N, 2) array
+        Without effects, towards east and north, m/s.
+    effects : sequence of EffectInstance
+        In the order in which they act.
+    altitude : (N,) array
+        Areodetic, m.
+
+    Returns
+    -------
+    (N, 2) array
+        m/s.
+    """
+    for a in effects:
+        if a.effect.acts("wind"):
+            wind = wind + a.effect.wind(a.values, altitude)
+    return wind
+
+
+def compose_coefficients(
+    coefficients: AeroCoefficients, effects: Sequence[EffectInstance], flow: FlightCondition
+) -> AeroCoefficients:
+    """Total coefficients with the changes that the effects make in the given flow."""
+    for a in effects:
+        coefficients = a.effect.coefficients(a.values, flow, coefficients)
+    return coefficients
+
+
+def compose_loads(
+    force: Array, moment: Array, effects: Sequence[EffectInstance], flow: FlightCondition
+) -> tuple[Array, Array]:
+    """Force and moment with those that the effects add in the given flow.
+
+    Parameters
+    ----------
+    force, moment : (N, 3) arrays
+        Without effects: N, and N m about the centre of mass; body axes.
+    effects : sequence of EffectInstance
+        In the order in which they act.
+    flow : FlightCondition
+        Flow of the N samples.
+
+    Returns
+    -------
+    force, moment : (N, 3) arrays
+        N and N m.
+    """
+    for a in effects:
+        if a.effect.acts("force_moment"):
+            added_force, added_moment = a.effect.force_moment(a.values, flow)
+            force, moment = force + added_force, moment + added_moment
+    return force, moment
+
+
+def compose_body(body: Body, effects: Sequence[EffectInstance]) -> Body:
+    """The rigid body with the effects' mass, inertia and centre of mass."""
+    for a in effects:
+        body = a.effect.vehicle(a.values, body)
+    return body
+
+
+def compose_entry_state(stated: InitialState, effects: Sequence[EffectInstance]) -> InitialState:
+    """The true entry state, by the effects, where `stated` was stated."""
+    for a in effects:
+        stated = a.effect.entry_state(a.values, stated)
+    return stated
+
+
+def invert_entry_state(true: InitialState, effects: Sequence[EffectInstance]) -> InitialState:
+    """The entry state that was stated where the true one is `true`: inverse of `compose_entry_state`, by iteration."""
+    for a in [a for a in effects if a.effect.acts("entry_state")][::-1]:
+        true = _invert_one(true, a)
+    return true
+
+
+def _invert_one(true: InitialState, instance: EffectInstance) -> InitialState:
+    """The state that one effect turns into `true`."""
+    stated = true
+    for _ in range(_ENTRY_ITERATIONS):
+        reached = instance.effect.entry_state(instance.values, stated)
+        error = rotations.multiply(rotations.conjugate(reached.inertial_from_body), true.inertial_from_body)
+        stated = replace(
+            true,
+            position=stated.position + (true.position - reached.position),
+            velocity=stated.velocity + (true.velocity - reached.velocity),
+            inertial_from_body=rotations.normalise(rotations.multiply(stated.inertial_from_body, error)),
+        )
+    return stated
+
+
 @dataclass(frozen=True)
-class World:
+class ForwardModel:
     """All that acts on the vehicle before the parachute.
 
     Attributes
@@ -53,12 +197,12 @@ class World:
     database : Database
     damping : Damping
     body : Body
-        Without effects; its offset is what the mission puts the centre of mass beside the axis.
+        Without effects; its offset is that of the centre of mass from the axis, as the mission states it.
     diameter, x_over_d : float
         m; nominal centre of mass behind the nose, diameters.
-    effects : tuple of Active
-    deviation : Deviation, optional
-        What one flight was off all this, without being an effect.
+    effects : tuple of EffectInstance
+    perturbation : Perturbation, optional
+        By how much air, coefficients and vehicle of one flight differ from all this, without being an effect.
     """
 
     planet: Planet
@@ -69,11 +213,11 @@ class World:
     body: Body
     diameter: float
     x_over_d: float
-    effects: tuple[Active, ...] = ()
-    deviation: Deviation | None = None
+    effects: tuple[EffectInstance, ...] = ()
+    perturbation: Perturbation | None = None
 
-    def having(self, effects: Sequence[Active]) -> World:
-        """The same world with other effects."""
+    def with_effects(self, effects: Sequence[EffectInstance]) -> ForwardModel:
+        """The same model with other effects in place of its own."""
         return replace(self, effects=tuple(effects))
 
     @property
@@ -84,26 +228,43 @@ class World:
     @property
     def gravity_planet(self) -> Planet:
         """Planet with the effects' gravity."""
-        planet = self.planet
-        for a in self.effects:
-            planet = a.effect.gravity(a.values, planet)
-        return planet
+        return compose_gravity(self.planet, self.effects)
 
     @property
     def rigid_body(self) -> Body:
-        """Body with the effects'."""
-        body = self.body
-        for a in self.effects:
-            body = a.effect.vehicle(a.values, body)
-        return body if self.deviation is None else self.deviation.body(body)
+        """Body with the effects and the perturbation."""
+        body = compose_body(self.body, self.effects)
+        return body if self.perturbation is None else self.perturbation.perturb_body(body)
 
     @property
     def centre_of_mass(self) -> tuple[float, float, float]:
-        """The true one, in diameters: behind the nose, to the right and down."""
+        """Centre of mass with effects, in diameters: behind the nose, to the right and down."""
         return self.rigid_body.centre(self.x_over_d, self.diameter)
 
-    def flow(self, time: Array, position: Array, velocity: Array, inertial_from_body: Array, rate: Array) -> Flow:
-        """How the air meets the vehicle.
+    def air_at(self, altitude: Array) -> tuple[Array, Array]:
+        """Density and wind with the effects', without the perturbation, which depends on time.
+
+        Parameters
+        ----------
+        altitude : (N,) array
+            Areodetic, m.
+
+        Returns
+        -------
+        density : (N,) array
+            kg/m³.
+        wind : (N, 2) array
+            Towards east and north, m/s.
+        """
+        return (
+            compose_density(self.atmosphere.density(altitude), self.effects, altitude),
+            compose_wind(self.atmosphere.wind_at(altitude), self.effects, altitude),
+        )
+
+    def flow(
+        self, time: Array, position: Array, velocity: Array, inertial_from_body: Array, rate: Array
+    ) -> FlightCondition:
+        """Flow about the vehicle along a trajectory.
 
         Parameters
         ----------
@@ -112,27 +273,26 @@ class World:
         position, velocity : (N, 3) arrays
             Inertial, m and m/s.
         inertial_from_body : (N, 4) array
+            Scalar last.
         rate : (N, 3) array
             rad/s, body axes.
+
+        Returns
+        -------
+        FlightCondition
         """
         planet = self.planet
         latitude, longitude, altitude = planet.geodetic(time, position)
         enu = ellipsoid.enu_from_fixed(latitude, longitude + planet.rotation.angle(time))
-        turning = np.prod([a.effect.atmosphere_rate(a.values) for a in self.effects])
-        spin = np.array([0.0, 0.0, planet.rotation_rate * turning])
-        wind, density = self.atmosphere.wind_at(altitude), self.atmosphere.density(altitude)
-        for a in self.effects:
-            if a.effect.acts("wind"):
-                wind = wind + a.effect.wind(a.values, altitude)
-            if a.effect.acts("density"):
-                density = density * a.effect.density(a.values, altitude)
-        if self.deviation is not None:
-            wind, density = self.deviation.blown(time, wind), self.deviation.thinned(time, density)
-        blown = np.einsum("nji,nj->ni", enu[:, :2], wind)
-        air = velocity - np.cross(spin, position) - blown
+        spin = np.array([0.0, 0.0, compose_air_rotation(planet, self.effects).rotation_rate])
+        density, wind = self.air_at(altitude)
+        if self.perturbation is not None:
+            wind, density = self.perturbation.perturb_wind(time, wind), self.perturbation.perturb_density(time, density)
+        wind_inertial = np.einsum("nji,nj->ni", enu[:, :2], wind)
+        air = velocity - np.cross(spin, position) - wind_inertial
         body = rotations.rotate(rotations.conjugate(inertial_from_body), air)
         speed = np.linalg.norm(air, axis=1)
-        return Flow(
+        return FlightCondition(
             time=time,
             altitude=altitude,
             velocity_body=body,
@@ -146,21 +306,44 @@ class World:
             diameter=self.diameter,
         )
 
-    def looked_up(self, flow: Flow) -> Totals:
-        """Coefficients of the tables alone."""
-        found = self.database.lookup(flow.mach, flow.knudsen, flow.alpha_total, flow.speed)
-        return Totals(found.ca, found.cn, found.cm_nose, np.zeros(len(flow.time)), self.damping.at(flow.mach))
+    def table_coefficients(self, flow: FlightCondition) -> AeroCoefficients:
+        """Coefficients of the database and the damping table alone, without effects."""
+        entry = self.database.lookup(flow.mach, flow.knudsen, flow.alpha_total, flow.speed)
+        return AeroCoefficients(entry.ca, entry.cn, entry.cm_nose, np.zeros(len(flow.time)), self.damping.at(flow.mach))
 
-    def totals(self, flow: Flow, tables: Totals | None = None) -> Totals:
-        """Coefficients with the effects'; `tables` is `looked_up` there, if it is known already."""
-        totals = self.looked_up(flow) if tables is None else tables
-        for a in self.effects:
-            totals = a.effect.coefficients(a.values, flow, totals)
-        return totals if self.deviation is None else self.deviation.coefficients(flow.time, totals)
+    def coefficients(self, flow: FlightCondition, tables: AeroCoefficients | None = None) -> AeroCoefficients:
+        """Coefficients with the effects and the perturbation.
 
-    def loads(self, flow: Flow, tables: Totals | None = None) -> tuple[Array, Array]:
-        """Force (N) and moment about the true centre of mass (N m), ``(N, 3)`` each, body axes."""
-        totals, d = self.totals(flow, tables), self.diameter
+        Parameters
+        ----------
+        flow : FlightCondition
+            Flow of the N samples.
+        tables : AeroCoefficients, optional
+            `table_coefficients` of that flow, where the caller has them already.
+        """
+        coefficients = compose_coefficients(
+            self.table_coefficients(flow) if tables is None else tables, self.effects, flow
+        )
+        if self.perturbation is None:
+            return coefficients
+        return self.perturbation.perturb_coefficients(flow.time, coefficients)
+
+    def loads(self, flow: FlightCondition, tables: AeroCoefficients | None = None) -> tuple[Array, Array]:
+        """Force and moment on the vehicle.
+
+        Parameters
+        ----------
+        flow : FlightCondition
+            Flow of the N samples.
+        tables : AeroCoefficients, optional
+            As in `coefficients`.
+
+        Returns
+        -------
+        force, moment : (N, 3) arrays
+            N, and N m about the true centre of mass; body axes.
+        """
+        totals, d = self.coefficients(flow, tables), self.diameter
         _, v, w = flow.velocity_body.T
         cn, cy, cm, yaw = split(totals.cn, totals.cm_nose, v, w)
         cl, cm, yaw = moments_at_cm((totals.ca, cy, cn), (totals.cl, cm, yaw), self.centre_of_mass)
@@ -170,8 +353,4 @@ class World:
         push = (flow.dynamic_pressure * self.area)[:, None]
         force = push * np.stack((-totals.ca, cy, -cn), axis=1)
         moment = push * d * np.stack((cl, cm, yaw), axis=1)
-        for a in self.effects:
-            if a.effect.acts("force_moment"):
-                more_force, more_moment = a.effect.force_moment(a.values, flow)
-                force, moment = force + more_force, moment + more_moment
-        return force, moment
+        return compose_loads(force, moment, self.effects, flow)

@@ -1,11 +1,12 @@
-"""Effects in the planet's gravity."""
+"""Effects in the planet's gravity field."""
 
 from __future__ import annotations
 
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from edl_filter.effects.effect import Effect, Parameter, Values
+from edl_filter.effects.base import Effect
+from edl_filter.effects.parameters import Parameter, Values
 
 if TYPE_CHECKING:
     from edl_filter.planet import Planet
@@ -18,8 +19,8 @@ class GravityOblateness(Effect):
     family = "planet"
     summary = "oblateness of the gravity field: J2 added to the mission's"
     shows = (
-        "Nothing in the accelerometers, for they do not feel gravity: velocity and position go off smoothly by some "
-        "hundred metres, in altimeter, landing site and the gravity at rest."
+        "No residual in the accelerometers, which do not measure gravity: errors of velocity and position grow "
+        "smoothly to some hundred metres, in altimeter, landing site and the gravity at rest."
     )
     source = "Thomas (2011), eq. 3.5; Mars has 1.96e-3"
     parameters = (Parameter("J2", "", "second zonal coefficient, added", 2e-3, low=-0.05, high=0.05),)

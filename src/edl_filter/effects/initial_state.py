@@ -1,4 +1,4 @@
-"""Effects in the entry state that navigation starts from."""
+"""Effects in the entry state from which navigation starts."""
 
 from __future__ import annotations
 
@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from edl_filter import rotations
-from edl_filter.effects.effect import Effect, Parameter, Values
+from edl_filter.effects.base import Effect
+from edl_filter.effects.parameters import Parameter, Values
 from edl_filter.effects.sensors import AXES, components
 
 if TYPE_CHECKING:
@@ -16,14 +17,15 @@ if TYPE_CHECKING:
 
 
 class AttitudeFrame(Effect):
-    """Position and velocity of the entry state turned against the attitude's inertial axes."""
+    """Position and velocity of the entry state are rotated relative to the attitude's inertial axes."""
 
     name = "attitude_frame"
     family = "entry"
-    summary = "position and velocity of the entry state stand in turned axes: true = R(r) stated, r in inertial axes"
+    summary = "position and velocity of the entry state are in rotated axes: true = R(r) stated, r in inertial axes"
     shows = (
-        "The whole path is turned about the planet's centre: landing site and gravity at rest are missed by kilometres "
-        "in one direction while forces and rates agree; angles of attack and sideslip are off by a constant rotation."
+        "The trajectory is rotated about the planet's centre: landing site and gravity at rest have residuals of "
+        "kilometres in one direction while forces and rates agree; angles of attack and sideslip differ by a constant "
+        "rotation."
     )
     source = "Spirit's entry state against its attitude, Thomas (2011), section 3: 0.3 to 0.5 degrees"
     parameters = tuple(
@@ -31,15 +33,15 @@ class AttitudeFrame(Effect):
     )
 
     def entry_state(self, p: Values, initial: InitialState) -> InitialState:
-        """The state with position, velocity and their covariance turned; the attitude stays."""
+        """The state with position, velocity and their covariance rotated; the attitude stays."""
         turn = rotations.from_rotation_vector(components(p, "r"))
-        both = np.eye(9)
-        both[:3, :3] = both[3:6, 3:6] = rotations.to_matrix(turn)
+        jacobian = np.eye(9)
+        jacobian[:3, :3] = jacobian[3:6, 3:6] = rotations.to_matrix(turn)
         return replace(
             initial,
             position=rotations.rotate(turn, initial.position),
             velocity=rotations.rotate(turn, initial.velocity),
-            covariance=both @ initial.covariance @ both.T,
+            covariance=jacobian @ initial.covariance @ jacobian.T,
         )
 
 

@@ -1,7 +1,7 @@
-"""The same effect once more: a torque that changes as a remnant tears, a second layer of wind.
+"""Several instances of one effect in a model: a torque that changes as a remnant tears, a second layer of wind.
 
-An effect that acts at a place may act at another one as well. The second is an effect under a name of its own,
-``remnant_torque_2``, with its own parameters; in all else it is the first.
+An effect that acts at a place or a time may act at another one too. The second instance is an effect with a name of its
+own, ``remnant_torque_2``, and its own parameters; otherwise it is identical to the first.
 """
 
 from __future__ import annotations
@@ -10,19 +10,20 @@ import re
 from collections.abc import Collection, Iterable, Mapping
 from functools import cache
 
-from edl_filter.effects.effect import Effect
+from edl_filter.effects.base import Effect
 
-#: How often an effect may be in a model.
+#: Largest number of instances of one effect in a model.
 MOST = 3
 _NUMBERED = re.compile(r"(?P<first>\w+)_(?P<number>[2-9])")
 
 
-def offered(candidates: Iterable[Effect], present: Collection[str]) -> list[Effect]:
-    """What may be added to a model that has the effects `present`: those that it lacks, and places once more.
+def candidates(effects: Iterable[Effect], present: Collection[str]) -> list[Effect]:
+    """Effects that may be added to a model: those that it lacks, and further instances of those that act at a place.
 
     Parameters
     ----------
-    candidates : iterable of Effect
+    effects : iterable of Effect
+        All that are considered.
     present : collection of str
         Names of the model's effects.
 
@@ -31,36 +32,40 @@ def offered(candidates: Iterable[Effect], present: Collection[str]) -> list[Effe
     list of Effect
         No two of one name.
     """
-    known = {e.name: e for e in candidates}
-    found: dict[str, Effect] = {}
-    for effect in known.values():
-        twins = [_numbered(effect, n) for n in range(2, MOST + 1) if _may_repeat(effect)]
-        kind = [effect, *(t for t in twins if known.get(t.name, t) is t)]  # another effect may have that name
-        found |= {e.name: e for e in [e for e in kind if e.name not in present][:1]}
-    return list(found.values())
+    by_name = {e.name: e for e in effects}
+    addable: dict[str, Effect] = {}
+    for effect in by_name.values():
+        further = [_numbered(effect, n) for n in range(2, MOST + 1) if _may_repeat(effect)]
+        # a different effect may have the name of a further instance
+        instances = [effect, *(e for e in further if by_name.get(e.name, e) is e)]
+        addable |= {e.name: e for e in [e for e in instances if e.name not in present][:1]}
+    return list(addable.values())
 
 
 def kind_of(effect: Effect) -> str:
-    """The name of the effect that it is, whichever in a model."""
+    """Name of the effect without the number of the instance."""
     return effect.name.removesuffix(f"_{effect.number}") if effect.number > 1 else effect.name
 
 
-def among(known: Mapping[str, Effect], name: str) -> Effect | None:
-    """The effect of that name among the `known`, or the one that is there once more if it has its number.
+def lookup(effects: Mapping[str, Effect], name: str) -> Effect | None:
+    """The effect called `name`, or the further instance that the name denotes.
 
     Parameters
     ----------
-    known : mapping of str to Effect
+    effects : mapping of str to Effect
+        First instances, by name.
     name : str
+        Name of a first or further instance.
 
     Returns
     -------
     Effect or None
+        None where there is no such effect.
     """
-    told = _NUMBERED.fullmatch(name)
-    if name in known or told is None:
-        return known.get(name)
-    first, number = known.get(told["first"]), int(told["number"])
+    match = _NUMBERED.fullmatch(name)
+    if name in effects or match is None:
+        return effects.get(name)
+    first, number = effects.get(match["first"]), int(match["number"])
     return _numbered(first, number) if first is not None and _may_repeat(first) and number <= MOST else None
 
 
@@ -70,8 +75,9 @@ def _may_repeat(effect: Effect) -> bool:
 
 @cache
 def _numbered(effect: Effect, number: int) -> Effect:
+    """Instance `number` of an effect: an object of a subclass that has another name."""
     cls = type(effect)
     own = {"name": f"{effect.name}_{number}", "number": number, "__module__": cls.__module__, "__doc__": cls.__doc__}
-    twin = type(cls.__name__, (cls,), own)()
-    twin.file = effect.file
-    return twin
+    instance = type(cls.__name__, (cls,), own)()
+    instance.file = effect.file
+    return instance

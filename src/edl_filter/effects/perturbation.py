@@ -1,8 +1,8 @@
-"""By how much one flight's air, tables and vehicle were off what the mission states, as the flight itself has told.
+"""Differences of one flight's air, aerodynamic coefficients and vehicle from what the mission states.
 
-The mission states a preflight atmosphere, a database and a vehicle with their uncertainties; where the flight lay
-within them is no effect, but it multiplies everything else: one percent of density times half a degree of attitude is
-far more than what the moments resolve.
+The mission states a preflight atmosphere, a database and a vehicle with their uncertainties. The values that a flight
+has within these uncertainties are estimated from its telemetry. They are no effects, but they multiply everything else:
+one percent of density times half a degree of attitude is far more than the resolution of the moments.
 """
 
 from __future__ import annotations
@@ -10,23 +10,21 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from edl_filter.effects.effect import Body, Totals
-
-Array = NDArray[np.float64]
+from edl_filter.effects.types import AeroCoefficients, Body
+from edl_filter.types import Array
 
 
 @dataclass(frozen=True)
 class CoefficientUnits:
-    """What one of a coefficient's deviation is, against time: the database's sigma swings with the angle.
+    """The size of one unit of a coefficient's perturbation, against time: the database's sigma varies with the angle.
 
     Attributes
     ----------
     time : (N,) array
         s.
     ca, cn, cm : (N,) arrays
-        Of the coefficient itself.
+        In units of the coefficient itself.
     """
 
     time: Array
@@ -36,22 +34,22 @@ class CoefficientUnits:
 
 
 @dataclass(frozen=True)
-class Deviation:
-    """Deviations against time; linear between the times and held at the ends.
+class Perturbation:
+    """Perturbations against time; linear between the times and held at the ends.
 
     Attributes
     ----------
     time : (M,) array
         s.
     density : (M,) array
-        Of its logarithm.
+        Added to the density's logarithm.
     wind : (M, 2) array
-        Towards east and north, m/s.
+        Added wind towards east and north, m/s.
     ca, cn, cm : (M,) arrays
-        Of the coefficients, in `units`.
+        Added to the coefficients, in `units`.
     units : CoefficientUnits
     mass, inertia : float
-        Relative.
+        Relative change.
     """
 
     time: Array
@@ -65,28 +63,62 @@ class Deviation:
     inertia: float = 0.0
 
     @classmethod
-    def none(cls, units: CoefficientUnits) -> Deviation:
-        """Nothing is off."""
-        still = np.zeros(1)
-        return cls(units.time[:1], still, np.zeros((1, 2)), still, still, still, units=units)
+    def zero(cls, units: CoefficientUnits) -> Perturbation:
+        """The perturbation that changes nothing."""
+        zeros = np.zeros(1)
+        return cls(units.time[:1], zeros, np.zeros((1, 2)), zeros, zeros, zeros, units=units)
 
-    def thinned(self, time: Array, density: Array) -> Array:
-        """Density ``(N,)`` with the deviation."""
+    def perturb_density(self, time: Array, density: Array) -> Array:
+        """Density with the perturbation.
+
+        Parameters
+        ----------
+        time : (N,) array
+            s.
+        density : (N,) array
+            kg/m³.
+
+        Returns
+        -------
+        (N,) array
+            kg/m³.
+        """
         return density * np.exp(np.interp(time, self.time, self.density))
 
-    def blown(self, time: Array, wind: Array) -> Array:
-        """Winds ``(N, 2)`` with the deviation."""
+    def perturb_wind(self, time: Array, wind: Array) -> Array:
+        """Wind with the perturbation.
+
+        Parameters
+        ----------
+        time : (N,) array
+            s.
+        wind : (N, 2) array
+            Towards east and north, m/s.
+
+        Returns
+        -------
+        (N, 2) array
+            m/s.
+        """
         return wind + np.column_stack([np.interp(time, self.time, w) for w in self.wind.T])
 
-    def coefficients(self, time: Array, totals: Totals) -> Totals:
-        """Coefficients with the deviation."""
-        off, u = (self.ca, self.cn, self.cm), self.units
+    def perturb_coefficients(self, time: Array, totals: AeroCoefficients) -> AeroCoefficients:
+        """Total coefficients with the perturbation.
+
+        Parameters
+        ----------
+        time : (N,) array
+            s.
+        totals : AeroCoefficients
+            Without the perturbation, ``(N,)`` each.
+        """
+        changes, u = (self.ca, self.cn, self.cm), self.units
         ca, cn, cm = (
-            np.interp(time, self.time, c) * np.interp(time, u.time, unit)
-            for c, unit in zip(off, (u.ca, u.cn, u.cm), strict=True)
+            np.interp(time, self.time, change) * np.interp(time, u.time, unit)
+            for change, unit in zip(changes, (u.ca, u.cn, u.cm), strict=True)
         )
         return replace(totals, ca=totals.ca + ca, cn=totals.cn + cn, cm_nose=totals.cm_nose + cm)
 
-    def body(self, body: Body) -> Body:
-        """Vehicle with the deviation."""
+    def perturb_body(self, body: Body) -> Body:
+        """The rigid body with the perturbation."""
         return replace(body, mass=body.mass * (1.0 + self.mass), inertia=body.inertia * (1.0 + self.inertia))

@@ -1,54 +1,79 @@
-"""Effects by name wherever they come from: the catalogue, a user's Python file, an installed package.
+"""Effects by name from all sources: the built-in catalogue, a user's Python file, an installed package.
 
-A package offers its effects under the entry-point group ``edl_filter.effects``: name → class. In a file they are the
-subclasses of `Effect` that it defines. Both are guarded (`edl_filter.effects.guard`).
+A package registers its effects in the entry-point group ``edl_filter.effects``: name → class. In a file they are the
+subclasses of `Effect` that it defines. The hooks of both are validated (`edl_filter.effects.hook_validation`).
 """
 
 from __future__ import annotations
 
 import importlib.util
-import math
-from collections.abc import Mapping
+from collections.abc import Sequence
 from functools import cache
 from importlib.metadata import entry_points
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
-from edl_filter.effects.again import among
-from edl_filter.effects.catalogue import catalogue, nearest, unknown
-from edl_filter.effects.effect import KINDS, Effect, Parameter
-from edl_filter.effects.guard import guarded, last_line
+from edl_filter.effects import aerodynamics, atmosphere, gravity, initial_state, sensors, vehicle
+from edl_filter.effects.base import Effect
+from edl_filter.effects.hook_validation import last_line, validated_class
+from edl_filter.effects.instances import lookup
+from edl_filter.effects.parameters import KINDS, Parameter, bounds_text, unknown_effect
 from edl_filter.errors import InputError
 
 GROUP = "edl_filter.effects"
+_FAMILIES = (sensors, vehicle, gravity, atmosphere, aerodynamics, initial_state)
 
 
-def find_effect(name: str, file: Path | None = None) -> Effect:
-    """The effect called `name`, from `file` if one is given, else from the catalogue or an installed package.
+@cache
+def _built_in() -> dict[str, Effect]:
+    return {cls.name: cls() for family in _FAMILIES for cls in family.EFFECTS}
+
+
+def catalogue() -> dict[str, Effect]:
+    """Built-in effects by name: sensors, vehicle, planet, atmosphere, aerodynamics, entry state."""
+    return dict(_built_in())
+
+
+def effect_named(name: str) -> Effect:
+    """The built-in effect called `name`.
 
     Raises
     ------
     InputError
-        There is none of that name (the nearest are named), or the file or package cannot be used.
+        There is none; the message has the nearest names.
+    """
+    built_in = _built_in()
+    if name not in built_in:
+        raise InputError(unknown_effect(name, built_in))
+    return built_in[name]
+
+
+def find_effect(name: str, file: Path | None = None) -> Effect:
+    """The effect called `name`: from `file` if there is one, else from the catalogue or an installed package.
+
+    Raises
+    ------
+    InputError
+        There is none of that name (the message has the nearest names), or the file or package cannot be used.
     """
     if file is not None:
-        return _one_of(effects_in(file), name, f"{file}: ", ".")
-    known = catalogue()
-    if name in known:
-        return known[name]
-    return _one_of(known_effects(), name)
+        return _lookup_or_raise(effects_in(file), name, f"{file}: ", ".")
+    built_in = catalogue()
+    if name in built_in:
+        return built_in[name]
+    return _lookup_or_raise(known_effects(), name)
 
 
-def _one_of(known: dict[str, Effect], name: str, before: str = "", after: str = "") -> Effect:
-    """By its name, or by that of an effect that is there once more."""
-    found = among(known, name)
-    if found is None:
-        raise InputError(f"{before}{unknown(name, known)}{after}")
-    return found
+def _lookup_or_raise(effects: dict[str, Effect], name: str, before: str = "", after: str = "") -> Effect:
+    """The effect or the further instance called `name`; `before` and `after` enclose the message of the error."""
+    effect = lookup(effects, name)
+    if effect is None:
+        raise InputError(f"{before}{unknown_effect(name, effects)}{after}")
+    return effect
 
 
 def known_effects() -> dict[str, Effect]:
-    """The catalogue, and what installed packages bring, by name.
+    """Effects of the catalogue and of installed packages, by name.
 
     Raises
     ------
@@ -58,13 +83,36 @@ def known_effects() -> dict[str, Effect]:
     return catalogue() | installed()
 
 
+def selected_effects(names: Sequence[str] = (), file: Path | None = None) -> list[Effect]:
+    """Effects that a command considers: those that the user selects by name, or all.
+
+    Parameters
+    ----------
+    names : sequence of str
+        Only these; empty: all of the catalogue, of installed packages and of `file`.
+    file : Path, optional
+        Python file with a user's effects.
+
+    Raises
+    ------
+    InputError
+        There is none of a name (the message has the nearest names), or the file cannot be used.
+    """
+    effects = known_effects() | (effects_in(file.expanduser()) if file is not None else {})
+    selected = {name: lookup(effects, name) for name in names}
+    for name, effect in selected.items():
+        if effect is None:
+            raise InputError(f"--effect: {unknown_effect(name, effects)}.")
+    return [e for e in selected.values() if e is not None] if names else list(effects.values())
+
+
 def effects_in(file: Path) -> dict[str, Effect]:
     """Effects that a Python file defines, by name.
 
     Raises
     ------
     InputError
-        It cannot be read, raises, defines none, or declares one wrongly.
+        It cannot be read, raises, defines no effect, or declares one wrongly.
     """
     if not file.is_file():
         raise InputError(f"{file}: there is no such file; a Python file with an effect is expected.")
@@ -72,7 +120,8 @@ def effects_in(file: Path) -> dict[str, Effect]:
 
 
 @cache
-def _effects_in(file: Path, changed: int) -> dict[str, Effect]:
+def _effects_in(file: Path, modified_ns: int) -> dict[str, Effect]:
+    """As `effects_in`; the time of modification makes the cache read a changed file again."""
     spec = importlib.util.spec_from_file_location(f"edl_filter_user_{file.stem}", file)
     if spec is None or spec.loader is None:
         raise InputError(f"{file}: found a file of another kind; a Python file (.py) with an effect is expected.")
@@ -84,10 +133,10 @@ def _effects_in(file: Path, changed: int) -> dict[str, Effect]:
     classes = [c for c in vars(module).values() if _is_effect(c) and c.__module__ == module.__name__]
     if not classes:
         raise InputError(f"{file}: found no effect; a subclass of edl_filter.effects.Effect is expected.")
-    found = {c.name: _user(c, str(file)) for c in classes}
-    for effect in found.values():
+    effects = {c.name: _checked_instance(c, str(file)) for c in classes}
+    for effect in effects.values():
         effect.file = file
-    return found
+    return effects
 
 
 @cache
@@ -97,9 +146,9 @@ def installed() -> dict[str, Effect]:
     Raises
     ------
     InputError
-        One cannot be loaded, is no effect, or takes a name of the catalogue.
+        One cannot be loaded, is no effect, or has a name of the catalogue.
     """
-    found: dict[str, Effect] = {}
+    effects: dict[str, Effect] = {}
     for point in entry_points(group=GROUP):
         where = f"entry point {point.name} = {point.value}"
         try:
@@ -108,91 +157,48 @@ def installed() -> dict[str, Effect]:
             raise InputError(f"{where}: raised {last_line(error)} when it was loaded.") from error
         if not _is_effect(cls):
             raise InputError(f"{where}: found {cls!r}; a subclass of edl_filter.effects.Effect is expected.")
-        effect = _user(cls, where)
+        effect = _checked_instance(cls, where)
         if effect.name in catalogue():
             raise InputError(f"{where}: the name {effect.name!r} is taken by the catalogue; another one is expected.")
-        found[effect.name] = effect
-    return found
+        effects[effect.name] = effect
+    return effects
 
 
-def of_session(given: Effect | type[Effect]) -> Effect:
-    """An effect that was given as an object: as it is if it has a home, else of this Python session, and guarded.
+def validated_effect(effect: Effect | type[Effect]) -> Effect:
+    """An effect that is passed as an object or class, with its declaration checked and its hooks validated.
 
-    Parameters
-    ----------
-    given : Effect or subclass of it
-        A class that was written in a notebook, say.
+    An effect that a mission file can name, or that is validated already, is returned as it is. Any other is an effect
+    of this Python session, such as a class in a notebook.
 
     Raises
     ------
     InputError
-        It is declared wrongly, or takes a name of the catalogue.
+        It is declared wrongly, or has a name of the catalogue.
     """
-    cls = given if isinstance(given, type) else type(given)
+    cls = effect if isinstance(effect, type) else type(effect)
     if not _is_effect(cls):
-        raise InputError(f"found {given!r}; expected an effect, its class, or its name.")
-    if not isinstance(given, type) and (has_home(given) or getattr(cls, "guarded", False)):
-        return given
-    known = known_effects().get(cls.name)
-    if known is not None and type(known) is cls:
-        return known
-    if known is not None:
+        raise InputError(f"found {effect!r}; expected an effect, its class, or its name.")
+    if not isinstance(effect, type) and (nameable_in_mission(effect) or getattr(cls, "validated", False)):
+        return effect
+    registered = known_effects().get(cls.name)
+    if registered is not None and type(registered) is cls:
+        return registered
+    if registered is not None:
         raise InputError(f"effect {cls.__name__}: the name {cls.name!r} is taken; another one is expected.")
-    return _user(cls, "this session")
+    return _checked_instance(cls, "this session")
 
 
-def has_home(effect: Effect) -> bool:
+def nameable_in_mission(effect: Effect) -> bool:
     """Whether a mission file can name the effect: one of the catalogue, of an installed package or of a file."""
-    return effect.file is not None or type(among(known_effects(), effect.name)) is type(effect)
-
-
-class Problem(NamedTuple):
-    """What is wrong with a value: which parameter, what was found, what is expected."""
-
-    parameter: str
-    found: str
-    expected: str
-
-
-def checked_values(effect: Effect, values: Mapping[str, float]) -> dict[str, float]:
-    """All parameters of an effect, those that `values` leaves out at their defaults.
-
-    Raises
-    ------
-    InputError
-        The message begins with the parameter's name: there is no such parameter, or it is out of its bounds.
-    """
-    wrong = first_problem(effect, values)
-    if wrong is not None:
-        raise InputError(f"{wrong.parameter}: found {wrong.found}; expected {wrong.expected}")
-    return effect.completed(values)
-
-
-def first_problem(effect: Effect, values: Mapping[str, float]) -> Problem | None:
-    """The first of `values` that is of no parameter of the effect, or out of its bounds."""
-    parameters = {q.name: q for q in effect.parameters}
-    for name, value in values.items():
-        if name not in parameters:
-            return Problem(name, "an unknown key", f"a parameter of {effect.name}; {nearest(name, parameters)}")
-        q = parameters[name]
-        if not q.low <= value <= q.high:  # not a number fails as well
-            return Problem(name, f"{value:g}", bounds_text(q))
-    return None
-
-
-def bounds_text(q: Parameter) -> str:
-    """Unit and bounds of a parameter in words."""
-    if math.isinf(q.low) and math.isinf(q.high):
-        return "any number" + (f" of {q.unit}" if q.unit else "")
-    return (f"{q.unit} " if q.unit else "") + f"between {q.low:g} and {q.high:g}"
+    return effect.file is not None or type(lookup(known_effects(), effect.name)) is type(effect)
 
 
 def _is_effect(value: Any) -> bool:
     return isinstance(value, type) and issubclass(value, Effect) and value is not Effect
 
 
-def _user(cls: type[Effect], where: str) -> Effect:
-    """An instance of a user's class, guarded, after its declaration was checked."""
+def _checked_instance(cls: type[Effect], where: str) -> Effect:
+    """An instance of a user's class with validated hooks, after its declaration has been checked."""
     start = f"{where}: effect {cls.__name__}"
     if not isinstance(cls.name, str) or not cls.name.isidentifier():
         raise InputError(f"{start}: name: found {cls.name!r}; letters, digits and _ are expected.")
@@ -210,6 +216,6 @@ def _user(cls: type[Effect], where: str) -> Effect:
         if not q.low <= q.default <= q.high:
             raise InputError(f"{what}: found the default {q.default:g}; expected {bounds_text(q)}.")
     try:
-        return guarded(cls)()
+        return validated_class(cls)()
     except Exception as error:
         raise InputError(f"{start}: raised {last_line(error)} when it was made.") from error

@@ -1,9 +1,10 @@
-"""Effects on a record of samples: what several together make of a motion, how they are undone, where the IMU sits.
+"""Sensor effects on a record of samples: their order, their inverse, and the position of the IMU.
 
-Of several effects in one sensor the built-in ones act in the order time offset, misalignment, scale, bias (that of the
-flight file's own errors), then users' own in the order of the mission; `corrected_record` goes backwards through it.
-An effect names the IMU that it sits in: a record, or one of the instruments joined in a record; without a name it is
-the instrument that drives at entry.
+`as_read` applies the effects to a record of the true motion, `corrected_record` inverts them, and `moved_record`
+corrects the IMU's position. Several effects in one sensor act in one order (`sensor_effects`): the built-in ones as
+time offset, misalignment, scale, bias (the order of the flight file's own errors), then users' own in the order of the
+mission. `corrected_record` inverts them in the opposite order. An effect names its IMU: a record, or one of the
+instruments that are joined in a record. An effect without a name is in the instrument that drives at entry.
 """
 
 from __future__ import annotations
@@ -12,11 +13,13 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from edl_filter.effects.effect import Active, Body
+from edl_filter.effects.base import EffectInstance
+from edl_filter.effects.forward_model import compose_body
+from edl_filter.effects.types import Body
 from edl_filter.errors import InputError
 from edl_filter.telemetry.record import ImuRecord, Telemetry
+from edl_filter.types import BoolArray
 
 #: Order in which built-in effects act on a reading.
 _ORDER = (
@@ -25,14 +28,24 @@ _ORDER = (
 )  # fmt: skip
 
 
-def in_order(effects: Sequence[Active]) -> list[Active]:
-    """Effects that act on readings, in the order in which they do."""
+def sensor_effects(effects: Sequence[EffectInstance]) -> list[EffectInstance]:
+    """Those of `effects` that act on readings, in the order in which they act."""
     acting = [a for a in effects if a.effect.acts("imu") or a.effect.acts("corrected")]
     return sorted(acting, key=lambda a: _ORDER.index(a.name) if a.name in _ORDER else len(_ORDER))
 
 
-def samples_of(record: ImuRecord, imu: str | None, driving: bool) -> NDArray[np.bool_]:
-    """Which samples of a record an effect in `imu` acts on, ``(N,)``; without a name the entry's instrument's."""
+def samples_of(record: ImuRecord, imu: str | None, driving: bool) -> BoolArray:
+    """Mask ``(N,)`` of the samples of a record on which an effect in `imu` acts.
+
+    Parameters
+    ----------
+    record : ImuRecord
+        N samples.
+    imu : str or None
+        Name of a record or of an instrument; None is the instrument of the first sample of the driving record.
+    driving : bool
+        Whether the record is the driving one.
+    """
     if imu is None:
         return (record.unit == record.unit[0]) if driving else np.zeros(len(record), bool)
     if imu == record.name:
@@ -40,92 +53,106 @@ def samples_of(record: ImuRecord, imu: str | None, driving: bool) -> NDArray[np.
     return np.isin(record.unit, [i for i, unit in enumerate(record.units) if unit == imu])
 
 
-def as_read(record: ImuRecord, effects: Sequence[Active], driving: bool = True) -> ImuRecord:
-    """What sensors with `effects` make of the true motion in `record`: the inverse of `corrected_record`."""
-    return _through(record, in_order(effects), driving, "imu")
+def as_read(record: ImuRecord, effects: Sequence[EffectInstance], driving: bool = True) -> ImuRecord:
+    """What sensors with `effects` read of the true motion in `record`: the inverse of `corrected_record`."""
+    return _through(record, sensor_effects(effects), driving, "imu")
 
 
-def corrected_record(record: ImuRecord, effects: Sequence[Active], driving: bool = True) -> ImuRecord:
-    """The true motion where sensors with `effects` gave `record`.
+def corrected_record(record: ImuRecord, effects: Sequence[EffectInstance], driving: bool = True) -> ImuRecord:
+    """The true motion where sensors with `effects` read `record`.
 
     Parameters
     ----------
     record : ImuRecord
-    effects : sequence of Active
-        Those that are no sensor effects, or sit in another IMU, change nothing.
+        As it was read.
+    effects : sequence of EffectInstance
+        Those that are no sensor effects, or are in another IMU, change nothing.
     driving : bool
-        Whether the record drives: effects that name no IMU are in it.
+        Whether the record is the driving one: effects that name no IMU are in it.
     """
-    return _through(record, in_order(effects)[::-1], driving, "corrected")
+    return _through(record, sensor_effects(effects)[::-1], driving, "corrected")
 
 
-def log_stretch(record: ImuRecord, effects: Sequence[Active], driving: bool = True) -> float:
-    """Logarithm of the volume that a sample's corrected readings take of what it was.
+def log_abs_det_jacobian(record: ImuRecord, effects: Sequence[EffectInstance], driving: bool = True) -> float:
+    """Logarithm of the Jacobian determinant of a sample's corrected readings by its readings.
 
-    The determinants of the derivatives of corrected force and rate by what was read, averaged over the record; by a
-    change that is the same at all times, so that a shift in time takes nothing.
+    The sum over force and rate of the log determinant of the derivative, averaged over the record. The readings
+    are changed by the same amount at all times, so a shift in time contributes nothing.
+
+    Parameters
+    ----------
+    record : ImuRecord
+        As it was read.
+    effects : sequence of EffectInstance
+        As in `corrected_record`.
+    driving : bool
+        As in `corrected_record`.
     """
-    free = corrected_record(record, effects, driving)
+    reference = corrected_record(record, effects, driving)
     total = 0.0
     for name, step in (("specific_force", 1e-3), ("angular_rate", 1e-5)):
         slopes = np.empty((3, 3))
         for axis in range(3):
             moved = replace(record, **{name: getattr(record, name) + step * np.eye(3)[axis]})
-            change = getattr(corrected_record(moved, effects, driving), name) - getattr(free, name)
+            change = getattr(corrected_record(moved, effects, driving), name) - getattr(reference, name)
             slopes[:, axis] = np.mean(change, axis=0) / step
         total += float(np.linalg.slogdet(slopes)[1])
     return total
 
 
-def _through(record: ImuRecord, effects: Sequence[Active], driving: bool, hook: str) -> ImuRecord:
+def _through(record: ImuRecord, effects: Sequence[EffectInstance], driving: bool, hook: str) -> ImuRecord:
+    """The record with one hook, ``imu`` or ``corrected``, of each effect applied in turn."""
     for a in effects:
-        there = samples_of(record, a.imu, driving)
-        if there.any():
+        affected = samples_of(record, a.imu, driving)
+        if affected.any():
             force, rate = getattr(a.effect, hook)(a.values, record.time, record.specific_force, record.angular_rate)
             record = replace(
                 record,
-                specific_force=np.where(there[:, None], force, record.specific_force),
-                angular_rate=np.where(there[:, None], rate, record.angular_rate),
+                specific_force=np.where(affected[:, None], force, record.specific_force),
+                angular_rate=np.where(affected[:, None], rate, record.angular_rate),
             )
     return record
 
 
-def moved_record(record: ImuRecord, effects: Sequence[Active], until: float, driving: bool = True) -> ImuRecord:
-    """The record with its IMU where the effects say, against the true centre of mass.
+def moved_record(record: ImuRecord, effects: Sequence[EffectInstance], until: float, driving: bool = True) -> ImuRecord:
+    """The record with the IMU's position relative to the true centre of mass, as the effects give it.
 
     Parameters
     ----------
     record : ImuRecord
-    effects : sequence of Active
-        Their `imu_position`, and the offset of the centre of mass that they make: IMUs stay bolted.
+        With the stated position.
+    effects : sequence of EffectInstance
+        Their `imu_position` is added. The offset of the centre of mass that they make is subtracted, because the IMUs
+        are fixed to the structure.
     until : float
-        When the vehicle's centre of mass is stated anew, s: the offset is that of the vehicle at entry.
+        Time at which the mission states the vehicle's centre of mass anew, s: the offset is that of the vehicle at
+        entry.
     driving : bool
         As in `corrected_record`.
     """
-    position, body = record.position, Body(1.0, np.zeros((3, 3)))
+    position = record.position
     for a in effects:
         if a.effect.acts("imu_position"):
-            there = samples_of(record, a.imu, driving)
-            position = position + there[:, None] * a.effect.imu_position(a.values)
-        body = a.effect.vehicle(a.values, body)
-    if body.offset.any():
-        position = position - (record.time < until)[:, None] * body.offset
+            affected = samples_of(record, a.imu, driving)
+            position = position + affected[:, None] * a.effect.imu_position(a.values)
+    offset = compose_body(Body(1.0, np.zeros((3, 3))), effects).offset
+    if offset.any():
+        position = position - (record.time < until)[:, None] * offset
     return record if position is record.position else replace(record, position=position)
 
 
-def check_imus(telemetry: Telemetry, effects: Sequence[Active], where: str) -> None:
-    """Refuse an effect in an IMU that the telemetry has not.
+def check_imus(telemetry: Telemetry, effects: Sequence[EffectInstance], where: str) -> None:
+    """Check that the telemetry has the IMU of every effect.
 
     Raises
     ------
     InputError
-        The message begins with `where` and lists the IMUs that are there.
+        It does not. The message begins with `where` and lists the IMUs that exist.
     """
     records = (telemetry.driving, *telemetry.checking)
-    known = list(dict.fromkeys(name for r in records for name in (r.name, *r.units)))
+    names = list(dict.fromkeys(name for r in records for name in (r.name, *r.units)))
     for k, a in enumerate(effects):
-        if a.imu is not None and a.imu not in known:
+        if a.imu is not None and a.imu not in names:
             raise InputError(
-                f"{where}: effects.{k}.imu: found {a.imu!r}, but there is no such IMU; accepted: {', '.join(known)}."
+                f"{where}: effects.{k}.imu: found {a.imu!r}, but there is no such IMU; accepted: {', '.join(names)}."
             )

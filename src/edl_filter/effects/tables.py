@@ -1,4 +1,4 @@
-"""Effects in words: as plain data, and as the table of the documentation."""
+"""Declarations of effects as plain data and as text, and the catalogue as the table of the documentation."""
 
 from __future__ import annotations
 
@@ -7,11 +7,12 @@ from collections.abc import Iterable
 from itertools import groupby
 from typing import Any
 
-from edl_filter.effects.effect import Effect, Parameter
+from edl_filter.effects.base import Effect
+from edl_filter.effects.parameters import Parameter
 
 
 def as_plain(effect: Effect) -> dict[str, Any]:
-    """All that an effect declares, as plain data; infinite bounds are None."""
+    """The declaration of an effect as plain data; infinite bounds are None."""
 
     def finite(value: float) -> float | None:
         return value if math.isfinite(value) else None
@@ -40,7 +41,7 @@ def as_plain(effect: Effect) -> dict[str, Any]:
 
 
 def size_text(q: Parameter) -> str:
-    """Plausible size of a parameter with its unit, or its range where it says where."""
+    """Plausible size of a parameter with its unit, or its range for kinds other than ``size``."""
     unit = f" {q.unit}" if q.unit else ""
     if q.kind == "size":
         return f"± {q.sigma:g}{unit}"
@@ -50,7 +51,7 @@ def size_text(q: Parameter) -> str:
 
 
 def parameters_text(effect: Effect, quote: str = "") -> str:
-    """Parameters with plausible sizes, those of one size together: ``bx, by, bz ± 0.005 m/s^2``."""
+    """Parameters with plausible sizes, those of equal size together: ``bx, by, bz ± 0.005 m/s^2``."""
     parts = []
     for size, group in groupby(effect.parameters, key=size_text):
         names = ", ".join(f"{quote}{q.name}{quote}" for q in group)
@@ -59,7 +60,7 @@ def parameters_text(effect: Effect, quote: str = "") -> str:
 
 
 def markdown(effects: Iterable[Effect]) -> str:
-    """A table of effects for the documentation, one row each."""
+    """Markdown table of effects for the documentation, one row each."""
     rows = ["| effect | what it is | parameters, plausible size (1 sigma) or range | how it shows | source |"]
     rows.append("|---|---|---|---|---|")
     for e in effects:

@@ -6,8 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from edl_filter.effects.effect import Array, Body, Effect, Parameter, Values
+from edl_filter.effects.base import Effect
+from edl_filter.effects.parameters import Parameter, Values
 from edl_filter.effects.sensors import components, vector
+from edl_filter.effects.types import Body
+from edl_filter.types import Array
 
 
 class Mass(Effect):
@@ -15,49 +18,48 @@ class Mass(Effect):
 
     name = "mass"
     family = "vehicle"
-    summary = "another mass at entry: m (1 + k)"
+    summary = "relative change of the mass at entry: m (1 + k)"
     shows = (
-        "Axial and lateral specific force are off by one factor from the first sensed deceleration to the parachute, "
-        "as with the density; moments are not."
+        "Axial and lateral specific force differ by one factor from the first sensed deceleration to the parachute, "
+        "as with the density; moments do not."
     )
     region = "up to the first event that states a mass"
-    source = "mass budgets of Mars entry vehicles before launch; the moments tell it from a density"
+    source = "mass budgets of Mars entry vehicles before launch; the moments distinguish it from a density"
     parameters = (Parameter("k", "", "relative change of the mass", 0.07, low=-0.5, high=1.0),)
 
     def vehicle(self, p: Values, body: Body) -> Body:
-        """The heavier body; its inertia is a statement of its own."""
+        """The body with the scaled mass; its inertia is stated independently and stays."""
         return replace(body, mass=body.mass * (1.0 + p["k"]))
 
 
 class CentreOfMassOffset(Effect):
-    """Centre of mass moved by d; the IMUs stay bolted where they are."""
+    """Centre of mass displaced by d; the IMUs are fixed to the structure."""
 
     name = "com_offset"
     family = "vehicle"
-    summary = "centre of mass moved by d; the IMUs stay bolted where they are"
+    summary = "centre of mass displaced by d; the IMUs are fixed to the structure"
     shows = (
         "A body-fixed moment in proportion to the axial force: the vehicle trims at an angle, largest in moments near "
-        "peak dynamic pressure; on a spinning vehicle the trim turns with "
-        "the body."
+        "peak dynamic pressure; on a spinning vehicle the trim rotates with the body."
     )
     region = "up to the first event that moves the centre of mass"
     source = "balance tolerances of entry capsules, some millimetres across the axis"
     parameters = vector("d", "m", "displacement", 5e-3, 0.2)
 
     def vehicle(self, p: Values, body: Body) -> Body:
-        """The displaced body; the inertia about the new point differs by m d², which is left out."""
+        """The body with its centre of mass displaced; the change of the inertia by m d² is neglected."""
         return replace(body, offset=body.offset + components(p, "d"))
 
 
 class ProductsOfInertia(Effect):
-    """``Ixy + a, Ixz + b, Iyz + c``; tensor elements are minus the products."""
+    """``Ixy + a, Ixz + b, Iyz + c``; elements of the tensor are minus the products."""
 
     name = "products_of_inertia"
     family = "vehicle"
-    summary = "other products of inertia: Ixy + a, Ixz + b, Iyz + c"
+    summary = "changed products of inertia: Ixy + a, Ixz + b, Iyz + c"
     shows = (
-        "On a spinning vehicle the moments keep a constant part in body axes even where the air is too thin to exert "
-        "one; where it swings, the rolling moment follows the lateral angular accelerations."
+        "On a spinning vehicle the moments have a constant part in body axes even where the air is too thin to exert "
+        "one; where it oscillates, the rolling moment follows the lateral angular accelerations."
     )
     source = "balancing of a spinning entry vehicle; Thomas (2011), eqs. 6.6 to 6.8"
     parameters = (
@@ -67,7 +69,7 @@ class ProductsOfInertia(Effect):
     )
 
     def vehicle(self, p: Values, body: Body) -> Body:
-        """The body with another tensor."""
+        """The body with the changed tensor."""
         a, b, c = p["a"], p["b"], p["c"]
         products: Array = np.array([[0.0, a, b], [a, 0.0, c], [b, c, 0.0]])
         return replace(body, inertia=body.inertia - products)

@@ -1,7 +1,8 @@
-"""Matrices of one pattern: what moves the unknowns, and what noise they get, step by step.
+"""Sequences of square matrices that share one pattern of non-zero elements.
 
-Of some eighty unknowns most stay as they are, and those that move hang on three or four others: a few hundred numbers
-a step instead of six thousand.
+The transition matrices and process-noise matrices of a linear state-space model with many constant states are mostly
+zero, at the same places in every step. Storing the non-zero elements only reduces a product with an ``(n, n)`` matrix
+from n² to a few times n elements per column (coordinate format: Golub and Van Loan, Matrix Computations, 2013, ch. 11).
 """
 
 from __future__ import annotations
@@ -11,106 +12,135 @@ from dataclasses import dataclass
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from edl_filter.types import Array, IntArray
 
-#: A product and its sum in one rounding, for compiled loops that do little else.
+#: Lets a compiled loop contract a product and a sum into one rounding.
 FUSED = {"contract"}
 
 
 @dataclass(frozen=True)
-class Sparse:
-    """K square matrices that are zero at the same places.
+class BlockSparse:
+    """K square matrices with the same pattern of non-zero elements.
 
     Attributes
     ----------
     size : int
-        n.
+        n, the order of each matrix.
     row, column : (z,) arrays of int
-        Places that are not zero throughout, sorted by row.
+        Places of the elements that are not zero in all matrices, sorted by row.
     values : (K, z) array
+        Elements at these places.
     """
 
     size: int
-    row: NDArray[np.int64]
-    column: NDArray[np.int64]
+    row: IntArray
+    column: IntArray
     values: Array
 
     def __len__(self) -> int:
         return len(self.values)
 
     @property
-    def transposed(self) -> Sparse:
-        """The same matrices, transposed."""
+    def transposed(self) -> BlockSparse:
+        """The transposed matrices."""
         order = np.lexsort((self.row, self.column))
-        return Sparse(self.size, self.column[order], self.row[order], np.ascontiguousarray(self.values[:, order]))
+        return BlockSparse(self.size, self.column[order], self.row[order], np.ascontiguousarray(self.values[:, order]))
 
     def __getitem__(self, k: int) -> Array:
-        """The whole k-th matrix ``(n, n)``."""
+        """The k-th matrix in full, ``(n, n)``."""
         out = np.zeros((self.size, self.size))
         out[self.row, self.column] = self.values[k]
         return out
 
 
-def sparse(size: int, blocks: Iterable[tuple[slice, slice, Array]]) -> Sparse:
-    """Matrices from blocks ``(rows, columns, (K, r, c) values)``; blocks at the same place add up."""
-    found: dict[tuple[int, int], Array] = {}
+def from_blocks(size: int, blocks: Iterable[tuple[slice, slice, Array]]) -> BlockSparse:
+    """Matrices composed of dense blocks; blocks at the same place add up.
+
+    Parameters
+    ----------
+    size : int
+        n, the order of each matrix.
+    blocks : iterable of (slice, slice, (K, r, c) array)
+        Rows and columns of a block, and its values in each of the K matrices.
+    """
+    elements: dict[tuple[int, int], Array] = {}
     count = 0
     for rows, columns, values in blocks:
         count = len(values)
         for i, j in np.argwhere(np.any(values != 0.0, axis=0)):
-            at = (rows.start + int(i), columns.start + int(j))
-            found[at] = found[at] + values[:, i, j] if at in found else values[:, i, j]
-    places = sorted(found)
-    return Sparse(
+            place = (rows.start + int(i), columns.start + int(j))
+            elements[place] = elements[place] + values[:, i, j] if place in elements else values[:, i, j]
+    places = sorted(elements)
+    return BlockSparse(
         size=size,
         row=np.array([p[0] for p in places], np.int64),
         column=np.array([p[1] for p in places], np.int64),
-        values=np.stack([found[p] for p in places], axis=1) if places else np.zeros((count, 0)),
+        values=np.stack([elements[p] for p in places], axis=1) if places else np.zeros((count, 0)),
     )
 
 
-def dense(matrices: Array) -> Sparse:
-    """From whole matrices ``(K, n, n)``."""
+def from_dense(matrices: Array) -> BlockSparse:
+    """The sparse form of dense matrices ``(K, n, n)``."""
     n = matrices.shape[1]
-    return sparse(n, [(slice(0, n), slice(0, n), matrices)])
+    return from_blocks(n, [(slice(0, n), slice(0, n), matrices)])
 
 
-def joined(a: Sparse, b: Sparse, size: int) -> Sparse:
-    """Two patterns that share no place, in matrices of `size`."""
+def merge(a: BlockSparse, b: BlockSparse, size: int) -> BlockSparse:
+    """The sum of two sequences whose patterns share no place, as matrices of order `size`."""
     row, column = np.concatenate((a.row, b.row)), np.concatenate((a.column, b.column))
     order = np.lexsort((column, row))
-    return Sparse(size, row[order], column[order], np.concatenate((a.values, b.values), axis=1)[:, order])
+    return BlockSparse(size, row[order], column[order], np.concatenate((a.values, b.values), axis=1)[:, order])
 
 
-def pattern(change: Sparse) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64], Array]:
-    """Rows that move, where the entries of each begin, their columns, and their values step by step."""
-    moving, first = np.unique(change.row, return_index=True)
-    return moving, np.append(first, len(change.row)), change.column, change.values
+def row_pattern(increment: BlockSparse) -> tuple[IntArray, IntArray, IntArray, Array]:
+    """The arguments that `transform_rows` needs of increments ``D_k``.
+
+    Returns
+    -------
+    rows : (m,) array of int
+        Rows that are not zero.
+    first : (m + 1,) array of int
+        Index of the first element of each of these rows, and the number of elements.
+    columns : (z,) array of int
+    values : (K, z) array
+    """
+    rows, first = np.unique(increment.row, return_index=True)
+    return rows, np.append(first, len(increment.row)), increment.column, increment.values
 
 
 @njit(cache=True, error_model="numpy", fastmath=FUSED)
-def move_rows(p, moving, first, column, values, moved):
-    """Rows of ``(I + change) p``, in place; `moved` is room for them."""
+def transform_rows(p, rows, first, column, values, work):
+    """``(I + D) p``, in place.
+
+    Parameters
+    ----------
+    p : (n, c) array, changed in place
+    rows, first, column : arrays of int
+        Of `row_pattern`.
+    values : (z,) array
+        Elements of D.
+    work : (m, c) array
+        Working space.
+    """
     width = p.shape[1]
-    for i in range(moving.size):
-        row, out = p[moving[i]], moved[i]
+    for i in range(rows.size):
+        row, out = p[rows[i]], work[i]
         for j in range(width):
             out[j] = row[j]
         for z in range(first[i], first[i + 1]):
             v, source = values[z], p[column[z]]
             for j in range(width):
                 out[j] += v * source[j]
-    for i in range(moving.size):
-        row, out = p[moving[i]], moved[i]
+    for i in range(rows.size):
+        row, out = p[rows[i]], work[i]
         for j in range(width):
             row[j] = out[j]
 
 
 @njit(cache=True, error_model="numpy")
-def transpose(p):
-    """In place."""
+def transpose_in_place(p):
+    """Transpose a square array ``(n, n)`` in place."""
     for i in range(p.shape[0]):
         for j in range(i):
             p[i, j], p[j, i] = p[j, i], p[i, j]

@@ -1,10 +1,16 @@
-"""Whitening: one pass of a Kalman filter that takes the allowed errors out of many columns at once.
+"""A linear-Gaussian state-space model, and the Kalman filter that whitens measurements under it.
 
-The differences (`comparison`) are linear in the unknowns (`unknowns`), which move by a known linear law: then the
-filter's innovations are white, and their variance is what the allowed errors explain. The same gains applied to the
-signature of an effect give what is left of it when the allowed errors have taken all that they can. So a regression
-of white differences on white signatures is the exact Gaussian answer, with navigation error correlated in time, and
-density error in altitude (design section 6; Friedland, IEEE Trans. AC 14 (1969) 359, for many columns under one gain).
+Model, for the steps k = 1 … K::
+
+    x_k = (I + D_k) x_{k-1} + w_k,   w_k ~ N(0, Q_k)
+    y_k = H_k x_k + v_k,             v_k ~ N(0, R_k),   x_0 ~ N(m, P_0)
+
+The innovations of the Kalman filter, divided by the Cholesky factor of their covariance, are independent and of unit
+variance: the filter multiplies the measurements by the inverse square root of their covariance without forming it, and
+gives the log-likelihood (Durbin and Koopman, Time Series Analysis by State Space Methods, 2012, ch. 4 and 7). The gains
+do not depend on the measurements, so the same gains whiten any number of columns: measurements, and regressors whose
+states are marginalised (augmented Kalman filter: Friedland, IEEE Trans. AC 14 (1969) 359; de Jong, Annals of Statistics
+19 (1991) 1073).
 """
 
 from __future__ import annotations
@@ -15,257 +21,215 @@ from itertools import pairwise
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
-from edl_filter.diagnosis.sparse import FUSED, Sparse, move_rows, pattern, transpose
-from edl_filter.diagnosis.threads import THREADS, in_threads, one_blas_thread
+from edl_filter.estimation.block_sparse import FUSED, BlockSparse, row_pattern, transform_rows, transpose_in_place
+from edl_filter.estimation.parallel import THREADS, map_threads, one_blas_thread
+from edl_filter.types import Array, IntArray
 
-Array = NDArray[np.float64]
+#: From columns ``(R, c)`` and their initial means ``(n, c)`` to white rows ``(R, c)``.
+Whitening = Callable[[Array, Array], Array]
 
-#: From columns ``(R, c)``, and what each expects of the unknowns at the beginning, to white rows ``(R, c)``.
-Whitens = Callable[[Array, Array], Array]
-
-#: Columns from which threads share them.
-_MANY = 64
+#: Number of columns from which several threads share them.
+_MANY_COLUMNS = 64
 
 
 @dataclass(frozen=True)
-class Steps:
-    """The linear problem, K steps of ``n`` unknowns: move, then measure.
+class LinearStateSpace:
+    """A linear-Gaussian state-space model of K steps, n states and R measurement rows.
 
     Attributes
     ----------
-    change, noise : Sparse
-        Transition less identity, and process noise, of each step.
-    rows : (K + 1,) array
-        Where each step's rows begin.
+    increment : BlockSparse
+        ``D_k``, transition matrix less identity, of each step.
+    process_noise : BlockSparse
+        ``Q_k`` of each step.
+    row_start : (K + 1,) array of int
+        Index of the first measurement row of each step, and R.
     design : (R, n) array
-        Rows' slopes in the unknowns.
+        ``H``, all rows.
     row_noise : (R, w) array
-        Covariance of the rows' own noise: row of its step's block, which begins at the step's first row.
-    start : (n, n) array
-        Covariance at the beginning.
+        ``R``: each row of its step's covariance block, whose first column belongs to the step's first row.
+    initial_covariance : (n, n) array
+        ``P_0``.
     """
 
-    change: Sparse
-    noise: Sparse
-    rows: NDArray[np.int64]
+    increment: BlockSparse
+    process_noise: BlockSparse
+    row_start: IntArray
     design: Array
     row_noise: Array
-    start: Array
+    initial_covariance: Array
+
+    @property
+    def size(self) -> int:
+        """Number of states."""
+        return len(self.initial_covariance)
+
+    def initial_mean(self, leading: Array) -> Array:
+        """Initial means ``(n, …)`` whose first components are given; the others are zero."""
+        out = np.zeros((self.size, *leading.shape[1:]))
+        out[: len(leading)] = leading
+        return out
 
 
 @dataclass(frozen=True)
-class Whitener:
-    """The gains of the filter, which are the same for every column.
+class WhiteningFilter:
+    """Gains of the Kalman filter of a model, which are the same for every column.
 
     Attributes
     ----------
-    steps : Steps
+    model : LinearStateSpace
     gain : (R, n) array
-        ``P Hᵀ L⁻ᵀ`` of each step, transposed: what a white row moves.
+        ``(P Hᵀ L⁻ᵀ)ᵀ`` of each step: the change of the states by a unit of each white row.
     factor : (R, w) array
         L, the Cholesky factor of each step's innovation covariance.
     log_determinant : float
-        Of the innovations' covariance, over the whole flight.
+        Of the covariance of all measurements.
     """
 
-    steps: Steps
+    model: LinearStateSpace
     gain: Array
     factor: Array
     log_determinant: float
 
-    def __call__(self, columns: Array, start: Array) -> Array:
-        """White rows ``(R, c)``: of unit variance and independent, if the allowed errors are all there is.
+    def __call__(self, columns: Array, initial_mean: Array) -> Array:
+        """White rows ``(R, c)``: independent and of unit variance where the model holds.
 
         Parameters
         ----------
         columns : (R, c) array
-            Differences and signatures.
-        start : (n, c) array
-            What each column expects of the unknowns at the beginning; nothing of those at the end that are left out.
+            Measurements and regressors.
+        initial_mean : (m, c) array
+            Mean of the first m states under each column; the other states have zero mean.
         """
-        s = self.steps
-        begin = np.zeros((len(s.start), start.shape[1]))
-        begin[: len(start)] = start
-        model = (*pattern(s.change), s.rows, s.design, self.gain, self.factor)
+        s = self.model
+        states = s.initial_mean(initial_mean)
+        recursion = (*row_pattern(s.increment), s.row_start, s.design, self.gain, self.factor)
 
-        def white(part: slice) -> Array:
-            return _apply(*model, np.ascontiguousarray(columns[:, part]), np.ascontiguousarray(begin[:, part]))
+        def whiten(part: slice) -> Array:
+            return _whiten(*recursion, np.ascontiguousarray(columns[:, part]), np.ascontiguousarray(states[:, part]))
 
         count = columns.shape[1]
-        if count < _MANY:
+        if count < _MANY_COLUMNS:
             with one_blas_thread():
-                return white(slice(None))
+                return whiten(slice(None))
         cuts = np.linspace(0, count, THREADS + 1).astype(int)
-        return np.concatenate(in_threads(white, [slice(a, b) for a, b in pairwise(cuts)]), axis=1)
+        return np.concatenate(map_threads(whiten, [slice(a, b) for a, b in pairwise(cuts)]), axis=1)
 
-    def start_covariance(self, count: int) -> Array:
-        """Covariance ``(count, count)`` of the first unknowns at the beginning, given all rows.
+    def posterior_initial_covariance(self, count: int) -> Array:
+        """Covariance ``(count, count)`` of the first states at the beginning, given all measurements.
 
-        The answer of every row to a unit of each unknown is that of a column that expects it.
+        By the responses of all white rows to a unit initial mean of each state. The first states must be uncorrelated
+        with the others a priori.
         """
-        unit = np.zeros((len(self.steps.start), count))
-        unit[:count] = np.eye(count)
-        answers = self(np.zeros((len(self.gain), count)), unit)
-        prior = self.steps.start[:count, :count]
-        return prior - prior @ (answers.T @ answers) @ prior
-
-    def smoothed(self, white: Array, start: Array) -> tuple[Array, Array]:
-        """What all rows say of every unknown, at the beginning ``(n,)`` and at every step ``(K, n)``.
-
-        The fast state smoother: backwards through the rows for what they say of each step's noise, then forwards with
-        that noise (Koopman, Biometrika 80 (1993) 117). It needs the gains and no covariance.
-
-        Parameters
-        ----------
-        white : (R,) array
-            The differences.
-        start : (n,) array
-            What is stated of the unknowns at the beginning.
-        """
-        s = self.steps
-        begin = np.zeros(len(s.start))
-        begin[: len(start)] = start
-        n = s.noise
-        return _smooth(
-            s.change.row, s.change.column, s.change.values, n.row, n.column, n.values, s.rows, s.design, self.gain,
-            self.factor, white, begin, s.start,
-        )  # fmt: skip
+        unit = np.eye(count)
+        responses = self(np.zeros((len(self.gain), count)), unit)
+        prior = self.model.initial_covariance[:count, :count]
+        return prior - prior @ (responses.T @ responses) @ prior
 
     def innovations(self, white: Array) -> Array:
-        """The innovations ``(R,)`` behind white rows, in their own units."""
-        return _coloured(self.steps.rows, self.factor, white)
+        """Innovations ``(R,)`` of white rows ``(R,)``, in the units of the measurements."""
+        return _unwhiten(self.model.row_start, self.factor, white)
 
     @property
     def innovation_sigma(self) -> Array:
-        """One sigma of each innovation ``(R,)``."""
+        """Standard deviation of each innovation ``(R,)``."""
         return np.sqrt(np.sum(self.factor**2, axis=1))
 
     def log_likelihood(self, white: Array) -> float:
-        """Of the column that became `white` ``(R,)``, up to a constant of the flight."""
+        """Log-likelihood of the column whose white rows are `white` ``(R,)``, without the constant R/2 log 2π, nats."""
         return -0.5 * float(white @ white) - 0.5 * self.log_determinant
 
 
-def whitener(steps: Steps) -> Whitener:
-    """Run the covariances once."""
-    n = steps.noise
+def whitening_filter(model: LinearStateSpace) -> WhiteningFilter:
+    """Run the covariance recursion of the Kalman filter."""
+    q = model.process_noise
     with one_blas_thread():
-        gain, factor, log_det = _gains(
-            *pattern(steps.change), n.row, n.column, n.values, steps.rows, np.ascontiguousarray(steps.design),
-            steps.row_noise, steps.start.copy(),
+        gain, factor, log_determinant = _gains(
+            *row_pattern(model.increment), q.row, q.column, q.values, model.row_start,
+            np.ascontiguousarray(model.design), model.row_noise, model.initial_covariance.copy(),
         )  # fmt: skip
-    return Whitener(steps, gain, factor, log_det)
+    return WhiteningFilter(model, gain, factor, log_determinant)
 
 
 @njit(cache=True)
-def _coloured(rows, factor, white):
+def _unwhiten(row_start, factor, white):
+    """Product of each step's Cholesky factor and white rows."""
     out = np.zeros_like(white)
-    for k in range(rows.size - 1):
-        for i in range(rows[k], rows[k + 1]):
-            for j in range(i - rows[k] + 1):
-                out[i] += factor[i, j] * white[rows[k] + j]
+    for k in range(row_start.size - 1):
+        for i in range(row_start[k], row_start[k + 1]):
+            for j in range(i - row_start[k] + 1):
+                out[i] += factor[i, j] * white[row_start[k] + j]
     return out
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def _gains(moving, first, column, change, noise_row, noise_column, noise, rows, design, row_noise, p):
-    """Covariance recursion of the Kalman filter over all steps."""
+def _gains(rows, first, column, increment, q_row, q_column, q_values, row_start, design, row_noise, p):
+    """Covariance recursion over all steps; `p` is the initial covariance and is overwritten."""
     gains = np.empty_like(design)
     factor = np.zeros_like(row_noise)
-    room, known = np.empty((moving.size, p.shape[0])), np.empty_like(p)
-    log_det = 0.0
-    for k in range(rows.size - 1):
-        move_rows(p, moving, first, column, change[k], room)  # F P, and again on its transpose, P being symmetric
-        transpose(p)
-        move_rows(p, moving, first, column, change[k], room)
-        for z in range(noise_row.size):
-            p[noise_row[z], noise_column[z]] += noise[k, z]
-        begin, end = rows[k], rows[k + 1]
+    work, reduction = np.empty((rows.size, p.shape[0])), np.empty_like(p)
+    log_determinant = 0.0
+    for k in range(row_start.size - 1):
+        # F P, and again on the transpose, since P is symmetric
+        transform_rows(p, rows, first, column, increment[k], work)
+        transpose_in_place(p)
+        transform_rows(p, rows, first, column, increment[k], work)
+        for z in range(q_row.size):
+            p[q_row[z], q_column[z]] += q_values[k, z]
+        begin, end = row_start[k], row_start[k + 1]
         m = end - begin
         if m == 0:
             continue
         h = design[begin:end]
         hp = np.dot(h, p)
-        low = np.linalg.cholesky(np.dot(hp, h.T) + row_noise[begin:end, :m])
+        lower = np.linalg.cholesky(np.dot(hp, h.T) + row_noise[begin:end, :m])
         for i in range(m):
-            log_det += 2.0 * np.log(low[i, i])
-        solve_lower(low, hp)  # L⁻¹ H P
-        np.dot(hp.T, hp, known)
-        for i in range(p.shape[0]):  # an array expression would make a matrix at every step
-            row, less = p[i], known[i]
+            log_determinant += 2.0 * np.log(lower[i, i])
+        solve_lower(lower, hp)  # L⁻¹ H P
+        np.dot(hp.T, hp, reduction)
+        for i in range(p.shape[0]):  # an array expression would allocate a matrix in every step
+            row, less = p[i], reduction[i]
             for j in range(p.shape[0]):
                 row[j] -= less[j]
         gains[begin:end] = hp
-        factor[begin:end, :m] = low
-    return gains, factor, log_det
+        factor[begin:end, :m] = lower
+    return gains, factor, log_determinant
 
 
 @njit(cache=True, error_model="numpy", fastmath=FUSED)
-def solve_lower(low, right):
-    """``L⁻¹ right``, in place."""
+def solve_lower(lower, right):
+    """Solve ``L x = right`` in place, with L lower triangular ``(m, m)`` and `right` ``(m, c)``."""
     for i in range(right.shape[0]):
         row = right[i]
         for j in range(i):
-            v, above = low[i, j], right[j]
+            v, above = lower[i, j], right[j]
             for c in range(right.shape[1]):
                 row[c] -= v * above[c]
         for c in range(right.shape[1]):
-            row[c] /= low[i, i]
+            row[c] /= lower[i, i]
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def _apply(moving, first, column, change, rows, design, gains, factor, columns, x):
-    """State recursion of the Kalman filter for all columns; `x` begins it and is used up."""
+def _whiten(rows, first, column, increment, row_start, design, gains, factor, columns, x):
+    """State recursion over all steps for all columns; `x` holds the initial means and is overwritten."""
     out = np.empty_like(columns)
-    room, expected = np.empty((moving.size, x.shape[1])), np.empty((factor.shape[1], x.shape[1]))
-    told = np.empty_like(x)
-    for k in range(rows.size - 1):
-        move_rows(x, moving, first, column, change[k], room)
-        begin, end = rows[k], rows[k + 1]
+    work, predicted = np.empty((rows.size, x.shape[1])), np.empty((factor.shape[1], x.shape[1]))
+    update = np.empty_like(x)
+    for k in range(row_start.size - 1):
+        transform_rows(x, rows, first, column, increment[k], work)
+        begin, end = row_start[k], row_start[k + 1]
         m = end - begin
         if m == 0:
             continue
-        left = out[begin:end]
-        np.dot(design[begin:end], x, expected[:m])
+        white = out[begin:end]
+        np.dot(design[begin:end], x, predicted[:m])
         for i in range(m):
             for c in range(x.shape[1]):
-                left[i, c] = columns[begin + i, c] - expected[i, c]
-        solve_lower(factor[begin:end], left)
-        np.dot(gains[begin:end].T, left, told)
+                white[i, c] = columns[begin + i, c] - predicted[i, c]
+        solve_lower(factor[begin:end], white)
+        np.dot(gains[begin:end].T, white, update)
         for i in range(x.shape[0]):
             for c in range(x.shape[1]):
-                x[i, c] += told[i, c]
+                x[i, c] += update[i, c]
     return out
-
-
-@njit(cache=True, error_model="numpy", nogil=True)
-def _smooth(row, column, change, noise_row, noise_column, noise, rows, design, gains, factor, white, x, start):
-    """Smoothed state at the beginning, which takes the place of `x`, and after each step's move."""
-    count, size = rows.size - 1, x.size
-    told = np.zeros((count, size))  # what a step's rows and all later ones say of it
-    r = np.zeros(size)
-    for k in range(count - 1, -1, -1):
-        begin, end = rows[k], rows[k + 1]
-        if end > begin:
-            low = factor[begin:end]
-            seen = white[begin:end] - np.dot(gains[begin:end], r)
-            for i in range(end - begin - 1, -1, -1):  # L⁻ᵀ
-                for j in range(i + 1, end - begin):
-                    seen[i] -= low[j, i] * seen[j]
-                seen[i] /= low[i, i]
-            r += np.dot(design[begin:end].T, seen)
-        told[k] = r
-        for z in range(row.size):
-            r[column[z]] += change[k, z] * told[k, row[z]]
-    x += np.dot(start, r)
-    first, out = x, np.empty((count, size))
-    for k in range(count):
-        moved = x.copy()
-        for z in range(row.size):
-            moved[row[z]] += change[k, z] * x[column[z]]
-        for z in range(noise_row.size):
-            moved[noise_row[z]] += noise[k, z] * told[k, noise_column[z]]
-        x = moved
-        out[k] = x
-    return first, out

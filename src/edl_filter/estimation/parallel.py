@@ -1,4 +1,8 @@
-"""Threads for compiled loops that hold no interpreter lock: one for each core up to four, and one for BLAS in each."""
+"""Threads for compiled loops that release the interpreter lock, with one BLAS thread in each.
+
+Small matrix products in a long loop run up to ten times slower with several BLAS threads, which wait for each other; so
+BLAS is limited to one thread and the columns of a problem are divided among threads instead.
+"""
 
 from __future__ import annotations
 
@@ -12,29 +16,29 @@ from typing import TypeVar
 from threadpoolctl import ThreadpoolController
 
 Item = TypeVar("Item")
-Found = TypeVar("Found")
+Value = TypeVar("Value")
 
-#: Threads that are worth their while.
+#: Number of threads: one for each core, at most four.
 THREADS = min(4, os.cpu_count() or 1)
 
 
 def one_blas_thread() -> AbstractContextManager[object]:
-    """Small matrices in a long loop: threads that wait for each other cost ten times what they save."""
+    """A context in which BLAS uses one thread."""
     return _blas().limit(limits=1, user_api="blas")
 
 
-def in_threads(function: Callable[[Item], Found], items: Iterable[Item]) -> list[Found]:
-    """The function of every item, in their order."""
+def map_threads(function: Callable[[Item], Value], items: Iterable[Item]) -> list[Value]:
+    """The function of every item, in the order of the items, computed by several threads."""
     with one_blas_thread(), ThreadPoolExecutor(THREADS) as pool:
         return list(pool.map(function, items))
 
 
-def meanwhile(function: Callable[[], Found]) -> Callable[[], Found]:
-    """Begin a function beside what follows; calling what is given waits for its answer."""
+def start_thread(function: Callable[[], Value]) -> Callable[[], Value]:
+    """Start a function in a thread; the callable that is returned waits for its value."""
     pool = ThreadPoolExecutor(1)
-    begun = pool.submit(function)
+    future = pool.submit(function)
     pool.shutdown(wait=False)
-    return begun.result
+    return future.result
 
 
 @cache

@@ -1,7 +1,8 @@
-"""Bayesian regression on white rows: size, evidence and held-out score of an effect.
+"""Bayesian linear regression on white rows: posterior, marginal likelihood and held-out predictive density.
 
-Rows are independent with unit variance, sizes have independent Gaussian priors about zero (their plausible sizes); so
-everything has a closed form. `y` are white differences, `x` white signatures.
+Model: ``y = X b + e`` with independent rows of unit variance and independent Gaussian priors of the coefficients b. All
+results have a closed form (Gelman et al., Bayesian Data Analysis, 2013, ch. 14; Bishop, Pattern Recognition and Machine
+Learning, 2006, sections 3.3 and 3.5).
 """
 
 from __future__ import annotations
@@ -9,67 +10,100 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
-
-#: Length of the blocks that are held out, s, and number of parts that they are dealt to.
-BLOCK, FOLDS = 5.0, 5
+from edl_filter.types import Array
 
 
 @dataclass(frozen=True)
-class Fit:
-    """Posterior of the sizes.
+class LinearFit:
+    """Posterior of the coefficients.
 
     Attributes
     ----------
-    size, covariance : (k,), (k, k) arrays
+    estimate, covariance : (k,), (k, k) arrays
+        Posterior mean and covariance.
     gain : float
-        Logarithm of the evidence over that of no effect, nats: fit and prior together.
+        Log Bayes factor over the model without regressors, nats.
     data_share : (k,) array
-        Part of each size's information that comes from the data, not from the prior.
+        Share of each coefficient's posterior information that comes from the data, 0 to 1.
     """
 
-    size: Array
+    estimate: Array
     covariance: Array
     gain: float
     data_share: Array
 
 
-def regress(y: Array, x: Array, sigma: Array, mean: Array | None = None) -> Fit:
-    """Fit sizes with prior one sigma `sigma` ``(k,)`` about `mean` (zero)."""
-    return from_moments(x.T @ x, x.T @ y, sigma, mean)
+def regress(y: Array, x: Array, sigma: Array, mean: Array | None = None) -> LinearFit:
+    """Fit coefficients to white rows.
+
+    Parameters
+    ----------
+    y : (R,) array
+        White measurements.
+    x : (R, k) array
+        White regressors.
+    sigma : (k,) array
+        Prior standard deviations.
+    mean : (k,) array, optional
+        Prior means; zero if not given.
+    """
+    return fit_normal_equations(x.T @ x, x.T @ y, sigma, mean)
 
 
-def from_moments(information: Array, projection: Array, sigma: Array, mean: Array | None = None) -> Fit:
-    """The same from ``xᵀx`` and ``xᵀy``."""
+def fit_normal_equations(information: Array, projection: Array, sigma: Array, mean: Array | None = None) -> LinearFit:
+    """Fit coefficients from the normal equations.
+
+    Parameters
+    ----------
+    information : (k, k) array
+        ``XᵀX``.
+    projection : (k,) array
+        ``Xᵀy``.
+    sigma, mean : (k,) arrays
+        As in `regress`.
+    """
     prior = 1.0 / sigma**2
     shift = np.zeros_like(sigma) if mean is None else mean
     target = projection + prior * shift
     covariance = np.asarray(np.linalg.inv(information + np.diag(prior)), float)
-    size = covariance @ target
-    gain = 0.5 * float(target @ size - prior @ shift**2)
+    estimate = covariance @ target
+    gain = 0.5 * float(target @ estimate - prior @ shift**2)
     gain -= 0.5 * np.linalg.slogdet(np.eye(len(sigma)) + information * sigma**2)[1]
-    return Fit(size, covariance, gain, 1.0 - np.diag(covariance) * prior)
+    return LinearFit(estimate, covariance, gain, 1.0 - np.diag(covariance) * prior)
 
 
-def held_out(y: Array, x: Array, sigma: Array, time: Array) -> float:
-    """Gain in log predictive density of rows that were not fitted, nats, over no effect.
+def held_out_gain(y: Array, x: Array, sigma: Array, time: Array, block: float, folds: int) -> float:
+    """Gain in log predictive density by cross-validation on blocks of time, over the model without regressors, nats.
 
-    Blocks of time are dealt to `FOLDS` parts in turn; each part is predicted from all others, with the uncertainty of
-    what they say.
+    Blocks are dealt to the folds in turn. Each fold is predicted from all others; the predictive covariance contains
+    the posterior covariance of the coefficients (Gelman, Hwang and Vehtari, Stat. Comput. 24 (2014) 997).
+
+    Parameters
+    ----------
+    y : (R,) array
+        White measurements.
+    x : (R, k) array
+        White regressors.
+    sigma : (k,) array
+        Prior standard deviations; prior means are zero.
+    time : (R,) array
+        Time of each row, s.
+    block : float
+        Length of a block, s.
+    folds : int
     """
-    part = np.floor((time - time[0]) / BLOCK).astype(int) % FOLDS
-    inside = [(x[part == f], y[part == f]) for f in range(FOLDS)]
-    moments = [(a.T @ a, a.T @ b) for a, b in inside]
-    whole = sum(m[0] for m in moments), sum(m[1] for m in moments)
+    fold = np.floor((time - time[0]) / block).astype(int) % folds
+    parts = [(x[fold == f], y[fold == f]) for f in range(folds)]
+    moments = [(a.T @ a, a.T @ b) for a, b in parts]
+    total = sum(m[0] for m in moments), sum(m[1] for m in moments)
     score = 0.0
     for g, c in moments:
-        fit = from_moments(whole[0] - g, whole[1] - c, sigma)
-        left = c - g @ fit.size
-        # r'r - y'y with r = y - x size, and Woodbury for the covariance I + x V x'
-        change = float(-2.0 * c @ fit.size + fit.size @ g @ fit.size)
+        fit = fit_normal_equations(total[0] - g, total[1] - c, sigma)
+        residual = c - g @ fit.estimate
+        # r'r - y'y with r = y - x b, and the Woodbury identity for the covariance I + x V x'
+        change = float(-2.0 * c @ fit.estimate + fit.estimate @ g @ fit.estimate)
         inner = np.linalg.inv(np.linalg.inv(fit.covariance) + g)
-        change -= float(left @ inner @ left)
+        change -= float(residual @ inner @ residual)
         score -= 0.5 * change + 0.5 * np.linalg.slogdet(np.eye(len(sigma)) + fit.covariance @ g)[1]
     return score

@@ -1,76 +1,242 @@
-"""What the whole flight says of each row: the differences weighed by the inverse of their covariance.
+"""Backward recursions through the gains of a Kalman filter: all that the whole record implies for each step.
 
-With C the covariance of all differences y, as the allowed errors and the rows' noise make it, this gives ``C⁻¹ y`` and
-the diagonal of ``C⁻¹``. Half the square of the one less half the other is the slope of the log-likelihood in the
-variance of a row's own noise. An innovation knows only what came before it; here every row is judged by all others.
-
-The disturbance smoother, backwards through the gains of the filter (de Jong, Biometrika 76 (1989) 79; Koopman,
-Biometrika 80 (1993) 117). With L the Cholesky factor of a step's innovation covariance, G its gains (`Whitener`), H
-its design, e its white rows, r what all later rows say of the unknowns and N the covariance of that::
-
-    u = L⁻ᵀ (e - G r)                D = L⁻ᵀ (1 + G N Gᵀ) L⁻¹
-    r ← r + Hᵀ u                     N ← N + Hᵀ D H - Hᵀ L⁻ᵀ G N - N Gᵀ L⁻¹ H
-
-and through the step's move F: ``r ← Fᵀ r``, ``N ← Fᵀ N F``.
+Notation of `edl_filter.estimation.kalman`: L Cholesky factor of a step's innovation covariance, G its gains
+(`WhiteningFilter.gain`), H its design matrix, e its white rows, F = I + D its transition matrix.
 """
 
 from __future__ import annotations
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
+from scipy.linalg import cho_factor, cho_solve
 
-from edl_filter.diagnosis.sparse import move_rows, pattern, transpose
-from edl_filter.diagnosis.threads import one_blas_thread
-from edl_filter.diagnosis.whitening import Whitener, solve_lower
+from edl_filter.estimation.block_sparse import row_pattern, transform_rows, transpose_in_place
+from edl_filter.estimation.kalman import WhiteningFilter, solve_lower
+from edl_filter.estimation.parallel import one_blas_thread
+from edl_filter.types import Array
 
-Array = NDArray[np.float64]
 
+def precision_weighted_residuals(whiten: WhiteningFilter, white: Array) -> tuple[Array, Array]:
+    """``C⁻¹ y`` and the diagonal of ``C⁻¹``, with C the covariance of all measurements y.
 
-def in_hindsight(whiten: Whitener, white: Array) -> tuple[Array, Array]:
-    """``C⁻¹ y`` and the diagonal of ``C⁻¹``, ``(R,)`` each.
+    Half the square of the former less half the latter is the derivative of the log-likelihood with respect to the
+    variance of a row's own noise. The disturbance smoother (de Jong, Biometrika 76 (1989) 79; Koopman, Biometrika 80
+    (1993) 117), with r the adjoint of the states and N its covariance, from the last step backwards::
+
+        u = L⁻ᵀ (e - G r)                M = L⁻ᵀ (1 + G N Gᵀ) L⁻¹
+        r ← r + Hᵀ u                     N ← N + Hᵀ M H - Hᵀ L⁻ᵀ G N - N Gᵀ L⁻¹ H
+
+    and through the step's transition: ``r ← Fᵀ r``, ``N ← Fᵀ N F``.
 
     Parameters
     ----------
-    whiten : Whitener
+    whiten : WhiteningFilter
     white : (R,) array
-        The differences y, white.
+        White rows of y.
+
+    Returns
+    -------
+    weighted, diagonal : (R,) arrays
     """
-    s = whiten.steps
+    s = whiten.model
     with one_blas_thread():
-        return _backwards(*pattern(s.change.transposed), s.rows, s.design, whiten.gain, whiten.factor, white)
+        return _precision_weighted(
+            *row_pattern(s.increment.transposed), s.row_start, s.design, whiten.gain, whiten.factor, white
+        )
+
+
+def smoothed_states(whiten: WhiteningFilter, white: Array, initial_mean: Array) -> tuple[Array, Array]:
+    """Posterior mean of the states at the beginning and after the transition of every step, given all measurements.
+
+    The fast state smoother: backwards for the adjoint of each step's process noise, then forwards with the noise that
+    it implies (Koopman, Biometrika 80 (1993) 117). It needs the gains and no covariance.
+
+    Parameters
+    ----------
+    whiten : WhiteningFilter
+    white : (R,) array
+        White rows of the measurements.
+    initial_mean : (m,) array
+        Prior mean of the first m states; the others have zero mean.
+
+    Returns
+    -------
+    initial : (n,) array
+    states : (K, n) array
+    """
+    s, q = whiten.model, whiten.model.process_noise
+    return _smoothed_states(
+        s.increment.row, s.increment.column, s.increment.values, q.row, q.column, q.values, s.row_start, s.design,
+        whiten.gain, whiten.factor, white, s.initial_mean(initial_mean), s.initial_covariance,
+    )  # fmt: skip
+
+
+def smoothed_last_states(whiten: WhiteningFilter, white: Array, initial_mean: Array, count: int) -> tuple[Array, Array]:
+    """Posterior mean and covariance of the last `count` states after the transition of every step.
+
+    The modified Bryson–Frazier smoother (Bierman, Factorization Methods for Discrete Sequential Estimation, 1977, ch.
+    10), which needs the gains of the filter and no inverse of a covariance.
+
+    Parameters
+    ----------
+    whiten : WhiteningFilter
+    white : (R,) array
+        White rows of the measurements.
+    initial_mean : (m,) array
+        Prior mean of the first m states; the others have zero mean.
+    count : int
+
+    Returns
+    -------
+    mean : (K, count) array
+    covariance : (K, count, count) array
+    """
+    s = whiten.model
+    n, steps = s.size, len(s.increment)
+    p, x = s.initial_covariance.copy(), s.initial_mean(initial_mean)
+    predicted, cross = np.empty((steps, count)), np.empty((steps, count, n))
+    for k in range(steps):
+        transition = np.eye(n) + s.increment[k]
+        p, x = transition @ p @ transition.T + s.process_noise[k], transition @ x
+        predicted[k], cross[k] = x[-count:], p[-count:]
+        rows = slice(s.row_start[k], s.row_start[k + 1])
+        gain = whiten.gain[rows]
+        x = x + gain.T @ white[rows]
+        p = p - gain.T @ gain
+    mean, covariance = np.empty((steps, count)), np.empty((steps, count, count))
+    adjoint, information = np.zeros(n), np.zeros((n, n))
+    for k in range(steps - 1, -1, -1):
+        rows = slice(s.row_start[k], s.row_start[k + 1])
+        m = s.row_start[k + 1] - s.row_start[k]
+        if m:
+            white_design = np.linalg.solve(whiten.factor[rows, :m], s.design[rows])  # L⁻¹ H
+            closed_loop = np.eye(n) - whiten.gain[rows].T @ white_design
+            adjoint = closed_loop.T @ adjoint - white_design.T @ white[rows]
+            information = closed_loop.T @ information @ closed_loop + white_design.T @ white_design
+        mean[k] = predicted[k] - cross[k] @ adjoint
+        covariance[k] = cross[k][:, -count:] - cross[k] @ information @ cross[k].T
+        transition = np.eye(n) + s.increment[k]
+        adjoint, information = transition.T @ adjoint, transition.T @ information @ transition
+    return mean, covariance
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def _backwards(moving, first, column, change, rows, design, gains, factor, white):
+def _precision_weighted(rows, first, column, increment, row_start, design, gains, factor, white):
     size = design.shape[1]
-    weighed, diagonal = np.empty_like(white), np.empty_like(white)
+    weighted, diagonal = np.empty_like(white), np.empty_like(white)
     r, n = np.zeros((size, 1)), np.zeros((size, size))
-    room, room_r = np.empty((moving.size, size)), np.empty((moving.size, 1))
-    for k in range(rows.size - 2, -1, -1):
-        begin, end = rows[k], rows[k + 1]
+    work, work_r = np.empty((rows.size, size)), np.empty((rows.size, 1))
+    for k in range(row_start.size - 2, -1, -1):
+        begin, end = row_start[k], row_start[k + 1]
         m = end - begin
         if m > 0:
             inverse = np.eye(m)
             solve_lower(factor[begin:end], inverse)
             g = gains[begin:end]
             gn, h = np.dot(g, n), np.dot(inverse, design[begin:end])
-            seen = white[begin:end] - np.dot(g, r)[:, 0]
+            residual = white[begin:end] - np.dot(g, r)[:, 0]
             spread = np.dot(gn, g.T)
             for i in range(m):
                 spread[i, i] += 1.0
-            whole = np.dot(inverse.T, np.dot(spread, inverse))
-            weighed[begin:end] = np.dot(inverse.T, seen)
+            precision = np.dot(inverse.T, np.dot(spread, inverse))
+            weighted[begin:end] = np.dot(inverse.T, residual)
             for i in range(m):
-                diagonal[begin + i] = whole[i, i]
-            r[:, 0] += np.dot(h.T, seen)
+                diagonal[begin + i] = precision[i, i]
+            r[:, 0] += np.dot(h.T, residual)
             half = np.dot(h.T, 0.5 * np.dot(spread, h) - gn)
-            for i in range(size):  # the symmetric part, or rounding grows from step to step
+            for i in range(size):  # the symmetric part, or rounding errors grow from step to step
                 for j in range(i + 1):
                     n[i, j] += half[i, j] + half[j, i]
                     n[j, i] = n[i, j]
-        move_rows(r, moving, first, column, change[k], room_r)
-        move_rows(n, moving, first, column, change[k], room)
-        transpose(n)
-        move_rows(n, moving, first, column, change[k], room)
-    return weighed, diagonal
+        transform_rows(r, rows, first, column, increment[k], work_r)
+        transform_rows(n, rows, first, column, increment[k], work)
+        transpose_in_place(n)
+        transform_rows(n, rows, first, column, increment[k], work)
+    return weighted, diagonal
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def _smoothed_states(
+    row, column, increment, q_row, q_column, q_values, row_start, design, gains, factor, white, x, initial_covariance
+):
+    """Smoothed states; `x` holds the prior mean at the beginning."""
+    count, size = row_start.size - 1, x.size
+    adjoint = np.zeros((count, size))  # of each step's rows and all later ones
+    r = np.zeros(size)
+    for k in range(count - 1, -1, -1):
+        begin, end = row_start[k], row_start[k + 1]
+        if end > begin:
+            lower = factor[begin:end]
+            residual = white[begin:end] - np.dot(gains[begin:end], r)
+            for i in range(end - begin - 1, -1, -1):  # L⁻ᵀ
+                for j in range(i + 1, end - begin):
+                    residual[i] -= lower[j, i] * residual[j]
+                residual[i] /= lower[i, i]
+            r += np.dot(design[begin:end].T, residual)
+        adjoint[k] = r
+        for z in range(row.size):
+            r[column[z]] += increment[k, z] * adjoint[k, row[z]]
+    x += np.dot(initial_covariance, r)
+    initial, out = x, np.empty((count, size))
+    for k in range(count):
+        state = x.copy()
+        for z in range(row.size):
+            state[row[z]] += increment[k, z] * x[column[z]]
+        for z in range(q_row.size):
+            state[q_row[z]] += q_values[k, z] * adjoint[k, q_column[z]]
+        x = state
+        out[k] = x
+    return initial, out
+
+
+# Rauch-Tung-Striebel smoother
+
+
+def smoother_gain(cross_covariance: Array, predicted_covariance: Array) -> Array:
+    """Gain of the Rauch-Tung-Striebel smoother, ``G = C (P⁻)⁻¹``.
+
+    With the cross-covariance in place of ``P Fᵀ`` the gain is that of any Gaussian filter, linear, extended or
+    unscented (Särkkä 2013, Bayesian Filtering and Smoothing, theorem 8.2 and chapter 9).
+
+    Parameters
+    ----------
+    cross_covariance : (n, m) array
+        C, of the state at a step, given the data up to it, with the state at the next step.
+    predicted_covariance : (m, m) array
+        P⁻, of the state at the next step, given the data up to this one. Positive definite.
+
+    Returns
+    -------
+    (n, m) array
+    """
+    return np.asarray(cho_solve(cho_factor(predicted_covariance, check_finite=False), cross_covariance.T).T)
+
+
+def smoothed_moments(
+    mean: Array, covariance: Array, gain: Array, mean_change: Array, covariance_change: Array
+) -> tuple[Array, Array]:
+    """Mean and covariance of the state at a step given all data, from those at the next step.
+
+    One step backwards of the Rauch-Tung-Striebel smoother (Särkkä 2013, theorem 8.2).
+
+    Parameters
+    ----------
+    mean : (n,) array
+        Of the state given the data up to this step.
+    covariance : (n, n) array
+    gain : (n, m) array
+        `smoother_gain` to the next step.
+    mean_change : (m,) array
+        Mean of the state at the next step given all data, minus its mean given the data up to this step.
+    covariance_change : (m, m) array
+        The same difference of the covariances; negative semidefinite.
+
+    Returns
+    -------
+    mean : (n,) array
+        ``x + G (xˢ⁺ - x⁻)``.
+    covariance : (n, n) array
+        ``P + G (Pˢ⁺ - P⁻) Gᵀ``, made symmetric to the last bit.
+    """
+    smoothed = covariance + gain @ covariance_change @ gain.T
+    return mean + gain @ mean_change, 0.5 * (smoothed + smoothed.T)

@@ -1,7 +1,10 @@
-"""Trajectory and attitude of a result for other tools: a table for spreadsheets, kernels for SPICE.
+"""Export of a result's trajectory and attitude for other tools.
 
-`table` writes CSV; `spice` writes SPK and CK and needs the extra ``edl-filter[spice]``. UTC and the spacecraft's
-clock are in every one of them.
+In: a result (``result.nc``). Out: a CSV table for spreadsheets, or SPK and CK kernels for SPICE; each has UTC and the
+spacecraft's clock.
+
+Read in this order: this file (`export`, which selects the format), `table` (CSV), `spice` (SPK and CK; needs the extra
+``edl-filter[spice]``).
 """
 
 from __future__ import annotations
@@ -17,27 +20,28 @@ __all__ = ["FORMATS", "export"]
 
 
 def export(result: str | Path, fmt: str, out: str | Path | None = None, naif_id: int | None = None) -> list[Path]:
-    """Write a result in another form.
+    """Write a result in another format.
 
     Parameters
     ----------
     result : path
         ``result.nc``, or the folder that holds it.
     fmt : {"csv", "spk", "ck"}
+        Format: a table, a trajectory kernel, an attitude kernel.
     out : path, optional
-        File to write, or to replace; beside the result if not given (``trajectory.csv``, ``.bsp``, ``.bc``).
+        File to write or replace; by default ``trajectory.csv``, ``.bsp`` or ``.bc`` in the folder of the result.
     naif_id : int, optional
-        Spacecraft's number in SPICE, negative; the mission's own (MER: -253, -254) or -999 if not given.
+        Number of the spacecraft in SPICE, negative; by default the mission's (MER: -253, -254), or -999.
 
     Returns
     -------
     list of Path
-        `out`, and for SPICE the text kernels beside it that relate its times to UTC and the spacecraft's clock.
+        `out`, and for SPICE the text kernels in its folder that relate its times to UTC and the spacecraft's clock.
 
     Raises
     ------
     InputError
-        No result, an unknown format, spiceypy is missing, or the result does not say how its frame lies.
+        No result, an unknown format, spiceypy is missing, or the result does not state the orientation of its frame.
     """
     if fmt not in FORMATS:
         raise InputError(f"--to: found {fmt!r}; accepted are {', '.join(FORMATS)}.")

@@ -1,8 +1,9 @@
-"""The trajectory as SPICE kernels: SPK type 13, CK type 3, with the text kernels that relate their times.
+"""SPICE kernels of the trajectory: SPK type 13, CK type 3, and the text kernels that relate their times.
 
-Ephemeris time follows UTC by the leap seconds and the periodic term of NAIF's own leapseconds kernel (NAIF, Time
-Required Reading). The clock kernel is this flight's: one relation, 256 ticks a second, as MER's clock is kept by
-NAIF. Both text kernels are written beside the binary one, so that it can be read back without others.
+Input: a result. Method: ephemeris time is computed from UTC with the leap seconds and the periodic term of NAIF's
+leapseconds kernel (NAIF, Time Required Reading). The clock kernel is specific to the flight: one relation, 256 ticks
+per second, as in NAIF's kernels for MER's clock. Output: the binary kernel and both text kernels in the same folder, so
+that it can be read without other kernels.
 """
 
 from __future__ import annotations
@@ -16,17 +17,17 @@ from numpy.typing import NDArray
 
 from edl_filter import rotations
 from edl_filter.errors import InputError
+from edl_filter.io.atomic import replace_with
 from edl_filter.results.groups import Groups
-from edl_filter.whole_file import replace_with
+from edl_filter.types import Array
 
-Array = NDArray[np.float64]
-
-#: Spacecraft number where neither mission nor user has one.
+#: Spacecraft number if neither the mission nor the user states one.
 NO_SPACECRAFT = -999
+#: Ticks of the spacecraft's clock per second.
 TICKS = 256.0
-#: Clock at the epoch of a flight that has none, s: the kernel's own count.
+#: Clock count at the epoch of a flight without a spacecraft clock, s.
 _COUNT_WITHOUT_CLOCK = 1.0e8
-#: First day of every number of leap seconds since 1972, and that number (IERS Bulletin C).
+#: Days from which a number of leap seconds applies, since 1972, and the number (IERS Bulletin C).
 _LEAP_SECONDS = (
     ("1972-01-01", 10), ("1972-07-01", 11), ("1973-01-01", 12), ("1974-01-01", 13), ("1975-01-01", 14),
     ("1976-01-01", 15), ("1977-01-01", 16), ("1978-01-01", 17), ("1979-01-01", 18), ("1980-01-01", 19),
@@ -38,32 +39,32 @@ _LEAP_SECONDS = (
 _MONTHS = ("JAN", "FEB", "MAR", "APR", "MAY", "JUN", "JUL", "AUG", "SEP", "OCT", "NOV", "DEC")
 #: Periodic term of TDB - TT: amplitude (s), eccentricity, mean anomaly (rad) and its rate (rad/s).
 _K, _EB, _M0, _M1 = 1.657e-3, 1.671e-2, 6.239996, 1.99096871e-7
-#: Rows closer than this are one, s: interpolation between them would only see rounding.
-_LEAST_STEP = 1e-3
+#: Shortest step between two rows, s: between closer rows the interpolation would be dominated by rounding.
+_SHORTEST_STEP = 1e-3
 
 
 @dataclass(frozen=True)
-class Flight:
-    """What the kernels hold, in J2000 and ephemeris time.
+class KernelContents:
+    """Contents of the kernels, in J2000 and ephemeris time.
 
     Attributes
     ----------
     et, ticks : (N,) arrays
-        Ephemeris time, s past J2000, and encoded spacecraft clock.
+        Ephemeris time, s past J2000, and encoded spacecraft clock, ticks.
     states : (N, 6) array
-        km and km/s from the planet's centre.
+        Position and velocity relative to the planet's centre, km and km/s.
     body_from_j2000 : (N, 4) array
-        Scalar last.
+        Unit quaternions, scalar last.
     rate : (N, 3) array
         Angular velocity in J2000, rad/s.
     spacecraft : int
     planet, title : str
     clock : float
-        Count of the spacecraft's clock at the first row, s.
+        Clock count of the first row, s.
     has_clock : bool
-        Whether that is the spacecraft's own.
+        True if it is the spacecraft's clock, false if it is the kernel's own count.
     utc : str
-        Of the first row.
+        UTC of the first row.
     """
 
     et: Array
@@ -80,12 +81,28 @@ class Flight:
 
 
 def write_kernels(groups: Groups, fmt: str, path: Path, naif_id: int | None = None) -> list[Path]:
-    """Write SPK or CK, and beside it the leapseconds (``.tls``) and clock (``.tsc``) kernels.
+    """Write an SPK or CK, and the clock (``.tsc``) and leapseconds (``.tls``) kernels in the same folder.
+
+    Parameters
+    ----------
+    groups : dict of Group
+        Groups of a result.
+    fmt : {"spk", "ck"}
+        Kernel of the trajectory or of the attitude.
+    path : Path
+        Binary kernel to write or replace.
+    naif_id : int, optional
+        Number of the spacecraft; by default the mission's, or `NO_SPACECRAFT`.
+
+    Returns
+    -------
+    list of Path
+        The three kernels.
 
     Raises
     ------
     InputError
-        spiceypy is missing, or the result does not say how its inertial frame lies in J2000.
+        spiceypy is missing, or the result does not state the orientation of its inertial frame in J2000.
     """
     try:
         import spiceypy
@@ -93,29 +110,41 @@ def write_kernels(groups: Groups, fmt: str, path: Path, naif_id: int | None = No
         raise InputError(
             f"--to {fmt} needs spiceypy, which is not installed; install it with pip install 'edl-filter[spice]'."
         ) from None
-    flight = _flight(groups, naif_id)
-    make = _write_spk if fmt == "spk" else _write_ck
-    replace_with(path, lambda temporary: make(spiceypy, flight, temporary))
+    contents = _contents(groups, naif_id)
+    write = _write_spk if fmt == "spk" else _write_ck
+    replace_with(path, lambda temporary: write(spiceypy, contents, temporary))
     clock, leap = path.with_suffix(".tsc"), path.with_suffix(".tls")
-    replace_with(clock, lambda temporary: temporary.write_text(clock_kernel(flight), encoding="ascii"))
+    replace_with(clock, lambda temporary: temporary.write_text(clock_kernel(contents), encoding="ascii"))
     replace_with(leap, lambda temporary: temporary.write_text(leapseconds_kernel(), encoding="ascii"))
     return [path, clock, leap]
 
 
 def ephemeris_time(utc: NDArray[np.datetime64]) -> Array:
-    """Seconds of TDB past J2000 of UTC, as SPICE computes them."""
-    count = np.zeros(utc.shape)
-    for day, leap in _LEAP_SECONDS:
-        count[utc >= np.datetime64(day)] = leap
-    since = (utc - np.datetime64("2000-01-01T12:00:00", "us")) / np.timedelta64(1, "us") * 1e-6
-    et = since + count + 32.184
+    """Ephemeris time (TDB past J2000) of UTC, as SPICE computes it.
+
+    Parameters
+    ----------
+    utc : (N,) array of datetime64
+        UTC since 1972.
+
+    Returns
+    -------
+    (N,) array
+        s.
+    """
+    leap_seconds = np.zeros(utc.shape)
+    for day, number in _LEAP_SECONDS:
+        leap_seconds[utc >= np.datetime64(day)] = number
+    utc_past_j2000 = (utc - np.datetime64("2000-01-01T12:00:00", "us")) / np.timedelta64(1, "us") * 1e-6
+    et = utc_past_j2000 + leap_seconds + 32.184
     for _ in range(3):
         anomaly = _M0 + _M1 * et
-        et = since + count + 32.184 + _K * np.sin(anomaly + _EB * np.sin(anomaly))
+        et = utc_past_j2000 + leap_seconds + 32.184 + _K * np.sin(anomaly + _EB * np.sin(anomaly))
     return et
 
 
-def _flight(groups: Groups, naif_id: int | None) -> Flight:
+def _contents(groups: Groups, naif_id: int | None) -> KernelContents:
+    """Contents of the kernels from the groups of a result."""
     root, trajectory = groups["/"].attrs, groups["/trajectory"]
     if "j2000_from_inertial" not in root:
         raise InputError(
@@ -124,23 +153,23 @@ def _flight(groups: Groups, naif_id: int | None) -> Flight:
         )
     j2000_from_inertial = rotations.from_matrix(np.reshape(root["j2000_from_inertial"], (3, 3)))
 
-    def get(name: str) -> Array:
+    def variable(name: str) -> Array:
         return np.asarray(trajectory.variables[name].values, float)
 
-    time = get("time")
-    keep = np.concatenate(([True], np.diff(time) > _LEAST_STEP))
+    time = variable("time")
+    selected = np.concatenate(([True], np.diff(time) > _SHORTEST_STEP))
     first = trajectory.variables["utc"].values[0].astype("datetime64[us]")
     has_clock = "epoch_sclk" in root
     count = float(root.get("epoch_sclk", _COUNT_WITHOUT_CLOCK)) + time
-    j2000_from_body = rotations.multiply(j2000_from_inertial, get("inertial_from_body")[keep])
-    km = 1e-3 * np.hstack([rotations.rotate(j2000_from_inertial, get(name)[keep]) for name in ("position", "velocity")])
-    return Flight(
-        # within one flight ephemeris time runs with UTC to 1e-12
-        et=float(ephemeris_time(np.array([first]))[0]) + (time - time[0])[keep],
-        ticks=TICKS * count[keep],
-        states=km,
+    j2000_from_body = rotations.multiply(j2000_from_inertial, variable("inertial_from_body")[selected])
+    states = [rotations.rotate(j2000_from_inertial, variable(name)[selected]) for name in ("position", "velocity")]
+    return KernelContents(
+        # Within one flight the rates of ephemeris time and UTC agree to 1e-12
+        et=float(ephemeris_time(np.array([first]))[0]) + (time - time[0])[selected],
+        ticks=TICKS * count[selected],
+        states=1e-3 * np.hstack(states),
         body_from_j2000=rotations.normalise(rotations.conjugate(j2000_from_body)),
-        rate=rotations.rotate(j2000_from_body, get("angular_rate")[keep]),
+        rate=rotations.rotate(j2000_from_body, variable("angular_rate")[selected]),
         spacecraft=int(naif_id if naif_id is not None else root.get("naif_spacecraft_id", NO_SPACECRAFT)),
         planet=str(root["planet"]),
         title=str(root["title"]),
@@ -150,51 +179,52 @@ def _flight(groups: Groups, naif_id: int | None) -> Flight:
     )
 
 
-def _comments(flight: Flight) -> list[str]:
-    clock = "spacecraft clock" if flight.has_clock else "kernel's own clock (the flight has none)"
+def _comments(contents: KernelContents) -> list[str]:
+    """Comment lines of all kernels."""
+    clock = "spacecraft clock" if contents.has_clock else "kernel's own clock (the flight has none)"
     return [
-        f"{flight.title}: reconstructed by edl-filter.",
-        f"UTC {flight.utc} is {clock} {flight.clock:.6f} s and ephemeris time {flight.et[0]:.6f} s past J2000.",
+        f"{contents.title}: reconstructed by edl-filter.",
+        f"UTC {contents.utc} is {clock} {contents.clock:.6f} s and ephemeris time {contents.et[0]:.6f} s past J2000.",
         "All three run alike to a millionth over the flight; SCLK in ticks of 1/256 s.",
-        f"Spacecraft {flight.spacecraft}, body axes {1000 * flight.spacecraft}: x along the symmetry axis towards "
+        f"Spacecraft {contents.spacecraft}, body axes {1000 * contents.spacecraft}: x along the symmetry axis towards "
         "the nose, y right, z down.",
     ]
 
 
-def _write_spk(spiceypy: Any, flight: Flight, path: Path) -> None:
-    """Hermite interpolation of degree 3: between two rows nothing but these two is needed."""
-    centre = spiceypy.bodn2c(flight.planet)
-    path.unlink()  # SPICE wants a new file
+def _write_spk(spiceypy: Any, contents: KernelContents, path: Path) -> None:
+    """Write an SPK with Hermite interpolation of degree 3, which depends only on the two rows around a time."""
+    centre = spiceypy.bodn2c(contents.planet)
+    path.unlink()  # SPICE writes to new files only
     handle = spiceypy.spkopn(str(path), "edl-filter", 4000)
     try:
-        spiceypy.dafac(handle, _comments(flight))
+        spiceypy.dafac(handle, _comments(contents))
         spiceypy.spkw13(
-            handle, flight.spacecraft, centre, "J2000", flight.et[0], flight.et[-1], "edl-filter", 3,
-            len(flight.et), flight.states, flight.et,
+            handle, contents.spacecraft, centre, "J2000", contents.et[0], contents.et[-1], "edl-filter", 3,
+            len(contents.et), contents.states, contents.et,
         )  # fmt: skip
     finally:
         spiceypy.spkcls(handle)
 
 
-def _write_ck(spiceypy: Any, flight: Flight, path: Path) -> None:
-    """Attitude and rates, interpolated over the whole flight as one interval."""
+def _write_ck(spiceypy: Any, contents: KernelContents, path: Path) -> None:
+    """Write a CK with attitudes and rates, interpolated over the whole flight as one interval."""
     path.unlink()
     handle = spiceypy.ckopn(str(path), "edl-filter", 4000)
     try:
-        spiceypy.dafac(handle, _comments(flight))
+        spiceypy.dafac(handle, _comments(contents))
         spiceypy.ckw03(
-            handle, flight.ticks[0], flight.ticks[-1], 1000 * flight.spacecraft, "J2000", True, "edl-filter",
-            len(flight.ticks), flight.ticks, np.roll(flight.body_from_j2000, 1, axis=1), flight.rate,
-            1, flight.ticks[:1],
+            handle, contents.ticks[0], contents.ticks[-1], 1000 * contents.spacecraft, "J2000", True, "edl-filter",
+            len(contents.ticks), contents.ticks, np.roll(contents.body_from_j2000, 1, axis=1), contents.rate,
+            1, contents.ticks[:1],
         )  # fmt: skip
     finally:
         spiceypy.ckcls(handle)
 
 
-def clock_kernel(flight: Flight) -> str:
-    """Spacecraft clock kernel (type 1): one relation, parallel time TDB."""
-    number = -flight.spacecraft
-    comments = "\n".join(_comments(flight))
+def clock_kernel(contents: KernelContents) -> str:
+    """Text of the spacecraft clock kernel (type 1): one relation, with TDB as the parallel time."""
+    number = -contents.spacecraft
+    comments = "\n".join(_comments(contents))
     return f"""KPL/SCLK
 
 {comments}
@@ -210,18 +240,18 @@ SCLK01_OFFSETS_{number}        = ( 0 0 )
 SCLK01_OUTPUT_DELIM_{number}   = ( 1 )
 SCLK_PARTITION_START_{number}  = ( 0.0 )
 SCLK_PARTITION_END_{number}    = ( 1.0995116E+12 )
-SCLK01_COEFFICIENTS_{number}   = ( {TICKS * flight.clock:.6f} {flight.et[0]:.9f} 1.0 )
+SCLK01_COEFFICIENTS_{number}   = ( {TICKS * contents.clock:.6f} {contents.et[0]:.9f} 1.0 )
 
 \\begintext
 """
 
 
 def leapseconds_kernel() -> str:
-    """Leapseconds kernel with all leap seconds up to 2017, the last so far."""
+    """Text of the leapseconds kernel with all leap seconds, of which the last was in 2017."""
     rows = []
-    for day, leap in _LEAP_SECONDS:
+    for day, number in _LEAP_SECONDS:
         year, month, date = day.split("-")
-        rows.append(f"        {leap}, @{year}-{_MONTHS[int(month) - 1]}-{int(date)}")
+        rows.append(f"        {number}, @{year}-{_MONTHS[int(month) - 1]}-{int(date)}")
     table = ",\n".join(rows)
     return f"""KPL/LSK
 

@@ -1,4 +1,4 @@
-"""Files that appear under their name only when they are whole."""
+"""Atomic writes: a file appears under its name only when it is complete."""
 
 from __future__ import annotations
 
@@ -11,10 +11,23 @@ from typing import Any
 from edl_filter.errors import InputError
 
 
-def replace_with(path: Path, make: Callable[[Path], Any]) -> Path:
-    """Let `make` write a temporary file beside `path`, then give it that name; nothing is left on failure.
+def replace_with(path: Path, write: Callable[[Path], Any]) -> Path:
+    """Let `write` fill a temporary file in the folder of `path`, then rename it to `path`.
 
-    Folders above `path` are made.
+    Missing folders of `path` are created. On failure the temporary file is removed and an existing file at `path`
+    stays as it was.
+
+    Parameters
+    ----------
+    path : Path
+        File to write or replace.
+    write : callable
+        Called with the temporary file's path.
+
+    Returns
+    -------
+    Path
+        `path`.
 
     Raises
     ------
@@ -29,8 +42,8 @@ def replace_with(path: Path, make: Callable[[Path], Any]) -> Path:
         handle, name = tempfile.mkstemp(prefix=f".{path.name}.", suffix=path.suffix, dir=path.parent)
         os.close(handle)
         temporary = Path(name)
-        make(temporary)
-        temporary.chmod(usual_mode())  # mkstemp makes it private
+        write(temporary)
+        temporary.chmod(default_file_mode())  # mkstemp creates files that only their owner can read
         temporary.replace(path)
     except OSError as error:
         raise cannot_write(path, error) from None
@@ -45,8 +58,8 @@ def cannot_write(path: Path, reason: OSError | str) -> InputError:
     return InputError(f"{path}: cannot be written ({getattr(reason, 'strerror', None) or reason}).")
 
 
-def usual_mode() -> int:
-    """Mode of a new file under the user's umask."""
+def default_file_mode() -> int:
+    """Permission bits of a new file under the user's umask."""
     mask = os.umask(0)
     os.umask(mask)
     return 0o666 & ~mask

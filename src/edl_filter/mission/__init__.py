@@ -1,10 +1,16 @@
-"""Mission files: the model of one entry, read from YAML, checked and completed.
+"""Mission files: the model of one entry, read from YAML, checked and completed with defaults.
 
-In: a mission file and ``KEY=VALUE`` changes. Out: a `Mission`, frozen, SI units, angles in radians where the
-name does not end in ``_deg``. Every fault of the input is one `InputError` that names file and key.
-Nothing outside this folder knows the file's form or reads YAML.
+In: a mission file and ``KEY=VALUE`` overrides. Out: a `Mission`, frozen, in SI units, angles in radians where the name
+does not end in ``_deg``. Every error of the input raises one `InputError` that names file and key.
+No other package reads the YAML of a mission.
+
+Order of reading: `mission` (the whole), then the sections `world`, `measurements`, `estimation`, `aerodynamics` and
+`effects`, their building blocks `fields` and `validators`, and the checks between sections in `cross_checks`;
+`yaml_text` (text to data) and `error_messages` (pydantic's errors to one message); `shipped` and `files` (which files a
+mission has); last `yaml_edit` and `edit_effects` (missions with further effects).
 """
 
-from edl_filter.mission.mission import Mission, shipped_mission
+from edl_filter.mission.mission import Mission
+from edl_filter.mission.shipped import shipped_mission
 
 __all__ = ["Mission", "shipped_mission"]

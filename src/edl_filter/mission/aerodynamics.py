@@ -1,4 +1,4 @@
-"""The aerodynamic database, and how the layer after the flight looks at the data."""
+"""Sections of the aerodynamic database and of the post-flight analysis."""
 
 from __future__ import annotations
 
@@ -6,12 +6,12 @@ from typing import Annotated, Literal
 
 from pydantic import Field, StringConstraints, model_validator
 
-from edl_filter.mission.checks import Number, Switch, Within, problem
-from edl_filter.mission.sections import DEG, Section, Window
+from edl_filter.mission.fields import DEG, Section, WindowConfig
+from edl_filter.mission.validators import Number, Switch, Within, field_error
 
 
-class Forebody(Section):
-    """Sphere-cone: spherical nose, cone, rounded shoulder up to the vehicle's diameter."""
+class ForebodyConfig(Section):
+    """Sphere-cone: spherical nose, cone, and rounded shoulder up to the vehicle's diameter."""
 
     nose_radius: Annotated[Number, Within("m", 0.0, 25.0)] = Field(description="radius of the nose, m")
     shoulder_radius: Annotated[Number, Within("m", 0.0, 25.0)] = Field(description="radius of the shoulder, m")
@@ -25,7 +25,7 @@ class Forebody(Section):
         return self.cone_half_angle_deg * DEG
 
 
-class Aerodynamics(Section):
+class AerodynamicsConfig(Section):
     """Which tables of the Mars entry vehicle aerodynamic database the flight is compared with."""
 
     family: Literal["MER", "Phoenix"] = Field(description="vehicle whose database uncertainties apply: MER or Phoenix")
@@ -35,9 +35,9 @@ class Aerodynamics(Section):
         "modified Newtonian), or a CSV mach,alpha_deg,CA,CN,Cm",
     )
     base_pressure: Switch = Field(
-        default=False, description="take Viking's base pressure off CA: for a continuum database of a forebody"
+        default=False, description="subtract Viking's base pressure from CA: for a continuum database of a forebody"
     )
-    forebody: Forebody | None = Field(
+    forebody: ForebodyConfig | None = Field(
         default=None, description="for builtin:newtonian and builtin:free_molecular; absent: the family's"
     )
     rarefied: str = Field(
@@ -62,48 +62,50 @@ class Aerodynamics(Section):
         "builtin:free_molecular, switch for a table",
     )
     continuum_limit: Annotated[Number, Within("", 1e-5, 1.0)] = Field(
-        default=1e-3, description="Knudsen number on D above which the rarefied database holds"
+        default=1e-3, description="Knudsen number on D above which the rarefied database applies"
     )
     velocity_per_mach: Annotated[Number, Within("m/s", 50.0, 1000.0)] | None = Field(
         default=None,
-        description="m/s: index the hypersonic part by speed over this, not by Mach: for a table of another trajectory",
+        description="m/s: look the hypersonic part up by speed over this value, not by Mach: for a table of another "
+        "trajectory",
     )
-
     damping: str | None = Field(
         default=None,
         description="pitch and yaw damping: builtin:practice_damping, or a CSV mach,Cmq; absent: no damping",
     )
     coefficient_sigma: Annotated[Number, Within("", 0.0, 10.0)] = Field(
         default=1.0,
-        description="how many of its own sigmas (a third of its family's 3 sigma) the database may be off; 0: exact",
+        description="1 sigma of the database's error, in units of its own sigma (a third of its family's 3 sigma); "
+        "0: exact",
     )
 
     @model_validator(mode="after")
-    def _joins(self) -> Aerodynamics:
+    def _joins(self) -> AerodynamicsConfig:
         if self.join == "continuous" and self.rarefied != "builtin:free_molecular":
-            raise problem("'continuous'", "switch or blend, since this rarefied database is a table", "join")
+            raise field_error("'continuous'", "switch or blend, since this rarefied database is a table", "join")
         return self
 
 
-class NamedWindow(Window):
-    """A span over which differences are averaged."""
+class NamedWindowConfig(WindowConfig):
+    """A span of time over which coefficient differences are averaged."""
 
-    name: Annotated[str, StringConstraints(min_length=1)] = Field(description="what the window is called in tables")
+    name: Annotated[str, StringConstraints(min_length=1)] = Field(description="name of the window in tables")
 
 
-class Postflight(Section):
-    """How atmosphere and coefficients are derived after the flight."""
+class PostflightConfig(Section):
+    """Settings with which atmosphere and coefficients are derived after the flight."""
 
     batch_s: Annotated[Number, Within("s", 0.0, 30.0, above=True)] = Field(
         default=0.875, description="length of the second-order batch polynomial that smooths rates and forces, s"
     )
     top_temperature: Annotated[Number, Within("K", 10.0, 3000.0)] | None = Field(
         default=None,
-        description="temperature where deceleration is first felt, K: gives the pressure there; absent: none there",
+        description="temperature where deceleration is first measurable, K: determines the pressure there; "
+        "absent: zero pressure there",
     )
     top_temperature_sigma: Annotated[Number, Within("K", 0.0, 1000.0)] = Field(
-        default=0.0, description="1 sigma of it, K"
+        default=0.0, description="1 sigma of top_temperature, K"
     )
-    windows: tuple[NamedWindow, ...] | None = Field(
-        default=None, description="windows of the average differences; absent: found from the flight"
+    windows: tuple[NamedWindowConfig, ...] | None = Field(
+        default=None, description="windows of the average differences; absent: determined from the flight"
     )

@@ -1,4 +1,4 @@
-"""Physical effects that a mission switches on."""
+"""Section of the physical effects, and the effects that its entries name."""
 
 from __future__ import annotations
 
@@ -10,72 +10,79 @@ from typing import TYPE_CHECKING, Annotated
 from pydantic import AfterValidator, Field, StringConstraints
 
 from edl_filter.errors import InputError
-from edl_filter.mission.checks import Switch, problem, shown
-from edl_filter.mission.sections import Section
+from edl_filter.mission.fields import Section
+from edl_filter.mission.validators import Switch, field_error, value_text
 
 if TYPE_CHECKING:
-    from edl_filter.effects.effect import Active
+    from edl_filter.effects.base import EffectInstance
 
 
-def _number(value: float) -> float:
+def _not_nan(value: float) -> float:
     if math.isnan(value):
-        raise problem("nan", "a number, or .inf for an effect that never ends")
+        raise field_error("nan", "a number, or .inf for an effect that never ends")
     return value
 
 
-#: A number that may be infinite: the end of an effect that never ends.
-Value = Annotated[float, Field(strict=True), AfterValidator(_number)]
+#: A number that may be infinite: the end time of an effect that never ends.
+ParameterValue = Annotated[float, Field(strict=True), AfterValidator(_not_nan)]
 
 
-class EffectEntry(Section):
-    """One physical effect with its parameters; off where all its sizes are zero."""
+class EffectConfig(Section):
+    """One physical effect with its parameters; it is off if all its sizes are zero."""
 
     name: Annotated[str, StringConstraints(min_length=1)] = Field(
         description="name in the catalogue ('edl-filter effects'), of an installed package's effect, or in the file"
     )
-    file: str | None = Field(default=None, description="Python file with a user's effect, from the mission's folder")
-    imu: str | None = Field(default=None, description="IMU that a sensor effect sits in; absent: the driving one")
+    file: str | None = Field(
+        default=None, description="Python file with a user's effect, relative to the mission's folder"
+    )
+    imu: str | None = Field(default=None, description="IMU that a sensor effect acts on; absent: the driving IMU")
     fixed: Switch = Field(default=False, description="true: held at its values instead of being refitted")
-    parameters: dict[str, Value] = Field(
+    parameters: dict[str, ParameterValue] = Field(
         default_factory=dict, description="value by parameter, SI and rad; absent: sizes 0, others their default"
     )
 
 
-def check_effects(effects: Sequence[EffectEntry]) -> None:
-    """Raise the error of the first effect that is not known, or has a parameter that it cannot have.
+def check_effects(effects: Sequence[EffectConfig]) -> None:
+    """Raise the error of the first entry with an unknown effect, a wrong parameter or a wrong IMU.
 
-    Effects of files are left to `Mission.active_effects`, which knows where the mission's folder is.
+    Effects of files are checked by `Mission.active_effects`, since their path depends on the mission's folder.
     """
     if not effects:
         return
-    from edl_filter.effects.again import among
-    from edl_filter.effects.loading import first_problem, known_effects, nearest
+    from edl_filter.effects.instances import lookup
+    from edl_filter.effects.parameters import first_problem, nearest
+    from edl_filter.effects.registry import known_effects
 
-    known = known_effects()
+    catalogue = known_effects()
     for k, entry in enumerate(effects):
         if entry.file is not None:
             continue
-        effect = among(known, entry.name)
+        effect = lookup(catalogue, entry.name)
         if effect is None:
-            expected = f"the name of an effect; {nearest(entry.name, known)}"
-            raise problem(shown(entry.name), expected, f"effects.{k}.name")
-        wrong = first_problem(effect, entry.parameters)
-        if wrong is not None:
-            raise problem(wrong.found, wrong.expected, f"effects.{k}.parameters.{wrong.parameter}")
+            expected = f"the name of an effect; {nearest(entry.name, catalogue)}"
+            raise field_error(value_text(entry.name), expected, f"effects.{k}.name")
+        problem = first_problem(effect, entry.parameters)
+        if problem is not None:
+            raise field_error(problem.actual, problem.expected, f"effects.{k}.parameters.{problem.parameter}")
         if entry.imu is not None and not any(effect.acts(h) for h in ("imu", "corrected", "imu_position")):
-            raise problem(shown(entry.imu), f"none: {entry.name} sits in no IMU", f"effects.{k}.imu")
+            raise field_error(value_text(entry.imu), f"none: {entry.name} sits in no IMU", f"effects.{k}.imu")
 
 
-def switched_on(effects: Sequence[EffectEntry], locate: Callable[[str, str], Path], where: str) -> tuple[Active, ...]:
-    """Effects as they act, in the file's order, with all their parameters.
+def effect_instances(
+    effects: Sequence[EffectConfig], locate: Callable[[str, str], Path], label: str
+) -> tuple[EffectInstance, ...]:
+    """Instances of the effects that a file lists, in its order, with all their parameters.
 
     Parameters
     ----------
-    effects : sequence of EffectEntry
+    effects : sequence of EffectConfig
+        Entries of the file.
     locate : callable
-        Key and reference of a file to its path; raises `InputError` where there is none.
-    where : str
-        The file that lists them, for messages.
+        Returns the path of a user's file from its key and the reference in the entry; raises `InputError` where the
+        file does not exist.
+    label : str
+        Name of the file that lists the effects, in messages.
 
     Raises
     ------
@@ -84,16 +91,17 @@ def switched_on(effects: Sequence[EffectEntry], locate: Callable[[str, str], Pat
     """
     if not effects:
         return ()
-    from edl_filter.effects.effect import Active
-    from edl_filter.effects.loading import checked_values, find_effect
+    from edl_filter.effects.base import EffectInstance
+    from edl_filter.effects.parameters import checked_values
+    from edl_filter.effects.registry import find_effect
 
-    active = []
+    instances = []
     for k, entry in enumerate(effects):
         key = f"effects.{k}"
         effect = find_effect(entry.name, None if entry.file is None else locate(f"{key}.file", entry.file))
         try:
             values = checked_values(effect, entry.parameters)
         except InputError as error:
-            raise InputError(f"{where}: {key}.parameters.{error}.") from None
-        active.append(Active(effect, values, entry.imu, entry.fixed))
-    return tuple(active)
+            raise InputError(f"{label}: {key}.parameters.{error}.") from None
+        instances.append(EffectInstance(effect, values, entry.imu, entry.fixed))
+    return tuple(instances)

@@ -1,4 +1,4 @@
-"""Pydantic's errors as one message that a person can act on: file, key, what was found, what is expected."""
+"""Pydantic's errors as one message for the user: file, key, what was found, what is expected."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Any, get_args, get_origin
 
 from pydantic import BaseModel, ValidationError
 
-from edl_filter.mission.checks import shown
+from edl_filter.mission.validators import value_text
 
 _EXPECTED = {
     "bool_type": "true or false",
@@ -24,80 +24,83 @@ _EXPECTED = {
 
 
 @cache
-def keys(model: type[BaseModel]) -> dict[str, str]:
+def key_descriptions(model: type[BaseModel]) -> dict[str, str]:
     """Every dotted key below `model` with its description.
 
-    ``*`` stands for names that the file chooses, or places in a list.
+    ``*`` represents a name that the file chooses, or an index of a list.
     """
-    found: dict[str, str] = {}
+    descriptions: dict[str, str] = {}
     for key, description in _walk(model, ""):
-        found.setdefault(key, description)  # of several forms the first in the schema
-    return found
+        descriptions.setdefault(key, description)  # of several forms the first in the schema
+    return descriptions
 
 
-def _walk(model: type[BaseModel], above: str) -> Iterator[tuple[str, str]]:
+def _walk(model: type[BaseModel], prefix: str) -> Iterator[tuple[str, str]]:
     for name, field in model.model_fields.items():
-        key = above + (field.alias or name)
+        key = prefix + (field.alias or name)
         yield key, field.description or ""
-        for below, star in _models(field.annotation):
-            yield from _walk(below, f"{key}.*." if star else f"{key}.")
+        for submodel, in_collection in _submodels(field.annotation):
+            yield from _walk(submodel, f"{key}.*." if in_collection else f"{key}.")
 
 
-def _models(annotation: Any, star: bool = False) -> Iterator[tuple[type[BaseModel], bool]]:
+def _submodels(annotation: Any, in_collection: bool = False) -> Iterator[tuple[type[BaseModel], bool]]:
+    """Models in an annotation, each with whether it is an element of a dict or tuple."""
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
-        yield annotation, star
-    for part in get_args(annotation):
-        yield from _models(part, star or get_origin(annotation) in (dict, tuple))
+        yield annotation, in_collection
+    for argument in get_args(annotation):
+        yield from _submodels(argument, in_collection or get_origin(annotation) in (dict, tuple))
 
 
-def describe(error: ValidationError, model: type[BaseModel], where: str, changed: Sequence[str] = ()) -> str:
-    """Message of the first problem in `error`, and how many more there are.
+def error_message(error: ValidationError, model: type[BaseModel], label: str, changed: Sequence[str] = ()) -> str:
+    """Message of the first problem in `error`, with the number of further problems.
 
     Parameters
     ----------
     error : ValidationError
+        Error of pydantic.
     model : type
         Model of the whole file.
-    where : str
-        The file, as the message names it.
+    label : str
+        Name of the file in the message.
     changed : sequence of str
-        Dotted keys that came from --set; a problem at one of them names it in place of the file.
+        Dotted keys that were changed with --set; the message of a problem at one of them names it in place of the
+        file.
     """
-    # An unknown key explains a missing one, so it comes first
+    # An unknown key often explains a missing one, so it comes first
     details = sorted(error.errors(include_url=False), key=lambda e: e["type"] != "extra_forbidden")
-    key = _key(details[0])
+    key = _dotted_key(details[0])
     message = _message(dict(details[0]), key, model)
-    start = f"{where}: {key}"
+    start = f"{label}: {key}"
     for change in changed:
         if key == change or key.startswith(change + "."):
             start = f"--set {key}"
         elif change.startswith(key + ".") and details[0]["type"] == "extra_forbidden":
             start = f"--set {change}: {key}"
     more = len(details) - 1
-    tail = f" (and {more} more problem{'s' if more > 1 else ''})" if more else ""
-    return f"{start}: {message}{tail}"
+    suffix = f" (and {more} more problem{'s' if more > 1 else ''})" if more else ""
+    return f"{start}: {message}{suffix}"
 
 
-def _key(detail: Any) -> str:
+def _dotted_key(detail: Any) -> str:
     parts = [str(p) for p in detail["loc"] if not str(p).startswith("<")]
     if detail["type"] == "missing" and isinstance(detail["loc"][-1], int):
-        parts.pop()  # a list too short: told of the list
-    below = detail.get("ctx", {}).get("key", "") if detail["type"] == "mission" else ""
-    return ".".join(parts + ([below] if below else []))
+        parts.pop()  # a list that is too short: the error is reported for the list
+    subkey = detail.get("ctx", {}).get("key", "") if detail["type"] == "mission" else ""
+    return ".".join(parts + ([subkey] if subkey else []))
 
 
 def _message(detail: dict[str, Any], key: str, model: type[BaseModel]) -> str:
     kind, context, value = detail["type"], detail.get("ctx", {}), detail["input"]
     if kind == "mission":
-        return f"found {context['found']}; expected {context['expected']}"
+        return f"found {context['actual']}; expected {context['expected']}"
     if kind == "extra_forbidden":
         return f"found an unknown key; {_nearest(key, model)}"
-    about = _description(key, model)
-    about = f" ({about})" if about else ""
+    description = _description(key, model)
+    description = f" ({description})" if description else ""
     if kind == "missing" and isinstance(value, (list, tuple)):
-        return f"found {shown(value)}; expected more entries{about}"
+        return f"found {value_text(value)}; expected more entries{description}"
     if kind == "missing":
-        return f"found nothing; expected a required key{about}"
+        return f"found nothing; expected a required key{description}"
     if kind == "union_tag_invalid":
         return _tag_message(value, context)
     expected = _EXPECTED.get(kind)
@@ -107,48 +110,48 @@ def _message(detail: dict[str, Any], key: str, model: type[BaseModel]) -> str:
         expected = context["expected"]
     elif kind == "string_pattern_mismatch":
         expected = "letters, digits, _ and - only"
-    text = " (text)" if isinstance(value, str) and kind == "float_type" else ""
-    return f"found {shown(value)}{text}; expected {expected or detail['msg']}{about}"
+    type_hint = " (text)" if isinstance(value, str) and kind == "float_type" else ""
+    return f"found {value_text(value)}{type_hint}; expected {expected or detail['msg']}{description}"
 
 
 def _tag_message(value: Any, context: dict[str, Any]) -> str:
     accepted = context["expected_tags"].replace("<", "").replace(">", "").replace("'", "")
     if not isinstance(value, dict):
-        return f"found {shown(value)}; expected a section of keys"
+        return f"found {value_text(value)}; expected a section of keys"
     if "format" not in value:
         return f"found no key format; expected format: one of {accepted}"
-    return f"found format: {shown(value['format'])}; expected one of {accepted}"
+    return f"found format: {value_text(value['format'])}; expected one of {accepted}"
 
 
-def _fits(pattern: str, key: str) -> str | None:
-    """`pattern` with its stars filled from `key`, if both are equally deep."""
+def _expand(pattern: str, key: str) -> str | None:
+    """`pattern` with each ``*`` replaced by the part of `key` at its position; None if the depths differ."""
     p, k = pattern.split("."), key.split(".")
     return ".".join(b if a == "*" else a for a, b in zip(p, k, strict=True)) if len(p) == len(k) else None
 
 
 def _description(key: str, model: type[BaseModel]) -> str:
-    known = keys(model)
+    descriptions = key_descriptions(model)
     while key:
-        for pattern, text in known.items():
-            if _fits(pattern, key) == key:
+        for pattern, text in descriptions.items():
+            if _expand(pattern, key) == key:
                 return text
-        head, _, last = key.rpartition(".")
-        key = head if last.isdigit() else ""  # an element of a list is described by the list's key
+        section, _, last = key.rpartition(".")
+        key = section if last.isdigit() else ""  # an element of a list is described by the list's key
     return ""
 
 
 def _nearest(key: str, model: type[BaseModel]) -> str:
-    """Name the nearest accepted key: in the same section if one is alike, anywhere else if not."""
-    head, _, last = key.rpartition(".")
-    filled = [_fits(k, key) or k for k in keys(model) if not k.endswith("*")]
-    beside = sorted({k.rpartition(".")[2] for k in filled if k.rpartition(".")[0] == head})
-    alike = difflib.get_close_matches(last, beside, 1, 0.5)
-    if alike:
-        return "nearest accepted: " + (f"{head}.{alike[0]}" if head else alike[0])
-    # A known key in the wrong section, or a section that is itself misspelt
-    elsewhere = [k for k in filled if k.rpartition(".")[2] == last]
-    if not elsewhere and not (head and beside):
-        elsewhere = difflib.get_close_matches(key, filled, 1, 0.7)
-    if elsewhere:
-        return f"nearest accepted: {elsewhere[0]}"
-    return "accepted here: " + ", ".join(beside)
+    """Name the nearest accepted key: in the same section if one is similar, otherwise in any section."""
+    section, _, last = key.rpartition(".")
+    accepted = [_expand(k, key) or k for k in key_descriptions(model) if not k.endswith("*")]
+    siblings = sorted({k.rpartition(".")[2] for k in accepted if k.rpartition(".")[0] == section})
+    similar = difflib.get_close_matches(last, siblings, 1, 0.5)
+    if similar:
+        return "nearest accepted: " + (f"{section}.{similar[0]}" if section else similar[0])
+    # An accepted key in the wrong section, or a section that is itself misspelt
+    candidates = [k for k in accepted if k.rpartition(".")[2] == last]
+    if not candidates and not (section and siblings):
+        candidates = difflib.get_close_matches(key, accepted, 1, 0.7)
+    if candidates:
+        return f"nearest accepted: {candidates[0]}"
+    return "accepted here: " + ", ".join(siblings)

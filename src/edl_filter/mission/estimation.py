@@ -1,4 +1,4 @@
-"""What the estimate starts from, what it is held to, how it is made and where it goes."""
+"""Sections of the estimate: initial state, constraints, filter settings and outputs."""
 
 from __future__ import annotations
 
@@ -9,8 +9,24 @@ import numpy as np
 from numpy.typing import ArrayLike
 from pydantic import Field, Tag, model_validator
 
-from edl_filter.mission.checks import (
-    Array,
+from edl_filter.mission.fields import (
+    DEG,
+    KM,
+    AngleSigma,
+    ForceSigma,
+    FromTelemetryConfig,
+    LengthSigma,
+    Pressure,
+    Radius,
+    RelativeSigma,
+    Section,
+    SpeedSigma,
+    StatedOrFromTelemetry,
+    Time,
+    WindowConfig,
+    discriminator,
+)
+from edl_filter.mission.validators import (
     Covariance,
     Direction,
     Number,
@@ -18,38 +34,22 @@ from edl_filter.mission.checks import (
     Switch,
     Vector,
     Within,
-    problem,
-    unit,
-)
-from edl_filter.mission.sections import (
-    DEG,
-    KM,
-    AngleSigma,
-    ForceSigma,
-    FromTelemetry,
-    LengthSigma,
-    Pressure,
-    Radius,
-    RelativeSigma,
-    Section,
-    SpeedSigma,
-    Time,
-    Window,
-    choice,
-    origin,
+    field_error,
+    normalised,
 )
 from edl_filter.rotations import to_matrix
+from edl_filter.types import Array
 
 
-class SunLineSigma(Section):
+class SunLineSigmaConfig(Section):
     """Attitude error that is larger about the line to the Sun than across it."""
 
     about_sun: AngleSigma = Field(description="1 sigma about the Sun line, deg")
     across_sun: AngleSigma = Field(description="1 sigma about each axis across it, deg")
 
 
-class StatedState(Section):
-    """Entry state that the mission states."""
+class StatedStateConfig(Section):
+    """Entry state stated in the mission."""
 
     time_s: Time = Field(description="time of the state, s since the epoch")
     epoch_sigma_s: Annotated[Number, Within("s", 0.0, 1e3)] = Field(
@@ -64,7 +64,7 @@ class StatedState(Section):
     attitude: (
         Annotated[
             Annotated[Literal["onboard"], Tag("<word>")] | Annotated[Quaternion, Tag("<stated>")],
-            choice(lambda value: "<word>" if isinstance(value, str) else "<stated>"),
+            discriminator(lambda value: "<word>" if isinstance(value, str) else "<stated>"),
         ]
         | None
     ) = Field(
@@ -73,8 +73,8 @@ class StatedState(Section):
     )
     attitude_sigma_deg: (
         Annotated[
-            Annotated[AngleSigma, Tag("<stated>")] | Annotated[SunLineSigma, Tag("<sun>")],
-            choice(lambda value: "<sun>" if isinstance(value, (dict, SunLineSigma)) else "<stated>"),
+            Annotated[AngleSigma, Tag("<stated>")] | Annotated[SunLineSigmaConfig, Tag("<sun>")],
+            discriminator(lambda value: "<sun>" if isinstance(value, (dict, SunLineSigmaConfig)) else "<stated>"),
         ]
         | None
     ) = Field(default=None, description="1 sigma of the attitude, deg: a number, or about_sun and across_sun")
@@ -88,17 +88,17 @@ class StatedState(Section):
     )
 
     @model_validator(mode="after")
-    def _complete(self) -> StatedState:
+    def _complete(self) -> StatedStateConfig:
         sigmas = ("position_sigma", "velocity_sigma", "attitude_sigma_deg")
         for key in sigmas:
             stated = getattr(self, key) is not None
             if self.covariance is not None and stated:
-                raise problem("both this and covariance", "one of them", key)
+                raise field_error("both this and covariance", "one of them", key)
             optional = key == "attitude_sigma_deg" and self.attitude is None
             if self.covariance is None and not stated and not optional:
-                raise problem("nothing", f"{type(self).model_fields[key].description}; or covariance", key)
-        if isinstance(self.attitude_sigma_deg, SunLineSigma) and self.sun_direction_j2000 is None:
-            raise problem("nothing", "the unit vector that about_sun needs", "sun_direction_j2000")
+                raise field_error("nothing", f"{type(self).model_fields[key].description}; or covariance", key)
+        if isinstance(self.attitude_sigma_deg, SunLineSigmaConfig) and self.sun_direction_j2000 is None:
+            raise field_error("nothing", "the unit vector that about_sun needs", "sun_direction_j2000")
         return self
 
     @property
@@ -108,27 +108,32 @@ class StatedState(Section):
 
     @property
     def sun_direction(self) -> Array | None:
-        """`sun_direction_j2000` brought to length 1, (3,)."""
-        return None if self.sun_direction_j2000 is None else unit(self.sun_direction_j2000)
+        """`sun_direction_j2000` divided by its length, (3,)."""
+        return None if self.sun_direction_j2000 is None else normalised(self.sun_direction_j2000)
 
     def covariance_matrix(self, inertial_from_body: ArrayLike, j2000_from_inertial: ArrayLike | None = None) -> Array:
-        """Covariance (9, 9) of position, velocity and attitude error, without the state's epoch and frame.
+        """Covariance of position, velocity and attitude error, without the errors of the state's epoch and frame.
 
         Parameters
         ----------
         inertial_from_body : (4,) array
-            Attitude of the state, scalar last: the error is in body axes.
-        j2000_from_inertial : (3, 3) array
-            Needed where the attitude's sigma is told about the Sun line.
+            Attitude of the state, scalar last: the attitude error is in body axes.
+        j2000_from_inertial : (3, 3) array, optional
+            Required where the attitude's sigma is stated about the Sun line.
+
+        Returns
+        -------
+        (9, 9) array
+            m, m/s and rad.
         """
         if self.covariance is not None:
             return np.array(self.covariance)
-        assert self.position_sigma is not None and self.velocity_sigma is not None  # _complete saw to it
+        assert self.position_sigma is not None and self.velocity_sigma is not None  # ensured by _complete
         p = np.zeros((9, 9))
         p[:3, :3] = self.position_sigma**2 * np.eye(3)
         p[3:6, 3:6] = self.velocity_sigma**2 * np.eye(3)
         sigma = self.attitude_sigma_deg
-        if isinstance(sigma, SunLineSigma):
+        if isinstance(sigma, SunLineSigmaConfig):
             assert self.sun_direction is not None and j2000_from_inertial is not None
             sun = to_matrix(inertial_from_body).T @ np.asarray(j2000_from_inertial).T @ self.sun_direction
             across, about = (sigma.across_sun * DEG) ** 2, (sigma.about_sun * DEG) ** 2
@@ -138,28 +143,27 @@ class StatedState(Section):
         return p
 
 
-InitialState = Annotated[
-    Annotated[StatedState, Tag("<stated>")] | Annotated[FromTelemetry, Tag("<telemetry>")], choice(origin)
-]
+InitialStateConfig = StatedOrFromTelemetry[StatedStateConfig, FromTelemetryConfig]
 
 
-class OnboardAttitude(Section):
+class OnboardAttitudeConfig(Section):
     """The attitude computed on board."""
 
-    interval_s: Annotated[Number, Within("s", 0.0, 1e4, above=True)] = Field(description="time between uses, s")
-    sigma_deg: AngleSigma = Field(description="1 sigma of one use about each axis, deg")
+    interval_s: Annotated[Number, Within("s", 0.0, 1e4, above=True)] = Field(description="time between updates, s")
+    sigma_deg: AngleSigma = Field(description="1 sigma of one update about each axis, deg")
     unit_change_sigma_deg: Annotated[Number, Within("deg", 0.0, 180.0)] = Field(
-        default=0.0, description="1 sigma of the step when another unit computes it, deg; 0: none"
+        default=0.0,
+        description="1 sigma of the attitude step when another on-board unit takes over the computation, deg; 0: none",
     )
-
     rate_sigma_deg_h: Annotated[Number, Within("deg/h", 0.0, 1e3)] = Field(
         default=0.0,
-        description="1 sigma per body axis of the rates that it was computed with, against the gyro samples, deg/h; "
-        "0: none",
+        description="1 sigma per body axis of the difference between the rates used on board and the gyro samples, "
+        "deg/h; 0: none",
     )
     mounting_sigma_deg: Annotated[Number, Within("deg", 0.0, 10.0)] = Field(
         default=0.0,
-        description="1 sigma per body axis of the mounting that it used, against the samples', deg; 0: none",
+        description="1 sigma per body axis of the difference between the mounting used on board and that of the "
+        "samples, deg; 0: none",
     )
 
     @property
@@ -183,14 +187,14 @@ class OnboardAttitude(Section):
         return self.unit_change_sigma_deg * DEG
 
 
-class ZeroForce(Window):
-    """Before the atmosphere no force acts on the vehicle but gravity."""
+class ZeroForceConfig(WindowConfig):
+    """Before the atmosphere, gravity is the only force on the vehicle."""
 
     sigma: ForceSigma = Field(description="1 sigma of the mean specific force over the window, m/s^2")
 
 
-class ParachutePressure(Section):
-    """Dynamic pressure when the event parachute_deploy happens."""
+class ParachutePressureConfig(Section):
+    """Dynamic pressure at the event parachute_deploy."""
 
     dynamic_pressure: Pressure = Field(description="dynamic pressure, Pa")
     dynamic_pressure_sigma: Annotated[Number, Within("Pa", 0.0, 1e6, (("kPa", 1e3),), above=True)] = Field(
@@ -198,18 +202,18 @@ class ParachutePressure(Section):
     )
 
 
-class SteadyDescent(Window):
-    """Under the parachute the vehicle sinks at terminal speed."""
+class SteadyDescentConfig(WindowConfig):
+    """Under the parachute the vehicle descends at terminal speed."""
 
     horizontal_sigma: SpeedSigma = Field(description="1 sigma of each horizontal velocity, m/s: wind")
-    vertical_sigma: RelativeSigma = Field(description="1 sigma of the sinking speed, relative")
+    vertical_sigma: RelativeSigma = Field(description="1 sigma of the descent rate, relative")
 
 
-class LandingSite(Section):
-    """Where the vehicle is when the event landing happens."""
+class LandingSiteConfig(Section):
+    """Position of the vehicle at the event landing."""
 
     use: Switch = Field(
-        default=True, description="false: known, to measure misses from, but the estimate is not held to it"
+        default=True, description="false: used only to compute the miss distance, not as a constraint of the estimate"
     )
     latitude_deg: Annotated[Number, Within("deg", -90.0, 90.0)] = Field(description="areocentric latitude, deg, north")
     longitude_deg: Annotated[Number, Within("deg", -180.0, 360.0)] = Field(description="longitude, deg, east")
@@ -230,13 +234,13 @@ class LandingSite(Section):
     @property
     def position(self) -> Array:
         """Planet-fixed position (3,), m."""
-        across = math.cos(self.latitude)
+        equatorial = math.cos(self.latitude)
         return self.radius * np.array(
-            [across * math.cos(self.longitude), across * math.sin(self.longitude), math.sin(self.latitude)]
+            [equatorial * math.cos(self.longitude), equatorial * math.sin(self.longitude), math.sin(self.latitude)]
         )
 
 
-class Rest(Window):
+class RestConfig(WindowConfig):
     """The vehicle rests on the surface."""
 
     velocity_sigma: SpeedSigma = Field(description="1 sigma of each ground-relative velocity, m/s")
@@ -251,68 +255,63 @@ class Rest(Window):
         return None if sigma is None else sigma * DEG
 
 
-class RestFromTelemetry(FromTelemetry):
-    """The vehicle rests from the time of the flight file's landing constraint to the record's end."""
+class RestFromTelemetryConfig(FromTelemetryConfig):
+    """The vehicle rests from the time of the flight file's landing constraint to the end of the record."""
 
     velocity_sigma: SpeedSigma = Field(default=0.05, description="1 sigma of each ground-relative velocity, m/s")
 
 
-class AltimeterFromTelemetry(FromTelemetry):
+class AltimeterFromTelemetryConfig(FromTelemetryConfig):
     """The altimeter of the flight file."""
 
-    sigma: LengthSigma | None = Field(default=None, description="1 sigma of one height, m; absent: the file's")
+    sigma: LengthSigma | None = Field(
+        default=None, description="1 sigma of one height, m; absent: that of the flight file"
+    )
 
 
-class Constraints(Section):
-    """What the estimate is held to; a constraint that is absent or null is not used."""
+class ConstraintsConfig(Section):
+    """Constraints that are fused into the estimate; a constraint that is absent or null is not used."""
 
-    onboard_attitude: OnboardAttitude | None = Field(default=None, description="attitude computed on board")
-    pre_entry_zero_force: ZeroForce | None = Field(default=None, description="no force before the atmosphere")
-    parachute: (
-        Annotated[
-            Annotated[ParachutePressure, Tag("<stated>")] | Annotated[FromTelemetry, Tag("<telemetry>")],
-            choice(origin),
-        ]
-        | None
-    ) = Field(default=None, description="dynamic pressure at deployment")
-    steady_descent: SteadyDescent | None = Field(default=None, description="terminal speed under the parachute")
-    landing: (
-        Annotated[
-            Annotated[LandingSite, Tag("<stated>")] | Annotated[FromTelemetry, Tag("<telemetry>")],
-            choice(origin),
-        ]
-        | None
-    ) = Field(default=None, description="where the vehicle lands")
-    rest: (
-        Annotated[
-            Annotated[Rest, Tag("<stated>")] | Annotated[RestFromTelemetry, Tag("<telemetry>")],
-            choice(origin),
-        ]
-        | None
-    ) = Field(default=None, description="rest on the surface")
-    altimeter: AltimeterFromTelemetry | None = Field(default=None, description="radar altimeter")
+    onboard_attitude: OnboardAttitudeConfig | None = Field(default=None, description="attitude computed on board")
+    pre_entry_zero_force: ZeroForceConfig | None = Field(default=None, description="no force before the atmosphere")
+    parachute: StatedOrFromTelemetry[ParachutePressureConfig, FromTelemetryConfig] | None = Field(
+        default=None, description="dynamic pressure at deployment"
+    )
+    steady_descent: SteadyDescentConfig | None = Field(default=None, description="terminal speed under the parachute")
+    landing: StatedOrFromTelemetry[LandingSiteConfig, FromTelemetryConfig] | None = Field(
+        default=None, description="landing site"
+    )
+    rest: StatedOrFromTelemetry[RestConfig, RestFromTelemetryConfig] | None = Field(
+        default=None, description="rest on the surface"
+    )
+    altimeter: AltimeterFromTelemetryConfig | None = Field(default=None, description="radar altimeter")
 
 
-class FilterSettings(Section):
-    """The filter."""
+class FilterConfig(Section):
+    """Settings of the unscented Kalman filter."""
 
+    method: Literal["ukf", "ekf"] = Field(
+        default="ukf", description="ukf: unscented Kalman filter; ekf: extended, without alpha, beta and kappa"
+    )
     alpha: Annotated[Number, Within("", 0.1, 1.0)] = Field(
-        default=0.5, description="spread of the sigma points; below 0.1 digits are lost"
+        default=0.5, description="spread of the sigma points; below 0.1 rounding errors become large"
     )
     beta: Annotated[Number, Within("", 0.0, 10.0)] = Field(default=2.0, description="shape of the prior; 2: Gaussian")
-    kappa: Annotated[Number, Within("", -10.0, 100.0)] = Field(default=0.0, description="secondary spread")
+    kappa: Annotated[Number, Within("", -10.0, 100.0)] = Field(
+        default=0.0, description="secondary spread of the sigma points"
+    )
     longest_interval_s: Annotated[Number, Within("s", 0.0, 100.0, above=True)] = Field(
         default=5.0, description="longest time between fusion epochs, s"
     )
     gate_probability: Annotated[Number, Within("", 0.5, 1.0, (("%", 1e-2),), below=True)] = Field(
-        default=0.99999, description="a constraint beyond this quantile of its NIS is not accepted"
+        default=0.99999, description="a constraint whose NIS exceeds this quantile of its distribution is not accepted"
     )
 
 
-class Outputs(Section):
-    """What is written, and where."""
+class OutputsConfig(Section):
+    """Outputs of a run, and their folder."""
 
     directory: str | None = Field(
-        default=None, description="folder of the results, from the current folder; absent: results/NAME"
+        default=None, description="folder of the results, relative to the current folder; absent: results/NAME"
     )
     figures: Switch = Field(default=True, description="draw figures")

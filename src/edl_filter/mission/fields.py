@@ -1,21 +1,21 @@
-"""What the sections of a mission file share: their base class, and numbers with unit and accepted range."""
+"""Building blocks of the sections of a mission file: the base class, and numbers with unit and accepted range."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, TypeVar
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Discriminator, Field, model_validator
+from pydantic import AfterValidator, BaseModel, ConfigDict, Discriminator, Field, Tag, model_validator
 
 from edl_filter.errors import InputError
-from edl_filter.mission.checks import Number, Vector, Within, problem, shown
+from edl_filter.mission.validators import Number, Vector, Within, field_error, value_text
 from edl_filter.telemetry.clock import parse_utc
 
 #: Radians in a degree
 DEG = math.pi / 180.0
 
-# Units that people take by mistake, with the factor to the right one
+# Units that are often used by mistake, each with the factor that converts it to the right unit
 KM = (("km", 1e3), ("cm", 1e-2), ("mm", 1e-3))
 PERCENT = (("%", 1e-2),)
 PARTS = (("ppm", 1e-6), *PERCENT)
@@ -27,7 +27,7 @@ def _utc(text: str) -> str:
     try:
         parse_utc(text)
     except InputError:
-        raise problem(shown(text), "a UTC time in ISO 8601, such as 2004-01-04T04:21:21.532") from None
+        raise field_error(value_text(text), "a UTC time in ISO 8601, such as 2004-01-04T04:21:21.532") from None
     return text
 
 
@@ -49,39 +49,46 @@ Product = Annotated[Number, Within("kg m^2", -1e6, 1e6)]
 
 
 class Section(BaseModel):
-    """A section of the file: frozen, and no key but its own."""
+    """Base class of the sections of a file: frozen; unknown keys are refused."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
 
-def choice(pick: Callable[[Any], str]) -> Discriminator:
-    """Choose one of several forms by the tag that `pick` gives for the data.
+def discriminator(tag_of: Callable[[Any], str]) -> Discriminator:
+    """Select one form of a section by the tag that `tag_of` returns for the data.
 
-    Tags stand in angle brackets, which messages leave out of keys.
+    Tags are written in angle brackets, which `edl_filter.mission.error_messages` removes from keys.
     """
-    return Discriminator(pick)
+    return Discriminator(tag_of)
 
 
-class FromTelemetry(Section):
+class FromTelemetryConfig(Section):
     """Take the values and their sigmas from the telemetry's file."""
 
     from_: Literal["telemetry"] = Field(alias="from", description="telemetry: values and sigmas are in its file")
 
 
-def origin(value: Any) -> str:
-    """Tag of data that come from the telemetry's file, or stand in the mission."""
-    telemetry = "from" in value if isinstance(value, dict) else isinstance(value, FromTelemetry)
-    return "<telemetry>" if telemetry else "<stated>"
+def _source_tag(value: Any) -> str:
+    from_telemetry = "from" in value if isinstance(value, dict) else isinstance(value, FromTelemetryConfig)
+    return "<telemetry>" if from_telemetry else "<stated>"
 
 
-class Window(Section):
+Stated = TypeVar("Stated")
+FromTelemetry = TypeVar("FromTelemetry", bound=FromTelemetryConfig)
+#: A section whose values are stated in the mission, or the section that takes them from the telemetry's file.
+StatedOrFromTelemetry = Annotated[
+    Annotated[Stated, Tag("<stated>")] | Annotated[FromTelemetry, Tag("<telemetry>")], discriminator(_source_tag)
+]
+
+
+class WindowConfig(Section):
     """A span of time."""
 
     start_s: Time = Field(description="beginning, s since the epoch")
     end_s: Time = Field(description="end, s since the epoch")
 
     @model_validator(mode="after")
-    def _in_order(self) -> Window:
+    def _start_before_end(self) -> WindowConfig:
         if self.start_s >= self.end_s:
-            raise problem(shown(self.end_s), f"s, after start_s = {self.start_s!r}", "end_s")
+            raise field_error(value_text(self.end_s), f"s, after start_s = {self.start_s!r}", "end_s")
         return self

@@ -1,4 +1,4 @@
-"""How a person names a mission at a shell, and a mission file that holds just what was run."""
+"""The file of a mission: its name in commands, whether it still matches the mission, and copies in other folders."""
 
 from __future__ import annotations
 
@@ -6,40 +6,60 @@ import os
 from pathlib import Path
 
 from edl_filter.errors import InputError
-from edl_filter.mission.appending import seen_from
-from edl_filter.mission.mission import BUILTIN, PATH_KEYS, Mission, shipped_mission
-from edl_filter.mission.text import read_text
-from edl_filter.whole_file import replace_with
+from edl_filter.io.atomic import replace_with
+from edl_filter.mission.mission import PATH_KEYS, Mission
+from edl_filter.mission.shipped import BUILTIN, shipped_mission
+from edl_filter.mission.yaml_edit import rebase_paths
+from edl_filter.mission.yaml_text import read_text
 
-#: Keys of a mission that name a file, those of users' effects too.
+#: Keys of a mission that name a file, including those of users' effects.
 FILE_KEYS = (*PATH_KEYS, "effects.*.file")
 
 
-def name_of(mission: Mission) -> str:
-    """A mission's file from the current folder, or ``builtin:NAME``."""
+def mission_argument(mission: Mission) -> str:
+    """Name of a mission as argument of a command: its file from the current folder, or ``builtin:NAME``."""
     source = mission.source
     if source is None:
         return mission.name
     try:
         shipped = shipped_mission(source.stem).resolve() == source.resolve()
-    except InputError:  # none of that name is shipped
+    except InputError:  # the package ships no mission of that name
         shipped = False
-    if shipped and not _below(source, Path()):
+    if shipped and not _is_below(source, Path()):
         return BUILTIN + source.stem
-    return os.path.relpath(source) if _below(source, Path()) else str(source)
+    return os.path.relpath(source) if _is_below(source, Path()) else str(source)
 
 
-def unchanged(mission: Mission) -> bool:
-    """Whether the mission's file still says what the mission does, so that it can be named instead."""
+def matches_file(mission: Mission) -> bool:
+    """Whether the mission's file still has the mission's text, so that a command can name the file."""
     return mission.source is not None and mission.source.is_file() and read_text(mission.source) == mission.text
 
 
+def source_folder(mission: Mission) -> Path:
+    """Folder from which the mission's relative paths start."""
+    return Path() if mission.source is None else mission.source.parent
+
+
 def write_mission(mission: Mission, text: str, target: Path) -> Path:
-    """Write a mission's `text` elsewhere, its relative paths changed to be found from there."""
-    beside = Path() if mission.source is None else mission.source.parent
-    moved = seen_from(text, FILE_KEYS, beside, target.parent, str(target))
-    return replace_with(target, lambda path: path.write_text(moved, encoding="utf-8"))
+    """Write a mission file.
+
+    Parameters
+    ----------
+    mission : Mission
+        Mission from whose folder the relative paths in `text` start.
+    text : str
+        Text of the mission, which may differ from that of `mission`.
+    target : Path
+        File to write; relative paths are changed to start from its folder.
+
+    Returns
+    -------
+    Path
+        `target`.
+    """
+    rebased = rebase_paths(text, FILE_KEYS, source_folder(mission), target.parent, str(target))
+    return replace_with(target, lambda path: path.write_text(rebased, encoding="utf-8"))
 
 
-def _below(path: Path, folder: Path) -> bool:
+def _is_below(path: Path, folder: Path) -> bool:
     return path.resolve().is_relative_to(folder.resolve())

@@ -1,4 +1,4 @@
-"""Telemetry: where it is, its clock, its instruments."""
+"""Sections of the telemetry: its file or folder, its clock, its instruments."""
 
 from __future__ import annotations
 
@@ -7,18 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import numpy as np
 from pydantic import Field, Tag, model_validator
 
-from edl_filter.mission.checks import (
-    Array,
-    Number,
-    Quaternion,
-    RotationMatrix,
-    Within,
-    orthonormal,
-    problem,
-    shown,
-    unit,
-)
-from edl_filter.mission.sections import (
+from edl_filter.mission.fields import (
     DEG,
     DEGREE_RATES,
     DEGREES,
@@ -28,17 +17,28 @@ from edl_filter.mission.sections import (
     Sclk,
     Section,
     Utc,
-    Window,
-    choice,
+    WindowConfig,
+    discriminator,
+)
+from edl_filter.mission.validators import (
+    Number,
+    Quaternion,
+    RotationMatrix,
+    Within,
+    field_error,
+    nearest_rotation_matrix,
+    normalised,
+    value_text,
 )
 from edl_filter.telemetry.clock import SclkClock
+from edl_filter.types import Array
 
 if TYPE_CHECKING:
-    from edl_filter.telemetry.record import SensorErrors
+    from edl_filter.imu_model.sensor_errors import SensorErrors
 
 
-class Clock(Section):
-    """One pair of readings that ties the spacecraft clock to UTC."""
+class ClockConfig(Section):
+    """One pair of simultaneous readings of the spacecraft clock and UTC."""
 
     sclk: Sclk = Field(description="spacecraft clock count, s")
     utc: Utc = Field(description="UTC at that count, ISO 8601")
@@ -47,7 +47,7 @@ class Clock(Section):
 RateDegH = Annotated[Number, Within("deg/h", -1e3, 1e3)]
 
 
-class ErrorBudget(Section):
+class ErrorBudgetConfig(Section):
     """Noise and constant errors of one source of samples."""
 
     accelerometer_noise: ForceSigma = Field(description="1 sigma of one sample, m/s^2")
@@ -72,8 +72,8 @@ class ErrorBudget(Section):
 
     @property
     def errors(self) -> SensorErrors:
-        """Sigmas of the constant errors, as telemetry's records carry them."""
-        from edl_filter.telemetry.record import SensorErrors
+        """Sigmas of the constant errors, in the form of the telemetry's records."""
+        from edl_filter.imu_model.sensor_errors import SensorErrors
 
         return SensorErrors(
             accelerometer_bias=self.accelerometer_bias_sigma,
@@ -84,7 +84,7 @@ class ErrorBudget(Section):
         )
 
 
-class Imu(ErrorBudget):
+class ImuConfig(ErrorBudgetConfig):
     """Mounting, noise and error budget of one IMU."""
 
     spacecraft_from_imu: Quaternion = Field(
@@ -101,8 +101,8 @@ class Imu(ErrorBudget):
 
     @property
     def spacecraft_from_imu_quaternion(self) -> Array:
-        """`spacecraft_from_imu` brought to norm 1, (4,)."""
-        return unit(self.spacecraft_from_imu)
+        """`spacecraft_from_imu` divided by its norm, (4,)."""
+        return normalised(self.spacecraft_from_imu)
 
     @property
     def transformed_alignment(self) -> tuple[float, float]:
@@ -116,8 +116,8 @@ class Imu(ErrorBudget):
         return np.array(self.onboard_rate_correction_deg_h) * DEG / 3600.0
 
 
-class Register(ErrorBudget):
-    """The rover's velocity register and quaternion, the only samples after HIGHRATE's end."""
+class VelocityRegisterConfig(ErrorBudgetConfig):
+    """The rover's velocity register and quaternion, the only samples after the end of HIGHRATE."""
 
     frame: RotationMatrix = Field(
         description="3 rows: axes in which the register accumulates, in J2000 (Earth mean equator and equinox)"
@@ -126,30 +126,30 @@ class Register(ErrorBudget):
     @property
     def frame_matrix(self) -> Array:
         """`frame` made orthonormal to rounding, (3, 3): takes J2000 to register components."""
-        return orthonormal(self.frame)
+        return nearest_rotation_matrix(self.frame)
 
 
-class MerImu(Window):
+class MerImuConfig(WindowConfig):
     """Telemetry of a Mars Exploration Rover, PDS volume merimu_1001."""
 
     format: Literal["mer-imu"] = Field(description="mer-imu: PDS volume merimu_1001")
     path: str | None = Field(
         default=None,
-        description="folder of the volume; absent: $EDL_FILTER_DATA, or what 'edl-filter fetch' brought",
+        description="folder of the volume; absent: $EDL_FILTER_DATA, or what 'edl-filter fetch' downloaded",
     )
     spacecraft: Literal[1, 2] = Field(description="1 is Opportunity (MER-B), 2 is Spirit (MER-A)")
-    clock: Clock = Field(description="spacecraft clock against UTC")
+    clock: ClockConfig = Field(description="spacecraft clock against UTC")
     epoch_sclk: Sclk = Field(description="spacecraft clock count at time 0, s")
-    velocity_register: Register = Field(description="the rover's accumulated velocity and quaternion")
-    imus: dict[Literal["backshell", "rover"], Imu] = Field(
+    velocity_register: VelocityRegisterConfig = Field(description="the rover's accumulated velocity and quaternion")
+    imus: dict[Literal["backshell", "rover"], ImuConfig] = Field(
         min_length=2,
         description="backshell, which drives up to the event backshell_separation, and rover, which drives after",
     )
 
     @model_validator(mode="after")
-    def _consistent(self) -> MerImu:
+    def _epoch_near_clock(self) -> MerImuConfig:
         if abs(self.epoch_sclk - self.clock.sclk) > 1e5:
-            raise problem(shown(self.epoch_sclk), f"s near clock.sclk = {self.clock.sclk!r}", "epoch_sclk")
+            raise field_error(value_text(self.epoch_sclk), f"s near clock.sclk = {self.clock.sclk!r}", "epoch_sclk")
         return self
 
     @property
@@ -163,15 +163,15 @@ class MerImu(Window):
         return self.sclk_clock.to_utc(self.epoch_sclk)
 
 
-class FlightFile(Section):
-    """Telemetry in a flight file, which states its epoch, IMUs and constraints itself."""
+class FlightFileConfig(Section):
+    """Telemetry in a flight file, which contains its epoch, IMUs and constraints."""
 
     format: Literal["flight-file"] = Field(description="flight-file: HDF5 in the neutral layout")
     path: str = Field(description="flight file: a path (--set telemetry.path=FILE), or builtin:NAME")
-    driving: str | None = Field(default=None, description="IMU that drives; absent: primary, or the only one")
+    driving: str | None = Field(default=None, description="driving IMU; absent: primary, or the only IMU")
 
 
-class PhoenixPds(Section):
+class PhoenixPdsConfig(Section):
     """Telemetry of Phoenix, which the package cannot read yet."""
 
     format: Literal["phoenix-pds"] = Field(description="phoenix-pds: raw IMU product (not read yet)")
@@ -180,13 +180,13 @@ class PhoenixPds(Section):
     epoch_utc: Utc = Field(description="UTC of time 0, ISO 8601")
 
 
-def _format(value: Any) -> str:
+def _format_tag(value: Any) -> str:
     return f"<{value.get('format') if isinstance(value, dict) else getattr(value, 'format', None)}>"
 
 
-Telemetry = Annotated[
-    Annotated[FlightFile, Tag("<flight-file>")]
-    | Annotated[MerImu, Tag("<mer-imu>")]
-    | Annotated[PhoenixPds, Tag("<phoenix-pds>")],
-    choice(_format),
+TelemetryConfig = Annotated[
+    Annotated[FlightFileConfig, Tag("<flight-file>")]
+    | Annotated[MerImuConfig, Tag("<mer-imu>")]
+    | Annotated[PhoenixPdsConfig, Tag("<phoenix-pds>")],
+    discriminator(_format_tag),
 ]

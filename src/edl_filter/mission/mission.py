@@ -1,33 +1,35 @@
-"""A mission: its sections, read and checked together, and the files that it names."""
+"""A mission: its sections, read and checked together, and the files that they name."""
 
 from __future__ import annotations
 
 import json
 from collections.abc import Sequence
-from importlib.resources import files
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 from pydantic import Field, PrivateAttr, StringConstraints, ValidationError, model_validator
 
+from edl_filter.display import render
 from edl_filter.errors import InputError
-from edl_filter.mission.aerodynamics import Aerodynamics, Postflight
-from edl_filter.mission.checks import shown
-from edl_filter.mission.consistency import check_together, event_times
-from edl_filter.mission.effects import EffectEntry, switched_on
-from edl_filter.mission.estimation import Constraints, FilterSettings, InitialState, Outputs
-from edl_filter.mission.measurements import MerImu, PhoenixPds, Telemetry
-from edl_filter.mission.messages import describe
-from edl_filter.mission.sections import Section
-from edl_filter.mission.text import flow_text, parse, parse_override, read_text, set_key
-from edl_filter.mission.world import Atmosphere, Planet, Vehicle
+from edl_filter.mission.aerodynamics import AerodynamicsConfig, PostflightConfig
+from edl_filter.mission.cross_checks import check_sections, event_times
+from edl_filter.mission.decision_settings import DecisionSettings
+from edl_filter.mission.effects import EffectConfig, effect_instances
+from edl_filter.mission.error_messages import error_message
+from edl_filter.mission.estimation import ConstraintsConfig, FilterConfig, InitialStateConfig, OutputsConfig
+from edl_filter.mission.fields import Section
+from edl_filter.mission.measurements import MerImuConfig, PhoenixPdsConfig, TelemetryConfig
+from edl_filter.mission.shipped import BUILTIN, shipped_data, shipped_mission
+from edl_filter.mission.validators import value_text
+from edl_filter.mission.world import AtmosphereConfig, PlanetConfig, VehicleConfig
+from edl_filter.mission.yaml_text import flow_text, parse, parse_override, read_text, set_key
 
 if TYPE_CHECKING:
-    from edl_filter.effects.effect import Active, Effect
-    from edl_filter.planet import Planet as PlanetModel
+    from edl_filter.effects.base import EffectInstance
+    from edl_filter.planet import Planet
 
-BUILTIN = "builtin:"
-#: Keys that name a file to read. In a mission file they start from its folder, in --set from the current one.
+#: Keys that name a file to read. A relative path in a mission file starts from the folder of that file, a relative
+#: path in --set from the current folder.
 PATH_KEYS = (
     "telemetry.path",
     "atmosphere.table",
@@ -38,71 +40,92 @@ PATH_KEYS = (
 
 
 class Mission(Section):
-    """The model of one entry. Made by `Mission.load` or `Mission.from_dict`.
+    """The model of one entry, created by `Mission.load` or `Mission.from_dict`.
 
-    Attributes are the file's sections; `text` and `source` say what was read.
+    Attributes are the sections of the file; `text` is its YAML and `source` its path.
     """
 
     name: Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9_\-]+$")] = Field(
         description="short name, letters, digits, _ and -"
     )
-    title: str = Field(default="", description="name for people")
-    planet: Planet = Field(description="the planet")
-    atmosphere: Atmosphere = Field(description="preflight atmosphere")
-    telemetry: Telemetry = Field(description="what was measured")
-    vehicle: Vehicle = Field(description="the vehicle")
-    aerodynamics: Aerodynamics | None = Field(
+    title: str = Field(default="", description="title in reports and figures")
+    planet: PlanetConfig = Field(description="the planet")
+    atmosphere: AtmosphereConfig = Field(description="preflight atmosphere")
+    telemetry: TelemetryConfig = Field(description="telemetry of the flight")
+    vehicle: VehicleConfig = Field(description="the vehicle")
+    aerodynamics: AerodynamicsConfig | None = Field(
         default=None, description="aerodynamic database; absent: no atmosphere and no coefficients are derived"
     )
-    postflight: Postflight = Field(default=Postflight(), description="how they are derived")
-    initial_state: InitialState = Field(description="state at entry")
-    constraints: Constraints = Field(default=Constraints(), description="an absent constraint is not used")
-    filter: FilterSettings = Field(default=FilterSettings(), description="the filter's settings")
-    effects: tuple[EffectEntry, ...] = Field(default=(), description="physical effects that are switched on")
-    outputs: Outputs = Field(default=Outputs(), description="what is written")
+    postflight: PostflightConfig = Field(
+        default=PostflightConfig(), description="how atmosphere and coefficients are derived"
+    )
+    initial_state: InitialStateConfig = Field(description="state at entry")
+    constraints: ConstraintsConfig = Field(default=ConstraintsConfig(), description="an absent constraint is not used")
+    filter: FilterConfig = Field(default=FilterConfig(), description="the filter's settings")
+    effects: tuple[EffectConfig, ...] = Field(default=(), description="physical effects that are switched on")
+    diagnosis: DecisionSettings = Field(default=DecisionSettings(), description="thresholds of the diagnosis")
+    outputs: OutputsConfig = Field(default=OutputsConfig(), description="files of a run")
 
     _text: str = PrivateAttr("")
     _source: Path | None = PrivateAttr(None)
-    _session: tuple[Active, ...] = PrivateAttr(())
+    _session: tuple[EffectInstance, ...] = PrivateAttr(())
 
     @classmethod
     def load(cls, path: str | Path, overrides: Sequence[str] = ()) -> Mission:
-        """Read the mission file at `path`, or the shipped one that ``builtin:NAME`` names.
+        """Read a mission file, or a mission that the package ships.
 
         Parameters
         ----------
         path : str or Path
+            Mission file, or ``builtin:NAME``.
         overrides : sequence of str
-            ``KEY=VALUE`` with a dotted key; the value is YAML, and ``null`` leaves a section out. A
-            relative path given to a key that names a file starts from the current folder, as anyone at a
-            shell expects.
+            ``KEY=VALUE`` with a dotted key; the value is YAML, and ``null`` removes a section. A relative path as
+            value of a key that names a file starts from the current folder, as in a shell.
 
         Raises
         ------
         InputError
             The file cannot be read, is not YAML, or a key is unknown, missing or wrong.
         """
-        text_path = str(path)
-        file = shipped_mission(text_path[len(BUILTIN) :]) if text_path.startswith(BUILTIN) else Path(path)
-        return cls.from_text(read_text(file), str(path), file, overrides)
+        label = str(path)
+        file = shipped_mission(label[len(BUILTIN) :]) if label.startswith(BUILTIN) else Path(path)
+        return cls.from_text(read_text(file), label, file, overrides)
 
     @classmethod
     def from_dict(cls, data: dict[str, Any], source: str = "mission", overrides: Sequence[str] = ()) -> Mission:
-        """Mission of plain `data` in the file's form; `source` stands for the file in messages.
+        """Create a mission from data in the form of a mission file; relative paths start from the current folder.
 
-        Relative paths start from the current folder.
+        Parameters
+        ----------
+        data : dict
+            Sections by key; numpy arrays and paths are accepted as values.
+        source : str
+            Name of the mission in error messages, in place of a file.
+        overrides : sequence of str
+            As in `load`.
 
         Raises
         ------
         InputError
             As `load`.
         """
-        plain = json.loads(json.dumps(data, default=_plain))
+        plain = json.loads(json.dumps(data, default=_as_json))
         return cls.from_text(flow_text(plain, "  "), source, None, overrides)
 
     @classmethod
-    def from_text(cls, text: str, where: str, source: Path | None, overrides: Sequence[str] = ()) -> Mission:
-        """Mission of a file's `text`, which messages call `where`; its relative paths start beside `source`.
+    def from_text(cls, text: str, label: str, source: Path | None, overrides: Sequence[str] = ()) -> Mission:
+        """Create a mission from the text of a mission file.
+
+        Parameters
+        ----------
+        text : str
+            YAML.
+        label : str
+            Name of the file in error messages.
+        source : Path or None
+            File of the mission; relative paths start from its folder, or from the current folder if it is None.
+        overrides : sequence of str
+            As in `load`.
 
         Raises
         ------
@@ -114,53 +137,59 @@ class Mission(Section):
             key, value = parse_override(override)
             if key in PATH_KEYS and isinstance(value, str) and not value.startswith(BUILTIN):
                 value = str(Path(value).expanduser().absolute())
-            text = set_key(text, key, value, where)
+            text = set_key(text, key, value, label)
             changed.append(key)
-        data = parse(text, where)
+        data = parse(text, label)
         if not isinstance(data, dict):
-            raise InputError(f"{where}: found {_kind(data)}; expected a mapping of keys, such as 'name: my_mission'.")
+            raise InputError(
+                f"{label}: found {_type_text(data)}; expected a mapping of keys, such as 'name: my_mission'."
+            )
         try:
             mission = cls.model_validate(data)
         except ValidationError as error:
-            raise InputError(describe(error, cls, where, changed)) from None
+            raise InputError(error_message(error, cls, label, changed)) from None
         mission._text, mission._source = text, source
         return mission
 
     @property
     def text(self) -> str:
-        """The mission's YAML with all changes made, to be kept with results."""
+        """The mission's YAML after all overrides; results are stored with it."""
         return self._text
 
     @property
     def source(self) -> Path | None:
-        """File that was read."""
+        """File that was read; None where the mission was created from data."""
         return self._source
+
+    @property
+    def label(self) -> str:
+        """Name of the mission in error messages: the path of its file, or its name where it has no file."""
+        return str(self._source or self.name)
 
     @model_validator(mode="after")
     def _consistent(self) -> Mission:
-        check_together(self)
+        check_sections(self.telemetry, self.planet, self.vehicle, self.initial_state, self.constraints, self.effects)
         return self
 
-    def planet_model(self, prime_meridian: float | None = None) -> PlanetModel:
+    def planet_model(self, prime_meridian: float | None = None) -> Planet:
         """Planet with gravity, shape and rotation.
 
         Parameters
         ----------
         prime_meridian : float, optional
-            Angle to the prime meridian at the epoch, rad, as the telemetry says it; used where the mission
-            does not state one.
+            Angle to the prime meridian at the epoch, rad, from the telemetry; used where the mission states none.
 
         Raises
         ------
         InputError
-            Neither states one.
+            Neither the mission nor the telemetry states the angle.
         """
-        from edl_filter.planet import Planet as PlanetModel
+        from edl_filter.planet import Planet
 
         angle = self.planet.prime_meridian if self.planet.prime_meridian is not None else prime_meridian
         if angle is None:
-            raise InputError(f"{self._where}: planet.prime_meridian_deg: found nothing; expected deg at the epoch.")
-        return PlanetModel(
+            raise InputError(f"{self.label}: planet.prime_meridian_deg: found nothing; expected deg at the epoch.")
+        return Planet(
             name=self.planet.name,
             mu=self.planet.gravity.mu,
             j2=self.planet.gravity.j2,
@@ -172,171 +201,132 @@ class Mission(Section):
         )
 
     def event_times(self) -> dict[str, float]:
-        """Give the times of the events that the mission states, s since the epoch, in order."""
-        return dict(event_times(self))
+        """Return the times of the events that the mission states, s since the epoch, in order."""
+        return dict(event_times(self.telemetry, self.vehicle))
 
     def telemetry_path(self) -> Path | None:
-        """File or folder of the telemetry; None where the reader knows where to look (mer-imu).
+        """File or folder of the telemetry; None where its reader has a default location (mer-imu).
 
         Raises
         ------
         InputError
-            It does not exist, or the package cannot read it (phoenix-pds).
+            The file or folder does not exist, or the package cannot read its format (phoenix-pds).
         """
         telemetry = self.telemetry
-        if isinstance(telemetry, PhoenixPds):
-            found = "no path" if telemetry.path is None else shown(telemetry.path)
+        if isinstance(telemetry, PhoenixPdsConfig):
+            path_text = "no path" if telemetry.path is None else value_text(telemetry.path)
             raise InputError(
-                f"{self._where}: telemetry.path: found {found}; this mission needs {telemetry.product}, "
+                f"{self.label}: telemetry.path: found {path_text}; this mission needs {telemetry.product}, "
                 "which edl-filter cannot read yet. Bring it as a table with 'edl-filter convert LOG.csv "
                 "--spec S.yaml -o FLIGHT.h5', then run a mission with telemetry.format: flight-file, such "
                 "as practice_phoenix."
             )
         if telemetry.path is None:
             return None
-        return self._existing("telemetry.path", telemetry.path, folder=isinstance(telemetry, MerImu))
+        return self._existing_path("telemetry.path", telemetry.path, folder=isinstance(telemetry, MerImuConfig))
 
     def atmosphere_path(self) -> Path:
-        """Table of the preflight atmosphere.
+        """Path of the table of the preflight atmosphere.
 
         Raises
         ------
         InputError
-            There is no such file.
+            The file does not exist.
         """
-        return self._existing("atmosphere.table", self.atmosphere.table)
+        return self._existing_path("atmosphere.table", self.atmosphere.table)
 
     def aerodynamic_table(self, key: str) -> str | Path:
-        """Aerodynamic database at ``aerodynamics.KEY``: a ``builtin:`` name as it stands, or the file's path.
+        """Aerodynamic database at ``aerodynamics.KEY``: its ``builtin:`` name unchanged, or the path of its file.
 
         Raises
         ------
         InputError
-            There is no such file.
+            The file does not exist.
         """
         reference = str(getattr(self.aerodynamics, key))
-        return reference if reference.startswith(BUILTIN) else self._existing(f"aerodynamics.{key}", reference)
+        return reference if reference.startswith(BUILTIN) else self._existing_path(f"aerodynamics.{key}", reference)
 
     def damping_path(self) -> Path | None:
-        """Table of pitch and yaw damping; None where the mission names none.
+        """Path of the table of pitch and yaw damping; None where the mission names none.
 
         Raises
         ------
         InputError
-            There is no such file.
+            The file does not exist.
         """
         reference = None if self.aerodynamics is None else self.aerodynamics.damping
-        return None if reference is None else self._existing("aerodynamics.damping", reference)
+        return None if reference is None else self._existing_path("aerodynamics.damping", reference)
 
-    def active_effects(self) -> tuple[Active, ...]:
-        """Give the effects that are switched on, in the file's order, with all their parameters.
+    def active_effects(self) -> tuple[EffectInstance, ...]:
+        """Return the mission's effects in the file's order, with all their parameters.
 
-        Those that only this Python session has (`with_effect`) come last.
+        Effects that exist in this Python session only (`edl_filter.mission.edit_effects.with_effect`) come last.
 
         Raises
         ------
         InputError
             The file of a user's effect is missing or cannot be used, or has no such effect or parameter.
         """
-        return (*switched_on(self.effects, self._existing, self._where), *self._session)
-
-    def with_effect(
-        self,
-        effect: str | Effect | type[Effect] | Active | None,
-        *,
-        imu: str | None = None,
-        fixed: bool = False,
-        **values: float,
-    ) -> Mission:
-        """Give this mission with one effect more; see `edl_filter.mission.having.with_effect`."""
-        from edl_filter.mission.having import with_effect
-
-        return with_effect(self, effect, imu, fixed, values)
-
-    def with_effects(self, model: Sequence[Active]) -> Mission:
-        """Give this mission with a `model`: its own effects at other values, then further ones.
-
-        Raises
-        ------
-        InputError
-            The model does not begin with the mission's own effects.
-        """
-        from edl_filter.mission.having import with_effects
-
-        return with_effects(self, model)
+        return (*effect_instances(self.effects, self._existing_path, self.label), *self._session)
 
     @property
-    def session_effects(self) -> tuple[Active, ...]:
-        """Effects that no file names: a class written in a notebook. They are not in `text`."""
+    def session_effects(self) -> tuple[EffectInstance, ...]:
+        """Effects whose class is defined in this Python session, such as a notebook, and not in a file.
+
+        They are not part of `text`.
+        """
         return self._session
 
     def _repr_html_(self) -> str:
-        from edl_filter.report.cards import mission_card
-
-        return mission_card(self)
+        return str(render("html", self))
 
     def output_directory(self) -> Path:
         """Folder of the results, relative to the current folder."""
         return Path(self.outputs.directory or f"results/{self.name}")
 
-    @property
-    def _where(self) -> str:
-        return str(self._source or self.name)
-
-    def _existing(self, key: str, reference: str, folder: bool = False) -> Path:
+    def _existing_path(self, key: str, reference: str, folder: bool = False) -> Path:
+        """Path of the file or folder that `key` names as `reference`; raises InputError if it does not exist."""
         if reference.startswith(BUILTIN):
-            return _builtin_data(reference[len(BUILTIN) :], f"{self._where}: {key}")
+            return shipped_data(reference[len(BUILTIN) :], f"{self.label}: {key}")
         path = Path(reference).expanduser()
         if self._source is not None:
-            path = self._source.parent / path  # an absolute path stays as it is
+            path = self._source.parent / path  # an absolute path is not changed by this
         if not (path.is_dir() if folder else path.is_file()):
-            what = "folder" if folder else "file"
+            kind = "folder" if folder else "file"
             raise InputError(
-                f"{self._where}: {key}: found {reference!r}, but there is no {what} {path}; expected a {what}"
+                f"{self.label}: {key}: found {reference!r}, but there is no {kind} {path}; expected a {kind}"
                 + ("." if folder else ", or builtin:NAME for data that the package ships.")
             )
         return path
 
 
-def shipped_mission(name: str) -> Path:
-    """Path of the mission file that the package ships as `name`.
+def require_prediction_inputs(mission: Mission, label: str | None = None) -> None:
+    """Check that a mission has the sections from which a flight is predicted.
 
-    An installed wheel holds them in the package; a working copy has them in ``missions/`` beside ``src/``.
+    Parameters
+    ----------
+    mission : Mission
+        Mission to check.
+    label : str, optional
+        File that the message names; by default that of the mission.
 
     Raises
     ------
     InputError
-        There is none of that name.
+        The mission has no aerodynamic database or no inertia.
     """
-    for folder in _shipped():
-        if (path := folder / f"{name}.yaml").is_file():
-            return path
-    raise InputError(f"{BUILTIN}{name}: found no such mission; expected one of {', '.join(shipped_names())}.")
+    for key, section in (("aerodynamics", mission.aerodynamics), ("vehicle.inertia", mission.vehicle.inertia)):
+        if section is None:
+            raise InputError(
+                f"{label or mission.label}: {key}: found nothing; "
+                "a diagnosis compares the flight with a prediction, which needs it."
+            )
 
 
-def shipped_names() -> list[str]:
-    """Names of the missions that the package ships."""
-    return sorted({path.stem for folder in _shipped() for path in folder.glob("*.yaml")})
-
-
-def _shipped() -> tuple[Path, Path]:
-    package = Path(str(files("edl_filter")))
-    return package / "missions", package.parent.parent / "missions"
-
-
-def _builtin_data(name: str, where: str) -> Path:
-    folder = Path(str(files("edl_filter"))) / "data"
-    for suffix in (".csv", ".h5"):
-        if (path := folder / (name + suffix)).is_file():
-            return path
-    names = ", ".join(sorted(path.stem for path in folder.glob("*") if path.suffix in (".csv", ".h5")))
-    raise InputError(f"{where}: found {BUILTIN + name!r}; the package ships {names}.")
-
-
-def _plain(value: Any) -> Any:
-    """Arrays and paths in the data of `Mission.from_dict` as JSON holds them."""
+def _as_json(value: Any) -> Any:
+    """Arrays and paths in the data of `Mission.from_dict` as JSON values."""
     return value.tolist() if hasattr(value, "tolist") else str(value)
 
 
-def _kind(data: Any) -> str:
-    return {list: "a list", type(None): "nothing"}.get(type(data), shown(data))
+def _type_text(data: Any) -> str:
+    return {list: "a list", type(None): "nothing"}.get(type(data), value_text(data))

@@ -1,4 +1,4 @@
-"""The planet, its atmosphere, and the vehicle."""
+"""Sections of the planet, its atmosphere and the vehicle."""
 
 from __future__ import annotations
 
@@ -8,16 +8,7 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field, model_validator
 
-from edl_filter.mission.checks import (
-    Array,
-    Number,
-    RotationMatrix,
-    Within,
-    check_inertia,
-    orthonormal,
-    problem,
-)
-from edl_filter.mission.sections import (
+from edl_filter.mission.fields import (
     DEG,
     DEGREE_RATES,
     KM,
@@ -33,9 +24,18 @@ from edl_filter.mission.sections import (
     Time,
     TimeSigma,
 )
+from edl_filter.mission.validators import (
+    Number,
+    RotationMatrix,
+    Within,
+    check_inertia,
+    field_error,
+    nearest_rotation_matrix,
+)
+from edl_filter.types import Array
 
 
-class Gravity(Section):
+class GravityConfig(Section):
     """Gravity field, to the second zonal harmonic."""
 
     mu: Annotated[Number, Within("m^3/s^2", 1e10, 1e18, (("km^3/s^2", 1e9),))] = Field(
@@ -47,7 +47,7 @@ class Gravity(Section):
     radius: Radius = Field(description="reference radius of j2, m")
 
 
-class Ellipsoid(Section):
+class EllipsoidConfig(Section):
     """Ellipsoid of areodetic latitude and altitude."""
 
     equatorial_radius: Radius = Field(description="equatorial radius, m")
@@ -56,12 +56,12 @@ class Ellipsoid(Section):
     )
 
 
-class Planet(Section):
-    """The planet, and how the inertial frame lies."""
+class PlanetConfig(Section):
+    """The planet, and the orientation of the inertial frame."""
 
     name: str = Field(description="name of the planet")
-    gravity: Gravity = Field(description="gravity field")
-    ellipsoid: Ellipsoid = Field(description="reference ellipsoid")
+    gravity: GravityConfig = Field(description="gravity field")
+    ellipsoid: EllipsoidConfig = Field(description="reference ellipsoid")
     rotation_rate: Annotated[
         Number,
         Within("rad/s", 1e-8, 1e-3, DEGREE_RATES, zero=True),
@@ -76,16 +76,16 @@ class Planet(Section):
 
     @property
     def prime_meridian(self) -> float | None:
-        """Angle to the prime meridian at the epoch, rad, if the mission states it."""
+        """Angle to the prime meridian at the epoch, rad; None where the mission does not state it."""
         return None if self.prime_meridian_deg is None else self.prime_meridian_deg * DEG
 
     @property
     def j2000_from_inertial_matrix(self) -> Array | None:
-        """`j2000_from_inertial` made orthonormal to rounding, (3, 3)."""
-        return None if self.j2000_from_inertial is None else orthonormal(self.j2000_from_inertial)
+        """`j2000_from_inertial` made orthonormal to rounding, (3, 3); None where the mission does not state it."""
+        return None if self.j2000_from_inertial is None else nearest_rotation_matrix(self.j2000_from_inertial)
 
 
-class Atmosphere(Section):
+class AtmosphereConfig(Section):
     """Preflight atmosphere and the gas."""
 
     table: str = Field(description="CSV table of the preflight atmosphere: a path, or builtin:NAME")
@@ -95,8 +95,8 @@ class Atmosphere(Section):
     )
     wind_sigma: Annotated[Number, Within("m/s", 0.0, 500.0, (("km/s", 1e3),))] = Field(
         default=20.0,
-        description="1 sigma of the wind towards east and north about the table's, m/s: in the bands of what is "
-        "derived, and what a diagnosis allows for",
+        description="1 sigma of the wind towards east and north about the table's, m/s: part of the uncertainty of "
+        "derived quantities, and the prior sigma of the wind in a diagnosis",
     )
     gas_constant: Annotated[Number, Within("J/(kg K)", 10.0, 5e3, (("kJ/(kg K)", 1e3),))] = Field(
         default=188.92, description="specific gas constant, J/(kg K)"
@@ -112,10 +112,10 @@ class Atmosphere(Section):
     )
 
 
-class Inertia(Section):
+class InertiaConfig(Section):
     """Moments and products of inertia about the centre of mass, body axes.
 
-    An element of the tensor off its diagonal is minus the product.
+    An off-diagonal element of the inertia tensor is minus the product.
     """
 
     xx: Moment = Field(description="moment about x (symmetry axis), kg m^2")
@@ -126,7 +126,7 @@ class Inertia(Section):
     yz: Product = Field(default=0.0, description="product of y and z, kg m^2")
 
     @model_validator(mode="after")
-    def _physical(self) -> Inertia:
+    def _physical(self) -> InertiaConfig:
         check_inertia(self.tensor)
         return self
 
@@ -136,7 +136,7 @@ class Inertia(Section):
         return np.array([[self.xx, -self.xy, -self.xz], [-self.xy, self.yy, -self.yz], [-self.xz, -self.yz, self.zz]])
 
 
-class Parachute(Section):
+class ParachuteConfig(Section):
     """The parachute."""
 
     area_diameter: Annotated[Number, Within("m", 0.1, 100.0, KM)] = Field(description="nominal diameter D0, m")
@@ -145,30 +145,30 @@ class Parachute(Section):
     )
 
 
-class Event(Section):
-    """Something that happened, and what changed with it."""
+class EventConfig(Section):
+    """An event of the flight, and the vehicle's properties that change with it."""
 
     sclk: Sclk | None = Field(default=None, description="spacecraft clock count, s (or time_s)")
     time_s: Time | None = Field(default=None, description="time, s since the epoch (or sclk)")
     sigma_s: TimeSigma = Field(description="1 sigma of the time, s")
-    mass: Mass | None = Field(default=None, description="mass from here on, kg")
+    mass: Mass | None = Field(default=None, description="mass from this event on, kg")
     position: LeverArm | None = Field(
         default=None,
-        description="driving IMU's position from the centre of mass as it is from here on, m, axes as under imus",
+        description="driving IMU's position from the centre of mass from this event on, m, axes as under imus",
     )
 
     @model_validator(mode="after")
-    def _one_time(self) -> Event:
+    def _single_time(self) -> EventConfig:
         if (self.sclk is None) == (self.time_s is None):
-            raise problem("neither" if self.sclk is None else "both", "one of sclk and time_s")
+            raise field_error("neither" if self.sclk is None else "both", "one of sclk and time_s")
         return self
 
 
-class Vehicle(Section):
-    """Mass properties, size and what happens to them."""
+class VehicleConfig(Section):
+    """Mass properties and size of the vehicle, and the events that change them."""
 
     mass: Mass = Field(description="mass at entry, kg")
-    mass_sigma: Annotated[Number, Within("kg", 0.0, 1e4)] = Field(default=0.0, description="1 sigma of it, kg")
+    mass_sigma: Annotated[Number, Within("kg", 0.0, 1e4)] = Field(default=0.0, description="1 sigma of the mass, kg")
     diameter: Annotated[Number, Within("m", 0.1, 50.0, KM)] = Field(
         description="diameter, m: reference length; reference area pi D^2 / 4"
     )
@@ -178,12 +178,12 @@ class Vehicle(Section):
     centre_of_mass_offset: tuple[
         Annotated[Number, Within("diameters", -0.2, 0.2)], Annotated[Number, Within("diameters", -0.2, 0.2)]
     ] = Field(default=(0.0, 0.0), description="[y, z] of the centre of mass from the axis of symmetry, diameters")
-    inertia: Inertia | None = Field(default=None, description="inertia at entry")
+    inertia: InertiaConfig | None = Field(default=None, description="inertia at entry")
     inertia_sigma: Annotated[Number, Within("", 0.0, 1.0, PERCENT)] = Field(
-        default=0.0, description="relative 1 sigma of all of it together"
+        default=0.0, description="relative 1 sigma of a common factor of all moments and products"
     )
-    parachute: Parachute | None = Field(default=None, description="parachute")
-    events: dict[str, Event] = Field(default_factory=dict, description="events by name, in order of time")
+    parachute: ParachuteConfig | None = Field(default=None, description="parachute")
+    events: dict[str, EventConfig] = Field(default_factory=dict, description="events by name, in order of time")
 
     @property
     def reference_area(self) -> float:

@@ -1,6 +1,6 @@
-"""Changes of a mission's text that go beyond a key's value: an entry appended to a list, paths seen from elsewhere.
+"""Changes of a mission's text that go beyond the value of one key: an appended list entry, rebased relative paths.
 
-Comments and layout of the rest stay.
+Comments and layout of the rest of the text are preserved.
 """
 
 from __future__ import annotations
@@ -13,91 +13,96 @@ from typing import Any
 
 import yaml
 
-from edl_filter.mission.text import compose, parse, set_key
+from edl_filter.mission.shipped import BUILTIN
+from edl_filter.mission.yaml_text import compose, parse, set_key
 
 
-def append_entry(text: str, key: str, entry: dict[str, Any], lines: list[str], where: str) -> str:
-    """`text` with `entry` at the end of the list at the top-level `key`, which is made if it is not there.
+def append_entry(text: str, key: str, entry: dict[str, Any], lines: list[str], label: str) -> str:
+    """Return `text` with an entry at the end of a list, which is created if it does not exist.
 
     Parameters
     ----------
-    text, key : str
+    text : str
+        Text of the mission file.
+    key : str
+        Top-level key of the list.
     entry : dict
-        The entry as data: what is written into a list in brackets.
+        The entry as data: written into a list in brackets.
     lines : list of str
-        The entry as lines of block YAML, the first without its dash: what is written into any other list.
-    where : str
-        The file, in messages.
+        The entry as lines of block YAML, the first without its dash: written into any other list.
+    label : str
+        Name of the file, in messages.
 
     Raises
     ------
     InputError
         `text` is not YAML.
     """
-    root = compose(text, where)
+    root = compose(text, label)
     block = isinstance(root, yaml.MappingNode) and not root.flow_style
-    there = {k.value: v for k, v in root.value} if isinstance(root, yaml.MappingNode) else {}
-    node = there.get(key)
+    children = {k.value: v for k, v in root.value} if isinstance(root, yaml.MappingNode) else {}
+    node = children.get(key)
     if block and node is None:
-        start = text if not text or text.endswith("\n") else text + "\n"
-        return f"{start}\n{key}:\n{_indented(lines, 2)}"
+        head = text if not text or text.endswith("\n") else text + "\n"
+        return f"{head}\n{key}:\n{_indented(lines, 2)}"
     if isinstance(node, yaml.SequenceNode) and not node.flow_style:
-        place = _line_after(text, _deepest(node))
-        start = text[:place] if text[:place].endswith("\n") else text[:place] + "\n"
-        return start + _indented(lines, node.start_mark.column) + text[place:]
-    before = parse(text, where).get(key) or []
-    return set_key(text, key, [*before, entry], where)
+        end = _next_line_start(text, _last_descendant(node))
+        head = text[:end] if text[:end].endswith("\n") else text[:end] + "\n"
+        return head + _indented(lines, node.start_mark.column) + text[end:]
+    entries = parse(text, label).get(key) or []
+    return set_key(text, key, [*entries, entry], label)
 
 
-def seen_from(text: str, keys: tuple[str, ...], old: Path, new: Path, where: str) -> str:
-    """`text` with its relative paths, which start in `old`, changed so that they start in `new`.
+def rebase_paths(text: str, keys: tuple[str, ...], old: Path, new: Path, label: str) -> str:
+    """Return `text` with its relative paths, which start from folder `old`, changed to start from folder `new`.
 
     Parameters
     ----------
     text : str
+        Text of the mission file.
     keys : tuple of str
-        Dotted keys that name files, ``*`` for the places of a list.
+        Dotted keys that name files, ``*`` for every index of a list.
     old, new : Path
         Folders.
-    where : str
-        The file, in messages.
+    label : str
+        Name of the file, in messages.
     """
     if old.resolve() == new.resolve():
         return text
-    root = compose(text, where)
-    nodes = [n for key in keys for n in _at(root, key.split(".")) if n.tag == "tag:yaml.org,2002:str"]
+    root = compose(text, label)
+    nodes = [n for key in keys for n in _scalars_at(root, key.split(".")) if n.tag == "tag:yaml.org,2002:str"]
     for node in sorted(nodes, key=lambda n: n.start_mark.index, reverse=True):
         path = Path(node.value)
-        if node.value.startswith(("builtin:", "~")) or path.is_absolute():
+        if node.value.startswith((BUILTIN, "~")) or path.is_absolute():
             continue
-        moved = json.dumps(os.path.relpath((old / path).resolve(), new.resolve()), ensure_ascii=False)
-        text = text[: node.start_mark.index] + moved + text[node.end_mark.index :]
+        rebased = json.dumps(os.path.relpath((old / path).resolve(), new.resolve()), ensure_ascii=False)
+        text = text[: node.start_mark.index] + rebased + text[node.end_mark.index :]
     return text
 
 
-def _at(node: yaml.Node | None, parts: list[str]) -> Iterator[yaml.ScalarNode]:
+def _scalars_at(node: yaml.Node | None, parts: list[str]) -> Iterator[yaml.ScalarNode]:
     """Scalars at a dotted key below `node`."""
     if isinstance(node, yaml.ScalarNode) and not parts:
         yield node
     elif isinstance(node, yaml.SequenceNode) and parts and parts[0] == "*":
-        for below in node.value:
-            yield from _at(below, parts[1:])
+        for child in node.value:
+            yield from _scalars_at(child, parts[1:])
     elif isinstance(node, yaml.MappingNode) and parts:
-        for key, below in node.value:
+        for key, child in node.value:
             if key.value == parts[0]:
-                yield from _at(below, parts[1:])
+                yield from _scalars_at(child, parts[1:])
 
 
-def _deepest(node: yaml.Node) -> yaml.Node:
-    """The last node within `node` that ends where its own text ends, not where the next begins."""
+def _last_descendant(node: yaml.Node) -> yaml.Node:
+    """The last node within `node` whose end mark is the end of its own text, not the beginning of the next node."""
     if isinstance(node, yaml.CollectionNode) and not node.flow_style and node.value:
         last = node.value[-1]
-        return _deepest(last[1] if isinstance(last, tuple) else last)
+        return _last_descendant(last[1] if isinstance(last, tuple) else last)
     return node
 
 
-def _line_after(text: str, node: yaml.Node) -> int:
-    """Beginning of the line after a node's last."""
+def _next_line_start(text: str, node: yaml.Node) -> int:
+    """Index of the beginning of the line after the last line of a node."""
     end = node.end_mark.index
     if end > 0 and text[end - 1] == "\n":
         return end

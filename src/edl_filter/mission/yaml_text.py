@@ -1,8 +1,8 @@
-"""Text of a mission file to plain data, and changes of single keys that leave the rest of the text alone.
+"""YAML of a mission file to plain data, and changes of single keys that preserve the rest of the text.
 
-In: text. Out: dicts, lists, text, numbers, true, false, null, as YAML 1.2's core schema reads them: ``1e13``
-is a number, a date is text, ``yes`` is text. Keys are text and stand once; there are no anchors.
-Every fault is an `InputError` that names file and line.
+In: text. Out: dicts, lists, text, numbers, true, false, null, according to YAML 1.2's core schema: ``1e13``
+is a number, a date is text, ``yes`` is text. Keys are text and unique; anchors are refused.
+Every error is an `InputError` that names file and line.
 """
 
 from __future__ import annotations
@@ -31,14 +31,14 @@ class _Loader(yaml.SafeLoader):
         return super().compose_node(parent, index)
 
     def construct_mapping(self, node: Any, deep: bool = False) -> dict:
-        seen = set()
+        keys = set()
         for key, _ in node.value:
             if not isinstance(key, yaml.ScalarNode) or key.tag != "tag:yaml.org,2002:str":
                 name = getattr(key, "value", "a list or mapping")
                 raise yaml.MarkedYAMLError(problem=f"key {name!r} is no text", problem_mark=key.start_mark)
-            if key.value in seen:
+            if key.value in keys:
                 raise yaml.MarkedYAMLError(problem=f"key '{key.value}' stands twice", problem_mark=key.start_mark)
-            seen.add(key.value)
+            keys.add(key.value)
         return super().construct_mapping(node, deep=True)
 
 
@@ -52,7 +52,7 @@ def _float(loader: yaml.SafeLoader, node: yaml.ScalarNode) -> float:
     return float(re.sub(r"\.(inf|nan)$", r"\1", loader.construct_scalar(node).lower()))
 
 
-# none of YAML 1.1's scalars, which PyYAML keeps on the class
+# Without the implicit scalars of YAML 1.1, which PyYAML stores on the class
 _Loader.yaml_implicit_resolvers = {}
 for _tag, _pattern, _first in (
     ("bool", r"true|True|TRUE|false|False|FALSE", "tTfF"),
@@ -66,29 +66,29 @@ _Loader.add_constructor("tag:yaml.org,2002:int", _integer)
 _Loader.add_constructor("tag:yaml.org,2002:float", _float)
 
 
-def _fault(where: str, error: yaml.YAMLError) -> InputError:
+def _yaml_error(label: str, error: yaml.YAMLError) -> InputError:
     mark = getattr(error, "problem_mark", None) or getattr(error, "context_mark", None)
     line = f"line {mark.line + 1}: " if mark is not None else ""
-    what = getattr(error, "problem", None) or getattr(error, "reason", None) or str(error)
-    return InputError(f"{where}: {line}{what}; YAML is expected.")
+    reason = getattr(error, "problem", None) or getattr(error, "reason", None) or str(error)
+    return InputError(f"{label}: {line}{reason}; YAML is expected.")
 
 
-def parse(text: str, where: str) -> Any:
-    """Read the data that `text` holds.
+def parse(text: str, label: str) -> Any:
+    """Return the data of YAML `text`.
 
     Raises
     ------
     InputError
-        `text` is not YAML, repeats a key or uses an anchor; the message begins with `where`.
+        `text` is not YAML, repeats a key or uses an anchor; the message begins with `label`.
     """
     try:
         return yaml.load(text, Loader=_Loader)
     except yaml.YAMLError as error:
-        raise _fault(where, error) from None
+        raise _yaml_error(label, error) from None
 
 
-def compose(text: str, where: str) -> yaml.Node | None:
-    """Tree of `text` with the places of all nodes in it; None where it is empty.
+def compose(text: str, label: str) -> yaml.Node | None:
+    """Return the tree of YAML nodes of `text` with their positions in it; None where it is empty.
 
     Raises
     ------
@@ -99,18 +99,18 @@ def compose(text: str, where: str) -> yaml.Node | None:
     try:
         return loader.get_single_node()
     except yaml.YAMLError as error:
-        raise _fault(where, error) from None
+        raise _yaml_error(label, error) from None
     finally:
         loader.dispose()
 
 
 def read_text(path: Path) -> str:
-    """Text of the mission file at `path`.
+    """Return the text of the mission file at `path`.
 
     Raises
     ------
     InputError
-        There is no such file, or it is not text.
+        The file does not exist, or is not UTF-8 text.
     """
     try:
         return path.read_text(encoding="utf-8-sig")
@@ -122,12 +122,12 @@ def read_text(path: Path) -> str:
 
 
 def parse_override(override: str) -> tuple[str, Any]:
-    """Dotted key and value of ``KEY=VALUE``, the value read as YAML.
+    """Return dotted key and value of ``KEY=VALUE``; the value is parsed as YAML.
 
     Raises
     ------
     InputError
-        There is no ``=``, an empty part in the key, or the value is not YAML.
+        ``=`` is missing, a part of the key is empty, or the value is not YAML.
     """
     key, equals, value = override.partition("=")
     key = key.strip()
@@ -136,43 +136,46 @@ def parse_override(override: str) -> tuple[str, Any]:
     return key, parse(value, f"--set {key}")
 
 
-def set_key(text: str, key: str, value: Any, where: str = "mission") -> str:
-    """`text` with the value at the dotted `key` changed or added; comments elsewhere stay.
+def set_key(text: str, key: str, value: Any, label: str = "mission") -> str:
+    """Return `text` with the value at the dotted `key` changed or added; comments elsewhere are preserved.
 
-    A number in the key is a place in a list, from 0: ``effects.0.fixed``.
+    A number in the key is an index of a list, from 0: ``effects.0.fixed``.
 
     Raises
     ------
     InputError
-        `text` is not YAML (the message begins with `where`), or a part of `key` before the last names a
-        value, not a section; or a list has no such place.
+        `text` is not YAML (the message begins with `label`); a part of `key` before the last names a value, not a
+        section; or a list has no element of that index.
     """
     new = flow_text(value)
-    node = compose(text, where)
+    node = compose(text, label)
     parts = key.split(".")
     if node is None:
         raise InputError(f"--set {key}: the file is empty.")
     for i, part in enumerate(parts):
         if isinstance(node, yaml.SequenceNode) and part.isdecimal():
             if int(part) >= len(node.value):
-                above = ".".join(parts[:i])
-                raise InputError(f"--set {key}: {above} has {len(node.value)} entries; the first is {above}.0.")
+                parent = ".".join(parts[:i])
+                raise InputError(f"--set {key}: {parent} has {len(node.value)} entries; the first is {parent}.0.")
             node = node.value[int(part)]
             continue
         if not isinstance(node, yaml.MappingNode):
             if node.tag != "tag:yaml.org,2002:null":
-                above = ".".join(parts[:i]) or "the file"
-                raise InputError(f"--set {key}: {above} is no section, no key can be below it.")
+                parent = ".".join(parts[:i]) or "the file"
+                raise InputError(f"--set {key}: {parent} is no section, no key can be below it.")
             return _replace(text, node, _nested(parts[i:], new))
-        below = {k.value: v for k, v in node.value}
-        if part not in below:
+        children = {k.value: v for k, v in node.value}
+        if part not in children:
             return _insert(text, node, part, _nested(parts[i + 1 :], new))
-        node = below[part]
+        node = children[part]
     return _replace(text, node, new)
 
 
 def flow_text(value: Any, indent: str = "") -> str:
-    """`value` as JSON, which is YAML, but for numbers that JSON has not; one line, or with `indent` one per entry."""
+    """Return `value` as JSON, which is valid YAML; infinite numbers and NaN, which JSON lacks, as in YAML.
+
+    The text is on one line, or has one line per entry if `indent` is not empty.
+    """
     if isinstance(value, float) and not math.isfinite(value):
         return ".nan" if math.isnan(value) else ".inf" if value > 0.0 else "-.inf"
     if isinstance(value, dict):
@@ -195,20 +198,20 @@ def _nested(parts: list[str], new: str) -> str:
 
 
 def _insert(text: str, mapping: yaml.MappingNode, key: str, new: str) -> str:
-    """Put a key before the first one of `mapping`."""
+    """Insert a key before the first key of `mapping`."""
     if not mapping.value:
         return _replace(text, mapping, _nested([key], new))
     first = mapping.value[0][0].start_mark
-    rest = ", " if mapping.flow_style else "\n" + " " * first.column
-    return f"{text[: first.index]}{json.dumps(key, ensure_ascii=False)}: {new}{rest}{text[first.index :]}"
+    separator = ", " if mapping.flow_style else "\n" + " " * first.column
+    return f"{text[: first.index]}{json.dumps(key, ensure_ascii=False)}: {new}{separator}{text[first.index :]}"
 
 
 def _replace(text: str, node: yaml.Node, new: str) -> str:
     start, end = node.start_mark.index, node.end_mark.index
-    if start == end:  # nothing stood there: "key:" needs a space before a value
+    if start == end:  # the value was empty: "key:" needs a space before a value
         return f"{text[:start]} {new}{text[end:]}"
     block = not getattr(node, "flow_style", True) or getattr(node, "style", None) in ("|", ">")
-    if block:  # its end is the beginning of the next key
+    if block:  # the end of a block node is the beginning of the next key
         end -= node.end_mark.column
-        new = f" {new}\n"  # one further in than a list that stands right below its key
+        new = f" {new}\n"  # indented by one column more than a list that starts in the column of its key
     return text[:start] + new + text[end:]

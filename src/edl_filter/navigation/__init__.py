@@ -1,7 +1,13 @@
-"""Navigation: strapdown propagation of sigma points, an error-state UKF on filterpy, and the smoother.
+"""Navigation: the trajectory and the sensor errors, from IMU samples and everything else that was measured.
 
-The way of the data: `increments` prepares samples for the integrator, `strapdown` propagates sigma
-points over them, `ukf` wraps that in filterpy, `constraints` says what is known besides the IMU,
-`filter` walks through the epochs forwards, `smoother` backwards, and `trajectory` gives the smoothed
-path at every sample.
+In: an IMU record, an initial state with its covariance, constraints (other measurements, each at one time), the
+planet. Out: filtered and smoothed states with covariances at the epochs, the smoothed trajectory at every sample, and a
+check of every constraint against all the others.
+
+Read in this order. `layout` defines the filter's vector, an error about a reference state; `initial` its start.
+`increments` prepares samples for the integrator, `strapdown` propagates states over them, `propagation` adds the
+attitude computed on board, and `noise` gives the process noise. `constraints` holds the measurement models. `estimator`
+is the interface of the filters: `ukf` (unscented, the default) and `ekf` (extended). `filter` runs one of them through
+the epochs, `smoother` goes back, `trajectory` interpolates between the epochs, and `leave_one_out` checks the
+constraints.
 """

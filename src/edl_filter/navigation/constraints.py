@@ -1,8 +1,8 @@
-"""What is known of the flight besides the IMU, each statement one class.
+"""Measurement models: everything that is measured or known of the flight in addition to the IMU samples.
 
-A constraint says at one time what was measured, how well, where that comes from, and what a state predicts
-for it. `predict` works on all sigma points at once: navigation states ``(10 or 14, S)``, other states ``(n, S)``,
-and gives ``(S, m)``.
+A constraint holds, for one time, the measured values, their covariance, their source, and the function that predicts
+them from a state. `predict` works on many states at once: navigation states ``(10 or 14, S)`` and other states
+``(n, S)`` as in `layout.State`, one per column; it returns ``(S, m)`` in the units that `components` names.
 """
 
 from __future__ import annotations
@@ -11,29 +11,28 @@ from dataclasses import dataclass
 from typing import ClassVar, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from edl_filter import rotations
+from edl_filter.imu_model.sensor_errors import apply_errors
 from edl_filter.navigation.layout import Layout, attitude_errors
 from edl_filter.planet import Planet
 from edl_filter.planet.atmosphere import Atmosphere
-
-Array = NDArray[np.float64]
+from edl_filter.types import Array
 
 
 class Constraint(Protocol):
-    """The form of all constraints.
+    """The interface of all constraints.
 
     Attributes
     ----------
     name : str
-        Several constraints may share one: they are reported together.
+        Several constraints may share a name: they are reported together.
     time : float
         s since the epoch.
     components : tuple of str
-        What each component is, with its unit.
+        Name of each component, with its unit.
     source : str
-        Where the statement comes from.
+        Where the measured values come from.
     """
 
     name: ClassVar[str]
@@ -45,7 +44,7 @@ class Constraint(Protocol):
 
     @property
     def source(self) -> str:
-        """Where the statement comes from."""
+        """Where the measured values come from."""
 
     @property
     def measured(self) -> Array:
@@ -56,11 +55,25 @@ class Constraint(Protocol):
         """Covariance of the measured values ``(m, m)``."""
 
     def predict(self, nav: Array, errors: Array, layout: Layout) -> Array:
-        """What the states predict, ``(S, m)``."""
+        """Predicted values.
+
+        Parameters
+        ----------
+        nav : (10 or 14, S) array
+            As `State.nav`: m, m/s and quaternions.
+        errors : (n, S) array
+            As `State.errors`, in the units of `layout.UNITS`.
+        layout : Layout
+            Of the filter's vector.
+
+        Returns
+        -------
+        (S, m) array
+        """
 
 
 class _OneSigma:
-    """A constraint all of whose components are known equally well."""
+    """A constraint whose components are independent and have the same sigma."""
 
     components: ClassVar[tuple[str, ...]]
     sigma: float
@@ -73,10 +86,10 @@ class _OneSigma:
 
 @dataclass(frozen=True)
 class OnboardAttitude(_OneSigma):
-    """Attitude computed on board, against the same sum of gyro readings carried along by the filter.
+    """Attitude computed on board, against the same sum of gyro readings as the filter propagates it.
 
-    Predicted is the rotation vector in body axes from the telemetered quaternion to the carried one, so that zero
-    was measured.
+    The predicted value is the rotation vector in body axes from the telemetered quaternion to the propagated one; the
+    measured value is zero.
     """
 
     name: ClassVar[str] = "onboard_attitude"
@@ -88,17 +101,17 @@ class OnboardAttitude(_OneSigma):
 
     @property
     def measured(self) -> Array:
-        """No turn."""
+        """Zero rotation."""
         return np.zeros(3)
 
     def predict(self, nav: Array, errors: Array, layout: Layout) -> Array:
-        """Turn from the telemetered quaternion to the carried one."""
+        """Rotation vector from the telemetered quaternion to the propagated one, rad."""
         return attitude_errors(self.inertial_from_body, nav[10:])
 
 
 @dataclass(frozen=True)
 class ZeroSpecificForce:
-    """Before entry nothing but gravity acts: the accelerometers read their bias."""
+    """Before entry only gravity acts, so the accelerometers read their bias."""
 
     name: ClassVar[str] = "pre_entry_zero_force"
     components: ClassVar[tuple[str, ...]] = ("x (m/s^2)", "y (m/s^2)", "z (m/s^2)")
@@ -145,11 +158,11 @@ class DynamicPressure:
 
     @property
     def noise(self) -> Array:
-        """Of the statement and of the table's density together."""
+        """Variance of the stated pressure and of the density together, Pa²."""
         return np.array([[self.sigma**2 + (self.density_sigma * self.pressure) ** 2]])
 
     def predict(self, nav: Array, errors: Array, layout: Layout) -> Array:
-        """``ρ V² / 2`` of the air-relative velocity."""
+        """``ρ V² / 2`` of the air-relative velocity, Pa."""
         position = nav[:3].T
         _, _, altitude = self.planet.geodetic(self.time, position)
         enu = self.planet.enu_from_inertial(self.time, position)
@@ -160,10 +173,10 @@ class DynamicPressure:
 
 @dataclass(frozen=True)
 class SteadyDescent:
-    """Under the parachute the vehicle sinks with its drag in balance, and drifts no faster than the wind.
+    """Under the parachute drag balances weight, and the horizontal velocity is that of the wind.
 
-    The parachute's drag is known from the accelerometers, so its dynamic pressure is, and the terminal speed follows
-    from the density at the state's own altitude.
+    The accelerometers measure the parachute's drag, which gives its dynamic pressure; the terminal speed follows
+    from that and the density at the state's own altitude.
     """
 
     name: ClassVar[str] = "steady_descent"
@@ -178,7 +191,7 @@ class SteadyDescent:
 
     @property
     def measured(self) -> Array:
-        """No drift, and the terminal speed itself."""
+        """No horizontal velocity, and a descent at terminal speed."""
         return np.array([0.0, 0.0, 1.0])
 
     @property
@@ -187,7 +200,7 @@ class SteadyDescent:
         return np.diag(np.square([self.wind_sigma, self.wind_sigma, self.speed_sigma]))
 
     def predict(self, nav: Array, errors: Array, layout: Layout) -> Array:
-        """Ground-relative velocity to east and north, and the sinking speed over ``sqrt(2 q / ρ)``."""
+        """Ground-relative velocity to east and north (m/s), and the rate of descent over ``sqrt(2 q / ρ)``."""
         position = nav[:3].T
         enu = self.planet.enu_from_inertial(self.time, position)
         velocity = np.einsum("sij,sj->si", enu, self.planet.velocity_relative(position, nav[3:6].T))
@@ -215,13 +228,13 @@ class Altimeter(_OneSigma):
         return np.array([self.height])
 
     def predict(self, nav: Array, errors: Array, layout: Layout) -> Array:
-        """Distance from the centre minus the sphere's radius."""
+        """Distance from the centre minus the sphere's radius, m."""
         return (np.linalg.norm(nav[:3], axis=0) - self.surface_radius)[:, None]
 
 
 @dataclass(frozen=True)
 class LandingSite:
-    """Where the vehicle came down, in planet-fixed axes."""
+    """Position at landing, in planet-fixed axes."""
 
     name: ClassVar[str] = "landing"
     components: ClassVar[tuple[str, ...]] = ("fixed x (m)", "fixed y (m)", "fixed z (m)")
@@ -242,13 +255,13 @@ class LandingSite:
         return self.covariance
 
     def predict(self, nav: Array, errors: Array, layout: Layout) -> Array:
-        """Planet-fixed position."""
+        """Planet-fixed position, m."""
         return self.planet.rotation.to_fixed(self.time, nav[:3].T)
 
 
 @dataclass(frozen=True)
 class RestVelocity(_OneSigma):
-    """At rest on the surface: no velocity against the ground."""
+    """At rest on the surface: no velocity relative to the ground."""
 
     name: ClassVar[str] = "rest_velocity"
     components: ClassVar[tuple[str, ...]] = ("inertial x (m/s)", "inertial y (m/s)", "inertial z (m/s)")
@@ -259,17 +272,17 @@ class RestVelocity(_OneSigma):
 
     @property
     def measured(self) -> Array:
-        """None."""
+        """Zero."""
         return np.zeros(3)
 
     def predict(self, nav: Array, errors: Array, layout: Layout) -> Array:
-        """Velocity against the ground, inertial axes."""
+        """Velocity relative to the ground, inertial axes, m/s."""
         return self.planet.velocity_relative(nav[:3].T, nav[3:6].T)
 
 
 @dataclass(frozen=True)
 class RestGravity(_OneSigma):
-    """At rest on the surface: the accelerometers read minus gravity and the centrifugal part."""
+    """At rest on the surface: the accelerometers read minus gravity and minus the centrifugal acceleration."""
 
     name: ClassVar[str] = "rest_gravity"
     components: ClassVar[tuple[str, ...]] = ("x (m/s^2)", "y (m/s^2)", "z (m/s^2)")
@@ -285,19 +298,13 @@ class RestGravity(_OneSigma):
         return self.mean_force
 
     def predict(self, nav: Array, errors: Array, layout: Layout) -> Array:
-        """``(1 + s) ∘ R(m) Cᵀ (ω × (ω × r) - g) + b``."""
+        """``(1 + s) ∘ R(m) Cᵀ (ω × (ω × r) - g) + b``, m/s²."""
         position = nav[:3].T
         centrifugal = position * np.array([1.0, 1.0, 0.0]) * self.planet.rotation_rate**2
         support = -self.planet.gravity(position) - centrifugal
         force = rotations.rotate(rotations.conjugate(nav[6:10].T), support)
-        if "accelerometer_misalignment" in layout:
-            turn = rotations.from_rotation_vector(errors[layout["accelerometer_misalignment"]].T)
-            force = rotations.rotate(turn, force)
-        if "accelerometer_scale" in layout:
-            force = force * (1.0 + errors[layout["accelerometer_scale"]].T)
-        if "accelerometer_bias" in layout:
-            force = force + errors[layout["accelerometer_bias"]].T
-        return force
+        names = ("accelerometer_misalignment", "accelerometer_scale", "accelerometer_bias")
+        return apply_errors(force, *(_state(layout, errors, name) for name in names))
 
 
 @dataclass(frozen=True)
@@ -318,11 +325,13 @@ class RestRate(_OneSigma):
         return self.mean_rate
 
     def predict(self, nav: Array, errors: Array, layout: Layout) -> Array:
-        """``(1 + s) ∘ Cᵀ ω + b``."""
+        """``(1 + s) ∘ Cᵀ ω + b``, rad/s."""
         spin = np.array([0.0, 0.0, self.planet.rotation_rate])
         rate = rotations.rotate(rotations.conjugate(nav[6:10].T), spin)
-        if "gyro_scale" in layout:
-            rate = rate * (1.0 + errors[layout["gyro_scale"]].T)
-        if "gyro_bias" in layout:
-            rate = rate + errors[layout["gyro_bias"]].T
-        return rate
+        scale, bias = (_state(layout, errors, name) for name in ("gyro_scale", "gyro_bias"))
+        return apply_errors(rate, scale=scale, bias=bias)
+
+
+def _state(layout: Layout, errors: Array, name: str) -> Array | None:
+    """Values ``(S, 3)`` of one state, or None where the layout has no such state."""
+    return errors[layout[name]].T if name in layout else None

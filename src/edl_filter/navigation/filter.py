@@ -1,4 +1,4 @@
-"""The way forwards through the flight: predict to each epoch, fuse what is known there, keep it all.
+"""The filter's run through a flight: predict to each epoch, update with what was measured there, store everything.
 
 Epochs are the constraints' times, the changes of the driving instrument, the mission's times of interest
 and a regular grid between them.
@@ -9,23 +9,25 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
+from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import chdtri
 
 from edl_filter.errors import InputError
-from edl_filter.navigation import initial as entry_state
+from edl_filter.imu_model.sensor_errors import SensorErrors
 from edl_filter.navigation.constraints import Constraint
+from edl_filter.navigation.ekf import ErrorStateEKF
+from edl_filter.navigation.estimator import ErrorStateFilter, Innovation, Transition
 from edl_filter.navigation.increments import Samples
-from edl_filter.navigation.initial import EntryErrors
+from edl_filter.navigation.initial import EntryErrors, initial_estimate, sensor_prior
 from edl_filter.navigation.layout import ONBOARD, Layout, State
-from edl_filter.navigation.ukf import ErrorStateUKF, Innovation, Transition
+from edl_filter.navigation.ukf import ErrorStateUKF
 from edl_filter.planet import Planet
-from edl_filter.telemetry.record import InitialState, SensorErrors
+from edl_filter.telemetry.record import InitialState
+from edl_filter.types import Array
 
-Array = NDArray[np.float64]
-SAME_TIME = 2e-6  # s: times nearer than this are one
+SAME_TIME = 2e-6  # s: times nearer than this are taken as equal
 
 
 @dataclass(frozen=True)
@@ -40,6 +42,8 @@ class Settings:
         Between epochs, s.
     gate_probability : float
         A constraint beyond this quantile of its NIS is not accepted.
+    method : str
+        ``ukf``: unscented; ``ekf``: extended Kalman filter, which has no use for alpha, beta and kappa.
     """
 
     alpha: float = 0.5
@@ -47,6 +51,7 @@ class Settings:
     kappa: float = 0.0
     longest_interval: float = 5.0
     gate_probability: float = 0.99999
+    method: Literal["ukf", "ekf"] = "ukf"
 
 
 @dataclass(frozen=True)
@@ -64,7 +69,7 @@ class Problem:
     unit_change_sigma : float
         By how much the on-board attitudes of two instruments differ, rad per axis.
     constraints : tuple of Constraint
-        By time.
+        In the order of time.
     epochs : (K,) array
         s, beginning with the initial state's time.
     planet : Planet
@@ -89,29 +94,30 @@ class Problem:
 
 @dataclass(frozen=True)
 class Node:
-    """The filter at one epoch, after all that was known there.
+    """The filter at one epoch, after the updates with all that was measured there.
 
     Attributes
     ----------
     time : float
+        s.
     unit : int
-        Instrument that drives from here on.
-    arrival : Transition or None
-        How it came here from the node before.
-    state, covariance : State, (n, n) array
-        After the updates.
+        Instrument that drives from this epoch on.
+    transition : Transition or None
+        From the node before to this one; None at the first node.
+    state : State
+    covariance : (n, n) array
     """
 
     time: float
     unit: int
-    arrival: Transition | None
+    transition: Transition | None
     state: State
     covariance: Array
 
 
 @dataclass(frozen=True)
 class Fused:
-    """One constraint as it was met on the way forwards.
+    """One constraint as the filter used it.
 
     Attributes
     ----------
@@ -120,6 +126,7 @@ class Fused:
         Index of the epoch.
     innovation : Innovation
     accepted : bool
+        Whether it passed the gate, so that the estimate was updated with it.
     """
 
     constraint: Constraint
@@ -129,8 +136,8 @@ class Fused:
 
 
 @dataclass(frozen=True)
-class Forward:
-    """The way forwards.
+class FilterPass:
+    """One run of the filter through the flight.
 
     Attributes
     ----------
@@ -144,7 +151,7 @@ class Forward:
     fused: list[Fused]
 
 
-def pose(
+def build_problem(
     samples: Samples,
     initial: InitialState,
     entry: EntryErrors,
@@ -159,8 +166,28 @@ def pose(
 
     Parameters
     ----------
+    samples : Samples
+        Of the driving instrument.
+    initial : InitialState
+        Stated state and covariance.
+    entry : EntryErrors
+        Errors of the entry state in addition to its covariance.
+    instruments : tuple of SensorErrors
+        By the samples' `unit`.
+    constraints : sequence of Constraint
+        In any order.
+    planet : Planet
+        Gravity and rotation.
+    settings : Settings
+        How to filter.
     times : sequence of float
         Further epochs of interest, s; those outside the samples are ignored.
+    unit_change_sigma : float
+        As in `Problem`, rad.
+
+    Returns
+    -------
+    Problem
 
     Raises
     ------
@@ -178,11 +205,11 @@ def pose(
                 f"constraints.{c.name}: its time {c.time:g} s is outside the reconstruction, "
                 f"{initial.time:g} to {last:g} s."
             )
-    wanted = [initial.time, *(c.time for c in constraints), *(t for t in times if initial.time < t < last)]
-    samples = samples.split(np.array(wanted))
+    stops = [initial.time, *(c.time for c in constraints), *(t for t in times if initial.time < t < last)]
+    samples = samples.split(np.array(stops))
     samples = samples.part(samples.index(initial.time), len(samples.time))
     changes = samples.time[np.flatnonzero(np.diff(samples.unit))]
-    epochs = merge(np.array([*wanted, *changes, last]))
+    epochs = merge(np.array([*stops, *changes, last]))
     grid = np.arange(epochs[0], last, settings.longest_interval)
     regular = samples.time[[max(samples.index(t) - 1, 0) for t in grid]]
     far = [t for t in regular if np.min(np.abs(epochs - t)) > 0.25 * settings.longest_interval]
@@ -200,119 +227,133 @@ def pose(
 
 
 def merge(times: Array) -> Array:
-    """Sorted times, those within `SAME_TIME` of each other taken as one."""
+    """Sorted times (K,), s, of which those within `SAME_TIME` of each other are taken as one."""
     ordered = np.sort(times)
     return ordered[np.concatenate(([True], np.diff(ordered) > SAME_TIME))]
 
 
-def forward(problem: Problem) -> Forward:
-    """Walk through the flight once.
+def new_filter(problem: Problem, state: State, covariance: Array) -> ErrorStateFilter:
+    """The filter that the problem's settings ask for.
 
     Parameters
     ----------
     problem : Problem
+        Samples, initial state, constraints, settings.
+    state : State
+        Reference.
+    covariance : (n, n) array
+        Of the error about it, in the units of `layout.UNITS`.
+    """
+    s = problem.settings
+    if s.method == "ekf":
+        return ErrorStateEKF(problem.layout, state, covariance, problem.planet)
+    return ErrorStateUKF(problem.layout, state, covariance, problem.planet, s.alpha, s.beta, s.kappa)
+
+
+def run_filter(problem: Problem) -> FilterPass:
+    """Run the filter through the whole flight.
+
+    Parameters
+    ----------
+    problem : Problem
+        Samples, initial state, constraints, settings.
 
     Returns
     -------
-    Forward
+    FilterPass
     """
     unit = int(problem.samples.unit[0])
-    state, covariance = entry_state.start(
+    state, covariance = initial_estimate(
         problem.layout, problem.initial, problem.entry, problem.instruments[unit], problem.planet
     )
     start = Node(problem.initial.time, unit, None, state, covariance)
-    return _march(problem, start, problem.constraints, [], [])
+    return _continue(problem, start, problem.constraints, [], [])
 
 
-def forward_without(problem: Problem, way: Forward, name: str) -> Forward:
-    """Walk again without the constraints called `name`, from the epoch before the first of them on.
+def run_filter_without(problem: Problem, filter_pass: FilterPass, name: str) -> FilterPass:
+    """Run the filter without the constraints called `name`.
 
     Parameters
     ----------
     problem : Problem
-    way : Forward
-        With all constraints; what lies before the first left-out one is taken from it.
+        Samples, initial state, constraints, settings.
+    filter_pass : FilterPass
+        With all constraints; everything before the first omitted constraint is taken from it.
     name : str
+        Of the constraints to leave out.
+
+    Returns
+    -------
+    FilterPass
     """
-    first = min(f.node for f in way.fused if f.constraint.name == name)
+    first = min(f.node for f in filter_pass.fused if f.constraint.name == name)
     if first == 0:
-        return forward(replace(problem, constraints=_others(problem.constraints, name)))
-    nodes, fused = way.nodes[:first], [f for f in way.fused if f.node < first]
+        return run_filter(replace(problem, constraints=_without(problem.constraints, name)))
+    nodes, fused = filter_pass.nodes[:first], [f for f in filter_pass.fused if f.node < first]
     later = tuple(c for c in problem.constraints if c.time > nodes[-1].time + SAME_TIME)
-    return _march(problem, nodes[-1], _others(later, name), nodes, fused)
+    return _continue(problem, nodes[-1], _without(later, name), nodes, fused)
 
 
-def _others(constraints: tuple[Constraint, ...], name: str) -> tuple[Constraint, ...]:
+def _without(constraints: tuple[Constraint, ...], name: str) -> tuple[Constraint, ...]:
     return tuple(c for c in constraints if c.name != name)
 
 
-def _march(
+def _continue(
     problem: Problem, start: Node, constraints: tuple[Constraint, ...], nodes: list[Node], fused: list[Fused]
-) -> Forward:
-    """Go on from `start` through the epochs that are left; `nodes` and `fused` hold what was before."""
+) -> FilterPass:
+    """Run on from `start` through the remaining epochs; `nodes` and `fused` hold what was before."""
     samples, settings, unit = problem.samples, problem.settings, start.unit
-    ukf = ErrorStateUKF(
-        problem.layout,
-        start.state,
-        start.covariance,
-        problem.planet,
-        settings.alpha,
-        settings.beta,
-        settings.kappa,
-    )
+    estimator = new_filter(problem, start.state, start.covariance)
     nodes, fused, pending = list(nodes), list(fused), list(constraints)
     done = samples.index(start.time)
-    left = problem.epochs if not nodes else problem.epochs[problem.epochs > start.time + SAME_TIME]
-    arrival: Transition | None = None
-    for epoch in left:
+    epochs = problem.epochs if not nodes else problem.epochs[problem.epochs > start.time + SAME_TIME]
+    transition: Transition | None = None
+    for epoch in epochs:
         stop = samples.index(epoch)
         if stop > done:
-            arrival = ukf.advance(samples.part(done, stop))
+            transition = estimator.predict(samples.part(done, stop))
             done = stop
         while pending and pending[0].time <= epoch + SAME_TIME:
-            fused.append(_fuse(ukf, pending.pop(0), len(nodes), settings.gate_probability))
-        nodes.append(Node(float(epoch), unit, arrival, ukf.state, ukf.P.copy()))
+            fused.append(_fuse(estimator, pending.pop(0), len(nodes), settings.gate_probability))
+        nodes.append(Node(float(epoch), unit, transition, estimator.state, estimator.covariance.copy()))
         if done < len(samples.time) and samples.unit[done] != unit:
             unit = int(samples.unit[done])
-            arrival = _change_unit(ukf, problem, unit)
-            nodes.append(Node(float(epoch), unit, arrival, ukf.state, ukf.P.copy()))
-    return Forward(problem.layout, nodes, fused)
+            transition = _change_unit(estimator, problem, unit)
+            nodes.append(Node(float(epoch), unit, transition, estimator.state, estimator.covariance.copy()))
+    return FilterPass(problem.layout, nodes, fused)
 
 
 @lru_cache
 def quantile(probability: float, dof: int) -> float:
-    """Quantile of the chi-square distribution."""
+    """Quantile of the chi-square distribution with `dof` degrees of freedom."""
     return float(chdtri(dof, 1.0 - probability))
 
 
-def _fuse(ukf: ErrorStateUKF, constraint: Constraint, node: int, gate: float) -> Fused:
-    """Meet one constraint: predict it, test it, use it if it passes."""
-    sigmas = ukf.sigmas_f
-    nav, errors = ukf.states(sigmas)
-    predicted = constraint.predict(nav, errors, ukf.layout)
-    innovation = ukf.innovate(constraint.measured, constraint.noise, predicted)
+def _fuse(estimator: ErrorStateFilter, constraint: Constraint, node: int, gate: float) -> Fused:
+    """Predict one constraint, test its innovation, and update if it passes the gate."""
+    innovation = estimator.innovation(constraint)
     accepted = innovation.nis <= quantile(gate, len(innovation.residual))
     if accepted:
-        ukf.absorb(constraint.measured, constraint.noise, predicted)
+        estimator.update(constraint, innovation)
     return Fused(constraint, node, innovation, bool(accepted))
 
 
-def _change_unit(ukf: ErrorStateUKF, problem: Problem, unit: int) -> Transition:
-    """Let another instrument drive: its errors are new, and its attitude on board is another."""
-    layout = ukf.layout
+def _change_unit(estimator: ErrorStateFilter, problem: Problem, unit: int) -> Transition:
+    """Change the driving instrument: its errors start from their prior, and its on-board attitude is another."""
+    layout = estimator.layout
     sensor = layout.sensor
-    keep = np.eye(layout.size)
-    keep[sensor, sensor] = 0.0
-    noise = np.zeros_like(keep)
-    noise[sensor, sensor] = entry_state.sensor_prior(layout, problem.instruments[unit])
+    matrix = np.eye(layout.size)
+    matrix[sensor, sensor] = 0.0
+    noise = np.zeros_like(matrix)
+    noise[sensor, sensor] = sensor_prior(layout, problem.instruments[unit])
     if ONBOARD in layout:
-        where = layout[ONBOARD]
-        noise[where, where] = problem.unit_change_sigma**2 * np.eye(3)
-    errors = ukf.state.errors.copy()
+        block = layout[ONBOARD]
+        noise[block, block] = problem.unit_change_sigma**2 * np.eye(3)
+    errors = estimator.state.errors.copy()
     errors[sensor] = 0.0
     for name, sigma in problem.entry.instrument_prior(layout).items():
-        where = layout[name]
-        keep[where, where] = 0.0
-        noise[where, where] = sigma**2 * np.eye(3)
-        errors[where] = 0.0
-    return ukf.replace(keep, noise, errors)
+        block = layout[name]
+        matrix[block, block] = 0.0
+        noise[block, block] = sigma**2 * np.eye(3)
+        errors[block] = 0.0
+    return estimator.transform(matrix, noise, errors)

@@ -1,25 +1,22 @@
-"""The filter's vector: an error about a propagated reference.
+"""The filter's vector: an error about a propagated reference state.
 
 The first nine components are always there: position (m), velocity (m/s), both inertial, and attitude as a
 rotation vector in body axes (rad), ``true = reference ⊗ exp(error)``. Then come the error sources to which
-the mission gives a prior sigma; zero sigma means no state. The attitude that was computed on board, if there is
-one, comes last.
+the mission gives a prior sigma; zero sigma means no state. The error of the attitude that was computed on board, if
+there is one, comes last.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from edl_filter import rotations
-from edl_filter.telemetry.record import SensorErrors
-
-Array = NDArray[np.float64]
+from edl_filter.imu_model.sensor_errors import SENSOR_STATES, SensorErrors, correction_maps
+from edl_filter.types import Array
 
 ONBOARD = "onboard_attitude"
-SENSOR_STATES = tuple(f.name for f in fields(SensorErrors))
 UNITS = {
     "position": "m",
     "velocity": "m/s",
@@ -39,7 +36,7 @@ UNITS = {
 
 @dataclass(frozen=True)
 class Layout:
-    """Which states there are, and where each stands in the vector.
+    """The states of the vector, and the position of each in it.
 
     Attributes
     ----------
@@ -51,11 +48,23 @@ class Layout:
 
     @classmethod
     def of(cls, errors: tuple[SensorErrors, ...], extra: dict[str, int]) -> Layout:
-        """Layout for instruments with the given priors and `extra` states (name → length)."""
+        """Layout for instruments with the given priors.
+
+        Parameters
+        ----------
+        errors : tuple of SensorErrors
+            Prior sigmas by instrument; an error is a state if any instrument has it.
+        extra : dict
+            Further states: name → length.
+
+        Returns
+        -------
+        Layout
+        """
         sizes = {"position": 3, "velocity": 3, "attitude": 3}
         sizes |= {n: 3 for n in SENSOR_STATES if any(getattr(e, n) > 0.0 for e in errors)}
         sizes |= {n: size for n, size in extra.items() if n != ONBOARD}
-        sizes |= {n: size for n, size in extra.items() if n == ONBOARD}  # the last, where `State` looks for it
+        sizes |= {n: size for n, size in extra.items() if n == ONBOARD}  # last, as `State` assumes
         slices, start = {}, 0
         for name, size in sizes.items():
             slices[name] = slice(start, start + size)
@@ -82,7 +91,7 @@ class Layout:
 
 @dataclass(frozen=True)
 class State:
-    """A reference.
+    """A reference state.
 
     Attributes
     ----------
@@ -90,7 +99,7 @@ class State:
         Inertial position (m) and velocity (m/s), inertial_from_body, and where there is one the attitude that was
         computed on board; the error of the latter, a rotation vector in body axes, is then the vector's last three.
     errors : (n,) array
-        The other states in full; zero where `nav` holds the state.
+        The other states in full, in the units of `UNITS`; zero where `nav` holds the state.
     """
 
     nav: Array
@@ -101,92 +110,108 @@ class State:
         nav, errors = self.nav.copy(), self.errors.copy()
         nav[:6] += delta[:6]
         errors[9:] += delta[9:]
-        nav[6:10] = turned(nav[6:10], delta[None, 6:9])[:, 0]
+        nav[6:10] = perturbed_attitudes(nav[6:10], delta[None, 6:9])[:, 0]
         if len(nav) == 14:
-            nav[10:] = turned(nav[10:], delta[None, -3:])[:, 0]
+            nav[10:] = perturbed_attitudes(nav[10:], delta[None, -3:])[:, 0]
             errors[-3:] = 0.0
         return State(nav, errors)
 
-    def minus(self, other: State) -> Array:
-        """The error vector that moves `other` here."""
-        delta = self.errors - other.errors
-        delta[:6] = self.nav[:6] - other.nav[:6]
-        delta[6:9] = attitude_errors(other.nav[6:10], self.nav[6:10, None])[0]
+    def minus(self, reference: State) -> Array:
+        """The error vector (n,) that moves `reference` to this state."""
+        delta = self.errors - reference.errors
+        delta[:6] = self.nav[:6] - reference.nav[:6]
+        delta[6:9] = attitude_errors(reference.nav[6:10], self.nav[6:10, None])[0]
         if len(self.nav) == 14:
-            delta[-3:] = attitude_errors(other.nav[10:], self.nav[10:, None])[0]
+            delta[-3:] = attitude_errors(reference.nav[10:], self.nav[10:, None])[0]
         return delta
 
 
 def sigma_states(reference: State, sigmas: Array, columns: int) -> tuple[Array, Array]:
-    """Sigma points as full states.
+    """Error vectors about a reference as full states, one per column.
 
     Parameters
     ----------
     reference : State
+        State that the errors refer to.
     sigmas : (S, n) array
-        Error vectors.
+        Error vectors, in the units of `UNITS`.
     columns : int
-        Number of columns wanted, at least S; the rest repeat the reference.
+        Number of columns of the result, at least S; the columns after the first S repeat the reference.
 
     Returns
     -------
     nav : (10 or 14, columns) array
+        As `State.nav`.
     errors : (n, columns) array
-        The other states in full.
+        As `State.errors`.
     """
     nav = np.repeat(reference.nav[:, None], columns, axis=1)
     errors = np.repeat(reference.errors[:, None], columns, axis=1)
     count = len(sigmas)
     nav[:6, :count] += sigmas.T[:6]
-    nav[6:10, :count] = turned(reference.nav[6:10], sigmas[:, 6:9])
+    nav[6:10, :count] = perturbed_attitudes(reference.nav[6:10], sigmas[:, 6:9])
     errors[9:, :count] += sigmas.T[9:]
     if len(nav) == 14:
-        nav[10:, :count] = turned(reference.nav[10:], sigmas[:, -3:])
+        nav[10:, :count] = perturbed_attitudes(reference.nav[10:], sigmas[:, -3:])
         errors[-3:] = 0.0
     return nav, errors
 
 
-def turned(attitude: Array, phi: Array) -> Array:
-    """``attitude ⊗ exp(phi)`` for one quaternion and rotation vectors ``(S, 3)``, as unit quaternions ``(4, S)``."""
+def perturbed_attitudes(attitude: Array, phi: Array) -> Array:
+    """``attitude ⊗ exp(phi)`` for one attitude and several rotation vectors.
+
+    Parameters
+    ----------
+    attitude : (4,) array
+        inertial_from_body.
+    phi : (S, 3) array
+        Rotation vectors in body axes, rad.
+
+    Returns
+    -------
+    (4, S) array
+        Unit quaternions.
+    """
     x, y, z, w = attitude
-    left = np.array([[w, -z, y, x], [z, w, -x, y], [-y, x, w, z], [-x, -y, -z, w]])
-    out = left @ rotations.from_rotation_vector(phi).T
+    product = np.array([[w, -z, y, x], [z, w, -x, y], [-y, x, w, z], [-x, -y, -z, w]])
+    out = product @ rotations.from_rotation_vector(phi).T
     return out / np.sqrt(np.sum(out**2, axis=0))
 
 
-def attitude_errors(attitude: Array, others: Array) -> Array:
-    """Rotation vectors ``(S, 3)`` that take one quaternion to each column of `others` ``(4, S)``."""
+def attitude_errors(attitude: Array, attitudes: Array) -> Array:
+    """Rotation vectors in body axes that take one attitude to each of several.
+
+    Parameters
+    ----------
+    attitude : (4,) array
+        inertial_from_body.
+    attitudes : (4, S) array
+        inertial_from_body.
+
+    Returns
+    -------
+    (S, 3) array
+        rad: ``attitudes = attitude ⊗ exp(phi)``.
+    """
     x, y, z, w = attitude
     inverse = np.array([[w, z, -y, -x], [-z, w, x, -y], [y, -x, w, -z], [x, y, z, w]])
-    return rotations.to_rotation_vector((inverse @ others).T)
+    return rotations.to_rotation_vector((inverse @ attitudes).T)
 
 
 def sensor_maps(layout: Layout, errors: Array) -> tuple[Array, Array]:
-    """What undoes the sensor errors, for `strapdown.propagate`.
-
-    Errors are in body axes in the order misalignment, scale, bias: ``f_m = (1 + s) ∘ (R(m) f) + b``, so
-    ``f = R(m)ᵀ ((f_m - b) / (1 + s))``; the gyros have no misalignment of their own, since the body's axes
-    are defined by them.
+    """Linear maps that correct the sensors' readings, for `strapdown.propagate`.
 
     Parameters
     ----------
     layout : Layout
+        Of the filter's vector.
     errors : (n, S) array
+        As `State.errors`, one set per column.
 
     Returns
     -------
     force_map : (12, S) array
     rate_map : (6, S) array
+        As `imu_model.sensor_errors.correction_maps` gives them.
     """
-    count = errors.shape[1]
-
-    def get(name: str) -> Array:
-        return errors[layout[name]] if name in layout else np.zeros((3, count))
-
-    scale = 1.0 / (1.0 + get("accelerometer_scale"))
-    turn = rotations.to_matrix(rotations.from_rotation_vector(get("accelerometer_misalignment").T))
-    inverse = np.transpose(turn, (2, 1, 0)) * scale[None]  # (row, column, sigma): R(m)ᵀ diag(1 / (1 + s))
-    offset = -np.einsum("ijs,js->is", inverse, get("accelerometer_bias"))
-    rate = 1.0 / (1.0 + get("gyro_scale"))
-    force_map = np.concatenate((inverse.reshape(9, count), offset))
-    return force_map, np.concatenate((rate, -rate * get("gyro_bias")))
+    return correction_maps({n: errors[layout[n]] for n in SENSOR_STATES if n in layout}, errors.shape[1])

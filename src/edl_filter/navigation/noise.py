@@ -1,42 +1,44 @@
 """Process noise of an interval, from the noise of the IMU's samples.
 
-The attitude error is kept in inertial axes here, where it does not turn. A sample's rate noise turns all
-specific force that follows in the interval, so position and velocity gain from it ``ψ × (path and velocity
+The attitude error is expressed in inertial axes in this module, where it is constant. A sample's rate noise turns all
+specific force that follows in the interval, so it adds to position and velocity ``ψ × (path and velocity
 that the specific force gives from there to the end)``; a sample's force noise adds to velocity at once and to
-position over the time that is left. Gravity's gradient over one interval (1e-6 s⁻² over seconds) is left out.
+position over the remaining time. Gravity's gradient over one interval (1e-6 s⁻² over seconds) is neglected.
 """
 
 from __future__ import annotations
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
 from edl_filter import rotations
 from edl_filter.navigation.increments import Samples
 from edl_filter.navigation.layout import ONBOARD, Layout
+from edl_filter.types import Array
 
-Array = NDArray[np.float64]
 IDENTITY = np.array([0.0, 0.0, 0.0, 1.0])
 
 
 def process_noise(layout: Layout, samples: Samples, attitude: Array) -> Array:
     """Process noise over `samples` in the filter's vector.
 
-    The attitude that was computed on board is the sum of readings that this filter has too, noise and all, so the
-    gyros' noise does not touch it. What this filter does not know of the readings themselves (a gap's, or the
-    difference of two ways to integrate them) moves it and the true attitude alike.
+    The attitude that was computed on board is the sum of the same readings, including their noise, so the
+    gyros' noise is not noise of it. What the filter does not know of the readings themselves (those in a gap, or the
+    difference between two integrations of them) is noise of it and of the true attitude alike.
 
     Parameters
     ----------
     layout : Layout
+        Of the filter's vector.
     samples : Samples
+        Of the driving instrument.
     attitude : (4,) array
         inertial_from_body at the samples' beginning.
 
     Returns
     -------
     (n, n) array
+        Covariance, in the units of `layout.UNITS`.
     """
     middle, end = _attitudes(samples.interval, samples.rate, attitude)
     to_end = np.eye(9)
@@ -45,11 +47,11 @@ def process_noise(layout: Layout, samples: Samples, attitude: Array) -> Array:
     noise = np.zeros((layout.size, layout.size))
     noise[:9, :9] = to_end @ _accumulate(*args, samples.rate_noise) @ to_end.T
     if ONBOARD in layout:
-        where = layout[ONBOARD]
-        unknown = np.sqrt(samples.rate_noise**2 - samples.shared_rate_noise**2)
-        alike = to_end @ _accumulate(*args, unknown) @ to_end.T
-        noise[where, :9], noise[:9, where] = alike[6:], alike[:, 6:]
-        noise[where, where] = alike[6:, 6:]
+        block = layout[ONBOARD]
+        unshared = np.sqrt(samples.rate_noise**2 - samples.shared_rate_noise**2)
+        common = to_end @ _accumulate(*args, unshared) @ to_end.T
+        noise[block, :9], noise[:9, block] = common[6:], common[:, 6:]
+        noise[block, block] = common[6:, 6:]
     return noise
 
 
@@ -59,16 +61,17 @@ def net_turn(samples: Samples) -> Array:
 
 
 def onboard_turn(samples: Samples) -> tuple[Array, Array]:
-    """Turn that an on-board attitude gains by what it is computed with differing from the gyro samples.
+    """Turn of an on-board attitude that is due to other rates and another mounting than the gyro samples'.
 
     On board ``ω + ω × m - b`` is integrated where the samples read ω, with a mounting that differs by the small
-    rotation m and a rate correction b. Only where gyros were read: a net turn was taken from the on-board attitude.
+    rotation m and a rate correction b. This holds only where gyros were read: a net turn was taken from the on-board
+    attitude.
 
     Returns
     -------
-    per_rate, per_mounting : (3, 3) arrays
-        Rotation vector in the body axes of the end = ``per_rate @ rate + per_mounting @ mounting``: the integrals of
-        C and of C [ω]ₓ, with C from the axes of each sample to those of the end.
+    rate_jacobian, mounting_jacobian : (3, 3) arrays
+        Rotation vector (rad) in the body axes of the end, per rate (rad/s) and per mounting (rad): minus the integral
+        of C, and the integral of C [ω]ₓ, with C from the axes of each sample to those of the end.
     """
     middle, end = _attitudes(samples.interval, samples.rate, IDENTITY)
     weight = np.where(samples.net_turn, 0.0, samples.interval)
@@ -78,7 +81,7 @@ def onboard_turn(samples: Samples) -> tuple[Array, Array]:
 
 @njit(cache=True, error_model="numpy")
 def _attitudes(interval, rate, attitude):
-    """Attitude at the middle of each sample ``(N, 4)`` and at the end of all ``(4,)``."""
+    """Attitude at the middle of each sample ``(N, 4)``, and at the end of the last one ``(4,)``."""
     middle = np.empty((interval.size, 4))
     qx, qy, qz, qw = attitude
     for i in range(interval.size):
@@ -100,29 +103,29 @@ def _accumulate(interval, force, force_noise, rate_noise):
     """Covariance ``(9, 9)`` of position, velocity and attitude error in inertial axes, from the end backwards."""
     cov = np.zeros((9, 9))
     gain = np.zeros(3)  # velocity that the force gives from the current time to the end
-    path = np.zeros(3)  # and path: the integral of force times the time left
-    left = 0.0  # time left
+    path = np.zeros(3)  # and path: the integral of force times the remaining time
+    remaining = 0.0  # time to the end
     turn = np.zeros((9, 3))
     for k in range(3):
         turn[6 + k, k] = 1.0
     for i in range(interval.size - 1, -1, -1):
         dt = interval[i]
         # a sample's noise acts at its middle: half of its own force comes after
-        half_left = left + 0.5 * dt
+        half_remaining = remaining + 0.5 * dt
         half_gain = gain + 0.5 * dt * force[i]
-        half_path = path + (0.5 * dt * left + 0.125 * dt * dt) * force[i]
+        half_path = path + (0.5 * dt * remaining + 0.125 * dt * dt) * force[i]
         b = (force_noise[i] * dt) ** 2
         for k in range(3):
-            cov[k, k] += b * half_left * half_left
-            cov[k, 3 + k] += b * half_left
-            cov[3 + k, k] += b * half_left
+            cov[k, k] += b * half_remaining * half_remaining
+            cov[k, 3 + k] += b * half_remaining
+            cov[3 + k, k] += b * half_remaining
             cov[3 + k, 3 + k] += b
         for o, v in ((0, half_path), (3, half_gain)):  # ψ × v = -[v]× ψ
             turn[o, 1], turn[o, 2] = v[2], -v[1]
             turn[o + 1, 0], turn[o + 1, 2] = -v[2], v[0]
             turn[o + 2, 0], turn[o + 2, 1] = v[1], -v[0]
         cov += (rate_noise[i] * dt) ** 2 * (turn @ turn.T)
-        path = path + (dt * left + 0.5 * dt * dt) * force[i]
+        path = path + (dt * remaining + 0.5 * dt * dt) * force[i]
         gain = gain + dt * force[i]
-        left = left + dt
+        remaining = remaining + dt
     return cov

@@ -3,12 +3,12 @@
 Leapfrog in position and velocity (drift half a step, kick by gravity and specific force at mid-step,
 drift the other half: symplectic, second order, one gravity a step) and an exact rotation for a constant
 rate in attitude. The samples are effective means over their intervals, as `increments.effective_samples`
-makes them; with those the step is of the accuracy of the classical two-sample coning and sculling
+gives them; with those the step has the accuracy of the classical two-sample coning and sculling
 algorithms (Savage, J. Guidance 21, 1998).
 
 Layout: structure of arrays, samples in the outer loop and sigma points in the inner one. The rows of
-a block of `LANES` sigma points lie side by side in one flat array, so that every distance is a constant
-that the compiler knows: it needs no aliasing checks and runs the inner loop in vector registers. No
+a block of `LANES` sigma points are adjacent in one flat array, so that every distance is a constant
+at compile time: the compiler needs no aliasing checks and runs the inner loop in vector registers. There is no
 branch and no allocation in the loops.
 """
 
@@ -35,9 +35,9 @@ def propagate(state, force_map, rate_map, interval, force, rate, mu, j2, radius)
         Inertial position (m) and velocity (m/s), and inertial_from_body (scalar last); a column is a
         sigma point, S a multiple of `LANES`.
     force_map : (12, S) array
-        Undoes the accelerometers' errors: true = A measured + c; A row by row (9), then c (3).
+        Corrects the accelerometers' errors: true = A measured + c; A row by row (9), then c (3), m/s².
     rate_map : (6, S) array
-        Undoes the gyros' errors: true = a ∘ measured + c; a (3), then c (3).
+        Corrects the gyros' errors: true = a ∘ measured + c; a (3), then c (3), rad/s.
     interval : (N,) array
         s.
     force, rate : (N, 3) arrays
@@ -58,7 +58,7 @@ def propagate(state, force_map, rate_map, interval, force, rate, mu, j2, radius)
                 work[o + (10 + k) * LANES] = force_map[k, s]
             for k in range(6):
                 work[o + (22 + k) * LANES] = rate_map[k, s]
-    _march(work, blocks, interval, force, rate, mu, j2, radius)
+    _propagate_blocks(work, blocks, interval, force, rate, mu, j2, radius)
     for b in range(blocks):
         for lane in range(LANES):
             o = b * ROWS * LANES + lane
@@ -67,8 +67,8 @@ def propagate(state, force_map, rate_map, interval, force, rate, mu, j2, radius)
 
 
 @njit(cache=True, fastmath=FAST, error_model="numpy")
-def _march(work, blocks, interval, force, rate, mu, j2, radius):
-    """Samples outer, blocks, lanes inner."""
+def _propagate_blocks(work, blocks, interval, force, rate, mu, j2, radius):
+    """Propagate all blocks: loops over samples, blocks and lanes, from the outside in."""
     j = 1.5 * j2 * radius * radius
     for i in range(interval.size):
         dt = interval[i]

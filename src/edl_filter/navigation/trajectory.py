@@ -1,7 +1,7 @@
 """The smoothed trajectory at every sample, with its covariance.
 
-Between two nodes the smoothed state is propagated over the samples with the smoothed sensor errors. What is then
-missing to the next smoothed state is the estimate of the process noise in between; it is spread over the interval as
+Between two nodes the smoothed state is propagated over the samples with the smoothed sensor errors. The difference from
+the next smoothed state is the estimate of the process noise in between; it is distributed over the interval as
 the noise is: evenly in smooth flight, mostly into a gap where there is one. Covariances are interpolated linearly in
 inertial axes.
 """
@@ -12,15 +12,13 @@ from dataclasses import dataclass
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
 from edl_filter import rotations
 from edl_filter.navigation.filter import Problem
 from edl_filter.navigation.layout import Layout, State, sensor_maps
 from edl_filter.navigation.smoother import Smoothed
 from edl_filter.navigation.strapdown import step
-
-Array = NDArray[np.float64]
+from edl_filter.types import Array
 
 
 @dataclass(frozen=True)
@@ -32,13 +30,14 @@ class Trajectory:
     time : (N,) array
         s; the initial state's time, then the end of every sample.
     position, velocity : (N, 3) arrays
+        m, m/s.
     inertial_from_body : (N, 4) array
     covariance : (N, 9, 9) array
-        Of position, velocity and attitude error, the latter as an inertial rotation vector:
+        Of position (m), velocity (m/s) and attitude error (rad), the latter as an inertial rotation vector:
         ``true = exp(error) ⊗ estimate``.
     specific_force, angular_rate : (N, 3) arrays
-        Corrected for the estimated sensor errors, at the centre of mass, body axes: means over the interval
-        that ends at `time`. The first row repeats the second.
+        Corrected for the estimated sensor errors, at the centre of mass, body axes, m/s² and rad/s: means over the
+        interval that ends at `time`. The first row repeats the second.
     """
 
     time: Array
@@ -50,7 +49,7 @@ class Trajectory:
     angular_rate: Array
 
 
-def trace(problem: Problem, smoothed: Smoothed, layout: Layout) -> Trajectory:
+def smoothed_trajectory(problem: Problem, smoothed: Smoothed, layout: Layout) -> Trajectory:
     """Smoothed trajectory at every sample."""
     samples = problem.samples
     stops = [samples.index(t) for t in smoothed.time]
@@ -64,21 +63,21 @@ def trace(problem: Problem, smoothed: Smoothed, layout: Layout) -> Trajectory:
         state, target = smoothed.states[k], smoothed.states[k + 1]
         force_map, rate_map = sensor_maps(layout, state.errors[:, None])
         p, part = problem.planet, slice(start, stop)
-        undo = force_map[:9, 0].reshape(3, 3).T
-        force[part] = samples.mean_force[part] @ undo + force_map[9:, 0]
+        matrix = force_map[:9, 0].reshape(3, 3).T
+        force[part] = samples.mean_force[part] @ matrix + force_map[9:, 0]
         rate[part] = samples.mean_rate[part] * rate_map[:3, 0] + rate_map[3:, 0]
-        path = march_one(
+        path = propagate_one(
             state.nav[:10],
             samples.interval[part],
-            samples.force[part] @ undo + force_map[9:, 0],
+            samples.force[part] @ matrix + force_map[9:, 0],
             samples.rate[part] * rate_map[:3, 0] + rate_map[3:, 0],
             p.mu,
             p.j2,
             p.gravity_radius,
         )
-        moved = noise_share(samples.interval[part], samples.force_noise[part])
-        turned = noise_share(samples.interval[part], samples.rate_noise[part])
-        nav[start + 1 : stop + 1] = spread(path, target, moved, turned)
+        motion_share = random_walk_share(samples.interval[part], samples.force_noise[part])
+        attitude_share = random_walk_share(samples.interval[part], samples.rate_noise[part])
+        nav[start + 1 : stop + 1] = distribute_correction(path, target, motion_share, attitude_share)
     time = np.concatenate(([smoothed.time[0]], samples.time))
     return Trajectory(
         time=time,
@@ -91,33 +90,52 @@ def trace(problem: Problem, smoothed: Smoothed, layout: Layout) -> Trajectory:
     )
 
 
-def noise_share(interval: Array, noise: Array) -> Array:
-    """Part of an interval's random walk that is over at the end of each sample, up to 1; of time, without noise."""
+def random_walk_share(interval: Array, noise: Array) -> Array:
+    """Share of an interval's random walk variance that is reached at the end of each sample.
+
+    Parameters
+    ----------
+    interval : (n,) array
+        s.
+    noise : (n,) array
+        One sigma of each sample, m/s² or rad/s; all zero: the share of time instead.
+
+    Returns
+    -------
+    (n,) array
+        Ending at 1.
+    """
     walk = np.cumsum((interval * noise) ** 2)
     return walk / walk[-1] if walk[-1] > 0.0 else np.cumsum(interval) / np.sum(interval)
 
 
-def spread(path: Array, target: State, moved: Array, turned: Array) -> Array:
-    """Move a propagated path ``(n, 10)`` so that its last row meets `target`.
+def distribute_correction(path: Array, target: State, motion_share: Array, attitude_share: Array) -> Array:
+    """Correct a propagated path so that its last row is `target`.
 
     Parameters
     ----------
     path : (n, 10) array
+        Position (m), velocity (m/s), inertial_from_body.
     target : State
-    moved, turned : (n,) arrays
-        Part of the miss in position and velocity, and in attitude, that is taken up by each row.
+        Last state of the corrected path.
+    motion_share, attitude_share : (n,) arrays
+        Share of the correction of position and velocity, and of attitude, that each row takes.
+
+    Returns
+    -------
+    (n, 10) array
     """
-    miss = State(target.nav[:10], target.errors).minus(State(path[-1], target.errors))
+    correction = State(target.nav[:10], target.errors).minus(State(path[-1], target.errors))
     out = path.copy()
-    out[:, :6] += moved[:, None] * miss[:6]
-    # the miss in attitude is a body vector of the end; take it along the path in inertial axes
-    inertial = rotations.rotate(path[-1, 6:], turned[:, None] * miss[6:9])
+    out[:, :6] += motion_share[:, None] * correction[:6]
+    # the correction of the attitude is a body vector at the end; along the path it is applied in inertial axes
+    inertial = rotations.rotate(path[-1, 6:], attitude_share[:, None] * correction[6:9])
     out[:, 6:] = rotations.multiply(rotations.from_rotation_vector(inertial), path[:, 6:])
     return out
 
 
 def inertial_covariance(smoothed: Smoothed, time: Array) -> Array:
-    """Covariance of position, velocity and inertial attitude error at `time`, ``(N, 9, 9)``."""
+    """Covariance of position (m), velocity (m/s) and inertial attitude error (rad) at `time` (N,): ``(N, 9, 9)``."""
     turn = np.tile(np.eye(9), (len(smoothed.time), 1, 1))
     turn[:, 6:, 6:] = rotations.to_matrix(np.array([s.nav[6:10] for s in smoothed.states]))
     nodes = turn @ smoothed.covariance[:, :9, :9] @ np.swapaxes(turn, 1, 2)
@@ -129,8 +147,21 @@ def inertial_covariance(smoothed: Smoothed, time: Array) -> Array:
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def march_one(start, interval, force, rate, mu, j2, radius):
-    """One state ``(10,)`` over samples, every step kept: ``(N, 10)``; arguments as in `strapdown.propagate`."""
+def propagate_one(start, interval, force, rate, mu, j2, radius):
+    """Propagate one state over samples and store every step.
+
+    Parameters
+    ----------
+    start : (10,) array
+        Position (m), velocity (m/s), inertial_from_body.
+    interval, force, rate, mu, j2, radius
+        As in `strapdown.propagate`.
+
+    Returns
+    -------
+    (N, 10) array
+        States at the ends of the samples.
+    """
     x, y, z, vx, vy, vz, qx, qy, qz, qw = start
     j = 1.5 * j2 * radius * radius
     out = np.empty((interval.size, 10))

@@ -1,97 +1,75 @@
 """Error-state unscented Kalman filter: filterpy's, with all sigma points propagated in one numba call.
 
 The vector is the error about a propagated reference (`layout`). After every prediction and update the
-reference takes the mean over and the vector is zero again, so filterpy's default unscented transform, with
+reference moves to the mean and the vector is zero again, so filterpy's default unscented transform, with
 plain means and differences, is valid for attitudes too.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from filterpy.kalman import MerweScaledSigmaPoints, UnscentedKalmanFilter
-from numpy.typing import NDArray
 from scipy.linalg import cholesky
 
-from edl_filter import rotations
 from edl_filter.navigation import strapdown
+from edl_filter.navigation.constraints import Constraint
+from edl_filter.navigation.estimator import Innovation, Transition
 from edl_filter.navigation.increments import Samples
-from edl_filter.navigation.layout import Layout, State, attitude_errors, sensor_maps, sigma_states
-from edl_filter.navigation.noise import net_turn, onboard_turn, process_noise
+from edl_filter.navigation.layout import Layout, State, attitude_errors, sigma_states
+from edl_filter.navigation.noise import process_noise
+from edl_filter.navigation.propagation import propagate_states
 from edl_filter.planet import Planet
-
-Array = NDArray[np.float64]
+from edl_filter.types import Array
 
 
 class MerwePoints(MerweScaledSigmaPoints):
     """filterpy's scaled sigma points, drawn without a Python loop."""
 
     def sigma_points(self, x: Array, P: Array) -> Array:
-        """Sigma points ``(2n + 1, n)`` of mean `x` and covariance `P`."""
+        """Sigma points ``(2n + 1, n)`` of mean `x` (n,) and covariance `P` (n, n)."""
         scale = self.alpha**2 * (self.n + self.kappa)
         root = cholesky(scale * P, check_finite=False)  # upper: its rows are the offsets
         return np.concatenate((x[None], x + root, x - root))
 
 
-@dataclass(frozen=True)
-class Transition:
-    """One step forwards, as the smoother needs it.
-
-    Attributes
-    ----------
-    cross : (n, n) array
-        Covariance of the error before the step with the error after it.
-    state : State
-        Predicted reference.
-    covariance : (n, n) array
-        Predicted covariance.
-    """
-
-    cross: Array
-    state: State
-    covariance: Array
-
-
-@dataclass(frozen=True)
-class Innovation:
-    """What a measurement said against its prediction.
-
-    Attributes
-    ----------
-    residual : (m,) array
-        Measured minus predicted.
-    predicted_covariance, noise_covariance : (m, m) arrays
-        Of the prediction, and of the measurement.
-    nis : float
-        Normalised innovation squared, chi-square with m degrees of freedom.
-    """
-
-    residual: Array
-    predicted_covariance: Array
-    noise_covariance: Array
-    nis: float
-
-
-class ErrorStateUKF(UnscentedKalmanFilter):
-    """UKF about a reference.
-
-    Parameters
-    ----------
-    layout : Layout
-    state : State
-        Reference at the start.
-    covariance : (n, n) array
-    planet : Planet
-    alpha, beta, kappa : float
-        Of the scaled unscented transform. An alpha below 0.1 costs digits.
-    """
+class _Engine(UnscentedKalmanFilter):
+    """filterpy's filter, with sigma points that are propagated outside and sums as matrix products."""
 
     x: Array
     P: Array
     Wm: Array
     Wc: Array
+
+    def __init__(self, points: MerwePoints) -> None:
+        super().__init__(points.n, 1, 0.0, hx=None, fx=None, points=points)
+
+    def compute_process_sigmas(self, dt: float, fx: object = None, **fx_args: Any) -> None:
+        """Take over the sigma points that were propagated already."""
+        self.sigmas_f = fx_args["propagated"]
+
+    def cross_variance(self, x: Array, z: Array, sigmas_f: Array, sigmas_h: Array) -> Array:
+        """filterpy's sum over sigma points as one matrix product."""
+        return ((sigmas_f - x) * self.Wc[:, None]).T @ (sigmas_h - z)
+
+
+class ErrorStateUKF:
+    """UKF about a reference.
+
+    Parameters
+    ----------
+    layout : Layout
+        Of the filter's vector.
+    state : State
+        Reference at the start.
+    covariance : (n, n) array
+        Of the error about it, in the units of `layout.UNITS`.
+    planet : Planet
+        Gravity and rotation.
+    alpha, beta, kappa : float
+        Of the scaled unscented transform. An alpha below 0.1 costs digits.
+    """
 
     def __init__(
         self,
@@ -103,123 +81,96 @@ class ErrorStateUKF(UnscentedKalmanFilter):
         beta: float = 2.0,
         kappa: float = 0.0,
     ) -> None:
-        n = layout.size
-        super().__init__(n, 1, 0.0, hx=None, fx=None, points=MerwePoints(n, alpha, beta, kappa))
         self.layout, self.state, self.planet = layout, state, planet
-        self.P = covariance.copy()
-        self.redraw()
+        self._engine = _Engine(MerwePoints(layout.size, alpha, beta, kappa))
+        self._engine.P = covariance.copy()
+        self.draw_sigma_points()
 
-    def redraw(self) -> None:
-        """Draw the sigma points anew about the reference."""
-        self.sigmas_f = self.points_fn.sigma_points(self.x, self.P)
+    @property
+    def covariance(self) -> Array:
+        """Covariance of the error about the reference, ``(n, n)``."""
+        return self._engine.P
 
-    def _recentre(self) -> None:
-        """Let the reference take the mean over."""
-        self.state = self.state.plus(self.x)
-        self.sigmas_f -= self.x
-        self.x = np.zeros_like(self.x)
-        self.P = 0.5 * (self.P + self.P.T)
+    @property
+    def sigma_points(self) -> Array:
+        """Sigma points of the error, ``(2n + 1, n)``."""
+        return self._engine.sigmas_f
 
-    def compute_process_sigmas(self, dt: float, fx: object = None, **fx_args: Any) -> None:
-        """Propagate all sigma points over `samples` in one call; the centre becomes the reference."""
-        samples = fx_args["samples"]
-        self.sigmas_start = self.points_fn.sigma_points(self.x, self.P)
-        count = len(self.sigmas_start)
-        nav, errors = sigma_states(self.state, self.sigmas_start, strapdown.padded(count))
-        propagate_states(self.layout, self.planet, samples, nav, errors)
-        centre = State(nav[:, 0].copy(), np.concatenate((np.zeros(9), errors[9:, 0])))
-        sigmas = errors[:, :count].T - centre.errors
-        sigmas[:, :6] = (nav[:6, :count] - centre.nav[:6, None]).T
-        sigmas[:, 6:9] = attitude_errors(centre.nav[6:10], nav[6:10, :count])
-        if len(nav) == 14:
-            sigmas[:, -3:] = attitude_errors(centre.nav[10:], nav[10:, :count])
-        self.sigmas_f, self.state = sigmas, centre
-        self.sigmas_propagated = sigmas  # filterpy draws sigmas_f anew; these correlate with the start
+    @property
+    def weights(self) -> Array:
+        """Weights of the sigma points in covariances, ``(2n + 1,)``."""
+        return self._engine.Wc
 
-    def advance(self, samples: Samples) -> Transition:
-        """Predict to the end of `samples`."""
-        self.Q = process_noise(self.layout, samples, self.state.nav[6:10])
-        self.predict(0.0, samples=samples)
-        start = self.sigmas_start - self.sigmas_start[0]
-        cross = (start * self.Wc[:, None]).T @ (self.sigmas_propagated - self.x)
-        self._recentre()
-        return Transition(cross, self.state, self.P.copy())
+    def draw_sigma_points(self) -> None:
+        """Draw the sigma points of the present covariance about the reference."""
+        self._engine.sigmas_f = self._engine.points_fn.sigma_points(self._engine.x, self._engine.P)
 
-    def states(self, sigmas: Array) -> tuple[Array, Array]:
-        """Sigma points in full: navigation states ``(10, S)`` and other states ``(n, S)``."""
-        return sigma_states(self.state, sigmas, len(sigmas))
+    def predict(self, samples: Samples) -> Transition:
+        """Propagate estimate and covariance to the end of `samples`."""
+        engine = self._engine
+        points = engine.points_fn.sigma_points(engine.x, engine.P)
+        engine.Q = process_noise(self.layout, samples, self.state.nav[6:10])
+        self.state, propagated = self._propagated(points, samples)
+        engine.predict(0.0, propagated=propagated)
+        # filterpy draws its points again after the prediction; the propagated ones correlate with those before it
+        cross = ((points - points[0]) * engine.Wc[:, None]).T @ (propagated - engine.x)
+        self._move_reference()
+        return Transition(cross, self.state, engine.P.copy())
 
-    def innovate(self, measured: Array, noise: Array, predicted: Array) -> Innovation:
-        """Innovation of a measurement, without using it.
+    def innovation(self, constraint: Constraint) -> Innovation:
+        """Predict a measurement at all sigma points and compare the mean with what was measured."""
+        nav, errors = sigma_states(self.state, self.sigma_points, len(self.sigma_points))
+        predicted = constraint.predict(nav, errors, self.layout)
+        mean = self._engine.Wm @ predicted
+        spread = predicted - mean
+        covariance = (spread * self._engine.Wc[:, None]).T @ spread
+        return Innovation.of(constraint.measured - mean, covariance, constraint.noise, predicted)
+
+    def update(self, constraint: Constraint, innovation: Innovation) -> None:
+        """Update with a measurement; `innovation` holds its predictions at the present sigma points."""
+        predictions = iter(innovation.linearization)
+        self._engine.update(constraint.measured, R=constraint.noise, hx=lambda _: next(predictions))
+        self._move_reference()
+        self.draw_sigma_points()
+
+    def transform(self, matrix: Array, noise: Array, errors: Array) -> Transition:
+        """Replace the error linearly, as `ErrorStateFilter.transform`.
 
         Parameters
         ----------
-        measured : (m,) array
-        noise : (m, m) array
-        predicted : (2n + 1, m) array
-            Of the sigma points `sigmas_f`.
+        matrix, noise : (n, n) arrays
+            Transition, and covariance of the added noise.
+        errors : (n,) array
+            New values of `State.errors`.
+
+        Returns
+        -------
+        Transition
         """
-        mean = self.Wm @ predicted
-        spread = predicted - mean
-        covariance = (spread * self.Wc[:, None]).T @ spread
-        residual = measured - mean
-        nis = float(residual @ np.linalg.solve(covariance + noise, residual))
-        return Innovation(residual, covariance, noise, nis)
-
-    def absorb(self, measured: Array, noise: Array, predicted: Array) -> None:
-        """Update with a measurement; arguments as in `innovate`."""
-        rows = iter(predicted)
-        self.update(measured, R=noise, hx=lambda _: next(rows))
-        self._recentre()
-        self.redraw()
-
-    def cross_variance(self, x: Array, z: Array, sigmas_f: Array, sigmas_h: Array) -> Array:
-        """filterpy's sum over sigma points as one matrix product."""
-        return ((sigmas_f - x) * self.Wc[:, None]).T @ (sigmas_h - z)
-
-    def replace(self, transition: Array, noise: Array, errors: Array) -> Transition:
-        """Change states at once: error ← transition @ error + noise; other states become `errors`."""
-        cross = self.P @ transition.T
-        self.P = transition @ self.P @ transition.T + noise
+        engine = self._engine
+        cross = engine.P @ matrix.T
+        engine.P = matrix @ engine.P @ matrix.T + noise
         self.state = State(self.state.nav, errors)
-        self.redraw()
-        return Transition(cross, self.state, self.P.copy())
+        self.draw_sigma_points()
+        return Transition(cross, self.state, engine.P.copy())
 
+    def _propagated(self, points: Array, samples: Samples) -> tuple[State, Array]:
+        """Reference and sigma points ``(2n + 1, n)`` after `samples`: the centre is the new reference."""
+        count = len(points)
+        nav, errors = sigma_states(self.state, points, strapdown.padded(count))
+        propagate_states(self.layout, self.planet, samples, nav, errors)
+        centre = State(nav[:, 0].copy(), np.concatenate((np.zeros(9), errors[9:, 0])))
+        propagated = errors[:, :count].T - centre.errors
+        propagated[:, :6] = (nav[:6, :count] - centre.nav[:6, None]).T
+        propagated[:, 6:9] = attitude_errors(centre.nav[6:10], nav[6:10, :count])
+        if len(nav) == 14:
+            propagated[:, -3:] = attitude_errors(centre.nav[10:], nav[10:, :count])
+        return centre, propagated
 
-def propagate_states(layout: Layout, planet: Planet, samples: Samples, nav: Array, errors: Array) -> None:
-    """Propagate full states over `samples`, in place; what was computed on board turns as the gyros read.
-
-    Parameters
-    ----------
-    layout : Layout
-    planet : Planet
-    samples : Samples
-    nav : (10 or 14, S) array, changed in place
-        S a multiple of `strapdown.LANES`.
-    errors : (n, S) array
-    """
-    if len(nav) == 14:
-        net, turn = onboard_steps(layout, samples, errors)
-        nav[10:] = rotations.multiply(rotations.multiply(nav[10:].T, net), turn).T
-    force_map, rate_map = sensor_maps(layout, errors)
-    strapdown.propagate(
-        nav[:10],
-        force_map,
-        rate_map,
-        samples.interval,
-        samples.force,
-        samples.rate,
-        planet.mu,
-        planet.j2,
-        planet.gravity_radius,
-    )
-
-
-def onboard_steps(layout: Layout, samples: Samples, errors: Array) -> tuple[Array, Array]:
-    """Turn of on-board attitudes: as the gyros read ``(4,)``, then less what they were computed with ``(S, 4)``."""
-    names = [n for n in ("onboard_rate", "onboard_mounting") if n in layout]
-    turn = np.zeros((3, errors.shape[1]))
-    if names:
-        effect = dict(zip(("onboard_rate", "onboard_mounting"), onboard_turn(samples), strict=True))
-        turn = sum((effect[n] @ errors[layout[n]] for n in names), turn)
-    return net_turn(samples), rotations.from_rotation_vector(turn.T)
+    def _move_reference(self) -> None:
+        """Move the reference to the mean."""
+        engine = self._engine
+        self.state = self.state.plus(engine.x)
+        engine.sigmas_f -= engine.x
+        engine.x = np.zeros_like(engine.x)
+        engine.P = 0.5 * (engine.P + engine.P.T)

@@ -1,7 +1,7 @@
-"""What a mission holds the flight to: its constraints with their values.
+"""The filter's constraints, from a mission and its telemetry.
 
-The mission says which statements are to be used and how well they are known; the telemetry, or the mission itself,
-holds the values. Nothing is estimated here but means over windows.
+The mission states which constraints are used and with which sigmas; the telemetry, or the mission itself,
+holds the measured values. Nothing is estimated in this module except means over windows.
 """
 
 from __future__ import annotations
@@ -9,59 +9,79 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
-from edl_filter.effects.air import air_planet, changed_atmosphere
-from edl_filter.effects.effect import Active
+from edl_filter.effects.adapters import atmosphere_with_effects
+from edl_filter.effects.base import EffectInstance
+from edl_filter.effects.forward_model import compose_air_rotation
 from edl_filter.errors import InputError
 from edl_filter.mission import Mission
-from edl_filter.mission.estimation import LandingSite
-from edl_filter.mission.sections import FromTelemetry
-from edl_filter.modelling import body_of
-from edl_filter.navigation import constraints as known
+from edl_filter.mission.estimation import LandingSiteConfig
+from edl_filter.mission.fields import FromTelemetryConfig
+from edl_filter.navigation import constraints as models
 from edl_filter.navigation.increments import Samples
+from edl_filter.pipeline.forward_model import body_of
 from edl_filter.planet import Planet, ellipsoid
 from edl_filter.planet.atmosphere import Atmosphere
 from edl_filter.telemetry.record import Telemetry
+from edl_filter.types import Array, BoolArray
 
-Array = NDArray[np.float64]
 
-
-def statements(
+def build_constraints(
     mission: Mission,
     telemetry: Telemetry,
     samples: Samples,
     planet: Planet,
     atmosphere: Atmosphere,
     start: float,
-    effects: Sequence[Active] = (),
-) -> list[known.Constraint]:
-    """All constraints that the mission wants, from `start` (s) on; the air that they ask is that of the effects."""
+    effects: Sequence[EffectInstance] = (),
+) -> list[models.Constraint]:
+    """All constraints that the mission names.
+
+    Parameters
+    ----------
+    mission : Mission
+        Checked mission.
+    telemetry : Telemetry
+        From which the effects are removed.
+    samples : Samples
+        Of the driving instrument.
+    planet, atmosphere : Planet, Atmosphere
+        The mission's own; the constraints use the air with the effects.
+    start : float
+        s; time of the initial state.
+    effects : sequence of EffectInstance
+        Those whose air and vehicle the constraints assume.
+
+    Raises
+    ------
+    InputError
+        The telemetry does not have what a constraint needs.
+    """
     c = mission.constraints
-    atmosphere = changed_atmosphere(atmosphere, effects)
-    found: list[known.Constraint] = []
+    atmosphere = atmosphere_with_effects(atmosphere, effects)
+    constraints: list[models.Constraint] = []
     if c.pre_entry_zero_force is not None:
         z = c.pre_entry_zero_force
         part = window(samples, z.start_s, z.end_s, "pre_entry_zero_force")
         noise = float(np.sqrt(np.mean(part.force_noise**2) / len(part.time)))
-        found.append(known.ZeroSpecificForce(start, mean(part), np.full(3, np.hypot(z.sigma, noise))))
+        constraints.append(models.ZeroSpecificForce(start, mean(part), np.full(3, np.hypot(z.sigma, noise))))
     if c.onboard_attitude is not None:
-        found += onboard_attitudes(telemetry, c.onboard_attitude.interval_s, start)
+        constraints += onboard_attitudes(telemetry, c.onboard_attitude.interval_s, start)
     if c.parachute is not None:
-        found.append(_parachute(mission, telemetry, air_planet(planet, effects), atmosphere))
+        constraints.append(_parachute(mission, telemetry, compose_air_rotation(planet, effects), atmosphere))
     if c.steady_descent is not None:
-        found.append(_steady_descent(mission, samples, planet, atmosphere, body_of(mission, effects).mass))
-    if c.landing is not None and not (isinstance(c.landing, LandingSite) and not c.landing.use):
-        found.append(_landing(mission, telemetry, planet))
+        constraints.append(_steady_descent(mission, samples, planet, atmosphere, body_of(mission, effects).mass))
+    if c.landing is not None and not (isinstance(c.landing, LandingSiteConfig) and not c.landing.use):
+        constraints.append(_landing(mission, telemetry, planet))
     if c.rest is not None:
-        found += _rest(mission, telemetry, samples, planet)
+        constraints += _rest(mission, telemetry, samples, planet)
     if c.altimeter is not None:
-        found += _altimeter(mission, telemetry)
-    return found
+        constraints += _altimeter(mission, telemetry)
+    return constraints
 
 
 def window(samples: Samples, start: float, end: float, name: str) -> Samples:
-    """Samples within a constraint's window."""
+    """Samples within the window of the constraint `name`, from `start` to `end` (s)."""
     first, last = samples.index(start), samples.index(end)
     if last - first < 2:
         raise InputError(
@@ -72,14 +92,14 @@ def window(samples: Samples, start: float, end: float, name: str) -> Samples:
 
 
 def mean(samples: Samples) -> Array:
-    """Mean specific force over time, body axes."""
+    """Mean specific force over all samples, ``(3,)``, m/s², body axes."""
     return samples.interval @ samples.mean_force / samples.interval.sum()
 
 
-def onboard_attitudes(telemetry: Telemetry, interval: float, start: float) -> list[known.Constraint]:
-    """On-board attitudes every `interval` and on both sides of a gap, where the gyros were read themselves.
+def onboard_attitudes(telemetry: Telemetry, interval: float, start: float) -> list[models.Constraint]:
+    """On-board attitudes every `interval` (s) and on both sides of a gap, from `start` (s) on, where gyros were read.
 
-    Where the rates were made from the on-board quaternion it would say nothing new.
+    Where the rates were derived from the on-board quaternion, it would contain no new information.
     """
     attitude, driving = telemetry.attitude, telemetry.driving
     if attitude is None:
@@ -90,18 +110,18 @@ def onboard_attitudes(telemetry: Telemetry, interval: float, start: float) -> li
     span = driving.time[gyros]
     gap = driving.source == (driving.sources.index("gap") if "gap" in driving.sources else -1)
     inside, edges = _within(attitude.time, driving.time[gap], driving.interval[gap])
-    found: list[known.Constraint] = []
+    constraints: list[models.Constraint] = []
     last = -np.inf
     for k in np.flatnonzero((attitude.time > max(start, span[0])) & (attitude.time <= span[-1]) & ~inside):
         time = float(attitude.time[k])
         if time - last >= interval or k in edges:
             quaternion, sigma = attitude.inertial_from_body[k], float(attitude.sigma[k])
-            found.append(known.OnboardAttitude(time, quaternion, sigma))
+            constraints.append(models.OnboardAttitude(time, quaternion, sigma))
             last = time
-    return found
+    return constraints
 
 
-def _within(time: Array, end: Array, interval: Array) -> tuple[NDArray[np.bool_], set[int]]:
+def _within(time: Array, end: Array, interval: Array) -> tuple[BoolArray, set[int]]:
     """Which of `time` lie within gaps of adjoining samples, and the indices of the last before and first after each."""
     begins = end - interval
     first = np.flatnonzero(np.diff(begins, prepend=-np.inf) > 1.5 * interval)
@@ -121,25 +141,27 @@ def _event(mission: Mission, telemetry: Telemetry, name: str, constraint: str) -
     return times[name]
 
 
-def _parachute(mission: Mission, telemetry: Telemetry, planet: Planet, atmosphere: Atmosphere) -> known.DynamicPressure:
+def _parachute(
+    mission: Mission, telemetry: Telemetry, planet: Planet, atmosphere: Atmosphere
+) -> models.DynamicPressure:
     stated, sigma = mission.constraints.parachute, mission.atmosphere.density_sigma
-    if isinstance(stated, FromTelemetry):
+    if isinstance(stated, FromTelemetryConfig):
         fix = telemetry.parachute
         if fix is None:
-            raise InputError(f"{mission.source}: constraints.parachute: the telemetry says nothing of it.")
-        return known.DynamicPressure(
+            raise InputError(f"{mission.source}: constraints.parachute: the telemetry has no parachute deployment.")
+        return models.DynamicPressure(
             fix.time, fix.dynamic_pressure, fix.dynamic_pressure_sigma, sigma, planet, atmosphere
         )
     assert stated is not None
     time = _event(mission, telemetry, "parachute_deploy", "parachute")
-    return known.DynamicPressure(
+    return models.DynamicPressure(
         time, stated.dynamic_pressure, stated.dynamic_pressure_sigma, sigma, planet, atmosphere
     )
 
 
 def _steady_descent(
     mission: Mission, samples: Samples, planet: Planet, atmosphere: Atmosphere, mass_at_entry: float
-) -> known.SteadyDescent:
+) -> models.SteadyDescent:
     """Terminal speed from the measured drag, ``m f = ρ V² C_D S / 2``, at whatever density the state's altitude has."""
     c, parachute = mission.constraints.steady_descent, mission.vehicle.parachute
     assert c is not None and parachute is not None and parachute.drag_coefficient is not None  # the mission is checked
@@ -150,7 +172,7 @@ def _steady_descent(
     masses = [e.mass for n, e in mission.vehicle.events.items() if e.mass is not None and events[n] < time]
     mass = masses[-1] if masses else mass_at_entry
     area = np.pi / 4.0 * parachute.area_diameter**2
-    return known.SteadyDescent(
+    return models.SteadyDescent(
         time=time,
         dynamic_pressure=mass * drag / (parachute.drag_coefficient * area),
         wind_sigma=c.horizontal_sigma,
@@ -161,25 +183,25 @@ def _steady_descent(
     )
 
 
-def _landing(mission: Mission, telemetry: Telemetry, planet: Planet) -> known.LandingSite:
+def _landing(mission: Mission, telemetry: Telemetry, planet: Planet) -> models.LandingSite:
     stated = mission.constraints.landing
-    if isinstance(stated, FromTelemetry):
+    if isinstance(stated, FromTelemetryConfig):
         fix = telemetry.landing
         if fix is None:
             raise InputError(f"{mission.source}: constraints.landing: the telemetry has no landing position.")
-        return known.LandingSite(fix.time, fix.position, np.diag(fix.position_sigma**2), planet)
+        return models.LandingSite(fix.time, fix.position, np.diag(fix.position_sigma**2), planet)
     assert stated is not None
     enu = ellipsoid.enu_from_fixed(stated.latitude, stated.longitude)
     sigma = np.array([stated.horizontal_sigma, stated.horizontal_sigma, stated.vertical_sigma])
     time = _event(mission, telemetry, "landing", "landing")
-    return known.LandingSite(time, stated.position, enu.T @ np.diag(sigma**2) @ enu, planet)
+    return models.LandingSite(time, stated.position, enu.T @ np.diag(sigma**2) @ enu, planet)
 
 
-def _rest(mission: Mission, telemetry: Telemetry, samples: Samples, planet: Planet) -> list[known.Constraint]:
+def _rest(mission: Mission, telemetry: Telemetry, samples: Samples, planet: Planet) -> list[models.Constraint]:
     """Rest: no velocity, and minus gravity on the accelerometers; in a flight file also rates on the gyros."""
     stated = mission.constraints.rest
     assert stated is not None
-    if isinstance(stated, FromTelemetry):
+    if isinstance(stated, FromTelemetryConfig):
         if telemetry.landing is None:
             raise InputError(f"{mission.source}: constraints.rest: the telemetry has no landing.")
         start, end = telemetry.landing.time, float(samples.time[-1])
@@ -189,19 +211,19 @@ def _rest(mission: Mission, telemetry: Telemetry, samples: Samples, planet: Plan
     count = len(part.time)
     force_sigma = float(np.sqrt(np.mean(part.force_noise**2) / count))
     rate_sigma = float(np.sqrt(np.mean(part.rate_noise**2) / count))
-    found: list[known.Constraint] = [known.RestVelocity(start, stated.velocity_sigma, planet)]
-    if isinstance(stated, FromTelemetry):
-        found.append(known.RestGravity(start, mean(part), force_sigma, planet))
+    constraints: list[models.Constraint] = [models.RestVelocity(start, stated.velocity_sigma, planet)]
+    if isinstance(stated, FromTelemetryConfig):
+        constraints.append(models.RestGravity(start, mean(part), force_sigma, planet))
         rate = part.interval @ part.mean_rate / part.interval.sum()
-        found.append(known.RestRate(start, rate, rate_sigma, planet))
+        constraints.append(models.RestRate(start, rate, rate_sigma, planet))
     elif stated.gravity_direction_sigma is not None:
         force = mean(part)
         sigma = float(np.hypot(force_sigma, np.linalg.norm(force) * stated.gravity_direction_sigma))
-        found.append(known.RestGravity(start, force, sigma, planet))
-    return found
+        constraints.append(models.RestGravity(start, force, sigma, planet))
+    return constraints
 
 
-def _altimeter(mission: Mission, telemetry: Telemetry) -> list[known.Constraint]:
+def _altimeter(mission: Mission, telemetry: Telemetry) -> list[models.Constraint]:
     """Every reading up to the landing."""
     stated, record = mission.constraints.altimeter, telemetry.altimeter
     assert stated is not None
@@ -210,7 +232,7 @@ def _altimeter(mission: Mission, telemetry: Telemetry) -> list[known.Constraint]
     end = telemetry.landing.time if telemetry.landing is not None else np.inf
     sigma = stated.sigma if stated.sigma is not None else record.sigma
     return [
-        known.Altimeter(float(t), float(h), sigma, record.surface_radius)
+        models.Altimeter(float(t), float(h), sigma, record.surface_radius)
         for t, h in zip(record.time, record.height, strict=True)
         if t <= end
     ]

@@ -1,4 +1,4 @@
-"""From a mission to the model of the world: database, damping, rigid body, effects."""
+"""From a mission to the forward model: database, damping, rigid body, effects."""
 
 from __future__ import annotations
 
@@ -9,38 +9,40 @@ import numpy as np
 from edl_filter.aero.body import SphereCone
 from edl_filter.aero.damping import read_damping
 from edl_filter.aero.database import Database, load_database
-from edl_filter.effects.effect import Active, Body
-from edl_filter.effects.world import Damping, World
+from edl_filter.effects.base import EffectInstance
+from edl_filter.effects.forward_model import Damping, ForwardModel, compose_body
+from edl_filter.effects.types import Body
 from edl_filter.errors import InputError
 from edl_filter.mission import Mission
 from edl_filter.planet import Planet
 from edl_filter.planet.atmosphere import Atmosphere
-from edl_filter.postflight.gas import Gas
+from edl_filter.planet.gas import Gas
 
 
-def world_of(
-    mission: Mission, planet: Planet, atmosphere: Atmosphere, effects: Sequence[Active] | None = None
-) -> World:
-    """The world that a mission states.
+def forward_model_of(
+    mission: Mission, planet: Planet, atmosphere: Atmosphere, effects: Sequence[EffectInstance] | None = None
+) -> ForwardModel:
+    """The forward model of a mission.
 
     Parameters
     ----------
     mission : Mission
+        Checked mission.
     planet, atmosphere : Planet, Atmosphere
         The mission's own, without effects, as in `Reconstruction`.
-    effects : sequence of Active, optional
+    effects : sequence of EffectInstance, optional
         Instead of the mission's.
 
     Raises
     ------
     InputError
-        The mission has no aerodynamics or no inertia, or a table or effect cannot be used.
+        The mission has no aerodynamics or no inertia, or a table or effect is invalid.
     """
     if mission.aerodynamics is None:
         raise InputError(f"{mission.source or mission.name}: aerodynamics: found nothing; a prediction needs it.")
     if mission.vehicle.inertia is None:
         raise InputError(f"{mission.source or mission.name}: vehicle.inertia: found nothing; a prediction needs it.")
-    return World(
+    return ForwardModel(
         planet=planet,
         atmosphere=atmosphere,
         gas=gas_of(mission),
@@ -95,7 +97,7 @@ def damping_of(mission: Mission) -> Damping:
     return Damping() if path is None else Damping(*read_damping(path))
 
 
-def body_of(mission: Mission, effects: Sequence[Active] = ()) -> Body:
+def body_of(mission: Mission, effects: Sequence[EffectInstance] = ()) -> Body:
     """The vehicle at entry, with effects; its inertia is zero where the mission states none."""
     vehicle = mission.vehicle
     body = Body(
@@ -103,6 +105,4 @@ def body_of(mission: Mission, effects: Sequence[Active] = ()) -> Body:
         inertia=np.zeros((3, 3)) if vehicle.inertia is None else vehicle.inertia.tensor,
         offset=vehicle.diameter * np.array([0.0, *vehicle.centre_of_mass_offset]),
     )
-    for a in effects:
-        body = a.effect.vehicle(a.values, body)
-    return body
+    return compose_body(body, effects)

@@ -1,4 +1,4 @@
-"""Reading what a mission names: telemetry and preflight atmosphere."""
+"""Telemetry and preflight atmosphere that a mission names."""
 
 from __future__ import annotations
 
@@ -9,8 +9,7 @@ import numpy as np
 from edl_filter import rotations
 from edl_filter.errors import InputError
 from edl_filter.mission import Mission
-from edl_filter.mission.measurements import FlightFile
-from edl_filter.mission.measurements import MerImu as MerMission
+from edl_filter.mission.measurements import FlightFileConfig, MerImuConfig
 from edl_filter.planet.atmosphere import Atmosphere
 from edl_filter.telemetry.fetch import find_mer_imu
 from edl_filter.telemetry.flight_file import read_flight_file
@@ -25,10 +24,10 @@ def read_telemetry(mission: Mission) -> Telemetry:
     Raises
     ------
     InputError
-        It is not there, or not as it should be.
+        The file is missing or invalid.
     """
     path = mission.telemetry_path()
-    if isinstance(mission.telemetry, FlightFile):
+    if isinstance(mission.telemetry, FlightFileConfig):
         assert path is not None
         telemetry = read_flight_file(path)
         if telemetry.planet.lower() != mission.planet.name.lower():
@@ -36,7 +35,7 @@ def read_telemetry(mission: Mission) -> Telemetry:
                 f"{path}: the flight is of {telemetry.planet}, the mission's planet is {mission.planet.name}."
             )
         return telemetry if mission.telemetry.driving is None else driven_by(telemetry, mission.telemetry.driving)
-    assert isinstance(mission.telemetry, MerMission)  # telemetry_path stops the others
+    assert isinstance(mission.telemetry, MerImuConfig)  # telemetry_path stops the others
     tables = read_mer_tables(find_mer_imu(path), mission.telemetry.spacecraft)
     return mer_telemetry(tables, mer_setup(mission))
 
@@ -57,15 +56,15 @@ def driven_by(telemetry: Telemetry, name: str) -> Telemetry:
 
 
 def mer_setup(mission: Mission) -> MerSetup:
-    """What reading a rover's tables needs of its mission.
+    """Inputs from the mission for the reader of a rover's tables.
 
     Raises
     ------
     InputError
-        The mission does not say when the backshell separates, or how the inertial frame lies.
+        The mission does not state the backshell's separation, or the inertial frame's orientation.
     """
     telemetry = mission.telemetry
-    assert isinstance(telemetry, MerMission)
+    assert isinstance(telemetry, MerImuConfig)
     j2000_from_inertial = mission.planet.j2000_from_inertial_matrix
     separation = mission.vehicle.events.get("backshell_separation")
     if j2000_from_inertial is None:

@@ -1,4 +1,4 @@
-"""From a mission and its telemetry to the filter's problem: sensors set right, entry state, and what else is known."""
+"""From a mission and its telemetry to the filter's problem: corrected samples, entry state, constraints."""
 
 from __future__ import annotations
 
@@ -8,28 +8,28 @@ from dataclasses import replace
 import numpy as np
 
 from edl_filter import rotations
-from edl_filter.effects.air import gravity_planet
-from edl_filter.effects.effect import Active
-from edl_filter.effects.readings import check_imus, corrected_record, moved_record
+from edl_filter.effects.base import EffectInstance
+from edl_filter.effects.forward_model import compose_entry_state, compose_gravity
+from edl_filter.effects.sensor_chain import check_imus, corrected_record, moved_record
 from edl_filter.errors import InputError
 from edl_filter.mission import Mission
-from edl_filter.mission.estimation import StatedState
-from edl_filter.navigation.filter import Problem, Settings, pose
+from edl_filter.mission.estimation import StatedStateConfig
+from edl_filter.navigation.filter import Problem, Settings, build_problem
 from edl_filter.navigation.increments import effective_samples
 from edl_filter.navigation.initial import EntryErrors
+from edl_filter.pipeline.constraints import build_constraints
 from edl_filter.planet import Planet
 from edl_filter.planet.atmosphere import Atmosphere
-from edl_filter.statements import statements
 from edl_filter.telemetry.record import ImuRecord, InitialState, Telemetry
 
 
-def without_effects(mission: Mission, telemetry: Telemetry, effects: Sequence[Active]) -> Telemetry:
-    """Telemetry as it would be with perfect sensors at known places: what effects did to all IMUs is undone.
+def without_effects(mission: Mission, telemetry: Telemetry, effects: Sequence[EffectInstance]) -> Telemetry:
+    """Telemetry as perfect sensors at known places would give it: the effects are removed from all IMUs.
 
     Raises
     ------
     InputError
-        An effect names an IMU that is not there.
+        An effect names an IMU that the telemetry does not have.
     """
     if not effects:
         return telemetry
@@ -37,11 +37,11 @@ def without_effects(mission: Mission, telemetry: Telemetry, effects: Sequence[Ac
     times = mission.event_times()
     until = min((times[n] for n, e in mission.vehicle.events.items() if e.position is not None), default=np.inf)
 
-    def undone(record: ImuRecord, driving: bool) -> ImuRecord:
+    def corrected(record: ImuRecord, driving: bool) -> ImuRecord:
         return moved_record(corrected_record(record, effects, driving), effects, until, driving)
 
-    checking = tuple(undone(record, driving=False) for record in telemetry.checking)
-    return replace(telemetry, driving=undone(telemetry.driving, driving=True), checking=checking)
+    checking = tuple(corrected(record, driving=False) for record in telemetry.checking)
+    return replace(telemetry, driving=corrected(telemetry.driving, driving=True), checking=checking)
 
 
 def assemble(
@@ -49,63 +49,62 @@ def assemble(
     telemetry: Telemetry,
     planet: Planet,
     atmosphere: Atmosphere,
-    effects: Sequence[Active] | None = None,
+    effects: Sequence[EffectInstance] | None = None,
 ) -> Problem:
     """Put the filter's problem together.
 
     Parameters
     ----------
     mission : Mission
+        Checked mission.
     telemetry : Telemetry
-        As it was read: the effects are undone here.
+        As it was read; the effects are removed by this function.
     planet, atmosphere : Planet, Atmosphere
         The mission's own, without effects.
-    effects : sequence of Active, optional
+    effects : sequence of EffectInstance, optional
         Instead of the mission's.
 
     Raises
     ------
     InputError
         The mission takes something from the telemetry that is not in it, or a window holds no samples; an effect names
-        an IMU that is not there.
+        an IMU that the telemetry does not have.
     """
     effects = mission.active_effects() if effects is None else effects
     return assemble_free(mission, without_effects(mission, telemetry, effects), planet, atmosphere, effects)
 
 
 def assemble_free(
-    mission: Mission, telemetry: Telemetry, planet: Planet, atmosphere: Atmosphere, effects: Sequence[Active]
+    mission: Mission, telemetry: Telemetry, planet: Planet, atmosphere: Atmosphere, effects: Sequence[EffectInstance]
 ) -> Problem:
-    """As `assemble`, from telemetry that is free of the effects already (`without_effects`)."""
-    planet = gravity_planet(planet, effects)
+    """As `assemble`, from telemetry from which the effects are removed already (`without_effects`)."""
+    planet = compose_gravity(planet, effects)
     samples = effective_samples(telemetry.driving)
     initial, entry = entry_state(mission, telemetry)
-    for a in effects:
-        initial = a.effect.entry_state(a.values, initial)
+    initial = compose_entry_state(initial, effects)
     f = mission.filter
     onboard = mission.constraints.onboard_attitude
-    return pose(
+    return build_problem(
         samples,
         initial,
         entry,
         telemetry.driving.errors,
-        statements(mission, telemetry, samples, planet, atmosphere, initial.time, effects),
+        build_constraints(mission, telemetry, samples, planet, atmosphere, initial.time, effects),
         planet,
-        Settings(f.alpha, f.beta, f.kappa, f.longest_interval_s, f.gate_probability),
+        Settings(f.alpha, f.beta, f.kappa, f.longest_interval_s, f.gate_probability, f.method),
         times=tuple((mission.event_times() | telemetry.events).values()),
         unit_change_sigma=onboard.unit_change_sigma if onboard else 0.0,
     )
 
 
 def entry_state(mission: Mission, telemetry: Telemetry) -> tuple[InitialState, EntryErrors]:
-    """Entry state, and what may be wrong with it besides its covariance."""
+    """Entry state, and its errors in addition to its covariance."""
     stated = mission.initial_state
-    if not isinstance(stated, StatedState):
+    if not isinstance(stated, StatedStateConfig):
         if telemetry.initial is None:
             raise InputError(f"{mission.source}: initial_state.from: the telemetry has no initial state.")
         return telemetry.initial, EntryErrors()
-    on_board = stated.attitude == "onboard"
-    if on_board:
+    if stated.attitude == "onboard":
         if telemetry.attitude is None:
             raise InputError(f"{mission.source}: initial_state.attitude: the telemetry has no on-board attitude.")
         attitude = telemetry.attitude.at(stated.time_s)

@@ -1,20 +1,23 @@
-"""The planet: shape, rotation and gravity in one object.
+"""The planet: gravity, shape, rotation, atmosphere and gas.
 
-The formulas are in `ellipsoid`, `rotation` and `gravity`; `Planet` only carries the numbers to them.
+In: numbers of a mission (`Planet`, `Gas`) and a table of the preflight atmosphere (CSV, `Atmosphere`). Out: gravity,
+areodetic coordinates, ground- and air-relative velocity, local axes, density, temperature, wind and the numbers of the
+gas, for arrays of positions (m, inertial or planet-fixed) and times (s since the epoch). Nothing depends on a vehicle.
+
+Read in this order: `gravity`, `ellipsoid` and `rotation` (the formulas), this file (`Planet`, which passes a planet's
+numbers to them), `gas`, `atmosphere`.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from edl_filter.planet import ellipsoid
 from edl_filter.planet.gravity import gravity_vector, potential
 from edl_filter.planet.rotation import Rotation
-
-Array = NDArray[np.float64]
+from edl_filter.types import Array
 
 __all__ = ["Planet", "Rotation"]
 
@@ -51,36 +54,122 @@ class Planet:
 
     @property
     def rotation(self) -> Rotation:
-        """Rotation of the ground and of the air at rest on it."""
+        """Rotation of the ground, and of the air without wind."""
         return Rotation(self.rotation_rate, self.prime_meridian_at_epoch)
 
     def gravity(self, position: ArrayLike) -> Array:
-        """Gravitational acceleration ``(..., 3)``, m/s², at inertial or fixed positions ``(..., 3)``, m."""
+        """Gravitational acceleration.
+
+        Parameters
+        ----------
+        position : (..., 3) array
+            Inertial or planet-fixed, m.
+
+        Returns
+        -------
+        (..., 3) array
+            m/s², in the axes of `position`.
+        """
         return gravity_vector(position, self.mu, self.j2, self.gravity_radius)
 
     def potential(self, position: ArrayLike) -> Array:
-        """Gravitational potential, m²/s², whose gradient is `gravity`."""
+        """Gravitational potential, whose gradient is `gravity`.
+
+        Parameters
+        ----------
+        position : (..., 3) array
+            Inertial or planet-fixed, m.
+
+        Returns
+        -------
+        (...) array
+            m²/s².
+        """
         return potential(position, self.mu, self.j2, self.gravity_radius)
 
     def geodetic(self, time: ArrayLike, position: ArrayLike) -> tuple[Array, Array, Array]:
-        """Areodetic latitude, longitude (rad) and altitude (m) of inertial positions at `time` (s)."""
+        """Areodetic coordinates of inertial positions.
+
+        Parameters
+        ----------
+        time : (...) array
+            s since the epoch.
+        position : (..., 3) array
+            Inertial, m.
+
+        Returns
+        -------
+        latitude, longitude : (...) arrays
+            rad.
+        altitude : (...) array
+            m.
+        """
         fixed = self.rotation.to_fixed(time, position)
         return ellipsoid.geodetic_from_fixed(fixed, self.equatorial_radius, self.flattening)
 
     def geodetic_from_fixed(self, position: ArrayLike) -> tuple[Array, Array, Array]:
-        """Areodetic latitude, longitude (rad) and altitude (m) of planet-fixed positions ``(..., 3)``, m."""
+        """Areodetic coordinates of planet-fixed positions.
+
+        Parameters
+        ----------
+        position : (..., 3) array
+            Planet-fixed, m.
+
+        Returns
+        -------
+        latitude, longitude : (...) arrays
+            rad.
+        altitude : (...) array
+            m.
+        """
         return ellipsoid.geodetic_from_fixed(position, self.equatorial_radius, self.flattening)
 
     def fixed_from_geodetic(self, latitude: ArrayLike, longitude: ArrayLike, altitude: ArrayLike) -> Array:
-        """Planet-fixed positions ``(..., 3)``, m, of areodetic coordinates (rad, rad, m)."""
+        """Planet-fixed positions of areodetic coordinates.
+
+        Parameters
+        ----------
+        latitude, longitude : (...) arrays
+            rad.
+        altitude : (...) array
+            m.
+
+        Returns
+        -------
+        (..., 3) array
+            m.
+        """
         return ellipsoid.fixed_from_geodetic(latitude, longitude, altitude, self.equatorial_radius, self.flattening)
 
     def velocity_relative(self, position: ArrayLike, velocity: ArrayLike) -> Array:
-        """Velocity against the ground and the still air, m/s, from an inertial state, in inertial axes."""
+        """Velocity relative to the ground and to the air without wind.
+
+        Parameters
+        ----------
+        position, velocity : (..., 3) arrays
+            Inertial, m and m/s.
+
+        Returns
+        -------
+        (..., 3) array
+            m/s, in inertial axes.
+        """
         return self.rotation.velocity_relative(position, velocity)
 
     def enu_from_inertial(self, time: ArrayLike, position: ArrayLike) -> Array:
-        """Matrices ``(..., 3, 3)`` that take inertial components to east, north, up at inertial positions."""
+        """Matrices that take inertial components to east, north, up.
+
+        Parameters
+        ----------
+        time : (...) array
+            s since the epoch.
+        position : (..., 3) array
+            Inertial, m.
+
+        Returns
+        -------
+        (..., 3, 3) array
+        """
         latitude, longitude, _ = self.geodetic(time, position)
-        # Longitude measured from the inertial x axis turns the local axes straight into inertial ones
+        # A longitude measured from the inertial x axis gives the local axes in inertial components
         return ellipsoid.enu_from_fixed(latitude, longitude + self.rotation.angle(time))

@@ -1,7 +1,9 @@
-"""Atmosphere table: density, temperature and wind against areodetic altitude.
+"""Table of the preflight atmosphere: density, temperature and wind against areodetic altitude.
 
-Log-linear in density, linear in the rest; held at the lower edge, and above the upper edge the density goes
-on with the last step's scale height.
+Input: CSV with the columns of `COLUMNS`. Method: interpolation in altitude, linear in the logarithm of the density, in
+the temperature and in the wind. Below the table its lowest values hold; above it the density falls with the scale
+height of the last step, temperature and wind keep their last values. Output: densities, temperatures, speeds of sound
+and winds at any altitudes.
 """
 
 from __future__ import annotations
@@ -10,11 +12,13 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from edl_filter.errors import InputError
+from edl_filter.io.csv_table import Row, check_monotonic, read_rows
+from edl_filter.planet.gas import speed_of_sound
+from edl_filter.types import Array
 
-Array = NDArray[np.float64]
 COLUMNS = ("altitude_m", "density", "temperature", "wind_east", "wind_north")
 
 
@@ -27,11 +31,11 @@ class Atmosphere:
     altitude : (N,) array
         m above the ellipsoid, increasing.
     log_density : (N,) array
-        Of kg/m³.
+        Natural logarithm of the density in kg/m³.
     temperature : (N,) array
         K.
     wind : (N, 2) array
-        Towards east and north, m/s.
+        Velocity of the air relative to the ground, towards east and north, m/s.
     gas_constant : float
         J/(kg K).
     heat_capacity_ratio : float
@@ -48,24 +52,32 @@ class Atmosphere:
     def read(cls, path: Path, gas_constant: float, heat_capacity_ratio: float) -> Atmosphere:
         """Read a CSV with the header ``altitude_m,density,temperature,wind_east,wind_north``.
 
+        Parameters
+        ----------
+        path : Path
+            File of altitudes (m), densities (kg/m³), temperatures (K) and winds (m/s).
+        gas_constant : float
+            J/(kg K).
+        heat_capacity_ratio : float
+            Ratio of specific heats.
+
+        Returns
+        -------
+        Atmosphere
+
         Raises
         ------
         InputError
             Wrong header, a value that is no number, altitudes that do not increase or densities that do not
             decrease.
         """
-        try:
-            lines = path.read_text(encoding="utf-8").splitlines()
-        except OSError as error:
-            raise InputError(f"{path}: the atmosphere table cannot be read ({error.strerror}).") from None
-        rows = [(n, line) for n, line in enumerate(lines, 1) if line.strip() and not line.startswith("#")]
-        if not rows or tuple(c.strip() for c in rows[0][1].split(",")) != COLUMNS:
-            found = rows[0][1] if rows else "an empty file"
-            raise InputError(f"{path}: the header must be {','.join(COLUMNS)}; found {found}.")
-        values = np.array([_numbers(path, n, line) for n, line in rows[1:]])
-        if len(values) < 2:
-            raise InputError(f"{path}: {len(values)} rows of values; at least 2 are needed.")
-        _check_monotonic(path, [n for n, _ in rows[1:]], values)
+        rows = read_rows(path, COLUMNS, "atmosphere table")
+        if len(rows) < 2:
+            raise InputError(f"{path}: {len(rows)} rows of values; at least 2 are needed.")
+        check_monotonic(path, rows, 0, COLUMNS[0])
+        check_monotonic(path, rows, 1, COLUMNS[1], decreasing=True)
+        _check_positive(path, rows)
+        values = np.array([row.values for row in rows])
         return cls(
             altitude=values[:, 0],
             log_density=np.log(values[:, 1]),
@@ -76,50 +88,77 @@ class Atmosphere:
         )
 
     def density(self, altitude: ArrayLike) -> Array:
-        """kg/m³ at areodetic altitudes in m."""
+        """Density.
+
+        Parameters
+        ----------
+        altitude : (...) array
+            Areodetic, m.
+
+        Returns
+        -------
+        (...) array
+            kg/m³.
+        """
         h = np.asarray(altitude, float)
-        top, slope = self.altitude[-1], self._top_slope
         inside = np.interp(h, self.altitude, self.log_density)
-        return np.exp(inside + slope * np.maximum(h - top, 0.0))
+        return np.exp(inside + self._top_slope * np.maximum(h - self.altitude[-1], 0.0))
 
     @property
     def _top_slope(self) -> float:
+        """Slope of the logarithm of the density over the last step, 1/m: minus one over the scale height."""
         return float(np.diff(self.log_density[-2:])[0] / np.diff(self.altitude[-2:])[0])
 
     def temperature_at(self, altitude: ArrayLike) -> Array:
-        """K at areodetic altitudes in m."""
+        """Temperature.
+
+        Parameters
+        ----------
+        altitude : (...) array
+            Areodetic, m.
+
+        Returns
+        -------
+        (...) array
+            K.
+        """
         return np.interp(np.asarray(altitude, float), self.altitude, self.temperature)
 
     def speed_of_sound(self, altitude: ArrayLike) -> Array:
-        """m/s at areodetic altitudes in m, ``sqrt(gamma R T)``."""
-        return np.sqrt(self.heat_capacity_ratio * self.gas_constant * self.temperature_at(altitude))
+        """Speed of sound ``sqrt(gamma R T)``.
+
+        Parameters
+        ----------
+        altitude : (...) array
+            Areodetic, m.
+
+        Returns
+        -------
+        (...) array
+            m/s.
+        """
+        return speed_of_sound(self.temperature_at(altitude), self.gas_constant, self.heat_capacity_ratio)
 
     def wind_at(self, altitude: ArrayLike) -> Array:
-        """Velocity of the air against the ground towards east and north, ``(..., 2)``, m/s."""
+        """Velocity of the air relative to the ground, towards east and north.
+
+        Parameters
+        ----------
+        altitude : (...) array
+            Areodetic, m.
+
+        Returns
+        -------
+        (..., 2) array
+            m/s.
+        """
         h = np.asarray(altitude, float)
-        return np.stack([np.interp(h, self.altitude, w) for w in self.wind.T], axis=-1)
+        return np.stack([np.interp(h, self.altitude, component) for component in self.wind.T], axis=-1)
 
 
-def _numbers(path: Path, row: int, line: str) -> list[float]:
-    try:
-        values = [float(c) for c in line.split(",")]
-    except ValueError:
-        values = []
-    if len(values) != len(COLUMNS) or not np.all(np.isfinite(values)):
-        raise InputError(f"{path}, line {row}: expected {len(COLUMNS)} finite numbers, found '{line}'.")
-    return values
-
-
-def _check_monotonic(path: Path, rows: list[int], values: Array) -> None:
-    for column, sign, must in ((0, 1.0, "increase"), (1, -1.0, "decrease")):
-        wrong = np.flatnonzero(sign * np.diff(values[:, column]) <= 0.0)
-        if len(wrong):
-            i = int(wrong[0]) + 1
-            raise InputError(
-                f"{path}, line {rows[i]}: {COLUMNS[column]} must {must}, but {values[i, column]:g} follows "
-                f"{values[i - 1, column]:g}."
-            )
+def _check_positive(path: Path, rows: list[Row]) -> None:
+    """Raise `InputError` if a density or a temperature is not positive."""
     for column in (1, 2):
-        if np.any(values[:, column] <= 0.0):
-            i = int(np.flatnonzero(values[:, column] <= 0.0)[0])
-            raise InputError(f"{path}, line {rows[i]}: {COLUMNS[column]} must be positive.")
+        for row in rows:
+            if row.values[column] <= 0.0:
+                raise InputError(f"{path}, line {row.line}: {COLUMNS[column]} must be positive.")

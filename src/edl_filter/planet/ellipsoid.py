@@ -1,31 +1,32 @@
-"""Points on and about an ellipsoid of revolution: areodetic, areocentric and local axes.
+"""Areodetic and areocentric coordinates and local axes on an ellipsoid of revolution.
 
-Areodetic latitude is the angle of the ellipsoid's normal, areocentric latitude that of the radius
-vector; both are positive to the north, longitude to the east in ``(-pi, pi]``. On a sphere they agree.
+Areodetic latitude is the angle between the equator and the ellipsoid's normal, areocentric latitude that between the
+equator and the radius vector; both are positive to the north, longitude is positive to the east in ``(-pi, pi]``. On a
+sphere the two latitudes agree. Input and output are arrays of planet-fixed positions (m) or coordinates (rad, m).
 """
 
 import numpy as np
 from numba import njit
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-Array = NDArray[np.float64]
+from edl_filter.types import Array
 
-# Each step of the iteration shrinks the error by about flattening squared or better (Mars: 3e-5); five
-# leave nothing for any flattening below 0.1 at any height that a vehicle can have.
+# Each iteration reduces the error by a factor of about flattening squared or smaller (Mars: 3e-5); after five the error
+# is below rounding for every flattening below 0.1 at every altitude of a vehicle.
 _ITERATIONS = 5
 
 
 def geodetic_from_fixed(position: ArrayLike, equatorial_radius: float, flattening: float) -> tuple[Array, Array, Array]:
     """Areodetic latitude, longitude and altitude of planet-fixed points.
 
-    Bowring's formula, iterated on the sine and cosine of the parametric latitude, so that nothing is
-    divided by zero at the poles or the equator.
+    Bowring's formula is iterated on the sine and cosine of the parametric latitude, which avoids a division by zero
+    at the poles and at the equator.
 
     Parameters
     ----------
     position : (..., 3) array
-        m. Valid outside the ellipsoid's evolute, that is anywhere but within some 2 * flattening *
-        radius of the centre.
+        m. Valid outside the ellipsoid's evolute, that is farther from the centre than about
+        2 * flattening * radius.
     equatorial_radius : float
         m.
     flattening : float
@@ -56,7 +57,7 @@ def _geodetic(points, a, flattening):
     for i in range(len(points)):
         x, y, z = points[i]
         p = np.hypot(x, y)
-        # tan(parametric latitude) = a z / (b p) holds on the surface and starts the iteration above it
+        # tan(parametric latitude) = a z / (b p) is exact on the surface and the initial value elsewhere
         s, c = a * z, b * p
         normal_z, normal_p = z, p
         for _ in range(_ITERATIONS):
@@ -68,7 +69,7 @@ def _geodetic(points, a, flattening):
         latitude = np.arctan2(normal_z, normal_p)
         norm = np.hypot(s, c)
         s, c = s / norm, c / norm
-        # Distance to the foot point (a c, b s) along the normal: the large radii cancel before any product
+        # Distance to the foot point (a c, b s) along the normal: the large radii are subtracted before any product
         out[0, i], out[1, i] = latitude, np.arctan2(y, x)
         out[2, i] = (p - a * c) * np.cos(latitude) + (z - b * s) * np.sin(latitude)
     return out
@@ -81,38 +82,82 @@ def fixed_from_geodetic(
     equatorial_radius: float,
     flattening: float,
 ) -> Array:
-    """Planet-fixed position ``(..., 3)``, m, of areodetic coordinates (rad, rad, m)."""
+    """Planet-fixed positions of areodetic coordinates.
+
+    Parameters
+    ----------
+    latitude, longitude : (...) arrays
+        rad.
+    altitude : (...) array
+        Height above the ellipsoid along its normal, m.
+    equatorial_radius : float
+        m.
+    flattening : float
+        (equatorial - polar radius) / equatorial radius, 0 for a sphere.
+
+    Returns
+    -------
+    (..., 3) array
+        m.
+    """
     latitude, longitude, altitude = (np.asarray(v, float) for v in (latitude, longitude, altitude))
     s, c = np.sin(latitude), np.cos(latitude)
-    squash = (1.0 - flattening) ** 2
-    normal = equatorial_radius / np.sqrt(c * c + squash * s * s)  # prime vertical radius of curvature
-    p = (normal + altitude) * c
-    z = (squash * normal + altitude) * s
+    axis_ratio_squared = (1.0 - flattening) ** 2
+    # Prime vertical radius of curvature
+    normal_radius = equatorial_radius / np.sqrt(c * c + axis_ratio_squared * s * s)
+    p = (normal_radius + altitude) * c
+    z = (axis_ratio_squared * normal_radius + altitude) * s
     return _stack(p * np.cos(longitude), p * np.sin(longitude), z)
 
 
 def areocentric_from_fixed(position: ArrayLike) -> tuple[Array, Array, Array]:
-    """Areocentric latitude and longitude, rad, and radius, m, of points ``(..., 3)``."""
+    """Areocentric coordinates of planet-fixed points.
+
+    Parameters
+    ----------
+    position : (..., 3) array
+        m.
+
+    Returns
+    -------
+    latitude, longitude : (...) arrays
+        rad.
+    radius : (...) array
+        m.
+    """
     x, y, z = np.moveaxis(np.asarray(position, float), -1, 0)
     p = np.hypot(x, y)
     return np.arctan2(z, p), np.arctan2(y, x), np.hypot(p, z)
 
 
 def fixed_from_areocentric(latitude: ArrayLike, longitude: ArrayLike, radius: ArrayLike) -> Array:
-    """Planet-fixed position ``(..., 3)``, m, of areocentric coordinates (rad, rad, m)."""
+    """Planet-fixed positions of areocentric coordinates.
+
+    Parameters
+    ----------
+    latitude, longitude : (...) arrays
+        rad.
+    radius : (...) array
+        m.
+
+    Returns
+    -------
+    (..., 3) array
+        m.
+    """
     latitude, longitude, radius = (np.asarray(v, float) for v in (latitude, longitude, radius))
     p = radius * np.cos(latitude)
     return _stack(p * np.cos(longitude), p * np.sin(longitude), radius * np.sin(latitude))
 
 
 def enu_from_fixed(latitude: ArrayLike, longitude: ArrayLike) -> Array:
-    """Matrices ``(..., 3, 3)`` whose rows are the east, north and up axes at a point.
+    """Matrices whose rows are the east, north and up axes at a point.
 
     Parameters
     ----------
     latitude, longitude : (...) arrays
-        rad. An areodetic latitude gives up along the ellipsoid's normal, an areocentric one along the
-        radius. At the poles east and north follow the longitude given.
+        rad. With an areodetic latitude, up is along the ellipsoid's normal; with an areocentric one, along the
+        radius. At the poles the longitude determines east and north.
 
     Returns
     -------
@@ -129,4 +174,5 @@ def enu_from_fixed(latitude: ArrayLike, longitude: ArrayLike) -> Array:
 
 
 def _stack(x: Array, y: Array, z: Array) -> Array:
+    """Vectors (..., 3) of three components that broadcast."""
     return np.stack(np.broadcast_arrays(x, y, z), axis=-1)

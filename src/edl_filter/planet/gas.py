@@ -1,13 +1,36 @@
-"""The gas: mean free path, Knudsen number, speed of sound and Mach number (thesis eqs. 4.3 to 4.6)."""
+"""Properties of the gas: mean free path, Knudsen number, speed of sound and Mach number (thesis eqs. 4.3 to 4.6).
+
+Input: density (kg/m³), temperature (K), pressure (Pa). Model: perfect gas whose molecules are hard spheres.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-Array = NDArray[np.float64]
+from edl_filter.types import Array
+
+
+def speed_of_sound(temperature: ArrayLike, gas_constant: float, heat_capacity_ratio: float) -> Array:
+    """Speed of sound of a perfect gas, ``√(γ R T)`` (thesis eq. 4.4).
+
+    Parameters
+    ----------
+    temperature : (...) array
+        K.
+    gas_constant : float
+        Specific gas constant R, J/(kg K).
+    heat_capacity_ratio : float
+        Ratio of specific heats γ.
+
+    Returns
+    -------
+    (...) array
+        m/s.
+    """
+    return np.sqrt(heat_capacity_ratio * gas_constant * np.asarray(temperature, float))
 
 
 @dataclass(frozen=True)
@@ -20,7 +43,7 @@ class Gas:
         Specific gas constant R, J/(kg K).
     heat_capacity_ratio : float
     molecule_diameter : float
-        Of the hard sphere, m.
+        Diameter of the hard sphere, m.
     molecule_mass : float
         kg.
     """
@@ -31,22 +54,77 @@ class Gas:
     molecule_mass: float = 7.3079e-26
 
     def mean_free_path(self, density: ArrayLike) -> Array:
-        """``λ = 1/(√2 π d² n)`` with ``n = ρ/m`` (eqs. 4.5 and 4.6), m; density in kg/m³."""
-        number = np.asarray(density, float) / self.molecule_mass
-        return 1.0 / (np.sqrt(2.0) * np.pi * self.molecule_diameter**2 * number)
+        """Mean free path ``λ = 1/(√2 π d² n)`` with ``n = ρ/m`` (eqs. 4.5 and 4.6).
+
+        Parameters
+        ----------
+        density : (...) array
+            kg/m³.
+
+        Returns
+        -------
+        (...) array
+            m.
+        """
+        number_density = np.asarray(density, float) / self.molecule_mass
+        return 1.0 / (np.sqrt(2.0) * np.pi * self.molecule_diameter**2 * number_density)
 
     def knudsen(self, density: ArrayLike, diameter: float) -> Array:
-        """Mean free path over the reference length."""
+        """Knudsen number: mean free path over reference length.
+
+        Parameters
+        ----------
+        density : (...) array
+            kg/m³.
+        diameter : float
+            Reference length, m.
+
+        Returns
+        -------
+        (...) array
+        """
         return self.mean_free_path(density) / diameter
 
     def temperature(self, pressure: ArrayLike, density: ArrayLike) -> Array:
-        """``T = p/(ρ R)``, K."""
+        """Temperature ``T = p/(ρ R)``.
+
+        Parameters
+        ----------
+        pressure, density : (...) arrays
+            Pa and kg/m³.
+
+        Returns
+        -------
+        (...) array
+            K.
+        """
         return np.asarray(pressure, float) / (np.asarray(density, float) * self.constant)
 
     def speed_of_sound(self, temperature: ArrayLike) -> Array:
-        """``√(γ R T)`` (eq. 4.4), m/s."""
-        return np.sqrt(self.heat_capacity_ratio * self.constant * np.asarray(temperature, float))
+        """Speed of sound (eq. 4.4).
+
+        Parameters
+        ----------
+        temperature : (...) array
+            K.
+
+        Returns
+        -------
+        (...) array
+            m/s.
+        """
+        return speed_of_sound(temperature, self.constant, self.heat_capacity_ratio)
 
     def mach(self, speed: ArrayLike, temperature: ArrayLike) -> Array:
-        """Speed over the speed of sound (eq. 4.3)."""
+        """Mach number: speed over the speed of sound (eq. 4.3).
+
+        Parameters
+        ----------
+        speed, temperature : (...) arrays
+            m/s and K.
+
+        Returns
+        -------
+        (...) array
+        """
         return np.asarray(speed, float) / self.speed_of_sound(temperature)

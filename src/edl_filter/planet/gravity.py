@@ -1,20 +1,21 @@
 """Gravity of a point mass with oblateness J2 (thesis eq. 3.5).
 
-`gravity` is the kernel, for loops over sigma points; `gravity_vector` is the same arithmetic over
-arrays. The z axis is the rotation axis, so the components hold in the inertial and in the fixed frame.
+Input: positions, and the planet's gravitational parameter, J2 and reference radius. Output: acceleration, potential.
+`gravity` is the compiled kernel, for loops over sigma points; `gravity_vector` is the same arithmetic on arrays. The z
+axis is the rotation axis, so that the formulas hold in inertial and in planet-fixed components.
 """
 
 import numpy as np
 from numba import njit
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-Array = NDArray[np.float64]
+from edl_filter.types import Array
 
 
 def _gravity(x, y, z, mu, j2, re):
     """Gravitational acceleration at one point, without the centrifugal part.
 
-    Straight-line arithmetic: inlined in a loop over sigma points it becomes SIMD code.
+    The arithmetic has no branches: inlined in a loop over sigma points it becomes SIMD code.
 
     Parameters
     ----------
@@ -40,21 +41,35 @@ def _gravity(x, y, z, mu, j2, re):
     return lateral * x, lateral * y, central * (1.0 + oblate * (3.0 - polar)) * z
 
 
-# The numpy error model leaves out the check for division by zero, whose branch would forbid SIMD
+# With numpy's error model there is no check for division by zero, whose branch would prevent SIMD
 gravity = njit(error_model="numpy", cache=True)(_gravity)
 
 
 def gravity_vector(position: ArrayLike, mu: float, j2: float, re: float) -> Array:
-    """Gravitational acceleration ``(..., 3)``, m/s², at positions ``(..., 3)``, m (thesis eq. 3.5).
+    """Gravitational acceleration (thesis eq. 3.5), the gradient of `potential`.
 
-    See `potential` for the parameters; the acceleration is its gradient.
+    Parameters
+    ----------
+    position : (..., 3) array
+        m from the planet's centre, z along the rotation axis.
+    mu : float
+        Gravitational parameter, m³/s².
+    j2 : float
+        Second zonal coefficient, unnormalised; 0 is a point mass.
+    re : float
+        Radius that `j2` refers to, m.
+
+    Returns
+    -------
+    (..., 3) array
+        m/s².
     """
     x, y, z = np.moveaxis(np.asarray(position, float), -1, 0)
     return np.stack(_gravity(x, y, z, mu, j2, re), axis=-1)
 
 
 def potential(position: ArrayLike, mu: float, j2: float, re: float) -> Array:
-    """Gravitational potential, m²/s², positive: the acceleration is its gradient.
+    """Gravitational potential with positive sign: the acceleration is its gradient.
 
     Parameters
     ----------
@@ -66,7 +81,7 @@ def potential(position: ArrayLike, mu: float, j2: float, re: float) -> Array:
     Returns
     -------
     (...) array
-        ``mu/r (1 - j2 (re/r)² (3 sin²(latitude) - 1)/2)``.
+        ``mu/r (1 - j2 (re/r)² (3 sin²(latitude) - 1)/2)``, m²/s².
     """
     x, y, z = np.moveaxis(np.asarray(position, float), -1, 0)
     r2 = x * x + y * y + z * z

@@ -1,4 +1,4 @@
-"""Air-relative state along a trajectory, with the sigmas that the navigation's covariance gives it."""
+"""Air-relative state along a trajectory, with sigmas from the covariance of the navigation."""
 
 from __future__ import annotations
 
@@ -6,28 +6,27 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from edl_filter import rotations
-from edl_filter.effects.air import ChangedAtmosphere, air_planet, changed_atmosphere
-from edl_filter.effects.effect import Active
+from edl_filter.effects.adapters import AtmosphereWithEffects, atmosphere_with_effects
+from edl_filter.effects.base import EffectInstance
+from edl_filter.effects.forward_model import compose_air_rotation
 from edl_filter.navigation.trajectory import Trajectory
 from edl_filter.planet import Planet, ellipsoid
 from edl_filter.planet.atmosphere import Atmosphere
+from edl_filter.types import Array
 
-Array = NDArray[np.float64]
-
-#: No angle is known worse than one of which nothing is known: the sigma of a uniform one over its range.
+#: Upper bounds of the sigma of an angle, rad: that of a uniform distribution over a full and over half a turn.
 _FULL_TURN, _HALF_TURN = 2.0 * np.pi / np.sqrt(12.0), np.pi / np.sqrt(12.0)
-#: Below this air-relative speed (m/s), or share of it, an angle's derivative is taken as at it.
+#: Lower bound of the air-relative speed (m/s), or of its fraction, in the derivatives of angles.
 _LEAST = 1e-9
-#: Height between which the slope of an effect's wind is taken, m.
-_APART = 5.0
+#: Half the step of the central difference for the slope of an effect's wind, m.
+_STEP = 5.0
 
 
 @dataclass(frozen=True)
 class AirData:
-    """Where the vehicle is and how the air meets it, ``(N,)`` each if not said otherwise.
+    """Position and air-relative state, ``(N,)`` each unless stated otherwise.
 
     Attributes
     ----------
@@ -40,17 +39,17 @@ class AirData:
     radius : array
         Distance from the planet's centre, m.
     velocity_body : (N, 3) array
-        Air-relative velocity u, v, w in body axes, m/s: the air's rotation and its winds.
+        Velocity u, v, w relative to the air, which rotates with the planet and has winds; body axes, m/s.
     speed : array
-        m/s.
+        Air-relative, m/s.
     flight_path_angle, azimuth : array
         Of the air-relative velocity, rad: above the local areodetic horizontal, and from north towards east.
     alpha, beta, alpha_total : arrays
         ``atan2(w, u)``, ``asin(v/V)`` and ``acos(u/V)``, rad.
     density, mach, dynamic_pressure : arrays
-        Of the preflight atmosphere: kg/m³, 1, Pa.
+        With the preflight atmosphere: kg/m³, 1, Pa.
     altitude_sigma, speed_sigma, flight_path_angle_sigma, alpha_sigma, beta_sigma, alpha_total_sigma : arrays
-        One sigma, from the trajectory's covariance alone: the winds and the density have errors of their own.
+        One sigma due to the trajectory's covariance alone, without the errors of winds and density.
     """
 
     time: Array
@@ -77,16 +76,20 @@ class AirData:
     alpha_total_sigma: Array
 
 
-def air_data(trajectory: Trajectory, planet: Planet, atmosphere: Atmosphere, effects: Sequence[Active] = ()) -> AirData:
+def air_data(
+    trajectory: Trajectory, planet: Planet, atmosphere: Atmosphere, effects: Sequence[EffectInstance] = ()
+) -> AirData:
     """Air-relative state along a trajectory (design section 2 for the angles).
 
     Parameters
     ----------
     trajectory : Trajectory
+        Of N samples.
     planet : Planet
+        Shape and rotation.
     atmosphere : Atmosphere
         Winds, preflight density and speed of sound.
-    effects : sequence of Active
+    effects : sequence of EffectInstance
         Their winds, densities and rotation of the air are added.
 
     Returns
@@ -94,20 +97,20 @@ def air_data(trajectory: Trajectory, planet: Planet, atmosphere: Atmosphere, eff
     AirData
     """
     time, position = trajectory.time, trajectory.position
-    atmosphere, air_turning = changed_atmosphere(atmosphere, effects), air_planet(planet, effects)
+    atmosphere, air_planet = atmosphere_with_effects(atmosphere, effects), compose_air_rotation(planet, effects)
     latitude, longitude, altitude = planet.geodetic(time, position)
-    # longitude from the inertial x axis turns the local axes straight into inertial ones
+    # the longitude relative to the inertial x axis gives the local axes in inertial components
     enu = ellipsoid.enu_from_fixed(latitude, longitude + planet.rotation.angle(time))
     wind = np.concatenate((atmosphere.wind_at(altitude), np.zeros((len(time), 1))), axis=1)
-    still = air_turning.velocity_relative(position, trajectory.velocity)
-    local = np.einsum("nij,nj->ni", enu, still) - wind
+    without_wind = air_planet.velocity_relative(position, trajectory.velocity)
+    local = np.einsum("nij,nj->ni", enu, without_wind) - wind
     air = np.einsum("nji,nj->ni", enu, local)
     body = rotations.rotate(rotations.conjugate(trajectory.inertial_from_body), air)
     speed = np.linalg.norm(local, axis=1)
     u, v, w = body.T
     density = atmosphere.density(altitude)
     radius = np.linalg.norm(position, axis=1)
-    sigma = _sigmas(trajectory, air_turning, atmosphere, enu, altitude, air, body)
+    sigma = _sigmas(trajectory, air_planet, atmosphere, enu, altitude, air, body)
     return AirData(
         time=time,
         latitude=latitude,
@@ -135,14 +138,27 @@ def air_data(trajectory: Trajectory, planet: Planet, atmosphere: Atmosphere, eff
 
 
 def wind_shear(atmosphere: Atmosphere, altitude: Array) -> Array:
-    """Change of the wind towards east and north with altitude, ``(N, 2)``, 1/s: the table's own slope, and effects'."""
+    """Derivative of the wind by altitude, of the table and of effects.
+
+    Parameters
+    ----------
+    atmosphere : Atmosphere
+        With or without effects.
+    altitude : (N,) array
+        Areodetic, m.
+
+    Returns
+    -------
+    (N, 2) array
+        Towards east and north, 1/s.
+    """
     step = np.diff(atmosphere.wind, axis=0) / np.diff(atmosphere.altitude)[:, None]
     k = np.searchsorted(atmosphere.altitude, altitude, side="right") - 1
     inside = (k >= 0) & (k < len(step))
     slope = np.where(inside[:, None], step[np.clip(k, 0, len(step) - 1)], 0.0)
-    if isinstance(atmosphere, ChangedAtmosphere):
-        above, below = atmosphere.added_wind(altitude + _APART), atmosphere.added_wind(altitude - _APART)
-        slope = slope + (above - below) / (2.0 * _APART)
+    if isinstance(atmosphere, AtmosphereWithEffects):
+        above, below = atmosphere.added_wind(altitude + _STEP), atmosphere.added_wind(altitude - _STEP)
+        slope = slope + (above - below) / (2.0 * _STEP)
     return slope
 
 
@@ -157,10 +173,10 @@ def _sigmas(
 ) -> Array:
     """One sigma of altitude, speed, flight-path angle, alpha, beta and alpha_total: ``(N, 6)``.
 
-    Linear in the error (position, velocity, inertial rotation vector φ of the attitude): the air-relative
-    velocity a changes by ``δv - ω × δr`` less the wind's change with height, its body components by
-    ``Cᵀ (δa + a × φ)``. The turn of the local axes over a position error counts in the flight-path angle and
-    is left out of the wind (wind / radius: 1e-5 1/s).
+    Linear in the error (position, velocity, inertial rotation vector φ of the attitude): the air-relative velocity a
+    changes by ``δv - ω × δr`` minus the change of the wind with altitude, its body components by ``Cᵀ (δa + a × φ)``.
+    The rotation of the local axes by a position error is included in the flight-path angle and neglected in the wind
+    (wind / radius: 1e-5 1/s).
     """
     up = enu[:, 2]
     shear = np.einsum("nij,ni->nj", enu[:, :2], wind_shear(atmosphere, altitude))

@@ -1,4 +1,7 @@
-"""The atmosphere along the flight, and the one expected before it (thesis chapter 4)."""
+"""Atmosphere along the flight: the result type, and the preflight atmosphere as one (thesis chapter 4).
+
+The atmosphere extracted from the flight is computed in `edl_filter.postflight.density`.
+"""
 
 from __future__ import annotations
 
@@ -9,14 +12,12 @@ from numpy.typing import ArrayLike, NDArray
 
 from edl_filter.aero.database import Database
 from edl_filter.errors import InputError
-from edl_filter.postflight.gas import Gas
-
-Array = NDArray[np.float64]
-Bools = NDArray[np.bool_]
+from edl_filter.planet.gas import Gas
+from edl_filter.types import Array, BoolArray
 
 
 @dataclass(frozen=True)
-class FlightAtmosphere:
+class AtmosphereProfile:
     """Atmosphere along the flight; arrays ``(N,)``, NaN where not valid.
 
     Attributes
@@ -26,17 +27,18 @@ class FlightAtmosphere:
     density, pressure, temperature : arrays
         kg/m³, Pa, K.
     mach, knudsen, ca, ca_sigma : arrays
-        The Knudsen number on the diameter; the database's CA and its one sigma, a third of its 3 sigma.
+        Mach number; Knudsen number on the diameter; the database's CA and its one sigma, a third of its 3 sigma.
     iterations : int
-        Until the density changed by less than 1e-8 of itself; 0 for a table.
+        Number of iterations until the relative change of the density is below 1e-8; 0 for a table.
     valid : array of bool
+        Samples at which the atmosphere is defined.
     density_sigma, pressure_sigma, temperature_sigma : arrays
-        One sigma.
+        One sigma: kg/m³, Pa, K.
     density_noise : array
-        The part of `density_sigma` that changes from batch to batch of samples, kg/m³; the rest is common to the
+        The part of `density_sigma` that is independent from batch to batch of samples, kg/m³; the rest is common to the
         flight.
     force_scale, moment_scale : (N, 2) arrays
-        Relative one sigma of m/q and of 1/q, q the dynamic pressure, with these densities: noise, then the common part.
+        Relative one sigma of m/q and of 1/q, q the dynamic pressure with this density: noise, then the common part.
         With the flight's density mass and speed cancel in m/q, and the speed in 1/q.
     """
 
@@ -50,7 +52,7 @@ class FlightAtmosphere:
     ca: Array
     ca_sigma: Array
     iterations: int
-    valid: Bools
+    valid: BoolArray
     density_sigma: Array
     pressure_sigma: Array
     temperature_sigma: Array
@@ -60,11 +62,11 @@ class FlightAtmosphere:
 
     @property
     def from_drag(self) -> bool:
-        """Whether the density was made from the axial force with the database's CA."""
+        """Whether the density is computed from the axial force and the database's CA."""
         return self.iterations > 0
 
 
-def preflight(
+def preflight_atmosphere(
     time: Array,
     altitude: Array,
     speed: Array,
@@ -80,22 +82,36 @@ def preflight(
     speed_sigma: ArrayLike = 0.0,
     altitude_sigma: ArrayLike = 0.0,
     gravity: ArrayLike = 0.0,
-) -> FlightAtmosphere:
-    """The same quantities from the density and temperature of a table at the flight's altitudes.
+) -> AtmosphereProfile:
+    """Preflight atmosphere along the flight, from the density and temperature of a table.
 
     Parameters
     ----------
+    time, altitude, speed, alpha_total : (N,) arrays
+        s, m, air-relative speed in m/s, rad.
+    density, temperature : (N,) arrays
+        Of the table at those altitudes, kg/m³ and K.
+    database : Database
+        Its CA is looked up.
+    gas : Gas
+        Of the atmosphere.
+    diameter : float
+        m.
     density_sigma : float
         Relative one sigma of the table's density, common to all altitudes; that of its pressure is the same (a
         hydrostatic table scaled as a whole), and its temperature has none.
     mass_relative : float or (N,) array
         Relative one sigma of the mass, for the coefficients.
+    speed_sigma : float or (N,) array
+        One sigma of the speed, m/s.
     altitude_sigma : float or (N,) array
-        m: the table is entered with an altitude that is off by as much.
+        One sigma of the altitude at which the table is evaluated, m.
     gravity : float or (N,) array
-        m/s²: with the temperature it gives the scale height, over which the density at a wrong altitude is off.
-    others
-        As for `flight_extracted`; arrays ``(N,)``.
+        m/s²: with the temperature it gives the scale height, and with that the density error of an altitude error.
+
+    Returns
+    -------
+    AtmosphereProfile
 
     Raises
     ------
@@ -105,13 +121,15 @@ def preflight(
     check_decreasing(altitude, density)
     mach, knudsen = gas.mach(speed, temperature), gas.knudsen(density, diameter)
     pressure = density * gas.constant * temperature
-    fast = 2.0 * np.broadcast_to(np.asarray(speed_sigma, float), time.shape) / speed
-    high = np.broadcast_to(altitude_sigma, time.shape) * np.asarray(gravity, float) / (gas.constant * temperature)
-    density_relative = np.hypot(density_sigma, high)
-    common = np.hypot(density_relative, fast)
-    none = np.zeros(len(time))
-    found = database.lookup(mach, knudsen, alpha_total, speed)
-    return FlightAtmosphere(
+    by_speed = 2.0 * np.broadcast_to(np.asarray(speed_sigma, float), time.shape) / speed
+    by_altitude = (
+        np.broadcast_to(altitude_sigma, time.shape) * np.asarray(gravity, float) / (gas.constant * temperature)
+    )
+    density_relative = np.hypot(density_sigma, by_altitude)
+    common = np.hypot(density_relative, by_speed)
+    zeros = np.zeros(len(time))
+    entry = database.lookup(mach, knudsen, alpha_total, speed)
+    return AtmosphereProfile(
         time=time,
         altitude=altitude,
         density=density,
@@ -119,21 +137,43 @@ def preflight(
         temperature=temperature,
         mach=mach,
         knudsen=knudsen,
-        ca=found.ca,
-        ca_sigma=found.three_sigma.ca / 3.0,
+        ca=entry.ca,
+        ca_sigma=entry.three_sigma.ca / 3.0,
         iterations=0,
         valid=np.ones(len(time), bool),
         density_sigma=density * density_relative,
         pressure_sigma=pressure * density_relative,
-        temperature_sigma=none,
-        density_noise=none,
-        force_scale=np.stack((none, np.hypot(common, np.broadcast_to(mass_relative, time.shape))), axis=1),
-        moment_scale=np.stack((none, common), axis=1),
+        temperature_sigma=zeros,
+        density_noise=zeros,
+        force_scale=np.stack((zeros, np.hypot(common, np.broadcast_to(mass_relative, time.shape))), axis=1),
+        moment_scale=np.stack((zeros, common), axis=1),
     )
 
 
+def scatter(mask: BoolArray, values: NDArray, fill: float = np.nan) -> NDArray:
+    """Values of some samples as an array over all samples.
+
+    Parameters
+    ----------
+    mask : (N,) array of bool
+        The samples, K of N.
+    values : (K, ...) array
+        In any unit.
+    fill : float
+        Value at all other samples.
+
+    Returns
+    -------
+    (N, ...) array
+        Of the type and unit of `values`.
+    """
+    out = np.full((len(mask), *values.shape[1:]), fill, dtype=values.dtype)
+    out[mask] = values
+    return out
+
+
 def check_decreasing(altitude: Array, density: Array) -> None:
-    """Refuse densities that are not positive or that rise with altitude."""
+    """Raise InputError where densities ``(N,)`` are not positive or increase with altitude ``(N,)``, m."""
     order = np.argsort(altitude, kind="stable")
     h, rho = altitude[order], density[order]
     bad = np.flatnonzero(~(rho > 0.0))

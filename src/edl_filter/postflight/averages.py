@@ -1,4 +1,4 @@
-"""Average differences between the three kinds of coefficients, and what they say (thesis tables 7.1 to 7.6)."""
+"""Average differences between the three kinds of coefficients, and the verdicts on them (thesis tables 7.1 to 7.6)."""
 
 from __future__ import annotations
 
@@ -6,19 +6,17 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from edl_filter.postflight.coefficients import FlightCoefficients
 from edl_filter.postflight.comparison import Combination, DatabaseCoefficients
 from edl_filter.postflight.windows import Window
+from edl_filter.types import Array, BoolArray, IntArray
 
-Array = NDArray[np.float64]
-
-#: Coefficient → name of the flight's method, and the coefficient that the combination went through.
+#: Coefficient → name of the flight's method, and the coefficient from which the combination is computed.
 METHODS = {"CN": ("accels", "Cm"), "CY": ("accels", "Cn"), "Cm": ("gyros", "CN"), "Cn": ("gyros", "CY")}
-#: Coefficients that no combination gives: the flight's method.
+#: Coefficients that have no combination: the flight's method.
 ALONE = {"CA": "accels", "Cl": "gyros"}
-#: The database's uncertainty is too wide when it is this many times what the flight supports (thesis section 7.1).
+#: The database's uncertainty is too wide if it is this many times that which the flight supports (thesis section 7.1).
 _WIDE = 10.0
 
 
@@ -30,19 +28,19 @@ class Difference:
     ----------
     window, coefficient : str
     pair : str
-        ``IMU-accels`` (database less flight), ``IMU-Cm`` (database less combination), ``accels-Cm``, and so on as in
+        ``IMU-accels`` (database minus flight), ``IMU-Cm`` (database minus combination), ``accels-Cm``, and so on as in
         the thesis: IMU is the database at the reconstructed angles.
     mean : float
     mean_sigma : float
         One sigma of the mean: noise averaged over batches, and errors common to the window.
     rms : float
-        Of the difference.
+        Root mean square of the difference.
     three_sigma : float
-        The database's, mean over the window.
+        The database's 3 sigma, mean over the window.
     percent : float
-        ``mean`` in percent of it.
+        ``mean`` in percent of ``three_sigma``.
     samples : int
-        That went into the mean.
+        Number of samples in the mean.
     """
 
     window: str
@@ -58,23 +56,24 @@ class Difference:
 
 @dataclass(frozen=True)
 class Verdict:
-    """What a window says of one coefficient's uncertainty.
+    """Judgement of one coefficient's uncertainty in one window.
 
     Attributes
     ----------
     window, coefficient : str
     density : str
-        ``flight`` or ``preflight``: with which the flight's coefficient was made.
+        ``flight`` or ``preflight``: density from which the flight's coefficient is computed.
     mean, mean_sigma, rms, three_sigma : float
-        As in `Difference`, database less flight.
+        As in `Difference`, database minus flight.
     within : bool
-        They differ on average by less than the database's 3 sigma.
+        The mean difference is smaller than the database's 3 sigma.
     wide : bool
-        That is ten times what the flight supports, or more.
+        The database's 3 sigma is ten times the uncertainty that the flight supports, or more.
     ratio : float
-        The database's 3 sigma over what the flight supports: the larger of the mean difference and three sigma of the
-        mean.
+        The database's 3 sigma over the uncertainty that the flight supports, which is the larger of the mean difference
+        and three sigma of the mean.
     sentence : str
+        The judgement as text.
     """
 
     window: str
@@ -97,23 +96,32 @@ def average_differences(
     forces: Combination,
     moments: Combination,
     windows: Sequence[Window],
-    batch: NDArray[np.int64],
+    batch: IntArray,
     *,
     axial: bool = False,
 ) -> list[Difference]:
-    """Tables 7.1 to 7.6, and rows of database less flight for Cl and CA, which have no combination coefficient.
+    """Tables 7.1 to 7.6, and rows of database minus flight for Cl and CA, which have no combination coefficient.
 
     Parameters
     ----------
     time : (N,) array
         s.
-    database, flight, forces, moments
-        The three kinds; `forces` gives Cm and Cn, `moments` CN and CY.
+    database : DatabaseCoefficients
+        At the reconstructed angles.
+    flight : FlightCoefficients
+        From forces and moments.
+    forces, moments : Combination
+        Combination coefficients: `forces` has Cm and Cn, `moments` CN and CY.
     windows : sequence of Window
-    batch : (N,) array
+        Windows of the averages.
+    batch : (N,) integer array
         Samples in a smoothing batch: noise is independent from one batch to the next.
     axial : bool
-        With CA, which says nothing where the density was made with the database's.
+        With rows for CA, which carries no information where the density is computed from the database's CA.
+
+    Returns
+    -------
+    list of Difference
     """
     rows = []
     for window in windows:
@@ -136,17 +144,18 @@ def average_differences(
             )
         for name, (method, through) in METHODS.items():
             imu, measured = database.value[name], flight.value[name]
-            through_it = moments if name in ("CN", "CY") else forces
-            combined = through_it.value[name]
-            angle = database.angle_sigma[name]
-            flown, combine = (flight.noise[name], flight.systematic[name]), (through_it.noise, through_it.systematic)
-            nothing = np.zeros(len(time))
-            for pair, difference, one, other in (
-                (f"IMU-{method}", imu - measured, flown, (nothing, angle)),
-                (f"IMU-{through}", imu - combined, combine, (nothing, angle)),
-                (f"{method}-{through}", measured - combined, flown, combine),
+            combination = moments if name in ("CN", "CY") else forces
+            combined = combination.value[name]
+            # each as its noise and its common part
+            flight_sigmas = flight.noise[name], flight.systematic[name]
+            combination_sigmas = combination.noise, combination.systematic
+            database_sigmas = np.zeros(len(time)), database.angle_sigma[name]
+            for pair, difference, first, second in (
+                (f"IMU-{method}", imu - measured, flight_sigmas, database_sigmas),
+                (f"IMU-{through}", imu - combined, combination_sigmas, database_sigmas),
+                (f"{method}-{through}", measured - combined, flight_sigmas, combination_sigmas),
             ):
-                noise, common = np.hypot(one[0], other[0]), np.hypot(one[1], other[1])
+                noise, common = np.hypot(first[0], second[0]), np.hypot(first[1], second[1])
                 rows.append(
                     _row(window.name, name, pair, inside, difference, noise, common, database.three_sigma[name], batch)
                 )
@@ -154,14 +163,14 @@ def average_differences(
 
 
 def verdicts(differences: Sequence[Difference], preflight: Sequence[Difference] = ()) -> list[Verdict]:
-    """One sentence per coefficient and window, from database less flight.
+    """One verdict per coefficient and window, from database minus flight.
 
     Parameters
     ----------
     differences : sequence of Difference
         With the flight's atmosphere.
     preflight : sequence of Difference
-        With the preflight atmosphere: its CA is judged.
+        With the preflight atmosphere, of which CA is judged.
     """
     rows = [("flight", r) for r in differences]
     rows += [("preflight", r) for r in preflight if r.coefficient == "CA"]
@@ -192,13 +201,14 @@ def _row(
     window: str,
     name: str,
     pair: str,
-    inside: NDArray[np.bool_],
+    inside: BoolArray,
     difference: Array,
     noise: Array,
     common: Array,
     limit: Array,
-    batch: NDArray[np.int64],
+    batch: IntArray,
 ) -> Difference:
+    """Mean of a difference ``(N,)`` over the samples of a window, with its sigma; NaN where the window has none."""
     use = inside & np.isfinite(difference) & np.isfinite(noise)
     n = int(use.sum())
     if not n:

@@ -1,7 +1,7 @@
 """Flight coefficients from forces and moments (thesis eqs. 6.1 to 6.5), with bands.
 
 CA acts along −x, CN along −z, CY along +y; Cl, Cm and Cn about x, y and z at the centre of mass; reference π D²/4 and
-D. With the flight's density CA is the database's, which that density was made with; with another density it is a
+D. With the flight's density CA equals the database's, from which that density is computed; with another density it is a
 measurement.
 """
 
@@ -10,12 +10,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from edl_filter.postflight.atmosphere import FlightAtmosphere
+from edl_filter.postflight.atmosphere import AtmosphereProfile
 from edl_filter.postflight.moments import Moments
-
-Array = NDArray[np.float64]
+from edl_filter.types import Array
 
 FORCES = ("CA", "CN", "CY")
 MOMENTS = ("Cl", "Cm", "Cn")
@@ -24,13 +23,14 @@ NAMES = FORCES + MOMENTS
 
 @dataclass(frozen=True)
 class FlightCoefficients:
-    """Coefficients by name (`NAMES`), ``(N,)`` each; NaN where the atmosphere is.
+    """Coefficients by name (`NAMES`), ``(N,)`` each; NaN where the atmosphere is NaN.
 
     Attributes
     ----------
     value : dict
     noise, systematic : dict
-        One sigma that changes from batch to batch of samples, and one sigma common to the flight.
+        One sigma of the part of the error that is independent from batch to batch of samples, and of the part that is
+        common to the flight.
     dynamic_pressure : array
         Pa.
     """
@@ -41,7 +41,7 @@ class FlightCoefficients:
     dynamic_pressure: Array
 
     def sigma(self, name: str) -> Array:
-        """One sigma."""
+        """One sigma ``(N,)`` of the coefficient called `name`, noise and common part together."""
         return np.hypot(self.noise[name], self.systematic[name])
 
 
@@ -50,7 +50,7 @@ def flight_coefficients(
     force_noise: Array,
     bias_sigma: ArrayLike,
     moments: Moments,
-    atmosphere: FlightAtmosphere,
+    atmosphere: AtmosphereProfile,
     speed: Array,
     mass: ArrayLike,
     diameter: float,
@@ -67,14 +67,18 @@ def flight_coefficients(
     bias_sigma : float or (3,) array
         m/s², per axis.
     moments : Moments
-    atmosphere : FlightAtmosphere
-    speed, mass : (N,) array, float or (N,) array
-        m/s, kg.
+        About the centre of mass, N m.
+    atmosphere : AtmosphereProfile
+        Density along the flight.
+    speed : (N,) array
+        Air-relative, m/s.
+    mass : float or (N,) array
+        kg.
     diameter : float
         m.
     alignment_sigma : float
-        rad: one sigma of the accelerometers' axes against the body's; brings that share of the axial force into the
-        lateral ones.
+        One sigma of the rotation of the accelerometers' axes relative to the body's, rad: that fraction of the axial
+        force is an error of the lateral ones.
 
     Returns
     -------
@@ -83,7 +87,7 @@ def flight_coefficients(
     Notes
     -----
     Linear bands: the force's own noise and bias, and the relative sigma of m/q or 1/q that the atmosphere states. CA
-    with the flight's density has the database's sigma alone, for the force cancels in it.
+    with the flight's density has the database's sigma alone, because the force cancels in it.
     """
     area = np.pi / 4.0 * diameter**2
     q = 0.5 * atmosphere.density * speed**2
@@ -92,16 +96,16 @@ def flight_coefficients(
     value: dict[str, Array] = {}
     noise: dict[str, Array] = {}
     systematic: dict[str, Array] = {}
-    leak = alignment_sigma * np.abs(force[:, 0])
+    leakage = alignment_sigma * np.abs(force[:, 0])
     for name, axis, sign in (("CA", 0, -1.0), ("CN", 2, -1.0), ("CY", 1, 1.0)):
         value[name] = sign * per_force * force[:, axis]
         if axis == 0 and atmosphere.from_drag:
             noise[name], systematic[name] = np.where(np.isfinite(q), 0.0, np.nan), atmosphere.ca_sigma
             continue
         size, scale = np.abs(value[name]), atmosphere.force_scale
-        aside = leak if axis else 0.0
+        misaligned = leakage if axis else 0.0
         noise[name] = np.hypot(per_force * force_noise, size * scale[:, 0])
-        systematic[name] = np.hypot(per_force * np.hypot(bias[axis], aside), size * scale[:, 1])
+        systematic[name] = np.hypot(per_force * np.hypot(bias[axis], misaligned), size * scale[:, 1])
     for axis, name in enumerate(MOMENTS):
         value[name] = per_moment * moments.moment[:, axis]
         size, scale = np.abs(value[name]), atmosphere.moment_scale

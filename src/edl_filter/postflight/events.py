@@ -8,13 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from edl_filter.navigation.trajectory import Trajectory
+from edl_filter.pipeline.reconstruct import Reconstruction
 from edl_filter.postflight.airdata import AirData
-from edl_filter.reconstruction import Reconstruction
 from edl_filter.telemetry.clock import SclkClock
 from edl_filter.telemetry.record import ImuRecord
+from edl_filter.types import Array
 
-Array = NDArray[np.float64]
-#: Samples longer than this many usual intervals are gaps, not measurements.
+#: Samples longer than this many median intervals are gaps, not measurements.
 _GAP = 1.5
 
 
@@ -33,14 +33,14 @@ class Event:
     altitude_m, altitude_sigma_m : float
         Areodetic.
     height_above_site_m : float or None
-        Distance from the planet's centre less the landing site's.
+        Distance from the planet's centre minus the landing site's.
     velocity_m_s, velocity_sigma_m_s : float
     mach, dynamic_pressure_pa : float
         With the preflight atmosphere.
     flight_path_deg, alpha_total_deg, alpha_total_sigma_deg : float
     acceleration_m_s2, acceleration_single_m_s2 : float or None
-        Axial deceleration at the centre of mass, of the peak only: mean of two successive samples, and the
-        largest single sample.
+        Axial deceleration at the centre of mass, for the peak only: mean of two successive samples, and the largest
+        single sample.
     """
 
     name: str
@@ -63,7 +63,7 @@ class Event:
 
 @dataclass(frozen=True)
 class Peak:
-    """Largest axial deceleration.
+    """Largest axial deceleration before the parachute.
 
     Attributes
     ----------
@@ -79,13 +79,14 @@ class Peak:
 
 
 def events(reconstruction: Reconstruction, air: AirData) -> dict[str, Event]:
-    """Give all events within the trajectory, in order of time.
+    """All events within the trajectory, in order of time.
 
     ``entry_interface`` (time 0) and ``peak_deceleration`` are added to those of mission and telemetry.
 
     Parameters
     ----------
     reconstruction : Reconstruction
+        With the times of mission and telemetry.
     air : AirData
         Along its trajectory.
 
@@ -100,22 +101,22 @@ def events(reconstruction: Reconstruction, air: AirData) -> dict[str, Event]:
     peak = peak_deceleration(trajectory, telemetry.driving, end)
     if peak is not None:
         times["peak_deceleration"] = peak.time
-    found = {}
-    for name, time in sorted(times.items(), key=lambda item: item[1]):
-        if trajectory.time[0] - 1e-6 <= time <= trajectory.time[-1] + 1e-6:
-            found[name] = _event(name, time, reconstruction, air, peak if name == "peak_deceleration" else None)
-    return found
+    return {
+        name: _event(name, time, reconstruction, air, peak if name == "peak_deceleration" else None)
+        for name, time in sorted(times.items(), key=lambda item: item[1])
+        if trajectory.time[0] - 1e-6 <= time <= trajectory.time[-1] + 1e-6
+    }
 
 
 def peak_deceleration(trajectory: Trajectory, record: ImuRecord, end: float) -> Peak | None:
     """Largest axial deceleration at the centre of mass before `end` (s).
 
-    The mean of two successive samples, since a single one carries the noise and the motion of 0.125 s; gaps do
-    not count. None where there are no two samples.
+    The mean of two successive samples, because a single one has the noise and the oscillation of 0.125 s; gaps are not
+    counted. None where there are no two adjoining samples.
     """
     inside = (record.time > trajectory.time[0] + 1e-6) & (record.time <= end + 1e-6)
     inside &= record.interval < _GAP * np.median(record.interval)
-    # the trajectory's samples are the record's, some cut in two: both parts carry the whole's mean
+    # the trajectory's samples are the record's, some split in two: both parts have the mean of the whole sample
     index = np.searchsorted(trajectory.time, record.time[inside] - 1e-6)
     force = -trajectory.specific_force[np.minimum(index, len(trajectory.time) - 1), 0]
     time, interval = record.time[inside], record.interval[inside]
@@ -129,24 +130,24 @@ def peak_deceleration(trajectory: Trajectory, record: ImuRecord, end: float) -> 
 
 
 def clock_readings(reconstruction: Reconstruction, time: Array) -> tuple[Array | None, NDArray[np.datetime64]]:
-    """Spacecraft clock (s; None without one) and UTC at `time` (s since the epoch)."""
+    """Spacecraft clock (s; None without one) and UTC, ``(N,)`` each, at `time` ``(N,)``, s since the epoch."""
     telemetry = reconstruction.telemetry
     utc = SclkClock(0.0, telemetry.epoch_utc).to_datetime64(time)
     return (None if telemetry.epoch_sclk is None else telemetry.epoch_sclk + np.asarray(time)), utc
 
 
 def _event(name: str, time: float, reconstruction: Reconstruction, air: AirData, peak: Peak | None) -> Event:
+    """State at `time`, s."""
     telemetry, site = reconstruction.telemetry, reconstruction.site_radius
-
     stated = reconstruction.mission.vehicle.events.get(name)
-    own = 0.0 if stated is None else stated.sigma_s
+    time_sigma = 0.0 if stated is None else stated.sigma_s
 
     def at(values: Array) -> float:
         return float(np.interp(time, air.time, values))
 
     def sigma(values: Array, sigmas: Array) -> float:
-        """One sigma of a value at an event whose own time has one."""
-        step = float(np.interp(time + own, air.time, values) - np.interp(time - own, air.time, values))
+        """One sigma of a value at the event, with the sigma of the event's time."""
+        step = float(np.interp(time + time_sigma, air.time, values) - np.interp(time - time_sigma, air.time, values))
         return float(np.hypot(at(sigmas), 0.5 * step))
 
     return Event(

@@ -1,20 +1,20 @@
-"""The post-flight layer over a reconstruction: from its trajectory, mission and telemetry to `derive`'s arrays."""
+"""The post-flight layer over a reconstruction: from trajectory, mission and telemetry to the arrays of `derive`."""
 
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-from edl_filter.effects.air import changed_atmosphere
-from edl_filter.effects.database import changed_database
+from edl_filter.effects.adapters import atmosphere_with_effects, database_with_effects
 from edl_filter.errors import InputError
-from edl_filter.modelling import body_of, database_of, gas_of
+from edl_filter.pipeline.forward_model import body_of, database_of, gas_of
+from edl_filter.pipeline.reconstruct import Reconstruction
 from edl_filter.postflight.airdata import AirData
-from edl_filter.postflight.derive import Derived, DeriveInputs, at_middles, derive
+from edl_filter.postflight.derive import PostflightResult, derive
+from edl_filter.postflight.inputs import PostflightInputs, at_middles
 from edl_filter.postflight.windows import Window
-from edl_filter.reconstruction import Reconstruction
+from edl_filter.types import Array
 
-#: Components of an air-data record that are taken at the samples' middles.
+#: Components of the air data that are interpolated to the middles of the samples.
 _ALONG = (
     "altitude",
     "speed",
@@ -27,18 +27,19 @@ _ALONG = (
 )
 
 
-def derive_flight(reconstruction: Reconstruction, air: AirData) -> Derived | None:
+def derive_flight(reconstruction: Reconstruction, air: AirData) -> PostflightResult | None:
     """Atmosphere and coefficients of a reconstructed entry, up to the parachute.
 
     Parameters
     ----------
     reconstruction : Reconstruction
+        With a mission that states the inertia.
     air : AirData
         Along its trajectory.
 
     Returns
     -------
-    Derived or None
+    PostflightResult or None
         None where the mission names no aerodynamic database.
 
     Raises
@@ -51,20 +52,20 @@ def derive_flight(reconstruction: Reconstruction, air: AirData) -> Derived | Non
         return None
     if mission.vehicle.inertia is None:
         raise InputError(f"{mission.source}: vehicle.inertia: found nothing; aerodynamics needs it for the moments.")
-    return derive(inputs(reconstruction, air))
+    return derive(postflight_inputs(reconstruction, air))
 
 
-def inputs(reconstruction: Reconstruction, air: AirData) -> DeriveInputs:
-    """All that `derive` needs, at the middles of the samples.
+def postflight_inputs(reconstruction: Reconstruction, air: AirData) -> PostflightInputs:
+    """All inputs of `derive`, at the middles of the samples.
 
-    A sample's force and rate are means over its interval and stand for its middle; the trajectory, which is known at
-    the intervals' ends, is brought there by splines. Mass, inertia, air and centre of mass are those of the
-    reconstruction's effects; so is the database, as far as effects change CA, CN and Cm. Rolling moment, damping and
-    further torques are not in it.
+    Force and rate of a sample are means over its interval and belong to its middle; the trajectory, which is defined at
+    the ends of the intervals, is interpolated there by splines. Mass, inertia, air and centre of mass are those with
+    the reconstruction's effects; so is the database, as far as effects change CA, CN and Cm. Rolling moment, damping
+    and further torques are not in it.
     """
     mission, planet, trajectory = reconstruction.mission, reconstruction.problem.planet, reconstruction.trajectory
     vehicle, samples, body = mission.vehicle, reconstruction.problem.samples, body_of(mission, reconstruction.effects)
-    atmosphere = changed_atmosphere(reconstruction.atmosphere, reconstruction.effects)
+    atmosphere = atmosphere_with_effects(reconstruction.atmosphere, reconstruction.effects)
     assert vehicle.inertia is not None
     x, y, z = body.centre(vehicle.centre_of_mass, vehicle.diameter)
     middle = {name: at_middles(air.time, getattr(air, name)) for name in _ALONG}
@@ -73,15 +74,15 @@ def inputs(reconstruction: Reconstruction, air: AirData) -> DeriveInputs:
     position = at_middles(trajectory.time, trajectory.position)
     parachute = reconstruction.event_times.get("parachute_deploy", float(trajectory.time[-1]))
     sensor = np.sqrt(np.diag(reconstruction.smoothed.covariance[0]))
-    layout = reconstruction.forward.layout
+    layout = reconstruction.filter_pass.layout
 
-    def left(name: str) -> NDArray[np.float64]:
-        """One sigma of what is left of the first instrument's error."""
+    def remaining(name: str) -> Array:
+        """One sigma ``(3,)`` of the first instrument's remaining error."""
         return sensor[layout[name]] if name in layout else np.zeros(3)
 
     path, wind = middle["flight_path_angle"], mission.atmosphere.wind_sigma
     stated = mission.postflight.windows
-    return DeriveInputs(
+    return PostflightInputs(
         time=samples.time - 0.5 * samples.interval,
         altitude=middle["altitude"],
         speed=speed,
@@ -101,8 +102,8 @@ def inputs(reconstruction: Reconstruction, air: AirData) -> DeriveInputs:
         angular_rate=trajectory.angular_rate[1:],
         force_noise=samples.force_noise,
         rate_noise=samples.rate_noise,
-        bias_sigma=left("accelerometer_bias"),
-        alignment_sigma=float(np.max(left("accelerometer_misalignment"))),
+        bias_sigma=remaining("accelerometer_bias"),
+        alignment_sigma=float(np.max(remaining("accelerometer_misalignment"))),
         mass=body.mass,
         mass_sigma=vehicle.mass_sigma,
         diameter=vehicle.diameter,
@@ -111,11 +112,11 @@ def inputs(reconstruction: Reconstruction, air: AirData) -> DeriveInputs:
         inertia=body.inertia,
         inertia_relative=vehicle.inertia_sigma,
         gas=gas_of(mission),
-        database=changed_database(database_of(mission), reconstruction.effects),
+        database=database_with_effects(database_of(mission), reconstruction.effects),
         preflight_density=atmosphere.density(middle["altitude"]),
         preflight_temperature=atmosphere.temperature_at(middle["altitude"]),
         preflight_sigma=mission.atmosphere.density_sigma,
-        # the batch that reaches the mortar's recoil would smear it over what comes before
+        # a batch that contains the mortar's recoil would spread it over the samples before
         parachute=parachute - mission.postflight.batch_s,
         batch=mission.postflight.batch_s,
         top_temperature=mission.postflight.top_temperature,

@@ -1,4 +1,4 @@
-"""What the post-flight layer needs, on arrays."""
+"""Inputs of the post-flight layer as arrays, and quantities at the middles of the samples."""
 
 from __future__ import annotations
 
@@ -7,20 +7,18 @@ from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from edl_filter.aero.database import Database
 from edl_filter.errors import InputError
-from edl_filter.postflight.gas import Gas
+from edl_filter.planet.gas import Gas
 from edl_filter.postflight.rates import BATCH
 from edl_filter.postflight.windows import Window
-
-Array = NDArray[np.float64]
+from edl_filter.types import Array
 
 
 @dataclass(frozen=True)
-class DeriveInputs:
-    """All that the layer needs. Arrays run over the samples' middles (`at_middles`).
+class PostflightInputs:
+    """All inputs of the post-flight layer. Arrays run over the middles of the samples (`at_middles`).
 
     Attributes
     ----------
@@ -33,44 +31,45 @@ class DeriveInputs:
     alpha, beta, alpha_total : (N,) arrays
         rad.
     speed_sigma, angle_sigma : (N,) arrays
-        One sigma: of the speed, from the smoother, m/s; of the air's direction in a plane, wind included, rad.
+        One sigma: of the speed, from the smoother, m/s; of the direction of the air-relative velocity in a plane, wind
+        included, rad.
     altitude_sigma, sink_sigma, wind_sigma : float or (N,) arrays
-        One sigma of the altitude, m; of the vertical velocity; and of what the wind adds to the speed, m/s. Each is one
-        error common to the flight.
+        One sigma of the altitude, m; of the vertical velocity, m/s; and of the wind's component along the speed, m/s.
+        Each is one error common to the flight.
     specific_force, angular_rate : (N, 3) arrays
-        Means over the samples at the centre of mass, sensor errors taken off: m/s², rad/s.
+        Means over the samples at the centre of mass without sensor errors: m/s², rad/s.
     force_noise, rate_noise : (N,) arrays
-        One sigma of one sample.
+        One sigma of one sample, m/s² and rad/s.
     bias_sigma : (3,) array
-        What is left of the accelerometers' bias, m/s².
+        One sigma of the accelerometers' remaining bias, m/s².
     alignment_sigma : float
-        What is left of the accelerometers' alignment, rad.
+        One sigma of the accelerometers' remaining misalignment, rad.
     mass : float or (N,) array
         kg.
     mass_sigma : float
-        kg.
+        One sigma of the mass, kg.
     diameter, x_over_d : float
         m; centre of mass behind the nose, diameters.
     offset : tuple of float
-        Centre of mass right of the axis (+y) and below it (+z), diameters.
+        Centre of mass to the right of the axis (+y) and below it (+z), diameters.
     inertia : (3, 3) array
         kg m².
     inertia_relative : float
-        Relative one sigma of it.
+        Relative one sigma of the inertia.
     gas : Gas
     database : Database
     preflight_density, preflight_temperature : (N,) arrays
-        Of the table at the flight's altitudes.
+        Of the preflight table at the flight's altitudes, kg/m³ and K.
     preflight_sigma : float
         Relative one sigma of that density.
     parachute : float
-        Last time to be used, s: the parachute, or a little before it.
+        Last time that is used, s: the parachute, or a little before it.
     top_temperature, top_temperature_sigma : float, optional
-        K: isothermal above the first valid sample; None begins with no pressure there, as the thesis does.
+        K: isothermal above the first valid sample; with None the pressure is zero there, as in the thesis.
     batch : float
         Length of the smoothing batch, s.
     windows : sequence of Window, optional
-        Instead of those found from the flight.
+        Instead of those that are determined from the flight.
     """
 
     time: Array
@@ -110,15 +109,35 @@ class DeriveInputs:
     sink_sigma: Array | float = 0.0
     wind_sigma: Array | float = 0.0
 
-    def until_parachute(self) -> DeriveInputs:
+    def until_parachute(self) -> PostflightInputs:
         """The samples up to the parachute."""
-        keep, n = self.time <= self.parachute, len(self.time)
-        if keep.sum() < 2:
+        before, n = self.time <= self.parachute, len(self.time)
+        if before.sum() < 2:
             raise InputError(f"Post-flight: no samples before the parachute at {self.parachute:.6g} s.")
 
         def cut(name: str) -> Any:
             value = getattr(self, name)
             along = isinstance(value, np.ndarray) and value.shape[:1] == (n,) and name not in ("inertia", "bias_sigma")
-            return value[keep] if along else value
+            return value[before] if along else value
 
-        return DeriveInputs(**{f.name: cut(f.name) for f in fields(self)})
+        return PostflightInputs(**{f.name: cut(f.name) for f in fields(self)})
+
+
+def at_middles(time: Array, values: Array) -> Array:
+    """Values of a smooth quantity at the middles of its intervals, by cubic splines.
+
+    Parameters
+    ----------
+    time : (N,) array
+        Ends of the intervals, s.
+    values : (N, ...) array
+        At those times, in any unit.
+
+    Returns
+    -------
+    (N - 1, ...) array
+        In the unit of `values`.
+    """
+    from scipy.interpolate import CubicSpline  # slow to import, and few runs need it
+
+    return CubicSpline(time, values, axis=0)(0.5 * (time[1:] + time[:-1]))

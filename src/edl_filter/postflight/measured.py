@@ -1,7 +1,7 @@
-"""The database's coefficients as the sensors and the smoothing would show them.
+"""The database's coefficients through the sampling and smoothing of the flight's.
 
-Smoothing and differencing take a few percent from an oscillation. What is to be compared with the flight's
-coefficients passes through the same: sensors' means, smoothing, and for moments Euler's equations in reverse.
+Smoothing and differencing attenuate an oscillation by a few percent. Coefficients that are compared with the flight's
+go through the same operations: the sensors' means, smoothing, and for moments the inverse of Euler's equations.
 """
 
 from __future__ import annotations
@@ -9,19 +9,18 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from edl_filter.postflight.atmosphere import FlightAtmosphere
+from edl_filter.postflight.atmosphere import AtmosphereProfile
 from edl_filter.postflight.comparison import DatabaseCoefficients
-from edl_filter.postflight.rates import Smoother
-
-Array = NDArray[np.float64]
+from edl_filter.postflight.rates import BatchSmoother
+from edl_filter.types import Array
 
 
 def as_measured(
     database: DatabaseCoefficients,
-    atmosphere: FlightAtmosphere,
-    filters: Smoother,
+    atmosphere: AtmosphereProfile,
+    smoother: BatchSmoother,
     rate: Array,
     speed: Array,
     mass: ArrayLike,
@@ -33,18 +32,26 @@ def as_measured(
     Parameters
     ----------
     database : DatabaseCoefficients
-    atmosphere : FlightAtmosphere
-    filters : Smoother
+        At the reconstructed angles.
+    atmosphere : AtmosphereProfile
+        Density along the flight.
+    smoother : BatchSmoother
         Of the same samples.
     rate : (N, 3) array
         Smoothed, rad/s: gives the gyroscopic part of the moments, which is not differenced.
-    speed, mass, diameter, inertia
-        As for the flight's coefficients.
+    speed : (N,) array
+        Air-relative, m/s.
+    mass : float or (N,) array
+        kg.
+    diameter : float
+        m.
+    inertia : (3, 3) array
+        kg m².
 
     Returns
     -------
     DatabaseCoefficients
-        Its CA, sigmas and flags as before. Where the database has no value within a batch, neither has the result.
+        CA, sigmas and flags are those of `database`. NaN where the database is NaN within a batch.
     """
     area = np.pi / 4.0 * diameter**2
     q = 0.5 * atmosphere.density * speed**2
@@ -55,17 +62,17 @@ def as_measured(
     moment = np.stack((per_moment * v["Cl"], per_moment * v["Cm"], per_moment * v["Cn"]), axis=1)
     lateral[missing], moment[missing] = 0.0, 0.0
     gyroscopic = np.cross(rate, rate @ inertia.T)
-    turn = (moment - gyroscopic) @ np.linalg.inv(inertia).T
-    seen_moment = filters.as_derived(turn) @ inertia.T + gyroscopic
-    seen_force = filters.as_smoothed(lateral)
-    reach = 2 * filters.points
+    acceleration = (moment - gyroscopic) @ np.linalg.inv(inertia).T
+    smoothed_moment = smoother.as_derived(acceleration) @ inertia.T + gyroscopic
+    smoothed_force = smoother.as_smoothed(lateral)
+    reach = 2 * smoother.points
     near = np.convolve(missing, np.ones(int(reach.max()) + 1), mode="same") > 0.0 if missing.any() else missing
     value = {
         **v,
-        "CN": np.where(near, np.nan, seen_force[:, 0] / per_force),
-        "CY": np.where(near, np.nan, seen_force[:, 1] / per_force),
-        "Cl": np.where(near, np.nan, seen_moment[:, 0] / per_moment),
-        "Cm": np.where(near, np.nan, seen_moment[:, 1] / per_moment),
-        "Cn": np.where(near, np.nan, seen_moment[:, 2] / per_moment),
+        "CN": np.where(near, np.nan, smoothed_force[:, 0] / per_force),
+        "CY": np.where(near, np.nan, smoothed_force[:, 1] / per_force),
+        "Cl": np.where(near, np.nan, smoothed_moment[:, 0] / per_moment),
+        "Cm": np.where(near, np.nan, smoothed_moment[:, 1] / per_moment),
+        "Cn": np.where(near, np.nan, smoothed_moment[:, 2] / per_moment),
     }
     return replace(database, value=value)

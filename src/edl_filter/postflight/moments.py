@@ -5,11 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from edl_filter import rotations
 from edl_filter.errors import InputError
-
-Array = NDArray[np.float64]
+from edl_filter.types import Array
 
 
 @dataclass(frozen=True)
@@ -21,13 +20,13 @@ class Moments:
     moment : (N, 3) array
         About body x, y, z.
     sigma : (N, 3) array
-        One sigma, from the noise of rates and angular acceleration.
+        One sigma due to the noise of rates and angular acceleration.
     systematic : (N, 3) array
-        One sigma, from the inertia's relative sigma; common to the flight.
+        One sigma due to the inertia's relative sigma; common to the flight.
     rolling : dict
-        The terms of the rolling moment by name, ``(N,)`` each; they add up to ``moment[:, 0]``. ``spin`` is the
-        measured torque on an axisymmetric body, ``difference`` is due to unequal lateral moments, ``xy``, ``xz`` and
-        ``yz`` to the tensor's elements off the diagonal.
+        The terms of the rolling moment by name, ``(N,)`` each; their sum is ``moment[:, 0]``. ``spin`` is the measured
+        torque on an axisymmetric body, ``difference`` is due to unequal lateral moments of inertia, ``xy``, ``xz`` and
+        ``yz`` to the off-diagonal elements of the tensor.
     """
 
     moment: Array
@@ -37,7 +36,7 @@ class Moments:
 
     @property
     def inertia_coupling(self) -> Array:
-        """All terms of the rolling moment but ``spin``, N m."""
+        """Sum of all terms of the rolling moment except ``spin``, ``(N,)``, N m."""
         return np.sum([v for k, v in self.rolling.items() if k != "spin"], axis=0)
 
 
@@ -49,38 +48,55 @@ def euler(
     acceleration_sigma: Array | float = 0.0,
     inertia_relative: float = 0.0,
 ) -> Moments:
-    """``M = I α + ω × (I ω)``.
+    """Moments by Euler's equations, ``M = I α + ω × (I ω)``.
 
     Parameters
     ----------
     rate, acceleration : (N, 3) arrays
         rad/s and rad/s², body axes.
     inertia : (3, 3) array
-        Tensor about the centre of mass, kg m²; elements off its diagonal are minus the products.
+        Tensor about the centre of mass, kg m²; off-diagonal elements are minus the products of inertia.
     rate_sigma, acceleration_sigma : float or (N,) array
-        One sigma of each component, taken as independent.
+        One sigma of each component, rad/s and rad/s²; taken as independent.
     inertia_relative : float
         Relative one sigma of the tensor as a whole: the moments scale with it.
+
+    Returns
+    -------
+    Moments
 
     Raises
     ------
     InputError
-        The tensor is not that of a body.
+        The tensor is not that of a physical body.
     """
     check_inertia(inertia)
     momentum = rate @ inertia.T
     moment = acceleration @ inertia.T + np.cross(rate, momentum)
     # dM/dω = [ω×] I − [(I ω)×]
-    by_rate = _cross(rate) @ inertia - _cross(momentum)
+    by_rate = rotations.cross_matrix(rate) @ inertia - rotations.cross_matrix(momentum)
     spread = np.sqrt(np.sum(inertia**2, axis=1))
-    s_rate = np.broadcast_to(np.asarray(rate_sigma, float), rate.shape[:1])[:, None]
-    s_turn = np.broadcast_to(np.asarray(acceleration_sigma, float), rate.shape[:1])[:, None]
-    sigma = np.hypot(s_turn * spread, s_rate * np.linalg.norm(by_rate, axis=2))
+    sigma_rate = np.broadcast_to(np.asarray(rate_sigma, float), rate.shape[:1])[:, None]
+    sigma_acceleration = np.broadcast_to(np.asarray(acceleration_sigma, float), rate.shape[:1])[:, None]
+    sigma = np.hypot(sigma_acceleration * spread, sigma_rate * np.linalg.norm(by_rate, axis=2))
     return Moments(moment, sigma, np.abs(moment) * inertia_relative, rolling_terms(rate, acceleration, inertia))
 
 
 def rolling_terms(rate: Array, acceleration: Array, inertia: Array) -> dict[str, Array]:
-    """The rolling moment (eq. 6.6), term by term, N m."""
+    """Terms of the rolling moment (eq. 6.6).
+
+    Parameters
+    ----------
+    rate, acceleration : (N, 3) arrays
+        rad/s and rad/s², body axes.
+    inertia : (3, 3) array
+        kg m².
+
+    Returns
+    -------
+    dict
+        Name → ``(N,)`` array, N m; the names are those of `Moments`.
+    """
     p, q, r = rate.T
     roll, pitch, yaw = acceleration.T
     (ixx, ixy, ixz), (_, iyy, iyz), (_, _, izz) = inertia
@@ -94,7 +110,18 @@ def rolling_terms(rate: Array, acceleration: Array, inertia: Array) -> dict[str,
 
 
 def check_inertia(inertia: Array) -> None:
-    """Refuse a tensor that no body has."""
+    """Raise InputError where the tensor is not that of a physical body.
+
+    Parameters
+    ----------
+    inertia : (3, 3) array
+        kg m².
+
+    Raises
+    ------
+    InputError
+        It is not symmetric, not positive definite, or one principal moment exceeds the sum of the other two.
+    """
     if inertia.shape != (3, 3) or not np.all(np.isfinite(inertia)) or not np.allclose(inertia, inertia.T):
         raise InputError(f"Inertia must be a finite symmetric (3, 3) tensor in kg m^2; found {inertia.tolist()}.")
     least, _, most = np.linalg.eigvalsh(inertia)
@@ -104,9 +131,3 @@ def check_inertia(inertia: Array) -> None:
         raise InputError(
             f"Inertia: the principal moment {most:.4g} kg m^2 exceeds the sum of the other two; no body has that."
         )
-
-
-def _cross(v: Array) -> Array:
-    zero = np.zeros(len(v))
-    x, y, z = v.T
-    return np.stack((zero, -z, y, z, zero, -x, -y, x, zero), axis=1).reshape(-1, 3, 3)

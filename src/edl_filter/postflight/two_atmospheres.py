@@ -1,4 +1,4 @@
-"""What the choice of the atmosphere changes, in percent of the database's uncertainty (thesis figures 4.1 to 6.3)."""
+"""Effect of the choice of the atmosphere, in percent of the database's uncertainty (thesis figures 4.1 to 6.3)."""
 
 from __future__ import annotations
 
@@ -6,31 +6,27 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from edl_filter.postflight.atmosphere import FlightAtmosphere
-from edl_filter.postflight.coefficients import FlightCoefficients
-from edl_filter.postflight.comparison import DatabaseCoefficients
+from edl_filter.postflight.atmosphere_case import AtmosphereCase
 from edl_filter.postflight.windows import Window
-
-Array = NDArray[np.float64]
+from edl_filter.types import Array
 
 _DATABASE = ("CA", "CN", "CY", "Cm", "Cn")
 
 
 @dataclass(frozen=True)
 class AtmosphereDifferences:
-    """With the flight's atmosphere less with the preflight one, ``(N,)`` each, in percent.
+    """Values with the flight's atmosphere minus those with the preflight one, ``(N,)`` each, in percent.
 
     Attributes
     ----------
     atmosphere : dict
-        ``mach`` and ``knudsen``, of the preflight value.
+        ``mach`` and ``knudsen``, in percent of the preflight value.
     database : dict
-        CA, CN, CY, Cm, Cn of the database at the reconstructed angles, of its 3 sigma.
+        CA, CN, CY, Cm, Cn of the database at the reconstructed angles, in percent of its 3 sigma.
     flight : dict
-        CA, CN, CY, Cl, Cm, Cn of the flight, of the database's 3 sigma. CA with the flight's density is the database's,
-        for that density was made with it.
+        CA, CN, CY, Cl, Cm, Cn of the flight, in percent of the database's 3 sigma. CA with the flight's density is the
+        database's, from which that density is computed.
     """
 
     atmosphere: dict[str, Array]
@@ -38,16 +34,23 @@ class AtmosphereDifferences:
     flight: dict[str, Array]
 
     def items(self) -> list[tuple[str, str, Array]]:
-        """What it is of, which quantity, and values."""
-        parts = (("atmosphere", self.atmosphere), ("database", self.database), ("flight", self.flight))
-        return [(of, name, values) for of, part in parts for name, values in part.items()]
+        """Rows of kind (``atmosphere``, ``database`` or ``flight``), quantity, and values ``(N,)`` in percent."""
+        kinds = (("atmosphere", self.atmosphere), ("database", self.database), ("flight", self.flight))
+        return [(of, name, values) for of, quantities in kinds for name, values in quantities.items()]
 
 
 @dataclass(frozen=True)
 class Change:
-    """One quantity of `AtmosphereDifferences` over one window: percent, and samples that went in.
+    """Average of one quantity of `AtmosphereDifferences` over one window.
 
-    ``largest`` keeps its sign.
+    Attributes
+    ----------
+    window, of, quantity : str
+        Name of the window; kind and quantity as in `AtmosphereDifferences.items`.
+    mean, rms, largest : float
+        Percent; ``largest`` is the value of largest magnitude, with its sign.
+    samples : int
+        Number of samples in the mean.
     """
 
     window: str
@@ -59,35 +62,41 @@ class Change:
     samples: int
 
 
-def atmosphere_differences(
-    atmospheres: tuple[FlightAtmosphere, FlightAtmosphere],
-    databases: tuple[DatabaseCoefficients, DatabaseCoefficients],
-    flights: tuple[FlightCoefficients, FlightCoefficients],
-) -> AtmosphereDifferences:
-    """Differences sample by sample; each pair is the flight's atmosphere, then the preflight one.
+def atmosphere_differences(flight: AtmosphereCase, preflight: AtmosphereCase) -> AtmosphereDifferences:
+    """Differences at each sample; the 3 sigma is that with the flight's atmosphere."""
+    three = flight.database.three_sigma
 
-    The 3 sigma is that with the flight's atmosphere.
-    """
-    three = databases[0].three_sigma
+    def percent(first: dict[str, Array], second: dict[str, Array], name: str) -> Array:
+        return 100.0 * (first[name] - second[name]) / three[name]
 
-    def percent(values: tuple[dict[str, Array], dict[str, Array]], name: str) -> Array:
-        return 100.0 * (values[0][name] - values[1][name]) / three[name]
-
-    flown, expected = atmospheres
-    looked_up = databases[0].value, databases[1].value
-    measured = flights[0].value, flights[1].value
+    database = flight.database.value, preflight.database.value
+    coefficients = flight.coefficients.value, preflight.coefficients.value
     return AtmosphereDifferences(
         atmosphere={
-            "mach": 100.0 * (flown.mach / expected.mach - 1.0),
-            "knudsen": 100.0 * (flown.knudsen / expected.knudsen - 1.0),
+            "mach": 100.0 * (flight.atmosphere.mach / preflight.atmosphere.mach - 1.0),
+            "knudsen": 100.0 * (flight.atmosphere.knudsen / preflight.atmosphere.knudsen - 1.0),
         },
-        database={name: percent(looked_up, name) for name in _DATABASE},
-        flight={name: percent(measured, name) for name in measured[0]},
+        database={name: percent(*database, name) for name in _DATABASE},
+        flight={name: percent(*coefficients, name) for name in coefficients[0]},
     )
 
 
 def changes(time: Array, differences: AtmosphereDifferences, windows: Sequence[Window]) -> list[Change]:
-    """Mean, rms and largest of every difference over every window; NaN where it has no sample."""
+    """Mean, rms and largest value of every difference over every window; NaN where a window has no sample.
+
+    Parameters
+    ----------
+    time : (N,) array
+        s.
+    differences : AtmosphereDifferences
+        At the same samples.
+    windows : sequence of Window
+        Windows of the averages.
+
+    Returns
+    -------
+    list of Change
+    """
     rows = []
     for window in windows:
         inside = window.mask(time)

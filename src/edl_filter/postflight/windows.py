@@ -1,4 +1,4 @@
-"""Validation domain and windows, found from the flight (thesis sections 3.3, 6 and 7)."""
+"""Validation domain, flight regimes and windows, determined from the flight (thesis sections 3.3, 6 and 7)."""
 
 from __future__ import annotations
 
@@ -6,57 +6,55 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from edl_filter.aero.database import Database
 from edl_filter.errors import InputError
-from edl_filter.postflight.atmosphere import FlightAtmosphere
+from edl_filter.postflight.atmosphere import AtmosphereProfile
+from edl_filter.types import Array, BoolArray
 
-Array = NDArray[np.float64]
-Bools = NDArray[np.bool_]
-
-MACH_MARKS = (25.0, 15.0, 5.0)
-#: Deceleration counts from this many times its noise on.
+#: Mach numbers that bound the thesis's windows.
+BOUNDARY_MACH = (25.0, 15.0, 5.0)
+#: Threshold of the deceleration, in sigmas of its noise.
 _THRESHOLD = 3.0
-#: Force coefficients count when their noise is below this share of the database's 3 sigma (the thesis's 50 s).
-_USEFUL_SHARE = 1.0 / 3.0
-#: Small angle at which the database's stability is judged, rad; Mach numbers that part the two instabilities.
+#: Largest noise of a force coefficient that is used, as a fraction of the database's 3 sigma (the thesis's 50 s).
+_USEFUL_FRACTION = 1.0 / 3.0
+#: Small angle at which the database's stability is evaluated, rad.
 _SMALL = np.deg2rad(0.5)
+#: Mach number between the two instabilities, and below the second.
 _FIRST_MACH, _SECOND_MACH = 22.0, 12.0
-#: Averaging time of alpha_total where the database shows no instability, and half the width then given to one, s.
+#: Averaging time of alpha_total where the database has no instability, and half the width of its window then, s.
 _ENVELOPE, _HALF_WIDTH = 6.0, 5.0
-
-#: A peak of the mean angle is this much larger than the mean at both ends of its range.
+#: A peak of the mean angle must exceed the mean at both ends of its range by this factor.
 _PROMINENT = 1.15
 
 
 @dataclass(frozen=True)
 class Window:
-    """A stretch of the flight, s."""
+    """An interval of the flight, s."""
 
     name: str
     start: float
     end: float
 
-    def mask(self, time: Array) -> Bools:
-        """Samples within."""
+    def mask(self, time: Array) -> BoolArray:
+        """Mask ``(N,)`` of the times ``(N,)``, s, that are within the window."""
         return (time >= self.start) & (time <= self.end)
 
 
 @dataclass(frozen=True)
 class Domain:
-    """What of the flight can be used.
+    """The part of the flight in which coefficients are defined.
 
     Attributes
     ----------
     threshold : float
-        Deceleration that counts, m/s².
+        Least deceleration, m/s².
     start : float
-        From here on the deceleration stays above it, s.
+        Time from which the deceleration stays above the threshold, s.
     useful : float
-        From here on the force coefficients' noise stays below a third of the database's 3 sigma, s.
+        Time from which the noise of the force coefficients stays below a third of the database's 3 sigma, s.
     end : float
-        Last time used, s: just before the parachute.
+        Last time that is used, s: just before the parachute.
     """
 
     threshold: float
@@ -66,36 +64,55 @@ class Domain:
 
 
 @dataclass(frozen=True)
-class Marks:
-    """Instabilities (None: there is none), with how each was found, and times of Mach numbers and of the continuum.
+class FlightRegimes:
+    """Times at which the flow regime changes: instabilities, boundary Mach numbers, continuum.
 
-    ``found`` is ``database`` (the moment's slope at small angles is positive) or ``alpha_total`` (largest mean angle).
-    From ``continuum`` (s, None if never) on the Knudsen number is below ``continuum_limit``, the database's.
+    Attributes
+    ----------
+    first, second : Window or None
+        Intervals of the two static instabilities; None where there is none.
+    identified_by : dict
+        ``first`` and ``second`` → ``database`` (the slope of the moment at small angles is positive) or ``alpha_total``
+        (largest mean angle).
+    mach_times : dict
+        Boundary Mach number → last time at which the Mach number falls below it, s; NaN if never.
+    continuum : float or None
+        Time from which the Knudsen number is below `continuum_limit`, s; None if never.
+    continuum_limit : float
+        The database's largest Knudsen number of continuum flow.
     """
 
     first: Window | None
     second: Window | None
-    found: dict[str, str]
+    identified_by: dict[str, str]
     mach_times: dict[float, float]
     continuum: float | None
     continuum_limit: float
 
 
-def sensed(time: Array, deceleration: Array, noise: Array) -> tuple[float, Bools]:
-    """Threshold (3 times the noise before entry, the first sample's) and where the deceleration is above it for good.
+def detect_deceleration(time: Array, deceleration: Array, noise: Array) -> tuple[float, BoolArray]:
+    """Threshold of the deceleration, and the samples at which the deceleration is permanently above it.
+
+    The threshold is 3 times the noise before entry, that of the first sample.
 
     Parameters
     ----------
     time, deceleration, noise : (N,) arrays
-        s; smoothed axial deceleration, m/s²; its one sigma.
+        s; smoothed axial deceleration, m/s²; its one sigma, m/s².
+
+    Returns
+    -------
+    threshold : float
+        m/s².
+    mask : (N,) array of bool
 
     Raises
     ------
     InputError
-        It never rises above for good.
+        The deceleration is never permanently above the threshold.
     """
     threshold = _THRESHOLD * float(noise[0])
-    # for good: up to the peak, since after it the threshold is of no interest
+    # permanently: up to the peak, because the threshold does not matter after it
     peak = int(np.argmax(deceleration))
     below = np.flatnonzero(~(deceleration[: peak + 1] > np.maximum(threshold, _THRESHOLD * noise[: peak + 1])))
     start = int(below[-1]) + 1 if below.size else 0
@@ -110,65 +127,104 @@ def sensed(time: Array, deceleration: Array, noise: Array) -> tuple[float, Bools
     return threshold, mask
 
 
-def useful_from(time: Array, noise: Array, three_sigma: Array) -> float:
-    """Time from which a force coefficient's noise stays below a third of the database's 3 sigma; NaN if never."""
-    good = np.flatnonzero(np.isfinite(noise) & np.isfinite(three_sigma))
-    if not good.size:
+def useful_start(time: Array, noise: Array, three_sigma: Array) -> float:
+    """Time from which the noise of a force coefficient stays below a third of the database's 3 sigma.
+
+    Parameters
+    ----------
+    time, noise, three_sigma : (N,) arrays
+        s; one sigma of the coefficient's noise; the database's 3 sigma.
+
+    Returns
+    -------
+    float
+        s; NaN if never.
+    """
+    finite = np.flatnonzero(np.isfinite(noise) & np.isfinite(three_sigma))
+    if not finite.size:
         return float("nan")
-    ratio = noise[good] / three_sigma[good]
+    ratio = noise[finite] / three_sigma[finite]
     best = int(np.argmin(ratio))
-    bad = np.flatnonzero(~(ratio[: best + 1] <= _USEFUL_SHARE))
-    start = int(bad[-1]) + 1 if bad.size else 0
-    return float(time[good[start]]) if start <= best else float("nan")
+    noisy = np.flatnonzero(~(ratio[: best + 1] <= _USEFUL_FRACTION))
+    start = int(noisy[-1]) + 1 if noisy.size else 0
+    return float(time[finite[start]]) if start <= best else float("nan")
 
 
-def marks(
+def flight_regimes(
     time: Array,
     alpha_total: Array,
     speed: Array,
-    atmosphere: FlightAtmosphere,
+    atmosphere: AtmosphereProfile,
     database: Database,
     x_over_d: float,
     domain: Domain,
-) -> Marks:
-    """Instabilities and Mach numbers' times.
+) -> FlightRegimes:
+    """Instabilities, and times of Mach numbers and of the continuum.
 
-    An instability is where the database's moment at half a degree turns the nose away, in continuum: the first above
-    Mach 22, the second between 22 and 12. Where the database shows none, it is sought where alpha_total, averaged over
-    6 s, is largest in that range of Mach numbers, between its ends.
+    An instability is where the database's moment at half a degree is nose-up, in continuum flow: the first above
+    Mach 22, the second between 22 and 12. Where the database has none, it is where alpha_total, averaged over 6 s, has
+    its largest value in that range of Mach numbers, between the ends of the range.
+
+    Parameters
+    ----------
+    time, alpha_total, speed : (N,) arrays
+        s, rad, m/s.
+    atmosphere : AtmosphereProfile
+        Mach and Knudsen numbers.
+    database : Database
+        Its pitching moment is looked up.
+    x_over_d : float
+        Centre of mass behind the nose, diameters.
+    domain : Domain
+        Part of the flight that is considered.
+
+    Returns
+    -------
+    FlightRegimes
     """
     begin = domain.useful if np.isfinite(domain.useful) else domain.start
-    ok = atmosphere.valid & (time >= begin) & (time <= domain.end)
-    mach = atmosphere.mach
-    found = database.lookup(mach[ok], atmosphere.knudsen[ok], np.full(int(ok.sum()), _SMALL), speed[ok])
+    usable = atmosphere.valid & (time >= begin) & (time <= domain.end)
+    mach, small = atmosphere.mach, np.full(int(usable.sum()), _SMALL)
+    entry = database.lookup(mach[usable], atmosphere.knudsen[usable], small, speed[usable])
     unstable = np.zeros(len(time), bool)
-    unstable[ok] = (found.cm_at(x_over_d) > 0.0) & ~found.rarefied
-    crossings = {m: crossing(time[ok], mach[ok], m) for m in MACH_MARKS}
+    unstable[usable] = (entry.cm_at(x_over_d) > 0.0) & ~entry.rarefied
+    mach_times = {m: crossing(time[usable], mach[usable], m) for m in BOUNDARY_MACH}
     windows: dict[str, Window | None] = {}
-    how: dict[str, str] = {}
-    for name, inside in (("first", mach > _FIRST_MACH), ("second", (mach <= _FIRST_MACH) & (mach > _SECOND_MACH))):
-        here = ok & inside
-        runs = _longest_run(here & unstable)
-        if runs is not None and time[runs[1]] > time[runs[0]]:
-            windows[name], how[name] = (
-                Window(f"{name} instability", float(time[runs[0]]), float(time[runs[1]])),
-                "database",
-            )
+    identified_by: dict[str, str] = {}
+    for name, in_range in (("first", mach > _FIRST_MACH), ("second", (mach <= _FIRST_MACH) & (mach > _SECOND_MACH))):
+        part, title = usable & in_range, f"{name} instability"
+        run = _longest_run(part & unstable)
+        if run is not None and time[run[1]] > time[run[0]]:
+            windows[name] = Window(title, float(time[run[0]]), float(time[run[1]]))
+            identified_by[name] = "database"
             continue
-        peak = _envelope_peak(time, alpha_total, here)
-        windows[name] = None if peak is None else Window(f"{name} instability", peak - _HALF_WIDTH, peak + _HALF_WIDTH)
+        peak = _envelope_peak(time, alpha_total, part)
+        windows[name] = None if peak is None else Window(title, peak - _HALF_WIDTH, peak + _HALF_WIDTH)
         if peak is not None:
-            how[name] = "alpha_total"
-    felt = atmosphere.valid & (time >= domain.start) & (time <= domain.end)
+            identified_by[name] = "alpha_total"
+    sensed = atmosphere.valid & (time >= domain.start) & (time <= domain.end)
     limit = database.continuum_limit
-    rarefied = np.flatnonzero(atmosphere.knudsen[felt] >= limit)
-    falls = crossing(time[felt], atmosphere.knudsen[felt], limit) if rarefied.size else float(time[felt][0])
-    continuum = falls if np.isfinite(falls) else None
-    return Marks(windows["first"], windows["second"], how, crossings, continuum, limit)
+    rarefied = np.flatnonzero(atmosphere.knudsen[sensed] >= limit)
+    begins = crossing(time[sensed], atmosphere.knudsen[sensed], limit) if rarefied.size else float(time[sensed][0])
+    continuum = begins if np.isfinite(begins) else None
+    return FlightRegimes(windows["first"], windows["second"], identified_by, mach_times, continuum, limit)
 
 
 def crossing(time: Array, number: Array, value: float) -> float:
-    """Last time at which a number falls through a value, s; NaN if it does not."""
+    """Last time at which a quantity falls through a value, by linear interpolation.
+
+    Parameters
+    ----------
+    time, number : (N,) arrays
+        s; the quantity, in any unit.
+    value : float
+        In the unit of `number`.
+
+    Returns
+    -------
+    float
+        s; NaN if there is no such time.
+    """
     down = np.flatnonzero((number[:-1] >= value) & (number[1:] < value))
     if not down.size:
         return float("nan")
@@ -176,15 +232,15 @@ def crossing(time: Array, number: Array, value: float) -> float:
     return float(time[i] + (number[i] - value) / (number[i] - number[i + 1]) * (time[i + 1] - time[i]))
 
 
-def standard_windows(domain: Domain, found: Marks) -> tuple[Window, ...]:
-    """The thesis's four: up to the first instability, between the two, Mach 15 to 5, Mach 5 to the parachute.
+def standard_windows(domain: Domain, regimes: FlightRegimes) -> tuple[Window, ...]:
+    """The thesis's four windows: to the first instability, between the two, Mach 15 to 5, Mach 5 to the parachute.
 
-    Where the flight shows no first instability, Mach 25 parts the first two windows. A window whose ends the flight
-    does not show, or not in this order, is left out.
+    Where the flight has no first instability, Mach 25 separates the first two windows. A window of which an end is
+    undefined, or whose ends are not in this order, is omitted.
     """
-    first, second = found.first, found.second
+    first, second = regimes.first, regimes.second
     nan = float("nan")
-    m25, m15, m5 = (found.mach_times[m] for m in MACH_MARKS)
+    m25, m15, m5 = (regimes.mach_times[m] for m in BOUNDARY_MACH)
     before_second = second.start if second else nan
     if first:
         early = (
@@ -201,12 +257,12 @@ def standard_windows(domain: Domain, found: Marks) -> tuple[Window, ...]:
 
 
 def stated_windows(windows: Sequence[Window], domain: Domain) -> tuple[Window, ...]:
-    """Windows that a mission states, checked.
+    """Windows that a mission states, after a check.
 
     Raises
     ------
     InputError
-        Two have one name, or one does not meet the part of the flight that can be used.
+        Two have the same name, or one does not overlap the domain.
     """
     names = [w.name for w in windows]
     for window in windows:
@@ -220,7 +276,8 @@ def stated_windows(windows: Sequence[Window], domain: Domain) -> tuple[Window, .
     return tuple(windows)
 
 
-def _longest_run(mask: Bools) -> tuple[int, int] | None:
+def _longest_run(mask: BoolArray) -> tuple[int, int] | None:
+    """First and last index of the longest run of true values; None if there is none."""
     edge = np.flatnonzero(np.diff(np.concatenate(([False], mask, [False])).astype(np.int8)))
     if not edge.size:
         return None
@@ -229,9 +286,9 @@ def _longest_run(mask: Bools) -> tuple[int, int] | None:
     return int(starts[longest]), int(ends[longest])
 
 
-def _envelope_peak(time: Array, alpha_total: Array, here: Bools) -> float | None:
-    """Time of the largest running mean, if it stands out against both ends of the range."""
-    index = np.flatnonzero(here)
+def _envelope_peak(time: Array, alpha_total: Array, part: BoolArray) -> float | None:
+    """Time of the largest running mean in a part of the flight, if it exceeds both ends of the part; else None."""
+    index = np.flatnonzero(part)
     if index.size < 3 or time[index[-1]] - time[index[0]] < 2.0 * _ENVELOPE:
         return None
     t, a = time[index], alpha_total[index]

@@ -4,15 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-import numpy as np
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 from xarray import DataTree
 
 from edl_filter.report import style
 from edl_filter.report.postflight import BAND, LEGEND, Layer, Panel, layer, strips
-
-Array = NDArray[np.float64]
+from edl_filter.types import Array
 
 FLIGHT, OTHER = "coefficients/flight", "coefficients/preflight_density"
 DATABASE, MEASURED = "coefficients/database", "coefficients/database_measured"

@@ -6,15 +6,13 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullLocator
-from numpy.typing import NDArray
 from xarray import DataTree
 
 from edl_filter.report import style
-from edl_filter.report.envelope import envelope
+from edl_filter.report.decimate import envelope
 from edl_filter.report.postflight import LEGEND, Layer, Panel, bounds, layer, strips
 from edl_filter.report.profile import EDGE, known
-
-Array = NDArray[np.float64]
+from edl_filter.types import Array, BoolArray
 
 FLIGHT, PREFLIGHT = "atmosphere/flight", "atmosphere/preflight"
 _KILO = 1e-3
@@ -102,7 +100,7 @@ def atmosphere_profile(tree: DataTree) -> Figure:
     return made
 
 
-def _profile(shared: Layer, ax: Axes, name: str, inside: NDArray[np.bool_], height: Array) -> None:
+def _profile(shared: Layer, ax: Axes, name: str, inside: BoolArray, height: Array) -> None:
     flown, expected = (shared.get(group, name)[inside] for group in (FLIGHT, PREFLIGHT))
     sigma = shared.get(FLIGHT, f"{name}_sigma")[inside]
     linear = name == "temperature"
@@ -132,7 +130,7 @@ def _profile(shared: Layer, ax: Axes, name: str, inside: NDArray[np.bool_], heig
         ax.legend(loc="upper right")
 
 
-def _ratios(shared: Layer, ax: Axes, inside: NDArray[np.bool_], height: Array) -> None:
+def _ratios(shared: Layer, ax: Axes, inside: BoolArray, height: Array) -> None:
     shown = []
     for name, colour in (("density", style.BLUE), ("pressure", style.GREEN), ("temperature", style.ORANGE)):
         flown, expected = (shared.get(group, name)[inside] for group in (FLIGHT, PREFLIGHT))

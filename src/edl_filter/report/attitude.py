@@ -8,7 +8,7 @@ from xarray import DataTree
 
 from edl_filter import rotations
 from edl_filter.report import style, view
-from edl_filter.report.envelope import envelope
+from edl_filter.report.decimate import envelope
 
 
 @style.styled

@@ -8,13 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.transforms import blended_transform_factory
-from numpy.typing import NDArray
 from scipy.special import chdtri
 from xarray import Dataset, DataTree
 
 from edl_filter.report import style, view
+from edl_filter.types import Array, BoolArray
 
-Array = NDArray[np.float64]
 PROBABILITY = 0.999
 LIMIT = 5.0  # sigmas shown; beyond it an arrow at the edge with its number
 ROW_INCHES = 0.2
@@ -27,7 +26,7 @@ class Row:
 
     name: str
     values: Array
-    accepted: NDArray[np.bool_]
+    accepted: BoolArray
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-Array = NDArray[np.float64]
+from edl_filter.types import Array
 
 
 def envelope(time: ArrayLike, values: ArrayLike, bins: int = 1200) -> tuple[Array, Array]:

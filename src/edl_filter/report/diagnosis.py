@@ -13,10 +13,10 @@ from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
+from edl_filter.io.atomic import replace_with
 from edl_filter.report import style
-from edl_filter.report.findings import chance
 from edl_filter.report.html.colours import ink_on
-from edl_filter.whole_file import replace_with
+from edl_filter.report.terminal.diagnosis import chance
 
 DPI = 120
 #: Gain from which an effect counts as found, nats (design section 6).

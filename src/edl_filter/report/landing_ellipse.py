@@ -5,12 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from xarray import DataTree
 
 from edl_filter.report import view
-
-Array = NDArray[np.float64]
+from edl_filter.types import Array
 
 
 @dataclass(frozen=True)

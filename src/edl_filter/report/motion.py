@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 from matplotlib.axes import Axes
-from numpy.typing import NDArray
 from xarray import DataTree
 
 from edl_filter.report import style, view
-from edl_filter.report.envelope import envelope
+from edl_filter.report.decimate import envelope
+from edl_filter.types import Array
 
-Array = NDArray[np.float64]
 #: Decelerations below this are noise of every IMU that has flown an entry, m/s².
 LEAST_DECELERATION = 1e-3
 

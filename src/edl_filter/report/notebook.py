@@ -6,20 +6,21 @@ Colours are those of the text around them, so that a dark notebook is as readabl
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from html import escape
 from typing import TYPE_CHECKING
 
-from edl_filter.effects.describe import size_text
-from edl_filter.report.findings import chance, number, parameters_text
+from edl_filter.diagnosis.diagnosis_json import diagnosis_content
+from edl_filter.effects.tables import size_text
 from edl_filter.report.terminal import with_sigma
+from edl_filter.report.terminal.diagnosis import chance, number, parameters_text
 from edl_filter.results.plain import finite
 
 if TYPE_CHECKING:
-    from edl_filter.diagnosis.diagnose import Diagnosis
-    from edl_filter.effects.effect import Active, Effect
+    from edl_filter.diagnosis.diagnosis import Diagnosis
+    from edl_filter.effects.base import Effect, EffectInstance
     from edl_filter.mission import Mission
-    from edl_filter.reconstruction import Reconstruction
+    from edl_filter.results.result import Result
 
 #: Rows of failing cells: a person reads no more.
 _ROWS = 6
@@ -50,9 +51,9 @@ def mission_card(mission: Mission) -> str:
     return _card(mission.title or mission.name, _table((), rows))
 
 
-def reconstruction_card(reconstruction: Reconstruction) -> str:
+def result_card(result: Result) -> str:
     """Events with sigmas, and how the constraints agree."""
-    told = finite(reconstruction.summary())
+    told = finite(result.summary())
     events = [
         (
             name.replace("_", " "),
@@ -77,14 +78,14 @@ def reconstruction_card(reconstruction: Reconstruction) -> str:
     parts = [_table(heads, events)]
     if constraints:
         parts.append(_table(("constraint", "accepted", "NIS of dof", "agrees"), constraints))
-    if reconstruction.effects:
-        parts.append(_table(("effect in the model", "parameters"), _refitted(reconstruction)))
+    if result.effects:
+        parts.append(_table(("effect in the model", "parameters"), _refitted(result)))
     return _card(f"{told['title'] or told['mission']}, epoch {told['epoch_utc']} UTC", *parts)
 
 
 def diagnosis_card(diagnosis: Diagnosis) -> str:
     """Verdict, hypotheses, the worst failures and what is left."""
-    told = finite(diagnosis.content())
+    told = diagnosis_content(diagnosis)
     ranking = [
         (
             " or ".join((e["effect"], *e["same_as"])),
@@ -133,16 +134,16 @@ def effect_card(effect: Effect) -> str:
     return _card(effect.name, *parts)
 
 
-def catalogue_card(effects: Iterable[Effect]) -> str:
+def catalogue_card(effects: Mapping[str, Effect]) -> str:
     """One row for each effect."""
-    rows = [(e.name, e.family, e.summary, ", ".join(q.name for q in e.parameters)) for e in effects]
+    rows = [(e.name, e.family, e.summary, ", ".join(q.name for q in e.parameters)) for e in effects.values()]
     return _card("Effects that a model may lack", _table(("effect", "family", "what it is", "parameters"), rows))
 
 
-def _refitted(reconstruction: Reconstruction) -> list[tuple[str, str]]:
+def _refitted(result: Result) -> list[tuple[str, str]]:
     rows = []
-    for a in reconstruction.effects:
-        sigma = reconstruction.effect_sigma.get(a.name, {})
+    for a in result.effects:
+        sigma = result.refit.sigma.get(a.name, {})
         parameters = {
             q.name: {"estimate": a.values[q.name], "sigma": sigma.get(q.name), "unit": q.unit}
             for q in a.effect.parameters
@@ -151,7 +152,7 @@ def _refitted(reconstruction: Reconstruction) -> list[tuple[str, str]]:
     return rows
 
 
-def _effects(effects: Sequence[Active]) -> str:
+def _effects(effects: Sequence[EffectInstance]) -> str:
     said = []
     for a in effects:
         units = {q.name: q.unit for q in a.effect.parameters}

@@ -1,4 +1,4 @@
-"""Figures for notebooks: ``reconstruction.plot`` and ``diagnosis.plot``, accessors over the figures of a run.
+"""Figures for notebooks: ``result.plot`` and ``diagnosis.plot``, accessors over the figures of a run.
 
 Each method draws one of the figures that a run or a diagnosis writes, shows it through pyplot, and gives its matplotlib
 axes, one or an array of them, to draw on further. Methods that take ``ax`` draw on that instead.
@@ -13,8 +13,9 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
-from xarray import DataArray, DataTree
+from xarray import DataArray
 
+from edl_filter.diagnosis.diagnosis_json import diagnosis_content
 from edl_filter.errors import InputError
 from edl_filter.report import (
     attitude,
@@ -28,16 +29,16 @@ from edl_filter.report import (
     trajectory,
     view,
 )
-from edl_filter.results.plain import finite
 
 if TYPE_CHECKING:
-    from edl_filter.diagnosis.diagnose import Diagnosis
-    from edl_filter.effects.effect import Effect
+    from edl_filter.diagnosis.diagnosis import Diagnosis
+    from edl_filter.effects.base import Effect
+    from edl_filter.results.result import Result
 
 AxesArray = NDArray[np.object_]
 Panel = Callable[..., Axes]
 
-#: What `ReconstructionPlots.coefficients` is asked for → figure.
+#: What `ResultPlots.coefficients` is asked for → figure.
 COEFFICIENTS = {
     "forces": "force_coefficients",
     "moments": "moment_coefficients",
@@ -47,11 +48,11 @@ COEFFICIENTS = {
 }
 
 
-class ReconstructionPlots:
-    """Figures of a reconstruction."""
+class ResultPlots:
+    """Figures of a result."""
 
-    def __init__(self, tree: DataTree) -> None:
-        self._tree = tree
+    def __init__(self, result: Result) -> None:
+        self._tree = result.to_xarray()
 
     def __repr__(self) -> str:
         return f"<figures of {view.title(self._tree)}: {', '.join(n for n in dir(self) if n[0] != '_')}>"
@@ -170,7 +171,7 @@ class DiagnosisPlots:
 
     def __init__(self, found: Diagnosis) -> None:
         self._found = found
-        self._told: dict[str, Any] = finite(found.content())
+        self._told: dict[str, Any] = diagnosis_content(found)
 
     def __repr__(self) -> str:
         return f"<figures of the diagnosis of {self._found.title}: {', '.join(n for n in dir(self) if n[0] != '_')}>"

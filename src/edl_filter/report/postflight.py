@@ -11,13 +11,11 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 from xarray import Dataset, DataTree
 
 from edl_filter.report import style, view
-from edl_filter.report.envelope import envelope
-
-Array = NDArray[np.float64]
+from edl_filter.report.decimate import envelope
+from edl_filter.types import Array, BoolArray
 
 SHADE, BAND = "#EEEEEE", "#CFE6F5"
 #: Shares of a panel's samples that may lie below and above its range, and the range's margin.
@@ -65,7 +63,7 @@ class Layer:
         return has(self.tree, f"{group}:{name}")
 
     @cached_property
-    def counts(self) -> NDArray[np.bool_]:
+    def counts(self) -> BoolArray:
         """Samples from `useful` to the parachute, or from `start` if nothing is useful."""
         return (self.time >= self.useful) & (self.time <= self.end)
 

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from edl_filter.types import Array
 
 #: Before the parachute, s: its first pull reaches the smoothed deceleration that far back.
 EDGE = 0.5

@@ -6,13 +6,10 @@ from collections.abc import Callable
 
 import numpy as np
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 from xarray import DataTree
 
 from edl_filter.report import style
 from edl_filter.report.postflight import BAND, LEGEND, Panel, layer, strips
-
-Array = NDArray[np.float64]
 
 _FLIGHT, _MOTION, _ANGLES = "coefficients/flight", "motion", "angles"
 _COUPLING = {"difference": "Izz − Iyy", "xy": "Ixy", "xz": "Ixz", "yz": "Iyz"}

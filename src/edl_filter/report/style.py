@@ -15,7 +15,7 @@ from matplotlib.figure import Figure
 from xarray import DataTree
 
 from edl_filter.report import view
-from edl_filter.report.labels import place
+from edl_filter.report.label_layout import place
 
 # re-exported: figures say style.ORANGE, and the HTML report needs no matplotlib for its colours
 from edl_filter.report.palette import BLACK as BLACK

@@ -5,13 +5,12 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.patches import Ellipse
-from numpy.typing import NDArray
 from xarray import DataTree
 
 from edl_filter.report import style, view
-from edl_filter.report.landing import Landing, Local, about, fixed_track, landing
+from edl_filter.report.landing_ellipse import Landing, Local, about, fixed_track, landing
+from edl_filter.types import Array
 
-Array = NDArray[np.float64]
 SIGMAS = 3.0
 #: Points of a track on a map.
 POINTS = 1500

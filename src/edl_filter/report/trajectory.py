@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from xarray import DataTree
 
 from edl_filter.report import style, view
-from edl_filter.report.envelope import envelope
+from edl_filter.report.decimate import envelope
 
 
 @style.styled

@@ -6,10 +6,10 @@ Every part but ``/trajectory`` may be missing; what is missing comes back as Non
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from xarray import Dataset, DataTree
 
-Array = NDArray[np.float64]
+from edl_filter.types import Array
+
 #: s after landing that are still shown: the bounces belong to another picture.
 AFTER_LANDING = 2.0
 

@@ -1,11 +1,16 @@
-"""One result per run: ``result.nc`` (netCDF-4, an xarray DataTree), ``summary.json`` and the figures.
+"""One result per run: ``result.nc`` (netCDF-4, an xarray DataTree), ``summary.json`` and tables.
 
-`content` says what is in a result, `netcdf` writes and reads the file, `summary` is what a person or a script
-asks first, `outputs` puts it all in one folder. xarray is imported only where a DataTree is made.
+In: a reconstruction, the refit of its effects, and the quantities derived from both. Out: a `Result` in memory, its
+files, and these files read again.
+
+Read in this order: `derived` and `result` (what a result consists of), `content` with `estimates`, `effects` and
+`postflight` (groups and variables of ``result.nc``), `groups`, `hdf5` and `netcdf` (the file), `summary` and `schema`
+(``summary.json``, ``diagnosis.json`` and the ledger, with every key), `files` (names of all files), `reopen` (a result
+opened for further work). xarray is imported only where a DataTree is made.
 """
 
-from edl_filter.results.netcdf import FORMAT, FORMAT_VERSION, read, to_datatree, write
-from edl_filter.results.outputs import write_outputs
-from edl_filter.results.summary import summary
+from edl_filter.results.derived import Derived, RefitSummary, derive
+from edl_filter.results.netcdf import FORMAT, FORMAT_VERSION, read, write
+from edl_filter.results.result import Result, reconstruct
 
-__all__ = ["FORMAT", "FORMAT_VERSION", "read", "summary", "to_datatree", "write", "write_outputs"]
+__all__ = ["FORMAT", "FORMAT_VERSION", "Derived", "RefitSummary", "Result", "derive", "read", "reconstruct", "write"]

@@ -1,23 +1,20 @@
-"""What a result holds: every group, every variable, its dimensions, unit and meaning."""
+"""Contents of a result: every group, every variable, its dimensions, unit and meaning."""
 
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass
 from datetime import UTC, datetime
 from importlib.metadata import PackageNotFoundError, version
 
 import numpy as np
-from numpy.typing import NDArray
 
-import edl_filter
-from edl_filter.mission.measurements import MerImu
-from edl_filter.postflight.airdata import AirData, air_data
-from edl_filter.postflight.derive import Derived as Aftermath
-from edl_filter.postflight.events import Event, events
-from edl_filter.postflight.flight import derive_flight
-from edl_filter.reconstruction import Reconstruction, in_j2000
-from edl_filter.results.effects import Judged, effects
+from edl_filter._version import __version__
+from edl_filter.mission.measurements import MerImuConfig
+from edl_filter.pipeline.reconstruct import Reconstruction, in_j2000
+from edl_filter.postflight.airdata import AirData
+from edl_filter.postflight.events import Event
+from edl_filter.results.derived import Derived, RefitSummary
+from edl_filter.results.effects import effects_content
 from edl_filter.results.estimates import (
     add_comparison,
     add_constraints,
@@ -31,11 +28,10 @@ from edl_filter.results.plain import finite
 from edl_filter.results.postflight import add_postflight
 from edl_filter.telemetry.clock import SclkClock
 from edl_filter.telemetry.record import ImuRecord
-
-Array = NDArray[np.float64]
+from edl_filter.types import Array, IntArray
 
 _LIBRARIES = ("numpy", "scipy", "numba", "filterpy", "xarray", "h5netcdf")
-#: NAIF's numbers of the spacecraft, by MER's own.
+#: NAIF's numbers of the spacecraft, by the numbers of the MER project.
 _NAIF_MER = {1: -253, 2: -254}
 AXES, QUATERNION = ("x", "y", "z"), ("x", "y", "z", "w")
 STATE = tuple(f"{what}_{a}" for what in ("position", "velocity", "attitude") for a in AXES)
@@ -69,7 +65,7 @@ EVENT = {
     "sclk": ("s", "spacecraft clock"),
     "altitude_m": ("m", "areodetic altitude"),
     "altitude_sigma_m": ("m", "one sigma of the altitude"),
-    "height_above_site_m": ("m", "distance from the planet's centre less the landing site's"),
+    "height_above_site_m": ("m", "distance from the planet's centre minus the landing site's"),
     "velocity_m_s": ("m/s", "air-relative speed"),
     "velocity_sigma_m_s": ("m/s", "one sigma of the air-relative speed"),
     "mach": ("1", "Mach number, preflight atmosphere"),
@@ -82,50 +78,10 @@ EVENT = {
 }
 
 
-@dataclass(frozen=True)
-class Derived:
-    """What follows from a reconstruction and is needed more than once.
-
-    Attributes
-    ----------
-    air : AirData
-    events : dict
-        Name → `Event`.
-    aftermath : postflight.derive.Derived or None
-        Atmosphere and coefficients, where the mission names an aerodynamic database.
-    """
-
-    air: AirData
-    events: dict[str, Event]
-    aftermath: Aftermath | None
-
-
-def derive(reconstruction: Reconstruction) -> Derived:
-    """Air data along the trajectory, the events, atmosphere and coefficients."""
-    r = reconstruction
-    air = air_data(r.trajectory, r.planet, r.atmosphere, r.effects)
-    return Derived(air, events(reconstruction, air), derive_flight(reconstruction, air))
-
-
-def content(reconstruction: Reconstruction, derived: Derived | None = None, judged: Judged | None = None) -> Groups:
-    """All groups of a result, by path.
-
-    Parameters
-    ----------
-    reconstruction : Reconstruction
-    derived : Derived, optional
-        As `derive` gives it.
-    judged : Judged, optional
-        What the comparison of model and measurement adds.
-
-    Returns
-    -------
-    dict
-        Path → `Group`.
-    """
-    derived = derived or derive(reconstruction)
+def content(reconstruction: Reconstruction, derived: Derived, refit: RefitSummary) -> Groups:
+    """All groups of a result: path → `Group`."""
     telemetry = reconstruction.telemetry
-    groups: Groups = {"/": Group(attrs=_root(reconstruction, judged or Judged()))}
+    groups: Groups = {"/": Group(attrs=_root(reconstruction, refit))}
     groups["/trajectory"] = _trajectory(reconstruction, derived.air)
     groups["/imu/driving"] = _imu(reconstruction, telemetry.driving)
     _add_corrected(groups["/imu/driving"], reconstruction)
@@ -134,20 +90,20 @@ def content(reconstruction: Reconstruction, derived: Derived | None = None, judg
     if telemetry.attitude is not None:
         groups["/attitude"] = _attitude(reconstruction)
     add_sensor_errors(groups, reconstruction)
-    add_constraints(groups, reconstruction.statements, reconstruction.forward.fused)
+    add_constraints(groups, reconstruction.constraint_checks, reconstruction.filter_pass.fused)
     add_entry(groups, reconstruction.entry, in_j2000(reconstruction.mission, reconstruction.entry.rotation))
     add_comparison(groups, reconstruction.comparison)
     groups["/events"] = _events(derived.events)
-    add_nodes(groups, reconstruction.forward.layout, reconstruction.smoothed)
-    if derived.aftermath is not None:
-        add_postflight(groups, derived.aftermath)
+    add_nodes(groups, reconstruction.filter_pass.layout, reconstruction.smoothed)
+    if derived.postflight is not None:
+        add_postflight(groups, derived.postflight)
     return groups
 
 
-def _root(reconstruction: Reconstruction, judged: Judged) -> Attributes:
+def _root(reconstruction: Reconstruction, refit: RefitSummary) -> Attributes:
     mission, telemetry = reconstruction.mission, reconstruction.telemetry
     j2000 = mission.planet.j2000_from_inertial_matrix
-    naif = _NAIF_MER.get(mission.telemetry.spacecraft) if isinstance(mission.telemetry, MerImu) else None
+    naif = _NAIF_MER.get(mission.telemetry.spacecraft) if isinstance(mission.telemetry, MerImuConfig) else None
     optional = {
         "epoch_sclk": telemetry.epoch_sclk,
         "site_radius": reconstruction.site_radius,
@@ -162,10 +118,10 @@ def _root(reconstruction: Reconstruction, judged: Judged) -> Attributes:
         "title": mission.title or mission.name,
         "mission": mission.name,
         "mission_yaml": mission.text,
-        "effects": json.dumps(finite(effects(reconstruction, judged.sigma))),
-        "residuals": json.dumps(finite(judged.residuals)),
+        "effects": json.dumps(finite(effects_content(reconstruction, refit.sigma))),
+        "residuals": json.dumps(finite(refit.residuals)),
         "planet": mission.planet.name,
-        "edl_filter_version": edl_filter.__version__,
+        "edl_filter_version": __version__,
         "versions": json.dumps({name: _version(name) for name in _LIBRARIES}),
         "input_sha256": json.dumps(telemetry.files),
         "notes": json.dumps(telemetry.notes),
@@ -233,7 +189,7 @@ def _imu(reconstruction: Reconstruction, record: ImuRecord) -> Group:
     return group
 
 
-def _flags(group: Group, name: str, index: NDArray[np.int64], names: tuple[str, ...], meaning: str) -> None:
+def _flags(group: Group, name: str, index: IntArray, names: tuple[str, ...], meaning: str) -> None:
     group.add(
         name, ("time",), index.astype(np.int8), "1", meaning,
         flag_values=np.arange(len(names), dtype=np.int8),
@@ -245,12 +201,12 @@ def _add_corrected(group: Group, reconstruction: Reconstruction) -> None:
     """Corrected force and rate of the driving record; NaN before and after the trajectory."""
     record, t = reconstruction.telemetry.driving, reconstruction.trajectory
     index = np.clip(np.searchsorted(t.time, record.time - 1e-6), 0, len(t.time) - 1)
-    known = (np.abs(t.time[index] - record.time) < 1e-5) & (record.time > t.time[0] + 1e-6)
+    inside = (np.abs(t.time[index] - record.time) < 1e-5) & (record.time > t.time[0] + 1e-6)
     for name, unit, values, place in (
         ("specific_force", "m/s^2", t.specific_force, " at the centre of mass"),
         ("angular_rate", "rad/s", t.angular_rate, ""),
     ):
-        corrected = np.where(known[:, None], values[index], np.nan)
+        corrected = np.where(inside[:, None], values[index], np.nan)
         meaning = f"{name.replace('_', ' ')}{place}, body axes, sensor errors removed"
         group.add(name, ("time", "axis"), corrected, unit, meaning)
 
@@ -265,17 +221,17 @@ def _attitude(reconstruction: Reconstruction) -> Group:
         "attitude computed on board, body to inertial",
     )  # fmt: skip
     group.add("sigma", ("time",), record.sigma, "rad", "one sigma of one sample about each axis")
-    _flags(group, "unit", record.unit, record.units, "instrument whose gyros carried it")
+    _flags(group, "unit", record.unit, record.units, "instrument whose gyros were integrated")
     return group
 
 
-def _events(found: dict[str, Event]) -> Group:
+def _events(events: dict[str, Event]) -> Group:
     group = Group()
-    group.label("event", list(found), "event")
+    group.label("event", list(events), "event")
     for name, (unit, meaning) in EVENT.items():
-        values = [getattr(event, name) for event in found.values()]
+        values = [getattr(event, name) for event in events.values()]
         if any(value is not None for value in values):
             numbers = [np.nan if value is None else value for value in values]
             group.add(name, ("event",), numbers, unit, meaning)
-    group.text("utc", "event", [event.utc for event in found.values()], "UTC")
+    group.text("utc", "event", [event.utc for event in events.values()], "UTC")
     return group

@@ -6,26 +6,26 @@ from collections import defaultdict
 from collections.abc import Iterable
 
 import numpy as np
-from numpy.typing import NDArray
 
+from edl_filter.imu_model.sensor_errors import SENSOR_STATES
 from edl_filter.navigation.filter import Fused
-from edl_filter.navigation.layout import SENSOR_STATES, UNITS, Layout
-from edl_filter.navigation.leave_one_out import Statement
+from edl_filter.navigation.layout import UNITS, Layout
+from edl_filter.navigation.leave_one_out import ConstraintCheck
 from edl_filter.navigation.smoother import Smoothed
-from edl_filter.reconstruction import EntryCorrection, Reconstruction
+from edl_filter.pipeline.reconstruct import EntryCorrection, Reconstruction
 from edl_filter.results.groups import Group, Groups
 from edl_filter.telemetry.calibration import MisalignmentEstimate
+from edl_filter.types import Array
 
-Array = NDArray[np.float64]
 AXES = ("x", "y", "z")
 
 
 def add_sensor_errors(groups: Groups, reconstruction: Reconstruction) -> None:
     """Add ``/sensor_errors/<unit>``: estimate, sigma and prior sigma of every error state, body axes.
 
-    The errors are constant while a unit drives; taken is the smoothed estimate at the last epoch at which it did.
+    The errors are constant while a unit drives; the smoothed estimate at its last epoch is written.
     """
-    layout, smoothed = reconstruction.forward.layout, reconstruction.smoothed
+    layout, smoothed = reconstruction.filter_pass.layout, reconstruction.smoothed
     driving = reconstruction.telemetry.driving
     for k, (unit, prior) in enumerate(zip(driving.units, driving.errors, strict=True)):
         nodes = np.flatnonzero(smoothed.unit == k)
@@ -46,11 +46,11 @@ def add_sensor_errors(groups: Groups, reconstruction: Reconstruction) -> None:
         groups[f"/sensor_errors/{unit}"] = group
 
 
-def add_constraints(groups: Groups, statements: Iterable[Statement], fused: Iterable[Fused]) -> None:
-    """Add ``/constraints/<name>``: innovations on the way forwards, and what all others say (leave-one-out)."""
-    met: dict[str, list[Fused]] = defaultdict(list)
+def add_constraints(groups: Groups, statements: Iterable[ConstraintCheck], fused: Iterable[Fused]) -> None:
+    """Add ``/constraints/<name>``: innovations of the forward pass, and leave-one-out predictions."""
+    by_name: dict[str, list[Fused]] = defaultdict(list)
     for f in fused:
-        met[f.constraint.name].append(f)
+        by_name[f.constraint.name].append(f)
     for s in statements:
         low, high = s.nis_interval()
         group = Group(
@@ -68,7 +68,7 @@ def add_constraints(groups: Groups, statements: Iterable[Statement], fused: Iter
         group.add("time", ("time",), s.time, "s", "time since the epoch")
         group.label("component", s.components, "component with its unit")
         unit = "as its component"
-        group.add("innovation", both, s.innovation, unit, "measured minus predicted on the way forwards")
+        group.add("innovation", both, s.innovation, unit, "measured minus predicted, forward pass")
         group.add("innovation_sigma", both, s.innovation_sigma, unit, "one sigma of the innovation")
         group.add("nis", ("time",), s.nis, "1", "normalised innovation squared")
         group.add("accepted", ("time",), s.accepted, "1", "1 where it was used, 0 where it failed the gate")
@@ -77,32 +77,32 @@ def add_constraints(groups: Groups, statements: Iterable[Statement], fused: Iter
         group.label("component_2", s.components, "component with its unit")
         square = ("component", "component_2")
         group.add("left_out_covariance", square, s.left_out_covariance, unit, "covariance of left_out")
-        if met[s.name]:
-            measured = [f.constraint.measured for f in met[s.name]]
-            noise = [f.constraint.noise for f in met[s.name]]
-            group.add("measured", both, measured, unit, "what was measured")
-            group.add("noise", (*both, "component_2"), noise, unit, "covariance of what was measured")
+        if by_name[s.name]:
+            measured = [f.constraint.measured for f in by_name[s.name]]
+            noise = [f.constraint.noise for f in by_name[s.name]]
+            group.add("measured", both, measured, unit, "measurement")
+            group.add("noise", (*both, "component_2"), noise, unit, "covariance of the measurement")
         groups[f"/constraints/{s.name}"] = group
 
 
 def add_entry(groups: Groups, entry: EntryCorrection, rotation_j2000: Array | None) -> None:
-    """Add ``/entry``: the correction of the entry state and what would explain it."""
+    """Add ``/entry``: the correction of the entry state, and the rotation of its frame that is nearest to it."""
     group = Group()
     group.label("axis", AXES, "inertial axis (body axis in the attitude's change)")
     for k, (name, unit) in enumerate((("position", "m"), ("velocity", "m/s"), ("attitude", "rad"))):
         part = slice(3 * k, 3 * k + 3)
         axes = "body axes" if name == "attitude" else "inertial axes"
         group.add(f"{name}_change", ("axis",), entry.change[part], unit, f"smoothed minus stated, {axes}")
-        group.add(f"{name}_sigma", ("axis",), entry.change_sigma[part], unit, f"one sigma of it, {axes}")
+        group.add(f"{name}_sigma", ("axis",), entry.change_sigma[part], unit, f"one sigma of the change, {axes}")
     group.add(
         "rotation", ("axis",), entry.rotation, "rad",
         "rotation of the state's frame nearest to the change, inertial axes",
     )  # fmt: skip
     if rotation_j2000 is not None:
         group.add("rotation_j2000", ("axis",), rotation_j2000, "rad", "the same rotation in J2000")
-    left = "change that the rotation leaves, inertial axes"
-    group.add("position_left", ("axis",), entry.rotation_left[:3], "m", left)
-    group.add("velocity_left", ("axis",), entry.rotation_left[3:], "m/s", left)
+    remainder = "change minus that of the rotation, inertial axes"
+    group.add("position_left", ("axis",), entry.rotation_remainder[:3], "m", remainder)
+    group.add("velocity_left", ("axis",), entry.rotation_remainder[3:], "m/s", remainder)
     for name, (estimate, sigma) in entry.states.items():
         dims = ("axis",) if len(estimate) == 3 else (f"{name}_part",)
         meaning = name.replace("_", " ")
@@ -112,7 +112,7 @@ def add_entry(groups: Groups, entry: EntryCorrection, rotation_j2000: Array | No
 
 
 def add_nodes(groups: Groups, layout: Layout, smoothed: Smoothed) -> None:
-    """Add ``/nodes``: every smoothed state with its sigma. Where the driving unit changes an epoch stands twice."""
+    """Add ``/nodes``: every smoothed state with its sigma. Where the driving unit changes there are two states."""
     group = Group()
     group.add("time", ("node",), smoothed.time, "s", "time since the epoch")
     group.add("unit", ("node",), smoothed.unit.astype(np.int8), "1", "instrument that drives from here on")
@@ -138,7 +138,7 @@ def add_nodes(groups: Groups, layout: Layout, smoothed: Smoothed) -> None:
 
 
 def add_comparison(groups: Groups, comparison: dict[str, MisalignmentEstimate]) -> None:
-    """Add ``/comparison/<name>``: each checking IMU against the driving one, by window and in all together."""
+    """Add ``/comparison/<name>``: each checking IMU against the driving one, by window and over all windows."""
     for name, estimate in comparison.items():
         fits = (*estimate.windows, estimate.all)
         group = Group(attrs={"reference": "driving", "other": name})
@@ -154,7 +154,7 @@ def add_comparison(groups: Groups, comparison: dict[str, MisalignmentEstimate]) 
             ("slope_sigma", "rad", "one sigma of the slope"),
             ("offset", "m/s^2", "lateral difference without axial force: difference of the biases"),
             ("offset_sigma", "m/s^2", "one sigma of the offset"),
-            ("residual_rms", "m/s^2", "root mean square of what the fit leaves"),
+            ("residual_rms", "m/s^2", "root mean square of the residuals of the fit"),
         ):
             group.add(field, both, [getattr(f, field) for f in fits], unit, meaning)
         groups[f"/comparison/{name}"] = group

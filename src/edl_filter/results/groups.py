@@ -1,7 +1,7 @@
-"""Plain groups of variables: what a netCDF file holds, before any library.
+"""Plain groups of variables, the contents of a netCDF file independent of any library.
 
-A result is a dict from the group's path (``"/trajectory"``) to a `Group`. From it come both the file and the
-DataTree; a run that draws no figures needs no xarray, whose import takes longer than the reconstruction.
+A result is a dict from the group's path (``"/trajectory"``) to a `Group`. Both the file and the DataTree are made from
+it; a run without figures needs no xarray, whose import takes longer than the reconstruction.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ class Group:
         long_name: str,
         **attrs: Any,
     ) -> None:
-        """Add a variable; floats become float64, truth 0 and 1."""
+        """Add a variable; floats become float64, booleans 0 and 1."""
         array = np.asarray(values)
         if array.dtype == bool:
             array = array.astype(np.int8)
@@ -50,11 +50,11 @@ class Group:
         self.variables[name] = Variable(tuple(dims), array, {"units": units, "long_name": long_name} | attrs)
 
     def text(self, name: str, dim: str, values: Sequence[str], long_name: str) -> None:
-        """Add text along a dimension; under the dimension's own name it labels its places."""
+        """Add text along a dimension; with the name of the dimension it is its coordinate."""
         self.variables[name] = Variable((dim,), np.array(values, dtype=object), {"long_name": long_name})
 
     def label(self, dim: str, names: Sequence[str], long_name: str) -> None:
-        """Name the places along a dimension."""
+        """Add the names along a dimension as its coordinate."""
         self.text(dim, dim, names, long_name)
 
 

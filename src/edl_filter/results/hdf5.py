@@ -1,8 +1,8 @@
-"""Plain groups to and from netCDF-4, straight through h5py.
+"""Plain groups to and from netCDF-4, with h5py alone.
 
-netCDF-4 is HDF5 with dimension scales: a dimension is a dataset, a variable is attached to its dimensions. Some 250
-small variables take libraries for netCDF longer than the reconstruction took; this is the part of the format
-that results need. The files open in xarray, h5netcdf and netCDF-C alike (netCDF-4 file format, Unidata).
+netCDF-4 is HDF5 with dimension scales: a dimension is a dataset, a variable is attached to its dimensions. Libraries
+for netCDF take longer for some 250 small variables than the reconstruction takes; this module implements the part of
+the format that results need. xarray, h5netcdf and netCDF-C read the files (netCDF-4 file format, Unidata).
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from edl_filter.results.groups import Group, Groups, Variable
 
 _NOT_A_VARIABLE = "This is a netCDF dimension but not a netCDF variable."
-#: Attributes that belong to the format and not to the content.
+#: Attributes that belong to the format, not to the contents.
 _INTERNAL = {
     "CLASS", "NAME", "DIMENSION_LIST", "REFERENCE_LIST", "_Netcdf4Dimid", "_Netcdf4Coordinates", "_NCProperties",
 }  # fmt: skip
@@ -33,7 +33,7 @@ def write_groups(groups: Groups, path: Path) -> None:
 
 
 def _write_group(node: Any, group: Group, count: int) -> int:
-    """Write one group; `count` dimensions are in the file before, and the number after is returned."""
+    """Write one group; `count` dimensions are in the file before; returns the number after."""
     for key, value in group.attrs.items():
         node.attrs[key] = value
     sizes = {d: n for v in group.variables.values() for d, n in zip(v.dims, v.values.shape, strict=True)}
@@ -67,7 +67,7 @@ def _dataset(node: Any, name: str, variable: Variable) -> Any:
 
 
 def read_groups(path: Path) -> Groups:
-    """Read all groups of a netCDF-4 file; those that only hold other groups are left out, but for the root."""
+    """Read all groups of a netCDF-4 file, except those (other than the root) that contain only groups."""
     groups: Groups = {}
 
     def visit(name: str, node: Any) -> None:
@@ -84,7 +84,7 @@ def read_groups(path: Path) -> Groups:
 
 
 def _variables(node: Any) -> dict[str, Variable]:
-    found = {}
+    variables = {}
     names = {}  # address of a dimension's dataset → its name
     datasets = {name: d for name, d in node.items() if isinstance(d, h5py.Dataset)}
     for name, dataset in datasets.items():
@@ -100,8 +100,8 @@ def _variables(node: Any) -> dict[str, Variable]:
         else:
             lists = dataset.attrs.get("DIMENSION_LIST", ())
             dims = tuple(names[h5py.h5o.get_info(node[refs[0]].id).addr] for refs in lists)
-        found[name] = Variable(dims, _values(dataset), _attributes(dataset))
-    return found
+        variables[name] = Variable(dims, _values(dataset), _attributes(dataset))
+    return variables
 
 
 def _values(dataset: Any) -> NDArray[Any]:
@@ -115,5 +115,5 @@ def _attributes(node: Any) -> dict[str, Any]:
 
 
 def _plain(value: Any) -> Any:
-    """Scalars as Python has them."""
+    """A scalar as a Python number."""
     return value.item() if isinstance(value, np.generic) else value

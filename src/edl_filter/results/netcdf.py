@@ -1,4 +1,4 @@
-"""Results as files and as DataTrees: written whole or not at all, read with a check of what they are."""
+"""Results as netCDF files and as DataTrees; a file is checked when it is read."""
 
 from __future__ import annotations
 
@@ -6,37 +6,17 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from edl_filter.errors import InputError
+from edl_filter.io.atomic import replace_with
 from edl_filter.results.groups import Attributes, Groups
-from edl_filter.whole_file import replace_with
 
 if TYPE_CHECKING:
     import xarray
 
-    from edl_filter.reconstruction import Reconstruction
-
-FORMAT, FORMAT_VERSION = "edl-result", 1
-
-
-def to_datatree(reconstruction: Reconstruction) -> xarray.DataTree:
-    """Reconstruction as a labelled tree, the same as `read` gives of its file.
-
-    Parameters
-    ----------
-    reconstruction : Reconstruction
-
-    Returns
-    -------
-    xarray.DataTree
-        Groups ``/trajectory``, ``/imu/…``, ``/attitude`` (if on board there was one), ``/sensor_errors/…``,
-        ``/constraints/…``, ``/entry``, ``/events``, ``/nodes``; units and ``long_name`` on every variable.
-    """
-    from edl_filter.results.content import content
-
-    return tree_of(content(reconstruction))
+FORMAT, FORMAT_VERSION = "edl-result", 2
 
 
 def tree_of(groups: Groups) -> xarray.DataTree:
-    """DataTree of plain groups."""
+    """Plain groups as a DataTree."""
     import xarray as xr
 
     datasets = {}
@@ -47,11 +27,12 @@ def tree_of(groups: Groups) -> xarray.DataTree:
 
 
 def write(result: xarray.DataTree | Groups, path: str | Path) -> Path:
-    """Write a result; the file appears under its name only when it is whole.
+    """Write a result; the file appears under its name only when it is complete.
 
     Parameters
     ----------
     result : xarray.DataTree or dict of Group
+        Contents.
     path : path
         Replaced if it exists.
 
@@ -81,7 +62,7 @@ def read(path: str | Path) -> xarray.DataTree:
     Parameters
     ----------
     path : path
-        A ``result.nc``, or the folder that holds one.
+        A ``result.nc``, or its folder.
 
     Returns
     -------
@@ -90,13 +71,13 @@ def read(path: str | Path) -> xarray.DataTree:
     Raises
     ------
     InputError
-        There is no such file, it is no result, or one of another version.
+        There is no such file, it is no result, or a result of another version.
     """
     return tree_of(load(path))
 
 
 def load(path: str | Path) -> Groups:
-    """Read a result as plain groups, without xarray; otherwise as `read`."""
+    """Read a result as plain groups, without xarray; in all else as `read`."""
     path = Path(path)
     path = path / "result.nc" if path.is_dir() else path
     _check(path)
@@ -106,7 +87,7 @@ def load(path: str | Path) -> Groups:
 
 
 def attributes(path: str | Path) -> Attributes:
-    """Attributes of a result's root, which say where it comes from; otherwise as `load`."""
+    """Attributes of a result's root, with its mission and provenance; in all else as `load`."""
     import h5py
 
     path = Path(path)
@@ -117,27 +98,27 @@ def attributes(path: str | Path) -> Attributes:
 
 
 def _check(path: Path) -> None:
-    """See that `path` is a result of this version, or raise InputError."""
+    """Raise InputError unless `path` is a result of this version."""
     import h5py
 
     if not path.is_file():
         raise InputError(f"{path}: no such result; expected the result.nc that 'edl-filter run' writes.")
     try:
         with h5py.File(path, "r") as file:
-            found, version = file.attrs.get("format"), file.attrs.get("format_version")
-            whole = isinstance(file.get("trajectory"), h5py.Group)
+            name, version = file.attrs.get("format"), file.attrs.get("format_version")
+            complete = isinstance(file.get("trajectory"), h5py.Group)
     except OSError:
         raise InputError(
             f"{path}: this is no HDF5 file, or a damaged one; expected the result.nc that 'edl-filter run' writes."
         ) from None
-    if found != FORMAT:
+    if name != FORMAT:
         raise InputError(
-            f"{path}: attribute format is {found!r}; expected {FORMAT!r}, the result.nc that 'edl-filter run' writes."
+            f"{path}: attribute format is {name!r}; expected {FORMAT!r}, the result.nc that 'edl-filter run' writes."
         )
     if version != FORMAT_VERSION:
         raise InputError(
             f"{path}: it is a result of version {version}; this edl-filter reads version {FORMAT_VERSION}. "
             "Run the mission again."
         )
-    if not whole:
+    if not complete:
         raise InputError(f"{path}: the group /trajectory is missing; this is only a part of a result.")

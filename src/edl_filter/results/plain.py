@@ -1,4 +1,4 @@
-"""Plain data as JSON holds it."""
+"""Plain data for JSON."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 
 
 def finite(data: Any) -> Any:
-    """Return `data` with None for every number that is not finite, and arrays as lists."""
+    """`data` with None for every number that is not finite, and arrays as lists."""
     if isinstance(data, dict):
         return {key: finite(value) for key, value in data.items()}
     if isinstance(data, list | tuple):

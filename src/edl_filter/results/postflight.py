@@ -1,27 +1,26 @@
-"""Atmosphere, coefficients and their comparison in a result: groups below ``/postflight``, and tables as CSV."""
+"""The post-flight layer in a result: groups below ``/postflight``, part of ``summary.json``, and tables as CSV."""
 
 from __future__ import annotations
 
 import csv
 import io
 import json
-from collections.abc import Mapping, Sequence
-from dataclasses import asdict, fields
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import asdict, fields, is_dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from edl_filter.postflight.atmosphere import FlightAtmosphere
+from edl_filter.postflight.atmosphere import AtmosphereProfile
 from edl_filter.postflight.averages import Difference, Verdict
 from edl_filter.postflight.coefficients import NAMES, FlightCoefficients
 from edl_filter.postflight.comparison import Combination, DatabaseCoefficients
-from edl_filter.postflight.derive import Derived
+from edl_filter.postflight.derive import PostflightResult
 from edl_filter.postflight.oscillation import Oscillation
 from edl_filter.postflight.two_atmospheres import AtmosphereDifferences, Change
 from edl_filter.results.groups import Group, Groups
+from edl_filter.types import Array
 
-Array = NDArray[np.float64]
 AXES = ("x", "y", "z")
 
 ATMOSPHERE = {
@@ -46,71 +45,57 @@ COEFFICIENT = {
 }
 OSCILLATION = {
     "stiffness": ("1/rad", "slope of the moment coefficients over the angles, Cm_alpha; negative: stable"),
-    "damping": ("1", "moment coefficient over rate D / 2V, Cmq; positive: feeds the oscillation"),
-    "growth": ("1/s", "relative growth of the oscillation by the damping"),
+    "damping": ("1", "moment coefficient over rate D / 2V, Cmq; positive: amplifies the oscillation"),
+    "growth": ("1/s", "relative growth rate of the oscillation due to the damping"),
 }
 ANGLE = {
-    "alpha_forces": "angle of attack: reconstructed less that from forces",
-    "alpha_moments": "angle of attack: reconstructed less that from moments",
-    "alpha_between": "angle of attack: from forces less from moments",
-    "beta_forces": "sideslip: reconstructed less that from forces",
-    "beta_moments": "sideslip: reconstructed less that from moments",
-    "beta_between": "sideslip: from forces less from moments",
+    "alpha_forces": "angle of attack: reconstructed minus that from forces",
+    "alpha_moments": "angle of attack: reconstructed minus that from moments",
+    "alpha_between": "angle of attack: from forces minus from moments",
+    "beta_forces": "sideslip: reconstructed minus that from forces",
+    "beta_moments": "sideslip: reconstructed minus that from moments",
+    "beta_between": "sideslip: from forces minus from moments",
 }
 
 
-def add_postflight(groups: Groups, derived: Derived) -> None:
-    """Add all groups to `groups` (path → `Group`)."""
-    groups["/postflight"] = Group(attrs=_root(derived))
-    for name, atmosphere in (("flight", derived.flight), ("preflight", derived.preflight)):
-        groups[f"/postflight/atmosphere/{name}"] = _atmosphere(derived.time, atmosphere)
-    for name, flown in (("flight", derived.coefficients), ("preflight_density", derived.coefficients_preflight)):
-        groups[f"/postflight/coefficients/{name}"] = _flight(derived.time, flown)
-    for name, table in (
-        ("database", derived.database),
-        ("database_preflight", derived.database_preflight),
-        ("database_measured", derived.database_measured),
+def add_postflight(groups: Groups, postflight: PostflightResult) -> None:
+    """Add all groups of the post-flight layer to `groups` (path → `Group`)."""
+    time, flight, preflight = postflight.time, postflight.flight, postflight.preflight
+    groups["/postflight"] = Group(attrs=_root(postflight))
+    for path, group in (
+        ("atmosphere/flight", _atmosphere(time, flight.atmosphere)),
+        ("atmosphere/preflight", _atmosphere(time, preflight.atmosphere)),
+        ("coefficients/flight", _flight(time, flight.coefficients)),
+        ("coefficients/preflight_density", _flight(time, preflight.coefficients)),
+        ("coefficients/database", _database(time, flight.database)),
+        ("coefficients/database_preflight", _database(time, preflight.database)),
+        ("coefficients/database_measured", _database(time, flight.database_measured)),
+        ("combination/forces", _combination(time, flight.forces)),
+        ("combination/moments", _combination(time, flight.moments)),
+        ("combination/forces_preflight", _combination(time, preflight.forces)),
+        ("combination/moments_preflight", _combination(time, preflight.moments)),
+        ("angles", _angles(postflight)),
+        ("motion", _motion(postflight)),
+        ("atmosphere_differences", _between(time, postflight.between_atmospheres)),
+        ("atmosphere_averages", _changes(postflight.changes)),
+        ("oscillation", _oscillation(postflight.oscillation)),
+        ("verdicts", _verdicts(postflight.verdicts)),
+        ("averages", _averages(flight.differences)),
+        ("averages_preflight", _averages(preflight.differences)),
     ):
-        groups[f"/postflight/coefficients/{name}"] = _database(derived.time, table)
-    for name, way in (
-        ("forces", derived.forces),
-        ("moments", derived.from_moments),
-        ("forces_preflight", derived.forces_preflight),
-        ("moments_preflight", derived.from_moments_preflight),
-    ):
-        groups[f"/postflight/combination/{name}"] = _combination(derived.time, way)
-    angles = _timed(derived.time)
-    for name in ("alpha", "beta", "alpha_total"):
-        angles.add(name, ("time",), getattr(derived, name), "rad", f"reconstructed {name.replace('_', ' ')}")
-    for name, meaning in ANGLE.items():
-        ways = name.split("_")[1]
-        for found, suffix, which in (
-            (derived.angles, "", ""),
-            (derived.angles_preflight, "_preflight", ", preflight atmosphere"),
-        ):
-            angles.add(f"{name}{suffix}", ("time",), getattr(found, name), "rad", f"{meaning}{which}")
-            sigma = getattr(found, f"{ways}_sigma")
-            angles.add(f"{name}_sigma{suffix}", ("time",), sigma, "rad", f"one sigma: {meaning}{which}")
-    groups["/postflight/angles"] = angles
-    groups["/postflight/motion"] = _motion(derived)
-    groups["/postflight/atmosphere_differences"] = _between(derived.time, derived.between_atmospheres)
-    groups["/postflight/atmosphere_averages"] = _change_rows(derived.changes)
-    groups["/postflight/oscillation"] = _oscillation(derived.oscillation)
-    groups["/postflight/verdicts"] = _verdict_rows(derived.verdicts)
-    groups["/postflight/averages"] = _averages(derived.differences)
-    groups["/postflight/averages_preflight"] = _averages(derived.differences_preflight)
+        groups[f"/postflight/{path}"] = group
 
 
-def summary(derived: Derived) -> dict[str, Any]:
-    """What of it belongs into ``summary.json``."""
-    rolling = derived.coefficients.value["Cl"]
-    part = (derived.time > 110.0) & (derived.time < 140.0)
-    last = derived.time > derived.domain.end - 20.0
+def summary(postflight: PostflightResult) -> dict[str, Any]:
+    """The part of ``summary.json`` under ``postflight``."""
+    rolling, angles = postflight.flight.coefficients.value["Cl"], postflight.flight.angles
+    part = (postflight.time > 110.0) & (postflight.time < 140.0)
+    last = postflight.time > postflight.domain.end - 20.0
     return {
-        "domain_s": {f.name: getattr(derived.domain, f.name) for f in fields(derived.domain)},
-        "mach_times_s": {f"{k:g}": v for k, v in derived.marks.mach_times.items()},
-        "instabilities_s": _instabilities(derived),
-        "instabilities_found_by": dict(derived.marks.found),
+        "domain_s": {f.name: getattr(postflight.domain, f.name) for f in fields(postflight.domain)},
+        "mach_times_s": {f"{k:g}": v for k, v in postflight.regimes.mach_times.items()},
+        "instabilities_s": _instabilities(postflight),
+        "instabilities_found_by": dict(postflight.regimes.identified_by),
         "rolling_moment_coefficient_110_140_s": _mean(rolling[part]),
         "force_less_moment_angle_last_20_s_deg": {
             name: {
@@ -118,51 +103,53 @@ def summary(derived: Derived) -> dict[str, Any]:
                 "mean_absolute": _mean(np.abs(np.degrees(values[last]))),
                 "rms": float(np.sqrt(_mean(np.degrees(values[last]) ** 2))),
             }
-            for name, values in (("alpha", derived.angles.alpha_between), ("beta", derived.angles.beta_between))
+            for name, values in (("alpha", angles.alpha_between), ("beta", angles.beta_between))
         },
-        "averages": [asdict(d) for d in derived.differences],
-        "verdicts": [v.sentence for v in derived.verdicts],
+        "averages": [asdict(d) for d in postflight.flight.differences],
+        "verdicts": [v.sentence for v in postflight.verdicts],
     }
 
 
-def tables(derived: Derived) -> dict[str, str]:
+def tables(postflight: PostflightResult) -> dict[str, str]:
     """Tables as CSV text, by file name: the thesis's tables 7.1 to 7.6, and the atmosphere every kilometre."""
     return {
         "average_differences.csv": _differences_csv(
-            {"flight": derived.differences, "preflight": derived.differences_preflight}
+            {"flight": postflight.flight.differences, "preflight": postflight.preflight.differences}
         ),
-        "atmosphere_differences.csv": _rows_csv(Change, derived.changes),
-        "verdicts.csv": _rows_csv(Verdict, derived.verdicts),
-        "atmosphere.csv": _atmosphere_csv(derived),
+        "atmosphere_differences.csv": _csv(_columns(Change), postflight.changes),
+        "verdicts.csv": _csv(_columns(Verdict), postflight.verdicts),
+        "atmosphere.csv": _atmosphere_csv(postflight),
     }
 
 
 def _mean(values: Array) -> float:
-    known = values[np.isfinite(values)]
-    return float(known.mean()) if len(known) else float("nan")
+    """Mean of the finite values; NaN if there is none."""
+    finite = values[np.isfinite(values)]
+    return float(finite.mean()) if len(finite) else float("nan")
 
 
-def _instabilities(derived: Derived) -> dict[str, list[float] | None]:
-    windows = {"first": derived.marks.first, "second": derived.marks.second}
+def _instabilities(postflight: PostflightResult) -> dict[str, list[float] | None]:
+    windows = {"first": postflight.regimes.first, "second": postflight.regimes.second}
     return {name: None if w is None else [w.start, w.end] for name, w in windows.items()}
 
 
-def _root(derived: Derived) -> dict[str, Any]:
-    domain, marks, points = derived.domain, derived.marks, int(derived.filters.points[-1])
-    continuum = {} if marks.continuum is None else {"continuum_from": marks.continuum}
+def _root(postflight: PostflightResult) -> dict[str, Any]:
+    domain, regimes, smoother = postflight.domain, postflight.regimes, postflight.motion.smoother
+    points = int(smoother.points[-1])
+    continuum = {} if regimes.continuum is None else {"continuum_from": regimes.continuum}
     return {
         "domain_start": domain.start,
         "domain_useful": domain.useful,
         "domain_end": domain.end,
         "threshold": domain.threshold,
-        "mach_times": json.dumps({f"{k:g}": v for k, v in derived.marks.mach_times.items()}),
-        "instabilities": json.dumps(_instabilities(derived)),
-        "instabilities_found_by": json.dumps(derived.marks.found),
-        "verdicts": json.dumps([v.sentence for v in derived.verdicts], ensure_ascii=False),
+        "mach_times": json.dumps({f"{k:g}": v for k, v in regimes.mach_times.items()}),
+        "instabilities": json.dumps(_instabilities(postflight)),
+        "instabilities_found_by": json.dumps(regimes.identified_by),
+        "verdicts": json.dumps([v.sentence for v in postflight.verdicts], ensure_ascii=False),
         "batch_points": points,
-        "bandwidth_hz": derived.filters.bandwidth[points],
-        "acceleration_bandwidth_hz": derived.filters.acceleration_bandwidth[points],
-        "continuum_limit": marks.continuum_limit,
+        "bandwidth_hz": smoother.bandwidth[points],
+        "acceleration_bandwidth_hz": smoother.acceleration_bandwidth[points],
+        "continuum_limit": regimes.continuum_limit,
     } | continuum
 
 
@@ -172,7 +159,7 @@ def _timed(time: Array) -> Group:
     return group
 
 
-def _atmosphere(time: Array, atmosphere: FlightAtmosphere) -> Group:
+def _atmosphere(time: Array, atmosphere: AtmosphereProfile) -> Group:
     group = _timed(time)
     group.attrs["iterations"] = atmosphere.iterations
     for name, (unit, meaning) in ATMOSPHERE.items():
@@ -187,88 +174,113 @@ def _add(group: Group, values: Mapping[str, Array], suffix: str, what: str) -> N
         group.add(f"{name}{suffix}", ("time",), value, "1", f"{what}{COEFFICIENT[name]}")
 
 
-def _flight(time: Array, flown: FlightCoefficients) -> Group:
+def _flight(time: Array, coefficients: FlightCoefficients) -> Group:
     group = _timed(time)
-    _add(group, flown.value, "", "")
-    _add(group, {n: flown.sigma(n) for n in NAMES}, "_sigma", "one sigma of the ")
-    _add(group, flown.systematic, "_systematic", "part of it that is common to the flight, of the ")
-    group.add("dynamic_pressure", ("time",), flown.dynamic_pressure, "Pa", "dynamic pressure")
+    _add(group, coefficients.value, "", "")
+    _add(group, {n: coefficients.sigma(n) for n in NAMES}, "_sigma", "one sigma of the ")
+    _add(group, coefficients.systematic, "_systematic", "part of the sigma that is common to the flight, of the ")
+    group.add("dynamic_pressure", ("time",), coefficients.dynamic_pressure, "Pa", "dynamic pressure")
     return group
 
 
 def _database(time: Array, table: DatabaseCoefficients) -> Group:
     group = _timed(time)
     _add(group, table.value, "", "")
-    _add(group, table.angle_sigma, "_angle_sigma", "one sigma from the angle's, of the ")
+    _add(group, table.angle_sigma, "_angle_sigma", "one sigma due to that of the angle, of the ")
     _add(group, table.three_sigma, "_three_sigma", "the database's 3 sigma of the ")
     group.add("outside", ("time",), table.outside, "1", "1 where the table is held at its edge")
     return group
 
 
-def _combination(time: Array, way: Combination) -> Group:
+def _combination(time: Array, combination: Combination) -> Group:
     group = _timed(time)
     for name in ("alpha", "beta", "alpha_total"):
-        group.add(name, ("time",), getattr(way, name), "rad", f"{name.replace('_', ' ')} by inverse look-up")
-    _add(group, way.value, "", "")
-    for name, column in zip(way.value, range(2), strict=True):
-        for kind, values in (("noise", way.noise), ("systematic", way.systematic)):
-            part = np.asarray(values)
-            if part.ndim == 2:
-                group.add(f"{name}_{kind}", ("time",), part[:, column], "1", f"one sigma, {kind} part, of {name}")
-    group.add("angle_noise", ("time",), way.angle_noise, "rad", "one sigma, noise part, of the angle in a plane")
-    group.add("angle_systematic", ("time",), way.angle_systematic, "rad", "one sigma, systematic part, of the same")
-    meaning = "solutions: 0 none, 1 one, 2 several, -1 not asked; of the last sample that was asked"
-    group.add("status", ("time",), way.status, "1", meaning)
+        values = getattr(combination, name)
+        group.add(name, ("time",), values, "rad", f"{name.replace('_', ' ')} by inverse look-up")
+    _add(group, combination.value, "", "")
+    for kind, values in (("noise", combination.angle_noise), ("systematic", combination.angle_systematic)):
+        group.add(f"angle_{kind}", ("time",), values, "rad", f"one sigma, {kind} part, of the angle in a plane")
+    meaning = "solutions: 0 none, 1 one, 2 several, -1 no look-up; of the last sample that was looked up"
+    group.add("status", ("time",), combination.status, "1", meaning)
     return group
 
 
-def _motion(derived: Derived) -> Group:
-    group = _timed(derived.time)
+def _angles(postflight: PostflightResult) -> Group:
+    group = _timed(postflight.time)
+    for name in ("alpha", "beta", "alpha_total"):
+        group.add(name, ("time",), getattr(postflight, name), "rad", f"reconstructed {name.replace('_', ' ')}")
+    for name, meaning in ANGLE.items():
+        kind = name.split("_")[1]
+        for case, suffix, which in (
+            (postflight.flight, "", ""),
+            (postflight.preflight, "_preflight", ", preflight atmosphere"),
+        ):
+            group.add(f"{name}{suffix}", ("time",), getattr(case.angles, name), "rad", f"{meaning}{which}")
+            sigma = getattr(case.angles, f"{kind}_sigma")
+            group.add(f"{name}_sigma{suffix}", ("time",), sigma, "rad", f"one sigma: {meaning}{which}")
+    return group
+
+
+def _motion(postflight: PostflightResult) -> Group:
+    motion = postflight.motion
+    group = _timed(postflight.time)
     group.label("axis", AXES, "body axis")
     both = ("time", "axis")
-    group.add("specific_force", both, derived.force, "m/s^2", "smoothed specific force at the centre of mass")
-    group.add("angular_rate", both, derived.rate, "rad/s", "smoothed angular rate")
-    group.add("angular_acceleration", both, derived.acceleration, "rad/s^2", "smoothed difference of rates")
+    group.add("specific_force", both, motion.force, "m/s^2", "smoothed specific force at the centre of mass")
+    group.add("angular_rate", both, motion.rate, "rad/s", "smoothed angular rate")
+    group.add("angular_acceleration", both, motion.acceleration, "rad/s^2", "smoothed difference of rates")
     for name, values, unit in (
-        ("specific_force", derived.force_sigma, "m/s^2"),
-        ("angular_rate", derived.rate_sigma, "rad/s"),
-        ("angular_acceleration", derived.acceleration_sigma, "rad/s^2"),
+        ("specific_force", motion.force_sigma, "m/s^2"),
+        ("angular_rate", motion.rate_sigma, "rad/s"),
+        ("angular_acceleration", motion.acceleration_sigma, "rad/s^2"),
     ):
         group.add(
             f"{name}_sigma", ("time",), values, unit, f"one sigma per axis of the {name.replace('_', ' ')}, noise"
         )
-    group.add("moment", both, derived.moments.moment, "N m", "moment, Euler's equations with the full tensor")
-    group.add("moment_sigma", both, derived.moments.sigma, "N m", "one sigma of the moment, noise")
-    group.add("moment_systematic", both, derived.moments.systematic, "N m", "one sigma of the moment, inertia")
-    for name, values in derived.moments.rolling.items():
+    group.add("moment", both, motion.moments.moment, "N m", "moment, Euler's equations with the full tensor")
+    group.add("moment_sigma", both, motion.moments.sigma, "N m", "one sigma of the moment, noise")
+    group.add("moment_systematic", both, motion.moments.systematic, "N m", "one sigma of the moment, inertia")
+    for name, values in motion.moments.rolling.items():
         group.add(f"rolling_{name}", ("time",), values, "N m", f"term of the rolling moment: {name}")
     return group
 
 
-def _oscillation(found: Oscillation) -> Group:
+def _oscillation(oscillation: Oscillation) -> Group:
     group = Group()
-    group.add("time", ("time",), found.time, "s", "time since the epoch, middle of the window")
+    group.add("time", ("time",), oscillation.time, "s", "time since the epoch, middle of the window")
     for name, (unit, meaning) in OSCILLATION.items():
-        group.add(name, ("time",), getattr(found, name), unit, meaning)
-        group.add(
-            f"{name}_sigma",
-            ("time",),
-            getattr(found, f"{name}_sigma"),
-            unit,
-            f"one sigma of the {name}, from residuals",
-        )
-    group.add("rate", ("time",), found.rate, "rad/s", "RMS of the swinging lateral rates")
+        sigma = getattr(oscillation, f"{name}_sigma")
+        group.add(name, ("time",), getattr(oscillation, name), unit, meaning)
+        group.add(f"{name}_sigma", ("time",), sigma, unit, f"one sigma of the {name}, from residuals")
+    group.add("rate", ("time",), oscillation.rate, "rad/s", "RMS of the oscillating part of the lateral rates")
     return group
+
+
+def _add_columns(group: Group, rows: Sequence[Any], columns: Sequence[tuple[str, str, str]]) -> None:
+    """Add attributes of rows as variables along ``row``: name, unit (empty for text) and meaning of each."""
+    for name, unit, meaning in columns:
+        values = [getattr(row, name) for row in rows]
+        if unit:
+            # without rows the type of a count would be lost
+            group.add(name, ("row",), np.array(values, np.int64 if name == "samples" else None), unit, meaning)
+        else:
+            group.text(name, "row", values, meaning)
 
 
 def _averages(differences: list[Difference]) -> Group:
     group = Group()
-    for name, meaning in (("window", "window"), ("coefficient", "coefficient"), ("pair", "what less what")):
-        group.text(name, "row", [getattr(d, name) for d in differences], meaning)
-    for name, unit in (("mean", "1"), ("mean_sigma", "1"), ("rms", "1"), ("three_sigma", "1"), ("percent", "%")):
-        meaning = f"{name.replace('_', ' ')} of the difference, or of the database"
-        group.add(name, ("row",), [getattr(d, name) for d in differences], unit, meaning)
-    group.add("samples", ("row",), np.array([d.samples for d in differences], np.int64), "1", "samples in the mean")
+    meaning = "{} of the difference, or of the database"
+    _add_columns(group, differences, (
+        ("window", "", "window"),
+        ("coefficient", "", "coefficient"),
+        ("pair", "", "what minus what"),
+        ("mean", "1", meaning.format("mean")),
+        ("mean_sigma", "1", meaning.format("mean sigma")),
+        ("rms", "1", meaning.format("rms")),
+        ("three_sigma", "1", meaning.format("three sigma")),
+        ("percent", "%", meaning.format("percent")),
+        ("samples", "1", "samples in the mean"),
+    ))  # fmt: skip
     return group
 
 
@@ -276,97 +288,91 @@ def _between(time: Array, between: AtmosphereDifferences) -> Group:
     group = _timed(time)
     for of, name, values in between.items():
         if of == "atmosphere":
-            meaning = f"{ATMOSPHERE[name][1]}: flight's less preflight, of the preflight value"
+            meaning = f"{ATMOSPHERE[name][1]}: flight's minus preflight, of the preflight value"
             group.add(name, ("time",), values, "%", meaning)
         else:
             what = f"{COEFFICIENT[name]}, {'MEVAD' if of == 'database' else 'flight'}"
-            meaning = f"{what}: with the flight's atmosphere less the preflight one, of MEVAD's 3 sigma"
+            meaning = f"{what}: with the flight's atmosphere minus the preflight one, of MEVAD's 3 sigma"
             group.add(f"{name}_{of}", ("time",), values, "%", meaning)
     return group
 
 
-def _rows_csv(kind: type, rows: Sequence[Any]) -> str:
-    """Rows that are all of one dataclass, a column per field."""
+def _changes(rows: list[Change]) -> Group:
+    group = Group()
+    meaning = "{} of the difference, of the preflight value or of MEVAD's 3 sigma"
+    _add_columns(group, rows, (
+        ("window", "", "window"),
+        ("of", "", "kind: atmosphere, database or flight"),
+        ("quantity", "", "quantity"),
+        *((name, "%", meaning.format(name)) for name in ("mean", "rms", "largest")),
+        ("samples", "1", "samples in the mean"),
+    ))  # fmt: skip
+    return group
+
+
+def _verdicts(rows: list[Verdict]) -> Group:
+    group = Group()
+    _add_columns(group, rows, (
+        ("window", "", "window"),
+        ("coefficient", "", "coefficient"),
+        ("density", "", "density from which the flight's coefficient is computed"),
+        ("sentence", "", "the verdict as text"),
+        ("mean", "1", "mean of database minus flight"),
+        ("mean_sigma", "1", "one sigma of the mean"),
+        ("rms", "1", "rms of database minus flight"),
+        ("three_sigma", "1", "the database's 3 sigma"),
+        ("ratio", "1", "the database's 3 sigma over the uncertainty that the flight supports"),
+        ("within", "1", "1 where the mean is less than the 3 sigma"),
+        ("wide", "1", "1 where the 3 sigma is ten times the uncertainty that the flight supports, or more"),
+    ))  # fmt: skip
+    return group
+
+
+def _columns(kind: type) -> list[str]:
+    """Names of the fields of a dataclass, which are the columns of its table."""
+    return [f.name for f in fields(kind)]
+
+
+def _csv(columns: Sequence[str], rows: Iterable[Any]) -> str:
+    """A table as CSV text; rows are dataclasses, or sequences of values."""
     out = io.StringIO()
     writer = csv.writer(out, lineterminator="\n")
-    writer.writerow([f.name for f in fields(kind)])
+    writer.writerow(columns)
     for row in rows:
-        writer.writerow([f"{v:.6g}" if isinstance(v, float) else v for v in asdict(row).values()])
+        values = asdict(row).values() if is_dataclass(row) and not isinstance(row, type) else row
+        writer.writerow([f"{v:.6g}" if isinstance(v, float) else v for v in values])
     return out.getvalue()
-
-
-def _change_rows(rows: list[Change]) -> Group:
-    group = Group()
-    meanings = {"window": "window", "of": "what: atmosphere, database or flight", "quantity": "quantity"}
-    for name, meaning in meanings.items():
-        group.text(name, "row", [getattr(r, name) for r in rows], meaning)
-    for name in ("mean", "rms", "largest"):
-        meaning = f"{name} of the difference, of the preflight value or of MEVAD's 3 sigma"
-        group.add(name, ("row",), [getattr(r, name) for r in rows], "%", meaning)
-    group.add("samples", ("row",), np.array([r.samples for r in rows], np.int64), "1", "samples in the mean")
-    return group
-
-
-def _verdict_rows(rows: list[Verdict]) -> Group:
-    group = Group()
-    for name, meaning in (
-        ("window", "window"),
-        ("coefficient", "coefficient"),
-        ("density", "density that the flight's was made with"),
-        ("sentence", "what it says"),
-    ):
-        group.text(name, "row", [getattr(r, name) for r in rows], meaning)
-    for name, meaning in (
-        ("mean", "mean of database less flight"),
-        ("mean_sigma", "one sigma of the mean"),
-        ("rms", "rms of database less flight"),
-        ("three_sigma", "the database's 3 sigma"),
-        ("ratio", "the database's 3 sigma over what the flight supports"),
-    ):
-        group.add(name, ("row",), [getattr(r, name) for r in rows], "1", meaning)
-    for name, meaning in (
-        ("within", "1 where the mean is less than the 3 sigma"),
-        ("wide", "1 where the 3 sigma is ten times what the flight supports, or more"),
-    ):
-        group.add(name, ("row",), np.array([getattr(r, name) for r in rows]), "1", meaning)
-    return group
 
 
 def _differences_csv(by_atmosphere: Mapping[str, list[Difference]]) -> str:
-    out = io.StringIO()
-    writer = csv.writer(out, lineterminator="\n")
-    names = [f.name if f.name != "percent" else "percent_of_three_sigma" for f in fields(Difference)]
-    writer.writerow(["atmosphere", *names])
-    for atmosphere, differences in by_atmosphere.items():
-        for d in differences:
-            writer.writerow([atmosphere, *(f"{v:.6g}" if isinstance(v, float) else v for v in asdict(d).values())])
-    return out.getvalue()
+    names = [name if name != "percent" else "percent_of_three_sigma" for name in _columns(Difference)]
+    rows = [[atmosphere, *asdict(d).values()] for atmosphere, rows in by_atmosphere.items() for d in rows]
+    return _csv(["atmosphere", *names], rows)
 
 
-def _atmosphere_csv(derived: Derived) -> str:
-    """Flight-extracted and preflight atmosphere at whole kilometres, from above."""
-    flight, before = derived.flight, derived.preflight
-    known = flight.valid & np.isfinite(flight.density)
-    altitude = flight.altitude[known][::-1]
+def _atmosphere_csv(postflight: PostflightResult) -> str:
+    """Flight-extracted and preflight atmosphere at whole kilometres, from the top downwards."""
+    flight, preflight = postflight.flight.atmosphere, postflight.preflight.atmosphere
+    valid = flight.valid & np.isfinite(flight.density)
+    altitude = flight.altitude[valid][::-1]
     levels = np.arange(np.ceil(altitude[0] / 1e3), np.floor(altitude[-1] / 1e3) + 1.0)[::-1] * 1e3
 
-    def at(values: Array) -> Array:
-        return np.interp(levels, altitude, values[known][::-1])
+    def at_levels(values: Array) -> Array:
+        return np.interp(levels, altitude, values[valid][::-1])
 
     columns = {
         "altitude [m]": levels,
-        "time [s]": at(derived.time),
-        "density [kg/m^3]": at(flight.density),
-        "density_sigma [kg/m^3]": at(flight.density_sigma),
-        "pressure [Pa]": at(flight.pressure),
-        "pressure_sigma [Pa]": at(flight.pressure_sigma),
-        "temperature [K]": at(flight.temperature),
-        "temperature_sigma [K]": at(flight.temperature_sigma),
-        "mach [1]": at(flight.mach),
-        "knudsen [1]": at(flight.knudsen),
-        "CA [1]": at(flight.ca),
-        "preflight_density [kg/m^3]": at(before.density),
-        "preflight_temperature [K]": at(before.temperature),
+        "time [s]": at_levels(postflight.time),
+        "density [kg/m^3]": at_levels(flight.density),
+        "density_sigma [kg/m^3]": at_levels(flight.density_sigma),
+        "pressure [Pa]": at_levels(flight.pressure),
+        "pressure_sigma [Pa]": at_levels(flight.pressure_sigma),
+        "temperature [K]": at_levels(flight.temperature),
+        "temperature_sigma [K]": at_levels(flight.temperature_sigma),
+        "mach [1]": at_levels(flight.mach),
+        "knudsen [1]": at_levels(flight.knudsen),
+        "CA [1]": at_levels(flight.ca),
+        "preflight_density [kg/m^3]": at_levels(preflight.density),
+        "preflight_temperature [K]": at_levels(preflight.temperature),
     }
-    rows = zip(*columns.values(), strict=True)
-    return "\n".join([",".join(columns), *(",".join(f"{v:.6g}" for v in row) for row in rows)]) + "\n"
+    return _csv(list(columns), zip(*columns.values(), strict=True))

@@ -1,4 +1,4 @@
-"""A result taken up again: its mission, with effects at the result's estimates."""
+"""Opening of a result for further work: its mission, with effects at the result's estimates."""
 
 from __future__ import annotations
 
@@ -7,20 +7,20 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import edl_filter
+from edl_filter._version import __version__
 from edl_filter.errors import InputError
 from edl_filter.mission import Mission
-from edl_filter.results.effects import restored
+from edl_filter.results.effects import effects_at_estimates
 from edl_filter.results.netcdf import attributes
 
 if TYPE_CHECKING:
-    from edl_filter.effects.effect import Active
-    from edl_filter.reconstruction import Reconstruction
+    from edl_filter.effects.base import EffectInstance
+    from edl_filter.pipeline.reconstruct import Reconstruction
 
 
 @dataclass(frozen=True)
 class Reopened:
-    """What a result says of where it comes from.
+    """Provenance of a result, and what further work needs of it.
 
     Attributes
     ----------
@@ -28,18 +28,19 @@ class Reopened:
         ``result.nc``.
     mission : Mission
         As it was run; relative paths start from its file's folder.
-    effects : tuple of Active
+    effects : tuple of EffectInstance
         In the model, at their estimates.
-    told : dict
-        ``effects`` as in ``summary.json``, and the channels among its ``residuals``.
+    effects_content, residuals : dict
+        ``effects`` as in ``summary.json``, and the channels of its ``residuals``.
     checksums : dict
         File of the telemetry → sha256.
     """
 
     path: Path
     mission: Mission
-    effects: tuple[Active, ...]
-    told: dict[str, Any]
+    effects: tuple[EffectInstance, ...]
+    effects_content: dict[str, Any]
+    residuals: dict[str, dict[str, float]]
     checksums: dict[str, str]
 
     @property
@@ -48,7 +49,7 @@ class Reopened:
         return self.path.parent
 
     def check_same_flight(self, reconstruction: Reconstruction) -> None:
-        """Raise InputError if the telemetry that was read now is not what the result came from."""
+        """Raise InputError if the telemetry differs from that of the result."""
         if reconstruction.telemetry.files != self.checksums:
             raise InputError(
                 f"{self.path}: its telemetry has changed since (another sha256); run the mission again: {again(self)}."
@@ -56,30 +57,30 @@ class Reopened:
 
 
 def reopen(result: str | Path) -> Reopened:
-    """Open a result to work on.
+    """Open a result for further work.
 
     Parameters
     ----------
     result : path
-        ``result.nc``, or the folder that holds one.
+        ``result.nc``, or its folder.
 
     Raises
     ------
     InputError
-        There is no such result, it is of another version, or what its mission names is gone.
+        There is no such result, it is of another version, or a file that its mission names no longer exists.
     """
     path = Path(result)
     path = path / "result.nc" if path.is_dir() else path
     attrs = attributes(path)
-    made_by = str(attrs.get("edl_filter_version", "unknown"))
-    if _major(made_by) != _major(edl_filter.__version__):
+    written_by = str(attrs.get("edl_filter_version", "unknown"))
+    if _release(written_by) != _release(__version__):
         raise InputError(
-            f"{path}: found a result of edl-filter {made_by}; this is {edl_filter.__version__}, whose results differ. "
+            f"{path}: found a result of edl-filter {written_by}; this is {__version__}, whose results differ. "
             "Run the mission again."
         )
     try:
-        text, told = str(attrs["mission_yaml"]), {k: json.loads(attrs[k]) for k in ("effects", "residuals")}
-        checksums = json.loads(attrs["input_sha256"])
+        text = str(attrs["mission_yaml"])
+        effects, residuals, checksums = (json.loads(attrs[k]) for k in ("effects", "residuals", "input_sha256"))
     except (KeyError, ValueError) as error:
         raise InputError(
             f"{path}: found no {error if isinstance(error, KeyError) else 'JSON'} among its attributes; expected a "
@@ -87,15 +88,17 @@ def reopen(result: str | Path) -> Reopened:
         ) from None
     file = attrs.get("mission_file")
     mission = Mission.from_text(text, f"{path} (its mission)", None if file is None else Path(str(file)))
-    return Reopened(path, mission, restored(mission, told["effects"]), told, checksums)
+    return Reopened(path, mission, effects_at_estimates(mission, effects), effects, residuals, checksums)
 
 
 def again(reopened: Reopened) -> str:
-    """The command that makes a result again."""
-    from edl_filter.mission.naming import name_of
+    """The command that computes a result again."""
+    from edl_filter.mission.files import mission_argument
 
-    return f"edl-filter run {name_of(reopened.mission)} -o {reopened.folder}"
+    return f"edl-filter run {mission_argument(reopened.mission)} -o {reopened.folder}"
 
 
-def _major(version: str) -> str:
-    return version.split(".")[0]
+def _release(version: str) -> tuple[str, ...]:
+    """Part of a version whose change may change results: the first number, and before 1.0 the second too."""
+    numbers = version.split(".")
+    return tuple(numbers[: 2 if numbers[0] == "0" else 1])

@@ -1,99 +1,77 @@
-"""What a person or a script asks first of a result: the content of ``summary.json``."""
+"""Main results as plain data: the contents of ``summary.json`` (schema in `edl_filter.results.schema`)."""
 
 from __future__ import annotations
 
 from dataclasses import asdict
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from edl_filter.results.effects import Judged, effects
+from edl_filter._version import __version__
+from edl_filter.navigation.leave_one_out import ConstraintCheck
+from edl_filter.pipeline.reconstruct import Reconstruction, in_j2000
+from edl_filter.planet import ellipsoid
+from edl_filter.results import postflight
+from edl_filter.results.derived import Derived, RefitSummary
+from edl_filter.results.effects import effects_content
+from edl_filter.telemetry.calibration import Misalignment, MisalignmentEstimate
+from edl_filter.types import Array
 
-if TYPE_CHECKING:
-    from edl_filter.navigation.leave_one_out import Statement
-    from edl_filter.reconstruction import Reconstruction
-    from edl_filter.results.content import Derived
-    from edl_filter.telemetry.calibration import Misalignment, MisalignmentEstimate
 
-Array = NDArray[np.float64]
+def summary(reconstruction: Reconstruction, derived: Derived, refit: RefitSummary) -> dict[str, Any]:
+    """Main results (design section 7): plain numbers, lists and dicts; numbers may be infinite or NaN.
 
-
-def summary(
-    reconstruction: Reconstruction, derived: Derived | None = None, judged: Judged | None = None
-) -> dict[str, Any]:
-    """Summarise a reconstruction (design section 7).
-
-    Parameters
-    ----------
-    reconstruction : Reconstruction
-    derived : Derived, optional
-        As `results.content.derive` gives it.
-    judged : Judged, optional
-        What the comparison of model and measurement adds.
-
-    Returns
-    -------
-    dict
-        ``events``, ``landing``, ``constraints``, ``entry_state``, ``residuals``, ``effects``, ``timing_s`` and what
-        they belong to. Names carry units; plain numbers, lists and dicts, some numbers perhaps not finite.
+    `edl_filter.results.schema.Summary` has all keys with their units.
     """
-    from edl_filter import __version__
-    from edl_filter.results import postflight
-    from edl_filter.results.content import derive
-
-    derived, judged = derived or derive(reconstruction), judged or Judged()
-    found = {
-        name: _without_nothing(asdict(event)) | from_site(reconstruction, event.time_s)
-        for name, event in derived.events.items()
+    events = {
+        name: _stated(asdict(event)) | from_site(reconstruction, event.time_s) for name, event in derived.events.items()
     }
     return {
         "mission": reconstruction.mission.name,
         "title": reconstruction.mission.title,
         "edl_filter_version": __version__,
         "epoch_utc": reconstruction.telemetry.epoch_utc,
-        "events": found,
+        "events": events,
         "landing": landing(reconstruction),
-        "constraints": {s.name: constraint(s) for s in reconstruction.statements},
+        "constraints": {s.name: constraint(s) for s in reconstruction.constraint_checks},
         "entry_state": entry_state(reconstruction),
         "imu_comparison": {name: comparison(fit) for name, fit in reconstruction.comparison.items()},
         "pre_entry_bias_m_s2": _bias(reconstruction),
-        "residuals": dict(judged.residuals) | innovations(reconstruction.statements),
-        "postflight": None if derived.aftermath is None else postflight.summary(derived.aftermath),
-        "effects": effects(reconstruction, judged.sigma),
+        "residuals": dict(refit.residuals) | innovations(reconstruction.constraint_checks),
+        "postflight": None if derived.postflight is None else postflight.summary(derived.postflight),
+        "effects": effects_content(reconstruction, refit.sigma),
         "notes": list(reconstruction.telemetry.notes),
         "timing_s": dict(reconstruction.timing),
     }
 
 
 def _bias(reconstruction: Reconstruction) -> dict[str, Any] | None:
-    """Accelerometer bias, body axes: slope of the velocity before entry (the thesis), and the filter's estimate."""
+    """Accelerometer bias, body axes: slope of the velocity before entry (thesis), and the filter's estimate."""
     if reconstruction.pre_entry_bias is None:
         return None
     slope, sigma = reconstruction.pre_entry_bias
-    layout, smoothed = reconstruction.forward.layout, reconstruction.smoothed
-    told: dict[str, Any] = {"slope": slope.tolist(), "slope_sigma": sigma.tolist()}
+    layout, smoothed = reconstruction.filter_pass.layout, reconstruction.smoothed
+    bias: dict[str, Any] = {"slope": slope.tolist(), "slope_sigma": sigma.tolist()}
     if "accelerometer_bias" in layout:
         where = layout["accelerometer_bias"]
-        told["filter"] = smoothed.states[0].errors[where].tolist()
-        told["filter_sigma"] = np.sqrt(np.diag(smoothed.covariance[0])[where]).tolist()
-    return told
+        bias["filter"] = smoothed.states[0].errors[where].tolist()
+        bias["filter_sigma"] = np.sqrt(np.diag(smoothed.covariance[0])[where]).tolist()
+    return bias
 
 
-def _without_nothing(event: dict[str, Any]) -> dict[str, Any]:
+def _stated(event: dict[str, Any]) -> dict[str, Any]:
+    """The fields of an event that have a value, without its name."""
     return {key: value for key, value in event.items() if value is not None and key != "name"}
 
 
 def _enu(site: Array) -> Array:
-    """East, north, up of a site from planet-fixed components, (3, 3); up is away from the planet's centre."""
-    from edl_filter.planet import ellipsoid
-
+    """East, north, up of a planet-fixed position, ``(3, 3)``; up is away from the planet's centre."""
     latitude, longitude, _ = ellipsoid.areocentric_from_fixed(site)
     return ellipsoid.enu_from_fixed(latitude, longitude)
 
 
 def from_site(reconstruction: Reconstruction, time: float) -> dict[str, float]:
-    """Position from the landing site and velocity against the ground at `time` (s), along the site's axes."""
+    """Position relative to the site and velocity relative to the ground at `time` (s), along the axes of the site."""
     site = reconstruction.site
     if site is None:
         return {}
@@ -104,49 +82,47 @@ def from_site(reconstruction: Reconstruction, time: float) -> dict[str, float]:
 
     position = at(trajectory.position)
     velocity = rotation.velocity_relative(position, at(trajectory.velocity))
-    places = enu @ (rotation.to_fixed(time, position) - site)
-    speeds = enu @ rotation.to_fixed(time, velocity)
+    local_position = enu @ (rotation.to_fixed(time, position) - site)
+    local_velocity = enu @ rotation.to_fixed(time, velocity)
     axes = ("east", "north", "up")
-    return {f"{axis}_m": float(value) for axis, value in zip(axes, places, strict=True)} | {
-        f"velocity_{axis}_m_s": float(value) for axis, value in zip(axes, speeds, strict=True)
+    return {f"{axis}_m": float(value) for axis, value in zip(axes, local_position, strict=True)} | {
+        f"velocity_{axis}_m_s": float(value) for axis, value in zip(axes, local_velocity, strict=True)
     }
 
 
 def _miss(miss: Array, covariance: Array) -> dict[str, float]:
-    """Distance over the ground and its components (east, north, up), with sigmas.
+    """Horizontal distance and components (east, north, up), with sigmas.
 
-    ``sigma_m`` is the root of the horizontal variances' sum.
+    ``sigma_m`` is the root of the sum of the horizontal variances.
     """
-    told = {
+    content = {
         "miss_m": float(np.hypot(miss[0], miss[1])),
         "sigma_m": float(np.sqrt(covariance[0, 0] + covariance[1, 1])),
     }
     for k, axis in enumerate(("east", "north", "up")):
-        told |= {f"miss_{axis}_m": float(miss[k]), f"sigma_{axis}_m": float(np.sqrt(covariance[k, k]))}
-    return told
+        content |= {f"miss_{axis}_m": float(miss[k]), f"sigma_{axis}_m": float(np.sqrt(covariance[k, k]))}
+    return content
 
 
 def landing(reconstruction: Reconstruction) -> dict[str, Any]:
-    """Where the reconstruction comes down, against the site, and against the site when that was left out.
+    """Landing position of the trajectory, its distance from the site, and that of the leave-one-out prediction.
 
-    ``miss_m`` and ``sigma_m`` are horizontal. Sigmas are of the trajectory in the first place, and of prediction
-    and site together in ``left_out``. Without a site there is none to miss.
+    ``miss_m`` and ``sigma_m`` are horizontal. Sigmas are those of the trajectory, and in ``left_out`` those of
+    prediction and site together. Without a known site there is no miss.
     """
-    from edl_filter.planet import ellipsoid
-
     site = reconstruction.site
-    fused = next((f for f in reconstruction.forward.fused if f.constraint.name == "landing"), None)
+    fused = next((f for f in reconstruction.filter_pass.fused if f.constraint.name == "landing"), None)
     times = reconstruction.event_times
     trajectory = reconstruction.trajectory
     time = fused.constraint.time if fused else times.get("landing", float(trajectory.time[-1]))
     k = int(np.argmin(np.abs(trajectory.time - time)))
     rotation = reconstruction.planet.rotation
-    place = rotation.to_fixed(trajectory.time[k], trajectory.position[k])
-    latitude, longitude, radius = ellipsoid.areocentric_from_fixed(place)
-    enu = _enu(place if site is None else site)
+    position = rotation.to_fixed(trajectory.time[k], trajectory.position[k])
+    latitude, longitude, radius = ellipsoid.areocentric_from_fixed(position)
+    enu = _enu(position if site is None else site)
     enu_from_inertial = rotation.to_inertial(trajectory.time[k], enu)
     covariance = enu_from_inertial @ trajectory.covariance[k, :3, :3] @ enu_from_inertial.T
-    told: dict[str, Any] = {
+    content: dict[str, Any] = {
         "time_s": float(trajectory.time[k]),
         "lat_deg": float(np.rad2deg(latitude)),
         "lon_deg": float(np.rad2deg(longitude)) % 360.0,
@@ -155,25 +131,25 @@ def landing(reconstruction: Reconstruction) -> dict[str, Any]:
         "sigma_m": float(np.sqrt(covariance[0, 0] + covariance[1, 1])),
     }
     if site is None:
-        return told
+        return content
     site_latitude, site_longitude, site_radius = ellipsoid.areocentric_from_fixed(site)
-    told |= _miss(enu @ (place - site), covariance) | {
+    content |= _miss(enu @ (position - site), covariance) | {
         "site_lat_deg": float(np.rad2deg(site_latitude)),
         "site_lon_deg": float(np.rad2deg(site_longitude)) % 360.0,
         "site_radius_m": float(site_radius),
     }
-    for statement in (s for s in reconstruction.statements if s.name == "landing"):
+    for statement in (s for s in reconstruction.constraint_checks if s.name == "landing"):
         # left_out is measured minus predicted; a miss is predicted minus measured
         miss = _miss(-(enu @ statement.left_out), enu @ statement.left_out_covariance @ enu.T)
-        told["left_out"] = miss | {"nis": statement.left_out_nis, "dof": statement.left_out_dof}
-    return told
+        content["left_out"] = miss | {"nis": statement.left_out_nis, "dof": statement.left_out_dof}
+    return content
 
 
-def constraint(s: Statement) -> dict[str, Any]:
-    """One constraint. Used many times: mean innovation, root mean square of its sigmas, sum of the NIS.
+def constraint(s: ConstraintCheck) -> dict[str, Any]:
+    """One constraint; of several uses mean innovation, root mean square of the sigmas, sum of the NIS.
 
-    ``accepted`` is whether every use passed the gate; where nothing could be compared (``dof`` 0) there is neither
-    an interval nor a verdict.
+    ``accepted`` is whether every use passed the gate; without degrees of freedom (``dof`` 0) there is neither an
+    interval nor a judgement of consistency.
     """
     return {
         "source": s.source,
@@ -196,9 +172,7 @@ def constraint(s: Statement) -> dict[str, Any]:
 
 
 def entry_state(reconstruction: Reconstruction) -> dict[str, Any]:
-    """What had to give in the entry state, beside the one rotation of its frame that comes nearest."""
-    from edl_filter.reconstruction import in_j2000
-
+    """Correction of the entry state, and the rotation of its frame that is nearest to it."""
     entry = reconstruction.entry
     j2000 = in_j2000(reconstruction.mission, entry.rotation)
     names = {"entry_epoch": "s", "entry_frame": "rad", "onboard_attitude": "rad"}
@@ -212,8 +186,8 @@ def entry_state(reconstruction: Reconstruction) -> dict[str, Any]:
         "rotation_deg": float(np.rad2deg(np.linalg.norm(entry.rotation))),
         "rotation_inertial_deg": np.rad2deg(entry.rotation).tolist(),
         "rotation_j2000_deg": None if j2000 is None else np.rad2deg(j2000).tolist(),
-        "rotation_leaves_m": entry.rotation_left[:3].tolist(),
-        "rotation_leaves_m_s": entry.rotation_left[3:].tolist(),
+        "rotation_leaves_m": entry.rotation_remainder[:3].tolist(),
+        "rotation_leaves_m_s": entry.rotation_remainder[3:].tolist(),
         "states": {
             name: {"estimate": estimate.tolist(), "sigma": sigma.tolist(), "unit": names.get(name, "")}
             for name, (estimate, sigma) in entry.states.items()
@@ -222,7 +196,7 @@ def entry_state(reconstruction: Reconstruction) -> dict[str, Any]:
 
 
 def comparison(estimate: MisalignmentEstimate) -> dict[str, Any]:
-    """Misalignment and bias difference of a checking IMU along y and z: all windows together, and each."""
+    """Misalignment and bias difference of a checking IMU along y and z: over all windows, and in each."""
     return {"all": _fit(estimate.all), "windows": [_fit(fit) for fit in estimate.windows]}
 
 
@@ -239,10 +213,10 @@ def _fit(fit: Misalignment) -> dict[str, Any]:
     }
 
 
-def innovations(statements: list[Statement]) -> dict[str, dict[str, float]]:
-    """Normalised RMS of the filter's innovations: ``"constraint: component"`` → 1 where all is as stated."""
-    found: dict[str, dict[str, float]] = {}
+def innovations(statements: list[ConstraintCheck]) -> dict[str, dict[str, float]]:
+    """Normalised RMS of the filter's innovations: ``"constraint: component"`` → 1 where they have the stated sigma."""
+    residuals: dict[str, dict[str, float]] = {}
     for s in statements:
         rms = np.sqrt(np.mean((s.innovation / s.innovation_sigma) ** 2, axis=0))
-        found |= {f"{s.name}: {c}": {"overall": float(value)} for c, value in zip(s.components, rms, strict=True)}
-    return found
+        residuals |= {f"{s.name}: {c}": {"overall": float(value)} for c, value in zip(s.components, rms, strict=True)}
+    return residuals

@@ -1,5 +1,10 @@
-"""`edl-filter serve`: a workbench in the browser, on this computer only, over the same files and commands.
+"""`edl-filter serve`: a workbench in the browser, on this computer only, which uses the same files and commands.
 
-It keeps nothing of its own: missions and results in the served folder are all there is, every piece of work is an
-`edl-filter` command in a process of its own, and a page that is loaded again shows what the files say.
+In: a folder with missions and results, and requests of the page. Out: JSON for the page, and `edl-filter` commands that
+run in processes of their own. The server stores no state: all missions and results are files in the served folder, and
+a page that is loaded again shows their current content.
+
+Order of reading: `server` (socket and life of the server), `app` (routes), `library` (missions and results in the
+folder), `plans` (commands of an action), `jobs` (their execution), `safety` (which requests and paths are accepted);
+``static/`` is the page.
 """

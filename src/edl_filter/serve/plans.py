@@ -1,4 +1,4 @@
-"""Which commands a click means. What the page shows to copy, and what is run, both come from here."""
+"""Commands of each action of the page: the page displays them, and the worker runs them."""
 
 from __future__ import annotations
 
@@ -7,32 +7,33 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 
-from edl_filter.diagnosis.of_result import AS_RUN
 from edl_filter.errors import InputError
 from edl_filter.mission import Mission
-from edl_filter.mission.adding import by_name
-from edl_filter.mission.mission import BUILTIN, shipped_mission, shipped_names
-from edl_filter.mission.naming import write_mission
-from edl_filter.mission.text import read_text
+from edl_filter.mission.edit_effects import hypotheses_by_name
+from edl_filter.mission.files import write_mission
+from edl_filter.mission.shipped import BUILTIN, shipped_mission, shipped_names
+from edl_filter.mission.yaml_text import read_text
+from edl_filter.results.files import AS_RUN
 from edl_filter.results.netcdf import attributes
 from edl_filter.serve.library import find_mission, find_result
 from edl_filter.serve.safety import ForbiddenError, inside
 
+#: Folder of new results.
 RESULTS = "results"
 
 
 @dataclass(frozen=True)
 class Plan:
-    """Commands of a click.
+    """Commands of one action.
 
     Attributes
     ----------
     title : str
-        What is done, for a person.
+        Name of the action.
     commands : tuple of tuple of str
-        Arguments of `edl-filter`, from the served folder.
+        Arguments of `edl-filter`, which runs in the served folder.
     result : str
-        Folder of the result that is there at the end.
+        Folder of the result that the commands write.
     """
 
     title: str
@@ -40,69 +41,69 @@ class Plan:
     result: str
 
     def lines(self) -> list[str]:
-        """The commands as a person types them."""
+        """The commands as lines for a shell."""
         return [shlex.join(("edl-filter", *c)) for c in self.commands]
 
 
 def plan_run(root: Path, mission: str, diagnose: bool = True) -> Plan:
-    """Run a mission and, if wanted, diagnose its result.
+    """Plan to run a mission and, if `diagnose` is set, to diagnose its result.
 
     Raises
     ------
     ForbiddenError
         The path leads out of the folder.
     InputError
-        There is no such mission.
+        The mission does not exist.
     """
     file = find_mission(root, mission)
     result = _free_result(root, f"{RESULTS}/{_stem(mission)}", file)
-    run = ("run", _plain(mission), "-o", _plain(result))
+    run = ("run", _argument(mission), "-o", _argument(result))
     return Plan(f"Run {mission}", (run, _diagnose(result)) if diagnose else (run,), result)
 
 
 def plan_diagnose(root: Path, result: str) -> Plan:
-    """Diagnose a result."""
+    """Plan to diagnose a result."""
     find_result(root, result)
     return Plan(f"Diagnose {result}", (_diagnose(result),), result)
 
 
 def plan_add(root: Path, result: str, effect: str) -> Plan:
-    """Add an effect of a result's ranking to its mission, run that and diagnose it.
+    """Plan to add an effect of a result's ranking to its mission, and to run and diagnose the new mission.
 
     Raises
     ------
     ForbiddenError
         A path leads out of the folder.
     InputError
-        There is no such result, or its diagnosis has no such hypothesis.
+        The result does not exist, or its diagnosis has no estimate of the effect.
     """
-    told = find_result(root, result).diagnosis
-    names = [] if told is None else list(by_name(told["ranking"]))
+    diagnosis = find_result(root, result).diagnosis
+    names = [] if diagnosis is None else list(hypotheses_by_name(diagnosis["ranking"]))
     if effect not in names:
         raise InputError(
             f"{result}: found no estimate of {effect!r}; it has estimates of {', '.join(names) or 'none'}."
         )
     mission, _ = _mission_of(root, result)
     folder = PurePosixPath() if mission.startswith(BUILTIN) else PurePosixPath(mission).parent
-    at = PurePosixPath(result)
-    beside = PurePosixPath(RESULTS) / root.name if at == PurePosixPath() else at
-    for k in range(1, 1000):  # an earlier attempt stays as it is
-        end = f"+{effect}" + ("" if k == 1 else f"-{k}")
-        new, output = str(folder / f"{_stem(mission)}{end}.yaml"), str(beside.with_name(beside.name + end))
+    path = PurePosixPath(result)
+    base = PurePosixPath(RESULTS) / root.name if path == PurePosixPath() else path
+    for k in range(1, 1000):  # files of an earlier attempt are not replaced
+        suffix = f"+{effect}" + ("" if k == 1 else f"-{k}")
+        new, output = str(folder / f"{_stem(mission)}{suffix}.yaml"), str(base.with_name(base.name + suffix))
         if not inside(root, new).exists() and not inside(root, output).exists():
             break
-    add = ("add", _plain(mission), effect, "--from", _plain(result), "-o", _plain(new))
-    run = ("run", _plain(new), "-o", _plain(output))
+    add = ("add", _argument(mission), effect, "--from", _argument(result), "-o", _argument(new))
+    run = ("run", _argument(new), "-o", _argument(output))
     return Plan(f"Add {effect} to {mission} and run it", (add, run, _diagnose(output)), output)
 
 
-def plan_compare(way: Sequence[str]) -> Plan:
-    """Set the results of a way side by side."""
-    return Plan(f"Compare {len(way)} results", (("compare", *map(_plain, way)),), way[-1])
+def plan_compare(results: Sequence[str]) -> Plan:
+    """Plan to compare results, the one with the last model last."""
+    return Plan(f"Compare {len(results)} results", (("compare", *map(_argument, results)),), results[-1])
 
 
 def prepare_add(root: Path, result: str) -> None:
-    """Write the mission of a result that was run with changes, so that a command can name it."""
+    """Write the mission of a result whose text differs from its file, so that a command can name it."""
     name, text = _mission_of(root, result)
     if text is not None:
         source = attributes(inside(root, f"{result}/result.nc")).get("mission_file")
@@ -111,7 +112,7 @@ def prepare_add(root: Path, result: str) -> None:
 
 
 def _mission_of(root: Path, result: str) -> tuple[str, str | None]:
-    """Name of a result's mission; and its text where no file that may be named says it any more."""
+    """Name of a result's mission, and its text where no accessible file contains it; otherwise None."""
     attrs = attributes(inside(root, f"{result}/result.nc"))
     text, source = str(attrs["mission_yaml"]), attrs.get("mission_file")
     file = Path() if source is None else Path(str(source)).resolve()
@@ -126,10 +127,10 @@ def _mission_of(root: Path, result: str) -> tuple[str, str | None]:
     return str(PurePosixPath(result) / AS_RUN), text
 
 
-def _free_result(root: Path, wanted: str, file: Path) -> str:
-    """A result's folder: `wanted` if it is new or of the same mission file, else with a number."""
+def _free_result(root: Path, preferred: str, file: Path) -> str:
+    """Folder of a new result: `preferred` if it does not exist or is of the same mission file, else with a number."""
     for k in range(1, 1000):
-        name = wanted if k == 1 else f"{wanted}-{k}"
+        name = preferred if k == 1 else f"{preferred}-{k}"
         folder = inside(root, name)
         if not folder.exists():
             return name
@@ -139,17 +140,17 @@ def _free_result(root: Path, wanted: str, file: Path) -> str:
             continue
         if source is not None and Path(str(source)).resolve() == file.resolve():
             return name
-    raise ForbiddenError(f"Refused: {wanted} and 999 more of that name are taken.")
+    raise ForbiddenError(f"Refused: {preferred} and 999 more of that name are taken.")
 
 
 def _diagnose(result: str) -> tuple[str, ...]:
-    return ("diagnose", _plain(result))
+    return ("diagnose", _argument(result))
 
 
 def _stem(mission: str) -> str:
     return mission.removeprefix(BUILTIN) if mission.startswith(BUILTIN) else PurePosixPath(mission).stem
 
 
-def _plain(name: str) -> str:
-    """A name that no command takes for an option."""
+def _argument(name: str) -> str:
+    """A name as an argument that no command interprets as an option."""
     return f"./{name}" if name.startswith("-") else name

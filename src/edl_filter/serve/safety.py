@@ -1,7 +1,8 @@
-"""Who may ask, and for what: only the page that this server sent, and only paths inside the served folder.
+"""Which requests are accepted: only those of the served page, and only for paths inside the served folder.
 
-A server on loopback is open to every page in the user's browser. The Host header stops names that another site points
-at 127.0.0.1 (DNS rebinding); Origin and Sec-Fetch-Site stop requests which other sites send from the browser.
+Every page in the user's browser can send requests to a server on loopback. The check of Host refuses names of other
+sites that resolve to 127.0.0.1 (DNS rebinding); the checks of Origin and Sec-Fetch-Site refuse requests of other sites'
+pages.
 """
 
 from __future__ import annotations
@@ -12,7 +13,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-#: The page may load and ask this server only, and nobody may frame it; plotly writes style elements.
+#: The page may send requests to this server only and may not be framed; plotly writes style elements.
 _POLICY = (
     "default-src 'self'; style-src 'self' 'unsafe-inline'; img-src 'self' data: blob:; object-src 'none'; "
     "base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
@@ -26,21 +27,22 @@ _HEADERS = {
     "Cache-Control": "no-store",
 }
 #: Methods that change nothing.
-_READS = ("GET", "HEAD")
+_READ_METHODS = ("GET", "HEAD")
 
 
 class ForbiddenError(Exception):
-    """A request for what lies outside of the served folder; the message is one sentence for the page."""
+    """A request for a path outside of the served folder; the message is one sentence for the page."""
 
 
 class SameOrigin:
-    """Answers 403 to every request that the served page did not make, before anything else sees it.
+    """Middleware that answers every request of another page with 403 before the application receives it.
 
     Parameters
     ----------
     app : ASGI application
+        The application.
     port : int
-        That the server listens at.
+        Port of the server.
     """
 
     def __init__(self, app: ASGIApp, port: int) -> None:
@@ -48,16 +50,16 @@ class SameOrigin:
         self._hosts = {f"{name}:{port}" for name in ("127.0.0.1", "localhost")}
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Pass a request on, or refuse it."""
+        """Pass a request to the application, or refuse it."""
         from starlette.responses import JSONResponse
 
         if scope["type"] == "lifespan":
             await self._app(scope, receive, send)
             return
-        refused = "only plain HTTP is served" if scope["type"] != "http" else self._refusal(scope)
-        if refused is not None:
+        reason = "only plain HTTP is served" if scope["type"] != "http" else self._refusal(scope)
+        if reason is not None:
             if scope["type"] == "http":
-                await JSONResponse({"error": f"Refused: {refused}."}, 403, _HEADERS)(scope, receive, send)
+                await JSONResponse({"error": f"Refused: {reason}."}, 403, _HEADERS)(scope, receive, send)
             return
 
         async def with_headers(message: Message) -> None:
@@ -70,41 +72,43 @@ class SameOrigin:
         await self._app(scope, receive, with_headers)
 
     def _refusal(self, scope: Scope) -> str | None:
-        """Why a request is refused; None for one that is not."""
-        found: dict[str, list[str]] = {}
+        """Reason for which a request is refused; None if it is accepted."""
+        headers: dict[str, list[str]] = {}
         for name, value in scope["headers"]:
-            found.setdefault(name.decode("latin-1").lower(), []).append(value.decode("latin-1"))
-        hosts, origins = found.get("host", []), found.get("origin", [])
+            headers.setdefault(name.decode("latin-1").lower(), []).append(value.decode("latin-1"))
+        hosts, origins = headers.get("host", []), headers.get("origin", [])
         if len(hosts) != 1 or hosts[0] not in self._hosts:
             return f"found Host {', '.join(hosts) or 'nothing'}; expected {' or '.join(sorted(self._hosts))}"
-        own = f"http://{hosts[0]}"
-        if any(origin != own for origin in origins):
-            return f"found Origin {', '.join(origins)}; expected {own}"
-        site = found.get("sec-fetch-site", ["none"])
+        page_origin = f"http://{hosts[0]}"
+        if any(origin != page_origin for origin in origins):
+            return f"found Origin {', '.join(origins)}; expected {page_origin}"
+        site = headers.get("sec-fetch-site", ["none"])
         if any(s not in ("same-origin", "none") for s in site):
             return f"found Sec-Fetch-Site {', '.join(site)}; expected same-origin"
-        if scope["method"] in _READS:
+        if scope["method"] in _READ_METHODS:
             return None
         if not origins:
-            return f"found no Origin; a request that changes something needs {own}"
-        kind = ", ".join(found.get("content-type", ())).split(";")[0].strip().lower()
-        return None if kind == "application/json" else f"found Content-Type {kind or 'nothing'}; expected JSON"
+            return f"found no Origin; a request that changes something needs {page_origin}"
+        media_type = ", ".join(headers.get("content-type", ())).split(";")[0].strip().lower()
+        if media_type == "application/json":
+            return None
+        return f"found Content-Type {media_type or 'nothing'}; expected JSON"
 
 
 def inside(root: Path, text: str) -> Path:
-    """Path of `text` below `root`, symlinks followed.
+    """Check that a path lies in the served folder, and return it.
 
     Parameters
     ----------
     root : Path
-        Resolved.
+        The served folder, resolved.
     text : str
-        Relative, without ``..``.
+        Path relative to `root`, without ``..``.
 
     Raises
     ------
     ForbiddenError
-        It leads out, through ``..``, as an absolute path or through a symlink.
+        The path leads out of the folder through ``..``, as an absolute path or through a symlink.
     """
     path = Path(text)
     if not text or "\0" in text or "\\" in text or path.is_absolute() or ".." in path.parts:
@@ -115,7 +119,7 @@ def inside(root: Path, text: str) -> Path:
 
 
 def leads_inside(root: Path, path: Path) -> bool:
-    """Whether `path`, symlinks followed, lies below the resolved folder `root`, or is it."""
+    """Whether `path`, with symlinks resolved, is the resolved folder `root` or lies below it."""
     try:
         return path.resolve().is_relative_to(root)
     except (OSError, RuntimeError):  # a loop of symlinks

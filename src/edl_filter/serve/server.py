@@ -1,4 +1,4 @@
-"""The server: loopback only, until Ctrl-C."""
+"""The server of the workbench, on loopback only, until Ctrl-C."""
 
 from __future__ import annotations
 
@@ -14,28 +14,28 @@ from pathlib import Path
 from edl_filter.errors import InputError
 
 HOST = "127.0.0.1"
-#: Packages of the extra.
-_NEEDED = ("starlette", "uvicorn")
+#: Packages of the extra ``edl-filter[serve]``.
+_EXTRA_PACKAGES = ("starlette", "uvicorn")
 
 
-def serve(folder: Path, port: int, browser: bool, say: Callable[[str], None]) -> None:
+def serve(folder: Path, port: int, browser: bool, announce: Callable[[str], None]) -> None:
     """Serve a folder's workbench until Ctrl-C.
 
     Parameters
     ----------
     folder : Path
-        Missions and results in it, and nothing outside, can be seen and written.
+        Folder of missions and results; requests cannot name files outside of it.
     port : int
-        0 takes a free one.
+        Port; 0 selects a free port.
     browser : bool
-        Open the page.
-    say : callable
-        Told the page's address once it can be reached.
+        Whether to open the page in the browser.
+    announce : callable
+        Called with the address of the page once the server accepts connections.
 
     Raises
     ------
     InputError
-        No such folder, packages are missing, or the port is taken.
+        The folder does not exist, packages are missing, or the port is in use.
     """
     if not folder.is_dir():
         raise InputError(f"{folder}: found no such folder; expected one with missions or results, or an empty one.")
@@ -44,43 +44,45 @@ def serve(folder: Path, port: int, browser: bool, say: Callable[[str], None]) ->
 
     from edl_filter.serve.app import make_app
 
-    with listen(port) as opened:
-        taken = opened.getsockname()[1]
+    with listen(port) as listener:
+        actual_port = listener.getsockname()[1]
         config = uvicorn.Config(
-            make_app(folder, taken), log_level="warning", access_log=False, server_header=False, proxy_headers=False,
-            ws="none", timeout_graceful_shutdown=10,
+            make_app(folder, actual_port), log_level="warning", access_log=False, server_header=False,
+            proxy_headers=False, ws="none", timeout_graceful_shutdown=10,
         )  # fmt: skip
-        address = f"http://{HOST}:{taken}/"
-        say(address)
+        address = f"http://{HOST}:{actual_port}/"
+        announce(address)
         if browser:
             webbrowser.open(address)
-        with contextlib.suppress(KeyboardInterrupt):  # the usual end, after all was closed
-            uvicorn.Server(config).run(sockets=[opened])
+        with contextlib.suppress(KeyboardInterrupt):  # the regular end, after all connections are closed
+            uvicorn.Server(config).run(sockets=[listener])
 
 
 def check_extra() -> None:
     """Raise InputError where packages of the extra are missing."""
-    missing = [name for name in _NEEDED if importlib.util.find_spec(name) is None]
+    missing = [name for name in _EXTRA_PACKAGES if importlib.util.find_spec(name) is None]
     if missing:
         raise InputError(f"serve: found no {' and no '.join(missing)}; it comes with pip install 'edl-filter[serve]'.")
 
 
 def listen(port: int) -> socket.socket:
-    """Socket that listens on loopback.
+    """Return a socket that listens on loopback.
 
     Raises
     ------
     InputError
-        The port is taken or not allowed.
+        The port is in use or not allowed.
     """
-    opened = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
-    if os.name == "posix":  # a port that a server has just left; elsewhere it would let two share one
-        opened.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+    listener = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
+    if os.name == "posix":  # reuses a recently closed port; on other systems two servers could share a port
+        listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
     try:
-        opened.bind((HOST, port))
-        opened.listen(128)
+        listener.bind((HOST, port))
+        listener.listen(128)
     except OSError as error:
-        opened.close()
-        why = "it is taken" if error.errno == errno.EADDRINUSE else (error.strerror or str(error))
-        raise InputError(f"--port {port}: cannot be listened at ({why}); name another, or 0 for a free one.") from None
-    return opened
+        listener.close()
+        reason = "it is taken" if error.errno == errno.EADDRINUSE else (error.strerror or str(error))
+        raise InputError(
+            f"--port {port}: cannot be listened at ({reason}); name another, or 0 for a free one."
+        ) from None
+    return listener

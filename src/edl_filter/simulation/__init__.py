@@ -1,7 +1,12 @@
-"""Flights with six degrees of freedom and chosen effects: from a scenario to a flight file with its truth.
+"""Simulation of flights with six degrees of freedom and chosen effects.
 
-In: a `Scenario` (entry conditions, instruments, errors) that names a mission for the nominal model. Out: a `Flight`,
-or its flight file. Tables and effects are shared with the reconstruction, the integrator (`dynamics`) is not.
+In: a `Scenario` (entry conditions, instruments, errors) that names a mission for the nominal model. Out: a `Flight`, or
+its flight file, with the truth. Tables and effects are shared with the reconstruction, the integrator (`dynamics`) is
+not.
+
+Read in this order: `scenario`, `simulate`; then `entry` (initial state), `motion` (phases and events), which integrates
+the equations of `dynamics` on the arrays of `tables` with the `increments` of effects; `sensors` (readings of the
+IMUs), `chance` (random errors of the atmosphere), `flight` (the result).
 """
 
 from edl_filter.simulation.flight import Flight

@@ -1,70 +1,84 @@
-"""What nobody knows beforehand: the true density and winds against the preflight atmosphere, drawn anew per seed.
+"""Random errors of the preflight atmosphere: the true density and winds of a simulated flight, drawn once per seed.
 
-They are effects like others, so that the world that was flown in is one object; the catalogue does not list them.
+They are effects, so that one `ForwardModel` has everything that the simulated flight encounters; the catalogue does not
+list them.
 """
 
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
-from edl_filter.effects.effect import Active, Effect, Values
+from edl_filter.effects.base import Effect, EffectInstance
+from edl_filter.effects.parameters import Values
+from edl_filter.estimation.matern import sample_matern32
+from edl_filter.types import Array
 
-Array = NDArray[np.float64]
-
-#: Altitudes between which the errors are drawn, and their distance, m.
+#: Altitudes between which the errors are drawn, and distance of the nodes, m.
 LOW, HIGH, SPACING = -10e3, 200e3, 1000.0
 
 
-def smooth_noise(random: np.random.Generator, nodes: int, step: float, sigma: float, length: float) -> Array:
-    """A stationary Gauss-Markov sequence of second order ``(nodes,)``: correlation ``(1 + √3 d) exp(-√3 d)``.
+def _profiles(random: np.random.Generator, count: int, sigma: float, length: float) -> CubicSpline:
+    """Cubic spline by altitude (m) through `count` Matérn processes of order 3/2.
 
-    With d the distance over `length`. The practice flights' density is at least as smooth: one of first order with the
-    same length, which jumps by a tenth of its sigma in a hundred metres, is less likely there by hundreds of nats.
+    The density of the practice flights is at least as smooth: a first-order process of the same length, which changes
+    by a tenth of its sigma within a hundred metres, has a likelihood there that is lower by hundreds of nats.
     """
-    d = np.sqrt(3.0) * step / length * np.abs(np.subtract.outer(np.arange(nodes), np.arange(nodes)))
-    root = np.linalg.cholesky((1.0 + d) * np.exp(-d) + 1e-9 * np.eye(nodes))
-    return sigma * root @ random.standard_normal(nodes)
+    altitude = np.arange(LOW, HIGH + SPACING, SPACING)
+    drawn = [sample_matern32(random, len(altitude), SPACING, sigma, length) for _ in range(count)]
+    return CubicSpline(altitude, np.column_stack(drawn), extrapolate=False)
 
 
 class DensityError(Effect):
-    """Density against the preflight table: a factor that wanders with altitude."""
+    """Error of the density relative to the preflight table: a factor that varies smoothly with altitude."""
 
     name = "density_error"
     family = "atmosphere"
-    summary = "the true density's own error against the preflight table"
+    summary = "random error of the density relative to the preflight table"
 
     def __init__(self, random: np.random.Generator, sigma: float, length: float) -> None:
-        self.altitude = np.arange(LOW, HIGH + SPACING, SPACING)
-        self.relative = CubicSpline(
-            self.altitude, smooth_noise(random, len(self.altitude), SPACING, sigma, length), extrapolate=False
-        )
+        self.relative = _profiles(random, 1, sigma, length)
 
     def density(self, p: Values, altitude: Array) -> Array:
-        """Factor, cubic between nodes."""
-        return 1.0 + self.relative(np.clip(altitude, LOW, HIGH))
+        """Factor ``(N,)``, cubic between nodes."""
+        return 1.0 + self.relative(np.clip(altitude, LOW, HIGH))[:, 0]
 
 
 class WindError(Effect):
-    """Small winds that wander with altitude, towards east and north."""
+    """Error of the winds relative to the preflight table: velocities that vary smoothly with altitude."""
 
     name = "wind_error"
     family = "atmosphere"
-    summary = "the true winds' own error against the preflight table"
+    summary = "random error of the winds relative to the preflight table"
 
     def __init__(self, random: np.random.Generator, sigma: float, length: float) -> None:
-        self.altitude = np.arange(LOW, HIGH + SPACING, SPACING)
-        drawn = [smooth_noise(random, len(self.altitude), SPACING, sigma, length) for _ in range(2)]
-        self.velocity = CubicSpline(self.altitude, np.column_stack(drawn), extrapolate=False)
+        self.velocity = _profiles(random, 2, sigma, length)
 
     def wind(self, p: Values, altitude: Array) -> Array:
-        """Velocity, m/s, cubic between nodes."""
+        """Velocity towards east and north ``(N, 2)``, m/s, cubic between nodes."""
         return self.velocity(np.clip(altitude, LOW, HIGH))
 
 
 def weather(
     random: np.random.Generator, density_sigma: float, wind_sigma: float, length: float
-) -> tuple[Active, Active]:
-    """Errors of density (relative) and wind (m/s) with a correlation length (m)."""
-    return Active(DensityError(random, density_sigma, length), {}), Active(WindError(random, wind_sigma, length), {})
+) -> tuple[EffectInstance, EffectInstance]:
+    """Random errors of density and wind.
+
+    Parameters
+    ----------
+    random : Generator
+        Source of the normal deviates.
+    density_sigma, wind_sigma : float
+        One sigma of the density, relative; of each component of the wind, m/s.
+    length : float
+        Correlation length in altitude, m.
+
+    Returns
+    -------
+    tuple of EffectInstance
+        `DensityError` and `WindError`.
+    """
+    return (
+        EffectInstance(DensityError(random, density_sigma, length), {}),
+        EffectInstance(WindError(random, wind_sigma, length), {}),
+    )

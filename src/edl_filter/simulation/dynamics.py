@@ -1,18 +1,18 @@
 """Equations of motion of an entry vehicle and a fixed-step Runge-Kutta method of order 4, compiled.
 
-The state of 25 numbers: inertial position (0:3, m) and velocity (3:6, m/s), inertial_from_body (6:10, scalar last),
-body rates (10:13, rad/s), and, since the state was last begun, the time integrals of what instruments feel: specific
-force at the centre of mass (13:16, m/s, body axes), rates (16:19, rad), and products of rates (19:25: xx, yy, zz, xy,
-xz, yz; rad²/s).
+The state has 25 elements: inertial position (0:3, m) and velocity (3:6, m/s), inertial_from_body (6:10, scalar last),
+body rates (10:13, rad/s), and the time integrals, since the start, of what instruments measure: specific force at the
+centre of mass (13:16, m/s, body axes), rates (16:19, rad), and products of rates (19:25: xx, yy, zz, xy, xz, yz;
+rad²/s).
 
 Equations
 ---------
 - ``r' = v``, ``v' = g(r) + R f``; gravity with J2 (Vallado 2013, eq. 8-30; `edl_filter.planet.gravity`).
 - ``q' = q ⊗ (w, 0) / 2`` (Shuster 1993, eq. 305), ``I w' = M - w × I w`` (Euler).
 - Aerodynamic force ``q S (-CA, CY, -CN)``, total coefficients split by the lateral flow, moments moved from the nose to
-  the centre of mass, damping ``Cmq (rate D / 2V) q S D`` (thesis chapter 11; `edl_filter.effects.world`).
-- Parachute: drag along the wind at the attachment, which therefore damps the swinging too.
-- Touchdown: velocity against the ground, and rate against the planet's, fall evenly to zero; then rest.
+  the centre of mass, damping ``Cmq (rate D / 2V) q S D`` (thesis chapter 11; `edl_filter.effects.forward_model`).
+- Parachute: drag along the air-relative velocity at the attachment, which therefore damps the oscillation too.
+- Touchdown: velocity relative to the ground, and rate relative to the planet's, fall linearly to zero; then rest.
 """
 
 import numpy as np
@@ -20,18 +20,18 @@ from numba import njit
 
 from edl_filter.planet.gravity import gravity
 
-#: Numbers in a state.
+#: Number of elements of a state.
 SIZE = 25
 #: Phases of a flight.
 ENTRY, DESCENT, STOP, REST = 0, 1, 2, 3
-#: Columns of the increments: CA, CN, Cm about the nose, Cl, Cmq; their slopes over the angle (1/rad); force (N) and
-#: moment (N m); and the angle that the coefficients were found at (rad).
+#: Number of columns of the increments: CA, CN, Cm about the nose, Cl, Cmq; their slopes over the angle (1/rad); force
+#: (N) and moment (N m); and the angle at which the coefficients were evaluated (rad).
 INCREMENTS = 17
 
 
 @njit(cache=True, error_model="numpy")
 def bracket(nodes, x):
-    """Index of the node below `x` and the part of the step beyond it, held at the edges."""
+    """Index of the node below `x`, and the fraction of the step from it to `x`; held at the edges."""
     last = nodes.size - 1
     if last == 0 or x <= nodes[0]:
         return 0, 0.0
@@ -72,7 +72,8 @@ def linear(nodes, values, x):
 def locate(x, y, z, radius, flattening):
     """Areodetic altitude (m), and sine and cosine of the areodetic latitude.
 
-    Bowring's iteration, as in `edl_filter.planet.ellipsoid`; three steps leave 1e-9 m for any Mars-like planet.
+    Bowring's iteration, as in `edl_filter.planet.ellipsoid`; after three steps the error is 1e-9 m for a Mars-like
+    planet.
     """
     b = radius * (1.0 - flattening)
     p = np.sqrt(x * x + y * y)
@@ -117,10 +118,10 @@ def coefficients(t, mach, speed, knudsen, alpha):
     cm = bilinear(t.mach, t.alpha, t.continuum, index, alpha, 2)
     if knudsen > t.vehicle[8]:
         x = np.log10(knudsen)
-        kept = 1.0 - linear(t.log_knudsen, t.share, x)
-        ca = kept * ca + bilinear(t.log_knudsen, t.thin_alpha, t.thin, x, alpha, 0)
-        cn = kept * cn + bilinear(t.log_knudsen, t.thin_alpha, t.thin, x, alpha, 1)
-        cm = kept * cm + bilinear(t.log_knudsen, t.thin_alpha, t.thin, x, alpha, 2)
+        weight = 1.0 - linear(t.log_knudsen, t.share, x)
+        ca = weight * ca + bilinear(t.log_knudsen, t.thin_alpha, t.thin, x, alpha, 0)
+        cn = weight * cn + bilinear(t.log_knudsen, t.thin_alpha, t.thin, x, alpha, 1)
+        cm = weight * cm + bilinear(t.log_knudsen, t.thin_alpha, t.thin, x, alpha, 2)
     return ca, cn, cm
 
 
@@ -133,13 +134,14 @@ def derivative(time, s, d, phase, t, stop, more):
     time : float
         s.
     s, d : (25,) arrays
-        State; its derivative, filled here.
+        State; array that is filled with its derivative.
     phase : int
         `ENTRY`, `DESCENT`, `STOP` or `REST`.
     t : Tables
+        The forward model.
     stop : (7,) array
-        Touchdown: time (s), change of the velocity against the ground (3, m/s², inertial axes at that time) and of
-        the rate against the planet's (3, rad/s², body axes). Used while the vehicle stops.
+        Touchdown: time (s), derivative of the velocity relative to the ground (3, m/s², inertial axes at that time) and
+        of the rate relative to the planet's (3, rad/s², body axes). Used while the vehicle stops.
     more : (17,) array
         Increments (`INCREMENTS`).
 
@@ -159,7 +161,7 @@ def derivative(time, s, d, phase, t, stop, more):
     pressure = 0.0
     if phase >= STOP:
         ground = t.planet[5]
-        # velocity against the ground, its change, and the acceleration of the turning frame
+        # velocity relative to the ground, its derivative, and the acceleration of the rotating frame
         ux, uy = s[3] + ground * y, s[4] - ground * x
         bx, by, bz, tx, ty, tz = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
         if phase == STOP:
@@ -175,7 +177,7 @@ def derivative(time, s, d, phase, t, stop, more):
         fx = m00 * ax + m10 * ay + m20 * az
         fy = m01 * ax + m11 * ay + m21 * az
         fz = m02 * ax + m12 * ay + m22 * az
-        # the planet's rate in body axes turns against the body
+        # derivative of the planet's rate in body axes
         ox, oy, oz = m20 * ground, m21 * ground, m22 * ground
         d[10] = tx - (wy * oz - wz * oy)
         d[11] = ty - (wz * ox - wx * oz)
@@ -267,25 +269,26 @@ def march(start, step, state, slope, phase, t, stop, more, every, limit, armed):
     start, step : float
         Time of the first state and length of a step, s.
     state, slope : (n + 1, 25) arrays
-        Row 0 of `state` is given; states, and their derivatives within this phase, are filled in.
+        Row 0 of `state` is the start; states, and their derivatives within this phase, are filled in.
     phase, t, stop
         As in `derivative`.
     more : (2 n + 1, 17) array
         Increments at the steps' beginnings, middles and ends; one row if there are none.
     every : int
-        An event is looked for at every so many steps, counted from the first.
+        Number of steps from one check for the event to the next, counted from the first.
     limit : float
         Entry: dynamic pressure (Pa) at which, falling, the parachute is deployed. Descent: radius (m) of the surface.
     armed : bool
-        The dynamic pressure has been above the limit.
+        Whether the dynamic pressure has been above the limit.
 
     Returns
     -------
     done : int
-        Steps taken.
+        Number of steps.
     event : bool
-        The last one ended with the event.
+        Whether the last one ended with the event.
     armed : bool
+        As above, at the end.
     """
     n = state.shape[0] - 1
     none = more.shape[0] == 1

@@ -1,14 +1,12 @@
-"""Entry conditions as a person states them, to an inertial state."""
+"""Inertial entry state from entry conditions."""
 
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from edl_filter import rotations
 from edl_filter.planet import Planet, ellipsoid
-
-Array = NDArray[np.float64]
+from edl_filter.types import Array
 
 
 def inertial_state(
@@ -25,6 +23,7 @@ def inertial_state(
     Parameters
     ----------
     planet : Planet
+        Rotation at time 0.
     radius : float
         From the planet's centre, m.
     latitude, longitude : float
@@ -35,6 +34,11 @@ def inertial_state(
         Of the inertial velocity above the local horizontal (of the sphere), rad: negative downwards.
     azimuth : float
         Of the inertial velocity from north towards east, rad.
+
+    Returns
+    -------
+    position, velocity : (3,) arrays
+        m and m/s.
     """
     fixed = ellipsoid.fixed_from_areocentric(latitude, longitude, radius)
     enu = ellipsoid.enu_from_fixed(latitude, longitude + float(planet.rotation.angle(0.0)))
@@ -44,7 +48,7 @@ def inertial_state(
 
 
 def attitude(air_velocity: Array, position: Array, alpha: float, beta: float, bank: float) -> Array:
-    """inertial_from_body from the angles of the air-relative velocity and a bank angle.
+    """Attitude from the angles of the air-relative velocity and a bank angle.
 
     Parameters
     ----------
@@ -53,14 +57,19 @@ def attitude(air_velocity: Array, position: Array, alpha: float, beta: float, ba
     alpha, beta : float
         ``alpha = atan2(w, u)``, ``beta = asin(v / V)``, rad.
     bank : float
-        Turn about the velocity, rad: at zero, with both angles zero, body z lies in the vertical plane, downwards.
+        Rotation about the velocity, rad: at zero, with both angles zero, body z is in the vertical plane, downwards.
+
+    Returns
+    -------
+    (4,) array
+        ``inertial_from_body``, scalar last.
     """
     forward = air_velocity / np.linalg.norm(air_velocity)
     right = rotations.cross(-position, forward)
     right /= np.linalg.norm(right)
     wind = rotations.from_matrix(np.column_stack((forward, right, rotations.cross(forward, right))))
-    about = [rotations.from_rotation_vector(v) for v in ([bank, 0.0, 0.0], [0.0, 0.0, -beta], [0.0, alpha, 0.0])]
+    turns = [rotations.from_rotation_vector(v) for v in ([bank, 0.0, 0.0], [0.0, 0.0, -beta], [0.0, alpha, 0.0])]
     out = wind
-    for turn in about:
+    for turn in turns:
         out = rotations.multiply(out, turn)
     return rotations.normalise(out)

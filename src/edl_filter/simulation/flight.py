@@ -1,4 +1,4 @@
-"""A simulated flight: what was measured of it, and the truth."""
+"""A simulated flight: its measurements and the truth."""
 
 from __future__ import annotations
 
@@ -6,34 +6,32 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from edl_filter import rotations
-from edl_filter.effects.effect import Active
-from edl_filter.effects.world import World
+from edl_filter.effects.base import EffectInstance
+from edl_filter.effects.forward_model import ForwardModel, invert_entry_state
 from edl_filter.simulation.motion import Motion
 from edl_filter.telemetry.flight_file import FlightContents, flight_telemetry, write_flight_file
 from edl_filter.telemetry.record import InitialState, Telemetry
-
-Array = NDArray[np.float64]
+from edl_filter.types import Array
 
 
 @dataclass(frozen=True)
 class Flight:
-    """All of a simulated flight, in memory.
+    """A simulated flight in memory.
 
     Attributes
     ----------
     contents : FlightContents
-        What was measured of it, and ``/truth``: all that its flight file holds.
-    world : World
-        That was flown in: the nominal model, the effects, and the errors of the preflight atmosphere.
+        Measurements and ``/truth``: the contents of its flight file.
+    world : ForwardModel
+        Model that was simulated: the nominal one, the effects, and the errors of the preflight atmosphere.
     motion : Motion
-        The truth at every step.
+        True motion at every step.
     """
 
     contents: FlightContents
-    world: World
+    world: ForwardModel
     motion: Motion
 
     def write(self, path: str | Path) -> Path:
@@ -42,28 +40,30 @@ class Flight:
         Raises
         ------
         InputError
-            It cannot be written, or is not as the format wants it.
+            It cannot be written, or its contents violate the format.
         """
         return write_flight_file(path, self.contents)
 
     def telemetry(self) -> Telemetry:
-        """The telemetry that a reader of the flight file would give, without the file."""
+        """The telemetry that the reader of the flight file returns, without the file."""
         return flight_telemetry(self.contents)
 
 
 def stated_state(
-    random: np.random.Generator, motion: Motion, sigma: Array, effects: tuple[Active, ...]
+    random: np.random.Generator, motion: Motion, sigma: Array, effects: tuple[EffectInstance, ...]
 ) -> InitialState:
-    """The entry state as it is stated: the true one disturbed.
+    """The stated entry state: the true one with random errors.
 
     Parameters
     ----------
     random : Generator
+        Source of the errors.
     motion : Motion
+        Its first state is the true one.
     sigma : (9,) array
-        Of position (m), velocity (m/s) and attitude (rad, body axes).
-    effects : tuple of Active
-        Those that give the true state where another was stated are undone.
+        One sigma of position (m), velocity (m/s) and attitude (rad, body axes).
+    effects : tuple of EffectInstance
+        Those on the entry state are inverted.
     """
     true = motion.state[0]
     disturbed = sigma * random.standard_normal(9)
@@ -71,29 +71,11 @@ def stated_state(
     stated = InitialState(
         float(motion.time[0]), true[:3] + disturbed[:3], true[3:6] + disturbed[3:6], attitude, np.diag(sigma**2)
     )
-    for a in [a for a in effects if a.effect.acts("entry_state")][::-1]:
-        stated = _before(a, stated)
-    return stated
+    return invert_entry_state(stated, effects)
 
 
-def _before(active: Active, true: InitialState) -> InitialState:
-    """What was stated where the effect gives `true`: its inverse by iteration."""
-    found = true
-    for _ in range(8):
-        given = active.effect.entry_state(active.values, found)
-        error = rotations.multiply(rotations.conjugate(given.inertial_from_body), true.inertial_from_body)
-        found = InitialState(
-            true.time,
-            found.position + (true.position - given.position),
-            found.velocity + (true.velocity - given.velocity),
-            rotations.normalise(rotations.multiply(found.inertial_from_body, error)),
-            true.covariance,
-        )
-    return found
-
-
-def true_course(world: World, motion: Motion, each: int) -> dict[str, Array]:
-    """State and flow at the beginning and at every `each`-th step's end, for ``/truth``."""
+def true_course(world: ForwardModel, motion: Motion, each: int) -> dict[str, Array]:
+    """State and flow at the beginning and at the end of every `each`-th step, for ``/truth``."""
     time, state = motion.time[::each], motion.state[::each]
     flow = world.flow(time, state[:, :3], state[:, 3:6], state[:, 6:10], state[:, 10:13])
     u, v, w = flow.velocity_body.T

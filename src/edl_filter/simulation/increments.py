@@ -1,9 +1,9 @@
-"""What effects add to the nominal loads, as the kernel takes it: numbers at the beginning, middle and end of steps.
+"""Increments of effects over the nominal loads, at the beginning, middle and end of every step of the kernel.
 
-Hooks are Python, vectorised over time, and may do anything; the kernel cannot call them. So a window of the flight is
-integrated with assumed increments, the hooks are asked along that flight, and it is integrated again until nothing
-changes (Picard's iteration). Coefficients go over with their slopes over the angle, which makes the iteration nearly
-Newton's: what most effects follow within a window is the angle.
+Hooks are Python functions, vectorised over time; the kernel cannot call them. So a window of the flight is integrated
+with assumed increments, the hooks are evaluated along that trajectory, and the window is integrated again until the
+increments converge (Picard iteration). Coefficients have their slopes by the angle, which makes the iteration nearly
+that of Newton: within a window, the increments of most effects depend mainly on the angle.
 """
 
 from __future__ import annotations
@@ -12,40 +12,39 @@ from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from edl_filter import rotations
-from edl_filter.effects.effect import Active, Flow, Totals
-from edl_filter.effects.world import World
+from edl_filter.effects.base import EffectInstance
+from edl_filter.effects.forward_model import ForwardModel, compose_coefficients, compose_loads
+from edl_filter.effects.types import AeroCoefficients, FlightCondition
 from edl_filter.simulation.dynamics import INCREMENTS
-
-Array = NDArray[np.float64]
+from edl_filter.types import Array
 
 #: Step of the angle for the slopes, rad.
 _STEP = 1e-5
-#: Change of the increments, relative to their largest, at which the iteration ends; and the least change that counts.
+#: Change of the increments at which the iteration ends: relative to the largest, and absolute (coefficients; N, N m).
 TOLERANCE, _FLOOR = 1e-9, (1e-12, 1e-7)
 NOTHING = np.zeros((1, INCREMENTS))
 
 
 @dataclass(frozen=True)
 class Increments:
-    """The effects of a world whose hooks the kernel needs told.
+    """The effects of a model whose hooks the kernel cannot evaluate.
 
     Attributes
     ----------
-    world : World
-    shaping, pushing : tuple of Active
+    world : ForwardModel
+    on_coefficients, on_loads : tuple of EffectInstance
         Those that change coefficients, and those that add a force and moment.
     """
 
-    world: World
-    shaping: tuple[Active, ...]
-    pushing: tuple[Active, ...]
+    world: ForwardModel
+    on_coefficients: tuple[EffectInstance, ...]
+    on_loads: tuple[EffectInstance, ...]
 
     @classmethod
-    def of(cls, world: World) -> Increments:
-        """Of all effects that are on."""
+    def of(cls, world: ForwardModel) -> Increments:
+        """Increments of all effects of a model."""
         return cls(
             world,
             tuple(a for a in world.effects if a.effect.acts("coefficients")),
@@ -54,44 +53,57 @@ class Increments:
 
     @property
     def needed(self) -> bool:
-        """Whether there are any."""
-        return bool(self.shaping or self.pushing)
+        """Whether any effect has increments."""
+        return bool(self.on_coefficients or self.on_loads)
 
     def at(self, time: Array, states: Array) -> Array:
-        """Increments ``(N, 17)`` (`edl_filter.simulation.dynamics.INCREMENTS`) at times (N,), states (N, 13+)."""
+        """Increments along a trajectory.
+
+        Parameters
+        ----------
+        time : (N,) array
+            s.
+        states : (N, 13 or more) array
+            As in `edl_filter.simulation.dynamics`.
+
+        Returns
+        -------
+        (N, 17) array
+            As `edl_filter.simulation.dynamics.INCREMENTS` says.
+        """
         n = len(time)
         flow = self.world.flow(time, states[:, :3], states[:, 3:6], states[:, 6:10], states[:, 10:13])
         out = np.zeros((n, INCREMENTS))
         out[:, 16] = flow.alpha_total
-        if self.shaping:
+        if self.on_coefficients:
             change = self._coefficients(_twice(flow))
             out[:, :5] = change[:n]
             out[:, 5:10] = (change[n:] - change[:n]) / _STEP
-        for a in self.pushing:
-            force, moment = a.effect.force_moment(a.values, flow)
-            out[:, 10:13] += force
-            out[:, 13:16] += moment
+        out[:, 10:13], out[:, 13:16] = compose_loads(out[:, 10:13], out[:, 13:16], self.on_loads, flow)
         return out
 
-    def _coefficients(self, flow: Flow) -> Array:
+    def _coefficients(self, flow: FlightCondition) -> Array:
         """Change of the five coefficients, ``(N, 5)``."""
         n, world = len(flow.time), self.world
         ca, cn, cm = world.database.at(flow.mach, flow.knudsen, flow.speed).evaluate(flow.alpha_total)
-        base = Totals(ca, cn, cm, np.zeros(n), world.damping.at(flow.mach))
-        totals = base
-        for a in self.shaping:
-            totals = a.effect.coefficients(a.values, flow, totals)
-        return np.column_stack([getattr(totals, f.name) - getattr(base, f.name) for f in fields(Totals)])
+        base = AeroCoefficients(ca, cn, cm, np.zeros(n), world.damping.at(flow.mach))
+        totals = compose_coefficients(base, self.on_coefficients, flow)
+        return np.column_stack([getattr(totals, f.name) - getattr(base, f.name) for f in fields(AeroCoefficients)])
 
 
 def with_middles(step: float, state: Array, slope: Array) -> Array:
-    """States at the beginnings, middles and ends of steps, ``(2 n + 1, 13)``; the middles by cubic Hermite, order 4.
+    """States at the beginnings, middles and ends of steps; the middles by cubic Hermite interpolation, of order 4.
 
     Parameters
     ----------
     step : float
         s.
     state, slope : (n + 1, 13 or more) arrays
+        States at the ends of n steps, and their derivatives by time.
+
+    Returns
+    -------
+    (2 n + 1, 13) array
     """
     out = np.empty((2 * len(state) - 1, 13))
     out[::2] = state[:, :13]
@@ -101,20 +113,26 @@ def with_middles(step: float, state: Array, slope: Array) -> Array:
     return out
 
 
-def change(used: Array, found: Array) -> float:
-    """Largest difference between the increments that were used and those found, relative; 1 is the tolerance."""
-    off = (found[:, 16] - used[:, 16])[:, None]
-    coefficients = used[:, :5] + used[:, 5:10] * off
+def change(used: Array, evaluated: Array) -> float:
+    """Largest difference of increments from those of the iteration before, in units of the tolerance.
+
+    Parameters
+    ----------
+    used, evaluated : (N, 17) arrays
+        Increments with which the window was integrated, and those along the resulting trajectory.
+    """
+    angle = (evaluated[:, 16] - used[:, 16])[:, None]
+    coefficients = used[:, :5] + used[:, 5:10] * angle
     largest = 0.0
-    for a, b, floor in ((coefficients, found[:, :5], _FLOOR[0]), (used[:, 10:16], found[:, 10:16], _FLOOR[1])):
+    for a, b, floor in ((coefficients, evaluated[:, :5], _FLOOR[0]), (used[:, 10:16], evaluated[:, 10:16], _FLOOR[1])):
         scale = np.max(np.abs(b), axis=0, initial=0.0) * TOLERANCE + floor
         largest = max(largest, float(np.max(np.abs(a - b) / scale)))
     return largest
 
 
-def _twice(flow: Flow) -> Flow:
-    """The flow, and after it the same flow at a slightly larger angle."""
-    values = {f.name: getattr(flow, f.name) for f in fields(Flow)}
+def _twice(flow: FlightCondition) -> FlightCondition:
+    """The flow, followed by the same flow at a slightly larger angle."""
+    values = {f.name: getattr(flow, f.name) for f in fields(FlightCondition)}
     twice: dict[str, Any] = {k: np.concatenate((x, x)) for k, x in values.items() if isinstance(x, np.ndarray)}
     both = replace(flow, **twice)
     both.alpha_total[len(flow.time) :] += _STEP

@@ -1,46 +1,44 @@
-"""A flight from entry to rest: phases, events, and what effects add along the way."""
+"""Integration of a flight from entry to rest: phases, events, and iteration of the increments of effects."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from edl_filter import rotations
-from edl_filter.effects.world import World
+from edl_filter.effects.forward_model import ForwardModel
 from edl_filter.errors import InputError
 from edl_filter.simulation.dynamics import DESCENT, ENTRY, REST, SIZE, STOP, march
 from edl_filter.simulation.increments import NOTHING, Increments, change, with_middles
 from edl_filter.simulation.parachute import Parachute
 from edl_filter.simulation.tables import Tables, tabulate
+from edl_filter.types import Array
 
-Array = NDArray[np.float64]
-
-#: Length of the windows, s: with hooks to be asked for what they add, and without.
+#: Length of a window, s: with effects that have increments, and without.
 WINDOW, FREE_WINDOW = 1.0, 50.0
-#: Iterations before a window is halved.
+#: Number of iterations after which a window is halved.
 MOST_ITERATIONS = 25
 
 
 @dataclass(frozen=True)
 class Course:
-    """What happens during a flight.
+    """Events and durations of a flight.
 
     Attributes
     ----------
     interval : float
-        The flight computer looks for events at each multiple of it, s.
+        The flight computer checks for events at each multiple of it, s.
     substeps : int
-        Steps of the integration in it.
+        Steps of the integration in one interval.
     deploy_pressure : float
         Dynamic pressure at which, falling, the parachute is deployed, Pa.
     surface_radius : float
-        Radius of the surface where the vehicle comes down, m.
+        Radius of the surface at the landing site, m.
     stop, rest : float
-        How long it takes to stop, and how long the record goes on after it, s: multiples of the interval.
+        Time from touchdown to rest, and length of the record at rest, s: multiples of the interval.
     longest : float
-        Longest flight, s.
+        Limit of the time of flight, s.
     """
 
     interval: float
@@ -63,11 +61,11 @@ class Motion:
     state : (N + 1, 25) array
         `edl_filter.simulation.dynamics`.
     before, after : (N, 25) arrays
-        Derivative at the beginning and at the end of each step; at an event they differ between two steps.
+        Derivative at the beginning and at the end of each step; they differ between two steps at an event.
     deployed, landed, stopped : float
         Times of the parachute's deployment, of the touchdown, and of rest, s.
     iterations : int
-        How often windows were integrated again for what effects add.
+        Number of integrations of windows in the iteration of increments.
     """
 
     time: Array
@@ -80,34 +78,51 @@ class Motion:
     iterations: int = 0
 
     def at(self, time: Array) -> Array:
-        """States at any times ``(K,)`` within the flight, by cubic Hermite: ``(K, 25)``, of order 4."""
+        """States at any times within the flight, by cubic Hermite interpolation, of order 4.
+
+        Parameters
+        ----------
+        time : (K,) array
+            s.
+
+        Returns
+        -------
+        (K, 25) array
+            As in `edl_filter.simulation.dynamics`.
+        """
         i = np.clip(np.searchsorted(self.time, time, side="right") - 1, 0, len(self.time) - 2)
         h = (self.time[i + 1] - self.time[i])[:, None]
         u = (time - self.time[i])[:, None] / h
         a, b = self.state[i], self.state[i + 1]
-        # differences from the first end keep the digits of large positions
+        # differences from the first end, which do not lose digits of large positions
         rise = u * u * (3.0 - 2.0 * u)
         out = a + rise * (b - a) + h * u * (1.0 - u) * ((1.0 - u) * self.before[i] - u * self.after[i])
         out[:, 6:10] = rotations.normalise(out[:, 6:10])
         return out
 
 
-def fly(world: World, parachute: Parachute, start: Array, course: Course) -> Motion:
+def fly(world: ForwardModel, parachute: Parachute, start: Array, course: Course) -> Motion:
     """Integrate a flight from time 0 to rest.
 
     Parameters
     ----------
-    world : World
+    world : ForwardModel
         With its effects.
     parachute : Parachute
+        Canopy that opens at deployment.
     start : (13,) array
-        Position and velocity (inertial), inertial_from_body, body rates.
+        Inertial position (m) and velocity (m/s), inertial_from_body, body rates (rad/s).
     course : Course
+        Events and durations.
+
+    Returns
+    -------
+    Motion
 
     Raises
     ------
     InputError
-        The vehicle does not come down: it never reaches the parachute's dynamic pressure, or the surface.
+        The vehicle never reaches the parachute's dynamic pressure, or the surface.
     """
     tables = tabulate(world, parachute)
     flight = _Flight(tables, Increments.of(world), course, start)
@@ -117,14 +132,14 @@ def fly(world: World, parachute: Parachute, start: Array, course: Course) -> Mot
     flight.tables = tables._replace(parachute=chute)
     landed = flight.until(DESCENT, course.surface_radius, "the surface")
     flight.touch_down(landed, course.stop)
-    flight.through(STOP, course.stop)
+    flight.for_duration(STOP, course.stop)
     stopped = flight.time
-    flight.through(REST, course.rest)
+    flight.for_duration(REST, course.rest)
     return flight.motion(deployed, landed, stopped)
 
 
 class _Flight:
-    """A flight as it grows, window by window."""
+    """A flight up to the time that the integration has reached."""
 
     def __init__(self, tables: Tables, increments: Increments, course: Course, start: Array) -> None:
         self.tables, self.increments, self.course = tables, increments, course
@@ -140,12 +155,12 @@ class _Flight:
 
     @property
     def time(self) -> float:
-        """Time reached, s."""
-        # of whole intervals, so that sums of steps leave no rounding
+        """Time that the integration has reached, s."""
+        # from whole intervals: a sum of steps would accumulate rounding errors
         return self.taken / self.course.substeps * self.course.interval
 
     def until(self, phase: int, limit: float, goal: str) -> float:
-        """Fly on until the event; its time."""
+        """Integrate until the event of the phase and return its time, s."""
         event = False
         while not event:
             if self.time > self.course.longest:
@@ -157,20 +172,20 @@ class _Flight:
             event = self._window(phase, limit, self._steps(length))
         return self.time
 
-    def through(self, phase: int, length: float) -> None:
-        """Fly on for a time."""
+    def for_duration(self, phase: int, length: float) -> None:
+        """Integrate for a time, s."""
         if length > 0.0:
-            self._keep(*self._march(phase, 0.0, round(length / self.step), NOTHING)[:2], flying=False)
+            self._append(*self._march(phase, 0.0, round(length / self.step), NOTHING)[:2], flying=False)
 
     def touch_down(self, time: float, length: float) -> None:
-        """Note what is to fall to zero while the vehicle stops."""
+        """Set the velocity and the rate that fall to zero from touchdown (`time`, s) within `length`, s."""
         s, ground = self.state, self.tables.planet[5]
         velocity = s[3:6] - np.cross([0.0, 0.0, ground], s[:3])
         rate = s[10:13] - rotations.rotate(rotations.conjugate(s[6:10]), [0.0, 0.0, ground])
         self.stop = np.concatenate(([time], -velocity / length, -rate / length))
 
     def motion(self, deployed: float, landed: float, stopped: float) -> Motion:
-        """All windows as one."""
+        """The whole motion, all windows joined."""
         states = np.concatenate([state[:-1] for state, _ in self.parts] + [self.parts[-1][0][-1:]])
         before = np.concatenate([slope[:-1] for _, slope in self.parts])
         after = np.concatenate([slope[1:] for _, slope in self.parts])
@@ -178,53 +193,55 @@ class _Flight:
         return Motion(time, states, before, after, deployed, landed, stopped, self.iterations)
 
     def _steps(self, length: float) -> int:
-        """Steps in about `length`, of whole intervals."""
+        """Number of steps in the whole intervals nearest to `length`, s."""
         return max(1, round(length / self.course.interval)) * self.course.substeps
 
-    def _march(self, phase: int, limit: float, steps: int, more: Array) -> tuple[Array, Array, bool, bool]:
+    def _march(self, phase: int, limit: float, steps: int, increments: Array) -> tuple[Array, Array, bool, bool]:
+        """States and derivatives of a number of steps, whether they end with the event, and whether it is armed."""
         state, slope = np.empty((steps + 1, SIZE)), np.empty((steps + 1, SIZE))
         state[0] = self.state
         done, event, armed = march(
-            self.time, self.step, state, slope, phase, self.tables, self.stop, more, self.course.substeps, limit,
+            self.time, self.step, state, slope, phase, self.tables, self.stop, increments, self.course.substeps, limit,
             self.armed,
         )  # fmt: skip
         return state[: done + 1], slope[: done + 1], event, armed
 
     def _window(self, phase: int, limit: float, steps: int) -> bool:
-        """One window with what the effects add to it; whether it ended with the event."""
+        """Integrate one window with the increments of the effects; whether it ended with the event."""
         if not self.increments.needed:
             state, slope, event, self.armed = self._march(phase, limit, steps, NOTHING)
-            self._keep(state, slope)
+            self._append(state, slope)
             return event
-        more = np.repeat(self.last, 2 * steps + 1, axis=0)
+        used = np.repeat(self.last, 2 * steps + 1, axis=0)
         for _ in range(MOST_ITERATIONS):
-            state, slope, event, armed = self._march(phase, limit, steps, more)
+            state, slope, event, armed = self._march(phase, limit, steps, used)
             self.iterations += 1
-            if not np.all(np.isfinite(state[-1])):  # the assumed increments were too far off
+            if not np.all(np.isfinite(state[-1])):  # the assumed increments have too large an error
                 return self._halved(phase, limit, steps, state)
             middles = with_middles(self.step, state, slope)
             time = self.time + 0.5 * self.step * np.arange(len(middles), dtype=float)
-            found = self.increments.at(time, middles)
-            settled = change(more[: len(found)], found) <= 1.0
-            more[: len(found)], more[len(found) :] = found, found[-1]
-            if settled:
+            evaluated = self.increments.at(time, middles)
+            count = len(evaluated)
+            converged = change(used[:count], evaluated) <= 1.0
+            used[:count], used[count:] = evaluated, evaluated[-1]
+            if converged:
                 break
         else:
             if steps > self.course.substeps:
                 return self._halved(phase, limit, steps, state)
-            # a hook that jumps with the state: where it jumps is then known to a step
-        self.armed, self.last = armed, more[len(found) - 1 : len(found)]
-        self._keep(state, slope)
+            # a hook that is discontinuous in the state: the time of the discontinuity is then resolved to one step
+        self.armed, self.last = armed, used[count - 1 : count]
+        self._append(state, slope)
         return event
 
     def _halved(self, phase: int, limit: float, steps: int, state: Array) -> bool:
-        """The window again, and half as long."""
+        """Integrate the window again with half its length."""
         if steps <= self.course.substeps:
-            self._keep(state, state)  # says what is wrong
+            self._append(state, state)  # raises the error
         return self._window(phase, limit, self._steps(0.5 * steps * self.step))
 
-    def _keep(self, state: Array, slope: Array, flying: bool = True) -> None:
-        """Take a window as flown; in the air the vehicle must meet the wind with its nose."""
+    def _append(self, state: Array, slope: Array, flying: bool = True) -> None:
+        """Append a window; in the air the vehicle must fly nose first."""
         each = self.course.substeps
         wrong = ~np.all(np.isfinite(state[::each]), axis=1)
         if not wrong.any() and flying:

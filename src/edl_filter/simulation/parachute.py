@@ -1,13 +1,10 @@
-"""The parachute as the simulator knows it: drag along the wind at its attachment."""
+"""The parachute of the simulator: drag along the air-relative velocity at its attachment."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
-
-Array = NDArray[np.float64]
 
 #: Drag coefficient of a disk-gap-band parachute against Mach number, on its nominal area.
 DRAG_MACH = (0.0, 0.6, 0.9, 1.1, 1.4, 1.8, 2.4)
@@ -16,7 +13,7 @@ DRAG_COEFFICIENT = (0.41, 0.42, 0.44, 0.40, 0.45, 0.50, 0.47)
 
 @dataclass(frozen=True)
 class Parachute:
-    """A canopy that drags along the wind at its attachment.
+    """A canopy whose drag acts along the air-relative velocity at its attachment.
 
     Attributes
     ----------
@@ -25,9 +22,9 @@ class Parachute:
     arm : float
         Distance of the attachment behind the nominal centre of mass, m.
     inflation : float
-        Time in which the drag grows evenly from nothing to all of it, s.
-    mach, drag_coefficient : (N,) arrays
-        Linear between nodes, held at the edges.
+        Time in which the drag grows linearly from zero to its full value, s.
+    mach, drag_coefficient : tuples of float
+        Drag coefficient against Mach number; linear between nodes, held at the edges.
     """
 
     diameter: float

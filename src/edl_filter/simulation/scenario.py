@@ -1,6 +1,6 @@
-"""A scenario: how a flight is begun, measured and disturbed; the nominal model is a mission's.
+"""A scenario: entry conditions, instruments and errors of a simulated flight; the nominal model is a mission's.
 
-The file is YAML in the form of a mission's sections; every fault is one `InputError` that names file and key.
+The file is YAML in the form of a mission's sections; every error in it is one `InputError` that names file and key.
 """
 
 from __future__ import annotations
@@ -14,12 +14,9 @@ import numpy as np
 from pydantic import Field, PrivateAttr, StringConstraints, ValidationError, model_validator
 
 from edl_filter.errors import InputError
-from edl_filter.mission.checks import Array, Number, Quaternion, Within, problem, shown, unit
-from edl_filter.mission.effects import EffectEntry, check_effects, switched_on
-from edl_filter.mission.measurements import ErrorBudget
-from edl_filter.mission.messages import describe
-from edl_filter.mission.mission import Mission
-from edl_filter.mission.sections import (
+from edl_filter.mission.effects import EffectConfig, check_effects, effect_instances
+from edl_filter.mission.error_messages import error_message
+from edl_filter.mission.fields import (
     DEG,
     KM,
     PERCENT,
@@ -33,10 +30,14 @@ from edl_filter.mission.sections import (
     TimeSigma,
     Utc,
 )
-from edl_filter.mission.text import parse, parse_override, read_text, set_key
+from edl_filter.mission.measurements import ErrorBudgetConfig
+from edl_filter.mission.mission import Mission
+from edl_filter.mission.validators import Number, Quaternion, Within, field_error, normalised, value_text
+from edl_filter.mission.yaml_text import parse, parse_override, read_text, set_key
+from edl_filter.types import Array
 
 if TYPE_CHECKING:
-    from edl_filter.effects.effect import Active
+    from edl_filter.effects.base import EffectInstance
     from edl_filter.simulation.sensors import Instrument
 
 _BUILTIN = "builtin:"
@@ -62,18 +63,18 @@ class Entry(Section):
     sideslip_deg: Angle = Field(default=0.0, description="of the air-relative velocity, deg")
     bank_deg: Degrees = Field(default=0.0, description="turn about the velocity, deg")
     attitude_sigma_deg: Spread = Field(
-        default=0.0, description="1 sigma by which angle of attack and sideslip are drawn about those values, deg"
+        default=0.0, description="1 sigma of the random errors of angle of attack and sideslip, deg"
     )
     spin_rpm: Annotated[Number, Within("rpm", -60.0, 60.0)] = Field(
         default=0.0, description="rate about the symmetry axis, rpm"
     )
     rate_sigma_deg_s: Annotated[Number, Within("deg/s", 0.0, 20.0)] = Field(
-        default=0.0, description="1 sigma by which the rates across it are drawn about zero, deg/s"
+        default=0.0, description="1 sigma of the random rates across it, deg/s"
     )
 
 
 class StatedState(Section):
-    """How well the entry state is stated."""
+    """Uncertainty of the stated entry state."""
 
     position_sigma: LengthSigma = Field(description="1 sigma of each component, m")
     velocity_sigma: SpeedSigma = Field(description="1 sigma of each component, m/s")
@@ -83,12 +84,12 @@ class StatedState(Section):
 
     @property
     def sigma(self) -> Array:
-        """All, (9,): m, m/s, rad."""
+        """One sigma of all components, ``(9,)``: m, m/s, rad."""
         return np.repeat([self.position_sigma, self.velocity_sigma, self.attitude_sigma_deg * DEG], 3)
 
 
 class Sampling(Section):
-    """How time is cut."""
+    """Sampling of the instruments and steps of the integration."""
 
     interval_s: Annotated[Number, Within("s", 1e-3, 1.0, (("ms", 1e-3),))] = Field(
         description="sampling interval of all IMUs, s"
@@ -98,7 +99,7 @@ class Sampling(Section):
     )
 
 
-class Imu(ErrorBudget):
+class Imu(ErrorBudgetConfig):
     """Mounting, noise and errors of one IMU."""
 
     body_from_imu: Quaternion = Field(description="quaternion, scalar last, that takes IMU components to body ones")
@@ -119,7 +120,7 @@ class Imu(ErrorBudget):
 
         return Instrument(
             interval=interval,
-            body_from_imu=unit(self.body_from_imu),
+            body_from_imu=normalised(self.body_from_imu),
             position=np.array(self.position),
             accelerometer_noise=self.accelerometer_noise,
             gyro_noise=self.gyro_noise,
@@ -131,7 +132,7 @@ class Imu(ErrorBudget):
 
 
 class Weather(Section):
-    """How the true atmosphere differs from the preflight table."""
+    """Random difference of the true atmosphere from the preflight table."""
 
     density_sigma: Annotated[Number, Within("", 0.0, 0.3, PERCENT)] = Field(
         default=0.0, description="1 sigma of the density's error, relative; 0: none"
@@ -145,7 +146,7 @@ class Weather(Section):
 
 
 class Parachute(Section):
-    """When the parachute opens, and how its drag acts; its diameter is the mission's."""
+    """Deployment and drag of the parachute; its diameter is the mission's."""
 
     dynamic_pressure: Pressure = Field(description="dynamic pressure at which, falling, it is deployed, Pa")
     dynamic_pressure_sigma: RelativeSigma = Field(description="1 sigma of the pressure in the flight file, relative")
@@ -154,12 +155,12 @@ class Parachute(Section):
         default=1.6, description="distance of its attachment behind the nominal centre of mass, m"
     )
     inflation_s: Annotated[Number, Within("s", 0.0, 10.0, above=True)] = Field(
-        default=0.6, description="time in which its drag grows to all of it, s"
+        default=0.6, description="time in which its drag grows to its full value, s"
     )
 
 
 class Landing(Section):
-    """Where the flight ends."""
+    """End of the flight."""
 
     surface_radius: Radius = Field(description="radius of the surface where the vehicle comes down, m")
     position_sigma: LengthSigma = Field(description="1 sigma of the site in the flight file, each component, m")
@@ -169,7 +170,7 @@ class Landing(Section):
 
 
 class Altimeter(Section):
-    """Radar altimeter, from a height above the surface's radius down to the touchdown."""
+    """Radar altimeter, from a height above the radius of the surface to the touchdown."""
 
     sigma: LengthSigma = Field(description="1 sigma of one sample, m")
     highest: Annotated[Number, Within("m", 0.0, 1e5, above=True)] = Field(description="height where it begins, m")
@@ -189,16 +190,16 @@ class Scenario(Section):
         default=None,
         description="angle from the inertial x axis to the prime meridian at time 0, deg; absent: mission's",
     )
-    seed: Annotated[int, Field(strict=True, ge=0)] = Field(default=0, description="of all that is drawn")
+    seed: Annotated[int, Field(strict=True, ge=0)] = Field(default=0, description="of all random quantities")
     entry: Entry = Field(description="entry conditions")
-    stated_state: StatedState = Field(description="how well the entry state is stated")
-    sampling: Sampling = Field(description="how time is cut")
+    stated_state: StatedState = Field(description="uncertainty of the stated entry state")
+    sampling: Sampling = Field(description="sampling and steps of the integration")
     imus: dict[str, Imu] = Field(description="IMUs by name; one is called primary")
-    weather: Weather = Field(default=Weather(), description="how the true atmosphere differs from the preflight table")
+    weather: Weather = Field(default=Weather(), description="difference of the true air from the preflight table")
     parachute: Parachute = Field(description="the parachute")
     landing: Landing = Field(description="the end of the flight")
     altimeter: Altimeter | None = Field(default=None, description="absent: none")
-    effects: tuple[EffectEntry, ...] = Field(
+    effects: tuple[EffectConfig, ...] = Field(
         default=(), description="physical effects that are switched on, with their true values"
     )
 
@@ -208,15 +209,15 @@ class Scenario(Section):
     @model_validator(mode="after")
     def _consistent(self) -> Scenario:
         if "primary" not in self.imus:
-            raise problem(f"{', '.join(self.imus) or 'none'}", "an IMU called primary", "imus")
+            raise field_error(f"{', '.join(self.imus) or 'none'}", "an IMU called primary", "imus")
         check_effects(self.effects)
         for k, effect in enumerate(self.effects):
             if effect.imu is not None and effect.imu not in self.imus:
-                raise problem(shown(effect.imu), f"one of {', '.join(self.imus)}", f"effects.{k}.imu")
+                raise field_error(value_text(effect.imu), f"one of {', '.join(self.imus)}", f"effects.{k}.imu")
         for key in ("stop_s", "rest_s"):
             length = getattr(self.landing, key)
             if abs(length / self.sampling.interval_s - round(length / self.sampling.interval_s)) > 1e-6:
-                raise problem(shown(length), "s, a multiple of sampling.interval_s", f"landing.{key}")
+                raise field_error(value_text(length), "s, a multiple of sampling.interval_s", f"landing.{key}")
         return self
 
     @classmethod
@@ -226,8 +227,9 @@ class Scenario(Section):
         Parameters
         ----------
         path : str or Path
+            File, or ``builtin:NAME``.
         overrides : sequence of str
-            ``KEY=VALUE`` with a dotted key; the value is YAML, ``null`` leaves a section out.
+            ``KEY=VALUE`` with a dotted key; the value is YAML, ``null`` omits a section.
 
         Raises
         ------
@@ -255,11 +257,13 @@ class Scenario(Section):
             As `load`.
         """
         if not isinstance(data, dict):
-            raise InputError(f"{where}: found {shown(data)}; expected a mapping of keys, such as 'name: my_flight'.")
+            raise InputError(
+                f"{where}: found {value_text(data)}; expected a mapping of keys, such as 'name: my_flight'."
+            )
         try:
             scenario = cls.model_validate(data)
         except ValidationError as error:
-            raise InputError(describe(error, cls, where, changed)) from None
+            raise InputError(error_message(error, cls, where, changed)) from None
         scenario._source = source
         scenario._model = scenario._read_model(where)
         return scenario
@@ -272,11 +276,11 @@ class Scenario(Section):
     @property
     def model(self) -> Mission:
         """The mission of the nominal model."""
-        if self._model is None:  # made by pydantic alone
+        if self._model is None:  # the scenario was validated without `load` or `from_dict`
             self._model = self._read_model(self.name)
         return self._model
 
-    def active_effects(self) -> tuple[Active, ...]:
+    def active_effects(self) -> tuple[EffectInstance, ...]:
         """Effects with their true values, in the file's order.
 
         Raises
@@ -284,7 +288,7 @@ class Scenario(Section):
         InputError
             The file of a user's effect is missing or cannot be used, or has no such effect or parameter.
         """
-        return switched_on(self.effects, self._existing, str(self._source or self.name))
+        return effect_instances(self.effects, self._existing, str(self._source or self.name))
 
     def _existing(self, key: str, reference: str) -> Path:
         path = Path(reference).expanduser()
@@ -297,7 +301,7 @@ class Scenario(Section):
         name = self.mission
         if not name.startswith(_BUILTIN) and self._source is not None:
             name = str(self._source.parent / Path(name).expanduser())
-        # a mission may leave its flight open; this one is about to be made
+        # a mission may have no telemetry; this flight's does not exist yet
         model = Mission.load(name, ("telemetry.path=simulated.h5",))
         if model.aerodynamics is None:
             raise InputError(f"{where}: mission: {self.mission} has no aerodynamics; a simulation needs a database.")

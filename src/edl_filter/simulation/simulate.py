@@ -1,4 +1,4 @@
-"""From a scenario to a flight: draw what is left to chance, fly, measure."""
+"""From a scenario to a flight: draw the random quantities, integrate the motion, simulate the measurements."""
 
 from __future__ import annotations
 
@@ -6,15 +6,14 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from edl_filter.effects.effect import Active
-from edl_filter.effects.readings import in_order
-from edl_filter.effects.world import World
+from edl_filter.effects.base import EffectInstance
+from edl_filter.effects.forward_model import ForwardModel
+from edl_filter.effects.sensor_chain import sensor_effects
 from edl_filter.errors import InputError
-from edl_filter.mission.sections import DEG
-from edl_filter.modelling import world_of
-from edl_filter.reading import read_atmosphere
+from edl_filter.mission.fields import DEG
+from edl_filter.pipeline.forward_model import forward_model_of
+from edl_filter.pipeline.load import read_atmosphere
 from edl_filter.simulation import chance
 from edl_filter.simulation.entry import attitude, inertial_state
 from edl_filter.simulation.flight import Flight, stated_state, true_course
@@ -24,22 +23,22 @@ from edl_filter.simulation.scenario import Scenario
 from edl_filter.simulation.sensors import draw_errors, read, true_means
 from edl_filter.telemetry.flight_file import FlightContents, FlightImu
 from edl_filter.telemetry.record import AltimeterRecord, LandingFix, ParachuteFix
+from edl_filter.types import Array
 
-Array = NDArray[np.float64]
-
-#: Streams of chance, one for each purpose, so that a change of one leaves the others as they were.
+#: Streams of random numbers, one for each purpose, so that a change of one does not change the others.
 _ENTRY, _WEATHER, _STATED, _FIXES, _ALTIMETER, _IMUS = range(6)
 
 
-def simulate(scenario: Scenario, effects: Sequence[Active] | None = None, seed: int | None = None) -> Flight:
+def simulate(scenario: Scenario, effects: Sequence[EffectInstance] | None = None, seed: int | None = None) -> Flight:
     """Simulate a flight.
 
-    With the same seed everything that is drawn is the same, whatever the effects.
+    With the same seed all random quantities are the same, independent of the effects.
 
     Parameters
     ----------
     scenario : Scenario
-    effects : sequence of Active, optional
+        Entry conditions, instruments, errors.
+    effects : sequence of EffectInstance, optional
         Switched on in place of the scenario's own.
     seed : int, optional
         In place of the scenario's own.
@@ -51,7 +50,7 @@ def simulate(scenario: Scenario, effects: Sequence[Active] | None = None, seed: 
     Raises
     ------
     InputError
-        The scenario's tables are missing, or its vehicle does not come down.
+        The scenario's tables are missing, or its vehicle does not reach the surface.
     """
     seed = scenario.seed if seed is None else seed
     effects = scenario.active_effects() if effects is None else tuple(effects)
@@ -103,17 +102,17 @@ def _random(seed: int, *purpose: int) -> np.random.Generator:
     return np.random.default_rng([seed, *purpose])
 
 
-def flown_world(scenario: Scenario, effects: Sequence[Active], random: np.random.Generator) -> World:
-    """The nominal model with effects, and with the atmosphere's own errors."""
+def flown_world(scenario: Scenario, effects: Sequence[EffectInstance], random: np.random.Generator) -> ForwardModel:
+    """The nominal model with effects and with random errors of the atmosphere."""
     mission = scenario.model
     angle = None if scenario.prime_meridian_deg is None else scenario.prime_meridian_deg * DEG
-    world = world_of(mission, mission.planet_model(angle), read_atmosphere(mission), ())
+    world = forward_model_of(mission, mission.planet_model(angle), read_atmosphere(mission), ())
     w = scenario.weather
-    return world.having((*effects, *chance.weather(random, w.density_sigma, w.wind_sigma, w.correlation_length)))
+    return world.with_effects((*effects, *chance.weather(random, w.density_sigma, w.wind_sigma, w.correlation_length)))
 
 
-def true_start(scenario: Scenario, world: World, random: np.random.Generator) -> Array:
-    """Position, velocity, attitude and rates at time 0, ``(13,)``."""
+def true_start(scenario: Scenario, world: ForwardModel, random: np.random.Generator) -> Array:
+    """State at time 0, ``(13,)``: position (m), velocity (m/s), attitude (scalar last), rates (rad/s)."""
     e = scenario.entry
     position, velocity = inertial_state(
         world.planet, e.radius, e.latitude_deg * DEG, e.longitude_deg * DEG, e.speed, e.flight_path_angle_deg * DEG,
@@ -121,30 +120,30 @@ def true_start(scenario: Scenario, world: World, random: np.random.Generator) ->
     )  # fmt: skip
     drawn = random.standard_normal(4)
     alpha, beta = np.array([e.angle_of_attack_deg, e.sideslip_deg]) * DEG + e.attitude_sigma_deg * DEG * drawn[:2]
-    turned = attitude(
+    inertial_from_body = attitude(
         world.planet.velocity_relative(position, velocity), position, float(alpha), float(beta), e.bank_deg * DEG
     )
     rates = np.array([e.spin_rpm * np.pi / 30.0, *(e.rate_sigma_deg_s * DEG * drawn[2:])])
-    return np.concatenate((position, velocity, turned, rates))
+    return np.concatenate((position, velocity, inertial_from_body, rates))
 
 
-def _check_imus(effects: Sequence[Active], scenario: Scenario) -> None:
+def _check_imus(effects: Sequence[EffectInstance], scenario: Scenario) -> None:
     for a in effects:
         if a.imu is not None and a.imu not in scenario.imus:
-            known = ", ".join(scenario.imus)
-            raise InputError(f"effect {a.name}: imu: found {a.imu!r}, but there is no such IMU; accepted: {known}.")
+            names = ", ".join(scenario.imus)
+            raise InputError(f"effect {a.name}: imu: found {a.imu!r}, but there is no such IMU; accepted: {names}.")
 
 
 def _measured(
-    scenario: Scenario, world: World, motion: Motion, effects: Sequence[Active], seed: int
+    scenario: Scenario, world: ForwardModel, motion: Motion, effects: Sequence[EffectInstance], seed: int
 ) -> tuple[dict[str, FlightImu], dict[str, dict[str, Array]]]:
-    """IMUs and their constant errors, by name."""
+    """Readings of the IMUs and their constant errors, by name."""
     imus, errors = {}, {}
-    # positions are stated from the centre of mass without effects, wherever the mission puts that
+    # positions are stated from the mission's centre of mass, that is without effects
     offset = world.rigid_body.offset - world.body.offset
     for k, (name, imu) in enumerate(scenario.imus.items()):
         instrument = imu.instrument(scenario.sampling.interval_s)
-        inside = [a for a in in_order(effects) if (a.imu or "primary") == name]
+        inside = [a for a in sensor_effects(effects) if (a.imu or "primary") == name]
         arm = instrument.position - offset
         for a in effects:
             if (a.imu or "primary") == name:
@@ -156,7 +155,9 @@ def _measured(
     return imus, errors
 
 
-def _parachute_fix(scenario: Scenario, world: World, motion: Motion, random: np.random.Generator) -> ParachuteFix:
+def _parachute_fix(
+    scenario: Scenario, world: ForwardModel, motion: Motion, random: np.random.Generator
+) -> ParachuteFix:
     time = np.array([motion.deployed])
     s = motion.at(time)
     pressure = float(world.flow(time, s[:, :3], s[:, 3:6], s[:, 6:10], s[:, 10:13]).dynamic_pressure[0])
@@ -164,7 +165,7 @@ def _parachute_fix(scenario: Scenario, world: World, motion: Motion, random: np.
     return ParachuteFix(motion.deployed, pressure + sigma * random.standard_normal(), sigma)
 
 
-def _landing_fix(scenario: Scenario, world: World, motion: Motion, random: np.random.Generator) -> LandingFix:
+def _landing_fix(scenario: Scenario, world: ForwardModel, motion: Motion, random: np.random.Generator) -> LandingFix:
     rest = motion.at(np.array([motion.stopped]))[0, :3]
     sigma = scenario.landing.position_sigma
     position = world.planet.rotation.to_fixed(motion.stopped, rest) + sigma * random.standard_normal(3)
@@ -184,8 +185,8 @@ def _altimeter(scenario: Scenario, motion: Motion, random: np.random.Generator) 
     return AltimeterRecord(time[seen], height[seen] + noise, scenario.altimeter.sigma, surface)
 
 
-def _recorded(effects: Sequence[Active]) -> dict[str, dict[str, Any]]:
-    """Effects and their parameters for ``/truth``; of several alike the later ones are numbered."""
+def _recorded(effects: Sequence[EffectInstance]) -> dict[str, dict[str, Any]]:
+    """Effects and their parameters for ``/truth``; several of one name are numbered from the second."""
     out: dict[str, dict[str, Any]] = {}
     for a in effects:
         count = sum(name.split("#")[0] == a.name for name in out)

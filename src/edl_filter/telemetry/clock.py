@@ -1,7 +1,7 @@
-"""Spacecraft clock (SCLK) to UTC and back, over one entry.
+"""Conversion of spacecraft clock counts (SCLK) to UTC over one entry.
 
-Over the half hour of an entry the clock's rate is 1 to a millionth, and no leap second falls within it,
-so the relation is an offset.
+Input: one pair of clock count and UTC. Method: a constant offset, since over the half hour of an entry the clock's rate
+is 1 to within 1e-6 and no leap second occurs.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from edl_filter.errors import InputError
 
 
 def parse_utc(text: str) -> datetime:
-    """ISO 8601 time as an aware datetime; without a zone it is UTC.
+    """Read an ISO 8601 time as an aware datetime; without a time zone it is UTC.
 
     Raises
     ------
@@ -37,14 +37,14 @@ def _milliseconds(time: datetime) -> str:
 
 @dataclass(frozen=True)
 class SclkClock:
-    """``UTC = reference_utc + (SCLK - reference_sclk)``, the clock's count in decimal seconds.
+    """``UTC = reference_utc + (SCLK - reference_sclk)``, with the clock's count in decimal seconds.
 
     Attributes
     ----------
     reference_sclk : float
-        Count of the reference, s.
+        Clock count of the reference, s.
     reference_utc : str
-        ISO 8601 time of the reference.
+        UTC of the reference, ISO 8601.
     """
 
     reference_sclk: float
@@ -54,38 +54,22 @@ class SclkClock:
         parse_utc(self.reference_utc)
 
     def to_utc(self, sclk: float) -> str:
-        """ISO 8601 time of one count, to the millisecond."""
+        """UTC of one count (s), ISO 8601, to the millisecond."""
         return _milliseconds(parse_utc(self.reference_utc) + timedelta(seconds=float(sclk) - self.reference_sclk))
 
     def to_datetime64(self, sclk: ArrayLike) -> NDArray[np.datetime64]:
-        """UTC of an array of counts, to the microsecond."""
+        """UTC of counts.
+
+        Parameters
+        ----------
+        sclk : (...) array
+            s.
+
+        Returns
+        -------
+        (...) array of datetime64
+            To the microsecond.
+        """
         reference = np.datetime64(parse_utc(self.reference_utc).replace(tzinfo=None), "us")
         microseconds = np.rint(1e6 * (np.asarray(sclk, float) - self.reference_sclk)).astype("int64")
         return reference + microseconds.astype("timedelta64[us]")
-
-    def from_utc(self, utc: str) -> float:
-        """Count at an ISO 8601 time, s."""
-        return self.reference_sclk + (parse_utc(utc) - parse_utc(self.reference_utc)).total_seconds()
-
-    def since(self, epoch_utc: str, sclk: ArrayLike) -> NDArray[np.float64]:
-        """Seconds from the epoch to the counts `sclk`; shape of `sclk`."""
-        return np.asarray(sclk, float) - self.from_utc(epoch_utc)
-
-
-def label_utc(clock: SclkClock, count: str) -> str:
-    """UTC that MER's PDS labels give for a clock count such as ``"126461185.125"``.
-
-    The tables' clock column is in decimal seconds. The labels' UTC was made by software that takes the digits
-    after the point as a number of ticks of 1/256 s (NAIF's convention for this clock): .125 became 125/256 s,
-    .500 became 500/256 s = 1.953 s. Times in labels are therefore late by up to 2.5 s; this function
-    reproduces them, and nothing else should use it.
-
-    Raises
-    ------
-    InputError
-        `count` is not digits, a point and digits.
-    """
-    whole, point, ticks = count.partition(".")
-    if not (whole.isdigit() and point and ticks.isdigit()):
-        raise InputError(f"{count!r} is no spacecraft clock count; digits.digits is accepted.")
-    return clock.to_utc(int(whole) + int(ticks) / 256.0)

@@ -1,4 +1,8 @@
-"""One IMU against another: the thesis's comparison of rover and backshell (its section 3.2)."""
+"""Comparison of two IMUs, as the thesis compares rover and backshell (section 3.2).
+
+Input: two records. Method: both are transferred to the centre of mass with smoothed rates (`centred`), then
+misalignment and bias difference are estimated by least squares (`calibration.misalignment`). Output: the estimate.
+"""
 
 from __future__ import annotations
 
@@ -15,38 +19,39 @@ from edl_filter.telemetry.calibration import (
 from edl_filter.telemetry.record import ImuRecord
 from edl_filter.telemetry.smoothing import batch_polynomial, differentiated_rates
 
-BATCH = 7  # points of the second-order batch polynomial that the thesis used at 8 Hz
+#: Points of the second-order batch polynomial, as in the thesis at 8 Hz.
+BATCH = 7
 
 
 def compare(
-    reference: ImuRecord, other: ImuRecord, until: float, windows: Sequence[tuple[float, float]] = THESIS_WINDOWS
+    reference: ImuRecord, checked: ImuRecord, until: float, windows: Sequence[tuple[float, float]] = THESIS_WINDOWS
 ) -> MisalignmentEstimate | None:
-    """Misalignment and bias difference of `other` against `reference`, both moved to the centre of mass.
+    """Misalignment and bias difference of `checked` relative to `reference`, both at the centre of mass.
 
     Parameters
     ----------
-    reference, other : ImuRecord
-        The thesis: backshell and rover.
+    reference, checked : ImuRecord
+        In the thesis: backshell and rover.
     until : float
-        End of the last window at the latest, s: parachute deployment.
+        Latest end of the last window, s since the epoch: parachute deployment.
     windows : sequence of (start, end)
-        s since the epoch. A window that either record does not cover is left out.
+        s since the epoch. Windows that one of the records does not cover are omitted.
 
     Returns
     -------
     MisalignmentEstimate or None
         None if no window is covered.
     """
-    first = max(reference.start, other.start)
-    last = min(reference.time[-1], other.time[-1], until)
+    first = max(reference.start, checked.start)
+    last = min(reference.time[-1], checked.time[-1], until)
     covered = [(a, min(b, last)) for a, b in windows if a >= first - 1e-6 and min(b, last) - a > 5.0]
     if not covered:
         return None
-    return misalignment(centred(reference.between(first, last)), centred(other.between(first, last)), covered)
+    return misalignment(centred(reference.between(first, last)), centred(checked.between(first, last)), covered)
 
 
 def centred(record: ImuRecord) -> ImuRecord:
-    """`record` at the centre of mass, by smoothed rates and their smoothed differences (thesis eq. 3.3)."""
+    """Transfer a record to the centre of mass (thesis eq. 3.3), with smoothed rates and accelerations from them."""
     middle = record.time - 0.5 * record.interval
     rate = batch_polynomial(middle, record.angular_rate, BATCH)
     acceleration = differentiated_rates(middle, rate, lambda t, v: batch_polynomial(t, v, BATCH))

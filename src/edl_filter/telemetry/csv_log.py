@@ -1,8 +1,8 @@
-"""Turn any IMU log in CSV into a flight file, as a specification in YAML says.
+"""Convert an IMU log in CSV into a flight file, by a specification in YAML.
 
-The specification says which columns hold what, in which units, how the IMU sits in the body, and what is
-known besides (initial state, events, fixes). Its form is `csv_spec.LogSpec`; an example with every key is
-``docs/examples/imu_log.spec.yaml``.
+Input: the log, and a specification (`csv_spec.LogSpec`) of its columns and units, the orientation of the IMU in the
+body, and the quantities that the log does not contain (initial state, events, fixes). An example with every key is
+``docs/examples/imu_log.spec.yaml``. Output: a flight file (`flight_file.write_flight_file`).
 """
 
 from __future__ import annotations
@@ -11,10 +11,11 @@ import csv
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from edl_filter import rotations
 from edl_filter.errors import InputError
+from edl_filter.imu_model.sensor_errors import SensorErrors
+from edl_filter.io.csv_table import numbered_lines
 from edl_filter.telemetry.csv_spec import (
     AltimeterSpec,
     ImuSpec,
@@ -26,30 +27,30 @@ from edl_filter.telemetry.csv_spec import (
     TimeColumn,
     read_spec,
 )
-from edl_filter.telemetry.flight_file import STEP_TOLERANCE, FlightContents, FlightImu, write_flight_file
+from edl_filter.telemetry.flight_file import FlightContents, write_flight_file
+from edl_filter.telemetry.flight_imu import FlightImu, conflicting_median_step
 from edl_filter.telemetry.record import (
     AltimeterRecord,
     InitialState,
     LandingFix,
     ParachuteFix,
-    SensorErrors,
 )
+from edl_filter.types import Array
 
-Array = NDArray[np.float64]
-
-#: Standard gravity, the g of accelerometers' data sheets, m/s².
+#: Standard gravity, the unit g of accelerometers' data sheets, m/s².
 G = 9.80665
+#: Factors from the units of the log to SI.
 _TIME = {"s": 1.0, "ms": 1e-3, "us": 1e-6}
 _FORCE = {"m/s^2": 1.0, "g": G, "mg": 1e-3 * G}
 _RATE = {"rad/s": 1.0, "deg/s": np.pi / 180.0, "deg/h": np.pi / 180.0 / 3600.0}
 _LENGTH = {"m": 1.0, "km": 1e3}
-#: Increments per sample; divided by the sampling interval they become means.
+#: The same for increments per sample, which become means when they are divided by the sampling interval.
 _FORCE_INCREMENT = {"m/s": 1.0}
 _RATE_INCREMENT = {"rad": 1.0, "deg": np.pi / 180.0}
 
 
 class _Log:
-    """Rows of a CSV file by column name; `#` starts a comment, lines are counted as an editor does."""
+    """Rows of a CSV file by column name; ``#`` starts a comment. Lines are counted from 1, comments included."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
@@ -57,28 +58,28 @@ class _Log:
             text = path.read_text(encoding="utf-8-sig")
         except (OSError, UnicodeDecodeError) as error:
             raise InputError(f"{path}: the log cannot be read ({getattr(error, 'strerror', None) or error}).") from None
-        lines = [(n, line.split("#")[0]) for n, line in enumerate(text.splitlines(), 1)]
-        lines = [(n, line) for n, line in lines if line.strip()]
+        lines = numbered_lines(text)
         rows = list(csv.reader([line for _, line in lines], skipinitialspace=True))
         if len(rows) < 3:
             raise InputError(f"{path}: {len(rows)} lines; a header and at least two samples are needed.")
         self.header, self.rows = [name.strip() for name in rows[0]], rows[1:]
-        self.line = [n for n, _ in lines[1:]]
-        for n, row in zip(self.line, self.rows, strict=True):
+        self.line = [number for number, _ in lines[1:]]
+        for number, row in zip(self.line, self.rows, strict=True):
             if len(row) != len(self.header):
-                raise InputError(f"{path}, line {n}: {len(row)} fields; the header has {len(self.header)}.")
+                raise InputError(f"{path}, line {number}: {len(row)} fields; the header has {len(self.header)}.")
 
     def index(self, name: str) -> int:
+        """Index of the column `name`."""
         if self.header.count(name) != 1:
-            there = "is in the header twice" if name in self.header else "is not in the header"
-            raise InputError(f"{self.path}: column {name!r} {there}: {', '.join(self.header)}.")
+            problem = "is in the header twice" if name in self.header else "is not in the header"
+            raise InputError(f"{self.path}: column {name!r} {problem}: {', '.join(self.header)}.")
         return self.header.index(name)
 
     def numbers(self, name: str, blank_is_nan: bool = False) -> Array:
-        """Column `name`, (N,); an empty field is an error or NaN."""
-        k, values = self.index(name), np.empty(len(self.rows))
+        """Column `name` (N,); an empty field is NaN if allowed, otherwise an error."""
+        column, values = self.index(name), np.empty(len(self.rows))
         for i, row in enumerate(self.rows):
-            field = row[k].strip()
+            field = row[column].strip()
             if blank_is_nan and not field:
                 values[i] = np.nan
                 continue
@@ -93,11 +94,11 @@ class _Log:
         return values
 
     def time(self, spec: TimeColumn) -> Array:
-        """Read times, s since the epoch, checked to increase."""
+        """Times (N,), s since the epoch; an error if they do not increase."""
         time = _TIME[spec.unit] * (self.numbers(spec.column) - spec.epoch)
-        back = np.diff(time) <= 0.0
-        if back.any():
-            i = int(back.argmax())
+        decreasing = np.diff(time) <= 0.0
+        if decreasing.any():
+            i = int(decreasing.argmax())
             before, after = (self.rows[k][self.index(spec.column)].strip() for k in (i, i + 1))
             raise InputError(
                 f"{self.path}, line {self.line[i + 1]}, column {spec.column!r}: time must increase, "
@@ -107,37 +108,36 @@ class _Log:
 
 
 def _body_from_imu(value: Quaternion | Matrix, spec_path: Path, name: str) -> Array:
-    """Quaternion of the mounting; a matrix must be a rotation to 1e-3."""
-    mounting = np.asarray(value, np.float64)
-    if mounting.ndim == 1:
-        return mounting
-    if np.max(np.abs(mounting @ mounting.T - np.eye(3))) > 1e-3 or np.linalg.det(mounting) < 0.0:
+    """Quaternion of the mounting; a matrix must be orthonormal to 1e-3."""
+    body_from_imu = np.asarray(value, np.float64)
+    if body_from_imu.ndim == 1:
+        return body_from_imu
+    if np.max(np.abs(body_from_imu @ body_from_imu.T - np.eye(3))) > 1e-3 or np.linalg.det(body_from_imu) < 0.0:
         raise InputError(f"{spec_path}: imu.{name}.body_from_imu is no rotation matrix (orthonormal, determinant +1).")
-    return rotations.from_matrix(mounting)
+    return rotations.from_matrix(body_from_imu)
 
 
-def _scaled(log: _Log, columns: tuple[str, ...], unit: str, means: dict[str, float],
-            increments: dict[str, float], step: float) -> Array:  # fmt: skip
-    """Three columns as means over the interval, SI."""
-    factor = means[unit] if unit in means else increments[unit] / step
+def _means(log: _Log, columns: tuple[str, ...], unit: str, mean_factors: dict[str, float],
+           increment_factors: dict[str, float], interval: float) -> Array:  # fmt: skip
+    """Three columns (N, 3) as means over the sampling interval, SI."""
+    factor = mean_factors[unit] if unit in mean_factors else increment_factors[unit] / interval
     return factor * np.stack([log.numbers(name) for name in columns], axis=-1)
 
 
 def _imu(log: _Log, spec: ImuSpec, spec_path: Path, name: str) -> FlightImu:
-    step, time = spec.sample_interval_s, log.time(spec.time)
-    usual = float(np.median(np.diff(time)))
-    if abs(usual / step - 1.0) > STEP_TOLERANCE:
+    """The IMU as the flight file stores it."""
+    interval, time = spec.sample_interval_s, log.time(spec.time)
+    if median := conflicting_median_step(time, interval):
         raise InputError(
-            f"{spec_path}: imu.{name}.sample_interval_s is {step:g}, but the usual step of column "
-            f"{spec.time.column!r} in unit {spec.time.unit!r} is {usual:g} s."
+            f"{spec_path}: imu.{name}.sample_interval_s is {interval:g}, but the usual step of column "
+            f"{spec.time.column!r} in unit {spec.time.unit!r} is {median:g} s."
         )
+    force, rate = spec.specific_force, spec.angular_rate
     return FlightImu(
         time=time,
-        specific_force=_scaled(
-            log, spec.specific_force.columns, spec.specific_force.unit, _FORCE, _FORCE_INCREMENT, step
-        ),
-        angular_rate=_scaled(log, spec.angular_rate.columns, spec.angular_rate.unit, _RATE, _RATE_INCREMENT, step),
-        sample_interval=step,
+        specific_force=_means(log, force.columns, force.unit, _FORCE, _FORCE_INCREMENT, interval),
+        angular_rate=_means(log, rate.columns, rate.unit, _RATE, _RATE_INCREMENT, interval),
+        sample_interval=interval,
         body_from_imu=_body_from_imu(spec.body_from_imu, spec_path, name),
         position=np.array(spec.position_m),
         accelerometer_noise=spec.accelerometer_noise_m_s2,
@@ -173,23 +173,24 @@ def _landing(spec: LandingSpec) -> LandingFix:
 
 def _altimeter(log: _Log, spec: AltimeterSpec) -> AltimeterRecord:
     time, height = log.time(spec.time), log.numbers(spec.height.column, blank_is_nan=True)
-    seen = np.isfinite(height)
-    if not seen.any():
+    measured = np.isfinite(height)
+    if not measured.any():
         raise InputError(f"{log.path}: column {spec.height.column!r} of the altimeter is empty throughout.")
-    return AltimeterRecord(time[seen], _LENGTH[spec.height.unit] * height[seen], spec.sigma_m, spec.surface_radius_m)
+    height = _LENGTH[spec.height.unit] * height[measured]
+    return AltimeterRecord(time[measured], height, spec.sigma_m, spec.surface_radius_m)
 
 
 def convert(log_csv: str | Path, spec_yaml: str | Path, out_h5: str | Path) -> Path:
-    """Write the flight file that a log and its specification amount to.
+    """Convert a log into a flight file.
 
     Parameters
     ----------
     log_csv : path
         CSV with a header line; ``#`` starts a comment. One line per sample.
     spec_yaml : path
-        See `LogSpec` and ``docs/examples/imu_log.spec.yaml``.
+        Its specification: see `LogSpec` and ``docs/examples/imu_log.spec.yaml``.
     out_h5 : path
-        Flight file to write, or to replace once the new one is whole.
+        Flight file to write. An existing file is replaced when the new one is complete.
 
     Returns
     -------
@@ -199,7 +200,8 @@ def convert(log_csv: str | Path, spec_yaml: str | Path, out_h5: str | Path) -> P
     Raises
     ------
     InputError
-        Anything wrong with log or specification, with file, line and column or key; nothing is written then.
+        The log or the specification is wrong: the message names the file, the line and the column or key. Nothing is
+        written in that case.
     """
     spec_path, log = Path(spec_yaml), _Log(Path(log_csv))
     spec = read_spec(spec_path)

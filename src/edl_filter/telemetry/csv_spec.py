@@ -1,6 +1,7 @@
-"""The form of the specification that `csv_log.convert` reads: the only place that knows it.
+"""Schema of the YAML specification that `csv_log.convert` reads, and its reader.
 
-It is another form than the mission's. An example with every key: ``docs/examples/imu_log.spec.yaml``.
+Input: a YAML file. Output: a validated `LogSpec`. The schema is independent of the mission's. An example with every
+key: ``docs/examples/imu_log.spec.yaml``.
 """
 
 from __future__ import annotations
@@ -22,36 +23,36 @@ Quaternion = tuple[Number, Number, Number, Number]
 Matrix = tuple[Vector, Vector, Vector]
 
 
-class Form(BaseModel):
-    """Base of all parts: unknown keys are refused."""
+class Section(BaseModel):
+    """Base class of all sections: unknown keys are an error."""
 
     model_config = ConfigDict(extra="forbid")
 
 
-class TimeColumn(Form):
-    """Column of times; ``epoch`` is the log's time, in `unit`, of the flight file's time 0."""
+class TimeColumn(Section):
+    """Column of times; ``epoch`` is the log's time (in `unit`) at time 0 of the flight file."""
 
     column: str
     unit: Literal["s", "ms", "us"]
     epoch: Number = 0.0
 
 
-class ForceColumns(Form):
+class ForceColumns(Section):
     """Specific force (m/s^2, g, mg) or velocity increments per sample (m/s)."""
 
     columns: tuple[str, str, str]
     unit: Literal["m/s^2", "g", "mg", "m/s"]
 
 
-class RateColumns(Form):
+class RateColumns(Section):
     """Angular rate (rad/s, deg/s, deg/h) or angle increments per sample (rad, deg)."""
 
     columns: tuple[str, str, str]
     unit: Literal["rad/s", "deg/s", "deg/h", "rad", "deg"]
 
 
-class ImuSpec(Form):
-    """One IMU: ``body_from_imu`` is a quaternion [x, y, z, w] or a 3 x 3 matrix by rows."""
+class ImuSpec(Section):
+    """One IMU; ``body_from_imu`` is a quaternion [x, y, z, w] or a 3 x 3 matrix, row by row."""
 
     time: TimeColumn
     sample_interval_s: Positive
@@ -68,8 +69,8 @@ class ImuSpec(Form):
     gyro_scale_sigma: NotNegative = 0.0
 
 
-class InitialSpec(Form):
-    """Initial state, inertial; sigmas per axis (those of attitude about body axes)."""
+class InitialSpec(Section):
+    """Inertial initial state; one sigma per axis, for the attitude about body axes."""
 
     time_s: Number
     position_m: Vector
@@ -80,38 +81,38 @@ class InitialSpec(Form):
     attitude_sigma_rad: Sigmas
 
 
-class EventSpec(Form):
-    """One event."""
+class EventSpec(Section):
+    """Time of one event, with one sigma."""
 
     time_s: Number
     time_sigma_s: Positive
 
 
-class ParachuteSpec(Form):
-    """Dynamic pressure when the parachute opened."""
+class ParachuteSpec(Section):
+    """Dynamic pressure at parachute deployment, with one sigma."""
 
     time_s: Number
     dynamic_pressure_pa: Positive
     dynamic_pressure_sigma_pa: Positive
 
 
-class LandingSpec(Form):
-    """Planet-fixed place of rest."""
+class LandingSpec(Section):
+    """Planet-fixed position at rest after the landing, one sigma per axis."""
 
     time_s: Number
     position_m: Vector
     position_sigma_m: Sigmas
 
 
-class HeightColumn(Form):
-    """Column of heights; rows where it is empty have no measurement."""
+class HeightColumn(Section):
+    """Column of heights; an empty field is a row without a measurement."""
 
     column: str
     unit: Literal["m", "km"]
 
 
-class AltimeterSpec(Form):
-    """Radar altimeter: height above a sphere of `surface_radius_m`."""
+class AltimeterSpec(Section):
+    """Radar altimeter: height above a sphere of radius `surface_radius_m`."""
 
     time: TimeColumn
     height: HeightColumn
@@ -119,7 +120,7 @@ class AltimeterSpec(Form):
     surface_radius_m: Positive
 
 
-class LogSpec(Form):
+class LogSpec(Section):
     """The whole specification."""
 
     name: str
@@ -135,13 +136,13 @@ class LogSpec(Form):
 
 
 def read_spec(path: str | Path) -> LogSpec:
-    """Read and check a specification.
+    """Read and validate a specification.
 
     Raises
     ------
     InputError
-        No such file, no YAML, or a key that is unknown, missing or of a wrong value: the message names file,
-        key and what was found.
+        No such file, no YAML, or a key that is unknown, missing or of a wrong value. The message names the file, the
+        key and the value.
     """
     path = Path(path)
     try:

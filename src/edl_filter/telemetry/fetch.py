@@ -1,4 +1,4 @@
-"""Fetch the public MER telemetry by checksum, and find it where it already is."""
+"""Public MER telemetry: download with checksums (`fetch_mer_imu`), search on this machine (`find_mer_imu`)."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ import re
 from pathlib import Path
 
 from edl_filter.errors import InputError
-from edl_filter.telemetry.pds3 import find_file
-from edl_filter.whole_file import usual_mode
+from edl_filter.io.atomic import default_file_mode
+from edl_filter.telemetry.pds3 import find_in_volume
 
 #: PDS Atmospheres node, volume merimu_1001.
 BASE_URL = "https://pds-atmospheres.nmsu.edu/PDS/data/merimu_1001/"
@@ -24,31 +24,31 @@ REGISTRY = {
     "DATA/2TRANSFORMED.LBL": "600aa46817c0e98fdb38ac16a7f6e4eb0bbd33a27cf3904496c134562f5c394a",
     "DATA/2TRANSFORMED.TAB": "3269f400f2a372b150c52897e55ce4a7df270f1fdadf2253f02aeb6ed82e454e",
 }
-_INSTEAD = "put the volume's DATA folder under $EDL_FILTER_DATA/pds/mer_imu instead"
+_ALTERNATIVE = "put the volume's DATA folder under $EDL_FILTER_DATA/pds/mer_imu instead"
 
 
 def cache_folder(cache: str | Path | None = None) -> Path:
-    """Folder of fetched data: `cache`, else ``$EDL_FILTER_CACHE``, else the system's for ``edl-filter``."""
+    """Folder of downloads: `cache`, else ``$EDL_FILTER_CACHE``, else the system's cache folder of ``edl-filter``."""
     if cache is not None:
         return Path(cache)
-    if named := os.environ.get("EDL_FILTER_CACHE"):
-        return Path(named)
-    import pooch  # slow to import
+    if folder := os.environ.get("EDL_FILTER_CACHE"):
+        return Path(folder)
+    import pooch  # imported on use: the import is slow
 
     return Path(pooch.os_cache("edl-filter"))
 
 
 def fetch_mer_imu(base_url: str | None = None, cache: str | Path | None = None, progress: bool = False) -> Path:
-    """Download what is not in the cache yet of Spirit and Opportunity's IMU telemetry (about 5 MB).
+    """Download Spirit's and Opportunity's IMU telemetry (about 5 MB); files in the cache are not downloaded again.
 
     Parameters
     ----------
-    base_url : str
-        Address of a copy of the volume, or of its DATA folder; the PDS Atmospheres node if not given.
-    cache : path
-        Folder for downloads; see `cache_folder`.
+    base_url : str, optional
+        Address of a copy of the volume, or of its DATA folder; by default the PDS Atmospheres node.
+    cache : path, optional
+        Folder of downloads; see `cache_folder`.
     progress : bool
-        Show a progress bar on the terminal (standard error; silent if that is no terminal).
+        Show a progress bar on standard error if that is a terminal.
 
     Returns
     -------
@@ -58,7 +58,7 @@ def fetch_mer_imu(base_url: str | None = None, cache: str | Path | None = None, 
     Raises
     ------
     InputError
-        No answer from the server, or a file whose sha256 is not the known one.
+        No answer from the server, or a file with another sha256 than that of `REGISTRY`.
     """
     import logging
 
@@ -67,61 +67,70 @@ def fetch_mer_imu(base_url: str | None = None, cache: str | Path | None = None, 
     from rich.console import Console
     from rich.progress import track
 
-    folder, base = cache_folder(cache) / "mer_imu", _volume(base_url or BASE_URL)
+    folder, base = cache_folder(cache) / "mer_imu", _volume_url(base_url or BASE_URL)
     pooch.get_logger().setLevel(logging.WARNING)
     console = Console(stderr=True)
     hidden = not (progress and console.is_terminal)
     try:
-        store = pooch.create(path=folder, base_url=base, registry=REGISTRY)
+        downloads = pooch.create(path=folder, base_url=base, registry=REGISTRY)
         for name in track(list(REGISTRY), "MER telemetry", console=console, disable=hidden, transient=True):
-            Path(store.fetch(name)).chmod(usual_mode())  # pooch makes it private
-    except ValueError as error:  # pooch's for a hash that does not match
+            Path(downloads.fetch(name)).chmod(default_file_mode())  # pooch creates private files
+    except ValueError as error:  # raised by pooch if the hash differs
         if "hash" not in str(error):
-            raise InputError(f"download failed: {base}{name} ({error}); {_INSTEAD}.") from None
+            raise InputError(f"download failed: {base}{name} ({error}); {_ALTERNATIVE}.") from None
         raise InputError(
-            f"download failed: {base}{name} is not the known file, whose sha256 is {REGISTRY[name]}; {_INSTEAD}."
+            f"download failed: {base}{name} is not the known file, whose sha256 is {REGISTRY[name]}; {_ALTERNATIVE}."
         ) from None
     except requests.exceptions.RequestException as error:
-        answer = getattr(error, "response", None)
-        reason = f"the server answered {answer.status_code}" if answer is not None else "no connection"
-        raise InputError(f"download failed: {base}{name}: {reason}; {_INSTEAD}.") from None
+        response = getattr(error, "response", None)
+        reason = f"the server answered {response.status_code}" if response is not None else "no connection"
+        raise InputError(f"download failed: {base}{name}: {reason}; {_ALTERNATIVE}.") from None
     except OSError as error:
         raise InputError(f"{folder}: cannot be written ({error.strerror or error}).") from None
     return folder
 
 
-def _volume(url: str) -> str:
-    """Address of the volume's folder, also if that of its DATA folder is given."""
+def _volume_url(url: str) -> str:
+    """Address of the volume's folder, from that address or that of its DATA folder."""
     return re.sub("/DATA$", "", url.rstrip("/"), flags=re.IGNORECASE) + "/"
 
 
 def _holds_tables(folder: Path) -> bool:
-    return any(find_file(place, "2TRANSFORMED.LBL") or find_file(place, "1TRANSFORMED.LBL")
-               for place in (folder / "DATA", folder))  # fmt: skip
+    return any(find_in_volume(folder, name) for name in ("2TRANSFORMED.LBL", "1TRANSFORMED.LBL"))
 
 
 def find_mer_imu(explicit: str | Path | None = None) -> Path:
-    """Folder of the MER telemetry that is on this machine.
+    """Locate the MER telemetry on this machine.
 
-    The first of: `explicit` (nothing else, if given), ``$EDL_FILTER_DATA/pds/mer_imu``,
-    ``$EDL_FILTER_DATA/mer_imu``, the cache that `fetch_mer_imu` fills.
+    The folders are searched in this order: ``$EDL_FILTER_DATA/pds/mer_imu``, ``$EDL_FILTER_DATA/mer_imu``, the cache of
+    `fetch_mer_imu`.
+
+    Parameters
+    ----------
+    explicit : path, optional
+        The only folder to search, if given.
+
+    Returns
+    -------
+    Path
+        The volume's folder or its DATA folder.
 
     Raises
     ------
     InputError
-        None of them holds the tables; the message says where was looked and what to do.
+        None of the folders has the tables; the message lists the folders and says what to do.
     """
     if explicit is not None:
-        places = [Path(explicit)]
+        folders = [Path(explicit)]
     else:
         data = os.environ.get("EDL_FILTER_DATA")
-        places = [Path(data, "pds", "mer_imu"), Path(data, "mer_imu")] if data else []
-        places.append(cache_folder() / "mer_imu")
-    for place in places:
-        if _holds_tables(place):
-            return place
-    looked = ", ".join(str(place) for place in places)
+        folders = [Path(data, "pds", "mer_imu"), Path(data, "mer_imu")] if data else []
+        folders.append(cache_folder() / "mer_imu")
+    for folder in folders:
+        if _holds_tables(folder):
+            return folder
+    searched = ", ".join(str(folder) for folder in folders)
     raise InputError(
-        f"the MER telemetry (volume merimu_1001, DATA/*.LBL and *.TAB) is not in {looked}; run "
+        f"the MER telemetry (volume merimu_1001, DATA/*.LBL and *.TAB) is not in {searched}; run "
         "`edl-filter fetch mer-imu`, or set EDL_FILTER_DATA to the folder that holds pds/mer_imu."
     )

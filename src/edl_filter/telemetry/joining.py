@@ -1,4 +1,9 @@
-"""Join pieces of telemetry end to end into one record, and bridge what is missing between samples."""
+"""Segments of telemetry: fill the gaps within a segment, and join segments in time into one record.
+
+Input: segments, each with the samples of one product and one instrument. Method: a gap is filled with samples that are
+linearly interpolated between the two samples around it (`fill_gaps`); segments must adjoin (`join`). Output: an
+`ImuRecord`.
+"""
 
 from __future__ import annotations
 
@@ -11,17 +16,32 @@ import numpy as np
 from numpy.typing import NDArray
 
 from edl_filter.errors import InputError
-from edl_filter.telemetry.record import ImuRecord, SensorErrors
+from edl_filter.imu_model.sensor_errors import SensorErrors
+from edl_filter.telemetry.record import SAME_TIME, ImuRecord, within_window
+from edl_filter.types import Array, IntArray
 
-Array = NDArray[np.float64]
-GAP = "gap"  # the source of samples that bridge a gap
+#: Source of the samples that fill a gap.
+GAP = "gap"
 
 
 @dataclass(frozen=True)
-class Piece:
-    """Samples from one product and one instrument, body axes; arrays as in `ImuRecord`.
+class Segment:
+    """Samples from one product and one instrument, in body axes; see `ImuRecord` for arrays and units.
 
-    `net_turn` and `net_gain` hold for the whole piece.
+    Attributes
+    ----------
+    source, unit : str
+        Product and instrument.
+    time, interval : (N,) arrays
+        s.
+    force, rate : (N, 3) arrays
+        Specific force and angular rate, m/s² and rad/s.
+    position : (N, 3) array
+        m.
+    force_noise, rate_noise, shared_rate_noise : (N,) arrays
+        m/s², rad/s, rad/s.
+    net_turn, net_gain : bool
+        Valid for all samples of the segment.
     """
 
     source: str
@@ -39,106 +59,126 @@ class Piece:
 
     @property
     def start(self) -> float:
-        """Beginning of the first interval, s."""
+        """Start of the first interval, s."""
         return float(self.time[0] - self.interval[0])
 
-    def between(self, start: float, end: float) -> Piece:
-        """Samples within ``[start, end]``."""
-        keep = (self.time - self.interval >= start - 1e-6) & (self.time <= end + 1e-6)
-        return self._take(np.flatnonzero(keep))
+    def between(self, start: float, end: float) -> Segment:
+        """Samples whose interval lies within `start` to `end`, s (`within_window`)."""
+        return self._take(np.flatnonzero(within_window(self.time, self.interval, start, end)))
 
-    def _take(self, index: NDArray[np.int64]) -> Piece:
-        arrays = {f.name: getattr(self, f.name) for f in fields(self)}
-        taken: dict[str, Any] = {n: v[index] for n, v in arrays.items() if isinstance(v, np.ndarray)}
-        return replace(self, **taken)
+    def _take(self, index: IntArray) -> Segment:
+        """Samples at the indices."""
+        attributes = {field.name: getattr(self, field.name) for field in fields(self)}
+        arrays: dict[str, Any] = {n: v[index] for n, v in attributes.items() if isinstance(v, np.ndarray)}
+        return replace(self, **arrays)
 
 
-def fill_gaps(piece: Piece) -> list[Piece]:
-    """Cut a piece at its gaps and bridge each with samples interpolated between its two sides.
+def fill_gaps(segment: Segment) -> list[Segment]:
+    """Split a segment at its gaps and fill each gap with linearly interpolated samples.
 
-    How much force and rate change over half a gap's length around it is one sigma of the bridge as a whole; a
-    single one of its n samples has √n times that, so that their sum comes to it.
+    One sigma of the mean over a gap is the RMS change of force and rate over half the gap's length, taken from the
+    samples around it. Each of its n samples has √n times that, so that their mean has it.
+
+    Returns
+    -------
+    list of Segment
+        In order of time; those that fill a gap have the source `GAP`.
     """
-    missing = piece.time[1:] - piece.interval[1:] - piece.time[:-1]
-    cuts = np.flatnonzero(missing > 1e-6)
-    edges = [0, *(cuts + 1), len(piece.time)]
-    pieces: list[Piece] = []
-    for first, last in pairwise(edges):
+    missing = segment.time[1:] - segment.interval[1:] - segment.time[:-1]
+    last_before_gap = np.flatnonzero(missing > SAME_TIME)
+    edges = [0, *(last_before_gap + 1), len(segment.time)]
+    segments: list[Segment] = []
+    for first, end in pairwise(edges):
         if first:
-            pieces.append(_bridge(piece, first - 1))
-        pieces.append(piece._take(np.arange(first, last)))
-    return pieces
+            segments.append(_filled_gap(segment, first - 1))
+        segments.append(segment._take(np.arange(first, end)))
+    return segments
 
 
-def _bridge(piece: Piece, before: int) -> Piece:
-    """Samples between `before` and the one after it."""
-    start, stop = piece.time[before], piece.time[before + 1] - piece.interval[before + 1]
-    count = max(1, round((stop - start) / piece.interval[before]))
-    step = (stop - start) / count
+def _filled_gap(segment: Segment, before: int) -> Segment:
+    """Samples of the gap between the sample `before` and the next one."""
+    start, end = segment.time[before], segment.time[before + 1] - segment.interval[before + 1]
+    count = max(1, round((end - start) / segment.interval[before]))
+    step = (end - start) / count
     time = start + step * np.arange(1, count + 1)
-    share = ((time - 0.5 * step - start) / (stop - start))[:, None]
+    fraction = ((time - 0.5 * step - start) / (end - start))[:, None]
 
-    def between(values: Array) -> Array:
-        return (1.0 - share) * values[before] + share * values[before + 1]
+    def interpolated(values: Array) -> Array:
+        return (1.0 - fraction) * values[before] + fraction * values[before + 1]
 
-    def unknown(values: Array) -> Array:
+    def noise(values: Array) -> Array:
         lag = max(1, count // 2)
-        near = values[max(0, before - 80) : before + 80]
-        change = np.sqrt(np.mean((near[lag:] - near[:-lag]) ** 2))
+        nearby = values[max(0, before - 80) : before + 80]
+        change = np.sqrt(np.mean((nearby[lag:] - nearby[:-lag]) ** 2))
         return np.full(count, change * np.sqrt(count))
 
-    return Piece(
+    return Segment(
         source=GAP,
-        unit=piece.unit,
+        unit=segment.unit,
         time=time,
         interval=np.full(count, step),
-        force=between(piece.force),
-        rate=between(piece.rate),
-        position=np.repeat(piece.position[before : before + 1], count, axis=0),
-        force_noise=unknown(piece.force),
-        rate_noise=unknown(piece.rate),
+        force=interpolated(segment.force),
+        rate=interpolated(segment.rate),
+        position=np.repeat(segment.position[before : before + 1], count, axis=0),
+        force_noise=noise(segment.force),
+        rate_noise=noise(segment.rate),
         shared_rate_noise=np.zeros(count),
     )
 
 
-def join(name: str, pieces: Sequence[Piece], units: tuple[str, ...], errors: tuple[SensorErrors, ...]) -> ImuRecord:
-    """One record from pieces that adjoin in time.
+def join(name: str, segments: Sequence[Segment], units: tuple[str, ...], errors: tuple[SensorErrors, ...]) -> ImuRecord:
+    """Join segments that adjoin in time into one record.
+
+    Parameters
+    ----------
+    name : str
+        Name of the record.
+    segments : sequence of Segment
+        In order of time.
+    units : tuple of str
+        Instruments; every segment's is one of them.
+    errors : tuple of SensorErrors
+        One entry for each of `units`.
+
+    Returns
+    -------
+    ImuRecord
 
     Raises
     ------
     InputError
-        Two pieces overlap or leave time between them.
+        Two segments overlap or leave time between them.
     """
-    for a, b in pairwise(pieces):
-        if abs(b.start - a.time[-1]) > 1e-6:
+    for first, second in pairwise(segments):
+        if abs(second.start - first.time[-1]) > SAME_TIME:
             raise InputError(
-                f"telemetry: {a.source} of the {a.unit} ends at {a.time[-1]:.4f} s and {b.source} of the {b.unit} "
-                f"begins at {b.start:.4f} s; they must adjoin."
+                f"telemetry: {first.source} of the {first.unit} ends at {first.time[-1]:.4f} s and {second.source} of "
+                f"the {second.unit} begins at {second.start:.4f} s; they must adjoin."
             )
-    sources = tuple(dict.fromkeys(p.source for p in pieces))
+    sources = tuple(dict.fromkeys(segment.source for segment in segments))
 
     def stack(key: str) -> Array:
-        return np.concatenate([getattr(p, key) for p in pieces])
+        return np.concatenate([getattr(segment, key) for segment in segments])
 
     def repeated(values: list[Any], kind: type) -> NDArray[Any]:
-        return np.concatenate([np.full(len(p.time), v, kind) for p, v in zip(pieces, values, strict=True)])
+        return np.concatenate([np.full(len(s.time), value, kind) for s, value in zip(segments, values, strict=True)])
 
     time = stack("time")
     return ImuRecord(
         name=name,
         time=time,
-        interval=np.diff(time, prepend=pieces[0].start),
+        interval=np.diff(time, prepend=segments[0].start),
         specific_force=stack("force"),
         angular_rate=stack("rate"),
         position=stack("position"),
         force_noise=stack("force_noise"),
         rate_noise=stack("rate_noise"),
         shared_rate_noise=stack("shared_rate_noise"),
-        net_turn=repeated([p.net_turn for p in pieces], np.bool_),
-        net_gain=repeated([p.net_gain for p in pieces], np.bool_),
-        unit=repeated([units.index(p.unit) for p in pieces], np.int64),
+        net_turn=repeated([segment.net_turn for segment in segments], np.bool_),
+        net_gain=repeated([segment.net_gain for segment in segments], np.bool_),
+        unit=repeated([units.index(segment.unit) for segment in segments], np.int64),
         units=units,
-        source=repeated([sources.index(p.source) for p in pieces], np.int64),
+        source=repeated([sources.index(segment.source) for segment in segments], np.int64),
         sources=sources,
         errors=errors,
     )

@@ -1,10 +1,10 @@
-"""Spirit and Opportunity's entry telemetry, cleaned of what its labels do not say.
+"""Reader of Spirit's and Opportunity's entry telemetry, with corrections of defects that the labels do not mention.
 
-The archive is PDS volume merimu_1001 (data set MER1/MER2-M-IMU-4-EDL-V1.0, Kass et al. 2004): for each
-spacecraft a table TRANSFORMED (on-board attitude, accumulated velocity, acceleration at the centre of mass)
-and a table HIGHRATE (increments of angle and velocity of both IMUs at 8 Hz). MER1 is Opportunity (MER-B),
-MER2 is Spirit (MER-A). Everything here stays in the archive's axes and in seconds of the spacecraft clock; a
-missing value is NaN, never zero. How each trap is found and mended: `mer_cleaning`.
+Input: PDS volume merimu_1001 (data set MER1/MER2-M-IMU-4-EDL-V1.0, Kass et al. 2004). It has, for each spacecraft, a
+table TRANSFORMED (on-board attitude, accumulated velocity, acceleration at the centre of mass) and a table HIGHRATE
+(increments of angle and velocity of both IMUs at 8 Hz). MER1 is Opportunity (MER-B), MER2 is Spirit (MER-A). Method:
+the functions of `mer_cleaning` detect and correct each defect. Output: both tables (`MerTables`) in the archive's axes
+and in seconds of the spacecraft clock; a missing value is NaN, never zero.
 """
 
 from __future__ import annotations
@@ -13,7 +13,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from edl_filter.errors import InputError
 from edl_filter.telemetry.mer_cleaning import (
@@ -24,16 +23,16 @@ from edl_filter.telemetry.mer_cleaning import (
     clipped_register,
     find_gaps,
     find_resets,
-    fuller_rows,
     j2000_from_sc,
+    remove_resets,
     rounding_sigma,
+    select_fullest_rows,
     trailing_run,
     with_nan,
-    without_resets,
 )
-from edl_filter.telemetry.pds3 import Pds3Table, find_file, read_table
+from edl_filter.telemetry.pds3 import Pds3Table, find_in_volume, read_table
+from edl_filter.types import Array
 
-Array = NDArray[np.float64]
 #: Sampling interval of HIGHRATE, s; TRANSFORMED has one or two of them between rows.
 SAMPLE_INTERVAL = 0.125
 
@@ -53,19 +52,19 @@ class Transformed:
     rover_j2000_from_sc, backshell_j2000_from_sc : (N, 4) arrays
         On-board attitude, scalar last: ``rotate(q, v_sc)`` is in J2000. NaN where missing.
     rover_sigma, backshell_sigma : (N,) arrays
-        One sigma per axis of the attitude from the archive's six decimals alone, rad (`rounding_sigma`).
+        One sigma per axis of the attitude, due to the rounding to six decimals only, rad (`rounding_sigma`).
     register : (N, 3) array
-        Accumulated velocity change of the rover as telemetered, m/s. Its axes are inertial (north, east,
-        down of the landing site), not the spacecraft's, up to the first reset.
+        Accumulated velocity change of the rover as telemetered, m/s. Up to the first reset its axes are inertial
+        (north, east, down of the landing site), not the spacecraft's.
     velocity : (N, 3) array
-        `register` without the jumps of its resets, m/s: what was accumulated between the row before a reset
-        and the reset itself is missing from it.
+        `register` without the jumps at its resets, m/s. The velocity that was accumulated between the row before a
+        reset and the reset is not contained in it.
     velocity_increment : (N, 3) array
-        Change of `velocity` since the row before, m/s; NaN in the first row, across resets and beside
-        missing rows.
+        Change of `velocity` since the previous row, m/s; NaN in the first row, across resets and next to missing
+        rows.
     backshell_acceleration : (N, 3) array
-        Specific force at the centre of mass from the backshell's IMU, m/s²; centred 0.125 s before its row's
-        time, since it is the mean of two 8 Hz samples.
+        Specific force at the centre of mass from the backshell's IMU, m/s². It is the mean of two 8 Hz samples and
+        applies 0.125 s before the time of its row.
     """
 
     sclk: Array
@@ -81,14 +80,15 @@ class Transformed:
 
 @dataclass(frozen=True)
 class HighRate:
-    """The HIGHRATE table: increments over the 0.125 s that end at `sclk`, each IMU in its own axes.
+    """The HIGHRATE table: increments over the 0.125 s that end at `sclk`, in the axes of each IMU.
 
     Attributes
     ----------
     sclk : (M,) array
         Spacecraft clock, s, strictly increasing.
     rover_angle_increment, backshell_angle_increment : (M, 3) arrays
-        rad. The label calls them rates in rad/s; set against the on-board quaternions they are increments.
+        rad. The label describes them as rates in rad/s, but a comparison with the on-board quaternions shows that
+        they are increments.
     rover_velocity_increment, backshell_velocity_increment : (M, 3) arrays
         m/s.
     """
@@ -112,13 +112,13 @@ class MerTables:
     transformed : Transformed
     highrate : HighRate
     resets : tuple of float
-        Clock counts of the first row after each reset of the register, s.
+        Clock count of the first row after each reset of the register, s.
     transformed_gaps, highrate_gaps : tuples of (start, length)
-        Count of the last row before each gap and seconds to the next row.
+        Clock count of the last row before each gap, and time to the next row, s.
     files : dict
         Name in the volume → sha256 of the four files.
     notes : tuple of str
-        What cleaning did, one sentence each.
+        Corrections that were made, one sentence each.
     """
 
     spacecraft: int
@@ -133,9 +133,9 @@ class MerTables:
 
 
 def _read(folder: Path, product: str, spacecraft: int) -> Pds3Table:
-    """Table `product` from `folder`/DATA or `folder`, checked to be of the spacecraft asked for."""
+    """Table `product` of a spacecraft, from the volume's folder or its DATA folder."""
     name = f"{spacecraft}{product}.LBL"
-    label = find_file(folder / "DATA", name) or find_file(folder, name)
+    label = find_in_volume(folder, name)
     if label is None:
         raise InputError(
             f"{folder}: neither DATA/{name} nor {name} is there; the folder of volume merimu_1001 is needed."
@@ -143,8 +143,8 @@ def _read(folder: Path, product: str, spacecraft: int) -> Pds3Table:
     table = read_table(label)
     host = f"MARS EXPLORATION ROVER {spacecraft}"
     if table.label.get("INSTRUMENT_HOST_NAME") != host:
-        found = table.label.get("INSTRUMENT_HOST_NAME")
-        raise InputError(f"{label}: INSTRUMENT_HOST_NAME is {found!r}; {host!r} is needed.")
+        label_host = table.label.get("INSTRUMENT_HOST_NAME")
+        raise InputError(f"{label}: INSTRUMENT_HOST_NAME is {label_host!r}; {host!r} is needed.")
     step = np.diff(table.stack(_CLOCK)[:, 0])
     if np.any(step < 0.0):
         row = int((step < 0.0).argmax()) + 2
@@ -153,70 +153,71 @@ def _read(folder: Path, product: str, spacecraft: int) -> Pds3Table:
 
 
 def _clean_transformed(table: Pds3Table, notes: list[str]) -> tuple[Transformed, tuple[float, ...]]:
-    """Clean TRANSFORMED; also the clock counts of the resets."""
-    where = table.path.name
+    """Cleaned TRANSFORMED table and the clock counts of the register's resets; appends to `notes`."""
+    file_name = table.path.name
     rover_names = [f"ROVER_IMU_QUATERNION_{k}" for k in (1, 2, 3, 4)]
-    back_names = [name.replace("ROVER", "BACKSHELL") for name in rover_names]
+    backshell_names = [name.replace("ROVER", "BACKSHELL") for name in rover_names]
     register_names = [f"ROVER_IMU_DELTA_VEL_{axis}" for axis in _AXES]
     force_names = [f"BACKSHELL_IMU_ACCEL_{axis}" for axis in _AXES]
-    everything = table.stack(_CLOCK, *rover_names, *back_names, *register_names, *force_names)
-    keep = fuller_rows(everything[:, 0], everything[:, 1:])
-    if twice := np.count_nonzero(~keep):
-        notes.append(f"{where}: {twice} rows with the time of another removed, the fuller row kept.")
-    sclk, rover, back, register, force = np.split(everything[keep], (1, 5, 9, 12), axis=1)
+    columns = table.stack(_CLOCK, *rover_names, *backshell_names, *register_names, *force_names)
+    selected = select_fullest_rows(columns[:, 0], columns[:, 1:])
+    if duplicates := np.count_nonzero(~selected):
+        notes.append(f"{file_name}: {duplicates} rows with the time of another removed, the fuller row kept.")
+    sclk, rover, backshell, register, force = np.split(columns[selected], (1, 5, 9, 12), axis=1)
     sclk = sclk[:, 0]
-    lost = {
+    missing = {
         "rover quaternion": blank_quaternions(rover),
-        "backshell quaternion": blank_quaternions(back),
+        "backshell quaternion": blank_quaternions(backshell),
         "rover velocity register": blank_vectors(register) | clipped_register(register),
         "backshell acceleration": blank_vectors(force),
     }
-    off = trailing_run(lost["backshell quaternion"] & lost["backshell acceleration"])
-    for what, missing in lost.items():
-        before = np.count_nonzero(missing[:off] if "backshell" in what else missing)
-        if before:
-            notes.append(f"{where}: {before} rows with a blank or clipped {what} marked missing.")
+    off = trailing_run(missing["backshell quaternion"] & missing["backshell acceleration"])
+    for quantity, rows in missing.items():
+        count = np.count_nonzero(rows[:off] if "backshell" in quantity else rows)
+        if count:
+            notes.append(f"{file_name}: {count} rows with a blank or clipped {quantity} marked missing.")
     if off < len(sclk):
-        notes.append(f"{where}: {len(sclk) - off} rows after the backshell's IMU went off marked missing.")
-    register = with_nan(register, lost["rover velocity register"])
+        notes.append(f"{file_name}: {len(sclk) - off} rows after the backshell's IMU went off marked missing.")
+    register = with_nan(register, missing["rover velocity register"])
     resets = find_resets(sclk, register)
-    velocity, increment = without_resets(register, resets)
+    velocity, increment = remove_resets(register, resets)
     notes.append(
-        f"{where}: the velocity register was reset {len(resets)} times"
+        f"{file_name}: the velocity register was reset {len(resets)} times"
         + (f" (SCLK {', '.join(f'{t:.3f}' for t in sclk[resets])}); the jumps are removed." if len(resets) else ".")
     )
-    rover, back = with_nan(rover, lost["rover quaternion"]), with_nan(back, lost["backshell quaternion"])
+    rover = with_nan(rover, missing["rover quaternion"])
+    backshell = with_nan(backshell, missing["backshell quaternion"])
     cleaned = Transformed(
         sclk=sclk,
         rover_j2000_from_sc=j2000_from_sc(rover),
-        backshell_j2000_from_sc=j2000_from_sc(back),
+        backshell_j2000_from_sc=j2000_from_sc(backshell),
         rover_sigma=rounding_sigma(rover),
-        backshell_sigma=rounding_sigma(back),
+        backshell_sigma=rounding_sigma(backshell),
         register=register,
         velocity=velocity,
         velocity_increment=increment,
-        backshell_acceleration=with_nan(force, lost["backshell acceleration"]),
+        backshell_acceleration=with_nan(force, missing["backshell acceleration"]),
     )
     return cleaned, tuple(sclk[resets].tolist())
 
 
 def _clean_highrate(table: Pds3Table, notes: list[str]) -> HighRate:
-    """Clean HIGHRATE."""
-    names = [f"{unit}_IMU_{what}_{axis}" for unit in ("ROVER", "BACKSHELL") for what in ("RATES", "DELTA_VEL")
+    """Cleaned HIGHRATE table; appends to `notes`."""
+    names = [f"{unit}_IMU_{quantity}_{axis}" for unit in ("ROVER", "BACKSHELL") for quantity in ("RATES", "DELTA_VEL")
              for axis in _AXES]  # fmt: skip
-    everything = table.stack(_CLOCK, *names)
-    keep = fuller_rows(everything[:, 0], everything[:, 1:])
-    sclk, rover, back = np.split(everything[keep], (1, 7), axis=1)
+    columns = table.stack(_CLOCK, *names)
+    selected = select_fullest_rows(columns[:, 0], columns[:, 1:])
+    sclk, rover, backshell = np.split(columns[selected], (1, 7), axis=1)
     sclk = sclk[:, 0]
-    off = backshell_copies(rover, back)
-    back = with_nan(back, off)
-    for count, what in (
-        (np.count_nonzero(~keep), "with the time of another removed"),
+    off = backshell_copies(rover, backshell)
+    backshell = with_nan(backshell, off)
+    for count, note in (
+        (np.count_nonzero(~selected), "with the time of another removed"),
         (np.count_nonzero(off), "whose backshell columns repeat the rover's marked missing"),
     ):
         if count:
-            notes.append(f"{table.path.name}: {count} rows {what}.")
-    return HighRate(sclk, rover[:, :3], back[:, :3], rover[:, 3:], back[:, 3:])
+            notes.append(f"{table.path.name}: {count} rows {note}.")
+    return HighRate(sclk, rover[:, :3], backshell[:, :3], rover[:, 3:], backshell[:, 3:])
 
 
 def read_mer_tables(folder: str | Path, spacecraft: int) -> MerTables:
@@ -236,7 +237,7 @@ def read_mer_tables(folder: str | Path, spacecraft: int) -> MerTables:
     Raises
     ------
     InputError
-        Another spacecraft, a missing or damaged file, a file of the other spacecraft, time going backwards.
+        No such spacecraft, a missing or damaged file, a file of the other spacecraft, or times that decrease.
     """
     if spacecraft not in _NAMES:
         raise InputError(f"spacecraft is {spacecraft!r}; 1 (MER-B Opportunity) and 2 (MER-A Spirit) are accepted.")
@@ -248,11 +249,10 @@ def read_mer_tables(folder: str | Path, spacecraft: int) -> MerTables:
         "TRANSFORMED": find_gaps(transformed.sclk, 2.1 * SAMPLE_INTERVAL),
         "HIGHRATE": find_gaps(highrate.sclk, 1.1 * SAMPLE_INTERVAL),
     }
-    for name, found in gaps.items():
-        text = ", ".join(f"{length:g} s after SCLK {start:.3f}" for start, length in found)
-        notes.append(
-            f"{tables[name].path.name}: {len(found)} gap{'s' * (len(found) != 1)}" + (f" ({text})." if found else ".")
-        )
+    for name, of_table in gaps.items():
+        details = ", ".join(f"{length:g} s after SCLK {start:.3f}" for start, length in of_table)
+        count = f"{len(of_table)} gap{'s' * (len(of_table) != 1)}"
+        notes.append(f"{tables[name].path.name}: {count}" + (f" ({details})." if of_table else "."))
     return MerTables(
         spacecraft=spacecraft,
         name=_NAMES[spacecraft],

@@ -1,8 +1,8 @@
-"""Read fixed-width ASCII tables of the Planetary Data System, version 3, as their labels describe them.
+"""Reader of fixed-width ASCII tables of the Planetary Data System, version 3.
 
-The label is trusted for what the columns are, and checked against the table for everything that can be
-checked: a label that belongs to another table otherwise gives numbers that look right and are not.
-(PDS Standards Reference 3.8, chapter 12: Object Description Language.)
+Input: a detached label, which names its table. Method: the label defines the columns (PDS Standards Reference 3.8,
+chapter 12: Object Description Language); everything else in it is checked against the table, because a label of another
+table would give plausible but wrong numbers. Output: numeric columns, units and the label (`Pds3Table`).
 """
 
 from __future__ import annotations
@@ -17,8 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from edl_filter.errors import InputError
+from edl_filter.types import Array
 
-Array = NDArray[np.float64]
 Label = dict[str, Any]
 
 _COMMENT_OR_STRING = re.compile(r'"[^"]*"|/\*.*?\*/', re.DOTALL)
@@ -39,13 +39,13 @@ class Pds3Table:
     Attributes
     ----------
     columns : dict of (N,) arrays
-        Numeric columns by NAME, in the order of the label.
+        Numeric columns by NAME, in the order of the label and in its units.
     units : dict of str
         UNIT of each column, ``""`` where the label gives none.
     label : dict
-        What `read_label` gives.
+        Result of `read_label`.
     path : Path
-        The table's file.
+        File of the table.
     files : dict
         Path → sha256 of the label and the table.
     """
@@ -57,15 +57,31 @@ class Pds3Table:
     files: dict[str, str]
 
     def stack(self, *names: str) -> Array:
-        """Columns side by side, ``(N, len(names))``; an `InputError` names one that is not there."""
+        """Columns by name, side by side.
+
+        Parameters
+        ----------
+        *names : str
+            NAME of each column.
+
+        Returns
+        -------
+        (N, len(names)) array
+            In the units of the columns.
+
+        Raises
+        ------
+        InputError
+            There is no such column.
+        """
         for name in names:
             if name not in self.columns:
                 raise InputError(f"{self.path}: no column {name}; the label has {', '.join(self.columns)}.")
         return np.stack([self.columns[name] for name in names], axis=-1)
 
 
-def _value(text: str) -> Any:
-    """Turn a label's value into a number, string or list of strings."""
+def _parsed(text: str) -> Any:
+    """Convert a value of a label into a number, a string or a list of strings."""
     if text[0] in "\"'":
         return " ".join(text[1:-1].split())
     if text[0] in "({":
@@ -79,22 +95,22 @@ def _value(text: str) -> Any:
 
 
 def _without_comments(text: str) -> str:
-    """Label text with comments blanked, line breaks kept, and quoted strings left alone."""
+    """Label text with comments replaced by blanks; line breaks and quoted strings are unchanged."""
 
     def blank(match: re.Match[str]) -> str:
-        found = match.group()
-        return found if found.startswith('"') else re.sub(r"[^\n]", " ", found)
+        text = match.group()
+        return text if text.startswith('"') else re.sub(r"[^\n]", " ", text)
 
     return _COMMENT_OR_STRING.sub(blank, text)
 
 
-def _read_bytes(path: Path, what: str) -> bytes:
+def _read_bytes(path: Path, description: str) -> bytes:
     try:
         return path.read_bytes()
     except FileNotFoundError:
-        raise InputError(f"{path}: no such {what}.") from None
+        raise InputError(f"{path}: no such {description}.") from None
     except OSError as error:
-        raise InputError(f"{path}: the {what} cannot be read ({error.strerror}).") from None
+        raise InputError(f"{path}: the {description} cannot be read ({error.strerror}).") from None
 
 
 def read_label(path: str | Path) -> Label:
@@ -102,18 +118,19 @@ def read_label(path: str | Path) -> Label:
 
     Parameters
     ----------
-    path : path of the ``.LBL`` file
+    path : path
+        The ``.LBL`` file.
 
     Returns
     -------
     dict
-        Keyword → int, float, str or list of str. Objects and groups are nested: their name gives a *list*
-        of such dicts, since a table has many ``COLUMN`` objects.
+        Keyword → int, float, str or list of str. Objects and groups are nested: the name of an object is the key of a
+        *list* of such dicts, since a table has many ``COLUMN`` objects.
 
     Raises
     ------
     InputError
-        The file is missing, is no PDS3 label, or a line of it cannot be understood (the line is named).
+        The file is missing, is no PDS3 label, or has a line that cannot be parsed (the message names the line).
     """
     path = Path(path)
     text = _without_comments(_read_bytes(path, "label").decode("latin-1"))
@@ -124,28 +141,28 @@ def read_label(path: str | Path) -> Label:
         if text[position : match.start()].strip():
             break
         position = match.end()
-        key, raw, end = match.group("key"), match.group("value"), match.group("end")
+        key, value, end = match.group("key"), match.group("value"), match.group("end")
         if end == "END":
             break
         key = key.upper() if key else end
         if key in ("OBJECT", "GROUP"):
             inner: Label = {}
-            stack[-1][1].setdefault(raw.upper(), []).append(inner)
-            stack.append((raw.upper(), inner))
+            stack[-1][1].setdefault(value.upper(), []).append(inner)
+            stack.append((value.upper(), inner))
         elif key in ("END_OBJECT", "END_GROUP"):
             name, _ = stack.pop()
-            if not stack or (raw is not None and raw.upper() != name):
+            if not stack or (value is not None and value.upper() != name):
                 line = text.count("\n", 0, match.start()) + 1
-                raise InputError(f"{path}, line {line}: {key} = {raw} closes no open object of that name.")
+                raise InputError(f"{path}, line {line}: {key} = {value} closes no open object of that name.")
         else:
-            stack[-1][1][key] = _value(raw)
+            stack[-1][1][key] = _parsed(value)
     else:
         match = None
     if match is None or match.group("end") != "END":
         start = position + len(text[position:]) - len(text[position:].lstrip())
-        found = text[start : start + 40].split("\n")[0].strip() or "the end of the file"
+        statement = text[start : start + 40].split("\n")[0].strip() or "the end of the file"
         line = text.count("\n", 0, start) + 1
-        raise InputError(f"{path}, line {line}: found {found!r}; a PDS3 label has KEY = VALUE lines up to END.")
+        raise InputError(f"{path}, line {line}: found {statement!r}; a PDS3 label has KEY = VALUE lines up to END.")
     if len(stack) > 1:
         raise InputError(f"{path}: OBJECT = {stack[-1][0]} is never closed by END_OBJECT.")
     if label.get("PDS_VERSION_ID") != "PDS3":
@@ -154,7 +171,7 @@ def read_label(path: str | Path) -> Label:
 
 
 def find_file(folder: Path, name: str) -> Path | None:
-    """File called `name` in `folder` whatever its case (copies of old volumes differ), or None."""
+    """File `name` in `folder`, in any case of letters (copies of old volumes differ), or None."""
     if (folder / name).is_file():
         return folder / name
     if not folder.is_dir():
@@ -162,15 +179,20 @@ def find_file(folder: Path, name: str) -> Path | None:
     return next((p for p in sorted(folder.iterdir()) if p.name.lower() == name.lower()), None)
 
 
-def _integer(path: Path, block: Label, key: str) -> int:
-    value = block.get(key)
+def find_in_volume(folder: Path, name: str) -> Path | None:
+    """File `name` of a volume, from the volume's folder or its DATA folder, or None."""
+    return find_file(folder / "DATA", name) or find_file(folder, name)
+
+
+def _positive_integer(path: Path, label: Label, key: str) -> int:
+    value = label.get(key)
     if not isinstance(value, int) or value < 1:
         raise InputError(f"{path}: {key} is {value!r}; a positive integer is needed.")
     return value
 
 
 def _check_size(path: Path, label_path: Path, raw: bytes, rows: int, row_bytes: int) -> None:
-    """Refuse a table whose length or line ends differ from what its label says."""
+    """Raise if the table's length or line ends differ from those in its label."""
     if len(raw) != rows * row_bytes:
         lines = raw.count(b"\n")
         reason = "the table is truncated" if lines < rows else "the label disagrees with its table"
@@ -180,31 +202,32 @@ def _check_size(path: Path, label_path: Path, raw: bytes, rows: int, row_bytes: 
             f"{path}: {len(raw)} bytes in {lines} lines, but {label_path.name} says {rows} rows of "
             f"{row_bytes} bytes = {rows * row_bytes}; {reason}."
         )
-    ends = np.frombuffer(raw, np.uint8).reshape(rows, row_bytes)[:, -1] != ord("\n")
-    if ends.any():
+    without_line_end = np.frombuffer(raw, np.uint8).reshape(rows, row_bytes)[:, -1] != ord("\n")
+    if without_line_end.any():
         raise InputError(
-            f"{path}, row {int(ends.argmax()) + 1}: no line end after ROW_BYTES = {row_bytes} bytes; "
+            f"{path}, row {int(without_line_end.argmax()) + 1}: no line end after ROW_BYTES = {row_bytes} bytes; "
             f"{label_path.name} disagrees with its table."
         )
 
 
-def _column(path: Path, block: Label, name: str, table: NDArray[np.uint8], label_path: Path) -> Array:
-    """One numeric column as float64, with the row named when a field is not a finite number."""
-    start, width = _integer(label_path, block, "START_BYTE"), _integer(label_path, block, "BYTES")
+def _column(path: Path, column_label: Label, name: str, table: NDArray[np.uint8], label_path: Path) -> Array:
+    """One numeric column (N,) as float64; an error names the row of a field that is no finite number."""
+    start = _positive_integer(label_path, column_label, "START_BYTE")
+    width = _positive_integer(label_path, column_label, "BYTES")
     if start + width - 1 > table.shape[1]:
         raise InputError(
             f"{label_path}: column {name} ends at byte {start + width - 1}, beyond ROW_BYTES = {table.shape[1]}."
         )
-    if "ITEMS" in block:
+    if "ITEMS" in column_label:
         raise InputError(f"{label_path}: column {name} has ITEMS; only columns of one item are read.")
     fields = np.ascontiguousarray(table[:, start - 1 : start - 1 + width]).view(f"S{width}")[:, 0]
     try:
         values = fields.astype(np.float64)
     except ValueError:
         values = np.array([_number_or_nan(field) for field in fields])
-    bad = ~np.isfinite(values)
-    if bad.any():
-        row = int(bad.argmax())
+    not_finite = ~np.isfinite(values)
+    if not_finite.any():
+        row = int(not_finite.argmax())
         raise InputError(
             f"{path}, row {row + 1}, column {name}: found {fields[row].decode('latin-1').strip()!r}; "
             "a finite number is needed."
@@ -224,8 +247,8 @@ def read_table(label_path: str | Path) -> Pds3Table:
 
     Parameters
     ----------
-    label_path : path of the label
-        The table is the file that ``^TABLE`` names, in the same folder, in any case of letters.
+    label_path : path
+        The table is the file that ``^TABLE`` names, in the folder of the label, in any case of letters.
 
     Returns
     -------
@@ -234,27 +257,28 @@ def read_table(label_path: str | Path) -> Pds3Table:
     Raises
     ------
     InputError
-        A missing label or table; a table truncated or otherwise unlike ROW_BYTES, ROWS, FILE_RECORDS or
-        COLUMNS of its label; a field that is not a finite number (file, row counted from 1, column).
+        A missing label or table; a table that is truncated or differs from ROW_BYTES, ROWS, FILE_RECORDS or COLUMNS of
+        its label; a field that is not a finite number (the message names file, row counted from 1, and column).
     """
     label_path = Path(label_path)
     label = read_label(label_path)
     if not isinstance(label.get("^TABLE"), str) or "TABLE" not in label:
         raise InputError(f"{label_path}: no ^TABLE pointer to a file, or no TABLE object.")
-    block = label["TABLE"][0]
-    if block.get("INTERCHANGE_FORMAT") != "ASCII":
-        found = block.get("INTERCHANGE_FORMAT")
-        raise InputError(f"{label_path}: INTERCHANGE_FORMAT is {found!r}; only ASCII tables are read.")
-    rows, row_bytes = _integer(label_path, block, "ROWS"), _integer(label_path, block, "ROW_BYTES")
-    columns = block.get("COLUMN", [])
-    for key, expected, meaning in (
+    table_label = label["TABLE"][0]
+    if table_label.get("INTERCHANGE_FORMAT") != "ASCII":
+        interchange_format = table_label.get("INTERCHANGE_FORMAT")
+        raise InputError(f"{label_path}: INTERCHANGE_FORMAT is {interchange_format!r}; only ASCII tables are read.")
+    rows = _positive_integer(label_path, table_label, "ROWS")
+    row_bytes = _positive_integer(label_path, table_label, "ROW_BYTES")
+    columns = table_label.get("COLUMN", [])
+    for key, expected, table_key in (
         ("FILE_RECORDS", rows, "ROWS"),
         ("RECORD_BYTES", row_bytes, "ROW_BYTES"),
     ):
         if label.get(key, expected) != expected:
-            raise InputError(f"{label_path}: {key} is {label[key]}, but {meaning} is {expected}.")
-    if block.get("COLUMNS", len(columns)) != len(columns):
-        raise InputError(f"{label_path}: COLUMNS is {block['COLUMNS']}, but it describes {len(columns)} columns.")
+            raise InputError(f"{label_path}: {key} is {label[key]}, but {table_key} is {expected}.")
+    if table_label.get("COLUMNS", len(columns)) != len(columns):
+        raise InputError(f"{label_path}: COLUMNS is {table_label['COLUMNS']}, but it describes {len(columns)} columns.")
     path = find_file(label_path.parent, label["^TABLE"])
     if path is None:
         raise InputError(f"{label_path}: its table {label['^TABLE']} is not in {label_path.parent}.")

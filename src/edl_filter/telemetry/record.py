@@ -1,6 +1,6 @@
-"""What every reader of telemetry gives: records of IMUs, attitude and altimeter in body axes.
+"""Records that every telemetry reader returns: IMU samples, attitude and altimeter in body axes, and stated fixes.
 
-The records know nothing of files or missions; all later stages know nothing but these records.
+The records are independent of files and missions; all later stages read telemetry only through them.
 """
 
 from __future__ import annotations
@@ -8,64 +8,69 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from edl_filter import rotations
 from edl_filter.errors import InputError
+from edl_filter.imu_model.sensor_errors import SensorErrors
+from edl_filter.types import Array, BoolArray, IntArray
 
-Array = NDArray[np.float64]
+#: Times that differ by less than this are equal, s.
+SAME_TIME = 1e-6
 
 
-@dataclass(frozen=True)
-class SensorErrors:
-    """One-sigma sizes of an IMU's constant errors, per body axis (zero: no such error).
+def within_window(time: Array, interval: Array, start: float, end: float) -> BoolArray:
+    """Select the samples whose interval lies within a window.
 
-    Applied in the order misalignment, scale, bias: ``f_m = (1 + s) ∘ (R(m) f) + b``.
+    Parameters
+    ----------
+    time, interval : (N,) arrays
+        End and length of each sample's interval, s.
+    start, end : float
+        Window, s; it is extended by `SAME_TIME` at both ends to allow for rounding.
+
+    Returns
+    -------
+    (N,) boolean array
     """
-
-    accelerometer_bias: float = 0.0
-    accelerometer_scale: float = 0.0
-    accelerometer_misalignment: float = 0.0
-    gyro_bias: float = 0.0
-    gyro_scale: float = 0.0
+    return (time - interval >= start - SAME_TIME) & (time <= end + SAME_TIME)
 
 
 @dataclass(frozen=True)
 class ImuRecord:
-    """Samples of an IMU, or of several joined, in body axes.
+    """Samples of one IMU, or of several IMUs joined in time, in body axes.
 
     Attributes
     ----------
     name : str
-        What the record is called in results and messages.
+        Name of the record in results and messages.
     time : (N,) array
         End of each sample's interval, s since the epoch, strictly increasing.
     interval : (N,) array
-        Length of each interval, s. Intervals adjoin: ``time[i] - interval[i] == time[i - 1]``, so that
-        a gap in the telemetry is one long sample whose content is unknown or reconstructed.
+        Length of each interval, s. Intervals adjoin: ``time[i] - interval[i] == time[i - 1]``. A gap in the
+        telemetry is therefore one or more samples whose values are unknown or reconstructed.
     specific_force, angular_rate : (N, 3) arrays
-        Means over the interval, m/s² and rad/s, body axes. NaN in a gap that nothing fills.
+        Means over the interval, m/s² and rad/s, body axes. NaN in a gap that was not filled.
     position : (N, 3) array
-        Where the accelerometers sit, m from the centre of mass, body axes; zero where the telemetry was
-        moved to the centre of mass already.
+        Position of the accelerometers relative to the centre of mass, m, body axes; zero where the specific force
+        was already transferred to the centre of mass.
     force_noise, rate_noise : (N,) arrays
         One sigma of one sample, m/s² and rad/s.
     shared_rate_noise : (N,) array
-        The part of `rate_noise` that an attitude computed on board from the same gyros has too, rad/s.
+        The part of `rate_noise` that an attitude computed on board from the same gyros has in common, rad/s.
     net_turn : (N,) boolean array
-        Where `angular_rate` is the net turn over the interval (from two attitudes), not the mean of a gyro's rate:
-        coning is in it already.
+        True where `angular_rate` is the net rotation over the interval (from two attitudes) divided by the interval,
+        and not the mean of the gyros' rate: it includes the coning correction.
     net_gain : (N,) boolean array
-        Where `specific_force` is the velocity gained in the axes of mid-interval (from an inertial register), not
-        the mean of an accelerometer's reading: sculling is in it already.
+        True where `specific_force` is the velocity increment in the axes of mid-interval (from an inertial register)
+        divided by the interval, and not the mean of the accelerometers' readings: it includes the sculling correction.
     unit : (N,) integer array
-        Index into `units`: the instrument that took the sample. The sensor errors change with it.
+        Index into `units`: the instrument that took the sample. The sensor errors depend on it.
     units : tuple of str
     source : (N,) integer array
-        Index into `sources`: the product the sample came from.
+        Index into `sources`: the product that the sample was read from.
     sources : tuple of str
     errors : tuple of SensorErrors
-        The constant errors' sigmas, one entry for each of `units`.
+        One-sigma sizes of the constant errors, one entry for each of `units`.
     """
 
     name: str
@@ -77,11 +82,11 @@ class ImuRecord:
     force_noise: Array
     rate_noise: Array
     shared_rate_noise: Array
-    net_turn: NDArray[np.bool_]
-    net_gain: NDArray[np.bool_]
-    unit: NDArray[np.int64]
+    net_turn: BoolArray
+    net_gain: BoolArray
+    unit: IntArray
     units: tuple[str, ...]
-    source: NDArray[np.int64]
+    source: IntArray
     sources: tuple[str, ...]
     errors: tuple[SensorErrors, ...]
 
@@ -112,21 +117,20 @@ class ImuRecord:
 
     @property
     def start(self) -> float:
-        """Beginning of the first interval, s."""
+        """Start of the first interval, s."""
         return float(self.time[0] - self.interval[0])
 
     def between(self, start: float, end: float) -> ImuRecord:
-        """Samples whose interval lies within ``(start, end]``, a microsecond allowed for rounding."""
-        keep = (self.time - self.interval >= start - 1e-6) & (self.time <= end + 1e-6)
-        return self.select(keep)
+        """Samples whose interval lies within `start` to `end`, s (`within_window`)."""
+        return self.select(within_window(self.time, self.interval, start, end))
 
-    def select(self, keep: NDArray[np.bool_]) -> ImuRecord:
-        """The samples where `keep` is true."""
+    def select(self, selected: BoolArray) -> ImuRecord:
+        """Samples where the boolean array `selected` (N,) is true."""
         names = (
             "time", "interval", "specific_force", "angular_rate", "position", "force_noise", "rate_noise",
             "shared_rate_noise", "net_turn", "net_gain", "unit", "source",
         )  # fmt: skip
-        return replace(self, **{name: getattr(self, name)[keep] for name in names})
+        return replace(self, **{name: getattr(self, name)[selected] for name in names})
 
 
 @dataclass(frozen=True)
@@ -140,20 +144,31 @@ class AttitudeRecord:
     inertial_from_body : (N, 4) array
         Unit quaternions, scalar last.
     sigma : (N,) array
-        One sigma of one sample about each axis, rad, apart from the error of the whole record's frame.
+        One sigma of one sample about each axis, rad, without the error that all samples have in common (that of the
+        record's reference frame).
     unit : (N,) integer array
-        Index into `units`: the instrument whose gyros carried it.
+        Index into `units`: the instrument from whose gyros the attitude was computed.
     units : tuple of str
     """
 
     time: Array
     inertial_from_body: Array
     sigma: Array
-    unit: NDArray[np.int64]
+    unit: IntArray
     units: tuple[str, ...]
 
     def at(self, time: float) -> Array:
-        """Attitude ``(4,)`` at `time`, turned evenly between its two neighbours.
+        """Attitude at one time, interpolated at constant rate between the two samples around it.
+
+        Parameters
+        ----------
+        time : float
+            s since the epoch.
+
+        Returns
+        -------
+        (4,) array
+            Unit quaternion ``inertial_from_body``.
 
         Raises
         ------
@@ -167,14 +182,26 @@ class AttitudeRecord:
             )
         k = min(int(np.searchsorted(self.time, time, side="right")), len(self.time) - 1)
         before, after = self.inertial_from_body[k - 1], self.inertial_from_body[k]
-        turn = rotations.to_rotation_vector(rotations.multiply(rotations.conjugate(before), after))
-        share = (time - self.time[k - 1]) / (self.time[k] - self.time[k - 1])
-        return rotations.multiply(before, rotations.from_rotation_vector(share * turn))
+        rotation_vector = rotations.rotation_vector_between(before, after)
+        fraction = (time - self.time[k - 1]) / (self.time[k] - self.time[k - 1])
+        return rotations.multiply(before, rotations.from_rotation_vector(fraction * rotation_vector))
 
 
 @dataclass(frozen=True)
 class AltimeterRecord:
-    """Heights above a sphere of radius `surface_radius` about the planet's centre, m, one sigma `sigma`."""
+    """Radar altimeter: heights above a sphere about the planet's centre.
+
+    Attributes
+    ----------
+    time : (N,) array
+        s since the epoch.
+    height : (N,) array
+        m.
+    sigma : float
+        One sigma of one height, m.
+    surface_radius : float
+        Radius of the sphere, m.
+    """
 
     time: Array
     height: Array
@@ -184,10 +211,18 @@ class AltimeterRecord:
 
 @dataclass(frozen=True)
 class InitialState:
-    """State at `time`: inertial position, velocity and attitude, with a 9 x 9 covariance.
+    """Inertial state at one time, with its covariance.
 
-    The covariance is of position (m), velocity (m/s) and attitude error (rad, body axes,
-    ``stated = true ⊗ exp(error)``).
+    Attributes
+    ----------
+    time : float
+        s since the epoch.
+    position, velocity : (3,) arrays
+        Inertial, m and m/s.
+    inertial_from_body : (4,) array
+        Unit quaternion, scalar last.
+    covariance : (9, 9) array
+        Of position (m), velocity (m/s) and attitude error (rad, body axes, ``stated = true ⊗ exp(error)``).
     """
 
     time: float
@@ -199,7 +234,15 @@ class InitialState:
 
 @dataclass(frozen=True)
 class LandingFix:
-    """Where the vehicle rests: planet-fixed position (m) with one sigma per axis, from `time` on."""
+    """Position at rest after the landing.
+
+    Attributes
+    ----------
+    time : float
+        s since the epoch; the vehicle is at rest from then on.
+    position, position_sigma : (3,) arrays
+        Planet-fixed position and one sigma per axis, m.
+    """
 
     time: float
     position: Array
@@ -208,7 +251,7 @@ class LandingFix:
 
 @dataclass(frozen=True)
 class ParachuteFix:
-    """Dynamic pressure at parachute deployment, Pa, with one sigma."""
+    """Dynamic pressure at parachute deployment, with one sigma: s since the epoch, Pa."""
 
     time: float
     dynamic_pressure: float
@@ -217,14 +260,14 @@ class ParachuteFix:
 
 @dataclass(frozen=True)
 class Telemetry:
-    """All that was measured or known about one entry.
+    """All measurements of one entry, and the other statements about it that came with them.
 
     Attributes
     ----------
     driving : ImuRecord
-        Drives the propagation.
+        The record that drives the propagation.
     checking : tuple of ImuRecord
-        The other IMUs, for comparison.
+        Records of the other IMUs, for comparison.
     attitude : AttitudeRecord or None
     altimeter : AltimeterRecord or None
     initial : InitialState or None
@@ -235,15 +278,15 @@ class Telemetry:
     epoch_utc : str
         ISO 8601 of time 0.
     epoch_sclk : float or None
-        Spacecraft clock at time 0, where there is one.
+        Spacecraft clock at time 0, s, where there is one.
     prime_meridian_at_epoch : float or None
-        Angle from the inertial x axis to the prime meridian at time 0, rad, where the telemetry says it.
+        Angle from the inertial x axis to the prime meridian at time 0, rad, where the telemetry states it.
     files : dict
-        Name within its folder or volume → sha256 of what was read.
+        Name within its folder or volume → sha256 of the files that were read.
     notes : tuple of str
-        What cleaning did, one sentence each, for the report.
+        Steps of the cleaning, one sentence each, for the report.
     planet : str
-        Name of the planet as the telemetry has it; empty where it does not say.
+        Name of the planet in the telemetry; empty if there is none.
     """
 
     driving: ImuRecord

@@ -1,8 +1,8 @@
-"""`edl-filter improve`: the loop with every step kept as plain files, and a ledger beside them.
+"""`edl-filter improve`: stepwise improvement with every step kept as plain files, and a ledger of them.
 
 ``step_K`` holds the model that was diagnosed in step K, as a mission file that runs, and its diagnosis; the folder
 itself the final model, its result and ``ledger.jsonl``: a line for each effect that was added, and a last one that
-says why there are no more.
+says why no more were.
 """
 
 from __future__ import annotations
@@ -13,28 +13,31 @@ from itertools import count
 from pathlib import Path
 from typing import Any
 
-from edl_filter.diagnosis import ledger
-from edl_filter.diagnosis.improve import Step, improve
-from edl_filter.diagnosis.of_result import by_channel, candidates, needs_prediction
-from edl_filter.diagnosis.ranking import Progress
-from edl_filter.diagnosis.series import residual_series
-from edl_filter.diagnosis.settle import settle
+from edl_filter.diagnosis.diagnosis_json import diagnosis_content
+from edl_filter.diagnosis.residual_analysis.time_series import residual_series
+from edl_filter.diagnosis.selection.outer_loop import fit_effects
+from edl_filter.diagnosis.selection.ranking import Progress
+from edl_filter.diagnosis.stepwise import Step, improve
+from edl_filter.effects.registry import selected_effects
 from edl_filter.errors import InputError
 from edl_filter.mission import Mission
-from edl_filter.mission.having import text_with
-from edl_filter.mission.naming import write_mission
-from edl_filter.reconstruction import reconstruct
-from edl_filter.results.effects import Judged
+from edl_filter.mission.edit_effects import text_with_effects
+from edl_filter.mission.files import write_mission
+from edl_filter.mission.mission import require_prediction_inputs
+from edl_filter.pipeline.reconstruct import reconstruct
+from edl_filter.results.files import DIAGNOSIS, FIGURES, RESIDUALS, read_ledger, write_json
 from edl_filter.results.netcdf import write
-from edl_filter.results.outputs import DIAGNOSIS, RESIDUALS, write_json, write_outputs
-from edl_filter.results.plain import finite
+from edl_filter.results.result import RefitSummary, Result
+from edl_filter.workflow import ledger
+from edl_filter.workflow.diagnose_result import rms_by_channel
+from edl_filter.workflow.outputs import write_outputs
 
 MISSION = "mission.yaml"
 
 
 @dataclass(frozen=True)
-class Kept:
-    """A step of the loop and what it left.
+class StepFiles:
+    """A step of the selection and what was written of it.
 
     Attributes
     ----------
@@ -53,14 +56,14 @@ class Kept:
     paragraph: str
 
 
-def steps(
+def improve_steps(
     mission: Mission,
     folder: Path,
     most: int | None = None,
     names: Sequence[str] = (),
     file: Path | None = None,
     progress: Progress = lambda _: None,
-) -> Iterator[Kept]:
+) -> Iterator[StepFiles]:
     """Improve a mission, writing each step into `folder` as it is done.
 
     Parameters
@@ -68,67 +71,70 @@ def steps(
     mission : Mission
     folder : Path
     most : int, optional
-        Effects to add at most.
+        Largest number of effects to add.
     names, file
-        As `of_result.candidates`.
+        As in `effects.registry.selected_effects`.
     progress : callable
-        Told what is being done.
+        Called with what is being done.
 
     Raises
     ------
     InputError
         The folder has another mission's ledger, there is no such effect, or the mission cannot be predicted.
     """
-    needs_prediction(mission, str(mission.source or mission.name))
-    chosen = candidates(names, file)
-    _clear(mission, folder)
-    for k, step in enumerate(improve(mission, chosen, progress=progress)):
+    require_prediction_inputs(mission)
+    effects = selected_effects(names, file)
+    _clear_ledger(mission, folder)
+    for k, step in enumerate(improve(mission, effects, progress=progress)):
         full = most is not None and k >= most and step.added is not None
-        content = finite(step.diagnosis.content())
-        text, _ = text_with(mission, step.model)
-        here = folder / f"step_{k}"
-        write_mission(mission, text, here / MISSION)
-        write_json(content, here / DIAGNOSIS)
-        stop = _why(step, content, full)
-        line = _last_line(k, content, stop) if stop else ledger.entry(k, content)
+        content = diagnosis_content(step.diagnosis)
+        text, _ = text_with_effects(mission, step.model)
+        step_folder = folder / f"step_{k}"
+        write_mission(mission, text, step_folder / MISSION)
+        write_json(content, step_folder / DIAGNOSIS)
+        stop = _why_stopped(step, content, full)
+        line = ledger.last_line(k, content, stop) if stop else ledger.added_line(k, content)
         ledger.append(folder, line)
-        yield Kept(step, content, text, _paragraph(k, content, line, stop))
+        yield StepFiles(step, content, text, _paragraph(k, content, line, stop))
         if full:
             return
 
 
-def finish(mission: Mission, folder: Path, kept: Sequence[Kept], progress: Progress = lambda _: None) -> list[Path]:
-    """Write the final model's mission, result, diagnosis and figures; gives their paths."""
+def write_final_model(
+    mission: Mission, folder: Path, steps: Sequence[StepFiles], progress: Progress = lambda _: None
+) -> list[Path]:
+    """Write the final model's mission, result, diagnosis and figures; returns their paths."""
     from edl_filter.report.diagnosis import draw_diagnosis, ledger_figure, write_figure
+    from edl_filter.report.html import write_report
 
-    last = kept[-1]
+    last = steps[-1]
     path = write_mission(mission, last.text, folder / MISSION)
     final = Mission.load(path)
     progress("refitting the final model")
     if any(not a.fixed for a in last.step.model):
-        settled = settle(final)
-        reconstruction, sigma = settled.reconstruction, settled.sigma
+        fitted = fit_effects(final)
+        reconstruction, sigma = fitted.reconstruction, fitted.sigma
     else:
         reconstruction, sigma = reconstruct(final), {}
-    written = write_outputs(reconstruction, folder, False, Judged(sigma, by_channel(last.content)))
+    result = Result(reconstruction, RefitSummary(sigma, rms_by_channel(last.content)))
+    written = write_outputs(result, folder, False)
     title = mission.title or mission.name
-    figures = draw_diagnosis(last.content, title, folder / "figures")
-    made = ledger_figure(ledger.read(folder), last.content["noise_floor"], title)
-    figures.append(write_figure(made, folder / "figures" / "ledger.png"))
-    found = write_json(last.content, folder / DIAGNOSIS)
-    write(residual_series(last.step.diagnosis.ranking.linear), folder / RESIDUALS)
-    from edl_filter.report.html import write_report
-
+    figures = draw_diagnosis(last.content, title, folder / FIGURES)
+    lines = [line.model_dump() for line in read_ledger(folder)]
+    ledger_drawing = ledger_figure(lines, last.content["noise_floor"], title)
+    figures.append(write_figure(ledger_drawing, folder / FIGURES / "ledger.png"))
+    diagnosis = write_json(last.content, folder / DIAGNOSIS)
+    write(residual_series(last.step.diagnosis.ranking.model), folder / RESIDUALS)
     report = write_report(folder)
-    return [path, written["result"], written["summary"], found, folder / ledger.NAME, report, *figures]
+    return [path, written["result"], written["summary"], diagnosis, folder / ledger.NAME, report, *figures]
 
 
-def _clear(mission: Mission, folder: Path) -> None:
-    """Make room for a new ledger where an earlier one of the same mission is; refuse another mission's."""
-    for line in ledger.read(folder):
-        if line.get("mission") != mission.name:
+def _clear_ledger(mission: Mission, folder: Path) -> None:
+    """Remove the files of an earlier improvement of the same mission; refuse another mission's."""
+    for line in read_ledger(folder):
+        if line.mission != mission.name:
             raise InputError(
-                f"{folder / ledger.NAME}: found the ledger of {line.get('mission')!r}; expected none, or that of "
+                f"{folder / ledger.NAME}: found the ledger of {line.mission!r}; expected none, or that of "
                 f"{mission.name!r}. Name another folder with -o."
             )
     folder.mkdir(parents=True, exist_ok=True)
@@ -143,28 +149,16 @@ def _clear(mission: Mission, folder: Path) -> None:
             old.rmdir()
 
 
-def _why(step: Step, content: dict[str, Any], full: bool) -> str:
-    """Why nothing is added, and what is left; empty where something is added."""
+def _why_stopped(step: Step, content: dict[str, Any], full: bool) -> str:
+    """Why nothing is added, and the remainder; empty where an effect is added."""
     if full and step.added is not None:
         return f"Stopped: as many effects as were asked for; the next would be {step.added.name}."
-    left = content["remainder"]
-    return step.why_stopped + (f" What is left: {left['description']}" if step.why_stopped and left else "")
-
-
-def _last_line(step: int, content: dict[str, Any], why: str) -> dict[str, Any]:
-    """The ledger's last line: nothing added, and why."""
-    return {
-        "step": step,
-        "mission": content["mission"],
-        "model": content["effects"],
-        "added": None,
-        "why": why,
-        "errors": {name: {"before": before, "after": None} for name, before in content["errors"].items()},
-    }
+    remainder = content["remainder"]
+    return step.why_stopped + (f" What is left: {remainder['description']}" if step.why_stopped and remainder else "")
 
 
 def _paragraph(k: int, content: dict[str, Any], line: dict[str, Any], stop: str) -> str:
-    from edl_filter.report.findings import number, parameters_text
+    from edl_filter.report.terminal.diagnosis import number, parameters_text
 
     cells = content["where"]
     text = f"Step {k}: "

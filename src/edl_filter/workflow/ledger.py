@@ -1,7 +1,7 @@
-"""The ledger: what was added to a model, one plain line of JSON after the other, and how the error fell.
+"""The ledger of an improvement: one line of JSON for each effect that was added, with the fall of every residual.
 
-``ledger.jsonl`` lies beside the results. Each line names the mission, the effect with its estimate, every channel's
-normalised RMS before and after, and the held-out score; a person can read it and git can show its changes.
+``ledger.jsonl`` is in the folder of the results. Each line names the mission, the effect with its estimate, every
+channel's normalised RMS before and after, and the held-out score; a person can read it and git can show its changes.
 """
 
 from __future__ import annotations
@@ -10,13 +10,12 @@ import json
 from pathlib import Path
 from typing import Any
 
-from edl_filter.errors import InputError
-from edl_filter.results.outputs import LEDGER as NAME
-from edl_filter.results.outputs import finite
+from edl_filter.results.files import LEDGER as NAME
+from edl_filter.results.plain import finite
 
 
-def entry(step: int, content: dict[str, Any]) -> dict[str, Any]:
-    """Line of the effect that a diagnosis (its ``content``) names first."""
+def added_line(step: int, content: dict[str, Any]) -> dict[str, Any]:
+    """The line of the effect that a diagnosis (its ``content``) names first."""
     first = content["ranking"][0]
     return {
         "step": step,
@@ -34,29 +33,21 @@ def entry(step: int, content: dict[str, Any]) -> dict[str, Any]:
     }
 
 
+def last_line(step: int, content: dict[str, Any], why: str) -> dict[str, Any]:
+    """The last line: nothing added, and why."""
+    return {
+        "step": step,
+        "mission": content["mission"],
+        "model": content["effects"],
+        "added": None,
+        "why": why,
+        "errors": {name: {"before": before, "after": None} for name, before in content["errors"].items()},
+    }
+
+
 def append(folder: Path, line: dict[str, Any]) -> Path:
-    """Add a line to the ledger in `folder`."""
+    """Append a line to the ledger in `folder`."""
     path = folder / NAME
     with path.open("a", encoding="utf-8") as file:
         file.write(json.dumps(finite(line), ensure_ascii=False, allow_nan=False) + "\n")
     return path
-
-
-def read(folder: Path) -> list[dict[str, Any]]:
-    """Lines of the ledger in `folder`, none if there is none.
-
-    Raises
-    ------
-    InputError
-        A line is not JSON.
-    """
-    path = folder / NAME
-    if not path.is_file():
-        return []
-    found = []
-    for n, text in enumerate(path.read_text(encoding="utf-8").splitlines(), 1):
-        try:
-            found.append(json.loads(text))
-        except json.JSONDecodeError as error:
-            raise InputError(f"{path}, line {n}: found no JSON ({error.msg}); remove the line.") from None
-    return found

@@ -7,13 +7,11 @@ from collections.abc import Callable
 from dataclasses import replace
 
 from edl_filter.mission import Mission
-from edl_filter.reconstruction import Reconstruction, reconstruct
-from edl_filter.results.effects import Judged
+from edl_filter.pipeline.reconstruct import reconstruct
+from edl_filter.results.result import RefitSummary, Result
 
 
-def reconstruct_and_judge(
-    mission: Mission, refit: bool = True, progress: Callable[[str], None] = lambda _: None
-) -> tuple[Reconstruction, Judged]:
+def run_mission(mission: Mission, refit: bool = True, progress: Callable[[str], None] = lambda _: None) -> Result:
     """Reconstruct an entry with its effects at their most probable values.
 
     A mission without effects is reconstructed and no more: to compare it with its model takes longer than that,
@@ -25,12 +23,12 @@ def reconstruct_and_judge(
     refit : bool
         Without it effects stay at their values, and nothing is compared.
     progress : callable
-        Told what is being done.
+        Called with what is being done.
 
     Returns
     -------
-    Reconstruction, Judged
-        The second is empty where there are no effects, or no aerodynamic database with which to predict.
+    Result
+        Its `refit` is empty where there are no effects, or no aerodynamic database with which to predict.
 
     Raises
     ------
@@ -38,17 +36,17 @@ def reconstruct_and_judge(
         As `reconstruct`.
     """
     if not refit or not mission.effects or mission.aerodynamics is None or mission.vehicle.inertia is None:
-        return reconstruct(mission), Judged()
-    from edl_filter.diagnosis.residuals import residuals
-    from edl_filter.diagnosis.settle import can_settle, settle
+        return Result(reconstruct(mission))
+    from edl_filter.diagnosis.residual_analysis.run_residuals import residual_rms
+    from edl_filter.diagnosis.selection.outer_loop import can_fit_effects, fit_effects
 
-    if can_settle(mission):
-        settled = settle(mission, progress)
-        reconstruction, sigma = settled.reconstruction, settled.sigma
+    if can_fit_effects(mission):
+        fitted = fit_effects(mission, progress)
+        reconstruction, sigma = fitted.reconstruction, fitted.sigma
     else:
         reconstruction, sigma = reconstruct(mission), {}
     progress("comparing model and measurements")
     begin = time.perf_counter()
-    found = residuals(reconstruction)
+    normalised = residual_rms(reconstruction)
     timing = reconstruction.timing | {"residuals": time.perf_counter() - begin}
-    return replace(reconstruction, timing=timing), Judged(sigma, found)
+    return Result(replace(reconstruction, timing=timing), RefitSummary(sigma, normalised))

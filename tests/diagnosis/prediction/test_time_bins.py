@@ -1,4 +1,4 @@
-"""Bins: means against overlaps summed one by one; which bins are compared."""
+"""Time bins: means against overlaps that are summed one by one; which bins are compared."""
 
 from dataclasses import replace
 
@@ -7,14 +7,17 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from edl_filter.diagnosis.bins import END, LENGTH, bin_means, lay_bins
+from edl_filter.diagnosis.prediction.time_bins import bin_means, make_time_bins
+from edl_filter.mission.decision_settings import DecisionSettings
 from edl_filter.navigation.increments import Samples
+
+LENGTH, END = DecisionSettings().bin_length_s, DecisionSettings().excluded_end_bins
 
 
 def samples_of(edges):
     """A body at rest, sampled between `edges`."""
     n = len(edges) - 1
-    zero, none = np.zeros((n, 3)), np.zeros(n)
+    zero, no_noise = np.zeros((n, 3)), np.zeros(n)
     return Samples(
         time=edges[1:],
         interval=np.diff(edges),
@@ -22,20 +25,25 @@ def samples_of(edges):
         rate=zero,
         mean_force=zero.copy(),
         mean_rate=zero,
-        force_noise=none,
-        rate_noise=none,
-        shared_rate_noise=none,
+        force_noise=no_noise,
+        rate_noise=no_noise,
+        shared_rate_noise=no_noise,
         net_turn=np.zeros(n, bool),
         unit=np.zeros(n, np.int64),
     )
 
 
-def even(rate, length=10.0, begin=50.0):
+def make_bins(samples, edges, end):
+    """Bins with the default settings."""
+    return make_time_bins(samples, edges, end, LENGTH, END)
+
+
+def regular_edges(rate, length=10.0, begin=50.0):
     return begin + np.arange(round(length * rate) + 1) / rate
 
 
 def slow_means(edges, grid, values):
-    """Every bin's overlap with every interval, added up."""
+    """Sum of the overlaps of every bin with every interval."""
     out = np.zeros((len(edges) - 1, *values.shape[1:]))
     for b in range(len(edges) - 1):
         for i in range(len(grid) - 1):
@@ -51,114 +59,120 @@ def slow_means(edges, grid, values):
     st.sampled_from([(), (3,), (2, 2)]),
     st.integers(0, 1000),
 )
-def test_means_are_overlaps_added_up(lengths, shares, shape, seed):
+def test_means_are_sums_of_overlaps(lengths, shares, shape, seed):
     grid = -5.0 + np.concatenate(([0.0], np.cumsum(lengths)))
     edges = grid[0] + np.sort(shares) * (grid[-1] - grid[0])
     edges = edges[np.concatenate(([True], np.diff(edges) > 1e-4))]
     values = np.random.default_rng(seed).normal(size=(len(lengths), *shape))
-    found = bin_means(edges, grid[1:], np.diff(grid), values)
-    np.testing.assert_allclose(found, slow_means(edges, grid, values), atol=1e-9)
+    means = bin_means(edges, grid[1:], np.diff(grid), values)
+    np.testing.assert_allclose(means, slow_means(edges, grid, values), atol=1e-9)
 
 
-def test_means_are_the_integral_of_what_was_sampled():
-    """Samples are means of a sine; bins of two of them are the sine's means over both."""
+def test_means_of_a_sampled_sine():
+    """Samples are means of a sine; the means over bins of two samples are the sine's means over both."""
     grid = np.linspace(0.0, 4.0, 41)
-    means = -np.diff(np.cos(grid)) / np.diff(grid)
-    found = bin_means(grid[::2], grid[1:], np.diff(grid), means)
-    np.testing.assert_allclose(found, -np.diff(np.cos(grid[::2])) / 0.2, atol=1e-12)
+    samples = -np.diff(np.cos(grid)) / np.diff(grid)
+    means = bin_means(grid[::2], grid[1:], np.diff(grid), samples)
+    np.testing.assert_allclose(means, -np.diff(np.cos(grid[::2])) / 0.2, atol=1e-12)
 
 
-def test_nothing_is_said_of_bins_that_are_not_covered():
+def test_bins_that_are_not_covered_have_no_mean():
     grid = np.arange(11.0)
-    found = bin_means(np.array([-1.0, 0.5, 1.0, 9.0, 10.0, 10.5]), grid[1:], np.diff(grid), np.ones((10, 3)))
-    np.testing.assert_array_equal(np.isnan(found).all(axis=1), [True, False, False, False, True])
-    np.testing.assert_allclose(found[1:4], 1.0)
+    means = bin_means(np.array([-1.0, 0.5, 1.0, 9.0, 10.0, 10.5]), grid[1:], np.diff(grid), np.ones((10, 3)))
+    np.testing.assert_array_equal(np.isnan(means).all(axis=1), [True, False, False, False, True])
+    np.testing.assert_allclose(means[1:4], 1.0)
 
 
-def test_rounding_of_an_edge_does_not_put_a_bin_outside():
+def test_a_rounding_error_of_an_edge_leaves_the_bin_covered():
     grid = np.arange(4.0)
     assert bin_means(np.array([-1e-9, 3.0 + 1e-9]), grid[1:], np.diff(grid), np.ones(3)) == pytest.approx(1.0)
 
 
 @pytest.mark.parametrize(("rate", "per_bin"), [(8, 1), (20, 2), (50, 4), (200, 20)])
 def test_bins_are_about_a_tenth_of_a_second(rate, per_bin):
-    edges = even(rate)
-    bins = lay_bins(samples_of(edges), edges, 60.0)
-    assert bins.per_bin == per_bin
+    edges = regular_edges(rate)
+    bins = make_bins(samples_of(edges), edges, 60.0)
+    assert bins.samples_per_bin == per_bin
     np.testing.assert_allclose(bins.interval, per_bin / rate, rtol=1e-9)
     np.testing.assert_allclose(bins.edges, edges[::per_bin])
     np.testing.assert_allclose(bins.middle, bins.edges[:-1] + 0.5 * per_bin / rate)
 
 
 @given(st.floats(1.0, 1000.0))
-def test_a_bin_holds_one_sample_or_the_even_number_next_to_a_tenth_of_a_second(rate):
-    edges = even(rate, length=max(4.0, 40.0 / rate))
-    bins = lay_bins(samples_of(edges), edges, edges[-1])
+def test_a_bin_has_one_sample_or_the_even_number_nearest_to_a_tenth_of_a_second(rate):
+    edges = regular_edges(rate, length=max(4.0, 40.0 / rate))
+    bins = make_bins(samples_of(edges), edges, edges[-1])
     if 1.0 / rate > 0.75 * LENGTH:
-        assert bins.per_bin == 1
+        assert bins.samples_per_bin == 1
     else:
-        assert bins.per_bin % 2 == 0
-        assert abs(bins.per_bin - LENGTH * rate) <= 1.0 + 1e-9  # no other even number is nearer
+        assert bins.samples_per_bin % 2 == 0
+        assert abs(bins.samples_per_bin - LENGTH * rate) <= 1.0 + 1e-9  # no other even number is nearer
 
 
 @pytest.mark.parametrize("rate", [8, 20, 200])
-def test_all_bins_but_the_ends_are_sound(rate):
-    edges = even(rate)
-    sound = lay_bins(samples_of(edges), edges, 60.0).sound
-    assert not sound[:END].any() and not sound[-END:].any() and sound[END:-END].all()
+def test_all_bins_but_those_at_the_ends_are_valid(rate):
+    edges = regular_edges(rate)
+    valid = make_bins(samples_of(edges), edges, 60.0).valid
+    assert not valid[:END].any() and not valid[-END:].any() and valid[END:-END].all()
 
 
 @pytest.mark.parametrize("rate", [8, 50])
 def test_the_last_bin_ends_before_the_end(rate):
-    edges = even(rate)
-    bins = lay_bins(samples_of(edges), edges, 57.03)
-    assert bins.edges[-1] <= 57.03 < bins.edges[-1] + bins.per_bin / rate
-    assert not bins.sound[-END:].any()
+    edges = regular_edges(rate)
+    bins = make_bins(samples_of(edges), edges, 57.03)
+    assert bins.edges[-1] <= 57.03 < bins.edges[-1] + bins.samples_per_bin / rate
+    assert not bins.valid[-END:].any()
+
+
+def invalid_bins(bins):
+    """Bins between the ends that are not compared."""
+    return list(np.flatnonzero(~bins.valid[END:-END]) + END)
 
 
 @pytest.mark.parametrize(("rate", "per_bin"), [(8, 1), (20, 2)])
 def test_a_gap_is_one_bin_that_is_not_compared(rate, per_bin):
-    edges = even(rate)
-    lost = (edges > 55.0 + 1e-6) & (edges < 56.0 - 1e-6)
-    bins = lay_bins(samples_of(edges[~lost]), edges[~lost], 60.0)
-    bad = np.flatnonzero(~bins.sound[END:-END]) + END
-    assert len(bad) == 1
-    assert bins.edges[bad[0]] <= 55.0 + 1e-9 and bins.edges[bad[0] + 1] >= 56.0 - 1e-9
-    assert bins.interval[bad[0]] == pytest.approx(1.0 + (per_bin - 1) / rate)
-
-
-def spoiled(bins):
-    """Bins between the ends that are not compared."""
-    return list(np.flatnonzero(~bins.sound[END:-END]) + END)
+    edges = regular_edges(rate)
+    gap = (edges > 55.0 + 1e-6) & (edges < 56.0 - 1e-6)
+    bins = make_bins(samples_of(edges[~gap]), edges[~gap], 60.0)
+    (invalid,) = invalid_bins(bins)
+    assert bins.edges[invalid] <= 55.0 + 1e-9 and bins.edges[invalid + 1] >= 56.0 - 1e-9
+    assert bins.interval[invalid] == pytest.approx(1.0 + (per_bin - 1) / rate)
 
 
 @pytest.mark.parametrize(("rate", "expected"), [(8, [40, 41, 42]), (20, [20, 21])])
 def test_net_turns_other_units_and_missing_forces_are_not_compared(rate, expected):
     """Samples 40 to 42 of 80 or 200."""
-    edges = even(rate)
-    clean = samples_of(edges)
-    where = np.zeros(len(clean.time), bool)
-    where[40:43] = True
-    force = clean.mean_force.copy()
-    force[where, 1] = np.nan
+    edges = regular_edges(rate)
+    valid_samples = samples_of(edges)
+    affected = np.zeros(len(valid_samples.time), bool)
+    affected[40:43] = True
+    force = valid_samples.mean_force.copy()
+    force[affected, 1] = np.nan
     for samples in (
-        replace(clean, net_turn=where),
-        replace(clean, unit=where.astype(np.int64)),
-        replace(clean, mean_force=force),
+        replace(valid_samples, net_turn=affected),
+        replace(valid_samples, unit=affected.astype(np.int64)),
+        replace(valid_samples, mean_force=force),
     ):
-        assert spoiled(lay_bins(samples, edges, 60.0)) == expected
+        assert invalid_bins(make_bins(samples, edges, 60.0)) == expected
 
 
-def test_the_first_instrument_is_the_one_that_is_compared():
-    edges = even(8)
+def test_samples_of_the_first_instrument_are_compared():
+    edges = regular_edges(8)
     unit = np.where(np.arange(80) < 60, 1, 0)
-    assert spoiled(lay_bins(replace(samples_of(edges), unit=unit), edges, 60.0)) == list(range(60, 77))
+    assert invalid_bins(make_bins(replace(samples_of(edges), unit=unit), edges, 60.0)) == list(range(60, 77))
 
 
 @given(st.lists(st.floats(50.0, 60.0), max_size=6))
-def test_samples_cut_at_further_times_lay_the_same_bins(times):
-    edges = even(20)
-    whole = replace(samples_of(edges), net_turn=np.arange(200) == 77)
-    one, cut = (lay_bins(s, edges, 59.0) for s in (whole, whole.split(np.array(times))))
-    np.testing.assert_array_equal(one.edges, cut.edges)
-    np.testing.assert_array_equal(one.sound, cut.sound)
+def test_samples_cut_at_further_times_have_the_same_bins(times):
+    edges = regular_edges(20)
+    samples = replace(samples_of(edges), net_turn=np.arange(200) == 77)
+    uncut, cut = (make_bins(s, edges, 59.0) for s in (samples, samples.split(np.array(times))))
+    np.testing.assert_array_equal(uncut.edges, cut.edges)
+    np.testing.assert_array_equal(uncut.valid, cut.valid)
+
+
+def test_length_and_excluded_ends_are_settings():
+    edges = regular_edges(20)
+    bins = make_time_bins(samples_of(edges), edges, 60.0, 0.2, 1)
+    assert bins.samples_per_bin == 4
+    assert list(np.flatnonzero(~bins.valid)) == [0, len(bins.valid) - 1]

@@ -4,9 +4,9 @@ import json
 
 import numpy as np
 
-from edl_filter.diagnosis.ledger import NAME
 from edl_filter.results.groups import Group
 from edl_filter.results.netcdf import write
+from edl_filter.workflow.ledger import NAME
 
 TIME = np.linspace(0.0, 300.0, 601)
 

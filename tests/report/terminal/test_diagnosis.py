@@ -5,8 +5,8 @@ import json
 import pytest
 
 from edl_filter.report.diagnosis import draw_diagnosis, heatmap, ledger_figure, missing, ranking
-from edl_filter.report.findings import chance, number, parameters_text, print_diagnosis, where_table
 from edl_filter.report.terminal import with_sigma
+from edl_filter.report.terminal.diagnosis import chance, number, parameters_text, print_diagnosis, where_table
 
 
 def cell(channel, regime, rms, **more):

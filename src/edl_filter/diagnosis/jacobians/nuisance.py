@@ -1,24 +1,24 @@
-"""What the model does not know exactly, as one vector: the errors that the comparison allows for.
+"""Nuisance parameters: all errors that the mission states as possible, as states of one vector.
 
-First comes the filter's own vector (`navigation.layout`): navigation and the driving instrument's errors. Then what
-only the comparison knows of, in units of one sigma where that is said:
+First comes the filter's own vector (`navigation.layout`): navigation errors and those of the driving IMU. Then follow,
+in units of one sigma unless a unit is given:
 
-rate_before, rate_after
-    Gyro noise of the bin that ends and of the one that begins (rad/s): the same numbers turn the attitude and stand in
-    the step of the rate.
-other
-    Errors of the checking IMUs.
+gyro_noise_before, gyro_noise_after
+    Mean gyro noise over the bin that ends and over the next one (rad/s): the same noise rotates the attitude and
+    appears in the step of the rate.
+checking
+    Errors of the checking IMUs, in their own units.
 density, wind_east, wind_north
-    Relative error of the preflight density and of the winds, in sigmas; they change with altitude. Each is a pair,
-    value and slope: a Matérn process of order 3/2, which is as smooth as air is (a first-order one, of the same
-    correlation length, would be let jump by a tenth of its sigma in a hundred metres).
+    Relative error of the preflight density and errors of the winds, against altitude. Each is a pair, value and slope:
+    a Matérn process of order 3/2, which is continuously differentiable, as air is; a first-order Gauss–Markov process
+    of the same correlation length could change by a tenth of its sigma in a hundred metres.
 ca, cn, cm
-    Errors of the database in sigmas, pairs of the same kind; they change with time. Exact tables leave what numbers
-    cannot do better.
+    Errors of the database, pairs of the same kind against time. With a database stated as exact they hold the numerical
+    error of the prediction.
 mass, inertia
-    Relative errors, in sigmas.
+    Relative errors.
 
-What no effect explains (`missing`) comes behind all of them where it is allowed for.
+An unmodelled acceleration (`noise.unmodelled_acceleration`) is appended to all of them where it is allowed for.
 """
 
 from __future__ import annotations
@@ -26,54 +26,71 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from edl_filter.navigation.layout import SENSOR_STATES, Layout
+from edl_filter.imu_model.sensor_errors import SENSOR_STATES
+from edl_filter.navigation.layout import Layout
 from edl_filter.telemetry.record import ImuRecord
+from edl_filter.types import Array
 
-Array = NDArray[np.float64]
+#: Nuisance parameters of the air, and of the database.
+AIR, DATABASE = ("density", "wind_east", "wind_north"), ("ca", "cn", "cm")
 
 
 @dataclass(frozen=True)
-class Allowance:
-    """How well the model is known.
+class StatedUncertainty:
+    """Uncertainties of the model that the mission states, one sigma.
 
     Attributes
     ----------
-    density, density_correlation : float
-        Relative one sigma of the preflight density, and the altitude over which it changes, m.
+    density : float
+        Relative, of the preflight density.
+    density_correlation : float
+        Correlation length of density and winds, m of altitude.
     wind : float
-        One sigma of the wind towards east and towards north, m/s.
+        Of the wind towards east and towards north, m/s.
     coefficients : float
-        How many of the database's own sigmas it may be off; 0: exact.
+        Factor on the database's own sigma; 0: the database is exact.
     coefficient_memory : float
-        s.
+        Correlation time of the database's errors, s.
     numerical : float
-        Relative one sigma of a prediction from exact tables: what sampling, interpolation and small angles leave.
+        Relative error of a prediction from exact tables: sampling, interpolation, small angles.
     mass, inertia : float
-        Relative one sigma.
+        Relative.
     """
 
     density: float
-    density_correlation: float = 10e3
-    wind: float = 0.0
-    coefficients: float = 0.0
-    coefficient_memory: float = 20.0
-    numerical: float = 2e-4
-    mass: float = 0.0
-    inertia: float = 0.0
+    density_correlation: float
+    wind: float
+    coefficients: float
+    coefficient_memory: float
+    numerical: float
+    mass: float
+    inertia: float
+
+    @property
+    def sigma(self) -> dict[str, float]:
+        """One sigma by nuisance parameter of air and vehicle, relative or m/s; coefficients in database sigmas."""
+        return {
+            "density": self.density, "wind_east": self.wind, "wind_north": self.wind,
+            "mass": self.mass, "inertia": self.inertia, "ca": 1.0, "cn": 1.0, "cm": 1.0,
+        }  # fmt: skip
+
+    def correlation_steps(self, time: Array, altitude: Array) -> dict[str, Array]:
+        """Steps of time (s) and altitude (m), in correlation lengths of each process."""
+        air = dict.fromkeys(AIR, np.abs(altitude) / self.density_correlation)
+        return air | dict.fromkeys(DATABASE, time / self.coefficient_memory)
 
 
 @dataclass(frozen=True)
-class Unknowns:
-    """Where each unknown stands in the vector.
+class NuisanceLayout:
+    """Position of each nuisance parameter in the vector.
 
     Attributes
     ----------
     layout : Layout
         Of the filter's vector, which comes first.
     slices : dict
-        Name → slice, for the rest.
+        Name → slice, for the others.
     size : int
     """
 
@@ -88,48 +105,33 @@ class Unknowns:
         return self.slices[name]
 
 
-def lay_out(layout: Layout, checking: tuple[ImuRecord, ...], allowance: Allowance) -> Unknowns:
-    """Decide what is unknown."""
-    sizes = {"rate_before": 3, "rate_after": 3}
-    for i, record in enumerate(checking):
-        sizes |= {f"other{i}_{n}": 3 for n in SENSOR_STATES if getattr(record.errors[0], n) > 0.0}
-    smooth = ["density"] if allowance.density > 0.0 else []
-    smooth += ["wind_east", "wind_north"] if allowance.wind > 0.0 else []
-    smooth += ["ca", "cn", "cm"]
-    sizes |= dict.fromkeys(smooth, 2)
-    if allowance.mass > 0.0:
-        sizes["mass"] = 1
-    if allowance.inertia > 0.0:
-        sizes["inertia"] = 1
-    slices, at = {}, layout.size
-    for name, size in sizes.items():
-        slices[name] = slice(at, at + size)
-        at += size
-    return Unknowns(layout, slices, at)
-
-
-def distances(allowance: Allowance, time: Array, altitude: Array) -> dict[str, Array]:
-    """What passes of the correlation length of every smooth unknown, with steps of time (s) and altitude (m)."""
-    air = dict.fromkeys(("density", "wind_east", "wind_north"), np.abs(altitude) / allowance.density_correlation)
-    return air | dict.fromkeys(("ca", "cn", "cm"), time / allowance.coefficient_memory)
-
-
-def smooth_step(passed: Array) -> tuple[Array, Array]:
-    """Transition and noise ``(..., 2, 2)`` of a Matérn process of order 3/2 and unit variance.
+def nuisance_layout(layout: Layout, checking: tuple[ImuRecord, ...], uncertainty: StatedUncertainty) -> NuisanceLayout:
+    """Nuisance parameters of a flight: those with a stated sigma above zero.
 
     Parameters
     ----------
-    passed : (...) array
-        Distance over correlation length; the correlation is ``(1 + √3 d) exp(-√3 d)``.
-
-    Returns
-    -------
-    The pair is the value and its slope over the correlation length (Särkkä, Bayesian Filtering and Smoothing, 12.3).
+    layout : Layout
+    checking : tuple of ImuRecord
+    uncertainty : StatedUncertainty
     """
-    d = np.sqrt(3.0) * np.asarray(passed, float)
-    e = np.exp(-d)
-    move = np.empty((*d.shape, 2, 2))
-    move[..., 0, 0], move[..., 0, 1] = (1.0 + d) * e, passed * e
-    move[..., 1, 0], move[..., 1, 1] = -np.sqrt(3.0) * d * e, (1.0 - d) * e
-    rest = np.diag([1.0, 3.0])
-    return move, rest - move @ rest @ np.swapaxes(move, -1, -2)
+    sizes = {"gyro_noise_before": 3, "gyro_noise_after": 3}
+    for i, record in enumerate(checking):
+        sizes |= {checking_state(i, n): 3 for n in SENSOR_STATES if getattr(record.errors[0], n) > 0.0}
+    processes = ["density"] if uncertainty.density > 0.0 else []
+    processes += ["wind_east", "wind_north"] if uncertainty.wind > 0.0 else []
+    processes += DATABASE
+    sizes |= dict.fromkeys(processes, 2)
+    if uncertainty.mass > 0.0:
+        sizes["mass"] = 1
+    if uncertainty.inertia > 0.0:
+        sizes["inertia"] = 1
+    slices, start = {}, layout.size
+    for name, size in sizes.items():
+        slices[name] = slice(start, start + size)
+        start += size
+    return NuisanceLayout(layout, slices, start)
+
+
+def checking_state(imu: int, error: str) -> str:
+    """Name of an error state of the i-th checking IMU."""
+    return f"checking{imu}_{error}"

@@ -1,7 +1,7 @@
-"""How the differences hang on the unknowns: the linear problem that `whitening` passes through.
+"""Jacobian of the predictions, and the measurement rows of every time bin.
 
-Where the flight goes (`navigation`) is linear in the error of the filter's vector by the same propagation that the
-filter uses, differenced; what the model predicts there by differences of the model itself.
+The error of the path is linear in the error of the filter's vector (`transitions`); the derivatives of the prediction
+with respect to state, air, database and vehicle are central differences of the forward model along the path.
 """
 
 from __future__ import annotations
@@ -9,57 +9,64 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import median_filter
 
 from edl_filter import rotations
-from edl_filter.diagnosis.bins import Bins, bin_means
-from edl_filter.diagnosis.comparison import Differences, Setup, predicted, rounding, stepped
-from edl_filter.diagnosis.path import PER_BIN, Nodes
-from edl_filter.diagnosis.unknowns import Allowance, Unknowns, distances
-from edl_filter.effects.deviation import CoefficientUnits, Deviation
-from edl_filter.effects.effect import Active, Effect, Parameter, Values
-from edl_filter.effects.world import World
-from edl_filter.navigation.increments import edge_weights
-from edl_filter.navigation.layout import SENSOR_STATES
+from edl_filter.diagnosis.jacobians.nuisance import NuisanceLayout, StatedUncertainty, checking_state
+from edl_filter.diagnosis.prediction.dead_reckoning import NODES_PER_BIN, PathNodes
+from edl_filter.diagnosis.prediction.residuals import (
+    ModelInputs,
+    Residuals,
+    flow_at,
+    predict,
+    quadrature_error,
+    rate_step_from_moment,
+)
+from edl_filter.diagnosis.prediction.time_bins import TimeBins, bin_means
+from edl_filter.effects.base import Effect, EffectInstance
+from edl_filter.effects.forward_model import ForwardModel
+from edl_filter.effects.parameters import Parameter, Values
+from edl_filter.effects.perturbation import CoefficientUnits, Perturbation
+from edl_filter.imu_model.lever_arm import edge_weights
+from edl_filter.imu_model.sensor_errors import reading_jacobian
+from edl_filter.types import Array, BoolArray
 
-Array = NDArray[np.float64]
-
-#: Steps of the differences: m, m/s, rad.
+#: Steps of the differences with respect to position (m), velocity (m/s), attitude (rad), and the rate (rad/s).
 _NAV_STEPS = np.repeat([100.0, 0.05, 1e-5], 3)
 _RATE_STEP = 1e-3
-
-#: How far a bend stands out: times the median around it.
-_BEND = 3.0
+#: Share of a bin's gyro noise that a step of the rate has besides the noise of the two bins' means.
+_STEP_NOISE_SHARE = 0.05
+#: Factor over the median around it from which a change of the rate's slope is a discontinuity.
+_DISCONTINUITY = 3.0
 
 
 @dataclass(frozen=True)
-class Slopes:
+class PredictionJacobian:
     """Derivatives of the predictions, bin by bin.
 
     Attributes
     ----------
     force : (B, 3, c) array
-        Of the specific force, by the columns of `names`.
-    turn : (B - 1, 3, c) array
-        Of the steps of the rate.
-    names : dict
-        position, velocity, attitude (the local error of the state), density (relative), wind_east, wind_north (m/s),
-        ca, cn, cm (by sigmas of the database), mass, inertia (relative), rate (rad/s) → slice of columns.
-    force_bend, turn_bend : (B, 3), (B - 1, 3) arrays
-        By how much two sigmas of density bend the predictions off a straight line: at the step where one table ends and
-        another begins nobody knows to a tenth of a second when it comes. And what sums over nodes may be wrong by.
+        Of the mean specific force, with respect to the columns of `columns`.
+    rate_step : (B - 1, 3, c) array
+        Of the steps of the mean rate.
+    columns : dict
+        position, velocity, attitude (error of the state), density (relative), wind_east, wind_north (m/s), ca, cn, cm
+        (in sigmas of the database), mass, inertia (relative), rate (rad/s) → slice of columns.
+    force_nonlinearity, rate_step_nonlinearity : (B, 3), (B - 1, 3) arrays
+        Departure of the predictions from linearity over two sigmas of density, combined with the quadrature error:
+        where one table ends and another begins, the time of the transition is uncertain by a tenth of a second.
     """
 
     force: Array
-    turn: Array
-    names: dict[str, slice]
-    force_bend: Array
-    turn_bend: Array
+    rate_step: Array
+    columns: dict[str, slice]
+    force_nonlinearity: Array
+    rate_step_nonlinearity: Array
 
 
-class _Probe(Effect):
-    """Small changes of the air, to differentiate by."""
+class _AirProbe(Effect):
+    """Small changes of the air, for differences."""
 
     name = "probe"
     parameters = tuple(Parameter(n, "", n) for n in ("east", "north", "density"))
@@ -71,72 +78,84 @@ class _Probe(Effect):
         return np.full(len(altitude), 1.0 + p["density"])
 
 
-def slopes(setup: Setup, bins: Bins, found: Differences, density_sigma: float, units: CoefficientUnits) -> Slopes:
-    """Differentiate the predictions along the path; `density_sigma` is relative."""
-    nodes, world = found.nodes, setup.world
-    parts_f: list[Array] = []
-    parts_t: list[Array] = []
+def prediction_jacobian(
+    inputs: ModelInputs, bins: TimeBins, residuals: Residuals, density_sigma: float, units: CoefficientUnits
+) -> PredictionJacobian:
+    """Differentiate the predictions along the path.
 
-    def add(plus: tuple[Array, Array], minus: tuple[Array, Array], step: float) -> None:
-        parts_f.append((plus[0] - minus[0]) / step)
-        parts_t.append((plus[1] - minus[1]) / step)
+    Parameters
+    ----------
+    inputs : ModelInputs
+    bins : TimeBins
+    residuals : Residuals
+        With the path and the flow along it.
+    density_sigma : float
+        Relative, for the departure from linearity.
+    units : CoefficientUnits
+        One sigma of the database.
+    """
+    nodes, model, flow, tables = residuals.nodes, inputs.forward_model, residuals.flow, residuals.tables
+    force_columns: list[Array] = []
+    rate_columns: list[Array] = []
+
+    def add_difference(plus: tuple[Array, Array], minus: tuple[Array, Array], step: float) -> None:
+        force_columns.append((plus[0] - minus[0]) / step)
+        rate_columns.append((plus[1] - minus[1]) / step)
 
     for j, step in enumerate(_NAV_STEPS):
-        add(_at(world, bins, _moved(nodes, j, step)), _at(world, bins, _moved(nodes, j, -step)), 2.0 * step)
+        plus, minus = (_predict_at(model, bins, _displaced(nodes, j, s)) for s in (step, -step))
+        add_difference(plus, minus, 2.0 * step)
 
-    def probed(**change: float) -> tuple[Array, Array]:
-        other = world.having((*world.effects, Active(_Probe(), change)))
-        return _at(other, bins, nodes)
+    def with_air(**change: float) -> tuple[Array, Array]:
+        return _predict_at(model.with_effects((*model.effects, EffectInstance(_AirProbe(), change))), bins, nodes)
 
     for name, step in (("density", 1e-3), ("east", 0.5), ("north", 0.5)):
-        add(probed(**{name: step}), probed(**{name: -step}), 2.0 * step)
-    base = predicted(world, bins, found.flow, found.tables)
-    here = world.deviation or Deviation.none(units)
+        add_difference(with_air(**{name: step}), with_air(**{name: -step}), 2.0 * step)
+    nominal = predict(model, bins, flow, tables)
+    perturbation = model.perturbation or Perturbation.zero(units)
     for name in ("ca", "cn", "cm"):
-        off = replace(here, **{name: getattr(here, name) + 1.0})
-        add(predicted(replace(world, deviation=off), bins, found.flow, found.tables), base, 1.0)
-    force, moment = world.loads(found.flow, found.tables)
-    parts_f += [-base[0], np.zeros_like(base[0])]
-    still = stepped(world, bins, found.flow, np.zeros_like(moment))
-    parts_t += [np.zeros_like(base[1]), still - base[1]]
-    for turn in _RATE_STEP * np.eye(3):
-        sides = [replace(found.flow, rate=found.flow.rate + s) for s in (turn, -turn)]
-        plus, minus = (predicted(world, bins, flow, found.tables) for flow in sides)
-        add(plus, minus, 2.0 * _RATE_STEP)
-    names = {"position": slice(0, 3), "velocity": slice(3, 6), "attitude": slice(6, 9), "density": slice(9, 10)}
-    names |= {
-        "wind_east": slice(10, 11),
-        "wind_north": slice(11, 12),
-        "ca": slice(12, 13),
-        "cn": slice(13, 14),
-        "cm": slice(14, 15),
-    }
-    names |= {"mass": slice(15, 16), "inertia": slice(16, 17), "rate": slice(17, 20)}
-    denser, thinner = probed(density=2.0 * density_sigma), probed(density=-2.0 * density_sigma)
-    sums = rounding(world, bins, found.flow, force, moment)
-    bend = [np.hypot(a + b - 2.0 * c, r) for a, b, c, r in zip(denser, thinner, base, sums, strict=True)]
-    return Slopes(np.stack(parts_f, axis=2), np.stack(parts_t, axis=2), names, *bend)
+        increased = replace(perturbation, **{name: getattr(perturbation, name) + 1.0})
+        add_difference(predict(replace(model, perturbation=increased), bins, flow, tables), nominal, 1.0)
+    force, moment = model.loads(flow, tables)
+    force_columns += [-nominal[0], np.zeros_like(nominal[0])]  # mass, inertia
+    without_moment = rate_step_from_moment(model, bins, flow, np.zeros_like(moment))
+    rate_columns += [np.zeros_like(nominal[1]), without_moment - nominal[1]]
+    for change in _RATE_STEP * np.eye(3):
+        plus, minus = (predict(model, bins, replace(flow, rate=flow.rate + s), tables) for s in (change, -change))
+        add_difference(plus, minus, 2.0 * _RATE_STEP)
+    widths = {"position": 3, "velocity": 3, "attitude": 3, "density": 1, "wind_east": 1, "wind_north": 1}
+    widths |= {"ca": 1, "cn": 1, "cm": 1, "mass": 1, "inertia": 1, "rate": 3}
+    columns, start = {}, 0
+    for name, width in widths.items():
+        columns[name] = slice(start, start + width)
+        start += width
+    denser, thinner = with_air(density=2.0 * density_sigma), with_air(density=-2.0 * density_sigma)
+    quadrature = quadrature_error(model, bins, flow, force, moment)
+    nonlinearity = [
+        np.hypot(a + b - 2.0 * c, r) for a, b, c, r in zip(denser, thinner, nominal, quadrature, strict=True)
+    ]
+    return PredictionJacobian(np.stack(force_columns, axis=2), np.stack(rate_columns, axis=2), columns, *nonlinearity)
 
 
-def _moved(nodes: Nodes, j: int, step: float) -> Nodes:
+def _displaced(nodes: PathNodes, component: int, step: float) -> PathNodes:
+    """Nodes with one component of the error of the state increased."""
     nav = nodes.nav.copy()
-    if j < 6:
-        nav[:, j] += step
+    if component < 6:
+        nav[:, component] += step
     else:
-        turn = np.zeros(3)
-        turn[j - 6] = step
-        nav[:, 6:] = rotations.multiply(nav[:, 6:], rotations.from_rotation_vector(turn))
+        rotation = np.zeros(3)
+        rotation[component - 6] = step
+        nav[:, 6:] = rotations.multiply(nav[:, 6:], rotations.from_rotation_vector(rotation))
     return replace(nodes, nav=nav)
 
 
-def _at(world: World, bins: Bins, nodes: Nodes) -> tuple[Array, Array]:
-    flow = world.flow(nodes.time, nodes.nav[:, :3], nodes.nav[:, 3:6], nodes.nav[:, 6:], nodes.rate)
-    return predicted(world, bins, flow)
+def _predict_at(model: ForwardModel, bins: TimeBins, nodes: PathNodes) -> tuple[Array, Array]:
+    return predict(model, bins, flow_at(model, nodes))
 
 
 @dataclass(frozen=True)
-class Rows:
-    """The rows that a bin's end brings, before they are put into the order of time.
+class BinRows:
+    """Measurement rows of the time bins.
 
     Attributes
     ----------
@@ -144,153 +163,153 @@ class Rows:
         Specific force, step of the rate, then force and rate of each of p checking IMUs.
     noise : (B, 6 + 6 p, 6 + 6 p) array
         Covariance of the rows' own noise.
-    use : (B, 6 + 6 p) array of bool
+    used : (B, 6 + 6 p) array of bool
     values : (B, 6 + 6 p) array
-        The differences.
+        The residuals.
     """
 
     design: Array
     noise: Array
-    use: NDArray[np.bool_]
+    used: BoolArray
     values: Array
 
 
 def bin_rows(
-    setup: Setup,
-    bins: Bins,
-    found: Differences,
-    quiet: tuple[Array, Array],
-    unknowns: Unknowns,
-    slope: Slopes,
-    sigma: dict[str, float],
-    allowance: Allowance,
-) -> Rows:
-    """Design of the rows at the bins' ends.
+    inputs: ModelInputs,
+    bins: TimeBins,
+    residuals: Residuals,
+    denoised: tuple[Array, Array],
+    nuisance: NuisanceLayout,
+    jacobian: PredictionJacobian,
+    uncertainty: StatedUncertainty,
+) -> BinRows:
+    """Design matrix, noise and residuals of the rows at the bins' ends.
 
-    `quiet` are means over the bins of force and rate without their own noise, `sigma` what `one_sigma` says.
+    Parameters
+    ----------
+    inputs : ModelInputs
+    bins : TimeBins
+    residuals : Residuals
+    denoised : (force, rate)
+        Means over the bins ``(B, 3)`` of denoised readings.
+    nuisance : NuisanceLayout
+    jacobian : PredictionJacobian
+    uncertainty : StatedUncertainty
     """
-    samples, layout = setup.problem.samples, unknowns.layout
-    b, others = len(bins.interval), len(setup.checking)
-    width = 6 + 6 * others
-    design = np.zeros((b, width, unknowns.size))
-    driving = setup.driving
+    samples, layout = inputs.problem.samples, nuisance.layout
+    b, imus = len(bins.interval), len(inputs.checking)
+    width = 6 + 6 * imus
+    design = np.zeros((b, width, nuisance.size))
+    driving = inputs.driving
     sigma_f = bin_sigma(bins, driving.time, driving.interval, driving.force_noise)
     sigma_w = bin_sigma(bins, driving.time, driving.interval, driving.rate_noise)
 
-    def put(name: str, column: slice, gain: float) -> None:
-        """An unknown's value at the bin's end, where the step of the rate is; for the force half a bin before."""
-        at = unknowns[name]
-        design[:, :3, at.start] = slope.force[:, :, column.start] * gain
-        design[:-1, 3:6, at.start] = slope.turn[:, :, column.start] * gain
-        if at.stop - at.start == 2:
-            design[:, :3, at.start + 1] = -0.5 * passed[name][:, None] * design[:, :3, at.start]
-
-    passed = distances(allowance, bins.interval, np.diff(found.flow.altitude[::PER_BIN]))
+    altitude = residuals.flow.altitude[::NODES_PER_BIN]
+    correlation_steps = uncertainty.correlation_steps(bins.interval, np.diff(altitude))
     for name in ("position", "velocity", "attitude"):
-        at = layout[name]
-        design[:, :3, at] = slope.force[:, :, slope.names[name]]
-        design[:-1, 3:6, at] = slope.turn[:, :, slope.names[name]]
-    for name, gain in sigma.items():
-        if name in unknowns:
-            put(name, slope.names[name], gain)
+        part = layout[name]
+        design[:, :3, part] = jacobian.force[:, :, jacobian.columns[name]]
+        design[:-1, 3:6, part] = jacobian.rate_step[:, :, jacobian.columns[name]]
+    for name, scale in uncertainty.sigma.items():
+        if name in nuisance:
+            part, column = nuisance[name], jacobian.columns[name].start
+            # the value at the bin's end, where the step of the rate is; the force is a mean half a bin earlier
+            design[:, :3, part.start] = jacobian.force[:, :, column] * scale
+            design[:-1, 3:6, part.start] = jacobian.rate_step[:, :, column] * scale
+            if part.stop - part.start == 2:
+                half_step = -0.5 * correlation_steps[name]
+                design[:, :3, part.start + 1] = half_step[:, None] * design[:, :3, part.start]
 
-    # gyro noise: the step of the rate itself, and the turn within the two bins that the step is taken over
+    # gyro noise: the step of the rate itself, and the rotation within the two bins of the step
     eye = np.eye(3)
-    before, after = unknowns["rate_before"], unknowns["rate_after"]
+    before, after = nuisance["gyro_noise_before"], nuisance["gyro_noise_after"]
     design[:, 3:6, before], design[:, 3:6, after] = -eye, eye
-    inner = slope.turn[:, :, slope.names["attitude"]] * (bins.interval[:-1] / 6.0)[:, None, None]
-    design[:-1, 3:6, before] += inner
-    design[:-1, 3:6, after] -= inner
+    within = jacobian.rate_step[:, :, jacobian.columns["attitude"]] * (bins.interval[:-1] / 6.0)[:, None, None]
+    design[:-1, 3:6, before] += within
+    design[:-1, 3:6, after] -= within
 
-    force, rate = quiet
-    step = np.concatenate((np.diff(rate, axis=0), np.zeros((1, 3))))
-    own = _sensor_design(force, rate)
-    for name, block in own.items():
+    force, rate = denoised
+    rate_step = np.concatenate((np.diff(rate, axis=0), np.zeros((1, 3))))
+    sensor_blocks = reading_jacobian(force, rate)
+    for name, block in sensor_blocks.items():
         if name in layout:
-            at = layout[name]
+            part = layout[name]
             if name.startswith("accelerometer"):
-                design[:, :3, at] += block
+                design[:, :3, part] += block
             else:
-                gyro = slope.turn[:, :, slope.names["rate"]]
+                by_rate = jacobian.rate_step[:, :, jacobian.columns["rate"]]
                 at_edge = 0.5 * (block[:-1] + block[1:])
-                design[:-1, 3:6, at] -= np.einsum("bij,bjk->bik", gyro, at_edge)
+                design[:-1, 3:6, part] -= np.einsum("bij,bjk->bik", by_rate, at_edge)
                 if name == "gyro_scale":
-                    design[:, 3:6, at] += step[:, :, None] * eye
-    here = setup.driving.position[0]
-    read = bin_means(bins.edges, samples.time, samples.interval, found.path.rate)
-    jerk_f = lever_error(bins, read, here)
+                    design[:, 3:6, part] += rate_step[:, :, None] * eye
+    position = inputs.driving.position[0]
+    path_rate = bin_means(bins.edges, samples.time, samples.interval, residuals.path.rate)
+    driving_lever = lever_arm_error(bins, path_rate, position)
     values = np.full((b, width), np.nan)
-    values[:, :3], values[:-1, 3:6] = found.force, found.turn
+    values[:, :3], values[:-1, 3:6] = residuals.force, residuals.rate_step
     noise = np.zeros((b, width, width))
-    noise[:, range(3), range(3)] = (sigma_f**2)[:, None] + slope.force_bend**2 + jerk_f**2
-    noise[:, range(3, 6), range(3, 6)] = ((0.05 * sigma_w) ** 2)[:, None]
-    noise[:-1, range(3, 6), range(3, 6)] += slope.turn_bend**2
-    for i, record in enumerate(setup.checking):
+    noise[:, range(3), range(3)] = (sigma_f**2)[:, None] + jacobian.force_nonlinearity**2 + driving_lever**2
+    noise[:, range(3, 6), range(3, 6)] = ((_STEP_NOISE_SHARE * sigma_w) ** 2)[:, None]
+    noise[:-1, range(3, 6), range(3, 6)] += jacobian.rate_step_nonlinearity**2
+    for i, record in enumerate(inputs.checking):
         f0, w0 = 6 + 6 * i, 9 + 6 * i
-        values[:, f0 : f0 + 3], values[:, w0 : w0 + 3] = found.other_force[i], found.other_rate[i]
-        for name, block in own.items():
+        values[:, f0 : f0 + 3], values[:, w0 : w0 + 3] = residuals.checking_force[i], residuals.checking_rate[i]
+        for name, block in sensor_blocks.items():
             row = slice(f0, f0 + 3) if name.startswith("accelerometer") else slice(w0, w0 + 3)
-            if name in layout:  # stands in the prediction
+            if name in layout:  # the driving IMU's error enters the prediction
                 design[:, row, layout[name]] = -block
-            if f"other{i}_{name}" in unknowns:
-                design[:, row, unknowns[f"other{i}_{name}"]] = block
+            if checking_state(i, name) in nuisance:
+                design[:, row, nuisance[checking_state(i, name)]] = block
         design[:, w0 : w0 + 3, before] = -eye
-        other_f = bin_sigma(bins, record.time, record.interval, record.force_noise)
-        other_w = bin_sigma(bins, record.time, record.interval, record.rate_noise)
-        between = lever_error(bins, read, record.position[0] - here)
-        noise[:, range(f0, f0 + 3), range(f0, f0 + 3)] = (sigma_f**2 + other_f**2)[:, None] + between**2
-        noise[:, range(w0, w0 + 3), range(w0, w0 + 3)] = (other_w**2)[:, None]
-        for c in range(3):
+        checking_f = bin_sigma(bins, record.time, record.interval, record.force_noise)
+        checking_w = bin_sigma(bins, record.time, record.interval, record.rate_noise)
+        lever = lever_arm_error(bins, path_rate, record.position[0] - position)
+        noise[:, range(f0, f0 + 3), range(f0, f0 + 3)] = (sigma_f**2 + checking_f**2)[:, None] + lever**2
+        noise[:, range(w0, w0 + 3), range(w0, w0 + 3)] = (checking_w**2)[:, None]
+        for c in range(3):  # the driving IMU's noise is common to its own row and to those of all checking IMUs
             noise[:, c, f0 + c] = noise[:, f0 + c, c] = -(sigma_f**2)
-        for c in range(3):
-            for other in range(i):
-                noise[:, 6 + 6 * other + c, f0 + c] = noise[:, f0 + c, 6 + 6 * other + c] = sigma_f**2
-    use = np.isfinite(values) & bins.sound[:, None]
-    use[:-1, 3:6] &= bins.sound[1:, None]
-    use[-1, 3:6] = False
-    return Rows(np.where(use[:, :, None], design, 0.0), noise, use, np.where(use, values, 0.0))
+            for j in range(i):
+                noise[:, 6 + 6 * j + c, f0 + c] = noise[:, f0 + c, 6 + 6 * j + c] = sigma_f**2
+    used = np.isfinite(values) & bins.valid[:, None]
+    used[:-1, 3:6] &= bins.valid[1:, None]
+    used[-1, 3:6] = False
+    return BinRows(np.where(used[:, :, None], design, 0.0), noise, used, np.where(used, values, 0.0))
 
 
-def one_sigma(allowance: Allowance) -> dict[str, float]:
-    """What one sigma of each unknown of air and vehicle is, relative or m/s; slopes by coefficients are by sigmas."""
-    return {
-        "density": allowance.density, "wind_east": allowance.wind, "wind_north": allowance.wind,
-        "mass": allowance.mass, "inertia": allowance.inertia, "ca": 1.0, "cn": 1.0, "cm": 1.0,
-    }  # fmt: skip
-
-
-def coefficient_sigma(setup: Setup, found: Differences, allowance: Allowance) -> CoefficientUnits:
-    """One sigma of the database at the nodes: its own, and what numbers cannot do better."""
-    flow, tables = found.flow, found.tables
-    limits = setup.world.database.lookup(flow.mach, flow.knudsen, flow.alpha_total, flow.speed).three_sigma
-    third, least = allowance.coefficients / 3.0, allowance.numerical
+def coefficient_scale(inputs: ModelInputs, residuals: Residuals, uncertainty: StatedUncertainty) -> CoefficientUnits:
+    """One sigma of the database at the nodes: its own, combined with the numerical error of the prediction."""
+    flow, tables = residuals.flow, residuals.tables
+    database = inputs.forward_model.database
+    limits = database.lookup(flow.mach, flow.knudsen, flow.alpha_total, flow.speed).three_sigma
+    third, numerical = uncertainty.coefficients / 3.0, uncertainty.numerical
     return CoefficientUnits(
         flow.time,
-        ca=np.hypot(third * limits.ca, least * tables.ca),
-        cn=np.hypot(third * limits.cn, least * tables.cn),
-        cm=np.hypot(third * limits.cm, least * tables.cm_nose),
+        ca=np.hypot(third * limits.ca, numerical * tables.ca),
+        cn=np.hypot(third * limits.cn, numerical * tables.cn),
+        cm=np.hypot(third * limits.cm, numerical * tables.cm_nose),
     )
 
 
-def _sensor_design(force: Array, rate: Array) -> dict[str, Array]:
-    """What an instrument's errors add to its readings, ``(B, 3, 3)`` each; in the order of `SENSOR_STATES`."""
-    eye = np.broadcast_to(np.eye(3), (len(force), 3, 3))
-    by_name = {
-        "accelerometer_bias": eye,
-        "accelerometer_scale": force[:, :, None] * np.eye(3),
-        "accelerometer_misalignment": -rotations.cross_matrix(force),
-        "gyro_bias": eye,
-        "gyro_scale": rate[:, :, None] * np.eye(3),
-    }
-    return {name: by_name[name] for name in SENSOR_STATES}
+def lever_arm_error(bins: TimeBins, rate: Array, position: Array) -> Array:
+    """Error of a lever-arm acceleration where the torque is discontinuous.
 
+    The tangential part is the difference of the rates at the bin's edges, of eighth order in the means
+    (`imu_model.lever_arm`). At a discontinuity of the rate's slope the error of that order is up to nine times the
+    difference between sixth and fourth order; a discontinuity is where this difference exceeds `_DISCONTINUITY` times
+    its median over the ten bins before and after.
 
-def lever_error(bins: Bins, rate: Array, position: Array) -> Array:
-    """What a lever arm's acceleration may be wrong by where a torque sets in all at once, ``(B, 3)``, m/s².
+    Parameters
+    ----------
+    bins : TimeBins
+    rate : (B, 3) array
+        Means over the bins, rad/s.
+    position : (3,) array
+        Lever arm, m.
 
-    The tangential part is the difference of rates at the bin's edges, of eighth order in the means (`increments`). At a
-    bend of the rate that order is off by up to nine times of what sixth order changes in fourth; a bend is where this
-    change stands out from the ten bins before and after.
+    Returns
+    -------
+    (B, 3) array
+        m/s².
     """
     change = np.zeros((len(rate) + 1, 3))
     if len(rate) > 6:
@@ -298,13 +317,24 @@ def lever_error(bins: Bins, rate: Array, position: Array) -> Array:
         sixth, fourth = (sum(w * p for w, p in zip(edge_weights(k), pairs, strict=False)) for k in (3, 2))
         change[3:-3] = sixth - fourth
     size = np.linalg.norm(np.nan_to_num(change), axis=1)
-    bent = size > _BEND * median_filter(size, 21)
-    at_edges = np.where(bent[:, None], 9.0 * np.nan_to_num(change), 0.0)
-    before, after = (np.cross(e, position) / bins.interval[:, None] for e in (at_edges[:-1], at_edges[1:]))
+    discontinuous = size > _DISCONTINUITY * median_filter(size, 21)
+    edge_error = np.where(discontinuous[:, None], 9.0 * np.nan_to_num(change), 0.0)
+    before, after = (np.cross(e, position) / bins.interval[:, None] for e in (edge_error[:-1], edge_error[1:]))
     return np.hypot(before, after)
 
 
-def bin_sigma(bins: Bins, time: Array, interval: Array, noise: Array) -> Array:
-    """One sigma of the means over the bins ``(B,)`` of samples with independent noise."""
+def bin_sigma(bins: TimeBins, time: Array, interval: Array, noise: Array) -> Array:
+    """One sigma of the means over bins of samples with independent noise.
+
+    Parameters
+    ----------
+    bins : TimeBins
+    time, interval, noise : (N,) arrays
+        End and length of the samples' intervals, s; one sigma of each sample.
+
+    Returns
+    -------
+    (B,) array
+    """
     variance = bin_means(bins.edges, time, interval, noise**2 * interval)
     return np.sqrt(variance / bins.interval)

@@ -1,6 +1,7 @@
-"""The linear problem in the order of time: every difference's row, and the law by which all unknowns move.
+"""The linear state-space model of all residuals, in the order of time.
 
-The filter's vector moves along the path (`motion`); the unknowns beside it by their own laws (`unknowns`).
+States: the error of the filter's vector, which propagates along the path (`transitions`), and the nuisance parameters
+with their own stochastic models (`nuisance`). Measurements: the rows of every bin and of every constraint.
 """
 
 from __future__ import annotations
@@ -8,25 +9,24 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from edl_filter.diagnosis.bins import Bins
-from edl_filter.diagnosis.comparison import Differences, Setup
-from edl_filter.diagnosis.motion import Motion, differencing_steps
-from edl_filter.diagnosis.sensitivity import Rows, bin_sigma
-from edl_filter.diagnosis.sparse import Sparse, sparse
-from edl_filter.diagnosis.unknowns import Allowance, Unknowns, distances, smooth_step
-from edl_filter.diagnosis.whitening import Steps
-from edl_filter.navigation import initial as entry
+from edl_filter.diagnosis.jacobians.nuisance import NuisanceLayout, StatedUncertainty
+from edl_filter.diagnosis.jacobians.prediction_jacobian import BinRows, bin_sigma
+from edl_filter.diagnosis.jacobians.transitions import PathTransitions, difference_steps
+from edl_filter.diagnosis.prediction.residuals import ModelInputs, Residuals
+from edl_filter.diagnosis.prediction.time_bins import TimeBins
+from edl_filter.estimation.block_sparse import BlockSparse, from_blocks
+from edl_filter.estimation.kalman import LinearStateSpace
+from edl_filter.estimation.matern import MATERN32_COVARIANCE, matern32_transition
 from edl_filter.navigation.constraints import Constraint
+from edl_filter.navigation.initial import initial_estimate
 from edl_filter.navigation.layout import Layout, State, sigma_states
-
-Array = NDArray[np.float64]
+from edl_filter.types import Array, IntArray
 
 
 @dataclass(frozen=True)
-class Order:
-    """Where each difference stands among the rows.
+class RowIndex:
+    """Position of each residual among the rows of the model.
 
     Attributes
     ----------
@@ -35,60 +35,98 @@ class Order:
     constraint_rows : tuple of slices
         By constraint.
     count : int
-    dt : (K,) array
-        Time that passes in each step, s.
+        Number of rows.
+    step_interval : (K,) array
+        Time between a step and the one before, s.
     time : (R,) array
         Of each row, s.
-    place : (R,) array of int
-        Of each row within its step's block.
+    column : (R,) array of int
+        Of each row within its step's noise block.
     """
 
-    bin_rows: NDArray[np.int64]
+    bin_rows: IntArray
     constraint_rows: tuple[slice, ...]
     count: int
-    dt: Array
+    step_interval: Array
     time: Array
-    place: NDArray[np.int64]
+    column: IntArray
 
-    def stack(self, found: Differences) -> Array:
-        """The differences as one column ``(R,)``."""
-        out = np.zeros(self.count)
-        table = np.full(self.bin_rows.shape, np.nan)
-        table[:, :3], table[:-1, 3:6] = found.force, found.turn
-        for i, (force, rate) in enumerate(zip(found.other_force, found.other_rate, strict=True)):
-            table[:, 6 + 6 * i : 9 + 6 * i], table[:, 9 + 6 * i : 12 + 6 * i] = force, rate
-        used = self.bin_rows >= 0
-        out[self.bin_rows[used]] = table[used]
-        for where, difference in zip(self.constraint_rows, found.constraints, strict=True):
-            out[where] = difference
+    def stack(self, residuals: Residuals) -> Array:
+        """All residuals as one vector ``(R,)``."""
+        out = self.stack_predictions(residuals.force, residuals.rate_step, residuals)
+        for rows, residual in zip(self.constraint_rows, residuals.constraints, strict=True):
+            out[rows] = residual
         return out
 
+    def stack_predictions(self, force: Array, rate_step: Array, checking: Residuals | None = None) -> Array:
+        """Specific force ``(B, 3)`` and rate steps ``(B - 1, 3)`` as one vector ``(R,)``; zero in all other rows.
 
-def in_order(
-    setup: Setup,
-    bins: Bins,
-    motion: Motion,
-    rows: Rows,
-    unknowns: Unknowns,
-    allowance: Allowance,
-    found: Differences,
-) -> tuple[Steps, Order]:
-    """Put everything into the order of time."""
-    problem, n = setup.problem, unknowns.layout.size
-    widest = max(rows.use.shape[1], max((len(c.measured) for c in problem.constraints), default=1))
+        Parameters
+        ----------
+        force, rate_step : arrays
+            m/s², rad/s.
+        checking : Residuals, optional
+            Whose residuals of the checking IMUs are stacked as well.
+        """
+        out = np.zeros(self.count)
+        table = np.zeros(self.bin_rows.shape)
+        table[:, :3], table[:-1, 3:6] = force, rate_step
+        if checking is not None:
+            for i, (f, w) in enumerate(zip(checking.checking_force, checking.checking_rate, strict=True)):
+                table[:, 6 + 6 * i : 9 + 6 * i], table[:, 9 + 6 * i : 12 + 6 * i] = f, w
+        used = self.bin_rows >= 0
+        out[self.bin_rows[used]] = table[used]
+        return out
+
+    def step_of_bins(self, row_start: IntArray) -> tuple[IntArray, IntArray]:
+        """Bins whose force is compared, and the step of the model at which each ends.
+
+        Parameters
+        ----------
+        row_start : (K + 1,) array of int
+            First row of each step.
+        """
+        used = np.flatnonzero(self.bin_rows[:, 0] >= 0)
+        return used, np.searchsorted(row_start, self.bin_rows[used, 0], side="right") - 1
+
+
+def assemble_state_space(
+    inputs: ModelInputs,
+    bins: TimeBins,
+    transitions: PathTransitions,
+    rows: BinRows,
+    nuisance: NuisanceLayout,
+    uncertainty: StatedUncertainty,
+    residuals: Residuals,
+) -> tuple[LinearStateSpace, RowIndex]:
+    """Assemble the state-space model.
+
+    Parameters
+    ----------
+    inputs : ModelInputs
+    bins : TimeBins
+    transitions : PathTransitions
+    rows : BinRows
+    nuisance : NuisanceLayout
+    uncertainty : StatedUncertainty
+    residuals : Residuals
+        For the altitude along the path.
+    """
+    problem, n = inputs.problem, nuisance.layout.size
+    widest = max(rows.used.shape[1], max((len(c.measured) for c in problem.constraints), default=1))
     design, noise, starts, count = [], [], [], 0
-    where = np.full(rows.use.shape, -1, np.int64)
-    at: dict[int, slice] = {}
-    steps = _Split(motion)
-    halfway = _halfway(motion, len(bins.interval))
-    for k in steps.order:
+    bin_index = np.full(rows.used.shape, -1, np.int64)
+    constraint_rows: dict[int, slice] = {}
+    steps = _Steps(transitions)
+    bin_mean = _bin_mean_maps(transitions, len(bins.interval))
+    for k in range(len(steps)):
         starts.append(count)
         bin_, constraint = steps.bin[k], steps.constraint[k]
         if bin_ >= 0:
-            used = np.flatnonzero(rows.use[bin_])
-            where[bin_, used] = count + np.arange(len(used))
+            used = np.flatnonzero(rows.used[bin_])
+            bin_index[bin_, used] = count + np.arange(len(used))
             h = rows.design[bin_].copy()
-            h[:3, :n] = h[:3, :n] @ halfway[bin_]
+            h[:3, :n] = h[:3, :n] @ bin_mean[bin_]
             design.append(h[used])
             block = np.zeros((len(used), widest))
             block[:, : len(used)] = rows.noise[bin_][np.ix_(used, used)]
@@ -96,157 +134,157 @@ def in_order(
             count += len(used)
         elif constraint >= 0:
             c = problem.constraints[constraint]
-            h = np.zeros((len(c.measured), unknowns.size))
-            h[:, :n] = _constraint_design(c, motion.reference[steps.epoch[k]], unknowns.layout)
+            h = np.zeros((len(c.measured), nuisance.size))
+            h[:, :n] = _constraint_jacobian(c, transitions.states[steps.epoch[k]], nuisance.layout)
             design.append(h)
             block = np.zeros((len(h), widest))
             block[:, : len(h)] = c.noise
             noise.append(block)
-            at[constraint] = slice(count, count + len(h))
+            constraint_rows[constraint] = slice(count, count + len(h))
             count += len(h)
     starts.append(count)
-    sigma = bin_sigma(bins, setup.driving.time, setup.driving.interval, setup.driving.rate_noise)
+    sigma = bin_sigma(bins, inputs.driving.time, inputs.driving.interval, inputs.driving.rate_noise)
     sigma = np.where(np.isfinite(sigma), sigma, np.nanmedian(sigma))
-    change, process = _law(steps, motion, unknowns, allowance, found, sigma)
+    interval = _step_intervals(steps, transitions, residuals)
+    increment, process_noise = _stochastic_model(steps, transitions, nuisance, uncertainty, residuals, sigma, interval)
     return (
-        Steps(
-            change=change,
-            noise=process,
-            rows=np.array(starts, np.int64),
-            design=np.concatenate(design) if design else np.zeros((0, unknowns.size)),
+        LinearStateSpace(
+            increment=increment,
+            process_noise=process_noise,
+            row_start=np.array(starts, np.int64),
+            design=np.concatenate(design) if design else np.zeros((0, nuisance.size)),
             row_noise=np.concatenate(noise) if noise else np.zeros((0, widest)),
-            start=_start(setup, unknowns, sigma[0]),
+            initial_covariance=_initial_covariance(inputs, nuisance, sigma[0]),
         ),
-        Order(
-            bin_rows=where,
-            constraint_rows=tuple(at[i] for i in range(len(problem.constraints))),
+        RowIndex(
+            bin_rows=bin_index,
+            constraint_rows=tuple(constraint_rows[i] for i in range(len(problem.constraints))),
             count=count,
-            dt=_passed(steps, motion, found),
-            time=np.repeat(motion.time[np.array(steps.epoch)], np.diff(starts)),
-            place=np.arange(count) - np.repeat(starts[:-1], np.diff(starts)),
+            step_interval=interval,
+            time=np.repeat(transitions.time[np.array(steps.epoch)], np.diff(starts)),
+            column=np.arange(count) - np.repeat(starts[:-1], np.diff(starts)),
         ),
     )
 
 
-def _halfway(motion: Motion, count: int) -> Array:
-    """From the filter's vector at every bin's end to its mean over the bin ``(B, n, n)``.
+def stated_initial_error(inputs: ModelInputs, start: State) -> Array:
+    """What the mission states of the filter's vector at the beginning, as an error about `start`, ``(n,)``."""
+    return entry_prior(inputs)[0].minus(start)
 
-    It is half of it and half the one before. A force is a mean over the bin, and half a bin's turn of the body is a
-    thousandth of what an attitude error makes.
+
+def entry_prior(inputs: ModelInputs) -> tuple[State, Array]:
+    """Stated state and covariance of the filter's vector at the beginning."""
+    p = inputs.problem
+    return initial_estimate(p.layout, p.initial, p.entry, p.instruments[int(p.samples.unit[0])], p.planet)
+
+
+def _bin_mean_maps(transitions: PathTransitions, count: int) -> Array:
+    """Maps from the filter's vector at every bin's end to its mean over the bin, ``(B, n, n)``.
+
+    The mean is half the vector at the end and half the one at the beginning. A force is a mean over the bin, and the
+    rotation of the body during half a bin is a thousandth of the derivative with respect to the attitude error.
     """
-    eye = np.eye(motion.move.shape[1])
-    out, passed = np.tile(eye, (count, 1, 1)), eye
-    for move, bin_ in zip(motion.move, motion.bin, strict=True):
-        passed = move @ passed
+    eye = np.eye(transitions.transition.shape[1])
+    over_bin, product = np.tile(eye, (count, 1, 1)), eye
+    for transition, bin_ in zip(transitions.transition, transitions.bin, strict=True):
+        product = transition @ product
         if bin_ >= 0:
-            out[bin_], passed = passed, eye
-    out[np.abs(np.linalg.det(out)) < 0.5] = eye  # another instrument took over in between
-    return np.asarray(0.5 * (eye + np.linalg.inv(out)), np.float64)
+            over_bin[bin_], product = product, eye
+    over_bin[np.abs(np.linalg.det(over_bin)) < 0.5] = eye  # the driving instrument changed in between
+    return np.asarray(0.5 * (eye + np.linalg.inv(over_bin)), np.float64)
 
 
-class _Split:
-    """Epochs taken apart: the movement, then each thing that is measured there, one step each."""
+class _Steps:
+    """Steps of the model: each epoch is one transition, followed by one step for each thing that is measured there."""
 
-    def __init__(self, motion: Motion) -> None:
+    def __init__(self, transitions: PathTransitions) -> None:
         self.epoch: list[int] = []
         self.moves: list[bool] = []
         self.bin: list[int] = []
         self.constraint: list[int] = []
-        for e in range(len(motion.time)):
-            things = [(int(motion.bin[e]), -1)] if motion.bin[e] >= 0 else []
-            things += [(-1, c) for c in motion.constraints[e]]
-            for i, (b, c) in enumerate(things or [(-1, -1)]):
+        for e in range(len(transitions.time)):
+            measured = [(int(transitions.bin[e]), -1)] if transitions.bin[e] >= 0 else []
+            measured += [(-1, c) for c in transitions.constraints[e]]
+            for i, (b, c) in enumerate(measured or [(-1, -1)]):
                 self.epoch.append(e)
                 self.moves.append(i == 0)
                 self.bin.append(b)
                 self.constraint.append(c)
 
-    @property
-    def order(self) -> range:
-        """Indices of the steps."""
-        return range(len(self.epoch))
+    def __len__(self) -> int:
+        return len(self.epoch)
 
 
-def _law(
-    steps: _Split,
-    motion: Motion,
-    unknowns: Unknowns,
-    allowance: Allowance,
-    found: Differences,
+def _stochastic_model(
+    steps: _Steps,
+    transitions: PathTransitions,
+    nuisance: NuisanceLayout,
+    uncertainty: StatedUncertainty,
+    residuals: Residuals,
     rate_sigma: Array,
-) -> tuple[Sparse, Sparse]:
-    """Transition less identity, and process noise, of all unknowns."""
-    n = unknowns.layout.size
+    interval: Array,
+) -> tuple[BlockSparse, BlockSparse]:
+    """Transition less identity, and process noise, of all states.
+
+    `rate_sigma` is the gyros' noise in the bins ``(B,)``, rad/s; `interval` the time of each step ``(K,)``, s.
+    """
+    n = nuisance.layout.size
     moves, epoch = np.array(steps.moves), np.array(steps.epoch)
-    here = slice(0, n)
-    change: list[tuple[slice, slice, Array]] = [
-        (here, here, np.where(moves[:, None, None], motion.move[epoch] - np.eye(n), 0.0))
+    navigation = slice(0, n)
+    increment: list[tuple[slice, slice, Array]] = [
+        (navigation, navigation, np.where(moves[:, None, None], transitions.transition[epoch] - np.eye(n), 0.0))
     ]
-    noise: list[tuple[slice, slice, Array]] = [(here, here, np.where(moves[:, None, None], motion.noise[epoch], 0.0))]
-    before, after = unknowns["rate_before"], unknowns["rate_after"]
-    walk = np.where(moves, motion.walk[epoch], 0.0)
-    change.append((unknowns.layout["attitude"], after, -walk[:, None, None] * np.eye(3)))
+    noise: list[tuple[slice, slice, Array]] = [
+        (navigation, navigation, np.where(moves[:, None, None], transitions.process_noise[epoch], 0.0))
+    ]
+    before, after = nuisance["gyro_noise_before"], nuisance["gyro_noise_after"]
+    gyro_noise_time = np.where(moves, transitions.gyro_noise_time[epoch], 0.0)
+    increment.append((nuisance.layout["attitude"], after, -gyro_noise_time[:, None, None] * np.eye(3)))
     ends = np.array(steps.bin)
-    # the noise of the bin that ends is kept, that of the next one is fresh
-    over = (ends >= 0)[:, None, None] * np.eye(3)
-    change += [(before, before, -over), (before, after, over), (after, after, -over)]
-    fresh = rate_sigma[np.minimum(ends + 1, len(rate_sigma) - 1)]
-    noise.append((after, after, (fresh**2)[:, None, None] * over))
-    time = np.concatenate((found.path.time[:1], motion.time))
-    height = np.interp(time, found.nodes.time, found.flow.altitude)
-    dt, dh = _passed(steps, motion, found), np.diff(height)[epoch] * moves
-    for name, distance in distances(allowance, dt, dh).items():
-        if name in unknowns:
-            at = unknowns[name]
-            step, rest = smooth_step(distance)
-            change.append((at, at, step - np.eye(2)))
-            noise.append((at, at, rest))
-    return sparse(unknowns.size, change), sparse(unknowns.size, noise)
+    # at a bin's end its noise becomes that of the bin before, and that of the next bin is drawn
+    bin_ends = (ends >= 0)[:, None, None] * np.eye(3)
+    increment += [(before, before, -bin_ends), (before, after, bin_ends), (after, after, -bin_ends)]
+    next_sigma = rate_sigma[np.minimum(ends + 1, len(rate_sigma) - 1)]
+    noise.append((after, after, (next_sigma**2)[:, None, None] * bin_ends))
+    time = np.concatenate((residuals.path.time[:1], transitions.time))
+    altitude = np.interp(time, residuals.nodes.time, residuals.flow.altitude)
+    altitude_step = np.diff(altitude)[epoch] * moves
+    for name, distance in uncertainty.correlation_steps(interval, altitude_step).items():
+        if name in nuisance:
+            part = nuisance[name]
+            transition, process_noise = matern32_transition(distance)
+            increment.append((part, part, transition - np.eye(2)))
+            noise.append((part, part, process_noise))
+    return from_blocks(nuisance.size, increment), from_blocks(nuisance.size, noise)
 
 
-def _passed(steps: _Split, motion: Motion, found: Differences) -> Array:
-    """Time that passes in each step, s."""
-    return np.diff(np.concatenate((found.path.time[:1], motion.time)))[np.array(steps.epoch)] * np.array(steps.moves)
+def _step_intervals(steps: _Steps, transitions: PathTransitions, residuals: Residuals) -> Array:
+    """Time between each step and the one before ``(K,)``, s."""
+    edges = np.concatenate((residuals.path.time[:1], transitions.time))
+    return np.diff(edges)[np.array(steps.epoch)] * np.array(steps.moves)
 
 
-def _start(setup: Setup, unknowns: Unknowns, rate_sigma: float) -> Array:
-    """Covariance at the beginning."""
-    problem, layout = setup.problem, unknowns.layout
-    p = np.zeros((unknowns.size, unknowns.size))
-    _, prior = entry.start(
-        layout, problem.initial, problem.entry, problem.instruments[int(problem.samples.unit[0])], problem.planet
-    )
-    p[: layout.size, : layout.size] = prior
-    for name, where in unknowns.slices.items():
-        width = where.stop - where.start
-        if name.startswith("other"):
-            i, error = name[5:].split("_", 1)
-            sigma = getattr(setup.checking[int(i)].errors[0], error)
+def _initial_covariance(inputs: ModelInputs, nuisance: NuisanceLayout, rate_sigma: float) -> Array:
+    layout = nuisance.layout
+    p = np.zeros((nuisance.size, nuisance.size))
+    p[: layout.size, : layout.size] = entry_prior(inputs)[1]
+    for name, part in nuisance.slices.items():
+        width = part.stop - part.start
+        if name.startswith("checking"):
+            imu, error = name.removeprefix("checking").split("_", 1)
+            sigma = getattr(inputs.checking[int(imu)].errors[0], error)
         else:
-            sigma = {"rate_before": 0.0, "rate_after": rate_sigma}.get(name, 1.0)
-        p[where, where] = sigma**2 * np.eye(width)
+            sigma = {"gyro_noise_before": 0.0, "gyro_noise_after": rate_sigma}.get(name, 1.0)
+        p[part, part] = sigma**2 * np.eye(width)
         if width == 2:
-            p[where, where] = np.diag([1.0, 3.0])  # value and slope (`smooth_step`)
+            p[part, part] = MATERN32_COVARIANCE
     return p
 
 
-def stated_start(setup: Setup, start: State) -> Array:
-    """What the mission states of the filter's vector at the beginning, as an error about `start`, ``(n,)``."""
-    problem = setup.problem
-    state, _ = entry.start(
-        problem.layout,
-        problem.initial,
-        problem.entry,
-        problem.instruments[int(problem.samples.unit[0])],
-        problem.planet,
-    )
-    return state.minus(start)
-
-
-def _constraint_design(c: Constraint, state: State, layout: Layout) -> Array:
-    """Slope of a constraint's prediction, ``(m, n)``."""
+def _constraint_jacobian(c: Constraint, state: State, layout: Layout) -> Array:
+    """Derivative of a constraint's prediction with respect to the filter's vector, ``(m, n)``."""
     n = layout.size
-    steps = differencing_steps(layout)
+    steps = difference_steps(layout)
     nav, errors = sigma_states(state, np.concatenate((np.diag(steps), -np.diag(steps))), 2 * n)
-    found = c.predict(nav, errors, layout)
-    return ((found[:n] - found[n:]) / (2.0 * steps[:, None])).T
+    predictions = c.predict(nav, errors, layout)
+    return ((predictions[:n] - predictions[n:]) / (2.0 * steps[:, None])).T

@@ -1,32 +1,31 @@
-"""The path followed in time: how the filter's vector moves between the ends of bins, constraints and instruments.
+"""Propagation of the filter's error vector along the path, from epoch to epoch.
 
-The filter's vector moves as the filter moves it: its sigma-point propagation, differenced about the path. Where a bin
-is compared, the noise of its gyros is an unknown of its own and not process noise (`unknowns`).
+The transition matrices are central differences of the filter's own propagation about the path. In bins that are
+compared, the gyros' noise is a nuisance parameter (`nuisance`) and not process noise.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from edl_filter import rotations
-from edl_filter.diagnosis.bins import Bins
-from edl_filter.diagnosis.comparison import Frame
-from edl_filter.diagnosis.neighbours import Neighbours
-from edl_filter.diagnosis.path import dead_reckon
+from edl_filter.diagnosis.prediction.dead_reckoning import dead_reckon
+from edl_filter.diagnosis.prediction.time_bins import TimeBins
 from edl_filter.navigation import initial as entry
+from edl_filter.navigation import strapdown
 from edl_filter.navigation.filter import Problem, merge
 from edl_filter.navigation.increments import Samples
-from edl_filter.navigation.layout import ONBOARD, Layout, State
+from edl_filter.navigation.layout import ONBOARD, Layout, State, sensor_maps, sigma_states
 from edl_filter.navigation.noise import process_noise
+from edl_filter.navigation.propagation import onboard_steps
+from edl_filter.types import Array, IntArray
 
-Array = NDArray[np.float64]
-
-#: Steps by which the filter's vector is moved to difference its propagation.
-_STEPS = {
+#: Steps of the central differences by component of the filter's vector.
+_DIFFERENCE_STEPS = {
     "position": 10.0, "velocity": 0.05, "attitude": 1e-5, "accelerometer_bias": 1e-4, "accelerometer_scale": 1e-5,
     "accelerometer_misalignment": 1e-5, "gyro_bias": 1e-7, "gyro_scale": 1e-6, "entry_epoch": 1e-2,
     "entry_frame": 1e-5, "onboard_rate": 1e-7, "onboard_mounting": 1e-6, ONBOARD: 1e-5,
@@ -34,166 +33,250 @@ _STEPS = {
 
 
 @dataclass(frozen=True)
-class Motion:
-    """How the filter's vector moves from epoch to epoch.
+class PathTransitions:
+    """Transitions of the filter's error vector from epoch to epoch.
 
     Attributes
     ----------
     time : (K,) array
-        Epochs after the start, s; two of the same time where the instrument changes.
-    move, noise : (K, n, n) arrays
-    walk : (K,) array
-        Time over which a bin's gyro noise turns the attitude, s.
+        Epochs after the start, s; an epoch at which the driving instrument changes occurs twice.
+    transition, process_noise : (K, n, n) arrays
+    gyro_noise_time : (K,) array
+        Time over which the noise of the current bin's gyros rotates the attitude, s.
     bin : (K,) array of int
         Bin that ends at the epoch, or -1.
     constraints : tuple of tuples of int
-        Indices of the constraints met at the epoch.
-    reference : (K, …) list of State
+        Indices of the constraints at the epoch.
+    states : list of State
+        The path at the epochs.
     onboard : (C, 4) array or None
-        On-board attitude carried to each constraint.
+        On-board attitude propagated to each constraint.
     """
 
     time: Array
-    move: Array
-    noise: Array
-    walk: Array
-    bin: NDArray[np.int64]
+    transition: Array
+    process_noise: Array
+    gyro_noise_time: Array
+    bin: IntArray
     constraints: tuple[tuple[int, ...], ...]
-    reference: list[State]
+    states: list[State]
     onboard: Array | None
 
 
-def follow(problem: Problem, bins: Bins, start: State, errors: Array) -> Motion:
-    """Propagate the path and its neighbours from epoch to epoch.
+class _Epoch(NamedTuple):
+    """One row of `PathTransitions`."""
+
+    time: float
+    transition: Array
+    process_noise: Array
+    gyro_noise_time: float
+    bin: int
+    constraints: tuple[int, ...]
+    state: State
+
+
+def propagate_path(problem: Problem, bins: TimeBins, start: State, errors: Array) -> PathTransitions:
+    """Propagate the path and its error vector from epoch to epoch.
 
     Parameters
     ----------
     problem : Problem
-    bins : Bins
+    bins : TimeBins
     start : State
-        Where the path begins, with the first instrument's errors.
+        At the initial state's time, with the first instrument's errors.
     errors : (U, n) array
-        By instrument.
+        Sensor errors by instrument.
     """
     samples = problem.samples
-    hidden = _hidden(samples, float(np.min(samples.rate_noise * np.sqrt(samples.interval))))
-    times = _epochs(problem, bins)
+    without_gyro_noise = _without_gyro_noise(samples, float(np.min(samples.rate_noise * np.sqrt(samples.interval))))
+    times = _epoch_times(problem, bins)
     ends = np.array([samples.index(t) for t in times])
     begins = np.concatenate(([0], ends[:-1]))
     units = samples.unit[np.minimum(begins, len(samples.unit) - 1)]
     nav = dead_reckon(problem, start.nav[:10], errors).nav
-    wanted = [c.time for c in problem.constraints]
-    pending = sorted(range(len(wanted)), key=lambda i: wanted[i])
-    onboard = np.empty((len(wanted), 4)) if len(start.nav) == 14 else None
-    bin_of = {round(float(t), 5): k for k, t in enumerate(bins.edges[1:])}
-    found: list[_Epoch] = []
+    constraint_times = [c.time for c in problem.constraints]
+    pending = sorted(range(len(constraint_times)), key=lambda i: constraint_times[i])
+    onboard = np.empty((len(constraint_times), 4)) if len(start.nav) == 14 else None
+    bin_ending = {round(float(t), 5): k for k, t in enumerate(bins.edges[1:])}
+    epochs: list[_Epoch] = []
     state = start
     for run in np.split(np.arange(len(times)), np.flatnonzero(np.diff(units)) + 1):
-        if found:  # another instrument drives from here on
-            state, f, q = _change(problem, state, int(units[run[0]]), errors[units[run[0]]])
-            found.append(_Epoch(found[-1].time, f, q, 0.0, -1, (), state))
-        states, moves = _stretches(problem, state, nav, begins[run], ends[run])
-        for k, moved, f in zip(run, states, moves, strict=True):
-            time, before, state = float(times[k]), state, moved
+        if epochs:  # another instrument drives from this epoch on
+            state, f, q = _change_instrument(problem, state, int(units[run[0]]), errors[units[run[0]]])
+            epochs.append(_Epoch(epochs[-1].time, f, q, 0.0, -1, (), state))
+        states, transitions = _propagate_run(problem, state, nav, begins[run], ends[run])
+        for k, end_state, f in zip(run, states, transitions, strict=True):
+            time, start_state, state = float(times[k]), state, end_state
             inside = int(np.searchsorted(bins.edges, time - 1e-6)) - 1
-            walks = ends[k] > begins[k] and 0 <= inside < len(bins.sound) and bool(bins.sound[inside])
-            part = (hidden if walks else samples).part(begins[k], ends[k])
-            q = process_noise(problem.layout, part, before.nav[6:10])
-            walk = float(part.interval.sum()) if walks else 0.0
-            here = []
-            while pending and wanted[pending[0]] <= time + 2e-6:
-                here.append(pending.pop(0))
+            compared = ends[k] > begins[k] and 0 <= inside < len(bins.valid) and bool(bins.valid[inside])
+            part = (without_gyro_noise if compared else samples).part(begins[k], ends[k])
+            q = process_noise(problem.layout, part, start_state.nav[6:10])
+            gyro_noise_time = float(part.interval.sum()) if compared else 0.0
+            at_epoch = []
+            while pending and constraint_times[pending[0]] <= time + 2e-6:
+                at_epoch.append(pending.pop(0))
                 if onboard is not None:
-                    onboard[here[-1]] = state.nav[10:]
-            found.append(_Epoch(time, f, q, walk, bin_of.get(round(time, 5), -1), tuple(here), state))
-    return Motion(
-        time=np.array([e.time for e in found]),
-        move=np.array([e.move for e in found]),
-        noise=np.array([e.noise for e in found]),
-        walk=np.array([e.walk for e in found]),
-        bin=np.array([e.bin for e in found]),
-        constraints=tuple(e.constraints for e in found),
-        reference=[e.reference for e in found],
+                    onboard[at_epoch[-1]] = state.nav[10:]
+            ending = bin_ending.get(round(time, 5), -1)
+            epochs.append(_Epoch(time, f, q, gyro_noise_time, ending, tuple(at_epoch), state))
+    return PathTransitions(
+        time=np.array([e.time for e in epochs]),
+        transition=np.array([e.transition for e in epochs]),
+        process_noise=np.array([e.process_noise for e in epochs]),
+        gyro_noise_time=np.array([e.gyro_noise_time for e in epochs]),
+        bin=np.array([e.bin for e in epochs]),
+        constraints=tuple(e.constraints for e in epochs),
+        states=[e.state for e in epochs],
         onboard=onboard,
     )
 
 
-class _Epoch(NamedTuple):
-    """One row of a `Motion`."""
-
-    time: float
-    move: Array
-    noise: Array
-    walk: float
-    bin: int
-    constraints: tuple[int, ...]
-    reference: State
+def difference_steps(layout: Layout) -> Array:
+    """Steps of the central differences with respect to the filter's vector, ``(n,)``, in its units."""
+    return np.concatenate([np.full(s.stop - s.start, _DIFFERENCE_STEPS[name]) for name, s in layout.slices.items()])
 
 
-def _epochs(problem: Problem, bins: Bins) -> Array:
-    """Where the path is stopped at: the filter's epochs, before the last bin's end the bins' ends and constraints."""
+def _epoch_times(problem: Problem, bins: TimeBins) -> Array:
+    """Times of the epochs: bins' ends and constraints up to the last bin's end, all of the filter's epochs after it."""
     epochs = merge(np.concatenate((bins.edges, problem.epochs)))
-    late = epochs > bins.edges[-1] + 1e-6
-    wanted = np.concatenate((bins.edges, [c.time for c in problem.constraints]))
-    return np.asarray(epochs[late | np.isin(np.round(epochs, 5), np.round(wanted, 5))], np.float64)
+    after = epochs > bins.edges[-1] + 1e-6
+    required = np.concatenate((bins.edges, [c.time for c in problem.constraints]))
+    return np.asarray(epochs[after | np.isin(np.round(epochs, 5), np.round(required, 5))], np.float64)
 
 
-def _hidden(samples: Samples, gyro_density: float) -> Samples:
-    """The same samples with that part of the rate noise only which is not the gyros' own."""
-    own = gyro_density / np.sqrt(samples.interval)
-    rest = np.sqrt(np.maximum(samples.rate_noise**2 - own**2, 0.0))
-    return replace(samples, rate_noise=rest, shared_rate_noise=np.minimum(samples.shared_rate_noise, rest))
+def _without_gyro_noise(samples: Samples, gyro_density: float) -> Samples:
+    """Samples whose rate noise is the motion within the samples alone."""
+    gyro = gyro_density / np.sqrt(samples.interval)
+    motion = np.sqrt(np.maximum(samples.rate_noise**2 - gyro**2, 0.0))
+    return replace(samples, rate_noise=motion, shared_rate_noise=np.minimum(samples.shared_rate_noise, motion))
 
 
-def _stretches(
-    problem: Problem, start: State, nav: Array, begins: NDArray[np.int64], ends: NDArray[np.int64]
-) -> tuple[list[State], Array]:
-    """States at the ends of adjoining stretches under one instrument, and the transitions over them.
-
-    Parameters
-    ----------
-    problem : Problem
-    start : State
-        At the beginning of the first.
-    nav : (N + 1, 10) array
-        The path at the ends of all samples.
-    begins, ends : (K,) arrays of int
-        Samples.
-    """
-    near = Neighbours.of(problem, start, differencing_steps(problem.layout))
-    turns = [near.onboard(a, b) for a, b in zip(begins, ends, strict=True)] if len(start.nav) == 14 else []
-    carried = [start.nav[10:]]
-    for net, turn in turns:
-        carried.append(rotations.multiply(rotations.multiply(carried[-1], net), turn[0]))
-    board = np.array(carried) if turns else np.empty((len(ends) + 1, 0))
-    at = np.concatenate((nav[np.append(begins[:1], ends)], board), axis=1)
-    moves = near.transitions(at[:-1], begins, ends, turns)
-    return [State(row, start.errors.copy()) for row in at[1:]], moves
-
-
-def _change(problem: Problem, state: State, unit: int, errors: Array) -> tuple[State, Array, Array]:
-    """Let another instrument drive, as the filter does."""
+def _change_instrument(problem: Problem, state: State, unit: int, errors: Array) -> tuple[State, Array, Array]:
+    """Replace the sensor-error states by those of another driving instrument, as the filter does."""
     layout = problem.layout
-    fresh = [layout.sensor, *(layout[n] for n in problem.entry.instrument_prior(layout))]
-    keep, noise = np.eye(layout.size), np.zeros((layout.size, layout.size))
-    for where in fresh:
-        keep[where, where] = 0.0
+    replaced = [layout.sensor, *(layout[n] for n in problem.entry.instrument_prior(layout))]
+    transition, noise = np.eye(layout.size), np.zeros((layout.size, layout.size))
+    for part in replaced:
+        transition[part, part] = 0.0
     noise[layout.sensor, layout.sensor] = entry.sensor_prior(layout, problem.instruments[unit])
     for name, sigma in problem.entry.instrument_prior(layout).items():
         noise[layout[name], layout[name]] = sigma**2 * np.eye(3)
     if ONBOARD in layout:
         noise[layout[ONBOARD], layout[ONBOARD]] = problem.unit_change_sigma**2 * np.eye(3)
-    new = state.errors.copy()
-    for where in fresh:
-        new[where] = errors[where]
-    return State(state.nav, new), keep, noise
+    new_errors = state.errors.copy()
+    for part in replaced:
+        new_errors[part] = errors[part]
+    return State(state.nav, new_errors), transition, noise
 
 
-def frame_of(motion: Motion, bins: Bins, start: State, errors: Array) -> Frame:
-    """What stays as it is while the model changes."""
-    return Frame(bins=bins, start=start.nav[:10], errors=errors, onboard=motion.onboard)
+def _propagate_run(
+    problem: Problem, start: State, nav: Array, begins: IntArray, ends: IntArray
+) -> tuple[list[State], Array]:
+    """States at the ends of adjoining intervals under one instrument, and the transitions over them.
+
+    Parameters
+    ----------
+    problem : Problem
+    start : State
+        At the beginning of the first interval.
+    nav : (N + 1, 10) array
+        The path at the ends of all samples.
+    begins, ends : (K,) arrays of int
+        First sample of each interval, and the one after its last.
+    """
+    differences = PropagationDifferences.about(problem, start, difference_steps(problem.layout))
+    rotations_onboard = []
+    if len(start.nav) == 14:
+        rotations_onboard = [differences.onboard_rotation(a, b) for a, b in zip(begins, ends, strict=True)]
+    attitudes = [start.nav[10:]]
+    for net, correction in rotations_onboard:
+        attitudes.append(rotations.multiply(rotations.multiply(attitudes[-1], net), correction[0]))
+    onboard = np.array(attitudes) if rotations_onboard else np.empty((len(ends) + 1, 0))
+    states = np.concatenate((nav[np.append(begins[:1], ends)], onboard), axis=1)
+    transitions = differences.transitions(states[:-1], begins, ends, rotations_onboard)
+    return [State(row, start.errors.copy()) for row in states[1:]], transitions
 
 
-def differencing_steps(layout: Layout) -> Array:
-    """Steps by which each component of the filter's vector is moved to difference it, ``(n,)``."""
-    return np.concatenate([np.full(s.stop - s.start, _STEPS[name]) for name, s in layout.slices.items()])
+@dataclass(frozen=True)
+class PropagationDifferences:
+    """Central differences of the propagation under one instrument, over many intervals at once.
+
+    All displaced states are propagated as the filter propagates its sigma points. What does not depend on the state
+    (the maps that correct the sensor errors, the rotation computed on board) is computed once.
+
+    Attributes
+    ----------
+    problem : Problem
+    steps : (n,) array
+        Displacement of each component.
+    offsets : (2n + 1, n) array
+        No displacement, each component increased, each decreased.
+    errors : (n, S) array
+        Sensor errors of each displaced state, padded as `strapdown.propagate` requires.
+    force_map, rate_map : arrays
+        Corrections for them.
+    """
+
+    problem: Problem
+    steps: Array
+    offsets: Array
+    errors: Array
+    force_map: Array
+    rate_map: Array
+
+    @classmethod
+    def about(cls, problem: Problem, state: State, steps: Array) -> PropagationDifferences:
+        """Differences about states with a given state's sensor errors; `steps` ``(n,)`` in the filter's units."""
+        offsets = np.concatenate((np.zeros((1, len(steps))), np.diag(steps), -np.diag(steps)))
+        errors = sigma_states(state, offsets, strapdown.padded(len(offsets)))[1]
+        return cls(problem, steps, offsets, errors, *sensor_maps(problem.layout, errors))
+
+    def onboard_rotation(self, begin: int, end: int) -> tuple[Array, Array]:
+        """Rotation of the on-board attitude over samples: net rotation ``(4,)``, and corrections ``(2n + 1, 4)``."""
+        part = self.problem.samples.part(begin, end)
+        return onboard_steps(self.problem.layout, part, self.errors[:, : len(self.offsets)])
+
+    def transitions(
+        self, nav: Array, begins: IntArray, ends: IntArray, onboard: Sequence[tuple[Array, Array]]
+    ) -> Array:
+        """Transition matrices over intervals of samples.
+
+        Parameters
+        ----------
+        nav : (K, 10) or (K, 14) array
+            States at the beginnings.
+        begins, ends : (K,) arrays of int
+            First sample of each interval, and the one after its last.
+        onboard : sequence of K pairs
+            Of `onboard_rotation`; empty where no attitude was computed on board.
+
+        Returns
+        -------
+        (K, n, n) array
+        """
+        count, p, samples = len(self.offsets), self.problem.planet, self.problem.samples
+        states = np.repeat(nav[:, :10, None], self.errors.shape[1], axis=2)
+        states[:, :6, :count] += self.offsets.T[:6]
+        states[:, 6:, :count] = np.swapaxes(_rotated(nav[:, 6:10], self.offsets[:, 6:9]), 1, 2)
+        for k, (begin, end) in enumerate(zip(begins, ends, strict=True)):
+            part = slice(begin, end)
+            strapdown.propagate(
+                states[k], self.force_map, self.rate_map, samples.interval[part], samples.force[part],
+                samples.rate[part], p.mu, p.j2, p.gravity_radius,
+            )  # fmt: skip
+        deltas = np.repeat((self.errors[:, :count] - self.errors[:, :1]).T[None], len(nav), axis=0)
+        deltas[..., :6] = np.swapaxes(states[:, :6, :count] - states[:, :6, :1], 1, 2)
+        attitude = np.swapaxes(states[:, 6:, :count], 1, 2)
+        deltas[..., 6:9] = rotations.rotation_vector_between(attitude[:, :1], attitude)
+        if onboard:
+            net, correction = (np.array(values) for values in zip(*onboard, strict=True))
+            displaced = _rotated(nav[:, 10:], self.offsets[:, -3:])
+            computed = rotations.multiply(rotations.multiply(displaced, net[:, None]), correction)
+            deltas[..., -3:] = rotations.rotation_vector_between(computed[:, :1], computed)
+        n = len(self.steps)
+        return np.swapaxes((deltas[:, 1 : n + 1] - deltas[:, n + 1 :]) / (2.0 * self.steps[:, None]), 1, 2)
+
+
+def _rotated(attitude: Array, phi: Array) -> Array:
+    """Each attitude ``(K, 4)`` rotated by each rotation vector ``(S, 3)``: ``(K, S, 4)``."""
+    return rotations.normalise(rotations.multiply(attitude[:, None], rotations.from_rotation_vector(phi)))

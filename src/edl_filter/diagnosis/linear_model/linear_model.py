@@ -1,160 +1,372 @@
-"""The linear problem about one point: model and measurement compared with chosen effects, ready to be whitened."""
+"""The linearised model of a flight: residuals, Jacobians and noise about one point, and the iteration of the point."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import islice
 
 import numpy as np
-from numpy.typing import NDArray
 
-from edl_filter.diagnosis.bins import Bins
-from edl_filter.diagnosis.case import Case
-from edl_filter.diagnosis.comparison import binned, compare
-from edl_filter.diagnosis.deviating import moved
-from edl_filter.diagnosis.missing import Missing, allow
-from edl_filter.diagnosis.motion import follow, frame_of
-from edl_filter.diagnosis.path import readings
-from edl_filter.diagnosis.point import Point
-from edl_filter.diagnosis.roughness import Rough, find_rough
-from edl_filter.diagnosis.sensitivity import bin_rows, coefficient_sigma, one_sigma, slopes
-from edl_filter.diagnosis.signatures import Ground
-from edl_filter.diagnosis.timeline import in_order
-from edl_filter.diagnosis.unknowns import Unknowns, lay_out
-from edl_filter.diagnosis.whitening import Steps, Whitener, Whitens, whitener
-from edl_filter.effects.deviation import CoefficientUnits
+from edl_filter.diagnosis.jacobians.nuisance import NuisanceLayout, nuisance_layout
+from edl_filter.diagnosis.jacobians.prediction_jacobian import (
+    PredictionJacobian,
+    bin_rows,
+    coefficient_scale,
+    prediction_jacobian,
+)
+from edl_filter.diagnosis.jacobians.state_space import RowIndex, assemble_state_space, stated_initial_error
+from edl_filter.diagnosis.jacobians.transitions import propagate_path
+from edl_filter.diagnosis.linear_model.flight_case import FlightCase
+from edl_filter.diagnosis.linear_model.linearization_point import (
+    LinearizationPoint,
+    largest_change,
+    perturbation_from_states,
+    perturbation_offset,
+    smoothed_point,
+)
+from edl_filter.diagnosis.noise.unmodelled_acceleration import UnmodelledAcceleration, augment
+from edl_filter.diagnosis.noise.variance_components import ExcessVariance, estimate_variance_components
+from edl_filter.diagnosis.prediction.dead_reckoning import corrected_readings
+from edl_filter.diagnosis.prediction.residuals import (
+    ModelInputs,
+    PathReference,
+    Residuals,
+    bin_readings,
+    compute_residuals,
+    update_residuals,
+)
+from edl_filter.diagnosis.prediction.time_bins import TimeBins
+from edl_filter.effects.base import EffectInstance
+from edl_filter.effects.perturbation import CoefficientUnits
+from edl_filter.estimation.kalman import LinearStateSpace, Whitening, WhiteningFilter, whitening_filter
+from edl_filter.estimation.smoothing import smoothed_states
+from edl_filter.mission.decision_settings import DecisionSettings
+from edl_filter.navigation.layout import ONBOARD
+from edl_filter.types import Array
 
-Array = NDArray[np.float64]
-
-#: Part of the rows that may be rough where a model holds.
-HOLDS = 0.02
+#: States of the attitude that was computed on board, which the model does not affect.
+_ONBOARD_STATES = ("onboard_rate", "onboard_mounting", ONBOARD)
 
 
 @dataclass(frozen=True)
-class Linear:
-    """The comparison about a model.
+class LinearizedModel:
+    """Residuals and state-space model about a linearisation point.
 
     Attributes
     ----------
-    ground : Ground
-        Where signatures are taken.
-    bins : Bins
-    unknowns : Unknowns
-    sigma : dict
-        What one sigma of air and vehicle is (`sensitivity.one_sigma`).
+    case : FlightCase
+    effects : tuple of EffectInstance
+        In the model.
+    point : LinearizationPoint
+    reference : PathReference
+    inputs : ModelInputs
+    residuals : Residuals
+    jacobian : PredictionJacobian
+    index : RowIndex
+    nuisance : NuisanceLayout
     units : CoefficientUnits
         One sigma of the tables.
-    steps : Steps
-        Nothing missing allowed.
-    column : (R,) array
-        The differences.
-    start : (n,) array
-        What the mission states of the unknowns at the beginning, about the path.
-    begin : Rough or None
-        Noise from which the search for its own begins: `failures` of a model much like it.
+    state_space : LinearStateSpace
+        At the stated noise.
+    initial_excess : ExcessVariance or None
+        Start of the estimation of the excess variance: `failing_excess` of a similar model.
     """
 
-    ground: Ground
-    bins: Bins
-    unknowns: Unknowns
-    sigma: dict[str, float]
+    case: FlightCase
+    effects: tuple[EffectInstance, ...]
+    point: LinearizationPoint
+    reference: PathReference
+    inputs: ModelInputs
+    residuals: Residuals
+    jacobian: PredictionJacobian
+    index: RowIndex
+    nuisance: NuisanceLayout
     units: CoefficientUnits
-    steps: Steps
-    column: Array
-    start: Array
-    begin: Rough | None = None
-
-    @cached_property
-    def plain(self) -> Whitener:
-        """Whitener that allows for nothing missing."""
-        return whitener(self.steps)
-
-    @cached_property
-    def rough(self) -> tuple[Rough, Whitener]:
-        """Noise that the differences have beyond what is stated, and the whitener that allows for it."""
-        return find_rough(self.plain, self.ground.order, self.column, self.start, self.begin)
+    state_space: LinearStateSpace
+    initial_excess: ExcessVariance | None = None
 
     @property
-    def share(self) -> float:
-        """Part of the rows that are rough."""
-        return self.rough[0].share
+    def bins(self) -> TimeBins:
+        """The time bins."""
+        return self.case.bins
+
+    @property
+    def settings(self) -> DecisionSettings:
+        """Thresholds of the diagnosis."""
+        return self.case.settings
+
+    def model_inputs(self, effects: Sequence[EffectInstance]) -> ModelInputs:
+        """Model and measurements with other effects, at the point's perturbation."""
+        return _perturbed(self.case.model_inputs(effects), self.point)
+
+    def denoised_inputs(self, effects: Sequence[EffectInstance]) -> ModelInputs:
+        """The same with denoised readings."""
+        return _perturbed(self.case.denoised_inputs(effects), self.point)
+
+    def initial_mean_of(self, inputs: ModelInputs) -> Array:
+        """What inputs state of the states at the beginning, as an error about the point ``(n,)``."""
+        out = np.zeros(self.nuisance.size)
+        out[: inputs.problem.layout.size] = stated_initial_error(inputs, self.point.start)
+        return out
+
+    @cached_property
+    def residual_vector(self) -> Array:
+        """Residuals ``(R,)``, the point's perturbation added to them again."""
+        perturbation = self.point.perturbation
+        residuals = self.index.stack(self.residuals)
+        if perturbation is None:
+            return residuals
+        return residuals + perturbation_offset(self.index, self.jacobian, perturbation)
+
+    @cached_property
+    def initial_mean(self) -> Array:
+        """What the mission states of the states at the beginning, as an error about the point ``(n,)``."""
+        return self.initial_mean_of(self.inputs)
+
+    def with_effects(self, effects: Sequence[EffectInstance]) -> LinearizedModel:
+        """The same Jacobians about the same point, with the residuals of other effects."""
+        inputs, residuals = update_residuals(self.reference, self.model_inputs, (self.inputs, self.residuals), effects)
+        return replace(self, effects=tuple(effects), inputs=inputs, residuals=residuals)
+
+    def at_point(self, point: LinearizationPoint, effects: Sequence[EffectInstance]) -> LinearizedModel:
+        """The same Jacobians with the residuals about another point and with other effects."""
+        reference = replace(self.reference, start=point.start.nav[:10], errors=point.errors)
+        displaced = replace(self, effects=tuple(effects), reference=reference, point=point)
+        inputs = displaced.model_inputs(effects)
+        return replace(displaced, inputs=inputs, residuals=compute_residuals(reference, inputs))
+
+    @cached_property
+    def stated_noise_filter(self) -> WhiteningFilter:
+        """Whitening filter at the stated noise."""
+        return whitening_filter(self.state_space)
+
+    @cached_property
+    def _variance_components(self) -> tuple[ExcessVariance, WhiteningFilter]:
+        return estimate_variance_components(
+            self.stated_noise_filter,
+            self.index,
+            self.residual_vector,
+            self.initial_mean,
+            self.settings,
+            self.initial_excess,
+        )
+
+    @property
+    def excess_variance(self) -> ExcessVariance:
+        """Variance of the residuals beyond the stated noise."""
+        return self._variance_components[0]
+
+    @property
+    def fitted_noise_filter(self) -> WhiteningFilter:
+        """Whitening filter at the noise that the residuals show."""
+        return self._variance_components[1]
 
     @property
     def holds(self) -> bool:
-        """Whether next to nothing is rough: the model agrees with the measurements about this path."""
-        return self.share <= HOLDS
+        """Whether hardly any row has excess variance: the model agrees with the measurements about this point."""
+        return self.excess_variance.share <= self.settings.holds_share
 
     @property
-    def failures(self) -> Rough | None:
-        """Its noise, where a model much like it may begin; None if it holds: noise is then asked for afresh."""
-        return None if self.holds else self.rough[0]
+    def failing_excess(self) -> ExcessVariance | None:
+        """Excess variance with which the estimation for a similar model starts; None if the model holds."""
+        return None if self.holds else self.excess_variance
 
-    @property
-    def soft(self) -> Whitener:
-        """Whitener that takes the model's failures for noise."""
-        return self.rough[1]
-
-    def white(self, whiten: Whitens) -> Array:
-        """The differences, white."""
-        return whiten(self.column[:, None], self.start[:, None])[:, 0]
+    def white_residuals(self, whiten: Whitening) -> Array:
+        """Residuals whitened by a filter ``(R,)``."""
+        return whiten(self.residual_vector[:, None], self.initial_mean[:, None])[:, 0]
 
     @cached_property
     def log_likelihood(self) -> float:
-        """Of the differences, at the noise that they have."""
-        return self.soft.log_likelihood(self.white(self.soft))
+        """Log marginal likelihood of the residuals at the noise that they show, nats."""
+        whiten = self.fitted_noise_filter
+        return whiten.log_likelihood(self.white_residuals(whiten))
 
     @property
-    def surprise(self) -> float:
-        """How far the point is from what the mission states, in sigmas of the unknown that is farthest."""
-        size = self.unknowns.layout.size
-        prior = np.sqrt(np.diag(self.steps.start)[:size])
-        start = float(np.max(np.abs(self.start[:size]) / np.where(prior > 0.0, prior, np.inf)))
-        return max(start, moved(None, self.ground.point.deviation, self.sigma))
+    def largest_nuisance_sigmas(self) -> float:
+        """Distance of the point from what the mission states, in sigmas of the nuisance parameter farthest off."""
+        size = self.nuisance.layout.size
+        prior = np.sqrt(np.diag(self.state_space.initial_covariance)[:size])
+        start = float(np.max(np.abs(self.initial_mean[:size]) / np.where(prior > 0.0, prior, np.inf)))
+        return max(start, largest_change(None, self.point.perturbation, self.case.uncertainty.sigma))
 
-    def with_missing(self, missing: Missing) -> Whitener:
-        """Whitener that allows for a missing force and moment."""
-        order, flow = self.ground.order, self.ground.found.flow
-        return whitener(allow(self.steps, order, self.bins, flow, missing))
+    def filter_with_unmodelled(self, unmodelled: UnmodelledAcceleration) -> WhiteningFilter:
+        """Whitening filter at the stated noise that allows for an unmodelled acceleration."""
+        return whitening_filter(augment(self.state_space, self.index, self.bins, self.residuals.flow, unmodelled))
 
 
-def about(case: Case, point: Point, begin: Rough | None = None) -> Linear:
-    """Compare model and measurement about a point; the search for the noise begins at `begin`."""
-    bins, unmoved = case.bins, case.arrange(case.effects)
-    setup = replace(unmoved, world=replace(unmoved.world, deviation=point.deviation))
-    layout = setup.problem.layout
-    motion = follow(setup.problem, bins, point.start, point.errors)
-    frame = frame_of(motion, bins, point.start, point.errors)
-    found = compare(frame, setup)
-    off = point.deviation
-    units = coefficient_sigma(setup, found, case.allowance) if off is None else off.units
-    slope = slopes(setup, bins, found, case.allowance.density, units)
-    unknowns = lay_out(layout, setup.checking, case.allowance)
-    sigma = one_sigma(case.allowance)
-    calm = case.arrange_quiet(case.effects).problem
-    read = binned(bins, calm.samples, readings(calm, point.errors))
-    rows = bin_rows(setup, bins, found, read, unknowns, slope, sigma, case.allowance)
-    steps, order = in_order(setup, bins, motion, rows, unknowns, case.allowance, found)
-    ground = Ground(
-        case.arrange,
-        case.arrange_quiet,
-        case.volume,
-        case.effects,
-        frame,
-        setup,
-        found,
-        slope,
-        order,
-        point,
-        unknowns.size,
-    )
-    return Linear(
-        ground=ground,
-        bins=bins,
-        unknowns=unknowns,
-        sigma=sigma,
+def _perturbed(inputs: ModelInputs, point: LinearizationPoint) -> ModelInputs:
+    return replace(inputs, forward_model=replace(inputs.forward_model, perturbation=point.perturbation))
+
+
+def linearize_at(
+    case: FlightCase, point: LinearizationPoint, initial_excess: ExcessVariance | None = None
+) -> LinearizedModel:
+    """Linearise the model of a case about a point.
+
+    Parameters
+    ----------
+    case : FlightCase
+    point : LinearizationPoint
+    initial_excess : ExcessVariance, optional
+        Start of the estimation of the excess variance.
+    """
+    bins, uncertainty = case.bins, case.uncertainty
+    inputs = _perturbed(case.model_inputs(case.effects), point)
+    transitions = propagate_path(inputs.problem, bins, point.start, point.errors)
+    reference = PathReference(bins=bins, start=point.start.nav[:10], errors=point.errors, onboard=transitions.onboard)
+    residuals = compute_residuals(reference, inputs)
+    perturbation = point.perturbation
+    units = coefficient_scale(inputs, residuals, uncertainty) if perturbation is None else perturbation.units
+    jacobian = prediction_jacobian(inputs, bins, residuals, uncertainty.density, units)
+    nuisance = nuisance_layout(inputs.problem.layout, inputs.checking, uncertainty)
+    denoised = case.denoised_inputs(case.effects).problem
+    denoised_means = bin_readings(bins, denoised.samples, corrected_readings(denoised, point.errors))
+    rows = bin_rows(inputs, bins, residuals, denoised_means, nuisance, jacobian, uncertainty)
+    state_space, index = assemble_state_space(inputs, bins, transitions, rows, nuisance, uncertainty, residuals)
+    return LinearizedModel(
+        case=case,
+        effects=case.effects,
+        point=point,
+        reference=reference,
+        inputs=inputs,
+        residuals=residuals,
+        jacobian=jacobian,
+        index=index,
+        nuisance=nuisance,
         units=units,
-        steps=steps,
-        column=ground.column(found),
-        start=ground.stated(setup),
-        begin=begin,
+        state_space=state_space,
+        initial_excess=initial_excess,
     )
+
+
+def map_point(
+    model: LinearizedModel, whiten: WhiteningFilter, white: Array, onboard: bool = True
+) -> LinearizationPoint | None:
+    """Most probable values (MAP) of the nuisance parameters, as a linearisation point.
+
+    Parameters
+    ----------
+    model : LinearizedModel
+    whiten : WhiteningFilter
+    white : (R,) array
+        White residuals about the model's point.
+    onboard : bool
+        Whether the states of the on-board attitude change as well. It is propagated along the path, which then must be
+        propagated anew.
+
+    Returns
+    -------
+    LinearizationPoint or None
+        None where the values are farther from what is stated than the settings allow, as with a model far from the
+        truth.
+    """
+    settings, layout, prior_mean = model.settings, model.nuisance.layout, model.initial_mean
+    initial, states = smoothed_states(whiten, white, prior_mean)
+    shift = initial[: layout.size].copy()
+    if not onboard:
+        for name in _ONBOARD_STATES:
+            if name in layout:
+                shift[layout[name]] = 0.0
+    prior_sigma = np.sqrt(np.diag(whiten.model.initial_covariance)[: layout.size])
+    perturbation = perturbation_from_states(
+        model.index,
+        model.bins,
+        model.nuisance,
+        model.case.uncertainty.sigma,
+        model.units,
+        whiten.model.row_start,
+        states,
+    )
+    credible = np.all(np.abs(shift - prior_mean[: layout.size]) <= settings.state_limit_sigmas * prior_sigma)
+    if not (credible and np.all(np.abs(perturbation.density) < settings.log_density_limit)):
+        return None
+    start = model.point.start.plus(shift)
+    errors = model.point.errors.copy()
+    errors[int(model.inputs.problem.samples.unit[0])] = start.errors
+    return LinearizationPoint(start, errors, perturbation)
+
+
+def linearize(
+    case: FlightCase,
+    iterations: int = 1,
+    max_excess_share: float = 1.0,
+    initial_excess: ExcessVariance | None = None,
+) -> LinearizedModel:
+    """Linearise the model of a case, iterating the linearisation point.
+
+    The first point is the smoothed reconstruction, which has no information from the aerodynamic model. With further
+    iterations the point moves to the most probable nuisance parameters until it converges. A failing model may move the
+    point away from the truth; so the iteration ends where more than `max_excess_share` of the rows have excess
+    variance. Tables have discontinuities of slope, and the iteration may alternate between the two sides of one; so the
+    most likely model is returned, of those that hold if any does.
+
+    Parameters
+    ----------
+    case : FlightCase
+    iterations : int
+        Largest number of linearisation points.
+    max_excess_share : float
+        Share of the rows, 0 to 1.
+    initial_excess : ExcessVariance, optional
+        `LinearizedModel.failing_excess` of a similar model.
+
+    Returns
+    -------
+    LinearizedModel
+    """
+    first = linearize_at(case, smoothed_point(case.reconstruction), initial_excess)
+    models = list(_iterate_point(case, iterations, max_excess_share, first))
+    return max([m for m in models if m.holds] or models, key=lambda m: m.log_likelihood)
+
+
+def relinearize_failing_model(case: FlightCase, model: LinearizedModel) -> LinearizedModel | None:
+    """The alternative mode of a failing model with an exact database: the point at which it holds, if there is one.
+
+    The model fails about the smoothed reconstruction. After some iterations a nuisance parameter may have absorbed what
+    is missing, by as many sigmas as that takes (`LinearizedModel.largest_nuisance_sigmas`).
+
+    Parameters
+    ----------
+    case : FlightCase
+    model : LinearizedModel
+        About the point where it fails.
+
+    Returns
+    -------
+    LinearizedModel or None
+        None where the model holds already, does not come to hold, or the database is not exact.
+    """
+    settings, share = case.settings, model.excess_variance.share
+    if not case.exact_database or model.holds:
+        return None
+    for candidate in islice(_iterate_point(case, settings.alternative_iterations, 1.0, model), 1, None):
+        if candidate.holds:
+            return candidate
+        if candidate.excess_variance.share > settings.alternative_progress * share:
+            break
+        share = candidate.excess_variance.share
+    return None
+
+
+def _iterate_point(
+    case: FlightCase, iterations: int, max_excess_share: float, model: LinearizedModel
+) -> Iterator[LinearizedModel]:
+    """The model about its point and about the points that follow, until the point converges or the model fails."""
+    tolerance = case.settings.linearization_tolerance_sigmas
+    for i in range(iterations):
+        yield model
+        point = model.point
+        if i == iterations - 1 or model.excess_variance.share > max_excess_share:
+            return
+        whiten, size = model.fitted_noise_filter, model.nuisance.layout.size
+        new_point = map_point(model, whiten, model.white_residuals(whiten))
+        if new_point is None:
+            return
+        spread = np.sqrt(np.maximum(np.diag(whiten.posterior_initial_covariance(size)), 0.0))
+        converged = np.all(np.abs(new_point.start.minus(point.start)) <= tolerance * spread + 1e-15)
+        change = largest_change(point.perturbation, new_point.perturbation, case.uncertainty.sigma)
+        if converged and change <= tolerance:
+            return
+        model = linearize_at(case, new_point, model.failing_excess)

@@ -1,102 +1,129 @@
-"""The point about which everything is linear: where the path begins, what the sensors are off, and the deviation.
+"""The linearisation point: initial state of the path, sensor errors, and the flight's own air, tables and vehicle.
 
-The unknowns enter the linear problem one by one, but the flight multiplies them: density times attitude, a gyro's bias
-times the roll at the start. About the mission's values one percent of density and half a degree of attitude leave more
-of a moment unexplained than its noise. So path and model are taken where the unknowns most probably were, and
-everything is linearised there: an iterated smoother (Bell, SIAM J. Optim. 4 (1994) 626), which is Gauss–Newton on
-everything at once. What is known of the unknowns keeps counting from what the mission states.
+The nuisance parameters enter the linear model one by one, but their products matter: density times attitude, a gyro's
+bias times the initial roll. About the mission's values one percent of density and half a degree of attitude leave more
+of a moment unexplained than its noise. Path and model are therefore linearised about the most probable values of the
+nuisance parameters: an iterated smoother (Bell, SIAM J. Optim. 4 (1994) 626), which is Gauss–Newton on all of them at
+once. The nuisance parameters are measured from what the mission states, wherever the point is, so that their prior does
+not change; what the point contains of them is added to the residuals again by the Jacobian (`perturbation_offset`).
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
-from edl_filter.diagnosis.deviating import deviation
-from edl_filter.diagnosis.whitening import Whitener
-from edl_filter.effects.deviation import Deviation
-from edl_filter.navigation.layout import ONBOARD, State
-from edl_filter.reconstruction import Reconstruction
-
-if TYPE_CHECKING:
-    from edl_filter.diagnosis.linear import Linear
-
-Array = NDArray[np.float64]
-
-#: States of the attitude that was computed on board, which no model moves.
-_ONBOARD = ("onboard_rate", "onboard_mounting", ONBOARD)
-#: Sigmas of what is stated beyond which nothing is believed to lie.
-_BELIEF = 100.0
-#: The same of the logarithm of the density.
-_THICK = 0.9
+from edl_filter.diagnosis.jacobians.nuisance import NuisanceLayout
+from edl_filter.diagnosis.jacobians.prediction_jacobian import PredictionJacobian
+from edl_filter.diagnosis.jacobians.state_space import RowIndex
+from edl_filter.diagnosis.prediction.time_bins import TimeBins
+from edl_filter.effects.perturbation import CoefficientUnits, Perturbation
+from edl_filter.navigation.layout import State
+from edl_filter.pipeline.reconstruct import Reconstruction
+from edl_filter.types import Array, IntArray
 
 
 @dataclass(frozen=True)
-class Point:
-    """Where everything is linearised.
+class LinearizationPoint:
+    """About what the model is linear.
 
     Attributes
     ----------
     start : State
-        Where the path begins, with the first instrument's errors.
+        At the initial state's time, with the first instrument's errors.
     errors : (U, n) array
         Sensor errors by instrument, each in the filter's vector.
-    deviation : Deviation, optional
-        Of air, tables and vehicle; none before the flight has told.
+    perturbation : Perturbation, optional
+        Of air, tables and vehicle; none at the first point.
     """
 
     start: State
     errors: Array
-    deviation: Deviation | None = None
+    perturbation: Perturbation | None = None
 
 
-def first_point(reconstruction: Reconstruction) -> Point:
-    """What the smoothed reconstruction says, which knows nothing of the air."""
+def smoothed_point(reconstruction: Reconstruction) -> LinearizationPoint:
+    """The first point: the smoothed reconstruction, which has no information from the aerodynamic model."""
     r = reconstruction
     errors = np.zeros((len(r.problem.instruments), r.problem.layout.size))
-    met: set[int] = set()
-    for node, state in zip(r.forward.nodes, r.smoothed.states, strict=True):
-        if node.unit not in met:
-            met.add(node.unit)
+    units: set[int] = set()
+    for node, state in zip(r.filter_pass.nodes, r.smoothed.states, strict=True):
+        if node.unit not in units:
+            units.add(node.unit)
             errors[node.unit] = state.errors
-    return Point(r.smoothed.states[0], errors)
+    return LinearizationPoint(r.smoothed.states[0], errors)
 
 
-def told(
-    linear: Linear, point: Point, start: Array, whiten: Whitener, white: Array, onboard: bool = True
-) -> Point | None:
-    """Where the unknowns most probably are; None where that is beyond belief, as with a model far from the truth.
+def perturbation_from_states(
+    index: RowIndex,
+    bins: TimeBins,
+    nuisance: NuisanceLayout,
+    sigma: dict[str, float],
+    units: CoefficientUnits,
+    row_start: IntArray,
+    states: Array,
+) -> Perturbation:
+    """Perturbation of air, tables and vehicle that smoothed states imply, at the bins' ends.
 
     Parameters
     ----------
-    linear : Linear
-    point : Point
-        About which the differences are.
-    start : (n,) array
-        What is stated of the unknowns at the beginning, about the point.
-    whiten : Whitener
-    white : (R,) array
-        The differences.
-    onboard : bool
-        Whether the on-board attitude's states move as well; it is carried along the path, which then must be followed
-        anew.
+    index : RowIndex
+    bins : TimeBins
+    nuisance : NuisanceLayout
+    sigma : dict
+        One sigma of each nuisance parameter.
+    units : CoefficientUnits
+        One sigma of the coefficients.
+    row_start : (K + 1,) array of int
+        First row of each step.
+    states : (K, n) array
+        Smoothed states at every step.
     """
-    layout = linear.unknowns.layout
-    first, smoothed = whiten.smoothed(white, start)
-    shift = first[: layout.size].copy()
-    if not onboard:
-        for name in _ONBOARD:
-            if name in layout:
-                shift[layout[name]] = 0.0
-    prior = np.sqrt(np.diag(whiten.steps.start)[: layout.size])
-    order, rows = linear.ground.order, whiten.steps.rows
-    air = deviation(order, linear.bins, linear.unknowns, linear.sigma, linear.units, rows, smoothed)
-    if not (np.all(np.abs(shift - start[: layout.size]) <= _BELIEF * prior) and np.all(np.abs(air.density) < _THICK)):
-        return None
-    begin = point.start.plus(shift)
-    errors = point.errors.copy()
-    errors[int(linear.ground.setup.problem.samples.unit[0])] = begin.errors
-    return Point(begin, errors, air)
+    ends = bins.edges[1:]
+    used, step = index.step_of_bins(row_start)
+
+    def against_time(name: str) -> Array:
+        if name not in nuisance or not len(used):
+            return np.zeros(len(ends))
+        values = states[step, nuisance[name].start]
+        return np.interp(ends, ends[used], values) * sigma[name]
+
+    return Perturbation(
+        time=ends,
+        density=against_time("density"),
+        wind=np.column_stack((against_time("wind_east"), against_time("wind_north"))),
+        ca=against_time("ca"),
+        cn=against_time("cn"),
+        cm=against_time("cm"),
+        mass=float(against_time("mass")[0]),
+        inertia=float(against_time("inertia")[0]),
+        units=units,
+    )
+
+
+def perturbation_offset(index: RowIndex, jacobian: PredictionJacobian, perturbation: Perturbation) -> Array:
+    """Change of the residuals by a perturbation ``(R,)``, by the Jacobian; a force at the middle of its bin."""
+    force, rate_step = np.zeros(jacobian.force.shape[:2]), np.zeros(jacobian.rate_step.shape[:2])
+    for name, values in _by_name(perturbation).items():
+        column = jacobian.columns[name].start
+        middle = 0.5 * (values + np.concatenate((values[:1], values[:-1])))
+        force = force + jacobian.force[:, :, column] * middle[:, None]
+        rate_step = rate_step + jacobian.rate_step[:, :, column] * values[:-1, None]
+    return index.stack_predictions(force, rate_step)
+
+
+def largest_change(before: Perturbation | None, after: Perturbation | None, sigma: dict[str, float]) -> float:
+    """Largest difference of two perturbations, in sigmas of what the mission states."""
+    new, old = ({} if d is None else _by_name(d) for d in (after, before))
+    changes = [np.max(np.abs(new.get(n, 0.0) - old.get(n, 0.0)) / s, initial=0.0) for n, s in sigma.items() if s > 0.0]
+    return float(max(changes, default=0.0))
+
+
+def _by_name(perturbation: Perturbation) -> dict[str, Array]:
+    """By nuisance parameter, at the bins' ends ``(B,)``; coefficients in sigmas."""
+    d, ones = perturbation, np.ones(len(perturbation.time))
+    return {
+        "density": d.density, "wind_east": d.wind[:, 0], "wind_north": d.wind[:, 1], "ca": d.ca, "cn": d.cn,
+        "cm": d.cm, "mass": d.mass * ones, "inertia": d.inertia * ones,
+    }  # fmt: skip

@@ -1,8 +1,9 @@
-"""A missing force and moment that nobody named: the hypothesis *something else*, the ground on which names are judged.
+"""Unmodelled acceleration: the hypothesis of a force and moment that follow no named effect.
 
-Body-fixed, each axis a Gauss–Markov process of its own, of a size, a memory, and with the dynamic pressure or without
-it. Size and memory are those under which the flight is most likely. A name must explain the flight better than this
-does, or make it smaller.
+Body-fixed, each axis an independent first-order Gauss–Markov process (Tapley, Schutz and Born, Statistical Orbit
+Determination, 2004, section 4.9) with one amplitude for the force and one for the moment, one correlation time, and
+constant or proportional to the dynamic pressure. Amplitudes and correlation time maximise the marginal likelihood over
+a grid. A named effect must explain the flight better than this hypothesis, or reduce it.
 """
 
 from __future__ import annotations
@@ -11,31 +12,33 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from edl_filter.diagnosis.bins import Bins
-from edl_filter.diagnosis.comparison import averaged, triangle
-from edl_filter.diagnosis.sparse import joined, sparse
-from edl_filter.diagnosis.timeline import Order
-from edl_filter.diagnosis.whitening import Steps
-from edl_filter.effects.effect import Flow
+from edl_filter.diagnosis.jacobians.state_space import RowIndex
+from edl_filter.diagnosis.prediction.residuals import bin_average, triangular_integral
+from edl_filter.diagnosis.prediction.time_bins import TimeBins
+from edl_filter.effects.types import FlightCondition
+from edl_filter.estimation.block_sparse import from_blocks, merge
+from edl_filter.estimation.kalman import LinearStateSpace
+from edl_filter.mission.decision_settings import DecisionSettings
+from edl_filter.types import Array
 
-Array = NDArray[np.float64]
+#: Factor by which the amplitudes on the grid are refined.
+_REFINEMENT = 3.0
 
 
 @dataclass(frozen=True)
-class Missing:
-    """Size of what nobody named.
+class UnmodelledAcceleration:
+    """Parameters of the process.
 
     Attributes
     ----------
     force, moment : float
-        One sigma per axis: of the specific force (m/s²) and of the angular acceleration (rad/s²), at the flight's
-        largest dynamic pressure if they follow it. Zero: none.
+        One sigma per axis of the specific force (m/s²) and of the angular acceleration (rad/s²), at the flight's
+        largest dynamic pressure if they are proportional to it. Zero: none.
     memory : float
         Correlation time, s.
     with_pressure : bool
-        Both go with the dynamic pressure, as what the air does; else they are the same throughout.
+        Whether both are proportional to the dynamic pressure.
     """
 
     force: float = 0.0
@@ -43,67 +46,93 @@ class Missing:
     memory: float = 1.0
     with_pressure: bool = False
 
+    @property
+    def is_zero(self) -> bool:
+        """Whether both amplitudes are zero."""
+        return self.force == self.moment == 0.0
 
-#: What is tried: memories (s) with and without dynamic pressure, and the sizes of force and moment.
-MEMORIES = (0.5, 10.0)
-FORCES = (0.0, 3e-3, 3e-2, 0.3)
-MOMENTS = (0.0, 1e-3, 1e-2, 0.1)
 
-
-def allow(steps: Steps, order: Order, bins: Bins, flow: Flow, missing: Missing) -> Steps:
-    """The linear problem with a missing force and moment behind its unknowns, three each, in sigmas."""
-    if missing.force == missing.moment == 0.0:
-        return steps
-    n, there = len(steps.start), slice(len(steps.start), len(steps.start) + 6)
-    design, start = np.pad(steps.design, ((0, 0), (0, 6))), np.eye(n + 6)
-    start[:n, :n] = steps.start
-    push = strength(flow, missing)
-    sizes = (missing.force * averaged(push, bins), missing.moment * triangle(push, bins))
+def augment(
+    model: LinearStateSpace,
+    index: RowIndex,
+    bins: TimeBins,
+    flow: FlightCondition,
+    unmodelled: UnmodelledAcceleration,
+) -> LinearStateSpace:
+    """The state-space model with an unmodelled force and moment as its last states, three each, in sigmas."""
+    if unmodelled.is_zero:
+        return model
+    n, appended = model.size, slice(model.size, model.size + 6)
+    design, covariance = np.pad(model.design, ((0, 0), (0, 6))), np.eye(n + 6)
+    covariance[:n, :n] = model.initial_covariance
+    scale = amplitude(flow, unmodelled)
+    sizes = (
+        unmodelled.force * bin_average(scale, bins),
+        unmodelled.moment * triangular_integral(scale, bins),
+    )
     for first, size in zip((0, 3), sizes, strict=True):
         for axis in range(first, first + 3):
-            rows = order.bin_rows[: len(size), axis]
+            rows = index.bin_rows[: len(size), axis]
             used = rows >= 0
             design[rows[used], n + axis] = size[used]
-    decay = np.exp(-order.dt / missing.memory)[:, None, None]
-    change, noise = (sparse(n + 6, [(there, there, v * np.eye(6))]) for v in (decay - 1.0, 1.0 - decay**2))
+    decay = np.exp(-index.step_interval / unmodelled.memory)[:, None, None]
+    increment, noise = (
+        from_blocks(n + 6, [(appended, appended, v * np.eye(6))]) for v in (decay - 1.0, 1.0 - decay**2)
+    )
     return replace(
-        steps,
+        model,
         design=design,
-        change=joined(steps.change, change, n + 6),
-        noise=joined(steps.noise, noise, n + 6),
-        start=start,
+        increment=merge(model.increment, increment, n + 6),
+        process_noise=merge(model.process_noise, noise, n + 6),
+        initial_covariance=covariance,
     )
 
 
-def strength(flow: Flow, missing: Missing) -> Array:
-    """By how much both are larger or smaller at each node than their size says."""
+def amplitude(flow: FlightCondition, unmodelled: UnmodelledAcceleration) -> Array:
+    """Amplitude at each node ``(M,)``, relative to its value at the largest dynamic pressure."""
     q = flow.dynamic_pressure
-    return q / np.max(q) if missing.with_pressure else np.ones_like(q)
+    return q / np.max(q) if unmodelled.with_pressure else np.ones_like(q)
 
 
-def most_likely(value: Callable[[Missing], float]) -> tuple[Missing, float]:
-    """The missing force and moment under which a flight is most likely, and its log-likelihood, `value` of it.
+def most_likely_process(
+    log_likelihood: Callable[[UnmodelledAcceleration], float], settings: DecisionSettings
+) -> tuple[UnmodelledAcceleration, float]:
+    """The process with the largest marginal likelihood, and that likelihood.
 
-    Sizes are searched one after the other on their grid, for each memory; then the best is refined by a factor.
+    For each correlation time the amplitudes are increased along their grid one after the other, moment first, as long
+    as the likelihood increases; the best process is refined by a factor.
+
+    Parameters
+    ----------
+    log_likelihood : callable
+        Of a process, nats.
+    settings : DecisionSettings
     """
-    kinds = [(memory, with_pressure) for with_pressure in (False, True) for memory in MEMORIES]
-    searched = [_sized(value, *kind) for kind in kinds]
-    best, found = max([(Missing(), value(Missing())), *searched], key=lambda pair: pair[1])
+    kinds = [(memory, pressure) for pressure in (False, True) for memory in settings.unmodelled_memories_s]
+    candidates = [_best_amplitudes(log_likelihood, settings, *kind) for kind in kinds]
+    none = UnmodelledAcceleration()
+    best, likelihood = max([(none, log_likelihood(none)), *candidates], key=lambda pair: pair[1])
     for name in ("moment", "force"):
-        for factor in (3.0, 1.0 / 3.0):
-            if (v := value(other := replace(best, **{name: getattr(best, name) * factor}))) > found:
-                best, found = other, v
-    return best, found
+        for factor in (_REFINEMENT, 1.0 / _REFINEMENT):
+            candidate = replace(best, **{name: getattr(best, name) * factor})
+            if (value := log_likelihood(candidate)) > likelihood:
+                best, likelihood = candidate, value
+    return best, likelihood
 
 
-def _sized(value: Callable[[Missing], float], memory: float, with_pressure: bool) -> tuple[Missing, float]:
-    """Sizes of moment, then of force, that make `value` greatest."""
-    best = Missing(0.0, 0.0, memory, with_pressure)
-    at = value(best)
-    for name, sizes in (("moment", MOMENTS), ("force", FORCES)):
-        for size in sizes[1:]:
-            other = replace(best, moment=size) if name == "moment" else replace(best, force=size)
-            if (v := value(other)) <= at:
+def _best_amplitudes(
+    log_likelihood: Callable[[UnmodelledAcceleration], float],
+    settings: DecisionSettings,
+    memory: float,
+    with_pressure: bool,
+) -> tuple[UnmodelledAcceleration, float]:
+    """Amplitudes of moment, then of force, with the largest likelihood for one correlation time."""
+    best = UnmodelledAcceleration(0.0, 0.0, memory, with_pressure)
+    likelihood = log_likelihood(best)
+    for name, grid in (("moment", settings.unmodelled_moments), ("force", settings.unmodelled_forces)):
+        for size in grid:
+            candidate = replace(best, moment=size) if name == "moment" else replace(best, force=size)
+            if (value := log_likelihood(candidate)) <= likelihood:
                 break
-            best, at = other, v
-    return best, at
+            best, likelihood = candidate, value
+    return best, likelihood

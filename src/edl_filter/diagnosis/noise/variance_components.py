@@ -1,15 +1,16 @@
-"""Roughness: noise that a channel has beyond what is stated, found from the flight itself.
+"""Variance components: noise of each channel beyond the stated noise, by restricted maximum likelihood.
 
-A vehicle shakes, a table has bends, and a model that lacks an effect fails by hundreds of sigmas for a while. Where a
-channel's differences are larger than stated over ten seconds, the variance that makes them most likely is added to its
-noise there, so that one failure does not decide about everything else, and evidence compares models at the noise that
-each of them leaves. On a flight that is understood there is none.
+A vehicle vibrates, a table has discontinuities of slope, and a model that lacks an effect fails by hundreds of sigmas
+for some time. Where the residuals of a channel exceed the stated noise over an interval, the variance that maximises
+the marginal likelihood is added to the noise there. One failure then does not dominate all estimates, and models are
+compared at the noise that each of them leaves. If the model holds, no variance is added.
 
-All pieces share one path, so their variances are sought together. With C the covariance of all differences y, the
-likelihood is level in a piece's variance where the sums over its rows of ``(C⁻¹ y)²`` and of the diagonal of ``C⁻¹``
-are equal (`hindsight`); a variance is multiplied by their ratio until they are (MacKay, Neural Computation 4 (1992)
-415), and, but for the first time, by a power of it: its steps are always a little short. By which power, the last two
-rounds say, piece by piece: the secant of the ratio's logarithm over that of the variance.
+All intervals share one path, so their variances are estimated together. With C the covariance of all residuals y, the
+derivative of the likelihood with respect to an interval's variance vanishes where the sums over its rows of ``(C⁻¹
+y)²`` and of the diagonal of ``C⁻¹`` are equal (`precision_weighted_residuals`). Each variance is multiplied by the
+ratio of the sums until they are (MacKay, Neural Computation 4 (1992) 415; Harville, JASA 72 (1977) 320), from the
+second iteration on by a power of the ratio, since the plain steps are always too short. The power is the secant of the
+ratio's logarithm over that of the variance in the last two iterations.
 """
 
 from __future__ import annotations
@@ -17,160 +18,172 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from edl_filter.diagnosis.hindsight import in_hindsight
-from edl_filter.diagnosis.timeline import Order
-from edl_filter.diagnosis.whitening import Steps, Whitener, whitener
-
-Array = NDArray[np.float64]
-
-#: Length of the pieces in which noise is estimated, s.
-PIECE = 10.0
-#: Excess of a piece's mean square that is more than chance, in sigmas of chance.
-_CHANCE = 4.0
-#: Rounds at most, and a gain (nats) that is not worth another.
-_ROUNDS, _ENOUGH = 10, 2.0
-#: Power of the ratio where no secant is known, and the largest: with two for all, flights were seen to go to and fro.
-_LONGER, _LONGEST = 1.5, 3.0
-#: Part of a difference's variance, all others known, that is as good as none.
-_NOTHING = 1e-6
+from edl_filter.diagnosis.jacobians.state_space import RowIndex
+from edl_filter.estimation.kalman import LinearStateSpace, WhiteningFilter, whitening_filter
+from edl_filter.estimation.smoothing import precision_weighted_residuals
+from edl_filter.mission.decision_settings import DecisionSettings
+from edl_filter.types import Array, BoolArray, IntArray
 
 
 @dataclass(frozen=True)
-class Rough:
-    """Variance that is added to each row of the bins.
+class ExcessVariance:
+    """Variance beyond the stated noise, of each row.
 
     Attributes
     ----------
     variance : (R,) array
         In the rows' own units, squared.
-    sure : (R,) array of bool
-        Where it is more than chance.
-    price : float
-        What the variances cost in evidence, nats: each was chosen among all pieces, and its size found from the piece's
-        own rows (Schwarz, Annals of Statistics 6 (1978) 461).
+    significant : (R,) array of bool
+        Where it exceeds what chance allows.
+    penalty : float
+        Cost in evidence, nats: each interval was selected among all, and its variance estimated from the interval's own
+        rows (Schwarz, Annals of Statistics 6 (1978) 461).
     """
 
     variance: Array
-    sure: NDArray[np.bool_]
-    price: float = 0.0
+    significant: BoolArray
+    penalty: float = 0.0
+
+    @classmethod
+    def zero(cls, count: int) -> ExcessVariance:
+        """No excess variance in `count` rows."""
+        return cls(np.zeros(count), np.zeros(count, bool))
 
     @property
-    def none(self) -> bool:
-        """Whether nothing was added anywhere."""
+    def is_zero(self) -> bool:
+        """Whether no variance is added anywhere."""
         return not np.any(self.variance)
 
     @property
     def share(self) -> float:
-        """Part of the rows that are surely rough."""
-        return float(np.mean(self.sure))
+        """Share of the rows with significant excess variance."""
+        return float(np.mean(self.significant))
 
-    def along(self, pieces: list[NDArray[np.int64]], count: int) -> Array:
-        """Its variance ``(R,)`` in other pieces, of `count` rows, which may be a few more or less."""
+    def on(self, pieces: list[IntArray], count: int) -> Array:
+        """Its variance ``(R,)`` in the pieces of another model of `count` rows, which may be a few more or fewer."""
         out = np.zeros(count)
         for rows in pieces:
             out[rows] = self.variance[min(int(rows[0]), len(self.variance) - 1)]
         return out
 
 
-def smooth_noise(steps: Steps) -> Rough:
-    """No roughness."""
-    return Rough(np.zeros(len(steps.design)), np.zeros(len(steps.design), bool))
+def add_variance(model: LinearStateSpace, index: RowIndex, excess: ExcessVariance) -> LinearStateSpace:
+    """The state-space model with excess variance in its rows."""
+    if excess.is_zero:
+        return model
+    noise = model.row_noise.copy()
+    noise[np.arange(len(noise)), index.column] += excess.variance
+    return replace(model, row_noise=noise)
 
 
-def roughened(steps: Steps, order: Order, rough: Rough) -> Steps:
-    """The linear problem with that noise."""
-    if rough.none:
-        return steps
-    noise = steps.row_noise.copy()
-    noise[np.arange(len(noise)), order.place] += rough.variance
-    return replace(steps, row_noise=noise)
-
-
-def first_look(plain: Whitener, order: Order, column: Array, start: Array) -> Rough:
-    """Roughness of a column of differences if all else is as stated: more than is left when all is weighed anew."""
-    white = plain(column[:, None], start[:, None])[:, 0]
-    innovation, sigma = plain.innovations(white), plain.innovation_sigma
-    out = np.zeros_like(white)
-    for rows in _pieces(order):
-        square, stated = innovation[rows] ** 2, sigma[rows] ** 2
-        excess = np.mean(square) - np.mean(stated)
-        if min(np.mean(square / stated) - 1.0, excess / np.mean(stated)) > _chance(len(rows)):
-            out[rows] = excess
-    return Rough(out, out > 0.0)
-
-
-def find_rough(
-    plain: Whitener, order: Order, column: Array, start: Array, begin: Rough | None = None
-) -> tuple[Rough, Whitener]:
-    """Roughness of a column of differences, and the whitener that allows for it.
+def moment_estimate(
+    stated: WhiteningFilter, index: RowIndex, residuals: Array, initial_mean: Array, settings: DecisionSettings
+) -> ExcessVariance:
+    """Excess variance by moments: mean square of the innovations less their stated variance, where significant.
 
     Parameters
     ----------
-    plain : Whitener
-        Of the problem as it is stated.
-    order : Order
-    column : (R,) array
-    start : (n,) array
-    begin : Rough, optional
-        What was found about another path, or without an effect: it saves rounds where it is likelier than a first look.
+    stated : WhiteningFilter
+        At the stated noise.
+    index : RowIndex
+    residuals : (R,) array
+    initial_mean : (n,) array
+        Prior mean of the states at the beginning.
+    settings : DecisionSettings
+    """
+    white = stated(residuals[:, None], initial_mean[:, None])[:, 0]
+    innovation, sigma = stated.innovations(white), stated.innovation_sigma
+    out = np.zeros_like(white)
+    for rows in _pieces(index, settings.noise_piece_s):
+        square, variance = innovation[rows] ** 2, sigma[rows] ** 2
+        excess = np.mean(square) - np.mean(variance)
+        if min(np.mean(square / variance) - 1.0, excess / np.mean(variance)) > _chance(len(rows), settings):
+            out[rows] = excess
+    return ExcessVariance(out, out > 0.0)
+
+
+def estimate_variance_components(
+    stated: WhiteningFilter,
+    index: RowIndex,
+    residuals: Array,
+    initial_mean: Array,
+    settings: DecisionSettings,
+    initial: ExcessVariance | None = None,
+) -> tuple[ExcessVariance, WhiteningFilter]:
+    """Excess variance that maximises the marginal likelihood, and the whitening filter with it.
+
+    Parameters
+    ----------
+    stated : WhiteningFilter
+        At the stated noise.
+    index : RowIndex
+    residuals : (R,) array
+    initial_mean : (n,) array
+        Prior mean of the states at the beginning.
+    settings : DecisionSettings
+    initial : ExcessVariance, optional
+        Estimate about another linearisation point or without an effect; the iteration starts there where that is more
+        likely than the moment estimate.
 
     Returns
     -------
-    The most likely variances, or only those that are more than chance, or none, if that is as likely for the price;
-    none where a first look sees none.
+    excess : ExcessVariance
+        The most likely variances, or the significant ones alone, or none, whichever has the largest likelihood less
+        penalty; none where the moment estimate is zero.
+    whiten : WhiteningFilter
     """
 
-    def tried(rough: Rough) -> tuple[float, Whitener, Array]:
-        whiten = plain if rough.none else whitener(roughened(plain.steps, order, rough))
-        white = whiten(column[:, None], start[:, None])[:, 0]
+    def evaluate(candidate: ExcessVariance) -> tuple[float, WhiteningFilter, Array]:
+        whiten = stated if candidate.is_zero else whitening_filter(add_variance(stated.model, index, candidate))
+        white = whiten(residuals[:, None], initial_mean[:, None])[:, 0]
         return whiten.log_likelihood(white), whiten, white
 
-    pieces, best = _pieces(order), -np.inf
-    found, at_it = first_look(plain, order, column, start), plain
-    if found.none:
-        return found, plain
-    trial = found.variance
-    if begin is not None:
-        starts = (trial, begin.along(pieces, len(column)))
-        trial = max(starts, key=lambda variance: tried(replace(found, variance=variance))[0])
-    rounds: list[_Round] = []
-    for _ in range(_ROUNDS):
-        likelihood, whiten, white = tried(replace(found, variance=trial))
-        if likelihood < best + _ENOUGH:
+    pieces, best = _pieces(index, settings.noise_piece_s), -np.inf
+    estimate, best_filter = moment_estimate(stated, index, residuals, initial_mean, settings), stated
+    if estimate.is_zero:
+        return estimate, stated
+    variance = estimate.variance
+    if initial is not None:
+        starts = (variance, initial.on(pieces, len(residuals)))
+        variance = max(starts, key=lambda v: evaluate(replace(estimate, variance=v))[0])
+    iterations: list[_Iteration] = []
+    for _ in range(settings.variance_iterations):
+        likelihood, whiten, white = evaluate(replace(estimate, variance=variance))
+        if likelihood < best + settings.variance_convergence_nats:
             break
-        weighed, diagonal = in_hindsight(whiten, white)
-        best, at_it = likelihood, whiten
-        found = Rough(trial, _sure(trial, pieces, diagonal), _price(trial, pieces))
-        rounds.append(_round(trial, pieces, weighed, diagonal))
-        trial = _likelier(rounds, pieces, len(trial))
-    kept = np.where(found.sure, found.variance, 0.0)
-    fewer = [np.zeros_like(kept)]
-    if np.any(kept) and np.any(kept != found.variance):
-        fewer.insert(0, kept)
-    for rough in (Rough(v, v > 0.0, _price(v, pieces)) for v in fewer):
-        likelihood, whiten, _ = tried(rough)
-        if likelihood - rough.price > best - found.price:
-            best, at_it, found = likelihood, whiten, rough
-    return found, at_it
+        weighted, diagonal = precision_weighted_residuals(whiten, white)
+        best, best_filter = likelihood, whiten
+        significant = _significant(variance, pieces, diagonal, settings)
+        estimate = ExcessVariance(variance, significant, _penalty(variance, pieces))
+        iterations.append(_Iteration.of(variance, pieces, weighted, diagonal))
+        variance = _next_variance(iterations, pieces, len(variance), settings)
+    kept = np.where(estimate.significant, estimate.variance, 0.0)
+    simpler = [np.zeros_like(kept)]
+    if np.any(kept) and np.any(kept != estimate.variance):
+        simpler.insert(0, kept)
+    for candidate in (ExcessVariance(v, v > 0.0, _penalty(v, pieces)) for v in simpler):
+        likelihood, whiten, _ = evaluate(candidate)
+        if likelihood - candidate.penalty > best - estimate.penalty:
+            best, best_filter, estimate = likelihood, whiten, candidate
+    return estimate, best_filter
 
 
-def _pieces(order: Order) -> list[NDArray[np.int64]]:
-    """Rows of one channel in one piece of time."""
-    found = []
-    for channel in order.bin_rows.T:
+def _pieces(index: RowIndex, length: float) -> list[IntArray]:
+    """Rows of one channel in one interval of `length` seconds, for all channels and intervals."""
+    pieces = []
+    for channel in index.bin_rows.T:
         rows = channel[channel >= 0]
         if not len(rows):
             continue
-        piece = np.floor((order.time[rows] - order.time[rows[0]]) / PIECE).astype(int)
-        found += [rows[piece == p] for p in np.unique(piece)]
-    return found
+        number = np.floor((index.time[rows] - index.time[rows[0]]) / length).astype(int)
+        pieces += [rows[number == p] for p in np.unique(number)]
+    return pieces
 
 
 @dataclass(frozen=True)
-class _Round:
-    """What one round found, by piece.
+class _Iteration:
+    """One iteration, by piece.
 
     Attributes
     ----------
@@ -183,61 +196,64 @@ class _Round:
     square: Array
     expected: Array
 
+    @classmethod
+    def of(cls, variance: Array, pieces: list[IntArray], weighted: Array, diagonal: Array) -> _Iteration:
+        return cls(
+            variance=np.array([variance[rows[0]] for rows in pieces]),
+            square=np.array([np.sum(weighted[rows] ** 2) for rows in pieces]),
+            expected=np.array([np.sum(diagonal[rows]) for rows in pieces]),
+        )
+
     @property
     def ratio(self) -> Array:
-        """By what a variance is too small, roughly."""
+        """Factor by which a variance is too small, approximately."""
         return self.square / self.expected
 
 
-def _round(variance: Array, pieces: list[NDArray[np.int64]], weighed: Array, diagonal: Array) -> _Round:
-    return _Round(
-        variance=np.array([variance[rows[0]] for rows in pieces]),
-        square=np.array([np.sum(weighed[rows] ** 2) for rows in pieces]),
-        expected=np.array([np.sum(diagonal[rows]) for rows in pieces]),
-    )
-
-
-def _power(rounds: list[_Round]) -> Array:
+def _power(iterations: list[_Iteration], settings: DecisionSettings) -> Array:
     """Power of each piece's ratio by which its variance is multiplied."""
-    once = np.ones(len(rounds[-1].variance))
-    if len(rounds) < 3:
-        return once if len(rounds) == 1 else _LONGER * once
-    before, last = rounds[-2:]
+    ones = np.ones(len(iterations[-1].variance))
+    if len(iterations) < 3:
+        return ones if len(iterations) == 1 else settings.variance_step_power * ones
+    before, last = iterations[-2:]
     fitted = (before.variance > 0.0) & (last.variance > 0.0) & (before.ratio > 0.0) & (last.ratio > 0.0)
-    went, fell = once.copy(), np.zeros_like(once)
-    went[fitted] = np.log(last.variance[fitted] / before.variance[fitted])
-    fell[fitted] = np.log(before.ratio[fitted] / last.ratio[fitted])
-    nearer = went * fell > 0.0  # or the other pieces moved it more than its own variance did
-    return np.where(nearer, np.clip(went / np.where(nearer, fell, 1.0), 1.0, _LONGEST), _LONGER)
+    step, fall = ones.copy(), np.zeros_like(ones)
+    step[fitted] = np.log(last.variance[fitted] / before.variance[fitted])
+    fall[fitted] = np.log(before.ratio[fitted] / last.ratio[fitted])
+    converging = step * fall > 0.0  # otherwise other pieces changed the ratio more than the piece's own variance did
+    secant = np.clip(step / np.where(converging, fall, 1.0), 1.0, settings.variance_step_power_max)
+    return np.where(converging, secant, settings.variance_step_power)
 
 
-def _likelier(rounds: list[_Round], pieces: list[NDArray[np.int64]], count: int) -> Array:
+def _next_variance(
+    iterations: list[_Iteration], pieces: list[IntArray], count: int, settings: DecisionSettings
+) -> Array:
     """The next variances ``(R,)``."""
-    last, power, out = rounds[-1], _power(rounds), np.zeros(count)
+    last, power, out = iterations[-1], _power(iterations, settings), np.zeros(count)
     for i, rows in enumerate(pieces):
         n = len(rows)
-        if last.variance[i] * last.expected[i] > _NOTHING * n:
+        if last.variance[i] * last.expected[i] > settings.negligible_variance_share * n:
             out[rows] = last.variance[i] * last.ratio[i] ** power[i]
-        elif last.ratio[i] - 1.0 > _chance(n):
+        elif last.ratio[i] - 1.0 > _chance(n, settings):
             out[rows] = (last.square[i] - last.expected[i]) * n / last.expected[i] ** 2
     return out
 
 
-def _sure(variance: Array, pieces: list[NDArray[np.int64]], diagonal: Array) -> NDArray[np.bool_]:
-    """Where variance is more than may be chance, of what a difference would have without it, all others known."""
+def _significant(variance: Array, pieces: list[IntArray], diagonal: Array, settings: DecisionSettings) -> BoolArray:
+    """Where the variance exceeds chance, relative to a residual's variance without it, all others given."""
     out = np.zeros(len(variance), bool)
     for rows in pieces:
-        part = variance[rows[0]] * np.mean(diagonal[rows])
-        out[rows] = part > _chance(len(rows)) * (1.0 - part)
+        share = variance[rows[0]] * np.mean(diagonal[rows])
+        out[rows] = share > _chance(len(rows), settings) * (1.0 - share)
     return out
 
 
-def _price(variance: Array, pieces: list[NDArray[np.int64]]) -> float:
-    """Evidence that choosing the rough pieces and fitting their variances costs, nats."""
+def _penalty(variance: Array, pieces: list[IntArray]) -> float:
+    """Cost in evidence of selecting the pieces with excess variance and estimating their variances, nats."""
     fitted = [len(rows) for rows in pieces if variance[rows[0]] > 0.0]
     return len(fitted) * float(np.log(len(pieces))) + 0.5 * float(np.sum(np.log(fitted)))
 
 
-def _chance(count: int) -> float:
-    """Excess of the mean square of `count` differences that may be chance, of the square that is stated."""
-    return float(_CHANCE * np.sqrt(2.0 / count))
+def _chance(count: int, settings: DecisionSettings) -> float:
+    """Relative excess of the mean square of `count` residuals that chance allows."""
+    return float(settings.excess_variance_sigmas * np.sqrt(2.0 / count))

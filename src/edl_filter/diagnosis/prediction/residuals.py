@@ -1,265 +1,402 @@
-"""Prediction beside measurement: what the model says that every instrument should have read.
+"""Residuals: measured minus predicted readings of every instrument, and of the constraints.
 
-Along a dead-reckoned path (`path`) the model of the world gives force and moment at some nodes of every bin
-(`bins`). Specific force is averaged over the bin by Simpson's rule. Rates are never differentiated: the step of the
-mean rate from one bin to the next is the integral of the angular acceleration with a triangular weight,
+Along a dead-reckoned path the forward model gives force and moment at the nodes of every time bin. Specific force is
+averaged over the bin by Simpson's rule. Rates are never differentiated: the step of the mean rate from one bin to the
+next is the integral of the angular acceleration with a triangular weight,
 
     w[k+1] - w[k] = ∫ α(t) (t - t[k-1])/dt dt over bin k  +  ∫ α(t) (t[k+1] - t)/dt' dt over bin k + 1,
 
-and Euler's equations (thesis 6.6 to 6.8) give α at the nodes; so both sides go through the same sampling. A second
-IMU is compared with what the first says that it should read, the constraints with what the path says.
-
-All differences are measured minus predicted.
+and Euler's equations (Thomas 2011, eqs. 6.6 to 6.8) give α at the nodes; so prediction and measurement go through the
+same sampling. A checking IMU is compared with the readings that the driving IMU implies for its place; the constraints
+are compared with the path.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from edl_filter.diagnosis.bins import Bins, bin_means
-from edl_filter.diagnosis.path import PER_BIN, Nodes, Path, dead_reckon, node_rates, nodes_of
-from edl_filter.effects.effect import Flow, Totals
-from edl_filter.effects.world import World
+from edl_filter.diagnosis.prediction.dead_reckoning import (
+    NODES_PER_BIN,
+    DeadReckonedPath,
+    PathNodes,
+    dead_reckon,
+    node_rates,
+    path_nodes,
+)
+from edl_filter.diagnosis.prediction.time_bins import TimeBins, bin_means
+from edl_filter.effects.base import Effect, EffectInstance
+from edl_filter.effects.forward_model import ForwardModel
+from edl_filter.effects.types import AeroCoefficients, FlightCondition
+from edl_filter.imu_model.lever_arm import lever_arm_acceleration
 from edl_filter.navigation.constraints import Altimeter
 from edl_filter.navigation.filter import Problem
-from edl_filter.navigation.increments import Samples, lever_arm_acceleration
+from edl_filter.navigation.increments import Samples
 from edl_filter.telemetry.record import ImuRecord
+from edl_filter.types import Array
 
-Array = NDArray[np.float64]
+#: Hooks of an effect that change readings, the path, the air.
+READING_HOOKS = ("imu", "corrected", "imu_position", "vehicle")
+PATH_HOOKS = (*READING_HOOKS, "gravity", "entry_state")
+AIR_HOOKS = ("atmosphere_rate", "wind", "density")
 
 
 @dataclass(frozen=True)
-class Setup:
-    """The model, and the measurements as it understands them.
+class ModelInputs:
+    """A model, and the measurements under its sensor effects.
 
     Attributes
     ----------
     problem : Problem
-        Samples with the effects' sensor errors taken off, gravity and entry state with the effects'.
-    world : World
+        Samples corrected for the effects' sensor errors, gravity and entry state with the effects.
+    forward_model : ForwardModel
     driving : ImuRecord
-        The IMU behind the samples, with its own noise: what a sample hides disturbs integration, not its mean.
+        The IMU behind the samples, with the noise of its readings alone: motion within a sample disturbs integration,
+        not the sample's mean.
     checking : tuple of ImuRecord
         The other IMUs, body axes.
     """
 
     problem: Problem
-    world: World
+    forward_model: ForwardModel
     driving: ImuRecord
     checking: tuple[ImuRecord, ...]
 
 
 @dataclass(frozen=True)
-class Frame:
-    """What stays as it is while the model changes.
+class PathReference:
+    """What the path depends on besides the model.
 
     Attributes
     ----------
-    bins : Bins
+    bins : TimeBins
     start : (10,) array
-        State at the initial state's time from which the path begins.
+        Navigation state at the initial state's time.
     errors : (U, n) array
         Sensor errors by instrument, in the filter's vector.
     onboard : (C, 4) array or None
-        On-board attitude carried to the constraints' times: what the gyros said, whatever the model.
+        On-board attitude propagated to the constraints' times; it depends on the gyros alone.
     """
 
-    bins: Bins
+    bins: TimeBins
     start: Array
     errors: Array
     onboard: Array | None
 
 
 @dataclass(frozen=True)
-class Differences:
-    """Measured minus predicted.
+class Residuals:
+    """Measured minus predicted, and the predictions.
 
     Attributes
     ----------
     force : (B, 3) array
         Specific force, m/s².
-    turn : (B - 1, 3) array
-        Step of the rate between adjoining bins, rad/s.
-    other_force, other_rate : tuples of (B, 3) arrays
+    rate_step : (B - 1, 3) array
+        Step of the mean rate between adjoining bins, rad/s.
+    checking_force, checking_rate : tuples of (B, 3) arrays
         Of each checking IMU, m/s² and rad/s.
     constraints : tuple of (m,) arrays
-    path : Path
-    nodes : Nodes
-    flow : Flow
+    path : DeadReckonedPath
+    nodes : PathNodes
+    flow : FlightCondition
         At the nodes.
-    tables : Totals
-        What the tables say there.
-    felt, stepped : (B, 3), (B - 1, 3) arrays
-        Specific force and steps of the rate as predicted.
+    tables : AeroCoefficients
+        Coefficients of the database there, without effects.
+    predicted_force, predicted_rate_step : (B, 3), (B - 1, 3) arrays
     """
 
     force: Array
-    turn: Array
-    other_force: tuple[Array, ...]
-    other_rate: tuple[Array, ...]
+    rate_step: Array
+    checking_force: tuple[Array, ...]
+    checking_rate: tuple[Array, ...]
     constraints: tuple[Array, ...]
-    path: Path
-    nodes: Nodes
-    flow: Flow
-    tables: Totals
-    felt: Array
-    stepped: Array
+    path: DeadReckonedPath
+    nodes: PathNodes
+    flow: FlightCondition
+    tables: AeroCoefficients
+    predicted_force: Array
+    predicted_rate_step: Array
 
 
-def compare(frame: Frame, setup: Setup) -> Differences:
-    """Run the whole chain once."""
-    bins, problem, world = frame.bins, setup.problem, setup.world
-    path = dead_reckon(problem, frame.start, frame.errors)
+def compute_residuals(reference: PathReference, inputs: ModelInputs) -> Residuals:
+    """Residuals of a model along the path that its readings imply."""
+    bins, problem, model = reference.bins, inputs.problem, inputs.forward_model
+    path = dead_reckon(problem, reference.start, reference.errors)
     samples = problem.samples
-    force, rate = binned(bins, samples, (path.force, path.rate))
-    nodes = nodes_of(path, bins, rate)
-    flow = world.flow(nodes.time, nodes.nav[:, :3], nodes.nav[:, 3:6], nodes.nav[:, 6:], nodes.rate)
-    tables = world.looked_up(flow)
-    felt, step = predicted(world, bins, flow, tables)
-    checking = [_other(record, bins, samples, path.rate, force, rate) for record in setup.checking]
-    return Differences(
-        force=force - felt,
-        turn=np.diff(rate, axis=0) - step,
-        other_force=tuple(f for f, _ in checking),
-        other_rate=tuple(w for _, w in checking),
-        constraints=constraint_differences(frame, path, problem),
+    force, rate = bin_readings(bins, samples, (path.force, path.rate))
+    nodes = path_nodes(path, bins, rate)
+    flow = flow_at(model, nodes)
+    tables = model.table_coefficients(flow)
+    predicted_force, predicted_rate_step = predict(model, bins, flow, tables)
+    checking = [_checking_residuals(record, bins, samples, path.rate, force, rate) for record in inputs.checking]
+    return Residuals(
+        force=force - predicted_force,
+        rate_step=np.diff(rate, axis=0) - predicted_rate_step,
+        checking_force=tuple(f for f, _ in checking),
+        checking_rate=tuple(w for _, w in checking),
+        constraints=constraint_residuals(reference, path, problem),
         path=path,
         nodes=nodes,
         flow=flow,
         tables=tables,
-        felt=felt,
-        stepped=step,
+        predicted_force=predicted_force,
+        predicted_rate_step=predicted_rate_step,
     )
 
 
-def beside_held(frame: Frame, setup: Setup, read: tuple[Array, Array], held: Differences) -> Differences:
-    """Compare other readings, `path.readings`, and another vehicle, along a path that is held; no constraints."""
-    bins, samples = frame.bins, setup.problem.samples
-    force, rate = binned(bins, samples, read)
-    flow = replace(held.flow, rate=node_rates(bins, rate))
-    felt, step = predicted(setup.world, bins, flow, held.tables)
-    checking = [_other(record, bins, samples, read[1], force, rate) for record in setup.checking]
+def residuals_on_fixed_path(
+    reference: PathReference, inputs: ModelInputs, readings: tuple[Array, Array], fixed: Residuals
+) -> Residuals:
+    """Residuals with other readings and another vehicle along a fixed path; those of the constraints are zero.
+
+    Parameters
+    ----------
+    reference : PathReference
+    inputs : ModelInputs
+    readings : (force, rate)
+        Of `corrected_readings`, ``(N, 3)`` each.
+    fixed : Residuals
+        Whose path, air and table coefficients are used.
+    """
+    bins, samples = reference.bins, inputs.problem.samples
+    force, rate = bin_readings(bins, samples, readings)
+    flow = replace(fixed.flow, rate=node_rates(bins, rate))
+    predicted_force, predicted_rate_step = predict(inputs.forward_model, bins, flow, fixed.tables)
+    checking = [_checking_residuals(record, bins, samples, readings[1], force, rate) for record in inputs.checking]
     return replace(
-        held,
-        force=force - felt,
-        turn=np.diff(rate, axis=0) - step,
-        other_force=tuple(f for f, _ in checking),
-        other_rate=tuple(w for _, w in checking),
-        constraints=tuple(np.zeros_like(c) for c in held.constraints),
+        fixed,
+        force=force - predicted_force,
+        rate_step=np.diff(rate, axis=0) - predicted_rate_step,
+        checking_force=tuple(f for f, _ in checking),
+        checking_rate=tuple(w for _, w in checking),
+        constraints=tuple(np.zeros_like(c) for c in fixed.constraints),
     )
 
 
-def binned(bins: Bins, samples: Samples, read: tuple[Array, Array]) -> tuple[Array, Array]:
-    """Means over the bins ``(B, 3)`` of force and rate that are given by sample."""
-    force, rate = (bin_means(bins.edges, samples.time, samples.interval, x) for x in read)
+def changes_path(effect: Effect) -> bool:
+    """Whether an effect changes the path, or the readings along it."""
+    return any(effect.acts(hook) for hook in PATH_HOOKS)
+
+
+def changes_air(effect: Effect) -> bool:
+    """Whether an effect changes the air that the vehicle meets."""
+    return any(effect.acts(hook) for hook in AIR_HOOKS)
+
+
+def update_residuals(
+    reference: PathReference,
+    build_inputs: Callable[[Sequence[EffectInstance]], ModelInputs],
+    current: tuple[ModelInputs, Residuals],
+    effects: Sequence[EffectInstance],
+) -> tuple[ModelInputs, Residuals]:
+    """Residuals with other effects; only what the changed effects act on is computed again.
+
+    Parameters
+    ----------
+    reference : PathReference
+    build_inputs : callable
+        Effects → `ModelInputs`.
+    current : (ModelInputs, Residuals)
+        With the effects of its forward model.
+    effects : sequence of EffectInstance
+    """
+    inputs, residuals = current
+    before = inputs.forward_model.effects
+    changed = [a for a in (*before, *effects) if not (a in before and a in effects)]
+    if any(changes_path(a.effect) for a in changed):
+        inputs = build_inputs(effects)
+        return inputs, compute_residuals(reference, inputs)
+    model, flow, tables = inputs.forward_model.with_effects(effects), residuals.flow, residuals.tables
+    if any(changes_air(a.effect) for a in changed):
+        flow = flow_at(model, residuals.nodes)
+        tables = model.table_coefficients(flow)
+    predicted_force, predicted_rate_step = predict(model, reference.bins, flow, tables)
+    return replace(inputs, forward_model=model), replace(
+        residuals,
+        force=residuals.force + residuals.predicted_force - predicted_force,
+        rate_step=residuals.rate_step + residuals.predicted_rate_step - predicted_rate_step,
+        predicted_force=predicted_force,
+        predicted_rate_step=predicted_rate_step,
+        flow=flow,
+        tables=tables,
+    )
+
+
+def flow_at(model: ForwardModel, nodes: PathNodes) -> FlightCondition:
+    """Flow about the vehicle at the nodes."""
+    return model.flow(nodes.time, nodes.nav[:, :3], nodes.nav[:, 3:6], nodes.nav[:, 6:], nodes.rate)
+
+
+def bin_readings(bins: TimeBins, samples: Samples, readings: tuple[Array, Array]) -> tuple[Array, Array]:
+    """Means over the bins ``(B, 3)`` of force and rate that are given by sample ``(N, 3)``."""
+    force, rate = (bin_means(bins.edges, samples.time, samples.interval, x) for x in readings)
     return force, rate
 
 
-def predicted(world: World, bins: Bins, flow: Flow, tables: Totals | None = None) -> tuple[Array, Array]:
-    """Mean specific force in the bins ``(B, 3)`` and steps of the rate between them ``(B - 1, 3)``."""
-    force, moment = world.loads(flow, tables)
-    return averaged(force / world.rigid_body.mass, bins), stepped(world, bins, flow, moment)
+def predict(
+    model: ForwardModel, bins: TimeBins, flow: FlightCondition, tables: AeroCoefficients | None = None
+) -> tuple[Array, Array]:
+    """Predicted readings.
+
+    Parameters
+    ----------
+    model : ForwardModel
+    bins : TimeBins
+    flow : FlightCondition
+        At the nodes.
+    tables : AeroCoefficients, optional
+        Coefficients of the database there, if they are computed already.
+
+    Returns
+    -------
+    force : (B, 3) array
+        Mean specific force in the bins, m/s².
+    rate_step : (B - 1, 3) array
+        Steps of the mean rate between adjoining bins, rad/s.
+    """
+    force, moment = model.loads(flow, tables)
+    return bin_average(force / model.rigid_body.mass, bins), rate_step_from_moment(model, bins, flow, moment)
 
 
-def more_predicted(world: World, bins: Bins, force: Array, moment: Array) -> tuple[Array, Array]:
-    """What more force and moment at the nodes make of `predicted`."""
-    turning = moment @ np.linalg.inv(world.rigid_body.inertia).T
-    return averaged(force / world.rigid_body.mass, bins), triangle(turning, bins)
+def predict_increment(model: ForwardModel, bins: TimeBins, force: Array, moment: Array) -> tuple[Array, Array]:
+    """Change of `predict` by additional force (N) and moment (N m) at the nodes, ``(M, 3)`` each."""
+    acceleration = moment @ np.linalg.inv(model.rigid_body.inertia).T
+    return bin_average(force / model.rigid_body.mass, bins), triangular_integral(acceleration, bins)
 
 
-def averaged(values: Array, bins: Bins) -> Array:
-    """Means over the bins from values at the nodes ``(PER_BIN B + 1, ...)``, Simpson's rule."""
-    return _weighted(values, _SIMPSON)
+def bin_average(values: Array, bins: TimeBins) -> Array:
+    """Means over the bins from values at the nodes ``(NODES_PER_BIN B + 1, ...)``, by Simpson's rule."""
+    return _weighted_sum(values, _SIMPSON)
 
 
-def stepped(world: World, bins: Bins, flow: Flow, moment: Array) -> Array:
-    """Steps of the mean rate from the moment at the nodes."""
-    return triangle(angular_acceleration(world, flow, moment), bins)
+def rate_step_from_moment(model: ForwardModel, bins: TimeBins, flow: FlightCondition, moment: Array) -> Array:
+    """Steps of the mean rate ``(B - 1, 3)``, rad/s, from the moment at the nodes ``(M, 3)``, N m."""
+    return triangular_integral(angular_acceleration(model, flow, moment), bins)
 
 
-def angular_acceleration(world: World, flow: Flow, moment: Array) -> Array:
-    """Euler's equations, ``I⁻¹ (M - w × I w)``, rad/s²."""
-    inertia = world.rigid_body.inertia
-    left = moment - np.cross(flow.rate, flow.rate @ inertia)
-    return np.asarray(left @ np.linalg.inv(inertia).T, np.float64)
+def angular_acceleration(model: ForwardModel, flow: FlightCondition, moment: Array) -> Array:
+    """Euler's equations, ``I⁻¹ (M - w × I w)``: ``(M, 3)``, rad/s², from the moment ``(M, 3)``, N m."""
+    inertia = model.rigid_body.inertia
+    net_moment = moment - np.cross(flow.rate, flow.rate @ inertia)
+    return np.asarray(net_moment @ np.linalg.inv(inertia).T, np.float64)
 
 
-def triangle(values: Array, bins: Bins, weights: Array | None = None) -> Array:
-    """Integrals over adjoining bins with the triangular weight, ``(B - 1, ...)`` at `PER_BIN` nodes each."""
+def triangular_integral(values: Array, bins: TimeBins, weights: Array | None = None) -> Array:
+    """Integrals over two adjoining bins with a triangular weight.
+
+    Parameters
+    ----------
+    values : (NODES_PER_BIN B + 1, ...) array
+        At the nodes.
+    bins : TimeBins
+    weights : (NODES_PER_BIN + 1,) array, optional
+        Quadrature weights over a bin of unit length; Simpson's rule if not given.
+
+    Returns
+    -------
+    (B - 1, ...) array
+    """
     rule = _SIMPSON if weights is None else weights
     dt = bins.interval.reshape(-1, *(1,) * (values.ndim - 1))
-    share = np.arange(PER_BIN + 1) / PER_BIN
-    rising, falling = _weighted(values, rule * share), _weighted(values, rule * (1.0 - share))
+    fraction = np.arange(NODES_PER_BIN + 1) / NODES_PER_BIN
+    rising, falling = _weighted_sum(values, rule * fraction), _weighted_sum(values, rule * (1.0 - fraction))
     return dt[:-1] * rising[:-1] + dt[1:] * falling[1:]
 
 
-def rounding(world: World, bins: Bins, flow: Flow, force: Array, moment: Array) -> tuple[Array, Array]:
-    """What the sums over nodes may be wrong by: a third of what half of the nodes changes.
+def quadrature_error(
+    model: ForwardModel, bins: TimeBins, flow: FlightCondition, force: Array, moment: Array
+) -> tuple[Array, Array]:
+    """Error bound of the sums over nodes: a third of their change when every second node is left out.
 
-    Between tables' nodes the model is smooth and this is nothing; a bend inside a bin costs the rule its order, and of
-    second order a third of the last step is left.
+    Between the nodes of its tables the model is smooth and the error is negligible. A change of slope inside a bin
+    reduces the rule to second order, whose error is a third of the last refinement (Richardson).
+
+    Parameters
+    ----------
+    model : ForwardModel
+    bins : TimeBins
+    flow : FlightCondition
+    force, moment : (M, 3) arrays
+        At the nodes, N and N m.
+
+    Returns
+    -------
+    force, rate_step : (B, 3), (B - 1, 3) arrays
+        m/s², rad/s.
     """
-    turn = angular_acceleration(world, flow, moment)
-    felt = force / world.rigid_body.mass
+    acceleration = angular_acceleration(model, flow, moment)
+    specific_force = force / model.rigid_body.mass
     return (
-        np.abs(_weighted(felt, _SIMPSON - _COARSE)) / 3.0,
-        np.abs(triangle(turn, bins, _SIMPSON - _COARSE)) / 3.0,
+        np.abs(_weighted_sum(specific_force, _SIMPSON - _COARSE_SIMPSON)) / 3.0,
+        np.abs(triangular_integral(acceleration, bins, _SIMPSON - _COARSE_SIMPSON)) / 3.0,
     )
 
 
 #: Weights of Simpson's rule over a bin of unit length, with all nodes and with every second one.
-_SIMPSON = np.where(np.arange(PER_BIN + 1) % 2, 4.0, 2.0) / (3.0 * PER_BIN)
-_COARSE = np.where(np.arange(PER_BIN + 1) % 4 == 2, 8.0, np.where(np.arange(PER_BIN + 1) % 4 == 0, 4.0, 0.0)) / (
-    3.0 * PER_BIN
-)
+_SIMPSON = np.where(np.arange(NODES_PER_BIN + 1) % 2, 4.0, 2.0) / (3.0 * NODES_PER_BIN)
+_COARSE_SIMPSON = np.where(
+    np.arange(NODES_PER_BIN + 1) % 4 == 2, 8.0, np.where(np.arange(NODES_PER_BIN + 1) % 4 == 0, 4.0, 0.0)
+) / (3.0 * NODES_PER_BIN)
 _SIMPSON[[0, -1]] /= 2.0
-_COARSE[[0, -1]] /= 2.0
+_COARSE_SIMPSON[[0, -1]] /= 2.0
 
 
-def _weighted(values: Array, weights: Array) -> Array:
+def _weighted_sum(values: Array, weights: Array) -> Array:
     """Weighted sums over the nodes of every bin."""
     last = len(values) - 1
-    out = weights[0] * values[:last:PER_BIN]
-    for i in range(1, PER_BIN):
-        out = out + weights[i] * values[i:last:PER_BIN]
-    return out + weights[PER_BIN] * values[PER_BIN::PER_BIN]
+    out = weights[0] * values[:last:NODES_PER_BIN]
+    for i in range(1, NODES_PER_BIN):
+        out = out + weights[i] * values[i:last:NODES_PER_BIN]
+    return out + weights[NODES_PER_BIN] * values[NODES_PER_BIN::NODES_PER_BIN]
 
 
-def constraint_differences(frame: Frame, path: Path, problem: Problem) -> tuple[Array, ...]:
-    """Measured minus predicted of every constraint."""
+def constraint_residuals(reference: PathReference, path: DeadReckonedPath, problem: Problem) -> tuple[Array, ...]:
+    """Measured minus predicted of every constraint along a path."""
     constraints = problem.constraints
-    at = np.searchsorted(problem.samples.time, np.array([c.time for c in constraints]) + 1e-6)
-    units = problem.samples.unit[np.maximum(at - 1, 0)]
-    nav = path.nav[at]
-    if frame.onboard is not None:
-        nav = np.concatenate((nav, frame.onboard), axis=1)
-    found: dict[int, Array] = {}
+    index = np.searchsorted(problem.samples.time, np.array([c.time for c in constraints]) + 1e-6)
+    units = problem.samples.unit[np.maximum(index - 1, 0)]
+    nav = path.nav[index]
+    if reference.onboard is not None:
+        nav = np.concatenate((nav, reference.onboard), axis=1)
+    residuals: dict[int, Array] = {}
     by_sphere: dict[float, list[int]] = {}
     for i, c in enumerate(constraints):
-        if isinstance(c, Altimeter):  # of which there may be thousands: all at once
+        if isinstance(c, Altimeter):  # there may be thousands of them: all at once
             by_sphere.setdefault(c.surface_radius, []).append(i)
         else:
-            predicted_here = c.predict(nav[i][:, None], frame.errors[units[i]][:, None], problem.layout)[0]
-            found[i] = c.measured - predicted_here
+            prediction = c.predict(nav[i][:, None], reference.errors[units[i]][:, None], problem.layout)[0]
+            residuals[i] = c.measured - prediction
     for which in by_sphere.values():
-        heights = constraints[which[0]].predict(nav[which].T, frame.errors[units[which]].T, problem.layout)
-        found |= {i: constraints[i].measured - h for i, h in zip(which, heights, strict=True)}
-    return tuple(found[i] for i in range(len(constraints)))
+        heights = constraints[which[0]].predict(nav[which].T, reference.errors[units[which]].T, problem.layout)
+        residuals |= {i: constraints[i].measured - h for i, h in zip(which, heights, strict=True)}
+    return tuple(residuals[i] for i in range(len(constraints)))
 
 
-def _other(
-    record: ImuRecord, bins: Bins, samples: Samples, turning: Array, force: Array, rate: Array
+def _checking_residuals(
+    record: ImuRecord, bins: TimeBins, samples: Samples, sample_rate: Array, force: Array, rate: Array
 ) -> tuple[Array, Array]:
-    """What another IMU read beyond what the driving one says, means over the bins.
+    """Readings of a checking IMU less those that the driving IMU implies, means over the bins ``(B, 3)``.
 
-    `turning` is the rate sample by sample, `force` and `rate` the driving one's means over the bins. The lever
-    arm's acceleration is taken sample by sample: in longer steps its tangential part loses an order.
+    Parameters
+    ----------
+    record : ImuRecord
+        The checking IMU.
+    bins : TimeBins
+    samples : Samples
+    sample_rate : (N, 3) array
+        Rate by sample, rad/s. The lever-arm acceleration is computed sample by sample: over longer steps its tangential
+        part loses an order.
+    force, rate : (B, 3) arrays
+        Means of the driving IMU over the bins, m/s² and rad/s.
     """
-    read = bin_means(bins.edges, record.time, record.interval, record.specific_force)
-    turned = bin_means(bins.edges, record.time, record.interval, record.angular_rate)
-    place = np.broadcast_to(record.position[0], turning.shape)
-    more = lever_arm_acceleration(samples.interval, turning, place, np.zeros(len(turning), np.int64))
-    return read - force - bin_means(bins.edges, samples.time, samples.interval, more), turned - rate
+    measured_force = bin_means(bins.edges, record.time, record.interval, record.specific_force)
+    measured_rate = bin_means(bins.edges, record.time, record.interval, record.angular_rate)
+    position = np.broadcast_to(record.position[0], sample_rate.shape)
+    lever_arm = lever_arm_acceleration(samples.interval, sample_rate, position, np.zeros(len(sample_rate), np.int64))
+    return (
+        measured_force - force - bin_means(bins.edges, samples.time, samples.interval, lever_arm),
+        measured_rate - rate,
+    )

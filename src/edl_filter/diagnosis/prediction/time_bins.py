@@ -1,7 +1,8 @@
-"""Bins: the time steps at which prediction and measurement are compared.
+"""Time bins: the intervals over which prediction and measurement are averaged and compared.
 
-A bin holds one sample, or an even number of them where the sampling is faster than the body moves. Its means are those
-of the measurement, so prediction is averaged over the same times and nothing is interpolated on one side alone.
+A bin holds one sample, or an even number of samples where the sampling is fast against the motion of the body. Its
+means are those of the measurement; the prediction is averaged over the same times, so nothing is interpolated on one
+side alone.
 """
 
 from __future__ import annotations
@@ -9,35 +10,29 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from edl_filter.navigation.increments import Samples
-
-Array = NDArray[np.float64]
-
-#: Length that bins come near to, s: ten steps in the fastest oscillation of a blunt body, about 1 Hz.
-LENGTH = 0.1
-#: Bins at both ends that are not compared: interpolation has neighbours on one side only.
-END = 3
+from edl_filter.types import Array, BoolArray
 
 
 @dataclass(frozen=True)
-class Bins:
-    """Adjoining time steps.
+class TimeBins:
+    """Adjoining time intervals.
 
     Attributes
     ----------
     edges : (B + 1,) array
         s.
-    sound : (B,) array of bool
-        Every sample is a gyro's and an accelerometer's own reading, of the first instrument, and as long as usual.
-    per_bin : int
-        Samples in a bin: one, or an even number.
+    valid : (B,) array of bool
+        Every sample in the bin was read by a gyro and an accelerometer of the first instrument, over the usual
+        interval.
+    samples_per_bin : int
+        One, or an even number.
     """
 
     edges: Array
-    sound: NDArray[np.bool_]
-    per_bin: int
+    valid: BoolArray
+    samples_per_bin: int
 
     @property
     def interval(self) -> Array:
@@ -50,8 +45,8 @@ class Bins:
         return 0.5 * (self.edges[1:] + self.edges[:-1])
 
 
-def lay_bins(samples: Samples, sample_edges: Array, end: float) -> Bins:
-    """Lay bins over the samples up to `end`.
+def make_time_bins(samples: Samples, sample_edges: Array, end: float, length: float, ends: int) -> TimeBins:
+    """Divide the samples up to `end` into bins.
 
     Parameters
     ----------
@@ -61,27 +56,30 @@ def lay_bins(samples: Samples, sample_edges: Array, end: float) -> Bins:
         Edges of the samples as they were taken, s, within the time of `samples`.
     end : float
         s; the last bin ends before it.
+    length : float
+        Length that bins approach, s.
+    ends : int
+        Number of bins at both ends that are not compared, since interpolation has neighbours on one side only.
     """
     edges = sample_edges[sample_edges <= end]
     usual = float(np.median(np.diff(edges)))
-    per_bin = max(1, 2 * round(0.5 * LENGTH / usual))
-    per_bin = 1 if usual > 0.75 * LENGTH else per_bin
+    per_bin = max(1, 2 * round(0.5 * length / usual))
+    per_bin = 1 if usual > 0.75 * length else per_bin
     edges = edges[::per_bin]
-    interval = np.diff(edges)
-    regular = np.abs(interval - per_bin * usual) < 1e-3 * usual
+    regular = np.abs(np.diff(edges) - per_bin * usual) < 1e-3 * usual
     first = samples.unit == samples.unit[0]
-    good = first & ~samples.net_turn & np.all(np.isfinite(samples.mean_force), axis=1)
-    start = samples.time - samples.interval
-    bad_at = 0.5 * (start + samples.time)[~good]
-    spoiled = np.unique(np.searchsorted(edges, bad_at) - 1)
-    sound = regular.copy()
-    sound[spoiled[(spoiled >= 0) & (spoiled < len(sound))]] = False
-    sound[:END] = sound[-END:] = False
-    return Bins(edges, sound, per_bin)
+    measured = first & ~samples.net_turn & np.all(np.isfinite(samples.mean_force), axis=1)
+    sample_start = samples.time - samples.interval
+    invalid_time = 0.5 * (sample_start + samples.time)[~measured]
+    invalid_bin = np.unique(np.searchsorted(edges, invalid_time) - 1)
+    valid = regular.copy()
+    valid[invalid_bin[(invalid_bin >= 0) & (invalid_bin < len(valid))]] = False
+    valid[:ends] = valid[-ends:] = False
+    return TimeBins(edges, valid, per_bin)
 
 
 def bin_means(edges: Array, time: Array, interval: Array, values: Array) -> Array:
-    """Means over bins of a quantity given by its means over adjoining intervals.
+    """Means over bins of a quantity that is given by its means over adjoining intervals.
 
     Parameters
     ----------
@@ -100,8 +98,8 @@ def bin_means(edges: Array, time: Array, interval: Array, values: Array) -> Arra
     tail = (1,) * (values.ndim - 1)
     total = np.concatenate((np.zeros((1, *values.shape[1:])), np.cumsum(values * interval.reshape(-1, *tail), axis=0)))
     k = np.clip(np.searchsorted(grid, edges, side="right") - 1, 0, len(time) - 1)
-    at = total[k] + values[k] * (edges - grid[k]).reshape(-1, *tail)
-    out = np.diff(at, axis=0) / np.diff(edges).reshape(-1, *tail)
+    integral = total[k] + values[k] * (edges - grid[k]).reshape(-1, *tail)
+    out = np.diff(integral, axis=0) / np.diff(edges).reshape(-1, *tail)
     outside = (edges[:-1] < grid[0] - 1e-6) | (edges[1:] > grid[-1] + 1e-6)
     out[outside] = np.nan
     return out

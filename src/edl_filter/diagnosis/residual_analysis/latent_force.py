@@ -1,8 +1,7 @@
-"""The missing force and moment against time: a Gauss–Markov process estimated from all differences, with its band.
+"""Unmodelled force and moment against time: the smoothed Gauss–Markov process of `noise.unmodelled_acceleration`.
 
-What nobody named is a state of the linear problem (`missing.allow`). The fixed-interval smoother says what it was at
-every bin, given all that came before and after, with the errors that the model allows taken out: the modified
-Bryson–Frazier form (Bierman, Factorization Methods, 1977, ch. 10), which needs the filter's gains and no inverse.
+The process is part of the state vector. The fixed-interval smoother gives its value in every bin, given all earlier and
+later residuals, with the nuisance parameters marginalised (`estimation.smoothing.smoothed_last_states`).
 """
 
 from __future__ import annotations
@@ -10,19 +9,17 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from edl_filter.diagnosis.linear import Linear
-from edl_filter.diagnosis.missing import Missing, strength
-from edl_filter.diagnosis.path import PER_BIN
-from edl_filter.diagnosis.whitening import Whitener
-
-Array = NDArray[np.float64]
+from edl_filter.diagnosis.linear_model.linear_model import LinearizedModel
+from edl_filter.diagnosis.noise.unmodelled_acceleration import UnmodelledAcceleration, amplitude
+from edl_filter.diagnosis.prediction.dead_reckoning import NODES_PER_BIN
+from edl_filter.estimation.smoothing import smoothed_last_states
+from edl_filter.types import Array
 
 
 @dataclass(frozen=True)
-class Latent:
-    """Missing force and moment in body axes, and one sigma of them.
+class LatentForce:
+    """Unmodelled force and moment in body axes, and one sigma of them.
 
     Attributes
     ----------
@@ -41,65 +38,22 @@ class Latent:
     moment_sigma: Array
 
 
-def estimate(linear: Linear, missing: Missing) -> Latent | None:
-    """What was missing, under the size and memory that make the flight likeliest; None where that is nothing."""
-    if missing.force == missing.moment == 0.0:
+def estimate_latent_force(model: LinearizedModel, unmodelled: UnmodelledAcceleration) -> LatentForce | None:
+    """Smoothed unmodelled force and moment with the most likely process; None where that is zero."""
+    if unmodelled.is_zero:
         return None
-    order, bins, found = linear.ground.order, linear.bins, linear.ground.found
-    whiten = linear.with_missing(missing)
-    mean, covariance = smoothed(whiten, linear.white(whiten), linear.start, 6)
-    used = np.flatnonzero(order.bin_rows[:, 0] >= 0)
-    step = np.searchsorted(whiten.steps.rows, order.bin_rows[used, 0], side="right") - 1
-    push = strength(found.flow, missing)[PER_BIN // 2 :: PER_BIN][used, None]
-    body = linear.ground.setup.world.rigid_body
-    to_force, to_moment = missing.force * body.mass * push, missing.moment * push
+    whiten = model.filter_with_unmodelled(unmodelled)
+    mean, covariance = smoothed_last_states(whiten, model.white_residuals(whiten), model.initial_mean, 6)
+    used, step = model.index.step_of_bins(whiten.model.row_start)
+    scale = amplitude(model.residuals.flow, unmodelled)[NODES_PER_BIN // 2 :: NODES_PER_BIN][used, None]
+    body = model.inputs.forward_model.rigid_body
+    to_force, to_moment = unmodelled.force * body.mass * scale, unmodelled.moment * scale
     inertia = body.inertia
-    turned = np.einsum("ij,bjk,lk->bil", inertia, covariance[step][:, 3:, 3:], inertia)
-    return Latent(
-        time=bins.middle[used],
+    moment_covariance = np.einsum("ij,bjk,lk->bil", inertia, covariance[step][:, 3:, 3:], inertia)
+    return LatentForce(
+        time=model.bins.middle[used],
         force=to_force * mean[step, :3],
         force_sigma=to_force * np.sqrt(np.einsum("bii->bi", covariance[step][:, :3, :3])),
         moment=to_moment * (mean[step, 3:] @ inertia.T),
-        moment_sigma=to_moment * np.sqrt(np.einsum("bii->bi", turned)),
+        moment_sigma=to_moment * np.sqrt(np.einsum("bii->bi", moment_covariance)),
     )
-
-
-def smoothed(whiten: Whitener, white: Array, start: Array, count: int) -> tuple[Array, Array]:
-    """Mean ``(K, count)`` and covariance ``(K, count, count)`` of the last unknowns at every step, given all rows.
-
-    Parameters
-    ----------
-    whiten : Whitener
-    white : (R,) array
-        The differences.
-    start : (n,) array
-        What is stated of the unknowns at the beginning.
-    count : int
-    """
-    s = whiten.steps
-    n, steps = len(s.start), len(s.change)
-    p, x = s.start.copy(), np.zeros(n)
-    x[: len(start)] = start
-    before, across = np.empty((steps, count)), np.empty((steps, count, n))
-    for k in range(steps):
-        move = np.eye(n) + s.change[k]
-        p, x = move @ p @ move.T + s.noise[k], move @ x
-        before[k], across[k] = x[-count:], p[-count:]  # before this step's rows
-        gain = whiten.gain[s.rows[k] : s.rows[k + 1]]
-        x = x + gain.T @ white[s.rows[k] : s.rows[k + 1]]
-        p = p - gain.T @ gain
-    mean, covariance = np.empty((steps, count)), np.empty((steps, count, count))
-    adjoint, information = np.zeros(n), np.zeros((n, n))
-    for k in range(steps - 1, -1, -1):
-        rows = slice(s.rows[k], s.rows[k + 1])
-        m = s.rows[k + 1] - s.rows[k]
-        if m:
-            seen = np.linalg.solve(whiten.factor[rows, :m], s.design[rows])  # L⁻¹ H
-            left = np.eye(n) - whiten.gain[rows].T @ seen
-            adjoint = left.T @ adjoint - seen.T @ white[rows]
-            information = left.T @ information @ left + seen.T @ seen
-        mean[k] = before[k] - across[k] @ adjoint
-        covariance[k] = across[k][:, -count:] - across[k] @ information @ across[k].T
-        move = np.eye(n) + s.change[k]
-        adjoint, information = move.T @ adjoint, move.T @ information @ move
-    return mean, covariance

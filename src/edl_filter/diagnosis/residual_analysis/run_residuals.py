@@ -1,28 +1,28 @@
-"""Normalised residuals of a reconstruction, channel by channel: what a run says of its own model."""
+"""Normalised residuals of a reconstruction, channel by channel, for the summary of a run."""
 
 from __future__ import annotations
 
-from edl_filter.diagnosis.case import case_of
-from edl_filter.diagnosis.channel_errors import errors_of
-from edl_filter.diagnosis.rounds import linearise
-from edl_filter.diagnosis.where import survey
-from edl_filter.reconstruction import Reconstruction
+from edl_filter.diagnosis.linear_model.flight_case import flight_case
+from edl_filter.diagnosis.linear_model.linear_model import linearize
+from edl_filter.diagnosis.residual_analysis.channel_rms import model_rms
+from edl_filter.diagnosis.residual_analysis.residual_map import residual_map
+from edl_filter.pipeline.reconstruct import Reconstruction
 
 #: Key of the whole flight beside those of the regimes.
 OVERALL = "overall"
 
 
-def residuals(reconstruction: Reconstruction) -> dict[str, dict[str, float]]:
-    """Normalised RMS of every channel and constraint: 1 where the model holds.
+def residual_rms(reconstruction: Reconstruction) -> dict[str, dict[str, float]]:
+    """Normalised RMS of every channel and constraint: 1 if the model holds.
 
     Returns
     -------
     dict
         Channel → ``overall`` and every regime → normalised RMS, as a diagnosis has them.
     """
-    linear = linearise(case_of(reconstruction))
-    found = {name: {OVERALL: rms} for name, rms in errors_of(linear).items()}
-    for cell in survey(linear):
+    model = linearize(flight_case(reconstruction))
+    by_channel = {name: {OVERALL: rms} for name, rms in model_rms(model).items()}
+    for cell in residual_map(model):
         if cell.regime != "constraints":
-            found[cell.channel][cell.regime] = cell.rms
-    return found
+            by_channel[cell.channel][cell.regime] = cell.rms
+    return by_channel

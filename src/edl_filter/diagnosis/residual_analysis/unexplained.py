@@ -1,8 +1,7 @@
-"""What is left when no name explains it: a missing force and moment against time, and what they follow.
+"""Unexplained remainder: when the largest unexplained channel fails, its frequency, and its correlations.
 
-The differences of specific force and of the rate's steps are, up to noise and the little that navigation is wrong, the
-missing force and moment themselves. Their largest channel is described: when it acts, at which frequency, and which
-quantity of the flight goes with it, so that a person can name it and write the effect.
+Residuals of specific force and of the rate's steps are, apart from noise and the small navigation error, the missing
+force and moment themselves. The largest channel is described so that a person can name the cause and write the effect.
 """
 
 from __future__ import annotations
@@ -10,23 +9,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.signal import lombscargle
 
-from edl_filter.diagnosis.linear import Linear
-from edl_filter.diagnosis.path import PER_BIN
-from edl_filter.diagnosis.where import AXES, normalised
-
-Array = NDArray[np.float64]
-
-#: Length of the pieces in which it is asked whether something acts, s.
-_PIECE = 2.5
-#: A line stands out if it holds this part of the power.
-_LINE = 0.3
-#: Turns within the span from which it is one.
-_CYCLES = 3.0
-#: Correlation from which something is said to follow a quantity.
-_FOLLOWS = 0.5
+from edl_filter.diagnosis.linear_model.linear_model import LinearizedModel
+from edl_filter.diagnosis.prediction.dead_reckoning import NODES_PER_BIN
+from edl_filter.diagnosis.residual_analysis.channel_rms import AXES, normalised_innovations
+from edl_filter.mission.decision_settings import DecisionSettings
+from edl_filter.types import Array, BoolArray, IntArray
 
 
 @dataclass(frozen=True)
@@ -37,18 +26,18 @@ class Remainder:
     ----------
     channel : str
     t0, t1 : float
-        When it acts, s.
+        Interval in which it fails, s.
     rms : float
         In sigmas.
     size : float
         RMS, N or N m.
     unit : str
     frequency : float or None
-        Hz, if one line holds its power.
+        Hz, if one spectral line contains a large share of its power.
     follows : dict
-        Quantity → correlation with the channel, or with its size.
+        Quantity → correlation with the channel, or with its absolute value.
     companions : tuple of str
-        Other channels that act at the same time.
+        Other channels that fail in the same interval.
     description : str
     """
 
@@ -64,41 +53,41 @@ class Remainder:
     description: str
 
 
-def missing_loads(linear: Linear) -> Array:
+def missing_loads(model: LinearizedModel) -> Array:
     """Missing force (N) and moment (N m) bin by bin, ``(B, 6)``; NaN where nothing is compared."""
-    found, world, bins = linear.ground.found, linear.ground.setup.world, linear.bins
+    residuals, body, bins = model.residuals, model.inputs.forward_model.rigid_body, model.bins
     out = np.full((len(bins.interval), 6), np.nan)
-    out[:, :3] = found.force * world.rigid_body.mass
-    out[:-1, 3:] = (found.turn / bins.interval[:-1, None]) @ world.rigid_body.inertia.T
-    out[linear.ground.order.bin_rows[:, :6] < 0] = np.nan
+    out[:, :3] = residuals.force * body.mass
+    out[:-1, 3:] = (residuals.rate_step / bins.interval[:-1, None]) @ body.inertia.T
+    out[model.index.bin_rows[:, :6] < 0] = np.nan
     return out
 
 
-def describe(linear: Linear) -> Remainder | None:
-    """Describe what is left; None where every channel is at its noise."""
-    order, bins = linear.ground.order, linear.bins
-    scaled = normalised(linear)
+def describe_remainder(model: LinearizedModel) -> Remainder | None:
+    """Describe the largest unexplained channel; None where no channel fails."""
+    index, bins, settings = model.index, model.bins, model.settings
+    normalised = normalised_innovations(model)
     names = [f"force_{a}" for a in AXES] + [f"moment_{a}" for a in AXES]
-    spans = [_span(order.bin_rows[:, c], scaled, bins.middle, bins.edges) for c in range(6)]
-    sizes = [0.0 if s is None else s[2] for s in spans]
-    best = int(np.argmax(sizes))
-    if (span := spans[best]) is None:
+    spans = [_failing_span(index.bin_rows[:, c], normalised, bins.middle, bins.edges, settings) for c in range(6)]
+    largest = int(np.argmax([0.0 if s is None else s[2] for s in spans]))
+    if (span := spans[largest]) is None:
         return None
     t0, t1, rms = span
-    values = missing_loads(linear)[:, best]
+    values = missing_loads(model)[:, largest]
     inside = np.isfinite(values) & (bins.middle >= t0) & (bins.middle <= t1)
     time, series = bins.middle[inside], values[inside]
-    frequency = _line(time, series)
-    follows = _follows(linear, inside, series)
+    frequency = _spectral_line(time, series, settings)
+    follows = _correlations(model, inside, series)
     companions = tuple(
         names[c]
         for c, s in enumerate(spans)
-        if s is not None and c != best and min(t1, s[1]) - max(t0, s[0]) > 0.5 * (t1 - t0)
+        if s is not None and c != largest and min(t1, s[1]) - max(t0, s[0]) > 0.5 * (t1 - t0)
     )
-    unit = "N" if best < 3 else "N m"
+    unit = "N" if largest < 3 else "N m"
     size = float(np.sqrt(np.mean(series**2)))
+    channel = names[largest]
     return Remainder(
-        channel=names[best],
+        channel=channel,
         t0=t0,
         t1=t1,
         rms=rms,
@@ -107,61 +96,64 @@ def describe(linear: Linear) -> Remainder | None:
         frequency=frequency,
         follows=follows,
         companions=companions,
-        description=_words(names[best], t0, t1, rms, size, unit, frequency, follows, companions),
+        description=_description(channel, span, size, unit, frequency, follows, companions, settings),
     )
 
 
-def _span(rows: NDArray[np.int64], scaled: Array, middle: Array, edges: Array) -> tuple[float, float, float] | None:
-    """Longest time over which a channel fails piece by piece, and its RMS there in sigmas."""
+def _failing_span(
+    rows: IntArray, normalised: Array, middle: Array, edges: Array, settings: DecisionSettings
+) -> tuple[float, float, float] | None:
+    """Interval over which a channel fails piece by piece with the largest sum of squares, and its RMS there."""
+    length = settings.unexplained_piece_s
     used = np.flatnonzero(rows >= 0)
     if not len(used):
         return None
-    values, time = scaled[rows[used]], middle[used]
-    piece = np.floor((time - edges[0]) / _PIECE).astype(int)
+    values, time = normalised[rows[used]], middle[used]
+    piece = np.floor((time - edges[0]) / length).astype(int)
     count = np.bincount(piece, minlength=piece[-1] + 1)
     square = np.bincount(piece, values**2, minlength=piece[-1] + 1) / np.maximum(count, 1)
-    fails = (count > 4) & (square - 1.0 > 4.0 * np.sqrt(2.0 / np.maximum(count, 1)))
+    chance = settings.excess_variance_sigmas * np.sqrt(2.0 / np.maximum(count, 1))
+    fails = (count > 4) & (square - 1.0 > chance)
     if not fails.any():
         return None
-    # gaps of one piece do not part a span
+    # a gap of one piece does not divide a span
     closed = fails | (np.roll(fails, 1) & np.roll(fails, -1))
     starts = np.flatnonzero(closed & ~np.concatenate(([False], closed[:-1])))
     stops = np.flatnonzero(closed & ~np.concatenate((closed[1:], [False])))
-    longest = int(np.argmax([np.sum(square[a : b + 1] * count[a : b + 1]) for a, b in zip(starts, stops, strict=True)]))
-    a, b = starts[longest], stops[longest]
+    largest = int(np.argmax([np.sum(square[a : b + 1] * count[a : b + 1]) for a, b in zip(starts, stops, strict=True)]))
+    a, b = starts[largest], stops[largest]
     if b == a:
         return None
     inside = (piece >= a) & (piece <= b)
     return (
-        float(edges[0] + a * _PIECE),
-        float(edges[0] + (b + 1) * _PIECE),
+        float(edges[0] + a * length),
+        float(edges[0] + (b + 1) * length),
         float(np.sqrt(np.mean(values[inside] ** 2))),
     )
 
 
-def _line(time: Array, series: Array) -> float | None:
-    """Frequency of a line that holds a good part of the power, Hz; a trend of one or two turns is none."""
+def _spectral_line(time: Array, series: Array, settings: DecisionSettings) -> float | None:
+    """Frequency of a line that contains a large share of the power, Hz; fewer than a few cycles are a trend."""
     if len(time) < 16:
         return None
     step, span = float(np.median(np.diff(time))), float(time[-1] - time[0])
-    frequency = np.arange(_CYCLES / span, 0.5 / step, 0.2 / span)
-    centred = series - series.mean()
-    power = lombscargle(time, centred, 2.0 * np.pi * frequency, normalize=True)
+    frequency = np.arange(settings.line_cycles / span, 0.5 / step, 0.2 / span)
+    power = lombscargle(time, series - series.mean(), 2.0 * np.pi * frequency, normalize=True)
     k = int(np.argmax(power))
-    return float(frequency[k]) if power[k] > _LINE else None
+    return float(frequency[k]) if power[k] > settings.line_power_share else None
 
 
-def _follows(linear: Linear, inside: NDArray[np.bool_], series: Array) -> dict[str, float]:
-    """Correlation with quantities of the flight; of the size where the sign turns with the body."""
-    flow = linear.ground.found.flow
-    m = slice(PER_BIN // 2, None, PER_BIN)
+def _correlations(model: LinearizedModel, inside: BoolArray, series: Array) -> dict[str, float]:
+    """Correlation with quantities of the flight; of the absolute value where the sign turns with the body."""
+    flow = model.residuals.flow
+    m = slice(NODES_PER_BIN // 2, None, NODES_PER_BIN)
     u, v, w = flow.velocity_body[m][inside].T
     q = flow.dynamic_pressure[m][inside]
     signed = {"q": q, "q v/V (flow-fixed, sideways)": q * v / u, "q w/V (flow-fixed, up and down)": q * w / u}
-    sized = {"q": q, "alpha_total": flow.alpha_total[m][inside], "Mach": flow.mach[m][inside]}
-    found = {f"{n}": _correlation(series, x) for n, x in signed.items()}
-    found |= {f"size with {n}": _correlation(np.abs(series), x) for n, x in sized.items()}
-    return {n: round(r, 3) for n, r in found.items() if np.isfinite(r)}
+    absolute = {"q": q, "alpha_total": flow.alpha_total[m][inside], "Mach": flow.mach[m][inside]}
+    correlations = {n: _correlation(series, x) for n, x in signed.items()}
+    correlations |= {f"size with {n}": _correlation(np.abs(series), x) for n, x in absolute.items()}
+    return {n: round(r, 3) for n, r in correlations.items() if np.isfinite(r)}
 
 
 def _correlation(a: Array, b: Array) -> float:
@@ -170,14 +162,21 @@ def _correlation(a: Array, b: Array) -> float:
     return float(a @ b) / scale if scale > 0.0 else float("nan")
 
 
-def _words(
-    channel: str, t0: float, t1: float, rms: float, size: float, unit: str, frequency: float | None,
-    follows: dict[str, float], companions: tuple[str, ...],
-) -> str:  # fmt: skip
+def _description(
+    channel: str,
+    span: tuple[float, float, float],
+    size: float,
+    unit: str,
+    frequency: float | None,
+    follows: dict[str, float],
+    companions: tuple[str, ...],
+    settings: DecisionSettings,
+) -> str:
+    t0, t1, rms = span
     text = f"{channel} from {t0:.0f} to {t1:.0f} s: {float(f'{size:.3g}'):g} {unit} RMS, {rms:.3g} times its sigma"
     if frequency is not None:
         text += f"; it oscillates at {frequency:.3f} Hz"
-    strong = {n: r for n, r in follows.items() if abs(r) > _FOLLOWS}
+    strong = {n: r for n, r in follows.items() if abs(r) > settings.follows_correlation}
     if strong:
         best = max(strong, key=lambda n: abs(strong[n]))
         text += f"; it follows {best} (correlation {strong[best]:+.2f})"

@@ -1,41 +1,56 @@
-"""The verdict: clean, missing or unknown, and how probable each hypothesis is.
+"""Decision: probabilities of all hypotheses, and the verdict, which is a function of them.
 
-Evidence (nats) is compared among *none* (the model at its stated noise), every refitted effect, and *something else*
-(the model with noise or a missing force and moment that nobody named), all equal before the data.
+Hypotheses, with their log evidence E in nats over the model as it is:
 
-A name must gain more than `CLEAR`, in evidence and on held-out data. Where an unnamed force and moment explain more
-than it does, two effects may be missing, and the unnamed one has both: then the name must explain a good part of it.
-Where the mission calls its database exact, it must bring the channel that it lessens most to its noise, for the other
-effect leaves some channel alone. And the channel that it takes most from must fall to a fifth at least, whatever the
-unnamed explain. Or one more effect must explain all that it leaves (`together`). A database with an error of its own
-leaves no channel at the noise, whatever is added.
-Effects whose white signatures cannot be told apart are one hypothesis with several names.
+none
+    The model holds at its stated noise. E = 0, or minus the evidence for excess noise where that is significant.
+name
+    One effect of the catalogue is missing, alone or together with an unmodelled acceleration.
+    E = min(gain, held-out gain) - c; with the unmodelled acceleration E = joint gain - c.
+something else
+    Excess noise (E = 0 where it is significant) or an unmodelled acceleration, E = gain - c.
+
+c is the prior cost of a hypothesis that is not the reference (log prior odds), `named_gain_nats`, or
+`named_gain_in_excess_noise_nats` where the noise is not what is stated (Kass and Raftery, JASA 90 (1995) 773). The
+probabilities are the normalised exponentials; the verdict is that of the most probable hypothesis: ``clean``,
+``missing`` or ``unknown``.
+
+A name is *accepted* only if it leaves hardly any excess variance, or if it explains a good part of what the unmodelled
+acceleration explains. With an exact database it must in addition bring the channel that it reduces by the largest
+factor to its noise, and reduce the channel from which it removes most to a fifth, since a second missing effect usually
+leaves some channel alone; or a second effect must explain all that it leaves (`find_joint_effect`). A name that is not
+accepted represents something that is not in the catalogue: its probability is limited to that of something else divided
+by the exponential of c. A database with an error of its own leaves no channel at its noise, whatever is added. Effects
+whose white columns cannot be distinguished are one hypothesis with several names.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
-from edl_filter.diagnosis.channel_errors import lessens_its_channel, mends_its_channel
-from edl_filter.diagnosis.hypotheses import Hypothesis
-from edl_filter.diagnosis.ranking import Ranking
-from edl_filter.diagnosis.separating import parting
-from edl_filter.diagnosis.trying import likeness
-from edl_filter.effects.effect import Active
+from edl_filter.diagnosis.linear_model.flight_case import load_case
+from edl_filter.diagnosis.linear_model.linear_model import LinearizedModel
+from edl_filter.diagnosis.noise.variance_components import estimate_variance_components
+from edl_filter.diagnosis.residual_analysis.channel_rms import (
+    channels,
+    normalised_innovations,
+    rms_by_channel,
+    rms_by_constraint,
+)
+from edl_filter.diagnosis.selection.disambiguation import best_discriminator
+from edl_filter.diagnosis.selection.hypothesis import Hypothesis
+from edl_filter.diagnosis.selection.map_fit import fit_map
+from edl_filter.diagnosis.selection.ranking import Progress, Ranking, rank
+from edl_filter.diagnosis.selection.screening import correlation
+from edl_filter.effects.base import Effect, EffectInstance
+from edl_filter.effects.instances import kind_of
+from edl_filter.mission.decision_settings import DecisionSettings
+from edl_filter.types import Array
 
-Array = NDArray[np.float64]
-
-#: Gain that names an effect, nats: that of a detectable one (design section 6), and on a flight with unexplained noise.
-CLEAR, CLEAR_IN_NOISE = 6.0, 12.0
-#: Correlation of fitted signatures from which two names are one hypothesis, and the evidence that still parts them.
-SAME, PARTED = 0.9, 6.0
-#: Part of what an unnamed force and moment explain that a name must explain if it does not beat them.
-SHARE = 0.05
-#: Evidence that the model's noise is not what is stated, nats.
-_NOISY = 10.0
+CLEAN, MISSING, UNKNOWN = "clean", "missing", "unknown"
 
 
 @dataclass(frozen=True)
@@ -46,41 +61,41 @@ class Entry:
     ----------
     hypothesis : Hypothesis
     others : tuple of Hypothesis
-        Those that the flight does not tell from it.
+        Those that this flight does not distinguish from it.
     probability : float
-    parted_by : dict
-        Each of those names → what would part it from the first, in words.
+    discriminated_by : dict
+        Each of those names → the measurement that would distinguish it from the first, in words.
     """
 
     hypothesis: Hypothesis
     others: tuple[Hypothesis, ...]
     probability: float
-    parted_by: dict[str, str] = field(default_factory=dict)
+    discriminated_by: dict[str, str] = field(default_factory=dict)
 
     @property
     def same_as(self) -> tuple[str, ...]:
-        """Names that the flight does not tell from the first."""
+        """Names that this flight does not distinguish from the first."""
         return tuple(h.name for h in self.others)
 
 
 @dataclass(frozen=True)
 class Verdict:
-    """What the ranking says.
+    """Probabilities, and what follows from them.
 
     Attributes
     ----------
     verdict : str
-        ``clean``, ``missing`` or ``unknown``.
+        ``clean``, ``missing`` or ``unknown``: `verdict_of` the probabilities.
     entries : list of Entry
         Most probable first.
     none, something_else : float
         Their probabilities.
     sentence : str
-    doubted : Hypothesis or None
-        The best name, where it gains enough and is turned away for what it leaves beside an exact database. With a
-        partner that explains the rest it would stand.
+    provisional : Hypothesis or None
+        The best name, where it gains enough and is not accepted for what it leaves with an exact database, and no other
+        name is missing. With a second effect that explains the rest it would be accepted.
     partner : Hypothesis or None
-        That partner, refitted together with the leader, which stands by it.
+        That second effect, fitted together with the first name of the ranking.
     """
 
     verdict: str
@@ -88,90 +103,218 @@ class Verdict:
     none: float
     something_else: float
     sentence: str
-    doubted: Hypothesis | None = None
+    provisional: Hypothesis | None = None
     partner: Hypothesis | None = None
 
     @property
-    def leader(self) -> Active | None:
-        """The effect that is missing, with its estimate."""
-        if self.verdict != "missing":
-            return None
-        return self.entries[0].hypothesis.active
+    def leader(self) -> EffectInstance | None:
+        """The effect that is missing, with its estimate; None unless the verdict is ``missing``."""
+        return self.entries[0].hypothesis.instance if self.verdict == MISSING else None
 
 
-def judge(ranking: Ranking, partner: Hypothesis | None = None) -> Verdict:
+def verdict_of(names: Sequence[float], none: float, something_else: float) -> str:
+    """The verdict that probabilities imply: that of the most probable hypothesis.
+
+    Parameters
+    ----------
+    names : sequence of float
+        Probabilities of the named hypotheses.
+    none, something_else : float
+    """
+    best = max(names, default=0.0)
+    if best > max(none, something_else):
+        return MISSING
+    return UNKNOWN if something_else > none else CLEAN
+
+
+def decide(ranking: Ranking, partner: Hypothesis | None = None) -> Verdict:
     """Probabilities and verdict.
 
     Parameters
     ----------
     ranking : Ranking
     partner : Hypothesis, optional
-        One more effect that explains all that the best name leaves: then nothing is left for *something else*.
+        A second effect that explains all that the best name leaves; nothing is then left for something else.
     """
-    noisy = ranking.noise_evidence > _NOISY
-    none = -ranking.noise_evidence if noisy else 0.0
-    other = max(0.0, ranking.something_else) if noisy else ranking.something_else - CLEAR
+    settings = ranking.case.settings
+    noisy = ranking.excess_noise_gain > settings.excess_noise_nats
+    cost = settings.named_gain_in_excess_noise_nats if noisy else settings.named_gain_nats
+    none = -ranking.excess_noise_gain if noisy else 0.0
+    unmodelled = ranking.unmodelled_gain - cost
+    something_else = float(np.logaddexp(0.0, unmodelled)) if noisy else unmodelled
+    groups = group_indistinguishable(ranking.hypotheses, settings)
+    best = groups[0][0] if groups else None
+    sufficient = best is not None and min(best.gain, best.score_gain) > cost
+    exact = noisy and ranking.case.exact_database
+    accepted = best is not None and (partner is not None or _is_accepted(ranking, best, exact))
     if partner is not None:
-        other = -np.inf
-    groups = grouped(ranking.hypotheses)
-    evidence = np.array([none, other, *(g[0].gain for g in groups)])
-    weight = np.exp(evidence - evidence.max())
+        something_else = -np.inf
+    evidence = []
+    for group in groups:
+        h = group[0]
+        value = min(h.gain, h.score_gain) - cost
+        if h is best and accepted and sufficient and something_else > value:
+            value = float(np.logaddexp(value, joint_gain(ranking, h) - cost))
+        elif noisy and not (h is best and accepted) and not h.at_floor:
+            value = min(value, something_else - cost)
+        evidence.append(value)
+    log_weight = np.array([none, something_else, *evidence])
+    weight = np.exp(log_weight - log_weight.max())
     probability = weight / weight.sum()
     entries = [
-        Entry(g[0], tuple(g[1:]), float(p), {h.name: parted(g[0], h) for h in g[1:]})
+        Entry(g[0], tuple(g[1:]), float(p), {h.name: _discriminator_text(g[0], h) for h in g[1:]})
         for g, p in zip(groups, probability[2:], strict=True)
     ]
-    need = CLEAR_IN_NOISE if noisy else CLEAR
-    best = groups[0][0] if groups else None
-    # a name stands against the noise that is left without it; a smooth missing force may pass for a true effect
-    gains = best is not None and best.gain > need and best.score_gain > need
-    exact = noisy and ranking.case.exact
-    stands = best is not None and (best.at_floor or partner is not None or _stands(ranking, best, other, exact))
-    named = gains and stands
-    verdict = "missing" if named else "unknown" if noisy or other > 0.0 else "clean"
+    entries.sort(key=lambda e: -e.probability)
+    verdict = verdict_of([e.probability for e in entries], float(probability[0]), float(probability[1]))
+    if entries and entries[0].hypothesis is not best:
+        partner = None  # it was fitted together with the best name, and another one is more probable alone
     return Verdict(
         verdict,
         entries,
         float(probability[0]),
         float(probability[1]),
-        _words(verdict, entries, partner),
-        doubted=best if exact and gains and not stands else None,
+        _sentence(verdict, entries, partner),
+        provisional=best if exact and sufficient and not accepted and verdict != MISSING else None,
         partner=partner,
     )
 
 
-def _stands(ranking: Ranking, best: Hypothesis, other: float, exact: bool) -> bool:
-    """Whether a name that does not reach the noise is one all the same; `other` is what unnamed things explain."""
-    if best.gain < other and not (best.gain > SHARE * other and (not exact or mends_its_channel(ranking.linear, best))):
-        return False
-    return not exact or lessens_its_channel(ranking.linear, best)
+def joint_gain(ranking: Ranking, h: Hypothesis) -> float:
+    """Evidence of a name together with an unmodelled acceleration, over the model without both, nats."""
+    model = h.model
+    _, whiten = estimate_variance_components(
+        model.filter_with_unmodelled(ranking.unmodelled),
+        model.index,
+        h.fit.residual_vector,
+        h.fit.initial_mean,
+        model.settings,
+        model.failing_excess,
+    )
+    steps = model.settings.polish_fit_iterations
+    return fit_map(model, h.fit.effects, whiten, steps=steps).evidence - h.null.evidence
 
 
-def grouped(hypotheses: list[Hypothesis]) -> list[list[Hypothesis]]:
-    """Hypotheses that cannot be told apart, together; best first in and among the groups."""
-    left, groups = sorted(hypotheses, key=lambda h: -h.gain), []
-    while left:
-        head, rest = left[0], left[1:]
-        same = [h for h in rest if head.gain - h.gain < PARTED and likeness(head.explained, h.explained) > SAME]
+def group_indistinguishable(hypotheses: list[Hypothesis], settings: DecisionSettings) -> list[list[Hypothesis]]:
+    """Groups of hypotheses that cannot be distinguished; best first within and among the groups."""
+    remaining, groups = sorted(hypotheses, key=lambda h: -h.gain), []
+    while remaining:
+        head, rest = remaining[0], remaining[1:]
+        same = [
+            h
+            for h in rest
+            if head.gain - h.gain < settings.separable_gain_nats
+            and correlation(head.explained, h.explained) > settings.same_correlation
+        ]
         groups.append([head, *same])
-        left = [h for h in rest if not any(h is s for s in same)]
+        remaining = [h for h in rest if not any(h is s for s in same)]
     return groups
 
 
-def parted(one: Hypothesis, other: Hypothesis) -> str:
-    """What would part two names, in words."""
-    found = parting(other.linear, one.active, other.active)
-    if found is not None:
-        return f"{found.remedy} would part them by {found.evidence:.0f} nats"
+def hypothesis_rms(h: Hypothesis) -> dict[str, float]:
+    """Channel or constraint → normalised RMS with a hypothesis in the model."""
+    normalised = _normalised_with(h)
+    return rms_by_channel(h.model, normalised) | rms_by_constraint(h.model, normalised)
+
+
+def most_reduced_channel(h: Hypothesis, before: dict[str, float], after: dict[str, float]) -> str:
+    """The channel whose mean square a hypothesis reduces most; a constraint only where no channel's falls.
+
+    A constraint is one number or a few, which many hypotheses can meet.
+    """
+    fall = {name: before[name] ** 2 - after[name] ** 2 for name in before if np.isfinite(before[name] - after[name])}
+    reduced = [name for name, _ in channels(h.model) if fall.get(name, 0.0) > 0.0]
+    return max(reduced or fall, key=lambda name: fall[name])
+
+
+def explains_its_channel(model: LinearizedModel, h: Hypothesis) -> bool:
+    """Whether the channel that a hypothesis reduces by the largest factor fails without it and not with it."""
+    s = model.settings
+    before, after = max(_rms_pairs(model, h), key=lambda pair: pair[0] / pair[1], default=(1.0, 1.0))
+    remaining = 1.0 - s.channel_explained_share
+    return before > s.channel_fails_rms >= after and after**2 - 1.0 < remaining * (before**2 - 1.0)
+
+
+def reduces_its_channel(model: LinearizedModel, h: Hypothesis) -> bool:
+    """Whether the channel from which a hypothesis removes most fails without it, and falls to a small part with it."""
+    s = model.settings
+    before, after = max(_rms_pairs(model, h), key=lambda pair: pair[0] ** 2 - pair[1] ** 2, default=(1.0, 1.0))
+    return before > s.channel_fails_rms and after < s.channel_remaining_share * before
+
+
+def find_joint_effect(first: Hypothesis, candidates: Sequence[Effect], progress: Progress) -> Hypothesis | None:
+    """The second effect that explains all that a hypothesis leaves, or None.
+
+    Where two effects are missing, the right name of one leaves the residuals of the other, and the rules that keep a
+    wrong name from representing something outside the catalogue may reject it. The diagnosis is repeated with the name
+    in the model: if a second effect then brings the residuals to their noise, nothing unknown is left.
+
+    Parameters
+    ----------
+    first : Hypothesis
+    candidates : sequence of Effect
+    progress : callable
+        Called with what is being done.
+
+    Returns
+    -------
+    Hypothesis or None
+        Fitted together with the first: it is named about the model that has the first, leaves hardly any excess
+        variance, and the first is still significant.
+    """
+    case = load_case(first.case.mission, first.fit.effects)
+    own_kind = kind_of(first.instance.effect)
+    others = [e for e in candidates if kind_of(e) != own_kind]  # two of one kind may imitate what neither is
+    verdict = decide(rank(case, others, lambda step: progress(f"with {first.name}: {step}")))
+    if verdict.leader is None:
+        return None
+    second = verdict.entries[0].hypothesis
+    return second if second.at_floor and _is_significant(first, second) else None
+
+
+def _is_significant(first: Hypothesis, second: Hypothesis) -> bool:
+    """Whether a size of the first differs from zero in the fit of both."""
+    limit = first.case.settings.joint_effect_sigmas
+    joint = second.fit.parameters(first.name)
+    return any(abs(joint[q.name][0]) > limit * joint[q.name][1] for q in first.instance.effect.sizes)
+
+
+def _is_accepted(ranking: Ranking, best: Hypothesis, exact: bool) -> bool:
+    """Whether a name is accepted by the rules of this module."""
+    if best.at_floor:
+        return True
+    settings, unmodelled = ranking.case.settings, max(0.0, ranking.unmodelled_gain)
+    if best.gain < unmodelled:
+        partial = best.gain > settings.partial_gain_share * unmodelled
+        if not (partial and (not exact or explains_its_channel(ranking.model, best))):
+            return False
+    return not exact or reduces_its_channel(ranking.model, best)
+
+
+def _rms_pairs(model: LinearizedModel, h: Hypothesis) -> list[tuple[float, float]]:
+    """RMS without and with a hypothesis, of every channel of forces, moments and other IMUs."""
+    before = rms_by_channel(model, normalised_innovations(model))
+    after = rms_by_channel(h.model, _normalised_with(h))
+    return [(before[name], after[name]) for name in before if name in after]
+
+
+def _normalised_with(h: Hypothesis) -> Array:
+    return h.whiten.innovations(h.fit.white) / h.model.stated_noise_filter.innovation_sigma
+
+
+def _discriminator_text(first: Hypothesis, second: Hypothesis) -> str:
+    discriminator = best_discriminator(second.model, first.instance, second.instance)
+    if discriminator is not None:
+        return f"{discriminator.measurement} would part them by {discriminator.evidence:.0f} nats"
     return "no better knowledge of anything else would part them, only a measurement of one of the two itself"
 
 
-def _words(verdict: str, entries: list[Entry], partner: Hypothesis | None) -> str:
-    if verdict == "clean":
+def _sentence(verdict: str, entries: list[Entry], partner: Hypothesis | None) -> str:
+    if verdict == CLEAN:
         return "The flight is clean: model and measurement agree to the stated noise, and no effect earns its place."
-    if verdict == "unknown":
+    if verdict == UNKNOWN:
         return "Something is missing that none of the effects tried explains."
     e = entries[0]
     name = " or ".join((e.hypothesis.name, *e.same_as))
-    beside = "" if partner is None else f" With {partner.name} besides, model and measurement would agree."
-    return f"Missing: {name} (gain {e.hypothesis.gain:.0f} nats).{beside}"
+    both = "" if partner is None else f" With {partner.name} besides, model and measurement would agree."
+    return f"Missing: {name} (gain {e.hypothesis.gain:.0f} nats).{both}"

@@ -1,8 +1,8 @@
-"""What would part two names that this flight cannot tell apart: one more thing measured or known.
+"""Disambiguation: the measurement that would distinguish two names which this flight does not.
 
-Each remedy is tried on the linear problem of the flight: an error that the mission allows is taken away, or a
-constraint made ten times better. What the one effect does that no size of the other can imitate is then counted in
-nats, the evidence by which they would be parted.
+Each candidate is evaluated on the linear model of the flight: a nuisance parameter is taken as known, or a constraint
+as ten times more accurate. The part of one effect's columns that no size of the other reproduces is then counted in
+nats: the evidence by which the two would be distinguished.
 """
 
 from __future__ import annotations
@@ -12,23 +12,16 @@ from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 
-from edl_filter.diagnosis.linear import Linear
-from edl_filter.diagnosis.signatures import signature
-from edl_filter.diagnosis.sparse import Sparse
-from edl_filter.diagnosis.whitening import Steps, whitener
-from edl_filter.effects.effect import Active
+from edl_filter.diagnosis.linear_model.effect_jacobian import effect_jacobian
+from edl_filter.diagnosis.linear_model.linear_model import LinearizedModel
+from edl_filter.effects.base import EffectInstance
+from edl_filter.estimation.block_sparse import BlockSparse
+from edl_filter.estimation.kalman import LinearStateSpace, whitening_filter
+from edl_filter.types import Array, IntArray
 
-Array = NDArray[np.float64]
-
-#: Evidence that parts two names, nats.
-ENOUGH = 6.0
-#: How much better a constraint is made.
-_BETTER = 10.0
-
-#: What could be known, and the unknowns that this takes away.
-KNOWN = {
+#: What could be known, and the states that would then have no error.
+KNOWLEDGE = {
     "the air's density": ("density",),
     "the winds": ("wind_east", "wind_north"),
     "the mass": ("mass",),
@@ -42,79 +35,77 @@ KNOWN = {
 
 
 @dataclass(frozen=True)
-class Parting:
-    """A remedy.
+class Discriminator:
+    """A measurement that distinguishes two effects.
 
     Attributes
     ----------
-    remedy : str
+    measurement : str
     evidence : float
-        By which the two would be parted, nats.
+        By which the two would be distinguished, nats.
     """
 
-    remedy: str
+    measurement: str
     evidence: float
 
 
-def parting(linear: Linear, one: Active, other: Active) -> Parting | None:
-    """The remedy that parts two effects best, about their values; None where none is enough."""
-    columns = [signature(linear.ground, replace(a, values=a.values | _nothing(a))) for a in (one, other)]
-    sizes = [np.array([a.values[n] for n in s.names]) for a, s in zip((one, other), columns, strict=True)]
-    rows = np.concatenate([s.rows for s in columns], axis=1)
-    start = np.concatenate([s.start for s in columns], axis=1)
+def best_discriminator(model: LinearizedModel, first: EffectInstance, second: EffectInstance) -> Discriminator | None:
+    """The measurement that distinguishes two effects best, about their values; None where none is sufficient."""
+    pair = (first, second)
+    jacobians = [effect_jacobian(model, a.at_zero()) for a in pair]
+    sizes = [np.array([a.values[n] for n in j.names]) for a, j in zip(pair, jacobians, strict=True)]
+    rows = np.concatenate([j.rows for j in jacobians], axis=1)
+    initial_mean = np.concatenate([j.initial_mean for j in jacobians], axis=1)
     width = len(sizes[0])
-    found = []
-    for remedy, made in remedies(linear):
-        white = whitener(made(linear.soft.steps))(rows, start)
+    discriminators = []
+    for measurement, apply in candidate_measurements(model):
+        white = whitening_filter(apply(model.fitted_noise_filter.model))(rows, initial_mean)
         a, b = white[:, :width], white[:, width:]
-        found.append(Parting(remedy, min(_beyond(a @ sizes[0], b), _beyond(b @ sizes[1], a))))
-    best = max(found, key=lambda p: p.evidence)
-    return best if best.evidence > ENOUGH else None
+        evidence = min(_distinct_evidence(a @ sizes[0], b), _distinct_evidence(b @ sizes[1], a))
+        discriminators.append(Discriminator(measurement, evidence))
+    best = max(discriminators, key=lambda d: d.evidence)
+    return best if best.evidence > model.settings.separable_gain_nats else None
 
 
-def remedies(linear: Linear) -> list[tuple[str, Callable[[Steps], Steps]]]:
-    """All remedies that this flight leaves room for."""
-    layout, unknowns = linear.unknowns.layout, linear.unknowns
-    slices = layout.slices | unknowns.slices
-    found: list[tuple[str, Callable[[Steps], Steps]]] = []
-    for what, names in KNOWN.items():
-        there = [slices[n] for n in names if n in slices]
-        if there:
-            at = np.concatenate([np.arange(s.start, s.stop) for s in there])
-            found.append((f"knowing {what}", partial(known, at=at)))
-    constraints = zip(linear.ground.setup.problem.constraints, linear.ground.order.constraint_rows, strict=True)
-    by_name: dict[str, list[Array]] = {}
-    for constraint, rows in constraints:
+def candidate_measurements(
+    model: LinearizedModel,
+) -> list[tuple[str, Callable[[LinearStateSpace], LinearStateSpace]]]:
+    """All measurements that could improve this flight's knowledge, and what each makes of the state-space model."""
+    slices = model.nuisance.layout.slices | model.nuisance.slices
+    candidates: list[tuple[str, Callable[[LinearStateSpace], LinearStateSpace]]] = []
+    for what, names in KNOWLEDGE.items():
+        parts = [slices[n] for n in names if n in slices]
+        if parts:
+            states = np.concatenate([np.arange(s.start, s.stop) for s in parts])
+            candidates.append((f"knowing {what}", partial(with_known_states, states=states)))
+    by_name: dict[str, list[IntArray]] = {}
+    for constraint, rows in zip(model.inputs.problem.constraints, model.index.constraint_rows, strict=True):
         by_name.setdefault(constraint.name, []).append(np.arange(rows.start, rows.stop))
-    for name, parts in by_name.items():
-        at = np.concatenate(parts)
-        text = f"a constraint {name} {_BETTER:.0f} times better"
-        found.append((text, partial(better, rows=at)))
-    return found
+    factor = model.settings.constraint_improvement
+    for name, rows_of_uses in by_name.items():
+        improved = partial(with_less_noise, rows=np.concatenate(rows_of_uses), factor=factor)
+        candidates.append((f"a constraint {name} {factor:.0f} times better", improved))
+    return candidates
 
 
-def known(steps: Steps, at: Sequence[int] | NDArray[np.int64]) -> Steps:
-    """The problem with some unknowns known: no variance at the beginning, and no noise."""
-    start = steps.start.copy()
-    start[at], start[:, at] = 0.0, 0.0
-    noise = steps.noise
-    keep = ~(np.isin(noise.row, at) | np.isin(noise.column, at))
-    kept = Sparse(noise.size, noise.row[keep], noise.column[keep], noise.values[:, keep])
-    return replace(steps, start=start, noise=kept)
+def with_known_states(model: LinearStateSpace, states: Sequence[int] | IntArray) -> LinearStateSpace:
+    """The state-space model with some states known: no initial variance, no process noise."""
+    covariance = model.initial_covariance.copy()
+    covariance[states], covariance[:, states] = 0.0, 0.0
+    q = model.process_noise
+    keep = ~(np.isin(q.row, states) | np.isin(q.column, states))
+    noise = BlockSparse(q.size, q.row[keep], q.column[keep], q.values[:, keep])
+    return replace(model, initial_covariance=covariance, process_noise=noise)
 
 
-def better(steps: Steps, rows: NDArray[np.int64]) -> Steps:
-    """The problem with less noise in some rows."""
-    noise = steps.row_noise.copy()
-    noise[rows] /= _BETTER**2
-    return replace(steps, row_noise=noise)
+def with_less_noise(model: LinearStateSpace, rows: IntArray, factor: float) -> LinearStateSpace:
+    """The state-space model with the noise of some rows divided by a factor."""
+    noise = model.row_noise.copy()
+    noise[rows] /= factor**2
+    return replace(model, row_noise=noise)
 
 
-def _nothing(active: Active) -> dict[str, float]:
-    return {q.name: 0.0 for q in active.effect.sizes}
-
-
-def _beyond(made: Array, other: Array) -> float:
-    """Half the square of what no size of the other imitates, nats."""
-    least = np.linalg.lstsq(other, made, rcond=None)[0]
-    return 0.5 * float(np.sum((made - other @ least) ** 2))
+def _distinct_evidence(explained: Array, columns: Array) -> float:
+    """Half the sum of squares that no combination of the columns ``(R, k)`` reproduces, nats."""
+    coefficients = np.linalg.lstsq(columns, explained, rcond=None)[0]
+    return 0.5 * float(np.sum((explained - columns @ coefficients) ** 2))

@@ -1,4 +1,4 @@
-"""Evidence for one effect against one of its places: when an onset would explain most, and how sharply."""
+"""Evidence of one effect against one of its places: at which onset it would explain most, and how sharply."""
 
 from __future__ import annotations
 
@@ -7,41 +7,38 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from edl_filter.diagnosis.beside import beside_own
-from edl_filter.diagnosis.linear import Linear
-from edl_filter.diagnosis.regression import regress
-from edl_filter.diagnosis.signatures import places, signature
-from edl_filter.effects.effect import Active, Effect, Parameter
-from edl_filter.effects.loading import find_effect, of_session
+from edl_filter.diagnosis.linear_model.effect_jacobian import effect_jacobian, scan_grid, scan_range
+from edl_filter.diagnosis.linear_model.linear_model import LinearizedModel
+from edl_filter.diagnosis.selection.screening import marginalize_model_effects
+from edl_filter.effects.base import Effect, EffectInstance
+from edl_filter.effects.parameters import Parameter
+from edl_filter.effects.registry import find_effect, validated_effect
 from edl_filter.errors import InputError
+from edl_filter.estimation.regression import regress
 
 if TYPE_CHECKING:
     from xarray import DataArray
 
-#: Dynamic pressure from which a time is tried, Pa.
-_FELT = 1.0
 
-
-def scan(
-    linear: Linear,
+def evidence_profile(
+    model: LinearizedModel,
     effect: str | Effect | type[Effect],
     place: str | None = None,
     values: Sequence[float] | None = None,
 ) -> DataArray:
-    """Evidence for an effect, with the model's failures taken for noise, at every value of a place.
+    """Evidence of an effect at every value of a place, at the noise that the model shows.
 
-    Of the places that differ in other parameters only the best counts.
+    For each value the best combination of the other places is taken.
 
     Parameters
     ----------
-    linear : Linear
-        The comparison.
+    model : LinearizedModel
     effect : str, Effect or class
         Not in the model.
     place : str, optional
         Parameter that says where; the first one that is scanned if not given.
     values : sequence of float, optional
-        Where to try it, instead of the catalogue's grid.
+        Where to evaluate it, instead of the catalogue's grid.
 
     Returns
     -------
@@ -55,37 +52,36 @@ def scan(
     """
     from xarray import DataArray
 
-    one = find_effect(effect) if isinstance(effect, str) else of_session(effect)
-    if any(a.name == one.name for a in linear.ground.effects):
-        raise InputError(f"scan: found {one.name} in the model already; expected an effect that is not.")
-    q = _scanned(one, place)
-    flow, nodes = linear.ground.found.flow, linear.ground.found.nodes.time
-    begin = float(nodes[np.argmax(flow.dynamic_pressure > _FELT)])
-    soft = beside_own(linear, linear.soft)
-    y = linear.white(soft)
+    resolved = find_effect(effect) if isinstance(effect, str) else validated_effect(effect)
+    if any(a.name == resolved.name for a in model.effects):
+        raise InputError(f"scan: found {resolved.name} in the model already; expected an effect that is not.")
+    q = _scanned_place(resolved, place)
+    begin, lowest = scan_range(model)
+    whiten = marginalize_model_effects(model, model.fitted_noise_filter)
+    y = model.white_residuals(whiten)
     best: dict[float, float] = {}
-    tried = places(one, begin, float(linear.bins.edges[-1]), float(np.min(flow.altitude)))
+    grid = scan_grid(resolved, begin, float(model.bins.edges[-1]), lowest, model.settings)
     if values is not None:
-        others = {tuple((at | {q.name: 0.0}).items()) for at in tried}
-        tried = [dict(at) | {q.name: float(v)} for at in others for v in values]
-    for at in tried:
-        s = signature(linear.ground, Active(one, at))
-        gain = regress(y, soft(s.rows, s.start), s.sigma).gain
-        best[at[q.name]] = max(gain, best.get(at[q.name], -np.inf))
-    grid = sorted(best)
+        others = {tuple((places | {q.name: 0.0}).items()) for places in grid}
+        grid = [dict(places) | {q.name: float(v)} for places in others for v in values]
+    for places in grid:
+        j = effect_jacobian(model, EffectInstance(resolved, places))
+        gain = regress(y, whiten(j.rows, j.initial_mean), j.sigma).gain
+        best[places[q.name]] = max(gain, best.get(places[q.name], -np.inf))
+    axis = sorted(best)
     gains = DataArray(
-        [best[v] for v in grid],
-        {q.name: (q.name, grid, {"units": q.unit, "long_name": q.description})},
+        [best[v] for v in axis],
+        {q.name: (q.name, axis, {"units": q.unit, "long_name": q.description})},
         (q.name,),
-        name=one.name,
+        name=resolved.name,
     )
-    gains.attrs = {"units": "nats", "long_name": f"evidence for {one.name} over the model as it is"}
+    gains.attrs = {"units": "nats", "long_name": f"evidence for {resolved.name} over the model as it is"}
     return gains
 
 
-def _scanned(effect: Effect, place: str | None) -> Parameter:
-    found = {q.name: q for q in effect.places if q.scan > 1}
-    if not found or (place is not None and place not in found):
-        known = ", ".join(found) or "none"
-        raise InputError(f"scan: found {place or 'no place'} of {effect.name}; accepted: {known}.")
-    return found[place] if place is not None else next(iter(found.values()))
+def _scanned_place(effect: Effect, place: str | None) -> Parameter:
+    scanned = {q.name: q for q in effect.places if q.scan > 1}
+    if not scanned or (place is not None and place not in scanned):
+        accepted = ", ".join(scanned) or "none"
+        raise InputError(f"scan: found {place or 'no place'} of {effect.name}; accepted: {accepted}.")
+    return scanned[place] if place is not None else next(iter(scanned.values()))

@@ -1,7 +1,8 @@
-"""A hypothesis: an effect refitted through the whole chain, from where the linear ranking saw it.
+"""A hypothesis: one effect fitted through the whole chain, with its evidence and held-out score.
 
-Its places are narrowed down and all its parameters refitted (`refit`), at the noise of the model without it and, where
-there is hope, at the noise that it leaves; a leader once more about a reconstruction that has it.
+Its places are refined and all its parameters fitted (`map_fit`), at the noise of the model without it and, where a
+moment estimate says that it explains the excess variance, at the noise that it leaves; a leading hypothesis once more
+about a reconstruction that has the effect.
 """
 
 from __future__ import annotations
@@ -9,205 +10,230 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from edl_filter.diagnosis.case import Case, load_case
-from edl_filter.diagnosis.linear import HOLDS, Linear
-from edl_filter.diagnosis.narrowing import narrowed
-from edl_filter.diagnosis.refit import Refit, refit
-from edl_filter.diagnosis.regression import held_out
-from edl_filter.diagnosis.roughness import find_rough, first_look
-from edl_filter.diagnosis.settle import until_still
-from edl_filter.diagnosis.trying import HOPELESS, Trial
-from edl_filter.diagnosis.whitening import Whitener, Whitens
-from edl_filter.diagnosis.without import Without
-from edl_filter.effects.effect import Active
-
-Array = NDArray[np.float64]
-
-#: Share of the model's roughness below which an effect has explained it.
-_FLOOR = 0.1
-#: The same at a first look, from which there is no hope.
-_MAYBE = 0.7
+from edl_filter.diagnosis.linear_model.flight_case import FlightCase, load_case
+from edl_filter.diagnosis.linear_model.linear_model import LinearizedModel
+from edl_filter.diagnosis.noise.variance_components import estimate_variance_components, moment_estimate
+from edl_filter.diagnosis.selection.map_fit import MapFit, NullModelFit, fit_map
+from edl_filter.diagnosis.selection.outer_loop import iterate_to_convergence
+from edl_filter.diagnosis.selection.screening import ScreeningResult, refine_places
+from edl_filter.effects.base import EffectInstance
+from edl_filter.estimation.kalman import Whitening, WhiteningFilter
+from edl_filter.estimation.regression import held_out_gain
+from edl_filter.types import Array
 
 
 @dataclass(frozen=True)
 class Hypothesis:
-    """An effect refitted.
+    """An effect fitted.
 
     Attributes
     ----------
     name : str
-    refit : Refit
-    whiten : Whitener
-        At the noise that the hypothesis leaves.
+    fit : MapFit
+    whiten : WhiteningFilter
+        At the noise at which it was fitted.
     gain : float
-        Evidence over none, nats.
+        Log Bayes factor over the model without it, nats.
     score_gain : float
-        Held-out log predictive density over none, nats.
+        Held-out log predictive density over the model without it, nats.
     at_floor : bool
-        Next to no noise beyond the stated one is left with it.
+        Hardly any excess variance is left with it.
     explained : (R,) array
-        What its sizes make of the differences, white, at the noise of the model without it.
-    case, linear : Case, Linear
-        The ground of the last refit.
-    without : Without
+        White residuals that its sizes explain, at the noise of the model without it.
+    case, model : FlightCase, LinearizedModel
+        About which it was fitted last.
+    null : NullModelFit
         The model without it.
-    hard : Refit or None
-        The same at the stated noise, where that is another.
+    stated_noise_fit : MapFit or None
+        The same at the stated noise, where that differs.
     """
 
     name: str
-    refit: Refit
-    whiten: Whitener
+    fit: MapFit
+    whiten: WhiteningFilter
     gain: float
     score_gain: float
     at_floor: bool
     explained: Array
-    case: Case
-    linear: Linear
-    without: Without
-    hard: Refit | None = None
+    case: FlightCase
+    model: LinearizedModel
+    null: NullModelFit
+    stated_noise_fit: MapFit | None = None
 
     @property
-    def active(self) -> Active:
+    def instance(self) -> EffectInstance:
         """The effect with its estimate."""
-        return next(a for a in self.refit.effects if a.name == self.name)
+        return next(a for a in self.fit.effects if a.name == self.name)
 
 
-def refitted(case: Case, linear: Linear, starts: list[tuple[Trial, Whitens]], without: Without) -> Hypothesis:
-    """Refit from where each linear ranking saw the effect, and take the most probable outcome.
+def fit_hypothesis(
+    case: FlightCase,
+    model: LinearizedModel,
+    starts: list[tuple[ScreeningResult, Whitening]],
+    null: NullModelFit,
+) -> Hypothesis:
+    """Fit an effect from each result of the screening, and take the most probable outcome.
 
     Parameters
     ----------
-    case, linear : Case, Linear
-        The model without it, and the comparison about it.
-    starts : list of (Trial, callable)
-        What each linear ranking saw, and how it whitened.
-    without : Without
-        The model without it, which gains are over.
-
-    Returns
-    -------
-    Hypothesis
+    case, model : FlightCase, LinearizedModel
+        Without the effect.
+    starts : list of (ScreeningResult, callable)
+        Results of the screening, and the whitening filter of each.
+    null : NullModelFit
+        The model without it, over which gains are computed.
     """
-    soft: list[Refit] = []
-    hard: list[Refit] = []
-    begun: list[Active] = []
-    holds = linear.holds
-    for trial, way in starts:
-        if soft and (trial.gain <= HOPELESS or not trial.active.effect.places):
+    settings, name = case.settings, starts[0][0].instance.name
+    at_fitted_noise: list[MapFit] = []
+    at_stated_noise: list[MapFit] = []
+    starting_points: list[EffectInstance] = []
+    holds = model.holds
+    for result, whiten in starts:
+        unlikely = result.gain <= settings.minimum_screening_gain
+        if at_fitted_noise and (unlikely or not result.instance.effect.places):
             continue
-        here: list[Refit] = []
-        for start in (trial.active, *trial.elsewhere):
-            # where path and air move with the effect, its size and they take one step together, from nothing
-            active = start.unsized() if holds and not start.effect.places else narrowed(linear, start, way)
-            if any(_near(active, other) for other in begun):
+        fits: list[MapFit] = []
+        for start in (result.instance, *result.alternatives):
+            # where the linearisation point moves with the effect, its size and the point take one step together, from
+            # zero
+            from_zero = holds and not start.effect.places
+            instance = start.at_zero() if from_zero else refine_places(model, start, whiten)
+            if any(_same_places(instance, other) for other in starting_points):
                 continue
-            begun.append(active)
-            here.append(refit(linear, (*case.effects, active), linear.soft, steps=6, moving=holds))
-            if _look(linear, here[-1], linear.share) < _FLOOR:
-                return _best(starts[0][0].active.name, here[-1:], [], without, case, linear)
-        if here and linear.soft is not linear.plain:
-            hard.append(refit(linear, max(here, key=lambda r: r.evidence).effects, linear.plain))
-        soft += here
-    return _best(starts[0][0].active.name, soft, hard, without, case, linear)
+            starting_points.append(instance)
+            effects = (*case.effects, instance)
+            steps = settings.comparison_fit_iterations
+            fits.append(fit_map(model, effects, model.fitted_noise_filter, steps=steps, moving=holds))
+            if _remaining_excess(model, fits[-1], model.excess_variance.share) < settings.solved_share:
+                return _best(name, fits[-1:], [], null, case, model)
+        if fits and model.fitted_noise_filter is not model.stated_noise_filter:
+            best = max(fits, key=lambda f: f.evidence)
+            at_stated_noise.append(fit_map(model, best.effects, model.stated_noise_filter))
+        at_fitted_noise += fits
+    return _best(name, at_fitted_noise, at_stated_noise, null, case, model)
 
 
-def _look(linear: Linear, found: Refit, before: float) -> float:
-    """Roughness that a first look at a refit sees, of that of the model without the effect (`before`)."""
+def _remaining_excess(model: LinearizedModel, fit: MapFit, before: float) -> float:
+    """Share of rows with excess variance after a fit, by moments, relative to the share without the effect."""
     if before == 0.0:
         return 1.0
-    return first_look(linear.plain, linear.ground.order, found.column, found.start).share / before
+    excess = moment_estimate(
+        model.stated_noise_filter, model.index, fit.residual_vector, fit.initial_mean, model.settings
+    )
+    return excess.share / before
 
 
-def _near(a: Active, b: Active) -> bool:
-    """Whether two starts are at one place."""
+def _same_places(a: EffectInstance, b: EffectInstance) -> bool:
+    """Whether two starting points have the same places."""
     return all(np.isclose(a.values[q.name], b.values[q.name], rtol=0.05) for q in a.effect.places)
 
 
 def _best(
     name: str,
-    soft: list[Refit],
-    hard: list[Refit],
-    without: Without,
-    case: Case,
-    linear: Linear,
+    at_fitted_noise: list[MapFit],
+    at_stated_noise: list[MapFit],
+    null: NullModelFit,
+    case: FlightCase,
+    model: LinearizedModel,
     thorough: bool = False,
 ) -> Hypothesis:
-    """The most probable of some refits, at the noise of the model without the effect or at the noise that it leaves.
+    """The most probable of some fits, at the noise of the model without the effect or at the noise that it leaves.
 
-    Its gain is that at the noise of the model without it, where all effects are judged alike; only one that leaves next
-    to no roughness is judged at the noise that it leaves. That one is tried where a first look gives hope, or if
+    Gains are compared at the noise of the model without the effect. Only a hypothesis that leaves hardly any excess
+    variance is evaluated at the noise that it leaves; that is tried where the moment estimate is promising, or if
     `thorough`.
     """
-    found = max(soft, key=lambda r: r.evidence)
-    floor = _FLOOR * without.rough
-    first = _hypothesis(name, found, linear.soft, linear.share < floor, without, case, linear)
-    if first.at_floor and linear.rough[0].none:
+    settings = case.settings
+    best_fit = max(at_fitted_noise, key=lambda f: f.evidence)
+    floor = settings.solved_share * null.excess_share
+    share = model.excess_variance.share
+    first = _hypothesis(name, best_fit, model.fitted_noise_filter, share < floor, null, case, model)
+    if first.at_floor and model.excess_variance.is_zero:
         return first
-    surest = max(hard, key=lambda r: r.evidence) if hard else None
+    stated = max(at_stated_noise, key=lambda f: f.evidence) if at_stated_noise else None
     outcomes = [first]
-    for start in (found, *([surest] if surest is not None else [])):
-        if not thorough and _look(linear, start, without.rough) > _MAYBE:
+    for start in (best_fit, *([stated] if stated is not None else [])):
+        if not thorough and _remaining_excess(model, start, null.excess_share) > settings.promising_share:
             continue
-        rough, whiten = find_rough(linear.plain, linear.ground.order, start.column, start.start, linear.failures)
-        moving = start.point is not linear.ground.point  # one that moved goes on from there
-        own = refit(linear, start.effects, whiten, steps=3, moving=moving)
-        outcomes.append(_hypothesis(name, own, whiten, rough.share < floor, without, case, linear))
+        excess, whiten = estimate_variance_components(
+            model.stated_noise_filter,
+            model.index,
+            start.residual_vector,
+            start.initial_mean,
+            settings,
+            model.failing_excess,
+        )
+        moving = start.point is not model.point  # a fit whose point has moved continues from there
+        steps = settings.polish_fit_iterations
+        polished = fit_map(model, start.effects, whiten, steps=steps, moving=moving)
+        outcomes.append(_hypothesis(name, polished, whiten, excess.share < floor, null, case, model))
     best = max(outcomes, key=lambda h: (h.gain, h.at_floor))
     if best.at_floor:
         return best
-    return replace(best, gain=first.gain, score_gain=first.score_gain, hard=surest)
+    return replace(best, gain=first.gain, score_gain=first.score_gain, stated_noise_fit=stated)
 
 
 def _hypothesis(
-    name: str, found: Refit, whiten: Whitener, at_floor: bool, without: Without, case: Case, linear: Linear
+    name: str,
+    fit: MapFit,
+    whiten: WhiteningFilter,
+    at_floor: bool,
+    null: NullModelFit,
+    case: FlightCase,
+    model: LinearizedModel,
 ) -> Hypothesis:
-    active = next(a for a in found.effects if a.name == name)
-    sizes = {q.name for q in active.effect.sizes}
-    mine = [i for i, (effect, q) in enumerate(found.names) if effect == name and q in sizes]
-    size = np.array([active.values[found.names[i][1]] for i in mine])
-    x = found.signature[:, mine]
-    # before and after in one linear problem: the differences without the effect are those with it, plus x size
-    before = found.white + x @ size
-    predictive = held_out(before, x, found.sigma[mine], linear.ground.order.time)
-    predictive += whiten.log_likelihood(before) + linear.ground.volume(found.effects)
+    instance = next(a for a in fit.effects if a.name == name)
+    sizes = {q.name for q in instance.effect.sizes}
+    own = [i for i, (effect, q) in enumerate(fit.names) if effect == name and q in sizes]
+    size = np.array([instance.values[fit.names[i][1]] for i in own])
+    x = fit.columns[:, own]
+    # before and after in one linear problem: the residuals without the effect are those with it, plus x size
+    before = fit.white + x @ size
+    settings = case.settings
+    predictive = held_out_gain(
+        before, x, fit.sigma[own], model.index.time, settings.held_out_block_s, settings.held_out_folds
+    )
+    predictive += whiten.log_likelihood(before) + case.log_abs_det_jacobian(fit.effects)
     return Hypothesis(
         name=name,
-        refit=found,
+        fit=fit,
         whiten=whiten,
-        gain=found.evidence - without.evidence,
-        score_gain=predictive - without.likelihood,
+        gain=fit.evidence - null.evidence,
+        score_gain=predictive - null.log_likelihood,
         at_floor=at_floor,
         explained=x @ size,
         case=case,
-        linear=linear,
-        without=without,
+        model=model,
+        null=null,
     )
 
 
-def about_itself(h: Hypothesis) -> Hypothesis:
-    """The same hypothesis refitted about a reconstruction that has it.
+def relinearize_with_effect(h: Hypothesis) -> Hypothesis:
+    """The same hypothesis fitted about a reconstruction that has the effect.
 
-    What the effect does to the path is then taken up to all orders. It begins at what is most likely at the noise that
-    the effect leaves, which the others were not polished to; beside a database with errors of its own there is no such
-    noise, and it begins where it was. The gain is what it has over the model without it, where one of the two holds.
-    Where both fail, it stays that of the first refit: another path would serve the model without the effect as well.
+    The effect's change of the path then enters to all orders. The fit starts at the most likely parameters at the noise
+    that the effect leaves; where the database has errors of its own there is no such noise, and it starts where it was.
+    The gain is the one over the model without the effect, where one of the two holds. Where both fail, the gain of the
+    first fit is kept, since another point would improve the model without the effect as well.
     """
-    polished = h
+    exact, settings = h.case.exact_database, h.case.settings
+    start = h
     if not h.at_floor:
-        starts = [h.hard] if h.hard is not None and h.case.exact else []
-        polished = _best(h.name, [h.refit], starts, h.without, h.case, h.linear, thorough=True)
-    rounds = 2 if h.case.exact else 1  # or nothing will hold, and what it moves is lost in the noise
-    case, linear, found = until_still(
-        load_case(h.case.mission, polished.refit.effects), rounds, begin=h.linear.failures
+        at_stated_noise = [h.stated_noise_fit] if h.stated_noise_fit is not None and exact else []
+        start = _best(h.name, [h.fit], at_stated_noise, h.null, h.case, h.model, thorough=True)
+    # with an inexact database the point must not move, or no model holds and its gain is lost in the noise
+    iterations = 2 if exact else 1
+    case, model, fit = iterate_to_convergence(
+        load_case(h.case.mission, start.fit.effects), iterations, initial_excess=h.model.failing_excess
     )
-    again = _best(h.name, [found], [], h.without, case, linear, thorough=True)
-    gain = again.gain
-    if h.linear.holds:  # from path to path evidence jumps by some nats; the model without it has its likeliest too
+    relinearized = _best(h.name, [fit], [], h.null, case, model, thorough=True)
+    gain = relinearized.gain
+    if (
+        h.model.holds
+    ):  # evidence differs by some nats from point to point; the model without it is at its most likely too
         gain = max(gain, h.gain)
-    elif not again.at_floor:
+    elif not relinearized.at_floor:
         gain = h.gain
-    solved = again.at_floor and h.without.rough > HOLDS
-    return replace(again, gain=gain, score_gain=again.score_gain if solved else h.score_gain)
+    solved = relinearized.at_floor and h.null.excess_share > settings.holds_share
+    return replace(relinearized, gain=gain, score_gain=relinearized.score_gain if solved else h.score_gain)

@@ -1,10 +1,11 @@
-"""Refit: an effect's parameters by Gauss–Newton through the whole chain, places and times included.
+"""Maximum a posteriori fit of effects: all parameters, places and times included, by Gauss–Newton.
 
-Each step runs the chain with the effect at its values, takes the signatures there, whitens both, and solves with the
-prior. Steps that make things worse are shortened. While effects are only compared, path and air stay where they are in
-the model without the effect. A refit that is to stand (`moving`) takes both along to where they most probably are with
-the effect at its new values: a gyro's bias and the roll at the start, say, make up for each other over many sigmas, and
-along a bent valley one that moves alone comes to rest far from the bottom.
+Each step evaluates the chain with the effects at their values, computes the Jacobian there, whitens both, and solves
+with the prior (Gelman et al., Bayesian Data Analysis, 2013, ch. 13; the evidence is Laplace's approximation). A step
+that reduces the posterior is shortened. While effects are only compared, path and air stay at the linearisation point
+of the model without the effect. In a final fit (`moving`) the point moves to the most probable nuisance parameters at
+each new value of the effects: a gyro's bias and the initial roll, say, are strongly correlated over many sigmas, and
+along a curved ridge of the posterior a fit that moves one of them alone stops far from the maximum.
 """
 
 from __future__ import annotations
@@ -13,242 +14,267 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from edl_filter.diagnosis.chain import compared
-from edl_filter.diagnosis.linear import Linear
-from edl_filter.diagnosis.path import PER_BIN
-from edl_filter.diagnosis.point import Point, told
-from edl_filter.diagnosis.signatures import Ground, Signature, ordered, scale_of, signature
-from edl_filter.diagnosis.whitening import Whitener
-from edl_filter.effects.effect import Active, Parameter
+from edl_filter.diagnosis.linear_model.effect_jacobian import effect_jacobian, is_ordered, prior_sigma
+from edl_filter.diagnosis.linear_model.linear_model import LinearizedModel, map_point
+from edl_filter.diagnosis.linear_model.linearization_point import LinearizationPoint
+from edl_filter.diagnosis.prediction.dead_reckoning import NODES_PER_BIN
+from edl_filter.effects.base import EffectInstance
+from edl_filter.effects.parameters import Parameter
+from edl_filter.estimation.kalman import WhiteningFilter
+from edl_filter.types import Array
 
-Array = NDArray[np.float64]
-
-_STEPS = 12
-#: Part of a step below which none is tried.
-_SHORTEST = 1e-3
-#: Moves of everything else at most, at one step of the effects.
-_MOVES = 4
-#: A step that gains less than this (nats) is the last.
-_ENOUGH = 0.05
+#: Factor by which a step is shortened.
+_SHORTER = 0.3
 
 
 @dataclass(frozen=True)
-class Refit:
+class MapFit:
     """Effects at their most probable values.
 
     Attributes
     ----------
-    effects : tuple of Active
+    effects : tuple of EffectInstance
     names : tuple of (str, str)
         Effect and parameter of each column.
     covariance : (k, k) array
-        Of the parameters; times with the grain of the nodes at which the model is asked.
+        Posterior covariance of the parameters; that of times contains the spacing of the nodes at which the model is
+        evaluated.
     evidence : float
-        Log-likelihood at the values, with prior and Laplace's volume, nats.
-    column, start : (R,), (n,) arrays
-        Differences at the values, and what is stated of the unknowns at the beginning.
+        Log marginal likelihood (Laplace), nats.
+    residual_vector, initial_mean : (R,), (n,) arrays
+        Residuals at these values, and the stated initial mean of the states.
     white : (R,) array
-        The same, white.
-    signature : (R, k) array
-        White signatures there.
+        White residuals.
+    columns : (R, k) array
+        White Jacobian there.
     sigma : (k,) array
-        Prior one sigma.
-    point : Point
-        About which the differences are.
+        Prior standard deviations.
+    point : LinearizationPoint
+        About which the residuals are.
     """
 
-    effects: tuple[Active, ...]
+    effects: tuple[EffectInstance, ...]
     names: tuple[tuple[str, str], ...]
     covariance: Array
     evidence: float
-    column: Array
-    start: Array
+    residual_vector: Array
+    initial_mean: Array
     white: Array
-    signature: Array
+    columns: Array
     sigma: Array
-    point: Point
+    point: LinearizationPoint
+
+    @property
+    def parameter_sigma(self) -> Array:
+        """Posterior standard deviations ``(k,)``."""
+        return np.sqrt(np.diag(self.covariance))
 
     def parameters(self, effect: str) -> dict[str, tuple[float, float]]:
         """Value and one sigma of every parameter of an effect; zero sigma where it was not fitted."""
-        active = next(a for a in self.effects if a.name == effect)
-        spread = dict(zip(self.names, np.sqrt(np.diag(self.covariance)), strict=True))
-        return {q: (v, float(spread.get((effect, q), 0.0))) for q, v in active.values.items()}
+        instance = next(a for a in self.effects if a.name == effect)
+        sigma = dict(zip(self.names, self.parameter_sigma, strict=True))
+        return {q: (v, float(sigma.get((effect, q), 0.0))) for q, v in instance.values.items()}
 
 
-def refit(
-    linear: Linear, effects: Sequence[Active], whiten: Whitener, steps: int = _STEPS, moving: bool = False
-) -> Refit:
-    """Fit all parameters of `effects` that are not fixed, beginning at their values.
+def fit_map(
+    model: LinearizedModel,
+    effects: Sequence[EffectInstance],
+    whiten: WhiteningFilter,
+    steps: int | None = None,
+    moving: bool = False,
+) -> MapFit:
+    """Fit all free parameters of `effects`, starting at their values.
 
     Parameters
     ----------
-    linear : Linear
-        The ground.
-    effects : sequence of Active
-        The whole model.
-    whiten : Whitener
-        Of the ground, with a missing force and moment or without.
-    steps : int
-        At most.
+    model : LinearizedModel
+    effects : sequence of EffectInstance
+        All effects of the model that is fitted.
+    whiten : WhiteningFilter
+        Of the model, with an unmodelled acceleration or without.
+    steps : int, optional
+        Largest number of Gauss–Newton steps.
     moving : bool
-        Whether path, air, tables and vehicle move with the effects.
+        Whether the linearisation point moves with the effects.
     """
-    here = _at(linear.ground, tuple(effects))
-    free = [(a.name, q) for a in here.effects for q in a.fitted]
+    settings = model.settings
+    current = model.with_effects(effects)
+    free = [(a.name, q) for a in current.effects for q in a.fitted]
     names = tuple((e, q.name) for e, q in free)
-    sigma = np.array([scale_of(q) for _, q in free])
-    centre = np.array([0.0 if q.kind == "size" else _parameter(here.effects, e, q.name) for e, q in free])
+    sigma = np.array([prior_sigma(q) for _, q in free])
+    centre = np.array([0.0 if q.kind == "size" else _value(current.effects, e, q.name) for e, q in free])
     if moving:
-        here = _settled(linear, here, whiten, _white(here, whiten), here.effects) or here
-    value, white = _value(here, whiten, centre, sigma, names)
+        current = _at_map_point(current, whiten, current.white_residuals(whiten), current.effects) or current
+    log_posterior, white = _log_posterior(current, whiten, centre, sigma, names)
     columns = np.zeros((len(white), 0))
     covariance = np.diag(sigma**2)
-    for _ in range(steps if free else 0):
-        columns = _columns(here, whiten, free)
+    limit = settings.fit_iterations if steps is None else steps
+    for _ in range(limit if free else 0):
+        columns = _white_columns(current, whiten, free)
         prior = np.diag(1.0 / sigma**2)
-        theta = np.array([_parameter(here.effects, e, q.name) for e, q in free])
+        theta = np.array([_value(current.effects, e, q.name) for e, q in free])
         information = columns.T @ columns + prior
         covariance = np.linalg.inv(information)
-        move = covariance @ (columns.T @ white - prior @ (theta - centre))
-        better: tuple[_Here, float, Array] | None = None
-        for part, trial in _trials(here.effects, free, theta, move):
-            left = white - part * (columns @ move)
-            there = _settled(linear, here, whiten, left, trial) if moving else _at(here.ground, trial)
-            if there is None:
-                continue
-            new, new_white = _value(there, whiten, centre, sigma, names)
-            if new > value:
-                better = there, new, new_white
-            if new > value or (part == 1.0 and new > value - _ENOUGH):
+        step = covariance @ (columns.T @ white - prior @ (theta - centre))
+        better: tuple[LinearizedModel, float, Array] | None = None
+        for part, trial in _line_search(current.effects, free, theta, step, settings.shortest_step):
+            if moving:
+                candidate = _at_map_point(current, whiten, white - part * (columns @ step), trial)
+                if candidate is None:
+                    continue
+            else:
+                candidate = current.with_effects(trial)
+            value, candidate_white = _log_posterior(candidate, whiten, centre, sigma, names)
+            if value > log_posterior:
+                better = candidate, value, candidate_white
+            if value > log_posterior or (part == 1.0 and value > log_posterior - settings.fit_convergence_nats):
                 break
         if better is None:
             break
-        gained = better[1] - value
-        here, value, white = better
-        if gained < _ENOUGH:
+        gain = better[1] - log_posterior
+        current, log_posterior, white = better
+        if gain < settings.fit_convergence_nats:
             break
-    volume = 0.5 * np.linalg.slogdet(covariance)[1] - float(np.sum(np.log(sigma))) if free else 0.0
-    between = float(np.median(linear.bins.interval)) / PER_BIN
-    grain = np.array([between**2 / 12.0 if q.kind == "time" else 0.0 for _, q in free])
-    told = tuple(a.in_one_turn() for a in here.effects)
-    sign = np.array([_swapped(told, here.effects, e, q) for e, q in free])
-    return Refit(
-        effects=told,
+    log_volume = 0.5 * np.linalg.slogdet(covariance)[1] - float(np.sum(np.log(sigma))) if free else 0.0
+    spacing = float(np.median(model.bins.interval)) / NODES_PER_BIN
+    node_variance = np.array([spacing**2 / 12.0 if q.kind == "time" else 0.0 for _, q in free])
+    canonical = tuple(a.canonical_phase() for a in current.effects)
+    sign = np.array([_sign(canonical, current.effects, e, q) for e, q in free])
+    return MapFit(
+        effects=canonical,
         names=names,
-        covariance=sign[:, None] * covariance * sign + np.diag(grain),
-        evidence=value + volume,
-        column=here.column,
-        start=here.start,
+        covariance=sign[:, None] * covariance * sign + np.diag(node_variance),
+        evidence=log_posterior + log_volume,
+        residual_vector=current.residual_vector,
+        initial_mean=current.initial_mean,
         white=white,
-        signature=columns * sign if columns.shape[1] else columns,
+        columns=columns * sign if columns.shape[1] else columns,
         sigma=sigma,
-        point=here.ground.point,
+        point=current.point,
     )
 
 
-def _parameter(effects: Sequence[Active], effect: str, parameter: str) -> float:
-    return next(a.values[parameter] for a in effects if a.name == effect)
-
-
-def _swapped(told: Sequence[Active], found: Sequence[Active], effect: str, parameter: Parameter) -> float:
-    """-1 for a size that is told with the other sign than it was found with, a phase half a turn on; else 1."""
-    if parameter.kind != "size":
-        return 1.0
-    return -1.0 if _parameter(told, effect, parameter.name) * _parameter(found, effect, parameter.name) < 0.0 else 1.0
-
-
-def _trials(
-    effects: Sequence[Active], free: Sequence[tuple[str, Parameter]], theta: Array, move: Array
-) -> Iterator[tuple[float, tuple[Active, ...]]]:
-    """The whole step, then ever shorter parts of it; not those that put an upper edge below a lower one."""
-    part = 1.0
-    while part > _SHORTEST:
-        trial = _moved(effects, free, theta + part * move)
-        if all(ordered(a) for a in trial):
-            yield part, trial
-        part *= 0.3
-
-
-def _moved(effects: Sequence[Active], free: Sequence[tuple[str, Parameter]], theta: Array) -> tuple[Active, ...]:
-    new: dict[str, dict[str, float]] = {}
-    for (effect, q), v in zip(free, theta, strict=True):
-        new.setdefault(effect, {})[q.name] = float(np.clip(v, q.low, q.high)) if q.kind != "phase" else float(v)
-    return tuple(replace(a, values=a.values | new.get(a.name, {})) for a in effects)
-
-
 @dataclass(frozen=True)
-class _Here:
-    """The chain with effects at their values.
+class NullModelFit:
+    """The model without a further effect, at its most probable parameters: the reference of all gains.
 
     Attributes
     ----------
-    ground : Ground
-    column, start : (R,), (n,) arrays
-        The differences, and what is stated of the unknowns at the beginning.
+    evidence : float
+        As that of a `MapFit`, at the noise that the model shows, nats.
+    log_likelihood : float
+        Without priors, nats.
+    excess_share : float
+        Share of the rows with excess variance about the point where the model may fail.
     """
 
-    ground: Ground
-    column: Array
-    start: Array
-
-    @property
-    def effects(self) -> tuple[Active, ...]:
-        """With their values."""
-        return self.ground.effects
+    evidence: float
+    log_likelihood: float
+    excess_share: float
 
 
-def _at(ground: Ground, effects: tuple[Active, ...]) -> _Here:
-    """About the same point."""
-    setup, found = compared(ground.frame, ground.arrange, (ground.setup, ground.found), effects)
-    return _there(replace(ground, effects=effects, setup=setup, found=found))
+def fit_null_model(models: Sequence[LinearizedModel], effects: Sequence[EffectInstance]) -> NullModelFit:
+    """Fit the model without a further effect about the point where it is most probable.
 
+    Its own effects are fitted as in every hypothesis, so that the cost of their priors is on both sides. Otherwise each
+    of them would reduce the gains of all further effects by its own cost, some eight nats a parameter.
 
-def _there(ground: Ground) -> _Here:
-    return _Here(ground, ground.column(ground.found), ground.stated(ground.setup))
-
-
-def _settled(linear: Linear, here: _Here, whiten: Whitener, white: Array, effects: tuple[Active, ...]) -> _Here | None:
-    """Where everything else goes with effects at new values, beginning with the differences that are expected there.
-
-    None where that is beyond belief.
+    Parameters
+    ----------
+    models : sequence of LinearizedModel
+        About different points; the first is where the model may fail.
+    effects : sequence of EffectInstance
+        The model's.
     """
-    last = np.inf
-    for _ in range(_MOVES):
-        point = told(linear, here.ground.point, here.start, whiten, white, onboard=False)
+
+    def fit(model: LinearizedModel) -> NullModelFit:
+        steps = model.settings.null_fit_iterations
+        best = fit_map(model, effects, model.fitted_noise_filter, steps=steps, moving=model.holds)
+        log_likelihood = model.fitted_noise_filter.log_likelihood(best.white)
+        log_likelihood += model.case.log_abs_det_jacobian(best.effects)
+        return NullModelFit(best.evidence, log_likelihood, models[0].excess_variance.share)
+
+    return max((fit(m) for m in models), key=lambda n: n.evidence)
+
+
+def _value(effects: Sequence[EffectInstance], effect: str, parameter: str) -> float:
+    return next(a.values[parameter] for a in effects if a.name == effect)
+
+
+def _sign(
+    canonical: Sequence[EffectInstance], fitted: Sequence[EffectInstance], effect: str, parameter: Parameter
+) -> float:
+    """-1 for a size whose sign the canonical form changes, its phase half a turn on; otherwise 1."""
+    if parameter.kind != "size":
+        return 1.0
+    return -1.0 if _value(canonical, effect, parameter.name) * _value(fitted, effect, parameter.name) < 0.0 else 1.0
+
+
+def _line_search(
+    effects: Sequence[EffectInstance],
+    free: Sequence[tuple[str, Parameter]],
+    theta: Array,
+    step: Array,
+    shortest: float,
+) -> Iterator[tuple[float, tuple[EffectInstance, ...]]]:
+    """The whole step, then decreasing parts of it; not those that place an upper bound below a lower one."""
+    part = 1.0
+    while part > shortest:
+        trial = _with_values(effects, free, theta + part * step)
+        if all(is_ordered(a) for a in trial):
+            yield part, trial
+        part *= _SHORTER
+
+
+def _with_values(
+    effects: Sequence[EffectInstance], free: Sequence[tuple[str, Parameter]], theta: Array
+) -> tuple[EffectInstance, ...]:
+    """Effects with the free parameters at `theta`, limited to their bounds."""
+    values: dict[str, dict[str, float]] = {}
+    for (effect, q), v in zip(free, theta, strict=True):
+        values.setdefault(effect, {})[q.name] = float(np.clip(v, q.low, q.high)) if q.kind != "phase" else float(v)
+    return tuple(replace(a, values=a.values | values.get(a.name, {})) for a in effects)
+
+
+def _at_map_point(
+    model: LinearizedModel, whiten: WhiteningFilter, white: Array, effects: tuple[EffectInstance, ...]
+) -> LinearizedModel | None:
+    """The model with effects at new values, its point at the most probable nuisance parameters.
+
+    `white` are the white residuals that are expected there. None where the point is not credible.
+    """
+    settings, last = model.settings, np.inf
+    for _ in range(settings.nuisance_iterations):
+        point = map_point(model, whiten, white, onboard=False)
         if point is None:
             return None
-        here = _there(here.ground.moved(point, effects))
-        white = _white(here, whiten)
+        model = model.at_point(point, effects)
+        white = model.white_residuals(whiten)
         size = 0.5 * float(white @ white)
-        if abs(last - size) < _ENOUGH:
+        if abs(last - size) < settings.fit_convergence_nats:
             break
         last = size
-    return here
+    return model
 
 
-def _white(here: _Here, whiten: Whitener) -> Array:
-    return whiten(here.column[:, None], here.start[:, None])[:, 0]
-
-
-def _value(
-    here: _Here, whiten: Whitener, centre: Array, sigma: Array, names: Sequence[tuple[str, str]]
+def _log_posterior(
+    model: LinearizedModel, whiten: WhiteningFilter, centre: Array, sigma: Array, names: Sequence[tuple[str, str]]
 ) -> tuple[float, Array]:
-    """Log posterior up to a constant, and the white differences."""
-    white = _white(here, whiten)
-    theta = np.array([_parameter(here.effects, e, n) for e, n in names])
-    likely = whiten.log_likelihood(white) + here.ground.volume(here.effects)
-    return likely - 0.5 * float(np.sum(((theta - centre) / sigma) ** 2)), white
+    """Log posterior up to a constant, and the white residuals."""
+    white = model.white_residuals(whiten)
+    theta = np.array([_value(model.effects, e, n) for e, n in names])
+    log_likelihood = whiten.log_likelihood(white) + model.case.log_abs_det_jacobian(model.effects)
+    return log_likelihood - 0.5 * float(np.sum(((theta - centre) / sigma) ** 2)), white
 
 
-def _columns(here: _Here, whiten: Whitener, free: Sequence[tuple[str, Parameter]]) -> Array:
-    """White signatures of all free parameters, with the effects at their values."""
+def _white_columns(model: LinearizedModel, whiten: WhiteningFilter, free: Sequence[tuple[str, Parameter]]) -> Array:
+    """White Jacobian with respect to all free parameters ``(R, k)``, with the effects at their values."""
     by_effect: dict[str, list[str]] = {}
     for effect, q in free:
         by_effect.setdefault(effect, []).append(q.name)
-    parts: list[Signature] = [
-        signature(here.ground, next(a for a in here.effects if a.name == e), names) for e, names in by_effect.items()
+    parts = [
+        effect_jacobian(model, next(a for a in model.effects if a.name == e), names) for e, names in by_effect.items()
     ]
-    rows = np.concatenate([s.rows for s in parts], axis=1)
-    return whiten(rows, np.concatenate([s.start for s in parts], axis=1))
+    rows = np.concatenate([j.rows for j in parts], axis=1)
+    return whiten(rows, np.concatenate([j.initial_mean for j in parts], axis=1))

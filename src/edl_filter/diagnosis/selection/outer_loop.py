@@ -1,7 +1,7 @@
-"""Settle: a mission's own effects refitted, and the reconstruction that has them at their estimates.
+"""Outer loop of a fit: reconstruction and fit are repeated with the estimates until they converge.
 
-An effect in a mission file has starting values. A run finds the most probable ones: it refits about a reconstruction,
-reconstructs with what it found, and again until nothing moves. A hypothesis that is to stand is refitted so as well.
+An effect in a mission file has starting values. A run fits its parameters about a reconstruction, reconstructs with the
+estimates, and repeats this until no parameter changes. A hypothesis that may be named is fitted in the same way.
 """
 
 from __future__ import annotations
@@ -11,39 +11,33 @@ from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
-import numpy as np
-
-from edl_filter.diagnosis.case import Case, load_case
-from edl_filter.diagnosis.linear import HOLDS, Linear, about
-from edl_filter.diagnosis.refit import Refit, refit
-from edl_filter.diagnosis.roughness import Rough
-from edl_filter.diagnosis.rounds import linearise
-from edl_filter.effects.effect import Active
+from edl_filter.diagnosis.linear_model.flight_case import FlightCase, load_case
+from edl_filter.diagnosis.linear_model.linear_model import LinearizedModel, linearize, linearize_at
+from edl_filter.diagnosis.noise.variance_components import ExcessVariance
+from edl_filter.diagnosis.selection.map_fit import MapFit, fit_map
+from edl_filter.effects.base import EffectInstance
 from edl_filter.errors import InputError
 from edl_filter.mission import Mission
-from edl_filter.reconstruction import Reconstruction, reconstruct
-
-#: Reconstructions that a run refits about at most, and the move (sigmas) that is small enough to stop.
-ROUNDS, STILL = 3, 0.3
+from edl_filter.pipeline.reconstruct import Reconstruction, reconstruct
 
 
 @dataclass(frozen=True)
-class Settled:
+class FittedEffects:
     """A reconstruction with effects at their estimates.
 
     Attributes
     ----------
     reconstruction : Reconstruction
     sigma : dict
-        Effect → parameter → one sigma; what was not fitted is not in it.
+        Effect → parameter → one sigma, for the parameters that were fitted.
     """
 
     reconstruction: Reconstruction
     sigma: dict[str, dict[str, float]]
 
 
-def can_settle(mission: Mission) -> bool:
-    """Whether a mission has effects to refit, and the model that a comparison needs."""
+def can_fit_effects(mission: Mission) -> bool:
+    """Whether a mission has free effects, and the model with which to predict."""
     return (
         any(not entry.fixed for entry in mission.effects)
         and mission.aerodynamics is not None
@@ -51,17 +45,19 @@ def can_settle(mission: Mission) -> bool:
     )
 
 
-def settle(
-    mission: Mission, progress: Callable[[str], None] = lambda _: None, effects: Sequence[Active] | None = None
-) -> Settled:
-    """Refit a mission's effects.
+def fit_effects(
+    mission: Mission,
+    progress: Callable[[str], None] = lambda _: None,
+    effects: Sequence[EffectInstance] | None = None,
+) -> FittedEffects:
+    """Fit a mission's effects.
 
     Parameters
     ----------
     mission : Mission
     progress : callable
-        Told what is being done.
-    effects : sequence of Active, optional
+        Called with what is being done.
+    effects : sequence of EffectInstance, optional
         Instead of the mission's.
 
     Raises
@@ -70,66 +66,73 @@ def settle(
         An effect stands twice, or the mission cannot be reconstructed.
     """
     begin = time.perf_counter()
-    _once(mission)
+    _check_single(mission)
     progress("reconstructing with the effects as they are stated")
-    _, _, found = until_still(load_case(mission, effects), ROUNDS, progress)
-    last = reconstruct(mission, found.effects, leave_one_out=True)
-    timing = last.timing | {"refit": time.perf_counter() - begin}
-    return Settled(replace(last, timing=timing), _sigma(found))
+    _, _, fit = iterate_to_convergence(load_case(mission, effects), progress=progress)
+    final = reconstruct(mission, fit.effects, leave_one_out=True)
+    timing = final.timing | {"refit": time.perf_counter() - begin}
+    return FittedEffects(replace(final, timing=timing), _sigma_by_effect(fit))
 
 
-def until_still(
-    case: Case,
-    rounds: int = ROUNDS,
+def iterate_to_convergence(
+    case: FlightCase,
+    iterations: int | None = None,
     progress: Callable[[str], None] = lambda _: None,
-    begin: Rough | None = None,
-) -> tuple[Case, Linear, Refit]:
-    """Refit a case's effects about its reconstruction, and again about one with what was found, until nothing moves.
+    initial_excess: ExcessVariance | None = None,
+) -> tuple[FlightCase, LinearizedModel, MapFit]:
+    """Fit a case's effects about its reconstruction, and about one with the estimates, until they converge.
 
-    Path and air move along, but not where a model fails beside a database that has errors of its own: what is wrong
-    with the database would drag them along. The search for the noise begins at `begin`, `Linear.failures` of a model
-    much like it.
+    The linearisation point moves with the effects, except where a model fails with a database that has errors of its
+    own: they would move the point away from the truth.
+
+    Parameters
+    ----------
+    case : FlightCase
+    iterations : int, optional
+        Largest number of reconstructions.
+    progress : callable
+    initial_excess : ExcessVariance, optional
+        `LinearizedModel.failing_excess` of a similar model.
     """
-    # a database with errors of its own would drag the path of a failing model along; else it may be all that is wrong
-    until = 1.0 if case.exact else HOLDS
+    settings = case.settings
+    max_excess_share = 1.0 if case.exact_database else settings.holds_share
 
-    def about_it(linear: Linear) -> Refit:
-        return refit(linear, case.effects, linear.soft, moving=linear.rough[0].share <= until)
+    def fit_about(model: LinearizedModel) -> MapFit:
+        moving = model.excess_variance.share <= max_excess_share
+        return fit_map(model, case.effects, model.fitted_noise_filter, moving=moving)
 
     progress("refitting the effects, round 1")
-    linear = linearise(case, rounds=2, until=until, begin=begin)
-    found = about_it(linear)
-    for i in range(1, rounds):
-        if _moved(case.effects, found) <= STILL:
+    model = linearize(case, iterations=2, max_excess_share=max_excess_share, initial_excess=initial_excess)
+    fit = fit_about(model)
+    for i in range(1, settings.outer_iterations if iterations is None else iterations):
+        if _largest_change(case.effects, fit) <= settings.outer_tolerance_sigmas:
             break
         progress(f"refitting the effects, round {i + 1}")
-        case = load_case(case.mission, found.effects)
-        linear = about(case, found.point, linear.failures)
-        found = about_it(linear)
-    return case, linear, found
+        case = load_case(case.mission, fit.effects)
+        model = linearize_at(case, fit.point, model.failing_excess)
+        fit = fit_about(model)
+    return case, model, fit
 
 
-def _once(mission: Mission) -> None:
-    twice = [name for name, n in Counter(entry.name for entry in mission.effects).items() if n > 1]
-    if twice:
+def _check_single(mission: Mission) -> None:
+    repeated = [name for name, n in Counter(entry.name for entry in mission.effects).items() if n > 1]
+    if repeated:
         raise InputError(
-            f"{mission.source or mission.name}: effects: found {twice[0]} twice; a refit takes each name once. "
+            f"{mission.source or mission.name}: effects: found {repeated[0]} twice; a refit takes each name once. "
             "Run with --no-refit to hold all effects at their values."
         )
 
 
-def _sigma(found: Refit) -> dict[str, dict[str, float]]:
-    spread = np.sqrt(np.diag(found.covariance))
-    told: dict[str, dict[str, float]] = {}
-    for (effect, parameter), s in zip(found.names, spread, strict=True):
-        told.setdefault(effect, {})[parameter] = float(s)
-    return told
+def _sigma_by_effect(fit: MapFit) -> dict[str, dict[str, float]]:
+    by_effect: dict[str, dict[str, float]] = {}
+    for (effect, parameter), sigma in zip(fit.names, fit.parameter_sigma, strict=True):
+        by_effect.setdefault(effect, {})[parameter] = float(sigma)
+    return by_effect
 
 
-def _moved(before: tuple[Active, ...], found: Refit) -> float:
-    """Largest move of a parameter, in its sigmas."""
+def _largest_change(before: tuple[EffectInstance, ...], fit: MapFit) -> float:
+    """Largest change of a parameter, in its sigmas."""
     old = {a.name: a.values for a in before}
-    new = {a.name: a for a in found.effects}
-    spread = np.sqrt(np.diag(found.covariance))
-    moves = [new[e].change_from(old[e], q) / s for (e, q), s in zip(found.names, spread, strict=True)]
-    return max(moves, default=0.0)
+    new = {a.name: a for a in fit.effects}
+    changes = [new[e].change_from(old[e], q) / s for (e, q), s in zip(fit.names, fit.parameter_sigma, strict=True)]
+    return max(changes, default=0.0)

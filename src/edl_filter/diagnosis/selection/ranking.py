@@ -1,8 +1,9 @@
 """Ranking: which effect is missing, by evidence.
 
-Every effect of the catalogue that is not in the model is first tried linearly (`trying`), once with the model's
-failures taken for noise (`roughness`) and once without. The leaders are refitted (`hypotheses`), the last time about a
-new reconstruction. The same evidence, in nats, is computed for *none* and for *something else* (`missing`).
+Every effect of the catalogue that is not in the model is screened linearly (`screening`), once at the noise that the
+model shows and once at the stated noise. The shortlisted effects are fitted (`hypothesis`), the leading ones about a
+new reconstruction. The same evidence, in nats, is computed for the model without a further effect and for an unmodelled
+acceleration (`noise.unmodelled_acceleration`).
 """
 
 from __future__ import annotations
@@ -11,30 +12,28 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
-from edl_filter.diagnosis.beside import beside_own
-from edl_filter.diagnosis.case import Case
-from edl_filter.diagnosis.hypotheses import Hypothesis, about_itself, refitted
-from edl_filter.diagnosis.linear import HOLDS, Linear
-from edl_filter.diagnosis.missing import Missing, most_likely
-from edl_filter.diagnosis.roughness import find_rough
-from edl_filter.diagnosis.rounds import followed, linearise
-from edl_filter.diagnosis.threads import meanwhile, one_blas_thread
-from edl_filter.diagnosis.trying import RIVAL, STARTS, Trial, alike, leaders, signatures, try_all
-from edl_filter.diagnosis.whitening import Whitens
-from edl_filter.diagnosis.without import Without, without_more
-from edl_filter.effects.again import offered
-from edl_filter.effects.effect import Effect
+from edl_filter.diagnosis.linear_model.flight_case import FlightCase
+from edl_filter.diagnosis.linear_model.linear_model import LinearizedModel, linearize, relinearize_failing_model
+from edl_filter.diagnosis.noise.unmodelled_acceleration import UnmodelledAcceleration, most_likely_process
+from edl_filter.diagnosis.noise.variance_components import estimate_variance_components
+from edl_filter.diagnosis.selection.hypothesis import Hypothesis, fit_hypothesis, relinearize_with_effect
+from edl_filter.diagnosis.selection.map_fit import NullModelFit, fit_null_model
+from edl_filter.diagnosis.selection.screening import (
+    ScreeningResult,
+    correlation,
+    marginalize_model_effects,
+    scan_jacobians,
+    screen,
+    shortlist,
+)
+from edl_filter.effects import instances
+from edl_filter.effects.base import Effect
 from edl_filter.errors import InputError
+from edl_filter.estimation.kalman import Whitening
+from edl_filter.estimation.parallel import one_blas_thread, start_thread
 
-Array = NDArray[np.float64]
 Progress = Callable[[str], None]
-
-#: Sigmas that one may believe an unknown to be off.
-_BELIEVED = 5.0
-#: Part of the leader's gain from which another may be right about its own path.
-_CLOSE = 0.25
 
 
 @dataclass(frozen=True)
@@ -43,174 +42,192 @@ class Ranking:
 
     Attributes
     ----------
-    case, linear : Case, Linear
-    trials : dict
-        Effect → linear trial at the noise that the model without it shows.
+    case, model : FlightCase, LinearizedModel
+    screening : dict
+        Effect → screening result at the noise that the model without it shows.
     hypotheses : list of Hypothesis
-        Refitted, most probable first.
-    missing : Missing
-        Something else, at its most likely.
-    something_else : float
-        Its evidence, nats, over the model at its own noise where it is likeliest, as all gains are.
-    noise_evidence : float
-        Evidence of that over the model where it is, at the stated noise, less what its variances cost; zero where they
-        are one.
+        Fitted, most probable first.
+    unmodelled : UnmodelledAcceleration
+        The most likely process.
+    unmodelled_gain : float
+        Its evidence over the model at its own noise about the point where it is most likely, as all gains, nats.
+    excess_noise_gain : float
+        Evidence of that model over the model at the stated noise about the smoothed reconstruction, less the penalty of
+        its variances; zero where the two are the same.
     failed : dict
-        Effect → what went wrong in it: a user's, whose hooks raise or give the wrong thing.
+        Effect → message of a user's effect whose hooks fail.
     """
 
-    case: Case
-    linear: Linear
-    trials: dict[str, Trial]
+    case: FlightCase
+    model: LinearizedModel
+    screening: dict[str, ScreeningResult]
     hypotheses: list[Hypothesis]
-    missing: Missing
-    something_else: float
-    noise_evidence: float
+    unmodelled: UnmodelledAcceleration
+    unmodelled_gain: float
+    excess_noise_gain: float
     failed: dict[str, str] = field(default_factory=dict)
 
 
-def rank(case: Case, candidates: Iterable[Effect], progress: Progress = lambda _: None) -> Ranking:
+def rank(case: FlightCase, candidates: Iterable[Effect], progress: Progress = lambda _: None) -> Ranking:
     """Rank the effects that may be missing from a case's model.
 
     Parameters
     ----------
-    case : Case
+    case : FlightCase
     candidates : iterable of Effect
-        Those that are in the model already are passed over, or tried once more if they act at a place (`again`).
+        Those in the model already are passed over, or offered once more if they act at a place (`effects.instances`).
     progress : callable
-        Told what is being done.
-
-    Returns
-    -------
-    Ranking
+        Called with what is being done.
     """
-    with one_blas_thread():  # throughout: of two threads that set it in turn, the second would leave the first's
-        return _ranked(case, candidates, progress)
+    with (
+        one_blas_thread()
+    ):  # throughout: of two threads that limit BLAS in turn the second would restore the first's limit
+        return _rank(case, candidates, progress)
 
 
-def _ranked(case: Case, candidates: Iterable[Effect], progress: Progress) -> Ranking:
+def _rank(case: FlightCase, candidates: Iterable[Effect], progress: Progress) -> Ranking:
+    settings = case.settings
     progress("comparing model and measurements")
-    linear = linearise(case, rounds=3, until=HOLDS)
-    away = followed(case, linear)
-    if away is not None and away.surprise <= _BELIEVED:
-        linear, away = away, None  # it failed only where the reconstruction had put the path
-    paths = [x for x in (linear, away) if x is not None]
-    without, likeliest = without_more(paths, case.effects), max(paths, key=lambda x: x.log_likelihood)
+    model = linearize(case, settings.linearization_iterations, settings.holds_share)
+    alternative_mode = relinearize_failing_model(case, model)
+    if alternative_mode is not None and alternative_mode.largest_nuisance_sigmas <= settings.credible_nuisance_sigmas:
+        model, alternative_mode = alternative_mode, None  # it failed only about the smoothed reconstruction
+    models = [m for m in (model, alternative_mode) if m is not None]
+    null, most_likely = fit_null_model(models, case.effects), max(models, key=lambda m: m.log_likelihood)
     progress("trying the catalogue and something else")
-    elsewise = meanwhile(lambda: something_else(linear))  # compiled loops for the most part
-    effects = offered(candidates, {a.name for a in case.effects})
+    unmodelled_fit = start_thread(lambda: fit_unmodelled(model))  # compiled loops for the most part
+    effects = instances.candidates(candidates, {a.name for a in case.effects})
     failed: dict[str, str] = {}
-    # where the model holds an effect has its full evidence; the scan of one with a place is too coarse for that
-    shares = [(linear, effects)]
-    if away is not None:
-        shares = [(linear, [e for e in effects if e.places]), (away, [e for e in effects if not e.places])]
-    grounds = [_tried(ground, share, case.parachute, failed) for ground, share in shares]
-    polished: list[Hypothesis] = []
-    for tried in grounds:
-        best = max((h.gain for h in polished), default=0.0)
-        found = _refitted(case, tried, without, _CLOSE * best, failed, progress)
-        polished += _polished(case, found, failed, progress)
-    polished.sort(key=lambda h: -h.gain)
-    missing, likely = elsewise()
-    stated = linear.plain.log_likelihood(linear.white(linear.plain))
-    trials = {name: trial for tried in grounds for name, trial in tried.trials[0].items()}
-    other = likely - likeliest.log_likelihood  # the model's own effects where they are, in both
-    noise = likeliest.log_likelihood - likeliest.rough[0].price - stated
-    return Ranking(case, linear, trials, polished, missing, other, noise, failed)
+    # where the model holds an effect has its full evidence; the scan of an effect with places is too coarse for that
+    shares = [(model, effects)]
+    if alternative_mode is not None:
+        with_places = [e for e in effects if e.places]
+        shares = [(model, with_places), (alternative_mode, [e for e in effects if not e.places])]
+    screenings = [_screen(m, share, case.end, failed) for m, share in shares]
+    hypotheses: list[Hypothesis] = []
+    for screened in screenings:
+        best = max((h.gain for h in hypotheses), default=0.0)
+        fitted = _fit_shortlist(case, screened, null, settings.rival_gain_share * best, failed, progress)
+        hypotheses += _relinearize_leaders(case, fitted, failed, progress)
+    hypotheses.sort(key=lambda h: -h.gain)
+    unmodelled, unmodelled_likelihood = unmodelled_fit()
+    stated = model.stated_noise_filter.log_likelihood(model.white_residuals(model.stated_noise_filter))
+    return Ranking(
+        case=case,
+        model=model,
+        screening={name: result for screened in screenings for name, result in screened.results[0].items()},
+        hypotheses=hypotheses,
+        unmodelled=unmodelled,
+        # the model's own effects are at their values in both
+        unmodelled_gain=unmodelled_likelihood - most_likely.log_likelihood,
+        excess_noise_gain=most_likely.log_likelihood - most_likely.excess_variance.penalty - stated,
+        failed=failed,
+    )
 
 
 @dataclass(frozen=True)
-class _Tried:
-    """Effects tried linearly about one point, in each way to whiten."""
+class _Screened:
+    """Effects screened about one point, with each whitening filter."""
 
-    linear: Linear
-    ways: list[Whitens]
-    trials: list[dict[str, Trial]]
-
-
-def _tried(linear: Linear, effects: Sequence[Effect], end: float, failed: dict[str, str]) -> _Tried:
-    """With the model's failures taken for noise, and without."""
-    whiteners = [linear.soft] if linear.soft is linear.plain else [linear.soft, linear.plain]
-    ways = [beside_own(linear, w) for w in whiteners]
-    columns = signatures(linear, effects, end, failed)
-    return _Tried(linear, ways, [try_all(linear, way, columns) for way in ways])
+    model: LinearizedModel
+    filters: list[Whitening]
+    results: list[dict[str, ScreeningResult]]
 
 
-def _refitted(
-    case: Case, tried: _Tried, without: Without, least: float, failed: dict[str, str], progress: Progress
+def _screen(model: LinearizedModel, effects: Sequence[Effect], end: float, failed: dict[str, str]) -> _Screened:
+    """At the noise that the model shows, and at the stated noise."""
+    fitted, stated = model.fitted_noise_filter, model.stated_noise_filter
+    filters = [marginalize_model_effects(model, w) for w in ([fitted] if fitted is stated else [fitted, stated])]
+    jacobians = scan_jacobians(model, effects, end, failed)
+    return _Screened(model, filters, [screen(model, w, jacobians) for w in filters])
+
+
+def _fit_shortlist(
+    case: FlightCase,
+    screened: _Screened,
+    null: NullModelFit,
+    least: float,
+    failed: dict[str, str],
+    progress: Progress,
 ) -> list[Hypothesis]:
-    """The leaders of what was tried, refitted: those whose linear gain is not below `least`."""
-    found: list[Hypothesis] = []
-    for name in leaders(tried.trials):
-        if max(t[name].gain for t in tried.trials) < least:
+    """The shortlisted effects fitted: those whose linear gain is not below `least`."""
+    settings, results = case.settings, screened.results
+    hypotheses: list[Hypothesis] = []
+    for name in shortlist(results, settings):
+        if max(r[name].gain for r in results) < least:
             continue
-        solved = next((h for h in found if h.at_floor), None) if not tried.linear.holds else None
-        if solved is not None and alike(tried.trials[-1], solved.name, name) < RIVAL:
-            continue  # everything is explained, and this is another thing
+        solved = next((h for h in hypotheses if h.at_floor), None) if not screened.model.holds else None
+        if solved is not None:
+            similarity = correlation(results[-1][solved.name].explained, results[-1][name].explained)
+            if similarity < settings.distinct_correlation:
+                continue  # everything is explained, and this effect is dissimilar
         progress(f"refitting {name}")
-        starts = [(t[name], way) for t, way in zip(tried.trials, tried.ways, strict=True)]
+        starts = [(r[name], whiten) for r, whiten in zip(results, screened.filters, strict=True)]
         try:
-            one = refitted(case, tried.linear, starts, without)
+            hypothesis = fit_hypothesis(case, screened.model, starts, null)
         except InputError as error:
             failed[name] = str(error)
             continue
-        if np.any(one.explained):  # a place outside the flight is no hypothesis
-            found.append(one)
-    return found
+        if np.any(hypothesis.explained):  # an effect whose place is outside the flight is no hypothesis
+            hypotheses.append(hypothesis)
+    return hypotheses
 
 
-def something_else(linear: Linear) -> tuple[Missing, float]:
-    """Most likely missing force and moment, and the log-likelihood with it at the noise that it leaves.
+def fit_unmodelled(model: LinearizedModel) -> tuple[UnmodelledAcceleration, float]:
+    """The most likely unmodelled acceleration, and the log-likelihood with it at the noise that it leaves, nats.
 
-    Noise that nobody named is something else as well, if the flight is likelier with that alone.
-
-    Parameters
-    ----------
-    linear : Linear
-
-    Returns
-    -------
-    missing : Missing
-    likely : float
-        nats.
+    Excess variance alone is an alternative to it, if the flight is more likely with that.
     """
 
-    def value(missing: Missing) -> float:
-        whiten = linear.with_missing(missing)
-        return whiten.log_likelihood(linear.white(whiten))
+    def log_likelihood(unmodelled: UnmodelledAcceleration) -> float:
+        whiten = model.filter_with_unmodelled(unmodelled)
+        return whiten.log_likelihood(model.white_residuals(whiten))
 
-    missing, found = most_likely(value)
-    if linear.rough[0].none:
-        return missing, found
-    allowed, order = linear.with_missing(missing), linear.ground.order
-    _, whiten = find_rough(allowed, order, linear.column, linear.start, linear.failures)
-    return missing, max(whiten.log_likelihood(linear.white(whiten)), linear.log_likelihood)
+    unmodelled, likelihood = most_likely_process(log_likelihood, model.settings)
+    if model.excess_variance.is_zero:
+        return unmodelled, likelihood
+    _, whiten = estimate_variance_components(
+        model.filter_with_unmodelled(unmodelled),
+        model.index,
+        model.residual_vector,
+        model.initial_mean,
+        model.settings,
+        model.failing_excess,
+    )
+    return unmodelled, max(whiten.log_likelihood(model.white_residuals(whiten)), model.log_likelihood)
 
 
-def _polished(case: Case, found: list[Hypothesis], failed: dict[str, str], progress: Progress) -> list[Hypothesis]:
-    """All hypotheses, the leader refitted about itself, and others that may be right where it is wrong.
+def _relinearize_leaders(
+    case: FlightCase, hypotheses: list[Hypothesis], failed: dict[str, str], progress: Progress
+) -> list[Hypothesis]:
+    """All hypotheses, the leader fitted about its own reconstruction, and others that may overtake it there.
 
-    About a model that fails, gains are good to a factor only: a wrong name may lead where the right one moves the path
-    by much. The right one comes to the noise about its own path, if nothing else is missing and the database is exact;
-    so those that are `_CLOSE` to the leader are given the chance, and the one that leaves least at the stated noise.
+    About a failing model gains are accurate to a factor only: a wrong name may lead where the right one changes the
+    path by much. The right one reaches the noise about its own path, if nothing else is missing and the database is
+    exact. So those with a share `rival_gain_share` of the leader's gain are relinearised too, and the one that is best
+    at the stated noise.
     """
-    ranked = sorted(found, key=lambda h: -h.gain)
-    close, least = [], []
-    if case.exact and ranked and not ranked[0].linear.holds:
-        close = [h.name for h in ranked if h.gain > _CLOSE * ranked[0].gain]
-        least = [name for _, name in sorted((h.hard.evidence, h.name) for h in found if h.hard is not None)[-1:]]
-    own: set[str] = set()
-    while ranked and len(own) < STARTS:
-        unsolved = [] if any(h.at_floor for h in ranked) else least
-        waiting = [name for name in (ranked[0].name, *unsolved, *close) if name not in own]
+    settings = case.settings
+    ranked = sorted(hypotheses, key=lambda h: -h.gain)
+    close, best_at_stated_noise = [], []
+    if case.exact_database and ranked and not ranked[0].model.holds:
+        close = [h.name for h in ranked if h.gain > settings.rival_gain_share * ranked[0].gain]
+        by_evidence = sorted(
+            (h.stated_noise_fit.evidence, h.name) for h in hypotheses if h.stated_noise_fit is not None
+        )
+        best_at_stated_noise = [name for _, name in by_evidence[-1:]]
+    relinearized: set[str] = set()
+    while ranked and len(relinearized) < settings.relinearized_hypotheses:
+        unsolved = [] if any(h.at_floor for h in ranked) else best_at_stated_noise
+        waiting = [name for name in (ranked[0].name, *unsolved, *close) if name not in relinearized]
         if not waiting:
             break
         name = waiting[0]
         i = next(i for i, h in enumerate(ranked) if h.name == name)
-        own.add(name)
+        relinearized.add(name)
         progress(f"refitting {name} about a new reconstruction")
         try:
-            ranked[i] = about_itself(ranked[i])
+            ranked[i] = relinearize_with_effect(ranked[i])
         except InputError as error:
             failed[name] = str(error)
         ranked.sort(key=lambda h: -h.gain)

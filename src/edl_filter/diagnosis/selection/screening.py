@@ -1,7 +1,10 @@
-"""Trying the catalogue: every effect regressed linearly, at every place that it may have.
+"""Screening: linear regression of the residuals on every effect of the catalogue, at every place of its scan grid.
 
-An effect's signature at each of its places is whitened and regressed on the differences (`regression`). What comes out
-is its evidence averaged over the places, and the places from which a refit may begin.
+The columns of an effect at each place are whitened and regressed on the residuals (`estimation.regression`). The result
+is the effect's evidence, averaged over the places, and the places from which a nonlinear fit starts. While effects are
+screened, the parameters of the model's own effects are marginalised with their priors, as they are free in every fit:
+with X their white columns times their prior sigmas, white rows have the covariance ``1 + X Xᵀ``, whose inverse square
+root is ``1 - U (1 - 1/√(1 + s²)) Uᵀ`` by the singular values s and left singular vectors U of X.
 """
 
 from __future__ import annotations
@@ -10,163 +13,231 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from edl_filter.diagnosis.linear import Linear
-from edl_filter.diagnosis.regression import Fit, regress
-from edl_filter.diagnosis.signatures import Signature, places, signature
-from edl_filter.diagnosis.whitening import Whitens
-from edl_filter.effects.effect import Active, Effect
+from edl_filter.diagnosis.linear_model.effect_jacobian import (
+    EffectJacobian,
+    effect_jacobian,
+    is_ordered,
+    scan_grid,
+    scan_range,
+)
+from edl_filter.diagnosis.linear_model.linear_model import LinearizedModel
+from edl_filter.effects.base import Effect, EffectInstance
 from edl_filter.errors import InputError
-
-Array = NDArray[np.float64]
-
-#: Leaders of each linear ranking that are refitted, and places at which one begins.
-LEADERS, STARTS = 4, 3
-#: Likeness from which an effect may be a rival of one that explains everything, and two places of one are alike.
-RIVAL = 0.7
-#: Linear gain (nats) below which an effect is no leader.
-HOPELESS = 0.0
-#: Dynamic pressure from which air can be felt, Pa: places in time begin there.
-_FELT = 1.0
+from edl_filter.estimation.kalman import Whitening, WhiteningFilter
+from edl_filter.estimation.regression import LinearFit, regress
+from edl_filter.mission.decision_settings import DecisionSettings
+from edl_filter.types import Array
 
 
 @dataclass(frozen=True)
-class Trial:
-    """An effect tried linearly at its best place.
+class ScreeningResult:
+    """An effect regressed linearly, at its best place.
 
     Attributes
     ----------
-    active : Active
-        With its sizes as they came out.
-    signature : Signature
-    fit : Fit
+    instance : EffectInstance
+        With the estimated sizes.
+    jacobian : EffectJacobian
+    fit : LinearFit
     gain : float
-        Evidence over none, averaged over the places, nats.
+        Log Bayes factor over the model without it, averaged over the places, nats.
     rows : (R, k) array
-        White signature.
-    elsewhere : tuple of Active
-        The effect at other places that look unlike the best, best first.
+        White columns.
+    alternatives : tuple of EffectInstance
+        The effect at other places whose columns are dissimilar to those of the best, most likely first.
     """
 
-    active: Active
-    signature: Signature
-    fit: Fit
+    instance: EffectInstance
+    jacobian: EffectJacobian
+    fit: LinearFit
     gain: float
     rows: Array
-    elsewhere: tuple[Active, ...] = ()
+    alternatives: tuple[EffectInstance, ...] = ()
+
+    @property
+    def explained(self) -> Array:
+        """White residuals that the fit explains ``(R,)``."""
+        return self.rows @ self.fit.estimate
 
 
-def signatures(
-    linear: Linear, effects: Sequence[Effect], end: float, failed: dict[str, str] | None = None
-) -> list[list[Signature]]:
-    """Signatures of every effect at all its places; an effect that fails goes into `failed`, if that is given.
+def scan_jacobians(
+    model: LinearizedModel, effects: Sequence[Effect], end: float, failed: dict[str, str] | None = None
+) -> list[list[EffectJacobian]]:
+    """Columns of every effect at all places of its scan grid.
 
     Parameters
     ----------
-    linear : Linear
+    model : LinearizedModel
     effects : sequence of Effect
     end : float
-        Of the comparison, s: the last place in time.
+        End of the comparison, s: the last place in time.
     failed : dict, optional
-        Effect → message.
+        Effect → message of an effect whose hooks fail; raised if not given.
 
     Returns
     -------
-    list of list of Signature
+    list of list of EffectJacobian
         One list for each effect that did not fail, one entry a place.
     """
-    nodes, q = linear.ground.found.nodes.time, linear.ground.found.flow.dynamic_pressure
-    begin = float(nodes[np.argmax(q > _FELT)])
-    lowest = float(np.min(linear.ground.found.flow.altitude))
-    found = []
+    begin, lowest = scan_range(model)
+    by_effect = []
     for e in effects:
         try:
-            found.append([signature(linear.ground, Active(e, place)) for place in places(e, begin, end, lowest)])
+            grid = scan_grid(e, begin, end, lowest, model.settings)
+            by_effect.append([effect_jacobian(model, EffectInstance(e, places)) for places in grid])
         except InputError as error:
             if failed is None:
                 raise
             failed[e.name] = str(error)
-    return found
+    return by_effect
 
 
-def try_all(linear: Linear, whiten: Whitens, tried: list[list[Signature]]) -> dict[str, Trial]:
-    """Regress the differences on every effect, at every place.
+def screen(
+    model: LinearizedModel, whiten: Whitening, jacobians: list[list[EffectJacobian]]
+) -> dict[str, ScreeningResult]:
+    """Regress the residuals on every effect, at every place.
 
     Parameters
     ----------
-    linear : Linear
+    model : LinearizedModel
     whiten : callable
-        How white rows are made, such as by `beside_own`.
-    tried : list of list of Signature
-        Of `signatures`.
+        Whitening filter, such as by `marginalize_model_effects`.
+    jacobians : list of list of EffectJacobian
+        Of `scan_jacobians`.
 
     Returns
     -------
     dict
-        Effect → `Trial` at its best place.
+        Effect → `ScreeningResult` at its best place.
     """
-    flat = [s for group in tried for s in group]
+    flat = [j for group in jacobians for j in group]
     if not flat:
         return {}
-    rows = np.concatenate([linear.column[:, None], *(s.rows for s in flat)], axis=1)
-    starts = np.concatenate([linear.start[:, None], *(s.start for s in flat)], axis=1)
-    white = whiten(rows, starts)
-    y, at, found = white[:, 0], 1, {}
-    for group in tried:
+    rows = np.concatenate([model.residual_vector[:, None], *(j.rows for j in flat)], axis=1)
+    means = np.concatenate([model.initial_mean[:, None], *(j.initial_mean for j in flat)], axis=1)
+    white = whiten(rows, means)
+    y, column, results = white[:, 0], 1, {}
+    for group in jacobians:
         fits = []
-        for s in group:
-            x = white[:, at : at + len(s.names)]
-            at += len(s.names)
-            fits.append((regress(y, x, s.sigma), s, x))
+        for j in group:
+            x = white[:, column : column + len(j.names)]
+            column += len(j.names)
+            fits.append((regress(y, x, j.sigma), j, x))
         gains = np.array([f[0].gain for f in fits])
         mean = float(gains.max() + np.log(np.mean(np.exp(gains - gains.max()))))
-        chosen = _unlike(fits)
-        best, s, x = chosen[0]
-        found[s.active.name] = Trial(
-            _sized(s, best), s, best, mean, x, tuple(_sized(other, fit) for fit, other, _ in chosen[1:])
-        )
-    return found
+        distinct = _distinct_places(fits, model.settings)
+        fit, j, x = distinct[0]
+        alternatives = tuple(_with_sizes(other, f) for f, other, _ in distinct[1:])
+        results[j.instance.name] = ScreeningResult(_with_sizes(j, fit), j, fit, mean, x, alternatives)
+    return results
 
 
-def _sized(s: Signature, fit: Fit) -> Active:
-    """The effect of a signature with the sizes of a fit."""
-    return replace(s.active, values=s.active.values | dict(zip(s.names, fit.size.tolist(), strict=True)))
+def marginalize_model_effects(model: LinearizedModel, whiten: WhiteningFilter) -> Whitening:
+    """A whitening filter under which the parameters of the model's own effects are nuisance parameters.
+
+    Parameters
+    ----------
+    model : LinearizedModel
+    whiten : WhiteningFilter
+        Of the model's state space.
+
+    Returns
+    -------
+    callable
+        The filter itself where the model has no free effect.
+    """
+    own = [effect_jacobian(model, a, [q.name for q in a.fitted]) for a in model.effects if a.fitted]
+    if not own:
+        return whiten
+    columns = whiten(
+        np.concatenate([j.rows for j in own], axis=1), np.concatenate([j.initial_mean for j in own], axis=1)
+    )
+    left, size, _ = np.linalg.svd(columns * np.concatenate([j.sigma for j in own]), full_matrices=False)
+    removed = 1.0 - 1.0 / np.sqrt(1.0 + size**2)
+
+    def marginalized(columns: Array, initial_mean: Array) -> Array:
+        rows = whiten(columns, initial_mean)
+        return rows - left @ (removed[:, None] * (left.T @ rows))
+
+    return marginalized
 
 
-def _unlike(fits: list[tuple[Fit, Signature, Array]]) -> list[tuple[Fit, Signature, Array]]:
-    """The best fit and up to `STARTS` - 1 others, each unlike those before."""
-    ranked = sorted(fits, key=lambda f: -f[0].gain)
-    chosen = ranked[:1]
-    made = [ranked[0][2] @ ranked[0][0].size]
-    for fit, s, x in ranked[1:]:
-        if len(chosen) == STARTS or fit.gain <= HOPELESS:
-            break
-        y = x @ fit.size
-        if all(likeness(y, m) < RIVAL for m in made):
-            chosen.append((fit, s, x))
-            made.append(y)
-    return chosen
+def refine_places(model: LinearizedModel, instance: EffectInstance, whiten: Whitening) -> EffectInstance:
+    """Move an effect's places by coordinate search with decreasing steps to where its evidence is largest."""
+    scanned = [q for q in instance.effect.places if q.scan > 1]
+    if not scanned:
+        return instance
+    settings, y = model.settings, model.white_residuals(whiten)
+
+    def evaluate(candidate: EffectInstance) -> tuple[float, EffectInstance]:
+        j = effect_jacobian(model, candidate.at_zero())
+        fit = regress(y, whiten(j.rows, j.initial_mean), j.sigma)
+        sizes = dict(zip(j.names, fit.estimate.tolist(), strict=True))
+        return fit.gain, replace(candidate, values=candidate.values | sizes)
+
+    gain, best = evaluate(instance)
+    steps = {}
+    for q in scanned:
+        low, high = (q.low, q.high) if np.isfinite([q.low, q.high]).all() else (0.0, model.bins.edges[-1])
+        spacing = (high - low) / (q.scan if q.kind == "phase" else q.scan - 1)
+        steps[q.name] = settings.altitude_step_m if q.kind == "altitude" else spacing
+    for _ in range(settings.place_refinements):
+        for name in steps:
+            steps[name] *= 0.5
+            for sign in (1.0, -1.0):
+                candidate = replace(best, values=best.values | {name: best.values[name] + sign * steps[name]})
+                if not (is_ordered(candidate) and _within_bounds(candidate, name)):
+                    continue
+                candidate_gain, fitted = evaluate(candidate)
+                if candidate_gain > gain:
+                    gain, best = candidate_gain, fitted
+                    break
+    return best
 
 
-def likeness(a: Array, b: Array) -> float:
-    """Correlation of two signatures without its sign; 0 where they stand on different ground."""
+def shortlist(rankings: list[dict[str, ScreeningResult]], settings: DecisionSettings) -> list[str]:
+    """Names among the first of any screening, each once."""
+    names: list[str] = []
+    for results in rankings:
+        ranked = sorted(results, key=lambda n: -results[n].gain)
+        positive = [n for n in ranked[: settings.shortlist_size] if results[n].gain > settings.minimum_screening_gain]
+        names += [n for n in positive if n not in names]
+    return names
+
+
+def correlation(a: Array, b: Array) -> float:
+    """Absolute correlation of two explained residuals ``(R,)``; 0 where they belong to different linear models."""
     if len(a) != len(b):
         return 0.0
     scale = float(np.linalg.norm(a) * np.linalg.norm(b))
     return abs(float(a @ b)) / scale if scale > 0.0 else 0.0
 
 
-def leaders(rankings: list[dict[str, Trial]]) -> list[str]:
-    """Names that lead any of the linear rankings, each once."""
-    names: list[str] = []
-    for trials in rankings:
-        ranked = sorted(trials, key=lambda n: -trials[n].gain)
-        names += [n for n in ranked[:LEADERS] if trials[n].gain > HOPELESS and n not in names]
-    return names
+def _with_sizes(jacobian: EffectJacobian, fit: LinearFit) -> EffectInstance:
+    """The effect of a Jacobian with the sizes of a fit."""
+    sizes = dict(zip(jacobian.names, fit.estimate.tolist(), strict=True))
+    return replace(jacobian.instance, values=jacobian.instance.values | sizes)
 
 
-def alike(trials: dict[str, Trial], one: str, other: str) -> float:
-    """Correlation of two effects' fitted signatures, white."""
-    a, b = (trials[n].rows @ trials[n].fit.size for n in (one, other))
-    return likeness(a, b)
+def _distinct_places(
+    fits: list[tuple[LinearFit, EffectJacobian, Array]], settings: DecisionSettings
+) -> list[tuple[LinearFit, EffectJacobian, Array]]:
+    """The best fit and up to `starting_places` - 1 others, each dissimilar to those before."""
+    ranked = sorted(fits, key=lambda f: -f[0].gain)
+    distinct = ranked[:1]
+    explained = [ranked[0][2] @ ranked[0][0].estimate]
+    for fit, jacobian, x in ranked[1:]:
+        if len(distinct) == settings.starting_places or fit.gain <= settings.minimum_screening_gain:
+            break
+        y = x @ fit.estimate
+        if all(correlation(y, e) < settings.distinct_correlation for e in explained):
+            distinct.append((fit, jacobian, x))
+            explained.append(y)
+    return distinct
+
+
+def _within_bounds(instance: EffectInstance, name: str) -> bool:
+    """Whether a place is between its bounds; a phase has none."""
+    q = next(p for p in instance.effect.parameters if p.name == name)
+    return q.kind == "phase" or q.low <= instance.values[name] <= q.high

@@ -6,12 +6,12 @@ import json
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from edl_filter.report.html.blocks import Grid, Note, Plot, Section
-from edl_filter.report.html.plotting import Array, Trace, axis, band, curve, envelope, extent, layout, logarithmic
+from edl_filter.report.html.plotting import Trace, axis, band, curve, envelope, extent, layout, logarithmic
 from edl_filter.report.html.source import Source
 from edl_filter.report.profile import EDGE, KNOWN, known
+from edl_filter.types import Array, BoolArray
 
 _KEY, _TITLE = "atmosphere", "Atmosphere"
 _FLIGHT, _PREFLIGHT = "postflight/atmosphere/flight", "postflight/atmosphere/preflight"
@@ -71,7 +71,7 @@ def _limit(source: Source, name: str, otherwise: float) -> float:
     return otherwise if found is None or not np.isfinite(found) else float(found)
 
 
-def _profile(source: Source, name: str, km: Array, inside: NDArray[np.bool_], counts: NDArray[np.bool_]) -> Plot | None:
+def _profile(source: Source, name: str, km: Array, inside: BoolArray, counts: BoolArray) -> Plot | None:
     flown, sigma, expected = (
         source.get(_FLIGHT, name), source.get(_FLIGHT, f"{name}_sigma"), source.get(_PREFLIGHT, name)
     )  # fmt: skip
@@ -101,7 +101,7 @@ def _profile(source: Source, name: str, km: Array, inside: NDArray[np.bool_], co
     return Plot(f"profile_{name}", f"{name.capitalize()} along the flight.", {"data": traces, "layout": made}, _HEIGHT)
 
 
-def _ratio(source: Source, km: Array, inside: NDArray[np.bool_], counts: NDArray[np.bool_]) -> Plot | None:
+def _ratio(source: Source, km: Array, inside: BoolArray, counts: BoolArray) -> Plot | None:
     traces: list[Trace] = []
     shown = [np.array([0.9, 1.1])]
     for name, colour in (("density", "@blue"), ("pressure", "@green"), ("temperature", "@orange")):

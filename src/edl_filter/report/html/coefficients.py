@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from edl_filter.report.html.blocks import Block, Details, Grid, Mark, Note, Plot, Section, Table
-from edl_filter.report.html.plotting import ABOVE, Array, axis, band, event_marks, extent, layout, line
+from edl_filter.report.html.plotting import ABOVE, axis, band, event_marks, extent, layout, line
 from edl_filter.report.html.source import Source
+from edl_filter.types import Array, BoolArray
 
 _KEY, _TITLE = "coefficients", "Coefficients against the database"
 _ROOT = "postflight/coefficients"
@@ -80,7 +80,7 @@ def _plot(source: Source, name: str) -> Plot | None:
     return Plot(f"coefficient_{name}", f"{name}: {_MEANING[name]}.", {"data": traces, "layout": made}, _HEIGHT)
 
 
-def _domain(source: Source, time: Array) -> NDArray[np.bool_]:
+def _domain(source: Source, time: Array) -> BoolArray:
     """Times at which coefficients count: enough air, and no parachute yet."""
     ends = [source.attribute("postflight", f"domain_{name}") for name in ("useful", "end")]
     low, high = (

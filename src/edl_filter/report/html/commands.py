@@ -25,13 +25,13 @@ def add(source: Source, mission: str, entry: Mapping[str, Any]) -> str:
 
 def mission_name(source: Source) -> str:
     """The mission of a result as a person names it at a shell, quoted; ``MISSION`` where it is gone."""
-    from edl_filter.mission.naming import name_of, unchanged
+    from edl_filter.mission.files import matches_file, mission_argument
     from edl_filter.results.reopen import reopen
 
     try:
         mission = reopen(source.folder).mission
     except InputError:
         return _UNKNOWN
-    if unchanged(mission):
-        return quote(name_of(mission))
+    if matches_file(mission):
+        return quote(mission_argument(mission))
     return quote(str(source.as_run)) if source.as_run.is_file() else _UNKNOWN

@@ -7,14 +7,14 @@ from typing import Any
 
 import numpy as np
 
-from edl_filter.report.envelope import extremes
-from edl_filter.report.findings import number, onset_text
+from edl_filter.report.decimate import extremes
 from edl_filter.report.html.blocks import Block, Command, HeatCell, HeatMap, Note, Residuals, Scale, Section
 from edl_filter.report.html.colours import LEAST, MOST, cell_colours, gradient
 from edl_filter.report.html.commands import diagnose
 from edl_filter.report.html.plotting import axis, event_marks, layout, packed
 from edl_filter.report.html.source import Source
 from edl_filter.report.html.words import readable
+from edl_filter.report.terminal.diagnosis import number, onset_text
 
 FIXED = "constraints"
 #: Bins of all channels' residuals together, and of one channel at most: the page must stay small.

@@ -6,11 +6,11 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-from edl_filter.report.findings import chance, number, parameters_text
 from edl_filter.report.html.blocks import Block, Cell, Command, Details, Note, Section, Table
 from edl_filter.report.html.commands import add, diagnose, mission_name
 from edl_filter.report.html.source import Source
 from edl_filter.report.html.words import readable
+from edl_filter.report.terminal.diagnosis import chance, number, parameters_text
 
 _KEY, _TITLE = "hypotheses", "Which effect is missing"
 

@@ -9,8 +9,9 @@ from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from edl_filter import __version__
+from edl_filter._version import __version__
 from edl_filter.errors import InputError
+from edl_filter.io.atomic import replace_with
 from edl_filter.report.html import verdict as first
 from edl_filter.report.html.atmosphere import atmosphere
 from edl_filter.report.html.blocks import Block, Details, Grid, Plot, Residuals, Section
@@ -25,7 +26,6 @@ from edl_filter.report.html.source import Source
 from edl_filter.report.html.trajectory import trajectory
 from edl_filter.report.html.waterfall import waterfall
 from edl_filter.results.plain import finite
-from edl_filter.whole_file import replace_with
 
 if TYPE_CHECKING:
     from jinja2 import Environment

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from edl_filter.report.envelope import envelope
+from edl_filter.report.decimate import envelope
+from edl_filter.types import Array, BoolArray
 
-Array = NDArray[np.float64]
 Trace = dict[str, Any]
 
 #: Bins of a curve: twice as many samples stay.
@@ -82,7 +82,7 @@ def band(
     } | ({"yaxis": f"y{axis}", "xaxis": "x"} if axis else {})  # fmt: skip
 
 
-def _pieces(good: NDArray[np.bool_]) -> list[NDArray[np.intp]]:
+def _pieces(good: BoolArray) -> list[NDArray[np.intp]]:
     """Indices of the runs of samples that can be drawn; all of them as one where gaps are too many."""
     index = np.flatnonzero(good)
     if not len(index):

@@ -8,11 +8,10 @@ from typing import Any
 
 import h5py
 import numpy as np
-from numpy.typing import NDArray
 
-from edl_filter.results.outputs import AS_RUN, DIAGNOSIS, LEDGER, RESIDUALS
+from edl_filter.results.files import AS_RUN, DIAGNOSIS, LEDGER, RESIDUALS
+from edl_filter.types import Array
 
-Array = NDArray[np.float64]
 #: s after landing that are still shown: the bounces belong to another picture.
 _AFTER_LANDING = 2.0
 

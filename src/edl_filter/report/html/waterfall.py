@@ -7,12 +7,12 @@ from collections.abc import Mapping, Sequence
 from itertools import pairwise
 from typing import Any
 
-from edl_filter.report.findings import number, parameters_text
 from edl_filter.report.html.blocks import Command, Details, Note, Plot, Section, Table
 from edl_filter.report.html.commands import mission_name
 from edl_filter.report.html.plotting import axis, layout
 from edl_filter.report.html.source import Source
 from edl_filter.report.html.words import readable
+from edl_filter.report.terminal.diagnosis import number, parameters_text
 
 _KEY, _TITLE = "ledger", "How the error fell"
 _HEIGHT = 380

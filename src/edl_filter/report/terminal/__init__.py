@@ -65,15 +65,15 @@ def _print(console: Console, written: dict[str, Any]) -> None:
 
 def effect_lines(effects: dict[str, dict[str, Any]]) -> list[str]:
     """One line for each effect in the model, with the parameters that are not zero and their sigmas."""
-    from edl_filter.effects.again import among
-    from edl_filter.effects.catalogue import catalogue
+    from edl_filter.effects.instances import lookup
+    from edl_filter.effects.registry import catalogue
 
     lines = []
     for key, e in effects.items():
         estimate = {q: v["estimate"] for q, v in e["parameters"].items() if v["estimate"] is not None}
         values = ", ".join(_estimate(q, e["parameters"][q]) for q, v in estimate.items() if v and math.isfinite(v))
         name = key.split(" in ")[0]
-        known = among(catalogue(), name)
+        known = lookup(catalogue(), name)
         off = known is not None and not any(estimate.get(q.name) for q in known.sizes)
         where = f" in {e['imu']}" if e["imu"] else ""
         lines.append(f"Effect in the model: {name}{where} ({'off' if off else values}).")

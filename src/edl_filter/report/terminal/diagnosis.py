@@ -9,8 +9,8 @@ from typing import Any
 from rich.markup import escape
 from rich.table import Table
 
-from edl_filter.report.console import echo, table
 from edl_filter.report.terminal import with_sigma
+from edl_filter.report.terminal.console import echo, table
 
 #: Normalised RMS that is called noise.
 _NOISE = 1.1

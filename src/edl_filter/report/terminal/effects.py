@@ -9,9 +9,9 @@ from rich import box
 from rich.console import Console
 from rich.table import Table
 
-from edl_filter.effects.describe import parameters_text, size_text
-from edl_filter.effects.effect import Effect
-from edl_filter.effects.loading import bounds_text
+from edl_filter.effects.base import Effect
+from edl_filter.effects.parameters import bounds_text
+from edl_filter.effects.tables import parameters_text, size_text
 
 #: Columns where the output is no terminal and has no width of its own.
 _WIDTH = 118

@@ -1,0 +1,70 @@
+"""Commands that create, download and export flight data."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from edl_filter.cli._base import progress
+from edl_filter.cli.options import FlightFileOption, ResultArgument
+from edl_filter.errors import InputError
+
+
+def convert(
+    log: Annotated[Path, typer.Argument(help="IMU log, CSV with a header.")],
+    spec: Annotated[Path, typer.Option("--spec", help="YAML file that states the quantity and unit of each column.")],
+    output: FlightFileOption,
+) -> None:
+    """Convert an IMU log into a flight file."""
+    from edl_filter.telemetry.csv_log import convert as convert_log
+
+    typer.echo(f"Written: {convert_log(log, spec, output)}")
+
+
+def simulate(
+    scenario: Annotated[str, typer.Argument(help="Scenario file, or builtin:NAME.")],
+    output: FlightFileOption,
+    seed: Annotated[int | None, typer.Option("--seed", min=0, help="Seed of the random numbers.")] = None,
+    changes: Annotated[
+        list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Change a key of the scenario.")
+    ] = None,
+) -> None:
+    """Simulate a scenario with six degrees of freedom; write the measurements and the true trajectory."""
+    from edl_filter.simulation import Scenario
+    from edl_filter.simulation import simulate as simulate_flight
+
+    loaded = Scenario.load(scenario, changes or ())
+    with progress(f"Simulating {loaded.title or loaded.name}", quiet=False):
+        flight = simulate_flight(loaded, seed=seed)
+    typer.echo(f"Written: {flight.write(output)}")
+
+
+def export(
+    result: ResultArgument,
+    to: Annotated[str, typer.Option("--to", help="csv, spk or ck.")],
+    output: Annotated[
+        Path | None, typer.Option("-o", "--output", help="File to write; in the result's folder if not stated.")
+    ] = None,
+    naif_id: Annotated[int | None, typer.Option("--naif-id", help="NAIF ID of the spacecraft in SPICE.")] = None,
+) -> None:
+    """Write trajectory and attitude for other tools: a CSV table, or SPICE kernels."""
+    from edl_filter.export import export as export_result
+
+    for path in export_result(result, to, output, naif_id):
+        typer.echo(f"Written: {path}")
+
+
+def fetch(
+    dataset: Annotated[str, typer.Argument(help="mer-imu: telemetry of Spirit and Opportunity.")],
+    base_url: Annotated[str | None, typer.Option("--base-url", help="URL of another copy of the volume.")] = None,
+    to: Annotated[Path | None, typer.Option("--to", help="Folder for the downloads, instead of the cache.")] = None,
+) -> None:
+    """Download public data and check the SHA-256 checksum of each file."""
+    if dataset != "mer-imu":
+        raise InputError(f"fetch: found {dataset!r}; accepted is mer-imu.")
+    from edl_filter.telemetry.fetch import fetch_mer_imu
+
+    typer.echo(f"MER telemetry: {fetch_mer_imu(base_url, to, progress=sys.stdout.isatty())}")

@@ -1,0 +1,89 @@
+"""Commands that reconstruct a flight, and the check of their input."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from edl_filter.cli._base import print_json, progress
+from edl_filter.cli.options import MissionArgument, OverridesOption, ResultFolderOption
+from edl_filter.errors import InputError
+
+if TYPE_CHECKING:
+    from edl_filter.mission import Mission
+
+_HDF5_SUFFIXES = (".h5", ".hdf5", ".nc")
+
+
+def run(
+    mission: MissionArgument,
+    output: ResultFolderOption = None,
+    changes: OverridesOption = None,
+    no_figures: Annotated[bool, typer.Option("--no-figures", help="Draw no figures.")] = False,
+    no_refit: Annotated[
+        bool, typer.Option("--no-refit", help="Keep effects at their stated values; compare nothing with a prediction.")
+    ] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="Print the summary as JSON, nothing else.")] = False,
+) -> None:
+    """Reconstruct an entry and refit its effects; write result.nc, summary.json, report.html and figures."""
+    from edl_filter.mission import Mission
+
+    _reconstruct(Mission.load(mission, changes or ()), output, not no_figures, as_json, not no_refit)
+
+
+def demo(output: ResultFolderOption = None) -> None:
+    """Reconstruct the flight that the package ships, and print the path of its first figure."""
+    from edl_filter.mission import Mission
+
+    outputs = _reconstruct(Mission.load("builtin:practice_mer"), output, figures=True, as_json=False)
+    typer.echo(f"Look at {outputs['figures'][0] if outputs['figures'] else outputs['result']} first.")
+
+
+def validate(
+    path: Annotated[str, typer.Argument(help="Mission file (checked with its telemetry and tables), or flight file.")],
+    changes: OverridesOption = None,
+) -> None:
+    """Check a mission with its telemetry and tables, or a flight file."""
+    if path.lower().endswith(_HDF5_SUFFIXES):
+        from edl_filter.telemetry.flight_file import read_flight_file
+
+        if changes:
+            raise InputError(f"--set: {path} is a flight file; only a mission has keys to change.")
+        telemetry, description = read_flight_file(path), "flight file"
+    else:
+        from edl_filter.mission import Mission
+        from edl_filter.pipeline.load import read_atmosphere, read_telemetry
+        from edl_filter.pipeline.problem import assemble
+
+        mission = Mission.load(path, changes or ())
+        telemetry, description = read_telemetry(mission), f"mission {mission.name}"
+        planet = mission.planet_model(telemetry.prime_meridian_at_epoch)
+        assemble(mission, telemetry, planet, read_atmosphere(mission))
+    from edl_filter.report.terminal import telemetry_lines
+
+    typer.echo(f"{path}: {description}, no errors found.")
+    for line in telemetry_lines(telemetry):
+        typer.echo(f"  {line}")
+
+
+def _reconstruct(
+    mission: Mission, output: Path | None, figures: bool, as_json: bool, refit: bool = True
+) -> dict[str, Any]:
+    """Reconstruct a mission, write the outputs and print the summary; returns the paths of the outputs."""
+    from edl_filter.workflow.outputs import write_outputs
+    from edl_filter.workflow.run import run_mission
+
+    with progress(f"Reconstructing {mission.title or mission.name}", quiet=as_json) as report_step:
+        result = run_mission(mission, refit, report_step)
+    with progress("Writing results", quiet=as_json):
+        outputs = write_outputs(result, output or mission.output_directory(), figures and mission.outputs.figures)
+    if as_json:
+        paths = {k: str(outputs[k]) for k in ("result", "report")} | {"figures": [str(p) for p in outputs["figures"]]}
+        print_json(outputs["content"] | {"outputs": paths})
+    else:
+        from edl_filter.report.terminal import print_run
+
+        print_run(outputs)
+    return outputs

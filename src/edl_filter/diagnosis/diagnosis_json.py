@@ -1,0 +1,129 @@
+"""The content of ``diagnosis.json``: a diagnosis as plain data."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from edl_filter.diagnosis.diagnosis import Diagnosis
+from edl_filter.diagnosis.residual_analysis.residual_map import Cell, failing_cells
+from edl_filter.diagnosis.selection.decision import Entry, hypothesis_rms, most_reduced_channel
+from edl_filter.diagnosis.selection.hypothesis import Hypothesis
+from edl_filter.diagnosis.selection.screening import ScreeningResult
+from edl_filter.effects.base import EffectInstance
+from edl_filter.results.plain import finite
+
+
+def diagnosis_content(diagnosis: Diagnosis) -> dict[str, Any]:
+    """All that ``diagnosis.json`` holds; numbers that are not finite are None."""
+    verdict, ranking, remainder, latent = (
+        diagnosis.verdict,
+        diagnosis.ranking,
+        diagnosis.remainder,
+        diagnosis.latent,
+    )
+    content = {
+        "verdict": verdict.verdict,
+        "sentence": verdict.sentence,
+        "partner": None if verdict.partner is None else _partner(verdict.partner),
+        "mission": diagnosis.mission,
+        "effects": list(diagnosis.effects),
+        "where": [_cell(c) for c in failing_cells(diagnosis.cells)],
+        "map": [_cell(c) for c in diagnosis.cells],
+        "ranking": [_entry(e, diagnosis.errors) for e in verdict.entries],
+        "none": verdict.none,
+        "none_gain": 0.0 if ranking.excess_noise_gain <= 0.0 else -ranking.excess_noise_gain,
+        "something_else": {
+            "probability": verdict.something_else,
+            "score_gain": ranking.unmodelled_gain,
+            "force_m_s2": ranking.unmodelled.force,
+            "angular_acceleration_rad_s2": ranking.unmodelled.moment,
+            "memory_s": ranking.unmodelled.memory,
+            "with_dynamic_pressure": ranking.unmodelled.with_pressure,
+        },
+        "undecided": {
+            name: {"gain": r.gain, "parameters": _screened_parameters(r)} for name, r in ranking.screening.items()
+        },
+        "remainder": None
+        if remainder is None
+        else {
+            "channel": remainder.channel, "t0_s": remainder.t0, "t1_s": remainder.t1, "normalised_rms": remainder.rms,
+            "size": remainder.size, "unit": remainder.unit, "frequency_hz": remainder.frequency,
+            "follows": remainder.follows, "companions": list(remainder.companions),
+            "description": remainder.description,
+        },
+        "latent": None
+        if latent is None
+        else {
+            "time_s": latent.time.tolist(), "force_N": latent.force.tolist(),
+            "force_sigma_N": latent.force_sigma.tolist(), "moment_N_m": latent.moment.tolist(),
+            "moment_sigma_N_m": latent.moment_sigma.tolist(),
+        },
+        "onsets": [{"channel": o.channel, "time_s": o.time, "gain": o.gain} for o in diagnosis.onsets],
+        "failed": ranking.failed,
+        "errors": diagnosis.errors,
+        "noise_floor": diagnosis.noise_floor,
+        "settings": ranking.case.settings.model_dump(),
+    }  # fmt: skip
+    return dict(finite(content))
+
+
+def _cell(c: Cell) -> dict[str, Any]:
+    return {
+        "channel": c.channel, "regime": c.regime, "t0_s": c.t0, "t1_s": c.t1, "normalised_rms": c.rms, "bias": c.bias,
+        "autocorrelation": c.autocorrelation, "beyond_noise": c.physical, "unit": c.unit,
+        "over_database_sigma": c.over_database_sigma, "count": c.count, "fails": c.fails, "sentence": c.sentence,
+    }  # fmt: skip
+
+
+def _screened_parameters(result: ScreeningResult) -> dict[str, Any]:
+    sigma = np.sqrt(np.diag(result.fit.covariance))
+    return {
+        n: {"estimate": float(v), "sigma": float(s), "data_share": float(d)}
+        for n, v, s, d in zip(result.jacobian.names, result.fit.estimate, sigma, result.fit.data_share, strict=True)
+    }
+
+
+def _partner(h: Hypothesis) -> dict[str, Any]:
+    """The second effect, and the estimates of all effects of that model together."""
+    return {"effect": h.name, "together": {a.name: _parameters(h, a) for a in h.fit.effects}}
+
+
+def _parameters(h: Hypothesis, instance: EffectInstance) -> dict[str, Any]:
+    units = {q.name: q.unit for q in instance.effect.parameters}
+    estimates = h.fit.parameters(instance.name)
+    return {n: {"estimate": v, "sigma": s, "unit": units[n]} for n, (v, s) in estimates.items()}
+
+
+def _entry(entry: Entry, before: dict[str, float]) -> dict[str, Any]:
+    h = entry.hypothesis
+    after = hypothesis_rms(h)
+    channel = most_reduced_channel(h, before, after)
+    return {
+        "effect": h.name,
+        "same_as": list(entry.same_as),
+        "alternatives": {other.name: {"parameters": _parameters(other, other.instance)} for other in entry.others},
+        "parted_by": entry.discriminated_by,
+        "probability": entry.probability,
+        "gain": h.gain,
+        "score_gain": h.score_gain,
+        "at_noise_floor": h.at_floor,
+        "parameters": _parameters(h, h.instance),
+        "correlations": _correlations(h),
+        "error_before": before[channel],
+        "error_after": after[channel],
+        "channel": channel,
+        "errors_after": after,
+    }
+
+
+def _correlations(h: Hypothesis) -> dict[str, float]:
+    """Posterior correlations of all parameters; those of other effects in the model have the effect before the name."""
+    sigma = h.fit.parameter_sigma
+    names = [q if effect == h.name else f"{effect} {q}" for effect, q in h.fit.names]
+    return {
+        f"{names[j]}, {names[i]}": float(h.fit.covariance[i, j] / (sigma[i] * sigma[j]))
+        for i in range(len(names))
+        for j in range(i)
+    }

@@ -1,0 +1,6 @@
+"""Prediction: what the model says that every instrument should have read, and the residuals.
+
+In: the filter problem and the forward model of a mission, a linearisation point. Out: measured minus predicted specific
+force, rate steps, readings of the checking IMUs, and constraints. Reading order: `time_bins`, `dead_reckoning` (the
+path along which both are compared), `residuals`.
+"""

@@ -1,0 +1,7 @@
+"""Residual analysis: where a model fails, and what is left.
+
+On the innovations of a linearised model: `channels` (names, units and normalised innovations), `residual_map` (every
+channel in every flight regime, and change points), `channel_rms`, `time_series` (residuals against time),
+`latent_force` (unmodelled force and moment against time), `unexplained` (what they follow), `run_residuals` (the same
+for a reconstruction that is not diagnosed).
+"""

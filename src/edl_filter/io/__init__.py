@@ -1,0 +1,5 @@
+"""Files and environment of a program, independent of aerospace.
+
+`atomic` writes a file completely or not at all, `csv_table` reads tables of numbers with error messages that name the
+line, `progress` names the environment variable by which a command reports its progress to the program that started it.
+"""

@@ -1,0 +1,267 @@
+"""Settings of the diagnosis: every threshold on which a ranking or a verdict depends, with its reason and its source.
+
+They stand under ``diagnosis:`` in a mission and are recorded whole in ``diagnosis.json``, so that a ranking can be
+reproduced and its sensitivity to each of them studied (``make study-thresholds``).
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Any
+
+from pydantic import Field
+
+from edl_filter.mission.fields import Section
+from edl_filter.mission.validators import Number, Within
+
+#: Sources of the values.
+CHANCE = "quantile of the normal or chi-square distribution"
+EVIDENCE = "scale of evidence of Kass and Raftery, JASA 90 (1995) 773"
+NUMERICS = "convergence of the computation on simulated flights"
+STUDY = "study of simulated flights (docs/identification.md)"
+
+Positive = Annotated[Number, Within("", 0.0, 1e4, above=True)]
+
+
+def _setting(default: Any, description: str, source: str) -> Any:
+    """A field with its default, unit and reason, and the source of the value."""
+    return Field(default=default, description=description, json_schema_extra={"source": source})
+
+
+class DecisionSettings(Section):
+    """Thresholds of the diagnosis."""
+
+    # prediction
+    bin_length_s: Annotated[Number, Within("s", 0.0, 2.0, above=True)] = _setting(
+        0.1,
+        "s: length that time bins approach; ten in a period of 1 Hz, the fastest oscillation of a blunt body",
+        NUMERICS,
+    )
+    excluded_end_bins: Annotated[int, Field(strict=True, ge=0, le=100)] = _setting(
+        3, "bins at both ends that are not compared: interpolation has neighbours on one side only", NUMERICS
+    )
+    parachute_margin_s: Annotated[Number, Within("s", 0.0, 60.0)] = _setting(
+        0.3, "s before the parachute that are not compared: the mortar's recoil and samples that contain it", STUDY
+    )
+
+    # nuisance parameters
+    minimum_density_sigma: Annotated[Number, Within("", 0.0, 0.1, above=True)] = _setting(
+        0.0001, "least relative sigma of the preflight density, for a regular covariance", NUMERICS
+    )
+    database_memory_s: Annotated[Number, Within("s", 0.0, 10000.0, above=True)] = _setting(
+        20.0, "s: correlation time of the database's errors", STUDY
+    )
+    relative_prediction_error: Annotated[Number, Within("", 0.0, 0.1, above=True)] = _setting(
+        0.0002, "relative sigma of a prediction from exact tables: sampling, interpolation, small angles", NUMERICS
+    )
+
+    # excess variance
+    noise_piece_s: Annotated[Number, Within("s", 0.0, 1000.0, above=True)] = _setting(
+        10.0, "s: length of the intervals in which a channel's excess variance is estimated", STUDY
+    )
+    excess_variance_sigmas: Annotated[Number, Within("", 0.0, 20.0, above=True)] = _setting(
+        4.0,
+        "sigmas of chance beyond which the mean square of an interval is excessive: about 100 intervals are tested",
+        CHANCE,
+    )
+    variance_iterations: Annotated[int, Field(strict=True, ge=1, le=100)] = _setting(
+        10, "largest number of iterations of the variances", NUMERICS
+    )
+    variance_convergence_nats: Annotated[Number, Within("nats", 0.0, 100.0, above=True)] = _setting(
+        2.0, "nats: gain in likelihood below which the iteration of the variances ends", NUMERICS
+    )
+    variance_step_power: Annotated[Number, Within("", 1.0, 3.0)] = _setting(
+        1.5, "power of the ratio by which a variance is multiplied where no secant is known", NUMERICS
+    )
+    variance_step_power_max: Annotated[Number, Within("", 1.0, 6.0)] = _setting(
+        3.0, "largest power: larger ones were seen to oscillate", NUMERICS
+    )
+    negligible_variance_share: Annotated[Number, Within("", 0.0, 0.1, above=True)] = _setting(
+        1e-06, "share of a residual's variance, all others given, that counts as none", NUMERICS
+    )
+    holds_share: Annotated[Number, Within("", 0.0, 1.0)] = _setting(
+        0.02, "share of the rows that may have excess variance where a model holds", STUDY
+    )
+
+    # unmodelled acceleration
+    unmodelled_memories_s: Annotated[tuple[Positive, ...], Field(min_length=1)] = _setting(
+        (0.5, 10.0), "s: correlation times that are tried, within an oscillation and over many", STUDY
+    )
+    unmodelled_forces: Annotated[tuple[Positive, ...], Field(min_length=1)] = _setting(
+        (0.003, 0.03, 0.3),
+        "m/s^2: amplitudes of the specific force that are tried, from the accelerometers' noise up",
+        STUDY,
+    )
+    unmodelled_moments: Annotated[tuple[Positive, ...], Field(min_length=1)] = _setting(
+        (0.001, 0.01, 0.1), "rad/s^2: amplitudes of the angular acceleration that are tried", STUDY
+    )
+
+    # linearisation point
+    linearization_iterations: Annotated[int, Field(strict=True, ge=1, le=20)] = _setting(
+        3, "largest number of linearisation points of the model that is diagnosed", NUMERICS
+    )
+    linearization_tolerance_sigmas: Annotated[Number, Within("", 0.0, 10.0, above=True)] = _setting(
+        0.1, "sigmas: change of the point at which it has converged", NUMERICS
+    )
+    state_limit_sigmas: Annotated[Number, Within("", 1.0, 1000000.0, above=True)] = _setting(
+        100.0, "sigmas of what is stated beyond which a point is not credible", STUDY
+    )
+    log_density_limit: Annotated[Number, Within("", 0.0, 10.0, above=True)] = _setting(
+        0.9, "log of the density's factor beyond which a point is not credible", STUDY
+    )
+    alternative_iterations: Annotated[int, Field(strict=True, ge=1, le=20)] = _setting(
+        4, "linearisation points at which a failing model with an exact database may come to hold", NUMERICS
+    )
+    alternative_progress: Annotated[Number, Within("", 0.0, 1.0, above=True)] = _setting(
+        0.8, "share of the excess variance that an iteration towards that point may leave", NUMERICS
+    )
+    credible_nuisance_sigmas: Annotated[Number, Within("", 0.0, 100.0, above=True)] = _setting(
+        5.0, "sigmas by which a nuisance parameter may credibly be off: 6e-7 by chance", CHANCE
+    )
+
+    # screening
+    felt_pressure_pa: Annotated[Number, Within("Pa", 0.0, 1000.0, above=True)] = _setting(
+        1.0, "Pa: dynamic pressure from which the air is felt and times are scanned", STUDY
+    )
+    altitude_scan_top_m: Annotated[Number, Within("m", 0.0, 200000.0, above=True)] = _setting(
+        70000.0, "m: altitude above which no layer is scanned, the air being too thin", STUDY
+    )
+    altitude_scan_below_m: Annotated[Number, Within("m", 0.0, 50000.0)] = _setting(
+        3000.0, "m below the end of the comparison at which the scan of altitudes begins", STUDY
+    )
+    shortlist_size: Annotated[int, Field(strict=True, ge=1, le=50)] = _setting(
+        4, "leading effects of each screening that are fitted", STUDY
+    )
+    starting_places: Annotated[int, Field(strict=True, ge=1, le=50)] = _setting(
+        3, "dissimilar places from which a fit starts", STUDY
+    )
+    distinct_correlation: Annotated[Number, Within("", 0.0, 1.0, above=True)] = _setting(
+        0.7, "correlation of explained residuals below which two places or two effects are dissimilar", STUDY
+    )
+    minimum_screening_gain: Annotated[Number, Within("nats", -100.0, 100.0)] = _setting(
+        0.0, "nats: linear gain that an effect must exceed to be fitted", EVIDENCE
+    )
+    place_refinements: Annotated[int, Field(strict=True, ge=0, le=30)] = _setting(
+        6, "halvings of the scan grid's spacing before a fit", NUMERICS
+    )
+    altitude_step_m: Annotated[Number, Within("m", 0.0, 50000.0, above=True)] = _setting(
+        4000.0, "m: spacing of altitudes before the first halving", NUMERICS
+    )
+
+    # fits
+    fit_iterations: Annotated[int, Field(strict=True, ge=1, le=100)] = _setting(
+        12, "largest number of Gauss-Newton steps of a final fit", NUMERICS
+    )
+    comparison_fit_iterations: Annotated[int, Field(strict=True, ge=1, le=100)] = _setting(
+        6, "the same while effects are compared", NUMERICS
+    )
+    polish_fit_iterations: Annotated[int, Field(strict=True, ge=1, le=100)] = _setting(
+        3, "the same at another noise", NUMERICS
+    )
+    null_fit_iterations: Annotated[int, Field(strict=True, ge=1, le=100)] = _setting(
+        3, "the same for the model without a further effect, whose effects were fitted when added", NUMERICS
+    )
+    shortest_step: Annotated[Number, Within("", 0.0, 1.0, above=True, below=True)] = _setting(
+        0.001, "part of a Gauss-Newton step that is not shortened", NUMERICS
+    )
+    nuisance_iterations: Annotated[int, Field(strict=True, ge=1, le=20)] = _setting(
+        4, "linearisation points at each value of the effects", NUMERICS
+    )
+    fit_convergence_nats: Annotated[Number, Within("nats", 0.0, 10.0, above=True)] = _setting(
+        0.05, "nats: gain below which a fit has converged", NUMERICS
+    )
+    outer_iterations: Annotated[int, Field(strict=True, ge=1, le=20)] = _setting(
+        3, "largest number of reconstructions about which effects are fitted", NUMERICS
+    )
+    outer_tolerance_sigmas: Annotated[Number, Within("", 0.0, 10.0, above=True)] = _setting(
+        0.3, "sigmas: change of a parameter from one reconstruction to the next at which it has converged", NUMERICS
+    )
+
+    # hypotheses
+    solved_share: Annotated[Number, Within("", 0.0, 1.0, above=True)] = _setting(
+        0.1, "share of the model's excess variance below which an effect has explained it", STUDY
+    )
+    promising_share: Annotated[Number, Within("", 0.0, 1.0, above=True)] = _setting(
+        0.7, "the same by moments, above which the noise that an effect leaves is not estimated", STUDY
+    )
+    rival_gain_share: Annotated[Number, Within("", 0.0, 1.0)] = _setting(
+        0.25, "share of the leader's gain from which another effect is fitted about its own reconstruction", STUDY
+    )
+    relinearized_hypotheses: Annotated[int, Field(strict=True, ge=1, le=50)] = _setting(
+        3, "effects that are fitted about their own reconstruction", STUDY
+    )
+    held_out_block_s: Annotated[Number, Within("s", 0.0, 1000.0, above=True)] = _setting(
+        5.0, "s: length of the blocks that are held out, several oscillations", STUDY
+    )
+    held_out_folds: Annotated[int, Field(strict=True, ge=2, le=100)] = _setting(
+        5, "folds of the cross-validation", "Hastie et al. (2009), section 7.10"
+    )
+
+    # decision
+    named_gain_nats: Annotated[Number, Within("nats", 0.0, 100.0)] = _setting(
+        6.0,
+        "nats: prior cost of an effect and gain from which it is detectable: odds of 400 to 1",
+        EVIDENCE,
+    )
+    named_gain_in_excess_noise_nats: Annotated[Number, Within("nats", 0.0, 200.0)] = _setting(
+        12.0, "nats: the same where the noise is not what is stated", STUDY
+    )
+    excess_noise_nats: Annotated[Number, Within("nats", 0.0, 200.0)] = _setting(
+        10.0, "nats: evidence from which the noise is not what is stated", EVIDENCE
+    )
+    same_correlation: Annotated[Number, Within("", 0.0, 1.0, above=True)] = _setting(
+        0.9,
+        "correlation of explained residuals from which two names are one hypothesis",
+        "Klein and Morelli (2006), section 5.5",
+    )
+    separable_gain_nats: Annotated[Number, Within("nats", 0.0, 100.0)] = _setting(
+        6.0, "nats: evidence that distinguishes two names", EVIDENCE
+    )
+    partial_gain_share: Annotated[Number, Within("", 0.0, 1.0)] = _setting(
+        0.05, "share of the unmodelled acceleration's gain that a name must have if it does not exceed it", STUDY
+    )
+    channel_fails_rms: Annotated[Number, Within("", 1.0, 100.0, above=True)] = _setting(
+        1.5, "normalised RMS from which a channel fails, where an effect is to explain it", STUDY
+    )
+    channel_explained_share: Annotated[Number, Within("", 0.0, 1.0, above=True)] = _setting(
+        0.9, "share of a channel's excess mean square that an effect must explain", STUDY
+    )
+    channel_remaining_share: Annotated[Number, Within("", 0.0, 1.0, above=True)] = _setting(
+        0.2, "share of its RMS that an effect may leave in the channel that it reduces most", STUDY
+    )
+    joint_effect_sigmas: Annotated[Number, Within("", 0.0, 100.0, above=True)] = _setting(
+        5.0, "sigmas by which a first effect must differ from zero beside a second one", CHANCE
+    )
+    constraint_improvement: Annotated[Number, Within("", 1.0, 10000.0, above=True)] = _setting(
+        10.0, "factor by which a constraint is improved to see what it would distinguish", STUDY
+    )
+
+    # residual map and remainder
+    cell_fails_sigmas: Annotated[Number, Within("", 0.0, 30.0, above=True)] = _setting(
+        5.0, "sigmas of chance beyond which a cell of the residual map fails", CHANCE
+    )
+    cell_minimum_rms: Annotated[Number, Within("", 1.0, 10.0)] = _setting(
+        1.1, "normalised RMS that a failing cell exceeds: a tenth more than the noise", STUDY
+    )
+    onset_samples: Annotated[int, Field(strict=True, ge=2, le=1000)] = _setting(
+        10, "samples on either side of a change point", NUMERICS
+    )
+    onset_nats: Annotated[Number, Within("nats", 0.0, 200.0)] = _setting(
+        12.0, "nats: evidence that a change point needs, some hundred times being tried", EVIDENCE
+    )
+    unexplained_piece_s: Annotated[Number, Within("s", 0.0, 100.0, above=True)] = _setting(
+        2.5, "s: length of the pieces in which the remainder is tested", STUDY
+    )
+    line_power_share: Annotated[Number, Within("", 0.0, 1.0, above=True)] = _setting(
+        0.3, "share of the power in one spectral line from which the remainder oscillates", STUDY
+    )
+    line_cycles: Annotated[Number, Within("", 0.0, 100.0, above=True)] = _setting(
+        3.0, "cycles within the span from which a line is not a trend", STUDY
+    )
+    follows_correlation: Annotated[Number, Within("", 0.0, 1.0, above=True)] = _setting(
+        0.5, "correlation from which the remainder follows a quantity", STUDY
+    )
+
+    # forward selection
+    max_effects: Annotated[int, Field(strict=True, ge=1, le=100)] = _setting(
+        12, "effects at which forward selection ends, for a person to judge", STUDY
+    )

@@ -1,0 +1,296 @@
+"""Missions with further effects: as a new mission file, and in memory.
+
+An effect that a file can name is written into the mission's text, so that the mission runs in any session. An effect
+whose class exists in this Python session only, such as a class of a notebook, is stored in the `Mission` object.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from edl_filter.effects.base import Effect, EffectInstance
+from edl_filter.effects.parameters import Parameter, checked_values
+from edl_filter.effects.registry import find_effect, nameable_in_mission, validated_effect
+from edl_filter.errors import InputError
+from edl_filter.mission.files import source_folder, write_mission
+from edl_filter.mission.mission import Mission
+from edl_filter.mission.shipped import BUILTIN
+from edl_filter.mission.yaml_edit import append_entry
+from edl_filter.mission.yaml_text import parse, set_key
+
+#: An effect as an argument: name in the catalogue, object or class.
+EffectLike = str | Effect | type[Effect]
+#: Column in which the comments on an effect's parameters begin.
+_COMMENT_COLUMN = 33
+
+
+def add_effect(
+    mission: str,
+    name: str,
+    output: Path | None = None,
+    changes: Sequence[str] = (),
+    estimates: Mapping[str, float] | None = None,
+    imu: str | None = None,
+    file: str | None = None,
+) -> Path:
+    """Write a mission file with one more effect at the end of its ``effects:``.
+
+    Parameters
+    ----------
+    mission : str
+        Mission file, or ``builtin:NAME``.
+    name : str
+        Name of the effect.
+    output : Path, optional
+        File to write; by default ``NAME+EFFECT.yaml`` in the folder of the mission, or in the current folder for a
+        shipped mission. A file that exists is refused, unless it is the mission file itself.
+    changes : sequence of str
+        Starting values, ``PARAMETER=VALUE``; they take precedence over `estimates`.
+    estimates : mapping, optional
+        Parameter → starting value.
+    imu : str, optional
+        IMU that a sensor effect acts on.
+    file : str, optional
+        Python file with a user's effect, relative to the current folder.
+
+    Returns
+    -------
+    Path
+        The file that was written.
+
+    Raises
+    ------
+    InputError
+        The mission, effect or parameter does not exist; a value is out of bounds; `output` exists.
+    """
+    original = Mission.load(mission)
+    source = original.source
+    assert source is not None
+    folder = Path() if mission.startswith(BUILTIN) else source.parent
+    target = folder / f"{source.stem}+{name}.yaml" if output is None else output
+    in_place = output is not None and not mission.startswith(BUILTIN) and target.resolve() == source.resolve()
+    if target.exists() and not in_place:
+        hint = "name another with -o" + ("" if output is None else ", or the mission file itself to change it")
+        raise InputError(f"{target}: found a file; nothing is overwritten: {hint}.")
+    effect = find_effect(name, None if file is None else Path(file).expanduser())
+    values = dict(estimates or {}) | dict(_parse_parameter(change) for change in changes)
+    entry: dict[str, Any] = {"name": name}
+    if file is not None:
+        entry["file"] = os.path.relpath(Path(file).expanduser().resolve(), source.parent.resolve())
+    if imu is not None:
+        entry["imu"] = imu
+    # an unknown parameter is not removed, so that the mission's own check names it
+    entry["parameters"] = effect.completed(values) | values
+    text = append_effect(original.text, effect, entry, str(source))
+    # checked in the mission's folder, since the target's folder may not exist yet
+    Mission.from_text(text, str(target), source).active_effects()
+    return write_mission(original, text, target)
+
+
+def append_effect(text: str, effect: Effect, entry: dict[str, Any], label: str) -> str:
+    """Return a mission's text with one more entry at the end of its ``effects:``, with comments on its parameters.
+
+    Parameters
+    ----------
+    text : str
+        Text of the mission.
+    effect : Effect
+        The effect, from which the comments are taken.
+    entry : dict
+        ``name`` and ``parameters``, and ``file``, ``imu`` or ``fixed`` where they are needed.
+    label : str
+        Name of the file, in messages.
+    """
+    return append_entry(text, "effects", entry, _entry_lines(effect, entry), label)
+
+
+def hypotheses_by_name(ranking: Iterable[dict[str, Any]]) -> dict[str, dict[str, Any]]:
+    """Hypotheses of a ``diagnosis.json`` by name, including the alternatives that the data cannot distinguish."""
+    entries = list(ranking)
+    alternatives = {name: entry for e in entries for name, entry in e.get("alternatives", {}).items()}
+    return alternatives | {e["effect"]: e for e in entries}
+
+
+def _parse_parameter(change: str) -> tuple[str, float]:
+    name, equals, text = change.partition("=")
+    value = parse(text, f"--set {name}") if equals else None
+    if isinstance(value, bool) or not isinstance(value, (int, float)) or not name.strip():
+        raise InputError(f"--set {change}: found no PARAMETER=NUMBER; expected for example k=0.05.")
+    return name.strip(), float(value)
+
+
+def _entry_lines(effect: Effect, entry: Mapping[str, Any]) -> list[str]:
+    """An entry as lines of YAML, with unit and description of each parameter as comment."""
+    parameters = {q.name: q for q in effect.parameters}
+    lines = [_with_comment(f"name: {entry['name']}", effect.summary)]
+    lines += [
+        f"{key}: {json.dumps(entry[key], ensure_ascii=False)}" for key in ("file", "imu", "fixed") if key in entry
+    ]
+    if entry["parameters"]:
+        lines.append("parameters:")
+    for name, value in entry["parameters"].items():
+        line = f"  {name}: {_number_text(value)}"
+        lines.append(_with_comment(line, _parameter_comment(parameters[name])) if name in parameters else line)
+    return lines
+
+
+def _with_comment(line: str, comment: str) -> str:
+    """A line with its comment at the common column, or directly after a longer line."""
+    return f"{line:<{_COMMENT_COLUMN - 3}} # {comment}"
+
+
+def _parameter_comment(q: Parameter) -> str:
+    return f"{q.unit}, {q.description}" if q.unit else q.description
+
+
+def _number_text(value: float) -> str:
+    if math.isinf(value):
+        return ".inf" if value > 0.0 else "-.inf"
+    return repr(value)
+
+
+def resolve_effect(effect: EffectLike) -> Effect:
+    """Return an effect from its name, its class or the effect itself.
+
+    Raises
+    ------
+    InputError
+        No effect has that name, or the class is declared wrongly or uses a name of the catalogue.
+    """
+    return find_effect(effect) if isinstance(effect, str) else validated_effect(effect)
+
+
+def with_effect(
+    mission: Mission,
+    effect: EffectLike | EffectInstance | None,
+    *,
+    imu: str | None = None,
+    fixed: bool = False,
+    **values: float,
+) -> Mission:
+    """Return a mission with one more effect.
+
+    Parameters
+    ----------
+    mission : Mission
+        Mission to extend; it is not changed.
+    effect : str, Effect, class or EffectInstance
+        Name of the effect, the effect or its class, or an instance with values, such as the leader of a diagnosis.
+    imu : str, optional
+        IMU that a sensor effect acts on.
+    fixed : bool
+        Whether the effect is held at its values instead of being refitted.
+    **values : float
+        Starting values by parameter; other parameters have the values of `effect`.
+
+    Returns
+    -------
+    Mission
+        The extended mission.
+
+    Raises
+    ------
+    InputError
+        The effect or a parameter does not exist, or the mission has the effect already.
+    """
+    if effect is None:
+        raise InputError("with_effect: found no effect; a diagnosis has a leader only where its verdict is 'missing'.")
+    instance = effect if isinstance(effect, EffectInstance) else EffectInstance(resolve_effect(effect), {})
+    instance = replace(
+        instance,
+        effect=validated_effect(instance.effect),
+        values=checked_values(instance.effect, instance.values | values),
+        imu=imu or instance.imu,
+        fixed=fixed or instance.fixed,
+    )
+    if any((a.name, a.imu) == (instance.name, instance.imu) for a in mission.active_effects()):
+        raise InputError(f"{mission.name}: found {instance.name} in the mission already; an effect is added once.")
+    return with_effects(mission, (*mission.active_effects(), instance))
+
+
+def with_effects(mission: Mission, model: Sequence[EffectInstance]) -> Mission:
+    """Return a mission with the effects of a model.
+
+    Parameters
+    ----------
+    mission : Mission
+        Mission to extend; it is not changed.
+    model : sequence of EffectInstance
+        The mission's own effects first, in its order, with new values; then further effects.
+
+    Raises
+    ------
+    InputError
+        The model does not begin with the mission's own effects, or names an IMU or a file that does not exist.
+    """
+    text, session = text_with_effects(mission, model)
+    extended = Mission.from_text(text, mission.label, mission.source)
+    extended.active_effects()  # raises InputError for a wrong IMU or a missing file
+    extended._session = session
+    return extended
+
+
+def text_with_effects(mission: Mission, model: Sequence[EffectInstance]) -> tuple[str, tuple[EffectInstance, ...]]:
+    """Return a mission's text with the effects of a model.
+
+    Parameters
+    ----------
+    mission : Mission
+        Mission whose text is changed.
+    model : sequence of EffectInstance
+        The mission's own effects first, in its order, with new values; then further effects.
+
+    Returns
+    -------
+    text : str
+        Text with the effects that a file can name, at their values in the model.
+    session : tuple of EffectInstance
+        Effects that exist in this Python session only, which no file can name.
+
+    Raises
+    ------
+    InputError
+        The model does not begin with the mission's own effects.
+    """
+    text, own = mission.text, mission.active_effects()
+    if [a.name for a in own] != [a.name for a in model[: len(own)]]:
+        names = ", ".join(a.name for a in model) or "none"
+        raise InputError(
+            f"{mission.label}: found the effects {names}; expected first {', '.join(a.name for a in own)}."
+        )
+    stated = len(mission.effects)
+    for k, (original, instance) in enumerate(zip(own[:stated], model[:stated], strict=True)):
+        for name, value in _rounded_values(instance.values).items():
+            if value != original.values[name]:
+                text = set_key(text, f"effects.{k}.parameters.{name}", value, mission.label)
+    session = list(model[stated : len(own)])
+    for instance in model[len(own) :]:
+        if nameable_in_mission(instance.effect):
+            text = append_effect(text, instance.effect, _effect_entry(mission, instance), mission.label)
+        else:
+            session.append(instance)
+    return text, tuple(session)
+
+
+def _rounded_values(values: Mapping[str, float]) -> dict[str, float]:
+    """Parameter values rounded to ten digits, as they are written into a file."""
+    return {name: float(f"{value:.10g}") for name, value in values.items()}
+
+
+def _effect_entry(mission: Mission, instance: EffectInstance) -> dict[str, Any]:
+    """An effect as an entry of the mission's ``effects:``."""
+    entry: dict[str, Any] = {"name": instance.name}
+    if instance.effect.file is not None:
+        entry["file"] = os.path.relpath(instance.effect.file, source_folder(mission).resolve())
+    if instance.imu is not None:
+        entry["imu"] = instance.imu
+    if instance.fixed:
+        entry["fixed"] = True
+    entry["parameters"] = _rounded_values(instance.values)
+    return entry

@@ -1,0 +1,54 @@
+"""Missions and data that the package ships, named ``builtin:NAME``."""
+
+from __future__ import annotations
+
+from importlib.resources import files
+from pathlib import Path
+
+from edl_filter.errors import InputError
+
+BUILTIN = "builtin:"
+_DATA_SUFFIXES = (".csv", ".h5")
+
+
+def shipped_mission(name: str) -> Path:
+    """Path of the mission file that the package ships as `name`.
+
+    An installed wheel has the files in the package; a working copy has them in ``missions/``, the folder next to
+    ``src/``.
+
+    Raises
+    ------
+    InputError
+        The package ships no mission of that name.
+    """
+    for folder in _mission_folders():
+        if (path := folder / f"{name}.yaml").is_file():
+            return path
+    raise InputError(f"{BUILTIN}{name}: found no such mission; expected one of {', '.join(shipped_names())}.")
+
+
+def shipped_names() -> list[str]:
+    """Names of the missions that the package ships."""
+    return sorted({path.stem for folder in _mission_folders() for path in folder.glob("*.yaml")})
+
+
+def shipped_data(name: str, label: str) -> Path:
+    """Path of the table or flight file that the package ships as `name`.
+
+    Raises
+    ------
+    InputError
+        The package ships no data of that name; the message begins with `label`.
+    """
+    folder = Path(str(files("edl_filter"))) / "data"
+    for suffix in _DATA_SUFFIXES:
+        if (path := folder / (name + suffix)).is_file():
+            return path
+    names = ", ".join(sorted(path.stem for path in folder.glob("*") if path.suffix in _DATA_SUFFIXES))
+    raise InputError(f"{label}: found {BUILTIN + name!r}; the package ships {names}.")
+
+
+def _mission_folders() -> tuple[Path, Path]:
+    package = Path(str(files("edl_filter")))
+    return package / "missions", package.parent.parent / "missions"

@@ -1,0 +1,342 @@
+"""Segments of MER's telemetry in body axes, one function for each product of the archive.
+
+Input: the cleaned tables (`mer_archive`) and the constants of the mission (`MerSetup`, `MerImu`). Output: segments
+(`joining.Segment`) of TRANSFORMED, of HIGHRATE with its gaps filled and of the rover's velocity register, and the
+on-board attitude.
+
+The thesis's body axes are a cyclic permutation of the archive's spacecraft axes: x is the archive's +z (forward along
+the symmetry axis), y its +x, z its +y.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from edl_filter import rotations
+from edl_filter.errors import InputError
+from edl_filter.imu_model.sensor_errors import SensorErrors
+from edl_filter.telemetry.joining import GAP, Segment, fill_gaps
+from edl_filter.telemetry.mer_archive import SAMPLE_INTERVAL, MerTables
+from edl_filter.telemetry.record import SAME_TIME, AttitudeRecord
+from edl_filter.telemetry.smoothing import rates_from_quaternions
+from edl_filter.types import Array, BoolArray, IntArray
+
+#: Takes spacecraft components to body components.
+BODY_FROM_SPACECRAFT = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
+#: Largest rounding error (one sigma, rad) of a quaternion from which rates are computed; near a zero fourth element it
+#: is larger.
+MAX_ROUNDING_SIGMA = 2e-5
+#: Longest sample between two rows of the rover's quaternion and register, s.
+REGISTER_STEP = 0.25
+#: Sources of samples with a calibration of their own.
+UNITS = ("backshell", "rover", "register")
+
+
+@dataclass(frozen=True)
+class MerImu:
+    """Calibration of one source of samples.
+
+    Attributes
+    ----------
+    accelerometer_noise, gyro_noise : float
+        One sigma of an 8 Hz sample, m/s² and rad/s.
+    errors : SensorErrors
+    spacecraft_from_imu : (4,) array or None
+        Mounting; None for the register, which has no axes of its own.
+    position : (3,) array or None
+        From the centre of mass, m, spacecraft axes.
+    transformed_alignment : (2,) array or None
+        Error of the on-board transform of acceleration: force along the archive's x and y per force along z, rad.
+    onboard_rate_correction : (3,) array or None
+        Rate that the on-board software subtracts from the gyros' before it computes its quaternion, rad/s, spacecraft
+        axes. The archive's HIGHRATE does not contain this correction; `highrate_segment` applies it, so that all
+        products agree.
+    """
+
+    accelerometer_noise: float
+    gyro_noise: float
+    errors: SensorErrors
+    spacecraft_from_imu: Array | None = None
+    position: Array | None = None
+    transformed_alignment: Array | None = None
+    onboard_rate_correction: Array | None = None
+
+
+@dataclass(frozen=True)
+class MerSetup:
+    """Constants that the reading of one rover's entry needs.
+
+    Attributes
+    ----------
+    epoch_sclk : float
+        Spacecraft clock at time 0, s.
+    epoch_utc : str
+    start, end : float
+        Start and end of the record, s since the epoch.
+    separation : float
+        Time of backshell separation, from which the rover's IMU drives, s since the epoch.
+    positions : dict
+        Time (s since the epoch) → position (3,) of the driving IMU relative to the centre of mass from then on, m,
+        spacecraft axes.
+    inertial_from_j2000 : (4,) array
+    j2000_from_register : (4,) array
+        Axes in which the velocity register accumulates.
+    imus : dict
+        `MerImu` of each of ``backshell``, ``rover`` and ``register``.
+    events : dict
+        Name → s since the epoch.
+    attitude_sigma : float
+        One sigma of an on-board quaternion without the errors of rounding and reference frame, rad.
+    """
+
+    epoch_sclk: float
+    epoch_utc: str
+    start: float
+    end: float
+    separation: float
+    positions: dict[float, Array]
+    inertial_from_j2000: Array
+    j2000_from_register: Array
+    imus: dict[str, MerImu]
+    events: dict[str, float]
+    attitude_sigma: float
+
+
+def to_body(vector: Array | None) -> Array:
+    """Body components (3,) of a vector in spacecraft axes; zero for None."""
+    return np.zeros(3) if vector is None else np.asarray(vector) @ BODY_FROM_SPACECRAFT.T
+
+
+def _inertial_from_body(setup: MerSetup, j2000_from_spacecraft: Array) -> Array:
+    """Attitude (N, 4) in the package's frames from the archive's (N, 4)."""
+    spacecraft_from_body = rotations.from_matrix(BODY_FROM_SPACECRAFT.T)
+    attitude = rotations.multiply(setup.inertial_from_j2000, j2000_from_spacecraft)
+    return rotations.multiply(attitude, spacecraft_from_body)
+
+
+def _usable(quaternion: Array, sigma: Array) -> BoolArray:
+    """True (N,) where a quaternion (N, 4) is not missing and its rounding error (N,), rad, is small enough."""
+    return np.isfinite(quaternion[:, 0]) & (sigma < MAX_ROUNDING_SIGMA)
+
+
+def transformed_segment(tables: MerTables, setup: MerSetup, until: float) -> Segment:
+    """TRANSFORMED up to `until` (s): force at the centre of mass, and rates from the backshell's quaternion.
+
+    The lateral error of the on-board transform is subtracted, so that these samples and those of HIGHRATE have the same
+    alignment. Rates at quaternions with a large rounding error are computed from the neighbouring quaternions.
+    """
+    t, imu = tables.transformed, setup.imus["backshell"]
+    time = t.sclk - setup.epoch_sclk
+    rows = np.flatnonzero(time <= until + SAME_TIME)
+    time, force = time[rows], t.backshell_acceleration[rows].copy()
+    if imu.transformed_alignment is not None:
+        force[:, :2] -= imu.transformed_alignment * force[:, 2:]
+    sigma = t.backshell_sigma[rows]
+    rate, rounding = _quaternion_rates(time, t.backshell_j2000_from_sc[rows], sigma)
+    gyro_noise = imu.gyro_noise * np.sqrt(SAMPLE_INTERVAL / np.diff(time))
+    n = len(time) - 1
+    return Segment(
+        source="TRANSFORMED",
+        unit="backshell",
+        time=time[1:],
+        interval=np.diff(time),
+        force=force[1:] @ BODY_FROM_SPACECRAFT.T,
+        rate=rate @ BODY_FROM_SPACECRAFT.T,
+        position=np.zeros((n, 3)),
+        force_noise=np.full(n, imu.accelerometer_noise),
+        rate_noise=np.hypot(rounding, gyro_noise),
+        shared_rate_noise=gyro_noise,
+        net_turn=True,
+    )
+
+
+def _quaternion_rates(time: Array, quaternion: Array, sigma: Array) -> tuple[Array, Array]:
+    """Rates between rows and their sigma due to rounding; unusable quaternions are skipped.
+
+    Between the two usable quaternions around an unusable one only the mean rate is known. Its change to the
+    neighbouring intervals is used as one sigma of each row in between.
+
+    Parameters
+    ----------
+    time : (N,) array
+        s.
+    quaternion : (N, 4) array
+        On-board attitude, NaN where missing.
+    sigma : (N,) array
+        Rounding error of the quaternions, rad.
+
+    Returns
+    -------
+    rate : (N - 1, 3) array
+        rad/s, spacecraft axes.
+    rate_sigma : (N - 1,) array
+        rad/s.
+    """
+    usable = np.flatnonzero(_usable(quaternion, sigma))
+    if len(usable) < 3:
+        raise InputError("telemetry: fewer than three usable quaternions in the span asked for.")
+    rate = rates_from_quaternions(time[usable], quaternion[usable])
+    noise = np.hypot(sigma[usable][1:], sigma[usable][:-1]) / np.diff(time[usable])
+    change = np.linalg.norm(np.gradient(rate, axis=0), axis=1)
+    index = np.clip(np.searchsorted(time[usable], 0.5 * (time[1:] + time[:-1])) - 1, 0, len(rate) - 1)
+    skipped = ~(np.isin(np.arange(1, len(time)), usable) & np.isin(np.arange(len(time) - 1), usable))
+    return rate[index], np.hypot(noise[index], np.where(skipped, change[index], 0.0))
+
+
+def highrate_segment(tables: MerTables, setup: MerSetup, unit: str) -> Segment:
+    """HIGHRATE of one IMU in body axes: increments over 0.125 s, divided by it. Gaps are not filled."""
+    h, imu = tables.highrate, setup.imus[unit]
+    angle, velocity = (
+        (h.backshell_angle_increment, h.backshell_velocity_increment)
+        if unit == "backshell"
+        else (h.rover_angle_increment, h.rover_velocity_increment)
+    )
+    complete = np.isfinite(angle[:, 0]) & np.isfinite(velocity[:, 0])
+    assert imu.spacecraft_from_imu is not None
+    body_from_imu = BODY_FROM_SPACECRAFT @ rotations.to_matrix(imu.spacecraft_from_imu)
+    n = int(complete.sum())
+    return Segment(
+        source="HIGHRATE",
+        unit=unit,
+        time=h.sclk[complete] - setup.epoch_sclk,
+        interval=np.full(n, SAMPLE_INTERVAL),
+        force=velocity[complete] @ body_from_imu.T / SAMPLE_INTERVAL,
+        rate=angle[complete] @ body_from_imu.T / SAMPLE_INTERVAL - to_body(imu.onboard_rate_correction),
+        position=np.tile(to_body(imu.position), (n, 1)),
+        force_noise=np.full(n, imu.accelerometer_noise),
+        rate_noise=np.full(n, imu.gyro_noise),
+        shared_rate_noise=np.full(n, imu.gyro_noise),
+    )
+
+
+def fill_highrate_gaps(tables: MerTables, setup: MerSetup, segment: Segment) -> list[Segment]:
+    """Segments of HIGHRATE with filled gaps: the force is interpolated, the rates are from the on-board quaternions.
+
+    In the 0.875 s that Spirit's table lacks under the parachute, interpolated gyro rates would have an attitude error
+    of more than ten degrees.
+    """
+    segments = fill_gaps(segment)
+    for i, gap in enumerate(segments):
+        if gap.source == GAP:
+            rate, sigma = _rates_across_gap(tables, setup, segments[i - 1], gap, segments[i + 1])
+            noise = np.full(len(gap.time), sigma / gap.interval[0] / np.sqrt(len(gap.time)))
+            segments[i] = replace(gap, rate=rate, rate_noise=noise, net_turn=True)
+    return segments
+
+
+def _rates_across_gap(
+    tables: MerTables, setup: MerSetup, before: Segment, gap: Segment, after: Segment
+) -> tuple[Array, float]:
+    """Rates of a gap's samples from the quaternions around and in it.
+
+    Gyro samples between the nearest quaternions and the gap propagate the attitude to the gap's edges. In the gap the
+    rate is constant between two quaternions.
+
+    Returns
+    -------
+    rate : (n, 3) array
+        rad/s.
+    sigma : float
+        One sigma of the rotation over the whole gap, rad.
+    """
+    t = tables.transformed
+    quaternion = t.rover_j2000_from_sc if gap.unit == "rover" else t.backshell_j2000_from_sc
+    sigma = t.rover_sigma if gap.unit == "rover" else t.backshell_sigma
+    time = t.sclk - setup.epoch_sclk
+    usable = np.flatnonzero(_usable(quaternion, sigma))
+    start, end = gap.start, float(gap.time[-1])
+    first = int(np.searchsorted(time[usable], start + SAME_TIME)) - 1
+    last = int(np.searchsorted(time[usable], end - SAME_TIME))
+    rows = usable[first : last + 1]
+    knots, attitudes = time[rows], _inertial_from_body(setup, quaternion[rows])
+    attitudes[0] = rotations.multiply(attitudes[0], _gyro_rotation(before.between(knots[0], start)))
+    attitudes[-1] = rotations.multiply(
+        attitudes[-1], rotations.conjugate(_gyro_rotation(after.between(end, knots[-1])))
+    )
+    knots[0], knots[-1] = start, end
+    rate = rates_from_quaternions(knots, attitudes)
+    index = np.searchsorted(knots, gap.time - 0.5 * gap.interval) - 1
+    noise = np.hypot(np.hypot(sigma[rows[0]], sigma[rows[-1]]), setup.attitude_sigma)
+    return rate[index], float(noise)
+
+
+def _gyro_rotation(segment: Segment) -> Array:
+    """Rotation over the samples of a segment, as a quaternion (4,)."""
+    rotation = np.array([0.0, 0.0, 0.0, 1.0])
+    for angle in segment.rate * segment.interval[:, None]:
+        rotation = rotations.multiply(rotation, rotations.from_rotation_vector(angle))
+    return rotation
+
+
+def register_rows(tables: MerTables) -> IntArray:
+    """Rows of TRANSFORMED with a usable rover quaternion and a register value."""
+    t = tables.transformed
+    return np.flatnonzero(_usable(t.rover_j2000_from_sc, t.rover_sigma) & np.isfinite(t.velocity[:, 0]))
+
+
+def register_segment(tables: MerTables, setup: MerSetup, start: float, end: float) -> list[Segment]:
+    """Segment from `start` to `end` (s): rates from the rover's quaternion, force from its accumulated velocity.
+
+    The register accumulates in axes that do not rotate, so that the difference of two rows is exact for any rotation of
+    the lander in between. Between two rows force (in the register's axes) and rate are constant, in steps of at most
+    `REGISTER_STEP`: velocity and attitude are therefore exact at the end of a gap, also of one of 15.75 s.
+
+    Returns
+    -------
+    list of Segment
+        One segment; none if there are fewer than two rows.
+    """
+    t, imu = tables.transformed, setup.imus["register"]
+    rows = register_rows(tables)
+    time = t.sclk[rows] - setup.epoch_sclk
+    inside = (time >= start - SAME_TIME) & (time <= end + SAME_TIME)
+    rows, time = rows[inside], time[inside]
+    if len(rows) < 2:
+        return []
+    attitude = t.rover_j2000_from_sc[rows]
+    rate = rates_from_quaternions(time, attitude)
+    velocity_increment = rotations.rotate(setup.j2000_from_register, np.diff(t.velocity[rows], axis=0))
+    samples_per_row = np.ceil(np.diff(time) / REGISTER_STEP - 1e-6).astype(int)
+    row = np.repeat(np.arange(len(samples_per_row)), samples_per_row)
+    step = np.diff(time)[row] / samples_per_row[row]
+    ordinal = np.arange(len(row)) - np.repeat(np.cumsum(samples_per_row) - samples_per_row, samples_per_row)
+    attitude_at_middle = rotations.multiply(
+        attitude[row], rotations.from_rotation_vector(rate[row] * (step * (ordinal + 0.5))[:, None])
+    )
+    force_j2000 = velocity_increment[row] / np.diff(time)[row][:, None]
+    force = rotations.rotate(rotations.conjugate(attitude_at_middle), force_j2000)
+    noise_factor = np.sqrt(SAMPLE_INTERVAL / step)
+    segment = Segment(
+        source="register",
+        unit="register",
+        time=time[row] + step * (ordinal + 1),
+        interval=step,
+        force=force @ BODY_FROM_SPACECRAFT.T,
+        rate=rate[row] @ BODY_FROM_SPACECRAFT.T,
+        position=np.zeros((len(row), 3)),
+        force_noise=imu.accelerometer_noise * noise_factor,
+        rate_noise=imu.gyro_noise * noise_factor,
+        shared_rate_noise=imu.gyro_noise * noise_factor,
+        net_turn=True,
+        net_gain=True,
+    )
+    return [segment]
+
+
+def onboard_attitude(tables: MerTables, setup: MerSetup) -> AttitudeRecord:
+    """On-board attitude: the backshell's up to separation, then the rover's; unusable quaternions are omitted."""
+    t = tables.transformed
+    time = t.sclk - setup.epoch_sclk
+    from_rover = time > setup.separation + SAME_TIME
+    quaternion = np.where(from_rover[:, None], t.rover_j2000_from_sc, t.backshell_j2000_from_sc)
+    sigma = np.where(from_rover, t.rover_sigma, t.backshell_sigma)
+    selected = _usable(quaternion, sigma) & (time >= setup.start) & (time <= setup.end)
+    return AttitudeRecord(
+        time=time[selected],
+        inertial_from_body=_inertial_from_body(setup, quaternion[selected]),
+        sigma=np.hypot(sigma[selected], setup.attitude_sigma),
+        unit=from_rover[selected].astype(np.int64),
+        units=("backshell", "rover"),
+    )

@@ -1,0 +1,87 @@
+"""The program: version, help, exit codes."""
+
+import os
+import subprocess
+import sys
+
+import pytest
+from command_checks import assert_refused
+
+from edl_filter import __version__
+
+COMMANDS = (
+    "run", "validate", "convert", "simulate", "export", "fetch", "demo", "effects", "add",
+    "diagnose", "compare", "improve", "identifiability", "serve",
+)  # fmt: skip
+
+
+def test_version(cli):
+    result = cli("--version")
+    assert result.exit_code == 0
+    assert result.stdout.strip() == f"edl-filter {__version__}"
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_help_has_an_example(cli, command):
+    result = cli(command, "--help")
+    assert result.exit_code == 0
+    assert f"Example: edl-filter {command}" in result.stdout
+
+
+def test_importing_the_commands_imports_no_large_package():
+    code = (
+        "import sys, edl_filter.cli; "
+        "print([m for m in ('numpy','numba','xarray','pydantic','scipy','matplotlib','h5py') if m in sys.modules])"
+    )
+    process = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert process.stdout.strip() == "[]"
+
+
+@pytest.mark.parametrize("command", [[], *([name] for name in sorted(COMMANDS))])
+def test_help_takes_less_than_0_3_s(command):
+    call = [sys.executable, "-c", "from edl_filter.cli import main; main()", *command, "--help"]
+    durations = []
+    for _ in range(4):
+        begin = os.times()
+        subprocess.run(call, capture_output=True, check=True)
+        end = os.times()
+        # processor time of the child process, which does not depend on other processes
+        durations.append(end.children_user + end.children_system - begin.children_user - begin.children_system)
+    assert min(durations) < 0.3
+
+
+@pytest.mark.parametrize("command", ["validate", "run"])
+def test_a_closed_pipe_is_no_error(command, tmp_path):
+    call = [sys.executable, "-m", "edl_filter.cli", command, "builtin:practice_mer"]
+    call += ["-o", str(tmp_path), "--no-figures"] if command == "run" else []
+    with subprocess.Popen(call, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+        process.stdout.close()
+        errors = process.stderr.read()
+    assert (process.returncode, errors) == (0, "")
+
+
+def test_usage_errors_exit_2(cli):
+    assert_refused(cli("run"), "Missing argument")
+    assert_refused(cli("run", "a", "--nonsense"), "--nonsense")
+    assert_refused(cli("export", "a", "--naif-id", "x", "--to", "csv"), "naif-id")
+
+
+def test_an_error_of_the_package_exits_1(cli, monkeypatch):
+    def broken(*_, **__):
+        raise ZeroDivisionError("oops")
+
+    monkeypatch.setattr("edl_filter.mission.Mission.load", broken)
+    result = cli("run", "builtin:practice_mer")
+    assert result.exit_code == 1
+    assert "ZeroDivisionError: oops" in result.stderr
+    assert "--debug" in result.stderr
+    assert "Traceback" not in result.stderr
+    debugged = cli("--debug", "run", "builtin:practice_mer")
+    assert debugged.exit_code == 1
+    assert "Traceback" in debugged.stderr
+
+
+def test_debug_shows_the_traceback_of_wrong_input(cli):
+    result = cli("--debug", "run", "nowhere.yaml")
+    assert result.exit_code == 2
+    assert "Traceback" in result.stderr and "nowhere.yaml" in result.stderr

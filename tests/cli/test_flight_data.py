@@ -1,0 +1,70 @@
+"""`convert`, `export`, `fetch` and `simulate`: what they write, and wrong input."""
+
+from pathlib import Path
+
+import h5py
+from command_checks import assert_refused
+
+from edl_filter.results import Result
+from edl_filter.workflow.outputs import write_outputs
+
+EXAMPLES = Path(__file__).parents[2] / "docs" / "examples"
+
+
+def test_convert_the_example_of_the_documentation(cli):
+    result = cli("convert", EXAMPLES / "imu_log.csv", "--spec", EXAMPLES / "imu_log.spec.yaml", "-o", "f.h5")
+    assert result.exit_code == 0, result.output
+    assert cli("validate", "f.h5").exit_code == 0
+
+
+def test_export(cli, practice_06):
+    write_outputs(Result(practice_06), "out", figures=False)
+    result = cli("export", "out", "--to", "csv", "-o", "t.csv")
+    assert result.stdout.strip() == "Written: t.csv"
+    assert Path("t.csv").read_text().startswith("time [s],utc,")
+
+
+def test_a_full_disk_is_reported_with_the_file(cli, monkeypatch):
+    def full(*_, **__):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("edl_filter.telemetry.flight_file._write_tree", full)
+    result = cli("convert", EXAMPLES / "imu_log.csv", "--spec", EXAMPLES / "imu_log.spec.yaml", "-o", "f.h5")
+    assert_refused(result, "f.h5: cannot be written (No space left on device)")
+    assert list(Path().iterdir()) == []
+
+
+def test_an_incomplete_result_is_refused(cli, practice_06):
+    write_outputs(Result(practice_06), "../result", figures=False)
+    with h5py.File("../result/result.nc", "a") as file:
+        del file["trajectory"]
+    assert_refused(cli("export", "../result", "--to", "csv", "-o", "t.csv"), "/trajectory is missing")
+    assert not Path("t.csv").exists()
+
+
+def test_a_missing_result_is_refused(cli):
+    assert_refused(cli("export", "none.nc", "--to", "csv"), "none.nc: no such result")
+
+
+def test_a_missing_log_is_refused(cli):
+    result = cli("convert", "none.csv", "--spec", EXAMPLES / "imu_log.spec.yaml", "-o", "f.h5")
+    assert_refused(result, "none.csv")
+
+
+def test_an_unknown_data_set_is_refused(cli):
+    assert_refused(cli("fetch", "phoenix"), "'phoenix'", "mer-imu")
+
+
+def test_simulate_writes_a_valid_flight_file(cli):
+    result = cli("simulate", "builtin:mer", "-o", "flight.h5", "--seed", "7", "--set", "name=seventh")
+    assert result.exit_code == 0, result.output
+    assert result.stdout == "Written: flight.h5\n"
+    result = cli("validate", "flight.h5")
+    assert result.exit_code == 0 and "no errors found" in result.stdout
+
+
+def test_wrong_scenarios_are_refused(cli):
+    assert_refused(cli("simulate", "builtin:beagle", "-o", "flight.h5"), "builtin:beagle", "mer, phoenix")
+    assert_refused(cli("simulate", "nowhere.yaml", "-o", "flight.h5"), "nowhere.yaml")
+    result = cli("simulate", "builtin:mer", "-o", "flight.h5", "--set", "entry.flight_path_angle_deg=20")
+    assert_refused(result, "has not reached the parachute's dynamic pressure")

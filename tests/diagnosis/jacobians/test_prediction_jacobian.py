@@ -1,0 +1,56 @@
+"""Stated error of a lever-arm acceleration: of the size of the true one where a torque begins, else zero."""
+
+import numpy as np
+import pytest
+
+from edl_filter.diagnosis.jacobians.prediction_jacobian import bin_sigma, lever_arm_error
+from edl_filter.diagnosis.prediction.time_bins import TimeBins
+from edl_filter.imu_model.lever_arm import edge_values
+
+DT, N, ARM = 0.125, 80, np.array([-0.8, 0.5, -0.6])
+EDGES = DT * np.arange(N + 1)
+BINS = TimeBins(EDGES, np.ones(N, bool), 1)
+AXIS = np.array([0.0, 0.3, 0.2])
+
+
+def smooth_rate(t):
+    """A slow oscillation of the rate, and its integral."""
+    return 0.1 * np.sin(1.5 * t), -0.1 / 1.5 * np.cos(1.5 * t)
+
+
+def true_and_stated_error(onset):
+    """Errors of the tangential part with a torque from `onset` on, and the stated error, ``(N,)``, m/s²."""
+    since = np.maximum(EDGES - onset, 0.0)
+    smooth, torque = smooth_rate(EDGES), (0.5 * since, 0.25 * since**2)
+    rate, angle = (a + b for a, b in zip(smooth, torque, strict=True))
+    mean = np.outer(np.diff(angle) / DT, AXIS)
+    edge_error = edge_values(np.full(N, DT), mean) - np.outer(rate, AXIS)
+    true = np.cross(np.diff(edge_error, axis=0), ARM) / DT
+    stated = lever_arm_error(BINS, mean, ARM)
+    return np.linalg.norm(true, axis=1)[8:-8], np.linalg.norm(stated, axis=1)[8:-8]
+
+
+@pytest.mark.parametrize("phase", np.linspace(0.0, 1.0, 9))
+def test_a_discontinuity_of_the_rates_slope_is_covered(phase):
+    true, stated = true_and_stated_error(DT * (40 + phase))
+    large = true > 0.1 * true.max()
+    assert large.any() and np.all(true[large] < 1.5 * stated[large])  # stated as one sigma
+    assert np.count_nonzero(stated) < 12  # near the discontinuity alone
+
+
+def test_a_smooth_rate_has_no_stated_error():
+    true, stated = true_and_stated_error(1e3)
+    assert true.max() < 1e-6 and not stated.any()
+
+
+@pytest.mark.parametrize("per_bin", [1, 4])
+def test_sigma_of_a_mean_over_bins(per_bin):
+    """Against sampled noise that is independent from sample to sample, of uneven lengths and sigmas."""
+    rng = np.random.default_rng(3)
+    interval, noise = rng.uniform(0.05, 0.2, 12), rng.uniform(0.5, 2.0, 12)
+    time = np.cumsum(interval)
+    edges = np.concatenate(([0.0], time))[::per_bin]
+    bins = TimeBins(edges, np.ones(len(edges) - 1, bool), per_bin)
+    samples = noise * rng.normal(size=(20_000, 12))
+    means = np.add.reduceat(samples * interval, np.arange(0, 12, per_bin), axis=1) / bins.interval
+    np.testing.assert_allclose(bin_sigma(bins, time, interval, noise), means.std(axis=0), rtol=0.03)

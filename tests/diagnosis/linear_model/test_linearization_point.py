@@ -1,0 +1,109 @@
+"""The linearisation point: the smoothed reconstruction first, then the most probable nuisance parameters."""
+
+from dataclasses import replace
+
+import h5py
+import numpy as np
+import pytest
+
+from edl_filter import Mission
+from edl_filter.diagnosis.linear_model.flight_case import flight_case, load_case
+from edl_filter.diagnosis.linear_model.linear_model import linearize, linearize_at, map_point
+from edl_filter.diagnosis.linear_model.linearization_point import largest_change, smoothed_point
+from edl_filter.effects.perturbation import Perturbation
+from edl_filter.simulation import Scenario, simulate
+
+
+@pytest.fixture(scope="module")
+def case(practice_06):
+    """The shipped flight."""
+    return flight_case(practice_06)
+
+
+@pytest.fixture(scope="module")
+def models(case):
+    """The flight linearised about the reconstruction, and about the point to which the iteration converges."""
+    return linearize(case), linearize(case, iterations=4)
+
+
+def next_point(model, whiten=None, **options):
+    """Most probable nuisance parameters, at the stated noise if no filter is given."""
+    whiten = whiten or model.stated_noise_filter
+    return map_point(model, whiten, model.white_residuals(whiten), **options)
+
+
+def posterior_sigma(model):
+    size = model.nuisance.layout.size
+    return np.sqrt(np.diag(model.stated_noise_filter.posterior_initial_covariance(size)))
+
+
+def test_the_first_point_is_the_smoothed_reconstruction(case):
+    point = smoothed_point(case.reconstruction)
+    assert point.perturbation is None
+    np.testing.assert_array_equal(point.start.nav, case.reconstruction.smoothed.states[0].nav)
+    np.testing.assert_array_equal(point.errors[0], point.start.errors)
+
+
+def test_the_iteration_converges(models):
+    """In posterior sigmas of the initial state, and in stated sigmas of air, tables and vehicle."""
+    first, last = (np.abs(next_point(m).start.minus(m.point.start) / posterior_sigma(m)).max() for m in models)
+    assert last < 0.3 < first
+    point, sigma = models[1].point, models[1].case.uncertainty.sigma
+    assert largest_change(point.perturbation, next_point(models[1]).perturbation, sigma) < 0.3
+    assert largest_change(None, point.perturbation, sigma) > 0.5  # this flight's density is not the table's
+
+
+def test_the_points_density_is_nearer_to_the_truth_than_the_tables(tmp_path):
+    """Of a simulated flight, whose density is stored with it."""
+    path = simulate(Scenario.load("builtin:mer"), (), 7).write(tmp_path / "flight.h5")
+    mission = Mission.load("builtin:practice_mer", [f"telemetry.path={path}"])
+    model = linearize(load_case(mission, ()), iterations=4)
+    with h5py.File(path) as file:
+        truth = {name: file["truth"][name][:] for name in ("time", "density")}
+    flow = model.residuals.flow
+    felt = flow.dynamic_pressure > 100.0
+    true = np.interp(flow.time[felt], truth["time"], np.log(truth["density"]))
+    table = np.log(model.inputs.forward_model.atmosphere.density(flow.altitude[felt]))
+    assert np.std(np.log(flow.density[felt]) - true) < 0.5 * np.std(table - true)
+
+
+def test_the_onboard_attitude_can_be_excluded(spirit):
+    model = linearize(flight_case(spirit))
+    layout, start = model.nuisance.layout, model.point.start
+    without, with_onboard = (
+        next_point(model, model.fitted_noise_filter, onboard=o).start.minus(start) for o in (False, True)
+    )
+    onboard = np.zeros(layout.size, bool)
+    for name in ("onboard_rate", "onboard_mounting", "onboard_attitude"):
+        onboard[layout[name]] = True
+    assert not without[onboard].any() and with_onboard[onboard].any()
+    np.testing.assert_allclose(without[~onboard], with_onboard[~onboard])
+
+
+def test_there_is_no_point_beyond_the_limits(spirit):
+    """At the stated noise Spirit's proxy database would move the initial state by a hundred stated sigmas."""
+    model = linearize(flight_case(spirit))
+    assert next_point(model) is None
+    assert next_point(model, model.fitted_noise_filter) is not None
+
+
+@pytest.mark.parametrize("limit", ["state_limit_sigmas", "log_density_limit"])
+def test_the_limits_are_settings(models, limit):
+    first = models[0]
+    case = first.case
+    mission = case.mission.model_copy(update={"diagnosis": case.settings.model_copy(update={limit: 1e-6})})
+    strict = replace(first, case=replace(case, reconstruction=replace(case.reconstruction, mission=mission)))
+    assert next_point(first) is not None and next_point(strict) is None
+
+
+def test_the_offset_cancels_a_small_perturbation(case, models):
+    """Nuisance parameters are measured from what the mission states: residuals do not change, to first order."""
+    model = models[0]
+    count = len(model.bins.middle)
+    shift = {"density": 1e-4, "wind": 1e-2, "ca": 1e-2, "cn": 1e-2, "cm": 1e-2}
+    against_time = {name: np.full((count, 2) if name == "wind" else count, v) for name, v in shift.items()}
+    perturbation = Perturbation(model.bins.edges[1:], mass=1e-6, inertia=1e-6, units=model.units, **against_time)
+    displaced = linearize_at(case, replace(model.point, perturbation=perturbation))
+    change = np.linalg.norm(displaced.index.stack(displaced.residuals) - model.residual_vector)
+    assert change > 1e-2
+    assert np.linalg.norm(displaced.residual_vector - model.residual_vector) < 1e-2 * change

@@ -1,0 +1,92 @@
+"""The measurement that would distinguish two effects: known states, less noise, and the evidence of each."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from edl_filter.diagnosis.linear_model.effect_jacobian import EffectJacobian
+from edl_filter.diagnosis.selection import disambiguation
+from edl_filter.diagnosis.selection.disambiguation import (
+    best_discriminator,
+    candidate_measurements,
+    with_known_states,
+    with_less_noise,
+)
+from edl_filter.effects import EffectInstance
+from edl_filter.effects.registry import effect_named
+from edl_filter.estimation.block_sparse import from_dense
+from edl_filter.estimation.kalman import LinearStateSpace, whitening_filter
+from edl_filter.mission.decision_settings import DecisionSettings
+from edl_filter.navigation.layout import Layout
+
+COUNT = 40
+
+
+def constructed_model():
+    """One row a step; the first state, the mass, is a constant in the rows, the second, the density, a slope."""
+    design = np.column_stack((np.ones(COUNT), np.linspace(-1.0, 1.0, COUNT)))
+    process_noise = np.zeros((COUNT, 2, 2))
+    process_noise[:, 1, 1] = 1e-4
+    state_space = LinearStateSpace(
+        from_dense(np.zeros((COUNT, 2, 2))), from_dense(process_noise), np.arange(COUNT + 1), design,
+        np.full((COUNT, 1), 0.01), np.diag([100.0, 100.0]),
+    )  # fmt: skip
+    problem = SimpleNamespace(constraints=(SimpleNamespace(name="landing"),))
+    return SimpleNamespace(
+        fitted_noise_filter=whitening_filter(state_space),
+        nuisance=SimpleNamespace(layout=Layout({}), slices={"mass": slice(0, 1), "density": slice(1, 2)}),
+        inputs=SimpleNamespace(problem=problem),
+        index=SimpleNamespace(constraint_rows=(slice(COUNT - 1, COUNT),)),
+        settings=DecisionSettings(),
+    )
+
+
+def test_known_states_have_no_variance_at_any_time():
+    model = constructed_model().fitted_noise_filter.model
+    known = with_known_states(model, [1])
+    assert known.initial_covariance[1, 1] == 0.0 and known.initial_covariance[0, 0] == 100.0
+    assert not known.process_noise.values.any() and model.process_noise.values.any()
+
+
+def test_improved_rows_have_a_tenth_of_the_sigma():
+    model = constructed_model().fitted_noise_filter.model
+    improved = with_less_noise(model, np.array([3]), 10.0)
+    np.testing.assert_allclose(improved.row_noise[2:5, 0], [0.01, 1e-4, 0.01])
+    assert np.all(model.row_noise == 0.01)
+
+
+def test_candidates_are_what_is_uncertain_and_the_constraints():
+    names = [name for name, _ in candidate_measurements(constructed_model())]
+    assert names == ["knowing the air's density", "knowing the mass", "a constraint landing 10 times better"]
+
+
+def two_effects(monkeypatch, first, second):
+    """Two effects of one size each with given columns."""
+    columns = {"density_scale": first, "axial_force_scale": second}
+
+    def effect_jacobian(_, instance):
+        rows = columns[instance.name][:, None]
+        return EffectJacobian(instance, ("k",), np.ones(1), rows, np.zeros((2, 1)))
+
+    monkeypatch.setattr(disambiguation, "effect_jacobian", effect_jacobian)
+    return [EffectInstance(effect_named(n), {"k": 1.0}) for n in columns]
+
+
+def test_the_best_measurement_is_of_the_state_that_absorbs_the_difference(monkeypatch):
+    """The columns differ by a constant, as the mass does; the evidence is that of the dense Gaussian."""
+    common = np.sin(np.arange(COUNT))
+    pair = two_effects(monkeypatch, common, common + 0.3)
+    discriminator = best_discriminator(constructed_model(), *pair)
+    assert discriminator.measurement == "knowing the mass"
+    # the density remains uncertain: its error in all rows is one Gaussian
+    slope, k = np.linspace(-1.0, 1.0, COUNT), np.arange(COUNT) + 1.0
+    covariance = slope[:, None] * slope * (100.0 + 1e-4 * np.minimum(k[:, None], k)) + 0.01 * np.eye(COUNT)
+    a, b = np.linalg.solve(np.linalg.cholesky(covariance), np.column_stack((common, common + 0.3))).T
+    distinct = [0.5 * (x @ x - (x @ y) ** 2 / (y @ y)) for x, y in ((a, b), (b, a))]
+    assert discriminator.evidence == pytest.approx(min(distinct), rel=1e-9)
+
+
+def test_there_is_none_for_proportional_columns(monkeypatch):
+    common = np.sin(np.arange(COUNT))
+    assert best_discriminator(constructed_model(), *two_effects(monkeypatch, common, 2.0 * common)) is None

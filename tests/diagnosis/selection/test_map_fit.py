@@ -1,0 +1,97 @@
+"""MAP fits on a simulated flight: along a curved ridge of the posterior, and where no point is credible."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from edl_filter import Mission
+from edl_filter.diagnosis.linear_model.flight_case import load_case
+from edl_filter.diagnosis.linear_model.linear_model import linearize
+from edl_filter.diagnosis.selection import map_fit as module
+from edl_filter.diagnosis.selection.map_fit import fit_map
+from edl_filter.effects import EffectInstance
+from edl_filter.effects.registry import effect_named
+from edl_filter.estimation.regression import regress
+from edl_filter.simulation import Scenario, simulate
+
+TRUTH = {"sx": 1.2e-3, "sy": -4e-4, "sz": 7e-4}
+
+
+@pytest.fixture(scope="module")
+def model(tmp_path_factory):
+    """A spinning vehicle whose gyros have a scale error, linearised with half of that error in the model."""
+    scale = effect_named("gyro_scale")
+    path = tmp_path_factory.mktemp("fit") / "flight.h5"
+    simulate(Scenario.load("builtin:mer"), [EffectInstance(scale, TRUTH)], 11).write(path)
+    half = EffectInstance(scale, {name: 0.5 * value for name, value in TRUTH.items()})
+    mission = Mission.load("builtin:practice_mer", [f"telemetry.path={path}"])
+    return linearize(load_case(mission, (half,)), iterations=2)
+
+
+@pytest.fixture(scope="module")
+def fit(model):
+    """The model's effects fitted, with the linearisation point."""
+    return fit_map(model, model.effects, model.fitted_noise_filter, moving=True)
+
+
+def test_parameters_that_the_initial_state_compensates_are_estimated(model, fit):
+    """A scale about x changes the roll by degrees, and the initial roll compensates that: both must move."""
+    estimates, start = fit.parameters("gyro_scale"), fit.point.start
+    errors = {name: (estimates[name][0] - true) / estimates[name][1] for name, true in TRUTH.items()}
+    assert max(map(abs, errors.values())) < 4.0, errors
+    assert estimates["sx"][1] < 0.1 * TRUTH["sx"]
+    change = start.minus(model.point.start)
+    assert abs(change[8]) + abs(change[6]) > 1e-4
+
+
+def test_a_fit_from_the_estimates_stays_there(model, fit):
+    again = fit_map(model, fit.effects, model.fitted_noise_filter, moving=True)
+    for name, (value, sigma) in fit.parameters("gyro_scale").items():
+        assert again.parameters("gyro_scale")[name][0] == pytest.approx(value, abs=0.5 * sigma)
+
+
+def test_without_a_credible_point_the_effects_stay_as_they_are(model, monkeypatch):
+    """And nothing is raised."""
+    monkeypatch.setattr(module, "map_point", lambda *_, **__: None)
+    fit = fit_map(model, model.effects, model.fitted_noise_filter, moving=True)
+    assert fit.effects == model.effects
+    assert np.isfinite(fit.evidence)
+
+
+@pytest.mark.parametrize("name", ["rolling_moment", "pitching_moment_scale", "axial_force_scale"])
+def test_for_a_linear_effect_the_fit_is_a_regression(model, name):
+    """Laplace's approximation of the evidence is exact then, and one step suffices."""
+    candidate, whiten = EffectInstance(effect_named(name), {}), model.stated_noise_filter
+    fixed = tuple(replace(a, fixed=True) for a in model.effects)
+    without, fit = (fit_map(model, effects, whiten) for effects in (fixed, (*fixed, candidate)))
+    assert without.names == () and without.columns.shape[1] == 0
+    log_likelihood = whiten.log_likelihood(model.white_residuals(whiten))
+    of_readings = model.case.log_abs_det_jacobian(model.effects)  # the density is that of the readings
+    assert without.evidence == pytest.approx(log_likelihood + of_readings, rel=1e-12) and abs(of_readings) > 1.0
+    linear = regress(without.white, fit.columns, fit.sigma)
+    assert fit.evidence - without.evidence == pytest.approx(linear.gain, abs=1e-6)
+    np.testing.assert_allclose(fit.covariance, linear.covariance, rtol=1e-6)
+    np.testing.assert_allclose(fit.parameter_sigma, np.sqrt(np.diag(linear.covariance)), rtol=1e-6)
+    estimates = [fit.parameters(name)[q][0] for _, q in fit.names]
+    np.testing.assert_allclose(estimates, linear.estimate, atol=1e-5 * fit.parameter_sigma.min())
+    np.testing.assert_allclose(fit.white, without.white - fit.columns @ linear.estimate, atol=1e-5)
+
+
+def test_a_wave_of_negative_amplitude_is_returned_with_a_positive_one(model):
+    """With its columns and covariance: they agree with the values that are returned."""
+    wave = effect_named("density_wave")
+    start = {"A": 0.01, "L": 12e3, "phase": 1.0}
+    opposite = {"A": -0.01, "L": 12e3, "phase": 1.0 + np.pi}
+    positive, negative = (
+        fit_map(model, (*model.effects, EffectInstance(wave, values)), model.stated_noise_filter, steps=1)
+        for values in (start, opposite)
+    )
+    assert positive.parameters("density_wave")["A"][0] >= 0.0
+    i, k = (positive.names.index(("density_wave", name)) for name in ("A", "phase"))
+    for name, (value, sigma) in positive.parameters("density_wave").items():
+        assert negative.parameters("density_wave")[name] == pytest.approx((value, sigma), rel=1e-3)
+    np.testing.assert_allclose(
+        negative.columns[:, i], positive.columns[:, i], atol=1e-4 * np.abs(positive.columns[:, i]).max()
+    )
+    assert negative.covariance[i, k] == pytest.approx(positive.covariance[i, k], rel=1e-2)

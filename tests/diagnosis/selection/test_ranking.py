@@ -1,0 +1,110 @@
+"""The ranking on simulated flights: the evidence of a name, also where the model's point moves from the truth."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from edl_filter import Mission
+from edl_filter.diagnosis import diagnosis as module
+from edl_filter.diagnosis.diagnosis_json import diagnosis_content
+from edl_filter.diagnosis.linear_model.effect_jacobian import effect_jacobian
+from edl_filter.diagnosis.linear_model.flight_case import load_case
+from edl_filter.diagnosis.linear_model.linear_model import linearize, relinearize_failing_model
+from edl_filter.diagnosis.noise.unmodelled_acceleration import UnmodelledAcceleration
+from edl_filter.diagnosis.selection.decision import decide, joint_gain
+from edl_filter.diagnosis.selection.map_fit import fit_null_model
+from edl_filter.diagnosis.selection.ranking import rank
+from edl_filter.effects.base import EffectInstance
+from edl_filter.effects.registry import effect_named
+from edl_filter.estimation.regression import regress
+from edl_filter.simulation import Scenario, simulate
+
+HIDDEN = {"mx": 4e-3, "my": 2.5e-3, "mz": 1e-3}
+CANDIDATES = ("accelerometer_misalignment", "accelerometer_scale", "gyro_bias", "static_instability")
+
+
+@pytest.fixture(scope="module")
+def case(tmp_path_factory):
+    """A vehicle that does not spin. The hidden effect is an error that the filter allows for, but larger."""
+    hidden = EffectInstance(effect_named("accelerometer_misalignment"), HIDDEN)
+    path = tmp_path_factory.mktemp("flight") / "flight.h5"
+    simulate(Scenario.load("builtin:phoenix"), (hidden,), 3).write(path)
+    return load_case(Mission.load("builtin:practice_phoenix", [f"telemetry.path={path}"]), ())
+
+
+@pytest.fixture(scope="module")
+def ranking(case):
+    return rank(case, [effect_named(n) for n in CANDIDATES])
+
+
+def test_the_model_fails_only_about_the_smoothed_reconstruction(case):
+    """About another point it holds, with the hidden error in a nuisance parameter, many stated sigmas off."""
+    settings = case.settings
+    failing = linearize(case, settings.linearization_iterations, settings.holds_share)
+    alternative = relinearize_failing_model(case, failing)
+    assert failing.excess_variance.share > settings.holds_share >= alternative.excess_variance.share
+    assert alternative.log_likelihood > failing.log_likelihood + 100.0
+    assert alternative.largest_nuisance_sigmas > 10.0
+
+
+def test_the_evidence_is_that_of_a_linear_fit_at_the_truth(case, ranking):
+    """Over the model in which a nuisance parameter absorbs the error."""
+    verdict = decide(ranking)
+    assert verdict.verdict == "missing" and verdict.leader.name == "accelerometer_misalignment"
+    fit = ranking.hypotheses[0].fit
+    for name, true in HIDDEN.items():
+        sigma = fit.parameter_sigma[fit.names.index(("accelerometer_misalignment", name))]
+        assert abs(verdict.leader.values[name] - true) < 3.0 * sigma
+    model = linearize(case)
+    j = effect_jacobian(model, EffectInstance(effect_named("accelerometer_misalignment"), {}))
+    x = model.stated_noise_filter(j.rows, j.initial_mean)
+    expected = regress(x @ np.array([HIDDEN[n] for n in j.names]), x, j.sigma).gain
+    # the noise of this flight changes a log-likelihood ratio by sqrt(2 gain)
+    assert abs(ranking.hypotheses[0].gain - expected) < 3.0 * np.sqrt(2.0 * expected)
+
+
+def test_a_provisional_name_is_diagnosed_again_with_a_second_effect(case, ranking, monkeypatch):
+    """The second effect is in the verdict, in its sentence and, with all estimates of the joint fit, in the content."""
+    not_at_floor = replace(ranking, hypotheses=[replace(h, at_floor=False) for h in ranking.hypotheses])
+    partner = ranking.hypotheses[0]
+    monkeypatch.setattr(module, "rank", lambda *_: not_at_floor)
+    monkeypatch.setattr("edl_filter.diagnosis.selection.decision.reduces_its_channel", lambda *_: False)
+    monkeypatch.setattr(
+        module, "find_joint_effect", lambda first, candidates, progress: partner if first.name in CANDIDATES else None
+    )
+    diagnosis = module.diagnose(case, [effect_named(n) for n in CANDIDATES])
+    assert diagnosis.verdict.verdict == "missing" and diagnosis.verdict.partner is partner
+    content = diagnosis_content(diagnosis)
+    assert content["partner"]["effect"] == partner.name in content["sentence"]
+    assert set(content["partner"]["together"][partner.name]) == set(HIDDEN)
+    monkeypatch.setattr(module, "find_joint_effect", lambda *_: None)
+    alone = module.diagnose(case, [effect_named(n) for n in CANDIDATES])
+    assert alone.verdict.verdict == "unknown" and diagnosis_content(alone)["partner"] is None
+
+
+def test_the_gain_of_a_name_is_the_evidence_that_the_model_with_it_has_more(ranking):
+    """The cost of the priors of a model's own effects is on both sides, so it is paid once."""
+    h = ranking.hypotheses[0]
+    null = fit_null_model([h.model], h.fit.effects)
+    assert null.evidence - h.null.evidence == pytest.approx(h.gain, abs=3.0)
+    # otherwise the next name would pay for this one as well
+    assert null.log_likelihood - null.evidence > ranking.case.settings.named_gain_nats
+
+
+def test_the_joint_evidence_without_an_acceleration_is_that_of_the_name(ranking):
+    """At the noise that the name leaves; an acceleration that explains nothing more does not add evidence."""
+    h = ranking.hypotheses[0]
+    assert h.at_floor
+    without = replace(ranking, unmodelled=UnmodelledAcceleration())
+    assert joint_gain(without, h) == pytest.approx(h.gain, abs=3.0)
+    assert joint_gain(ranking, h) < h.gain + 3.0
+
+
+def test_effects_that_are_not_fitted_are_not_noise(practice_06):
+    """The gain of fitting the model's own effects is neither excess noise nor an unmodelled acceleration."""
+    stated = EffectInstance(effect_named("axial_force_scale"), {"k": 0.0015})
+    ranking = rank(load_case(practice_06.mission, (stated,)), [])
+    assert ranking.model.excess_variance.is_zero
+    assert ranking.excess_noise_gain == ranking.unmodelled_gain == 0.0
+    assert decide(ranking).verdict == "clean"

@@ -1,0 +1,110 @@
+"""The content of ``diagnosis.json``, and the checks that the test session applies to every diagnosis."""
+
+import copy
+import json
+
+import numpy as np
+import pytest
+from decision_checks import check_content, check_probabilities
+
+from edl_filter.diagnosis import diagnosis_json
+from edl_filter.diagnosis.diagnosis import diagnose
+from edl_filter.diagnosis.diagnosis_json import diagnosis_content
+from edl_filter.diagnosis.linear_model.flight_case import load_case
+from edl_filter.diagnosis.selection import decision
+from edl_filter.effects.registry import effect_named
+from edl_filter.mission import Mission
+
+
+@pytest.fixture(scope="module")
+def diagnosis():
+    """The shipped flight with 5 % too much mass in the mission, and the names that this may have."""
+    mission = Mission.load("builtin:practice_mer", ["vehicle.mass=873.6"])
+    return diagnose(load_case(mission), [effect_named("mass"), effect_named("axial_force_scale")])
+
+
+@pytest.fixture(scope="module")
+def content(diagnosis):
+    return diagnosis_content(diagnosis)
+
+
+def test_it_is_plain_json_with_every_number(diagnosis, content):
+    assert json.loads(json.dumps(content, allow_nan=False)) == content
+    assert content["verdict"] == diagnosis.verdict.verdict == "missing"
+    assert content["sentence"] == diagnosis.verdict.sentence
+    assert len(content["map"]) == len(diagnosis.cells) and content["where"][0]["fails"]
+    assert content["errors"] == pytest.approx(diagnosis.errors, nan_ok=True)
+    assert content["something_else"]["probability"] == diagnosis.verdict.something_else
+    assert content["settings"] == json.loads(json.dumps(diagnosis.ranking.case.settings.model_dump()))
+
+
+def test_an_entry_has_estimates_correlations_and_errors(diagnosis, content):
+    first, entry = content["ranking"][0], diagnosis.verdict.entries[0]
+    h = entry.hypothesis
+    assert first["effect"] == h.name and first["same_as"] == list(entry.same_as)
+    assert first["probability"] == entry.probability
+    assert (first["gain"], first["score_gain"]) == (h.gain, h.score_gain)
+    for name, (value, sigma) in h.fit.parameters(h.name).items():
+        assert first["parameters"][name] == {"estimate": value, "sigma": sigma, "unit": ""}
+    assert first["error_before"] == diagnosis.errors[first["channel"]] > first["error_after"]
+    assert first["errors_after"][first["channel"]] == first["error_after"]
+    assert set(first["alternatives"]) == set(first["same_as"]) == set(first["parted_by"])
+    for pair, value in first["correlations"].items():
+        assert ", " in pair and -1.0 <= value <= 1.0
+
+
+# --- checks of the test session -------------------------------------------------------------------------------------
+
+
+def test_every_diagnosis_of_the_session_is_checked():
+    for function in (diagnosis_json.diagnosis_content, diagnosis_content, decision.decide):
+        assert hasattr(function, "__wrapped__")
+
+
+def changed(content, **changes):
+    out = copy.deepcopy(content)
+    for key, value in changes.items():
+        where = out
+        *path, last = key.split("__")
+        for part in path:
+            where = where[int(part) if part.isdigit() else part]
+        where[last] = value
+    return out
+
+
+def test_a_content_that_contradicts_itself_is_recognised(content):
+    check_content(content)
+    for changes in (
+        {"verdict": "clean"},
+        {"verdict": "unknown", "sentence": "Something is missing that none of the effects tried explains."},
+        {"none": content["none"] + 1e-6},
+        {"ranking__0__probability": 0.4},
+        {"ranking__0__probability": 0.0, "none": 1.0, "something_else__probability": 0.0},
+        {"ranking__0__probability": None},
+        {"sentence": "Missing: wind (gain 9 nats)."},
+        {"ranking": []},
+    ):
+        with pytest.raises((AssertionError, TypeError)):
+            check_content(changed(content, **changes))
+
+
+@pytest.mark.parametrize(
+    ("verdict", "names", "none", "something_else", "consistent"),
+    [
+        ("missing", [0.6, 0.1], 0.2, 0.1, True),
+        ("clean", [0.3, 0.1], 0.4, 0.2, True),
+        ("unknown", [], 0.4, 0.6, True),
+        ("missing", [0.1, 0.6], 0.2, 0.1, False),  # not in the order of probability
+        ("missing", [0.3, 0.1], 0.4, 0.2, False),  # the flight is clean
+        ("missing", [0.4, 0.0], 0.4, 0.2, False),  # a tie
+        ("missing", [0.6, 0.1], 0.2, 0.2, False),  # the sum is not one
+        ("missing", [1.2], -0.2, 0.0, False),
+        ("clean", [], np.nan, 1.0, False),
+    ],
+)
+def test_probabilities_that_contradict_the_verdict_are_recognised(verdict, names, none, something_else, consistent):
+    if consistent:
+        check_probabilities(verdict, names, none, something_else)
+    else:
+        with pytest.raises(AssertionError):
+            check_probabilities(verdict, names, none, something_else)

@@ -1,0 +1,60 @@
+"""Flights whose only unknown is a Gauss–Markov force and moment: their linear model, and simulated residuals."""
+
+from types import SimpleNamespace
+
+import numpy as np
+
+from edl_filter.diagnosis.jacobians.state_space import RowIndex
+from edl_filter.diagnosis.prediction.dead_reckoning import NODES_PER_BIN
+from edl_filter.diagnosis.prediction.residuals import bin_average, triangular_integral
+from edl_filter.diagnosis.prediction.time_bins import TimeBins
+from edl_filter.estimation.block_sparse import from_blocks
+from edl_filter.estimation.kalman import LinearStateSpace
+
+DT = 0.125
+FORCE_SIGMA, STEP_SIGMA = 5e-3, 2e-4
+
+
+def flight(count):
+    """State-space model without states, row index, bins, and a flow with a pulse of dynamic pressure."""
+    edges = 20.0 + DT * np.arange(count + 1)
+    bins = TimeBins(edges, np.ones(count, bool), 1)
+    rows = np.full((count, 6), -1)
+    rows[:-1] = np.arange(6 * (count - 1)).reshape(-1, 6)
+    rows[-1, :3] = 6 * (count - 1) + np.arange(3)  # no step of the rate follows the last bin
+    total = 6 * count - 3
+    variance = np.repeat([FORCE_SIGMA**2, STEP_SIGMA**2], 3)
+    empty = from_blocks(0, [(slice(0, 0), slice(0, 0), np.zeros((count, 0, 0)))])
+    model = LinearStateSpace(
+        increment=empty,
+        process_noise=empty,
+        row_start=np.append(np.arange(count) * 6, total),
+        design=np.zeros((total, 0)),
+        row_noise=np.tile(np.diag(variance), (count, 1))[:total],
+        initial_covariance=np.zeros((0, 0)),
+    )
+    index = RowIndex(rows, (), total, np.full(count, DT), np.repeat(edges[1:], 6)[:total], np.arange(total) % 6)
+    fraction = np.linspace(0.0, 1.0, NODES_PER_BIN * count + 1)
+    return model, index, bins, SimpleNamespace(dynamic_pressure=8e3 * np.exp(-0.5 * ((fraction - 0.6) / 0.2) ** 2))
+
+
+def simulated_process(case, rng, force=0.0, moment=0.0, memory=10.0, scale=1.0):
+    """Specific force (m/s²) and angular acceleration (rad/s²) at the nodes, ``(M, 6)``."""
+    nodes = NODES_PER_BIN * len(case[2].interval) + 1
+    decay = np.exp(-DT / NODES_PER_BIN / memory)
+    process = np.empty((nodes, 6))
+    process[0] = rng.normal(size=6)
+    for k in range(1, nodes):
+        process[k] = decay * process[k - 1] + np.sqrt(1.0 - decay**2) * rng.normal(size=6)
+    return process * np.repeat([force, moment], 3) * np.broadcast_to(np.reshape(scale, (-1, 1)), (nodes, 1))
+
+
+def residuals_of(case, rng, process):
+    """Residuals ``(R,)`` under a process at the nodes ``(M, 6)``, with the stated noise."""
+    _, index, bins, _ = case
+    by_bin = np.full((len(bins.interval), 6), np.nan)
+    by_bin[:, :3], by_bin[:-1, 3:] = bin_average(process[:, :3], bins), triangular_integral(process[:, 3:], bins)
+    by_bin += np.repeat([FORCE_SIGMA, STEP_SIGMA], 3) * rng.normal(size=by_bin.shape)
+    out, used = np.zeros(index.count), index.bin_rows >= 0
+    out[index.bin_rows[used]] = by_bin[used]
+    return out

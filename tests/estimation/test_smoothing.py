@@ -1,0 +1,85 @@
+"""Backward recursions against the dense joint Gaussian of all states and measurements."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from linear_problems import joint_measurements, posterior_states, random_model
+
+from edl_filter.estimation.kalman import whitening_filter
+from edl_filter.estimation.smoothing import precision_weighted_residuals, smoothed_last_states, smoothed_states
+
+
+def random_data(model, seed, leading):
+    """Measurements ``(R,)``, the initial mean of the first states, and that of all."""
+    rng = np.random.default_rng(seed)
+    initial_mean = np.zeros(model.size)
+    initial_mean[:leading] = rng.normal(size=leading)
+    return rng.normal(size=model.row_start[-1]), initial_mean[:leading], initial_mean
+
+
+def filtered(model, measurements, initial_mean):
+    """The whitening filter and the white rows ``(R,)``."""
+    whiten = whitening_filter(model)
+    return whiten, whiten(measurements[:, None], initial_mean[:, None])[:, 0]
+
+
+@settings(max_examples=20, deadline=None)
+@given(st.integers(0, 1000))
+def test_precision_weighted_residuals_are_those_of_the_joint_covariance(seed):
+    model = random_model(seed)
+    measurements, leading, initial_mean = random_data(model, seed, 7)
+    weighted, diagonal = precision_weighted_residuals(*filtered(model, measurements, leading))
+    mean, covariance = joint_measurements(model, initial_mean)
+    precision = np.linalg.inv(covariance)
+    np.testing.assert_allclose(weighted, precision @ (measurements - mean), rtol=1e-6, atol=1e-8)
+    np.testing.assert_allclose(diagonal, np.diag(precision), rtol=1e-6)
+
+
+def test_they_give_the_derivative_of_the_likelihood_with_respect_to_a_rows_noise():
+    model = random_model()
+    measurements = np.random.default_rng(3).normal(size=model.row_start[-1])
+    weighted, diagonal = precision_weighted_residuals(*filtered(model, measurements, np.zeros(7)))
+    covariance, step = joint_measurements(model, np.zeros(7))[1], 1e-5
+
+    def log_likelihood(c):
+        return -0.5 * measurements @ np.linalg.solve(c, measurements) - 0.5 * np.linalg.slogdet(c)[1]
+
+    for i in range(len(measurements)):
+        added = np.zeros_like(covariance)
+        added[i, i] = step
+        derivative = (log_likelihood(covariance + added) - log_likelihood(covariance - added)) / (2.0 * step)
+        np.testing.assert_allclose(0.5 * (weighted[i] ** 2 - diagonal[i]), derivative, rtol=1e-4, atol=1e-6)
+
+
+@pytest.mark.parametrize(("seed", "leading"), [(3, 7), (4, 7), (5, 3)])
+def test_smoothed_states_are_the_posterior_mean(seed, leading):
+    """At the beginning and after every step."""
+    model = random_model(seed)
+    measurements, leading_mean, initial_mean = random_data(model, seed, leading)
+    initial, states = smoothed_states(*filtered(model, measurements, leading_mean), leading_mean)
+    expected, _ = posterior_states(model, initial_mean, measurements)
+    np.testing.assert_allclose(initial, expected[0], atol=1e-8)
+    np.testing.assert_allclose(states, expected[1:], atol=1e-8)
+
+
+@pytest.mark.parametrize(("seed", "size", "moving", "count"), [(4, 5, 5, 2), (5, 5, 5, 5), (6, 7, 3, 6), (7, 6, 2, 1)])
+def test_smoothed_last_states_are_posterior_mean_and_covariance(seed, size, moving, count):
+    """Of states that move and of constant ones."""
+    model = random_model(seed, steps=30, size=size, moving=moving)
+    measurements, leading_mean, initial_mean = random_data(model, seed, 3)
+    mean, covariance = smoothed_last_states(*filtered(model, measurements, leading_mean), leading_mean, count)
+    expected_mean, expected_covariance = posterior_states(model, initial_mean, measurements)
+    assert mean.shape == (30, count) and covariance.shape == (30, count, count)
+    np.testing.assert_allclose(mean, expected_mean[1:, -count:], atol=1e-9)
+    for k in range(30):
+        expected = expected_covariance[k + 1, -count:, k + 1, -count:]
+        np.testing.assert_allclose(covariance[k], expected, atol=1e-9)
+
+
+def test_the_two_smoothers_agree():
+    model = random_model(8)
+    measurements, leading_mean, _ = random_data(model, 8, 7)
+    whiten, white = filtered(model, measurements, leading_mean)
+    mean, _ = smoothed_last_states(whiten, white, leading_mean, 7)
+    np.testing.assert_allclose(mean, smoothed_states(whiten, white, leading_mean)[1], atol=1e-9)
