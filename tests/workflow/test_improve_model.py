@@ -133,7 +133,7 @@ def test_a_run_refits_from_any_start_unless_switched_off(improved, tmp_path):
 
 
 def test_an_effect_that_is_in_the_mission_twice_is_not_refitted(tmp_path):
-    twice = "effects=[{name: gyro_bias}, {name: gyro_bias, imu: secondary}]"
+    twice = "effects=[{name: gyro_bias}, {name: gyro_bias, imu: primary}]"
     assert_refused(call("run", "builtin:practice_mer", "--set", twice, "-o", tmp_path / "out"), "found gyro_bias twice",
             "--no-refit")  # fmt: skip
     assert not (tmp_path / "out").exists()

@@ -35,7 +35,7 @@ class Diagnosis:
     mission : str
         Name.
     effects : tuple of str
-        In the model already.
+        Labels of those in the model already.
     cells : list of Cell
         The residual map.
     verdict : Verdict
@@ -121,7 +121,7 @@ def diagnose(case: FlightCase, candidates: Iterable[Effect], progress: Progress 
     model, unknown = ranking.model, verdict.verdict == UNKNOWN
     return Diagnosis(
         mission=case.mission.name,
-        effects=tuple(a.name for a in case.effects),
+        effects=tuple(a.label for a in case.effects),
         cells=residual_map(model),
         verdict=verdict,
         ranking=ranking,

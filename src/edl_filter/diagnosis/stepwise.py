@@ -49,14 +49,14 @@ class Step:
         if verdict.leader is not None and best is not None:
             return (
                 f"Stopped: the model still fails with {len(self.model)} effects, which is as many as are tried; the "
-                f"next would be {best.name} (gain {best.gain:.1f} nats). Some of them may stand for something else: "
+                f"next would be {best.label} (gain {best.gain:.1f} nats). Some of them may stand for something else: "
                 "what they are and what they mend is for a person to judge."
             )
         if best is None:
             return "Stopped: something is missing, and none of the effects tried explains any of it."
         return (
             "Stopped: something is missing that none of the effects tried explains; "
-            f"the best, {best.name}, would gain {best.gain:.1f} nats and {best.score_gain:.1f} on held-out data."
+            f"the best, {best.label}, would gain {best.gain:.1f} nats and {best.score_gain:.1f} on held-out data."
         )
 
 

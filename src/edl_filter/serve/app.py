@@ -18,7 +18,7 @@ from starlette.routing import Route
 
 from edl_filter._version import __version__
 from edl_filter.errors import InputError
-from edl_filter.mission.edit_effects import hypotheses_by_name
+from edl_filter.mission.edit_effects import hypotheses_by_label
 from edl_filter.serve import library
 from edl_filter.serve.jobs import BusyError, Worker
 from edl_filter.serve.plans import Plan, plan_add, plan_compare, plan_diagnose, plan_run, prepare_add
@@ -114,7 +114,7 @@ class _Handlers:
             for s in lineage
         ]
         ranking = () if result.diagnosis is None else result.diagnosis["ranking"]
-        adding = {effect: self._add_lines(result.path, effect) for effect in hypotheses_by_name(ranking)}
+        adding = {label: self._add_lines(result.path, label) for label in hypotheses_by_label(ranking)}
         return JSONResponse({
             "path": result.path, "title": result.title, "mission": result.mission, "effects": result.effects,
             "diagnosis": result.diagnosis, "steps": steps, "adding": adding,

@@ -38,7 +38,7 @@ def hypothesis_of(name, gain, score=None, explained=None, at_floor=True):
     own[NAMES.index(name)] = 1.0
     effects = (EffectInstance(effect_named("gravity_oblateness"), {}), EffectInstance(effect_named(name), {}))
     return Hypothesis(
-        name=name,
+        key=(name, None),
         fit=SimpleNamespace(effects=effects),
         whiten=None,
         gain=gain,
@@ -485,13 +485,15 @@ FITTED = (EffectInstance(effect_named("mass"), {"k": -0.07}),)
 
 def first_hypothesis(name, instance, effects):
     settings = SimpleNamespace(mission="flight", settings=SETTINGS)
-    return SimpleNamespace(name=name, instance=instance, case=settings, fit=SimpleNamespace(effects=effects))
+    return SimpleNamespace(
+        key=(name, None), label=name, instance=instance, case=settings, fit=SimpleNamespace(effects=effects)
+    )
 
 
 def second_hypothesis(at_floor, estimate, sigma):
     """A second effect, and the estimate of the first in the joint fit."""
     fit = SimpleNamespace(parameters=lambda name: {"mass": {"k": (estimate, sigma)}}[name])
-    return SimpleNamespace(name="wind", at_floor=at_floor, fit=fit)
+    return SimpleNamespace(key=("wind", None), at_floor=at_floor, fit=fit)
 
 
 @pytest.mark.parametrize(

@@ -53,7 +53,7 @@ def evidence_profile(
     from xarray import DataArray
 
     resolved = find_effect(effect) if isinstance(effect, str) else validated_effect(effect)
-    if any(a.name == resolved.name for a in model.effects):
+    if any(a.key == (resolved.name, None) for a in model.effects):
         raise InputError(f"scan: found {resolved.name} in the model already; expected an effect that is not.")
     q = _scanned_place(resolved, place)
     begin, lowest = scan_range(model)
