@@ -74,7 +74,7 @@ def test_the_files_satisfy_their_schemas(improved):
 
 def test_the_last_step_says_why_it_is_the_last():
     """The noise is reached, no effect explains the remainder, or the largest number of effects is in the model."""
-    best = SimpleNamespace(hypothesis=SimpleNamespace(name="wind", gain=20.0, score_gain=19.0))
+    best = SimpleNamespace(hypothesis=SimpleNamespace(label="wind", gain=20.0, score_gain=19.0))
 
     def why(label, leader, entries):
         verdict = SimpleNamespace(verdict=label, leader=leader, entries=entries)
