@@ -5,6 +5,7 @@
 #   make test    run the tests        make lint   ruff        make types   mypy        make layers  import-linter
 #   make notebooks      execute the notebooks (minutes)
 #   make test-browser   click through the workbench in Chromium, from first look to noise floor (minutes)
+#   make test-effects   hide every effect of the catalogue in a simulated flight and diagnose it (a quarter of an hour)
 #   make bench   run the benchmarks   make clean  remove what these targets made
 #   make docs    build the documentation into docs/_build/html; a warning is an error
 #   make study-simulation   reconstruct many simulated flights and judge the errors (some minutes)
@@ -20,14 +21,14 @@ BIN := .venv/bin
 STAMP := .venv/installed
 DOCS_STAMP := .venv/installed-docs
 
-.PHONY: demo test notebooks test-browser lint types layers bench docs study study-simulation study-closure study-filters study-thresholds study-comparators clean
+.PHONY: demo test notebooks test-browser test-effects lint types layers bench docs study study-simulation study-closure study-filters study-thresholds study-comparators clean
 
 demo: $(STAMP)
 	$(BIN)/edl-filter demo -o demo-results
 
 # One worker per file, so that what a file reads or reconstructs once serves all its tests
 test: $(STAMP)
-	$(BIN)/pytest -n 2 --dist loadfile -m "not browser and not notebook"
+	$(BIN)/pytest -n 2 --dist loadfile -m "not browser and not notebook and (not effects or representative)"
 
 # Five notebooks, each with runs and diagnoses of its own
 notebooks: $(STAMP)
@@ -36,6 +37,10 @@ notebooks: $(STAMP)
 # Two runs and two diagnoses by clicking take minutes, and need Chromium and the practice flights
 test-browser: $(STAMP)
 	$(BIN)/pytest -m browser tests/serve
+
+# A flight and a diagnosis for every test: a worker that has none left takes over some of the other's
+test-effects: $(STAMP)
+	$(BIN)/pytest -n 2 --dist worksteal -m effects tests/flights/test_hidden_effects.py
 
 lint: $(STAMP)
 	$(BIN)/ruff check .

@@ -1,0 +1,167 @@
+"""Each effect of the catalogue, hidden in a simulated flight, is named by a diagnosis with the whole catalogue.
+
+`make test-effects` runs this file; `make test` runs what is marked as representative.
+
+The flights follow a rule that was fixed before any of them was diagnosed. The size is the plausible one, in a random
+direction; the seed is 1; vehicles alternate in the order of the catalogue. Where the effect is not detectable on that
+flight, i.e. the gain expected with the truth known is below 6 nats, or the vehicle tumbles, the other vehicle follows,
+then the next seed. The rule never looks at the outcome of a diagnosis.
+"""
+
+import json
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from identification import OUTSIDE, PAIRS, VEHICLES, expected_gain, random_instance, simulated_mission
+from scipy.stats import chi2
+from typer.testing import CliRunner
+
+from edl_filter.cli import app
+from edl_filter.diagnosis.diagnosis import diagnose
+from edl_filter.diagnosis.diagnosis_json import diagnosis_content
+from edl_filter.diagnosis.linear_model.flight_case import load_case
+from edl_filter.diagnosis.stepwise import improve
+from edl_filter.effects.base import EffectInstance
+from edl_filter.effects.registry import catalogue
+
+pytestmark = pytest.mark.effects
+
+SEED = 1
+#: Gain above which an effect is detectable, nats (design of the diagnosis).
+DETECTABLE_NATS = 6.0
+#: Probability with which the estimate of a correct diagnosis is rejected.
+REJECTION = 1e-4
+#: Effect → vehicle and seed. With pitch_damping both vehicles tumble at seed 1; with normal_force_scale Phoenix does.
+FLIGHTS = {name: (VEHICLES[i % 2], SEED) for i, name in enumerate(catalogue())} | {
+    "pitch_damping": ("mer", 2),
+    "normal_force_scale": ("mer", 1),
+}
+REPRESENTATIVE = ("gravity_oblateness", "gyro_scale", "com_offset")
+
+
+def hidden_effect(name, seed):
+    """The effect with sizes and places of the seed, drawn as in the study of identification."""
+    return random_instance(name, 1.0, np.random.default_rng([seed, sum(map(ord, name)), 10]))
+
+
+def true_effect(mission, instance):
+    """What the mission's model lacks: an oblateness is hidden by reducing that of the mission."""
+    if instance.name != "gravity_oblateness":
+        return instance.canonical_phase()
+    j2 = catalogue()["gravity_oblateness"].parameters[0].name
+    return EffectInstance(instance.effect, {j2: 1.960454e-3 - mission.planet.gravity.j2})
+
+
+def leading_hypothesis(diagnosis, key):
+    """The hypothesis of `key` in the leading entry: its first or one that the flight does not distinguish from it."""
+    assert diagnosis.verdict.verdict == "missing", diagnosis.verdict.sentence
+    entry = diagnosis.verdict.entries[0]
+    named = {h.key: h for h in (entry.hypothesis, *entry.others)}
+    assert key in named, diagnosis.verdict.sentence
+    return named[key]
+
+
+def squared_distance(fit, truth):
+    """Squared Mahalanobis distance of the estimate from the truth, and the number of parameters fitted.
+
+    The estimate is the maximum of the posterior under a prior from which sizes are drawn, so the distance is
+    chi-square distributed.
+    """
+    (estimate,) = (a for a in fit.effects if a.key == truth.key)
+    used = [i for i, (key, _) in enumerate(fit.names) if key == truth.key]
+    phases = {q.name: q.high - q.low for q in truth.effect.parameters if q.kind == "phase"}
+    error = np.array([estimate.values[fit.names[i][1]] - truth.values[fit.names[i][1]] for i in used])
+    for k, i in enumerate(used):
+        turn = phases.get(fit.names[i][1])
+        if turn is not None and math.isfinite(turn):
+            error[k] = math.remainder(error[k], turn)
+    return float(error @ np.linalg.solve(fit.covariance[np.ix_(used, used)], error)), len(used)
+
+
+@pytest.mark.parametrize(
+    "name", [pytest.param(n, marks=[pytest.mark.representative] if n in REPRESENTATIVE else []) for n in FLIGHTS]
+)
+def test_a_hidden_effect_is_named_with_its_parameters(name, tmp_path, record_property):
+    """The gain that is expected and the one that is computed are properties in the file of ``--junitxml``."""
+    vehicle, seed = FLIGHTS[name]
+    hidden = hidden_effect(name, seed)
+    mission = simulated_mission(vehicle, seed, [hidden], tmp_path)
+    expected = expected_gain(mission, hidden)
+    record_property("expected_gain", float(expected))
+    assert expected > DETECTABLE_NATS
+    diagnosis = diagnose(load_case(mission, ()), catalogue().values())
+    diagnosis_content(diagnosis)  # checked by the session's fixture
+    hypothesis = leading_hypothesis(diagnosis, (name, None))
+    record_property("gain", float(hypothesis.gain))
+    distance, count = squared_distance(hypothesis.fit, true_effect(mission, hidden))
+    record_property("squared_distance", f"{distance:.2f} of {count} parameters")
+    assert distance < chi2.isf(REJECTION, count), hypothesis.fit.parameters((name, None))
+
+
+@pytest.mark.parametrize("vehicle", [pytest.param("mer", marks=pytest.mark.representative), "phoenix"])
+def test_a_flight_without_hidden_effects_is_clean(vehicle, tmp_path):
+    mission = simulated_mission(vehicle, SEED, [], tmp_path)
+    diagnosis = diagnose(load_case(mission, ()), catalogue().values())
+    assert diagnosis_content(diagnosis)["verdict"] == "clean", diagnosis.verdict.sentence
+
+
+def test_two_hidden_effects_are_named_one_after_the_other(tmp_path):
+    pair = PAIRS[0]
+    random = np.random.default_rng([SEED, sum(map(ord, "".join(pair))), 10])
+    mission = simulated_mission(VEHICLES[0], SEED, [random_instance(name, 1.0, random) for name in pair], tmp_path)
+    steps = list(improve(mission, list(catalogue().values())))
+    assert sorted(step.added.name for step in steps[:-1]) == sorted(pair)
+    assert steps[-1].diagnosis.verdict.verdict == "clean", steps[-1].why_stopped
+    partner = steps[0].diagnosis.verdict.partner
+    assert partner is None or {steps[0].added.name, partner.name} == set(pair)
+
+
+@pytest.mark.representative
+def test_an_effect_outside_the_catalogue_is_unknown(tmp_path):
+    assert not OUTSIDE.keys() & catalogue().keys()
+    mission = simulated_mission("mer", SEED, [random_instance("oscillating_jet", 1.0, None)], tmp_path)
+    diagnosis = diagnose(load_case(mission, ()), catalogue().values())
+    content = diagnosis_content(diagnosis)
+    assert content["verdict"] == "unknown", content["sentence"]
+    assert content["remainder"]["channel"] == "moment_y"
+    assert content["remainder"]["frequency_hz"] == pytest.approx(OUTSIDE["oscillating_jet"][1]["f"], abs=0.01)
+
+
+def test_a_misaligned_second_imu_is_named_and_added_by_commands(tmp_path, monkeypatch):
+    """Run, diagnose, add, run, diagnose, with the commands that the first diagnosis prints."""
+    monkeypatch.chdir(tmp_path)
+
+    def call(*arguments):
+        result = CliRunner().invoke(app, [str(a) for a in arguments])
+        assert result.exit_code == 0, result.output
+        return result.stdout
+
+    name = "accelerometer_misalignment"
+    hidden = replace(hidden_effect(name, SEED), imu="secondary")
+    mission = simulated_mission("mer", SEED, [hidden], tmp_path)
+    assert expected_gain(mission, hidden) > DETECTABLE_NATS
+    call("run", "builtin:practice_mer", "--set", f"telemetry.path={mission.telemetry_path()}", "-o", "first",
+         "--no-figures")  # fmt: skip
+    first = json.loads(call("diagnose", "first", "--json"))
+    assert first["verdict"] == "missing", first["sentence"]
+    leader = first["ranking"][0]
+    assert (leader["effect"], leader["imu"]) == (name, "secondary")
+    assert leader["label"] == f"{name} in secondary"
+    assert first["sentence"].startswith(f"Missing: {name} in secondary")
+    for parameter, estimate in leader["parameters"].items():
+        assert abs(estimate["estimate"] - hidden.values[parameter]) < 4.0 * estimate["sigma"], parameter
+    assert {cell["channel"] for cell in first["where"]} <= {f"secondary_force_{axis}" for axis in "xyz"}
+
+    add, run = (command.split() for command in first["next"])
+    assert add[:2] == ["edl-filter", "add"] and add[3:] == [name, "--from", "first", "--imu", "secondary"]
+    call(*add[1:])
+    call(*run[1:], "--no-figures")
+    summary = json.loads(Path(f"first+{name}/summary.json").read_text())
+    (refit,) = summary["effects"].values()
+    assert refit["imu"] == "secondary"
+    second = json.loads(call("diagnose", f"first+{name}", "--json"))
+    assert second["verdict"] == "clean", second["sentence"]
+    assert second["effects"] == [f"{name} in secondary"] and second["where"] == []
