@@ -172,6 +172,22 @@ def test_shapes_broadcast():
     np.testing.assert_allclose(rotations.rotate(q, v)[2, 4], rotations.rotate(q[2, 0], v[4]))
 
 
+@given(vectors, st.floats(0.0, 3.0))
+def test_right_jacobian_equals_its_series(direction, size):
+    """``Σ (-[phi]ₓ)ᵏ / (k + 1)!`` (Sola, Deray & Atchuthan 2018, eq. 143)."""
+    phi = size * direction
+    term = total = np.eye(3)
+    for k in range(1, 40):
+        term = -term @ rotations.cross_matrix(phi) / (k + 1)
+        total = total + term
+    np.testing.assert_allclose(rotations.right_jacobian(phi), total, atol=1e-12)
+
+
+@given(vectors, vectors)
+def test_cross_is_numpys(u, v):
+    np.testing.assert_allclose(rotations.cross(u, v), np.cross(u, v), atol=1e-16)
+
+
 @pytest.mark.parametrize("angle", [0.0, 1e-8, 1e-3, 0.03, 0.04, 1.0, 3.0])
 def test_right_jacobian_is_the_slope_of_the_exponential(angle):
     """``exp(phi + d) = exp(phi) ⊗ exp(J d)``, by central differences, on both sides of the series' end."""

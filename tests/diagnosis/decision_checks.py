@@ -50,12 +50,12 @@ def check_content(content):
     )
     assert content["sentence"].startswith(SENTENCES[content["verdict"]]), content["sentence"]
     if content["verdict"] == "missing":
-        names = " or ".join((ranking[0]["effect"], *ranking[0]["same_as"]))
+        names = " or ".join((ranking[0]["label"], *ranking[0]["same_as"]))
         assert content["sentence"].startswith(f"Missing: {names} (gain"), content["sentence"]
     else:
         assert content["partner"] is None
-    named = [name for e in ranking for name in (e["effect"], *e["same_as"])]
-    assert len(named) == len(set(named)), named  # every effect is in one hypothesis
+    named = [name for e in ranking for name in (e["label"], *e["same_as"])]
+    assert len(named) == len(set(named)), named  # every effect, of every IMU, is in one hypothesis
 
 
 def _checked(function, check):

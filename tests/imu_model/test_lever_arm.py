@@ -14,6 +14,45 @@ from edl_filter.imu_model.lever_arm import (
 )
 
 
+def edge_value(interval, mean, parted, edge):
+    """The value at an inner edge, from the polynomial that has the means of the samples around it.
+
+    The degree is the largest, up to the seventh, whose samples are inside, even and of one instrument; else the two
+    samples at the edge are weighted by the other one's length.
+    """
+    for pairs in (4, 3, 2):
+        window = slice(edge - pairs, edge + pairs)
+        if window.start < 0 or window.stop > len(mean):
+            continue
+        if np.ptp(interval[window]) > 0.0 or np.any(parted[window.start : window.stop - 1]):
+            continue
+        begin, powers = np.arange(-pairs, pairs)[:, None], np.arange(2 * pairs)
+        means = ((begin + 1.0) ** (powers + 1) - (1.0 * begin) ** (powers + 1)) / (powers + 1)  # of t**power
+        return np.linalg.solve(means, mean[window])[0]
+    before, after = interval[edge - 1], interval[edge]
+    return (mean[edge - 1] * after + mean[edge] * before) / (before + after)
+
+
+@given(st.integers(0, 2**32 - 1), st.integers(1, 24), st.floats(0.0, 0.4))
+def test_acceleration_of_random_samples_equals_its_slow_twin(seed, count, change):
+    """Uneven samples and changes of instrument at random places."""
+    rng = np.random.default_rng(seed)
+    interval = np.array([0.125, 0.25])[np.cumsum(rng.random(count) < change) % 2]
+    unit = np.cumsum(rng.random(count) < 0.5 * change)
+    position = rng.standard_normal((unit[-1] + 1, 3))[unit]
+    rate = rng.standard_normal((count, 3))
+    parted = np.diff(unit) != 0
+    acceleration = lever_arm_acceleration(interval, rate, position, unit)
+    edges = [rate[0], *(edge_value(interval, rate, parted, e) for e in range(1, count)), rate[-1]]
+    np.testing.assert_allclose(edge_values(interval, rate, parted), edges, rtol=0, atol=1e-12)
+    for i, (w, r) in enumerate(zip(rate, position, strict=True)):
+        start = w if i > 0 and parted[i - 1] else edges[i]
+        end = w if i < count - 1 and parted[i] else edges[i + 1]
+        swing = np.cross(end - start, r)
+        expected = swing / interval[i] + np.cross(w, np.cross(w, r)) + np.cross(end - start, swing) / 12.0
+        np.testing.assert_allclose(acceleration[i], expected, rtol=0, atol=1e-11)
+
+
 def test_a_steady_rotation_pulls_towards_its_axis():
     rate, position = np.array([[0.0, 0.0, 2.0]]), np.array([3.0, 0.0, 5.0])
     acceleration = lever_arm_acceleration_at(np.zeros((1, 3)), rate, position)

@@ -1,8 +1,9 @@
 """The linear error dynamics: against closed forms, and against differences of the propagation kernel itself.
 
-The twin is the transition that the diagnosis computes by central differences of propagated states. On a planet of
-Mars's size the rounding of positions, 5e-10 m, is larger than some differences; so the comparison to 1e-7 is made about
-a body of a kilometre with Mars's surface gravity, where the gradient of gravity is 3000 times as large as well.
+One twin multiplies the matrices of every sample. The other is the transition that the diagnosis computes by central
+differences of propagated states. On a planet of Mars's size the rounding of positions, 5e-10 m, is larger than some
+differences; so the comparison to 1e-7 is made about a body of a kilometre with Mars's surface gravity, where the
+gradient of gravity is 3000 times as large as well.
 """
 
 from dataclasses import replace
@@ -114,6 +115,92 @@ def test_transition_is_the_slope_of_the_propagation_on_mars():
         np.testing.assert_allclose(
             twin[:, columns] * large[name], matrix[:, columns] * large[name], rtol=1e-5, atol=3e-9
         )
+
+
+def left_jacobian(phi):
+    """Left Jacobian of the rotation group: the series ``Σ [phi]ₓᵏ / (k + 1)!``."""
+    term = total = np.eye(3)
+    for k in range(1, 40):
+        term = term @ rotations.cross_matrix(phi) / (k + 1)
+        total = total + term
+    return total
+
+
+def gradient_of_gravity(position, planet):
+    """Derivatives of gravity by complex steps, which are exact to rounding."""
+
+    def gravity(r):
+        x, y, z = r
+        square = x * x + y * y + z * z
+        oblate, polar = 1.5 * planet.j2 * planet.gravity_radius**2 / square, 5.0 * z * z / square
+        shape = np.array([1.0 + oblate * (1.0 - polar)] * 2 + [1.0 + oblate * (3.0 - polar)])
+        return -planet.mu / square**1.5 * shape * r
+
+    step = 1e-20
+    return np.stack([gravity(position + 1j * step * axis).imag / step for axis in np.eye(3)], axis=1)
+
+
+def linearized_twin(start, errors, interval, force, rate, planet):
+    """Transition ``(9, 24)``, sample by sample: errors of position, velocity and attitude in inertial axes.
+
+    `errors` are bias, scale and misalignment of the accelerometers, and bias and scale of the gyros, ``(5, 3)``.
+    """
+    bias, scale, misalignment, gyro_bias, gyro_scale = errors
+    alignment = rotations.to_matrix(rotations.from_rotation_vector(misalignment))
+    correction = alignment.T @ np.diag(1.0 / (1.0 + scale))
+    nav, attitude = start, rotations.to_matrix(start[6:])
+    change = np.zeros((9, 24))
+    change[:6, :6], change[6:, 6:9] = np.eye(6), attitude
+    position, velocity, turned = change[:3], change[3:6], change[6:]
+    for dt, measured_force, measured_rate in zip(interval, force, rate, strict=True):
+        f, w = correction @ (measured_force - bias), (measured_rate - gyro_bias) / (1.0 + gyro_scale)
+        force_change, rate_change = np.zeros((3, 24)), np.zeros((3, 24))
+        force_change[:, 9:12] = -correction
+        force_change[:, 12:15] = -correction @ np.diag(alignment @ f)
+        force_change[:, 15:18] = rotations.cross_matrix(f) @ left_jacobian(misalignment).T
+        rate_change[:, 18:21] = -np.diag(1.0 / (1.0 + gyro_scale))
+        rate_change[:, 21:24] = -np.diag(w / (1.0 + gyro_scale))
+        middle_turned = turned + attitude @ left_jacobian(0.5 * dt * w) @ (0.5 * dt * rate_change)
+        middle = attitude @ rotations.to_matrix(rotations.from_rotation_vector(0.5 * dt * w))
+        position = position + 0.5 * dt * velocity
+        gradient = gradient_of_gravity(nav[:3] + 0.5 * dt * nav[3:6], planet)
+        inertial = middle @ force_change - rotations.cross_matrix(middle @ f) @ middle_turned
+        velocity = velocity + dt * (inertial + gradient @ position)
+        position = position + 0.5 * dt * velocity
+        turned = turned + attitude @ left_jacobian(dt * w) @ (dt * rate_change)
+        maps = np.concatenate((np.eye(3).ravel(), np.zeros(3))), np.array([1.0, 1.0, 1.0, 0.0, 0.0, 0.0])
+        gravity = planet.mu, planet.j2, planet.gravity_radius
+        nav = twins.propagate(nav, *maps, np.array([dt]), f[None], w[None], *gravity)
+        attitude = rotations.to_matrix(nav[6:])
+    return nav, np.concatenate((position, velocity, attitude.T @ turned))
+
+
+@given(st.integers(0, 2**32 - 1), st.integers(0, 25), st.booleans())
+def test_transition_is_the_product_of_the_matrices_of_the_samples(seed, count, small_planet):
+    rng = np.random.default_rng(seed)
+    planet, radius, speed = (MOON, 1100.0, 10.0) if small_planet else (twins.MARS, 3.5e6, 3000.0)
+    direction, attitude = rotations.normalise(rng.standard_normal(3)), rotations.normalise(rng.standard_normal(4))
+    start = np.concatenate((radius * direction, speed * rng.standard_normal(3), attitude))
+    errors = np.array([[0.5], [0.03], [0.08], [0.02], [0.03]]) * rng.standard_normal((5, 3))
+    bias, scale, misalignment, gyro_bias, gyro_scale = errors
+    alignment = rotations.to_matrix(rotations.from_rotation_vector(misalignment))
+    correction = alignment.T @ np.diag(1.0 / (1.0 + scale))
+    force_map = np.concatenate((correction.ravel(), -correction @ bias))
+    rate_map = np.concatenate((1.0 / (1.0 + gyro_scale), -gyro_bias / (1.0 + gyro_scale)))
+    samples = rng.uniform(0.05, 0.125, count), 20.0 * rng.standard_normal((count, 3)), rng.standard_normal((count, 3))
+    end, transition = propagate_linearized(
+        start, force_map, rate_map, alignment, rotations.right_jacobian(misalignment), *samples,
+        planet.mu, planet.j2, planet.gravity_radius,
+    )  # fmt: skip
+    expected_end, expected = linearized_twin(start, errors, *samples, planet)
+    for rows in (slice(0, 3), slice(3, 6), slice(6, 9)):
+        scale = np.linalg.norm(expected_end[rows])
+        np.testing.assert_allclose(end[rows], expected_end[rows], rtol=0, atol=1e-12 * scale)
+        for columns in (slice(3 * k, 3 * k + 3) for k in range(8)):
+            scale = np.max(np.abs(expected[rows, columns]), initial=0.0)
+            np.testing.assert_allclose(
+                transition[rows, columns], expected[rows, columns], rtol=0, atol=1e-12 * scale + 1e-15
+            )
 
 
 @given(st.integers(0, 2**32 - 1), st.booleans())

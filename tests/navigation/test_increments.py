@@ -10,7 +10,12 @@ from hypothesis import strategies as st
 
 from edl_filter import rotations
 from edl_filter.navigation import strapdown
-from edl_filter.navigation.increments import INTEGRATION_DIFFERENCE, effective_samples, unresolved_motion
+from edl_filter.navigation.increments import (
+    INTEGRATION_DIFFERENCE,
+    _rotation_corrections,
+    effective_samples,
+    unresolved_motion,
+)
 
 LANES = strapdown.LANES
 
@@ -27,6 +32,21 @@ def integrate(samples, attitude):
 def raw(record):
     """The measured means as they are."""
     return twins.samples(record.interval, record.specific_force, record.angular_rate)
+
+
+@given(st.integers(0, 2**32 - 1), st.integers(0, 6))
+def test_corrections_for_rotation_equal_their_vector_form(seed, count):
+    """``h²/12 (ω × f' - ω' × f) + h²/24 ω × (ω × f)`` and ``h²/12 ω × ω'`` (Savage 1998)."""
+    rng = np.random.default_rng(seed)
+    interval = rng.uniform(0.02, 0.5, count)
+    force, rate, force_slope, rate_slope = 10.0 * rng.standard_normal((4, count, 3))
+    to_force, to_rate = _rotation_corrections(interval, force, rate, force_slope, rate_slope)
+    for i in range(count):
+        w, w1, f, f1, h = rate[i], rate_slope[i], force[i], force_slope[i], interval[i]
+        sculling = np.cross(w, f1) - np.cross(w1, f)
+        expected = h**2 / 12.0 * sculling + h**2 / 24.0 * np.cross(w, np.cross(w, f))
+        np.testing.assert_allclose(to_force[i], expected, rtol=1e-12, atol=1e-11)
+        np.testing.assert_allclose(to_rate[i], h**2 / 12.0 * np.cross(w, w1), rtol=1e-12, atol=1e-12)
 
 
 def coning(dt, end, half_angle=0.02, speed=6.0):

@@ -3,6 +3,8 @@
 import numpy as np
 import pytest
 import twins
+from hypothesis import given
+from hypothesis import strategies as st
 
 from edl_filter import rotations
 from edl_filter.imu_model.sensor_errors import SensorErrors
@@ -13,6 +15,7 @@ from edl_filter.navigation.smoother import Smoothed, smooth
 from edl_filter.navigation.trajectory import (
     distribute_correction,
     inertial_covariance,
+    propagate_one,
     random_walk_share,
     smoothed_trajectory,
 )
@@ -47,6 +50,22 @@ def dead_reckoning(start):
         args = s.interval[part], s.force[part], s.rate[part], MARS.mu, MARS.j2, MARS.gravity_radius
         path.append(twins.propagate(path[-1], *maps, *args))
     return np.array(path)
+
+
+@given(st.integers(0, 2**32 - 1), st.integers(0, 20), st.sampled_from([0.0, MARS.j2]))
+def test_every_step_of_one_state_equals_the_scalar_twin(seed, count, j2):
+    rng = np.random.default_rng(seed)
+    interval, rate = rng.uniform(0.02, 0.125, count), rng.standard_normal((count, 3))
+    force, gravity = 40.0 * rng.standard_normal((count, 3)), (MARS.mu, j2, MARS.gravity_radius)
+    states = propagate_one(NAV, interval, force, rate, *gravity)
+    assert states.shape == (count, 10)
+    maps, expected = [m[:, 0] for m in twins.no_maps(1)], NAV
+    for i in range(count):
+        part = slice(i, i + 1)
+        expected = twins.propagate(expected, *maps, interval[part], force[part], rate[part], *gravity)
+        for block in (slice(0, 3), slice(3, 6), slice(6, 10)):
+            scale = np.linalg.norm(expected[block])
+            np.testing.assert_allclose(states[i, block], expected[block], rtol=0, atol=1e-12 * scale)
 
 
 def two_constraints():

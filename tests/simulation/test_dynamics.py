@@ -5,6 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import slow_flight as slow
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.interpolate import interp1d
 
 from edl_filter import rotations
 from edl_filter.effects.base import EffectInstance
@@ -26,6 +29,11 @@ def march(world, start, step, steps, phase=dynamics.ENTRY, stop=NO_STOP):
     done, event, _ = dynamics.march(0.0, step, state, slope, phase, tables, stop, NOTHING, 1, 1e9, False)
     assert done == steps and not event
     return state
+
+
+@pytest.fixture(scope="module")
+def nominal_tables(nominal):
+    return tabulate(nominal, CHUTE)
 
 
 def random_states(world, count, seed=1):
@@ -162,3 +170,98 @@ def test_touchdown_brings_the_vehicle_to_rest():
     felt = rotations.rotate(later[6:10], later[13:16] / 10.0)
     push = -world.planet.gravity(later[:3]) - ground[2] ** 2 * later[:3] * [1.0, 1.0, 0.0]
     np.testing.assert_allclose(felt, push, atol=1e-3 * np.linalg.norm(push))
+
+
+# Twins of the parts
+
+
+nodes_and_points = given(st.integers(0, 2**32 - 1), st.integers(1, 8))
+
+
+@nodes_and_points
+def test_linear_interpolation_is_numpys(seed, count):
+    """Held at the edges; also at the nodes themselves."""
+    random = np.random.default_rng(seed)
+    nodes, values = np.cumsum(random.uniform(0.1, 2.0, count)), random.standard_normal(count)
+    for x in (*nodes, *random.uniform(nodes[0] - 1.0, nodes[-1] + 1.0, 20)):
+        assert dynamics.linear(nodes, values, x) == pytest.approx(np.interp(x, nodes, values), abs=1e-14)
+
+
+@nodes_and_points
+def test_bilinear_interpolation_is_that_of_rows_then_columns(seed, count):
+    random = np.random.default_rng(seed)
+    rows, columns = (np.cumsum(random.uniform(0.1, 2.0, n)) for n in (count, 1 + count))
+    values = random.standard_normal((count, 1 + count, 3))
+    for _ in range(20):
+        x, y = (random.uniform(n[0] - 1.0, n[-1] + 1.0) for n in (rows, columns))
+        for k in range(3):
+            along_rows = [np.interp(y, columns, values[i, :, k]) for i in range(count)]
+            expected = np.interp(x, rows, along_rows)
+            assert dynamics.bilinear(rows, columns, values, x, y, k) == pytest.approx(expected, abs=1e-14)
+
+
+@given(st.integers(0, 2**32 - 1))
+def test_air_is_interpolated_between_the_altitudes_of_the_table(nominal_tables, seed):
+    """Logarithm of the density, also beyond the ends; square of the speed of sound and wind, held there."""
+    random, t = np.random.default_rng(seed), nominal_tables
+    heights = t.air_start + t.air_step * np.arange(len(t.air))
+    log_density = interp1d(heights, t.air[:, 0], fill_value="extrapolate")
+    for h in random.uniform(heights[0] - 5e3, heights[-1] + 5e3, 20):
+        square, east, north = (np.interp(h, heights, t.air[:, k]) for k in (1, 2, 3))
+        expected = (np.exp(log_density(h)), np.sqrt(square), east, north)
+        assert dynamics.air_at(t, h) == pytest.approx(expected, rel=1e-11, abs=1e-11)
+
+
+def march_twin(start, step, first, steps, phase, tables, more, every, limit):
+    """Classical Runge–Kutta steps (Hairer, Nørsett & Wanner 1993, II.1): states, and whether an event ended them."""
+
+    def slope(time, state, row):
+        d = np.zeros(dynamics.SIZE)
+        increments = more[0] if len(more) == 1 else more[row]
+        return d, dynamics.derivative(time, state, d, phase, tables, NO_STOP, increments)
+
+    states, armed = [first], False
+    for i in range(steps + 1):
+        state, time = states[-1], start + i * step
+        k1, pressure = slope(time, state, 2 * i)
+        armed = armed or pressure > limit
+        low = np.linalg.norm(state[:3]) <= limit
+        if i > 0 and i % every == 0 and (low if phase == dynamics.DESCENT else armed and pressure <= limit):
+            return np.array(states), True
+        if i < steps:
+            k2, _ = slope(time + 0.5 * step, state + 0.5 * step * k1, 2 * i + 1)
+            k3, _ = slope(time + 0.5 * step, state + 0.5 * step * k2, 2 * i + 1)
+            k4, _ = slope(time + step, state + step * k3, 2 * i + 2)
+            end = state + step / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
+            end[6:10] = rotations.normalise(end[6:10])
+            states.append(end)
+    return np.array(states), False
+
+
+@pytest.mark.parametrize("with_increments", [False, True])
+@pytest.mark.parametrize("event", [False, True])
+@pytest.mark.parametrize("phase", [dynamics.ENTRY, dynamics.DESCENT])
+def test_steps_and_events_are_those_of_the_twin(phase, event, with_increments):
+    """Entry through thick air, where the dynamic pressure falls below nine tenths; descent by 1.5 km."""
+    world = slow.smooth_world(density=0.5 if phase == dynamics.ENTRY else 1.5e-2)
+    tables = tabulate(world, CHUTE)
+    tables.parachute[3] = 4.0
+    start, step, steps, every = 4.0, 0.0125, 400, 3
+    more = NOTHING
+    if with_increments:
+        more = np.random.default_rng(5).normal(0.0, 1e-3, (2 * steps + 1, dynamics.INCREMENTS))
+        more[:, 10:16] *= 1e4  # N and N m
+    state, slope = (np.zeros((steps + 1, dynamics.SIZE)) for _ in range(2))
+    state[0, :13] = slow.entering(world)
+    first = state[0].copy()
+    pressure = dynamics.derivative(start, first, np.empty(dynamics.SIZE), phase, tables, NO_STOP, more[0])
+    limit = 0.9 * pressure if phase == dynamics.ENTRY else np.linalg.norm(first[:3]) - 1500.0
+    if not event:
+        limit = 0.1 * limit
+    count, ended, _ = dynamics.march(start, step, state, slope, phase, tables, NO_STOP, more, every, limit, False)
+    expected, expected_end = march_twin(start, step, first, steps, phase, tables, more, every, limit)
+    assert (ended, expected_end, count) == (event, event, len(expected) - 1)
+    assert count % every == 0 and 0 < count < steps if event else count == steps
+    for part in (slice(0, 3), slice(3, 6), slice(6, 10), slice(10, 13), slice(13, 25)):
+        scale = np.max(np.abs(expected[:, part]))
+        np.testing.assert_allclose(state[: count + 1, part], expected[:, part], rtol=0.0, atol=1e-11 * scale)
