@@ -52,7 +52,8 @@ class Reopened:
         """Raise InputError if the telemetry differs from that of the result."""
         if reconstruction.telemetry.files != self.checksums:
             raise InputError(
-                f"{self.path}: its telemetry has changed since (another sha256); run the mission again: {run_command(self)}."
+                f"{self.path}: its telemetry has changed since (another sha256); run the mission again: "
+                f"{run_command(self)}."
             )
 
 
