@@ -14,7 +14,8 @@ from pathlib import Path
 import numpy as np
 from scipy.stats import chi2
 
-from edl_filter import Mission, reconstruct, rotations
+from edl_filter import Mission, rotations
+from edl_filter.pipeline.reconstruct import reconstruct
 from edl_filter.simulation import Scenario, simulate
 
 PARTS = {"all": slice(0, 9), "position": slice(0, 3), "velocity": slice(3, 6), "attitude": slice(6, 9)}
@@ -31,9 +32,9 @@ def flown(job):
     took = time.perf_counter() - begin
     with tempfile.TemporaryDirectory() as folder:
         path = flight.write(Path(folder) / "flight.h5")
-        found = reconstruct(Mission.load(scenario.mission, [f"telemetry.path={path}"]))
-    nis = [(f.constraint.name, f.innovation.nis, len(f.innovation.residual)) for f in found.filter_pass.fused]
-    times = np.array([node.time for node in found.filter_pass.nodes])
+        reconstruction = reconstruct(Mission.load(scenario.mission, [f"telemetry.path={path}"]))
+    nis = [(f.constraint.name, f.innovation.nis, len(f.innovation.residual)) for f in reconstruction.filter_pass.fused]
+    times = np.array([node.time for node in reconstruction.filter_pass.nodes])
     motion, rows = flight.motion, {}
     peak = motion.time[
         np.argmax(np.linalg.norm(motion.before[:, 13:16], axis=1) * (motion.time[:-1] < motion.deployed))
@@ -41,7 +42,7 @@ def flown(job):
     wanted = (0.0, peak, motion.deployed - 1.0, motion.deployed + 20.0, motion.stopped + 10.0)
     for phase, at in zip(PHASES, wanted, strict=True):
         i = int(np.argmin(np.abs(times - at)))
-        nav, covariance = found.smoothed.states[i].nav, found.smoothed.covariance[i]
+        nav, covariance = reconstruction.smoothed.states[i].nav, reconstruction.smoothed.covariance[i]
         true = motion.at(times[i : i + 1])[0]
         turn = rotations.multiply(rotations.conjugate(nav[6:10]), true[6:10])
         error = np.concatenate((true[:6] - nav[:6], rotations.to_rotation_vector(turn)))
