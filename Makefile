@@ -26,9 +26,10 @@ DOCS_STAMP := .venv/installed-docs
 demo: $(STAMP)
 	$(BIN)/edl-filter demo -o demo-results
 
-# One worker per file, so that what a file reads or reconstructs once serves all its tests
+# One worker per file, so that what a file reads or reconstructs once serves all its tests; the order is that of
+# tests/conftest.py, longest files first, where xdist would take the files with most tests first
 test: $(STAMP)
-	$(BIN)/pytest -n 2 --dist loadfile -m "not browser and not notebook and (not effects or representative)"
+	$(BIN)/pytest -n 2 --dist loadfile --no-loadscope-reorder -m "not browser and not notebook and (not effects or representative)"
 
 # Five notebooks, each with runs and diagnoses of its own
 notebooks: $(STAMP)

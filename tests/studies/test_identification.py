@@ -31,7 +31,7 @@ def test_every_effect_is_flown_on_both_vehicles_at_both_sizes():
 
 @pytest.mark.parametrize("name", catalogue())
 def test_the_size_of_an_instance_is_the_part_of_the_plausible_one(name):
-    """In the mean square over its sizes, in sigmas; a part of the seed alone."""
+    """As the root mean square over its sizes, in sigmas; the same for the same seed."""
     effect = catalogue()[name]
     for part in (1.0, 0.5):
         a, b = (study.random_instance(name, part, np.random.default_rng(4)) for _ in range(2))
