@@ -146,7 +146,7 @@ def test_residuals_without_a_variable(folder):
 
 def test_a_channel_that_was_not_compared(tmp_path):
     residuals(tmp_path / "residuals.nc")
-    with pytest.raises(InputError, match="found no residual of 'mass' against time; accepted: force_x, force_y"):
+    with pytest.raises(InputError, match="residual: found 'mass'; accepted: force_x, force_y"):
         ResidualSeries.from_file(tmp_path / "residuals.nc").index("mass")
 
 

@@ -1,8 +1,8 @@
 """One reader of a result, whether it is a folder, a data tree or plain groups.
 
 `ResultReader` returns variables, attributes and units by group and name, the flight's events, phases and validation
-domain, and the contents of ``summary.json``, ``diagnosis.json``, ``ledger.jsonl`` and ``residuals.nc``. Reports, figures,
-the workbench and commands read results through it only. What a result does not contain is None or empty.
+domain, and the contents of ``summary.json``, ``diagnosis.json``, ``ledger.jsonl`` and ``residuals.nc``. Reports,
+figures, the workbench and commands read results through it only. What a result does not contain is None or empty.
 """
 
 from __future__ import annotations
@@ -143,7 +143,7 @@ class ResidualSeries:
             There is no such channel.
         """
         if channel not in self.channels:
-            raise InputError(f"found no residual of {channel!r} against time; accepted: {', '.join(self.channels)}.")
+            raise InputError(f"residual: found {channel!r}; accepted: {', '.join(self.channels)}.")
         return self.channels.index(channel)
 
 
