@@ -48,7 +48,8 @@ def ground_track(reader: ResultReader) -> Panel:
 def landing_ellipse(reader: ResultReader, near: bool = False) -> Panel:
     """Landing position as estimated, as predicted without the landing constraint, and as measured.
 
-    Ellipses of 3 sigma contain 98.9 % in two dimensions. `near`: the panel has the extent of the estimate and the site only.
+    Ellipses of 3 sigma contain 98.9 % in two dimensions. With `near` the panel has the extent of the estimate and the
+    site only.
     """
     landing = landing_estimate(reader)
     local = landing.map
