@@ -163,7 +163,7 @@ class TestMission:
             ),
             (lambda m: with_effect(m, "com_offset", dy=1e9), "dy: found 1e"),
             (lambda m: with_effect(with_effect(m, "mass"), "mass"), "found mass in the mission already"),
-            (lambda m: with_effects(with_effect(m, "mass"), ()), "found the effects none; expected diagnosis mass"),
+            (lambda m: with_effects(with_effect(m, "mass"), ()), "found the effects none; expected first mass"),
             (lambda m: with_effect(m, "mass", imu="primary"), "none: mass sits in no IMU"),
             (lambda m: with_effect(m, 3), "found 3; expected an effect, its class, or its name"),
             (lambda m: diagnose(m, ["windd"]), "wind"),

@@ -41,10 +41,11 @@ def test_it_is_plain_json_with_every_number(diagnosis, content):
 def test_an_entry_has_estimates_correlations_and_errors(diagnosis, content):
     first, entry = content["ranking"][0], diagnosis.verdict.entries[0]
     h = entry.hypothesis
-    assert first["effect"] == h.name and first["same_as"] == list(entry.same_as)
+    assert (first["effect"], first["imu"], first["label"]) == (*h.key, h.label)
+    assert first["same_as"] == list(entry.same_as)
     assert first["probability"] == entry.probability
     assert (first["gain"], first["score_gain"]) == (h.gain, h.score_gain)
-    for name, (value, sigma) in h.fit.parameters(h.name).items():
+    for name, (value, sigma) in h.fit.parameters(h.key).items():
         assert first["parameters"][name] == {"estimate": value, "sigma": sigma, "unit": ""}
     assert first["error_before"] == diagnosis.errors[first["channel"]] > first["error_after"]
     assert first["errors_after"][first["channel"]] == first["error_after"]
@@ -76,7 +77,7 @@ def test_a_content_that_contradicts_itself_is_recognised(content):
     check_content(content)
     for changes in (
         {"verdict": "clean"},
-        {"verdict": "unknown", "sentence": "Something is missing that none of the effects tried explains."},
+        {"verdict": "unknown", "sentence": "Something is missing that no effect of the catalogue explains."},
         {"none": content["none"] + 1e-6},
         {"ranking__0__probability": 0.4},
         {"ranking__0__probability": 0.0, "none": 1.0, "something_else__probability": 0.0},

@@ -11,21 +11,30 @@ from edl_filter.effects.registry import catalogue, effect_named, find_effect, na
 from edl_filter.errors import InputError
 
 
-def names(effects):
-    return [e.name for e in effects]
+def names(instances):
+    return [a.name for a in instances]
+
+
+def keys(*names):
+    """Keys of effects that name no IMU."""
+    return {(name, None) for name in names}
 
 
 def test_what_is_in_the_model_is_candidates_once_more_if_it_acts_at_a_place():
     effects = [effect_named(n) for n in ("mass", "remnant_torque", "wind")]
     assert names(candidates(effects, ())) == ["mass", "remnant_torque", "wind"]
-    assert names(candidates(effects, {"mass", "remnant_torque"})) == ["remnant_torque_2", "wind"]
-    assert names(candidates(effects, {"remnant_torque", "remnant_torque_2"})) == ["mass", "remnant_torque_3", "wind"]
-    assert names(candidates(effects, {"wind", *(f"wind_{n}" for n in range(2, MOST + 1))})) == [
+    assert names(candidates(effects, keys("mass", "remnant_torque"))) == ["remnant_torque_2", "wind"]
+    assert names(candidates(effects, keys("remnant_torque", "remnant_torque_2"))) == [
+        "mass",
+        "remnant_torque_3",
+        "wind",
+    ]
+    assert names(candidates(effects, keys("wind", *(f"wind_{n}" for n in range(2, MOST + 1))))) == [
         "mass",
         "remnant_torque",
     ]
     second = find_effect("wind_2")
-    assert names(candidates([second], ())) == ["wind_2"] and candidates([second], {"wind_2"}) == []
+    assert names(candidates([second], ())) == ["wind_2"] and candidates([second], keys("wind_2")) == []
 
 
 def test_no_two_of_one_name_are_candidates():
@@ -37,11 +46,20 @@ def test_no_two_of_one_name_are_candidates():
         name = "gust_2"
 
     gust, different = Gust(), Other()
-    assert candidates([gust, different], {"gust"})[1] is different
-    assert names(candidates([gust, different], {"gust"})) == ["gust_3", "gust_2"]
+    assert candidates([gust, different], keys("gust"))[1].effect is different
+    assert names(candidates([gust, different], keys("gust"))) == ["gust_3", "gust_2"]
     wind, second = (find_effect(n) for n in ("wind", "wind_2"))
-    assert candidates([wind, second], {"wind"}) == [second]
+    assert candidates([wind, second], keys("wind"))[0].effect is second
     assert [kind_of(e) for e in (wind, second, different, effect_named("mass"))] == ["wind", "wind", "gust_2", "mass"]
+
+
+def test_a_sensor_effect_is_a_candidate_in_every_imu():
+    effects = [effect_named(n) for n in ("gyro_bias", "mass", "imu_lever_arm")]
+    assert [a.key for a in candidates(effects, keys("gyro_bias"), ["second", "third"])] == [
+        ("mass", None), ("imu_lever_arm", None), ("gyro_bias", "second"), ("imu_lever_arm", "second"),
+        ("gyro_bias", "third"), ("imu_lever_arm", "third"),
+    ]  # fmt: skip
+    assert [a.key for a in candidates(effects[:1], {("gyro_bias", "second")}, ["second"])] == [("gyro_bias", None)]
 
 
 def test_it_is_found_by_its_name_and_has_a_home():
@@ -91,4 +109,6 @@ def test_an_effect_of_this_session_is_candidates_once_more():
         )
 
     effect = Mine()
-    assert names(candidates([effect], {"mine"})) == ["mine_2"] and isinstance(candidates([effect], {"mine"})[0], Mine)
+    assert names(candidates([effect], keys("mine"))) == ["mine_2"] and isinstance(
+        candidates([effect], keys("mine"))[0].effect, Mine
+    )

@@ -24,7 +24,7 @@ def test_the_misalignment_of_practice_04(practice):
     ranking = rank(case(practice(4)), [effect_named(n) for n in ("accelerometer_misalignment", "gyro_bias")])
     verdict = decide(ranking)
     assert verdict.verdict == "missing" and verdict.leader.name == "accelerometer_misalignment"
-    parameters = verdict.entries[0].hypothesis.fit.parameters("accelerometer_misalignment")
+    parameters = verdict.entries[0].hypothesis.fit.parameters(("accelerometer_misalignment", None))
     for name, true in MISALIGNED.items():
         value, sigma = parameters[name]
         # a rotation about the force's axis has little effect on the residuals

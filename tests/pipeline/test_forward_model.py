@@ -64,9 +64,11 @@ def test_coefficients_after_the_flight_are_about_the_same_centre(off_axis, pract
     by_mission = derive(replace(practice_06, mission=off_axis)).postflight
     effects = tuple(shifted(0.0, *body_of(off_axis).offset[1:]))
     by_effect, plain = derive(replace(practice_06, effects=effects)).postflight, derive(practice_06).postflight
-    for name, values in by_mission.database.value.items():
-        np.testing.assert_allclose(by_effect.database.value[name], values, rtol=1e-9, atol=1e-12)
+    for name, values in by_mission.flight.database.value.items():
+        np.testing.assert_allclose(by_effect.flight.database.value[name], values, rtol=1e-9, atol=1e-12)
     for name in ("Cl", "Cm", "Cn"):
-        np.testing.assert_array_equal(by_mission.coefficients.value[name], plain.coefficients.value[name])
-    ca = plain.database.value["CA"]
-    np.testing.assert_allclose(by_mission.database.value["Cn"] - plain.database.value["Cn"], -0.002 * ca, atol=1e-12)
+        np.testing.assert_array_equal(by_mission.flight.coefficients.value[name], plain.flight.coefficients.value[name])
+    ca = plain.flight.database.value["CA"]
+    np.testing.assert_allclose(
+        by_mission.flight.database.value["Cn"] - plain.flight.database.value["Cn"], -0.002 * ca, atol=1e-12
+    )

@@ -36,7 +36,7 @@ def test_parameters_of_models_and_of_plain_data_have_the_same_text():
 
 
 def test_components_over_their_sigmas():
-    assert sigmas_text([1.0, -4.0, None], [2.0, 2.0, 1.0]) == "+0.5  −2.0  –"
+    assert sigmas_text([1.0, -4.0, None], [2.0, 2.0, 1.0]) == "+0.5  -2.0  –"
     assert sigmas_text([1.0, -6.0, 0.0, 0.0], [2.0, 2.0, 0.0, float("inf")]) == "≤ 3.0"
 
 

@@ -13,7 +13,8 @@ def cell(**changes):
 
 def hypothesis(**changes):
     return {
-        "effect": "remnant_torque", "same_as": [], "alternatives": {}, "parted_by": {}, "probability": 0.9,
+        "effect": "remnant_torque", "imu": None, "label": "remnant_torque",
+        "same_as": [], "alternatives": {}, "parted_by": {}, "probability": 0.9,
         "gain": 40.0, "score_gain": 35.0, "at_noise_floor": True,
         "parameters": {
             "Cm": {"estimate": 1.5e-3, "sigma": 1e-4, "unit": ""},
@@ -57,7 +58,7 @@ def unknown():
 
 def ledger_step(**changes):
     return {
-        "step": 0, "mission": "practice_mer", "model": [], "added": "remnant_torque", "same_as": [],
+        "step": 0, "mission": "practice_mer", "model": [], "added": "remnant_torque", "imu": None, "same_as": [],
         "parameters": hypothesis()["parameters"], "gain": 40.0, "held_out_score": 35.0,
         "errors": {"moment_y": {"before": 3.0, "after": 1.0}},
     } | changes  # fmt: skip

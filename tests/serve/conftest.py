@@ -23,7 +23,8 @@ ORIGIN = f"http://127.0.0.1:{PORT}"
 DIAGNOSIS = diagnosis(
     sentence="Missing: wind (gain 100 nats).", where=[], map=[], errors={"force_x": 9.0},
     ranking=[hypothesis(
-        effect="wind", same_as=["com_offset"], probability=1.0, gain=100.0, score_gain=90.0, channel="force_x",
+        effect="wind", label="wind",
+        same_as=["com_offset"], probability=1.0, gain=100.0, score_gain=90.0, channel="force_x",
         alternatives={"com_offset": {"parameters": {"dy": {"estimate": 4e-3, "sigma": 1e-4, "unit": "m"}}}},
         parameters={"east": {"estimate": 30.0, "sigma": 1.0, "unit": "m/s"}},
     )],

@@ -74,16 +74,16 @@ def test_the_files_satisfy_their_schemas(improved):
 
 def test_the_last_step_says_why_it_is_the_last():
     """The noise is reached, no effect explains the remainder, or the largest number of effects is in the model."""
-    best = SimpleNamespace(hypothesis=SimpleNamespace(name="wind", gain=20.0, score_gain=19.0))
+    best = SimpleNamespace(hypothesis=SimpleNamespace(label="wind", gain=20.0, score_gain=19.0))
 
     def why(label, leader, entries):
         verdict = SimpleNamespace(verdict=label, leader=leader, entries=entries)
         return Step((), SimpleNamespace(verdict=verdict), None, ()).why_stopped
 
-    assert "agree to the noise" in why("clean", None, [best])
-    assert "none of the effects tried explains; the best, wind, would gain 20.0" in why("unknown", None, [best])
+    assert "agree to the stated noise" in why("clean", None, [best])
+    assert "no effect of the catalogue explains; the best, wind, would gain 20.0" in why("unknown", None, [best])
     assert why("unknown", None, []).endswith("explains any of it.")
-    assert "as many as are tried; the next would be wind" in why("missing", "wind", [best])
+    assert "the largest number allowed; the next would be wind" in why("missing", "wind", [best])
 
 
 def test_a_remainder_that_no_effect_explains_is_described():
@@ -133,7 +133,7 @@ def test_a_run_refits_from_any_start_unless_switched_off(improved, tmp_path):
 
 
 def test_an_effect_that_is_in_the_mission_twice_is_not_refitted(tmp_path):
-    twice = "effects=[{name: gyro_bias}, {name: gyro_bias, imu: secondary}]"
+    twice = "effects=[{name: gyro_bias}, {name: gyro_bias, imu: primary}]"
     assert_refused(call("run", "builtin:practice_mer", "--set", twice, "-o", tmp_path / "out"), "found gyro_bias twice",
             "--no-refit")  # fmt: skip
     assert not (tmp_path / "out").exists()

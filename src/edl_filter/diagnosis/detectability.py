@@ -15,7 +15,7 @@ from scipy.optimize import brentq
 from edl_filter.diagnosis.linear_model.effect_jacobian import EffectJacobian
 from edl_filter.diagnosis.linear_model.flight_case import load_case
 from edl_filter.diagnosis.linear_model.linear_model import LinearizedModel, linearize
-from edl_filter.diagnosis.selection.ranking import Progress
+from edl_filter.diagnosis.selection.ranking import Progress, candidate_instances
 from edl_filter.diagnosis.selection.screening import scan_jacobians
 from edl_filter.effects.base import Effect
 from edl_filter.mission import Mission
@@ -31,6 +31,7 @@ def detectability(
     Parameters
     ----------
     mission : Mission
+        The mission, checked.
     candidates : sequence of Effect
         Those in the mission are passed over.
     progress : callable
@@ -39,10 +40,10 @@ def detectability(
     Returns
     -------
     dict
-        ``effects``: for each its name, ``places`` (the place of its scan grid with the most information),
-        ``parameters`` (name → ``smallest``: size whose expected gain is `named_gain_nats`, None if none has it;
-        ``unit``, ``plausible``, ``ratio`` of the two) and ``confused_with`` (name → correlation); ``failed``: effect →
-        message of an effect whose hooks fail.
+        ``effects``: for each its name, ``imu`` (of a checking IMU's error), ``places`` (the place of its scan grid with
+        the most information), ``parameters`` (name → ``smallest``: size whose expected gain is `named_gain_nats`, None
+        if none has it; ``unit``, ``plausible``, ``ratio`` of the two) and ``confused_with`` (label → correlation);
+        ``failed``: label of an effect whose hooks fail → message.
 
     Raises
     ------
@@ -54,22 +55,26 @@ def detectability(
     case = load_case(mission)
     progress("comparing model and measurements")
     model = linearize(case)
-    present = {a.name for a in case.effects}
     failed: dict[str, str] = {}
     by_effect = []
-    for effect in (e for e in candidates if e.name not in present):
-        progress(f"asking for {effect.name}")
-        by_effect += scan_jacobians(model, [effect], case.end, failed)
+    for instance in candidate_instances(case, candidates):
+        progress(f"{instance.label}: computing its Jacobian")
+        by_effect += scan_jacobians(model, [instance], case.end, failed)
     informative = [_most_informative(model, group) for group in by_effect]
     settings = case.settings
     entries = [_entry(j, x, settings.named_gain_nats) for j, x in informative]
     bases = [_basis(x * j.sigma) for j, x in informative]
     for i, entry in enumerate(entries):
-        for k, other in enumerate(entries):
+        for k in range(len(entries)):
             similarity = _largest_correlation(bases[i], bases[k]) if i != k else 0.0
             if similarity > settings.same_correlation:
-                entry["confused_with"][other["effect"]] = similarity
-    return {"mission": mission.name, "in_model": sorted(present), "effects": entries, "failed": failed}
+                entry["confused_with"][informative[k][0].instance.label] = similarity
+    return {
+        "mission": mission.name,
+        "in_model": sorted(a.label for a in case.effects),
+        "effects": entries,
+        "failed": failed,
+    }
 
 
 def smallest_size(information: float, sigma: float, gain: float) -> float:
@@ -121,7 +126,13 @@ def _entry(jacobian: EffectJacobian, x: Array, gain: float) -> dict[str, Any]:
             "ratio": smallest / float(sigma) if np.isfinite(smallest) else None,
         }
     places = {q.name: instance.values[q.name] for q in instance.effect.places}
-    return {"effect": instance.name, "places": places, "parameters": parameters, "confused_with": {}}
+    return {
+        "effect": instance.name,
+        "imu": instance.imu,
+        "places": places,
+        "parameters": parameters,
+        "confused_with": {},
+    }
 
 
 def _basis(scaled: Array) -> Array:

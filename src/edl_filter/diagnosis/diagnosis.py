@@ -35,7 +35,7 @@ class Diagnosis:
     mission : str
         Name.
     effects : tuple of str
-        In the model already.
+        Labels of those in the model already.
     cells : list of Cell
         The residual map.
     verdict : Verdict
@@ -106,6 +106,7 @@ def diagnose(case: FlightCase, candidates: Iterable[Effect], progress: Progress 
     Parameters
     ----------
     case : FlightCase
+        The flight with what its mission states as uncertain.
     candidates : iterable of Effect
         What may be missing; those in the model are passed over, or offered once more if they act at a place.
     progress : callable
@@ -121,7 +122,7 @@ def diagnose(case: FlightCase, candidates: Iterable[Effect], progress: Progress 
     model, unknown = ranking.model, verdict.verdict == UNKNOWN
     return Diagnosis(
         mission=case.mission.name,
-        effects=tuple(a.name for a in case.effects),
+        effects=tuple(a.label for a in case.effects),
         cells=residual_map(model),
         verdict=verdict,
         ranking=ranking,

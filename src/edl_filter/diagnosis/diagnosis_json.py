@@ -11,7 +11,7 @@ from edl_filter.diagnosis.residual_analysis.residual_map import Cell, failing_ce
 from edl_filter.diagnosis.selection.decision import Entry, hypothesis_rms, most_reduced_channel
 from edl_filter.diagnosis.selection.hypothesis import Hypothesis
 from edl_filter.diagnosis.selection.screening import ScreeningResult
-from edl_filter.effects.base import EffectInstance
+from edl_filter.effects.base import EffectInstance, label_of
 from edl_filter.results.plain import finite
 
 
@@ -43,7 +43,8 @@ def diagnosis_content(diagnosis: Diagnosis) -> dict[str, Any]:
             "with_dynamic_pressure": ranking.unmodelled.with_pressure,
         },
         "undecided": {
-            name: {"gain": r.gain, "parameters": _screened_parameters(r)} for name, r in ranking.screening.items()
+            label_of(key): {"gain": r.gain, "parameters": _screened_parameters(r)}
+            for key, r in ranking.screening.items()
         },
         "remainder": None
         if remainder is None
@@ -87,12 +88,12 @@ def _screened_parameters(result: ScreeningResult) -> dict[str, Any]:
 
 def _partner(h: Hypothesis) -> dict[str, Any]:
     """The second effect, and the estimates of all effects of that model together."""
-    return {"effect": h.name, "together": {a.name: _parameters(h, a) for a in h.fit.effects}}
+    return {"effect": h.name, "imu": h.key[1], "together": {a.label: _parameters(h, a) for a in h.fit.effects}}
 
 
 def _parameters(h: Hypothesis, instance: EffectInstance) -> dict[str, Any]:
     units = {q.name: q.unit for q in instance.effect.parameters}
-    estimates = h.fit.parameters(instance.name)
+    estimates = h.fit.parameters(instance.key)
     return {n: {"estimate": v, "sigma": s, "unit": units[n]} for n, (v, s) in estimates.items()}
 
 
@@ -102,8 +103,10 @@ def _entry(entry: Entry, before: dict[str, float]) -> dict[str, Any]:
     channel = most_reduced_channel(h, before, after)
     return {
         "effect": h.name,
+        "imu": h.key[1],
+        "label": h.label,
         "same_as": list(entry.same_as),
-        "alternatives": {other.name: {"parameters": _parameters(other, other.instance)} for other in entry.others},
+        "alternatives": {a.label: {"parameters": _parameters(a, a.instance)} for a in entry.indistinguishable},
         "parted_by": entry.discriminated_by,
         "probability": entry.probability,
         "gain": h.gain,
@@ -119,9 +122,9 @@ def _entry(entry: Entry, before: dict[str, float]) -> dict[str, Any]:
 
 
 def _correlations(h: Hypothesis) -> dict[str, float]:
-    """Posterior correlations of all parameters; those of other effects in the model have the effect before the name."""
+    """Posterior correlations of all parameters; the label of another effect in the model is before the name."""
     sigma = h.fit.parameter_sigma
-    names = [q if effect == h.name else f"{effect} {q}" for effect, q in h.fit.names]
+    names = [q if key == h.key else f"{label_of(key)} {q}" for key, q in h.fit.names]
     return {
         f"{names[j]}, {names[i]}": float(h.fit.covariance[i, j] / (sigma[i] * sigma[j]))
         for i in range(len(names))

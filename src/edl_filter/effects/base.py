@@ -26,7 +26,7 @@ entry_state
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar
@@ -41,6 +41,15 @@ from edl_filter.types import Array
 if TYPE_CHECKING:  # `planet` imports a compiler, which a table of the catalogue does not need
     from edl_filter.planet import Planet
     from edl_filter.telemetry.record import InitialState
+
+#: Hooks of an error that an IMU has.
+SENSOR_HOOKS = ("imu", "corrected", "imu_position")
+#: Hooks of all other effects.
+MODEL_HOOKS = (
+    "gravity", "atmosphere_rate", "wind", "density", "coefficients", "force_moment", "vehicle", "entry_state",
+)  # fmt: skip
+#: Name of an effect, and the IMU in which it acts (None: the driving one, or no sensor effect).
+EffectKey = tuple[str, str | None]
 
 
 class Effect:
@@ -190,6 +199,11 @@ class Effect:
         """Whether the effect overrides `hook`."""
         return getattr(type(self), hook) is not getattr(Effect, hook)
 
+    @property
+    def is_sensor_effect(self) -> bool:
+        """Whether the effect is an error of an IMU: of its readings, or of its position."""
+        return any(self.acts(hook) for hook in SENSOR_HOOKS)
+
     def completed(self, values: Values) -> dict[str, float]:
         """All parameters by name: those of `values`, all others at their defaults."""
         return completed_values(self, values)
@@ -252,14 +266,14 @@ class EffectInstance:
         return self.effect.name
 
     @property
-    def key(self) -> tuple[str, str | None]:
+    def key(self) -> EffectKey:
         """Name and IMU, which identify the instance in a model."""
         return self.name, self.imu
 
     @property
     def label(self) -> str:
-        """The key as text for people: ``name``, or ``name in imu``."""
-        return self.name if self.imu is None else f"{self.name} in {self.imu}"
+        """The key as text, in messages and files: ``name``, or ``name in imu``."""
+        return label_of(self.key)
 
     @property
     def fitted(self) -> tuple[Parameter, ...]:
@@ -294,3 +308,20 @@ class EffectInstance:
     @property
     def _phases(self) -> tuple[Parameter, ...]:
         return tuple(q for q in self.effect.parameters if q.kind == "phase" and np.isfinite(q.high - q.low))
+
+
+def label_of(key: EffectKey) -> str:
+    """The key of an effect as text: ``name``, or ``name in imu``."""
+    name, imu = key
+    return name if imu is None else f"{name} in {imu}"
+
+
+def key_of(label: str) -> EffectKey:
+    """The key of an effect from its label: inverse of `label_of`."""
+    name, _, imu = label.partition(" in ")
+    return name, imu or None
+
+
+def effect_with_key(effects: Iterable[EffectInstance], key: EffectKey) -> EffectInstance:
+    """The instance that a key identifies in a model."""
+    return next(a for a in effects if a.key == key)

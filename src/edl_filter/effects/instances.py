@@ -7,38 +7,49 @@ own, ``remnant_torque_2``, and its own parameters; otherwise it is identical to 
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from functools import cache
 
-from edl_filter.effects.base import Effect
+from edl_filter.effects.base import Effect, EffectInstance, EffectKey
 
 #: Largest number of instances of one effect in a model.
 MOST = 3
 _NUMBERED = re.compile(r"(?P<first>\w+)_(?P<number>[2-9])")
 
 
-def candidates(effects: Iterable[Effect], present: Collection[str]) -> list[Effect]:
-    """Effects that may be added to a model: those that it lacks, and further instances of those that act at a place.
+def candidates(
+    effects: Iterable[Effect], present: Collection[EffectKey], checking: Sequence[str] = ()
+) -> list[EffectInstance]:
+    """Effects, at zero, that may be added to a model.
+
+    These are the effects that the model lacks, and further instances of those that act at a place. A sensor effect is
+    offered in the driving IMU and in every checking one.
 
     Parameters
     ----------
     effects : iterable of Effect
         All that are considered.
-    present : collection of str
-        Names of the model's effects.
+    present : collection of (str, str or None)
+        Keys of the model's effects; None as the IMU is the driving one.
+    checking : sequence of str
+        Names of the checking IMUs.
 
     Returns
     -------
-    list of Effect
-        No two of one name.
+    list of EffectInstance
+        No two of one key; those in the driving IMU first.
     """
     by_name = {e.name: e for e in effects}
-    addable: dict[str, Effect] = {}
-    for effect in by_name.values():
-        further = [_numbered(effect, n) for n in range(2, MOST + 1) if _may_repeat(effect)]
-        # a different effect may have the name of a further instance
-        instances = [effect, *(e for e in further if by_name.get(e.name, e) is e)]
-        addable |= {e.name: e for e in [e for e in instances if e.name not in present][:1]}
+    addable: dict[EffectKey, EffectInstance] = {}
+    for imu in (None, *checking):
+        for effect in by_name.values():
+            if imu is not None and not effect.is_sensor_effect:
+                continue
+            further = [_numbered(effect, n) for n in range(2, MOST + 1) if _may_repeat(effect)]
+            # a different effect may have the name of a further instance
+            instances = [effect, *(e for e in further if by_name.get(e.name, e) is e)]
+            for e in [e for e in instances if (e.name, imu) not in present][:1]:
+                addable[e.name, imu] = EffectInstance(e, {}, imu)
     return list(addable.values())
 
 

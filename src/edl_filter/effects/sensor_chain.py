@@ -14,7 +14,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from edl_filter.effects.base import EffectInstance
+from edl_filter.effects.base import MODEL_HOOKS, EffectInstance, EffectKey
 from edl_filter.effects.forward_model import compose_body
 from edl_filter.effects.types import Body
 from edl_filter.errors import InputError
@@ -51,6 +51,27 @@ def samples_of(record: ImuRecord, imu: str | None, driving: bool) -> BoolArray:
     if imu == record.name:
         return np.ones(len(record), bool)
     return np.isin(record.unit, [i for i, unit in enumerate(record.units) if unit == imu])
+
+
+def canonical_key(instance: EffectInstance, driving: ImuRecord) -> EffectKey:
+    """Key of an effect, its IMU None where it names the instrument that drives at entry.
+
+    Parameters
+    ----------
+    instance : EffectInstance
+        The effect.
+    driving : ImuRecord
+        The driving record.
+    """
+    affected, default = (samples_of(driving, imu, True) for imu in (instance.imu, None))
+    same = instance.imu is not None and np.array_equal(affected, default)
+    return (instance.name, None) if same else instance.key
+
+
+def acts_on_driving(instance: EffectInstance, driving: ImuRecord) -> bool:
+    """Whether an effect acts on the driving record, or outside the IMUs; otherwise only on a checking IMU."""
+    outside = not instance.effect.is_sensor_effect or any(instance.effect.acts(hook) for hook in MODEL_HOOKS)
+    return outside or bool(np.any(samples_of(driving, instance.imu, True)))
 
 
 def as_read(record: ImuRecord, effects: Sequence[EffectInstance], driving: bool = True) -> ImuRecord:

@@ -110,11 +110,11 @@ def append_effect(text: str, effect: Effect, entry: dict[str, Any], label: str) 
     return append_entry(text, "effects", entry, _entry_lines(effect, entry), label)
 
 
-def hypotheses_by_name(ranking: Iterable[dict[str, Any]]) -> dict[str, dict[str, Any]]:
-    """Hypotheses of a ``diagnosis.json`` by name, including the alternatives that the data cannot distinguish."""
+def hypotheses_by_label(ranking: Iterable[dict[str, Any]]) -> dict[str, dict[str, Any]]:
+    """Hypotheses of a ``diagnosis.json`` by label, including the alternatives that the data cannot distinguish."""
     entries = list(ranking)
-    alternatives = {name: entry for e in entries for name, entry in e.get("alternatives", {}).items()}
-    return alternatives | {e["effect"]: e for e in entries}
+    alternatives = {label: entry for e in entries for label, entry in e.get("alternatives", {}).items()}
+    return alternatives | {e["label"]: e for e in entries}
 
 
 def _parse_parameter(change: str) -> tuple[str, float]:
@@ -209,8 +209,8 @@ def with_effect(
         imu=imu or instance.imu,
         fixed=fixed or instance.fixed,
     )
-    if any((a.name, a.imu) == (instance.name, instance.imu) for a in mission.active_effects()):
-        raise InputError(f"{mission.name}: found {instance.name} in the mission already; an effect is added once.")
+    if any(a.key == instance.key for a in mission.active_effects()):
+        raise InputError(f"{mission.name}: found {instance.label} in the mission already; an effect is added once.")
     return with_effects(mission, (*mission.active_effects(), instance))
 
 
@@ -259,10 +259,10 @@ def text_with_effects(mission: Mission, model: Sequence[EffectInstance]) -> tupl
         The model does not begin with the mission's own effects.
     """
     text, own = mission.text, mission.active_effects()
-    if [a.name for a in own] != [a.name for a in model[: len(own)]]:
-        names = ", ".join(a.name for a in model) or "none"
+    if [a.key for a in own] != [a.key for a in model[: len(own)]]:
+        labels = ", ".join(a.label for a in model) or "none"
         raise InputError(
-            f"{mission.label}: found the effects {names}; expected first {', '.join(a.name for a in own)}."
+            f"{mission.label}: found the effects {labels}; expected first {', '.join(a.label for a in own)}."
         )
     stated = len(mission.effects)
     for k, (original, instance) in enumerate(zip(own[:stated], model[:stated], strict=True)):

@@ -65,7 +65,7 @@ def check_effects(effects: Sequence[EffectConfig]) -> None:
         problem = first_problem(effect, entry.parameters)
         if problem is not None:
             raise field_error(problem.actual, problem.expected, f"effects.{k}.parameters.{problem.parameter}")
-        if entry.imu is not None and not any(effect.acts(h) for h in ("imu", "corrected", "imu_position")):
+        if entry.imu is not None and not effect.is_sensor_effect:
             raise field_error(value_text(entry.imu), f"none: {entry.name} sits in no IMU", f"effects.{k}.imu")
 
 

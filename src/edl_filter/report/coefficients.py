@@ -159,4 +159,5 @@ def against_database(reader: ResultReader, name: str) -> Panel | None:
     elements += [view.curve(database, "blue", "database", 1.4), view.curve(flight, "vermillion", "flight", 1.1)]
     panel = view.panel(Axis(name, "–", range=view.limits(*values, everywhere=True)), elements, Legend())
     caption = f"{name}: {MEANINGS[name]}."
-    return replace(panel, events=reader.events, name=f"coefficient_{name}", caption=caption)
+    events = {event: time for event, time in reader.events.items() if time <= view.domain.end}
+    return replace(panel, events=events, name=f"coefficient_{name}", caption=caption)

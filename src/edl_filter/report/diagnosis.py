@@ -238,7 +238,9 @@ def _errors_before(line: LedgerLine | Mapping[str, Any]) -> dict[str, float | No
 
 
 def _added(line: LedgerLine | Mapping[str, Any]) -> str:
-    return str(line["added"] if isinstance(line, Mapping) else line.added)
+    if isinstance(line, Mapping):
+        return f"{line['added']} in {line['imu']}" if line.get("imu") else str(line["added"])
+    return line.label if isinstance(line, LedgerStep) else ""
 
 
 def overall_rms(errors: Mapping[str, ErrorChange], after: bool = False) -> float | None:
@@ -271,7 +273,7 @@ def waterfall(lines: Sequence[LedgerLine], diagnosis: DiagnosisContent | None, t
         tuple(float(k) for k in range(len(pairs))), tuple(min(p) for p in pairs), tuple(max(p) for p in pairs), colours,
         notes=(number(levels[0]), *(f"{number(a)} → {number(b)}" for a, b in pairwise(levels)), number(levels[-1])),
     )  # fmt: skip
-    names = ["as stated", *(f"+ {line.added}" for line in lines if line.added), "what is left"]
+    names = ["as stated", *(f"+ {line.label}" for line in lines if isinstance(line, LedgerStep)), "what is left"]
     values = [m * 10.0**p for p in range(-3, 7) for m in (1, 2, 5)]
     y = Axis("normalised RMS", "–", "log", (bottom, top), tuple((v, f"{v:g}") for v in values if bottom <= v <= top))
     x = Axis(ticks=tuple((float(k), name) for k, name in enumerate(names)), grid=False)

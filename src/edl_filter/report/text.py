@@ -50,7 +50,7 @@ def effect_names(names: Iterable[str]) -> str:
 
 def hypothesis_label(hypothesis: RankedHypothesis) -> str:
     """The effect of a hypothesis with those that the flight does not distinguish from it."""
-    return effect_names((hypothesis.effect, *hypothesis.same_as))
+    return effect_names((hypothesis.label, *hypothesis.same_as))
 
 
 def time_label(epoch_utc: str) -> str:
@@ -114,7 +114,7 @@ def with_sigma(estimate: float | None, sigma: float | None) -> str:
 
 def fixed_digits(value: float | None, digits: int, scale: float = 1.0) -> str:
     """A number with a fixed number of decimals; empty if it is None."""
-    return "" if value is None else f"{scale * value:.{digits}f}".replace("-", "−")
+    return "" if value is None else f"{scale * value:.{digits}f}"
 
 
 def with_fixed_sigma(value: float | None, sigma: float | None, digits: int, scale: float = 1.0) -> str:
@@ -174,7 +174,7 @@ def sigmas_text(values: Sequence[float | None], sigmas: Sequence[float | None]) 
         for v, s in zip(values, sigmas, strict=True)
     ]
     if len(ratios) <= 3:
-        return "  ".join("–" if r is None else f"{round(r, 1) + 0.0:+.1f}".replace("-", "−") for r in ratios)
+        return "  ".join("–" if r is None else f"{round(r, 1) + 0.0:+.1f}" for r in ratios)
     sizes = [abs(r) for r in ratios if r is not None]
     return f"≤ {max(sizes):.1f}" if sizes else "–"
 

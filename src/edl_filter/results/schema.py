@@ -295,7 +295,7 @@ class Summary(Content):
     )
     postflight: PostflightSummary | None = _key("post-flight layer; null without an aerodynamic database")
     effects: dict[str, ModelEffect] = _key(
-        "effects in the model; a second one of the same name has its IMU in the name"
+        "label of each effect in the model (its name, or its name in its IMU) → its parameters"
     )
     notes: tuple[str, ...] = _key("notes of the telemetry's reader")
     timing_s: dict[str, float] = _key("stage → elapsed time, s")
@@ -324,7 +324,10 @@ class Partner(Content):
     """A second effect that explains the residuals which the first leaves."""
 
     effect: str = _key("name of the effect")
-    together: dict[str, dict[str, Estimate]] = _key("effect → parameter → estimate, all effects fitted together")
+    imu: str | None = _key("IMU of a sensor effect; null: the driving one, or no sensor effect")
+    together: dict[str, dict[str, Estimate]] = _key(
+        "label of the effect → parameter → estimate, all effects fitted together"
+    )
 
 
 class MapCell(Content):
@@ -355,10 +358,13 @@ class RankedHypothesis(Content):
     """One hypothesis: an effect that may be missing, with those that the flight does not distinguish from it."""
 
     effect: str = _key("name of the effect")
-    imu: str | None = _optional("IMU of a sensor effect; absent: the driving one, or no sensor effect")
-    same_as: tuple[str, ...] = _key("effects that the flight does not distinguish from it")
+    imu: str | None = _key("IMU of a sensor effect; null: the driving one, or no sensor effect")
+    label: str = _key("effect and imu as text: name, or name in IMU")
+    same_as: tuple[str, ...] = _key("labels of effects that the flight does not distinguish from it")
     alternatives: dict[str, Alternative] = _key("the same effects with their estimates")
-    parted_by: dict[str, str] = _key("each of these effects → the measurement that would distinguish it, as text")
+    parted_by: dict[str, str] = _key(
+        "label of each of these effects → the measurement that would distinguish it, as text"
+    )
     probability: Number = _key("posterior probability")
     gain: Number = _key("log Bayes factor over the model without it, nats")
     score_gain: Number = _key("held-out log predictive density over the model without it, nats")
@@ -429,14 +435,16 @@ class DiagnosisContent(Content):
     sentence: str = _key("the verdict as text")
     partner: Partner | None = _key("a second effect that explains what the first leaves; null without one")
     mission: str = _key("name of the mission")
-    effects: tuple[str, ...] = _key("names of the effects in the model")
+    effects: tuple[str, ...] = _key("labels of the effects in the model")
     where: tuple[MapCell, ...] = _key("cells of the residual map that fail, worst first")
     map: tuple[MapCell, ...] = _key("all cells of the residual map")
     ranking: tuple[RankedHypothesis, ...] = _key("hypotheses, most probable first")
     none: Number = _key("probability that nothing is missing")
     none_gain: Number = _key("log evidence of the model at its stated noise, relative to that at its own noise, nats")
     something_else: SomethingElse = _key("the hypothesis that something outside the catalogue is missing")
-    undecided: dict[str, ScreenedEffect] = _key("effect → result of the screening, all effects that were considered")
+    undecided: dict[str, ScreenedEffect] = _key(
+        "label of the effect → result of the screening, all effects that were considered"
+    )
     remainder: RemainderContent | None = _key("description of what remains; null unless the verdict is unknown")
     latent: LatentContent | None = _key("unmodelled force and moment; null unless the verdict is unknown")
     onsets: tuple[OnsetContent, ...] = _key("times at which channels begin to fail, clearest first")
@@ -446,9 +454,9 @@ class DiagnosisContent(Content):
     settings: DecisionSettings = _key("thresholds of the diagnosis")
 
     def hypotheses(self) -> dict[str, RankedHypothesis | Alternative]:
-        """All ranked effects by name, including those that the flight does not distinguish from another."""
-        alternatives = {name: a for h in self.ranking for name, a in h.alternatives.items()}
-        return {**alternatives, **{h.effect: h for h in self.ranking}}
+        """All ranked effects by label, including those that the flight does not distinguish from another."""
+        alternatives = {label: a for h in self.ranking for label, a in h.alternatives.items()}
+        return {**alternatives, **{h.label: h for h in self.ranking}}
 
 
 # ledger.jsonl
@@ -466,13 +474,19 @@ class LedgerStep(Content):
 
     step: int = _key("number of the step, from 0")
     mission: str = _key("name of the mission")
-    model: tuple[str, ...] = _key("names of the effects in the model that was diagnosed")
+    model: tuple[str, ...] = _key("labels of the effects in the model that was diagnosed")
     added: str = _key("name of the effect that was added")
-    same_as: tuple[str, ...] = _key("effects that the flight does not distinguish from it")
+    imu: str | None = _key("IMU of a sensor effect; null: the driving one, or no sensor effect")
+    same_as: tuple[str, ...] = _key("labels of effects that the flight does not distinguish from it")
     parameters: dict[str, Estimate] = _key("parameter → estimate")
     gain: Number = _key("log Bayes factor, nats")
     held_out_score: Number = _key("held-out log predictive density, nats")
     errors: dict[str, ErrorChange] = _key("channel → normalised RMS before and after")
+
+    @property
+    def label(self) -> str:
+        """Label of the effect that was added: its name, or its name in its IMU."""
+        return self.added if self.imu is None else f"{self.added} in {self.imu}"
 
 
 class LedgerEnd(Content):
@@ -480,7 +494,7 @@ class LedgerEnd(Content):
 
     step: int = _key("number of the step, from 0")
     mission: str = _key("name of the mission")
-    model: tuple[str, ...] = _key("names of the effects in the final model")
+    model: tuple[str, ...] = _key("labels of the effects in the final model")
     added: None = _key("null: nothing was added")
     why: str = _key("why the improvement ended")
     errors: dict[str, ErrorChange] = _key("channel → normalised RMS of the final model; after is null")

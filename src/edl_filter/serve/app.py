@@ -114,7 +114,7 @@ class _Handlers:
         ]
         diagnosis = result.diagnosis
         hypotheses = () if diagnosis is None else diagnosis.hypotheses()
-        adding = {effect: self._add_lines(result.path, effect) for effect in hypotheses}
+        adding = {label: self._add_lines(result.path, label) for label in hypotheses}
         return JSONResponse({
             "path": result.path, "title": result.title, "mission": result.mission, "effects": result.effects,
             "diagnosis": diagnosis and diagnosis.model_dump(mode="json", exclude_unset=True),

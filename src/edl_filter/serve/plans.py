@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 
+from edl_filter.effects.base import key_of
 from edl_filter.errors import InputError
 from edl_filter.mission import Mission
 from edl_filter.mission.files import write_mission
@@ -66,7 +67,7 @@ def plan_diagnose(root: Path, result: str) -> Plan:
     return Plan(f"Diagnose {result}", (_diagnose(result),), result)
 
 
-def plan_add(root: Path, result: str, effect: str) -> Plan:
+def plan_add(root: Path, result: str, label: str) -> Plan:
     """Plan to add an effect of a result's ranking to its mission, and to run and diagnose the new mission.
 
     Raises
@@ -77,23 +78,26 @@ def plan_add(root: Path, result: str, effect: str) -> Plan:
         The result does not exist, or its diagnosis has no estimate of the effect.
     """
     diagnosis = find_result(root, result).diagnosis
-    names = [] if diagnosis is None else list(diagnosis.hypotheses())
-    if effect not in names:
+    labels = [] if diagnosis is None else list(diagnosis.hypotheses())
+    if label not in labels:
         raise InputError(
-            f"{result}: found no estimate of {effect!r}; it has estimates of {', '.join(names) or 'none'}."
+            f"{result}: found no estimate of {label!r}; it has estimates of {', '.join(labels) or 'none'}."
         )
+    effect, imu = key_of(label)
+    part = effect if imu is None else f"{effect}-{imu}"
     mission, _ = _mission_of(root, result)
     folder = PurePosixPath() if mission.startswith(BUILTIN) else PurePosixPath(mission).parent
     path = PurePosixPath(result)
     base = PurePosixPath(RESULTS) / root.name if path == PurePosixPath() else path
     for k in range(1, 1000):  # files of an earlier attempt are not replaced
-        suffix = f"+{effect}" + ("" if k == 1 else f"-{k}")
+        suffix = f"+{part}" + ("" if k == 1 else f"-{k}")
         new, output = str(folder / f"{_stem(mission)}{suffix}.yaml"), str(base.with_name(base.name + suffix))
         if not inside(root, new).exists() and not inside(root, output).exists():
             break
-    add = ("add", _argument(mission), effect, "--from", _argument(result), "-o", _argument(new))
+    of_imu = () if imu is None else ("--imu", imu)
+    add = ("add", _argument(mission), effect, *of_imu, "--from", _argument(result), "-o", _argument(new))
     run = ("run", _argument(new), "-o", _argument(output))
-    return Plan(f"Add {effect} to {mission} and run it", (add, run, _diagnose(output)), output)
+    return Plan(f"Add {label} to {mission} and run it", (add, run, _diagnose(output)), output)
 
 
 def plan_compare(results: Sequence[str]) -> Plan:

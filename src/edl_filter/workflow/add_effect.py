@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
+from edl_filter.effects.base import EffectKey, label_of
 from edl_filter.errors import InputError
 from edl_filter.mission import edit_effects
 
@@ -32,19 +33,19 @@ def add_effect(
     InputError
         As `edl_filter.mission.edit_effects.add_effect`; or there is no diagnosis, or no estimate of the effect in it.
     """
-    estimates, estimated_imu = ({}, None) if result is None else estimates_of(result, name)
-    return edit_effects.add_effect(mission, name, output, changes, estimates, imu or estimated_imu, file)
+    estimates = {} if result is None else estimates_of(result, (name, imu))
+    return edit_effects.add_effect(mission, name, output, changes, estimates, imu, file)
 
 
-def estimates_of(result: Path, name: str) -> tuple[dict[str, float], str | None]:
-    """An effect's estimates in a diagnosis, to 8 digits, and its IMU, if the diagnosis names one.
+def estimates_of(result: Path, key: EffectKey) -> dict[str, float]:
+    """An effect's estimates in a diagnosis, to 8 digits.
 
     Parameters
     ----------
     result : Path
         ``diagnosis.json``, or its folder.
-    name : str
-        Name of the effect.
+    key : (str, str or None)
+        Name of the effect, and its IMU.
 
     Raises
     ------
@@ -53,14 +54,12 @@ def estimates_of(result: Path, name: str) -> tuple[dict[str, float], str | None]
     """
     # imported only where there is a result: they take longer than the rest of the command
     from edl_filter.results.files import DIAGNOSIS, read_diagnosis
-    from edl_filter.results.schema import RankedHypothesis
 
     hypotheses = read_diagnosis(result).hypotheses()
-    hypothesis = hypotheses.get(name)
+    hypothesis = hypotheses.get(label_of(key))
     if hypothesis is None:
         path = result / DIAGNOSIS if result.is_dir() else result
         names = ", ".join(hypotheses) or "none"
-        raise InputError(f"{path}: found no estimate of {name}; it has estimates of {names}.")
+        raise InputError(f"{path}: found no estimate of {label_of(key)}; it has estimates of {names}.")
     estimates = {p: e.estimate for p, e in hypothesis.parameters.items()}
-    imu = hypothesis.imu if isinstance(hypothesis, RankedHypothesis) else None
-    return {p: float(f"{x:.8g}") for p, x in estimates.items() if x is not None}, imu
+    return {p: float(f"{x:.8g}") for p, x in estimates.items() if x is not None}

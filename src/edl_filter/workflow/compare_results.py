@@ -102,7 +102,7 @@ def _score_gain(before: DiagnosisContent | None, old: dict[str, Any], new: dict[
     added = [name for name in new if name not in old]
     if before is None or len(added) != 1:
         return None
-    return next((h.score_gain for h in before.ranking if h.effect == added[0]), None)
+    return next((h.score_gain for h in before.ranking if h.label == added[0]), None)
 
 
 def _fall_percent(before: float | None, after: float | None) -> float | None:

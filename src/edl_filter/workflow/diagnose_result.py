@@ -12,8 +12,8 @@ from edl_filter.diagnosis.diagnosis import diagnose
 from edl_filter.diagnosis.diagnosis_json import diagnosis_content
 from edl_filter.diagnosis.linear_model.flight_case import load_case
 from edl_filter.diagnosis.residual_analysis.time_series import residual_series
-from edl_filter.diagnosis.selection.ranking import Progress
-from edl_filter.effects.instances import candidates, lookup
+from edl_filter.diagnosis.selection.ranking import Progress, candidate_instances
+from edl_filter.effects.instances import lookup
 from edl_filter.effects.registry import effects_in, selected_effects
 from edl_filter.errors import InputError
 from edl_filter.mission.files import matches_file, mission_argument, write_mission
@@ -70,11 +70,10 @@ def diagnose_result(
     mission, folder = reopened.mission, reopened.folder
     require_prediction_inputs(mission, str(reopened.path))
     effects = selected_effects(names, file)
-    present = {a.name for a in reopened.effects}
-    if names and not candidates(effects, present):
-        raise InputError(f"--effect: {', '.join(names)} is in the model already; name an effect that is not.")
     progress("reconstructing")
     case = load_case(mission, reopened.effects)
+    if names and not candidate_instances(case, effects):
+        raise InputError(f"--effect: {', '.join(names)} is in the model already; name an effect that is not.")
     reopened.check_same_flight(case.reconstruction)
     diagnosis = diagnose(case, effects, progress)
     content = diagnosis_content(diagnosis)
@@ -99,7 +98,8 @@ def following_commands(reopened: Reopened, content: dict[str, Any], file: Path |
     """
     if not content["ranking"]:
         return []
-    mission, effect = reopened.mission, content["ranking"][0]["effect"]
+    mission, first = reopened.mission, content["ranking"][0]
+    effect, imu = first["effect"], first["imu"]
     if matches_file(mission):
         name = mission_argument(mission)
     else:
@@ -113,7 +113,7 @@ def following_commands(reopened: Reopened, content: dict[str, Any], file: Path |
     add = f"edl-filter add {quote(name)} {effect} --from {quote(str(reopened.folder))}"
     output = reopened.folder.parent / f"{reopened.folder.name}+{effect}"
     return [
-        add + (f" --file {quote(str(file))}" if of_user else ""),
+        add + (f" --imu {quote(imu)}" if imu else "") + (f" --file {quote(str(file))}" if of_user else ""),
         f"edl-filter run {quote(extended)} -o {quote(str(output))}",
     ]
 

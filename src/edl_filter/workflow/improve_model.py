@@ -69,7 +69,9 @@ def improve_steps(
     Parameters
     ----------
     mission : Mission
+        The mission, checked.
     folder : Path
+        Folder of the results.
     most : int, optional
         Largest number of effects to add.
     names, file
@@ -153,7 +155,7 @@ def _clear_ledger(mission: Mission, folder: Path) -> None:
 def _why_stopped(step: Step, content: dict[str, Any], full: bool) -> str:
     """Why nothing is added, and the remainder; empty where an effect is added."""
     if full and step.added is not None:
-        return f"Stopped: as many effects as were asked for; the next would be {step.added.name}."
+        return f"Stopped: as many effects as were asked for; the next would be {step.added.label}."
     remainder = content["remainder"]
     return step.why_stopped + (f" What is left: {remainder['description']}" if step.why_stopped and remainder else "")
 
@@ -174,7 +176,7 @@ def _paragraph(k: int, content: dict[str, Any], line: dict[str, Any], stop: str)
     if stop:
         return text + stop
     first = content["ranking"][0]
-    names = " or ".join((first["effect"], *first["same_as"]))
+    names = " or ".join((first["label"], *first["same_as"]))
     values = parameters_text(line["parameters"]).replace("\n", ", ")
     return (
         f"{text}Added {names} ({values}): gain {number(first['gain'])} nats, {number(first['score_gain'])} held out; "

@@ -22,6 +22,7 @@ def added_line(step: int, content: dict[str, Any]) -> dict[str, Any]:
         "mission": content["mission"],
         "model": content["effects"],
         "added": first["effect"],
+        "imu": first["imu"],
         "same_as": first["same_as"],
         "parameters": first["parameters"],
         "gain": first["gain"],

@@ -37,7 +37,7 @@ def fit(model):
 
 def test_parameters_that_the_initial_state_compensates_are_estimated(model, fit):
     """A scale about x changes the roll by degrees, and the initial roll compensates that: both must move."""
-    estimates, start = fit.parameters("gyro_scale"), fit.point.start
+    estimates, start = fit.parameters(("gyro_scale", None)), fit.point.start
     errors = {name: (estimates[name][0] - true) / estimates[name][1] for name, true in TRUTH.items()}
     assert max(map(abs, errors.values())) < 4.0, errors
     assert estimates["sx"][1] < 0.1 * TRUTH["sx"]
@@ -47,8 +47,8 @@ def test_parameters_that_the_initial_state_compensates_are_estimated(model, fit)
 
 def test_a_fit_from_the_estimates_stays_there(model, fit):
     again = fit_map(model, fit.effects, model.fitted_noise_filter, moving=True)
-    for name, (value, sigma) in fit.parameters("gyro_scale").items():
-        assert again.parameters("gyro_scale")[name][0] == pytest.approx(value, abs=0.5 * sigma)
+    for name, (value, sigma) in fit.parameters(("gyro_scale", None)).items():
+        assert again.parameters(("gyro_scale", None))[name][0] == pytest.approx(value, abs=0.5 * sigma)
 
 
 def test_without_a_credible_point_the_effects_stay_as_they_are(model, monkeypatch):
@@ -73,7 +73,7 @@ def test_for_a_linear_effect_the_fit_is_a_regression(model, name):
     assert fit.evidence - without.evidence == pytest.approx(linear.gain, abs=1e-6)
     np.testing.assert_allclose(fit.covariance, linear.covariance, rtol=1e-6)
     np.testing.assert_allclose(fit.parameter_sigma, np.sqrt(np.diag(linear.covariance)), rtol=1e-6)
-    estimates = [fit.parameters(name)[q][0] for _, q in fit.names]
+    estimates = [fit.parameters((name, None))[q][0] for _, q in fit.names]
     np.testing.assert_allclose(estimates, linear.estimate, atol=1e-5 * fit.parameter_sigma.min())
     np.testing.assert_allclose(fit.white, without.white - fit.columns @ linear.estimate, atol=1e-5)
 
@@ -87,10 +87,10 @@ def test_a_wave_of_negative_amplitude_is_returned_with_a_positive_one(model):
         fit_map(model, (*model.effects, EffectInstance(wave, values)), model.stated_noise_filter, steps=1)
         for values in (start, opposite)
     )
-    assert positive.parameters("density_wave")["A"][0] >= 0.0
-    i, k = (positive.names.index(("density_wave", name)) for name in ("A", "phase"))
-    for name, (value, sigma) in positive.parameters("density_wave").items():
-        assert negative.parameters("density_wave")[name] == pytest.approx((value, sigma), rel=1e-3)
+    assert positive.parameters(("density_wave", None))["A"][0] >= 0.0
+    i, k = (positive.names.index((("density_wave", None), name)) for name in ("A", "phase"))
+    for name, (value, sigma) in positive.parameters(("density_wave", None)).items():
+        assert negative.parameters(("density_wave", None))[name] == pytest.approx((value, sigma), rel=1e-3)
     np.testing.assert_allclose(
         negative.columns[:, i], positive.columns[:, i], atol=1e-4 * np.abs(positive.columns[:, i]).max()
     )

@@ -50,6 +50,6 @@ def test_what_is_needed_to_fit_effects(changes, expected):
 
 
 def test_an_effect_that_stands_twice_is_refused():
-    mission = Mission.load("builtin:practice_mer", ["effects=[{name: gyro_bias}, {name: gyro_bias, imu: secondary}]"])
+    mission = Mission.load("builtin:practice_mer", ["effects=[{name: gyro_bias}, {name: gyro_bias, imu: primary}]"])
     with pytest.raises(InputError, match="found gyro_bias twice"):
         fit_effects(mission)

@@ -54,7 +54,7 @@ def test_the_evidence_is_that_of_a_linear_fit_at_the_truth(case, ranking):
     assert verdict.verdict == "missing" and verdict.leader.name == "accelerometer_misalignment"
     fit = ranking.hypotheses[0].fit
     for name, true in HIDDEN.items():
-        sigma = fit.parameter_sigma[fit.names.index(("accelerometer_misalignment", name))]
+        sigma = fit.parameter_sigma[fit.names.index((("accelerometer_misalignment", None), name))]
         assert abs(verdict.leader.values[name] - true) < 3.0 * sigma
     model = linearize(case)
     j = effect_jacobian(model, EffectInstance(effect_named("accelerometer_misalignment"), {}))

@@ -61,14 +61,14 @@ def test_screening_is_one_regression_for_each_effect_and_place(seed):
     fits = [regress(residuals, j.rows, j.sigma) for j in onsets]
     gains = np.array([f.gain for f in fits])
     best = int(np.argmax(gains))
-    torque = results["remnant_torque"]
+    torque = results["remnant_torque", None]
     assert torque.gain == pytest.approx(np.log(np.mean(np.exp(gains - gains.max()))) + gains.max())
     assert torque.jacobian is onsets[best] and torque.instance.values["t0"] == times[best]
     np.testing.assert_allclose(torque.fit.estimate, fits[best].estimate)
     np.testing.assert_allclose(torque.explained, onsets[best].rows @ fits[best].estimate)
     sizes = [torque.instance.values[n] for n in onsets[best].names]
     np.testing.assert_allclose(sizes, fits[best].estimate)
-    assert results["mass"].gain == pytest.approx(regress(residuals, mass[0].rows, mass[0].sigma).gain)
+    assert results["mass", None].gain == pytest.approx(regress(residuals, mass[0].rows, mass[0].sigma).gain)
 
 
 def test_alternatives_are_the_next_places_with_dissimilar_columns():
@@ -82,7 +82,7 @@ def test_alternatives_are_the_next_places_with_dissimilar_columns():
         jacobian_of("remnant_torque", {"t0": t0}, np.column_stack((c, np.zeros((ROWS, 2)))), np.ones(3))
         for t0, c in columns.items()
     ]
-    result = screen(model_of(residuals), identity, [jacobians])["remnant_torque"]
+    result = screen(model_of(residuals), identity, [jacobians])["remnant_torque", None]
     assert result.instance.values["t0"] == 60.0
     assert [a.values["t0"] for a in result.alternatives] == [100.0, 140.0]
     assert SETTINGS.starting_places == 3
@@ -100,7 +100,7 @@ def test_an_effect_whose_hooks_fail_is_reported_or_raised(monkeypatch):
 
     monkeypatch.setattr(screening, "scan_range", lambda model: (60.0, 8e3))
     monkeypatch.setattr(screening, "effect_jacobian", effect_jacobian)
-    effects, failed = [effect_named("wind"), effect_named("mass")], {}
+    effects, failed = [EffectInstance(effect_named(n), {}) for n in ("wind", "mass")], {}
     by_effect = scan_jacobians(model_of(None), effects, 240.0, failed)
     assert [[i.name for i in group] for group in by_effect] == [["mass"]] and failed == {"wind": "no wind"}
     with pytest.raises(InputError, match="no wind"):

@@ -100,7 +100,8 @@ def diagnosis(folder, **changes):
              for r, t0, rms in (("Mach above 15", 20.0, by[0]), ("Mach below 15", 120.0, by[1]))]  # fmt: skip
     cells.append(map_cell("landing", "constraints", 300.0, 300.0, 1.6))
     wind = hypothesis(
-        effect="wind", same_as=["mass"], parted_by={"mass": "a second probe would part them"}, probability=0.98,
+        effect="wind", label="wind",
+        same_as=["mass"], parted_by={"mass": "a second probe would part them"}, probability=0.98,
         gain=42.0, score_gain=30.0, error_before=9.5, channel="force_x",
         parameters={"east": {"estimate": -38.07, "sigma": 0.53, "unit": "m/s"}},
     )  # fmt: skip

@@ -7,6 +7,7 @@ import re
 import folders
 import numpy as np
 import pytest
+from contents import hypothesis
 
 from edl_filter.errors import InputError
 from edl_filter.report.colours import cell_colours
@@ -119,6 +120,16 @@ def test_a_hypothesis_has_size_sigma_unit_and_what_it_is_confused_with(tmp_path)
     for part in ("−38.07 ± 0.53 m/s", "0.980", "mass", "a second probe would part them", "9.5 → 1", "something else",
                  "gyro_bias"):  # fmt: skip
         assert part in text
+
+
+def test_the_command_for_a_sensor_effect_names_its_imu(tmp_path):
+    folders.whole(tmp_path)
+    folders.diagnosis(
+        tmp_path, ranking=[hypothesis(effect="gyro_bias", imu="secondary", label="gyro_bias in secondary")]
+    )
+    text = section(page(tmp_path), "hypotheses")
+    assert f"edl-filter add MISSION gyro_bias --from {tmp_path} --imu secondary" in text
+    assert "gyro_bias in secondary" in text
 
 
 def test_failing_cells_are_marked_by_more_than_colour(tmp_path):

@@ -31,6 +31,7 @@ from edl_filter.diagnosis.prediction.residuals import (
 )
 from edl_filter.effects.base import Effect, EffectInstance
 from edl_filter.effects.parameters import Parameter
+from edl_filter.effects.sensor_chain import acts_on_driving
 from edl_filter.mission.decision_settings import DecisionSettings
 from edl_filter.types import Array
 
@@ -73,11 +74,13 @@ def scan_grid(
     Parameters
     ----------
     effect : Effect
+        The effect.
     begin, end : float
         Bounds of parameters of kind ``time`` that have none, s.
     lowest : float
         Altitude at the end of the comparison, m; altitudes are scanned from below it upwards.
     settings : DecisionSettings
+        Thresholds of the diagnosis.
     """
     grids = []
     for q in effect.places:
@@ -121,8 +124,9 @@ def effect_jacobian(
     Parameters
     ----------
     model : LinearizedModel
+        The linearised model.
     instance : EffectInstance
-        If an effect of its name is in the model, its columns replace that effect's values by these.
+        If an effect of its key is in the model, its columns replace that effect's values by these.
     names : sequence of str, optional
         Parameters; all sizes if not given.
     """
@@ -154,16 +158,20 @@ def _place_step(kind: str) -> float:
 
 def _derivative(model: LinearizedModel, instance: EffectInstance, name: str, step: float) -> tuple[Array, Array]:
     """Minus the derivative of the residuals with respect to one parameter, and that of the initial mean."""
-    effect, others = instance.effect, tuple(a for a in model.effects if a.name != instance.name)
+    effect = instance.effect
+    remaining = tuple(a for a in model.effects if a.key != instance.key)
 
     def displaced(change: float) -> EffectInstance:
         return replace(instance, values=instance.values | {name: instance.values[name] + change})
 
     initial_mean = np.zeros(model.nuisance.size)
     if not changes_path(effect):
-        rows = model.index.stack_predictions(*_load_difference(model, others, displaced(step), displaced(-step)))
+        rows = model.index.stack_predictions(*_load_difference(model, remaining, displaced(step), displaced(-step)))
         return rows / (2.0 * step), initial_mean
-    sides = [(*others, displaced(d)) for d in (step, -step)]
+    sides = [(*remaining, displaced(d)) for d in (step, -step)]
+    if not acts_on_driving(instance, model.inputs.driving):
+        plus_rows, minus_rows = (_on_fixed_path(model, effects) for effects in sides)
+        return (minus_rows - plus_rows) / (2.0 * step), initial_mean
     plus, minus = (model.model_inputs(effects) for effects in sides)
     if effect.acts("entry_state"):
         initial_mean = (model.initial_mean_of(minus) - model.initial_mean_of(plus)) / (2.0 * step)
@@ -209,7 +217,7 @@ def _on_fixed_path(model: LinearizedModel, effects: Sequence[EffectInstance]) ->
 
 
 def _load_difference(
-    model: LinearizedModel, others: Sequence[EffectInstance], plus: EffectInstance, minus: EffectInstance
+    model: LinearizedModel, remaining: Sequence[EffectInstance], plus: EffectInstance, minus: EffectInstance
 ) -> tuple[Array, Array]:
     """Change of the predictions from `minus` to `plus` on the existing path.
 
@@ -217,7 +225,7 @@ def _load_difference(
     `path_difference` gives.
     """
     bins, flow, tables = model.bins, model.residuals.flow, model.residuals.tables
-    up, down = (model.inputs.forward_model.with_effects((*others, a)) for a in (plus, minus))
+    up, down = (model.inputs.forward_model.with_effects((*remaining, a)) for a in (plus, minus))
     (force_up, moment_up), (force_down, moment_down) = up.loads(flow, tables), down.loads(flow, tables)
     force, rate_step = predict_increment(up, bins, force_up - force_down, moment_up - moment_down)
     if changes_air(plus.effect):

@@ -60,22 +60,22 @@ class Entry:
     Attributes
     ----------
     hypothesis : Hypothesis
-    others : tuple of Hypothesis
+    indistinguishable : tuple of Hypothesis
         Those that this flight does not distinguish from it.
     probability : float
     discriminated_by : dict
-        Each of those names → the measurement that would distinguish it from the first, in words.
+        Label of each of those → the measurement that would distinguish it from the first, in words.
     """
 
     hypothesis: Hypothesis
-    others: tuple[Hypothesis, ...]
+    indistinguishable: tuple[Hypothesis, ...]
     probability: float
     discriminated_by: dict[str, str] = field(default_factory=dict)
 
     @property
     def same_as(self) -> tuple[str, ...]:
-        """Names that this flight does not distinguish from the first."""
-        return tuple(h.name for h in self.others)
+        """Labels of the effects that this flight does not distinguish from the first."""
+        return tuple(h.label for h in self.indistinguishable)
 
 
 @dataclass(frozen=True)
@@ -120,6 +120,7 @@ def verdict_of(names: Sequence[float], none: float, something_else: float) -> st
     names : sequence of float
         Probabilities of the named hypotheses.
     none, something_else : float
+        Probabilities that nothing is missing, and that something outside the catalogue is.
     """
     best = max(names, default=0.0)
     if best > max(none, something_else):
@@ -133,6 +134,7 @@ def decide(ranking: Ranking, partner: Hypothesis | None = None) -> Verdict:
     Parameters
     ----------
     ranking : Ranking
+        All hypotheses about one model.
     partner : Hypothesis, optional
         A second effect that explains all that the best name leaves; nothing is then left for something else.
     """
@@ -162,7 +164,7 @@ def decide(ranking: Ranking, partner: Hypothesis | None = None) -> Verdict:
     weight = np.exp(log_weight - log_weight.max())
     probability = weight / weight.sum()
     entries = [
-        Entry(g[0], tuple(g[1:]), float(p), {h.name: _discriminator_text(g[0], h) for h in g[1:]})
+        Entry(g[0], tuple(g[1:]), float(p), {h.label: _discriminator_text(g[0], h) for h in g[1:]})
         for g, p in zip(groups, probability[2:], strict=True)
     ]
     entries.sort(key=lambda e: -e.probability)
@@ -252,7 +254,9 @@ def find_joint_effect(first: Hypothesis, candidates: Sequence[Effect], progress:
     Parameters
     ----------
     first : Hypothesis
+        The first effect, fitted.
     candidates : sequence of Effect
+        Effects that may be missing.
     progress : callable
         Called with what is being done.
 
@@ -264,8 +268,9 @@ def find_joint_effect(first: Hypothesis, candidates: Sequence[Effect], progress:
     """
     case = load_case(first.case.mission, first.fit.effects)
     own_kind = kind_of(first.instance.effect)
-    others = [e for e in candidates if kind_of(e) != own_kind]  # two of one kind may imitate what neither is
-    verdict = decide(rank(case, others, lambda step: progress(f"with {first.name}: {step}")))
+    # two effects of one kind may imitate what neither is
+    different = [e for e in candidates if kind_of(e) != own_kind]
+    verdict = decide(rank(case, different, lambda step: progress(f"with {first.label}: {step}")))
     if verdict.leader is None:
         return None
     second = verdict.entries[0].hypothesis
@@ -275,7 +280,7 @@ def find_joint_effect(first: Hypothesis, candidates: Sequence[Effect], progress:
 def _is_significant(first: Hypothesis, second: Hypothesis) -> bool:
     """Whether a size of the first differs from zero in the fit of both."""
     limit = first.case.settings.joint_effect_sigmas
-    joint = second.fit.parameters(first.name)
+    joint = second.fit.parameters(first.key)
     return any(abs(joint[q.name][0]) > limit * joint[q.name][1] for q in first.instance.effect.sizes)
 
 
@@ -305,16 +310,16 @@ def _normalised_with(h: Hypothesis) -> Array:
 def _discriminator_text(first: Hypothesis, second: Hypothesis) -> str:
     discriminator = best_discriminator(second.model, first.instance, second.instance)
     if discriminator is not None:
-        return f"{discriminator.measurement} would part them by {discriminator.evidence:.0f} nats"
-    return "no better knowledge of anything else would part them, only a measurement of one of the two itself"
+        return f"{discriminator.measurement} would distinguish them by {discriminator.evidence:.0f} nats"
+    return "only a measurement of one of the two would distinguish them"
 
 
 def _sentence(verdict: str, entries: list[Entry], partner: Hypothesis | None) -> str:
     if verdict == CLEAN:
-        return "The flight is clean: model and measurement agree to the stated noise, and no effect earns its place."
+        return "The flight is clean: model and measurement agree to the stated noise, and no effect is needed."
     if verdict == UNKNOWN:
-        return "Something is missing that none of the effects tried explains."
+        return "Something is missing that no effect of the catalogue explains."
     e = entries[0]
-    name = " or ".join((e.hypothesis.name, *e.same_as))
-    both = "" if partner is None else f" With {partner.name} besides, model and measurement would agree."
+    name = " or ".join((e.hypothesis.label, *e.same_as))
+    both = "" if partner is None else f" With {partner.label} in addition, model and measurement agree."
     return f"Missing: {name} (gain {e.hypothesis.gain:.0f} nats).{both}"

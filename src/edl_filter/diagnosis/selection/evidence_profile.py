@@ -33,6 +33,7 @@ def evidence_profile(
     Parameters
     ----------
     model : LinearizedModel
+        The linearised model.
     effect : str, Effect or class
         Not in the model.
     place : str, optional
@@ -53,7 +54,7 @@ def evidence_profile(
     from xarray import DataArray
 
     resolved = find_effect(effect) if isinstance(effect, str) else validated_effect(effect)
-    if any(a.name == resolved.name for a in model.effects):
+    if any(a.key == (resolved.name, None) for a in model.effects):
         raise InputError(f"scan: found {resolved.name} in the model already; expected an effect that is not.")
     q = _scanned_place(resolved, place)
     begin, lowest = scan_range(model)
@@ -62,8 +63,8 @@ def evidence_profile(
     best: dict[float, float] = {}
     grid = scan_grid(resolved, begin, float(model.bins.edges[-1]), lowest, model.settings)
     if values is not None:
-        others = {tuple((places | {q.name: 0.0}).items()) for places in grid}
-        grid = [dict(places) | {q.name: float(v)} for places in others for v in values]
+        remaining = {tuple((places | {q.name: 0.0}).items()) for places in grid}
+        grid = [dict(places) | {q.name: float(v)} for places in remaining for v in values]
     for places in grid:
         j = effect_jacobian(model, EffectInstance(resolved, places))
         gain = regress(y, whiten(j.rows, j.initial_mean), j.sigma).gain

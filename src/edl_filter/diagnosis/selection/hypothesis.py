@@ -17,7 +17,7 @@ from edl_filter.diagnosis.noise.variance_components import estimate_variance_com
 from edl_filter.diagnosis.selection.map_fit import MapFit, NullModelFit, fit_map
 from edl_filter.diagnosis.selection.outer_loop import iterate_to_convergence
 from edl_filter.diagnosis.selection.screening import ScreeningResult, refine_places
-from edl_filter.effects.base import EffectInstance
+from edl_filter.effects.base import EffectInstance, EffectKey, effect_with_key, label_of
 from edl_filter.estimation.kalman import Whitening, WhiteningFilter
 from edl_filter.estimation.regression import held_out_gain
 from edl_filter.types import Array
@@ -29,7 +29,8 @@ class Hypothesis:
 
     Attributes
     ----------
-    name : str
+    key : (str, str or None)
+        Name of the effect, and its IMU.
     fit : MapFit
     whiten : WhiteningFilter
         At the noise at which it was fitted.
@@ -49,7 +50,7 @@ class Hypothesis:
         The same at the stated noise, where that differs.
     """
 
-    name: str
+    key: EffectKey
     fit: MapFit
     whiten: WhiteningFilter
     gain: float
@@ -64,7 +65,17 @@ class Hypothesis:
     @property
     def instance(self) -> EffectInstance:
         """The effect with its estimate."""
-        return next(a for a in self.fit.effects if a.name == self.name)
+        return effect_with_key(self.fit.effects, self.key)
+
+    @property
+    def name(self) -> str:
+        """Name of the effect."""
+        return self.key[0]
+
+    @property
+    def label(self) -> str:
+        """The key as text."""
+        return label_of(self.key)
 
 
 def fit_hypothesis(
@@ -84,7 +95,7 @@ def fit_hypothesis(
     null : NullModelFit
         The model without it, over which gains are computed.
     """
-    settings, name = case.settings, starts[0][0].instance.name
+    settings, key = case.settings, starts[0][0].instance.key
     at_fitted_noise: list[MapFit] = []
     at_stated_noise: list[MapFit] = []
     starting_points: list[EffectInstance] = []
@@ -99,19 +110,19 @@ def fit_hypothesis(
             # zero
             from_zero = holds and not start.effect.places
             instance = start.at_zero() if from_zero else refine_places(model, start, whiten)
-            if any(_same_places(instance, other) for other in starting_points):
+            if any(_same_places(instance, a) for a in starting_points):
                 continue
             starting_points.append(instance)
             effects = (*case.effects, instance)
             steps = settings.comparison_fit_iterations
             fits.append(fit_map(model, effects, model.fitted_noise_filter, steps=steps, moving=holds))
             if _remaining_excess(model, fits[-1], model.excess_variance.share) < settings.solved_share:
-                return _best(name, fits[-1:], [], null, case, model)
+                return _best(key, fits[-1:], [], null, case, model)
         if fits and model.fitted_noise_filter is not model.stated_noise_filter:
             best = max(fits, key=lambda f: f.evidence)
             at_stated_noise.append(fit_map(model, best.effects, model.stated_noise_filter))
         at_fitted_noise += fits
-    return _best(name, at_fitted_noise, at_stated_noise, null, case, model)
+    return _best(key, at_fitted_noise, at_stated_noise, null, case, model)
 
 
 def _remaining_excess(model: LinearizedModel, fit: MapFit, before: float) -> float:
@@ -130,7 +141,7 @@ def _same_places(a: EffectInstance, b: EffectInstance) -> bool:
 
 
 def _best(
-    name: str,
+    key: EffectKey,
     at_fitted_noise: list[MapFit],
     at_stated_noise: list[MapFit],
     null: NullModelFit,
@@ -148,7 +159,7 @@ def _best(
     best_fit = max(at_fitted_noise, key=lambda f: f.evidence)
     floor = settings.solved_share * null.excess_share
     share = model.excess_variance.share
-    first = _hypothesis(name, best_fit, model.fitted_noise_filter, share < floor, null, case, model)
+    first = _hypothesis(key, best_fit, model.fitted_noise_filter, share < floor, null, case, model)
     if first.at_floor and model.excess_variance.is_zero:
         return first
     stated = max(at_stated_noise, key=lambda f: f.evidence) if at_stated_noise else None
@@ -167,7 +178,7 @@ def _best(
         moving = start.point is not model.point  # a fit whose point has moved continues from there
         steps = settings.polish_fit_iterations
         polished = fit_map(model, start.effects, whiten, steps=steps, moving=moving)
-        outcomes.append(_hypothesis(name, polished, whiten, excess.share < floor, null, case, model))
+        outcomes.append(_hypothesis(key, polished, whiten, excess.share < floor, null, case, model))
     best = max(outcomes, key=lambda h: (h.gain, h.at_floor))
     if best.at_floor:
         return best
@@ -175,7 +186,7 @@ def _best(
 
 
 def _hypothesis(
-    name: str,
+    key: EffectKey,
     fit: MapFit,
     whiten: WhiteningFilter,
     at_floor: bool,
@@ -183,9 +194,9 @@ def _hypothesis(
     case: FlightCase,
     model: LinearizedModel,
 ) -> Hypothesis:
-    instance = next(a for a in fit.effects if a.name == name)
+    instance = effect_with_key(fit.effects, key)
     sizes = {q.name for q in instance.effect.sizes}
-    own = [i for i, (effect, q) in enumerate(fit.names) if effect == name and q in sizes]
+    own = [i for i, (effect, q) in enumerate(fit.names) if effect == key and q in sizes]
     size = np.array([instance.values[fit.names[i][1]] for i in own])
     x = fit.columns[:, own]
     # before and after in one linear problem: the residuals without the effect are those with it, plus x size
@@ -196,7 +207,7 @@ def _hypothesis(
     )
     predictive += whiten.log_likelihood(before) + case.log_abs_det_jacobian(fit.effects)
     return Hypothesis(
-        name=name,
+        key=key,
         fit=fit,
         whiten=whiten,
         gain=fit.evidence - null.evidence,
@@ -221,13 +232,13 @@ def relinearize_with_effect(h: Hypothesis) -> Hypothesis:
     start = h
     if not h.at_floor:
         at_stated_noise = [h.stated_noise_fit] if h.stated_noise_fit is not None and exact else []
-        start = _best(h.name, [h.fit], at_stated_noise, h.null, h.case, h.model, thorough=True)
+        start = _best(h.key, [h.fit], at_stated_noise, h.null, h.case, h.model, thorough=True)
     # with an inexact database the point must not move, or no model holds and its gain is lost in the noise
     iterations = 2 if exact else 1
     case, model, fit = iterate_to_convergence(
         load_case(h.case.mission, start.fit.effects), iterations, initial_excess=h.model.failing_excess
     )
-    relinearized = _best(h.name, [fit], [], h.null, case, model, thorough=True)
+    relinearized = _best(h.key, [fit], [], h.null, case, model, thorough=True)
     gain = relinearized.gain
     if (
         h.model.holds

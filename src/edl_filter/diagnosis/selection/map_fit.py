@@ -19,7 +19,7 @@ from edl_filter.diagnosis.linear_model.effect_jacobian import effect_jacobian, i
 from edl_filter.diagnosis.linear_model.linear_model import LinearizedModel, map_point
 from edl_filter.diagnosis.linear_model.linearization_point import LinearizationPoint
 from edl_filter.diagnosis.prediction.dead_reckoning import NODES_PER_BIN
-from edl_filter.effects.base import EffectInstance
+from edl_filter.effects.base import EffectInstance, EffectKey, effect_with_key
 from edl_filter.effects.parameters import Parameter
 from edl_filter.estimation.kalman import WhiteningFilter
 from edl_filter.types import Array
@@ -35,8 +35,8 @@ class MapFit:
     Attributes
     ----------
     effects : tuple of EffectInstance
-    names : tuple of (str, str)
-        Effect and parameter of each column.
+    names : tuple of ((str, str or None), str)
+        Key of the effect, and parameter, of each column.
     covariance : (k, k) array
         Posterior covariance of the parameters; that of times contains the spacing of the nodes at which the model is
         evaluated.
@@ -55,7 +55,7 @@ class MapFit:
     """
 
     effects: tuple[EffectInstance, ...]
-    names: tuple[tuple[str, str], ...]
+    names: tuple[tuple[EffectKey, str], ...]
     covariance: Array
     evidence: float
     residual_vector: Array
@@ -70,9 +70,9 @@ class MapFit:
         """Posterior standard deviations ``(k,)``."""
         return np.sqrt(np.diag(self.covariance))
 
-    def parameters(self, effect: str) -> dict[str, tuple[float, float]]:
+    def parameters(self, effect: EffectKey) -> dict[str, tuple[float, float]]:
         """Value and one sigma of every parameter of an effect; zero sigma where it was not fitted."""
-        instance = next(a for a in self.effects if a.name == effect)
+        instance = effect_with_key(self.effects, effect)
         sigma = dict(zip(self.names, self.parameter_sigma, strict=True))
         return {q: (v, float(sigma.get((effect, q), 0.0))) for q, v in instance.values.items()}
 
@@ -89,6 +89,7 @@ def fit_map(
     Parameters
     ----------
     model : LinearizedModel
+        The linearised model.
     effects : sequence of EffectInstance
         All effects of the model that is fitted.
     whiten : WhiteningFilter
@@ -100,7 +101,7 @@ def fit_map(
     """
     settings = model.settings
     current = model.with_effects(effects)
-    free = [(a.name, q) for a in current.effects for q in a.fitted]
+    free = [(a.key, q) for a in current.effects for q in a.fitted]
     names = tuple((e, q.name) for e, q in free)
     sigma = np.array([prior_sigma(q) for _, q in free])
     centre = np.array([0.0 if q.kind == "size" else _value(current.effects, e, q.name) for e, q in free])
@@ -198,12 +199,12 @@ def fit_null_model(models: Sequence[LinearizedModel], effects: Sequence[EffectIn
     return max((fit(m) for m in models), key=lambda n: n.evidence)
 
 
-def _value(effects: Sequence[EffectInstance], effect: str, parameter: str) -> float:
-    return next(a.values[parameter] for a in effects if a.name == effect)
+def _value(effects: Sequence[EffectInstance], effect: EffectKey, parameter: str) -> float:
+    return effect_with_key(effects, effect).values[parameter]
 
 
 def _sign(
-    canonical: Sequence[EffectInstance], fitted: Sequence[EffectInstance], effect: str, parameter: Parameter
+    canonical: Sequence[EffectInstance], fitted: Sequence[EffectInstance], effect: EffectKey, parameter: Parameter
 ) -> float:
     """-1 for a size whose sign the canonical form changes, its phase half a turn on; otherwise 1."""
     if parameter.kind != "size":
@@ -213,7 +214,7 @@ def _sign(
 
 def _line_search(
     effects: Sequence[EffectInstance],
-    free: Sequence[tuple[str, Parameter]],
+    free: Sequence[tuple[EffectKey, Parameter]],
     theta: Array,
     step: Array,
     shortest: float,
@@ -228,13 +229,13 @@ def _line_search(
 
 
 def _with_values(
-    effects: Sequence[EffectInstance], free: Sequence[tuple[str, Parameter]], theta: Array
+    effects: Sequence[EffectInstance], free: Sequence[tuple[EffectKey, Parameter]], theta: Array
 ) -> tuple[EffectInstance, ...]:
     """Effects with the free parameters at `theta`, limited to their bounds."""
-    values: dict[str, dict[str, float]] = {}
+    values: dict[EffectKey, dict[str, float]] = {}
     for (effect, q), v in zip(free, theta, strict=True):
         values.setdefault(effect, {})[q.name] = float(np.clip(v, q.low, q.high)) if q.kind != "phase" else float(v)
-    return tuple(replace(a, values=a.values | values.get(a.name, {})) for a in effects)
+    return tuple(replace(a, values=a.values | values.get(a.key, {})) for a in effects)
 
 
 def _at_map_point(
@@ -259,7 +260,7 @@ def _at_map_point(
 
 
 def _log_posterior(
-    model: LinearizedModel, whiten: WhiteningFilter, centre: Array, sigma: Array, names: Sequence[tuple[str, str]]
+    model: LinearizedModel, whiten: WhiteningFilter, centre: Array, sigma: Array, names: Sequence[tuple[EffectKey, str]]
 ) -> tuple[float, Array]:
     """Log posterior up to a constant, and the white residuals."""
     white = model.white_residuals(whiten)
@@ -268,13 +269,13 @@ def _log_posterior(
     return log_likelihood - 0.5 * float(np.sum(((theta - centre) / sigma) ** 2)), white
 
 
-def _white_columns(model: LinearizedModel, whiten: WhiteningFilter, free: Sequence[tuple[str, Parameter]]) -> Array:
+def _white_columns(
+    model: LinearizedModel, whiten: WhiteningFilter, free: Sequence[tuple[EffectKey, Parameter]]
+) -> Array:
     """White Jacobian with respect to all free parameters ``(R, k)``, with the effects at their values."""
-    by_effect: dict[str, list[str]] = {}
+    by_effect: dict[EffectKey, list[str]] = {}
     for effect, q in free:
         by_effect.setdefault(effect, []).append(q.name)
-    parts = [
-        effect_jacobian(model, next(a for a in model.effects if a.name == e), names) for e, names in by_effect.items()
-    ]
+    parts = [effect_jacobian(model, effect_with_key(model.effects, e), names) for e, names in by_effect.items()]
     rows = np.concatenate([j.rows for j in parts], axis=1)
     return whiten(rows, np.concatenate([j.initial_mean for j in parts], axis=1))

@@ -15,7 +15,8 @@ from edl_filter.diagnosis.linear_model.flight_case import FlightCase, load_case
 from edl_filter.diagnosis.linear_model.linear_model import LinearizedModel, linearize, linearize_at
 from edl_filter.diagnosis.noise.variance_components import ExcessVariance
 from edl_filter.diagnosis.selection.map_fit import MapFit, fit_map
-from edl_filter.effects.base import EffectInstance
+from edl_filter.effects.base import EffectInstance, label_of
+from edl_filter.effects.sensor_chain import canonical_key
 from edl_filter.errors import InputError
 from edl_filter.mission import Mission
 from edl_filter.pipeline.reconstruct import Reconstruction, reconstruct
@@ -29,7 +30,7 @@ class FittedEffects:
     ----------
     reconstruction : Reconstruction
     sigma : dict
-        Effect → parameter → one sigma, for the parameters that were fitted.
+        Label of the effect → parameter → one sigma, for the parameters that were fitted.
     """
 
     reconstruction: Reconstruction
@@ -55,6 +56,7 @@ def fit_effects(
     Parameters
     ----------
     mission : Mission
+        The mission, checked.
     progress : callable
         Called with what is being done.
     effects : sequence of EffectInstance, optional
@@ -66,9 +68,10 @@ def fit_effects(
         An effect stands twice, or the mission cannot be reconstructed.
     """
     begin = time.perf_counter()
-    _check_single(mission)
     progress("reconstructing with the effects as they are stated")
-    _, _, fit = iterate_to_convergence(load_case(mission, effects), progress=progress)
+    case = load_case(mission, effects)
+    _check_keys(case)
+    _, _, fit = iterate_to_convergence(case, progress=progress)
     final = reconstruct(mission, fit.effects, leave_one_out=True)
     timing = final.timing | {"refit": time.perf_counter() - begin}
     return FittedEffects(replace(final, timing=timing), _sigma_by_effect(fit))
@@ -88,9 +91,11 @@ def iterate_to_convergence(
     Parameters
     ----------
     case : FlightCase
+        The flight with what its mission states as uncertain.
     iterations : int, optional
         Largest number of reconstructions.
     progress : callable
+        Called with a text for each stage.
     initial_excess : ExcessVariance, optional
         `LinearizedModel.failing_excess` of a similar model.
     """
@@ -114,25 +119,28 @@ def iterate_to_convergence(
     return case, model, fit
 
 
-def _check_single(mission: Mission) -> None:
-    repeated = [name for name, n in Counter(entry.name for entry in mission.effects).items() if n > 1]
+def _check_keys(case: FlightCase) -> None:
+    """Raise `InputError` where two effects of a model are the same in the same IMU."""
+    driving, mission = case.reconstruction.telemetry.driving, case.mission
+    counts = Counter(canonical_key(a, driving) for a in case.effects)
+    repeated = [label_of(key) for key, n in counts.items() if n > 1]
     if repeated:
         raise InputError(
-            f"{mission.source or mission.name}: effects: found {repeated[0]} twice; a refit takes each name once. "
-            "Run with --no-refit to hold all effects at their values."
+            f"{mission.source or mission.name}: effects: found {repeated[0]} twice; a refit takes each effect once in "
+            "an IMU. Run with --no-refit to hold all effects at their values."
         )
 
 
 def _sigma_by_effect(fit: MapFit) -> dict[str, dict[str, float]]:
     by_effect: dict[str, dict[str, float]] = {}
-    for (effect, parameter), sigma in zip(fit.names, fit.parameter_sigma, strict=True):
-        by_effect.setdefault(effect, {})[parameter] = float(sigma)
+    for (key, parameter), sigma in zip(fit.names, fit.parameter_sigma, strict=True):
+        by_effect.setdefault(label_of(key), {})[parameter] = float(sigma)
     return by_effect
 
 
 def _largest_change(before: tuple[EffectInstance, ...], fit: MapFit) -> float:
     """Largest change of a parameter, in its sigmas."""
-    old = {a.name: a.values for a in before}
-    new = {a.name: a for a in fit.effects}
+    old = {a.key: a.values for a in before}
+    new = {a.key: a for a in fit.effects}
     changes = [new[e].change_from(old[e], q) / s for (e, q), s in zip(fit.names, fit.parameter_sigma, strict=True)]
     return max(changes, default=0.0)

@@ -27,8 +27,9 @@ from edl_filter.diagnosis.selection.screening import (
     screen,
     shortlist,
 )
-from edl_filter.effects import instances
-from edl_filter.effects.base import Effect
+from edl_filter.effects.base import Effect, EffectInstance, EffectKey, label_of
+from edl_filter.effects.instances import candidates
+from edl_filter.effects.sensor_chain import canonical_key
 from edl_filter.errors import InputError
 from edl_filter.estimation.kalman import Whitening
 from edl_filter.estimation.parallel import one_blas_thread, start_thread
@@ -44,7 +45,7 @@ class Ranking:
     ----------
     case, model : FlightCase, LinearizedModel
     screening : dict
-        Effect → screening result at the noise that the model without it shows.
+        Key of the effect → screening result at the noise that the model without it shows.
     hypotheses : list of Hypothesis
         Fitted, most probable first.
     unmodelled : UnmodelledAcceleration
@@ -55,12 +56,12 @@ class Ranking:
         Evidence of that model over the model at the stated noise about the smoothed reconstruction, less the penalty of
         its variances; zero where the two are the same.
     failed : dict
-        Effect → message of a user's effect whose hooks fail.
+        Label of the effect → message of a user's effect whose hooks fail.
     """
 
     case: FlightCase
     model: LinearizedModel
-    screening: dict[str, ScreeningResult]
+    screening: dict[EffectKey, ScreeningResult]
     hypotheses: list[Hypothesis]
     unmodelled: UnmodelledAcceleration
     unmodelled_gain: float
@@ -68,24 +69,26 @@ class Ranking:
     failed: dict[str, str] = field(default_factory=dict)
 
 
-def rank(case: FlightCase, candidates: Iterable[Effect], progress: Progress = lambda _: None) -> Ranking:
+def rank(case: FlightCase, effects: Iterable[Effect], progress: Progress = lambda _: None) -> Ranking:
     """Rank the effects that may be missing from a case's model.
 
     Parameters
     ----------
     case : FlightCase
-    candidates : iterable of Effect
-        Those in the model already are passed over, or offered once more if they act at a place (`effects.instances`).
+        The flight with what its mission states as uncertain.
+    effects : iterable of Effect
+        Those in the model already are passed over, or offered once more if they act at a place; sensor effects are
+        offered in every IMU (`effects.instances.candidates`).
     progress : callable
         Called with what is being done.
     """
     with (
         one_blas_thread()
     ):  # throughout: of two threads that limit BLAS in turn the second would restore the first's limit
-        return _rank(case, candidates, progress)
+        return _rank(case, candidate_instances(case, effects), progress)
 
 
-def _rank(case: FlightCase, candidates: Iterable[Effect], progress: Progress) -> Ranking:
+def _rank(case: FlightCase, effects: Sequence[EffectInstance], progress: Progress) -> Ranking:
     settings = case.settings
     progress("comparing model and measurements")
     model = linearize(case, settings.linearization_iterations, settings.holds_share)
@@ -96,13 +99,12 @@ def _rank(case: FlightCase, candidates: Iterable[Effect], progress: Progress) ->
     null, most_likely = fit_null_model(models, case.effects), max(models, key=lambda m: m.log_likelihood)
     progress("trying the catalogue and something else")
     unmodelled_fit = start_thread(lambda: fit_unmodelled(model))  # compiled loops for the most part
-    effects = instances.candidates(candidates, {a.name for a in case.effects})
     failed: dict[str, str] = {}
     # where the model holds an effect has its full evidence; the scan of an effect with places is too coarse for that
     shares = [(model, effects)]
     if alternative_mode is not None:
-        with_places = [e for e in effects if e.places]
-        shares = [(model, with_places), (alternative_mode, [e for e in effects if not e.places])]
+        with_places = [a for a in effects if a.effect.places]
+        shares = [(model, with_places), (alternative_mode, [a for a in effects if not a.effect.places])]
     screenings = [_screen(m, share, case.end, failed) for m, share in shares]
     hypotheses: list[Hypothesis] = []
     for screened in screenings:
@@ -115,7 +117,7 @@ def _rank(case: FlightCase, candidates: Iterable[Effect], progress: Progress) ->
     return Ranking(
         case=case,
         model=model,
-        screening={name: result for screened in screenings for name, result in screened.results[0].items()},
+        screening={key: result for screened in screenings for key, result in screened.results[0].items()},
         hypotheses=hypotheses,
         unmodelled=unmodelled,
         # the model's own effects are at their values in both
@@ -131,10 +133,17 @@ class _Screened:
 
     model: LinearizedModel
     filters: list[Whitening]
-    results: list[dict[str, ScreeningResult]]
+    results: list[dict[EffectKey, ScreeningResult]]
 
 
-def _screen(model: LinearizedModel, effects: Sequence[Effect], end: float, failed: dict[str, str]) -> _Screened:
+def candidate_instances(case: FlightCase, effects: Iterable[Effect]) -> list[EffectInstance]:
+    """Effects, at zero, that may be missing from a case's model: `effects.instances.candidates` for its IMUs."""
+    telemetry = case.reconstruction.telemetry
+    present = {canonical_key(a, telemetry.driving) for a in case.effects}
+    return candidates(effects, present, [record.name for record in telemetry.checking])
+
+
+def _screen(model: LinearizedModel, effects: Sequence[EffectInstance], end: float, failed: dict[str, str]) -> _Screened:
     """At the noise that the model shows, and at the stated noise."""
     fitted, stated = model.fitted_noise_filter, model.stated_noise_filter
     filters = [marginalize_model_effects(model, w) for w in ([fitted] if fitted is stated else [fitted, stated])]
@@ -153,20 +162,20 @@ def _fit_shortlist(
     """The shortlisted effects fitted: those whose linear gain is not below `least`."""
     settings, results = case.settings, screened.results
     hypotheses: list[Hypothesis] = []
-    for name in shortlist(results, settings):
-        if max(r[name].gain for r in results) < least:
+    for key in shortlist(results, settings):
+        if max(r[key].gain for r in results) < least:
             continue
         solved = next((h for h in hypotheses if h.at_floor), None) if not screened.model.holds else None
         if solved is not None:
-            similarity = correlation(results[-1][solved.name].explained, results[-1][name].explained)
+            similarity = correlation(results[-1][solved.key].explained, results[-1][key].explained)
             if similarity < settings.distinct_correlation:
                 continue  # everything is explained, and this effect is dissimilar
-        progress(f"refitting {name}")
-        starts = [(r[name], whiten) for r, whiten in zip(results, screened.filters, strict=True)]
+        progress(f"refitting {label_of(key)}")
+        starts = [(r[key], whiten) for r, whiten in zip(results, screened.filters, strict=True)]
         try:
             hypothesis = fit_hypothesis(case, screened.model, starts, null)
         except InputError as error:
-            failed[name] = str(error)
+            failed[label_of(key)] = str(error)
             continue
         if np.any(hypothesis.explained):  # an effect whose place is outside the flight is no hypothesis
             hypotheses.append(hypothesis)
@@ -211,24 +220,22 @@ def _relinearize_leaders(
     ranked = sorted(hypotheses, key=lambda h: -h.gain)
     close, best_at_stated_noise = [], []
     if case.exact_database and ranked and not ranked[0].model.holds:
-        close = [h.name for h in ranked if h.gain > settings.rival_gain_share * ranked[0].gain]
-        by_evidence = sorted(
-            (h.stated_noise_fit.evidence, h.name) for h in hypotheses if h.stated_noise_fit is not None
-        )
-        best_at_stated_noise = [name for _, name in by_evidence[-1:]]
-    relinearized: set[str] = set()
+        close = [h.key for h in ranked if h.gain > settings.rival_gain_share * ranked[0].gain]
+        evidence = {h.key: h.stated_noise_fit.evidence for h in hypotheses if h.stated_noise_fit is not None}
+        best_at_stated_noise = sorted(evidence, key=lambda k: evidence[k])[-1:]
+    relinearized: set[EffectKey] = set()
     while ranked and len(relinearized) < settings.relinearized_hypotheses:
         unsolved = [] if any(h.at_floor for h in ranked) else best_at_stated_noise
-        waiting = [name for name in (ranked[0].name, *unsolved, *close) if name not in relinearized]
+        waiting = [key for key in (ranked[0].key, *unsolved, *close) if key not in relinearized]
         if not waiting:
             break
-        name = waiting[0]
-        i = next(i for i, h in enumerate(ranked) if h.name == name)
-        relinearized.add(name)
-        progress(f"refitting {name} about a new reconstruction")
+        key = waiting[0]
+        i = next(i for i, h in enumerate(ranked) if h.key == key)
+        relinearized.add(key)
+        progress(f"refitting {label_of(key)} about a new reconstruction")
         try:
             ranked[i] = relinearize_with_effect(ranked[i])
         except InputError as error:
-            failed[name] = str(error)
+            failed[label_of(key)] = str(error)
         ranked.sort(key=lambda h: -h.gain)
     return ranked

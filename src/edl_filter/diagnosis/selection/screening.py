@@ -22,7 +22,7 @@ from edl_filter.diagnosis.linear_model.effect_jacobian import (
     scan_range,
 )
 from edl_filter.diagnosis.linear_model.linear_model import LinearizedModel
-from edl_filter.effects.base import Effect, EffectInstance
+from edl_filter.effects.base import EffectInstance, EffectKey
 from edl_filter.errors import InputError
 from edl_filter.estimation.kalman import Whitening, WhiteningFilter
 from edl_filter.estimation.regression import LinearFit, regress
@@ -62,14 +62,16 @@ class ScreeningResult:
 
 
 def scan_jacobians(
-    model: LinearizedModel, effects: Sequence[Effect], end: float, failed: dict[str, str] | None = None
+    model: LinearizedModel, effects: Sequence[EffectInstance], end: float, failed: dict[str, str] | None = None
 ) -> list[list[EffectJacobian]]:
     """Columns of every effect at all places of its scan grid.
 
     Parameters
     ----------
     model : LinearizedModel
-    effects : sequence of Effect
+        The linearised model.
+    effects : sequence of EffectInstance
+        Their places are those of the scan grid.
     end : float
         End of the comparison, s: the last place in time.
     failed : dict, optional
@@ -82,25 +84,26 @@ def scan_jacobians(
     """
     begin, lowest = scan_range(model)
     by_effect = []
-    for e in effects:
+    for instance in effects:
         try:
-            grid = scan_grid(e, begin, end, lowest, model.settings)
-            by_effect.append([effect_jacobian(model, EffectInstance(e, places)) for places in grid])
+            grid = scan_grid(instance.effect, begin, end, lowest, model.settings)
+            by_effect.append([effect_jacobian(model, replace(instance, values=places)) for places in grid])
         except InputError as error:
             if failed is None:
                 raise
-            failed[e.name] = str(error)
+            failed[instance.label] = str(error)
     return by_effect
 
 
 def screen(
     model: LinearizedModel, whiten: Whitening, jacobians: list[list[EffectJacobian]]
-) -> dict[str, ScreeningResult]:
+) -> dict[EffectKey, ScreeningResult]:
     """Regress the residuals on every effect, at every place.
 
     Parameters
     ----------
     model : LinearizedModel
+        The linearised model.
     whiten : callable
         Whitening filter, such as by `marginalize_model_effects`.
     jacobians : list of list of EffectJacobian
@@ -109,7 +112,7 @@ def screen(
     Returns
     -------
     dict
-        Effect → `ScreeningResult` at its best place.
+        Key of the effect → `ScreeningResult` at its best place.
     """
     flat = [j for group in jacobians for j in group]
     if not flat:
@@ -128,8 +131,8 @@ def screen(
         mean = float(gains.max() + np.log(np.mean(np.exp(gains - gains.max()))))
         distinct = _distinct_places(fits, model.settings)
         fit, j, x = distinct[0]
-        alternatives = tuple(_with_sizes(other, f) for f, other, _ in distinct[1:])
-        results[j.instance.name] = ScreeningResult(_with_sizes(j, fit), j, fit, mean, x, alternatives)
+        alternatives = tuple(_with_sizes(jacobian, f) for f, jacobian, _ in distinct[1:])
+        results[j.instance.key] = ScreeningResult(_with_sizes(j, fit), j, fit, mean, x, alternatives)
     return results
 
 
@@ -139,6 +142,7 @@ def marginalize_model_effects(model: LinearizedModel, whiten: WhiteningFilter) -
     Parameters
     ----------
     model : LinearizedModel
+        The linearised model.
     whiten : WhiteningFilter
         Of the model's state space.
 
@@ -153,12 +157,12 @@ def marginalize_model_effects(model: LinearizedModel, whiten: WhiteningFilter) -
     columns = whiten(
         np.concatenate([j.rows for j in own], axis=1), np.concatenate([j.initial_mean for j in own], axis=1)
     )
-    left, size, _ = np.linalg.svd(columns * np.concatenate([j.sigma for j in own]), full_matrices=False)
+    vectors, size, _ = np.linalg.svd(columns * np.concatenate([j.sigma for j in own]), full_matrices=False)
     removed = 1.0 - 1.0 / np.sqrt(1.0 + size**2)
 
     def marginalized(columns: Array, initial_mean: Array) -> Array:
         rows = whiten(columns, initial_mean)
-        return rows - left @ (removed[:, None] * (left.T @ rows))
+        return rows - vectors @ (removed[:, None] * (vectors.T @ rows))
 
     return marginalized
 
@@ -196,14 +200,14 @@ def refine_places(model: LinearizedModel, instance: EffectInstance, whiten: Whit
     return best
 
 
-def shortlist(rankings: list[dict[str, ScreeningResult]], settings: DecisionSettings) -> list[str]:
-    """Names among the first of any screening, each once."""
-    names: list[str] = []
+def shortlist(rankings: list[dict[EffectKey, ScreeningResult]], settings: DecisionSettings) -> list[EffectKey]:
+    """Keys of the effects among the first of any screening, each once."""
+    keys: list[EffectKey] = []
     for results in rankings:
-        ranked = sorted(results, key=lambda n: -results[n].gain)
-        positive = [n for n in ranked[: settings.shortlist_size] if results[n].gain > settings.minimum_screening_gain]
-        names += [n for n in positive if n not in names]
-    return names
+        ranked = sorted(results, key=lambda k: -results[k].gain)
+        positive = [k for k in ranked[: settings.shortlist_size] if results[k].gain > settings.minimum_screening_gain]
+        keys += [k for k in positive if k not in keys]
+    return keys
 
 
 def correlation(a: Array, b: Array) -> float:

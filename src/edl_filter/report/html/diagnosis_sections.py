@@ -132,11 +132,13 @@ def hypotheses(reader: ResultReader) -> Section:
     if diagnosis.ranking:
         mission, folder = mission_argument(reader), quote(str(reader.folder))
         blocks += [_ranking(diagnosis), Note("To add one of them:")]
-        blocks += [Command(f"edl-filter add {mission} {quote(h.effect)} --from {folder}") for h in diagnosis.ranking]
+        for h in diagnosis.ranking:
+            imu = f" --imu {quote(h.imu)}" if h.imu else ""
+            blocks.append(Command(f"edl-filter add {mission} {quote(h.effect)} --from {folder}{imu}"))
     else:
         blocks.append(Note("No effect of the catalogue gains enough to be refitted."))
     blocks += [
-        Note(f"{effect_names((h.effect, name))}: {text}.")
+        Note(f"{effect_names((h.label, name))}: {text}.")
         for h in diagnosis.ranking
         for name, text in h.parted_by.items()
     ]
@@ -168,7 +170,7 @@ def _ranking(diagnosis: DiagnosisContent) -> Table:
     rows: list[tuple[float, list[Cell]]] = []
     for h in diagnosis.ranking:
         row: list[Cell] = [
-            h.effect, chance(h.probability), readable(number(h.gain)), readable(number(h.score_gain)),
+            h.label, chance(h.probability), readable(number(h.gain)), readable(number(h.score_gain)),
             readable(parameters_text(h.parameters)), effect_names(h.same_as) or "nothing",
             f"{words(h.channel)}\n{error_fall(h)}",
         ]  # fmt: skip
@@ -252,7 +254,7 @@ def _steps(reader: ResultReader) -> Table:
     steps = [line for line in reader.ledger if isinstance(line, LedgerStep)]
     rows = [
         [
-            f"{step.step}", effect_names((step.added, *step.same_as)), readable(parameters_text(step.parameters)),
+            f"{step.step}", effect_names((step.label, *step.same_as)), readable(parameters_text(step.parameters)),
             number(step.gain), number(step.held_out_score), f"{number(before)} → {number(after)}",
         ]
         for step, (before, after) in zip(steps, pairwise(ledger_levels(reader.ledger)), strict=False)

@@ -12,6 +12,7 @@ from edl_filter.report.text import (
     interval_text,
     nis_text,
     pressure,
+    readable,
     sigmas_text,
     with_fixed_sigma,
     words,
@@ -48,9 +49,7 @@ def events(reader: ResultReader) -> Section:
 
 
 def _event(name: str, e: EventState) -> list[str]:
-    return [
-        words(name),
-        e.utc.partition("T")[2][:12],
+    numbers = (
         fixed_digits(e.time_s, 2),
         with_fixed_sigma(e.altitude_m, e.altitude_sigma_m, 2, 1e-3),
         fixed_digits(e.height_above_site_m, 2, 1e-3),
@@ -59,7 +58,8 @@ def _event(name: str, e: EventState) -> list[str]:
         fixed_digits(e.mach, 2),
         pressure(e.dynamic_pressure_pa),
         with_fixed_sigma(e.alpha_total_deg, e.alpha_total_sigma_deg, 1),
-    ]
+    )
+    return [words(name), e.utc.partition("T")[2][:12], *map(readable, numbers)]
 
 
 def trajectory(reader: ResultReader) -> Section:
@@ -156,9 +156,10 @@ def constraints(reader: ResultReader) -> Section:
 
 def _constraint(name: str, c: ConstraintSummary) -> list[str | Mark]:
     return [
-        words(name), c.source, f"{c.accepted_uses} of {c.uses}", sigmas_text(c.innovation, c.innovation_sigma),
+        words(name), c.source, f"{c.accepted_uses} of {c.uses}",
+        readable(sigmas_text(c.innovation, c.innovation_sigma)),
         f"{c.nis:.2f}" if c.dof and c.nis is not None else "–", str(c.dof), interval_text(c),
-        sigmas_text(c.left_out, c.left_out_sigma), nis_text(c.left_out_nis, c.left_out_dof),
+        readable(sigmas_text(c.left_out, c.left_out_sigma)), nis_text(c.left_out_nis, c.left_out_dof),
         Mark(*constraint_verdict(c)),
     ]  # fmt: skip
 

@@ -53,7 +53,7 @@ def print_diagnosis(
         parts.append(onset_text(diagnosis.onsets))
     parts.append(ranking_table(diagnosis))
     for h in diagnosis.ranking:
-        parts += [f"{effect_names((h.effect, name))}: {escape(text)}." for name, text in h.parted_by.items()]
+        parts += [f"{effect_names((h.label, name))}: {escape(text)}." for name, text in h.parted_by.items()]
     if diagnosis.remainder is not None:
         parts += [f"What is left: {escape(diagnosis.remainder.description)}", REMAINDER_HINT]
     parts += [f"[red]Left out: {escape(reason)}[/red]" for reason in diagnosis.failed.values()]

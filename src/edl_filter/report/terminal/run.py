@@ -30,8 +30,8 @@ from edl_filter.results.schema import ConstraintSummary, EventState, Summary
 if TYPE_CHECKING:
     from edl_filter.telemetry.record import ImuRecord, Telemetry
 
-#: Tone of a judgement → colour.
-_COLOURS = {"good": "green", "doubt": "yellow", "bad": "red"}
+#: Tone of a judgement → colour, and the judgement in one word if it has one.
+_TONES = {"good": ("green", "ok"), "doubt": ("yellow", "outside"), "bad": ("red", "")}
 
 
 def print_run(written: Mapping[str, Any]) -> None:
@@ -88,7 +88,6 @@ def constraints_table(constraints: Mapping[str, ConstraintSummary]) -> Table:
     heads = ("uses", "innovation", "NIS (dof)", "99.9 %", "left out", "its NIS")
     table = empty_table("Constraints (in sigmas)", ("constraint",), heads, ("",))
     for name, c in constraints.items():
-        verdict, tone = constraint_verdict(c)
         table.add_row(
             words(name),
             f"{c.accepted_uses}/{c.uses}",
@@ -97,9 +96,16 @@ def constraints_table(constraints: Mapping[str, ConstraintSummary]) -> Table:
             interval_text(c),
             sigmas_text(c.left_out, c.left_out_sigma),
             nis_text(c.left_out_nis, c.left_out_dof, 1),
-            f"[{_COLOURS[tone]}]{verdict}[/{_COLOURS[tone]}]" if tone in _COLOURS else verdict,
+            _judgement(*constraint_verdict(c)),
         )
     return table
+
+
+def _judgement(verdict: str, tone: str) -> str:
+    if tone not in _TONES:
+        return "–"
+    colour, word = _TONES[tone]
+    return f"[{colour}]{word or verdict}[/{colour}]"
 
 
 def telemetry_lines(telemetry: Telemetry) -> list[str]:

@@ -394,9 +394,9 @@ function probabilityHeading(title, p, input) {
 }
 
 function hypothesis(entry, choose) {
-  const input = make("input", { type: "radio", name: "effect", value: entry.effect, onchange: () => choose(entry.effect) });
+  const input = make("input", { type: "radio", name: "effect", value: entry.label, onchange: () => choose(entry.label) });
   const indistinguishable = entry.same_as.length ? make("p", {}, make("b", {}, "Not distinguishable from: "), entry.same_as.map(plain).join(", "), ". Choose by what you know of the vehicle.") : null;
-  return make("label", { class: "choice", "data-effect": entry.effect }, probabilityHeading(make("h3", {}, plain(entry.effect)), entry.probability, input),
+  return make("label", { class: "choice", "data-effect": entry.label }, probabilityHeading(make("h3", {}, plain(entry.label)), entry.probability, input),
     make("p", { class: "number secondary" }, `gain ${nats(entry.gain)} · held out ${nats(entry.score_gain)}`),
     make("p", {}, `${plain(entry.channel)}: ${number(entry.error_before)} → ${number(entry.error_after)} sigmas expected`),
     parameters(entry.parameters), indistinguishable);
@@ -408,7 +408,7 @@ function alternatives(entry, choose) {
     const input = make("input", { type: "radio", name: "effect", value: name, onchange: () => choose(name) });
     const discriminator = (entry.parted_by || {})[name];
     return make("label", { class: "choice alternative", "data-effect": name },
-      make("div", { class: "line" }, input, make("h3", {}, plain(name)), make("span", { class: "secondary" }, `instead of ${plain(entry.effect)}`)),
+      make("div", { class: "line" }, input, make("h3", {}, plain(name)), make("span", { class: "secondary" }, `instead of ${plain(entry.label)}`)),
       parameters(alternative.parameters), discriminator ? make("p", { class: "secondary" }, `${discriminator}.`) : null);
   });
 }
