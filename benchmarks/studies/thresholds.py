@@ -135,7 +135,7 @@ def report(lines):
         "",
         "With the defaults: " + "; ".join(f"{flight}: {verdict}" for flight, verdict in sorted(defaults.items())) + ".",
         "",
-        f"{stable} of {2 * len(rows)} variations change no verdict. The table says where not all flights have been run.",
+        f"{stable} of {2 * len(rows)} variations change no verdict. The table says where flights were not run.",
         "",
         "| threshold | default | times 1/2 | times 2 |",
         "|---|---|---|---|",
