@@ -77,7 +77,7 @@ def test_a_content_that_contradicts_itself_is_recognised(content):
     check_content(content)
     for changes in (
         {"verdict": "clean"},
-        {"verdict": "unknown", "sentence": "Something is missing that none of the effects tried explains."},
+        {"verdict": "unknown", "sentence": "Something is missing that no effect of the catalogue explains."},
         {"none": content["none"] + 1e-6},
         {"ranking__0__probability": 0.4},
         {"ranking__0__probability": 0.0, "none": 1.0, "something_else__probability": 0.0},

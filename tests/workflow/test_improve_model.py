@@ -80,10 +80,10 @@ def test_the_last_step_says_why_it_is_the_last():
         verdict = SimpleNamespace(verdict=label, leader=leader, entries=entries)
         return Step((), SimpleNamespace(verdict=verdict), None, ()).why_stopped
 
-    assert "agree to the noise" in why("clean", None, [best])
-    assert "none of the effects tried explains; the best, wind, would gain 20.0" in why("unknown", None, [best])
+    assert "agree to the stated noise" in why("clean", None, [best])
+    assert "no effect of the catalogue explains; the best, wind, would gain 20.0" in why("unknown", None, [best])
     assert why("unknown", None, []).endswith("explains any of it.")
-    assert "as many as are tried; the next would be wind" in why("missing", "wind", [best])
+    assert "the largest number allowed; the next would be wind" in why("missing", "wind", [best])
 
 
 def test_a_remainder_that_no_effect_explains_is_described():

@@ -31,6 +31,7 @@ def detectability(
     Parameters
     ----------
     mission : Mission
+        The mission, checked.
     candidates : sequence of Effect
         Those in the mission are passed over.
     progress : callable

@@ -106,6 +106,7 @@ def diagnose(case: FlightCase, candidates: Iterable[Effect], progress: Progress 
     Parameters
     ----------
     case : FlightCase
+        The flight with what its mission states as uncertain.
     candidates : iterable of Effect
         What may be missing; those in the model are passed over, or offered once more if they act at a place.
     progress : callable

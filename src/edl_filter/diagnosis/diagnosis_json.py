@@ -106,7 +106,7 @@ def _entry(entry: Entry, before: dict[str, float]) -> dict[str, Any]:
         "imu": h.key[1],
         "label": h.label,
         "same_as": list(entry.same_as),
-        "alternatives": {a.label: {"parameters": _parameters(a, a.instance)} for a in entry.others},
+        "alternatives": {a.label: {"parameters": _parameters(a, a.instance)} for a in entry.indistinguishable},
         "parted_by": entry.discriminated_by,
         "probability": entry.probability,
         "gain": h.gain,

@@ -44,18 +44,18 @@ class Step:
             return ""
         verdict = self.diagnosis.verdict
         if verdict.verdict == CLEAN:
-            return "Stopped: model and measurement agree to the noise."
+            return "Stopped: model and measurement agree to the stated noise."
         best = verdict.entries[0].hypothesis if verdict.entries else None
         if verdict.leader is not None and best is not None:
             return (
-                f"Stopped: the model still fails with {len(self.model)} effects, which is as many as are tried; the "
-                f"next would be {best.label} (gain {best.gain:.1f} nats). Some of them may stand for something else: "
-                "what they are and what they mend is for a person to judge."
+                f"Stopped: the model still fails with {len(self.model)} effects, the largest number allowed; the next "
+                f"would be {best.label} (gain {best.gain:.1f} nats). Some of these effects may represent something "
+                "that is not in the catalogue: check each of them."
             )
         if best is None:
-            return "Stopped: something is missing, and none of the effects tried explains any of it."
+            return "Stopped: something is missing, and no effect of the catalogue explains any of it."
         return (
-            "Stopped: something is missing that none of the effects tried explains; "
+            "Stopped: something is missing that no effect of the catalogue explains; "
             f"the best, {best.label}, would gain {best.gain:.1f} nats and {best.score_gain:.1f} on held-out data."
         )
 
@@ -71,10 +71,13 @@ def improve(
     Parameters
     ----------
     mission : Mission
+        The mission, checked.
     candidates : sequence of Effect
+        Effects that may be missing.
     effects : iterable of EffectInstance, optional
         To begin with, instead of the mission's.
     progress : callable
+        Called with a text for each stage.
 
     Yields
     ------

@@ -59,6 +59,7 @@ def canonical_key(instance: EffectInstance, driving: ImuRecord) -> EffectKey:
     Parameters
     ----------
     instance : EffectInstance
+        The effect.
     driving : ImuRecord
         The driving record.
     """

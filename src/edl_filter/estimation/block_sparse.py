@@ -115,7 +115,8 @@ def transform_rows(p, rows, first, column, values, work):
 
     Parameters
     ----------
-    p : (n, c) array, changed in place
+    p : (n, c) array
+        Changed in place.
     rows, first, column : arrays of int
         Of `row_pattern`.
     values : (z,) array

@@ -92,6 +92,7 @@ def held_out_gain(y: Array, x: Array, sigma: Array, time: Array, block: float, f
     block : float
         Length of a block, s.
     folds : int
+        Number of folds.
     """
     fold = np.floor((time - time[0]) / block).astype(int) % folds
     parts = [(x[fold == f], y[fold == f]) for f in range(folds)]

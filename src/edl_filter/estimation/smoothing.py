@@ -31,6 +31,7 @@ def precision_weighted_residuals(whiten: WhiteningFilter, white: Array) -> tuple
     Parameters
     ----------
     whiten : WhiteningFilter
+        The whitening filter.
     white : (R,) array
         White rows of y.
 
@@ -54,6 +55,7 @@ def smoothed_states(whiten: WhiteningFilter, white: Array, initial_mean: Array) 
     Parameters
     ----------
     whiten : WhiteningFilter
+        The whitening filter.
     white : (R,) array
         White rows of the measurements.
     initial_mean : (m,) array
@@ -80,11 +82,13 @@ def smoothed_last_states(whiten: WhiteningFilter, white: Array, initial_mean: Ar
     Parameters
     ----------
     whiten : WhiteningFilter
+        The whitening filter.
     white : (R,) array
         White rows of the measurements.
     initial_mean : (m,) array
         Prior mean of the first m states; the others have zero mean.
     count : int
+        Number of states, the last ones of the vector.
 
     Returns
     -------
@@ -224,6 +228,7 @@ def smoothed_moments(
     mean : (n,) array
         Of the state given the data up to this step.
     covariance : (n, n) array
+        Of the same estimate.
     gain : (n, m) array
         `smoother_gain` to the next step.
     mean_change : (m,) array

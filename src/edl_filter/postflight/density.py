@@ -151,13 +151,13 @@ def extract_atmosphere(
     temperature = np.full(len(h), 200.0 if top_temperature is None else top_temperature)
     density = product / 1.7
     ca = np.full((3, len(h)), np.nan)  # of this iteration, the last and the one before
-    held = np.full(len(h), np.nan)  # CA of samples at a step of the database
+    fixed_ca = np.full(len(h), np.nan)  # CA of samples at a step of the database
     for count in range(1, _MOST_ITERATIONS + 1):
         mach, knudsen = gas.mach(v, temperature), gas.knudsen(density, diameter)
         entry = database.lookup(mach, knudsen, alpha_total[part], v)
         ca = np.stack((entry.ca, ca[0], ca[1]))
-        held = np.where(np.isnan(held), _mean_across_step(ca, entry.three_sigma.ca), held)
-        new = product / np.where(np.isnan(held), entry.ca, held)
+        fixed_ca = np.where(np.isnan(fixed_ca), _mean_across_step(ca, entry.three_sigma.ca), fixed_ca)
+        new = product / np.where(np.isnan(fixed_ca), entry.ca, fixed_ca)
         top = top_density(h, new)
         start = 0.0 if top_temperature is None else top * gas.constant * top_temperature
         pressure = start + _running_integral(h, new * weight)

@@ -52,7 +52,8 @@ class Reopened:
         """Raise InputError if the telemetry differs from that of the result."""
         if reconstruction.telemetry.files != self.checksums:
             raise InputError(
-                f"{self.path}: its telemetry has changed since (another sha256); run the mission again: {again(self)}."
+                f"{self.path}: its telemetry has changed since (another sha256); run the mission again: "
+                f"{run_command(self)}."
             )
 
 
@@ -91,7 +92,7 @@ def reopen(result: str | Path) -> Reopened:
     return Reopened(path, mission, effects_at_estimates(mission, effects), effects, residuals, checksums)
 
 
-def again(reopened: Reopened) -> str:
+def run_command(reopened: Reopened) -> str:
     """The command that computes a result again."""
     from edl_filter.mission.files import mission_argument
 

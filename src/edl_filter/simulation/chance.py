@@ -25,8 +25,8 @@ def _profiles(random: np.random.Generator, count: int, sigma: float, length: flo
     by a tenth of its sigma within a hundred metres, has a likelihood there that is lower by hundreds of nats.
     """
     altitude = np.arange(LOW, HIGH + SPACING, SPACING)
-    drawn = [sample_matern32(random, len(altitude), SPACING, sigma, length) for _ in range(count)]
-    return CubicSpline(altitude, np.column_stack(drawn), extrapolate=False)
+    processes = [sample_matern32(random, len(altitude), SPACING, sigma, length) for _ in range(count)]
+    return CubicSpline(altitude, np.column_stack(processes), extrapolate=False)
 
 
 class DensityError(Effect):

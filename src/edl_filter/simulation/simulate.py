@@ -118,12 +118,12 @@ def true_start(scenario: Scenario, world: ForwardModel, random: np.random.Genera
         world.planet, e.radius, e.latitude_deg * DEG, e.longitude_deg * DEG, e.speed, e.flight_path_angle_deg * DEG,
         e.azimuth_deg * DEG,
     )  # fmt: skip
-    drawn = random.standard_normal(4)
-    alpha, beta = np.array([e.angle_of_attack_deg, e.sideslip_deg]) * DEG + e.attitude_sigma_deg * DEG * drawn[:2]
+    deviates = random.standard_normal(4)
+    alpha, beta = np.array([e.angle_of_attack_deg, e.sideslip_deg]) * DEG + e.attitude_sigma_deg * DEG * deviates[:2]
     inertial_from_body = attitude(
         world.planet.velocity_relative(position, velocity), position, float(alpha), float(beta), e.bank_deg * DEG
     )
-    rates = np.array([e.spin_rpm * np.pi / 30.0, *(e.rate_sigma_deg_s * DEG * drawn[2:])])
+    rates = np.array([e.spin_rpm * np.pi / 30.0, *(e.rate_sigma_deg_s * DEG * deviates[2:])])
     return np.concatenate((position, velocity, inertial_from_body, rates))
 
 
@@ -149,9 +149,9 @@ def _measured(
             if (a.imu or "primary") == name:
                 arm = arm + a.effect.imu_position(a.values)
         random = _random(seed, _IMUS, k)
-        drawn = draw_errors(random, instrument.sigmas)
+        constant_errors = draw_errors(random, instrument.sigmas)
         means = true_means(motion, arm, instrument.interval, instrument.gyro_delay, inside)
-        imus[name], errors[name] = read(random, instrument, drawn, *means), drawn
+        imus[name], errors[name] = read(random, instrument, constant_errors, *means), constant_errors
     return imus, errors
 
 

@@ -69,7 +69,9 @@ def improve_steps(
     Parameters
     ----------
     mission : Mission
+        The mission, checked.
     folder : Path
+        Folder of the results.
     most : int, optional
         Largest number of effects to add.
     names, file

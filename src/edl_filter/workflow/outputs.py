@@ -1,4 +1,4 @@
-"""All that one run leaves: result, summary and figures in one folder."""
+"""Output of a run: result, summary, tables, figures and report in one folder."""
 
 from __future__ import annotations
 
@@ -15,17 +15,19 @@ from edl_filter.results.result import Result
 
 
 def write_outputs(result: Result, directory: str | Path, figures: bool) -> dict[str, Any]:
-    """Write ``result.nc``, ``summary.json``, ``report.html``, tables in ``tables/`` and, if wanted, ``figures/``.
+    """Write ``result.nc``, ``summary.json``, ``report.html``, tables in ``tables/`` and, on request, ``figures/``.
 
-    All is made in a hidden folder first and takes its place at the end, so that a failure leaves what was there;
-    figures of an earlier run go, and a diagnosis of it.
+    The files are written into a hidden folder and moved at the end, so that a failure does not change earlier files.
+    Figures and a diagnosis of an earlier run are removed.
 
     Parameters
     ----------
     result : Result
+        The result.
     directory : path
-        Made if it is not there.
+        Created if it does not exist.
     figures : bool
+        Whether figures are written.
 
     Returns
     -------
@@ -39,8 +41,8 @@ def write_outputs(result: Result, directory: str | Path, figures: bool) -> dict[
     """
     for active in result.mission.session_effects:
         raise InputError(
-            f"{directory}: found the effect {active.name}, which lives in this Python session only; a result that "
-            f"is to be read again needs it in a file: edl_filter.effect({active.name!r}, file='my_effect.py')."
+            f"{directory}: found the effect {active.name}, which exists in this Python session only; a result that "
+            f"is to be read later needs it in a file: edl_filter.effect({active.name!r}, file='my_effect.py')."
         )
     directory = Path(directory)
     file, summary = directory / RESULT, directory / SUMMARY
@@ -51,11 +53,11 @@ def write_outputs(result: Result, directory: str | Path, figures: bool) -> dict[
         directory.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryDirectory(prefix=".edl-filter.", dir=directory) as hidden:
             staged = Path(hidden)
-            made, told = _make(result, staged, figures)
+            written, content = _write_all(result, staged, figures)
             _remove_figures(directory / "figures")
             for name in (DIAGNOSIS, RESIDUALS):
                 (directory / name).unlink(missing_ok=True)
-            places = [directory / path.relative_to(staged) for path in made]
+            places = [directory / path.relative_to(staged) for path in written]
             for place in places:
                 place.parent.mkdir(exist_ok=True)
             for place in (*places, file, summary):
@@ -64,13 +66,14 @@ def write_outputs(result: Result, directory: str | Path, figures: bool) -> dict[
         raise cannot_write(Path(error.filename2 or error.filename or directory), error) from None
     from edl_filter.report.html import write_report
 
-    drawn = [place for place in places if place.suffix == ".png"]
+    figure_files = [place for place in places if place.suffix == ".png"]
     return {
-        "result": file, "summary": summary, "report": write_report(directory), "figures": drawn, "content": told,
+        "result": file, "summary": summary, "report": write_report(directory), "figures": figure_files,
+        "content": content,
     }  # fmt: skip
 
 
-def _make(result: Result, folder: Path, figures: bool) -> tuple[list[Path], dict[str, Any]]:
+def _write_all(result: Result, folder: Path, figures: bool) -> tuple[list[Path], dict[str, Any]]:
     """Write everything into `folder`; the paths of figures and tables, and the summary."""
     from edl_filter.results.postflight import tables
 
@@ -81,22 +84,22 @@ def _make(result: Result, folder: Path, figures: bool) -> tuple[list[Path], dict
     write(groups, folder / RESULT)
     timing["write"] = time.perf_counter() - begin
     postflight = result.derived.postflight
-    made: list[Path] = []
+    written: list[Path] = []
     if postflight is not None:
         (folder / "tables").mkdir()
         for name, text in tables(postflight).items():
-            made.append(folder / "tables" / name)
-            made[-1].write_text(text, encoding="utf-8")
+            written.append(folder / "tables" / name)
+            written[-1].write_text(text, encoding="utf-8")
     if figures:
         from edl_filter.report.figures import draw_all
 
         begin = time.perf_counter()
-        made += draw_all(tree_of(groups), folder / "figures")
+        written += draw_all(tree_of(groups), folder / "figures")
         timing["figures"] = time.perf_counter() - begin
-    told = result.summary()
-    told["timing_s"] |= timing
-    write_json(told, folder / SUMMARY)
-    return made, told
+    content = result.summary()
+    content["timing_s"] |= timing
+    write_json(content, folder / SUMMARY)
+    return written, content
 
 
 def _remove_figures(folder: Path) -> None:

@@ -20,6 +20,7 @@ def run_mission(mission: Mission, refit: bool = True, progress: Callable[[str], 
     Parameters
     ----------
     mission : Mission
+        The mission, checked.
     refit : bool
         Without it effects stay at their values, and nothing is compared.
     progress : callable

@@ -337,7 +337,7 @@ def test_a_second_effect_that_explains_the_rest_leaves_nothing_for_something_els
     verdict = decide(ranking_of(strong, unmodelled_gain=900.0, noise=1e4, exact=True), partner)
     assert verdict.leader.name == "mass" and verdict.provisional is None and verdict.partner is partner
     assert verdict.something_else == 0.0 and verdict.entries[0].probability > 0.999
-    assert verdict.sentence == "Missing: mass (gain 60 nats). With wind besides, model and measurement would agree."
+    assert verdict.sentence == "Missing: mass (gain 60 nats). With wind in addition, model and measurement agree."
 
 
 @given(
@@ -365,7 +365,7 @@ def test_the_sentence_names_the_second_effect_with_the_name_that_it_was_fitted_w
     assert verdict.verdict == "missing" and verdict.something_else == 0.0 and verdict.provisional is None
     leads = verdict.entries[0].hypothesis is best
     assert verdict.partner is (partner if leads else None)
-    assert ("With density_scale besides" in verdict.sentence) == leads
+    assert ("With density_scale in addition" in verdict.sentence) == leads
     if not any(h.at_floor for h in others):
         assert leads and all(e.probability == 0.0 for e in verdict.entries[1:])
 
@@ -384,8 +384,8 @@ def test_a_name_that_leads_alone_needs_no_second_effect(channel_rules):
 @pytest.mark.parametrize(
     ("discriminator", "text"),
     [
-        (Discriminator("knowing the mass", 41.2), "knowing the mass would part them by 41 nats"),
-        (None, "no better knowledge of anything else would part them, only a measurement of one of the two itself"),
+        (Discriminator("knowing the mass", 41.2), "knowing the mass would distinguish them by 41 nats"),
+        (None, "only a measurement of one of the two would distinguish them"),
     ],
 )
 def test_two_names_with_one_column_are_one_hypothesis(monkeypatch, discriminator, text):
@@ -492,7 +492,7 @@ def first_hypothesis(name, instance, effects):
 
 def second_hypothesis(at_floor, estimate, sigma):
     """A second effect, and the estimate of the first in the joint fit."""
-    fit = SimpleNamespace(parameters=lambda name: {"mass": {"k": (estimate, sigma)}}[name])
+    fit = SimpleNamespace(parameters=lambda key: {("mass", None): {"k": (estimate, sigma)}}[key])
     return SimpleNamespace(key=("wind", None), at_floor=at_floor, fit=fit)
 
 

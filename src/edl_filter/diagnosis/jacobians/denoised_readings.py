@@ -22,6 +22,7 @@ def denoise(record: ImuRecord, length: float, end: float) -> ImuRecord:
     Parameters
     ----------
     record : ImuRecord
+        Readings of one IMU, body axes.
     length : float
         Length of a bin, s.
     end : float

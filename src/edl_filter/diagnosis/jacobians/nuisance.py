@@ -111,8 +111,11 @@ def nuisance_layout(layout: Layout, checking: tuple[ImuRecord, ...], uncertainty
     Parameters
     ----------
     layout : Layout
+        Positions in the filter's vector.
     checking : tuple of ImuRecord
+        Readings of the checking IMUs, body axes.
     uncertainty : StatedUncertainty
+        Uncertainties that the mission states.
     """
     sizes = {"gyro_noise_before": 3, "gyro_noise_after": 3}
     for i, record in enumerate(checking):

@@ -34,7 +34,7 @@ from edl_filter.types import Array, BoolArray
 #: Steps of the differences with respect to position (m), velocity (m/s), attitude (rad), and the rate (rad/s).
 _NAV_STEPS = np.repeat([100.0, 0.05, 1e-5], 3)
 _RATE_STEP = 1e-3
-#: Share of a bin's gyro noise that a step of the rate has besides the noise of the two bins' means.
+#: Share of a bin's gyro noise that a step of the rate has in addition to the noise of the two bins' means.
 _STEP_NOISE_SHARE = 0.05
 #: Factor over the median around it from which a change of the rate's slope is a discontinuity.
 _DISCONTINUITY = 3.0
@@ -86,7 +86,9 @@ def prediction_jacobian(
     Parameters
     ----------
     inputs : ModelInputs
+        The model, and the readings corrected by its sensor effects.
     bins : TimeBins
+        Time bins of the comparison.
     residuals : Residuals
         With the path and the flow along it.
     density_sigma : float
@@ -188,13 +190,19 @@ def bin_rows(
     Parameters
     ----------
     inputs : ModelInputs
+        The model, and the readings corrected by its sensor effects.
     bins : TimeBins
+        Time bins of the comparison.
     residuals : Residuals
+        Residuals about the linearisation point.
     denoised : (force, rate)
         Means over the bins ``(B, 3)`` of denoised readings.
     nuisance : NuisanceLayout
+        Positions of the nuisance parameters.
     jacobian : PredictionJacobian
+        Jacobian of the predictions.
     uncertainty : StatedUncertainty
+        Uncertainties that the mission states.
     """
     samples, layout = inputs.problem.samples, nuisance.layout
     b, imus = len(bins.interval), len(inputs.checking)
@@ -301,6 +309,7 @@ def lever_arm_error(bins: TimeBins, rate: Array, position: Array) -> Array:
     Parameters
     ----------
     bins : TimeBins
+        Time bins of the comparison.
     rate : (B, 3) array
         Means over the bins, rad/s.
     position : (3,) array
@@ -329,6 +338,7 @@ def bin_sigma(bins: TimeBins, time: Array, interval: Array, noise: Array) -> Arr
     Parameters
     ----------
     bins : TimeBins
+        Time bins of the comparison.
     time, interval, noise : (N,) arrays
         End and length of the samples' intervals, s; one sigma of each sample.
 

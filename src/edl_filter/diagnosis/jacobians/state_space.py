@@ -104,11 +104,17 @@ def assemble_state_space(
     Parameters
     ----------
     inputs : ModelInputs
+        The model, and the readings corrected by its sensor effects.
     bins : TimeBins
+        Time bins of the comparison.
     transitions : PathTransitions
+        State transitions between the bins.
     rows : BinRows
+        Jacobian and noise of the rows of every bin.
     nuisance : NuisanceLayout
+        Positions of the nuisance parameters.
     uncertainty : StatedUncertainty
+        Uncertainties that the mission states.
     residuals : Residuals
         For the altitude along the path.
     """

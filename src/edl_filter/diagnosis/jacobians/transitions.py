@@ -81,7 +81,9 @@ def propagate_path(problem: Problem, bins: TimeBins, start: State, errors: Array
     Parameters
     ----------
     problem : Problem
+        The filter's problem: samples, planet, constraints.
     bins : TimeBins
+        Time bins of the comparison.
     start : State
         At the initial state's time, with the first instrument's errors.
     errors : (U, n) array
@@ -177,6 +179,7 @@ def _propagate_run(
     Parameters
     ----------
     problem : Problem
+        The filter's problem: samples, planet, constraints.
     start : State
         At the beginning of the first interval.
     nav : (N + 1, 10) array

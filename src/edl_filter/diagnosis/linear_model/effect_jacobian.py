@@ -74,11 +74,13 @@ def scan_grid(
     Parameters
     ----------
     effect : Effect
+        The effect.
     begin, end : float
         Bounds of parameters of kind ``time`` that have none, s.
     lowest : float
         Altitude at the end of the comparison, m; altitudes are scanned from below it upwards.
     settings : DecisionSettings
+        Thresholds of the diagnosis.
     """
     grids = []
     for q in effect.places:
@@ -122,6 +124,7 @@ def effect_jacobian(
     Parameters
     ----------
     model : LinearizedModel
+        The linearised model.
     instance : EffectInstance
         If an effect of its key is in the model, its columns replace that effect's values by these.
     names : sequence of str, optional

@@ -123,6 +123,7 @@ def load_case(
     Parameters
     ----------
     mission : Mission
+        The mission, checked.
     effects : sequence of EffectInstance, optional
         Instead of the mission's.
     leave_one_out : bool

@@ -208,7 +208,9 @@ def linearize_at(
     Parameters
     ----------
     case : FlightCase
+        The flight with what its mission states as uncertain.
     point : LinearizationPoint
+        The linearisation point.
     initial_excess : ExcessVariance, optional
         Start of the estimation of the excess variance.
     """
@@ -249,7 +251,9 @@ def map_point(
     Parameters
     ----------
     model : LinearizedModel
+        The linearised model.
     whiten : WhiteningFilter
+        The whitening filter.
     white : (R,) array
         White residuals about the model's point.
     onboard : bool
@@ -305,6 +309,7 @@ def linearize(
     Parameters
     ----------
     case : FlightCase
+        The flight with what its mission states as uncertain.
     iterations : int
         Largest number of linearisation points.
     max_excess_share : float
@@ -330,6 +335,7 @@ def relinearize_failing_model(case: FlightCase, model: LinearizedModel) -> Linea
     Parameters
     ----------
     case : FlightCase
+        The flight with what its mission states as uncertain.
     model : LinearizedModel
         About the point where it fails.
 

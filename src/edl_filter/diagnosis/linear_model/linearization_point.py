@@ -69,8 +69,11 @@ def perturbation_from_states(
     Parameters
     ----------
     index : RowIndex
+        Positions of the rows.
     bins : TimeBins
+        Time bins of the comparison.
     nuisance : NuisanceLayout
+        Positions of the nuisance parameters.
     sigma : dict
         One sigma of each nuisance parameter.
     units : CoefficientUnits

@@ -107,6 +107,7 @@ def most_likely_process(
     log_likelihood : callable
         Of a process, nats.
     settings : DecisionSettings
+        Thresholds of the diagnosis.
     """
     kinds = [(memory, pressure) for pressure in (False, True) for memory in settings.unmodelled_memories_s]
     candidates = [_best_amplitudes(log_likelihood, settings, *kind) for kind in kinds]

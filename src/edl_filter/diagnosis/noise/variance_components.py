@@ -87,10 +87,13 @@ def moment_estimate(
     stated : WhiteningFilter
         At the stated noise.
     index : RowIndex
+        Positions of the rows.
     residuals : (R,) array
+        Residuals about the linearisation point.
     initial_mean : (n,) array
         Prior mean of the states at the beginning.
     settings : DecisionSettings
+        Thresholds of the diagnosis.
     """
     white = stated(residuals[:, None], initial_mean[:, None])[:, 0]
     innovation, sigma = stated.innovations(white), stated.innovation_sigma
@@ -118,10 +121,13 @@ def estimate_variance_components(
     stated : WhiteningFilter
         At the stated noise.
     index : RowIndex
+        Positions of the rows.
     residuals : (R,) array
+        Residuals about the linearisation point.
     initial_mean : (n,) array
         Prior mean of the states at the beginning.
     settings : DecisionSettings
+        Thresholds of the diagnosis.
     initial : ExcessVariance, optional
         Estimate about another linearisation point or without an effect; the iteration starts there where that is more
         likely than the moment estimate.
@@ -158,10 +164,10 @@ def estimate_variance_components(
         estimate = ExcessVariance(variance, significant, _penalty(variance, pieces))
         iterations.append(_Iteration.of(variance, pieces, weighted, diagonal))
         variance = _next_variance(iterations, pieces, len(variance), settings)
-    kept = np.where(estimate.significant, estimate.variance, 0.0)
-    simpler = [np.zeros_like(kept)]
-    if np.any(kept) and np.any(kept != estimate.variance):
-        simpler.insert(0, kept)
+    significant_variance = np.where(estimate.significant, estimate.variance, 0.0)
+    simpler = [np.zeros_like(significant_variance)]
+    if np.any(significant_variance) and np.any(significant_variance != estimate.variance):
+        simpler.insert(0, significant_variance)
     for candidate in (ExcessVariance(v, v > 0.0, _penalty(v, pieces)) for v in simpler):
         likelihood, whiten, _ = evaluate(candidate)
         if likelihood - candidate.penalty > best - estimate.penalty:

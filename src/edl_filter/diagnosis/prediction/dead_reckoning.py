@@ -50,6 +50,7 @@ def dead_reckon(problem: Problem, start: Array, errors: Array) -> DeadReckonedPa
     Parameters
     ----------
     problem : Problem
+        The filter's problem: samples, planet, constraints.
     start : (10,) array
         Navigation state at the initial state's time.
     errors : (U, n) array
@@ -71,6 +72,7 @@ def corrected_readings(problem: Problem, errors: Array) -> tuple[Array, Array]:
     Parameters
     ----------
     problem : Problem
+        The filter's problem: samples, planet, constraints.
     errors : (U, n) array
         By instrument, each in the filter's vector.
 
@@ -123,7 +125,9 @@ def path_nodes(path: DeadReckonedPath, bins: TimeBins, mean_rate: Array) -> Path
     Parameters
     ----------
     path : DeadReckonedPath
+        The dead-reckoned path.
     bins : TimeBins
+        Time bins of the comparison.
     mean_rate : (B, 3) array
         Means over the bins, rad/s.
     """

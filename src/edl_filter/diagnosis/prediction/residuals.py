@@ -67,7 +67,7 @@ class ModelInputs:
 
 @dataclass(frozen=True)
 class PathReference:
-    """What the path depends on besides the model.
+    """What the path depends on, in addition to the model.
 
     Attributes
     ----------
@@ -155,7 +155,9 @@ def residuals_on_fixed_path(
     Parameters
     ----------
     reference : PathReference
+        What the path depends on, in addition to the model.
     inputs : ModelInputs
+        The model, and the readings corrected by its sensor effects.
     readings : (force, rate)
         Of `corrected_readings`, ``(N, 3)`` each.
     fixed : Residuals
@@ -197,11 +199,13 @@ def update_residuals(
     Parameters
     ----------
     reference : PathReference
+        What the path depends on, in addition to the model.
     build_inputs : callable
         Effects → `ModelInputs`.
     current : (ModelInputs, Residuals)
         With the effects of its forward model.
     effects : sequence of EffectInstance
+        Effects of the model.
     """
     inputs, residuals = current
     before = inputs.forward_model.effects
@@ -244,7 +248,9 @@ def predict(
     Parameters
     ----------
     model : ForwardModel
+        The forward model.
     bins : TimeBins
+        Time bins of the comparison.
     flow : FlightCondition
         At the nodes.
     tables : AeroCoefficients, optional
@@ -292,6 +298,7 @@ def triangular_integral(values: Array, bins: TimeBins, weights: Array | None = N
     values : (NODES_PER_BIN B + 1, ...) array
         At the nodes.
     bins : TimeBins
+        Time bins of the comparison.
     weights : (NODES_PER_BIN + 1,) array, optional
         Quadrature weights over a bin of unit length; Simpson's rule if not given.
 
@@ -317,8 +324,11 @@ def quadrature_error(
     Parameters
     ----------
     model : ForwardModel
+        The forward model.
     bins : TimeBins
+        Time bins of the comparison.
     flow : FlightCondition
+        Flow at the nodes.
     force, moment : (M, 3) arrays
         At the nodes, N and N m.
 
@@ -385,7 +395,9 @@ def _checking_residuals(
     record : ImuRecord
         The checking IMU.
     bins : TimeBins
+        Time bins of the comparison.
     samples : Samples
+        Samples of the driving IMU.
     sample_rate : (N, 3) array
         Rate by sample, rad/s. The lever-arm acceleration is computed sample by sample: over longer steps its tangential
         part loses an order.

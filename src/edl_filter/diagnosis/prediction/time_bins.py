@@ -88,6 +88,7 @@ def bin_means(edges: Array, time: Array, interval: Array, values: Array) -> Arra
     time, interval : (N,) arrays
         End and length of the intervals, s.
     values : (N, ...) array
+        Means over the intervals.
 
     Returns
     -------

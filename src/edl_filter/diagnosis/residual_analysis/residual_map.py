@@ -168,6 +168,7 @@ def variance_change_point(normalised: Array, shortest: int) -> tuple[int, float]
     Parameters
     ----------
     normalised : (N,) array
+        Innovations over their sigma.
     shortest : int
         Least number of samples on either side.
 

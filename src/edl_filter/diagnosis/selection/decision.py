@@ -60,7 +60,7 @@ class Entry:
     Attributes
     ----------
     hypothesis : Hypothesis
-    others : tuple of Hypothesis
+    indistinguishable : tuple of Hypothesis
         Those that this flight does not distinguish from it.
     probability : float
     discriminated_by : dict
@@ -68,14 +68,14 @@ class Entry:
     """
 
     hypothesis: Hypothesis
-    others: tuple[Hypothesis, ...]
+    indistinguishable: tuple[Hypothesis, ...]
     probability: float
     discriminated_by: dict[str, str] = field(default_factory=dict)
 
     @property
     def same_as(self) -> tuple[str, ...]:
         """Labels of the effects that this flight does not distinguish from the first."""
-        return tuple(h.label for h in self.others)
+        return tuple(h.label for h in self.indistinguishable)
 
 
 @dataclass(frozen=True)
@@ -120,6 +120,7 @@ def verdict_of(names: Sequence[float], none: float, something_else: float) -> st
     names : sequence of float
         Probabilities of the named hypotheses.
     none, something_else : float
+        Probabilities that nothing is missing, and that something outside the catalogue is.
     """
     best = max(names, default=0.0)
     if best > max(none, something_else):
@@ -133,6 +134,7 @@ def decide(ranking: Ranking, partner: Hypothesis | None = None) -> Verdict:
     Parameters
     ----------
     ranking : Ranking
+        All hypotheses about one model.
     partner : Hypothesis, optional
         A second effect that explains all that the best name leaves; nothing is then left for something else.
     """
@@ -252,7 +254,9 @@ def find_joint_effect(first: Hypothesis, candidates: Sequence[Effect], progress:
     Parameters
     ----------
     first : Hypothesis
+        The first effect, fitted.
     candidates : sequence of Effect
+        Effects that may be missing.
     progress : callable
         Called with what is being done.
 
@@ -264,8 +268,9 @@ def find_joint_effect(first: Hypothesis, candidates: Sequence[Effect], progress:
     """
     case = load_case(first.case.mission, first.fit.effects)
     own_kind = kind_of(first.instance.effect)
-    others = [e for e in candidates if kind_of(e) != own_kind]  # two of one kind may imitate what neither is
-    verdict = decide(rank(case, others, lambda step: progress(f"with {first.label}: {step}")))
+    # two effects of one kind may imitate what neither is
+    different = [e for e in candidates if kind_of(e) != own_kind]
+    verdict = decide(rank(case, different, lambda step: progress(f"with {first.label}: {step}")))
     if verdict.leader is None:
         return None
     second = verdict.entries[0].hypothesis
@@ -313,7 +318,7 @@ def _sentence(verdict: str, entries: list[Entry], partner: Hypothesis | None) ->
     if verdict == CLEAN:
         return "The flight is clean: model and measurement agree to the stated noise, and no effect is needed."
     if verdict == UNKNOWN:
-        return "Something is missing that none of the effects tried explains."
+        return "Something is missing that no effect of the catalogue explains."
     e = entries[0]
     name = " or ".join((e.hypothesis.label, *e.same_as))
     both = "" if partner is None else f" With {partner.label} in addition, model and measurement agree."

@@ -33,6 +33,7 @@ def evidence_profile(
     Parameters
     ----------
     model : LinearizedModel
+        The linearised model.
     effect : str, Effect or class
         Not in the model.
     place : str, optional
@@ -62,8 +63,8 @@ def evidence_profile(
     best: dict[float, float] = {}
     grid = scan_grid(resolved, begin, float(model.bins.edges[-1]), lowest, model.settings)
     if values is not None:
-        others = {tuple((places | {q.name: 0.0}).items()) for places in grid}
-        grid = [dict(places) | {q.name: float(v)} for places in others for v in values]
+        remaining = {tuple((places | {q.name: 0.0}).items()) for places in grid}
+        grid = [dict(places) | {q.name: float(v)} for places in remaining for v in values]
     for places in grid:
         j = effect_jacobian(model, EffectInstance(resolved, places))
         gain = regress(y, whiten(j.rows, j.initial_mean), j.sigma).gain

@@ -89,6 +89,7 @@ def fit_map(
     Parameters
     ----------
     model : LinearizedModel
+        The linearised model.
     effects : sequence of EffectInstance
         All effects of the model that is fitted.
     whiten : WhiteningFilter

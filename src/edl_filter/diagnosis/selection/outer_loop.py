@@ -56,6 +56,7 @@ def fit_effects(
     Parameters
     ----------
     mission : Mission
+        The mission, checked.
     progress : callable
         Called with what is being done.
     effects : sequence of EffectInstance, optional
@@ -90,9 +91,11 @@ def iterate_to_convergence(
     Parameters
     ----------
     case : FlightCase
+        The flight with what its mission states as uncertain.
     iterations : int, optional
         Largest number of reconstructions.
     progress : callable
+        Called with a text for each stage.
     initial_excess : ExcessVariance, optional
         `LinearizedModel.failing_excess` of a similar model.
     """

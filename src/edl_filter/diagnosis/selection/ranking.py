@@ -75,6 +75,7 @@ def rank(case: FlightCase, effects: Iterable[Effect], progress: Progress = lambd
     Parameters
     ----------
     case : FlightCase
+        The flight with what its mission states as uncertain.
     effects : iterable of Effect
         Those in the model already are passed over, or offered once more if they act at a place; sensor effects are
         offered in every IMU (`effects.instances.candidates`).

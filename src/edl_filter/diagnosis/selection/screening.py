@@ -69,6 +69,7 @@ def scan_jacobians(
     Parameters
     ----------
     model : LinearizedModel
+        The linearised model.
     effects : sequence of EffectInstance
         Their places are those of the scan grid.
     end : float
@@ -102,6 +103,7 @@ def screen(
     Parameters
     ----------
     model : LinearizedModel
+        The linearised model.
     whiten : callable
         Whitening filter, such as by `marginalize_model_effects`.
     jacobians : list of list of EffectJacobian
@@ -140,6 +142,7 @@ def marginalize_model_effects(model: LinearizedModel, whiten: WhiteningFilter) -
     Parameters
     ----------
     model : LinearizedModel
+        The linearised model.
     whiten : WhiteningFilter
         Of the model's state space.
 
@@ -154,12 +157,12 @@ def marginalize_model_effects(model: LinearizedModel, whiten: WhiteningFilter) -
     columns = whiten(
         np.concatenate([j.rows for j in own], axis=1), np.concatenate([j.initial_mean for j in own], axis=1)
     )
-    left, size, _ = np.linalg.svd(columns * np.concatenate([j.sigma for j in own]), full_matrices=False)
+    vectors, size, _ = np.linalg.svd(columns * np.concatenate([j.sigma for j in own]), full_matrices=False)
     removed = 1.0 - 1.0 / np.sqrt(1.0 + size**2)
 
     def marginalized(columns: Array, initial_mean: Array) -> Array:
         rows = whiten(columns, initial_mean)
-        return rows - left @ (removed[:, None] * (left.T @ rows))
+        return rows - vectors @ (removed[:, None] * (vectors.T @ rows))
 
     return marginalized
 
