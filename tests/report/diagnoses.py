@@ -5,7 +5,7 @@ import contents
 
 def cell(channel, regime, rms, **changes):
     return contents.cell(channel=channel, regime=regime, normalised_rms=rms, over_database_sigma=0.5, fails=rms > 1.1,
-                         beyond_noise=0.05) | changes  # fmt: skip
+                         excess_rms=0.05) | changes  # fmt: skip
 
 
 def content(verdict="missing", rms=880.0, **changes):
@@ -20,7 +20,7 @@ def content(verdict="missing", rms=880.0, **changes):
     hypothesis = contents.hypothesis(
         same_as=["com_offset"], probability=0.9999, gain=16713.1, score_gain=6.4e7, parameters=parameters,
         error_before=rms, error_after=0.91, channel="moment_x",
-        parted_by={"com_offset": "knowing the mass would part them by 41 nats"},
+        discriminated_by={"com_offset": "knowing the mass would part them by 41 nats"},
     )  # fmt: skip
     something = contents.diagnosis()["something_else"] | {"probability": 1e-9, "score_gain": 4839.6}
     return contents.diagnosis(

@@ -124,7 +124,7 @@ def diagnosis_card(diagnosis: Diagnosis) -> str:
         failing = [
             (
                 words(c.channel), c.regime, f"{c.t0_s:.0f} to {c.t1_s:.0f}", number(c.normalised_rms),
-                f"{number(c.beyond_noise)} {readable(c.unit)}",
+                f"{number(c.excess_rms)} {readable(c.unit)}",
             )
             for c in cells[:_ROWS]
         ]  # fmt: skip

@@ -101,7 +101,7 @@ def diagnosis(folder, **changes):
     cells.append(map_cell("landing", "constraints", 300.0, 300.0, 1.6))
     wind = hypothesis(
         effect="wind", label="wind",
-        same_as=["mass"], parted_by={"mass": "a second probe would part them"}, probability=0.98,
+        same_as=["mass"], discriminated_by={"mass": "a second probe would part them"}, probability=0.98,
         gain=42.0, score_gain=30.0, error_before=9.5, channel="force_x",
         parameters={"east": {"estimate": -38.07, "sigma": 0.53, "unit": "m/s"}},
     )  # fmt: skip
@@ -109,7 +109,7 @@ def diagnosis(folder, **changes):
     content = contents.diagnosis(
         sentence="Missing: wind (gain 42 nats).", mission="toy", where=[c for c in cells if c["fails"]], map=cells,
         ranking=[wind], none=0.0, onsets=[{"channel": "force_x", "time_s": 152.4, "gain": 812.0}], noise_floor=1.0,
-        undecided={"gyro_bias": {"gain": -5.0, "parameters": {"bx": size}}},
+        screening={"gyro_bias": {"gain": -5.0, "parameters": {"bx": size}}},
     )  # fmt: skip
     write_json(content | changes, folder / "diagnosis.json")
 

@@ -140,7 +140,7 @@ def hypotheses(reader: ResultReader) -> Section:
     blocks += [
         Note(f"{effect_names((h.label, name))}: {text}.")
         for h in diagnosis.ranking
-        for name, text in h.parted_by.items()
+        for name, text in h.discriminated_by.items()
     ]
     blocks.append(
         Note(
@@ -151,9 +151,9 @@ def hypotheses(reader: ResultReader) -> Section:
         )
     )
     blocks += [Note(f"Left out: {reason}", "warning") for reason in diagnosis.failed.values()]
-    if diagnosis.undecided:
-        title_of_details = f"Also tried, and not refitted ({len(diagnosis.undecided)})"
-        blocks.append(Details(title_of_details, [_screened(diagnosis.undecided)]))
+    if diagnosis.screening:
+        title_of_details = f"Also tried, and not refitted ({len(diagnosis.screening)})"
+        blocks.append(Details(title_of_details, [_screened(diagnosis.screening)]))
     return Section(key, title, blocks)
 
 

@@ -53,7 +53,7 @@ def print_diagnosis(
         parts.append(onset_text(diagnosis.onsets))
     parts.append(ranking_table(diagnosis))
     for h in diagnosis.ranking:
-        parts += [f"{effect_names((h.label, name))}: {escape(text)}." for name, text in h.parted_by.items()]
+        parts += [f"{effect_names((h.label, name))}: {escape(text)}." for name, text in h.discriminated_by.items()]
     if diagnosis.remainder is not None:
         parts += [f"What is left: {escape(diagnosis.remainder.description)}", REMAINDER_HINT]
     parts += [f"[red]Left out: {escape(reason)}[/red]" for reason in diagnosis.failed.values()]
@@ -76,7 +76,7 @@ def where_table(diagnosis: DiagnosisContent) -> Table:
             f"{cell.t0_s:.0f}",
             f"{cell.t1_s:.0f}",
             number(cell.normalised_rms),
-            f"{number(cell.beyond_noise)} {cell.unit}",
+            f"{number(cell.excess_rms)} {cell.unit}",
             database if database == "–" else f"{database} sigma",
         )
     return table
