@@ -9,7 +9,8 @@ A key without a default is always in the file. A number that may be null is null
 
 from __future__ import annotations
 
-from typing import Any, Literal
+from collections.abc import Mapping
+from typing import Any, Literal, Self
 
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter
 
@@ -25,6 +26,11 @@ class Content(BaseModel):
     """A part of a file: frozen, and without any other key."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
+
+    @classmethod
+    def of(cls, content: Self | Mapping[str, Any]) -> Self:
+        """Model of plain data, in which tuples may be lists; a model is returned as it is."""
+        return content if isinstance(content, cls) else cls.model_validate(content, strict=False)
 
 
 def _key(description: str, **more: Any) -> Any:
@@ -476,6 +482,11 @@ class LedgerStep(Content):
     gain: Number = _key("log Bayes factor, nats")
     held_out_score: Number = _key("held-out log predictive density, nats")
     errors: dict[str, ErrorChange] = _key("channel → normalised RMS before and after")
+
+    @property
+    def label(self) -> str:
+        """Label of the effect that was added: its name, or its name in its IMU."""
+        return self.added if self.imu is None else f"{self.added} in {self.imu}"
 
 
 class LedgerEnd(Content):
