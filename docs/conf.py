@@ -1,4 +1,4 @@
-"""How Sphinx makes the documentation: `make docs`. Nothing is fetched and nothing generated is kept."""
+"""Configuration of Sphinx for `make docs`. The build uses no network and writes no file into this folder."""
 
 import sys
 from pathlib import Path
@@ -21,7 +21,7 @@ myst_heading_anchors = 3
 
 default_role = "py:obj"  # single backticks of docstrings are names of Python objects
 autodoc_member_order = "bysource"
-autodoc_typehints = "none"  # types and shapes stand in the docstrings
+autodoc_typehints = "none"  # types and shapes are in the docstrings
 autodoc_class_signature = "mixed"
 napoleon_google_docstring = False
 napoleon_use_ivar = True

@@ -1,4 +1,4 @@
-"""What notebook 4 hides in its flight. Do not read on before the notebook says so."""
+"""The effect that is hidden in the flight of notebook 4. Read it only when the notebook refers to it."""
 
 import numpy as np
 
@@ -6,7 +6,7 @@ from edl_filter.effects import Effect, Parameter
 
 
 class HiddenTorque(Effect):
-    """A thruster that leaks to and fro about the pitch axis, as strongly in thin air as in thick."""
+    """A leaking thruster: an oscillating torque about the pitch axis that does not depend on the air density."""
 
     name = "hidden_torque"
     summary = "A sin(2 pi f t) about y from t0 to t1"
@@ -18,8 +18,8 @@ class HiddenTorque(Effect):
     )
 
     def force_moment(self, p, flow):
-        """No force, and a moment while it leaks."""
-        leaks = (flow.time >= p["t0"]) & (flow.time < p["t1"])
-        torque = np.where(leaks, p["A"] * np.sin(2.0 * np.pi * p["f"] * flow.time), 0.0)
-        none = np.zeros_like(torque)
-        return np.stack((none, none, none), axis=1), np.stack((none, torque, none), axis=1)
+        """Force zero; moment about y from t0 to t1."""
+        active = (flow.time >= p["t0"]) & (flow.time < p["t1"])
+        torque = np.where(active, p["A"] * np.sin(2.0 * np.pi * p["f"] * flow.time), 0.0)
+        zero = np.zeros_like(torque)
+        return np.stack((zero, zero, zero), axis=1), np.stack((zero, torque, zero), axis=1)

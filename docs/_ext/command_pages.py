@@ -6,14 +6,14 @@ from typing import Any
 
 
 def commands_text() -> str:
-    """Markdown of all commands: what each does, its arguments and options, an example."""
+    """Markdown of all commands: description, arguments and options, example."""
     group = command_tree()
     top = _table(_rows(group))
     return "\n\n".join([f"{group.help}\n\n{top}", *(_command(name, c) for name, c in group.commands.items())])
 
 
 def command_tree() -> Any:
-    """The commands as a tree that can be walked."""
+    """The commands as a tree of click commands."""
     import typer
 
     from edl_filter.cli import app

@@ -11,9 +11,9 @@ def effects_text(name: str = "") -> str:
     from edl_filter.effects.registry import catalogue
     from edl_filter.effects.tables import as_plain
 
-    known = [as_plain(effect) for key, effect in catalogue().items() if name in ("", key)]
+    declarations = [as_plain(effect) for key, effect in catalogue().items() if name in ("", key)]
     text = []
-    for family, effects in groupby(known, key=lambda e: e["family"]):
+    for family, effects in groupby(declarations, key=lambda e: e["family"]):
         text.append(f"## {family.capitalize()}" if family else "## Effects")
         text += [_effect(effect) for effect in effects]
     return "\n\n".join(text)

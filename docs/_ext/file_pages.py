@@ -21,13 +21,13 @@ def file_text(stem: str) -> str:
     from edl_filter.results.schema import MODELS
 
     (file,) = [name for name in MODELS if Path(name).stem == stem]
-    tables = [_table(same) for model in MODELS[file] for same in _by_model(model)]
-    # not a link of Markdown: `build_finished` writes the file
+    tables = [_table(equal_parts) for model in MODELS[file] for equal_parts in _by_model(model)]
+    # HTML, since Sphinx would check a Markdown link before `build_finished` writes the file
     return "\n\n".join([f'JSON Schema: <a href="../schemas/{schema_file(file)}">{schema_file(file)}</a>', *tables])
 
 
 def _by_model(model: type[BaseModel]) -> list[list[Part]]:
-    """Parts of a file, those with the same keys together; the settings of a diagnosis have a page of their own."""
+    """Parts of a file, grouped by model; the settings of a diagnosis are on the page of the mission."""
     from edl_filter.results.schema import Content
 
     by_model: dict[type[BaseModel], list[Part]] = {}
@@ -37,8 +37,8 @@ def _by_model(model: type[BaseModel]) -> list[list[Part]]:
     return list(by_model.values())
 
 
-def _table(same: list[Part]) -> str:
-    part, paths = same[0], dict.fromkeys(p.path for p in same)
+def _table(equal_parts: list[Part]) -> str:
+    part, paths = equal_parts[0], dict.fromkeys(p.path for p in equal_parts)
     doc = (part.model.__doc__ or "").strip().split("\n\n")[0]
     rows = ["| key | value | what it is |", "|---|---|---|"]
     for key, field in part.model.model_fields.items():
@@ -67,6 +67,6 @@ def write_schemas(folder: Path) -> list[Path]:
 
 
 def build_finished(app: Any, error: Exception | None) -> None:
-    """Sphinx: put the schemas beside the pages."""
+    """Write the schemas into the folder of the pages."""
     if error is None and app.builder.format == "html":
         write_schemas(Path(app.outdir) / "schemas")

@@ -1,6 +1,6 @@
-"""Fills pages with what the package itself declares: ``<!-- generated: KIND NAME -->`` becomes Markdown.
+"""Replacement of ``<!-- generated: KIND NAME -->`` in pages by Markdown from the declarations of the package.
 
-The text is made while Sphinx reads the page and never written to a file, so it cannot be out of date.
+The text is generated while Sphinx reads the page and is not written to a file, so it cannot be out of date.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from mission_keys import keys_text
 if TYPE_CHECKING:  # the tests use this without Sphinx
     from sphinx.application import Sphinx
 
-PLACE = re.compile(r"^<!-- generated: (?P<kind>[a-z]+)(?: (?P<name>[\w.]+))? -->$", re.MULTILINE)
+PLACEHOLDER = re.compile(r"^<!-- generated: (?P<kind>[a-z]+)(?: (?P<name>[\w.]+))? -->$", re.MULTILINE)
 
 
 def _mission(_: str) -> str:
@@ -42,21 +42,21 @@ KINDS: dict[str, Callable[[str], str]] = {
 
 
 def fill(text: str, page: str) -> str:
-    """`text` of the `page` with all its places filled.
+    """`text` of the `page` with all placeholders replaced.
 
     Raises
     ------
     ValueError
-        A place asks for a kind that there is not.
+        A placeholder has an unknown kind.
     """
 
-    def made(place: re.Match[str]) -> str:
-        kind = place["kind"]
+    def generated(placeholder: re.Match[str]) -> str:
+        kind = placeholder["kind"]
         if kind not in KINDS:
             raise ValueError(f"{page}: found 'generated: {kind}'; accepted are {', '.join(KINDS)}.")
-        return KINDS[kind](place["name"] or "")
+        return KINDS[kind](placeholder["name"] or "")
 
-    return PLACE.sub(made, text)
+    return PLACEHOLDER.sub(generated, text)
 
 
 def _read(_: Sphinx, page: str, source: list[str]) -> None:
@@ -64,7 +64,7 @@ def _read(_: Sphinx, page: str, source: list[str]) -> None:
 
 
 def setup(app: Sphinx) -> dict[str, bool]:
-    """Tell Sphinx of it."""
+    """Register the extension with Sphinx."""
     app.connect("source-read", _read)
     app.connect("build-finished", build_finished)
     return {"parallel_read_safe": True, "parallel_write_safe": True}

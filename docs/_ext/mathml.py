@@ -1,4 +1,4 @@
-"""Equations as MathML, which browsers draw by themselves: pages need no network and no script."""
+"""Equations as MathML, which browsers render themselves: pages need no network and no script."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ def inline(writer, node: nodes.math) -> None:
 
 
 def block(writer, node: nodes.math_block) -> None:
-    """Write an equation on lines of its own."""
+    """Write a displayed equation."""
     mathml = tex2mathml(node.astext(), as_block=True)
     writer.body.append(f'<div class="math-block">{mathml}</div>\n')
     raise nodes.SkipNode
 
 
 def setup(app: Sphinx) -> dict[str, bool]:
-    """Tell Sphinx of it."""
+    """Register the extension with Sphinx."""
     app.add_html_math_renderer("mathml", inline_renderers=(inline, None), block_renderers=(block, None))
     return {"parallel_read_safe": True, "parallel_write_safe": True}

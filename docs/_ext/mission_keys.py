@@ -12,7 +12,7 @@ from pydantic.fields import FieldInfo
 
 from edl_filter.mission.validators import Within
 
-#: What stands between the key of a section and the keys below it, where the section is one of many.
+#: Placeholder between the key of a mapping or list of sections and the keys of one section.
 NAMED, LISTED = "NAME", "N"
 _PLAIN = {float: "number", int: "whole number", str: "text", bool: "true or false"}
 
@@ -26,9 +26,9 @@ class Part:
     path : str
         Dotted key.
     model : type
-        What checks it.
+        Model that checks it.
     form : str
-        How this form is told from others of the same key; empty where there is but one.
+        The value that selects this form among several of the same key; empty if there is only one.
     """
 
     path: str
@@ -69,7 +69,7 @@ def _models(annotation: Any, path: str) -> Iterator[tuple[str, type[BaseModel]]]
 
 
 def _form(model: type[BaseModel]) -> str:
-    """The key that chooses this form, such as ``format: mer-imu``; else that it is stated."""
+    """The key that selects this form, such as ``format: mer-imu``; otherwise a text that the values are stated."""
     for key, field in model.model_fields.items():
         if get_origin(field.annotation) is Literal and key in ("format", "from_"):
             return f"{field.alias or key}: {get_args(field.annotation)[0]}"
@@ -90,7 +90,7 @@ def _section_text(part: Part) -> str:
 
 
 def kind(annotation: Any, metadata: Any = ()) -> str:
-    """What an annotation accepts, in words: kind, unit and range; a range in `metadata` says more than the type."""
+    """Accepted values of an annotation as text: kind, unit and range; a range in `metadata` replaces the type."""
     ranges = [m.expected for m in metadata if isinstance(m, Within)]
     origin, args = get_origin(annotation), get_args(annotation)
     if origin is Annotated:

@@ -49,7 +49,7 @@ def test_an_entry_has_estimates_correlations_and_errors(diagnosis, content):
         assert first["parameters"][name] == {"estimate": value, "sigma": sigma, "unit": ""}
     assert first["error_before"] == diagnosis.errors[first["channel"]] > first["error_after"]
     assert first["errors_after"][first["channel"]] == first["error_after"]
-    assert set(first["alternatives"]) == set(first["same_as"]) == set(first["parted_by"])
+    assert set(first["alternatives"]) == set(first["same_as"]) == set(first["discriminated_by"])
     for pair, value in first["correlations"].items():
         assert ", " in pair and -1.0 <= value <= 1.0
 

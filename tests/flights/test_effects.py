@@ -143,7 +143,8 @@ def test_a_prediction_needs_aerodynamics_and_inertia(practice_06):
 
 
 def test_a_run_says_which_effects_are_in_the_model(practice_06):
-    from edl_filter.report.terminal import effect_lines
+    from edl_filter.report.sentences import effect_lines
+    from edl_filter.results.schema import ModelEffect
 
     effects = [
         EffectInstance(effect_named("gyro_bias"), {"bx": 1e-5}, "secondary"),
@@ -153,7 +154,7 @@ def test_a_run_says_which_effects_are_in_the_model(practice_06):
     bias = estimates["gyro_bias"]
     assert (bias["imu"], bias["fixed"], list(bias["parameters"])) == ("secondary", False, ["bx", "by", "bz"])
     assert bias["parameters"]["bx"] == {"estimate": 1e-5, "sigma": None, "unit": "rad/s", "start": None}
-    assert effect_lines(estimates) == [
+    assert effect_lines({name: ModelEffect.of(e) for name, e in estimates.items()}) == [
         "Effect in the model: gyro_bias in secondary (bx 1e-05).",
         "Effect in the model: wind (off).",
     ]

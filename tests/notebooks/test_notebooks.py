@@ -118,6 +118,6 @@ def test_ones_own_effect_is_named_after_the_verdict_was_unknown(tmp_path):
         last_words(notebook),
     )
     assert said and 0.9 < float(said[1]) < 1.1
-    description = next(o.text for c in codes(notebook) if "left.description" in c.source for o in c.outputs)
+    description = next(o.text for c in codes(notebook) if "remainder.description" in c.source for o in c.outputs)
     found = re.match(r"moment_y from (\d+) to (\d+) s: .*it oscillates at ([\d.]+) Hz", description)
     assert abs(int(found[1]) - 70) < 5 and abs(int(found[2]) - 170) < 5 and abs(float(found[3]) - 0.8) < 0.01

@@ -4,14 +4,15 @@ import matplotlib as mpl
 import numpy as np
 import pytest
 import xarray as xr
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
+from matplotlib.figure import Figure as Canvas
 
-from edl_filter.report import attitude, constraints, motion, track, trajectory, view
-from edl_filter.report.decimate import envelope
-from edl_filter.report.figures import FIGURES, available, draw_all
-from edl_filter.report.label_layout import place
-from edl_filter.report.landing_ellipse import about, landing
+from edl_filter.report import attitude, constraints, figures, motion, track, trajectory
+from edl_filter.report.description import Figure
+from edl_filter.report.figures import FIGURES, draw_all
+from edl_filter.report.landing_ellipse import LocalMap, landing_estimate
+from edl_filter.report.matplotlib_renderer import draw, draw_panel
+from edl_filter.report.text import time_label
+from edl_filter.results.reader import ResultReader
 
 EVENTS = {"parachute_deploy": 60.0, "heat_shield_separation": 66.0, "bridle_cut": 88.0, "landing": 90.0}
 RADIUS, RATE = 3.39e6, 7e-5
@@ -20,8 +21,8 @@ PANELS = (
     trajectory.speed,
     trajectory.uncertainty,
     motion.axial_deceleration,
-    motion.acceleration,
-    motion.angular_rate,
+    lambda reader: motion.acceleration(reader, 0),
+    lambda reader: motion.angular_rate(reader, 2),
     attitude.total_angle_of_attack,
     attitude.quaternion,
 )
@@ -107,6 +108,21 @@ def tree() -> xr.DataTree:
     return make_tree()
 
 
+def axes_of(describe, tree):
+    """Axes of one panel in a figure of its own."""
+    reader = ResultReader.of(tree)
+    title = f"{reader.title}: subject"
+    return draw(Figure(title, ((describe(reader),),), (3.6,), event_labels=True)).axes[0]
+
+
+def axes_of_figure(describe, tree):
+    return draw(describe(ResultReader.of(tree))).axes[0]
+
+
+def available(tree):
+    return figures.available(ResultReader.of(tree))
+
+
 def less(tree: xr.DataTree, *paths: str) -> xr.DataTree:
     """Tree without some groups (``a/b``) or variables (``a:x``)."""
     groups = {node.path: node.to_dataset() for node in tree.subtree}
@@ -127,8 +143,7 @@ def test_all_files_are_written(tree, tmp_path):
 
 @pytest.mark.parametrize("panel", PANELS)
 def test_panels_name_axes_with_units_and_mark_events(tree, panel):
-    ax = panel(tree)
-    assert isinstance(ax, Axes)
+    ax = axes_of(panel, tree)
     assert ax.get_xlabel() == "time since 2004-01-04 04:19:51.9 UTC (s)"
     assert ax.get_ylabel().endswith(")") and "(" in ax.get_ylabel()
     assert ax.get_title(loc="left").startswith("Test flight: ")
@@ -140,14 +155,15 @@ def test_panels_name_axes_with_units_and_mark_events(tree, panel):
 
 @pytest.mark.parametrize("panel", (*PANELS, *MAPS, *ROWS))
 def test_panels_draw_on_the_axes_they_are_given(tree, panel):
-    ax = Figure().add_subplot()
-    assert panel(tree, ax) is ax
+    ax = Canvas().add_subplot()
+    assert draw_panel(panel(ResultReader.of(tree)), ax) is ax
+    assert ax.lines or ax.collections
     assert ax.get_title(loc="left") == ""
 
 
 @pytest.mark.parametrize("panel", MAPS)
 def test_maps_are_in_km_of_the_site(tree, panel):
-    ax = panel(tree)
+    ax = axes_of(panel, tree)
     assert ax.get_xlabel() == "east of the site (km)"
     assert ax.get_ylabel() == "north (km)"
     stars = [line for line in ax.lines if line.get_label() == "landing site"]
@@ -155,27 +171,27 @@ def test_maps_are_in_km_of_the_site(tree, panel):
 
 
 def test_landing_without_its_constraint(tree):
-    found = landing(tree)
-    np.testing.assert_allclose(found.position, found.site, atol=1e-3)
-    np.testing.assert_allclose(found.site - found.predicted, 300.0)
+    estimate = landing_estimate(ResultReader.of(tree))
+    np.testing.assert_allclose(estimate.position, estimate.site, atol=1e-3)
+    np.testing.assert_allclose(estimate.site - estimate.predicted, 300.0)
     # 600 m of left_out less the landing's own 500 m
-    spread = about(found.site).spread(found.predicted_covariance)
+    spread = LocalMap.about(estimate.site).horizontal_covariance(estimate.predicted_covariance)
     np.testing.assert_allclose(spread, 1.1e5 * np.eye(2), atol=1e-3)
 
 
 def test_map_keeps_distance_along_the_ground(tree):
-    here = about(np.array([RADIUS, 0.0, 0.0]))
+    local = LocalMap.about(np.array([RADIUS, 0.0, 0.0]))
     for angle in (1e-6, 0.1, 0.5):
         for height in (0.0, 1e5):  # height must not matter
             east = (RADIUS + height) * np.array([np.cos(angle), np.sin(angle), 0.0])
-            np.testing.assert_allclose(here.offset(east), [RADIUS * angle, 0.0], rtol=1e-9, atol=1e-6)
+            np.testing.assert_allclose(local.offset(east), [RADIUS * angle, 0.0], rtol=1e-9, atol=1e-6)
             north = (RADIUS + height) * np.array([np.cos(angle), 0.0, np.sin(angle)])
-            np.testing.assert_allclose(here.offset(north), [0.0, RADIUS * angle], rtol=1e-9, atol=1e-6)
+            np.testing.assert_allclose(local.offset(north), [0.0, RADIUS * angle], rtol=1e-9, atol=1e-6)
 
 
 def test_constraint_rows_name_components_and_nis(tree):
-    ax = constraints.innovations(tree)
-    texts = [t.get_text() for t in ax.texts]
+    ax = axes_of_figure(constraints.innovations_figure, tree)
+    texts = [t.get_text() for t in (*ax.texts, *ax.get_yticklabels())]
     assert {"fixed x", "fixed y", "fixed z", "height"} <= set(texts)
     assert {"landing", "altimeter", "NIS in its 99.9 % interval"} <= set(texts)
     assert "8.00 in 0.02 … 17.7" in texts
@@ -188,7 +204,7 @@ def test_constraint_far_out_is_shown_at_the_edge_with_its_number(tree):
     data["left_out"] = ("component", [300.0, -6000.0, 300.0])
     data["left_out_sigma"] = ("component", [600.0, 600.0, np.inf])
     odd["constraints/landing"].dataset = data
-    texts = [t.get_text() for t in constraints.left_out(odd).texts]
+    texts = [t.get_text() for t in axes_of_figure(constraints.left_out_figure, odd).texts]
     assert "-10.0" in texts or "−10.0" in texts
     assert "not predicted by the others" in texts
 
@@ -212,7 +228,7 @@ def test_optional_parts_may_be_absent(tree, missing, tmp_path):
         expected -= {"constraint_innovations", "leave_one_out"}
     assert set(available(part)) == expected
     for name in expected & {"altitude_velocity", "total_angle_of_attack", "ground_track", "leave_one_out"}:
-        assert isinstance(FIGURES[name](part), Figure)
+        assert draw(FIGURES[name].describe(ResultReader.of(part))).axes
 
 
 def test_figures_without_data_are_left_out(tree, tmp_path):
@@ -223,67 +239,16 @@ def test_figures_without_data_are_left_out(tree, tmp_path):
 def test_bare_attributes(tree):
     bare = less(tree)
     bare.attrs = {}
-    assert view.title(bare) == "Entry"
-    assert view.time_label(bare) == "time since the epoch (s)"
+    reader = ResultReader.of(bare)
+    assert reader.title == "Entry"
+    assert time_label(reader.epoch_utc) == "time since the epoch"
+    assert trajectory.time_axis(reader).text == "time since the epoch (s)"
 
 
 def test_drawing_leaves_the_users_matplotlib_alone(tree):
     before = dict(mpl.rcParams)
-    constraints.innovations(tree)
+    axes_of_figure(constraints.innovations_figure, tree)
     assert dict(mpl.rcParams) == before
-
-
-class TestEnvelope:
-    def test_keeps_peaks_and_ends(self):
-        rng = np.random.default_rng(1)
-        time = np.arange(120_000) / 200.0
-        values = rng.standard_normal(len(time))
-        values[[777, 54_321]] = 99.0, -99.0
-        thin_time, thin = envelope(time, values, bins=500)
-        assert len(thin) <= 1002
-        assert {time[777], time[54_321], time[0], time[-1]} <= set(thin_time)
-        assert thin.max() == 99.0 and thin.min() == -99.0
-        assert np.all(np.diff(thin_time) > 0.0)
-        np.testing.assert_array_equal(np.interp(thin_time, time, values), thin)
-
-    def test_short_curves_stay(self):
-        time = np.arange(10.0)
-        assert envelope(time, time)[0] is time
-
-    def test_gaps_stay_gaps(self):
-        time = np.arange(10_000.0)
-        values = np.sin(time)
-        values[4000:6000] = np.nan
-        values[::7] = np.nan
-        thin_time, thin = envelope(time, values, bins=100)
-        assert np.isnan(thin[(thin_time > 4100) & (thin_time < 5900)]).all()
-        assert not np.isnan(thin[(thin_time > 10) & (thin_time < 3900)]).any()
-
-    def test_nothing_but_nan(self):
-        assert np.isnan(envelope(np.arange(9999.0), np.full(9999, np.nan), bins=10)[1]).all()
-
-
-class TestLabels:
-    @pytest.mark.parametrize("seed", range(20))
-    def test_nothing_meets(self, seed):
-        rng = np.random.default_rng(seed)
-        span, gap = 500.0, 4.0
-        marks = np.sort(rng.uniform(0.0, span, rng.integers(1, 8)))
-        widths = rng.uniform(20.0, 90.0, len(marks))
-        places = place(marks, widths, span, gap)
-        for i, a in enumerate(places):
-            assert -gap <= a.left and a.left + widths[i] <= span + gap
-            for j, b in enumerate(places):
-                if i != j and a.row == b.row:
-                    assert a.left >= b.left + widths[j] or b.left >= a.left + widths[i]
-                if i != j and a.row > b.row:  # the leader of i passes row of j
-                    assert not b.left < marks[i] < b.left + widths[j]
-
-    def test_marks_far_apart_need_one_row(self):
-        assert {p.row for p in place([100.0, 300.0, 500.0], [60.0] * 3, 500.0)} == {0}
-
-    def test_no_marks(self):
-        assert place([], [], 100.0) == []
 
 
 def test_quaternion_is_of_the_body_from_j2000_and_does_not_jump(tree):
@@ -291,7 +256,7 @@ def test_quaternion_is_of_the_body_from_j2000_and_does_not_jump(tree):
     turned = tree.copy()
     turned.attrs["j2000_from_inertial"] = np.diag([-1.0, -1.0, 1.0]).ravel()
     for given, frame in ((tree, "inertial"), (turned, "J2000")):
-        ax = attitude.quaternion(given)
+        ax = axes_of_figure(attitude.quaternion_figure, given)
         lines = np.array([line.get_ydata() for line in ax.lines if line.get_label().startswith("q")])
         assert len(lines) == 4 and np.max(np.abs(np.diff(lines, axis=1))) < 0.1
         assert f"{frame} to body" in ax.get_title(loc="left")
@@ -299,8 +264,8 @@ def test_quaternion_is_of_the_body_from_j2000_and_does_not_jump(tree):
 
 def test_the_start_of_the_domain_is_marked_where_it_is_known():
     flown = make_tree()
-    assert "air felt from" not in str(motion.axial_deceleration(flown).get_legend_handles_labels()[1])
+    assert "air felt from" not in str(axes_of(motion.axial_deceleration, flown).get_legend_handles_labels()[1])
     flown["postflight"] = xr.DataTree(xr.Dataset(attrs={"domain_start": 7.25, "threshold": 0.02}))
-    ax = motion.axial_deceleration(flown)
+    ax = axes_of(motion.axial_deceleration, flown)
     assert "air felt from 7.2 s" in ax.get_legend_handles_labels()[1]
     assert [0.02, 0.02] in [list(line.get_ydata()) for line in ax.lines]

@@ -5,11 +5,13 @@ import json
 import numpy as np
 import pytest
 import xarray as xr
-from matplotlib.figure import Figure
 
-from edl_filter.report import style
-from edl_filter.report.figures import FIGURES, available, draw_all
-from edl_filter.report.postflight import bounds, has, layer
+from edl_filter.report import figures
+from edl_filter.report.colours import GREEN
+from edl_filter.report.description import bounds
+from edl_filter.report.figures import FIGURES, draw_all
+from edl_filter.report.matplotlib_renderer import draw
+from edl_filter.results.reader import ResultReader
 
 NAMES = [
     "mach_and_knudsen",
@@ -114,12 +116,20 @@ def test_the_angle_of_attack_shows_the_instabilities(tree):
     flown = xr.DataTree.from_dict({node.path: node.to_dataset() for node in tree.subtree})
     angle = xr.DataArray(np.full(flown["trajectory"].sizes["time"], 0.05), dims="time")
     flown["trajectory"] = xr.DataTree(flown["trajectory"].to_dataset().assign(alpha_total=angle))
-    entry = FIGURES["total_angle_of_attack"](flown).axes[0]
+    entry = canvas("total_angle_of_attack", flown).axes[0]
     assert [t.get_text() for t in entry.texts].count("unstable") == 1
     spans = [p.get_extents() for p in entry.patches]
     assert [entry.transData.inverted().transform((s.x0, 0))[0] for s in spans] == pytest.approx([100.0])
-    bare = FIGURES["total_angle_of_attack"](less(flown, "/postflight")).axes[0]
+    bare = canvas("total_angle_of_attack", less(flown, "/postflight")).axes[0]
     assert "unstable" not in [t.get_text() for t in bare.texts] and not bare.patches
+
+
+def canvas(name, tree):
+    return draw(FIGURES[name].describe(ResultReader.of(tree)))
+
+
+def available(tree):
+    return figures.available(ResultReader.of(tree))
 
 
 def less(tree: xr.DataTree, *paths: str) -> xr.DataTree:
@@ -134,20 +144,19 @@ def test_all_files_are_written(tree, tmp_path):
 
 @pytest.mark.parametrize("name", NAMES)
 def test_axes_have_labels_with_units_and_the_flights_marks(tree, name):
-    made = FIGURES[name](tree)
-    assert isinstance(made, Figure)
-    assert made.axes[0].get_title(loc="left").startswith("Test flight: ")
-    texts = {text.get_text() for ax in made.axes for text in ax.texts}
+    figure = canvas(name, tree)
+    assert figure.axes[0].get_title(loc="left").startswith("Test flight: ")
+    texts = {text.get_text() for ax in figure.axes for text in ax.texts}
     assert "Mach 15" in texts
     assert "Mach 5" not in texts  # the flight does not reach it
     if name == "atmosphere_profile":
-        assert [ax.get_xlabel() for ax in made.axes][:3] == ["density (kg/m³)", "pressure (Pa)", "temperature (K)"]
-        assert made.axes[0].get_ylabel() == "altitude (km)"
+        assert [ax.get_xlabel() for ax in figure.axes][:3] == ["density (kg/m³)", "pressure (Pa)", "temperature (K)"]
+        assert figure.axes[0].get_ylabel() == "altitude (km)"
         return
-    assert all(ax.get_ylabel().endswith(")") and "(" in ax.get_ylabel() for ax in made.axes)
-    assert made.axes[-1].get_xlabel() == "time since 2004-01-04 04:19:51.9 UTC (s)"
+    assert all(ax.get_ylabel().endswith(")") and "(" in ax.get_ylabel() for ax in figure.axes)
+    assert figure.axes[-1].get_xlabel() == "time since 2004-01-04 04:19:51.9 UTC (s)"
     assert {"parachute", "unstable"} <= texts
-    for ax in made.axes:
+    for ax in figure.axes:
         low, high = ax.get_xlim()
         assert (low in (START, USEFUL)) and high == PARACHUTE
         marked = [line.get_xdata()[0] for line in ax.lines if line.get_gid() == "event"]
@@ -173,11 +182,11 @@ def test_axes_have_labels_with_units_and_the_flights_marks(tree, name):
 def test_figures_without_their_groups_are_skipped(tree, missing, gone):
     some = less(tree, missing)
     assert available(some) == [n for n in NAMES if n not in gone]
-    assert all(isinstance(FIGURES[n](some), Figure) for n in available(some)[:2])
+    assert all(canvas(n, some).axes for n in available(some)[:2])
 
 
 def test_both_atmospheres_are_compared_in_all_six_coefficients(tree):
-    axes = FIGURES["flight_atmospheres"](tree).axes
+    axes = canvas("flight_atmospheres", tree).axes
     assert [ax.get_ylabel().split()[0] for ax in axes[:6]] == ["CA", "CN", "CY", "Cl", "Cm", "Cn"]
     named = [label for ax in axes[6:] for label in ax.get_legend_handles_labels()[1]]
     assert named == ["CN", "CY", "Cm", "Cn", "CA", "Cl"]
@@ -191,41 +200,42 @@ def test_wild_samples_before_the_useful_domain_do_not_set_the_range(tree):
         values = wild["postflight/coefficients/flight"][name].values
         values[wild["postflight/coefficients/flight"]["time"].values < USEFUL] = 10.0
         values[-2:] = -10.0  # the parachute's first pull
-    for ax in FIGURES["force_coefficients"](wild).axes:
+    for ax in canvas("force_coefficients", wild).axes:
         assert np.max(np.abs(ax.get_ylim())) < 0.05
 
 
 def test_the_transition_to_continuum_and_the_flights_own_sigma_are_drawn(tree):
-    labels = [ax.get_legend_handles_labels()[1] for ax in FIGURES["mach_and_knudsen"](tree).axes]
+    labels = [ax.get_legend_handles_labels()[1] for ax in canvas("mach_and_knudsen", tree).axes]
     assert "continuum (Kn < 0.002)" in labels[0]
-    assert [next(line for line in ax.lines if line.get_color() == style.GREEN).get_xdata()[0] for ax in
-            FIGURES["mach_and_knudsen"](tree).axes[:2]] == [60.0, 60.0]  # fmt: skip
-    drawn = FIGURES["force_coefficients"](tree).axes[1]
+    assert [next(line for line in ax.lines if line.get_color() == GREEN).get_xdata()[0] for ax in
+            canvas("mach_and_knudsen", tree).axes[:2]] == [60.0, 60.0]  # fmt: skip
+    drawn = canvas("force_coefficients", tree).axes[1]
     assert "flight's 1 sigma" in drawn.get_legend_handles_labels()[1]
     bare = make_tree()
     del bare["postflight"].attrs["continuum_from"]  # the air never becomes a continuum
-    assert "continuum (Kn < 0.002)" not in FIGURES["mach_and_knudsen"](bare).axes[0].get_legend_handles_labels()[1]
+    assert "continuum (Kn < 0.002)" not in canvas("mach_and_knudsen", bare).axes[0].get_legend_handles_labels()[1]
 
 
 def test_terms_that_are_nothing_are_not_named(tree):
-    labels = FIGURES["rolling_moment"](tree).axes[2].get_legend_handles_labels()[1]
+    labels = canvas("rolling_moment", tree).axes[2].get_legend_handles_labels()[1]
     assert labels == ["by Izz − Iyy"]
 
 
 def test_nothing_useful_and_nothing_stated():
     bare = make_tree()
     bare["postflight"].attrs = {"domain_useful": float("nan")}
-    found = layer(bare)
-    assert (found.start, found.useful, found.end) == (found.time[0], found.time[0], found.time[-1])
-    assert found.mach_times == {}
-    assert found.unstable == []
-    assert all(isinstance(FIGURES[name](bare), Figure) for name in NAMES)
+    domain = ResultReader.of(bare).domain
+    assert (domain.start, domain.useful, domain.end) == (domain.time[0], domain.time[0], domain.time[-1])
+    assert domain.mach_times == {}
+    assert domain.instabilities == ()
+    assert all(canvas(name, bare).axes for name in NAMES)
 
 
 def test_has_looks_below_children(tree):
-    assert has(tree, "atmosphere/flight:mach", "angles:alpha")
-    assert not has(tree, "atmosphere/flight:nothing")
-    assert not has(tree, "atmosphere/nothing:mach")
+    reader = ResultReader.of(tree)
+    assert reader.has("postflight/atmosphere/flight:mach", "postflight/angles:alpha")
+    assert not reader.has("postflight/atmosphere/flight:nothing")
+    assert not reader.has("postflight/atmosphere/nothing:mach")
 
 
 def test_bounds_of_nothing():
@@ -243,5 +253,5 @@ def test_a_clear_window_is_inside_the_oscillations_range_and_a_vague_one_does_no
     flown["postflight/oscillation"] = xr.DataTree(
         windows.to_dataset().assign(growth=("time", growth), growth_sigma=("time", sigma))
     )
-    low, high = FIGURES["oscillation"](flown).axes[1].get_ylim()
+    low, high = canvas("oscillation", flown).axes[1].get_ylim()
     assert low > -0.1 and 0.3 < high < 0.5

@@ -6,7 +6,7 @@ from edl_filter.mission.decision_settings import DecisionSettings
 def cell(**changes):
     return {
         "channel": "moment_y", "regime": "Mach 15 to 5", "t0_s": 130.0, "t1_s": 180.0, "normalised_rms": 3.0,
-        "bias": 0.2, "autocorrelation": 0.4, "beyond_noise": 0.02, "unit": "rad/s^2", "over_database_sigma": None,
+        "bias": 0.2, "autocorrelation": 0.4, "excess_rms": 0.02, "unit": "rad/s^2", "over_database_sigma": None,
         "count": 400, "fails": True, "sentence": "moment_y in Mach 15 to 5 (130 to 180 s): 3 times its sigma.",
     } | changes  # fmt: skip
 
@@ -14,7 +14,7 @@ def cell(**changes):
 def hypothesis(**changes):
     return {
         "effect": "remnant_torque", "imu": None, "label": "remnant_torque",
-        "same_as": [], "alternatives": {}, "parted_by": {}, "probability": 0.9,
+        "same_as": [], "alternatives": {}, "discriminated_by": {}, "probability": 0.9,
         "gain": 40.0, "score_gain": 35.0, "at_noise_floor": True,
         "parameters": {
             "Cm": {"estimate": 1.5e-3, "sigma": 1e-4, "unit": ""},
@@ -32,9 +32,9 @@ def diagnosis(**changes):
         "effects": [], "where": [cell()], "map": [cell()], "ranking": [hypothesis()], "none": 0.05, "none_gain": -40.0,
         "something_else": {
             "probability": 0.05, "score_gain": 3.0, "force_m_s2": 0.003, "angular_acceleration_rad_s2": 0.001,
-            "memory_s": 10.0, "with_dynamic_pressure": False,
+            "correlation_time_s": 10.0, "with_dynamic_pressure": False,
         },
-        "undecided": {"mass": {"gain": -2.0, "parameters": {"k": {"estimate": 0.0, "sigma": 0.01, "data_share": 0.9}}}},
+        "screening": {"mass": {"gain": -2.0, "parameters": {"k": {"estimate": 0.0, "sigma": 0.01, "data_share": 0.9}}}},
         "remainder": None, "latent": None, "onsets": [{"channel": "moment_y", "time_s": 131.0, "gain": 20.0}],
         "failed": {}, "errors": {"moment_y": 3.0}, "noise_floor": 1.02, "settings": DecisionSettings().model_dump(),
     } | changes  # fmt: skip

@@ -13,8 +13,11 @@ from rich.console import Console
 import edl_filter
 from edl_filter import results
 from edl_filter.errors import InputError
-from edl_filter.report import terminal
+from edl_filter.report.sentences import landing_sentence, warnings
+from edl_filter.report.terminal.run import constraints_table
+from edl_filter.report.text import constraint_verdict
 from edl_filter.results import Result, files, netcdf, plain
+from edl_filter.results.schema import ConstraintSummary, Landing
 from edl_filter.results.summary import constraint
 from edl_filter.workflow.outputs import write_outputs
 
@@ -188,26 +191,31 @@ def test_what_compares_nothing_has_no_verdict(practice_06):
     row = constraint(replace(practice_06.constraint_checks[0], dof=0))
     assert row["nis_interval_99_9"] is None and row["consistent"] is None
     assert (row["accepted"], row["accepted_uses"], row["uses"]) == (True, 1, 1)
-    assert terminal._verdict(row) == "–"
+    model = ConstraintSummary.of(row)
+    assert constraint_verdict(model) == ("– not judged", "muted")
     console = Console(width=120, record=True, file=io.StringIO())
-    console.print(terminal.constraints_table({"entry_state": row}))
+    console.print(constraints_table({"entry_state": model}))
     assert "nan" not in console.export_text()
+
+
+def models(rows):
+    return {name: ConstraintSummary.of(row) for name, row in rows.items()}
 
 
 def test_a_rejected_landing_is_a_loud_warning(practice_06):
     rows = {s.name: constraint(s) for s in practice_06.constraint_checks}
-    assert terminal.warnings(rows) == []
+    assert warnings(models(rows)) == []
     rows["landing"] |= {"accepted": False, "accepted_uses": 0}
     rows["altimeter"] |= {"accepted": False, "accepted_uses": 251}  # 10 of 261
-    (warning,) = terminal.warnings(rows)
+    (warning,) = warnings(models(rows))
     assert "landing" in warning and "wrong units, wrong axes or a wrong calibration" in warning
     rows["altimeter"]["accepted_uses"] = 240
-    assert len(terminal.warnings(rows)) == 2
+    assert len(warnings(models(rows))) == 2
 
 
 def test_latitude_has_its_hemisphere():
-    content = {"lat_deg": -14.569, "lon_deg": 175.47, "miss_m": 5.0, "sigma_m": 40.0}
-    assert terminal.landing_sentence(content).startswith("Landing: 14.5690 S 175.4700 E, 5 ± 40 m from the site.")
+    landing = Landing(time_s=1.0, lat_deg=-14.569, lon_deg=175.47, radius_m=3.39e6, miss_m=5.0, sigma_m=40.0)
+    assert landing_sentence(landing).startswith("Landing: 14.5690 S 175.4700 E, 5 ± 40 m from the site.")
 
 
 def test_old_figures_do_not_stay_beside_a_new_result(practice_06, tmp_path):

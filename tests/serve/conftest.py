@@ -5,6 +5,7 @@ import shutil
 
 import numpy as np
 import pytest
+from contents import diagnosis, hypothesis
 from starlette.testclient import TestClient
 
 from edl_filter.mission import Mission, shipped_mission
@@ -19,14 +20,15 @@ from edl_filter.workflow.outputs import write_outputs
 PORT = 8765
 ORIGIN = f"http://127.0.0.1:{PORT}"
 
-DIAGNOSIS = {
-    "verdict": "missing", "sentence": "Missing: wind (gain 100 nats).", "effects": [], "where": [], "map": [],
-    "ranking": [{"effect": "wind", "same_as": ["com_offset"], "probability": 1.0,
-                 "alternatives": {"com_offset": {"parameters": {"dy": {"estimate": 4e-3, "sigma": 1e-4, "unit": "m"}}}},
-                 "gain": 100.0, "score_gain": 90.0,
-                 "parameters": {"east": {"estimate": 30.0, "sigma": 1.0, "unit": "m/s"}}}],
-    "errors": {"force_x": 9.0},
-}  # fmt: skip
+DIAGNOSIS = diagnosis(
+    sentence="Missing: wind (gain 100 nats).", where=[], map=[], errors={"force_x": 9.0},
+    ranking=[hypothesis(
+        effect="wind", label="wind",
+        same_as=["com_offset"], probability=1.0, gain=100.0, score_gain=90.0, channel="force_x",
+        alternatives={"com_offset": {"parameters": {"dy": {"estimate": 4e-3, "sigma": 1e-4, "unit": "m"}}}},
+        parameters={"east": {"estimate": 30.0, "sigma": 1.0, "unit": "m/s"}},
+    )],
+)  # fmt: skip
 
 
 @pytest.fixture(scope="session")

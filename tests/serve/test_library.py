@@ -52,7 +52,7 @@ def test_results(root):
 
 def test_an_invalid_diagnosis_is_an_error(root):
     (root / "results/flight/diagnosis.json").write_text('{"verdict": "clean"}')
-    with pytest.raises(InputError, match=r"diagnosis.json cannot be read .*diagnose the result again"):
+    with pytest.raises(InputError, match=r"diagnosis.json: sentence: found nothing; .*run 'edl-filter diagnose' again"):
         library.find_result(root, "results/flight")
 
 
@@ -62,7 +62,7 @@ def test_residual_at_the_times_at_which_it_was_computed(root):
         "unit": "m/s^2", "time": [0.0, 2.0, 3.0], "residual": [1.0, 3.0, 4.0], "sigma": [0.5, 1.5, 2.0],
         "normalised": [2.0, 6.0, 8.0],
     }  # fmt: skip
-    with pytest.raises(InputError, match="found no residual of landing against time; there are force_x, force_y"):
+    with pytest.raises(InputError, match="residual: found 'landing'; accepted: force_x, force_y"):
         library.residual(root, "results/flight", "landing")
     (root / "results/flight/residuals.nc").unlink()
     with pytest.raises(InputError, match=r"found no residuals.nc; diagnose the result again"):

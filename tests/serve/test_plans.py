@@ -17,7 +17,7 @@ def write_diagnosis(served_folder):
     content = json.loads((served_folder / "results/flight/diagnosis.json").read_text())
 
     def write(folder, effect):
-        content["ranking"][0]["effect"] = effect
+        content["ranking"][0] |= {"effect": effect, "label": effect}
         (folder / "diagnosis.json").write_text(json.dumps(content))
 
     return write

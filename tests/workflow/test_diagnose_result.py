@@ -84,7 +84,7 @@ def test_the_shipped_flight_is_clean_and_failing_effects_are_reported(clean):
     message = "AttributeError: 'FlightCondition' object has no attribute 'no_such_thing' (my_effects.py, line 10)"
     assert message in printed["failed"]["raises"]
     assert "gave an array of shape (3,) for force; expected" in printed["failed"]["flat"]
-    assert {"push", "gyro_bias", "com_offset"} <= printed["undecided"].keys()
+    assert {"push", "gyro_bias", "com_offset"} <= printed["screening"].keys()
     for channel, rms in printed["errors"].items():
         if channel.startswith(("force", "moment", "secondary")):
             assert 0.8 < rms < 1.2, channel

@@ -61,7 +61,7 @@ def validate(
         telemetry, description = read_telemetry(mission), f"mission {mission.name}"
         planet = mission.planet_model(telemetry.prime_meridian_at_epoch)
         assemble(mission, telemetry, planet, read_atmosphere(mission))
-    from edl_filter.report.terminal import telemetry_lines
+    from edl_filter.report.terminal.run import telemetry_lines
 
     typer.echo(f"{path}: {description}, no errors found.")
     for line in telemetry_lines(telemetry):
@@ -83,7 +83,7 @@ def _reconstruct(
         paths = {k: str(outputs[k]) for k in ("result", "report")} | {"figures": [str(p) for p in outputs["figures"]]}
         print_json(outputs["content"] | {"outputs": paths})
     else:
-        from edl_filter.report.terminal import print_run
+        from edl_filter.report.terminal.run import print_run
 
         print_run(outputs)
     return outputs

@@ -39,10 +39,10 @@ def diagnosis_content(diagnosis: Diagnosis) -> dict[str, Any]:
             "score_gain": ranking.unmodelled_gain,
             "force_m_s2": ranking.unmodelled.force,
             "angular_acceleration_rad_s2": ranking.unmodelled.moment,
-            "memory_s": ranking.unmodelled.memory,
+            "correlation_time_s": ranking.unmodelled.memory,
             "with_dynamic_pressure": ranking.unmodelled.with_pressure,
         },
-        "undecided": {
+        "screening": {
             label_of(key): {"gain": r.gain, "parameters": _screened_parameters(r)}
             for key, r in ranking.screening.items()
         },
@@ -73,7 +73,7 @@ def diagnosis_content(diagnosis: Diagnosis) -> dict[str, Any]:
 def _cell(c: Cell) -> dict[str, Any]:
     return {
         "channel": c.channel, "regime": c.regime, "t0_s": c.t0, "t1_s": c.t1, "normalised_rms": c.rms, "bias": c.bias,
-        "autocorrelation": c.autocorrelation, "beyond_noise": c.physical, "unit": c.unit,
+        "autocorrelation": c.autocorrelation, "excess_rms": c.physical, "unit": c.unit,
         "over_database_sigma": c.over_database_sigma, "count": c.count, "fails": c.fails, "sentence": c.sentence,
     }  # fmt: skip
 
@@ -107,7 +107,7 @@ def _entry(entry: Entry, before: dict[str, float]) -> dict[str, Any]:
         "label": h.label,
         "same_as": list(entry.same_as),
         "alternatives": {a.label: {"parameters": _parameters(a, a.instance)} for a in entry.indistinguishable},
-        "parted_by": entry.discriminated_by,
+        "discriminated_by": entry.discriminated_by,
         "probability": entry.probability,
         "gain": h.gain,
         "score_gain": h.score_gain,

@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from edl_filter.navigation.trajectory import Trajectory
 from edl_filter.pipeline.reconstruct import Reconstruction
@@ -127,13 +126,6 @@ def peak_deceleration(trajectory: Trajectory, record: ImuRecord, end: float) -> 
     k = int(np.argmax(np.where(adjoin, mean, -np.inf)))
     middle = time[k] + 0.5 * (interval[k + 1] - interval[k])
     return Peak(float(middle), float(mean[k]), float(force.max()))
-
-
-def clock_readings(reconstruction: Reconstruction, time: Array) -> tuple[Array | None, NDArray[np.datetime64]]:
-    """Spacecraft clock (s; None without one) and UTC, ``(N,)`` each, at `time` ``(N,)``, s since the epoch."""
-    telemetry = reconstruction.telemetry
-    utc = SclkClock(0.0, telemetry.epoch_utc).to_datetime64(time)
-    return (None if telemetry.epoch_sclk is None else telemetry.epoch_sclk + np.asarray(time)), utc
 
 
 def _event(name: str, time: float, reconstruction: Reconstruction, air: AirData, peak: Peak | None) -> Event:

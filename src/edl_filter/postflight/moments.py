@@ -34,11 +34,6 @@ class Moments:
     systematic: Array
     rolling: dict[str, Array]
 
-    @property
-    def inertia_coupling(self) -> Array:
-        """Sum of all terms of the rolling moment except ``spin``, ``(N,)``, N m."""
-        return np.sum([v for k, v in self.rolling.items() if k != "spin"], axis=0)
-
 
 def euler(
     rate: Array,

@@ -1,174 +1,211 @@
-"""Figures of the post-flight atmosphere (thesis figures 4.1 and 4.2, chapter 4)."""
+"""Atmosphere of the flight and the preflight one (thesis figures 4.1 and 4.2, chapter 4)."""
 
 from __future__ import annotations
 
-import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
-from matplotlib.ticker import LogLocator, NullLocator
-from xarray import DataTree
+from dataclasses import dataclass, replace
 
-from edl_filter.report import style
-from edl_filter.report.decimate import envelope
-from edl_filter.report.postflight import LEGEND, Layer, Panel, bounds, layer, strips
-from edl_filter.report.profile import EDGE, known
+import numpy as np
+
+from edl_filter.report.description import (
+    Axis,
+    Band,
+    Curve,
+    Element,
+    Figure,
+    Legend,
+    Line,
+    Panel,
+    Text,
+    bounds,
+    significant,
+)  # fmt: skip
+from edl_filter.report.domain import DomainView
+from edl_filter.results.reader import ResultReader, ValidationDomain
 from edl_filter.types import Array, BoolArray
 
 FLIGHT, PREFLIGHT = "atmosphere/flight", "atmosphere/preflight"
-_KILO = 1e-3
+#: Largest relative sigma of a temperature or a ratio that is plotted.
+LARGEST_SIGMA = 0.1
+#: Time before the parachute at which a profile ends, s: the smoothing spreads the opening so far back.
+_BEFORE_PARACHUTE = 0.5
+_UNITS = {"density": "kg/m³", "pressure": "Pa", "temperature": "K"}
 
 
-@style.styled
-def mach_and_knudsen(tree: DataTree) -> Figure:
-    """Mach and Knudsen numbers with the flight's atmosphere and the one expected."""
-    shared = layer(tree)
-    return strips(
-        shared, "Mach and Knudsen numbers", (_mach, _knudsen, _differences), (2.4, 2.4, 2.0), low=shared.start
-    )
+def mach_and_knudsen(reader: ResultReader) -> Figure:
+    """Mach and Knudsen numbers with the flight's and the preflight atmosphere."""
+    view = DomainView(reader, all_air=True)
+    panels = (_mach(view), _knudsen(view), _differences(view))
+    return view.figure("Mach and Knudsen numbers", panels, (2.4, 2.4, 2.0))
 
 
-def _mach(panel: Panel) -> None:
-    _both(panel, "mach")
-    flown, expected = _pair(panel, "mach")
-    panel.ax.set_ylim(0.0, 1.25 * max(np.nanmax(expected[panel.inside]), np.nanmax(flown[panel.layer.counts])))
-    panel.ax.set_ylabel("Mach number (–)")
-    _continuum(panel)
-    panel.ax.legend(loc="upper right")
+def _mach(view: DomainView) -> Panel:
+    flight, preflight = view.values(FLIGHT, "mach"), view.values(PREFLIGHT, "mach")
+    top = 1.25 * max(np.nanmax(preflight[view.inside]), np.nanmax(flight[view.domain.significant]))
+    y = Axis("Mach number", "–", range=(0.0, float(top)))
+    return view.panel(y, (*_pair(view, "mach"), *_continuum(view)), Legend("upper right", 1))
 
 
-def _knudsen(panel: Panel) -> None:
-    _both(panel, "knudsen")
-    panel.ax.set_yscale("log")
-    panel.ax.yaxis.set_major_locator(LogLocator(numticks=6))
-    panel.ax.yaxis.set_minor_locator(NullLocator())
-    panel.ax.set_ylabel("Knudsen number (–)")
-    _continuum(panel)
-    if panel.layer.continuum:
-        panel.ax.axhline(panel.layer.continuum[1], color=style.GREEN, linewidth=1.2, linestyle=":")
+def _knudsen(view: DomainView) -> Panel:
+    elements = [*_pair(view, "knudsen"), *_continuum(view)]
+    if view.domain.continuum is not None:
+        elements.append(Line(view.domain.continuum[1], "y", colour="green", dash="dot", width=1.2))
+    return view.panel(Axis("Knudsen number", "–", "log"), elements)
 
 
-def _differences(panel: Panel) -> None:
-    shown = []
-    for name, label, colour in (("mach", "Mach", style.BLUE), ("knudsen", "Knudsen", style.ORANGE)):
-        shown.append(panel.layer.get("atmosphere_differences", name))
-        panel.line(shown[-1], colour, label, 1.2)
-    # the Mach number's first seconds, when the pressure is still that of the start, would make all else small
-    mach, knudsen = shown
-    panel.limits(np.where(panel.layer.counts, mach, np.nan), knudsen, everything=True, room=LEGEND)
-    panel.ax.set_ylabel("flight less\npreflight (%)")
-    panel.legend()
+def _differences(view: DomainView) -> Panel:
+    mach, knudsen = (view.values("atmosphere_differences", name) for name in ("mach", "knudsen"))
+    curves = (view.curve(mach, "blue", "Mach", 1.2, "%"), view.curve(knudsen, "orange", "Knudsen", 1.2, "%"))
+    # the Mach number's first seconds, which depend on the initial pressure, would dominate the range
+    later = np.where(view.domain.significant, mach, np.nan)
+    y = Axis("flight minus\npreflight", "%", range=view.limits(later, knudsen, everywhere=True, legend=True))
+    return view.panel(y, curves, Legend())
 
 
-def _continuum(panel: Panel) -> None:
-    """From where on the database is entered with the Mach number."""
-    if panel.layer.continuum:
-        time, limit = panel.layer.continuum
-        panel.ax.axvline(time, color=style.GREEN, linewidth=1.4, linestyle=":", label=f"continuum (Kn < {limit:g})")
+def _continuum(view: DomainView) -> list[Element]:
+    """Time from which the database is entered with the Mach number."""
+    if view.domain.continuum is None:
+        return []
+    time, limit = view.domain.continuum
+    return [Line(time, "x", f"continuum (Kn < {limit:g})", "green", "dot", 1.4)]
 
 
-def _pair(panel: Panel, name: str) -> tuple[Array, Array]:
-    return panel.layer.get(FLIGHT, name), panel.layer.get(PREFLIGHT, name)
+def _pair(view: DomainView, name: str) -> list[Element]:
+    preflight = view.curve(view.values(PREFLIGHT, name), "vermillion", "preflight", 1.4)
+    return [view.curve(view.values(FLIGHT, name), "blue", "flight", 1.4), replace(preflight, dash="dash")]
 
 
-def _both(panel: Panel, name: str) -> None:
-    flown, expected = _pair(panel, name)
-    panel.line(flown, style.BLUE, "flight", 1.4)
-    panel.line(expected, style.VERMILLION, "preflight", 1.4, linestyle=(0, (5, 2)))
+@dataclass(frozen=True, eq=False)
+class Profiles:
+    """Altitude of the samples at which profiles are plotted.
+
+    Attributes
+    ----------
+    reader : ResultReader
+    domain : ValidationDomain
+    inside : (N,) bool array
+        Samples of the profiles.
+    height : (M,) array
+        Their altitude, km.
+    """
+
+    reader: ResultReader
+    domain: ValidationDomain
+    inside: BoolArray
+    height: Array
+
+    def values(self, group: str, name: str) -> Array | None:
+        """Variable at the samples of the profiles ``(M,)``; None if the result does not have it."""
+        values = self.reader.variable(f"postflight/{group}", name)
+        return None if values is None else values[self.inside]
+
+    @property
+    def significant(self) -> BoolArray:
+        """Samples ``(M,)`` at which the force coefficients are significant."""
+        return self.domain.significant[self.inside]
 
 
-@style.styled
-def atmosphere_profile(tree: DataTree) -> Figure:
-    """Density, pressure and temperature against altitude with one-sigma bands, and their ratios to those expected."""
-    shared = layer(tree)
-    made = style.figure(8.4)
-    style.margins(made, top=0.6)
-    made.subplots_adjust(hspace=0.3, wspace=0.12)
-    axes = made.subplots(2, 2, sharey=True)
-    inside = (shared.time >= shared.start) & (shared.time <= shared.end - EDGE)
-    height = _KILO * shared.get(FLIGHT, "altitude")[inside]
-    for ax, name, unit in zip(axes.flat, ("density", "pressure", "temperature"), ("kg/m³", "Pa", "K"), strict=False):
-        _profile(shared, ax, name, inside, height)
-        ax.set_xlabel(f"{name} ({unit})")
-    _ratios(shared, axes[1, 1], inside, height)
-    for row in axes:
-        row[0].set_ylabel("altitude (km)")
-    low, high = float(np.nanmin(height)), float(np.nanmax(height))
-    axes[0, 0].set_ylim(max(0.0, low - 3.0), high + 1.0)
-    for ax in axes.flat:
-        _mark_mach(shared, ax, named=ax in axes[:, 0])
-    style.title(tree, axes[0, 0], "atmosphere along the flight")
-    return made
+def profiles(reader: ResultReader) -> Profiles | None:
+    """Samples of the profiles; None if the result has no atmosphere, or too short a time with measurable air."""
+    domain, height = reader.domain, reader.variable(f"postflight/{FLIGHT}", "altitude")
+    if domain is None or height is None or not reader.has(f"postflight/{FLIGHT}:density"):
+        return None
+    inside = (domain.time >= domain.start) & (domain.time <= domain.end - _BEFORE_PARACHUTE)
+    return Profiles(reader, domain, inside, 1e-3 * height[inside]) if inside.any() else None
 
 
-def _profile(shared: Layer, ax: Axes, name: str, inside: BoolArray, height: Array) -> None:
-    flown, expected = (shared.get(group, name)[inside] for group in (FLIGHT, PREFLIGHT))
-    sigma = shared.get(FLIGHT, f"{name}_sigma")[inside]
-    linear = name == "temperature"
-    flown = known(flown, sigma) if linear else flown
-    _band(ax, height, flown, sigma, 0.0 if linear else 1e-3 * float(np.nanmin(expected)), style.SKY, "±1 sigma")
-    ax.plot(*envelope(height, flown)[::-1], color=style.BLUE, linewidth=1.3, label="flight")
-    ax.plot(
-        *envelope(height, expected)[::-1],
-        color=style.VERMILLION,
-        linewidth=1.3,
-        linestyle=(0, (5, 2)),
-        label="preflight",
-    )
+def profile_panels(reader: ResultReader) -> tuple[Panel, ...]:
+    """Density, pressure and temperature against altitude with one-sigma bands, and their ratios to the preflight ones.
+
+    Panels of quantities that the result does not have are omitted.
+    """
+    samples = profiles(reader)
+    if samples is None:
+        return ()
+    panels = [_profile(samples, name) for name in _UNITS if samples.values(FLIGHT, name) is not None]
+    if any(samples.values(PREFLIGHT, name) is not None for name in _UNITS):
+        panels.append(_ratios(samples))
+    marks = _mach_marks(samples)
+    return tuple(replace(panel, elements=(*marks, *panel.elements)) for panel in panels)
+
+
+def atmosphere_profile(reader: ResultReader) -> Figure:
+    """Profiles of the atmosphere and their ratios to the preflight one."""
+    panels = profile_panels(reader)
+    return Figure(
+        f"{reader.title}: atmosphere along the flight", tuple(panels[k : k + 2] for k in range(0, len(panels), 2)),
+        (3.5, 3.5), (1.0, 1.0), gaps=(0.12, 0.3), shared_y=True,
+    )  # fmt: skip
+
+
+def _height_axis(samples: Profiles) -> Axis:
+    low, high = float(np.nanmin(samples.height)), float(np.nanmax(samples.height))
+    return Axis("altitude", "km", range=(max(0.0, low - 3.0), high + 1.0))
+
+
+def _profile(samples: Profiles, name: str) -> Panel:
+    """One quantity against altitude."""
+    flight, sigma = samples.values(FLIGHT, name), samples.values(FLIGHT, f"{name}_sigma")
+    preflight = samples.values(PREFLIGHT, name)
+    assert flight is not None
+    linear, unit, height = name == "temperature", _UNITS[name], samples.height
     if linear:
-        low, high = bounds([flown[shared.counts[inside]], expected])
-        ax.set_xlim(max(low, 0.0), high)
-        ax.legend(loc="upper right")
+        flight = significant(flight, sigma, LARGEST_SIGMA)
+    reference = np.abs(flight) if preflight is None else preflight
+    elements: list[Element] = []
+    if sigma is not None:
+        least = 0.0 if linear else 1e-3 * float(np.nanmin(reference))
+        low, high = np.maximum(flight - sigma, least), flight + sigma
+        elements.append(Band(height, low, high, "±1 sigma", "blue-band", "y"))
+    line = flight if linear else np.where(flight > 0.0, flight, np.nan)
+    elements.append(Curve(line, height, "flight", "blue", unit, independent="y"))
+    if preflight is not None:
+        elements.append(Curve(preflight, height, "preflight", "vermillion", unit, dash="dash", independent="y"))
+    both = [flight[samples.significant] if linear else flight, *(() if preflight is None else (preflight,))]
+    if linear:
+        low_end, high_end = bounds(both, 0.01)
+        x = Axis(name, unit, range=(max(low_end, 0.0), high_end))
     else:
-        ax.set_xscale("log")
-        both = np.concatenate((flown, expected))
-        both = both[both > 0.0]
-        # the hydrostatic pressure begins with nothing: its first metres are not worth decades
-        least = max(float(both.min()), 0.02 * float(np.nanmin(expected)))
-        ax.set_xlim(0.5 * least, 2.0 * float(both.max()))
-        ax.xaxis.set_major_locator(LogLocator(numticks=6))
-        ax.xaxis.set_minor_locator(NullLocator())
-        ax.legend(loc="upper right")
+        positive = np.concatenate(both)
+        positive = positive[positive > 0.0]
+        # the hydrostatic pressure begins with zero: its first metres do not deserve decades of the axis
+        least = max(float(positive.min()), 0.02 * float(np.nanmin(reference)))
+        x = Axis(name, unit, "log", (0.5 * least, 2.0 * float(positive.max())))
+    caption = f"{name.capitalize()} along the flight."
+    return Panel(
+        x, _height_axis(samples), tuple(elements), legend=Legend("upper right", 1), name=f"profile_{name}",
+        caption=caption,
+    )  # fmt: skip
 
 
-def _ratios(shared: Layer, ax: Axes, inside: BoolArray, height: Array) -> None:
-    shown = []
-    for name, colour in (("density", style.BLUE), ("pressure", style.GREEN), ("temperature", style.ORANGE)):
-        flown, expected = (shared.get(group, name)[inside] for group in (FLIGHT, PREFLIGHT))
-        sigma = shared.get(FLIGHT, f"{name}_sigma")[inside]
-        ratio = known(flown, sigma) / expected
-        _band(ax, height, ratio, sigma / expected, 0.0, colour, "", alpha=0.25)
-        ax.plot(*envelope(height, ratio)[::-1], color=colour, linewidth=1.2, label=name)
-        shown.append(ratio if name == "density" else ratio[shared.counts[inside]])
-    ax.axvline(1.0, color=style.GREY, linewidth=0.8)
-    low, high = bounds([*shown, np.array([0.9, 1.1])], 0.01)
-    ax.set_xlim(max(low, 0.0), high)
-    ax.set_xlabel("flight / preflight (–)")
-    ax.legend(loc="best")
+def _ratios(samples: Profiles) -> Panel:
+    """Flight over preflight of all three quantities."""
+    elements: list[Element] = [Line(1.0, "x")]
+    values = [np.array([0.9, 1.1])]
+    for name, colour in (("density", "blue"), ("pressure", "green"), ("temperature", "orange")):
+        flight, preflight = samples.values(FLIGHT, name), samples.values(PREFLIGHT, name)
+        if flight is None or preflight is None:
+            continue
+        sigma = samples.values(FLIGHT, f"{name}_sigma")
+        ratio = significant(flight, sigma, LARGEST_SIGMA) / preflight
+        if sigma is not None:
+            low, high = ratio - sigma / preflight, ratio + sigma / preflight
+            elements.append(Band(samples.height, np.maximum(low, 0.0), high, "", f"{colour}-band", "y", name))
+        elements.append(Curve(ratio, samples.height, name, colour, "", 1.2, independent="y"))
+        values.append(ratio if name == "density" else ratio[samples.significant])
+    low_end, high_end = bounds(values, 0.01)
+    return Panel(
+        Axis("flight / preflight", "–", range=(max(low_end, 0.0), high_end)), _height_axis(samples), tuple(elements),
+        legend=Legend("best", 1), name="profile_ratio",
+        caption="Flight over preflight: 1 where the atmosphere is the expected one.",
+    )  # fmt: skip
 
 
-def _band(
-    ax: Axes, height: Array, values: Array, sigma: Array, least: float, colour: str, label: str, alpha: float = 0.5
-) -> None:
-    low, high = envelope(height, np.maximum(values - sigma, least)), envelope(height, values + sigma)
-    order = np.argsort(low[0], kind="stable"), np.argsort(high[0], kind="stable")
-    ends = np.union1d(low[0], high[0])
-    left = np.interp(ends, low[0][order[0]], low[1][order[0]])
-    right = np.interp(ends, high[0][order[1]], high[1][order[1]])
-    ax.fill_betweenx(ends, left, right, color=colour, alpha=alpha, linewidth=0.0, label=label or None)
-
-
-def _mark_mach(shared: Layer, ax: Axes, named: bool) -> None:
-    altitude = _KILO * shared.get(FLIGHT, "altitude")
-    for number, time in shared.mach_times.items():
-        height = float(np.interp(time, shared.time, altitude))
-        ax.axhline(height, color=style.GREY, linewidth=0.8, linestyle=(0, (4, 3)), zorder=1.5)
-        if named:
-            ax.annotate(
-                f"Mach {number}",
-                (0.0, height),
-                (3.0, 1.0),
-                xycoords=("axes fraction", "data"),
-                textcoords="offset points",
-                fontsize=9.0,
-                color="#333333",
-            )
+def _mach_marks(samples: Profiles) -> list[Element]:
+    """Altitudes at which the flight falls below Mach numbers."""
+    altitude = 1e-3 * samples.reader.required(f"postflight/{FLIGHT}", "altitude")
+    marks: list[Element] = []
+    for mach, time in samples.domain.mach_times.items():
+        height = float(np.interp(time, samples.domain.time, altitude))
+        marks.append(Line(height, "y", dash="dash"))
+        marks.append(Text(f"Mach {mach}", 0.0, height, ("panel", "data"), (3.0, 1.0), "left", "bottom", 9.0, "muted"))
+    return marks

@@ -1,210 +1,184 @@
-"""Panels of what each constraint said against what was predicted for it, in sigmas."""
+"""Constraints against their predictions, in sigmas: in the forward pass, and from all others."""
 
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.transforms import blended_transform_factory
 from scipy.special import chdtri
-from xarray import Dataset, DataTree
 
-from edl_filter.report import style, view
+from edl_filter.report.description import Axis, Curve, Element, Figure, Line, Panel, Span, Symbol, Text
+from edl_filter.report.text import short, words
+from edl_filter.results.groups import Group
+from edl_filter.results.reader import ResultReader
 from edl_filter.types import Array, BoolArray
 
 PROBABILITY = 0.999
-LIMIT = 5.0  # sigmas shown; beyond it an arrow at the edge with its number
-ROW_INCHES = 0.2
-LEFT = 3.2  # inches for the names of constraints and components
+LIMIT = 5.0  # sigmas; a value beyond it is an arrow at the edge with its number
+_ROW_INCHES = 0.2
+#: Width of the column with the names of constraints and components, inches.
+_NAMES_INCHES = 3.2
+#: Distance between two constraints, rows.
+_GAP = 0.6
 
 
-@dataclass(frozen=True)
-class Row:
-    """All values of one component of a constraint, in sigmas; NaN where nothing was predicted."""
+@dataclass(frozen=True, eq=False)
+class _Component:
+    """Values of one component of a constraint, in sigmas ``(U,)``, NaN where nothing was predicted; ``(U,)`` uses."""
 
     name: str
     values: Array
     accepted: BoolArray
 
 
-@dataclass(frozen=True)
-class Block:
-    """One constraint: its components and what its NIS says."""
+@dataclass(frozen=True, eq=False)
+class _Constraint:
+    """Components of one constraint, and its normalised innovation squared."""
 
     name: str
-    rows: list[Row]
+    components: list[_Component]
     nis: float
     dof: int
 
-    @property
-    def interval(self) -> tuple[float, float]:
-        """Interval that holds the NIS with `PROBABILITY`."""
-        tail = 0.5 * (1.0 - PROBABILITY)
-        low, high = chdtri(self.dof, [1.0 - tail, tail])
-        return float(low), float(high)
 
+def innovations(reader: ResultReader) -> Panel:
+    """Innovations of all constraints in the forward pass, one dot for each use and component.
 
-@style.styled
-def innovations(tree: DataTree, ax: Axes | None = None) -> Axes:
-    """Innovations of all constraints on the way forwards, one dot for each use and component.
-
-    The entry state is where that way begins; how it stands to the rest is in `left_out`.
+    The forward pass begins with the entry state; `left_out` compares it with the others.
     """
-    found = view.constraints(tree).items()
-    blocks = [_innovation(name, data) for name, data in found if name != "entry_state"]
-    return _draw(tree, ax, blocks, "constraint innovations", "innovation (sigma)")
+    constraints = [_innovation(n, g) for n, g in reader.constraints.items() if n != "entry_state"]
+    return _panel(constraints, "innovation (sigma)")
 
 
-@style.styled
-def left_out(tree: DataTree, ax: Axes | None = None) -> Axes:
+def left_out(reader: ResultReader) -> Panel:
     """Each constraint against the prediction from all others."""
-    blocks = [_left_out(name, data) for name, data in view.constraints(tree).items() if "left_out" in data]
-    return _draw(tree, ax, blocks, "each constraint against all others", "measured − predicted (sigma)")
+    constraints = [_left_out(n, g) for n, g in reader.constraints.items() if "left_out" in g.variables]
+    return _panel(constraints, "measured − predicted (sigma)")
 
 
-def _innovation(name: str, data: Dataset) -> Block:
-    residual = np.atleast_2d(np.asarray(data["innovation"].values, float))
-    sigma = np.atleast_2d(np.asarray(data["innovation_sigma"].values, float))
-    uses = len(residual)
-    accepted = np.ones(uses, bool)
-    if "accepted" in data:
-        accepted = np.atleast_1d(data["accepted"].values).astype(bool)
-    names = _components(data, residual.shape[1])
-    rows = [Row(n, _ratio(residual[:, i], sigma[:, i]), accepted) for i, n in enumerate(names)]
-    dof = int(data.attrs.get("dof", residual.size))
-    return Block(name, rows, float(np.sum(data["nis"].values)) if "nis" in data else np.nan, dof)
+def innovations_figure(reader: ResultReader) -> Figure:
+    """Innovations of all constraints in sigmas."""
+    return _figure(reader, innovations(reader), "constraint innovations")
 
 
-def _left_out(name: str, data: Dataset) -> Block:
-    residual = np.atleast_1d(np.asarray(data["left_out"].values, float))
-    sigma = np.atleast_1d(np.asarray(data["left_out_sigma"].values, float))
-    ratio = _ratio(residual, sigma)
-    names = _components(data, len(residual))
-    rows = [Row(n, ratio[i : i + 1], np.ones(1, bool)) for i, n in enumerate(names)]
-    return Block(
-        name,
-        rows,
-        float(data.attrs.get("left_out_nis", np.nan)),
-        int(data.attrs.get("left_out_dof", len(residual))),
-    )
+def left_out_figure(reader: ResultReader) -> Figure:
+    """Each constraint against the prediction from all others, in sigmas."""
+    return _figure(reader, left_out(reader), "each constraint against all others")
+
+
+def _figure(reader: ResultReader, panel: Panel, subject: str) -> Figure:
+    assert panel.y.range is not None
+    rows = max(panel.y.range[0] - panel.y.range[1], 6.0)
+    return Figure(f"{reader.title}: {subject}", ((panel,),), (_ROW_INCHES * rows,), margins=(_NAMES_INCHES, 2.35, 0.9))
+
+
+def _innovation(name: str, group: Group) -> _Constraint:
+    values = _numbers(group)
+    residual, sigma = np.atleast_2d(values["innovation"]), np.atleast_2d(values["innovation_sigma"])
+    accepted = np.atleast_1d(values.get("accepted", np.ones(len(residual)))).astype(bool)
+    components = [
+        _Component(n, _ratio(residual[:, i], sigma[:, i]), accepted)
+        for i, n in enumerate(_component_names(group, residual.shape[1]))
+    ]
+    nis = float(np.sum(values["nis"])) if "nis" in values else np.nan
+    return _Constraint(name, components, nis, int(group.attrs.get("dof", residual.size)))
+
+
+def _left_out(name: str, group: Group) -> _Constraint:
+    values = _numbers(group)
+    ratio = _ratio(np.atleast_1d(values["left_out"]), np.atleast_1d(values["left_out_sigma"]))
+    names = _component_names(group, len(ratio))
+    components = [_Component(n, ratio[i : i + 1], np.ones(1, bool)) for i, n in enumerate(names)]
+    nis, dof = group.attrs.get("left_out_nis", np.nan), group.attrs.get("left_out_dof", len(ratio))
+    return _Constraint(name, components, float(nis), int(dof))
+
+
+def _numbers(group: Group) -> Mapping[str, Array]:
+    return {n: np.asarray(v.values, float) for n, v in group.variables.items() if v.values.dtype.kind in "fiub"}
 
 
 def _ratio(residual: Array, sigma: Array) -> Array:
-    good = np.isfinite(sigma) & (sigma > 0.0)
-    return np.divide(residual, sigma, out=np.full(residual.shape, np.nan), where=good)
+    valid = np.isfinite(sigma) & (sigma > 0.0)
+    return np.divide(residual, sigma, out=np.full(residual.shape, np.nan), where=valid)
 
 
-def _components(data: Dataset, count: int) -> list[str]:
-    """Names of the components without their units: in sigmas there are none."""
-    found = data["component"].values if "component" in data.coords else data.attrs.get("components", ())
-    names = [re.sub(r"\s*\([^)]*\)$", "", str(n)) for n in np.atleast_1d(found)]
+def _component_names(group: Group, count: int) -> list[str]:
+    """Names of the components without their units, which values in sigmas do not have."""
+    labels = group.variables["component"].values if "component" in group.variables else ()
+    names = [re.sub(r"\s*\([^)]*\)$", "", str(label)) for label in np.atleast_1d(labels)]
     return names if len(names) == count else [str(i) for i in range(count)]
 
 
-def _draw(tree: DataTree, ax: Axes | None, blocks: list[Block], subject: str, label: str) -> Axes:
-    if ax is None:
-        count = sum(len(b.rows) for b in blocks) + 0.6 * len(blocks)
-        height = 1.75 + ROW_INCHES * max(count, 6.0)
-        made = style.figure(height)
-        style.margins(made, top=0.85, left=LEFT, right=2.35, bottom=0.9)
-        made.text(
-            0.15 / style.WIDTH,
-            1.0 - 0.2 / height,
-            f"{view.title(tree)}: {subject}",
-            va="top",
-            fontsize=style.TITLE_SIZE,
-            fontweight="bold",
-        )
-        ax = made.add_subplot()
-    for bound, shade in ((3.0, "#EEF6FB"), (1.0, "#CFE6F5")):
-        ax.axvspan(-bound, bound, color=shade, linewidth=0.0, zorder=0)
-    for bound in (-3.0, 3.0):
-        ax.axvline(bound, color=style.GREY, linewidth=0.8, linestyle="--")
-    ax.axvline(0.0, color=style.GREY, linewidth=0.8)
-    beside = blended_transform_factory(ax.transAxes, ax.transData)
+def _panel(constraints: list[_Constraint], label: str) -> Panel:
+    elements: list[Element] = [
+        Span(-3.0, 3.0, colour="blue-fainter"), Span(-1.0, 1.0, colour="blue-faint"), Line(0.0, "x"),
+        Line(-3.0, "x", dash="dash"), Line(3.0, "x", dash="dash"),
+    ]  # fmt: skip
+    ticks: list[tuple[float, str]] = []
     y = 0.0
-    for block in blocks:
+    for constraint in constraints:
         first = y
-        for row in block.rows:
-            _dots(ax, row, y)
-            ax.text(-0.02, y, row.name, transform=beside, ha="right", va="center", fontsize=10.0)
+        for component in constraint.components:
+            elements += _component_elements(component, y)
+            ticks.append((y, component.name))
             y += 1.0
-        _beside(ax, block, 0.5 * (first + y - 1.0))
-        y += 0.6
-        ax.axhline(y - 0.8, color="#BBBBBB", linewidth=0.6)
-    ax.set_yticks([])
-    ax.set_ylim(max(y - 0.8, 1.0), -0.8)
-    ax.set_xlim(-LIMIT, LIMIT)
-    if any(len(row.values) > 1 for block in blocks for row in block.rows):
+        elements += _constraint_texts(constraint, 0.5 * (first + y - 1.0))
+        y += _GAP
+        elements.append(Line(y - 0.8, "y", colour="grid"))
+    components = [component for constraint in constraints for component in constraint.components]
+    if any(len(component.values) > 1 for component in components):
         label += "\nused many times: one small dot per use, the first at the top"
-    if any(not row.accepted.all() for block in blocks for row in block.rows):
+    if any(not component.accepted.all() for component in components):
         label += "; cross: not accepted"
-    ax.set_xlabel(label)
-    ax.text(
-        1.03,
-        1.0,
-        f"NIS in its {100 * PROBABILITY:g} % interval",
-        transform=ax.transAxes,
-        va="bottom",
-        fontsize=10.5,
-    )
-    return ax
+    head = f"NIS in its {100 * PROBABILITY:g} % interval"
+    elements.append(Text(head, 1.03, 1.0, ("panel", "panel"), horizontal="left", vertical="bottom", size=10.5))
+    rows = Axis(range=(max(y - 0.8, 1.0), -0.8), ticks=tuple(ticks), grid=False)
+    return Panel(Axis(label, range=(-LIMIT, LIMIT)), rows, tuple(elements))
 
 
-def _dots(ax: Axes, row: Row, y: float) -> None:
-    values = row.values
+def _component_elements(component: _Component, y: float) -> list[Element]:
+    """Dots of one component around a row of the panel."""
+    values, uses = component.values, len(component.values)
     if not np.isfinite(values).any():
-        ax.text(0.0, y, "not predicted by the others", ha="center", va="center", fontsize=9.0, color=style.GREY)
-        return
-    many = len(values) > 1
-    rows = np.full(len(values), y)
-    if many:  # an even spread over the row, in order of use
-        rows = y + np.linspace(-0.35, 0.35, len(values))
+        return [Text("not predicted by the others", 0.0, y, size=9.0, colour="muted")]
+    repeated = uses > 1
+    rows = y + np.linspace(-0.35, 0.35, uses) if repeated else np.full(uses, y)
     inside = np.abs(values) <= LIMIT
-    size, alpha = (2.5, 0.5) if many else (6.0, 1.0)
-    for keep, colour, marker in ((row.accepted, style.BLUE, "o"), (~row.accepted, style.VERMILLION, "x")):
-        some = keep & inside
-        if not some.any():
-            continue
-        ax.plot(
-            values[some],
-            rows[some],
-            marker,
-            color=colour,
-            markersize=size if marker == "o" else 6.0,
-            alpha=alpha,
-        )
+    elements: list[Element] = []
+    styles: tuple[tuple[bool, str, Symbol], ...] = ((True, "blue", "circle"), (False, "vermillion", "cross"))
+    for accepted, colour, symbol in styles:
+        chosen = (component.accepted == accepted) & inside
+        if chosen.any():
+            style: dict[str, Any] = {"size": 2.5 if repeated and accepted else 6.0, "opacity": 0.5 if repeated else 1.0}
+            dots = Curve(values[chosen], rows[chosen], "", colour, "sigma", 0.0, symbol=symbol, **style)
+            elements.append(dots)
     for value in values[~inside & np.isfinite(values)]:
-        edge = float(np.copysign(LIMIT, value))
-        ax.plot(edge, y, ">" if edge > 0 else "<", color=style.VERMILLION, markersize=7.0, clip_on=False)
-        ax.annotate(
-            f"{value:.1f}",
-            (edge, y),
-            (-7.0 if edge > 0 else 7.0, 0.0),
-            textcoords="offset points",
-            ha="right" if edge > 0 else "left",
-            va="center",
-            fontsize=10.0,
-            color=style.VERMILLION,
-        )
+        right = value > 0.0
+        edge = LIMIT if right else -LIMIT
+        arrow: Symbol = "right" if right else "left"
+        point = np.array([edge]), np.array([y])
+        elements.append(Curve(*point, "", "vermillion", "sigma", 0.0, symbol=arrow, size=7.0))
+        elements.append(
+            Text(
+                f"{value:.1f}", edge, y, offset=(-7.0 if right else 7.0, 0.0), horizontal="right" if right else "left",
+                colour="vermillion",
+            )
+        )  # fmt: skip
+    return elements
 
 
-def _beside(ax: Axes, block: Block, y: float) -> None:
-    """Write the constraint's name to the left of its rows, its NIS with the interval to the right."""
-    width = style.width(ax) / 72.0
-    beside = blended_transform_factory(ax.transAxes, ax.transData)
-    name = block.name.replace("_", " ")
-    ax.text(-(LEFT - 0.15) / width, y, name, transform=beside, ha="left", va="center", fontsize=11.0)
-    if not np.isfinite(block.nis) or block.dof < 1:
-        return
-    low, high = block.interval
-    good = low <= block.nis <= high
-    text = f"{_short(block.nis)} {'in' if good else 'not in'} {_short(low)} … {_short(high)}"
-    colour = "#222222" if good else style.VERMILLION
-    ax.text(1.03, y, text, transform=beside, ha="left", va="center", fontsize=10.5, color=colour)
-
-
-def _short(value: float) -> str:
-    return f"{value:.0f}" if value >= 100.0 else f"{value:.1f}" if value >= 10.0 else f"{value:.2f}"
+def _constraint_texts(constraint: _Constraint, y: float) -> list[Element]:
+    """The constraint's name at the left of its rows, and its NIS with the interval at the right."""
+    offset = (-72.0 * (_NAMES_INCHES - 0.15), 0.0)
+    name = Text(words(constraint.name), 0.0, y, ("panel", "data"), offset, "left", size=11.0)
+    if not np.isfinite(constraint.nis) or constraint.dof < 1:
+        return [name]
+    tail = 0.5 * (1.0 - PROBABILITY)
+    low, high = (float(v) for v in chdtri(constraint.dof, [1.0 - tail, tail]))
+    consistent = low <= constraint.nis <= high
+    text = f"{short(constraint.nis)} {'in' if consistent else 'not in'} {short(low)} … {short(high)}"
+    colour = "ink" if consistent else "vermillion"
+    return [name, Text(text, 1.03, y, ("panel", "data"), horizontal="left", size=10.5, colour=colour)]

@@ -1,210 +1,344 @@
-"""Figures of a diagnosis: where the model fails, which hypothesis explains it, how the error fell."""
+"""Figures of a diagnosis: residual map, hypotheses, missing force and moment, fall of the error, residuals."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from matplotlib import colormaps
-from matplotlib.axes import Axes
-from matplotlib.colors import LogNorm
-from matplotlib.figure import Figure
-from matplotlib.patches import Rectangle
+from xarray import DataArray
 
-from edl_filter.io.atomic import replace_with
-from edl_filter.report import style
-from edl_filter.report.html.colours import ink_on
-from edl_filter.report.terminal.diagnosis import chance
+from edl_filter.report.colours import AXES, LEAST, MOST, cell_colours
+from edl_filter.report.description import (
+    Axis,
+    Band,
+    Bars,
+    ColourScale,
+    Curve,
+    Dash,
+    Element,
+    Figure,
+    HeatCell,
+    HeatMap,
+    Legend,
+    Line,
+    Panel,
+    Span,
+    Symbol,
+    Text,
+)  # fmt: skip
+from edl_filter.report.matplotlib_renderer import write_figure
+from edl_filter.report.text import (
+    ACCEPTANCE_NATS,
+    CONSTRAINTS,
+    chance,
+    hypothesis_label,
+    number,
+    readable,
+    time_label,
+    words,
+)
+from edl_filter.results.files import DIAGNOSIS_FIGURES
+from edl_filter.results.reader import ResidualSeries
+from edl_filter.results.schema import (
+    DiagnosisContent,
+    ErrorChange,
+    LatentContent,
+    LedgerLine,
+    LedgerStep,
+    MapCell,
+    OnsetContent,
+)  # fmt: skip
+from edl_filter.types import Array
 
-DPI = 120
-#: Gain from which an effect counts as found, nats (design section 6).
-CLEAR = 6.0
 #: Linear part of the axis of gains, nats.
-_LINEAR = 10.0
-_MAP = "cividis"  # even in lightness for all common kinds of colour vision
-_FAILS = style.VERMILLION
-#: Colour and marker of each channel of the ledger.
-_COLOURS = (style.BLUE, style.VERMILLION, style.GREEN, style.ORANGE, style.PURPLE, style.SKY, style.BLACK, style.GREY)
-_MARKS = tuple(zip(_COLOURS, "osD^vP*X", strict=True))
+_LINEAR_NATS = 10.0
+#: Onsets that are marked over the missing force and moment.
+_ONSETS = 3
+#: Colour and symbol of each channel of the ledger.
+_CHANNEL_STYLES: tuple[tuple[str, Symbol], ...] = (
+    ("blue", "circle"), ("vermillion", "square"), ("green", "diamond"), ("orange", "triangle"), ("purple", "down"),
+    ("sky", "plus"), ("ink", "star"), ("muted", "cross"),
+)  # fmt: skip
+_DASH: Dash = "dash"
 
 
-def draw_diagnosis(told: Mapping[str, Any], title: str, folder: Path) -> list[Path]:
-    """Write ``diagnosis_heatmap.png``, ``diagnosis_ranking.png`` and, maybe, ``diagnosis_missing.png``.
+def draw_diagnosis(content: DiagnosisContent | Mapping[str, Any], title: str, folder: Path) -> list[Path]:
+    """Write the figures of a diagnosis: `results.files.DIAGNOSIS_FIGURES`, the last one only if there is an estimate.
 
     Parameters
     ----------
-    told : dict
-        The content of ``diagnosis.json``.
+    content : DiagnosisContent or mapping
+        Content of ``diagnosis.json``.
     title : str
-        Name of the flight.
+        Title of the flight.
     folder : Path
+        Existing or new folder.
     """
-    made = {"diagnosis_heatmap": heatmap(told, title), "diagnosis_ranking": ranking(told, title)}
-    if told["latent"] is not None:
-        made["diagnosis_missing"] = missing(told, title)
-    return [write_figure(made_one, folder / f"{name}.png") for name, made_one in made.items()]
+    diagnosis = DiagnosisContent.of(content)
+    figures = [residual_map(diagnosis, title), ranking(diagnosis, title)]
+    if diagnosis.latent is not None:
+        figures.append(missing(diagnosis.latent, diagnosis.onsets, title))
+    return [write_figure(f, folder / f"{n}.png") for f, n in zip(figures, DIAGNOSIS_FIGURES, strict=False)]
 
 
-def write_figure(made: Figure, path: Path) -> Path:
-    """Write a figure whole or not at all."""
-    return replace_with(path, lambda temporary: made.savefig(temporary, dpi=DPI, pil_kwargs={"compress_level": 1}))
+def map_cells(cells: Sequence[MapCell]) -> tuple[list[str], list[str], dict[tuple[str, str], int]]:
+    """Channels and regimes of the flight's cells in the order of the map, and the index of each (channel, regime)."""
+    flight = [(k, cell) for k, cell in enumerate(cells) if cell.regime != CONSTRAINTS]
+    channels = list(dict.fromkeys(cell.channel for _, cell in flight))
+    regimes = list(dict.fromkeys(cell.regime for _, cell in sorted(flight, key=lambda item: item[1].t0_s)))
+    return channels, regimes, {(cell.channel, cell.regime): k for k, cell in flight}
 
 
-@style.styled
-def heatmap(told: Mapping[str, Any], title: str) -> Figure:
-    """Normalised RMS of every channel in every regime, and of every constraint; failing ones outlined."""
-    flight = [c for c in told["map"] if c["regime"] != "constraints"]
-    fixed = [c for c in told["map"] if c["regime"] == "constraints"]
-    channels = list(dict.fromkeys(c["channel"] for c in flight))
-    regimes = list(dict.fromkeys(c["regime"] for c in sorted(flight, key=lambda c: c["t0_s"])))
-    rows = max(len(channels), len(fixed))
-    made = style.figure(1.9 + 0.42 * rows, width=12.5)
-    grid = made.add_gridspec(1, 3, width_ratios=(max(len(regimes), 1), 1.1, 0.25), wspace=0.75)
-    left, right, bar = (made.add_subplot(grid[0, k]) for k in range(3))
-    worst = max((c["normalised_rms"] for c in told["map"]), default=1.0)
-    norm = LogNorm(0.5, max(10.0, worst))
-    _cells(left, {(c["channel"], c["regime"]): c for c in flight}, channels, regimes, norm)
-    names = [c["channel"] for c in fixed]
-    _cells(right, {(c["channel"], "constraints"): c for c in fixed}, names, ["constraints"], norm)
-    right.set_ylim(rows - 0.5, -0.5)
-    left.set_title(f"{title}: where the model fails", loc="left", fontweight="bold")
-    mappable = made.colorbar(left.images[0], cax=bar)
-    mappable.set_label("normalised RMS (1: the model holds); outlined: it fails")
-    bar.grid(False)
-    bar.yaxis.set_major_formatter(style.plain_powers)
-    made.subplots_adjust(left=0.14, right=0.93, bottom=0.19 if rows > 8 else 0.3, top=0.92)
-    return made
+def worst_rms(cells: Sequence[MapCell]) -> float:
+    """Largest normalised RMS of a map."""
+    return max((cell.normalised_rms for cell in cells if cell.normalised_rms is not None), default=1.0)
 
 
-def _cells(
-    ax: Axes,
-    cells: Mapping[tuple[str, str], Mapping[str, Any]],
-    rows: Sequence[str],
-    columns: Sequence[str],
-    norm: LogNorm,
-) -> None:
-    values = np.full((max(len(rows), 1), max(len(columns), 1)), np.nan)
-    for (row, column), cell in cells.items():
-        values[rows.index(row), columns.index(column)] = cell["normalised_rms"]
-    ax.imshow(np.clip(values, norm.vmin, None), cmap=_MAP, norm=norm, aspect="auto", interpolation="none")
-    for (row, column), cell in cells.items():
-        r, c, rms = rows.index(row), columns.index(column), cell["normalised_rms"]
-        ground = [round(255 * part) for part in colormaps[_MAP](norm(max(rms, norm.vmin)))[:3]]
-        text = f"{rms:.2g}" if rms < 100.0 else f"{rms:.0f}"
-        ax.text(c, r, text, ha="center", va="center", fontsize=9.5, color=ink_on(ground))
-        if cell["fails"]:
-            ax.add_patch(Rectangle((c - 0.47, r - 0.45), 0.94, 0.9, fill=False, edgecolor=_FAILS, linewidth=2.5))
-    ax.set_yticks(range(len(rows)), [name.replace("_", " ") for name in rows])
-    ax.set_xticks(range(len(columns)), [name.replace(" flow", "") for name in columns], rotation=25, ha="right")
-    ax.grid(False)
-    ax.tick_params(length=0)
-    for side in ax.spines.values():
-        side.set_visible(False)
+def heat_cell(cell: MapCell, row: int, column: int, worst: float) -> HeatCell:
+    """A cell with a finite normalised RMS, with its text and colours; `worst` is the largest value of the map."""
+    rms = cell.normalised_rms
+    assert rms is not None
+    text = f"{rms:.2f}" if rms < 10.0 else f"{rms:.1f}" if rms < 100.0 else f"{rms:.0f}"
+    return HeatCell(row, column, rms, *cell_colours(rms, worst), text, cell.fails)
 
 
-@style.styled
-def ranking(told: Mapping[str, Any], title: str) -> Figure:
-    """Gain of every hypothesis that was refitted, in sample and held out, and of something else."""
-    rows = [
-        (" or ".join((e["effect"], *e["same_as"])), e["gain"], e["score_gain"], e["probability"])
-        for e in told["ranking"]
-    ]
-    other = told["something_else"]
-    rows.append(("something else", other["score_gain"], None, other["probability"]))
-    made = style.figure(1.9 + 0.6 * len(rows))
-    ax = made.add_subplot()
-    for k, (_, gain, score, probability) in enumerate(rows):
-        ax.barh(k - 0.18, gain, 0.34, color=style.BLUE, label="gain" if k == 0 else None)
-        if score is not None:
-            ax.barh(k + 0.18, score, 0.34, color=style.ORANGE, label="held-out gain" if k == 0 else None)
-        ax.annotate(
-            f"p {chance(probability)}", (1.0, k), xycoords=("axes fraction", "data"), xytext=(4, 0),
-            textcoords="offset points", ha="left", va="center", fontsize=10.5,
-        )  # fmt: skip
-    ax.axvline(CLEAR, color=style.GREY, linestyle=(0, (4, 3)), linewidth=1.0, label="6 nats: found")
-    ax.axvline(0.0, color=style.BLACK, linewidth=0.8)
-    ax.set_xscale("symlog", linthresh=_LINEAR)
-    low, high = ax.get_xlim()
-    ax.set_xlim(min(low, -1.0), max(high, 30.0))
-    ax.tick_params(axis="x", labelsize=9.5)
-    ax.set_yticks(range(len(rows)), [name.replace(" or ", "\nor ") for name, *_ in rows])
-    ax.invert_yaxis()
-    ax.set_xlabel("log-likelihood gained over the model as it is, prior included (nats)")
-    ax.legend(loc="upper center", bbox_to_anchor=(0.4, -0.75 / (0.6 * len(rows) + 0.01)), ncols=3)
-    ax.set_title(f"{title}: which effect is missing", loc="left", fontweight="bold")
-    height = made.get_size_inches()[1]
-    made.subplots_adjust(left=0.27, right=0.89, bottom=1.15 / height, top=1.0 - 0.5 / height)
-    return made
+def residual_map(content: DiagnosisContent | Mapping[str, Any], title: str) -> Figure:
+    """Normalised RMS of every channel in every regime, and of every constraint; failing ones are outlined."""
+    cells = DiagnosisContent.of(content).map
+    channels, regimes, index = map_cells(cells)
+    constraints = [cell for cell in cells if cell.regime == CONSTRAINTS]
+    worst = worst_rms(cells)
+    flight = tuple(
+        heat_cell(cells[k], channels.index(channel), regimes.index(regime), worst)
+        for (channel, regime), k in index.items()
+        if cells[k].normalised_rms is not None
+    )
+    fixed = tuple(heat_cell(c, k, 0, worst) for k, c in enumerate(constraints) if c.normalised_rms is not None)
+    rows = max(len(channels), len(constraints), 1)
+    panels = (
+        _map_panel(flight, channels, [name.replace(" flow", "") for name in regimes], max(len(channels), 1)),
+        _map_panel(fixed, [c.channel for c in constraints], [CONSTRAINTS], rows),
+    )
+    scale = ColourScale(LEAST, max(MOST, worst), "normalised RMS (1: the model holds); outlined: it fails")
+    return Figure(
+        f"{title}: where the model fails", (panels,), (0.42 * rows,), (max(len(regimes), 1), 1.1), 12.5,
+        (1.75, 1.9, 1.05), (0.75, 0.1), scale=scale,
+    )  # fmt: skip
 
 
-@style.styled
-def missing(told: Mapping[str, Any], title: str) -> Figure:
-    """Missing force and moment against time, with bands of two sigmas; onsets marked."""
-    latent = told["latent"]
-    time = np.array(latent["time_s"], float)
-    made = style.figure(7.5)
-    axes = made.subplots(2, 1, sharex=True)
-    for ax, key, sigma, unit in zip(
-        axes,
-        ("force_N", "moment_N_m"),
-        ("force_sigma_N", "moment_sigma_N_m"),
-        ("force (N)", "moment (N m)"),
-        strict=True,
+def _map_panel(cells: tuple[HeatCell, ...], rows: Sequence[str], columns: Sequence[str], height: int) -> Panel:
+    x = Axis(
+        range=(-0.5, max(len(columns), 1) - 0.5), ticks=tuple((float(k), name) for k, name in enumerate(columns)),
+        tick_angle=25.0, grid=False,
+    )  # fmt: skip
+    ticks = tuple((float(k), words(name)) for k, name in enumerate(rows))
+    return Panel(x, Axis(range=(height - 0.5, -0.5), ticks=ticks, grid=False), (HeatMap(cells),))
+
+
+def ranking(content: DiagnosisContent | Mapping[str, Any], title: str) -> Figure:
+    """Gain of every hypothesis that was refitted, in sample and held out, and of something outside the catalogue."""
+    diagnosis = DiagnosisContent.of(content)
+    something = diagnosis.something_else
+    rows = [(hypothesis_label(h), h.gain, h.score_gain, h.probability) for h in diagnosis.ranking]
+    rows.append(("something else", something.score_gain, None, something.probability))
+    gains = [(float(k), gain) for k, (_, gain, _, _) in enumerate(rows) if gain is not None]
+    scores = [(float(k), score) for k, (_, _, score, _) in enumerate(rows) if score is not None]
+    elements: list[Element] = [_gain_bars(gains, -0.18, "blue", "gain")]
+    if scores:
+        elements.append(_gain_bars(scores, 0.18, "orange", "held-out gain"))
+    for k, (_, _, _, probability) in enumerate(rows):
+        text = f"p {chance(probability)}"
+        elements.append(Text(text, 1.0, float(k), ("panel", "data"), (4.0, 0.0), "left", size=10.5))
+    accepted = f"{ACCEPTANCE_NATS:g} nats: accepted"
+    elements += [Line(ACCEPTANCE_NATS, "x", accepted, dash=_DASH, width=1.0), Line(0.0, "x", colour="ink")]
+    values = [value for _, value in (*gains, *scores)]
+    limits = (min(1.3 * min(values, default=0.0), -1.0), max(1.6 * max(values, default=0.0), 30.0))
+    label = "log-likelihood gained over the present model, prior included"
+    ticks = tuple((float(k), name.replace(" or ", "\nor ")) for k, (name, *_) in enumerate(rows))
+    panel = Panel(
+        Axis(label, "nats", "symlog", limits, linear_limit=_LINEAR_NATS),
+        Axis(range=(len(rows) - 0.5, -0.5), ticks=ticks), tuple(elements),
+    )  # fmt: skip
+    return Figure(
+        f"{title}: which effect is missing", ((panel,),), (max(0.6 * len(rows), 0.8),), margins=(2.45, 1.0, 1.15),
+        legend=True,
+    )  # fmt: skip
+
+
+def _gain_bars(values: Sequence[tuple[float, float]], shift: float, colour: str, label: str) -> Bars:
+    positions, ends = tuple(p + shift for p, _ in values), tuple(v for _, v in values)
+    return Bars(positions, (0.0,) * len(values), ends, (colour,) * len(values), label, 0.34, horizontal=True)
+
+
+def missing(latent: LatentContent, onsets: Sequence[OnsetContent], title: str, epoch_utc: str = "") -> Figure:
+    """Missing force and moment against time, with bands of two sigmas; the clearest onsets are marked."""
+    time = np.array(latent.time_s)
+    events = {f"onset {words(o.channel)}": o.time_s for o in onsets[:_ONSETS]}
+    x = Axis(time_label(epoch_utc), "s", range=(float(time[0]), float(time[-1])))
+    panels = []
+    for quantity, unit, vectors, sigmas in (
+        ("force", "N", latent.force_N, latent.force_sigma_N),
+        ("moment", "N m", latent.moment_N_m, latent.moment_sigma_N_m),
     ):
-        values, spread = np.array(latent[key], float), np.array(latent[sigma], float)
-        for c, (name, colour) in enumerate(zip("xyz", (style.BLUE, style.ORANGE, style.GREEN), strict=True)):
-            ax.plot(time, values[:, c], color=colour, label=name, linewidth=1.0)
-            ax.fill_between(
-                time, values[:, c] - 2.0 * spread[:, c], values[:, c] + 2.0 * spread[:, c], color=colour, alpha=0.2,
-                linewidth=0.0,
-            )  # fmt: skip
-        ax.set_ylabel(f"missing {unit}")
-        prefix = unit.split()[0]
-        for onset in told["onsets"]:
-            if onset["channel"].startswith(prefix):
-                ax.axvline(onset["time_s"], color=style.GREY, linestyle=(0, (4, 3)), linewidth=1.0)
-                break
-    axes[0].legend(loc="upper left", bbox_to_anchor=(1.0, 1.0), title="body axis")
-    axes[1].set_xlabel("time (s); bands: 2 sigma; dashed: the clearest onset")
-    axes[0].set_title(f"{title}: what is missing", loc="left", fontweight="bold")
-    made.subplots_adjust(left=0.11, right=0.87, bottom=0.09, top=0.93, hspace=0.12)
-    return made
+        values, sigma = np.array(vectors, float), np.array(sigmas, float)
+        elements: list[Element] = []
+        for k, (name, colour) in enumerate(zip("xyz", AXES, strict=True)):
+            label = f"along {name}"
+            low, high = values[:, k] - 2.0 * sigma[:, k], values[:, k] + 2.0 * sigma[:, k]
+            elements.append(Band(time, low, high, "", f"{colour}-band", curve=label))
+            elements.append(Curve(time, values[:, k], label, colour, unit, 1.0))
+        legend = Legend("outside", 1, "bands: 2 sigma") if quantity == "force" else None
+        panels.append(Panel(x, Axis(f"missing {quantity}", unit), tuple(elements), events, legend))
+    return Figure(
+        f"{title}: what is missing", tuple((panel,) for panel in panels), (2.9, 2.9), margins=(1.0, 1.5, 0.7),
+        shared_x=True, event_labels=True,
+    )  # fmt: skip
 
 
-@style.styled
-def ledger_figure(lines: Sequence[Mapping[str, Any]], noise_floor: float, title: str) -> Figure:
-    """How the error of the channels that fail falls from step to step.
+def ledger_figure(lines: Sequence[LedgerLine | Mapping[str, Any]], noise_floor: float, title: str) -> Figure:
+    """Normalised RMS of the channels that fail, from step to step.
 
     Parameters
     ----------
-    lines : sequence of dict
-        Of the ledger, the last with nothing added.
+    lines : sequence of LedgerLine or mapping
+        Lines of the ledger; the last adds nothing.
     noise_floor : float
-        Normalised RMS that chance allows.
+        Normalised RMS that noise does not exceed.
     title : str
+        Title of the flight.
     """
-    errors = {name: [line["errors"].get(name, {}).get("before") for line in lines] for name in lines[0]["errors"]}
-    worst = {name: max((v for v in values if v is not None), default=0.0) for name, values in errors.items()}
-    shown = sorted((n for n in worst if worst[n] > 1.1 * noise_floor), key=lambda n: -worst[n])[: len(_MARKS)]
-    made = style.figure(5.6)
-    ax = made.add_subplot()
-    for name, (colour, marker) in zip(shown, _MARKS, strict=False):
-        steps = [(k, v) for k, v in enumerate(errors[name]) if v is not None]
-        ax.plot(*zip(*steps, strict=True), color=colour, marker=marker, label=name.replace("_", " "))
-    ax.axhline(noise_floor, color=style.GREY, linestyle=(0, (4, 3)), label="noise")
-    ax.set_yscale("log")
-    ax.yaxis.set_major_formatter(style.plain_powers)
-    added = ["as stated", *(f"+ {line['added']}" for line in lines[:-1])]
-    # the more labels, the steeper
-    turn, room = (
-        (0, 0.1) if len(lines) <= 2 else (20, 0.2) if len(lines) <= 5 else (55, 0.06 + 0.013 * max(map(len, added)))
+    errors = [_errors_before(line) for line in lines]
+    added = [_added(line) for line in lines[:-1]]
+    largest = {name: max((e.get(name) or 0.0 for e in errors), default=0.0) for name in errors[0]}
+    failing = sorted((n for n in largest if largest[n] > 1.1 * noise_floor), key=lambda n: -largest[n])
+    elements: list[Element] = []
+    for name, (colour, symbol) in zip(failing, _CHANNEL_STYLES, strict=False):
+        steps = [(float(k), rms) for k, e in enumerate(errors) if (rms := e.get(name)) is not None]
+        positions, values = np.array(steps).T
+        elements.append(Curve(positions, values, words(name), colour, symbol=symbol, size=6.0))
+    elements.append(Line(noise_floor, label="noise", dash=_DASH, width=1.3))
+    labels = ["as stated", *(f"+ {name}" for name in added)]
+    angle = 0.0 if len(lines) <= 2 else 20.0 if len(lines) <= 5 else 55.0
+    bottom = 0.6 if len(lines) <= 2 else 1.1 if len(lines) <= 5 else 0.4 + 0.075 * max(map(len, labels))
+    sizes = [rms for e in errors for n in failing[: len(_CHANNEL_STYLES)] if (rms := e.get(n))]
+    limits = (0.7 * min([noise_floor, *sizes]), 1.5 * max([noise_floor, *sizes]))
+    x = Axis(range=(-0.3, len(lines) - 0.7), ticks=tuple(enumerate(labels)), tick_angle=angle)
+    y = Axis("normalised RMS (1: the model holds)", scale="log", range=limits)
+    panel = Panel(x, y, tuple(elements), legend=Legend("outside", 1))
+    return Figure(f"{title}: how the error fell", ((panel,),), (4.0,), margins=(1.0, 2.35, bottom))
+
+
+def _errors_before(line: LedgerLine | Mapping[str, Any]) -> dict[str, float | None]:
+    errors = line["errors"] if isinstance(line, Mapping) else line.errors
+    return {name: e["before"] if isinstance(e, Mapping) else e.before for name, e in errors.items()}
+
+
+def _added(line: LedgerLine | Mapping[str, Any]) -> str:
+    if isinstance(line, Mapping):
+        return f"{line['added']} in {line['imu']}" if line.get("imu") else str(line["added"])
+    return line.label if isinstance(line, LedgerStep) else ""
+
+
+def overall_rms(errors: Mapping[str, ErrorChange], after: bool = False) -> float | None:
+    """Root mean square of the normalised RMS of all channels, before or after an addition; None without any."""
+    values = [v for e in errors.values() if (v := e.after if after else e.before) is not None]
+    return math.sqrt(sum(v * v for v in values) / len(values)) if values else None
+
+
+def ledger_levels(lines: Sequence[LedgerLine]) -> list[float]:
+    """Overall normalised RMS before each step, and at the end."""
+    levels = [overall_rms(line.errors) for line in lines]
+    if lines and isinstance(lines[-1], LedgerStep):  # the improvement was interrupted: prediction of the last effect
+        levels.append(overall_rms(lines[-1].errors, after=True))
+    return [level for level in levels if level is not None]
+
+
+def waterfall(lines: Sequence[LedgerLine], diagnosis: DiagnosisContent | None, title: str) -> Figure:
+    """Overall normalised RMS at the beginning, its change by each effect, and at the end."""
+    levels = ledger_levels(lines)
+    bottom, top = 0.5 * min([1.0, *levels]), 2.0 * max(levels)
+    # a step that increases the error has a bar upwards
+    pairs = [(bottom, levels[0]), *((b, a) for a, b in pairwise(levels)), (bottom, levels[-1])]
+    clean = diagnosis is not None and diagnosis.verdict == "clean"
+    colours = (
+        "muted",
+        *("blue" if b <= a else "vermillion" for a, b in pairwise(levels)),
+        "green" if clean else "muted",
     )
-    ax.set_xticks(range(len(lines)), added, rotation=turn, ha="right" if turn else "center", rotation_mode="anchor")
-    ax.set_xlim(-0.3, len(lines) - 0.7)
-    ax.set_ylabel("normalised RMS (1: the model holds)")
-    ax.legend(loc="center left", bbox_to_anchor=(1.0, 0.5))
-    ax.set_title(f"{title}: how the error fell", loc="left", fontweight="bold")
-    made.subplots_adjust(left=0.11, right=0.74, bottom=room, top=0.9)
-    return made
+    bars = Bars(
+        tuple(float(k) for k in range(len(pairs))), tuple(min(p) for p in pairs), tuple(max(p) for p in pairs), colours,
+        notes=(number(levels[0]), *(f"{number(a)} → {number(b)}" for a, b in pairwise(levels)), number(levels[-1])),
+    )  # fmt: skip
+    names = ["as stated", *(f"+ {line.label}" for line in lines if isinstance(line, LedgerStep)), "what is left"]
+    values = [m * 10.0**p for p in range(-3, 7) for m in (1, 2, 5)]
+    y = Axis("normalised RMS", "–", "log", (bottom, top), tuple((v, f"{v:g}") for v in values if bottom <= v <= top))
+    x = Axis(ticks=tuple((float(k), name) for k, name in enumerate(names)), grid=False)
+    noise = () if diagnosis is None else (Line(diagnosis.noise_floor, colour="ink", dash=_DASH, width=1.0),)
+    return Figure(f"{title}: how the error fell", ((Panel(x, y, (bars, *noise)),),), (4.0,))
+
+
+def residual_panel(series: ResidualSeries, channel: str, cells: Sequence[MapCell]) -> Panel:
+    """Residual of a channel with the band of two stated sigmas; regimes in which it fails are shaded.
+
+    Raises
+    ------
+    InputError
+        There is no such channel.
+    """
+    name = channel.replace(" ", "_")
+    k = series.index(name)
+    valid = np.isfinite(series.residual[k])
+    time, values, sigma = series.time[valid], series.residual[k, valid], series.sigma[k, valid]
+    unit = readable(series.units[k])
+    failing = [c for c in cells if c.channel == name and c.fails and c.regime != CONSTRAINTS]
+    elements: list[Element] = [
+        Span(c.t0_s, c.t1_s, label="" if i else "regime fails", colour="failure") for i, c in enumerate(failing)
+    ]
+    elements += [
+        Band(time, -2.0 * sigma, 2.0 * sigma, "±2 sigma stated", "blue-band"),
+        Curve(time, values, "measured minus predicted", "blue", unit, 0.9),
+        Line(0.0),
+    ]
+    x_range, y_range = _residual_ranges(time, values, sigma)
+    *instrument, quantity, axis = name.split("_")
+    if quantity == "moment":
+        label = f"angular acceleration\nby moment {axis}"
+    else:
+        label = "\n".join((*instrument, f"{'specific force' if quantity == 'force' else 'angular rate'} {axis}"))
+    x = Axis(time_label(""), "s", range=x_range)
+    return Panel(x, Axis(label, unit, range=y_range), tuple(elements), legend=Legend("upper left", 3))
+
+
+def _residual_ranges(
+    time: Array, values: Array, sigma: Array
+) -> tuple[tuple[float, float] | None, tuple[float, float] | None]:
+    if not len(values):
+        return None, None
+    low, high = np.quantile(values, (0.002, 0.998))
+    band = 2.0 * float(np.median(sigma))
+    low, high = min(float(low), -band), max(float(high), band)
+    return (float(time[0]), float(time[-1])), (low - 0.1 * (high - low), high + 0.35 * (high - low))
+
+
+def evidence_panel(gains: DataArray) -> Panel:
+    """Evidence for an effect against one of its places, the best one marked."""
+    name = str(gains.dims[0])
+    places, values = np.asarray(gains[name].values, float), np.asarray(gains.values, float)
+    attributes = gains[name].attrs
+    unit = str(attributes.get("units", ""))
+    best = float(places[int(np.argmax(values))])
+    elements = (
+        Curve(places, values, "", "blue", "nats", symbol="circle", size=3.5),
+        Line(best, "x", f"most at {best:.4g} {unit}", "vermillion", _DASH, 1.3), Line(0.0),
+    )  # fmt: skip
+    x = Axis(f"{name}: {attributes.get('long_name', '')}", unit)
+    return Panel(x, Axis("gain over the present model", "nats"), elements, legend=Legend("best", 1))
+
+
+def single_figure(panel: Panel, title: str) -> Figure:
+    """A panel as a figure of its own."""
+    return Figure(title, ((panel,),), (3.2,), margins=(1.2, 0.3, 0.65))

@@ -1,4 +1,4 @@
-"""What a notebook shows of a mission, a reconstruction, a diagnosis and an effect: short HTML tables.
+"""Notebook cards of a mission, a result, a diagnosis and an effect: short HTML tables.
 
 Colours are those of the text around them, so that a dark notebook is as readable as a light one; all text is escaped.
 """
@@ -12,9 +12,19 @@ from typing import TYPE_CHECKING
 
 from edl_filter.diagnosis.diagnosis_json import diagnosis_content
 from edl_filter.effects.tables import size_text
-from edl_filter.report.terminal import with_sigma
-from edl_filter.report.terminal.diagnosis import chance, number, parameters_text
+from edl_filter.report.text import (
+    chance,
+    error_fall,
+    fixed_digits,
+    hypothesis_label,
+    number,
+    parameters_text,
+    readable,
+    with_sigma,
+    words,
+)  # fmt: skip
 from edl_filter.results.plain import finite
+from edl_filter.results.schema import DiagnosisContent, Summary
 
 if TYPE_CHECKING:
     from edl_filter.diagnosis.diagnosis import Diagnosis
@@ -22,21 +32,19 @@ if TYPE_CHECKING:
     from edl_filter.mission import Mission
     from edl_filter.results.result import Result
 
-#: Rows of failing cells: a person reads no more.
+#: Largest number of failing cells in a card.
 _ROWS = 6
 _LINE = "border-bottom:1px solid rgba(128,128,128,.35)"
 _CELL = f"padding:.15em .8em .15em 0;text-align:left;vertical-align:top;background:none;color:inherit;{_LINE}"
 
 
 def mission_card(mission: Mission) -> str:
-    """Name, what is measured, and the model."""
+    """Name, telemetry and model."""
     vehicle = mission.vehicle
     mass = f"{with_sigma(vehicle.mass, vehicle.mass_sigma)} kg" if vehicle.mass_sigma else f"{vehicle.mass:g} kg"
     aero = mission.aerodynamics
     constraints = [
-        name.replace("_", " ")
-        for name in type(mission.constraints).model_fields
-        if getattr(mission.constraints, name) is not None
+        words(name) for name in type(mission.constraints).model_fields if getattr(mission.constraints, name) is not None
     ]
     rows = [
         ("mission", mission.name),
@@ -53,63 +61,70 @@ def mission_card(mission: Mission) -> str:
 
 def result_card(result: Result) -> str:
     """Events with sigmas, and how the constraints agree."""
-    told = finite(result.summary())
+    summary = Summary.of(finite(result.summary()))
     events = [
         (
-            name.replace("_", " "),
-            f"{e['time_s']:.2f}",
-            f"{with_sigma(1e-3 * e['altitude_m'], 1e-3 * e['altitude_sigma_m'])}",
-            f"{with_sigma(e['velocity_m_s'], e['velocity_sigma_m_s'])}",
-            f"{e['mach']:.2f}",
-            f"{with_sigma(e['alpha_total_deg'], e['alpha_total_sigma_deg'])}",
+            words(name),
+            f"{e.time_s:.2f}",
+            _in_km(e.altitude_m, e.altitude_sigma_m),
+            with_sigma(e.velocity_m_s, e.velocity_sigma_m_s),
+            fixed_digits(e.mach, 2),
+            with_sigma(e.alpha_total_deg, e.alpha_total_sigma_deg),
         )
-        for name, e in told["events"].items()
+        for name, e in summary.events.items()
     ]
     heads = ("event", "time (s)", "altitude (km)", "velocity (m/s)", "Mach", "total angle (°)")
     constraints = [
         (
-            name.replace("_", " "),
-            f"{c['accepted_uses']} of {c['uses']}",
-            "–" if not c["dof"] else f"{c['nis']:.1f} of {c['dof']}",
-            "–" if c["consistent"] is None else ("as stated" if c["consistent"] else "outside its 99.9 % interval"),
+            words(name),
+            f"{c.accepted_uses} of {c.uses}",
+            f"{c.nis:.1f} of {c.dof}" if c.dof and c.nis is not None else "–",
+            "–" if c.consistent is None else ("as stated" if c.consistent else "outside its 99.9 % interval"),
         )
-        for name, c in told["constraints"].items()
+        for name, c in summary.constraints.items()
     ]
     parts = [_table(heads, events)]
     if constraints:
         parts.append(_table(("constraint", "accepted", "NIS of dof", "agrees"), constraints))
-    if result.effects:
-        parts.append(_table(("effect in the model", "parameters"), _refitted(result)))
-    return _card(f"{told['title'] or told['mission']}, epoch {told['epoch_utc']} UTC", *parts)
+    if summary.effects:
+        rows = [
+            (name, parameters_text(e.parameters) + (", held" if e.fixed else "")) for name, e in summary.effects.items()
+        ]
+        parts.append(_table(("effect in the model", "parameters"), rows))
+    return _card(f"{summary.title or summary.mission}, epoch {summary.epoch_utc} UTC", *parts)
+
+
+def _in_km(value: float | None, sigma: float | None) -> str:
+    return with_sigma(None if value is None else 1e-3 * value, None if sigma is None else 1e-3 * sigma)
 
 
 def diagnosis_card(diagnosis: Diagnosis) -> str:
-    """Verdict, hypotheses, the worst failures and what is left."""
-    told = diagnosis_content(diagnosis)
+    """Verdict, hypotheses, the worst failures and the remainder."""
+    content = DiagnosisContent.of(diagnosis_content(diagnosis))
     ranking = [
         (
-            " or ".join((e["effect"], *e["same_as"])),
-            chance(e["probability"]),
-            number(e["gain"]),
-            number(e["score_gain"]),
-            parameters_text(e["parameters"]),
-            f"{e['channel'].replace('_', ' ')} {number(e['error_before'])} → {number(e['error_after'])}",
+            hypothesis_label(h),
+            chance(h.probability),
+            number(h.gain),
+            number(h.score_gain),
+            parameters_text(h.parameters),
+            f"{words(h.channel)} {error_fall(h)}",
         )
-        for e in told["ranking"]
+        for h in content.ranking
     ]
-    other = told["something_else"]
-    ranking.append(("nothing is missing", chance(told["none"]), number(told["none_gain"]), "–", "", ""))
-    ranking.append(("something else", chance(other["probability"]), number(other["score_gain"]), "–", "", ""))
+    something = content.something_else
+    ranking.append(("nothing is missing", chance(content.none), number(content.none_gain), "–", "", ""))
+    ranking.append(("something else", chance(something.probability), number(something.score_gain), "–", "", ""))
     heads = ("hypothesis", "probability", "gain (nats)", "held out (nats)", "parameters", "normalised RMS")
-    parts = [_text(told["sentence"], bold=True)]
-    if told["effects"]:
-        parts.append(_text(f"In the model: {', '.join(told['effects'])}."))
-    cells = told["where"]
+    parts = [_text(content.sentence, bold=True)]
+    if content.effects:
+        parts.append(_text(f"In the model: {', '.join(content.effects)}."))
+    cells = content.where
     if cells:
         failing = [
             (
-                c["channel"].replace("_", " "), c["regime"], f"{c['t0_s']:.0f} to {c['t1_s']:.0f}",
-                number(c["normalised_rms"]), f"{number(c['beyond_noise'])} {c['unit'].replace('^2', '²')}",
+                words(c.channel), c.regime, f"{c.t0_s:.0f} to {c.t1_s:.0f}", number(c.normalised_rms),
+                f"{number(c.excess_rms)} {readable(c.unit)}",
             )
             for c in cells[:_ROWS]
         ]  # fmt: skip
@@ -118,14 +133,14 @@ def diagnosis_card(diagnosis: Diagnosis) -> str:
     else:
         parts.append(_text("No channel fails in any regime."))
     parts.append(_table(heads, ranking))
-    if told["remainder"] is not None:
-        parts.append(_text(f"What is left: {told['remainder']['description']}"))
-    parts += [_text(f"Left out: {reason}") for reason in told["failed"].values()]
+    if content.remainder is not None:
+        parts.append(_text(f"What is left: {content.remainder.description}"))
+    parts += [_text(f"Left out: {reason}") for reason in content.failed.values()]
     return _card(diagnosis.title, *parts)
 
 
 def effect_card(effect: Effect) -> str:
-    """What an effect declares."""
+    """Declarations of an effect."""
     rows = [(q.name, q.description, size_text(q)) for q in effect.parameters]
     parts = [_text(f"{effect.summary} ({effect.family}; {effect.region})")]
     parts += [_text(f"Shows: {effect.shows}")] if effect.shows else []
@@ -140,25 +155,13 @@ def catalogue_card(effects: Mapping[str, Effect]) -> str:
     return _card("Effects that a model may lack", _table(("effect", "family", "what it is", "parameters"), rows))
 
 
-def _refitted(result: Result) -> list[tuple[str, str]]:
-    rows = []
-    for a in result.effects:
-        sigma = result.refit.sigma.get(a.name, {})
-        parameters = {
-            q.name: {"estimate": a.values[q.name], "sigma": sigma.get(q.name), "unit": q.unit}
-            for q in a.effect.parameters
-        }
-        rows.append((a.name, parameters_text(parameters) + (", held" if a.fixed else "")))
-    return rows
-
-
 def _effects(effects: Sequence[EffectInstance]) -> str:
-    said = []
+    lines = []
     for a in effects:
         units = {q.name: q.unit for q in a.effect.parameters}
         values = [f"{n} = {v:.4g} {units[n]}".rstrip() for n, v in a.values.items() if v and math.isfinite(v)]
-        said.append(f"{a.name} ({', '.join(values) or 'off'})")
-    return "\n".join(said) or "none"
+        lines.append(f"{a.name} ({', '.join(values) or 'off'})")
+    return "\n".join(lines) or "none"
 
 
 def _card(title: str, *parts: str) -> str:
@@ -172,7 +175,7 @@ def _text(text: str, bold: bool = False) -> str:
 
 
 def _table(heads: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
-    """A table whose cells are plain text; a line break in one is kept."""
+    """A table whose cells are plain text with line breaks."""
     top = "".join(f'<th scope="col" style="{_CELL};font-weight:600">{escape(h)}</th>' for h in heads)
     body = "".join(
         '<tr style="background:none">'

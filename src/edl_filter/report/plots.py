@@ -1,34 +1,26 @@
-"""Figures for notebooks: ``result.plot`` and ``diagnosis.plot``, accessors over the figures of a run.
+"""Figures in Python: ``result.plot`` and ``diagnosis.plot``, accessors to the figures of a run.
 
-Each method draws one of the figures that a run or a diagnosis writes, shows it through pyplot, and gives its matplotlib
-axes, one or an array of them, to draw on further. Methods that take ``ax`` draw on that instead.
+Each method draws one of the figures that a run or a diagnosis writes, displays it through pyplot, and returns its
+matplotlib axes, one or an array of them, to draw on further. Methods with ``ax`` draw on these axes instead.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Any
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 from numpy.typing import NDArray
-from xarray import DataArray
 
 from edl_filter.diagnosis.diagnosis_json import diagnosis_content
 from edl_filter.errors import InputError
-from edl_filter.report import (
-    attitude,
-    constraints,
-    diagnosis,
-    figures,
-    motion,
-    residuals,
-    style,
-    track,
-    trajectory,
-    view,
-)
+from edl_filter.report import attitude, constraints, diagnosis, motion, track, trajectory
+from edl_filter.report.description import Figure, Panel
+from edl_filter.report.figures import FIGURES, available
+from edl_filter.report.matplotlib_renderer import draw, draw_panel, pyplot_figures
+from edl_filter.results.reader import ResidualSeries, ResultReader
+from edl_filter.results.schema import DiagnosisContent
 
 if TYPE_CHECKING:
     from edl_filter.diagnosis.diagnosis import Diagnosis
@@ -36,9 +28,8 @@ if TYPE_CHECKING:
     from edl_filter.results.result import Result
 
 AxesArray = NDArray[np.object_]
-Panel = Callable[..., Axes]
 
-#: What `ResultPlots.coefficients` is asked for → figure.
+#: Argument of `ResultPlots.coefficients` → figure.
 COEFFICIENTS = {
     "forces": "force_coefficients",
     "moments": "moment_coefficients",
@@ -52,10 +43,10 @@ class ResultPlots:
     """Figures of a result."""
 
     def __init__(self, result: Result) -> None:
-        self._tree = result.to_xarray()
+        self._reader = ResultReader.of(result.groups)
 
     def __repr__(self) -> str:
-        return f"<figures of {view.title(self._tree)}: {', '.join(n for n in dir(self) if n[0] != '_')}>"
+        return f"<figures of {self._reader.title}: {', '.join(n for n in dir(self) if n[0] != '_')}>"
 
     def trajectory(self) -> AxesArray:
         """Altitude (km), air-relative velocity (km/s) and the uncertainty of both against time, ``(3,)``."""
@@ -63,19 +54,19 @@ class ResultPlots:
 
     def altitude(self, ax: Axes | None = None) -> Axes:
         """Areodetic altitude (km)."""
-        return self._panel(trajectory.altitude, ax)
+        return self._panel(trajectory.altitude(self._reader), "altitude", ax)
 
     def velocity(self, ax: Axes | None = None) -> Axes:
         """Air-relative velocity (km/s)."""
-        return self._panel(trajectory.speed, ax)
+        return self._panel(trajectory.speed(self._reader), "air-relative velocity", ax)
 
     def uncertainty(self, ax: Axes | None = None) -> Axes:
         """Three sigma of altitude (m) and velocity (m/s)."""
-        return self._panel(trajectory.uncertainty, ax)
+        return self._panel(trajectory.uncertainty(self._reader), "3 sigma of altitude and velocity", ax)
 
     def deceleration(self, ax: Axes | None = None) -> Axes:
         """Axial deceleration (m/s²), logarithmic."""
-        return self._panel(motion.axial_deceleration, ax, "axial_deceleration")
+        return self._panel(motion.axial_deceleration(self._reader), "axial deceleration", ax)
 
     def accelerations(self) -> AxesArray:
         """Accelerations at the centre of mass (m/s²), before and under the parachute."""
@@ -86,35 +77,47 @@ class ResultPlots:
         return self.figure("angular_rates")
 
     def angle_of_attack(self, ax: Axes | None = None) -> Axes:
-        """Total angle of attack (°) with bands of one and three sigma, up to the parachute."""
-        return self._panel(attitude.total_angle_of_attack, ax)
+        """Total angle of attack (°) with bands of one and three sigma, until the parachute."""
+        return self._panel(attitude.total_angle_of_attack(self._reader), "total angle of attack", ax)
 
     def quaternion(self, ax: Axes | None = None) -> Axes:
-        """Quaternion to the body, up to the parachute."""
-        return self._panel(attitude.quaternion, ax)
+        """Quaternion to the body, until the parachute."""
+        return self._panel(attitude.quaternion(self._reader), attitude.quaternion_subject(self._reader), ax)
 
     def track(self) -> AxesArray:
         """Ground track, and the landing with its 3-sigma ellipses (km)."""
         return self.figure("ground_track")
 
     def landing(self, ax: Axes | None = None, *, near: bool = False) -> Axes:
-        """Landing place with and without the landing constraint (km); `near`: the estimate and the site alone."""
-        return self._panel(lambda tree, ax: track.landing_ellipse(tree, ax, near=near), ax, "ground_track")
+        """Landing position with and without the landing constraint (km).
+
+        Parameters
+        ----------
+        ax : Axes, optional
+            Axes to draw on.
+        near : bool
+            Whether the axes have the extent of the estimate and the site only.
+        """
+        panel = track.landing_ellipse(self._reader, near)
+        if ax is not None:
+            return draw_panel(panel, ax)
+        figure = Figure(f"{self._reader.title}: landing", ((panel,),), (5.7,), event_labels=True)
+        return _displayed(figure)[0]
 
     def constraints(self, ax: Axes | None = None) -> Axes:
         """Innovations of all constraints, in sigmas."""
-        return self._panel(constraints.innovations, ax, "constraint_innovations")
+        return self._rows("constraint_innovations", ax)
 
     def left_out(self, ax: Axes | None = None) -> Axes:
         """Each constraint against the prediction from all others, in sigmas."""
-        return self._panel(constraints.left_out, ax, "leave_one_out")
+        return self._rows("leave_one_out", ax)
 
     def atmosphere(self) -> AxesArray:
-        """Density (kg/m³), pressure (Pa), temperature (K) against altitude, and their ratios to those expected."""
+        """Density (kg/m³), pressure (Pa), temperature (K) against altitude, and their ratios to the preflight ones."""
         return self.figure("atmosphere_profile")
 
     def mach(self) -> AxesArray:
-        """Mach and Knudsen numbers with the flight's atmosphere and the one expected."""
+        """Mach and Knudsen numbers with the flight's and the preflight atmosphere."""
         return self.figure("mach_and_knudsen")
 
     def coefficients(self, which: str = "forces") -> AxesArray:
@@ -123,8 +126,8 @@ class ResultPlots:
         Parameters
         ----------
         which : {"forces", "moments", "rolling", "atmospheres", "database"}
-            CN and CY, or Cm and Cn, by three methods; Cl and its parts; what the choice of the atmosphere changes in
-            the flight's, or in the database's.
+            CN and CY, or Cm and Cn, by three methods; Cl and its parts; change of the flight's, or of the database's
+            coefficients with the atmosphere.
 
         Raises
         ------
@@ -150,39 +153,54 @@ class ResultPlots:
     def figure(self, name: str) -> AxesArray:
         """Any figure of a run by the name of its file.
 
+        Parameters
+        ----------
+        name : str
+            Name of the file without its suffix.
+
         Raises
         ------
         InputError
-            There is none of that name, or this flight has no data for it.
+            There is no figure of that name, or this flight has no data for it.
         """
-        known = figures.available(self._tree)
-        if name not in known:
-            raise InputError(f"plot: found no data for {name!r}; this flight has: {', '.join(known)}.")
-        return _axes(_drawn(figures.FIGURES[name], self._tree))
+        return _displayed(self._describe(name))
 
-    def _panel(self, draw: Panel, ax: Axes | None, name: str = "") -> Axes:
-        if name and name not in figures.available(self._tree):
-            raise InputError(f"plot: found no data for {name!r} in this flight.")
-        return _drawn(draw, self._tree, ax)
+    def _describe(self, name: str) -> Figure:
+        names = available(self._reader)
+        if name not in names:
+            raise InputError(f"plot: found no data for {name!r}; this flight has: {', '.join(names)}.")
+        return FIGURES[name].describe(self._reader)
+
+    def _panel(self, panel: Panel, subject: str, ax: Axes | None) -> Axes:
+        if ax is not None:
+            return draw_panel(panel, ax)
+        return _displayed(Figure(f"{self._reader.title}: {subject}", ((panel,),), (3.6,), event_labels=True))[0]
+
+    def _rows(self, name: str, ax: Axes | None) -> Axes:
+        if ax is None:
+            return self.figure(name)[0]
+        panel = {"constraint_innovations": constraints.innovations, "leave_one_out": constraints.left_out}[name]
+        return draw_panel(panel(self._reader), ax)
 
 
 class DiagnosisPlots:
     """Figures of a diagnosis."""
 
-    def __init__(self, found: Diagnosis) -> None:
-        self._found = found
-        self._told: dict[str, Any] = diagnosis_content(found)
+    def __init__(self, diagnosis: Diagnosis) -> None:
+        self._diagnosis = diagnosis
+        self._content = DiagnosisContent.of(diagnosis_content(diagnosis))
 
     def __repr__(self) -> str:
-        return f"<figures of the diagnosis of {self._found.title}: {', '.join(n for n in dir(self) if n[0] != '_')}>"
+        names = ", ".join(n for n in dir(self) if n[0] != "_")
+        return f"<figures of the diagnosis of {self._diagnosis.title}: {names}>"
 
     def heatmap(self) -> AxesArray:
         """Normalised RMS of every channel and regime, of every constraint, and the scale, ``(3,)``."""
-        return _axes(_drawn(diagnosis.heatmap, self._told, self._found.title))
+        return _displayed(diagnosis.residual_map(self._content, self._diagnosis.title))
 
     def ranking(self) -> Axes:
         """Gain of every hypothesis (nats)."""
-        return _axes(_drawn(diagnosis.ranking, self._told, self._found.title))[0]
+        return _displayed(diagnosis.ranking(self._content, self._diagnosis.title))[0]
 
     def missing(self) -> AxesArray:
         """Missing force (N) and moment (N m) against time with bands of two sigmas, ``(2,)``.
@@ -192,12 +210,12 @@ class DiagnosisPlots:
         InputError
             The verdict is not ``unknown``: nothing was estimated.
         """
-        if self._told["latent"] is None:
+        if self._content.latent is None:
             raise InputError(
-                f"missing: found the verdict {self._told['verdict']!r}; a missing force is estimated where it is "
+                f"missing: found the verdict {self._content.verdict!r}; a missing force is estimated where it is "
                 "'unknown'."
             )
-        return _axes(_drawn(diagnosis.missing, self._told, self._found.title))
+        return _displayed(diagnosis.missing(self._content.latent, self._content.onsets, self._diagnosis.title))
 
     def residual(self, channel: str, ax: Axes | None = None) -> Axes:
         """One channel's residual against time, in its unit, with the band of two stated sigmas.
@@ -207,13 +225,16 @@ class DiagnosisPlots:
         channel : str
             As in ``diagnosis.residuals.channel``, such as ``moment_y``.
         ax : Axes, optional
+            Axes to draw on.
 
         Raises
         ------
         InputError
             There is no such channel.
         """
-        return _drawn(residuals.residual, self._found.residuals, channel, self._told["map"], self._found.title, ax)
+        series = ResidualSeries.from_dataset(self._diagnosis.residuals)
+        panel = diagnosis.residual_panel(series, channel, self._content.map)
+        return self._panel(panel, f"residual of {channel.replace('_', ' ')}", ax)
 
     def scan(
         self,
@@ -222,12 +243,25 @@ class DiagnosisPlots:
         values: Sequence[float] | None = None,
         ax: Axes | None = None,
     ) -> Axes:
-        """Evidence for an effect (nats) against one of its places; see `Diagnosis.scan`."""
-        gains: DataArray = self._found.scan(effect, place, values)
-        return _drawn(residuals.scan, gains, self._found.title, ax)
+        """Evidence for an effect (nats) against one of its places.
+
+        Parameters
+        ----------
+        effect, place, values
+            As in `Diagnosis.scan`.
+        ax : Axes, optional
+            Axes to draw on.
+        """
+        gains = self._diagnosis.scan(effect, place, values)
+        return self._panel(diagnosis.evidence_panel(gains), f"evidence for {gains.name}", ax)
 
     def fall(self, *earlier: Diagnosis) -> Axes:
-        """How the error of the channels that fail fell, from `earlier` diagnoses of the same flight to this one.
+        """Normalised RMS of the channels that fail, from earlier diagnoses of the same flight to this one.
+
+        Parameters
+        ----------
+        *earlier : Diagnosis
+            Diagnoses of the preceding models, in order.
 
         Raises
         ------
@@ -236,30 +270,31 @@ class DiagnosisPlots:
         """
         if not earlier:
             raise InputError("fall: found no earlier diagnosis; expected those of the models before, in order.")
-        steps = [*earlier, self._found]
-        for one in earlier:
-            if one.mission != self._found.mission:
+        for step in earlier:
+            if step.mission != self._diagnosis.mission:
                 raise InputError(
-                    f"fall: found a diagnosis of {one.mission!r}; expected one of {self._found.mission!r}."
+                    f"fall: found a diagnosis of {step.mission!r}; expected one of {self._diagnosis.mission!r}."
                 )
-        after = [*steps[1:], self._found]
+        steps = [*earlier, self._diagnosis]
         lines = [
             {
-                "added": " + ".join(e for e in nxt.effects if e not in one.effects) or "the same effects",
-                "errors": {name: {"before": rms} for name, rms in one.errors.items()},
+                "added": " + ".join(e for e in successor.effects if e not in step.effects) or "the same effects",
+                "errors": {name: {"before": rms} for name, rms in step.errors.items()},
             }
-            for one, nxt in zip(steps, after, strict=True)
+            for step, successor in zip(steps, [*steps[1:], self._diagnosis], strict=True)
         ]
-        return _axes(_drawn(diagnosis.ledger_figure, lines, self._found.noise_floor, self._found.title))[0]
+        return _displayed(diagnosis.ledger_figure(lines, self._diagnosis.noise_floor, self._diagnosis.title))[0]
+
+    def _panel(self, panel: Panel, subject: str, ax: Axes | None) -> Axes:
+        if ax is not None:
+            return draw_panel(panel, ax)
+        return _displayed(diagnosis.single_figure(panel, f"{self._diagnosis.title}: {subject}"))[0]
 
 
-def _drawn(draw: Callable[..., Any], *arguments: Any) -> Any:
-    """What `draw` gives, its figure made with pyplot."""
-    with style.shown():
-        return draw(*arguments)
-
-
-def _axes(made: Figure) -> AxesArray:
-    found = np.empty(len(made.axes), object)
-    found[:] = made.axes
-    return found
+def _displayed(figure: Figure) -> AxesArray:
+    """Axes of a figure that pyplot displays."""
+    with pyplot_figures():
+        canvas = draw(figure)
+    axes = np.empty(len(canvas.axes), object)
+    axes[:] = canvas.axes
+    return axes

@@ -1,144 +1,131 @@
-"""Panels of the ground track and of the landing with its uncertainty."""
+"""Ground track, and landing position with its uncertainty."""
 
 from __future__ import annotations
 
-import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.patches import Ellipse
-from xarray import DataTree
+from dataclasses import replace
+from typing import Any
 
-from edl_filter.report import style, view
-from edl_filter.report.landing_ellipse import Landing, Local, about, fixed_track, landing
+import numpy as np
+
+from edl_filter.report.description import Axis, Curve, Element, Figure, Legend, Panel, Region
+from edl_filter.report.landing_ellipse import LandingEstimate, LocalMap, fixed_track, landing_estimate
+from edl_filter.report.trajectory import samples_within, time_axis
+from edl_filter.results.reader import ResultReader
 from edl_filter.types import Array
 
 SIGMAS = 3.0
-#: Points of a track on a map.
-POINTS = 1500
-#: Marks of time closer to the one before than this part of the track have no label.
-APART = 0.05
+#: Interval of the time marks, s, and their least distance as a share of the length of the track.
+_INTERVAL, _DISTANCE = 30.0, 0.05
+#: Points of an ellipse.
+_POINTS = 181
 
 
-@style.styled
-def ground_track(tree: DataTree, ax: Axes | None = None) -> Axes:
-    """Draw the track over the ground to the landing, with a mark every 30 s, in km from the site."""
-    own = ax is None
-    ax = _axes(ax)
-    found = landing(tree)
-    here = _map(found)
-    track, time = here.offset(fixed_track(tree)) / 1e3, view.time(tree)
-    low, high = view.span(tree)
-    inside = np.flatnonzero((time >= low) & (time <= high))
-    thin = inside[:: max(1, len(inside) // POINTS)]
-    ax.plot(*track[thin].T, color=style.BLUE, label="ground track")
-    length = float(np.hypot(*np.ptp(track[inside], axis=0)))
-    last = np.full(2, np.inf)
-    for t in np.arange(30.0 * np.ceil(low / 30.0), high, 30.0):
-        at = np.array([np.interp(t, time, track[:, i]) for i in (0, 1)])
-        if np.hypot(*(at - last)) < APART * length or np.hypot(*at) < APART * length:
-            continue
-        last = at
-        ax.plot(*at, "o", color=style.BLUE, markersize=4.0)
-        ax.annotate(f"{t:.0f} s", (at[0], at[1]), (0, 6), textcoords="offset points", ha="center", fontsize=10.0)
-    _site(ax, found)
-    ax.set_aspect("equal", adjustable="datalim")
-    ax.margins(0.06, 0.25)
-    _label(ax, found)
-    if own:
-        style.title(tree, ax, "ground track")
-    return ax
+def ground_track(reader: ResultReader) -> Panel:
+    """Track over the ground to the landing, with a mark every 30 s, in km from the site."""
+    landing = landing_estimate(reader)
+    track, time = 1e-3 * landing.map.offset(fixed_track(reader)), reader.time
+    inside = samples_within(time, time_axis(reader))
+    east, north = track[inside].T
+    length = float(np.hypot(np.ptp(east), np.ptp(north)))
+    low, high = reader.span()
+    marks: list[tuple[float, Array]] = []
+    for t in np.arange(_INTERVAL * np.ceil(low / _INTERVAL), high, _INTERVAL):
+        point = np.array([np.interp(t, time, track[:, i]) for i in (0, 1)])
+        previous = marks[-1][1] if marks else np.full(2, np.inf)
+        if min(np.hypot(*(point - previous)), np.hypot(*point)) >= _DISTANCE * length:
+            marks.append((t, point))
+    elements: list[Element] = [_curve(track[inside], "ground track", "blue", 1.3)]
+    if marks:
+        points = np.array([point for _, point in marks])
+        notes = tuple(f"{t:.0f} s" for t, _ in marks)
+        elements.append(_curve(points, "", "blue", 0.0, symbol="circle", notes=notes))
+    elements += _site(landing)
+    ranges = [_padded(values, share) for values, share in ((east, 0.06), (north, 0.25))]
+    x, y = _axes(landing)
+    return Panel(replace(x, range=ranges[0]), replace(y, range=ranges[1]), tuple(elements), aspect="equal")
 
 
-@style.styled
-def landing_ellipse(tree: DataTree, ax: Axes | None = None, *, near: bool = False) -> Axes:
-    """Landing place as estimated, as predicted without the landing constraint, and as measured.
+def landing_ellipse(reader: ResultReader, near: bool = False) -> Panel:
+    """Landing position as estimated, as predicted without the landing constraint, and as measured.
 
-    Ellipses of 3 sigma hold 98.9 % in two dimensions.
-
-    Parameters
-    ----------
-    tree : DataTree
-    ax : Axes, optional
-    near : bool
-        Show the estimate and the site alone at full size.
-
-    Returns
-    -------
-    Axes
+    Ellipses of 3 sigma contain 98.9 % in two dimensions. With `near` the panel has the extent of the estimate and the
+    site only.
     """
-    own = ax is None
-    ax = _axes(ax)
-    found = landing(tree)
-    here = _map(found)
+    landing = landing_estimate(reader)
+    local = landing.map
+    elements: list[Element] = []
     corners = [np.zeros((1, 2))]
-    if found.predicted is not None:
-        drawn = _estimate(
-            ax, here, found.predicted, found.predicted_covariance, style.ORANGE, "without landing constraint"
+    if landing.predicted is not None:
+        added, extent = _estimate(
+            local, landing.predicted, landing.predicted_covariance, "orange", "without landing constraint", not near
         )
-        corners += [] if near else drawn
-    corners += _estimate(ax, here, found.position, found.covariance, style.BLUE, "estimate")
-    if near:
-        for patch in ax.patches[:-1]:
-            patch.set_facecolor("none")
-    _site(ax, found)
-    time = view.time(tree)
-    shown = (time >= view.span(tree)[0]) & (time <= found.time)
-    track = here.offset(fixed_track(tree)[shown]) / 1e3
-    ax.plot(*track.T, color=style.GREY, linewidth=1.2, label="ground track", zorder=2)
-    parachute = view.event(tree, "parachute_deploy")
-    if parachute is not None and parachute < found.time:
-        k = int(np.searchsorted(time[shown], parachute))
-        ax.plot(*track[k], "D", color="black", markersize=6.0, label="parachute opens", zorder=4)
+        elements += added
+        corners += [] if near else [extent]
+    added, extent = _estimate(local, landing.position, landing.covariance, "blue", "estimate", True)
+    elements += added
+    corners.append(extent)
+    inside = (reader.time >= reader.span()[0]) & (reader.time <= landing.time)
+    track = 1e-3 * local.offset(fixed_track(reader)[inside])
+    path = _curve(track, "ground track", "muted", 1.2)
+    elements = [path, *elements, *_site(landing)]
+    parachute = reader.events.get("parachute_deploy", np.inf)
+    if parachute < landing.time:
+        k = int(np.searchsorted(reader.time[inside], parachute))
+        label = "parachute opens"
+        elements.append(_curve(track[k : k + 1], label, "ink", 0.0, symbol="diamond", size=6.0))
     points = np.concatenate(corners)
     centre = 0.5 * (points.min(axis=0) + points.max(axis=0))
     half = max(1.15 * 0.5 * float(np.ptp(points, axis=0).max()), 1e-3)
-    ax.set_xlim(centre[0] - half, centre[0] + half)
-    ax.set_ylim(centre[1] - half, centre[1] + half)
-    ax.set_aspect("equal", adjustable="box")
-    _label(ax, found)
-    if own:
-        ax.legend(loc="best")
-        style.title(tree, ax, "landing")
-    return ax
+    x, y = (
+        replace(axis, range=(float(c - half), float(c + half))) for axis, c in zip(_axes(landing), centre, strict=True)
+    )
+    return Panel(x, y, tuple(elements), aspect="square", legend=Legend("best", 1))
 
 
-def _axes(ax: Axes | None) -> Axes:
-    if ax is not None:
-        return ax
-    made = style.figure(7.0)
-    style.margins(made, top=0.6)
-    return made.add_subplot()
+def track_figure(reader: ResultReader) -> Figure:
+    """Ground track, and the landing with its ellipses."""
+    track, far, near = ground_track(reader), landing_ellipse(reader), landing_ellipse(reader, near=True)
+    rows = ((track,), (replace(far, legend=None), replace(near, legend=None)))
+    return Figure(
+        f"{reader.title}: ground track and landing", rows, (2.8, 3.75), (1.0, 1.0), margins=(0.95, 0.3, 1.2),
+        gaps=(0.25, 0.26), legend=True,
+    )  # fmt: skip
 
 
-def _map(found: Landing) -> Local:
-    """Map about the site, about the estimated landing where no site is known."""
-    return about(found.position if found.site is None else found.site)
+def _axes(landing: LandingEstimate) -> tuple[Axis, Axis]:
+    origin = "the estimated landing" if landing.site is None else "the site"
+    return Axis(f"east of {origin}", "km"), Axis("north", "km")
 
 
-def _site(ax: Axes, found: Landing) -> None:
-    if found.site is not None:
-        ax.plot(0.0, 0.0, "*", color=style.VERMILLION, markersize=13.0, zorder=5, label="landing site")
+def _curve(points: Array, label: str, colour: str, width: float, **style: Any) -> Curve:
+    """Path or symbols at points ``(N, 2)`` east and north, km."""
+    return Curve(points[:, 0], points[:, 1], label, colour, "km", width, independent="none", **style)
 
 
-def _estimate(ax: Axes, here: Local, position: Array, covariance: Array | None, colour: str, label: str) -> list[Array]:
-    """Draw one estimate with its ellipse; gives the corners of what it takes up, km."""
-    centre = here.offset(position) / 1e3
-    ax.plot(*centre, "o", color=colour, markersize=6.0, zorder=4)
+def _padded(values: Array, share: float) -> tuple[float, float]:
+    low, high = min(float(values.min()), 0.0), max(float(values.max()), 0.0)
+    room = share * (high - low) or 1.0
+    return low - room, high + room
+
+
+def _site(landing: LandingEstimate) -> list[Element]:
+    if landing.site is None:
+        return []
+    return [_curve(np.zeros((1, 2)), "landing site", "vermillion", 0.0, symbol="star", size=13.0)]
+
+
+def _estimate(
+    local: LocalMap, position: Array, covariance: Array | None, colour: str, label: str, filled: bool
+) -> tuple[list[Element], Array]:
+    """An estimate with its ellipse, and the corners ``(K, 2)`` of its extent, km."""
+    centre = 1e-3 * local.offset(position)
+    point = _curve(centre[None], "", colour, 0.0, symbol="circle", size=6.0)
     if covariance is None or not np.isfinite(covariance).all():
-        ax.plot([], [], "o", color=colour, label=label)
-        return [centre[None]]
-    spread = here.spread(covariance) / 1e6
+        return [replace(point, label=label)], centre[None]
+    spread = 1e-6 * local.horizontal_covariance(covariance)
     values, vectors = np.linalg.eigh(spread)
-    size = 2.0 * SIGMAS * np.sqrt(values)
-    tilt = float(np.degrees(np.arctan2(vectors[1, 1], vectors[0, 1])))
-    patch = Ellipse((float(centre[0]), float(centre[1])), size[1], size[0], angle=tilt)
-    patch.set(facecolor=colour + "22", edgecolor=colour, linewidth=1.6, zorder=3)
-    patch.set_label(f"{label}, {SIGMAS:.0f} sigma")
-    ax.add_patch(patch)
-    half = SIGMAS * np.sqrt(np.diag(spread))
-    return [centre + np.array([[-1.0], [1.0]]) * half]
-
-
-def _label(ax: Axes, found: Landing) -> None:
-    origin = "the estimated landing" if found.site is None else "the site"
-    ax.set_xlabel(f"east of {origin} (km)")
-    ax.set_ylabel("north (km)")
+    angle = np.linspace(0.0, 2.0 * np.pi, _POINTS)
+    circle = np.stack((np.cos(angle), np.sin(angle)))
+    outline = centre[:, None] + SIGMAS * vectors @ (np.sqrt(np.maximum(values, 0.0))[:, None] * circle)
+    region = Region(outline[0], outline[1], f"{label}, {SIGMAS:.0f} sigma", colour, filled)
+    return [region, point], centre + np.array([[-1.0], [1.0]]) * SIGMAS * np.sqrt(np.diag(spread))

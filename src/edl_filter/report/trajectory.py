@@ -1,81 +1,143 @@
-"""Panels of height and speed (thesis figure 3.12) and of how well they are known."""
+"""Altitude and speed (thesis figure 3.12), Mach number and dynamic pressure, and the uncertainty of the trajectory."""
 
 from __future__ import annotations
 
-from typing import Any
+from dataclasses import replace
 
 import numpy as np
-from matplotlib.axes import Axes
-from xarray import DataTree
 
-from edl_filter.report import style, view
-from edl_filter.report.decimate import envelope
+from edl_filter.report.description import Axis, Curve, Dash, Element, Figure, Legend, Line, Panel, Text, bounds
+from edl_filter.report.text import event_label, time_label, words
+from edl_filter.results.reader import Phase, ResultReader
+from edl_filter.types import Array, BoolArray
 
-
-@style.styled
-def altitude(tree: DataTree, ax: Axes | None = None) -> Axes:
-    """Areodetic altitude, with the height above the landing place on the right."""
-    ax, finish = style.alone(tree, ax, "altitude")
-    low, high = view.span(tree)
-    values = view.trajectory(tree, "altitude")
-    if values is not None:
-        ax.plot(*envelope(view.time(tree), values / 1e3), color=style.BLUE)
-        landing = view.event(tree, "landing")
-        if landing is not None:
-            site = float(np.interp(landing, view.time(tree), values)) / 1e3
-            ax.axhline(site, color=style.GREY, linewidth=0.8, linestyle=":")
-            above = ax.secondary_yaxis("right", functions=_shift(site))
-            above.set_ylabel("above landing\nplace (km)")
-            above.spines["right"].set_visible(True)
-    ax.set_xlim(low, high)
-    ax.set_ylabel("areodetic\naltitude (km)")
-    style.mark_events(tree, ax)
-    finish()
-    return ax
+#: Events that are named on the path of altitude over speed; the others are too close to them.
+_NAMED = ("entry_interface", "peak_deceleration", "parachute_deploy", "landing")
 
 
-def _shift(height: float) -> Any:
-    """Two functions: altitudes to heights above `height`, and back."""
-    return lambda h: np.asarray(h) - height, lambda h: np.asarray(h) + height
+def time_axis(reader: ResultReader, phase: Phase = "flight") -> Axis:
+    """Time axis of a phase of the flight."""
+    return Axis(time_label(reader.epoch_utc), "s", range=reader.span(phase))
 
 
-@style.styled
-def speed(tree: DataTree, ax: Axes | None = None) -> Axes:
+def samples_within(time: Array, axis: Axis) -> BoolArray:
+    """Samples ``(N,)`` within the range of a time axis.
+
+    Parameters
+    ----------
+    time : (N,) array
+        s since the epoch.
+    axis : Axis
+        Time axis with a range.
+    """
+    assert axis.range is not None
+    return (time >= axis.range[0]) & (time <= axis.range[1])
+
+
+def altitude(reader: ResultReader) -> Panel:
+    """Areodetic altitude, with the height above the landing place on a second axis."""
+    axis = time_axis(reader)
+    time, values = reader.time, 1e-3 * reader.required("trajectory", "altitude")
+    inside = samples_within(time, axis)
+    elements: list[Element] = [Curve(time[inside], values[inside], "altitude", "blue", "km")]
+    shifted = None
+    if "landing" in reader.events:
+        ground = float(np.interp(reader.events["landing"], time, values))
+        elements.append(Line(ground, dash="dot"))
+        shifted = ("above landing\nplace (km)", ground)
+    return Panel(axis, Axis("areodetic\naltitude", "km"), tuple(elements), reader.events, shifted_axis=shifted)
+
+
+def speed(reader: ResultReader) -> Panel:
     """Air-relative speed."""
-    ax, finish = style.alone(tree, ax, "air-relative velocity")
-    values = view.trajectory(tree, "speed")
-    if values is not None:
-        ax.plot(*envelope(view.time(tree), values / 1e3), color=style.VERMILLION)
-    ax.set_xlim(*view.span(tree))
-    ax.set_ylim(bottom=0.0)
-    ax.set_ylabel("air-relative\nvelocity (km/s)")
-    style.mark_events(tree, ax)
-    finish()
-    return ax
+    values = 1e-3 * reader.required("trajectory", "speed")
+    inside = samples_within(reader.time, time_axis(reader))
+    top = 1.05 * float(np.nanmax(values[inside])) or 1.0
+    return _panel(
+        reader, "speed", Axis("air-relative\nvelocity", "km/s", range=(0.0, top)), "speed", "vermillion", 1e-3
+    )
 
 
-@style.styled
-def uncertainty(tree: DataTree, ax: Axes | None = None) -> Axes:
-    """Three sigma of altitude and air-relative speed on one logarithmic axis."""
-    ax, finish = style.alone(tree, ax, "3 sigma of altitude and velocity")
-    low, high = view.span(tree)
-    time = view.time(tree)
-    inside = (time >= low) & (time <= high)
-    for name, label, colour, dash in (
-        ("altitude_sigma", "altitude (m)", style.BLUE, "-"),
-        ("speed_sigma", "velocity (m/s)", style.VERMILLION, "--"),
+def mach(reader: ResultReader) -> Panel:
+    """Mach number with the preflight atmosphere."""
+    return _panel(reader, "mach", Axis("Mach", "–"), "Mach", "blue", 1.0)
+
+
+def dynamic_pressure(reader: ResultReader) -> Panel:
+    """Dynamic pressure with the preflight density."""
+    return _panel(reader, "dynamic_pressure", Axis("q", "kPa"), "q", "blue", 1e-3)
+
+
+def _panel(reader: ResultReader, name: str, y: Axis, label: str, colour: str, scale: float) -> Panel:
+    axis, time = time_axis(reader), reader.time
+    inside = samples_within(time, axis)
+    values = scale * reader.required("trajectory", name)[inside]
+    return Panel(axis, y, (Curve(time[inside], values, label, colour, y.unit.strip("–")),), reader.events)
+
+
+def uncertainty(reader: ResultReader, sigmas: int = 3) -> Panel:
+    """Multiple of the standard deviations of altitude and air-relative speed on one logarithmic axis."""
+    axis, time = time_axis(reader), reader.time
+    inside = samples_within(time, axis)
+    curves = []
+    dash: Dash
+    for name, label, unit, colour, dash in (
+        ("altitude_sigma", "altitude (m)", "m", "blue", ""),
+        ("speed_sigma", "velocity (m/s)", "m/s", "vermillion", "dash"),
     ):
-        values = view.trajectory(tree, name)
-        if values is not None:
-            ax.semilogy(*envelope(time[inside], 3.0 * values[inside]), dash, color=colour, label=label)
-    ax.set_xlim(low, high)
-    ax.set_ylabel("3 sigma\n(m; m/s)")
-    if ax.lines:
-        bottom, top = ax.get_ylim()
-        ax.set_ylim(10.0 ** np.floor(np.log10(bottom)), 10.0 ** (np.ceil(np.log10(top)) + 0.7))
-        ax.yaxis.set_major_formatter(style.plain_powers)
-        ax.minorticks_off()
-        ax.legend(loc="upper left", ncols=2)
-    style.mark_events(tree, ax)
-    finish()
-    return ax
+        values = reader.trajectory(name)
+        if values is not None and np.nanmax(values[inside]) > 0.0:
+            curves.append(Curve(time[inside], sigmas * values[inside], label, colour, unit, dash=dash))
+    limits = None
+    if curves:
+        positive = np.concatenate([c.y[c.y > 0.0] for c in curves])
+        limits = (
+            float(10.0 ** np.floor(np.log10(positive.min()))),
+            float(10.0 ** (np.ceil(np.log10(positive.max())) + 0.7)),
+        )
+    y = Axis(f"{sigmas} sigma\n(m; m/s)", scale="log" if curves else "linear", range=limits)
+    return Panel(axis, y, tuple(curves), reader.events, Legend("upper left", 2))
+
+
+def altitude_velocity(reader: ResultReader) -> Figure:
+    """Altitude, air-relative velocity and the uncertainty of both."""
+    return Figure(
+        f"{reader.title}: altitude and velocity", tuple((p(reader),) for p in (altitude, speed, uncertainty)),
+        (2.3, 2.3, 1.55), margins=(1.25, 1.0, 0.65), shared_x=True, event_labels=True,
+    )  # fmt: skip
+
+
+def flight_history(reader: ResultReader) -> Figure:
+    """Altitude, speed, Mach number and dynamic pressure as far as the result has them, and one sigma."""
+    panels = {"altitude": altitude, "speed": speed, "mach": mach, "dynamic_pressure": dynamic_pressure}
+    available = [panel(reader) for name, panel in panels.items() if reader.trajectory(name) is not None]
+    available.append(uncertainty(reader, 1))
+    rows = tuple((replace(panel, shifted_axis=None),) for panel in available if panel.elements)
+    return Figure(f"{reader.title}: trajectory", rows, (1.6,) * len(rows), shared_x=True, event_labels=True)
+
+
+def altitude_over_speed(reader: ResultReader) -> Figure:
+    """Altitude against speed, with the events."""
+    inside = samples_within(reader.time, time_axis(reader))
+    time, x, y = (
+        v[inside]
+        for v in (
+            reader.time, 1e-3 * reader.required("trajectory", "speed"),
+            1e-3 * reader.required("trajectory", "altitude"),
+        )
+    )  # fmt: skip
+    events = {name: t for name, t in reader.events.items() if time[0] <= t <= time[-1]}
+    elements: list[Element] = [Curve(x, y, "path", "blue", "km", independent="none")]
+    if events:
+        px, py = (np.interp(list(events.values()), time, values) for values in (x, y))
+        names = tuple(map(words, events))
+        elements.append(Curve(px, py, "events", "vermillion", "km", 0.0, symbol="diamond", size=6.0, names=names))
+        for name, speed_at, altitude_at in zip(events, px, py, strict=True):
+            below = name == "landing"  # above it is the path
+            if name in _NAMED:
+                offset = (6.0, -6.0 if below else 6.0)
+                label = Text(event_label(name), speed_at, altitude_at, offset=offset, horizontal="left")
+                elements.append(replace(label, vertical="top" if below else "bottom"))
+    axes = Axis("speed", "km/s", range=bounds([x], 0.0)), Axis("altitude", "km", range=bounds([y], 0.0))
+    panel = Panel(*axes, tuple(elements), legend=Legend("best") if events else None)
+    return Figure(f"{reader.title}: altitude against speed", ((panel,),), (4.0,))

@@ -71,7 +71,7 @@ def read_groups(path: Path) -> Groups:
     groups: Groups = {}
 
     def visit(name: str, node: Any) -> None:
-        group = Group(_variables(node), _attributes(node))
+        group = read_group(node)
         if name == "/" or group.variables or group.attrs:
             groups[name] = group
         for key, child in node.items():
@@ -83,25 +83,46 @@ def read_groups(path: Path) -> Groups:
     return groups
 
 
-def _variables(node: Any) -> dict[str, Variable]:
-    variables = {}
-    names = {}  # address of a dimension's dataset → its name
-    datasets = {name: d for name, d in node.items() if isinstance(d, h5py.Dataset)}
+def read_group(node: Any, lazily: bool = False) -> Group:
+    """Read one group of an open file; `lazily` reads each variable when it is first used."""
+    datasets = {name: child for name, child in node.items() if isinstance(child, h5py.Dataset)}
+    names = {h5py.h5o.get_info(d.id).addr: name for name, d in datasets.items() if d.is_scale}
+    variables: dict[str, Variable] = {}
     for name, dataset in datasets.items():
-        if dataset.is_scale:
-            names[h5py.h5o.get_info(dataset.id).addr] = name
-    for name, dataset in datasets.items():
-        if dataset.is_scale:
-            label = dataset.attrs.get("NAME", b"")
-            label = label.decode() if isinstance(label, bytes) else str(label)
-            if label.startswith(_NOT_A_VARIABLE):
-                continue
-            dims: tuple[str, ...] = (name,)
+        if _is_bare_dimension(dataset):
+            continue
+        variable = _FileVariable(node, name, dataset, names)
+        variables[name] = variable if lazily else Variable(variable.dims, variable.values, variable.attrs)
+    return Group(variables, _attributes(node))
+
+
+class _FileVariable(Variable):
+    """A variable of an open file whose parts are read when they are first used."""
+
+    def __init__(self, node: Any, name: str, dataset: Any, names: dict[int, str]) -> None:
+        self.__dict__.update(_node=node, _name=name, _dataset=dataset, _names=names)
+
+    def __getattr__(self, part: str) -> Any:
+        if part == "values":
+            self.__dict__[part] = _values(self._dataset)
+        elif part == "attrs":
+            self.__dict__[part] = _attributes(self._dataset)
+        elif part == "dims":
+            lists = self._dataset.attrs.get("DIMENSION_LIST", ())
+            addresses = (h5py.h5o.get_info(self._node[references[0]].id).addr for references in lists)
+            scale = self._dataset.is_scale
+            self.__dict__[part] = (self._name,) if scale else tuple(self._names[address] for address in addresses)
         else:
-            lists = dataset.attrs.get("DIMENSION_LIST", ())
-            dims = tuple(names[h5py.h5o.get_info(node[refs[0]].id).addr] for refs in lists)
-        variables[name] = Variable(dims, _values(dataset), _attributes(dataset))
-    return variables
+            raise AttributeError(part)
+        return self.__dict__[part]
+
+
+def _is_bare_dimension(dataset: Any) -> bool:
+    """Whether a dataset is a dimension without a variable."""
+    if not dataset.is_scale:
+        return False
+    label = dataset.attrs.get("NAME", b"")
+    return (label.decode() if isinstance(label, bytes) else str(label)).startswith(_NOT_A_VARIABLE)
 
 
 def _values(dataset: Any) -> NDArray[Any]:

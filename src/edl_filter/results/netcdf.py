@@ -80,7 +80,7 @@ def load(path: str | Path) -> Groups:
     """Read a result as plain groups, without xarray; in all else as `read`."""
     path = Path(path)
     path = path / "result.nc" if path.is_dir() else path
-    _check(path)
+    check_result(path)
     from edl_filter.results.hdf5 import read_groups
 
     return read_groups(path)
@@ -92,13 +92,13 @@ def attributes(path: str | Path) -> Attributes:
 
     path = Path(path)
     path = path / "result.nc" if path.is_dir() else path
-    _check(path)
+    check_result(path)
     with h5py.File(path, "r") as file:
         return dict(file.attrs)
 
 
-def _check(path: Path) -> None:
-    """Raise InputError unless `path` is a result of this version."""
+def check_result(path: Path) -> None:
+    """Raise InputError unless the file `path` is a result of this version."""
     import h5py
 
     if not path.is_file():

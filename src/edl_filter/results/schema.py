@@ -9,7 +9,8 @@ A key without a default is always in the file. A number that may be null is null
 
 from __future__ import annotations
 
-from typing import Any, Literal
+from collections.abc import Mapping
+from typing import Any, Literal, Self
 
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter
 
@@ -25,6 +26,11 @@ class Content(BaseModel):
     """A part of a file: frozen, and without any other key."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
+
+    @classmethod
+    def of(cls, content: Self | Mapping[str, Any]) -> Self:
+        """Model of plain data, in which tuples may be lists; a model is returned as it is."""
+        return content if isinstance(content, cls) else cls.model_validate(content, strict=False)
 
 
 def _key(description: str, **more: Any) -> Any:
@@ -334,9 +340,9 @@ class MapCell(Content):
     normalised_rms: Number = _key("normalised RMS, 1 where the model holds")
     bias: Number = _key("mean, in sigmas of one sample")
     autocorrelation: Number = _key("autocorrelation of the normalised innovations at lag one")
-    beyond_noise: Number = _key("RMS beyond the stated noise, in unit")
+    excess_rms: Number = _key("RMS beyond the stated noise, in unit")
     unit: str = _key("unit of the channel")
-    over_database_sigma: Number = _key("beyond_noise over the database's 1 sigma; null where that does not apply")
+    over_database_sigma: Number = _key("excess_rms over the database's 1 sigma; null where that does not apply")
     count: int = _key("number of samples")
     fails: bool = _key("whether the model fails in this cell")
     sentence: str = _key("the cell as text")
@@ -356,7 +362,7 @@ class RankedHypothesis(Content):
     label: str = _key("effect and imu as text: name, or name in IMU")
     same_as: tuple[str, ...] = _key("labels of effects that the flight does not distinguish from it")
     alternatives: dict[str, Alternative] = _key("the same effects with their estimates")
-    parted_by: dict[str, str] = _key(
+    discriminated_by: dict[str, str] = _key(
         "label of each of these effects → the measurement that would distinguish it, as text"
     )
     probability: Number = _key("posterior probability")
@@ -378,7 +384,7 @@ class SomethingElse(Content):
     score_gain: Number = _key("log Bayes factor of an unmodelled force and moment, nats")
     force_m_s2: Number = _key("1 sigma of the unmodelled specific force, m/s^2")
     angular_acceleration_rad_s2: Number = _key("1 sigma of the unmodelled angular acceleration, rad/s^2")
-    memory_s: Number = _key("correlation time of both, s")
+    correlation_time_s: Number = _key("correlation time of both, s")
     with_dynamic_pressure: bool = _key("whether both are proportional to the dynamic pressure")
 
 
@@ -436,7 +442,7 @@ class DiagnosisContent(Content):
     none: Number = _key("probability that nothing is missing")
     none_gain: Number = _key("log evidence of the model at its stated noise, relative to that at its own noise, nats")
     something_else: SomethingElse = _key("the hypothesis that something outside the catalogue is missing")
-    undecided: dict[str, ScreenedEffect] = _key(
+    screening: dict[str, ScreenedEffect] = _key(
         "label of the effect → result of the screening, all effects that were considered"
     )
     remainder: RemainderContent | None = _key("description of what remains; null unless the verdict is unknown")
@@ -476,6 +482,11 @@ class LedgerStep(Content):
     gain: Number = _key("log Bayes factor, nats")
     held_out_score: Number = _key("held-out log predictive density, nats")
     errors: dict[str, ErrorChange] = _key("channel → normalised RMS before and after")
+
+    @property
+    def label(self) -> str:
+        """Label of the effect that was added: its name, or its name in its IMU."""
+        return self.added if self.imu is None else f"{self.added} in {self.imu}"
 
 
 class LedgerEnd(Content):

@@ -18,7 +18,6 @@ from starlette.routing import Route
 
 from edl_filter._version import __version__
 from edl_filter.errors import InputError
-from edl_filter.mission.edit_effects import hypotheses_by_label
 from edl_filter.serve import library
 from edl_filter.serve.jobs import BusyError, Worker
 from edl_filter.serve.plans import Plan, plan_add, plan_compare, plan_diagnose, plan_run, prepare_add
@@ -110,14 +109,16 @@ class _Handlers:
         result = library.find_result(self.root, _query_text(request, "path"))
         lineage = library.lineage(result, library.results(self.root))
         steps = [
-            {"path": s.path, "effects": s.effects, "verdict": s.verdict, "errors": (s.diagnosis or {}).get("errors")}
+            {"path": s.path, "effects": s.effects, "verdict": s.verdict, "errors": s.diagnosis and s.diagnosis.errors}
             for s in lineage
         ]
-        ranking = () if result.diagnosis is None else result.diagnosis["ranking"]
-        adding = {label: self._add_lines(result.path, label) for label in hypotheses_by_label(ranking)}
+        diagnosis = result.diagnosis
+        hypotheses = () if diagnosis is None else diagnosis.hypotheses()
+        adding = {label: self._add_lines(result.path, label) for label in hypotheses}
         return JSONResponse({
             "path": result.path, "title": result.title, "mission": result.mission, "effects": result.effects,
-            "diagnosis": result.diagnosis, "steps": steps, "adding": adding,
+            "diagnosis": diagnosis and diagnosis.model_dump(mode="json", exclude_unset=True),
+            "steps": steps, "adding": adding,
             "diagnosing": plan_diagnose(self.root, result.path).lines(),
             "comparing": plan_compare([s.path for s in lineage]).lines() if len(lineage) > 1 else [],
         })  # fmt: skip

@@ -2,21 +2,22 @@
 
 from __future__ import annotations
 
-import json
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from edl_filter.errors import InputError
 from edl_filter.mission.shipped import BUILTIN, shipped_mission, shipped_names
 from edl_filter.mission.yaml_text import parse, read_text
-from edl_filter.results.files import DIAGNOSIS, RESIDUALS
-from edl_filter.results.hdf5 import read_groups
-from edl_filter.results.netcdf import attributes
+from edl_filter.results.files import DIAGNOSIS, RESIDUALS, RESULT, read_diagnosis
 from edl_filter.results.plain import finite
+from edl_filter.results.reader import ResidualSeries, ResultReader
+from edl_filter.results.schema import DiagnosisContent
 from edl_filter.serve.safety import ForbiddenError, inside, leads_inside
 
 #: Greatest depth of folders and number of files that are searched, so that serving a home folder stays fast.
@@ -39,7 +40,7 @@ class ServedResult:
         Identifier of its flight: name of the mission and checksum of the telemetry.
     effects : dict
         Effects in its model: name → parameters with estimate, sigma and unit.
-    diagnosis : dict, optional
+    diagnosis : DiagnosisContent, optional
         Content of ``diagnosis.json``.
     changed : float
         Modification time, s.
@@ -50,13 +51,13 @@ class ServedResult:
     mission: str
     flight: str
     effects: dict[str, Any]
-    diagnosis: dict[str, Any] | None
+    diagnosis: DiagnosisContent | None
     changed: float
 
     @property
     def verdict(self) -> str | None:
         """Verdict of its diagnosis; None without a diagnosis."""
-        return None if self.diagnosis is None else str(self.diagnosis["verdict"])
+        return None if self.diagnosis is None else self.diagnosis.verdict
 
 
 def missions(root: Path) -> list[dict[str, Any]]:
@@ -96,7 +97,7 @@ def results(root: Path) -> list[ServedResult]:
     """Results in the folder, the newest first, without those of another version of the package."""
     readable = []
     for path in _files(root, (".nc",)):
-        if path.name == "result.nc":
+        if path.name == RESULT:
             try:
                 readable.append(find_result(root, path.parent.relative_to(root).as_posix()))
             except (InputError, ForbiddenError):
@@ -114,15 +115,17 @@ def find_result(root: Path, name: str) -> ServedResult:
     InputError
         The result does not exist, or its diagnosis cannot be read.
     """
-    path = inside(root, f"{name}/result.nc")
-    attrs = attributes(path)
-    try:
-        effects = {k: v["parameters"] for k, v in json.loads(attrs["effects"]).items()}
-        flight = f"{attrs['mission']} {attrs['input_sha256']}"
-        mission, title = str(attrs["mission"]), str(attrs.get("title") or attrs["mission"])
-    except (KeyError, TypeError, AttributeError, ValueError) as error:
-        raise InputError(f"{name}: found no result of this version ({error!r}); run the mission again.") from None
-    return ServedResult(name, title, mission, flight, effects, _diagnosis(root, name), path.stat().st_mtime)
+    path = inside(root, f"{name}/{RESULT}")
+    with ResultReader.open(path) as reader:
+        effects, checksums = reader.mapping("", "effects"), reader.mapping("", "input_sha256")
+        if not reader.attribute("", "mission") or None in (
+            reader.attribute("", k) for k in ("effects", "input_sha256")
+        ):
+            raise InputError(f"{name}: found no result of this version; run the mission again.")
+        title, mission = reader.title, reader.mission
+    parameters = {key: effect["parameters"] for key, effect in effects.items()}
+    flight = f"{mission} {sorted(checksums.items())}"
+    return ServedResult(name, title, mission, flight, parameters, _diagnosis(root, name), path.stat().st_mtime)
 
 
 def residual(root: Path, name: str, channel: str) -> dict[str, Any]:
@@ -140,20 +143,15 @@ def residual(root: Path, name: str, channel: str) -> dict[str, Any]:
     InputError
         The file or channel does not exist.
     """
-    path = inside(root, f"{name}/{RESIDUALS}")
-    if not path.is_file():
-        raise InputError(f"{name}: found no {RESIDUALS}; diagnose the result again, which writes it.")
-    try:
-        variables = read_groups(path)["/"].variables
-        names = [str(c) for c in variables["channel"].values]
-        if channel not in names:
-            raise InputError(f"{name}: found no residual of {channel} against time; there are {', '.join(names)}.")
-        k = names.index(channel)
-        used = variables["normalised"].values[k] == variables["normalised"].values[k]  # NaN where it was not computed
-        series = {q: finite(variables[q].values[k][used]) for q in ("residual", "sigma", "normalised")}
-        return {"unit": str(variables["unit"].values[k]), "time": finite(variables["time"].values[used]), **series}
-    except (OSError, KeyError, IndexError) as error:
-        raise InputError(f"{name}: {RESIDUALS} cannot be read ({error!r}); diagnose the result again.") from None
+    series = ResidualSeries.from_file(inside(root, f"{name}/{RESIDUALS}"))
+    k = series.index(channel)
+    used = ~np.isnan(series.normalised[k])
+    values = {"residual": series.residual, "sigma": series.sigma, "normalised": series.normalised}
+    return {
+        "unit": series.units[k],
+        "time": finite(series.time[used]),
+        **{quantity: finite(by_channel[k][used]) for quantity, by_channel in values.items()},
+    }
 
 
 def lineage(result: ServedResult, candidates: list[ServedResult]) -> list[ServedResult]:
@@ -173,18 +171,9 @@ def lineage(result: ServedResult, candidates: list[ServedResult]) -> list[Served
         )
 
 
-def _diagnosis(root: Path, name: str) -> dict[str, Any] | None:
+def _diagnosis(root: Path, name: str) -> DiagnosisContent | None:
     path = inside(root, f"{name}/{DIAGNOSIS}")
-    if not path.is_file():
-        return None
-    try:
-        diagnosis = json.loads(path.read_text(encoding="utf-8"))
-        required = ("verdict", "map", "ranking", "errors")
-        if not isinstance(diagnosis, Mapping) or any(k not in diagnosis for k in required):
-            raise ValueError("verdict, map, ranking or errors are missing")
-    except (OSError, ValueError) as error:
-        raise InputError(f"{name}: {DIAGNOSIS} cannot be read ({error}); diagnose the result again.") from None
-    return dict(diagnosis)
+    return read_diagnosis(path) if path.is_file() else None
 
 
 def _files(root: Path, suffixes: tuple[str, ...]) -> Iterator[Path]:

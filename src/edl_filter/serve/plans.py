@@ -10,12 +10,11 @@ from pathlib import Path, PurePosixPath
 from edl_filter.effects.base import key_of
 from edl_filter.errors import InputError
 from edl_filter.mission import Mission
-from edl_filter.mission.edit_effects import hypotheses_by_label
 from edl_filter.mission.files import write_mission
 from edl_filter.mission.shipped import BUILTIN, shipped_mission, shipped_names
 from edl_filter.mission.yaml_text import read_text
 from edl_filter.results.files import AS_RUN
-from edl_filter.results.netcdf import attributes
+from edl_filter.results.reader import ResultReader
 from edl_filter.serve.library import find_mission, find_result
 from edl_filter.serve.safety import ForbiddenError, inside
 
@@ -79,7 +78,7 @@ def plan_add(root: Path, result: str, label: str) -> Plan:
         The result does not exist, or its diagnosis has no estimate of the effect.
     """
     diagnosis = find_result(root, result).diagnosis
-    labels = [] if diagnosis is None else list(hypotheses_by_label(diagnosis["ranking"]))
+    labels = [] if diagnosis is None else list(diagnosis.hypotheses())
     if label not in labels:
         raise InputError(
             f"{result}: found no estimate of {label!r}; it has estimates of {', '.join(labels) or 'none'}."
@@ -110,16 +109,15 @@ def prepare_add(root: Path, result: str) -> None:
     """Write the mission of a result whose text differs from its file, so that a command can name it."""
     name, text = _mission_of(root, result)
     if text is not None:
-        source = attributes(inside(root, f"{result}/result.nc")).get("mission_file")
-        mission = Mission.from_text(text, name, None if source is None else Path(str(source)))
+        _, source = _mission_text_and_file(inside(root, result))
+        mission = Mission.from_text(text, name, source)
         write_mission(mission, text, inside(root, name))
 
 
 def _mission_of(root: Path, result: str) -> tuple[str, str | None]:
     """Name of a result's mission, and its text where no accessible file contains it; otherwise None."""
-    attrs = attributes(inside(root, f"{result}/result.nc"))
-    text, source = str(attrs["mission_yaml"]), attrs.get("mission_file")
-    file = Path() if source is None else Path(str(source)).resolve()
+    text, source = _mission_text_and_file(inside(root, result))
+    file = Path() if source is None else source.resolve()
     try:
         if file.is_file() and read_text(file) == text:
             if file.is_relative_to(root):
@@ -131,6 +129,13 @@ def _mission_of(root: Path, result: str) -> tuple[str, str | None]:
     return str(PurePosixPath(result) / AS_RUN), text
 
 
+def _mission_text_and_file(folder: Path) -> tuple[str, Path | None]:
+    """Text of a result's mission, and the path of its file as the result states it."""
+    with ResultReader.open(folder) as reader:
+        file = reader.attribute("", "mission_file")
+        return str(reader.attribute("", "mission_yaml", "")), None if file is None else Path(str(file))
+
+
 def _free_result(root: Path, preferred: str, file: Path) -> str:
     """Folder of a new result: `preferred` if it does not exist or is of the same mission file, else with a number."""
     for k in range(1, 1000):
@@ -139,10 +144,10 @@ def _free_result(root: Path, preferred: str, file: Path) -> str:
         if not folder.exists():
             return name
         try:
-            source = attributes(folder).get("mission_file")
+            _, source = _mission_text_and_file(folder)
         except InputError:
             continue
-        if source is not None and Path(str(source)).resolve() == file.resolve():
+        if source is not None and source.resolve() == file.resolve():
             return name
     raise ForbiddenError(f"Refused: {preferred} and 999 more of that name are taken.")
 

@@ -106,8 +106,9 @@ def write_final_model(
     mission: Mission, folder: Path, steps: Sequence[StepFiles], progress: Progress = lambda _: None
 ) -> list[Path]:
     """Write the final model's mission, result, diagnosis and figures; returns their paths."""
-    from edl_filter.report.diagnosis import draw_diagnosis, ledger_figure, write_figure
+    from edl_filter.report.diagnosis import draw_diagnosis, ledger_figure
     from edl_filter.report.html import write_report
+    from edl_filter.report.matplotlib_renderer import write_figure
 
     last = steps[-1]
     path = write_mission(mission, last.text, folder / MISSION)
@@ -160,7 +161,7 @@ def _why_stopped(step: Step, content: dict[str, Any], full: bool) -> str:
 
 
 def _paragraph(k: int, content: dict[str, Any], line: dict[str, Any], stop: str) -> str:
-    from edl_filter.report.terminal.diagnosis import number, parameters_text
+    from edl_filter.report.text import number, parameters_text
 
     cells = content["where"]
     text = f"Step {k}: "

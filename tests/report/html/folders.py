@@ -1,11 +1,14 @@
-"""Small results folders, made by hand, as runs leave them."""
+"""Small result folders with the files that runs write, by hand."""
 
 import json
 
+import contents
 import numpy as np
+from contents import cell, hypothesis, ledger_end, ledger_step
 
+from edl_filter.results.files import write_json
 from edl_filter.results.groups import Group
-from edl_filter.results.netcdf import write
+from edl_filter.results.netcdf import FORMAT_VERSION, write
 from edl_filter.workflow.ledger import NAME
 
 TIME = np.linspace(0.0, 300.0, 601)
@@ -13,8 +16,9 @@ TIME = np.linspace(0.0, 300.0, 601)
 
 def result(folder, title="A flight", postflight=True):
     """Write ``result.nc`` with a trajectory and, maybe, an atmosphere and coefficients."""
-    about = {"format": "edl-result", "format_version": 1, "title": title, "mission": "toy", "planet": "mars",
-             "edl_filter_version": "0.1.0", "epoch_utc": "2004-01-04T04:19:52", "created_utc": "2026-01-01T00:00:00",
+    about = {"format": "edl-result", "format_version": FORMAT_VERSION, "title": title, "mission": "toy",
+             "planet": "mars", "edl_filter_version": "0.1.0", "epoch_utc": "2004-01-04T04:19:52",
+             "created_utc": "2026-01-01T00:00:00",
              "input_sha256": json.dumps({"flight.h5": "ab" * 32}), "versions": json.dumps({"numpy": "2.0"}),
              "mission_yaml": "name: toy\n"}  # fmt: skip
     trajectory = Group()
@@ -61,7 +65,7 @@ def aftermath():
     return groups
 
 
-def summary(folder, title="A flight"):
+def summary(folder, title="A flight", **changes):
     """Write ``summary.json``."""
     event = {"utc": "2004-01-04T04:19:52.000", "altitude_m": 1.2e5, "altitude_sigma_m": 30.0, "velocity_m_s": 5400.0,
              "velocity_sigma_m_s": 0.2, "mach": 28.0, "dynamic_pressure_pa": 0.05, "flight_path_deg": -12.0,
@@ -70,35 +74,48 @@ def summary(folder, title="A flight"):
                   "accepted": True, "time_s": 300.0, "innovation": [30.0, -60.0], "innovation_sigma": [30.0, 30.0],
                   "nis": 5.0, "dof": 2, "nis_interval_99_9": [0.001, 15.2], "consistent": True, "left_out": [1.0, None],
                   "left_out_sigma": [2.0, None], "left_out_nis": 0.25, "left_out_dof": 1}  # fmt: skip
-    told = {"mission": "toy", "title": title, "epoch_utc": "2004-01-04T04:19:52", "effects": {}, "notes": [],
-            "events": {"entry_interface": event | {"time_s": 0.0}, "parachute_deploy": event | {"time_s": 250.0},
-                       "landing": event | {"time_s": 299.0}},
-            "constraints": {"landing": constraint}, "timing_s": {"filter": 0.3}}  # fmt: skip
-    (folder / "summary.json").write_text(json.dumps(told), encoding="utf-8")
+    vector = [0.0, 3.0, 4.0]
+    entry = {"rotation_deg": 0.1, "rotation_j2000_deg": None, "states": {}} | dict.fromkeys(
+        ("position_change_m", "position_sigma_m", "velocity_change_m_s", "velocity_sigma_m_s", "attitude_change_deg",
+         "attitude_sigma_deg", "rotation_inertial_deg", "rotation_leaves_m", "rotation_leaves_m_s"), vector,
+    )  # fmt: skip
+    place = {"time_s": 299.0, "lat_deg": -14.5, "lon_deg": 175.4, "radius_m": 3.39e6, "miss_m": None, "sigma_m": 40.0}
+    content = {"mission": "toy", "title": title, "edl_filter_version": "0.1.0", "epoch_utc": "2004-01-04T04:19:52",
+               "events": {"entry_interface": event | {"time_s": 0.0}, "parachute_deploy": event | {"time_s": 250.0},
+                          "landing": event | {"time_s": 299.0}},
+               "landing": place, "constraints": {"landing": constraint}, "entry_state": entry, "imu_comparison": {},
+               "pre_entry_bias_m_s2": None, "residuals": {}, "postflight": None, "effects": {}, "notes": [],
+               "timing_s": {"filter": 0.3}}  # fmt: skip
+    write_json(content | changes, folder / "summary.json")
 
 
-def cell(channel, regime, t0, t1, rms):
-    return {"channel": channel, "regime": regime, "t0_s": t0, "t1_s": t1, "normalised_rms": rms, "fails": rms > 1.1,
-            "sentence": f"{channel} in {regime}: {rms} times its sigma, 0.1 m/s^2 beyond noise."}  # fmt: skip
+def map_cell(channel, regime, t0, t1, rms):
+    return cell(channel=channel, regime=regime, t0_s=t0, t1_s=t1, normalised_rms=rms, fails=rms > 1.1,
+                sentence=f"{channel} in {regime}: {rms} times its sigma, 0.1 m/s^2 beyond noise.")  # fmt: skip
 
 
-def diagnosis(folder, verdict="missing", **more):
+def diagnosis(folder, **changes):
     """Write ``diagnosis.json``."""
-    cells = [cell(f"force_{a}", r, t0, t0 + 100.0, rms) for a, by in (("x", (1.0, 9.5)), ("y", (1.0, 0.9)))
+    cells = [map_cell(f"force_{a}", r, t0, t0 + 100.0, rms) for a, by in (("x", (1.0, 9.5)), ("y", (1.0, 0.9)))
              for r, t0, rms in (("Mach above 15", 20.0, by[0]), ("Mach below 15", 120.0, by[1]))]  # fmt: skip
-    cells.append(cell("landing", "constraints", 300.0, 300.0, 1.6))
-    entry = {"effect": "wind", "same_as": ["mass"], "parted_by": {"mass": "a second probe would part them"},
-             "probability": 0.98, "gain": 42.0, "score_gain": 30.0, "error_before": 9.5, "error_after": 1.0,
-             "channel": "force_x",
-             "parameters": {"east": {"estimate": -38.07, "sigma": 0.53, "unit": "m/s"}}}  # fmt: skip
-    told = {"verdict": verdict, "sentence": "Missing: wind (gain 42 nats).", "mission": "toy", "effects": [],
-            "where": [c for c in cells if c["fails"]], "map": cells, "ranking": [entry], "none": 0.0,
-            "none_gain": -40.0, "something_else": {"probability": 0.02, "score_gain": 20.0}, "remainder": None,
-            "latent": None, "onsets": [{"channel": "force_x", "time_s": 152.4, "gain": 812.0}], "failed": {},
-            "noise_floor": 1.0,
-            "undecided": {"gyro_bias": {"gain": -5.0, "parameters": {"bx": {"estimate": 1e-6, "sigma": 2e-6}}}},
-            }  # fmt: skip
-    (folder / "diagnosis.json").write_text(json.dumps(told | more), encoding="utf-8")
+    cells.append(map_cell("landing", "constraints", 300.0, 300.0, 1.6))
+    wind = hypothesis(
+        effect="wind", label="wind",
+        same_as=["mass"], discriminated_by={"mass": "a second probe would part them"}, probability=0.98,
+        gain=42.0, score_gain=30.0, error_before=9.5, channel="force_x",
+        parameters={"east": {"estimate": -38.07, "sigma": 0.53, "unit": "m/s"}},
+    )  # fmt: skip
+    size = {"estimate": 1e-6, "sigma": 2e-6, "data_share": 0.5}
+    content = contents.diagnosis(
+        sentence="Missing: wind (gain 42 nats).", mission="toy", where=[c for c in cells if c["fails"]], map=cells,
+        ranking=[wind], none=0.0, onsets=[{"channel": "force_x", "time_s": 152.4, "gain": 812.0}], noise_floor=1.0,
+        screening={"gyro_bias": {"gain": -5.0, "parameters": {"bx": size}}},
+    )  # fmt: skip
+    write_json(content | changes, folder / "diagnosis.json")
+
+
+def remainder(description):
+    return contents.unknown()["remainder"] | {"description": description}
 
 
 def latent():
@@ -110,10 +127,10 @@ def latent():
 
 def noise(samples, peak=None):
     """Two channels in sigmas; `peak` is one sample of the first."""
-    found = np.random.default_rng(1).normal(size=(2, samples))
+    values = np.random.default_rng(1).normal(size=(2, samples))
     if peak is not None:
-        found[0, samples // 3] = peak
-    return found
+        values[0, samples // 3] = peak
+    return values
 
 
 def residuals(folder, samples=2000, peak=None):
@@ -137,10 +154,9 @@ def ledger(folder, mission="toy"):
     """Write ``ledger.jsonl``: two effects were added, and a third line says why no more."""
     lines = []
     for k, (added, before, after) in enumerate((("wind", 40.0, 6.0), ("mass", 6.0, 1.0), (None, 1.0, None))):
-        line = {"step": k, "mission": mission, "model": ["wind", "mass"][:k], "added": added,
-                "errors": {"force_x": {"before": before, "after": after}}}  # fmt: skip
-        more = {"same_as": [], "parameters": {}, "gain": 9.0, "held_out_score": 8.0} if added else {"why": "Stopped."}
-        lines.append(json.dumps(line | more))
+        common = {"step": k, "mission": mission, "model": ["wind", "mass"][:k]}
+        common["errors"] = {"force_x": {"before": before, "after": after}}
+        lines.append(json.dumps(ledger_step(added=added, **common) if added else ledger_end(**common)))
     (folder / NAME).write_text("\n".join(lines) + "\n", encoding="utf-8")
 
 

@@ -10,7 +10,7 @@ from edl_filter.report.html import write_report
 def report(tmp_path_factory):
     folder = tmp_path_factory.mktemp("run")
     folders.whole(folder)
-    folders.diagnosis(folder, verdict="unknown", latent=folders.latent(), remainder={"description": "It follows q."})
+    folders.diagnosis(folder, verdict="unknown", latent=folders.latent(), remainder=folders.remainder("It follows q."))
     return write_report(folder)
 
 

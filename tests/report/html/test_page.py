@@ -7,13 +7,14 @@ import re
 import folders
 import numpy as np
 import pytest
+from contents import hypothesis
 
 from edl_filter.errors import InputError
+from edl_filter.report.colours import cell_colours
+from edl_filter.report.description import Band
+from edl_filter.report.diagnosis import ledger_levels
 from edl_filter.report.html import write_report
-from edl_filter.report.html.colours import cell_colours
-from edl_filter.report.html.plotting import band, event_marks
-from edl_filter.report.html.waterfall import levels
-from edl_filter.report.html.words import readable
+from edl_filter.report.plotly_renderer import band_trace, event_marks
 
 
 def page(folder):
@@ -62,9 +63,9 @@ def test_a_hostile_title_stays_text(tmp_path):
     hostile = "</script><script>window.bad = 1</script><img src=x onerror=alert(1)>\u2028 & {{ 7 * 7 }}"
     folders.whole(tmp_path, hostile)
     folders.diagnosis(tmp_path, sentence=hostile)
-    told = json.loads((tmp_path / "diagnosis.json").read_text())
-    told["map"][0]["channel"], told["map"][0]["sentence"] = hostile, f"{hostile} fails"
-    (tmp_path / "diagnosis.json").write_text(json.dumps(told))
+    content = json.loads((tmp_path / "diagnosis.json").read_text())
+    content["map"][0]["channel"], content["map"][0]["sentence"] = hostile, f"{hostile} fails"
+    (tmp_path / "diagnosis.json").write_text(json.dumps(content))
     text = page(tmp_path)
     assert "<img" not in body(text) and "window.bad = 1</script>" not in text
     assert "&lt;img src=x onerror=alert(1)&gt;" in text
@@ -121,6 +122,16 @@ def test_a_hypothesis_has_size_sigma_unit_and_what_it_is_confused_with(tmp_path)
         assert part in text
 
 
+def test_the_command_for_a_sensor_effect_names_its_imu(tmp_path):
+    folders.whole(tmp_path)
+    folders.diagnosis(
+        tmp_path, ranking=[hypothesis(effect="gyro_bias", imu="secondary", label="gyro_bias in secondary")]
+    )
+    text = section(page(tmp_path), "hypotheses")
+    assert f"edl-filter add MISSION gyro_bias --from {tmp_path} --imu secondary" in text
+    assert "gyro_bias in secondary" in text
+
+
 def test_failing_cells_are_marked_by_more_than_colour(tmp_path):
     folders.whole(tmp_path)
     text = section(page(tmp_path), "where")
@@ -136,7 +147,7 @@ def test_a_clean_verdict_and_an_unknown_one_say_what_is_left(tmp_path):
     text = page(tmp_path)
     assert "the model holds" in section(text, "left") and "No effect of the catalogue" in section(text, "hypotheses")
     assert "None of the 5 cells fails" in section(text, "where")
-    remainder = {"description": "It follows q at 3 m/s^2."}
+    remainder = folders.remainder("It follows q at 3 m/s^2.")
     folders.diagnosis(tmp_path, verdict="unknown", latent=folders.latent(), remainder=remainder)
     text = page(tmp_path)
     assert "It follows q at 3 m/s²." in section(text, "left") and "plot-missing" in section(text, "left")
@@ -148,9 +159,8 @@ def test_a_clean_verdict_and_an_unknown_one_say_what_is_left(tmp_path):
 def test_the_waterfall_falls_as_the_ledger_says(tmp_path):
     folders.whole(tmp_path)
     folders.ledger(tmp_path)
-    told = json.loads((tmp_path / "summary.json").read_text())
-    told["effects"] = {n: {"parameters": {}, "fixed": False} for n in ("wind", "mass")}
-    (tmp_path / "summary.json").write_text(json.dumps(told))
+    effects = {name: {"imu": None, "parameters": {}, "fixed": False} for name in ("wind", "mass")}
+    folders.summary(tmp_path, effects=effects)
     text = page(tmp_path)
     bars = data(text)["figures"]["waterfall"]["data"][0]
     tops = [base + high for base, high in zip(bars["base"], bars["y"], strict=True)]
@@ -162,15 +172,15 @@ def test_a_ledger_of_another_model_is_not_shown(tmp_path):
     folders.whole(tmp_path)
     folders.ledger(tmp_path)  # its model has two effects, the run none
     assert "There is no ledger" in section(page(tmp_path), "ledger")
-    assert levels([]) == []
+    assert ledger_levels([]) == []
 
 
 def test_thinning_keeps_a_single_sample_peak(tmp_path):
     """In the unit and in sigmas, which are not at the same sample where sigma changes."""
     folders.whole(tmp_path)
     time, sigma = folders.residuals(tmp_path, samples=60_000, peak=321.0)
-    found = data(page(tmp_path))["residuals"]["channels"]["force_x"]
-    x, y, one = (numbers(found[name]) for name in ("x", "y", "sigma"))
+    packed = data(page(tmp_path))["residuals"]["channels"]["force_x"]
+    x, y, one = (numbers(packed[name]) for name in ("x", "y", "sigma"))
     assert len(x) == len(y) == len(one) < 5000
     ratio = y / one
     assert ratio.max() == pytest.approx(321.0, rel=1e-5)
@@ -184,7 +194,7 @@ def test_thinning_keeps_a_single_sample_peak(tmp_path):
 def test_a_band_has_a_gap_where_its_curves_have():
     x = np.arange(100.0)
     low = np.where((x > 40) & (x < 60), np.nan, -1.0)
-    ends = numbers(band(x, low, -low, "", "@blue")["x"])
+    ends = numbers(band_trace(Band(x, low, -low))["x"])
     gaps = np.flatnonzero(np.isnan(ends))
     assert len(gaps) == 1 and not ((ends > 40) & (ends < 60)).any()
 
@@ -205,9 +215,17 @@ def test_text_of_a_cell_is_readable_on_its_ground():
         assert (max(ground, ink) + 0.05) / (min(ground, ink) + 0.05) >= 4.5
 
 
-def test_powers_of_units_are_raised():
-    assert readable("0.1 rad/s^2 and 3 kg m^-3.") == "0.1 rad/s² and 3 kg m⁻³."
+def test_a_file_that_violates_its_schema_is_named_and_treated_as_missing(tmp_path):
+    folders.whole(tmp_path)
+    (tmp_path / "diagnosis.json").write_text('{"verdict": "clean"}')
+    text = section(page(tmp_path), "verdict")
+    assert "Not diagnosed yet" in text and "diagnosis.json: sentence: found nothing" in text
 
 
-def test_negative_numbers_have_a_minus_and_words_keep_their_hyphens():
-    assert readable("x -0.5 m, (-1.2 ± 0.1)e-5, on-board 2011-03") == "x −0.5 m, (−1.2 ± 0.1)e-5, on-board 2011-03"
+def test_coefficients_have_both_bands_and_the_instabilities(tmp_path):
+    folders.whole(tmp_path)
+    figure = data(page(tmp_path))["figures"]["coefficient_CN"]
+    assert [t["name"] for t in figure["data"]] == ["database, 3 sigma", "flight, 1 sigma", "database", "flight"]
+    x = numbers(figure["data"][3]["x"])
+    assert (x[0], x[-1]) == (60.0, 250.0)  # the validation domain
+    assert figure["layout"]["xaxis"]["title"]["text"] == "time since 2004-01-04 04:19:52 UTC (s)"

@@ -1,7 +1,8 @@
-"""`report.html`: one file per run that opens without a network, for people who did not make the run.
+"""`report.html`: one file per run that opens without a network.
 
-`write_report` builds it from a results folder alone. Each section is a small function from the folder's content to
-blocks (text, table, plot); one template turns blocks into HTML, and one script draws the plots.
+In: a result folder, read by `results.reader`. Out: the page. `flight_sections`, `diagnosis_sections` and `residual_map`
+turn the contents into blocks (text, table, plot; `blocks`); `page` turns blocks into HTML through one template, and one
+script draws the plots.
 """
 
 from edl_filter.report.html.page import REPORT, write_report

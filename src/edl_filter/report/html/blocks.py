@@ -1,10 +1,13 @@
-"""What sections are made of; the template has a form for each."""
+"""Blocks of a section; the template has a form for each."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any, ClassVar
+
+from edl_filter.report.description import Figure, Panel
+from edl_filter.report.plotly_renderer import BINS, plotly_figure
 
 
 @dataclass(frozen=True)
@@ -26,7 +29,7 @@ class Command:
 
 @dataclass(frozen=True)
 class Mark:
-    """A word in a table that says good or bad: by a sign and a colour; `tone` is ``good``, ``bad`` or ``doubt``."""
+    """A judgement in a table, by a sign and a colour; `tone` is ``good``, ``bad``, ``doubt`` or ``muted``."""
 
     text: str
     tone: str
@@ -38,7 +41,7 @@ Cell = str | Mark
 
 @dataclass(frozen=True)
 class Table:
-    """A table; the first `texts` columns are text, and those of `wide`; the others numbers."""
+    """A table; the first `texts` columns and those of `wide` are text, the others numbers."""
 
     caption: str
     heads: Sequence[str]
@@ -55,9 +58,9 @@ class Plot:
     Attributes
     ----------
     name : str
-        Of the element, unique on the page.
+        Identifier of the element, unique on the page.
     caption : str
-        What is shown, in words.
+        Contents in words.
     figure : dict
         ``data`` and ``layout`` as plotly takes them, colours by role.
     height : int
@@ -67,8 +70,18 @@ class Plot:
     name: str
     caption: str
     figure: dict[str, Any]
-    height: int = 320
+    height: int
     kind: ClassVar[str] = "plot"
+
+    @classmethod
+    def of_figure(cls, name: str, caption: str, figure: Figure, height: int, bins: int = BINS) -> Plot:
+        """Plot of a described figure."""
+        return cls(name, caption, plotly_figure(figure, height, bins), height)
+
+    @classmethod
+    def of_panel(cls, panel: Panel, height: int, bins: int) -> Plot:
+        """Plot of one panel, which has the name and the caption."""
+        return cls.of_figure(panel.name, panel.caption, Figure("", ((panel,),), (1.0,)), height, bins)
 
 
 @dataclass(frozen=True)
@@ -89,8 +102,8 @@ class Details:
 
 
 @dataclass(frozen=True)
-class HeatCell:
-    """One cell of the map; `index` is its place among the cells that the script knows, None for an empty one."""
+class MapButton:
+    """One cell of the residual map; `index` is that of the script's cells, None for an empty cell."""
 
     index: int | None = None
     text: str = ""
@@ -101,12 +114,12 @@ class HeatCell:
 
 
 @dataclass(frozen=True)
-class HeatMap:
-    """Channels by regimes; a click on a cell shows its residual in the plot below."""
+class MapTable:
+    """Channels by regimes; a click on a cell plots its residual below."""
 
     corner: str
     columns: Sequence[tuple[str, str]]
-    rows: Sequence[tuple[str, Sequence[HeatCell]]]
+    rows: Sequence[tuple[str, Sequence[MapButton]]]
     kind: ClassVar[str] = "heatmap"
 
 
@@ -121,14 +134,14 @@ class Scale:
 
 
 @dataclass(frozen=True)
-class Residuals:
-    """Place of the plot that the map's cells fill; `payload` is what the script needs for it."""
+class ResidualPlot:
+    """Plot of the selected cell's residual; `payload` is the script's data."""
 
     payload: dict[str, Any]
     kind: ClassVar[str] = "residuals"
 
 
-Block = Note | Command | Table | Plot | Grid | Details | HeatMap | Scale | Residuals
+Block = Note | Command | Table | Plot | Grid | Details | MapTable | Scale | ResidualPlot
 
 
 @dataclass(frozen=True)

@@ -1,9 +1,9 @@
-"""Putting the page together: sections in their order, one template, one file."""
+"""The page: its sections in order, one template, one file."""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from datetime import UTC, datetime
 from functools import cache
 from pathlib import Path
@@ -12,40 +12,32 @@ from typing import TYPE_CHECKING, Any
 from edl_filter._version import __version__
 from edl_filter.errors import InputError
 from edl_filter.io.atomic import replace_with
-from edl_filter.report.html import verdict as first
-from edl_filter.report.html.atmosphere import atmosphere
-from edl_filter.report.html.blocks import Block, Details, Grid, Plot, Residuals, Section
-from edl_filter.report.html.coefficients import coefficients
-from edl_filter.report.html.colours import ROLES
-from edl_filter.report.html.constraints import constraints
-from edl_filter.report.html.heatmap import heatmap
-from edl_filter.report.html.hypotheses import hypotheses
-from edl_filter.report.html.missing import missing
-from edl_filter.report.html.provenance import provenance
-from edl_filter.report.html.source import Source
-from edl_filter.report.html.trajectory import trajectory
-from edl_filter.report.html.waterfall import waterfall
+from edl_filter.report.colours import page_roles
+from edl_filter.report.html import diagnosis_sections as diagnosis
+from edl_filter.report.html import flight_sections as flight
+from edl_filter.report.html.blocks import Block, Details, Grid, Plot, ResidualPlot, Section
+from edl_filter.report.html.residual_map import residual_map
+from edl_filter.results.files import REPORT
 from edl_filter.results.plain import finite
+from edl_filter.results.reader import ResultReader
 
 if TYPE_CHECKING:
     from jinja2 import Environment
 
-#: Name of the file, beside the result.
-REPORT = "report.html"
 #: Sections after the verdict, in the order of the page.
-SECTIONS: tuple[Callable[[Source], Section], ...] = (
-    first.events, heatmap, hypotheses, missing, waterfall, trajectory, atmosphere, coefficients, constraints,
-    provenance,
+SECTIONS = (
+    flight.events, residual_map, diagnosis.hypotheses, diagnosis.missing, diagnosis.ledger, flight.trajectory,
+    flight.atmosphere, flight.coefficients, flight.constraints, flight.provenance,
 )  # fmt: skip
 
 
 def write_report(folder: str | Path) -> Path:
-    """Write ``report.html`` from what a results folder holds.
+    """Write ``report.html`` from the contents of a result folder.
 
     Parameters
     ----------
     folder : path
-        Of a run; a diagnosis and a ledger in it are part of the report. Parts that are missing are said to be.
+        Folder of a run, with or without a diagnosis and a ledger. The report states which parts are missing.
 
     Returns
     -------
@@ -58,28 +50,25 @@ def write_report(folder: str | Path) -> Path:
         The folder has neither a result nor a summary, or it cannot be written.
     """
     folder = Path(folder)
-    source = Source(folder)
-    try:
-        if not source.has_result and not source.summary:
+    with ResultReader.open(folder, required=False) as reader:
+        if not reader.has_result and reader.summary is None:
             raise InputError(f"{folder}: found no result; expected the folder that 'edl-filter run' writes.")
-        page = render(source)
-    finally:
-        source.close()
+        page = render(reader)
     return replace_with(folder / REPORT, lambda path: path.write_text(page, encoding="utf-8"))
 
 
-def render(source: Source) -> str:
+def render(reader: ResultReader) -> str:
     """The page as text."""
     from markupsafe import Markup
     from plotly.offline import get_plotlyjs
 
-    sections = [make(source) for make in SECTIONS]
+    sections = [section(reader) for section in SECTIONS]
     template = _environment().get_template("page.html.j2")
     return template.render(
-        title=source.title,
-        verdict=first.verdict(source),
+        title=reader.title,
+        verdict=diagnosis.verdict(reader),
         sections=sections,
-        made=datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC"),
+        created=datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC"),
         version=__version__,
         payload=Markup(embedded(_payload(sections))),
         plotly=Markup(get_plotlyjs()),
@@ -87,7 +76,7 @@ def render(source: Source) -> str:
 
 
 def embedded(data: Any) -> str:
-    """JSON that may stand inside a script element, whatever texts are in it."""
+    """JSON that is valid inside a script element, whatever texts it contains."""
     text = json.dumps(finite(data), allow_nan=False, separators=(",", ":"), ensure_ascii=False)
     for sign in "<>&\u2028\u2029":
         text = text.replace(sign, f"\\u{ord(sign):04x}")
@@ -96,9 +85,9 @@ def embedded(data: Any) -> str:
 
 def _payload(sections: Iterable[Section]) -> dict[str, Any]:
     blocks = [block for section in sections for block in _flat(section.blocks)]
-    residuals = [b.payload for b in blocks if isinstance(b, Residuals)]
+    residuals = [b.payload for b in blocks if isinstance(b, ResidualPlot)]
     return {
-        "roles": ROLES,
+        "roles": page_roles(),
         "figures": {b.name: b.figure for b in blocks if isinstance(b, Plot)},
         "residuals": residuals[0] if residuals else None,
     }

@@ -406,7 +406,7 @@ function hypothesis(entry, choose) {
 function alternatives(entry, choose) {
   return Object.entries(entry.alternatives || {}).map(([name, alternative]) => {
     const input = make("input", { type: "radio", name: "effect", value: name, onchange: () => choose(name) });
-    const discriminator = (entry.parted_by || {})[name];
+    const discriminator = (entry.discriminated_by || {})[name];
     return make("label", { class: "choice alternative", "data-effect": name },
       make("div", { class: "line" }, input, make("h3", {}, plain(name)), make("span", { class: "secondary" }, `instead of ${plain(entry.label)}`)),
       parameters(alternative.parameters), discriminator ? make("p", { class: "secondary" }, `${discriminator}.`) : null);

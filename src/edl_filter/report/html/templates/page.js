@@ -24,9 +24,9 @@
     }
     if (Array.isArray(value)) return value.map(coloured);
     if (value && typeof value === "object" && !ArrayBuffer.isView(value)) {
-      const made = {};
-      for (const key of Object.keys(value)) made[key] = coloured(value[key]);
-      return made;
+      const result = {};
+      for (const key of Object.keys(value)) result[key] = coloured(value[key]);
+      return result;
     }
     return value;
   };
@@ -37,24 +37,24 @@
   };
 
   // ---- plots ----
-  const drawn = new Map();
+  const figures = new Map();
   const draw = (element, figure) => {
-    drawn.set(element, figure);
-    const made = coloured(figure);
-    made.layout = { ...made.layout, autosize: true, dragmode: touch ? false : "zoom" };
-    made.layout.hoverlabel = { bgcolor: coloured("@page"), bordercolor: coloured("@muted"), font: { color: coloured("@ink") } };
+    figures.set(element, figure);
+    const result = coloured(figure);
+    result.layout = { ...result.layout, autosize: true, dragmode: touch ? false : "zoom" };
+    result.layout.hoverlabel = { bgcolor: coloured("@page"), bordercolor: coloured("@muted"), font: { color: coloured("@ink") } };
     if (narrow() && !printing.now) {
-      made.layout.margin = { ...made.layout.margin, l: 54, r: 6 };
-      made.layout.font = { ...made.layout.font, size: 11 };
+      result.layout.margin = { ...result.layout.margin, l: 54, r: 6 };
+      result.layout.font = { ...result.layout.font, size: 11 };
     }
-    return Plotly.react(element, made.data, made.layout, config);
+    return Plotly.react(element, result.data, result.layout, config);
   };
-  const redraw = () => { for (const [element, figure] of drawn) draw(element, figure); };
+  const redraw = () => { for (const [element, figure] of figures) draw(element, figure); };
 
   // ---- the plot that the map's cells fill ----
-  const told = data.residuals;
+  const payload = data.residuals;
   const place = document.getElementById("plot-residuals");
-  const chosen = { cell: told ? told.first : 0, window: "regime", unit: "unit" };
+  const chosen = { cell: payload ? payload.first : 0, window: "regime", unit: "unit" };
   const words = (name) => name.replaceAll("_", " ");
 
   /** The area within m sigmas, in pieces where nothing is compared between them. */
@@ -77,11 +77,11 @@
 
   const inTime = (cell, channel) => {
     const sigmas = chosen.unit === "sigma";
-    const x = unpacked(channel.x), one = unpacked(channel.sigma);
-    const y = sigmas ? unpacked(channel.y).map((v, k) => v / one[k]) : unpacked(channel.y);
-    const spread = sigmas ? one.map((v) => v / v) : one;  // NaN stays NaN
+    const x = unpacked(channel.x), sigma = unpacked(channel.sigma);
+    const y = sigmas ? unpacked(channel.y).map((v, k) => v / sigma[k]) : unpacked(channel.y);
+    const spread = sigmas ? sigma.map((v) => v / v) : sigma;  // NaN stays NaN
     const room = Math.max(0.06 * (cell.t1 - cell.t0), 0.5);
-    const range = chosen.window === "flight" ? told.span : [cell.t0 - room, cell.t1 + room];
+    const range = chosen.window === "flight" ? payload.span : [cell.t0 - room, cell.t1 + room];
     let least = sigmas ? -2.5 : 0, most = sigmas ? 2.5 : 0;
     for (let k = 0; k < x.length; k++) {
       if (x[k] < range[0] || x[k] > range[1] || Number.isNaN(y[k])) continue;
@@ -95,23 +95,23 @@
       hovertemplate: `%{x:.2f} s: %{y:.4~g} ${unit}<extra></extra>`,
     };
     const margin = 0.06 * (most - least) || 1;
-    const shapes = [...told.shapes, {
+    const shapes = [...payload.shapes, {
       type: "rect", xref: "x", yref: "paper", x0: cell.t0, x1: cell.t1, y0: 0, y1: 1, fillcolor: "@shade",
       line: { width: 1, color: "@orange" }, layer: "below",
     }];
-    const onset = told.onsets[cell.channel];
+    const onset = payload.onsets[cell.channel];
     if (onset !== undefined) {
       shapes.push({
         type: "line", xref: "x", yref: "paper", x0: onset, x1: onset, y0: 0, y1: 1,
         line: { color: "@ink", width: 1.5, dash: "dash" },
       });
     }
-    const shown = told.notes.filter((n) => n.x >= range[0] && n.x <= range[1]);
+    const labels = payload.notes.filter((n) => n.x >= range[0] && n.x <= range[1]);
     const layout = {
-      ...told.layout, shapes, annotations: shown, margin: { ...told.layout.margin, t: shown.length ? 74 : 16 },
-      xaxis: { ...told.layout.xaxis, range: [...range] },
-      yaxis: { ...told.layout.yaxis, range: [least - margin, most + margin],
-        title: { ...told.layout.yaxis.title, text: `${words(cell.channel)} (${unit})` } },
+      ...payload.layout, shapes, annotations: labels, margin: { ...payload.layout.margin, t: labels.length ? 74 : 16 },
+      xaxis: { ...payload.layout.xaxis, range: [...range] },
+      yaxis: { ...payload.layout.yaxis, range: [least - margin, most + margin],
+        title: { ...payload.layout.yaxis.title, text: `${words(cell.channel)} (${unit})` } },
     };
     return { data: [...bands, curve], layout };
   };
@@ -133,10 +133,10 @@
       type: "rect", xref: "paper", yref: "y", x0: 0, x1: 1, y0: -m, y1: m, layer: "below",
       fillcolor: m === 1 ? "@blue-band" : "@blue-faint", line: { width: 0 },
     }));
-    const time = uses.once ? { type: "category", title: { text: "" } } : { title: told.layout.xaxis.title };
+    const time = uses.once ? { type: "category", title: { text: "" } } : { title: payload.layout.xaxis.title };
     const layout = {
-      ...told.layout, shapes: bands, annotations: [], margin: { ...told.layout.margin, t: 16 }, xaxis: { ...told.layout.xaxis, ...time },
-      yaxis: { ...told.layout.yaxis, range: [-most, most], title: { ...told.layout.yaxis.title, text: "innovation (sigma)" } },
+      ...payload.layout, shapes: bands, annotations: [], margin: { ...payload.layout.margin, t: 16 }, xaxis: { ...payload.layout.xaxis, ...time },
+      yaxis: { ...payload.layout.yaxis, range: [-most, most], title: { ...payload.layout.yaxis.title, text: "innovation (sigma)" } },
     };
     return { data: traces, layout };
   };
@@ -146,8 +146,8 @@
   };
 
   const show = () => {
-    const cell = told.cells[chosen.cell];
-    const channel = told.channels[cell.channel], uses = told.constraints[cell.channel];
+    const cell = payload.cells[chosen.cell];
+    const channel = payload.channels[cell.channel], uses = payload.constraints[cell.channel];
     const title = document.getElementById("residuals-title");
     press(".cell", (b) => Number(b.dataset.cell) === chosen.cell);
     press("[data-window]", (b) => b.dataset.window === chosen.window);
@@ -164,7 +164,7 @@
       place.hidden = false;
       draw(place, fixed(cell, uses));
     } else {
-      drawn.delete(place);
+      figures.delete(place);
       place.hidden = true;
       title.textContent += " There is no residual against time for it.";
     }
@@ -221,7 +221,7 @@
   }
 
   // ---- first drawing, one plot after the other so that the page answers meanwhile ----
-  if (told) show();
+  if (payload) show();
   const waiting = [...document.querySelectorAll("[data-figure]")];
   const next = () => {
     const element = waiting.shift();
@@ -233,7 +233,7 @@
 
   // ---- paper: light, and as wide as the page ----
   const resized = (width) => {
-    for (const element of drawn.keys()) {
+    for (const element of figures.keys()) {
       const half = element.closest(".grid") !== null;
       Plotly.relayout(element, width ? { width: half ? width / 2 - 8 : width, autosize: false } : { width: null, autosize: true });
     }

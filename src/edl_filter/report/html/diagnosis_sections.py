@@ -1,0 +1,263 @@
+"""Verdict, hypotheses, missing force and ledger: the sections about a diagnosis, with the next commands."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from itertools import pairwise
+from shlex import quote
+
+from edl_filter.errors import InputError
+from edl_filter.report.diagnosis import ledger_levels, waterfall
+from edl_filter.report.diagnosis import missing as missing_figure
+from edl_filter.report.html.blocks import Block, Cell, Command, Details, Note, Plot, Section, Table
+from edl_filter.report.sentences import warnings
+from edl_filter.report.text import (
+    ACCEPTANCE_NATS,
+    REMAINDER_HINT,
+    chance,
+    effect_names,
+    error_fall,
+    number,
+    parameters_text,
+    readable,
+    words,
+)  # fmt: skip
+from edl_filter.results.files import AS_RUN
+from edl_filter.results.reader import ResultReader
+from edl_filter.results.schema import (
+    ConstraintSummary,
+    DiagnosisContent,
+    LedgerEnd,
+    LedgerStep,
+    ScreenedEffect,
+    SomethingElse,
+)
+
+#: Verdict → sign and tone.
+_SIGNS = {"clean": ("✓", "good"), "missing": ("▲", "doubt"), "unknown": ("?", "bad"), "undecided": ("?", "bad")}
+#: Mission argument of a command if the mission's file is not accessible.
+_UNKNOWN_MISSION = "MISSION"
+#: Bins of the curves of the missing force and moment.
+_LATENT_BINS = 200
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """The top of the page.
+
+    Attributes
+    ----------
+    sign, tone : str
+        Sign before the sentence, and its style.
+    sentence : str
+        The verdict.
+    more : list of str
+        Warnings, effects in the model, the remainder, and why an improvement ended.
+    command : str
+        Command that computes a verdict; empty if there is one.
+    """
+
+    sign: str
+    tone: str
+    sentence: str
+    more: list[str]
+    command: str = ""
+
+
+def verdict(reader: ResultReader) -> Verdict:
+    """The verdict of the diagnosis, or that there is none yet."""
+    constraints = {} if reader.summary is None else reader.summary.constraints
+    diagnosis, ledger = reader.diagnosis, reader.ledger
+    more = warnings(constraints) + [f"Not read: {problem}" for problem in _file_problems(reader)]
+    if diagnosis is None:
+        sentence = f"Not diagnosed yet: {_agreement(constraints)}."
+        return Verdict("–", "none", sentence, more, diagnose_command(reader))
+    if diagnosis.effects:
+        more.append(f"In the model: {', '.join(diagnosis.effects)}.")
+    if diagnosis.remainder is not None:
+        more.append(f"What is left: {readable(diagnosis.remainder.description)}")
+    if ledger and isinstance(ledger[-1], LedgerEnd):
+        more.append(readable(ledger[-1].why))
+    return Verdict(*_SIGNS[diagnosis.verdict], diagnosis.sentence, more)
+
+
+def _file_problems(reader: ResultReader) -> list[str]:
+    """Messages of files that exist and cannot be read."""
+    assert reader.folder is not None
+    return [message for name, message in reader.problems.items() if (reader.folder / name).exists()]
+
+
+def _agreement(constraints: Mapping[str, ConstraintSummary]) -> str:
+    if not constraints:
+        return "this folder has no summary of the reconstruction"
+    outside = [words(name) for name, c in constraints.items() if not c.accepted or c.consistent is False]
+    sentence = f"all {len(constraints)} constraints agree with it"
+    if outside:
+        sentence = f"{len(outside)} of {len(constraints)} constraints disagree with it ({', '.join(outside)})"
+    return f"the flight is reconstructed, and {sentence}"
+
+
+def diagnose_command(reader: ResultReader) -> str:
+    """The command that diagnoses the folder."""
+    return f"edl-filter diagnose {quote(str(reader.folder))}"
+
+
+def mission_argument(reader: ResultReader) -> str:
+    """The mission of a result as an argument of a command; ``MISSION`` if its file is not accessible."""
+    from edl_filter.mission.files import matches_file, mission_argument
+    from edl_filter.results.reopen import reopen
+
+    assert reader.folder is not None
+    try:
+        mission = reopen(reader.folder).mission
+    except InputError:
+        return _UNKNOWN_MISSION
+    if matches_file(mission):
+        return quote(mission_argument(mission))
+    as_run = reader.folder / AS_RUN
+    return quote(str(as_run)) if as_run.is_file() else _UNKNOWN_MISSION
+
+
+def hypotheses(reader: ResultReader) -> Section:
+    """Hypotheses, most probable first; the effects that were only screened open below them."""
+    key, title = "hypotheses", "Which effect is missing"
+    diagnosis = reader.diagnosis
+    blocks: list[Block] = list(_effects_in_model(reader))
+    if diagnosis is None:
+        return Section(
+            key, title, [*blocks, Note("No hypotheses without a diagnosis:"), Command(diagnose_command(reader))]
+        )
+    if diagnosis.ranking:
+        mission, folder = mission_argument(reader), quote(str(reader.folder))
+        blocks += [_ranking(diagnosis), Note("To add one of them:")]
+        for h in diagnosis.ranking:
+            imu = f" --imu {quote(h.imu)}" if h.imu else ""
+            blocks.append(Command(f"edl-filter add {mission} {quote(h.effect)} --from {folder}{imu}"))
+    else:
+        blocks.append(Note("No effect of the catalogue gains enough to be refitted."))
+    blocks += [
+        Note(f"{effect_names((h.label, name))}: {text}.")
+        for h in diagnosis.ranking
+        for name, text in h.discriminated_by.items()
+    ]
+    blocks.append(
+        Note(
+            "Gain is the logarithm of the evidence relative to the present model at the noise that its residuals show "
+            f"(nats; from {ACCEPTANCE_NATS:g} on an effect is accepted), so that “nothing is missing” has to explain "
+            "the excess noise; held-out gain is on data that were not fitted. ± is one sigma.",
+            "muted",
+        )
+    )
+    blocks += [Note(f"Left out: {reason}", "warning") for reason in diagnosis.failed.values()]
+    if diagnosis.screening:
+        title_of_details = f"Also tried, and not refitted ({len(diagnosis.screening)})"
+        blocks.append(Details(title_of_details, [_screened(diagnosis.screening)]))
+    return Section(key, title, blocks)
+
+
+def _effects_in_model(reader: ResultReader) -> list[Table]:
+    effects = {} if reader.summary is None else reader.summary.effects
+    rows = [
+        [name, readable(parameters_text(effect.parameters)), "kept fixed" if effect.fixed else "refitted"]
+        for name, effect in effects.items()
+    ]
+    return [Table("In the model", ("effect", "size", ""), rows, texts=3)] if rows else []
+
+
+def _ranking(diagnosis: DiagnosisContent) -> Table:
+    rows: list[tuple[float, list[Cell]]] = []
+    for h in diagnosis.ranking:
+        row: list[Cell] = [
+            h.label, chance(h.probability), readable(number(h.gain)), readable(number(h.score_gain)),
+            readable(parameters_text(h.parameters)), effect_names(h.same_as) or "nothing",
+            f"{words(h.channel)}\n{error_fall(h)}",
+        ]  # fmt: skip
+        rows.append((h.probability or 0.0, row))
+    something = diagnosis.something_else
+    none, unnamed = (readable(number(gain)) for gain in (diagnosis.none_gain, something.score_gain))
+    rows.append((diagnosis.none or 0.0, ["nothing is missing", chance(diagnosis.none), none, "–", "", "", ""]))
+    unnamed_row: list[Cell] = ["something else", chance(something.probability), unnamed, "–", _size(something), "", ""]
+    rows.append((something.probability or 0.0, unnamed_row))
+    rows.sort(key=lambda row: -row[0])  # stable: of equal ones the one with the most evidence stays first
+    heads = (
+        "effect", "probability", "gain (nats)", "held-out gain", "size", "confused with", "normalised RMS",
+    )  # fmt: skip
+    return Table("Hypotheses, most probable first", heads, [row for _, row in rows], wide=(4, 5, 6))
+
+
+def _size(something: SomethingElse) -> str:
+    """Size of the unmodelled force and moment."""
+    force, moment = something.force_m_s2, something.angular_acceleration_rad_s2
+    return "" if force is None or moment is None else f"typically {number(force)} m/s²\nand {number(moment)} rad/s²"
+
+
+def _screened(effects: Mapping[str, ScreenedEffect]) -> Table:
+    def gain(effect: ScreenedEffect) -> float:
+        return -math.inf if effect.gain is None or not math.isfinite(effect.gain) else effect.gain
+
+    rows = [
+        [name, readable(number(e.gain)), parameters_text(e.parameters)]
+        for name, e in sorted(effects.items(), key=lambda item: -gain(item[1]))
+    ]
+    return Table("Effects as linear estimates", ("effect", "gain (nats)", "size, SI units"), rows, wide=(2,))
+
+
+def missing(reader: ResultReader) -> Section:
+    """The missing force and moment with bands of two sigmas, if the diagnosis estimated them."""
+    key, title = "left", "What is left"
+    diagnosis = reader.diagnosis
+    if diagnosis is None:
+        return Section(key, title, [Note("Unknown without a diagnosis.", "muted")])
+    blocks: list[Block] = []
+    if diagnosis.remainder is not None:
+        blocks += [Note(readable(diagnosis.remainder.description)), Note(REMAINDER_HINT)]
+    if diagnosis.latent is not None:
+        caption = "Missing force and moment, body axes, with bands of two sigmas; the clearest onsets are marked."
+        figure = missing_figure(diagnosis.latent, diagnosis.onsets, reader.title, reader.epoch_utc)
+        blocks.append(Plot.of_figure("missing", caption, figure, 560, _LATENT_BINS))
+    elif diagnosis.verdict == "unknown":
+        blocks.append(Note("The missing force and moment were not estimated.", "muted"))
+    else:
+        reason = "the model holds" if diagnosis.verdict == "clean" else "the first hypothesis explains it"
+        blocks.append(Note(f"No missing force or moment was estimated, because {reason}.", "muted"))
+    return Section(key, title, blocks)
+
+
+def ledger(reader: ResultReader) -> Section:
+    """Each effect that was added, and the fall of the error by it."""
+    key, title = "ledger", "How the error fell"
+    lines = reader.ledger
+    if not lines or not ledger_levels(lines):
+        note = Note("There is no ledger: no effect was added step by step. The command that does so and keeps one:")
+        return Section(key, title, [note, Command(f"edl-filter improve {mission_argument(reader)} -o DIR")])
+    caption = "Normalised RMS over all channels and constraints; 1 where the model holds. Dashed: the noise floor."
+    end = lines[-1]
+    names = list(dict.fromkeys(name for line in lines for name in line.errors))
+    heads = ("channel", *("as stated" if k == 0 else f"step {line.step}" for k, line in enumerate(lines)))
+    errors = [(line.errors[name].before if name in line.errors else None for line in lines) for name in names]
+    rows = [[words(name), *map(number, values)] for name, values in zip(names, errors, strict=True)]
+    return Section(
+        key,
+        title,
+        [
+            Plot.of_figure("waterfall", caption, waterfall(lines, reader.diagnosis, reader.title), 380),
+            _steps(reader),
+            *([Note(end.why)] if isinstance(end, LedgerEnd) else []),
+            Details("Normalised RMS of every channel, step by step", [Table("", heads, rows)]),
+        ],
+    )
+
+
+def _steps(reader: ResultReader) -> Table:
+    steps = [line for line in reader.ledger if isinstance(line, LedgerStep)]
+    rows = [
+        [
+            f"{step.step}", effect_names((step.label, *step.same_as)), readable(parameters_text(step.parameters)),
+            number(step.gain), number(step.held_out_score), f"{number(before)} → {number(after)}",
+        ]
+        for step, (before, after) in zip(steps, pairwise(ledger_levels(reader.ledger)), strict=False)
+    ]  # fmt: skip
+    heads = ("step", "added", "size as it was added", "gain (nats)", "held-out gain", "normalised RMS")
+    return Table("Steps", heads, rows or [["–", "nothing was added", "", "", "", ""]], texts=3)

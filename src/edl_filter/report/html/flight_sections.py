@@ -1,0 +1,191 @@
+"""Events, trajectory, atmosphere, coefficients, constraints and provenance: the sections about a reconstruction."""
+
+from __future__ import annotations
+
+from edl_filter.report.atmosphere import LARGEST_SIGMA, profile_panels
+from edl_filter.report.coefficients import MEANINGS, against_database
+from edl_filter.report.html.blocks import Block, Command, Details, Grid, Mark, Note, Plot, Section, Table
+from edl_filter.report.sentences import entry_sentence, landing_sentence, peak_sentence
+from edl_filter.report.text import (
+    constraint_verdict,
+    fixed_digits,
+    interval_text,
+    nis_text,
+    pressure,
+    readable,
+    sigmas_text,
+    with_fixed_sigma,
+    words,
+)  # fmt: skip
+from edl_filter.report.trajectory import altitude_over_speed, flight_history
+from edl_filter.results.reader import ResultReader
+from edl_filter.results.schema import ConstraintSummary, EventState
+
+#: Bins of the curves of a small plot, and heights of plots, pixels.
+_SMALL_BINS = 250
+_PROFILE_HEIGHT, _COEFFICIENT_HEIGHT = 400, 390
+
+
+def events(reader: ResultReader) -> Section:
+    """Events in order of time, and the sentences about deceleration, landing and entry state."""
+    summary = reader.summary
+    if summary is None or not summary.events:
+        note = Note("There are none: the folder has no summary.json with events.", "muted")
+        return Section("events", "Events", [note])
+    heads = (
+        "event", "UTC", "time (s)", "altitude (km)", "over site (km)", "velocity (m/s)", "flight path (°)", "Mach",
+        "q (Pa)", "α total (°)",
+    )  # fmt: skip
+    ordered = sorted(summary.events.items(), key=lambda event: event[1].time_s)
+    sentences = [landing_sentence(summary.landing), entry_sentence(summary.entry_state)]
+    if "peak_deceleration" in summary.events:
+        sentences.insert(0, peak_sentence(summary.events["peak_deceleration"]))
+    explanation = (
+        f"Epoch {reader.epoch_utc or 'unknown'} UTC. ± is one sigma; velocity and flight path are relative to the air."
+    )
+    blocks: list[Block] = [Table("", heads, [_event(name, event) for name, event in ordered], texts=2)]
+    blocks += [Note(sentence) for sentence in sentences if sentence]
+    return Section("events", "Events", [*blocks, Note(explanation, "muted")])
+
+
+def _event(name: str, e: EventState) -> list[str]:
+    numbers = (
+        fixed_digits(e.time_s, 2),
+        with_fixed_sigma(e.altitude_m, e.altitude_sigma_m, 2, 1e-3),
+        fixed_digits(e.height_above_site_m, 2, 1e-3),
+        with_fixed_sigma(e.velocity_m_s, e.velocity_sigma_m_s, 1),
+        fixed_digits(e.flight_path_deg, 1),
+        fixed_digits(e.mach, 2),
+        pressure(e.dynamic_pressure_pa),
+        with_fixed_sigma(e.alpha_total_deg, e.alpha_total_sigma_deg, 1),
+    )
+    return [words(name), e.utc.partition("T")[2][:12], *map(readable, numbers)]
+
+
+def trajectory(reader: ResultReader) -> Section:
+    """Trajectory and its sigmas over time, and altitude over speed."""
+    if not reader.has("trajectory:time", "trajectory:altitude"):
+        note = Note("The folder has no trajectory (result.nc is missing or incomplete).", "muted")
+        return Section("trajectory", "Trajectory", [note])
+    caption = (
+        "Altitude over the ellipsoid, speed relative to the air, Mach number, dynamic pressure; at the foot one sigma "
+        "of altitude and speed."
+    )
+    plots = [Plot.of_figure("flight", caption, flight_history(reader), 900)]
+    if reader.has("trajectory:speed"):
+        plots.append(Plot.of_figure("altitude_speed", "Altitude against speed.", altitude_over_speed(reader), 420))
+    return Section("trajectory", "Trajectory", plots)
+
+
+def atmosphere(reader: ResultReader) -> Section:
+    """Profiles with one-sigma bands, and their ratios to the preflight ones."""
+    panels = profile_panels(reader)
+    if not panels:
+        note = Note("The run derived no atmosphere; that needs an aerodynamic database in the mission.", "muted")
+        return Section("atmosphere", "Atmosphere", [note])
+    note = Note(
+        "From the drag: density from the axial force and the database, pressure by the hydrostatic integral, "
+        "temperature by the gas law. Bands are one sigma. Temperature and ratios are left out where a sigma exceeds "
+        f"{LARGEST_SIGMA:.0%}.",
+        "muted",
+    )
+    plots = [Plot.of_panel(panel, _PROFILE_HEIGHT, _SMALL_BINS) for panel in panels]
+    return Section("atmosphere", "Atmosphere", [note, Grid(plots)])
+
+
+def coefficients(reader: ResultReader) -> Section:
+    """A plot of each coefficient, and its judgement by window."""
+    key, title = "coefficients", "Coefficients against the database"
+    panels = [panel for name in MEANINGS if (panel := against_database(reader, name)) is not None]
+    if not panels:
+        note = Note("The run has no coefficients; they need an aerodynamic database in the mission.", "muted")
+        return Section(key, title, [note])
+    blocks: list[Block] = [
+        Note(
+            "Blue band: three sigmas of the database (MEVAD). Orange band: one sigma of the flight's value. Shaded "
+            "times: the vehicle is statically unstable there. Moments are about the centre of mass.",
+            "muted",
+        ),
+        Grid([Plot.of_panel(panel, _COEFFICIENT_HEIGHT, _SMALL_BINS) for panel in panels]),
+    ]
+    rows = _verdicts(reader)
+    if rows:
+        heads = ("window", "coefficient", "density", "database minus flight", "3 sigma", "share", "")
+        inside = sum(isinstance(row[-1], Mark) and row[-1].tone == "good" for row in rows)
+        caption = f"Average differences by window: {inside} of {len(rows)} within the database's 3 sigma"
+        blocks.append(Details(caption, [Table("", heads, rows, texts=3, wide=(6,))]))
+    return Section(key, title, blocks)
+
+
+def _verdicts(reader: ResultReader) -> list[list[str | Mark]]:
+    group = "postflight/verdicts"
+    texts = [reader.text(group, name) for name in ("window", "coefficient", "density")]
+    numbers = [reader.variable(group, name) for name in ("mean", "mean_sigma", "three_sigma", "ratio", "within")]
+    arrays = [values for values in numbers if values is not None]
+    if not texts[0] or len(arrays) < len(numbers):
+        return []
+    return [
+        [
+            window, coefficient, density, f"{mean:+.2g} ± {sigma:.1g}", f"{limit:.2g}", f"{100.0 * abs(ratio):.0f} %",
+            Mark("✓ within", "good") if within else Mark("▲ outside", "doubt"),
+        ]
+        for window, coefficient, density, mean, sigma, limit, ratio, within in zip(*texts, *arrays, strict=True)
+    ]  # fmt: skip
+
+
+def constraints(reader: ResultReader) -> Section:
+    """One row for each constraint."""
+    summary = reader.summary
+    if summary is None or not summary.constraints:
+        note = Note("The folder has no summary.json with constraints.", "muted")
+        return Section("constraints", "Constraints", [note])
+    heads = (
+        "constraint", "source", "accepted uses", "innovation (sigma)", "NIS", "dof", "99.9 % interval",
+        "left out (sigma)", "its NIS (dof)", "verdict",
+    )  # fmt: skip
+    explanation = (
+        "Innovations are components over their sigmas (many uses: their mean). NIS is the normalised innovation "
+        "squared; it should lie in the interval. Left out: predicted from all other constraints alone, which is the "
+        "fairer test."
+    )
+    rows = [_constraint(name, c) for name, c in summary.constraints.items()]
+    return Section(
+        "constraints", "Constraints", [Table("", heads, rows, texts=2, wide=(9,)), Note(explanation, "muted")]
+    )
+
+
+def _constraint(name: str, c: ConstraintSummary) -> list[str | Mark]:
+    return [
+        words(name), c.source, f"{c.accepted_uses} of {c.uses}",
+        readable(sigmas_text(c.innovation, c.innovation_sigma)),
+        f"{c.nis:.2f}" if c.dof and c.nis is not None else "–", str(c.dof), interval_text(c),
+        readable(sigmas_text(c.left_out, c.left_out_sigma)), nis_text(c.left_out_nis, c.left_out_dof),
+        Mark(*constraint_verdict(c)),
+    ]  # fmt: skip
+
+
+def provenance(reader: ResultReader) -> Section:
+    """Program, mission, inputs with checksums, libraries and times of a result."""
+    summary = reader.summary
+    version = reader.attribute("", "edl_filter_version") or (summary.edl_filter_version if summary else None)
+    rows = [
+        ("edl-filter", version),
+        ("mission", reader.mission),
+        ("mission file", reader.attribute("", "mission_file")),
+        ("planet", reader.attribute("", "planet")),
+        ("epoch", f"{reader.attribute('', 'epoch_utc')} UTC" if reader.attribute("", "epoch_utc") else None),
+        ("made", reader.attribute("", "created_utc")),
+    ]
+    rows += [(f"input {name}", f"sha256 {value}") for name, value in reader.mapping("", "input_sha256").items()]
+    rows += [(f"library {name}", value) for name, value in reader.mapping("", "versions").items()]
+    if summary is not None and summary.timing_s:
+        parts = ", ".join(f"{words(name)} {value:.2f}" for name, value in summary.timing_s.items())
+        rows.append(("time spent", f"{sum(summary.timing_s.values()):.1f} s ({parts})"))
+    stated = [[name, str(value)] for name, value in rows if value]
+    blocks: list[Block] = [Table("", ("", ""), stated, texts=2)] if stated else []
+    if not reader.has_result:
+        blocks.append(Note("The folder has no result.nc that can be read; inputs and libraries are unknown.", "muted"))
+    blocks += [Note(note) for note in (summary.notes if summary else ())]
+    if text := reader.attribute("", "mission_yaml"):
+        blocks.append(Details("The mission as it was run", [Command(str(text).rstrip())]))
+    return Section("provenance", "Provenance", blocks)

@@ -1,0 +1,124 @@
+"""Sentences about a run, for the terminal, the report and notebook cards."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+from edl_filter.report.text import number, with_sigma, words
+from edl_filter.results.schema import (
+    ConstraintSummary,
+    EffectParameter,
+    EntryState,
+    EventState,
+    Landing,
+    ModelEffect,
+    PostflightSummary,
+)  # fmt: skip
+
+#: Share of a constraint's uses that may fail the gate before a run warns.
+_USUAL_REJECTIONS = 0.05
+
+
+def peak_sentence(peak: EventState) -> str:
+    """Largest deceleration before the parachute; empty if the event does not state it."""
+    if peak.acceleration_m_s2 is None or peak.acceleration_single_m_s2 is None:
+        return ""
+    return (
+        f"Peak deceleration: {peak.acceleration_m_s2:.1f} m/s² as the mean of two samples, "
+        f"{peak.acceleration_single_m_s2:.1f} m/s² in one."
+    )
+
+
+def warnings(constraints: Mapping[str, ConstraintSummary]) -> list[str]:
+    """Warnings about constraints that contradict the reconstruction: one that must hold, or one use of twenty."""
+    sentences = []
+    for name, c in constraints.items():
+        rejected = c.uses - c.accepted_uses
+        must_hold = name in ("landing", "parachute") or name.startswith("rest_")
+        if rejected > (0 if must_hold else _USUAL_REJECTIONS * c.uses):
+            sentences.append(
+                f"WARNING: {words(name)} contradicts all other data and was rejected in {rejected} of {c.uses} uses; "
+                "that usually means wrong units, wrong axes or a wrong calibration. Do not trust this result."
+            )
+    return sentences
+
+
+def entry_sentence(entry: EntryState) -> str:
+    """Correction of the entry state."""
+    sentence = (
+        f"Entry state: moved by {_length(entry.position_change_m) / 1e3:.2f} km and "
+        f"{_length(entry.velocity_change_m_s):.2f} m/s"
+    )
+    if "entry_frame" in entry.states and entry.rotation_deg is not None:
+        remaining = _length(entry.rotation_leaves_m) / 1e3
+        sentence += f"; a rotation of its frame by {entry.rotation_deg:.3f} deg explains all but {remaining:.2f} km"
+    epoch = entry.states.get("entry_epoch")
+    if epoch is not None and epoch.estimate[0] is not None and epoch.sigma[0] is not None:
+        sentence += f", with its epoch off by {epoch.estimate[0]:+.2f} ± {epoch.sigma[0]:.2f} s"
+    return sentence + "."
+
+
+def _length(vector: tuple[float | None, ...]) -> float:
+    return math.hypot(*(math.nan if v is None else v for v in vector))
+
+
+def landing_sentence(landing: Landing) -> str:
+    """Landing position, and its prediction without the landing constraint; empty without a site."""
+    latitude, miss, sigma = landing.lat_deg, landing.miss_m, landing.sigma_m
+    if latitude is None or landing.lon_deg is None or miss is None or sigma is None:
+        return ""
+    sentence = (
+        f"Landing: {abs(latitude):.4f} {'S' if latitude < 0.0 else 'N'} {landing.lon_deg:.4f} E, "
+        f"{miss:.0f} ± {sigma:.0f} m from the site"
+    )
+    if (out := landing.left_out) is not None and out.miss_m is not None and out.sigma_m is not None:
+        sentence += f"; predicted without it {out.miss_m / 1e3:.2f} ± {out.sigma_m / 1e3:.2f} km away"
+    return sentence + "."
+
+
+def effect_lines(effects: Mapping[str, ModelEffect]) -> list[str]:
+    """One line for each effect in the model, with the parameters that are not zero and their sigmas."""
+    from edl_filter.effects.instances import lookup
+    from edl_filter.effects.registry import catalogue
+
+    lines = []
+    for key, effect in effects.items():
+        name = key.split(" in ")[0]
+        values = {q: p for q, p in effect.parameters.items() if p.estimate and math.isfinite(p.estimate)}
+        declared = lookup(catalogue(), name)
+        off = declared is not None and not any(q.name in values for q in declared.sizes)
+        text = "off" if off else ", ".join(f"{q} {_estimate(p)}" for q, p in values.items())
+        imu = f" in {effect.imu}" if effect.imu else ""
+        lines.append(f"Effect in the model: {name}{imu} ({text}).")
+    return lines
+
+
+def _estimate(parameter: EffectParameter) -> str:
+    unit = f" {parameter.unit}" if parameter.unit and parameter.sigma else ""
+    return f"{with_sigma(parameter.estimate, parameter.sigma)}{unit}"
+
+
+def postflight_lines(postflight: PostflightSummary | None) -> list[str]:
+    """Validation domain, instabilities, and the largest difference of the force coefficients."""
+    if postflight is None:
+        return []
+    domain, instabilities = postflight.domain_s, postflight.instabilities_s
+    named = {"first": instabilities.first, "second": instabilities.second}
+    intervals = [f"{name} {_time(span[0])}-{_time(span[1])} s" for name, span in named.items() if span]
+    lines = [
+        f"Aerodynamics from {_time(domain.start)} s (forces from {_time(domain.useful)} s); instabilities: "
+        f"{', '.join(intervals) or 'none found'}."
+    ]
+    forces = [a for a in postflight.averages if a.pair == "IMU-accels" and a.percent is not None]
+    if forces:
+        worst = max(forces, key=lambda a: abs(a.percent or 0.0))
+        lines.append(
+            f"Database minus flight, forces: at most {number(abs(round(worst.percent or 0.0)))} % of the database's "
+            f"3 sigma ({worst.coefficient}, {worst.window})."
+        )
+    return lines
+
+
+def _time(value: float | None) -> str:
+    return "–" if value is None or not math.isfinite(value) else f"{value:.0f}"

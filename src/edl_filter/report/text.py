@@ -1,0 +1,193 @@
+"""Labels and number formats of all output: figures, report, notebook cards and terminal."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from edl_filter.results.schema import ConstraintSummary, MapCell, OnsetContent, RankedHypothesis
+
+#: Labels of events, the most important first: where labels would overlap, the first has precedence.
+EVENT_LABELS = {
+    "parachute_deploy": "parachute",
+    "landing": "landing",
+    "peak_deceleration": "peak",
+    "entry_interface": "entry",
+    "heat_shield_separation": "heat shield",
+    "backshell_separation": "backshell",
+    "retro_rocket_fire": "rockets",
+    "bridle_cut": "bridle cut",
+}
+#: Regime under which the residual map lists the constraints.
+CONSTRAINTS = "constraints"
+#: Log Bayes factor from which an effect is accepted, nats.
+ACCEPTANCE_NATS = 6.0
+REMAINDER_HINT = "Write it as an effect of your own (docs/effects.md), then diagnose with --file my_effect.py."
+#: Number of onsets that a sentence lists.
+_ONSETS = 3
+#: Largest power of ten of a number in positional notation, and largest number of digits of an estimate.
+_POWER, _DIGITS = 6, 9
+_SUPERSCRIPTS = str.maketrans("0123456789-", "⁰¹²³⁴⁵⁶⁷⁸⁹⁻")
+
+
+def words(name: str) -> str:
+    """Name of a channel, constraint or event as words."""
+    return name.replace("_", " ")
+
+
+def event_label(name: str) -> str:
+    """Short label of an event."""
+    return EVENT_LABELS.get(name, words(name))
+
+
+def effect_names(names: Iterable[str]) -> str:
+    """Effects that the flight does not distinguish, as one text."""
+    return " or ".join(names)
+
+
+def hypothesis_label(hypothesis: RankedHypothesis) -> str:
+    """The effect of a hypothesis with those that the flight does not distinguish from it."""
+    return effect_names((hypothesis.label, *hypothesis.same_as))
+
+
+def time_label(epoch_utc: str) -> str:
+    """Label of a time axis, without its unit; `epoch_utc` may be empty."""
+    return f"time since {epoch_utc} UTC" if epoch_utc else "time since the epoch"
+
+
+def readable(text: str) -> str:
+    """A text with superscript powers of units, ``m/s^2`` → ``m/s²``, and minus signs before negative numbers."""
+    first, *parts = text.split("^")
+    result = first
+    for part in parts:
+        length = len(part) - len(part.lstrip("0123456789-"))
+        result += part[:length].translate(_SUPERSCRIPTS) + part[length:]
+    return re.sub(r"(?<![\w.])-(?=\.?\d)", "−", result)
+
+
+def number(value: float | None) -> str:
+    """A number with three digits; a dash if it is not finite."""
+    if value is None or not math.isfinite(value):
+        return "–"
+    return f"{value:.0f}" if 100.0 <= abs(value) < 1e6 else f"{value:.3g}"
+
+
+def chance(probability: float | None) -> str:
+    """A probability with three decimals, or that it is close to one or zero."""
+    if probability is None:
+        return "–"
+    if probability > 0.999:
+        return "> 0.999"
+    return "< 0.001" if probability < 0.001 else f"{probability:.3f}"
+
+
+def pressure(value: float | None) -> str:
+    """A dynamic pressure in Pa."""
+    return "" if value is None else f"{value:.3g}" if value < 1.0 else f"{value:.0f}"
+
+
+def short(value: float) -> str:
+    """A normalised innovation squared or a limit of it."""
+    return f"{value:.0f}" if value >= 100.0 else f"{value:.1f}" if value >= 10.0 else f"{value:.2f}"
+
+
+def with_sigma(estimate: float | None, sigma: float | None) -> str:
+    """Estimate and sigma to the second digit of the sigma: ``129.000 ± 0.013``, ``(1.75300 ± 0.00020)e-3``."""
+    if estimate is None:
+        return "–"
+    if not sigma or not math.isfinite(sigma) or not math.isfinite(estimate):
+        return f"{estimate:.4g}"
+    power = math.floor(math.log10(max(abs(estimate), sigma)))
+    places = 1 - math.floor(math.log10(sigma))
+    if power + places >= _DIGITS:
+        return f"{estimate:.{_DIGITS}g} ± {sigma:.2g}"
+    if 0 <= places <= _POWER:
+        return f"{estimate:.{places}f} ± {sigma:.{places}f}"
+    if places < 0 and power < _POWER:
+        return f"{estimate:.0f} ± {sigma:.0f}"
+    places = max(places + power, 0)
+    return f"({estimate / 10.0**power:.{places}f} ± {sigma / 10.0**power:.{places}f})e{power}"
+
+
+def fixed_digits(value: float | None, digits: int, scale: float = 1.0) -> str:
+    """A number with a fixed number of decimals; empty if it is None."""
+    return "" if value is None else f"{scale * value:.{digits}f}"
+
+
+def with_fixed_sigma(value: float | None, sigma: float | None, digits: int, scale: float = 1.0) -> str:
+    """Value and sigma with a number of decimals, or with more if the sigma would be zero."""
+    if value is None or sigma is None:
+        return fixed_digits(value, digits, scale)
+    while digits < 4 and round(scale * sigma, digits) == 0.0:
+        digits += 1
+    return f"{fixed_digits(value, digits, scale)} ± {scale * sigma:.{digits}f}"
+
+
+def parameters_text(parameters: Mapping[str, Any]) -> str:
+    """Estimates with sigmas and units, one line each; parameters without a finite value are omitted.
+
+    Parameters
+    ----------
+    parameters : mapping
+        Name → estimate of `edl_filter.results.schema` (`Estimate`, `EffectParameter`, …) or its plain data.
+    """
+    lines = []
+    for name, parameter in parameters.items():
+        value = dict(parameter) if isinstance(parameter, Mapping) else parameter.model_dump()
+        if value["estimate"] is None or not math.isfinite(value["estimate"]):
+            continue
+        unit = f" {value['unit']}" if value.get("unit") else ""
+        lines.append(f"{name} {with_sigma(value['estimate'], value['sigma'])}{unit}")
+    return "\n".join(lines)
+
+
+def error_fall(hypothesis: RankedHypothesis) -> str:
+    """Fall of the normalised RMS of the channel that a hypothesis reduces most."""
+    return f"{number(hypothesis.error_before)} → {number(hypothesis.error_after)}"
+
+
+def onset_text(onsets: Sequence[OnsetContent]) -> str:
+    """Times from which the clearest channels fail."""
+    first = [f"{words(o.channel)} from {o.time_s:.1f} s" for o in onsets[:_ONSETS]]
+    more = len(onsets) - len(first)
+    return f"It begins: {', '.join(first)}{f', and {more} more' if more else ''}."
+
+
+def cell_sentence(cell: MapCell) -> str:
+    """The sentence of a cell of the residual map, with its channel as words."""
+    return readable(cell.sentence.replace(cell.channel, words(cell.channel), 1))
+
+
+def interval_text(constraint: ConstraintSummary) -> str:
+    """Interval that contains the NIS of a constraint with 99.9 %."""
+    limits = constraint.nis_interval_99_9
+    return "–" if limits is None else f"{short(limits[0])} – {short(limits[1])}"
+
+
+def sigmas_text(values: Sequence[float | None], sigmas: Sequence[float | None]) -> str:
+    """Components of a vector over their sigmas; of more than three components, the largest."""
+    ratios = [
+        v / s if v is not None and s and s > 0.0 and math.isfinite(v) and math.isfinite(s) else None
+        for v, s in zip(values, sigmas, strict=True)
+    ]
+    if len(ratios) <= 3:
+        return "  ".join("–" if r is None else f"{round(r, 1) + 0.0:+.1f}" for r in ratios)
+    sizes = [abs(r) for r in ratios if r is not None]
+    return f"≤ {max(sizes):.1f}" if sizes else "–"
+
+
+def nis_text(nis: float | None, dof: int, digits: int = 2) -> str:
+    """Normalised innovation squared with its degrees of freedom."""
+    return f"{nis:.{digits}f} ({dof})" if dof and nis is not None else "–"
+
+
+def constraint_verdict(constraint: ConstraintSummary) -> tuple[str, str]:
+    """Judgement of a constraint, and its tone: ``bad``, ``muted``, ``good`` or ``doubt``."""
+    if not constraint.accepted:
+        return f"✗ {constraint.uses - constraint.accepted_uses} rejected", "bad"
+    if constraint.consistent is None:
+        return "– not judged", "muted"
+    return ("✓ accepted", "good") if constraint.consistent else ("▲ outside", "doubt")

@@ -1,0 +1,56 @@
+"""Number formats and labels."""
+
+import pytest
+
+from edl_filter.report.text import chance, event_label, number, parameters_text, readable, sigmas_text, with_sigma
+from edl_filter.results.schema import Estimate
+
+
+@pytest.mark.parametrize(
+    ("estimate", "sigma", "text"),
+    [
+        (129.00042, 0.013, "129.000 ± 0.013"),
+        (128.9714, 0.013, "128.971 ± 0.013"),
+        (1.753e-3, 2e-7, "(1.75300 ± 0.00020)e-3"),
+        (3.0, None, "3"),
+        (0.01, 5.0, "0.0 ± 5.0"),
+        (0.011241, 1e-4, "0.01124 ± 0.00010"),
+        (-12345.6, 132.3, "-12346 ± 132"),
+        (4.2828e13, 2e9, "(4.28280 ± 0.00020)e13"),
+        (129.0, 1e-12, "129 ± 1e-12"),
+    ],
+)
+def test_estimates_have_the_digits_that_they_deserve(estimate, sigma, text):
+    assert with_sigma(estimate, sigma) == text
+
+
+def test_numbers_for_people():
+    assert [number(x) for x in (0.91234, 1073.4, 6.4e7, None, float("nan"))] == ["0.912", "1073", "6.4e+07", "–", "–"]
+    assert [chance(x) for x in (1.0, 0.25, 1e-7)] == ["> 0.999", "0.250", "< 0.001"]
+    assert parameters_text({"a": {"estimate": None, "sigma": 0.0, "unit": "s"}}) == ""
+
+
+def test_parameters_of_models_and_of_plain_data_have_the_same_text():
+    plain = {"estimate": 1.5, "sigma": 0.02, "unit": "m"}
+    assert parameters_text({"dy": Estimate(**plain)}) == parameters_text({"dy": plain}) == "dy 1.500 ± 0.020 m"
+
+
+def test_components_over_their_sigmas():
+    assert sigmas_text([1.0, -4.0, None], [2.0, 2.0, 1.0]) == "+0.5  -2.0  –"
+    assert sigmas_text([1.0, -6.0, 0.0, 0.0], [2.0, 2.0, 0.0, float("inf")]) == "≤ 3.0"
+
+
+def test_events_have_short_labels():
+    assert [event_label(n) for n in ("parachute_deploy", "Mach 15", "own_event")] == [
+        "parachute",
+        "Mach 15",
+        "own event",
+    ]
+
+
+def test_powers_of_units_are_raised():
+    assert readable("0.1 rad/s^2 and 3 kg m^-3.") == "0.1 rad/s² and 3 kg m⁻³."
+
+
+def test_negative_numbers_have_a_minus_and_words_keep_their_hyphens():
+    assert readable("x -0.5 m, (-1.2 ± 0.1)e-5, on-board 2011-03") == "x −0.5 m, (−1.2 ± 0.1)e-5, on-board 2011-03"
