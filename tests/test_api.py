@@ -79,7 +79,7 @@ def test_a_mission_is_reconstructed_and_diagnosed(mission):
     messages = []
     diagnosis = diagnose(mission, "gyro_bias", progress=messages.append)
     assert messages[:2] == ["reconstructing", "comparing model and measurements"]
-    assert list(diagnosis.ranking.screening) == ["gyro_bias"]
+    assert list(diagnosis.ranking.screening) == [("gyro_bias", None), ("gyro_bias", "secondary")]
 
 
 def test_improve_repeats_diagnosis_and_fit(mission):
@@ -148,7 +148,7 @@ class TestMission:
 
     def test_a_result_with_an_effect_of_the_session_is_not_written(self, mission, tmp_path):
         result = reconstruct(with_effect(mission, Push), leave_one_out=False)
-        with pytest.raises(InputError, match=r"found the effect push, which lives in this Python session only"):
+        with pytest.raises(InputError, match=r"found the effect push, which exists in this Python session only"):
             result.save(tmp_path / "out")
         assert not (tmp_path / "out").exists()
 
