@@ -60,7 +60,7 @@ def leading_hypothesis(diagnosis, key):
     """The hypothesis of `key` in the leading entry: its first or one that the flight does not distinguish from it."""
     assert diagnosis.verdict.verdict == "missing", diagnosis.verdict.sentence
     entry = diagnosis.verdict.entries[0]
-    named = {h.key: h for h in (entry.hypothesis, *entry.others)}
+    named = {h.key: h for h in (entry.hypothesis, *entry.indistinguishable)}
     assert key in named, diagnosis.verdict.sentence
     return named[key]
 
