@@ -29,7 +29,8 @@ def hypothesis(**changes):
 def diagnosis(**changes):
     return {
         "verdict": "missing", "sentence": "Missing: remnant_torque.", "partner": None, "mission": "practice_mer",
-        "effects": [], "where": [cell()], "map": [cell()], "ranking": [hypothesis()], "none": 0.05, "none_gain": -40.0,
+        "effects": [], "where": [cell()], "map": [cell()], "ranking": [hypothesis()], "required_gain": 12.0,
+        "none": 0.05, "none_gain": -40.0,
         "something_else": {
             "probability": 0.05, "score_gain": 3.0, "force_m_s2": 0.003, "angular_acceleration_rad_s2": 0.001,
             "correlation_time_s": 10.0, "with_dynamic_pressure": False,

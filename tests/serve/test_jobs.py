@@ -51,8 +51,8 @@ def test_a_command_that_does_not_start_is_an_error(tmp_path):
     ("lines", "code", "message"),
     [
         (["Usage: x", "Error: No such option: -q"], 2, "Error: No such option: -q"),
-        (["edl-filter: a fault of ours: KeyError: 1", "Run 'edl-filter --debug'."], 1,
-         "a fault of ours: KeyError: 1 Run 'edl-filter --debug'."),
+        (["edl-filter: internal error: KeyError: 1", "Run 'edl-filter --debug'."], 1,
+         "internal error: KeyError: 1 Run 'edl-filter --debug'."),
         ([], 1, "The command ended with code 1 and said nothing."),
         ([], -9, "The command was ended by signal 9."),
     ],

@@ -40,7 +40,7 @@ class Commands(TyperGroup):
                 typer.echo(f"edl-filter: {error}", err=True)
                 raise typer.Exit(2) from None
             typer.echo(
-                f"edl-filter: a fault of ours: {type(error).__name__}: {error}\n"
+                f"edl-filter: internal error: {type(error).__name__}: {error}\n"
                 "Run 'edl-filter --debug COMMAND …' to see where, and please report it.",
                 err=True,
             )

@@ -40,10 +40,10 @@ def detectability(
     Returns
     -------
     dict
-        ``effects``: for each its name, ``imu`` (of a checking IMU's error), ``places`` (the place of its scan grid with
-        the most information), ``parameters`` (name → ``smallest``: size whose expected gain is `named_gain_nats`, None
-        if none has it; ``unit``, ``plausible``, ``ratio`` of the two) and ``confused_with`` (label → correlation);
-        ``failed``: label of an effect whose hooks fail → message.
+        ``required_gain`` (nats); ``effects``: for each its name, ``imu`` (of a checking IMU's error), ``places`` (the
+        place of its scan grid with the most information), ``parameters`` (name → ``smallest``: size whose expected
+        gain is `named_gain_nats`, None if none has it; ``unit``, ``plausible``, ``ratio`` of the two) and
+        ``confused_with`` (label → correlation); ``failed``: label of an effect whose hooks fail → message.
 
     Raises
     ------
@@ -71,6 +71,7 @@ def detectability(
                 entry["confused_with"][informative[k][0].instance.label] = similarity
     return {
         "mission": mission.name,
+        "required_gain": settings.named_gain_nats,
         "in_model": sorted(a.label for a in case.effects),
         "effects": entries,
         "failed": failed,

@@ -32,6 +32,7 @@ def diagnosis_content(diagnosis: Diagnosis) -> dict[str, Any]:
         "where": [_cell(c) for c in failing_cells(diagnosis.cells)],
         "map": [_cell(c) for c in diagnosis.cells],
         "ranking": [_entry(e, diagnosis.errors) for e in verdict.entries],
+        "required_gain": verdict.required_gain,
         "none": verdict.none,
         "none_gain": 0.0 if ranking.excess_noise_gain <= 0.0 else -ranking.excess_noise_gain,
         "something_else": {

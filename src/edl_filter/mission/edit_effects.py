@@ -9,7 +9,7 @@ from __future__ import annotations
 import json
 import math
 import os
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -108,13 +108,6 @@ def append_effect(text: str, effect: Effect, entry: dict[str, Any], label: str) 
         Name of the file, in messages.
     """
     return append_entry(text, "effects", entry, _entry_lines(effect, entry), label)
-
-
-def hypotheses_by_label(ranking: Iterable[dict[str, Any]]) -> dict[str, dict[str, Any]]:
-    """Hypotheses of a ``diagnosis.json`` by label, including the alternatives that the data cannot distinguish."""
-    entries = list(ranking)
-    alternatives = {label: entry for e in entries for label, entry in e.get("alternatives", {}).items()}
-    return alternatives | {e["label"]: e for e in entries}
 
 
 def _parse_parameter(change: str) -> tuple[str, float]:

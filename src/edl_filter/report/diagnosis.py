@@ -32,7 +32,6 @@ from edl_filter.report.description import (
 )  # fmt: skip
 from edl_filter.report.matplotlib_renderer import write_figure
 from edl_filter.report.text import (
-    ACCEPTANCE_NATS,
     CONSTRAINTS,
     chance,
     hypothesis_label,
@@ -153,8 +152,10 @@ def ranking(content: DiagnosisContent | Mapping[str, Any], title: str) -> Figure
     for k, (_, _, _, probability) in enumerate(rows):
         text = f"p {chance(probability)}"
         elements.append(Text(text, 1.0, float(k), ("panel", "data"), (4.0, 0.0), "left", size=10.5))
-    accepted = f"{ACCEPTANCE_NATS:g} nats: accepted"
-    elements += [Line(ACCEPTANCE_NATS, "x", accepted, dash=_DASH, width=1.0), Line(0.0, "x", colour="ink")]
+    if diagnosis.required_gain is not None:
+        required = f"{diagnosis.required_gain:g} nats: required"
+        elements.append(Line(diagnosis.required_gain, "x", required, dash=_DASH, width=1.0))
+    elements.append(Line(0.0, "x", colour="ink"))
     values = [value for _, value in (*gains, *scores)]
     limits = (min(1.3 * min(values, default=0.0), -1.0), max(1.6 * max(values, default=0.0), 30.0))
     label = "log-likelihood gained over the present model, prior included"

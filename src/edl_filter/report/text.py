@@ -23,8 +23,6 @@ EVENT_LABELS = {
 }
 #: Regime under which the residual map lists the constraints.
 CONSTRAINTS = "constraints"
-#: Log Bayes factor from which an effect is accepted, nats.
-ACCEPTANCE_NATS = 6.0
 REMAINDER_HINT = "Write it as an effect of your own (docs/effects.md), then diagnose with --file my_effect.py."
 #: Number of onsets that a sentence lists.
 _ONSETS = 3

@@ -439,6 +439,7 @@ class DiagnosisContent(Content):
     where: tuple[MapCell, ...] = _key("cells of the residual map that fail, worst first")
     map: tuple[MapCell, ...] = _key("all cells of the residual map")
     ranking: tuple[RankedHypothesis, ...] = _key("hypotheses, most probable first")
+    required_gain: Number = _key("gain that an effect needs to be named, in sample and held out, nats")
     none: Number = _key("probability that nothing is missing")
     none_gain: Number = _key("log evidence of the model at its stated noise, relative to that at its own noise, nats")
     something_else: SomethingElse = _key("the hypothesis that something outside the catalogue is missing")

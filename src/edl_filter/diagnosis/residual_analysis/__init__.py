@@ -1,7 +1,7 @@
 """Residual analysis: where a model fails, and what is left.
 
-On the innovations of a linearised model: `channels` (names, units and normalised innovations), `residual_map` (every
-channel in every flight regime, and change points), `channel_rms`, `time_series` (residuals against time),
-`latent_force` (unmodelled force and moment against time), `unexplained` (what they follow), `run_residuals` (the same
-for a reconstruction that is not diagnosed).
+On the innovations of a linearised model: `channel_rms` (names and units of the channels, normalised innovations and
+their RMS), `residual_map` (every channel in every flight regime, and change points), `time_series` (residuals against
+time), `latent_force` (unmodelled force and moment against time), `unexplained` (what they follow), `run_residuals` (the
+same for a reconstruction that is not diagnosed).
 """

@@ -90,6 +90,8 @@ class Verdict:
         Most probable first.
     none, something_else : float
         Their probabilities.
+    required_gain : float
+        Gain that a name needs, nats: c of this module.
     sentence : str
     provisional : Hypothesis or None
         The best name, where it gains enough and is not accepted for what it leaves with an exact database, and no other
@@ -102,6 +104,7 @@ class Verdict:
     entries: list[Entry]
     none: float
     something_else: float
+    required_gain: float
     sentence: str
     provisional: Hypothesis | None = None
     partner: Hypothesis | None = None
@@ -176,6 +179,7 @@ def decide(ranking: Ranking, partner: Hypothesis | None = None) -> Verdict:
         entries,
         float(probability[0]),
         float(probability[1]),
+        cost,
         _sentence(verdict, entries, partner),
         provisional=best if exact and sufficient and not accepted and verdict != MISSING else None,
         partner=partner,

@@ -106,13 +106,13 @@ def iterate_to_convergence(
         moving = model.excess_variance.share <= max_excess_share
         return fit_map(model, case.effects, model.fitted_noise_filter, moving=moving)
 
-    progress("refitting the effects, round 1")
+    progress("refitting the effects, iteration 1")
     model = linearize(case, iterations=2, max_excess_share=max_excess_share, initial_excess=initial_excess)
     fit = fit_about(model)
     for i in range(1, settings.outer_iterations if iterations is None else iterations):
         if _largest_change(case.effects, fit) <= settings.outer_tolerance_sigmas:
             break
-        progress(f"refitting the effects, round {i + 1}")
+        progress(f"refitting the effects, iteration {i + 1}")
         case = load_case(case.mission, fit.effects)
         model = linearize_at(case, fit.point, model.failing_excess)
         fit = fit_about(model)

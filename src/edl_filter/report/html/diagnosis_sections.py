@@ -14,7 +14,6 @@ from edl_filter.report.diagnosis import missing as missing_figure
 from edl_filter.report.html.blocks import Block, Cell, Command, Details, Note, Plot, Section, Table
 from edl_filter.report.sentences import warnings
 from edl_filter.report.text import (
-    ACCEPTANCE_NATS,
     REMAINDER_HINT,
     chance,
     effect_names,
@@ -145,7 +144,7 @@ def hypotheses(reader: ResultReader) -> Section:
     blocks.append(
         Note(
             "Gain is the logarithm of the evidence relative to the present model at the noise that its residuals show "
-            f"(nats; from {ACCEPTANCE_NATS:g} on an effect is accepted), so that “nothing is missing” has to explain "
+            f"(nats; an effect needs {number(diagnosis.required_gain)}), so that “nothing is missing” has to explain "
             "the excess noise; held-out gain is on data that were not fitted. ± is one sigma.",
             "muted",
         )

@@ -10,7 +10,6 @@ from rich.table import Table
 
 from edl_filter.report.terminal.console import echo, empty_table
 from edl_filter.report.text import (
-    ACCEPTANCE_NATS,
     REMAINDER_HINT,
     chance,
     effect_names,
@@ -148,7 +147,7 @@ def print_identifiability(content: Mapping[str, Any]) -> None:
         As `diagnosis.detectability.detectability` returns it.
     """
     table = empty_table(
-        f"Smallest size that would be found ({ACCEPTANCE_NATS:g} nats), and the plausible one",
+        f"Smallest size that would be named (gain of {content['required_gain']:g} nats), and the plausible one",
         ("effect", "parameter"),
         ("smallest", "plausible", "ratio"),
         ("confused with",),
@@ -168,4 +167,4 @@ def print_identifiability(content: Mapping[str, Any]) -> None:
     model = content["in_model"]
     lines = [f"[red]Left out: {escape(reason)}[/red]" for reason in content["failed"].values()]
     echo(table, f"In the model already: {', '.join(model)}." if model else "", *lines)
-    echo("A ratio above 1: an effect of plausible size would not be found on this flight.")
+    echo("A ratio above 1: an effect of plausible size would not be named on this flight.")

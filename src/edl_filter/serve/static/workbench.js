@@ -199,7 +199,7 @@ function resultView(result) {
 }
 
 function verdictView(diagnosis) {
-  const floor = diagnosis.noise_floor == null ? "" : ` The normalised RMS over all channels is ${number(diagnosis.noise_floor)}; 1 is the stated noise.`;
+  const floor = diagnosis.noise_floor == null ? "" : ` For a model that holds, the normalised RMS is below ${number(diagnosis.noise_floor)} with 97.5 %.`;
   const [headline, explanation] = {
     clean: ["Noise floor reached.", `The model explains this flight: the residuals are noise, and no effect is accepted.${floor}`],
     missing: [diagnosis.sentence, "This effect is the first of the hypotheses below, with its evidence."],
