@@ -4,7 +4,8 @@ Input: PDS volume merimu_1001 (data set MER1/MER2-M-IMU-4-EDL-V1.0, Kass et al. 
 table TRANSFORMED (on-board attitude, accumulated velocity, acceleration at the centre of mass) and a table HIGHRATE
 (increments of angle and velocity of both IMUs at 8 Hz). MER1 is Opportunity (MER-B), MER2 is Spirit (MER-A). Method:
 the functions of `mer_cleaning` detect and correct each defect. Output: both tables (`MerTables`) in the archive's axes
-and in seconds of the spacecraft clock; a missing value is NaN, never zero.
+and in seconds of the spacecraft clock; a missing value is NaN, never zero. The clock count of a row is the time at
+which the computer read; `MerTables.clocks` has the time at which the increments of each IMU end (`increment_clock`).
 """
 
 from __future__ import annotations
@@ -14,7 +15,9 @@ from pathlib import Path
 
 import numpy as np
 
+from edl_filter import rotations
 from edl_filter.errors import InputError
+from edl_filter.telemetry.increment_clock import IncrementClock, extra_increments
 from edl_filter.telemetry.mer_cleaning import (
     Gap,
     backshell_copies,
@@ -39,6 +42,8 @@ SAMPLE_INTERVAL = 0.125
 _NAMES = {1: "MER-B Opportunity", 2: "MER-A Spirit"}
 _CLOCK = "SPACECRAFT_CLOCK_START_COUNT"
 _AXES = ("X", "Y", "Z")
+#: Largest rounding error of a quaternion with which increments are counted, rad: a hundredth of an increment of angle.
+_COUNTED_SIGMA = 3e-6
 
 
 @dataclass(frozen=True)
@@ -115,6 +120,8 @@ class MerTables:
         Clock count of the first row after each reset of the register, s.
     transformed_gaps, highrate_gaps : tuples of (start, length)
         Clock count of the last row before each gap, and time to the next row, s.
+    clocks : dict
+        `IncrementClock` of the ``backshell`` and the ``rover`` IMU, on the spacecraft clock.
     files : dict
         Name in the volume → sha256 of the four files.
     notes : tuple of str
@@ -128,6 +135,7 @@ class MerTables:
     resets: tuple[float, ...]
     transformed_gaps: tuple[Gap, ...]
     highrate_gaps: tuple[Gap, ...]
+    clocks: dict[str, IncrementClock]
     files: dict[str, str]
     notes: tuple[str, ...]
 
@@ -220,6 +228,47 @@ def _clean_highrate(table: Pds3Table, notes: list[str]) -> HighRate:
     return HighRate(sclk, rover[:, :3], backshell[:, :3], rover[:, 3:], backshell[:, 3:])
 
 
+def _increment_clock(transformed: Transformed, highrate: HighRate, unit: str, notes: list[str]) -> IncrementClock:
+    """Clock of one IMU from its samples with another number of increments; appends to `notes`.
+
+    HIGHRATE has the increments themselves, and velocity and angle must agree. Before it, the angle between two on-board
+    quaternions shows the number, since the vehicle spins evenly.
+    """
+    angle, velocity, quaternion, sigma = (
+        (
+            highrate.backshell_angle_increment,
+            highrate.backshell_velocity_increment,
+            transformed.backshell_j2000_from_sc,
+            transformed.backshell_sigma,
+        )
+        if unit == "backshell"
+        else (
+            highrate.rover_angle_increment,
+            highrate.rover_velocity_increment,
+            transformed.rover_j2000_from_sc,
+            transformed.rover_sigma,
+        )
+    )
+    index, extra = extra_increments(np.diff(highrate.sclk, prepend=highrate.sclk[0] - SAMPLE_INTERVAL), angle, velocity)
+    rows = np.flatnonzero(np.isfinite(sigma) & (transformed.sclk < highrate.sclk[0]))
+    rotation = rotations.to_rotation_vector(
+        rotations.multiply(rotations.conjugate(quaternion[rows][:-1]), quaternion[rows][1:])
+    )
+    coarse = sigma[rows] > _COUNTED_SIGMA
+    rotation[coarse[1:] | coarse[:-1]] = np.nan
+    earlier, earlier_extra = extra_increments(np.diff(transformed.sclk[rows]), rotation)
+    slips = np.concatenate((transformed.sclk[rows][1:][earlier], highrate.sclk[index]))
+    clock = IncrementClock.from_slips(slips, np.concatenate((earlier_extra, extra)), unit)
+    if len(slips):
+        count = round(SAMPLE_INTERVAL / clock.increment) + clock.extra
+        rate = f", so that its oscillator is {1e6 * clock.rate_error:+.1f} ppm off" if len(slips) > 1 else ""
+        notes.append(
+            f"{unit} IMU: {len(slips)} sample{'s' * (len(slips) != 1)} of {count} increments (SCLK "
+            f"{', '.join(f'{t:.3f}' for t in clock.slips)}){rate}; all of its times are those of its increments."
+        )
+    return clock
+
+
 def read_mer_tables(folder: str | Path, spacecraft: int) -> MerTables:
     """Read and clean the tables TRANSFORMED and HIGHRATE of one spacecraft.
 
@@ -253,6 +302,7 @@ def read_mer_tables(folder: str | Path, spacecraft: int) -> MerTables:
         details = ", ".join(f"{length:g} s after SCLK {start:.3f}" for start, length in of_table)
         count = f"{len(of_table)} gap{'s' * (len(of_table) != 1)}"
         notes.append(f"{tables[name].path.name}: {count}" + (f" ({details})." if of_table else "."))
+    clocks = {unit: _increment_clock(transformed, highrate, unit, notes) for unit in ("backshell", "rover")}
     return MerTables(
         spacecraft=spacecraft,
         name=_NAMES[spacecraft],
@@ -261,6 +311,7 @@ def read_mer_tables(folder: str | Path, spacecraft: int) -> MerTables:
         resets=resets,
         transformed_gaps=gaps["TRANSFORMED"],
         highrate_gaps=gaps["HIGHRATE"],
+        clocks=clocks,
         files={f"DATA/{name}": sha for table in tables.values() for name, sha in table.files.items()},
         notes=tuple(notes),
     )

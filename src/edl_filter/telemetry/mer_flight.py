@@ -16,6 +16,7 @@ from dataclasses import replace
 import numpy as np
 
 from edl_filter.errors import InputError
+from edl_filter.telemetry.increment_clock import INCREMENT
 from edl_filter.telemetry.joining import Segment, join
 from edl_filter.telemetry.mer_archive import MerTables
 from edl_filter.telemetry.mer_segments import (
@@ -27,6 +28,7 @@ from edl_filter.telemetry.mer_segments import (
     onboard_attitude,
     register_rows,
     register_segment,
+    sample_end,
     to_body,
     transformed_segment,
 )
@@ -67,11 +69,13 @@ def mer_telemetry(tables: MerTables, setup: MerSetup) -> Telemetry:
     backshell = highrate_segment(tables, setup, "backshell")
     rover = highrate_segment(tables, setup, "rover")
     handover = _handover(tables, setup)
+    driving_backshell = backshell.between(-np.inf, setup.separation)
+    driving_rover = _continue_from(rover.between(setup.separation - INCREMENT, handover), driving_backshell.time[-1])
     errors = tuple(setup.imus[unit].errors for unit in UNITS)
     segments = [
         transformed_segment(tables, setup, until=backshell.start),
-        *_at_current_position(setup, fill_highrate_gaps(tables, setup, backshell.between(-np.inf, setup.separation))),
-        *_at_current_position(setup, fill_highrate_gaps(tables, setup, rover.between(setup.separation, handover))),
+        *_at_current_position(setup, fill_highrate_gaps(tables, setup, driving_backshell)),
+        *_at_current_position(setup, fill_highrate_gaps(tables, setup, driving_rover)),
         *register_segment(tables, setup, handover, np.inf),
     ]
     driving = join("driving", segments, UNITS, errors)
@@ -119,8 +123,16 @@ def _at_current_position(setup: MerSetup, segments: list[Segment]) -> list[Segme
     return segments
 
 
+def _continue_from(segment: Segment, start: float) -> Segment:
+    """Segment whose first sample begins at `start`, s: the increments of two IMUs end up to 2.5 ms apart."""
+    interval = segment.interval.copy()
+    interval[0] = segment.time[0] - start
+    return replace(segment, interval=interval)
+
+
 def _handover(tables: MerTables, setup: MerSetup) -> float:
     """Last time up to the end of HIGHRATE at which the rover's quaternion and register are usable, s."""
     sclk = tables.transformed.sclk[register_rows(tables)]
     before = sclk[sclk <= tables.highrate.sclk[-1] + SAME_TIME]
-    return float((before[-1] if len(before) else tables.highrate.sclk[-1]) - setup.epoch_sclk)
+    last = before[-1:] if len(before) else tables.highrate.sclk[-1:]
+    return float(sample_end(tables, setup, "rover", last)[0])

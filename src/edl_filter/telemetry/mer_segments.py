@@ -109,6 +109,11 @@ def to_body(vector: Array | None) -> Array:
     return np.zeros(3) if vector is None else np.asarray(vector) @ BODY_FROM_SPACECRAFT.T
 
 
+def sample_end(tables: MerTables, setup: MerSetup, unit: str, sclk: Array) -> Array:
+    """Time (N,), s since the epoch, at which the increments end that the computer read at the clock counts (N,), s."""
+    return sclk - setup.epoch_sclk - tables.clocks["rover" if unit == "register" else unit].lag(sclk)
+
+
 def _inertial_from_body(setup: MerSetup, j2000_from_spacecraft: Array) -> Array:
     """Attitude (N, 4) in the package's frames from the archive's (N, 4)."""
     spacecraft_from_body = rotations.from_matrix(BODY_FROM_SPACECRAFT.T)
@@ -125,12 +130,15 @@ def transformed_segment(tables: MerTables, setup: MerSetup, until: float) -> Seg
     """TRANSFORMED up to `until` (s): force at the centre of mass, and rates from the backshell's quaternion.
 
     The lateral error of the on-board transform is subtracted, so that these samples and those of HIGHRATE have the same
-    alignment. Rates at quaternions with a large rounding error are computed from the neighbouring quaternions.
+    alignment. The on-board software divides two increments of velocity by their nominal length; here it is that of the
+    IMU's clock. Rates at quaternions with a large rounding error are computed from the neighbouring quaternions.
     """
     t, imu = tables.transformed, setup.imus["backshell"]
-    time = t.sclk - setup.epoch_sclk
+    time = sample_end(tables, setup, "backshell", t.sclk)
     rows = np.flatnonzero(time <= until + SAME_TIME)
-    time, force = time[rows], t.backshell_acceleration[rows].copy()
+    nominal = 2.0 * SAMPLE_INTERVAL
+    length = time[rows] - sample_end(tables, setup, "backshell", t.sclk[rows] - nominal)
+    time, force = time[rows], t.backshell_acceleration[rows] * (nominal / length)[:, None]
     if imu.transformed_alignment is not None:
         force[:, :2] -= imu.transformed_alignment * force[:, 2:]
     sigma = t.backshell_sigma[rows]
@@ -186,7 +194,7 @@ def _quaternion_rates(time: Array, quaternion: Array, sigma: Array) -> tuple[Arr
 
 
 def highrate_segment(tables: MerTables, setup: MerSetup, unit: str) -> Segment:
-    """HIGHRATE of one IMU in body axes: increments over 0.125 s, divided by it. Gaps are not filled."""
+    """HIGHRATE of one IMU in body axes: increments divided by the length of their sample. Gaps are not filled."""
     h, imu = tables.highrate, setup.imus[unit]
     angle, velocity = (
         (h.backshell_angle_increment, h.backshell_velocity_increment)
@@ -197,13 +205,15 @@ def highrate_segment(tables: MerTables, setup: MerSetup, unit: str) -> Segment:
     assert imu.spacecraft_from_imu is not None
     body_from_imu = BODY_FROM_SPACECRAFT @ rotations.to_matrix(imu.spacecraft_from_imu)
     n = int(complete.sum())
+    time = sample_end(tables, setup, unit, h.sclk[complete])
+    interval = time - sample_end(tables, setup, unit, h.sclk[complete] - SAMPLE_INTERVAL)
     return Segment(
         source="HIGHRATE",
         unit=unit,
-        time=h.sclk[complete] - setup.epoch_sclk,
-        interval=np.full(n, SAMPLE_INTERVAL),
-        force=velocity[complete] @ body_from_imu.T / SAMPLE_INTERVAL,
-        rate=angle[complete] @ body_from_imu.T / SAMPLE_INTERVAL - to_body(imu.onboard_rate_correction),
+        time=time,
+        interval=interval,
+        force=velocity[complete] @ body_from_imu.T / interval[:, None],
+        rate=angle[complete] @ body_from_imu.T / interval[:, None] - to_body(imu.onboard_rate_correction),
         position=np.tile(to_body(imu.position), (n, 1)),
         force_noise=np.full(n, imu.accelerometer_noise),
         rate_noise=np.full(n, imu.gyro_noise),
@@ -244,7 +254,7 @@ def _rates_across_gap(
     t = tables.transformed
     quaternion = t.rover_j2000_from_sc if gap.unit == "rover" else t.backshell_j2000_from_sc
     sigma = t.rover_sigma if gap.unit == "rover" else t.backshell_sigma
-    time = t.sclk - setup.epoch_sclk
+    time = sample_end(tables, setup, gap.unit, t.sclk)
     usable = np.flatnonzero(_usable(quaternion, sigma))
     start, end = gap.start, float(gap.time[-1])
     first = int(np.searchsorted(time[usable], start + SAME_TIME)) - 1
@@ -290,7 +300,7 @@ def register_segment(tables: MerTables, setup: MerSetup, start: float, end: floa
     """
     t, imu = tables.transformed, setup.imus["register"]
     rows = register_rows(tables)
-    time = t.sclk[rows] - setup.epoch_sclk
+    time = sample_end(tables, setup, "register", t.sclk[rows])
     inside = (time >= start - SAME_TIME) & (time <= end + SAME_TIME)
     rows, time = rows[inside], time[inside]
     if len(rows) < 2:
@@ -328,8 +338,8 @@ def register_segment(tables: MerTables, setup: MerSetup, start: float, end: floa
 def onboard_attitude(tables: MerTables, setup: MerSetup) -> AttitudeRecord:
     """On-board attitude: the backshell's up to separation, then the rover's; unusable quaternions are omitted."""
     t = tables.transformed
-    time = t.sclk - setup.epoch_sclk
-    from_rover = time > setup.separation + SAME_TIME
+    from_rover = t.sclk - setup.epoch_sclk > setup.separation + SAME_TIME
+    time = np.where(from_rover, *(sample_end(tables, setup, unit, t.sclk) for unit in ("rover", "backshell")))
     quaternion = np.where(from_rover[:, None], t.rover_j2000_from_sc, t.backshell_j2000_from_sc)
     sigma = np.where(from_rover, t.rover_sigma, t.backshell_sigma)
     selected = _usable(quaternion, sigma) & (time >= setup.start) & (time <= setup.end)
