@@ -120,6 +120,10 @@ class ImuRecord:
         """Start of the first interval, s."""
         return float(self.time[0] - self.interval[0])
 
+    def index_at(self, time: Array) -> IntArray:
+        """Index ``(M,)`` of the sample whose interval contains each time ``(M,)``, s; the nearest one outside."""
+        return np.minimum(np.searchsorted(self.time, time, side="left"), len(self) - 1)
+
     def between(self, start: float, end: float) -> ImuRecord:
         """Samples whose interval lies within `start` to `end`, s (`within_window`)."""
         return self.select(within_window(self.time, self.interval, start, end))

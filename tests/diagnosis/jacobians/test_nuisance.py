@@ -3,7 +3,10 @@
 from itertools import pairwise
 from types import SimpleNamespace
 
+import numpy as np
+
 from edl_filter.diagnosis.jacobians.nuisance import StatedUncertainty, nuisance_layout
+from edl_filter.diagnosis.prediction.time_bins import TimeBins
 from edl_filter.imu_model.sensor_errors import SensorErrors
 from edl_filter.navigation.layout import Layout
 
@@ -16,15 +19,35 @@ def uncertainty(**changes):
     return StatedUncertainty(**(stated | changes))
 
 
+#: Ten bins of one second; the first two are not compared.
+BINS = TimeBins(np.arange(11.0), np.arange(10) >= 2, 1)
+
+
+def checking_record(errors, unit):
+    """A record of one-second samples, each of one instrument."""
+    unit = np.array(unit)
+    return SimpleNamespace(errors=tuple(errors), unit=unit, index_at=lambda time: np.floor(time).astype(int))
+
+
+def test_each_instrument_that_is_compared_has_errors_of_its_own():
+    """The first instrument's samples lie in bins that are not compared."""
+    errors = [SensorErrors(*(np.eye(5)[i] * 1e-3)) for i in (0, 3, 4)]
+    layout = Layout.of((errors[0],), {})
+    nuisance = nuisance_layout(layout, (checking_record(errors, [0, 0, 1, 1, 1, 1, 1, 2, 2, 2]),), BINS, uncertainty())
+    assert [n for n in nuisance.slices if n.startswith("checking")] == [
+        "checking0.1_gyro_bias",
+        "checking0.2_gyro_scale",
+    ]
+
+
 def test_only_parameters_with_a_stated_sigma_are_in_the_vector():
     errors = SensorErrors(1e-2, 1e-3, 0.0, 1e-4, 0.0)
     layout = Layout.of((errors,), {})
-    checking = (SimpleNamespace(errors=(errors,)),)
-    everything = nuisance_layout(layout, checking, uncertainty())
+    everything = nuisance_layout(layout, (checking_record([errors], [0] * 10),), BINS, uncertainty())
     assert {"density", "wind_east", "wind_north", "mass", "inertia", "ca", "cn", "cm"} <= set(everything.slices)
-    assert {"checking0_accelerometer_bias", "checking0_gyro_bias"} <= set(everything.slices)
-    assert not {"checking0_accelerometer_misalignment", "checking0_gyro_scale"} & set(everything.slices)
-    exact = nuisance_layout(layout, (), uncertainty(density=0.0, wind=0.0, mass=0.0, inertia=0.0))
+    assert {"checking0.0_accelerometer_bias", "checking0.0_gyro_bias"} <= set(everything.slices)
+    assert not {"checking0.0_accelerometer_misalignment", "checking0.0_gyro_scale"} & set(everything.slices)
+    exact = nuisance_layout(layout, (), BINS, uncertainty(density=0.0, wind=0.0, mass=0.0, inertia=0.0))
     assert set(exact.slices) == {"gyro_noise_before", "gyro_noise_after", "ca", "cn", "cm"}
     for nuisance in (everything, exact):  # one after the other, behind the filter's vector
         places = sorted((s.start, s.stop) for s in nuisance.slices.values())

@@ -27,6 +27,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from edl_filter.diagnosis.prediction.time_bins import TimeBins
 from edl_filter.imu_model.sensor_errors import SENSOR_STATES
 from edl_filter.navigation.layout import Layout
 from edl_filter.telemetry.record import ImuRecord
@@ -105,7 +106,9 @@ class NuisanceLayout:
         return self.slices[name]
 
 
-def nuisance_layout(layout: Layout, checking: tuple[ImuRecord, ...], uncertainty: StatedUncertainty) -> NuisanceLayout:
+def nuisance_layout(
+    layout: Layout, checking: tuple[ImuRecord, ...], bins: TimeBins, uncertainty: StatedUncertainty
+) -> NuisanceLayout:
     """Nuisance parameters of a flight: those with a stated sigma above zero.
 
     Parameters
@@ -113,13 +116,18 @@ def nuisance_layout(layout: Layout, checking: tuple[ImuRecord, ...], uncertainty
     layout : Layout
         Positions in the filter's vector.
     checking : tuple of ImuRecord
-        Readings of the checking IMUs, body axes.
+        Readings of the checking IMUs, body axes. Each instrument that is compared in a bin has errors of its own.
+    bins : TimeBins
+        Time bins of the comparison.
     uncertainty : StatedUncertainty
         Uncertainties that the mission states.
     """
     sizes = {"gyro_noise_before": 3, "gyro_noise_after": 3}
     for i, record in enumerate(checking):
-        sizes |= {checking_state(i, n): 3 for n in SENSOR_STATES if getattr(record.errors[0], n) > 0.0}
+        middle = 0.5 * (bins.edges[1:] + bins.edges[:-1])[bins.valid]
+        for unit in np.unique(record.unit[record.index_at(middle)]):
+            errors = record.errors[unit]
+            sizes |= {checking_state(i, unit, n): 3 for n in SENSOR_STATES if getattr(errors, n) > 0.0}
     processes = ["density"] if uncertainty.density > 0.0 else []
     processes += ["wind_east", "wind_north"] if uncertainty.wind > 0.0 else []
     processes += DATABASE
@@ -135,6 +143,6 @@ def nuisance_layout(layout: Layout, checking: tuple[ImuRecord, ...], uncertainty
     return NuisanceLayout(layout, slices, start)
 
 
-def checking_state(imu: int, error: str) -> str:
-    """Name of an error state of the i-th checking IMU."""
-    return f"checking{imu}_{error}"
+def checking_state(imu: int, unit: int, error: str) -> str:
+    """Name of an error state of one instrument of the i-th checking record."""
+    return f"checking{imu}.{unit}_{error}"

@@ -250,7 +250,8 @@ def bin_rows(
                 design[:-1, 3:6, part] -= np.einsum("bij,bjk->bik", by_rate, at_edge)
                 if name == "gyro_scale":
                     design[:, 3:6, part] += rate_step[:, :, None] * eye
-    position = inputs.driving.position[0]
+    middle = 0.5 * (bins.edges[1:] + bins.edges[:-1])
+    position = driving.position[driving.index_at(middle)]
     path_rate = bin_means(bins.edges, samples.time, samples.interval, residuals.path.rate)
     driving_lever = lever_arm_error(bins, path_rate, position)
     values = np.full((b, width), np.nan)
@@ -261,17 +262,21 @@ def bin_rows(
     noise[:-1, range(3, 6), range(3, 6)] += jacobian.rate_step_nonlinearity**2
     for i, record in enumerate(inputs.checking):
         f0, w0 = 6 + 6 * i, 9 + 6 * i
+        at_bin = record.index_at(middle)
+        checking_unit = record.unit[at_bin]
         values[:, f0 : f0 + 3], values[:, w0 : w0 + 3] = residuals.checking_force[i], residuals.checking_rate[i]
         for name, block in sensor_blocks.items():
             row = slice(f0, f0 + 3) if name.startswith("accelerometer") else slice(w0, w0 + 3)
             if name in layout:  # the driving IMU's error enters the prediction
                 design[:, row, layout[name]] = -block
-            if checking_state(i, name) in nuisance:
-                design[:, row, nuisance[checking_state(i, name)]] = block
+            for unit in np.unique(checking_unit):
+                state = checking_state(i, unit, name)
+                if state in nuisance:
+                    design[:, row, nuisance[state]] = np.where((checking_unit == unit)[:, None, None], block, 0.0)
         design[:, w0 : w0 + 3, before] = -eye
         checking_f = bin_sigma(bins, record.time, record.interval, record.force_noise)
         checking_w = bin_sigma(bins, record.time, record.interval, record.rate_noise)
-        lever = lever_arm_error(bins, path_rate, record.position[0] - position)
+        lever = lever_arm_error(bins, path_rate, record.position[at_bin] - position)
         noise[:, range(f0, f0 + 3), range(f0, f0 + 3)] = (sigma_f**2 + checking_f**2)[:, None] + lever**2
         noise[:, range(w0, w0 + 3), range(w0, w0 + 3)] = (checking_w**2)[:, None]
         for c in range(3):  # the driving IMU's noise is common to its own row and to those of all checking IMUs
@@ -312,8 +317,8 @@ def lever_arm_error(bins: TimeBins, rate: Array, position: Array) -> Array:
         Time bins of the comparison.
     rate : (B, 3) array
         Means over the bins, rad/s.
-    position : (3,) array
-        Lever arm, m.
+    position : (B, 3) array
+        Lever arm in each bin, m.
 
     Returns
     -------

@@ -277,8 +277,9 @@ def _initial_covariance(inputs: ModelInputs, nuisance: NuisanceLayout, rate_sigm
     for name, part in nuisance.slices.items():
         width = part.stop - part.start
         if name.startswith("checking"):
-            imu, error = name.removeprefix("checking").split("_", 1)
-            sigma = getattr(inputs.checking[int(imu)].errors[0], error)
+            instrument, error = name.removeprefix("checking").split("_", 1)
+            imu, unit = map(int, instrument.split("."))
+            sigma = getattr(inputs.checking[imu].errors[unit], error)
         else:
             sigma = {"gyro_noise_before": 0.0, "gyro_noise_after": rate_sigma}.get(name, 1.0)
         p[part, part] = sigma**2 * np.eye(width)

@@ -222,7 +222,7 @@ def linearize_at(
     perturbation = point.perturbation
     units = coefficient_scale(inputs, residuals, uncertainty) if perturbation is None else perturbation.units
     jacobian = prediction_jacobian(inputs, bins, residuals, uncertainty.density, units)
-    nuisance = nuisance_layout(inputs.problem.layout, inputs.checking, uncertainty)
+    nuisance = nuisance_layout(inputs.problem.layout, inputs.checking, bins, uncertainty)
     denoised = case.denoised_inputs(case.effects).problem
     denoised_means = bin_readings(bins, denoised.samples, corrected_readings(denoised, point.errors))
     rows = bin_rows(inputs, bins, residuals, denoised_means, nuisance, jacobian, uncertainty)

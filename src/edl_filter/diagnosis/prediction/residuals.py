@@ -406,8 +406,10 @@ def _checking_residuals(
     """
     measured_force = bin_means(bins.edges, record.time, record.interval, record.specific_force)
     measured_rate = bin_means(bins.edges, record.time, record.interval, record.angular_rate)
-    position = np.broadcast_to(record.position[0], sample_rate.shape)
-    lever_arm = lever_arm_acceleration(samples.interval, sample_rate, position, np.zeros(len(sample_rate), np.int64))
+    at_sample = record.index_at(samples.time - 0.5 * samples.interval)
+    lever_arm = lever_arm_acceleration(
+        samples.interval, sample_rate, record.position[at_sample], record.unit[at_sample]
+    )
     return (
         measured_force - force - bin_means(bins.edges, samples.time, samples.interval, lever_arm),
         measured_rate - rate,
