@@ -84,6 +84,9 @@ class ErrorBudgetConfig(Section):
         )
 
 
+Angle = Annotated[Number, Within("deg", -5.0, 5.0)]
+
+
 class ImuConfig(ErrorBudgetConfig):
     """Mounting, noise and error budget of one IMU."""
 
@@ -91,9 +94,20 @@ class ImuConfig(ErrorBudgetConfig):
         description="quaternion, scalar last, that takes IMU components to spacecraft ones"
     )
     position: LeverArm = Field(description="position from the centre of mass, m, spacecraft axes")
-    transformed_alignment_deg: tuple[
-        Annotated[Number, Within("deg", -5.0, 5.0)], Annotated[Number, Within("deg", -5.0, 5.0)]
-    ] = Field(default=(0.0, 0.0), description="share of a_z that the on-board transform adds to a_x and a_y, deg")
+    position_sigma: Annotated[Number, Within("m", 0.0, 1.0)] = Field(
+        default=0.0, description="1 sigma of the position along each axis, m; 0: exact"
+    )
+    alignment_deg: tuple[Angle, Angle, Angle] = Field(
+        default=(0.0, 0.0, 0.0),
+        description="rotation vector of its axes against those of the driving IMU, deg, spacecraft axes; removed from "
+        "its readings while it checks",
+    )
+    alignment_sigma_deg: Annotated[Number, Within("deg", 0.0, 5.0)] = Field(
+        default=0.0, description="1 sigma of the alignment about each axis, deg; 0: exact"
+    )
+    transformed_alignment_deg: tuple[Angle, Angle] = Field(
+        default=(0.0, 0.0), description="share of a_z that the on-board transform adds to a_x and a_y, deg"
+    )
     onboard_rate_correction_deg_h: tuple[RateDegH, RateDegH, RateDegH] = Field(
         default=(0.0, 0.0, 0.0),
         description="what the on-board software subtracts from the gyros for its quaternion, deg/h, spacecraft axes",
@@ -103,6 +117,11 @@ class ImuConfig(ErrorBudgetConfig):
     def spacecraft_from_imu_quaternion(self) -> Array:
         """`spacecraft_from_imu` divided by its norm, (4,)."""
         return normalised(self.spacecraft_from_imu)
+
+    @property
+    def alignment(self) -> Array:
+        """`alignment_deg` in rad, (3,)."""
+        return np.array(self.alignment_deg) * DEG
 
     @property
     def transformed_alignment(self) -> tuple[float, float]:

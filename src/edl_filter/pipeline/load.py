@@ -78,6 +78,7 @@ def mer_setup(mission: Mission) -> MerSetup:
             errors=imu.errors,
             spacecraft_from_imu=imu.spacecraft_from_imu_quaternion,
             position=np.array(imu.position),
+            alignment=imu.alignment,
             transformed_alignment=np.array(imu.transformed_alignment),
             onboard_rate_correction=imu.onboard_rate_correction,
         )

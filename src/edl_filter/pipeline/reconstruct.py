@@ -25,6 +25,7 @@ from edl_filter.planet.atmosphere import Atmosphere
 from edl_filter.telemetry.calibration import MisalignmentEstimate, bias_from_velocity_slope
 from edl_filter.telemetry.comparison import centred, compare
 from edl_filter.telemetry.record import Telemetry
+from edl_filter.telemetry.relative_calibration import RelativeCalibration, relative_calibration
 from edl_filter.types import Array
 
 
@@ -72,7 +73,9 @@ class Reconstruction:
         The entry state first; empty where the leave-one-out checks were not asked for.
     entry : EntryCorrection
     comparison : dict
-        Name of a checking IMU → misalignment against the driving one, where a window is covered.
+        Name of a checking IMU → misalignment against the driving one by the thesis's method, where a window is covered.
+    calibrations : dict
+        Name of a checking IMU → its calibration against the driving one, where they have enough common samples.
     pre_entry_bias : tuple of two (3,) arrays or None
         The accelerometers' bias by the thesis's method, slope of the velocity before entry, and its sigma, m/s²; None
         where the mission has no such window.
@@ -93,6 +96,7 @@ class Reconstruction:
     constraint_checks: list[ConstraintCheck]
     entry: EntryCorrection
     comparison: dict[str, MisalignmentEstimate]
+    calibrations: dict[str, RelativeCalibration]
     pre_entry_bias: tuple[Array, Array] | None
     timing: dict[str, float]
     effects: tuple[EffectInstance, ...] = ()
@@ -163,6 +167,7 @@ def reconstruct(
     with _timed(timing, "comparison"):
         corrected = without_effects(mission, telemetry, active)
         comparison = _compare(mission, corrected)
+        calibrations = _calibrate(mission, corrected)
         bias = _pre_entry_bias(mission, corrected)
     return Reconstruction(
         mission=mission,
@@ -176,6 +181,7 @@ def reconstruct(
         constraint_checks=checks,
         entry=entry,
         comparison=comparison,
+        calibrations=calibrations,
         pre_entry_bias=bias,
         timing=timing,
         effects=active,
@@ -190,8 +196,19 @@ def _pre_entry_bias(mission: Mission, telemetry: Telemetry) -> tuple[Array, Arra
     return bias_from_velocity_slope(record.time, record.interval, record.specific_force, window.start_s, window.end_s)
 
 
+def _deployment(mission: Mission, telemetry: Telemetry) -> float:
+    return (telemetry.events | mission.event_times()).get("parachute_deploy", np.inf)
+
+
+def _calibrate(mission: Mission, telemetry: Telemetry) -> dict[str, RelativeCalibration]:
+    """Calibration of every checking IMU up to the parachute, whose shocks are no motion of a rigid body."""
+    end = _deployment(mission, telemetry) - mission.diagnosis.parachute_margin_s
+    pairs = {r.name: relative_calibration(telemetry.driving, r, -np.inf, end) for r in telemetry.checking}
+    return {name: estimate for name, estimate in pairs.items() if estimate is not None}
+
+
 def _compare(mission: Mission, telemetry: Telemetry) -> dict[str, MisalignmentEstimate]:
-    parachute = (telemetry.events | mission.event_times()).get("parachute_deploy", np.inf)
+    parachute = _deployment(mission, telemetry)
     pairs = {record.name: compare(telemetry.driving, record, parachute) for record in telemetry.checking}
     return {name: estimate for name, estimate in pairs.items() if estimate is not None}
 

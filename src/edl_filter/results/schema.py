@@ -183,6 +183,31 @@ class ImuComparison(Content):
     windows: tuple[ImuFit, ...] = _key("in each window")
 
 
+class ImuCalibration(Content):
+    """A checking IMU against the driving one by least squares, body axes."""
+
+    start_s: float = _key("beginning of the window, s since the epoch")
+    end_s: float = _key("end of the window, s since the epoch")
+    samples: int = _key("number of common samples")
+    stated_lever_arm_m: NumberVector = _key("its place from the driving IMU by telemetry or mission, m")
+    lever_arm_m: NumberVector = _key("the same, estimated, m")
+    lever_arm_sigma_m: NumberVector = _key("1 sigma of the lever arm, m")
+    rate_alignment_deg: NumberVector = _key("rotation of its gyros beyond the stated mounting, deg")
+    rate_alignment_sigma_deg: NumberVector = _key("1 sigma of it, deg")
+    force_alignment_deg: NumberVector = _key("rotation of its accelerometers beyond the stated mounting, deg")
+    force_alignment_sigma_deg: NumberVector = _key("1 sigma of it, deg")
+    axial_scale: float = _key("difference of the accelerometers' scale errors along x")
+    axial_scale_sigma: float = _key("1 sigma of it")
+    force_bias_m_s2: NumberVector = _key("difference of the accelerometers' biases, m/s^2")
+    force_bias_sigma_m_s2: NumberVector = _key("1 sigma of it, m/s^2")
+    rate_bias_rad_s: NumberVector = _key("difference of the gyros' biases, rad/s")
+    rate_bias_sigma_rad_s: NumberVector = _key("1 sigma of it, rad/s")
+    delay_s: float = _key("by how much its readings are late against the driving IMU's, s")
+    delay_sigma_s: float = _key("1 sigma of the delay, s")
+    force_rms_m_s2: NumberVector = _key("root mean square of the residuals of the forces, m/s^2")
+    rate_rms_rad_s: NumberVector = _key("root mean square of the residuals of the rates, rad/s")
+
+
 class PreEntryBias(Content):
     """Accelerometer bias before entry, body axes."""
 
@@ -287,7 +312,10 @@ class Summary(Content):
     landing: Landing = _key("landing position and its distance from the site")
     constraints: dict[str, ConstraintSummary] = _key("constraints by name")
     entry_state: EntryState = _key("correction of the entry state")
-    imu_comparison: dict[str, ImuComparison] = _key("checking IMUs against the driving one, by name")
+    imu_comparison: dict[str, ImuComparison] = _key(
+        "checking IMUs against the driving one by the thesis's projection of the axial force, by name"
+    )
+    imu_calibration: dict[str, ImuCalibration] = _key("checking IMUs against the driving one, by name")
     pre_entry_bias_m_s2: PreEntryBias | None = _key("accelerometer bias before entry; null where it is not estimated")
     residuals: dict[str, dict[str, Number]] = _key(
         "channel → overall and every flow regime → normalised RMS, 1 where the model holds; channels with a colon are "

@@ -15,6 +15,7 @@ from edl_filter.results import postflight
 from edl_filter.results.derived import Derived, RefitSummary
 from edl_filter.results.effects import effects_content
 from edl_filter.telemetry.calibration import Misalignment, MisalignmentEstimate
+from edl_filter.telemetry.relative_calibration import RelativeCalibration
 from edl_filter.types import Array
 
 
@@ -36,6 +37,7 @@ def summary(reconstruction: Reconstruction, derived: Derived, refit: RefitSummar
         "constraints": {s.name: constraint(s) for s in reconstruction.constraint_checks},
         "entry_state": entry_state(reconstruction),
         "imu_comparison": {name: comparison(fit) for name, fit in reconstruction.comparison.items()},
+        "imu_calibration": {name: calibration(fit) for name, fit in reconstruction.calibrations.items()},
         "pre_entry_bias_m_s2": _bias(reconstruction),
         "residuals": dict(refit.residuals) | innovations(reconstruction.constraint_checks),
         "postflight": None if derived.postflight is None else postflight.summary(derived.postflight),
@@ -198,6 +200,32 @@ def entry_state(reconstruction: Reconstruction) -> dict[str, Any]:
 def comparison(estimate: MisalignmentEstimate) -> dict[str, Any]:
     """Misalignment and bias difference of a checking IMU along y and z: over all windows, and in each."""
     return {"all": _fit(estimate.all), "windows": [_fit(fit) for fit in estimate.windows]}
+
+
+def calibration(estimate: RelativeCalibration) -> dict[str, Any]:
+    """Lever arm, alignment, biases and clock of a checking IMU against the driving one."""
+    return {
+        "start_s": estimate.start,
+        "end_s": estimate.end,
+        "samples": estimate.samples,
+        "stated_lever_arm_m": estimate.stated_lever_arm.tolist(),
+        "lever_arm_m": estimate.lever_arm.tolist(),
+        "lever_arm_sigma_m": estimate.lever_arm_sigma.tolist(),
+        "rate_alignment_deg": np.rad2deg(estimate.rate_alignment).tolist(),
+        "rate_alignment_sigma_deg": np.rad2deg(estimate.rate_alignment_sigma).tolist(),
+        "force_alignment_deg": np.rad2deg(estimate.force_alignment).tolist(),
+        "force_alignment_sigma_deg": np.rad2deg(estimate.force_alignment_sigma).tolist(),
+        "axial_scale": estimate.axial_scale,
+        "axial_scale_sigma": estimate.axial_scale_sigma,
+        "force_bias_m_s2": estimate.force_bias.tolist(),
+        "force_bias_sigma_m_s2": estimate.force_bias_sigma.tolist(),
+        "rate_bias_rad_s": estimate.rate_bias.tolist(),
+        "rate_bias_sigma_rad_s": estimate.rate_bias_sigma.tolist(),
+        "delay_s": estimate.delay,
+        "delay_sigma_s": estimate.delay_sigma,
+        "force_rms_m_s2": estimate.force_rms.tolist(),
+        "rate_rms_rad_s": estimate.rate_rms.tolist(),
+    }
 
 
 def _fit(fit: Misalignment) -> dict[str, Any]:

@@ -78,8 +78,8 @@ def extra_increments(interval: Array, *channels: Array, increment: float = INCRE
     """Find the samples that have one increment more or less than nominal.
 
     Every channel must have an excess of the same whole number, ±1, while the scatter of the samples around is at most a
-    tenth of an increment; and the correction must bring the excess of the neighbours, too, within their scatter, which
-    a sample with another error does not satisfy.
+    tenth of an increment; and the correction must remove the excess of the neighbours, too, which it does not where
+    the sample has another error.
 
     Parameters
     ----------
@@ -105,7 +105,7 @@ def extra_increments(interval: Array, *channels: Array, increment: float = INCRE
     index = [
         i
         for i in np.flatnonzero(candidate)
-        if all(_is_corrected(values, interval, i, number[i], increment) for values in channels)
+        if all(_is_corrected(values, interval, int(i), float(number[i]), increment) for values in channels)
     ]
     return np.array(index, np.int64), number[index].astype(np.int64)
 
@@ -120,9 +120,8 @@ def _is_corrected(values: Array, interval: Array, i: int, number: float, increme
     if not np.isfinite(excess[near]):
         return False
     scatter = 1.4826 * float(np.nanmedian(excess))
-    limit = max(5.0 * scatter, 1e-3)
     neighbours = excess[max(0, near - _REACH) : near + _REACH + 1]
-    return scatter < _LARGEST_SCATTER and bool(np.all(neighbours[np.isfinite(neighbours)] < limit))
+    return scatter < _LARGEST_SCATTER and bool(np.all(neighbours[np.isfinite(neighbours)] < _LARGEST_DISTANCE))
 
 
 @dataclass(frozen=True)

@@ -15,6 +15,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from edl_filter import rotations
 from edl_filter.errors import InputError
 from edl_filter.telemetry.increment_clock import INCREMENT
 from edl_filter.telemetry.joining import Segment, join
@@ -86,7 +87,7 @@ def mer_telemetry(tables: MerTables, setup: MerSetup) -> Telemetry:
         )
     segments = [
         *register_segment(tables, setup, -5.0, rover.start),
-        *fill_highrate_gaps(tables, setup, rover.between(-np.inf, setup.separation)),
+        *fill_highrate_gaps(tables, setup, _aligned(setup, rover.between(-np.inf, setup.separation))),
     ]
     checking = join("rover", segments, UNITS, errors)
     start, end = max(setup.start, checking.start), min(setup.end, float(checking.time[-1]))
@@ -121,6 +122,17 @@ def _at_current_position(setup: MerSetup, segments: list[Segment]) -> list[Segme
             for s in segments
         ]
     return segments
+
+
+def _aligned(setup: MerSetup, segment: Segment) -> Segment:
+    """Segment of the rover's IMU in the axes of the backshell's.
+
+    After the separation it drives, and stays in the axes of its own on-board quaternion.
+    """
+    rotation = rotations.from_rotation_vector(to_body(setup.imus["rover"].alignment))
+    return replace(
+        segment, force=rotations.rotate(rotation, segment.force), rate=rotations.rotate(rotation, segment.rate)
+    )
 
 
 def _continue_from(segment: Segment, start: float) -> Segment:

@@ -47,6 +47,8 @@ class MerImu:
         Mounting; None for the register, which has no axes of its own.
     position : (3,) array or None
         From the centre of mass, m, spacecraft axes.
+    alignment : (3,) array or None
+        Rotation vector of its axes against those of the other IMU, rad, spacecraft axes.
     transformed_alignment : (2,) array or None
         Error of the on-board transform of acceleration: force along the archive's x and y per force along z, rad.
     onboard_rate_correction : (3,) array or None
@@ -60,6 +62,7 @@ class MerImu:
     errors: SensorErrors
     spacecraft_from_imu: Array | None = None
     position: Array | None = None
+    alignment: Array | None = None
     transformed_alignment: Array | None = None
     onboard_rate_correction: Array | None = None
 

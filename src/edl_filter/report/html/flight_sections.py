@@ -5,6 +5,7 @@ from __future__ import annotations
 from edl_filter.report.atmosphere import LARGEST_SIGMA, profile_panels
 from edl_filter.report.coefficients import MEANINGS, against_database
 from edl_filter.report.html.blocks import Block, Command, Details, Grid, Mark, Note, Plot, Section, Table
+from edl_filter.report.instruments import HEADS, instrument_tables
 from edl_filter.report.sentences import entry_sentence, landing_sentence, peak_sentence
 from edl_filter.report.text import (
     constraint_verdict,
@@ -162,6 +163,19 @@ def _constraint(name: str, c: ConstraintSummary) -> list[str | Mark]:
         readable(sigmas_text(c.left_out, c.left_out_sigma)), nis_text(c.left_out_nis, c.left_out_dof),
         Mark(*constraint_verdict(c)),
     ]  # fmt: skip
+
+
+def instruments(reader: ResultReader) -> Section:
+    """Accelerometer bias before entry, and the calibration of every checking IMU against the driving one."""
+    summary = reader.summary
+    tables = {} if summary is None else instrument_tables(summary)
+    explanation = (
+        "Least squares over the difference of the readings of two IMUs up to the parachute: both measure the motion of "
+        "one rigid body. Sigmas include the correlation of the residuals. What is beyond a stated sigma belongs into "
+        "the mission."
+    )
+    blocks: list[Block] = [Table(title, HEADS, rows, texts=2) for title, rows in tables.items()]
+    return Section("instruments", "Instruments", [*blocks, Note(explanation, "muted")] if blocks else [])
 
 
 def provenance(reader: ResultReader) -> Section:

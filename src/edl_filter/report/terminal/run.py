@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from rich.table import Table
 
+from edl_filter.report.instruments import HEADS, instrument_tables
 from edl_filter.report.sentences import (
     effect_lines,
     entry_sentence,
@@ -52,6 +53,7 @@ def print_run(written: Mapping[str, Any]) -> None:
         *(f"[bold red]{warning}[/bold red]" for warning in warnings(summary.constraints)),
         entry_sentence(summary.entry_state),
         landing_sentence(summary.landing),
+        *_instruments(summary),
         *effect_lines(summary.effects),
         *postflight_lines(summary.postflight),
     )
@@ -81,6 +83,17 @@ def events_table(events: Mapping[str, EventState]) -> Table:
             f"{fixed_digits(e.alpha_total_deg, 2)} ± {fixed_digits(e.alpha_total_sigma_deg, 2)}",
         )
     return table
+
+
+def _instruments(summary: Summary) -> list[Table]:
+    """Calibration of the IMUs; what is stated is in the report only, where there is room."""
+    tables = []
+    for title, rows in instrument_tables(summary).items():
+        table = empty_table(title, HEADS[:2], HEADS[2:5])
+        for row in rows:
+            table.add_row(*row[:5])
+        tables.append(table)
+    return tables
 
 
 def constraints_table(constraints: Mapping[str, ConstraintSummary]) -> Table:

@@ -1,0 +1,249 @@
+"""Relative calibration of two IMUs of one vehicle: lever arm, alignment, biases, scales and clock.
+
+Input: the records of a reference and of a checked IMU, body axes. Both measure the motion of one rigid body, so that
+their difference is linear in the errors of one against the other (Groves 2013, sections 4.4 and 15.2):
+
+    w_c - w_r = w × φ_g + b_g - τ dw/dt
+    f_c - f_r = α × δ + w × (w × δ) + f × φ_f + s f_x x + b_f - τ df/dt
+
+with δ the error of the stated lever arm, φ the small rotations of the gyro and accelerometer triads, b biases, s the
+scale error along the axis of symmetry x (lateral forces are too small to have a visible one) and τ the delay of the
+checked IMU. Method: least squares with the channels weighted by the scatter of their
+residuals. The vehicle's structure vibrates and the residuals are correlated in time; the covariance is therefore
+computed from the sums of the scores over blocks that are longer than the correlation (cluster-robust covariance, Liang
+& Zeger 1986). Output: `RelativeCalibration`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.interpolate import make_interp_spline
+
+from edl_filter.imu_model.lever_arm import edge_values, lever_arm_acceleration
+from edl_filter.telemetry.record import SAME_TIME, ImuRecord, within_window
+from edl_filter.types import Array, BoolArray
+
+#: Fewest common samples of a calibration.
+FEWEST_SAMPLES = 100
+#: Length of the blocks of the covariance, s: several oscillations of an entry vehicle; at least so many blocks.
+_BLOCK_LENGTH, _FEWEST_BLOCKS = 5.0, 25
+#: Iterations of the channel weights.
+_WEIGHT_ITERATIONS = 3
+#: Iterations of the linearisation.
+_ITERATIONS = 3
+#: Samples on each side of a gap that are not used: the reach of the interpolation.
+_GAP_REACH = 4
+
+#: Parameters in the order of the regression, and their numbers.
+_BLOCKS = {
+    "lever_arm": 3, "force_alignment": 3, "axial_scale": 1, "force_bias": 3, "rate_alignment": 3, "rate_bias": 3,
+    "delay": 1,
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class RelativeCalibration:
+    """A checked IMU against a reference IMU, body axes.
+
+    Attributes
+    ----------
+    start, end : float
+        Window, s since the epoch.
+    samples : int
+        Number of common samples.
+    stated_lever_arm : (3,) array
+        Place of the checked IMU from the reference IMU by the records' positions at the end of the window, m.
+    lever_arm, lever_arm_sigma : (3,) arrays
+        The same, estimated, and one sigma, m.
+    rate_alignment, rate_alignment_sigma : (3,) arrays
+        Rotation φ of the gyros, ``w_c = w_r + w_r × φ``, rad.
+    force_alignment, force_alignment_sigma : (3,) arrays
+        Rotation φ of the accelerometers, rad.
+    axial_scale, axial_scale_sigma : float
+        Difference of the scale errors of the accelerometers along x.
+    force_bias, force_bias_sigma : (3,) arrays
+        Difference of the accelerometers' biases, m/s².
+    rate_bias, rate_bias_sigma : (3,) arrays
+        Difference of the gyros' biases, rad/s.
+    delay, delay_sigma : float
+        By how much the checked IMU's readings are late against the reference's, s.
+    force_rms, rate_rms : (3,) arrays
+        Root mean square of the residuals, m/s² and rad/s.
+    """
+
+    start: float
+    end: float
+    samples: int
+    stated_lever_arm: Array
+    lever_arm: Array
+    lever_arm_sigma: Array
+    rate_alignment: Array
+    rate_alignment_sigma: Array
+    force_alignment: Array
+    force_alignment_sigma: Array
+    axial_scale: float
+    axial_scale_sigma: float
+    force_bias: Array
+    force_bias_sigma: Array
+    rate_bias: Array
+    rate_bias_sigma: Array
+    delay: float
+    delay_sigma: float
+    force_rms: Array
+    rate_rms: Array
+
+
+def relative_calibration(
+    reference: ImuRecord, checked: ImuRecord, start: float, end: float
+) -> RelativeCalibration | None:
+    """Calibrate one IMU against another over a window.
+
+    Parameters
+    ----------
+    reference, checked : ImuRecord
+        Records in body axes; samples that are no direct readings (`ImuRecord.net_turn`, gaps) are not used, and of
+        each record those of the instrument that has most samples in the window.
+    start, end : float
+        Window, s since the epoch.
+
+    Returns
+    -------
+    RelativeCalibration or None
+        None if the window has fewer than `FEWEST_SAMPLES` common samples.
+    """
+    first, last = max(start, reference.start, checked.start), min(end, reference.time[-1], checked.time[-1])
+    inside = within_window(reference.time, reference.interval, first, last)
+    used = inside & _direct(reference, first, last) & _covered(reference, checked, first, last)
+    if np.count_nonzero(used) < FEWEST_SAMPLES:
+        return None
+    nearest = checked.index_at(reference.time - 0.5 * reference.interval)
+    stated = checked.position[nearest] - reference.position
+    force, rate = (np.nan_to_num(x) for x in (reference.specific_force, reference.angular_rate))
+
+    def arm_acceleration(arm: Array) -> Array:
+        return lever_arm_acceleration(reference.interval, rate, arm, reference.unit)
+
+    columns = [arm_acceleration(np.tile(axis, (len(rate), 1))) for axis in np.eye(3)]
+    edges = np.concatenate((reference.time[:1] - reference.interval[:1], reference.time))
+    error, delay = np.zeros(3), 0.0
+    for _ in range(_ITERATIONS):  # products of the errors: delay times lever arm, rotation times lever arm
+        predicted = force + arm_acceleration(stated + error)
+        differences = {
+            "force": (_means(checked, checked.specific_force, edges + delay) - predicted)[used],
+            "rate": (_means(checked, checked.angular_rate, edges + delay) - rate)[used],
+        }
+        design = _design(reference, predicted, rate, used, columns)
+        values, sigma, scatter = _least_squares(reference.time[used], differences, design)
+        error, delay = error + values["lever_arm"], delay + float(values["delay"][0])
+    times = reference.time[used]
+    return RelativeCalibration(
+        start=float(times[0] - reference.interval[used][0]),
+        end=float(times[-1]),
+        samples=len(times),
+        stated_lever_arm=stated[used][-1],
+        lever_arm=stated[used][-1] + error,
+        lever_arm_sigma=sigma["lever_arm"],
+        rate_alignment=values["rate_alignment"],
+        rate_alignment_sigma=sigma["rate_alignment"],
+        force_alignment=values["force_alignment"],
+        force_alignment_sigma=sigma["force_alignment"],
+        axial_scale=float(values["axial_scale"][0]),
+        axial_scale_sigma=float(sigma["axial_scale"][0]),
+        force_bias=values["force_bias"],
+        force_bias_sigma=sigma["force_bias"],
+        rate_bias=values["rate_bias"],
+        rate_bias_sigma=sigma["rate_bias"],
+        delay=delay,
+        delay_sigma=float(sigma["delay"][0]),
+        force_rms=scatter["force"],
+        rate_rms=scatter["rate"],
+    )
+
+
+def _direct(record: ImuRecord, first: float, last: float) -> BoolArray:
+    """Samples (N,) that are readings of the instrument which has most samples in the window, away from gaps."""
+    readings = ~record.net_turn & ~record.net_gain
+    readings &= np.isfinite(record.specific_force).all(axis=1) & np.isfinite(record.angular_rate).all(axis=1)
+    units = record.unit[readings & within_window(record.time, record.interval, first, last)]
+    if not len(units):
+        return np.zeros(len(readings), bool)
+    readings &= record.unit == np.bincount(units).argmax()
+    gaps = np.convolve(~readings, np.ones(2 * _GAP_REACH + 1), mode="same") > 0.5
+    gaps[:_GAP_REACH] = gaps[-_GAP_REACH:] = True
+    return ~gaps
+
+
+def _covered(reference: ImuRecord, checked: ImuRecord, first: float, last: float) -> BoolArray:
+    """Samples (N,) of the reference whose interval is covered by direct readings of the checked IMU."""
+    direct = _direct(checked, first, last)
+    count = np.concatenate(([0], np.cumsum(~direct)))
+    begin = np.searchsorted(checked.time, reference.time - reference.interval + SAME_TIME)
+    end = np.searchsorted(checked.time, reference.time - SAME_TIME) + 1
+    valid = end <= len(checked.time)
+    out = np.zeros(len(reference.time), bool)
+    out[valid] = count[end[valid]] == count[begin[valid]]
+    return out & (reference.time - reference.interval >= checked.start - SAME_TIME)
+
+
+def _means(record: ImuRecord, values: Array, edges: Array) -> Array:
+    """Means (N, 3) of a record's readings between other edges (N + 1,), s, by a quintic spline of their integral."""
+    knots = np.concatenate(([record.start], record.time))
+    integral = np.concatenate((np.zeros((1, 3)), np.cumsum(np.nan_to_num(values) * record.interval[:, None], axis=0)))
+    spline = make_interp_spline(knots, integral, k=5)
+    return np.diff(spline(np.clip(edges, knots[0], knots[-1])), axis=0) / np.diff(edges)[:, None]
+
+
+def _design(reference: ImuRecord, force: Array, rate: Array, used: BoolArray, arm: list[Array]) -> dict[str, Array]:
+    """Derivatives of the differences by the parameters: ``{"force": (n, 3, P), "rate": (n, 3, P)}``."""
+    interval = reference.interval[:, None]
+    force_change, rate_change = (np.diff(edge_values(reference.interval, x), axis=0) / interval for x in (force, rate))
+    n, axes = int(used.sum()), np.eye(3)
+    width = sum(_BLOCKS.values())
+    columns = dict(zip(_BLOCKS, np.cumsum([0, *_BLOCKS.values()]), strict=False))
+    design = {channel: np.zeros((n, 3, width)) for channel in ("force", "rate")}
+    for k in range(3):
+        design["force"][:, :, columns["lever_arm"] + k] = arm[k][used]
+        design["force"][:, :, columns["force_alignment"] + k] = np.cross(force[used], axes[k])
+        design["force"][:, k, columns["force_bias"] + k] = 1.0
+        design["rate"][:, :, columns["rate_alignment"] + k] = np.cross(rate[used], axes[k])
+        design["rate"][:, k, columns["rate_bias"] + k] = 1.0
+    design["force"][:, 0, columns["axial_scale"]] = force[used, 0]
+    design["force"][:, :, columns["delay"]] = -force_change[used]
+    design["rate"][:, :, columns["delay"]] = -rate_change[used]
+    return design
+
+
+def _least_squares(
+    times: Array, differences: dict[str, Array], design: dict[str, Array]
+) -> tuple[dict[str, Array], dict[str, Array], dict[str, Array]]:
+    """Weighted least squares with the covariance of correlated residuals.
+
+    Returns the estimates and their sigmas by the names of `_BLOCKS`, and the scatter of the residuals by channel.
+    """
+    channels = ("force", "rate")
+    scatter = {c: np.std(differences[c], axis=0) for c in channels}
+    for _ in range(_WEIGHT_ITERATIONS):
+        rows = np.concatenate([design[c] / scatter[c][:, None] for c in channels], axis=1)  # (n, 6, P)
+        data = np.concatenate([differences[c] / scatter[c] for c in channels], axis=1)
+        size = np.sqrt(np.einsum("nkp,nkp->p", rows, rows))
+        scaled = rows / size
+        information = np.einsum("nkp,nkq->pq", scaled, scaled)
+        inverse = np.linalg.pinv(information, hermitian=True)
+        values = inverse @ np.einsum("nkp,nk->p", scaled, data)
+        residual = data - scaled @ values
+        scatter = {c: s * np.std(residual[:, 3 * i : 3 * i + 3], axis=0) for i, (c, s) in enumerate(scatter.items())}
+    scores = np.einsum("nkp,nk->np", scaled, residual)
+    length = min(_BLOCK_LENGTH, (times[-1] - times[0]) / _FEWEST_BLOCKS)
+    _, block = np.unique(np.floor((times - times[0]) / length), return_inverse=True)
+    sums = np.zeros((block[-1] + 1, scores.shape[1]))
+    np.add.at(sums, block, scores)
+    sandwich = inverse @ (sums.T @ sums) @ inverse * len(sums) / (len(sums) - 1.0)
+    sigma = np.sqrt(np.diag(sandwich)) / size
+    ends = np.cumsum(list(_BLOCKS.values()))[:-1]
+    return (
+        dict(zip(_BLOCKS, np.split(values / size, ends), strict=True)),
+        dict(zip(_BLOCKS, np.split(sigma, ends), strict=True)),
+        scatter,
+    )
