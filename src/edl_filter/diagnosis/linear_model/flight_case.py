@@ -94,9 +94,13 @@ class FlightCase:
             return 0.0
         t = self.reconstruction.telemetry
         records = ((t.driving, True), *((r, False) for r in t.checking))
-        return int(np.sum(self.bins.valid)) * sum(
-            log_abs_det_jacobian(record, effects, driving) for record, driving in records
-        )
+        middle, total = self.bins.middle[self.bins.valid], 0.0
+        for record, driving in records:
+            covered = middle[(middle > record.start) & (middle < record.time[-1])]
+            if len(covered):
+                samples = record.index_at(covered)
+                total += len(covered) * log_abs_det_jacobian(record, effects, driving, samples)
+        return total
 
     @cached_property
     def denoised_telemetry(self) -> Telemetry:
