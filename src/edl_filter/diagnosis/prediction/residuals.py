@@ -407,9 +407,8 @@ def _checking_residuals(
     measured_force = bin_means(bins.edges, record.time, record.interval, record.specific_force)
     measured_rate = bin_means(bins.edges, record.time, record.interval, record.angular_rate)
     at_sample = record.index_at(samples.time - 0.5 * samples.interval)
-    lever_arm = lever_arm_acceleration(
-        samples.interval, sample_rate, record.position[at_sample], record.unit[at_sample]
-    )
+    # the rates are the driving IMU's, so that their instrument is that of the samples
+    lever_arm = lever_arm_acceleration(samples.interval, sample_rate, record.position[at_sample], samples.unit)
     return (
         measured_force - force - bin_means(bins.edges, samples.time, samples.interval, lever_arm),
         measured_rate - rate,
