@@ -151,6 +151,7 @@ def flight_case(reconstruction: Reconstruction) -> FlightCase:
             parachute - settings.parachute_margin_s,
             settings.bin_length_s,
             settings.excluded_end_bins,
+            [time for time, _ in mission.vehicle_changes()],
         ),
         uncertainty=StatedUncertainty(
             density=max(mission.atmosphere.density_sigma, settings.minimum_density_sigma),
