@@ -1,5 +1,6 @@
 """Quadrature over the bins: exact for polynomials, oscillations in closed form, a body without torque."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -10,6 +11,7 @@ from numpy.polynomial import Polynomial
 
 from edl_filter.diagnosis.prediction.dead_reckoning import NODES_PER_BIN
 from edl_filter.diagnosis.prediction.residuals import (
+    _checking_residuals,
     bin_average,
     quadrature_error,
     rate_step_from_moment,
@@ -18,6 +20,9 @@ from edl_filter.diagnosis.prediction.residuals import (
 from edl_filter.diagnosis.prediction.time_bins import TimeBins
 from edl_filter.effects.forward_model import ForwardModel
 from edl_filter.effects.types import Body
+from edl_filter.imu_model.sensor_errors import SensorErrors
+from edl_filter.navigation.increments import effective_samples
+from edl_filter.telemetry.record import ImuRecord
 
 
 def bins_of(edges):
@@ -154,3 +159,21 @@ def test_the_quadrature_error_at_a_change_of_slope_is_of_the_size_of_the_true_er
         stated.append(force[inside])
         true.append(error[inside])
     assert np.sqrt(np.mean(np.square(stated))) == pytest.approx(np.sqrt(np.mean(np.square(true))), rel=0.5)
+
+
+def test_a_checking_imu_is_predicted_at_the_place_of_each_sample():
+    """A body that turns at a constant rate: centripetal acceleration alone; the record begins with a place at zero."""
+    rng = np.random.default_rng(4)
+    n, dt, rate = 40, 0.125, np.array([0.3, -0.2, 0.5])
+    time, force = dt * np.arange(1, n + 1), rng.normal(size=(n, 3))
+    place = np.where((time <= 2.0)[:, None], 0.0, [0.4, -0.3, 0.2])
+    rates, zeros = np.tile(rate, (n, 1)), np.zeros(n)
+    record = ImuRecord(
+        "second", time, np.full(n, dt), force + np.cross(rate, np.cross(rate, place)), rates, place, zeros, zeros,
+        zeros, zeros.astype(bool), zeros.astype(bool), (time > 2.0).astype(int), ("register", "second"),
+        zeros.astype(int), ("test",), (SensorErrors(), SensorErrors()),
+    )  # fmt: skip
+    driving = replace(record, specific_force=force, position=np.zeros((n, 3)), unit=zeros.astype(int))
+    bins = bins_of(np.append(0.0, time))
+    residuals = _checking_residuals(record, bins, effective_samples(driving), rates, force, rates)
+    np.testing.assert_allclose(residuals, 0.0, atol=1e-12)
