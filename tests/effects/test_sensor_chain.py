@@ -144,3 +144,14 @@ def test_log_jacobian_of_the_correction(name, values, expected):
     effect = effect_named(name)
     active = EffectInstance(effect, {q.name: 0.0 for q in effect.parameters} | values)
     assert log_abs_det_jacobian(record(), (active,)) == pytest.approx(expected, abs=2e-6)
+
+
+def test_log_jacobian_of_an_effect_in_one_of_two_instruments():
+    """The mean is over the samples that are asked for, each with the effects of its own instrument."""
+    joined = record(("backshell", "rover"), "driving")
+    effects = (active("accelerometer_scale", sx=0.01, sy=-0.02, sz=0.0),)
+    expected = -np.log(1.01) - np.log(0.98)
+    first, last, both = np.arange(N // 4), np.arange(3 * N // 4, N), np.arange(N)
+    for samples, share in ((first, 1.0), (last, 0.0), (both, 0.5), (None, 0.5)):
+        actual = log_abs_det_jacobian(joined, effects, samples=samples)
+        assert actual == pytest.approx(share * expected, abs=2e-6)

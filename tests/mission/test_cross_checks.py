@@ -48,6 +48,17 @@ def test_inconsistent_values_are_refused(override, key, expected):
             "practice_mer",
         ),
         ("vehicle.events.landing={sclk: 5, sigma_s: 1}", "vehicle.events.landing.sclk", "practice_mer"),
+        (
+            "vehicle.events.landing={time_s: 5, sigma_s: 1, position: [1, 0, 0]}",
+            "vehicle.events.landing.position",
+            "practice_mer",
+        ),
+        (
+            "vehicle.events.landing.centre_of_mass_shift=[0.1, 0, 0]",
+            "vehicle.events.landing.centre_of_mass_shift",
+            "mer_a",
+        ),
+        ("vehicle.events.landing.imu_positions={rover: [1, 0, 0]}", "vehicle.events.landing.imu_positions", "mer_a"),
     ],
 )
 def test_a_section_that_lacks_what_another_requires_is_named(override, key, name):

@@ -45,7 +45,7 @@ def split(cnt: ArrayLike, cmt: ArrayLike, v: ArrayLike, w: ArrayLike) -> tuple[A
 def moments_at_cm(
     forces: tuple[ArrayLike, ArrayLike, ArrayLike],
     moments_nose: tuple[ArrayLike, ArrayLike, ArrayLike],
-    cm_over_d: tuple[float, float, float],
+    cm_over_d: tuple[ArrayLike, ArrayLike, ArrayLike],
 ) -> tuple[Array, Array, Array]:
     """Transfer the three moment coefficients from the nose to the centre of mass.
 
@@ -55,7 +55,7 @@ def moments_at_cm(
         CA, CY, CN (along −x, +y, −z).
     moments_nose : tuple of (...) arrays
         Cl, Cm, Cn about the nose.
-    cm_over_d : tuple of float
+    cm_over_d : tuple of float or (...) array
         Position of the centre of mass: behind the nose, to the right (+y) and down (+z), in diameters.
 
     Returns
@@ -65,5 +65,5 @@ def moments_at_cm(
     """
     ca, cy, cn = (np.asarray(f, float) for f in forces)
     cl, cm, cn_yaw = (np.asarray(m, float) for m in moments_nose)
-    x, y, z = cm_over_d
+    x, y, z = (np.asarray(p, float) for p in cm_over_d)
     return cl + y * cn + z * cy, cm + x * cn + z * ca, cn_yaw + x * cy - y * ca

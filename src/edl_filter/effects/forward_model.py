@@ -12,7 +12,7 @@ Loads are those of the entry vehicle with its heat shield on, before the parachu
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
@@ -27,7 +27,7 @@ from edl_filter.effects.types import AeroCoefficients, Body, FlightCondition
 from edl_filter.planet import Planet, ellipsoid
 from edl_filter.planet.atmosphere import Atmosphere
 from edl_filter.planet.gas import Gas
-from edl_filter.types import Array
+from edl_filter.types import Array, BoolArray
 
 if TYPE_CHECKING:
     from edl_filter.telemetry.record import InitialState
@@ -203,6 +203,8 @@ class ForwardModel:
     effects : tuple of EffectInstance
     perturbation : Perturbation, optional
         By how much air, coefficients and vehicle of one flight differ from all this, without being an effect.
+    changed_bodies : tuple of (float, Body)
+        Bodies that events of the flight leave, without effects: from which time on (s), in order of time.
     """
 
     planet: Planet
@@ -215,6 +217,7 @@ class ForwardModel:
     x_over_d: float
     effects: tuple[EffectInstance, ...] = ()
     perturbation: Perturbation | None = None
+    changed_bodies: tuple[tuple[float, Body], ...] = ()
 
     def with_effects(self, effects: Sequence[EffectInstance]) -> ForwardModel:
         """The same model with other effects in place of its own."""
@@ -232,14 +235,71 @@ class ForwardModel:
 
     @property
     def rigid_body(self) -> Body:
-        """Body with the effects and the perturbation."""
-        body = compose_body(self.body, self.effects)
+        """Body at entry, with the effects and the perturbation."""
+        return self._with_effects_and_perturbation(self.body)
+
+    def _with_effects_and_perturbation(self, body: Body) -> Body:
+        body = compose_body(body, self.effects)
         return body if self.perturbation is None else self.perturbation.perturb_body(body)
 
-    @property
-    def centre_of_mass(self) -> tuple[float, float, float]:
-        """Centre of mass with effects, in diameters: behind the nose, to the right and down."""
-        return self.rigid_body.centre(self.x_over_d, self.diameter)
+    def bodies(self, time: Array) -> Iterator[tuple[slice | BoolArray, Body]]:
+        """Bodies with the effects and the perturbation, each with the samples of `time` at which it flies.
+
+        Parameters
+        ----------
+        time : (N,) array
+            s. At the time of an event the body is the one that the event leaves.
+
+        Yields
+        ------
+        samples : slice or (N,) boolean array
+        body : Body
+        """
+        if not self.changed_bodies:
+            yield slice(None), self.rigid_body
+            return
+        number = np.searchsorted([t for t, _ in self.changed_bodies], time, side="right")
+        for k, body in enumerate((self.body, *(b for _, b in self.changed_bodies))):
+            samples = number == k
+            if samples.any():
+                yield samples, self._with_effects_and_perturbation(body)
+
+    def specific_force(self, time: Array, force: Array) -> Array:
+        """Specific force ``(N, 3)``, m/s², from the force ``(N, 3)``, N, at the times ``(N,)``, s."""
+        out = np.empty(force.shape)
+        for samples, body in self.bodies(time):
+            out[samples] = force[samples] / body.mass
+        return out
+
+    def angular_acceleration(self, time: Array, rate: Array, moment: Array) -> Array:
+        """Euler's equations, ``I⁻¹ (M - w × I w)``.
+
+        Parameters
+        ----------
+        time : (N,) array
+            s.
+        rate : (N, 3) array
+            rad/s, body axes.
+        moment : (N, 3) array
+            About the centre of mass, N m, body axes.
+
+        Returns
+        -------
+        (N, 3) array
+            rad/s².
+        """
+        out = np.empty(moment.shape)
+        for samples, body in self.bodies(time):
+            net_moment = moment[samples] - np.cross(rate[samples], rate[samples] @ body.inertia)
+            out[samples] = net_moment @ np.linalg.inv(body.inertia).T
+        return out
+
+    def centre_of_mass(self, time: Array) -> Array:
+        """Centre of mass with effects ``(N, 3)``, in diameters: behind the nose, to the right and down."""
+        out = np.empty((len(time), 3))
+        for samples, body in self.bodies(time):
+            out[samples] = body.centre(self.x_over_d, self.diameter)
+        return out
 
     def air_at(self, altitude: Array) -> tuple[Array, Array]:
         """Density and wind with the effects', without the perturbation, which depends on time.
@@ -346,7 +406,8 @@ class ForwardModel:
         totals, d = self.coefficients(flow, tables), self.diameter
         _, v, w = flow.velocity_body.T
         cn, cy, cm, yaw = split(totals.cn, totals.cm_nose, v, w)
-        cl, cm, yaw = moments_at_cm((totals.ca, cy, cn), (totals.cl, cm, yaw), self.centre_of_mass)
+        x, y, z = self.centre_of_mass(flow.time).T
+        cl, cm, yaw = moments_at_cm((totals.ca, cy, cn), (totals.cl, cm, yaw), (x, y, z))
         damping = totals.cmq * d / (2.0 * np.maximum(flow.speed, 1.0))
         cm = cm + damping * flow.rate[:, 1]
         yaw = yaw + damping * flow.rate[:, 2]

@@ -19,7 +19,7 @@ from edl_filter.effects.forward_model import compose_body
 from edl_filter.effects.types import Body
 from edl_filter.errors import InputError
 from edl_filter.telemetry.record import ImuRecord, Telemetry
-from edl_filter.types import BoolArray
+from edl_filter.types import BoolArray, IntArray
 
 #: Order in which built-in effects act on a reading.
 _ORDER = (
@@ -94,11 +94,13 @@ def corrected_record(record: ImuRecord, effects: Sequence[EffectInstance], drivi
     return _through(record, sensor_effects(effects)[::-1], driving, "corrected")
 
 
-def log_abs_det_jacobian(record: ImuRecord, effects: Sequence[EffectInstance], driving: bool = True) -> float:
+def log_abs_det_jacobian(
+    record: ImuRecord, effects: Sequence[EffectInstance], driving: bool = True, samples: IntArray | None = None
+) -> float:
     """Logarithm of the Jacobian determinant of a sample's corrected readings by its readings.
 
-    The sum over force and rate of the log determinant of the derivative, averaged over the record. The readings
-    are changed by the same amount at all times, so a shift in time contributes nothing.
+    The sum over force and rate of the mean log determinant of the derivative. The readings are changed by the same
+    amount at all times, so a shift in time contributes nothing.
 
     Parameters
     ----------
@@ -108,16 +110,19 @@ def log_abs_det_jacobian(record: ImuRecord, effects: Sequence[EffectInstance], d
         As in `corrected_record`.
     driving : bool
         As in `corrected_record`.
+    samples : (M,) integer array, optional
+        Samples that the mean is over, instead of all: an effect may act on some instruments of the record only.
     """
+    chosen = np.arange(len(record)) if samples is None else samples
     reference = corrected_record(record, effects, driving)
     total = 0.0
     for name, step in (("specific_force", 1e-3), ("angular_rate", 1e-5)):
-        slopes = np.empty((3, 3))
+        slopes = np.empty((len(chosen), 3, 3))
         for axis in range(3):
             moved = replace(record, **{name: getattr(record, name) + step * np.eye(3)[axis]})
             change = getattr(corrected_record(moved, effects, driving), name) - getattr(reference, name)
-            slopes[:, axis] = np.mean(change, axis=0) / step
-        total += float(np.linalg.slogdet(slopes)[1])
+            slopes[:, :, axis] = change[chosen] / step
+        total += float(np.mean(np.linalg.slogdet(slopes)[1]))
     return total
 
 

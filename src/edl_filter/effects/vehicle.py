@@ -23,7 +23,7 @@ class Mass(Effect):
         "Axial and lateral specific force differ by one factor from the first sensed deceleration to the parachute, "
         "as with the density; moments do not."
     )
-    region = "up to the first event that states a mass"
+    region = "up to the parachute; a mass that an event states before it has the same factor"
     source = "mass budgets of Mars entry vehicles before launch; the moments distinguish it from a density"
     parameters = (Parameter("k", "", "relative change of the mass", 0.07, low=-0.5, high=1.0),)
 
@@ -42,7 +42,7 @@ class CentreOfMassOffset(Effect):
         "A body-fixed moment in proportion to the axial force: the vehicle trims at an angle, largest in moments near "
         "peak dynamic pressure; on a spinning vehicle the trim rotates with the body."
     )
-    region = "up to the first event that moves the centre of mass"
+    region = "up to the first event that states a position from the centre of mass anew; a shift is added to it"
     source = "balance tolerances of entry capsules, some millimetres across the axis"
     parameters = vector("d", "m", "displacement", 5e-3, 0.2)
 

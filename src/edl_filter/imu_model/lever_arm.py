@@ -44,7 +44,7 @@ def lever_arm_acceleration_of_products(angular_acceleration: Array, products: Ar
         Means, rad/s², body axes.
     products : (N, 6) array
         Means of the products of rates xx, yy, zz, xy, xz, yz, rad²/s².
-    position : (3,) array
+    position : (3,) or (N, 3) array
         Place from the centre of mass, m, body axes.
 
     Returns
@@ -53,7 +53,7 @@ def lever_arm_acceleration_of_products(angular_acceleration: Array, products: Ar
         m/s².
     """
     xx, yy, zz, xy, xz, yz = products.T
-    x, y, z = position
+    x, y, z = np.broadcast_to(position, angular_acceleration.shape).T
     # w × (w × r) = w (w · r) - r w²
     centripetal = np.column_stack((
         -(yy + zz) * x + xy * y + xz * z, xy * x - (xx + zz) * y + yz * z, xz * x + yz * y - (xx + yy) * z
@@ -67,7 +67,8 @@ def lever_arm_acceleration(interval: Array, rate: Array, position: Array, unit: 
     The first term is the difference of ω × r between the sample's edges, so that over many samples its
     errors telescope instead of growing (thesis eq. 3.3 in increments); the second has what a rate that changes
     inside the sample adds to the square of its mean. Where the instrument changes, neither side's stencil may reach
-    across, and the rate at the edge is that of the sample itself.
+    across, and the rate at the edge is that of the sample itself. Where only its position changes, because the centre
+    of mass moved, the gyros are the same and the rate at the edge is that of both sides.
 
     Parameters
     ----------
@@ -85,7 +86,7 @@ def lever_arm_acceleration(interval: Array, rate: Array, position: Array, unit: 
     (N, 3) array
         m/s².
     """
-    parted = np.any(np.diff(position, axis=0) != 0.0, axis=1) | (np.diff(unit) != 0)
+    parted = np.diff(unit) != 0
     edges = edge_values(interval, rate, parted)
     start, end = edges[:-1].copy(), edges[1:].copy()
     last = np.flatnonzero(parted)

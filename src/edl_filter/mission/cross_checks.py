@@ -62,8 +62,14 @@ def _check_events(telemetry: TelemetryConfig, vehicle: VehicleConfig) -> None:
             raise field_error(value_text(event.sclk), "time_s: this telemetry states no epoch_sclk", f"{key}.sclk")
         if event.position is not None and not has_clock:
             raise field_error(
-                value_text(event.position), "none: a flight file's lever arm is in the file", f"{key}.position"
+                value_text(event.position),
+                "centre_of_mass_shift or imu_positions: a flight file's lever arm is in the file",
+                f"{key}.position",
             )
+        for field in ("centre_of_mass_shift", "imu_positions"):
+            value = getattr(event, field)
+            if value and not isinstance(telemetry, FlightFileConfig):
+                raise field_error(value_text(value), "position: this one is for a flight file", f"{key}.{field}")
     for name, time in event_times(telemetry, vehicle):
         if not previous_time < time < 1e5:
             event = vehicle.events[name]

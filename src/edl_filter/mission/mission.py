@@ -21,7 +21,7 @@ from edl_filter.mission.fields import Section
 from edl_filter.mission.measurements import MerImuConfig, PhoenixPdsConfig, TelemetryConfig
 from edl_filter.mission.shipped import BUILTIN, shipped_data, shipped_mission
 from edl_filter.mission.validators import value_text
-from edl_filter.mission.world import AtmosphereConfig, PlanetConfig, VehicleConfig
+from edl_filter.mission.world import AtmosphereConfig, EventConfig, PlanetConfig, VehicleConfig
 from edl_filter.mission.yaml_text import flow_text, parse, parse_override, read_text, set_key
 
 if TYPE_CHECKING:
@@ -203,6 +203,11 @@ class Mission(Section):
     def event_times(self) -> dict[str, float]:
         """Return the times of the events that the mission states, s since the epoch, in order."""
         return dict(event_times(self.telemetry, self.vehicle))
+
+    def vehicle_changes(self) -> list[tuple[float, EventConfig]]:
+        """Events that change the vehicle or an IMU's position, with their times, s since the epoch, in order."""
+        times, unchanged = self.event_times(), {"sclk", "time_s", "sigma_s"}
+        return [(times[n], e) for n, e in self.vehicle.events.items() if e.model_fields_set - unchanged]
 
     def telemetry_path(self) -> Path | None:
         """File or folder of the telemetry; None where its reader has a default location (mer-imu).

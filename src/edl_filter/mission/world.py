@@ -145,13 +145,31 @@ class ParachuteConfig(Section):
     )
 
 
-class EventConfig(Section):
+class VehicleChangeConfig(Section):
+    """What an event changes in the vehicle; also of an event of a simulated flight."""
+
+    mass: Mass | None = Field(default=None, description="mass from this event on, kg")
+    centre_of_mass_shift: LeverArm | None = Field(
+        default=None,
+        description="displacement of the centre of mass at this event, m, body axes; the IMUs are fixed to the "
+        "structure, so that their positions from the centre of mass change by minus it",
+    )
+    inertia: InertiaConfig | None = Field(
+        default=None, description="inertia about the centre of mass from this event on"
+    )
+    imu_positions: dict[str, LeverArm] = Field(
+        default_factory=dict,
+        description="positions of IMUs from the centre of mass from this event on, by name, m, body axes: of those "
+        "that the event moves relative to the structure",
+    )
+
+
+class EventConfig(VehicleChangeConfig):
     """An event of the flight, and the vehicle's properties that change with it."""
 
     sclk: Sclk | None = Field(default=None, description="spacecraft clock count, s (or time_s)")
     time_s: Time | None = Field(default=None, description="time, s since the epoch (or sclk)")
     sigma_s: TimeSigma = Field(description="1 sigma of the time, s")
-    mass: Mass | None = Field(default=None, description="mass from this event on, kg")
     position: LeverArm | None = Field(
         default=None,
         description="driving IMU's position from the centre of mass from this event on, m, axes as under imus",

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -14,6 +15,7 @@ from edl_filter.effects.forward_model import Damping, ForwardModel, compose_body
 from edl_filter.effects.types import Body
 from edl_filter.errors import InputError
 from edl_filter.mission import Mission
+from edl_filter.mission.world import VehicleChangeConfig
 from edl_filter.planet import Planet
 from edl_filter.planet.atmosphere import Atmosphere
 from edl_filter.planet.gas import Gas
@@ -52,6 +54,7 @@ def forward_model_of(
         diameter=mission.vehicle.diameter,
         x_over_d=mission.vehicle.centre_of_mass,
         effects=mission.active_effects() if effects is None else tuple(effects),
+        changed_bodies=changed_bodies(body_of(mission), mission.vehicle_changes()),
     )
 
 
@@ -106,3 +109,27 @@ def body_of(mission: Mission, effects: Sequence[EffectInstance] = ()) -> Body:
         offset=vehicle.diameter * np.array([0.0, *vehicle.centre_of_mass_offset]),
     )
     return compose_body(body, effects)
+
+
+def changed_bodies(body: Body, events: Iterable[tuple[float, VehicleChangeConfig]]) -> tuple[tuple[float, Body], ...]:
+    """Bodies that events leave: from which time on, s since the epoch.
+
+    Parameters
+    ----------
+    body : Body
+        At entry.
+    events : iterable of (time, event)
+        In order of time, s; events that do not change the body are passed over.
+    """
+    bodies = []
+    for time, event in events:
+        before = body
+        if event.mass is not None:
+            body = replace(body, mass=event.mass)
+        if event.centre_of_mass_shift is not None:
+            body = replace(body, offset=body.offset + np.array(event.centre_of_mass_shift))
+        if event.inertia is not None:
+            body = replace(body, inertia=event.inertia.tensor)
+        if body is not before:
+            bodies.append((time, body))
+    return tuple(bodies)

@@ -10,6 +10,7 @@ from edl_filter import rotations
 from edl_filter.errors import InputError
 from edl_filter.mission import Mission
 from edl_filter.mission.measurements import FlightFileConfig, MerImuConfig
+from edl_filter.pipeline.events import moved_by_events
 from edl_filter.planet.atmosphere import Atmosphere
 from edl_filter.telemetry.fetch import find_mer_imu
 from edl_filter.telemetry.flight_file import read_flight_file
@@ -34,7 +35,9 @@ def read_telemetry(mission: Mission) -> Telemetry:
             raise InputError(
                 f"{path}: the flight is of {telemetry.planet}, the mission's planet is {mission.planet.name}."
             )
-        return telemetry if mission.telemetry.driving is None else driven_by(telemetry, mission.telemetry.driving)
+        if mission.telemetry.driving is not None:
+            telemetry = driven_by(telemetry, mission.telemetry.driving)
+        return moved_by_events(mission, telemetry)
     assert isinstance(mission.telemetry, MerImuConfig)  # telemetry_path stops the others
     tables = read_mer_tables(find_mer_imu(path), mission.telemetry.spacecraft)
     return mer_telemetry(tables, mer_setup(mission))

@@ -18,6 +18,7 @@ from edl_filter.navigation.filter import Problem, Settings, build_problem
 from edl_filter.navigation.increments import effective_samples
 from edl_filter.navigation.initial import EntryErrors
 from edl_filter.pipeline.constraints import build_constraints
+from edl_filter.pipeline.events import centre_of_mass_shifts, with_velocity_steps
 from edl_filter.planet import Planet
 from edl_filter.planet.atmosphere import Atmosphere
 from edl_filter.telemetry.record import ImuRecord, InitialState, Telemetry
@@ -79,7 +80,8 @@ def assemble_free(
 ) -> Problem:
     """As `assemble`, from telemetry from which the effects are removed already (`without_effects`)."""
     planet = compose_gravity(planet, effects)
-    samples = effective_samples(telemetry.driving)
+    shifts = centre_of_mass_shifts(mission, telemetry.driving)
+    samples = with_velocity_steps(effective_samples(telemetry.driving), shifts)
     initial, entry = entry_state(mission, telemetry)
     initial = compose_entry_state(initial, effects)
     f = mission.filter

@@ -12,7 +12,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from edl_filter.aero.database import Database, moments_at_cm, split
 from edl_filter.aero.inverse import InverseResult, angle_from_cm, angle_from_cn
@@ -109,9 +109,9 @@ def database_coefficients(
     atmosphere: AtmosphereProfile,
     speed: Array,
     velocity_body: Array,
-    x_over_d: float,
+    x_over_d: ArrayLike,
     alpha_sigma: Array | float = 0.0,
-    offset: tuple[float, float] = (0.0, 0.0),
+    offset: tuple[ArrayLike, ArrayLike] = (0.0, 0.0),
 ) -> DatabaseCoefficients:
     """Coefficients of the database at the reconstructed angles.
 
@@ -125,11 +125,11 @@ def database_coefficients(
         Air-relative, m/s.
     velocity_body : (N, 3) array
         Air-relative, body axes, any scale.
-    x_over_d : float
+    x_over_d : float or (N,) array
         Centre of mass behind the nose, diameters.
     alpha_sigma : (N,) array or float
         One sigma of the direction of the air-relative velocity in each plane, rad.
-    offset : tuple of float
+    offset : tuple of float or of (N,) array
         Centre of mass to the right of the axis (+y) and below it (+z), diameters.
 
     Returns
@@ -141,22 +141,23 @@ def database_coefficients(
     total = np.arctan2(np.hypot(v, w), u)
     flow = atmosphere.mach[valid], atmosphere.knudsen[valid]
     entry = database.lookup(*flow, total, speed[valid])
-    cm = entry.cm_at(x_over_d)
+    x, y, z = (np.broadcast_to(np.asarray(p, float), speed.shape)[valid] for p in (x_over_d, *offset))
+    cm = entry.cm_at(x)
     cn, cy, pitch_nose, yaw_nose = split(entry.cn, entry.cm_nose, v, w)
-    roll, pitch, yaw = moments_at_cm((entry.ca, cy, cn), (0.0, pitch_nose, yaw_nose), (x_over_d, *offset))
+    roll, pitch, yaw = moments_at_cm((entry.ca, cy, cn), (0.0, pitch_nose, yaw_nose), (x, y, z))
     above = database.lookup(*flow, total + _STEP, speed[valid])
     # an error across the plane rotates a coefficient by C/alpha, one in the plane changes it by its slope: the larger
     # of the two is a bound
     safe = np.maximum(total, _STEP)
     force_slope = np.maximum(np.abs(above.cn - entry.cn) / _STEP, np.abs(entry.cn) / safe)
-    moment_slope = np.maximum(np.abs(above.cm_at(x_over_d) - cm) / _STEP, np.abs(cm) / safe)
+    moment_slope = np.maximum(np.abs(above.cm_at(x) - cm) / _STEP, np.abs(cm) / safe)
     sigma = np.broadcast_to(np.asarray(alpha_sigma, float), speed.shape)[valid]
     limits = entry.three_sigma
 
     def full(values: Array) -> Array:
         return scatter(valid, values)
 
-    off_axis, axial_slope = float(np.hypot(*offset)), np.abs(above.ca - entry.ca) / _STEP
+    off_axis, axial_slope = np.hypot(y, z), np.abs(above.ca - entry.ca) / _STEP
     by_force, by_moment = full(force_slope * sigma), full((moment_slope + off_axis * axial_slope) * sigma)
     force, moment = full(limits.cn), full(limits.cm)
     return DatabaseCoefficients(
@@ -165,7 +166,7 @@ def database_coefficients(
         },
         angle_sigma={
             "CA": full(axial_slope * sigma), "CN": by_force, "CY": by_force,
-            "Cl": off_axis * by_force, "Cm": by_moment, "Cn": by_moment,
+            "Cl": full(off_axis * force_slope * sigma), "Cm": by_moment, "Cn": by_moment,
         },
         three_sigma={
             "CA": full(limits.ca), "CN": force, "CY": force, "Cl": full(limits.cl), "Cm": moment, "Cn": moment
@@ -180,9 +181,9 @@ def from_forces(
     flight: FlightCoefficients,
     speed: Array,
     velocity_body: Array,
-    x_over_d: float,
+    x_over_d: ArrayLike,
     stride: int = 1,
-    offset: tuple[float, float] = (0.0, 0.0),
+    offset: tuple[ArrayLike, ArrayLike] = (0.0, 0.0),
 ) -> Combination:
     """Forces → angles → moments: the lateral flow has the direction of (−CY, CN).
 
@@ -214,9 +215,9 @@ def from_moments(
     flight: FlightCoefficients,
     speed: Array,
     velocity_body: Array,
-    x_over_d: float,
+    x_over_d: ArrayLike,
     stride: int = 1,
-    offset: tuple[float, float] = (0.0, 0.0),
+    offset: tuple[ArrayLike, ArrayLike] = (0.0, 0.0),
 ) -> Combination:
     """Moments → angles → forces: the lateral flow has the direction of (Cn, −Cm), or the opposite one if unstable.
 
@@ -233,14 +234,15 @@ def from_moments(
     -------
     Combination
     """
-    y, z = offset
+    y, z = (np.asarray(p, float) for p in offset)
+    off_axis = bool(np.any(y) or np.any(z))
     axial = atmosphere.ca.copy()
-    for _ in range(_ITERATIONS if y or z else 1):
+    for _ in range(_ITERATIONS if off_axis else 1):
         direction = np.stack((flight.value["Cn"] + y * axial, z * axial - flight.value["Cm"]), axis=1)
         combination = _combine(
             database, atmosphere, flight, direction, speed, velocity_body, x_over_d, stride, offset, forces=False
         )
-        if y or z:
+        if off_axis:
             solved = atmosphere.valid & np.isfinite(combination.alpha_total)
             mach, knudsen = atmosphere.mach[solved], atmosphere.knudsen[solved]
             axial[solved] = database.lookup(mach, knudsen, combination.alpha_total[solved], speed[solved]).ca
@@ -285,6 +287,20 @@ def angle_differences(
     )
 
 
+def _angle_from_cm(
+    database: Database, cm: Array, mach: Array, knudsen: Array, speed: Array, x_over_d: Array, hint: Array
+) -> InverseResult:
+    """`angle_from_cm` with a centre of mass for each sample, ``(N,)`` as all arguments: it has few values."""
+    alpha, status, count = np.full(len(cm), np.nan), np.zeros(len(cm), np.int8), np.zeros(len(cm), np.intp)
+    for x in np.unique(x_over_d):
+        part = x_over_d == x
+        inverse = angle_from_cm(
+            database, cm[part], mach[part], knudsen[part], speed[part], x_over_d=float(x), hint=hint[part]
+        )
+        alpha[part], status[part], count[part] = inverse.alpha, inverse.status, inverse.count
+    return InverseResult(alpha, status, count)
+
+
 def _combine(
     database: Database,
     atmosphere: AtmosphereProfile,
@@ -292,9 +308,9 @@ def _combine(
     direction: Array,
     speed: Array,
     velocity_body: Array,
-    x_over_d: float,
+    x_over_d: ArrayLike,
     stride: int,
-    offset: tuple[float, float],
+    offset: tuple[ArrayLike, ArrayLike],
     *,
     forces: bool,
 ) -> Combination:
@@ -302,6 +318,7 @@ def _combine(
     usable = np.flatnonzero(atmosphere.valid & np.all(np.isfinite(direction), axis=1))
     at = usable[::stride]
     mach, knudsen, fast = atmosphere.mach[at], atmosphere.knudsen[at], speed[at]
+    x, y, z = (np.broadcast_to(np.asarray(p, float), speed.shape)[at] for p in (x_over_d, *offset))
     u, v, w = velocity_body[at].T
     size = np.linalg.norm(direction[at], axis=1)
     right, down = (direction[at] / np.where(size > 0.0, size, 1.0)[:, None]).T
@@ -311,7 +328,7 @@ def _combine(
     if forces:
         inverse = angle_from_cn(database, size, mach, knudsen, fast, hint=hint)
     else:
-        inverse = angle_from_cm(database, -size, mach, knudsen, fast, x_over_d=x_over_d, hint=hint)
+        inverse = _angle_from_cm(database, -size, mach, knudsen, fast, x, hint)
     angle = inverse.alpha
     sideways, along = np.sin(angle) * right, np.sin(angle) * down
     solved = np.isfinite(angle)
@@ -323,10 +340,9 @@ def _combine(
         flow, total = (mach[solved], knudsen[solved]), np.abs(angle[solved])
         entry = database.lookup(*flow, total, fast[solved])
         above = database.lookup(*flow, total + _STEP, fast[solved])
-        cm, cm_above = entry.cm_at(x_over_d), above.cm_at(x_over_d)
+        cm, cm_above = entry.cm_at(x[solved]), above.cm_at(x[solved])
         parts = split(entry.cn, cm, sideways[solved], along[solved])
-        y, z = offset
-        moments = parts[2] + z * entry.ca, parts[3] - y * entry.ca
+        moments = parts[2] + z[solved] * entry.ca, parts[3] - y[solved] * entry.ca
         for name, part in zip(value, moments if forces else parts[:2], strict=True):
             value[name][solved] = part
         slopes = np.abs(np.stack((above.cn - entry.cn, cm_above - cm))) / _STEP
@@ -335,7 +351,7 @@ def _combine(
         # an error across the coefficient rotates the plane, by the error over the coefficient, and the angle with it;
         # where the curve folds, the slope at the solution does not show how flat the curve is between it and the hint
         at_hint = database.lookup(*flow, np.abs(hint[solved]), fast[solved])
-        expected = np.sign(hint[solved]) * (at_hint.cn if forces else at_hint.cm_at(x_over_d))
+        expected = np.sign(hint[solved]) * (at_hint.cn if forces else at_hint.cm_at(x[solved]))
         rise = np.abs(expected - (1.0 if forces else -1.0) * size[solved])
         run = np.abs(hint[solved] - angle[solved])
         folded = np.where(run > _STEP, run / np.maximum(rise, 1e-12), 0.0)

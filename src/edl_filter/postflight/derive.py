@@ -158,7 +158,7 @@ def _oscillation(
 
     moments = np.column_stack((coefficients.value["Cm"], coefficients.value["Cn"]))
     moments = np.where((i.time >= useful)[:, None], moments, np.nan)
-    lateral = 0.5 * float(i.inertia[1, 1] + i.inertia[2, 2])
+    lateral = 0.5 * (i.inertia[..., 1, 1] + i.inertia[..., 2, 2])
     angles, rates = as_moments(np.column_stack((i.alpha, i.beta))), as_moments(i.angular_rate[:, 1:])
     return oscillation(
         i.time, angles, rates, moments, i.speed, coefficients.dynamic_pressure, i.diameter, lateral

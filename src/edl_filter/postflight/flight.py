@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from edl_filter.effects.adapters import atmosphere_with_effects, database_with_effects
+from edl_filter.effects.forward_model import compose_body
 from edl_filter.errors import InputError
-from edl_filter.pipeline.forward_model import body_of, database_of, gas_of
+from edl_filter.pipeline.forward_model import body_of, changed_bodies, database_of, gas_of
 from edl_filter.pipeline.reconstruct import Reconstruction
 from edl_filter.postflight.airdata import AirData
 from edl_filter.postflight.derive import PostflightResult, derive
@@ -64,15 +65,16 @@ def postflight_inputs(reconstruction: Reconstruction, air: AirData) -> Postfligh
     and further torques are not in it.
     """
     mission, planet, trajectory = reconstruction.mission, reconstruction.problem.planet, reconstruction.trajectory
-    vehicle, samples, body = mission.vehicle, reconstruction.problem.samples, body_of(mission, reconstruction.effects)
+    vehicle, samples = mission.vehicle, reconstruction.problem.samples
     atmosphere = atmosphere_with_effects(reconstruction.atmosphere, reconstruction.effects)
     assert vehicle.inertia is not None
-    x, y, z = body.centre(vehicle.centre_of_mass, vehicle.diameter)
     middle = {name: at_middles(air.time, getattr(air, name)) for name in _ALONG}
     u, v, w = middle["velocity_body"].T
     speed = np.sqrt(u * u + v * v + w * w)
     position = at_middles(trajectory.time, trajectory.position)
     parachute = reconstruction.event_times.get("parachute_deploy", float(trajectory.time[-1]))
+    middles = samples.time - 0.5 * samples.interval
+    mass, (x, y, z), inertia = _mass_properties(reconstruction, middles, parachute)
     sensor = np.sqrt(np.diag(reconstruction.smoothed.covariance[0]))
     layout = reconstruction.filter_pass.layout
 
@@ -83,7 +85,7 @@ def postflight_inputs(reconstruction: Reconstruction, air: AirData) -> Postfligh
     path, wind = middle["flight_path_angle"], mission.atmosphere.wind_sigma
     stated = mission.postflight.windows
     return PostflightInputs(
-        time=samples.time - 0.5 * samples.interval,
+        time=middles,
         altitude=middle["altitude"],
         speed=speed,
         gravity=np.linalg.norm(planet.gravity(position), axis=1),
@@ -104,12 +106,12 @@ def postflight_inputs(reconstruction: Reconstruction, air: AirData) -> Postfligh
         rate_noise=samples.rate_noise,
         bias_sigma=remaining("accelerometer_bias"),
         alignment_sigma=float(np.max(remaining("accelerometer_misalignment"))),
-        mass=body.mass,
+        mass=mass,
         mass_sigma=vehicle.mass_sigma,
         diameter=vehicle.diameter,
         x_over_d=x,
         offset=(y, z),
-        inertia=body.inertia,
+        inertia=inertia,
         inertia_relative=vehicle.inertia_sigma,
         gas=gas_of(mission),
         database=database_with_effects(database_of(mission), reconstruction.effects),
@@ -123,3 +125,22 @@ def postflight_inputs(reconstruction: Reconstruction, air: AirData) -> Postfligh
         top_temperature_sigma=mission.postflight.top_temperature_sigma,
         windows=None if stated is None else tuple(Window(w.name, w.start_s, w.end_s) for w in stated),
     )
+
+
+def _mass_properties(
+    reconstruction: Reconstruction, time: Array, end: float
+) -> tuple[Array | float, tuple[Array | float, ...], Array]:
+    """Mass (kg), centre of mass (diameters: behind the nose, right, down) and inertia (kg m²) with the effects.
+
+    Of the vehicle at entry; a value for each of the times ``(N,)``, s, where an event changes it before `end` (s).
+    """
+    mission, effects = reconstruction.mission, reconstruction.effects
+    vehicle, entry = mission.vehicle, body_of(mission)
+    changes = [(t, body) for t, body in changed_bodies(entry, mission.vehicle_changes()) if t < end]
+    bodies = [compose_body(body, effects) for body in (entry, *(body for _, body in changes))]
+    centres = np.array([body.centre(vehicle.centre_of_mass, vehicle.diameter) for body in bodies])
+    if not changes:
+        return bodies[0].mass, tuple(centres[0].tolist()), bodies[0].inertia
+    number = np.searchsorted([t for t, _ in changes], time, side="right")
+    mass, inertia = np.array([body.mass for body in bodies]), np.stack([body.inertia for body in bodies])
+    return mass[number], tuple(centres[number].T), inertia[number]

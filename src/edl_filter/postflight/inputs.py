@@ -48,12 +48,14 @@ class PostflightInputs:
         kg.
     mass_sigma : float
         One sigma of the mass, kg.
-    diameter, x_over_d : float
-        m; centre of mass behind the nose, diameters.
-    offset : tuple of float
+    diameter : float
+        m.
+    x_over_d : float or (N,) array
+        Centre of mass behind the nose, diameters.
+    offset : tuple of float or of (N,) array
         Centre of mass to the right of the axis (+y) and below it (+z), diameters.
-    inertia : (3, 3) array
-        kg m².
+    inertia : (3, 3) or (N, 3, 3) array
+        kg m². It has a value for each sample, as mass and centre of mass have, where an event changes the vehicle.
     inertia_relative : float
         Relative one sigma of the inertia.
     gas : Gas
@@ -89,7 +91,7 @@ class PostflightInputs:
     bias_sigma: Array
     mass: Array | float
     diameter: float
-    x_over_d: float
+    x_over_d: Array | float
     inertia: Array
     gas: Gas
     database: Database
@@ -104,7 +106,7 @@ class PostflightInputs:
     top_temperature_sigma: float = 0.0
     batch: float = BATCH
     windows: Sequence[Window] | None = None
-    offset: tuple[float, float] = (0.0, 0.0)
+    offset: tuple[Array | float, Array | float] = (0.0, 0.0)
     altitude_sigma: Array | float = 0.0
     sink_sigma: Array | float = 0.0
     wind_sigma: Array | float = 0.0
@@ -115,12 +117,13 @@ class PostflightInputs:
         if before.sum() < 2:
             raise InputError(f"Post-flight: no samples before the parachute at {self.parachute:.6g} s.")
 
-        def cut(name: str) -> Any:
-            value = getattr(self, name)
-            along = isinstance(value, np.ndarray) and value.shape[:1] == (n,) and name not in ("inertia", "bias_sigma")
-            return value[before] if along else value
+        def cut(name: str, value: Any) -> Any:
+            if name == "offset":
+                return tuple(cut("", component) for component in value)
+            along = isinstance(value, np.ndarray) and value.shape[:1] == (n,) and name != "bias_sigma"
+            return value[before] if along and not (name == "inertia" and value.ndim == 2) else value
 
-        return PostflightInputs(**{f.name: cut(f.name) for f in fields(self)})
+        return PostflightInputs(**{f.name: cut(f.name, getattr(self, f.name)) for f in fields(self)})
 
 
 def at_middles(time: Array, values: Array) -> Array:

@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 
 from edl_filter.postflight.atmosphere import AtmosphereProfile
 from edl_filter.postflight.comparison import DatabaseCoefficients
+from edl_filter.postflight.moments import tensor_product
 from edl_filter.postflight.rates import BatchSmoother
 from edl_filter.types import Array
 
@@ -45,7 +46,7 @@ def as_measured(
         kg.
     diameter : float
         m.
-    inertia : (3, 3) array
+    inertia : (3, 3) or (N, 3, 3) array
         kg m².
 
     Returns
@@ -61,9 +62,9 @@ def as_measured(
     lateral = np.stack((per_force * v["CN"], per_force * v["CY"]), axis=1)
     moment = np.stack((per_moment * v["Cl"], per_moment * v["Cm"], per_moment * v["Cn"]), axis=1)
     lateral[missing], moment[missing] = 0.0, 0.0
-    gyroscopic = np.cross(rate, rate @ inertia.T)
-    acceleration = (moment - gyroscopic) @ np.linalg.inv(inertia).T
-    smoothed_moment = smoother.as_derived(acceleration) @ inertia.T + gyroscopic
+    gyroscopic = np.cross(rate, tensor_product(inertia, rate))
+    acceleration = tensor_product(np.asarray(np.linalg.inv(inertia), np.float64), moment - gyroscopic)
+    smoothed_moment = tensor_product(inertia, smoother.as_derived(acceleration)) + gyroscopic
     smoothed_force = smoother.as_smoothed(lateral)
     reach = 2 * smoother.points
     near = np.convolve(missing, np.ones(int(reach.max()) + 1), mode="same") > 0.0 if missing.any() else missing

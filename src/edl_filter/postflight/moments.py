@@ -49,7 +49,7 @@ def euler(
     ----------
     rate, acceleration : (N, 3) arrays
         rad/s and rad/s², body axes.
-    inertia : (3, 3) array
+    inertia : (3, 3) or (N, 3, 3) array
         Tensor about the centre of mass, kg m²; off-diagonal elements are minus the products of inertia.
     rate_sigma, acceleration_sigma : float or (N,) array
         One sigma of each component, rad/s and rad/s²; taken as independent.
@@ -66,15 +66,20 @@ def euler(
         The tensor is not that of a physical body.
     """
     check_inertia(inertia)
-    momentum = rate @ inertia.T
-    moment = acceleration @ inertia.T + np.cross(rate, momentum)
+    momentum = tensor_product(inertia, rate)
+    moment = tensor_product(inertia, acceleration) + np.cross(rate, momentum)
     # dM/dω = [ω×] I − [(I ω)×]
     by_rate = rotations.cross_matrix(rate) @ inertia - rotations.cross_matrix(momentum)
-    spread = np.sqrt(np.sum(inertia**2, axis=1))
+    spread = np.sqrt(np.sum(inertia**2, axis=-1))
     sigma_rate = np.broadcast_to(np.asarray(rate_sigma, float), rate.shape[:1])[:, None]
     sigma_acceleration = np.broadcast_to(np.asarray(acceleration_sigma, float), rate.shape[:1])[:, None]
     sigma = np.hypot(sigma_acceleration * spread, sigma_rate * np.linalg.norm(by_rate, axis=2))
     return Moments(moment, sigma, np.abs(moment) * inertia_relative, rolling_terms(rate, acceleration, inertia))
+
+
+def tensor_product(tensor: Array, vectors: Array) -> Array:
+    """Product of a tensor ``(3, 3)``, or of one for each row ``(N, 3, 3)``, with the rows of ``(N, 3)``."""
+    return vectors @ tensor.T if tensor.ndim == 2 else np.einsum("nij,nj->ni", tensor, vectors)
 
 
 def rolling_terms(rate: Array, acceleration: Array, inertia: Array) -> dict[str, Array]:
@@ -84,7 +89,7 @@ def rolling_terms(rate: Array, acceleration: Array, inertia: Array) -> dict[str,
     ----------
     rate, acceleration : (N, 3) arrays
         rad/s and rad/s², body axes.
-    inertia : (3, 3) array
+    inertia : (3, 3) or (N, 3, 3) array
         kg m².
 
     Returns
@@ -94,7 +99,7 @@ def rolling_terms(rate: Array, acceleration: Array, inertia: Array) -> dict[str,
     """
     p, q, r = rate.T
     roll, pitch, yaw = acceleration.T
-    (ixx, ixy, ixz), (_, iyy, iyz), (_, _, izz) = inertia
+    (ixx, ixy, ixz), (_, iyy, iyz), (_, _, izz) = np.moveaxis(inertia, (-2, -1), (0, 1))
     return {
         "spin": ixx * roll,
         "difference": (izz - iyy) * q * r,
@@ -109,7 +114,7 @@ def check_inertia(inertia: Array) -> None:
 
     Parameters
     ----------
-    inertia : (3, 3) array
+    inertia : (3, 3) or (N, 3, 3) array
         kg m².
 
     Raises
@@ -117,6 +122,10 @@ def check_inertia(inertia: Array) -> None:
     InputError
         It is not symmetric, not positive definite, or one principal moment exceeds the sum of the other two.
     """
+    if inertia.shape[1:] == (3, 3):
+        for tensor in np.unique(inertia, axis=0):
+            check_inertia(tensor)
+        return
     if inertia.shape != (3, 3) or not np.all(np.isfinite(inertia)) or not np.allclose(inertia, inertia.T):
         raise InputError(f"Inertia must be a finite symmetric (3, 3) tensor in kg m^2; found {inertia.tolist()}.")
     least, _, most = np.linalg.eigvalsh(inertia)

@@ -74,7 +74,7 @@ def oscillation(
     speed: Array,
     pressure: Array,
     diameter: float,
-    inertia: float,
+    inertia: Array | float,
 ) -> Oscillation:
     """Stiffness and damping along the flight.
 
@@ -90,8 +90,10 @@ def oscillation(
         Cm and Cn at the centre of mass; NaN where they are not defined.
     speed, pressure : (N,) arrays
         Air-relative speed, m/s; dynamic pressure, Pa.
-    diameter, inertia : float
-        m; mean of the lateral moments of inertia, kg m².
+    diameter : float
+        m.
+    inertia : float or (N,) array
+        Mean of the lateral moments of inertia, kg m².
 
     Returns
     -------
@@ -101,7 +103,7 @@ def oscillation(
     usable &= np.arange(len(time)) % max(1, round(_CLOSEST / float(np.median(np.diff(time))))) == 0
     first, last = (time[usable][0], time[usable][-1]) if usable.any() else (0.0, 0.0)
     middles = np.arange(first + 0.5 * _WIDTH, last - 0.5 * _WIDTH, _STEP)
-    rows = np.full((len(middles), 7), np.nan)
+    rows, lateral = np.full((len(middles), 7), np.nan), np.broadcast_to(inertia, time.shape)
     for k, middle in enumerate(middles):
         part = usable & (np.abs(time - middle) <= 0.5 * _WIDTH)
         if np.count_nonzero(part) < _LEAST:
@@ -109,7 +111,7 @@ def oscillation(
         tau = (time[part] - middle) / (0.5 * _WIDTH)
         half_span = 0.5 * diameter / speed[part]
         fit = _fit(tau, angles[part], rates[part], moments[part], half_span)
-        load = float(np.mean(pressure[part])) * np.pi / 4.0 * diameter**3 / inertia
+        load = float(np.mean(pressure[part])) * np.pi / 4.0 * diameter**3 / float(np.mean(lateral[part]))
         if fit is None or np.sqrt(max(-fit[0][0] * load, 0.0)) * _WIDTH < 2.0 * np.pi * _PERIODS:
             continue
         value, sigma, rate_rms = fit

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from edl_filter.aero.database import Database
 from edl_filter.errors import InputError
@@ -156,7 +157,7 @@ def flight_regimes(
     speed: Array,
     atmosphere: AtmosphereProfile,
     database: Database,
-    x_over_d: float,
+    x_over_d: ArrayLike,
     domain: Domain,
 ) -> FlightRegimes:
     """Instabilities, and times of Mach numbers and of the continuum.
@@ -173,7 +174,7 @@ def flight_regimes(
         Mach and Knudsen numbers.
     database : Database
         Its pitching moment is looked up.
-    x_over_d : float
+    x_over_d : float or (N,) array
         Centre of mass behind the nose, diameters.
     domain : Domain
         Part of the flight that is considered.
@@ -187,7 +188,7 @@ def flight_regimes(
     mach, small = atmosphere.mach, np.full(int(usable.sum()), _SMALL)
     entry = database.lookup(mach[usable], atmosphere.knudsen[usable], small, speed[usable])
     unstable = np.zeros(len(time), bool)
-    unstable[usable] = (entry.cm_at(x_over_d) > 0.0) & ~entry.rarefied
+    unstable[usable] = (entry.cm_at(np.broadcast_to(x_over_d, time.shape)[usable]) > 0.0) & ~entry.rarefied
     mach_times = {m: crossing(time[usable], mach[usable], m) for m in BOUNDARY_MACH}
     windows: dict[str, Window | None] = {}
     identified_by: dict[str, str] = {}

@@ -12,7 +12,7 @@ from edl_filter.errors import InputError
 from edl_filter.simulation.dynamics import DESCENT, ENTRY, REST, SIZE, STOP, march
 from edl_filter.simulation.increments import NOTHING, Increments, change, with_middles
 from edl_filter.simulation.parachute import Parachute
-from edl_filter.simulation.tables import Tables, tabulate
+from edl_filter.simulation.tables import RigidBody, Tables, tabulate, tabulate_body
 from edl_filter.types import Array
 
 #: Length of a window, s: with effects that have increments, and without.
@@ -59,7 +59,7 @@ class Motion:
     time : (N + 1,) array
         s.
     state : (N + 1, 25) array
-        `edl_filter.simulation.dynamics`.
+        `edl_filter.simulation.dynamics`: of the centre of mass, at an event that moves it of the new one.
     before, after : (N, 25) arrays
         Derivative at the beginning and at the end of each step; they differ between two steps at an event.
     deployed, landed, stopped : float
@@ -107,7 +107,7 @@ def fly(world: ForwardModel, parachute: Parachute, start: Array, course: Course)
     Parameters
     ----------
     world : ForwardModel
-        With its effects.
+        With its effects. Times of its `changed_bodies` are multiples of the course's interval.
     parachute : Parachute
         Canopy that opens at deployment.
     start : (13,) array
@@ -126,6 +126,7 @@ def fly(world: ForwardModel, parachute: Parachute, start: Array, course: Course)
     """
     tables = tabulate(world, parachute)
     flight = _Flight(tables, Increments.of(world), course, start)
+    flight.changes = [(t, tabulate_body(world, body)) for t, body in world.changed_bodies]
     deployed = flight.until(ENTRY, course.deploy_pressure, "the parachute's dynamic pressure, falling")
     chute = tables.parachute.copy()
     chute[3] = deployed
@@ -133,6 +134,11 @@ def fly(world: ForwardModel, parachute: Parachute, start: Array, course: Course)
     landed = flight.until(DESCENT, course.surface_radius, "the surface")
     flight.touch_down(landed, course.stop)
     flight.for_duration(STOP, course.stop)
+    if flight.changes:
+        raise InputError(
+            f"simulation: an event changes the vehicle {flight.changes[0][0]:g} s after the start, but it lands at "
+            f"{landed:g} s; expected a time before."
+        )
     stopped = flight.time
     flight.for_duration(REST, course.rest)
     return flight.motion(deployed, landed, stopped)
@@ -152,6 +158,7 @@ class _Flight:
         self.stop = np.zeros(7)
         self.parts: list[tuple[Array, Array]] = []
         self.last = np.zeros((1, NOTHING.shape[1]))
+        self.changes: list[tuple[float, RigidBody]] = []
 
     @property
     def time(self) -> float:
@@ -168,9 +175,28 @@ class _Flight:
                     f"simulation: after {self.time:.0f} s the vehicle has not reached {goal}; expected an entry "
                     "that comes down (look at speed, flight path angle, deployment pressure and surface radius)."
                 )
-            length = WINDOW if self.increments.needed else FREE_WINDOW
-            event = self._window(phase, limit, self._steps(length))
+            steps = self._steps(WINDOW if self.increments.needed else FREE_WINDOW)
+            if self.changes:
+                remaining = round((self.changes[0][0] - self.time) / self.course.interval) * self.course.substeps
+                steps = min(steps, remaining)
+            event = self._window(phase, limit, steps)
+            if self.changes and self.time >= self.changes[0][0] - 0.5 * self.step:
+                self._change_body(self.changes.pop(0)[1])
         return self.time
+
+    def _change_body(self, body: RigidBody) -> None:
+        """The body that an event leaves: the state becomes that of its centre of mass, at the same motion.
+
+        A part that leaves does so without relative velocity: it takes its momentum with it, and rate and velocity of
+        every point of the structure are continuous. The centre of mass is another of these points, d from the one
+        before: its position changes by d and its velocity by w × d.
+        """
+        shift, s = body.offset - self.tables.vehicle[4:7], self.state
+        s[:3] += rotations.rotate(s[6:10], shift)
+        s[3:6] += rotations.rotate(s[6:10], np.cross(s[10:13], shift))
+        vehicle = self.tables.vehicle.copy()
+        vehicle[0], vehicle[4:7] = body.mass, body.offset
+        self.tables = self.tables._replace(vehicle=vehicle, inertia=body.inertia, inverse=body.inverse)
 
     def for_duration(self, phase: int, length: float) -> None:
         """Integrate for a time, s."""

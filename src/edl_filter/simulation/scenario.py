@@ -33,6 +33,7 @@ from edl_filter.mission.fields import (
 from edl_filter.mission.measurements import ErrorBudgetConfig
 from edl_filter.mission.mission import Mission
 from edl_filter.mission.validators import Number, Quaternion, Within, field_error, normalised, value_text
+from edl_filter.mission.world import VehicleChangeConfig
 from edl_filter.mission.yaml_text import parse, parse_override, read_text, set_key
 from edl_filter.types import Array
 
@@ -169,6 +170,17 @@ class Landing(Section):
     rest_s: Duration = Field(default=19.5, description="length of the record at rest, s")
 
 
+class VehicleEvent(VehicleChangeConfig):
+    """An event that changes the vehicle, with the keys of a mission's ``vehicle.events``."""
+
+    time_s: Duration = Field(description="time, s, a multiple of sampling.interval_s")
+    sigma_s: TimeSigma = Field(default=0.02, description="1 sigma of the time in the flight file, s")
+
+    def stated(self) -> dict[str, Any]:
+        """Keys with values, as a mission states the event."""
+        return self.model_dump(mode="json", exclude_none=True, exclude_defaults=True) | {"sigma_s": self.sigma_s}
+
+
 class Altimeter(Section):
     """Radar altimeter, from a height above the radius of the surface to the touchdown."""
 
@@ -199,6 +211,9 @@ class Scenario(Section):
     parachute: Parachute = Field(description="the parachute")
     landing: Landing = Field(description="the end of the flight")
     altimeter: Altimeter | None = Field(default=None, description="absent: none")
+    events: dict[str, VehicleEvent] = Field(
+        default_factory=dict, description="events by name, in order of time, that change the vehicle before the landing"
+    )
     effects: tuple[EffectConfig, ...] = Field(
         default=(), description="physical effects that are switched on, with their true values"
     )
@@ -214,6 +229,18 @@ class Scenario(Section):
         for k, effect in enumerate(self.effects):
             if effect.imu is not None and effect.imu not in self.imus:
                 raise field_error(value_text(effect.imu), f"one of {', '.join(self.imus)}", f"effects.{k}.imu")
+        previous = 0.0
+        for name, event in self.events.items():
+            steps = event.time_s / self.sampling.interval_s
+            expected = "s, a multiple of sampling.interval_s"
+            if abs(steps - round(steps)) > 1e-6:
+                raise field_error(value_text(event.time_s), expected, f"events.{name}.time_s")
+            if event.time_s <= previous:
+                raise field_error(value_text(event.time_s), f"s, after {previous:g}", f"events.{name}.time_s")
+            previous = event.time_s
+            for imu in event.imu_positions:
+                if imu not in self.imus:
+                    raise field_error(value_text(imu), f"one of {', '.join(self.imus)}", f"events.{name}.imu_positions")
         for key in ("stop_s", "rest_s"):
             length = getattr(self.landing, key)
             if abs(length / self.sampling.interval_s - round(length / self.sampling.interval_s)) > 1e-6:

@@ -64,8 +64,8 @@ def step_means(motion: Motion, arm: Array) -> tuple[Array, Array]:
     ----------
     motion : Motion
         Of N steps.
-    arm : (3,) array
-        Position of the accelerometers from the centre of mass, m, body axes.
+    arm : (3,) or (N, 3) array
+        Position of the accelerometers from the centre of mass, m, body axes; by step where events change it.
 
     Returns
     -------
@@ -98,8 +98,8 @@ def true_means(
     ----------
     motion : Motion
         The true motion.
-    arm : (3,) array
-        Position of the accelerometers from the true centre of mass, m, body axes.
+    arm : (3,) or (N, 3) array
+        By step: position of the accelerometers from the true centre of mass, m, body axes.
     interval, delay : float
         Sampling interval, and delay of the gyros, s.
     effects : sequence of EffectInstance

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -12,7 +13,8 @@ from edl_filter.effects.forward_model import ForwardModel
 from edl_filter.effects.sensor_chain import sensor_effects
 from edl_filter.errors import InputError
 from edl_filter.mission.fields import DEG
-from edl_filter.pipeline.forward_model import forward_model_of
+from edl_filter.pipeline.events import changed_position
+from edl_filter.pipeline.forward_model import changed_bodies, forward_model_of
 from edl_filter.pipeline.load import read_atmosphere
 from edl_filter.simulation import chance
 from edl_filter.simulation.entry import attitude, inertial_state
@@ -76,6 +78,7 @@ def simulate(scenario: Scenario, effects: Sequence[EffectInstance] | None = None
         "seed": seed,
         "scenario": s.name,
         "events": {"parachute_deploy": motion.deployed, "landing": motion.landed, "rest": motion.stopped},
+        "vehicle_events": {name: event.stated() for name, event in s.events.items()},
         "effects": _recorded(effects),
         "sensor_errors": errors,
     }
@@ -89,6 +92,7 @@ def simulate(scenario: Scenario, effects: Sequence[EffectInstance] | None = None
         events={
             "parachute_deploy": (motion.deployed, s.parachute.time_sigma_s),
             "landing": (motion.landed, s.landing.time_sigma_s),
+            **{name: (event.time_s, event.sigma_s) for name, event in s.events.items()},
         },
         parachute=_parachute_fix(scenario, world, motion, fixes),
         landing=_landing_fix(scenario, world, motion, fixes),
@@ -103,10 +107,12 @@ def _random(seed: int, *purpose: int) -> np.random.Generator:
 
 
 def flown_world(scenario: Scenario, effects: Sequence[EffectInstance], random: np.random.Generator) -> ForwardModel:
-    """The nominal model with effects and with random errors of the atmosphere."""
+    """The nominal model with the scenario's events, with effects and with random errors of the atmosphere."""
     mission = scenario.model
     angle = None if scenario.prime_meridian_deg is None else scenario.prime_meridian_deg * DEG
-    world = forward_model_of(mission, mission.planet_model(angle), read_atmosphere(mission), ())
+    nominal = forward_model_of(mission, mission.planet_model(angle), read_atmosphere(mission), ())
+    events = [(event.time_s, event) for event in scenario.events.values()]
+    world = replace(nominal, changed_bodies=changed_bodies(nominal.body, events))
     w = scenario.weather
     return world.with_effects((*effects, *chance.weather(random, w.density_sigma, w.wind_sigma, w.correlation_length)))
 
@@ -141,10 +147,13 @@ def _measured(
     imus, errors = {}, {}
     # positions are stated from the mission's centre of mass, that is without effects
     offset = world.rigid_body.offset - world.body.offset
+    changes = [(event.time_s, event) for event in scenario.events.values()]
+    middle = 0.5 * (motion.time[1:] + motion.time[:-1])
     for k, (name, imu) in enumerate(scenario.imus.items()):
         instrument = imu.instrument(scenario.sampling.interval_s)
         inside = [a for a in sensor_effects(effects) if (a.imu or "primary") == name]
-        arm = instrument.position - offset
+        stated = np.tile(instrument.position, (len(middle), 1))
+        arm = changed_position(stated, name, middle, changes) - offset
         for a in effects:
             if (a.imu or "primary") == name:
                 arm = arm + a.effect.imu_position(a.values)

@@ -7,6 +7,7 @@ every `AIR_STEP` of altitude.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -15,6 +16,7 @@ from edl_filter.aero.database import Database
 from edl_filter.aero.grid import GridTable, Slice
 from edl_filter.aero.transition import FreeMolecularBridge, join_regimes
 from edl_filter.effects.forward_model import ForwardModel, compose_air_rotation
+from edl_filter.effects.types import Body
 from edl_filter.simulation.parachute import Parachute
 from edl_filter.types import Array
 
@@ -79,12 +81,38 @@ class Tables(NamedTuple):
     parachute_drag: Array
 
 
+class RigidBody(NamedTuple):
+    """A body as the kernel takes it.
+
+    Attributes
+    ----------
+    mass : float
+        kg.
+    offset : (3,) array
+        Of the true centre of mass from the nominal one, m.
+    inertia, inverse : (3, 3) arrays
+        About the true centre of mass, kg m²; and the inverse of that.
+    """
+
+    mass: float
+    offset: Array
+    inertia: Array
+    inverse: Array
+
+
+def tabulate_body(world: ForwardModel, body: Body) -> RigidBody:
+    """A body without effects as the kernel takes it, with the effects of the world."""
+    changed = replace(world, body=body).rigid_body
+    inertia = np.ascontiguousarray(changed.inertia, float)
+    return RigidBody(changed.mass, np.asarray(changed.offset, float), inertia, np.asarray(np.linalg.inv(inertia)))
+
+
 def tabulate(world: ForwardModel, parachute: Parachute) -> Tables:
     """Arrays for the kernel, with the effects on planet, air and rigid body.
 
     Effects on coefficients, and added forces and moments, are not in them: see `edl_filter.simulation.increments`.
     """
-    planet, body = world.gravity_planet, world.rigid_body
+    planet, body = world.gravity_planet, tabulate_body(world, world.body)
     mach, alpha, continuum = _continuum(world.database)
     start, log_knudsen, thin_alpha, thin, share = _rarefied(world.database)
     unit_knudsen = float(world.gas.knudsen(1.0, world.diameter))
@@ -98,8 +126,8 @@ def tabulate(world: ForwardModel, parachute: Parachute) -> Tables:
             body.mass, world.diameter, world.area, world.x_over_d, *body.offset, unit_knudsen, start,
             world.database.speed_per_mach or 0.0,
         ]),
-        inertia=np.ascontiguousarray(body.inertia, float),
-        inverse=np.asarray(np.linalg.inv(body.inertia), np.float64),
+        inertia=body.inertia,
+        inverse=body.inverse,
         air_start=AIR_SPAN[0],
         air_step=AIR_STEP,
         air=air_table(world, altitude),

@@ -1,5 +1,6 @@
 """Quadrature over the bins: exact for polynomials, oscillations in closed form, a body without torque."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -10,13 +11,18 @@ from numpy.polynomial import Polynomial
 
 from edl_filter.diagnosis.prediction.dead_reckoning import NODES_PER_BIN
 from edl_filter.diagnosis.prediction.residuals import (
-    angular_acceleration,
+    _checking_residuals,
     bin_average,
     quadrature_error,
     rate_step_from_moment,
     triangular_integral,
 )
 from edl_filter.diagnosis.prediction.time_bins import TimeBins
+from edl_filter.effects.forward_model import ForwardModel
+from edl_filter.effects.types import Body
+from edl_filter.imu_model.sensor_errors import SensorErrors
+from edl_filter.navigation.increments import effective_samples
+from edl_filter.telemetry.record import ImuRecord
 
 
 def bins_of(edges):
@@ -30,7 +36,7 @@ def nodes(bins):
 
 
 def model_of(inertia, mass=2.0):
-    return SimpleNamespace(rigid_body=SimpleNamespace(mass=mass, inertia=np.asarray(inertia, float)))
+    return ForwardModel(None, None, None, None, None, Body(mass, np.asarray(inertia, float)), 1.0, 0.0)
 
 
 UNEVEN = bins_of([0.0, 0.1, 0.25, 0.3, 0.6, 0.7])
@@ -107,7 +113,7 @@ def test_a_symmetric_body_without_torque():
     integral = np.stack((roll * edges, lateral * np.sin(w * edges) / w, -lateral * np.cos(w * edges) / w), axis=1)
     means = np.diff(integral, axis=0) / EVEN.interval[:, None]
     model = model_of(np.diag([axial, transverse, transverse]))
-    steps = rate_step_from_moment(model, EVEN, SimpleNamespace(rate=rate), np.zeros_like(rate))
+    steps = rate_step_from_moment(model, EVEN, SimpleNamespace(time=t, rate=rate), np.zeros_like(rate))
     np.testing.assert_allclose(steps, np.diff(means, axis=0), atol=1e-6 * lateral * w / 8.0)
     assert np.abs(steps[:, 1:]).max() > 0.5 * lateral * w / 8.0  # the comparison is not of zeros
 
@@ -119,7 +125,7 @@ def test_eulers_equations_hold(seed):
     root = rng.normal(size=(3, 3))
     inertia = root @ root.T + np.eye(3)
     rate, moment = rng.normal(size=(2, 5, 3))
-    acceleration = angular_acceleration(model_of(inertia), SimpleNamespace(rate=rate), moment)
+    acceleration = model_of(inertia).angular_acceleration(np.arange(5.0), rate, moment)
     for a, w, m in zip(acceleration, rate, moment, strict=True):
         np.testing.assert_allclose(inertia @ a + np.cross(w, inertia @ w), m, atol=1e-9)
 
@@ -127,7 +133,7 @@ def test_eulers_equations_hold(seed):
 def quadrature_errors(values):
     """Stated error of a force and of a moment with the same values at the nodes, mass and inertia one."""
     three_axes = np.repeat(values[:, None], 3, axis=1)
-    flow = SimpleNamespace(rate=np.zeros_like(three_axes))
+    flow = SimpleNamespace(time=nodes(EVEN), rate=np.zeros_like(three_axes))
     force, rate_step = quadrature_error(model_of(np.eye(3), 1.0), EVEN, flow, three_axes, three_axes)
     assert np.all(force >= 0.0) and np.all(rate_step >= 0.0)
     return force[:, 0], rate_step[:, 0]
@@ -153,3 +159,21 @@ def test_the_quadrature_error_at_a_change_of_slope_is_of_the_size_of_the_true_er
         stated.append(force[inside])
         true.append(error[inside])
     assert np.sqrt(np.mean(np.square(stated))) == pytest.approx(np.sqrt(np.mean(np.square(true))), rel=0.5)
+
+
+def test_a_checking_imu_is_predicted_at_the_place_of_each_sample():
+    """A body that turns at a constant rate: centripetal acceleration alone; the record begins with a place at zero."""
+    rng = np.random.default_rng(4)
+    n, dt, rate = 40, 0.125, np.array([0.3, -0.2, 0.5])
+    time, force = dt * np.arange(1, n + 1), rng.normal(size=(n, 3))
+    place = np.where((time <= 2.0)[:, None], 0.0, [0.4, -0.3, 0.2])
+    rates, zeros = np.tile(rate, (n, 1)), np.zeros(n)
+    record = ImuRecord(
+        "second", time, np.full(n, dt), force + np.cross(rate, np.cross(rate, place)), rates, place, zeros, zeros,
+        zeros, zeros.astype(bool), zeros.astype(bool), (time > 2.0).astype(int), ("register", "second"),
+        zeros.astype(int), ("test",), (SensorErrors(), SensorErrors()),
+    )  # fmt: skip
+    driving = replace(record, specific_force=force, position=np.zeros((n, 3)), unit=zeros.astype(int))
+    bins = bins_of(np.append(0.0, time))
+    residuals = _checking_residuals(record, bins, effective_samples(driving), rates, force, rates)
+    np.testing.assert_allclose(residuals, 0.0, atol=1e-12)

@@ -176,3 +176,20 @@ def test_length_and_excluded_ends_are_settings():
     bins = make_time_bins(samples_of(edges), edges, 60.0, 0.2, 1)
     assert bins.samples_per_bin == 4
     assert list(np.flatnonzero(~bins.valid)) == [0, len(bins.valid) - 1]
+
+
+@pytest.mark.parametrize(
+    ("event", "expected"),
+    [
+        (55.0, range(37, 43)),  # at an edge: three bins before and three after
+        (55.01, range(37, 43)),  # a time that is stated a little late
+        (55.1, range(38, 44)),  # near the next edge
+        (49.0, ()),
+        (61.0, ()),
+    ],
+)
+def test_bins_near_an_event_that_changes_the_vehicle_are_not_compared(event, expected):
+    edges = regular_edges(8)
+    bins = make_time_bins(samples_of(edges), edges, 70.0, LENGTH, END, [event])
+    ends = {*range(END), *range(80 - END, 80)}
+    assert set(np.flatnonzero(~bins.valid)) - ends == set(expected)

@@ -94,9 +94,13 @@ class FlightCase:
             return 0.0
         t = self.reconstruction.telemetry
         records = ((t.driving, True), *((r, False) for r in t.checking))
-        return int(np.sum(self.bins.valid)) * sum(
-            log_abs_det_jacobian(record, effects, driving) for record, driving in records
-        )
+        middle, total = self.bins.middle[self.bins.valid], 0.0
+        for record, driving in records:
+            covered = middle[(middle > record.start) & (middle < record.time[-1])]
+            if len(covered):
+                samples = record.index_at(covered)
+                total += len(covered) * log_abs_det_jacobian(record, effects, driving, samples)
+        return total
 
     @cached_property
     def denoised_telemetry(self) -> Telemetry:
@@ -147,6 +151,7 @@ def flight_case(reconstruction: Reconstruction) -> FlightCase:
             parachute - settings.parachute_margin_s,
             settings.bin_length_s,
             settings.excluded_end_bins,
+            [time for time, _ in mission.vehicle_changes()],
         ),
         uncertainty=StatedUncertainty(
             density=max(mission.atmosphere.density_sigma, settings.minimum_density_sigma),

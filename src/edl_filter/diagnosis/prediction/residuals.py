@@ -24,6 +24,7 @@ from edl_filter.diagnosis.prediction.dead_reckoning import (
     PathNodes,
     dead_reckon,
     node_rates,
+    node_times,
     path_nodes,
 )
 from edl_filter.diagnosis.prediction.time_bins import TimeBins, bin_means
@@ -264,13 +265,15 @@ def predict(
         Steps of the mean rate between adjoining bins, rad/s.
     """
     force, moment = model.loads(flow, tables)
-    return bin_average(force / model.rigid_body.mass, bins), rate_step_from_moment(model, bins, flow, moment)
+    specific_force = model.specific_force(flow.time, force)
+    return bin_average(specific_force, bins), rate_step_from_moment(model, bins, flow, moment)
 
 
 def predict_increment(model: ForwardModel, bins: TimeBins, force: Array, moment: Array) -> tuple[Array, Array]:
     """Change of `predict` by additional force (N) and moment (N m) at the nodes, ``(M, 3)`` each."""
-    acceleration = moment @ np.linalg.inv(model.rigid_body.inertia).T
-    return bin_average(force / model.rigid_body.mass, bins), triangular_integral(acceleration, bins)
+    time = node_times(bins)
+    acceleration = model.angular_acceleration(time, np.zeros_like(moment), moment)
+    return bin_average(model.specific_force(time, force), bins), triangular_integral(acceleration, bins)
 
 
 def bin_average(values: Array, bins: TimeBins) -> Array:
@@ -280,14 +283,7 @@ def bin_average(values: Array, bins: TimeBins) -> Array:
 
 def rate_step_from_moment(model: ForwardModel, bins: TimeBins, flow: FlightCondition, moment: Array) -> Array:
     """Steps of the mean rate ``(B - 1, 3)``, rad/s, from the moment at the nodes ``(M, 3)``, N m."""
-    return triangular_integral(angular_acceleration(model, flow, moment), bins)
-
-
-def angular_acceleration(model: ForwardModel, flow: FlightCondition, moment: Array) -> Array:
-    """Euler's equations, ``I⁻¹ (M - w × I w)``: ``(M, 3)``, rad/s², from the moment ``(M, 3)``, N m."""
-    inertia = model.rigid_body.inertia
-    net_moment = moment - np.cross(flow.rate, flow.rate @ inertia)
-    return np.asarray(net_moment @ np.linalg.inv(inertia).T, np.float64)
+    return triangular_integral(model.angular_acceleration(flow.time, flow.rate, moment), bins)
 
 
 def triangular_integral(values: Array, bins: TimeBins, weights: Array | None = None) -> Array:
@@ -337,8 +333,8 @@ def quadrature_error(
     force, rate_step : (B, 3), (B - 1, 3) arrays
         m/s², rad/s.
     """
-    acceleration = angular_acceleration(model, flow, moment)
-    specific_force = force / model.rigid_body.mass
+    acceleration = model.angular_acceleration(flow.time, flow.rate, moment)
+    specific_force = model.specific_force(flow.time, force)
     return (
         np.abs(_weighted_sum(specific_force, _SIMPSON - _COARSE_SIMPSON)) / 3.0,
         np.abs(triangular_integral(acceleration, bins, _SIMPSON - _COARSE_SIMPSON)) / 3.0,
@@ -407,9 +403,8 @@ def _checking_residuals(
     measured_force = bin_means(bins.edges, record.time, record.interval, record.specific_force)
     measured_rate = bin_means(bins.edges, record.time, record.interval, record.angular_rate)
     at_sample = record.index_at(samples.time - 0.5 * samples.interval)
-    lever_arm = lever_arm_acceleration(
-        samples.interval, sample_rate, record.position[at_sample], record.unit[at_sample]
-    )
+    # the rates are the driving IMU's, so that their instrument is that of the samples
+    lever_arm = lever_arm_acceleration(samples.interval, sample_rate, record.position[at_sample], samples.unit)
     return (
         measured_force - force - bin_means(bins.edges, samples.time, samples.interval, lever_arm),
         measured_rate - rate,

@@ -7,6 +7,7 @@ side alone.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -25,7 +26,7 @@ class TimeBins:
         s.
     valid : (B,) array of bool
         Every sample in the bin was read by a gyro and an accelerometer of the first instrument, over the usual
-        interval.
+        interval, and no event changed the vehicle or an IMU's position near it.
     samples_per_bin : int
         One, or an even number.
     """
@@ -45,7 +46,9 @@ class TimeBins:
         return 0.5 * (self.edges[1:] + self.edges[:-1])
 
 
-def make_time_bins(samples: Samples, sample_edges: Array, end: float, length: float, ends: int) -> TimeBins:
+def make_time_bins(
+    samples: Samples, sample_edges: Array, end: float, length: float, ends: int, changes: Sequence[float] = ()
+) -> TimeBins:
     """Divide the samples up to `end` into bins.
 
     Parameters
@@ -60,6 +63,9 @@ def make_time_bins(samples: Samples, sample_edges: Array, end: float, length: fl
         Length that bins approach, s.
     ends : int
         Number of bins at both ends that are not compared, since interpolation has neighbours on one side only.
+    changes : sequence of float
+        Times of events that change the vehicle or an IMU's position, s. Forces and angular accelerations are
+        discontinuous there, so that the same number of bins is not compared before and after each.
     """
     edges = sample_edges[sample_edges <= end]
     usual = float(np.median(np.diff(edges)))
@@ -75,6 +81,10 @@ def make_time_bins(samples: Samples, sample_edges: Array, end: float, length: fl
     valid = regular.copy()
     valid[invalid_bin[(invalid_bin >= 0) & (invalid_bin < len(valid))]] = False
     valid[:ends] = valid[-ends:] = False
+    for time in changes:
+        i = int(np.searchsorted(edges, time - 0.5 * usual))  # the edge at the event, or the first after it
+        if 0 < i < len(edges):
+            valid[max(0, i - ends) : i + ends] = False
     return TimeBins(edges, valid, per_bin)
 
 

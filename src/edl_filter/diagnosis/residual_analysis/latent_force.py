@@ -46,14 +46,16 @@ def estimate_latent_force(model: LinearizedModel, unmodelled: UnmodelledAccelera
     mean, covariance = smoothed_last_states(whiten, model.white_residuals(whiten), model.initial_mean, 6)
     used, step = model.index.step_of_bins(whiten.model.row_start)
     scale = amplitude(model.residuals.flow, unmodelled)[NODES_PER_BIN // 2 :: NODES_PER_BIN][used, None]
-    body = model.inputs.forward_model.rigid_body
-    to_force, to_moment = unmodelled.force * body.mass * scale, unmodelled.moment * scale
-    inertia = body.inertia
-    moment_covariance = np.einsum("ij,bjk,lk->bil", inertia, covariance[step][:, 3:, 3:], inertia)
+    time = model.bins.middle[used]
+    mass, inertia = np.empty((len(time), 1)), np.empty((len(time), 3, 3))
+    for part, body in model.inputs.forward_model.bodies(time):
+        mass[part], inertia[part] = body.mass, body.inertia
+    to_force, to_moment = unmodelled.force * mass * scale, unmodelled.moment * scale
+    moment_covariance = inertia @ covariance[step][:, 3:, 3:] @ inertia.transpose(0, 2, 1)
     return LatentForce(
-        time=model.bins.middle[used],
+        time=time,
         force=to_force * mean[step, :3],
         force_sigma=to_force * np.sqrt(np.einsum("bii->bi", covariance[step][:, :3, :3])),
-        moment=to_moment * (mean[step, 3:] @ inertia.T),
+        moment=to_moment * np.einsum("bij,bj->bi", inertia, mean[step, 3:]),
         moment_sigma=to_moment * np.sqrt(np.einsum("bii->bi", moment_covariance)),
     )

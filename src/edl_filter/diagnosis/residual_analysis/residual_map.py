@@ -243,9 +243,10 @@ def _database_sigma(model: LinearizedModel) -> Array:
     forward_model, flow = model.inputs.forward_model, model.residuals.flow
     m = slice(NODES_PER_BIN // 2, None, NODES_PER_BIN)
     limit = forward_model.database.lookup(flow.mach[m], flow.knudsen[m], flow.alpha_total[m], flow.speed[m]).three_sigma
-    body = forward_model.rigid_body
     load = flow.dynamic_pressure[m] * forward_model.area
-    force = load[:, None] * np.stack((limit.ca, limit.cn, limit.cn), axis=1) / body.mass
-    coefficients = np.stack((limit.cl, limit.cm, limit.cm), axis=1)
-    moment = load[:, None] * forward_model.diameter * coefficients / np.diag(body.inertia)
+    force = load[:, None] * np.stack((limit.ca, limit.cn, limit.cn), axis=1)
+    moment = load[:, None] * forward_model.diameter * np.stack((limit.cl, limit.cm, limit.cm), axis=1)
+    for part, body in forward_model.bodies(flow.time[m]):
+        force[part] /= body.mass
+        moment[part] /= np.diag(body.inertia)
     return np.maximum(np.concatenate((force, moment), axis=1) / 3.0, 1e-30)

@@ -55,10 +55,13 @@ class Remainder:
 
 def missing_loads(model: LinearizedModel) -> Array:
     """Missing force (N) and moment (N m) bin by bin, ``(B, 6)``; NaN where nothing is compared."""
-    residuals, body, bins = model.residuals, model.inputs.forward_model.rigid_body, model.bins
+    residuals, bins = model.residuals, model.bins
     out = np.full((len(bins.interval), 6), np.nan)
-    out[:, :3] = residuals.force * body.mass
-    out[:-1, 3:] = (residuals.rate_step / bins.interval[:-1, None]) @ body.inertia.T
+    acceleration = np.full((len(bins.interval), 3), np.nan)
+    acceleration[:-1] = residuals.rate_step / bins.interval[:-1, None]
+    for part, body in model.inputs.forward_model.bodies(bins.middle):
+        out[part, :3] = residuals.force[part] * body.mass
+        out[part, 3:] = acceleration[part] @ body.inertia.T
     out[model.index.bin_rows[:, :6] < 0] = np.nan
     return out
 
