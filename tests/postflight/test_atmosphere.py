@@ -56,7 +56,7 @@ def extract(e, ax=None, *, noise=1e-9, top=T, mass=MASS, **keywords):
     axial = AxialForce(ax, raw, raw, keywords.pop("bias", 0.0), mass, keywords.pop("mass_sigma", 0.0))
     valid = keywords.pop("valid", np.ones(e.n, bool))
     return extract_atmosphere(
-        e.t, e.h, e.v, e.alpha, e.g, axial, valid, e.database, GAS, D, top_temperature=top, **keywords
+        e.t, e.h, e.v, e.alpha, e.g, e.g * e.h, axial, valid, e.database, GAS, D, top_temperature=top, **keywords
     )
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from edl_filter.effects.adapters import atmosphere_with_effects, database_with_effects
+from edl_filter.effects.forward_model import compose_air_rotation
 from edl_filter.errors import InputError
 from edl_filter.pipeline.forward_model import body_of, database_of, gas_of
 from edl_filter.pipeline.reconstruct import Reconstruction
@@ -72,6 +73,9 @@ def postflight_inputs(reconstruction: Reconstruction, air: AirData) -> Postfligh
     u, v, w = middle["velocity_body"].T
     speed = np.sqrt(u * u + v * v + w * w)
     position = at_middles(trajectory.time, trajectory.position)
+    # the weight of the air is that in the frame in which it is at rest
+    air_planet = compose_air_rotation(planet, reconstruction.effects)
+    up = planet.enu_from_inertial(0.5 * (trajectory.time[1:] + trajectory.time[:-1]), position)[:, 2]
     parachute = reconstruction.event_times.get("parachute_deploy", float(trajectory.time[-1]))
     sensor = np.sqrt(np.diag(reconstruction.smoothed.covariance[0]))
     layout = reconstruction.filter_pass.layout
@@ -86,7 +90,8 @@ def postflight_inputs(reconstruction: Reconstruction, air: AirData) -> Postfligh
         time=samples.time - 0.5 * samples.interval,
         altitude=middle["altitude"],
         speed=speed,
-        gravity=np.linalg.norm(planet.gravity(position), axis=1),
+        gravity=-np.einsum("ni,ni->n", air_planet.apparent_gravity(position), up),
+        geopotential=air_planet.geopotential(position),
         velocity_body=middle["velocity_body"],
         alpha=np.arctan2(w, u),
         beta=np.arcsin(v / speed),

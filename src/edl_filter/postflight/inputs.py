@@ -25,7 +25,9 @@ class PostflightInputs:
     time : (N,) array
         Middles of the samples' intervals, s.
     altitude, speed, gravity : (N,) arrays
-        m; air-relative, m/s; along the vertical, m/s².
+        m; air-relative, m/s; apparent gravity (with the centrifugal acceleration) along the vertical, m/s².
+    geopotential : (N,) array
+        Potential of the apparent gravity, m²/s², growing upwards.
     velocity_body : (N, 3) array
         Air-relative, m/s.
     alpha, beta, alpha_total : (N,) arrays
@@ -76,6 +78,7 @@ class PostflightInputs:
     altitude: Array
     speed: Array
     gravity: Array
+    geopotential: Array
     velocity_body: Array
     alpha: Array
     beta: Array
