@@ -16,7 +16,6 @@ from edl_filter.errors import InputError
 from edl_filter.mission import Mission
 from edl_filter.planet import Planet
 from edl_filter.planet.atmosphere import Atmosphere
-from edl_filter.planet.gas import Gas
 
 
 def forward_model_of(
@@ -45,7 +44,7 @@ def forward_model_of(
     return ForwardModel(
         planet=planet,
         atmosphere=atmosphere,
-        gas=gas_of(mission),
+        gas=atmosphere.gas,
         database=database_of(mission),
         damping=damping_of(mission),
         body=body_of(mission),
@@ -53,12 +52,6 @@ def forward_model_of(
         x_over_d=mission.vehicle.centre_of_mass,
         effects=mission.active_effects() if effects is None else tuple(effects),
     )
-
-
-def gas_of(mission: Mission) -> Gas:
-    """The gas of the mission's atmosphere."""
-    a = mission.atmosphere
-    return Gas(a.gas_constant, a.heat_capacity_ratio, a.molecule_diameter, a.molecule_mass)
 
 
 def database_of(mission: Mission) -> Database:

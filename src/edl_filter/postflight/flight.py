@@ -7,7 +7,7 @@ import numpy as np
 from edl_filter.effects.adapters import atmosphere_with_effects, database_with_effects
 from edl_filter.effects.forward_model import compose_air_rotation
 from edl_filter.errors import InputError
-from edl_filter.pipeline.forward_model import body_of, database_of, gas_of
+from edl_filter.pipeline.forward_model import body_of, database_of
 from edl_filter.pipeline.reconstruct import Reconstruction
 from edl_filter.postflight.airdata import AirData
 from edl_filter.postflight.derive import PostflightResult, derive
@@ -116,7 +116,7 @@ def postflight_inputs(reconstruction: Reconstruction, air: AirData) -> Postfligh
         offset=(y, z),
         inertia=body.inertia,
         inertia_relative=vehicle.inertia_sigma,
-        gas=gas_of(mission),
+        gas=atmosphere.gas,
         database=database_with_effects(database_of(mission), reconstruction.effects),
         preflight_density=atmosphere.density(middle["altitude"]),
         preflight_temperature=atmosphere.temperature_at(middle["altitude"]),
