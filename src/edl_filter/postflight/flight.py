@@ -85,7 +85,7 @@ def postflight_inputs(reconstruction: Reconstruction, air: AirData) -> Postfligh
         return sensor[layout[name]] if name in layout else np.zeros(3)
 
     path, wind = middle["flight_path_angle"], mission.atmosphere.wind_sigma
-    stated = mission.postflight.windows
+    stated, low_pass_hz = mission.postflight.windows, mission.postflight.low_pass_hz
     return PostflightInputs(
         time=samples.time - 0.5 * samples.interval,
         altitude=middle["altitude"],
@@ -121,9 +121,10 @@ def postflight_inputs(reconstruction: Reconstruction, air: AirData) -> Postfligh
         preflight_density=atmosphere.density(middle["altitude"]),
         preflight_temperature=atmosphere.temperature_at(middle["altitude"]),
         preflight_sigma=mission.atmosphere.density_sigma,
-        # a batch that contains the mortar's recoil would spread it over the samples before
-        parachute=parachute - mission.postflight.batch_s,
+        # a batch or a low-pass that contains the mortar's recoil would spread it over the samples before
+        parachute=parachute - mission.postflight.batch_s - (0.0 if low_pass_hz is None else 1.0 / low_pass_hz),
         batch=mission.postflight.batch_s,
+        low_pass_hz=low_pass_hz,
         top_temperature=mission.postflight.top_temperature,
         top_temperature_sigma=mission.postflight.top_temperature_sigma,
         windows=None if stated is None else tuple(Window(w.name, w.start_s, w.end_s) for w in stated),

@@ -70,6 +70,8 @@ class PostflightInputs:
         K: isothermal above the first valid sample; with None the pressure is zero there, as in the thesis.
     batch : float
         Length of the smoothing batch, s.
+    low_pass_hz : float, optional
+        Half-power frequency of one pass of a low-pass of forces and rates before the batches, Hz.
     windows : sequence of Window, optional
         Instead of those that are determined from the flight.
     """
@@ -106,6 +108,7 @@ class PostflightInputs:
     top_temperature: float | None = None
     top_temperature_sigma: float = 0.0
     batch: float = BATCH
+    low_pass_hz: float | None = None
     windows: Sequence[Window] | None = None
     offset: tuple[float, float] = (0.0, 0.0)
     altitude_sigma: Array | float = 0.0

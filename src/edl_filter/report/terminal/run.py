@@ -10,6 +10,7 @@ from rich.table import Table
 from edl_filter.report.sentences import (
     effect_lines,
     entry_sentence,
+    gas_sentence,
     landing_sentence,
     peak_sentence,
     postflight_lines,
@@ -54,6 +55,7 @@ def print_run(written: Mapping[str, Any]) -> None:
         landing_sentence(summary.landing),
         *effect_lines(summary.effects),
         *postflight_lines(summary.postflight),
+        "" if summary.gas is None else gas_sentence(summary.gas),
     )
     paths = [
         f"Written in {sum(summary.timing_s.values()):.1f} s: {written['result']}",
