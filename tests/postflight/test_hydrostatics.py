@@ -19,9 +19,11 @@ AREA = np.pi / 4.0 * D**2
 class ConstantDrag:
     """Substitute for a database: CA 1.7 without error."""
 
+    continuum_limit = 1e-3
+
     def lookup(self, mach, knudsen, alpha, speed=None):
         zero = 0.0 * mach
-        return SimpleNamespace(ca=1.7 + zero, three_sigma=ThreeSigma(zero, zero, zero, zero), rarefied_weight=zero)
+        return SimpleNamespace(ca=1.7 + zero, three_sigma=ThreeSigma(zero, zero, zero, zero))
 
 
 def path(latitude_deg, azimuth_deg, n=2000):

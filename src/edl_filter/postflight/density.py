@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from edl_filter.aero.database import Database
+from edl_filter.aero.uncertainty import regime_shares
 from edl_filter.errors import InputError
 from edl_filter.planet.gas import Gas
 from edl_filter.postflight.atmosphere import AtmosphereProfile, scatter
@@ -135,8 +136,9 @@ def extract_atmosphere(
     angle), mass, speed and wind (squared, and in the Mach number of CA), added in quadrature; the change of CA by
     density and temperature is neglected (``dlnCA/dlnρ`` below 0.05). Each error except noise is taken as one error
     common to all altitudes and propagated through the integral with its sign; noise adds independently from sample to
-    sample. In temperature the common relative errors cancel between p and ρ. The descent between samples has the error
-    of the vertical velocity, in p and T alone.
+    sample. In temperature the common relative errors cancel between p and ρ. CA has one such error in continuum flow
+    and one for each decade of Knudsen number above it (`regime_shares`), with the database's own total; their change
+    with altitude does not cancel. The descent between samples has the error of the vertical velocity, in p and T alone.
     """
     inside = np.flatnonzero(valid)
     if not inside.size:
@@ -185,10 +187,11 @@ def extract_atmosphere(
     at_angle = database.lookup(mach, knudsen, alpha_total[part] + _STEP, v)
     at_speed = database.lookup(mach * (1.0 + _STEP), knudsen, alpha_total[part], v * (1.0 + _STEP))
     by_speed = (at_speed.ca / entry.ca - 1.0) / _STEP  # an error of the speed is one of the Mach number too
+    ca_relative = entry.three_sigma.ca / 3.0 / entry.ca
     relative = {
         "noise": axial.noise[part] / force,
         "bias": along(axial.bias_sigma) / force,
-        "ca": entry.three_sigma.ca / 3.0 / entry.ca,
+        **{f"ca_{k}": ca_relative * share for k, share in enumerate(regime_shares(knudsen, database.continuum_limit))},
         "mass": axial.mass_sigma / mass,
         "speed": -(2.0 + by_speed) * along(speed_sigma) / v,
         "wind": -(2.0 + by_speed) * along(wind_sigma) / v,
@@ -221,7 +224,7 @@ def extract_atmosphere(
         p_common += by_top**2
         t_common += (by_top / safe_pressure) ** 2
     common = np.sqrt(sum(relative[k] ** 2 for k in shared))
-    force_scale = np.stack((relative["noise"], np.hypot(relative["bias"], relative["ca"])), axis=1)
+    force_scale = np.stack((relative["noise"], np.hypot(relative["bias"], ca_relative)), axis=1)
     moment_scale = force_scale.copy()
     moment_scale[:, 1] = np.hypot(moment_scale[:, 1], relative["mass"])
 
