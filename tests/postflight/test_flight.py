@@ -37,3 +37,10 @@ def test_batch_and_low_pass_of_the_mission_are_used_and_reported(practice_06):
     # neither a batch nor the low-pass reaches the mortar's recoil
     end = {name: run.time[-1] for name, run in runs.items()}
     assert end["short"] - end["low_pass"] == pytest.approx(1.0, abs=0.13)
+
+
+def test_sigmas_of_products_of_inertia_widen_the_bands_of_the_moments(practice_06):
+    plain, wide = derived(practice_06), derived(practice_06, "vehicle.inertia.yz_sigma=2.0")
+    before, after = (np.nanmedian(run.flight.coefficients.systematic["Cl"][200:]) for run in (plain, wide))
+    assert after > 1.5 * before
+    np.testing.assert_array_equal(plain.flight.coefficients.value["Cl"], wide.flight.coefficients.value["Cl"])

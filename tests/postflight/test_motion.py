@@ -124,6 +124,20 @@ def test_bands_of_moments():
     np.testing.assert_allclose(moments.systematic, 0.05 * np.abs(moments.moment))
 
 
+def test_sigmas_of_the_products_are_a_band_of_all_moments():
+    """Against tensors that are drawn."""
+    rng = np.random.default_rng(2)
+    rate, turn = rng.normal(size=(2, 4, 3))
+    sigma = (2.0, 0.0, 5.0)
+    many = []
+    for xy, xz, yz in sigma * rng.normal(size=(4000, 3)):
+        many.append(euler(rate, turn, INERTIA - np.array([[0, xy, xz], [xy, 0, yz], [xz, yz, 0]])).moment)
+    band = euler(rate, turn, INERTIA, product_sigma=sigma).systematic
+    np.testing.assert_allclose(np.std(many, axis=0), band, rtol=0.05)
+    both = euler(rate, turn, INERTIA, inertia_relative=0.05, product_sigma=sigma).systematic
+    np.testing.assert_allclose(both, np.hypot(band, 0.05 * np.abs(euler(rate, turn, INERTIA).moment)))
+
+
 @pytest.mark.parametrize(
     ("inertia", "says"),
     [

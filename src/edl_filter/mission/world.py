@@ -17,6 +17,7 @@ from edl_filter.mission.fields import (
     Mass,
     Moment,
     Product,
+    ProductSigma,
     Radius,
     RelativeSigma,
     Sclk,
@@ -197,11 +198,19 @@ class InertiaConfig(Section):
     xy: Product = Field(default=0.0, description="product of x and y, kg m^2")
     xz: Product = Field(default=0.0, description="product of x and z, kg m^2")
     yz: Product = Field(default=0.0, description="product of y and z, kg m^2")
+    xy_sigma: ProductSigma = Field(default=0.0, description="1 sigma of the product of x and y, kg m^2")
+    xz_sigma: ProductSigma = Field(default=0.0, description="1 sigma of the product of x and z, kg m^2")
+    yz_sigma: ProductSigma = Field(default=0.0, description="1 sigma of the product of y and z, kg m^2")
 
     @model_validator(mode="after")
     def _physical(self) -> InertiaConfig:
         check_inertia(self.tensor)
         return self
+
+    @property
+    def product_sigma(self) -> tuple[float, float, float]:
+        """One sigma of the products xy, xz and yz, kg m²."""
+        return self.xy_sigma, self.xz_sigma, self.yz_sigma
 
     @property
     def tensor(self) -> Array:

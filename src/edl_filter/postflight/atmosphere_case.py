@@ -99,7 +99,9 @@ def smoothed_motion(i: PostflightInputs) -> SmoothedMotion:
         force_sigma=smoother.smoothed_sigma(i.force_noise),
         rate_sigma=rate_sigma,
         acceleration_sigma=acceleration_sigma,
-        moments=euler(rate, acceleration, i.inertia, rate_sigma, acceleration_sigma, i.inertia_relative),
+        moments=euler(
+            rate, acceleration, i.inertia, rate_sigma, acceleration_sigma, i.inertia_relative, i.product_sigma
+        ),
     )
 
 

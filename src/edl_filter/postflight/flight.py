@@ -116,6 +116,7 @@ def postflight_inputs(reconstruction: Reconstruction, air: AirData) -> Postfligh
         offset=(y, z),
         inertia=body.inertia,
         inertia_relative=vehicle.inertia_sigma,
+        product_sigma=vehicle.inertia.product_sigma,
         gas=atmosphere.gas,
         database=database_with_effects(database_of(mission), reconstruction.effects),
         preflight_density=atmosphere.density(middle["altitude"]),

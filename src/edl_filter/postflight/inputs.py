@@ -58,6 +58,8 @@ class PostflightInputs:
         kg m².
     inertia_relative : float
         Relative one sigma of the inertia.
+    product_sigma : tuple of float
+        One sigma of the products of inertia xy, xz and yz, kg m².
     gas : Gas
     database : Database
     preflight_density, preflight_temperature : (N,) arrays
@@ -105,6 +107,7 @@ class PostflightInputs:
     alignment_sigma: float = 0.0
     mass_sigma: float = 0.0
     inertia_relative: float = 0.0
+    product_sigma: tuple[float, float, float] = (0.0, 0.0, 0.0)
     top_temperature: float | None = None
     top_temperature_sigma: float = 0.0
     batch: float = BATCH
