@@ -1,4 +1,4 @@
-"""Temperatures and Mach numbers of the rovers at the constants of the documentation's table (docs/explanation/gas.md)."""
+"""Temperatures and Mach numbers of the rovers at the constants of the table in docs/explanation/gas.md."""
 
 from dataclasses import replace
 from pathlib import Path
