@@ -72,6 +72,8 @@ def test_the_table_of_the_ratio_is_the_formula():
         air.heat_capacity_ratio(temperature), heat_capacity_ratio(air.composition, temperature), rtol=2e-6
     )
     assert air.heat_capacity_ratio(np.full((2, 3), 200.0)).shape == (2, 3)
+    ends = heat_capacity_ratio(air.composition, np.array([20.0, 3000.0]))
+    np.testing.assert_allclose(air.heat_capacity_ratio([1.0, 20.0, 3000.0, 1e4]), ends[[0, 0, 1, 1]], rtol=1e-12)
 
 
 def test_speed_of_sound_and_mach():

@@ -19,7 +19,7 @@ from edl_filter.types import Array
 #: Mole fractions of the air of Mars near the surface, means over the year: M. G. Trainer et al., Seasonal Variations
 #: in Atmospheric Composition as Measured in Gale Crater, Mars, Journal of Geophysical Research: Planets 124, 2019.
 MARS = {"CO2": 0.951, "N2": 0.0259, "Ar": 0.0194, "O2": 0.0016, "CO": 0.0006}
-#: Temperatures of the table of the ratio of specific heats, K; outside, its values at the ends hold.
+#: Temperatures of the table of the ratio of specific heats, K, in steps of 1 K; outside, its values at the ends hold.
 _TABLE = np.arange(20.0, 3001.0)
 
 
@@ -66,7 +66,11 @@ class Gas:
         temperature = np.asarray(temperature, float)
         if not self.composition:
             return np.full(temperature.shape, self.constant_ratio)
-        return np.asarray(np.interp(temperature, _TABLE, _ratio_table(self.composition)))
+        table = _ratio_table(self.composition)
+        # the nodes are equidistant, so that no search is needed as in np.interp
+        place = np.clip(temperature - _TABLE[0], 0.0, len(_TABLE) - 1.0)
+        node = np.minimum(place.astype(np.intp), len(_TABLE) - 2)
+        return np.asarray(table[node] + (place - node) * (table[node + 1] - table[node]))
 
     def mean_free_path(self, density: ArrayLike) -> Array:
         """Mean free path ``λ = 1/(√2 π d² n)`` with ``n = ρ/m`` (eqs. 4.5 and 4.6).
