@@ -73,7 +73,7 @@ def _form(model: type[BaseModel]) -> str:
     for key, field in model.model_fields.items():
         if get_origin(field.annotation) is Literal and key in ("format", "from_"):
             return f"{field.alias or key}: {get_args(field.annotation)[0]}"
-    return "stated in the file"
+    return getattr(model, "form", "stated in the file")
 
 
 def _section_text(part: Part) -> str:

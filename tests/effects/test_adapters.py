@@ -10,10 +10,11 @@ from edl_filter.effects.adapters import atmosphere_with_effects
 from edl_filter.effects.forward_model import compose_air_rotation
 from edl_filter.effects.registry import effect_named
 from edl_filter.planet.atmosphere import Atmosphere
+from edl_filter.planet.gas import Gas
 from edl_filter.postflight.airdata import wind_shear
 
 H = np.linspace(0.0, 80e3, 41)
-TABLE = Atmosphere(H, np.log(1e-2) - H / 11e3, np.full(41, 200.0), np.stack((H / 1e4, -H / 2e4), axis=1), 188.92, 1.3)
+TABLE = Atmosphere(H, np.log(1e-2) - H / 11e3, np.full(41, 200.0), np.stack((H / 1e4, -H / 2e4), axis=1), Gas())
 WIND = EffectInstance(effect_named("wind"), {"east": 30.0, "north": -20.0, "h_lo": 10e3, "h_hi": 30e3})
 WAVE = EffectInstance(effect_named("density_wave"), {"A": 0.2, "L": 12e3})
 

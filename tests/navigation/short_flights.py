@@ -21,6 +21,7 @@ from edl_filter.navigation.increments import effective_samples
 from edl_filter.navigation.layout import Layout, State
 from edl_filter.planet import Planet
 from edl_filter.planet.atmosphere import Atmosphere
+from edl_filter.planet.gas import Gas
 from edl_filter.telemetry.record import InitialState
 
 END, RATE = 60.0, 8
@@ -31,8 +32,7 @@ AIR = Atmosphere(
     log_density=np.log(0.015) - np.array([0.0, 50e3, 100e3]) / 11e3,
     temperature=np.array([220.0, 180.0, 150.0]),
     wind=np.array([[10.0, -5.0], [40.0, 20.0], [60.0, 30.0]]),
-    gas_constant=188.92,
-    heat_capacity_ratio=1.3,
+    gas=Gas(),
 )
 #: Sigmas of position (m), velocity (m/s) and attitude (rad) at the start.
 START = np.repeat([20.0, 0.3, 3e-3], 3)

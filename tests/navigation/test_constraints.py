@@ -12,6 +12,7 @@ from edl_filter.imu_model.sensor_errors import SensorErrors
 from edl_filter.navigation import constraints as models
 from edl_filter.navigation.layout import UNITS, Layout
 from edl_filter.planet.atmosphere import Atmosphere
+from edl_filter.planet.gas import Gas
 
 MARS = twins.MARS
 BARE = Layout.of((SensorErrors(),), {})
@@ -20,8 +21,7 @@ AIR = Atmosphere(
     log_density=np.log([0.02, 0.02 * exp(-2.0)]),
     temperature=np.array([210.0, 190.0]),
     wind=np.array([[10.0, -20.0], [30.0, 20.0]]),
-    gas_constant=188.92,
-    heat_capacity_ratio=1.3,
+    gas=Gas(),
 )
 
 

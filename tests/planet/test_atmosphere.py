@@ -6,6 +6,7 @@ import pytest
 from edl_filter.errors import InputError
 from edl_filter.io.csv_table import package_data
 from edl_filter.planet.atmosphere import COLUMNS, Atmosphere
+from edl_filter.planet.gas import NAMED_GASES, Gas
 
 HEADER = ",".join(COLUMNS)
 ROWS = ["0,1e-2,220,1,2", "1000,9e-3,218,3,4", "2000,8e-3,216,5,6"]
@@ -18,7 +19,7 @@ def write_table(tmp_path, *rows, header=HEADER):
 
 
 def test_interpolation_is_log_linear_in_density_and_linear_otherwise(tmp_path):
-    atmosphere = Atmosphere.read(write_table(tmp_path, *ROWS), 188.92, 1.3)
+    atmosphere = Atmosphere.read(write_table(tmp_path, *ROWS), Gas())
     assert atmosphere.density(500.0) == pytest.approx(np.sqrt(1e-2 * 9e-3))
     assert atmosphere.temperature_at(500.0) == pytest.approx(219.0)
     np.testing.assert_allclose(atmosphere.wind_at(1500.0), [4.0, 5.0])
@@ -26,21 +27,30 @@ def test_interpolation_is_log_linear_in_density_and_linear_otherwise(tmp_path):
 
 
 def test_density_above_the_table_has_the_last_scale_height(tmp_path):
-    atmosphere = Atmosphere.read(write_table(tmp_path, *ROWS), 188.92, 1.3)
+    atmosphere = Atmosphere.read(write_table(tmp_path, *ROWS), Gas())
     assert atmosphere.density(3000.0) == pytest.approx(8e-3 * (8.0 / 9.0))
     assert atmosphere.density(-500.0) == pytest.approx(1e-2)
     assert atmosphere.density(np.array([[0.0, 1000.0]])).shape == (1, 2)
 
 
+def test_a_table_of_another_gas_keeps_its_pressure(tmp_path):
+    """Hydrostatic equilibrium gives the pressure from the density alone: the temperature depends on the gas."""
+    path, air = write_table(tmp_path, *ROWS), NAMED_GASES["mars"]
+    table, converted = Atmosphere.read(path, Gas()), Atmosphere.read(path, air, 188.92)
+    assert converted.temperature_at(700.0) * air.constant == pytest.approx(table.temperature_at(700.0) * 188.92)
+    assert converted.density(700.0) == table.density(700.0)
+    assert Atmosphere.read(path, air).temperature_at(700.0) == table.temperature_at(700.0)
+
+
 def test_shipped_table_is_hydrostatic():
-    """Pressure from the gas law falls with altitude at the rate g/(R T), to two percent."""
-    atmosphere = Atmosphere.read(package_data("mars_reference.csv"), 188.92, 1.3)
+    """Pressure from the gas law falls with altitude at the rate g/(R T), to 0.5 percent."""
+    atmosphere = Atmosphere.read(package_data("mars_reference.csv"), Gas())
     altitude, temperature = atmosphere.altitude[:120], atmosphere.temperature[:120]
-    pressure = np.exp(atmosphere.log_density[:120]) * atmosphere.gas_constant * temperature
+    pressure = np.exp(atmosphere.log_density[:120]) * atmosphere.gas.constant * temperature
     gravity = 4.282837e13 / (3396190.0 + altitude) ** 2
     decay_rate = -np.diff(np.log(pressure)) / np.diff(altitude)
-    expected = gravity / (atmosphere.gas_constant * temperature)
-    np.testing.assert_allclose(decay_rate, 0.5 * (expected[1:] + expected[:-1]), rtol=0.02)
+    expected = gravity / (atmosphere.gas.constant * temperature)
+    np.testing.assert_allclose(decay_rate, 0.5 * (expected[1:] + expected[:-1]), rtol=0.005)
 
 
 @pytest.mark.parametrize(
@@ -57,9 +67,9 @@ def test_shipped_table_is_hydrostatic():
 )
 def test_bad_table_raises_with_line_number(tmp_path, rows, header, message):
     with pytest.raises(InputError, match=message):
-        Atmosphere.read(write_table(tmp_path, *rows, header=header), 188.92, 1.3)
+        Atmosphere.read(write_table(tmp_path, *rows, header=header), Gas())
 
 
 def test_missing_file_raises(tmp_path):
     with pytest.raises(InputError, match="cannot be read"):
-        Atmosphere.read(tmp_path / "none.csv", 188.92, 1.3)
+        Atmosphere.read(tmp_path / "none.csv", Gas())

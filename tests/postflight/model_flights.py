@@ -71,7 +71,8 @@ def flight(dt=0.125, seed=1, noisy=True, added_cn=0.0, end=245.0):
     v = np.linalg.norm(velocity, axis=1)
     ones = np.ones(n)
     return PostflightInputs(
-        time=time, altitude=mean(altitude), speed=v, gravity=G * ones, velocity_body=velocity,
+        time=time, altitude=mean(altitude), speed=v, gravity=G * ones,
+        geopotential=G * mean(altitude), velocity_body=velocity,
         alpha=np.arctan2(velocity[:, 2], velocity[:, 0]), beta=np.arcsin(velocity[:, 1] / v),
         alpha_total=np.arctan2(np.hypot(velocity[:, 1], velocity[:, 2]), velocity[:, 0]),
         speed_sigma=0.0 * ones, angle_sigma=0.0 * ones, specific_force=force, angular_rate=rate,

@@ -9,6 +9,7 @@ from edl_filter import rotations
 from edl_filter.navigation.trajectory import Trajectory
 from edl_filter.planet import Planet
 from edl_filter.planet.atmosphere import Atmosphere
+from edl_filter.planet.gas import Gas
 from edl_filter.postflight.airdata import air_data, wind_shear
 
 MARS = Planet("mars", 4.282837e13, 1.96e-3, 3396190.0, 3396190.0, 5.886e-3, 7.088218e-5, 0.6)
@@ -20,8 +21,7 @@ def atmosphere(east=(0.0, 0.0), north=(0.0, 0.0)):
         log_density=np.log([0.02, 1e-10]),
         temperature=np.array([210.0, 150.0]),
         wind=np.column_stack((east, north)),
-        gas_constant=188.92,
-        heat_capacity_ratio=1.3,
+        gas=Gas(),
     )
 
 

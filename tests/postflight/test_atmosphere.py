@@ -6,7 +6,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from edl_filter.aero.uncertainty import ThreeSigma
+from edl_filter.aero.bridge import bridge
+from edl_filter.aero.uncertainty import ThreeSigma, regime_shares
 from edl_filter.errors import InputError
 from edl_filter.planet.gas import Gas
 from edl_filter.postflight.atmosphere import check_decreasing, preflight_atmosphere
@@ -18,10 +19,13 @@ AREA = np.pi / 4 * D**2
 
 
 class Drag:
-    """Substitute for a database: CA from Knudsen number, Mach number and angle; CN and Cm linear in the angle."""
+    """Substitute for a database: CA from Knudsen number, Mach number and angle; CN and Cm linear in the angle.
 
-    def __init__(self, ca=lambda mach, knudsen, alpha: 1.7 + 0 * mach, sigma=0.05):
-        self.ca, self.sigma = ca, sigma
+    All flow is a continuum, unless a limit is stated.
+    """
+
+    def __init__(self, ca=lambda mach, knudsen, alpha: 1.7 + 0 * mach, sigma=0.05, continuum_limit=1e3):
+        self.ca, self.sigma, self.continuum_limit = ca, sigma, continuum_limit
 
     def lookup(self, mach, knudsen, alpha, speed=None):
         ca = self.ca(mach, knudsen, alpha)
@@ -56,7 +60,7 @@ def extract(e, ax=None, *, noise=1e-9, top=T, mass=MASS, **keywords):
     axial = AxialForce(ax, raw, raw, keywords.pop("bias", 0.0), mass, keywords.pop("mass_sigma", 0.0))
     valid = keywords.pop("valid", np.ones(e.n, bool))
     return extract_atmosphere(
-        e.t, e.h, e.v, e.alpha, e.g, axial, valid, e.database, GAS, D, top_temperature=top, **keywords
+        e.t, e.h, e.v, e.alpha, e.g, e.g * e.h, axial, valid, e.database, GAS, D, top_temperature=top, **keywords
     )
 
 
@@ -182,6 +186,47 @@ def test_common_errors_cancel_in_temperature():
     profile = extract(e, mass_sigma=20.0)
     assert np.all(profile.temperature_sigma < 0.002 * T)
     np.testing.assert_allclose(profile.pressure_sigma / profile.pressure, np.hypot(0.05, 20 / MASS), rtol=1e-3)
+
+
+@pytest.mark.parametrize("exponent", [0.7, 0.85, 1.2, 1.4])
+def test_the_band_of_the_temperature_contains_another_bridge(exponent):
+    """CA of the flight is bridged with another power of the weight: 0.8 to 1.6 sigma of CA by the thesis's 5 %."""
+
+    def ca(power):
+        return lambda m, k, a: 1.724 + 0.377 * bridge(k) ** power + 0 * m
+
+    e = entry(4000)
+    e.h = 1.28e5 - 600.0 * e.t
+    e.rho = 2e-9 * np.exp((e.h[0] - e.h) / H)
+    knudsen = GAS.knudsen(e.rho, D)
+    e.ax = -0.5 * e.rho * e.v**2 * AREA * ca(exponent)(0.0, knudsen, e.alpha) / MASS
+    e.database = Drag(ca(1.0), continuum_limit=1e-3)
+    profile = extract(e)
+    transitional = (knudsen < 10.0) & (knudsen > 1e-4)
+    error = np.abs(profile.temperature - T)[transitional]
+    assert np.all(error < 1.25 * profile.temperature_sigma[transitional])
+    assert error.max() > 0.5  # K
+    assert np.all(np.abs(profile.density - e.rho)[transitional] < 1.7 * profile.density_sigma[transitional])
+    # an error of CA that is the same at all altitudes changes no temperature and would leave no band
+    e.database = Drag(ca(1.0))
+    assert np.all(extract(e).temperature_sigma[transitional] < 1e-3)
+
+
+def test_the_band_of_independent_errors_of_ca_in_each_decade_of_knudsen_number():
+    rng, e = np.random.default_rng(4), entry(400)
+    e.database = Drag(lambda m, k, a: 1.7 + 0.0 * k, sigma=0.06, continuum_limit=1e-3)
+    band, runs, bare = extract(e), [], e.database
+    for _ in range(600):
+        error = rng.normal(size=5)
+        true = Drag(lambda m, k, a, x=error: 1.7 * (1.0 + 0.02 * x @ regime_shares(k)), continuum_limit=1e-3)
+        drag = true.ca(0.0, GAS.knudsen(e.rho, D), e.alpha)
+        e.database = bare
+        profile = extract(e, e.ax * drag / 1.7)
+        runs.append((profile.density, profile.pressure, profile.temperature))
+    scatter = np.std(np.array(runs), axis=0)
+    for got, stated in zip(scatter, (band.density_sigma, band.pressure_sigma, band.temperature_sigma), strict=True):
+        visible = stated > 0.2 * stated.max()
+        assert np.all(np.abs(got[visible] / stated[visible] - 1) < 0.15)
 
 
 def test_a_sample_at_a_step_of_the_database_takes_the_mean_of_both_sides():

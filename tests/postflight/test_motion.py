@@ -5,7 +5,7 @@ import pytest
 
 from edl_filter.errors import InputError
 from edl_filter.postflight.moments import check_inertia, euler
-from edl_filter.postflight.rates import batch_smoother
+from edl_filter.postflight.rates import batch_smoother, box_mean
 
 INERTIA = np.array([[400.0, -3.0, 2.0], [-3.0, 303.0, 1.5], [2.0, 1.5, 299.0]])
 
@@ -34,6 +34,38 @@ def test_gains_are_the_scatter_of_white_noise_ends_included():
     noise = rng.normal(size=(120, 4000))
     np.testing.assert_allclose(filters.smooth(noise).std(axis=1), filters.gain, rtol=0.06)
     np.testing.assert_allclose(filters.differentiate(noise).std(axis=1), filters.acceleration_gain, rtol=0.06)
+
+
+def test_a_low_pass_before_the_batches():
+    """Gains are the scatter of white noise, bandwidths those of sines; the predictions go the same way."""
+    t, rng = np.arange(900) * 0.005, np.random.default_rng(3)
+    plain, filters = batch_smoother(t, 0.025), batch_smoother(t, 0.025, 17.0)
+    assert filters.points[0] == plain.points[0] == 5
+    noise, middle = rng.normal(size=(900, 600)), slice(300, 600)
+    for values, gain in (
+        (filters.smooth(noise), filters.gain),
+        (filters.differentiate(noise), filters.acceleration_gain),
+    ):
+        np.testing.assert_allclose(np.sqrt(np.mean(values[middle] ** 2)), gain[450], rtol=0.02)
+    assert filters.gain[450] < 0.7 * plain.gain[450]
+    assert filters.bandwidth[5] < plain.bandwidth[5]
+    for bandwidth, response in (
+        (filters.bandwidth[5], lambda w: filters.smooth(np.cos(w * t)[:, None])),
+        (filters.acceleration_bandwidth[5], lambda w: filters.differentiate(np.sin(w * t)[:, None]) / w),
+    ):
+        w = 2 * np.pi * bandwidth
+        got, wave = response(w)[middle, 0], np.cos(w * t)[middle]
+        assert got @ wave / (wave @ wave) == pytest.approx(np.sqrt(0.5), rel=5e-3)
+    smooth = np.sin(2 * np.pi * 2.0 * t)[:, None]
+    np.testing.assert_array_equal(filters.as_smoothed(smooth), filters.smooth(box_mean(smooth)))
+
+
+def test_a_low_pass_needs_even_samples_and_a_frequency_below_nyquist():
+    uneven = np.concatenate((np.arange(0, 20, 0.25), np.arange(20, 60, 0.125)))
+    with pytest.raises(InputError, match=r"low_pass_hz: found sampling intervals from 0.125 to 0.25 s"):
+        batch_smoother(uneven, 0.875, 1.0)
+    with pytest.raises(InputError, match="Nyquist"):
+        batch_smoother(np.arange(0, 60, 0.125), 0.875, 4.5)
 
 
 def test_bandwidth_of_the_angular_acceleration():
@@ -90,6 +122,20 @@ def test_bands_of_moments():
     many = euler(rate + 0.01 * rng.normal(size=(20000, 3)), turn + 0.003 * rng.normal(size=(20000, 3)), INERTIA)
     np.testing.assert_allclose(many.moment.std(axis=0), moments.sigma[0], rtol=0.03)
     np.testing.assert_allclose(moments.systematic, 0.05 * np.abs(moments.moment))
+
+
+def test_sigmas_of_the_products_are_a_band_of_all_moments():
+    """Against tensors that are drawn."""
+    rng = np.random.default_rng(2)
+    rate, turn = rng.normal(size=(2, 4, 3))
+    sigma = (2.0, 0.0, 5.0)
+    many = []
+    for xy, xz, yz in sigma * rng.normal(size=(4000, 3)):
+        many.append(euler(rate, turn, INERTIA - np.array([[0, xy, xz], [xy, 0, yz], [xz, yz, 0]])).moment)
+    band = euler(rate, turn, INERTIA, product_sigma=sigma).systematic
+    np.testing.assert_allclose(np.std(many, axis=0), band, rtol=0.05)
+    both = euler(rate, turn, INERTIA, inertia_relative=0.05, product_sigma=sigma).systematic
+    np.testing.assert_allclose(both, np.hypot(band, 0.05 * np.abs(euler(rate, turn, INERTIA).moment)))
 
 
 @pytest.mark.parametrize(

@@ -159,6 +159,8 @@ def test_summary(written, practice_06):
     assert {"time_s", "altitude_m", "velocity_m_s", "mach", "dynamic_pressure_pa"} <= set(
         summary["events"]["parachute_deploy"]
     )
+    assert (summary["gas"]["name"], summary["gas"]["constant"]) == ("thesis", 188.92)
+    assert summary["gas"]["heat_capacity_ratio_200_k"] == 1.3
     landing = summary["landing"]
     assert landing["miss_m"] < 3.0 * landing["sigma_m"]
     assert landing["left_out"]["miss_m"] < 3.0 * landing["left_out"]["sigma_m"]

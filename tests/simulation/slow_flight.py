@@ -24,9 +24,7 @@ START = np.array([
 def smooth_world(planet=MARS, density=1.5e-2, scale_height=11e3, ca=1.6, cn=0.4, cm=-0.2, inertia=INERTIA):
     """Isothermal air, CA constant, CN and Cm proportional to the angle: smooth wherever it flies nose first."""
     altitude = np.array([-10e3, 300e3])
-    air = Atmosphere(
-        altitude, np.log(density) - altitude / scale_height, np.full(2, 190.0), np.zeros((2, 2)), 188.92, 1.3
-    )
+    air = Atmosphere(altitude, np.log(density) - altitude / scale_height, np.full(2, 190.0), np.zeros((2, 2)), Gas())
     nodes, alpha = np.array([0.0, 1e3]), np.array([0.0, np.pi])
     ones, slope = np.ones((2, 2)), np.tile(alpha, (2, 1))
     table = GridTable("mach", nodes, alpha, ca * ones, cn * slope, cm * slope)

@@ -98,6 +98,11 @@ class PostflightConfig(Section):
     batch_s: Annotated[Number, Within("s", 0.0, 30.0, above=True)] = Field(
         default=0.875, description="length of the second-order batch polynomial that smooths rates and forces, s"
     )
+    low_pass_hz: Annotated[Number, Within("Hz", 0.0, 1e3, (("kHz", 1e3),), above=True)] | None = Field(
+        default=None,
+        description="half-power frequency of one pass of a zero-phase low-pass of rates and forces before the batches, "
+        "Hz, below half the sampling frequency; evenly spaced samples only; absent: none",
+    )
     top_temperature: Annotated[Number, Within("K", 10.0, 3000.0)] | None = Field(
         default=None,
         description="temperature where deceleration is first measurable, K: determines the pressure there; "

@@ -46,6 +46,7 @@ Mass = Annotated[Number, Within("kg", 1.0, 1e5, (("t", 1e3), ("g", 1e-3)))]
 LeverArm = Annotated[Vector, Within("m", 0.0, 20.0, (("mm", 1e-3), ("cm", 1e-2)))]
 Moment = Annotated[Number, Within("kg m^2", 0.0, 1e7, above=True)]
 Product = Annotated[Number, Within("kg m^2", -1e6, 1e6)]
+ProductSigma = Annotated[Number, Within("kg m^2", 0.0, 1e6)]
 
 
 class Section(BaseModel):

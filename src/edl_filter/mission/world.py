@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated
+from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
-from pydantic import Field, model_validator
+from pydantic import Field, Tag, model_validator
 
 from edl_filter.mission.fields import (
     DEG,
@@ -17,12 +17,14 @@ from edl_filter.mission.fields import (
     Mass,
     Moment,
     Product,
+    ProductSigma,
     Radius,
     RelativeSigma,
     Sclk,
     Section,
     Time,
     TimeSigma,
+    discriminator,
 )
 from edl_filter.mission.validators import (
     Number,
@@ -31,6 +33,7 @@ from edl_filter.mission.validators import (
     check_inertia,
     field_error,
     nearest_rotation_matrix,
+    value_text,
 )
 from edl_filter.types import Array
 
@@ -85,6 +88,66 @@ class PlanetConfig(Section):
         return None if self.j2000_from_inertial is None else nearest_rotation_matrix(self.j2000_from_inertial)
 
 
+GasConstant = Annotated[Number, Within("J/(kg K)", 10.0, 5e3, (("kJ/(kg K)", 1e3),))]
+Fraction = Annotated[Number, Within("", 0.0, 1.0, PERCENT)]
+#: Keys of the gas in the section of the atmosphere up to release 0.1.
+_FORMER_GAS_KEYS = ("gas_constant", "heat_capacity_ratio", "molecule_diameter", "molecule_mass")
+
+
+class CompositionConfig(Section):
+    """Mole fractions, which are divided by their sum."""
+
+    CO2: Fraction = Field(default=0.0, description="carbon dioxide")
+    N2: Fraction = Field(default=0.0, description="nitrogen")
+    Ar: Fraction = Field(default=0.0, description="argon")
+    O2: Fraction = Field(default=0.0, description="oxygen")
+    CO: Fraction = Field(default=0.0, description="carbon monoxide")
+
+    @model_validator(mode="after")
+    def _complete(self) -> CompositionConfig:
+        total = sum(self.model_dump().values())
+        if abs(total - 1.0) > 0.01:
+            raise field_error(f"fractions with the sum {total:.6g}", "mole fractions with the sum 1, to 0.01")
+        return self
+
+
+class GasMixtureConfig(Section):
+    """A mixture, whose heat capacity depends on the temperature."""
+
+    form: ClassVar[str] = "a composition"
+    composition: CompositionConfig = Field(description="mole fractions")
+
+
+class GasConstantsConfig(Section):
+    """A gas with constants that are stated."""
+
+    form: ClassVar[str] = "constants"
+    constant: GasConstant = Field(description="specific gas constant, J/(kg K)")
+    heat_capacity_ratio: Annotated[Number, Within("", 1.0, 1.7, above=True)] = Field(
+        description="ratio of specific heats, at all temperatures"
+    )
+    molecule_diameter: Annotated[Number, Within("m", 1e-11, 1e-8)] | None = Field(
+        default=None, description="hard-sphere diameter of a molecule, m; absent: that of carbon dioxide, 4.64e-10"
+    )
+    molecule_mass: Annotated[Number, Within("kg", 1e-27, 1e-24)] | None = Field(
+        default=None, description="mass of a molecule, kg; absent: from the gas constant"
+    )
+
+
+def _gas_tag(value: Any) -> str:
+    if isinstance(value, GasMixtureConfig) or (isinstance(value, dict) and "composition" in value):
+        return "<mixture>"
+    return "<constants>" if isinstance(value, (dict, GasConstantsConfig)) else "<name>"
+
+
+GasConfig = Annotated[
+    Annotated[Literal["thesis", "mars"], Tag("<name>")]
+    | Annotated[GasMixtureConfig, Tag("<mixture>")]
+    | Annotated[GasConstantsConfig, Tag("<constants>")],
+    discriminator(_gas_tag),
+]
+
+
 class AtmosphereConfig(Section):
     """Preflight atmosphere and the gas."""
 
@@ -98,18 +161,29 @@ class AtmosphereConfig(Section):
         description="1 sigma of the wind towards east and north about the table's, m/s: part of the uncertainty of "
         "derived quantities, and the prior sigma of the wind in a diagnosis",
     )
-    gas_constant: Annotated[Number, Within("J/(kg K)", 10.0, 5e3, (("kJ/(kg K)", 1e3),))] = Field(
-        default=188.92, description="specific gas constant, J/(kg K)"
+    gas: GasConfig = Field(
+        default="thesis",
+        description="thesis (CO2, R = 188.92 J/(kg K), ratio of specific heats 1.3), mars (mixture, R = 191.20 "
+        "J/(kg K), heat capacity by temperature), a composition, or constants",
     )
-    heat_capacity_ratio: Annotated[Number, Within("", 1.0, 1.7, above=True)] = Field(
-        default=1.3, description="ratio of specific heats"
+    table_gas_constant: GasConstant | None = Field(
+        default=None,
+        description="gas constant with which the temperatures of the table were computed, J/(kg K): they are converted "
+        "to the gas, at the table's pressure; absent: that of the gas",
     )
-    molecule_diameter: Annotated[Number, Within("m", 1e-11, 1e-8)] = Field(
-        default=4.64e-10, description="hard-sphere diameter of a molecule, m"
-    )
-    molecule_mass: Annotated[Number, Within("kg", 1e-27, 1e-24)] = Field(
-        default=7.3079e-26, description="mass of a molecule, kg"
-    )
+
+    @model_validator(mode="before")
+    @classmethod
+    def _no_former_keys(cls, data: Any) -> Any:
+        for key in _FORMER_GAS_KEYS if isinstance(data, dict) else ():
+            if key in data:
+                raise field_error(
+                    value_text(data[key]),
+                    "no such key since 0.2: 'gas: thesis' has the former defaults, 'gas: mars' the air of Mars, and "
+                    "'gas: {constant: R, heat_capacity_ratio: gamma}' other constants",
+                    key,
+                )
+        return data
 
 
 class InertiaConfig(Section):
@@ -124,11 +198,19 @@ class InertiaConfig(Section):
     xy: Product = Field(default=0.0, description="product of x and y, kg m^2")
     xz: Product = Field(default=0.0, description="product of x and z, kg m^2")
     yz: Product = Field(default=0.0, description="product of y and z, kg m^2")
+    xy_sigma: ProductSigma = Field(default=0.0, description="1 sigma of the product of x and y, kg m^2")
+    xz_sigma: ProductSigma = Field(default=0.0, description="1 sigma of the product of x and z, kg m^2")
+    yz_sigma: ProductSigma = Field(default=0.0, description="1 sigma of the product of y and z, kg m^2")
 
     @model_validator(mode="after")
     def _physical(self) -> InertiaConfig:
         check_inertia(self.tensor)
         return self
+
+    @property
+    def product_sigma(self) -> tuple[float, float, float]:
+        """One sigma of the products xy, xz and yz, kg m²."""
+        return self.xy_sigma, self.xz_sigma, self.yz_sigma
 
     @property
     def tensor(self) -> Array:

@@ -300,8 +300,7 @@ class RestGravity(_OneSigma):
     def predict(self, nav: Array, errors: Array, layout: Layout) -> Array:
         """``(1 + s) ∘ R(m) Cᵀ (ω × (ω × r) - g) + b``, m/s²."""
         position = nav[:3].T
-        centrifugal = position * np.array([1.0, 1.0, 0.0]) * self.planet.rotation_rate**2
-        support = -self.planet.gravity(position) - centrifugal
+        support = -self.planet.apparent_gravity(position)
         force = rotations.rotate(rotations.conjugate(nav[6:10].T), support)
         names = ("accelerometer_misalignment", "accelerometer_scale", "accelerometer_bias")
         return apply_errors(force, *(_state(layout, errors, name) for name in names))

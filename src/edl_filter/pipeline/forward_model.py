@@ -18,7 +18,6 @@ from edl_filter.mission import Mission
 from edl_filter.mission.world import VehicleChangeConfig
 from edl_filter.planet import Planet
 from edl_filter.planet.atmosphere import Atmosphere
-from edl_filter.planet.gas import Gas
 
 
 def forward_model_of(
@@ -47,7 +46,7 @@ def forward_model_of(
     return ForwardModel(
         planet=planet,
         atmosphere=atmosphere,
-        gas=gas_of(mission),
+        gas=atmosphere.gas,
         database=database_of(mission),
         damping=damping_of(mission),
         body=body_of(mission),
@@ -56,12 +55,6 @@ def forward_model_of(
         effects=mission.active_effects() if effects is None else tuple(effects),
         changed_bodies=changed_bodies(body_of(mission), mission.vehicle_changes()),
     )
-
-
-def gas_of(mission: Mission) -> Gas:
-    """The gas of the mission's atmosphere."""
-    a = mission.atmosphere
-    return Gas(a.gas_constant, a.heat_capacity_ratio, a.molecule_diameter, a.molecule_mass)
 
 
 def database_of(mission: Mission) -> Database:

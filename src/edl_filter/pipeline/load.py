@@ -10,8 +10,10 @@ from edl_filter import rotations
 from edl_filter.errors import InputError
 from edl_filter.mission import Mission
 from edl_filter.mission.measurements import FlightFileConfig, MerImuConfig
+from edl_filter.mission.world import GasConstantsConfig, GasMixtureConfig
 from edl_filter.pipeline.events import moved_by_events
 from edl_filter.planet.atmosphere import Atmosphere
+from edl_filter.planet.gas import NAMED_GASES, Gas, gas_of_constants, mixture
 from edl_filter.telemetry.fetch import find_mer_imu
 from edl_filter.telemetry.flight_file import read_flight_file
 from edl_filter.telemetry.mer_archive import read_mer_tables
@@ -112,5 +114,16 @@ def mer_setup(mission: Mission) -> MerSetup:
 
 def read_atmosphere(mission: Mission) -> Atmosphere:
     """Preflight atmosphere of a mission."""
-    a = mission.atmosphere
-    return Atmosphere.read(mission.atmosphere_path(), a.gas_constant, a.heat_capacity_ratio)
+    return Atmosphere.read(mission.atmosphere_path(), gas_of(mission), mission.atmosphere.table_gas_constant)
+
+
+def gas_of(mission: Mission) -> Gas:
+    """The gas of the mission's atmosphere."""
+    stated = mission.atmosphere.gas
+    if isinstance(stated, GasConstantsConfig):
+        return gas_of_constants(
+            stated.constant, stated.heat_capacity_ratio, stated.molecule_diameter, stated.molecule_mass
+        )
+    if isinstance(stated, GasMixtureConfig):
+        return mixture(stated.composition.model_dump())
+    return NAMED_GASES[stated]

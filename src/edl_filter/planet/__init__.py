@@ -5,13 +5,14 @@ areodetic coordinates, ground- and air-relative velocity, local axes, density, t
 gas, for arrays of positions (m, inertial or planet-fixed) and times (s since the epoch). Nothing depends on a vehicle.
 
 Read in this order: `gravity`, `ellipsoid` and `rotation` (the formulas), this file (`Planet`, which passes a planet's
-numbers to them), `gas`, `atmosphere`.
+numbers to them), `species`, `gas`, `atmosphere`.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
 from numpy.typing import ArrayLike
 
 from edl_filter.planet import ellipsoid
@@ -86,6 +87,44 @@ class Planet:
             m²/s².
         """
         return potential(position, self.mu, self.j2, self.gravity_radius)
+
+    def apparent_gravity(self, position: ArrayLike) -> Array:
+        """Gravity in the rotating frame: gravitation and the centrifugal acceleration.
+
+        It is the weight of what rotates with the planet: of the ground, of a vehicle at rest, of air without wind.
+
+        Parameters
+        ----------
+        position : (..., 3) array
+            Inertial or planet-fixed, m.
+
+        Returns
+        -------
+        (..., 3) array
+            m/s², in the axes of `position`.
+        """
+        position = np.asarray(position, float)
+        centrifugal = position * np.array([1.0, 1.0, 0.0]) * self.rotation_rate**2
+        return self.gravity(position) + centrifugal
+
+    def geopotential(self, position: ArrayLike) -> Array:
+        """Potential energy per mass in the rotating frame, whose gradient is minus `apparent_gravity`.
+
+        Surfaces of equal pressure of air that rotates with the planet are surfaces of equal geopotential, so that
+        ``dp = -ρ dW`` along any path (the hydrostatic equation).
+
+        Parameters
+        ----------
+        position : (..., 3) array
+            Inertial or planet-fixed, m.
+
+        Returns
+        -------
+        (...) array
+            m²/s², growing upwards.
+        """
+        x, y, _ = np.moveaxis(np.asarray(position, float), -1, 0)
+        return -(self.potential(position) + 0.5 * self.rotation_rate**2 * (x * x + y * y))
 
     def geodetic(self, time: ArrayLike, position: ArrayLike) -> tuple[Array, Array, Array]:
         """Areodetic coordinates of inertial positions.

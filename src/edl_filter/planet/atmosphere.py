@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike
 
 from edl_filter.errors import InputError
 from edl_filter.io.csv_table import Row, check_monotonic, read_rows
-from edl_filter.planet.gas import speed_of_sound
+from edl_filter.planet.gas import Gas
 from edl_filter.types import Array
 
 COLUMNS = ("altitude_m", "density", "temperature", "wind_east", "wind_north")
@@ -36,30 +36,29 @@ class Atmosphere:
         K.
     wind : (N, 2) array
         Velocity of the air relative to the ground, towards east and north, m/s.
-    gas_constant : float
-        J/(kg K).
-    heat_capacity_ratio : float
+    gas : Gas
     """
 
     altitude: Array
     log_density: Array
     temperature: Array
     wind: Array
-    gas_constant: float
-    heat_capacity_ratio: float
+    gas: Gas
 
     @classmethod
-    def read(cls, path: Path, gas_constant: float, heat_capacity_ratio: float) -> Atmosphere:
+    def read(cls, path: Path, gas: Gas, table_gas_constant: float | None = None) -> Atmosphere:
         """Read a CSV with the header ``altitude_m,density,temperature,wind_east,wind_north``.
 
         Parameters
         ----------
         path : Path
             File of altitudes (m), densities (kg/m³), temperatures (K) and winds (m/s).
-        gas_constant : float
-            J/(kg K).
-        heat_capacity_ratio : float
-            Ratio of specific heats.
+        gas : Gas
+            Of the atmosphere.
+        table_gas_constant : float, optional
+            Gas constant with which the temperatures of the table were computed, J/(kg K), if it is not that of `gas`.
+            Temperatures are converted so that the pressure ``ρ R T``, which hydrostatic equilibrium gives whatever the
+            gas is, stays that of the table.
 
         Returns
         -------
@@ -81,10 +80,9 @@ class Atmosphere:
         return cls(
             altitude=values[:, 0],
             log_density=np.log(values[:, 1]),
-            temperature=values[:, 2],
+            temperature=values[:, 2] * (1.0 if table_gas_constant is None else table_gas_constant / gas.constant),
             wind=values[:, 3:],
-            gas_constant=gas_constant,
-            heat_capacity_ratio=heat_capacity_ratio,
+            gas=gas,
         )
 
     def density(self, altitude: ArrayLike) -> Array:
@@ -125,7 +123,7 @@ class Atmosphere:
         return np.interp(np.asarray(altitude, float), self.altitude, self.temperature)
 
     def speed_of_sound(self, altitude: ArrayLike) -> Array:
-        """Speed of sound ``sqrt(gamma R T)``.
+        """Speed of sound of the gas.
 
         Parameters
         ----------
@@ -137,7 +135,7 @@ class Atmosphere:
         (...) array
             m/s.
         """
-        return speed_of_sound(self.temperature_at(altitude), self.gas_constant, self.heat_capacity_ratio)
+        return self.gas.speed_of_sound(self.temperature_at(altitude))
 
     def wind_at(self, altitude: ArrayLike) -> Array:
         """Velocity of the air relative to the ground, towards east and north.

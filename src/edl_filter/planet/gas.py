@@ -1,57 +1,76 @@
 """Properties of the gas: mean free path, Knudsen number, speed of sound and Mach number (thesis eqs. 4.3 to 4.6).
 
-Input: density (kg/m³), temperature (K), pressure (Pa). Model: perfect gas whose molecules are hard spheres.
+Input: density (kg/m³), temperature (K), pressure (Pa). Model: perfect gas whose molecules are hard spheres; its ratio
+of specific heats is a constant (`Gas`), or follows from a composition and the temperature (`mixture`).
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from edl_filter.planet.species import AVOGADRO, BOLTZMANN, MOLAR_GAS_CONSTANT, SPECIES
 from edl_filter.types import Array
 
-
-def speed_of_sound(temperature: ArrayLike, gas_constant: float, heat_capacity_ratio: float) -> Array:
-    """Speed of sound of a perfect gas, ``√(γ R T)`` (thesis eq. 4.4).
-
-    Parameters
-    ----------
-    temperature : (...) array
-        K.
-    gas_constant : float
-        Specific gas constant R, J/(kg K).
-    heat_capacity_ratio : float
-        Ratio of specific heats γ.
-
-    Returns
-    -------
-    (...) array
-        m/s.
-    """
-    return np.sqrt(heat_capacity_ratio * gas_constant * np.asarray(temperature, float))
+#: Mole fractions of the air of Mars near the surface, means over the year: M. G. Trainer et al., Seasonal Variations
+#: in Atmospheric Composition as Measured in Gale Crater, Mars, Journal of Geophysical Research: Planets 124, 2019.
+MARS = {"CO2": 0.951, "N2": 0.0259, "Ar": 0.0194, "O2": 0.0016, "CO": 0.0006}
+#: Temperatures of the table of the ratio of specific heats, K, in steps of 1 K; outside, its values at the ends hold.
+_TABLE = np.arange(20.0, 3001.0)
 
 
 @dataclass(frozen=True)
 class Gas:
-    """A perfect gas of hard spheres.
+    """A perfect gas of hard spheres. The default is the thesis's: carbon dioxide with a constant γ.
 
     Attributes
     ----------
+    name : str
+        For people.
     constant : float
         Specific gas constant R, J/(kg K).
-    heat_capacity_ratio : float
     molecule_diameter : float
         Diameter of the hard sphere, m.
     molecule_mass : float
-        kg.
+        Mean mass, kg.
+    constant_ratio : float
+        Ratio of specific heats γ where there is no composition.
+    composition : tuple of (str, float)
+        Mole fractions by the names of `SPECIES`, with the sum 1, from which γ follows; empty: γ is constant.
     """
 
+    name: str = "thesis"
     constant: float = 188.92
-    heat_capacity_ratio: float = 1.3
     molecule_diameter: float = 4.64e-10
     molecule_mass: float = 7.3079e-26
+    constant_ratio: float = 1.3
+    composition: tuple[tuple[str, float], ...] = ()
+
+    def heat_capacity_ratio(self, temperature: ArrayLike) -> Array:
+        """Ratio of specific heats ``γ = cp/(cp − R)``.
+
+        Parameters
+        ----------
+        temperature : (...) array
+            K. With a composition the ratio is interpolated in a table of 1 K (error below 2e-6), since models look it
+            up for every sample of every prediction.
+
+        Returns
+        -------
+        (...) array
+        """
+        temperature = np.asarray(temperature, float)
+        if not self.composition:
+            return np.full(temperature.shape, self.constant_ratio)
+        table = _ratio_table(self.composition)
+        # the nodes are equidistant, so that no search is needed as in np.interp
+        place = np.clip(temperature - _TABLE[0], 0.0, len(_TABLE) - 1.0)
+        node = np.minimum(place.astype(np.intp), len(_TABLE) - 2)
+        return np.asarray(table[node] + (place - node) * (table[node + 1] - table[node]))
 
     def mean_free_path(self, density: ArrayLike) -> Array:
         """Mean free path ``λ = 1/(√2 π d² n)`` with ``n = ρ/m`` (eqs. 4.5 and 4.6).
@@ -101,7 +120,7 @@ class Gas:
         return np.asarray(pressure, float) / (np.asarray(density, float) * self.constant)
 
     def speed_of_sound(self, temperature: ArrayLike) -> Array:
-        """Speed of sound (eq. 4.4).
+        """Speed of sound ``√(γ R T)`` (eq. 4.4).
 
         Parameters
         ----------
@@ -113,7 +132,8 @@ class Gas:
         (...) array
             m/s.
         """
-        return speed_of_sound(temperature, self.constant, self.heat_capacity_ratio)
+        temperature = np.asarray(temperature, float)
+        return np.sqrt(self.heat_capacity_ratio(temperature) * self.constant * temperature)
 
     def mach(self, speed: ArrayLike, temperature: ArrayLike) -> Array:
         """Mach number: speed over the speed of sound (eq. 4.3).
@@ -128,3 +148,101 @@ class Gas:
         (...) array
         """
         return np.asarray(speed, float) / self.speed_of_sound(temperature)
+
+    @property
+    def description(self) -> str:
+        """Name, composition, gas constant and γ in words, for reports."""
+        parts = ", ".join(f"{name} {100.0 * share:.3g} %" for name, share in self.composition)
+        low, high = self.heat_capacity_ratio([200.0, 300.0])
+        ratio = f"γ {low:.3f} at 200 K and {high:.3f} at 300 K" if parts else f"γ {low:.4g} constant"
+        return f"{self.name}{f' ({parts})' if parts else ''}: R {self.constant:.2f} J/(kg K), {ratio}"
+
+
+def gas_of_constants(
+    constant: float, heat_capacity_ratio: float, molecule_diameter: float | None, molecule_mass: float | None
+) -> Gas:
+    """A gas whose constants are stated.
+
+    Parameters
+    ----------
+    constant : float
+        Specific gas constant, J/(kg K).
+    heat_capacity_ratio : float
+        Ratio of specific heats at all temperatures.
+    molecule_diameter : float or None
+        m; None: the thesis's, of carbon dioxide.
+    molecule_mass : float or None
+        kg; None: Boltzmann's constant over the gas constant.
+
+    Returns
+    -------
+    Gas
+    """
+    diameter = Gas().molecule_diameter if molecule_diameter is None else molecule_diameter
+    mass = BOLTZMANN / constant if molecule_mass is None else molecule_mass
+    return Gas("stated constants", constant, diameter, mass, heat_capacity_ratio)
+
+
+def mixture(composition: Mapping[str, float], name: str = "mixture") -> Gas:
+    """The gas of a composition.
+
+    The mean free path of a mixture of hard spheres is the mean over its molecules of
+    ``1/Σ_j n_j π d_ij² √(1 + m_i/m_j)`` with ``d_ij = (d_i + d_j)/2``; the diameter of the gas is that of a simple gas
+    with the same mean free path.
+
+    Parameters
+    ----------
+    composition : mapping
+        Mole fractions by the names of `SPECIES`, not negative; they are divided by their sum.
+    name : str
+        For people.
+
+    Returns
+    -------
+    Gas
+    """
+    total = sum(composition.values())
+    fractions = tuple((species, x / total) for species, x in composition.items() if x > 0.0)
+    share = np.array([x for _, x in fractions])
+    mass = np.array([SPECIES[species].mass for species, _ in fractions])
+    diameter = np.array([SPECIES[species].diameter for species, _ in fractions])
+    cross_section = np.pi * (0.5 * (diameter[:, None] + diameter)) ** 2 * np.sqrt(1.0 + mass[:, None] / mass)
+    path_times_density = float(share @ (1.0 / (cross_section @ share)))
+    mean_mass = float(share @ mass)
+    return Gas(
+        name=name,
+        constant=MOLAR_GAS_CONSTANT / (mean_mass * AVOGADRO),
+        molecule_diameter=float(np.sqrt(1.0 / (np.sqrt(2.0) * np.pi * path_times_density))),
+        molecule_mass=mean_mass,
+        composition=fractions,
+    )
+
+
+#: Gases that a mission can name.
+NAMED_GASES = {"thesis": Gas(), "mars": mixture(MARS, "Martian air")}
+
+
+def heat_capacity_ratio(composition: tuple[tuple[str, float], ...], temperature: ArrayLike) -> Array:
+    """Ratio of specific heats of a composition, by the formula of `edl_filter.planet.species`.
+
+    Parameters
+    ----------
+    composition : tuple of (str, float)
+        Mole fractions by the names of `SPECIES`, with the sum 1.
+    temperature : (...) array
+        K.
+
+    Returns
+    -------
+    (...) array
+    """
+    capacity = np.zeros(np.shape(temperature))
+    for species, fraction in composition:
+        capacity = capacity + fraction * SPECIES[species].heat_capacity(temperature)
+    return capacity / (capacity - 1.0)
+
+
+@lru_cache(maxsize=16)
+def _ratio_table(composition: tuple[tuple[str, float], ...]) -> Array:
+    """`heat_capacity_ratio` at `_TABLE`."""
+    return heat_capacity_ratio(composition, _TABLE)

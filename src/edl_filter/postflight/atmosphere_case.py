@@ -88,7 +88,7 @@ class AtmosphereCase:
 
 def smoothed_motion(i: PostflightInputs) -> SmoothedMotion:
     """Smooth forces and rates and compute the moments."""
-    smoother = batch_smoother(i.time, i.batch)
+    smoother = batch_smoother(i.time, i.batch, i.low_pass_hz)
     rate, acceleration = smoother.smooth(i.angular_rate), smoother.differentiate(i.angular_rate)
     rate_sigma, acceleration_sigma = smoother.smoothed_sigma(i.rate_noise), smoother.acceleration_sigma(i.rate_noise)
     return SmoothedMotion(
@@ -99,7 +99,9 @@ def smoothed_motion(i: PostflightInputs) -> SmoothedMotion:
         force_sigma=smoother.smoothed_sigma(i.force_noise),
         rate_sigma=rate_sigma,
         acceleration_sigma=acceleration_sigma,
-        moments=euler(rate, acceleration, i.inertia, rate_sigma, acceleration_sigma, i.inertia_relative),
+        moments=euler(
+            rate, acceleration, i.inertia, rate_sigma, acceleration_sigma, i.inertia_relative, i.product_sigma
+        ),
     )
 
 

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from edl_filter.aero.database import Database
+from edl_filter.aero.uncertainty import regime_shares
 from edl_filter.errors import InputError
 from edl_filter.planet.gas import Gas
 from edl_filter.postflight.atmosphere import AtmosphereProfile, scatter
@@ -61,6 +62,7 @@ def extract_atmosphere(
     speed: Array,
     alpha_total: Array,
     gravity: Array,
+    geopotential: Array,
     axial: AxialForce,
     valid: BoolArray,
     database: Database,
@@ -74,14 +76,17 @@ def extract_atmosphere(
     top_temperature: float | None = None,
     top_temperature_sigma: float = 0.0,
 ) -> AtmosphereProfile:
-    """Density ``ρ = -2 m a_x/(CA S V²)`` (eq. 4.1), pressure ``∫ρ g dh`` (eq. 4.2), temperature ``p/(ρ R)``.
+    """Density ``ρ = -2 m a_x/(CA S V²)`` (eq. 4.1), pressure ``∫ρ dW`` (eq. 4.2), temperature ``p/(ρ R)``.
 
     Parameters
     ----------
     time, altitude, speed, alpha_total : (N,) arrays
         s, m, m/s, rad.
     gravity : (N,) array
-        Along the local vertical, m/s².
+        Apparent gravity (with the centrifugal acceleration of the air) along the local vertical, m/s²: it turns errors
+        of the vertical velocity into errors of the pressure.
+    geopotential : (N,) array
+        Potential W of the apparent gravity, m²/s², growing upwards (`Planet.geopotential`): the weight of the air.
     axial : AxialForce
         Of the same samples.
     valid : (N,) array of bool
@@ -120,16 +125,20 @@ def extract_atmosphere(
     Where the database has a step (regimes that switch) a sample may have no solution: with the CA of either side its
     density lies on the other side. It takes the mean of the two, if they differ by less than CA's own 3 sigma.
 
-    Pressure is integrated in altitude along the trajectory with the logarithmic mean of ρg between samples, exact for
-    an exponential atmosphere and the trapezoid rule otherwise to second order. The density at the top is that of a
-    log-linear fit over the first scale height, so that one noisy sample does not determine the boundary.
+    The air is taken to rotate with the planet and to be in equilibrium with gravitation and centrifugal acceleration,
+    so that its pressure depends on the geopotential alone and the slant of the trajectory has no effect (eq. 4.2 has
+    ``g dh`` in place of ``dW``). Pressure is integrated in the geopotential along the trajectory with the logarithmic
+    mean of ρ between samples, exact for an isothermal atmosphere and the trapezoid rule otherwise to second order. The
+    density at the top is that of a fit over the first scale height that is log-linear in the geopotential, so that one
+    noisy sample does not determine the boundary.
 
     Bands are linear. Density: noise, bias, CA (a third of the database's 3 sigma, and its change by the error of the
     angle), mass, speed and wind (squared, and in the Mach number of CA), added in quadrature; the change of CA by
     density and temperature is neglected (``dlnCA/dlnρ`` below 0.05). Each error except noise is taken as one error
     common to all altitudes and propagated through the integral with its sign; noise adds independently from sample to
-    sample. In temperature the common relative errors cancel between p and ρ. The descent between samples has the error
-    of the vertical velocity, in p and T alone.
+    sample. In temperature the common relative errors cancel between p and ρ. CA has one such error in continuum flow
+    and one for each decade of Knudsen number above it (`regime_shares`), with the database's own total; their change
+    with altitude does not cancel. The descent between samples has the error of the vertical velocity, in p and T alone.
     """
     inside = np.flatnonzero(valid)
     if not inside.size:
@@ -139,7 +148,7 @@ def extract_atmosphere(
     part = slice(int(inside[0]), int(inside[-1]) + 1)
     area = np.pi / 4.0 * diameter**2
     mass = np.broadcast_to(np.asarray(axial.mass, float), time.shape)[part]
-    force, v, h = -axial.acceleration[part], speed[part], altitude[part]
+    force, v, level = -axial.acceleration[part], speed[part], geopotential[part]
     invalid = np.flatnonzero(~(force > 0.0))
     if invalid.size:
         raise InputError(
@@ -147,20 +156,19 @@ def extract_atmosphere(
             "it must be negative (a deceleration) throughout the valid stretch."
         )
     product = 2.0 * mass * force / (area * v**2)  # density times CA
-    weight = gravity[part]
-    temperature = np.full(len(h), 200.0 if top_temperature is None else top_temperature)
+    temperature = np.full(len(v), 200.0 if top_temperature is None else top_temperature)
     density = product / 1.7
-    ca = np.full((3, len(h)), np.nan)  # of this iteration, the last and the one before
-    fixed_ca = np.full(len(h), np.nan)  # CA of samples at a step of the database
+    ca = np.full((3, len(v)), np.nan)  # of this iteration, the last and the one before
+    fixed_ca = np.full(len(v), np.nan)  # CA of samples at a step of the database
     for count in range(1, _MOST_ITERATIONS + 1):
         mach, knudsen = gas.mach(v, temperature), gas.knudsen(density, diameter)
         entry = database.lookup(mach, knudsen, alpha_total[part], v)
         ca = np.stack((entry.ca, ca[0], ca[1]))
         fixed_ca = np.where(np.isnan(fixed_ca), _mean_across_step(ca, entry.three_sigma.ca), fixed_ca)
         new = product / np.where(np.isnan(fixed_ca), entry.ca, fixed_ca)
-        top = top_density(h, new)
+        top = top_density(level, new)
         start = 0.0 if top_temperature is None else top * gas.constant * top_temperature
-        pressure = start + _running_integral(h, new * weight)
+        pressure = start + _running_integral(level, new)
         new_temperature = np.clip(gas.temperature(pressure, new), _COLDEST, _HOTTEST)
         change = np.max(np.abs(new - density) / new)
         temperature_change = np.max(np.abs(new_temperature - temperature) / new_temperature)
@@ -179,35 +187,36 @@ def extract_atmosphere(
     at_angle = database.lookup(mach, knudsen, alpha_total[part] + _STEP, v)
     at_speed = database.lookup(mach * (1.0 + _STEP), knudsen, alpha_total[part], v * (1.0 + _STEP))
     by_speed = (at_speed.ca / entry.ca - 1.0) / _STEP  # an error of the speed is one of the Mach number too
+    ca_relative = entry.three_sigma.ca / 3.0 / entry.ca
     relative = {
         "noise": axial.noise[part] / force,
         "bias": along(axial.bias_sigma) / force,
-        "ca": entry.three_sigma.ca / 3.0 / entry.ca,
+        **{f"ca_{k}": ca_relative * share for k, share in enumerate(regime_shares(knudsen, database.continuum_limit))},
         "mass": axial.mass_sigma / mass,
         "speed": -(2.0 + by_speed) * along(speed_sigma) / v,
         "wind": -(2.0 + by_speed) * along(wind_sigma) / v,
         "angle": (entry.ca - at_angle.ca) / _STEP * along(angle_sigma) / entry.ca,
     }
     shared = [name for name in relative if name != "noise"]
-    step = _running_integral(h, density * weight, total=False)
+    step = _running_integral(level, density, total=False)
     raw = axial.noise_raw[part] / force
-    fitted = np.zeros(len(h))
-    weights = top_weights(h, density)
+    fitted = np.zeros(len(v))
+    weights = top_weights(level, density)
     fitted[: len(weights)] = start * weights
     # the noise of a sample is in the density at the top, and below the sample in the integral too
     above, below = np.cumsum(((fitted + step) * raw) ** 2), np.cumsum((fitted * raw) ** 2)
     p_noise = np.sqrt(above + below[-1] - below)
     # infinite where the pressure begins at zero: no relative error is defined there
     safe_pressure = np.where(pressure > 0.0, pressure, np.inf)
-    p_common, t_common = np.zeros(len(h)), (p_noise / safe_pressure) ** 2 + relative["noise"] ** 2
+    p_common, t_common = np.zeros(len(v)), (p_noise / safe_pressure) ** 2 + relative["noise"] ** 2
     for name in shared:
-        error = fitted @ relative[name] + _running_integral(h, density * weight * relative[name])
+        error = fitted @ relative[name] + _running_integral(level, density * relative[name])
         p_common += error**2
         if name == "angle":  # fixed in space, it oscillates in alpha_total as the body rolls: nothing cancels
             t_common += (error / safe_pressure) ** 2 + relative[name] ** 2
         else:
             t_common += (error / safe_pressure - relative[name]) ** 2
-    by_descent = _running_integral(-time[part], density * weight * along(sink_sigma))
+    by_descent = _running_integral(-time[part], density * gravity[part] * along(sink_sigma))
     p_common += by_descent**2
     t_common += (by_descent / safe_pressure) ** 2
     if top_temperature is not None:
@@ -215,7 +224,7 @@ def extract_atmosphere(
         p_common += by_top**2
         t_common += (by_top / safe_pressure) ** 2
     common = np.sqrt(sum(relative[k] ** 2 for k in shared))
-    force_scale = np.stack((relative["noise"], np.hypot(relative["bias"], relative["ca"])), axis=1)
+    force_scale = np.stack((relative["noise"], np.hypot(relative["bias"], ca_relative)), axis=1)
     moment_scale = force_scale.copy()
     moment_scale[:, 1] = np.hypot(moment_scale[:, 1], relative["mass"])
 
@@ -246,32 +255,32 @@ def extract_atmosphere(
     )
 
 
-def top_density(altitude: Array, density: Array) -> float:
+def top_density(level: Array, density: Array) -> float:
     """Density at the first sample by a log-linear fit over the first scale height (three samples at least).
 
     Parameters
     ----------
-    altitude, density : (N,) arrays
-        m, from the top downwards; kg/m³.
+    level, density : (N,) arrays
+        Geopotential (m²/s²), in which an isothermal atmosphere is log-linear, from the top downwards; kg/m³.
 
     Returns
     -------
     float
         kg/m³.
     """
-    weights = top_weights(altitude, density)
+    weights = top_weights(level, density)
     return float(np.exp(weights @ np.log(density[: len(weights)])))
 
 
-def top_weights(altitude: Array, density: Array) -> Array:
+def top_weights(level: Array, density: Array) -> Array:
     """Weights of the first samples' log densities in the fit of `top_density`, ``(n,)``.
 
     The relative error of the density at the top is the weighted sum of the samples' relative errors.
 
     Parameters
     ----------
-    altitude, density : (N,) arrays
-        m, from the top downwards; kg/m³.
+    level, density : (N,) arrays
+        Geopotential (m²/s²), in which an isothermal atmosphere is log-linear, from the top downwards; kg/m³.
 
     Returns
     -------
@@ -280,20 +289,20 @@ def top_weights(altitude: Array, density: Array) -> Array:
     """
     deep = np.flatnonzero(density > _FIT_RATIO * density[0])
     n = min(len(density), max(3, int(deep[0]) if deep.size else len(density)))
-    h = altitude[:n] - altitude[0]
-    if np.ptp(h) == 0.0:
+    x = level[:n] - level[0]
+    if np.ptp(x) == 0.0:
         return np.full(n, 1.0 / n)
-    return np.linalg.pinv(np.stack((np.ones(n), h / np.ptp(h)), axis=1))[0]
+    return np.linalg.pinv(np.stack((np.ones(n), x / np.ptp(x)), axis=1))[0]
 
 
-def _running_integral(altitude: Array, weight: Array, total: bool = True) -> Array:
-    """Integral of `weight` downwards from the first sample, ``(N,)``; without `total` the contribution of each step."""
+def _running_integral(level: Array, weight: Array, total: bool = True) -> Array:
+    """Integral of `weight` over falling `level` from the first sample, ``(N,)``; without `total` that of each step."""
     a, b = weight[:-1], weight[1:]
     ratio = np.divide(b, a, out=np.ones_like(a), where=(a != 0.0) & (a * b > 0.0))
     curved = np.abs(ratio - 1.0) > 1e-4
     log = np.log(ratio, out=np.ones_like(a), where=curved)
     mean = np.where(curved & (a * b > 0.0), (b - a) / log, 0.5 * (a + b))
-    steps = np.concatenate(([0.0], -np.diff(altitude) * mean))
+    steps = np.concatenate(([0.0], -np.diff(level) * mean))
     return np.cumsum(steps) if total else steps
 
 

@@ -133,7 +133,7 @@ def _atmospheres(
     path = (i.time, i.altitude, i.speed, i.alpha_total)
     return (
         extract_atmosphere(
-            *path, i.gravity, axial, valid, i.database, i.gas, i.diameter,
+            *path, i.gravity, i.geopotential, axial, valid, i.database, i.gas, i.diameter,
             speed_sigma=i.speed_sigma, wind_sigma=i.wind_sigma, sink_sigma=i.sink_sigma, angle_sigma=i.angle_sigma,
             top_temperature=i.top_temperature, top_temperature_sigma=i.top_temperature_sigma,
         ),

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from edl_filter.effects.adapters import atmosphere_with_effects, database_with_effects
-from edl_filter.effects.forward_model import compose_body
+from edl_filter.effects.forward_model import compose_air_rotation, compose_body
 from edl_filter.errors import InputError
-from edl_filter.pipeline.forward_model import body_of, changed_bodies, database_of, gas_of
+from edl_filter.pipeline.forward_model import body_of, changed_bodies, database_of
 from edl_filter.pipeline.reconstruct import Reconstruction
 from edl_filter.postflight.airdata import AirData
 from edl_filter.postflight.derive import PostflightResult, derive
@@ -72,6 +72,9 @@ def postflight_inputs(reconstruction: Reconstruction, air: AirData) -> Postfligh
     u, v, w = middle["velocity_body"].T
     speed = np.sqrt(u * u + v * v + w * w)
     position = at_middles(trajectory.time, trajectory.position)
+    # the weight of the air is that in the frame in which it is at rest
+    air_planet = compose_air_rotation(planet, reconstruction.effects)
+    up = planet.enu_from_inertial(0.5 * (trajectory.time[1:] + trajectory.time[:-1]), position)[:, 2]
     parachute = reconstruction.event_times.get("parachute_deploy", float(trajectory.time[-1]))
     middles = samples.time - 0.5 * samples.interval
     mass, (x, y, z), inertia = _mass_properties(reconstruction, middles, parachute)
@@ -83,12 +86,13 @@ def postflight_inputs(reconstruction: Reconstruction, air: AirData) -> Postfligh
         return sensor[layout[name]] if name in layout else np.zeros(3)
 
     path, wind = middle["flight_path_angle"], mission.atmosphere.wind_sigma
-    stated = mission.postflight.windows
+    stated, low_pass_hz = mission.postflight.windows, mission.postflight.low_pass_hz
     return PostflightInputs(
         time=middles,
         altitude=middle["altitude"],
         speed=speed,
-        gravity=np.linalg.norm(planet.gravity(position), axis=1),
+        gravity=-np.einsum("ni,ni->n", air_planet.apparent_gravity(position), up),
+        geopotential=air_planet.geopotential(position),
         velocity_body=middle["velocity_body"],
         alpha=np.arctan2(w, u),
         beta=np.arcsin(v / speed),
@@ -113,14 +117,16 @@ def postflight_inputs(reconstruction: Reconstruction, air: AirData) -> Postfligh
         offset=(y, z),
         inertia=inertia,
         inertia_relative=vehicle.inertia_sigma,
-        gas=gas_of(mission),
+        product_sigma=vehicle.inertia.product_sigma,
+        gas=atmosphere.gas,
         database=database_with_effects(database_of(mission), reconstruction.effects),
         preflight_density=atmosphere.density(middle["altitude"]),
         preflight_temperature=atmosphere.temperature_at(middle["altitude"]),
         preflight_sigma=mission.atmosphere.density_sigma,
-        # a batch that contains the mortar's recoil would spread it over the samples before
-        parachute=parachute - mission.postflight.batch_s,
+        # a batch or a low-pass that contains the mortar's recoil would spread it over the samples before
+        parachute=parachute - mission.postflight.batch_s - (0.0 if low_pass_hz is None else 1.0 / low_pass_hz),
         batch=mission.postflight.batch_s,
+        low_pass_hz=low_pass_hz,
         top_temperature=mission.postflight.top_temperature,
         top_temperature_sigma=mission.postflight.top_temperature_sigma,
         windows=None if stated is None else tuple(Window(w.name, w.start_s, w.end_s) for w in stated),

@@ -25,7 +25,9 @@ class PostflightInputs:
     time : (N,) array
         Middles of the samples' intervals, s.
     altitude, speed, gravity : (N,) arrays
-        m; air-relative, m/s; along the vertical, m/s².
+        m; air-relative, m/s; apparent gravity (with the centrifugal acceleration) along the vertical, m/s².
+    geopotential : (N,) array
+        Potential of the apparent gravity, m²/s², growing upwards.
     velocity_body : (N, 3) array
         Air-relative, m/s.
     alpha, beta, alpha_total : (N,) arrays
@@ -58,6 +60,8 @@ class PostflightInputs:
         kg m². It has a value for each sample, as mass and centre of mass have, where an event changes the vehicle.
     inertia_relative : float
         Relative one sigma of the inertia.
+    product_sigma : tuple of float
+        One sigma of the products of inertia xy, xz and yz, kg m².
     gas : Gas
     database : Database
     preflight_density, preflight_temperature : (N,) arrays
@@ -70,6 +74,8 @@ class PostflightInputs:
         K: isothermal above the first valid sample; with None the pressure is zero there, as in the thesis.
     batch : float
         Length of the smoothing batch, s.
+    low_pass_hz : float, optional
+        Half-power frequency of one pass of a low-pass of forces and rates before the batches, Hz.
     windows : sequence of Window, optional
         Instead of those that are determined from the flight.
     """
@@ -78,6 +84,7 @@ class PostflightInputs:
     altitude: Array
     speed: Array
     gravity: Array
+    geopotential: Array
     velocity_body: Array
     alpha: Array
     beta: Array
@@ -102,9 +109,11 @@ class PostflightInputs:
     alignment_sigma: float = 0.0
     mass_sigma: float = 0.0
     inertia_relative: float = 0.0
+    product_sigma: tuple[float, float, float] = (0.0, 0.0, 0.0)
     top_temperature: float | None = None
     top_temperature_sigma: float = 0.0
     batch: float = BATCH
+    low_pass_hz: float | None = None
     windows: Sequence[Window] | None = None
     offset: tuple[Array | float, Array | float] = (0.0, 0.0)
     altitude_sigma: Array | float = 0.0

@@ -5,10 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from edl_filter import rotations
 from edl_filter.errors import InputError
 from edl_filter.types import Array
+
+#: Elements of the tensor that are minus the products xy, xz and yz.
+_PRODUCTS = ((0, 1), (0, 2), (1, 2))
 
 
 @dataclass(frozen=True)
@@ -22,7 +26,7 @@ class Moments:
     sigma : (N, 3) array
         One sigma due to the noise of rates and angular acceleration.
     systematic : (N, 3) array
-        One sigma due to the inertia's relative sigma; common to the flight.
+        One sigma due to those of the inertia, as a whole and of its products; common to the flight.
     rolling : dict
         The terms of the rolling moment by name, ``(N,)`` each; their sum is ``moment[:, 0]``. ``spin`` is the measured
         torque on an axisymmetric body, ``difference`` is due to unequal lateral moments of inertia, ``xy``, ``xz`` and
@@ -42,6 +46,7 @@ def euler(
     rate_sigma: Array | float = 0.0,
     acceleration_sigma: Array | float = 0.0,
     inertia_relative: float = 0.0,
+    product_sigma: ArrayLike = 0.0,
 ) -> Moments:
     """Moments by Euler's equations, ``M = I α + ω × (I ω)``.
 
@@ -55,6 +60,8 @@ def euler(
         One sigma of each component, rad/s and rad/s²; taken as independent.
     inertia_relative : float
         Relative one sigma of the tensor as a whole: the moments scale with it.
+    product_sigma : float or (3,) array
+        One sigma of the products of inertia xy, xz and yz, independent of each other, kg m².
 
     Returns
     -------
@@ -74,7 +81,13 @@ def euler(
     sigma_rate = np.broadcast_to(np.asarray(rate_sigma, float), rate.shape[:1])[:, None]
     sigma_acceleration = np.broadcast_to(np.asarray(acceleration_sigma, float), rate.shape[:1])[:, None]
     sigma = np.hypot(sigma_acceleration * spread, sigma_rate * np.linalg.norm(by_rate, axis=2))
-    return Moments(moment, sigma, np.abs(moment) * inertia_relative, rolling_terms(rate, acceleration, inertia))
+    variance = (moment * inertia_relative) ** 2
+    for (row, column), product in zip(_PRODUCTS, np.broadcast_to(np.asarray(product_sigma, float), (3,)), strict=True):
+        if product > 0.0:
+            change = np.zeros((3, 3))
+            change[row, column] = change[column, row] = product
+            variance += (acceleration @ change + np.cross(rate, rate @ change)) ** 2
+    return Moments(moment, sigma, np.sqrt(variance), rolling_terms(rate, acceleration, inertia))
 
 
 def tensor_product(tensor: Array, vectors: Array) -> Array:

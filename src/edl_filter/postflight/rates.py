@@ -1,8 +1,8 @@
 """Smoothed forces and rates, and the angular acceleration for Euler's equations (thesis section 3.2).
 
 A second-order polynomial over batches of one length in time, the thesis's 7 points at 8 Hz; the smoothed rates are
-differenced and the differences smoothed again. Predictions that are compared with the flight go through the same
-operations.
+differenced and the differences smoothed again. A zero-phase low-pass can come before (the thesis's for Phoenix).
+Predictions that are compared with the flight go through the same operations.
 """
 
 from __future__ import annotations
@@ -13,7 +13,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from edl_filter.errors import InputError
-from edl_filter.telemetry.smoothing import batch_polynomial, batch_polynomial_bandwidth, differentiated_rates
+from edl_filter.telemetry.smoothing import (
+    batch_polynomial,
+    batch_polynomial_bandwidth,
+    differentiated_rates,
+    low_pass,
+    low_pass_gain,
+)
 from edl_filter.types import Array, IntArray
 
 #: Length of a batch, s: 7 points at 8 Hz (thesis section 3.2).
@@ -25,6 +31,10 @@ _LEAST_POINTS = 5
 _NEIGHBOURS = 11
 #: Batches up to this many points have their noise gains computed exactly.
 _LONGEST_EXACT = 45
+#: Relative difference up to which sampling intervals are the same.
+_EVEN = 1e-6
+#: Frequencies of a response, cycles per sample.
+_FREQUENCY = np.linspace(1e-6, 0.5, 4001)
 
 
 @dataclass(frozen=True)
@@ -40,7 +50,10 @@ class BatchSmoother:
     bandwidth, acceleration_bandwidth : dict
         Points → -3 dB frequency, Hz, of one pass and of the two passes of the angular acceleration.
     gain, acceleration_gain : (N,) arrays
-        One sigma of a smoothed value per one sigma of a white sample; of the angular acceleration, 1/s.
+        One sigma of a smoothed value per one sigma of a white sample; of the angular acceleration, 1/s. With a low-pass
+        its share in them is that of the middle of the series, at the two ends too.
+    low_pass_hz : float, optional
+        Half-power frequency of one pass of the low-pass before the batches, Hz; None: there is none.
     """
 
     time: Array
@@ -49,9 +62,12 @@ class BatchSmoother:
     acceleration_bandwidth: dict[int, float]
     gain: Array
     acceleration_gain: Array
+    low_pass_hz: float | None = None
 
     def smooth(self, values: Array) -> Array:
-        """Values ``(N,)`` or ``(N, K)`` through the batch polynomial."""
+        """Values ``(N,)`` or ``(N, K)`` through the low-pass, if there is one, and the batch polynomial."""
+        if self.low_pass_hz is not None:
+            values = low_pass(values, _even_interval(self.time), self.low_pass_hz)
         return self._by_points(lambda p: batch_polynomial(self.time, values, p, _ORDER))
 
     def differentiate(self, values: Array) -> Array:
@@ -113,7 +129,7 @@ class BatchSmoother:
         return out
 
 
-def batch_smoother(time: Array, length: float = BATCH) -> BatchSmoother:
+def batch_smoother(time: Array, length: float = BATCH, low_pass_hz: float | None = None) -> BatchSmoother:
     """Smoother of a series, with batches of the odd number of samples nearest to a length in time, at least 5.
 
     Parameters
@@ -122,6 +138,8 @@ def batch_smoother(time: Array, length: float = BATCH) -> BatchSmoother:
         Middles of the samples' intervals, s.
     length : float
         s.
+    low_pass_hz : float, optional
+        Half-power frequency of one pass of a zero-phase low-pass before the batches, Hz.
 
     Returns
     -------
@@ -130,7 +148,8 @@ def batch_smoother(time: Array, length: float = BATCH) -> BatchSmoother:
     Raises
     ------
     InputError
-        There are fewer samples than in a batch.
+        There are fewer samples than in a batch; with a low-pass, the samples are not evenly spaced, or its frequency is
+        not below the Nyquist frequency.
     """
     from scipy import ndimage  # slow to import, and few runs need it
 
@@ -141,17 +160,26 @@ def batch_smoother(time: Array, length: float = BATCH) -> BatchSmoother:
     local = np.concatenate((local[:1], local))
     points = np.maximum(2 * np.round((length / local - 1.0) / 2.0).astype(np.int64) + 1, _LEAST_POINTS)
     points = np.minimum(points, len(time) - 1 - len(time) % 2)
+    cycles = None if low_pass_hz is None else low_pass_hz * _even_interval(time)
     bandwidth, acceleration_bandwidth = {}, {}
     gain, acceleration_gain = np.empty(len(time)), np.empty(len(time))
     for count in np.unique(points):
         mask = points == count
         interval = float(np.median(local[mask]))
         smoothing, differentiation = _gains(int(count))
-        bandwidth[int(count)] = batch_polynomial_bandwidth(int(count), _ORDER, interval)
-        acceleration_bandwidth[int(count)] = _acceleration_bandwidth(int(count), interval)
-        gain[mask] = _spread(smoothing, len(time))[mask]
-        acceleration_gain[mask] = _spread(differentiation, len(time))[mask] / local[mask]
-    return BatchSmoother(time, points, bandwidth, acceleration_bandwidth, gain, acceleration_gain)
+        responses = _responses(int(count))
+        passed = np.ones(len(_FREQUENCY)) if cycles is None else low_pass_gain(_FREQUENCY, cycles)
+        bandwidth[int(count)] = (
+            batch_polynomial_bandwidth(int(count), _ORDER, interval)
+            if cycles is None
+            else _half_power(responses[0] * passed, interval)
+        )
+        # relative to the true derivative, whose response is the angular frequency
+        acceleration_bandwidth[int(count)] = _half_power(responses[1] * passed / (2.0 * np.pi * _FREQUENCY), interval)
+        shares = [np.linalg.norm(r * passed) / np.linalg.norm(r) for r in responses]
+        gain[mask] = shares[0] * _spread(smoothing, len(time))[mask]
+        acceleration_gain[mask] = shares[1] * _spread(differentiation, len(time))[mask] / local[mask]
+    return BatchSmoother(time, points, bandwidth, acceleration_bandwidth, gain, acceleration_gain, low_pass_hz)
 
 
 def box_mean(values: Array) -> Array:
@@ -199,13 +227,29 @@ def _spread(short: Array, n: int) -> Array:
     return out
 
 
-def _acceleration_bandwidth(points: int, interval: float) -> float:
-    """-3 dB frequency of the differentiated rates relative to the true derivative, Hz."""
+def _responses(points: int) -> tuple[Array, Array]:
+    """Responses of a batch, and of the differentiation with two batches (per sample), at `_FREQUENCY`."""
     from scipy import signal
 
     weights = signal.savgol_coeffs(points, _ORDER)
     lag = np.arange(points) - points // 2
-    f = np.linspace(1e-6, 0.5, 4001)
-    response = (np.cos(2.0 * np.pi * np.outer(f, lag)) @ weights) ** 2 * np.sinc(2.0 * f)
+    batch = np.cos(2.0 * np.pi * np.outer(_FREQUENCY, lag)) @ weights
+    # a difference over one sample, and the mean of two neighbouring differences
+    return batch, batch**2 * np.sin(2.0 * np.pi * _FREQUENCY)
+
+
+def _half_power(response: Array, interval: float) -> float:
+    """Lowest frequency at which less than half the power passes, Hz; the Nyquist frequency if there is none."""
     attenuated = np.flatnonzero(response < np.sqrt(0.5))
-    return float(f[attenuated[0]] if attenuated.size else 0.5) / interval
+    return float(_FREQUENCY[attenuated[0]] if attenuated.size else 0.5) / interval
+
+
+def _even_interval(time: Array) -> float:
+    """Sampling interval of evenly spaced samples, s; raises InputError where they are not."""
+    step = np.diff(time)
+    if np.ptp(step) > _EVEN * step.min():
+        raise InputError(
+            f"postflight.low_pass_hz: found sampling intervals from {step.min():.6g} to {step.max():.6g} s; a low-pass "
+            "needs evenly spaced samples. Leave the key out: postflight.batch_s smooths by itself."
+        )
+    return float(np.mean(step))

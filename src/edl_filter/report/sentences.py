@@ -11,9 +11,11 @@ from edl_filter.results.schema import (
     EffectParameter,
     EntryState,
     EventState,
+    GasSummary,
     Landing,
     ModelEffect,
     PostflightSummary,
+    Smoothing,
 )  # fmt: skip
 
 #: Share of a constraint's uses that may fail the gate before a run warns.
@@ -99,6 +101,24 @@ def _estimate(parameter: EffectParameter) -> str:
     return f"{with_sigma(parameter.estimate, parameter.sigma)}{unit}"
 
 
+def gas_sentence(gas: GasSummary) -> str:
+    """Gas in which Mach numbers and temperatures are meant."""
+    return f"Mach numbers and temperatures are those of this gas: {gas.description}."
+
+
+def smoothing_sentence(s: Smoothing) -> str:
+    """Batch, low-pass and bandwidths of forces, rates and angular accelerations."""
+    low_pass = "" if s.low_pass_hz is None else f"a low-pass at {s.low_pass_hz:g} Hz and "
+    return (
+        f"Forces and rates are smoothed by {low_pass}batches of {s.batch_points} samples: bandwidth "
+        f"{_frequency(s.bandwidth_hz)}, of the angular accelerations {_frequency(s.acceleration_bandwidth_hz)}."
+    )
+
+
+def _frequency(value: float | None) -> str:
+    return "unknown" if value is None else f"{value:.2f} Hz"
+
+
 def postflight_lines(postflight: PostflightSummary | None) -> list[str]:
     """Validation domain, instabilities, and the largest difference of the force coefficients."""
     if postflight is None:
@@ -110,6 +130,8 @@ def postflight_lines(postflight: PostflightSummary | None) -> list[str]:
         f"Aerodynamics from {_time(domain.start)} s (forces from {_time(domain.useful)} s); instabilities: "
         f"{', '.join(intervals) or 'none found'}."
     ]
+    if postflight.smoothing is not None:
+        lines.append(smoothing_sentence(postflight.smoothing))
     forces = [a for a in postflight.averages if a.pair == "IMU-accels" and a.percent is not None]
     if forces:
         worst = max(forces, key=lambda a: abs(a.percent or 0.0))

@@ -93,6 +93,7 @@ def summary(postflight: PostflightResult) -> dict[str, Any]:
     last = postflight.time > postflight.domain.end - 20.0
     return {
         "domain_s": {f.name: getattr(postflight.domain, f.name) for f in fields(postflight.domain)},
+        "smoothing": _smoothing(postflight),
         "mach_times_s": {f"{k:g}": v for k, v in postflight.regimes.mach_times.items()},
         "instabilities_s": _instabilities(postflight),
         "instabilities_found_by": dict(postflight.regimes.identified_by),
@@ -134,8 +135,7 @@ def _instabilities(postflight: PostflightResult) -> dict[str, list[float] | None
 
 
 def _root(postflight: PostflightResult) -> dict[str, Any]:
-    domain, regimes, smoother = postflight.domain, postflight.regimes, postflight.motion.smoother
-    points = int(smoother.points[-1])
+    domain, regimes = postflight.domain, postflight.regimes
     continuum = {} if regimes.continuum is None else {"continuum_from": regimes.continuum}
     return {
         "domain_start": domain.start,
@@ -146,11 +146,21 @@ def _root(postflight: PostflightResult) -> dict[str, Any]:
         "instabilities": json.dumps(_instabilities(postflight)),
         "instabilities_found_by": json.dumps(regimes.identified_by),
         "verdicts": json.dumps([v.sentence for v in postflight.verdicts], ensure_ascii=False),
+        "continuum_limit": regimes.continuum_limit,
+        **{name: value for name, value in _smoothing(postflight).items() if value is not None},
+    } | continuum
+
+
+def _smoothing(postflight: PostflightResult) -> dict[str, Any]:
+    """Smoothing of forces and rates at the end of the domain; a low-pass that there is not is None."""
+    smoother = postflight.motion.smoother
+    points = int(smoother.points[-1])
+    return {
         "batch_points": points,
+        "low_pass_hz": smoother.low_pass_hz,
         "bandwidth_hz": smoother.bandwidth[points],
         "acceleration_bandwidth_hz": smoother.acceleration_bandwidth[points],
-        "continuum_limit": regimes.continuum_limit,
-    } | continuum
+    }
 
 
 def _timed(time: Array) -> Group:

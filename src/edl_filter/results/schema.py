@@ -58,7 +58,7 @@ class EventState(Content):
     )
     velocity_m_s: Number = _key("air-relative speed, m/s")
     velocity_sigma_m_s: Number = _key("1 sigma of the speed, m/s")
-    mach: Number = _key("Mach number with the preflight atmosphere")
+    mach: Number = _key("Mach number with the preflight atmosphere, in the gas of the mission")
     dynamic_pressure_pa: Number = _key("dynamic pressure with the preflight density, Pa")
     flight_path_deg: Number = _key("air-relative flight-path angle, deg, positive up")
     alpha_total_deg: Number = _key("total angle of attack, deg")
@@ -286,10 +286,20 @@ class AverageDifference(Content):
     samples: int = _key("number of samples in the mean")
 
 
+class Smoothing(Content):
+    """Smoothing of forces and rates at the end of the domain."""
+
+    batch_points: int = _key("samples in a batch of the second-order polynomial")
+    low_pass_hz: Number = _key("half-power frequency of one pass of the low-pass before the batches, Hz; null: none")
+    bandwidth_hz: Number = _key("frequency at which forces and rates pass half the power, Hz")
+    acceleration_bandwidth_hz: Number = _key("the same of the angular acceleration, Hz")
+
+
 class PostflightSummary(Content):
     """Main results of the post-flight layer."""
 
     domain_s: Domain = _key("part of the flight in which coefficients are defined")
+    smoothing: Smoothing | None = _optional("smoothing of forces and rates")
     mach_times_s: dict[str, Number] = _key("Mach number → last time at which the flight falls below it, s")
     instabilities_s: Instabilities = _key("intervals of the static instabilities, s since the epoch")
     instabilities_found_by: InstabilitySources = _key("criterion by which each instability was identified")
@@ -301,6 +311,16 @@ class PostflightSummary(Content):
     verdicts: tuple[str, ...] = _key("judgement of the database's uncertainty, one sentence per window and coefficient")
 
 
+class GasSummary(Content):
+    """Gas in which Mach numbers, Knudsen numbers and temperatures are meant."""
+
+    name: str = _key("name: thesis, Martian air, mixture or stated constants")
+    constant: Number = _key("specific gas constant, J/(kg K)")
+    heat_capacity_ratio_200_k: Number = _key("ratio of specific heats at 200 K")
+    heat_capacity_ratio_300_k: Number = _key("ratio of specific heats at 300 K")
+    description: str = _key("all this in words, with the composition")
+
+
 class Summary(Content):
     """``summary.json``: the main results of a run."""
 
@@ -308,6 +328,7 @@ class Summary(Content):
     title: str = _key("name for people")
     edl_filter_version: str = _key("version of the program")
     epoch_utc: str = _key("UTC of the epoch, ISO 8601")
+    gas: GasSummary | None = _optional("gas of the atmosphere")
     events: dict[str, EventState] = _key("state at every event, by name, in order of time")
     landing: Landing = _key("landing position and its distance from the site")
     constraints: dict[str, ConstraintSummary] = _key("constraints by name")

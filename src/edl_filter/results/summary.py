@@ -11,6 +11,7 @@ from edl_filter._version import __version__
 from edl_filter.navigation.leave_one_out import ConstraintCheck
 from edl_filter.pipeline.reconstruct import Reconstruction, in_j2000
 from edl_filter.planet import ellipsoid
+from edl_filter.planet.gas import Gas
 from edl_filter.results import postflight
 from edl_filter.results.derived import Derived, RefitSummary
 from edl_filter.results.effects import effects_content
@@ -32,6 +33,7 @@ def summary(reconstruction: Reconstruction, derived: Derived, refit: RefitSummar
         "title": reconstruction.mission.title,
         "edl_filter_version": __version__,
         "epoch_utc": reconstruction.telemetry.epoch_utc,
+        "gas": gas_content(reconstruction.atmosphere.gas),
         "events": events,
         "landing": landing(reconstruction),
         "constraints": {s.name: constraint(s) for s in reconstruction.constraint_checks},
@@ -44,6 +46,18 @@ def summary(reconstruction: Reconstruction, derived: Derived, refit: RefitSummar
         "effects": effects_content(reconstruction, refit.sigma),
         "notes": list(reconstruction.telemetry.notes),
         "timing_s": dict(reconstruction.timing),
+    }
+
+
+def gas_content(gas: Gas) -> dict[str, Any]:
+    """The gas in which Mach numbers, Knudsen numbers and temperatures are meant."""
+    cold, warm = gas.heat_capacity_ratio([200.0, 300.0])
+    return {
+        "name": gas.name,
+        "constant": gas.constant,
+        "heat_capacity_ratio_200_k": float(cold),
+        "heat_capacity_ratio_300_k": float(warm),
+        "description": gas.description,
     }
 
 

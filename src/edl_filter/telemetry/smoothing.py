@@ -188,6 +188,28 @@ def low_pass_bandwidth(cutoff_hz: float, interval: float, order: int = 4) -> flo
     return float(np.arctan(np.tan(np.pi * cutoff_hz * interval) * ratio) / (np.pi * interval))
 
 
+def low_pass_gain(frequency: ArrayLike, cutoff: float, order: int = 4) -> Array:
+    """Gain of `low_pass`, both passes together.
+
+    Parameters
+    ----------
+    frequency : (...) array
+        Cycles per sample, 0 to 0.5.
+    cutoff : float
+        Half-power frequency of one pass, cycles per sample, below 0.5.
+    order : int
+        Order of one pass.
+
+    Returns
+    -------
+    (...) array
+        1 at zero frequency.
+    """
+    _check_cutoff(cutoff, 1.0)
+    ratio = np.tan(np.pi * np.minimum(np.asarray(frequency, float), 0.5 - 1e-12)) / np.tan(np.pi * cutoff)
+    return 1.0 / (1.0 + ratio ** (2 * order))
+
+
 def differentiated_rates(
     time: ArrayLike, rate: ArrayLike, smooth: Callable[[Array, Array], Array] | None = None
 ) -> Array:

@@ -10,11 +10,13 @@ import pytest
 from contents import hypothesis
 
 from edl_filter.errors import InputError
+from edl_filter.planet.gas import NAMED_GASES
 from edl_filter.report.colours import cell_colours
 from edl_filter.report.description import Band
 from edl_filter.report.diagnosis import ledger_levels
 from edl_filter.report.html import write_report
 from edl_filter.report.plotly_renderer import band_trace, event_marks
+from edl_filter.results.summary import gas_content
 
 
 def page(folder):
@@ -82,6 +84,15 @@ def test_a_run_without_a_diagnosis_says_so_and_how_to_get_one(tmp_path):
     assert "Not diagnosed yet" in section(text, "verdict") and "all 1 constraints agree" in section(text, "verdict")
     assert 'class="cell' not in text.split("<script")[0]
     assert data(text)["residuals"] is None
+
+
+def test_the_gas_of_mach_numbers_and_temperatures_is_said(tmp_path):
+    folders.whole(tmp_path)
+    gas = gas_content(NAMED_GASES["mars"])
+    folders.summary(tmp_path, gas=gas)
+    text = page(tmp_path)
+    for key in ("events", "atmosphere"):
+        assert "R 191.20 J/(kg K), γ 1.350 at 200 K" in section(text, key)
 
 
 def test_what_a_folder_lacks_is_said(tmp_path):

@@ -6,7 +6,13 @@ from edl_filter.report.atmosphere import LARGEST_SIGMA, profile_panels
 from edl_filter.report.coefficients import MEANINGS, against_database
 from edl_filter.report.html.blocks import Block, Command, Details, Grid, Mark, Note, Plot, Section, Table
 from edl_filter.report.instruments import HEADS, instrument_tables
-from edl_filter.report.sentences import entry_sentence, landing_sentence, peak_sentence
+from edl_filter.report.sentences import (
+    entry_sentence,
+    gas_sentence,
+    landing_sentence,
+    peak_sentence,
+    smoothing_sentence,
+)
 from edl_filter.report.text import (
     constraint_verdict,
     fixed_digits,
@@ -46,6 +52,7 @@ def events(reader: ResultReader) -> Section:
     )
     blocks: list[Block] = [Table("", heads, [_event(name, event) for name, event in ordered], texts=2)]
     blocks += [Note(sentence) for sentence in sentences if sentence]
+    explanation += "" if summary.gas is None else f" {gas_sentence(summary.gas)}"
     return Section("events", "Events", [*blocks, Note(explanation, "muted")])
 
 
@@ -84,10 +91,11 @@ def atmosphere(reader: ResultReader) -> Section:
     if not panels:
         note = Note("The run derived no atmosphere; that needs an aerodynamic database in the mission.", "muted")
         return Section("atmosphere", "Atmosphere", [note])
+    gas = None if reader.summary is None else reader.summary.gas
     note = Note(
         "From the drag: density from the axial force and the database, pressure by the hydrostatic integral, "
         "temperature by the gas law. Bands are one sigma. Temperature and ratios are left out where a sigma exceeds "
-        f"{LARGEST_SIGMA:.0%}.",
+        f"{LARGEST_SIGMA:.0%}." + ("" if gas is None else f" {gas_sentence(gas)}"),
         "muted",
     )
     plots = [Plot.of_panel(panel, _PROFILE_HEIGHT, _SMALL_BINS) for panel in panels]
@@ -109,6 +117,9 @@ def coefficients(reader: ResultReader) -> Section:
         ),
         Grid([Plot.of_panel(panel, _COEFFICIENT_HEIGHT, _SMALL_BINS) for panel in panels]),
     ]
+    postflight = None if reader.summary is None else reader.summary.postflight
+    if postflight is not None and postflight.smoothing is not None:
+        blocks.insert(1, Note(smoothing_sentence(postflight.smoothing), "muted"))
     rows = _verdicts(reader)
     if rows:
         heads = ("window", "coefficient", "density", "database minus flight", "3 sigma", "share", "")

@@ -11,6 +11,7 @@ from edl_filter.report.instruments import HEADS, instrument_tables
 from edl_filter.report.sentences import (
     effect_lines,
     entry_sentence,
+    gas_sentence,
     landing_sentence,
     peak_sentence,
     postflight_lines,
@@ -56,6 +57,7 @@ def print_run(written: Mapping[str, Any]) -> None:
         *_instruments(summary),
         *effect_lines(summary.effects),
         *postflight_lines(summary.postflight),
+        "" if summary.gas is None else gas_sentence(summary.gas),
     )
     paths = [
         f"Written in {sum(summary.timing_s.values()):.1f} s: {written['result']}",

@@ -1,0 +1,46 @@
+"""Keys of a mission that the post-flight layer uses."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from edl_filter.mission import Mission
+from edl_filter.postflight.airdata import air_data
+from edl_filter.postflight.flight import derive_flight
+from edl_filter.results.postflight import summary
+
+
+def derived(flight, *overrides):
+    """Post-flight layer of a flight whose mission has other keys."""
+    flight = replace(flight, mission=Mission.load("builtin:practice_mer", overrides))
+    return derive_flight(flight, air_data(flight.trajectory, flight.planet, flight.atmosphere, flight.effects))
+
+
+def test_batch_and_low_pass_of_the_mission_are_used_and_reported(practice_06):
+    runs = {
+        name: derived(practice_06, *overrides)
+        for name, overrides in (
+            ("plain", ()),
+            ("short", ("postflight.batch_s=0.625",)),
+            ("low_pass", ("postflight.batch_s=0.625", "postflight.low_pass_hz=1.0")),
+        )
+    }
+    smoothing = {name: summary(run)["smoothing"] for name, run in runs.items()}
+    assert [s["batch_points"] for s in smoothing.values()] == [7, 5, 5]
+    assert [s["low_pass_hz"] for s in smoothing.values()] == [None, None, 1.0]
+    assert (
+        smoothing["low_pass"]["bandwidth_hz"] < smoothing["plain"]["bandwidth_hz"] < smoothing["short"]["bandwidth_hz"]
+    )
+    noise = {name: np.median(run.motion.moments.sigma[:, 1]) for name, run in runs.items()}
+    assert noise["low_pass"] < 0.5 * noise["short"]
+    # neither a batch nor the low-pass reaches the mortar's recoil
+    end = {name: run.time[-1] for name, run in runs.items()}
+    assert end["short"] - end["low_pass"] == pytest.approx(1.0, abs=0.13)
+
+
+def test_sigmas_of_products_of_inertia_widen_the_bands_of_the_moments(practice_06):
+    plain, wide = derived(practice_06), derived(practice_06, "vehicle.inertia.yz_sigma=2.0")
+    before, after = (np.nanmedian(run.flight.coefficients.systematic["Cl"][200:]) for run in (plain, wide))
+    assert after > 1.5 * before
+    np.testing.assert_array_equal(plain.flight.coefficients.value["Cl"], wide.flight.coefficients.value["Cl"])

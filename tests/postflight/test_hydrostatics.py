@@ -1,0 +1,74 @@
+"""Hydrostatic equilibrium in the rotating frame: an atmosphere that is in it comes back with its temperature."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from edl_filter.aero.uncertainty import ThreeSigma
+from edl_filter.planet import Planet
+from edl_filter.planet.gas import Gas
+from edl_filter.postflight.density import AxialForce, extract_atmosphere
+from edl_filter.postflight.flight import postflight_inputs
+
+MARS = Planet("mars", 4.282837e13, 1.96e-3, 3396190.0, 3396190.0, 5.886e-3, 7.088218e-5, 0.0)
+GAS, T, D, MASS = Gas(), 180.0, 2.65, 830.0
+AREA = np.pi / 4.0 * D**2
+
+
+class ConstantDrag:
+    """Substitute for a database: CA 1.7 without error."""
+
+    continuum_limit = 1e-3
+
+    def lookup(self, mach, knudsen, alpha, speed=None):
+        zero = 0.0 * mach
+        return SimpleNamespace(ca=1.7 + zero, three_sigma=ThreeSigma(zero, zero, zero, zero))
+
+
+def path(latitude_deg, azimuth_deg, n=2000):
+    """Descent from 125 to 5 km over 600 km of ground; planet-fixed positions (n, 3) and altitudes."""
+    altitude, ground_angle = np.linspace(125e3, 5e3, n), np.linspace(0.0, 600e3 / 3.4e6, n)
+    azimuth, latitude = np.radians(azimuth_deg), np.radians(latitude_deg)
+    north = latitude + ground_angle * np.cos(azimuth)
+    return MARS.fixed_from_geodetic(north, ground_angle * np.sin(azimuth) / np.cos(latitude), altitude), altitude
+
+
+@pytest.mark.parametrize(("latitude", "azimuth"), [(0.0, 90.0), (-17.0, 80.0), (45.0, 20.0), (-85.0, 0.0)])
+def test_an_isothermal_atmosphere_in_equilibrium_comes_back_with_its_temperature(latitude, azimuth):
+    """Density exp(-W/(R T)) of the potential W of gravitation and of the centrifugal acceleration, along any path."""
+    position, altitude = path(latitude, azimuth)
+    x, y, z = position.T
+    r2 = x * x + y * y + z * z
+    attraction = 4.282837e13 / np.sqrt(r2) * (1 - 1.96e-3 * 3396190.0**2 / r2 * (3 * z * z / r2 - 1) / 2)
+    total = attraction + 0.5 * 7.088218e-5**2 * (x * x + y * y)
+    density = 3e-7 * np.exp((total - total[0]) / (GAS.constant * T))
+    time = np.linspace(0.0, 200.0, len(density))
+    speed = 5000.0 - 20.0 * time
+    force = -0.5 * density * speed**2 * AREA * 1.7 / MASS
+    noise, zero = np.full(len(time), 1e-12), np.zeros(len(time))
+    gravity = np.linalg.norm(MARS.apparent_gravity(position), axis=1)
+    profile = extract_atmosphere(
+        time, altitude, speed, zero, gravity, MARS.geopotential(position), AxialForce(force, noise, noise, 0.0, MASS),
+        np.ones(len(time), bool), ConstantDrag(), GAS, D, top_temperature=T,
+    )  # fmt: skip
+    np.testing.assert_allclose(profile.temperature, T, rtol=1e-4)
+    np.testing.assert_allclose(profile.pressure, density * GAS.constant * T, rtol=1e-4)
+
+
+def test_the_inputs_of_a_flight_have_the_apparent_gravity(practice_06):
+    """Weight of air that rotates with the planet: near the equator 0.4 % below the attraction."""
+    from edl_filter.postflight.airdata import air_data
+
+    air = air_data(practice_06.trajectory, practice_06.planet, practice_06.atmosphere, practice_06.effects)
+    inputs, planet = postflight_inputs(practice_06, air), practice_06.planet
+    trajectory = practice_06.trajectory
+    middle = 0.5 * (trajectory.position[1:] + trajectory.position[:-1])
+    attraction = np.linalg.norm(planet.gravity(middle), axis=1)
+    radius = np.hypot(middle[:, 0], middle[:, 1])
+    latitude = np.arctan2(middle[:, 2], radius)
+    np.testing.assert_allclose(
+        inputs.gravity, attraction - planet.rotation_rate**2 * radius * np.cos(latitude), rtol=3e-5
+    )
+    # and the potential is that gravity's, along the vertical and along the path
+    np.testing.assert_allclose(np.diff(inputs.geopotential), np.diff(planet.geopotential(middle)), rtol=1e-3, atol=1.0)
