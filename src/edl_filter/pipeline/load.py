@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 
@@ -10,10 +11,12 @@ from edl_filter import rotations
 from edl_filter.errors import InputError
 from edl_filter.mission import Mission
 from edl_filter.mission.measurements import FlightFileConfig, MerImuConfig
+from edl_filter.mission.shipped import shipped_data
 from edl_filter.planet.atmosphere import Atmosphere
 from edl_filter.telemetry.fetch import find_mer_imu
 from edl_filter.telemetry.flight_file import read_flight_file
 from edl_filter.telemetry.mer_archive import read_mer_tables
+from edl_filter.telemetry.mer_compact import FILE_NAMES
 from edl_filter.telemetry.mer_flight import MerImu, MerSetup, mer_telemetry
 from edl_filter.telemetry.record import Telemetry
 
@@ -36,8 +39,11 @@ def read_telemetry(mission: Mission) -> Telemetry:
             )
         return telemetry if mission.telemetry.driving is None else driven_by(telemetry, mission.telemetry.driving)
     assert isinstance(mission.telemetry, MerImuConfig)  # telemetry_path stops the others
-    tables = read_mer_tables(find_mer_imu(path), mission.telemetry.spacecraft)
-    return mer_telemetry(tables, mer_setup(mission))
+    spacecraft = mission.telemetry.spacecraft
+    if path is None:
+        shipped_name = Path(FILE_NAMES[spacecraft]).stem
+        path = find_mer_imu(spacecraft) or shipped_data(shipped_name, f"{mission.label}: telemetry.path")
+    return mer_telemetry(read_mer_tables(path, spacecraft), mer_setup(mission))
 
 
 def driven_by(telemetry: Telemetry, name: str) -> Telemetry:
