@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 
 from edl_filter import rotations
 from edl_filter.errors import InputError
+from edl_filter.io.csv_table import package_data
 from edl_filter.mission import Mission
 from edl_filter.mission.measurements import FlightFileConfig, MerImuConfig
-from edl_filter.mission.shipped import shipped_data
 from edl_filter.planet.atmosphere import Atmosphere
 from edl_filter.telemetry.fetch import find_mer_imu
 from edl_filter.telemetry.flight_file import read_flight_file
@@ -41,8 +40,7 @@ def read_telemetry(mission: Mission) -> Telemetry:
     assert isinstance(mission.telemetry, MerImuConfig)  # telemetry_path stops the others
     spacecraft = mission.telemetry.spacecraft
     if path is None:
-        shipped_name = Path(FILE_NAMES[spacecraft]).stem
-        path = find_mer_imu(spacecraft) or shipped_data(shipped_name, f"{mission.label}: telemetry.path")
+        path = find_mer_imu(spacecraft) or package_data(FILE_NAMES[spacecraft])
     return mer_telemetry(read_mer_tables(path, spacecraft), mer_setup(mission))
 
 

@@ -1,11 +1,11 @@
 """Reader of Spirit's and Opportunity's entry telemetry, with corrections of defects that the labels do not mention.
 
-Input: PDS volume merimu_1001 (data set MER1/MER2-M-IMU-4-EDL-V1.0, Kass et al. 2004), or one rover's tables of it in
-compact form (`mer_compact`), with the same numbers. There are, for each spacecraft, a table TRANSFORMED (on-board
-attitude, accumulated velocity, acceleration at the centre of mass) and a table HIGHRATE (increments of angle and
-velocity of both IMUs at 8 Hz). MER1 is Opportunity (MER-B), MER2 is Spirit (MER-A). Method: the functions of
-`mer_cleaning` detect and correct each defect. Output: both tables (`MerTables`) in the archive's axes and in seconds of
-the spacecraft clock; a missing value is NaN, never zero.
+Input: PDS volume merimu_1001 (data set MER1/MER2-M-IMU-4-EDL-V1.0, Kass et al. 2004), or its tables in compact form
+(`mer_compact`), in which every number is the same to the last bit. The volume has, for each spacecraft, a
+table TRANSFORMED (on-board attitude, accumulated velocity, acceleration at the centre of mass) and a table HIGHRATE
+(increments of angle and velocity of both IMUs at 8 Hz). MER1 is Opportunity (MER-B), MER2 is Spirit (MER-A). Method:
+the functions of `mer_cleaning` detect and correct each defect. Output: both tables (`MerTables`) in the archive's axes
+and in seconds of the spacecraft clock; a missing value is NaN, never zero.
 """
 
 from __future__ import annotations
@@ -118,7 +118,7 @@ class MerTables:
     transformed_gaps, highrate_gaps : tuples of (start, length)
         Clock count of the last row before each gap, and time to the next row, s.
     files : dict
-        Name in the volume → sha256 of the four original files, also where the numbers were read from a compact file.
+        Name in the volume → sha256 of the four files.
     notes : tuple of str
         Corrections that were made, one sentence each.
     """
@@ -246,6 +246,9 @@ def read_mer_tables(source: str | Path, spacecraft: int) -> MerTables:
     source = Path(source)
     tables = {name: _read(source, name, spacecraft) for name in PRODUCTS}
     notes: list[str] = []
+    if source.is_file():
+        names = " and ".join(table.path.name for table in tables.values())
+        notes.append(f"{source.name}: the numbers of {names}, unchanged, in compact form.")
     transformed, resets = _clean_transformed(tables["TRANSFORMED"], notes)
     highrate = _clean_highrate(tables["HIGHRATE"], notes)
     gaps = {
@@ -256,9 +259,6 @@ def read_mer_tables(source: str | Path, spacecraft: int) -> MerTables:
         details = ", ".join(f"{length:g} s after SCLK {start:.3f}" for start, length in of_table)
         count = f"{len(of_table)} gap{'s' * (len(of_table) != 1)}"
         notes.append(f"{tables[name].path.name}: {count}" + (f" ({details})." if of_table else "."))
-    if source.is_file():
-        names = " and ".join(table.path.name for table in tables.values())
-        notes.append(f"{source.name}: the numbers of {names}, unchanged, in compact form.")
     return MerTables(
         spacecraft=spacecraft,
         name=_NAMES[spacecraft],
