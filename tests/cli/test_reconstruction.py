@@ -110,11 +110,11 @@ def test_a_rovers_tables_are_no_flight_file(cli):
 def test_demo_reconstructs_spirit(cli, spirit, monkeypatch):
     missions = []
 
-    def reconstructed(mission):
+    def run_mission(mission, *args):
         missions.append(mission)
-        return spirit
+        return Result(spirit)
 
-    monkeypatch.setattr("edl_filter.pipeline.reconstruct.reconstruct", reconstructed)
+    monkeypatch.setattr("edl_filter.workflow.run.run_mission", run_mission)
     result = cli("demo", "-o", "demo-results")
     assert result.exit_code == 0, result.output
     assert [mission.name for mission in missions] == ["mer_a"]
