@@ -1,7 +1,7 @@
 # Each target works on a fresh clone: it makes its own virtual environment in .venv from pyproject.toml,
 # with the versions of constraints.txt, once.
 #
-#   make demo    reconstruct the built-in flight; figures and results go to demo-results
+#   make demo    reconstruct Spirit's entry from the shipped telemetry; figures and results go to demo-results
 #   make test    run the tests        make lint   ruff        make types   mypy        make layers  import-linter
 #   make notebooks      execute the notebooks (minutes)
 #   make test-browser   click through the workbench in Chromium, from first look to noise floor (minutes)
@@ -35,7 +35,7 @@ test: $(STAMP)
 notebooks: $(STAMP)
 	$(BIN)/pytest -n 2 -m notebook tests/notebooks
 
-# Two runs and two diagnoses by clicking take minutes, and need Chromium and the practice flights
+# Two runs and two diagnoses by clicking take minutes, and need Chromium
 test-browser: $(STAMP)
 	$(BIN)/pytest -m browser tests/serve
 

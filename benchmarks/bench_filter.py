@@ -11,7 +11,6 @@ Run: ``python benchmarks/bench_filter.py``
 """
 
 import gc
-import os
 import time
 from dataclasses import replace
 from pathlib import Path
@@ -261,8 +260,7 @@ def main():
     compare(problem, "Built-in flight, every altimeter reading fused")
     kernel()
     stages("practice_mer")
-    if os.environ.get("EDL_FILTER_DATA"):
-        stages("mer_a")
+    stages("mer_a")
 
 
 if __name__ == "__main__":

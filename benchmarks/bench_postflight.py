@@ -1,12 +1,11 @@
 """How long the post-flight layer takes, and beside it the reconstruction it follows, in the same run.
 
-1. A mission's reconstruction and its layer: the built-in flight and, with ``EDL_FILTER_DATA`` set, Spirit.
+1. A mission's reconstruction and its layer: the built-in practice flight and Spirit.
 2. The built-in flight's layer inputs on a grid of 200 Hz: how the time grows with the samples.
 
 Run: ``python benchmarks/bench_postflight.py``
 """
 
-import os
 import time
 from dataclasses import fields, replace
 from pathlib import Path
@@ -59,8 +58,7 @@ def mission(name):
 
 def main():
     given, layer = mission("practice_mer")
-    if os.environ.get("EDL_FILTER_DATA"):
-        mission("mer_a")
+    mission("mer_a")
     before = len(given.until_parachute().time)
     fine = resampled(given, RATE)
     after, spent = fine.until_parachute(), best(lambda: derive(fine), 3)

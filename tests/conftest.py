@@ -1,4 +1,4 @@
-"""Fixtures that find the flights: real ones and practice flights only where the environment names them."""
+"""Fixtures that find the flights: shipped ones, and their originals where the environment names them."""
 
 import os
 import shutil
@@ -29,10 +29,14 @@ def pytest_collection_modifyitems(items):
     items.sort(key=lambda item: rank.get(item.path, len(LONGEST)))
 
 
-def _folder(variable, *parts):
+DATA = Path(__file__).parent / "data"
+
+
+def _originals(variable, *parts):
+    """Folder of original files; the test is skipped where the variable is not set."""
     value = os.environ.get(variable)
     if not value:
-        pytest.skip(f"{variable} does not say where the flights lie, which are too large to ship")
+        pytest.skip(f"{variable} does not name a folder with the originals, with which this test compares the copies")
     folder = Path(value, *parts)
     if not folder.is_dir():
         pytest.fail(f"{variable} is set, but {folder} is no folder")
@@ -50,27 +54,42 @@ def consistent_diagnoses():
 
 
 @pytest.fixture(scope="session")
-def mer_folder():
-    """Folder of the PDS volume merimu_1001 (``$EDL_FILTER_DATA/pds/mer_imu``)."""
-    return _folder("EDL_FILTER_DATA", "pds", "mer_imu")
+def mer_originals():
+    """Folder of the original PDS volume merimu_1001 (``$EDL_FILTER_DATA/pds/mer_imu``)."""
+    return _originals("EDL_FILTER_DATA", "pds", "mer_imu")
+
+
+@pytest.fixture(scope="session")
+def mer_folder(tmp_path_factory):
+    """Folder of volume merimu_1001: the original, or the same tables written from the package's numbers."""
+    if os.environ.get("EDL_FILTER_DATA"):
+        return _originals("EDL_FILTER_DATA", "pds", "mer_imu")
+    from mer_volume import write_volume
+
+    return write_volume(tmp_path_factory.mktemp("merimu_1001"))
 
 
 @pytest.fixture(scope="session")
 def mevad():
-    """Folder of the shared aerodynamic tables, beside that of the practice flights."""
-    return _folder("EDL_FILTER_PRACTICE", "..", "mevad")
+    """Folder of published aerodynamic tables that the package does not ship."""
+    return DATA / "mevad"
 
 
 @pytest.fixture(scope="session")
-def practice():
-    """Function that gives the path of practice flight n (folder ``$EDL_FILTER_PRACTICE``)."""
-    folder = _folder("EDL_FILTER_PRACTICE")
-    return lambda n: folder / f"practice_{n:02d}.h5"
+def practice(builtin_flight):
+    """Function that gives the path of practice flight n."""
+    return lambda n: builtin_flight if n == 6 else DATA / "practice" / f"practice_{n:02d}.h5"
+
+
+@pytest.fixture(scope="session")
+def practice_originals():
+    """Folder of the original practice flights (``$EDL_FILTER_PRACTICE``)."""
+    return _originals("EDL_FILTER_PRACTICE")
 
 
 @pytest.fixture(scope="session")
 def builtin_flight():
-    """Path of the flight that the package ships."""
+    """Path of the practice flight that the package ships."""
     return Path(str(files("edl_filter") / "data" / "practice_06.h5"))
 
 
@@ -82,15 +101,15 @@ def _reconstructed(name, *changes):
 
 
 @pytest.fixture(scope="session")
-def spirit(mer_folder):
+def spirit():
     """Spirit, reconstructed."""
-    return _reconstructed("mer_a", f"telemetry.path={mer_folder}")
+    return _reconstructed("mer_a", "telemetry.path=builtin:mer_a")
 
 
 @pytest.fixture(scope="session")
-def opportunity(mer_folder):
+def opportunity():
     """Opportunity, reconstructed."""
-    return _reconstructed("mer_b", f"telemetry.path={mer_folder}")
+    return _reconstructed("mer_b", "telemetry.path=builtin:mer_b")
 
 
 @pytest.fixture(scope="session")

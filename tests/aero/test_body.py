@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 
 from edl_filter.aero.body import SphereCone, sphere_cone
 from edl_filter.errors import InputError
+from edl_filter.io.csv_table import package_data
 
 
 @st.composite
@@ -99,8 +100,9 @@ def test_too_few_points_raise():
         MER.meridian(0)
 
 
-def test_bodies_by_name(mevad):
-    table = mevad / "geometry.csv"
+def test_bodies_by_name(tmp_path):
+    table = tmp_path / "geometry.csv"
+    table.write_text(package_data("vehicle_geometry.csv").read_text(encoding="utf-8"), encoding="utf-8")
     assert sphere_cone("mer", table) == MER
     assert sphere_cone("Stardust", table).diameter == pytest.approx(0.8128)
     with pytest.raises(InputError, match=r"'Beagle'.*Viking, Pathfinder, MER"):

@@ -4,7 +4,9 @@ from pathlib import Path
 
 import h5py
 from command_checks import assert_refused
+from mer_volume import contents
 
+from edl_filter.io.csv_table import package_data
 from edl_filter.results import Result
 from edl_filter.workflow.outputs import write_outputs
 
@@ -53,6 +55,19 @@ def test_a_missing_log_is_refused(cli):
 
 def test_an_unknown_data_set_is_refused(cli):
     assert_refused(cli("fetch", "phoenix"), "'phoenix'", "mer-imu")
+
+
+def test_fetch_recognises_the_originals_and_writes_the_packages_files(cli, mer_originals, tmp_path, monkeypatch):
+    (tmp_path / "data").mkdir()
+    (tmp_path / "data" / "mer_imu").symlink_to(mer_originals)
+    monkeypatch.setenv("EDL_FILTER_DATA", str(tmp_path / "data"))
+    result = cli("fetch", "mer-imu", "--compact", "compact")
+    assert result.exit_code == 0, result.output
+    assert result.stdout.splitlines() == [
+        f"MER telemetry: {tmp_path / 'data' / 'mer_imu'}", "Written: compact/mer_a.h5", "Written: compact/mer_b.h5"
+    ]  # fmt: skip
+    for name in ("mer_a", "mer_b"):
+        assert contents(f"compact/{name}.h5") == contents(package_data(f"{name}.h5"))
 
 
 def test_simulate_writes_a_valid_flight_file(cli):

@@ -75,8 +75,51 @@ def test_a_missing_mission_is_refused(cli):
     assert_refused(cli("run", "nowhere.yaml", "-o", "out"), "nowhere.yaml")
 
 
-def test_missing_telemetry_is_refused(cli):
-    assert_refused(cli("run", "builtin:mer_a", "-o", "out"), "edl-filter fetch mer-imu", "EDL_FILTER_DATA")
+def test_the_package_has_the_rovers_telemetry(cli):
+    result = cli("validate", "builtin:mer_b")
+    assert result.exit_code == 0, result.output
+    assert "mer_b.h5: the numbers of 1TRANSFORMED.TAB and 1HIGHRATE.TAB, unchanged, in compact form." in result.stdout
+
+
+def test_a_volume_at_hand_is_preferred(cli, mer_folder, tmp_path, monkeypatch):
+    (tmp_path / "data").mkdir()
+    (tmp_path / "data" / "mer_imu").symlink_to(mer_folder)
+    monkeypatch.setenv("EDL_FILTER_DATA", str(tmp_path / "data"))
+    result = cli("validate", "builtin:mer_b")
+    assert result.exit_code == 0, result.output
+    assert "SCLK" in result.stdout and "mer_b.h5" not in result.stdout
+
+
+@pytest.mark.parametrize(
+    ("path", "messages"),
+    [
+        ("builtin:mer_b", ("mer_b.h5: has the tables 1HIGHRATE, 1TRANSFORMED (MER-B Opportunity", "not 2TRANSFORMED")),
+        ("builtin:mer_c", ("telemetry.path: found 'builtin:mer_c'; the package ships", "mer_a, mer_b")),
+        ("builtin:practice_06", ("practice_06.h5: attribute format is 'edl-flight'; 'edl-mer-tables' is needed",)),
+    ],
+)
+def test_wrong_data_of_the_package_are_refused(cli, path, messages):
+    assert_refused(cli("run", "builtin:mer_a", "-o", "out", "--set", f"telemetry.path={path}"), *messages)
+
+
+def test_a_rovers_tables_are_no_flight_file(cli):
+    result = cli("run", "builtin:practice_mer", "-o", "out", "--set", "telemetry.path=builtin:mer_a")
+    assert_refused(result, "mer_a.h5: attribute format is 'edl-mer-tables'; 'edl-flight' is needed")
+
+
+def test_demo_reconstructs_spirit(cli, spirit, monkeypatch):
+    missions = []
+
+    def run_mission(mission, *args):
+        missions.append(mission)
+        return Result(spirit)
+
+    monkeypatch.setattr("edl_filter.workflow.run.run_mission", run_mission)
+    result = cli("demo", "-o", "demo-results")
+    assert result.exit_code == 0, result.output
+    assert [mission.name for mission in missions] == ["mer_a"]
+    assert result.stdout.splitlines()[-1] == "Look at demo-results/figures/altitude_velocity.png first."
+    assert Path("demo-results/figures/altitude_velocity.png").is_file()
 
 
 def test_a_missing_telemetry_folder_is_refused(cli):

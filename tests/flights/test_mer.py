@@ -11,7 +11,6 @@ from edl_filter.mission import Mission, shipped_mission
 from edl_filter.pipeline.reconstruct import in_j2000, reconstruct
 from edl_filter.planet import ellipsoid
 
-pytestmark = pytest.mark.usefixtures("mer_folder")
 NOTHING_BUT_ATTITUDE = (
     "constraints.landing.use=false",
     *(f"constraints.{c}=null" for c in ("pre_entry_zero_force", "parachute", "steady_descent", "rest")),

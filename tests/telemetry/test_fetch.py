@@ -1,6 +1,7 @@
 """Download and search of the MER telemetry, with a server on the loopback interface."""
 
 import hashlib
+import shutil
 import socket
 import threading
 from functools import partial
@@ -62,7 +63,7 @@ def test_every_file_is_cached_and_downloaded_once(volume, serve, tmp_path):
     assert {p.stat().st_mode & 0o777 for p in folder.rglob("*") if p.is_file()} == {default_file_mode()}
     fetch.fetch_mer_imu(address + "/", progress=True)
     assert len(requests) == count
-    assert fetch.find_mer_imu() == folder
+    assert fetch.find_mer_imu(2) == folder
 
 
 def test_address_of_the_data_folder_is_accepted(volume, serve):
@@ -93,19 +94,35 @@ def test_missing_file_and_unreachable_server_raise(volume, serve):
 
 
 def test_search_order_of_the_folders(volume, tmp_path, monkeypatch):
-    with pytest.raises(InputError, match=r"is not in .*cache/mer_imu; run `edl-filter fetch mer-imu`, or set EDL"):
-        fetch.find_mer_imu()
-    for parts in (("mer_imu",), ("pds", "mer_imu")):  # the second has precedence once it exists
-        folder = tmp_path.joinpath("data", *parts)
-        (folder / "DATA").mkdir(parents=True)
-        (folder / "DATA" / "1TRANSFORMED.LBL").touch()
+    assert fetch.find_mer_imu(2) is None
+    cache = tmp_path / "cache" / "mer_imu"
+    # each has precedence over those before
+    for folder in (cache, tmp_path / "data" / "mer_imu", tmp_path / "data" / "pds" / "mer_imu"):
+        shutil.copytree(volume, folder)
         monkeypatch.setenv("EDL_FILTER_DATA", str(tmp_path / "data"))
-        assert fetch.find_mer_imu() == folder
-    assert fetch.find_mer_imu(volume) == volume
-    assert fetch.find_mer_imu(volume / "DATA") == volume / "DATA"
-    # An explicit folder is the only one that is searched
-    with pytest.raises(InputError, match=r"is not in .*elsewhere; run"):
-        fetch.find_mer_imu(tmp_path / "elsewhere")
+        assert fetch.find_mer_imu(2) == fetch.find_mer_imu(1) == folder
+
+
+def test_incomplete_download_is_skipped(volume, tmp_path):
+    cache = tmp_path / "cache" / "mer_imu"
+    shutil.copytree(volume, cache)
+    (cache / "DATA" / "2HIGHRATE.TAB").unlink()
+    assert fetch.find_mer_imu(2) is None
+    assert fetch.find_mer_imu(1) == cache
+
+
+def test_originals_at_hand_are_not_downloaded(volume, serve, tmp_path, monkeypatch):
+    monkeypatch.setenv("EDL_FILTER_DATA", str(tmp_path / "data"))
+    folder = tmp_path / "data" / "mer_imu"
+    shutil.copytree(volume / "DATA", folder)  # the DATA folder under the volume's name is accepted
+    assert fetch.fetch_mer_imu() == folder
+    # A stated folder or address is a request for a download, and a changed file is no original
+    address, requests = serve(volume.parent)
+    assert fetch.fetch_mer_imu(address) == tmp_path / "cache" / "mer_imu"
+    assert len(requests) == 9
+    monkeypatch.setattr(fetch, "BASE_URL", address)
+    (folder / "1HIGHRATE.TAB").write_bytes(b"changed")
+    assert fetch.fetch_mer_imu() == tmp_path / "cache" / "mer_imu"
 
 
 def test_default_cache_is_the_systems(monkeypatch):
@@ -113,10 +130,11 @@ def test_default_cache_is_the_systems(monkeypatch):
     assert "edl-filter" in str(fetch.cache_folder())
 
 
-def test_real_files_have_the_registered_checksums(mer_folder, serve, tmp_path):
-    (tmp_path / "volume").symlink_to(mer_folder)
+def test_real_files_have_the_registered_checksums(mer_originals, serve, tmp_path):
+    assert fetch.has_original_tables(mer_originals)
+    (tmp_path / "volume").symlink_to(mer_originals)
     address, _ = serve(tmp_path)
     folder = fetch.fetch_mer_imu(address, cache=tmp_path / "cache")
     assert (folder / "DATA" / "2TRANSFORMED.TAB").read_bytes() == (
-        mer_folder / "DATA" / "2TRANSFORMED.TAB"
+        mer_originals / "DATA" / "2TRANSFORMED.TAB"
     ).read_bytes()

@@ -61,10 +61,20 @@ def fetch(
     dataset: Annotated[str, typer.Argument(help="mer-imu: telemetry of Spirit and Opportunity.")],
     base_url: Annotated[str | None, typer.Option("--base-url", help="URL of another copy of the volume.")] = None,
     to: Annotated[Path | None, typer.Option("--to", help="Folder for the downloads, instead of the cache.")] = None,
+    compact: Annotated[
+        Path | None,
+        typer.Option("--compact", help="Folder for mer_a.h5 and mer_b.h5, the form that the package ships."),
+    ] = None,
 ) -> None:
-    """Download public data and check the SHA-256 checksum of each file."""
+    """Download original files of public data, or find them below $EDL_FILTER_DATA; check their SHA-256 checksums."""
     if dataset != "mer-imu":
         raise InputError(f"fetch: found {dataset!r}; accepted is mer-imu.")
     from edl_filter.telemetry.fetch import fetch_mer_imu
 
-    typer.echo(f"MER telemetry: {fetch_mer_imu(base_url, to, progress=sys.stdout.isatty())}")
+    volume = fetch_mer_imu(base_url, to, progress=sys.stdout.isatty())
+    typer.echo(f"MER telemetry: {volume}")
+    if compact is not None:
+        from edl_filter.telemetry.mer_compact import write_compact
+
+        for path in write_compact(volume, compact):
+            typer.echo(f"Written: {path}")

@@ -34,10 +34,10 @@ def run(
 
 
 def demo(output: ResultFolderOption = None) -> None:
-    """Reconstruct the flight that the package ships, and print the path of its first figure."""
+    """Reconstruct Spirit's entry from the telemetry that the package ships, and print the path of its first figure."""
     from edl_filter.mission import Mission
 
-    outputs = _reconstruct(Mission.load("builtin:practice_mer"), output, figures=True, as_json=False)
+    outputs = _reconstruct(Mission.load("builtin:mer_a"), output, figures=True, as_json=False)
     typer.echo(f"Look at {outputs['figures'][0] if outputs['figures'] else outputs['result']} first.")
 
 

@@ -154,7 +154,8 @@ class MerImuConfig(WindowConfig):
     format: Literal["mer-imu"] = Field(description="mer-imu: PDS volume merimu_1001")
     path: str | None = Field(
         default=None,
-        description="folder of the volume; absent: $EDL_FILTER_DATA, or what 'edl-filter fetch' downloaded",
+        description="folder of the volume, or builtin:mer_a, builtin:mer_b: its numbers, which the package ships; "
+        "absent: the volume below $EDL_FILTER_DATA or downloaded by 'edl-filter fetch', otherwise the shipped numbers",
     )
     spacecraft: Literal[1, 2] = Field(description="1 is Opportunity (MER-B), 2 is Spirit (MER-A)")
     clock: ClockConfig = Field(description="spacecraft clock against UTC")

@@ -210,7 +210,7 @@ class Mission(Section):
         return [(times[n], e) for n, e in self.vehicle.events.items() if e.model_fields_set - unchanged]
 
     def telemetry_path(self) -> Path | None:
-        """File or folder of the telemetry; None where its reader has a default location (mer-imu).
+        """File or folder of the telemetry; None where a rover's mission names none (mer-imu).
 
         Raises
         ------
@@ -228,7 +228,7 @@ class Mission(Section):
             )
         if telemetry.path is None:
             return None
-        return self._existing_path("telemetry.path", telemetry.path, folder=isinstance(telemetry, MerImuConfig))
+        return self._existing_path("telemetry.path", telemetry.path, folders=isinstance(telemetry, MerImuConfig))
 
     def atmosphere_path(self) -> Path:
         """Path of the table of the preflight atmosphere.
@@ -289,18 +289,21 @@ class Mission(Section):
         """Folder of the results, relative to the current folder."""
         return Path(self.outputs.directory or f"results/{self.name}")
 
-    def _existing_path(self, key: str, reference: str, folder: bool = False) -> Path:
-        """Path of the file or folder that `key` names as `reference`; raises InputError if it does not exist."""
+    def _existing_path(self, key: str, reference: str, folders: bool = False) -> Path:
+        """Path of the file that `key` names as `reference`; raises InputError if it does not exist.
+
+        With `folders` it may be a folder as well.
+        """
         if reference.startswith(BUILTIN):
             return shipped_data(reference[len(BUILTIN) :], f"{self.label}: {key}")
         path = Path(reference).expanduser()
         if self._source is not None:
             path = self._source.parent / path  # an absolute path is not changed by this
-        if not (path.is_dir() if folder else path.is_file()):
-            kind = "folder" if folder else "file"
+        if not (path.is_file() or (folders and path.is_dir())):
+            kind = "folder or file" if folders else "file"
             raise InputError(
-                f"{self.label}: {key}: found {reference!r}, but there is no {kind} {path}; expected a {kind}"
-                + ("." if folder else ", or builtin:NAME for data that the package ships.")
+                f"{self.label}: {key}: found {reference!r}, but there is no {kind} {path}; expected a {kind}, "
+                "or builtin:NAME for data that the package ships."
             )
         return path
 

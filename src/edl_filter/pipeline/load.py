@@ -8,6 +8,7 @@ import numpy as np
 
 from edl_filter import rotations
 from edl_filter.errors import InputError
+from edl_filter.io.csv_table import package_data
 from edl_filter.mission import Mission
 from edl_filter.mission.measurements import FlightFileConfig, MerImuConfig
 from edl_filter.mission.world import GasConstantsConfig, GasMixtureConfig
@@ -17,6 +18,7 @@ from edl_filter.planet.gas import NAMED_GASES, Gas, gas_of_constants, mixture
 from edl_filter.telemetry.fetch import find_mer_imu
 from edl_filter.telemetry.flight_file import read_flight_file
 from edl_filter.telemetry.mer_archive import read_mer_tables
+from edl_filter.telemetry.mer_compact import FILE_NAMES
 from edl_filter.telemetry.mer_flight import MerImu, MerSetup, mer_telemetry
 from edl_filter.telemetry.record import Telemetry
 
@@ -41,8 +43,10 @@ def read_telemetry(mission: Mission) -> Telemetry:
             telemetry = driven_by(telemetry, mission.telemetry.driving)
         return moved_by_events(mission, telemetry)
     assert isinstance(mission.telemetry, MerImuConfig)  # telemetry_path stops the others
-    tables = read_mer_tables(find_mer_imu(path), mission.telemetry.spacecraft)
-    return mer_telemetry(tables, mer_setup(mission))
+    spacecraft = mission.telemetry.spacecraft
+    if path is None:
+        path = find_mer_imu(spacecraft) or package_data(FILE_NAMES[spacecraft])
+    return mer_telemetry(read_mer_tables(path, spacecraft), mer_setup(mission))
 
 
 def driven_by(telemetry: Telemetry, name: str) -> Telemetry:

@@ -1,17 +1,18 @@
 """Telemetry: from files to records in body axes.
 
-In: a flight file (HDF5), an IMU log in CSV with its specification (YAML), or the PDS volume with Spirit's and
-Opportunity's entry telemetry. Out: `record.Telemetry`, that is IMU records (means over adjoining intervals, SI units,
-body axes), on-board attitude, altimeter, and the stated initial state, events and fixes. An error in a file raises an
-`InputError` that names the file and the row or key.
+In: a flight file (HDF5), an IMU log in CSV with its specification (YAML), or Spirit's and Opportunity's entry telemetry
+(PDS volume, or the compact form of its tables that the package ships). Out: `record.Telemetry`, that is IMU records
+(means over adjoining intervals, SI units, body axes), on-board attitude, altimeter, and the stated initial state,
+events and fixes. An error in a file raises an `InputError` that names the file and the row or key.
 
 Read in this order:
 
 1. `record`: the records, the only thing that later stages depend on.
 2. `flight_file`, `flight_imu`, `hdf5_checks`: reader and writer of flight files. `csv_log` and `csv_spec`: conversion
    of a CSV log into a flight file.
-3. `fetch`, `pds3`, `mer_archive`, `mer_cleaning`: download, reader of PDS tables, correction of MER's tables.
-   `mer_segments`, `joining`, `mer_flight`: from the tables to segments in body axes, and to one record.
+3. `fetch`, `pds3`, `mer_compact`, `mer_archive`, `mer_cleaning`: download, reader of PDS tables, their compact form,
+   correction of MER's tables. `mer_segments`, `joining`, `mer_flight`: from the tables to segments in body axes, and to
+   one record.
 4. `smoothing`: batch polynomial, low-pass, rates and angular accelerations. `calibration`, `comparison`: lever-arm
    correction, bias and misalignment of one IMU relative to another.
 5. `clock`: spacecraft clock to UTC.

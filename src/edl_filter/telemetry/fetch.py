@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import os
 import re
 from pathlib import Path
@@ -39,7 +40,10 @@ def cache_folder(cache: str | Path | None = None) -> Path:
 
 
 def fetch_mer_imu(base_url: str | None = None, cache: str | Path | None = None, progress: bool = False) -> Path:
-    """Download Spirit's and Opportunity's IMU telemetry (about 5 MB); files in the cache are not downloaded again.
+    """Locate or download Spirit's and Opportunity's IMU telemetry, volume merimu_1001 (about 5 MB).
+
+    Nothing is downloaded where neither `base_url` nor `cache` is stated and ``$EDL_FILTER_DATA`` has the original
+    tables. Files in the cache are not downloaded again.
 
     Parameters
     ----------
@@ -53,13 +57,17 @@ def fetch_mer_imu(base_url: str | None = None, cache: str | Path | None = None, 
     Returns
     -------
     Path
-        Folder with ``DATA/*.LBL`` and ``DATA/*.TAB``: ``<cache>/mer_imu``.
+        Folder with ``DATA/*.LBL`` and ``DATA/*.TAB``: that of the original tables, or ``<cache>/mer_imu``.
 
     Raises
     ------
     InputError
         No answer from the server, or a file with another sha256 than that of `REGISTRY`.
     """
+    if base_url is None and cache is None:
+        for folder in _data_folders():
+            if has_original_tables(folder):
+                return folder
     import logging
 
     import pooch
@@ -95,42 +103,40 @@ def _volume_url(url: str) -> str:
     return re.sub("/DATA$", "", url.rstrip("/"), flags=re.IGNORECASE) + "/"
 
 
-def _holds_tables(folder: Path) -> bool:
-    return any(find_in_volume(folder, name) for name in ("2TRANSFORMED.LBL", "1TRANSFORMED.LBL"))
+def has_original_tables(folder: Path) -> bool:
+    """Whether a folder has all tables and labels of the volume, with the checksums of `REGISTRY`."""
+    for name, sha256 in REGISTRY.items():
+        if name.startswith("DATA/"):
+            path = find_in_volume(folder, Path(name).name)
+            if path is None or hashlib.sha256(path.read_bytes()).hexdigest() != sha256:
+                return False
+    return True
 
 
-def find_mer_imu(explicit: str | Path | None = None) -> Path:
-    """Locate the MER telemetry on this machine.
+def _data_folders() -> list[Path]:
+    """Folders below ``$EDL_FILTER_DATA`` that may have the volume."""
+    data = os.environ.get("EDL_FILTER_DATA")
+    return [Path(data, "pds", "mer_imu"), Path(data, "mer_imu")] if data else []
+
+
+def find_mer_imu(spacecraft: int) -> Path | None:
+    """Locate the volume's tables of one rover on this machine.
 
     The folders are searched in this order: ``$EDL_FILTER_DATA/pds/mer_imu``, ``$EDL_FILTER_DATA/mer_imu``, the cache of
-    `fetch_mer_imu`.
+    `fetch_mer_imu`. A folder without all four files of the rover (an interrupted download) is skipped.
 
     Parameters
     ----------
-    explicit : path, optional
-        The only folder to search, if given.
+    spacecraft : {1, 2}
+        1 is MER-B Opportunity, 2 is MER-A Spirit.
 
     Returns
     -------
-    Path
-        The volume's folder or its DATA folder.
-
-    Raises
-    ------
-    InputError
-        None of the folders has the tables; the message lists the folders and says what to do.
+    Path or None
+        The volume's folder or its DATA folder; None if there is none.
     """
-    if explicit is not None:
-        folders = [Path(explicit)]
-    else:
-        data = os.environ.get("EDL_FILTER_DATA")
-        folders = [Path(data, "pds", "mer_imu"), Path(data, "mer_imu")] if data else []
-        folders.append(cache_folder() / "mer_imu")
-    for folder in folders:
-        if _holds_tables(folder):
+    names = [Path(name).name for name in REGISTRY if name.startswith(f"DATA/{spacecraft}")]
+    for folder in (*_data_folders(), cache_folder() / "mer_imu"):
+        if all(find_in_volume(folder, name) for name in names):
             return folder
-    searched = ", ".join(str(folder) for folder in folders)
-    raise InputError(
-        f"the MER telemetry (volume merimu_1001, DATA/*.LBL and *.TAB) is not in {searched}; run "
-        "`edl-filter fetch mer-imu`, or set EDL_FILTER_DATA to the folder that holds pds/mer_imu."
-    )
+    return None

@@ -1,6 +1,7 @@
 """Reader of Spirit's and Opportunity's entry telemetry, with corrections of defects that the labels do not mention.
 
-Input: PDS volume merimu_1001 (data set MER1/MER2-M-IMU-4-EDL-V1.0, Kass et al. 2004). It has, for each spacecraft, a
+Input: PDS volume merimu_1001 (data set MER1/MER2-M-IMU-4-EDL-V1.0, Kass et al. 2004), or its tables in compact form
+(`mer_compact`), in which every number is the same to the last bit. The volume has, for each spacecraft, a
 table TRANSFORMED (on-board attitude, accumulated velocity, acceleration at the centre of mass) and a table HIGHRATE
 (increments of angle and velocity of both IMUs at 8 Hz). MER1 is Opportunity (MER-B), MER2 is Spirit (MER-A). Method:
 the functions of `mer_cleaning` detect and correct each defect. Output: both tables (`MerTables`) in the archive's axes
@@ -33,6 +34,7 @@ from edl_filter.telemetry.mer_cleaning import (
     trailing_run,
     with_nan,
 )
+from edl_filter.telemetry.mer_compact import PRODUCTS, read_compact_table
 from edl_filter.telemetry.pds3 import Pds3Table, find_in_volume, read_table
 from edl_filter.types import Array
 
@@ -140,15 +142,15 @@ class MerTables:
     notes: tuple[str, ...]
 
 
-def _read(folder: Path, product: str, spacecraft: int) -> Pds3Table:
-    """Table `product` of a spacecraft, from the volume's folder or its DATA folder."""
+def _read(source: Path, product: str, spacecraft: int) -> Pds3Table:
+    """Table `product` of a spacecraft, from the volume's folder, its DATA folder or a compact file."""
     name = f"{spacecraft}{product}.LBL"
-    label = find_in_volume(folder, name)
+    label = source if source.is_file() else find_in_volume(source, name)
     if label is None:
         raise InputError(
-            f"{folder}: neither DATA/{name} nor {name} is there; the folder of volume merimu_1001 is needed."
+            f"{source}: neither DATA/{name} nor {name} is there; the folder of volume merimu_1001 is needed."
         )
-    table = read_table(label)
+    table = read_compact_table(source, f"{spacecraft}{product}") if source.is_file() else read_table(label)
     host = f"MARS EXPLORATION ROVER {spacecraft}"
     if table.label.get("INSTRUMENT_HOST_NAME") != host:
         label_host = table.label.get("INSTRUMENT_HOST_NAME")
@@ -269,13 +271,13 @@ def _increment_clock(transformed: Transformed, highrate: HighRate, unit: str, no
     return clock
 
 
-def read_mer_tables(folder: str | Path, spacecraft: int) -> MerTables:
+def read_mer_tables(source: str | Path, spacecraft: int) -> MerTables:
     """Read and clean the tables TRANSFORMED and HIGHRATE of one spacecraft.
 
     Parameters
     ----------
-    folder : path
-        The volume's folder, or its DATA folder.
+    source : path
+        The volume's folder, its DATA folder, or a compact file (`mer_compact`).
     spacecraft : {1, 2}
         1 is MER-B Opportunity, 2 is MER-A Spirit.
 
@@ -290,8 +292,12 @@ def read_mer_tables(folder: str | Path, spacecraft: int) -> MerTables:
     """
     if spacecraft not in _NAMES:
         raise InputError(f"spacecraft is {spacecraft!r}; 1 (MER-B Opportunity) and 2 (MER-A Spirit) are accepted.")
-    tables = {name: _read(Path(folder), name, spacecraft) for name in ("TRANSFORMED", "HIGHRATE")}
+    source = Path(source)
+    tables = {name: _read(source, name, spacecraft) for name in PRODUCTS}
     notes: list[str] = []
+    if source.is_file():
+        names = " and ".join(table.path.name for table in tables.values())
+        notes.append(f"{source.name}: the numbers of {names}, unchanged, in compact form.")
     transformed, resets = _clean_transformed(tables["TRANSFORMED"], notes)
     highrate = _clean_highrate(tables["HIGHRATE"], notes)
     gaps = {
