@@ -54,7 +54,7 @@ class Gas:
     molecule_mass: float = 7.3079e-26
 
     def mean_free_path(self, density: ArrayLike) -> Array:
-        """Mean free path ``λ = 1/(√2 π d² n)`` with ``n = ρ/m`` (eqs. 4.5 and 4.6).
+        """Mean free path ``λ = 1/(√2 π d² n)`` with ``n = ρ/m`` (eq. 4.6).
 
         Parameters
         ----------
@@ -70,7 +70,7 @@ class Gas:
         return 1.0 / (np.sqrt(2.0) * np.pi * self.molecule_diameter**2 * number_density)
 
     def knudsen(self, density: ArrayLike, diameter: float) -> Array:
-        """Knudsen number: mean free path over reference length.
+        """Knudsen number: mean free path over reference length (eq. 4.5).
 
         Parameters
         ----------
