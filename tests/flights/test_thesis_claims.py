@@ -52,6 +52,7 @@ def test_numbers_as_text():
     assert quantity(-4.93e-6, 7.7e-7) == "(-4.9 ± 0.8)e-6"
     assert quantity(0.04, 0.31, "°") == "0.0° ± 0.3°" and quantity(-0.01, 0.31, "°") == "0.0° ± 0.3°"
     assert quantity(27.4, 20.1, "%") == "27 ± 20 %" and quantity(6.83, 0.0, "%") == "6.8 %"
+    assert quantity(0.0) == "0"
     assert same_to_the_digits("5.40 ± 0.01 km", "5.41 ± 0.01 km") and not same_to_the_digits("5.40 km", "5.42 km")
     assert not same_to_the_digits("5.40 km", "5.4 km") and not same_to_the_digits("5.40 km", "5.40 m")
 

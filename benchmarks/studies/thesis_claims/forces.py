@@ -237,11 +237,9 @@ def force_tables(f: ClaimFlight) -> Finding:
 )
 def conservative_forces(f: ClaimFlight) -> Finding:
     value, sigma, where = largest_mean(f, {"CN": ("IMU-accels",), "CY": ("IMU-accels",)})
-    return judged(
-        f"up to {quantity(100.0 * value / FORCE_LIMIT, 100.0 * sigma / FORCE_LIMIT, '%')} of it",
-        value <= 0.1 * FORCE_LIMIT,
-        {DIFFERS: f"largest mean: {where}; the flight's own sigma does not support a tenth"},
-    )  # fmt: skip
+    share, share_sigma = 100.0 * value / FORCE_LIMIT, 100.0 * sigma / FORCE_LIMIT
+    why = f"largest mean: {where}; the flight's own sigma, of alignment and wind, does not support a tenth"
+    return at_most(share, share_sigma, 10.0, "% of it", why)
 
 
 @claim(FORCES, "7.1", "Around Mach 15 the aerodynamics changes dramatically.", OPPORTUNITY)

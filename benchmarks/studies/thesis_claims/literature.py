@@ -25,7 +25,7 @@ from thesis_claims.flight import ClaimFlight
 
 AIR = "Atmosphere: Withers & Smith 2006"
 TORQUE = "Torque of the blanket: Tolson et al., AAS 06-087"
-LANDING = "Parachute and landing: Braun & Manning 2007, Desai & Knocke"
+LANDING = "Parachute and landing: Braun & Manning 2007 (from memory), Desai & Knocke"
 ROVERS = (SPIRIT, OPPORTUNITY)
 #: Targets of Desai & Knocke, latitude and east longitude, deg.
 TARGET = {"mer_a": (-14.59, 175.3), "mer_b": (-1.98, 360.0 - 5.94)}

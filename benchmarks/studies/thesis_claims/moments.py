@@ -214,7 +214,7 @@ def small_products(f: ClaimFlight) -> Finding:
     torque, xy, xz = coupling(f, 110.0, 150.0)
     ratio = 0.1 * float(np.hypot(np.std(xy), np.std(xz))) / float(np.sqrt(np.mean(torque**2)))
     return judged(
-        f"{100.0 * ratio:.0f} %", 0.01 <= ratio <= 0.1,
+        f"{100.0 * ratio:.1f} %", ratio <= 0.1,
         "rms, 110–150 s; products of 0.1 kg m², from the tilt of the spin axis before entry, as table 6.1 is lost",
     )  # fmt: skip
 
@@ -233,6 +233,13 @@ def dominating_product(f: ClaimFlight) -> Finding:
         text, explained > 0.9,
         {DIFFERS: "least squares, 150 s to the parachute, I_xx assumed; completely: more than 90 % of the variance"},
     )  # fmt: skip
+
+
+@claim(ROLL, "7.3", "The torque of Ixy is of the same order as the torque about x.", OPPORTUNITY)
+def large_product(f: ClaimFlight) -> Finding:
+    torque, xy, _ = coupling(f, 150.0, f.end)
+    ratio = abs(np.polyfit(xy, torque, 1)[0]) * float(np.std(xy) / np.std(torque))
+    return judged(f"{100.0 * ratio:.0f} %", 0.3 < ratio < 3.0, "rms of the fitted part of Ixy, 150 s to the parachute")
 
 
 @claim(ROLL, "7.3", "From 50 s on Cl rises from negative values to near zero at Mach 25.", SPIRIT)
