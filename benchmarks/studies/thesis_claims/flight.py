@@ -21,8 +21,8 @@ from edl_filter.postflight.inputs import PostflightInputs
 from edl_filter.telemetry.record import ImuRecord
 from edl_filter.types import Array, BoolArray
 
-#: Gas of the thesis (nomenclature): CO2, ratio of specific heats 1.3, hard spheres of 4.64e-10 m.
-THESIS_GAS = Gas(constant=188.92, heat_capacity_ratio=1.3, molecule_diameter=4.64e-10, molecule_mass=7.3079e-26)
+#: Gas of the thesis (nomenclature), the default: CO2, ratio of specific heats 1.3, hard spheres of 4.64e-10 m.
+THESIS_GAS = Gas()
 #: Points of the thesis's batches, and the sampling interval of HIGHRATE, s.
 BATCH, HIGHRATE_STEP = 7, 0.125
 #: Beginning of HIGHRATE, s after entry, as the thesis has it.
