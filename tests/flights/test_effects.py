@@ -151,7 +151,7 @@ def test_a_run_says_which_effects_are_in_the_model(practice_06):
         EffectInstance(effect_named("wind"), {}),
     ]
     estimates = Result(reconstruct(practice_06.mission, effects)).summary()["effects"]
-    bias = estimates["gyro_bias"]
+    bias = estimates["gyro_bias in secondary"]
     assert (bias["imu"], bias["fixed"], list(bias["parameters"])) == ("secondary", False, ["bx", "by", "bz"])
     assert bias["parameters"]["bx"] == {"estimate": 1e-5, "sigma": None, "unit": "rad/s", "start": None}
     assert effect_lines({name: ModelEffect.of(e) for name, e in estimates.items()}) == [

@@ -19,13 +19,20 @@ from identification import OUTSIDE, PAIRS, VEHICLES, expected_gain, random_insta
 from scipy.stats import chi2
 from typer.testing import CliRunner
 
+from edl_filter import Mission
 from edl_filter.cli import app
 from edl_filter.diagnosis.diagnosis import diagnose
 from edl_filter.diagnosis.diagnosis_json import diagnosis_content
 from edl_filter.diagnosis.linear_model.flight_case import load_case
+from edl_filter.diagnosis.selection.decision import decide
+from edl_filter.diagnosis.selection.outer_loop import fit_effects
+from edl_filter.diagnosis.selection.ranking import rank
 from edl_filter.diagnosis.stepwise import improve
 from edl_filter.effects.base import EffectInstance
-from edl_filter.effects.registry import catalogue
+from edl_filter.effects.registry import catalogue, find_effect
+from edl_filter.mission.edit_effects import text_with_effects
+from edl_filter.mission.files import write_mission
+from edl_filter.simulation import Scenario, simulate
 
 pytestmark = pytest.mark.effects
 
@@ -118,6 +125,25 @@ def test_two_hidden_effects_are_named_one_after_the_other(tmp_path):
     assert steps[-1].diagnosis.verdict.verdict == "clean", steps[-1].why_stopped
     partner = steps[0].diagnosis.verdict.partner
     assert partner is None or {steps[0].added.name, partner.name} == set(pair)
+
+
+def test_a_second_torque_is_named_and_both_are_fitted(tmp_path):
+    """Two torques that begin at different times: the second is named with the first in the model."""
+    first = {"Cl": 0.0, "Cm": 8e-4, "Cn": -5e-4, "t0": 120.0}
+    second = {"Cl": 2e-6, "Cm": -6e-4, "Cn": 9e-4, "t0": 180.0}
+    torque, second_torque = find_effect("remnant_torque"), find_effect("remnant_torque_2")
+    both = (EffectInstance(torque, first), EffectInstance(second_torque, second))
+    path = simulate(Scenario.load("builtin:mer"), both, 12).write(tmp_path / "flight.h5")
+    mission = Mission.load("builtin:practice_mer", [f"telemetry.path={path}"])
+    verdict = decide(rank(load_case(mission, both[:1]), [torque, find_effect("mass")]))
+    assert verdict.verdict == "missing" and verdict.leader.name == "remnant_torque_2"
+    # and both are a mission file that runs, in which they are fitted together
+    text, _ = text_with_effects(mission, verdict.entries[0].hypothesis.fit.effects)
+    fitted = fit_effects(Mission.load(write_mission(mission, text, tmp_path / "both.yaml")))
+    for instance, true in zip(fitted.reconstruction.effects, (first, second), strict=True):
+        sigma = fitted.sigma[instance.name]
+        for name, value in true.items():
+            assert instance.values[name] == pytest.approx(value, abs=4.0 * sigma[name]), (instance.name, name)
 
 
 @pytest.mark.representative

@@ -195,8 +195,13 @@ def test_free_fall_keeps_energy_within_bounds(eccentricity, dt):
 @given(st.integers(0, 2**32 - 1))
 @settings(max_examples=20, deadline=None)
 def test_time_runs_back_to_the_start(seed):
-    """The step is symmetric: the same samples in reverse with negative intervals undo it."""
+    """The step is symmetric: the same samples in reverse with negative intervals undo it.
+
+    Up to half a radian per sample the truncated series of the rotation are exact to rounding; beyond, they are not
+    symmetric to it.
+    """
     state, force_map, rate_map, interval, force, rate = random_problem(seed, LANES, 100)
+    rate /= np.maximum(1.0, 2.0 * np.linalg.norm(rate, axis=1) * interval)[:, None]
     end = run(state, force_map, rate_map, interval, force, rate, MARS)
     back = run(end, force_map, rate_map, -interval[::-1], force[::-1], rate[::-1], MARS)
     assert np.max(np.abs(end[:3] - state[:3])) > 1e3

@@ -124,6 +124,8 @@ def test_a_run_refits_from_any_start_unless_switched_off(improved, tmp_path):
     assert result.exit_code == 0, result.output
     comparison = json.loads(result.stdout)
     assert [r["verdict"] for r in comparison["results"]] == [None, None, "clean"]
+    diagnosis = json.loads((out / "diagnosis.json").read_text())
+    assert comparison["results"][2]["residuals"] == diagnosis["errors"]
     first, last = (comparison["results"][k] for k in (0, 2))
     for channel, fall in comparison["fall_percent"].items():
         assert fall == pytest.approx(100.0 * (1.0 - last["residuals"][channel] / first["residuals"][channel]))
