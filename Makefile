@@ -14,6 +14,7 @@
 #   make study              how often the right effect is named, on simulated flights (hours; goes on where it stopped)
 #   make study-thresholds   which verdicts change with each threshold of the diagnosis (hours; resumable); the practice
 #                           flights are in EDL_FILTER_PRACTICE
+#   make thesis-claims      write docs/thesis-claims.md: every statement of the thesis on the rovers with our number (seconds)
 #   make study-comparators  what stepwise regression and pysindy say of the practice flights
 
 PYTHON ?= python3
@@ -21,7 +22,7 @@ BIN := .venv/bin
 STAMP := .venv/installed
 DOCS_STAMP := .venv/installed-docs
 
-.PHONY: demo test notebooks test-browser test-effects lint types layers bench docs study study-simulation study-closure study-filters study-thresholds study-comparators clean
+.PHONY: demo test notebooks test-browser test-effects lint types layers bench docs study study-simulation study-closure study-filters study-thresholds study-comparators thesis-claims clean
 
 demo: $(STAMP)
 	$(BIN)/edl-filter demo -o demo-results
@@ -85,6 +86,9 @@ study-filters: $(STAMP)
 
 study-comparators: $(STAMP)
 	$(BIN)/python benchmarks/studies/comparators.py
+
+thesis-claims: $(STAMP)
+	PYTHONPATH=benchmarks/studies $(BIN)/python -m thesis_claims
 
 clean:
 	rm -rf .venv demo-results docs/_build build dist .pytest_cache .mypy_cache .ruff_cache .hypothesis

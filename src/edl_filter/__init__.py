@@ -8,9 +8,9 @@ Units
 
 Frames
     ``inertial``
-        Planet-centred inertial (the thesis's PICS): z along the rotation axis (north), x along the
-        ascending node of the planet's equator on the Earth mean equator of J2000 (the IAU node),
-        frozen at the epoch.
+        Planet-centred inertial: z along the rotation axis (north), x along the ascending node of the
+        planet's equator on the Earth mean equator of J2000 (the IAU node), frozen at the epoch. The
+        thesis's entry states are in these axes, which it calls PICS.
     ``fixed``
         Planet-fixed: the inertial frame rotated about z by the prime meridian's angle.
     ``body``

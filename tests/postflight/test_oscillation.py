@@ -100,7 +100,7 @@ def test_a_hidden_damping_is_measured(practice):
     _agrees(*_against_truth(flight, answers["practice_05"]["sizes"]["pitch_damping"]["cmq"]))
 
 
-def test_the_rovers_oscillations_are_fed_when_the_thesis_sees_the_blanket(spirit, opportunity):
+def test_the_rovers_oscillations_are_fed_when_the_blanket_was_seen(spirit, opportunity):
     """Tolson (AAS 06-087): from Mach 6 on Spirit, right after peak pressure on Opportunity."""
     for flight, fed, quiet in ((spirit, (183.0, 191.0), (208.0, 240.0)), (opportunity, (131.0, 143.0), (160.0, 200.0))):
         rows = Result(flight).to_xarray()["postflight/oscillation"].dataset

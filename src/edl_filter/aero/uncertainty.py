@@ -6,7 +6,7 @@ between 5 and 10**. Above the continuum limit in Knudsen number the transitional
 uncertainty of CA is a fraction of CA, the others are additive. Output: `ThreeSigma`.
 
 Several numbers are missing in the thesis's text; ``mevad_uncertainties.csv`` states the source of each. The
-uncertainty of Cl is available for Phoenix in continuum flow only, with low confidence; it is used for MER and for
+uncertainty of Cl is printed for Phoenix only (section 7.3, and its exponent in table 11.4); it is used for MER and for
 rarefied flow too. `regime_shares` states which part of these errors is common to which flow.
 """
 

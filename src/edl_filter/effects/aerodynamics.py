@@ -67,7 +67,10 @@ class NormalForceScale(Effect):
         "Residuals of the lateral forces are in proportion to the forces and follow the oscillation in angle; those of "
         "the moments are small."
     )
-    source = "CN of a blunt body is the small difference of large numbers; Thomas (2011), table 11.3"
+    source = (
+        "CN of a blunt body is the small difference of large numbers; MEVAD's 3 sigma of CN is 0.01: Thomas (2011), "
+        "section 5"
+    )
     parameters = (Parameter("k", "", "relative change of CN", 0.35, low=-1.5, high=3.0),)
 
     def coefficients(self, p: Values, flow: FlightCondition, totals: AeroCoefficients) -> AeroCoefficients:
@@ -85,7 +88,10 @@ class PitchingMomentScale(Effect):
         "Residuals of pitching and yawing moments are in proportion to the angle at all Mach numbers: the vehicle "
         "oscillates faster or slower than the model, while lateral forces agree."
     )
-    source = "MEVAD's 3 sigma of Cm, Thomas (2011), table 11.3"
+    source = (
+        "Thomas (2011), table 11.3 has MEVAD's 3 sigma of Cm, but its digits are missing in the text; the size is "
+        "assumed"
+    )
     parameters = (Parameter("k", "", "relative change of Cm about the nose", 0.2, low=-1.0, high=2.0),)
 
     def coefficients(self, p: Values, flow: FlightCondition, totals: AeroCoefficients) -> AeroCoefficients:
@@ -146,7 +152,7 @@ class RollingMoment(Effect):
         "The spin rate changes in proportion to dynamic pressure and angle, about x alone; the model has no rolling "
         "moment."
     )
-    source = "Thomas (2011), section 6 and tables 11.3 to 11.5: Cl of Phoenix, known to a low confidence"
+    source = "Thomas (2011), section 7.3: Cl of about 5e-6 on Spirit, uncertainty of 1.24e-6 in Phoenix's database"
     parameters = (
         Parameter("k", "1/rad", "slope in the total angle", 5e-4, low=-0.05, high=0.05),
         Parameter("c", "", "constant part", 5e-6, low=-1e-3, high=1e-3),
@@ -168,7 +174,9 @@ class RemnantTorque(Effect):
         "pressure, which does not average to zero over a turn."
     )
     region = "from t0 to t1"
-    source = "remnants of the thermal blanket on Spirit and Opportunity; Tolson et al., AAS 06-087; Thomas (2011)"
+    source = (
+        "remnants of the thermal blanket on Spirit and Opportunity; Tolson et al., AAS 06-087; Thomas (2011), section 7"
+    )
     parameters = (
         Parameter("Cl", "", "rolling moment coefficient", 5e-6, low=-1e-3, high=1e-3),
         Parameter("Cm", "", "pitching moment coefficient", 1.5e-3, low=-0.05, high=0.05),

@@ -85,7 +85,7 @@ class AtmosphereRotation(Effect):
         "A wind from the east of up to 240 m/s at the equator, at all altitudes: residuals of lateral forces and "
         "moments that grow as the vehicle decelerates, and of the dynamic pressure at the parachute."
     )
-    source = "Thomas (2011), section 3: rigid rotation is an assumption; k = 1 is air at rest in inertial space"
+    source = "Thomas (2011), section 3.3 and eq. 3.6 assume rigid rotation; k = 1 is air at rest in inertial space"
     parameters = (Parameter("k", "", "part of the rotation that is missing", 1.0, low=-2.0, high=3.0),)
 
     def atmosphere_rate(self, p: Values) -> float:

@@ -22,7 +22,7 @@ class GravityOblateness(Effect):
         "No residual in the accelerometers, which do not measure gravity: errors of velocity and position grow "
         "smoothly to some hundred metres, in altimeter, landing site and the gravity at rest."
     )
-    source = "Thomas (2011), eq. 3.5; Mars has 1.96e-3"
+    source = "Thomas (2011), eq. 3.5; size: J2 of Mars is 1.96e-3 (general knowledge)"
     parameters = (Parameter("J2", "", "second zonal coefficient, added", 2e-3, low=-0.05, high=0.05),)
 
     def gravity(self, p: Values, planet: Planet) -> Planet:

@@ -27,7 +27,10 @@ class AttitudeFrame(Effect):
         "kilometres in one direction while forces and rates agree; angles of attack and sideslip differ by a constant "
         "rotation."
     )
-    source = "Spirit's entry state against its attitude, Thomas (2011), section 3: 0.3 to 0.5 degrees"
+    source = (
+        "Spirit's entry state against its attitude: 0.26 degrees (computed from the telemetry); Thomas (2011), "
+        "section 3.2, rotates the attitude by 0.5 degrees about the line to the Sun"
+    )
     parameters = tuple(
         Parameter(f"r{axis}", "rad", f"rotation vector, inertial {axis}", 5e-3, low=-0.1, high=0.1) for axis in AXES
     )

@@ -39,7 +39,10 @@ class AccelerometerBias(Effect):
         "The second IMU's readings differ by a constant in all three axes, before entry too, and the error of the "
         "position at landing grows with the square of time."
     )
-    source = "Thomas (2011), section 3.2; the rovers' pre-entry means reach 4e-3 to 1e-2 m/s^2"
+    source = (
+        "Thomas (2011), section 3.2; size: the rovers' pre-entry means are 4e-3 to 1e-2 m/s^2 (computed from the "
+        "telemetry)"
+    )
     parameters = vector("b", "m/s^2", "bias", 5e-3, 0.5)
 
     def imu(self, p: Values, time: Array, force: Array, rate: Array) -> tuple[Array, Array]:
@@ -83,7 +86,10 @@ class AccelerometerMisalignment(Effect):
         "A fraction of the axial deceleration, largest near its peak, appears in the lateral residuals against the "
         "second IMU and in CN and CY; the direction of gravity at rest is wrong."
     )
-    source = "Thomas (2011), section 3.2: 0.3 degrees between backshell and rover"
+    source = (
+        "Thomas (2011), section 3.2, estimates it between backshell and rover; size: the archive's accelerations are "
+        "rotated by up to 0.3 degrees against its gyros (computed from the telemetry)"
+    )
     parameters = vector("m", "rad", "rotation vector", 6e-3, 0.2)
 
     def imu(self, p: Values, time: Array, force: Array, rate: Array) -> tuple[Array, Array]:
@@ -150,7 +156,7 @@ class ImuLeverArm(Effect):
         "the angular acceleration: constant on a spinning vehicle, with the period of the oscillation where it "
         "oscillates."
     )
-    source = "Thomas (2011), eq. 3.3 and section 3.2: positions of the rovers' IMUs from drawings and from the data"
+    source = "Thomas (2011), eq. 3.3 and table 3.4, whose digits are missing in the text; the size is assumed"
     parameters = vector("d", "m", "displacement", 0.25, 3.0)
 
     def imu_position(self, p: Values) -> Array:

@@ -73,7 +73,7 @@ class Gas:
         return np.asarray(table[node] + (place - node) * (table[node + 1] - table[node]))
 
     def mean_free_path(self, density: ArrayLike) -> Array:
-        """Mean free path ``λ = 1/(√2 π d² n)`` with ``n = ρ/m`` (eqs. 4.5 and 4.6).
+        """Mean free path ``λ = 1/(√2 π d² n)`` with ``n = ρ/m`` (eq. 4.6).
 
         Parameters
         ----------
@@ -89,7 +89,7 @@ class Gas:
         return 1.0 / (np.sqrt(2.0) * np.pi * self.molecule_diameter**2 * number_density)
 
     def knudsen(self, density: ArrayLike, diameter: float) -> Array:
-        """Knudsen number: mean free path over reference length.
+        """Knudsen number: mean free path over reference length (eq. 4.5).
 
         Parameters
         ----------

@@ -1,4 +1,4 @@
-"""Database and combination coefficients, and angle differences (thesis chapters 7 and 8, eqs. 8.1 to 8.3).
+"""Database and combination coefficients, and angle differences (thesis chapters 7 and 8).
 
 Figure 7.1 in both directions: inverse look-up of the flight's forces gives an angle, at which the database gives
 moments; inverse look-up of the flight's moments gives an angle, at which it gives forces. The database depends on the
@@ -257,7 +257,7 @@ def stride_of(points: IntArray) -> int:
 def angle_differences(
     alpha: Array, beta: Array, forces: Combination, moments: Combination, sigma: Array
 ) -> AngleDifferences:
-    """Eqs. 8.1 to 8.3 in both planes.
+    """Differences of the angles by three methods, in both planes (thesis chapter 8, figures 8.1 and 8.2).
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Validation domain, flight regimes and windows, determined from the flight (thesis sections 3.3, 6 and 7)."""
+"""Validation domain, flight regimes and windows, determined from the flight (thesis sections 3.1, 3.3, 6 and 7)."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from edl_filter.types import Array, BoolArray
 BOUNDARY_MACH = (25.0, 15.0, 5.0)
 #: Threshold of the deceleration, in sigmas of its noise.
 _THRESHOLD = 3.0
-#: Largest noise of a force coefficient that is used, as a fraction of the database's 3 sigma (the thesis's 50 s).
+#: Largest noise of a force coefficient that is used, as a fraction of the database's 3 sigma (thesis section 6).
 _USEFUL_FRACTION = 1.0 / 3.0
 #: Small angle at which the database's stability is evaluated, rad.
 _SMALL = np.deg2rad(0.5)

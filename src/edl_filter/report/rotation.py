@@ -1,4 +1,4 @@
-"""Rotation: rolling moment, angles by three methods, angular accelerations, oscillation (thesis chapter 8)."""
+"""Rotation: rolling moment, angles by three methods, angular accelerations, oscillation (thesis section 7.3, ch. 8)."""
 
 from __future__ import annotations
 

@@ -10,7 +10,7 @@ Equations
 - ``r' = v``, ``v' = g(r) + R f``; gravity with J2 (Vallado 2013, eq. 8-30; `edl_filter.planet.gravity`).
 - ``q' = q ⊗ (w, 0) / 2`` (Shuster 1993, eq. 305), ``I w' = M - w × I w`` (Euler).
 - Aerodynamic force ``q S (-CA, CY, -CN)``, total coefficients split by the lateral flow, moments moved from the nose to
-  the centre of mass, damping ``Cmq (rate D / 2V) q S D`` (thesis chapter 11; `edl_filter.effects.forward_model`).
+  the centre of mass, damping ``Cmq (rate D / 2V) q S D`` (`edl_filter.effects.forward_model`).
 - Parachute: drag along the air-relative velocity at the attachment, which therefore damps the oscillation too.
 - Touchdown: velocity relative to the ground, and rate relative to the planet's, fall linearly to zero; then rest.
 """

@@ -72,8 +72,8 @@ def centre_of_mass_correction(
     angular_rate, angular_acceleration : (N, 3) arrays
         rad/s and rad/s², body axes, at the same times.
     position : (3,) or (N, 3) array
-        Position of the accelerometers relative to the centre of mass, m, body axes. (The thesis tabulates the vector
-        from the IMU to the centre of mass: the opposite sign.)
+        Position of the accelerometers relative to the centre of mass, m, body axes. (The title of
+        thesis table 3.4 says "from the IMU to COM", its nomenclature the opposite; the table's digits are lost.)
 
     Returns
     -------

@@ -4,8 +4,8 @@ Input: the cleaned tables (`mer_archive`) and the constants of the mission (`Mer
 (`joining.Segment`) of TRANSFORMED, of HIGHRATE with its gaps filled and of the rover's velocity register, and the
 on-board attitude.
 
-The thesis's body axes are a cyclic permutation of the archive's spacecraft axes: x is the archive's +z (forward along
-the symmetry axis), y its +x, z its +y.
+Body axes are a cyclic permutation of the archive's spacecraft axes: x is the archive's +z (forward along the symmetry
+axis, as in the thesis, whose y and z are not stated), y its +x, z its +y.
 """
 
 from __future__ import annotations

@@ -145,7 +145,7 @@ def low_pass(values: ArrayLike, interval: float, cutoff_hz: float, order: int = 
         Sampling interval, s.
     cutoff_hz : float
         Half-power frequency of one pass, Hz; for both passes together see `low_pass_bandwidth`. The thesis used
-        17 Hz for Phoenix's rates and 15 Hz for its angular accelerations.
+        17 Hz for Phoenix's rates and 15 Hz for its accelerations and angular accelerations.
     order : int
         Order of one pass.
 
