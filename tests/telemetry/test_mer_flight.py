@@ -10,6 +10,7 @@ import pytest
 from edl_filter import rotations
 from edl_filter.errors import InputError
 from edl_filter.mission import Mission, shipped_mission
+from edl_filter.mission.mission import require_prediction_inputs
 from edl_filter.navigation.increments import effective_samples
 from edl_filter.navigation.noise import _attitudes
 from edl_filter.pipeline.constraints import onboard_attitudes
@@ -231,3 +232,73 @@ def test_tables_of_the_other_rover_raise(rover):
     _, tables, setup, _ = rover
     with pytest.raises(InputError, match=r"^telemetry\.spacecraft: .*telemetry\.epoch_sclk = 1000\.000"):
         mer_telemetry(tables, replace(setup, epoch_sclk=1000.0))
+
+
+class TestRoverDrives:
+    """`telemetry.driving: rover`, as the thesis flew from 90 s on."""
+
+    @pytest.fixture(scope="class")
+    def telemetry(self, rover):
+        mission, tables, _, _ = rover
+        return mer_telemetry(tables, mer_setup(Mission.load(mission.source, ["telemetry.driving=rover"])))
+
+    def test_from_the_start_of_highrate_on(self, rover, telemetry):
+        _, tables, setup, backshell_drives = rover
+        record, start = telemetry.driving, tables.highrate.sclk[0] - setup.epoch_sclk
+        names = np.array(record.units)[record.unit]
+        assert set(names[record.time < start - INCREMENT]) == {"backshell"}
+        assert "backshell" not in names[record.time > start + 0.01]
+        np.testing.assert_allclose(record.time[1:] - record.interval[1:], record.time[:-1], atol=1e-9)
+        (checking,) = telemetry.checking
+        assert checking.name == "backshell" and checking.time[-1] <= setup.separation
+        # the readings are those of the record in which the rover checks, in its own axes
+        (other,) = backshell_drives.checking
+        k, i = (np.searchsorted(x.time, 200.0) for x in (record, other))
+        aligned = rotations.rotate(
+            rotations.from_rotation_vector(BODY_FROM_SPACECRAFT @ setup.imus["rover"].alignment),
+            record.specific_force[k : k + 8],
+        )
+        np.testing.assert_allclose(aligned, other.specific_force[i : i + 8], atol=1e-9)
+        np.testing.assert_allclose(record.position[k], other.position[i])
+
+    def test_the_heat_shield_moves_both_imus_alike(self, rover, telemetry):
+        setup = rover[2]
+        shield = setup.events["heat_shield_separation"]
+        for record in (telemetry.driving, telemetry.checking[0]):
+            before, after = (record.position[np.searchsorted(record.time, shield + dt)] for dt in (-1.0, 1.0))
+            np.testing.assert_allclose(
+                after - before,
+                BODY_FROM_SPACECRAFT @ (setup.positions[shield] - setup.imus["backshell"].position),
+                atol=1e-12,
+            )
+
+    def test_from_a_later_time(self, rover):
+        mission, tables, _, _ = rover
+        changes = ["telemetry.driving=rover", "telemetry.driving_from_s=150"]
+        record = mer_telemetry(tables, mer_setup(Mission.load(mission.source, changes))).driving
+        names = np.array(record.units)[record.unit]
+        assert names[np.searchsorted(record.time, 149.8)] == "backshell"
+        assert names[np.searchsorted(record.time, 150.2)] == "rover"
+
+    @pytest.mark.parametrize(
+        ("changes", "message"),
+        [
+            (
+                ["telemetry.driving_from_s=150"],
+                r"telemetry.driving_from_s: found 150.*expected telemetry.driving: rover",
+            ),
+            (
+                ["telemetry.driving=rover", "telemetry.driving_from_s=300"],
+                r"driving_from_s: found 300 s; expected a time",
+            ),
+        ],
+    )
+    def test_times_that_make_no_sense_are_refused(self, rover, changes, message):
+        mission, tables, _, _ = rover
+        with pytest.raises(InputError, match=message):
+            mer_telemetry(tables, mer_setup(Mission.load(mission.source, changes)))
+
+    def test_a_diagnosis_says_that_it_needs_the_other_imu(self, rover):
+        mission = Mission.load(rover[0].source, ["telemetry.driving=rover"])
+        with pytest.raises(InputError, match=r"telemetry.driving: found rover; a diagnosis compares"):
+            require_prediction_inputs(mission)

@@ -16,6 +16,7 @@ from edl_filter.mission.fields import (
     LeverArm,
     Sclk,
     Section,
+    Time,
     Utc,
     WindowConfig,
     discriminator,
@@ -165,11 +166,25 @@ class MerImuConfig(WindowConfig):
         min_length=2,
         description="backshell, which drives up to the event backshell_separation, and rover, which drives after",
     )
+    driving: Literal["backshell", "rover"] = Field(
+        default="backshell",
+        description="IMU that drives in HIGHRATE up to backshell_separation: rover as in the thesis, with the "
+        "backshell's before; a diagnosis needs the backshell's, which drives from entry on",
+    )
+    driving_from_s: Time | None = Field(
+        default=None, description="time from which the rover's IMU drives, s; absent: from the start of HIGHRATE on"
+    )
 
     @model_validator(mode="after")
     def _epoch_near_clock(self) -> MerImuConfig:
         if abs(self.epoch_sclk - self.clock.sclk) > 1e5:
             raise field_error(value_text(self.epoch_sclk), f"s near clock.sclk = {self.clock.sclk!r}", "epoch_sclk")
+        return self
+
+    @model_validator(mode="after")
+    def _time_of_the_rover(self) -> MerImuConfig:
+        if self.driving_from_s is not None and self.driving != "rover":
+            raise field_error(value_text(self.driving_from_s), "telemetry.driving: rover with it", "driving_from_s")
         return self
 
     @property

@@ -321,7 +321,7 @@ def require_prediction_inputs(mission: Mission, label: str | None = None) -> Non
     Raises
     ------
     InputError
-        The mission has no aerodynamic database or no inertia.
+        The mission has no aerodynamic database or no inertia, or another IMU drives in the atmosphere than at entry.
     """
     for key, section in (("aerodynamics", mission.aerodynamics), ("vehicle.inertia", mission.vehicle.inertia)):
         if section is None:
@@ -329,6 +329,11 @@ def require_prediction_inputs(mission: Mission, label: str | None = None) -> Non
                 f"{label or mission.label}: {key}: found nothing; "
                 "a diagnosis compares the flight with a prediction, which needs it."
             )
+    if isinstance(mission.telemetry, MerImuConfig) and mission.telemetry.driving != "backshell":
+        raise InputError(
+            f"{label or mission.label}: telemetry.driving: found {mission.telemetry.driving}; a diagnosis compares the "
+            "readings of the IMU that drives from entry on: run the mission with backshell first."
+        )
 
 
 def _as_json(value: Any) -> Any:

@@ -103,6 +103,7 @@ def mer_setup(mission: Mission) -> MerSetup:
         start=telemetry.start_s,
         end=telemetry.end_s,
         separation=events["backshell_separation"],
+        rover_from=_rover_from(telemetry, events["backshell_separation"]),
         positions={
             events[name]: np.array(event.position)
             for name, event in mission.vehicle.events.items()
@@ -114,6 +115,12 @@ def mer_setup(mission: Mission) -> MerSetup:
         events=events,
         attitude_sigma=onboard.sigma if onboard else 0.0,
     )
+
+
+def _rover_from(telemetry: MerImuConfig, separation: float) -> float:
+    if telemetry.driving == "backshell":
+        return separation
+    return -np.inf if telemetry.driving_from_s is None else telemetry.driving_from_s
 
 
 def read_atmosphere(mission: Mission) -> Atmosphere:

@@ -12,7 +12,7 @@ from edl_filter.report.text import with_sigma, words
 from edl_filter.results.schema import ImuCalibration, Summary
 
 #: Heads of the columns.
-HEADS = ("", "unit", "x", "y", "z", "stated")
+HEADS = ("", "x", "y", "z", "stated")
 
 _DEG_H = 3600.0 * 57.29577951308232
 
@@ -33,9 +33,9 @@ def instrument_tables(summary: Summary) -> dict[str, list[tuple[str, ...]]]:
     tables: dict[str, list[tuple[str, ...]]] = {}
     bias = summary.pre_entry_bias_m_s2
     if bias is not None:
-        rows = [_row("slope of the velocity (thesis, table 3.5)", "m/s²", bias.slope, bias.slope_sigma)]
+        rows = [_row("slope of velocity (thesis, table 3.5), m/s²", bias.slope, bias.slope_sigma)]
         if bias.filter is not None and bias.filter_sigma is not None:
-            rows.append(_row("estimate of the filter", "m/s²", bias.filter, bias.filter_sigma))
+            rows.append(_row("estimate of the filter, m/s²", bias.filter, bias.filter_sigma))
         tables["Accelerometer bias before entry, body axes"] = rows
     for name, calibration in summary.imu_calibration.items():
         title = f"IMU {words(name)} against the driving one, {calibration.start_s:.0f} to {calibration.end_s:.0f} s"
@@ -43,26 +43,25 @@ def instrument_tables(summary: Summary) -> dict[str, list[tuple[str, ...]]]:
         if comparison := summary.imu_comparison.get(name):
             fit = comparison.all
             slope = ("–", *map(with_sigma, fit.misalignment_deg, fit.misalignment_sigma_deg))
-            tables[title].append(("misalignment by projection (thesis, table 3.6)", "deg", *slope, ""))
+            tables[title].append(("projection (thesis, table 3.6), deg", *slope, ""))
     return tables
 
 
 def _calibration_rows(c: ImuCalibration) -> list[tuple[str, ...]]:
     stated = ", ".join("–" if value is None else f"{value:.4f}" for value in c.stated_lever_arm_m)
     return [
-        _row("place from the driving IMU", "m", c.lever_arm_m, c.lever_arm_sigma_m, stated),
-        _row("rotation of the gyros", "deg", c.rate_alignment_deg, c.rate_alignment_sigma_deg, "0"),
-        _row("rotation of the accelerometers", "deg", c.force_alignment_deg, c.force_alignment_sigma_deg, "0"),
-        _row("bias of the accelerometers", "m/s²", c.force_bias_m_s2, c.force_bias_sigma_m_s2, "0"),
-        _row("bias of the gyros", "deg/h", c.rate_bias_rad_s, c.rate_bias_sigma_rad_s, "0", _DEG_H),
-        ("scale of the accelerometer", "ppm", with_sigma(1e6 * c.axial_scale, 1e6 * c.axial_scale_sigma), "", "", "0"),
-        ("delay of the readings", "ms", with_sigma(1e3 * c.delay_s, 1e3 * c.delay_sigma_s), "", "", "0"),
+        _row("place from the driving IMU, m", c.lever_arm_m, c.lever_arm_sigma_m, stated),
+        _row("rotation of gyros, deg", c.rate_alignment_deg, c.rate_alignment_sigma_deg, "0"),
+        _row("rotation of accelerometers, deg", c.force_alignment_deg, c.force_alignment_sigma_deg, "0"),
+        _row("bias of accelerometers, m/s²", c.force_bias_m_s2, c.force_bias_sigma_m_s2, "0"),
+        _row("bias of gyros, deg/h", c.rate_bias_rad_s, c.rate_bias_sigma_rad_s, "0", _DEG_H),
+        ("scale of accelerometer, ppm", with_sigma(1e6 * c.axial_scale, 1e6 * c.axial_scale_sigma), "", "", "0"),
+        ("delay of readings, ms", with_sigma(1e3 * c.delay_s, 1e3 * c.delay_sigma_s), "", "", "0"),
     ]
 
 
 def _row(
     name: str,
-    unit: str,
     values: Sequence[float | None],
     sigmas: Sequence[float | None],
     stated: str = "",
@@ -70,4 +69,4 @@ def _row(
 ) -> tuple[str, ...]:
     scaled = ([None if v is None else factor * v for v in numbers] for numbers in (values, sigmas))
     x, y, z = map(with_sigma, *scaled)
-    return (name, unit, x, y, z, stated)
+    return (name, x, y, z, stated)

@@ -24,6 +24,7 @@ from edl_filter.telemetry.mer_segments import (
     UNITS,
     MerImu,
     MerSetup,
+    driving_change,
     fill_highrate_gaps,
     highrate_segment,
     onboard_attitude,
@@ -52,7 +53,8 @@ def mer_telemetry(tables: MerTables, setup: MerSetup) -> Telemetry:
     -------
     Telemetry
         `driving` is joined from the three products; `checking` is the rover's IMU up to separation, from its register
-        before HIGHRATE; `attitude` is the backshell's quaternion up to separation and the rover's after it.
+        before HIGHRATE, or the backshell's where the rover's drives before separation; `attitude` is the quaternion of
+        the IMU that drives.
 
     Raises
     ------
@@ -67,11 +69,17 @@ def mer_telemetry(tables: MerTables, setup: MerSetup) -> Telemetry:
             f"vehicle.events.backshell_separation at {setup.separation:g} s lies outside the HIGHRATE table, "
             f"{times[0]:g} to {times[-1]:g} s."
         )
+    change = driving_change(tables, setup)
+    if change > setup.separation:
+        raise InputError(
+            f"telemetry.driving_from_s: found {change:g} s; expected a time up to the backshell's separation at "
+            f"{setup.separation:g} s, from which the rover's IMU drives anyway."
+        )
     backshell = highrate_segment(tables, setup, "backshell")
     rover = highrate_segment(tables, setup, "rover")
     handover = _handover(tables, setup)
-    driving_backshell = backshell.between(-np.inf, setup.separation)
-    driving_rover = _continue_from(rover.between(setup.separation - INCREMENT, handover), driving_backshell.time[-1])
+    driving_backshell = backshell.between(-np.inf, change)
+    driving_rover = _continue_from(rover.between(change - INCREMENT, handover), driving_backshell.time[-1])
     errors = tuple(setup.imus[unit].errors for unit in UNITS)
     segments = [
         transformed_segment(tables, setup, until=backshell.start),
@@ -85,11 +93,17 @@ def mer_telemetry(tables: MerTables, setup: MerSetup) -> Telemetry:
             f"telemetry.start_s and end_s ask for {setup.start:g} to {setup.end:g} s; the telemetry has "
             f"{driving.start:g} to {driving.time[-1]:g} s."
         )
-    segments = [
-        *register_segment(tables, setup, -5.0, rover.start),
-        *fill_highrate_gaps(tables, setup, _aligned(setup, rover.between(-np.inf, setup.separation))),
-    ]
-    checking = join("rover", segments, UNITS, errors)
+    if change < setup.separation:
+        name, segments = "backshell", fill_highrate_gaps(tables, setup, backshell.between(change, setup.separation))
+    else:
+        name, segments = (
+            "rover",
+            [
+                *register_segment(tables, setup, -5.0, rover.start),
+                *fill_highrate_gaps(tables, setup, _aligned(setup, rover.between(-np.inf, setup.separation))),
+            ],
+        )
+    checking = join(name, _at_current_position(setup, segments), UNITS, errors)
     start, end = max(setup.start, checking.start), min(setup.end, float(checking.time[-1]))
     return Telemetry(
         driving=driving.between(setup.start, setup.end),
@@ -115,12 +129,22 @@ def _check_epoch(tables: MerTables, setup: MerSetup) -> None:
 
 
 def _at_current_position(setup: MerSetup, segments: list[Segment]) -> list[Segment]:
-    """Segments with the positions of the driving IMU that events of the flight changed."""
-    for time, position in sorted(setup.positions.items()):
-        segments = [
-            replace(s, position=np.where((s.time - 0.5 * s.interval > time)[:, None], to_body(position), s.position))
-            for s in segments
-        ]
+    """Segments with the positions of the IMUs that events of the flight changed.
+
+    Up to the separation an event states the position of the backshell's IMU, and moves the rover's by as much, since
+    it is the centre of mass that moves; from the separation on it states that of the rover's. The register's samples
+    are at the place that is navigated.
+    """
+    nominal = to_body(setup.imus["backshell"].position)
+    for time, stated in sorted(setup.positions.items()):
+        moved = []
+        for s in segments:
+            own = to_body(setup.imus[s.unit].position)
+            together = s.unit == "rover" and time < setup.separation - SAME_TIME
+            position = own + to_body(stated) - nominal if together else to_body(stated)
+            after = (s.time - 0.5 * s.interval > time)[:, None]
+            moved.append(s if s.unit == "register" else replace(s, position=np.where(after, position, s.position)))
+        segments = moved
     return segments
 
 

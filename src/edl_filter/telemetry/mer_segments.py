@@ -79,7 +79,10 @@ class MerSetup:
     start, end : float
         Start and end of the record, s since the epoch.
     separation : float
-        Time of backshell separation, from which the rover's IMU drives, s since the epoch.
+        Time of backshell separation, s since the epoch.
+    rover_from : float
+        Time from which the rover's IMU drives, s since the epoch: the separation or before it; ``-inf`` for the start
+        of HIGHRATE.
     positions : dict
         Time (s since the epoch) → position (3,) of the driving IMU relative to the centre of mass from then on, m,
         spacecraft axes.
@@ -99,6 +102,7 @@ class MerSetup:
     start: float
     end: float
     separation: float
+    rover_from: float
     positions: dict[float, Array]
     inertial_from_j2000: Array
     j2000_from_register: Array
@@ -115,6 +119,11 @@ def to_body(vector: Array | None) -> Array:
 def sample_end(tables: MerTables, setup: MerSetup, unit: str, sclk: Array) -> Array:
     """Time (N,), s since the epoch, at which the increments end that the computer read at the clock counts (N,), s."""
     return sclk - setup.epoch_sclk - tables.clocks["rover" if unit == "register" else unit].lag(sclk)
+
+
+def driving_change(tables: MerTables, setup: MerSetup) -> float:
+    """Time at which the rover's IMU begins to drive, s since the epoch: at least one sample after HIGHRATE's start."""
+    return max(setup.rover_from, float(tables.highrate.sclk[0]) - setup.epoch_sclk)
 
 
 def _inertial_from_body(setup: MerSetup, j2000_from_spacecraft: Array) -> Array:
@@ -339,9 +348,9 @@ def register_segment(tables: MerTables, setup: MerSetup, start: float, end: floa
 
 
 def onboard_attitude(tables: MerTables, setup: MerSetup) -> AttitudeRecord:
-    """On-board attitude: the backshell's up to separation, then the rover's; unusable quaternions are omitted."""
+    """On-board attitude: of the IMU that drives, the backshell's and then the rover's, without unusable quaternions."""
     t = tables.transformed
-    from_rover = t.sclk - setup.epoch_sclk > setup.separation + SAME_TIME
+    from_rover = t.sclk - setup.epoch_sclk > driving_change(tables, setup) + SAME_TIME
     time = np.where(from_rover, *(sample_end(tables, setup, unit, t.sclk) for unit in ("rover", "backshell")))
     quaternion = np.where(from_rover[:, None], t.rover_j2000_from_sc, t.backshell_j2000_from_sc)
     sigma = np.where(from_rover, t.rover_sigma, t.backshell_sigma)

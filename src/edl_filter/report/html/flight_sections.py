@@ -185,7 +185,7 @@ def instruments(reader: ResultReader) -> Section:
         "one rigid body. Sigmas include the correlation of the residuals. What is beyond a stated sigma belongs into "
         "the mission."
     )
-    blocks: list[Block] = [Table(title, HEADS, rows, texts=2) for title, rows in tables.items()]
+    blocks: list[Block] = [Table(title, HEADS, rows) for title, rows in tables.items()]
     return Section("instruments", "Instruments", [*blocks, Note(explanation, "muted")] if blocks else [])
 
 

@@ -91,9 +91,9 @@ def _instruments(summary: Summary) -> list[Table]:
     """Calibration of the IMUs; what is stated is in the report only, where there is room."""
     tables = []
     for title, rows in instrument_tables(summary).items():
-        table = empty_table(title, HEADS[:2], HEADS[2:5])
+        table = empty_table(title, HEADS[:1], HEADS[1:4])
         for row in rows:
-            table.add_row(*row[:5])
+            table.add_row(*row[:4])
         tables.append(table)
     return tables
 
