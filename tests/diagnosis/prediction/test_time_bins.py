@@ -193,3 +193,28 @@ def test_bins_near_an_event_that_changes_the_vehicle_are_not_compared(event, exp
     bins = make_time_bins(samples_of(edges), edges, 70.0, LENGTH, END, [event])
     ends = {*range(END), *range(80 - END, 80)}
     assert set(np.flatnonzero(~bins.valid)) - ends == set(expected)
+
+
+@given(st.floats(-0.06, 0.06))
+def test_a_smooth_quantity_is_interpolated_between_the_ends_of_the_samples(offset):
+    """Two instruments whose samples end at different times."""
+    grid, w = 0.125 * np.arange(81), 2.0 * np.pi * 0.7
+    integral = -np.cos(w * grid) / w
+    values = np.diff(integral)[:, None] / 0.125
+    edges = grid[5:-5] + offset
+    true = np.diff(-np.cos(w * edges) / w) / 0.125
+    smooth, constant = (bin_means(edges, grid[1:], np.diff(grid), values, smooth=s)[:, 0] for s in (True, False))
+    assert np.abs(smooth - true).max() < (1e-5 if abs(offset) < 0.0025 else 2e-4)
+    assert np.abs(constant - true).max() >= np.abs(smooth - true).max()
+    if abs(offset) > 0.002:
+        assert np.abs(constant - true).max() > 1e-3
+
+
+def test_next_to_a_gap_samples_are_constant():
+    grid = np.concatenate((0.125 * np.arange(20), 0.125 * np.arange(30, 50)))
+    values = np.ones((39, 3))
+    values[19] = np.nan
+    means = bin_means(grid[4:12] + 0.05, grid[1:], np.diff(grid), values, smooth=True)
+    np.testing.assert_allclose(means, 1.0)
+    edges = np.array([2.2, 2.3])
+    np.testing.assert_allclose(bin_means(edges, grid[1:], np.diff(grid), values, smooth=True), 1.0)

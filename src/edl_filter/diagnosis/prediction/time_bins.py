@@ -13,7 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from edl_filter.navigation.increments import Samples
-from edl_filter.types import Array, BoolArray
+from edl_filter.telemetry.record import SAME_TIME
+from edl_filter.types import Array, BoolArray, IntArray
 
 
 @dataclass(frozen=True)
@@ -88,8 +89,14 @@ def make_time_bins(
     return TimeBins(edges, valid, per_bin)
 
 
-def bin_means(edges: Array, time: Array, interval: Array, values: Array) -> Array:
+def bin_means(edges: Array, time: Array, interval: Array, values: Array, smooth: bool = False) -> Array:
     """Means over bins of a quantity that is given by its means over adjoining intervals.
+
+    The integral is known at the ends of the intervals. At an edge inside an interval it is interpolated linearly: the
+    quantity is constant over the interval. A smooth one is interpolated by the polynomial of fifth order through the
+    six nearest ends (Lagrange), except next to a gap or to an end. Linear interpolation would be wrong by half the
+    product of second derivative, interval and distance to the end: with two IMUs whose samples end 2 ms apart this is
+    six times their noise on a vehicle that oscillates.
 
     Parameters
     ----------
@@ -99,6 +106,8 @@ def bin_means(edges: Array, time: Array, interval: Array, values: Array) -> Arra
         End and length of the intervals, s.
     values : (N, ...) array
         Means over the intervals.
+    smooth : bool
+        The quantity is smooth.
 
     Returns
     -------
@@ -110,7 +119,32 @@ def bin_means(edges: Array, time: Array, interval: Array, values: Array) -> Arra
     total = np.concatenate((np.zeros((1, *values.shape[1:])), np.cumsum(values * interval.reshape(-1, *tail), axis=0)))
     k = np.clip(np.searchsorted(grid, edges, side="right") - 1, 0, len(time) - 1)
     integral = total[k] + values[k] * (edges - grid[k]).reshape(-1, *tail)
+    if smooth:
+        _interpolate(integral, edges, grid, total, k)
     out = np.diff(integral, axis=0) / np.diff(edges).reshape(-1, *tail)
     outside = (edges[:-1] < grid[0] - 1e-6) | (edges[1:] > grid[-1] + 1e-6)
     out[outside] = np.nan
     return out
+
+
+#: Ends of intervals around an edge by which the integral is interpolated, relative to the one before the edge.
+_STENCIL = np.arange(-2, 4)
+
+
+def _interpolate(integral: Array, edges: Array, grid: Array, total: Array, k: IntArray) -> None:
+    """Interpolate the integral at edges inside an interval, in place; `k` is the end before each edge."""
+    inside = np.minimum(edges - grid[k], grid[k + 1] - edges) > SAME_TIME
+    inside &= (k + _STENCIL[0] >= 0) & (k + _STENCIL[-1] < len(grid))
+    rows = np.flatnonzero(inside)
+    points = k[rows, None] + _STENCIL
+    regular = np.ptp(np.diff(grid[points], axis=1), axis=1) < 0.1 * (grid[k[rows] + 1] - grid[k[rows]])
+    rows, points = rows[regular], points[regular]
+    nodes = grid[points] - edges[rows, None]
+    weights = np.ones(nodes.shape)
+    for i in range(len(_STENCIL)):
+        for j in range(len(_STENCIL)):
+            if i != j:
+                weights[:, i] *= nodes[:, j] / (nodes[:, j] - nodes[:, i])
+    values = np.einsum("nk,nk...->n...", weights, total[points])
+    finite = np.isfinite(values).all(axis=tuple(range(1, values.ndim)))
+    integral[rows[finite]] = values[finite]
