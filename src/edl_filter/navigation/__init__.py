@@ -9,5 +9,5 @@ Read in this order. `layout` defines the filter's vector, an error about a refer
 attitude computed on board, and `noise` gives the process noise. `constraints` holds the measurement models. `estimator`
 is the interface of the filters: `ukf` (unscented, the default) and `ekf` (extended). `filter` runs one of them through
 the epochs, `smoother` goes back, `trajectory` interpolates between the epochs, and `leave_one_out` checks the
-constraints.
+constraints, with the `information` that each contributes.
 """

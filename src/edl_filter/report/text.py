@@ -182,6 +182,13 @@ def nis_text(nis: float | None, dof: int, digits: int = 2) -> str:
     return f"{nis:.{digits}f} ({dof})" if dof and nis is not None else "–"
 
 
+def information_text(value: float | None) -> str:
+    """Information gain in nats: two decimals below ten, otherwise one."""
+    if value is None or math.isnan(value):
+        return "–"
+    return f"{value:.2f}" if value < 10.0 else f"{value:.1f}"
+
+
 def constraint_verdict(constraint: ConstraintSummary) -> tuple[str, str]:
     """Judgement of a constraint, and its tone: ``bad``, ``muted``, ``good`` or ``doubt``."""
     if not constraint.accepted:

@@ -19,6 +19,7 @@ from edl_filter.report.terminal.console import echo, empty_table
 from edl_filter.report.text import (
     constraint_verdict,
     fixed_digits,
+    information_text,
     interval_text,
     nis_text,
     pressure,
@@ -49,6 +50,7 @@ def print_run(written: Mapping[str, Any]) -> None:
         events_table(summary.events),
         "" if peak is None else peak_sentence(peak),
         constraints_table(summary.constraints),
+        information_table(summary.constraints),
         *(f"[bold red]{warning}[/bold red]" for warning in warnings(summary.constraints)),
         entry_sentence(summary.entry_state),
         landing_sentence(summary.landing),
@@ -98,6 +100,15 @@ def constraints_table(constraints: Mapping[str, ConstraintSummary]) -> Table:
             nis_text(c.left_out_nis, c.left_out_dof, 1),
             _judgement(*constraint_verdict(c)),
         )
+    return table
+
+
+def information_table(constraints: Mapping[str, ConstraintSummary]) -> Table:
+    """Information gain of each constraint: over all measurements before it, and over all other constraints."""
+    table = empty_table("Information gain (nats)", ("constraint",), ("over those before", "beyond all others"))
+    for name, c in constraints.items():
+        row = information_text(c.information_nats), information_text(c.left_out_information_nats)
+        table.add_row(words(name), *row)
     return table
 
 
