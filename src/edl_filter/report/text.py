@@ -195,4 +195,12 @@ def constraint_verdict(constraint: ConstraintSummary) -> tuple[str, str]:
         return f"✗ {constraint.uses - constraint.accepted_uses} rejected", "bad"
     if constraint.consistent is None:
         return "– not judged", "muted"
-    return ("✓ accepted", "good") if constraint.consistent else ("▲ outside", "doubt")
+    if not constraint.consistent:
+        return ("▲ below" if below_interval(constraint) else "▲ outside"), "doubt"
+    return "✓ accepted", "good"
+
+
+def below_interval(constraint: ConstraintSummary) -> bool:
+    """Whether the NIS is below its interval: a better agreement than the stated sigmas let expect."""
+    interval = constraint.nis_interval_99_9
+    return constraint.nis is not None and interval is not None and constraint.nis < interval[0]

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from edl_filter.telemetry.record import ImuRecord, Telemetry
 
 #: Tone of a judgement → colour, and the judgement in one word if it has one.
-_TONES = {"good": ("green", "ok"), "doubt": ("yellow", "outside"), "bad": ("red", "")}
+_TONES = {"good": ("green", "ok"), "doubt": ("yellow", ""), "bad": ("red", "")}
 
 
 def print_run(written: Mapping[str, Any]) -> None:
@@ -116,7 +116,7 @@ def _judgement(verdict: str, tone: str) -> str:
     if tone not in _TONES:
         return "–"
     colour, word = _TONES[tone]
-    return f"[{colour}]{word or verdict}[/{colour}]"
+    return f"[{colour}]{word or verdict.removeprefix('▲ ')}[/{colour}]"
 
 
 def telemetry_lines(telemetry: Telemetry) -> list[str]:
