@@ -47,6 +47,17 @@ def test_inconsistent_values_are_refused(override, key, expected):
             "constraints.onboard_attitude",
             "practice_mer",
         ),
+        ("constraints.parachute={mach: 1.8}", "constraints.parachute.mach_sigma", "mer_a"),
+        ("constraints.parachute={mach: 1.8, mach_sigma: 0.1}", "constraints.parachute.temperature_sigma", "mer_a"),
+        ("constraints.parachute={mach_sigma: 0.1}", "constraints.parachute.mach", "mer_a"),
+        ("constraints.parachute={dynamic_pressure: 750}", "constraints.parachute.dynamic_pressure_sigma", "mer_a"),
+        ("constraints.parachute={}", "constraints.parachute", "mer_a"),
+        (
+            "constraints.parachute={axial_force_window_s: 1, dynamic_pressure: 750, dynamic_pressure_sigma: 60}",
+            "constraints.parachute.dynamic_pressure",
+            "mer_a",
+        ),
+        ("aerodynamics=null", "aerodynamics", "mer_a"),
         ("vehicle.events.landing={sclk: 5, sigma_s: 1}", "vehicle.events.landing.sclk", "practice_mer"),
         (
             "vehicle.events.landing={time_s: 5, sigma_s: 1, position: [1, 0, 0]}",

@@ -2,8 +2,19 @@
 
 import pytest
 
-from edl_filter.report.text import chance, event_label, number, parameters_text, readable, sigmas_text, with_sigma
-from edl_filter.results.schema import Estimate
+from edl_filter.report.text import (
+    below_interval,
+    chance,
+    constraint_verdict,
+    event_label,
+    information_text,
+    number,
+    parameters_text,
+    readable,
+    sigmas_text,
+    with_sigma,
+)
+from edl_filter.results.schema import ConstraintSummary, Estimate
 
 
 @pytest.mark.parametrize(
@@ -54,3 +65,29 @@ def test_powers_of_units_are_raised():
 
 def test_negative_numbers_have_a_minus_and_words_keep_their_hyphens():
     assert readable("x -0.5 m, (-1.2 ± 0.1)e-5, on-board 2011-03") == "x −0.5 m, (−1.2 ± 0.1)e-5, on-board 2011-03"
+
+
+@pytest.mark.parametrize(
+    ("nis", "verdict", "below"),
+    [(3.0, "✓ accepted", False), (20.0, "▲ outside", False), (0.01, "▲ below", True)],
+)
+def test_a_constraint_that_agrees_too_well_does_not_disagree(nis, verdict, below):
+    constraint = ConstraintSummary.of(
+        {"source": "s", "components": ["a (m)"] * 3, "uses": 1, "accepted_uses": 1, "accepted": True, "time_s": 0.0,
+         "innovation": [0.0] * 3, "innovation_sigma": [1.0] * 3, "nis": nis, "dof": 3,
+         "nis_interval_99_9": [0.0153, 17.7], "consistent": 0.0153 <= nis <= 17.7, "left_out": [0.0] * 3,
+         "left_out_sigma": [1.0] * 3, "left_out_nis": 0.0, "left_out_dof": 3, "information_nats": 1.0,
+         "left_out_information_nats": 0.5}
+    )  # fmt: skip
+    assert constraint_verdict(constraint)[0] == verdict
+    assert below_interval(constraint) == below
+
+
+def test_information_has_two_decimals_below_ten_nats():
+    assert [information_text(x) for x in (0.0062, 7.694, 211.93, None, float("nan"))] == [
+        "0.01",
+        "7.69",
+        "211.9",
+        "–",
+        "–",
+    ]

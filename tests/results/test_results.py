@@ -14,9 +14,10 @@ import edl_filter
 from edl_filter import results
 from edl_filter.errors import InputError
 from edl_filter.report.sentences import landing_sentence, warnings
-from edl_filter.report.terminal.run import constraints_table
+from edl_filter.report.terminal.run import constraints_table, information_table
 from edl_filter.report.text import constraint_verdict
 from edl_filter.results import Result, files, netcdf, plain
+from edl_filter.results.plain import finite
 from edl_filter.results.schema import ConstraintSummary, Landing
 from edl_filter.results.summary import constraint
 from edl_filter.workflow.outputs import write_outputs
@@ -292,3 +293,20 @@ def test_public_names_do_not_depend_on_the_order_of_imports():
     assert set(edl_filter.__all__) <= set(dir(edl_filter))
     with pytest.raises(AttributeError, match="no attribute 'nothing'"):
         _ = edl_filter.nothing
+
+
+def test_information_gains_are_in_the_summary_and_the_terminal(written, practice_06):
+    checks = {s.name: s for s in practice_06.constraint_checks}
+    rows = written["content"]["constraints"]
+    for name, s in checks.items():
+        assert rows[name]["left_out_information_nats"] == pytest.approx(s.left_out_information)
+    assert np.isnan(rows["entry_state"]["information_nats"])  # the filter starts with it
+    assert rows["altimeter"]["information_nats"] == pytest.approx(checks["altimeter"].information.sum())
+    # 261 heights repeat each other and the landing: beyond the others they gain less than in order
+    assert 0.0 < rows["altimeter"]["left_out_information_nats"] < rows["altimeter"]["information_nats"]
+    assert rows["parachute"]["left_out_information_nats"] < 0.01
+    console = Console(width=100, record=True, file=io.StringIO())
+    console.print(information_table({n: ConstraintSummary.of(finite(row)) for n, row in rows.items()}))
+    text = console.export_text()
+    landing = rows["landing"]["left_out_information_nats"]
+    assert f"{landing:.2f}" in text and "–" in text and "nan" not in text

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
+from edl_filter.mission.aerodynamics import AerodynamicsConfig
 from edl_filter.mission.effects import EffectConfig, check_effects
 from edl_filter.mission.estimation import (
     ConstraintsConfig,
     InitialStateConfig,
-    ParachutePressureConfig,
+    ParachuteDeploymentConfig,
     StatedStateConfig,
     SunLineSigmaConfig,
 )
@@ -25,12 +26,16 @@ def check_sections(
     initial_state: InitialStateConfig,
     constraints: ConstraintsConfig,
     effects: Sequence[EffectConfig],
+    aerodynamics: AerodynamicsConfig | None,
 ) -> None:
     """Raise the error of the first inconsistency between sections."""
     _check_telemetry(telemetry, planet)
     _check_events(telemetry, vehicle)
     _check_state(initial_state, telemetry, planet)
     _check_constraints(constraints, telemetry, planet, vehicle)
+    chute = constraints.parachute
+    if isinstance(chute, ParachuteDeploymentConfig) and chute.axial_force_window_s and aerodynamics is None:
+        raise field_error("nothing", "a section: constraints.parachute.axial_force_window_s needs CA", "aerodynamics")
     check_effects(effects)
 
 
@@ -121,7 +126,7 @@ def _check_constraints(
                     raise field_error(value_text(time), expected, f"constraints.{key}.{bound}")
     if constraints.onboard_attitude is not None and isinstance(telemetry, FlightFileConfig):
         raise field_error("a section", "none: a flight file holds no on-board attitude", "constraints.onboard_attitude")
-    if isinstance(constraints.parachute, ParachutePressureConfig):
+    if isinstance(constraints.parachute, ParachuteDeploymentConfig):
         _check_event(telemetry, vehicle, "parachute", "parachute_deploy")
     if constraints.landing is not None and not isinstance(constraints.landing, FromTelemetryConfig):
         _check_event(telemetry, vehicle, "landing", "landing")

@@ -193,13 +193,47 @@ class ZeroForceConfig(WindowConfig):
     sigma: ForceSigma = Field(description="1 sigma of the mean specific force over the window, m/s^2")
 
 
-class ParachutePressureConfig(Section):
-    """Dynamic pressure at the event parachute_deploy."""
+class ParachuteDeploymentConfig(Section):
+    """Flow at the event parachute_deploy: axial force or dynamic pressure, Mach number, or one of each.
 
-    dynamic_pressure: Pressure = Field(description="dynamic pressure, Pa")
-    dynamic_pressure_sigma: Annotated[Number, Within("Pa", 0.0, 1e6, (("kPa", 1e3),), above=True)] = Field(
-        description="1 sigma, Pa"
+    A trigger on deceleration computes its dynamic pressure from the same accelerometers, so that its target and the
+    axial force are one measurement, of which the axial force is the better form.
+    """
+
+    axial_force_window_s: Annotated[Number, Within("s", 0.0, 20.0, above=True)] | None = Field(
+        default=None,
+        description="dynamic pressure from the accelerometers, the mass and CA of the database: time before the event "
+        "over which a line is fitted to the axial specific force, s",
     )
+    dynamic_pressure: Pressure | None = Field(
+        default=None, description="dynamic pressure, Pa, measured otherwise; instead of axial_force_window_s"
+    )
+    dynamic_pressure_sigma: Annotated[Number, Within("Pa", 0.0, 1e6, (("kPa", 1e3),), above=True)] | None = Field(
+        default=None, description="1 sigma of it, Pa"
+    )
+    mach: Annotated[Number, Within("", 0.0, 50.0, above=True)] | None = Field(default=None, description="Mach number")
+    mach_sigma: Annotated[Number, Within("", 0.0, 10.0, above=True)] | None = Field(
+        default=None, description="1 sigma of it, without that of the temperature"
+    )
+    temperature_sigma: Annotated[Number, Within("K", 0.0, 200.0)] | None = Field(
+        default=None, description="1 sigma of the preflight temperature, K: of the speed of sound; with mach"
+    )
+
+    @model_validator(mode="after")
+    def _complete(self) -> ParachuteDeploymentConfig:
+        for key, needed in (
+            ("dynamic_pressure", "dynamic_pressure_sigma"),
+            ("mach", "mach_sigma"),
+            ("mach", "temperature_sigma"),
+        ):
+            for present, lacking in ((key, needed), (needed, key)):
+                if getattr(self, present) is not None and getattr(self, lacking) is None:
+                    raise field_error("nothing", f"a number: {present} needs it", lacking)
+        if self.axial_force_window_s is not None and self.dynamic_pressure is not None:
+            raise field_error("both this and axial_force_window_s", "one of them", "dynamic_pressure")
+        if self.axial_force_window_s is None and self.dynamic_pressure is None and self.mach is None:
+            raise field_error("no measurement", "axial_force_window_s, dynamic_pressure or mach")
+        return self
 
 
 class SteadyDescentConfig(WindowConfig):
@@ -274,8 +308,8 @@ class ConstraintsConfig(Section):
 
     onboard_attitude: OnboardAttitudeConfig | None = Field(default=None, description="attitude computed on board")
     pre_entry_zero_force: ZeroForceConfig | None = Field(default=None, description="no force before the atmosphere")
-    parachute: StatedOrFromTelemetry[ParachutePressureConfig, FromTelemetryConfig] | None = Field(
-        default=None, description="dynamic pressure at deployment"
+    parachute: StatedOrFromTelemetry[ParachuteDeploymentConfig, FromTelemetryConfig] | None = Field(
+        default=None, description="flow at parachute deployment"
     )
     steady_descent: SteadyDescentConfig | None = Field(default=None, description="terminal speed under the parachute")
     landing: StatedOrFromTelemetry[LandingSiteConfig, FromTelemetryConfig] | None = Field(

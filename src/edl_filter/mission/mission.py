@@ -168,7 +168,10 @@ class Mission(Section):
 
     @model_validator(mode="after")
     def _consistent(self) -> Mission:
-        check_sections(self.telemetry, self.planet, self.vehicle, self.initial_state, self.constraints, self.effects)
+        check_sections(
+            self.telemetry, self.planet, self.vehicle, self.initial_state, self.constraints, self.effects,
+            self.aerodynamics,
+        )  # fmt: skip
         return self
 
     def planet_model(self, prime_meridian: float | None = None) -> Planet:

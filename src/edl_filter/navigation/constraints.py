@@ -36,7 +36,10 @@ class Constraint(Protocol):
     """
 
     name: ClassVar[str]
-    components: ClassVar[tuple[str, ...]]
+
+    @property
+    def components(self) -> tuple[str, ...]:
+        """Name of each component, with its unit in brackets."""
 
     @property
     def time(self) -> float:
@@ -163,12 +166,37 @@ class DynamicPressure:
 
     def predict(self, nav: Array, errors: Array, layout: Layout) -> Array:
         """``ρ V² / 2`` of the air-relative velocity, Pa."""
-        position = nav[:3].T
-        _, _, altitude = self.planet.geodetic(self.time, position)
-        enu = self.planet.enu_from_inertial(self.time, position)
-        velocity = np.einsum("sij,sj->si", enu, self.planet.velocity_relative(position, nav[3:6].T))
-        velocity[:, :2] -= self.atmosphere.wind_at(altitude)
+        altitude, velocity, _ = velocity_in_air(self.planet, self.atmosphere, self.time, nav)
         return 0.5 * (self.atmosphere.density(altitude) * np.sum(velocity**2, axis=1))[:, None]
+
+
+def velocity_in_air(planet: Planet, atmosphere: Atmosphere, time: float, nav: Array) -> tuple[Array, Array, Array]:
+    """Altitude and velocity relative to the air of many states.
+
+    Parameters
+    ----------
+    planet, atmosphere : Planet, Atmosphere
+        The planet whose rotation the air follows; the wind in addition.
+    time : float
+        s.
+    nav : (10 or 14, S) array
+        As `State.nav`.
+
+    Returns
+    -------
+    altitude : (S,) array
+        Areodetic, m.
+    velocity : (S, 3) array
+        East, north and up, m/s.
+    enu : (S, 3, 3) array
+        Rows: the local axes in inertial ones.
+    """
+    position = nav[:3].T
+    _, _, altitude = planet.geodetic(time, position)
+    enu = planet.enu_from_inertial(time, position)
+    velocity = np.einsum("sij,sj->si", enu, planet.velocity_relative(position, nav[3:6].T))
+    velocity[:, :2] -= atmosphere.wind_at(altitude)
+    return altitude, velocity, enu
 
 
 @dataclass(frozen=True)

@@ -3,7 +3,8 @@
 Every constraint is left out once: the filter runs again without it from the epoch before its first use, the smoother
 returns to that epoch, and the prediction there is compared with the measurement. The entry state is a
 constraint too, with its prior covariance. Since no filter can start without one, its contribution is removed from the
-smoothed estimate in closed form.
+smoothed estimate in closed form. With the residual goes the information gain, which says what the estimate would lose
+without the constraint (`information`).
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ import numpy as np
 from scipy.linalg import cholesky, solve_triangular
 
 from edl_filter.navigation.filter import FilterPass, Fused, Problem, new_filter, quantile, run_filter_without
+from edl_filter.navigation.information import information_beyond_others, information_in_order
 from edl_filter.navigation.smoother import Smoothed, smooth
 from edl_filter.types import Array, BoolArray
 
@@ -46,6 +48,12 @@ class ConstraintCheck:
         Of `left_out`: prediction and measurement together.
     left_out_nis : float
     left_out_dof : int
+    information : (K,) array
+        Information gain of each use over all measurements before it, nats; NaN for the entry state, with which the
+        filter starts.
+    left_out_information : float
+        Information gain of all uses together over all other constraints, nats. For the entry state a lower bound:
+        a direction that it alone determines counts with ``-½ ln(LEAST_EXPLAINED)``, 2.3 nats.
     """
 
     name: str
@@ -61,6 +69,8 @@ class ConstraintCheck:
     left_out_covariance: Array
     left_out_nis: float
     left_out_dof: int
+    information: Array
+    left_out_information: float
 
     def nis_interval(self, probability: float = 0.999) -> tuple[float, float]:
         """Interval that holds the sum of `nis` with `probability`."""
@@ -99,7 +109,9 @@ def _check(problem: Problem, filter_pass: FilterPass, group: list[Fused]) -> Con
     first = group[0].constraint
     innovations = [f.innovation for f in group]
     sigma = [np.sqrt(np.diag(i.predicted_covariance + i.noise_covariance)) for i in innovations]
-    residual, covariance = _left_out_residual(problem, filter_pass, group)
+    without = run_filter_without(problem, filter_pass, first.name)
+    smoothed = smooth(without, group[0].node)
+    residual, covariance = _left_out_residual(problem, smoothed, group)
     return ConstraintCheck(
         name=first.name,
         source=first.source,
@@ -114,14 +126,14 @@ def _check(problem: Problem, filter_pass: FilterPass, group: list[Fused]) -> Con
         left_out_covariance=covariance,
         left_out_nis=float(residual @ np.linalg.solve(covariance, residual)),
         left_out_dof=len(residual),
+        information=information_in_order(group),
+        left_out_information=information_beyond_others(group, without, smoothed),
     )
 
 
-def _left_out_residual(problem: Problem, filter_pass: FilterPass, group: list[Fused]) -> tuple[Array, Array]:
-    """Residual against the estimate from everything else, and its covariance."""
-    without = run_filter_without(problem, filter_pass, group[0].constraint.name)
+def _left_out_residual(problem: Problem, smoothed: Smoothed, group: list[Fused]) -> tuple[Array, Array]:
+    """Residual against the estimate from everything else, `smoothed` from the first use on, and its covariance."""
     first = group[0].node
-    smoothed = smooth(without, first)
     residuals, predictions, noises = [], [], []
     for fused in group:
         k = fused.node - first
@@ -162,9 +174,7 @@ def remove_measurement(residual: Array, covariance: Array, noise: Array) -> tupl
     dof : int
         Number of directions that count.
     """
-    root = cholesky(noise, lower=True)
-    whitened = solve_triangular(root, solve_triangular(root, covariance, lower=True).T, lower=True)
-    explained, directions = np.linalg.eigh(np.eye(len(residual)) - 0.5 * (whitened + whitened.T))
+    root, explained, directions = _explained_variance(covariance, noise)
     keep = explained > LEAST_EXPLAINED
     inverse = np.where(keep, 1.0 / np.where(keep, explained, 1.0), 0.0)
     along = directions.T @ solve_triangular(root, residual, lower=True)
@@ -172,6 +182,36 @@ def remove_measurement(residual: Array, covariance: Array, noise: Array) -> tupl
     undetermined = (axes[:, ~keep] ** 2).sum(axis=1) > 0.5 * np.diag(noise)
     sigma = np.where(undetermined, np.inf, np.sqrt((axes**2) @ inverse))
     return axes @ (inverse * along), sigma, float(np.sum(inverse * along**2)), int(keep.sum())
+
+
+def _explained_variance(covariance: Array, noise: Array) -> tuple[Array, Array, Array]:
+    """Cholesky factor of R, and eigenvalues and eigenvectors of ``1 - S/R``: what all others explain of each direction.
+
+    Arguments as in `remove_measurement`.
+    """
+    root = cholesky(noise, lower=True)
+    whitened = solve_triangular(root, solve_triangular(root, covariance, lower=True).T, lower=True)
+    explained, directions = np.linalg.eigh(np.eye(len(noise)) - 0.5 * (whitened + whitened.T))
+    return root, explained, directions
+
+
+def information_of_prior(covariance: Array, prior: Array) -> float:
+    """Information gain of a prior over all measurements, ``½ ln det(P + R) / det R`` with P from these alone, nats.
+
+    With S the covariance given both, ``1 - R⁻¹ S = (P + R)⁻¹ R``, so that P is not needed.
+
+    Parameters
+    ----------
+    covariance, prior : (m, m) arrays
+        S, and R of the prior, in the same units.
+
+    Returns
+    -------
+    float
+        Lower bound: a direction that the measurements explain by less than `LEAST_EXPLAINED` counts with that.
+    """
+    _, explained, _ = _explained_variance(covariance, prior)
+    return float(-0.5 * np.sum(np.log(np.clip(explained, LEAST_EXPLAINED, 1.0))))
 
 
 def check_entry_state(smoothed: Smoothed, prior: Array, start: Array) -> ConstraintCheck:
@@ -213,4 +253,6 @@ def check_entry_state(smoothed: Smoothed, prior: Array, start: Array) -> Constra
         left_out_covariance=np.diag(sigma**2),
         left_out_nis=nis,
         left_out_dof=dof,
+        information=np.array([np.nan]),
+        left_out_information=information_of_prior(covariance, prior),
     )

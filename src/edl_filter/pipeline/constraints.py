@@ -20,9 +20,10 @@ from edl_filter.mission.fields import FromTelemetryConfig
 from edl_filter.navigation import constraints as models
 from edl_filter.navigation.increments import Samples
 from edl_filter.pipeline.forward_model import body_of
+from edl_filter.pipeline.parachute import parachute_deployment
 from edl_filter.planet import Planet, ellipsoid
 from edl_filter.planet.atmosphere import Atmosphere
-from edl_filter.telemetry.record import Telemetry
+from edl_filter.telemetry.record import InitialState, Telemetry
 from edl_filter.types import Array, BoolArray
 
 
@@ -32,7 +33,7 @@ def build_constraints(
     samples: Samples,
     planet: Planet,
     atmosphere: Atmosphere,
-    start: float,
+    initial: InitialState,
     effects: Sequence[EffectInstance] = (),
 ) -> list[models.Constraint]:
     """All constraints that the mission names.
@@ -47,8 +48,8 @@ def build_constraints(
         Of the driving instrument.
     planet, atmosphere : Planet, Atmosphere
         The mission's own; the constraints use the air with the effects.
-    start : float
-        s; time of the initial state.
+    initial : InitialState
+        Entry state.
     effects : sequence of EffectInstance
         Those whose air and vehicle the constraints assume.
 
@@ -57,7 +58,7 @@ def build_constraints(
     InputError
         The telemetry does not have what a constraint needs.
     """
-    c = mission.constraints
+    c, start = mission.constraints, initial.time
     atmosphere = atmosphere_with_effects(atmosphere, effects)
     constraints: list[models.Constraint] = []
     if c.pre_entry_zero_force is not None:
@@ -68,7 +69,7 @@ def build_constraints(
     if c.onboard_attitude is not None:
         constraints += onboard_attitudes(telemetry, c.onboard_attitude.interval_s, start)
     if c.parachute is not None:
-        constraints.append(_parachute(mission, telemetry, compose_air_rotation(planet, effects), atmosphere))
+        constraints.append(_parachute(mission, telemetry, samples, planet, atmosphere, initial, effects))
     if c.steady_descent is not None:
         constraints.append(_steady_descent(mission, samples, planet, atmosphere, body_of(mission, effects).mass))
     if c.landing is not None and not (isinstance(c.landing, LandingSiteConfig) and not c.landing.use):
@@ -142,21 +143,25 @@ def _event(mission: Mission, telemetry: Telemetry, name: str, constraint: str) -
 
 
 def _parachute(
-    mission: Mission, telemetry: Telemetry, planet: Planet, atmosphere: Atmosphere
-) -> models.DynamicPressure:
-    stated, sigma = mission.constraints.parachute, mission.atmosphere.density_sigma
-    if isinstance(stated, FromTelemetryConfig):
+    mission: Mission,
+    telemetry: Telemetry,
+    samples: Samples,
+    planet: Planet,
+    atmosphere: Atmosphere,
+    initial: InitialState,
+    effects: Sequence[EffectInstance],
+) -> models.Constraint:
+    air_planet = compose_air_rotation(planet, effects)
+    if isinstance(mission.constraints.parachute, FromTelemetryConfig):
         fix = telemetry.parachute
         if fix is None:
             raise InputError(f"{mission.source}: constraints.parachute: the telemetry has no parachute deployment.")
+        density = mission.atmosphere.density_sigma
         return models.DynamicPressure(
-            fix.time, fix.dynamic_pressure, fix.dynamic_pressure_sigma, sigma, planet, atmosphere
+            fix.time, fix.dynamic_pressure, fix.dynamic_pressure_sigma, density, air_planet, atmosphere
         )
-    assert stated is not None
     time = _event(mission, telemetry, "parachute_deploy", "parachute")
-    return models.DynamicPressure(
-        time, stated.dynamic_pressure, stated.dynamic_pressure_sigma, sigma, planet, atmosphere
-    )
+    return parachute_deployment(mission, telemetry, samples, planet, air_planet, atmosphere, initial, time, effects)
 
 
 def _steady_descent(

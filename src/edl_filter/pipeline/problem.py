@@ -91,7 +91,7 @@ def assemble_free(
         initial,
         entry,
         telemetry.driving.errors,
-        build_constraints(mission, telemetry, samples, planet, atmosphere, initial.time, effects),
+        build_constraints(mission, telemetry, samples, planet, atmosphere, initial, effects),
         planet,
         Settings(f.alpha, f.beta, f.kappa, f.longest_interval_s, f.gate_probability, f.method),
         times=tuple((mission.event_times() | telemetry.events).values()),

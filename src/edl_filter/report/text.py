@@ -182,10 +182,25 @@ def nis_text(nis: float | None, dof: int, digits: int = 2) -> str:
     return f"{nis:.{digits}f} ({dof})" if dof and nis is not None else "–"
 
 
+def information_text(value: float | None) -> str:
+    """Information gain in nats: two decimals below ten, otherwise one."""
+    if value is None or math.isnan(value):
+        return "–"
+    return f"{value:.2f}" if value < 10.0 else f"{value:.1f}"
+
+
 def constraint_verdict(constraint: ConstraintSummary) -> tuple[str, str]:
     """Judgement of a constraint, and its tone: ``bad``, ``muted``, ``good`` or ``doubt``."""
     if not constraint.accepted:
         return f"✗ {constraint.uses - constraint.accepted_uses} rejected", "bad"
     if constraint.consistent is None:
         return "– not judged", "muted"
-    return ("✓ accepted", "good") if constraint.consistent else ("▲ outside", "doubt")
+    if not constraint.consistent:
+        return ("▲ below" if below_interval(constraint) else "▲ outside"), "doubt"
+    return "✓ accepted", "good"
+
+
+def below_interval(constraint: ConstraintSummary) -> bool:
+    """Whether the NIS is below its interval: a better agreement than the stated sigmas let expect."""
+    interval = constraint.nis_interval_99_9
+    return constraint.nis is not None and interval is not None and constraint.nis < interval[0]

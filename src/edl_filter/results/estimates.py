@@ -62,6 +62,7 @@ def add_constraints(groups: Groups, statements: Iterable[ConstraintCheck], fused
                 "consistent": int(s.consistent or not s.dof),
                 "left_out_nis": s.left_out_nis,
                 "left_out_dof": s.left_out_dof,
+                "left_out_information_nats": s.left_out_information,
             }
         )
         both = ("time", "component")
@@ -72,6 +73,7 @@ def add_constraints(groups: Groups, statements: Iterable[ConstraintCheck], fused
         group.add("innovation_sigma", both, s.innovation_sigma, unit, "one sigma of the innovation")
         group.add("nis", ("time",), s.nis, "1", "normalised innovation squared")
         group.add("accepted", ("time",), s.accepted, "1", "1 where it was used, 0 where it failed the gate")
+        group.add("information", ("time",), s.information, "1", "information gain over all measurements before, nats")
         group.add("left_out", ("component",), s.left_out, unit, "measured minus predicted from all others")
         group.add("left_out_sigma", ("component",), s.left_out_sigma, unit, "one sigma of left_out")
         group.label("component_2", s.components, "component with its unit")

@@ -134,6 +134,12 @@ class ConstraintSummary(Content):
     left_out_sigma: tuple[Number, ...] = _key("1 sigma of left_out")
     left_out_nis: Number = _key("normalised square of left_out")
     left_out_dof: int = _key("degrees of freedom of left_out_nis")
+    information_nats: Number = _key(
+        "information gain over all measurements before it, sum over the uses, nats; null for the entry state"
+    )
+    left_out_information_nats: Number = _key(
+        "information gain over all other constraints, nats; a lower bound for the entry state"
+    )
 
 
 class StateEstimate(Content):

@@ -184,6 +184,8 @@ def constraint(s: ConstraintCheck) -> dict[str, Any]:
         "left_out_sigma": s.left_out_sigma.tolist(),
         "left_out_nis": s.left_out_nis,
         "left_out_dof": s.left_out_dof,
+        "information_nats": float(np.sum(s.information)),
+        "left_out_information_nats": s.left_out_information,
     }
 
 

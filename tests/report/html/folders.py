@@ -73,7 +73,8 @@ def summary(folder, title="A flight", **changes):
     constraint = {"source": "landing site", "components": ["east (m)", "north (m)"], "uses": 1, "accepted_uses": 1,
                   "accepted": True, "time_s": 300.0, "innovation": [30.0, -60.0], "innovation_sigma": [30.0, 30.0],
                   "nis": 5.0, "dof": 2, "nis_interval_99_9": [0.001, 15.2], "consistent": True, "left_out": [1.0, None],
-                  "left_out_sigma": [2.0, None], "left_out_nis": 0.25, "left_out_dof": 1}  # fmt: skip
+                  "left_out_sigma": [2.0, None], "left_out_nis": 0.25, "left_out_dof": 1,
+                  "information_nats": 12.34, "left_out_information_nats": 0.056}  # fmt: skip
     vector = [0.0, 3.0, 4.0]
     entry = {"rotation_deg": 0.1, "rotation_j2000_deg": None, "states": {}} | dict.fromkeys(
         ("position_change_m", "position_sigma_m", "velocity_change_m_s", "velocity_sigma_m_s", "attitude_change_deg",

@@ -15,6 +15,7 @@ from edl_filter.report.html.blocks import Block, Cell, Command, Details, Note, P
 from edl_filter.report.sentences import warnings
 from edl_filter.report.text import (
     REMAINDER_HINT,
+    below_interval,
     chance,
     effect_names,
     error_fall,
@@ -91,7 +92,11 @@ def _file_problems(reader: ResultReader) -> list[str]:
 def _agreement(constraints: Mapping[str, ConstraintSummary]) -> str:
     if not constraints:
         return "this folder has no summary of the reconstruction"
-    outside = [words(name) for name, c in constraints.items() if not c.accepted or c.consistent is False]
+    outside = [
+        words(name)
+        for name, c in constraints.items()
+        if not c.accepted or (c.consistent is False and not below_interval(c))
+    ]
     sentence = f"all {len(constraints)} constraints agree with it"
     if outside:
         sentence = f"{len(outside)} of {len(constraints)} constraints disagree with it ({', '.join(outside)})"

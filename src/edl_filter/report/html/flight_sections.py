@@ -16,6 +16,7 @@ from edl_filter.report.sentences import (
 from edl_filter.report.text import (
     constraint_verdict,
     fixed_digits,
+    information_text,
     interval_text,
     nis_text,
     pressure,
@@ -153,16 +154,19 @@ def constraints(reader: ResultReader) -> Section:
         return Section("constraints", "Constraints", [note])
     heads = (
         "constraint", "source", "accepted uses", "innovation (sigma)", "NIS", "dof", "99.9 % interval",
-        "left out (sigma)", "its NIS (dof)", "verdict",
+        "left out (sigma)", "its NIS (dof)", "information over those before (nats)", "beyond all others (nats)",
+        "verdict",
     )  # fmt: skip
     explanation = (
         "Innovations are components over their sigmas (many uses: their mean). NIS is the normalised innovation "
         "squared; it should lie in the interval. Left out: predicted from all other constraints alone, which is the "
-        "fairer test."
+        "fairer test. Information: by how much the entropy of the states falls, half the fall of the logarithm of the "
+        "determinant of their covariance. First what the constraint adds to everything before it, then what it adds to "
+        "all other constraints, before and after: what the estimate would lose without it."
     )
     rows = [_constraint(name, c) for name, c in summary.constraints.items()]
     return Section(
-        "constraints", "Constraints", [Table("", heads, rows, texts=2, wide=(9,)), Note(explanation, "muted")]
+        "constraints", "Constraints", [Table("", heads, rows, texts=2, wide=(11,)), Note(explanation, "muted")]
     )
 
 
@@ -172,6 +176,7 @@ def _constraint(name: str, c: ConstraintSummary) -> list[str | Mark]:
         readable(sigmas_text(c.innovation, c.innovation_sigma)),
         f"{c.nis:.2f}" if c.dof and c.nis is not None else "–", str(c.dof), interval_text(c),
         readable(sigmas_text(c.left_out, c.left_out_sigma)), nis_text(c.left_out_nis, c.left_out_dof),
+        information_text(c.information_nats), information_text(c.left_out_information_nats),
         Mark(*constraint_verdict(c)),
     ]  # fmt: skip
 

@@ -21,6 +21,7 @@ from edl_filter.report.terminal.console import echo, empty_table
 from edl_filter.report.text import (
     constraint_verdict,
     fixed_digits,
+    information_text,
     interval_text,
     nis_text,
     pressure,
@@ -33,7 +34,7 @@ if TYPE_CHECKING:
     from edl_filter.telemetry.record import ImuRecord, Telemetry
 
 #: Tone of a judgement → colour, and the judgement in one word if it has one.
-_TONES = {"good": ("green", "ok"), "doubt": ("yellow", "outside"), "bad": ("red", "")}
+_TONES = {"good": ("green", "ok"), "doubt": ("yellow", ""), "bad": ("red", "")}
 
 
 def print_run(written: Mapping[str, Any]) -> None:
@@ -51,6 +52,7 @@ def print_run(written: Mapping[str, Any]) -> None:
         events_table(summary.events),
         "" if peak is None else peak_sentence(peak),
         constraints_table(summary.constraints),
+        information_table(summary.constraints),
         *(f"[bold red]{warning}[/bold red]" for warning in warnings(summary.constraints)),
         entry_sentence(summary.entry_state),
         landing_sentence(summary.landing),
@@ -116,11 +118,20 @@ def constraints_table(constraints: Mapping[str, ConstraintSummary]) -> Table:
     return table
 
 
+def information_table(constraints: Mapping[str, ConstraintSummary]) -> Table:
+    """Information gain of each constraint: over all measurements before it, and over all other constraints."""
+    table = empty_table("Information gain (nats)", ("constraint",), ("over those before", "beyond all others"))
+    for name, c in constraints.items():
+        row = information_text(c.information_nats), information_text(c.left_out_information_nats)
+        table.add_row(words(name), *row)
+    return table
+
+
 def _judgement(verdict: str, tone: str) -> str:
     if tone not in _TONES:
         return "–"
     colour, word = _TONES[tone]
-    return f"[{colour}]{word or verdict}[/{colour}]"
+    return f"[{colour}]{word or verdict.removeprefix('▲ ')}[/{colour}]"
 
 
 def telemetry_lines(telemetry: Telemetry) -> list[str]:

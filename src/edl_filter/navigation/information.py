@@ -1,0 +1,130 @@
+"""Information gain of measurements: by how much they reduce the entropy of the flight's states, in nats.
+
+For Gaussian errors the mutual information of a measurement with covariance R and the states, from which it is
+predicted with covariance ``C = H P Hᵀ``, is
+
+    I = ½ ln( det(C + R) / det R )
+
+(Cover & Thomas 2006, theorem 8.4.1 and section 8.5). It equals half the reduction of the logarithm of the determinant
+of the states' covariance. Two gains are computed:
+
+- **in order**: C of the filter's own prediction, from all that was measured before. By the chain rule (theorem 2.5.2)
+  these gains sum to the information of all measurements together, and a measurement gains more the earlier it comes;
+- **beyond all others**: C predicted by the smoother from all other measurements, earlier and later. This is the
+  conditional mutual information; it is what the estimate would lose without the measurement.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from scipy.linalg import block_diag, cholesky, solve_triangular
+
+from edl_filter.estimation.smoothing import smoother_gain
+from edl_filter.navigation.ekf import linearized_measurement
+from edl_filter.navigation.filter import FilterPass, Fused
+from edl_filter.navigation.smoother import Smoothed
+from edl_filter.types import Array
+
+
+def mutual_information(prediction: Array, noise: Array) -> float:
+    """Mutual information ``½ ln(det(C + R) / det R)`` of a measurement and the states, nats.
+
+    Parameters
+    ----------
+    prediction : (m, m) array
+        C, covariance of the prediction, in the squared units of the measurement.
+    noise : (m, m) array
+        R, covariance of the measurement. Positive definite.
+
+    Returns
+    -------
+    float
+        Zero or more; negative eigenvalues of C, which rounding leaves, count as zero.
+    """
+    root = cholesky(noise, lower=True)
+    whitened = solve_triangular(root, solve_triangular(root, prediction, lower=True).T, lower=True)
+    ratios = np.linalg.eigvalsh(0.5 * (whitened + whitened.T))
+    return float(0.5 * np.sum(np.log1p(np.maximum(ratios, 0.0))))
+
+
+def information_in_order(uses: Sequence[Fused]) -> Array:
+    """Information that each use of a constraint added to all measurements before it, ``(K,)``, nats.
+
+    Parameters
+    ----------
+    uses : sequence of Fused
+        K uses; one that failed the gate gains nothing.
+
+    Returns
+    -------
+    (K,) array
+    """
+    return np.array(
+        [
+            mutual_information(use.innovation.predicted_covariance, use.innovation.noise_covariance)
+            if use.accepted
+            else 0.0
+            for use in uses
+        ]
+    )
+
+
+def information_beyond_others(uses: Sequence[Fused], without: FilterPass, smoothed: Smoothed) -> float:
+    """Information that all uses of a constraint together add to all other measurements, nats.
+
+    Parameters
+    ----------
+    uses : sequence of Fused
+        Of one constraint, in the order of time; those that failed the gate gain nothing.
+    without : FilterPass
+        Filter pass without this constraint.
+    smoothed : Smoothed
+        That pass, smoothed; its first node is that of the first use, its last one that of the pass.
+
+    Returns
+    -------
+    float
+    """
+    accepted = [use for use in uses if use.accepted]
+    if not accepted:
+        return 0.0
+    noise = block_diag(*(use.innovation.noise_covariance for use in accepted))
+    return mutual_information(joint_prediction_covariance(accepted, without, smoothed), noise)
+
+
+def joint_prediction_covariance(uses: Sequence[Fused], without: FilterPass, smoothed: Smoothed) -> Array:
+    """Covariance of the predictions of several uses, correlated in time, from all other measurements.
+
+    The covariance of the smoothed errors at the nodes ``i < j`` is ``G_i … G_{j-1} P_j``, with the gains G of the
+    smoother (Särkkä 2013, section 8.2). The products with the Jacobians are carried backwards from node to node.
+
+    Parameters
+    ----------
+    uses : sequence of Fused
+        In the order of time.
+    without, smoothed
+        As in `information_beyond_others`.
+
+    Returns
+    -------
+    (M, M) array
+        M components of all uses in their order, in the squared units of the components.
+    """
+    first = len(without.nodes) - len(smoothed.states)
+    node = len(without.nodes) - 1
+    covariance = np.zeros((0, 0))
+    later = np.zeros((without.layout.size, 0))  # of the error at `node` with the predictions of later uses
+    for use in reversed(uses):
+        while node > use.node:
+            transition = without.nodes[node].transition
+            assert transition is not None
+            later = smoother_gain(transition.cross_covariance, transition.covariance) @ later
+            node -= 1
+        _, jacobian = linearized_measurement(use.constraint, smoothed.states[node - first], without.layout)
+        cross = jacobian @ later
+        with_state = smoothed.covariance[node - first] @ jacobian.T
+        covariance = np.block([[jacobian @ with_state, cross], [cross.T, covariance]])
+        later = np.concatenate((with_state, later), axis=1)
+    return covariance
