@@ -26,7 +26,7 @@ from edl_filter.navigation.parachute import (
     ParachuteDeployment,
 )
 from edl_filter.navigation.trajectory import propagate_one
-from edl_filter.pipeline.forward_model import body_of, database_of, gas_of
+from edl_filter.pipeline.forward_model import body_of, database_of
 from edl_filter.planet import Planet
 from edl_filter.planet.atmosphere import Atmosphere
 from edl_filter.telemetry.record import InitialState, Telemetry
@@ -78,7 +78,7 @@ def parachute_deployment(
     stated = mission.constraints.parachute
     assert isinstance(stated, ParachuteDeploymentConfig)
     database = database_with_effects(database_of(mission), effects) if mission.aerodynamics is not None else None
-    model = FlowModel(air_planet, atmosphere, gas_of(mission), mission.vehicle.diameter, database)
+    model = FlowModel(air_planet, atmosphere, atmosphere.gas, mission.vehicle.diameter, database)
     flow = model.at(time, _dead_reckoned(samples, initial, planet, time)[:, None])
     density = mission.atmosphere.density_sigma
     wind = mission.atmosphere.wind_sigma * float(np.cos(flow.flight_path[0]) / flow.speed[0])
