@@ -15,7 +15,7 @@ REFERENCE, CHECKED = np.array([-0.38, -0.45, -0.25]), np.array([0.2, -0.17, 0.24
 TRUE = {
     "lever_arm": CHECKED - REFERENCE + [0.012, -0.006, 0.009],
     "rate_alignment": np.array([-3e-3, 4e-4, 5e-4]),
-    "force_alignment": np.array([-2e-3, -7e-4, 2e-4]),
+    "force_alignment": np.array([-3e-3, -7e-4, 2e-4]),
     "axial_scale": 1.2e-3,
     "force_bias": np.array([0.03, 0.01, -0.01]),
     "rate_bias": np.array([2e-6, 4e-5, -3e-5]),

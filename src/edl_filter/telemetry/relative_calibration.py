@@ -7,11 +7,11 @@ their difference is linear in the errors of one against the other (Groves 2013, 
     f_c - f_r = α × δ + w × (w × δ) + f × φ_f + s f_x x + b_f - τ df/dt
 
 with δ the error of the stated lever arm, φ the small rotations of the gyro and accelerometer triads, b biases, s the
-scale error along the axis of symmetry x (lateral forces are too small to have a visible one) and τ the delay of the
-checked IMU. Method: least squares with the channels weighted by the scatter of their
-residuals. The vehicle's structure vibrates and the residuals are correlated in time; the covariance is therefore
-computed from the sums of the scores over blocks that are longer than the correlation (cluster-robust covariance, Liang
-& Zeger 1986). Output: `RelativeCalibration`.
+scale error along the axis of symmetry x and τ the delay of the checked IMU. Lateral forces are too small to show their
+scale errors, or a rotation of the accelerometers about x: that of the gyros is used for it. Method: least squares with
+the channels weighted by the scatter of their residuals. The vehicle's structure vibrates and the residuals are
+correlated in time; the covariance is therefore computed from the sums of the scores over blocks that are longer than
+the correlation (cluster-robust covariance, Liang & Zeger 1986). Output: `RelativeCalibration`.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ _GAP_REACH = 4
 
 #: Parameters in the order of the regression, and their numbers.
 _BLOCKS = {
-    "lever_arm": 3, "force_alignment": 3, "axial_scale": 1, "force_bias": 3, "rate_alignment": 3, "rate_bias": 3,
+    "lever_arm": 3, "force_alignment": 2, "axial_scale": 1, "force_bias": 3, "rate_alignment": 3, "rate_bias": 3,
     "delay": 1,
 }  # fmt: skip
 
@@ -60,7 +60,7 @@ class RelativeCalibration:
     rate_alignment, rate_alignment_sigma : (3,) arrays
         Rotation φ of the gyros, ``w_c = w_r + w_r × φ``, rad.
     force_alignment, force_alignment_sigma : (3,) arrays
-        Rotation φ of the accelerometers, rad.
+        Rotation φ of the accelerometers, rad; about x it is that of the gyros.
     axial_scale, axial_scale_sigma : float
         Difference of the scale errors of the accelerometers along x.
     force_bias, force_bias_sigma : (3,) arrays
@@ -147,8 +147,8 @@ def relative_calibration(
         lever_arm_sigma=sigma["lever_arm"],
         rate_alignment=values["rate_alignment"],
         rate_alignment_sigma=sigma["rate_alignment"],
-        force_alignment=values["force_alignment"],
-        force_alignment_sigma=sigma["force_alignment"],
+        force_alignment=np.concatenate((values["rate_alignment"][:1], values["force_alignment"])),
+        force_alignment_sigma=np.concatenate((sigma["rate_alignment"][:1], sigma["force_alignment"])),
         axial_scale=float(values["axial_scale"][0]),
         axial_scale_sigma=float(sigma["axial_scale"][0]),
         force_bias=values["force_bias"],
@@ -205,7 +205,8 @@ def _design(reference: ImuRecord, force: Array, rate: Array, used: BoolArray, ar
     design = {channel: np.zeros((n, 3, width)) for channel in ("force", "rate")}
     for k in range(3):
         design["force"][:, :, columns["lever_arm"] + k] = arm[k][used]
-        design["force"][:, :, columns["force_alignment"] + k] = np.cross(force[used], axes[k])
+        rotation = columns["rate_alignment"] if k == 0 else columns["force_alignment"] + k - 1
+        design["force"][:, :, rotation] = np.cross(force[used], axes[k])
         design["force"][:, k, columns["force_bias"] + k] = 1.0
         design["rate"][:, :, columns["rate_alignment"] + k] = np.cross(rate[used], axes[k])
         design["rate"][:, k, columns["rate_bias"] + k] = 1.0

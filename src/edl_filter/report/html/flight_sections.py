@@ -190,7 +190,9 @@ def instruments(reader: ResultReader) -> Section:
         "one rigid body. Sigmas include the correlation of the residuals. What is beyond a stated sigma belongs into "
         "the mission."
     )
-    blocks: list[Block] = [Table(title, HEADS, rows) for title, rows in tables.items()]
+    blocks: list[Block] = [
+        Table(title, HEADS, [list(map(readable, row)) for row in rows]) for title, rows in tables.items()
+    ]
     return Section("instruments", "Instruments", [*blocks, Note(explanation, "muted")] if blocks else [])
 
 
