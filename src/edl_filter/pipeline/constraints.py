@@ -97,6 +97,10 @@ def mean(samples: Samples) -> Array:
     return samples.interval @ samples.mean_force / samples.interval.sum()
 
 
+#: Relative rate by which the clock of an IMU and that of a mission may differ; those of MER's differ by 2e-5.
+_CLOCK_TOLERANCE = 1e-3
+
+
 def onboard_attitudes(telemetry: Telemetry, interval: float, start: float) -> list[models.Constraint]:
     """On-board attitudes every `interval` (s) and on both sides of a gap, from `start` (s) on, where gyros were read.
 
@@ -115,7 +119,7 @@ def onboard_attitudes(telemetry: Telemetry, interval: float, start: float) -> li
     last = -np.inf
     for k in np.flatnonzero((attitude.time > max(start, span[0])) & (attitude.time <= span[-1]) & ~inside):
         time = float(attitude.time[k])
-        if time - last >= interval or k in edges:
+        if time - last >= interval * (1.0 - _CLOCK_TOLERANCE) or k in edges:
             quaternion, sigma = attitude.inertial_from_body[k], float(attitude.sigma[k])
             constraints.append(models.OnboardAttitude(time, quaternion, sigma))
             last = time

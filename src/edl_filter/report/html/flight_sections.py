@@ -193,7 +193,8 @@ def instruments(reader: ResultReader) -> Section:
     blocks: list[Block] = [
         Table(title, HEADS, [list(map(readable, row)) for row in rows]) for title, rows in tables.items()
     ]
-    return Section("instruments", "Instruments", [*blocks, Note(explanation, "muted")] if blocks else [])
+    missing = "Nothing is estimated: there is no second IMU with enough common samples, and no window before entry."
+    return Section("instruments", "Instruments", [*blocks, Note(explanation if blocks else missing, "muted")])
 
 
 def provenance(reader: ResultReader) -> Section:
