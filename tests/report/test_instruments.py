@@ -1,24 +1,24 @@
 """Rows of the instruments' tables: numbers with sigmas and units, and what is not estimated."""
 
-import json
-
 from folders import summary
 
 from edl_filter.report.instruments import HEADS, instrument_tables
-from edl_filter.results.schema import Summary
+from edl_filter.results.files import read_summary
 
 VECTOR, SIGMA = [0.5748, -0.27, 0.001], [0.0005, 0.0008, 0.0009]
+QUANTITIES = ("lever_arm{}_m", "rate_alignment{}_deg", "force_alignment{}_deg", "force_bias{}_m_s2")
 CALIBRATION = {
     "start_s": 89.6, "end_s": 250.8, "samples": 1287, "stated_lever_arm_m": [0.5753, -0.2705, 0.0],
     "axial_scale": 1.38e-3, "axial_scale_sigma": 7e-5, "delay_s": 1.8e-5, "delay_sigma_s": 9e-6,
     "rate_bias_rad_s": [4.848e-6, 0.0, 0.0], "rate_bias_sigma_rad_s": [4.848e-7] * 3,
     "force_rms_m_s2": SIGMA, "rate_rms_rad_s": SIGMA,
-} | dict.fromkeys(("lever_arm_m", "rate_alignment_deg", "force_alignment_deg", "force_bias_m_s2"), VECTOR) | dict.fromkeys(("lever_arm_sigma_m", "rate_alignment_sigma_deg", "force_alignment_sigma_deg", "force_bias_sigma_m_s2"), SIGMA)  # fmt: skip
+    **{name.format(""): VECTOR for name in QUANTITIES}, **{name.format("_sigma"): SIGMA for name in QUANTITIES},
+}  # fmt: skip
 
 
 def tables(tmp_path, **changes):
     summary(tmp_path, **changes)
-    return instrument_tables(Summary.model_validate(json.loads((tmp_path / "summary.json").read_text())))
+    return instrument_tables(read_summary(tmp_path))
 
 
 def test_a_calibration_has_units_and_sigmas(tmp_path):

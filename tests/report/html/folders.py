@@ -85,8 +85,8 @@ def summary(folder, title="A flight", **changes):
                "events": {"entry_interface": event | {"time_s": 0.0}, "parachute_deploy": event | {"time_s": 250.0},
                           "landing": event | {"time_s": 299.0}},
                "landing": place, "constraints": {"landing": constraint}, "entry_state": entry, "imu_comparison": {},
-               "imu_calibration": {}, "pre_entry_bias_m_s2": None, "residuals": {}, "postflight": None, "effects": {}, "notes": [],
-               "timing_s": {"filter": 0.3}}  # fmt: skip
+               "imu_calibration": {}, "pre_entry_bias_m_s2": None, "residuals": {}, "postflight": None,
+               "effects": {}, "notes": [], "timing_s": {"filter": 0.3}}  # fmt: skip
     write_json(content | changes, folder / "summary.json")
 
 
