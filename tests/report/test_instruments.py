@@ -9,7 +9,7 @@ VECTOR, SIGMA = [0.5748, -0.27, 0.001], [0.0005, 0.0008, 0.0009]
 QUANTITIES = ("lever_arm{}_m", "rate_alignment{}_deg", "force_alignment{}_deg", "force_bias{}_m_s2")
 CALIBRATION = {
     "start_s": 89.6, "end_s": 250.8, "samples": 1287, "stated_lever_arm_m": [0.5753, -0.2705, 0.0],
-    "axial_scale": 1.38e-3, "axial_scale_sigma": 7e-5, "delay_s": 1.8e-5, "delay_sigma_s": 9e-6,
+    "stated_lever_arm_sigma_m": 0.0102, "stated_alignment_sigma_deg": None, "axial_scale": 1.38e-3, "axial_scale_sigma": 7e-5, "delay_s": 1.8e-5, "delay_sigma_s": 9e-6,
     "rate_bias_rad_s": [9.696e-6, 0.0, 0.0], "rate_bias_sigma_rad_s": [9.696e-7] * 3,
     "force_rms_m_s2": SIGMA, "rate_rms_rad_s": SIGMA,
     **{name.format(""): VECTOR for name in QUANTITIES}, **{name.format("_sigma"): SIGMA for name in QUANTITIES},
@@ -26,7 +26,8 @@ def test_a_calibration_has_units_and_sigmas(tmp_path):
     texts = {row[0]: row[1:] for row in rows}
     assert all(len(row) == len(HEADS) for row in rows)
     assert texts["place from the driving IMU, m"][0] == "0.57480 ± 0.00050"
-    assert texts["place from the driving IMU, m"][3] == "0.5753, -0.2705, 0.0000"
+    assert texts["place from the driving IMU, m"][3] == "0.5753, -0.2705, 0.0000 ± 0.01"
+    assert texts["rotation of gyros, deg"][3] == "0"
     assert texts["bias of gyros, deg/h"][0] == "2.00 ± 0.20"
     assert texts["delay of readings, ms"][0] == "0.0180 ± 0.0090"
     assert texts["scale of accelerometer, ppm"][0] == "1380 ± 70"

@@ -49,10 +49,13 @@ def instrument_tables(summary: Summary) -> dict[str, list[tuple[str, ...]]]:
 
 def _calibration_rows(c: ImuCalibration) -> list[tuple[str, ...]]:
     stated = ", ".join("–" if value is None else f"{value:.4f}" for value in c.stated_lever_arm_m)
+    if c.stated_lever_arm_sigma_m:
+        stated += f" ± {c.stated_lever_arm_sigma_m:.2g}"
+    aligned = f"0 ± {c.stated_alignment_sigma_deg:.2g}" if c.stated_alignment_sigma_deg else "0"
     return [
         _row("place from the driving IMU, m", c.lever_arm_m, c.lever_arm_sigma_m, stated),
-        _row("rotation of gyros, deg", c.rate_alignment_deg, c.rate_alignment_sigma_deg, "0"),
-        _row("rotation of accelerometers, deg", c.force_alignment_deg, c.force_alignment_sigma_deg, "0"),
+        _row("rotation of gyros, deg", c.rate_alignment_deg, c.rate_alignment_sigma_deg, aligned),
+        _row("rotation of accelerometers, deg", c.force_alignment_deg, c.force_alignment_sigma_deg, aligned),
         _row("bias of accelerometers, m/s²", c.force_bias_m_s2, c.force_bias_sigma_m_s2, "0"),
         _row("bias of gyros, deg/h", c.rate_bias_rad_s, c.rate_bias_sigma_rad_s, "0", _DEG_H),
         ("scale of accelerometer, ppm", with_sigma(1e6 * c.axial_scale, 1e6 * c.axial_scale_sigma), "", "", "0"),

@@ -8,6 +8,8 @@ from typing import Any
 import numpy as np
 
 from edl_filter._version import __version__
+from edl_filter.mission import Mission
+from edl_filter.mission.measurements import MerImuConfig
 from edl_filter.navigation.leave_one_out import ConstraintCheck
 from edl_filter.pipeline.reconstruct import Reconstruction, in_j2000
 from edl_filter.planet import ellipsoid
@@ -39,7 +41,10 @@ def summary(reconstruction: Reconstruction, derived: Derived, refit: RefitSummar
         "constraints": {s.name: constraint(s) for s in reconstruction.constraint_checks},
         "entry_state": entry_state(reconstruction),
         "imu_comparison": {name: comparison(fit) for name, fit in reconstruction.comparison.items()},
-        "imu_calibration": {name: calibration(fit) for name, fit in reconstruction.calibrations.items()},
+        "imu_calibration": {
+            name: calibration(fit) | _stated_sigmas(reconstruction.mission)
+            for name, fit in reconstruction.calibrations.items()
+        },
         "pre_entry_bias_m_s2": _bias(reconstruction),
         "residuals": dict(refit.residuals) | innovations(reconstruction.constraint_checks),
         "postflight": None if derived.postflight is None else postflight.summary(derived.postflight),
@@ -242,6 +247,16 @@ def calibration(estimate: RelativeCalibration) -> dict[str, Any]:
         "force_rms_m_s2": estimate.force_rms.tolist(),
         "rate_rms_rad_s": estimate.rate_rms.tolist(),
     }
+
+
+def _stated_sigmas(mission: Mission) -> dict[str, float | None]:
+    """Sigmas of the lever arm between the IMUs and of their alignment that a mission states; None where it does not."""
+    lever_arm = alignment = None
+    if isinstance(mission.telemetry, MerImuConfig):
+        imus = mission.telemetry.imus.values()
+        lever_arm = float(np.hypot(*(imu.position_sigma for imu in imus))) or None
+        alignment = float(np.hypot(*(imu.alignment_sigma_deg for imu in imus))) or None
+    return {"stated_lever_arm_sigma_m": lever_arm, "stated_alignment_sigma_deg": alignment}
 
 
 def _fit(fit: Misalignment) -> dict[str, Any]:
