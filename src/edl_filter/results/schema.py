@@ -196,10 +196,8 @@ class ImuCalibration(Content):
     end_s: float = _key("end of the window, s since the epoch")
     samples: int = _key("number of common samples")
     stated_lever_arm_m: NumberVector = _key("its place from the driving IMU by telemetry or mission, m")
-    stated_lever_arm_sigma_m: float | None = _key("1 sigma of it by the mission; null where none is stated")
     lever_arm_m: NumberVector = _key("the same, estimated, m")
     lever_arm_sigma_m: NumberVector = _key("1 sigma of the lever arm, m")
-    stated_alignment_sigma_deg: float | None = _key("1 sigma of the stated mounting, deg; null where none is stated")
     rate_alignment_deg: NumberVector = _key("rotation of its gyros beyond the stated mounting, deg")
     rate_alignment_sigma_deg: NumberVector = _key("1 sigma of it, deg")
     force_alignment_deg: NumberVector = _key("rotation of its accelerometers beyond the stated mounting, deg")
@@ -214,6 +212,8 @@ class ImuCalibration(Content):
     delay_sigma_s: float = _key("1 sigma of the delay, s")
     force_rms_m_s2: NumberVector = _key("root mean square of the residuals of the forces, m/s^2")
     rate_rms_rad_s: NumberVector = _key("root mean square of the residuals of the rates, rad/s")
+    stated_lever_arm_sigma_m: float | None = _key("1 sigma of the stated place, m; null where the mission has none")
+    stated_alignment_sigma_deg: float | None = _key("1 sigma of the stated axes, deg; null where the mission has none")
 
 
 class PreEntryBias(Content):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import asdict
 from typing import Any
 
@@ -254,8 +255,8 @@ def _stated_sigmas(mission: Mission) -> dict[str, float | None]:
     lever_arm = alignment = None
     if isinstance(mission.telemetry, MerImuConfig):
         imus = mission.telemetry.imus.values()
-        lever_arm = float(np.hypot(*(imu.position_sigma for imu in imus))) or None
-        alignment = float(np.hypot(*(imu.alignment_sigma_deg for imu in imus))) or None
+        lever_arm = math.hypot(*(imu.position_sigma for imu in imus)) or None
+        alignment = math.hypot(*(imu.alignment_sigma_deg for imu in imus)) or None
     return {"stated_lever_arm_sigma_m": lever_arm, "stated_alignment_sigma_deg": alignment}
 
 
