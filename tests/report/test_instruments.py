@@ -9,7 +9,8 @@ VECTOR, SIGMA = [0.5748, -0.27, 0.001], [0.0005, 0.0008, 0.0009]
 QUANTITIES = ("lever_arm{}_m", "rate_alignment{}_deg", "force_alignment{}_deg", "force_bias{}_m_s2")
 CALIBRATION = {
     "start_s": 89.6, "end_s": 250.8, "samples": 1287, "stated_lever_arm_m": [0.5753, -0.2705, 0.0],
-    "stated_lever_arm_sigma_m": 0.0102, "stated_alignment_sigma_deg": None, "axial_scale": 1.38e-3, "axial_scale_sigma": 7e-5, "delay_s": 1.8e-5, "delay_sigma_s": 9e-6,
+    "stated_lever_arm_sigma_m": 0.0102, "stated_alignment_sigma_deg": None,
+    "axial_scale": 1.38e-3, "axial_scale_sigma": 7e-5, "delay_s": 1.8e-5, "delay_sigma_s": 9e-6,
     "rate_bias_rad_s": [9.696e-6, 0.0, 0.0], "rate_bias_sigma_rad_s": [9.696e-7] * 3,
     "force_rms_m_s2": SIGMA, "rate_rms_rad_s": SIGMA,
     **{name.format(""): VECTOR for name in QUANTITIES}, **{name.format("_sigma"): SIGMA for name in QUANTITIES},
