@@ -45,9 +45,9 @@ def empty_table(
     """
     table = Table(title=title or None, title_justify="left", box=box.SIMPLE_HEAD, padding=(0, 1))
     for head in texts:
-        table.add_column(head, no_wrap=head == texts[0])
-    for head in numbers:
-        table.add_column(head, justify="right", no_wrap=True)
+        table.add_column(head, overflow="fold", min_width=12 if head == texts[0] else None)
+    for head in numbers:  # on a narrow terminal a number and its sigma are on two lines, never cut
+        table.add_column(head, justify="right", overflow="fold")
     for head in last_texts:
         table.add_column(head)
     return table
