@@ -117,7 +117,7 @@ def rate_spike(f: ClaimFlight) -> Finding:
     time, difference = filtered_difference(f)
     return about(
         float(time[int(np.argmax(difference[:, 0]))]), f.epoch_sigma, 170.0, NEAR, "s",
-        "rover's IMU, as in the thesis: its one sample of 51 increments instead of 50",
+        "rover's IMU, as in the thesis: its sample of 51 increments, with rates over a constant 0.125 s",
     )  # fmt: skip
 
 
