@@ -62,11 +62,14 @@ class ClaimFlight:
     """A reconstructed rover, its post-flight layer with the thesis's gas, and quantities of several statements."""
 
     def __init__(self, reconstruction: Reconstruction) -> None:
+        stated = reconstruction.atmosphere  # its temperatures are those of the mission's gas at the table's pressure
+        temperature = stated.temperature * stated.gas.constant / THESIS_GAS.constant
+        reconstruction = replace(reconstruction, atmosphere=replace(stated, gas=THESIS_GAS, temperature=temperature))
         self.reconstruction = reconstruction
         self.trajectory = reconstruction.trajectory
         self.mission = reconstruction.mission
         self.air = air_data(self.trajectory, reconstruction.planet, reconstruction.atmosphere)
-        inputs = replace(postflight_inputs(reconstruction, self.air), gas=THESIS_GAS)
+        inputs = postflight_inputs(reconstruction, self.air)
         self.post: PostflightResult = derive(inputs)
         self.inputs: PostflightInputs = inputs.until_parachute()
         self.time = self.post.time
