@@ -99,11 +99,12 @@ def test_spirit_parachute_and_peak(spirit):
     chute = at(spirit, "parachute_deploy")
     assert chute["speed"] == pytest.approx(410.0, abs=8.0)
     assert 7.3e3 - 400.0 < chute["height"] < 7.8e3 + 400.0
-    # the facts' 57.2 and 57.8 m/s² at 120.7 s contain the sample of 51 increments as one of 50; their flat maximum ends
-    # 1.3 s later, and a hundredth less than 57.2 there is below it
     mean, single, time = peak(spirit)
-    assert mean == pytest.approx(57.0, abs=0.1) and single == pytest.approx(57.0, abs=0.1)
-    assert 120.5 < time < 122.2
+    # Facts file: 57.2, 57.8 at 120.7 s, of which 57.8 is a sample of 51 increments over a constant 125 ms. The raw
+    # increments without that sample have their maxima, 56.96 and 56.98 m/s², at 122.0 and 122.1 s
+    assert mean == pytest.approx(56.97, abs=0.05)
+    assert single == pytest.approx(56.98, abs=0.05)
+    assert time == pytest.approx(122.0, abs=0.15)
 
 
 def test_opportunity_parachute_and_peak(opportunity):

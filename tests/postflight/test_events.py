@@ -74,9 +74,10 @@ def test_spirit(spirit):
     e = events_of(spirit)
     assert list(e)[:3] == ["entry_interface", "peak_deceleration", "parachute_deploy"]
     peak, chute = e["peak_deceleration"], e["parachute_deploy"]
-    assert peak.acceleration_m_s2 == pytest.approx(57.0, abs=0.1)
-    assert peak.acceleration_single_m_s2 == pytest.approx(57.0, abs=0.1)  # no sample is 2 % above its neighbours
-    assert 120.5 < peak.time_s < 122.2
+    # the sample at 120.7 s (57.8 m/s² over a constant 125 ms) has 51 increments
+    assert peak.acceleration_m_s2 == pytest.approx(56.97, abs=0.05)
+    assert peak.acceleration_single_m_s2 == pytest.approx(56.98, abs=0.05)
+    assert peak.time_s == pytest.approx(122.0, abs=0.1)
     assert chute.velocity_m_s == pytest.approx(410.0, abs=8.0)
     assert 7.3e3 - 400.0 < chute.height_above_site_m < 7.8e3 + 400.0
     assert chute.sclk == pytest.approx(126462336.5)

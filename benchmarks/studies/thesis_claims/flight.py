@@ -18,6 +18,9 @@ from edl_filter.postflight.averages import Difference
 from edl_filter.postflight.derive import PostflightResult, derive
 from edl_filter.postflight.flight import postflight_inputs
 from edl_filter.postflight.inputs import PostflightInputs
+from edl_filter.telemetry.calibration import MisalignmentEstimate
+from edl_filter.telemetry.comparison import compare
+from edl_filter.telemetry.mer_segments import to_body
 from edl_filter.telemetry.record import ImuRecord
 from edl_filter.types import Array, BoolArray
 
@@ -59,11 +62,14 @@ class ClaimFlight:
     """A reconstructed rover, its post-flight layer with the thesis's gas, and quantities of several statements."""
 
     def __init__(self, reconstruction: Reconstruction) -> None:
+        stated = reconstruction.atmosphere  # its temperatures are those of the mission's gas at the table's pressure
+        temperature = stated.temperature * stated.gas.constant / THESIS_GAS.constant
+        reconstruction = replace(reconstruction, atmosphere=replace(stated, gas=THESIS_GAS, temperature=temperature))
         self.reconstruction = reconstruction
         self.trajectory = reconstruction.trajectory
         self.mission = reconstruction.mission
         self.air = air_data(self.trajectory, reconstruction.planet, reconstruction.atmosphere)
-        inputs = replace(postflight_inputs(reconstruction, self.air), gas=THESIS_GAS)
+        inputs = postflight_inputs(reconstruction, self.air)
         self.post: PostflightResult = derive(inputs)
         self.inputs: PostflightInputs = inputs.until_parachute()
         self.time = self.post.time
@@ -184,6 +190,23 @@ class ClaimFlight:
     def rover_imu(self) -> ImuRecord:
         """The rover's IMU, up to separation."""
         return next(r for r in self.reconstruction.telemetry.checking if r.name == "rover")
+
+    @cached_property
+    def mounting_comparison(self) -> MisalignmentEstimate:
+        """Projection of the axial force with the rover's IMU in the axes of its mounting alone.
+
+        The mission's `alignment_deg` is this project's estimate of the difference of the two mountings. The thesis
+        corrects accelerations that do not have it.
+        """
+        rotation = rotations.from_rotation_vector(-to_body(self.mission.telemetry.imus["rover"].alignment))
+        rover = replace(
+            self.rover_imu,
+            specific_force=rotations.rotate(rotation, self.rover_imu.specific_force),
+            angular_rate=rotations.rotate(rotation, self.rover_imu.angular_rate),
+        )
+        estimate = compare(self.reconstruction.telemetry.driving, rover, self.parachute)
+        assert estimate is not None
+        return estimate
 
     @cached_property
     def roll(self) -> tuple[Array, Array]:

@@ -139,8 +139,8 @@ def onset_opportunity(f: ClaimFlight) -> Finding:
 @claim(TORQUE, "abstract", "The torque is fixed in the spinning body.", *ROVERS)
 def body_fixed(f: ClaimFlight) -> Finding:
     return undecided(
-        "", "the oscillation grows, which a constant body-fixed torque cannot do; a change of a body-fixed torque near "
-        "that time is one of several that the flight supports ([validation](validation.md))",
+        "", "the oscillation grows, which a constant body-fixed torque cannot do; the residual moments contain a "
+        "body-fixed part at all times, which a centre of mass off the axis explains ([validation](validation.md))",
     )  # fmt: skip
 
 

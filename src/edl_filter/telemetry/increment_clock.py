@@ -2,7 +2,7 @@
 
 An IMU sums increments of angle and velocity of nominal length τ (2.5 ms); a computer with another clock reads the sums
 at equal steps of its own time. An IMU that is fast by the ratio d delivers one increment more than nominal once in τ/d
-seconds (165 to 195 s for MER's IMUs, which are fast by 13 to 15 parts per million). In that sample, force and rate
+seconds (150 to 195 s for MER's IMUs, which are fast by 13 to 16 parts per million). In that sample, force and rate
 computed with the nominal length are one part in fifty too large. Between two such samples the last increment ends
 earlier and earlier before the computer reads it: by a sawtooth from 0 to τ.
 
