@@ -12,7 +12,7 @@ from edl_filter.diagnosis.diagnosis import diagnose
 from edl_filter.diagnosis.diagnosis_json import diagnosis_content
 from edl_filter.diagnosis.linear_model.flight_case import load_case
 from edl_filter.diagnosis.selection import decision
-from edl_filter.effects.registry import effect_named
+from edl_filter.effects.registry import find_effect
 from edl_filter.mission import Mission
 
 
@@ -20,7 +20,7 @@ from edl_filter.mission import Mission
 def diagnosis():
     """The shipped flight with 5 % too much mass in the mission, and the names that this may have."""
     mission = Mission.load("builtin:practice_mer", ["vehicle.mass=873.6"])
-    return diagnose(load_case(mission), [effect_named("mass"), effect_named("axial_force_scale")])
+    return diagnose(load_case(mission), [find_effect("mass"), find_effect("axial_force_scale")])
 
 
 @pytest.fixture(scope="module")

@@ -8,15 +8,15 @@ from standins import PLANET
 from edl_filter.effects import EffectInstance
 from edl_filter.effects.adapters import atmosphere_with_effects
 from edl_filter.effects.forward_model import compose_air_rotation
-from edl_filter.effects.registry import effect_named
+from edl_filter.effects.registry import find_effect
 from edl_filter.planet.atmosphere import Atmosphere
 from edl_filter.planet.gas import Gas
 from edl_filter.postflight.airdata import wind_shear
 
 H = np.linspace(0.0, 80e3, 41)
 TABLE = Atmosphere(H, np.log(1e-2) - H / 11e3, np.full(41, 200.0), np.stack((H / 1e4, -H / 2e4), axis=1), Gas())
-WIND = EffectInstance(effect_named("wind"), {"east": 30.0, "north": -20.0, "h_lo": 10e3, "h_hi": 30e3})
-WAVE = EffectInstance(effect_named("density_wave"), {"A": 0.2, "L": 12e3})
+WIND = EffectInstance(find_effect("wind"), {"east": 30.0, "north": -20.0, "h_lo": 10e3, "h_hi": 30e3})
+WAVE = EffectInstance(find_effect("density_wave"), {"A": 0.2, "L": 12e3})
 
 
 def test_densities_and_winds_are_the_tables_with_the_effects():
@@ -38,8 +38,8 @@ def test_shear_has_the_effects_slope():
 
 
 def test_what_does_not_act_on_the_air_leaves_it_what_it_is():
-    mass = EffectInstance(effect_named("mass"), {"k": 0.1})
+    mass = EffectInstance(find_effect("mass"), {"k": 0.1})
     assert atmosphere_with_effects(TABLE, [mass]) is TABLE
     assert compose_air_rotation(PLANET, [mass]) is PLANET
-    turning = EffectInstance(effect_named("atmosphere_rotation"), {"k": 0.25})
+    turning = EffectInstance(find_effect("atmosphere_rotation"), {"k": 0.25})
     assert compose_air_rotation(PLANET, [turning]) == replace(PLANET, rotation_rate=0.75 * PLANET.rotation_rate)

@@ -4,18 +4,18 @@ import numpy as np
 import pytest
 
 from edl_filter.effects.base import EffectInstance
-from edl_filter.effects.registry import effect_named
+from edl_filter.effects.registry import find_effect
 
 
 def test_name_and_imu_identify_an_instance():
-    bias = effect_named("gyro_bias")
+    bias = find_effect("gyro_bias")
     driving, checking = EffectInstance(bias, {}), EffectInstance(bias, {"bx": 1e-4}, "secondary")
     assert (driving.key, driving.label) == (("gyro_bias", None), "gyro_bias")
     assert (checking.key, checking.label) == (("gyro_bias", "secondary"), "gyro_bias in secondary")
 
 
 def wave(phase):
-    return EffectInstance(effect_named("density_wave"), {"A": 0.1, "L": 1e4, "phase": phase})
+    return EffectInstance(find_effect("density_wave"), {"A": 0.1, "L": 1e4, "phase": phase})
 
 
 @pytest.mark.parametrize("turns", [-2, -1, 0, 1, 3])
@@ -23,14 +23,14 @@ def test_phases_are_brought_into_one_turn(turns):
     instance = wave(0.3 + turns * 2.0 * np.pi).canonical_phase()
     assert instance.values == pytest.approx({"A": 0.1, "L": 1e4, "phase": 0.3})
     assert 0.0 <= wave(-1e-17).canonical_phase().values["phase"] <= 2.0 * np.pi
-    wind = EffectInstance(effect_named("wind"), {"east": 700.0})
+    wind = EffectInstance(find_effect("wind"), {"east": 700.0})
     assert wind.canonical_phase().values == wind.values
 
 
 @pytest.mark.parametrize("phase", [0.0, 0.3, 4.0])
 def test_the_canonical_amplitude_is_not_negative(phase):
     """An amplitude of the other sign is a phase half a turn further."""
-    instance = EffectInstance(effect_named("density_wave"), {"A": -0.1, "L": 1e4, "phase": phase})
+    instance = EffectInstance(find_effect("density_wave"), {"A": -0.1, "L": 1e4, "phase": phase})
     canonical, altitude = instance.canonical_phase(), np.linspace(0.0, 1e5, 50)
     assert canonical.values["A"] == 0.1 and 0.0 <= canonical.values["phase"] < 2.0 * np.pi
     density = instance.effect.density

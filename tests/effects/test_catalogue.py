@@ -6,7 +6,7 @@ from standins import BODY, PLANET, STATE, H, N, T, flow, totals
 
 from edl_filter.effects import EffectInstance
 from edl_filter.effects.parameters import KINDS
-from edl_filter.effects.registry import catalogue, effect_named
+from edl_filter.effects.registry import catalogue, find_effect
 from edl_filter.errors import InputError
 
 NAMES = [
@@ -48,7 +48,7 @@ def test_the_names_are_the_designs_in_its_order():
 
 @pytest.mark.parametrize("name", NAMES)
 def test_declarations_are_complete(name):
-    effect = effect_named(name)
+    effect = find_effect(name)
     assert effect.name == name and effect.family != "user"
     assert effect.summary and effect.source and effect.region
     assert effect.shows[0].isupper() and effect.shows.endswith(".")
@@ -63,9 +63,9 @@ def test_declarations_are_complete(name):
 
 @pytest.mark.parametrize("name", NAMES)
 def test_every_effect_is_off_at_zero_and_not_elsewhere(name):
-    effect = effect_named(name)
+    effect = find_effect(name)
     off = EffectInstance(effect, {}).values
-    reference = hooks(effect_named("mass"), {"k": 0.0})
+    reference = hooks(find_effect("mass"), {"k": 0.0})
     for values, expected in zip(hooks(effect, off), reference, strict=True):
         np.testing.assert_array_equal(values, expected)
     for q in effect.sizes:
@@ -75,9 +75,9 @@ def test_every_effect_is_off_at_zero_and_not_elsewhere(name):
 
 @pytest.mark.parametrize("name", NAMES)
 def test_hooks_keep_shapes(name):
-    effect = effect_named(name)
+    effect = find_effect(name)
     p = EffectInstance(effect, {q.name: q.sigma for q in effect.sizes}).values
-    for values, expected in zip(hooks(effect, p), hooks(effect_named("mass"), {"k": 0.0}), strict=True):
+    for values, expected in zip(hooks(effect, p), hooks(find_effect("mass"), {"k": 0.0}), strict=True):
         assert values.shape == expected.shape and np.all(np.isfinite(values))
 
 
@@ -87,9 +87,9 @@ def test_hooks_keep_shapes(name):
 )
 def test_an_unknown_name_has_the_nearest(name, nearest):
     with pytest.raises(InputError, match=f"found no effect '{name}'; .*{nearest}"):
-        effect_named(name)
+        find_effect(name)
 
 
 def test_what_is_not_named_takes_its_default():
-    active = EffectInstance(effect_named("remnant_torque"), {"Cm": 1e-3, "t0": 130.0})
+    active = EffectInstance(find_effect("remnant_torque"), {"Cm": 1e-3, "t0": 130.0})
     assert active.values == {"Cl": 0.0, "Cm": 1e-3, "Cn": 0.0, "t0": 130.0, "t1": np.inf}

@@ -7,17 +7,17 @@ from edl_filter.aero.database import load_database
 from edl_filter.aero.inverse import angle_from_cm, angle_from_cn
 from edl_filter.effects import Effect, EffectInstance
 from edl_filter.effects.adapters import database_with_effects
-from edl_filter.effects.registry import effect_named, find_effect
+from edl_filter.effects.registry import find_effect
 
 DATABASE = load_database("builtin:continuum_grid", "builtin:rarefied_grid", family="MER")
 MACH, KNUDSEN = np.array([25.0, 18.0, 8.0, 2.5]), np.array([2e-3, 1e-5, 1e-5, 1e-6])
 ALPHA = np.radians([1.0, 3.0, 5.0, 7.0])
 EFFECTS = [
-    EffectInstance(effect_named("axial_force_scale"), {"k": 0.05}),
-    EffectInstance(effect_named("normal_force_scale"), {"k": -0.3}),
-    EffectInstance(effect_named("base_pressure"), {"a": 0.1}),
-    EffectInstance(effect_named("pitching_moment_scale"), {"k": 0.2}),
-    EffectInstance(effect_named("static_instability"), {"a": 2e-3}),
+    EffectInstance(find_effect("axial_force_scale"), {"k": 0.05}),
+    EffectInstance(find_effect("normal_force_scale"), {"k": -0.3}),
+    EffectInstance(find_effect("base_pressure"), {"a": 0.1}),
+    EffectInstance(find_effect("pitching_moment_scale"), {"k": 0.2}),
+    EffectInstance(find_effect("static_instability"), {"a": 2e-3}),
 ]
 CHANGED = database_with_effects(DATABASE, EFFECTS)
 
@@ -66,7 +66,7 @@ def test_the_inverse_returns_the_angle():
 
 @pytest.mark.parametrize("name", ["mass", "wind", "remnant_torque"])
 def test_without_effects_in_coefficients_it_is_the_same(name):
-    assert database_with_effects(DATABASE, [EffectInstance(effect_named(name), {})]) is DATABASE
+    assert database_with_effects(DATABASE, [EffectInstance(find_effect(name), {})]) is DATABASE
 
 
 def test_a_users_coefficients_are_left_to_predictions():

@@ -13,7 +13,7 @@ from standins import BODY, PLANET, STATE, H, N, T, flow, totals
 from edl_filter import rotations
 from edl_filter.effects import Body, EffectInstance
 from edl_filter.effects.forward_model import compose_air_rotation, compose_entry_state, invert_entry_state
-from edl_filter.effects.registry import catalogue, effect_named
+from edl_filter.effects.registry import catalogue, find_effect
 from edl_filter.telemetry.record import InitialState
 
 RADIUS = 3396190.0
@@ -22,7 +22,7 @@ ROTATIONS = ("accelerometer_misalignment", "attitude_frame")
 
 
 def on(name, **values):
-    effect = effect_named(name)
+    effect = find_effect(name)
     return effect, EffectInstance(effect, values).values
 
 
@@ -137,7 +137,7 @@ def test_wind_is_symmetric_about_the_middle_of_its_layer():
 @pytest.mark.parametrize(("k", "rate"), [(0.0, 1.0), (0.25, 0.75), (1.0, 0.0), (-1.0, 2.0)])
 def test_air_rotation(k, rate):
     """At the equator the air moves at ``7.088e-5 rad/s · 3396190 m = 240.7219472 m/s`` towards the east (y)."""
-    instance = EffectInstance(effect_named("atmosphere_rotation"), {"k": k})
+    instance = EffectInstance(find_effect("atmosphere_rotation"), {"k": k})
     assert instance.effect.atmosphere_rate(instance.values) == rate
     planet = compose_air_rotation(PLANET, [instance])
     relative = planet.velocity_relative(np.array([RADIUS, 0.0, 0.0]), np.array([0.0, 1000.0, 0.0]))
@@ -262,7 +262,7 @@ def test_entry_covariance_rotates_with_position_and_velocity_only():
 
 
 def test_the_stated_entry_state_is_the_inverse():
-    instances = [EffectInstance(effect_named("attitude_frame"), {"rx": 3e-3, "ry": -4e-3, "rz": 5e-3})]
+    instances = [EffectInstance(find_effect("attitude_frame"), {"rx": 3e-3, "ry": -4e-3, "rz": 5e-3})]
     stated = invert_entry_state(STATE, instances)
     assert np.linalg.norm(stated.position - STATE.position) > 1e4
     true = compose_entry_state(stated, instances)
@@ -306,7 +306,7 @@ def test_a_delay_of_a_linear_rate_is_a_constant():
 @pytest.mark.parametrize("name", [n for n, e in catalogue().items() if e.acts("imu") and n != "imu_time_offset"])
 def test_corrected_is_the_inverse_of_imu(name):
     """In both orders, at three times the plausible sizes; a shift in time is its own case (`test_sensor_chain`)."""
-    effect = effect_named(name)
+    effect = find_effect(name)
     p = EffectInstance(
         effect, {q.name: 3.0 * q.sigma * s for q, s in zip(effect.sizes, (1, -1, 0.5), strict=True)}
     ).values
@@ -322,7 +322,7 @@ def test_corrected_is_the_inverse_of_imu(name):
 @pytest.mark.parametrize("axis", range(3))
 def test_a_small_misalignment_is_a_cross_product(axis):
     """``R(m) f = f + m × f`` to first order: by central differences."""
-    effect, step = effect_named("accelerometer_misalignment"), 1e-6
+    effect, step = find_effect("accelerometer_misalignment"), 1e-6
     name = f"m{'xyz'[axis]}"
     plus, minus = (effect.imu(on(effect.name, **{name: s})[1], T, FORCE, RATE)[0] for s in (step, -step))
     np.testing.assert_allclose((plus - minus) / (2.0 * step), np.cross(np.eye(3)[axis], FORCE), atol=1e-8)
@@ -350,7 +350,7 @@ def response(effect, p):
 @pytest.mark.parametrize("name", [n for n in catalogue() if n not in (*ROTATIONS, "imu_time_offset")])
 def test_effects_are_linear_in_their_sizes(name):
     """Sizes are linearised by the diagnosis: twice the size is twice the change, and changes of two sizes add."""
-    effect = effect_named(name)
+    effect = find_effect(name)
     off = EffectInstance(effect, {}).values
     reference = response(effect, off)
     each = [response(effect, off | {q.name: q.sigma}) - reference for q in effect.sizes]

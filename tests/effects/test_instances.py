@@ -7,7 +7,7 @@ from standins import flow
 from edl_filter.effects.base import Effect
 from edl_filter.effects.instances import MOST, candidates, kind_of
 from edl_filter.effects.parameters import Parameter
-from edl_filter.effects.registry import catalogue, effect_named, find_effect, nameable_in_mission
+from edl_filter.effects.registry import catalogue, find_effect, nameable_in_mission
 from edl_filter.errors import InputError
 
 
@@ -21,7 +21,7 @@ def keys(*names):
 
 
 def test_what_is_in_the_model_is_candidates_once_more_if_it_acts_at_a_place():
-    effects = [effect_named(n) for n in ("mass", "remnant_torque", "wind")]
+    effects = [find_effect(n) for n in ("mass", "remnant_torque", "wind")]
     assert names(candidates(effects, ())) == ["mass", "remnant_torque", "wind"]
     assert names(candidates(effects, keys("mass", "remnant_torque"))) == ["remnant_torque_2", "wind"]
     assert names(candidates(effects, keys("remnant_torque", "remnant_torque_2"))) == [
@@ -50,11 +50,11 @@ def test_no_two_of_one_name_are_candidates():
     assert names(candidates([gust, different], keys("gust"))) == ["gust_3", "gust_2"]
     wind, second = (find_effect(n) for n in ("wind", "wind_2"))
     assert candidates([wind, second], keys("wind"))[0].effect is second
-    assert [kind_of(e) for e in (wind, second, different, effect_named("mass"))] == ["wind", "wind", "gust_2", "mass"]
+    assert [kind_of(e) for e in (wind, second, different, find_effect("mass"))] == ["wind", "wind", "gust_2", "mass"]
 
 
 def test_a_sensor_effect_is_a_candidate_in_every_imu():
-    effects = [effect_named(n) for n in ("gyro_bias", "mass", "imu_lever_arm")]
+    effects = [find_effect(n) for n in ("gyro_bias", "mass", "imu_lever_arm")]
     assert [a.key for a in candidates(effects, keys("gyro_bias"), ["second", "third"])] == [
         ("mass", None), ("imu_lever_arm", None), ("gyro_bias", "second"), ("imu_lever_arm", "second"),
         ("gyro_bias", "third"), ("imu_lever_arm", "third"),
@@ -66,8 +66,8 @@ def test_it_is_found_by_its_name_and_has_a_home():
     second = find_effect("remnant_torque_2")
     assert second is find_effect("remnant_torque_2") and second.name == "remnant_torque_2" and second.number == 2
     assert nameable_in_mission(second)
-    assert second.parameters == effect_named("remnant_torque").parameters
-    assert effect_named("remnant_torque").name == "remnant_torque" and "remnant_torque_2" not in catalogue()
+    assert second.parameters == find_effect("remnant_torque").parameters
+    assert find_effect("remnant_torque").name == "remnant_torque" and "remnant_torque_2" not in catalogue()
 
 
 def test_it_acts_as_the_first_does():

@@ -6,7 +6,7 @@ from standins import BODY, PLANET, STATE, H, N, T, flow, totals
 
 from edl_filter.effects import registry
 from edl_filter.effects.parameters import checked_values
-from edl_filter.effects.registry import effect_named, find_effect
+from edl_filter.effects.registry import find_effect
 from edl_filter.errors import InputError
 
 START = """
@@ -147,7 +147,7 @@ def test_a_package_brings_effects(tmp_path, monkeypatch):
     effect_class = type(find_effect("mine", write(tmp_path, "")))
     packages(monkeypatch, EntryPoint("package:Mine", effect_class))
     assert find_effect("mine").name == "mine"
-    assert find_effect("wind") is effect_named("wind")
+    assert find_effect("wind") is registry.catalogue()["wind"]
     with pytest.raises(InputError, match="found no effect 'mime'; nearest accepted: mine"):
         find_effect("mime")
     registry.installed.cache_clear()
@@ -158,7 +158,7 @@ def test_a_package_brings_effects(tmp_path, monkeypatch):
     [
         (ImportError("no module x"), "raised ImportError: no module x .* when it was loaded"),
         (3, "found 3; a subclass of edl_filter.effects.Effect is expected"),
-        (type(effect_named("wind")), "the name 'wind' is taken by the catalogue"),
+        (type(find_effect("wind")), "the name 'wind' is taken by the catalogue"),
     ],
 )
 def test_a_package_that_cannot_be_used(monkeypatch, loaded, message):
@@ -169,7 +169,7 @@ def test_a_package_that_cannot_be_used(monkeypatch, loaded, message):
 
 
 def test_values_are_checked_and_completed():
-    wave = effect_named("density_wave")
+    wave = find_effect("density_wave")
     assert checked_values(wave, {"A": 0.2}) == {"A": 0.2, "L": 14e3, "phase": 0.0}
     for values, message in (
         ({"B": 0.2}, "B: found an unknown key; expected a parameter of density_wave; accepted: A, L, phase"),
@@ -183,4 +183,4 @@ def test_values_are_checked_and_completed():
     ):
         with pytest.raises(InputError, match=message):
             checked_values(wave, values)
-    assert checked_values(effect_named("remnant_torque"), {"t1": np.inf})["t1"] == np.inf
+    assert checked_values(find_effect("remnant_torque"), {"t1": np.inf})["t1"] == np.inf

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from edl_filter.effects import Effect, EffectInstance, Parameter
-from edl_filter.effects.registry import effect_named
+from edl_filter.effects.registry import find_effect
 from edl_filter.effects.sensor_chain import as_read, check_imus, corrected_record, log_abs_det_jacobian
 from edl_filter.effects.sensors import delayed
 from edl_filter.errors import InputError
@@ -33,7 +33,7 @@ def record(units=("primary",), name="primary"):
 
 
 def active(name, imu=None, **values):
-    return EffectInstance(effect_named(name), values, imu)
+    return EffectInstance(find_effect(name), values, imu)
 
 
 small = st.floats(-0.05, 0.05)
@@ -141,7 +141,7 @@ def test_the_default_inverse_converges():
 )
 def test_log_jacobian_of_the_correction(name, values, expected):
     """Minus the log of the scale, and zero where readings are rotated, shifted or unchanged."""
-    effect = effect_named(name)
+    effect = find_effect(name)
     active = EffectInstance(effect, {q.name: 0.0 for q in effect.parameters} | values)
     assert log_abs_det_jacobian(record(), (active,)) == pytest.approx(expected, abs=2e-6)
 

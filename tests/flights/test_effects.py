@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from edl_filter.effects import EffectInstance
-from edl_filter.effects.registry import effect_named
+from edl_filter.effects.registry import find_effect
 from edl_filter.errors import InputError
 from edl_filter.mission import Mission
 from edl_filter.pipeline.forward_model import forward_model_of
@@ -52,7 +52,7 @@ def test_no_effects_leave_every_number_bit_for_bit(practice_06):
 def test_effects_at_zero_change_nothing_that_counts(practice_06):
     names = ("gyro_bias", "com_offset", "gravity_oblateness", "density_wave", "wind", "atmosphere_rotation", "mass",
              "attitude_frame", "imu_time_offset", "imu_lever_arm", "accelerometer_misalignment")  # fmt: skip
-    off = reconstruct(practice_06.mission, [EffectInstance(effect_named(name), {}) for name in names])
+    off = reconstruct(practice_06.mission, [EffectInstance(find_effect(name), {}) for name in names])
     np.testing.assert_allclose(off.trajectory.position, practice_06.trajectory.position, atol=1e-6)
     np.testing.assert_allclose(off.trajectory.velocity, practice_06.trajectory.velocity, atol=1e-9)
     without, reference = derive(off), derive(practice_06)
@@ -118,13 +118,13 @@ def test_the_world_with_the_true_effect_predicts_the_moments(flown, n, least):
 def test_oblateness_added_to_a_point_mass_is_the_mission_with_it(practice_06):
     j2 = practice_06.mission.planet.gravity.j2
     point = Mission.load("builtin:practice_mer", ["planet.gravity.j2=0"])
-    added = reconstruct(point, [EffectInstance(effect_named("gravity_oblateness"), {"J2": j2})])
+    added = reconstruct(point, [EffectInstance(find_effect("gravity_oblateness"), {"J2": j2})])
     assert added.planet.j2 == 0.0 and added.problem.planet.j2 == j2
     np.testing.assert_array_equal(added.trajectory.position, practice_06.trajectory.position)
 
 
 def test_the_state_is_turned_and_the_imus_named(practice_06):
-    turn = [EffectInstance(effect_named("attitude_frame"), {"rz": 1e-3})]
+    turn = [EffectInstance(find_effect("attitude_frame"), {"rz": 1e-3})]
     initial = reconstruct(practice_06.mission, turn).problem.initial
     stated = practice_06.problem.initial
     assert np.linalg.norm(initial.position - stated.position) == pytest.approx(
@@ -147,8 +147,8 @@ def test_a_run_says_which_effects_are_in_the_model(practice_06):
     from edl_filter.results.schema import ModelEffect
 
     effects = [
-        EffectInstance(effect_named("gyro_bias"), {"bx": 1e-5}, "secondary"),
-        EffectInstance(effect_named("wind"), {}),
+        EffectInstance(find_effect("gyro_bias"), {"bx": 1e-5}, "secondary"),
+        EffectInstance(find_effect("wind"), {}),
     ]
     estimates = Result(reconstruct(practice_06.mission, effects)).summary()["effects"]
     bias = estimates["gyro_bias in secondary"]

@@ -8,7 +8,7 @@ from edl_filter.diagnosis.residual_analysis.residual_map import failing_cells, r
 from edl_filter.diagnosis.residual_analysis.unexplained import describe_remainder
 from edl_filter.diagnosis.selection.decision import decide
 from edl_filter.diagnosis.selection.ranking import rank
-from edl_filter.effects.registry import effect_named
+from edl_filter.effects.registry import find_effect
 from edl_filter.mission import Mission
 
 #: practice/answers.json: the misalignment, rad, and the jet's frequency (Hz) and span (s).
@@ -21,7 +21,7 @@ def case(path):
 
 
 def test_the_misalignment_of_practice_04(practice):
-    ranking = rank(case(practice(4)), [effect_named(n) for n in ("accelerometer_misalignment", "gyro_bias")])
+    ranking = rank(case(practice(4)), [find_effect(n) for n in ("accelerometer_misalignment", "gyro_bias")])
     verdict = decide(ranking)
     assert verdict.verdict == "missing" and verdict.leader.name == "accelerometer_misalignment"
     parameters = verdict.entries[0].hypothesis.fit.parameters(("accelerometer_misalignment", None))

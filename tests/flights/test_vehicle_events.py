@@ -14,7 +14,7 @@ from edl_filter.diagnosis.linear_model.flight_case import flight_case, load_case
 from edl_filter.diagnosis.linear_model.linear_model import linearize
 from edl_filter.diagnosis.residual_analysis.channel_rms import model_rms
 from edl_filter.effects.base import EffectInstance
-from edl_filter.effects.registry import catalogue, effect_named
+from edl_filter.effects.registry import catalogue, find_effect
 from edl_filter.mission import Mission
 from edl_filter.pipeline.reconstruct import reconstruct
 from edl_filter.results import Result
@@ -100,7 +100,7 @@ def test_a_clean_flight_is_clean(reconstruction):
     ],
 )
 def test_a_hidden_effect_is_named(name, imu, values, tmp_path):
-    _, mission = flown(tmp_path, [EffectInstance(effect_named(name), values, imu)])
+    _, mission = flown(tmp_path, [EffectInstance(find_effect(name), values, imu)])
     diagnosis = diagnose(load_case(mission, ()), catalogue().values())
     assert diagnosis.verdict.verdict == "missing", diagnosis.verdict.sentence
     hypothesis = diagnosis.verdict.entries[0].hypothesis

@@ -7,7 +7,7 @@ import pytest
 
 from edl_filter import rotations
 from edl_filter.effects.base import EffectInstance
-from edl_filter.effects.registry import effect_named
+from edl_filter.effects.registry import find_effect
 from edl_filter.effects.types import Body
 from edl_filter.errors import InputError
 from edl_filter.mission import Mission
@@ -47,7 +47,7 @@ def test_bodies_that_events_leave():
 def test_the_forward_model_has_the_body_of_each_time():
     """Specific force, angular acceleration and centre of mass change at the event, with the effects on both bodies."""
     mission = Mission.load("builtin:practice_mer", [EVENT])
-    effects = (EffectInstance(effect_named("mass"), {"k": 0.1}),)
+    effects = (EffectInstance(find_effect("mass"), {"k": 0.1}),)
     model = forward_model_of(mission, mission.planet_model(0.0), read_atmosphere(mission), effects)
     time = np.array([0.0, 99.9, 100.0, 300.0])
     force = np.tile([832.0, 0.0, -800.0], (4, 1))

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from edl_filter.effects import EffectInstance
-from edl_filter.effects.registry import effect_named
+from edl_filter.effects.registry import find_effect
 from edl_filter.mission import Mission
 from edl_filter.pipeline.forward_model import body_of, forward_model_of
 from edl_filter.pipeline.problem import without_effects
@@ -17,7 +17,7 @@ SHIFT = [0.01, 0.0053, -0.00265]
 
 
 def shifted(dx, dy, dz):
-    return [EffectInstance(effect_named("com_offset"), {"dx": dx, "dy": dy, "dz": dz})]
+    return [EffectInstance(find_effect("com_offset"), {"dx": dx, "dy": dy, "dz": dz})]
 
 
 @pytest.fixture(scope="module")

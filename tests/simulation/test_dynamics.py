@@ -11,7 +11,7 @@ from scipy.interpolate import interp1d
 
 from edl_filter import rotations
 from edl_filter.effects.base import EffectInstance
-from edl_filter.effects.registry import effect_named
+from edl_filter.effects.registry import find_effect
 from edl_filter.planet import ellipsoid
 from edl_filter.simulation import dynamics
 from edl_filter.simulation.increments import NOTHING
@@ -59,7 +59,7 @@ def effects():
         "products_of_inertia": {"a": 5.0, "b": -8.0, "c": 3.0},
         "gravity_oblateness": {"J2": 1e-3},
     }
-    return tuple(EffectInstance(effect_named(name), v) for name, v in values.items())
+    return tuple(EffectInstance(find_effect(name), v) for name, v in values.items())
 
 
 @pytest.mark.parametrize("phase", [dynamics.ENTRY, dynamics.DESCENT])

@@ -9,7 +9,7 @@ import slow_flight as slow
 
 from edl_filter.effects.base import Effect, EffectInstance
 from edl_filter.effects.parameters import Parameter
-from edl_filter.effects.registry import effect_named
+from edl_filter.effects.registry import find_effect
 from edl_filter.errors import InputError
 from edl_filter.simulation import motion
 from edl_filter.simulation.motion import Course, fly
@@ -43,9 +43,9 @@ class Steer(Effect):
 
 
 HOOKED = {
-    "pitching_moment_scale": EffectInstance(effect_named("pitching_moment_scale"), {"k": 0.4}),
-    "pitch_damping": EffectInstance(effect_named("pitch_damping"), {"a": -0.6}),
-    "rolling_moment": EffectInstance(effect_named("rolling_moment"), {"k": 5e-4, "c": 5e-6}),
+    "pitching_moment_scale": EffectInstance(find_effect("pitching_moment_scale"), {"k": 0.4}),
+    "pitch_damping": EffectInstance(find_effect("pitch_damping"), {"a": -0.6}),
+    "rolling_moment": EffectInstance(find_effect("rolling_moment"), {"k": 5e-4, "c": 5e-6}),
     "jet": EffectInstance(Jet(), {"A": 8.0}),
     "steer": EffectInstance(Steer(), {"k": -0.02}),
 }

@@ -5,7 +5,7 @@ import pytest
 
 from edl_filter import rotations
 from edl_filter.effects.base import EffectInstance
-from edl_filter.effects.registry import effect_named
+from edl_filter.effects.registry import find_effect
 from edl_filter.imu_model.sensor_errors import SensorErrors
 from edl_filter.simulation.sensors import (
     Instrument,
@@ -61,7 +61,7 @@ def test_a_delay_is_a_shift_of_the_integral(mer_flight):
     rate = step_means(m, ARM)[1]
     np.testing.assert_allclose(delayed_rates(m, 0.05)[4:], rate[:-4], rtol=0.0, atol=1e-9)
     time, _, late = true_means(m, ARM, 0.125, 0.06, ())
-    effect = EffectInstance(effect_named("imu_time_offset"), {"tau": 0.06})
+    effect = EffectInstance(find_effect("imu_time_offset"), {"tau": 0.06})
     calm = (time > 5.0) & (time < m.deployed - 5.0)
     np.testing.assert_allclose(late[calm], true_means(m, ARM, 0.125, 0.0, (effect,))[2][calm], rtol=0.0, atol=1e-7)
 

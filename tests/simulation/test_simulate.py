@@ -6,7 +6,7 @@ import pytest
 
 from edl_filter import rotations
 from edl_filter.effects.base import EffectInstance
-from edl_filter.effects.registry import effect_named
+from edl_filter.effects.registry import find_effect
 from edl_filter.errors import InputError
 from edl_filter.mission import Mission
 from edl_filter.pipeline.reconstruct import reconstruct
@@ -48,9 +48,9 @@ def test_forces_of_the_file_are_the_loads_of_the_world(mer_scenario):
         "builtin:mer", [*quiet, "imus.primary.position=[0, 0, 0]", "imus.primary.velocity_quantum=0"]
     )
     effects = [
-        EffectInstance(effect_named("pitching_moment_scale"), {"k": 0.1}),
-        EffectInstance(effect_named("mass"), {"k": 0.03}),
-        EffectInstance(effect_named("density_wave"), {"A": 0.1, "L": 12e3}),
+        EffectInstance(find_effect("pitching_moment_scale"), {"k": 0.1}),
+        EffectInstance(find_effect("mass"), {"k": 0.03}),
+        EffectInstance(find_effect("density_wave"), {"A": 0.1, "L": 12e3}),
     ]
     flight = simulate(scenario, effects)
     m, world = flight.motion, flight.world
@@ -77,7 +77,7 @@ def vars_of(*sensors):
 
 def test_the_same_seed_draws_the_same_whatever_the_effects(mer_scenario, mer_flight):
     repeated = simulate(mer_scenario)
-    biased = simulate(mer_scenario, [EffectInstance(effect_named("accelerometer_bias"), {"bx": 0.5})])
+    biased = simulate(mer_scenario, [EffectInstance(find_effect("accelerometer_bias"), {"bx": 0.5})])
     reseeded = simulate(mer_scenario, seed=2)
     first, *rest = (f.contents.imus["primary"].specific_force for f in (mer_flight, repeated, biased, reseeded))
     np.testing.assert_array_equal(first, rest[0])
@@ -96,7 +96,7 @@ def test_an_instrument_does_not_move_with_the_centre_of_mass(mer_scenario):
     shift = np.array([0.0, 0.02, -0.03])
     flights = [
         simulate(mer_scenario, effects)
-        for effects in ((), [EffectInstance(effect_named("com_offset"), {"dy": shift[1], "dz": shift[2]})])
+        for effects in ((), [EffectInstance(find_effect("com_offset"), {"dy": shift[1], "dz": shift[2]})])
     ]
     early = [f.contents.imus["primary"] for f in flights]
     change = np.mean(early[1].specific_force[:24] - early[0].specific_force[:24], axis=0)
@@ -118,7 +118,7 @@ def test_a_missions_centre_of_mass_off_the_axis_moves_no_instrument(mer_scenario
 
 def test_under_the_parachute_the_vehicle_drifts_with_the_air(mer_scenario):
     """Air that does not rotate moves at 230 m/s over the ground, and the vehicle with it."""
-    flight = simulate(mer_scenario, [EffectInstance(effect_named("atmosphere_rotation"), {"k": 1.0})])
+    flight = simulate(mer_scenario, [EffectInstance(find_effect("atmosphere_rotation"), {"k": 1.0})])
     m, planet = flight.motion, flight.world.planet
     late = m.at(np.array([m.landed - 5.0]))[0]
     assert 200.0 < np.linalg.norm(planet.velocity_relative(late[:3], late[3:6])) < 260.0
@@ -126,12 +126,12 @@ def test_under_the_parachute_the_vehicle_drifts_with_the_air(mer_scenario):
 
 def test_an_effect_in_an_imu_that_is_not_there(mer_scenario):
     with pytest.raises(InputError, match=r"imu: found 'third'.*primary, secondary"):
-        simulate(mer_scenario, [EffectInstance(effect_named("gyro_bias"), {"bx": 1e-4}, imu="third")])
+        simulate(mer_scenario, [EffectInstance(find_effect("gyro_bias"), {"bx": 1e-4}, imu="third")])
 
 
 def test_a_turned_frame_is_undone_by_its_effect(mer_scenario, mer_flight):
     """The effect turns the stated state into the one that is stated without the effect."""
-    turn = EffectInstance(effect_named("attitude_frame"), {"rx": 3e-3, "ry": -4e-3, "rz": 5e-3})
+    turn = EffectInstance(find_effect("attitude_frame"), {"rx": 3e-3, "ry": -4e-3, "rz": 5e-3})
     stated = simulate(mer_scenario, [turn]).contents.initial
     plain = mer_flight.contents.initial
     assert np.linalg.norm(stated.position - plain.position) > 1e4

@@ -5,7 +5,7 @@ import pytest
 
 from edl_filter.aero.database import load_database
 from edl_filter.effects.base import EffectInstance
-from edl_filter.effects.registry import effect_named
+from edl_filter.effects.registry import find_effect
 from edl_filter.simulation import dynamics
 from edl_filter.simulation.parachute import Parachute
 from edl_filter.simulation.tables import air_table, tabulate
@@ -42,8 +42,8 @@ def test_coefficients_are_the_databases(nominal, name):
 
 def test_air_has_the_effects_on_it(nominal):
     on = (
-        EffectInstance(effect_named("density_wave"), {"A": 0.1, "L": 10e3, "phase": 0.4}),
-        EffectInstance(effect_named("wind"), {"east": 30.0, "north": -10.0, "h_lo": 10e3, "h_hi": 50e3}),
+        EffectInstance(find_effect("density_wave"), {"A": 0.1, "L": 10e3, "phase": 0.4}),
+        EffectInstance(find_effect("wind"), {"east": 30.0, "north": -10.0, "h_lo": 10e3, "h_hi": 50e3}),
     )
     world = nominal.with_effects(on)
     tables = tabulate(world, Parachute(15.0))

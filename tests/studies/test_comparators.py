@@ -6,7 +6,7 @@ from comparators import forward, identified, stepwise, thresholded
 from regressors import Regression, regression_of
 
 from edl_filter.effects import EffectInstance
-from edl_filter.effects.registry import catalogue, effect_named
+from edl_filter.effects.registry import catalogue, find_effect
 from edl_filter.pipeline.reconstruct import reconstruct
 
 METHODS = [forward, thresholded]
@@ -72,7 +72,7 @@ WRONG = {
 @pytest.mark.parametrize("name", WRONG)
 def test_an_effect_of_the_model_alone_is_named(practice_06, name):
     """A clean flight and a wrong model differ as a flight with the effect and a clean model, with opposite sign."""
-    flight = reconstruct(practice_06.mission, [EffectInstance(effect_named(name), WRONG[name])])
+    flight = reconstruct(practice_06.mission, [EffectInstance(find_effect(name), WRONG[name])])
     names = stepwise(flight)
     same = {"mass": ("mass", "density_scale", "axial_force_scale", "accelerometer_scale")}
     assert names[0] in same.get(name, (name,)), names

@@ -8,9 +8,9 @@ import identification_report
 import numpy as np
 import pytest
 
-from edl_filter.effects.registry import catalogue, effect_named
+from edl_filter.effects.registry import catalogue, find_effect
 
-SHORT = {name: effect_named(name) for name in ("gravity_oblateness", "gyro_bias")}
+SHORT = {name: find_effect(name) for name in ("gravity_oblateness", "gyro_bias")}
 
 
 @pytest.fixture(scope="module")

@@ -6,7 +6,7 @@ import sys
 import pytest
 import thresholds as study
 
-from edl_filter.effects.registry import effect_named
+from edl_filter.effects.registry import find_effect
 from edl_filter.mission.decision_settings import DecisionSettings
 
 NAMES = list(DecisionSettings.model_fields)
@@ -16,7 +16,7 @@ NAMES = list(DecisionSettings.model_fields)
 def line(builtin_flight):
     """Line of the shipped flight with the defaults and one candidate."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(study, "catalogue", lambda: {"gyro_bias": effect_named("gyro_bias")})
+        patch.setattr(study, "catalogue", lambda: {"gyro_bias": find_effect("gyro_bias")})
         return study.diagnosis_line(builtin_flight, None, 1.0)
 
 

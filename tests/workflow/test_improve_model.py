@@ -10,7 +10,7 @@ from typer.testing import CliRunner
 from edl_filter.cli import app
 from edl_filter.diagnosis.stepwise import Step
 from edl_filter.effects import EffectInstance
-from edl_filter.effects.registry import effect_named
+from edl_filter.effects.registry import find_effect
 from edl_filter.mission import Mission
 from edl_filter.mission.edit_effects import text_with_effects
 from edl_filter.results.files import read_diagnosis, read_ledger, read_summary
@@ -163,13 +163,12 @@ def test_a_model_becomes_the_text_of_a_mission(tmp_path, monkeypatch):
         "    name = 'mine'\n"
         "    parameters = (Parameter('a', 'N', 'how much', 1.0, low=-9.0, high=9.0),)\n"
     )
-    from edl_filter.effects.registry import find_effect
 
     mass, wind = mission.active_effects()
     model = [
         EffectInstance(mass.effect, {"k": 0.02}),
         EffectInstance(wind.effect, wind.values | {"east": 12.0}),
-        EffectInstance(effect_named("gyro_bias"), {"bx": 1e-5}, "secondary"),
+        EffectInstance(find_effect("gyro_bias"), {"bx": 1e-5}, "secondary"),
         EffectInstance(find_effect("mine", Path("mine.py")), {"a": 2.0}),
     ]
     text, session = text_with_effects(mission, model)

@@ -34,20 +34,6 @@ def catalogue() -> dict[str, Effect]:
     return dict(_built_in())
 
 
-def effect_named(name: str) -> Effect:
-    """The built-in effect called `name`.
-
-    Raises
-    ------
-    InputError
-        There is none; the message has the nearest names.
-    """
-    built_in = _built_in()
-    if name not in built_in:
-        raise InputError(unknown_effect(name, built_in))
-    return built_in[name]
-
-
 def find_effect(name: str, file: Path | None = None) -> Effect:
     """The effect called `name`: from `file` if there is one, else from the catalogue or an installed package.
 

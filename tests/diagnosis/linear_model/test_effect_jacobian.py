@@ -17,7 +17,7 @@ from edl_filter.diagnosis.linear_model.flight_case import flight_case
 from edl_filter.diagnosis.linear_model.linear_model import linearize
 from edl_filter.diagnosis.prediction.residuals import compute_residuals, predict
 from edl_filter.effects import Effect, EffectInstance, Parameter
-from edl_filter.effects.registry import effect_named
+from edl_filter.effects.registry import find_effect
 from edl_filter.mission.decision_settings import DecisionSettings
 
 SETTINGS = DecisionSettings()
@@ -50,7 +50,7 @@ FORCE, MOMENT, CHECKING_FORCE, CHECKING_RATE = (0, 1, 2), (3, 4, 5), (6, 7, 8), 
 
 def test_columns_are_minus_the_derivative_of_the_residuals(case, model):
     """Of an effect that does not change the path, evaluated on the existing one."""
-    effect = effect_named("pitching_moment_scale")
+    effect = find_effect("pitching_moment_scale")
     j = effect_jacobian(model, EffectInstance(effect, {}))
     assert j.names == ("k",) and j.sigma == [0.2] and not j.initial_mean.any()
     at_zero, displaced = (residuals_with(model, case.model_inputs, EffectInstance(effect, {"k": k})) for k in (0, 1e-3))
@@ -62,7 +62,7 @@ def test_columns_are_minus_the_derivative_of_the_residuals(case, model):
 
 
 def test_columns_of_a_sensor_effect_are_computed_from_denoised_readings(case, model):
-    effect = effect_named("gyro_scale")
+    effect = find_effect("gyro_scale")
     column = effect_jacobian(model, EffectInstance(effect, {}), ["sx"]).rows[:, 0]
     plus, minus = (
         residuals_with(model, case.denoised_inputs, EffectInstance(effect, {"sx": s})) for s in (1e-5, -1e-5)
@@ -77,7 +77,7 @@ def test_columns_of_a_sensor_effect_are_computed_from_denoised_readings(case, mo
 )
 def test_denoised_readings_have_the_same_edges_and_corrections(case, values):
     """They are prepared in fewer steps; the samples' edges and the corrections by effects must be the same."""
-    effects = tuple(EffectInstance(effect_named(name), v) for name, v in values.items())
+    effects = tuple(EffectInstance(find_effect(name), v) for name, v in values.items())
     inputs, denoised_inputs = case.model_inputs(effects), case.denoised_inputs(effects)
     samples, denoised = inputs.problem.samples, denoised_inputs.problem.samples
     assert np.all(np.isin(samples.time, denoised.time))
@@ -95,7 +95,7 @@ def test_columns_of_an_effect_that_is_a_state_too_agree_with_the_states_columns(
     Otherwise their small difference would appear as evidence. Computed by differences of the whole chain they differed
     by a thousandth, which was 300 sigmas where the columns themselves were 24.
     """
-    effect, state = effect_named(name), model.nuisance.layout[name]
+    effect, state = find_effect(name), model.nuisance.layout[name]
     j = effect_jacobian(model, EffectInstance(effect, {}))
     of_effect = model.stated_noise_filter(j.rows, j.initial_mean) * j.sigma
     unit = np.zeros((model.nuisance.size, 3))
@@ -107,14 +107,14 @@ def test_columns_of_an_effect_that_is_a_state_too_agree_with_the_states_columns(
 
 def test_the_derivative_is_about_the_effects_value(model):
     """Force over mass falls with the square of the mass: the slope at ``k`` is that at zero over ``(1 + k)²``."""
-    effect = effect_named("mass")
+    effect = find_effect("mass")
     at_zero, heavy = (effect_jacobian(model, EffectInstance(effect, {"k": k})).rows[:, 0] for k in (0.0, 0.25))
     np.testing.assert_allclose(heavy, at_zero / 1.25**2, rtol=1e-3, atol=1e-9 + 1e-5 * np.abs(at_zero).max())
     assert np.abs(at_zero[rows_of(model, 0)]).max() > 1.0  # m/s²: the deceleration itself
 
 
 def test_an_effect_in_the_model_is_replaced_and_not_added(model):
-    heavy = EffectInstance(effect_named("mass"), {"k": 0.25})
+    heavy = EffectInstance(find_effect("mass"), {"k": 0.25})
     with_effect = replace(model, effects=(heavy,), inputs=model.model_inputs((heavy,)))
     np.testing.assert_allclose(effect_jacobian(with_effect, heavy).rows, effect_jacobian(model, heavy).rows, atol=1e-12)
 
@@ -122,7 +122,7 @@ def test_an_effect_in_the_model_is_replaced_and_not_added(model):
 @pytest.mark.parametrize("name", ["density_scale", "atmosphere_rotation", "wind"])
 def test_a_change_of_the_air_acts_by_the_jacobian_of_the_nuisance_parameters(model, name):
     """In the model or not: a density scale is the nuisance density everywhere, and must be known no better than it."""
-    instance = EffectInstance(effect_named(name), {"h_lo": 5e3, "h_hi": 60e3} if name == "wind" else {})
+    instance = EffectInstance(find_effect(name), {"h_lo": 5e3, "h_hi": 60e3} if name == "wind" else {})
     with_effect = replace(model, effects=(instance,), inputs=model.model_inputs((instance,)))
     rows = effect_jacobian(model, instance).rows
     np.testing.assert_allclose(effect_jacobian(with_effect, instance).rows, rows, atol=1e-9 * np.abs(rows).max())
@@ -134,7 +134,7 @@ def test_a_change_of_the_air_acts_by_the_jacobian_of_the_nuisance_parameters(mod
 
 def test_a_bias_acts_on_its_own_sensor_and_otherwise_by_the_path_alone(model):
     """An accelerometer's bias is in the force itself; by the velocity it changes the direction of the flow."""
-    j = effect_jacobian(model, EffectInstance(effect_named("accelerometer_bias"), {}))
+    j = effect_jacobian(model, EffectInstance(find_effect("accelerometer_bias"), {}))
     assert j.names == ("bx", "by", "bz")
     without_air = model.index.time < 30.0
     assert without_air[model.index.bin_rows[:, 0]].sum() > 50
@@ -154,7 +154,7 @@ def test_a_bias_acts_on_its_own_sensor_and_otherwise_by_the_path_alone(model):
 
 def test_a_bias_of_the_accelerometers_does_not_change_the_measured_rates(model):
     """The moments' rows change because the prediction on another path does, and for nothing else."""
-    effect = effect_named("accelerometer_bias")
+    effect = find_effect("accelerometer_bias")
     measured, predictions = [], []
     for bx in (-0.01, 0.01):
         inputs = model.model_inputs([EffectInstance(effect, {"bx": bx})])
@@ -166,7 +166,7 @@ def test_a_bias_of_the_accelerometers_does_not_change_the_measured_rates(model):
 
 
 def test_columns_of_several_parameters_are_those_of_each(model):
-    effect = effect_named("com_offset")
+    effect = find_effect("com_offset")
     all_sizes = effect_jacobian(model, EffectInstance(effect, {}))
     dz = effect_jacobian(model, EffectInstance(effect, {}), ["dz"])
     assert dz.names == ("dz",)
@@ -175,7 +175,7 @@ def test_columns_of_several_parameters_are_those_of_each(model):
 
 def test_a_rotated_frame_changes_the_stated_initial_mean(model):
     """The only effect on the initial state: position and velocity rotate with the frame, nothing else changes."""
-    j = effect_jacobian(model, EffectInstance(effect_named("attitude_frame"), {}), ["rz"])
+    j = effect_jacobian(model, EffectInstance(find_effect("attitude_frame"), {}), ["rz"])
     nav, layout = model.point.start.nav, model.inputs.problem.layout
     x, y = nav[:2]
     initial_mean = j.initial_mean[:, 0]
@@ -218,12 +218,12 @@ def test_the_scan_grid_has_all_combinations_of_ordered_places(lowest):
 
 
 def test_an_effect_without_places_has_one_combination():
-    assert scan_grid(effect_named("gyro_bias"), 0.0, 1.0, 8e3, SETTINGS) == [{}]
+    assert scan_grid(find_effect("gyro_bias"), 0.0, 1.0, 8e3, SETTINGS) == [{}]
 
 
 @pytest.mark.parametrize("name", ["wind", "remnant_torque", "density_wave", "static_instability"])
 def test_scan_grids_of_the_catalogue(name):
-    effect = effect_named(name)
+    effect = find_effect(name)
     grid = scan_grid(effect, 60.0, 240.0, 8e3, SETTINGS)
     assert 1 <= len(grid) <= math.prod(max(q.scan, 1) for q in effect.places)
     assert len({tuple(p.items()) for p in grid}) == len(grid)

@@ -24,7 +24,7 @@ from edl_filter.diagnosis.selection.hypothesis import Hypothesis
 from edl_filter.diagnosis.selection.map_fit import NullModelFit
 from edl_filter.diagnosis.selection.ranking import Ranking
 from edl_filter.effects import EffectInstance
-from edl_filter.effects.registry import effect_named, find_effect
+from edl_filter.effects.registry import find_effect
 from edl_filter.mission.decision_settings import DecisionSettings
 
 SETTINGS = DecisionSettings()
@@ -36,7 +36,7 @@ def hypothesis_of(name, gain, score=None, explained=None, at_floor=True):
     """A fitted effect with what the decision needs of it; columns of different names are orthogonal."""
     own = np.zeros(len(NAMES))
     own[NAMES.index(name)] = 1.0
-    effects = (EffectInstance(effect_named("gravity_oblateness"), {}), EffectInstance(effect_named(name), {}))
+    effects = (EffectInstance(find_effect("gravity_oblateness"), {}), EffectInstance(find_effect(name), {}))
     return Hypothesis(
         key=(name, None),
         fit=SimpleNamespace(effects=effects),
@@ -480,7 +480,7 @@ def test_the_channel_whose_mean_square_falls_most(monkeypatch):
 
 # --- a second effect; whole flights with two effects are in the study (`make study`) ---------------------------------
 
-FITTED = (EffectInstance(effect_named("mass"), {"k": -0.07}),)
+FITTED = (EffectInstance(find_effect("mass"), {"k": -0.07}),)
 
 
 def first_hypothesis(name, instance, effects):
@@ -526,6 +526,6 @@ def test_another_effect_of_the_same_kind_is_no_second_effect(monkeypatch):
     monkeypatch.setattr(decision, "rank", lambda case, effects, progress: ranked.extend(effects))
     monkeypatch.setattr(decision, "decide", lambda _: SimpleNamespace(leader=None, entries=[]))
     first = first_hypothesis("wind_2", EffectInstance(wind_2, {}), ())
-    effects = [effect_named("wind"), effect_named("mass"), wind_2]
+    effects = [find_effect("wind"), find_effect("mass"), wind_2]
     assert find_joint_effect(first, effects, lambda _: None) is None
     assert [e.name for e in ranked] == ["mass"]

@@ -14,7 +14,7 @@ from edl_filter.diagnosis.selection.disambiguation import (
     with_less_noise,
 )
 from edl_filter.effects import EffectInstance
-from edl_filter.effects.registry import effect_named
+from edl_filter.effects.registry import find_effect
 from edl_filter.estimation.block_sparse import from_dense
 from edl_filter.estimation.kalman import LinearStateSpace, whitening_filter
 from edl_filter.mission.decision_settings import DecisionSettings
@@ -70,7 +70,7 @@ def two_effects(monkeypatch, first, second):
         return EffectJacobian(instance, ("k",), np.ones(1), rows, np.zeros((2, 1)))
 
     monkeypatch.setattr(disambiguation, "effect_jacobian", effect_jacobian)
-    return [EffectInstance(effect_named(n), {"k": 1.0}) for n in columns]
+    return [EffectInstance(find_effect(n), {"k": 1.0}) for n in columns]
 
 
 def test_the_best_measurement_is_of_the_state_that_absorbs_the_difference(monkeypatch):

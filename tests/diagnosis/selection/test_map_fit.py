@@ -11,7 +11,7 @@ from edl_filter.diagnosis.linear_model.linear_model import linearize
 from edl_filter.diagnosis.selection import map_fit as module
 from edl_filter.diagnosis.selection.map_fit import fit_map
 from edl_filter.effects import EffectInstance
-from edl_filter.effects.registry import effect_named
+from edl_filter.effects.registry import find_effect
 from edl_filter.estimation.regression import regress
 from edl_filter.simulation import Scenario, simulate
 
@@ -21,7 +21,7 @@ TRUTH = {"sx": 1.2e-3, "sy": -4e-4, "sz": 7e-4}
 @pytest.fixture(scope="module")
 def model(tmp_path_factory):
     """A spinning vehicle whose gyros have a scale error, linearised with half of that error in the model."""
-    scale = effect_named("gyro_scale")
+    scale = find_effect("gyro_scale")
     path = tmp_path_factory.mktemp("fit") / "flight.h5"
     simulate(Scenario.load("builtin:mer"), [EffectInstance(scale, TRUTH)], 11).write(path)
     half = EffectInstance(scale, {name: 0.5 * value for name, value in TRUTH.items()})
@@ -62,7 +62,7 @@ def test_without_a_credible_point_the_effects_stay_as_they_are(model, monkeypatc
 @pytest.mark.parametrize("name", ["rolling_moment", "pitching_moment_scale", "axial_force_scale"])
 def test_for_a_linear_effect_the_fit_is_a_regression(model, name):
     """Laplace's approximation of the evidence is exact then, and one step suffices."""
-    candidate, whiten = EffectInstance(effect_named(name), {}), model.stated_noise_filter
+    candidate, whiten = EffectInstance(find_effect(name), {}), model.stated_noise_filter
     fixed = tuple(replace(a, fixed=True) for a in model.effects)
     without, fit = (fit_map(model, effects, whiten) for effects in (fixed, (*fixed, candidate)))
     assert without.names == () and without.columns.shape[1] == 0
@@ -80,7 +80,7 @@ def test_for_a_linear_effect_the_fit_is_a_regression(model, name):
 
 def test_a_wave_of_negative_amplitude_is_returned_with_a_positive_one(model):
     """With its columns and covariance: they agree with the values that are returned."""
-    wave = effect_named("density_wave")
+    wave = find_effect("density_wave")
     start = {"A": 0.01, "L": 12e3, "phase": 1.0}
     opposite = {"A": -0.01, "L": 12e3, "phase": 1.0 + np.pi}
     positive, negative = (

@@ -16,7 +16,7 @@ from edl_filter.diagnosis.selection.decision import decide, joint_gain
 from edl_filter.diagnosis.selection.map_fit import fit_null_model
 from edl_filter.diagnosis.selection.ranking import rank
 from edl_filter.effects.base import EffectInstance
-from edl_filter.effects.registry import effect_named
+from edl_filter.effects.registry import find_effect
 from edl_filter.estimation.regression import regress
 from edl_filter.simulation import Scenario, simulate
 
@@ -27,7 +27,7 @@ CANDIDATES = ("accelerometer_misalignment", "accelerometer_scale", "gyro_bias", 
 @pytest.fixture(scope="module")
 def case(tmp_path_factory):
     """A vehicle that does not spin. The hidden effect is an error that the filter allows for, but larger."""
-    hidden = EffectInstance(effect_named("accelerometer_misalignment"), HIDDEN)
+    hidden = EffectInstance(find_effect("accelerometer_misalignment"), HIDDEN)
     path = tmp_path_factory.mktemp("flight") / "flight.h5"
     simulate(Scenario.load("builtin:phoenix"), (hidden,), 3).write(path)
     return load_case(Mission.load("builtin:practice_phoenix", [f"telemetry.path={path}"]), ())
@@ -35,7 +35,7 @@ def case(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def ranking(case):
-    return rank(case, [effect_named(n) for n in CANDIDATES])
+    return rank(case, [find_effect(n) for n in CANDIDATES])
 
 
 def test_the_model_fails_only_about_the_smoothed_reconstruction(case):
@@ -57,7 +57,7 @@ def test_the_evidence_is_that_of_a_linear_fit_at_the_truth(case, ranking):
         sigma = fit.parameter_sigma[fit.names.index((("accelerometer_misalignment", None), name))]
         assert abs(verdict.leader.values[name] - true) < 3.0 * sigma
     model = linearize(case)
-    j = effect_jacobian(model, EffectInstance(effect_named("accelerometer_misalignment"), {}))
+    j = effect_jacobian(model, EffectInstance(find_effect("accelerometer_misalignment"), {}))
     x = model.stated_noise_filter(j.rows, j.initial_mean)
     expected = regress(x @ np.array([HIDDEN[n] for n in j.names]), x, j.sigma).gain
     # the noise of this flight changes a log-likelihood ratio by sqrt(2 gain)
@@ -73,13 +73,13 @@ def test_a_provisional_name_is_diagnosed_again_with_a_second_effect(case, rankin
     monkeypatch.setattr(
         module, "find_joint_effect", lambda first, candidates, progress: partner if first.name in CANDIDATES else None
     )
-    diagnosis = module.diagnose(case, [effect_named(n) for n in CANDIDATES])
+    diagnosis = module.diagnose(case, [find_effect(n) for n in CANDIDATES])
     assert diagnosis.verdict.verdict == "missing" and diagnosis.verdict.partner is partner
     content = diagnosis_content(diagnosis)
     assert content["partner"]["effect"] == partner.name in content["sentence"]
     assert set(content["partner"]["together"][partner.name]) == set(HIDDEN)
     monkeypatch.setattr(module, "find_joint_effect", lambda *_: None)
-    alone = module.diagnose(case, [effect_named(n) for n in CANDIDATES])
+    alone = module.diagnose(case, [find_effect(n) for n in CANDIDATES])
     assert alone.verdict.verdict == "unknown" and diagnosis_content(alone)["partner"] is None
 
 
@@ -103,7 +103,7 @@ def test_the_joint_evidence_without_an_acceleration_is_that_of_the_name(ranking)
 
 def test_effects_that_are_not_fitted_are_not_noise(practice_06):
     """The gain of fitting the model's own effects is neither excess noise nor an unmodelled acceleration."""
-    stated = EffectInstance(effect_named("axial_force_scale"), {"k": 0.0015})
+    stated = EffectInstance(find_effect("axial_force_scale"), {"k": 0.0015})
     ranking = rank(load_case(practice_06.mission, (stated,)), [])
     assert ranking.model.excess_variance.is_zero
     assert ranking.excess_noise_gain == ranking.unmodelled_gain == 0.0

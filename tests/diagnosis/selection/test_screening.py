@@ -18,7 +18,7 @@ from edl_filter.diagnosis.selection.screening import (
     shortlist,
 )
 from edl_filter.effects.base import EffectInstance
-from edl_filter.effects.registry import effect_named
+from edl_filter.effects.registry import find_effect
 from edl_filter.errors import InputError
 from edl_filter.estimation.regression import regress
 from edl_filter.mission.decision_settings import DecisionSettings
@@ -34,7 +34,7 @@ def identity(columns, initial_mean):
 
 def jacobian_of(name, places, columns, sigma):
     """Given columns of an effect."""
-    instance = EffectInstance(effect_named(name), places)
+    instance = EffectInstance(find_effect(name), places)
     names = tuple(q.name for q in instance.effect.sizes)
     return EffectJacobian(instance, names, np.asarray(sigma), columns, np.zeros((2, len(names))))
 
@@ -100,7 +100,7 @@ def test_an_effect_whose_hooks_fail_is_reported_or_raised(monkeypatch):
 
     monkeypatch.setattr(screening, "scan_range", lambda model: (60.0, 8e3))
     monkeypatch.setattr(screening, "effect_jacobian", effect_jacobian)
-    effects, failed = [EffectInstance(effect_named(n), {}) for n in ("wind", "mass")], {}
+    effects, failed = [EffectInstance(find_effect(n), {}) for n in ("wind", "mass")], {}
     by_effect = scan_jacobians(model_of(None), effects, 240.0, failed)
     assert [[i.name for i in group] for group in by_effect] == [["mass"]] and failed == {"wind": "no wind"}
     with pytest.raises(InputError, match="no wind"):
@@ -112,7 +112,7 @@ def test_an_effect_whose_hooks_fail_is_reported_or_raised(monkeypatch):
 
 def marginalized(patch, own_columns, sigma, fixed=False):
     """The whitening filter under which an effect of the model with given columns is marginalised."""
-    instance = EffectInstance(effect_named("gyro_bias"), {}, fixed=fixed)
+    instance = EffectInstance(find_effect("gyro_bias"), {}, fixed=fixed)
     jacobian = SimpleNamespace(rows=own_columns, initial_mean=np.zeros((2, own_columns.shape[1])), sigma=sigma)
     patch.setattr(screening, "effect_jacobian", lambda model, effect, names: jacobian)
     return marginalize_model_effects(model_of(None, [instance]), identity)
@@ -178,7 +178,7 @@ def refined(monkeypatch, effect, start, evidence):
 
     monkeypatch.setattr(screening, "effect_jacobian", effect_jacobian)
     monkeypatch.setattr(screening, "regress", fit)
-    return refine_places(model, EffectInstance(effect_named(effect), start), lambda rows, mean: rows).values
+    return refine_places(model, EffectInstance(find_effect(effect), start), lambda rows, mean: rows).values
 
 
 @pytest.mark.parametrize(("start", "peak", "expected"), [(18.0, 17.3, 17.3), (26.0, 28.0, 26.0), (10.0, 3.0, 10.0)])
@@ -188,7 +188,7 @@ def test_a_place_moves_to_the_largest_evidence_within_its_bounds(monkeypatch, st
 
 
 def test_an_effect_without_a_place_stays_as_it_is():
-    instance = EffectInstance(effect_named("mass"), {})
+    instance = EffectInstance(find_effect("mass"), {})
     assert refine_places(None, instance, None) is instance
 
 
