@@ -12,8 +12,7 @@
 #   make study-closure      how often the post-flight layer's bands hold the truth, over many flights (minutes)
 #   make study-filters      the unscented against the extended filter (minutes; goes on where it stopped)
 #   make study              how often the right effect is named, on simulated flights (hours; goes on where it stopped)
-#   make study-thresholds   which verdicts change with each threshold of the diagnosis (hours; resumable); the practice
-#                           flights are in EDL_FILTER_PRACTICE
+#   make study-thresholds   which verdicts change with each threshold of the diagnosis (hours; resumable)
 #   make thesis-claims      write docs/thesis-claims.md: every statement of the thesis on the rovers with our number (seconds)
 #   make study-comparators  what stepwise regression and pysindy say of the practice flights
 
@@ -77,7 +76,7 @@ study-closure: $(STAMP)
 	$(BIN)/python benchmarks/studies/closure.py
 
 study-thresholds: $(STAMP)
-	for w in 0 1; do $(BIN)/python benchmarks/studies/thresholds.py --flights "$(EDL_FILTER_PRACTICE)" \
+	for w in 0 1; do $(BIN)/python benchmarks/studies/thresholds.py \
 	  -o study-results/thresholds.jsonl --worker $$w --workers 2 & done; wait
 	$(BIN)/python benchmarks/studies/thresholds.py --report study-results/thresholds.jsonl
 

@@ -5,7 +5,7 @@ the accepted range are moved to its end), and every practice flight is diagnosed
 appended to a JSON-lines file; lines that are there already are not computed again. ``--report`` writes
 docs/thresholds.md from it.
 
-    python benchmarks/studies/thresholds.py --flights FOLDER -o thresholds.jsonl [--worker K --workers N]
+    python benchmarks/studies/thresholds.py [--flights FOLDER] -o thresholds.jsonl [--worker K --workers N]
     python benchmarks/studies/thresholds.py --report thresholds.jsonl
 """
 
@@ -23,6 +23,7 @@ from edl_filter.diagnosis.linear_model.flight_case import flight_case
 from edl_filter.effects.registry import catalogue
 from edl_filter.errors import InputError
 from edl_filter.mission.decision_settings import DecisionSettings
+from edl_filter.mission.shipped import shipped_data
 from edl_filter.mission.validators import Within
 from edl_filter.pipeline.reconstruct import reconstruct
 
@@ -126,7 +127,9 @@ def report(lines):
             cells.append(("; ".join(changes) or "none") + count)
         default = DecisionSettings.model_fields[name].default
         rows.append((name, default, *cells))
-    stable = sum(cell.startswith(("none", "(at its bound)")) for row in rows for cell in row[2:])
+    cells = [cell for row in rows for cell in row[2:] if cell not in ("not run", "(at its bound)")]
+    stable = sum(cell.startswith("none") for cell in cells)
+    flights = sorted({line["flight"] for line in lines if line["setting"] is not None})
     text = [
         "# Sensitivity to the thresholds",
         "",
@@ -135,7 +138,8 @@ def report(lines):
         "",
         "With the defaults: " + "; ".join(f"{flight}: {verdict}" for flight, verdict in sorted(defaults.items())) + ".",
         "",
-        f"{stable} of {2 * len(rows)} variations change no verdict. The table says where flights were not run.",
+        f"{stable} of the {len(cells)} variations that were run change no verdict. They were run on "
+        f"{', '.join(flights) or 'no flight'}; the table says where flights are missing.",
         "",
         "| threshold | default | times 1/2 | times 2 |",
         "|---|---|---|---|",
@@ -146,7 +150,9 @@ def report(lines):
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--flights", type=Path, help="folder with practice_01.h5 and so on")
+    parser.add_argument(
+        "--flights", type=Path, default=Path("tests/data/practice"), help="folder with practice_01.h5, …"
+    )
     parser.add_argument("-o", "--output", type=Path, default=Path("study-results/thresholds.jsonl"))
     parser.add_argument("--worker", type=int, default=0)
     parser.add_argument("--workers", type=int, default=1)
@@ -157,7 +163,8 @@ def main():
         return
     options.output.parent.mkdir(parents=True, exist_ok=True)
     done = {(line["flight"], line["setting"], line["factor"]) for line in read_lines(options.output)}
-    flights = sorted(options.flights.glob("practice_*.h5"), key=lambda path: (path.stem not in FIRST, path.stem))
+    paths = {path.stem: path for path in (shipped_data("practice_06", ""), *options.flights.glob("practice_*.h5"))}
+    flights = sorted(paths.values(), key=lambda path: (path.stem not in FIRST, path.stem))
     for i, (path, name, factor) in enumerate(cases(flights)):
         if i % options.workers != options.worker or (path.stem, name, factor) in done:
             continue
