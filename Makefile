@@ -5,7 +5,8 @@
 #   make test    run the tests        make lint   ruff        make types   mypy        make layers  import-linter
 #   make notebooks      execute the notebooks (minutes)
 #   make test-browser   click through the workbench in Chromium, from first look to noise floor (minutes)
-#   make test-effects   hide every effect of the catalogue in a simulated flight and diagnose it (a quarter of an hour)
+#   make test-effects   hide every effect of the catalogue in a simulated flight and diagnose it, and run the tests that
+#                       take longest (a quarter of an hour)
 #   make bench   run the benchmarks   make clean  remove what these targets made
 #   make docs    build the documentation into docs/_build/html; a warning is an error
 #   make study-simulation   reconstruct many simulated flights and judge the errors (some minutes)
@@ -29,7 +30,7 @@ demo: $(STAMP)
 # One worker per file, so that what a file reads or reconstructs once serves all its tests; the order is that of
 # tests/conftest.py, longest files first, where xdist would take the files with most tests first
 test: $(STAMP)
-	$(BIN)/pytest -n 2 --dist loadfile --no-loadscope-reorder -m "not browser and not notebook and (not effects or representative)"
+	$(BIN)/pytest -n 2 --dist loadfile --no-loadscope-reorder -m "not browser and not notebook and not slow and (not effects or representative)"
 
 # Five notebooks, each with runs and diagnoses of its own
 notebooks: $(STAMP)
@@ -39,9 +40,9 @@ notebooks: $(STAMP)
 test-browser: $(STAMP)
 	$(BIN)/pytest -m browser tests/serve
 
-# A flight and a diagnosis for every test: a worker that has none left takes over some of the other's
+# A flight and a diagnosis for nearly every test: a worker that has none left takes over some of the other's
 test-effects: $(STAMP)
-	$(BIN)/pytest -n 2 --dist worksteal -m effects tests/flights/test_hidden_effects.py
+	$(BIN)/pytest -n 2 --dist worksteal -m "effects or slow"
 
 lint: $(STAMP)
 	$(BIN)/ruff check .

@@ -15,10 +15,10 @@ settings.load_profile("edl-filter")
 
 #: Files that take longest, longest first: a worker that begins one of them last keeps the other waiting.
 LONGEST = (
-    "flights/test_hidden_effects.py", "flights/test_loop.py", "test_api.py", "workflow/test_improve_model.py",
-    "postflight/test_derive.py", "diagnosis/selection/test_ranking.py", "studies/test_identification.py",
+    "flights/test_hidden_effects.py", "test_api.py", "workflow/test_improve_model.py", "postflight/test_derive.py",
+    "navigation/test_consistency.py", "studies/test_identification.py", "flights/test_effects.py",
     "diagnosis/linear_model/test_linearization_point.py", "diagnosis/test_diagnosis_json.py",
-    "workflow/test_diagnose_result.py", "flights/test_identification.py",
+    "workflow/test_diagnose_result.py", "report/html/test_browser.py",
 )  # fmt: skip
 
 

@@ -157,6 +157,7 @@ def _exact_clock(path, clock):
     return "\n".join([head, *rows]) + "\n"
 
 
+@pytest.mark.slow
 def test_phoenix_at_200_hz_from_a_plain_log(phoenix, tmp_path):
     """The log, converted, gives the flight of the file that the simulator writes, and its truth."""
     log, spec = write_log(tmp_path, phoenix)

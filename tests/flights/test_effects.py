@@ -84,6 +84,7 @@ def lateral_misses(flight):
 
 
 @pytest.mark.parametrize(("n", "channels", "least"), [(1, ("CN", "CY", "Cm", "Cn"), 10.0), (3, ("Cm", "Cn"), 10.0)])
+@pytest.mark.slow
 def test_the_true_wind_and_centre_of_mass_bring_the_coefficients_back(flown, n, channels, least):
     before, after = lateral_misses(flown(n, False)), lateral_misses(flown(n, True))
     for name in channels:

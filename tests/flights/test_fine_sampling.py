@@ -22,6 +22,7 @@ def seconds(function):
     return time.perf_counter() - begin
 
 
+@pytest.mark.slow
 def test_the_page_of_a_flight_of_200_hz(tmp_path):
     fine = ["sampling.interval_s=0.005", "sampling.substeps=1", "altimeter.interval_s=0.125"]
     path = simulate(Scenario.load("builtin:mer", fine), [], 1).write(tmp_path / "flight.h5")

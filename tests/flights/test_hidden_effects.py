@@ -1,6 +1,7 @@
 """Each effect of the catalogue, hidden in a simulated flight, is named by a diagnosis with the whole catalogue.
 
-`make test-effects` runs this file; `make test` runs what is marked as representative.
+`make test-effects` runs this file with the tests that are marked as slow; `make test` runs what is marked as
+representative.
 
 The flights follow a rule that was fixed before any of them was diagnosed. The size is the plausible one, in a random
 direction; the seed is 1; vehicles alternate in the order of the catalogue. Where the effect is not detectable on that

@@ -20,6 +20,7 @@ def case(path):
     return load_case(Mission.load("builtin:practice_mer", [f"telemetry.path={path}"]))
 
 
+@pytest.mark.slow
 def test_the_misalignment_of_practice_04(practice):
     ranking = rank(case(practice(4)), [find_effect(n) for n in ("accelerometer_misalignment", "gyro_bias")])
     verdict = decide(ranking)

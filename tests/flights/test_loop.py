@@ -52,6 +52,7 @@ def check(first, second, missing):
     assert second["where"] == [] and second["effects"] == [missing]
 
 
+@pytest.mark.slow
 def test_a_hidden_misalignment_is_identified_and_the_error_falls_to_the_noise(cli, practice):
     changes = ("--set", f"telemetry.path={practice(4)}")
     first, second = loop(cli, changes, "accelerometer_misalignment", ["gyro_bias"])

@@ -86,6 +86,7 @@ def test_the_checking_imu_agrees_before_and_after_the_event(reconstruction):
     assert all(rms[f"force_{axis}"] < 1.2 and rms[f"moment_{axis}"] < 1.2 for axis in "xyz"), rms
 
 
+@pytest.mark.slow
 def test_a_clean_flight_is_clean(reconstruction):
     diagnosis = diagnose(flight_case(reconstruction), catalogue().values())
     assert diagnosis.verdict.verdict == "clean", diagnosis.verdict.sentence

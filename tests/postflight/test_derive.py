@@ -37,6 +37,7 @@ def test_closure_within_bands_in_every_window():
     assert np.all(first.flight.forces.status[first.time > first.domain.useful] >= 1)
 
 
+@pytest.mark.slow
 def test_closure_over_an_ensemble_with_errors_common_to_a_flight():
     """Mass, inertia, bias, alignment, angle, speed, densities: each drawn once per flight from its sigma.
 
@@ -67,6 +68,7 @@ def test_without_noise_it_closes_to_the_sampling():
     np.testing.assert_allclose(case.atmosphere.temperature[inside], T, rtol=3e-3)
 
 
+@pytest.mark.slow
 def test_bands_are_those_of_sampled_noise():
     results = [derive(flight(seed=s, end=120.0)) for s in range(24)]
     inside = (results[0].time > 60) & (results[0].time < 110)

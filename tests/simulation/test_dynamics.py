@@ -94,6 +94,7 @@ def test_place_is_the_ellipsoids():
         assert (sine, cosine) == pytest.approx((np.sin(latitude), np.cos(latitude)), abs=1e-12)
 
 
+@pytest.mark.slow
 def test_a_free_symmetric_body_precesses():
     """w_y + i w_z rotates at (Ixx - Iyy) / Iyy of the spin (Goldstein, Poole & Safko 2002, eq. 5.47)."""
     world = slow.empty(slow.smooth_world(inertia=np.diag([300.0, 200.0, 200.0])))

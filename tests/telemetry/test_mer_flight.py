@@ -234,22 +234,24 @@ def test_tables_of_the_other_rover_raise(rover):
         mer_telemetry(tables, replace(setup, epoch_sclk=1000.0))
 
 
+@pytest.fixture(scope="module")
+def rover_drives(rover):
+    """Telemetry in which the rover's IMU drives from the start of HIGHRATE on."""
+    mission, tables, _, _ = rover
+    return mer_telemetry(tables, mer_setup(Mission.load(mission.source, ["telemetry.driving=rover"])))
+
+
 class TestRoverDrives:
     """`telemetry.driving: rover`, as the thesis flew from 90 s on."""
 
-    @pytest.fixture(scope="class")
-    def telemetry(self, rover):
-        mission, tables, _, _ = rover
-        return mer_telemetry(tables, mer_setup(Mission.load(mission.source, ["telemetry.driving=rover"])))
-
-    def test_from_the_start_of_highrate_on(self, rover, telemetry):
+    def test_from_the_start_of_highrate_on(self, rover, rover_drives):
         _, tables, setup, backshell_drives = rover
-        record, start = telemetry.driving, tables.highrate.sclk[0] - setup.epoch_sclk
+        record, start = rover_drives.driving, tables.highrate.sclk[0] - setup.epoch_sclk
         names = np.array(record.units)[record.unit]
         assert set(names[record.time < start - INCREMENT]) == {"backshell"}
         assert "backshell" not in names[record.time > start + 0.01]
         np.testing.assert_allclose(record.time[1:] - record.interval[1:], record.time[:-1], atol=1e-9)
-        (checking,) = telemetry.checking
+        (checking,) = rover_drives.checking
         assert checking.name == "backshell" and checking.time[-1] <= setup.separation
         # the readings are those of the record in which the rover checks, in its own axes
         (other,) = backshell_drives.checking
@@ -261,10 +263,10 @@ class TestRoverDrives:
         np.testing.assert_allclose(aligned, other.specific_force[i : i + 8], atol=1e-9)
         np.testing.assert_allclose(record.position[k], other.position[i])
 
-    def test_the_heat_shield_moves_both_imus_alike(self, rover, telemetry):
+    def test_the_heat_shield_moves_both_imus_alike(self, rover, rover_drives):
         setup = rover[2]
         shield = setup.events["heat_shield_separation"]
-        for record in (telemetry.driving, telemetry.checking[0]):
+        for record in (rover_drives.driving, rover_drives.checking[0]):
             before, after = (record.position[np.searchsorted(record.time, shield + dt)] for dt in (-1.0, 1.0))
             np.testing.assert_allclose(
                 after - before,

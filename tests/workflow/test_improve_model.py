@@ -106,6 +106,7 @@ def test_the_ledger_of_another_mission_is_refused(improved, tmp_path):
     assert (out / "ledger.jsonl").read_text() == before
 
 
+@pytest.mark.slow
 def test_a_run_refits_from_any_start_unless_switched_off(improved, tmp_path):
     out, _ = improved
     start = ("--set", "effects.0.parameters.J2=0.001")

@@ -24,6 +24,9 @@ HIDDEN = {"mx": 4e-3, "my": 2.5e-3, "mz": 1e-3}
 CANDIDATES = ("accelerometer_misalignment", "accelerometer_scale", "gyro_bias", "static_instability")
 
 
+pytestmark = pytest.mark.slow
+
+
 @pytest.fixture(scope="module")
 def case(tmp_path_factory):
     """A vehicle that does not spin. The hidden effect is an error that the filter allows for, but larger."""
