@@ -8,9 +8,11 @@ from pathlib import Path
 import pytest
 from hypothesis import settings
 
-# Examples are many in all; a compiler's first call must not count as a slow example
-settings.register_profile("edl-filter", deadline=None, max_examples=40)
-settings.load_profile("edl-filter")
+# Examples are many in all; a compiler's first call must not count as a slow example. A run is reproducible: other
+# examples are tried with HYPOTHESIS_PROFILE=explore
+settings.register_profile("edl-filter", deadline=None, max_examples=40, derandomize=True)
+settings.register_profile("explore", deadline=None, max_examples=400)
+settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "edl-filter"))
 
 
 #: Files that take longest, longest first: a worker that begins one of them last keeps the other waiting.

@@ -15,6 +15,8 @@ from edl_filter.diagnosis.selection import decision
 from edl_filter.effects.registry import find_effect
 from edl_filter.mission import Mission
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(scope="module")
 def diagnosis():

@@ -10,6 +10,8 @@ import pytest
 
 from edl_filter.effects.registry import catalogue, find_effect
 
+pytestmark = pytest.mark.slow
+
 SHORT = {name: find_effect(name) for name in ("gravity_oblateness", "gyro_bias")}
 
 

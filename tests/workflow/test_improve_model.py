@@ -16,6 +16,8 @@ from edl_filter.mission.edit_effects import text_with_effects
 from edl_filter.results.files import read_diagnosis, read_ledger, read_summary
 from edl_filter.workflow.improve_model import _why_stopped
 
+pytestmark = pytest.mark.slow
+
 POINT_MASS = ("--set", "planet.gravity.j2=0")
 TRUE_J2 = 1.960454e-3
 
@@ -106,7 +108,6 @@ def test_the_ledger_of_another_mission_is_refused(improved, tmp_path):
     assert (out / "ledger.jsonl").read_text() == before
 
 
-@pytest.mark.slow
 def test_a_run_refits_from_any_start_unless_switched_off(improved, tmp_path):
     out, _ = improved
     start = ("--set", "effects.0.parameters.J2=0.001")
