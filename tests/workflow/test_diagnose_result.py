@@ -19,8 +19,6 @@ BROKEN = """
 import numpy as np
 from edl_filter.effects import Effect, Parameter
 
-pytestmark = pytest.mark.slow
-
 class Raises(Effect):
     name = "raises"
     parameters = (Parameter("a", "N", "how much", 1.0, low=-9.0, high=9.0),)
