@@ -20,7 +20,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 from edl_filter.diagnosis.diagnosis import diagnose
 from edl_filter.diagnosis.linear_model.flight_case import load_case
-from edl_filter.diagnosis.linear_model.linear_model import linearize
+from edl_filter.diagnosis.linear_model.linearization import linearize
 from edl_filter.diagnosis.selection.map_fit import fit_map
 from edl_filter.effects.base import EffectInstance
 from edl_filter.effects.registry import catalogue

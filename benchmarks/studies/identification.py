@@ -24,7 +24,7 @@ from edl_filter.diagnosis.diagnosis import diagnose
 from edl_filter.diagnosis.diagnosis_json import diagnosis_content
 from edl_filter.diagnosis.linear_model.effect_jacobian import effect_jacobian
 from edl_filter.diagnosis.linear_model.flight_case import load_case
-from edl_filter.diagnosis.linear_model.linear_model import linearize
+from edl_filter.diagnosis.linear_model.linearization import linearize
 from edl_filter.diagnosis.stepwise import improve
 from edl_filter.effects.base import Effect, EffectInstance
 from edl_filter.effects.parameters import Parameter

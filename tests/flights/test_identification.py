@@ -3,7 +3,7 @@
 import pytest
 
 from edl_filter.diagnosis.linear_model.flight_case import load_case
-from edl_filter.diagnosis.linear_model.linear_model import linearize
+from edl_filter.diagnosis.linear_model.linearization import linearize
 from edl_filter.diagnosis.residual_analysis.residual_map import failing_cells, residual_map
 from edl_filter.diagnosis.residual_analysis.unexplained import describe_remainder
 from edl_filter.diagnosis.selection.decision import decide

@@ -14,7 +14,8 @@ from scipy.optimize import brentq
 
 from edl_filter.diagnosis.linear_model.effect_jacobian import EffectJacobian
 from edl_filter.diagnosis.linear_model.flight_case import load_case
-from edl_filter.diagnosis.linear_model.linear_model import LinearizedModel, linearize
+from edl_filter.diagnosis.linear_model.linear_model import LinearizedModel
+from edl_filter.diagnosis.linear_model.linearization import linearize
 from edl_filter.diagnosis.selection.ranking import Progress, candidate_instances
 from edl_filter.diagnosis.selection.screening import scan_jacobians
 from edl_filter.effects.base import Effect

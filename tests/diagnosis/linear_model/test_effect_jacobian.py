@@ -14,7 +14,7 @@ from edl_filter.diagnosis.linear_model.effect_jacobian import (
     scan_range,
 )
 from edl_filter.diagnosis.linear_model.flight_case import flight_case
-from edl_filter.diagnosis.linear_model.linear_model import linearize
+from edl_filter.diagnosis.linear_model.linearization import linearize
 from edl_filter.diagnosis.prediction.residuals import compute_residuals, predict
 from edl_filter.effects import Effect, EffectInstance, Parameter
 from edl_filter.effects.registry import find_effect

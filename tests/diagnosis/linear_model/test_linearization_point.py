@@ -8,7 +8,7 @@ import pytest
 
 from edl_filter import Mission
 from edl_filter.diagnosis.linear_model.flight_case import flight_case, load_case
-from edl_filter.diagnosis.linear_model.linear_model import linearize, linearize_at, map_point
+from edl_filter.diagnosis.linear_model.linearization import linearize, linearize_at, map_point
 from edl_filter.diagnosis.linear_model.linearization_point import largest_change, smoothed_point
 from edl_filter.effects.perturbation import Perturbation
 from edl_filter.simulation import Scenario, simulate

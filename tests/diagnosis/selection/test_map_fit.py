@@ -7,7 +7,7 @@ import pytest
 
 from edl_filter import Mission
 from edl_filter.diagnosis.linear_model.flight_case import load_case
-from edl_filter.diagnosis.linear_model.linear_model import linearize
+from edl_filter.diagnosis.linear_model.linearization import linearize
 from edl_filter.diagnosis.selection import map_fit as module
 from edl_filter.diagnosis.selection.map_fit import fit_map
 from edl_filter.effects import EffectInstance

@@ -10,7 +10,7 @@ from edl_filter.diagnosis import diagnosis as module
 from edl_filter.diagnosis.diagnosis_json import diagnosis_content
 from edl_filter.diagnosis.linear_model.effect_jacobian import effect_jacobian
 from edl_filter.diagnosis.linear_model.flight_case import load_case
-from edl_filter.diagnosis.linear_model.linear_model import linearize, relinearize_failing_model
+from edl_filter.diagnosis.linear_model.linearization import linearize, relinearize_failing_model
 from edl_filter.diagnosis.noise.unmodelled_acceleration import UnmodelledAcceleration
 from edl_filter.diagnosis.selection.decision import decide, joint_gain
 from edl_filter.diagnosis.selection.map_fit import fit_null_model

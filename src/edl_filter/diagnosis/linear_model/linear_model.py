@@ -1,39 +1,30 @@
-"""The linearised model of a flight: residuals, Jacobians and noise about one point, and the iteration of the point."""
+"""The linearised model of a flight: residuals, Jacobians and noise about one point."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from itertools import islice
 
 import numpy as np
 
-from edl_filter.diagnosis.jacobians.nuisance import NuisanceLayout, nuisance_layout
+from edl_filter.diagnosis.jacobians.nuisance import NuisanceLayout
 from edl_filter.diagnosis.jacobians.prediction_jacobian import (
     PredictionJacobian,
-    bin_rows,
-    coefficient_scale,
-    prediction_jacobian,
 )
-from edl_filter.diagnosis.jacobians.state_space import RowIndex, assemble_state_space, stated_initial_error
-from edl_filter.diagnosis.jacobians.transitions import propagate_path
+from edl_filter.diagnosis.jacobians.state_space import RowIndex, stated_initial_error
 from edl_filter.diagnosis.linear_model.flight_case import FlightCase
 from edl_filter.diagnosis.linear_model.linearization_point import (
     LinearizationPoint,
     largest_change,
-    perturbation_from_states,
     perturbation_offset,
-    smoothed_point,
 )
 from edl_filter.diagnosis.noise.unmodelled_acceleration import UnmodelledAcceleration, augment
 from edl_filter.diagnosis.noise.variance_components import ExcessVariance, estimate_variance_components
-from edl_filter.diagnosis.prediction.dead_reckoning import corrected_readings
 from edl_filter.diagnosis.prediction.residuals import (
     ModelInputs,
     PathReference,
     Residuals,
-    bin_readings,
     compute_residuals,
     update_residuals,
 )
@@ -41,13 +32,8 @@ from edl_filter.diagnosis.prediction.time_bins import TimeBins
 from edl_filter.effects.base import EffectInstance
 from edl_filter.effects.perturbation import CoefficientUnits
 from edl_filter.estimation.kalman import LinearStateSpace, Whitening, WhiteningFilter, whitening_filter
-from edl_filter.estimation.smoothing import smoothed_states
 from edl_filter.mission.decision_settings import DecisionSettings
-from edl_filter.navigation.layout import ONBOARD
 from edl_filter.types import Array
-
-#: States of the attitude that was computed on board, which the model does not affect.
-_ONBOARD_STATES = ("onboard_rate", "onboard_mounting", ONBOARD)
 
 
 @dataclass(frozen=True)
@@ -99,11 +85,11 @@ class LinearizedModel:
 
     def model_inputs(self, effects: Sequence[EffectInstance]) -> ModelInputs:
         """Model and measurements with other effects, at the point's perturbation."""
-        return _perturbed(self.case.model_inputs(effects), self.point)
+        return perturbed(self.case.model_inputs(effects), self.point)
 
     def denoised_inputs(self, effects: Sequence[EffectInstance]) -> ModelInputs:
         """The same with denoised readings."""
-        return _perturbed(self.case.denoised_inputs(effects), self.point)
+        return perturbed(self.case.denoised_inputs(effects), self.point)
 
     def initial_mean_of(self, inputs: ModelInputs) -> Array:
         """What inputs state of the states at the beginning, as an error about the point ``(n,)``."""
@@ -196,183 +182,6 @@ class LinearizedModel:
         return whitening_filter(augment(self.state_space, self.index, self.bins, self.residuals.flow, unmodelled))
 
 
-def _perturbed(inputs: ModelInputs, point: LinearizationPoint) -> ModelInputs:
+def perturbed(inputs: ModelInputs, point: LinearizationPoint) -> ModelInputs:
+    """Inputs whose forward model has the perturbation of a point."""
     return replace(inputs, forward_model=replace(inputs.forward_model, perturbation=point.perturbation))
-
-
-def linearize_at(
-    case: FlightCase, point: LinearizationPoint, initial_excess: ExcessVariance | None = None
-) -> LinearizedModel:
-    """Linearise the model of a case about a point.
-
-    Parameters
-    ----------
-    case : FlightCase
-        The flight with what its mission states as uncertain.
-    point : LinearizationPoint
-        The linearisation point.
-    initial_excess : ExcessVariance, optional
-        Start of the estimation of the excess variance.
-    """
-    bins, uncertainty = case.bins, case.uncertainty
-    inputs = _perturbed(case.model_inputs(case.effects), point)
-    transitions = propagate_path(inputs.problem, bins, point.start, point.errors)
-    reference = PathReference(bins=bins, start=point.start.nav[:10], errors=point.errors, onboard=transitions.onboard)
-    residuals = compute_residuals(reference, inputs)
-    perturbation = point.perturbation
-    units = coefficient_scale(inputs, residuals, uncertainty) if perturbation is None else perturbation.units
-    jacobian = prediction_jacobian(inputs, bins, residuals, uncertainty.density, units)
-    nuisance = nuisance_layout(inputs.problem.layout, inputs.checking, bins, uncertainty)
-    denoised = case.denoised_inputs(case.effects).problem
-    denoised_means = bin_readings(bins, denoised.samples, corrected_readings(denoised, point.errors))
-    rows = bin_rows(inputs, bins, residuals, denoised_means, nuisance, jacobian, uncertainty)
-    state_space, index = assemble_state_space(inputs, bins, transitions, rows, nuisance, uncertainty, residuals)
-    return LinearizedModel(
-        case=case,
-        effects=case.effects,
-        point=point,
-        reference=reference,
-        inputs=inputs,
-        residuals=residuals,
-        jacobian=jacobian,
-        index=index,
-        nuisance=nuisance,
-        units=units,
-        state_space=state_space,
-        initial_excess=initial_excess,
-    )
-
-
-def map_point(
-    model: LinearizedModel, whiten: WhiteningFilter, white: Array, onboard: bool = True
-) -> LinearizationPoint | None:
-    """Most probable values (MAP) of the nuisance parameters, as a linearisation point.
-
-    Parameters
-    ----------
-    model : LinearizedModel
-        The linearised model.
-    whiten : WhiteningFilter
-        The whitening filter.
-    white : (R,) array
-        White residuals about the model's point.
-    onboard : bool
-        Whether the states of the on-board attitude change as well. It is propagated along the path, which then must be
-        propagated anew.
-
-    Returns
-    -------
-    LinearizationPoint or None
-        None where the values are farther from what is stated than the settings allow, as with a model far from the
-        truth.
-    """
-    settings, layout, prior_mean = model.settings, model.nuisance.layout, model.initial_mean
-    initial, states = smoothed_states(whiten, white, prior_mean)
-    shift = initial[: layout.size].copy()
-    if not onboard:
-        for name in _ONBOARD_STATES:
-            if name in layout:
-                shift[layout[name]] = 0.0
-    prior_sigma = np.sqrt(np.diag(whiten.model.initial_covariance)[: layout.size])
-    perturbation = perturbation_from_states(
-        model.index,
-        model.bins,
-        model.nuisance,
-        model.case.uncertainty.sigma,
-        model.units,
-        whiten.model.row_start,
-        states,
-    )
-    credible = np.all(np.abs(shift - prior_mean[: layout.size]) <= settings.state_limit_sigmas * prior_sigma)
-    if not (credible and np.all(np.abs(perturbation.density) < settings.log_density_limit)):
-        return None
-    start = model.point.start.plus(shift)
-    errors = model.point.errors.copy()
-    errors[int(model.inputs.problem.samples.unit[0])] = start.errors
-    return LinearizationPoint(start, errors, perturbation)
-
-
-def linearize(
-    case: FlightCase,
-    iterations: int = 1,
-    max_excess_share: float = 1.0,
-    initial_excess: ExcessVariance | None = None,
-) -> LinearizedModel:
-    """Linearise the model of a case, iterating the linearisation point.
-
-    The first point is the smoothed reconstruction, which has no information from the aerodynamic model. With further
-    iterations the point moves to the most probable nuisance parameters until it converges. A failing model may move the
-    point away from the truth; so the iteration ends where more than `max_excess_share` of the rows have excess
-    variance. Tables have discontinuities of slope, and the iteration may alternate between the two sides of one; so the
-    most likely model is returned, of those that hold if any does.
-
-    Parameters
-    ----------
-    case : FlightCase
-        The flight with what its mission states as uncertain.
-    iterations : int
-        Largest number of linearisation points.
-    max_excess_share : float
-        Share of the rows, 0 to 1.
-    initial_excess : ExcessVariance, optional
-        `LinearizedModel.failing_excess` of a similar model.
-
-    Returns
-    -------
-    LinearizedModel
-    """
-    first = linearize_at(case, smoothed_point(case.reconstruction), initial_excess)
-    models = list(_iterate_point(case, iterations, max_excess_share, first))
-    return max([m for m in models if m.holds] or models, key=lambda m: m.log_likelihood)
-
-
-def relinearize_failing_model(case: FlightCase, model: LinearizedModel) -> LinearizedModel | None:
-    """The alternative mode of a failing model with an exact database: the point at which it holds, if there is one.
-
-    The model fails about the smoothed reconstruction. After some iterations a nuisance parameter may have absorbed what
-    is missing, by as many sigmas as that takes (`LinearizedModel.largest_nuisance_sigmas`).
-
-    Parameters
-    ----------
-    case : FlightCase
-        The flight with what its mission states as uncertain.
-    model : LinearizedModel
-        About the point where it fails.
-
-    Returns
-    -------
-    LinearizedModel or None
-        None where the model holds already, does not come to hold, or the database is not exact.
-    """
-    settings, share = case.settings, model.excess_variance.share
-    if not case.exact_database or model.holds:
-        return None
-    for candidate in islice(_iterate_point(case, settings.alternative_iterations, 1.0, model), 1, None):
-        if candidate.holds:
-            return candidate
-        if candidate.excess_variance.share > settings.alternative_progress * share:
-            break
-        share = candidate.excess_variance.share
-    return None
-
-
-def _iterate_point(
-    case: FlightCase, iterations: int, max_excess_share: float, model: LinearizedModel
-) -> Iterator[LinearizedModel]:
-    """The model about its point and about the points that follow, until the point converges or the model fails."""
-    tolerance = case.settings.linearization_tolerance_sigmas
-    for i in range(iterations):
-        yield model
-        point = model.point
-        if i == iterations - 1 or model.excess_variance.share > max_excess_share:
-            return
-        whiten, size = model.fitted_noise_filter, model.nuisance.layout.size
-        new_point = map_point(model, whiten, model.white_residuals(whiten))
-        if new_point is None:
-            return
-        spread = np.sqrt(np.maximum(np.diag(whiten.posterior_initial_covariance(size)), 0.0))
-        converged = np.all(np.abs(new_point.start.minus(point.start)) <= tolerance * spread + 1e-15)
-        change = largest_change(point.perturbation, new_point.perturbation, case.uncertainty.sigma)
-        if converged and change <= tolerance:
-            return
-        model = linearize_at(case, new_point, model.failing_excess)

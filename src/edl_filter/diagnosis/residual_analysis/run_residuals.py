@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from edl_filter.diagnosis.linear_model.flight_case import flight_case
-from edl_filter.diagnosis.linear_model.linear_model import linearize
+from edl_filter.diagnosis.linear_model.linearization import linearize
 from edl_filter.diagnosis.residual_analysis.channel_rms import model_rms
 from edl_filter.diagnosis.residual_analysis.residual_map import residual_map
 from edl_filter.pipeline.reconstruct import Reconstruction

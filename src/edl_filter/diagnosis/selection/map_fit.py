@@ -16,7 +16,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from edl_filter.diagnosis.linear_model.effect_jacobian import effect_jacobian, is_ordered, prior_sigma
-from edl_filter.diagnosis.linear_model.linear_model import LinearizedModel, map_point
+from edl_filter.diagnosis.linear_model.linear_model import LinearizedModel
+from edl_filter.diagnosis.linear_model.linearization import map_point
 from edl_filter.diagnosis.linear_model.linearization_point import LinearizationPoint
 from edl_filter.diagnosis.prediction.dead_reckoning import NODES_PER_BIN
 from edl_filter.effects.base import EffectInstance, EffectKey, effect_with_key

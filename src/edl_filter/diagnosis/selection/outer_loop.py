@@ -12,7 +12,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 from edl_filter.diagnosis.linear_model.flight_case import FlightCase, load_case
-from edl_filter.diagnosis.linear_model.linear_model import LinearizedModel, linearize, linearize_at
+from edl_filter.diagnosis.linear_model.linear_model import LinearizedModel
+from edl_filter.diagnosis.linear_model.linearization import linearize, linearize_at
 from edl_filter.diagnosis.noise.variance_components import ExcessVariance
 from edl_filter.diagnosis.selection.map_fit import MapFit, fit_map
 from edl_filter.effects.base import EffectInstance, label_of

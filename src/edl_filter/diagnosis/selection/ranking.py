@@ -14,7 +14,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from edl_filter.diagnosis.linear_model.flight_case import FlightCase
-from edl_filter.diagnosis.linear_model.linear_model import LinearizedModel, linearize, relinearize_failing_model
+from edl_filter.diagnosis.linear_model.linear_model import LinearizedModel
+from edl_filter.diagnosis.linear_model.linearization import linearize, relinearize_failing_model
 from edl_filter.diagnosis.noise.unmodelled_acceleration import UnmodelledAcceleration, most_likely_process
 from edl_filter.diagnosis.noise.variance_components import estimate_variance_components
 from edl_filter.diagnosis.selection.hypothesis import Hypothesis, fit_hypothesis, relinearize_with_effect

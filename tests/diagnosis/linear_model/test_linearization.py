@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from edl_filter.diagnosis.linear_model import linear_model as module
-from edl_filter.diagnosis.linear_model.linear_model import linearize, relinearize_failing_model
+from edl_filter.diagnosis.linear_model.linearization import linearize, relinearize_failing_model
 from edl_filter.mission.decision_settings import DecisionSettings
 
 SETTINGS = DecisionSettings()
