@@ -386,7 +386,7 @@ class ForwardModel:
         )
         if self.perturbation is None:
             return coefficients
-        return self.perturbation.perturb_coefficients(flow.time, coefficients)
+        return self.perturbation.perturb_coefficients(flow, coefficients)
 
     def loads(self, flow: FlightCondition, tables: AeroCoefficients | None = None) -> tuple[Array, Array]:
         """Force and moment on the vehicle.

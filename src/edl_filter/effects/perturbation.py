@@ -11,7 +11,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from edl_filter.effects.types import AeroCoefficients, Body
+from edl_filter.aero.discrepancy import FIELD_COEFFICIENTS, AngleModes
+from edl_filter.effects.types import AeroCoefficients, Body, FlightCondition
 from edl_filter.types import Array
 
 
@@ -34,6 +35,48 @@ class CoefficientUnits:
 
 
 @dataclass(frozen=True)
+class FieldPerturbation:
+    """A realisation of the database's discrepancy along a trajectory (`aero.discrepancy`).
+
+    Attributes
+    ----------
+    time : (M,) array
+        s.
+    amplitudes : dict
+        Coefficient → amplitudes of its modes ``(M, J)``, against time: the Mach number along the trajectory is a
+        function of time.
+    modes : dict
+        Coefficient → `AngleModes`.
+    units : CoefficientUnits
+        One sigma of the database.
+    """
+
+    time: Array
+    amplitudes: dict[str, Array]
+    modes: dict[str, AngleModes]
+    units: CoefficientUnits
+
+    @classmethod
+    def zero(cls, modes: dict[str, AngleModes], units: CoefficientUnits) -> FieldPerturbation:
+        """No increments."""
+        return cls(units.time[:1], {name: np.zeros((1, m.count)) for name, m in modes.items()}, modes, units)
+
+    def increments(self, time: Array, alpha_total: Array) -> dict[str, Array]:
+        """Increments of the coefficients ``(N,)`` at times (s) and total angles of attack (rad), ``(N,)`` each."""
+        place = np.clip(np.interp(time, self.time, np.arange(len(self.time))), 0.0, len(self.time) - 1.0)
+        index = np.minimum(place.astype(np.intp), max(len(self.time) - 2, 0))
+        fraction = (place - index)[:, None]
+        following = np.minimum(index + 1, len(self.time) - 1)
+        out = {}
+        for name in FIELD_COEFFICIENTS:
+            amplitude = self.amplitudes[name]
+            at_time = (1.0 - fraction) * amplitude[index] + fraction * amplitude[following]
+            value = np.einsum("nj,nj->n", at_time, self.modes[name].at(alpha_total))
+            out[name] = value * np.interp(time, self.units.time, getattr(self.units, name))
+        return out
+
+
+@dataclass(frozen=True)
 class Perturbation:
     """Perturbations against time; linear between the times and held at the ends.
 
@@ -50,6 +93,8 @@ class Perturbation:
     units : CoefficientUnits
     mass, inertia : float
         Relative change.
+    field : FieldPerturbation, optional
+        Increments of the coefficients that are functions of the flow.
     """
 
     time: Array
@@ -61,12 +106,18 @@ class Perturbation:
     units: CoefficientUnits
     mass: float = 0.0
     inertia: float = 0.0
+    field: FieldPerturbation | None = None
 
     @classmethod
     def zero(cls, units: CoefficientUnits) -> Perturbation:
         """The perturbation that changes nothing."""
         zeros = np.zeros(1)
         return cls(units.time[:1], zeros, np.zeros((1, 2)), zeros, zeros, zeros, units=units)
+
+    def with_unit(self, coefficient: str) -> Perturbation:
+        """The perturbation with one unit of a coefficient (``ca``, ``cn``, ``cm``) added."""
+        ca, cn, cm = (getattr(self, n) + (n == coefficient) for n in FIELD_COEFFICIENTS)
+        return replace(self, ca=ca, cn=cn, cm=cm)
 
     def perturb_density(self, time: Array, density: Array) -> Array:
         """Density with the perturbation.
@@ -102,21 +153,24 @@ class Perturbation:
         """
         return wind + np.column_stack([np.interp(time, self.time, w) for w in self.wind.T])
 
-    def perturb_coefficients(self, time: Array, totals: AeroCoefficients) -> AeroCoefficients:
+    def perturb_coefficients(self, flow: FlightCondition, totals: AeroCoefficients) -> AeroCoefficients:
         """Total coefficients with the perturbation.
 
         Parameters
         ----------
-        time : (N,) array
-            s.
+        flow : FlightCondition
+            Of the N samples.
         totals : AeroCoefficients
             Without the perturbation, ``(N,)`` each.
         """
-        changes, u = (self.ca, self.cn, self.cm), self.units
+        changes, u, time = (self.ca, self.cn, self.cm), self.units, flow.time
         ca, cn, cm = (
             np.interp(time, self.time, change) * np.interp(time, u.time, unit)
             for change, unit in zip(changes, (u.ca, u.cn, u.cm), strict=True)
         )
+        if self.field is not None:
+            increments = self.field.increments(time, flow.alpha_total)
+            ca, cn, cm = ca + increments["ca"], cn + increments["cn"], cm + increments["cm"]
         return replace(totals, ca=totals.ca + ca, cn=totals.cn + cn, cm_nose=totals.cm_nose + cm)
 
     def perturb_body(self, body: Body) -> Body:

@@ -16,7 +16,7 @@ states are marginalised (augmented Kalman filter: Friedland, IEEE Trans. AC 14 (
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -70,6 +70,31 @@ class LinearStateSpace:
         out = np.zeros((self.size, *leading.shape[1:]))
         out[: len(leading)] = leading
         return out
+
+
+def append_constant_states(model: LinearStateSpace, design: Array, sigma: Array) -> LinearStateSpace:
+    """The model with further states that are constant and a priori independent, as its last ones.
+
+    Parameters
+    ----------
+    model : LinearStateSpace
+        n states.
+    design : (R, c) array
+        Derivatives of the measurements with respect to them.
+    sigma : (c,) array
+        Prior standard deviations.
+    """
+    n = model.size + design.shape[1]
+    covariance = np.zeros((n, n))
+    covariance[: model.size, : model.size] = model.initial_covariance
+    covariance[model.size :, model.size :] = np.diag(sigma**2)
+    return replace(
+        model,
+        increment=replace(model.increment, size=n),
+        process_noise=replace(model.process_noise, size=n),
+        design=np.concatenate((model.design, design), axis=1),
+        initial_covariance=covariance,
+    )
 
 
 @dataclass(frozen=True)

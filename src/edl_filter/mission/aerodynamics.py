@@ -6,6 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, StringConstraints, model_validator
 
+from edl_filter.aero.discrepancy import DiscrepancyPrior
 from edl_filter.mission.fields import DEG, Section, WindowConfig
 from edl_filter.mission.validators import Number, Switch, Within, field_error
 
@@ -23,6 +24,29 @@ class ForebodyConfig(Section):
     def cone_half_angle(self) -> float:
         """`cone_half_angle_deg` in rad."""
         return self.cone_half_angle_deg * DEG
+
+
+class DiscrepancyConfig(Section):
+    """The database's error as a Gaussian random field over the flow."""
+
+    log_mach_length: Annotated[Number, Within("", 0.0, 10.0, above=True)] = Field(
+        default=0.5,
+        description="correlation length in the natural logarithm of the Mach number: tables have a node every 0.2 to "
+        "0.5 of it, and shock shape and sonic line change over a factor of 1.6",
+    )
+    log_knudsen_length: Annotated[Number, Within("", 0.0, 10.0, above=True)] = Field(
+        default=1.0, description="correlation length in the decimal logarithm of the Knudsen number, in rarefied flow"
+    )
+    angle_length_deg: Annotated[Number, Within("deg", 0.0, 180.0, above=True)] = Field(
+        default=6.0, description="correlation length in the total angle of attack, deg: a few nodes of the tables"
+    )
+    vanishing_angle_deg: Annotated[Number, Within("deg", 0.0, 90.0, above=True)] = Field(
+        default=4.0,
+        description="angle below which the errors of CN and Cm vanish by symmetry, as tanh(angle / it), deg",
+    )
+    asymmetry_sigma: Annotated[Number, Within("", 0.0, 0.1)] = Field(
+        default=0.0, description="1 sigma of a constant Cm and of a constant Cn that are fixed to the body; 0: none"
+    )
 
 
 class AerodynamicsConfig(Section):
@@ -78,6 +102,22 @@ class AerodynamicsConfig(Section):
         description="1 sigma of the database's error, in units of its own sigma (a third of its family's 3 sigma); "
         "0: exact",
     )
+
+    discrepancy: DiscrepancyConfig = Field(
+        default_factory=DiscrepancyConfig, description="correlation lengths of the database's error"
+    )
+
+    @property
+    def discrepancy_prior(self) -> DiscrepancyPrior:
+        """Prior of the database's discrepancy."""
+        c = self.discrepancy
+        return DiscrepancyPrior(
+            scale=self.coefficient_sigma,
+            log_mach_length=c.log_mach_length,
+            log_knudsen_length=c.log_knudsen_length,
+            angle_length=c.angle_length_deg * DEG,
+            vanishing_angle=c.vanishing_angle_deg * DEG,
+        )
 
     @model_validator(mode="after")
     def _joins(self) -> AerodynamicsConfig:

@@ -47,8 +47,8 @@ class DecisionSettings(Section):
     minimum_density_sigma: Annotated[Number, Within("", 0.0, 0.1, above=True)] = _setting(
         0.0001, "least relative sigma of the preflight density, for a regular covariance", NUMERICS
     )
-    database_memory_s: Annotated[Number, Within("s", 0.0, 10000.0, above=True)] = _setting(
-        20.0, "s: correlation time of the database's errors", STUDY
+    numerical_error_memory_s: Annotated[Number, Within("s", 0.0, 10000.0, above=True)] = _setting(
+        20.0, "s: correlation time of the prediction's numerical error", STUDY
     )
     relative_prediction_error: Annotated[Number, Within("", 0.0, 0.1, above=True)] = _setting(
         0.0002, "relative sigma of a prediction from exact tables: sampling, interpolation, small angles", NUMERICS

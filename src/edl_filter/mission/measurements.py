@@ -106,6 +106,9 @@ class ImuConfig(ErrorBudgetConfig):
     alignment_sigma_deg: Annotated[Number, Within("deg", 0.0, 5.0)] = Field(
         default=0.0, description="1 sigma of the alignment about each axis, deg; 0: exact"
     )
+    clock_sigma_s: Annotated[Number, Within("s", 0.0, 1.0)] = Field(
+        default=0.0, description="1 sigma of the offset of its clock from that of the driving IMU, s; 0: exact"
+    )
     transformed_alignment_deg: tuple[Angle, Angle] = Field(
         default=(0.0, 0.0), description="share of a_z that the on-board transform adds to a_x and a_y, deg"
     )
@@ -123,6 +126,11 @@ class ImuConfig(ErrorBudgetConfig):
     def alignment(self) -> Array:
         """`alignment_deg` in rad, (3,)."""
         return np.array(self.alignment_deg) * DEG
+
+    @property
+    def alignment_sigma(self) -> float:
+        """`alignment_sigma_deg` in rad."""
+        return self.alignment_sigma_deg * DEG
 
     @property
     def transformed_alignment(self) -> tuple[float, float]:

@@ -264,6 +264,9 @@ class EventConfig(VehicleChangeConfig):
         return self
 
 
+ComSigma = Annotated[Number, Within("m", 0.0, 1.0)]
+
+
 class VehicleConfig(Section):
     """Mass properties and size of the vehicle, and the events that change them."""
 
@@ -278,6 +281,9 @@ class VehicleConfig(Section):
     centre_of_mass_offset: tuple[
         Annotated[Number, Within("diameters", -0.2, 0.2)], Annotated[Number, Within("diameters", -0.2, 0.2)]
     ] = Field(default=(0.0, 0.0), description="[y, z] of the centre of mass from the axis of symmetry, diameters")
+    centre_of_mass_sigma: tuple[ComSigma, ComSigma, ComSigma] = Field(
+        default=(0.0, 0.0, 0.0), description="1 sigma of the centre of mass along x, y and z, m; 0: exact"
+    )
     inertia: InertiaConfig | None = Field(default=None, description="inertia at entry")
     inertia_sigma: Annotated[Number, Within("", 0.0, 1.0, PERCENT)] = Field(
         default=0.0, description="relative 1 sigma of a common factor of all moments and products"

@@ -13,10 +13,12 @@ density, wind_east, wind_north
     a Matérn process of order 3/2, which is continuously differentiable, as air is; a first-order Gauss–Markov process
     of the same correlation length could change by a tenth of its sigma in a hundred metres.
 ca, cn, cm
-    Errors of the database, pairs of the same kind against time. With a database stated as exact they hold the numerical
-    error of the prediction.
+    Numerical errors of the prediction (sampling, interpolation, small angles), pairs of the same kind against time.
 mass, inertia
     Relative errors.
+fields of ca, cn, cm
+    Amplitudes of the modes of the database's discrepancy (`aero.discrepancy`), Matérn processes of order 5/2 against
+    the distance along the flow: all values, all derivatives, all second derivatives. None with an exact database.
 
 An unmodelled acceleration (`noise.unmodelled_acceleration`) is appended to all of them where it is allowed for.
 """
@@ -27,14 +29,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from edl_filter.aero.discrepancy import FIELD_COEFFICIENTS, AngleModes, DiscrepancyPrior
 from edl_filter.diagnosis.prediction.time_bins import TimeBins
 from edl_filter.imu_model.sensor_errors import SENSOR_STATES
 from edl_filter.navigation.layout import Layout
 from edl_filter.telemetry.record import ImuRecord
 from edl_filter.types import Array
 
-#: Nuisance parameters of the air, and of the database.
-AIR, DATABASE = ("density", "wind_east", "wind_north"), ("ca", "cn", "cm")
+#: Nuisance parameters of the air.
+AIR = ("density", "wind_east", "wind_north")
+#: States of an amplitude of the database's discrepancy: value and two derivatives.
+FIELD_STATES = 3
 
 
 @dataclass(frozen=True)
@@ -49,12 +54,12 @@ class StatedUncertainty:
         Correlation length of density and winds, m of altitude.
     wind : float
         Of the wind towards east and towards north, m/s.
-    coefficients : float
-        Factor on the database's own sigma; 0: the database is exact.
-    coefficient_memory : float
-        Correlation time of the database's errors, s.
+    discrepancy : DiscrepancyPrior
+        Of the database.
     numerical : float
         Relative error of a prediction from exact tables: sampling, interpolation, small angles.
+    numerical_memory : float
+        Its correlation time, s.
     mass, inertia : float
         Relative.
     """
@@ -62,15 +67,15 @@ class StatedUncertainty:
     density: float
     density_correlation: float
     wind: float
-    coefficients: float
-    coefficient_memory: float
+    discrepancy: DiscrepancyPrior
     numerical: float
+    numerical_memory: float
     mass: float
     inertia: float
 
     @property
     def sigma(self) -> dict[str, float]:
-        """One sigma by nuisance parameter of air and vehicle, relative or m/s; coefficients in database sigmas."""
+        """One sigma by nuisance parameter: relative or m/s; 1 for numerical errors, which are in their own sigmas."""
         return {
             "density": self.density, "wind_east": self.wind, "wind_north": self.wind,
             "mass": self.mass, "inertia": self.inertia, "ca": 1.0, "cn": 1.0, "cm": 1.0,
@@ -79,7 +84,7 @@ class StatedUncertainty:
     def correlation_steps(self, time: Array, altitude: Array) -> dict[str, Array]:
         """Steps of time (s) and altitude (m), in correlation lengths of each process."""
         air = dict.fromkeys(AIR, np.abs(altitude) / self.density_correlation)
-        return air | dict.fromkeys(DATABASE, time / self.coefficient_memory)
+        return air | dict.fromkeys(FIELD_COEFFICIENTS, time / self.numerical_memory)
 
 
 @dataclass(frozen=True)
@@ -93,11 +98,15 @@ class NuisanceLayout:
     slices : dict
         Name → slice, for the others.
     size : int
+    fields : dict
+        Coefficient → slice of the amplitudes of its discrepancy; the derivatives of all of them follow, then the second
+        derivatives.
     """
 
     layout: Layout
     slices: dict[str, slice]
     size: int
+    fields: dict[str, slice]
 
     def __contains__(self, name: str) -> bool:
         return name in self.slices
@@ -107,7 +116,11 @@ class NuisanceLayout:
 
 
 def nuisance_layout(
-    layout: Layout, checking: tuple[ImuRecord, ...], bins: TimeBins, uncertainty: StatedUncertainty
+    layout: Layout,
+    checking: tuple[ImuRecord, ...],
+    bins: TimeBins,
+    uncertainty: StatedUncertainty,
+    modes: dict[str, AngleModes],
 ) -> NuisanceLayout:
     """Nuisance parameters of a flight: those with a stated sigma above zero.
 
@@ -121,6 +134,8 @@ def nuisance_layout(
         Time bins of the comparison.
     uncertainty : StatedUncertainty
         Uncertainties that the mission states.
+    modes : dict
+        Coefficient → modes of its discrepancy; empty with an exact database.
     """
     sizes = {"gyro_noise_before": 3, "gyro_noise_after": 3}
     for i, record in enumerate(checking):
@@ -130,7 +145,7 @@ def nuisance_layout(
             sizes |= {checking_state(i, unit, n): 3 for n in SENSOR_STATES if getattr(errors, n) > 0.0}
     processes = ["density"] if uncertainty.density > 0.0 else []
     processes += ["wind_east", "wind_north"] if uncertainty.wind > 0.0 else []
-    processes += DATABASE
+    processes += FIELD_COEFFICIENTS
     sizes |= dict.fromkeys(processes, 2)
     if uncertainty.mass > 0.0:
         sizes["mass"] = 1
@@ -140,7 +155,11 @@ def nuisance_layout(
     for name, size in sizes.items():
         slices[name] = slice(start, start + size)
         start += size
-    return NuisanceLayout(layout, slices, start)
+    fields = {}
+    for name, mode in modes.items():
+        fields[name] = slice(start, start + mode.count)
+        start += FIELD_STATES * mode.count
+    return NuisanceLayout(layout, slices, start, fields)
 
 
 def checking_state(imu: int, unit: int, error: str) -> str:

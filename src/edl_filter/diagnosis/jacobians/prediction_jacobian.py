@@ -12,6 +12,8 @@ import numpy as np
 from scipy.ndimage import median_filter
 
 from edl_filter import rotations
+from edl_filter.aero.discrepancy import FIELD_COEFFICIENTS, AngleModes, DiscrepancyPrior
+from edl_filter.aero.grid import GridTable
 from edl_filter.diagnosis.jacobians.nuisance import NuisanceLayout, StatedUncertainty, checking_state
 from edl_filter.diagnosis.prediction.dead_reckoning import NODES_PER_BIN, PathNodes
 from edl_filter.diagnosis.prediction.residuals import (
@@ -19,6 +21,7 @@ from edl_filter.diagnosis.prediction.residuals import (
     Residuals,
     flow_at,
     predict,
+    predict_increment,
     quadrature_error,
     rate_step_from_moment,
 )
@@ -26,7 +29,7 @@ from edl_filter.diagnosis.prediction.time_bins import TimeBins, bin_means
 from edl_filter.effects.base import Effect, EffectInstance
 from edl_filter.effects.forward_model import ForwardModel
 from edl_filter.effects.parameters import Parameter, Values
-from edl_filter.effects.perturbation import CoefficientUnits, Perturbation
+from edl_filter.effects.perturbation import CoefficientUnits, FieldPerturbation, Perturbation
 from edl_filter.imu_model.lever_arm import edge_weights
 from edl_filter.imu_model.sensor_errors import reading_jacobian
 from edl_filter.types import Array, BoolArray
@@ -52,10 +55,12 @@ class PredictionJacobian:
         Of the steps of the mean rate.
     columns : dict
         position, velocity, attitude (error of the state), density (relative), wind_east, wind_north (m/s), ca, cn, cm
-        (in sigmas of the database), mass, inertia (relative), rate (rad/s) → slice of columns.
+        (in sigmas of the numerical error), mass, inertia (relative), rate (rad/s), and field_ca, field_cn, field_cm
+        (amplitudes of the discrepancy's modes) → slice of columns.
     force_nonlinearity, rate_step_nonlinearity : (B, 3), (B - 1, 3) arrays
-        Departure of the predictions from linearity over two sigmas of density, combined with the quadrature error:
-        where one table ends and another begins, the time of the transition is uncertain by a tenth of a second.
+        Departure of the predictions from linearity over two sigmas of density (where one table ends and another begins,
+        the time of the transition is uncertain by a tenth of a second), combined with the quadrature error and the
+        interpolation error of tables whose values at the nodes have errors.
     """
 
     force: Array
@@ -79,7 +84,12 @@ class _AirProbe(Effect):
 
 
 def prediction_jacobian(
-    inputs: ModelInputs, bins: TimeBins, residuals: Residuals, density_sigma: float, units: CoefficientUnits
+    inputs: ModelInputs,
+    bins: TimeBins,
+    residuals: Residuals,
+    uncertainty: StatedUncertainty,
+    units: CoefficientUnits,
+    field: FieldPerturbation | None = None,
 ) -> PredictionJacobian:
     """Differentiate the predictions along the path.
 
@@ -91,10 +101,12 @@ def prediction_jacobian(
         Time bins of the comparison.
     residuals : Residuals
         With the path and the flow along it.
-    density_sigma : float
-        Relative, for the departure from linearity.
+    uncertainty : StatedUncertainty
+        Uncertainties that the mission states: of the density, for the departure from linearity, and of the database.
     units : CoefficientUnits
-        One sigma of the database.
+        One sigma of the numerical error.
+    field : FieldPerturbation, optional
+        Modes and one sigma of the database's discrepancy; none with an exact database.
     """
     nodes, model, flow, tables = residuals.nodes, inputs.forward_model, residuals.flow, residuals.tables
     force_columns: list[Array] = []
@@ -116,7 +128,7 @@ def prediction_jacobian(
     nominal = predict(model, bins, flow, tables)
     perturbation = model.perturbation or Perturbation.zero(units)
     for name in ("ca", "cn", "cm"):
-        increased = replace(perturbation, **{name: getattr(perturbation, name) + 1.0})
+        increased = perturbation.with_unit(name)
         add_difference(predict(replace(model, perturbation=increased), bins, flow, tables), nominal, 1.0)
     force, moment = model.loads(flow, tables)
     force_columns += [-nominal[0], np.zeros_like(nominal[0])]  # mass, inertia
@@ -127,16 +139,92 @@ def prediction_jacobian(
         add_difference(plus, minus, 2.0 * _RATE_STEP)
     widths = {"position": 3, "velocity": 3, "attitude": 3, "density": 1, "wind_east": 1, "wind_north": 1}
     widths |= {"ca": 1, "cn": 1, "cm": 1, "mass": 1, "inertia": 1, "rate": 3}
+    interpolation = [np.zeros_like(x) for x in nominal]
+    if field is not None:
+        table_angles = interpolated_angles(model)
+        for name, mode in field.modes.items():
+            unit_force, unit_moment = coefficient_loads(inputs, residuals, name, field.units)
+            sigma = uncertainty.discrepancy.interpolation_sigma(name, table_angles, flow.alpha_total)[:, None]
+            error = predict_increment(model, bins, unit_force * sigma, unit_moment * sigma)
+            interpolation = [np.hypot(total, e) for total, e in zip(interpolation, error, strict=True)]
+            for shape in mode.at(flow.alpha_total).T[:, :, None]:
+                by_force, by_rate = predict_increment(model, bins, unit_force * shape, unit_moment * shape)
+                force_columns.append(by_force)
+                rate_columns.append(by_rate)
+            widths[f"field_{name}"] = mode.count
     columns, start = {}, 0
     for name, width in widths.items():
         columns[name] = slice(start, start + width)
         start += width
-    denser, thinner = with_air(density=2.0 * density_sigma), with_air(density=-2.0 * density_sigma)
+    two_sigma = 2.0 * uncertainty.density
+    denser, thinner = with_air(density=two_sigma), with_air(density=-two_sigma)
     quadrature = quadrature_error(model, bins, flow, force, moment)
-    nonlinearity = [
-        np.hypot(a + b - 2.0 * c, r) for a, b, c, r in zip(denser, thinner, nominal, quadrature, strict=True)
-    ]
+    terms = zip(denser, thinner, nominal, quadrature, interpolation, strict=True)
+    nonlinearity = [np.sqrt((a + b - 2.0 * c) ** 2 + r**2 + i**2) for a, b, c, r, i in terms]
     return PredictionJacobian(np.stack(force_columns, axis=2), np.stack(rate_columns, axis=2), columns, *nonlinearity)
+
+
+def interpolated_angles(model: ForwardModel) -> Array:
+    """Angles between which the continuum table is linear ``(A,)``, rad; empty for smooth tables."""
+    table = model.database.continuum
+    return table.alpha if isinstance(table, GridTable) and table.interpolation == "linear" else np.zeros(0)
+
+
+def coefficient_loads(
+    inputs: ModelInputs, residuals: Residuals, name: str, units: CoefficientUnits
+) -> tuple[Array, Array]:
+    """Change of force (N) and moment (N m) at the nodes ``(M, 3)`` by one unit of a coefficient.
+
+    Parameters
+    ----------
+    inputs : ModelInputs
+        The model, and the readings corrected by its sensor effects.
+    residuals : Residuals
+        With the flow along the path.
+    name : str
+        ``ca``, ``cn`` or ``cm``.
+    units : CoefficientUnits
+        The units.
+    """
+    model, flow, tables = inputs.forward_model, residuals.flow, residuals.tables
+    perturbation = Perturbation.zero(units).with_unit(name)
+    # effects act on the tables before a perturbation is added; the loads are linear in the sum
+    nominal = replace(model, perturbation=Perturbation.zero(units)).loads(flow, tables)
+    changed = replace(model, perturbation=perturbation).loads(flow, tables)
+    return changed[0] - nominal[0], changed[1] - nominal[1]
+
+
+def field_modes(
+    inputs: ModelInputs, bins: TimeBins, residuals: Residuals, prior: DiscrepancyPrior, units: CoefficientUnits
+) -> dict[str, AngleModes]:
+    """Modes of the database's discrepancy that a flight resolves.
+
+    Parameters
+    ----------
+    inputs : ModelInputs
+        The model, and the readings corrected by its sensor effects.
+    bins : TimeBins
+        Time bins of the comparison.
+    residuals : Residuals
+        With the flow along the path.
+    prior : DiscrepancyPrior
+        Of the discrepancy.
+    units : CoefficientUnits
+        One sigma of the database.
+    """
+    driving = inputs.driving
+    sigma_f = bin_sigma(bins, driving.time, driving.interval, driving.force_noise)
+    sigma_w = np.sqrt(2.0) * bin_sigma(bins, driving.time, driving.interval, driving.rate_noise)[:-1]
+    angle, modes = residuals.flow.alpha_total, {}
+    for name in FIELD_COEFFICIENTS:
+        force, rate_step = predict_increment(
+            inputs.forward_model, bins, *coefficient_loads(inputs, residuals, name, units)
+        )
+        information = np.sum(force**2, axis=1) / sigma_f**2
+        information[:-1] += np.sum(rate_step**2, axis=1) / sigma_w**2
+        information = np.where(bins.valid & np.isfinite(information), information, 0.0) / NODES_PER_BIN
+        modes[name] = prior.angle_modes(name, angle[:-1], np.repeat(information, NODES_PER_BIN))
+    return modes
 
 
 def _displaced(nodes: PathNodes, component: int, step: float) -> PathNodes:
@@ -184,6 +272,7 @@ def bin_rows(
     nuisance: NuisanceLayout,
     jacobian: PredictionJacobian,
     uncertainty: StatedUncertainty,
+    flow_distance: Array,
 ) -> BinRows:
     """Design matrix, noise and residuals of the rows at the bins' ends.
 
@@ -203,6 +292,8 @@ def bin_rows(
         Jacobian of the predictions.
     uncertainty : StatedUncertainty
         Uncertainties that the mission states.
+    flow_distance : (M - 1,) array
+        Distances between adjoining nodes, in correlation lengths of the database's discrepancy.
     """
     samples, layout = inputs.problem.samples, nuisance.layout
     b, imus = len(bins.interval), len(inputs.checking)
@@ -227,6 +318,15 @@ def bin_rows(
             if part.stop - part.start == 2:
                 half_step = -0.5 * correlation_steps[name]
                 design[:, :3, part.start + 1] = half_step[:, None] * design[:, :3, part.start]
+
+    bin_distance = np.sum(flow_distance.reshape(b, NODES_PER_BIN), axis=1)
+    for name, part in nuisance.fields.items():
+        columns = jacobian.columns[f"field_{name}"]
+        design[:, :3, part] = jacobian.force[:, :, columns]
+        design[:-1, 3:6, part] = jacobian.rate_step[:, :, columns]
+        derivative = slice(part.stop, 2 * part.stop - part.start)
+        half_step = np.where(bin_distance < 1.0, -0.5 * bin_distance, 0.0)  # not from one regime to the other
+        design[:, :3, derivative] = half_step[:, None, None] * jacobian.force[:, :, columns]
 
     # gyro noise: the step of the rate itself, and the rotation within the two bins of the step
     eye = np.eye(3)
@@ -289,18 +389,19 @@ def bin_rows(
     return BinRows(np.where(used[:, :, None], design, 0.0), noise, used, np.where(used, values, 0.0))
 
 
-def coefficient_scale(inputs: ModelInputs, residuals: Residuals, uncertainty: StatedUncertainty) -> CoefficientUnits:
-    """One sigma of the database at the nodes: its own, combined with the numerical error of the prediction."""
-    flow, tables = residuals.flow, residuals.tables
-    database = inputs.forward_model.database
-    limits = database.lookup(flow.mach, flow.knudsen, flow.alpha_total, flow.speed).three_sigma
-    third, numerical = uncertainty.coefficients / 3.0, uncertainty.numerical
+def numerical_error_units(residuals: Residuals, uncertainty: StatedUncertainty) -> CoefficientUnits:
+    """One sigma of the numerical error of the coefficients at the nodes."""
+    flow, tables, relative = residuals.flow, residuals.tables, uncertainty.numerical
     return CoefficientUnits(
-        flow.time,
-        ca=np.hypot(third * limits.ca, numerical * tables.ca),
-        cn=np.hypot(third * limits.cn, numerical * tables.cn),
-        cm=np.hypot(third * limits.cm, numerical * tables.cm_nose),
+        flow.time, ca=relative * tables.ca, cn=relative * tables.cn, cm=relative * np.abs(tables.cm_nose)
     )
+
+
+def database_units(inputs: ModelInputs, residuals: Residuals, prior: DiscrepancyPrior) -> CoefficientUnits:
+    """One sigma of the database's discrepancy at the nodes."""
+    flow, database, third = residuals.flow, inputs.forward_model.database, prior.scale / 3.0
+    limits = database.lookup(flow.mach, flow.knudsen, flow.alpha_total, flow.speed).three_sigma
+    return CoefficientUnits(flow.time, ca=third * limits.ca, cn=third * limits.cn, cm=third * limits.cm)
 
 
 def lever_arm_error(bins: TimeBins, rate: Array, position: Array) -> Array:

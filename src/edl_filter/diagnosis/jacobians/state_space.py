@@ -10,14 +10,19 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from edl_filter.diagnosis.jacobians.nuisance import NuisanceLayout, StatedUncertainty
+from edl_filter.diagnosis.jacobians.nuisance import FIELD_STATES, NuisanceLayout, StatedUncertainty
 from edl_filter.diagnosis.jacobians.prediction_jacobian import BinRows, bin_sigma
 from edl_filter.diagnosis.jacobians.transitions import PathTransitions, difference_steps
 from edl_filter.diagnosis.prediction.residuals import ModelInputs, Residuals
 from edl_filter.diagnosis.prediction.time_bins import TimeBins
 from edl_filter.estimation.block_sparse import BlockSparse, from_blocks
 from edl_filter.estimation.kalman import LinearStateSpace
-from edl_filter.estimation.matern import MATERN32_COVARIANCE, matern32_transition
+from edl_filter.estimation.matern import (
+    MATERN32_COVARIANCE,
+    MATERN52_COVARIANCE,
+    matern32_transition,
+    matern52_transition,
+)
 from edl_filter.navigation.constraints import Constraint
 from edl_filter.navigation.initial import initial_estimate
 from edl_filter.navigation.layout import Layout, State, sigma_states
@@ -98,6 +103,7 @@ def assemble_state_space(
     nuisance: NuisanceLayout,
     uncertainty: StatedUncertainty,
     residuals: Residuals,
+    flow_distance: Array,
 ) -> tuple[LinearStateSpace, RowIndex]:
     """Assemble the state-space model.
 
@@ -117,6 +123,8 @@ def assemble_state_space(
         Uncertainties that the mission states.
     residuals : Residuals
         For the altitude along the path.
+    flow_distance : (M - 1,) array
+        Distances between adjoining nodes, in correlation lengths of the database's discrepancy.
     """
     problem, n = inputs.problem, nuisance.layout.size
     widest = max(rows.used.shape[1], max((len(c.measured) for c in problem.constraints), default=1))
@@ -152,7 +160,9 @@ def assemble_state_space(
     sigma = bin_sigma(bins, inputs.driving.time, inputs.driving.interval, inputs.driving.rate_noise)
     sigma = np.where(np.isfinite(sigma), sigma, np.nanmedian(sigma))
     interval = _step_intervals(steps, transitions, residuals)
-    increment, process_noise = _stochastic_model(steps, transitions, nuisance, uncertainty, residuals, sigma, interval)
+    increment, process_noise = _stochastic_model(
+        steps, transitions, nuisance, uncertainty, residuals, flow_distance, sigma, interval
+    )
     return (
         LinearStateSpace(
             increment=increment,
@@ -227,6 +237,7 @@ def _stochastic_model(
     nuisance: NuisanceLayout,
     uncertainty: StatedUncertainty,
     residuals: Residuals,
+    flow_distance: Array,
     rate_sigma: Array,
     interval: Array,
 ) -> tuple[BlockSparse, BlockSparse]:
@@ -261,7 +272,26 @@ def _stochastic_model(
             transition, process_noise = matern32_transition(distance)
             increment.append((part, part, transition - np.eye(2)))
             noise.append((part, part, process_noise))
+    if nuisance.fields:
+        along_flow = np.concatenate(([0.0], np.cumsum(flow_distance)))
+        step = np.diff(np.interp(time, residuals.nodes.time, along_flow))[epoch] * moves
+        transition, process_noise = matern52_transition(step)
+        for values in nuisance.fields.values():
+            for i in range(values.start, values.stop):
+                states = field_states(values, i)
+                for a in range(FIELD_STATES):
+                    for b in range(FIELD_STATES):
+                        place = states[a], states[b]
+                        identity = 1.0 if a == b else 0.0
+                        increment.append((*place, transition[:, a, b, None, None] - identity))
+                        noise.append((*place, process_noise[:, a, b, None, None]))
     return from_blocks(nuisance.size, increment), from_blocks(nuisance.size, noise)
+
+
+def field_states(values: slice, state: int) -> list[slice]:
+    """Places of one amplitude of a discrepancy and of its derivatives, given those of all amplitudes."""
+    count = values.stop - values.start
+    return [slice(state + k * count, state + k * count + 1) for k in range(FIELD_STATES)]
 
 
 def _step_intervals(steps: _Steps, transitions: PathTransitions, residuals: Residuals) -> Array:
@@ -285,6 +315,10 @@ def _initial_covariance(inputs: ModelInputs, nuisance: NuisanceLayout, rate_sigm
         p[part, part] = sigma**2 * np.eye(width)
         if width == 2:
             p[part, part] = MATERN32_COVARIANCE
+    for values in nuisance.fields.values():
+        count = values.stop - values.start
+        part = slice(values.start, values.start + FIELD_STATES * count)
+        p[part, part] = np.kron(MATERN52_COVARIANCE, np.eye(count))
     return p
 
 

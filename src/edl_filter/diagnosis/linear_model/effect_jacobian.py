@@ -225,7 +225,8 @@ def _load_difference(
     `path_difference` gives.
     """
     bins, flow, tables = model.bins, model.residuals.flow, model.residuals.tables
-    up, down = (model.inputs.forward_model.with_effects((*remaining, a)) for a in (plus, minus))
+    constants = model.point.constants
+    up, down = (model.inputs.forward_model.with_effects((*remaining, *constants, a)) for a in (plus, minus))
     (force_up, moment_up), (force_down, moment_down) = up.loads(flow, tables), down.loads(flow, tables)
     force, rate_step = predict_increment(up, bins, force_up - force_down, moment_up - moment_down)
     if changes_air(plus.effect):

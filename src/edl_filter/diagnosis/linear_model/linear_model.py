@@ -30,7 +30,7 @@ from edl_filter.diagnosis.prediction.residuals import (
 )
 from edl_filter.diagnosis.prediction.time_bins import TimeBins
 from edl_filter.effects.base import EffectInstance
-from edl_filter.effects.perturbation import CoefficientUnits
+from edl_filter.effects.perturbation import CoefficientUnits, FieldPerturbation
 from edl_filter.estimation.kalman import LinearStateSpace, Whitening, WhiteningFilter, whitening_filter
 from edl_filter.mission.decision_settings import DecisionSettings
 from edl_filter.types import Array
@@ -53,9 +53,13 @@ class LinearizedModel:
     index : RowIndex
     nuisance : NuisanceLayout
     units : CoefficientUnits
-        One sigma of the tables.
+        One sigma of the coefficients' numerical errors.
+    field : FieldPerturbation or None
+        Modes and one sigma of the database's discrepancy; None with an exact database.
     state_space : LinearStateSpace
-        At the stated noise.
+        At the stated noise; the constant nuisance parameters are its last states.
+    constant_columns : (R, c) array
+        Derivatives of the predictions with respect to the constant nuisance parameters.
     initial_excess : ExcessVariance or None
         Start of the estimation of the excess variance: `failing_excess` of a similar model.
     """
@@ -70,7 +74,9 @@ class LinearizedModel:
     index: RowIndex
     nuisance: NuisanceLayout
     units: CoefficientUnits
+    field: FieldPerturbation | None
     state_space: LinearStateSpace
+    constant_columns: Array
     initial_excess: ExcessVariance | None = None
 
     @property
@@ -84,12 +90,12 @@ class LinearizedModel:
         return self.case.settings
 
     def model_inputs(self, effects: Sequence[EffectInstance]) -> ModelInputs:
-        """Model and measurements with other effects, at the point's perturbation."""
-        return perturbed(self.case.model_inputs(effects), self.point)
+        """Model and measurements with other effects, at the point's nuisance parameters."""
+        return perturbed(self.case.model_inputs((*effects, *self.point.constants)), self.point)
 
     def denoised_inputs(self, effects: Sequence[EffectInstance]) -> ModelInputs:
         """The same with denoised readings."""
-        return perturbed(self.case.denoised_inputs(effects), self.point)
+        return perturbed(self.case.denoised_inputs((*effects, *self.point.constants)), self.point)
 
     def initial_mean_of(self, inputs: ModelInputs) -> Array:
         """What inputs state of the states at the beginning, as an error about the point ``(n,)``."""
@@ -99,12 +105,18 @@ class LinearizedModel:
 
     @cached_property
     def residual_vector(self) -> Array:
-        """Residuals ``(R,)``, the point's perturbation added to them again."""
+        """Residuals ``(R,)``, the point's nuisance parameters added to them again."""
         perturbation = self.point.perturbation
-        residuals = self.index.stack(self.residuals)
+        residuals = self.index.stack(self.residuals) + self.constant_columns @ self.constant_values
         if perturbation is None:
             return residuals
         return residuals + perturbation_offset(self.index, self.jacobian, perturbation)
+
+    @property
+    def constant_values(self) -> Array:
+        """Constant nuisance parameters at the point ``(c,)``."""
+        pairs = zip(self.point.constants, self.case.constants, strict=True)
+        return np.array([instance.values[name] for instance, stated in pairs for name in stated.sigma], float)
 
     @cached_property
     def initial_mean(self) -> Array:
@@ -113,7 +125,13 @@ class LinearizedModel:
 
     def with_effects(self, effects: Sequence[EffectInstance]) -> LinearizedModel:
         """The same Jacobians about the same point, with the residuals of other effects."""
-        inputs, residuals = update_residuals(self.reference, self.model_inputs, (self.inputs, self.residuals), effects)
+        constants = self.point.constants
+
+        def build_inputs(acting: Sequence[EffectInstance]) -> ModelInputs:
+            return perturbed(self.case.model_inputs(acting), self.point)
+
+        current = self.inputs, self.residuals
+        inputs, residuals = update_residuals(self.reference, build_inputs, current, (*effects, *constants))
         return replace(self, effects=tuple(effects), inputs=inputs, residuals=residuals)
 
     def at_point(self, point: LinearizationPoint, effects: Sequence[EffectInstance]) -> LinearizedModel:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from itertools import islice
 
 import numpy as np
@@ -10,11 +11,14 @@ import numpy as np
 from edl_filter.diagnosis.jacobians.nuisance import nuisance_layout
 from edl_filter.diagnosis.jacobians.prediction_jacobian import (
     bin_rows,
-    coefficient_scale,
+    database_units,
+    field_modes,
+    numerical_error_units,
     prediction_jacobian,
 )
 from edl_filter.diagnosis.jacobians.state_space import assemble_state_space
 from edl_filter.diagnosis.jacobians.transitions import propagate_path
+from edl_filter.diagnosis.linear_model.effect_jacobian import effect_jacobian
 from edl_filter.diagnosis.linear_model.flight_case import FlightCase
 from edl_filter.diagnosis.linear_model.linear_model import LinearizedModel, perturbed
 from edl_filter.diagnosis.linear_model.linearization_point import (
@@ -30,7 +34,8 @@ from edl_filter.diagnosis.prediction.residuals import (
     bin_readings,
     compute_residuals,
 )
-from edl_filter.estimation.kalman import WhiteningFilter
+from edl_filter.effects.perturbation import FieldPerturbation
+from edl_filter.estimation.kalman import WhiteningFilter, append_constant_states
 from edl_filter.estimation.smoothing import smoothed_states
 from edl_filter.navigation.layout import ONBOARD
 from edl_filter.types import Array
@@ -54,19 +59,36 @@ def linearize_at(
         Start of the estimation of the excess variance.
     """
     bins, uncertainty = case.bins, case.uncertainty
-    inputs = perturbed(case.model_inputs(case.effects), point)
+    if not point.constants:
+        point = replace(point, constants=tuple(c.instance for c in case.constants))
+    effects = (*case.effects, *point.constants)
+    inputs = perturbed(case.model_inputs(effects), point)
     transitions = propagate_path(inputs.problem, bins, point.start, point.errors)
     reference = PathReference(bins=bins, start=point.start.nav[:10], errors=point.errors, onboard=transitions.onboard)
     residuals = compute_residuals(reference, inputs)
-    perturbation = point.perturbation
-    units = coefficient_scale(inputs, residuals, uncertainty) if perturbation is None else perturbation.units
-    jacobian = prediction_jacobian(inputs, bins, residuals, uncertainty.density, units)
-    nuisance = nuisance_layout(inputs.problem.layout, inputs.checking, bins, uncertainty)
-    denoised = case.denoised_inputs(case.effects).problem
+    perturbation, field = point.perturbation, None
+    if perturbation is not None:
+        units, field = perturbation.units, perturbation.field
+    else:
+        units = numerical_error_units(residuals, uncertainty)
+        if uncertainty.discrepancy.scale > 0.0:
+            database = database_units(inputs, residuals, uncertainty.discrepancy)
+            modes = field_modes(inputs, bins, residuals, uncertainty.discrepancy, database)
+            field = FieldPerturbation.zero(modes, database)
+    jacobian = prediction_jacobian(inputs, bins, residuals, uncertainty, units, field)
+    modes = {} if field is None else field.modes
+    nuisance = nuisance_layout(inputs.problem.layout, inputs.checking, bins, uncertainty, modes)
+    denoised = case.denoised_inputs(effects).problem
     denoised_means = bin_readings(bins, denoised.samples, corrected_readings(denoised, point.errors))
-    rows = bin_rows(inputs, bins, residuals, denoised_means, nuisance, jacobian, uncertainty)
-    state_space, index = assemble_state_space(inputs, bins, transitions, rows, nuisance, uncertainty, residuals)
-    return LinearizedModel(
+    tables = inputs.forward_model.database
+    distance = uncertainty.discrepancy.flow_distance(
+        residuals.flow.mach, residuals.flow.knudsen, tables.continuum_limit, tables.join == "switch"
+    )
+    rows = bin_rows(inputs, bins, residuals, denoised_means, nuisance, jacobian, uncertainty, distance)
+    state_space, index = assemble_state_space(
+        inputs, bins, transitions, rows, nuisance, uncertainty, residuals, distance
+    )
+    model = LinearizedModel(
         case=case,
         effects=case.effects,
         point=point,
@@ -77,9 +99,18 @@ def linearize_at(
         index=index,
         nuisance=nuisance,
         units=units,
+        field=field,
         state_space=state_space,
+        constant_columns=np.zeros((index.count, 0)),
         initial_excess=initial_excess,
     )
+    if not case.constants:
+        return model
+    # the point has their values: their columns are about zero change of them
+    jacobians = [effect_jacobian(model, c.instance, tuple(c.sigma)).rows for c in case.constants]
+    columns = np.concatenate(jacobians, axis=1)
+    sigma = np.array([s for c in case.constants for s in c.sigma.values()])
+    return replace(model, state_space=append_constant_states(state_space, columns, sigma), constant_columns=columns)
 
 
 def map_point(
@@ -119,6 +150,7 @@ def map_point(
         model.nuisance,
         model.case.uncertainty.sigma,
         model.units,
+        model.field,
         whiten.model.row_start,
         states,
     )
@@ -128,7 +160,12 @@ def map_point(
     start = model.point.start.plus(shift)
     errors = model.point.errors.copy()
     errors[int(model.inputs.problem.samples.unit[0])] = start.errors
-    return LinearizationPoint(start, errors, perturbation)
+    values = iter(initial[model.nuisance.size : model.nuisance.size + model.constant_columns.shape[1]].tolist())
+    constants = tuple(
+        replace(c.instance, values=c.instance.values | {name: next(values) for name in c.sigma})
+        for c in model.case.constants
+    )
+    return LinearizationPoint(start, errors, perturbation, constants)
 
 
 def linearize(

@@ -10,7 +10,7 @@ not change; what the point contains of them is added to the residuals again by t
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -18,7 +18,8 @@ from edl_filter.diagnosis.jacobians.nuisance import NuisanceLayout
 from edl_filter.diagnosis.jacobians.prediction_jacobian import PredictionJacobian
 from edl_filter.diagnosis.jacobians.state_space import RowIndex
 from edl_filter.diagnosis.prediction.time_bins import TimeBins
-from edl_filter.effects.perturbation import CoefficientUnits, Perturbation
+from edl_filter.effects.base import EffectInstance
+from edl_filter.effects.perturbation import CoefficientUnits, FieldPerturbation, Perturbation
 from edl_filter.navigation.layout import State
 from edl_filter.pipeline.reconstruct import Reconstruction
 from edl_filter.types import Array, IntArray
@@ -36,11 +37,14 @@ class LinearizationPoint:
         Sensor errors by instrument, each in the filter's vector.
     perturbation : Perturbation, optional
         Of air, tables and vehicle; none at the first point.
+    constants : tuple of EffectInstance
+        Constant nuisance parameters at their values (`stated_parameters`); empty at the first point.
     """
 
     start: State
     errors: Array
     perturbation: Perturbation | None = None
+    constants: tuple[EffectInstance, ...] = ()
 
 
 def smoothed_point(reconstruction: Reconstruction) -> LinearizationPoint:
@@ -61,6 +65,7 @@ def perturbation_from_states(
     nuisance: NuisanceLayout,
     sigma: dict[str, float],
     units: CoefficientUnits,
+    field: FieldPerturbation | None,
     row_start: IntArray,
     states: Array,
 ) -> Perturbation:
@@ -77,7 +82,9 @@ def perturbation_from_states(
     sigma : dict
         One sigma of each nuisance parameter.
     units : CoefficientUnits
-        One sigma of the coefficients.
+        One sigma of the coefficients' numerical errors.
+    field : FieldPerturbation or None
+        Modes and units of the database's discrepancy.
     row_start : (K + 1,) array of int
         First row of each step.
     states : (K, n) array
@@ -92,6 +99,12 @@ def perturbation_from_states(
         values = states[step, nuisance[name].start]
         return np.interp(ends, ends[used], values) * sigma[name]
 
+    if field is not None and len(used):
+        amplitudes = {
+            name: np.stack([np.interp(ends, ends[used], v) for v in states[step, part].T], axis=1)
+            for name, part in nuisance.fields.items()
+        }
+        field = replace(field, time=ends, amplitudes=amplitudes)
     return Perturbation(
         time=ends,
         density=against_time("density"),
@@ -102,6 +115,7 @@ def perturbation_from_states(
         mass=float(against_time("mass")[0]),
         inertia=float(against_time("inertia")[0]),
         units=units,
+        field=field,
     )
 
 
@@ -113,6 +127,12 @@ def perturbation_offset(index: RowIndex, jacobian: PredictionJacobian, perturbat
         middle = 0.5 * (values + np.concatenate((values[:1], values[:-1])))
         force = force + jacobian.force[:, :, column] * middle[:, None]
         rate_step = rate_step + jacobian.rate_step[:, :, column] * values[:-1, None]
+    if perturbation.field is not None:
+        for name, amplitude in perturbation.field.amplitudes.items():
+            columns = jacobian.columns[f"field_{name}"]
+            middle = 0.5 * (amplitude + np.concatenate((amplitude[:1], amplitude[:-1])))
+            force = force + np.einsum("bij,bj->bi", jacobian.force[:, :, columns], middle)
+            rate_step = rate_step + np.einsum("bij,bj->bi", jacobian.rate_step[:, :, columns], amplitude[:-1])
     return index.stack_predictions(force, rate_step)
 
 
@@ -120,6 +140,9 @@ def largest_change(before: Perturbation | None, after: Perturbation | None, sigm
     """Largest difference of two perturbations, in sigmas of what the mission states."""
     new, old = ({} if d is None else _by_name(d) for d in (after, before))
     changes = [np.max(np.abs(new.get(n, 0.0) - old.get(n, 0.0)) / s, initial=0.0) for n, s in sigma.items() if s > 0.0]
+    fields = [{} if d is None or d.field is None else d.field.amplitudes for d in (after, before)]
+    for name in fields[0]:
+        changes.append(np.max(np.abs(fields[0][name] - fields[1].get(name, 0.0)), initial=0.0))
     return float(max(changes, default=0.0))
 
 

@@ -1,0 +1,195 @@
+"""Discrepancy of an aerodynamic database: the prior of its error as a random field over the flow.
+
+The error of a coefficient is a function of the flow and not of time: a vehicle that swings through the same angle at
+the same Mach number meets the same error again. It is a Gaussian process (Kennedy and O'Hagan, J. R. Statist. Soc. B 63
+(2001) 425; in aerodynamic databases its realisations are called increments or dispersions),
+
+    δC(flow) = σ_C(flow) g(x, α),   cov(g(x, α), g(x', α')) = k(x - x') s(α) s(α') exp(-(α - α')² / 2 l²),
+
+with the database's own one sigma σ_C as marginal scale. x is the logarithm of the Mach number over its correlation
+length in continuum flow, that of the Knudsen number in rarefied flow, and k the Matérn correlation of order 5/2
+(`estimation.matern`). s(α) = tanh(α/α_0) for CN and Cm, which vanish at zero angle by symmetry; s = 1 for CA.
+
+Along a trajectory x changes slowly and the angle oscillates. The kernel over the angle is therefore replaced by a few
+modes (Karhunen–Loève expansion with respect to the information that the flight has at each angle: Rasmussen and
+Williams, Gaussian Processes for Machine Learning, 2006, section 4.3), whose amplitudes are independent Matérn processes
+along x. Modes about which the flight has less information than `NEGLIGIBLE_INFORMATION` are left out.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from edl_filter.types import Array
+
+#: Coefficients with a field over Mach number and angle.
+FIELD_COEFFICIENTS = ("ca", "cn", "cm")
+#: Product of prior variance and information of a mode below which it is left out: its posterior is its prior.
+NEGLIGIBLE_INFORMATION = 0.1
+#: Spacing of the angles at which modes are tabulated, rad, and range of the angles.
+_MODE_STEP, _MODE_RANGE = np.radians(0.05), np.radians(60.0)
+#: Distance, in correlation lengths, of two regimes with independent errors: their correlation is below 1e-90.
+_INDEPENDENT = 100.0
+#: Spacing of the angles in the eigenvalue problem, in correlation lengths.
+_EIGEN_SPACING = 1.0 / 24.0
+
+
+@dataclass(frozen=True)
+class DiscrepancyPrior:
+    """Correlation lengths and scale of a database's discrepancy.
+
+    Attributes
+    ----------
+    scale : float
+        Factor on the database's own sigma; 0: the database is exact.
+    log_mach_length : float
+        Correlation length in the natural logarithm of the Mach number.
+    log_knudsen_length : float
+        The same in the decimal logarithm of the Knudsen number.
+    angle_length : float
+        The same in the total angle of attack, rad.
+    vanishing_angle : float
+        α_0, rad.
+    """
+
+    scale: float = 0.0
+    log_mach_length: float = 0.5
+    log_knudsen_length: float = 1.0
+    angle_length: float = np.radians(6.0)
+    vanishing_angle: float = np.radians(4.0)
+
+    def angle_kernel(self, coefficient: str, a: Array, b: Array) -> Array:
+        """Covariance over the angle.
+
+        Parameters
+        ----------
+        coefficient : str
+            ``ca``, ``cn`` or ``cm``.
+        a, b : (n,), (m,) arrays
+            Total angles of attack, rad.
+
+        Returns
+        -------
+        (n, m) array
+            In squares of one sigma of the database.
+        """
+        kernel = np.exp(-0.5 * (np.subtract.outer(a, b) / self.angle_length) ** 2)
+        if coefficient == "ca":
+            return np.asarray(kernel, float)
+        return np.asarray(np.outer(self._symmetric(a), self._symmetric(b)) * kernel, float)
+
+    def angle_modes(self, coefficient: str, angle: Array, information: Array) -> AngleModes:
+        """Modes of the field over the angle that a flight resolves.
+
+        Parameters
+        ----------
+        coefficient : str
+            ``ca``, ``cn`` or ``cm``.
+        angle : (N,) array
+            Total angle of attack of each datum, rad.
+        information : (N,) array
+            Information of each datum about the coefficient, in inverse squares of one sigma of the database.
+        """
+        spacing = _EIGEN_SPACING * self.angle_length
+        count = int(np.ceil(np.max(angle, initial=0.0) / spacing)) + 1
+        nodes = spacing * np.arange(count, dtype=float)
+        weight = np.bincount(np.round(angle / spacing).astype(int), information, count)
+        used = weight > 0.0
+        nodes, root = nodes[used], np.sqrt(weight[used])
+        size, vectors = np.linalg.eigh(root[:, None] * self.angle_kernel(coefficient, nodes, nodes) * root)
+        kept = size > NEGLIGIBLE_INFORMATION
+        grid = np.asarray(np.arange(0.0, _MODE_RANGE, _MODE_STEP), float)
+        # Nyström extension of each eigenvector, so that the sum of squares is the prior variance
+        extension = self.angle_kernel(coefficient, grid, nodes) * root
+        return AngleModes(extension @ (vectors[:, kept] / np.sqrt(size[kept]))[:, ::-1])
+
+    def interpolation_sigma(self, coefficient: str, nodes: Array, angle: Array) -> Array:
+        """Standard deviation of the field less its linear interpolation between the nodes of a table.
+
+        A table errs at its nodes, and the truth is smooth between them, or the other way round.
+
+        Parameters
+        ----------
+        coefficient : str
+            ``ca``, ``cn`` or ``cm``.
+        nodes : (A,) array
+            Angles of the table, rad; fewer than two: it is smooth.
+        angle : (N,) array
+            Total angles of attack, rad.
+
+        Returns
+        -------
+        (N,) array
+            In sigmas of the database.
+        """
+        if len(nodes) < 2:
+            return np.zeros(len(angle))
+        fine = np.asarray(np.linspace(nodes[0], nodes[-1], 10 * (len(nodes) - 1) + 1), float)
+        index = np.minimum(np.searchsorted(nodes, fine, side="right") - 1, len(nodes) - 2)
+        weight = (fine - nodes[index]) / (nodes[index + 1] - nodes[index])
+        ends = self.angle_kernel(coefficient, nodes, nodes)
+        to_ends = self.angle_kernel(coefficient, fine, nodes)
+        own = np.diag(self.angle_kernel(coefficient, fine, fine))
+        row = np.arange(len(fine))
+        low, high = 1.0 - weight, weight
+        across = low * to_ends[row, index] + high * to_ends[row, index + 1]
+        between = low**2 * ends[index, index] + high**2 * ends[index + 1, index + 1]
+        between = between + 2.0 * low * high * ends[index, index + 1]
+        variance = np.maximum(own - 2.0 * across + between, 0.0)
+        return np.interp(angle, fine, np.sqrt(variance))
+
+    def flow_distance(self, mach: Array, knudsen: Array, continuum_limit: float, separate_regimes: bool) -> Array:
+        """Distances along x between adjoining points of a trajectory, in correlation lengths.
+
+        Parameters
+        ----------
+        mach, knudsen : (N,) arrays
+            Mach number, and Knudsen number based on the diameter.
+        continuum_limit : float
+            Knudsen number above which the rarefied table applies.
+        separate_regimes : bool
+            Whether the tables of both regimes have independent errors.
+
+        Returns
+        -------
+        (N - 1,) array
+            From one regime to the other so large that the errors are independent, where they are.
+        """
+        rarefied = knudsen > continuum_limit
+        both = rarefied[1:] & rarefied[:-1]
+        by_knudsen = np.abs(np.diff(np.log10(knudsen))) / self.log_knudsen_length
+        by_mach = np.abs(np.diff(np.log(mach))) / self.log_mach_length
+        distance = np.where(both, by_knudsen, by_mach)
+        if separate_regimes:
+            distance[rarefied[1:] != rarefied[:-1]] = _INDEPENDENT
+        return distance
+
+    def _symmetric(self, angle: Array) -> Array:
+        return np.tanh(angle / self.vanishing_angle)
+
+
+@dataclass(frozen=True)
+class AngleModes:
+    """Modes of a coefficient's field over the total angle of attack.
+
+    Attributes
+    ----------
+    table : (A, J) array
+        Value of each mode at multiples of the tabulation's step, in sigmas of the database for a unit amplitude.
+    """
+
+    table: Array
+
+    @property
+    def count(self) -> int:
+        """J, the number of modes."""
+        return self.table.shape[1]
+
+    def at(self, angle: Array) -> Array:
+        """Values of all modes ``(N, J)`` at total angles ``(N,)``, rad; linear between the tabulated angles."""
+        place = np.minimum(np.asarray(angle, float) / _MODE_STEP, len(self.table) - 1.001)
+        index = place.astype(np.intp)
+        fraction = (place - index)[:, None]
+        return np.asarray((1.0 - fraction) * self.table[index] + fraction * self.table[index + 1])

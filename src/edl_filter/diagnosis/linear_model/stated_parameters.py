@@ -1,0 +1,125 @@
+"""Constant nuisance parameters: what a mission states with a sigma and the catalogue knows as an effect.
+
+Centre of mass, products of inertia, place, alignment and clock of each IMU are constant over a flight and change the
+readings, the path or the loads as effects do. Each is therefore an effect with the mission's sigma as prior (a consider
+parameter: Tapley, Schutz and Born, Statistical Orbit Determination, 2004, ch. 6): its columns are those of
+`effect_jacobian`, its value belongs to the linearisation point, and it is marginalised as a constant state. What is
+stated without a sigma is exact and has no state.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from edl_filter.effects.base import Effect, EffectInstance
+from edl_filter.effects.parameters import Parameter, Values
+from edl_filter.effects.registry import catalogue
+from edl_filter.effects.sensors import AXES, components, delayed, vector
+from edl_filter.effects.types import FlightCondition
+from edl_filter.imu_model.sensor_errors import apply_errors, remove_errors
+from edl_filter.mission import Mission
+from edl_filter.telemetry.record import Telemetry
+from edl_filter.types import Array
+
+
+class ImuAlignment(Effect):
+    """All axes of an IMU rotated: ``f_m = R(m) f``, ``w_m = R(m) w``."""
+
+    name = "imu_alignment"
+    parameters = vector("m", "rad", "rotation vector", 1e-3, 0.2)
+
+    def imu(self, p: Values, time: Array, force: Array, rate: Array) -> tuple[Array, Array]:
+        """Force and rate rotated by m."""
+        m = components(p, "m")
+        return apply_errors(force, misalignment=m), apply_errors(rate, misalignment=m)
+
+    def corrected(self, p: Values, time: Array, force: Array, rate: Array) -> tuple[Array, Array]:
+        """Force and rate rotated by -m."""
+        m = components(p, "m")
+        return remove_errors(force, misalignment=m), remove_errors(rate, misalignment=m)
+
+
+class ImuClock(Effect):
+    """All samples of an IMU are later than their time: ``f_m(t) = f(t - tau)``, ``w_m(t) = w(t - tau)``."""
+
+    name = "imu_clock"
+    parameters = (Parameter("tau", "s", "delay of the samples", 1e-4, low=-1.0, high=1.0),)
+
+    def imu(self, p: Values, time: Array, force: Array, rate: Array) -> tuple[Array, Array]:
+        """Force and rate of the time `tau` earlier."""
+        return delayed(time, force, p["tau"]), delayed(time, rate, p["tau"])
+
+    def corrected(self, p: Values, time: Array, force: Array, rate: Array) -> tuple[Array, Array]:
+        """Force and rate of the time `tau` later."""
+        return delayed(time, force, -p["tau"]), delayed(time, rate, -p["tau"])
+
+
+class BodyAsymmetry(Effect):
+    """Pitching and yawing moments in proportion to the dynamic pressure, fixed to the body."""
+
+    name = "body_asymmetry"
+    parameters = tuple(
+        Parameter(q, "", f"{q} about the centre of mass", 1e-4, low=-0.1, high=0.1) for q in ("Cm", "Cn")
+    )
+
+    def force_moment(self, p: Values, flow: FlightCondition) -> tuple[Array, Array]:
+        """Moment ``q S D (0, Cm, Cn)``, N m."""
+        size = flow.dynamic_pressure * flow.area * flow.diameter
+        return np.zeros((len(size), 3)), size[:, None] * np.array([0.0, p["Cm"], p["Cn"]])
+
+
+@dataclass(frozen=True)
+class StatedParameter:
+    """An effect that a mission states as zero with a sigma.
+
+    Attributes
+    ----------
+    instance : EffectInstance
+        At zero.
+    sigma : dict
+        Parameter → one sigma; parameters without one are exact.
+    """
+
+    instance: EffectInstance
+    sigma: dict[str, float]
+
+
+def stated_parameters(mission: Mission, telemetry: Telemetry) -> tuple[StatedParameter, ...]:
+    """Constant nuisance parameters of a mission: those with a sigma above zero.
+
+    Parameters
+    ----------
+    mission : Mission
+        The mission, checked.
+    telemetry : Telemetry
+        Its readings, whose IMUs are compared.
+    """
+    effects, vehicle, aero = catalogue(), mission.vehicle, mission.aerodynamics
+    candidates: list[tuple[Effect, str | None, dict[str, float]]] = [
+        (effects["com_offset"], None, _by_axis("d", vehicle.centre_of_mass_sigma)),
+    ]
+    if vehicle.inertia is not None:
+        products = dict(zip("abc", vehicle.inertia.product_sigma, strict=True))
+        candidates.append((effects["products_of_inertia"], None, products))
+    if aero is not None and aero.coefficient_sigma > 0.0:
+        asymmetry = aero.discrepancy.asymmetry_sigma
+        candidates.append((BodyAsymmetry(), None, {"Cm": asymmetry, "Cn": asymmetry}))
+    driving = telemetry.driving.units[int(telemetry.driving.unit[0])] if telemetry.driving.units else None
+    for name, imu in getattr(mission.telemetry, "imus", {}).items():
+        imu_name = None if name in (driving, telemetry.driving.name) else name
+        candidates.append((effects["imu_lever_arm"], imu_name, _by_axis("d", (imu.position_sigma,) * 3)))
+        if imu_name is not None:  # alignment and clock are those against the driving IMU
+            candidates.append((ImuAlignment(), imu_name, _by_axis("m", (imu.alignment_sigma,) * 3)))
+            candidates.append((ImuClock(), imu_name, {"tau": imu.clock_sigma_s}))
+    stated = []
+    for effect, imu_name, sigma in candidates:
+        uncertain = {name: s for name, s in sigma.items() if s > 0.0}
+        if uncertain:
+            stated.append(StatedParameter(EffectInstance(effect, {}, imu_name), uncertain))
+    return tuple(stated)
+
+
+def _by_axis(prefix: str, sigma: tuple[float, float, float]) -> dict[str, float]:
+    return {prefix + axis: s for axis, s in zip(AXES, sigma, strict=True)}
