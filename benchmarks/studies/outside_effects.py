@@ -59,7 +59,7 @@ class ThermalDrift(Effect):
     """An accelerometer whose zero drifts along x and y after peak heating, from 100 s on, within 40 s."""
 
     name = "thermal_drift"
-    parameters = (Parameter("a", "m/s2", "final zero offset", 0.03),)
+    parameters = (Parameter("a", "m/s2", "final zero offset", 0.008),)
 
     def _offset(self, p, time):
         offset = p["a"] * (1.0 - np.exp(-np.maximum(time - 100.0, 0.0) / 40.0))
@@ -78,7 +78,7 @@ OUTSIDE_EFFECTS = {
     "leak": (Leak(), {"F": 20.0}),
     "slosh": (Slosh(), {"k": 3e2}),
     "thruster_pulses": (ThrusterPulses(), {"T": 10.0}),
-    "thermal_drift": (ThermalDrift(), {"a": 0.03}),
+    "thermal_drift": (ThermalDrift(), {"a": 0.008}),
 }
 
 
