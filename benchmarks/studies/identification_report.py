@@ -45,7 +45,7 @@ def standardised_errors(name, truth, parameters):
     """
     if name == "gravity_oblateness":
         truth = {"J2": abs(truth["J2"]) * TRUE_J2 / 2e-3}
-    errors = {n: parameters[n]["estimate"] - v for n, v in truth.items() if parameters[n]["sigma"] > 0}
+    errors = {n: parameters[n]["estimate"] - v for n, v in truth.items() if (parameters[n]["sigma"] or 0.0) > 0.0}
     if name == "density_wave":  # minus A is A half a turn on
         opposite = parameters["A"]["estimate"] * truth["A"] < 0.0
         errors["A"] = abs(parameters["A"]["estimate"]) - abs(truth["A"])
