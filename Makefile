@@ -13,6 +13,7 @@
 #   make study-closure      how often the post-flight layer's bands hold the truth, over many flights (minutes)
 #   make study-filters      the unscented against the extended filter (minutes; goes on where it stopped)
 #   make study              how often the right effect is named, on simulated flights (hours; goes on where it stopped)
+#   make study-inexact      the same where tables, air, mass and inertia are not exact (hours; goes on where it stopped)
 #   make study-thresholds   which verdicts change with each threshold of the diagnosis (hours; resumable)
 #   make thesis-claims      write docs/thesis-claims.md: every statement of the thesis on the rovers with our number (seconds)
 #   make study-comparators  what stepwise regression and pysindy say of the practice flights
@@ -22,7 +23,7 @@ BIN := .venv/bin
 STAMP := .venv/installed
 DOCS_STAMP := .venv/installed-docs
 
-.PHONY: demo test notebooks test-browser test-effects lint types layers bench docs study study-simulation study-closure study-filters study-thresholds study-comparators thesis-claims clean
+.PHONY: demo test notebooks test-browser test-effects lint types layers bench docs study study-inexact study-simulation study-closure study-filters study-thresholds study-comparators thesis-claims clean
 
 demo: $(STAMP)
 	$(BIN)/edl-filter demo -o demo-results
@@ -67,8 +68,14 @@ study: $(STAMP)
 	mkdir -p study-results
 	for w in 0 1; do $(BIN)/python benchmarks/studies/identification.py --worker $$w --workers 2 \
 	  -o study-results/identification.jsonl & done; wait
-	$(BIN)/python benchmarks/studies/identification_report.py study-results/*.jsonl \
+	$(BIN)/python benchmarks/studies/identification_report.py study-results/identification*.jsonl \
 	  --figure docs/figures/identification.png
+
+study-inexact: $(STAMP)
+	mkdir -p study-results
+	for w in 0 1; do $(BIN)/python benchmarks/studies/inexact.py --worker $$w --workers 2 \
+	  -o study-results/inexact.jsonl & done; wait
+	$(BIN)/python benchmarks/studies/inexact_report.py study-results/inexact*.jsonl
 
 study-simulation: $(STAMP)
 	$(BIN)/python benchmarks/studies/simulation.py

@@ -9,7 +9,6 @@ linear fit of its noise-free columns would have, at its true places, exceeds `na
 """
 
 import argparse
-import json
 import os
 import tempfile
 import time
@@ -18,6 +17,8 @@ from pathlib import Path
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import numpy as np
+from flight_lines import append_missing
+from outside_effects import OUTSIDE_EFFECTS
 
 from edl_filter import Mission
 from edl_filter.diagnosis.diagnosis import diagnose
@@ -26,61 +27,23 @@ from edl_filter.diagnosis.linear_model.effect_jacobian import effect_jacobian
 from edl_filter.diagnosis.linear_model.flight_case import load_case
 from edl_filter.diagnosis.linear_model.linearization import linearize
 from edl_filter.diagnosis.stepwise import improve
-from edl_filter.effects.base import Effect, EffectInstance
-from edl_filter.effects.parameters import Parameter
+from edl_filter.effects.base import EffectInstance
 from edl_filter.effects.registry import catalogue
 from edl_filter.errors import InputError
 from edl_filter.estimation.regression import regress
 from edl_filter.simulation import Scenario, simulate
 
 VEHICLES = ("mer", "phoenix")
+#: J2 of the simulated planet.
+TRUE_J2 = 1.960454e-3
+RANKING_KEYS = ("effect", "same_as", "probability", "gain", "score_gain", "at_noise_floor", "parameters")
 PAIRS = (
     ("density_wave", "rolling_moment"), ("wind", "remnant_torque"), ("com_offset", "accelerometer_misalignment"),
     ("base_pressure", "gyro_bias"), ("mass", "products_of_inertia"),
 )  # fmt: skip
 
 
-class Jet(Effect):
-    """An oscillating jet: torque about y and a force along z."""
-
-    name = "oscillating_jet"
-    parameters = (Parameter("A", "N m", "torque", 5.0), Parameter("f", "Hz", "frequency", kind="frequency"))
-
-    def force_moment(self, p, flow):
-        active = (flow.time > 70.0) & (flow.time < 160.0)
-        torque = np.where(active, p["A"] * np.sin(2.0 * np.pi * p["f"] * flow.time), 0.0)
-        zero = np.zeros_like(torque)
-        return np.column_stack((zero, zero, 2.0 * torque)), np.column_stack((zero, torque, zero))
-
-
-class Leak(Effect):
-    """A steady leak: force along y and torque about z, of constant size, from 90 s on."""
-
-    name = "leak"
-    parameters = (Parameter("F", "N", "force", 20.0),)
-
-    def force_moment(self, p, flow):
-        force = np.where(flow.time > 90.0, p["F"], 0.0)
-        zero = np.zeros_like(force)
-        return np.column_stack((zero, force, zero)), np.column_stack((zero, zero, 0.5 * force))
-
-
-class Slosh(Effect):
-    """Torque proportional to the rate and the square of the angle of attack: no damping of the catalogue."""
-
-    name = "slosh"
-    parameters = (Parameter("k", "N m s", "size", 3e2),)
-
-    def force_moment(self, p, flow):
-        size = p["k"] * flow.alpha_total**2
-        return np.zeros_like(flow.rate), size[:, None] * flow.rate * np.array([0.0, 1.0, 1.0])
-
-
-OUTSIDE = {
-    "oscillating_jet": (Jet(), {"A": 5.0, "f": 0.7}),
-    "leak": (Leak(), {"F": 20.0}),
-    "slosh": (Slosh(), {"k": 3e2}),
-}
+OUTSIDE = {name: OUTSIDE_EFFECTS[name] for name in ("oscillating_jet", "leak", "slosh")}
 
 
 def cases(seeds, clean):
@@ -115,27 +78,59 @@ def random_instance(name, part, random):
     return EffectInstance(effect, {n: v for n, v in values.items() if n in names})
 
 
-def simulated_mission(vehicle, seed, effects, folder):
-    """Simulate a flight; the mission that a user would have of it."""
+def hidden_by_mission(effects):
+    """Effects that are simulated, and the changes of the mission that hide those that are not."""
     changes, in_flight = [], []
     for instance in effects:
         if instance.name == "gravity_oblateness":  # hidden by leaving J2 out of the mission
-            changes.append("planet.gravity.j2=" + repr(1.960454e-3 * (1.0 - abs(instance.values["J2"]) / 2e-3)))
+            changes.append("planet.gravity.j2=" + repr(TRUE_J2 * (1.0 - abs(instance.values["J2"]) / 2e-3)))
         else:
             in_flight.append(instance)
+    return in_flight, changes
+
+
+def simulated_mission(vehicle, seed, effects, folder):
+    """Simulate a flight; the mission that a user would have of it."""
+    in_flight, changes = hidden_by_mission(effects)
     path = simulate(Scenario.load(f"builtin:{vehicle}"), in_flight, seed).write(folder / "flight.h5")
     return Mission.load(f"builtin:practice_{vehicle}", [f"telemetry.path={path}", *changes])
 
 
-def expected_gain(mission, instance):
-    """Gain of the noise-free columns at the truth, nats."""
-    truth = instance
-    if instance.name == "gravity_oblateness":
-        truth = EffectInstance(instance.effect, {"J2": 1.960454e-3 - mission.planet.gravity.j2})
-    model = linearize(load_case(mission, ()))
-    j = effect_jacobian(model, truth.at_zero())
-    x = model.stated_noise_filter(j.rows, j.initial_mean)
-    return regress(x @ np.array([truth.values[n] for n in j.names]), x, j.sigma).gain
+def expected_gains(case, effects):
+    """Gain of each effect's noise-free columns at the truth, beside those of the other effects, nats, by name.
+
+    Parameters
+    ----------
+    case : FlightCase
+        The flight with the mission that a user would have; its nuisance parameters are those of the diagnosis.
+    effects : sequence of EffectInstance
+        The truth.
+    """
+    model = linearize(case)
+    columns, sigmas, signal = [], [], 0.0
+    for instance in effects:
+        truth = instance
+        if instance.name == "gravity_oblateness":
+            truth = EffectInstance(instance.effect, {"J2": TRUE_J2 - case.mission.planet.gravity.j2})
+        j = effect_jacobian(model, truth.at_zero())
+        columns.append(model.stated_noise_filter(j.rows, j.initial_mean))
+        sigmas.append(j.sigma)
+        signal = signal + columns[-1] @ np.array([truth.values[n] for n in j.names])
+
+    def joint_gain(chosen):
+        if not chosen:
+            return 0.0
+        return regress(
+            signal, np.hstack([columns[i] for i in chosen]), np.concatenate([sigmas[i] for i in chosen])
+        ).gain
+
+    every = list(range(len(effects)))
+    return {a.name: joint_gain(every) - joint_gain([k for k in every if k != i]) for i, a in enumerate(effects)}
+
+
+def ranking_rows(content, count, keys):
+    """First rows of a diagnosis's ranking, with those of the keys that it has."""
+    return [{k: e[k] for k in keys if k in e} for e in content["ranking"][:count]]
 
 
 def result_of(case):
@@ -150,7 +145,7 @@ def result_of(case):
             line["truth"] = {a.name: a.values for a in effects}
             mission = simulated_mission(vehicle, seed, effects, Path(folder))
             if len(names) == 1 and names[0] not in OUTSIDE:
-                line["expected_gain"] = expected_gain(mission, effects[0])
+                line["expected_gain"] = expected_gains(load_case(mission, ()), effects)[names[0]]
             if len(names) == 2:
                 steps = list(improve(mission, list(catalogue().values())))
                 line["named"] = [s.added.name for s in steps if s.added is not None]
@@ -158,13 +153,7 @@ def result_of(case):
             else:
                 content = diagnosis_content(diagnose(load_case(mission, ()), catalogue().values()))
             line["verdict"] = content["verdict"]
-            line["ranking"] = [
-                {
-                    k: e[k]
-                    for k in ("effect", "same_as", "probability", "gain", "score_gain", "at_noise_floor", "parameters")
-                }
-                for e in content["ranking"][:4]
-            ]
+            line["ranking"] = ranking_rows(content, 4, RANKING_KEYS)
         except InputError as error:
             line["refused"] = str(error)
         except Exception as error:
@@ -182,16 +171,8 @@ def main():
     parser.add_argument("--workers", type=int, default=1)
     parser.add_argument("-o", "--output", type=Path, default=Path("identification.jsonl"))
     a = parser.parse_args()
-    done = set()
-    for path in a.output.parent.glob(f"{a.output.stem}*.jsonl"):
-        for text in path.read_text().splitlines():
-            line = json.loads(text)
-            done.add((line["vehicle"], line["seed"], tuple(line["hidden"]), line["part"]))
-    output = a.output.with_stem(f"{a.output.stem}_{a.worker}")
-    for i, case in enumerate(cases(range(a.first_seed, a.first_seed + a.seeds), a.clean)):
-        if i % a.workers == a.worker and case not in done:
-            with output.open("a") as file:
-                file.write(json.dumps(result_of(case), default=float) + "\n")
+    flights = cases(range(a.first_seed, a.first_seed + a.seeds), a.clean)
+    append_missing(flights, result_of, a.output, a.worker, a.workers)
 
 
 if __name__ == "__main__":

@@ -5,7 +5,6 @@ Reads the lines that `identification.py` wrote and prints the rates, the errors 
 """
 
 import argparse
-import json
 from collections import Counter
 from pathlib import Path
 
@@ -14,13 +13,14 @@ import matplotlib
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 import numpy as np
+from flight_lines import read_lines
+from identification import OUTSIDE, TRUE_J2
 
 from edl_filter.effects.registry import catalogue
 from edl_filter.mission.decision_settings import DecisionSettings
 
 #: Expected gain from which an effect is detectable, nats.
 DETECTABLE = DecisionSettings().named_gain_nats
-OUTSIDE = ("oscillating_jet", "leak", "slosh")
 
 
 def names_of(line):
@@ -31,6 +31,29 @@ def names_of(line):
     return (first["effect"], *first["same_as"])
 
 
+def standardised_errors(name, truth, parameters):
+    """Errors of the estimates in their sigmas, by parameter.
+
+    Parameters
+    ----------
+    name : str
+        The hidden effect.
+    truth : dict
+        Parameter → true value, in the units of the effect.
+    parameters : dict
+        Parameter → ``estimate`` and ``sigma``; those that were not estimated have a sigma of zero.
+    """
+    if name == "gravity_oblateness":
+        truth = {"J2": abs(truth["J2"]) * TRUE_J2 / 2e-3}
+    errors = {n: parameters[n]["estimate"] - v for n, v in truth.items() if (parameters[n]["sigma"] or 0.0) > 0.0}
+    if name == "density_wave":  # minus A is A half a turn on
+        opposite = parameters["A"]["estimate"] * truth["A"] < 0.0
+        errors["A"] = abs(parameters["A"]["estimate"]) - abs(truth["A"])
+        phase = parameters["phase"]["estimate"] - truth["phase"] + np.pi * opposite
+        errors["phase"] = (phase + np.pi) % (2.0 * np.pi) - np.pi
+    return {n: e / parameters[n]["sigma"] for n, e in errors.items()}
+
+
 def estimates_agree(line):
     """Whether every estimated size is within three sigma of the truth; None where the name is not the hidden one."""
     if (
@@ -39,17 +62,9 @@ def estimates_agree(line):
         or line["ranking"][0]["effect"] != line["hidden"][0]
     ):
         return None
-    truth = line["truth"][line["hidden"][0]]
-    if line["hidden"][0] == "gravity_oblateness":
-        truth = {"J2": abs(truth["J2"]) * 1.960454e-3 / 2e-3}
-    parameters = line["ranking"][0]["parameters"]
-    errors = {n: parameters[n]["estimate"] - v for n, v in truth.items() if parameters[n]["sigma"] > 0}
-    if line["hidden"][0] == "density_wave":  # minus A is A half a turn on
-        opposite = parameters["A"]["estimate"] * truth["A"] < 0.0
-        errors["A"] = abs(parameters["A"]["estimate"]) - abs(truth["A"])
-        phase = parameters["phase"]["estimate"] - truth["phase"] + np.pi * opposite
-        errors["phase"] = (phase + np.pi) % (2.0 * np.pi) - np.pi
-    return all(abs(e) < 3.0 * parameters[n]["sigma"] for n, e in errors.items())
+    name = line["hidden"][0]
+    errors = standardised_errors(name, line["truth"][name], line["ranking"][0]["parameters"])
+    return all(abs(e) < 3.0 for e in errors.values())
 
 
 def is_wrong(line, outside):
@@ -69,7 +84,7 @@ def main():
     parser.add_argument("files", nargs="+", type=Path)
     parser.add_argument("--figure", type=Path)
     a = parser.parse_args()
-    lines = [json.loads(text) for path in a.files for text in path.read_text().splitlines()]
+    lines = read_lines(a.files)
     single = [line for line in lines if len(line["hidden"]) == 1 and line["hidden"][0] not in OUTSIDE]
     diagnosed = [line for line in single if "verdict" in line]
     detectable = [line for line in diagnosed if line["expected_gain"] > DETECTABLE]
