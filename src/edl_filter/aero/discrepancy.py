@@ -27,7 +27,7 @@ from edl_filter.types import Array
 #: Coefficients with a field over Mach number and angle.
 FIELD_COEFFICIENTS = ("ca", "cn", "cm")
 #: Product of prior variance and information of a mode below which it is left out: its posterior is its prior.
-NEGLIGIBLE_INFORMATION = 0.1
+NEGLIGIBLE_INFORMATION = 1.0
 #: Spacing of the angles at which modes are tabulated, rad, and range of the angles.
 _MODE_STEP, _MODE_RANGE = np.radians(0.05), np.radians(60.0)
 #: Distance, in correlation lengths, of two regimes with independent errors: their correlation is below 1e-90.

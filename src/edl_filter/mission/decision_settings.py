@@ -97,10 +97,18 @@ class DecisionSettings(Section):
 
     # linearisation point
     linearization_iterations: Annotated[int, Field(strict=True, ge=1, le=20)] = _setting(
-        3, "largest number of linearisation points of the model that is diagnosed", NUMERICS
+        6, "largest number of linearisation points of the model that is diagnosed", NUMERICS
+    )
+    iterated_excess_share: Annotated[Number, Within("", 0.0, 1.0)] = _setting(
+        0.2,
+        "share of the rows with excess variance beyond which the point is not moved: a wrong model moves it away",
+        STUDY,
     )
     linearization_tolerance_sigmas: Annotated[Number, Within("", 0.0, 10.0, above=True)] = _setting(
         0.1, "sigmas: change of the point at which it has converged", NUMERICS
+    )
+    linearization_convergence_nats: Annotated[Number, Within("nats", -100.0, 100.0)] = _setting(
+        2.0, "nats: gain in likelihood below which the point has converged", NUMERICS
     )
     state_limit_sigmas: Annotated[Number, Within("", 1.0, 1000000.0, above=True)] = _setting(
         100.0, "sigmas of what is stated beyond which a point is not credible", STUDY

@@ -38,6 +38,8 @@ from edl_filter.types import Array
 
 #: Nuisance parameters of the air.
 AIR = ("density", "wind_east", "wind_north")
+#: Nuisance parameters that belong to the linearisation point, with the amplitudes of the discrepancy.
+PERTURBED = (*AIR, *FIELD_COEFFICIENTS, "mass", "inertia")
 #: States of an amplitude of the database's discrepancy: value and two derivatives.
 FIELD_STATES = 3
 

@@ -39,6 +39,8 @@ _NAV_STEPS = np.repeat([100.0, 0.05, 1e-5], 3)
 _RATE_STEP = 1e-3
 #: Share of a bin's gyro noise that a step of the rate has in addition to the noise of the two bins' means.
 _STEP_NOISE_SHARE = 0.05
+#: Sigmas of the density within which the regime of the flow is uncertain, and variance of the errors of two tables.
+_REGIME_SIGMAS, _EITHER_REGIME = 2.0, 4.0
 #: Factor over the median around it from which a change of the rate's slope is a discontinuity.
 _DISCONTINUITY = 3.0
 
@@ -162,6 +164,25 @@ def prediction_jacobian(
     terms = zip(denser, thinner, nominal, quadrature, interpolation, strict=True)
     nonlinearity = [np.sqrt((a + b - 2.0 * c) ** 2 + r**2 + i**2) for a, b, c, r, i in terms]
     return PredictionJacobian(np.stack(force_columns, axis=2), np.stack(rate_columns, axis=2), columns, *nonlinearity)
+
+
+def bins_of_either_regime(model: ForwardModel, residuals: Residuals, density_sigma: float) -> BoolArray:
+    """Bins ``(B,)`` in which either of two tables with independent errors may apply.
+
+    Parameters
+    ----------
+    model : ForwardModel
+        With the database.
+    residuals : Residuals
+        With the flow along the path.
+    density_sigma : float
+        Relative sigma of the density, which the Knudsen number has too.
+    """
+    database, knudsen = model.database, residuals.flow.knudsen
+    if database.join != "switch":
+        return np.zeros((len(knudsen) - 1) // NODES_PER_BIN, bool)
+    near = np.abs(np.log(knudsen / database.continuum_limit)) < _REGIME_SIGMAS * density_sigma
+    return np.any(near[:-1].reshape(-1, NODES_PER_BIN), axis=1)
 
 
 def interpolated_angles(model: ForwardModel) -> Array:
@@ -320,6 +341,7 @@ def bin_rows(
                 design[:, :3, part.start + 1] = half_step[:, None] * design[:, :3, part.start]
 
     bin_distance = np.sum(flow_distance.reshape(b, NODES_PER_BIN), axis=1)
+    discrepancy = np.zeros((b, width))
     for name, part in nuisance.fields.items():
         columns = jacobian.columns[f"field_{name}"]
         design[:, :3, part] = jacobian.force[:, :, columns]
@@ -327,6 +349,8 @@ def bin_rows(
         derivative = slice(part.stop, 2 * part.stop - part.start)
         half_step = np.where(bin_distance < 1.0, -0.5 * bin_distance, 0.0)  # not from one regime to the other
         design[:, :3, derivative] = half_step[:, None, None] * jacobian.force[:, :, columns]
+        discrepancy[:, :3] += np.sum(jacobian.force[:, :, columns] ** 2, axis=2)
+        discrepancy[:-1, 3:6] += np.sum(jacobian.rate_step[:, :, columns] ** 2, axis=2)
 
     # gyro noise: the step of the rate itself, and the rotation within the two bins of the step
     eye = np.eye(3)
@@ -360,6 +384,9 @@ def bin_rows(
     noise[:, range(3), range(3)] = (sigma_f**2)[:, None] + jacobian.force_nonlinearity**2 + driving_lever**2
     noise[:, range(3, 6), range(3, 6)] = ((_STEP_NOISE_SHARE * sigma_w) ** 2)[:, None]
     noise[:-1, range(3, 6), range(3, 6)] += jacobian.rate_step_nonlinearity**2
+    # which of two tables applies is not known about the limit: the errors of both are noise there
+    either = bins_of_either_regime(inputs.forward_model, residuals, uncertainty.density)
+    noise[:, range(6), range(6)] += np.where(either[:, None], _EITHER_REGIME * discrepancy[:, :6], 0.0)
     for i, record in enumerate(inputs.checking):
         f0, w0 = 6 + 6 * i, 9 + 6 * i
         at_bin = record.index_at(middle)

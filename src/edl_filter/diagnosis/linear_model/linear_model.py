@@ -17,7 +17,7 @@ from edl_filter.diagnosis.linear_model.flight_case import FlightCase
 from edl_filter.diagnosis.linear_model.linearization_point import (
     LinearizationPoint,
     largest_change,
-    perturbation_offset,
+    nuisance_offset,
 )
 from edl_filter.diagnosis.noise.unmodelled_acceleration import UnmodelledAcceleration, augment
 from edl_filter.diagnosis.noise.variance_components import ExcessVariance, estimate_variance_components
@@ -106,11 +106,10 @@ class LinearizedModel:
     @cached_property
     def residual_vector(self) -> Array:
         """Residuals ``(R,)``, the point's nuisance parameters added to them again."""
-        perturbation = self.point.perturbation
         residuals = self.index.stack(self.residuals) + self.constant_columns @ self.constant_values
-        if perturbation is None:
+        if self.point.bin_states is None:
             return residuals
-        return residuals + perturbation_offset(self.index, self.jacobian, perturbation)
+        return residuals + nuisance_offset(self.index, self.state_space.design, self.point.bin_states)
 
     @property
     def constant_values(self) -> Array:

@@ -26,6 +26,7 @@ from edl_filter.diagnosis.linear_model.linearization_point import (
     largest_change,
     perturbation_from_states,
     smoothed_point,
+    states_of_bins,
 )
 from edl_filter.diagnosis.noise.variance_components import ExcessVariance
 from edl_filter.diagnosis.prediction.dead_reckoning import corrected_readings
@@ -80,9 +81,9 @@ def linearize_at(
     nuisance = nuisance_layout(inputs.problem.layout, inputs.checking, bins, uncertainty, modes)
     denoised = case.denoised_inputs(effects).problem
     denoised_means = bin_readings(bins, denoised.samples, corrected_readings(denoised, point.errors))
-    tables = inputs.forward_model.database
+    tables, flow = inputs.forward_model.database, residuals.flow
     distance = uncertainty.discrepancy.flow_distance(
-        residuals.flow.mach, residuals.flow.knudsen, tables.continuum_limit, tables.join == "switch"
+        flow.mach, flow.knudsen, tables.continuum_limit, tables.join == "switch"
     )
     rows = bin_rows(inputs, bins, residuals, denoised_means, nuisance, jacobian, uncertainty, distance)
     state_space, index = assemble_state_space(
@@ -165,7 +166,8 @@ def map_point(
         replace(c.instance, values=c.instance.values | {name: next(values) for name in c.sigma})
         for c in model.case.constants
     )
-    return LinearizationPoint(start, errors, perturbation, constants)
+    bin_states = states_of_bins(model.index, model.nuisance, whiten.model.row_start, states[:, : model.nuisance.size])
+    return LinearizationPoint(start, errors, perturbation, bin_states, constants)
 
 
 def linearize(
@@ -236,9 +238,12 @@ def _iterate_point(
     case: FlightCase, iterations: int, max_excess_share: float, model: LinearizedModel
 ) -> Iterator[LinearizedModel]:
     """The model about its point and about the points that follow, until the point converges or the model fails."""
-    tolerance = case.settings.linearization_tolerance_sigmas
+    tolerance, last = case.settings.linearization_tolerance_sigmas, -np.inf
     for i in range(iterations):
         yield model
+        if model.log_likelihood < last + case.settings.linearization_convergence_nats:
+            return
+        last = model.log_likelihood
         point = model.point
         if i == iterations - 1 or model.excess_variance.share > max_excess_share:
             return

@@ -5,7 +5,7 @@ bias times the initial roll. About the mission's values one percent of density a
 of a moment unexplained than its noise. Path and model are therefore linearised about the most probable values of the
 nuisance parameters: an iterated smoother (Bell, SIAM J. Optim. 4 (1994) 626), which is Gauss–Newton on all of them at
 once. The nuisance parameters are measured from what the mission states, wherever the point is, so that their prior does
-not change; what the point contains of them is added to the residuals again by the Jacobian (`perturbation_offset`).
+not change; what the point contains of them is added to the residuals again by the rows (`nuisance_offset`).
 """
 
 from __future__ import annotations
@@ -14,8 +14,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from edl_filter.diagnosis.jacobians.nuisance import NuisanceLayout
-from edl_filter.diagnosis.jacobians.prediction_jacobian import PredictionJacobian
+from edl_filter.diagnosis.jacobians.nuisance import FIELD_STATES, PERTURBED, NuisanceLayout
 from edl_filter.diagnosis.jacobians.state_space import RowIndex
 from edl_filter.diagnosis.prediction.time_bins import TimeBins
 from edl_filter.effects.base import EffectInstance
@@ -37,6 +36,8 @@ class LinearizationPoint:
         Sensor errors by instrument, each in the filter's vector.
     perturbation : Perturbation, optional
         Of air, tables and vehicle; none at the first point.
+    bin_states : (B, n) array, optional
+        States at the bins' ends from which the perturbation was taken (`states_of_bins`).
     constants : tuple of EffectInstance
         Constant nuisance parameters at their values (`stated_parameters`); empty at the first point.
     """
@@ -44,6 +45,7 @@ class LinearizationPoint:
     start: State
     errors: Array
     perturbation: Perturbation | None = None
+    bin_states: Array | None = None
     constants: tuple[EffectInstance, ...] = ()
 
 
@@ -119,21 +121,52 @@ def perturbation_from_states(
     )
 
 
-def perturbation_offset(index: RowIndex, jacobian: PredictionJacobian, perturbation: Perturbation) -> Array:
-    """Change of the residuals by a perturbation ``(R,)``, by the Jacobian; a force at the middle of its bin."""
-    force, rate_step = np.zeros(jacobian.force.shape[:2]), np.zeros(jacobian.rate_step.shape[:2])
-    for name, values in _by_name(perturbation).items():
-        column = jacobian.columns[name].start
-        middle = 0.5 * (values + np.concatenate((values[:1], values[:-1])))
-        force = force + jacobian.force[:, :, column] * middle[:, None]
-        rate_step = rate_step + jacobian.rate_step[:, :, column] * values[:-1, None]
-    if perturbation.field is not None:
-        for name, amplitude in perturbation.field.amplitudes.items():
-            columns = jacobian.columns[f"field_{name}"]
-            middle = 0.5 * (amplitude + np.concatenate((amplitude[:1], amplitude[:-1])))
-            force = force + np.einsum("bij,bj->bi", jacobian.force[:, :, columns], middle)
-            rate_step = rate_step + np.einsum("bij,bj->bi", jacobian.rate_step[:, :, columns], amplitude[:-1])
-    return index.stack_predictions(force, rate_step)
+def states_of_bins(index: RowIndex, nuisance: NuisanceLayout, row_start: IntArray, states: Array) -> Array:
+    """Smoothed states at the bins' ends ``(B, n)``: those that a perturbation has, zero in all others.
+
+    Parameters
+    ----------
+    index : RowIndex
+        Positions of the rows.
+    nuisance : NuisanceLayout
+        Positions of the nuisance parameters.
+    row_start : (K + 1,) array of int
+        First row of each step.
+    states : (K, n) array
+        Smoothed states at every step.
+    """
+    perturbing = np.zeros(states.shape[1], bool)
+    for name in PERTURBED:
+        if name in nuisance:
+            perturbing[nuisance[name]] = True
+    for values in nuisance.fields.values():
+        perturbing[values.start : values.start + FIELD_STATES * (values.stop - values.start)] = True
+    used, step = index.step_of_bins(row_start)
+    out = np.zeros((len(index.bin_rows), states.shape[1]))
+    out[used] = np.where(perturbing, states[step], 0.0)
+    return out
+
+
+def nuisance_offset(index: RowIndex, design: Array, bin_states: Array) -> Array:
+    """Change of the residuals ``(R,)`` by the states of a point, by the same rows that estimate them.
+
+    The nuisance parameters change the residuals by up to thousands of sigmas, so that any other linearisation, correct
+    to a thousandth, would leave a residual that is not zero at the most probable point.
+
+    Parameters
+    ----------
+    index : RowIndex
+        Positions of the rows.
+    design : (R, n) array
+        Of the state-space model.
+    bin_states : (B, m) array
+        Of `states_of_bins`; m ≤ n.
+    """
+    out = np.zeros(index.count)
+    bins, channels = np.nonzero(index.bin_rows >= 0)
+    rows = index.bin_rows[bins, channels]
+    out[rows] = np.einsum("rn,rn->r", design[rows, : bin_states.shape[1]], bin_states[bins])
+    return out
 
 
 def largest_change(before: Perturbation | None, after: Perturbation | None, sigma: dict[str, float]) -> float:

@@ -240,11 +240,7 @@ def relinearize_with_effect(h: Hypothesis) -> Hypothesis:
     )
     relinearized = _best(h.key, [fit], [], h.null, case, model, thorough=True)
     gain = relinearized.gain
-    if (
-        h.model.holds
-    ):  # evidence differs by some nats from point to point; the model without it is at its most likely too
-        gain = max(gain, h.gain)
-    elif not relinearized.at_floor:
-        gain = h.gain
+    if h.model.holds or not relinearized.at_floor:
+        gain = h.gain  # evidence differs by some nats from point to point: both models are compared about the same one
     solved = relinearized.at_floor and h.null.excess_share > settings.holds_share
     return replace(relinearized, gain=gain, score_gain=relinearized.score_gain if solved else h.score_gain)

@@ -101,14 +101,19 @@ def iterate_to_convergence(
         `LinearizedModel.failing_excess` of a similar model.
     """
     settings = case.settings
-    max_excess_share = 1.0 if case.exact_database else settings.holds_share
+    max_excess_share = 1.0
 
     def fit_about(model: LinearizedModel) -> MapFit:
         moving = model.excess_variance.share <= max_excess_share
         return fit_map(model, case.effects, model.fitted_noise_filter, moving=moving)
 
     progress("refitting the effects, iteration 1")
-    model = linearize(case, iterations=2, max_excess_share=max_excess_share, initial_excess=initial_excess)
+    model = linearize(
+        case,
+        iterations=settings.linearization_iterations,
+        max_excess_share=max_excess_share,
+        initial_excess=initial_excess,
+    )
     fit = fit_about(model)
     for i in range(1, settings.outer_iterations if iterations is None else iterations):
         if _largest_change(case.effects, fit) <= settings.outer_tolerance_sigmas:

@@ -92,7 +92,7 @@ def rank(case: FlightCase, effects: Iterable[Effect], progress: Progress = lambd
 def _rank(case: FlightCase, effects: Sequence[EffectInstance], progress: Progress) -> Ranking:
     settings = case.settings
     progress("comparing model and measurements")
-    model = linearize(case, settings.linearization_iterations, settings.holds_share)
+    model = linearize(case, settings.linearization_iterations, settings.iterated_excess_share)
     alternative_mode = relinearize_failing_model(case, model)
     if alternative_mode is not None and alternative_mode.largest_nuisance_sigmas <= settings.credible_nuisance_sigmas:
         model, alternative_mode = alternative_mode, None  # it failed only about the smoothed reconstruction
