@@ -63,6 +63,14 @@ class DecisionSettings(Section):
         "sigmas of chance beyond which the mean square of an interval is excessive: about 100 intervals are tested",
         CHANCE,
     )
+    excess_memories_s: Annotated[tuple[Positive, ...], Field(min_length=1)] = _setting(
+        (0.1, 0.3, 1.0, 3.0, 10.0, 30.0),
+        "s: correlation times of the excess variance that are tried beside white noise",
+        STUDY,
+    )
+    excess_colour_factors: Annotated[tuple[Positive, ...], Field(min_length=1)] = _setting(
+        (0.5, 1.0, 2.0, 4.0, 8.0), "factors on the white excess variance that are tried where it is correlated", STUDY
+    )
     variance_iterations: Annotated[int, Field(strict=True, ge=1, le=100)] = _setting(
         10, "largest number of iterations of the variances", NUMERICS
     )

@@ -30,6 +30,7 @@ from edl_filter.effects.base import Effect, EffectInstance
 from edl_filter.effects.forward_model import ForwardModel
 from edl_filter.effects.parameters import Parameter, Values
 from edl_filter.effects.perturbation import CoefficientUnits, FieldPerturbation, Perturbation
+from edl_filter.effects.types import FlightCondition
 from edl_filter.imu_model.lever_arm import edge_weights
 from edl_filter.imu_model.sensor_errors import reading_jacobian
 from edl_filter.types import Array, BoolArray
@@ -143,10 +144,9 @@ def prediction_jacobian(
     widths |= {"ca": 1, "cn": 1, "cm": 1, "mass": 1, "inertia": 1, "rate": 3}
     interpolation = [np.zeros_like(x) for x in nominal]
     if field is not None:
-        table_angles = interpolated_angles(model)
         for name, mode in field.modes.items():
             unit_force, unit_moment = coefficient_loads(inputs, residuals, name, field.units)
-            sigma = uncertainty.discrepancy.interpolation_sigma(name, table_angles, flow.alpha_total)[:, None]
+            sigma = interpolation_sigma(model, flow, uncertainty.discrepancy, name)[:, None]
             error = predict_increment(model, bins, unit_force * sigma, unit_moment * sigma)
             interpolation = [np.hypot(total, e) for total, e in zip(interpolation, error, strict=True)]
             for shape in mode.at(flow.alpha_total).T[:, :, None]:
@@ -185,10 +185,26 @@ def bins_of_either_regime(model: ForwardModel, residuals: Residuals, density_sig
     return np.any(near[:-1].reshape(-1, NODES_PER_BIN), axis=1)
 
 
-def interpolated_angles(model: ForwardModel) -> Array:
-    """Angles between which the continuum table is linear ``(A,)``, rad; empty for smooth tables."""
-    table = model.database.continuum
-    return table.alpha if isinstance(table, GridTable) and table.interpolation == "linear" else np.zeros(0)
+def interpolation_sigma(model: ForwardModel, flow: FlightCondition, prior: DiscrepancyPrior, coefficient: str) -> Array:
+    """Interpolation error of the table that applies at each node ``(M,)``, in sigmas of the database.
+
+    Parameters
+    ----------
+    model : ForwardModel
+        With the database.
+    flow : FlightCondition
+        At the nodes.
+    prior : DiscrepancyPrior
+        Of the database's errors.
+    coefficient : str
+        ``ca``, ``cn`` or ``cm``.
+    """
+    database, errors = model.database, []
+    for table in (database.continuum, database.rarefied):
+        linear = isinstance(table, GridTable) and table.interpolation == "linear"
+        angles = table.alpha if isinstance(table, GridTable) and linear else np.zeros(0)
+        errors.append(prior.interpolation_sigma(coefficient, angles, flow.alpha_total))
+    return np.where(flow.knudsen > database.continuum_limit, errors[1], errors[0])
 
 
 def coefficient_loads(

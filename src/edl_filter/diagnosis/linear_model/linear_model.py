@@ -20,7 +20,11 @@ from edl_filter.diagnosis.linear_model.linearization_point import (
     nuisance_offset,
 )
 from edl_filter.diagnosis.noise.unmodelled_acceleration import UnmodelledAcceleration, augment
-from edl_filter.diagnosis.noise.variance_components import ExcessVariance, estimate_variance_components
+from edl_filter.diagnosis.noise.variance_components import (
+    ExcessVariance,
+    estimate_variance_components,
+    most_likely_colour,
+)
 from edl_filter.diagnosis.prediction.residuals import (
     ModelInputs,
     PathReference,
@@ -161,10 +165,13 @@ class LinearizedModel:
         """Variance of the residuals beyond the stated noise."""
         return self._variance_components[0]
 
-    @property
+    @cached_property
     def fitted_noise_filter(self) -> WhiteningFilter:
-        """Whitening filter at the noise that the residuals show."""
-        return self._variance_components[1]
+        """Whitening filter at the noise that the residuals show: white beyond the stated, or correlated in time."""
+        excess, white = self._variance_components
+        return most_likely_colour(
+            white, self.state_space, self.index, excess, self.residual_vector, self.initial_mean, self.settings
+        )
 
     @property
     def holds(self) -> bool:

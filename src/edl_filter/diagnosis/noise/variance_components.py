@@ -16,10 +16,12 @@ ratio's logarithm over that of the variance in the last two iterations.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cache
 
 import numpy as np
 
 from edl_filter.diagnosis.jacobians.state_space import RowIndex
+from edl_filter.estimation.block_sparse import from_blocks, merge
 from edl_filter.estimation.kalman import LinearStateSpace, WhiteningFilter, whitening_filter
 from edl_filter.estimation.smoothing import precision_weighted_residuals
 from edl_filter.mission.decision_settings import DecisionSettings
@@ -75,6 +77,101 @@ def add_variance(model: LinearStateSpace, index: RowIndex, excess: ExcessVarianc
     noise = model.row_noise.copy()
     noise[np.arange(len(noise)), index.column] += excess.variance
     return replace(model, row_noise=noise)
+
+
+def colour_excess(model: LinearStateSpace, index: RowIndex, excess: ExcessVariance, memory: float) -> LinearStateSpace:
+    """The state-space model whose excess variance of forces and moments is correlated in time.
+
+    A force or moment that the model lacks lasts for longer than a time bin: each axis is a first-order Gauss–Markov
+    process (Tapley, Schutz and Born, Statistical Orbit Determination, 2004, section 4.9) of unit variance, times the
+    standard deviation of the excess, as the last six states. Both IMUs measure it, so that it is in the rows of the
+    driving IMU against the prediction and not in those of a checking IMU, whose excess stays white.
+
+    Parameters
+    ----------
+    model : LinearStateSpace
+        At the stated noise.
+    index : RowIndex
+        Positions of the rows.
+    excess : ExcessVariance
+        Its size, which may change from interval to interval.
+    memory : float
+        Correlation time, s.
+    """
+    n, axes = model.size, 6
+    appended = slice(n, n + axes)
+    design, covariance = np.pad(model.design, ((0, 0), (0, axes))), np.eye(n + axes)
+    covariance[:n, :n] = model.initial_covariance
+    white = excess.variance.copy()
+    for axis in range(axes):
+        rows = index.bin_rows[:, axis]
+        rows = rows[rows >= 0]
+        design[rows, n + axis], white[rows] = np.sqrt(excess.variance[rows]), 0.0
+    decay = np.exp(-index.step_interval / memory)[:, None, None]
+    increment, noise = (
+        from_blocks(n + axes, [(appended, appended, v * np.eye(axes))]) for v in (decay - 1.0, 1.0 - decay**2)
+    )
+    coloured = replace(
+        model,
+        design=design,
+        increment=merge(model.increment, increment, n + axes),
+        process_noise=merge(model.process_noise, noise, n + axes),
+        initial_covariance=covariance,
+    )
+    return add_variance(coloured, index, replace(excess, variance=white))
+
+
+def most_likely_colour(
+    white: WhiteningFilter,
+    model: LinearStateSpace,
+    index: RowIndex,
+    excess: ExcessVariance,
+    residuals: Array,
+    initial_mean: Array,
+    settings: DecisionSettings,
+) -> WhiteningFilter:
+    """The whitening filter with white or correlated excess variance, whichever is most likely.
+
+    Parameters
+    ----------
+    white : WhiteningFilter
+        With white excess variance.
+    model : LinearStateSpace
+        At the stated noise.
+    index : RowIndex
+        Positions of the rows.
+    excess : ExcessVariance
+        Its size.
+    residuals : (R,) array
+        Residuals about the linearisation point.
+    initial_mean : (n,) array
+        Prior mean of the states at the beginning.
+    settings : DecisionSettings
+        Thresholds of the diagnosis: the correlation times and factors that are tried. Choosing among them costs the
+        logarithm of their number.
+    """
+    if excess.is_zero:
+        return white
+
+    @cache
+    def evaluate(memory: int, factor: int) -> tuple[float, WhiteningFilter]:
+        scaled = replace(excess, variance=factors[factor] * excess.variance)
+        whiten = whitening_filter(colour_excess(model, index, scaled, memories[memory]))
+        return whiten.log_likelihood(whiten(residuals[:, None], initial_mean[:, None])[:, 0]), whiten
+
+    memories, factors = settings.excess_memories_s, settings.excess_colour_factors
+    place = (len(memories) // 2, len(factors) // 2)
+    while True:  # uphill on the grid, one step of either at a time
+        neighbours = [place] + [(place[0] + a, place[1] + b) for a, b in ((1, 0), (-1, 0), (0, 1), (0, -1))]
+        inside = [p for p in neighbours if 0 <= p[0] < len(memories) and 0 <= p[1] < len(factors)]
+        best = max(inside, key=lambda p: evaluate(*p)[0])
+        if best == place:
+            break
+        place = best
+    likelihood, coloured = evaluate(*place)
+    price = float(np.log(len(memories) * len(factors)))
+    at_white = white.log_likelihood(white(residuals[:, None], initial_mean[:, None])[:, 0])
+    return coloured if likelihood - price > at_white else white
 
 
 def moment_estimate(

@@ -145,24 +145,9 @@ def decide(ranking: Ranking, partner: Hypothesis | None = None) -> Verdict:
     noisy = ranking.excess_noise_gain > settings.excess_noise_nats
     cost = settings.named_gain_in_excess_noise_nats if noisy else settings.named_gain_nats
     none = -ranking.excess_noise_gain if noisy else 0.0
-    unmodelled = ranking.unmodelled_gain - cost
-    something_else = float(np.logaddexp(0.0, unmodelled)) if noisy else unmodelled
+    something_else = 0.0 if noisy else ranking.unmodelled_gain - cost
     groups = group_indistinguishable(ranking.hypotheses, settings)
-    best = groups[0][0] if groups else None
-    sufficient = best is not None and min(best.gain, best.score_gain) > cost
-    exact = noisy and ranking.case.exact_database
-    accepted = best is not None and (partner is not None or _is_accepted(ranking, best, exact))
-    if partner is not None:
-        something_else = -np.inf
-    evidence = []
-    for group in groups:
-        h = group[0]
-        value = min(h.gain, h.score_gain) - cost
-        if h is best and accepted and sufficient and something_else > value:
-            value = float(np.logaddexp(value, joint_gain(ranking, h) - cost))
-        elif noisy and not (h is best and accepted) and not h.at_floor:
-            value = min(value, something_else - cost)
-        evidence.append(value)
+    evidence = [min(group[0].gain, group[0].score_gain) - cost for group in groups]
     log_weight = np.array([none, something_else, *evidence])
     weight = np.exp(log_weight - log_weight.max())
     probability = weight / weight.sum()
@@ -172,8 +157,6 @@ def decide(ranking: Ranking, partner: Hypothesis | None = None) -> Verdict:
     ]
     entries.sort(key=lambda e: -e.probability)
     verdict = verdict_of([e.probability for e in entries], float(probability[0]), float(probability[1]))
-    if entries and entries[0].hypothesis is not best:
-        partner = None  # it was fitted together with the best name, and another one is more probable alone
     return Verdict(
         verdict,
         entries,
@@ -181,8 +164,6 @@ def decide(ranking: Ranking, partner: Hypothesis | None = None) -> Verdict:
         float(probability[1]),
         cost,
         _sentence(verdict, entries, partner),
-        provisional=best if exact and sufficient and not accepted and verdict != MISSING else None,
-        partner=partner,
     )
 
 
