@@ -219,7 +219,7 @@ class DecisionSettings(Section):
         EVIDENCE,
     )
     named_gain_in_excess_noise_nats: Annotated[Number, Within("nats", 0.0, 200.0)] = _setting(
-        12.0, "nats: the same where the noise is not what is stated", STUDY
+        25.0, "nats: the same where the noise is not what is stated and its form not known", STUDY
     )
     excess_noise_nats: Annotated[Number, Within("nats", 0.0, 200.0)] = _setting(
         10.0, "nats: evidence from which the noise is not what is stated", EVIDENCE

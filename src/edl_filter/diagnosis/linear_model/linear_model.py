@@ -165,6 +165,17 @@ class LinearizedModel:
         """Variance of the residuals beyond the stated noise."""
         return self._variance_components[0]
 
+    @property
+    def white_excess_filter(self) -> WhiteningFilter:
+        """Whitening filter with the excess variance as white noise."""
+        return self._variance_components[1]
+
+    @property
+    def white_excess_log_likelihood(self) -> float:
+        """Log marginal likelihood of the residuals with white excess variance, nats."""
+        whiten = self.white_excess_filter
+        return whiten.log_likelihood(self.white_residuals(whiten))
+
     @cached_property
     def fitted_noise_filter(self) -> WhiteningFilter:
         """Whitening filter at the noise that the residuals show: white beyond the stated, or correlated in time."""

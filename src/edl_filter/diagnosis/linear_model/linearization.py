@@ -175,6 +175,7 @@ def linearize(
     iterations: int = 1,
     max_excess_share: float = 1.0,
     initial_excess: ExcessVariance | None = None,
+    least_iterations: int = 1,
 ) -> LinearizedModel:
     """Linearise the model of a case, iterating the linearisation point.
 
@@ -194,14 +195,16 @@ def linearize(
         Share of the rows, 0 to 1.
     initial_excess : ExcessVariance, optional
         `LinearizedModel.failing_excess` of a similar model.
+    least_iterations : int
+        Number of linearisation points up to which the excess variance does not end the iteration.
 
     Returns
     -------
     LinearizedModel
     """
     first = linearize_at(case, smoothed_point(case.reconstruction), initial_excess)
-    models = list(_iterate_point(case, iterations, max_excess_share, first))
-    return max([m for m in models if m.holds] or models, key=lambda m: m.log_likelihood)
+    models = list(_iterate_point(case, iterations, max_excess_share, first, least_iterations))
+    return max([m for m in models if m.holds] or models, key=lambda m: m.white_excess_log_likelihood)
 
 
 def relinearize_failing_model(case: FlightCase, model: LinearizedModel) -> LinearizedModel | None:
@@ -235,19 +238,21 @@ def relinearize_failing_model(case: FlightCase, model: LinearizedModel) -> Linea
 
 
 def _iterate_point(
-    case: FlightCase, iterations: int, max_excess_share: float, model: LinearizedModel
+    case: FlightCase, iterations: int, max_excess_share: float, model: LinearizedModel, least_iterations: int = 1
 ) -> Iterator[LinearizedModel]:
     """The model about its point and about the points that follow, until the point converges or the model fails."""
     tolerance, last = case.settings.linearization_tolerance_sigmas, -np.inf
     for i in range(iterations):
         yield model
-        if model.log_likelihood < last + case.settings.linearization_convergence_nats:
+        log_likelihood = model.white_excess_log_likelihood
+        if log_likelihood < last + case.settings.linearization_convergence_nats:
             return
-        last = model.log_likelihood
+        last = log_likelihood
         point = model.point
-        if i == iterations - 1 or model.excess_variance.share > max_excess_share:
+        failing = model.excess_variance.share > max_excess_share
+        if i == iterations - 1 or (failing and i >= least_iterations - 1):
             return
-        whiten, size = model.fitted_noise_filter, model.nuisance.layout.size
+        whiten, size = model.white_excess_filter, model.nuisance.layout.size
         new_point = map_point(model, whiten, model.white_residuals(whiten))
         if new_point is None:
             return

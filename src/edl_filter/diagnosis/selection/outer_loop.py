@@ -86,8 +86,7 @@ def iterate_to_convergence(
 ) -> tuple[FlightCase, LinearizedModel, MapFit]:
     """Fit a case's effects about its reconstruction, and about one with the estimates, until they converge.
 
-    The linearisation point moves with the effects, except where a model fails with a database that has errors of its
-    own: they would move the point away from the truth.
+    The linearisation point moves with the effects.
 
     Parameters
     ----------
@@ -101,18 +100,17 @@ def iterate_to_convergence(
         `LinearizedModel.failing_excess` of a similar model.
     """
     settings = case.settings
-    max_excess_share = 1.0
 
     def fit_about(model: LinearizedModel) -> MapFit:
-        moving = model.excess_variance.share <= max_excess_share
-        return fit_map(model, case.effects, model.fitted_noise_filter, moving=moving)
+        return fit_map(model, case.effects, model.fitted_noise_filter, moving=True)
 
     progress("refitting the effects, iteration 1")
     model = linearize(
         case,
         iterations=settings.linearization_iterations,
-        max_excess_share=max_excess_share,
+        max_excess_share=settings.iterated_excess_share,
         initial_excess=initial_excess,
+        least_iterations=2,
     )
     fit = fit_about(model)
     for i in range(1, settings.outer_iterations if iterations is None else iterations):

@@ -225,6 +225,8 @@ def _relinearize_leaders(
         evidence = {h.key: h.stated_noise_fit.evidence for h in hypotheses if h.stated_noise_fit is not None}
         best_at_stated_noise = sorted(evidence, key=lambda k: evidence[k])[-1:]
     relinearized: set[EffectKey] = set()
+    if ranked and ranked[0].model.holds and ranked[0].gain < 0.5 * settings.named_gain_nats:
+        return ranked  # none of them can be named
     while ranked and len(relinearized) < settings.relinearized_hypotheses:
         unsolved = [] if any(h.at_floor for h in ranked) else best_at_stated_noise
         waiting = [key for key in (ranked[0].key, *unsolved, *close) if key not in relinearized]
