@@ -15,7 +15,7 @@ from edl_filter.diagnosis.residual_analysis.latent_force import LatentForce, est
 from edl_filter.diagnosis.residual_analysis.residual_map import Cell, Onset, onsets, residual_map
 from edl_filter.diagnosis.residual_analysis.time_series import residual_series
 from edl_filter.diagnosis.residual_analysis.unexplained import Remainder, describe_remainder
-from edl_filter.diagnosis.selection.decision import UNKNOWN, Verdict, decide, find_joint_effect
+from edl_filter.diagnosis.selection.decision import UNKNOWN, Verdict, decide
 from edl_filter.diagnosis.selection.evidence_profile import evidence_profile
 from edl_filter.diagnosis.selection.ranking import Progress, Ranking, rank
 from edl_filter.display import render
@@ -112,12 +112,8 @@ def diagnose(case: FlightCase, candidates: Iterable[Effect], progress: Progress 
     progress : callable
         Called with what is being done.
     """
-    effects = list(candidates)
-    ranking = rank(case, effects, progress)
+    ranking = rank(case, candidates, progress)
     verdict = decide(ranking)
-    if verdict.provisional is not None:
-        partner = find_joint_effect(verdict.provisional, effects, progress)
-        verdict = verdict if partner is None else decide(ranking, partner)
     progress("describing what is left")
     model, unknown = ranking.model, verdict.verdict == UNKNOWN
     return Diagnosis(

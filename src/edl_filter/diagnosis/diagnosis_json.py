@@ -26,7 +26,6 @@ def diagnosis_content(diagnosis: Diagnosis) -> dict[str, Any]:
     content = {
         "verdict": verdict.verdict,
         "sentence": verdict.sentence,
-        "partner": None if verdict.partner is None else _partner(verdict.partner),
         "mission": diagnosis.mission,
         "effects": list(diagnosis.effects),
         "where": [_cell(c) for c in failing_cells(diagnosis.cells)],
@@ -85,11 +84,6 @@ def _screened_parameters(result: ScreeningResult) -> dict[str, Any]:
         n: {"estimate": float(v), "sigma": float(s), "data_share": float(d)}
         for n, v, s, d in zip(result.jacobian.names, result.fit.estimate, sigma, result.fit.data_share, strict=True)
     }
-
-
-def _partner(h: Hypothesis) -> dict[str, Any]:
-    """The second effect, and the estimates of all effects of that model together."""
-    return {"effect": h.name, "imu": h.key[1], "together": {a.label: _parameters(h, a) for a in h.fit.effects}}
 
 
 def _parameters(h: Hypothesis, instance: EffectInstance) -> dict[str, Any]:

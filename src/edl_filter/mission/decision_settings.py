@@ -221,6 +221,12 @@ class DecisionSettings(Section):
     named_gain_in_excess_noise_nats: Annotated[Number, Within("nats", 0.0, 200.0)] = _setting(
         25.0, "nats: the same where the noise is not what is stated and its form not known", STUDY
     )
+    approximation_error: Annotated[Number, Within("", 0.0, 0.5)] = _setting(
+        0.02, "share of flights in which the linearised evidence is wrong: no probability is above 1 less it", STUDY
+    )
+    decided_probability: Annotated[Number, Within("", 0.5, 1.0)] = _setting(
+        0.8, "probability from which a verdict is given; below it, the verdict is undecided", STUDY
+    )
     excess_noise_nats: Annotated[Number, Within("nats", 0.0, 200.0)] = _setting(
         10.0, "nats: evidence from which the noise is not what is stated", EVIDENCE
     )
@@ -231,21 +237,6 @@ class DecisionSettings(Section):
     )
     separable_gain_nats: Annotated[Number, Within("nats", 0.0, 100.0)] = _setting(
         6.0, "nats: evidence that distinguishes two names", EVIDENCE
-    )
-    partial_gain_share: Annotated[Number, Within("", 0.0, 1.0)] = _setting(
-        0.05, "share of the unmodelled acceleration's gain that a name must have if it does not exceed it", STUDY
-    )
-    channel_fails_rms: Annotated[Number, Within("", 1.0, 100.0, above=True)] = _setting(
-        1.5, "normalised RMS from which a channel fails, where an effect is to explain it", STUDY
-    )
-    channel_explained_share: Annotated[Number, Within("", 0.0, 1.0, above=True)] = _setting(
-        0.9, "share of a channel's excess mean square that an effect must explain", STUDY
-    )
-    channel_remaining_share: Annotated[Number, Within("", 0.0, 1.0, above=True)] = _setting(
-        0.2, "share of its RMS that an effect may leave in the channel that it reduces most", STUDY
-    )
-    joint_effect_sigmas: Annotated[Number, Within("", 0.0, 100.0, above=True)] = _setting(
-        5.0, "sigmas by which a first effect must differ from zero beside a second one", CHANCE
     )
     constraint_improvement: Annotated[Number, Within("", 1.0, 10000.0, above=True)] = _setting(
         10.0, "factor by which a constraint is improved to see what it would distinguish", STUDY

@@ -377,16 +377,6 @@ class ScreenedEstimate(Content):
     data_share: Number = _key("share of the data in the estimate, the rest being the prior's")
 
 
-class Partner(Content):
-    """A second effect that explains the residuals which the first leaves."""
-
-    effect: str = _key("name of the effect")
-    imu: str | None = _key("IMU of a sensor effect; null: the driving one, or no sensor effect")
-    together: dict[str, dict[str, Estimate]] = _key(
-        "label of the effect → parameter → estimate, all effects fitted together"
-    )
-
-
 class MapCell(Content):
     """One cell of the residual map: a channel in a flow regime, or a constraint."""
 
@@ -490,7 +480,6 @@ class DiagnosisContent(Content):
 
     verdict: Literal["clean", "missing", "undecided", "unknown"] = _key("verdict")
     sentence: str = _key("the verdict as text")
-    partner: Partner | None = _key("a second effect that explains what the first leaves; null without one")
     mission: str = _key("name of the mission")
     effects: tuple[str, ...] = _key("labels of the effects in the model")
     where: tuple[MapCell, ...] = _key("cells of the residual map that fail, worst first")

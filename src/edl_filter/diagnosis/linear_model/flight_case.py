@@ -62,11 +62,6 @@ class FlightCase:
         return self.reconstruction.effects
 
     @property
-    def exact_database(self) -> bool:
-        """Whether the mission states that its database is exact: a failing model then lacks an effect."""
-        return True  # TRIAL
-
-    @property
     def end(self) -> float:
         """End of the comparison, s."""
         return float(self.bins.edges[-1])

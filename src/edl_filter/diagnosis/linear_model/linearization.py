@@ -208,7 +208,7 @@ def linearize(
 
 
 def relinearize_failing_model(case: FlightCase, model: LinearizedModel) -> LinearizedModel | None:
-    """The alternative mode of a failing model with an exact database: the point at which it holds, if there is one.
+    """The alternative mode of a failing model: the point at which it holds, if there is one.
 
     The model fails about the smoothed reconstruction. After some iterations a nuisance parameter may have absorbed what
     is missing, by as many sigmas as that takes (`LinearizedModel.largest_nuisance_sigmas`).
@@ -223,10 +223,10 @@ def relinearize_failing_model(case: FlightCase, model: LinearizedModel) -> Linea
     Returns
     -------
     LinearizedModel or None
-        None where the model holds already, does not come to hold, or the database is not exact.
+        None where the model holds already, or does not come to hold.
     """
     settings, share = case.settings, model.excess_variance.share
-    if not case.exact_database or model.holds:
+    if model.holds:
         return None
     for candidate in islice(_iterate_point(case, settings.alternative_iterations, 1.0, model), 1, None):
         if candidate.holds:

@@ -224,23 +224,18 @@ def relinearize_with_effect(h: Hypothesis) -> Hypothesis:
     """The same hypothesis fitted about a reconstruction that has the effect.
 
     The effect's change of the path then enters to all orders. The fit starts at the most likely parameters at the noise
-    that the effect leaves; where the database has errors of its own there is no such noise, and it starts where it was.
-    The gain is the one over the model without the effect, where one of the two holds. Where both fail, the gain of the
-    first fit is kept, since another point would improve the model without the effect as well.
+    that the effect leaves. The gain becomes that over the model without the effect where this model failed and the new
+    one holds. Otherwise the gain of the first fit is kept: evidence differs by some nats from point to point, and both
+    models are compared about the same one.
     """
-    exact, settings = h.case.exact_database, h.case.settings
-    start = h
+    settings, start = h.case.settings, h
     if not h.at_floor:
-        at_stated_noise = [h.stated_noise_fit] if h.stated_noise_fit is not None and exact else []
+        at_stated_noise = [h.stated_noise_fit] if h.stated_noise_fit is not None else []
         start = _best(h.key, [h.fit], at_stated_noise, h.null, h.case, h.model, thorough=True)
-    # with an inexact database the point must not move, or no model holds and its gain is lost in the noise
-    iterations = 2 if exact else 1
     case, model, fit = iterate_to_convergence(
-        load_case(h.case.mission, start.fit.effects), iterations, initial_excess=h.model.failing_excess
+        load_case(h.case.mission, start.fit.effects), iterations=2, initial_excess=h.model.failing_excess
     )
     relinearized = _best(h.key, [fit], [], h.null, case, model, thorough=True)
-    gain = relinearized.gain
-    if h.model.holds or not relinearized.at_floor:
-        gain = h.gain  # evidence differs by some nats from point to point: both models are compared about the same one
+    gain = h.gain if h.model.holds or not relinearized.at_floor else relinearized.gain
     solved = relinearized.at_floor and h.null.excess_share > settings.holds_share
     return replace(relinearized, gain=gain, score_gain=relinearized.score_gain if solved else h.score_gain)

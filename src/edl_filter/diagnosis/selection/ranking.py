@@ -213,14 +213,13 @@ def _relinearize_leaders(
     """All hypotheses, the leader fitted about its own reconstruction, and others that may overtake it there.
 
     About a failing model gains are accurate to a factor only: a wrong name may lead where the right one changes the
-    path by much. The right one reaches the noise about its own path, if nothing else is missing and the database is
-    exact. So those with a share `rival_gain_share` of the leader's gain are relinearised too, and the one that is best
+    path by much. The right one reaches the noise about its own path, if nothing else is missing. So those with a share `rival_gain_share` of the leader's gain are relinearised too, and the one that is best
     at the stated noise.
     """
     settings = case.settings
     ranked = sorted(hypotheses, key=lambda h: -h.gain)
     close, best_at_stated_noise = [], []
-    if case.exact_database and ranked and not ranked[0].model.holds:
+    if ranked and not ranked[0].model.holds:
         close = [h.key for h in ranked if h.gain > settings.rival_gain_share * ranked[0].gain]
         evidence = {h.key: h.stated_noise_fit.evidence for h in hypotheses if h.stated_noise_fit is not None}
         best_at_stated_noise = sorted(evidence, key=lambda k: evidence[k])[-1:]
