@@ -53,11 +53,6 @@ def candidates(
     return list(addable.values())
 
 
-def kind_of(effect: Effect) -> str:
-    """Name of the effect without the number of the instance."""
-    return effect.name.removesuffix(f"_{effect.number}") if effect.number > 1 else effect.name
-
-
 def lookup(effects: Mapping[str, Effect], name: str) -> Effect | None:
     """The effect called `name`, or the further instance that the name denotes.
 

@@ -7,20 +7,21 @@ none
 name
     One effect of the catalogue is missing: E = min(gain, held-out gain) - c.
 something else
-    Excess noise, whose size and correlation time are fitted (`noise.variance_components`): E = 0 where it is significant.
-    Otherwise an unmodelled acceleration: E = gain - c.
+    Excess noise, whose size and correlation time are fitted (`noise.variance_components`): E = 0 where it is
+    significant. Otherwise an unmodelled acceleration: E = gain - c.
 
-All gains are over the same reference: the model with its nuisance parameters, the discrepancy of the database among them,
-marginalised, at the noise that it shows. An effect that is a change of the database is therefore named only as far as it
-exceeds what the database's own uncertainty allows, and a name that leaves the flight unexplained only if it explains
-more than a force and a moment that follow nothing but their own correlation.
+All gains are over the same reference: the model with its nuisance parameters, the discrepancy of the database among
+them, marginalised, at the noise that it shows. An effect that is a change of the database is therefore named only as
+far as it exceeds what the database's own uncertainty allows, and a name that leaves the flight unexplained only if it
+explains more than a force and a moment that follow nothing but their own correlation.
 
 c is the prior cost of a hypothesis that is not the reference (log prior odds), `named_gain_nats`, or
 `named_gain_in_excess_noise_nats` where the noise is not what is stated (Kass and Raftery, JASA 90 (1995) 773). The
 probabilities are the normalised exponentials, mixed with equal probabilities of all hypotheses by the share of flights
 in which the approximation of the evidence fails, `approximation_error`. The verdict is ``clean``, ``missing`` or
 ``unknown`` where the probability of none, of the first name or of something else exceeds `decided_probability`;
-otherwise it is ``undecided``. Effects whose white columns cannot be distinguished are one hypothesis with several names.
+otherwise it is ``undecided``. Effects whose white columns cannot be distinguished are one hypothesis with several
+names.
 """
 
 from __future__ import annotations

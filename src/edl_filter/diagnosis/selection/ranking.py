@@ -213,8 +213,8 @@ def _relinearize_leaders(
     """All hypotheses, the leader fitted about its own reconstruction, and others that may overtake it there.
 
     About a failing model gains are accurate to a factor only: a wrong name may lead where the right one changes the
-    path by much. The right one reaches the noise about its own path, if nothing else is missing. So those with a share `rival_gain_share` of the leader's gain are relinearised too, and the one that is best
-    at the stated noise.
+    path by much. The right one reaches the noise about its own path, if nothing else is missing. So those with a share
+    `rival_gain_share` of the leader's gain are relinearised too, and the one that is best at the stated noise.
     """
     settings = case.settings
     ranked = sorted(hypotheses, key=lambda h: -h.gain)
