@@ -126,7 +126,9 @@ class DiscrepancyPrior:
         """
         if len(nodes) < 2:
             return np.zeros(len(angle))
-        fine = np.asarray(np.linspace(nodes[0], nodes[-1], 10 * (len(nodes) - 1) + 1), float)
+        # ten points from each node to the next: nodes may be unevenly spaced, and at a node there is no error
+        place = np.arange(10 * (len(nodes) - 1) + 1) / 10.0
+        fine = np.asarray(np.interp(place, np.arange(len(nodes)), nodes), float)
         index = np.minimum(np.searchsorted(nodes, fine, side="right") - 1, len(nodes) - 2)
         weight = (fine - nodes[index]) / (nodes[index + 1] - nodes[index])
         ends = self.angle_kernel(coefficient, nodes, nodes)
