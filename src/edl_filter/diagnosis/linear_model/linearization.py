@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from itertools import islice
 
@@ -35,6 +35,7 @@ from edl_filter.diagnosis.prediction.residuals import (
     bin_readings,
     compute_residuals,
 )
+from edl_filter.effects.base import EffectInstance
 from edl_filter.effects.perturbation import FieldPerturbation
 from edl_filter.estimation.kalman import WhiteningFilter, append_constant_states
 from edl_filter.estimation.smoothing import smoothed_states
@@ -170,6 +171,44 @@ def map_point(
     return LinearizationPoint(start, errors, perturbation, bin_states, constants)
 
 
+def at_map_point(
+    model: LinearizedModel, whiten: WhiteningFilter, white: Array, effects: Sequence[EffectInstance]
+) -> LinearizedModel | None:
+    """The model with effects at given values, its point at the most probable nuisance parameters.
+
+    The point is iterated with the Jacobians of the model (chord method: Kelley, Iterative Methods for Linear and
+    Nonlinear Equations, SIAM 1995, section 5.4).
+
+    Parameters
+    ----------
+    model : LinearizedModel
+        The linearised model.
+    whiten : WhiteningFilter
+        The whitening filter.
+    white : (R,) array
+        White residuals that are expected with the effects at these values.
+    effects : sequence of EffectInstance
+        Effects of the model.
+
+    Returns
+    -------
+    LinearizedModel or None
+        None where the point is not credible.
+    """
+    settings, last = model.settings, np.inf
+    for _ in range(settings.nuisance_iterations):
+        point = map_point(model, whiten, white, onboard=False)
+        if point is None:
+            return None
+        model = model.at_point(point, effects)
+        white = model.white_residuals(whiten)
+        size = 0.5 * float(white @ white)
+        if abs(last - size) < settings.fit_convergence_nats:
+            break
+        last = size
+    return model
+
+
 def linearize(
     case: FlightCase,
     iterations: int = 1,
@@ -253,7 +292,8 @@ def _iterate_point(
         if i == iterations - 1 or (failing and i >= least_iterations - 1):
             return
         whiten, size = model.white_excess_filter, model.nuisance.layout.size
-        new_point = map_point(model, whiten, model.white_residuals(whiten))
+        chord = at_map_point(model, whiten, model.white_residuals(whiten), model.effects)
+        new_point = None if chord is None else map_point(chord, whiten, chord.white_residuals(whiten))
         if new_point is None:
             return
         spread = np.sqrt(np.maximum(np.diag(whiten.posterior_initial_covariance(size)), 0.0))
