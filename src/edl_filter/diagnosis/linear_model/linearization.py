@@ -76,7 +76,7 @@ def linearize_at(
         if uncertainty.discrepancy.scale > 0.0:
             database = database_units(inputs, residuals, uncertainty.discrepancy)
             modes = field_modes(inputs, bins, residuals, uncertainty.discrepancy, database)
-            field = FieldPerturbation.zero(modes, database)
+            field = FieldPerturbation.zero(modes, database, inputs.forward_model.database.continuum_limit)
     jacobian = prediction_jacobian(inputs, bins, residuals, uncertainty, units, field)
     modes = {} if field is None else field.modes
     nuisance = nuisance_layout(inputs.problem.layout, inputs.checking, bins, uncertainty, modes)
@@ -280,17 +280,16 @@ def _iterate_point(
     case: FlightCase, iterations: int, max_excess_share: float, model: LinearizedModel, least_iterations: int = 1
 ) -> Iterator[LinearizedModel]:
     """The model about its point and about the points that follow, until the point converges or the model fails."""
-    tolerance, last = case.settings.linearization_tolerance_sigmas, -np.inf
+    settings, last, last_share = case.settings, -np.inf, np.inf
+    tolerance = settings.linearization_tolerance_sigmas
     for i in range(iterations):
         yield model
-        log_likelihood = model.white_excess_log_likelihood
-        if log_likelihood < last + case.settings.linearization_convergence_nats:
+        log_likelihood, share = model.white_excess_log_likelihood, model.excess_variance.share
+        converged = model.holds and log_likelihood < last + settings.linearization_convergence_nats
+        receding = not model.holds and share > settings.alternative_progress * last_share
+        if i == iterations - 1 or converged or receding or (share > max_excess_share and i >= least_iterations - 1):
             return
-        last = log_likelihood
-        point = model.point
-        failing = model.excess_variance.share > max_excess_share
-        if i == iterations - 1 or (failing and i >= least_iterations - 1):
-            return
+        last, last_share, point = log_likelihood, share, model.point
         whiten, size = model.white_excess_filter, model.nuisance.layout.size
         chord = at_map_point(model, whiten, model.white_residuals(whiten), model.effects)
         new_point = None if chord is None else map_point(chord, whiten, chord.white_residuals(whiten))
