@@ -1,4 +1,4 @@
-"""Matérn processes of order 3/2 against twins: the Bessel form, the matrix exponential, explicit covariances."""
+"""Matérn processes against twins: the Bessel form, the matrix exponential, explicit covariances."""
 
 import numpy as np
 import pytest
@@ -6,7 +6,14 @@ from scipy.integrate import quad_vec
 from scipy.linalg import expm
 from scipy.special import gamma, kv
 
-from edl_filter.estimation.matern import MATERN32_COVARIANCE, matern32_transition, sample_matern32
+from edl_filter.estimation.matern import (
+    MATERN32_COVARIANCE,
+    MATERN52_COVARIANCE,
+    matern32_transition,
+    matern52_correlation,
+    matern52_transition,
+    sample_matern32,
+)
 
 #: Stochastic differential equation of value and slope: drift, and spectral density of the noise of the slope.
 DRIFT = np.array([[0.0, 1.0], [-3.0, -2.0 * np.sqrt(3.0)]])
@@ -79,3 +86,11 @@ def test_samples_have_their_size_and_correlation():
         d = np.sqrt(3.0) * steps * 500.0 / 10e3
         correlation = np.corrcoef(x[:, 7], x[:, 7 + steps])[0, 1]
         assert correlation == pytest.approx((1.0 + d) * np.exp(-d), abs=0.04 * d)
+
+
+def test_correlations_with_a_value_are_those_of_the_state_space_form():
+    distance = np.array([0.0, 0.1, 0.7, 2.3])
+    covariance = matern52_transition(distance)[0] @ MATERN52_COVARIANCE
+    assert np.allclose(matern52_correlation(distance), covariance[..., 0], rtol=0.0, atol=1e-14)
+    mirrored = matern52_correlation(-distance)
+    assert np.allclose(mirrored * [1.0, -1.0, 1.0], covariance[..., 0], rtol=0.0, atol=1e-14)

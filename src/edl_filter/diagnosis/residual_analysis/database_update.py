@@ -1,0 +1,309 @@
+"""What a flight says of its aerodynamic database: increments of CA, CN and Cm over the flow, and their covariance.
+
+The posterior of the database's discrepancy (`field_posterior`) at knots over Mach number and total angle in continuum
+flow, Knudsen number and total angle in rarefied flow, with everything else that the mission states as uncertain
+marginalised. A knot's *share* is the part of its prior variance that the data removed: 1 where the flight decides, 0
+where the increment is what the prior says, none.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from edl_filter.aero.discrepancy import FIELD_COEFFICIENTS, AngleModes, DiscrepancyPrior
+from edl_filter.diagnosis.linear_model.linear_model import LinearizedModel
+from edl_filter.diagnosis.prediction.dead_reckoning import NODES_PER_BIN
+from edl_filter.diagnosis.residual_analysis.field_posterior import (
+    REGIMES,
+    FlownPath,
+    amplitude_covariance,
+    knot_coordinates,
+    white_columns,
+)
+from edl_filter.estimation.kalman import WhiteningFilter
+from edl_filter.estimation.matern import matern52_correlation
+from edl_filter.types import Array, IntArray
+
+#: Largest spacing of the knots along the flow and over the angle, in correlation lengths: linear interpolation between
+#: them errs by a few hundredths of a sigma.
+FLOW_SPACING, ANGLE_SPACING = 0.5, 1.0 / 3.0
+
+
+@dataclass(frozen=True)
+class RegimeUpdate:
+    """Increments in one regime: K Mach or Knudsen numbers and A angles; coefficients CA, CN, Cm about the nose.
+
+    Attributes
+    ----------
+    regime : str
+        ``mach`` in continuum flow, ``knudsen`` in rarefied flow.
+    nodes : (K,) array
+        Mach or Knudsen numbers, increasing.
+    alpha : (A,) array
+        Total angles of attack, rad.
+    increment, sigma, prior_sigma : (3, K, A) arrays
+        Posterior mean and standard deviation, and prior standard deviation, in units of the coefficients.
+    bins : (K, A) array of int
+        Number of time bins of the flight that are nearest to each knot.
+    """
+
+    regime: str
+    nodes: Array
+    alpha: Array
+    increment: Array
+    sigma: Array
+    prior_sigma: Array
+    bins: IntArray
+
+    @property
+    def share(self) -> Array:
+        """Share of the prior variance that the data removed ``(3, K, A)``; 0 where there is none."""
+        certain = self.prior_sigma == 0.0
+        return np.where(certain, 0.0, 1.0 - (self.sigma / np.where(certain, 1.0, self.prior_sigma)) ** 2)
+
+    @property
+    def in_prior_sigmas(self) -> Array:
+        """Increments over the database's sigma ``(3, K, A)``; 0 where that is zero."""
+        certain = self.prior_sigma == 0.0
+        return np.where(certain, 0.0, self.increment / np.where(certain, 1.0, self.prior_sigma))
+
+
+@dataclass(frozen=True)
+class LargestIncrement:
+    """The largest increment of a coefficient, in sigmas of the database.
+
+    Attributes
+    ----------
+    coefficient : str
+        ``ca``, ``cn`` or ``cm``.
+    sigmas : float
+        Over the database's own sigma.
+    increment, sigma : float
+        With its posterior standard deviation, in units of the coefficient.
+    regime : str
+        As of `RegimeUpdate`.
+    node, alpha : float
+        Mach or Knudsen number, and total angle of attack (rad).
+    """
+
+    coefficient: str
+    sigmas: float
+    increment: float
+    sigma: float
+    regime: str
+    node: float
+    alpha: float
+
+
+@dataclass(frozen=True)
+class DatabaseUpdate:
+    """Increments of a database that a flight gives.
+
+    Attributes
+    ----------
+    prior : DiscrepancyPrior
+        Of the discrepancy.
+    regimes : tuple of RegimeUpdate
+        Those that the flight passes through.
+    covariance : (N, N) array
+        Of all increments, in the order of regime, coefficient, node, angle; in units of the coefficients.
+    """
+
+    prior: DiscrepancyPrior
+    regimes: tuple[RegimeUpdate, ...]
+    covariance: Array
+
+    @property
+    def cells(self) -> int:
+        """Number of pairs of a node and an angle."""
+        return sum(r.bins.size for r in self.regimes)
+
+    def largest(self) -> tuple[LargestIncrement, ...]:
+        """The largest increment of each coefficient, in sigmas of the database."""
+        out = []
+        for c, name in enumerate(FIELD_COEFFICIENTS):
+            candidates = []
+            for r in self.regimes:
+                k, a = np.unravel_index(np.argmax(np.abs(r.in_prior_sigmas[c])), r.bins.shape)
+                values = (r.in_prior_sigmas[c, k, a], r.increment[c, k, a], r.sigma[c, k, a])
+                candidates.append(LargestIncrement(name, *map(float, values), r.regime, r.nodes[k], r.alpha[a]))
+            out.append(max(candidates, key=lambda largest: abs(largest.sigmas)))
+        return tuple(out)
+
+
+def estimate_database_update(model: LinearizedModel) -> DatabaseUpdate | None:
+    """Increments of the database, given all residuals of a linearised model; None with an exact database.
+
+    Parameters
+    ----------
+    model : LinearizedModel
+        Of the flight, with the effects that are in its model: what another effect causes is taken for an error of the
+        database as far as that can be.
+    """
+    if model.field is None:
+        return None
+    path, prior = FlownPath.of(model), model.case.uncertainty.discrepancy
+    alpha = knot_angles(path, prior)
+    nodes: dict[str, Array] = {}
+    distances: dict[str, Array] = {}
+    for regime in REGIMES:
+        flown = path.flown_range(regime)
+        if flown is not None:
+            length = prior.log_mach_length if regime == "mach" else prior.log_knudsen_length
+            coordinate = knot_coordinates(*flown, length, FLOW_SPACING)
+            distances[regime] = path.distance_at(regime, coordinate)
+            nodes[regime] = np.exp(coordinate) if regime == "mach" else 10.0**coordinate
+    if not nodes:
+        return None
+    whiten = model.fitted_noise_filter
+    mean, covariance, prior_covariance = posterior_at_knots(
+        whiten,
+        model.white_residuals(whiten),
+        model.nuisance.fields,
+        path.row_distance,
+        prior,
+        model.field.modes,
+        list(distances.values()),
+        alpha,
+    )
+    unit_sigma = [_database_sigma(model, path, d, alpha) for d in distances.values()]
+    scale = np.concatenate([s.ravel() for s in unit_sigma])
+    mean, covariance = mean * scale, covariance * np.outer(scale, scale)
+    sigma = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+    prior_sigma = np.sqrt(np.diag(prior_covariance)) * scale
+    regimes, start = [], 0
+    for regime, knots in nodes.items():
+        shape = (len(FIELD_COEFFICIENTS), len(knots), len(alpha))
+        part = slice(start, start + int(np.prod(shape)))
+        start = part.stop
+        values = [v[part].reshape(shape) for v in (mean, sigma, prior_sigma)]
+        regimes.append(RegimeUpdate(regime, knots, alpha, *values, bins=_bins_by_knot(path, regime, knots, alpha)))
+    return DatabaseUpdate(prior, tuple(regimes), covariance)
+
+
+def knot_angles(path: FlownPath, prior: DiscrepancyPrior) -> Array:
+    """Angles from zero to the largest that is compared, or a little beyond ``(A,)``, rad."""
+    step = ANGLE_SPACING * prior.angle_length
+    largest = float(np.max(path.alpha_total[path.compared], initial=0.0))
+    return np.asarray(step * np.arange(max(int(np.ceil(largest / step)), 1) + 1), float)
+
+
+def posterior_at_knots(
+    whiten: WhiteningFilter,
+    white: Array,
+    fields: dict[str, slice],
+    row_distance: Array,
+    prior: DiscrepancyPrior,
+    modes: dict[str, AngleModes],
+    distances: list[Array],
+    alpha: Array,
+) -> tuple[Array, Array, Array]:
+    """Posterior of the fields at knots; in the database's sigmas.
+
+    Parameters
+    ----------
+    whiten : WhiteningFilter
+        Of a model with the fields' amplitudes among its states.
+    white : (R,) array
+        White residuals.
+    fields : dict
+        Coefficient → places of its amplitudes.
+    row_distance : (R,) array
+        Places of the rows along the flow, in correlation lengths.
+    prior : DiscrepancyPrior
+        Of the fields.
+    modes : dict
+        Coefficient → modes over the angle.
+    distances : list of (K,) arrays
+        Places of the knots along the flow, regime by regime.
+    alpha : (A,) array
+        Angles of the knots, rad.
+
+    Returns
+    -------
+    mean : (N,) array
+        In the order of regime, coefficient, place, angle.
+    covariance, prior_covariance : (N, N) arrays
+    """
+    covariances = [
+        amplitude_covariance(whiten.model.design, fields[name], row_distance, d).reshape(len(white), -1)
+        for d in distances
+        for name in FIELD_COEFFICIENTS
+    ]
+    columns = white_columns(whiten, np.concatenate(covariances, axis=1))
+    return field_at_knots(prior, modes, distances, alpha, columns.T @ white, columns.T @ columns)
+
+
+def field_at_knots(
+    prior: DiscrepancyPrior,
+    modes: dict[str, AngleModes],
+    distances: list[Array],
+    alpha: Array,
+    mean: Array,
+    reduction: Array,
+) -> tuple[Array, Array, Array]:
+    """Field at knots from the posterior of the amplitudes of its modes; in the database's sigmas.
+
+    The covariance of the modes is that of the field less what the flight says nothing of, which keeps its prior.
+
+    Parameters
+    ----------
+    prior : DiscrepancyPrior
+        Of the field.
+    modes : dict
+        Coefficient → modes over the angle.
+    distances : list of (K,) arrays
+        Places along the flow, in correlation lengths, regime by regime.
+    alpha : (A,) array
+        Angles, rad.
+    mean, reduction : (C,), (C, C) arrays
+        Posterior mean of the amplitudes, and prior less posterior covariance: by regime, coefficient, place, mode.
+
+    Returns
+    -------
+    mean : (N,) array
+        In the order of regime, coefficient, place, angle.
+    covariance, prior_covariance : (N, N) arrays
+    """
+    blocks = [(name, d) for d in distances for name in FIELD_COEFFICIENTS]
+    sizes = [len(d) * len(alpha) for _, d in blocks]
+    maps = [np.kron(np.eye(len(d)), modes[name].at(alpha)) for name, d in blocks]
+    widths = [m.shape[1] for m in maps]
+    to_field = np.zeros((sum(sizes), sum(widths)))
+    prior_covariance = np.zeros((sum(sizes), sum(sizes)))
+    rows, columns = (np.concatenate(([0], np.cumsum(n))) for n in (sizes, widths))
+    for i, (name, d) in enumerate(blocks):
+        to_field[rows[i] : rows[i + 1], columns[i] : columns[i + 1]] = maps[i]
+        over_angle = prior.angle_kernel(name, alpha, alpha)
+        for j, (column_name, e) in enumerate(blocks):
+            if column_name == name:
+                along = matern52_correlation(np.subtract.outer(d, e))[..., 0]
+                prior_covariance[rows[i] : rows[i + 1], rows[j] : rows[j + 1]] = np.kron(along, over_angle)
+    return to_field @ mean, prior_covariance - to_field @ reduction @ to_field.T, prior_covariance
+
+
+def _database_sigma(model: LinearizedModel, path: FlownPath, distance: Array, alpha: Array) -> Array:
+    """One sigma of the database at knots ``(3, K, A)``, in units of the coefficients."""
+    mach, knudsen, speed = (v[:, None] for v in path.at_distance(distance))
+    limits = model.inputs.forward_model.database.lookup(mach, knudsen, alpha, speed).three_sigma
+    third = model.case.uncertainty.discrepancy.scale / 3.0
+    shape = (len(distance), len(alpha))
+    return third * np.stack([np.broadcast_to(getattr(limits, name), shape) for name in FIELD_COEFFICIENTS])
+
+
+def _bins_by_knot(path: FlownPath, regime: str, nodes: Array, alpha: Array) -> IntArray:
+    """Number of bins nearest to each knot ``(K, A)``."""
+    middle = np.zeros(len(path.mach), bool)
+    middle[NODES_PER_BIN // 2 :: NODES_PER_BIN] = True
+    inside = path.inside(regime) & middle
+    coordinate = path.coordinate(regime)[inside]
+    knots = np.log(nodes) if regime == "mach" else np.log10(nodes)
+    nearest = [
+        np.argmin(np.abs(np.subtract.outer(v, k)), axis=1)
+        for v, k in ((coordinate, knots), (path.alpha_total[inside], alpha))
+    ]
+    out = np.zeros((len(nodes), len(alpha)), np.int64)
+    np.add.at(out, tuple(nearest), 1)
+    return out
