@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from edl_filter.aero.discrepancy import FIELD_COEFFICIENTS, DiscrepancyPrior
-from edl_filter.diagnosis.residual_analysis.database_update import RegimeUpdate, posterior_at_knots
+from edl_filter.aero.increments import RegimeUpdate
+from edl_filter.diagnosis.residual_analysis.database_update import posterior_at_knots
 from edl_filter.estimation.block_sparse import from_blocks
 from edl_filter.estimation.kalman import LinearStateSpace, append_constant_states, whitening_filter
 from edl_filter.estimation.matern import MATERN52_COVARIANCE, matern52_transition

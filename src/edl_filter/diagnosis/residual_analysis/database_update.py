@@ -8,15 +8,13 @@ where the increment is what the prior says, none.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from edl_filter.aero.discrepancy import FIELD_COEFFICIENTS, AngleModes, DiscrepancyPrior
+from edl_filter.aero.increments import REGIMES, DatabaseUpdate, RegimeUpdate
 from edl_filter.diagnosis.linear_model.linear_model import LinearizedModel
 from edl_filter.diagnosis.prediction.dead_reckoning import NODES_PER_BIN
 from edl_filter.diagnosis.residual_analysis.field_posterior import (
-    REGIMES,
     FlownPath,
     amplitude_covariance,
     knot_coordinates,
@@ -29,108 +27,6 @@ from edl_filter.types import Array, IntArray
 #: Largest spacing of the knots along the flow and over the angle, in correlation lengths: linear interpolation between
 #: them errs by a few hundredths of a sigma.
 FLOW_SPACING, ANGLE_SPACING = 0.5, 1.0 / 3.0
-
-
-@dataclass(frozen=True)
-class RegimeUpdate:
-    """Increments in one regime: K Mach or Knudsen numbers and A angles; coefficients CA, CN, Cm about the nose.
-
-    Attributes
-    ----------
-    regime : str
-        ``mach`` in continuum flow, ``knudsen`` in rarefied flow.
-    nodes : (K,) array
-        Mach or Knudsen numbers, increasing.
-    alpha : (A,) array
-        Total angles of attack, rad.
-    increment, sigma, prior_sigma : (3, K, A) arrays
-        Posterior mean and standard deviation, and prior standard deviation, in units of the coefficients.
-    bins : (K, A) array of int
-        Number of time bins of the flight that are nearest to each knot.
-    """
-
-    regime: str
-    nodes: Array
-    alpha: Array
-    increment: Array
-    sigma: Array
-    prior_sigma: Array
-    bins: IntArray
-
-    @property
-    def share(self) -> Array:
-        """Share of the prior variance that the data removed ``(3, K, A)``; 0 where there is none."""
-        certain = self.prior_sigma == 0.0
-        return np.where(certain, 0.0, 1.0 - (self.sigma / np.where(certain, 1.0, self.prior_sigma)) ** 2)
-
-    @property
-    def in_prior_sigmas(self) -> Array:
-        """Increments over the database's sigma ``(3, K, A)``; 0 where that is zero."""
-        certain = self.prior_sigma == 0.0
-        return np.where(certain, 0.0, self.increment / np.where(certain, 1.0, self.prior_sigma))
-
-
-@dataclass(frozen=True)
-class LargestIncrement:
-    """The largest increment of a coefficient, in sigmas of the database.
-
-    Attributes
-    ----------
-    coefficient : str
-        ``ca``, ``cn`` or ``cm``.
-    sigmas : float
-        Over the database's own sigma.
-    increment, sigma : float
-        With its posterior standard deviation, in units of the coefficient.
-    regime : str
-        As of `RegimeUpdate`.
-    node, alpha : float
-        Mach or Knudsen number, and total angle of attack (rad).
-    """
-
-    coefficient: str
-    sigmas: float
-    increment: float
-    sigma: float
-    regime: str
-    node: float
-    alpha: float
-
-
-@dataclass(frozen=True)
-class DatabaseUpdate:
-    """Increments of a database that a flight gives.
-
-    Attributes
-    ----------
-    prior : DiscrepancyPrior
-        Of the discrepancy.
-    regimes : tuple of RegimeUpdate
-        Those that the flight passes through.
-    covariance : (N, N) array
-        Of all increments, in the order of regime, coefficient, node, angle; in units of the coefficients.
-    """
-
-    prior: DiscrepancyPrior
-    regimes: tuple[RegimeUpdate, ...]
-    covariance: Array
-
-    @property
-    def cells(self) -> int:
-        """Number of pairs of a node and an angle."""
-        return sum(r.bins.size for r in self.regimes)
-
-    def largest(self) -> tuple[LargestIncrement, ...]:
-        """The largest increment of each coefficient, in sigmas of the database."""
-        out = []
-        for c, name in enumerate(FIELD_COEFFICIENTS):
-            candidates = []
-            for r in self.regimes:
-                k, a = np.unravel_index(np.argmax(np.abs(r.in_prior_sigmas[c])), r.bins.shape)
-                values = (r.in_prior_sigmas[c, k, a], r.increment[c, k, a], r.sigma[c, k, a])
-                candidates.append(LargestIncrement(name, *map(float, values), r.regime, r.nodes[k], r.alpha[a]))
-            out.append(max(candidates, key=lambda largest: abs(largest.sigmas)))
-        return tuple(out)
 
 
 def estimate_database_update(model: LinearizedModel) -> DatabaseUpdate | None:
@@ -178,9 +74,19 @@ def estimate_database_update(model: LinearizedModel) -> DatabaseUpdate | None:
         shape = (len(FIELD_COEFFICIENTS), len(knots), len(alpha))
         part = slice(start, start + int(np.prod(shape)))
         start = part.stop
-        values = [v[part].reshape(shape) for v in (mean, sigma, prior_sigma)]
-        regimes.append(RegimeUpdate(regime, knots, alpha, *values, bins=_bins_by_knot(path, regime, knots, alpha)))
-    return DatabaseUpdate(prior, tuple(regimes), covariance)
+        regimes.append(
+            RegimeUpdate(
+                regime=regime,
+                nodes=knots,
+                alpha=alpha,
+                increment=mean[part].reshape(shape),
+                sigma=sigma[part].reshape(shape),
+                prior_sigma=prior_sigma[part].reshape(shape),
+                bins=_bins_by_knot(path, regime, knots, alpha),
+            )
+        )
+    family = model.inputs.forward_model.database.family
+    return DatabaseUpdate(family, prior, tuple(regimes), 0.5 * (covariance + covariance.T))
 
 
 def knot_angles(path: FlownPath, prior: DiscrepancyPrior) -> Array:

@@ -25,9 +25,6 @@ from edl_filter.estimation.kalman import WhiteningFilter
 from edl_filter.estimation.matern import matern52_correlation
 from edl_filter.types import Array, BoolArray
 
-#: Regimes of the flow, by the number that the table of each has.
-REGIMES = ("mach", "knudsen")
-
 
 def amplitude_covariance(design: Array, values: slice, row_distance: Array, knot_distance: Array) -> Array:
     """Prior covariance of all rows with the amplitudes of a field's modes at knots.

@@ -10,15 +10,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from edl_filter.aero.increments import SYMBOLS, DatabaseUpdate
 from edl_filter.diagnosis.linear_model.linear_model import LinearizedModel
-from edl_filter.diagnosis.residual_analysis.database_update import DatabaseUpdate
 from edl_filter.estimation.smoothing import smoothed_states
 
 #: Sigmas of what the mission states from which a shift is reported.
 REPORTED_SIGMAS = 2.0
 #: Nuisance parameters with a stated sigma and their units.
 _UNITS = {"density": "", "wind_east": "m/s", "wind_north": "m/s", "mass": "", "inertia": ""}
-_COEFFICIENTS = {"ca": "CA", "cn": "CN", "cm": "Cm"}
 
 
 @dataclass(frozen=True)
@@ -70,8 +69,6 @@ def nuisance_shifts(model: LinearizedModel, update: DatabaseUpdate | None) -> tu
             shifts.append(NuisanceShift(f"{stated.instance.label} {name}", value / sigma, value, units[name]))
             place += 1
     for largest in () if update is None else update.largest():
-        shifts.append(
-            NuisanceShift(f"database {_COEFFICIENTS[largest.coefficient]}", largest.sigmas, largest.increment, "")
-        )
+        shifts.append(NuisanceShift(f"database {SYMBOLS[largest.coefficient]}", largest.sigmas, largest.increment, ""))
     moved = [s for s in shifts if abs(s.sigmas) > REPORTED_SIGMAS]
     return tuple(sorted(moved, key=lambda s: -abs(s.sigmas)))
