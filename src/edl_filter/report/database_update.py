@@ -40,7 +40,7 @@ def database_figure(update: DatabaseUpdate, title: str) -> Figure:
 def _panel(regime: RegimeUpdate, coefficient: int, legend: bool) -> Panel:
     symbol = SYMBOLS[FIELD_COEFFICIENTS[coefficient]]
     increment, sigma = regime.increment[coefficient], regime.sigma[coefficient]
-    share, elements = regime.share[coefficient], []
+    share, elements = regime.share[coefficient], list[Element]()
     for a, colour in zip(figure_angles(regime), AXES, strict=False):
         label = f"{np.degrees(regime.alpha[a]):.3g} deg"
         elements += _angle(regime, increment[:, a], sigma[:, a], share[:, a], regime.bins[:, a], colour, label)
@@ -58,7 +58,7 @@ def figure_angles(regime: RegimeUpdate) -> IntArray:
 
 
 def _angle(
-    regime: RegimeUpdate, increment: Array, sigma: Array, share: Array, bins: Array, colour: str, label: str
+    regime: RegimeUpdate, increment: Array, sigma: Array, share: Array, bins: IntArray, colour: str, label: str
 ) -> Sequence[Element]:
     """Band, curve, its grey parts and marks at one angle."""
     nodes, decided = regime.nodes, share >= DECIDED

@@ -51,8 +51,7 @@ class DiagnosisFiles:
 def diagnose_result(
     result: Path, names: Sequence[str] = (), file: Path | None = None, progress: Progress = lambda _: None
 ) -> DiagnosisFiles:
-    """Diagnose a result; write ``diagnosis.json``, ``residuals.nc``, the database's increments and figures
-    into its folder.
+    """Diagnose a result; write ``diagnosis.json``, ``residuals.nc``, ``database_update.nc``, figures into its folder.
 
     Parameters
     ----------

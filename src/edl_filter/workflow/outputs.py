@@ -65,7 +65,7 @@ def write_outputs(result: Result, directory: str | Path, figures: bool) -> dict[
             staged = Path(hidden)
             written, content = _write_all(result, staged, figures)
             _remove_figures(directory / "figures")
-            tables = (Path(TABLES) / name for name in UPDATE_TABLES)
+            tables = (f"{TABLES}/{name}" for name in UPDATE_TABLES)
             for name in (DIAGNOSIS, RESIDUALS, DATABASE_UPDATE, *tables):
                 (directory / name).unlink(missing_ok=True)
             places = [directory / path.relative_to(staged) for path in written]
