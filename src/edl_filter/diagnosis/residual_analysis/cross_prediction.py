@@ -101,7 +101,7 @@ def predictive_log_likelihood(learned: LinearizedModel, predicted: LinearizedMod
             "aerodynamics: found two databases or two priors of their error; expected one in both missions."
         )
     paths = [FlownPath.of(m) for m in (learned, predicted)]
-    coordinates = common_knots(*paths, prior)
+    coordinates = common_knots(paths[0], paths[1], prior)
     alpha = knot_angles(paths[0], prior)
     evidence = []
     for model, path in zip((learned, predicted), paths, strict=True):

@@ -1,0 +1,122 @@
+"""Increments of a database as tables that are added to its own.
+
+Between the knots of a file the increments are linear in the logarithm of the Mach or Knudsen number and in the angle.
+Beyond them the value at the edge decays with the discrepancy's correlation, as the expectation of a Gaussian process
+does, and the prior's uncertainty returns (`increment_weight`). A regime that the file does not have has none.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from edl_filter.aero.discrepancy import DiscrepancyPrior
+from edl_filter.aero.grid import GridSlice, GridTable, Kind
+from edl_filter.aero.increments import DatabaseUpdate, RegimeUpdate
+from edl_filter.estimation.matern import matern52_correlation
+from edl_filter.types import Array
+
+#: Steps between two knots along the flow, and steps per correlation length beyond the edges.
+_STEPS, _STEPS_BEYOND = 8, 6
+#: Correlation lengths beyond the edges at which increments end.
+_REACH = 4.0
+#: Smallest variance of a Karhunen–Loève mode, in squares of one sigma of the database.
+_NEGLIGIBLE = 1e-3
+
+
+@dataclass(frozen=True, eq=False)
+class IncrementTables:
+    """Increments with their covariance as functions of the flow.
+
+    Attributes
+    ----------
+    update : DatabaseUpdate
+    """
+
+    update: DatabaseUpdate
+
+    @cached_property
+    def mean(self) -> tuple[GridTable, ...]:
+        """Tables of the mean increments, one for each regime of the file."""
+        return tuple(self._table(r, r.increment) for r in self.update.regimes)
+
+    @cached_property
+    def modes(self) -> tuple[Array, ...]:
+        """Karhunen–Loève modes of the covariance by regime ``(n, 3, K, A)``: amplitudes have unit variance."""
+        scale = np.concatenate([r.prior_sigma.ravel() for r in self.update.regimes])
+        divisor = np.where(scale > 0.0, scale, 1.0)
+        variance, vectors = np.linalg.eigh(self.update.covariance / np.outer(divisor, divisor))
+        kept = variance > _NEGLIGIBLE
+        modes = (vectors[:, kept] * np.sqrt(variance[kept]) * scale[:, None]).T[::-1]
+        out, start = [], 0
+        for r in self.update.regimes:
+            part = slice(start, start + r.increment.size)
+            out.append(np.ascontiguousarray(modes[:, part]).reshape(-1, *r.increment.shape))
+            start = part.stop
+        return tuple(out)
+
+    def of_amplitudes(self, amplitudes: Array) -> tuple[GridTable, ...]:
+        """Tables of the increments by amplitudes of the modes ``(n,)``."""
+        pairs = zip(self.update.regimes, self.modes, strict=True)
+        return tuple(self._table(r, np.tensordot(amplitudes, modes, 1)) for r, modes in pairs)
+
+    def weight(self, mach: Array, knudsen: Array, alpha: Array, continuum_limit: float) -> Array:
+        """Correlation of the error at points of the flow ``(N,)`` with that at the nearest knot; 0 in other regimes.
+
+        The prior's variance times one less the square is what the increments say nothing of.
+        """
+        prior, out = self.update.prior, np.zeros(len(mach))
+        for r in self.update.regimes:
+            inside = (knudsen > continuum_limit) == (r.regime == "knudsen")
+            flow = _coordinate(r.regime, mach if r.regime == "mach" else knudsen)
+            knots = _coordinate(r.regime, r.nodes)
+            beyond = np.maximum(np.maximum(knots[0] - flow, flow - knots[-1]), 0.0) / _length(prior, r.regime)
+            angle = np.maximum(alpha - r.alpha[-1], 0.0) / prior.angle_length
+            out = np.where(inside, matern52_correlation(beyond)[..., 0] * np.exp(-0.5 * angle**2), out)
+        return out
+
+    def _table(self, regime: RegimeUpdate, values: Array) -> GridTable:
+        """Table on a grid that extends beyond the knots, of values ``(3, K, A)`` at the knots."""
+        prior, kind = self.update.prior, regime.regime
+        knots, length = _coordinate(kind, regime.nodes), _length(prior, kind)
+        steps = np.linspace(0.0, _REACH, int(_REACH * _STEPS_BEYOND) + 1)
+        between = np.interp(np.arange(_STEPS * (len(knots) - 1) + 1) / _STEPS, np.arange(len(knots)), knots)
+        flow = np.concatenate((knots[0] - length * steps[:0:-1], between, knots[-1] + length * steps[1:]))
+        alpha = np.concatenate((regime.alpha, regime.alpha[-1] + prior.angle_length * steps[1:]))
+        place = np.interp(flow, knots, np.arange(len(knots)))
+        lower = np.minimum(place.astype(np.intp), len(knots) - 2)
+        fraction = (place - lower)[:, None]
+        along = (1.0 - fraction) * values[:, lower] + fraction * values[:, lower + 1]
+        beyond = np.maximum(np.maximum(knots[0] - flow, flow - knots[-1]), 0.0) / length
+        along = along * matern52_correlation(beyond)[:, 0][:, None]
+        angle = np.exp(-0.5 * steps[1:] ** 2)
+        dense = np.concatenate((along, along[:, :, -1:] * angle), axis=2)
+        dense[:, [0, -1]], dense[:, :, -1] = 0.0, 0.0
+        # the last angle covers all that another table may have
+        alpha, dense = np.append(alpha, np.pi), np.pad(dense, ((0, 0), (0, 0), (0, 1)))
+        nodes = np.exp(flow) if kind == "mach" else 10.0**flow
+        table_kind: Kind = "mach" if kind == "mach" else "knudsen"
+        ca, cn, cm = dense
+        return GridTable(table_kind, nodes, alpha, ca, cn, cm, source="increments")
+
+
+def increment_terms(
+    tables: tuple[GridTable, ...], mach: Array, knudsen: Array, continuum_limit: float
+) -> list[tuple[Array, GridSlice]]:
+    """Weights and slices of increments at N samples: each table in its regime; none is outside."""
+    terms = []
+    for table in tables:
+        curves = table.at(mach if table.kind == "mach" else knudsen)
+        weight = np.where((knudsen > continuum_limit) == (table.kind == "knudsen"), 1.0, 0.0)
+        terms.append((weight, replace(curves, outside=np.zeros(len(weight), bool))))
+    return terms
+
+
+def _coordinate(regime: str, number: Array) -> Array:
+    return np.log(number) if regime == "mach" else np.log10(number)
+
+
+def _length(prior: DiscrepancyPrior, regime: str) -> float:
+    return prior.log_mach_length if regime == "mach" else prior.log_knudsen_length
