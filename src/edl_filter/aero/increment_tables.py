@@ -2,7 +2,7 @@
 
 Between the knots of a file the increments are linear in the logarithm of the Mach or Knudsen number and in the angle.
 Beyond them the value at the edge decays with the discrepancy's correlation, as the expectation of a Gaussian process
-does, and the prior's uncertainty returns (`increment_weight`). A regime that the file does not have has none.
+does, and the prior's uncertainty returns (`IncrementTables.remainder`). A regime that the file does not have has none.
 """
 
 from __future__ import annotations
@@ -62,19 +62,26 @@ class IncrementTables:
         pairs = zip(self.update.regimes, self.modes, strict=True)
         return tuple(self._table(r, np.tensordot(amplitudes, modes, 1)) for r, modes in pairs)
 
-    def weight(self, mach: Array, knudsen: Array, alpha: Array, continuum_limit: float) -> Array:
-        """Correlation of the error at points of the flow ``(N,)`` with that at the nearest knot; 0 in other regimes.
+    def remainder(self, mach: Array, knudsen: Array, alpha: Array, continuum_limit: float) -> Array:
+        """Share of the prior's variance that the increments say nothing of, at points of the flow ``(N,)``.
 
-        The prior's variance times one less the square is what the increments say nothing of.
+        Beyond the knots it is one less the square of the correlation with the edge, between them the variance of the
+        field less its linear interpolation and that of the modes that are left out; 1 in a regime without increments.
+        The measurements resolve thousandths of the database's sigma, so that even one hundredth would not be small.
         """
-        prior, out = self.update.prior, np.zeros(len(mach))
+        prior, out = self.update.prior, np.ones(len(mach))
         for r in self.update.regimes:
             inside = (knudsen > continuum_limit) == (r.regime == "knudsen")
             flow = _coordinate(r.regime, mach if r.regime == "mach" else knudsen)
             knots = _coordinate(r.regime, r.nodes)
             beyond = np.maximum(np.maximum(knots[0] - flow, flow - knots[-1]), 0.0) / _length(prior, r.regime)
             angle = np.maximum(alpha - r.alpha[-1], 0.0) / prior.angle_length
-            out = np.where(inside, matern52_correlation(beyond)[..., 0] * np.exp(-0.5 * angle**2), out)
+            correlation = matern52_correlation(beyond)[..., 0] * np.exp(-0.5 * angle**2)
+            between = _interpolation_variance(
+                (flow - knots[0]) / _length(prior, r.regime), _step(knots, prior, r.regime)
+            )
+            over_angle = prior.interpolation_sigma("ca", r.alpha, np.minimum(alpha, r.alpha[-1])) ** 2
+            out = np.where(inside, np.minimum(1.0 - correlation**2 + between + over_angle + _NEGLIGIBLE, 1.0), out)
         return out
 
     def _table(self, regime: RegimeUpdate, values: Array) -> GridTable:
@@ -112,6 +119,22 @@ def increment_terms(
         weight = np.where((knudsen > continuum_limit) == (table.kind == "knudsen"), 1.0, 0.0)
         terms.append((weight, replace(curves, outside=np.zeros(len(weight), bool))))
     return terms
+
+
+def _interpolation_variance(place: Array, step: float) -> Array:
+    """Variance of a process of order 5/2 less its linear interpolation between knots; places from the first knot."""
+    fraction = np.mod(np.maximum(place, 0.0), step) / step
+    at_knot, low, high = (
+        matern52_correlation(np.asarray(d))[..., 0] for d in (step, step * fraction, step * (1.0 - fraction))
+    )
+    rest = 1.0 - fraction
+    variance = 1.0 + rest**2 + fraction**2 + 2.0 * fraction * rest * at_knot - 2.0 * (rest * low + fraction * high)
+    return np.asarray(np.maximum(variance, 0.0))
+
+
+def _step(knots: Array, prior: DiscrepancyPrior, regime: str) -> float:
+    """Mean distance of adjoining knots, in correlation lengths."""
+    return float((knots[-1] - knots[0]) / (len(knots) - 1) / _length(prior, regime))
 
 
 def _coordinate(regime: str, number: Array) -> Array:

@@ -446,8 +446,8 @@ def database_units(inputs: ModelInputs, residuals: Residuals, prior: Discrepancy
     third = np.full(len(flow.mach), prior.scale / 3.0)
     limits = database.lookup(flow.mach, flow.knudsen, flow.alpha_total, flow.speed).three_sigma
     if database.increments is not None:  # their own covariance holds where they apply
-        weight = database.increments.weight(flow.mach, flow.knudsen, flow.alpha_total, database.continuum_limit)
-        third = third * np.sqrt(1.0 - weight**2)
+        remainder = database.increments.remainder(flow.mach, flow.knudsen, flow.alpha_total, database.continuum_limit)
+        third = third * np.sqrt(remainder)
     return CoefficientUnits(flow.time, ca=third * limits.ca, cn=third * limits.cn, cm=third * limits.cm)
 
 

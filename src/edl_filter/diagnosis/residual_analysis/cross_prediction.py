@@ -134,7 +134,7 @@ def common_knots(first: FlownPath, second: FlownPath, prior: DiscrepancyPrior) -
         low, high = max(r[0] for r in ranges if r), min(r[1] for r in ranges if r)
         if low < high:
             length = prior.log_mach_length if regime == "mach" else prior.log_knudsen_length
-            out[regime] = knot_coordinates(low, high, length, 0.5 * FLOW_SPACING)
+            out[regime] = knot_coordinates(low, high, length, FLOW_SPACING)
     if not out:
         raise InputError(
             "cross prediction: found flights without a common Mach or Knudsen number; expected an overlap."

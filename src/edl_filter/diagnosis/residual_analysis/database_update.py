@@ -26,7 +26,7 @@ from edl_filter.types import Array, IntArray
 
 #: Largest spacing of the knots along the flow and over the angle, in correlation lengths: linear interpolation between
 #: them errs by a few hundredths of a sigma.
-FLOW_SPACING, ANGLE_SPACING = 0.5, 1.0 / 3.0
+FLOW_SPACING, ANGLE_SPACING = 0.25, 1.0 / 3.0
 
 
 def estimate_database_update(model: LinearizedModel) -> DatabaseUpdate | None:
