@@ -22,7 +22,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from edl_filter.types import Array
+from edl_filter.types import Array, BoolArray
 
 #: Coefficients with a field over Mach number and angle.
 FIELD_COEFFICIENTS = ("ca", "cn", "cm")
@@ -80,7 +80,9 @@ class DiscrepancyPrior:
             return np.asarray(kernel, float)
         return np.asarray(np.outer(self._symmetric(a), self._symmetric(b)) * kernel, float)
 
-    def angle_modes(self, coefficient: str, angle: Array, information: Array) -> AngleModes:
+    def angle_modes(
+        self, coefficient: str, angle: Array, information: Array, table_angles: tuple[Array, Array]
+    ) -> AngleModes:
         """Modes of the field over the angle that a flight resolves.
 
         Parameters
@@ -91,6 +93,9 @@ class DiscrepancyPrior:
             Total angle of attack of each datum, rad.
         information : (N,) array
             Information of each datum about the coefficient, in inverse squares of one sigma of the database.
+        table_angles : (array, array)
+            Angles between which the continuum and the rarefied table are linear, rad; empty for smooth tables. The
+            error of such a table is linear between its angles too.
         """
         spacing = _EIGEN_SPACING * self.angle_length
         count = int(np.ceil(np.max(angle, initial=0.0) / spacing)) + 1
@@ -103,42 +108,9 @@ class DiscrepancyPrior:
         grid = np.asarray(np.arange(0.0, _MODE_RANGE, _MODE_STEP), float)
         # Nyström extension of each eigenvector, so that the sum of squares is the prior variance
         extension = self.angle_kernel(coefficient, grid, nodes) * root
-        return AngleModes(extension @ (vectors[:, kept] / np.sqrt(size[kept]))[:, ::-1])
-
-    def interpolation_sigma(self, coefficient: str, nodes: Array, angle: Array) -> Array:
-        """Standard deviation of the field less its linear interpolation between the nodes of a table.
-
-        A table errs at its nodes, and the truth is smooth between them, or the other way round.
-
-        Parameters
-        ----------
-        coefficient : str
-            ``ca``, ``cn`` or ``cm``.
-        nodes : (A,) array
-            Angles of the table, rad; fewer than two: it is smooth.
-        angle : (N,) array
-            Total angles of attack, rad.
-
-        Returns
-        -------
-        (N,) array
-            In sigmas of the database.
-        """
-        if len(nodes) < 2:
-            return np.zeros(len(angle))
-        fine = np.asarray(np.linspace(nodes[0], nodes[-1], 10 * (len(nodes) - 1) + 1), float)
-        index = np.minimum(np.searchsorted(nodes, fine, side="right") - 1, len(nodes) - 2)
-        weight = (fine - nodes[index]) / (nodes[index + 1] - nodes[index])
-        ends = self.angle_kernel(coefficient, nodes, nodes)
-        to_ends = self.angle_kernel(coefficient, fine, nodes)
-        own = np.diag(self.angle_kernel(coefficient, fine, fine))
-        row = np.arange(len(fine))
-        low, high = 1.0 - weight, weight
-        across = low * to_ends[row, index] + high * to_ends[row, index + 1]
-        between = low**2 * ends[index, index] + high**2 * ends[index + 1, index + 1]
-        between = between + 2.0 * low * high * ends[index, index + 1]
-        variance = np.maximum(own - 2.0 * across + between, 0.0)
-        return np.interp(angle, fine, np.sqrt(variance))
+        smooth = extension @ (vectors[:, kept] / np.sqrt(size[kept]))[:, ::-1]
+        continuum, rarefied = (_linear_between(grid, smooth, angles) for angles in table_angles)
+        return AngleModes(continuum, rarefied)
 
     def flow_distance(self, mach: Array, knudsen: Array, continuum_limit: float, separate_regimes: bool) -> Array:
         """Distances along x between adjoining points of a trajectory, in correlation lengths.
@@ -170,26 +142,49 @@ class DiscrepancyPrior:
         return np.tanh(angle / self.vanishing_angle)
 
 
+def _linear_between(grid: Array, values: Array, angles: Array) -> Array:
+    """Functions tabulated on a grid ``(A, J)``, made linear between some angles; unchanged if there are none."""
+    if not len(angles):
+        return values
+    at_angles = [np.interp(angles, grid, v) for v in values.T]
+    return np.stack([np.interp(grid, angles, v) for v in at_angles], axis=1) if at_angles else values
+
+
 @dataclass(frozen=True)
 class AngleModes:
     """Modes of a coefficient's field over the total angle of attack.
 
     Attributes
     ----------
-    table : (A, J) array
-        Value of each mode at multiples of the tabulation's step, in sigmas of the database for a unit amplitude.
+    continuum, rarefied : (A, J) arrays
+        Value of each mode in either regime at multiples of the tabulation's step, in sigmas of the database for a unit
+        amplitude.
     """
 
-    table: Array
+    continuum: Array
+    rarefied: Array
 
     @property
     def count(self) -> int:
         """J, the number of modes."""
-        return self.table.shape[1]
+        return self.continuum.shape[1]
 
-    def at(self, angle: Array) -> Array:
-        """Values of all modes ``(N, J)`` at total angles ``(N,)``, rad; linear between the tabulated angles."""
-        place = np.minimum(np.asarray(angle, float) / _MODE_STEP, len(self.table) - 1.001)
+    def at(self, angle: Array, rarefied: BoolArray) -> Array:
+        """Values of all modes, linear between the tabulated angles.
+
+        Parameters
+        ----------
+        angle : (N,) array
+            Total angle of attack, rad.
+        rarefied : (N,) boolean array
+            Whether the rarefied table applies.
+
+        Returns
+        -------
+        (N, J) array
+        """
+        place = np.minimum(np.asarray(angle, float) / _MODE_STEP, len(self.continuum) - 1.001)
         index = place.astype(np.intp)
-        fraction = (place - index)[:, None]
-        return np.asarray((1.0 - fraction) * self.table[index] + fraction * self.table[index + 1])
+        fraction, regime = (place - index)[:, None], np.asarray(rarefied)[:, None]
+        low, high = (np.where(regime, self.rarefied[i], self.continuum[i]) for i in (index, index + 1))
+        return np.asarray((1.0 - fraction) * low + fraction * high)

@@ -49,20 +49,29 @@ class FieldPerturbation:
         Coefficient → `AngleModes`.
     units : CoefficientUnits
         One sigma of the database.
+    continuum_limit : float
+        Knudsen number above which the rarefied table applies.
     """
 
     time: Array
     amplitudes: dict[str, Array]
     modes: dict[str, AngleModes]
     units: CoefficientUnits
+    continuum_limit: float
 
     @classmethod
-    def zero(cls, modes: dict[str, AngleModes], units: CoefficientUnits) -> FieldPerturbation:
+    def zero(cls, modes: dict[str, AngleModes], units: CoefficientUnits, continuum_limit: float) -> FieldPerturbation:
         """No increments."""
-        return cls(units.time[:1], {name: np.zeros((1, m.count)) for name, m in modes.items()}, modes, units)
+        amplitudes = {name: np.zeros((1, m.count)) for name, m in modes.items()}
+        return cls(units.time[:1], amplitudes, modes, units, continuum_limit)
 
-    def increments(self, time: Array, alpha_total: Array) -> dict[str, Array]:
-        """Increments of the coefficients ``(N,)`` at times (s) and total angles of attack (rad), ``(N,)`` each."""
+    def shapes(self, coefficient: str, flow: FlightCondition) -> Array:
+        """Values of the modes of a coefficient ``(N, J)`` in a flow of N samples, in sigmas of the database."""
+        return self.modes[coefficient].at(flow.alpha_total, flow.knudsen > self.continuum_limit)
+
+    def increments(self, flow: FlightCondition) -> dict[str, Array]:
+        """Increments of the coefficients ``(N,)`` in a flow of N samples."""
+        time = flow.time
         place = np.clip(np.interp(time, self.time, np.arange(len(self.time))), 0.0, len(self.time) - 1.0)
         index = np.minimum(place.astype(np.intp), max(len(self.time) - 2, 0))
         fraction = (place - index)[:, None]
@@ -71,7 +80,7 @@ class FieldPerturbation:
         for name in FIELD_COEFFICIENTS:
             amplitude = self.amplitudes[name]
             at_time = (1.0 - fraction) * amplitude[index] + fraction * amplitude[following]
-            value = np.einsum("nj,nj->n", at_time, self.modes[name].at(alpha_total))
+            value = np.einsum("nj,nj->n", at_time, self.shapes(name, flow))
             out[name] = value * np.interp(time, self.units.time, getattr(self.units, name))
         return out
 
@@ -169,7 +178,7 @@ class Perturbation:
             for change, unit in zip(changes, (u.ca, u.cn, u.cm), strict=True)
         )
         if self.field is not None:
-            increments = self.field.increments(time, flow.alpha_total)
+            increments = self.field.increments(flow)
             ca, cn, cm = ca + increments["ca"], cn + increments["cn"], cm + increments["cm"]
         return replace(totals, ca=totals.ca + ca, cn=totals.cn + cn, cm_nose=totals.cm_nose + cm)
 

@@ -30,7 +30,6 @@ from edl_filter.effects.base import Effect, EffectInstance
 from edl_filter.effects.forward_model import ForwardModel
 from edl_filter.effects.parameters import Parameter, Values
 from edl_filter.effects.perturbation import CoefficientUnits, FieldPerturbation, Perturbation
-from edl_filter.effects.types import FlightCondition
 from edl_filter.imu_model.lever_arm import edge_weights
 from edl_filter.imu_model.sensor_errors import reading_jacobian
 from edl_filter.types import Array, BoolArray
@@ -41,7 +40,7 @@ _RATE_STEP = 1e-3
 #: Share of a bin's gyro noise that a step of the rate has in addition to the noise of the two bins' means.
 _STEP_NOISE_SHARE = 0.05
 #: Sigmas of the density within which the regime of the flow is uncertain, and variance of the errors of two tables.
-_REGIME_SIGMAS, _EITHER_REGIME = 2.0, 4.0
+_REGIME_SIGMAS, _EITHER_REGIME = 3.0, 4.0
 #: Factor over the median around it from which a change of the rate's slope is a discontinuity.
 _DISCONTINUITY = 3.0
 
@@ -62,8 +61,7 @@ class PredictionJacobian:
         (amplitudes of the discrepancy's modes) → slice of columns.
     force_nonlinearity, rate_step_nonlinearity : (B, 3), (B - 1, 3) arrays
         Departure of the predictions from linearity over two sigmas of density (where one table ends and another begins,
-        the time of the transition is uncertain by a tenth of a second), combined with the quadrature error and the
-        interpolation error of tables whose values at the nodes have errors.
+        the time of the transition is uncertain by a tenth of a second), combined with the quadrature error.
     """
 
     force: Array
@@ -105,7 +103,7 @@ def prediction_jacobian(
     residuals : Residuals
         With the path and the flow along it.
     uncertainty : StatedUncertainty
-        Uncertainties that the mission states: of the density, for the departure from linearity, and of the database.
+        Uncertainties that the mission states: of the density, for the departure from linearity.
     units : CoefficientUnits
         One sigma of the numerical error.
     field : FieldPerturbation, optional
@@ -142,14 +140,10 @@ def prediction_jacobian(
         add_difference(plus, minus, 2.0 * _RATE_STEP)
     widths = {"position": 3, "velocity": 3, "attitude": 3, "density": 1, "wind_east": 1, "wind_north": 1}
     widths |= {"ca": 1, "cn": 1, "cm": 1, "mass": 1, "inertia": 1, "rate": 3}
-    interpolation = [np.zeros_like(x) for x in nominal]
     if field is not None:
         for name, mode in field.modes.items():
             unit_force, unit_moment = coefficient_loads(inputs, residuals, name, field.units)
-            sigma = interpolation_sigma(model, flow, uncertainty.discrepancy, name)[:, None]
-            error = predict_increment(model, bins, unit_force * sigma, unit_moment * sigma)
-            interpolation = [np.hypot(total, e) for total, e in zip(interpolation, error, strict=True)]
-            for shape in mode.at(flow.alpha_total).T[:, :, None]:
+            for shape in field.shapes(name, flow).T[:, :, None]:
                 by_force, by_rate = predict_increment(model, bins, unit_force * shape, unit_moment * shape)
                 force_columns.append(by_force)
                 rate_columns.append(by_rate)
@@ -161,8 +155,9 @@ def prediction_jacobian(
     two_sigma = 2.0 * uncertainty.density
     denser, thinner = with_air(density=two_sigma), with_air(density=-two_sigma)
     quadrature = quadrature_error(model, bins, flow, force, moment)
-    terms = zip(denser, thinner, nominal, quadrature, interpolation, strict=True)
-    nonlinearity = [np.sqrt((a + b - 2.0 * c) ** 2 + r**2 + i**2) for a, b, c, r, i in terms]
+    nonlinearity = [
+        np.hypot(a + b - 2.0 * c, r) for a, b, c, r in zip(denser, thinner, nominal, quadrature, strict=True)
+    ]
     return PredictionJacobian(np.stack(force_columns, axis=2), np.stack(rate_columns, axis=2), columns, *nonlinearity)
 
 
@@ -185,26 +180,9 @@ def bins_of_either_regime(model: ForwardModel, residuals: Residuals, density_sig
     return np.any(near[:-1].reshape(-1, NODES_PER_BIN), axis=1)
 
 
-def interpolation_sigma(model: ForwardModel, flow: FlightCondition, prior: DiscrepancyPrior, coefficient: str) -> Array:
-    """Interpolation error of the table that applies at each node ``(M,)``, in sigmas of the database.
-
-    Parameters
-    ----------
-    model : ForwardModel
-        With the database.
-    flow : FlightCondition
-        At the nodes.
-    prior : DiscrepancyPrior
-        Of the database's errors.
-    coefficient : str
-        ``ca``, ``cn`` or ``cm``.
-    """
-    database, errors = model.database, []
-    for table in (database.continuum, database.rarefied):
-        linear = isinstance(table, GridTable) and table.interpolation == "linear"
-        angles = table.alpha if isinstance(table, GridTable) and linear else np.zeros(0)
-        errors.append(prior.interpolation_sigma(coefficient, angles, flow.alpha_total))
-    return np.where(flow.knudsen > database.continuum_limit, errors[1], errors[0])
+def interpolated_angles(table: object) -> Array:
+    """Angles between which a table is linear ``(A,)``, rad; empty for smooth tables."""
+    return table.alpha if isinstance(table, GridTable) and table.interpolation == "linear" else np.zeros(0)
 
 
 def coefficient_loads(
@@ -252,7 +230,8 @@ def field_modes(
     driving = inputs.driving
     sigma_f = bin_sigma(bins, driving.time, driving.interval, driving.force_noise)
     sigma_w = np.sqrt(2.0) * bin_sigma(bins, driving.time, driving.interval, driving.rate_noise)[:-1]
-    angle, modes = residuals.flow.alpha_total, {}
+    angle, modes, database = residuals.flow.alpha_total, {}, inputs.forward_model.database
+    table_angles = interpolated_angles(database.continuum), interpolated_angles(database.rarefied)
     for name in FIELD_COEFFICIENTS:
         force, rate_step = predict_increment(
             inputs.forward_model, bins, *coefficient_loads(inputs, residuals, name, units)
@@ -260,7 +239,7 @@ def field_modes(
         information = np.sum(force**2, axis=1) / sigma_f**2
         information[:-1] += np.sum(rate_step**2, axis=1) / sigma_w**2
         information = np.where(bins.valid & np.isfinite(information), information, 0.0) / NODES_PER_BIN
-        modes[name] = prior.angle_modes(name, angle[:-1], np.repeat(information, NODES_PER_BIN))
+        modes[name] = prior.angle_modes(name, angle[:-1], np.repeat(information, NODES_PER_BIN), table_angles)
     return modes
 
 

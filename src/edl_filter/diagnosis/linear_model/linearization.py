@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from itertools import islice
 
@@ -35,6 +35,7 @@ from edl_filter.diagnosis.prediction.residuals import (
     bin_readings,
     compute_residuals,
 )
+from edl_filter.effects.base import EffectInstance
 from edl_filter.effects.perturbation import FieldPerturbation
 from edl_filter.estimation.kalman import WhiteningFilter, append_constant_states
 from edl_filter.estimation.smoothing import smoothed_states
@@ -75,7 +76,7 @@ def linearize_at(
         if uncertainty.discrepancy.scale > 0.0:
             database = database_units(inputs, residuals, uncertainty.discrepancy)
             modes = field_modes(inputs, bins, residuals, uncertainty.discrepancy, database)
-            field = FieldPerturbation.zero(modes, database)
+            field = FieldPerturbation.zero(modes, database, inputs.forward_model.database.continuum_limit)
     jacobian = prediction_jacobian(inputs, bins, residuals, uncertainty, units, field)
     modes = {} if field is None else field.modes
     nuisance = nuisance_layout(inputs.problem.layout, inputs.checking, bins, uncertainty, modes)
@@ -170,6 +171,44 @@ def map_point(
     return LinearizationPoint(start, errors, perturbation, bin_states, constants)
 
 
+def at_map_point(
+    model: LinearizedModel, whiten: WhiteningFilter, white: Array, effects: Sequence[EffectInstance]
+) -> LinearizedModel | None:
+    """The model with effects at given values, its point at the most probable nuisance parameters.
+
+    The point is iterated with the Jacobians of the model (chord method: Kelley, Iterative Methods for Linear and
+    Nonlinear Equations, SIAM 1995, section 5.4).
+
+    Parameters
+    ----------
+    model : LinearizedModel
+        The linearised model.
+    whiten : WhiteningFilter
+        The whitening filter.
+    white : (R,) array
+        White residuals that are expected with the effects at these values.
+    effects : sequence of EffectInstance
+        Effects of the model.
+
+    Returns
+    -------
+    LinearizedModel or None
+        None where the point is not credible.
+    """
+    settings, last = model.settings, np.inf
+    for _ in range(settings.nuisance_iterations):
+        point = map_point(model, whiten, white, onboard=False)
+        if point is None:
+            return None
+        model = model.at_point(point, effects)
+        white = model.white_residuals(whiten)
+        size = 0.5 * float(white @ white)
+        if abs(last - size) < settings.fit_convergence_nats:
+            break
+        last = size
+    return model
+
+
 def linearize(
     case: FlightCase,
     iterations: int = 1,
@@ -241,19 +280,19 @@ def _iterate_point(
     case: FlightCase, iterations: int, max_excess_share: float, model: LinearizedModel, least_iterations: int = 1
 ) -> Iterator[LinearizedModel]:
     """The model about its point and about the points that follow, until the point converges or the model fails."""
-    tolerance, last = case.settings.linearization_tolerance_sigmas, -np.inf
+    settings, last, last_share = case.settings, -np.inf, np.inf
+    tolerance = settings.linearization_tolerance_sigmas
     for i in range(iterations):
         yield model
-        log_likelihood = model.white_excess_log_likelihood
-        if log_likelihood < last + case.settings.linearization_convergence_nats:
+        log_likelihood, share = model.white_excess_log_likelihood, model.excess_variance.share
+        converged = model.holds and log_likelihood < last + settings.linearization_convergence_nats
+        receding = not model.holds and share > settings.alternative_progress * last_share
+        if i == iterations - 1 or converged or receding or (share > max_excess_share and i >= least_iterations - 1):
             return
-        last = log_likelihood
-        point = model.point
-        failing = model.excess_variance.share > max_excess_share
-        if i == iterations - 1 or (failing and i >= least_iterations - 1):
-            return
+        last, last_share, point = log_likelihood, share, model.point
         whiten, size = model.white_excess_filter, model.nuisance.layout.size
-        new_point = map_point(model, whiten, model.white_residuals(whiten))
+        chord = at_map_point(model, whiten, model.white_residuals(whiten), model.effects)
+        new_point = None if chord is None else map_point(chord, whiten, chord.white_residuals(whiten))
         if new_point is None:
             return
         spread = np.sqrt(np.maximum(np.diag(whiten.posterior_initial_covariance(size)), 0.0))

@@ -17,7 +17,7 @@ import numpy as np
 
 from edl_filter.diagnosis.linear_model.effect_jacobian import effect_jacobian, is_ordered, prior_sigma
 from edl_filter.diagnosis.linear_model.linear_model import LinearizedModel
-from edl_filter.diagnosis.linear_model.linearization import map_point
+from edl_filter.diagnosis.linear_model.linearization import at_map_point
 from edl_filter.diagnosis.linear_model.linearization_point import LinearizationPoint
 from edl_filter.diagnosis.prediction.dead_reckoning import NODES_PER_BIN
 from edl_filter.effects.base import EffectInstance, EffectKey, effect_with_key
@@ -107,7 +107,7 @@ def fit_map(
     sigma = np.array([prior_sigma(q) for _, q in free])
     centre = np.array([0.0 if q.kind == "size" else _value(current.effects, e, q.name) for e, q in free])
     if moving:
-        current = _at_map_point(current, whiten, current.white_residuals(whiten), current.effects) or current
+        current = at_map_point(current, whiten, current.white_residuals(whiten), current.effects) or current
     log_posterior, white = _log_posterior(current, whiten, centre, sigma, names)
     columns = np.zeros((len(white), 0))
     covariance = np.diag(sigma**2)
@@ -122,7 +122,7 @@ def fit_map(
         better: tuple[LinearizedModel, float, Array] | None = None
         for part, trial in _line_search(current.effects, free, theta, step, settings.shortest_step):
             if moving:
-                candidate = _at_map_point(current, whiten, white - part * (columns @ step), trial)
+                candidate = at_map_point(current, whiten, white - part * (columns @ step), trial)
                 if candidate is None:
                     continue
             else:
@@ -237,27 +237,6 @@ def _with_values(
     for (effect, q), v in zip(free, theta, strict=True):
         values.setdefault(effect, {})[q.name] = float(np.clip(v, q.low, q.high)) if q.kind != "phase" else float(v)
     return tuple(replace(a, values=a.values | values.get(a.key, {})) for a in effects)
-
-
-def _at_map_point(
-    model: LinearizedModel, whiten: WhiteningFilter, white: Array, effects: tuple[EffectInstance, ...]
-) -> LinearizedModel | None:
-    """The model with effects at new values, its point at the most probable nuisance parameters.
-
-    `white` are the white residuals that are expected there. None where the point is not credible.
-    """
-    settings, last = model.settings, np.inf
-    for _ in range(settings.nuisance_iterations):
-        point = map_point(model, whiten, white, onboard=False)
-        if point is None:
-            return None
-        model = model.at_point(point, effects)
-        white = model.white_residuals(whiten)
-        size = 0.5 * float(white @ white)
-        if abs(last - size) < settings.fit_convergence_nats:
-            break
-        last = size
-    return model
 
 
 def _log_posterior(
