@@ -30,8 +30,10 @@ class Flight:
         self.sensitivity = {name: random.normal(size=self.count) for name in FIELD_COEFFICIENTS}
         self.constant = random.normal(size=(self.count, 1))
         self.noise = random.uniform(0.05, 0.2, self.count)
-        self.modes = {n: PRIOR.angle_modes(n, angle, np.full(steps, 30.0)) for n in FIELD_COEFFICIENTS}
-        self.shapes = {n: m.at(np.repeat(angle, 2)) for n, m in self.modes.items()}
+        self.modes = {
+            n: PRIOR.angle_modes(n, angle, np.full(steps, 30.0), (np.zeros(0), np.zeros(0))) for n in FIELD_COEFFICIENTS
+        }
+        self.shapes = {n: m.at(np.repeat(angle, 2), np.zeros(2 * steps, bool)) for n, m in self.modes.items()}
         self.residuals = random.normal(size=self.count)
         self.fields, self.state_space = self._state_space(steps, np.diff(distance, prepend=distance[0]))
 
@@ -79,7 +81,7 @@ class Flight:
         blocks = [(name, d) for d in places for name in FIELD_COEFFICIENTS]
         for name, d in blocks:
             rows = self.sensitivity[name][:, None] * self.shapes[name]
-            by_angle = rows @ self.modes[name].at(ALPHA).T
+            by_angle = rows @ self.modes[name].at(ALPHA, np.zeros(len(ALPHA), bool)).T
             by_place = correlation(np.subtract.outer(self.distance, d))
             cross.append((by_place[:, :, None] * by_angle[:, None, :]).reshape(self.count, -1))
         prior = [

@@ -80,7 +80,7 @@ class IncrementTables:
             between = _interpolation_variance(
                 (flow - knots[0]) / _length(prior, r.regime), _step(knots, prior, r.regime)
             )
-            over_angle = prior.interpolation_sigma("ca", r.alpha, np.minimum(alpha, r.alpha[-1])) ** 2
+            over_angle = _angle_variance(prior, r.alpha, np.clip(alpha, r.alpha[0], r.alpha[-1]))
             out = np.where(inside, np.minimum(1.0 - correlation**2 + between + over_angle + _NEGLIGIBLE, 1.0), out)
         return out
 
@@ -129,6 +129,19 @@ def _interpolation_variance(place: Array, step: float) -> Array:
     )
     rest = 1.0 - fraction
     variance = 1.0 + rest**2 + fraction**2 + 2.0 * fraction * rest * at_knot - 2.0 * (rest * low + fraction * high)
+    return np.asarray(np.maximum(variance, 0.0))
+
+
+def _angle_variance(prior: DiscrepancyPrior, knots: Array, angle: Array) -> Array:
+    """Variance of the field over the angle less its linear interpolation between knots."""
+    lower = np.minimum(np.searchsorted(knots, angle, side="right") - 1, len(knots) - 2)
+    step = knots[lower + 1] - knots[lower]
+    high = (angle - knots[lower]) / step
+    low = 1.0 - high
+    at_knot, to_low, to_high = (
+        np.exp(-0.5 * (d / prior.angle_length) ** 2) for d in (step, angle - knots[lower], knots[lower + 1] - angle)
+    )
+    variance = 1.0 + low**2 + high**2 + 2.0 * low * high * at_knot - 2.0 * (low * to_low + high * to_high)
     return np.asarray(np.maximum(variance, 0.0))
 
 

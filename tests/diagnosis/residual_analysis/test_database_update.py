@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from field_flights import ALPHA, CHANGE, PRIOR, Flight
 
-from edl_filter.aero.increments import RegimeUpdate
+from edl_filter.aero.increments import REGIMES, RegimeUpdate
 from edl_filter.diagnosis.residual_analysis.database_update import posterior_at_knots
 
 
@@ -16,7 +16,14 @@ def test_the_posterior_at_knots_is_that_of_dense_regression():
     ]
     whiten, white = flight.white()
     mean, covariance, prior = posterior_at_knots(
-        whiten, white, flight.fields, flight.distance, PRIOR, flight.modes, places, ALPHA
+        whiten,
+        white,
+        flight.fields,
+        flight.distance,
+        PRIOR,
+        flight.modes,
+        dict(zip(REGIMES, places, strict=True)),
+        dict.fromkeys(REGIMES, ALPHA),
     )
     dense_mean, dense_covariance = flight.dense(places)
     assert np.allclose(mean, dense_mean, rtol=0.0, atol=1e-8)

@@ -21,6 +21,7 @@ from scipy.linalg import solve_triangular
 
 from edl_filter.aero.discrepancy import FIELD_COEFFICIENTS, AngleModes, DiscrepancyPrior
 from edl_filter.aero.increments import REGIMES
+from edl_filter.diagnosis.jacobians.prediction_jacobian import interpolated_angles
 from edl_filter.diagnosis.linear_model.linear_model import LinearizedModel
 from edl_filter.diagnosis.residual_analysis.channel_rms import channels
 from edl_filter.diagnosis.residual_analysis.database_update import FLOW_SPACING, knot_angles
@@ -102,7 +103,7 @@ def predictive_log_likelihood(learned: LinearizedModel, predicted: LinearizedMod
         )
     paths = [FlownPath.of(m) for m in (learned, predicted)]
     coordinates = common_knots(paths[0], paths[1], prior)
-    alpha = knot_angles(paths[0], prior)
+    alpha = knot_angles(paths[0], prior, interpolated_angles(learned.inputs.forward_model.database.continuum))
     evidence = []
     for model, path in zip((learned, predicted), paths, strict=True):
         distance = np.concatenate([path.distance_at(regime, c) for regime, c in coordinates.items()])
@@ -168,7 +169,7 @@ def knot_columns(
     distance : (K,) array
         Places of the knots along the flow.
     alpha : (A,) array
-        Angles that determine the principal modes, rad.
+        Angles that determine the principal modes, rad; those of the continuum table where it is linear between them.
 
     Returns
     -------
@@ -180,7 +181,7 @@ def knot_columns(
         covariance = amplitude_covariance(whiten.model.design, fields[name], row_distance, distance)
         size, vectors = np.linalg.eigh(prior.angle_kernel(name, alpha, alpha))
         kept = size > _NEGLIGIBLE_MODE * size[-1]
-        principal = modes[name].at(alpha).T @ vectors[:, kept] / np.sqrt(size[kept])
+        principal = modes[name].at(alpha, np.zeros(len(alpha), bool)).T @ vectors[:, kept] / np.sqrt(size[kept])
         at_knots = np.moveaxis(covariance @ principal, 1, 0)
         independent = solve_triangular(factor, at_knots.reshape(len(distance), -1), lower=True)
         blocks.append(np.moveaxis(independent.reshape(at_knots.shape), 0, 1).reshape(len(row_distance), -1))

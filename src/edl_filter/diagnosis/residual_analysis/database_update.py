@@ -12,6 +12,7 @@ import numpy as np
 
 from edl_filter.aero.discrepancy import FIELD_COEFFICIENTS, AngleModes, DiscrepancyPrior
 from edl_filter.aero.increments import REGIMES, DatabaseUpdate, RegimeUpdate
+from edl_filter.diagnosis.jacobians.prediction_jacobian import interpolated_angles
 from edl_filter.diagnosis.linear_model.linear_model import LinearizedModel
 from edl_filter.diagnosis.prediction.dead_reckoning import NODES_PER_BIN
 from edl_filter.diagnosis.residual_analysis.field_posterior import (
@@ -41,14 +42,17 @@ def estimate_database_update(model: LinearizedModel) -> DatabaseUpdate | None:
     if model.field is None:
         return None
     path, prior = FlownPath.of(model), model.case.uncertainty.discrepancy
-    alpha = knot_angles(path, prior)
+    database = model.inputs.forward_model.database
+    tables = {"mach": database.continuum, "knudsen": database.rarefied}
     nodes: dict[str, Array] = {}
     distances: dict[str, Array] = {}
+    angles: dict[str, Array] = {}
     for regime in REGIMES:
         flown = path.flown_range(regime)
         if flown is not None:
             length = prior.log_mach_length if regime == "mach" else prior.log_knudsen_length
             coordinate = knot_coordinates(*flown, length, FLOW_SPACING)
+            angles[regime] = knot_angles(path, prior, interpolated_angles(tables[regime]))
             distances[regime] = path.distance_at(regime, coordinate)
             nodes[regime] = np.exp(coordinate) if regime == "mach" else 10.0**coordinate
     if not nodes:
@@ -61,16 +65,17 @@ def estimate_database_update(model: LinearizedModel) -> DatabaseUpdate | None:
         path.row_distance,
         prior,
         model.field.modes,
-        list(distances.values()),
-        alpha,
+        distances,
+        angles,
     )
-    unit_sigma = [_database_sigma(model, path, d, alpha) for d in distances.values()]
+    unit_sigma = [_database_sigma(model, path, d, angles[regime]) for regime, d in distances.items()]
     scale = np.concatenate([s.ravel() for s in unit_sigma])
     mean, covariance = mean * scale, covariance * np.outer(scale, scale)
     sigma = np.sqrt(np.maximum(np.diag(covariance), 0.0))
     prior_sigma = np.sqrt(np.diag(prior_covariance)) * scale
     regimes, start = [], 0
     for regime, knots in nodes.items():
+        alpha = angles[regime]
         shape = (len(FIELD_COEFFICIENTS), len(knots), len(alpha))
         part = slice(start, start + int(np.prod(shape)))
         start = part.stop
@@ -85,14 +90,18 @@ def estimate_database_update(model: LinearizedModel) -> DatabaseUpdate | None:
                 bins=_bins_by_knot(path, regime, knots, alpha),
             )
         )
-    family = model.inputs.forward_model.database.family
-    return DatabaseUpdate(family, prior, tuple(regimes), 0.5 * (covariance + covariance.T))
+    return DatabaseUpdate(database.family, prior, tuple(regimes), 0.5 * (covariance + covariance.T))
 
 
-def knot_angles(path: FlownPath, prior: DiscrepancyPrior) -> Array:
-    """Angles from zero to the largest that is compared, or a little beyond ``(A,)``, rad."""
-    step = ANGLE_SPACING * prior.angle_length
+def knot_angles(path: FlownPath, prior: DiscrepancyPrior, table_angles: Array) -> Array:
+    """Angles from zero to the largest that is compared, or a little beyond ``(A,)``, rad.
+
+    Those of the database's own table if it is linear between them: its error is so as well.
+    """
     largest = float(np.max(path.alpha_total[path.compared], initial=0.0))
+    if len(table_angles) and table_angles[0] == 0.0:
+        return table_angles[: max(int(np.searchsorted(table_angles, largest)), 1) + 1]
+    step = ANGLE_SPACING * prior.angle_length
     return np.asarray(step * np.arange(max(int(np.ceil(largest / step)), 1) + 1), float)
 
 
@@ -103,8 +112,8 @@ def posterior_at_knots(
     row_distance: Array,
     prior: DiscrepancyPrior,
     modes: dict[str, AngleModes],
-    distances: list[Array],
-    alpha: Array,
+    distances: dict[str, Array],
+    angles: dict[str, Array],
 ) -> tuple[Array, Array, Array]:
     """Posterior of the fields at knots; in the database's sigmas.
 
@@ -122,10 +131,10 @@ def posterior_at_knots(
         Of the fields.
     modes : dict
         Coefficient → modes over the angle.
-    distances : list of (K,) arrays
-        Places of the knots along the flow, regime by regime.
-    alpha : (A,) array
-        Angles of the knots, rad.
+    distances : dict
+        Regime → places of the knots along the flow ``(K,)``.
+    angles : dict
+        Regime → angles of the knots ``(A,)``, rad.
 
     Returns
     -------
@@ -135,18 +144,18 @@ def posterior_at_knots(
     """
     covariances = [
         amplitude_covariance(whiten.model.design, fields[name], row_distance, d).reshape(len(white), -1)
-        for d in distances
+        for d in distances.values()
         for name in FIELD_COEFFICIENTS
     ]
     columns = white_columns(whiten, np.concatenate(covariances, axis=1))
-    return field_at_knots(prior, modes, distances, alpha, columns.T @ white, columns.T @ columns)
+    return field_at_knots(prior, modes, distances, angles, columns.T @ white, columns.T @ columns)
 
 
 def field_at_knots(
     prior: DiscrepancyPrior,
     modes: dict[str, AngleModes],
-    distances: list[Array],
-    alpha: Array,
+    distances: dict[str, Array],
+    angles: dict[str, Array],
     mean: Array,
     reduction: Array,
 ) -> tuple[Array, Array, Array]:
@@ -160,10 +169,10 @@ def field_at_knots(
         Of the field.
     modes : dict
         Coefficient → modes over the angle.
-    distances : list of (K,) arrays
-        Places along the flow, in correlation lengths, regime by regime.
-    alpha : (A,) array
-        Angles, rad.
+    distances : dict
+        Regime → places along the flow ``(K,)``, in correlation lengths.
+    angles : dict
+        Regime → angles ``(A,)``, rad; those of the table where it is linear between them.
     mean, reduction : (C,), (C, C) arrays
         Posterior mean of the amplitudes, and prior less posterior covariance: by regime, coefficient, place, mode.
 
@@ -173,19 +182,23 @@ def field_at_knots(
         In the order of regime, coefficient, place, angle.
     covariance, prior_covariance : (N, N) arrays
     """
-    blocks = [(name, d) for d in distances for name in FIELD_COEFFICIENTS]
-    sizes = [len(d) * len(alpha) for _, d in blocks]
-    maps = [np.kron(np.eye(len(d)), modes[name].at(alpha)) for name, d in blocks]
+    blocks = [(name, regime) for regime in distances for name in FIELD_COEFFICIENTS]
+    sizes = [len(distances[regime]) * len(angles[regime]) for _, regime in blocks]
+    maps = []
+    for name, regime in blocks:
+        alpha = angles[regime]
+        shapes = modes[name].at(alpha, np.full(len(alpha), regime == "knudsen"))
+        maps.append(np.kron(np.eye(len(distances[regime])), shapes))
     widths = [m.shape[1] for m in maps]
     to_field = np.zeros((sum(sizes), sum(widths)))
     prior_covariance = np.zeros((sum(sizes), sum(sizes)))
     rows, columns = (np.concatenate(([0], np.cumsum(n))) for n in (sizes, widths))
-    for i, (name, d) in enumerate(blocks):
+    for i, (name, regime) in enumerate(blocks):
         to_field[rows[i] : rows[i + 1], columns[i] : columns[i + 1]] = maps[i]
-        over_angle = prior.angle_kernel(name, alpha, alpha)
-        for j, (column_name, e) in enumerate(blocks):
+        for j, (column_name, column_regime) in enumerate(blocks):
             if column_name == name:
-                along = matern52_correlation(np.subtract.outer(d, e))[..., 0]
+                along = matern52_correlation(np.subtract.outer(distances[regime], distances[column_regime]))[..., 0]
+                over_angle = prior.angle_kernel(name, angles[regime], angles[column_regime])
                 prior_covariance[rows[i] : rows[i + 1], rows[j] : rows[j + 1]] = np.kron(along, over_angle)
     return to_field @ mean, prior_covariance - to_field @ reduction @ to_field.T, prior_covariance
 
