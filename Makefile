@@ -17,13 +17,14 @@
 #   make study-thresholds   which verdicts change with each threshold of the diagnosis (hours; resumable)
 #   make thesis-claims      write docs/thesis-claims.md: every statement of the thesis on the rovers with our number (seconds)
 #   make study-comparators  what stepwise regression and pysindy say of the practice flights
+#   make study-cross-prediction  learn the database's increments on one rover and predict the other (a minute)
 
 PYTHON ?= python3
 BIN := .venv/bin
 STAMP := .venv/installed
 DOCS_STAMP := .venv/installed-docs
 
-.PHONY: demo test notebooks test-browser test-effects lint types layers bench docs study study-inexact study-simulation study-closure study-filters study-thresholds study-comparators thesis-claims clean
+.PHONY: demo test notebooks test-browser test-effects lint types layers bench docs study study-inexact study-simulation study-closure study-filters study-thresholds study-comparators study-cross-prediction thesis-claims clean
 
 demo: $(STAMP)
 	$(BIN)/edl-filter demo -o demo-results
@@ -93,6 +94,9 @@ study-filters: $(STAMP)
 
 study-comparators: $(STAMP)
 	$(BIN)/python benchmarks/studies/comparators.py
+
+study-cross-prediction: $(STAMP)
+	$(BIN)/python benchmarks/studies/cross_prediction.py
 
 thesis-claims: $(STAMP)
 	PYTHONPATH=benchmarks/studies $(BIN)/python -m thesis_claims

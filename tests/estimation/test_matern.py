@@ -12,6 +12,7 @@ from edl_filter.estimation.matern import (
     MATERN32_COVARIANCE,
     MATERN52_COVARIANCE,
     matern32_transition,
+    matern52_correlation,
     matern52_transition,
     sample_matern32,
 )
@@ -164,3 +165,11 @@ def test_two_steps_of_order_52_are_one_and_many_are_each_by_itself():
     for index in np.ndindex(2, 2):
         for many, single in zip((transition, noise), matern52_transition(distance[index]), strict=True):
             np.testing.assert_allclose(many[index], single, rtol=1e-14, atol=1e-15)
+
+
+def test_correlations_with_a_value_are_those_of_the_state_space_form():
+    distance = np.array([0.0, 0.1, 0.7, 2.3])
+    covariance = matern52_transition(distance)[0] @ MATERN52_COVARIANCE
+    assert np.allclose(matern52_correlation(distance), covariance[..., 0], rtol=0.0, atol=1e-14)
+    mirrored = matern52_correlation(-distance)
+    assert np.allclose(mirrored * [1.0, -1.0, 1.0], covariance[..., 0], rtol=0.0, atol=1e-14)

@@ -37,7 +37,8 @@ def diagnosis(**changes):
         },
         "screening": {"mass": {"gain": -2.0, "parameters": {"k": {"estimate": 0.0, "sigma": 0.01, "data_share": 0.9}}}},
         "remainder": None, "latent": None, "onsets": [{"channel": "moment_y", "time_s": 131.0, "gain": 20.0}],
-        "failed": {}, "errors": {"moment_y": 3.0}, "noise_floor": 1.02, "settings": DecisionSettings().model_dump(),
+        "failed": {}, "errors": {"moment_y": 3.0}, "noise_floor": 1.02, "database_update": None, "nuisances": [],
+        "settings": DecisionSettings().model_dump(),
     } | changes  # fmt: skip
 
 

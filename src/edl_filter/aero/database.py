@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike
 from edl_filter.aero.base_pressure import with_base_pressure
 from edl_filter.aero.body import SphereCone, sphere_cone
 from edl_filter.aero.grid import GridTable, Interpolation, Kind
+from edl_filter.aero.increment_tables import IncrementTables, increment_terms
 from edl_filter.aero.newtonian import newtonian_table
 from edl_filter.aero.planes import moments_at_cm, split
 from edl_filter.aero.surrogate import Surrogate, phoenix_surrogate
@@ -101,6 +102,8 @@ class Database:
         below Mach 8 by the Mach number, with a linear transition in between. A table of one vehicle is thus a proxy
         for another one that flies at the same speed in another atmosphere. With 205.8 m/s Phoenix's CA(speed) agrees
         with its CA(Mach) from 900 to 4200 m/s (RMS difference 0.003).
+    increments : IncrementTables, optional
+        Added to the tables: what another flight says of them.
     """
 
     continuum: GridTable | Surrogate
@@ -109,6 +112,7 @@ class Database:
     join: Join = "continuous"
     family: str = "Phoenix"
     speed_per_mach: float | None = None
+    increments: IncrementTables | None = None
 
     def at(self, mach: ArrayLike, knudsen: ArrayLike, speed: ArrayLike | None = None) -> Sum:
         """Slice: the curves over the angle of N samples.
@@ -131,7 +135,10 @@ class Database:
         """
         mach, knudsen = np.broadcast_arrays(np.asarray(mach, float), np.asarray(knudsen, float))
         continuum = self.continuum.at(self._index(mach, speed))
-        return join_regimes(continuum, self.rarefied, knudsen, self.continuum_limit, self.join)
+        joined = join_regimes(continuum, self.rarefied, knudsen, self.continuum_limit, self.join)
+        if self.increments is None:
+            return joined
+        return Sum([*joined.terms, *increment_terms(self.increments.mean, mach, knudsen, self.continuum_limit)])
 
     def lookup(
         self, mach: ArrayLike, knudsen: ArrayLike, alpha_total: ArrayLike, speed: ArrayLike | None = None

@@ -9,9 +9,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from edl_filter.aero.increments import DatabaseUpdate
 from edl_filter.diagnosis.linear_model.flight_case import FlightCase
 from edl_filter.diagnosis.residual_analysis.channel_rms import model_rms
+from edl_filter.diagnosis.residual_analysis.database_update import estimate_database_update
 from edl_filter.diagnosis.residual_analysis.latent_force import LatentForce, estimate_latent_force
+from edl_filter.diagnosis.residual_analysis.nuisance_shifts import NuisanceShift, nuisance_shifts
 from edl_filter.diagnosis.residual_analysis.residual_map import Cell, Onset, onsets, residual_map
 from edl_filter.diagnosis.residual_analysis.time_series import residual_series
 from edl_filter.diagnosis.residual_analysis.unexplained import Remainder, describe_remainder
@@ -50,6 +53,10 @@ class Diagnosis:
         Channel → normalised RMS over the flight, as the model is.
     noise_floor : float
         Normalised RMS that chance allows over the flight: its 97.5 % point.
+    update : DatabaseUpdate or None
+        What the flight says of the database, with the model as it is; None with an exact database.
+    shifts : tuple of NuisanceShift
+        Nuisance parameters that the flight moves away from what the mission states.
     """
 
     mission: str
@@ -62,6 +69,8 @@ class Diagnosis:
     onsets: list[Onset]
     errors: dict[str, float]
     noise_floor: float
+    update: DatabaseUpdate | None
+    shifts: tuple[NuisanceShift, ...]
 
     @property
     def title(self) -> str:
@@ -116,6 +125,7 @@ def diagnose(case: FlightCase, candidates: Iterable[Effect], progress: Progress 
     verdict = decide(ranking)
     progress("describing what is left")
     model, unknown = ranking.model, verdict.verdict == UNKNOWN
+    update = estimate_database_update(model)
     return Diagnosis(
         mission=case.mission.name,
         effects=tuple(a.label for a in case.effects),
@@ -127,4 +137,6 @@ def diagnose(case: FlightCase, candidates: Iterable[Effect], progress: Progress 
         onsets=onsets(model),
         errors=model_rms(model),
         noise_floor=float(np.sqrt(1.0 + 1.96 * np.sqrt(2.0 / model.index.count))),
+        update=update,
+        shifts=nuisance_shifts(model, update),
     )

@@ -6,12 +6,14 @@ from typing import Any
 
 import numpy as np
 
+from edl_filter.aero.increments import SYMBOLS, DatabaseUpdate
 from edl_filter.diagnosis.diagnosis import Diagnosis
 from edl_filter.diagnosis.residual_analysis.residual_map import Cell, failing_cells
 from edl_filter.diagnosis.selection.decision import Entry, hypothesis_rms, most_reduced_channel
 from edl_filter.diagnosis.selection.hypothesis import Hypothesis
 from edl_filter.diagnosis.selection.screening import ScreeningResult
 from edl_filter.effects.base import EffectInstance, label_of
+from edl_filter.results.files import DATABASE_UPDATE
 from edl_filter.results.plain import finite
 
 
@@ -65,9 +67,28 @@ def diagnosis_content(diagnosis: Diagnosis) -> dict[str, Any]:
         "failed": ranking.failed,
         "errors": diagnosis.errors,
         "noise_floor": diagnosis.noise_floor,
+        "database_update": None if diagnosis.update is None else _update(diagnosis.update),
+        "nuisances": [
+            {"name": s.name, "sigmas": s.sigmas, "value": s.value, "unit": s.unit} for s in diagnosis.shifts
+        ],
         "settings": ranking.case.settings.model_dump(),
     }  # fmt: skip
     return dict(finite(content))
+
+
+def _update(update: DatabaseUpdate) -> dict[str, Any]:
+    return {
+        "file": DATABASE_UPDATE,
+        "cells": update.cells,
+        "largest": {
+            SYMBOLS[i.coefficient]: {
+                "sigmas": i.sigmas, "increment": i.increment, "sigma": i.sigma,
+                "mach": i.node if i.regime == "mach" else None, "knudsen": i.node if i.regime == "knudsen" else None,
+                "alpha_deg": float(np.degrees(i.alpha)),
+            }
+            for i in update.largest()
+        },
+    }  # fmt: skip
 
 
 def _cell(c: Cell) -> dict[str, Any]:

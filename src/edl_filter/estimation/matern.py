@@ -71,6 +71,29 @@ def matern52_transition(distance: Array) -> tuple[Array, Array]:
     return transition, noise
 
 
+def matern52_correlation(distance: Array) -> Array:
+    """Correlations of a process of order 5/2 and its derivatives with its value at another place, for unit variance.
+
+    Parameters
+    ----------
+    distance : (...) array
+        Place of the process less that of the value, over the correlation length; of either sign.
+
+    Returns
+    -------
+    (..., 3) array
+        Of value, first and second derivative.
+    """
+    d = np.sqrt(5.0) * np.asarray(distance, float)
+    size = np.abs(d)
+    decay = np.exp(-size)
+    out = np.empty((*d.shape, 3))
+    out[..., 0] = (1.0 + size + d**2 / 3.0) * decay
+    out[..., 1] = -np.sqrt(5.0) / 3.0 * d * (1.0 + size) * decay
+    out[..., 2] = 5.0 / 3.0 * (d**2 - size - 1.0) * decay
+    return out
+
+
 def sample_matern32(random: np.random.Generator, nodes: int, step: float, sigma: float, length: float) -> Array:
     """One realisation at equidistant nodes.
 

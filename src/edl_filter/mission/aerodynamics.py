@@ -97,6 +97,11 @@ class AerodynamicsConfig(Section):
         default=None,
         description="pitch and yaw damping: builtin:practice_damping, or a CSV mach,Cmq; absent: no damping",
     )
+    increments: str | None = Field(
+        default=None,
+        description="increments of the database that another flight gives, with their covariance: the "
+        "database_update.nc that diagnose writes; absent: none",
+    )
     coefficient_sigma: Annotated[Number, Within("", 0.0, 10.0)] = Field(
         default=1.0,
         description="1 sigma of the database's error, in units of its own sigma (a third of its family's 3 sigma); "

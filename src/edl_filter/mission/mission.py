@@ -265,6 +265,17 @@ class Mission(Section):
         reference = None if self.aerodynamics is None else self.aerodynamics.damping
         return None if reference is None else self._existing_path("aerodynamics.damping", reference)
 
+    def increments_path(self) -> Path | None:
+        """Path of the database's increments; None where the mission names none.
+
+        Raises
+        ------
+        InputError
+            The file does not exist.
+        """
+        reference = None if self.aerodynamics is None else self.aerodynamics.increments
+        return None if reference is None else self._existing_path("aerodynamics.increments", reference)
+
     def active_effects(self) -> tuple[EffectInstance, ...]:
         """Return the mission's effects in the file's order, with all their parameters.
 

@@ -10,6 +10,8 @@ import numpy as np
 from edl_filter.aero.body import SphereCone
 from edl_filter.aero.damping import read_damping
 from edl_filter.aero.database import Database, load_database
+from edl_filter.aero.increment_tables import IncrementTables
+from edl_filter.aero.increments_file import read_increments
 from edl_filter.effects.base import EffectInstance
 from edl_filter.effects.forward_model import Damping, ForwardModel, compose_body
 from edl_filter.effects.types import Body
@@ -61,7 +63,7 @@ def database_of(mission: Mission) -> Database:
     """Aerodynamic database of a mission that names one."""
     aero = mission.aerodynamics
     assert aero is not None
-    return load_database(
+    database = load_database(
         mission.aerodynamic_table("continuum"),
         mission.aerodynamic_table("rarefied"),
         continuum_limit=aero.continuum_limit,
@@ -74,6 +76,11 @@ def database_of(mission: Mission) -> Database:
         continuum_moment_point=aero.continuum_moment_point,
         rarefied_moment_point=aero.rarefied_moment_point,
     )
+    path = mission.increments_path()
+    if path is None:
+        return database
+    update = read_increments(path, aero.family, f"{mission.source or mission.name}: aerodynamics.increments")
+    return replace(database, increments=IncrementTables(update))
 
 
 def _forebody(mission: Mission) -> SphereCone | None:

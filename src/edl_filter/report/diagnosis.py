@@ -11,7 +11,9 @@ from typing import Any
 import numpy as np
 from xarray import DataArray
 
+from edl_filter.aero.increments import DatabaseUpdate
 from edl_filter.report.colours import AXES, LEAST, MOST, cell_colours
+from edl_filter.report.database_update import database_figure
 from edl_filter.report.description import (
     Axis,
     Band,
@@ -65,8 +67,10 @@ _CHANNEL_STYLES: tuple[tuple[str, Symbol], ...] = (
 _DASH: Dash = "dash"
 
 
-def draw_diagnosis(content: DiagnosisContent | Mapping[str, Any], title: str, folder: Path) -> list[Path]:
-    """Write the figures of a diagnosis: `results.files.DIAGNOSIS_FIGURES`, the last one only if there is an estimate.
+def draw_diagnosis(
+    content: DiagnosisContent | Mapping[str, Any], title: str, folder: Path, update: DatabaseUpdate | None = None
+) -> list[Path]:
+    """Write the figures of a diagnosis: `results.files.DIAGNOSIS_FIGURES`, the last two only if there are estimates.
 
     Parameters
     ----------
@@ -76,12 +80,18 @@ def draw_diagnosis(content: DiagnosisContent | Mapping[str, Any], title: str, fo
         Title of the flight.
     folder : Path
         Existing or new folder.
+    update : DatabaseUpdate, optional
+        Increments of the database.
     """
     diagnosis = DiagnosisContent.of(content)
-    figures = [residual_map(diagnosis, title), ranking(diagnosis, title)]
-    if diagnosis.latent is not None:
-        figures.append(missing(diagnosis.latent, diagnosis.onsets, title))
-    return [write_figure(f, folder / f"{n}.png") for f, n in zip(figures, DIAGNOSIS_FIGURES, strict=False)]
+    figures = (
+        residual_map(diagnosis, title),
+        ranking(diagnosis, title),
+        None if update is None else database_figure(update, title),
+        None if diagnosis.latent is None else missing(diagnosis.latent, diagnosis.onsets, title),
+    )
+    named = zip(figures, DIAGNOSIS_FIGURES, strict=True)
+    return [write_figure(figure, folder / f"{name}.png") for figure, name in named if figure is not None]
 
 
 def map_cells(cells: Sequence[MapCell]) -> tuple[list[str], list[str], dict[tuple[str, str], int]]:

@@ -22,7 +22,10 @@ if TYPE_CHECKING:  # building the models takes longer than some commands
 RESULT, SUMMARY, REPORT, FIGURES, TABLES = "result.nc", "summary.json", "report.html", "figures", "tables"
 #: Files that `edl-filter diagnose` adds: the diagnosis, its residuals against time, its figures in ``figures/``.
 DIAGNOSIS, RESIDUALS = "diagnosis.json", "residuals.nc"
-DIAGNOSIS_FIGURES = ("diagnosis_heatmap", "diagnosis_ranking", "diagnosis_missing")
+DIAGNOSIS_FIGURES = ("diagnosis_heatmap", "diagnosis_ranking", "diagnosis_database", "diagnosis_missing")
+#: Increments of the database that a diagnosis estimates, and their tables in ``tables/``: continuum, rarefied flow.
+DATABASE_UPDATE = "database_update.nc"
+UPDATE_TABLES = ("database_update.csv", "database_update_rarefied.csv")
 #: The mission as it was run, where ``--set`` changed it; the ledger of ``edl-filter improve``.
 AS_RUN, LEDGER = "mission_as_run.yaml", "ledger.jsonl"
 

@@ -1,7 +1,8 @@
 """One reader of a result, whether it is a folder, a data tree or plain groups.
 
 `ResultReader` returns variables, attributes and units by group and name, the flight's events, phases and validation
-domain, and the contents of ``summary.json``, ``diagnosis.json``, ``ledger.jsonl`` and ``residuals.nc``. Reports,
+domain, and the contents of ``summary.json``, ``diagnosis.json``, ``ledger.jsonl``, ``residuals.nc`` and
+``database_update.nc``. Reports,
 figures, the workbench and commands read results through it only. What a result does not contain is None or empty.
 """
 
@@ -17,8 +18,11 @@ from typing import TYPE_CHECKING, Any, Literal, TypeVar, cast
 import h5py
 import numpy as np
 
+from edl_filter.aero.increments import DatabaseUpdate
+from edl_filter.aero.increments_file import read_increments
 from edl_filter.errors import InputError
 from edl_filter.results.files import (
+    DATABASE_UPDATE,
     DIAGNOSIS,
     LEDGER,
     RESIDUALS,
@@ -455,6 +459,13 @@ class ResultReader:
         if self.diagnosis is None:
             return None
         return self._content(RESIDUALS, lambda folder: ResidualSeries.from_file(folder / RESIDUALS))
+
+    @cached_property
+    def database_update(self) -> DatabaseUpdate | None:
+        """Increments of the database that the diagnosis estimated; None without a diagnosis or with an exact one."""
+        if self.diagnosis is None or self.diagnosis.database_update is None:
+            return None
+        return self._content(DATABASE_UPDATE, lambda folder: read_increments(folder / DATABASE_UPDATE))
 
     def _content(self, name: str, read: Callable[[Path], T]) -> T | None:
         """Content of a file of the folder; None if it does not exist or, with an entry in `problems`, is invalid."""

@@ -475,6 +475,34 @@ class OnsetContent(Content):
     gain: Number = _key("log-likelihood over constant noise, nats")
 
 
+class LargestIncrementContent(Content):
+    """The largest increment of one coefficient of the database, in sigmas of the database."""
+
+    sigmas: Number = _key("increment over the database's own 1 sigma")
+    increment: Number = _key("increment, in units of the coefficient")
+    sigma: Number = _key("1 sigma of the increment, given the flight")
+    mach: Number = _key("Mach number; null in rarefied flow")
+    knudsen: Number = _key("Knudsen number based on the diameter; null in continuum flow")
+    alpha_deg: float = _key("total angle of attack, deg")
+
+
+class DatabaseUpdateContent(Content):
+    """What the flight says of the aerodynamic database."""
+
+    file: str = _key("name of the file with all increments and their covariance, in the result folder")
+    cells: int = _key("number of pairs of a Mach or Knudsen number and an angle")
+    largest: dict[str, LargestIncrementContent] = _key("CA, CN and Cm → the largest increment")
+
+
+class NuisanceContent(Content):
+    """A nuisance parameter that the flight moves by more than 2 sigma from what the mission states."""
+
+    name: str = _key("name; the database's increments are database CA, database CN, database Cm")
+    sigmas: Number = _key("shift over the stated 1 sigma; where it varies during the flight, the largest")
+    value: Number = _key("shift, in unit; relative where that is empty")
+    unit: str = _key("unit")
+
+
 class DiagnosisContent(Content):
     """``diagnosis.json``: where a model fails, which effect is missing, and what remains unexplained."""
 
@@ -498,6 +526,8 @@ class DiagnosisContent(Content):
     failed: dict[str, str] = _key("effect of a user whose hooks fail → message")
     errors: dict[str, Number] = _key("channel → normalised RMS over the flight")
     noise_floor: float = _key("97.5 % quantile of the normalised RMS of a model that holds")
+    database_update: DatabaseUpdateContent | None = _key("increments of the database; null with an exact database")
+    nuisances: tuple[NuisanceContent, ...] = _key("nuisance parameters that the flight moves, farthest first")
     settings: DecisionSettings = _key("thresholds of the diagnosis")
 
     def hypotheses(self) -> dict[str, RankedHypothesis | Alternative]:

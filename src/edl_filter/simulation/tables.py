@@ -17,6 +17,7 @@ from edl_filter.aero.grid import GridTable, Slice
 from edl_filter.aero.transition import FreeMolecularBridge, join_regimes
 from edl_filter.effects.forward_model import ForwardModel, compose_air_rotation
 from edl_filter.effects.types import Body
+from edl_filter.errors import InputError
 from edl_filter.simulation.parachute import Parachute
 from edl_filter.types import Array
 
@@ -167,6 +168,10 @@ def air_table(world: ForwardModel, altitude: Array) -> Array:
 
 def _continuum(database: Database) -> tuple[Array, Array, Array]:
     """Nodes in Mach number ``(M,)`` and angle ``(A,)``, and the coefficients there, ``(M, A, 3)``."""
+    if database.increments is not None:
+        raise InputError(
+            "aerodynamics.increments: found increments of another flight; a simulation takes none. Leave the key out."
+        )
     table = database.continuum
     if isinstance(table, GridTable):
         mach = table.nodes

@@ -18,6 +18,7 @@ from edl_filter.effects.registry import effects_in, selected_effects
 from edl_filter.errors import InputError
 from edl_filter.mission.files import matches_file, mission_argument, write_mission
 from edl_filter.mission.mission import require_prediction_inputs
+from edl_filter.results.database_update import write_update
 from edl_filter.results.files import AS_RUN, DIAGNOSIS, FIGURES, RESIDUALS, SUMMARY, read_summary, write_json
 from edl_filter.results.netcdf import write
 from edl_filter.results.reopen import Reopened, reopen
@@ -50,7 +51,7 @@ class DiagnosisFiles:
 def diagnose_result(
     result: Path, names: Sequence[str] = (), file: Path | None = None, progress: Progress = lambda _: None
 ) -> DiagnosisFiles:
-    """Diagnose a result; write ``diagnosis.json``, ``residuals.nc`` and figures into its folder.
+    """Diagnose a result; write ``diagnosis.json``, ``residuals.nc``, ``database_update.nc``, figures into its folder.
 
     Parameters
     ----------
@@ -80,9 +81,10 @@ def diagnose_result(
     progress("drawing")
     from edl_filter.report.diagnosis import draw_diagnosis
 
-    figures = draw_diagnosis(content, mission.title or mission.name, folder / FIGURES)
+    figures = draw_diagnosis(content, mission.title or mission.name, folder / FIGURES, diagnosis.update)
     path = write_json(content, folder / DIAGNOSIS)
     write(residual_series(diagnosis.ranking.model), folder / RESIDUALS)
+    write_update(diagnosis.update, folder)
     _update_summary(folder / SUMMARY, content)
     commands = following_commands(reopened, content, file)
     progress("writing the report")

@@ -25,6 +25,7 @@ from edl_filter.mission.edit_effects import text_with_effects
 from edl_filter.mission.files import write_mission
 from edl_filter.mission.mission import require_prediction_inputs
 from edl_filter.pipeline.reconstruct import reconstruct
+from edl_filter.results.database_update import write_update
 from edl_filter.results.files import DIAGNOSIS, FIGURES, RESIDUALS, read_ledger, write_json
 from edl_filter.results.netcdf import write
 from edl_filter.results.result import RefitSummary, Result
@@ -122,12 +123,13 @@ def write_final_model(
     result = Result(reconstruction, RefitSummary(sigma, rms_by_channel(last.content)))
     written = write_outputs(result, folder, False)
     title = mission.title or mission.name
-    figures = draw_diagnosis(last.content, title, folder / FIGURES)
+    figures = draw_diagnosis(last.content, title, folder / FIGURES, last.step.diagnosis.update)
     lines = [line.model_dump() for line in read_ledger(folder)]
     ledger_drawing = ledger_figure(lines, last.content["noise_floor"], title)
     figures.append(write_figure(ledger_drawing, folder / FIGURES / "ledger.png"))
     diagnosis = write_json(last.content, folder / DIAGNOSIS)
     write(residual_series(last.step.diagnosis.ranking.model), folder / RESIDUALS)
+    write_update(last.step.diagnosis.update, folder)
     report = write_report(folder)
     return [path, written["result"], written["summary"], diagnosis, folder / ledger.NAME, report, *figures]
 

@@ -9,7 +9,17 @@ from typing import Any
 
 from edl_filter.errors import InputError
 from edl_filter.io.atomic import cannot_write
-from edl_filter.results.files import DIAGNOSIS, DIAGNOSIS_FIGURES, RESIDUALS, RESULT, SUMMARY, write_json
+from edl_filter.results.files import (
+    DATABASE_UPDATE,
+    DIAGNOSIS,
+    DIAGNOSIS_FIGURES,
+    RESIDUALS,
+    RESULT,
+    SUMMARY,
+    TABLES,
+    UPDATE_TABLES,
+    write_json,
+)
 from edl_filter.results.netcdf import tree_of, write
 from edl_filter.results.result import Result
 
@@ -55,7 +65,8 @@ def write_outputs(result: Result, directory: str | Path, figures: bool) -> dict[
             staged = Path(hidden)
             written, content = _write_all(result, staged, figures)
             _remove_figures(directory / "figures")
-            for name in (DIAGNOSIS, RESIDUALS):
+            tables = (f"{TABLES}/{name}" for name in UPDATE_TABLES)
+            for name in (DIAGNOSIS, RESIDUALS, DATABASE_UPDATE, *tables):
                 (directory / name).unlink(missing_ok=True)
             places = [directory / path.relative_to(staged) for path in written]
             for place in places:

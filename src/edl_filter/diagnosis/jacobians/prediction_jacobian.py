@@ -421,8 +421,12 @@ def numerical_error_units(residuals: Residuals, uncertainty: StatedUncertainty) 
 
 def database_units(inputs: ModelInputs, residuals: Residuals, prior: DiscrepancyPrior) -> CoefficientUnits:
     """One sigma of the database's discrepancy at the nodes."""
-    flow, database, third = residuals.flow, inputs.forward_model.database, prior.scale / 3.0
+    flow, database = residuals.flow, inputs.forward_model.database
+    third = np.full(len(flow.mach), prior.scale / 3.0)
     limits = database.lookup(flow.mach, flow.knudsen, flow.alpha_total, flow.speed).three_sigma
+    if database.increments is not None:  # their own covariance holds where they apply
+        remainder = database.increments.remainder(flow.mach, flow.knudsen, flow.alpha_total, database.continuum_limit)
+        third = third * np.sqrt(remainder)
     return CoefficientUnits(flow.time, ca=third * limits.ca, cn=third * limits.cn, cm=third * limits.cm)
 
 

@@ -296,8 +296,8 @@ def _iterate_point(
         if new_point is None:
             return
         spread = np.sqrt(np.maximum(np.diag(whiten.posterior_initial_covariance(size)), 0.0))
-        converged = np.all(np.abs(new_point.start.minus(point.start)) <= tolerance * spread + 1e-15)
+        fixed = np.all(np.abs(new_point.start.minus(point.start)) <= tolerance * spread + 1e-15)
         change = largest_change(point.perturbation, new_point.perturbation, case.uncertainty.sigma)
-        if converged and change <= tolerance:
+        if fixed and change <= tolerance:
             return
         model = linearize_at(case, new_point, model.failing_excess)

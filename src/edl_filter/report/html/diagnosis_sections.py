@@ -9,6 +9,7 @@ from itertools import pairwise
 from shlex import quote
 
 from edl_filter.errors import InputError
+from edl_filter.report.database_update import database_figure, nuisance_sentence, update_sentence
 from edl_filter.report.diagnosis import ledger_levels, waterfall
 from edl_filter.report.diagnosis import missing as missing_figure
 from edl_filter.report.html.blocks import Block, Cell, Command, Details, Note, Plot, Section, Table
@@ -78,6 +79,8 @@ def verdict(reader: ResultReader) -> Verdict:
         more.append(f"In the model: {', '.join(diagnosis.effects)}.")
     if diagnosis.remainder is not None:
         more.append(f"What is left: {readable(diagnosis.remainder.description)}")
+    if diagnosis.nuisances:
+        more.append(nuisance_sentence(diagnosis.nuisances))
     if ledger and isinstance(ledger[-1], LedgerEnd):
         more.append(readable(ledger[-1].why))
     return Verdict(*_SIGNS[diagnosis.verdict], diagnosis.sentence, more)
@@ -226,6 +229,25 @@ def missing(reader: ResultReader) -> Section:
     else:
         reason = "the model holds" if diagnosis.verdict == "clean" else "the first hypothesis explains it"
         blocks.append(Note(f"No missing force or moment was estimated, because {reason}.", "muted"))
+    return Section(key, title, blocks)
+
+
+def database(reader: ResultReader) -> Section:
+    """Increments of the database over Mach number, with the sentence that names the largest."""
+    key, title = "database", "What the flight says of the database"
+    diagnosis = reader.diagnosis
+    if diagnosis is None:
+        return Section(key, title, [Note("Unknown without a diagnosis.", "muted")])
+    if diagnosis.database_update is None:
+        return Section(key, title, [Note("Nothing: the mission states that the database is exact.", "muted")])
+    blocks: list[Block] = [Note(update_sentence(diagnosis.database_update))]
+    if reader.database_update is not None:
+        caption = (
+            "Increments of the coefficients (moment about the nose) at several total angles of attack, with bands of "
+            "two sigmas. Grey: the prior decides more than the data. Circles: where the flight has been."
+        )
+        figure = database_figure(reader.database_update, reader.title)
+        blocks.append(Plot.of_figure("database", caption, figure, 620))
     return Section(key, title, blocks)
 
 

@@ -26,8 +26,9 @@ if TYPE_CHECKING:
 
 #: Sections after the verdict, in the order of the page.
 SECTIONS = (
-    flight.events, residual_map, diagnosis.hypotheses, diagnosis.missing, diagnosis.ledger, flight.trajectory,
-    flight.atmosphere, flight.coefficients, flight.constraints, flight.instruments, flight.provenance,
+    flight.events, residual_map, diagnosis.hypotheses, diagnosis.missing, diagnosis.database, diagnosis.ledger,
+    flight.trajectory, flight.atmosphere, flight.coefficients, flight.constraints, flight.instruments,
+    flight.provenance,
 )  # fmt: skip
 
 

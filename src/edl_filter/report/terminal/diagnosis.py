@@ -8,6 +8,7 @@ from typing import Any
 from rich.markup import escape
 from rich.table import Table
 
+from edl_filter.report.database_update import nuisance_sentence, update_sentence
 from edl_filter.report.terminal.console import echo, empty_table
 from edl_filter.report.text import (
     REMAINDER_HINT,
@@ -55,6 +56,9 @@ def print_diagnosis(
         parts += [f"{effect_names((h.label, name))}: {escape(text)}." for name, text in h.discriminated_by.items()]
     if diagnosis.remainder is not None:
         parts += [f"What is left: {escape(diagnosis.remainder.description)}", REMAINDER_HINT]
+    parts += [
+        escape(t) for t in (nuisance_sentence(diagnosis.nuisances), update_sentence(diagnosis.database_update)) if t
+    ]
     parts += [f"[red]Left out: {escape(reason)}[/red]" for reason in diagnosis.failed.values()]
     echo(*parts, *(f"Written: {escape(path)}" for path in written))
     if following:
