@@ -86,7 +86,6 @@ def diagnosis_line(path, name, factor):
             "verdict": verdict.verdict,
             "first": None if leader is None else leader.hypothesis.label,
             "same_as": [] if leader is None else list(leader.same_as),
-            "partner": None if verdict.partner is None else verdict.partner.label,
         }
     except InputError as error:
         line["error"] = str(error)
@@ -104,7 +103,7 @@ def answer(line):
         return "error"
     if line["verdict"] != "missing":
         return line["verdict"]
-    return line["first"] + (f" with {line['partner']}" if line["partner"] else "")
+    return line["first"]
 
 
 def report(lines):

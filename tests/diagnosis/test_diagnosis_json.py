@@ -14,6 +14,7 @@ from edl_filter.diagnosis.linear_model.flight_case import load_case
 from edl_filter.diagnosis.selection import decision
 from edl_filter.effects.registry import find_effect
 from edl_filter.mission import Mission
+from edl_filter.mission.decision_settings import DecisionSettings
 
 pytestmark = pytest.mark.slow
 
@@ -79,6 +80,8 @@ def test_a_content_that_contradicts_itself_is_recognised(content):
     check_content(content)
     for changes in (
         {"verdict": "clean"},
+        {"verdict": "undecided", "sentence": "Undecided: mass (0.97)."},
+        {"settings__decided_probability": 0.999},
         {"verdict": "unknown", "sentence": "Something is missing that no effect of the catalogue explains."},
         {"none": content["none"] + 1e-6},
         {"ranking__0__probability": 0.4},
@@ -91,23 +94,33 @@ def test_a_content_that_contradicts_itself_is_recognised(content):
             check_content(changed(content, **changes))
 
 
+EXACT = DecisionSettings(approximation_error=0.0).model_dump()
+APPROXIMATE = DecisionSettings(approximation_error=0.1).model_dump()
+
+
 @pytest.mark.parametrize(
-    ("verdict", "names", "none", "something_else", "consistent"),
+    ("verdict", "names", "none", "something_else", "settings", "consistent"),
     [
-        ("missing", [0.6, 0.1], 0.2, 0.1, True),
-        ("clean", [0.3, 0.1], 0.4, 0.2, True),
-        ("unknown", [], 0.4, 0.6, True),
-        ("missing", [0.1, 0.6], 0.2, 0.1, False),  # not in the order of probability
-        ("missing", [0.3, 0.1], 0.4, 0.2, False),  # the flight is clean
-        ("missing", [0.4, 0.0], 0.4, 0.2, False),  # a tie
-        ("missing", [0.6, 0.1], 0.2, 0.2, False),  # the sum is not one
-        ("missing", [1.2], -0.2, 0.0, False),
-        ("clean", [], np.nan, 1.0, False),
+        ("missing", [0.8, 0.1], 0.05, 0.05, EXACT, True),
+        ("clean", [0.06, 0.01], 0.9, 0.03, EXACT, True),
+        ("unknown", [], 0.1, 0.9, EXACT, True),
+        ("undecided", [0.6, 0.1], 0.2, 0.1, EXACT, True),
+        ("missing", [0.6, 0.1], 0.2, 0.1, EXACT, False),  # not sufficient
+        ("undecided", [0.8, 0.1], 0.05, 0.05, EXACT, False),  # sufficient
+        ("missing", [0.1, 0.8], 0.05, 0.05, EXACT, False),  # not in the order of probability
+        ("missing", [0.06, 0.01], 0.9, 0.03, EXACT, False),  # the flight is clean
+        ("missing", [0.8, 0.1], 0.1, 0.05, EXACT, False),  # the sum is not one
+        ("missing", [1.2], -0.2, 0.0, EXACT, False),
+        ("clean", [], np.nan, 1.0, EXACT, False),
+        ("clean", [], 0.95, 0.05, APPROXIMATE, True),
+        ("clean", [], 0.96, 0.04, APPROXIMATE, False),  # more certain than the approximation allows
     ],
 )
-def test_probabilities_that_contradict_the_verdict_are_recognised(verdict, names, none, something_else, consistent):
+def test_probabilities_that_contradict_the_verdict_are_recognised(
+    verdict, names, none, something_else, settings, consistent
+):
     if consistent:
-        check_probabilities(verdict, names, none, something_else)
+        check_probabilities(verdict, names, none, something_else, settings)
     else:
         with pytest.raises(AssertionError):
-            check_probabilities(verdict, names, none, something_else)
+            check_probabilities(verdict, names, none, something_else, settings)

@@ -5,7 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from edl_filter.effects.perturbation import CoefficientUnits, Perturbation
+from edl_filter.aero.discrepancy import AngleModes
+from edl_filter.effects.perturbation import CoefficientUnits, FieldPerturbation, Perturbation
 from edl_filter.pipeline.forward_model import forward_model_of
 
 
@@ -60,3 +61,92 @@ def test_coefficients_and_vehicle(world, practice_06):
         np.testing.assert_allclose(getattr(actual, name) - getattr(expected, name), by, atol=1e-12)
     assert perturbed.rigid_body.mass == pytest.approx(1.01 * world.rigid_body.mass)
     np.testing.assert_allclose(perturbed.rigid_body.inertia, 0.98 * world.rigid_body.inertia)
+
+
+# --- increments that are functions of the flow ----------------------------------------------------------------------
+
+STEP = np.radians(0.05)
+FIELD_TIME = np.array([100.0, 110.0, 130.0])
+MODES = {
+    "ca": AngleModes(np.array([[1.0, 0.0], [1.0, 2.0], [3.0, 4.0]])),
+    "cn": AngleModes(np.zeros((3, 0))),
+    "cm": AngleModes(np.array([[0.0], [1.0], [4.0]])),
+}
+AMPLITUDES = {
+    "ca": np.array([[1.0, -1.0], [3.0, 0.0], [5.0, 2.0]]), "cn": np.zeros((3, 0)), "cm": np.array([[2.0], [0.0], [1.0]])
+}  # fmt: skip
+UNITS = CoefficientUnits(np.array([0.0, 200.0]), ca=np.array([0.0, 0.2]), cn=np.ones(2), cm=np.full(2, 0.01))
+
+
+def field(**changes):
+    return replace(FieldPerturbation(FIELD_TIME, AMPLITUDES, MODES, UNITS), **changes)
+
+
+@pytest.mark.parametrize(
+    ("time", "steps", "ca", "cm"),
+    [
+        (100.0, 0.0, 0.1 * 1.0, 0.0),
+        (100.0, 1.0, 0.1 * (1.0 - 2.0), 0.02),
+        (110.0, 1.5, 0.11 * 6.0, 0.0),
+        (105.0, 1.0, 0.105 * (2.0 - 0.5 * 2.0), 0.01),  # half way in time
+        (115.0, 0.5, 0.115 * (3.5 + 0.5 * 1.0), 0.01 * 0.25 * 0.5),  # a quarter in time, half way in angle
+        (50.0, 1.0, 0.05 * (1.0 - 2.0), 0.02),  # constant before the first time and after the last
+        (170.0, 1.0, 0.17 * (5.0 + 4.0), 0.01),
+    ],
+)
+def test_increments_are_linear_in_time_and_in_angle(time, steps, ca, cm):
+    increments = field().increments(np.array([time]), np.array([steps * STEP]))
+    assert increments["ca"] == pytest.approx([ca], rel=1e-9)
+    assert increments["cn"] == pytest.approx([0.0]) and increments["cm"] == pytest.approx([cm], abs=1e-15)
+
+
+def test_increments_of_many_samples_are_each_by_themselves():
+    random = np.random.default_rng(3)
+    time, angle = random.uniform(90.0, 140.0, 50), random.uniform(0.0, 2.0 * STEP, 50)
+    whole = field().increments(time, angle)
+    for k in range(50):
+        alone = field().increments(time[k : k + 1], angle[k : k + 1])
+        assert all(alone[name][0] == pytest.approx(whole[name][k], rel=1e-12, abs=1e-15) for name in whole)
+
+
+def test_increments_are_linear_in_the_amplitudes():
+    time, angle = np.linspace(95.0, 135.0, 30), np.linspace(0.0, 2.0, 30) * STEP
+    doubled = field(amplitudes={name: 2.0 * a for name, a in AMPLITUDES.items()}).increments(time, angle)
+    single = field().increments(time, angle)
+    zero = FieldPerturbation.zero(MODES, UNITS).increments(time, angle)
+    for name in single:
+        np.testing.assert_allclose(doubled[name], 2.0 * single[name], rtol=1e-12, atol=1e-15)
+        assert not zero[name].any()
+    assert single["ca"].any() and single["cm"].any()
+
+
+def test_a_field_changes_the_coefficients_by_its_increments(world, practice_06):
+    """Of the flow's own time and total angle, in addition to those against time; a field of zeros changes nothing."""
+    flow = met(world, practice_06)
+    expected = world.coefficients(flow)
+    plain = perturbation(ca=np.full(2, 0.1))
+    zero = replace(plain, field=FieldPerturbation.zero(MODES, UNITS))
+    for name in ("ca", "cn", "cm_nose", "cl"):
+        values = [getattr(replace(world, perturbation=p).coefficients(flow), name) for p in (plain, zero)]
+        np.testing.assert_array_equal(*values)
+    wide = {name: AngleModes(np.linspace(m.table[0], m.table[-1], 1200)) for name, m in MODES.items()}
+    with_field = replace(plain, field=field(modes=wide))
+    actual = replace(world, perturbation=with_field).coefficients(flow)
+    increments = with_field.field.increments(flow.time, flow.alpha_total)
+    assert np.ptp(increments["ca"]) > 0.1 and np.ptp(increments["cm"]) > 1e-3
+    for name, by in (("ca", 0.1 + increments["ca"]), ("cn", 0.0), ("cm_nose", increments["cm"]), ("cl", 0.0)):
+        np.testing.assert_allclose(getattr(actual, name) - getattr(expected, name), by, atol=1e-12)
+
+
+def test_a_unit_of_a_coefficient_is_added_to_one_and_leaves_the_field(world, practice_06):
+    flow = met(world, practice_06)
+    start = perturbation(cn=np.full(2, 0.02), field=field())
+    for name in ("ca", "cn", "cm"):
+        unit = start.with_unit(name)
+        assert unit.field is start.field
+        for other in ("ca", "cn", "cm"):
+            np.testing.assert_array_equal(getattr(unit, other), getattr(start, other) + (name == other))
+        before, after = (replace(world, perturbation=p).coefficients(flow) for p in (start, unit))
+        by = {n: getattr(after, n) - getattr(before, n) for n in ("ca", "cn", "cm_nose")}
+        for total, difference in by.items():
+            np.testing.assert_allclose(difference, float(total.startswith(name)), atol=1e-12)

@@ -16,7 +16,8 @@ from linear_problems import (
 )
 from scipy.stats import multivariate_normal
 
-from edl_filter.estimation.kalman import solve_lower, whitening_filter
+from edl_filter.estimation.kalman import append_constant_states, solve_lower, whitening_filter
+from edl_filter.estimation.smoothing import smoothed_states
 
 
 def kalman_filter(model, measurements, initial_mean):
@@ -171,3 +172,45 @@ def test_solve_lower(seed, size, width):
     solution = right.copy()
     solve_lower(lower + np.triu(np.ones((size, size)), 1), solution)  # elements above the diagonal are not read
     np.testing.assert_allclose(lower @ solution, right, rtol=1e-9, atol=1e-9 * np.abs(solution).max())
+
+
+@pytest.mark.parametrize(("seed", "count"), [(3, 1), (4, 2), (5, 5)])
+def test_appended_constant_states_are_those_of_the_dense_gaussian(seed, count):
+    """Likelihood: each adds a rank-one covariance to that of the measurements. Posterior: of the whole dense model."""
+    model, rng = random_model(seed), np.random.default_rng(seed)
+    rows = model.row_start[-1]
+    design, sigma = rng.normal(size=(rows, count)), rng.uniform(0.1, 3.0, count)
+    appended = append_constant_states(model, design, sigma)
+    assert appended.size == model.size + count
+    measurements, initial_mean = rng.normal(size=rows), rng.normal(size=model.size)
+    mean, covariance = joint_measurements(model, initial_mean)
+    for column, s in zip(design.T, sigma, strict=True):
+        covariance = covariance + s**2 * np.outer(column, column)
+    whiten = whitening_filter(appended)
+    constant = 0.5 * rows * np.log(2.0 * np.pi)
+    expected = multivariate_normal.logpdf(measurements, mean, covariance) + constant
+    assert whiten.log_likelihood(whiten_one(whiten, measurements, initial_mean)) == pytest.approx(expected, rel=1e-9)
+    # the posterior of the constants, by conditioning the dense Gaussian on the measurements
+    gain = np.linalg.solve(covariance, design * sigma**2).T
+    estimate, posterior = gain @ (measurements - mean), np.diag(sigma**2) - gain @ (design * sigma**2)
+    padded = np.concatenate((initial_mean, np.zeros(count)))
+    states, state_covariance = posterior_states(appended, padded, measurements)
+    for step in (0, len(appended.increment)):  # and it does not change with time
+        np.testing.assert_allclose(states[step, -count:], estimate, rtol=1e-8, atol=1e-10)
+        block = state_covariance[step, -count:, step, -count:]
+        np.testing.assert_allclose(block, posterior, rtol=1e-7, atol=1e-10)
+    initial, smoothed = smoothed_states(whiten, whiten_one(whiten, measurements, initial_mean), padded)
+    np.testing.assert_allclose(initial[-count:], estimate, rtol=1e-8, atol=1e-10)
+    np.testing.assert_allclose(smoothed[:, -count:], np.tile(estimate, (len(smoothed), 1)), rtol=1e-8, atol=1e-10)
+
+
+def test_constant_states_that_are_exact_change_nothing():
+    model, rng = random_model(), np.random.default_rng(8)
+    rows = model.row_start[-1]
+    plain, exact = (
+        whitening_filter(m) for m in (model, append_constant_states(model, rng.normal(size=(rows, 2)), np.zeros(2)))
+    )
+    columns, initial_mean = rng.normal(size=(rows, 3)), rng.normal(size=(7, 3))
+    np.testing.assert_allclose(exact(columns, initial_mean), plain(columns, initial_mean), rtol=1e-12, atol=1e-12)
+    assert exact.log_determinant == pytest.approx(plain.log_determinant, rel=1e-12)
+    assert append_constant_states(model, np.zeros((rows, 0)), np.zeros(0)).size == model.size

@@ -28,7 +28,7 @@ def hypothesis(**changes):
 
 def diagnosis(**changes):
     return {
-        "verdict": "missing", "sentence": "Missing: remnant_torque.", "partner": None, "mission": "practice_mer",
+        "verdict": "missing", "sentence": "Missing: remnant_torque.", "mission": "practice_mer",
         "effects": [], "where": [cell()], "map": [cell()], "ranking": [hypothesis()], "required_gain": 12.0,
         "none": 0.05, "none_gain": -40.0,
         "something_else": {

@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from edl_filter.diagnosis.linear_model import linear_model as module
+from edl_filter.diagnosis.linear_model import linearization as module
 from edl_filter.diagnosis.linear_model.linearization import linearize, relinearize_failing_model
 from edl_filter.mission.decision_settings import DecisionSettings
 
@@ -21,20 +21,23 @@ def constructed_model(number, share, likelihood):
         holds=holds,
         excess_variance=SimpleNamespace(share=share),
         failing_excess=None if holds else f"noise {number}",
-        fitted_noise_filter=SimpleNamespace(posterior_initial_covariance=np.eye),
+        white_excess_filter=SimpleNamespace(posterior_initial_covariance=np.eye),
         nuisance=SimpleNamespace(layout=SimpleNamespace(size=2)),
         white_residuals=lambda whiten: np.zeros(3),
-        log_likelihood=likelihood,
+        white_excess_log_likelihood=likelihood,
     )
 
 
 def patched_iteration(monkeypatch, shares, likelihoods=None, change=1.0):
-    """Models of given shares in turn; each point differs by `change`. Lists of models and of initial excesses."""
+    """Models of given shares in turn; each point differs by `change`. Lists of models and of initial excesses.
+
+    Each model is more likely than the one before by ten nats, unless the likelihoods are given.
+    """
     models, starts = [], []
 
     def linearize_at(case, point, initial_excess=None):
         number = len(models)
-        likelihood = float(number) if likelihoods is None else likelihoods[number]
+        likelihood = 10.0 * number if likelihoods is None else likelihoods[number]
         models.append(constructed_model(number + 1, shares[min(number, len(shares) - 1)], likelihood))
         starts.append(initial_excess)
         return models[-1]
@@ -46,9 +49,7 @@ def patched_iteration(monkeypatch, shares, likelihoods=None, change=1.0):
     return models, starts
 
 
-CASE = SimpleNamespace(
-    reconstruction=None, settings=SETTINGS, uncertainty=SimpleNamespace(sigma={}), exact_database=True
-)
+CASE = SimpleNamespace(reconstruction=None, settings=SETTINGS, uncertainty=SimpleNamespace(sigma={}))
 
 
 @pytest.mark.parametrize(("share", "max_share", "count"), [(0.0, 0.02, 3), (0.5, 0.02, 1), (0.5, 1.0, 3)])
@@ -68,12 +69,29 @@ def test_the_iteration_ends_where_the_point_has_converged(monkeypatch, change, c
     assert len(models) == count
 
 
+@pytest.mark.parametrize(("least", "count"), [(1, 1), (2, 2), (3, 3)])
+def test_a_failing_model_has_a_least_number_of_points(monkeypatch, least, count):
+    models, _ = patched_iteration(monkeypatch, [0.5])
+    linearize(CASE, iterations=3, max_excess_share=0.02, least_iterations=least)
+    assert len(models) == count
+
+
+@pytest.mark.parametrize(("gain", "count"), [(-3.0, 2), (0.9, 2), (1.1, 4)])
+def test_the_iteration_ends_where_the_likelihood_gains_little(monkeypatch, gain, count):
+    """In parts of the setting; the point at which it gains little is one of those that are compared."""
+    likelihoods = [k * gain * SETTINGS.linearization_convergence_nats for k in range(4)]
+    models, _ = patched_iteration(monkeypatch, [0.0], likelihoods)
+    best = linearize(CASE, iterations=4)
+    assert len(models) == count and best is models[0 if gain < 0.0 else -1]
+
+
 @pytest.mark.parametrize(
     ("shares", "likelihoods", "best"),
     [
-        ([0.0, 0.0, 0.0], [1.0, 3.0, 2.0], 2),
-        ([0.5, 0.0, 0.0], [9.0, 1.0, 2.0], 3),  # one that holds, although another is more likely
-        ([0.5, 0.4, 0.3], [1.0, 3.0, 2.0], 2),
+        ([0.0, 0.0, 0.0], [1.0, 9.0, 2.0], 2),
+        ([0.5, 0.0, 0.0], [9.0, 1.0, 22.0], 2),  # one that holds, although another is more likely
+        ([0.5, 0.0, 0.4], [1.0, 9.0, 22.0], 2),
+        ([0.5, 0.4, 0.3], [1.0, 9.0, 2.0], 2),
     ],
 )
 def test_the_most_likely_model_is_returned(monkeypatch, shares, likelihoods, best):
@@ -82,17 +100,16 @@ def test_the_most_likely_model_is_returned(monkeypatch, shares, likelihoods, bes
 
 
 @pytest.mark.parametrize(
-    ("shares", "exact", "index"),
+    ("shares", "index"),
     [
-        ([0.1, 0.05, 0.01, 0.0], True, 2),  # where it holds first
-        ([0.1, 0.05, 0.045, 0.0], True, None),  # the progress is too small
-        ([0.1, 0.07, 0.05, 0.03, 0.0], True, None),  # not soon enough
-        ([0.1, 0.05, 0.01], False, None),  # a database with errors of its own would move the point from the truth
-        ([0.02, 0.0], True, None),  # it holds as it is
+        ([0.1, 0.05, 0.01, 0.0], 2),  # where it holds first
+        ([0.1, 0.05, 0.045, 0.0], None),  # the progress is too small
+        ([0.1, 0.07, 0.05, 0.03, 0.0], None),  # not soon enough
+        ([0.02, 0.0], None),  # it holds as it is
     ],
 )
-def test_a_failing_model_is_relinearised_to_where_it_holds(monkeypatch, shares, exact, index):
+def test_a_failing_model_is_relinearised_to_where_it_holds(monkeypatch, shares, index):
     models = [constructed_model(k, share, 0.0) for k, share in enumerate(shares)]
     monkeypatch.setattr(module, "_iterate_point", lambda case, iterations, max_share, first: iter(models[:iterations]))
-    alternative = relinearize_failing_model(SimpleNamespace(exact_database=exact, settings=SETTINGS), models[0])
+    alternative = relinearize_failing_model(SimpleNamespace(settings=SETTINGS), models[0])
     assert alternative is (None if index is None else models[index])

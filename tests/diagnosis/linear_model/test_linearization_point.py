@@ -8,9 +8,8 @@ import pytest
 
 from edl_filter import Mission
 from edl_filter.diagnosis.linear_model.flight_case import flight_case, load_case
-from edl_filter.diagnosis.linear_model.linearization import linearize, linearize_at, map_point
-from edl_filter.diagnosis.linear_model.linearization_point import largest_change, smoothed_point
-from edl_filter.effects.perturbation import Perturbation
+from edl_filter.diagnosis.linear_model.linearization import linearize, map_point
+from edl_filter.diagnosis.linear_model.linearization_point import largest_change, nuisance_offset, smoothed_point
 from edl_filter.simulation import Scenario, simulate
 
 
@@ -81,9 +80,10 @@ def test_the_onboard_attitude_can_be_excluded(spirit):
 
 
 def test_there_is_no_point_beyond_the_limits(spirit):
-    """At the stated noise Spirit's proxy database would move the initial state by a hundred stated sigmas."""
-    model = linearize(flight_case(spirit))
-    assert next_point(model) is None
+    """At the stated noise Spirit's proxy database, if it were exact, would move the density beyond all belief."""
+    exact = Mission.load("builtin:mer_a", ["telemetry.path=builtin:mer_a", "aerodynamics.coefficient_sigma=0.0"])
+    model = linearize(flight_case(replace(spirit, mission=exact)))
+    assert model.field is None and next_point(model) is None
     assert next_point(model, model.fitted_noise_filter) is not None
 
 
@@ -96,14 +96,47 @@ def test_the_limits_are_settings(models, limit):
     assert next_point(first) is not None and next_point(strict) is None
 
 
-def test_the_offset_cancels_a_small_perturbation(case, models):
+def displaced_by(model, size):
+    """The model about a point with a part of the perturbation that is most probable, and with its states."""
+    point = next_point(model)
+    p = point.perturbation
+    against_time = {name: size * getattr(p, name) for name in ("density", "wind", "ca", "cn", "cm", "mass", "inertia")}
+    field = p.field
+    if field is not None:
+        field = replace(field, amplitudes={name: size * a for name, a in field.amplitudes.items()})
+    perturbation = replace(p, field=field, **against_time)
+    return model.at_point(replace(model.point, perturbation=perturbation, bin_states=size * point.bin_states), ())
+
+
+@pytest.fixture(scope="module")
+def inexact_model(case):
+    """The flight with a database, mass and inertia that are not exact."""
+    changes = ("aerodynamics.coefficient_sigma=1.0", "vehicle.mass_sigma=4.0", "vehicle.inertia_sigma=0.03")
+    return linearize(load_case(Mission.load("builtin:practice_mer", changes), ()))
+
+
+@pytest.mark.parametrize("name", ["exact", "inexact"])
+def test_the_offset_cancels_a_small_perturbation(models, inexact_model, name):
     """Nuisance parameters are measured from what the mission states: residuals do not change, to first order."""
-    model = models[0]
-    count = len(model.bins.middle)
-    shift = {"density": 1e-4, "wind": 1e-2, "ca": 1e-2, "cn": 1e-2, "cm": 1e-2}
-    against_time = {name: np.full((count, 2) if name == "wind" else count, v) for name, v in shift.items()}
-    perturbation = Perturbation(model.bins.edges[1:], mass=1e-6, inertia=1e-6, units=model.units, **against_time)
-    displaced = linearize_at(case, replace(model.point, perturbation=perturbation))
+    model = models[0] if name == "exact" else inexact_model
+    displaced = displaced_by(model, 1e-2)
     change = np.linalg.norm(displaced.index.stack(displaced.residuals) - model.residual_vector)
     assert change > 1e-2
     assert np.linalg.norm(displaced.residual_vector - model.residual_vector) < 1e-2 * change
+
+
+def test_the_offset_is_that_of_the_rows_alone(inexact_model):
+    """What the rows predict of the point's states; states that a perturbation has not are not in the point."""
+    model, point = inexact_model, next_point(inexact_model)
+    nuisance, states = model.nuisance, point.bin_states
+    assert states.shape == (len(model.bins.middle), nuisance.size)
+    assert not states[:, : nuisance["density"].start].any() and states[:, nuisance["density"].start].any()
+    assert all(states[:, f].any() for f in nuisance.fields.values())
+    offset = nuisance_offset(model.index, model.state_space.design, states)
+    for b in (10, 300, 800):
+        rows = model.index.bin_rows[b][model.index.bin_rows[b] >= 0]
+        np.testing.assert_allclose(
+            offset[rows], model.state_space.design[rows, : nuisance.size] @ states[b], rtol=1e-12
+        )
+    constraints = [row for rows in model.index.constraint_rows for row in range(rows.start, rows.stop)]
+    assert constraints and not offset[constraints].any()

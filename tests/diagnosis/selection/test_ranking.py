@@ -1,18 +1,13 @@
 """The ranking on simulated flights: the evidence of a name, also where the model's point moves from the truth."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
 from edl_filter import Mission
-from edl_filter.diagnosis import diagnosis as module
-from edl_filter.diagnosis.diagnosis_json import diagnosis_content
 from edl_filter.diagnosis.linear_model.effect_jacobian import effect_jacobian
 from edl_filter.diagnosis.linear_model.flight_case import load_case
 from edl_filter.diagnosis.linear_model.linearization import linearize, relinearize_failing_model
-from edl_filter.diagnosis.noise.unmodelled_acceleration import UnmodelledAcceleration
-from edl_filter.diagnosis.selection.decision import decide, joint_gain
+from edl_filter.diagnosis.selection.decision import decide
 from edl_filter.diagnosis.selection.map_fit import fit_null_model
 from edl_filter.diagnosis.selection.ranking import rank
 from edl_filter.effects.base import EffectInstance
@@ -67,25 +62,6 @@ def test_the_evidence_is_that_of_a_linear_fit_at_the_truth(case, ranking):
     assert abs(ranking.hypotheses[0].gain - expected) < 3.0 * np.sqrt(2.0 * expected)
 
 
-def test_a_provisional_name_is_diagnosed_again_with_a_second_effect(case, ranking, monkeypatch):
-    """The second effect is in the verdict, in its sentence and, with all estimates of the joint fit, in the content."""
-    not_at_floor = replace(ranking, hypotheses=[replace(h, at_floor=False) for h in ranking.hypotheses])
-    partner = ranking.hypotheses[0]
-    monkeypatch.setattr(module, "rank", lambda *_: not_at_floor)
-    monkeypatch.setattr("edl_filter.diagnosis.selection.decision.reduces_its_channel", lambda *_: False)
-    monkeypatch.setattr(
-        module, "find_joint_effect", lambda first, candidates, progress: partner if first.name in CANDIDATES else None
-    )
-    diagnosis = module.diagnose(case, [find_effect(n) for n in CANDIDATES])
-    assert diagnosis.verdict.verdict == "missing" and diagnosis.verdict.partner is partner
-    content = diagnosis_content(diagnosis)
-    assert content["partner"]["effect"] == partner.name in content["sentence"]
-    assert set(content["partner"]["together"][partner.name]) == set(HIDDEN)
-    monkeypatch.setattr(module, "find_joint_effect", lambda *_: None)
-    alone = module.diagnose(case, [find_effect(n) for n in CANDIDATES])
-    assert alone.verdict.verdict == "unknown" and diagnosis_content(alone)["partner"] is None
-
-
 def test_the_gain_of_a_name_is_the_evidence_that_the_model_with_it_has_more(ranking):
     """The cost of the priors of a model's own effects is on both sides, so it is paid once."""
     h = ranking.hypotheses[0]
@@ -93,15 +69,6 @@ def test_the_gain_of_a_name_is_the_evidence_that_the_model_with_it_has_more(rank
     assert null.evidence - h.null.evidence == pytest.approx(h.gain, abs=3.0)
     # otherwise the next name would pay for this one as well
     assert null.log_likelihood - null.evidence > ranking.case.settings.named_gain_nats
-
-
-def test_the_joint_evidence_without_an_acceleration_is_that_of_the_name(ranking):
-    """At the noise that the name leaves; an acceleration that explains nothing more does not add evidence."""
-    h = ranking.hypotheses[0]
-    assert h.at_floor
-    without = replace(ranking, unmodelled=UnmodelledAcceleration())
-    assert joint_gain(without, h) == pytest.approx(h.gain, abs=3.0)
-    assert joint_gain(ranking, h) < h.gain + 3.0
 
 
 def test_effects_that_are_not_fitted_are_not_noise(practice_06):

@@ -1,0 +1,240 @@
+"""The field of a database's discrepancy in the state-space model against a dense Gaussian process.
+
+The twin knows nothing of transitions of the field: the covariance of its values and derivatives is the Matérn
+correlation of the distances along the flow and its derivatives, mode by mode; the covariance of all other states is
+propagated step by step. Both are added up for all pairs of rows of a short stretch.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pytest
+
+from edl_filter import Mission
+from edl_filter.aero.discrepancy import FIELD_COEFFICIENTS
+from edl_filter.diagnosis.linear_model.flight_case import load_case
+from edl_filter.diagnosis.linear_model.linearization import linearize_at
+from edl_filter.diagnosis.linear_model.linearization_point import smoothed_point
+from edl_filter.diagnosis.prediction.dead_reckoning import NODES_PER_BIN
+from edl_filter.estimation.kalman import LinearStateSpace, whitening_filter
+from edl_filter.estimation.smoothing import smoothed_states
+from edl_filter.types import Array
+
+BINS = 60
+RATE = np.sqrt(5.0)
+
+
+@dataclass(frozen=True)
+class Stretch:
+    """Consecutive bins of a flight, as if it began with them.
+
+    Attributes
+    ----------
+    model : LinearStateSpace
+        The steps of these bins.
+    residuals : (R,) array
+    bins : (S,) array of int
+        Bin of each step.
+    """
+
+    model: LinearStateSpace
+    residuals: Array
+    bins: Array
+
+
+@pytest.fixture(scope="module")
+def model():
+    """The shipped flight, a simulated one, with a database that has its own sigmas and an uncertain centre of mass."""
+    changes = (
+        "aerodynamics.coefficient_sigma=1.0", "atmosphere.density_sigma=0.1", "atmosphere.wind_sigma=10.0",
+        "vehicle.mass_sigma=4.0", "vehicle.centre_of_mass_sigma=[0.001, 0.001, 0.001]",
+    )  # fmt: skip
+    case = load_case(Mission.load("builtin:practice_mer", changes))
+    return linearize_at(case, smoothed_point(case.reconstruction))
+
+
+def distance_along_flow(model):
+    """Distance of each node from the first ``(M,)``, in correlation lengths, from Mach and Knudsen number by hand."""
+    flow, prior = model.residuals.flow, model.case.uncertainty.discrepancy
+    database, total = model.inputs.forward_model.database, [0.0]
+    for k in range(1, len(flow.time)):
+        rarefied = [flow.knudsen[i] > database.continuum_limit for i in (k - 1, k)]
+        if rarefied[0] != rarefied[1]:
+            step = 100.0
+        elif rarefied[0]:
+            step = abs(np.log10(flow.knudsen[k] / flow.knudsen[k - 1])) / prior.log_knudsen_length
+        else:
+            step = abs(np.log(flow.mach[k] / flow.mach[k - 1])) / prior.log_mach_length
+        total.append(total[-1] + step)
+    return np.array(total)
+
+
+def bin_of_regime_change(model):
+    """The first bin in continuum flow."""
+    rarefied = model.residuals.flow.knudsen > model.inputs.forward_model.database.continuum_limit
+    return int(np.argmax(~rarefied)) // NODES_PER_BIN
+
+
+def first_bin(model, where):
+    """First bin of a stretch about the change of the regime, or where the dynamic pressure is largest."""
+    if where == "regime change":
+        return bin_of_regime_change(model) - BINS // 2
+    return int(np.argmax(model.residuals.flow.dynamic_pressure)) // NODES_PER_BIN - BINS // 2
+
+
+def stretch_of(model, first):
+    """The rows and steps of `BINS` bins from a bin on; the stationary prior is that of the flight's beginning."""
+    s = model.state_space
+    used, steps = model.index.step_of_bins(s.row_start)
+    chosen = (used >= first) & (used < first + BINS)
+    assert np.count_nonzero(chosen) == BINS
+    a, b = steps[chosen][0], steps[chosen][-1] + 1
+    assert np.array_equal(np.arange(a, b), steps[chosen])  # no step of a constraint between them
+    rows = slice(s.row_start[a], s.row_start[b])
+    return Stretch(
+        model=LinearStateSpace(
+            increment=replace(s.increment, values=s.increment.values[a:b]),
+            process_noise=replace(s.process_noise, values=s.process_noise.values[a:b]),
+            row_start=s.row_start[a : b + 1] - s.row_start[a],
+            design=s.design[rows],
+            row_noise=s.row_noise[rows],
+            initial_covariance=s.initial_covariance,
+        ),
+        residuals=model.residual_vector[rows],
+        bins=used[chosen],
+    )
+
+
+def covariance_of_other_states(stretch, others):
+    """Covariance ``(R, R)`` of the rows by all states but the field's, propagated from step to step."""
+    s = stretch.model
+    rows = [slice(a, b) for a, b in zip(s.row_start[:-1], s.row_start[1:], strict=True)]
+    out = np.zeros((len(s.design), len(s.design)))
+    p = s.initial_covariance[np.ix_(others, others)]
+    transitions = [np.eye(len(others)) + s.increment[k][np.ix_(others, others)] for k in range(len(rows))]
+    for k, own in enumerate(rows):
+        p = transitions[k] @ p @ transitions[k].T + s.process_noise[k][np.ix_(others, others)]
+        response = p @ s.design[own][:, others].T
+        out[own, own] = s.design[own][:, others] @ response
+        for later in range(k + 1, len(rows)):
+            response = transitions[later] @ response
+            out[rows[later], own] = s.design[rows[later]][:, others] @ response
+            out[own, rows[later]] = out[rows[later], own].T
+    return out
+
+
+def matern(x, y):
+    """Covariances of values and derivatives at x and y ``(2, 2)``: ``k``, ``∂k/∂y``, ``∂k/∂x``, ``∂²k/∂x∂y``."""
+    r = abs(x - y)
+    decay = np.exp(-RATE * r)
+    slope = -5.0 / 3.0 * r * (1.0 + RATE * r) * decay * np.sign(x - y)
+    curvature = -5.0 / 3.0 * (1.0 + RATE * r - 5.0 * r**2) * decay
+    return np.array([[(1.0 + RATE * r + 5.0 * r**2 / 3.0) * decay, -slope], [slope, -curvature]])
+
+
+def field_loadings(model, stretch, x):
+    """Derivatives of the rows with respect to value and derivative of each mode at the bin's end, ``(R, J, 2)``.
+
+    By the Jacobian of the prediction. A force is a mean over the bin, so it is that at half the distance before its
+    end, unless the regime of the flow changes within the bin.
+    """
+    jacobian, s = model.jacobian, stretch.model
+    names = [n for n in FIELD_COEFFICIENTS if n in model.field.modes]
+    force = np.concatenate([jacobian.force[:, :, jacobian.columns[f"field_{n}"]] for n in names], axis=2)
+    step = np.concatenate([jacobian.rate_step[:, :, jacobian.columns[f"field_{n}"]] for n in names], axis=2)
+    out = np.zeros((len(s.design), force.shape[2], 2))
+    for k, b in enumerate(stretch.bins):
+        begin, end = s.row_start[k], s.row_start[k + 1]
+        assert end - begin >= 6  # forces and rate steps are the first six rows
+        distance = x[NODES_PER_BIN * (b + 1)] - x[NODES_PER_BIN * b]
+        out[begin : begin + 3, :, 0], out[begin + 3 : begin + 6, :, 0] = force[b], step[b]
+        if distance < 1.0:
+            out[begin : begin + 3, :, 1] = -0.5 * distance * force[b]
+    return out
+
+
+def field_covariances(model, stretch):
+    """Covariance of the rows by the field ``(R, R)``, and that of the amplitudes at bins' ends with them ``(S, J, R)``."""
+    x = distance_along_flow(model)
+    at_end = x[NODES_PER_BIN * (stretch.bins + 1)]
+    loading, starts = field_loadings(model, stretch, x), stretch.model.row_start
+    count = len(stretch.residuals)
+    of_rows, of_amplitudes = np.zeros((count, count)), np.zeros((len(at_end), loading.shape[1], count))
+    for i, xi in enumerate(at_end):
+        first = slice(starts[i], starts[i + 1])
+        for j, xj in enumerate(at_end):
+            second, kernel = slice(starts[j], starts[j + 1]), matern(xi, xj)
+            of_rows[first, second] = np.einsum("rja,ab,sjb->rs", loading[first], kernel, loading[second])
+            of_amplitudes[i, :, second] = np.einsum("b,sjb->js", kernel[0], loading[second])
+    return of_rows, of_amplitudes
+
+
+def row_noise_of(stretch):
+    """Covariance ``(R, R)`` of the rows' own noise."""
+    s = stretch.model
+    out = np.zeros((len(s.design), len(s.design)))
+    for a, b in zip(s.row_start[:-1], s.row_start[1:], strict=True):
+        out[a:b, a:b] = s.row_noise[a:b, : b - a]
+    return out
+
+
+@pytest.fixture(scope="module", params=["regime change", "largest dynamic pressure"])
+def stretch(request, model):
+    return stretch_of(model, first_bin(model, request.param))
+
+
+@pytest.fixture(scope="module")
+def dense(model, stretch):
+    """Covariance of all rows, and of the amplitudes with them."""
+    fields = model.nuisance.fields
+    places = [i for f in fields.values() for i in range(f.start, f.start + 3 * (f.stop - f.start))]
+    others = np.setdiff1d(np.arange(stretch.model.size), places)
+    by_field, of_amplitudes = field_covariances(model, stretch)
+    return covariance_of_other_states(stretch, others) + by_field + row_noise_of(stretch), by_field, of_amplitudes
+
+
+def white_of(stretch):
+    whiten = whitening_filter(stretch.model)
+    return whiten, whiten(stretch.residuals[:, None], np.zeros((stretch.model.size, 1)))[:, 0]
+
+
+def scaled_cholesky(covariance):
+    """Scale of each row, and the Cholesky factor of the correlation matrix."""
+    scale = np.sqrt(np.diag(covariance))
+    return scale, np.linalg.cholesky(covariance / np.outer(scale, scale))
+
+
+def test_the_stretches_have_what_they_are_to_test(model, stretch, dense):
+    """The field matters in them; one contains both regimes, whose errors are independent."""
+    assert len(stretch.residuals) > 8 * BINS and model.jacobian.columns["field_cm"].stop > 30
+    covariance, by_field, _ = dense
+    forces = [stretch.model.row_start[k] + c for k in range(BINS) for c in range(3)]
+    assert np.max(np.sqrt(np.diag(by_field)[forces] / np.diag(row_noise_of(stretch))[forces])) > 10.0
+    change = bin_of_regime_change(model)
+    if change in stretch.bins:
+        k = int(np.flatnonzero(stretch.bins == change)[0])
+        before, after = (slice(0, stretch.model.row_start[k - 1]), slice(stretch.model.row_start[k + 1], None))
+        assert np.abs(by_field[before, after]).max() < 1e-60 < np.abs(covariance[before, after]).max()
+
+
+def test_the_log_likelihood_is_that_of_the_dense_gaussian_process(stretch, dense):
+    whiten, white = white_of(stretch)
+    scale, lower = scaled_cholesky(dense[0])
+    standardised = np.linalg.solve(lower, stretch.residuals / scale)
+    log_determinant = 2.0 * np.sum(np.log(scale)) + 2.0 * np.sum(np.log(np.diag(lower)))
+    assert whiten.log_determinant == pytest.approx(log_determinant, rel=1e-8)
+    expected = -0.5 * standardised @ standardised - 0.5 * log_determinant
+    assert whiten.log_likelihood(white) == pytest.approx(expected, rel=1e-8)
+
+
+def test_the_posterior_of_the_field_is_that_of_the_dense_gaussian_process(model, stretch, dense):
+    """Of every amplitude at every bin's end, relative to the largest of them."""
+    whiten, white = white_of(stretch)
+    _, states = smoothed_states(whiten, white, np.zeros(stretch.model.size))
+    actual = np.concatenate([states[:, f] for f in model.nuisance.fields.values()], axis=1)
+    covariance, _, of_amplitudes = dense
+    scale, lower = scaled_cholesky(covariance)
+    weighted = np.linalg.solve(lower.T, np.linalg.solve(lower, stretch.residuals / scale)) / scale
+    expected = np.einsum("sjr,r->sj", of_amplitudes, weighted)
+    assert np.abs(expected).max() > 0.1
+    np.testing.assert_allclose(actual, expected, rtol=0.0, atol=1e-8 * np.abs(expected).max())
