@@ -1,6 +1,4 @@
-"""The prior of a database's discrepancy: kernels, modes that a flight resolves, interpolation, flow distances."""
-
-from itertools import pairwise
+"""The prior of a database's discrepancy: kernels, modes that a flight resolves, flow distances."""
 
 import numpy as np
 import pytest
@@ -53,6 +51,19 @@ def test_the_marginal_sigma_is_that_of_the_database():
 # --- modes ----------------------------------------------------------------------------------------------------------
 
 
+SMOOTH = (np.zeros(0), np.zeros(0))
+
+
+def modes_of(coefficient, angle, information, table_angles=SMOOTH):
+    """Modes of two tables that are smooth, unless their angles are given."""
+    return PRIOR.angle_modes(coefficient, angle, information, table_angles)
+
+
+def in_continuum(modes, angle):
+    """Values of the modes in continuum flow."""
+    return modes.at(angle, np.zeros(len(angle), bool))
+
+
 def oscillation(amplitude_deg, count=4000, mean_deg=0.0):
     """Total angles (rad) of an oscillation, up to its amplitude."""
     return np.radians(np.abs(mean_deg + amplitude_deg * np.sin(np.linspace(0.0, 60.0, count))))
@@ -64,9 +75,9 @@ def test_modes_reproduce_the_kernel_where_there_is_information(coefficient, ampl
     """The sum of their products is the covariance, to the variance that a datum cannot resolve."""
     angle = oscillation(amplitude)
     information = 1e4
-    modes = PRIOR.angle_modes(coefficient, angle, np.full(len(angle), information))
+    modes = modes_of(coefficient, angle, np.full(len(angle), information))
     at = np.radians(np.linspace(0.1, 0.95, 15) * amplitude)
-    values = modes.at(at)
+    values = in_continuum(modes, at)
     missing = PRIOR.angle_kernel(coefficient, at, at) - values @ values.T
     # what is left out is positive, and no more than data of negligible information leave
     variance = np.diag(missing)
@@ -81,20 +92,20 @@ def test_modes_give_the_posterior_of_the_dense_field(coefficient):
     random = np.random.default_rng(4)
     angle = oscillation(9.0, 400)
     sigma = 0.02
-    modes = PRIOR.angle_modes(coefficient, angle, np.full(len(angle), sigma**-2))
+    modes = modes_of(coefficient, angle, np.full(len(angle), sigma**-2))
     kernel = PRIOR.angle_kernel(coefficient, angle, angle)
     truth = np.linalg.cholesky(kernel + 1e-10 * np.eye(len(angle))) @ random.standard_normal(len(angle))
     data = truth + sigma * random.standard_normal(len(angle))
     at = np.radians(np.linspace(0.0, 9.0, 10))
     cross = PRIOR.angle_kernel(coefficient, at, angle)
     dense = cross @ np.linalg.solve(kernel + sigma**2 * np.eye(len(angle)), data)
-    x = modes.at(angle)
+    x = in_continuum(modes, angle)
     amplitude = np.linalg.solve(x.T @ x / sigma**2 + np.eye(modes.count), x.T @ data / sigma**2)
     posterior = PRIOR.angle_kernel(coefficient, at, at) - cross @ np.linalg.solve(
         kernel + sigma**2 * np.eye(len(angle)), cross.T
     )
     spread = np.sqrt(np.maximum(np.diag(posterior), 1e-12))
-    assert np.all(np.abs(modes.at(at) @ amplitude - dense) < 2.0 * spread + 1e-3)
+    assert np.all(np.abs(in_continuum(modes, at) @ amplitude - dense) < 2.0 * spread + 1e-3)
 
 
 def test_fewer_modes_where_there_is_less_information():
@@ -103,14 +114,14 @@ def test_fewer_modes_where_there_is_less_information():
 
     def count(information, amplitude=9.0):
         angle = oscillation(amplitude)
-        return PRIOR.angle_modes("ca", angle, np.full(len(angle), information)).count
+        return modes_of("ca", angle, np.full(len(angle), information)).count
 
     counts = [count(i) for i in (1e-5, 1e-3, 1e-1, 1e1, 1e3)]
     assert counts[0] == 0 and counts == sorted(counts) and len(set(counts)) == len(counts)
     assert count(1.0, 0.5) < count(1.0, 5.0) < count(1.0, 20.0)
     for zero in (np.zeros(len(angle)), np.zeros(0)):
-        assert PRIOR.angle_modes("ca", angle[: len(zero)], zero).count == 0
-    at_zero = PRIOR.angle_modes("cm", np.zeros(9), np.full(9, 1e6))
+        assert modes_of("ca", angle[: len(zero)], zero).count == 0
+    at_zero = modes_of("cm", np.zeros(9), np.full(9, 1e6))
     assert at_zero.count == 0  # a moment that vanishes is known
 
 
@@ -118,57 +129,55 @@ def test_one_datum_has_one_mode_that_is_its_covariance():
     """Which is left out where its variance and information are less than the threshold."""
     angle = PRIOR.angle_length * np.array([1.0])  # at a node of the eigenvalue problem
     for factor, count in ((1.01, 1), (0.99, 0)):
-        modes = PRIOR.angle_modes("ca", angle, np.array([factor * NEGLIGIBLE_INFORMATION]))
+        modes = modes_of("ca", angle, np.array([factor * NEGLIGIBLE_INFORMATION]))
         assert modes.count == count
-    (mode,) = PRIOR.angle_modes("ca", angle, np.array([7.0])).at(ANGLES).T
+    (mode,) = in_continuum(modes_of("ca", angle, np.array([7.0])), ANGLES).T
     np.testing.assert_allclose(np.abs(mode), PRIOR.angle_kernel("ca", ANGLES, angle)[:, 0], rtol=1e-4)
 
 
 def test_modes_are_in_the_order_of_their_information():
     angle = oscillation(12.0)
     information = np.full(len(angle), 10.0)
-    modes = PRIOR.angle_modes("cm", angle, information)
-    size = np.sum(modes.at(angle) ** 2 * information[:, None], axis=0)
+    modes = modes_of("cm", angle, information)
+    size = np.sum(in_continuum(modes, angle) ** 2 * information[:, None], axis=0)
     assert np.all(np.diff(size) < 0.0) and size[-1] > NEGLIGIBLE_INFORMATION * 0.99
 
 
 def test_modes_are_linear_between_tabulated_angles_and_constant_beyond_them():
     step = np.radians(0.05)
-    modes = AngleModes(np.array([[0.0, 1.0], [1.0, 3.0], [4.0, -1.0]]))
+    table = np.array([[0.0, 1.0], [1.0, 3.0], [4.0, -1.0]])
+    modes = AngleModes(table, 10.0 * table)
     assert modes.count == 2
     np.testing.assert_allclose(
-        modes.at(step * np.array([0.0, 0.25, 1.0, 1.5])), [[0, 1], [0.25, 1.5], [1, 3], [2.5, 1]]
+        in_continuum(modes, step * np.array([0.0, 0.25, 1.0, 1.5])), [[0, 1], [0.25, 1.5], [1, 3], [2.5, 1]]
     )
-    np.testing.assert_allclose(modes.at(np.array([step * 2.0, 3.0])), [[4.0, -1.0]] * 2, atol=0.01)
-
-
-# --- interpolation --------------------------------------------------------------------------------------------------
+    np.testing.assert_allclose(in_continuum(modes, np.array([step * 2.0, 3.0])), [[4.0, -1.0]] * 2, atol=0.01)
 
 
 @pytest.mark.parametrize("coefficient", FIELD_COEFFICIENTS)
-def test_interpolation_sigma_is_that_of_drawn_fields(coefficient):
-    """Fields drawn on a fine grid, less their linear interpolation between the nodes of a table."""
-    nodes = np.radians(np.array([0.0, 2.0, 5.0, 10.0, 16.0]))
-    points = np.unique(np.concatenate([np.linspace(a, b, 11) for a, b in pairwise(nodes)]))
-    values, vectors = np.linalg.eigh(PRIOR.angle_kernel(coefficient, points, points))
-    root = vectors * np.sqrt(np.maximum(values, 0.0))
-    draws = root @ np.random.default_rng(2).standard_normal((len(points), 20_000))
-    at_nodes = draws[np.searchsorted(points, nodes)]
-    errors = [f - np.interp(points, nodes, n) for f, n in zip(draws.T, at_nodes.T, strict=True)]
-    drawn = np.std(errors, axis=0)
-    sigma = PRIOR.interpolation_sigma(coefficient, nodes, points)
-    np.testing.assert_allclose(sigma, drawn, rtol=0.03, atol=1e-6)
-    assert sigma.max() > 0.05
-    np.testing.assert_allclose(PRIOR.interpolation_sigma(coefficient, nodes, nodes), 0.0, atol=1e-7)
+def test_the_error_of_a_table_is_linear_between_its_angles(coefficient):
+    """That of each regime between its own; at the angles it is that of the smooth field."""
+    tables = np.radians([0.0, 2.0, 5.0, 10.0, 16.0]), np.radians([0.0, 8.0, 16.0])
+    angle = oscillation(14.0)
+    information = np.full(len(angle), 1e4)
+    smooth = modes_of(coefficient, angle, information)
+    linear = modes_of(coefficient, angle, information, tables)
+    assert smooth.count == linear.count > 2
+    at = np.radians(np.arange(0.0, 16.0, 0.05))
+    for nodes, rarefied in zip(tables, (False, True), strict=True):
+        regime = np.full(len(at), rarefied)
+        expected = [np.interp(at, nodes, v) for v in smooth.at(nodes, np.full(len(nodes), rarefied)).T]
+        np.testing.assert_allclose(linear.at(at, regime).T, expected, rtol=0.0, atol=1e-9)
+        np.testing.assert_array_equal(smooth.at(at, regime), smooth.at(at, ~regime))
+        assert np.abs(linear.at(at, regime) - smooth.at(at, regime)).max() > 0.01
+    one_table = modes_of(coefficient, angle, information, (tables[0], np.zeros(0)))
+    np.testing.assert_array_equal(one_table.at(at, np.ones(len(at), bool)), smooth.at(at, np.ones(len(at), bool)))
 
 
-def test_a_fine_or_smooth_table_has_no_interpolation_error():
-    angle = np.radians(np.linspace(0.0, 20.0, 7))
-    assert not PRIOR.interpolation_sigma("ca", np.zeros(0), angle).any()
-    spacing = [
-        PRIOR.interpolation_sigma("ca", np.radians(np.arange(0.0, 20.1, s)), angle).max() for s in (0.25, 0.5, 1)
-    ]
-    assert spacing[0] < spacing[1] / 3.9 and spacing[1] < spacing[2] / 3.9 and spacing[2] < 0.01  # of second order
+def test_each_sample_has_the_modes_of_its_regime():
+    table = np.array([[0.0, 1.0], [1.0, 3.0], [4.0, -1.0]])
+    modes, angle = AngleModes(table, 10.0 * table), np.radians(0.05) * np.array([0.5, 0.5, 1.0])
+    np.testing.assert_allclose(modes.at(angle, np.array([False, True, True])), [[0.5, 2.0], [5.0, 20.0], [10.0, 30.0]])
 
 
 # --- distances along the flow ---------------------------------------------------------------------------------------

@@ -1,6 +1,7 @@
 """Perturbations of the forward model change the stated quantities, and only these."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -68,9 +69,9 @@ def test_coefficients_and_vehicle(world, practice_06):
 STEP = np.radians(0.05)
 FIELD_TIME = np.array([100.0, 110.0, 130.0])
 MODES = {
-    "ca": AngleModes(np.array([[1.0, 0.0], [1.0, 2.0], [3.0, 4.0]])),
-    "cn": AngleModes(np.zeros((3, 0))),
-    "cm": AngleModes(np.array([[0.0], [1.0], [4.0]])),
+    "ca": AngleModes(np.array([[1.0, 0.0], [1.0, 2.0], [3.0, 4.0]]), np.array([[1.0, 0.0], [2.0, 0.0], [3.0, 0.0]])),
+    "cn": AngleModes(np.zeros((3, 0)), np.zeros((3, 0))),
+    "cm": AngleModes(np.array([[0.0], [1.0], [4.0]]), np.array([[0.0], [7.0], [14.0]])),
 }
 AMPLITUDES = {
     "ca": np.array([[1.0, -1.0], [3.0, 0.0], [5.0, 2.0]]), "cn": np.zeros((3, 0)), "cm": np.array([[2.0], [0.0], [1.0]])
@@ -79,7 +80,12 @@ UNITS = CoefficientUnits(np.array([0.0, 200.0]), ca=np.array([0.0, 0.2]), cn=np.
 
 
 def field(**changes):
-    return replace(FieldPerturbation(FIELD_TIME, AMPLITUDES, MODES, UNITS), **changes)
+    return replace(FieldPerturbation(FIELD_TIME, AMPLITUDES, MODES, UNITS, continuum_limit=1e-3), **changes)
+
+
+def flow_of(time, angle, knudsen=1e-5):
+    """What increments need of a flow."""
+    return SimpleNamespace(time=time, alpha_total=angle, knudsen=np.broadcast_to(knudsen, np.shape(time)))
 
 
 @pytest.mark.parametrize(
@@ -95,7 +101,7 @@ def field(**changes):
     ],
 )
 def test_increments_are_linear_in_time_and_in_angle(time, steps, ca, cm):
-    increments = field().increments(np.array([time]), np.array([steps * STEP]))
+    increments = field().increments(flow_of(np.array([time]), np.array([steps * STEP])))
     assert increments["ca"] == pytest.approx([ca], rel=1e-9)
     assert increments["cn"] == pytest.approx([0.0]) and increments["cm"] == pytest.approx([cm], abs=1e-15)
 
@@ -103,17 +109,25 @@ def test_increments_are_linear_in_time_and_in_angle(time, steps, ca, cm):
 def test_increments_of_many_samples_are_each_by_themselves():
     random = np.random.default_rng(3)
     time, angle = random.uniform(90.0, 140.0, 50), random.uniform(0.0, 2.0 * STEP, 50)
-    whole = field().increments(time, angle)
+    whole = field().increments(flow_of(time, angle))
     for k in range(50):
-        alone = field().increments(time[k : k + 1], angle[k : k + 1])
+        alone = field().increments(flow_of(time[k : k + 1], angle[k : k + 1]))
         assert all(alone[name][0] == pytest.approx(whole[name][k], rel=1e-12, abs=1e-15) for name in whole)
+
+
+def test_increments_are_those_of_the_regime():
+    """In rarefied flow those of the rarefied table's modes."""
+    time, angle = np.full(3, 100.0), np.full(3, STEP)
+    increments = field().increments(flow_of(time, angle, np.array([1e-5, 1e-3, 2e-3])))
+    np.testing.assert_allclose(increments["ca"], [-0.1, -0.1, 0.2], rtol=1e-12)
+    np.testing.assert_allclose(increments["cm"], [0.02, 0.02, 0.14], rtol=1e-12)
 
 
 def test_increments_are_linear_in_the_amplitudes():
     time, angle = np.linspace(95.0, 135.0, 30), np.linspace(0.0, 2.0, 30) * STEP
-    doubled = field(amplitudes={name: 2.0 * a for name, a in AMPLITUDES.items()}).increments(time, angle)
-    single = field().increments(time, angle)
-    zero = FieldPerturbation.zero(MODES, UNITS).increments(time, angle)
+    doubled = field(amplitudes={name: 2.0 * a for name, a in AMPLITUDES.items()}).increments(flow_of(time, angle))
+    single = field().increments(flow_of(time, angle))
+    zero = FieldPerturbation.zero(MODES, UNITS, 1e-3).increments(flow_of(time, angle))
     for name in single:
         np.testing.assert_allclose(doubled[name], 2.0 * single[name], rtol=1e-12, atol=1e-15)
         assert not zero[name].any()
@@ -125,14 +139,17 @@ def test_a_field_changes_the_coefficients_by_its_increments(world, practice_06):
     flow = met(world, practice_06)
     expected = world.coefficients(flow)
     plain = perturbation(ca=np.full(2, 0.1))
-    zero = replace(plain, field=FieldPerturbation.zero(MODES, UNITS))
+    zero = replace(plain, field=FieldPerturbation.zero(MODES, UNITS, 1e-3))
     for name in ("ca", "cn", "cm_nose", "cl"):
         values = [getattr(replace(world, perturbation=p).coefficients(flow), name) for p in (plain, zero)]
         np.testing.assert_array_equal(*values)
-    wide = {name: AngleModes(np.linspace(m.table[0], m.table[-1], 1200)) for name, m in MODES.items()}
+    wide = {
+        name: AngleModes(*(np.linspace(t[0], t[-1], 1200) for t in (m.continuum, m.rarefied)))
+        for name, m in MODES.items()
+    }
     with_field = replace(plain, field=field(modes=wide))
     actual = replace(world, perturbation=with_field).coefficients(flow)
-    increments = with_field.field.increments(flow.time, flow.alpha_total)
+    increments = with_field.field.increments(flow)
     assert np.ptp(increments["ca"]) > 0.1 and np.ptp(increments["cm"]) > 1e-3
     for name, by in (("ca", 0.1 + increments["ca"]), ("cn", 0.0), ("cm_nose", increments["cm"]), ("cl", 0.0)):
         np.testing.assert_allclose(getattr(actual, name) - getattr(expected, name), by, atol=1e-12)

@@ -154,7 +154,7 @@ def field_loadings(model, stretch, x):
 
 
 def field_covariances(model, stretch):
-    """Covariance of the rows by the field ``(R, R)``, and that of the amplitudes at bins' ends with them ``(S, J, R)``."""
+    """Covariances: of the rows by the field ``(R, R)``, and of its amplitudes at all ends with them ``(S, J, R)``."""
     x = distance_along_flow(model)
     at_end = x[NODES_PER_BIN * (stretch.bins + 1)]
     loading, starts = field_loadings(model, stretch, x), stretch.model.row_start

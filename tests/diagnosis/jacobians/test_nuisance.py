@@ -61,7 +61,7 @@ def test_the_amplitudes_of_a_discrepancy_are_the_last_states():
     """Of each coefficient all values, then all derivatives and all second derivatives; a field may have no modes."""
     layout = Layout.of((SensorErrors(1e-2, 1e-3, 0.0, 1e-4, 0.0),), {})
     counts = {"ca": 2, "cn": 0, "cm": 3}
-    modes = {name: AngleModes(np.zeros((5, count))) for name, count in counts.items()}
+    modes = {name: AngleModes(np.zeros((5, count)), np.zeros((5, count))) for name, count in counts.items()}
     exact, inexact = (nuisance_layout(layout, (), BINS, uncertainty(), m) for m in ({}, modes))
     assert exact.fields == {} and exact.slices == inexact.slices
     start = exact.size

@@ -17,6 +17,7 @@ def constructed_model(number, share, likelihood):
     holds = share <= SETTINGS.holds_share
     return SimpleNamespace(
         number=number,
+        effects=(),
         point=SimpleNamespace(start=None, perturbation=None),
         holds=holds,
         excess_variance=SimpleNamespace(share=share),
@@ -44,6 +45,7 @@ def patched_iteration(monkeypatch, shares, likelihoods=None, change=1.0):
 
     displaced = SimpleNamespace(start=SimpleNamespace(minus=lambda _: np.full(2, change)), perturbation=None)
     monkeypatch.setattr(module, "linearize_at", linearize_at)
+    monkeypatch.setattr(module, "at_map_point", lambda model, *_: model)
     monkeypatch.setattr(module, "map_point", lambda *_: displaced)
     monkeypatch.setattr(module, "smoothed_point", lambda _: SimpleNamespace(start=None, perturbation=None))
     return models, starts
@@ -52,14 +54,28 @@ def patched_iteration(monkeypatch, shares, likelihoods=None, change=1.0):
 CASE = SimpleNamespace(reconstruction=None, settings=SETTINGS, uncertainty=SimpleNamespace(sigma={}))
 
 
-@pytest.mark.parametrize(("share", "max_share", "count"), [(0.0, 0.02, 3), (0.5, 0.02, 1), (0.5, 1.0, 3)])
-def test_the_point_moves_only_while_the_model_holds_well_enough(monkeypatch, share, max_share, count):
+FALLING = [0.5, 0.3, 0.2]
+
+
+@pytest.mark.parametrize(
+    ("shares", "max_share", "count"), [([0.0], 0.02, 3), (FALLING, 0.02, 1), (FALLING, 0.4, 1), (FALLING, 1.0, 3)]
+)
+def test_the_point_moves_only_while_the_model_holds_well_enough(monkeypatch, shares, max_share, count):
     """Not where more than `max_excess_share` of the rows have excess variance; which starts at the last estimate."""
-    models, starts = patched_iteration(monkeypatch, [share])
+    models, starts = patched_iteration(monkeypatch, shares)
     linearize(CASE, iterations=3, max_excess_share=max_share)
     assert len(models) == count
-    expected = [None, "noise 1", "noise 2"] if share > SETTINGS.holds_share else [None] * 3
+    expected = [None, "noise 1", "noise 2"] if shares is FALLING else [None] * 3
     assert starts == expected[:count]
+
+
+@pytest.mark.parametrize(("progress", "count"), [(0.95, 3), (1.05, 2)])
+def test_a_failing_model_goes_on_only_while_its_excess_falls(monkeypatch, progress, count):
+    """In parts of the share of the setting that an iteration may leave; whatever the likelihood is."""
+    left = progress * SETTINGS.alternative_progress
+    models, _ = patched_iteration(monkeypatch, [0.9, 0.9 * left, 0.9 * left**2], [30.0, 20.0, 10.0])
+    linearize(CASE, iterations=3)
+    assert len(models) == count
 
 
 @pytest.mark.parametrize(("change", "count"), [(0.05, 1), (0.2, 3)])
@@ -71,7 +87,7 @@ def test_the_iteration_ends_where_the_point_has_converged(monkeypatch, change, c
 
 @pytest.mark.parametrize(("least", "count"), [(1, 1), (2, 2), (3, 3)])
 def test_a_failing_model_has_a_least_number_of_points(monkeypatch, least, count):
-    models, _ = patched_iteration(monkeypatch, [0.5])
+    models, _ = patched_iteration(monkeypatch, FALLING)
     linearize(CASE, iterations=3, max_excess_share=0.02, least_iterations=least)
     assert len(models) == count
 
