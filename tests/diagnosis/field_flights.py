@@ -5,7 +5,7 @@ import numpy as np
 from edl_filter.aero.discrepancy import FIELD_COEFFICIENTS, DiscrepancyPrior
 from edl_filter.estimation.block_sparse import from_blocks
 from edl_filter.estimation.kalman import LinearStateSpace, append_constant_states, whitening_filter
-from edl_filter.estimation.matern import MATERN52_COVARIANCE, matern52_transition
+from edl_filter.estimation.matern import MATERN32_COVARIANCE, matern32_transition
 
 PRIOR = DiscrepancyPrior(scale=1.0)
 ALPHA = np.radians([0.0, 2.0, 4.0])
@@ -38,7 +38,7 @@ class Flight:
         self.fields, self.state_space = self._state_space(steps, np.diff(distance, prepend=distance[0]))
 
     def _state_space(self, steps, step):
-        transition, process = matern52_transition(step)
+        transition, process = matern32_transition(step)
         fields, start, increment, noise = {}, 0, [], []
         for name, mode in self.modes.items():
             count = mode.count
@@ -52,7 +52,7 @@ class Flight:
             count = values.stop - values.start
             part = slice(values.start, values.start + 3 * count)
             design[:, values] = self.sensitivity[name][:, None] * self.shapes[name]
-            covariance[part, part] = np.kron(MATERN52_COVARIANCE, np.eye(count))
+            covariance[part, part] = np.kron(MATERN32_COVARIANCE, np.eye(count))
         row_noise = np.zeros((self.count, 2))
         row_noise[np.arange(self.count), np.arange(self.count) % 2] = self.noise**2
         model = LinearStateSpace(

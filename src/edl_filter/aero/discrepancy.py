@@ -7,8 +7,9 @@ the same Mach number meets the same error again. It is a Gaussian process (Kenne
     δC(flow) = σ_C(flow) g(x, α),   cov(g(x, α), g(x', α')) = k(x - x') s(α) s(α') exp(-(α - α')² / 2 l²),
 
 with the database's own one sigma σ_C as marginal scale. x is the logarithm of the Mach number over its correlation
-length in continuum flow, that of the Knudsen number in rarefied flow, and k the Matérn correlation of order 5/2
-(`estimation.matern`). s(α) = tanh(α/α_0) for CN and Cm, which vanish at zero angle by symmetry; s = 1 for CA.
+length in continuum flow, that of the Knudsen number in rarefied flow, and k the Matérn correlation of order 3/2
+(`estimation.matern`), whose slope may change as that of a table does at its nodes. s(α) = tanh(α/α_0) for CN and Cm,
+which vanish at zero angle by symmetry; s = 1 for CA.
 
 Along a trajectory x changes slowly and the angle oscillates. The kernel over the angle is therefore replaced by a few
 modes (Karhunen–Loève expansion with respect to the information that the flight has at each angle: Rasmussen and

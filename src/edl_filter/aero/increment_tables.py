@@ -15,7 +15,7 @@ import numpy as np
 from edl_filter.aero.discrepancy import DiscrepancyPrior
 from edl_filter.aero.grid import GridSlice, GridTable, Kind
 from edl_filter.aero.increments import DatabaseUpdate, RegimeUpdate
-from edl_filter.estimation.matern import matern52_correlation
+from edl_filter.estimation.matern import matern32_correlation
 from edl_filter.types import Array
 
 #: Steps between two knots along the flow, and steps per correlation length beyond the edges.
@@ -76,7 +76,7 @@ class IncrementTables:
             knots = _coordinate(r.regime, r.nodes)
             beyond = np.maximum(np.maximum(knots[0] - flow, flow - knots[-1]), 0.0) / _length(prior, r.regime)
             angle = np.maximum(alpha - r.alpha[-1], 0.0) / prior.angle_length
-            correlation = matern52_correlation(beyond)[..., 0] * np.exp(-0.5 * angle**2)
+            correlation = matern32_correlation(beyond)[..., 0] * np.exp(-0.5 * angle**2)
             between = _interpolation_variance(
                 (flow - knots[0]) / _length(prior, r.regime), _step(knots, prior, r.regime)
             )
@@ -97,7 +97,7 @@ class IncrementTables:
         fraction = (place - lower)[:, None]
         along = (1.0 - fraction) * values[:, lower] + fraction * values[:, lower + 1]
         beyond = np.maximum(np.maximum(knots[0] - flow, flow - knots[-1]), 0.0) / length
-        along = along * matern52_correlation(beyond)[:, 0][:, None]
+        along = along * matern32_correlation(beyond)[:, 0][:, None]
         angle = np.exp(-0.5 * steps[1:] ** 2)
         dense = np.concatenate((along, along[:, :, -1:] * angle), axis=2)
         dense[:, [0, -1]], dense[:, :, -1] = 0.0, 0.0
@@ -122,10 +122,10 @@ def increment_terms(
 
 
 def _interpolation_variance(place: Array, step: float) -> Array:
-    """Variance of a process of order 5/2 less its linear interpolation between knots; places from the first knot."""
+    """Variance of a process of order 3/2 less its linear interpolation between knots; places from the first knot."""
     fraction = np.mod(np.maximum(place, 0.0), step) / step
     at_knot, low, high = (
-        matern52_correlation(np.asarray(d))[..., 0] for d in (step, step * fraction, step * (1.0 - fraction))
+        matern32_correlation(np.asarray(d))[..., 0] for d in (step, step * fraction, step * (1.0 - fraction))
     )
     rest = 1.0 - fraction
     variance = 1.0 + rest**2 + fraction**2 + 2.0 * fraction * rest * at_knot - 2.0 * (rest * low + fraction * high)

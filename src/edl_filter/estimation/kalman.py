@@ -92,7 +92,7 @@ def append_constant_states(model: LinearStateSpace, design: Array, sigma: Array)
         model,
         increment=replace(model.increment, size=n),
         process_noise=replace(model.process_noise, size=n),
-        design=np.concatenate((model.design, design), axis=1),
+        design=np.ascontiguousarray(np.concatenate((model.design, design), axis=1)),
         initial_covariance=covariance,
     )
 

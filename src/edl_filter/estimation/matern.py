@@ -1,14 +1,13 @@
-"""Matérn processes of order 3/2 and 5/2: their correlation, their state-space form, and samples of them.
+"""Matérn processes of order 3/2: their correlation, their state-space form, and samples of them.
 
-Stationary Gaussian processes whose realisations are differentiable once and twice. With r the distance over the
-correlation length the correlation of order 3/2 is ``(1 + √3 r) exp(-√3 r)``, that of order 5/2 ``(1 + √5 r + 5 r²/3)
-exp(-√5 r)`` (Rasmussen & Williams, Gaussian Processes for Machine Learning, MIT Press 2006, eq. 4.17). As a state of
-value and derivatives by r both are Markov (Särkkä & Solin, Applied Stochastic Differential Equations, Cambridge 2019,
-section 12.3); of order 3/2
+A stationary Gaussian process whose realisations are differentiable once. With r the distance over the correlation
+length its correlation is ``(1 + √3 r) exp(-√3 r)`` (Rasmussen & Williams, Gaussian Processes for Machine Learning, MIT
+Press 2006, eq. 4.17). As a state of value x and slope x' it is Markov,
 
     d(x, x')/dr = [[0, 1], [-3, -2√3]] (x, x') + white noise,
 
-with stationary covariance diag(1, 3). Derivatives are by r, so their unit is that of the value.
+with stationary covariance diag(1, 3) (Särkkä & Solin, Applied Stochastic Differential Equations, Cambridge 2019,
+section 12.3). The slope is by r, so its unit is that of the value.
 """
 
 from __future__ import annotations
@@ -45,34 +44,8 @@ def matern32_transition(distance: Array) -> tuple[Array, Array]:
     return transition, stationary - transition @ stationary @ np.swapaxes(transition, -1, -2)
 
 
-#: Stationary covariance of value and two derivatives of the process of order 5/2, for unit variance.
-MATERN52_COVARIANCE = np.array([[1.0, 0.0, -5.0 / 3.0], [0.0, 5.0 / 3.0, 0.0], [-5.0 / 3.0, 0.0, 25.0]])
-
-
-def matern52_transition(distance: Array) -> tuple[Array, Array]:
-    """Transition matrix and process noise of the state-space form of order 5/2, for unit variance.
-
-    Parameters
-    ----------
-    distance : (...) array
-        Steps over the correlation length, not negative.
-
-    Returns
-    -------
-    transition, noise : (..., 3, 3) arrays
-        Of value and two derivatives, all in the unit of the value.
-    """
-    r, rate = np.asarray(distance, float)[..., None, None], np.sqrt(5.0)
-    # the companion matrix plus rate times identity is nilpotent: its exponential is a polynomial of second degree
-    nilpotent = np.array([[rate, 1.0, 0.0], [0.0, rate, 1.0], [-(rate**3), -3.0 * rate**2, -2.0 * rate]])
-    transition = np.exp(-rate * r) * (np.eye(3) + r * nilpotent + 0.5 * r**2 * (nilpotent @ nilpotent))
-    stationary = MATERN52_COVARIANCE
-    noise = stationary - transition @ stationary @ np.swapaxes(transition, -1, -2)
-    return transition, noise
-
-
-def matern52_correlation(distance: Array) -> Array:
-    """Correlations of a process of order 5/2 and its derivatives with its value at another place, for unit variance.
+def matern32_correlation(distance: Array) -> Array:
+    """Correlations of a process of order 3/2 and its derivative with its value at another place, for unit variance.
 
     Parameters
     ----------
@@ -81,17 +54,13 @@ def matern52_correlation(distance: Array) -> Array:
 
     Returns
     -------
-    (..., 3) array
-        Of value, first and second derivative.
+    (..., 2) array
+        Of value and derivative.
     """
-    d = np.sqrt(5.0) * np.asarray(distance, float)
+    d = np.sqrt(3.0) * np.asarray(distance, float)
     size = np.abs(d)
     decay = np.exp(-size)
-    out = np.empty((*d.shape, 3))
-    out[..., 0] = (1.0 + size + d**2 / 3.0) * decay
-    out[..., 1] = -np.sqrt(5.0) / 3.0 * d * (1.0 + size) * decay
-    out[..., 2] = 5.0 / 3.0 * (d**2 - size - 1.0) * decay
-    return out
+    return np.stack(((1.0 + size) * decay, -np.sqrt(3.0) * d * decay), axis=-1)
 
 
 def sample_matern32(random: np.random.Generator, nodes: int, step: float, sigma: float, length: float) -> Array:

@@ -2,8 +2,8 @@
 
 `ResultReader` returns variables, attributes and units by group and name, the flight's events, phases and validation
 domain, and the contents of ``summary.json``, ``diagnosis.json``, ``ledger.jsonl``, ``residuals.nc`` and
-``database_update.nc``. Reports,
-figures, the workbench and commands read results through it only. What a result does not contain is None or empty.
+``database_update.nc``. Reports, figures, the workbench and commands read results through it only. What a result does
+not contain is None or empty.
 """
 
 from __future__ import annotations

@@ -21,7 +21,7 @@ from edl_filter.estimation.smoothing import smoothed_states
 from edl_filter.types import Array
 
 BINS = 60
-RATE = np.sqrt(5.0)
+RATE = np.sqrt(3.0)
 
 
 @dataclass(frozen=True)
@@ -127,9 +127,9 @@ def matern(x, y):
     """Covariances of values and derivatives at x and y ``(2, 2)``: ``k``, ``∂k/∂y``, ``∂k/∂x``, ``∂²k/∂x∂y``."""
     r = abs(x - y)
     decay = np.exp(-RATE * r)
-    slope = -5.0 / 3.0 * r * (1.0 + RATE * r) * decay * np.sign(x - y)
-    curvature = -5.0 / 3.0 * (1.0 + RATE * r - 5.0 * r**2) * decay
-    return np.array([[(1.0 + RATE * r + 5.0 * r**2 / 3.0) * decay, -slope], [slope, -curvature]])
+    slope = -3.0 * r * decay * np.sign(x - y)
+    curvature = -3.0 * (1.0 - RATE * r) * decay
+    return np.array([[(1.0 + RATE * r) * decay, -slope], [slope, -curvature]])
 
 
 def field_loadings(model, stretch, x):

@@ -43,7 +43,8 @@ def section(text, key):
 def test_the_sections_stand_in_the_order_of_the_reading(tmp_path):
     folders.whole(tmp_path)
     text = body(page(tmp_path))
-    keys = ["verdict", "events", "where", "hypotheses", "left", "ledger", "trajectory", "atmosphere", "coefficients",
+    keys = ["verdict", "events", "where", "hypotheses", "left", "database", "ledger", "trajectory",
+            "atmosphere", "coefficients",
             "constraints", "instruments", "provenance"]  # fmt: skip
     assert re.findall(r'<section id="(\w+)"', text) == keys
     assert "Missing: wind (gain 42 nats)." in section(text, "verdict")

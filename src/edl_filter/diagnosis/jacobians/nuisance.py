@@ -17,8 +17,8 @@ ca, cn, cm
 mass, inertia
     Relative errors.
 fields of ca, cn, cm
-    Amplitudes of the modes of the database's discrepancy (`aero.discrepancy`), Matérn processes of order 5/2 against
-    the distance along the flow: all values, all derivatives, all second derivatives. None with an exact database.
+    Amplitudes of the modes of the database's discrepancy (`aero.discrepancy`), Matérn processes of order 3/2 against
+    the distance along the flow: all values, then all derivatives. None with an exact database.
 
 An unmodelled acceleration (`noise.unmodelled_acceleration`) is appended to all of them where it is allowed for.
 """
@@ -40,8 +40,8 @@ from edl_filter.types import Array
 AIR = ("density", "wind_east", "wind_north")
 #: Nuisance parameters that belong to the linearisation point, with the amplitudes of the discrepancy.
 PERTURBED = (*AIR, *FIELD_COEFFICIENTS, "mass", "inertia")
-#: States of an amplitude of the database's discrepancy: value and two derivatives.
-FIELD_STATES = 3
+#: States of an amplitude of the database's discrepancy: value and derivative.
+FIELD_STATES = 2
 
 
 @dataclass(frozen=True)
@@ -101,8 +101,7 @@ class NuisanceLayout:
         Name → slice, for the others.
     size : int
     fields : dict
-        Coefficient → slice of the amplitudes of its discrepancy; the derivatives of all of them follow, then the second
-        derivatives.
+        Coefficient → slice of the amplitudes of its discrepancy; the derivatives of all of them follow.
     """
 
     layout: Layout

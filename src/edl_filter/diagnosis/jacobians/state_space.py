@@ -17,12 +17,7 @@ from edl_filter.diagnosis.prediction.residuals import ModelInputs, Residuals
 from edl_filter.diagnosis.prediction.time_bins import TimeBins
 from edl_filter.estimation.block_sparse import BlockSparse, from_blocks
 from edl_filter.estimation.kalman import LinearStateSpace
-from edl_filter.estimation.matern import (
-    MATERN32_COVARIANCE,
-    MATERN52_COVARIANCE,
-    matern32_transition,
-    matern52_transition,
-)
+from edl_filter.estimation.matern import MATERN32_COVARIANCE, matern32_transition
 from edl_filter.navigation.constraints import Constraint
 from edl_filter.navigation.initial import initial_estimate
 from edl_filter.navigation.layout import Layout, State, sigma_states
@@ -275,7 +270,7 @@ def _stochastic_model(
     if nuisance.fields:
         along_flow = np.concatenate(([0.0], np.cumsum(flow_distance)))
         step = np.diff(np.interp(time, residuals.nodes.time, along_flow))[epoch] * moves
-        transition, process_noise = matern52_transition(step)
+        transition, process_noise = matern32_transition(step)
         for values in nuisance.fields.values():
             for i in range(values.start, values.stop):
                 states = field_states(values, i)
@@ -318,7 +313,7 @@ def _initial_covariance(inputs: ModelInputs, nuisance: NuisanceLayout, rate_sigm
     for values in nuisance.fields.values():
         count = values.stop - values.start
         part = slice(values.start, values.start + FIELD_STATES * count)
-        p[part, part] = np.kron(MATERN52_COVARIANCE, np.eye(count))
+        p[part, part] = np.kron(MATERN32_COVARIANCE, np.eye(count))
     return p
 
 

@@ -34,7 +34,7 @@ from edl_filter.diagnosis.residual_analysis.field_posterior import (
 from edl_filter.diagnosis.residual_analysis.residual_map import flow_regimes
 from edl_filter.errors import InputError
 from edl_filter.estimation.kalman import WhiteningFilter
-from edl_filter.estimation.matern import matern52_correlation
+from edl_filter.estimation.matern import matern32_correlation
 from edl_filter.types import Array
 
 #: Eigenvalue of the covariance over the angle, relative to the largest, below which a principal mode is left out.
@@ -175,7 +175,7 @@ def knot_columns(
     -------
     (R, Z) array
     """
-    factor = np.linalg.cholesky(matern52_correlation(np.subtract.outer(distance, distance))[..., 0])
+    factor = np.linalg.cholesky(matern32_correlation(np.subtract.outer(distance, distance))[..., 0])
     blocks = []
     for name in FIELD_COEFFICIENTS:
         covariance = amplitude_covariance(whiten.model.design, fields[name], row_distance, distance)

@@ -22,7 +22,7 @@ from edl_filter.diagnosis.residual_analysis.field_posterior import (
     white_columns,
 )
 from edl_filter.estimation.kalman import WhiteningFilter
-from edl_filter.estimation.matern import matern52_correlation
+from edl_filter.estimation.matern import matern32_correlation
 from edl_filter.types import Array, IntArray
 
 #: Largest spacing of the knots along the flow and over the angle, in correlation lengths: linear interpolation between
@@ -197,7 +197,7 @@ def field_at_knots(
         to_field[rows[i] : rows[i + 1], columns[i] : columns[i + 1]] = maps[i]
         for j, (column_name, column_regime) in enumerate(blocks):
             if column_name == name:
-                along = matern52_correlation(np.subtract.outer(distances[regime], distances[column_regime]))[..., 0]
+                along = matern32_correlation(np.subtract.outer(distances[regime], distances[column_regime]))[..., 0]
                 over_angle = prior.angle_kernel(name, angles[regime], angles[column_regime])
                 prior_covariance[rows[i] : rows[i + 1], rows[j] : rows[j + 1]] = np.kron(along, over_angle)
     return to_field @ mean, prior_covariance - to_field @ reduction @ to_field.T, prior_covariance

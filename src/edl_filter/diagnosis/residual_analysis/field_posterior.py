@@ -1,6 +1,6 @@
 """Posterior of a database's discrepancy at knots over the flow, by the whitening filter of a flight.
 
-The amplitudes of the field's modes are states of the linear model, Matérn processes of order 5/2 along the flow. The
+The amplitudes of the field's modes are states of the linear model, Matérn processes of order 3/2 along the flow. The
 covariance of every measurement with an amplitude at any place along the flow is therefore known: with Δ the distance
 between the two, in correlation lengths,
 
@@ -22,7 +22,7 @@ from edl_filter.diagnosis.jacobians.nuisance import FIELD_STATES
 from edl_filter.diagnosis.linear_model.linear_model import LinearizedModel
 from edl_filter.diagnosis.prediction.dead_reckoning import NODES_PER_BIN
 from edl_filter.estimation.kalman import WhiteningFilter
-from edl_filter.estimation.matern import matern52_correlation
+from edl_filter.estimation.matern import matern32_correlation
 from edl_filter.types import Array, BoolArray
 
 
@@ -44,7 +44,7 @@ def amplitude_covariance(design: Array, values: slice, row_distance: Array, knot
     """
     count = values.stop - values.start
     columns = design[:, values.start : values.start + FIELD_STATES * count].reshape(len(design), FIELD_STATES, count)
-    correlation = matern52_correlation(np.subtract.outer(row_distance, knot_distance))
+    correlation = matern32_correlation(np.subtract.outer(row_distance, knot_distance))
     return np.asarray(np.einsum("rkd,rdj->rkj", correlation, columns))
 
 
