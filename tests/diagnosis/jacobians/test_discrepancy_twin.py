@@ -12,6 +12,7 @@ import pytest
 
 from edl_filter import Mission
 from edl_filter.aero.discrepancy import FIELD_COEFFICIENTS
+from edl_filter.diagnosis.jacobians.nuisance import FIELD_STATES
 from edl_filter.diagnosis.linear_model.flight_case import load_case
 from edl_filter.diagnosis.linear_model.linearization import linearize_at
 from edl_filter.diagnosis.linear_model.linearization_point import smoothed_point
@@ -187,7 +188,7 @@ def stretch(request, model):
 def dense(model, stretch):
     """Covariance of all rows, and of the amplitudes with them."""
     fields = model.nuisance.fields
-    places = [i for f in fields.values() for i in range(f.start, f.start + 3 * (f.stop - f.start))]
+    places = [i for f in fields.values() for i in range(f.start, f.start + FIELD_STATES * (f.stop - f.start))]
     others = np.setdiff1d(np.arange(stretch.model.size), places)
     by_field, of_amplitudes = field_covariances(model, stretch)
     return covariance_of_other_states(stretch, others) + by_field + row_noise_of(stretch), by_field, of_amplitudes
