@@ -12,6 +12,7 @@ import pytest
 
 from edl_filter import Mission
 from edl_filter.aero.discrepancy import FIELD_COEFFICIENTS
+from edl_filter.diagnosis.jacobians.nuisance import FIELD_STATES
 from edl_filter.diagnosis.linear_model.flight_case import load_case
 from edl_filter.diagnosis.linear_model.linearization import linearize_at
 from edl_filter.diagnosis.linear_model.linearization_point import smoothed_point
@@ -127,8 +128,7 @@ def matern(x, y):
     """Covariances of values and derivatives at x and y ``(2, 2)``: ``k``, ``∂k/∂y``, ``∂k/∂x``, ``∂²k/∂x∂y``."""
     r = abs(x - y)
     decay = np.exp(-RATE * r)
-    slope = -3.0 * r * decay * np.sign(x - y)
-    curvature = -3.0 * (1.0 - RATE * r) * decay
+    slope, curvature = -3.0 * (x - y) * decay, -3.0 * (1.0 - RATE * r) * decay
     return np.array([[(1.0 + RATE * r) * decay, -slope], [slope, -curvature]])
 
 
@@ -187,7 +187,7 @@ def stretch(request, model):
 def dense(model, stretch):
     """Covariance of all rows, and of the amplitudes with them."""
     fields = model.nuisance.fields
-    places = [i for f in fields.values() for i in range(f.start, f.start + 3 * (f.stop - f.start))]
+    places = [i for f in fields.values() for i in range(f.start, f.start + FIELD_STATES * (f.stop - f.start))]
     others = np.setdiff1d(np.arange(stretch.model.size), places)
     by_field, of_amplitudes = field_covariances(model, stretch)
     return covariance_of_other_states(stretch, others) + by_field + row_noise_of(stretch), by_field, of_amplitudes
@@ -202,6 +202,20 @@ def scaled_cholesky(covariance):
     """Scale of each row, and the Cholesky factor of the correlation matrix."""
     scale = np.sqrt(np.diag(covariance))
     return scale, np.linalg.cholesky(covariance / np.outer(scale, scale))
+
+
+def refined_solution(covariance, residuals):
+    """``C⁻¹ y`` by Cholesky factors, with residuals of the equations in extended precision.
+
+    The condition number is some 1e9, and its product with the rounding error would exceed what is compared.
+    """
+    scale, lower = scaled_cholesky(covariance)
+    matrix, right = (covariance / np.outer(scale, scale)).astype(np.longdouble), residuals / scale
+    solution = np.zeros(len(right), np.longdouble)
+    for _ in range(3):
+        defect = (right - matrix @ solution).astype(float)
+        solution = solution + np.linalg.solve(lower.T, np.linalg.solve(lower, defect))
+    return solution.astype(float) / scale
 
 
 def test_the_stretches_have_what_they_are_to_test(model, stretch, dense):
@@ -233,8 +247,7 @@ def test_the_posterior_of_the_field_is_that_of_the_dense_gaussian_process(model,
     _, states = smoothed_states(whiten, white, np.zeros(stretch.model.size))
     actual = np.concatenate([states[:, f] for f in model.nuisance.fields.values()], axis=1)
     covariance, _, of_amplitudes = dense
-    scale, lower = scaled_cholesky(covariance)
-    weighted = np.linalg.solve(lower.T, np.linalg.solve(lower, stretch.residuals / scale)) / scale
+    weighted = refined_solution(covariance, stretch.residuals)
     expected = np.einsum("sjr,r->sj", of_amplitudes, weighted)
     assert np.abs(expected).max() > 0.1
     np.testing.assert_allclose(actual, expected, rtol=0.0, atol=1e-8 * np.abs(expected).max())
