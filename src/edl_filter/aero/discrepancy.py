@@ -31,7 +31,7 @@ FIELD_COEFFICIENTS = ("ca", "cn", "cm")
 NEGLIGIBLE_INFORMATION = 1.0
 #: Spacing of the angles at which modes are tabulated, rad, and range of the angles.
 _MODE_STEP, _MODE_RANGE = np.radians(0.05), np.radians(60.0)
-#: Distance, in correlation lengths, of two regimes with independent errors: their correlation is below 1e-90.
+#: Distance, in correlation lengths, of two regimes with independent errors: their correlation is below 1e-70.
 _INDEPENDENT = 100.0
 #: Spacing of the angles in the eigenvalue problem, in correlation lengths.
 _EIGEN_SPACING = 1.0 / 24.0
