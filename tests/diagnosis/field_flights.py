@@ -3,6 +3,7 @@
 import numpy as np
 
 from edl_filter.aero.discrepancy import FIELD_COEFFICIENTS, DiscrepancyPrior
+from edl_filter.diagnosis.jacobians.nuisance import FIELD_STATES
 from edl_filter.estimation.block_sparse import from_blocks
 from edl_filter.estimation.kalman import LinearStateSpace, append_constant_states, whitening_filter
 from edl_filter.estimation.matern import MATERN32_COVARIANCE, matern32_transition
@@ -43,14 +44,16 @@ class Flight:
         for name, mode in self.modes.items():
             count = mode.count
             fields[name] = slice(start, start + count)
-            part = slice(start, start + 3 * count)
-            increment.append((part, part, np.stack([np.kron(f - np.eye(3), np.eye(count)) for f in transition])))
+            part = slice(start, start + FIELD_STATES * count)
+            increment.append(
+                (part, part, np.stack([np.kron(f - np.eye(FIELD_STATES), np.eye(count)) for f in transition]))
+            )
             noise.append((part, part, np.stack([np.kron(q, np.eye(count)) for q in process])))
-            start += 3 * count
+            start += FIELD_STATES * count
         design, covariance = np.zeros((self.count, start)), np.zeros((start, start))
         for name, values in fields.items():
             count = values.stop - values.start
-            part = slice(values.start, values.start + 3 * count)
+            part = slice(values.start, values.start + FIELD_STATES * count)
             design[:, values] = self.sensitivity[name][:, None] * self.shapes[name]
             covariance[part, part] = np.kron(MATERN32_COVARIANCE, np.eye(count))
         row_noise = np.zeros((self.count, 2))

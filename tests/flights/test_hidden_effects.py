@@ -16,7 +16,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from identification import OUTSIDE, PAIRS, VEHICLES, expected_gain, random_instance, simulated_mission
+from identification import OUTSIDE, PAIRS, VEHICLES, expected_gains, random_instance, simulated_mission
 from scipy.stats import chi2
 from typer.testing import CliRunner
 
@@ -98,7 +98,7 @@ def test_a_hidden_effect_is_named_with_its_parameters(name, tmp_path, record_pro
     vehicle, seed = FLIGHTS[name]
     hidden = hidden_effect(name, seed)
     mission = simulated_mission(vehicle, seed, [hidden], tmp_path)
-    expected = expected_gain(mission, hidden)
+    expected = expected_gains(load_case(mission, ()), [hidden])[hidden.name]
     record_property("expected_gain", float(expected))
     assert expected > DETECTABLE_NATS
     diagnosis = diagnose(load_case(mission, ()), catalogue().values())
@@ -168,7 +168,7 @@ def test_a_misaligned_second_imu_is_named_and_added_by_commands(tmp_path, monkey
     name = "accelerometer_misalignment"
     hidden = replace(hidden_effect(name, SEED), imu="secondary")
     mission = simulated_mission("mer", SEED, [hidden], tmp_path)
-    assert expected_gain(mission, hidden) > DETECTABLE_NATS
+    assert expected_gains(load_case(mission, ()), [hidden])[hidden.name] > DETECTABLE_NATS
     call("run", "builtin:practice_mer", "--set", f"telemetry.path={mission.telemetry_path()}", "-o", "first",
          "--no-figures")  # fmt: skip
     first = json.loads(call("diagnose", "first", "--json"))

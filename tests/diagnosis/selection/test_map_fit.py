@@ -53,7 +53,7 @@ def test_a_fit_from_the_estimates_stays_there(model, fit):
 
 def test_without_a_credible_point_the_effects_stay_as_they_are(model, monkeypatch):
     """And nothing is raised."""
-    monkeypatch.setattr(module, "map_point", lambda *_, **__: None)
+    monkeypatch.setattr(module, "at_map_point", lambda *_, **__: None)
     fit = fit_map(model, model.effects, model.fitted_noise_filter, moving=True)
     assert fit.effects == model.effects
     assert np.isfinite(fit.evidence)

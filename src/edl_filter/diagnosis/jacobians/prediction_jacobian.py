@@ -177,7 +177,8 @@ def bins_of_either_regime(model: ForwardModel, residuals: Residuals, density_sig
     if database.join != "switch":
         return np.zeros((len(knudsen) - 1) // NODES_PER_BIN, bool)
     near = np.abs(np.log(knudsen / database.continuum_limit)) < _REGIME_SIGMAS * density_sigma
-    return np.any(near[:-1].reshape(-1, NODES_PER_BIN), axis=1)
+    uncertain = np.any(near[:-1].reshape(-1, NODES_PER_BIN), axis=1)
+    return uncertain | np.append(uncertain[1:], False)  # the step of the rate spans the next bin too
 
 
 def interpolated_angles(table: object) -> Array:

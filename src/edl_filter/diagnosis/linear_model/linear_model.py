@@ -210,7 +210,9 @@ class LinearizedModel:
         size = self.nuisance.layout.size
         prior = np.sqrt(np.diag(self.state_space.initial_covariance)[:size])
         start = float(np.max(np.abs(self.initial_mean[:size]) / np.where(prior > 0.0, prior, np.inf)))
-        return max(start, largest_change(None, self.point.perturbation, self.case.uncertainty.sigma))
+        sigma = [s for c in self.case.constants for s in c.sigma.values()]
+        constant = float(np.max(np.abs(self.constant_values) / np.array(sigma), initial=0.0)) if sigma else 0.0
+        return max(start, constant, largest_change(None, self.point.perturbation, self.case.uncertainty.sigma))
 
     def filter_with_unmodelled(self, unmodelled: UnmodelledAcceleration) -> WhiteningFilter:
         """Whitening filter at the stated noise that allows for an unmodelled acceleration."""

@@ -221,8 +221,8 @@ def linearize(
     The first point is the smoothed reconstruction, which has no information from the aerodynamic model. With further
     iterations the point moves to the most probable nuisance parameters until it converges. A failing model may move the
     point away from the truth; so the iteration ends where more than `max_excess_share` of the rows have excess
-    variance. Tables have discontinuities of slope, and the iteration may alternate between the two sides of one; so the
-    most likely model is returned, of those that hold if any does.
+    variance. The noise of the rows depends on the point, and with it the likelihood by some nats; so the last model that
+    holds is returned, or the most likely one where none does.
 
     Parameters
     ----------
@@ -243,7 +243,8 @@ def linearize(
     """
     first = linearize_at(case, smoothed_point(case.reconstruction), initial_excess)
     models = list(_iterate_point(case, iterations, max_excess_share, first, least_iterations))
-    return max([m for m in models if m.holds] or models, key=lambda m: m.white_excess_log_likelihood)
+    holding = [m for m in models if m.holds]
+    return holding[-1] if holding else max(models, key=lambda m: m.white_excess_log_likelihood)
 
 
 def relinearize_failing_model(case: FlightCase, model: LinearizedModel) -> LinearizedModel | None:
