@@ -15,8 +15,8 @@ CHANGE = (40, 100.0)
 
 
 def correlation(distance):
-    d = np.sqrt(5.0) * np.abs(distance)
-    return (1.0 + d + d**2 / 3.0) * np.exp(-d)
+    d = np.sqrt(3.0) * np.abs(distance)
+    return (1.0 + d) * np.exp(-d)
 
 
 class Flight:

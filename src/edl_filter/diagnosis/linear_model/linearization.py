@@ -221,8 +221,8 @@ def linearize(
     The first point is the smoothed reconstruction, which has no information from the aerodynamic model. With further
     iterations the point moves to the most probable nuisance parameters until it converges. A failing model may move the
     point away from the truth; so the iteration ends where more than `max_excess_share` of the rows have excess
-    variance. The noise of the rows depends on the point, and with it the likelihood by some nats; so the last model that
-    holds is returned, or the most likely one where none does.
+    variance. The noise of the rows depends on the point, and with it the likelihood by some nats; so the last model
+    that holds is returned, or the most likely one where none does.
 
     Parameters
     ----------
