@@ -70,6 +70,7 @@ def test_all_public_names_can_be_imported():
         assert name in dir(edl_filter)
 
 
+@pytest.mark.slow
 def test_the_loop_identifies_the_missing_effect_and_the_error_falls(steps, diagnosis, improved):
     assert diagnosis.leader.name == "gravity_oblateness"
     (oblateness,) = improved.effects
@@ -88,6 +89,7 @@ def test_a_mission_is_reconstructed_and_diagnosed(mission):
     assert list(diagnosis.ranking.screening) == [("gyro_bias", None), ("gyro_bias", "secondary")]
 
 
+@pytest.mark.slow
 def test_improve_repeats_diagnosis_and_fit(mission, steps, improved):
     step, last = steps
     assert step.added.name == "gravity_oblateness" and last.added is None
