@@ -9,9 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from edl_filter.diagnosis.jacobians.nuisance import NuisanceLayout
-from edl_filter.diagnosis.jacobians.prediction_jacobian import (
-    PredictionJacobian,
-)
+from edl_filter.diagnosis.jacobians.prediction_jacobian import PredictionJacobian
 from edl_filter.diagnosis.jacobians.state_space import RowIndex, stated_initial_error
 from edl_filter.diagnosis.linear_model.flight_case import FlightCase
 from edl_filter.diagnosis.linear_model.linearization_point import (

@@ -8,14 +8,10 @@ from itertools import islice
 
 import numpy as np
 
+from edl_filter.diagnosis.jacobians.bin_rows import bin_rows
+from edl_filter.diagnosis.jacobians.coefficient_errors import database_units, field_modes, numerical_error_units
 from edl_filter.diagnosis.jacobians.nuisance import nuisance_layout
-from edl_filter.diagnosis.jacobians.prediction_jacobian import (
-    bin_rows,
-    database_units,
-    field_modes,
-    numerical_error_units,
-    prediction_jacobian,
-)
+from edl_filter.diagnosis.jacobians.prediction_jacobian import prediction_jacobian
 from edl_filter.diagnosis.jacobians.state_space import assemble_state_space
 from edl_filter.diagnosis.jacobians.transitions import propagate_path
 from edl_filter.diagnosis.linear_model.effect_jacobian import effect_jacobian

@@ -148,3 +148,21 @@ def _interpolate(integral: Array, edges: Array, grid: Array, total: Array, k: In
     values = np.einsum("nk,nk...->n...", weights, total[points])
     finite = np.isfinite(values).all(axis=tuple(range(1, values.ndim)))
     integral[rows[finite]] = values[finite]
+
+
+def bin_sigma(bins: TimeBins, time: Array, interval: Array, noise: Array) -> Array:
+    """One sigma of the means over bins of samples with independent noise.
+
+    Parameters
+    ----------
+    bins : TimeBins
+        Time bins of the comparison.
+    time, interval, noise : (N,) arrays
+        End and length of the samples' intervals, s; one sigma of each sample.
+
+    Returns
+    -------
+    (B,) array
+    """
+    variance = bin_means(bins.edges, time, interval, noise**2 * interval)
+    return np.sqrt(variance / bins.interval)

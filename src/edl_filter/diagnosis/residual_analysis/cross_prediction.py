@@ -21,7 +21,7 @@ from scipy.linalg import solve_triangular
 
 from edl_filter.aero.discrepancy import FIELD_COEFFICIENTS, AngleModes, DiscrepancyPrior
 from edl_filter.aero.increments import REGIMES
-from edl_filter.diagnosis.jacobians.prediction_jacobian import interpolated_angles
+from edl_filter.diagnosis.jacobians.coefficient_errors import interpolated_angles
 from edl_filter.diagnosis.linear_model.linear_model import LinearizedModel
 from edl_filter.diagnosis.residual_analysis.channel_rms import channels
 from edl_filter.diagnosis.residual_analysis.database_update import FLOW_SPACING, knot_angles

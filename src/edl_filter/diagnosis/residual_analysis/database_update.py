@@ -12,7 +12,7 @@ import numpy as np
 
 from edl_filter.aero.discrepancy import FIELD_COEFFICIENTS, AngleModes, DiscrepancyPrior
 from edl_filter.aero.increments import REGIMES, DatabaseUpdate, RegimeUpdate
-from edl_filter.diagnosis.jacobians.prediction_jacobian import interpolated_angles
+from edl_filter.diagnosis.jacobians.coefficient_errors import interpolated_angles
 from edl_filter.diagnosis.linear_model.linear_model import LinearizedModel
 from edl_filter.diagnosis.prediction.dead_reckoning import NODES_PER_BIN
 from edl_filter.diagnosis.residual_analysis.field_posterior import (

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from edl_filter.diagnosis.jacobians.prediction_jacobian import bin_sigma, lever_arm_error
-from edl_filter.diagnosis.prediction.time_bins import TimeBins
+from edl_filter.diagnosis.jacobians.bin_rows import lever_arm_error
+from edl_filter.diagnosis.prediction.time_bins import TimeBins, bin_sigma
 from edl_filter.imu_model.lever_arm import edge_values
 
 DT, N, ARM = 0.125, 80, np.array([-0.8, 0.5, -0.6])

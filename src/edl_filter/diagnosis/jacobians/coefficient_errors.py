@@ -1,0 +1,105 @@
+"""Errors of the aerodynamic coefficients along a path: their size, their loads, and the modes that a flight resolves.
+
+Two kinds: the numerical error of a prediction, and the discrepancy of the database (`aero.discrepancy`).
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from edl_filter.aero.discrepancy import FIELD_COEFFICIENTS, AngleModes, DiscrepancyPrior
+from edl_filter.aero.grid import GridTable
+from edl_filter.diagnosis.jacobians.nuisance import StatedUncertainty
+from edl_filter.diagnosis.prediction.dead_reckoning import NODES_PER_BIN
+from edl_filter.diagnosis.prediction.residuals import (
+    ModelInputs,
+    Residuals,
+    predict_increment,
+)
+from edl_filter.diagnosis.prediction.time_bins import TimeBins, bin_sigma
+from edl_filter.effects.perturbation import CoefficientUnits, Perturbation
+from edl_filter.types import Array
+
+
+def numerical_error_units(residuals: Residuals, uncertainty: StatedUncertainty) -> CoefficientUnits:
+    """One sigma of the numerical error of the coefficients at the nodes."""
+    flow, tables, relative = residuals.flow, residuals.tables, uncertainty.numerical
+    return CoefficientUnits(
+        flow.time, ca=relative * tables.ca, cn=relative * tables.cn, cm=relative * np.abs(tables.cm_nose)
+    )
+
+
+def database_units(inputs: ModelInputs, residuals: Residuals, prior: DiscrepancyPrior) -> CoefficientUnits:
+    """One sigma of the database's discrepancy at the nodes."""
+    flow, database = residuals.flow, inputs.forward_model.database
+    third = np.full(len(flow.mach), prior.scale / 3.0)
+    limits = database.lookup(flow.mach, flow.knudsen, flow.alpha_total, flow.speed).three_sigma
+    if database.increments is not None:  # their own covariance holds where they apply
+        remainder = database.increments.remainder(flow.mach, flow.knudsen, flow.alpha_total, database.continuum_limit)
+        third = third * np.sqrt(remainder)
+    return CoefficientUnits(flow.time, ca=third * limits.ca, cn=third * limits.cn, cm=third * limits.cm)
+
+
+def interpolated_angles(table: object) -> Array:
+    """Angles between which a table is linear ``(A,)``, rad; empty for smooth tables."""
+    return table.alpha if isinstance(table, GridTable) and table.interpolation == "linear" else np.zeros(0)
+
+
+def coefficient_loads(
+    inputs: ModelInputs, residuals: Residuals, name: str, units: CoefficientUnits
+) -> tuple[Array, Array]:
+    """Change of force (N) and moment (N m) at the nodes ``(M, 3)`` by one unit of a coefficient.
+
+    Parameters
+    ----------
+    inputs : ModelInputs
+        The model, and the readings corrected by its sensor effects.
+    residuals : Residuals
+        With the flow along the path.
+    name : str
+        ``ca``, ``cn`` or ``cm``.
+    units : CoefficientUnits
+        The units.
+    """
+    model, flow, tables = inputs.forward_model, residuals.flow, residuals.tables
+    perturbation = Perturbation.zero(units).with_unit(name)
+    # effects act on the tables before a perturbation is added; the loads are linear in the sum
+    nominal = replace(model, perturbation=Perturbation.zero(units)).loads(flow, tables)
+    changed = replace(model, perturbation=perturbation).loads(flow, tables)
+    return changed[0] - nominal[0], changed[1] - nominal[1]
+
+
+def field_modes(
+    inputs: ModelInputs, bins: TimeBins, residuals: Residuals, prior: DiscrepancyPrior, units: CoefficientUnits
+) -> dict[str, AngleModes]:
+    """Modes of the database's discrepancy that a flight resolves.
+
+    Parameters
+    ----------
+    inputs : ModelInputs
+        The model, and the readings corrected by its sensor effects.
+    bins : TimeBins
+        Time bins of the comparison.
+    residuals : Residuals
+        With the flow along the path.
+    prior : DiscrepancyPrior
+        Of the discrepancy.
+    units : CoefficientUnits
+        One sigma of the database.
+    """
+    driving = inputs.driving
+    sigma_f = bin_sigma(bins, driving.time, driving.interval, driving.force_noise)
+    sigma_w = np.sqrt(2.0) * bin_sigma(bins, driving.time, driving.interval, driving.rate_noise)[:-1]
+    angle, modes, database = residuals.flow.alpha_total, {}, inputs.forward_model.database
+    table_angles = interpolated_angles(database.continuum), interpolated_angles(database.rarefied)
+    for name in FIELD_COEFFICIENTS:
+        force, rate_step = predict_increment(
+            inputs.forward_model, bins, *coefficient_loads(inputs, residuals, name, units)
+        )
+        information = np.sum(force**2, axis=1) / sigma_f**2
+        information[:-1] += np.sum(rate_step**2, axis=1) / sigma_w**2
+        information = np.where(bins.valid & np.isfinite(information), information, 0.0) / NODES_PER_BIN
+        modes[name] = prior.angle_modes(name, angle[:-1], np.repeat(information, NODES_PER_BIN), table_angles)
+    return modes
