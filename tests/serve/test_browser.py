@@ -77,7 +77,9 @@ def test_from_the_first_run_to_the_noise_floor(page, folder):
 
     assert page.is_disabled("#add")
     hypothesis = page.locator('#hypotheses label[data-effect="wind"]')
-    assert re.search(r"probability 9\d\.\d %", hypothesis.inner_text())  # 100 % less what the local model may be wrong by
+    assert re.search(
+        r"probability 9\d\.\d %", hypothesis.inner_text()
+    )  # 100 % less what the local model may be wrong by
     assert re.search(r"east\s+−3\d\.\d+ ± 0\.\d+\s+m/s", hypothesis.inner_text())
     hypothesis.click()
     assert "edl-filter add flight_01.yaml wind --from results/flight_01" in page.inner_text("#plan")
@@ -87,7 +89,7 @@ def test_from_the_first_run_to_the_noise_floor(page, folder):
     assert "Noise floor reached" in page.inner_text("#verdict")
     ledger = {row.split("\t")[0]: row.split("\t")[1:] for row in page.inner_text("#ledger tbody").splitlines()}
     first, last, decrease = ledger["moment y"]
-    assert float(first) > 5.0  # noise alone: 1.1; the fitted noise absorbs part of the failure as a rotation
+    assert float(first) > 1.5  # the stated uncertainty of density and wind absorbs most of the failure
     assert float(last) < 1.1
     assert float(decrease.removesuffix(" %")) == pytest.approx(100.0 * (1.0 - float(last) / float(first)), abs=1.0)
     assert page.locator(".map button.fails").count() == 0

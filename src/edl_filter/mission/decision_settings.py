@@ -77,6 +77,12 @@ class DecisionSettings(Section):
     variance_convergence_nats: Annotated[Number, Within("nats", 0.0, 100.0, above=True)] = _setting(
         2.0, "nats: gain in likelihood below which the iteration of the variances ends", NUMERICS
     )
+    variance_convergence_share: Annotated[Number, Within("", 0.0, 0.1)] = _setting(
+        1e-4,
+        "the same as a share of the gain over the stated noise: where a model fails by a million nats, its noise need "
+        "not be known to one",
+        NUMERICS,
+    )
     variance_step_power: Annotated[Number, Within("", 1.0, 3.0)] = _setting(
         1.5, "power of the ratio by which a variance is multiplied where no secant is known", NUMERICS
     )
@@ -130,6 +136,12 @@ class DecisionSettings(Section):
     alternative_progress: Annotated[Number, Within("", 0.0, 1.0, above=True)] = _setting(
         0.8, "share of the excess variance that an iteration towards that point may leave", NUMERICS
     )
+    least_progress: Annotated[Number, Within("", 0.0, 1.0)] = _setting(
+        0.02,
+        "share of the log-likelihood between a failing model and the stated noise that an effect must gain about its "
+        "own reconstruction; otherwise it is not iterated",
+        NUMERICS,
+    )
     credible_nuisance_sigmas: Annotated[Number, Within("", 0.0, 100.0, above=True)] = _setting(
         5.0, "sigmas by which a nuisance parameter may credibly be off: 6e-7 by chance", CHANCE
     )
@@ -177,7 +189,7 @@ class DecisionSettings(Section):
         3, "the same for the model without a further effect, whose effects were fitted when added", NUMERICS
     )
     shortest_step: Annotated[Number, Within("", 0.0, 1.0, above=True, below=True)] = _setting(
-        0.001, "part of a Gauss-Newton step that is not shortened", NUMERICS
+        0.02, "part of a Gauss-Newton step that is not shortened", NUMERICS
     )
     nuisance_iterations: Annotated[int, Field(strict=True, ge=1, le=20)] = _setting(
         4, "linearisation points at each value of the effects", NUMERICS

@@ -209,8 +209,8 @@ def linearize(
     case: FlightCase,
     iterations: int = 1,
     max_excess_share: float = 1.0,
-    initial_excess: ExcessVariance | None = None,
     least_iterations: int = 1,
+    first: LinearizedModel | None = None,
 ) -> LinearizedModel:
     """Linearise the model of a case, iterating the linearisation point.
 
@@ -228,16 +228,16 @@ def linearize(
         Largest number of linearisation points.
     max_excess_share : float
         Share of the rows, 0 to 1.
-    initial_excess : ExcessVariance, optional
-        `LinearizedModel.failing_excess` of a similar model.
     least_iterations : int
         Number of linearisation points up to which the excess variance does not end the iteration.
+    first : LinearizedModel, optional
+        The model about the smoothed reconstruction, if it is at hand.
 
     Returns
     -------
     LinearizedModel
     """
-    first = linearize_at(case, smoothed_point(case.reconstruction), initial_excess)
+    first = first or linearize_at(case, smoothed_point(case.reconstruction))
     models = list(_iterate_point(case, iterations, max_excess_share, first, least_iterations))
     holding = [m for m in models if m.holds]
     return holding[-1] if holding else max(models, key=lambda m: m.white_excess_log_likelihood)

@@ -248,6 +248,7 @@ def estimate_variance_components(
     estimate, best_filter = moment_estimate(stated, index, residuals, initial_mean, settings), stated
     if estimate.is_zero:
         return estimate, stated
+    at_stated, _, _ = evaluate(ExcessVariance.zero(len(residuals)))
     variance = estimate.variance
     if initial is not None:
         starts = (variance, initial.on(pieces, len(residuals)))
@@ -255,7 +256,8 @@ def estimate_variance_components(
     iterations: list[_Iteration] = []
     for _ in range(settings.variance_iterations):
         likelihood, whiten, white = evaluate(replace(estimate, variance=variance))
-        if likelihood < best + settings.variance_convergence_nats:
+        tolerance = max(settings.variance_convergence_nats, settings.variance_convergence_share * (best - at_stated))
+        if likelihood < best + tolerance:
             break
         weighted, diagonal = precision_weighted_residuals(whiten, white)
         best, best_filter = likelihood, whiten

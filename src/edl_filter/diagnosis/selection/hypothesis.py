@@ -13,6 +13,8 @@ import numpy as np
 
 from edl_filter.diagnosis.linear_model.flight_case import FlightCase, load_case
 from edl_filter.diagnosis.linear_model.linear_model import LinearizedModel
+from edl_filter.diagnosis.linear_model.linearization import linearize_at
+from edl_filter.diagnosis.linear_model.linearization_point import smoothed_point
 from edl_filter.diagnosis.noise.variance_components import estimate_variance_components, moment_estimate
 from edl_filter.diagnosis.selection.map_fit import MapFit, NullModelFit, fit_map
 from edl_filter.diagnosis.selection.outer_loop import iterate_to_convergence
@@ -226,16 +228,28 @@ def relinearize_with_effect(h: Hypothesis) -> Hypothesis:
     The effect's change of the path then enters to all orders. The fit starts at the most likely parameters at the noise
     that the effect leaves. The gain becomes that over the model without the effect where this model failed and the new
     one holds. Otherwise the gain of the first fit is kept: evidence differs by some nats from point to point, and both
-    models are compared about the same one.
+    models are compared about the same one. The iteration ends at the first point if the effect has made no progress
+    there.
     """
     settings, start = h.case.settings, h
     if not h.at_floor:
         at_stated_noise = [h.stated_noise_fit] if h.stated_noise_fit is not None else []
         start = _best(h.key, [h.fit], at_stated_noise, h.null, h.case, h.model, thorough=True)
-    case, model, fit = iterate_to_convergence(
-        load_case(h.case.mission, start.fit.effects), iterations=2, initial_excess=h.model.failing_excess
-    )
+    case = load_case(h.case.mission, start.fit.effects)
+    first = linearize_at(case, smoothed_point(case.reconstruction), h.model.failing_excess)
+    failing_share = max(settings.holds_share, settings.alternative_progress * h.null.excess_share)
+    if first.excess_variance.share > failing_share and _progress(h.model, first) < settings.least_progress:
+        return start
+    case, model, fit = iterate_to_convergence(case, iterations=2, first=first, max_excess_share=failing_share)
     relinearized = _best(h.key, [fit], [], h.null, case, model, thorough=True)
     gain = h.gain if h.model.holds or not relinearized.at_floor else relinearized.gain
     solved = relinearized.at_floor and h.null.excess_share > settings.holds_share
     return replace(relinearized, gain=gain, score_gain=relinearized.score_gain if solved else h.score_gain)
+
+
+def _progress(without: LinearizedModel, with_effect: LinearizedModel) -> float:
+    """Share of the log-likelihood between a failing model and the stated noise that an effect has gained."""
+    stated = without.stated_noise_filter
+    at_stated_noise = -0.5 * len(without.residual_vector) - 0.5 * stated.log_determinant
+    before = without.white_excess_log_likelihood
+    return (with_effect.white_excess_log_likelihood - before) / max(at_stated_noise - before, 1.0)

@@ -109,17 +109,12 @@ def fit_map(
     if moving:
         current = at_map_point(current, whiten, current.white_residuals(whiten), current.effects) or current
     log_posterior, white = _log_posterior(current, whiten, centre, sigma, names)
+
     columns = np.zeros((len(white), 0))
     covariance = np.diag(sigma**2)
-    limit = settings.fit_iterations if steps is None else steps
-    for _ in range(limit if free else 0):
-        columns = _white_columns(current, whiten, free)
-        prior = np.diag(1.0 / sigma**2)
-        theta = np.array([_value(current.effects, e, q.name) for e, q in free])
-        information = columns.T @ columns + prior
-        covariance = np.linalg.inv(information)
-        step = covariance @ (columns.T @ white - prior @ (theta - centre))
-        better: tuple[LinearizedModel, float, Array] | None = None
+
+    def search(step: Array, theta: Array) -> tuple[tuple[LinearizedModel, float, Array] | None, bool]:
+        """The model after a part of the step that increases the posterior, and whether the whole step hardly does."""
         for part, trial in _line_search(current.effects, free, theta, step, settings.shortest_step):
             if moving:
                 candidate = at_map_point(current, whiten, white - part * (columns @ step), trial)
@@ -129,8 +124,23 @@ def fit_map(
                 candidate = current.with_effects(trial)
             value, candidate_white = _log_posterior(candidate, whiten, centre, sigma, names)
             if value > log_posterior:
-                better = candidate, value, candidate_white
-            if value > log_posterior or (part == 1.0 and value > log_posterior - settings.fit_convergence_nats):
+                return (candidate, value, candidate_white), False
+            if part == 1.0 and value > log_posterior - settings.fit_convergence_nats:
+                return None, True
+        return None, False
+
+    limit = settings.fit_iterations if steps is None else steps
+    for _ in range(limit if free else 0):
+        columns = _white_columns(current, whiten, free)
+        prior = np.diag(1.0 / sigma**2)
+        theta = np.array([_value(current.effects, e, q.name) for e, q in free])
+        information = columns.T @ columns + prior
+        covariance = np.linalg.inv(information)
+        gradient = columns.T @ white - prior @ (theta - centre)
+        better = None
+        for step in _gauss_newton_steps(information, gradient, free):
+            better, converged = search(step, theta)
+            if better is not None or converged:
                 break
         if better is None:
             break
@@ -211,6 +221,22 @@ def _sign(
     if parameter.kind != "size":
         return 1.0
     return -1.0 if _value(canonical, effect, parameter.name) * _value(fitted, effect, parameter.name) < 0.0 else 1.0
+
+
+def _gauss_newton_steps(
+    information: Array, gradient: Array, free: Sequence[tuple[EffectKey, Parameter]]
+) -> Iterator[Array]:
+    """The step of all parameters, then that of the sizes with the places fixed.
+
+    The prediction is summed over nodes within each time bin, so that the likelihood has a step where a place crosses a
+    node. There no step of all parameters may increase it although the sizes are far from their maximum.
+    """
+    yield np.asarray(np.linalg.solve(information, gradient))
+    size = np.array([q.kind == "size" for _, q in free])
+    if not np.all(size) and np.any(size):
+        step = np.zeros(len(free))
+        step[size] = np.linalg.solve(information[np.ix_(size, size)], gradient[size])
+        yield step
 
 
 def _line_search(

@@ -14,7 +14,6 @@ from dataclasses import dataclass, replace
 from edl_filter.diagnosis.linear_model.flight_case import FlightCase, load_case
 from edl_filter.diagnosis.linear_model.linear_model import LinearizedModel
 from edl_filter.diagnosis.linear_model.linearization import linearize, linearize_at
-from edl_filter.diagnosis.noise.variance_components import ExcessVariance
 from edl_filter.diagnosis.selection.map_fit import MapFit, fit_map
 from edl_filter.effects.base import EffectInstance, label_of
 from edl_filter.effects.sensor_chain import canonical_key
@@ -82,7 +81,8 @@ def iterate_to_convergence(
     case: FlightCase,
     iterations: int | None = None,
     progress: Callable[[str], None] = lambda _: None,
-    initial_excess: ExcessVariance | None = None,
+    first: LinearizedModel | None = None,
+    max_excess_share: float = 1.0,
 ) -> tuple[FlightCase, LinearizedModel, MapFit]:
     """Fit a case's effects about its reconstruction, and about one with the estimates, until they converge.
 
@@ -96,8 +96,10 @@ def iterate_to_convergence(
         Largest number of reconstructions.
     progress : callable
         Called with a text for each stage.
-    initial_excess : ExcessVariance, optional
-        `LinearizedModel.failing_excess` of a similar model.
+    first : LinearizedModel, optional
+        The model about the smoothed reconstruction, if it is at hand.
+    max_excess_share : float
+        Share of the rows with excess variance beyond which no further reconstruction is made.
     """
     settings = case.settings
 
@@ -109,12 +111,13 @@ def iterate_to_convergence(
         case,
         iterations=settings.linearization_iterations,
         max_excess_share=settings.iterated_excess_share,
-        initial_excess=initial_excess,
         least_iterations=2,
+        first=first,
     )
     fit = fit_about(model)
     for i in range(1, settings.outer_iterations if iterations is None else iterations):
-        if _largest_change(case.effects, fit) <= settings.outer_tolerance_sigmas:
+        converged = _largest_change(case.effects, fit) <= settings.outer_tolerance_sigmas
+        if converged or model.excess_variance.share > max_excess_share:
             break
         progress(f"refitting the effects, iteration {i + 1}")
         case = load_case(case.mission, fit.effects)

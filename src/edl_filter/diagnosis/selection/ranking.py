@@ -214,7 +214,8 @@ def _relinearize_leaders(
 
     About a failing model gains are accurate to a factor only: a wrong name may lead where the right one changes the
     path by much. The right one reaches the noise about its own path, if nothing else is missing. So those with a share
-    `rival_gain_share` of the leader's gain are relinearised too, and the one that is best at the stated noise.
+    `rival_gain_share` of the leader's gain are relinearised too, and the one that is best at the stated noise. Where
+    the leader explains everything, only those that explain the same can be as good.
     """
     settings = case.settings
     ranked = sorted(hypotheses, key=lambda h: -h.gain)
@@ -223,12 +224,16 @@ def _relinearize_leaders(
         close = [h.key for h in ranked if h.gain > settings.rival_gain_share * ranked[0].gain]
         evidence = {h.key: h.stated_noise_fit.evidence for h in hypotheses if h.stated_noise_fit is not None}
         best_at_stated_noise = sorted(evidence, key=lambda k: evidence[k])[-1:]
+    explained = {h.key: h.explained for h in ranked}
     relinearized: set[EffectKey] = set()
     if ranked and ranked[0].model.holds and ranked[0].gain < 0.5 * settings.named_gain_nats:
         return ranked  # none of them can be named
     while ranked and len(relinearized) < settings.relinearized_hypotheses:
-        unsolved = [] if any(h.at_floor for h in ranked) else best_at_stated_noise
-        waiting = [key for key in (ranked[0].key, *unsolved, *close) if key not in relinearized]
+        rivals = [*best_at_stated_noise, *close]
+        if ranked[0].at_floor:
+            leader = explained[ranked[0].key]
+            rivals = [k for k in close if correlation(leader, explained[k]) >= settings.distinct_correlation]
+        waiting = [key for key in (ranked[0].key, *rivals) if key not in relinearized]
         if not waiting:
             break
         key = waiting[0]
