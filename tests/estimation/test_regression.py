@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.stats import multivariate_normal
 
-from edl_filter.estimation.regression import fit_normal_equations, held_out_gain, regress
+from edl_filter.estimation.regression import fit_normal_equations, held_out_gain, regress, smallest_size
 
 BLOCK, FOLDS = 5.0, 5
 
@@ -86,3 +86,15 @@ def test_data_share_is_one_with_much_data_and_zero_without():
     y, x, sigma = simulated()
     assert np.all(regress(y, x, sigma).data_share > 0.9)
     assert np.all(regress(y, 1e-6 * x, sigma).data_share < 1e-6)
+
+
+@given(st.floats(-6.0, 12.0), st.floats(-4.0, 4.0), st.floats(1.0, 20.0))
+def test_the_smallest_size_has_the_required_gain(log_information, log_sigma, gain):
+    information, sigma = 10.0**log_information, 10.0**log_sigma
+    s = smallest_size(information, sigma, gain)
+    expected = 0.5 * s**2 * information - 0.5 * np.log1p(information * sigma**2)
+    assert expected == pytest.approx(gain, abs=1e-4)
+
+
+def test_without_information_no_size_is_detectable():
+    assert smallest_size(0.0, 1.0, 6.0) == np.inf

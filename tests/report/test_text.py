@@ -1,6 +1,7 @@
 """Number formats and labels."""
 
 import pytest
+from contents import diagnosis, screened
 
 from edl_filter.report.text import (
     below_interval,
@@ -12,9 +13,10 @@ from edl_filter.report.text import (
     parameters_text,
     readable,
     sigmas_text,
+    undetectable_sentence,
     with_sigma,
 )
-from edl_filter.results.schema import ConstraintSummary, Estimate
+from edl_filter.results.schema import ConstraintSummary, DiagnosisContent, Estimate
 
 
 @pytest.mark.parametrize(
@@ -91,3 +93,18 @@ def test_information_has_two_decimals_below_ten_nats():
         "–",
         "–",
     ]
+
+
+def test_effects_that_the_flight_does_not_show_at_a_plausible_size():
+    mixed = {"wind": screened(30.0, 20.0), "mass": screened(), "drift": screened(None, 1.0), "jet": screened(3.0, 2.4)}
+    sentence = undetectable_sentence(DiagnosisContent.of(diagnosis(screening=mixed)))
+    assert sentence.startswith("Not detectable at a plausible size on this flight (relative size that would be): jet")
+    assert sentence.endswith("jet (1.25), wind (1.5), drift.")
+    assert undetectable_sentence(DiagnosisContent.of(diagnosis())) == ""
+
+
+def test_sigmas_that_explain_everything():
+    nothing = {"wind": screened(30.0, 20.0), "drift": screened(None, 1.0)}
+    sentence = undetectable_sentence(DiagnosisContent.of(diagnosis(screening=nothing)))
+    assert sentence.startswith("With these sigmas nothing could be found: no effect is detectable at a plausible size.")
+    assert sentence.endswith("wind (1.5), drift.")

@@ -26,6 +26,11 @@ def hypothesis(**changes):
     } | changes  # fmt: skip
 
 
+def screened(smallest=0.02, plausible=0.05):
+    size = {"estimate": 0.0, "sigma": 0.01, "data_share": 0.9, "plausible": plausible, "smallest": smallest}
+    return {"gain": -2.0, "parameters": {"k": size}}
+
+
 def diagnosis(**changes):
     return {
         "verdict": "missing", "sentence": "Missing: remnant_torque.", "mission": "practice_mer",
@@ -35,7 +40,7 @@ def diagnosis(**changes):
             "probability": 0.05, "score_gain": 3.0, "force_m_s2": 0.003, "angular_acceleration_rad_s2": 0.001,
             "correlation_time_s": 10.0, "with_dynamic_pressure": False,
         },
-        "screening": {"mass": {"gain": -2.0, "parameters": {"k": {"estimate": 0.0, "sigma": 0.01, "data_share": 0.9}}}},
+        "screening": {"mass": screened()},
         "remainder": None, "latent": None, "onsets": [{"channel": "moment_y", "time_s": 131.0, "gain": 20.0}],
         "failed": {}, "errors": {"moment_y": 3.0}, "noise_floor": 1.02, "database_update": None, "nuisances": [],
         "settings": DecisionSettings().model_dump(),

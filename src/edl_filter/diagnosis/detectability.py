@@ -10,7 +10,6 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from scipy.optimize import brentq
 
 from edl_filter.diagnosis.linear_model.effect_jacobian import EffectJacobian
 from edl_filter.diagnosis.linear_model.flight_case import load_case
@@ -19,6 +18,7 @@ from edl_filter.diagnosis.linear_model.linearization import linearize
 from edl_filter.diagnosis.selection.ranking import Progress, candidate_instances
 from edl_filter.diagnosis.selection.screening import scan_jacobians
 from edl_filter.effects.base import Effect
+from edl_filter.estimation.regression import smallest_size
 from edl_filter.mission import Mission
 from edl_filter.mission.mission import require_prediction_inputs
 from edl_filter.types import Array
@@ -77,30 +77,6 @@ def detectability(
         "effects": entries,
         "failed": failed,
     }
-
-
-def smallest_size(information: float, sigma: float, gain: float) -> float:
-    """Size whose expected gain is `gain` nats: ``0.5 s² A - 0.5 log(1 + A sigma²)``.
-
-    Parameters
-    ----------
-    information : float
-        A, squared norm of the white column, per unit of size squared.
-    sigma : float
-        Prior standard deviation.
-    gain : float
-        nats.
-
-    Returns
-    -------
-    float
-        Infinite where the flight has no information.
-    """
-    if not information > 0.0:
-        return float("inf")
-    penalty = 0.5 * np.log1p(information * sigma**2)
-    high = 2.0 * np.sqrt(2.0 * (gain + penalty) / information)
-    return float(brentq(lambda s: 0.5 * s**2 * information - penalty - gain, 0.0, high))
 
 
 def _most_informative(model: LinearizedModel, group: Sequence[EffectJacobian]) -> tuple[EffectJacobian, Array]:

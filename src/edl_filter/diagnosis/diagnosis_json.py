@@ -45,7 +45,7 @@ def diagnosis_content(diagnosis: Diagnosis) -> dict[str, Any]:
             "with_dynamic_pressure": ranking.unmodelled.with_pressure,
         },
         "screening": {
-            label_of(key): {"gain": r.gain, "parameters": _screened_parameters(r)}
+            label_of(key): {"gain": r.gain, "parameters": _screened_parameters(r, verdict.required_gain)}
             for key, r in ranking.screening.items()
         },
         "remainder": None
@@ -99,12 +99,17 @@ def _cell(c: Cell) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _screened_parameters(result: ScreeningResult) -> dict[str, Any]:
-    sigma = np.sqrt(np.diag(result.fit.covariance))
+def _screened_parameters(result: ScreeningResult, required_gain: float) -> dict[str, Any]:
+    fit, smallest = result.fit, result.smallest_sizes(required_gain)
+    posterior = np.sqrt(np.diag(fit.covariance))
+    columns = zip(result.jacobian.names, fit.estimate, posterior, fit.data_share, result.jacobian.sigma, strict=True)
     return {
-        n: {"estimate": float(v), "sigma": float(s), "data_share": float(d)}
-        for n, v, s, d in zip(result.jacobian.names, result.fit.estimate, sigma, result.fit.data_share, strict=True)
-    }
+        n: {
+            "estimate": float(v), "sigma": float(s), "data_share": float(d), "plausible": float(prior),
+            "smallest": smallest[n],
+        }
+        for n, v, s, d, prior in columns
+    }  # fmt: skip
 
 
 def _parameters(h: Hypothesis, instance: EffectInstance) -> dict[str, Any]:

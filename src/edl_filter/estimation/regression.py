@@ -10,6 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.optimize import brentq
 
 from edl_filter.types import Array
 
@@ -108,3 +109,27 @@ def held_out_gain(y: Array, x: Array, sigma: Array, time: Array, block: float, f
         change -= float(residual @ inner @ residual)
         score -= 0.5 * change + 0.5 * np.linalg.slogdet(np.eye(len(sigma)) + fit.covariance @ g)[1]
     return score
+
+
+def smallest_size(information: float, sigma: float, gain: float) -> float:
+    """Coefficient whose expected gain is `gain` nats: ``0.5 s² A - 0.5 log(1 + A sigma²)``.
+
+    Parameters
+    ----------
+    information : float
+        A, squared norm of the white column, per unit of size squared.
+    sigma : float
+        Prior standard deviation.
+    gain : float
+        nats.
+
+    Returns
+    -------
+    float
+        Infinite where the flight has no information.
+    """
+    if not information > 0.0:
+        return float("inf")
+    penalty = 0.5 * np.log1p(information * sigma**2)
+    high = 2.0 * np.sqrt(2.0 * (gain + penalty) / information)
+    return float(brentq(lambda s: 0.5 * s**2 * information - penalty - gain, 0.0, high))

@@ -8,7 +8,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from edl_filter.results.schema import ConstraintSummary, MapCell, OnsetContent, RankedHypothesis
+    from edl_filter.results.schema import ConstraintSummary, DiagnosisContent, MapCell, OnsetContent, RankedHypothesis
 
 #: Labels of events, the most important first: where labels would overlap, the first has precedence.
 EVENT_LABELS = {
@@ -49,6 +49,31 @@ def effect_names(names: Iterable[str]) -> str:
 def hypothesis_label(hypothesis: RankedHypothesis) -> str:
     """The effect of a hypothesis with those that the flight does not distinguish from it."""
     return effect_names((hypothesis.label, *hypothesis.same_as))
+
+
+def undetectable_sentence(diagnosis: DiagnosisContent) -> str:
+    """Effects that the flight would not show at a plausible size; empty if there is none.
+
+    An effect is counted where the smallest detectable value of each of its sizes exceeds the plausible one.
+    """
+    ratios = {}
+    for label, screened in diagnosis.screening.items():
+        sizes = [p for p in screened.parameters.values() if p.plausible]
+        detectable = [p.smallest / p.plausible for p in sizes if p.smallest is not None and p.plausible is not None]
+        if sizes and min(detectable, default=math.inf) > 1.0:
+            ratios[label] = min(detectable, default=math.inf)
+    if not ratios:
+        return ""
+    listed = ", ".join(
+        label if math.isinf(ratio) else f"{label} ({number(ratio)})"
+        for label, ratio in sorted(ratios.items(), key=lambda item: item[1])
+    )
+    if len(ratios) == len(diagnosis.screening):
+        return (
+            "With these sigmas nothing could be found: no effect is detectable at a plausible size. Smallest "
+            f"detectable sizes, relative to plausible ones: {listed}."
+        )
+    return f"Not detectable at a plausible size on this flight (relative size that would be): {listed}."
 
 
 def time_label(epoch_utc: str) -> str:

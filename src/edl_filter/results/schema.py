@@ -375,6 +375,8 @@ class ScreenedEstimate(Content):
     estimate: Number = _key("estimate")
     sigma: Number = _key("1 sigma")
     data_share: Number = _key("share of the data in the estimate, the rest being the prior's")
+    plausible: Number = _key("plausible size: 1 sigma of its prior")
+    smallest: Number = _key("smallest size whose expected gain is required_gain; null where no size has it")
 
 
 class MapCell(Content):

@@ -106,7 +106,7 @@ def diagnosis(folder, **changes):
         gain=42.0, score_gain=30.0, error_before=9.5, channel="force_x",
         parameters={"east": {"estimate": -38.07, "sigma": 0.53, "unit": "m/s"}},
     )  # fmt: skip
-    size = {"estimate": 1e-6, "sigma": 2e-6, "data_share": 0.5}
+    size = {"estimate": 1e-6, "sigma": 2e-6, "data_share": 0.5, "plausible": 1e-4, "smallest": 2e-5}
     content = contents.diagnosis(
         sentence="Missing: wind (gain 42 nats).", mission="toy", where=[c for c in cells if c["fails"]], map=cells,
         ranking=[wind], none=0.0, onsets=[{"channel": "force_x", "time_s": 152.4, "gain": 812.0}], noise_floor=1.0,

@@ -25,7 +25,7 @@ from edl_filter.diagnosis.linear_model.linear_model import LinearizedModel
 from edl_filter.effects.base import EffectInstance, EffectKey
 from edl_filter.errors import InputError
 from edl_filter.estimation.kalman import Whitening, WhiteningFilter
-from edl_filter.estimation.regression import LinearFit, regress
+from edl_filter.estimation.regression import LinearFit, regress, smallest_size
 from edl_filter.mission.decision_settings import DecisionSettings
 from edl_filter.types import Array
 
@@ -59,6 +59,14 @@ class ScreeningResult:
     def explained(self) -> Array:
         """White residuals that the fit explains ``(R,)``."""
         return self.rows @ self.fit.estimate
+
+    def smallest_sizes(self, gain: float) -> dict[str, float]:
+        """Smallest value of each size whose expected gain is `gain` nats, infinite where the flight does not tell."""
+        information = np.sum(self.rows**2, axis=0)
+        return {
+            name: smallest_size(float(a), float(s), gain)
+            for name, a, s in zip(self.jacobian.names, information, self.jacobian.sigma, strict=True)
+        }
 
 
 def scan_jacobians(

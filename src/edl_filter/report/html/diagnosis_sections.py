@@ -23,6 +23,7 @@ from edl_filter.report.text import (
     number,
     parameters_text,
     readable,
+    undetectable_sentence,
     words,
 )  # fmt: skip
 from edl_filter.results.files import AS_RUN
@@ -79,6 +80,8 @@ def verdict(reader: ResultReader) -> Verdict:
         more.append(f"In the model: {', '.join(diagnosis.effects)}.")
     if diagnosis.remainder is not None:
         more.append(f"What is left: {readable(diagnosis.remainder.description)}")
+    if undetectable := undetectable_sentence(diagnosis):
+        more.append(undetectable)
     if diagnosis.nuisances:
         more.append(nuisance_sentence(diagnosis.nuisances))
     if ledger and isinstance(ledger[-1], LedgerEnd):

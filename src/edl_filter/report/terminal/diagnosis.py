@@ -19,6 +19,7 @@ from edl_filter.report.text import (
     number,
     onset_text,
     parameters_text,
+    undetectable_sentence,
     words,
 )  # fmt: skip
 from edl_filter.results.schema import DiagnosisContent
@@ -56,9 +57,12 @@ def print_diagnosis(
         parts += [f"{effect_names((h.label, name))}: {escape(text)}." for name, text in h.discriminated_by.items()]
     if diagnosis.remainder is not None:
         parts += [f"What is left: {escape(diagnosis.remainder.description)}", REMAINDER_HINT]
-    parts += [
-        escape(t) for t in (nuisance_sentence(diagnosis.nuisances), update_sentence(diagnosis.database_update)) if t
-    ]
+    remarks = (
+        undetectable_sentence(diagnosis),
+        nuisance_sentence(diagnosis.nuisances),
+        update_sentence(diagnosis.database_update),
+    )
+    parts += [escape(t) for t in remarks if t]
     parts += [f"[red]Left out: {escape(reason)}[/red]" for reason in diagnosis.failed.values()]
     echo(*parts, *(f"Written: {escape(path)}" for path in written))
     if following:
