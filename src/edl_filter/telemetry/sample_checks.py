@@ -22,6 +22,8 @@ GAP_STEPS = 1.5
 _REPEAT_REACH = 256
 #: Share of rows that repeat another one from which repetition is a property of the data.
 _USUAL_REPETITION = 0.02
+#: Share of rows of zeros from which zero is what a simulation without noise gives.
+_MOST_ZERO = 0.9
 #: Triads and axes of the readings' columns.
 CHANNELS = ("force x", "force y", "force z", "rate x", "rate y", "rate z")
 
@@ -174,7 +176,7 @@ def lost_readings(
     if not settings.enabled:
         return readings, findings
     zero = np.all(readings == 0.0, axis=1)
-    if zero.any() and zero.mean() < 0.5:
+    if zero.any() and zero.mean() < _MOST_ZERO:
         findings += findings_of(imu, "all", "all_zero", zero, time, interval)
         readings[zero] = np.nan
     repeated = _repeated_rows(readings)

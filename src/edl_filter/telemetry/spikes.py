@@ -12,7 +12,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from scipy.ndimage import median_filter
+from scipy.ndimage import maximum_filter1d, median_filter
 
 from edl_filter.telemetry.record import ImuRecord, SampleFinding
 from edl_filter.telemetry.sample_checks import CheckSettings, findings_of
@@ -20,7 +20,11 @@ from edl_filter.telemetry.transfer import transferred
 from edl_filter.types import Array, BoolArray
 
 #: Samples of the running medians: of a signal's neighbourhood, and of its scale.
-_NEIGHBOURHOOD, _SCALE = 9, 81
+_NEIGHBOURHOOD, _SCALE = 25, 81
+#: Samples around a difference in which the IMU that is not at fault runs smoothly.
+_SMOOTH = 5
+#: Passes: bad samples of the first one falsify the calibration of one IMU against the other.
+_PASSES = 2
 #: Ratio of robust sigma to median absolute deviation.
 _MAD = 1.4826
 #: Share of a difference by which the IMU at fault leaves its neighbours, and by which the other one does not.
@@ -49,12 +53,23 @@ def bad_triads(
     records : list of ImuRecord
     findings : list of SampleFinding
     """
+    findings: list[SampleFinding] = []
+    for _ in range(_PASSES):
+        records, more = _one_pass(list(records), settings, smooth_until)
+        findings += more
+        if not more:
+            break
+    return records, findings
+
+
+def _one_pass(
+    records: list[ImuRecord], settings: CheckSettings, smooth_until: float
+) -> tuple[list[ImuRecord], list[SampleFinding]]:
     originals, findings = list(records), []
     for i, record in enumerate(originals):
         other = next((r for k, r in enumerate(originals) if k != i), None)
         for triad, attribute in _TRIADS.items():
             values = getattr(record, attribute)
-            kind = "spike"
             bad = _single_spikes(values, settings.spike_sigmas) & (record.time <= smooth_until)
             bad &= _readings(record, triad)
             if other is not None:
@@ -64,7 +79,8 @@ def bad_triads(
                 parted = _disagreement(values, getattr(source, triad), noise, settings.disagreement_sigmas)
                 bad = np.where(covered, parted & _readings(record, triad), bad)
             if bad.any():
-                findings += findings_of(record.name, triad, kind, bad, record.time, float(np.median(record.interval)))
+                interval = float(np.median(record.interval))
+                findings += findings_of(record.name, triad, "spike", bad, record.time, interval)
                 lost = {attribute: np.where(bad[:, None], np.nan, getattr(records[i], attribute))}
                 records[i] = replace(records[i], **lost)
     return records, findings
@@ -90,7 +106,8 @@ def _disagreement(own: Array, other: Array, noise: Array, sigmas: float) -> Bool
     large = (np.abs(departure) > sigmas * scale) & (np.abs(departure) > _RELATIVE * size)
     length = np.linalg.norm(departure, axis=1)
     own_jump = np.linalg.norm(a - _median(a, _NEIGHBOURHOOD), axis=1)
-    other_jump = np.linalg.norm(b - _median(b, _NEIGHBOURHOOD), axis=1)
+    roughness = np.linalg.norm(_interpolation_error(b), axis=1)
+    other_jump = maximum_filter1d(roughness, _SMOOTH)
     fault = (own_jump > _AT_FAULT * length) & (other_jump < _NOT_AT_FAULT * length)
     out[rows] = large.any(axis=1) & fault
     return out

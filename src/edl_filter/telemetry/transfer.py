@@ -11,6 +11,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.ndimage import maximum_filter1d, median_filter
 
 from edl_filter.imu_model.lever_arm import edge_values, lever_arm_acceleration
 from edl_filter.telemetry.record import ImuRecord
@@ -116,7 +117,7 @@ def transferred(reference: ImuRecord, other: ImuRecord, end: float) -> Transferr
         rate_bias_sigma**2 + _crossed(known[1], rate_alignment_sigma) + (delay_sigma * change[1]) ** 2
     )
     scatters = [
-        _scatter(own - mean, noise)
+        _scatter(own - mean, mean, noise)
         for own, mean, noise in (
             (reference.specific_force, means[0], reference.force_noise),
             (reference.angular_rate, means[1], reference.rate_noise),
@@ -132,8 +133,13 @@ def _crossed(vectors: Array, sigma: Array) -> Array:
     return np.column_stack((y * c + z * b, z * a + x * c, x * b + y * a))
 
 
-def _scatter(difference: Array, noise: Array) -> Array:
-    """Local RMS (N, 3) of a difference; where nothing is known nearby, that of the nearest samples that are known."""
+def _scatter(difference: Array, mean: Array, noise: Array) -> Array:
+    """Sigma (N, 3) of the errors that are independent between samples.
+
+    The local RMS of the difference between the two IMUs; where nothing is known nearby, that of the nearest samples
+    that are known. In a shock, where the means vary from sample to sample more than around, it is at least in the
+    ratio to this variation that it has in the flight's other shocks.
+    """
     known = np.isfinite(difference).all(axis=1)
     if not known.any():
         return np.tile(noise[:, None], (1, 3)) * np.sqrt(2.0)
@@ -142,4 +148,16 @@ def _scatter(difference: Array, noise: Array) -> Array:
     middle = np.searchsorted(rows, np.arange(len(difference)))
     first, last = np.maximum(middle - _SCATTER_REACH, 0), np.minimum(middle + _SCATTER_REACH, len(rows))
     mean_square = (square[last] - square[first]) / np.maximum(last - first, 1)[:, None]
-    return np.sqrt(np.maximum(mean_square, noise[:, None] ** 2))
+    variation = _shock(np.nan_to_num(mean))
+    power = np.sum(variation[rows] ** 4)
+    share = np.sum(np.mean(difference[rows] ** 2, axis=1) * variation[rows] ** 2) / power if power > 0.0 else 0.0
+    shock = min(share, 1.0) * variation[:, None] ** 2
+    return np.sqrt(np.maximum(mean_square, noise[:, None] ** 2) + shock)
+
+
+def _shock(mean: Array) -> Array:
+    """Length (N,) of what a sample differs from its neighbours' mean, beyond three times what is usual around it."""
+    change = np.zeros(len(mean))
+    change[1:-1] = np.linalg.norm(mean[1:-1] - 0.5 * (mean[:-2] + mean[2:]), axis=1)
+    usual = median_filter(change, size=2 * _SCATTER_REACH + 1, mode="nearest")
+    return np.asarray(np.maximum(maximum_filter1d(change, 3) - 3.0 * usual, 0.0), float)
