@@ -1,8 +1,8 @@
 """Calibration of filled gaps: the error of integrated velocity and angle over a gap divided by its predicted sigma.
 
 Samples are removed from the driving record of a flight at random times and filled, with the second IMU and without it.
-The truth is what was removed, so the sensor's noise is common to both and cancels. ``python gaps.py SOURCE…`` takes
-flight files and missions (``builtin:mer_a``).
+The truth is what was removed, with the sensor's noise, which is therefore added to the sigma. ``python gaps.py
+SOURCE…`` takes flight files and missions (``builtin:mer_a``).
 """
 
 from __future__ import annotations
@@ -37,7 +37,11 @@ def ratios(telemetry: Telemetry, first: int, count: int, two: bool) -> np.ndarra
     driving = repaired(with_gap(telemetry, first, count, two), parachute=parachute).driving
     rows, dt = slice(first, first + count), record.interval[first : first + count, None]
     out = []
-    for name, sigma in (("specific_force", driving.force_fill_sigma), ("angular_rate", driving.rate_fill_sigma)):
+    for name, fill, noise in (
+        ("specific_force", driving.force_fill_sigma, driving.force_noise),
+        ("angular_rate", driving.rate_fill_sigma, driving.rate_noise),
+    ):
+        sigma = np.hypot(fill, noise[:, None])
         error = np.sum((getattr(driving, name)[rows] - getattr(record, name)[rows]) * dt, axis=0)
         out.append(error / np.sqrt(np.sum((sigma[rows] * dt) ** 2, axis=0)))
     return np.concatenate(out)
@@ -67,8 +71,11 @@ def main() -> None:
                 rms = np.sqrt(np.mean(values**2))
                 robust = np.median(np.abs(values)) / 0.6745
                 beyond = np.mean(np.abs(values) > 3.0)
-                print(f"{source[-18:]:>18} {length:6.3f} s, {1 + two} IMU: rms {rms:6.2f}, by the median {robust:5.2f}, "
-                      f"beyond 3 sigma {beyond:6.3f}, largest {np.abs(values).max():6.1f}", flush=True)  # fmt: skip
+                print(
+                    f"{source[-18:]:>18} {length:6.3f} s, {1 + two} IMU: rms {rms:6.2f}, by the median {robust:5.2f}, "
+                    f"beyond 3 sigma {beyond:6.3f}, largest {np.abs(values).max():6.1f}",
+                    flush=True,
+                )
 
 
 if __name__ == "__main__":

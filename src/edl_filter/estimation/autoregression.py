@@ -28,6 +28,9 @@ _MOST_STRETCHES = 12
 #: Ridge of the least squares, relative to the mean information of a coefficient.
 _RIDGE = 1e-9
 
+#: Least variance of an innovation, of a series of unit variance.
+_LEAST_VARIANCE = 1e-16
+
 
 @dataclass(frozen=True)
 class Interpolation:
@@ -137,7 +140,7 @@ def _fill(series: Array, known: BoolArray, first: int, last: int, order: int) ->
     coefficients = np.linalg.solve(information, design.T @ target)
     residual = target - design @ coefficients
     excess = len(rows) / (len(rows) - order - 1.0)
-    floor = 1e-24 + 1e-6 * excess * float(np.mean(residual**2))
+    floor = _LEAST_VARIANCE + 1e-6 * excess * float(np.mean(residual**2))
     variances = [
         excess * float(np.mean(side**2)) + floor if len(side) > order + 1 else np.nan
         for side in (residual[rows + order < first], residual[rows >= last])
@@ -161,5 +164,7 @@ def _fill(series: Array, known: BoolArray, first: int, last: int, order: int) ->
     matrix, offset = matrix / deviation, offset / deviation
     information = matrix.T @ matrix
     information[np.diag_indices(length)] += 1e-6  # the series has unit variance: its values are within hundreds
-    covariance = np.linalg.inv(information)
+    values, vectors = np.linalg.eigh(information)
+    root = vectors / np.sqrt(np.maximum(values, 1e-13 * values[-1]))
+    covariance = root @ root.T
     return -covariance @ (matrix.T @ offset), 0.5 * (covariance + covariance.T)

@@ -187,11 +187,6 @@ class SampleFinding:
     kind: str
     repair: str = ""
 
-    def text(self) -> str:
-        """One line for people."""
-        span = f"{self.start:.3f} to {self.end:.3f} s"
-        return f"{self.imu} {self.channel}, {span}: {KINDS[self.kind]}" + (f"; {self.repair}" if self.repair else "")
-
 
 #: Kinds of findings, with their names for people.
 KINDS = {
@@ -202,12 +197,10 @@ KINDS = {
     "stuck": "stuck axis",
     "saturated": "saturated axis",
     "spike": "spike",
-    "disagreement": "disagrees with the other IMU",
     "duplicated": "duplicated packets",
     "reordered": "packets out of order",
     "clock_jump": "jump of the clock",
     "dead": "IMU ends before the other",
-    "coarse": "quantised more coarsely than its noise",
 }
 
 

@@ -65,9 +65,11 @@ def repaired(telemetry: Telemetry, settings: CheckSettings | None = None, parach
         for record in records[1:]:
             if records[0].time[-1] - record.time[-1] > _DEAD and not record.net_gain.any():
                 ended = findings_of(record.name, "all", "dead", np.array([True]), record.time[-1:], 0.0)
-                findings += [replace(f, end=float(records[0].time[-1]), samples=0) for f in ended] if _is_flight(
-                    telemetry
-                ) else []
+                findings += (
+                    [replace(f, end=float(records[0].time[-1]), samples=0) for f in ended]
+                    if _is_flight(telemetry)
+                    else []
+                )
     smooth_until = parachute - _PARACHUTE_MARGIN
     if settings.enabled:
         records, bad = bad_triads(records, settings, smooth_until)
@@ -153,7 +155,9 @@ def _filled(
             lost[triad] = lost[triad] & ~source.valid
         for a, b in runs(lost[triad]):
             _refuse_long_gap(record, a, b, settings)
-            values[triad][a:b], sigmas[triad][a:b] = _by_dynamics(record, values[triad], a, b)
+            values[triad][a:b], sigma = _by_dynamics(record, values[triad], a, b)
+            variance = sigma**2  # of a reading, with its noise
+            sigmas[triad][a:b] = np.sqrt(np.maximum(variance - noise[triad][a:b, None] ** 2, 0.25 * variance))
             repairs.append(_repair(record, a, b, "filled by a fitted oscillation"))
     filled = np.any(sigmas["rate"] > 0.0, axis=1)
     complete = replace(

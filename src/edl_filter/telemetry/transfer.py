@@ -113,9 +113,7 @@ def transferred(reference: ImuRecord, other: ImuRecord, end: float) -> Transferr
         + _crossed(change[1], arm_sigma)
         + square**2 * np.mean(arm_sigma**2)
     )
-    rate_error = np.sqrt(
-        rate_bias_sigma**2 + _crossed(known[1], rate_alignment_sigma) + (delay_sigma * change[1]) ** 2
-    )
+    rate_error = np.sqrt(rate_bias_sigma**2 + _crossed(known[1], rate_alignment_sigma) + (delay_sigma * change[1]) ** 2)
     scatters = [
         _scatter(own - mean, mean, noise)
         for own, mean, noise in (

@@ -27,7 +27,7 @@ class TimeBins:
         s.
     valid : (B,) array of bool
         Every sample in the bin was read by a gyro and an accelerometer of the first instrument, over the usual
-        interval, and no event changed the vehicle or an IMU's position near it.
+        interval, none of its values was filled in, and no event changed the vehicle or an IMU's position near it.
     samples_per_bin : int
         One, or an even number.
     """
@@ -75,7 +75,7 @@ def make_time_bins(
     edges = edges[::per_bin]
     regular = np.abs(np.diff(edges) - per_bin * usual) < 1e-3 * usual
     first = samples.unit == samples.unit[0]
-    measured = first & ~samples.net_turn & np.all(np.isfinite(samples.mean_force), axis=1)
+    measured = first & ~samples.net_turn & ~samples.filled & np.all(np.isfinite(samples.mean_force), axis=1)
     sample_start = samples.time - samples.interval
     invalid_time = 0.5 * (sample_start + samples.time)[~measured]
     invalid_bin = np.unique(np.searchsorted(edges, invalid_time) - 1)
@@ -112,8 +112,11 @@ def bin_means(edges: Array, time: Array, interval: Array, values: Array, smooth:
     Returns
     -------
     (B, ...) array
-        NaN in bins that the intervals do not cover.
+        NaN in bins that the intervals do not cover, and in those that a value which is NaN contributes to.
     """
+    lost = ~np.isfinite(values).all(axis=tuple(range(1, values.ndim)))
+    if lost.any():
+        values = np.where(lost.reshape(-1, *(1,) * (values.ndim - 1)), 0.0, values)
     grid = np.concatenate((time[:1] - interval[:1], time))
     tail = (1,) * (values.ndim - 1)
     total = np.concatenate((np.zeros((1, *values.shape[1:])), np.cumsum(values * interval.reshape(-1, *tail), axis=0)))
@@ -123,6 +126,13 @@ def bin_means(edges: Array, time: Array, interval: Array, values: Array, smooth:
         _interpolate(integral, edges, grid, total, k)
     out = np.diff(integral, axis=0) / np.diff(edges).reshape(-1, *tail)
     outside = (edges[:-1] < grid[0] - 1e-6) | (edges[1:] > grid[-1] + 1e-6)
+    if lost.any():
+        reach = _STENCIL[-1] if smooth else 0
+        count = np.concatenate(([0], np.cumsum(lost)))
+        # an edge at the end of a sample is not inside the next one
+        begin = np.searchsorted(grid, edges[:-1] + SAME_TIME) - 1 - reach
+        end = np.searchsorted(grid, edges[1:] - SAME_TIME) + reach
+        outside |= count[np.clip(end, 0, len(lost))] > count[np.clip(begin, 0, len(lost))]
     out[outside] = np.nan
     return out
 
