@@ -117,7 +117,7 @@ def _trial_stretches(known: BoolArray, first: int, last: int) -> list[tuple[int,
     length = last - first
     step = max(1, length // 2)
     count = np.concatenate(([0], np.cumsum(known)))
-    stretches = []
+    stretches: list[tuple[int, int]] = []
     for k in range(1, len(known) // step + 2):
         for start in (first - length - (k - 1) * step, last + (k - 1) * step):
             complete = start >= 0 and start + length <= len(known) and count[start + length] - count[start] == length
@@ -128,6 +128,8 @@ def _trial_stretches(known: BoolArray, first: int, last: int) -> list[tuple[int,
 
 def _fill(series: Array, known: BoolArray, first: int, last: int, order: int) -> tuple[Array, Array] | None:
     """Values and covariance of ``series[first:last]`` by an autoregression; None with too few equations."""
+    if len(series) <= order:
+        return None
     lagged = np.lib.stride_tricks.sliding_window_view(series, order + 1)  # row t: series[t : t + order + 1]
     complete = np.lib.stride_tricks.sliding_window_view(known, order + 1).all(axis=1)
     rows = np.flatnonzero(complete)

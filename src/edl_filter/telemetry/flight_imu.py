@@ -16,7 +16,7 @@ from edl_filter import rotations
 from edl_filter.errors import InputError
 from edl_filter.imu_model.sensor_errors import SensorErrors
 from edl_filter.telemetry.hdf5_checks import DEGREE_RATES, DEGREES, PARTS, TIME, Limits, Node
-from edl_filter.telemetry.record import ImuRecord, SampleFinding
+from edl_filter.telemetry.record import ImuRecord, SampleFinding, finite_rows
 from edl_filter.telemetry.sample_checks import CheckSettings, completed, lost_readings, ordered_packets
 from edl_filter.types import Array
 
@@ -128,7 +128,7 @@ def read_imu(
 
 def _check_unit(node: Node, key: str, values: Array, limits: Limits) -> None:
     """Raise if more than `MOST_OUT_OF_RANGE` samples are beyond the limits: their unit is wrong, they are no spikes."""
-    finite = np.isfinite(values).all(axis=1)
+    finite = finite_rows(values)
     if np.count_nonzero(np.linalg.norm(values[finite], axis=1) > limits.high) > MOST_OUT_OF_RANGE:
         node.within(key, np.where(finite[:, None], values, 0.0), limits)
     if not finite.any():

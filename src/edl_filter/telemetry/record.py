@@ -35,6 +35,11 @@ def within_window(time: Array, interval: Array, start: float, end: float) -> Boo
     return (time - interval >= start - SAME_TIME) & (time <= end + SAME_TIME)
 
 
+def finite_rows(values: Array) -> BoolArray:
+    """Rows (N,) of `values` (N, ...) of which all numbers are finite."""
+    return np.asarray(np.isfinite(values).all(axis=tuple(range(1, values.ndim))), np.bool_)
+
+
 @dataclass(frozen=True)
 class ImuRecord:
     """Samples of one IMU, or of several IMUs joined in time, in body axes.

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from edl_filter.telemetry.record import SampleFinding
+from edl_filter.telemetry.record import SampleFinding, finite_rows
 from edl_filter.types import Array, BoolArray, IntArray
 
 #: A step in time longer than this many sampling intervals is a gap.
@@ -168,14 +168,14 @@ def lost_readings(
     findings: list[SampleFinding] = []
     readings = readings.copy()
     for triad, name, limit in ((slice(0, 3), "force", limits[0]), (slice(3, 6), "rate", limits[1])):
-        broken = ~np.isfinite(readings[:, triad]).all(axis=1)
+        broken = ~finite_rows(readings[:, triad])
         beyond = np.linalg.norm(np.nan_to_num(readings[:, triad], nan=0.0, posinf=0.0, neginf=0.0), axis=1) > limit
         for kind, lost in (("not_finite", broken), ("out_of_range", beyond & ~broken)):
             findings += findings_of(imu, name, kind, lost, time, interval)
             readings[lost, triad] = np.nan
     if not settings.enabled:
         return readings, findings
-    zero = np.all(readings == 0.0, axis=1)
+    zero = np.asarray(np.all(readings == 0.0, axis=1), np.bool_)
     if zero.any() and zero.mean() < _MOST_ZERO:
         findings += findings_of(imu, "all", "all_zero", zero, time, interval)
         readings[zero] = np.nan
@@ -184,10 +184,10 @@ def lost_readings(
     readings[repeated] = np.nan
     for column, name in enumerate(CHANNELS):
         values = readings[:, column].copy()
-        extremes = np.nanmin(values), np.nanmax(values)
         triad = slice(0, 3) if column < 3 else slice(3, 6)
         for a, b in _stuck(values, settings.false_alarm_probability):
-            kind = "saturated" if values[a] in extremes else "stuck"
+            nearby = values[max(0, a - _REPEAT_REACH) : b + _REPEAT_REACH]
+            kind = "saturated" if values[a] in (np.nanmin(nearby), np.nanmax(nearby)) else "stuck"
             lost = np.zeros(len(time), bool)
             lost[a:b] = True
             findings += findings_of(imu, name, kind, lost, time, interval)
@@ -197,7 +197,7 @@ def lost_readings(
 
 def _repeated_rows(readings: Array) -> BoolArray:
     """Rows (N,) that repeat an earlier row in all channels, where that is not usual in the data."""
-    finite = np.isfinite(readings).all(axis=1)
+    finite = finite_rows(readings)
     out = np.zeros(len(readings), bool)
     _, first, inverse = np.unique(readings[finite], axis=0, return_index=True, return_inverse=True)
     repeated = first[inverse.ravel()] != np.arange(int(finite.sum()))

@@ -14,12 +14,14 @@ Telemetry without findings is returned as it is.
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from edl_filter.errors import InputError
 from edl_filter.estimation.autoregression import interpolate
-from edl_filter.telemetry.record import ImuRecord, SampleFinding, Telemetry
+from edl_filter.telemetry.record import ImuRecord, SampleFinding, Telemetry, finite_rows
 from edl_filter.telemetry.sample_checks import CheckSettings, findings_of, runs, with_repair
 from edl_filter.telemetry.spikes import bad_triads
 from edl_filter.telemetry.transfer import TransferredReadings, transferred
@@ -111,7 +113,7 @@ def _extended(record: ImuRecord, other: ImuRecord) -> tuple[ImuRecord, list[Samp
         return record, []
     time = record.time[-1] + interval * np.arange(1, count + 1)
 
-    def longer(values: Array, rows: Array | None = None) -> Array:
+    def longer(values: NDArray[Any], rows: Array | None = None) -> NDArray[Any]:
         last = np.repeat(values[-1:], count, axis=0) if rows is None else rows
         return np.concatenate((values, last))
 
@@ -122,12 +124,17 @@ def _extended(record: ImuRecord, other: ImuRecord) -> tuple[ImuRecord, list[Samp
         interval=longer(record.interval, np.full(count, interval)),
         specific_force=longer(record.specific_force, nothing),
         angular_rate=longer(record.angular_rate, nothing),
-        **{
-            name: longer(getattr(record, name))
-            for name in ("position", "force_noise", "rate_noise", "shared_rate_noise", "net_turn", "net_gain", "unit",
-                         "source", "force_fill_sigma", "rate_fill_sigma")
-        },
-    )  # fmt: skip
+        position=longer(record.position),
+        force_noise=longer(record.force_noise),
+        rate_noise=longer(record.rate_noise),
+        shared_rate_noise=longer(record.shared_rate_noise),
+        net_turn=longer(record.net_turn),
+        net_gain=longer(record.net_gain),
+        unit=longer(record.unit),
+        source=longer(record.source),
+        force_fill_sigma=longer(record.force_fill_sigma),
+        rate_fill_sigma=longer(record.rate_fill_sigma),
+    )
     finding = SampleFinding(record.name, "all", float(record.time[-1]), float(time[-1]), count, "dead")
     return extended, [finding]
 
@@ -143,7 +150,7 @@ def _filled(
     values = {"force": record.specific_force.copy(), "rate": record.angular_rate.copy()}
     sigmas = {"force": record.force_fill_sigma.copy(), "rate": record.rate_fill_sigma.copy()}
     noise = {"force": record.force_noise, "rate": record.rate_noise}
-    lost = {triad: ~np.isfinite(values[triad]).all(axis=1) for triad in _TRIADS}
+    lost = {triad: ~finite_rows(values[triad]) for triad in _TRIADS}
     for triad in _TRIADS:
         if source is not None:
             available = lost[triad] & source.valid

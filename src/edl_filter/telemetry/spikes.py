@@ -10,11 +10,12 @@ IMU, and only while no parachute can shake the vehicle, a single sample that its
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from scipy.ndimage import maximum_filter1d, median_filter
 
-from edl_filter.telemetry.record import ImuRecord, SampleFinding
+from edl_filter.telemetry.record import ImuRecord, SampleFinding, finite_rows
 from edl_filter.telemetry.sample_checks import CheckSettings, findings_of
 from edl_filter.telemetry.transfer import transferred
 from edl_filter.types import Array, BoolArray
@@ -75,13 +76,13 @@ def _one_pass(
             if other is not None:
                 source = transferred(record, other, smooth_until)
                 noise = record.force_noise if triad == "force" else record.rate_noise
-                covered = np.isfinite(getattr(source, triad)).all(axis=1)
+                covered = finite_rows(getattr(source, triad))
                 parted = _disagreement(values, getattr(source, triad), noise, settings.disagreement_sigmas)
                 bad = np.where(covered, parted & _readings(record, triad), bad)
             if bad.any():
                 interval = float(np.median(record.interval))
                 findings += findings_of(record.name, triad, "spike", bad, record.time, interval)
-                lost = {attribute: np.where(bad[:, None], np.nan, getattr(records[i], attribute))}
+                lost: dict[str, Any] = {attribute: np.where(bad[:, None], np.nan, getattr(records[i], attribute))}
                 records[i] = replace(records[i], **lost)
     return records, findings
 
@@ -94,7 +95,7 @@ def _readings(record: ImuRecord, triad: str) -> BoolArray:
 def _disagreement(own: Array, other: Array, noise: Array, sigmas: float) -> BoolArray:
     """Samples (N,) in which an IMU leaves its neighbours and another one, which does not."""
     difference = own - other
-    known = np.isfinite(difference).all(axis=1)
+    known = finite_rows(difference)
     if known.sum() < _SCALE:
         return np.zeros(len(own), bool)
     out = np.zeros(len(own), bool)
@@ -118,13 +119,13 @@ def _single_spikes(values: Array, sigmas: float) -> BoolArray:
     bad = np.zeros(len(values), bool)
     if len(values) < _SCALE:
         return bad
-    finite = np.isfinite(values).all(axis=1)
+    finite = finite_rows(values)
     filled = np.where(finite[:, None], values, 0.0)
     error = _interpolation_error(filled)
     scale = _MAD * _median(np.abs(error), _SCALE) + 1e-12
     ratio = np.max(np.abs(error) / scale, axis=1)
     near = np.convolve(~finite, np.ones(9), mode="same") > 0.5
-    for i in np.flatnonzero((ratio > sigmas) & ~near):
+    for i in np.flatnonzero((ratio > sigmas) & ~near).tolist():
         around = slice(max(0, i - 4), i + 5)
         if ratio[i] < np.max(ratio[around]):
             continue

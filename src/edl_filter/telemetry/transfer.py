@@ -14,7 +14,7 @@ import numpy as np
 from scipy.ndimage import maximum_filter1d, median_filter
 
 from edl_filter.imu_model.lever_arm import edge_values, lever_arm_acceleration
-from edl_filter.telemetry.record import ImuRecord
+from edl_filter.telemetry.record import ImuRecord, finite_rows
 from edl_filter.telemetry.relative_calibration import covered, interpolated_means, relative_calibration
 from edl_filter.types import Array, BoolArray
 
@@ -50,7 +50,7 @@ class TransferredReadings:
     @property
     def valid(self) -> BoolArray:
         """Samples ``(N,)`` that the other IMU covers."""
-        return np.isfinite(self.force).all(axis=1) & np.isfinite(self.rate).all(axis=1)
+        return finite_rows(self.force) & finite_rows(self.rate)
 
 
 def transferred(reference: ImuRecord, other: ImuRecord, end: float) -> TransferredReadings:
@@ -96,7 +96,7 @@ def transferred(reference: ImuRecord, other: ImuRecord, end: float) -> Transferr
     force[:, 0] /= 1.0 + scale
     nearest = reference.index_at(other.time - 0.5 * other.interval - delay)
     offset = other.position - reference.position[nearest] + arm
-    lost = ~(np.isfinite(force).all(axis=1) & np.isfinite(rate).all(axis=1))
+    lost = ~(finite_rows(force) & finite_rows(rate))
     moved = np.where(lost[:, None], 0.0, rate)
     force = force - lever_arm_acceleration(other.interval, moved, offset, other.unit)
     edges = np.concatenate((reference.time[:1] - reference.interval[:1], reference.time)) + delay
@@ -138,7 +138,7 @@ def _scatter(difference: Array, mean: Array, noise: Array) -> Array:
     that are known. In a shock, where the means vary from sample to sample more than around, it is at least in the
     ratio to this variation that it has in the flight's other shocks.
     """
-    known = np.isfinite(difference).all(axis=1)
+    known = finite_rows(difference)
     if not known.any():
         return np.tile(noise[:, None], (1, 3)) * np.sqrt(2.0)
     rows = np.flatnonzero(known)

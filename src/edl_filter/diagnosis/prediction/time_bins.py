@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from edl_filter.navigation.increments import Samples
-from edl_filter.telemetry.record import SAME_TIME
+from edl_filter.telemetry.record import SAME_TIME, finite_rows
 from edl_filter.types import Array, BoolArray, IntArray
 
 
@@ -114,7 +114,7 @@ def bin_means(edges: Array, time: Array, interval: Array, values: Array, smooth:
     (B, ...) array
         NaN in bins that the intervals do not cover, and in those that a value which is NaN contributes to.
     """
-    lost = ~np.isfinite(values).all(axis=tuple(range(1, values.ndim)))
+    lost = ~finite_rows(values)
     if lost.any():
         values = np.where(lost.reshape(-1, *(1,) * (values.ndim - 1)), 0.0, values)
     grid = np.concatenate((time[:1] - interval[:1], time))
