@@ -28,7 +28,7 @@ def process_noise(layout: Layout, samples: Samples, attitude: Array) -> Array:
 
     A filled stretch of samples has errors of its own along each body axis, which are correlated in time. They enter as
     independent errors of the samples with the same variance of the sum over the stretch: velocity and attitude at its
-    end have the right covariance, that of the position is too small by up to a quarter of it.
+    end have the right variance, that of the position is up to a third too large.
 
     Parameters
     ----------
@@ -71,10 +71,12 @@ def _fill_noise(samples: Samples, middle: Array, force: Array) -> Array:
     `middle` (N, 4) are the attitudes at mid-sample, and `force` (N, 3) is the specific force, m/s², inertial axes.
     """
     dt = samples.interval
-    gain = force * dt[:, None]
-    after = np.cumsum(gain[::-1], axis=0)[::-1] - 0.5 * gain  # velocity that the force gives from mid-sample on
-    remaining = np.cumsum(dt[::-1])[::-1] - 0.5 * dt
-    later = np.cumsum((after * dt[:, None])[::-1], axis=0)[::-1] - 0.5 * after * dt[:, None]
+    rest = np.cumsum(dt[::-1])[::-1] - dt  # time from the sample's end on
+    remaining = rest + 0.5 * dt
+    gain, path = force * dt[:, None], force * (dt * remaining)[:, None]
+    # velocity and path that the force gives from mid-sample to the end
+    after = np.cumsum(gain[::-1], axis=0)[::-1] - 0.5 * gain
+    later = np.cumsum(path[::-1], axis=0)[::-1] - path + force * (0.5 * dt * rest + 0.125 * dt**2)[:, None]
     covariance = np.zeros((9, 9))
     for i in np.flatnonzero(samples.filled):
         axes = rotations.to_matrix(middle[i]) * dt[i]

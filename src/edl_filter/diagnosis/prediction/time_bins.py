@@ -123,15 +123,14 @@ def bin_means(edges: Array, time: Array, interval: Array, values: Array, smooth:
     k = np.clip(np.searchsorted(grid, edges, side="right") - 1, 0, len(time) - 1)
     integral = total[k] + values[k] * (edges - grid[k]).reshape(-1, *tail)
     if smooth:
-        _interpolate(integral, edges, grid, total, k)
+        _interpolate(integral, edges, grid, total, k, lost)
     out = np.diff(integral, axis=0) / np.diff(edges).reshape(-1, *tail)
     outside = (edges[:-1] < grid[0] - 1e-6) | (edges[1:] > grid[-1] + 1e-6)
     if lost.any():
-        reach = _STENCIL[-1] if smooth else 0
         count = np.concatenate(([0], np.cumsum(lost)))
         # an edge at the end of a sample is not inside the next one
-        begin = np.searchsorted(grid, edges[:-1] + SAME_TIME) - 1 - reach
-        end = np.searchsorted(grid, edges[1:] - SAME_TIME) + reach
+        begin = np.searchsorted(grid, edges[:-1] + SAME_TIME) - 1
+        end = np.searchsorted(grid, edges[1:] - SAME_TIME)
         outside |= count[np.clip(end, 0, len(lost))] > count[np.clip(begin, 0, len(lost))]
     out[outside] = np.nan
     return out
@@ -141,8 +140,11 @@ def bin_means(edges: Array, time: Array, interval: Array, values: Array, smooth:
 _STENCIL = np.arange(-2, 4)
 
 
-def _interpolate(integral: Array, edges: Array, grid: Array, total: Array, k: IntArray) -> None:
-    """Interpolate the integral at edges inside an interval, in place; `k` is the end before each edge."""
+def _interpolate(integral: Array, edges: Array, grid: Array, total: Array, k: IntArray, lost: BoolArray) -> None:
+    """Interpolate the integral at edges inside an interval, in place; `k` is the end before each edge.
+
+    The integral is not known across samples that are `lost` (N,): edges whose stencil contains one remain.
+    """
     inside = np.minimum(edges - grid[k], grid[k + 1] - edges) > SAME_TIME
     inside &= (k + _STENCIL[0] >= 0) & (k + _STENCIL[-1] < len(grid))
     rows = np.flatnonzero(inside)
@@ -156,8 +158,9 @@ def _interpolate(integral: Array, edges: Array, grid: Array, total: Array, k: In
             if i != j:
                 weights[:, i] *= nodes[:, j] / (nodes[:, j] - nodes[:, i])
     values = np.einsum("nk,nk...->n...", weights, total[points])
-    finite = np.isfinite(values).all(axis=tuple(range(1, values.ndim)))
-    integral[rows[finite]] = values[finite]
+    count = np.concatenate(([0], np.cumsum(lost)))
+    complete = count[points[:, -1]] == count[points[:, 0]]
+    integral[rows[complete]] = values[complete]
 
 
 def bin_sigma(bins: TimeBins, time: Array, interval: Array, noise: Array) -> Array:
