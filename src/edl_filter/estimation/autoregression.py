@@ -4,8 +4,9 @@ Input: one equally spaced series with a missing stretch. Model: an autoregressio
 oscillations and trends are its solutions) that is fitted by least squares to both sides of the stretch. Method: the
 missing values are the most probable ones given the known values on both sides (Janssen, Veldhuis & Vries, IEEE Trans.
 ASSP 34 (1986) 317), and their covariance is the inverse of the information that the model gives about them. The
-innovations' variance may differ between the two sides; inside the stretch its logarithm is interpolated. Order and
-scale of the covariance come from cross-validation: stretches of the same length on both sides are predicted from a fit
+innovations' variance may differ between the two sides; inside the stretch it is the larger one. What the process itself
+changes across the stretch is covered by the spread of the values between fits to one side and to both. Order and scale
+of the covariance come from cross-validation: stretches of the same length on both sides are predicted from a fit
 without them, and the errors of their sums are compared with the predicted sigmas.
 """
 
@@ -102,7 +103,7 @@ def interpolate(series: Array, known: BoolArray, first: int, last: int) -> Inter
         # negative log predictive density of the sums, with the scale estimated
         score = score / max(len(ratios), 1) + 0.5 * np.log(variance) + (0.0 if ratios else order)
         if best is None or score < best[0]:
-            values, covariance = fit
+            values, covariance = fit[0], fit[1] + _side_spread(scaled, known, first, last, order, fit[0])
             interpolation = Interpolation(
                 centre + size * values, size**2 * variance * covariance, order, float(np.sqrt(variance))
             )
@@ -110,6 +111,16 @@ def interpolate(series: Array, known: BoolArray, first: int, last: int) -> Inter
     if best is None:
         return Interpolation(np.full(length, centre), np.full((length, length), size**2), 0, 1.0)
     return best[1]
+
+
+def _side_spread(series: Array, known: BoolArray, first: int, last: int, order: int, values: Array) -> Array:
+    """Spread (n, n) of the values about those by a fit to one side alone: what the process changes in the stretch."""
+    spread = np.zeros((len(values), len(values)))
+    for side in (slice(0, first), slice(last, len(known))):
+        fit = _fill(series, known, first, last, order, side)
+        if fit is not None:
+            spread += 0.5 * np.outer(fit[0] - values, fit[0] - values)
+    return spread
 
 
 def _trial_stretches(known: BoolArray, first: int, last: int) -> list[tuple[int, int]]:
@@ -126,13 +137,20 @@ def _trial_stretches(known: BoolArray, first: int, last: int) -> list[tuple[int,
     return stretches
 
 
-def _fill(series: Array, known: BoolArray, first: int, last: int, order: int) -> tuple[Array, Array] | None:
-    """Values and covariance of ``series[first:last]`` by an autoregression; None with too few equations."""
+def _fill(
+    series: Array, known: BoolArray, first: int, last: int, order: int, fitted: slice | None = None
+) -> tuple[Array, Array] | None:
+    """Values and covariance of ``series[first:last]`` by an autoregression; None with too few equations.
+
+    With `fitted` its coefficients are those of this part of the series.
+    """
     if len(series) <= order:
         return None
     lagged = np.lib.stride_tricks.sliding_window_view(series, order + 1)  # row t: series[t : t + order + 1]
     complete = np.lib.stride_tricks.sliding_window_view(known, order + 1).all(axis=1)
     rows = np.flatnonzero(complete)
+    if fitted is not None:
+        rows = rows[(rows >= fitted.start) & (rows + order < fitted.stop)]
     if len(rows) < _FEWEST_EQUATIONS * (order + 1):
         return None
     design = np.column_stack((lagged[rows, :order], np.ones(len(rows))))
