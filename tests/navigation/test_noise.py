@@ -151,3 +151,22 @@ def test_an_attitude_computed_with_other_rates_and_mounting_turns_as_predicted()
     np.testing.assert_allclose(per_rate @ b + per_mounting @ m, turn, atol=3e-4 * np.linalg.norm(turn))
     for effect in onboard_turn(replace(samples, net_turn=np.ones(n, bool))):
         assert not np.any(effect)
+
+
+def test_filled_samples_add_the_noise_of_their_sigmas():
+    """Against the noise of samples that are all as uncertain; along each axis by its own sigma."""
+    s, attitude = problem(30, seed=8)
+    nothing = np.zeros_like(s.force_noise)
+    bare = replace(s, force_noise=nothing, rate_noise=nothing, shared_rate_noise=nothing)
+    uncertain = replace(bare, force_noise=nothing + 0.02, rate_noise=nothing + 0.003)
+    filled = replace(
+        bare, force_fill_sigma=np.full((len(s.time), 3), 0.02), rate_fill_sigma=np.full((len(s.time), 3), 0.003)
+    )
+    whole = process_noise(BARE, uncertain, attitude)
+    assert np.max(np.abs(whitened(process_noise(BARE, filled, attitude), whole) - np.eye(9))) < 0.05
+    for axis in range(3):
+        sigma = np.zeros((len(s.time), 3))
+        sigma[-1, axis] = 0.01
+        noise = process_noise(BARE, replace(bare, force_fill_sigma=sigma), attitude)
+        variance = np.linalg.eigvalsh(noise[3:6, 3:6])
+        np.testing.assert_allclose(variance, [0.0, 0.0, (0.01 * s.interval[-1]) ** 2], atol=1e-18)

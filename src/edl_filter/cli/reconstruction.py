@@ -47,11 +47,15 @@ def validate(
 ) -> None:
     """Check a mission with its telemetry and tables, or a flight file."""
     if path.lower().endswith(_HDF5_SUFFIXES):
+        import math
+
         from edl_filter.telemetry.flight_file import read_flight_file
+        from edl_filter.telemetry.sample_repair import repaired
 
         if changes:
             raise InputError(f"--set: {path} is a flight file; only a mission has keys to change.")
-        telemetry, description = read_flight_file(path), "flight file"
+        read, description = read_flight_file(path), "flight file"
+        telemetry = repaired(read, parachute=read.events.get("parachute_deploy", math.inf))
     else:
         from edl_filter.mission import Mission
         from edl_filter.pipeline.load import read_atmosphere, read_telemetry
@@ -63,7 +67,9 @@ def validate(
         assemble(mission, telemetry, planet, read_atmosphere(mission))
     from edl_filter.report.terminal.run import telemetry_lines
 
-    typer.echo(f"{path}: {description}, no errors found.")
+    count = len(telemetry.findings)
+    outcome = f"usable; {count} finding{'s' * (count != 1)} about samples" if count else "no errors found"
+    typer.echo(f"{path}: {description}, {outcome}.")
     for line in telemetry_lines(telemetry):
         typer.echo(f"  {line}")
 

@@ -25,6 +25,7 @@ from edl_filter.mission.validators import (
     Number,
     Quaternion,
     RotationMatrix,
+    Switch,
     Within,
     field_error,
     nearest_rotation_matrix,
@@ -204,6 +205,26 @@ class MerImuConfig(WindowConfig):
     def epoch_utc(self) -> str:
         """UTC of time 0, ISO 8601."""
         return self.sclk_clock.to_utc(self.epoch_sclk)
+
+
+class SampleChecksConfig(Section):
+    """Checks of the IMUs' samples: bad ones are treated as lost, and lost ones are filled."""
+
+    enabled: Switch = Field(
+        default=True, description="false: only samples that are missing or not finite are treated as lost"
+    )
+    spike_sigmas: Annotated[Number, Within("", 5.0, 1e6)] = Field(
+        default=15.0, description="robust sigmas by which a single sample leaves its neighbours, from which it is bad"
+    )
+    disagreement_sigmas: Annotated[Number, Within("", 5.0, 1e6)] = Field(
+        default=15.0, description="robust sigmas by which an IMU leaves its neighbours and the other IMU"
+    )
+    false_alarm_probability: Annotated[Number, Within("", 0.0, 0.01, above=True)] = Field(
+        default=1e-6, description="probability per axis with which a repetition by chance is taken for a stuck axis"
+    )
+    longest_gap_s: Annotated[Number, Within("s", 0.0, 100.0)] = Field(
+        default=30.0, description="longest stretch that is filled without another IMU, s; a longer one is refused"
+    )
 
 
 class FlightFileConfig(Section):

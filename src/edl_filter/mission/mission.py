@@ -18,7 +18,7 @@ from edl_filter.mission.effects import EffectConfig, effect_instances
 from edl_filter.mission.error_messages import error_message
 from edl_filter.mission.estimation import ConstraintsConfig, FilterConfig, InitialStateConfig, OutputsConfig
 from edl_filter.mission.fields import Section
-from edl_filter.mission.measurements import MerImuConfig, PhoenixPdsConfig, TelemetryConfig
+from edl_filter.mission.measurements import MerImuConfig, PhoenixPdsConfig, SampleChecksConfig, TelemetryConfig
 from edl_filter.mission.shipped import BUILTIN, shipped_data, shipped_mission
 from edl_filter.mission.validators import value_text
 from edl_filter.mission.world import AtmosphereConfig, EventConfig, PlanetConfig, VehicleConfig
@@ -52,6 +52,9 @@ class Mission(Section):
     planet: PlanetConfig = Field(description="the planet")
     atmosphere: AtmosphereConfig = Field(description="preflight atmosphere")
     telemetry: TelemetryConfig = Field(description="telemetry of the flight")
+    sample_checks: SampleChecksConfig = Field(
+        default=SampleChecksConfig(), description="checks of the IMUs' samples, and filling of lost ones"
+    )
     vehicle: VehicleConfig = Field(description="the vehicle")
     aerodynamics: AerodynamicsConfig | None = Field(
         default=None, description="aerodynamic database; absent: no atmosphere and no coefficients are derived"

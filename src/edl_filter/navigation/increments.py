@@ -9,7 +9,7 @@ Savage, J. Guidance 21 (1998) 19 and 208, in post-flight form: neighbours on bot
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 
 import numpy as np
 from numba import njit
@@ -47,6 +47,9 @@ class Samples:
         Where the rate was taken from two attitudes, not from gyros.
     unit : (N,) integer array
         Which instrument's errors apply.
+    force_fill_sigma, rate_fill_sigma : (N, 3) arrays, optional
+        One sigma by which a value that was filled in may be wrong beyond its noise, m/s² and rad/s, body axes
+        (`ImuRecord.force_fill_sigma`); zero where the instrument was read.
     """
 
     time: Array
@@ -60,6 +63,18 @@ class Samples:
     shared_rate_noise: Array
     net_turn: BoolArray
     unit: IntArray
+    force_fill_sigma: Array = field(default_factory=lambda: np.zeros((0, 3)))
+    rate_fill_sigma: Array = field(default_factory=lambda: np.zeros((0, 3)))
+
+    def __post_init__(self) -> None:
+        for key in ("force_fill_sigma", "rate_fill_sigma"):
+            if not len(getattr(self, key)):
+                object.__setattr__(self, key, np.zeros((len(self.time), 3)))
+
+    @property
+    def filled(self) -> BoolArray:
+        """Samples ``(N,)`` of which a value was filled in."""
+        return np.any(self.force_fill_sigma > 0.0, axis=1) | np.any(self.rate_fill_sigma > 0.0, axis=1)
 
     def index(self, time: float) -> int:
         """Number of samples whose interval ends by `time` (a microsecond allowed for rounding)."""
@@ -92,6 +107,8 @@ class Samples:
             shared_rate_noise=self.shared_rate_noise[index] * factor,
             net_turn=self.net_turn.take(index, axis=0),
             unit=self.unit.take(index, axis=0),
+            force_fill_sigma=self.force_fill_sigma[index] * factor[:, None],
+            rate_fill_sigma=self.rate_fill_sigma[index] * factor[:, None],
         )
 
 
@@ -129,6 +146,8 @@ def effective_samples(record: ImuRecord) -> Samples:
         ),
         net_turn=record.net_turn,
         unit=record.unit,
+        force_fill_sigma=record.force_fill_sigma,
+        rate_fill_sigma=record.rate_fill_sigma,
     )
 
 

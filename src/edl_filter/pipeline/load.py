@@ -21,6 +21,8 @@ from edl_filter.telemetry.mer_archive import read_mer_tables
 from edl_filter.telemetry.mer_compact import FILE_NAMES
 from edl_filter.telemetry.mer_flight import MerImu, MerSetup, mer_telemetry
 from edl_filter.telemetry.record import Telemetry
+from edl_filter.telemetry.sample_checks import CheckSettings
+from edl_filter.telemetry.sample_repair import repaired
 
 
 def read_telemetry(mission: Mission) -> Telemetry:
@@ -31,22 +33,39 @@ def read_telemetry(mission: Mission) -> Telemetry:
     InputError
         The file is missing or invalid.
     """
-    path = mission.telemetry_path()
+    path, checks = mission.telemetry_path(), check_settings(mission)
     if isinstance(mission.telemetry, FlightFileConfig):
         assert path is not None
-        telemetry = read_flight_file(path)
+        telemetry = read_flight_file(path, checks)
         if telemetry.planet.lower() != mission.planet.name.lower():
             raise InputError(
                 f"{path}: the flight is of {telemetry.planet}, the mission's planet is {mission.planet.name}."
             )
         if mission.telemetry.driving is not None:
             telemetry = driven_by(telemetry, mission.telemetry.driving)
-        return moved_by_events(mission, telemetry)
+        return _repaired(mission, moved_by_events(mission, telemetry), checks)
     assert isinstance(mission.telemetry, MerImuConfig)  # telemetry_path stops the others
     spacecraft = mission.telemetry.spacecraft
     if path is None:
         path = find_mer_imu(spacecraft) or package_data(FILE_NAMES[spacecraft])
-    return mer_telemetry(read_mer_tables(path, spacecraft), mer_setup(mission))
+    return _repaired(mission, mer_telemetry(read_mer_tables(path, spacecraft), mer_setup(mission)), checks)
+
+
+def _repaired(mission: Mission, telemetry: Telemetry, checks: CheckSettings) -> Telemetry:
+    parachute = (telemetry.events | mission.event_times()).get("parachute_deploy", np.inf)
+    return repaired(telemetry, checks, parachute)
+
+
+def check_settings(mission: Mission) -> CheckSettings:
+    """Thresholds of the checks of samples, from the mission."""
+    stated = mission.sample_checks
+    return CheckSettings(
+        stated.enabled,
+        stated.spike_sigmas,
+        stated.disagreement_sigmas,
+        stated.false_alarm_probability,
+        stated.longest_gap_s,
+    )
 
 
 def driven_by(telemetry: Telemetry, name: str) -> Telemetry:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 from edl_filter.report.text import number, with_sigma, words
 from edl_filter.results.schema import (
@@ -15,11 +15,24 @@ from edl_filter.results.schema import (
     Landing,
     ModelEffect,
     PostflightSummary,
+    SampleFindingSummary,
     Smoothing,
 )  # fmt: skip
+from edl_filter.telemetry.record import KINDS
 
 #: Share of a constraint's uses that may fail the gate before a run warns.
 _USUAL_REJECTIONS = 0.05
+
+
+def finding_sentences(findings: Sequence[SampleFindingSummary], most: int | None = None) -> list[str]:
+    """Missing and bad samples and what was done, one sentence each; beyond `most` only their number."""
+    listed = findings if most is None else findings[:most]
+    sentences = [
+        f"{f.imu} {f.channel}, {f.start_s:.3f} to {f.end_s:.3f} s: {KINDS[f.kind]}; {f.repair}" for f in listed
+    ]
+    if len(listed) < len(findings):
+        sentences.append(f"and {len(findings) - len(listed)} more in summary.json and in the report")
+    return sentences
 
 
 def peak_sentence(peak: EventState) -> str:

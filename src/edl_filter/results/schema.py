@@ -329,6 +329,21 @@ class GasSummary(Content):
     description: str = _key("all this in words, with the composition")
 
 
+class SampleFindingSummary(Content):
+    """Missing or bad samples of one IMU, and what was done about them."""
+
+    imu: str = _key("name of the IMU")
+    channel: str = _key("force or rate, with the axis of the IMU where one is at fault; all: both triads")
+    start_s: float = _key("beginning of the first sample, s since the epoch")
+    end_s: float = _key("end of the last sample, s since the epoch")
+    samples: int = _key("number of samples")
+    kind: str = _key(
+        "missing, not_finite, out_of_range, all_zero, stuck, saturated, spike, duplicated, reordered, clock_jump or "
+        "dead"
+    )
+    repair: str = _key("what was done")
+
+
 class Summary(Content):
     """``summary.json``: the main results of a run."""
 
@@ -353,6 +368,9 @@ class Summary(Content):
     postflight: PostflightSummary | None = _key("post-flight layer; null without an aerodynamic database")
     effects: dict[str, ModelEffect] = _key(
         "label of each effect in the model (its name, or its name in its IMU) → its parameters"
+    )
+    sample_findings: tuple[SampleFindingSummary, ...] = _key(
+        "missing and bad samples of the IMUs, and how they were repaired, in order of time", default=()
     )
     notes: tuple[str, ...] = _key("notes of the telemetry's reader")
     timing_s: dict[str, float] = _key("stage → elapsed time, s")

@@ -19,6 +19,7 @@ from edl_filter.results import postflight
 from edl_filter.results.derived import Derived, RefitSummary
 from edl_filter.results.effects import effects_content
 from edl_filter.telemetry.calibration import Misalignment, MisalignmentEstimate
+from edl_filter.telemetry.record import SampleFinding
 from edl_filter.telemetry.relative_calibration import RelativeCalibration
 from edl_filter.types import Array
 
@@ -50,8 +51,22 @@ def summary(reconstruction: Reconstruction, derived: Derived, refit: RefitSummar
         "residuals": dict(refit.residuals) | innovations(reconstruction.constraint_checks),
         "postflight": None if derived.postflight is None else postflight.summary(derived.postflight),
         "effects": effects_content(reconstruction, refit.sigma),
+        "sample_findings": [finding_content(f) for f in reconstruction.telemetry.findings],
         "notes": list(reconstruction.telemetry.notes),
         "timing_s": dict(reconstruction.timing),
+    }
+
+
+def finding_content(finding: SampleFinding) -> dict[str, Any]:
+    """Missing or bad samples of one IMU, and what was done about them."""
+    return {
+        "imu": finding.imu,
+        "channel": finding.channel,
+        "start_s": finding.start,
+        "end_s": finding.end,
+        "samples": finding.samples,
+        "kind": finding.kind,
+        "repair": finding.repair,
     }
 
 

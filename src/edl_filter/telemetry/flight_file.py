@@ -27,6 +27,7 @@ from edl_filter.telemetry.record import (
     ParachuteFix,
     Telemetry,
 )
+from edl_filter.telemetry.sample_checks import CheckSettings
 
 FORMAT, VERSION = "edl-flight", 1
 _RADIUS = Limits("m", 1e5, 1e8, {"km": 1e3})
@@ -37,8 +38,8 @@ def _check_rest(imu_node: Node, records: tuple[ImuRecord, ...], landing: Landing
     """Raise if the mean specific force after the landing cannot be the gravity of a planet."""
     for record in records:
         at_rest = record.specific_force[record.time > landing.time]
-        if len(at_rest):
-            gravity = float(np.linalg.norm(at_rest, axis=1).mean())
+        if np.isfinite(at_rest).any():
+            gravity = float(np.nanmean(np.linalg.norm(at_rest, axis=1)))
             imu_node.within(f"{record.name}/specific_force", np.array(gravity), _REST, "in the mean after the landing ")
 
 
@@ -49,7 +50,7 @@ def _event_time(node: Node) -> float:
     return float(node.attribute("time", limits=TIME))
 
 
-def _read(file: h5py.File, file_name: str) -> dict[str, Any]:
+def _read(file: h5py.File, file_name: str, settings: CheckSettings | None = None) -> dict[str, Any]:
     """Arguments of `Telemetry` from an open file; the group ``/truth`` is not read."""
     root = Node(file_name, file["/"])
     if (file_format := file.attrs.get("format")) != FORMAT:
@@ -57,8 +58,9 @@ def _read(file: h5py.File, file_name: str) -> dict[str, Any]:
     if (version := file.attrs.get("version")) != VERSION:
         raise InputError(f"{file_name}: attribute version is {version!r}; version {VERSION} is read.")
     imu_node = root.child("imu")
-    primary = read_imu(imu_node.child("primary"), "primary")
-    checking = tuple(read_imu(imu_node.child(name), name) for name in sorted(imu_node.group) if name != "primary")
+    names = ["primary", *(name for name in sorted(imu_node.group) if name != "primary")]
+    imus = [read_imu(imu_node.child(name), name, settings) for name in names]
+    primary, checking = imus[0][0], tuple(record for record, _ in imus[1:])
     initial_node = root.child("initial")
     initial = InitialState(
         initial_node.attribute("time", limits=TIME),
@@ -103,26 +105,23 @@ def _read(file: h5py.File, file_name: str) -> dict[str, Any]:
         "epoch_utc": root.utc("epoch_utc"),
         "prime_meridian_at_epoch": root.attribute("prime_meridian_at_epoch", limits=Limits("rad", -6.3, 6.3, DEGREES)),
         "planet": root.text("planet"),
-        "notes": tuple(
-            f"/imu/{imu.name}: {count} gap{'s' * (count != 1)} in time, each filled by one long sample "
-            "between its neighbours."
-            for imu in (primary, *checking)
-            if (count := int(np.count_nonzero(imu.source)))
-        ),
+        "findings": tuple(finding for _, findings in imus for finding in findings),
     }
 
 
-def read_flight_file(path: str | Path) -> Telemetry:
+def read_flight_file(path: str | Path, settings: CheckSettings | None = None) -> Telemetry:
     """Read a flight file into records in body axes.
 
-    A gap in an IMU's samples is filled with one sample over the missing time: the mean of its two neighbours, with half
-    their difference as its sigma and the source ``"gap"``. ``/events``, ``/constraints`` and ``/altimeter`` are
+    A sample that is missing or bad is NaN in the record and listed in `Telemetry.findings`; `sample_repair.repaired`
+    fills it. A missing sample has the source ``"gap"``. ``/events``, ``/constraints`` and ``/altimeter`` are
     optional; the rest of the format must be present.
 
     Parameters
     ----------
     path : path
         HDF5 file.
+    settings : CheckSettings, optional
+        Thresholds of the checks of the samples.
 
     Returns
     -------
@@ -132,7 +131,7 @@ def read_flight_file(path: str | Path) -> Telemetry:
     ------
     InputError
         Not an HDF5 file; another format or version; a group, dataset or attribute that is missing or of a wrong shape;
-        numbers that are not finite or outside the limits of the right unit; time that does not increase; a sampling
+        numbers that are not finite or outside the limits of the right unit, except in an IMU's samples; a sampling
         interval that differs from the steps in time; a quaternion whose norm differs from 1 by more than 1e-3; a
         covariance that is not symmetric and positive definite. The message names the file, the member and the row.
     """
@@ -146,7 +145,7 @@ def read_flight_file(path: str | Path) -> Telemetry:
             f"{path}: this is no HDF5 file, or a damaged one; a flight file (edl-flight) is needed."
         ) from None
     with file:
-        contents = _read(file, str(path))
+        contents = _read(file, str(path), settings)
     return Telemetry(**contents, files={path.name: hashlib.sha256(path.read_bytes()).hexdigest()})
 
 

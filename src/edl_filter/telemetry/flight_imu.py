@@ -1,7 +1,8 @@
 """One IMU of a flight file: its samples and calibration as they are stored, and as a record in body axes.
 
-Input of the reader: the group ``/imu/<name>``. Method: checks of shapes and sizes, rotation from IMU axes to body axes,
-one long sample in each gap. Output: an `ImuRecord`. Input of the writer: a `FlightImu`.
+Input of the reader: the group ``/imu/<name>``. Method: checks of shapes and sizes, checks of the samples, rotation from
+IMU axes to body axes. Output: an `ImuRecord`, with NaN where samples are missing or bad. Input of the writer: a
+`FlightImu`.
 """
 
 from __future__ import annotations
@@ -15,11 +16,12 @@ from edl_filter import rotations
 from edl_filter.errors import InputError
 from edl_filter.imu_model.sensor_errors import SensorErrors
 from edl_filter.telemetry.hdf5_checks import DEGREE_RATES, DEGREES, PARTS, TIME, Limits, Node
-from edl_filter.telemetry.record import ImuRecord
-from edl_filter.types import Array, BoolArray
+from edl_filter.telemetry.record import ImuRecord, SampleFinding, finite_rows
+from edl_filter.telemetry.sample_checks import CheckSettings, completed, lost_readings, ordered_packets
+from edl_filter.types import Array
 
-#: A step in time longer than this many sampling intervals is a gap.
-GAP_STEPS = 1.5
+#: Samples beyond the limits that are bad ones; more of them have a wrong unit.
+MOST_OUT_OF_RANGE = 16
 #: Largest relative difference between the median step in time and the sampling interval.
 STEP_TOLERANCE = 0.1
 #: Largest rotation within one sample, rad: larger values cannot be readings of a vehicle whose attitude is tracked.
@@ -54,86 +56,83 @@ def conflicting_median_step(time: Array, interval: float) -> float | None:
     return median if abs(median / interval - 1.0) > STEP_TOLERANCE else None
 
 
-def _fill_gaps(time: Array, samples: Array, interval: float) -> tuple[Array, Array, BoolArray]:
-    """Insert one long sample into each gap, the mean of its two neighbours.
+def read_imu(
+    node: Node, name: str, settings: CheckSettings | None = None
+) -> tuple[ImuRecord, tuple[SampleFinding, ...]]:
+    """Record of one IMU in body axes, with NaN where a sample is missing or bad.
 
     Parameters
     ----------
-    time : (N,) array
-        s.
-    samples : (N, K) array
-        Any units.
-    interval : float
-        Sampling interval, s.
+    node : Node
+        Group of the IMU.
+    name : str
+        Name of the record.
+    settings : CheckSettings, optional
+        Thresholds of the checks.
 
     Returns
     -------
-    time : (M,) array
-    samples : (M, K) array
-        Both with the inserted rows.
-    inserted : (M,) boolean array
-        True at the inserted rows.
+    record : ImuRecord
+    findings : tuple of SampleFinding
+        Missing and bad samples.
+
+    Raises
+    ------
+    InputError
+        The group violates the format.
     """
-    before = np.flatnonzero(np.diff(time) > GAP_STEPS * interval)
-    inserted = np.insert(np.zeros(len(time), bool), before + 1, True)
-    mean = 0.5 * (samples[before] + samples[before + 1])
-    # The sample after a gap covers one sampling interval, so that the inserted one ends where it begins
-    return (
-        np.insert(time, before + 1, time[before + 1] - interval),
-        np.insert(samples, before + 1, mean, axis=0),
-        inserted,
-    )
-
-
-def _noise(sigma: float, samples: Array, inserted: BoolArray) -> Array:
-    """Sigma of each sample (N,); for an inserted one at least half the difference of its neighbours."""
-    noise = np.full(len(samples), sigma)
-    rows = np.flatnonzero(inserted)
-    noise[rows] = np.maximum(sigma, 0.5 * np.linalg.norm(samples[rows + 1] - samples[rows - 1], axis=1))
-    return noise
-
-
-def read_imu(node: Node, name: str) -> ImuRecord:
-    """Record of one IMU in body axes; each gap is filled with one long sample."""
-    time = node.increasing("time", node.numbers("time", None))
-    if len(time) < 2:
+    settings = CheckSettings() if settings is None else settings
+    time = node.numbers("time", None, finite=False)
+    if np.count_nonzero(np.isfinite(time)) < 2:
         raise InputError(f"{node.file_name}: /imu/{name}/time has {len(time)} samples; at least 2 are needed.")
-    node.within("time", time[[0, -1]], TIME)
     interval = node.attribute("sample_interval", positive=True)
+    body_from_imu = node.unit("@body_from_imu", node.attribute("body_from_imu", 4))
+    measured = {key: node.numbers(key, len(time), 3, finite=False) for key in ("specific_force", "angular_rate")}
+    rate_limits = Limits("rad/s", 0.0, min(50.0, MAX_ROTATION / interval), DEGREE_RATES)
+    for key, limits in (("specific_force", _FORCE), ("angular_rate", rate_limits)):
+        _check_unit(node, key, measured[key], limits)
+    time, readings, findings = ordered_packets(time, np.hstack(list(measured.values())), interval, name)
+    node.within("time", time[[0, -1]], TIME)
     if median := conflicting_median_step(time, interval):
         raise node.error("@sample_interval", f"is {interval:g} s, but the usual step of its time is {median:g} s.")
-    body_from_imu = node.unit("@body_from_imu", node.attribute("body_from_imu", 4))
-    measured = {key: node.numbers(key, len(time), 3) for key in ("specific_force", "angular_rate")}
-    node.within("specific_force", measured["specific_force"], _FORCE)
-    highest_rate = min(50.0, MAX_ROTATION / interval)
-    node.within("angular_rate", measured["angular_rate"], Limits("rad/s", 0.0, highest_rate, DEGREE_RATES))
-    in_body_axes = [rotations.rotate(body_from_imu, values) for values in measured.values()]
-    time, samples, inserted = _fill_gaps(time, np.hstack(in_body_axes), interval)
-    force, rate = samples[:, :3].copy(), samples[:, 3:].copy()
+    highest = _FORCE.high, rate_limits.high
+    readings, bad = lost_readings(time, readings, interval, name, highest, settings)
+    time, readings, inserted, missing = completed(time, readings, interval, name)
+    force, rate = (rotations.rotate(body_from_imu, v) for v in (readings[:, :3].copy(), readings[:, 3:].copy()))
     force_sigma = node.attribute("accelerometer_noise", positive=True, limits=Limits("m/s^2", 0.0, 1.0))
     rate_sigma = node.attribute("gyro_noise", positive=True, limits=Limits("rad/s", 0.0, 0.1, DEGREE_RATES))
     errors = SensorErrors(**{
         key: node.attribute(attribute, limits=limits) for key, (attribute, limits) in _ERROR_ATTRIBUTES.items()
     })  # fmt: skip
     position = node.attribute("position", 3, limits=Limits("m", 0.0, 20.0, {"cm": 1e-2, "mm": 1e-3}))
-    return ImuRecord(
+    record = ImuRecord(
         name=name,
         time=time,
         interval=np.diff(time, prepend=time[0] - interval),
         specific_force=force,
         angular_rate=rate,
         position=np.tile(position, (len(time), 1)),
-        force_noise=_noise(force_sigma, force, inserted),
-        rate_noise=_noise(rate_sigma, rate, inserted),
-        shared_rate_noise=np.where(inserted, 0.0, rate_sigma),
+        force_noise=np.full(len(time), force_sigma),
+        rate_noise=np.full(len(time), rate_sigma),
+        shared_rate_noise=np.where(inserted > 0, 0.0, rate_sigma),
         net_turn=np.zeros(len(time), bool),
         net_gain=np.zeros(len(time), bool),
         unit=np.zeros(len(time), np.int64),
         units=(name,),
-        source=inserted.astype(np.int64),
+        source=inserted,
         sources=("flight file", "gap") if inserted.any() else ("flight file",),
         errors=(errors,),
     )
+    return record, (*findings, *bad, *missing)
+
+
+def _check_unit(node: Node, key: str, values: Array, limits: Limits) -> None:
+    """Raise if more than `MOST_OUT_OF_RANGE` samples are beyond the limits: their unit is wrong, they are no spikes."""
+    finite = finite_rows(values)
+    if np.count_nonzero(np.linalg.norm(values[finite], axis=1) > limits.high) > MOST_OUT_OF_RANGE:
+        node.within(key, np.where(finite[:, None], values, 0.0), limits)
+    if not finite.any():
+        raise node.error(key, "has no finite sample.")
 
 
 @dataclass(frozen=True)

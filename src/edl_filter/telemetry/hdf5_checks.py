@@ -90,8 +90,8 @@ class Node:
             raise self.error(f"@{key}", "(attribute) is missing or no string.")
         return value
 
-    def _numbers(self, key: str, raw: Any, shape: tuple[int | None, ...]) -> Array:
-        """`raw` as finite float64 of `shape` (None: any length); an error names the row."""
+    def _numbers(self, key: str, raw: Any, shape: tuple[int | None, ...], finite: bool = True) -> Array:
+        """`raw` as float64 of `shape` (None: any length); an error names the row that is not finite."""
         try:
             values = np.asarray(raw, np.float64)
         except (TypeError, ValueError):
@@ -100,13 +100,13 @@ class Node:
             expected_shape = str(shape).replace("None", "N")
             raise self.error(key, f"has shape {values.shape}; {expected_shape} is needed.")
         not_finite = ~np.isfinite(values)
-        if not_finite.any():
+        if finite and not_finite.any():
             row = f"row {int(np.argwhere(not_finite)[0][0])} " if values.ndim else ""
             raise self.error(key, f"{row}holds {values[not_finite][0]}; finite numbers are needed.")
         return values
 
-    def numbers(self, key: str, *shape: int | None) -> Array:
-        """Dataset `key` as finite float64.
+    def numbers(self, key: str, *shape: int | None, finite: bool = True) -> Array:
+        """Dataset `key` as float64.
 
         Parameters
         ----------
@@ -114,6 +114,8 @@ class Node:
             Name of the dataset.
         *shape : int or None
             Lengths of its axes; None accepts any length.
+        finite : bool
+            All numbers must be finite.
 
         Returns
         -------
@@ -121,7 +123,7 @@ class Node:
         """
         if not isinstance(self.group.get(key), h5py.Dataset):
             raise self.error(key, "is missing; the flight file needs this dataset.")
-        return self._numbers(key, self.group[key][()], shape)
+        return self._numbers(key, self.group[key][()], shape, finite)
 
     def attribute(self, key: str, *shape: int, positive: bool = False, limits: Limits | None = None) -> Any:
         """Numeric attribute `key`.

@@ -35,6 +35,11 @@ def within_window(time: Array, interval: Array, start: float, end: float) -> Boo
     return (time - interval >= start - SAME_TIME) & (time <= end + SAME_TIME)
 
 
+def finite_rows(values: Array) -> BoolArray:
+    """Rows (N,) of `values` (N, ...) of which all numbers are finite."""
+    return np.asarray(np.isfinite(values).all(axis=tuple(range(1, values.ndim))), np.bool_)
+
+
 @dataclass(frozen=True)
 class ImuRecord:
     """Samples of one IMU, or of several IMUs joined in time, in body axes.
@@ -71,6 +76,10 @@ class ImuRecord:
     sources : tuple of str
     errors : tuple of SensorErrors
         One-sigma sizes of the constant errors, one entry for each of `units`.
+    force_fill_sigma, rate_fill_sigma : (N, 3) arrays, optional
+        One sigma by which a value that was filled in may be wrong beyond `force_noise` and `rate_noise`, m/s² and
+        rad/s, body axes; zero where the instrument was read. The errors of a filled stretch are correlated in time:
+        these are the sigmas of independent errors whose sum over the stretch has the variance of the correlated ones.
     """
 
     name: str
@@ -89,9 +98,14 @@ class ImuRecord:
     source: IntArray
     sources: tuple[str, ...]
     errors: tuple[SensorErrors, ...]
+    force_fill_sigma: Array = field(default_factory=lambda: np.zeros((0, 3)))
+    rate_fill_sigma: Array = field(default_factory=lambda: np.zeros((0, 3)))
 
     def __post_init__(self) -> None:
         n = len(self.time)
+        for key in ("force_fill_sigma", "rate_fill_sigma"):
+            if not len(getattr(self, key)):
+                object.__setattr__(self, key, np.zeros((n, 3)))
         if n < 2:
             raise InputError(f"IMU '{self.name}': {n} samples; at least 2 are needed.")
         for key in (
@@ -99,7 +113,7 @@ class ImuRecord:
         ):  # fmt: skip
             if getattr(self, key).shape != (n,):
                 raise InputError(f"IMU '{self.name}': {key} has shape {getattr(self, key).shape}, not ({n},).")
-        for key in ("specific_force", "angular_rate", "position"):
+        for key in ("specific_force", "angular_rate", "position", "force_fill_sigma", "rate_fill_sigma"):
             if getattr(self, key).shape != (n, 3):
                 raise InputError(f"IMU '{self.name}': {key} has shape {getattr(self, key).shape}, not ({n}, 3).")
         if np.any(self.shared_rate_noise > self.rate_noise):
@@ -120,6 +134,19 @@ class ImuRecord:
         """Start of the first interval, s."""
         return float(self.time[0] - self.interval[0])
 
+    @property
+    def filled(self) -> BoolArray:
+        """Samples ``(N,)`` of which a value was filled in."""
+        return np.any(self.force_fill_sigma > 0.0, axis=1) | np.any(self.rate_fill_sigma > 0.0, axis=1)
+
+    def only_read(self) -> ImuRecord:
+        """The same record with NaN in place of the values of samples that were filled in."""
+        filled = self.filled
+        if not filled.any():
+            return self
+        force, rate = (np.where(filled[:, None], np.nan, v) for v in (self.specific_force, self.angular_rate))
+        return replace(self, specific_force=force, angular_rate=rate)
+
     def index_at(self, time: Array) -> IntArray:
         """Index ``(M,)`` of the sample whose interval contains each time ``(M,)``, s; the nearest one outside."""
         return np.minimum(np.searchsorted(self.time, time, side="left"), len(self) - 1)
@@ -132,9 +159,54 @@ class ImuRecord:
         """Samples where the boolean array `selected` (N,) is true."""
         names = (
             "time", "interval", "specific_force", "angular_rate", "position", "force_noise", "rate_noise",
-            "shared_rate_noise", "net_turn", "net_gain", "unit", "source",
+            "shared_rate_noise", "net_turn", "net_gain", "unit", "source", "force_fill_sigma", "rate_fill_sigma",
         )  # fmt: skip
         return replace(self, **{name: getattr(self, name)[selected] for name in names})
+
+
+@dataclass(frozen=True)
+class SampleFinding:
+    """Samples of an IMU that are missing or bad, and what was done about them.
+
+    Attributes
+    ----------
+    imu : str
+        Name of the record.
+    channel : str
+        ``force`` or ``rate``, with an axis of the IMU (``force x``); ``all``: both triads.
+    start, end : float
+        From the first sample's beginning to the last one's end, s since the epoch.
+    samples : int
+        Number of samples.
+    kind : str
+        One of `KINDS`.
+    repair : str
+        What was done, one phrase.
+    """
+
+    imu: str
+    channel: str
+    start: float
+    end: float
+    samples: int
+    kind: str
+    repair: str = ""
+
+
+#: Kinds of findings, with their names for people.
+KINDS = {
+    "missing": "missing samples",
+    "not_finite": "values that are not finite",
+    "out_of_range": "values beyond the limits of an instrument",
+    "all_zero": "packets of zeros",
+    "stuck": "stuck axis",
+    "saturated": "saturated axis",
+    "spike": "spike",
+    "duplicated": "duplicated packets",
+    "reordered": "packets out of order",
+    "clock_jump": "jump of the clock",
+    "dead": "IMU ends before the other",
+}
 
 
 @dataclass(frozen=True)
@@ -291,6 +363,8 @@ class Telemetry:
         Steps of the cleaning, one sentence each, for the report.
     planet : str
         Name of the planet in the telemetry; empty if there is none.
+    findings : tuple of SampleFinding
+        Missing and bad samples of all IMUs.
     """
 
     driving: ImuRecord
@@ -307,3 +381,4 @@ class Telemetry:
     files: dict[str, str] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
     planet: str = ""
+    findings: tuple[SampleFinding, ...] = ()

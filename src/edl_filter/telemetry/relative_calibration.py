@@ -131,8 +131,8 @@ def relative_calibration(
     for _ in range(_ITERATIONS):  # products of the errors: delay times lever arm, rotation times lever arm
         predicted = force + arm_acceleration(stated + error)
         differences = {
-            "force": (_means(checked, checked.specific_force, edges + delay) - predicted)[used],
-            "rate": (_means(checked, checked.angular_rate, edges + delay) - rate)[used],
+            "force": (interpolated_means(checked, checked.specific_force, edges + delay) - predicted)[used],
+            "rate": (interpolated_means(checked, checked.angular_rate, edges + delay) - rate)[used],
         }
         design = _design(reference, predicted, rate, used, columns)
         values, sigma, scatter = _least_squares(reference.time[used], differences, design)
@@ -164,7 +164,7 @@ def relative_calibration(
 
 def _direct(record: ImuRecord, first: float, last: float) -> BoolArray:
     """Samples (N,) that are readings of the instrument which has most samples in the window, away from gaps."""
-    readings = ~record.net_turn & ~record.net_gain
+    readings = ~record.net_turn & ~record.net_gain & ~record.filled
     readings &= np.isfinite(record.specific_force).all(axis=1) & np.isfinite(record.angular_rate).all(axis=1)
     units = record.unit[readings & within_window(record.time, record.interval, first, last)]
     if not len(units):
@@ -187,8 +187,38 @@ def _covered(reference: ImuRecord, checked: ImuRecord, first: float, last: float
     return out & (reference.time - reference.interval >= checked.start - SAME_TIME)
 
 
-def _means(record: ImuRecord, values: Array, edges: Array) -> Array:
-    """Means (N, 3) of a record's readings between other edges (N + 1,), s, by a quintic spline of their integral."""
+def covered(record: ImuRecord, edges: Array) -> BoolArray:
+    """Intervals (N,) between edges (N + 1,), s, that finite readings of a record cover, with a neighbour on each side.
+
+    Next to a lost sample the spline of `interpolated_means` would take its zero for a reading.
+    """
+    lost = ~(np.isfinite(record.specific_force).all(axis=1) & np.isfinite(record.angular_rate).all(axis=1))
+    lost = np.convolve(lost, np.ones(2 * _GAP_REACH + 1), mode="same") > 0.5
+    count = np.concatenate(([0], np.cumsum(lost)))
+    begin = np.searchsorted(record.time, edges[:-1] + SAME_TIME)
+    end = np.searchsorted(record.time, edges[1:] - SAME_TIME) + 1
+    inside = (edges[:-1] >= record.start - SAME_TIME) & (end <= len(record.time))
+    out = np.zeros(len(edges) - 1, bool)
+    out[inside] = count[end[inside]] == count[begin[inside]]
+    return out
+
+
+def interpolated_means(record: ImuRecord, values: Array, edges: Array) -> Array:
+    """Means of a record's readings between other edges, by a quintic spline of their integral.
+
+    Parameters
+    ----------
+    record : ImuRecord
+        Of the readings.
+    values : (M, 3) array
+        Means over its intervals, of any unit; NaN counts as zero.
+    edges : (N + 1,) array
+        s.
+
+    Returns
+    -------
+    (N, 3) array
+    """
     knots = np.concatenate(([record.start], record.time))
     integral = np.concatenate((np.zeros((1, 3)), np.cumsum(np.nan_to_num(values) * record.interval[:, None], axis=0)))
     spline = make_interp_spline(knots, integral, k=5)

@@ -218,3 +218,29 @@ def test_next_to_a_gap_samples_are_constant():
     np.testing.assert_allclose(means, 1.0)
     edges = np.array([2.2, 2.3])
     np.testing.assert_allclose(bin_means(edges, grid[1:], np.diff(grid), values, smooth=True), 1.0)
+
+
+def test_a_value_that_is_nan_is_lost_in_its_bins_only():
+    time, interval = np.arange(1, 41) * 0.5, np.full(40, 0.5)
+    values = np.sin(time)[:, None] * np.ones(3)
+    lost = values.copy()
+    lost[17] = np.nan
+    edges = np.arange(0.0, 20.1, 1.0)
+    whole, means = bin_means(edges, time, interval, values), bin_means(edges, time, interval, lost)
+    np.testing.assert_array_equal(np.flatnonzero(np.isnan(means).any(axis=1)), [8])
+    np.testing.assert_allclose(np.delete(means, 8, axis=0), np.delete(whole, 8, axis=0), atol=1e-12)
+    smooth = bin_means(edges + 0.2, time, interval, lost, smooth=True)
+    expected = bin_means(edges + 0.2, time, interval, values, smooth=True)
+    np.testing.assert_array_equal(np.flatnonzero(np.isnan(smooth).any(axis=1)), [8, 19])
+    far = [*range(6), *range(11, 19)]
+    np.testing.assert_allclose(smooth[far], expected[far], atol=1e-12)
+
+
+def test_bins_with_filled_samples_are_not_compared():
+    edges = regular_edges(20.0)
+    samples = samples_of(edges)
+    filled = np.zeros((len(samples.time), 3))
+    filled[101, 1] = 1e-3
+    bins = make_bins(samples, edges, edges[-1])
+    changed = make_bins(replace(samples, rate_fill_sigma=filled), edges, edges[-1])
+    np.testing.assert_array_equal(np.flatnonzero(bins.valid != changed.valid), [101 // bins.samples_per_bin])

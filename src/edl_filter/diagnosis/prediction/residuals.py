@@ -400,8 +400,9 @@ def _checking_residuals(
     force, rate : (B, 3) arrays
         Means of the driving IMU over the bins, m/s² and rad/s.
     """
-    measured_force = bin_means(bins.edges, record.time, record.interval, record.specific_force, smooth=True)
-    measured_rate = bin_means(bins.edges, record.time, record.interval, record.angular_rate, smooth=True)
+    read = record.only_read()  # samples that were filled from the driving IMU would be compared with themselves
+    measured_force = bin_means(bins.edges, read.time, read.interval, read.specific_force, smooth=True)
+    measured_rate = bin_means(bins.edges, read.time, read.interval, read.angular_rate, smooth=True)
     at_sample = record.index_at(samples.time - 0.5 * samples.interval)
     # the rates are the driving IMU's, so that their instrument is that of the samples
     lever_arm = lever_arm_acceleration(samples.interval, sample_rate, record.position[at_sample], samples.unit)

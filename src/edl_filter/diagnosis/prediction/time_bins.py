@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from edl_filter.navigation.increments import Samples
-from edl_filter.telemetry.record import SAME_TIME
+from edl_filter.telemetry.record import SAME_TIME, finite_rows
 from edl_filter.types import Array, BoolArray, IntArray
 
 
@@ -27,7 +27,7 @@ class TimeBins:
         s.
     valid : (B,) array of bool
         Every sample in the bin was read by a gyro and an accelerometer of the first instrument, over the usual
-        interval, and no event changed the vehicle or an IMU's position near it.
+        interval, none of its values was filled in, and no event changed the vehicle or an IMU's position near it.
     samples_per_bin : int
         One, or an even number.
     """
@@ -75,7 +75,7 @@ def make_time_bins(
     edges = edges[::per_bin]
     regular = np.abs(np.diff(edges) - per_bin * usual) < 1e-3 * usual
     first = samples.unit == samples.unit[0]
-    measured = first & ~samples.net_turn & np.all(np.isfinite(samples.mean_force), axis=1)
+    measured = first & ~samples.net_turn & ~samples.filled & np.all(np.isfinite(samples.mean_force), axis=1)
     sample_start = samples.time - samples.interval
     invalid_time = 0.5 * (sample_start + samples.time)[~measured]
     invalid_bin = np.unique(np.searchsorted(edges, invalid_time) - 1)
@@ -112,17 +112,26 @@ def bin_means(edges: Array, time: Array, interval: Array, values: Array, smooth:
     Returns
     -------
     (B, ...) array
-        NaN in bins that the intervals do not cover.
+        NaN in bins that the intervals do not cover, and in those that a value which is NaN contributes to.
     """
+    lost = ~finite_rows(values)
+    if lost.any():
+        values = np.where(lost.reshape(-1, *(1,) * (values.ndim - 1)), 0.0, values)
     grid = np.concatenate((time[:1] - interval[:1], time))
     tail = (1,) * (values.ndim - 1)
     total = np.concatenate((np.zeros((1, *values.shape[1:])), np.cumsum(values * interval.reshape(-1, *tail), axis=0)))
     k = np.clip(np.searchsorted(grid, edges, side="right") - 1, 0, len(time) - 1)
     integral = total[k] + values[k] * (edges - grid[k]).reshape(-1, *tail)
     if smooth:
-        _interpolate(integral, edges, grid, total, k)
+        _interpolate(integral, edges, grid, total, k, lost)
     out = np.diff(integral, axis=0) / np.diff(edges).reshape(-1, *tail)
     outside = (edges[:-1] < grid[0] - 1e-6) | (edges[1:] > grid[-1] + 1e-6)
+    if lost.any():
+        count = np.concatenate(([0], np.cumsum(lost)))
+        # an edge at the end of a sample is not inside the next one
+        begin = np.searchsorted(grid, edges[:-1] + SAME_TIME) - 1
+        end = np.searchsorted(grid, edges[1:] - SAME_TIME)
+        outside |= count[np.clip(end, 0, len(lost))] > count[np.clip(begin, 0, len(lost))]
     out[outside] = np.nan
     return out
 
@@ -131,8 +140,11 @@ def bin_means(edges: Array, time: Array, interval: Array, values: Array, smooth:
 _STENCIL = np.arange(-2, 4)
 
 
-def _interpolate(integral: Array, edges: Array, grid: Array, total: Array, k: IntArray) -> None:
-    """Interpolate the integral at edges inside an interval, in place; `k` is the end before each edge."""
+def _interpolate(integral: Array, edges: Array, grid: Array, total: Array, k: IntArray, lost: BoolArray) -> None:
+    """Interpolate the integral at edges inside an interval, in place; `k` is the end before each edge.
+
+    The integral is not known across samples that are `lost` (N,): edges whose stencil contains one remain.
+    """
     inside = np.minimum(edges - grid[k], grid[k + 1] - edges) > SAME_TIME
     inside &= (k + _STENCIL[0] >= 0) & (k + _STENCIL[-1] < len(grid))
     rows = np.flatnonzero(inside)
@@ -146,8 +158,9 @@ def _interpolate(integral: Array, edges: Array, grid: Array, total: Array, k: In
             if i != j:
                 weights[:, i] *= nodes[:, j] / (nodes[:, j] - nodes[:, i])
     values = np.einsum("nk,nk...->n...", weights, total[points])
-    finite = np.isfinite(values).all(axis=tuple(range(1, values.ndim)))
-    integral[rows[finite]] = values[finite]
+    count = np.concatenate(([0], np.cumsum(lost)))
+    complete = count[points[:, -1]] == count[points[:, 0]]
+    integral[rows[complete]] = values[complete]
 
 
 def bin_sigma(bins: TimeBins, time: Array, interval: Array, noise: Array) -> Array:

@@ -8,6 +8,7 @@ from edl_filter.report.html.blocks import Block, Command, Details, Grid, Mark, N
 from edl_filter.report.instruments import HEADS, instrument_tables
 from edl_filter.report.sentences import (
     entry_sentence,
+    finding_sentences,
     gas_sentence,
     landing_sentence,
     peak_sentence,
@@ -219,6 +220,9 @@ def provenance(reader: ResultReader) -> Section:
     if not reader.has_result:
         blocks.append(Note("The folder has no result.nc that can be read; inputs and libraries are unknown.", "muted"))
     blocks += [Note(note) for note in (summary.notes if summary else ())]
+    if summary is not None and summary.sample_findings:
+        blocks.append(Note("Missing and bad samples, and what was done about them:"))
+        blocks += [Note(sentence) for sentence in finding_sentences(summary.sample_findings)]
     if text := reader.attribute("", "mission_yaml"):
         blocks.append(Details("The mission as it was run", [Command(str(text).rstrip())]))
     return Section("provenance", "Provenance", blocks)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from rich.table import Table
@@ -11,6 +11,7 @@ from edl_filter.report.instruments import HEADS, instrument_tables
 from edl_filter.report.sentences import (
     effect_lines,
     entry_sentence,
+    finding_sentences,
     gas_sentence,
     landing_sentence,
     peak_sentence,
@@ -28,10 +29,14 @@ from edl_filter.report.text import (
     sigmas_text,
     words,
 )  # fmt: skip
-from edl_filter.results.schema import ConstraintSummary, EventState, Summary
+from edl_filter.results.schema import ConstraintSummary, EventState, SampleFindingSummary, Summary
+from edl_filter.results.summary import finding_content
 
 if TYPE_CHECKING:
     from edl_filter.telemetry.record import ImuRecord, Telemetry
+
+#: Findings about samples that the terminal lists.
+MOST_FINDINGS = 12
 
 #: Tone of a judgement → colour, and the judgement in one word if it has one.
 _TONES = {"good": ("green", "ok"), "doubt": ("yellow", ""), "bad": ("red", "")}
@@ -49,6 +54,7 @@ def print_run(written: Mapping[str, Any]) -> None:
     peak = summary.events.get("peak_deceleration")
     echo(
         f"[bold]{summary.title or summary.mission}[/bold], epoch {summary.epoch_utc} UTC",
+        *_finding_lines(summary.sample_findings),
         events_table(summary.events),
         "" if peak is None else peak_sentence(peak),
         constraints_table(summary.constraints),
@@ -69,6 +75,13 @@ def print_run(written: Mapping[str, Any]) -> None:
     if written["figures"]:
         paths.append(f"Figures: {written['figures'][0].parent} ({len(written['figures'])} files)")
     echo(*paths, wrap=False)
+
+
+def _finding_lines(findings: Sequence[SampleFindingSummary]) -> list[str]:
+    """Missing and bad samples, the first of many, under one heading."""
+    if not findings:
+        return []
+    return ["[bold]Missing and bad samples[/bold]", *finding_sentences(findings, MOST_FINDINGS)]
 
 
 def events_table(events: Mapping[str, EventState]) -> Table:
@@ -148,7 +161,8 @@ def telemetry_lines(telemetry: Telemetry) -> list[str]:
     stated = [name for name in ("initial", "landing", "parachute") if getattr(telemetry, name) is not None]
     if stated:
         lines.append(f"stated: {', '.join(stated)}")
-    return lines + list(telemetry.notes)
+    findings = [SampleFindingSummary.of(finding_content(f)) for f in telemetry.findings]
+    return lines + list(telemetry.notes) + finding_sentences(findings, MOST_FINDINGS)
 
 
 def _imu_line(role: str, record: ImuRecord) -> str:

@@ -1,0 +1,190 @@
+"""Interpolation of a missing stretch of a time series by an autoregressive process, with its covariance.
+
+Input: one equally spaced series with a missing stretch. Model: an autoregression of order p with a constant (damped
+oscillations and trends are its solutions) that is fitted by least squares to both sides of the stretch. Method: the
+missing values are the most probable ones given the known values on both sides (Janssen, Veldhuis & Vries, IEEE Trans.
+ASSP 34 (1986) 317), and their covariance is the inverse of the information that the model gives about them. The
+innovations' variance may differ between the two sides; inside the stretch it is the larger one. What the process itself
+changes across the stretch is covered by the spread of the values between fits to one side and to both. Order and scale
+of the covariance come from cross-validation: stretches of the same length on both sides are predicted from a fit
+without them, and the errors of their sums are compared with the predicted sigmas.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from edl_filter.types import Array, BoolArray
+
+#: Orders that are compared.
+ORDERS = (2, 4, 8, 16, 24)
+#: Fewest equations per coefficient of a fit.
+_FEWEST_EQUATIONS = 3
+#: Weight of the model's own covariance against the cross-validation, in stretches.
+_PRIOR_STRETCHES = 2.0
+#: Largest number of stretches of the cross-validation.
+_MOST_STRETCHES = 12
+#: Ridge of the least squares, relative to the mean information of a coefficient.
+_RIDGE = 1e-9
+
+#: Least variance of an innovation, of a series of unit variance.
+_LEAST_VARIANCE = 1e-16
+
+
+@dataclass(frozen=True)
+class Interpolation:
+    """A missing stretch of n values.
+
+    Attributes
+    ----------
+    values : (n,) array
+        Most probable values, in the unit of the series.
+    covariance : (n, n) array
+        Of the values' errors.
+    order : int
+        Of the autoregression; 0 where there were too few known values for one.
+    scale : float
+        Ratio of the errors in the cross-validation to the model's own sigmas, by which `covariance` is scaled.
+    """
+
+    values: Array
+    covariance: Array
+    order: int
+    scale: float
+
+    @property
+    def sum_sigma(self) -> float:
+        """One sigma of the sum of the values' errors."""
+        return float(np.sqrt(max(self.covariance.sum(), 0.0)))
+
+
+def interpolate(series: Array, known: BoolArray, first: int, last: int) -> Interpolation:
+    """Interpolate a missing stretch of a series, or extrapolate where one side has no known values.
+
+    Parameters
+    ----------
+    series : (N,) array
+        Values at equal steps, of any unit; those that are not known are ignored.
+    known : (N,) boolean array
+        Which values are known.
+    first, last : int
+        The stretch is ``series[first:last]``.
+
+    Returns
+    -------
+    Interpolation
+    """
+    length = last - first
+    known = known.copy()
+    known[first:last] = False
+    centre = float(np.mean(series[known])) if known.any() else 0.0
+    size = float(np.std(series[known])) if known.any() else 0.0
+    if not size > 0.0:
+        return Interpolation(np.full(length, centre), np.zeros((length, length)), 0, 1.0)
+    scaled = np.where(known, (series - centre) / size, 0.0)
+    trials = _trial_stretches(known, first, last)
+    best: tuple[float, Interpolation] | None = None
+    for order in ORDERS:
+        fit = _fill(scaled, known, first, last, order)
+        if fit is None:
+            continue
+        ratios, score = [], 0.0
+        for a, b in trials:
+            without = known.copy()
+            without[a:b] = False
+            trial = _fill(scaled, without, a, b, order)
+            if trial is not None:
+                error = float(np.sum(trial[0] - scaled[a:b]))
+                ratios.append(error**2 / trial[1].sum())
+                score += 0.5 * np.log(trial[1].sum())
+        variance = (_PRIOR_STRETCHES + sum(ratios)) / (_PRIOR_STRETCHES + len(ratios))
+        # negative log predictive density of the sums, with the scale estimated
+        score = score / max(len(ratios), 1) + 0.5 * np.log(variance) + (0.0 if ratios else order)
+        if best is None or score < best[0]:
+            values, covariance = fit[0], fit[1] + _side_spread(scaled, known, first, last, order, fit[0])
+            interpolation = Interpolation(
+                centre + size * values, size**2 * variance * covariance, order, float(np.sqrt(variance))
+            )
+            best = score, interpolation
+    if best is None:
+        return Interpolation(np.full(length, centre), np.full((length, length), size**2), 0, 1.0)
+    return best[1]
+
+
+def _side_spread(series: Array, known: BoolArray, first: int, last: int, order: int, values: Array) -> Array:
+    """Spread (n, n) of the values about those by a fit to one side alone: what the process changes in the stretch."""
+    spread = np.zeros((len(values), len(values)))
+    for side in (slice(0, first), slice(last, len(known))):
+        fit = _fill(series, known, first, last, order, side)
+        if fit is not None:
+            spread += 0.5 * np.outer(fit[0] - values, fit[0] - values)
+    return spread
+
+
+def _trial_stretches(known: BoolArray, first: int, last: int) -> list[tuple[int, int]]:
+    """Known stretches of the same length, nearest first."""
+    length = last - first
+    step = max(1, length // 2)
+    count = np.concatenate(([0], np.cumsum(known)))
+    stretches: list[tuple[int, int]] = []
+    for k in range(1, len(known) // step + 2):
+        for start in (first - length - (k - 1) * step, last + (k - 1) * step):
+            complete = start >= 0 and start + length <= len(known) and count[start + length] - count[start] == length
+            if complete and len(stretches) < _MOST_STRETCHES:
+                stretches.append((start, start + length))
+    return stretches
+
+
+def _fill(
+    series: Array, known: BoolArray, first: int, last: int, order: int, fitted: slice | None = None
+) -> tuple[Array, Array] | None:
+    """Values and covariance of ``series[first:last]`` by an autoregression; None with too few equations.
+
+    With `fitted` its coefficients are those of this part of the series.
+    """
+    if len(series) <= order:
+        return None
+    lagged = np.lib.stride_tricks.sliding_window_view(series, order + 1)  # row t: series[t : t + order + 1]
+    complete = np.lib.stride_tricks.sliding_window_view(known, order + 1).all(axis=1)
+    rows = np.flatnonzero(complete)
+    if fitted is not None:
+        rows = rows[(rows >= fitted.start) & (rows + order < fitted.stop)]
+    if len(rows) < _FEWEST_EQUATIONS * (order + 1):
+        return None
+    design = np.column_stack((lagged[rows, :order], np.ones(len(rows))))
+    target = lagged[rows, order]
+    information = design.T @ design
+    information[np.diag_indices(order + 1)] += _RIDGE * np.trace(information) / (order + 1)
+    coefficients = np.linalg.solve(information, design.T @ target)
+    residual = target - design @ coefficients
+    excess = len(rows) / (len(rows) - order - 1.0)
+    floor = _LEAST_VARIANCE + 1e-6 * excess * float(np.mean(residual**2))
+    variances = [
+        excess * float(np.mean(side**2)) + floor if len(side) > order + 1 else np.nan
+        for side in (residual[rows + order < first], residual[rows >= last])
+    ]
+    deviation = float(np.sqrt(np.nanmax(variances)))
+    # equations with a missing value: from the first one to the last one that contains it
+    length = last - first
+    start, stop = max(0, first - order), min(len(lagged), last)
+    equations = np.arange(start, stop)
+    usable = np.array([known[t : min(t + order + 1, first)].all() and known[max(t, last) : t + order + 1].all()
+                       for t in equations])  # fmt: skip
+    equations = equations[usable]
+    weights = np.concatenate((-coefficients[:order], [1.0]))
+    matrix = np.zeros((len(equations), length))
+    offset = np.full(len(equations), -coefficients[order])
+    for k in range(order + 1):
+        column = equations + k - first
+        inside = (column >= 0) & (column < length)
+        matrix[np.flatnonzero(inside), column[inside]] += weights[k]
+        offset[~inside] += weights[k] * series[equations[~inside] + k]
+    matrix, offset = matrix / deviation, offset / deviation
+    information = matrix.T @ matrix
+    information[np.diag_indices(length)] += 1e-6  # the series has unit variance: its values are within hundreds
+    values, vectors = np.linalg.eigh(information)
+    root = vectors / np.sqrt(np.maximum(values, 1e-13 * values[-1]))
+    covariance = root @ root.T
+    return -covariance @ (matrix.T @ offset), 0.5 * (covariance + covariance.T)

@@ -1,0 +1,280 @@
+"""Checks of one IMU's samples as they are stored: order of the packets, and values that no sensor can have read.
+
+Input: times and readings in the axes of the IMU, before rotation. Method: packets are put in order (`ordered_packets`),
+then triads that are not finite, out of range, all zero, stuck or saturated are marked as lost (`lost_readings`), and
+rows with NaN are inserted where samples are missing (`completed`). A repetition is a fault only where it is
+improbable: the probability that a channel repeats a value by its quantisation is taken from the samples around it.
+Output: readings with NaN where they are lost, and a `SampleFinding` for each stretch.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from edl_filter.telemetry.record import SampleFinding, finite_rows
+from edl_filter.types import Array, BoolArray, IntArray
+
+#: A step in time longer than this many sampling intervals is a gap.
+GAP_STEPS = 1.5
+#: Samples on each side from which the probability of a repetition is taken.
+_REPEAT_REACH = 256
+#: Share of rows that repeat another one from which repetition is a property of the data.
+_USUAL_REPETITION = 0.02
+#: Share of rows of zeros from which zero is what a simulation without noise gives.
+_MOST_ZERO = 0.9
+#: Triads and axes of the readings' columns.
+CHANNELS = ("force x", "force y", "force z", "rate x", "rate y", "rate z")
+
+
+@dataclass(frozen=True)
+class CheckSettings:
+    """Thresholds of the checks of samples.
+
+    Attributes
+    ----------
+    enabled : bool
+        False: only samples that are missing or not finite are treated as lost.
+    spike_sigmas : float
+        A sample that differs from its neighbours by more than this many robust sigmas is a spike.
+    disagreement_sigmas : float
+        Two IMUs whose difference exceeds this many robust sigmas disagree.
+    false_alarm_probability : float
+        Probability per flight with which a sound axis may be taken for a stuck one.
+    longest_gap_s : float
+        Longest stretch that is filled without another IMU, s.
+    """
+
+    enabled: bool = True
+    spike_sigmas: float = 15.0
+    disagreement_sigmas: float = 15.0
+    false_alarm_probability: float = 1e-6
+    longest_gap_s: float = 30.0
+
+
+def runs(selected: BoolArray) -> list[tuple[int, int]]:
+    """First index and end (exclusive) of every run of true values of `selected` (N,)."""
+    edges = np.flatnonzero(np.diff(np.concatenate(([0], selected.astype(np.int8), [0]))))
+    return [(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]
+
+
+def findings_of(
+    imu: str, channel: str, kind: str, lost: BoolArray, time: Array, interval: float, repair: str = ""
+) -> list[SampleFinding]:
+    """One finding for each run of lost samples.
+
+    Parameters
+    ----------
+    imu, channel, kind, repair : str
+        As in `SampleFinding`.
+    lost : (N,) boolean array
+        Samples.
+    time : (N,) array
+        Ends of the samples, s.
+    interval : float
+        Sampling interval, s.
+    """
+    return [
+        SampleFinding(imu, channel, float(time[a]) - interval, float(time[b - 1]), b - a, kind, repair)
+        for a, b in runs(lost)
+    ]
+
+
+def ordered_packets(
+    time: Array, readings: Array, interval: float, imu: str
+) -> tuple[Array, Array, list[SampleFinding]]:
+    """Put packets in the order of time, each once.
+
+    A clock that jumps back is continued at the usual step, because two samples cannot have been taken at one time.
+
+    Parameters
+    ----------
+    time : (N,) array
+        As stored, s.
+    readings : (N, 6) array
+        Specific force (m/s²) and angular rate (rad/s).
+    interval : float
+        Sampling interval, s.
+    imu : str
+        Name of the IMU.
+
+    Returns
+    -------
+    time : (M,) array
+        Increasing, s.
+    readings : (M, 6) array
+    findings : list of SampleFinding
+    """
+    findings: list[SampleFinding] = []
+
+    def report(kind: str, at: Array, samples: int, repair: str) -> None:
+        start, end = float(np.min(at)) - interval, float(np.max(at))
+        findings.append(SampleFinding(imu, "all", start, end, samples, kind, repair))
+
+    finite = np.isfinite(time)
+    time, readings = time[finite], readings[finite]
+    if np.all(np.diff(time) > 0.25 * interval):
+        return time, readings, findings
+    order = np.argsort(time, kind="stable")
+    close = np.flatnonzero(np.diff(time[order]) < 0.25 * interval)
+    first, second = order[close], order[close + 1]
+    same = np.all((readings[first] == readings[second]) | np.isnan(readings[second]), axis=1)
+    if same.any():
+        repeated = second[same]
+        report("duplicated", time[repeated], len(repeated), "the first of each is used")
+        retained = np.ones(len(time), bool)
+        retained[repeated] = False
+        time, readings = time[retained], readings[retained]
+    order = np.argsort(time, kind="stable")
+    if np.all(np.diff(time[order]) > 0.25 * interval):
+        moved = time[order] != time
+        if moved.any():
+            report("reordered", time[moved], int(moved.sum()), "put in order of time")
+        return time[order], readings[order], findings
+    for row in np.flatnonzero(np.diff(time) < 0.25 * interval) + 1:
+        step = time[row] - time[row - 1]
+        if step < 0.25 * interval:  # not yet corrected by a jump before
+            report("clock_jump", time[row - 1 : row], 1, f"{step - interval:+.3f} s, removed from there on")
+            time = np.concatenate((time[:row], time[row:] + interval - step))
+    return time, readings, findings
+
+
+def lost_readings(
+    time: Array, readings: Array, interval: float, imu: str, limits: tuple[float, float], settings: CheckSettings
+) -> tuple[Array, list[SampleFinding]]:
+    """Readings with NaN in the triads that no sensor can have read, and what they are.
+
+    Parameters
+    ----------
+    time : (N,) array
+        Increasing, s.
+    readings : (N, 6) array
+        Specific force (m/s²) and angular rate (rad/s), axes of the IMU.
+    interval : float
+        Sampling interval, s.
+    imu : str
+        Name of the IMU.
+    limits : (2,) floats
+        Largest specific force (m/s²) and rate (rad/s) that an instrument can read.
+    settings : CheckSettings
+        Thresholds.
+
+    Returns
+    -------
+    readings : (N, 6) array
+    findings : list of SampleFinding
+    """
+    findings: list[SampleFinding] = []
+    readings = readings.copy()
+    for triad, name, limit in ((slice(0, 3), "force", limits[0]), (slice(3, 6), "rate", limits[1])):
+        broken = ~finite_rows(readings[:, triad])
+        beyond = np.linalg.norm(np.nan_to_num(readings[:, triad], nan=0.0, posinf=0.0, neginf=0.0), axis=1) > limit
+        for kind, lost in (("not_finite", broken), ("out_of_range", beyond & ~broken)):
+            findings += findings_of(imu, name, kind, lost, time, interval)
+            readings[lost, triad] = np.nan
+    if not settings.enabled:
+        return readings, findings
+    zero = np.asarray(np.all(readings == 0.0, axis=1), np.bool_)
+    if zero.any() and zero.mean() < _MOST_ZERO:
+        findings += findings_of(imu, "all", "all_zero", zero, time, interval)
+        readings[zero] = np.nan
+    repeated = _repeated_rows(readings)
+    findings += findings_of(imu, "all", "duplicated", repeated, time, interval)
+    readings[repeated] = np.nan
+    for column, name in enumerate(CHANNELS):
+        values = readings[:, column].copy()
+        triad = slice(0, 3) if column < 3 else slice(3, 6)
+        for a, b in _stuck(values, settings.false_alarm_probability):
+            nearby = values[max(0, a - _REPEAT_REACH) : b + _REPEAT_REACH]
+            kind = "saturated" if values[a] in (np.nanmin(nearby), np.nanmax(nearby)) else "stuck"
+            lost = np.zeros(len(time), bool)
+            lost[a:b] = True
+            findings += findings_of(imu, name, kind, lost, time, interval)
+            readings[a:b, triad] = np.nan
+    return readings, findings
+
+
+def _repeated_rows(readings: Array) -> BoolArray:
+    """Rows (N,) that repeat an earlier row in all channels, where that is not usual in the data."""
+    finite = finite_rows(readings)
+    out = np.zeros(len(readings), bool)
+    _, first, inverse = np.unique(readings[finite], axis=0, return_index=True, return_inverse=True)
+    repeated = first[inverse.ravel()] != np.arange(int(finite.sum()))
+    if repeated.mean() <= _USUAL_REPETITION:
+        out[finite] = repeated
+    return out
+
+
+def _stuck(values: Array, probability: float) -> list[tuple[int, int]]:
+    """Runs ``[a, b)`` of exactly equal values that quantisation does not explain."""
+    equal = np.concatenate(([False], np.diff(values) == 0.0))
+    stuck = []
+    for a, b in runs(equal):
+        length = b - a  # repetitions of values[a - 1]
+        around = np.r_[max(0, a - _REPEAT_REACH) : a - 1, b : min(len(values), b + _REPEAT_REACH)]
+        nearby = values[around]
+        nearby = nearby[np.isfinite(nearby)]
+        if len(nearby) < 16:
+            continue
+        # probability that a value recurs in the next sample: by repetition around, or by its quantisation
+        repetition = (np.count_nonzero(equal[around]) + 1.0) / (len(around) + 1.0)
+        quantum = np.diff(np.unique(nearby))
+        spread = 1.4826 * float(np.median(np.abs(np.diff(nearby)))) if len(nearby) > 1 else 0.0
+        coarse = quantum.min(initial=np.inf) > 0.5 * spread
+        if coarse or np.log(len(values)) + length * np.log(repetition) > np.log(probability):
+            continue
+        stuck.append((a - 1, b))
+    return stuck
+
+
+def completed(
+    time: Array, readings: Array, interval: float, imu: str
+) -> tuple[Array, Array, IntArray, list[SampleFinding]]:
+    """Rows with NaN inserted where samples are missing.
+
+    The sample after a gap covers one sampling interval, and the gap is divided into equal samples of about that length.
+
+    Parameters
+    ----------
+    time : (N,) array
+        Increasing, s.
+    readings : (N, 6) array
+        Any units.
+    interval : float
+        Sampling interval, s.
+    imu : str
+        Name of the IMU.
+
+    Returns
+    -------
+    time : (M,) array
+        Increasing, s.
+    readings : (M, 6) array
+    inserted : (M,) integer array
+        1 at the inserted rows, otherwise 0.
+    findings : list of SampleFinding
+    """
+    before = np.flatnonzero(np.diff(time) > GAP_STEPS * interval)
+    inserted = np.zeros(len(time), np.int64)
+    if not len(before):
+        return time, readings, inserted, []
+    times, rows, findings = [], [], []
+    for i in before:
+        length = float(time[i + 1] - interval - time[i])
+        count = max(1, round(length / interval))
+        times.append(time[i] + length * np.arange(1, count + 1) / count)
+        rows.append(np.full(count, i + 1))
+        findings.append(SampleFinding(imu, "all", float(time[i]), float(time[i] + length), count, "missing"))
+    at = np.concatenate(rows)
+    return (
+        np.insert(time, at, np.concatenate(times)),
+        np.insert(readings, at, np.nan, axis=0),
+        np.insert(inserted, at, 1),
+        findings,
+    )
+
+
+def with_repair(finding: SampleFinding, repair: str) -> SampleFinding:
+    """The finding with what was done about it."""
+    return replace(finding, repair=repair)

@@ -1,0 +1,223 @@
+"""Bad samples found by comparison of neighbours and of two IMUs, and the repair of all that is lost.
+
+Input: `Telemetry` with NaN where samples are lost. Method: spikes and disagreements between the IMUs are found
+(`bad_triads`) and treated as lost; an IMU that ends before the other one is extended. A lost stretch of the driving
+record is filled with the readings of another IMU where it has samples (`transfer`), elsewhere by an autoregression of
+each axis that is fitted to both sides (`estimation.autoregression`). Output: `Telemetry` without NaN, its findings, and
+in each filled sample the sigma by which it may be wrong (`ImuRecord.force_fill_sigma`).
+
+The errors of a filled stretch are correlated in time. Each of its n samples has the sigma of independent errors whose
+sum over the stretch has the right variance: with a common error c and independent errors s, ``√(s² + n c²)``.
+Telemetry without findings is returned as it is.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from edl_filter.errors import InputError
+from edl_filter.estimation.autoregression import interpolate
+from edl_filter.telemetry.record import ImuRecord, SampleFinding, Telemetry, finite_rows
+from edl_filter.telemetry.sample_checks import CheckSettings, findings_of, runs, with_repair
+from edl_filter.telemetry.spikes import bad_triads
+from edl_filter.telemetry.transfer import TransferredReadings, transferred
+from edl_filter.types import Array, BoolArray
+
+#: An IMU is dead where it ends by more than this before another one, s.
+_DEAD = 1.0
+#: Samples on each side of a stretch to which an autoregression is fitted: at least, and relative to its length.
+_LEAST_SIDE, _SIDE_RATIO = 80, 1.5
+#: Time before the parachute from which samples are not compared: the mortar's recoil, s.
+_PARACHUTE_MARGIN = 1.0
+_TRIADS = ("force", "rate")
+
+
+def repaired(telemetry: Telemetry, settings: CheckSettings | None = None, parachute: float = np.inf) -> Telemetry:
+    """Telemetry with bad samples found and all lost samples filled.
+
+    Parameters
+    ----------
+    telemetry : Telemetry
+        As a reader returns it.
+    settings : CheckSettings, optional
+        Thresholds of the checks.
+    parachute : float
+        Time of the parachute's deployment, s: from there on single samples may jump in one IMU.
+
+    Returns
+    -------
+    Telemetry
+        The same object where nothing is lost.
+
+    Raises
+    ------
+    InputError
+        A stretch is lost that is too long to be filled without another IMU.
+    """
+    settings = CheckSettings() if settings is None else settings
+    records = [telemetry.driving, *telemetry.checking]
+    findings = list(telemetry.findings)
+    if len(records) > 1:
+        records[0], dead = _extended(records[0], records[1])
+        findings += dead
+        for record in records[1:]:
+            if records[0].time[-1] - record.time[-1] > _DEAD and not record.net_gain.any():
+                ended = findings_of(record.name, "all", "dead", np.array([True]), record.time[-1:], 0.0)
+                findings += (
+                    [replace(f, end=float(records[0].time[-1]), samples=0) for f in ended]
+                    if _is_flight(telemetry)
+                    else []
+                )
+    smooth_until = parachute - _PARACHUTE_MARGIN
+    if settings.enabled:
+        records, bad = bad_triads(records, settings, smooth_until)
+        findings += bad
+    if not findings and all(_finite(record) for record in records):
+        return telemetry
+    sources = [next((r for k, r in enumerate(records) if k != i), None) for i in range(len(records))]
+    phrases: dict[str, list[tuple[float, float, str]]] = {}
+    outcome = []
+    for record, other in zip(records, sources, strict=True):
+        complete, how = _filled(record, other, settings, smooth_until)
+        phrases[record.name] = how
+        outcome.append(complete)
+    findings = [f if f.repair else with_repair(f, _phrase(f, phrases.get(f.imu, []))) for f in findings]
+    findings.sort(key=lambda f: (f.start, f.imu))
+    return replace(telemetry, driving=outcome[0], checking=tuple(outcome[1:]), findings=tuple(findings))
+
+
+def _is_flight(telemetry: Telemetry) -> bool:
+    """Whether all IMUs are meant to read up to the end: in a flight file, not on MER, whose backshell separates."""
+    return not any(record.net_gain.any() for record in (telemetry.driving, *telemetry.checking))
+
+
+def _finite(record: ImuRecord) -> bool:
+    return bool(np.isfinite(record.specific_force).all() and np.isfinite(record.angular_rate).all())
+
+
+def _phrase(finding: SampleFinding, repairs: list[tuple[float, float, str]]) -> str:
+    """What was done about a finding: the repairs of the stretches that it overlaps."""
+    phrases = [p for a, b, p in repairs if a < finding.end - 1e-6 and b > finding.start + 1e-6]
+    return ", ".join(dict.fromkeys(phrases)) or "not used"
+
+
+def _extended(record: ImuRecord, other: ImuRecord) -> tuple[ImuRecord, list[SampleFinding]]:
+    """The record with lost samples up to the end of the other one, if it ends by more than `_DEAD` before."""
+    interval = float(np.median(record.interval))
+    count = int((other.time[-1] - record.time[-1]) / interval + 1e-6)
+    if count * interval <= _DEAD:
+        return record, []
+    time = record.time[-1] + interval * np.arange(1, count + 1)
+
+    def longer(values: NDArray[Any], rows: Array | None = None) -> NDArray[Any]:
+        last = np.repeat(values[-1:], count, axis=0) if rows is None else rows
+        return np.concatenate((values, last))
+
+    nothing = np.full((count, 3), np.nan)
+    extended = replace(
+        record,
+        time=longer(record.time, time),
+        interval=longer(record.interval, np.full(count, interval)),
+        specific_force=longer(record.specific_force, nothing),
+        angular_rate=longer(record.angular_rate, nothing),
+        position=longer(record.position),
+        force_noise=longer(record.force_noise),
+        rate_noise=longer(record.rate_noise),
+        shared_rate_noise=longer(record.shared_rate_noise),
+        net_turn=longer(record.net_turn),
+        net_gain=longer(record.net_gain),
+        unit=longer(record.unit),
+        source=longer(record.source),
+        force_fill_sigma=longer(record.force_fill_sigma),
+        rate_fill_sigma=longer(record.rate_fill_sigma),
+    )
+    finding = SampleFinding(record.name, "all", float(record.time[-1]), float(time[-1]), count, "dead")
+    return extended, [finding]
+
+
+def _filled(
+    record: ImuRecord, other: ImuRecord | None, settings: CheckSettings, calibrated_until: float
+) -> tuple[ImuRecord, list[tuple[float, float, str]]]:
+    """A record with all lost values filled, and where and how: (start, end, phrase)."""
+    if _finite(record):
+        return record, []
+    repairs: list[tuple[float, float, str]] = []
+    source = None if other is None else transferred(record, other, calibrated_until)
+    values = {"force": record.specific_force.copy(), "rate": record.angular_rate.copy()}
+    sigmas = {"force": record.force_fill_sigma.copy(), "rate": record.rate_fill_sigma.copy()}
+    noise = {"force": record.force_noise, "rate": record.rate_noise}
+    lost = {triad: ~finite_rows(values[triad]) for triad in _TRIADS}
+    for triad in _TRIADS:
+        if source is not None:
+            available = lost[triad] & source.valid
+            for a, b in runs(available):
+                rows = slice(a, b)
+                values[triad][rows] = getattr(source, triad)[rows]
+                sigmas[triad][rows] = _transfer_sigma(source, triad, rows, noise[triad][rows])
+                repairs.append(_repair(record, a, b, f"filled from {other.name}" if other else ""))
+            lost[triad] = lost[triad] & ~source.valid
+        for a, b in runs(lost[triad]):
+            _refuse_long_gap(record, a, b, settings)
+            values[triad][a:b], sigma = _by_dynamics(record, values[triad], a, b)
+            variance = sigma**2  # of a reading, with its noise
+            sigmas[triad][a:b] = np.sqrt(np.maximum(variance - noise[triad][a:b, None] ** 2, 0.25 * variance))
+            repairs.append(_repair(record, a, b, "filled by a fitted oscillation"))
+    filled = np.any(sigmas["rate"] > 0.0, axis=1)
+    complete = replace(
+        record,
+        specific_force=values["force"],
+        angular_rate=values["rate"],
+        force_fill_sigma=sigmas["force"],
+        rate_fill_sigma=sigmas["rate"],
+        shared_rate_noise=np.where(filled, 0.0, record.shared_rate_noise),
+    )
+    return complete, repairs
+
+
+def _repair(record: ImuRecord, a: int, b: int, phrase: str) -> tuple[float, float, str]:
+    return float(record.time[a] - record.interval[a]), float(record.time[b - 1]), phrase
+
+
+def _refuse_long_gap(record: ImuRecord, a: int, b: int, settings: CheckSettings) -> None:
+    start, end = record.time[a] - record.interval[a], record.time[b - 1]
+    if end - start > settings.longest_gap_s or b - a >= len(record) - 2:
+        raise InputError(
+            f"IMU '{record.name}': no usable samples from {start:.3f} to {end:.3f} s, and no other IMU has them; "
+            f"at most {settings.longest_gap_s:g} s are filled without one (sample_checks.longest_gap_s)."
+        )
+
+
+def _transfer_sigma(source: TransferredReadings, triad: str, rows: slice, noise: Array) -> Array:
+    """Sigma (n, 3) of independent errors that are equivalent to those of n transferred samples, beyond their noise."""
+    scatter, common = getattr(source, f"{triad}_scatter")[rows], getattr(source, f"{triad}_error")[rows]
+    independent = np.maximum(scatter**2 - noise[:, None] ** 2, 0.25 * scatter**2)
+    return np.sqrt(independent + len(scatter) * common**2)
+
+
+def _by_dynamics(record: ImuRecord, values: Array, a: int, b: int) -> tuple[Array, Array]:
+    """Values and equivalent sigmas (n, 3) of the stretch ``[a, b)`` by an autoregression of each axis."""
+    side = max(_LEAST_SIDE, int(_SIDE_RATIO * (b - a)) + _LEAST_SIDE // 2)
+    first, last = max(0, a - side), min(len(record), b + side)
+    interval = record.interval[a]
+    regular = np.abs(record.interval[first:last] - interval) < 0.2 * interval
+    regular &= _same_kind(record, a)[first:last]
+    out, sigma = np.empty((b - a, 3)), np.empty((b - a, 3))
+    for axis in range(3):
+        series = values[first:last, axis]
+        known = np.isfinite(series) & regular
+        fill = interpolate(np.nan_to_num(series), known, a - first, b - first)
+        out[:, axis], sigma[:, axis] = fill.values, fill.sum_sigma / np.sqrt(b - a)
+    return out, np.maximum(sigma, 1e-12)
+
+
+def _same_kind(record: ImuRecord, row: int) -> BoolArray:
+    """Samples (N,) of the same instrument and kind as the row."""
+    return (
+        (record.unit == record.unit[row])
+        & (record.net_turn == record.net_turn[row])
+        & (record.net_gain == record.net_gain[row])
+    )

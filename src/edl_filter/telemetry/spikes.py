@@ -1,0 +1,150 @@
+"""Samples that jump beyond what their neighbours and the other IMU allow.
+
+Input: records of one or two IMUs in body axes. A shock is seen by both IMUs of a rigid vehicle; a bad sample by one.
+Method: with two IMUs, the difference between one and the other transferred to it is compared with its robust scale
+nearby; the IMU at fault is the one that leaves its own neighbours by as much, while the other one does not. With one
+IMU, and only while no parachute can shake the vehicle, a single sample that its four neighbours do not predict
+(cubic interpolation) although they predict each other. Output: records with NaN in these samples, and the findings.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from scipy.ndimage import maximum_filter1d, median_filter
+
+from edl_filter.telemetry.record import ImuRecord, SampleFinding, finite_rows
+from edl_filter.telemetry.sample_checks import CheckSettings, findings_of
+from edl_filter.telemetry.transfer import transferred
+from edl_filter.types import Array, BoolArray
+
+#: Samples of the running medians: of a signal's neighbourhood, and of its scale.
+_NEIGHBOURHOOD, _SCALE = 25, 81
+#: Samples around a difference in which the IMU that is not at fault runs smoothly.
+_SMOOTH = 5
+#: Passes: bad samples of the first one falsify the calibration of one IMU against the other.
+_PASSES = 2
+#: Ratio of robust sigma to median absolute deviation.
+_MAD = 1.4826
+#: Share of a difference by which the IMU at fault leaves its neighbours, and by which the other one does not.
+_AT_FAULT, _NOT_AT_FAULT = 0.6, 0.2
+#: Least difference between two IMUs that counts, relative to the size of the signal around it.
+_RELATIVE = 0.02
+_TRIADS = {"force": "specific_force", "rate": "angular_rate"}
+
+
+def bad_triads(
+    records: list[ImuRecord], settings: CheckSettings, smooth_until: float
+) -> tuple[list[ImuRecord], list[SampleFinding]]:
+    """Records with NaN in place of spikes, and the findings.
+
+    Parameters
+    ----------
+    records : list of ImuRecord
+        Driving record first, body axes.
+    settings : CheckSettings
+        Thresholds.
+    smooth_until : float
+        Time up to which the vehicle is rigid and its motion smooth, s.
+
+    Returns
+    -------
+    records : list of ImuRecord
+    findings : list of SampleFinding
+    """
+    findings: list[SampleFinding] = []
+    for _ in range(_PASSES):
+        records, more = _one_pass(list(records), settings, smooth_until)
+        findings += more
+        if not more:
+            break
+    return records, findings
+
+
+def _one_pass(
+    records: list[ImuRecord], settings: CheckSettings, smooth_until: float
+) -> tuple[list[ImuRecord], list[SampleFinding]]:
+    originals, findings = list(records), []
+    for i, record in enumerate(originals):
+        other = next((r for k, r in enumerate(originals) if k != i), None)
+        for triad, attribute in _TRIADS.items():
+            values = getattr(record, attribute)
+            bad = _single_spikes(values, settings.spike_sigmas) & (record.time <= smooth_until)
+            bad &= _readings(record, triad)
+            if other is not None:
+                source = transferred(record, other, smooth_until)
+                noise = record.force_noise if triad == "force" else record.rate_noise
+                covered = finite_rows(getattr(source, triad))
+                parted = _disagreement(values, getattr(source, triad), noise, settings.disagreement_sigmas)
+                bad = np.where(covered, parted & _readings(record, triad), bad)
+            if bad.any():
+                interval = float(np.median(record.interval))
+                findings += findings_of(record.name, triad, "spike", bad, record.time, interval)
+                lost: dict[str, Any] = {attribute: np.where(bad[:, None], np.nan, getattr(records[i], attribute))}
+                records[i] = replace(records[i], **lost)
+    return records, findings
+
+
+def _readings(record: ImuRecord, triad: str) -> BoolArray:
+    """Samples (N,) that are direct readings of the triad."""
+    return ~record.net_gain if triad == "force" else ~record.net_turn
+
+
+def _disagreement(own: Array, other: Array, noise: Array, sigmas: float) -> BoolArray:
+    """Samples (N,) in which an IMU leaves its neighbours and another one, which does not."""
+    difference = own - other
+    known = finite_rows(difference)
+    if known.sum() < _SCALE:
+        return np.zeros(len(own), bool)
+    out = np.zeros(len(own), bool)
+    rows = np.flatnonzero(known)
+    d, a, b = difference[rows], own[rows], other[rows]
+    departure = d - _median(d, _SCALE)
+    scale = _MAD * _median(np.abs(departure), _SCALE) + noise[rows, None]
+    size = np.linalg.norm(_median(a, _NEIGHBOURHOOD), axis=1)[:, None]
+    large = (np.abs(departure) > sigmas * scale) & (np.abs(departure) > _RELATIVE * size)
+    length = np.linalg.norm(departure, axis=1)
+    own_jump = np.linalg.norm(a - _median(a, _NEIGHBOURHOOD), axis=1)
+    roughness = np.linalg.norm(_interpolation_error(b), axis=1)
+    other_jump = maximum_filter1d(roughness, _SMOOTH)
+    fault = (own_jump > _AT_FAULT * length) & (other_jump < _NOT_AT_FAULT * length)
+    out[rows] = large.any(axis=1) & fault
+    return out
+
+
+def _single_spikes(values: Array, sigmas: float) -> BoolArray:
+    """Single samples (N,) that their neighbours do not predict although they predict each other."""
+    bad = np.zeros(len(values), bool)
+    if len(values) < _SCALE:
+        return bad
+    finite = finite_rows(values)
+    filled = np.where(finite[:, None], values, 0.0)
+    error = _interpolation_error(filled)
+    scale = _MAD * _median(np.abs(error), _SCALE) + 1e-12
+    ratio = np.max(np.abs(error) / scale, axis=1)
+    near = np.convolve(~finite, np.ones(9), mode="same") > 0.5
+    for i in np.flatnonzero((ratio > sigmas) & ~near).tolist():
+        around = slice(max(0, i - 4), i + 5)
+        if ratio[i] < np.max(ratio[around]):
+            continue
+        without = filled[max(0, i - 8) : i + 9].copy()
+        j = i - max(0, i - 8)
+        without[j] -= error[i]
+        remaining = np.max(np.abs(_interpolation_error(without)) / scale[i], axis=1)
+        bad[i] = np.all(remaining[max(0, j - 4) : j + 5] < max(5.0, 0.05 * ratio[i]))
+    return bad
+
+
+def _interpolation_error(values: Array) -> Array:
+    """Each sample of (N, 3) minus the cubic interpolation of its four neighbours; zero at the ends."""
+    out = np.zeros_like(values)
+    v = values
+    out[2:-2] = v[2:-2] - (4.0 * (v[1:-3] + v[3:-1]) - v[:-4] - v[4:]) / 6.0
+    return out
+
+
+def _median(values: Array, size: int) -> Array:
+    """Running median of each column."""
+    return np.asarray(median_filter(values, size=(size, 1), mode="nearest"), float)

@@ -1,0 +1,161 @@
+"""What one IMU would have read, from the readings of another IMU of the same rigid vehicle.
+
+Input: the records of both, body axes. Method: the lever arm between them, alignments, biases, scale and delay are those
+of `relative_calibration`, each combined with zero at its prior sigma, so that what a flight does not show stays small;
+then the specific force is moved through the lever arm, and the means over the other IMU's samples become means over
+the samples of the first (quintic spline of their integrals). Output: readings with their sigmas.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.ndimage import maximum_filter1d, median_filter
+
+from edl_filter.imu_model.lever_arm import edge_values, lever_arm_acceleration
+from edl_filter.telemetry.record import ImuRecord, finite_rows
+from edl_filter.telemetry.relative_calibration import covered, interpolated_means, relative_calibration
+from edl_filter.types import Array, BoolArray
+
+#: Prior sigmas of one IMU's errors against the other where the telemetry states smaller ones: accelerometer bias
+#: (m/s²), scale, alignment (rad), gyro bias (rad/s), lever arm (m), delay (s).
+_PRIOR = {"force_bias": 0.02, "axial_scale": 2e-3, "alignment": 0.02, "rate_bias": 2e-4, "lever_arm": 0.05,
+          "delay": 0.02}  # fmt: skip
+#: Samples on each side over which the scatter of the difference between two IMUs is taken.
+_SCATTER_REACH = 40
+
+
+@dataclass(frozen=True)
+class TransferredReadings:
+    """Readings of another IMU at the place, in the axes and at the times of a reference IMU.
+
+    Attributes
+    ----------
+    force, rate : (N, 3) arrays
+        Means over the reference's samples, m/s² and rad/s; NaN where the other IMU has no samples.
+    force_scatter, rate_scatter : (N, 3) arrays
+        One sigma of the errors that are independent between samples.
+    force_error, rate_error : (N, 3) arrays
+        One sigma of the errors that are the same in all samples of a stretch: what the calibration does not determine.
+    """
+
+    force: Array
+    rate: Array
+    force_scatter: Array
+    rate_scatter: Array
+    force_error: Array
+    rate_error: Array
+
+    @property
+    def valid(self) -> BoolArray:
+        """Samples ``(N,)`` that the other IMU covers."""
+        return finite_rows(self.force) & finite_rows(self.rate)
+
+
+def transferred(reference: ImuRecord, other: ImuRecord, end: float) -> TransferredReadings:
+    """Readings of `other`, as `reference` would have read them.
+
+    Parameters
+    ----------
+    reference, other : ImuRecord
+        Records in body axes; NaN where samples are lost.
+    end : float
+        End of the time over which they are calibrated against each other, s: the parachute, whose shocks are no motion
+        of a rigid body.
+
+    Returns
+    -------
+    TransferredReadings
+    """
+    estimate = relative_calibration(reference, other, -np.inf, end)
+
+    def combined(name: str, prior: float) -> tuple[Array, Array]:
+        """Estimate and sigma of a parameter with its prior."""
+        if estimate is None:
+            return np.zeros(3), np.full(3, prior)
+        sigma = np.maximum(np.atleast_1d(getattr(estimate, f"{name}_sigma")), 1e-12)
+        value = np.atleast_1d(getattr(estimate, name))
+        if name == "lever_arm":
+            value = value - estimate.stated_lever_arm
+        weight = prior**2 / (prior**2 + sigma**2)
+        return value * weight, sigma * np.sqrt(weight)
+
+    arm, arm_sigma = combined("lever_arm", _PRIOR["lever_arm"])
+    force_bias, force_bias_sigma = combined("force_bias", _PRIOR["force_bias"])
+    rate_bias, rate_bias_sigma = combined("rate_bias", _PRIOR["rate_bias"])
+    force_alignment, force_alignment_sigma = combined("force_alignment", _PRIOR["alignment"])
+    rate_alignment, rate_alignment_sigma = combined("rate_alignment", _PRIOR["alignment"])
+    scale, scale_sigma = (float(v[0]) for v in combined("axial_scale", _PRIOR["axial_scale"]))
+    delay, delay_sigma = (float(v[0]) for v in combined("delay", _PRIOR["delay"]))
+    # on the other IMU's samples: undo its errors, first order in the rotations
+    rate = other.angular_rate - rate_bias
+    rate = rate - np.cross(rate, rate_alignment)
+    force = other.specific_force - force_bias
+    force = force - np.cross(force, force_alignment)
+    force[:, 0] /= 1.0 + scale
+    nearest = reference.index_at(other.time - 0.5 * other.interval - delay)
+    offset = other.position - reference.position[nearest] + arm
+    lost = ~(finite_rows(force) & finite_rows(rate))
+    moved = np.where(lost[:, None], 0.0, rate)
+    force = force - lever_arm_acceleration(other.interval, moved, offset, other.unit)
+    edges = np.concatenate((reference.time[:1] - reference.interval[:1], reference.time)) + delay
+    usable = covered(other, edges)
+    means = [np.where(usable[:, None], interpolated_means(other, v, edges), np.nan) for v in (force, rate)]
+    known = np.nan_to_num(means[0]), np.nan_to_num(means[1])
+    change = [np.diff(edge_values(reference.interval, v), axis=0) / reference.interval[:, None] for v in known]
+    square = np.sum(known[1] ** 2, axis=1, keepdims=True)
+    force_error = np.sqrt(
+        force_bias_sigma**2
+        + _crossed(known[0], force_alignment_sigma)
+        + np.array([scale_sigma, 0.0, 0.0]) ** 2 * known[0] ** 2
+        + (delay_sigma * change[0]) ** 2
+        + _crossed(change[1], arm_sigma)
+        + square**2 * np.mean(arm_sigma**2)
+    )
+    rate_error = np.sqrt(rate_bias_sigma**2 + _crossed(known[1], rate_alignment_sigma) + (delay_sigma * change[1]) ** 2)
+    scatters = [
+        _scatter(own - mean, mean, noise)
+        for own, mean, noise in (
+            (reference.specific_force, means[0], reference.force_noise),
+            (reference.angular_rate, means[1], reference.rate_noise),
+        )
+    ]
+    return TransferredReadings(means[0], means[1], scatters[0], scatters[1], force_error, rate_error)
+
+
+def _crossed(vectors: Array, sigma: Array) -> Array:
+    """Variances (N, 3) of ``v × φ`` where the components of φ have the sigmas (3,)."""
+    x, y, z = (vectors**2).T
+    a, b, c = sigma**2
+    return np.column_stack((y * c + z * b, z * a + x * c, x * b + y * a))
+
+
+def _scatter(difference: Array, mean: Array, noise: Array) -> Array:
+    """Sigma (N, 3) of the errors that are independent between samples.
+
+    The local RMS of the difference between the two IMUs; where nothing is known nearby, that of the nearest samples
+    that are known. In a shock, where the means vary from sample to sample more than around, it is at least in the
+    ratio to this variation that it has in the flight's other shocks.
+    """
+    known = finite_rows(difference)
+    if not known.any():
+        return np.tile(noise[:, None], (1, 3)) * np.sqrt(2.0)
+    rows = np.flatnonzero(known)
+    square = np.concatenate((np.zeros((1, 3)), np.cumsum(difference[rows] ** 2, axis=0)))
+    middle = np.searchsorted(rows, np.arange(len(difference)))
+    first, last = np.maximum(middle - _SCATTER_REACH, 0), np.minimum(middle + _SCATTER_REACH, len(rows))
+    mean_square = (square[last] - square[first]) / np.maximum(last - first, 1)[:, None]
+    variation = _shock(np.nan_to_num(mean))
+    power = np.sum(variation[rows] ** 4)
+    share = np.sum(np.mean(difference[rows] ** 2, axis=1) * variation[rows] ** 2) / power if power > 0.0 else 0.0
+    shock = min(share, 1.0) * variation[:, None] ** 2
+    return np.sqrt(np.maximum(mean_square, noise[:, None] ** 2) + shock)
+
+
+def _shock(mean: Array) -> Array:
+    """Length (N,) of what a sample differs from its neighbours' mean, beyond three times what is usual around it."""
+    change = np.zeros(len(mean))
+    change[1:-1] = np.linalg.norm(mean[1:-1] - 0.5 * (mean[:-2] + mean[2:]), axis=1)
+    usual = median_filter(change, size=2 * _SCATTER_REACH + 1, mode="nearest")
+    return np.asarray(np.maximum(maximum_filter1d(change, 3) - 3.0 * usual, 0.0), float)

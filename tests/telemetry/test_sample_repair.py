@@ -1,0 +1,220 @@
+"""Bad and missing samples of a flight: found under the right name, filled, and nothing is found in clean telemetry."""
+
+import shutil
+from dataclasses import replace
+
+import h5py
+import numpy as np
+import pytest
+
+from edl_filter.errors import InputError
+from edl_filter.mission import Mission
+from edl_filter.pipeline.load import read_telemetry
+from edl_filter.telemetry.flight_file import read_flight_file
+from edl_filter.telemetry.sample_checks import CheckSettings
+from edl_filter.telemetry.sample_repair import repaired
+from edl_filter.telemetry.transfer import transferred
+
+FORCE, RATE = "specific_force", "angular_rate"
+FIRST = 800  # 100 s after entry
+
+
+def parachute(telemetry):
+    return telemetry.events["parachute_deploy"]
+
+
+def alone(telemetry):
+    return replace(telemetry, checking=())
+
+
+@pytest.fixture
+def corrupted(builtin_flight, tmp_path):
+    """Read the built-in flight with changed samples of its primary IMU."""
+
+    def read(change, settings=None):
+        path = shutil.copy(builtin_flight, tmp_path / "flight.h5")
+        with h5py.File(path, "a") as file:
+            group = file["imu/primary"]
+            data = {key: group[key][()] for key in ("time", FORCE, RATE)}
+            data = change(data) or data
+            for key, values in data.items():
+                del group[key]
+                group[key] = values
+        return read_flight_file(path, settings)
+
+    return read
+
+
+def removed(count):
+    return lambda data: {key: np.delete(v, slice(FIRST, FIRST + count), axis=0) for key, v in data.items()}
+
+
+def replaced(key, count, values, axis=slice(None)):
+    def change(data):
+        data[key][FIRST : FIRST + count, axis] = values
+
+    return change
+
+
+def all_replaced(count, value):
+    def change(data):
+        for key in (FORCE, RATE):
+            data[key][FIRST : FIRST + count] = value
+
+    return change
+
+
+def added(key, axis, size):
+    def change(data):
+        data[key][FIRST, axis] += size
+
+    return change
+
+
+def frozen(data):
+    data[FORCE][FIRST : FIRST + 40, 1] = data[FORCE][FIRST, 1]
+
+
+def clipped(data):
+    data[FORCE][:1500, 0] = np.maximum(data[FORCE][:1500, 0], -40.0)
+    data[FORCE][:1500, 0] = np.minimum(data[FORCE][:1500, 0], 40.0)
+
+
+def swapped(data):
+    order = np.arange(len(data["time"]))
+    order[FIRST : FIRST + 4] = [FIRST + 2, FIRST + 3, FIRST, FIRST + 1]
+    return {key: values[order] for key, values in data.items()}
+
+
+def sent_twice(data):
+    return {key: np.insert(v, FIRST + 4, v[FIRST : FIRST + 4], axis=0) for key, v in data.items()}
+
+
+def repeated_with_new_times(data):
+    for key in (FORCE, RATE):
+        data[key][FIRST + 4 : FIRST + 8] = data[key][FIRST : FIRST + 4]
+
+
+def stopped(data):
+    return {key: values[:1200] for key, values in data.items()}
+
+
+def clock_back(data):
+    data["time"][FIRST:] -= 0.5
+
+
+FAULTS = {
+    "gap": (removed(8), "missing"),
+    "long gap": (removed(80), "missing"),
+    "spike in force": (replaced(FORCE, 1, -1000.0, 0), "spike"),
+    "small spike in force": (added(FORCE, 1, 3.0), "spike"),
+    "spike in rate": (added(RATE, 1, 1.5), "spike"),
+    "burst": (replaced(FORCE, 6, np.array([200.0, -150, 90, 180, -220, 140]), 0), "spike"),
+    "far spike": (replaced(FORCE, 1, 1e5, 2), "out_of_range"),
+    "not finite": (all_replaced(4, np.nan), "not_finite"),
+    "zeros": (all_replaced(8, 0.0), "all_zero"),
+    "stuck": (frozen, "stuck"),
+    "saturated": (clipped, "saturated"),
+    "reordered": (swapped, "reordered"),
+    "sent twice": (sent_twice, "duplicated"),
+    "repeated": (repeated_with_new_times, "duplicated"),
+    "clock back": (clock_back, "clock_jump"),
+    "dead": (stopped, "dead"),
+}
+
+
+@pytest.mark.parametrize("name", FAULTS)
+def test_a_fault_is_named_and_repaired_from_the_other_imu(name, corrupted, builtin_flight):
+    change, kind = FAULTS[name]
+    truth = read_flight_file(builtin_flight).driving
+    telemetry = repaired(corrupted(change), parachute=252.75)
+    assert {f.kind for f in telemetry.findings} == {kind}
+    assert all(f.repair and f.imu == "primary" for f in telemetry.findings)
+    imu = telemetry.driving
+    assert len(imu) == len(truth)
+    np.testing.assert_allclose(imu.time, truth.time, atol=1e-9)
+    for key, fill, noise in (
+        (FORCE, imu.force_fill_sigma, imu.force_noise), (RATE, imu.rate_fill_sigma, imu.rate_noise)
+    ):  # fmt: skip
+        error, dt = getattr(imu, key) - getattr(truth, key), imu.interval[:, None]
+        filled = fill[:, 0] > 0.0
+        before_parachute = filled & (imu.time < 250.0)
+        np.testing.assert_allclose(error[~filled], 0.0, atol=1e-12)
+        sigma = np.sqrt(np.sum(((fill**2 + noise[:, None] ** 2) * dt**2)[before_parachute], axis=0))
+        assert np.all(np.abs((error * dt)[before_parachute].sum(axis=0)) <= 4.0 * sigma)
+        assert np.all(fill[before_parachute] < 0.01 * (1.0 + np.abs(getattr(truth, key)).max()))
+
+
+@pytest.mark.parametrize(
+    "name", ["gap", "spike in force", "spike in rate", "far spike", "not finite", "zeros", "stuck"]
+)
+def test_a_fault_of_the_only_imu_is_named_and_filled_by_its_dynamics(name, corrupted, builtin_flight):
+    change, kind = FAULTS[name]
+    truth = read_flight_file(builtin_flight).driving
+    telemetry = repaired(alone(corrupted(change)), parachute=252.75)
+    assert {f.kind for f in telemetry.findings} == {kind}
+    assert all("fitted oscillation" in f.repair for f in telemetry.findings)
+    imu = telemetry.driving
+    for key, fill in ((FORCE, imu.force_fill_sigma), (RATE, imu.rate_fill_sigma)):
+        rows = fill[:, 0] > 0.0
+        error = (getattr(imu, key) - getattr(truth, key))[rows].sum(axis=0)
+        assert np.all(np.abs(error) <= 4.0 * np.sqrt((fill[rows] ** 2).sum(axis=0)))
+
+
+@pytest.mark.parametrize("rover", ["mer_a", "mer_b"])
+def test_telemetry_of_the_rovers_has_no_bad_samples(rover):
+    telemetry = read_telemetry(Mission.load(f"builtin:{rover}"))
+    assert telemetry.findings == ()
+    assert not telemetry.driving.filled.any()
+    assert repaired(alone(telemetry), parachute=parachute(telemetry)).findings == ()
+
+
+def test_practice_flights_have_no_bad_samples(practice):
+    for n in range(1, 9):
+        telemetry = read_flight_file(practice(n))
+        assert repaired(telemetry, parachute=parachute(telemetry)) is telemetry
+        alone_telemetry = alone(telemetry)
+        assert repaired(alone_telemetry, parachute=parachute(telemetry)) is alone_telemetry
+
+
+def test_a_fault_of_the_checking_imu_is_not_blamed_on_the_driving_one(builtin_flight):
+    telemetry = read_flight_file(builtin_flight)
+    force = telemetry.checking[0].specific_force.copy()
+    force[FIRST, 1] += 50.0
+    changed = replace(telemetry, checking=(replace(telemetry.checking[0], specific_force=force),))
+    outcome = repaired(changed, parachute=252.75)
+    assert [(f.imu, f.kind, f.samples) for f in outcome.findings] == [("secondary", "spike", 1)]
+    assert not outcome.driving.filled.any()
+
+
+def test_a_shock_that_both_imus_see_is_no_spike(builtin_flight):
+    telemetry = read_flight_file(builtin_flight)
+    shock = np.zeros((len(telemetry.driving), 3))
+    shock[FIRST, 0] = -60.0
+    driving, checking = (
+        replace(record, specific_force=record.specific_force + shock)
+        for record in (telemetry.driving, telemetry.checking[0])
+    )
+    outcome = repaired(replace(telemetry, driving=driving, checking=(checking,)), parachute=252.75)
+    assert outcome.findings == ()
+
+
+def test_without_another_imu_a_long_gap_is_refused(corrupted):
+    with pytest.raises(InputError, match=r"no usable samples from 100\.000 to 140\.000 s.*longest_gap_s"):
+        repaired(alone(corrupted(removed(320))), parachute=252.75)
+
+
+def test_detection_can_be_switched_off(corrupted):
+    settings = CheckSettings(enabled=False)
+    assert repaired(corrupted(FAULTS["stuck"][0], settings), settings, 252.75).findings == ()
+    assert repaired(corrupted(FAULTS["gap"][0], settings), settings, 252.75).findings != ()
+
+
+def test_transferred_readings_are_those_of_the_reference(builtin_flight):
+    telemetry = read_flight_file(builtin_flight)
+    source = transferred(telemetry.driving, telemetry.checking[0], 251.75)
+    rows = source.valid & (telemetry.driving.time < 251.0)
+    assert rows.sum() > 1900
+    for key, values, scatter in ((FORCE, source.force, source.force_scatter), (RATE, source.rate, source.rate_scatter)):
+        ratio = (values - getattr(telemetry.driving, key))[rows] / scatter[rows]
+        assert 0.8 < np.sqrt(np.mean(ratio**2)) < 1.2
