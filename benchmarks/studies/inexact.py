@@ -44,6 +44,7 @@ TEN_PAIRS = (
 PAIR_LIMIT = 4
 RANKING_KEYS = (
     "effect", "imu", "label", "same_as", "alternatives", "probability", "gain", "score_gain", "at_noise_floor",
+    "explained_share",
     "parameters",
 )  # fmt: skip
 #: Seed of the order of the flights.

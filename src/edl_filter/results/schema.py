@@ -436,6 +436,10 @@ class RankedHypothesis(Content):
     gain: Number = _key("log Bayes factor over the model without it, nats")
     score_gain: Number = _key("held-out log predictive density over the model without it, nats")
     at_noise_floor: bool = _key("whether the residuals are at their noise with it")
+    explained_share: Number = _key(
+        "share of the log-likelihood between the failing model and the stated noise that it gains; 0 where the model "
+        "does not fail, or the effect was not fitted about its own reconstruction"
+    )
     parameters: dict[str, Estimate] = _key("parameter → estimate")
     correlations: dict[str, Number] = _key("pair of parameters → posterior correlation")
     error_before: Number = _key("normalised RMS of channel without it")

@@ -15,6 +15,10 @@ them, marginalised, at the noise that it shows. An effect that is a change of th
 far as it exceeds what the database's own uncertainty allows, and a name that leaves the flight unexplained only if it
 explains more than a force and a moment that follow nothing but their own correlation.
 
+Where the noise is not what is stated, the gain of a name depends on how the rest is modelled. If the first name explains
+less than `named_explained_share` of the log-likelihood between the model and the stated noise, the rest is larger than
+the named effect, and all names are discounted so that the first is as probable as something else.
+
 c is the prior cost of a hypothesis that is not the reference (log prior odds), `named_gain_nats`, or
 `named_gain_in_excess_noise_nats` where the noise is not what is stated (Kass and Raftery, JASA 90 (1995) 773). The
 probabilities are the normalised exponentials, mixed with equal probabilities of all hypotheses by the share of flights
@@ -148,6 +152,8 @@ def decide(ranking: Ranking) -> Verdict:
     something_else = 0.0 if noisy else ranking.unmodelled_gain - cost
     groups = group_indistinguishable(ranking.hypotheses, settings)
     evidence = [min(group[0].gain, group[0].score_gain) - cost for group in groups]
+    if noisy and groups:
+        evidence = _discounted(evidence, groups, settings)
     probability = probabilities(np.array([none, something_else, *evidence]), settings.approximation_error)
     entries = [
         Entry(g[0], tuple(g[1:]), float(p), {h.label: _discriminator_text(g[0], h) for h in g[1:]})
@@ -158,6 +164,15 @@ def decide(ranking: Ranking) -> Verdict:
     verdict = verdict_of([e.probability for e in entries], none, something_else, settings.decided_probability)
     sentence = _sentence(verdict, entries, none, something_else)
     return Verdict(verdict, entries, none, something_else, cost, sentence)
+
+
+def _discounted(evidence: list[float], groups: list[list[Hypothesis]], settings: DecisionSettings) -> list[float]:
+    """Evidence of the names beside something else, whose evidence is zero, where the first leaves most unexplained."""
+    first = max(range(len(groups)), key=lambda i: evidence[i])
+    head = groups[first][0]
+    explains = head.at_floor or head.explained_share >= settings.named_explained_share
+    discount = 0.0 if explains else max(evidence[first], 0.0)
+    return [e - discount for e in evidence]
 
 
 def group_indistinguishable(hypotheses: list[Hypothesis], settings: DecisionSettings) -> list[list[Hypothesis]]:

@@ -50,6 +50,9 @@ class Hypothesis:
         The model without it.
     stated_noise_fit : MapFit or None
         The same at the stated noise, where that differs.
+    explained_share : float
+        Share of the log-likelihood between a failing model and the stated noise that the effect gains about its own
+        reconstruction; zero where it was not relinearised.
     """
 
     key: EffectKey
@@ -63,6 +66,7 @@ class Hypothesis:
     model: LinearizedModel
     null: NullModelFit
     stated_noise_fit: MapFit | None = None
+    explained_share: float = 0.0
 
     @property
     def instance(self) -> EffectInstance:
@@ -238,16 +242,22 @@ def relinearize_with_effect(h: Hypothesis) -> Hypothesis:
     case = load_case(h.case.mission, start.fit.effects)
     first = linearize_at(case, smoothed_point(case.reconstruction), h.model.failing_excess)
     failing_share = max(settings.holds_share, settings.alternative_progress * h.null.excess_share)
-    if first.excess_variance.share > failing_share and _progress(h.model, first) < settings.least_progress:
-        return start
+    explained_share = _explained_share(h.model, first)
+    if first.excess_variance.share > failing_share and explained_share < settings.least_progress:
+        return replace(start, explained_share=explained_share)
     case, model, fit = iterate_to_convergence(case, iterations=2, first=first, max_excess_share=failing_share)
     relinearized = _best(h.key, [fit], [], h.null, case, model, thorough=True)
     gain = h.gain if h.model.holds or not relinearized.at_floor else relinearized.gain
     solved = relinearized.at_floor and h.null.excess_share > settings.holds_share
-    return replace(relinearized, gain=gain, score_gain=relinearized.score_gain if solved else h.score_gain)
+    return replace(
+        relinearized,
+        gain=gain,
+        score_gain=relinearized.score_gain if solved else h.score_gain,
+        explained_share=_explained_share(h.model, model),
+    )
 
 
-def _progress(without: LinearizedModel, with_effect: LinearizedModel) -> float:
+def _explained_share(without: LinearizedModel, with_effect: LinearizedModel) -> float:
     """Share of the log-likelihood between a failing model and the stated noise that an effect has gained."""
     stated = without.stated_noise_filter
     at_stated_noise = -0.5 * len(without.residual_vector) - 0.5 * stated.log_determinant
