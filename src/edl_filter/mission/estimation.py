@@ -327,6 +327,11 @@ class FilterConfig(Section):
     method: Literal["ukf", "ekf"] = Field(
         default="ukf", description="ukf: unscented Kalman filter; ekf: extended, without alpha, beta and kappa"
     )
+    robust: Literal["none", "huber", "student_t"] = Field(
+        default="none",
+        description="update with a measurement; none: Gaussian; huber, student_t: a reading far from its prediction "
+        "gets more noise",
+    )
     alpha: Annotated[Number, Within("", 0.1, 1.0)] = Field(
         default=0.5, description="spread of the sigma points; below 0.1 rounding errors become large"
     )
