@@ -77,9 +77,7 @@ def test_from_the_first_run_to_the_noise_floor(page, folder):
 
     assert page.is_disabled("#add")
     hypothesis = page.locator('#hypotheses label[data-effect="wind"]')
-    assert re.search(
-        r"probability 9\d\.\d %", hypothesis.inner_text()
-    )  # 100 % less what the local model may be wrong by
+    assert re.search(r"probability 9\d\.\d %", hypothesis.inner_text())  # 100 % less what the local model may be wrong by
     assert re.search(r"east\s+−3\d\.\d+ ± 0\.\d+\s+m/s", hypothesis.inner_text())
     hypothesis.click()
     assert "edl-filter add flight_01.yaml wind --from results/flight_01" in page.inner_text("#plan")
