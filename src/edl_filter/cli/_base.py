@@ -15,7 +15,7 @@ from typing import Any
 import typer
 from typer.core import TyperGroup
 
-from edl_filter.errors import InputError
+from edl_filter.errors import UNTRUSTWORTHY, InputError
 from edl_filter.io.progress import PROGRESS, PROGRESS_MARK
 
 
@@ -45,6 +45,12 @@ class Commands(TyperGroup):
                 err=True,
             )
             raise typer.Exit(1) from None
+
+
+def exit_with_trust(headline: str | None) -> None:
+    """End the command with exit code 3 if there is a `headline`: why its result is not to be trusted."""
+    if headline is not None:
+        raise typer.Exit(UNTRUSTWORTHY)
 
 
 @contextmanager

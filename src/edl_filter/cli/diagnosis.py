@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from edl_filter.cli._base import print_json, progress
+from edl_filter.cli._base import exit_with_trust, print_json, progress
 from edl_filter.cli.options import (
     EffectFileOption,
     EffectNamesOption,
@@ -90,11 +90,12 @@ def diagnose(
         diagnosed = diagnose_result(result, names or (), file, report_step)
     paths = [str(p) for p in (diagnosed.path, diagnosed.report, *diagnosed.figures)]
     if as_json:
-        print_json(diagnosed.content | {"outputs": paths, "next": diagnosed.following})
+        trust = {"trustworthy": diagnosed.headline is None, "headline": diagnosed.headline}
+        print_json(trust | diagnosed.content | {"outputs": paths, "next": diagnosed.following})
         return
     from edl_filter.report.terminal.diagnosis import print_diagnosis
 
-    print_diagnosis(diagnosed.content, paths, diagnosed.following)
+    print_diagnosis(diagnosed.content, paths, diagnosed.following, diagnosed.headline)
 
 
 def compare(
@@ -131,9 +132,12 @@ def improve(
         for step in improve_steps(loaded, output, most, names or (), file, report_step):
             typer.echo(step.paragraph)
             completed.append(step)
-        paths = write_final_model(loaded, output, completed, report_step)
+        paths, headline = write_final_model(loaded, output, completed, report_step)
+    if headline is not None:
+        typer.echo(headline)
     for path in paths:
         typer.echo(f"Written: {path}")
+    exit_with_trust(headline)
 
 
 def identifiability(

@@ -345,6 +345,11 @@ class FilterConfig(Section):
     gate_probability: Annotated[Number, Within("", 0.5, 1.0, (("%", 1e-2),), below=True)] = Field(
         default=0.99999, description="a constraint whose NIS exceeds this quantile of its distribution is not accepted"
     )
+    sanity_check: Switch = Field(
+        default=True,
+        description="refuse a record that violates the physics of an entry: drag along -x, lost speed, gravity at "
+        "rest, one angular rate",
+    )
 
 
 class OutputsConfig(Section):
