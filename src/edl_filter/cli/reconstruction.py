@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from edl_filter.cli._base import exit_with_trust, print_json, progress
+from edl_filter.cli._base import exit_with_trust, interrupted, print_json, progress
 from edl_filter.cli.options import MissionArgument, OverridesOption, ResultFolderOption
 from edl_filter.errors import InputError
 
@@ -76,13 +76,20 @@ def _reconstruct(
     mission: Mission, output: Path | None, figures: bool, as_json: bool, refit: bool = True
 ) -> dict[str, Any]:
     """Reconstruct a mission, write the outputs and print the summary; returns the paths of the outputs."""
-    from edl_filter.workflow.outputs import write_outputs
+    from edl_filter.io.output_folder import output_folder
+    from edl_filter.workflow.outputs import check_output_names, earlier_outputs, write_outputs
     from edl_filter.workflow.run import run_mission
 
-    with progress(f"Reconstructing {mission.title or mission.name}", quiet=as_json) as report_step:
-        result = run_mission(mission, refit, report_step)
-    with progress("Writing results", quiet=as_json):
-        outputs = write_outputs(result, output or mission.output_directory(), figures and mission.outputs.figures)
+    folder = output or mission.output_directory()
+    with output_folder(folder), interrupted(f"Nothing was written; what {folder} held before is unchanged."):
+        check_output_names(folder)
+        if not as_json:
+            for sentence in earlier_outputs(folder):
+                typer.echo(sentence)
+        with progress(f"Reconstructing {mission.title or mission.name}", quiet=as_json) as report_step:
+            result = run_mission(mission, refit, report_step)
+        with progress("Writing results", quiet=as_json):
+            outputs = write_outputs(result, folder, figures and mission.outputs.figures)
     if as_json:
         paths = {k: str(outputs[k]) for k in ("result", "report")} | {"figures": [str(p) for p in outputs["figures"]]}
         print_json(outputs["content"] | {"outputs": paths})

@@ -116,7 +116,8 @@ class _Handlers:
         hypotheses = () if diagnosis is None else diagnosis.hypotheses()
         adding = {label: self._add_lines(result.path, label) for label in hypotheses}
         return JSONResponse({
-            "headline": result.headline, "path": result.path, "title": result.title, "mission": result.mission, "effects": result.effects,
+            "headline": result.headline,
+            "path": result.path, "title": result.title, "mission": result.mission, "effects": result.effects,
             "diagnosis": diagnosis and diagnosis.model_dump(mode="json", exclude_unset=True),
             "steps": steps, "adding": adding,
             "diagnosing": plan_diagnose(self.root, result.path).lines(),

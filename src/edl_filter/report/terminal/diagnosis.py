@@ -125,13 +125,8 @@ def print_comparison(comparison: Mapping[str, Any]) -> None:
     """
     results = comparison["results"]
     names = [f"{k + 1}" for k in range(len(results))]
-    echo(
-        *(
-            f"[bold red]{k}: {escape(r['headline'])}[/bold red]"
-            for k, r in zip(names, results, strict=True)
-            if r["headline"]
-        )
-    )
+    doubts = [(k, r["headline"]) for k, r in zip(names, results, strict=True) if r["headline"]]
+    echo(*(f"[bold red]{k}: {escape(headline)}[/bold red]" for k, headline in doubts))
     echo(*(f"{k}: {escape(r['path'])}{_verdict(r)}" for k, r in zip(names, results, strict=True)))
     errors = empty_table("Normalised RMS by channel (1: the model holds)", ("channel",), (*names, "fall"))
     for channel, fall in comparison["fall_percent"].items():
