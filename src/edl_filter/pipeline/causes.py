@@ -222,10 +222,10 @@ def _axis_hypotheses(frame: str, axes: Array) -> Iterator[_Hypothesis]:
 def _shifts(telemetry: Telemetry) -> dict[str, tuple[str, Callable[[float], Callable[[Telemetry], Telemetry]]]]:
     """Errors of one number that is estimated: kind → sentence with the number, and the repair of a given one."""
     errors: dict[str, tuple[str, Callable[[float], Callable[[Telemetry], Telemetry]]]] = {
-        "imu": ("clock, the times of the IMU are {size:.2f} s {sign}", _shifted_imu)
+        "imu": ("clock, the times of the IMU are about {size:.1f} s {sign}", _shifted_imu)
     }
     if telemetry.altimeter is not None:
-        errors["altimeter"] = ("clock, the times of the altimeter are {size:.2f} s {sign}", _shifted_altimeter)
+        errors["altimeter"] = ("clock, the times of the altimeter are about {size:.1f} s {sign}", _shifted_altimeter)
     return errors
 
 

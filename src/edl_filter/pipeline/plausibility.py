@@ -21,7 +21,6 @@ import numpy as np
 
 from edl_filter.mission import Mission
 from edl_filter.navigation.filter import Problem
-from edl_filter.navigation.increments import Samples
 from edl_filter.planet import Planet
 from edl_filter.telemetry.record import ImuRecord, Telemetry
 from edl_filter.types import Array
@@ -77,17 +76,16 @@ def find_violation(mission: Mission, telemetry: Telemetry, problem: Problem) -> 
     where = f"{mission.telemetry_path() or mission.source or mission.name}: IMU {record.name}"
     times = telemetry.events | mission.event_times()
     end = min((times[n] for n in ("parachute_deploy", "landing") if n in times), default=None)
-    violations: list[Violation | None] = []
+    violations = [_check_rates(where, record, other, np.inf if end is None else end) for other in telemetry.checking]
     if end is not None:
-        entry = problem.samples.part(0, problem.samples.index(end))
-        if len(entry.time) > 2:
+        entry = record.between(problem.initial.time, end)
+        if len(entry) > 2:
             velocity = problem.planet.velocity_relative(problem.initial.position, problem.initial.velocity)
             violations += [_check_lost_speed(where, entry, float(np.linalg.norm(velocity))), _check_drag(where, entry)]
     if telemetry.landing is not None:
         at_rest = record.specific_force[record.time - record.interval >= telemetry.landing.time]
         if len(at_rest):
             violations.append(_check_gravity(where, at_rest, problem.planet, telemetry.landing.position))
-    violations += [_check_rates(where, record, other, np.inf if end is None else end) for other in telemetry.checking]
     return next((violation for violation in violations if violation is not None), None)
 
 
@@ -107,9 +105,9 @@ def likely_unit(ratio: float, limits: tuple[float, float], units: dict[str, floa
     return min(candidates, key=lambda name: abs(np.log(candidates[name]))) if candidates else None
 
 
-def _check_lost_speed(where: str, entry: Samples, speed: float) -> Violation | None:
+def _check_lost_speed(where: str, entry: ImuRecord, speed: float) -> Violation | None:
     """Momentum: integrated specific force against the entry speed, m/s."""
-    lost = float(entry.interval @ np.linalg.norm(entry.mean_force, axis=1))
+    lost = float(entry.interval @ np.linalg.norm(np.nan_to_num(entry.specific_force), axis=1))
     low, high = LOST_SPEED
     if low <= lost / speed <= high:
         return None
@@ -121,11 +119,12 @@ def _check_lost_speed(where: str, entry: Samples, speed: float) -> Violation | N
     return Violation(finding, f"units, the specific force is in {unit} instead of m/s^2" if unit else None)
 
 
-def _check_drag(where: str, entry: Samples) -> Violation | None:
+def _check_drag(where: str, entry: ImuRecord) -> Violation | None:
     """Direction of the mean specific force during the deceleration."""
-    size = np.linalg.norm(entry.mean_force, axis=1)
+    force = np.nan_to_num(entry.specific_force)
+    size = np.linalg.norm(force, axis=1)
     selected = size > DECELERATION_SHARE * float(np.quantile(size, 0.995))
-    mean = entry.interval[selected] @ entry.mean_force[selected]
+    mean = entry.interval[selected] @ force[selected]
     direction = mean / np.linalg.norm(mean)
     if -direction[0] >= DRAG_COSINE:
         return None
