@@ -1,8 +1,9 @@
 """Recovery of a filter whose state has diverged from its measurements.
 
 The state is the outlier, and not a measurement, where readings that agree with each other contradict it (`screening`),
-and where two constraints of different sources do, such as the landing site and the rest on the surface. Then the
-covariance of the state was too small, and the filter runs again with more. Three causes are compared, each with one
+and where two constraints of different sources do, such as the landing site and the rest on the surface. Where samples
+were lost and filled, one constraint is reason enough to doubt these, and if they explain it they are the cause. Then
+the covariance of the state was too small, and the filter runs again with more. Three causes are compared, each with one
 size:
 
 - **gap**: the samples that stand for lost ones are wrong by more than their noise says;
@@ -101,18 +102,23 @@ def run_with_recovery(
         None: the state does not contradict its measurements.
     """
     first = run_filter(problem)
-    divergence = contradiction(first)
+    divergence = contradiction(first, 1 if lost else 2)
     if divergence is None:
         return problem, first, None
+    only_gap = contradiction(first) is None  # one measurement is reason enough to doubt filled samples, and only these
     stop = problem.samples.index(divergence.time)
     before = log_likelihood(problem, first)
     best: _Attempt | None = None
     for cause, sizes, change in _changes(problem, stop, lost):
+        if only_gap and cause != "gap":
+            break
         attempt = _best_size(cause, sizes, change)
         if attempt is not None and (best is None or attempt.better_than(best, LEAST_GAIN)):
             best = attempt
         if best is not None and best.cause == "gap" and best.accepted:
             break
+    if only_gap and (best is None or not best.accepted):
+        return problem, first, None
     if best is None:
         return problem, first, Recovery(divergence, None, 0.0, 0.0, 0.0, np.nan, np.nan, 0.0)
     force, rate, start, end = 0.0, 0.0, problem.initial.time, problem.initial.time
@@ -180,7 +186,7 @@ def _best_size(cause: Cause, sizes: tuple[float, ...], change: Callable[[float],
     return best
 
 
-def contradiction(filter_pass: FilterPass) -> Divergence | None:
+def contradiction(filter_pass: FilterPass, least: int = 2) -> Divergence | None:
     """The first contradiction that shows the state to be the outlier; None if there is none.
 
     Parameters
@@ -188,6 +194,8 @@ def contradiction(filter_pass: FilterPass) -> Divergence | None:
     filter_pass : FilterPass
         Two of its constraints that are used once and have different names are of different sources; rest on the surface
         counts as one. What the gyros and the on-board attitude say is about attitude alone, and does not count.
+    least : int
+        Number of sources that must contradict the state.
     """
     if filter_pass.divergence is not None:
         return filter_pass.divergence
@@ -197,7 +205,7 @@ def contradiction(filter_pass: FilterPass) -> Divergence | None:
         if not f.accepted and used_once(filter_pass, f) and f.constraint.name not in _ATTITUDE
     ]
     names = tuple(f.constraint.name for f in rejected)
-    if len({name.split("_")[0] for name in names}) < 2:
+    if len({name.split("_")[0] for name in names}) < least:
         return None
     nis = float(sum(f.innovation.nis for f in rejected))
     dof = sum(len(f.innovation.residual) for f in rejected)
