@@ -255,7 +255,7 @@ def _changes(
         initial = problem.initial
         return replace(problem, initial=replace(initial, covariance=size**2 * initial.covariance))
 
-    inside = before & np.array([any(a < t <= b + SAME_TIME for a, b in lost) for t in samples.time])
+    inside = before & np.array([any(a + SAME_TIME < t <= b + SAME_TIME for a, b in lost) for t in samples.time])
     gap: list[tuple[Cause, tuple[float, ...], Callable[[float], Problem]]] = []
     if np.any(inside):
         gap.append(("gap", SHARES, noisier(inside)))
