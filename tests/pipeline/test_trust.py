@@ -41,7 +41,7 @@ def at_parachute(smoothed, telemetry):
     return smoothed.states[k].nav, np.sqrt(np.diag(smoothed.covariance[k]))
 
 
-SWAP_YZ = np.eye(3)[[0, 2, 1]]
+SWAP_XY = np.eye(3)[[1, 0, 2]]
 SWAP_XZ = np.eye(3)[[2, 1, 0]]
 
 
@@ -105,7 +105,7 @@ def test_lost_samples_are_the_cause_of_a_contradiction(inputs, practice_06):
 @pytest.mark.parametrize(
     ("matrix", "quantity", "kind"),
     [
-        (SWAP_YZ, "specific_force", "axes"),
+        (SWAP_XY, "specific_force", "axes"),
         (SWAP_XZ, "angular_rate", "axes"),
         (np.diag([1.0, 1.0, -1.0]), "specific_force", "sign"),
         (-np.eye(3), "angular_rate", "sign"),
