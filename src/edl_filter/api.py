@@ -109,7 +109,11 @@ def diagnose(
     candidates, report_progress = resolve_effects(effects), progress or _no_progress
     if isinstance(mission_or_result, Result):
         _check_mission(mission_or_result.mission)
-        return diagnose_case(flight_case(mission_or_result.reconstruction), candidates, report_progress)
+        reconstruction = mission_or_result.reconstruction
+        if reconstruction.recovery is None:
+            return diagnose_case(flight_case(reconstruction), candidates, report_progress)
+        case = load_case(reconstruction.mission, reconstruction.effects)  # without noise that would hide an effect
+        return diagnose_case(case, candidates, report_progress)
     _check_mission(mission_or_result)
     report_progress("reconstructing")
     return diagnose_case(load_case(mission_or_result), candidates, report_progress)

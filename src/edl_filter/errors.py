@@ -1,4 +1,7 @@
-"""The exception for wrong input."""
+"""The exception for wrong input, and the exit code of results that are not to be trusted."""
+
+#: Exit code of a command that is done with a result which is not to be trusted.
+UNTRUSTWORTHY = 3
 
 
 class InputError(Exception):

@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import h5py
+import pytest
 from command_checks import assert_refused
 from mer_volume import contents
 
@@ -11,6 +12,20 @@ from edl_filter.results import Result
 from edl_filter.workflow.outputs import write_outputs
 
 EXAMPLES = Path(__file__).parents[2] / "docs" / "examples"
+
+
+@pytest.mark.parametrize("command", ["convert", "simulate"])
+def test_an_existing_file_is_replaced_only_with_force(cli, command):
+    arguments = {
+        "convert": (EXAMPLES / "imu_log.csv", "--spec", EXAMPLES / "imu_log.spec.yaml"),
+        "simulate": ("builtin:nothing",),
+    }[command]
+    Path("f.h5").write_text("precious")
+    assert_refused(cli(command, *arguments, "-o", "f.h5"), "f.h5: found a file; --force replaces it.")
+    assert Path("f.h5").read_text() == "precious"
+    if command == "convert":
+        assert cli(command, *arguments, "-o", "f.h5", "--force").exit_code == 0
+        assert Path("f.h5").stat().st_size > 1000
 
 
 def test_convert_the_example_of_the_documentation(cli):

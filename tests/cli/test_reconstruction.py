@@ -6,7 +6,7 @@ from pathlib import Path
 
 import h5py
 import pytest
-from command_checks import assert_refused, changed_mission
+from command_checks import assert_input_error, assert_refused, changed_mission
 
 from edl_filter.results import Result
 from edl_filter.workflow.outputs import write_outputs
@@ -222,3 +222,53 @@ def test_a_file_that_is_no_flight_file_is_refused(cli):
 
 def test_phoenix_telemetry_is_refused(cli):
     assert_refused(cli("run", "builtin:phoenix", "-o", "out"), "telemetry.path")
+
+
+def test_a_result_that_is_not_to_be_trusted_has_exit_code_3(cli, builtin_flight):
+    shutil.copy(builtin_flight, "flight.h5")
+    with h5py.File("flight.h5", "r+") as file:
+        site = file["constraints/landing"]
+        site["position"][...] = site["position"][()] + [5e4, 0.0, 0.0]
+    result = cli("run", "builtin:practice_mer", "-o", "out", "--no-figures", "--set", "telemetry.path=flight.h5")
+    assert result.exit_code == 3, result.output
+    assert result.stdout.startswith("Do not trust this result: landing contradicts all other data. Likeliest cause:")
+    assert result.stdout.count("Do not trust") == 1
+    summary = json.loads(Path("out/summary.json").read_text())
+    assert summary["trustworthy"] is False
+    assert summary["causes"][0]["sentence"] == "the measurement 'landing'"
+    page = Path("out/report.html").read_text()
+    assert "Do not trust this result: landing contradicts all other data." in page
+
+
+def test_swapped_axes_are_refused_with_their_cause(cli, builtin_flight):
+    shutil.copy(builtin_flight, "flight.h5")
+    with h5py.File("flight.h5", "r+") as file:
+        for imu in file["imu"].values():
+            imu["specific_force"][...] = imu["specific_force"][()][:, [1, 0, 2]]
+    for command in (["run", "builtin:practice_mer", "-o", "out"], ["validate", "builtin:practice_mer"]):
+        result = cli(*command, "--set", "telemetry.path=flight.h5")
+        assert_input_error(
+            result, "flight.h5: IMU primary: during the deceleration", "x and y exchanged in the accelerometers"
+        )
+    assert not Path("out").exists()
+
+
+def test_a_run_says_what_it_replaces(cli):
+    arguments = ("run", "builtin:practice_mer", "-o", "out", "--no-figures")
+    assert "earlier" not in cli(*arguments).stdout
+    Path("out/diagnosis.json").write_text("{}")
+    again = cli(*arguments)
+    assert "out holds an earlier result; it is replaced." in again.stdout
+    assert "out holds the diagnosis of the earlier result; it is removed (diagnosis.json)." in again.stdout
+    assert not Path("out/diagnosis.json").exists()
+
+
+def test_an_interrupted_run_says_what_it_has_kept(cli, monkeypatch):
+    def interrupt(*_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("edl_filter.workflow.run.run_mission", interrupt)
+    result = cli("run", "builtin:practice_mer", "-o", "out")
+    assert result.exit_code == 130
+    assert result.stderr == "edl-filter: interrupted. Nothing was written; what out held before is unchanged.\n"
+    assert not Path("out").exists()

@@ -13,12 +13,12 @@ from rich.console import Console
 import edl_filter
 from edl_filter import results
 from edl_filter.errors import InputError
-from edl_filter.report.sentences import landing_sentence, warnings
+from edl_filter.report.sentences import landing_sentence, recovery_sentence, warnings
 from edl_filter.report.terminal.run import constraints_table, information_table
 from edl_filter.report.text import constraint_verdict
 from edl_filter.results import Result, files, netcdf, plain
 from edl_filter.results.plain import finite
-from edl_filter.results.schema import ConstraintSummary, Landing
+from edl_filter.results.schema import ConstraintSummary, Landing, RecoverySummary, Summary
 from edl_filter.results.summary import constraint
 from edl_filter.workflow.outputs import write_outputs
 
@@ -201,19 +201,48 @@ def test_what_compares_nothing_has_no_verdict(practice_06):
     assert "nan" not in console.export_text()
 
 
-def models(rows):
-    return {name: ConstraintSummary.of(row) for name, row in rows.items()}
+def test_a_trustworthy_result_says_what_was_left_out(written):
+    summary = Summary.of(written["content"])
+    assert summary.trustworthy and summary.headline is None and summary.recovery is None and not summary.causes
+    assert warnings(summary) == []
+
+    def with_uses(name, accepted):
+        changed = summary.constraints[name].model_copy(update={"accepted_uses": accepted, "accepted": False})
+        return summary.model_copy(update={"constraints": summary.constraints | {name: changed}})
+
+    assert warnings(with_uses("altimeter", 251)) == []  # 10 of 261
+    (sentence,) = warnings(with_uses("altimeter", 223))
+    assert sentence == "Altimeter: 38 of 261 uses contradict all other data and were left out."
+    (sentence,) = warnings(with_uses("parachute", 0))
+    assert sentence.startswith("Parachute: 1 of 1 uses")
 
 
-def test_a_rejected_landing_is_a_loud_warning(practice_06):
-    rows = {s.name: constraint(s) for s in practice_06.constraint_checks}
-    assert warnings(models(rows)) == []
-    rows["landing"] |= {"accepted": False, "accepted_uses": 0}
-    rows["altimeter"] |= {"accepted": False, "accepted_uses": 251}  # 10 of 261
-    (warning,) = warnings(models(rows))
-    assert "landing" in warning and "wrong units, wrong axes or a wrong calibration" in warning
-    rows["altimeter"]["accepted_uses"] = 240
-    assert len(warnings(models(rows))) == 2
+def test_an_untrustworthy_result_has_one_headline(written):
+    headline = "Do not trust this result: landing contradicts all other data."
+    summary = Summary.of(written["content"] | {"trustworthy": False, "headline": headline})
+    rejected = {
+        name: c.model_copy(update={"accepted_uses": 0, "accepted": False}) for name, c in summary.constraints.items()
+    }
+    assert warnings(summary.model_copy(update={"constraints": rejected})) == [headline]
+
+
+@pytest.mark.parametrize(
+    ("cause", "text"),
+    [
+        ("gap", "the samples that stand for lost ones between 100 and 101 s"),
+        ("entry_state", "7 times the stated sigmas of the entry state"),
+        ("process_noise", "noise of all samples before that"),
+        (None, "and no additional noise explains it"),
+    ],
+)
+def test_a_recovery_says_when_why_and_by_how_much(cause, text):
+    recovery = RecoverySummary(
+        time_s=344.25, constraints=("landing", "rest_velocity"), readings=2, nis=115.0, free_nis=0.0, directions=6,
+        cause=cause, size=7.0, force_noise_m_s2=6.2, rate_noise_rad_s=0.037, start_s=100.0, end_s=101.0, gain_nats=50.0,
+    )  # fmt: skip
+    sentence = recovery_sentence(recovery)
+    assert sentence.startswith("At 344.2 s landing and rest velocity contradicted the state of the filter")
+    assert text in sentence
 
 
 def test_latitude_has_its_hemisphere():

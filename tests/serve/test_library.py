@@ -70,7 +70,7 @@ def test_residual_at_the_times_at_which_it_was_computed(root):
 
 
 def result(path, *effects, flight="first", changed=0.0):
-    return ServedResult(path, "", "m", flight, {name: {} for name in effects}, None, changed)
+    return ServedResult(path, "", "m", flight, {name: {} for name in effects}, None, None, changed)
 
 
 def test_lineage_has_results_of_the_same_flight_with_fewer_effects():

@@ -136,6 +136,7 @@ def test_a_missing_result_is_refused(tmp_path, monkeypatch):
         ("edl_filter_version", "3.2.1", "found a result of edl-filter 3.2.1; this is"),
         ("effects", None, "found no 'effects' among its attributes"),
         ("effects", "{", "found no JSON among its attributes"),
+        ("trust", None, "found no 'trust' among its attributes"),
         (
             "input_sha256",
             "{}",

@@ -15,8 +15,11 @@ from typing import Any
 import typer
 from typer.core import TyperGroup
 
-from edl_filter.errors import InputError
+from edl_filter.errors import UNTRUSTWORTHY, InputError
 from edl_filter.io.progress import PROGRESS, PROGRESS_MARK
+
+#: Exit code of a command that Ctrl-C ended, as shells have it.
+INTERRUPTED = 130
 
 
 class Commands(TyperGroup):
@@ -31,6 +34,9 @@ class Commands(TyperGroup):
         except BrokenPipeError:  # the reading program, such as head, has closed the pipe
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
             raise typer.Exit(0) from None
+        except (KeyboardInterrupt, InterruptedCommandError) as error:
+            typer.echo(f"edl-filter: interrupted. {error}".rstrip(), err=True)
+            raise typer.Exit(INTERRUPTED) from None
         except Exception as error:
             if type(error).__module__.split(".")[0] in ("typer", "click"):
                 raise  # exceptions of typer have their own message and exit code
@@ -45,6 +51,31 @@ class Commands(TyperGroup):
                 err=True,
             )
             raise typer.Exit(1) from None
+
+
+class InterruptedCommandError(Exception):
+    """A command was interrupted by Ctrl-C; the message says what it has kept."""
+
+
+@contextmanager
+def interrupted(kept: str | Callable[[], str]) -> Iterator[None]:
+    """Say what a command has kept if Ctrl-C ends it.
+
+    Parameters
+    ----------
+    kept : str or callable
+        Sentence, or what returns it at that time.
+    """
+    try:
+        yield
+    except KeyboardInterrupt:
+        raise InterruptedCommandError(kept if isinstance(kept, str) else kept()) from None
+
+
+def exit_with_trust(headline: str | None) -> None:
+    """End the command with exit code 3 if there is a `headline`: why its result is not to be trusted."""
+    if headline is not None:
+        raise typer.Exit(UNTRUSTWORTHY)
 
 
 @contextmanager

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from contextlib import nullcontext
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from edl_filter.cli._base import print_json, progress
+from edl_filter.cli._base import exit_with_trust, interrupted, print_json, progress
 from edl_filter.cli.options import (
     EffectFileOption,
     EffectNamesOption,
@@ -84,17 +85,25 @@ def diagnose(
     as_json: Annotated[bool, typer.Option("--json", help="Print the diagnosis as JSON, nothing else.")] = False,
 ) -> None:
     """Determine where the model fails, which effect is missing and what remains; write diagnosis.json and figures."""
+    from edl_filter.io.output_folder import output_folder
     from edl_filter.workflow.diagnose_result import diagnose_result
 
-    with progress(f"Diagnosing {result}", quiet=as_json) as report_step:
+    folder = result if result.is_dir() else result.parent
+    kept = f"No diagnosis was written; {folder} holds the result as before."
+    with (
+        output_folder(folder) if folder.is_dir() else nullcontext(),
+        interrupted(kept),
+        progress(f"Diagnosing {result}", quiet=as_json) as report_step,
+    ):
         diagnosed = diagnose_result(result, names or (), file, report_step)
     paths = [str(p) for p in (diagnosed.path, diagnosed.report, *diagnosed.figures)]
     if as_json:
-        print_json(diagnosed.content | {"outputs": paths, "next": diagnosed.following})
+        trust = {"trustworthy": diagnosed.headline is None, "headline": diagnosed.headline}
+        print_json(trust | diagnosed.content | {"outputs": paths, "next": diagnosed.following})
         return
     from edl_filter.report.terminal.diagnosis import print_diagnosis
 
-    print_diagnosis(diagnosed.content, paths, diagnosed.following)
+    print_diagnosis(diagnosed.content, paths, diagnosed.following, diagnosed.headline)
 
 
 def compare(
@@ -123,17 +132,26 @@ def improve(
     file: EffectFileOption = None,
 ) -> None:
     """Diagnose and add the missing effect, repeatedly, until no effect is accepted; write each step and a ledger."""
+    from edl_filter.io.output_folder import output_folder
     from edl_filter.mission import Mission
-    from edl_filter.workflow.improve_model import improve_steps, write_final_model
+    from edl_filter.workflow.improve_model import StepFiles, improve_steps, write_final_model
 
-    loaded, completed = Mission.load(mission, changes or ()), []
-    with progress(f"Improving {loaded.title or loaded.name}", quiet=False) as report_step:
+    loaded = Mission.load(mission, changes or ())
+    completed: list[StepFiles] = []
+    with (
+        output_folder(output),
+        interrupted(lambda: f"{output} keeps the ledger and {len(completed)} complete steps (step_0, …)."),
+        progress(f"Improving {loaded.title or loaded.name}", quiet=False) as report_step,
+    ):
         for step in improve_steps(loaded, output, most, names or (), file, report_step):
             typer.echo(step.paragraph)
             completed.append(step)
-        paths = write_final_model(loaded, output, completed, report_step)
+        paths, headline = write_final_model(loaded, output, completed, report_step)
+    if headline is not None:
+        typer.echo(headline)
     for path in paths:
         typer.echo(f"Written: {path}")
+    exit_with_trust(headline)
 
 
 def identifiability(

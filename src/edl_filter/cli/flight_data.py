@@ -9,18 +9,26 @@ from typing import Annotated
 import typer
 
 from edl_filter.cli._base import progress
-from edl_filter.cli.options import FlightFileOption, ResultArgument
+from edl_filter.cli.options import FlightFileOption, ForceOption, ResultArgument
 from edl_filter.errors import InputError
+
+
+def _refuse_existing(path: Path, force: bool) -> None:
+    """Raise InputError if a file would be replaced without ``--force``."""
+    if path.is_file() and not force:
+        raise InputError(f"{path}: found a file; --force replaces it.")
 
 
 def convert(
     log: Annotated[Path, typer.Argument(help="IMU log, CSV with a header.")],
     spec: Annotated[Path, typer.Option("--spec", help="YAML file that states the quantity and unit of each column.")],
     output: FlightFileOption,
+    force: ForceOption = False,
 ) -> None:
     """Convert an IMU log into a flight file."""
     from edl_filter.telemetry.csv_log import convert as convert_log
 
+    _refuse_existing(output, force)
     typer.echo(f"Written: {convert_log(log, spec, output)}")
 
 
@@ -31,11 +39,13 @@ def simulate(
     changes: Annotated[
         list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Change a key of the scenario.")
     ] = None,
+    force: ForceOption = False,
 ) -> None:
     """Simulate a scenario with six degrees of freedom; write the measurements and the true trajectory."""
     from edl_filter.simulation import Scenario
     from edl_filter.simulation import simulate as simulate_flight
 
+    _refuse_existing(output, force)
     loaded = Scenario.load(scenario, changes or ())
     with progress(f"Simulating {loaded.title or loaded.name}", quiet=False):
         flight = simulate_flight(loaded, seed=seed)

@@ -11,6 +11,7 @@ MissionArgument = Annotated[str, typer.Argument(help="Mission file, or builtin:N
 ResultArgument = Annotated[Path, typer.Argument(help="result.nc, or the folder that contains it.")]
 ResultFolderOption = Annotated[Path | None, typer.Option("-o", "--output", help="Folder of the results.")]
 FlightFileOption = Annotated[Path, typer.Option("-o", "--output", help="Flight file to write.")]
+ForceOption = Annotated[bool, typer.Option("--force", help="Replace an existing file.")]
 OverridesOption = Annotated[
     list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Change a key of the mission.")
 ]

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from edl_filter.cli._base import print_json, progress
+from edl_filter.cli._base import exit_with_trust, interrupted, print_json, progress
 from edl_filter.cli.options import MissionArgument, OverridesOption, ResultFolderOption
 from edl_filter.errors import InputError
 
@@ -30,7 +30,8 @@ def run(
     """Reconstruct an entry and refit its effects; write result.nc, summary.json, report.html and figures."""
     from edl_filter.mission import Mission
 
-    _reconstruct(Mission.load(mission, changes or ()), output, not no_figures, as_json, not no_refit)
+    outputs = _reconstruct(Mission.load(mission, changes or ()), output, not no_figures, as_json, not no_refit)
+    exit_with_trust(outputs["content"]["headline"])
 
 
 def demo(output: ResultFolderOption = None) -> None:
@@ -39,6 +40,7 @@ def demo(output: ResultFolderOption = None) -> None:
 
     outputs = _reconstruct(Mission.load("builtin:mer_a"), output, figures=True, as_json=False)
     typer.echo(f"Look at {outputs['figures'][0] if outputs['figures'] else outputs['result']} first.")
+    exit_with_trust(outputs["content"]["headline"])
 
 
 def validate(
@@ -60,11 +62,13 @@ def validate(
         from edl_filter.mission import Mission
         from edl_filter.pipeline.load import read_atmosphere, read_telemetry
         from edl_filter.pipeline.problem import assemble
+        from edl_filter.pipeline.trust import check_record
 
         mission = Mission.load(path, changes or ())
         telemetry, description = read_telemetry(mission), f"mission {mission.name}"
         planet = mission.planet_model(telemetry.prime_meridian_at_epoch)
-        assemble(mission, telemetry, planet, read_atmosphere(mission))
+        atmosphere = read_atmosphere(mission)
+        check_record(mission, telemetry, planet, atmosphere, assemble(mission, telemetry, planet, atmosphere))
     from edl_filter.report.terminal.run import telemetry_lines
 
     count = len(telemetry.findings)
@@ -78,13 +82,20 @@ def _reconstruct(
     mission: Mission, output: Path | None, figures: bool, as_json: bool, refit: bool = True
 ) -> dict[str, Any]:
     """Reconstruct a mission, write the outputs and print the summary; returns the paths of the outputs."""
-    from edl_filter.workflow.outputs import write_outputs
+    from edl_filter.io.output_folder import output_folder
+    from edl_filter.workflow.outputs import check_output_names, earlier_outputs, write_outputs
     from edl_filter.workflow.run import run_mission
 
-    with progress(f"Reconstructing {mission.title or mission.name}", quiet=as_json) as report_step:
-        result = run_mission(mission, refit, report_step)
-    with progress("Writing results", quiet=as_json):
-        outputs = write_outputs(result, output or mission.output_directory(), figures and mission.outputs.figures)
+    folder = output or mission.output_directory()
+    with output_folder(folder), interrupted(f"Nothing was written; what {folder} held before is unchanged."):
+        check_output_names(folder)
+        if not as_json:
+            for sentence in earlier_outputs(folder):
+                typer.echo(sentence)
+        with progress(f"Reconstructing {mission.title or mission.name}", quiet=as_json) as report_step:
+            result = run_mission(mission, refit, report_step)
+        with progress("Writing results", quiet=as_json):
+            outputs = write_outputs(result, folder, figures and mission.outputs.figures)
     if as_json:
         paths = {k: str(outputs[k]) for k in ("result", "report")} | {"figures": [str(p) for p in outputs["figures"]]}
         print_json(outputs["content"] | {"outputs": paths})

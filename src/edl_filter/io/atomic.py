@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import os
 import tempfile
 from collections.abc import Callable
@@ -51,6 +52,31 @@ def replace_with(path: Path, write: Callable[[Path], Any]) -> Path:
         if temporary is not None:
             temporary.unlink(missing_ok=True)
     return path
+
+
+def write_through_memory(path: Path, fill: Callable[[Any], Any]) -> None:
+    """Write an HDF5 file: `fill` an open file in memory, then write its bytes to `path`.
+
+    On a full disk HDF5 itself fails while it closes the file, with errors of its own and a crash when the program ends.
+
+    Parameters
+    ----------
+    path : Path
+        File to write.
+    fill : callable
+        Called with the open, empty `h5py.File`.
+
+    Raises
+    ------
+    OSError
+        The disk is full, or fails.
+    """
+    import h5py
+
+    with io.BytesIO() as memory:
+        with h5py.File(memory, "w") as file:
+            fill(file)
+        path.write_bytes(memory.getvalue())
 
 
 def cannot_write(path: Path, reason: OSError | str) -> InputError:

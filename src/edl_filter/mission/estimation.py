@@ -327,6 +327,11 @@ class FilterConfig(Section):
     method: Literal["ukf", "ekf"] = Field(
         default="ukf", description="ukf: unscented Kalman filter; ekf: extended, without alpha, beta and kappa"
     )
+    robust: Literal["none", "huber", "student_t"] = Field(
+        default="none",
+        description="update with a measurement; none: Gaussian; huber, student_t: a reading far from its prediction "
+        "gets more noise",
+    )
     alpha: Annotated[Number, Within("", 0.1, 1.0)] = Field(
         default=0.5, description="spread of the sigma points; below 0.1 rounding errors become large"
     )
@@ -339,6 +344,11 @@ class FilterConfig(Section):
     )
     gate_probability: Annotated[Number, Within("", 0.5, 1.0, (("%", 1e-2),), below=True)] = Field(
         default=0.99999, description="a constraint whose NIS exceeds this quantile of its distribution is not accepted"
+    )
+    sanity_check: Switch = Field(
+        default=True,
+        description="refuse a record that violates the physics of an entry: drag along -x, lost speed, gravity at "
+        "rest, one angular rate",
     )
 
 

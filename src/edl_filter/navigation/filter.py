@@ -8,20 +8,22 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property, lru_cache
+from functools import cached_property
 from typing import Literal
 
 import numpy as np
-from scipy.special import chdtri
 
 from edl_filter.errors import InputError
 from edl_filter.imu_model.sensor_errors import SensorErrors
+from edl_filter.navigation.consensus import quantile
 from edl_filter.navigation.constraints import Constraint
 from edl_filter.navigation.ekf import ErrorStateEKF
 from edl_filter.navigation.estimator import ErrorStateFilter, Innovation, Transition
 from edl_filter.navigation.increments import Samples
 from edl_filter.navigation.initial import EntryErrors, initial_estimate, sensor_prior
 from edl_filter.navigation.layout import ONBOARD, Layout, State
+from edl_filter.navigation.robust import Robust, measurement_weight, weighted
+from edl_filter.navigation.screening import Divergence, Screening
 from edl_filter.navigation.ukf import ErrorStateUKF
 from edl_filter.planet import Planet
 from edl_filter.telemetry.record import InitialState
@@ -44,6 +46,8 @@ class Settings:
         A constraint beyond this quantile of its NIS is not accepted.
     method : str
         ``ukf``: unscented; ``ekf``: extended Kalman filter, which has no use for alpha, beta and kappa.
+    robust : str
+        Update with a measurement: ``none``: Gaussian; ``huber`` or ``student_t``: see `robust`.
     """
 
     alpha: float = 0.5
@@ -52,6 +56,7 @@ class Settings:
     longest_interval: float = 5.0
     gate_probability: float = 0.99999
     method: Literal["ukf", "ekf"] = "ukf"
+    robust: Robust = "none"
 
 
 @dataclass(frozen=True)
@@ -126,13 +131,22 @@ class Fused:
         Index of the epoch.
     innovation : Innovation
     accepted : bool
-        Whether it passed the gate, so that the estimate was updated with it.
+        Whether it passed the gate and agrees with the other readings of its instrument, so that the estimate was
+        updated with it.
+    weight : float
+        By which its noise covariance was divided in a robust update; 1 otherwise.
     """
 
     constraint: Constraint
     node: int
     innovation: Innovation
     accepted: bool
+    weight: float = 1.0
+
+    @property
+    def noise_covariance(self) -> Array:
+        """Covariance of the measurement as the update used it, ``(m, m)``."""
+        return weighted(self.innovation, self.weight).noise_covariance
 
 
 @dataclass(frozen=True)
@@ -144,11 +158,14 @@ class FilterPass:
     layout : Layout
     nodes : list of Node
     fused : list of Fused
+    divergence : Divergence or None
+        The first one.
     """
 
     layout: Layout
     nodes: list[Node]
     fused: list[Fused]
+    divergence: Divergence | None = None
 
 
 def build_problem(
@@ -307,6 +324,9 @@ def _continue(
     nodes, fused, pending = list(nodes), list(fused), list(constraints)
     done = samples.index(start.time)
     epochs = problem.epochs if not nodes else problem.epochs[problem.epochs > start.time + SAME_TIME]
+    screening = Screening(
+        samples, problem.constraints, settings.gate_probability, lambda at: new_filter(problem, at.state, at.covariance)
+    )
     transition: Transition | None = None
     for epoch in epochs:
         stop = samples.index(epoch)
@@ -314,28 +334,20 @@ def _continue(
             transition = estimator.predict(samples.part(done, stop))
             done = stop
         while pending and pending[0].time <= epoch + SAME_TIME:
-            fused.append(_fuse(estimator, pending.pop(0), len(nodes), settings.gate_probability))
+            constraint = pending.pop(0)
+            innovation = estimator.innovation(constraint)
+            outlier = screening.is_outlier(estimator, innovation, constraint, pending)
+            accepted = not outlier and innovation.nis <= quantile(settings.gate_probability, len(innovation.residual))
+            weight = measurement_weight(innovation, settings.robust) if accepted else 1.0
+            if accepted:
+                estimator.update(constraint, weighted(innovation, weight))
+            fused.append(Fused(constraint, len(nodes), innovation, bool(accepted), weight))
         nodes.append(Node(float(epoch), unit, transition, estimator.state, estimator.covariance.copy()))
         if done < len(samples.time) and samples.unit[done] != unit:
             unit = int(samples.unit[done])
             transition = _change_unit(estimator, problem, unit)
             nodes.append(Node(float(epoch), unit, transition, estimator.state, estimator.covariance.copy()))
-    return FilterPass(problem.layout, nodes, fused)
-
-
-@lru_cache
-def quantile(probability: float, dof: int) -> float:
-    """Quantile of the chi-square distribution with `dof` degrees of freedom."""
-    return float(chdtri(dof, 1.0 - probability))
-
-
-def _fuse(estimator: ErrorStateFilter, constraint: Constraint, node: int, gate: float) -> Fused:
-    """Predict one constraint, test its innovation, and update if it passes the gate."""
-    innovation = estimator.innovation(constraint)
-    accepted = innovation.nis <= quantile(gate, len(innovation.residual))
-    if accepted:
-        estimator.update(constraint, innovation)
-    return Fused(constraint, node, innovation, bool(accepted))
+    return FilterPass(problem.layout, nodes, fused, screening.divergence)
 
 
 def _change_unit(estimator: ErrorStateFilter, problem: Problem, unit: int) -> Transition:

@@ -63,9 +63,7 @@ def information_in_order(uses: Sequence[Fused]) -> Array:
     """
     return np.array(
         [
-            mutual_information(use.innovation.predicted_covariance, use.innovation.noise_covariance)
-            if use.accepted
-            else 0.0
+            mutual_information(use.innovation.predicted_covariance, use.noise_covariance) if use.accepted else 0.0
             for use in uses
         ]
     )
@@ -90,7 +88,7 @@ def information_beyond_others(uses: Sequence[Fused], without: FilterPass, smooth
     accepted = [use for use in uses if use.accepted]
     if not accepted:
         return 0.0
-    noise = block_diag(*(use.innovation.noise_covariance for use in accepted))
+    noise = block_diag(*(use.noise_covariance for use in accepted))
     return mutual_information(joint_prediction_covariance(accepted, without, smoothed), noise)
 
 

@@ -129,7 +129,7 @@ class ErrorStateUKF:
     def update(self, constraint: Constraint, innovation: Innovation) -> None:
         """Update with a measurement; `innovation` holds its predictions at the present sigma points."""
         predictions = iter(innovation.linearization)
-        self._engine.update(constraint.measured, R=constraint.noise, hx=lambda _: next(predictions))
+        self._engine.update(constraint.measured, R=innovation.noise_covariance, hx=lambda _: next(predictions))
         self._move_reference()
         self.draw_sigma_points()
 

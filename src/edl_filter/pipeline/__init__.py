@@ -5,5 +5,6 @@ checks of all constraints, and the inputs that they were computed from; data onl
 
 Read in this order. `load` reads telemetry and atmosphere, `events` applies what events of the flight change in the
 telemetry, `forward_model` builds the model of planet, air and vehicle, `constraints` the measurements that the filter
-uses, `problem` the filter's problem, and `reconstruct` runs all of it.
+uses, `problem` the filter's problem, and `reconstruct` runs all of it. `plausibility` checks a record against physics,
+`causes` ranks what may be wrong with it, and `trust` judges a reconstruction by both.
 """

@@ -16,6 +16,7 @@ from edl_filter.mission.estimation import LandingSiteConfig
 from edl_filter.navigation.filter import FilterPass, Problem, run_filter
 from edl_filter.navigation.initial import frame_jacobian, initial_estimate
 from edl_filter.navigation.leave_one_out import ConstraintCheck, check_constraints, check_entry_state
+from edl_filter.navigation.recovery import Recovery, run_with_recovery
 from edl_filter.navigation.smoother import Smoothed, smooth
 from edl_filter.navigation.trajectory import Trajectory, smoothed_trajectory
 from edl_filter.pipeline.load import read_atmosphere, read_telemetry
@@ -24,7 +25,7 @@ from edl_filter.planet import Planet
 from edl_filter.planet.atmosphere import Atmosphere
 from edl_filter.telemetry.calibration import MisalignmentEstimate, bias_from_velocity_slope
 from edl_filter.telemetry.comparison import centred, compare
-from edl_filter.telemetry.record import Telemetry
+from edl_filter.telemetry.record import ImuRecord, Telemetry
 from edl_filter.telemetry.relative_calibration import RelativeCalibration, relative_calibration
 from edl_filter.types import Array
 
@@ -83,6 +84,8 @@ class Reconstruction:
         Stage → s.
     effects : tuple of EffectInstance
         Those that were removed from the telemetry (`problem.without_effects`).
+    recovery : Recovery or None
+        What was added to `problem` since its state diverged from the measurements; None where it did not.
     """
 
     mission: Mission
@@ -100,6 +103,7 @@ class Reconstruction:
     pre_entry_bias: tuple[Array, Array] | None
     timing: dict[str, float]
     effects: tuple[EffectInstance, ...] = ()
+    recovery: Recovery | None = None
 
     def __repr__(self) -> str:
         added = ", ".join(a.name for a in self.effects) or "no effects"
@@ -125,7 +129,10 @@ class Reconstruction:
 
 
 def reconstruct(
-    mission: Mission, effects: Sequence[EffectInstance] | None = None, leave_one_out: bool = True
+    mission: Mission,
+    effects: Sequence[EffectInstance] | None = None,
+    leave_one_out: bool = True,
+    recover: bool = True,
 ) -> Reconstruction:
     """Reconstruct an entry.
 
@@ -137,6 +144,9 @@ def reconstruct(
         Instead of the mission's.
     leave_one_out : bool
         Predict every constraint from all others; False leaves `constraint_checks` empty and saves half of the time.
+    recover : bool
+        Add noise where state and measurements contradict each other (`navigation.recovery`). Without it only samples
+        that were lost and filled are doubted.
 
     Returns
     -------
@@ -155,7 +165,11 @@ def reconstruct(
         active = mission.active_effects() if effects is None else tuple(effects)
     with _timed(timing, "filter"):
         problem = assemble(mission, telemetry, planet, atmosphere, active)
-        filter_pass = run_filter(problem)
+        lost, recovery = lost_stretches(telemetry.driving), None
+        if recover or lost:
+            problem, filter_pass, recovery = run_with_recovery(problem, lost)
+        else:
+            filter_pass = run_filter(problem)
     with _timed(timing, "smoother"):
         smoothed = smooth(filter_pass)
         trajectory = smoothed_trajectory(problem, smoothed, filter_pass.layout)
@@ -185,7 +199,15 @@ def reconstruct(
         pre_entry_bias=bias,
         timing=timing,
         effects=active,
+        recovery=recovery,
     )
+
+
+def lost_stretches(record: ImuRecord) -> list[tuple[float, float]]:
+    """Begin and end of the samples that stand for lost ones, s: those that were filled, or whose source says so."""
+    sources = [k for k, name in enumerate(record.sources) if any(word in name for word in ("gap", "filled", "lost"))]
+    selected = record.filled | np.isin(record.source, sources)
+    return list(zip(record.time[selected] - record.interval[selected], record.time[selected], strict=True))
 
 
 def _pre_entry_bias(mission: Mission, telemetry: Telemetry) -> tuple[Array, Array] | None:

@@ -7,7 +7,6 @@ from collections.abc import Mapping, Sequence
 
 from edl_filter.report.text import number, with_sigma, words
 from edl_filter.results.schema import (
-    ConstraintSummary,
     EffectParameter,
     EntryState,
     EventState,
@@ -15,8 +14,10 @@ from edl_filter.results.schema import (
     Landing,
     ModelEffect,
     PostflightSummary,
+    RecoverySummary,
     SampleFindingSummary,
     Smoothing,
+    Summary,
 )  # fmt: skip
 from edl_filter.telemetry.record import KINDS
 
@@ -45,18 +46,50 @@ def peak_sentence(peak: EventState) -> str:
     )
 
 
-def warnings(constraints: Mapping[str, ConstraintSummary]) -> list[str]:
-    """Warnings about constraints that contradict the reconstruction: one that must hold, or one use of twenty."""
-    sentences = []
-    for name, c in constraints.items():
+def warnings(summary: Summary) -> list[str]:
+    """Why a result is not to be trusted, alone; otherwise what contradicts it without a doubt about the result.
+
+    Parameters
+    ----------
+    summary : Summary
+        Of a run.
+
+    Returns
+    -------
+    list of str
+        The headline of an untrustworthy result; of a trustworthy one a recovery of the filter, the parachute where it
+        was rejected, and every constraint of which one use of twenty was.
+    """
+    if summary.headline is not None:
+        return [summary.headline]
+    sentences = [] if summary.recovery is None else [recovery_sentence(summary.recovery)]
+    for name, c in summary.constraints.items():
         rejected = c.uses - c.accepted_uses
-        must_hold = name in ("landing", "parachute") or name.startswith("rest_")
-        if rejected > (0 if must_hold else _USUAL_REJECTIONS * c.uses):
+        if rejected > (0 if name == "parachute" else _USUAL_REJECTIONS * c.uses):
             sentences.append(
-                f"WARNING: {words(name)} contradicts all other data and was rejected in {rejected} of {c.uses} uses; "
-                "that usually means wrong units, wrong axes or a wrong calibration. Do not trust this result."
+                f"{words(name).capitalize()}: {rejected} of {c.uses} uses contradict all other data and were left out."
             )
     return sentences
+
+
+def recovery_sentence(recovery: RecoverySummary) -> str:
+    """The contradiction of state and measurements, and what removed it."""
+    names = " and ".join(words(name) for name in recovery.constraints)
+    sentence = f"At {recovery.time_s:.1f} s {names} contradicted the state of the filter"
+    if recovery.cause == "gap":
+        return (
+            f"{sentence}; more noise of the samples that stand for lost ones between {_time(recovery.start_s)} and "
+            f"{_time(recovery.end_s)} s ({number(recovery.force_noise_m_s2)} m/s², {number(recovery.rate_noise_rad_s)} "
+            "rad/s) explains it."
+        )
+    if recovery.cause == "entry_state":
+        return f"{sentence}; {number(recovery.size)} times the stated sigmas of the entry state explain it."
+    if recovery.cause == "process_noise":
+        return (
+            f"{sentence}; more noise of all samples before that ({number(recovery.force_noise_m_s2)} m/s², "
+            f"{number(recovery.rate_noise_rad_s)} rad/s) explains it."
+        )
+    return f"{sentence}, and no additional noise explains it."
 
 
 def entry_sentence(entry: EntryState) -> str:

@@ -11,6 +11,7 @@ import numpy as np
 from edl_filter._version import __version__
 from edl_filter.mission.measurements import MerImuConfig
 from edl_filter.pipeline.reconstruct import Reconstruction, in_j2000
+from edl_filter.pipeline.trust import Trust
 from edl_filter.postflight.airdata import AirData
 from edl_filter.postflight.events import Event
 from edl_filter.results.derived import Derived, RefitSummary
@@ -78,10 +79,10 @@ EVENT = {
 }
 
 
-def content(reconstruction: Reconstruction, derived: Derived, refit: RefitSummary) -> Groups:
+def content(reconstruction: Reconstruction, derived: Derived, refit: RefitSummary, trust: Trust) -> Groups:
     """All groups of a result: path → `Group`."""
     telemetry = reconstruction.telemetry
-    groups: Groups = {"/": Group(attrs=_root(reconstruction, refit))}
+    groups: Groups = {"/": Group(attrs=_root(reconstruction, refit, trust))}
     groups["/trajectory"] = _trajectory(reconstruction, derived.air)
     groups["/imu/driving"] = _imu(reconstruction, telemetry.driving)
     _add_corrected(groups["/imu/driving"], reconstruction)
@@ -100,7 +101,7 @@ def content(reconstruction: Reconstruction, derived: Derived, refit: RefitSummar
     return groups
 
 
-def _root(reconstruction: Reconstruction, refit: RefitSummary) -> Attributes:
+def _root(reconstruction: Reconstruction, refit: RefitSummary, trust: Trust) -> Attributes:
     mission, telemetry = reconstruction.mission, reconstruction.telemetry
     j2000 = mission.planet.j2000_from_inertial_matrix
     naif = _NAIF_MER.get(mission.telemetry.spacecraft) if isinstance(mission.telemetry, MerImuConfig) else None
@@ -120,6 +121,7 @@ def _root(reconstruction: Reconstruction, refit: RefitSummary) -> Attributes:
         "mission_yaml": mission.text,
         "effects": json.dumps(finite(effects_content(reconstruction, refit.sigma))),
         "residuals": json.dumps(finite(refit.residuals)),
+        "trust": json.dumps({"trustworthy": trust.trustworthy, "headline": trust.headline}),
         "planet": mission.planet.name,
         "edl_filter_version": __version__,
         "versions": json.dumps({name: _version(name) for name in _LIBRARIES}),

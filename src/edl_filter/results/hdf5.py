@@ -14,6 +14,7 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
+from edl_filter.io.atomic import write_through_memory
 from edl_filter.results.groups import Group, Groups, Variable
 
 _NOT_A_VARIABLE = "This is a netCDF dimension but not a netCDF variable."
@@ -25,11 +26,14 @@ _INTERNAL = {
 
 def write_groups(groups: Groups, path: Path) -> None:
     """Write groups to the new file `path`."""
-    with h5py.File(path, "w") as file:
+
+    def fill(file: Any) -> None:
         file.attrs["_NCProperties"] = f"version=2,h5py={h5py.__version__},hdf5={h5py.version.hdf5_version}"
         count = 0
         for name, group in groups.items():
             count = _write_group(file.require_group(name), group, count)
+
+    write_through_memory(path, fill)
 
 
 def _write_group(node: Any, group: Group, count: int) -> int:

@@ -34,6 +34,8 @@ class Reopened:
         ``effects`` as in ``summary.json``, and the channels of its ``residuals``.
     checksums : dict
         File of the telemetry → sha256.
+    headline : str or None
+        Why the result is not trustworthy; None where it is.
     """
 
     path: Path
@@ -42,6 +44,7 @@ class Reopened:
     effects_content: dict[str, Any]
     residuals: dict[str, dict[str, float]]
     checksums: dict[str, str]
+    headline: str | None
 
     @property
     def folder(self) -> Path:
@@ -81,7 +84,10 @@ def reopen(result: str | Path) -> Reopened:
         )
     try:
         text = str(attrs["mission_yaml"])
-        effects, residuals, checksums = (json.loads(attrs[k]) for k in ("effects", "residuals", "input_sha256"))
+        effects, residuals, checksums, trust = (
+            json.loads(attrs[k]) for k in ("effects", "residuals", "input_sha256", "trust")
+        )
+        headline = trust["headline"]
     except (KeyError, ValueError) as error:
         raise InputError(
             f"{path}: found no {error if isinstance(error, KeyError) else 'JSON'} among its attributes; expected a "
@@ -89,7 +95,7 @@ def reopen(result: str | Path) -> Reopened:
         ) from None
     file = attrs.get("mission_file")
     mission = Mission.from_text(text, f"{path} (its mission)", None if file is None else Path(str(file)))
-    return Reopened(path, mission, effects_at_estimates(mission, effects), effects, residuals, checksums)
+    return Reopened(path, mission, effects_at_estimates(mission, effects), effects, residuals, checksums, headline)
 
 
 def run_command(reopened: Reopened) -> str:

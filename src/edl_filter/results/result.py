@@ -14,6 +14,7 @@ from edl_filter.mission import Mission
 from edl_filter.navigation.trajectory import Trajectory
 from edl_filter.pipeline import reconstruct as pipeline
 from edl_filter.pipeline.reconstruct import Reconstruction
+from edl_filter.pipeline.trust import Trust, judge
 from edl_filter.results.content import content
 from edl_filter.results.derived import Derived, RefitSummary, derive
 from edl_filter.results.groups import Groups
@@ -60,9 +61,14 @@ class Result:
         return derive(self.reconstruction)
 
     @cached_property
+    def trust(self) -> Trust:
+        """Whether the result may be trusted, and the likeliest cause if not."""
+        return judge(self.reconstruction)
+
+    @cached_property
     def groups(self) -> Groups:
         """Contents of ``result.nc``: path → `Group`."""
-        return content(self.reconstruction, self.derived, self.refit)
+        return content(self.reconstruction, self.derived, self.refit, self.trust)
 
     @cached_property
     def _tree(self) -> DataTree:
@@ -74,7 +80,7 @@ class Result:
 
     def summary(self) -> dict[str, Any]:
         """Main results as plain data, the contents of ``summary.json``."""
-        return summary(self.reconstruction, self.derived, self.refit)
+        return summary(self.reconstruction, self.derived, self.refit, self.trust)
 
     def save(self, folder: str | Path, figures: bool = True) -> Path:
         """Write ``result.nc``, ``summary.json``, tables and figures as ``edl-filter run`` does; returns the folder.

@@ -344,9 +344,52 @@ class SampleFindingSummary(Content):
     repair: str = _key("what was done")
 
 
+class CauseSummary(Content):
+    """One hypothesis on why the measurements contradict the reconstruction."""
+
+    kind: Literal["units", "axes", "sign", "clock", "gap", "entry_state", "process_noise", "measurement"] = _key(
+        "kind of the fault"
+    )
+    sentence: str = _key("what is wrong")
+    gain: Number = _key("gain in log likelihood of the constraints with its repair, nats")
+    consistent: bool = _key("whether no constraint is rejected with its repair")
+
+
+class RecoverySummary(Content):
+    """A contradiction between the filter's state and its measurements, and what was added to the model since."""
+
+    time_s: float = _key("time of the contradiction, s since the epoch")
+    constraints: tuple[str, ...] = _key("names of the constraints that contradict the state")
+    readings: int = _key("number of their readings that agree with each other")
+    nis: Number = _key("normalised innovation squared of these readings")
+    free_nis: Number = _key("the same with position and velocity unknown; 0 where each constraint is used once")
+    directions: int = _key("degrees of freedom of nis - free_nis")
+    cause: Literal["gap", "entry_state", "process_noise"] | None = _key(
+        "what has more noise: samples in place of lost ones, the entry state, or all samples before the contradiction; "
+        "null: nothing removes the contradiction"
+    )
+    size: Number = _key(
+        "share of the variation of force and rate that was added to the samples, or factor of the entry state's sigmas"
+    )
+    force_noise_m_s2: Number = _key("noise added to the specific force of one sample, m/s^2")
+    rate_noise_rad_s: Number = _key("noise added to the angular rate of one sample, rad/s")
+    start_s: Number = _key("first time that has it, s since the epoch; null where nothing was added")
+    end_s: Number = _key("last time that has it, s since the epoch; null where nothing was added")
+    gain_nats: Number = _key("change of the log likelihood of the constraints, nats")
+
+
 class Summary(Content):
     """``summary.json``: the main results of a run."""
 
+    trustworthy: bool = _key(
+        "false: landing, rest or most altimeter readings were rejected, or the state contradicted its measurements and "
+        "no lost samples explain it (exit code 3)"
+    )
+    headline: str | None = _key("why the result is not trustworthy, with the likeliest cause; null where it is")
+    causes: tuple[CauseSummary, ...] = _key("likeliest causes, consistent ones first; empty where it is trustworthy")
+    recovery: RecoverySummary | None = _key(
+        "contradiction of state and measurements that the filter has met; null where there was none"
+    )
     mission: str = _key("name of the mission")
     title: str = _key("name for people")
     edl_filter_version: str = _key("version of the program")

@@ -12,7 +12,9 @@ from edl_filter._version import __version__
 from edl_filter.mission import Mission
 from edl_filter.mission.measurements import MerImuConfig
 from edl_filter.navigation.leave_one_out import ConstraintCheck
+from edl_filter.navigation.recovery import Recovery
 from edl_filter.pipeline.reconstruct import Reconstruction, in_j2000
+from edl_filter.pipeline.trust import Trust
 from edl_filter.planet import ellipsoid
 from edl_filter.planet.gas import Gas
 from edl_filter.results import postflight
@@ -24,7 +26,7 @@ from edl_filter.telemetry.relative_calibration import RelativeCalibration
 from edl_filter.types import Array
 
 
-def summary(reconstruction: Reconstruction, derived: Derived, refit: RefitSummary) -> dict[str, Any]:
+def summary(reconstruction: Reconstruction, derived: Derived, refit: RefitSummary, trust: Trust) -> dict[str, Any]:
     """Main results (design section 7): plain numbers, lists and dicts; numbers may be infinite or NaN.
 
     `edl_filter.results.schema.Summary` has all keys with their units.
@@ -33,6 +35,10 @@ def summary(reconstruction: Reconstruction, derived: Derived, refit: RefitSummar
         name: _stated(asdict(event)) | from_site(reconstruction, event.time_s) for name, event in derived.events.items()
     }
     return {
+        "trustworthy": trust.trustworthy,
+        "headline": trust.headline,
+        "causes": [asdict(cause) for cause in trust.causes],
+        "recovery": None if reconstruction.recovery is None else recovery(reconstruction.recovery),
         "mission": reconstruction.mission.name,
         "title": reconstruction.mission.title,
         "edl_filter_version": __version__,
@@ -67,6 +73,25 @@ def finding_content(finding: SampleFinding) -> dict[str, Any]:
         "samples": finding.samples,
         "kind": finding.kind,
         "repair": finding.repair,
+    }
+
+
+def recovery(r: Recovery) -> dict[str, Any]:
+    """The contradiction of state and measurements, and what was added to the model since."""
+    return {
+        "time_s": r.divergence.time,
+        "constraints": list(r.divergence.names),
+        "readings": r.divergence.readings,
+        "nis": r.divergence.nis,
+        "free_nis": r.divergence.free_nis,
+        "directions": r.divergence.directions,
+        "cause": r.cause,
+        "size": r.size if r.recovered else None,
+        "force_noise_m_s2": r.force_noise,
+        "rate_noise_rad_s": r.rate_noise,
+        "start_s": r.start,
+        "end_s": r.end,
+        "gain_nats": r.gain,
     }
 
 

@@ -98,7 +98,7 @@ class _Handlers:
             except (InputError, ForbiddenError) as error:  # a mission that cannot be run is listed with its error
                 m.update(commands=[], result=None, error=str(error))
         results = [
-            {"path": r.path, "title": r.title, "effects": list(r.effects), "verdict": r.verdict}
+            {"path": r.path, "title": r.title, "effects": list(r.effects), "verdict": r.verdict, "headline": r.headline}
             for r in library.results(self.root)
         ]
         content = {"root": str(self.root), "version": __version__, "missions": missions, "results": results}
@@ -116,6 +116,7 @@ class _Handlers:
         hypotheses = () if diagnosis is None else diagnosis.hypotheses()
         adding = {label: self._add_lines(result.path, label) for label in hypotheses}
         return JSONResponse({
+            "headline": result.headline,
             "path": result.path, "title": result.title, "mission": result.mission, "effects": result.effects,
             "diagnosis": diagnosis and diagnosis.model_dump(mode="json", exclude_unset=True),
             "steps": steps, "adding": adding,

@@ -18,7 +18,7 @@ from itertools import count
 from pathlib import Path
 from typing import Any
 
-from edl_filter.errors import InputError
+from edl_filter.errors import UNTRUSTWORTHY, InputError
 from edl_filter.io.progress import PROGRESS, PROGRESS_MARK
 from edl_filter.serve.plans import Plan
 
@@ -167,7 +167,8 @@ class Worker:
                     lines.append(line.rstrip())
         with self._lock:
             self._process = None
-        return "" if process.returncode == 0 else failure_message(lines, process.returncode)
+        done = (0, UNTRUSTWORTHY)  # the page of an untrustworthy result says so
+        return "" if process.returncode in done else failure_message(lines, process.returncode)
 
 
 def _restore_interrupt() -> None:

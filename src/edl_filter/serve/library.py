@@ -42,6 +42,8 @@ class ServedResult:
         Effects in its model: name → parameters with estimate, sigma and unit.
     diagnosis : DiagnosisContent, optional
         Content of ``diagnosis.json``.
+    headline : str or None
+        Why the result is not to be trusted; None where it is.
     changed : float
         Modification time, s.
     """
@@ -52,6 +54,7 @@ class ServedResult:
     flight: str
     effects: dict[str, Any]
     diagnosis: DiagnosisContent | None
+    headline: str | None
     changed: float
 
     @property
@@ -118,14 +121,16 @@ def find_result(root: Path, name: str) -> ServedResult:
     path = inside(root, f"{name}/{RESULT}")
     with ResultReader.open(path) as reader:
         effects, checksums = reader.mapping("", "effects"), reader.mapping("", "input_sha256")
+        headline = reader.mapping("", "trust").get("headline")
         if not reader.attribute("", "mission") or None in (
-            reader.attribute("", k) for k in ("effects", "input_sha256")
+            reader.attribute("", k) for k in ("effects", "input_sha256", "trust")
         ):
             raise InputError(f"{name}: found no result of this version; run the mission again.")
         title, mission = reader.title, reader.mission
     parameters = {key: effect["parameters"] for key, effect in effects.items()}
     flight = f"{mission} {sorted(checksums.items())}"
-    return ServedResult(name, title, mission, flight, parameters, _diagnosis(root, name), path.stat().st_mtime)
+    changed = path.stat().st_mtime
+    return ServedResult(name, title, mission, flight, parameters, _diagnosis(root, name), headline, changed)
 
 
 def residual(root: Path, name: str, channel: str) -> dict[str, Any]:

@@ -16,7 +16,7 @@ import h5py
 import numpy as np
 
 from edl_filter.errors import InputError
-from edl_filter.io.atomic import replace_with
+from edl_filter.io.atomic import replace_with, write_through_memory
 from edl_filter.telemetry.flight_imu import FlightImu, read_imu, write_imu
 from edl_filter.telemetry.hdf5_checks import DEGREES, TIME, Limits, Node
 from edl_filter.telemetry.record import (
@@ -247,9 +247,11 @@ def write_flight_file(path: str | Path, contents: FlightContents) -> Path:
     path = Path(path)
 
     def write(temporary: Path) -> None:
-        with h5py.File(temporary, "w") as file:
+        def fill(file: h5py.File) -> None:
             contents.fill(file)
             _read(file, str(path))
+
+        write_through_memory(temporary, fill)
 
     return replace_with(path, write)
 

@@ -28,7 +28,8 @@ def compare_results(results: Sequence[Path]) -> dict[str, Any]:
     Returns
     -------
     dict
-        ``results``: for each its path, mission, verdict (None if not diagnosed), effects with estimates, ``residuals``
+        ``results``: for each its path, mission, headline (why it is not to be trusted, or None), verdict (None if not
+        diagnosed), effects with estimates, ``residuals``
         (channel → normalised RMS), ``nis_per_dof`` (constraint → number) and ``score_gain`` (held-out, of the effect
         that it has more than the one before, where that one's diagnosis contains it). ``fall_percent``: channel → fall
         from the first to the last, None where there is nothing to compare.
@@ -67,6 +68,7 @@ def _column(r: Reopened, diagnosis: DiagnosisContent | None) -> dict[str, Any]:
     return {
         "path": str(r.path),
         "mission": r.mission.name,
+        "headline": r.headline,
         "verdict": None if diagnosis is None else diagnosis.verdict,
         "effects": r.effects_content,
         "residuals": _overall_rms(r, diagnosis),

@@ -39,6 +39,8 @@ class DiagnosisFiles:
         Commands to type next.
     report : Path
         ``report.html``, with the diagnosis in it.
+    headline : str or None
+        Why the result is not to be trusted; None where it is.
     """
 
     content: dict[str, Any]
@@ -46,6 +48,7 @@ class DiagnosisFiles:
     figures: list[Path]
     following: list[str]
     report: Path
+    headline: str | None
 
 
 def diagnose_result(
@@ -90,7 +93,7 @@ def diagnose_result(
     progress("writing the report")
     from edl_filter.report.html import write_report
 
-    return DiagnosisFiles(content, path, figures, commands, write_report(folder))
+    return DiagnosisFiles(content, path, figures, commands, write_report(folder), reopened.headline)
 
 
 def following_commands(reopened: Reopened, content: dict[str, Any], file: Path | None) -> list[str]:

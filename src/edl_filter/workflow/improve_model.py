@@ -105,8 +105,8 @@ def improve_steps(
 
 def write_final_model(
     mission: Mission, folder: Path, steps: Sequence[StepFiles], progress: Progress = lambda _: None
-) -> list[Path]:
-    """Write the final model's mission, result, diagnosis and figures; returns their paths."""
+) -> tuple[list[Path], str | None]:
+    """Write the final model's mission, result, diagnosis and figures; returns their paths, and the headline if any."""
     from edl_filter.report.diagnosis import draw_diagnosis, ledger_figure
     from edl_filter.report.html import write_report
     from edl_filter.report.matplotlib_renderer import write_figure
@@ -131,7 +131,8 @@ def write_final_model(
     write(residual_series(last.step.diagnosis.ranking.model), folder / RESIDUALS)
     write_update(last.step.diagnosis.update, folder)
     report = write_report(folder)
-    return [path, written["result"], written["summary"], diagnosis, folder / ledger.NAME, report, *figures]
+    paths = [path, written["result"], written["summary"], diagnosis, folder / ledger.NAME, report, *figures]
+    return paths, result.trust.headline
 
 
 def _clear_ledger(mission: Mission, folder: Path) -> None:

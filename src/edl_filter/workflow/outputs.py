@@ -9,10 +9,12 @@ from typing import Any
 
 from edl_filter.errors import InputError
 from edl_filter.io.atomic import cannot_write
+from edl_filter.io.output_folder import STAGING
 from edl_filter.results.files import (
     DATABASE_UPDATE,
     DIAGNOSIS,
     DIAGNOSIS_FIGURES,
+    REPORT,
     RESIDUALS,
     RESULT,
     SUMMARY,
@@ -55,13 +57,11 @@ def write_outputs(result: Result, directory: str | Path, figures: bool) -> dict[
             f"is to be read later needs it in a file: edl_filter.effect({active.name!r}, file='my_effect.py')."
         )
     directory = Path(directory)
+    check_output_names(directory)
     file, summary = directory / RESULT, directory / SUMMARY
-    for place in (file, summary):
-        if place.is_dir():
-            raise cannot_write(place, "it is a folder")
     try:
         directory.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryDirectory(prefix=".edl-filter.", dir=directory) as hidden:
+        with tempfile.TemporaryDirectory(prefix=STAGING, dir=directory) as hidden:
             staged = Path(hidden)
             written, content = _write_all(result, staged, figures)
             _remove_figures(directory / "figures")
@@ -74,7 +74,10 @@ def write_outputs(result: Result, directory: str | Path, figures: bool) -> dict[
             for place in (*places, file, summary):
                 (staged / place.relative_to(directory)).replace(place)
     except OSError as error:
-        raise cannot_write(Path(error.filename2 or error.filename or directory), error) from None
+        place = Path(error.filename2 or error.filename or directory)
+        if any(part.startswith(STAGING) for part in place.parts):  # its place at the end, not that before
+            place = directory / place.name
+        raise cannot_write(place, error) from None
     from edl_filter.report.html import write_report
 
     figure_files = [place for place in places if place.suffix == ".png"]
@@ -82,6 +85,23 @@ def write_outputs(result: Result, directory: str | Path, figures: bool) -> dict[
         "result": file, "summary": summary, "report": write_report(directory), "figures": figure_files,
         "content": content,
     }  # fmt: skip
+
+
+def check_output_names(directory: Path) -> None:
+    """Raise InputError if a folder stands where a file of a result is to be written."""
+    for name in (RESULT, SUMMARY, REPORT):
+        if (directory / name).is_dir():
+            raise cannot_write(directory / name, "it is a folder")
+
+
+def earlier_outputs(directory: Path) -> list[str]:
+    """Sentences on what a run replaces and removes in a folder."""
+    sentences = []
+    if (directory / RESULT).is_file():
+        sentences.append(f"{directory} holds an earlier result; it is replaced.")
+    if (directory / DIAGNOSIS).is_file():
+        sentences.append(f"{directory} holds the diagnosis of the earlier result; it is removed ({DIAGNOSIS}).")
+    return sentences
 
 
 def _write_all(result: Result, folder: Path, figures: bool) -> tuple[list[Path], dict[str, Any]]:

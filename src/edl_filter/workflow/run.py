@@ -8,6 +8,7 @@ from dataclasses import replace
 
 from edl_filter.mission import Mission
 from edl_filter.pipeline.reconstruct import reconstruct
+from edl_filter.pipeline.trust import check_mission
 from edl_filter.results.result import RefitSummary, Result
 
 
@@ -34,8 +35,9 @@ def run_mission(mission: Mission, refit: bool = True, progress: Callable[[str], 
     Raises
     ------
     InputError
-        As `reconstruct`.
+        As `reconstruct`; or the record violates the physics of an entry (`pipeline.plausibility`).
     """
+    check_mission(mission)
     if not refit or not mission.effects or mission.aerodynamics is None or mission.vehicle.inertia is None:
         return Result(reconstruct(mission))
     from edl_filter.diagnosis.residual_analysis.run_residuals import residual_rms

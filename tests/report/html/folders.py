@@ -20,7 +20,7 @@ def result(folder, title="A flight", postflight=True):
              "planet": "mars", "edl_filter_version": "0.1.0", "epoch_utc": "2004-01-04T04:19:52",
              "created_utc": "2026-01-01T00:00:00",
              "input_sha256": json.dumps({"flight.h5": "ab" * 32}), "versions": json.dumps({"numpy": "2.0"}),
-             "mission_yaml": "name: toy\n"}  # fmt: skip
+             "mission_yaml": "name: toy\n", "trust": json.dumps({"trustworthy": True, "headline": None})}  # fmt: skip
     trajectory = Group()
     trajectory.add("time", ("time",), TIME, "s", "time")
     for name, values in {
@@ -81,7 +81,8 @@ def summary(folder, title="A flight", **changes):
          "attitude_sigma_deg", "rotation_inertial_deg", "rotation_leaves_m", "rotation_leaves_m_s"), vector,
     )  # fmt: skip
     place = {"time_s": 299.0, "lat_deg": -14.5, "lon_deg": 175.4, "radius_m": 3.39e6, "miss_m": None, "sigma_m": 40.0}
-    content = {"mission": "toy", "title": title, "edl_filter_version": "0.1.0", "epoch_utc": "2004-01-04T04:19:52",
+    content = {"trustworthy": True, "headline": None, "causes": [], "recovery": None, "mission": "toy",
+               "title": title, "edl_filter_version": "0.1.0", "epoch_utc": "2004-01-04T04:19:52",
                "events": {"entry_interface": event | {"time_s": 0.0}, "parachute_deploy": event | {"time_s": 250.0},
                           "landing": event | {"time_s": 299.0}},
                "landing": place, "constraints": {"landing": constraint}, "entry_state": entry, "imu_comparison": {},

@@ -125,6 +125,9 @@ def load_case(
 ) -> FlightCase:
     """Reconstruct a mission and prepare it for diagnosis.
 
+    A missing effect contradicts the measurements as a diverged state does. No noise is added for it here, which would
+    hide it.
+
     Parameters
     ----------
     mission : Mission
@@ -134,7 +137,7 @@ def load_case(
     leave_one_out : bool
         As in `reconstruct`; the diagnosis does not use it.
     """
-    return flight_case(reconstruct(mission, effects, leave_one_out))
+    return flight_case(reconstruct(mission, effects, leave_one_out, recover=False))
 
 
 def flight_case(reconstruction: Reconstruction) -> FlightCase:

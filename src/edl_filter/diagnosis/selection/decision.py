@@ -15,9 +15,9 @@ them, marginalised, at the noise that it shows. An effect that is a change of th
 far as it exceeds what the database's own uncertainty allows, and a name that leaves the flight unexplained only if it
 explains more than a force and a moment that follow nothing but their own correlation.
 
-Where the noise is not what is stated, the gain of a name depends on how the rest is modelled. If the first name explains
-less than `named_explained_share` of the log-likelihood between the model and the stated noise, the rest is larger than
-the named effect, and all names are discounted so that the first is as probable as something else.
+Where the noise is not what is stated, the gain of a name depends on how the rest is modelled. If the first name
+explains less than `named_explained_share` of the log-likelihood between the model and the stated noise, the rest is
+larger than the named effect, and all names are discounted so that the first is as probable as something else.
 
 c is the prior cost of a hypothesis that is not the reference (log prior odds), `named_gain_nats`, or
 `named_gain_in_excess_noise_nats` where the noise is not what is stated (Kass and Raftery, JASA 90 (1995) 773). The

@@ -13,7 +13,7 @@ from edl_filter.report.database_update import database_figure, nuisance_sentence
 from edl_filter.report.diagnosis import ledger_levels, waterfall
 from edl_filter.report.diagnosis import missing as missing_figure
 from edl_filter.report.html.blocks import Block, Cell, Command, Details, Note, Plot, Section, Table
-from edl_filter.report.sentences import warnings
+from edl_filter.report.sentences import recovery_sentence, warnings
 from edl_filter.report.text import (
     REMAINDER_HINT,
     below_interval,
@@ -72,7 +72,11 @@ def verdict(reader: ResultReader) -> Verdict:
     """The verdict of the diagnosis, or that there is none yet."""
     constraints = {} if reader.summary is None else reader.summary.constraints
     diagnosis, ledger = reader.diagnosis, reader.ledger
-    more = warnings(constraints) + [f"Not read: {problem}" for problem in _file_problems(reader)]
+    more = [f"Not read: {problem}" for problem in _file_problems(reader)]
+    if reader.summary is not None:
+        if reader.summary.headline is not None:
+            return _untrustworthy(reader, reader.summary.headline, more)
+        more = warnings(reader.summary) + more
     if diagnosis is None:
         sentence = f"Not diagnosed yet: {_agreement(constraints)}."
         return Verdict("–", "none", sentence, more, diagnose_command(reader))
@@ -87,6 +91,16 @@ def verdict(reader: ResultReader) -> Verdict:
     if ledger and isinstance(ledger[-1], LedgerEnd):
         more.append(readable(ledger[-1].why))
     return Verdict(*_SIGNS[diagnosis.verdict], diagnosis.sentence, more)
+
+
+def _untrustworthy(reader: ResultReader, headline: str, more: list[str]) -> Verdict:
+    """The top of the page of a result that is not to be trusted: that first, then the recovery and the diagnosis."""
+    assert reader.summary is not None
+    if reader.summary.recovery is not None:
+        more = [recovery_sentence(reader.summary.recovery), *more]
+    if reader.diagnosis is None:
+        return Verdict("✗", "bad", headline, more, diagnose_command(reader))
+    return Verdict("✗", "bad", headline, [f"Diagnosis: {reader.diagnosis.sentence}", *more])
 
 
 def _file_problems(reader: ResultReader) -> list[str]:

@@ -31,7 +31,10 @@ _ROWS = 8
 
 
 def print_diagnosis(
-    content: DiagnosisContent | Mapping[str, Any], written: Sequence[str], following: Sequence[str]
+    content: DiagnosisContent | Mapping[str, Any],
+    written: Sequence[str],
+    following: Sequence[str],
+    headline: str | None = None,
 ) -> None:
     """Print a diagnosis.
 
@@ -43,10 +46,13 @@ def print_diagnosis(
         Paths of the files, one line each.
     following : sequence of str
         Commands of the next steps.
+    headline : str, optional
+        Why the diagnosed result is not to be trusted.
     """
     diagnosis = DiagnosisContent.of(content)
     colour = {"clean": "green", "missing": "yellow"}.get(diagnosis.verdict, "red")
-    parts: list[str | Table] = [f"[bold {colour}]{escape(diagnosis.sentence)}[/bold {colour}]"]
+    parts: list[str | Table] = [] if headline is None else [f"[bold red]{escape(headline)}[/bold red]"]
+    parts += [f"[bold {colour}]{escape(diagnosis.sentence)}[/bold {colour}]"]
     if diagnosis.effects:
         parts.append(f"In the model: {', '.join(diagnosis.effects)}.")
     parts.append(where_table(diagnosis) if diagnosis.where else "No channel fails in any regime.")
@@ -123,6 +129,8 @@ def print_comparison(comparison: Mapping[str, Any]) -> None:
     """
     results = comparison["results"]
     names = [f"{k + 1}" for k in range(len(results))]
+    doubts = [(k, r["headline"]) for k, r in zip(names, results, strict=True) if r["headline"]]
+    echo(*(f"[bold red]{k}: {escape(headline)}[/bold red]" for k, headline in doubts))
     echo(*(f"{k}: {escape(r['path'])}{_verdict(r)}" for k, r in zip(names, results, strict=True)))
     errors = empty_table("Normalised RMS by channel (1: the model holds)", ("channel",), (*names, "fall"))
     for channel, fall in comparison["fall_percent"].items():

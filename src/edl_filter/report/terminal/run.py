@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
+from rich.markup import escape
 from rich.table import Table
 
 from edl_filter.report.instruments import HEADS, instrument_tables
@@ -52,14 +53,15 @@ def print_run(written: Mapping[str, Any]) -> None:
     """
     summary = Summary.of(written["content"])
     peak = summary.events.get("peak_deceleration")
+    alarm = "red" if not summary.trustworthy else "yellow"
     echo(
+        *(f"[bold {alarm}]{escape(warning)}[/bold {alarm}]" for warning in warnings(summary)),
         f"[bold]{summary.title or summary.mission}[/bold], epoch {summary.epoch_utc} UTC",
         *_finding_lines(summary.sample_findings),
         events_table(summary.events),
         "" if peak is None else peak_sentence(peak),
         constraints_table(summary.constraints),
         information_table(summary.constraints),
-        *(f"[bold red]{warning}[/bold red]" for warning in warnings(summary.constraints)),
         entry_sentence(summary.entry_state),
         landing_sentence(summary.landing),
         *_instruments(summary),

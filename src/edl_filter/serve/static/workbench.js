@@ -141,7 +141,7 @@ async function loadLibrary() {
   if (!userMissions.length) $("missions").append(make("li", { class: "secondary" }, "The folder contains no mission. Missions shipped with edl-filter are below."));
   $("shipped").replaceChildren(...missions.filter((m) => m.shipped).map((m) => entry("mission", m.name, m.title)));
   if (!userMissions.length) $("shipped-box").open = true;
-  $("results").replaceChildren(...results.map((r) => entry("result", r.path, r.title, badge(r.verdict))));
+  $("results").replaceChildren(...results.map((r) => entry("result", r.path, r.title, r.headline ? make("span", { class: "badge unknown", title: r.headline }, "not to be trusted") : badge(r.verdict))));
   if (!results.length) $("results").append(make("li", { class: "secondary" }, "The folder contains no result. Run a mission."));
 }
 
@@ -186,6 +186,7 @@ function missionView(name) {
 function resultView(result) {
   const { diagnosis } = result;
   const heading = [make("h2", {}, result.title), make("p", {}, make("code", {}, result.path), " ", badge(diagnosis && diagnosis.verdict))];
+  if (result.headline) heading.push(make("div", { class: "verdict unknown", id: "trust" }, make("strong", {}, result.headline)));
   if (!diagnosis) {
     return [...heading, effectsView(result), make("p", {}, "This result has not been diagnosed."),
       make("div", { class: "actions" }, make("button", { type: "button", class: "main work", id: "diagnose",

@@ -1,0 +1,248 @@
+"""Consensus of several readings of one instrument: which of them, or the state, is the outlier.
+
+A gate compares each reading with the state alone. It is wrong in two cases: where the state is uncertain, a reading
+that is far off is within the gate and moves the state, after which all good readings are rejected; and where the state
+has diverged, all readings are rejected though they agree with each other. The next readings are therefore predicted
+together, without an update, with the covariance of all predictions (S). Two hypotheses on the state are compared:
+
+- **S**: the state is as the filter believes;
+- **S'**: position and velocity are unknown (`FREE_POSITION`, `FREE_VELOCITY`); only the filter's dynamics between the
+  readings are believed.
+
+Under S' the largest set of readings that agree is searched: every pair predicts the others, the pair whose predictions
+have the greatest truncated likelihood begins the set (consensus of minimal subsets: Fischler & Bolles 1981, Comm. ACM
+24, 381; exhaustive, so without random numbers), and readings are removed or added until all members, and none of the
+others, agree with the remaining members. Readings outside of the set are outliers if the set holds the majority. The
+state is the outlier if the likelihood ratio of S' and S for the set, ``rᵀ S⁻¹ r - rᵀ S'⁻¹ r``, exceeds the gate's
+quantile; its degrees of freedom are the directions that the readings determine (generalised likelihood ratio: Willsky
+& Jones 1976, IEEE Trans. Autom. Control 21, 108).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from itertools import combinations
+
+import numpy as np
+from scipy.linalg import block_diag
+from scipy.special import chdtri
+
+from edl_filter.navigation.constraints import Constraint
+from edl_filter.navigation.ekf import linearized_measurement
+from edl_filter.navigation.estimator import ErrorStateFilter
+from edl_filter.navigation.increments import Samples
+from edl_filter.types import Array, BoolArray
+
+#: Readings that are examined together, and the least number of them.
+WINDOW, LEAST_READINGS = 15, 5
+#: Sigmas of an unknown position (m) and velocity (m/s), per axis.
+FREE_POSITION, FREE_VELOCITY = 1e5, 1e3
+
+
+@lru_cache
+def quantile(probability: float, dof: int) -> float:
+    """Quantile of the chi-square distribution with `dof` degrees of freedom."""
+    return float(chdtri(dof, 1.0 - probability))
+
+
+@dataclass(frozen=True)
+class JointPrediction:
+    """Several readings, predicted together without an update.
+
+    Attributes
+    ----------
+    residual : (K, m) array
+        Measured minus predicted.
+    covariance : (K m, K m) array
+        S: of the residuals, prediction and noise together.
+    noise : (K m, K m) array
+        Of the readings alone.
+    sensitivity : (K m, 6) array
+        Of the predictions to position (m) and velocity (m/s) at the beginning.
+    """
+
+    residual: Array
+    covariance: Array
+    noise: Array
+    sensitivity: Array
+
+    @property
+    def free_covariance(self) -> Array:
+        """S': covariance of the residuals where position and velocity are unknown, ``(K m, K m)``."""
+        scaled = self.sensitivity * np.repeat([FREE_POSITION, FREE_VELOCITY], 3)
+        return self.covariance + scaled @ scaled.T
+
+
+@dataclass(frozen=True)
+class Consensus:
+    """Which of several readings, or the state, is the outlier.
+
+    Attributes
+    ----------
+    agree : (K,) boolean array
+        The largest set of readings that agree with each other.
+    nis, free_nis : float
+        Normalised squares of this set's residuals under S and S'.
+    directions : int
+        Directions of the state that the set determines.
+    state_outlier : bool
+        Whether the set contradicts the state.
+    """
+
+    agree: BoolArray
+    nis: float
+    free_nis: float
+    directions: int
+    state_outlier: bool
+
+    @property
+    def majority(self) -> bool:
+        """Whether more than half of the readings agree."""
+        return bool(2 * np.sum(self.agree) > len(self.agree))
+
+
+def predict_jointly(estimator: ErrorStateFilter, samples: Samples, readings: Sequence[Constraint]) -> JointPrediction:
+    """Predict several readings of one instrument without an update between them.
+
+    Parameters
+    ----------
+    estimator : ErrorStateFilter
+        At the beginning; it is propagated by this function.
+    samples : Samples
+        From the beginning on, with edges at the readings' times.
+    readings : sequence of Constraint
+        K readings of m components each, in the order of time.
+
+    Returns
+    -------
+    JointPrediction
+    """
+    size, done = estimator.layout.size, 0
+    residuals, sensitivities = [], []
+    covariance, crossed = np.zeros((0, 0)), np.zeros((0, size))
+    change = np.eye(size)[:, :6]  # of the error with respect to position and velocity at the beginning
+    for reading in readings:
+        stop = samples.index(reading.time)
+        if stop > done:
+            before = estimator.covariance.copy()
+            transition = estimator.predict(samples.part(done, stop))
+            matrix = np.linalg.solve(before, transition.cross_covariance).T
+            crossed, change, done = crossed @ matrix.T, matrix @ change, stop
+        _, jacobian = linearized_measurement(reading, estimator.state, estimator.layout)
+        with_state = jacobian @ estimator.covariance
+        cross = crossed @ jacobian.T
+        covariance = np.block([[covariance, cross], [cross.T, with_state @ jacobian.T]])
+        crossed = np.concatenate((crossed, with_state))
+        residuals.append(estimator.innovation(reading).residual)
+        sensitivities.append(jacobian @ change)
+    noise = block_diag(*(reading.noise for reading in readings))
+    return JointPrediction(np.array(residuals), covariance + noise, noise, np.concatenate(sensitivities))
+
+
+def find_consensus(prediction: JointPrediction, gate: float) -> Consensus:
+    """Find the largest set of readings that agree, and compare it with the state.
+
+    Parameters
+    ----------
+    prediction : JointPrediction
+        Of K readings.
+    gate : float
+        Probability with which a good reading is within its gate.
+
+    Returns
+    -------
+    Consensus
+    """
+    count, components = prediction.residual.shape
+    free = prediction.free_covariance
+    limit = quantile(gate, components)
+    members = list(range(count))
+    if np.max(_left_out(prediction.residual, free, members)) > limit:  # not all of them agree
+        members = _refine(prediction.residual, free, _first_pair(prediction.residual, free, limit), limit)
+    agree = np.zeros(count, bool)
+    agree[members] = True
+    rows = _rows(members, components)
+    residual = prediction.residual.ravel()[rows]
+    nis, free_nis = (
+        float(residual @ np.linalg.solve(matrix[np.ix_(rows, rows)], residual))
+        for matrix in (prediction.covariance, free)
+    )
+    scaled = prediction.sensitivity[rows] * np.repeat([FREE_POSITION, FREE_VELOCITY], 3)
+    scaled /= np.sqrt(np.diag(prediction.noise)[rows])[:, None]
+    directions = int(np.sum(np.linalg.svd(scaled, compute_uv=False) > 1.0))
+    outlier = bool(directions and 2 * len(members) > count and nis - free_nis > quantile(gate, directions))
+    return Consensus(agree, nis, free_nis, directions, outlier)
+
+
+def _rows(members: Sequence[int], components: int) -> list[int]:
+    """Rows of the components of some readings."""
+    return [components * k + c for k in members for c in range(components)]
+
+
+def _blocks(matrix: Array, count: int) -> Array:
+    """Diagonal blocks ``(count, m, m)`` of a matrix ``(count m, count m)``."""
+    components = len(matrix) // count
+    blocks = matrix.reshape(count, components, count, components)
+    return np.ascontiguousarray(blocks[np.arange(count), :, np.arange(count)])
+
+
+def _predicted(residual: Array, covariance: Array, members: Sequence[int]) -> tuple[Array, Array]:
+    """NIS of all readings given the `members`, and log determinant of their covariances; meaningless for members.
+
+    Parameters
+    ----------
+    residual : (K, m) array
+        Of all readings.
+    covariance : (K m, K m) array
+        Of all residuals.
+    members : sequence of int
+        Readings that are given.
+
+    Returns
+    -------
+    nis, log_spread : (K,) arrays
+    """
+    count, components = residual.shape
+    given = _rows(members, components)
+    gain = np.linalg.solve(covariance[np.ix_(given, given)], covariance[given]).T
+    remaining = residual - (gain @ residual.ravel()[given]).reshape(count, components)
+    spread = _blocks(covariance - gain @ covariance[given], count)
+    spread[list(members)] = np.eye(components)
+    nis = np.einsum("km,km->k", remaining, np.linalg.solve(spread, remaining[..., None])[..., 0])
+    return nis, np.linalg.slogdet(spread)[1]
+
+
+def _left_out(residual: Array, covariance: Array, members: Sequence[int]) -> Array:
+    """NIS of each of the `members` given the other members, ``(len(members),)``; arguments as of `_predicted`."""
+    rows = _rows(members, residual.shape[1])
+    precision = np.asarray(np.linalg.inv(covariance[np.ix_(rows, rows)]), np.float64)
+    weighted = (precision @ residual.ravel()[rows]).reshape(len(members), -1)
+    blocks = _blocks(precision, len(members))
+    return np.einsum("km,km->k", weighted, np.linalg.solve(blocks, weighted[..., None])[..., 0])
+
+
+def _first_pair(residual: Array, covariance: Array, limit: float) -> list[int]:
+    """The pair of readings from which the others follow with the greatest likelihood, each truncated at the gate."""
+    pairs = [list(pair) for pair in combinations(range(len(residual)), 2)]
+    costs = []
+    for pair in pairs:
+        nis, log_spread = _predicted(residual, covariance, pair)
+        costs.append(np.sum(np.delete(np.minimum(nis, limit) + log_spread, pair)))
+    return pairs[int(np.argmin(costs))]
+
+
+def _refine(residual: Array, covariance: Array, members: list[int], limit: float) -> list[int]:
+    """Add readings that agree with the members and remove members that do not, one at a time, until none is left."""
+    for _ in range(4 * len(residual)):
+        inside = _left_out(residual, covariance, members)
+        outside, _ = _predicted(residual, covariance, members)
+        outside[members] = np.inf
+        if len(members) > 2 and np.max(inside) > limit:
+            members = [k for k in members if k != members[int(np.argmax(inside))]]
+        elif np.min(outside) <= limit:
+            members = sorted([*members, int(np.argmin(outside))])
+        else:
+            break
+    return members

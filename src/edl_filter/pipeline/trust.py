@@ -1,0 +1,157 @@
+"""Whether a reconstruction may be trusted, and the likeliest cause if not.
+
+A reconstruction is not trustworthy if the landing, the rest on the surface or most readings of the altimeter were
+rejected: they are independent of the IMU and none of them is rejected by chance (`filter.gate_probability`). It is not
+either if its state contradicted its measurements and no lost samples explain that (`navigation.recovery`). A few
+rejected readings of an altimeter are outliers, and no reason against the result.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass
+
+from edl_filter.errors import InputError
+from edl_filter.mission import Mission
+from edl_filter.navigation.filter import FilterPass, Problem
+from edl_filter.navigation.recovery import Recovery
+from edl_filter.pipeline.causes import Cause, rank_causes
+from edl_filter.pipeline.load import read_atmosphere, read_telemetry
+from edl_filter.pipeline.plausibility import find_violation
+from edl_filter.pipeline.problem import assemble
+from edl_filter.pipeline.reconstruct import Reconstruction
+from edl_filter.planet import Planet
+from edl_filter.planet.atmosphere import Atmosphere
+from edl_filter.telemetry.record import Telemetry
+
+#: Causes in the summary.
+CAUSES = 5
+
+
+@dataclass(frozen=True)
+class Trust:
+    """Whether a reconstruction may be trusted.
+
+    Attributes
+    ----------
+    trustworthy : bool
+    headline : str or None
+        Why not, with the likeliest cause: one or two sentences. None for a trustworthy one.
+    rejected : dict
+        Name of a constraint that contradicts the reconstruction → number of its rejected uses, and of all.
+    causes : tuple of Cause
+        The likeliest first; empty for a trustworthy one.
+    """
+
+    trustworthy: bool
+    headline: str | None
+    rejected: dict[str, tuple[int, int]]
+    causes: tuple[Cause, ...]
+
+
+def judge(reconstruction: Reconstruction) -> Trust:
+    """Judge a reconstruction; the causes are ranked only if it is not trustworthy, which takes some seconds.
+
+    Parameters
+    ----------
+    reconstruction : Reconstruction
+        With its filter pass and its recovery.
+
+    Returns
+    -------
+    Trust
+    """
+    r = reconstruction
+    rejected = contradicting(r.filter_pass)
+    diverged = r.recovery is not None and r.recovery.cause != "gap"
+    if not rejected and not diverged:
+        return Trust(True, None, {}, ())
+    recovered = r.problem, not rejected
+    causes = rank_causes(r.mission, r.telemetry, r.planet, r.atmosphere, r.effects, r.recovery, recovered)
+    reason = _contradiction(rejected) if rejected else _divergence(r.recovery)
+    headline = f"Do not trust this result: {reason}. {cause_sentence(causes)}"
+    return Trust(False, headline, rejected, tuple(causes[:CAUSES]))
+
+
+def check_record(
+    mission: Mission,
+    telemetry: Telemetry,
+    planet: Planet,
+    atmosphere: Atmosphere,
+    problem: Problem,
+) -> None:
+    """Refuse a record that violates the physics of an entry (`plausibility`), with the likeliest cause.
+
+    Parameters
+    ----------
+    mission : Mission
+        Its `filter.sanity_check` turns the check off.
+    telemetry : Telemetry
+        As it was read.
+    planet, atmosphere : Planet, Atmosphere
+        The mission's own.
+    problem : Problem
+        Assembled from them.
+
+    Raises
+    ------
+    InputError
+        A law is violated; the message names the record, what was found, and the cause.
+    """
+    if not mission.filter.sanity_check:
+        return
+    violation = find_violation(mission, telemetry, problem)
+    if violation is None:
+        return
+    cause = violation.cause
+    if cause is None:
+        causes = rank_causes(mission, telemetry, planet, atmosphere, mission.active_effects())
+        cause = causes[0].sentence if causes and causes[0].consistent else None
+    advice = f"Likeliest cause: {cause}." if cause else "'filter.sanity_check: false' turns this check off."
+    raise InputError(f"{violation.finding} {advice}")
+
+
+def check_mission(mission: Mission) -> None:
+    """Read the telemetry of a mission and check it as `check_record` does."""
+    if not mission.filter.sanity_check:
+        return
+    telemetry, atmosphere = read_telemetry(mission), read_atmosphere(mission)
+    planet = mission.planet_model(telemetry.prime_meridian_at_epoch)
+    check_record(mission, telemetry, planet, atmosphere, assemble(mission, telemetry, planet, atmosphere))
+
+
+def contradicting(filter_pass: FilterPass) -> dict[str, tuple[int, int]]:
+    """Landing, rest and altimeter as far as they contradict the state: name → rejected uses, all uses."""
+    uses = Counter(f.constraint.name for f in filter_pass.fused)
+    rejected = Counter(f.constraint.name for f in filter_pass.fused if not f.accepted)
+    return {
+        name: (count, uses[name])
+        for name, count in rejected.items()
+        if name == "landing" or name.startswith("rest_") or (name == "altimeter" and 2 * count > uses[name])
+    }
+
+
+def _contradiction(rejected: dict[str, tuple[int, int]]) -> str:
+    names = [
+        name.replace("_", " ") + (f" ({count} of {uses} readings)" if uses > 1 else "")
+        for name, (count, uses) in rejected.items()
+    ]
+    listed = names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"
+    return f"{listed} contradict{'s' * (len(names) == 1)} all other data"
+
+
+def _divergence(recovery: Recovery | None) -> str:
+    assert recovery is not None
+    names = " and ".join(name.replace("_", " ") for name in recovery.divergence.names)
+    return f"its state contradicted {names} at {recovery.divergence.time:.1f} s and was estimated again with more noise"
+
+
+def cause_sentence(causes: list[Cause]) -> str:
+    """The likeliest cause as a sentence; that there is none among those that were tested."""
+    if not causes or not causes[0].consistent:
+        tested = "units, axes, signs, clocks, lost samples, entry state, each measurement"
+        return f"No single cause explains it (tested: {tested})."
+    sentence = f"Likeliest cause: {causes[0].sentence}"
+    if causes[0].kind == "measurement":
+        sentence += ", or an effect that the model lacks ('edl-filter diagnose')"
+    return f"{sentence}."

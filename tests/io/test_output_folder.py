@@ -1,0 +1,61 @@
+"""Output folders: checked before the work, locked while it lasts, left as they were."""
+
+import resource
+
+import pytest
+
+from edl_filter.errors import InputError
+from edl_filter.io.atomic import replace_with, write_through_memory
+from edl_filter.io.output_folder import STAGING, output_folder
+
+
+def test_a_second_command_is_refused_until_the_first_has_ended(tmp_path):
+    folder = tmp_path / "out"
+    with output_folder(folder):
+        with (
+            pytest.raises(InputError, match="out: another edl-filter command writes this folder"),
+            output_folder(folder),
+        ):
+            pass
+        assert folder.is_dir()
+    with output_folder(folder):
+        (folder / "file").write_text("x")
+    assert [p.name for p in folder.iterdir()] == ["file"]
+
+
+def test_a_folder_into_which_nothing_was_written_is_removed(tmp_path):
+    with pytest.raises(RuntimeError), output_folder(tmp_path / "a" / "b"):
+        raise RuntimeError
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_folder_that_cannot_be_written_is_found_before_the_work(tmp_path):
+    (tmp_path / "file").write_text("x")
+    for place in (tmp_path / "file", tmp_path / "file" / "out"):
+        with pytest.raises(InputError, match="cannot be written"), output_folder(place):
+            pytest.fail("the work has begun")
+
+
+def test_unfinished_output_of_a_killed_command_is_removed(tmp_path):
+    (tmp_path / f"{STAGING}abc").mkdir()
+    (tmp_path / f"{STAGING}abc" / "result.nc").write_text("x")
+    with output_folder(tmp_path):
+        assert not list(tmp_path.iterdir())
+
+
+def test_a_full_disk_is_one_sentence_and_the_old_file_stays(tmp_path):
+    path = tmp_path / "result.nc"
+    path.write_text("old")
+
+    def write(temporary):
+        write_through_memory(temporary, lambda file: file.create_dataset("x", data=[0.0] * 9999))
+
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (10_000, before[1]))
+    try:
+        with pytest.raises(InputError, match=r"result\.nc: cannot be written \(File too large\)"):
+            replace_with(path, write)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+    assert path.read_text() == "old"
+    assert [p.name for p in tmp_path.iterdir()] == ["result.nc"]

@@ -1,0 +1,155 @@
+"""Faults in the shipped flight: what the filter recovers, what is refused, and which cause is named."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from edl_filter.errors import InputError
+from edl_filter.mission import Mission
+from edl_filter.navigation.recovery import run_with_recovery
+from edl_filter.navigation.smoother import smooth
+from edl_filter.pipeline.causes import rank_causes
+from edl_filter.pipeline.load import read_atmosphere, read_telemetry
+from edl_filter.pipeline.problem import assemble
+from edl_filter.pipeline.reconstruct import lost_stretches
+from edl_filter.pipeline.trust import check_record, contradicting, judge
+
+
+@pytest.fixture(scope="module")
+def inputs():
+    """Mission, telemetry, planet, atmosphere of the shipped flight."""
+    mission = Mission.load("builtin:practice_mer")
+    telemetry = read_telemetry(mission)
+    return mission, telemetry, mission.planet_model(telemetry.prime_meridian_at_epoch), read_atmosphere(mission)
+
+
+def turned(telemetry, matrix, *quantities):
+    driving = telemetry.driving
+    return replace(
+        telemetry, driving=replace(driving, **{q: getattr(driving, q) @ np.asarray(matrix).T for q in quantities})
+    )
+
+
+def with_altimeter(telemetry, offset):
+    altimeter = telemetry.altimeter
+    return replace(telemetry, altimeter=replace(altimeter, height=altimeter.height + offset))
+
+
+def at_parachute(smoothed, telemetry):
+    k = int(np.argmin(np.abs(smoothed.time - telemetry.parachute.time)))
+    return smoothed.states[k].nav, np.sqrt(np.diag(smoothed.covariance[k]))
+
+
+SWAP_XY = np.eye(3)[[1, 0, 2]]
+SWAP_XZ = np.eye(3)[[2, 1, 0]]
+
+
+def test_a_clean_flight_is_not_changed_and_trusted(inputs, practice_06):
+    mission, telemetry, planet, atmosphere = inputs
+    problem = assemble(mission, telemetry, planet, atmosphere)
+    same, _, recovery = run_with_recovery(problem)
+    assert same is problem and recovery is None
+    trust = judge(practice_06)
+    assert trust.trustworthy and trust.headline is None and trust.causes == () and practice_06.recovery is None
+    check_record(mission, telemetry, planet, atmosphere, problem)
+
+
+@pytest.mark.parametrize("method", ["ukf", "ekf"])
+@pytest.mark.parametrize("robust", ["none", "huber", "student_t"])
+def test_one_altimeter_reading_in_seven_does_not_move_the_parachute(inputs, practice_06, method, robust):
+    mission, telemetry, planet, atmosphere = inputs
+    count = len(telemetry.altimeter.height)
+    faulty = with_altimeter(telemetry, np.where(np.arange(count) % 7 == 0, 900.0, 0.0))
+    problem = assemble(mission, faulty, planet, atmosphere)
+    problem = replace(problem, settings=replace(problem.settings, method=method, robust=robust))
+    _, filter_pass, recovery = run_with_recovery(problem)
+    readings = [f for f in filter_pass.fused if f.constraint.name == "altimeter"]
+    rejected = [k for k, f in enumerate(readings) if not f.accepted]
+    assert recovery is None and contradicting(filter_pass) == {}
+    assert set(range(0, count, 7)) <= set(rejected) and len(rejected) <= count // 7 + 3
+    nav, sigma = at_parachute(smooth(filter_pass), telemetry)
+    expected, _ = at_parachute(practice_06.smoothed, telemetry)
+    assert np.abs(np.linalg.norm(nav[:3]) - np.linalg.norm(expected[:3])) < 5.0
+    assert np.all(np.abs(nav[3:6] - expected[3:6]) < 3.0 * sigma[3:6])
+
+
+def test_lost_samples_are_the_cause_of_a_contradiction(inputs, practice_06):
+    mission, telemetry, planet, atmosphere = inputs
+    driving = telemetry.driving
+    lost = (driving.time > 100.0 - 0.06) & (driving.time < 100.94)
+    first, last = np.flatnonzero(lost)[[0, -1]]
+    keep = ~lost
+    keep[last] = True  # one long sample, the mean of its neighbours, as the reader of flight files has it
+
+    def fill(values):
+        return np.where(lost[:, None], 0.5 * (values[first - 1] + values[last + 1]), values)
+
+    filled = {q: fill(getattr(driving, q)) for q in ("specific_force", "angular_rate")}
+    record = replace(driving, **filled, source=np.where(lost, 1, 0), sources=("flight file", "gap"))
+    record = replace(record, interval=np.where(np.arange(len(lost)) == last, lost.sum() * 0.125, record.interval))
+    faulty = replace(telemetry, driving=record.select(keep))
+    assert lost_stretches(faulty.driving) == [pytest.approx((driving.time[first] - 0.125, driving.time[last]))]
+    problem = assemble(mission, faulty, planet, atmosphere)
+    changed, filter_pass, recovery = run_with_recovery(problem, lost_stretches(faulty.driving))
+    assert recovery is not None and recovery.cause == "gap"
+    assert (recovery.start, recovery.end) == pytest.approx((driving.time[first] - 0.125, driving.time[last]), abs=1e-6)
+    assert np.count_nonzero(changed.samples.force_noise > problem.samples.force_noise) <= 2
+    assert contradicting(filter_pass) == {}
+    nav, sigma = at_parachute(smooth(filter_pass), telemetry)
+    expected, _ = at_parachute(practice_06.smoothed, telemetry)
+    assert np.all(np.abs(nav[:6] - expected[:6]) < 4.0 * sigma[:6])
+    assert np.linalg.norm(nav[3:6] - expected[3:6]) < 3.0
+
+
+@pytest.mark.parametrize(
+    ("matrix", "quantity", "kind"),
+    [
+        (SWAP_XY, "specific_force", "axes"),
+        (SWAP_XZ, "angular_rate", "axes"),
+        (np.diag([1.0, 1.0, -1.0]), "specific_force", "sign"),
+        (-np.eye(3), "angular_rate", "sign"),
+        (np.eye(3) / 0.3048, "specific_force", "units"),
+        (np.eye(3) * np.pi / 180.0, "angular_rate", "units"),
+    ],
+)
+def test_the_cause_is_named(inputs, matrix, quantity, kind):
+    mission, telemetry, planet, atmosphere = inputs
+    causes = rank_causes(mission, turned(telemetry, matrix, quantity), planet, atmosphere, ())
+    assert causes[0].kind == kind and causes[0].consistent
+    assert causes[0].gain > 100.0
+
+
+@pytest.mark.parametrize(
+    ("repair", "text"),
+    [
+        (lambda t: with_altimeter(t, t.altimeter.height * (1.0 / 0.3048 - 1.0)), "the altimeter is in ft"),
+        (lambda t: replace(t, altimeter=replace(t.altimeter, time=t.altimeter.time + 3.3)), "altimeter are about 3"),
+        (lambda t: replace(t, landing=replace(t.landing, position=t.landing.position + 5e4)), "measurement 'landing'"),
+    ],
+    ids=["feet", "clock", "site"],
+)
+def test_a_wrong_measurement_is_named(inputs, repair, text):
+    mission, telemetry, planet, atmosphere = inputs
+    causes = rank_causes(mission, repair(telemetry), planet, atmosphere, ())
+    assert text in causes[0].sentence and causes[0].consistent
+
+
+@pytest.mark.parametrize(
+    ("matrix", "quantity", "finding", "cause"),
+    [
+        (np.diag([-1.0, 1.0, 1.0]), "specific_force", "points to +x of the body axes; drag points to -x", "sign of x"),
+        (SWAP_XZ, "specific_force", "points to -z of the body axes", "x and z exchanged in the accelerometers"),
+        (np.eye(3) / 9.80665, "specific_force", "from an entry speed of 5400 m/s", "in g instead of m/s^2"),
+        (np.eye(3) * 180.0 / np.pi, "angular_rate", "a rigid body has one rate", "its angular rate is in deg/s"),
+    ],
+)
+def test_impossible_records_are_refused(inputs, matrix, quantity, finding, cause):
+    mission, telemetry, planet, atmosphere = inputs
+    faulty = turned(telemetry, matrix, quantity)
+    problem = assemble(mission, faulty, planet, atmosphere)
+    with pytest.raises(InputError) as refusal:
+        check_record(mission, faulty, planet, atmosphere, problem)
+    assert finding in str(refusal.value) and cause in str(refusal.value)
+    unchecked = Mission.load("builtin:practice_mer", ("filter.sanity_check=false",))
+    check_record(unchecked, faulty, planet, atmosphere, problem)
