@@ -4,7 +4,7 @@ from pathlib import Path
 
 import h5py
 import pytest
-from command_checks import assert_refused
+from command_checks import assert_input_error, assert_refused
 from mer_volume import contents
 
 from edl_filter.io.csv_table import package_data
@@ -21,7 +21,7 @@ def test_an_existing_file_is_replaced_only_with_force(cli, command):
         "simulate": ("builtin:nothing",),
     }[command]
     Path("f.h5").write_text("precious")
-    assert_refused(cli(command, *arguments, "-o", "f.h5"), "f.h5: found a file; --force replaces it.")
+    assert_input_error(cli(command, *arguments, "-o", "f.h5"), "f.h5: found a file; --force replaces it.")
     assert Path("f.h5").read_text() == "precious"
     if command == "convert":
         assert cli(command, *arguments, "-o", "f.h5", "--force").exit_code == 0

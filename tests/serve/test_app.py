@@ -30,8 +30,11 @@ def test_library(client, root):
     mission = library["missions"][0]
     assert (mission["name"], mission["commands"][1]) == ("flight.yaml", "edl-filter diagnose results/flight-2")
     assert library["results"] == [
-        {"path": "results/flight", "title": "Practice flight, MER-like vehicle", "effects": [], "verdict": "missing"}
-    ]
+        {
+            "path": "results/flight", "title": "Practice flight, MER-like vehicle", "effects": [],
+            "verdict": "missing", "headline": None,
+        }
+    ]  # fmt: skip
 
 
 def test_result_with_commands(client):

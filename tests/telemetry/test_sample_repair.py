@@ -103,6 +103,17 @@ def clock_back(data):
     data["time"][FIRST:] -= 0.5
 
 
+def clock_ahead(data):
+    data["time"][FIRST:] += 0.5
+
+
+def wrong_times(step):
+    def change(data):
+        data["time"][FIRST : FIRST + 3] += step
+
+    return change
+
+
 FAULTS = {
     "gap": (removed(8), "missing"),
     "long gap": (removed(80), "missing"),
@@ -119,6 +130,9 @@ FAULTS = {
     "sent twice": (sent_twice, "duplicated"),
     "repeated": (repeated_with_new_times, "duplicated"),
     "clock back": (clock_back, "clock_jump"),
+    "clock ahead": (clock_ahead, "clock_jump"),
+    "early times": (wrong_times(-0.375), "clock_jump"),
+    "late times": (wrong_times(7.0), "clock_jump"),
     "dead": (stopped, "dead"),
 }
 

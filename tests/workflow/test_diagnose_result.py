@@ -89,7 +89,8 @@ def test_the_shipped_flight_is_clean_and_failing_effects_are_reported(clean):
         if channel.startswith(("force", "moment", "secondary")):
             assert 0.8 < rms < 1.2, channel
     content = json.loads((clean / "result" / "diagnosis.json").read_text())
-    assert content == {k: v for k, v in printed.items() if k not in ("outputs", "next")}
+    assert printed["trustworthy"] and printed["headline"] is None
+    assert content == {k: v for k, v in printed.items() if k not in ("outputs", "next", "trustworthy", "headline")}
     assert [Path(p).name for p in printed["outputs"]] == [
         "diagnosis.json", "report.html", "diagnosis_heatmap.png", "diagnosis_ranking.png",
     ]  # fmt: skip

@@ -18,6 +18,8 @@ from edl_filter.types import Array, BoolArray, IntArray
 
 #: A step in time longer than this many sampling intervals is a gap.
 GAP_STEPS = 1.5
+#: Largest number of successive packets with wrong times that are given times by counting.
+_WRONG_TIMES = 8
 #: Samples on each side from which the probability of a repetition is taken.
 _REPEAT_REACH = 256
 #: Share of rows that repeat another one from which repetition is a property of the data.
@@ -86,7 +88,8 @@ def ordered_packets(
 ) -> tuple[Array, Array, list[SampleFinding]]:
     """Put packets in the order of time, each once.
 
-    A clock that jumps back is continued at the usual step, because two samples cannot have been taken at one time.
+    Packets with a wrong time between packets that are in step with each other get their time by counting. A clock that
+    jumps back is continued at the usual step, because two samples cannot have been taken at one time.
 
     Parameters
     ----------
@@ -132,12 +135,36 @@ def ordered_packets(
         if moved.any():
             report("reordered", time[moved], int(moved.sum()), "put in order of time")
         return time[order], readings[order], findings
+    time, counted = _counted_times(time, interval)
+    if counted.any():
+        report("clock_jump", time[counted], int(counted.sum()), "wrong times of packets, replaced by counting")
     for row in np.flatnonzero(np.diff(time) < 0.25 * interval) + 1:
         step = time[row] - time[row - 1]
         if step < 0.25 * interval:  # not yet corrected by a jump before
             report("clock_jump", time[row - 1 : row], 1, f"{step - interval:+.3f} s, removed from there on")
             time = np.concatenate((time[:row], time[row:] + interval - step))
     return time, readings, findings
+
+
+def _counted_times(time: Array, interval: float) -> tuple[Array, BoolArray]:
+    """Times with those replaced that are out of step with packets before and after, and which were replaced.
+
+    At a step back, a number of packets up to and including it, or from it on, may have wrong times: the smallest number
+    is used after which the next packet has the time that counting gives.
+    """
+    time, counted = time.copy(), np.zeros(len(time), bool)
+    for row in np.flatnonzero(np.diff(time) < 0.25 * interval) + 1:
+        if time[row] - time[row - 1] >= 0.25 * interval:  # replaced with those before
+            continue
+        spans = [(a, a + k) for k in range(1, _WRONG_TIMES + 1) for a in (row, row - k)]
+        for a, b in spans:
+            if a < 1 or b >= len(time):
+                continue
+            expected = time[a - 1] + interval * np.arange(1, b - a + 2)
+            if abs(time[b] - expected[-1]) < 0.25 * interval:
+                time[a:b], counted[a:b] = expected[:-1], True
+                break
+    return time, counted
 
 
 def lost_readings(

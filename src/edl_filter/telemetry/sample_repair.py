@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from edl_filter.errors import InputError
 from edl_filter.estimation.autoregression import interpolate
-from edl_filter.telemetry.record import ImuRecord, SampleFinding, Telemetry, finite_rows
+from edl_filter.telemetry.record import ImuRecord, SampleFinding, Telemetry, finite_rows, within_window
 from edl_filter.telemetry.sample_checks import CheckSettings, findings_of, runs, with_repair
 from edl_filter.telemetry.spikes import bad_triads
 from edl_filter.telemetry.transfer import TransferredReadings, transferred
@@ -34,6 +34,9 @@ _LEAST_SIDE, _SIDE_RATIO = 80, 1.5
 #: Time before the parachute from which samples are not compared: the mortar's recoil, s.
 _PARACHUTE_MARGIN = 1.0
 _TRIADS = ("force", "rate")
+#: Time after a gap in which the rates of two IMUs are compared (s), least number of samples, and the ratio of mean
+#: squares below which the clock jumped.
+_JUMP_WINDOW, _JUMP_SAMPLES, _JUMP_RATIO = 20.0, 24, 0.05
 
 
 def repaired(telemetry: Telemetry, settings: CheckSettings | None = None, parachute: float = np.inf) -> Telemetry:
@@ -61,6 +64,9 @@ def repaired(telemetry: Telemetry, settings: CheckSettings | None = None, parach
     settings = CheckSettings() if settings is None else settings
     records = [telemetry.driving, *telemetry.checking]
     findings = list(telemetry.findings)
+    if settings.enabled and len(records) > 1:
+        for i, other in ((0, records[1]), (1, records[0])):
+            records[i], findings = _without_clock_jumps(records[i], other, findings)
     if len(records) > 1:
         records[0], dead = _extended(records[0], records[1])
         findings += dead
@@ -81,13 +87,45 @@ def repaired(telemetry: Telemetry, settings: CheckSettings | None = None, parach
     sources = [next((r for k, r in enumerate(records) if k != i), None) for i in range(len(records))]
     phrases: dict[str, list[tuple[float, float, str]]] = {}
     outcome = []
-    for record, other in zip(records, sources, strict=True):
-        complete, how = _filled(record, other, settings, smooth_until)
+    for record, source in zip(records, sources, strict=True):
+        complete, how = _filled(record, source, settings, smooth_until)
         phrases[record.name] = how
         outcome.append(complete)
     findings = [f if f.repair else with_repair(f, _phrase(f, phrases.get(f.imu, []))) for f in findings]
     findings.sort(key=lambda f: (f.start, f.imu))
     return replace(telemetry, driving=outcome[0], checking=tuple(outcome[1:]), findings=tuple(findings))
+
+
+def _without_clock_jumps(
+    record: ImuRecord, other: ImuRecord, findings: list[SampleFinding]
+) -> tuple[ImuRecord, list[SampleFinding]]:
+    """The record without gaps at which its clock jumped ahead and no sample was lost.
+
+    After such a gap the rates agree with those of the other IMU as much earlier as the gap is long, and not at their
+    own times. Biases are no part of the comparison: means over the window are subtracted.
+    """
+    for gap in [f for f in findings if f.imu == record.name and f.kind == "missing"]:
+        length = gap.end - gap.start
+        window = within_window(record.time, record.interval, gap.end, gap.end + _JUMP_WINDOW)
+        middle = record.time[window] - 0.5 * record.interval[window]
+        own, read = record.angular_rate[window], finite_rows(other.angular_rate)
+        reach = other.time[read] - 0.5 * other.interval[read]
+        usable = finite_rows(own)
+        if usable.sum() < _JUMP_SAMPLES or len(reach) < _JUMP_SAMPLES or not reach[0] < gap.start < gap.end < reach[-1]:
+            continue
+        mean_square = []
+        for shift in (length, 0.0):
+            rates = [np.interp(middle[usable] - shift, reach, c) for c in other.angular_rate[read].T]
+            difference = own[usable] - np.stack(rates, axis=1)
+            mean_square.append(float(np.mean((difference - np.mean(difference, axis=0)) ** 2)))
+        if mean_square[0] > _JUMP_RATIO * mean_square[1]:
+            continue
+        inserted = within_window(record.time, record.interval, gap.start, gap.end)
+        record = record.select(~inserted)
+        record = replace(record, time=record.time - np.where(record.time > 0.5 * (gap.start + gap.end), length, 0.0))
+        moved = replace(gap, kind="clock_jump", samples=0, repair=f"{length:+.3f} s, removed from there on")
+        findings = [moved if f is gap else f for f in findings]
+    return record, findings
 
 
 def _is_flight(telemetry: Telemetry) -> bool:

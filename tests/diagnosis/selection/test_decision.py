@@ -1,5 +1,6 @@
 """Probabilities and verdicts of constructed rankings; the channels that a hypothesis reduces."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -31,7 +32,7 @@ ERROR, REQUIRED = SETTINGS.approximation_error, SETTINGS.decided_probability
 NAMES = ("wind", "mass", "gyro_bias", "com_offset", "density_scale")
 
 
-def hypothesis_of(name, gain, score=None, explained=None, at_floor=True):
+def hypothesis_of(name, gain, score=None, explained=None, at_floor=True, explained_share=1.0):
     """A fitted effect with what the decision needs of it; columns of different names are orthogonal."""
     own = np.zeros(len(NAMES))
     own[NAMES.index(name)] = 1.0
@@ -47,6 +48,7 @@ def hypothesis_of(name, gain, score=None, explained=None, at_floor=True):
         case=None,
         model=None,
         null=NullModelFit(0.0, 0.0, 0.0),
+        explained_share=explained_share,
     )
 
 
@@ -211,8 +213,8 @@ def test_a_name_with_little_evidence_is_never_above_none(ranking):
 
 
 @given(rankings(noise=(10.1, 1e5)), st.booleans())
-def test_in_excess_noise_a_name_needs_evidence_beyond_it_whatever_it_leaves(ranking, at_floor):
-    """The fitted noise is the alternative; nothing else that is known of a hypothesis helps it."""
+def test_in_excess_noise_a_name_needs_evidence_beyond_it(ranking, at_floor):
+    """The fitted noise is the alternative; that a name leaves hardly any excess variance does not help it."""
     verdict = decide(ranking)
     for e in verdict.entries:
         if min(e.hypothesis.gain, e.hypothesis.score_gain) < verdict.required_gain:
@@ -226,6 +228,30 @@ def test_in_excess_noise_a_name_needs_evidence_beyond_it_whatever_it_leaves(rank
     assert (again.verdict, again.none, again.something_else) == pytest.approx(
         (verdict.verdict, verdict.none, verdict.something_else)
     )
+
+
+@given(rankings(noise=(10.1, 1e5)), st.floats(0.0, SETTINGS.named_explained_share, exclude_max=True))
+def test_a_name_that_leaves_most_of_a_failing_flight_unexplained_is_not_decided(ranking, explained_share):
+    """All names are discounted by the same evidence, so that their order is that of their gains."""
+    hypotheses = [
+        hypothesis_of(h.name, h.gain, h.score_gain, at_floor=False, explained_share=explained_share)
+        for h in ranking.hypotheses
+    ]
+    settings, noise = ranking.case.settings, ranking.excess_noise_gain
+    before, verdict = (decide(ranking_of(*h, noise=noise, settings=settings)) for h in (ranking.hypotheses, hypotheses))
+    assert verdict.verdict != "missing"
+    assert all(e.probability <= verdict.something_else * (1.0 + 1e-9) for e in verdict.entries)
+    assert [e.hypothesis.name for e in verdict.entries] == [e.hypothesis.name for e in before.entries]
+
+
+def test_the_discount_is_that_of_the_first_name():
+    weak = hypothesis_of("wind", 700.0, at_floor=False, explained_share=0.15)
+    second = hypothesis_of("mass", 695.0, at_floor=False)
+    verdict = decide(ranking_of(weak, second, noise=1e6))
+    assert verdict.verdict == "undecided"
+    assert verdict.entries[0].probability == pytest.approx(verdict.something_else)
+    strong = replace(weak, explained_share=0.3)
+    assert decide(ranking_of(strong, second, noise=1e6)).verdict == "missing"
 
 
 def test_a_clean_flight():
