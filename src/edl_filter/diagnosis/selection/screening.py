@@ -44,6 +44,8 @@ class ScreeningResult:
         Log Bayes factor over the model without it, averaged over the places, nats.
     rows : (R, k) array
         White columns.
+    information : (k,) array
+        Largest squared norm of each white column over the places.
     alternatives : tuple of EffectInstance
         The effect at other places whose columns are dissimilar to those of the best, most likely first.
     """
@@ -53,6 +55,7 @@ class ScreeningResult:
     fit: LinearFit
     gain: float
     rows: Array
+    information: Array
     alternatives: tuple[EffectInstance, ...] = ()
 
     @property
@@ -61,11 +64,10 @@ class ScreeningResult:
         return self.rows @ self.fit.estimate
 
     def smallest_sizes(self, gain: float) -> dict[str, float]:
-        """Smallest value of each size whose expected gain is `gain` nats, infinite where the flight does not tell."""
-        information = np.sum(self.rows**2, axis=0)
+        """Smallest value of each size whose expected gain is `gain` nats, at its most informative place."""
         return {
             name: smallest_size(float(a), float(s), gain)
-            for name, a, s in zip(self.jacobian.names, information, self.jacobian.sigma, strict=True)
+            for name, a, s in zip(self.jacobian.names, self.information, self.jacobian.sigma, strict=True)
         }
 
 
@@ -136,11 +138,12 @@ def screen(
             column += len(j.names)
             fits.append((regress(y, x, j.sigma), j, x))
         gains = np.array([f[0].gain for f in fits])
+        information = np.max([np.sum(x**2, axis=0) for _, _, x in fits], axis=0)
         mean = float(gains.max() + np.log(np.mean(np.exp(gains - gains.max()))))
         distinct = _distinct_places(fits, model.settings)
         fit, j, x = distinct[0]
         alternatives = tuple(_with_sizes(jacobian, f) for f, jacobian, _ in distinct[1:])
-        results[j.instance.key] = ScreeningResult(_with_sizes(j, fit), j, fit, mean, x, alternatives)
+        results[j.instance.key] = ScreeningResult(_with_sizes(j, fit), j, fit, mean, x, information, alternatives)
     return results
 
 
