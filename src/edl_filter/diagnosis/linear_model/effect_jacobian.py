@@ -7,7 +7,7 @@ effect that does not change the path is evaluated on the existing path.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise, product
 
@@ -67,7 +67,12 @@ class EffectJacobian:
 
 
 def scan_grid(
-    effect: Effect, begin: float, end: float, lowest: float, settings: DecisionSettings
+    effect: Effect,
+    begin: float,
+    end: float,
+    lowest: float,
+    settings: DecisionSettings,
+    stated: Mapping[str, Sequence[float]] | None = None,
 ) -> list[dict[str, float]]:
     """All combinations of places at which an effect is screened, at least one.
 
@@ -81,9 +86,14 @@ def scan_grid(
         Altitude at the end of the comparison, m; altitudes are scanned from below it upwards.
     settings : DecisionSettings
         Thresholds of the diagnosis.
+    stated : mapping, optional
+        Name of a place → the values at which it is screened, instead of its scan.
     """
-    grids = []
+    grids: list[Sequence[float]] = []
     for q in effect.places:
+        if stated is not None and q.name in stated:
+            grids.append(stated[q.name])
+            continue
         low, high = (q.low, q.high) if np.isfinite([q.low, q.high]).all() else (begin, end)
         if q.scan == 0:
             grids.append([q.default])
@@ -152,8 +162,8 @@ def prior_sigma(parameter: Parameter) -> float:
 
 
 def _place_step(kind: str) -> float:
-    """Step of a derivative with respect to a place: s, m, m, rad, 1; 1e-3 Hz for a frequency."""
-    return {"time": 0.2, "altitude": 50.0, "length": 20.0, "phase": 0.01, "mach": 0.05}.get(kind, 1e-3)
+    """Step of a derivative with respect to a place: s, m, m, rad, 1; 1e-4 Hz for a frequency, 0.1 rad after 160 s."""
+    return {"time": 0.2, "altitude": 50.0, "length": 20.0, "phase": 0.01, "mach": 0.05}.get(kind, 1e-4)
 
 
 def _derivative(model: LinearizedModel, instance: EffectInstance, name: str, step: float) -> tuple[Array, Array]:

@@ -189,20 +189,22 @@ def at_map_point(
     Returns
     -------
     LinearizedModel or None
-        None where the point is not credible.
+        At the most probable point of the iteration; None where the first point is not credible.
     """
-    settings, last = model.settings, np.inf
+    settings, best, least = model.settings, None, np.inf
     for _ in range(settings.nuisance_iterations):
         point = map_point(model, whiten, white, onboard=False)
         if point is None:
-            return None
+            return best
         model = model.at_point(point, effects)
         white = model.white_residuals(whiten)
         size = 0.5 * float(white @ white)
-        if abs(last - size) < settings.fit_convergence_nats:
+        if size > least:  # the chord iteration diverges
             break
-        last = size
-    return model
+        converged, best, least = least - size < settings.fit_convergence_nats, model, size
+        if converged:
+            break
+    return best
 
 
 def linearize(

@@ -106,9 +106,12 @@ def fit_map(
     names = tuple((e, q.name) for e, q in free)
     sigma = np.array([prior_sigma(q) for _, q in free])
     centre = np.array([0.0 if q.kind == "size" else _value(current.effects, e, q.name) for e, q in free])
-    if moving:
-        current = at_map_point(current, whiten, current.white_residuals(whiten), current.effects) or current
     log_posterior, white = _log_posterior(current, whiten, centre, sigma, names)
+    moved = at_map_point(current, whiten, white, current.effects) if moving else None
+    if moved is not None:
+        moved_posterior, moved_white = _log_posterior(moved, whiten, centre, sigma, names)
+        if moved_posterior > log_posterior:
+            current, log_posterior, white = moved, moved_posterior, moved_white
 
     columns = np.zeros((len(white), 0))
     covariance = np.diag(sigma**2)

@@ -22,7 +22,8 @@ from edl_filter.diagnosis.linear_model.effect_jacobian import (
     scan_range,
 )
 from edl_filter.diagnosis.linear_model.linear_model import LinearizedModel
-from edl_filter.effects.base import EffectInstance, EffectKey
+from edl_filter.diagnosis.residual_analysis.unexplained import Remainder, describe_remainder
+from edl_filter.effects.base import Effect, EffectInstance, EffectKey, Parameter
 from edl_filter.errors import InputError
 from edl_filter.estimation.kalman import Whitening, WhiteningFilter
 from edl_filter.estimation.regression import LinearFit, regress, smallest_size
@@ -93,16 +94,43 @@ def scan_jacobians(
         One list for each effect that did not fail, one entry a place.
     """
     begin, lowest = scan_range(model)
+    oscillating = any(_frequencies(a.effect) for a in effects)
+    line = describe_remainder(model) if oscillating else None
     by_effect = []
     for instance in effects:
         try:
-            grid = scan_grid(instance.effect, begin, end, lowest, model.settings)
+            stated = _places_of_line(instance.effect, line)
+            grid = scan_grid(instance.effect, begin, end, lowest, model.settings, stated)
             by_effect.append([effect_jacobian(model, replace(instance, values=places)) for places in grid])
         except InputError as error:
             if failed is None:
                 raise
             failed[instance.label] = str(error)
     return by_effect
+
+
+def _frequencies(effect: Effect) -> list[Parameter]:
+    return [q for q in effect.places if q.kind == "frequency" and q.scan > 1]
+
+
+def _places_of_line(effect: Effect, remainder: Remainder | None) -> dict[str, list[float]]:
+    """Places of an oscillating effect from the spectral line of the unexplained remainder; empty without one.
+
+    A flight resolves a frequency to the inverse of the oscillation's duration, and an effect whose phase is zero at the
+    epoch to an eighth of the inverse of its last time: a scan of its whole range would pass over it.
+    """
+    if remainder is None or remainder.frequency is None or not _frequencies(effect):
+        return {}
+    step, width = 0.125 / remainder.t1, 1.0 / (remainder.t1 - remainder.t0)
+    offsets = step * np.arange(-np.ceil(width / step), np.ceil(width / step) + 1.0)
+    places = {}
+    for q in _frequencies(effect):
+        values = remainder.frequency + offsets
+        places[q.name] = values[(values >= q.low) & (values <= q.high)].tolist() or [q.default]
+    times = [q for q in effect.places if q.kind == "time" and q.scan > 1]
+    for q, time in zip(times, (remainder.t0, remainder.t1), strict=False):
+        places[q.name] = [time]
+    return places
 
 
 def screen(
