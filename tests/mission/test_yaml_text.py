@@ -11,7 +11,7 @@ from shipped_missions import error_of
 
 from edl_filter.errors import InputError
 from edl_filter.mission import Mission
-from edl_filter.mission.yaml_text import parse, set_key
+from edl_filter.mission.yaml_text import parse, parse_override, set_key
 
 
 def test_unreadable_files_are_refused(tmp_path):
@@ -50,6 +50,23 @@ TREES = st.recursive(
     lambda below: st.lists(below, max_size=2) | st.dictionaries(NAMES, below, max_size=3),
     max_leaves=8,
 )
+
+
+@pytest.mark.parametrize(
+    ("override", "value"),
+    [
+        ("telemetry.path=a.h5", "HERE/a.h5"),
+        ("telemetry={path: a.h5, driving: a.h5}", {"path": "HERE/a.h5", "driving": "a.h5"}),
+        ("effects=[{name: jet, file: jet.py}]", [{"name": "jet", "file": "HERE/jet.py"}]),
+        ("effects.0.file=jet.py", "HERE/jet.py"),
+        ("telemetry.path=builtin:practice_06", "builtin:practice_06"),
+        ("name=a.h5", "a.h5"),
+    ],
+)
+def test_relative_paths_start_from_the_current_folder(override, value, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    expected = json.loads(json.dumps(value).replace("HERE", str(tmp_path)))
+    assert parse_override(override, ("telemetry.path", "effects.*.file"))[1] == expected
 
 
 @settings(max_examples=60, deadline=None)

@@ -12,9 +12,6 @@ from edl_filter.mission.shipped import BUILTIN, shipped_mission
 from edl_filter.mission.yaml_edit import rebase_paths
 from edl_filter.mission.yaml_text import read_text
 
-#: Keys of a mission that name a file, including those of users' effects.
-FILE_KEYS = (*PATH_KEYS, "effects.*.file")
-
 
 def mission_argument(mission: Mission) -> str:
     """Name of a mission as argument of a command: its file from the current folder, or ``builtin:NAME``."""
@@ -57,7 +54,7 @@ def write_mission(mission: Mission, text: str, target: Path) -> Path:
     Path
         `target`.
     """
-    rebased = rebase_paths(text, FILE_KEYS, source_folder(mission), target.parent, str(target))
+    rebased = rebase_paths(text, PATH_KEYS, source_folder(mission), target.parent, str(target))
     return replace_with(target, lambda path: path.write_text(rebased, encoding="utf-8"))
 
 

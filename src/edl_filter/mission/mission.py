@@ -28,14 +28,16 @@ if TYPE_CHECKING:
     from edl_filter.effects.base import EffectInstance
     from edl_filter.planet import Planet
 
-#: Keys that name a file to read. A relative path in a mission file starts from the folder of that file, a relative
-#: path in --set from the current folder.
+#: Keys that name a file to read, ``*`` for every index of a list. A relative path in a mission file starts from the
+#: folder of that file, a relative path in --set from the current folder.
 PATH_KEYS = (
     "telemetry.path",
     "atmosphere.table",
     "aerodynamics.continuum",
     "aerodynamics.rarefied",
     "aerodynamics.damping",
+    "aerodynamics.increments",
+    "effects.*.file",
 )
 
 
@@ -137,9 +139,7 @@ class Mission(Section):
         """
         changed = []
         for override in overrides:
-            key, value = parse_override(override)
-            if key in PATH_KEYS and isinstance(value, str) and not value.startswith(BUILTIN):
-                value = str(Path(value).expanduser().absolute())
+            key, value = parse_override(override, PATH_KEYS)
             text = set_key(text, key, value, label)
             changed.append(key)
         data = parse(text, label)

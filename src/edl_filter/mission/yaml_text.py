@@ -16,6 +16,7 @@ from typing import Any
 import yaml
 
 from edl_filter.errors import InputError
+from edl_filter.mission.shipped import BUILTIN
 
 
 class _Loader(yaml.SafeLoader):
@@ -121,8 +122,16 @@ def read_text(path: Path) -> str:
         raise InputError(f"{path}: {reason}; the path of a mission file is expected.") from None
 
 
-def parse_override(override: str) -> tuple[str, Any]:
+def parse_override(override: str, path_keys: tuple[str, ...] = ()) -> tuple[str, Any]:
     """Return dotted key and value of ``KEY=VALUE``; the value is parsed as YAML.
+
+    Parameters
+    ----------
+    override : str
+        ``KEY=VALUE``.
+    path_keys : tuple of str
+        Dotted keys that name files, ``*`` for every index of a list: their relative paths start from the current
+        folder, also within a section or a list that is the value.
 
     Raises
     ------
@@ -133,7 +142,16 @@ def parse_override(override: str) -> tuple[str, Any]:
     key = key.strip()
     if not equals or not all(key.split(".")):
         raise InputError(f"--set {override}: found no KEY=VALUE; expected for example planet.gravity.j2=0.")
-    return key, parse(value, f"--set {key}")
+    return key, _with_absolute_paths(key, parse(value, f"--set {key}"), path_keys)
+
+
+def _with_absolute_paths(key: str, value: Any, path_keys: tuple[str, ...]) -> Any:
+    if isinstance(value, dict):
+        return {k: _with_absolute_paths(f"{key}.{k}", v, path_keys) for k, v in value.items()}
+    if isinstance(value, list):
+        return [_with_absolute_paths(f"{key}.{i}", v, path_keys) for i, v in enumerate(value)]
+    is_path = isinstance(value, str) and re.sub(r"\.\d+(?=\.|$)", ".*", key) in path_keys
+    return str(Path(value).expanduser().absolute()) if is_path and not value.startswith(BUILTIN) else value
 
 
 def set_key(text: str, key: str, value: Any, label: str = "mission") -> str:

@@ -42,6 +42,8 @@ if TYPE_CHECKING:
     from edl_filter.simulation.sensors import Instrument
 
 _BUILTIN = "builtin:"
+#: Keys that name a file to read.
+_PATH_KEYS = ("mission", "effects.*.file")
 
 Degrees = Annotated[Number, Within("deg", -360.0, 360.0)]
 Angle = Annotated[Number, Within("deg", -90.0, 90.0)]
@@ -256,7 +258,8 @@ class Scenario(Section):
         path : str or Path
             File, or ``builtin:NAME``.
         overrides : sequence of str
-            ``KEY=VALUE`` with a dotted key; the value is YAML, ``null`` omits a section.
+            ``KEY=VALUE`` with a dotted key; the value is YAML, ``null`` omits a section. A relative path as value
+            starts from the current folder.
 
         Raises
         ------
@@ -267,7 +270,7 @@ class Scenario(Section):
         file = _shipped(where[len(_BUILTIN) :]) if where.startswith(_BUILTIN) else Path(path)
         text, changed = read_text(file), []
         for override in overrides:
-            key, value = parse_override(override)
+            key, value = parse_override(override, _PATH_KEYS)
             text = set_key(text, key, value, where)
             changed.append(key)
         return cls.from_dict(parse(text, where), where, file, changed)
