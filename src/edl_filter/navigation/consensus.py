@@ -5,7 +5,7 @@ that is far off is within the gate and moves the state, after which all good rea
 has diverged, all readings are rejected though they agree with each other. The next readings are therefore predicted
 together, without an update, with the covariance of all predictions (S). Two hypotheses on the state are compared:
 
-- **S**: the state is as the filter believes;
+- **S**: the state is as the filter estimates it;
 - **S'**: position and velocity are unknown (`FREE_POSITION`, `FREE_VELOCITY`); only the filter's dynamics between the
   readings are believed.
 

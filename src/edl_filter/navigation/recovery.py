@@ -2,7 +2,7 @@
 
 The state is the outlier, and not a measurement, where readings that agree with each other contradict it (`screening`),
 and where two constraints of different sources do, such as the landing site and the rest on the surface. Where samples
-were lost and filled, one constraint is reason enough to doubt these, and if they explain it they are the cause. Then
+were lost and filled, one constraint is sufficient to test these, and if they explain it they are the cause. Then
 the covariance of the state was too small, and the filter runs again with more. Three causes are compared, each with one
 size:
 
@@ -105,7 +105,7 @@ def run_with_recovery(
     divergence = contradiction(first, 1 if lost else 2)
     if divergence is None:
         return problem, first, None
-    only_gap = contradiction(first) is None  # one measurement is reason enough to doubt filled samples, and only these
+    only_gap = contradiction(first) is None  # one measurement is sufficient to test filled samples, and only these
     stop = problem.samples.index(divergence.time)
     before = log_likelihood(problem, first)
     best: _Attempt | None = None

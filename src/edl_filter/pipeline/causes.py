@@ -315,11 +315,13 @@ def _without_each(problem: Problem) -> Iterator[tuple[str, float, bool]]:
     names = [c.name for c in problem.constraints]
     for constraint in problem.constraints:
         if names.count(constraint.name) == 1:
-            doubted = tuple(cast(Constraint, _Doubted(c)) if c is constraint else c for c in problem.constraints)
-            yield constraint.name, *_evaluate(replace(problem, constraints=doubted))
+            inflated = tuple(
+                cast(Constraint, _WithLargeSigma(c)) if c is constraint else c for c in problem.constraints
+            )
+            yield constraint.name, *_evaluate(replace(problem, constraints=inflated))
 
 
-class _Doubted:
+class _WithLargeSigma:
     """A constraint whose sigmas are multiplied by `WRONG_SIGMA`."""
 
     def __init__(self, constraint: object) -> None:

@@ -146,7 +146,7 @@ def reconstruct(
         Predict every constraint from all others; False leaves `constraint_checks` empty and saves half of the time.
     recover : bool
         Add noise where state and measurements contradict each other (`navigation.recovery`). Without it only samples
-        that were lost and filled are doubted.
+        that were lost and filled are tested.
 
     Returns
     -------
