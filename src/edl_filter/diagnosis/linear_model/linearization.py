@@ -191,7 +191,7 @@ def at_map_point(
     LinearizedModel or None
         At the most probable point of the iteration; None where the first point is not credible.
     """
-    settings, best, least = model.settings, None, np.inf
+    settings, best, least, last = model.settings, None, np.inf, np.inf
     for _ in range(settings.nuisance_iterations):
         point = map_point(model, whiten, white, onboard=False)
         if point is None:
@@ -199,11 +199,11 @@ def at_map_point(
         model = model.at_point(point, effects)
         white = model.white_residuals(whiten)
         size = 0.5 * float(white @ white)
-        if size > least:  # the chord iteration diverges
+        if size < least:  # a chord iteration may diverge
+            best, least = model, size
+        if abs(last - size) < settings.fit_convergence_nats:
             break
-        converged, best, least = least - size < settings.fit_convergence_nats, model, size
-        if converged:
-            break
+        last = size
     return best
 
 

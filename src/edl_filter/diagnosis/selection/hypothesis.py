@@ -185,6 +185,11 @@ def _best(
         steps = settings.polish_fit_iterations
         polished = fit_map(model, start.effects, whiten, steps=steps, moving=moving)
         outcomes.append(_hypothesis(key, polished, whiten, excess.share < floor, null, case, model))
+        if thorough and excess.share < floor and not excess.is_zero:
+            # the little excess may be that of a fit that has not converged: then the stated noise is more likely
+            stated_noise = model.stated_noise_filter
+            converged = fit_map(model, polished.effects, stated_noise, moving=True)
+            outcomes.append(_hypothesis(key, converged, stated_noise, True, null, case, model))
     best = max(outcomes, key=lambda h: (h.gain, h.at_floor))
     if best.at_floor:
         return best
@@ -232,8 +237,8 @@ def relinearize_with_effect(h: Hypothesis) -> Hypothesis:
     The effect's change of the path then enters to all orders. The fit starts at the most likely parameters at the noise
     that the effect leaves. The gain becomes that over the model without the effect where this model failed and the new
     one holds. Otherwise the gain of the first fit is kept: evidence differs by some nats from point to point, and both
-    models are compared about the same one. The iteration ends at the first point if the effect has made no progress
-    there.
+    models are compared about the same one. The iteration ends at the first point if the effect explains little
+    about the old point and has made no progress there.
     """
     settings, start = h.case.settings, h
     if not h.at_floor:
@@ -243,9 +248,10 @@ def relinearize_with_effect(h: Hypothesis) -> Hypothesis:
     first = linearize_at(case, smoothed_point(case.reconstruction), h.model.failing_excess)
     failing_share = max(settings.holds_share, settings.alternative_progress * h.null.excess_share)
     explained_share = _explained_share(h.model, first)
-    if first.excess_variance.share > failing_share and explained_share < settings.least_progress:
+    fails = not start.at_floor and first.excess_variance.share > failing_share
+    if fails and explained_share < settings.least_progress:
         return replace(start, explained_share=explained_share)
-    case, model, fit = iterate_to_convergence(case, iterations=2, first=first, max_excess_share=failing_share)
+    case, model, fit = iterate_to_convergence(case, iterations=2, first=first)
     relinearized = _best(h.key, [fit], [], h.null, case, model, thorough=True)
     gain = h.gain if h.model.holds or not relinearized.at_floor else relinearized.gain
     solved = relinearized.at_floor and h.null.excess_share > settings.holds_share

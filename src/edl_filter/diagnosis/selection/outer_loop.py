@@ -82,7 +82,6 @@ def iterate_to_convergence(
     iterations: int | None = None,
     progress: Callable[[str], None] = lambda _: None,
     first: LinearizedModel | None = None,
-    max_excess_share: float = 1.0,
 ) -> tuple[FlightCase, LinearizedModel, MapFit]:
     """Fit a case's effects about its reconstruction, and about one with the estimates, until they converge.
 
@@ -98,8 +97,6 @@ def iterate_to_convergence(
         Called with a text for each stage.
     first : LinearizedModel, optional
         The model about the smoothed reconstruction, if it is at hand.
-    max_excess_share : float
-        Share of the rows with excess variance beyond which no further reconstruction is made.
     """
     settings = case.settings
 
@@ -116,8 +113,7 @@ def iterate_to_convergence(
     )
     fit = fit_about(model)
     for i in range(1, settings.outer_iterations if iterations is None else iterations):
-        converged = _largest_change(case.effects, fit) <= settings.outer_tolerance_sigmas
-        if converged or model.excess_variance.share > max_excess_share:
+        if _largest_change(case.effects, fit) <= settings.outer_tolerance_sigmas:
             break
         progress(f"refitting the effects, iteration {i + 1}")
         case = load_case(case.mission, fit.effects)
