@@ -138,8 +138,8 @@ class DecisionSettings(Section):
     )
     least_progress: Annotated[Number, Within("", 0.0, 1.0)] = _setting(
         0.02,
-        "share of the log-likelihood between a failing model and the stated noise that an effect must gain about its "
-        "own reconstruction; otherwise it is not iterated",
+        "share of the log-likelihood between a failing model and one that holds that an effect must gain about its own "
+        "reconstruction; otherwise it is not iterated",
         NUMERICS,
     )
     credible_nuisance_sigmas: Annotated[Number, Within("", 0.0, 100.0, above=True)] = _setting(
@@ -238,12 +238,6 @@ class DecisionSettings(Section):
     )
     decided_probability: Annotated[Number, Within("", 0.5, 1.0)] = _setting(
         0.8, "probability from which a verdict is given; below it, the verdict is undecided", STUDY
-    )
-    named_explained_share: Annotated[Number, Within("", 0.0, 1.0)] = _setting(
-        0.25,
-        "share of the log-likelihood between a failing model and the stated noise that a name must explain: a larger "
-        "remainder decides by how it is modelled which name fits best",
-        STUDY,
     )
     excess_noise_nats: Annotated[Number, Within("nats", 0.0, 200.0)] = _setting(
         10.0, "nats: evidence from which the noise is not what is stated", EVIDENCE

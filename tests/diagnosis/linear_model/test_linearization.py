@@ -26,6 +26,7 @@ def constructed_model(number, share, likelihood):
         nuisance=SimpleNamespace(layout=SimpleNamespace(size=2)),
         white_residuals=lambda whiten: np.zeros(3),
         white_excess_log_likelihood=likelihood,
+        log_likelihood=likelihood,
     )
 
 
@@ -113,6 +114,14 @@ def test_the_iteration_ends_where_the_likelihood_gains_little(monkeypatch, gain,
 def test_the_last_model_that_holds_is_returned_or_the_most_likely(monkeypatch, shares, likelihoods, best):
     patched_iteration(monkeypatch, shares, likelihoods)
     assert linearize(CASE, iterations=3).number == best
+
+
+def test_a_failing_model_is_relinearised_to_where_it_is_more_probable(monkeypatch):
+    """It need not hold there: what a nuisance parameter absorbs in part is no evidence for an effect."""
+    likelihoods = [0.0, 30.0, 20.0, 10.0]
+    models = [constructed_model(k, 0.5 * 0.7**k, value) for k, value in enumerate(likelihoods)]
+    monkeypatch.setattr(module, "_iterate_point", lambda case, iterations, max_share, first: iter(models[:iterations]))
+    assert relinearize_failing_model(SimpleNamespace(settings=SETTINGS), models[0]) is models[1]
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,7 @@ from edl_filter import Mission
 from edl_filter.diagnosis.linear_model.flight_case import load_case
 from edl_filter.diagnosis.linear_model.linearization import linearize
 from edl_filter.diagnosis.selection import map_fit as module
-from edl_filter.diagnosis.selection.map_fit import fit_map
+from edl_filter.diagnosis.selection.map_fit import NullModelFit, fit_map, most_probable_null
 from edl_filter.effects import EffectInstance
 from edl_filter.effects.registry import find_effect
 from edl_filter.estimation.regression import regress
@@ -95,3 +95,23 @@ def test_a_wave_of_negative_amplitude_is_returned_with_a_positive_one(model):
         negative.columns[:, i], positive.columns[:, i], atol=1e-4 * np.abs(positive.columns[:, i]).max()
     )
     assert negative.covariance[i, k] == pytest.approx(positive.covariance[i, k], rel=1e-2)
+
+
+# --- the share that an effect explains ------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("likelihood", "share"), [(100.0, 0.0), (90.0, 0.0), (150.0, 0.5), (200.0, 1.0), (300.0, 1.0)])
+def test_the_explained_share_is_that_of_the_way_to_a_model_that_holds(likelihood, share):
+    null = NullModelFit(0.0, 0.0, 0.3, white_log_likelihood=100.0, holding_log_likelihood=200.0)
+    assert null.explained_share(likelihood) == pytest.approx(share)
+
+
+def test_where_nothing_is_left_to_explain_everything_is_explained():
+    assert NullModelFit(0.0, 0.0, 0.0, 200.0, 150.0).explained_share(210.0) == 1.0
+
+
+def test_the_most_probable_null_model_has_the_largest_likelihood_with_white_noise():
+    """Its evidence is at the noise that it shows; the share of an effect is computed with white excess variance."""
+    nulls = [NullModelFit(10.0, 9.0, 0.3, 7.0, 50.0), NullModelFit(12.0, 8.0, 0.3, 5.0, 60.0)]
+    best = most_probable_null(nulls)
+    assert (best.evidence, best.holding_log_likelihood, best.white_log_likelihood) == (12.0, 60.0, 7.0)

@@ -65,7 +65,7 @@ def test_the_evidence_is_that_of_a_linear_fit_at_the_truth(case, ranking):
 def test_the_gain_of_a_name_is_the_evidence_that_the_model_with_it_has_more(ranking):
     """The cost of the priors of a model's own effects is on both sides, so it is paid once."""
     h = ranking.hypotheses[0]
-    null = fit_null_model([h.model], h.fit.effects)
+    null = fit_null_model(h.model, h.fit.effects)
     assert null.evidence - h.null.evidence == pytest.approx(h.gain, abs=3.0)
     # otherwise the next name would pay for this one as well
     assert null.log_likelihood - null.evidence > ranking.case.settings.named_gain_nats

@@ -174,6 +174,18 @@ class LinearizedModel:
         whiten = self.white_excess_filter
         return whiten.log_likelihood(self.white_residuals(whiten))
 
+    @property
+    def holding_log_likelihood(self) -> float:
+        """Log marginal likelihood expected at the stated noise of a model that holds, nats.
+
+        The mean square of the white residuals is taken from the rows without excess variance, at most one: the stated
+        noise is an upper bound where numerical errors are smaller than allowed for.
+        """
+        stated, excess = self.stated_noise_filter, self.excess_variance
+        white = self.white_residuals(self.white_excess_filter)[~excess.significant]
+        mean_square = min(float(np.mean(white**2)), 1.0) if len(white) else 1.0
+        return -0.5 * mean_square * len(self.residual_vector) - 0.5 * stated.log_determinant
+
     @cached_property
     def fitted_noise_filter(self) -> WhiteningFilter:
         """Whitening filter at the noise that the residuals show: white beyond the stated, or correlated in time."""

@@ -246,10 +246,10 @@ def linearize(
 
 
 def relinearize_failing_model(case: FlightCase, model: LinearizedModel) -> LinearizedModel | None:
-    """The alternative mode of a failing model: the point at which it holds, if there is one.
+    """The alternative mode of a failing model: the point at which it holds, or at which it is more probable.
 
     The model fails about the smoothed reconstruction. After some iterations a nuisance parameter may have absorbed what
-    is missing, by as many sigmas as that takes (`LinearizedModel.largest_nuisance_sigmas`).
+    is missing, by as many sigmas as that takes (`LinearizedModel.largest_nuisance_sigmas`), wholly or in part.
 
     Parameters
     ----------
@@ -261,18 +261,20 @@ def relinearize_failing_model(case: FlightCase, model: LinearizedModel) -> Linea
     Returns
     -------
     LinearizedModel or None
-        None where the model holds already, or does not come to hold.
+        None where the model holds already, or is nowhere more probable.
     """
-    settings, share = case.settings, model.excess_variance.share
+    settings, best, share = case.settings, model, model.excess_variance.share
     if model.holds:
         return None
     for candidate in islice(_iterate_point(case, settings.alternative_iterations, 1.0, model), 1, None):
         if candidate.holds:
             return candidate
+        if candidate.log_likelihood > best.log_likelihood:
+            best = candidate
         if candidate.excess_variance.share > settings.alternative_progress * share:
             break
         share = candidate.excess_variance.share
-    return None
+    return None if best is model else best
 
 
 def _iterate_point(

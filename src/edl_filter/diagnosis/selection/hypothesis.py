@@ -47,11 +47,11 @@ class Hypothesis:
     case, model : FlightCase, LinearizedModel
         About which it was fitted last.
     null : NullModelFit
-        The model without it.
+        The model without it, over which gains are computed.
     stated_noise_fit : MapFit or None
         The same at the stated noise, where that differs.
     explained_share : float
-        Share of the log-likelihood between a failing model and the stated noise that the effect gains about its own
+        Share of the log-likelihood between the null model and one that holds that the effect gains about its own
         reconstruction; zero where it was not relinearised.
     """
 
@@ -83,6 +83,12 @@ class Hypothesis:
         """The key as text."""
         return label_of(self.key)
 
+    def with_reference(self, null: NullModelFit) -> Hypothesis:
+        """The same with its gains over the null model about another point."""
+        gain = self.gain + self.null.evidence - null.evidence
+        score_gain = self.score_gain + self.null.log_likelihood - null.log_likelihood
+        return replace(self, gain=gain, score_gain=score_gain, null=null)
+
 
 def fit_hypothesis(
     case: FlightCase,
@@ -99,7 +105,7 @@ def fit_hypothesis(
     starts : list of (ScreeningResult, callable)
         Results of the screening, and the whitening filter of each.
     null : NullModelFit
-        The model without it, over which gains are computed.
+        The model without it about the same point, over which gains are computed.
     """
     settings, key = case.settings, starts[0][0].instance.key
     at_fitted_noise: list[MapFit] = []
@@ -231,14 +237,22 @@ def _hypothesis(
     )
 
 
-def relinearize_with_effect(h: Hypothesis) -> Hypothesis:
+def relinearize_with_effect(h: Hypothesis, reference: NullModelFit) -> Hypothesis:
     """The same hypothesis fitted about a reconstruction that has the effect.
 
     The effect's change of the path then enters to all orders. The fit starts at the most likely parameters at the noise
-    that the effect leaves. The gain becomes that over the model without the effect where this model failed and the new
-    one holds. Otherwise the gain of the first fit is kept: evidence differs by some nats from point to point, and both
-    models are compared about the same one. The iteration ends at the first point if the effect explains little
-    about the old point and has made no progress there.
+    that the effect leaves. Where the model without the effect fails about its first point, the gain becomes that of the
+    effect about its own point over the null model about the point where that is most probable (the ratio of two
+    marginal likelihoods, each by Laplace's approximation at its own maximum). Otherwise the gain of the first fit is
+    kept: evidence differs by some nats from point to point, and both models are compared about the same one. The
+    iteration ends at the first point if the effect explains little about the old point and has made no progress there.
+
+    Parameters
+    ----------
+    h : Hypothesis
+        Fitted about a point without the effect.
+    reference : NullModelFit
+        The model without the effect about the point where it is most probable.
     """
     settings, start = h.case.settings, h
     if not h.at_floor:
@@ -247,25 +261,13 @@ def relinearize_with_effect(h: Hypothesis) -> Hypothesis:
     case = load_case(h.case.mission, start.fit.effects)
     first = linearize_at(case, smoothed_point(case.reconstruction), h.model.failing_excess)
     failing_share = max(settings.holds_share, settings.alternative_progress * h.null.excess_share)
-    explained_share = _explained_share(h.model, first)
+    explained_share = h.null.explained_share(first.white_excess_log_likelihood)
     fails = not start.at_floor and first.excess_variance.share > failing_share
     if fails and explained_share < settings.least_progress:
-        return replace(start, explained_share=explained_share)
+        return replace(start.with_reference(reference), explained_share=explained_share)
     case, model, fit = iterate_to_convergence(case, iterations=2, first=first)
-    relinearized = _best(h.key, [fit], [], h.null, case, model, thorough=True)
-    gain = h.gain if h.model.holds or not relinearized.at_floor else relinearized.gain
-    solved = relinearized.at_floor and h.null.excess_share > settings.holds_share
-    return replace(
-        relinearized,
-        gain=gain,
-        score_gain=relinearized.score_gain if solved else h.score_gain,
-        explained_share=_explained_share(h.model, model),
-    )
-
-
-def _explained_share(without: LinearizedModel, with_effect: LinearizedModel) -> float:
-    """Share of the log-likelihood between a failing model and the stated noise that an effect has gained."""
-    stated = without.stated_noise_filter
-    at_stated_noise = -0.5 * len(without.residual_vector) - 0.5 * stated.log_determinant
-    before = without.white_excess_log_likelihood
-    return (with_effect.white_excess_log_likelihood - before) / max(at_stated_noise - before, 1.0)
+    relinearized = _best(h.key, [fit], [], reference, case, model, thorough=True)
+    if h.model.holds:
+        same_point = h.with_reference(reference)
+        relinearized = replace(relinearized, gain=same_point.gain, score_gain=same_point.score_gain)
+    return replace(relinearized, explained_share=reference.explained_share(model.white_excess_log_likelihood))

@@ -182,35 +182,55 @@ class NullModelFit:
         Without priors, nats.
     excess_share : float
         Share of the rows with excess variance about the point where the model may fail.
+    white_log_likelihood : float
+        With white excess variance, nats.
+    holding_log_likelihood : float
+        Expected of a model that holds, nats.
     """
 
     evidence: float
     log_likelihood: float
     excess_share: float
+    white_log_likelihood: float
+    holding_log_likelihood: float
+
+    def explained_share(self, white_log_likelihood: float) -> float:
+        """Share of the log-likelihood between the null model and one that holds that another model gains, 0 to 1."""
+        deficit = self.holding_log_likelihood - self.white_log_likelihood
+        gain = white_log_likelihood - self.white_log_likelihood
+        return 1.0 if gain >= deficit else max(gain, 0.0) / deficit
 
 
-def fit_null_model(models: Sequence[LinearizedModel], effects: Sequence[EffectInstance]) -> NullModelFit:
-    """Fit the model without a further effect about the point where it is most probable.
+def fit_null_model(
+    model: LinearizedModel, effects: Sequence[EffectInstance], excess_share: float | None = None
+) -> NullModelFit:
+    """Fit the model without a further effect about a point.
 
     Its own effects are fitted as in every hypothesis, so that the cost of their priors is on both sides. Otherwise each
     of them would reduce the gains of all further effects by its own cost, some eight nats a parameter.
 
     Parameters
     ----------
-    models : sequence of LinearizedModel
-        About different points; the first is where the model may fail.
+    model : LinearizedModel
+        About the point.
     effects : sequence of EffectInstance
         The model's.
+    excess_share : float, optional
+        Share of the rows with excess variance about the point where the model may fail; about this point if omitted.
     """
+    steps, whiten = model.settings.null_fit_iterations, model.fitted_noise_filter
+    best = fit_map(model, effects, whiten, steps=steps, moving=model.holds)
+    log_likelihood = whiten.log_likelihood(best.white) + model.case.log_abs_det_jacobian(best.effects)
+    share = model.excess_variance.share if excess_share is None else excess_share
+    return NullModelFit(
+        best.evidence, log_likelihood, share, model.white_excess_log_likelihood, model.holding_log_likelihood
+    )
 
-    def fit(model: LinearizedModel) -> NullModelFit:
-        steps = model.settings.null_fit_iterations
-        best = fit_map(model, effects, model.fitted_noise_filter, steps=steps, moving=model.holds)
-        log_likelihood = model.fitted_noise_filter.log_likelihood(best.white)
-        log_likelihood += model.case.log_abs_det_jacobian(best.effects)
-        return NullModelFit(best.evidence, log_likelihood, models[0].excess_variance.share)
 
-    return max((fit(m) for m in models), key=lambda n: n.evidence)
+def most_probable_null(nulls: Sequence[NullModelFit]) -> NullModelFit:
+    """The null model about the point where it is most probable; its white log-likelihood is the largest of all."""
+    white = max(n.white_log_likelihood for n in nulls)
+    return replace(max(nulls, key=lambda n: n.evidence), white_log_likelihood=white)
 
 
 def _value(effects: Sequence[EffectInstance], effect: EffectKey, parameter: str) -> float:

@@ -19,7 +19,7 @@ from edl_filter.diagnosis.linear_model.linearization import linearize, relineari
 from edl_filter.diagnosis.noise.unmodelled_acceleration import UnmodelledAcceleration, most_likely_process
 from edl_filter.diagnosis.noise.variance_components import estimate_variance_components
 from edl_filter.diagnosis.selection.hypothesis import Hypothesis, fit_hypothesis, relinearize_with_effect
-from edl_filter.diagnosis.selection.map_fit import NullModelFit, fit_null_model
+from edl_filter.diagnosis.selection.map_fit import NullModelFit, fit_null_model, most_probable_null
 from edl_filter.diagnosis.selection.screening import (
     ScreeningResult,
     correlation,
@@ -94,24 +94,25 @@ def _rank(case: FlightCase, effects: Sequence[EffectInstance], progress: Progres
     progress("comparing model and measurements")
     model = linearize(case, settings.linearization_iterations, settings.iterated_excess_share)
     alternative_mode = relinearize_failing_model(case, model)
-    if alternative_mode is not None and alternative_mode.largest_nuisance_sigmas <= settings.credible_nuisance_sigmas:
-        model, alternative_mode = alternative_mode, None  # it failed only about the smoothed reconstruction
+    holding = alternative_mode if alternative_mode is not None and alternative_mode.holds else None
+    if holding is not None and holding.largest_nuisance_sigmas <= settings.credible_nuisance_sigmas:
+        model, alternative_mode, holding = holding, None, None  # it failed only about the smoothed reconstruction
     models = [m for m in (model, alternative_mode) if m is not None]
-    null, most_likely = fit_null_model(models, case.effects), max(models, key=lambda m: m.log_likelihood)
+    nulls = [fit_null_model(m, case.effects, model.excess_variance.share) for m in models]
+    reference, most_likely = most_probable_null(nulls), max(models, key=lambda m: m.log_likelihood)
     progress("trying the catalogue and something else")
     unmodelled_fit = start_thread(lambda: fit_unmodelled(model))  # compiled loops for the most part
     failed: dict[str, str] = {}
     # where the model holds an effect has its full evidence; the scan of an effect with places is too coarse for that
-    shares = [(model, effects)]
-    if alternative_mode is not None:
-        with_places = [a for a in effects if a.effect.places]
-        shares = [(model, with_places), (alternative_mode, [a for a in effects if not a.effect.places])]
-    screenings = [_screen(m, share, case.end, failed) for m, share in shares]
+    shares = [effects]
+    if holding is not None:
+        shares = [[a for a in effects if a.effect.places], [a for a in effects if not a.effect.places]]
+    screenings = [_screen(m, share, case.end, failed) for m, share in zip(models, shares, strict=False)]
     hypotheses: list[Hypothesis] = []
-    for screened in screenings:
+    for screened, null in zip(screenings, nulls, strict=False):
         best = max((h.gain for h in hypotheses), default=0.0)
         fitted = _fit_shortlist(case, screened, null, settings.rival_gain_share * best, failed, progress)
-        hypotheses += _relinearize_leaders(case, fitted, failed, progress)
+        hypotheses += _relinearize_leaders(case, fitted, reference, failed, progress)
     hypotheses.sort(key=lambda h: -h.gain)
     unmodelled, unmodelled_likelihood = unmodelled_fit()
     stated = model.stated_noise_filter.log_likelihood(model.white_residuals(model.stated_noise_filter))
@@ -208,14 +209,19 @@ def fit_unmodelled(model: LinearizedModel) -> tuple[UnmodelledAcceleration, floa
 
 
 def _relinearize_leaders(
-    case: FlightCase, hypotheses: list[Hypothesis], failed: dict[str, str], progress: Progress
+    case: FlightCase,
+    hypotheses: list[Hypothesis],
+    reference: NullModelFit,
+    failed: dict[str, str],
+    progress: Progress,
 ) -> list[Hypothesis]:
     """All hypotheses, the leader fitted about its own reconstruction, and others that may overtake it there.
 
     About a failing model gains are accurate to a factor only: a wrong name may lead where the right one changes the
     path by much. The right one reaches the noise about its own path, if nothing else is missing. So those with a share
     `rival_gain_share` of the leader's gain are relinearised too, and the one that is best at the stated noise. Where
-    the leader explains everything, only those that explain the same can be as good.
+    the leader explains everything, only those that explain the same can be as good. All gains are over the null model
+    about the point where it is most probable, which is no advantage to those that are not relinearised.
     """
     settings = case.settings
     ranked = sorted(hypotheses, key=lambda h: -h.gain)
@@ -227,7 +233,7 @@ def _relinearize_leaders(
     explained = {h.key: h.explained for h in ranked}
     relinearized: set[EffectKey] = set()
     if ranked and ranked[0].model.holds and ranked[0].gain < 0.5 * settings.named_gain_nats:
-        return ranked  # none of them can be named
+        return [h.with_reference(reference) for h in ranked]  # none of them can be named
     while ranked and len(relinearized) < settings.relinearized_hypotheses:
         rivals = [*best_at_stated_noise, *close]
         if ranked[0].at_floor:
@@ -241,8 +247,8 @@ def _relinearize_leaders(
         relinearized.add(key)
         progress(f"refitting {label_of(key)} about a new reconstruction")
         try:
-            ranked[i] = relinearize_with_effect(ranked[i])
+            ranked[i] = relinearize_with_effect(ranked[i], reference)
         except InputError as error:
             failed[label_of(key)] = str(error)
         ranked.sort(key=lambda h: -h.gain)
-    return ranked
+    return [h.with_reference(reference) for h in ranked]
