@@ -254,14 +254,14 @@ class TestRoverDrives:
         (checking,) = rover_drives.checking
         assert checking.name == "backshell" and checking.time[-1] <= setup.separation
         # the readings are those of the record in which the rover checks, in its own axes
-        (other,) = backshell_drives.checking
-        k, i = (np.searchsorted(x.time, 200.0) for x in (record, other))
+        (rover_readings,) = backshell_drives.checking
+        k, i = (np.searchsorted(x.time, 200.0) for x in (record, rover_readings))
         aligned = rotations.rotate(
             rotations.from_rotation_vector(BODY_FROM_SPACECRAFT @ setup.imus["rover"].alignment),
             record.specific_force[k : k + 8],
         )
-        np.testing.assert_allclose(aligned, other.specific_force[i : i + 8], atol=1e-9)
-        np.testing.assert_allclose(record.position[k], other.position[i])
+        np.testing.assert_allclose(aligned, rover_readings.specific_force[i : i + 8], atol=1e-9)
+        np.testing.assert_allclose(record.position[k], rover_readings.position[i])
 
     def test_the_heat_shield_moves_both_imus_alike(self, rover, rover_drives):
         setup = rover[2]
