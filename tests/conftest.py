@@ -8,6 +8,11 @@ from pathlib import Path
 import pytest
 from hypothesis import settings
 
+# Before numpy is imported: two workers on two cores need one BLAS thread each; more wait for each other, at three times
+# the processor time
+for variable in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
+    os.environ.setdefault(variable, "1")
+
 # Examples are many in all; a compiler's first call must not count as a slow example. A run is reproducible: other
 # examples are tried with HYPOTHESIS_PROFILE=explore
 settings.register_profile("edl-filter", deadline=None, max_examples=40, derandomize=True)
