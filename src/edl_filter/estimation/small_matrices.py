@@ -162,7 +162,7 @@ def solve_from_right(cross, factor):
     (m, n) array
     """
     n = len(factor)
-    gain = cross.copy()
+    gain, lower = cross.copy(), factor.T.copy()
     for r in range(len(gain)):
         row = gain[r]
         for k in range(n):
@@ -170,8 +170,7 @@ def solve_from_right(cross, factor):
             for j in range(k + 1, n):
                 row[j] -= row[k] * factor[k, j]
         for k in range(n - 1, -1, -1):
-            value = row[k]
-            for j in range(k + 1, n):
-                value -= factor[k, j] * row[j]
-            row[k] = value / factor[k, k]
+            row[k] /= factor[k, k]
+            for j in range(k):
+                row[j] -= row[k] * lower[k, j]
     return gain

@@ -340,12 +340,11 @@ def _smooth(nav, errors, covariance, predicted_nav, predicted_errors, predicted_
                 error[i] += gain[i, j] * change[j]
                 for c in range(n):
                     half[i, c] += gain[i, j] * difference[j, c]
+        transposed = gain.T.copy()
         for i in range(n):
-            for j in range(n):
-                value = 0.0
-                for c in range(n):
-                    value += half[i, c] * gain[j, c]
-                covariance[k, i, j] += value
+            for c in range(n):
+                for j in range(n):
+                    covariance[k, i, j] += half[i, c] * transposed[c, j]
         covariance[k] = symmetric_part(covariance[k])
         nav[k], errors[k] = moved_state(nav[k], errors[k], error, onboard)
     return nav, errors, covariance, gains, True

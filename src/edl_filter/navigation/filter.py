@@ -25,7 +25,6 @@ from edl_filter.navigation.initial import EntryErrors, initial_estimate, sensor_
 from edl_filter.navigation.layout import ONBOARD, Layout, State
 from edl_filter.navigation.robust import Robust, measurement_weight, weighted
 from edl_filter.navigation.screening import Divergence, Screening
-from edl_filter.navigation.ukf import ErrorStateUKF
 from edl_filter.planet import Planet
 from edl_filter.telemetry.record import InitialState
 from edl_filter.types import Array
@@ -274,8 +273,11 @@ def new_filter(problem: Problem, state: State, covariance: Array) -> ErrorStateF
     s = problem.settings
     if s.method == "ekf":
         return ErrorStateEKF(problem.layout, state, covariance, problem.planet)
-    unscented = CompiledUKF if s.engine == "compiled" else ErrorStateUKF
-    return unscented(problem.layout, state, covariance, problem.planet, s.alpha, s.beta, s.kappa)
+    if s.engine == "compiled":
+        return CompiledUKF(problem.layout, state, covariance, problem.planet, s.alpha, s.beta, s.kappa)
+    from edl_filter.navigation.ukf import ErrorStateUKF  # with filterpy comes scipy.stats, a third of all imports
+
+    return ErrorStateUKF(problem.layout, state, covariance, problem.planet, s.alpha, s.beta, s.kappa)
 
 
 def run_filter(problem: Problem) -> FilterPass:
