@@ -51,8 +51,8 @@ def mission(name):
     loaded = Mission.load(MISSIONS / f"{name}.yaml")
     reconstruction = reconstruct(loaded)
     given = postflight_inputs(reconstruction, derive_content(reconstruction).air)
-    whole, layer = best(lambda: reconstruct(loaded), 3), best(lambda: derive(given))
-    print(f"{name}: reconstruction {whole:.3f} s, layer {layer:.3f} s ({100 * layer / whole:.0f} % of it)")
+    reconstruction, layer = best(lambda: reconstruct(loaded), 3), best(lambda: derive(given))
+    print(f"{name}: reconstruction {reconstruction:.3f} s, layer {layer:.3f} s ({layer / reconstruction:.0%} of it)")
     return given, layer
 
 

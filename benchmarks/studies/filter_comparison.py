@@ -109,10 +109,10 @@ def state_error(layout, state, at, flight):
     error = np.zeros(layout.size)
     error[:6] = true[:6] - state.nav[:6]
     error[6:9] = rotations.to_rotation_vector(rotations.multiply(rotations.conjugate(state.nav[6:10]), true[6:10]))
-    drawn = flight.contents.truth["sensor_errors"]["primary"]
+    true_errors = flight.contents.truth["sensor_errors"]["primary"]
     for name in SENSOR_STATES:
         if name in layout:
-            error[layout[name]] = drawn[name] - state.errors[layout[name]]
+            error[layout[name]] = true_errors[name] - state.errors[layout[name]]
     return error
 
 

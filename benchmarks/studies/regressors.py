@@ -108,7 +108,7 @@ class Course:
         moments = moments_at_cm((ca + zero, in_yaw, in_pitch), (cl + zero, pitch, yaw), (i.x_over_d, *i.offset))
         return np.stack((ca + zero, in_yaw, in_pitch, *moments), axis=1)
 
-    def met(self, change: Array, step: float) -> Array:
+    def with_air_velocity(self, change: Array, step: float) -> Array:
         """How the coefficients change with the air-relative velocity, per `step`; `change` (N, 3) in body axes."""
         i, air = self.given, self.derived.preflight.atmosphere
         velocity = i.velocity_body + change
@@ -120,8 +120,8 @@ class Course:
 def table_at(given: PostflightInputs, atmosphere: AtmosphereProfile, velocity: Array) -> Array:
     """The database's coefficients ``(N, 6)`` where the air comes with `velocity`."""
     speed = np.linalg.norm(velocity, axis=1)
-    found = database_coefficients(given.database, atmosphere, speed, velocity, given.x_over_d, 0.0, given.offset)
-    return np.stack([found.value[c] for c in CHANNELS], axis=1)
+    coefficients = database_coefficients(given.database, atmosphere, speed, velocity, given.x_over_d, 0.0, given.offset)
+    return np.stack([coefficients.value[c] for c in CHANNELS], axis=1)
 
 
 def course_of(flight: Reconstruction) -> Course:
@@ -168,7 +168,7 @@ def regressors(p: Course) -> dict[str, list[Array]]:
     i, d = p.given, p.derived
     mach, time, altitude, alpha = d.preflight.atmosphere.mach, i.time, i.altitude, i.alpha_total
     force, rate, turn, inertia = d.motion.force, d.motion.rate, d.motion.acceleration, i.inertia
-    found = i.database.lookup(mach, d.preflight.atmosphere.knudsen, alpha, i.speed)
+    coefficients = i.database.lookup(mach, d.preflight.atmosphere.knudsen, alpha, i.speed)
     axes, zero = np.eye(3), np.zeros(len(time))
 
     def spun(change_rate: Array, change_turn: Array) -> Array:
@@ -211,19 +211,19 @@ def regressors(p: Course) -> dict[str, list[Array]]:
         "products_of_inertia": [p.pushed(0.0, turn @ b + np.cross(rate, rate @ b)) for b in tensors],
         "density_scale": [p.table],
         "density_wave": [p.table * wave for wave in waves],
-        "wind": [p.met(-_STEP * within(*band) * a, _STEP) for band in BANDS for a in (p.east, p.north)],
-        "atmosphere_rotation": [p.met(carried, 1.0)],
-        "axial_force_scale": [p.added(ca=found.ca)],
+        "wind": [p.with_air_velocity(-_STEP * within(*band) * a, _STEP) for band in BANDS for a in (p.east, p.north)],
+        "atmosphere_rotation": [p.with_air_velocity(carried, 1.0)],
+        "axial_force_scale": [p.added(ca=coefficients.ca)],
         "base_pressure": [p.added(ca=np.where(mach < _BASE_MACH, (1.0 - mach / _BASE_MACH) ** 2, 0.0))],
-        "normal_force_scale": [p.added(cn=found.cn)],
-        "pitching_moment_scale": [p.added(cm=found.cm_nose)],
+        "normal_force_scale": [p.added(cn=coefficients.cn)],
+        "pitching_moment_scale": [p.added(cm=coefficients.cm_nose)],
         "static_instability": [p.added(cm=np.exp(-(((mach - m) / 4.0) ** 2)) * small) for m in INSTABILITIES],
         "pitch_damping": [p.pushed(0.0, damping / p.per_moment[:, None])],
         "rolling_moment": [p.added(cl=alpha), p.added(cl=1.0)],
         "remnant_torque": [
             p.pushed(0.0, (time >= t0)[:, None] * a / p.per_moment[:, None]) for t0 in onsets for a in axes
         ],
-        "attitude_frame": [p.met(_TURN * turned(a), _TURN) for a in axes],
+        "attitude_frame": [p.with_air_velocity(_TURN * turned(a), _TURN) for a in axes],
     }
 
 
@@ -252,8 +252,8 @@ def regression_of(flight: Reconstruction) -> Regression:
     p = course_of(flight)
     difference, sigma = residuals(flight, p)
     columns = regressors(p)
-    names = tuple(name for name, found in columns.items() for _ in found)
-    stacked = np.stack([c for found in columns.values() for c in found], axis=2)
+    names = tuple(name for name, regressor in columns.items() for _ in regressor)
+    stacked = np.stack([c for regressor in columns.values() for c in regressor], axis=2)
     use = np.isfinite(difference) & np.isfinite(sigma) & np.all(np.isfinite(stacked), axis=2)
     use &= (p.given.time >= p.derived.domain.useful)[:, None]
     return Regression((difference / sigma)[use], (stacked / sigma[:, :, None])[use], names)

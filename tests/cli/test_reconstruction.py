@@ -251,7 +251,8 @@ def test_swapped_axes_are_refused_with_their_cause(cli, builtin_flight):
     assert not Path("out").exists()
 
 
-def test_a_run_says_what_it_replaces(cli):
+def test_a_run_says_what_it_replaces(cli, practice_06, monkeypatch):
+    monkeypatch.setattr("edl_filter.workflow.run.run_mission", lambda *args: Result(practice_06))
     arguments = ("run", "builtin:practice_mer", "-o", "out", "--no-figures")
     assert "earlier" not in cli(*arguments).stdout
     Path("out/diagnosis.json").write_text("{}")

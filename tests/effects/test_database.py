@@ -70,10 +70,10 @@ def test_without_effects_in_coefficients_it_is_the_same(name):
 
 
 def test_a_users_coefficients_are_left_to_predictions():
-    class Mine(Effect):
+    class PredictedOnly(Effect):
         name = "normal_force_scale"
 
         def coefficients(self, p, flow, totals):
             raise AssertionError
 
-    assert database_with_effects(DATABASE, [EffectInstance(Mine(), {})]) is DATABASE
+    assert database_with_effects(DATABASE, [EffectInstance(PredictedOnly(), {})]) is DATABASE

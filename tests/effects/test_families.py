@@ -110,8 +110,8 @@ def test_density_wave_at_parts_of_a_wavelength():
 @given(st.floats(-0.9, 0.9), st.floats(8e3, 25e3), st.floats(0.0, 6.28))
 def test_density_wave_has_its_period_and_no_mean(amplitude, length, phase):
     effect, p = on("density_wave", A=amplitude, L=length, phase=phase)
-    density, half, whole = (effect.density(p, H + shift) for shift in (0.0, 0.5 * length, length))
-    np.testing.assert_allclose(whole, density, atol=1e-12)
+    density, half, one_wavelength = (effect.density(p, H + shift) for shift in (0.0, 0.5 * length, length))
+    np.testing.assert_allclose(one_wavelength, density, atol=1e-12)
     np.testing.assert_allclose(half + density, 2.0, atol=1e-12)  # opposite half a wavelength above
     over_a_wavelength = effect.density(p, length * np.arange(64) / 64.0)
     assert np.mean(over_a_wavelength) == pytest.approx(1.0, abs=1e-12)

@@ -42,10 +42,10 @@ def test_no_two_of_one_name_are_candidates():
         name = "gust"
         parameters = (Parameter("t0", "s", "from", kind="time", scan=5),)
 
-    class Other(Effect):
+    class SecondGust(Effect):
         name = "gust_2"
 
-    gust, different = Gust(), Other()
+    gust, different = Gust(), SecondGust()
     assert candidates([gust, different], keys("gust"))[1].effect is different
     assert names(candidates([gust, different], keys("gust"))) == ["gust_3", "gust_2"]
     wind, second = (find_effect(n) for n in ("wind", "wind_2"))
@@ -100,14 +100,14 @@ def test_a_users_effect_is_there_once_more_as_well(tmp_path):
 
 
 def test_an_effect_of_this_session_is_candidates_once_more():
-    class Mine(Effect):
+    class SessionEffect(Effect):
         name = "mine"
         parameters = (
             Parameter("a", "", "how much", 0.1, low=-1.0, high=1.0),
             Parameter("t0", "s", "from", kind="time", scan=5),
         )
 
-    effect = Mine()
+    effect = SessionEffect()
     assert names(candidates([effect], keys("mine"))) == ["mine_2"] and isinstance(
-        candidates([effect], keys("mine"))[0].effect, Mine
+        candidates([effect], keys("mine"))[0].effect, SessionEffect
     )

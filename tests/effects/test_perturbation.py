@@ -25,7 +25,7 @@ def perturbation(**changes):
     return replace(Perturbation(time=time, wind=np.zeros((2, 2)), units=units, **nothing), **changes)
 
 
-def met(world, r):
+def fast_flow(world, r):
     """The flow where the shipped flight is fast and the air is thick."""
     nodes = zip(r.filter_pass.nodes, r.smoothed.states, strict=True)
     states = [(node.time, state.nav) for node, state in nodes if 100.0 < node.time < 150.0]
@@ -34,23 +34,23 @@ def met(world, r):
 
 
 def test_none_changes_nothing(world, practice_06):
-    flow, perturbed = met(world, practice_06), met(replace(world, perturbation=perturbation()), practice_06)
+    flow, perturbed = fast_flow(world, practice_06), fast_flow(replace(world, perturbation=perturbation()), practice_06)
     for expected, actual in zip(vars(flow).values(), vars(perturbed).values(), strict=True):
         np.testing.assert_array_equal(expected, actual)
     assert np.all(np.array(world.loads(flow)) == np.array(replace(world, perturbation=perturbation()).loads(flow)))
 
 
 def test_density_and_wind_are_added_against_time(world, practice_06):
-    flow = met(world, practice_06)
-    denser = met(replace(world, perturbation=perturbation(density=np.array([0.0, 0.2]))), practice_06)
+    flow = fast_flow(world, practice_06)
+    denser = fast_flow(replace(world, perturbation=perturbation(density=np.array([0.0, 0.2]))), practice_06)
     np.testing.assert_allclose(denser.density / flow.density, np.exp(1e-3 * flow.time), rtol=1e-12)
-    windy = met(replace(world, perturbation=perturbation(wind=np.full((2, 2), 10.0))), practice_06)
+    windy = fast_flow(replace(world, perturbation=perturbation(wind=np.full((2, 2), 10.0))), practice_06)
     change = np.linalg.norm(windy.velocity_body - flow.velocity_body, axis=1)
     np.testing.assert_allclose(change, np.hypot(10.0, 10.0), rtol=1e-9)
 
 
 def test_coefficients_and_vehicle(world, practice_06):
-    flow = met(world, practice_06)
+    flow = fast_flow(world, practice_06)
     changes = perturbation(ca=np.full(2, 0.1), cn=np.full(2, 0.02), cm=np.full(2, 0.003), mass=0.01, inertia=-0.02)
     perturbed = replace(world, perturbation=changes)
     expected, actual = world.coefficients(flow), perturbed.coefficients(flow)
@@ -109,10 +109,10 @@ def test_increments_are_linear_in_time_and_in_angle(time, steps, ca, cm):
 def test_increments_of_many_samples_are_each_by_themselves():
     random = np.random.default_rng(3)
     time, angle = random.uniform(90.0, 140.0, 50), random.uniform(0.0, 2.0 * STEP, 50)
-    whole = field().increments(flow_of(time, angle))
+    combined = field().increments(flow_of(time, angle))
     for k in range(50):
         alone = field().increments(flow_of(time[k : k + 1], angle[k : k + 1]))
-        assert all(alone[name][0] == pytest.approx(whole[name][k], rel=1e-12, abs=1e-15) for name in whole)
+        assert all(alone[name][0] == pytest.approx(combined[name][k], rel=1e-12, abs=1e-15) for name in combined)
 
 
 def test_increments_are_those_of_the_regime():
@@ -136,7 +136,7 @@ def test_increments_are_linear_in_the_amplitudes():
 
 def test_a_field_changes_the_coefficients_by_its_increments(world, practice_06):
     """Of the flow's own time and total angle, in addition to those against time; a field of zeros changes nothing."""
-    flow = met(world, practice_06)
+    flow = fast_flow(world, practice_06)
     expected = world.coefficients(flow)
     plain = perturbation(ca=np.full(2, 0.1))
     zero = replace(plain, field=FieldPerturbation.zero(MODES, UNITS, 1e-3))
@@ -156,13 +156,15 @@ def test_a_field_changes_the_coefficients_by_its_increments(world, practice_06):
 
 
 def test_a_unit_of_a_coefficient_is_added_to_one_and_leaves_the_field(world, practice_06):
-    flow = met(world, practice_06)
+    flow = fast_flow(world, practice_06)
     start = perturbation(cn=np.full(2, 0.02), field=field())
     for name in ("ca", "cn", "cm"):
         unit = start.with_unit(name)
         assert unit.field is start.field
-        for other in ("ca", "cn", "cm"):
-            np.testing.assert_array_equal(getattr(unit, other), getattr(start, other) + (name == other))
+        for coefficient in ("ca", "cn", "cm"):
+            np.testing.assert_array_equal(
+                getattr(unit, coefficient), getattr(start, coefficient) + (name == coefficient)
+            )
         before, after = (replace(world, perturbation=p).coefficients(flow) for p in (start, unit))
         by = {n: getattr(after, n) - getattr(before, n) for n in ("ca", "cn", "cm_nose")}
         for total, difference in by.items():

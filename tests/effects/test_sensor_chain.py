@@ -57,9 +57,9 @@ def test_misalignment_then_scale_then_bias_however_listed():
 
 
 @given(st.lists(st.tuples(st.sampled_from(sorted(SENSOR)), small, small, small), max_size=5))
-def test_correction_undoes_what_the_sensors_did(drawn):
+def test_correction_undoes_what_the_sensors_did(entries):
     effects = [
-        active(name, **dict(zip((SENSOR[name] + a for a in "xyz"), values, strict=True))) for name, *values in drawn
+        active(name, **dict(zip((SENSOR[name] + a for a in "xyz"), values, strict=True))) for name, *values in entries
     ]
     there_and_back = corrected_record(as_read(record(), effects), effects)
     np.testing.assert_allclose(there_and_back.specific_force, record().specific_force, rtol=1e-12)

@@ -63,13 +63,13 @@ def test_too_few_values_give_their_mean_and_scatter():
 )
 def test_the_covariance_is_symmetric_positive_and_follows_the_unit(seed, first, length, size, offset):
     series = oscillation(np.random.default_rng(seed), 140, 0.05)
-    known = np.ones(140, bool)
-    fill, other = (
-        interpolate(series, known, first, first + length),
-        interpolate(size * (series + offset), known, first, first + length),
+    observed = np.ones(140, bool)
+    fill, rescaled = (
+        interpolate(series, observed, first, first + length),
+        interpolate(size * (series + offset), observed, first, first + length),
     )
     assert np.isfinite(fill.values).all()
     assert np.linalg.eigvalsh(fill.covariance)[0] > 0.0
     np.testing.assert_array_equal(fill.covariance, fill.covariance.T)
-    np.testing.assert_allclose(other.values / size - offset, fill.values, atol=1e-3 * (1.0 + abs(offset)))
-    assert other.sum_sigma == pytest.approx(size * fill.sum_sigma, rel=0.05)
+    np.testing.assert_allclose(rescaled.values / size - offset, fill.values, atol=1e-3 * (1.0 + abs(offset)))
+    assert rescaled.sum_sigma == pytest.approx(size * fill.sum_sigma, rel=0.05)

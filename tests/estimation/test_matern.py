@@ -48,8 +48,8 @@ def test_two_steps_are_one():
         matern32_transition(np.array(0.2)),
         matern32_transition(np.array(0.5)),
     )
-    whole, noise = matern32_transition(np.array(0.7))
-    np.testing.assert_allclose(second @ first, whole, atol=1e-12)
+    combined, noise = matern32_transition(np.array(0.7))
+    np.testing.assert_allclose(second @ first, combined, atol=1e-12)
     np.testing.assert_allclose(second @ noise_first @ second.T + noise_second, noise, atol=1e-12)
 
 

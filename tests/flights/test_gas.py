@@ -49,10 +49,10 @@ def test_the_table_of_the_documentation(profiles):
 @pytest.mark.parametrize("altitude", [8e4, 5e4, 3e4])
 def test_density_and_the_product_of_gas_constant_and_temperature_do_not_depend_on_the_gas(profiles, altitude):
     for flight in profiles:
-        mars, thesis, other = (at(rows, altitude) for rows in flight)
-        for gas in (thesis, other):
+        mars, thesis, diatomic = (at(rows, altitude) for rows in flight)
+        for gas in (thesis, diatomic):
             assert gas[3] == pytest.approx(mars[3], rel=3e-4)
             assert gas[4] == pytest.approx(mars[4], rel=3e-4)
-        assert other[2] / thesis[2] == pytest.approx(np.sqrt(1.3 / 1.4), rel=1e-4)
+        assert diatomic[2] / thesis[2] == pytest.approx(np.sqrt(1.3 / 1.4), rel=1e-4)
         ratio = GASES["mars"].heat_capacity_ratio(mars[0])
         assert mars[2] / thesis[2] == pytest.approx(np.sqrt(1.3 / ratio), rel=3e-4)

@@ -30,8 +30,8 @@ def test_a_composition_is_divided_by_its_sum():
 def test_constants():
     stated = gas("atmosphere.gas={constant: 191.0, heat_capacity_ratio: 1.4}")
     assert (stated.constant, stated.heat_capacity_ratio(150.0)) == (191.0, 1.4)
-    whole = "{constant: 188.92, heat_capacity_ratio: 1.3, molecule_diameter: 4.64e-10, molecule_mass: 7.3079e-26}"
-    stated = gas(f"atmosphere.gas={whole}")
+    constants = "{constant: 188.92, heat_capacity_ratio: 1.3, molecule_diameter: 4.64e-10, molecule_mass: 7.3079e-26}"
+    stated = gas(f"atmosphere.gas={constants}")
     assert stated.mean_free_path(1e-5) == Gas().mean_free_path(1e-5)
 
 

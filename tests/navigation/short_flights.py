@@ -167,9 +167,9 @@ def sensor_flights(seed, count, times):
             (LocalVelocity(40.0, np.zeros(3), np.array([0.3, 0.5, 0.4]), PLANET), "velocity"),
             (models.LandingSite(END, np.zeros(3), 15.0**2 * np.eye(3), PLANET), "position"),
         ]
-        met = [measure(rng, c, truth[c.time], layout, field) for c, field in statements]
+        measurements = [measure(rng, c, truth[c.time], layout, field) for c, field in statements]
         problem = build_problem(
-            effective_samples(record), initial, EntryErrors(), (priors,), met, PLANET, SETTINGS, times
+            effective_samples(record), initial, EntryErrors(), (priors,), measurements, PLANET, SETTINGS, times
         )
         flights.append(Flight(problem, truth))
     return flights
@@ -255,20 +255,20 @@ def onboard_flights(seed, count, times):
                 full[layout[name]] = delta[layout[name]]
             carried = before_change if abs(t - CHANGE) < 1e-6 else onboard[i]
             truth[t] = State(np.concatenate((motion.at(t, k), carried)), full)
-        met = []
+        measurements = []
         for t in every:
             q = rotations.multiply(truth[t].nav[10:], rotations.from_rotation_vector(1e-3 * rng.standard_normal(3)))
-            met.append(models.OnboardAttitude(t, q, 1e-3))
+            measurements.append(models.OnboardAttitude(t, q, 1e-3))
         statements = [
             (models.LandingSite(10.0, np.zeros(3), 30.0**2 * np.eye(3), PLANET), "position"),
             (LocalVelocity(20.0, np.zeros(3), np.array([0.5, 0.5, 0.2]), PLANET), "velocity"),
             (models.Altimeter(45.0, 0.0, 10.0, 3.39e6), "height"),
             (LocalVelocity(55.0, np.zeros(3), np.array([0.3, 0.5, 0.4]), PLANET), "velocity"),
         ]
-        met += [measure(rng, c, truth[c.time], layout, field) for c, field in statements]
+        measurements += [measure(rng, c, truth[c.time], layout, field) for c, field in statements]
         samples = effective_samples(record)
         problem = build_problem(
-            samples, initial, entry, priors, met, PLANET, SETTINGS, times, unit_change_sigma=change_sigma
+            samples, initial, entry, priors, measurements, PLANET, SETTINGS, times, unit_change_sigma=change_sigma
         )
         flights.append(Flight(problem, truth))
     return flights

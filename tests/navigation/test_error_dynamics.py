@@ -222,8 +222,8 @@ def test_transitions_of_adjoining_intervals_multiply():
     first, second = built.samples.part(0, 25), built.samples.part(25, len(built.samples.time))
     middle, before = propagate_with_transition(built.layout, MOON, first, state)
     _, after = propagate_with_transition(built.layout, MOON, second, middle)
-    _, whole = propagate_with_transition(built.layout, MOON, built.samples, state)
-    np.testing.assert_allclose(after @ before, whole, rtol=1e-11, atol=1e-11 * np.max(np.abs(whole)))
+    _, combined = propagate_with_transition(built.layout, MOON, built.samples, state)
+    np.testing.assert_allclose(after @ before, combined, rtol=1e-11, atol=1e-11 * np.max(np.abs(combined)))
 
 
 def test_closed_form_without_rotation_and_gravity():

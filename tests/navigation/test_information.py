@@ -106,9 +106,9 @@ def test_gains_in_order_are_those_of_the_batch_estimate_and_sum_to_all_informati
 @pytest.mark.parametrize("name", ["beacon", "landing"])
 def test_the_gain_beyond_all_others_is_what_the_estimate_loses_without_the_constraint(name):
     p, filter_pass, checks = checks_of(*(fix(*f) for f in FIXES))
-    others = [f for f in FIXES if f[0].name != name]
+    remaining_fixes = [f for f in FIXES if f[0].name != name]
     gain = checks[name].left_out_information
-    assert gain == pytest.approx(fall(posterior(others), posterior(FIXES)), rel=1e-5)
+    assert gain == pytest.approx(fall(posterior(remaining_fixes), posterior(FIXES)), rel=1e-5)
     # without process noise the states at all times have the same information: at the entry and at the end
     without = run_filter_without(p, filter_pass, name)
     for k in (0, -1):

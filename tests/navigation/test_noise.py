@@ -118,9 +118,9 @@ def test_other_states_get_no_noise():
 def test_splitting_a_sample_changes_its_noise_to_second_order_only():
     s, attitude = problem(40, seed=3)
     cut = s.split(s.time - 0.3 * s.interval)
-    whole = process_noise(BARE, s, attitude)
+    uncut_noise = process_noise(BARE, s, attitude)
     parts = process_noise(BARE, cut, attitude)
-    assert np.max(np.abs(whitened(parts, whole) - np.eye(9))) < 0.02
+    assert np.max(np.abs(whitened(parts, uncut_noise) - np.eye(9))) < 0.02
 
 
 def test_net_turn_is_the_product_of_the_samples_turns():
@@ -162,8 +162,8 @@ def test_filled_samples_add_the_noise_of_their_sigmas():
     filled = replace(
         bare, force_fill_sigma=np.full((len(s.time), 3), 0.02), rate_fill_sigma=np.full((len(s.time), 3), 0.003)
     )
-    whole = process_noise(BARE, uncertain, attitude)
-    assert np.max(np.abs(whitened(process_noise(BARE, filled, attitude), whole) - np.eye(9))) < 0.05
+    uncertain_noise = process_noise(BARE, uncertain, attitude)
+    assert np.max(np.abs(whitened(process_noise(BARE, filled, attitude), uncertain_noise) - np.eye(9))) < 0.05
     for axis in range(3):
         sigma = np.zeros((len(s.time), 3))
         sigma[-1, axis] = 0.01

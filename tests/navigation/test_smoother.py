@@ -46,7 +46,7 @@ def test_ends_at_the_filters_estimate_and_has_smaller_covariances_before():
 
 def test_may_stop_at_a_later_node():
     filter_pass = run_filter(twins.linear().problem)
-    whole, part = smooth(filter_pass), smooth(filter_pass, 4)
-    np.testing.assert_array_equal(part.covariance, whole.covariance[4:])
-    np.testing.assert_array_equal(part.time, whole.time[4:])
-    np.testing.assert_array_equal(part.states[0].nav, whole.states[4].nav)
+    complete, part = smooth(filter_pass), smooth(filter_pass, 4)
+    np.testing.assert_array_equal(part.covariance, complete.covariance[4:])
+    np.testing.assert_array_equal(part.time, complete.time[4:])
+    np.testing.assert_array_equal(part.states[0].nav, complete.states[4].nav)

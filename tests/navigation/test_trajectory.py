@@ -92,12 +92,12 @@ def test_equals_the_smoothed_state_at_every_node():
 def test_without_noise_and_errors_is_dead_reckoning():
     """Nodes of a propagation without updates and negligible priors of the errors: the scalar twin at every sample."""
     p = problem()
-    s, whole, stops = p.samples, dead_reckoning(NAV), [0, 21, 51, 80]
-    states, time = [State(whole[i], np.zeros(24)) for i in stops], [0.125 * i for i in stops]
-    smoothed = Smoothed(np.array(time), np.zeros(4, int), states, np.tile(np.eye(24), (4, 1, 1)))
+    s, reckoned, stops = p.samples, dead_reckoning(NAV), [0, 21, 51, 80]
+    states, time = [State(reckoned[i], np.zeros(24)) for i in stops], [0.125 * i for i in stops]
+    smoothed = Smoothed(np.array(time), np.zeros(4, int), states, np.tile(np.eye(24), (4, 1, 1)), np.zeros((3, 24, 24)))
     path = smoothed_trajectory(p, smoothed, p.layout)
     states = np.concatenate((path.position, path.velocity, path.inertial_from_body), axis=1)
-    np.testing.assert_allclose(states, whole, rtol=1e-11, atol=1e-11)
+    np.testing.assert_allclose(states, reckoned, rtol=1e-11, atol=1e-11)
     np.testing.assert_array_equal(path.specific_force[1:], s.force)
     np.testing.assert_array_equal(path.angular_rate[0], s.rate[0])
 
@@ -147,7 +147,7 @@ def test_covariances_are_in_inertial_axes_and_even_between_nodes():
         State(np.concatenate((np.zeros(6), rotations.normalise(rng.standard_normal(4)))), np.zeros(9)) for _ in "abc"
     ]
     nodes = np.array([twins.random_covariance(rng, rng.uniform(1, 2, 9)) for _ in "abc"])
-    smoothed = Smoothed(np.array([0.0, 2.0, 6.0]), np.zeros(3, int), states, nodes)
+    smoothed = Smoothed(np.array([0.0, 2.0, 6.0]), np.zeros(3, int), states, nodes, np.zeros((2, *nodes.shape[1:])))
     covariances = inertial_covariance(smoothed, np.array([0.0, 1.0, 2.0, 5.0, 6.0]))
 
     def inertial(k):

@@ -46,7 +46,7 @@ def last_words(notebook):
     return "".join(o.text for o in codes(notebook)[-1].outputs if o.output_type == "stream" and o.name == "stdout")
 
 
-def shown(notebook):
+def requested_figures(notebook):
     """Number of figures that the code asks for."""
     return sum(bool(re.search(r"\.plot\.\w+\(|subplots\(", cell.source)) for cell in codes(notebook))
 
@@ -67,17 +67,17 @@ class TestAsKept:
 
     def test_no_helper_code_hides_in_it(self, path):
         kinds = (ast.FunctionDef, ast.AsyncFunctionDef, ast.ClassDef, ast.Lambda)
-        found = [
+        definitions = [
             node
             for cell in codes(read(path))
             for node in ast.parse(cell.source).body
             if any(isinstance(inner, kinds) for inner in ast.walk(node))
         ]
         if path.stem.startswith("4"):
-            (effect,) = found
+            (effect,) = definitions
             assert isinstance(effect, ast.ClassDef) and effect.bases[0].id == "Effect"
         else:
-            assert found == []
+            assert definitions == []
 
     def test_text_explains_the_code(self, path):
         cells = read(path).cells
@@ -96,27 +96,33 @@ class TestAsKept:
 def test_it_runs_on_the_rovers_telemetry(path, tmp_path, monkeypatch):
     monkeypatch.delenv("EDL_FILTER_DATA", raising=False)
     notebook = execute(path, tmp_path)
-    assert pictures(notebook) == shown(notebook) > 4
+    assert pictures(notebook) == requested_figures(notebook) > 4
 
 
 @pytest.mark.notebook
 def test_the_hidden_effect_is_found_and_the_error_falls_to_the_noise(tmp_path):
     notebook = execute(FOLDER / "3_find_the_hidden_effect.ipynb", tmp_path)
-    assert pictures(notebook) == shown(notebook) > 3
-    said = re.fullmatch(r"verdict: clean; worst normalised RMS of forces and moments: ([\d.]+)\n", last_words(notebook))
-    assert said and 0.9 < float(said[1]) < 1.1
+    assert pictures(notebook) == requested_figures(notebook) > 3
+    printed = re.fullmatch(
+        r"verdict: clean; worst normalised RMS of forces and moments: ([\d.]+)\n", last_words(notebook)
+    )
+    assert printed and 0.9 < float(printed[1]) < 1.1
     assert any("Missing: accelerometer_misalignment" in str(c.outputs) for c in codes(notebook))
 
 
 @pytest.mark.notebook
 def test_ones_own_effect_is_named_after_the_verdict_was_unknown(tmp_path):
     notebook = execute(FOLDER / "4_write_your_own_effect.ipynb", tmp_path)
-    assert pictures(notebook) == shown(notebook) > 3
-    said = re.fullmatch(
+    assert pictures(notebook) == requested_figures(notebook) > 3
+    printed = re.fullmatch(
         r"named: leaking_thruster; verdict: clean; worst normalised RMS of forces and moments: ([\d.]+)\n",
         last_words(notebook),
     )
-    assert said and 0.9 < float(said[1]) < 1.1
+    assert printed and 0.9 < float(printed[1]) < 1.1
     description = next(o.text for c in codes(notebook) if "remainder.description" in c.source for o in c.outputs)
-    found = re.match(r"moment_y from (\d+) to (\d+) s: .*it oscillates at ([\d.]+) Hz", description)
-    assert abs(int(found[1]) - 70) < 5 and abs(int(found[2]) - 170) < 5 and abs(float(found[3]) - 0.8) < 0.01
+    oscillation = re.match(r"moment_y from (\d+) to (\d+) s: .*it oscillates at ([\d.]+) Hz", description)
+    assert (
+        abs(int(oscillation[1]) - 70) < 5
+        and abs(int(oscillation[2]) - 170) < 5
+        and abs(float(oscillation[3]) - 0.8) < 0.01
+    )

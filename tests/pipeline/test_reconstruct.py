@@ -5,9 +5,9 @@ import pytest
 
 from edl_filter.errors import InputError
 from edl_filter.mission import Mission, shipped_mission
+from edl_filter.navigation.compiled_ukf import CompiledUKF
 from edl_filter.navigation.ekf import ErrorStateEKF
 from edl_filter.navigation.filter import new_filter
-from edl_filter.navigation.ukf import ErrorStateUKF
 from edl_filter.pipeline.reconstruct import reconstruct
 
 
@@ -18,7 +18,7 @@ def extended():
 
 
 def test_the_mission_chooses_the_filter(practice_06, extended):
-    for reconstruction, filter_class in ((practice_06, ErrorStateUKF), (extended, ErrorStateEKF)):
+    for reconstruction, filter_class in ((practice_06, CompiledUKF), (extended, ErrorStateEKF)):
         node = reconstruction.filter_pass.nodes[0]
         assert isinstance(new_filter(reconstruction.problem, node.state, node.covariance), filter_class)
 
@@ -26,6 +26,12 @@ def test_the_mission_chooses_the_filter(practice_06, extended):
 def test_another_filter_is_refused():
     with pytest.raises(InputError, match=r"filter\.method: found .*enkf.*ukf.*ekf"):
         Mission.load(shipped_mission("practice_mer"), ["filter.method=enkf"])
+
+
+def test_another_engine_is_refused():
+    with pytest.raises(InputError, match=r"filter\.engine: found .*fast.*compiled.*filterpy"):
+        Mission.load(shipped_mission("practice_mer"), ["filter.engine=fast"])
+    assert Mission.load(shipped_mission("practice_mer"), ["filter.engine=filterpy"]).filter.engine == "filterpy"
 
 
 def test_the_ekf_agrees_with_the_ukf(practice_06, extended):

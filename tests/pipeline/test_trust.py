@@ -106,10 +106,10 @@ def test_lost_samples_are_the_cause_of_a_contradiction(inputs, practice_06):
     ("matrix", "quantity", "kind"),
     [
         (SWAP_XY, "specific_force", "axes"),
-        (SWAP_XZ, "angular_rate", "axes"),
-        (np.diag([1.0, 1.0, -1.0]), "specific_force", "sign"),
+        pytest.param(SWAP_XZ, "angular_rate", "axes", marks=pytest.mark.slow),
+        pytest.param(np.diag([1.0, 1.0, -1.0]), "specific_force", "sign", marks=pytest.mark.slow),
         (-np.eye(3), "angular_rate", "sign"),
-        (np.eye(3) / 0.3048, "specific_force", "units"),
+        pytest.param(np.eye(3) / 0.3048, "specific_force", "units", marks=pytest.mark.slow),
         (np.eye(3) * np.pi / 180.0, "angular_rate", "units"),
     ],
 )
@@ -123,8 +123,16 @@ def test_the_cause_is_named(inputs, matrix, quantity, kind):
 @pytest.mark.parametrize(
     ("repair", "text"),
     [
-        (lambda t: with_altimeter(t, t.altimeter.height * (1.0 / 0.3048 - 1.0)), "the altimeter is in ft"),
-        (lambda t: replace(t, altimeter=replace(t.altimeter, time=t.altimeter.time + 3.3)), "altimeter are about 2.9"),
+        pytest.param(
+            lambda t: with_altimeter(t, t.altimeter.height * (1.0 / 0.3048 - 1.0)),
+            "the altimeter is in ft",
+            marks=pytest.mark.slow,
+        ),
+        pytest.param(
+            lambda t: replace(t, altimeter=replace(t.altimeter, time=t.altimeter.time + 3.3)),
+            "altimeter are about 2.9",
+            marks=pytest.mark.slow,
+        ),
         (lambda t: replace(t, landing=replace(t.landing, position=t.landing.position + 5e4)), "measurement 'landing'"),
     ],
     ids=["feet", "clock", "site"],
@@ -139,7 +147,13 @@ def test_a_wrong_measurement_is_named(inputs, repair, text):
     ("matrix", "quantity", "finding", "cause"),
     [
         (np.diag([-1.0, 1.0, 1.0]), "specific_force", "points to +x of the body axes; drag points to -x", "sign of x"),
-        (SWAP_XZ, "specific_force", "points to -z of the body axes", "x and z exchanged in the accelerometers"),
+        pytest.param(
+            SWAP_XZ,
+            "specific_force",
+            "points to -z of the body axes",
+            "x and z exchanged in the accelerometers",
+            marks=pytest.mark.slow,
+        ),
         (np.eye(3) / 9.80665, "specific_force", "from an entry speed of 5400 m/s", "in g instead of m/s^2"),
         (np.eye(3) * 180.0 / np.pi, "angular_rate", "a rigid body has one rate", "its angular rate is in deg/s"),
     ],

@@ -90,7 +90,7 @@ def test_sigmas_are_those_of_sampled_errors(local):
     stated = air_data(centre, MARS, windy)
     errors = rng.multivariate_normal(np.zeros(9), covariance, 20000)
     count = len(errors)
-    drawn = Trajectory(
+    samples = Trajectory(
         np.repeat(centre.time, count),
         centre.position + errors[:, :3],
         centre.velocity + errors[:, 3:6],
@@ -99,7 +99,7 @@ def test_sigmas_are_those_of_sampled_errors(local):
         np.zeros((count, 3)),
         np.zeros((count, 3)),
     )
-    sampled = air_data(drawn, MARS, windy)
+    sampled = air_data(samples, MARS, windy)
     for name in ("altitude", "speed", "flight_path_angle", "alpha", "beta", "alpha_total"):
         spread = np.std(getattr(sampled, name))
         # 20000 draws give a standard deviation to 0.5 %

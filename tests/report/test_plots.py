@@ -24,7 +24,7 @@ def flight(practice_06):
 
 
 @pytest.fixture(scope="module")
-def found(flight):
+def diagnosis(flight):
     return diagnose(flight, [])
 
 
@@ -41,21 +41,23 @@ def test_figures_give_arrays_of_axes(flight):
     assert flight.plot.coefficients("moments").shape == (4,)
 
 
-def test_a_panel_draws_on_axes_that_are_given(flight, found):
-    _, (left, right) = plt.subplots(1, 2)
-    assert flight.plot.altitude(left) is left and found.plot.residual("moment_y", right) is right
-    assert len(plt.get_fignums()) == 1 and left.lines and right.lines
+def test_a_panel_draws_on_axes_that_are_given(flight, diagnosis):
+    _, (left_axes, right_axes) = plt.subplots(1, 2)
+    assert (
+        flight.plot.altitude(left_axes) is left_axes and diagnosis.plot.residual("moment_y", right_axes) is right_axes
+    )
+    assert len(plt.get_fignums()) == 1 and left_axes.lines and right_axes.lines
 
 
-def test_a_residual_has_its_band_and_unit(found):
-    ax = found.plot.residual("moment y")
+def test_a_residual_has_its_band_and_unit(diagnosis):
+    ax = diagnosis.plot.residual("moment y")
     assert "rad/s²" in ax.get_ylabel() and "±2 sigma stated" in [t.get_text() for t in ax.get_legend().get_texts()]
 
 
-def test_the_fall_needs_an_earlier_diagnosis(found):
-    assert len(found.plot.fall(found).get_xticks()) == 2
+def test_the_fall_needs_an_earlier_diagnosis(diagnosis):
+    assert len(diagnosis.plot.fall(diagnosis).get_xticks()) == 2
     with pytest.raises(InputError, match="found no earlier diagnosis"):
-        found.plot.fall()
+        diagnosis.plot.fall()
 
 
 @pytest.mark.parametrize(
@@ -67,6 +69,6 @@ def test_the_fall_needs_an_earlier_diagnosis(found):
         (lambda r, d: d.plot.missing(), "found the verdict 'clean'"),
     ],
 )
-def test_what_is_not_there_is_told(flight, found, call, message):
+def test_what_is_not_there_is_told(flight, diagnosis, call, message):
     with pytest.raises(InputError, match=message):
-        call(flight, found)
+        call(flight, diagnosis)

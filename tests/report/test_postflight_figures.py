@@ -209,8 +209,8 @@ def test_the_transition_to_continuum_and_the_flights_own_sigma_are_drawn(tree):
     assert "continuum (Kn < 0.002)" in labels[0]
     assert [next(line for line in ax.lines if line.get_color() == GREEN).get_xdata()[0] for ax in
             canvas("mach_and_knudsen", tree).axes[:2]] == [60.0, 60.0]  # fmt: skip
-    drawn = canvas("force_coefficients", tree).axes[1]
-    assert "flight's 1 sigma" in drawn.get_legend_handles_labels()[1]
+    axes = canvas("force_coefficients", tree).axes[1]
+    assert "flight's 1 sigma" in axes.get_legend_handles_labels()[1]
     bare = make_tree()
     del bare["postflight"].attrs["continuum_from"]  # the air never becomes a continuum
     assert "continuum (Kn < 0.002)" not in canvas("mach_and_knudsen", bare).axes[0].get_legend_handles_labels()[1]

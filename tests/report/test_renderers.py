@@ -49,12 +49,12 @@ def traces(figure, bins=BINS):
 def assert_same_curves(figure):
     """Every curve is in both renderings with the data of the description; returns the number of curves."""
     canvas, plotly = draw(figure), plotly_figure(figure, 600, BINS)
-    drawn = [line.get_xydata() for axes in canvas.axes for line in axes.lines]
+    plotted = [line.get_xydata() for axes in canvas.axes for line in axes.lines]
     packed = [np.column_stack((unpacked(t["x"]), unpacked(t["y"]))) for t in plotly["data"] if t["type"] == "scatter"]
     curves = [e for panel in figure.panels for e in panel.elements if isinstance(e, Curve)]
     for curve in curves:
         points = np.column_stack((curve.x, curve.y))
-        assert any(p.shape == points.shape and np.array_equal(p, points, equal_nan=True) for p in drawn)
+        assert any(p.shape == points.shape and np.array_equal(p, points, equal_nan=True) for p in plotted)
         single_precision = points.astype("<f4")
         assert any(p.shape == points.shape and np.array_equal(p, single_precision, equal_nan=True) for p in packed)
     return len(curves)

@@ -111,8 +111,8 @@ def test_files_of_another_kind_are_refused(tmp_path):
     text.write_text("mach,alpha_deg,CA,CN,Cm\n")
     with pytest.raises(InputError, match="no HDF5 file"):
         read_increments(text)
-    with h5py.File(tmp_path / "result.nc", "w") as other:
-        other.attrs["format"] = "edl-result"
+    with h5py.File(tmp_path / "result.nc", "w") as file:
+        file.attrs["format"] = "edl-result"
     with pytest.raises(InputError, match="found 'edl-result'"):
         read_increments(tmp_path / "result.nc")
 

@@ -166,12 +166,12 @@ def test_a_body_stated_by_its_geometry():
         mission = Mission.load(shipped_mission("practice_mer"), [*stated, *overrides])
         return database_of(mission).lookup([2.0, 20.0, 20.0], [1e-6, 1e-6, 20.0], 0.1)
 
-    plain, whole = look_up(), look_up("aerodynamics.base_pressure=true")
+    plain, with_base = look_up(), look_up("aerodynamics.base_pressure=true")
     peak = [rayleigh_pitot_cp_max(2.0, 1.33), 1.94]
     np.testing.assert_allclose(plain.ca[:2], newtonian_coefficients(body, 0.1, peak)[0], rtol=1e-4)
     np.testing.assert_allclose(plain.ca[2], free_molecular_coefficients(body, 0.1)[0], rtol=1e-4)
-    np.testing.assert_allclose(whole.ca - plain.ca, [0.2244, 0.0, 0.0], atol=1e-4)
-    np.testing.assert_allclose(whole.cm_nose, plain.cm_nose, atol=1e-12)
+    np.testing.assert_allclose(with_base.ca - plain.ca, [0.2244, 0.0, 0.0], atol=1e-4)
+    np.testing.assert_allclose(with_base.cm_nose, plain.cm_nose, atol=1e-12)
     with pytest.raises(InputError, match=r"aerodynamics\.base_pressure: builtin:continuum_grid has the base pressure"):
         look_up("aerodynamics.base_pressure=true", "aerodynamics.continuum=builtin:continuum_grid")
     with pytest.raises(InputError, match=r"aerodynamics\.forebody: the nose and the shoulder overlap"):

@@ -116,5 +116,5 @@ def test_the_content_of_a_diagnosis_has_the_schemas_keys():
     """The function that makes the file, read as text: a key that is added in one place only is found without a run."""
     import inspect
 
-    made = set(re.findall(r'^        "(\w+)":', inspect.getsource(diagnosis_content), re.MULTILINE))
-    assert made == set(schema.DiagnosisContent.model_fields)
+    written = set(re.findall(r'^        "(\w+)":', inspect.getsource(diagnosis_content), re.MULTILINE))
+    assert written == set(schema.DiagnosisContent.model_fields)

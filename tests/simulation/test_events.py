@@ -47,11 +47,11 @@ def test_the_new_body_flies_on(flight):
     assert after.mass == 812.0
     for body, row in ((world.body, motion.after[k - 1]), (after, motion.before[k])):
         state = motion.state[k].copy()
-        one = simple_world(world, body)
+        simple = simple_world(world, body)
         if body is world.body:  # its own centre of mass
             state[:3] -= rotations.rotate(state[6:10], SHIFT)
             state[3:6] -= rotations.rotate(state[6:10], np.cross(state[10:13], SHIFT))
-        np.testing.assert_allclose(row[:13], derivative(one, 150.0, state[:13]), rtol=1e-5, atol=1e-6)
+        np.testing.assert_allclose(row[:13], derivative(simple, 150.0, state[:13]), rtol=1e-5, atol=1e-6)
 
 
 def simple_world(world, body):

@@ -89,9 +89,9 @@ def test_noise_and_errors_have_their_sigmas():
     imu = read(random, instrument, none, np.arange(20000.0), zeros, zeros)
     np.testing.assert_allclose(imu.specific_force.std(axis=0), 3e-3, rtol=0.03)
     np.testing.assert_allclose(imu.angular_rate.std(axis=0), 2e-5, rtol=0.03)
-    drawn = [draw_errors(random, SIGMAS) for _ in range(2000)]
+    draws = [draw_errors(random, SIGMAS) for _ in range(2000)]
     for name, sigma in vars(SIGMAS).items():
-        assert np.std([d[name] for d in drawn]) == pytest.approx(sigma, rel=0.05)
+        assert np.std([d[name] for d in draws]) == pytest.approx(sigma, rel=0.05)
 
 
 def test_counts_lose_nothing():

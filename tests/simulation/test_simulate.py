@@ -108,8 +108,8 @@ def test_a_missions_centre_of_mass_off_the_axis_moves_no_instrument(mer_scenario
     """Positions are stated from it: the primary reads the same until the first deceleration, and differs after it."""
     model = Mission.load("builtin:practice_mer", ["vehicle.centre_of_mass_offset=[0.01, -0.01]"])
     (tmp_path / "beside.yaml").write_text(model.text, encoding="utf-8")
-    beside = Scenario.load("builtin:mer", [f"mission={tmp_path / 'beside.yaml'}"])
-    on_axis, off_axis = (f.contents.imus["primary"].specific_force for f in (mer_flight, simulate(beside)))
+    off_axis_scenario = Scenario.load("builtin:mer", [f"mission={tmp_path / 'beside.yaml'}"])
+    on_axis, off_axis = (f.contents.imus["primary"].specific_force for f in (mer_flight, simulate(off_axis_scenario)))
     np.testing.assert_allclose(
         np.mean(off_axis[:24] - on_axis[:24], axis=0), 0.0, atol=2e-4
     )  # an arm would give 1.2e-3

@@ -53,8 +53,8 @@ def width_of(dataset):
 def table_text(group):
     """Rows in the archive's fixed-width format."""
     datasets = [group[name] for name in group.attrs["columns"]]
-    clock, *others = (d.attrs["decimals"] for d in datasets)
-    row = f"%{CLOCK_WIDTH}.{clock}f" + "".join(f"%{STRIDE}.{decimals}f" for decimals in others) + "\r\n"
+    clock, *channels = (d.attrs["decimals"] for d in datasets)
+    row = f"%{CLOCK_WIDTH}.{clock}f" + "".join(f"%{STRIDE}.{decimals}f" for decimals in channels) + "\r\n"
     columns = [d[()] / 10.0 ** d.attrs["decimals"] for d in datasets]
     return "".join(row % tuple(values) for values in np.stack(columns, axis=1)).encode()
 

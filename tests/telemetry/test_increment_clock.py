@@ -117,11 +117,11 @@ def test_missing_rows_are_not_tested():
 
 def test_a_sample_that_was_not_recognised_is_interpolated():
     slips = np.array([100.0, 290.0, 480.0, 670.0])
-    whole = IncrementClock(slips)
+    complete = IncrementClock(slips)
     partial = IncrementClock(slips[[0, 2, 3]])
     times = np.arange(0.125, 900.0, 0.125)
-    np.testing.assert_allclose(partial.lag(times), whole.lag(times), atol=1e-12)
-    assert partial.rate_error == pytest.approx(whole.rate_error) == INCREMENT / 190.0
+    np.testing.assert_allclose(partial.lag(times), complete.lag(times), atol=1e-12)
+    assert partial.rate_error == pytest.approx(complete.rate_error) == INCREMENT / 190.0
 
 
 def test_the_lag_is_a_sawtooth_that_is_zero_at_the_samples():

@@ -48,9 +48,9 @@ def test_sigma_in_a_gap_is_proportional_to_the_change_of_the_signal():
 
 
 def test_segment_without_a_gap_is_unchanged():
-    whole = segment(sample_times(0.0, 16))
-    assert len(fill_gaps(whole)) == 1
-    np.testing.assert_array_equal(fill_gaps(whole)[0].time, whole.time)
+    unbroken = segment(sample_times(0.0, 16))
+    assert len(fill_gaps(unbroken)) == 1
+    np.testing.assert_array_equal(fill_gaps(unbroken)[0].time, unbroken.time)
 
 
 def test_joined_record_has_units_sources_and_adjoining_intervals():

@@ -12,7 +12,7 @@ from edl_filter.errors import InputError
 from edl_filter.mission import Mission, shipped_mission
 from edl_filter.mission.mission import require_prediction_inputs
 from edl_filter.navigation.increments import effective_samples
-from edl_filter.navigation.noise import _attitudes
+from edl_filter.navigation.noise import sample_attitudes
 from edl_filter.pipeline.constraints import onboard_attitudes
 from edl_filter.pipeline.load import mer_setup
 from edl_filter.telemetry.comparison import compare
@@ -96,7 +96,7 @@ def test_gyros_agree_with_the_on_board_quaternion(rover):
     rows = [np.argmin(np.abs(attitude.time - t)) for t in np.arange(95.0, 245.0, 10.0)]
     for a, b in pairwise(rows):
         part = samples.part(samples.index(attitude.time[a]), samples.index(attitude.time[b]))
-        end = _attitudes(part.interval, part.rate, attitude.inertial_from_body[a])[1]
+        end = sample_attitudes(part.interval, part.rate, attitude.inertial_from_body[a])[1]
         errors.append(rotations.rotation_vector_between(attitude.inertial_from_body[b], end))
     rms = np.degrees(np.sqrt(np.mean(np.square(errors), axis=0)))
     assert np.all(rms < 0.002)
@@ -126,7 +126,7 @@ def test_attitude_across_the_gap_is_that_of_the_quaternions(rover):
     a = np.flatnonzero(attitude.time <= record.time[first] - record.interval[first] + 1e-6)[-1]
     b = np.flatnonzero(attitude.time >= record.time[last] - 1e-6)[0]
     part = samples.part(samples.index(attitude.time[a]), samples.index(attitude.time[b]))
-    end = _attitudes(part.interval, part.rate, attitude.inertial_from_body[a])[1]
+    end = sample_attitudes(part.interval, part.rate, attitude.inertial_from_body[a])[1]
     error = rotations.rotation_vector_between(attitude.inertial_from_body[b], end)
     assert np.degrees(np.linalg.norm(error)) < 0.05
     rotation = rotations.rotation_vector_between(attitude.inertial_from_body[a], attitude.inertial_from_body[b])
@@ -146,7 +146,7 @@ def test_register_ends_at_the_quaternion_and_velocity_also_across_a_gap_of_15_se
     part = samples.part(samples.index(time[start]), samples.index(time[stop]))
     spacecraft_from_body = rotations.from_matrix(BODY_FROM_SPACECRAFT.T)
     attitude = rotations.multiply(t.rover_j2000_from_sc, spacecraft_from_body)
-    attitude_at_middle, end = _attitudes(part.interval, part.rate, attitude[start])
+    attitude_at_middle, end = sample_attitudes(part.interval, part.rate, attitude[start])
     error = rotations.rotation_vector_between(attitude[stop], end)
     assert np.degrees(np.linalg.norm(error)) < 1e-3
     velocity_increment = part.interval @ rotations.rotate(attitude_at_middle, part.force)
@@ -254,14 +254,14 @@ class TestRoverDrives:
         (checking,) = rover_drives.checking
         assert checking.name == "backshell" and checking.time[-1] <= setup.separation
         # the readings are those of the record in which the rover checks, in its own axes
-        (other,) = backshell_drives.checking
-        k, i = (np.searchsorted(x.time, 200.0) for x in (record, other))
+        (rover_readings,) = backshell_drives.checking
+        k, i = (np.searchsorted(x.time, 200.0) for x in (record, rover_readings))
         aligned = rotations.rotate(
             rotations.from_rotation_vector(BODY_FROM_SPACECRAFT @ setup.imus["rover"].alignment),
             record.specific_force[k : k + 8],
         )
-        np.testing.assert_allclose(aligned, other.specific_force[i : i + 8], atol=1e-9)
-        np.testing.assert_allclose(record.position[k], other.position[i])
+        np.testing.assert_allclose(aligned, rover_readings.specific_force[i : i + 8], atol=1e-9)
+        np.testing.assert_allclose(record.position[k], rover_readings.position[i])
 
     def test_the_heat_shield_moves_both_imus_alike(self, rover, rover_drives):
         setup = rover[2]

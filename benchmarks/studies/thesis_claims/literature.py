@@ -177,7 +177,7 @@ def parachute_pressure(f: ClaimFlight) -> Finding:
 def parachute_altitude(f: ClaimFlight) -> Finding:
     t = f.trajectory
     k = int(np.searchsorted(t.time, f.parachute - 1e-6))
-    here = f.arrival(t.time[k], t.position[k], t.velocity[k])
+    arrival = f.arrival(t.time[k], t.position[k], t.velocity[k])
     height = np.linalg.norm(t.position[k]) - f.mission.constraints.landing.radius
     sigma = float(np.interp(f.parachute, f.air.time, f.air.altitude_sigma))
     return about(
@@ -186,7 +186,7 @@ def parachute_altitude(f: ClaimFlight) -> Finding:
         7.4,
         0.05,
         "km",
-        f"above the site's radius; above its horizontal plane {here.up / 1e3:.1f} km",
+        f"above the site's radius; above its horizontal plane {arrival.up / 1e3:.1f} km",
     )
 
 

@@ -105,11 +105,11 @@ class DiscrepancyPrior:
         used = weight > 0.0
         nodes, root = nodes[used], np.sqrt(weight[used])
         size, vectors = np.linalg.eigh(root[:, None] * self.angle_kernel(coefficient, nodes, nodes) * root)
-        kept = size > NEGLIGIBLE_INFORMATION
+        informative = size > NEGLIGIBLE_INFORMATION
         grid = np.asarray(np.arange(0.0, _MODE_RANGE, _MODE_STEP), float)
         # Nyström extension of each eigenvector, so that the sum of squares is the prior variance
         extension = self.angle_kernel(coefficient, grid, nodes) * root
-        smooth = extension @ (vectors[:, kept] / np.sqrt(size[kept]))[:, ::-1]
+        smooth = extension @ (vectors[:, informative] / np.sqrt(size[informative]))[:, ::-1]
         continuum, rarefied = (_linear_between(grid, smooth, angles) for angles in table_angles)
         return AngleModes(continuum, rarefied)
 

@@ -48,8 +48,8 @@ class IncrementTables:
         scale = np.concatenate([r.prior_sigma.ravel() for r in self.update.regimes])
         divisor = np.where(scale > 0.0, scale, 1.0)
         variance, vectors = np.linalg.eigh(self.update.covariance / np.outer(divisor, divisor))
-        kept = variance > _NEGLIGIBLE
-        modes = (vectors[:, kept] * np.sqrt(variance[kept]) * scale[:, None]).T[::-1]
+        significant = variance > _NEGLIGIBLE
+        modes = (vectors[:, significant] * np.sqrt(variance[significant]) * scale[:, None]).T[::-1]
         out, start = [], 0
         for r in self.update.regimes:
             part = slice(start, start + r.increment.size)

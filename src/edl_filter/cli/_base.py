@@ -58,18 +58,18 @@ class InterruptedCommandError(Exception):
 
 
 @contextmanager
-def interrupted(kept: str | Callable[[], str]) -> Iterator[None]:
+def interrupted(outcome: str | Callable[[], str]) -> Iterator[None]:
     """Say what a command has kept if Ctrl-C ends it.
 
     Parameters
     ----------
-    kept : str or callable
+    outcome : str or callable
         Sentence, or what returns it at that time.
     """
     try:
         yield
     except KeyboardInterrupt:
-        raise InterruptedCommandError(kept if isinstance(kept, str) else kept()) from None
+        raise InterruptedCommandError(outcome if isinstance(outcome, str) else outcome()) from None
 
 
 def exit_with_trust(headline: str | None) -> None:

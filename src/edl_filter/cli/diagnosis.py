@@ -89,10 +89,10 @@ def diagnose(
     from edl_filter.workflow.diagnose_result import diagnose_result
 
     folder = result if result.is_dir() else result.parent
-    kept = f"No diagnosis was written; {folder} holds the result as before."
+    outcome = f"No diagnosis was written; {folder} holds the result as before."
     with (
         output_folder(folder) if folder.is_dir() else nullcontext(),
-        interrupted(kept),
+        interrupted(outcome),
         progress(f"Diagnosing {result}", quiet=as_json) as report_step,
     ):
         diagnosed = diagnose_result(result, names or (), file, report_step)

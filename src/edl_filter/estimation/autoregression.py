@@ -60,15 +60,15 @@ class Interpolation:
         return float(np.sqrt(max(self.covariance.sum(), 0.0)))
 
 
-def interpolate(series: Array, known: BoolArray, first: int, last: int) -> Interpolation:
+def interpolate(series: Array, observed: BoolArray, first: int, last: int) -> Interpolation:
     """Interpolate a missing stretch of a series, or extrapolate where one side has no known values.
 
     Parameters
     ----------
     series : (N,) array
         Values at equal steps, of any unit; those that are not known are ignored.
-    known : (N,) boolean array
-        Which values are known.
+    observed : (N,) boolean array
+        Which values are observed.
     first, last : int
         The stretch is ``series[first:last]``.
 
@@ -77,22 +77,22 @@ def interpolate(series: Array, known: BoolArray, first: int, last: int) -> Inter
     Interpolation
     """
     length = last - first
-    known = known.copy()
-    known[first:last] = False
-    centre = float(np.mean(series[known])) if known.any() else 0.0
-    size = float(np.std(series[known])) if known.any() else 0.0
+    observed = observed.copy()
+    observed[first:last] = False
+    centre = float(np.mean(series[observed])) if observed.any() else 0.0
+    size = float(np.std(series[observed])) if observed.any() else 0.0
     if not size > 0.0:
         return Interpolation(np.full(length, centre), np.zeros((length, length)), 0, 1.0)
-    scaled = np.where(known, (series - centre) / size, 0.0)
-    trials = _trial_stretches(known, first, last)
+    scaled = np.where(observed, (series - centre) / size, 0.0)
+    trials = _trial_stretches(observed, first, last)
     best: tuple[float, Interpolation] | None = None
     for order in ORDERS:
-        fit = _fill(scaled, known, first, last, order)
+        fit = _fill(scaled, observed, first, last, order)
         if fit is None:
             continue
         ratios, score = [], 0.0
         for a, b in trials:
-            without = known.copy()
+            without = observed.copy()
             without[a:b] = False
             trial = _fill(scaled, without, a, b, order)
             if trial is not None:
@@ -103,7 +103,7 @@ def interpolate(series: Array, known: BoolArray, first: int, last: int) -> Inter
         # negative log predictive density of the sums, with the scale estimated
         score = score / max(len(ratios), 1) + 0.5 * np.log(variance) + (0.0 if ratios else order)
         if best is None or score < best[0]:
-            values, covariance = fit[0], fit[1] + _side_spread(scaled, known, first, last, order, fit[0])
+            values, covariance = fit[0], fit[1] + _side_spread(scaled, observed, first, last, order, fit[0])
             interpolation = Interpolation(
                 centre + size * values, size**2 * variance * covariance, order, float(np.sqrt(variance))
             )
@@ -113,32 +113,32 @@ def interpolate(series: Array, known: BoolArray, first: int, last: int) -> Inter
     return best[1]
 
 
-def _side_spread(series: Array, known: BoolArray, first: int, last: int, order: int, values: Array) -> Array:
+def _side_spread(series: Array, observed: BoolArray, first: int, last: int, order: int, values: Array) -> Array:
     """Spread (n, n) of the values about those by a fit to one side alone: what the process changes in the stretch."""
     spread = np.zeros((len(values), len(values)))
-    for side in (slice(0, first), slice(last, len(known))):
-        fit = _fill(series, known, first, last, order, side)
+    for side in (slice(0, first), slice(last, len(observed))):
+        fit = _fill(series, observed, first, last, order, side)
         if fit is not None:
             spread += 0.5 * np.outer(fit[0] - values, fit[0] - values)
     return spread
 
 
-def _trial_stretches(known: BoolArray, first: int, last: int) -> list[tuple[int, int]]:
+def _trial_stretches(observed: BoolArray, first: int, last: int) -> list[tuple[int, int]]:
     """Known stretches of the same length, nearest first."""
     length = last - first
     step = max(1, length // 2)
-    count = np.concatenate(([0], np.cumsum(known)))
+    count = np.concatenate(([0], np.cumsum(observed)))
     stretches: list[tuple[int, int]] = []
-    for k in range(1, len(known) // step + 2):
+    for k in range(1, len(observed) // step + 2):
         for start in (first - length - (k - 1) * step, last + (k - 1) * step):
-            complete = start >= 0 and start + length <= len(known) and count[start + length] - count[start] == length
+            complete = start >= 0 and start + length <= len(observed) and count[start + length] - count[start] == length
             if complete and len(stretches) < _MOST_STRETCHES:
                 stretches.append((start, start + length))
     return stretches
 
 
 def _fill(
-    series: Array, known: BoolArray, first: int, last: int, order: int, fitted: slice | None = None
+    series: Array, observed: BoolArray, first: int, last: int, order: int, fitted: slice | None = None
 ) -> tuple[Array, Array] | None:
     """Values and covariance of ``series[first:last]`` by an autoregression; None with too few equations.
 
@@ -147,7 +147,7 @@ def _fill(
     if len(series) <= order:
         return None
     lagged = np.lib.stride_tricks.sliding_window_view(series, order + 1)  # row t: series[t : t + order + 1]
-    complete = np.lib.stride_tricks.sliding_window_view(known, order + 1).all(axis=1)
+    complete = np.lib.stride_tricks.sliding_window_view(observed, order + 1).all(axis=1)
     rows = np.flatnonzero(complete)
     if fitted is not None:
         rows = rows[(rows >= fitted.start) & (rows + order < fitted.stop)]
@@ -170,7 +170,7 @@ def _fill(
     length = last - first
     start, stop = max(0, first - order), min(len(lagged), last)
     equations = np.arange(start, stop)
-    usable = np.array([known[t : min(t + order + 1, first)].all() and known[max(t, last) : t + order + 1].all()
+    usable = np.array([observed[t : min(t + order + 1, first)].all() and observed[max(t, last) : t + order + 1].all()
                        for t in equations])  # fmt: skip
     equations = equations[usable]
     weights = np.concatenate((-coefficients[:order], [1.0]))

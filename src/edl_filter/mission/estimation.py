@@ -327,6 +327,11 @@ class FilterConfig(Section):
     method: Literal["ukf", "ekf"] = Field(
         default="ukf", description="ukf: unscented Kalman filter; ekf: extended, without alpha, beta and kappa"
     )
+    engine: Literal["compiled", "filterpy"] = Field(
+        default="compiled",
+        description="of the unscented filter and the smoother; compiled: numba; filterpy: the readable reference, the "
+        "same results to rounding",
+    )
     robust: Literal["none", "huber", "student_t"] = Field(
         default="none",
         description="update with a measurement; none: Gaussian; huber, student_t: a reading far from its prediction "

@@ -15,6 +15,7 @@ import numpy as np
 
 from edl_filter.errors import InputError
 from edl_filter.imu_model.sensor_errors import SensorErrors
+from edl_filter.navigation.compiled_ukf import CompiledUKF
 from edl_filter.navigation.consensus import quantile
 from edl_filter.navigation.constraints import Constraint
 from edl_filter.navigation.ekf import ErrorStateEKF
@@ -24,10 +25,11 @@ from edl_filter.navigation.initial import EntryErrors, initial_estimate, sensor_
 from edl_filter.navigation.layout import ONBOARD, Layout, State
 from edl_filter.navigation.robust import Robust, measurement_weight, weighted
 from edl_filter.navigation.screening import Divergence, Screening
-from edl_filter.navigation.ukf import ErrorStateUKF
 from edl_filter.planet import Planet
 from edl_filter.telemetry.record import InitialState
 from edl_filter.types import Array
+
+Engine = Literal["compiled", "filterpy"]
 
 SAME_TIME = 2e-6  # s: times nearer than this are taken as equal
 
@@ -48,6 +50,9 @@ class Settings:
         ``ukf``: unscented; ``ekf``: extended Kalman filter, which has no use for alpha, beta and kappa.
     robust : str
         Update with a measurement: ``none``: Gaussian; ``huber`` or ``student_t``: see `robust`.
+    engine : str
+        Of the unscented filter and the smoother: ``compiled``: numba; ``filterpy``: the readable reference. The results
+        are the same to rounding. The extended filter has one implementation.
     """
 
     alpha: float = 0.5
@@ -57,6 +62,7 @@ class Settings:
     gate_probability: float = 0.99999
     method: Literal["ukf", "ekf"] = "ukf"
     robust: Robust = "none"
+    engine: Engine = "compiled"
 
 
 @dataclass(frozen=True)
@@ -160,12 +166,15 @@ class FilterPass:
     fused : list of Fused
     divergence : Divergence or None
         The first one.
+    engine : str
+        As in `Settings`.
     """
 
     layout: Layout
     nodes: list[Node]
     fused: list[Fused]
     divergence: Divergence | None = None
+    engine: Engine = "compiled"
 
 
 def build_problem(
@@ -264,6 +273,10 @@ def new_filter(problem: Problem, state: State, covariance: Array) -> ErrorStateF
     s = problem.settings
     if s.method == "ekf":
         return ErrorStateEKF(problem.layout, state, covariance, problem.planet)
+    if s.engine == "compiled":
+        return CompiledUKF(problem.layout, state, covariance, problem.planet, s.alpha, s.beta, s.kappa)
+    from edl_filter.navigation.ukf import ErrorStateUKF  # with filterpy comes scipy.stats, a third of all imports
+
     return ErrorStateUKF(problem.layout, state, covariance, problem.planet, s.alpha, s.beta, s.kappa)
 
 
@@ -347,7 +360,7 @@ def _continue(
             unit = int(samples.unit[done])
             transition = _change_unit(estimator, problem, unit)
             nodes.append(Node(float(epoch), unit, transition, estimator.state, estimator.covariance.copy()))
-    return FilterPass(problem.layout, nodes, fused, screening.divergence)
+    return FilterPass(problem.layout, nodes, fused, screening.divergence, settings.engine)
 
 
 def _change_unit(estimator: ErrorStateFilter, problem: Problem, unit: int) -> Transition:

@@ -82,7 +82,7 @@ class Samples:
 
     def part(self, start: int, stop: int) -> Samples:
         """Samples `start` to `stop`."""
-        return Samples(**{f.name: getattr(self, f.name)[start:stop] for f in fields(self)})
+        return Samples(*[getattr(self, name)[start:stop] for name in _SAMPLES_FIELDS])
 
     def split(self, times: Array) -> Samples:
         """The same motion with sample edges also at `times` (s); the random walks stay the same."""
@@ -110,6 +110,9 @@ class Samples:
             force_fill_sigma=self.force_fill_sigma[index] * factor[:, None],
             rate_fill_sigma=self.rate_fill_sigma[index] * factor[:, None],
         )
+
+
+_SAMPLES_FIELDS = tuple(f.name for f in fields(Samples))
 
 
 def effective_samples(record: ImuRecord) -> Samples:

@@ -21,7 +21,6 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.linalg import block_diag, cholesky, solve_triangular
 
-from edl_filter.estimation.smoothing import smoother_gain
 from edl_filter.navigation.ekf import linearized_measurement
 from edl_filter.navigation.filter import FilterPass, Fused
 from edl_filter.navigation.smoother import Smoothed
@@ -116,10 +115,8 @@ def joint_prediction_covariance(uses: Sequence[Fused], without: FilterPass, smoo
     later = np.zeros((without.layout.size, 0))  # of the error at `node` with the predictions of later uses
     for use in reversed(uses):
         while node > use.node:
-            transition = without.nodes[node].transition
-            assert transition is not None
-            later = smoother_gain(transition.cross_covariance, transition.covariance) @ later
             node -= 1
+            later = smoothed.gain[node - first] @ later
         _, jacobian = linearized_measurement(use.constraint, smoothed.states[node - first], without.layout)
         cross = jacobian @ later
         with_state = smoothed.covariance[node - first] @ jacobian.T

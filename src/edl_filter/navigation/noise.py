@@ -44,7 +44,7 @@ def process_noise(layout: Layout, samples: Samples, attitude: Array) -> Array:
     (n, n) array
         Covariance, in the units of `layout.UNITS`.
     """
-    middle, end = _attitudes(samples.interval, samples.rate, attitude)
+    middle, end = sample_attitudes(samples.interval, samples.rate, attitude)
     to_end = np.eye(9)
     to_end[6:, 6:] = rotations.to_matrix(end).T
     args = samples.interval, rotations.rotate(middle, samples.force), samples.force_noise
@@ -93,7 +93,7 @@ def _fill_noise(samples: Samples, middle: Array, force: Array) -> Array:
 
 def net_turn(samples: Samples) -> Array:
     """Turn over all `samples` as the gyros read, as a quaternion ``(4,)``."""
-    return _attitudes(samples.interval, samples.rate, IDENTITY)[1]
+    return sample_attitudes(samples.interval, samples.rate, IDENTITY)[1]
 
 
 def onboard_turn(samples: Samples) -> tuple[Array, Array]:
@@ -109,15 +109,32 @@ def onboard_turn(samples: Samples) -> tuple[Array, Array]:
         Rotation vector (rad) in the body axes of the end, per rate (rad/s) and per mounting (rad): minus the integral
         of C, and the integral of C [ω]ₓ, with C from the axes of each sample to those of the end.
     """
-    middle, end = _attitudes(samples.interval, samples.rate, IDENTITY)
+    middle, end = sample_attitudes(samples.interval, samples.rate, IDENTITY)
     weight = np.where(samples.net_turn, 0.0, samples.interval)
     to_end = rotations.to_matrix(rotations.multiply(rotations.conjugate(end), middle)) * weight[:, None, None]
     return -to_end.sum(axis=0), np.einsum("nij,njk->ik", to_end, rotations.cross_matrix(samples.rate))
 
 
 @njit(cache=True, error_model="numpy")
-def _attitudes(interval, rate, attitude):
-    """Attitude at the middle of each sample ``(N, 4)``, and at the end of the last one ``(4,)``."""
+def sample_attitudes(interval, rate, attitude):
+    """Attitudes over samples, from the rates alone.
+
+    Parameters
+    ----------
+    interval : (N,) array
+        s.
+    rate : (N, 3) array
+        rad/s, body axes.
+    attitude : (4,) array
+        inertial_from_body at the beginning.
+
+    Returns
+    -------
+    middle : (N, 4) array
+        At the middle of each sample.
+    end : (4,) array
+        At the end of the last one.
+    """
     middle = np.empty((interval.size, 4))
     qx, qy, qz, qw = attitude
     for i in range(interval.size):

@@ -14,8 +14,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from edl_filter.estimation.smoothing import smoothed_moments, smoother_gain
-from edl_filter.navigation.filter import FilterPass
-from edl_filter.navigation.layout import State
+from edl_filter.navigation.compiled_ukf import smooth_states
+from edl_filter.navigation.filter import FilterPass, Node
+from edl_filter.navigation.layout import ONBOARD, Layout, State
 from edl_filter.types import Array, IntArray
 
 
@@ -32,12 +33,15 @@ class Smoothed:
     states : list of State
     covariance : (K, n, n) array
         In the units of `layout.UNITS`.
+    gain : (K - 1, n, n) array
+        Of the smoother, from each node to the next one.
     """
 
     time: Array
     unit: IntArray
     states: list[State]
     covariance: Array
+    gain: Array
 
 
 def smooth(filter_pass: FilterPass, first: int = 0) -> Smoothed:
@@ -55,8 +59,22 @@ def smooth(filter_pass: FilterPass, first: int = 0) -> Smoothed:
     Smoothed
     """
     nodes = filter_pass.nodes[first:]
-    states = [nodes[-1].state]
-    covariances = [nodes[-1].covariance]
+    if filter_pass.engine == "compiled" and len(nodes) > 1:
+        states, covariance, gain = _smooth_compiled(filter_pass.layout, nodes)
+    else:
+        states, covariance, gain = _smooth(nodes)
+    return Smoothed(
+        time=np.array([n.time for n in nodes]),
+        unit=np.array([n.unit for n in nodes]),
+        states=states,
+        covariance=covariance,
+        gain=gain,
+    )
+
+
+def _smooth(nodes: list[Node]) -> tuple[list[State], Array, Array]:
+    """States, covariances and gains, from the last node backwards."""
+    states, covariances, gains = [nodes[-1].state], [nodes[-1].covariance], []
     for node, following in zip(reversed(nodes[:-1]), reversed(nodes[1:]), strict=True):
         transition = following.transition
         assert transition is not None
@@ -67,9 +85,22 @@ def smooth(filter_pass: FilterPass, first: int = 0) -> Smoothed:
         )
         states.append(node.state.plus(error))
         covariances.append(covariance)
-    return Smoothed(
-        time=np.array([n.time for n in nodes]),
-        unit=np.array([n.unit for n in nodes]),
-        states=states[::-1],
-        covariance=np.array(covariances[::-1]),
+        gains.append(gain)
+    size = len(nodes[-1].covariance)
+    return states[::-1], np.array(covariances[::-1]), np.array(gains[::-1]).reshape(-1, size, size)
+
+
+def _smooth_compiled(layout: Layout, nodes: list[Node]) -> tuple[list[State], Array, Array]:
+    """The same in one call of `compiled_ukf.smooth_states`."""
+    transitions = [n.transition for n in nodes[1:] if n.transition is not None]
+    nav, errors, covariance, gain = smooth_states(
+        np.array([n.state.nav for n in nodes]),
+        np.array([n.state.errors for n in nodes]),
+        np.array([n.covariance for n in nodes]),
+        np.array([t.state.nav for t in transitions]),
+        np.array([t.state.errors for t in transitions]),
+        np.array([t.covariance for t in transitions]),
+        np.array([t.cross_covariance for t in transitions]),
+        layout[ONBOARD].start if ONBOARD in layout else -1,
     )
+    return [State(*state) for state in zip(nav, errors, strict=True)], covariance, gain

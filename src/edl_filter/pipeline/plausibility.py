@@ -76,7 +76,9 @@ def find_violation(mission: Mission, telemetry: Telemetry, problem: Problem) -> 
     where = f"{mission.telemetry_path() or mission.source or mission.name}: IMU {record.name}"
     times = telemetry.events | mission.event_times()
     end = min((times[n] for n in ("parachute_deploy", "landing") if n in times), default=None)
-    violations = [_check_rates(where, record, other, np.inf if end is None else end) for other in telemetry.checking]
+    violations = [
+        _check_rates(where, record, checking, np.inf if end is None else end) for checking in telemetry.checking
+    ]
     if end is not None:
         entry = record.between(problem.initial.time, end)
         if len(entry) > 2:
@@ -129,58 +131,64 @@ def _check_drag(where: str, entry: ImuRecord) -> Violation | None:
     if -direction[0] >= DRAG_COSINE:
         return None
     axis = int(np.argmax(np.abs(direction)))
-    found = f"{'+' if direction[axis] > 0.0 else '-'}{AXES[axis]}"
+    axis_name = f"{'+' if direction[axis] > 0.0 else '-'}{AXES[axis]}"
     return Violation(
-        f"{where}: during the deceleration the specific force points to {found} of the body axes; drag points to -x."
+        f"{where}: during the deceleration the specific force points to {axis_name} of the body axes; "
+        "drag points to -x."
     )
 
 
 def _check_gravity(where: str, at_rest: Array, planet: Planet, position: Array) -> Violation | None:
     """Mean specific force ``(N, 3)`` at rest against gravity at a planet-fixed position ``(3,)``, m."""
     gravity = float(np.linalg.norm(planet.apparent_gravity(position)))
-    found = float(np.linalg.norm(at_rest.mean(axis=0)))
-    if GRAVITY[0] <= found / gravity <= GRAVITY[1]:
+    reading = float(np.linalg.norm(at_rest.mean(axis=0)))
+    if GRAVITY[0] <= reading / gravity <= GRAVITY[1]:
         return None
-    unit = likely_unit(found / gravity, GRAVITY, FORCE_UNITS)
+    unit = likely_unit(reading / gravity, GRAVITY, FORCE_UNITS)
     finding = (
-        f"{where}: at rest after the landing the accelerometers read {found:.3g} m/s^2; the gravity of the planet is "
+        f"{where}: at rest after the landing the accelerometers read {reading:.3g} m/s^2; the gravity of the planet is "
         f"{gravity:.3g} m/s^2."
     )
     return Violation(finding, f"units, the specific force is in {unit} instead of m/s^2" if unit else None)
 
 
-def _check_rates(where: str, record: ImuRecord, other: ImuRecord, end: float) -> Violation | None:
+def _check_rates(where: str, record: ImuRecord, checking: ImuRecord, end: float) -> Violation | None:
     """The same angular rate in two IMUs, up to `end` (s)."""
-    common = (record.time > other.time[0]) & (record.time <= min(end, other.time[-1]))
+    common = (record.time > checking.time[0]) & (record.time <= min(end, checking.time[-1]))
     if np.count_nonzero(common) < 10:
         return None
     rate = record.angular_rate[common]
-    compared = np.stack([np.interp(record.time[common], other.time, column) for column in other.angular_rate.T], axis=1)
+    compared = np.stack(
+        [np.interp(record.time[common], checking.time, column) for column in checking.angular_rate.T],
+        axis=1,
+    )
     finite = np.isfinite(rate).all(axis=1) & np.isfinite(compared).all(axis=1)
     rate, compared = rate[finite], compared[finite]
     difference = relative_difference(rate, compared) if len(rate) else 0.0
     if difference <= RATE_DIFFERENCE:
         return None
     finding = (
-        f"{where}: its angular rate and that of IMU {other.name} differ by {100.0 * difference:.0f} % of their size; "
-        "a rigid body has one rate."
+        f"{where}: its angular rate and that of IMU {checking.name} differ by {100.0 * difference:.0f} % of their "
+        "size; a rigid body has one rate."
     )
     return Violation(finding, explain_rates(rate, compared))
 
 
-def relative_difference(rate: Array, other: Array) -> float:
+def relative_difference(rate: Array, checking_rate: Array) -> float:
     """Size of the difference of two rates ``(N, 3)`` over the larger of their sizes, by medians."""
-    difference, size, other_size = (
-        float(np.median(np.linalg.norm(values, axis=1))) for values in (rate - other, rate, other)
+    difference, size, checking_size = (
+        float(np.median(np.linalg.norm(values, axis=1))) for values in (rate - checking_rate, rate, checking_rate)
     )
-    return difference / max(size, other_size, 1e-12)
+    return difference / max(size, checking_size, 1e-12)
 
 
-def explain_rates(rate: Array, other: Array) -> str | None:
+def explain_rates(rate: Array, checking_rate: Array) -> str | None:
     """The unit that makes two rates ``(N, 3)`` equal, as words; None if none does."""
     options: list[tuple[float, str]] = []
     for unit, value in RATE_UNITS.items():
-        options.append((relative_difference(rate * value, other), f"units, its angular rate is in {unit}"))
-        options.append((relative_difference(rate, other * value), f"units, the other IMU's angular rate is in {unit}"))
+        options.append((relative_difference(rate * value, checking_rate), f"units, its angular rate is in {unit}"))
+        options.append(
+            (relative_difference(rate, checking_rate * value), f"units, the other IMU's angular rate is in {unit}")
+        )
     difference, text = min(options)
     return text if difference <= EXPLAINED_DIFFERENCE else None

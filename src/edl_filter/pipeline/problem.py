@@ -93,7 +93,7 @@ def assemble_free(
         telemetry.driving.errors,
         build_constraints(mission, telemetry, samples, planet, atmosphere, initial, effects),
         planet,
-        Settings(f.alpha, f.beta, f.kappa, f.longest_interval_s, f.gate_probability, f.method, f.robust),
+        Settings(f.alpha, f.beta, f.kappa, f.longest_interval_s, f.gate_probability, f.method, f.robust, f.engine),
         times=tuple((mission.event_times() | telemetry.events).values()),
         unit_change_sigma=onboard.unit_change_sigma if onboard else 0.0,
     )

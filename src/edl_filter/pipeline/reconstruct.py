@@ -11,6 +11,7 @@ import numpy as np
 
 from edl_filter import rotations
 from edl_filter.effects.base import EffectInstance
+from edl_filter.estimation.parallel import one_blas_thread
 from edl_filter.mission import Mission
 from edl_filter.mission.estimation import LandingSiteConfig
 from edl_filter.navigation.filter import FilterPass, Problem, run_filter
@@ -157,6 +158,13 @@ def reconstruct(
     InputError
         The mission's telemetry or tables are missing or invalid.
     """
+    with one_blas_thread():  # several threads wait for each other at matrices of this size
+        return _reconstruct(mission, effects, leave_one_out, recover)
+
+
+def _reconstruct(
+    mission: Mission, effects: Sequence[EffectInstance] | None, leave_one_out: bool, recover: bool
+) -> Reconstruction:
     timing: dict[str, float] = {}
     with _timed(timing, "telemetry"):
         telemetry = read_telemetry(mission)

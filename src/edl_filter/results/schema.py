@@ -378,6 +378,19 @@ class RecoverySummary(Content):
     gain_nats: Number = _key("change of the log likelihood of the constraints, nats")
 
 
+class FilterSummary(Content):
+    """Settings of the filter, as the section ``filter`` of a mission states them."""
+
+    alpha: float = _key("spread of the sigma points")
+    beta: float = _key("shape of the prior; 2: Gaussian")
+    kappa: float = _key("secondary spread of the sigma points")
+    longest_interval: float = _key("longest time between fusion epochs, s")
+    gate_probability: float = _key("probability with which a good measurement passes its gate")
+    method: str = _key("ukf: unscented Kalman filter; ekf: extended")
+    robust: str = _key("update with a measurement: none (Gaussian), huber or student_t")
+    engine: str = _key("implementation of the unscented filter and the smoother: compiled or filterpy")
+
+
 class Summary(Content):
     """``summary.json``: the main results of a run."""
 
@@ -394,6 +407,7 @@ class Summary(Content):
     title: str = _key("name for people")
     edl_filter_version: str = _key("version of the program")
     epoch_utc: str = _key("UTC of the epoch, ISO 8601")
+    filter: FilterSummary | None = _optional("settings of the filter")
     gas: GasSummary | None = _optional("gas of the atmosphere")
     events: dict[str, EventState] = _key("state at every event, by name, in order of time")
     landing: Landing = _key("landing position and its distance from the site")

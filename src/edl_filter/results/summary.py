@@ -43,6 +43,7 @@ def summary(reconstruction: Reconstruction, derived: Derived, refit: RefitSummar
         "title": reconstruction.mission.title,
         "edl_filter_version": __version__,
         "epoch_utc": reconstruction.telemetry.epoch_utc,
+        "filter": asdict(reconstruction.problem.settings),
         "gas": gas_content(reconstruction.atmosphere.gas),
         "events": events,
         "landing": landing(reconstruction),

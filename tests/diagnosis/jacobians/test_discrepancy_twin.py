@@ -106,20 +106,20 @@ def stretch_of(model, first):
     )
 
 
-def covariance_of_other_states(stretch, others):
+def covariance_of_other_states(stretch, states):
     """Covariance ``(R, R)`` of the rows by all states but the field's, propagated from step to step."""
     s = stretch.model
     rows = [slice(a, b) for a, b in zip(s.row_start[:-1], s.row_start[1:], strict=True)]
     out = np.zeros((len(s.design), len(s.design)))
-    p = s.initial_covariance[np.ix_(others, others)]
-    transitions = [np.eye(len(others)) + s.increment[k][np.ix_(others, others)] for k in range(len(rows))]
+    p = s.initial_covariance[np.ix_(states, states)]
+    transitions = [np.eye(len(states)) + s.increment[k][np.ix_(states, states)] for k in range(len(rows))]
     for k, own in enumerate(rows):
-        p = transitions[k] @ p @ transitions[k].T + s.process_noise[k][np.ix_(others, others)]
-        response = p @ s.design[own][:, others].T
-        out[own, own] = s.design[own][:, others] @ response
+        p = transitions[k] @ p @ transitions[k].T + s.process_noise[k][np.ix_(states, states)]
+        response = p @ s.design[own][:, states].T
+        out[own, own] = s.design[own][:, states] @ response
         for later in range(k + 1, len(rows)):
             response = transitions[later] @ response
-            out[rows[later], own] = s.design[rows[later]][:, others] @ response
+            out[rows[later], own] = s.design[rows[later]][:, states] @ response
             out[own, rows[later]] = out[rows[later], own].T
     return out
 
@@ -188,9 +188,13 @@ def dense(model, stretch):
     """Covariance of all rows, and of the amplitudes with them."""
     fields = model.nuisance.fields
     places = [i for f in fields.values() for i in range(f.start, f.start + FIELD_STATES * (f.stop - f.start))]
-    others = np.setdiff1d(np.arange(stretch.model.size), places)
+    remaining_states = np.setdiff1d(np.arange(stretch.model.size), places)
     by_field, of_amplitudes = field_covariances(model, stretch)
-    return covariance_of_other_states(stretch, others) + by_field + row_noise_of(stretch), by_field, of_amplitudes
+    return (
+        covariance_of_other_states(stretch, remaining_states) + by_field + row_noise_of(stretch),
+        by_field,
+        of_amplitudes,
+    )
 
 
 def white_of(stretch):

@@ -73,8 +73,8 @@ def test_the_point_moves_only_while_the_model_holds_well_enough(monkeypatch, sha
 @pytest.mark.parametrize(("progress", "count"), [(0.95, 3), (1.05, 2)])
 def test_a_failing_model_goes_on_only_while_its_excess_falls(monkeypatch, progress, count):
     """In parts of the share of the setting that an iteration may leave; whatever the likelihood is."""
-    left = progress * SETTINGS.alternative_progress
-    models, _ = patched_iteration(monkeypatch, [0.9, 0.9 * left, 0.9 * left**2], [30.0, 20.0, 10.0])
+    excess_ratio = progress * SETTINGS.alternative_progress
+    models, _ = patched_iteration(monkeypatch, [0.9, 0.9 * excess_ratio, 0.9 * excess_ratio**2], [30.0, 20.0, 10.0])
     linearize(CASE, iterations=3)
     assert len(models) == count
 

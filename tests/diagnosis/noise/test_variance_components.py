@@ -196,8 +196,8 @@ def test_no_piece_would_be_more_likely_with_another_variance(seed, piece, channe
 def test_the_result_does_not_depend_on_the_start(seed, factor, other_factor):
     """Started from the estimate of other residuals, with more noise and elsewhere, it has the same likelihood."""
     model, index = two_channels(walk=0.2)
-    others = simulated(seed + 1, 0.2, noisy_piece(1, 0, other_factor) * noisy_piece(4, 1, other_factor))
-    initial, _ = estimate(model, index, others)
+    start_residuals = simulated(seed + 1, 0.2, noisy_piece(1, 0, other_factor) * noisy_piece(4, 1, other_factor))
+    initial, _ = estimate(model, index, start_residuals)
     residuals = simulated(seed, 0.2, noisy_piece(1, 0, factor) * noisy_piece(2, 1, factor))
     values = [log_likelihood(estimate(model, index, residuals, start)[1], residuals) for start in (None, initial)]
     assert values[0] == pytest.approx(values[1], abs=4.0)

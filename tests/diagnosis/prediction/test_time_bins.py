@@ -226,9 +226,9 @@ def test_a_value_that_is_nan_is_lost_in_its_bins_only():
     lost = values.copy()
     lost[17] = np.nan
     edges = np.arange(0.0, 20.1, 1.0)
-    whole, means = bin_means(edges, time, interval, values), bin_means(edges, time, interval, lost)
+    complete, means = bin_means(edges, time, interval, values), bin_means(edges, time, interval, lost)
     np.testing.assert_array_equal(np.flatnonzero(np.isnan(means).any(axis=1)), [8])
-    np.testing.assert_allclose(np.delete(means, 8, axis=0), np.delete(whole, 8, axis=0), atol=1e-12)
+    np.testing.assert_allclose(np.delete(means, 8, axis=0), np.delete(complete, 8, axis=0), atol=1e-12)
     smooth = bin_means(edges + 0.2, time, interval, lost, smooth=True)
     expected = bin_means(edges + 0.2, time, interval, values, smooth=True)
     np.testing.assert_array_equal(np.flatnonzero(np.isnan(smooth).any(axis=1)), [8, 19])

@@ -402,9 +402,9 @@ def test_evidence_distinguishes_names_with_one_column():
 
 
 @given(st.lists(st.tuples(st.sampled_from(NAMES), st.floats(0.0, 20.0), st.integers(0, 3)), unique_by=lambda t: t[0]))
-def test_every_hypothesis_is_in_one_group_best_first(drawn):
+def test_every_hypothesis_is_in_one_group_best_first(examples):
     columns = np.array([[1.0, 0.0, 0.0], [1.0, 0.1, 0.0], [0.0, 1.0, 1.0], [0.0, 0.0, 0.0]])
-    hypotheses = [hypothesis_of(n, g, explained=columns[c]) for n, g, c in drawn]
+    hypotheses = [hypothesis_of(n, g, explained=columns[c]) for n, g, c in examples]
     groups = group_indistinguishable(hypotheses, SETTINGS)
     assert sorted(id(h) for g in groups for h in g) == sorted(id(h) for h in hypotheses)
     first_gains = [g[0].gain for g in groups]

@@ -44,9 +44,9 @@ def constructed_model():
 
 def test_known_states_have_no_variance_at_any_time():
     model = constructed_model().fitted_noise_filter.model
-    known = with_known_states(model, [1])
-    assert known.initial_covariance[1, 1] == 0.0 and known.initial_covariance[0, 0] == 100.0
-    assert not known.process_noise.values.any() and model.process_noise.values.any()
+    conditioned = with_known_states(model, [1])
+    assert conditioned.initial_covariance[1, 1] == 0.0 and conditioned.initial_covariance[0, 0] == 100.0
+    assert not conditioned.process_noise.values.any() and model.process_noise.values.any()
 
 
 def test_improved_rows_have_a_tenth_of_the_sigma():

@@ -162,7 +162,7 @@ def ledger(folder, mission="toy"):
     (folder / NAME).write_text("\n".join(lines) + "\n", encoding="utf-8")
 
 
-def whole(folder, title="A flight"):
+def complete_run(folder, title="A flight"):
     """Write a run with all that a report can show, but for a ledger."""
     result(folder, title)
     summary(folder, title)

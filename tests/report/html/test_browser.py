@@ -9,7 +9,7 @@ from edl_filter.report.html import write_report
 @pytest.fixture(scope="module")
 def report(tmp_path_factory):
     folder = tmp_path_factory.mktemp("run")
-    folders.whole(folder)
+    folders.complete_run(folder)
     folders.diagnosis(folder, verdict="unknown", latent=folders.latent(), remainder=folders.remainder("It follows q."))
     return write_report(folder)
 
@@ -17,13 +17,13 @@ def report(tmp_path_factory):
 def visit(browser, path, **how):
     """Open the report; the page, what its console said, and what it asked for besides itself."""
     context = browser.new_context(**({"viewport": {"width": 1200, "height": 900}} | how))
-    page, said, asked = context.new_page(), [], []
-    page.on("console", lambda message: said.append(message.text) if message.type in ("error", "warning") else None)
-    page.on("pageerror", lambda error: said.append(str(error)))
+    page, messages, asked = context.new_page(), [], []
+    page.on("console", lambda message: messages.append(message.text) if message.type in ("error", "warning") else None)
+    page.on("pageerror", lambda error: messages.append(str(error)))
     page.on("request", lambda request: asked.append(request.url))
     page.goto(path.as_uri())
     page.wait_for_selector("html[data-drawn]", timeout=60_000)
-    return page, said, [url for url in asked if url != path.as_uri() and not url.startswith(("data:", "blob:"))]
+    return page, messages, [url for url in asked if url != path.as_uri() and not url.startswith(("data:", "blob:"))]
 
 
 def residual(page):
@@ -36,25 +36,27 @@ def residual(page):
 
 
 def test_it_opens_without_an_error_and_without_a_network(browser, report):
-    page, said, asked = visit(browser, report)
-    assert said == [] and asked == []
+    page, messages, asked = visit(browser, report)
+    assert messages == [] and asked == []
     wanted = page.evaluate("document.querySelectorAll('.plot').length")
-    drawn = page.evaluate(
+    plots = page.evaluate(
         "[...document.querySelectorAll('.plot')].filter((p) => p.querySelector('path.js-line')).length"
     )
-    assert drawn == wanted >= 10
+    assert plots == wanted >= 10
     assert "Missing: wind" in page.inner_text("#verdict")
 
 
 def test_a_click_on_a_cell_shows_its_residual_in_its_regime(browser, report):
-    page, said, _ = visit(browser, report)
+    page, messages, _ = visit(browser, report)
     assert residual(page)[0] == "force x (m/s²)"  # the worst before any click
     page.get_by_label("force y in Mach above 15").click()
     name, (low, high), points, moves = residual(page)
     assert name == "force y (m/s²)" and points > 500 and moves
     assert 0.0 < low <= 20.0 and 120.0 <= high < 140.0
-    shown = page.evaluate("document.getElementById('plot-residuals').layout.shapes.filter((s) => s.type === 'rect')")
-    assert [(s["x0"], s["x1"]) for s in shown] == [(20.0, 120.0)]
+    rectangles = page.evaluate(
+        "document.getElementById('plot-residuals').layout.shapes.filter((s) => s.type === 'rect')"
+    )
+    assert [(s["x0"], s["x1"]) for s in rectangles] == [(20.0, 120.0)]
     assert page.get_attribute(".cell[aria-pressed=true]", "data-cell") == "2"
     page.click("text=in sigmas")
     page.click("text=whole flight")
@@ -63,11 +65,11 @@ def test_a_click_on_a_cell_shows_its_residual_in_its_regime(browser, report):
     page.get_by_label("landing in constraints").click()
     assert not page.is_visible("#residuals-caption")
     assert page.evaluate("document.getElementById('plot-residuals').layout.yaxis.title.text") == "innovation (sigma)"
-    assert said == []
+    assert messages == []
 
 
 def test_the_toggle_changes_page_and_plots(browser, report):
-    page, said, _ = visit(browser, report, color_scheme="light")
+    page, messages, _ = visit(browser, report, color_scheme="light")
 
     def colours():
         return page.evaluate(
@@ -79,7 +81,7 @@ def test_the_toggle_changes_page_and_plots(browser, report):
     light = colours()
     page.click("#theme")
     dark = colours()
-    assert all(a != b for a, b in zip(light, dark, strict=True)) and said == []
+    assert all(a != b for a, b in zip(light, dark, strict=True)) and messages == []
     page.click("#theme")
     assert colours() == light
     by_system, _, _ = visit(browser, report, color_scheme="dark")
@@ -94,14 +96,14 @@ def test_the_page_never_scrolls_sideways(browser, report, width):
 
 
 def test_paper_is_light_and_wide_enough(browser, report):
-    page, said, _ = visit(browser, report, color_scheme="dark", viewport={"width": 700, "height": 900})
+    page, messages, _ = visit(browser, report, color_scheme="dark", viewport={"width": 700, "height": 900})
     page.emulate_media(media="print", color_scheme="dark")
     page.evaluate("dispatchEvent(new Event('beforeprint'))")
     assert page.evaluate("getComputedStyle(document.body).backgroundColor") == "rgb(255, 255, 255)"
     assert page.evaluate("Math.max(...[...document.querySelectorAll('.plot svg')].map((s) => s.clientWidth))") <= 700
     assert not page.is_visible("#theme")
     page.evaluate("dispatchEvent(new Event('afterprint'))")
-    assert page.evaluate("document.documentElement.dataset.theme") is None and said == []
+    assert page.evaluate("document.documentElement.dataset.theme") is None and messages == []
 
 
 def test_a_command_is_copied(browser, report):

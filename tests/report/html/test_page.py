@@ -41,7 +41,7 @@ def section(text, key):
 
 
 def test_the_sections_stand_in_the_order_of_the_reading(tmp_path):
-    folders.whole(tmp_path)
+    folders.complete_run(tmp_path)
     text = body(page(tmp_path))
     keys = ["verdict", "events", "where", "hypotheses", "left", "database", "ledger", "trajectory",
             "atmosphere", "coefficients",
@@ -51,7 +51,7 @@ def test_the_sections_stand_in_the_order_of_the_reading(tmp_path):
 
 
 def test_the_file_is_small_and_asks_nothing_of_a_network(tmp_path):
-    folders.whole(tmp_path)
+    folders.complete_run(tmp_path)
     text = page(tmp_path)
     assert len(text.encode()) < 6e6
     assert text.count("plotly.js v") >= 1
@@ -64,7 +64,7 @@ def test_the_file_is_small_and_asks_nothing_of_a_network(tmp_path):
 
 def test_a_hostile_title_stays_text(tmp_path):
     hostile = "</script><script>window.bad = 1</script><img src=x onerror=alert(1)>\u2028 & {{ 7 * 7 }}"
-    folders.whole(tmp_path, hostile)
+    folders.complete_run(tmp_path, hostile)
     folders.diagnosis(tmp_path, sentence=hostile)
     content = json.loads((tmp_path / "diagnosis.json").read_text())
     content["map"][0]["channel"], content["map"][0]["sentence"] = hostile, f"{hostile} fails"
@@ -88,7 +88,7 @@ def test_a_run_without_a_diagnosis_says_so_and_how_to_get_one(tmp_path):
 
 
 def test_the_gas_of_mach_numbers_and_temperatures_is_said(tmp_path):
-    folders.whole(tmp_path)
+    folders.complete_run(tmp_path)
     gas = gas_content(NAMED_GASES["mars"])
     folders.summary(tmp_path, gas=gas)
     text = page(tmp_path)
@@ -103,10 +103,10 @@ def test_what_a_folder_lacks_is_said(tmp_path):
     assert "no atmosphere" in section(text, "atmosphere")
     assert "no coefficients" in section(text, "coefficients")
     assert "no result.nc" in section(text, "provenance")
-    other = tmp_path / "other"
-    other.mkdir()
-    folders.result(other, postflight=False)
-    text = page(other)
+    folder = tmp_path / "other"
+    folder.mkdir()
+    folders.result(folder, postflight=False)
+    text = page(folder)
     assert "no summary.json" in section(text, "events") and "no summary.json" in section(text, "constraints")
     assert "plot-flight" in section(text, "trajectory") and "no atmosphere" in section(text, "atmosphere")
 
@@ -119,7 +119,7 @@ def test_a_folder_without_a_result_is_refused(tmp_path):
 def test_a_folder_that_was_moved_still_renders(tmp_path):
     first = tmp_path / "first"
     first.mkdir()
-    folders.whole(first)
+    folders.complete_run(first)
     moved = first.rename(tmp_path / "second place")
     text = section(page(moved), "hypotheses")
     assert f"--from &#39;{moved}&#39;" in text
@@ -127,7 +127,7 @@ def test_a_folder_that_was_moved_still_renders(tmp_path):
 
 
 def test_a_hypothesis_has_size_sigma_unit_and_what_it_is_confused_with(tmp_path):
-    folders.whole(tmp_path)
+    folders.complete_run(tmp_path)
     text = section(page(tmp_path), "hypotheses")
     for part in ("−38.07 ± 0.53 m/s", "0.980", "mass", "a second probe would part them", "9.5 → 1", "something else",
                  "gyro_bias"):  # fmt: skip
@@ -135,7 +135,7 @@ def test_a_hypothesis_has_size_sigma_unit_and_what_it_is_confused_with(tmp_path)
 
 
 def test_the_command_for_a_sensor_effect_names_its_imu(tmp_path):
-    folders.whole(tmp_path)
+    folders.complete_run(tmp_path)
     folders.diagnosis(
         tmp_path, ranking=[hypothesis(effect="gyro_bias", imu="secondary", label="gyro_bias in secondary")]
     )
@@ -145,7 +145,7 @@ def test_the_command_for_a_sensor_effect_names_its_imu(tmp_path):
 
 
 def test_failing_cells_are_marked_by_more_than_colour(tmp_path):
-    folders.whole(tmp_path)
+    folders.complete_run(tmp_path)
     text = section(page(tmp_path), "where")
     cells = re.findall(r'<button type="button" class="cell( fails)?".*?</button>', text, re.S)
     assert len(cells) == 5 and sum(bool(c) for c in cells) == 2
@@ -154,7 +154,7 @@ def test_failing_cells_are_marked_by_more_than_colour(tmp_path):
 
 
 def test_a_clean_verdict_and_an_unknown_one_say_what_is_left(tmp_path):
-    folders.whole(tmp_path)
+    folders.complete_run(tmp_path)
     folders.diagnosis(tmp_path, verdict="clean", ranking=[], where=[], onsets=[])
     text = page(tmp_path)
     assert "the model holds" in section(text, "left") and "No effect of the catalogue" in section(text, "hypotheses")
@@ -169,7 +169,7 @@ def test_a_clean_verdict_and_an_unknown_one_say_what_is_left(tmp_path):
 
 
 def test_the_waterfall_falls_as_the_ledger_says(tmp_path):
-    folders.whole(tmp_path)
+    folders.complete_run(tmp_path)
     folders.ledger(tmp_path)
     effects = {name: {"imu": None, "parameters": {}, "fixed": False} for name in ("wind", "mass")}
     folders.summary(tmp_path, effects=effects)
@@ -181,7 +181,7 @@ def test_the_waterfall_falls_as_the_ledger_says(tmp_path):
 
 
 def test_a_ledger_of_another_model_is_not_shown(tmp_path):
-    folders.whole(tmp_path)
+    folders.complete_run(tmp_path)
     folders.ledger(tmp_path)  # its model has two effects, the run none
     assert "There is no ledger" in section(page(tmp_path), "ledger")
     assert ledger_levels([]) == []
@@ -189,18 +189,18 @@ def test_a_ledger_of_another_model_is_not_shown(tmp_path):
 
 def test_thinning_keeps_a_single_sample_peak(tmp_path):
     """In the unit and in sigmas, which are not at the same sample where sigma changes."""
-    folders.whole(tmp_path)
+    folders.complete_run(tmp_path)
     time, sigma = folders.residuals(tmp_path, samples=60_000, peak=321.0)
     packed = data(page(tmp_path))["residuals"]["channels"]["force_x"]
-    x, y, one = (numbers(packed[name]) for name in ("x", "y", "sigma"))
-    assert len(x) == len(y) == len(one) < 5000
-    ratio = y / one
+    x, y, sigmas = (numbers(packed[name]) for name in ("x", "y", "sigma"))
+    assert len(x) == len(y) == len(sigmas) < 5000
+    ratio = y / sigmas
     assert ratio.max() == pytest.approx(321.0, rel=1e-5)
     assert x[ratio.argmax()] == pytest.approx(time[20_000], abs=1e-3)
     largest = np.argmax(np.abs(folders.noise(60_000, 321.0)[0] * sigma))
     assert largest != 20_000
     assert x[np.abs(y).argmax()] == pytest.approx(time[largest], abs=1e-3)
-    assert (one.min(), one.max()) == pytest.approx((sigma.min(), sigma.max()))
+    assert (sigmas.min(), sigmas.max()) == pytest.approx((sigma.min(), sigma.max()))
 
 
 def test_a_band_has_a_gap_where_its_curves_have():
@@ -228,14 +228,14 @@ def test_text_of_a_cell_is_readable_on_its_ground():
 
 
 def test_a_file_that_violates_its_schema_is_named_and_treated_as_missing(tmp_path):
-    folders.whole(tmp_path)
+    folders.complete_run(tmp_path)
     (tmp_path / "diagnosis.json").write_text('{"verdict": "clean"}')
     text = section(page(tmp_path), "verdict")
     assert "Not diagnosed yet" in text and "diagnosis.json: sentence: found nothing" in text
 
 
 def test_coefficients_have_both_bands_and_the_instabilities(tmp_path):
-    folders.whole(tmp_path)
+    folders.complete_run(tmp_path)
     figure = data(page(tmp_path))["figures"]["coefficient_CN"]
     assert [t["name"] for t in figure["data"]] == ["database, 3 sigma", "flight, 1 sigma", "database", "flight"]
     x = numbers(figure["data"][3]["x"])

@@ -32,8 +32,8 @@ def test_a_diagnosis_says_what_a_person_wants_to_read(capsys):
 
 def test_what_is_left_is_told_when_nothing_explains_it(capsys):
     text = "force_y from 63 to 164 s; it oscillates at 0.679 Hz."
-    left = {"remainder": contents.unknown()["remainder"] | {"description": text}}
-    print_diagnosis(content("unknown") | left, [], [])
+    remainder = {"remainder": contents.unknown()["remainder"] | {"description": text}}
+    print_diagnosis(content("unknown") | remainder, [], [])
     output = capsys.readouterr().out
     assert "What is left: force_y from 63 to 164 s; it oscillates at 0.679 Hz." in output
     assert "diagnose with --file" in output and "Next" not in output

@@ -180,8 +180,10 @@ def knot_columns(
     for name in FIELD_COEFFICIENTS:
         covariance = amplitude_covariance(whiten.model.design, fields[name], row_distance, distance)
         size, vectors = np.linalg.eigh(prior.angle_kernel(name, alpha, alpha))
-        kept = size > _NEGLIGIBLE_MODE * size[-1]
-        principal = modes[name].at(alpha, np.zeros(len(alpha), bool)).T @ vectors[:, kept] / np.sqrt(size[kept])
+        significant = size > _NEGLIGIBLE_MODE * size[-1]
+        principal = (
+            modes[name].at(alpha, np.zeros(len(alpha), bool)).T @ vectors[:, significant] / np.sqrt(size[significant])
+        )
         at_knots = np.moveaxis(covariance @ principal, 1, 0)
         independent = solve_triangular(factor, at_knots.reshape(len(distance), -1), lower=True)
         blocks.append(np.moveaxis(independent.reshape(at_knots.shape), 0, 1).reshape(len(row_distance), -1))
@@ -204,8 +206,8 @@ def row_gains(learned: Array, learned_white: Array, predicted: Array, predicted_
         nats.
     """
     information, vectors = np.linalg.eigh(learned.T @ learned)
-    kept = information > _NEGLIGIBLE_INFORMATION
-    design = predicted @ (vectors[:, kept] * np.sqrt(information[kept]))
+    informative = information > _NEGLIGIBLE_INFORMATION
+    design = predicted @ (vectors[:, informative] * np.sqrt(information[informative]))
     expected = predicted @ (learned.T @ learned_white)
     # the covariance 1 - G Gᵀ is that of noise and a state of covariance -1: the Kalman filter's algebra holds as well
     covariance, state = -np.eye(design.shape[1]), np.zeros(design.shape[1])

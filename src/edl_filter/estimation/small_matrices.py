@@ -1,0 +1,176 @@
+"""Algebra of small dense matrices in numba, without calls of a library.
+
+A call of LAPACK costs some microseconds, and several threads of it wait for each other; the matrices of a navigation
+filter, 9 to 40 rows, are done by then. Cholesky factorisation and substitution as in Golub & Van Loan 2013, *Matrix
+Computations*, sections 3.1, 3.4 and 4.2; the loops run along rows, so that they are vectorised.
+"""
+
+import numpy as np
+from numba import njit
+
+COMPILED = njit(cache=True, error_model="numpy", nogil=True)
+
+
+@COMPILED
+def upper_cholesky(matrix, scale):
+    """Upper Cholesky factor U of ``scale * matrix = UᵀU``.
+
+    Parameters
+    ----------
+    matrix : (n, n) array
+        Of which the upper triangle is used.
+    scale : float
+        Positive.
+
+    Returns
+    -------
+    factor : (n, n) array
+    valid : bool
+        False: the matrix is not positive definite, and the factor is meaningless.
+    """
+    n = len(matrix)
+    u = scale * matrix
+    for k in range(n):
+        pivot = u[k, k]
+        if not pivot > 0.0:
+            return u, False
+        root = 1.0 / np.sqrt(pivot)
+        for j in range(k, n):
+            u[k, j] *= root
+        for i in range(k + 1, n):
+            factor = u[k, i]
+            u[i, k] = 0.0
+            for j in range(i, n):
+                u[i, j] -= factor * u[k, j]
+    return u, True
+
+
+@COMPILED
+def weighted_product(a, b, first_weight, weight):
+    """``aᵀ W b``, with one weight for the first row and another one for the rest.
+
+    Parameters
+    ----------
+    a, b : (S, n) and (S, m) arrays
+        S rows each.
+    first_weight, weight : float
+        Of the first row, and of each other row.
+
+    Returns
+    -------
+    (n, m) array
+    """
+    out = np.zeros((a.shape[1], b.shape[1]))
+    for s in range(len(a)):
+        row_weight = first_weight if s == 0 else weight
+        for i in range(a.shape[1]):
+            factor = row_weight * a[s, i]
+            for j in range(b.shape[1]):
+                out[i, j] += factor * b[s, j]
+    return out
+
+
+@COMPILED
+def weighted_mean(rows, first_weight, weight):
+    """Weighted sum of rows, with one weight for the first row and another one for the rest.
+
+    Parameters
+    ----------
+    rows : (S, n) array
+        S rows.
+    first_weight, weight : float
+        Of the first row, and of each other row.
+
+    Returns
+    -------
+    (n,) array
+    """
+    out = np.zeros(rows.shape[1])
+    for s in range(1, len(rows)):
+        for i in range(rows.shape[1]):
+            out[i] += rows[s, i]
+    for i in range(rows.shape[1]):
+        out[i] = first_weight * rows[0, i] + weight * out[i]
+    return out
+
+
+@COMPILED
+def solve_few(matrix, right):
+    """``matrix⁻¹ right`` by elimination with row pivoting, for matrices of a few rows.
+
+    Parameters
+    ----------
+    matrix : (m, m) array
+        Not singular.
+    right : (m, k) array
+        One right-hand side per column.
+
+    Returns
+    -------
+    (m, k) array
+    """
+    a, x = matrix.copy(), right.copy()
+    m = len(a)
+    for k in range(m):
+        pivot = k
+        for i in range(k + 1, m):
+            if abs(a[i, k]) > abs(a[pivot, k]):
+                pivot = i
+        if pivot != k:
+            for j in range(m):
+                a[k, j], a[pivot, j] = a[pivot, j], a[k, j]
+            for j in range(x.shape[1]):
+                x[k, j], x[pivot, j] = x[pivot, j], x[k, j]
+        for i in range(k + 1, m):
+            factor = a[i, k] / a[k, k]
+            for j in range(k, m):
+                a[i, j] -= factor * a[k, j]
+            for j in range(x.shape[1]):
+                x[i, j] -= factor * x[k, j]
+    for k in range(m - 1, -1, -1):
+        for j in range(x.shape[1]):
+            value = x[k, j]
+            for i in range(k + 1, m):
+                value -= a[k, i] * x[i, j]
+            x[k, j] = value / a[k, k]
+    return x
+
+
+@COMPILED
+def symmetric_part(matrix):
+    """Symmetric part of a matrix ``(n, n)``."""
+    out = np.empty_like(matrix)
+    for i in range(len(matrix)):
+        for j in range(len(matrix)):
+            out[i, j] = 0.5 * (matrix[i, j] + matrix[j, i])
+    return out
+
+
+@COMPILED
+def solve_from_right(cross, factor):
+    """``cross (UᵀU)⁻¹``, row by row.
+
+    Parameters
+    ----------
+    cross : (m, n) array
+        m rows to be divided by the matrix.
+    factor : (n, n) array
+        Upper Cholesky factor U.
+
+    Returns
+    -------
+    (m, n) array
+    """
+    n = len(factor)
+    gain, lower = cross.copy(), factor.T.copy()
+    for r in range(len(gain)):
+        row = gain[r]
+        for k in range(n):
+            row[k] /= factor[k, k]
+            for j in range(k + 1, n):
+                row[j] -= row[k] * factor[k, j]
+        for k in range(n - 1, -1, -1):
+            row[k] /= factor[k, k]
+            for j in range(k):
+                row[j] -= row[k] * lower[k, j]
+    return gain

@@ -1,0 +1,139 @@
+"""Compiled states of sigma points: single rotations, errors about a reference, and corrections of the sensors.
+
+The compiled twins of `layout.sigma_states`, `State.plus`, `State.minus` and `layout.sensor_maps`, for `compiled_ukf`.
+Quaternions are scalar-last; vectors and states have the units of `layout`.
+"""
+
+import numpy as np
+from numba import njit
+
+COMPILED = njit(cache=True, error_model="numpy", nogil=True)
+
+
+@COMPILED
+def product(p, q):
+    """``p ⊗ q``."""
+    return (
+        p[3] * q[0] + p[0] * q[3] + p[1] * q[2] - p[2] * q[1],
+        p[3] * q[1] - p[0] * q[2] + p[1] * q[3] + p[2] * q[0],
+        p[3] * q[2] + p[0] * q[1] - p[1] * q[0] + p[2] * q[3],
+        p[3] * q[3] - p[0] * q[0] - p[1] * q[1] - p[2] * q[2],
+    )
+
+
+@COMPILED
+def exponential(x, y, z):
+    """Quaternion of a rotation vector, rad."""
+    half = 0.5 * np.sqrt(x * x + y * y + z * z)
+    factor = 0.5 * (np.sin(half) / half if half > 1e-4 else 1.0 - half * half / 6.0)
+    return factor * x, factor * y, factor * z, np.cos(half)
+
+
+@COMPILED
+def turned_attitude(attitude, x, y, z):
+    """``attitude ⊗ exp(phi)``, a unit quaternion."""
+    q = product(attitude, exponential(x, y, z))
+    n = 1.0 / np.sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3])
+    return n * q[0], n * q[1], n * q[2], n * q[3]
+
+
+@COMPILED
+def turn_between(p, q):
+    """Rotation vector phi, rad, with ``q = p ⊗ exp(phi)``."""
+    x, y, z, w = product((-p[0], -p[1], -p[2], p[3]), (q[0], q[1], q[2], q[3]))
+    if w < 0.0:
+        x, y, z, w = -x, -y, -z, -w
+    s = np.sqrt(x * x + y * y + z * z)
+    factor = 2.0 * np.arctan2(s, w) / s if s > 1e-12 else 2.0 / max(w, 0.5)
+    return factor * x, factor * y, factor * z
+
+
+@COMPILED
+def fill_matrix(q, out):
+    """Rotation matrix ``(3, 3)`` of a quaternion."""
+    x, y, z, w = q[0], q[1], q[2], q[3]
+    out[0, 0], out[0, 1], out[0, 2] = 1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - z * w), 2.0 * (x * z + y * w)
+    out[1, 0], out[1, 1], out[1, 2] = 2.0 * (x * y + z * w), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - x * w)
+    out[2, 0], out[2, 1], out[2, 2] = 2.0 * (x * z - y * w), 2.0 * (y * z + x * w), 1.0 - 2.0 * (x * x + y * y)
+
+
+@COMPILED
+def states_of_points(nav, errors, points, columns, onboard):
+    """As `layout.sigma_states`; `onboard` is the first index of the on-board attitude's error or -1."""
+    n = len(errors)
+    states, full = np.empty((len(nav), columns)), np.empty((n, columns))
+    for s in range(columns):
+        if s >= len(points):
+            states[:, s], full[:, s] = nav, errors
+        else:
+            for k in range(6):
+                states[k, s] = nav[k] + points[s, k]
+            turned = turned_attitude(nav[6:10], points[s, 6], points[s, 7], points[s, 8])
+            for k in range(4):
+                states[6 + k, s] = turned[k]
+            for k in range(9):
+                full[k, s] = errors[k]
+            for k in range(9, n):
+                full[k, s] = errors[k] + points[s, k]
+            if onboard >= 0:
+                turned = turned_attitude(nav[10:], points[s, onboard], points[s, onboard + 1], points[s, onboard + 2])
+                for k in range(4):
+                    states[10 + k, s] = turned[k]
+        if onboard >= 0:
+            full[onboard:, s] = 0.0
+    return states, full
+
+
+@COMPILED
+def moved_state(nav, errors, delta, onboard):
+    """The state moved by an error vector ``(n,)``, as `State.plus`."""
+    moved, full = nav.copy(), errors.copy()
+    for k in range(6):
+        moved[k] += delta[k]
+    for k in range(9, len(errors)):
+        full[k] += delta[k]
+    turned = turned_attitude(nav[6:10], delta[6], delta[7], delta[8])
+    for k in range(4):
+        moved[6 + k] = turned[k]
+    if onboard >= 0:
+        turned = turned_attitude(nav[10:], delta[onboard], delta[onboard + 1], delta[onboard + 2])
+        for k in range(4):
+            moved[10 + k] = turned[k]
+        full[onboard:] = 0.0
+    return moved, full
+
+
+@COMPILED
+def error_between(nav, errors, reference_nav, reference_errors, onboard):
+    """The error vector ``(n,)`` from a reference to a state, as `State.minus`."""
+    delta = errors - reference_errors
+    for k in range(6):
+        delta[k] = nav[k] - reference_nav[k]
+    delta[6], delta[7], delta[8] = turn_between(reference_nav[6:10], nav[6:10])
+    if onboard >= 0:
+        turn = turn_between(reference_nav[10:], nav[10:])
+        delta[onboard], delta[onboard + 1], delta[onboard + 2] = turn
+    return delta
+
+
+@COMPILED
+def sensor_correction_maps(full, places):
+    """As `imu_model.sensor_errors.correction_maps`, of the errors ``(n, S)``."""
+    count = full.shape[1]
+    force_map, rate_map, matrix = np.zeros((12, count)), np.zeros((6, count)), np.eye(3)
+    bias, scale, misalignment, gyro_bias, gyro_scale = places[0], places[1], places[2], places[3], places[4]
+    for s in range(count):
+        if misalignment >= 0:
+            m = full[misalignment : misalignment + 3, s]
+            fill_matrix(exponential(m[0], m[1], m[2]), matrix)
+        for j in range(3):
+            factor = 1.0 / (1.0 + full[scale + j, s]) if scale >= 0 else 1.0
+            offset = full[bias + j, s] if bias >= 0 else 0.0
+            for i in range(3):
+                entry = matrix[j, i] * factor
+                force_map[3 * i + j, s] = entry
+                force_map[9 + i, s] -= entry * offset
+            factor = 1.0 / (1.0 + full[gyro_scale + j, s]) if gyro_scale >= 0 else 1.0
+            rate_map[j, s] = factor
+            rate_map[3 + j, s] = -factor * full[gyro_bias + j, s] if gyro_bias >= 0 else 0.0
+    return force_map, rate_map

@@ -1,0 +1,350 @@
+"""Compiled error-state unscented Kalman filter and smoother: the arithmetic of `ukf` and `smoother` in numba.
+
+`ErrorStateUKF` runs on filterpy and is the readable reference. `CompiledUKF` has the same interface, states and
+results, to rounding (tests/navigation/test_compiled_ukf.py). One call computes a prediction: with the Cholesky factor
+``U`` of ``α² (n + κ) P``, ``UᵀU``, whose rows are the offsets χ of the sigma points about the reference (Julier &
+Uhlmann 2004, Proc. IEEE 92, 401; scaled as by van der Merwe 2004, chapter 3; Särkkä 2013, section 5.5)::
+
+    x = Σ Wm f(χ)       P⁻ = Σ Wc (f(χ) - x)(f(χ) - x)ᵀ + Q       C = Σ Wc χ (f(χ) - x)ᵀ
+
+f propagates full states through `strapdown.propagate` and expresses them as errors about the propagated centre; Q is
+`noise.process_noise`, of which the covariance by rate noise is written with ``[p]ₓ[q]ₓᵀ = (p·q) 1 - q pᵀ``. A second
+call updates, with S the covariance of the innovation y and D that of error and prediction::
+
+    K = D S⁻¹           x = K y           P = P⁻ - K S Kᵀ
+
+and a third one smooths the flight: ``G = C (P⁻)⁻¹``, ``P_s = P + G (P_s⁺ - P⁻) Gᵀ`` (Särkkä 2008, IEEE Trans. Autom.
+Control 53, 845). After each step the reference moves by x and the mean of the error is zero. Measurement models are
+Python and are evaluated at all sigma points at once, so that a new constraint needs no compiled code.
+
+A matrix that has no Cholesky factor raises `numpy.linalg.LinAlgError`, as scipy does for the reference.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from edl_filter.estimation.small_matrices import (
+    solve_few,
+    solve_from_right,
+    symmetric_part,
+    upper_cholesky,
+    weighted_mean,
+    weighted_product,
+)
+from edl_filter.imu_model.sensor_errors import SENSOR_STATES
+from edl_filter.navigation import strapdown
+from edl_filter.navigation.compiled_noise import in_body_axes, noise_of_samples, onboard_turn_jacobians
+from edl_filter.navigation.compiled_states import (
+    error_between,
+    exponential,
+    moved_state,
+    product,
+    sensor_correction_maps,
+    states_of_points,
+)
+from edl_filter.navigation.constraints import Constraint
+from edl_filter.navigation.estimator import Innovation, Transition
+from edl_filter.navigation.increments import Samples
+from edl_filter.navigation.layout import ONBOARD, Layout, State
+from edl_filter.navigation.noise import sample_attitudes
+from edl_filter.planet import Planet
+from edl_filter.types import Array, IntArray
+
+COMPILED = njit(cache=True, error_model="numpy", nogil=True)
+
+
+def state_places(layout: Layout) -> IntArray:
+    """First index in the vector of each sensor error, the on-board rate, mounting and attitude, ``(8,)``; -1: none."""
+    names = (*SENSOR_STATES, "onboard_rate", "onboard_mounting", ONBOARD)
+    return np.array([layout[name].start if name in layout else -1 for name in names])
+
+
+class CompiledUKF:
+    """UKF about a reference, compiled.
+
+    Parameters
+    ----------
+    layout : Layout
+        Of the filter's vector.
+    state : State
+        Reference at the start.
+    covariance : (n, n) array
+        Of the error about it, in the units of `layout.UNITS`.
+    planet : Planet
+        Gravity and rotation.
+    alpha, beta, kappa : float
+        Of the scaled unscented transform. An alpha below 0.1 costs digits.
+    """
+
+    def __init__(
+        self,
+        layout: Layout,
+        state: State,
+        covariance: Array,
+        planet: Planet,
+        alpha: float = 0.5,
+        beta: float = 2.0,
+        kappa: float = 0.0,
+    ) -> None:
+        self.layout, self.state, self.planet = layout, state, planet
+        self.covariance = np.ascontiguousarray(covariance, np.float64).copy()
+        self._places = state_places(layout)
+        self._scale = alpha**2 * (layout.size + kappa)
+        centre = 1.0 - layout.size / self._scale
+        self._weights = np.array([centre, centre + 1.0 - alpha**2 + beta, 0.5 / self._scale])
+        self.draw_sigma_points()
+
+    @property
+    def weights(self) -> Array:
+        """Weights of the sigma points in covariances, ``(2n + 1,)``."""
+        return np.concatenate((self._weights[1:2], np.full(2 * self.layout.size, self._weights[2])))
+
+    def draw_sigma_points(self) -> None:
+        """Draw the sigma points of the present covariance about the reference: ``(2n + 1, n)``."""
+        points, valid = _sigma_points(self.covariance, self._scale)
+        _check(valid)
+        self.sigma_points = points
+
+    def predict(self, samples: Samples) -> Transition:
+        """Propagate estimate and covariance to the end of `samples`."""
+        s, p = samples, self.planet
+        nav, errors, covariance, cross, points, valid = _predict(
+            self.state.nav, self.state.errors, self.covariance, self._places, self._scale, self._weights,
+            s.interval, s.force, s.rate, s.force_noise, s.rate_noise, s.shared_rate_noise, s.net_turn,
+            s.force_fill_sigma, s.rate_fill_sigma, p.mu, p.j2, p.gravity_radius,
+        )  # fmt: skip
+        _check(valid)
+        self.state, self.covariance, self.sigma_points = State(nav, errors), covariance, points
+        return Transition(cross, self.state, covariance.copy())
+
+    def innovation(self, constraint: Constraint) -> Innovation:
+        """Predict a measurement at all sigma points and compare the mean with what was measured."""
+        nav, errors = states_of_points(
+            self.state.nav, self.state.errors, self.sigma_points, len(self.sigma_points), self._places[7]
+        )
+        predicted = np.ascontiguousarray(constraint.predict(nav, errors, self.layout))
+        noise = constraint.noise
+        residual, covariance, nis = _innovation(predicted, constraint.measured, noise, self._weights)
+        return Innovation(residual, covariance, noise, nis, predicted)
+
+    def update(self, constraint: Constraint, innovation: Innovation) -> None:
+        """Update with a measurement; `innovation` holds its predictions at the present sigma points."""
+        i = innovation
+        nav, errors, covariance, points, valid = _update(
+            self.state.nav, self.state.errors, self.covariance, self.sigma_points, self._places[7], self._scale,
+            self._weights, i.linearization, i.residual, i.predicted_covariance, i.noise_covariance,
+        )  # fmt: skip
+        _check(valid)
+        self.state, self.covariance, self.sigma_points = State(nav, errors), covariance, points
+
+    def transform(self, matrix: Array, noise: Array, errors: Array) -> Transition:
+        """Replace the error linearly, as `ErrorStateFilter.transform`.
+
+        Parameters
+        ----------
+        matrix, noise : (n, n) arrays
+            Transition, and covariance of the added noise.
+        errors : (n,) array
+            New values of `State.errors`.
+
+        Returns
+        -------
+        Transition
+        """
+        cross = self.covariance @ matrix.T
+        self.covariance = matrix @ self.covariance @ matrix.T + noise
+        self.state = State(self.state.nav, errors)
+        self.draw_sigma_points()
+        return Transition(cross, self.state, self.covariance.copy())
+
+
+def smooth_states(
+    nav: Array,
+    errors: Array,
+    covariance: Array,
+    predicted_nav: Array,
+    predicted_errors: Array,
+    predicted_covariance: Array,
+    cross_covariance: Array,
+    onboard: int,
+) -> tuple[Array, Array, Array, Array]:
+    """Smooth all nodes of a filter pass in one call.
+
+    Parameters
+    ----------
+    nav : (K, 10 or 14) array
+        `State.nav` of the nodes.
+    errors : (K, n) array
+        `State.errors` of the nodes.
+    covariance : (K, n, n) array
+        Of the nodes, in the units of `layout.UNITS`.
+    predicted_nav, predicted_errors, predicted_covariance : (K - 1, …) arrays
+        The same of the predictions of the nodes 1 to K - 1.
+    cross_covariance : (K - 1, n, n) array
+        Of the error at a node with the predicted error at the next one.
+    onboard : int
+        First index of the error of the on-board attitude; -1: none.
+
+    Returns
+    -------
+    nav, errors, covariance : arrays
+        Smoothed, as the arguments.
+    gain : (K - 1, n, n) array
+        Of the smoother.
+    """
+    nav, errors, covariance, gain, valid = _smooth(
+        nav, errors, covariance, predicted_nav, predicted_errors, predicted_covariance, cross_covariance, onboard
+    )
+    _check(valid)
+    return nav, errors, covariance, gain
+
+
+def _check(valid: bool) -> None:
+    if not valid:
+        raise np.linalg.LinAlgError("a covariance is not positive definite")
+
+
+@COMPILED
+def _sigma_points(covariance, scale):
+    """Sigma points ``(2n + 1, n)`` about zero, and whether the covariance has a Cholesky factor."""
+    n = len(covariance)
+    root, valid = upper_cholesky(covariance, scale)
+    points = np.zeros((2 * n + 1, n))
+    for i in range(n):
+        for j in range(i, n):
+            points[1 + i, j] = root[i, j]
+            points[1 + n + i, j] = -root[i, j]
+    return points, valid
+
+
+@COMPILED
+def _propagated_states(nav, errors, points, places, interval, force, rate, net_turn, middle, end, mu, j2, radius):
+    """Full states of the sigma points after the samples; as `propagation.propagate_states`."""
+    blocks = (len(points) + strapdown.LANES - 1) // strapdown.LANES
+    states, full = states_of_points(nav, errors, points, blocks * strapdown.LANES, places[7])
+    if places[7] >= 0:
+        by_rate, by_mounting = onboard_turn_jacobians(interval, rate, net_turn, middle, end)
+        net = product((-nav[6], -nav[7], -nav[8], nav[9]), end)
+        for s in range(states.shape[1]):
+            x, y, z = 0.0, 0.0, 0.0
+            for place, jacobian in ((places[5], by_rate), (places[6], by_mounting)):
+                if place >= 0:
+                    for k in range(3):
+                        x += jacobian[0, k] * full[place + k, s]
+                        y += jacobian[1, k] * full[place + k, s]
+                        z += jacobian[2, k] * full[place + k, s]
+            turned = product(product(states[10:, s], net), exponential(x, y, z))
+            for k in range(4):
+                states[10 + k, s] = turned[k]
+    force_map, rate_map = sensor_correction_maps(full, places)
+    strapdown.propagate(states[:10], force_map, rate_map, interval, force, rate, mu, j2, radius)
+    return states, full
+
+
+@COMPILED
+def _predict(
+    nav, errors, covariance, places, scale, weights, interval, force, rate, force_noise, rate_noise, shared_rate_noise,
+    net_turn, force_fill, rate_fill, mu, j2, radius,
+):  # fmt: skip
+    """One prediction: state, covariance, cross-covariance, sigma points, and whether the covariances are positive."""
+    n, onboard = len(errors), places[7]
+    points, valid = _sigma_points(covariance, scale)
+    middle, end = sample_attitudes(interval, rate, nav[6:10])
+    states, full = _propagated_states(
+        nav, errors, points, places, interval, force, rate, net_turn, middle, end, mu, j2, radius
+    )
+    centre_nav, centre_errors = states[:, 0].copy(), full[:, 0].copy()
+    centre_errors[:9] = 0.0
+    rows = np.empty((len(points), n))
+    for s in range(len(points)):
+        rows[s] = error_between(states[:, s], full[:, s], centre_nav, centre_errors, onboard)
+    mean = weighted_mean(rows, weights[0], weights[2])
+    rows -= mean
+    cross = weighted_product(points, rows, weights[1], weights[2])
+    out = weighted_product(rows, rows, weights[1], weights[2])
+    unshared_noise = np.sqrt(rate_noise**2 - shared_rate_noise**2) if onboard >= 0 else np.zeros(interval.size)
+    noise, unshared = noise_of_samples(
+        interval, middle, force, force_noise, rate_noise, unshared_noise, force_fill, rate_fill
+    )
+    out[:9, :9] += in_body_axes(noise, end)
+    if onboard >= 0:
+        common = in_body_axes(unshared, end)
+        out[onboard:, :9] += common[6:]
+        out[:9, onboard:] += common[:, 6:]
+        out[onboard:, onboard:] += common[6:, 6:]
+    new_points, positive = _sigma_points(out, scale)
+    moved, moved_errors = moved_state(centre_nav, centre_errors, mean, onboard)
+    return moved, moved_errors, symmetric_part(out), cross, new_points, valid and positive
+
+
+@COMPILED
+def _innovation(predicted, measured, noise, weights):
+    """Residual, covariance of the prediction and NIS from predictions ``(2n + 1, m)`` at the sigma points."""
+    mean = weighted_mean(predicted, weights[0], weights[2])
+    spread = predicted - mean
+    covariance = weighted_product(spread, spread, weights[1], weights[2])
+    residual = measured - mean
+    weighted = solve_few(covariance + noise, residual.reshape(-1, 1))
+    nis = 0.0
+    for k in range(len(residual)):
+        nis += residual[k] * weighted[k, 0]
+    return residual, covariance, nis
+
+
+@COMPILED
+def _update(nav, errors, covariance, points, onboard, scale, weights, predicted, residual, predicted_covariance, noise):
+    """One update, given the predictions at the sigma points: state, covariance, sigma points, and their validity."""
+    total = predicted_covariance + noise
+    spread = predicted - weighted_mean(predicted, weights[0], weights[2])
+    with_prediction = weighted_product(spread, points, weights[1], weights[2])
+    gain = solve_few(total.T.copy(), with_prediction)  # (m, n): transposed
+    n, m = len(errors), len(residual)
+    change, out = np.zeros(n), covariance.copy()
+    for a in range(m):
+        for i in range(n):
+            change[i] += gain[a, i] * residual[a]
+    for a in range(m):
+        for i in range(n):
+            factor = 0.0
+            for b in range(m):
+                factor += gain[b, i] * total[b, a]
+            for j in range(n):
+                out[i, j] -= factor * gain[a, j]
+    out = symmetric_part(out)
+    moved, moved_errors = moved_state(nav, errors, change, onboard)
+    new_points, valid = _sigma_points(out, scale)
+    return moved, moved_errors, out, new_points, valid
+
+
+@COMPILED
+def _smooth(nav, errors, covariance, predicted_nav, predicted_errors, predicted_covariance, cross_covariance, onboard):
+    """All nodes, from the last one backwards; arguments as of `smooth_states`."""
+    nav, errors, covariance = nav.copy(), errors.copy(), covariance.copy()
+    gains = np.empty_like(cross_covariance)
+    n = errors.shape[1]
+    half = np.empty((n, n))
+    for k in range(len(nav) - 2, -1, -1):
+        factor, valid = upper_cholesky(predicted_covariance[k], 1.0)
+        if not valid:
+            return nav, errors, covariance, gains, False
+        gain = solve_from_right(cross_covariance[k], factor)
+        gains[k] = gain
+        change = error_between(nav[k + 1], errors[k + 1], predicted_nav[k], predicted_errors[k], onboard)
+        difference = covariance[k + 1] - predicted_covariance[k]
+        error = np.zeros(n)
+        half[:] = 0.0
+        for i in range(n):
+            for j in range(n):
+                error[i] += gain[i, j] * change[j]
+                for c in range(n):
+                    half[i, c] += gain[i, j] * difference[j, c]
+        transposed = gain.T.copy()
+        for i in range(n):
+            for c in range(n):
+                for j in range(n):
+                    covariance[k, i, j] += half[i, c] * transposed[c, j]
+        covariance[k] = symmetric_part(covariance[k])
+        nav[k], errors[k] = moved_state(nav[k], errors[k], error, onboard)
+    return nav, errors, covariance, gains, True

@@ -1,0 +1,72 @@
+"""Compiled algebra of small matrices against numpy and scipy."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.linalg import cholesky
+
+from edl_filter.estimation.small_matrices import (
+    solve_few,
+    solve_from_right,
+    symmetric_part,
+    upper_cholesky,
+    weighted_mean,
+    weighted_product,
+)
+
+seeds = st.integers(0, 1000)
+
+
+def positive(random, n):
+    root = random.standard_normal((n, n + 2))
+    return root @ root.T
+
+
+@given(seeds, st.integers(1, 40))
+def test_the_cholesky_factor_is_that_of_scipy(seed, n):
+    matrix = positive(np.random.default_rng(seed), n)
+    factor, valid = upper_cholesky(matrix, 2.5)
+    assert valid
+    np.testing.assert_allclose(factor, cholesky(2.5 * matrix), rtol=1e-9, atol=1e-9)
+
+
+def test_a_matrix_that_is_not_positive_has_no_factor():
+    for wrong in (0.0, -1.0, np.nan):
+        assert not upper_cholesky(np.diag([1.0, wrong, 1.0]), 1.0)[1]
+
+
+@given(seeds, st.integers(1, 40))
+def test_sums_over_rows_are_matrix_products(seed, n):
+    random = np.random.default_rng(seed)
+    a, b = random.standard_normal((2 * n + 1, n)), random.standard_normal((2 * n + 1, 3))
+    weights = np.full(2 * n + 1, 0.3)
+    weights[0] = -2.0
+    np.testing.assert_allclose(weighted_product(a, b, -2.0, 0.3), a.T @ (weights[:, None] * b), atol=1e-12)
+    np.testing.assert_allclose(weighted_mean(a, -2.0, 0.3), weights @ a, atol=1e-12)
+
+
+@given(seeds, st.integers(1, 6))
+def test_elimination_is_that_of_numpy(seed, m):
+    random = np.random.default_rng(seed)
+    matrix, right = random.standard_normal((m, m)), random.standard_normal((m, 4))
+    expected = np.linalg.solve(matrix, right)
+    np.testing.assert_allclose(solve_few(matrix, right), expected, rtol=1e-8, atol=1e-8 * np.max(np.abs(expected)))
+
+
+def test_elimination_exchanges_rows():
+    swap = np.array([[0.0, 1.0], [1.0, 0.0]])
+    np.testing.assert_array_equal(solve_few(swap, np.array([[2.0], [3.0]])), [[3.0], [2.0]])
+
+
+@pytest.mark.parametrize("n", [1, 24, 37])
+def test_substitution_divides_by_the_factored_matrix(n):
+    random = np.random.default_rng(n)
+    matrix, cross = positive(random, n), random.standard_normal((5, n))
+    factor, _ = upper_cholesky(matrix, 1.0)
+    np.testing.assert_allclose(solve_from_right(cross, factor) @ matrix, cross, atol=1e-9 * np.max(np.abs(matrix)))
+
+
+def test_the_symmetric_part():
+    matrix = np.arange(9.0).reshape(3, 3)
+    np.testing.assert_array_equal(symmetric_part(matrix), 0.5 * (matrix + matrix.T))

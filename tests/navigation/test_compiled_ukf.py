@@ -1,0 +1,269 @@
+"""The compiled filter and smoother against those on filterpy and scipy, which are their readable twins.
+
+Differences are in sigmas of the state. Where a state is known to 1e-8 rad, the rounding of a unit quaternion alone
+exceeds 1e-9 sigma, in the reference as well; there the tolerance is ten times the reference's own rounding: its change
+when every angular rate changes by its last bit.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import twins
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from edl_filter import rotations
+from edl_filter.estimation.parallel import one_blas_thread
+from edl_filter.imu_model.sensor_errors import SensorErrors
+from edl_filter.navigation.compiled_noise import in_body_axes, noise_of_samples
+from edl_filter.navigation.compiled_ukf import CompiledUKF
+from edl_filter.navigation.constraints import Altimeter, LandingSite, OnboardAttitude, RestVelocity
+from edl_filter.navigation.filter import Settings, build_problem, new_filter, run_filter
+from edl_filter.navigation.initial import EntryErrors
+from edl_filter.navigation.leave_one_out import check_constraints
+from edl_filter.navigation.noise import process_noise, sample_attitudes
+from edl_filter.navigation.recovery import run_with_recovery
+from edl_filter.navigation.smoother import smooth
+from edl_filter.navigation.ukf import ErrorStateUKF
+from edl_filter.telemetry.record import InitialState
+
+TOLERANCE = 1e-9
+POSITION, VELOCITY = np.array([3.4e6, 1e5, -2e5]), np.array([-300.0, 900.0, 100.0])
+SIZES = {
+    "accelerometer_bias": 0.02, "accelerometer_scale": 1e-3, "accelerometer_misalignment": 2e-3, "gyro_bias": 1e-3,
+    "gyro_scale": 2e-3,
+}  # fmt: skip
+
+
+@pytest.fixture(scope="module", autouse=True)
+def one_thread():
+    with one_blas_thread():
+        yield
+
+
+def with_engine(problem, engine):
+    return replace(problem, settings=replace(problem.settings, engine=engine))
+
+
+def difference(states, covariances, reference_states, reference_covariances):
+    """Largest difference of states and of covariances, in sigmas."""
+    worst = 0.0
+    for state, covariance, reference, expected in zip(
+        states, covariances, reference_states, reference_covariances, strict=True
+    ):
+        sigma = np.sqrt(np.diag(expected))
+        sigma = np.where(sigma > 0.0, sigma, 1.0)
+        change = np.max(np.abs(state.minus(reference)) / sigma)
+        worst = max(worst, change, np.max(np.abs(covariance - expected) / np.outer(sigma, sigma)))
+    return worst
+
+
+def difference_of_passes(filter_pass, reference):
+    nodes, expected = filter_pass.nodes, reference.nodes
+    return difference(
+        [n.state for n in nodes], [n.covariance for n in nodes], [n.state for n in expected],
+        [n.covariance for n in expected],
+    )  # fmt: skip
+
+
+def own_rounding(problem, reference):
+    """Change of the reference when the angular rates change by their last bit, in sigmas."""
+    samples, random = problem.samples, np.random.default_rng(0)
+    direction = random.choice([-np.inf, np.inf], samples.rate.shape)
+    changed = replace(problem, samples=replace(samples, rate=np.nextafter(samples.rate, direction)))
+    return difference_of_passes(run_filter(changed), reference)
+
+
+def assert_engines_agree(problem, exact=False):
+    """Filter, gate and smoother of both engines; returns both passes."""
+    compiled, filterpy = (with_engine(problem, engine) for engine in ("compiled", "filterpy"))
+    filter_pass, reference = run_filter(compiled), run_filter(filterpy)
+    tolerance = TOLERANCE if exact else max(TOLERANCE, 10.0 * own_rounding(filterpy, reference))
+    assert tolerance < 1e-6
+    assert difference_of_passes(filter_pass, reference) < tolerance
+    for fused, expected in zip(filter_pass.fused, reference.fused, strict=True):
+        assert fused.accepted == expected.accepted
+        assert fused.weight == pytest.approx(expected.weight, rel=max(1e-9, tolerance))
+        assert fused.innovation.nis == pytest.approx(expected.innovation.nis, rel=tolerance, abs=tolerance)
+    assert filter_pass.divergence == reference.divergence or filter_pass.divergence.names == reference.divergence.names
+    smoothed, expected = smooth(filter_pass), smooth(reference)
+    args = expected.states, expected.covariance
+    assert difference(smoothed.states, smoothed.covariance, *args) < tolerance
+    alone = smooth(replace(reference, engine="compiled"))
+    assert difference(alone.states, alone.covariance, *args) < tolerance
+    return filter_pass, reference
+
+
+def random_problem(seed):
+    """A random flight of 4 to 12 s: states, samples, constraints, gaps, changes of the instrument, and settings."""
+    random = np.random.default_rng(seed)
+    count = int(random.integers(32, 96))
+    change = random.random() < 0.4
+    instruments = tuple(
+        SensorErrors(**{name: size for name, size in SIZES.items() if random.random() < 0.6}) for _ in range(1 + change)
+    )
+    samples = twins.samples(
+        np.full(count, 0.125),
+        np.array([-20.0, 1.0, -2.0]) + random.standard_normal((count, 3)),
+        [0.3, 0.1, -0.2] + 0.1 * random.standard_normal((count, 3)),
+        force_noise=0.1,
+        rate_noise=2e-3,
+        shared=1.5e-3,
+        unit=(np.arange(count) >= count // 2).astype(int) if change else None,
+    )
+    if random.random() < 0.4:
+        inside = (np.arange(count) // 5 == 3)[:, None]
+        samples = replace(
+            samples,
+            force_fill_sigma=inside * random.uniform(0.0, 0.5, (count, 3)),
+            rate_fill_sigma=inside * random.uniform(0.0, 0.02, (count, 3)),
+            net_turn=inside[:, 0],
+        )
+    onboard = random.random() < 0.5
+    attitude = rotations.normalise(random.standard_normal(4))
+    entry = EntryErrors(
+        random.choice([0.0, 0.05]), random.choice([0.0, 1e-3]), attitude if onboard else None, 1e-2 if onboard else 0.0,
+        random.choice([0.0, 1e-4]), random.choice([0.0, 1e-3]),
+    )  # fmt: skip
+    end = samples.time[-1]
+    times = np.sort(random.uniform(0.5, end, 6))
+    constraints = []
+    for time in times:
+        place = POSITION + time * VELOCITY
+        radius = np.linalg.norm(POSITION)
+        kind = random.integers(4 if onboard else 3)
+        error = random.standard_normal(3) * random.choice([1.0, 1.0, 1.0, 30.0])
+        if kind == 0:
+            constraints.append(Altimeter(time, np.linalg.norm(place) - radius + 300.0 * error[0], 300.0, radius))
+        elif kind == 1:
+            fixed = twins.MARS.rotation.to_fixed(time, place[None])[0] + 1000.0 * error
+            constraints.append(LandingSite(time, fixed, 1e6 * np.eye(3), twins.MARS))
+        elif kind == 2:
+            constraints.append(RestVelocity(time, 2e3, twins.MARS))
+        else:
+            constraints.append(OnboardAttitude(time, attitude, 2.0))
+    sigma = np.repeat([100.0, 2.0, 0.01], 3)
+    return build_problem(
+        samples,
+        InitialState(0.0, POSITION, VELOCITY, attitude, np.diag(sigma**2)),
+        entry,
+        instruments,
+        constraints,
+        twins.MARS,
+        Settings(
+            alpha=random.uniform(0.3, 1.0),
+            beta=random.uniform(0.0, 3.0),
+            kappa=random.uniform(0.0, 2.0),
+            longest_interval=random.uniform(0.5, 5.0),
+            gate_probability=random.choice([0.999, 0.99999]),
+            robust=str(random.choice(["none", "huber", "student_t"])),
+        ),
+        unit_change_sigma=1e-3,
+    )
+
+
+@settings(max_examples=15, deadline=None)
+@given(st.integers(0, 10_000))
+def test_random_problems(seed):
+    assert_engines_agree(random_problem(seed), exact=True)
+
+
+@pytest.mark.slow
+def test_two_hundred_random_problems():
+    for seed in range(10_000, 10_200):
+        assert_engines_agree(random_problem(seed), exact=True)
+
+
+@pytest.mark.parametrize("name", ["spirit", "opportunity", "practice_06"])
+def test_shipped_missions(name, request):
+    """Filter, smoother, and each constraint against all others."""
+    problem = request.getfixturevalue(name).problem
+    filter_pass, reference = assert_engines_agree(problem)
+    compiled, filterpy = (with_engine(problem, engine) for engine in ("compiled", "filterpy"))
+    checks = zip(check_constraints(compiled, filter_pass), check_constraints(filterpy, reference), strict=True)
+    for check, expected in checks:
+        assert np.max(np.abs(check.left_out - expected.left_out) / expected.left_out_sigma) < 1e-8
+        np.testing.assert_allclose(check.left_out_sigma, expected.left_out_sigma, rtol=1e-7)
+        assert check.left_out_information == pytest.approx(expected.left_out_information, rel=1e-7, abs=1e-9)
+
+
+def with_outliers(problem):
+    """Every twentieth height of the altimeter, and three in a row, wrong by kilometres."""
+    heights = [c for c in problem.constraints if c.name == "altimeter"]
+    wrong = {id(c) for k, c in enumerate(heights) if k % 20 == 7 or 100 <= k < 103}
+    assert len(wrong) > 10
+    changed = (replace(c, height=c.height + 4e3) if id(c) in wrong else c for c in problem.constraints)
+    return replace(problem, constraints=tuple(changed))
+
+
+@pytest.mark.parametrize("robust", ["none", "huber", "student_t"])
+def test_outliers_are_screened_and_weighted_alike(practice_06, robust):
+    problem = with_outliers(practice_06.problem)
+    filter_pass, _ = assert_engines_agree(replace(problem, settings=replace(problem.settings, robust=robust)))
+    assert sum(not f.accepted for f in filter_pass.fused) > 10
+    assert robust == "none" or any(f.weight < 1.0 for f in filter_pass.fused)
+
+
+@pytest.mark.slow
+def test_recovery_is_the_same(practice_06):
+    """From an entry state that is wrong by 40 sigmas."""
+    problem = practice_06.problem
+    shift = 40.0 * np.sqrt(np.diag(problem.initial.covariance))[:3]
+    problem = replace(problem, initial=replace(problem.initial, position=problem.initial.position + shift))
+    results = [run_with_recovery(with_engine(problem, engine)) for engine in ("compiled", "filterpy")]
+    (_, filter_pass, recovery), (changed, reference, expected) = results
+    assert expected is not None and recovery.cause == expected.cause == "entry_state"
+    assert recovery.size == expected.size and recovery.gain == pytest.approx(expected.gain, rel=1e-7)
+    tolerance = max(TOLERANCE, 10.0 * own_rounding(changed, reference))
+    assert difference_of_passes(filter_pass, reference) < tolerance < 1e-6
+
+
+def test_process_noise_is_that_of_its_reference():
+    """With filled samples and an on-board attitude: the noise that a prediction adds, block by block."""
+    problem = next(p for p in map(random_problem, range(100)) if p.samples.filled.any() and p.entry.onboard_sigma)
+    s, attitude, layout = problem.samples, rotations.normalise([0.2, -0.1, 0.3, 0.9]), problem.layout
+    expected = process_noise(layout, s, attitude)
+    middle, end = sample_attitudes(s.interval, s.rate, attitude)
+    own = np.sqrt(s.rate_noise**2 - s.shared_rate_noise**2)
+    noise, unshared = noise_of_samples(
+        s.interval, middle, s.force, s.force_noise, s.rate_noise, own, s.force_fill_sigma, s.rate_fill_sigma
+    )
+    scale = np.sqrt(np.diag(expected))
+    for block, rows in ((expected[:9, :9], noise), (expected[-3:, :9], unshared)):
+        ours = in_body_axes(rows, end)
+        ours = ours if len(block) == 9 else ours[6:]
+        np.testing.assert_allclose(
+            ours, block, atol=1e-12 * np.max(np.outer(scale[-len(block) :], scale[:9])), rtol=1e-9
+        )
+    assert layout.size == len(expected)
+
+
+def test_the_engine_is_that_of_the_settings():
+    problem = random_problem(1)
+    for engine, filter_class in (("compiled", CompiledUKF), ("filterpy", ErrorStateUKF)):
+        chosen = with_engine(problem, engine)
+        state, covariance = run_filter(chosen).nodes[0].state, run_filter(chosen).nodes[0].covariance
+        assert isinstance(new_filter(chosen, state, covariance), filter_class)
+        assert run_filter(chosen).engine == engine
+
+
+def test_weights_are_those_of_the_reference():
+    problem = random_problem(2)
+    node = run_filter(problem).nodes[0]
+    s = problem.settings
+    args = problem.layout, node.state, node.covariance, problem.planet, s.alpha, s.beta, s.kappa
+    compiled, reference = CompiledUKF(*args), ErrorStateUKF(*args)
+    np.testing.assert_allclose(compiled.weights, reference.weights, rtol=1e-13)
+    scale = np.sqrt(np.diag(node.covariance))
+    np.testing.assert_allclose(compiled.sigma_points / scale, reference.sigma_points / scale, atol=1e-13)
+
+
+def test_a_covariance_that_is_not_positive_is_refused():
+    problem = random_problem(3)
+    node = run_filter(problem).nodes[0]
+    covariance = node.covariance.copy()
+    covariance[2, 2] = -1.0
+    for filter_class in (CompiledUKF, ErrorStateUKF):
+        with pytest.raises(np.linalg.LinAlgError):
+            filter_class(problem.layout, node.state, covariance, problem.planet)
