@@ -80,6 +80,11 @@ class Pds3Table:
         return np.stack([self.columns[name] for name in names], axis=-1)
 
 
+def _are_objects(value: Any) -> bool:
+    """Whether a label's entry is what `read_label` makes of objects, and not a keyword's value."""
+    return isinstance(value, list) and bool(value) and all(isinstance(item, dict) for item in value)
+
+
 def _parsed(text: str) -> Any:
     """Convert a value of a label into a number, a string or a list of strings."""
     if text[0] in "\"'":
@@ -147,7 +152,11 @@ def read_label(path: str | Path) -> Label:
         key = key.upper() if key else end
         if key in ("OBJECT", "GROUP"):
             inner: Label = {}
-            stack[-1][1].setdefault(value.upper(), []).append(inner)
+            siblings = stack[-1][1].setdefault(value.upper(), [])
+            if siblings != [] and not _are_objects(siblings):
+                line = text.count("\n", 0, match.start()) + 1
+                raise InputError(f"{path}, line {line}: {key} = {value}: {value} is a keyword, too.")
+            siblings.append(inner)
             stack.append((value.upper(), inner))
         elif key in ("END_OBJECT", "END_GROUP"):
             name, _ = stack.pop()
@@ -262,7 +271,7 @@ def read_table(label_path: str | Path) -> Pds3Table:
     """
     label_path = Path(label_path)
     label = read_label(label_path)
-    if not isinstance(label.get("^TABLE"), str) or "TABLE" not in label:
+    if not isinstance(label.get("^TABLE"), str) or not _are_objects(label.get("TABLE")):
         raise InputError(f"{label_path}: no ^TABLE pointer to a file, or no TABLE object.")
     table_label = label["TABLE"][0]
     if table_label.get("INTERCHANGE_FORMAT") != "ASCII":
@@ -271,6 +280,8 @@ def read_table(label_path: str | Path) -> Pds3Table:
     rows = _positive_integer(label_path, table_label, "ROWS")
     row_bytes = _positive_integer(label_path, table_label, "ROW_BYTES")
     columns = table_label.get("COLUMN", [])
+    if not _are_objects(columns) and columns != []:
+        raise InputError(f"{label_path}: COLUMN is {columns!r}; objects are needed.")
     for key, expected, table_key in (
         ("FILE_RECORDS", rows, "ROWS"),
         ("RECORD_BYTES", row_bytes, "ROW_BYTES"),
@@ -279,6 +290,8 @@ def read_table(label_path: str | Path) -> Pds3Table:
             raise InputError(f"{label_path}: {key} is {label[key]}, but {table_key} is {expected}.")
     if table_label.get("COLUMNS", len(columns)) != len(columns):
         raise InputError(f"{label_path}: COLUMNS is {table_label['COLUMNS']}, but it describes {len(columns)} columns.")
+    if Path(label["^TABLE"]).name != label["^TABLE"]:
+        raise InputError(f"{label_path}: ^TABLE is {label['^TABLE']!r}; the name of a file in its folder is needed.")
     path = find_file(label_path.parent, label["^TABLE"])
     if path is None:
         raise InputError(f"{label_path}: its table {label['^TABLE']} is not in {label_path.parent}.")
