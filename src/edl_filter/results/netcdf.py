@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 from edl_filter.errors import InputError
 from edl_filter.io.atomic import replace_with
 from edl_filter.io.hdf5_guard import DAMAGE, open_hdf5
+from edl_filter.io.output_folder import complete_output
 from edl_filter.results.groups import Attributes, Groups
 
 if TYPE_CHECKING:
@@ -106,6 +107,8 @@ def check_result(path: Path) -> None:
     """Raise InputError unless the file `path` is a result of this version."""
     import h5py
 
+    if path.parent.is_dir():
+        complete_output(path.parent)
     if not path.is_file():
         raise InputError(f"{path}: no such result; expected the result.nc that 'edl-filter run' writes.")
     with open_hdf5(path, _NEEDED) as file:
