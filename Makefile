@@ -7,6 +7,9 @@
 #   make test-browser   click through the workbench in Chromium, from first look to noise floor (minutes)
 #   make test-effects   hide every effect of the catalogue in a simulated flight and diagnose it, and run the tests that
 #                       take longest (a quarter of an hour)
+#   make fuzz    search for files that break a reader, a minute for each kind of file
+#   make study-faults       faults of an IMU's samples in simulated flights: how many are repaired (an hour; goes on)
+#   make study-kills        kill -9 at 50 moments of run, diagnose and improve: is a result ever torn (half an hour)
 #   make bench   run the benchmarks   make clean  remove what these targets made
 #   make docs    build the documentation into docs/_build/html; a warning is an error
 #   make study-simulation   reconstruct many simulated flights and judge the errors (some minutes)
@@ -24,7 +27,7 @@ BIN := .venv/bin
 STAMP := .venv/installed
 DOCS_STAMP := .venv/installed-docs
 
-.PHONY: demo test notebooks test-browser test-effects lint types layers bench docs study study-inexact study-simulation study-closure study-filters study-thresholds study-comparators study-cross-prediction thesis-claims clean
+.PHONY: demo test notebooks test-browser test-effects lint types layers bench docs study study-inexact study-simulation study-closure study-filters study-thresholds study-comparators study-cross-prediction thesis-claims clean fuzz study-faults study-kills
 
 demo: $(STAMP)
 	$(BIN)/edl-filter demo -o demo-results
@@ -45,6 +48,10 @@ test-browser: $(STAMP)
 # A flight and a diagnosis for nearly every test: a worker that has none left takes over some of the other's
 test-effects: $(STAMP)
 	$(BIN)/pytest -n 2 --dist worksteal -m "effects or slow"
+
+# With atheris (pip install 'edl-filter[fuzz]') also guided by coverage
+fuzz: $(STAMP)
+	PYTHONPATH=tests/hostile:tests/results $(BIN)/python tests/hostile/fuzz.py --seconds 60
 
 lint: $(STAMP)
 	$(BIN)/ruff check .
@@ -88,6 +95,12 @@ study-thresholds: $(STAMP)
 	for w in 0 1; do $(BIN)/python benchmarks/studies/thresholds.py \
 	  -o study-results/thresholds.jsonl --worker $$w --workers 2 & done; wait
 	$(BIN)/python benchmarks/studies/thresholds.py --report study-results/thresholds.jsonl
+
+study-faults: $(STAMP)
+	$(BIN)/python benchmarks/studies/faults.py -o study-results/faults.jsonl --imus 2 1
+
+study-kills: $(STAMP)
+	$(BIN)/python benchmarks/studies/kills.py --moments 50
 
 study-filters: $(STAMP)
 	$(BIN)/python benchmarks/studies/filter_comparison.py

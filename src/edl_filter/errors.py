@@ -10,3 +10,9 @@ class InputError(Exception):
     The message is one or two sentences that name the file, key or row, the value found and the accepted values.
     The command line prints it and exits with code 2; no partial output remains.
     """
+
+
+def quoted(value: object, longest: int = 80) -> str:
+    """A value of a file in a message: quoted, without control characters, and of at most `longest` characters."""
+    text = repr(value)
+    return text if len(text) <= longest else f"{text[: longest - 2]} …"

@@ -8,6 +8,7 @@ import pytest
 from command_checks import assert_refused
 
 from edl_filter import __version__
+from edl_filter.mission import shipped_mission
 
 COMMANDS = (
     "run", "validate", "convert", "simulate", "export", "fetch", "demo", "effects", "add",
@@ -85,3 +86,35 @@ def test_debug_shows_the_traceback_of_wrong_input(cli):
     result = cli("--debug", "run", "nowhere.yaml")
     assert result.exit_code == 2
     assert "Traceback" in result.stderr and "nowhere.yaml" in result.stderr
+
+
+CODE = """
+from pathlib import Path
+from edl_filter.effects import Effect, Parameter
+
+Path(__file__).with_name("executed").write_text("yes")
+
+
+class Bump(Effect):
+    name = "bump"
+    description = "A bump of the density."
+    parameters = (Parameter("a", "", "amplitude", 0.1, low=-1.0, high=1.0),)
+
+    def density(self, p, altitude):
+        return 1.0 + p["a"] * (altitude > 1e9)
+"""
+
+
+def test_a_check_runs_no_code_of_a_mission_and_other_commands_name_the_file(cli, tmp_path, caplog):
+    (tmp_path / "bump.py").write_text(CODE)
+    mission = tmp_path / "mission.yaml"
+    entry = "\neffects:\n  - {name: bump, file: bump.py, parameters: {a: 0.1}}\n"
+    mission.write_text(shipped_mission("practice_mer").read_text() + entry)
+    result = cli("validate", str(mission))
+    assert result.exit_code == 0, result.output
+    assert "not checked: the effect in bump.py" in result.output
+    assert not (tmp_path / "executed").exists()
+    with caplog.at_level("INFO", logger="edl_filter"):
+        cli("effects", "--file", str(tmp_path / "bump.py"))
+    assert (tmp_path / "executed").exists()
+    assert f"runs the code of {tmp_path / 'bump.py'}" in caplog.text

@@ -41,6 +41,15 @@ def test_export(cli, practice_06):
     assert Path("t.csv").read_text().startswith("time [s],utc,")
 
 
+def test_an_export_replaces_a_file_only_when_forced(cli, practice_06):
+    write_outputs(Result(practice_06), "out", figures=False)
+    Path("out/trajectory.csv").write_text("mine")
+    assert_input_error(cli("export", "out", "--to", "csv"), "trajectory.csv: found a file; --force replaces it")
+    assert Path("out/trajectory.csv").read_text() == "mine"
+    assert cli("export", "out", "--to", "csv", "--force").exit_code == 0
+    assert Path("out/trajectory.csv").read_text().startswith("time [s],utc,")
+
+
 def test_a_full_disk_is_reported_with_the_file(cli, monkeypatch):
     def full(*_, **__):
         raise OSError(28, "No space left on device")

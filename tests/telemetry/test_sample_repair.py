@@ -114,6 +114,24 @@ def wrong_times(step):
     return change
 
 
+def drifting(ratio, first=0):
+    def change(data):
+        data["time"][first:] += ratio * (data["time"][first:] - data["time"][first])
+
+    return change
+
+
+def rounded(carried):
+    def change(data):
+        for key, step in ((FORCE, 6.25e-3), (RATE, 1e-4)):
+            increments = data[key] * 0.125 / step
+            if carried:
+                increments = np.diff(np.round(np.cumsum(increments, axis=0)), axis=0, prepend=0.0)
+            data[key] = np.round(increments) * step / 0.125
+
+    return change
+
+
 FAULTS = {
     "gap": (removed(8), "missing"),
     "long gap": (removed(80), "missing"),
@@ -134,6 +152,9 @@ FAULTS = {
     "early times": (wrong_times(-0.375), "clock_jump"),
     "late times": (wrong_times(7.0), "clock_jump"),
     "dead": (stopped, "dead"),
+    "clock drift": (drifting(1e-4), "clock_drift"),
+    "fast clock": (drifting(-1e-2), "clock_drift"),
+    "drift from mid-flight": (drifting(1e-3, 900), "clock_drift"),
 }
 
 
@@ -232,3 +253,62 @@ def test_transferred_readings_are_those_of_the_reference(builtin_flight):
     for key, values, scatter in ((FORCE, source.force, source.force_scatter), (RATE, source.rate, source.rate_scatter)):
         ratio = (values - getattr(telemetry.driving, key))[rows] / scatter[rows]
         assert 0.8 < np.sqrt(np.mean(ratio**2)) < 1.2
+
+
+@pytest.mark.parametrize("carried", [True, False])
+def test_the_finer_of_two_imus_drives(carried, corrupted, builtin_flight):
+    telemetry = repaired(corrupted(rounded(carried)), parachute=252.75)
+    assert {(f.imu, f.channel, f.kind) for f in telemetry.findings} == {
+        ("primary", "force", "coarse"), ("primary", "rate", "coarse")
+    }  # fmt: skip
+    assert all("secondary drives" in f.repair for f in telemetry.findings)
+    np.testing.assert_array_equal(
+        telemetry.driving.specific_force, read_flight_file(builtin_flight).checking[0].specific_force
+    )
+    coarse = telemetry.checking[0]
+    assert coarse.name == "primary"
+    np.testing.assert_allclose(coarse.force_noise, np.hypot(2.941995e-3, 0.05 / np.sqrt(6.0)), rtol=1e-6)
+    assert coarse.errors[0].gyro_bias == pytest.approx(8e-4 / np.sqrt(12.0), rel=1e-3)
+
+
+@pytest.mark.parametrize("carried", [True, False])
+def test_the_only_imu_states_the_errors_of_its_coarse_steps(carried, corrupted, builtin_flight):
+    truth = read_flight_file(builtin_flight).driving
+    telemetry = repaired(alone(corrupted(rounded(carried))), parachute=252.75)
+    assert {f.kind for f in telemetry.findings} == {"coarse"}
+    imu = telemetry.driving
+    for key, noise, bias in (
+        (FORCE, imu.force_noise[0], imu.errors[0].accelerometer_bias),
+        (RATE, imu.rate_noise[0], imu.errors[0].gyro_bias),
+    ):
+        error = getattr(imu, key) - getattr(truth, key)
+        assert np.sqrt(np.mean(error**2)) < 1.1 * noise
+        assert np.all(np.abs(error.mean(axis=0)) < 3.0 * bias)
+
+
+def test_the_clock_of_a_single_imu_is_named_and_its_scale_uncertain(corrupted, builtin_flight):
+    truth = read_flight_file(builtin_flight).driving
+    telemetry = repaired(alone(corrupted(drifting(1e-3))), parachute=252.75)
+    assert [(f.kind, f.repair.split(",")[0]) for f in telemetry.findings] == [("clock_drift", "+1000 ppm")]
+    errors, stated = telemetry.driving.errors[0], truth.errors[0]
+    assert errors.gyro_scale == pytest.approx(np.hypot(stated.gyro_scale, 1e-3))
+    assert errors.accelerometer_scale == pytest.approx(np.hypot(stated.accelerometer_scale, 1e-3))
+
+
+def test_two_clocks_of_which_the_steps_do_not_show_the_wrong_one_are_named(builtin_flight):
+    telemetry = read_flight_file(builtin_flight)
+    driving = telemetry.driving
+    slow = replace(
+        driving, time=driving.time * 1.001, interval=driving.interval * 1.001, stated_interval=0.125 * 1.001
+    )  # its stated interval follows its clock
+    outcome = repaired(replace(telemetry, driving=slow), parachute=252.75)
+    assert [(f.imu, f.kind) for f in outcome.findings] == [("primary", "clock_drift")]
+    assert "not corrected" in outcome.findings[0].repair
+
+
+def test_a_stated_interval_that_is_rounded_in_both_imus_is_no_drift(builtin_flight):
+    telemetry = read_flight_file(builtin_flight)
+    records = [replace(r, stated_interval=0.1251) for r in (telemetry.driving, *telemetry.checking)]
+    outcome = repaired(replace(telemetry, driving=records[0], checking=tuple(records[1:])), parachute=252.75)
+    assert outcome.findings == ()
+    np.testing.assert_array_equal(outcome.driving.time, telemetry.driving.time)

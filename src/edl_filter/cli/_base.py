@@ -5,6 +5,7 @@ This module imports no large package either.
 
 from __future__ import annotations
 
+import logging
 import os
 import sys
 import traceback
@@ -51,6 +52,15 @@ class Commands(TyperGroup):
                 err=True,
             )
             raise typer.Exit(1) from None
+
+
+def announce_code() -> None:
+    """Print on standard error which files' code a command runs: those of the users' effects that a mission names."""
+    handler = logging.StreamHandler()
+    handler.setFormatter(logging.Formatter("edl-filter: %(message)s"))
+    logger = logging.getLogger("edl_filter")
+    logger.addHandler(handler)
+    logger.setLevel(logging.INFO)
 
 
 class InterruptedCommandError(Exception):

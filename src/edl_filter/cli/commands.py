@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from edl_filter._version import __version__
-from edl_filter.cli._base import Commands
+from edl_filter.cli._base import Commands, announce_code
 from edl_filter.cli.diagnosis import add, compare, diagnose, effects, identifiability, improve, serve
 from edl_filter.cli.flight_data import convert, export, fetch, simulate
 from edl_filter.cli.reconstruction import demo, run, validate
@@ -29,6 +29,7 @@ def main() -> None:
     """Entry point of ``edl-filter``."""
     # a tenth of a short run is spent on garbage collection of objects that imports create and that are never freed
     gc.set_threshold(100_000)
+    announce_code()
     app(prog_name="edl-filter")
 
 

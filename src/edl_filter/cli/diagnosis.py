@@ -95,6 +95,8 @@ def diagnose(
         interrupted(outcome),
         progress(f"Diagnosing {result}", quiet=as_json) as report_step,
     ):
+        if not as_json and (folder / "diagnosis.json").is_file():
+            typer.echo(f"{folder} holds an earlier diagnosis; it is replaced.")
         diagnosed = diagnose_result(result, names or (), file, report_step)
     paths = [str(p) for p in (diagnosed.path, diagnosed.report, *diagnosed.figures)]
     if as_json:

@@ -59,10 +59,13 @@ def export(
         Path | None, typer.Option("-o", "--output", help="File to write; in the result's folder if not stated.")
     ] = None,
     naif_id: Annotated[int | None, typer.Option("--naif-id", help="NAIF ID of the spacecraft in SPICE.")] = None,
+    force: ForceOption = False,
 ) -> None:
     """Write trajectory and attitude for other tools: a CSV table, or SPICE kernels."""
+    from edl_filter.export import default_path
     from edl_filter.export import export as export_result
 
+    _refuse_existing(output or default_path(result, to), force)
     for path in export_result(result, to, output, naif_id):
         typer.echo(f"Written: {path}")
 

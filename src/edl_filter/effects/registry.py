@@ -7,6 +7,7 @@ subclasses of `Effect` that it defines. The hooks of both are validated (`edl_fi
 from __future__ import annotations
 
 import importlib.util
+import logging
 from collections.abc import Sequence
 from functools import cache
 from importlib.metadata import entry_points
@@ -112,6 +113,7 @@ def _effects_in(file: Path, modified_ns: int) -> dict[str, Effect]:
     if spec is None or spec.loader is None:
         raise InputError(f"{file}: found a file of another kind; a Python file (.py) with an effect is expected.")
     module = importlib.util.module_from_spec(spec)
+    logging.getLogger("edl_filter").info("runs the code of %s", file)  # the command line prints it
     try:
         spec.loader.exec_module(module)
     except Exception as error:

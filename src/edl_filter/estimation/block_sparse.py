@@ -15,7 +15,9 @@ from numba import njit
 
 from edl_filter.types import Array, IntArray
 
-#: Lets a compiled loop contract a product and a sum into one rounding.
+#: Lets a compiled loop contract a product and a sum into one rounding. A function with it is put in line into its
+#: callers: as a function of its own it would be compiled twice, once by itself and once within its caller, with
+#: different roundings, and which of the two runs depends on whether the process compiled it or read it from the cache.
 FUSED = {"contract"}
 
 
@@ -109,7 +111,7 @@ def row_pattern(increment: BlockSparse) -> tuple[IntArray, IntArray, IntArray, A
     return rows, np.append(first, len(increment.row)), increment.column, increment.values
 
 
-@njit(cache=True, error_model="numpy", fastmath=FUSED)
+@njit(cache=True, error_model="numpy", fastmath=FUSED, inline="always")
 def transform_rows(p, rows, first, column, values, work):
     """``(I + D) p``, in place.
 

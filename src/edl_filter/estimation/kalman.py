@@ -188,7 +188,7 @@ def _unwhiten(row_start, factor, white):
     return out
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@njit(cache=True, error_model="numpy", nogil=True, fastmath=FUSED)
 def _gains(rows, first, column, increment, q_row, q_column, q_values, row_start, design, row_noise, p):
     """Covariance recursion over all steps; `p` is the initial covariance and is overwritten."""
     gains = np.empty_like(design)
@@ -222,7 +222,7 @@ def _gains(rows, first, column, increment, q_row, q_column, q_values, row_start,
     return gains, factor, log_determinant
 
 
-@njit(cache=True, error_model="numpy", fastmath=FUSED)
+@njit(cache=True, error_model="numpy", fastmath=FUSED, inline="always")
 def solve_lower(lower, right):
     """Solve ``L x = right`` in place, with L lower triangular ``(m, m)`` and `right` ``(m, c)``."""
     for i in range(right.shape[0]):
@@ -235,7 +235,7 @@ def solve_lower(lower, right):
             row[c] /= lower[i, i]
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@njit(cache=True, error_model="numpy", nogil=True, fastmath=FUSED)
 def _whiten(rows, first, column, increment, row_start, design, gains, factor, columns, x):
     """State recursion over all steps for all columns; `x` holds the initial means and is overwritten."""
     out = np.empty_like(columns)

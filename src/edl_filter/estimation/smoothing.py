@@ -10,7 +10,7 @@ import numpy as np
 from numba import njit
 from scipy.linalg import cho_factor, cho_solve
 
-from edl_filter.estimation.block_sparse import row_pattern, transform_rows, transpose_in_place
+from edl_filter.estimation.block_sparse import FUSED, row_pattern, transform_rows, transpose_in_place
 from edl_filter.estimation.kalman import WhiteningFilter, solve_lower
 from edl_filter.estimation.parallel import one_blas_thread
 from edl_filter.types import Array
@@ -124,7 +124,7 @@ def smoothed_last_states(whiten: WhiteningFilter, white: Array, initial_mean: Ar
     return mean, covariance
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@njit(cache=True, error_model="numpy", nogil=True, fastmath=FUSED)
 def _precision_weighted(rows, first, column, increment, row_start, design, gains, factor, white):
     size = design.shape[1]
     weighted, diagonal = np.empty_like(white), np.empty_like(white)

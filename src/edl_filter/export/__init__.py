@@ -16,7 +16,21 @@ from edl_filter.errors import InputError
 FORMATS = ("csv", "spk", "ck")
 _SUFFIX = {"csv": ".csv", "spk": ".bsp", "ck": ".bc"}
 
-__all__ = ["FORMATS", "export"]
+__all__ = ["FORMATS", "default_path", "export"]
+
+
+def default_path(result: str | Path, fmt: str) -> Path:
+    """The file that an export in a format writes, in the folder of the result.
+
+    Raises
+    ------
+    InputError
+        An unknown format.
+    """
+    if fmt not in FORMATS:
+        raise InputError(f"--to: found {fmt!r}; accepted are {', '.join(FORMATS)}.")
+    folder = Path(result) if Path(result).is_dir() else Path(result).parent
+    return folder / f"trajectory{_SUFFIX[fmt]}"
 
 
 def export(result: str | Path, fmt: str, out: str | Path | None = None, naif_id: int | None = None) -> list[Path]:
@@ -43,13 +57,11 @@ def export(result: str | Path, fmt: str, out: str | Path | None = None, naif_id:
     InputError
         No result, an unknown format, spiceypy is missing, or the result does not state the orientation of its frame.
     """
-    if fmt not in FORMATS:
-        raise InputError(f"--to: found {fmt!r}; accepted are {', '.join(FORMATS)}.")
+    default_path(result, fmt)  # refuses another format
     from edl_filter.results.netcdf import load
 
     groups = load(result)
-    folder = Path(result) if Path(result).is_dir() else Path(result).parent
-    path = Path(out) if out is not None else folder / f"trajectory{_SUFFIX[fmt]}"
+    path = Path(out) if out is not None else default_path(result, fmt)
     if fmt == "csv":
         from edl_filter.export.table import write_csv
 

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import json
 import os
 import shutil
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -19,6 +20,8 @@ except ImportError:  # a system without POSIX locks: two commands in one folder 
 
 #: Beginning of the names of hidden folders that hold unfinished output.
 STAGING = ".edl-filter."
+#: Name of the folder with output that is complete and is being moved to its place, and of the list of what to remove.
+_COMMIT, _REMOVALS = f"{STAGING}commit", ".removals.json"
 
 
 @contextmanager
@@ -55,6 +58,7 @@ def output_folder(folder: Path) -> Iterator[Path]:
             raise cannot_write(folder, error) from None
         if descriptor is not None:
             _lock(folder, descriptor)
+        finish_commit(folder)
         for remnant in folder.glob(f"{STAGING}*"):
             shutil.rmtree(remnant, ignore_errors=True)
         yield folder
@@ -66,6 +70,65 @@ def output_folder(folder: Path) -> Iterator[Path]:
                 path.rmdir()
             except OSError:  # something was written
                 break
+
+
+@contextmanager
+def staged_output(folder: Path, removals: Callable[[Path], Iterable[str]] = lambda _: ()) -> Iterator[Path]:
+    """Write several files of a folder so that either all of them appear, or none.
+
+    They are written into a hidden folder. At the end this is renamed, in one step: from then on the output is complete,
+    and its files are moved to their places. If the program is killed in between, the next one moves the rest
+    (`finish_commit`).
+
+    Parameters
+    ----------
+    folder : Path
+        Existing folder.
+    removals : callable
+        Returns, for the hidden folder when it is complete, the names of files in `folder` that are removed.
+
+    Yields
+    ------
+    Path
+        The hidden folder; paths within it are those within `folder`.
+    """
+    finish_commit(folder)
+    staged = Path(tempfile.mkdtemp(prefix=STAGING, dir=folder))
+    try:
+        yield staged
+        (staged / _REMOVALS).write_text(json.dumps(list(removals(staged))), encoding="utf-8")
+        staged.rename(folder / _COMMIT)
+    except BaseException:
+        shutil.rmtree(staged, ignore_errors=True)
+        raise
+    finish_commit(folder)
+
+
+def finish_commit(folder: Path) -> None:
+    """Move the files of a complete output to their places in `folder`, as far as a killed program did not."""
+    complete = folder / _COMMIT
+    listed = complete / _REMOVALS
+    if not complete.is_dir():
+        return
+    if listed.is_file():
+        for name in json.loads(listed.read_text(encoding="utf-8")):
+            (folder / name).unlink(missing_ok=True)
+        for path in sorted(p for p in complete.rglob("*") if p.is_file() and p != listed):
+            place = folder / path.relative_to(complete)
+            place.parent.mkdir(parents=True, exist_ok=True)
+            path.replace(place)
+    shutil.rmtree(complete, ignore_errors=True)
+
+
+def complete_output(folder: Path) -> None:
+    """Finish the commit of a program that was killed, before its files are read; nothing while a program still runs."""
+    if not (folder / _COMMIT).is_dir():
+        return
+    try:
+        with output_folder(folder):
+            pass
+    except InputError:  # it is being written, or cannot be
+        return
 
 
 def _lock(folder: Path, descriptor: int) -> None:

@@ -316,7 +316,11 @@ class Mission(Section):
         path = Path(reference).expanduser()
         if self._source is not None:
             path = self._source.parent / path  # an absolute path is not changed by this
-        if not (path.is_file() or (folders and path.is_dir())):
+        try:
+            exists = path.is_file() or (folders and path.is_dir())
+        except OSError:  # a name that no file system accepts
+            exists = False
+        if not exists:
             kind = "folder or file" if folders else "file"
             raise InputError(
                 f"{self.label}: {key}: found {reference!r}, but there is no {kind} {path}; expected a {kind}, "

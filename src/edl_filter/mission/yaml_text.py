@@ -16,6 +16,7 @@ from typing import Any
 import yaml
 
 from edl_filter.errors import InputError
+from edl_filter.io.yaml_guard import cannot_parse, check_size
 from edl_filter.mission.shipped import BUILTIN
 
 
@@ -82,10 +83,13 @@ def parse(text: str, label: str) -> Any:
     InputError
         `text` is not YAML, repeats a key or uses an anchor; the message begins with `label`.
     """
+    check_size(text, label)
     try:
         return yaml.load(text, Loader=_Loader)
     except yaml.YAMLError as error:
         raise _yaml_error(label, error) from None
+    except (RecursionError, ValueError) as error:
+        raise cannot_parse(label, error) from None
 
 
 def compose(text: str, label: str) -> yaml.Node | None:
@@ -96,11 +100,17 @@ def compose(text: str, label: str) -> yaml.Node | None:
     InputError
         As `parse`.
     """
-    loader = _Loader(text)
+    check_size(text, label)
+    try:
+        loader = _Loader(text)
+    except yaml.YAMLError as error:
+        raise _yaml_error(label, error) from None
     try:
         return loader.get_single_node()
     except yaml.YAMLError as error:
         raise _yaml_error(label, error) from None
+    except (RecursionError, ValueError) as error:
+        raise cannot_parse(label, error) from None
     finally:
         loader.dispose()
 

@@ -10,6 +10,9 @@ Layout: structure of arrays, samples in the outer loop and sigma points in the i
 a block of `LANES` sigma points are adjacent in one flat array, so that every distance is a constant
 at compile time: the compiler needs no aliasing checks and runs the inner loop in vector registers. There is no
 branch and no allocation in the loops.
+
+The loops are put in line into `propagate`: with `FAST`, a function of its own would be compiled twice, by itself and
+within its caller, with different roundings, and the first run, which compiles, would differ from all later ones.
 """
 
 import numpy as np
@@ -25,7 +28,7 @@ def padded(count: int) -> int:
     return -(-count // LANES) * LANES
 
 
-@njit(cache=True)
+@njit(cache=True, fastmath=FAST, error_model="numpy")
 def propagate(state, force_map, rate_map, interval, force, rate, mu, j2, radius):
     """Propagate every sigma point over every sample, in place.
 
@@ -66,7 +69,7 @@ def propagate(state, force_map, rate_map, interval, force, rate, mu, j2, radius)
                 state[k, b * LANES + lane] = work[o + k * LANES]
 
 
-@njit(cache=True, fastmath=FAST, error_model="numpy")
+@njit(cache=True, fastmath=FAST, error_model="numpy", inline="always")
 def _propagate_blocks(work, blocks, interval, force, rate, mu, j2, radius):
     """Propagate all blocks: loops over samples, blocks and lanes, from the outside in."""
     j = 1.5 * j2 * radius * radius

@@ -217,9 +217,8 @@ def _rest(mission: Mission, telemetry: Telemetry, samples: Samples, planet: Plan
     else:
         start, end = stated.start_s, stated.end_s
     part = window(samples, start, end, "rest")
-    count = len(part.time)
-    force_sigma = float(np.sqrt(np.mean(part.force_noise**2) / count))
-    rate_sigma = float(np.sqrt(np.mean(part.rate_noise**2) / count))
+    force_sigma = _sigma_of_mean(part.force_noise, part.force_fill_sigma)
+    rate_sigma = _sigma_of_mean(part.rate_noise, part.rate_fill_sigma)
     constraints: list[models.Constraint] = [models.RestVelocity(start, stated.velocity_sigma, planet)]
     if isinstance(stated, FromTelemetryConfig):
         constraints.append(models.RestGravity(start, mean(part), force_sigma, planet))
@@ -230,6 +229,11 @@ def _rest(mission: Mission, telemetry: Telemetry, samples: Samples, planet: Plan
         sigma = float(np.hypot(force_sigma, np.linalg.norm(force) * stated.gravity_direction_sigma))
         constraints.append(models.RestGravity(start, force, sigma, planet))
     return constraints
+
+
+def _sigma_of_mean(noise: Array, fill_sigma: Array) -> float:
+    """One sigma of the mean of samples with the noise (N,), of which some were filled in (N, 3): largest axis."""
+    return float(np.sqrt(np.max(np.sum(noise[:, None] ** 2 + fill_sigma**2, axis=0))) / len(noise))
 
 
 def _altimeter(mission: Mission, telemetry: Telemetry) -> list[models.Constraint]:

@@ -91,7 +91,11 @@ def read_ledger(path: Path) -> list[LedgerLine]:
     if not path.is_file():
         return []
     lines: list[LedgerLine] = []
-    for n, text in enumerate(path.read_text(encoding="utf-8").splitlines(), 1):
+    try:
+        texts = path.read_text(encoding="utf-8").splitlines()
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError(f"{path}: the ledger cannot be read ({error}).") from None
+    for n, text in enumerate(texts, 1):
         where = f"{path}, line {n}"
         added = _parse(text, where, "remove the line").get("added") is not None
         lines.append(_validate(text, where, LedgerStep) if added else _validate(text, where, LedgerEnd))
@@ -117,8 +121,8 @@ def _parse(text: str, where: str, hint: str) -> dict[str, Any]:
     """The object that a JSON text contains, or InputError."""
     try:
         data = json.loads(text)
-    except json.JSONDecodeError as error:
-        raise InputError(f"{where}: found no JSON ({error.msg}); {hint}.") from None
+    except (ValueError, RecursionError) as error:  # also a number of too many digits, and too many levels
+        raise InputError(f"{where}: found no JSON ({getattr(error, 'msg', None) or error}); {hint}.") from None
     if not isinstance(data, dict):
         raise InputError(f"{where}: found no object with keys; {hint}.")
     return data

@@ -7,11 +7,14 @@ from typing import TYPE_CHECKING
 
 from edl_filter.errors import InputError
 from edl_filter.io.atomic import replace_with
+from edl_filter.io.hdf5_guard import DAMAGE, open_hdf5
+from edl_filter.io.output_folder import complete_output
 from edl_filter.results.groups import Attributes, Groups
 
 if TYPE_CHECKING:
     import xarray
 
+_NEEDED = "the result.nc that 'edl-filter run' writes"
 FORMAT, FORMAT_VERSION = "edl-result", 2
 
 
@@ -83,7 +86,10 @@ def load(path: str | Path) -> Groups:
     check_result(path)
     from edl_filter.results.hdf5 import read_groups
 
-    return read_groups(path)
+    try:
+        return read_groups(path)
+    except DAMAGE:
+        raise InputError(f"{path}: this is no HDF5 file, or a damaged one; {_NEEDED} is needed.") from None
 
 
 def attributes(path: str | Path) -> Attributes:
@@ -101,16 +107,13 @@ def check_result(path: Path) -> None:
     """Raise InputError unless the file `path` is a result of this version."""
     import h5py
 
+    if path.parent.is_dir():
+        complete_output(path.parent)
     if not path.is_file():
         raise InputError(f"{path}: no such result; expected the result.nc that 'edl-filter run' writes.")
-    try:
-        with h5py.File(path, "r") as file:
-            name, version = file.attrs.get("format"), file.attrs.get("format_version")
-            complete = isinstance(file.get("trajectory"), h5py.Group)
-    except OSError:
-        raise InputError(
-            f"{path}: this is no HDF5 file, or a damaged one; expected the result.nc that 'edl-filter run' writes."
-        ) from None
+    with open_hdf5(path, _NEEDED) as file:
+        name, version = file.attrs.get("format"), file.attrs.get("format_version")
+        complete = isinstance(file.get("trajectory"), h5py.Group)
     if name != FORMAT:
         raise InputError(
             f"{path}: attribute format is {name!r}; expected {FORMAT!r}, the result.nc that 'edl-filter run' writes."

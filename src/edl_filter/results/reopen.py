@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -28,8 +29,6 @@ class Reopened:
         ``result.nc``.
     mission : Mission
         As it was run; relative paths start from its file's folder.
-    effects : tuple of EffectInstance
-        In the model, at their estimates.
     effects_content, residuals : dict
         ``effects`` as in ``summary.json``, and the channels of its ``residuals``.
     checksums : dict
@@ -40,11 +39,15 @@ class Reopened:
 
     path: Path
     mission: Mission
-    effects: tuple[EffectInstance, ...]
     effects_content: dict[str, Any]
     residuals: dict[str, dict[str, float]]
     checksums: dict[str, str]
     headline: str | None
+
+    @cached_property
+    def effects(self) -> tuple[EffectInstance, ...]:
+        """Effects in the model, at their estimates; the code of a user's effect runs when they are first asked for."""
+        return effects_at_estimates(self.mission, self.effects_content)
 
     @property
     def folder(self) -> Path:
@@ -95,7 +98,7 @@ def reopen(result: str | Path) -> Reopened:
         ) from None
     file = attrs.get("mission_file")
     mission = Mission.from_text(text, f"{path} (its mission)", None if file is None else Path(str(file)))
-    return Reopened(path, mission, effects_at_estimates(mission, effects), effects, residuals, checksums, headline)
+    return Reopened(path, mission, effects, residuals, checksums, headline)
 
 
 def run_command(reopened: Reopened) -> str:

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from edl_filter import rotations
-from edl_filter.errors import InputError
+from edl_filter.errors import InputError, quoted
 from edl_filter.imu_model.sensor_errors import SensorErrors
 from edl_filter.io.csv_table import numbered_lines
 from edl_filter.telemetry.csv_spec import (
@@ -59,7 +59,10 @@ class _Log:
         except (OSError, UnicodeDecodeError) as error:
             raise InputError(f"{path}: the log cannot be read ({getattr(error, 'strerror', None) or error}).") from None
         lines = numbered_lines(text)
-        rows = list(csv.reader([line for _, line in lines], skipinitialspace=True))
+        try:
+            rows = list(csv.reader([line for _, line in lines], skipinitialspace=True))
+        except csv.Error as error:
+            raise InputError(f"{path}: the log is no CSV ({error}).") from None
         if len(rows) < 3:
             raise InputError(f"{path}: {len(rows)} lines; a header and at least two samples are needed.")
         self.header, self.rows = [name.strip() for name in rows[0]], rows[1:]
@@ -72,7 +75,7 @@ class _Log:
         """Index of the column `name`."""
         if self.header.count(name) != 1:
             problem = "is in the header twice" if name in self.header else "is not in the header"
-            raise InputError(f"{self.path}: column {name!r} {problem}: {', '.join(self.header)}.")
+            raise InputError(f"{self.path}: column {name!r} {problem}: {', '.join(self.header)[:400]}.")
         return self.header.index(name)
 
     def numbers(self, name: str, blank_is_nan: bool = False) -> Array:
@@ -89,7 +92,8 @@ class _Log:
                 values[i] = np.nan
             if not np.isfinite(values[i]):
                 raise InputError(
-                    f"{self.path}, line {self.line[i]}, column {name!r}: found {field!r}; a finite number is needed."
+                    f"{self.path}, line {self.line[i]}, column {name!r}: found {quoted(field)}; "
+                    "a finite number is needed."
                 )
         return values
 

@@ -12,7 +12,8 @@ from typing import Annotated, Literal
 import yaml
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from edl_filter.errors import InputError
+from edl_filter.errors import InputError, quoted
+from edl_filter.io.yaml_guard import cannot_parse, refuse_aliases
 
 Positive = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
 NotNegative = Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
@@ -146,10 +147,14 @@ def read_spec(path: str | Path) -> LogSpec:
     """
     path = Path(path)
     try:
-        content = yaml.safe_load(path.read_text(encoding="utf-8"))
+        text = path.read_text(encoding="utf-8")
+        refuse_aliases(text, str(path))
+        content = yaml.safe_load(text)
+    except RecursionError as error:
+        raise cannot_parse(str(path), error) from None
     except OSError as error:
         raise InputError(f"{path}: the specification cannot be read ({error.strerror}).") from None
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
+    except (yaml.YAMLError, ValueError) as error:
         mark = getattr(error, "problem_mark", None)
         line = f", line {mark.line + 1}" if mark else ""
         raise InputError(f"{path}{line}: this is not YAML ({getattr(error, 'problem', error)}).") from None
@@ -162,7 +167,7 @@ def read_spec(path: str | Path) -> LogSpec:
             raise InputError(f"{path}: {key} is an unknown key.") from None
         if first["type"] == "missing":
             raise InputError(f"{path}: {key} is missing.") from None
-        raise InputError(f"{path}: {key} is {first['input']!r}; {first['msg']}.") from None
+        raise InputError(f"{path}: {key} is {quoted(first['input'])}; {first['msg']}.") from None
     if "primary" not in spec.imu:
         raise InputError(f"{path}: imu has {', '.join(spec.imu) or 'nothing'}; one IMU must be called primary.")
     return spec

@@ -17,6 +17,7 @@ import numpy as np
 
 from edl_filter.errors import InputError
 from edl_filter.io.atomic import replace_with, write_through_memory
+from edl_filter.io.hdf5_guard import open_hdf5
 from edl_filter.telemetry.flight_imu import FlightImu, read_imu, write_imu
 from edl_filter.telemetry.hdf5_checks import DEGREES, TIME, Limits, Node
 from edl_filter.telemetry.record import (
@@ -130,7 +131,8 @@ def read_flight_file(path: str | Path, settings: CheckSettings | None = None) ->
     Raises
     ------
     InputError
-        Not an HDF5 file; another format or version; a group, dataset or attribute that is missing or of a wrong shape;
+        Not an HDF5 file; one that names other files or states shapes for which it has no data (`hdf5_guard`); another
+        format or version; a group, dataset or attribute that is missing or of a wrong shape;
         numbers that are not finite or outside the limits of the right unit, except in an IMU's samples; a sampling
         interval that differs from the steps in time; a quaternion whose norm differs from 1 by more than 1e-3; a
         covariance that is not symmetric and positive definite. The message names the file, the member and the row.
@@ -138,13 +140,7 @@ def read_flight_file(path: str | Path, settings: CheckSettings | None = None) ->
     path = Path(path)
     if not path.is_file():
         raise InputError(f"{path}: no such flight file.")
-    try:
-        file = h5py.File(path, "r")
-    except OSError:
-        raise InputError(
-            f"{path}: this is no HDF5 file, or a damaged one; a flight file (edl-flight) is needed."
-        ) from None
-    with file:
+    with open_hdf5(path, "a flight file (edl-flight)") as file:
         contents = _read(file, str(path), settings)
     return Telemetry(**contents, files={path.name: hashlib.sha256(path.read_bytes()).hexdigest()})
 

@@ -7,7 +7,8 @@ IMU axes to body axes. Output: an `ImuRecord`, with NaN where samples are missin
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -16,6 +17,7 @@ from edl_filter import rotations
 from edl_filter.errors import InputError
 from edl_filter.imu_model.sensor_errors import SensorErrors
 from edl_filter.telemetry.hdf5_checks import DEGREE_RATES, DEGREES, PARTS, TIME, Limits, Node
+from edl_filter.telemetry.quantisation import bias_with_rounding, coarse, noise_with_rounding, quantum
 from edl_filter.telemetry.record import ImuRecord, SampleFinding, finite_rows
 from edl_filter.telemetry.sample_checks import CheckSettings, completed, lost_readings, ordered_packets
 from edl_filter.types import Array
@@ -96,6 +98,7 @@ def read_imu(
     if median := conflicting_median_step(time, interval):
         raise node.error("@sample_interval", f"is {interval:g} s, but the usual step of its time is {median:g} s.")
     highest = _FORCE.high, rate_limits.high
+    steps = [quantum(readings[:, triad]) if settings.enabled else 0.0 for triad in (slice(0, 3), slice(3, 6))]
     readings, bad = lost_readings(time, readings, interval, name, highest, settings)
     time, readings, inserted, missing = completed(time, readings, interval, name)
     force, rate = (rotations.rotate(body_from_imu, v) for v in (readings[:, :3].copy(), readings[:, 3:].copy()))
@@ -104,6 +107,7 @@ def read_imu(
     errors = SensorErrors(**{
         key: node.attribute(attribute, limits=limits) for key, (attribute, limits) in _ERROR_ATTRIBUTES.items()
     })  # fmt: skip
+    force_sigma, rate_sigma, errors, rounded = _with_rounding(name, time, steps, (force_sigma, rate_sigma), errors)
     position = node.attribute("position", 3, limits=Limits("m", 0.0, 20.0, {"cm": 1e-2, "mm": 1e-3}))
     record = ImuRecord(
         name=name,
@@ -122,8 +126,27 @@ def read_imu(
         source=inserted,
         sources=("flight file", "gap") if inserted.any() else ("flight file",),
         errors=(errors,),
+        stated_interval=interval,
     )
-    return record, (*findings, *bad, *missing)
+    return record, (*findings, *bad, *missing, *rounded)
+
+
+def _with_rounding(
+    name: str, time: Array, steps: Sequence[float], noise: tuple[float, float], errors: SensorErrors
+) -> tuple[float, float, SensorErrors, list[SampleFinding]]:
+    """Noise and errors of an IMU whose readings have coarse steps (m/s², rad/s), and a finding for each triad."""
+    force, rate, findings = *noise, []
+    for triad, step, sigma, unit in zip(("force", "rate"), steps, noise, ("m/s²", "rad/s"), strict=True):
+        if coarse(step, sigma):
+            repair = f"steps of {step:.3g} {unit}, which its noise and bias contain"
+            findings.append(SampleFinding(name, triad, float(time[0]), float(time[-1]), len(time), "coarse", repair))
+    if coarse(steps[0], force):
+        bias = bias_with_rounding(steps[0], errors.accelerometer_bias)
+        force, errors = noise_with_rounding(steps[0], force), replace(errors, accelerometer_bias=bias)
+    if coarse(steps[1], rate):
+        bias = bias_with_rounding(steps[1], errors.gyro_bias)
+        rate, errors = noise_with_rounding(steps[1], rate), replace(errors, gyro_bias=bias)
+    return force, rate, errors, findings
 
 
 def _check_unit(node: Node, key: str, values: Array, limits: Limits) -> None:

@@ -22,6 +22,7 @@ import numpy as np
 
 from edl_filter.errors import InputError
 from edl_filter.io.atomic import replace_with
+from edl_filter.io.hdf5_guard import open_hdf5
 from edl_filter.telemetry.fetch import BASE_URL
 from edl_filter.telemetry.pds3 import Label, Pds3Table, find_in_volume, read_table
 from edl_filter.types import Array
@@ -160,12 +161,8 @@ def read_compact_table(path: str | Path, product: str) -> Pds3Table:
         Another or a damaged file, another rover's file, or numbers that differ from their checksum.
     """
     path = Path(path)
-    try:
-        with h5py.File(path, "r") as file:
-            return _read(file, path, product)
-    except (OSError, KeyError, ValueError, TypeError):  # what h5py raises for damaged data and missing members
-        reason = "is no HDF5 file, or a damaged one"
-        raise InputError(f"{path}: {reason}; the tables of a rover ({FORMAT}) are needed.") from None
+    with open_hdf5(path, f"a file with the tables of a rover ({FORMAT})") as file:
+        return _read(file, path, product)
 
 
 def _read(file: Any, path: Path, product: str) -> Pds3Table:

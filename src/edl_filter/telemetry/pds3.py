@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from edl_filter.errors import InputError
+from edl_filter.errors import InputError, quoted
 from edl_filter.types import Array
 
 Label = dict[str, Any]
@@ -29,6 +29,8 @@ _STATEMENT = re.compile(
       | (?P<end>END(?:_OBJECT|_GROUP)?)(?![\w:])""",
     re.VERBOSE,
 )
+#: Longest name of a table: file systems have no longer ones.
+_LONGEST_NAME = 200
 _NUMERIC_TYPES = {"ASCII_REAL", "ASCII_INTEGER"}
 
 
@@ -78,6 +80,11 @@ class Pds3Table:
             if name not in self.columns:
                 raise InputError(f"{self.path}: no column {name}; the label has {', '.join(self.columns)}.")
         return np.stack([self.columns[name] for name in names], axis=-1)
+
+
+def _are_objects(value: Any) -> bool:
+    """Whether a label's entry is what `read_label` makes of objects, and not a keyword's value."""
+    return isinstance(value, list) and bool(value) and all(isinstance(item, dict) for item in value)
 
 
 def _parsed(text: str) -> Any:
@@ -147,13 +154,17 @@ def read_label(path: str | Path) -> Label:
         key = key.upper() if key else end
         if key in ("OBJECT", "GROUP"):
             inner: Label = {}
-            stack[-1][1].setdefault(value.upper(), []).append(inner)
+            siblings = stack[-1][1].setdefault(value.upper(), [])
+            if siblings != [] and not _are_objects(siblings):
+                line = text.count("\n", 0, match.start()) + 1
+                raise InputError(f"{path}, line {line}: {key} = {str(value)[:80]}: this is a keyword, too.")
+            siblings.append(inner)
             stack.append((value.upper(), inner))
         elif key in ("END_OBJECT", "END_GROUP"):
             name, _ = stack.pop()
             if not stack or (value is not None and value.upper() != name):
                 line = text.count("\n", 0, match.start()) + 1
-                raise InputError(f"{path}, line {line}: {key} = {value} closes no open object of that name.")
+                raise InputError(f"{path}, line {line}: {key} = {str(value)[:80]} closes no open object of that name.")
         else:
             stack[-1][1][key] = _parsed(value)
     else:
@@ -164,9 +175,9 @@ def read_label(path: str | Path) -> Label:
         line = text.count("\n", 0, start) + 1
         raise InputError(f"{path}, line {line}: found {statement!r}; a PDS3 label has KEY = VALUE lines up to END.")
     if len(stack) > 1:
-        raise InputError(f"{path}: OBJECT = {stack[-1][0]} is never closed by END_OBJECT.")
+        raise InputError(f"{path}: OBJECT = {stack[-1][0][:80]} is never closed by END_OBJECT.")
     if label.get("PDS_VERSION_ID") != "PDS3":
-        raise InputError(f"{path}: PDS_VERSION_ID is {label.get('PDS_VERSION_ID')!r}, not PDS3.")
+        raise InputError(f"{path}: PDS_VERSION_ID is {quoted(label.get('PDS_VERSION_ID'))}, not PDS3.")
     return label
 
 
@@ -187,7 +198,7 @@ def find_in_volume(folder: Path, name: str) -> Path | None:
 def _positive_integer(path: Path, label: Label, key: str) -> int:
     value = label.get(key)
     if not isinstance(value, int) or value < 1:
-        raise InputError(f"{path}: {key} is {value!r}; a positive integer is needed.")
+        raise InputError(f"{path}: {key} is {quoted(value)}; a positive integer is needed.")
     return value
 
 
@@ -216,10 +227,10 @@ def _column(path: Path, column_label: Label, name: str, table: NDArray[np.uint8]
     width = _positive_integer(label_path, column_label, "BYTES")
     if start + width - 1 > table.shape[1]:
         raise InputError(
-            f"{label_path}: column {name} ends at byte {start + width - 1}, beyond ROW_BYTES = {table.shape[1]}."
+            f"{label_path}: column {name[:80]} ends at byte {start + width - 1}, beyond ROW_BYTES = {table.shape[1]}."
         )
     if "ITEMS" in column_label:
-        raise InputError(f"{label_path}: column {name} has ITEMS; only columns of one item are read.")
+        raise InputError(f"{label_path}: column {name[:80]} has ITEMS; only columns of one item are read.")
     fields = np.ascontiguousarray(table[:, start - 1 : start - 1 + width]).view(f"S{width}")[:, 0]
     try:
         values = fields.astype(np.float64)
@@ -262,23 +273,33 @@ def read_table(label_path: str | Path) -> Pds3Table:
     """
     label_path = Path(label_path)
     label = read_label(label_path)
-    if not isinstance(label.get("^TABLE"), str) or "TABLE" not in label:
+    if not isinstance(label.get("^TABLE"), str) or not _are_objects(label.get("TABLE")):
         raise InputError(f"{label_path}: no ^TABLE pointer to a file, or no TABLE object.")
     table_label = label["TABLE"][0]
     if table_label.get("INTERCHANGE_FORMAT") != "ASCII":
         interchange_format = table_label.get("INTERCHANGE_FORMAT")
-        raise InputError(f"{label_path}: INTERCHANGE_FORMAT is {interchange_format!r}; only ASCII tables are read.")
+        raise InputError(
+            f"{label_path}: INTERCHANGE_FORMAT is {quoted(interchange_format)}; only ASCII tables are read."
+        )
     rows = _positive_integer(label_path, table_label, "ROWS")
     row_bytes = _positive_integer(label_path, table_label, "ROW_BYTES")
     columns = table_label.get("COLUMN", [])
+    if not _are_objects(columns) and columns != []:
+        raise InputError(f"{label_path}: COLUMN is {quoted(columns)}; objects are needed.")
     for key, expected, table_key in (
         ("FILE_RECORDS", rows, "ROWS"),
         ("RECORD_BYTES", row_bytes, "ROW_BYTES"),
     ):
         if label.get(key, expected) != expected:
-            raise InputError(f"{label_path}: {key} is {label[key]}, but {table_key} is {expected}.")
+            raise InputError(f"{label_path}: {key} is {str(label[key])[:80]}, but {table_key} is {expected}.")
     if table_label.get("COLUMNS", len(columns)) != len(columns):
-        raise InputError(f"{label_path}: COLUMNS is {table_label['COLUMNS']}, but it describes {len(columns)} columns.")
+        raise InputError(
+            f"{label_path}: COLUMNS is {str(table_label['COLUMNS'])[:80]}, but it describes {len(columns)} columns."
+        )
+    if Path(label["^TABLE"]).name != label["^TABLE"] or len(label["^TABLE"]) > _LONGEST_NAME:
+        raise InputError(
+            f"{label_path}: ^TABLE is {quoted(label['^TABLE'])}; the name of a file in its folder is needed."
+        )
     path = find_file(label_path.parent, label["^TABLE"])
     if path is None:
         raise InputError(f"{label_path}: its table {label['^TABLE']} is not in {label_path.parent}.")
@@ -290,7 +311,7 @@ def read_table(label_path: str | Path) -> Pds3Table:
     for column in columns:
         name = str(column.get("NAME", "without NAME"))
         if name in values:
-            raise InputError(f"{label_path}: two columns are called {name}.")
+            raise InputError(f"{label_path}: two columns are called {name[:80]}.")
         if column.get("DATA_TYPE") in _NUMERIC_TYPES:
             values[name] = _column(path, column, name, table, label_path)
             units[name] = str(column.get("UNIT", ""))

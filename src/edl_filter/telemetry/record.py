@@ -80,6 +80,8 @@ class ImuRecord:
         One sigma by which a value that was filled in may be wrong beyond `force_noise` and `rate_noise`, m/s² and
         rad/s, body axes; zero where the instrument was read. The errors of a filled stretch are correlated in time:
         these are the sigmas of independent errors whose sum over the stretch has the variance of the correlated ones.
+    stated_interval : float, optional
+        Sampling interval that the telemetry states besides the times, s; NaN if there is none.
     """
 
     name: str
@@ -100,6 +102,7 @@ class ImuRecord:
     errors: tuple[SensorErrors, ...]
     force_fill_sigma: Array = field(default_factory=lambda: np.zeros((0, 3)))
     rate_fill_sigma: Array = field(default_factory=lambda: np.zeros((0, 3)))
+    stated_interval: float = np.nan
 
     def __post_init__(self) -> None:
         n = len(self.time)
@@ -205,6 +208,8 @@ KINDS = {
     "duplicated": "duplicated packets",
     "reordered": "packets out of order",
     "clock_jump": "jump of the clock",
+    "clock_drift": "clock at a wrong rate",
+    "coarse": "readings in coarse steps",
     "dead": "IMU ends before the other",
 }
 

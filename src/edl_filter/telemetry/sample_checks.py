@@ -217,8 +217,10 @@ def lost_readings(
             kind = "saturated" if values[a] in (np.nanmin(nearby), np.nanmax(nearby)) else "stuck"
             lost = np.zeros(len(time), bool)
             lost[a:b] = True
+            if kind == "saturated":  # single samples at the limit, too
+                lost = (values == values[a]) & np.isfinite(readings[:, column])
             findings += findings_of(imu, name, kind, lost, time, interval)
-            readings[a:b, triad] = np.nan
+            readings[lost, triad] = np.nan
     return readings, findings
 
 

@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 from edl_filter.errors import InputError
 from edl_filter.estimation.autoregression import interpolate
+from edl_filter.telemetry.clock_drift import without_drift
 from edl_filter.telemetry.record import ImuRecord, SampleFinding, Telemetry, finite_rows, within_window
 from edl_filter.telemetry.sample_checks import CheckSettings, findings_of, runs, with_repair
 from edl_filter.telemetry.spikes import bad_triads
@@ -67,6 +68,10 @@ def repaired(telemetry: Telemetry, settings: CheckSettings | None = None, parach
     if settings.enabled and len(records) > 1:
         for i, other in ((0, records[1]), (1, records[0])):
             records[i], findings = _without_clock_jumps(records[i], other, findings)
+    if settings.enabled:
+        records, drifts = without_drift(records, parachute - _PARACHUTE_MARGIN)
+        findings += drifts
+        records, findings = _driven_by_the_finer(records, findings)
     if len(records) > 1:
         records[0], dead = _extended(records[0], records[1])
         findings += dead
@@ -94,6 +99,26 @@ def repaired(telemetry: Telemetry, settings: CheckSettings | None = None, parach
     findings = [f if f.repair else with_repair(f, _phrase(f, phrases.get(f.imu, []))) for f in findings]
     findings.sort(key=lambda f: (f.start, f.imu))
     return replace(telemetry, driving=outcome[0], checking=tuple(outcome[1:]), findings=tuple(findings))
+
+
+def _driven_by_the_finer(
+    records: list[ImuRecord], findings: list[SampleFinding]
+) -> tuple[list[ImuRecord], list[SampleFinding]]:
+    """Records with the first one that has no coarse steps in front, if the driving one has; it must cover its time."""
+    coarse = {f.imu for f in findings if f.kind == "coarse"}
+    if records[0].name not in coarse:
+        return records, findings
+    end, interval = records[0].time[-1], float(np.median(records[0].interval))
+    for i, record in enumerate(records):
+        if record.name not in coarse and record.start <= records[0].start + interval and record.time[-1] > end - _DEAD:
+            findings = [
+                with_repair(f, f"{f.repair}; {record.name} drives the reconstruction")
+                if f.kind == "coarse" and f.imu == records[0].name
+                else f
+                for f in findings
+            ]
+            return [record, *records[:i], *records[i + 1 :]], findings
+    return records, findings
 
 
 def _without_clock_jumps(

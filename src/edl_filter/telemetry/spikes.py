@@ -71,11 +71,11 @@ def _one_pass(
         other = next((r for k, r in enumerate(originals) if k != i), None)
         for triad, attribute in _TRIADS.items():
             values = getattr(record, attribute)
-            bad = _single_spikes(values, settings.spike_sigmas) & (record.time <= smooth_until)
+            noise = record.force_noise if triad == "force" else record.rate_noise
+            bad = _single_spikes(values, noise, settings.spike_sigmas) & (record.time <= smooth_until)
             bad &= _readings(record, triad)
             if other is not None:
                 source = transferred(record, other, smooth_until)
-                noise = record.force_noise if triad == "force" else record.rate_noise
                 covered = finite_rows(getattr(source, triad))
                 parted = _disagreement(values, getattr(source, triad), noise, settings.disagreement_sigmas)
                 bad = np.where(covered, parted & _readings(record, triad), bad)
@@ -114,7 +114,7 @@ def _disagreement(own: Array, other: Array, noise: Array, sigmas: float) -> Bool
     return out
 
 
-def _single_spikes(values: Array, sigmas: float) -> BoolArray:
+def _single_spikes(values: Array, noise: Array, sigmas: float) -> BoolArray:
     """Single samples (N,) that their neighbours do not predict although they predict each other."""
     bad = np.zeros(len(values), bool)
     if len(values) < _SCALE:
@@ -122,7 +122,7 @@ def _single_spikes(values: Array, sigmas: float) -> BoolArray:
     finite = finite_rows(values)
     filled = np.where(finite[:, None], values, 0.0)
     error = _interpolation_error(filled)
-    scale = _MAD * _median(np.abs(error), _SCALE) + 1e-12
+    scale = _MAD * _median(np.abs(error), _SCALE) + noise[:, None]  # a quantised signal may repeat one value
     ratio = np.max(np.abs(error) / scale, axis=1)
     near = np.convolve(~finite, np.ones(9), mode="same") > 0.5
     for i in np.flatnonzero((ratio > sigmas) & ~near).tolist():

@@ -16,10 +16,24 @@ from edl_filter.diagnosis.selection.ranking import Progress, candidate_instances
 from edl_filter.effects.instances import lookup
 from edl_filter.effects.registry import effects_in, selected_effects
 from edl_filter.errors import InputError
+from edl_filter.io.output_folder import staged_output
 from edl_filter.mission.files import matches_file, mission_argument, write_mission
 from edl_filter.mission.mission import require_prediction_inputs
 from edl_filter.results.database_update import write_update
-from edl_filter.results.files import AS_RUN, DIAGNOSIS, FIGURES, RESIDUALS, SUMMARY, read_summary, write_json
+from edl_filter.results.files import (
+    AS_RUN,
+    DATABASE_UPDATE,
+    DIAGNOSIS,
+    DIAGNOSIS_FIGURES,
+    FIGURES,
+    REPORT,
+    RESIDUALS,
+    SUMMARY,
+    TABLES,
+    UPDATE_TABLES,
+    read_summary,
+    write_json,
+)
 from edl_filter.results.netcdf import write
 from edl_filter.results.reopen import Reopened, reopen
 
@@ -84,11 +98,13 @@ def diagnose_result(
     progress("drawing")
     from edl_filter.report.diagnosis import draw_diagnosis
 
-    figures = draw_diagnosis(content, mission.title or mission.name, folder / FIGURES, diagnosis.update)
-    path = write_json(content, folder / DIAGNOSIS)
-    write(residual_series(diagnosis.ranking.model), folder / RESIDUALS)
-    write_update(diagnosis.update, folder)
-    _update_summary(folder / SUMMARY, content)
+    with staged_output(folder, _removals) as staged:
+        drawn = draw_diagnosis(content, mission.title or mission.name, staged / FIGURES, diagnosis.update)
+        write_json(content, staged / DIAGNOSIS)
+        write(residual_series(diagnosis.ranking.model), staged / RESIDUALS)
+        write_update(diagnosis.update, staged)
+        _update_summary(folder / SUMMARY, content, staged / SUMMARY)
+    figures, path = [folder / FIGURES / figure.name for figure in drawn], folder / DIAGNOSIS
     commands = following_commands(reopened, content, file)
     progress("writing the report")
     from edl_filter.report.html import write_report
@@ -132,12 +148,19 @@ def rms_by_channel(content: dict[str, Any]) -> dict[str, dict[str, float]]:
     return by_channel
 
 
-def _update_summary(path: Path, content: dict[str, Any]) -> None:
-    """Put the residuals of the diagnosis, which a plain run does not have, into its summary."""
+def _removals(staged: Path) -> list[str]:
+    """Files of an earlier diagnosis that a new one in `staged` does not replace."""
+    figures = (f"{FIGURES}/{name}.png" for name in DIAGNOSIS_FIGURES)
+    tables = (f"{TABLES}/{name}" for name in UPDATE_TABLES)
+    return [name for name in (DATABASE_UPDATE, REPORT, *tables, *figures) if not (staged / name).is_file()]
+
+
+def _update_summary(path: Path, content: dict[str, Any], output: Path) -> None:
+    """Write the summary with the residuals of the diagnosis, which a plain run does not have, as `output`."""
     try:
         summary = read_summary(path)
     except InputError:
         return  # moved, or not a summary: nothing depends on it
     innovations = {name: rms for name, rms in summary.residuals.items() if ": " in name}
     changed = summary.model_copy(update={"residuals": rms_by_channel(content) | innovations})
-    write_json(changed.model_dump(exclude_unset=True), path)
+    write_json(changed.model_dump(exclude_unset=True), output)

@@ -10,6 +10,7 @@ import json
 from pathlib import Path
 from typing import Any
 
+from edl_filter.io.atomic import replace_with
 from edl_filter.results.files import LEDGER as NAME
 from edl_filter.results.plain import finite
 
@@ -47,8 +48,8 @@ def last_line(step: int, content: dict[str, Any], why: str) -> dict[str, Any]:
 
 
 def append(folder: Path, line: dict[str, Any]) -> Path:
-    """Append a line to the ledger in `folder`."""
+    """Append a line to the ledger in `folder`; the file is replaced as a whole, so that no part of a line remains."""
     path = folder / NAME
-    with path.open("a", encoding="utf-8") as file:
-        file.write(json.dumps(finite(line), ensure_ascii=False, allow_nan=False) + "\n")
-    return path
+    before = path.read_text(encoding="utf-8") if path.is_file() else ""
+    text = before + json.dumps(finite(line), ensure_ascii=False, allow_nan=False) + "\n"
+    return replace_with(path, lambda temporary: temporary.write_text(text, encoding="utf-8"))

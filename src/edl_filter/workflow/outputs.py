@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-import tempfile
 import time
 from pathlib import Path
 from typing import Any
 
 from edl_filter.errors import InputError
 from edl_filter.io.atomic import cannot_write
-from edl_filter.io.output_folder import STAGING
+from edl_filter.io.output_folder import STAGING, staged_output
 from edl_filter.results.files import (
     DATABASE_UPDATE,
     DIAGNOSIS,
     DIAGNOSIS_FIGURES,
+    FIGURES,
     REPORT,
     RESIDUALS,
     RESULT,
@@ -29,7 +29,8 @@ from edl_filter.results.result import Result
 def write_outputs(result: Result, directory: str | Path, figures: bool) -> dict[str, Any]:
     """Write ``result.nc``, ``summary.json``, ``report.html``, tables in ``tables/`` and, on request, ``figures/``.
 
-    The files are written into a hidden folder and moved at the end, so that a failure does not change earlier files.
+    The files are written into a hidden folder and appear together at the end (`output_folder.staged_output`), so that a
+    failure, or the end of the program at any moment, does not mix earlier and new files.
     Figures and a diagnosis of an earlier run are removed.
 
     Parameters
@@ -61,18 +62,11 @@ def write_outputs(result: Result, directory: str | Path, figures: bool) -> dict[
     file, summary = directory / RESULT, directory / SUMMARY
     try:
         directory.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryDirectory(prefix=STAGING, dir=directory) as hidden:
-            staged = Path(hidden)
+        with staged_output(directory, _removals) as staged:
             written, content = _write_all(result, staged, figures)
-            _remove_figures(directory / "figures")
-            tables = (f"{TABLES}/{name}" for name in UPDATE_TABLES)
-            for name in (DIAGNOSIS, RESIDUALS, DATABASE_UPDATE, *tables):
-                (directory / name).unlink(missing_ok=True)
             places = [directory / path.relative_to(staged) for path in written]
-            for place in places:
-                place.parent.mkdir(exist_ok=True)
-            for place in (*places, file, summary):
-                (staged / place.relative_to(directory)).replace(place)
+        if (directory / FIGURES).is_dir() and not any((directory / FIGURES).iterdir()):
+            (directory / FIGURES).rmdir()
     except OSError as error:
         place = Path(error.filename2 or error.filename or directory)
         if any(part.startswith(STAGING) for part in place.parts):  # its place at the end, not that before
@@ -133,13 +127,11 @@ def _write_all(result: Result, folder: Path, figures: bool) -> tuple[list[Path],
     return written, content
 
 
-def _remove_figures(folder: Path) -> None:
-    """Remove the figures that a run draws, and the folder if nothing else is in it."""
-    if not any(folder.glob("*.png")):
-        return
-    from edl_filter.report.figures import FIGURES
+def _removals(staged: Path) -> list[str]:
+    """Files of an earlier result that a new one in `staged` makes invalid: those that are not replaced."""
+    from edl_filter.report.figures import FIGURES as DRAWN
 
-    for name in (*FIGURES, *DIAGNOSIS_FIGURES):
-        (folder / f"{name}.png").unlink(missing_ok=True)
-    if not any(folder.iterdir()):
-        folder.rmdir()
+    figures = (f"{FIGURES}/{name}.png" for name in (*DRAWN, *DIAGNOSIS_FIGURES))
+    tables = (f"{TABLES}/{name}" for name in UPDATE_TABLES)
+    names = (DIAGNOSIS, RESIDUALS, DATABASE_UPDATE, REPORT, *tables, *figures)
+    return [name for name in names if not (staged / name).is_file()]
