@@ -47,28 +47,17 @@ def validate(
     path: Annotated[str, typer.Argument(help="Mission file (checked with its telemetry and tables), or flight file.")],
     changes: OverridesOption = None,
 ) -> None:
-    """Check a mission with its telemetry and tables, or a flight file."""
+    """Check all that a run checks, and list all problems: of a mission with its files and flight, or a flight file."""
+    from edl_filter.workflow.validate import validated_flight_file, validated_mission
+
     if path.lower().endswith(_HDF5_SUFFIXES):
-        import math
-
-        from edl_filter.telemetry.flight_file import read_flight_file
-        from edl_filter.telemetry.sample_repair import repaired
-
         if changes:
             raise InputError(f"--set: {path} is a flight file; only a mission has keys to change.")
-        read, description = read_flight_file(path), "flight file"
-        telemetry = repaired(read, parachute=read.events.get("parachute_deploy", math.inf))
+        telemetry, description = validated_flight_file(Path(path)), "flight file"
     else:
-        from edl_filter.mission import Mission
-        from edl_filter.pipeline.load import read_atmosphere, read_telemetry
-        from edl_filter.pipeline.problem import assemble
-        from edl_filter.pipeline.trust import check_record
-
-        mission = Mission.load(path, changes or ())
-        telemetry, description = read_telemetry(mission), f"mission {mission.name}"
-        planet = mission.planet_model(telemetry.prime_meridian_at_epoch)
-        atmosphere = read_atmosphere(mission)
-        check_record(mission, telemetry, planet, atmosphere, assemble(mission, telemetry, planet, atmosphere))
+        with progress(f"Checking {path}", quiet=False) as report_step:
+            mission, telemetry = validated_mission(path, changes or (), report_step)
+        description = f"mission {mission.name}"
     from edl_filter.report.terminal.run import telemetry_lines
 
     count = len(telemetry.findings)

@@ -68,6 +68,21 @@ def output_folder(folder: Path) -> Iterator[Path]:
                 break
 
 
+def check_writable(folder: Path) -> None:
+    """Raise InputError if a folder for output cannot be created or written; nothing is created.
+
+    Parameters
+    ----------
+    folder : Path
+        It, or the nearest of its parents that exists, must be a folder with permission to write.
+    """
+    existing = next((p for p in (folder, *folder.absolute().parents) if p.exists()), Path())
+    if not existing.is_dir():
+        raise cannot_write(folder, "File exists" if existing == folder else "Not a directory")
+    if not os.access(existing, os.W_OK | os.X_OK):
+        raise cannot_write(folder, "Permission denied")
+
+
 def _lock(folder: Path, descriptor: int) -> None:
     """Lock a folder for this process, or say that another one has."""
     try:
