@@ -10,7 +10,7 @@ from command_checks import assert_refused
 from edl_filter import __version__
 
 COMMANDS = (
-    "run", "validate", "convert", "simulate", "export", "fetch", "demo", "effects", "add",
+    "run", "new", "missions", "validate", "convert", "simulate", "export", "fetch", "demo", "effects", "add",
     "diagnose", "compare", "improve", "identifiability", "serve",
 )  # fmt: skip
 

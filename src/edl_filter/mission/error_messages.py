@@ -122,7 +122,8 @@ def _message(detail: dict[str, Any], key: str, model: type[BaseModel]) -> str:
     elif kind == "string_pattern_mismatch":
         expected = "letters, digits, _ and - only"
     type_hint = " (text)" if isinstance(value, str) and kind == "float_type" else ""
-    return f"found {value_text(value)}{type_hint}; expected {expected or detail['msg']}{description}"
+    actual = "nothing" if value is None else value_text(value)
+    return f"found {actual}{type_hint}; expected {expected or detail['msg']}{description}"
 
 
 def _tag_message(value: Any, context: dict[str, Any]) -> str:
