@@ -68,6 +68,22 @@ def output_folder(folder: Path) -> Iterator[Path]:
                 break
 
 
+def is_empty(folder: Path) -> bool:
+    """Whether a folder holds no file except unfinished output of a command that was killed."""
+    return folder.is_dir() and all(STAGING in str(p.relative_to(folder)) or p.is_dir() for p in folder.rglob("*"))
+
+
+def remove_if_empty(folder: Path, top: Path) -> None:
+    """Remove a folder that holds no file, and its parents below `top` that are empty then."""
+    if not is_empty(folder):
+        return
+    shutil.rmtree(folder, ignore_errors=True)
+    for parent in folder.parents:
+        if parent == top or not parent.is_relative_to(top) or any(parent.iterdir()):
+            return
+        parent.rmdir()
+
+
 def check_writable(folder: Path) -> None:
     """Raise InputError if a folder for output cannot be created or written; nothing is created.
 

@@ -52,7 +52,13 @@ def mission_problems(path: str | Path, overrides: Sequence[str] = ()) -> list[st
     for inconsistency in section_errors(sections):
         detail = {"type": "mission", "loc": (), "ctx": inconsistency.context, "input": None}
         messages.append(problem_message(detail, Mission, label, changed))
-    return [*messages, *_missing_files(data, file, label)]
+    messages += _missing_files(data, file, label)
+    if not messages:
+        try:
+            Mission.load(path, overrides).telemetry_path()
+        except InputError as error:  # a format that the package cannot read
+            messages.append(str(error))
+    return messages
 
 
 def _validation_problems(data: dict[str, Any], label: str, changed: Sequence[str]) -> tuple[list[str], set[str]]:
