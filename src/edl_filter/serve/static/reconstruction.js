@@ -31,14 +31,16 @@ function reconstructionView(overview) {
   const constraintTable = table(["constraint", "accepted", "NIS (dof)", ""].map((name, k) => ({ name, right: k === 1 || k === 2 })),
     constraints.map(([name, c]) => [plain(name), `${c.accepted_uses}/${c.uses}`, `${number(c.nis)} (${c.dof})`, c.accepted ? "ok" : "rejected"]));
   constraintTable.id = "constraints";
-  const section = make("section", {}, make("h2", {}, "Reconstruction"), rows.length ? eventTable : null, landingView(overview.landing));
+  const lists = make("div", {}, rows.length ? eventTable : null, landingView(overview.landing));
+  const columnsBox = make("div", { class: "reconstruction" }, lists);
+  const section = make("section", {}, make("h2", {}, "Reconstruction"), columnsBox);
   if (overview.trajectory) {
     const plot = make("div", { class: "plot", id: "trajectory", role: "img", "aria-label": "Altitude and velocity against time" });
-    section.append(plot);
+    columnsBox.append(plot);
     requestAnimationFrame(() => drawTrajectory(plot, overview.trajectory, events));
   }
   if (constraints.length) {
-    section.append(make("details", { open: constraints.some(([, c]) => !c.accepted) }, make("summary", {},
+    lists.append(make("details", { open: constraints.some(([, c]) => !c.accepted) }, make("summary", {},
       `Constraints: ${constraints.filter(([, c]) => c.accepted).length} of ${constraints.length} accepted`), constraintTable));
   }
   return section;
@@ -64,8 +66,8 @@ function drawTrajectory(plot, trajectory, events) {
       hovertemplate: "%{x:.1f} s: %{y:.3f} km/s<extra></extra>" },
   ], {
     margin: { l: 10, r: 10, t: 8, b: 10 }, paper_bgcolor: background, plot_bgcolor: background, font: { color: text, size: 12, family: "system-ui, sans-serif" },
-    xaxis: { ...axis, title: { text: "time (s)" } }, yaxis: { ...axis, title: { text: "altitude (km)" } },
-    yaxis2: { ...axis, title: { text: "velocity (km/s)" }, overlaying: "y", side: "right", showgrid: false },
+    xaxis: { ...axis, title: { text: "time (s)" }, range: [trajectory.time[0], trajectory.time.at(-1)] }, yaxis: { ...axis, title: { text: "altitude (km)" } },
+    yaxis2: { ...axis, title: { text: "velocity (km/s)" }, overlaying: "y", side: "right", showgrid: false, tickmode: "auto" },
     legend: { orientation: "h", x: 0, y: 1.02, yanchor: "bottom" }, hovermode: "closest",
     shapes: marks.map(([, e]) => ({ type: "line", x0: e.time_s, x1: e.time_s, yref: "paper", y0: 0, y1: 1, line: { color: text, width: 1, dash: "dot" } })),
     annotations: marks.map(([name, e], k) => ({ x: e.time_s, yref: "paper", y: 0.98 - 0.1 * (k % 4), text: plain(name), showarrow: false,

@@ -216,8 +216,8 @@ function resultView(result, overview) {
   if (!diagnosis) {
     return [...heading, make("p", {}, "This result has not been diagnosed."), ...again("diagnose", "Diagnose", true), reconstructionView(overview), effectsView(result)];
   }
-  return [...heading, verdictView(diagnosis), ledgerView(result), effectsView(result), ...mapView(result), ...rankingView(result),
-    reconstructionView(overview), make("h2", {}, "Diagnose again"),
+  return [...heading, verdictView(diagnosis), ledgerView(result), reconstructionView(overview), effectsView(result), ...mapView(result),
+    ...rankingView(result), make("h2", {}, "Diagnose again"),
     make("p", { class: "secondary" }, "This command computes the map and the hypotheses of this page."), ...again("diagnose", "Diagnose again", false)];
 }
 
