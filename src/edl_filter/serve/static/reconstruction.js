@@ -77,7 +77,7 @@ function drawTrajectory(plot, trajectory, events) {
 
 /** Smallest detectable sizes, the output of `edl-filter identifiability`. */
 function studyView(study) {
-  const rows = study.effects.flatMap((e) => Object.entries(e.parameters).map(([name, p], k) => [k ? "" : plain(e.imu ? `${e.name} in ${e.imu}` : e.name), name,
+  const rows = study.effects.flatMap((e) => Object.entries(e.parameters).map(([name, p], k) => [k ? "" : plain(e.imu ? `${e.effect} in ${e.imu}` : e.effect), name,
     number(p.smallest), number(p.plausible), unitText(p.unit).trim() || "–", k ? "" : Object.keys(e.confused_with).map(plain).join(", ") || "–"]));
   const columns = ["effect", "parameter", "smallest detectable", "plausible", "unit", "confused with"].map((name, k) => ({ name, right: k === 2 || k === 3 }));
   const sizes = table(columns, rows);
