@@ -1,5 +1,7 @@
 """The loop in Python, on the flight that the package ships with no oblateness in the mission."""
 
+import re
+
 import matplotlib as mpl
 import numpy as np
 import pytest
@@ -69,6 +71,31 @@ def test_all_public_names_can_be_imported():
     for name in edl_filter.__all__:
         assert getattr(edl_filter, name) is not None
         assert name in dir(edl_filter)
+
+
+def test_only_public_names_are_listed():
+    assert dir(edl_filter) == sorted(edl_filter.__all__)
+
+
+def test_a_leader_prints_its_parameters_with_units(diagnosis):
+    text = repr(diagnosis.leader)
+    assert re.fullmatch(r"<gravity_oblateness: J2 0\.0019\d+>", text), text
+    wind = effect("wind").at(east=-30.0, h_lo=7e3)
+    assert repr(wind) == "<wind: east -30 m/s, north 0 m/s, h_lo 7000 m, h_hi 25000 m>"
+    bias = with_effect(Mission.load("builtin:practice_mer"), "gyro_bias", imu="secondary", fixed=True, bx=1e-5)
+    assert repr(bias.active_effects()[0]) == "<gyro_bias in secondary: bx 1e-05 rad/s, by 0 rad/s, bz 0 rad/s; fixed>"
+
+
+def test_all_variables_have_units_and_those_of_the_cf_table_their_name(flight):
+    assert ".to_xarray()" in repr(flight)
+    tree = flight.to_xarray()
+    for path, node in tree.subtree_with_keys:
+        for name, variable in node.variables.items():
+            assert "long_name" in variable.attrs, (path, name)
+            assert variable.dtype.kind in "OTU" or {"units"} <= {*variable.attrs, *variable.encoding}, (path, name)
+    names = {n: v.attrs.get("standard_name") for n, v in tree["trajectory"].variables.items()}
+    assert (names["latitude"], names["density"], names["mach"]) == ("latitude", "air_density", None)
+    assert tree["postflight/atmosphere/flight"]["temperature"].attrs["standard_name"] == "air_temperature"
 
 
 @pytest.mark.slow

@@ -37,8 +37,9 @@ Arrays
 Use
     >>> from edl_filter import Mission, reconstruct
     >>> flight = reconstruct(Mission.load("missions/mer_a.yaml"))
+    >>> tree = flight.to_xarray()                # DataTree with units: trajectory, imu, constraints, postflight, …
+    >>> tree["trajectory"]["altitude"]           # DataArray by time, m
     >>> flight.plot.trajectory()                 # matplotlib axes; dir(flight.plot) lists all plots
-    >>> flight.to_xarray()["trajectory"]["altitude"]
 
     Diagnosis and model improvement in Python, as in the notebooks (``notebooks/``, `docs/notebooks.md`):
 
@@ -140,4 +141,4 @@ def __getattr__(name: str) -> Any:
 
 
 def __dir__() -> list[str]:
-    return sorted({*globals(), *_PUBLIC})
+    return sorted(__all__)

@@ -11,7 +11,7 @@ from edl_filter import __version__
 from edl_filter.mission import shipped_mission
 
 COMMANDS = (
-    "run", "validate", "convert", "simulate", "export", "fetch", "demo", "effects", "add",
+    "run", "new", "missions", "validate", "convert", "simulate", "export", "fetch", "demo", "effects", "add",
     "diagnose", "compare", "improve", "identifiability", "serve",
 )  # fmt: skip
 

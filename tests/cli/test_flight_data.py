@@ -88,6 +88,7 @@ def test_fetch_recognises_the_originals_and_writes_the_packages_files(cli, mer_o
     result = cli("fetch", "mer-imu", "--compact", "compact")
     assert result.exit_code == 0, result.output
     assert result.stdout.splitlines() == [
+        "All tables are there, with the right checksums; nothing is downloaded.",
         f"MER telemetry: {tmp_path / 'data' / 'mer_imu'}", "Written: compact/mer_a.h5", "Written: compact/mer_b.h5"
     ]  # fmt: skip
     for name in ("mer_a", "mer_b"):

@@ -9,8 +9,6 @@ from edl_filter.mission.yaml_text import parse
 
 def load(name="mer_a", *overrides):
     """A shipped mission with overrides."""
-    if name == "practice_phoenix":
-        overrides = ("telemetry.path=builtin:practice_06", *overrides)
     return Mission.load(f"builtin:{name}", overrides)
 
 

@@ -43,7 +43,7 @@ def test_an_unknown_key_is_reported_before_the_missing_key_that_it_explains():
 
 def test_a_missing_key_is_named():
     with pytest.raises(InputError, match=r"telemetry\.path: found nothing; expected a required key \(flight"):
-        Mission.load("builtin:practice_phoenix")
+        Mission.load("builtin:practice_phoenix", ["telemetry={format: flight-file}"])
     stated = mission_data()
     del stated["planet"]["gravity"]["mu"], stated["vehicle"]["mass"], stated["name"]
     with pytest.raises(InputError, match=r"m: name: found nothing; .*\(and 2 more problems\)$"):

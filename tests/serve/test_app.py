@@ -19,7 +19,7 @@ def test_the_page_and_its_parts(client):
     page = client.get("/")
     assert page.headers["content-type"].startswith("text/html")
     assert "http" not in page.text.replace("http-equiv", "")  # no external resources
-    for part in ("workbench.css", "workbench.js", "plotly.js"):
+    for part in ("workbench.css", "workbench.js", "reconstruction.js", "plotly.js"):
         assert part in page.text
         assert client.get(f"/{part}").status_code == 200
 
@@ -53,6 +53,44 @@ def test_result_without_diagnosis(client, root):
     assert (result["diagnosis"], result["adding"]) == (None, {})
 
 
+def test_overview_of_a_reconstruction(client, root):
+    overview = client.get("/api/overview", params={"path": "results/flight"}).json()
+    summary = json.loads((root / "results/flight/summary.json").read_text())
+    assert overview["warnings"] == [] and overview["report"]
+    for name, event in overview["events"].items():
+        assert event["altitude_m"] == summary["events"][name]["altitude_m"]
+    assert overview["events"].keys() == summary["events"].keys() >= {"parachute_deploy", "landing"}
+    assert overview["constraints"]["landing"] == {"uses": 1, "accepted_uses": 1, "accepted": True, "dof": 3} | {
+        "nis": summary["constraints"]["landing"]["nis"]
+    }
+    trajectory = overview["trajectory"]
+    assert len({len(values) for values in trajectory.values()}) == 1 and len(trajectory["time"]) <= 600
+    assert trajectory["altitude"][0] == pytest.approx(summary["events"]["entry_interface"]["altitude_m"], rel=1e-3)
+
+
+def test_warnings_about_trust_come_first(client, root):
+    path = root / "results/flight/summary.json"
+    cause = {"kind": "clock", "sentence": "the clock", "gain": 9.0, "consistent": True}
+    doubted = {"trustworthy": False, "headline": "Do not trust this result: it is a test.", "notes": ["A note."]}
+    causes = [cause, cause | {"sentence": "a sign"}, cause | {"sentence": "no cause", "consistent": False}]
+    path.write_text(json.dumps(json.loads(path.read_text()) | doubted | {"causes": causes}))
+    warnings = client.get("/api/overview", params={"path": "results/flight"}).json()["warnings"]
+    assert warnings == [doubted["headline"], "Also consistent with the data: a sign.", "A note."]
+    path.unlink()
+    (missing,) = client.get("/api/overview", params={"path": "results/flight"}).json()["warnings"]
+    assert "found no summary" in missing
+
+
+def test_the_report_is_in_a_sandbox(client, root):
+    report = client.get("/report", params={"path": "results/flight"})
+    assert report.text == (root / "results/flight/report.html").read_text()
+    policies = report.headers.get_list("content-security-policy")
+    assert len(policies) == 1 and "sandbox allow-scripts" in policies[0] and "allow-same-origin" not in policies[0]
+    assert report.headers["x-content-type-options"] == "nosniff"
+    (root / "results/flight/report.html").unlink()
+    assert client.get("/report", params={"path": "results/flight"}).status_code == 400
+
+
 def test_residual(client):
     residual = client.get("/api/residual", params={"path": "results/flight", "channel": "force_y"}).json()
     assert residual["residual"] == [5.0, 6.0, 7.0, 8.0]
@@ -65,7 +103,11 @@ def test_paths_out_of_the_folder_are_refused(client, root, tmp_path, path):
     responses = [
         client.get("/api/result", params={"path": path}),
         client.get("/api/residual", params={"path": path, "channel": "force_x"}),
+        client.get("/api/overview", params={"path": path}),
+        client.get("/report", params={"path": path}),
         client.post("/api/run", json={"mission": f"{path}/flight.yaml"}),
+        client.post("/api/improve", json={"mission": f"{path}/flight.yaml"}),
+        client.post("/api/identifiability", json={"mission": f"{path}/flight.yaml"}),
         client.post("/api/diagnose", json={"result": path}),
         client.post("/api/add", json={"result": path, "effect": "wind"}),
     ]

@@ -57,6 +57,31 @@ def page(browser, address):
     assert foreign_requests == []
 
 
+def assert_reconstruction(page):
+    """Events, trajectory, constraints and the link to the report are displayed, and the page is not too wide."""
+    for event in ("entry interface", "parachute deploy", "landing"):
+        assert event in page.inner_text("#events")
+    page.wait_for_selector("#trajectory .scatterlayer .trace >> nth=1")
+    assert page.locator("#trajectory .legendtext").all_text_contents() == ["altitude", "velocity"]
+    assert page.locator("#constraints tbody tr").count() >= 3
+    assert page.get_attribute("#report", "href").startswith("report?path=")
+
+
+def take_screenshots(page, name):
+    """Check the width at three sizes, light and dark; save pictures where EDL_FILTER_SCREENSHOTS names a folder."""
+    target = os.environ.get("EDL_FILTER_SCREENSHOTS")
+    for scheme in ("light", "dark"):
+        page.emulate_media(color_scheme=scheme)
+        for width in (390, 1280, 1920):
+            page.set_viewport_size({"width": width, "height": 900})
+            page.wait_for_timeout(500)
+            assert page.evaluate("document.documentElement.scrollWidth <= innerWidth"), (name, scheme, width)
+            if target:
+                page.screenshot(path=f"{target}/{name}_{width}_{scheme}.png", full_page=True)
+    page.emulate_media(color_scheme="light")
+    page.set_viewport_size({"width": 1280, "height": 900})
+
+
 def test_from_the_first_run_to_the_noise_floor(page, folder):
     page.click('#missions button[data-name="flight_01.yaml"]')
     page.wait_for_selector("#run:enabled")
@@ -75,13 +100,14 @@ def test_from_the_first_run_to_the_noise_floor(page, folder):
     assert page.locator("#residual .legendtext").all_text_contents() == ["residual", "±1 sigma", "±2 sigma"]
     assert "rad/s²" in page.inner_text("#residual")
 
-    assert page.is_disabled("#add")
     hypothesis = page.locator('#hypotheses label[data-effect="wind"]')
+    assert hypothesis.locator("input").is_checked()  # the leader
+    assert page.is_enabled("#add") and page.inner_text("#add") == "Add wind and run"
+    assert_reconstruction(page)
     assert re.search(
         r"probability 9\d\.\d %", hypothesis.inner_text()
     )  # 100 % less what the local model may be wrong by
     assert re.search(r"east\s+−3\d\.\d+ ± 0\.\d+\s+m/s", hypothesis.inner_text())
-    hypothesis.click()
     assert "edl-filter add flight_01.yaml wind --from results/flight_01" in page.inner_text("#plan")
     page.click("#add")
 
@@ -98,22 +124,75 @@ def test_from_the_first_run_to_the_noise_floor(page, folder):
 
     page.reload()  # the page reads its content from files
     page.wait_for_selector("#ledger")
+    assert page.locator("#hypotheses input:checked").count() == 0  # nothing needs to be added
+    with page.context.expect_page() as opened:
+        page.click("#report")
+    report = opened.value
+    report.wait_for_selector("h1")
+    assert "edl-filter" in report.content() and len(report.content()) > 100_000
+    report.close()
+    take_screenshots(page, "result")
 
 
-def test_narrow_page_with_a_wrong_mission_and_a_cancelled_run(page, folder):
+def test_improve_and_detectable_sizes_by_button(page, folder):
+    """The shipped flight, to which nothing is to be added: one diagnosis."""
+    page.click("#shipped-box summary")
+    page.click('#shipped button[data-name="builtin:practice_mer"]')
+    page.click("#identifiability")
+    page.wait_for_selector("#job[data-state=running]")
+    assert page.is_disabled("#improve")
+    assert "Another job is running: Detectable sizes of builtin:practice_mer" in page.inner_text(".why[data-busy]")
+    page.wait_for_selector("#study tbody tr", timeout=1000 * TIMEOUT)
+    assert "remnant torque" in page.inner_text("#study")
+    take_screenshots(page, "study")
+    page.click("#improve")
+    page.wait_for_selector("#verdict[data-verdict=clean]", timeout=1000 * TIMEOUT)
+    assert "results/practice_mer_improved" in page.inner_text("main")
+    assert_reconstruction(page)
+    assert (folder / "results" / "practice_mer_improved" / "ledger.jsonl").is_file()
+
+
+def test_a_run_that_is_not_to_be_trusted_says_so_first(page, folder):
+    text = (folder / "flight_01.yaml").read_text()
+    (folder / "doubted.yaml").write_text(re.sub("path: .*practice_01.h5 ", "path: builtin:unknown_1 ", text))
+    page.reload()
+    page.click('#missions button[data-name="doubted.yaml"]')
+    page.click("#run-only")
+    page.wait_for_selector("#warnings #trust", timeout=1000 * TIMEOUT)
+    assert page.inner_text("#trust").startswith("Do not trust this result")
+    first = page.evaluate("document.querySelector('main').querySelector('section, .verdict, table').id")
+    assert first == "warnings"
+    assert_reconstruction(page)
+    assert page.is_enabled("#diagnose")
+    take_screenshots(page, "doubted")
+
+
+def test_narrow_page_with_broken_missions_and_a_cancelled_run(page, folder):
     text = Path(folder / "flight_01.yaml").read_text()
-    (folder / "wrong.yaml").write_text(text.replace("mass: 832.0 ", "mass: -1.0 "))
+    (folder / "wrong.yaml").write_text(text.replace("mass: 832.0 ", "mass: -1.0 ").replace("alpha: 0.5", "alfa: 0.5"))
+    (folder / "syntax.yaml").write_text(text.replace("mass: 832.0 ", "mass: [832.0 "))
     page.set_viewport_size({"width": 390, "height": 844})
     page.reload()
+    page.click('#missions button[data-name="syntax.yaml"]')
+    page.wait_for_selector("#problems")
+    assert page.inner_text("#problems li").startswith("syntax.yaml: line ")
+    assert "cannot run" in page.inner_text('#missions button[data-name="wrong.yaml"]')
     page.click('#missions button[data-name="wrong.yaml"]')
-    page.click("#run-only")
-    page.wait_for_selector("#job-error:not([hidden])")
-    assert page.inner_text("#job-error").startswith("wrong.yaml: vehicle.mass")
+    page.wait_for_selector("#problems li:nth-child(2)")
+    assert "wrong.yaml: filter.alfa" in page.inner_text("#problems")
+    assert "wrong.yaml: vehicle.mass" in page.inner_text("#problems")
+    for button in ("#run", "#run-only", "#improve", "#identifiability"):
+        assert page.is_disabled(button)
+    assert "The mission has problems" in page.inner_text("main .why:not([hidden])")
     assert page.evaluate("document.documentElement.scrollWidth <= innerWidth")
+    take_screenshots(page, "broken")
+    page.set_viewport_size({"width": 390, "height": 844})
 
     page.click('#missions button[data-name="flight_01.yaml"]')
     page.click("#run")
+    page.wait_for_selector("#job-steps li[data-state=running]")
     page.click("#cancel")
     page.wait_for_selector("#job[data-state=cancelled]")
     page.wait_for_selector("#run:enabled")
-    assert not (folder / "results" / "flight_01" / "result.nc").exists()
+    assert not (folder / "results").exists()
+    assert "-o results/flight_01\n" in page.inner_text("main")  # the name is free again

@@ -88,6 +88,31 @@ def test_cancel_lets_the_command_clean_up_and_starts_no_other(tmp_path):
     worker.cancel()
 
 
+KILLED = """
+import os, pathlib, signal, sys
+pathlib.Path('results/r/.edl-filter.x').mkdir(parents=True)
+pathlib.Path('results/r/.edl-filter.x/half').touch()
+if len(sys.argv) > 2:
+    pathlib.Path('results/r/complete').touch()
+os.kill(os.getpid(), signal.SIGKILL)
+"""
+
+
+@pytest.mark.parametrize("arguments", [("run",), ("run", "complete")])
+def test_a_job_without_result_leaves_no_folder(tmp_path, arguments):
+    worker = Worker(tmp_path, python(KILLED))
+    worker.start(Plan("killed", (arguments,), "results/r"))
+    assert wait(worker).state == "failed"
+    assert (tmp_path / "results").exists() == (len(arguments) == 2)
+
+
+def test_the_output_of_a_study_is_kept(tmp_path):
+    worker = Worker(tmp_path, python("print('{\"effects\": []}' + 100_000 * ' ')"))
+    worker.start(Plan("study", (("identifiability", "m.yaml"),), ""))
+    job = wait(worker).as_json()
+    assert (job["state"], job["study"]) == ("done", {"effects": []})
+
+
 def test_a_server_in_the_background_of_a_shell_can_cancel(tmp_path):
     """Such a shell starts the server with the interrupt ignored, and child processes inherit this."""
     previous = signal.signal(signal.SIGINT, signal.SIG_IGN)

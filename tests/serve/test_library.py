@@ -23,7 +23,27 @@ def test_only_missions_are_listed(root, tmp_path):
     (root / "out.yaml").symlink_to(tmp_path / "secret.yaml")
     assert names(root) == ["flight.yaml", "more/second.yml"]
     shipped = [m for m in library.missions(root) if m["shipped"]]
-    assert {"name": "builtin:practice_mer", "title": "Practice flight, MER-like vehicle", "shipped": True} in shipped
+    title = "Practice flight, MER-like vehicle"
+    assert {"name": "builtin:practice_mer", "title": title, "shipped": True, "problems": []} in shipped
+
+
+def test_broken_missions_are_listed_with_their_problems(root):
+    text = (root / "flight.yaml").read_text()
+    (root / "syntax.yaml").write_text(text.replace("mass: 832.0 ", "mass: [832.0 "))
+    wrong = text.replace("mass: 832.0 ", "mass: -1.0 ").replace("builtin:practice_06 ", "gone.h5 ")
+    (root / "wrong.yaml").write_text(wrong)
+    listed = {m["name"]: m for m in library.missions(root)}
+    assert listed["flight.yaml"]["problems"] == []
+    (syntax,) = listed["syntax.yaml"]["problems"]
+    assert syntax.startswith("syntax.yaml: line ") and listed["syntax.yaml"]["title"] == "syntax.yaml"
+    mass, telemetry = listed["wrong.yaml"]["problems"]
+    assert mass.startswith("wrong.yaml: vehicle.mass: found -1.0")
+    assert telemetry.startswith("wrong.yaml: telemetry.path: found 'gone.h5'")
+    (phoenix,) = listed["builtin:phoenix"]["problems"]
+    assert "which edl-filter cannot read yet" in phoenix
+    (root / "wrong.yaml").write_text(wrong.replace("mass: -1.0 ", "mass: 832.0 "))
+    (root / "gone.h5").touch()  # a file that appears mends the mission though it is unchanged
+    assert {m["name"]: m for m in library.missions(root)}["wrong.yaml"]["problems"] == []
 
 
 def test_a_changed_title_is_read_again(root):

@@ -43,6 +43,28 @@ def test_a_run_replaces_only_a_result_of_the_same_mission(served_folder):
         shutil.rmtree(served_folder / "more")
 
 
+def test_a_folder_without_files_is_free(root):
+    (root / "more.yaml").write_text((root / "flight.yaml").read_text())
+    (root / "results" / "more" / "figures").mkdir(parents=True)
+    (root / "results" / "more" / ".edl-filter.x").mkdir()
+    (root / "results" / "more" / ".edl-filter.x" / "half").touch()
+    assert plans.plan_run(root, "more.yaml").result == "results/more"
+    (root / "results" / "more" / "notes.txt").touch()
+    assert plans.plan_run(root, "more.yaml").result == "results/more-2"
+
+
+def test_improving_and_detectable_sizes(root):
+    plan = plans.plan_improve(root, "flight.yaml")
+    assert (plan.lines(), plan.result) == (
+        ["edl-filter improve flight.yaml -o results/flight_improved"], "results/flight_improved"
+    )  # fmt: skip
+    plan = plans.plan_identifiability(root, "builtin:mer_a")
+    assert (plan.lines(), plan.result) == (["edl-filter identifiability builtin:mer_a"], "")
+    for make in (plans.plan_improve, plans.plan_identifiability):
+        with pytest.raises(ForbiddenError):
+            make(root, "../flight.yaml")
+
+
 def test_names_that_look_like_options_or_need_quotes(root):
     for name, command in (("-o.yaml", "run ./-o.yaml -o results/-o"), ("a b.yaml", "run 'a b.yaml' -o 'results/a b'")):
         (root / name).write_text((root / "flight.yaml").read_text())

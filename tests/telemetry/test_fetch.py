@@ -125,6 +125,24 @@ def test_originals_at_hand_are_not_downloaded(volume, serve, tmp_path, monkeypat
     assert fetch.fetch_mer_imu() == tmp_path / "cache" / "mer_imu"
 
 
+def test_what_is_there_is_recognised_by_its_checksums(volume, serve, tmp_path):
+    address, _ = serve(volume.parent)
+    sentences = []
+    fetch.fetch_mer_imu(address, report=sentences.append)
+    table = tmp_path / "cache" / "mer_imu" / "DATA" / "1HIGHRATE.TAB"
+    table.write_bytes(b"damaged" + table.read_bytes())
+    for _ in range(2):
+        fetch.fetch_mer_imu(address, report=sentences.append)
+    n = len(fetch.REGISTRY)
+    assert sentences == [
+        f"{n} of {n} files were downloaded, 0 were there.",
+        f"1 of {n} files were downloaded, {n - 1} were there.",
+        f"All {n} files are there, with the right checksums; nothing is downloaded.",
+    ]
+    # a copy of the volume is used in its place
+    assert fetch.fetch_mer_imu(cache=tmp_path / "cache" / "mer_imu") == tmp_path / "cache" / "mer_imu"
+
+
 def test_default_cache_is_the_systems(monkeypatch):
     monkeypatch.delenv("EDL_FILTER_CACHE", raising=False)
     assert "edl-filter" in str(fetch.cache_folder())

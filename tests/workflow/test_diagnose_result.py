@@ -1,6 +1,7 @@
 """`edl-filter diagnose` on the shipped flight: it is clean; effects whose hooks fail and wrong input are reported."""
 
 import json
+import shlex
 import shutil
 from pathlib import Path
 
@@ -186,3 +187,41 @@ def test_a_list_entry_can_be_set():
         "validate", "builtin:practice_mer", "--set", "effects=[{name: wind}]", "--set", "effects.1.fixed=true"
     )
     assert_refused(result, "--set effects.1.fixed: effects has 1 entries; the first is effects.0.")
+
+
+HIDDEN = """
+import numpy as np
+from edl_filter.effects import Effect, Parameter
+
+class Push(Effect):
+    name = "push"
+    summary = "a constant force along y"
+    parameters = (Parameter("a", "N", "how much", 100.0, low=-900.0, high=900.0),)
+
+    def force_moment(self, p, flow):
+        force = np.zeros((len(flow.time), 3))
+        force[:, 1] = p["a"] * (flow.time < 200.0)
+        return force, np.zeros_like(force)
+"""
+
+
+def test_the_printed_commands_add_an_effect_of_the_users_file_and_run(tmp_path, monkeypatch):
+    """The lines after ``Next:`` are parsed as a shell does and run from the folder in which they were printed."""
+    monkeypatch.chdir(tmp_path)
+    Path("my own").mkdir()
+    Path("my own/push effect.py").write_text(HIDDEN)
+    effects = "effects=[{name: push, file: my own/push effect.py, parameters: {a: 60}}]"
+    assert call("simulate", "builtin:mer", "-o", "my own/flight.h5", "--set", effects).exit_code == 0
+    changes = ("--from", "builtin:practice_mer", "--set", "telemetry.path=my own/flight.h5")
+    assert call("new", "my own/mission.yaml", *changes).exit_code == 0
+    call("run", "my own/mission.yaml", "-o", "my own/result", "--no-figures")
+    printed = call("diagnose", "my own/result", "--file", "my own/push effect.py", "--effect", "push").stdout
+    lines = [line.strip() for line in printed.split("Next:\n")[1].splitlines() if line.startswith("  edl-filter")]
+    assert [shlex.split(line)[1] for line in lines] == ["add", "run"]
+    assert "--file 'my own/push effect.py'" in lines[0]
+    for line in lines:
+        result = call(*shlex.split(line)[1:])
+        assert result.exit_code == 0, result.output
+    (push,) = Mission.load("my own/mission+push.yaml").active_effects()
+    assert push.values["a"] == pytest.approx(60.0, abs=3.0)
+    assert Path("my own/result+push/result.nc").is_file()

@@ -11,13 +11,16 @@ import sys
 import traceback
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import typer
 from typer.core import TyperGroup
 
 from edl_filter.errors import UNTRUSTWORTHY, InputError
 from edl_filter.io.progress import PROGRESS, PROGRESS_MARK
+
+if TYPE_CHECKING:
+    from edl_filter.workflow.dry_run import FilePlan
 
 #: Exit code of a command that Ctrl-C ended, as shells have it.
 INTERRUPTED = 130
@@ -118,6 +121,26 @@ def progress(task: str, quiet: bool) -> Iterator[Callable[[str], None]]:
 
     with Console(stderr=True).status(f"{task} …") as status:
         yield lambda step: status.update(f"{task}: {step} …")
+
+
+def print_file_plan(plan: FilePlan, as_json: bool) -> None:
+    """Print what a command would read and write, as text or as one JSON object."""
+    if as_json:
+        print_json({"dry_run": plan.as_json()})
+        return
+    typer.echo("Would read:")
+    for key, name in plan.reads:
+        typer.echo(f"  {name}  ({key})")
+    for title, paths in (
+        ("Would write:", plan.writes),
+        ("Would write as far as the flight has the data:", plan.optional),
+        ("Would replace or remove:", plan.removes),
+    ):
+        if paths:
+            typer.echo(title)
+        for path in paths:
+            typer.echo(f"  {path}")
+    typer.echo("Nothing was written.")
 
 
 def print_json(content: dict[str, Any]) -> None:

@@ -12,12 +12,11 @@ from edl_filter._version import __version__
 from edl_filter.cli._base import Commands, announce_code
 from edl_filter.cli.diagnosis import add, compare, diagnose, effects, identifiability, improve, serve
 from edl_filter.cli.flight_data import convert, export, fetch, simulate
-from edl_filter.cli.reconstruction import demo, run, validate
+from edl_filter.cli.reconstruction import demo, missions, new, run, validate
 
 app = typer.Typer(
     cls=Commands,
     no_args_is_help=True,
-    add_completion=False,
     rich_markup_mode=None,  # importing rich would double the time of a help page
     pretty_exceptions_enable=False,
     # without a default value of --help, typer imports pydantic to convert None
@@ -58,6 +57,8 @@ def _app(
 _EXAMPLES: dict[Callable[..., None], str] = {
     run: "edl-filter run missions/mer_a.yaml -o results/mer_a",
     demo: "edl-filter demo -o results/demo",
+    new: "edl-filter new --from builtin:practice_mer my_flight.yaml",
+    missions: "edl-filter missions --json",
     validate: "edl-filter validate missions/mer_a.yaml",
     convert: "edl-filter convert imu_log.csv --spec imu_log.spec.yaml -o flight.h5",
     simulate: "edl-filter simulate missions/scenarios/mer.yaml -o flight.h5 --seed 7",

@@ -8,19 +8,24 @@ from typing import Annotated
 
 import typer
 
-from edl_filter.cli._base import exit_with_trust, interrupted, print_json, progress
+from edl_filter.cli._base import exit_with_trust, interrupted, print_file_plan, print_json, progress
 from edl_filter.cli.options import (
+    DryRunOption,
     EffectFileOption,
     EffectNamesOption,
     JsonOption,
     MissionArgument,
     OverridesOption,
     ResultArgument,
+    effect_names,
 )
 
 
 def effects(
-    name: Annotated[str | None, typer.Argument(help="Show one effect in detail; all effects if not stated.")] = None,
+    name: Annotated[
+        str | None,
+        typer.Argument(help="Show one effect in detail; all effects if not stated.", autocompletion=effect_names),
+    ] = None,
     file: EffectFileOption = None,
     as_json: JsonOption = False,
 ) -> None:
@@ -46,7 +51,9 @@ def effects(
 
 def add(
     mission: MissionArgument,
-    effect: Annotated[str, typer.Argument(help="Name of the effect ('edl-filter effects').")],
+    effect: Annotated[
+        str, typer.Argument(help="Name of the effect ('edl-filter effects').", autocompletion=effect_names)
+    ],
     output: Annotated[
         Path | None, typer.Option("-o", "--output", help="File to write; MISSION+EFFECT.yaml if not stated.")
     ] = None,
@@ -83,8 +90,16 @@ def diagnose(
     names: EffectNamesOption = None,
     file: EffectFileOption = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print the diagnosis as JSON, nothing else.")] = False,
+    dry_run: DryRunOption = False,
 ) -> None:
     """Determine where the model fails, which effect is missing and what remains; write diagnosis.json and figures."""
+    if dry_run:
+        from edl_filter.effects.registry import selected_effects
+        from edl_filter.workflow.dry_run import plan_diagnosis
+
+        selected_effects(names or (), file)
+        print_file_plan(plan_diagnosis(result, file), as_json)
+        return
     from edl_filter.io.output_folder import output_folder
     from edl_filter.workflow.diagnose_result import diagnose_result
 

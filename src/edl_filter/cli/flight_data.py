@@ -84,7 +84,7 @@ def fetch(
         raise InputError(f"fetch: found {dataset!r}; accepted is mer-imu.")
     from edl_filter.telemetry.fetch import fetch_mer_imu
 
-    volume = fetch_mer_imu(base_url, to, progress=sys.stdout.isatty())
+    volume = fetch_mer_imu(base_url, to, progress=sys.stdout.isatty(), report=typer.echo)
     typer.echo(f"MER telemetry: {volume}")
     if compact is not None:
         from edl_filter.telemetry.mer_compact import write_compact

@@ -7,8 +7,16 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from edl_filter.cli._base import exit_with_trust, interrupted, print_json, progress
-from edl_filter.cli.options import MissionArgument, OverridesOption, ResultFolderOption
+from edl_filter.cli._base import exit_with_trust, interrupted, print_file_plan, print_json, progress
+from edl_filter.cli.options import (
+    DryRunOption,
+    ForceOption,
+    JsonOption,
+    MissionArgument,
+    OverridesOption,
+    ResultFolderOption,
+    mission_names,
+)
 from edl_filter.errors import InputError
 
 if TYPE_CHECKING:
@@ -26,10 +34,18 @@ def run(
         bool, typer.Option("--no-refit", help="Keep effects at their stated values; compare nothing with a prediction.")
     ] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print the summary as JSON, nothing else.")] = False,
+    dry_run: DryRunOption = False,
 ) -> None:
     """Reconstruct an entry and refit its effects; write result.nc, summary.json, report.html and figures."""
     from edl_filter.mission import Mission
 
+    if dry_run:
+        from edl_filter.workflow.dry_run import plan_run
+
+        loaded = Mission.load(mission, changes or ())
+        folder = output or loaded.output_directory()
+        print_file_plan(plan_run(loaded, folder, loaded.outputs.figures and not no_figures), as_json)
+        return
     outputs = _reconstruct(Mission.load(mission, changes or ()), output, not no_figures, as_json, not no_refit)
     exit_with_trust(outputs["content"]["headline"])
 
@@ -43,36 +59,76 @@ def demo(output: ResultFolderOption = None) -> None:
     exit_with_trust(outputs["content"]["headline"])
 
 
+def new(
+    mission: Annotated[Path, typer.Argument(help="Mission file to write, NAME.yaml.")],
+    source: Annotated[
+        str | None,
+        typer.Option(
+            "--from",
+            metavar="MISSION",
+            help="Mission to begin with; without it the file says what to fill in.",
+            autocompletion=mission_names,
+        ),
+    ] = None,
+    changes: OverridesOption = None,
+    force: ForceOption = False,
+) -> None:
+    """Write a mission file of your own, with units and comments."""
+    from shlex import quote
+
+    from edl_filter.mission.new_mission import new_mission
+
+    path = quote(str(new_mission(mission, source, changes or (), force)))
+    typer.echo(f"Written: {path}")
+    if source is None:
+        typer.echo(f"Fill in the values marked FILL IN. What is missing: edl-filter validate {path}")
+    else:
+        typer.echo(f"Next: edl-filter validate {path}, then edl-filter run {path}")
+
+
+def missions(as_json: JsonOption = False) -> None:
+    """List the missions, practice flights and scenarios that the package ships."""
+    from edl_filter.mission.shipped import BUILTIN, SHIPPED_FLIGHTS, flight_command, shipped_mission, shipped_names
+    from edl_filter.mission.yaml_text import parse, read_text
+
+    titles = {name: parse(read_text(shipped_mission(name)), name).get("title") for name in shipped_names()}
+    scenarios = sorted(path.stem for path in shipped_mission(next(iter(titles))).parent.glob("scenarios/*.yaml"))
+    if as_json:
+        flights = {
+            BUILTIN + name: {"mission": BUILTIN + mission, "title": title, "command": flight_command(name)}
+            for name, (mission, title) in SHIPPED_FLIGHTS.items()
+        }
+        listed = {BUILTIN + name: {"title": title} for name, title in titles.items()}
+        print_json({"missions": listed, "flights": flights, "scenarios": [BUILTIN + name for name in scenarios]})
+        return
+    typer.echo("Missions (edl-filter run builtin:NAME, edl-filter new --from builtin:NAME mine.yaml):")
+    for name, title in titles.items():
+        typer.echo(f"  {BUILTIN + name:<26} {title}")
+    typer.echo("Flights (edl-filter run builtin:MISSION --set telemetry.path=builtin:NAME):")
+    for name, (mission, title) in SHIPPED_FLIGHTS.items():
+        typer.echo(f"  {BUILTIN + name:<26} {title}, mission {mission}")
+    typer.echo("Scenarios (edl-filter simulate builtin:NAME -o flight.h5):")
+    for name in scenarios:
+        typer.echo(f"  {BUILTIN + name}")
+
+
 def validate(
     path: Annotated[str, typer.Argument(help="Mission file (checked with its telemetry and tables), or flight file.")],
     changes: OverridesOption = None,
 ) -> None:
-    """Check a mission with its telemetry and tables, or a flight file."""
+    """Check all that a run checks, and list all problems: of a mission with its files and flight, or a flight file."""
     code_files: list[str] = []
+    from edl_filter.workflow.validate import validated_flight_file, validated_mission
+
     if path.lower().endswith(_HDF5_SUFFIXES):
-        import math
-
-        from edl_filter.telemetry.flight_file import read_flight_file
-        from edl_filter.telemetry.sample_repair import repaired
-
         if changes:
             raise InputError(f"--set: {path} is a flight file; only a mission has keys to change.")
-        read, description = read_flight_file(path), "flight file"
-        telemetry = repaired(read, parachute=read.events.get("parachute_deploy", math.inf))
+        telemetry, description = validated_flight_file(Path(path)), "flight file"
     else:
-        from edl_filter.mission import Mission
-        from edl_filter.mission.edit_effects import without_code
-        from edl_filter.pipeline.load import read_atmosphere, read_telemetry
-        from edl_filter.pipeline.problem import assemble
-        from edl_filter.pipeline.trust import check_record
-
-        stated = Mission.load(path, changes or ())
-        code_files = [e.file for e in stated.effects if e.file is not None]
-        mission = without_code(stated)
-        telemetry, description = read_telemetry(mission), f"mission {mission.name}"
-        planet = mission.planet_model(telemetry.prime_meridian_at_epoch)
-        atmosphere = read_atmosphere(mission)
-        check_record(mission, telemetry, planet, atmosphere, assemble(mission, telemetry, planet, atmosphere))
+        with progress(f"Checking {path}", quiet=False) as report_step:
+            mission, telemetry = validated_mission(path, changes or (), report_step)
+        description = f"mission {mission.name}"
+        code_files = [e.file for e in mission.effects if e.file is not None]
     from edl_filter.report.terminal.run import telemetry_lines
 
     count = len(telemetry.findings)

@@ -260,6 +260,11 @@ class EffectInstance:
     def __post_init__(self) -> None:
         object.__setattr__(self, "values", self.effect.completed(self.values))
 
+    def __repr__(self) -> str:
+        """Label, and the parameters with their units to five digits."""
+        parts = [f"{q.name} {self.values[q.name]:.5g} {q.unit}".rstrip() for q in self.effect.parameters]
+        return f"<{self.label}: {', '.join(parts)}{'; fixed' if self.fixed else ''}>"
+
     @property
     def name(self) -> str:
         """Name of the effect."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
 from difflib import get_close_matches
 from typing import NamedTuple, Protocol
@@ -78,22 +78,21 @@ def checked_values(effect: Declares, values: Mapping[str, float]) -> dict[str, f
     InputError
         The message begins with the parameter's name: there is no such parameter, or it is out of its bounds.
     """
-    problem = first_problem(effect, values)
-    if problem is not None:
+    for problem in problems(effect, values):
         raise InputError(f"{problem.parameter}: found {problem.actual}; expected {problem.expected}")
     return completed_values(effect, values)
 
 
-def first_problem(effect: Declares, values: Mapping[str, float]) -> Problem | None:
-    """The first of `values` that names no parameter of the effect or is out of its bounds; None if all are valid."""
+def problems(effect: Declares, values: Mapping[str, float]) -> Iterator[Problem]:
+    """Yield a problem for each of `values` that names no parameter of the effect or is out of its bounds."""
     parameters = {q.name: q for q in effect.parameters}
     for name, value in values.items():
         if name not in parameters:
-            return Problem(name, "an unknown key", f"a parameter of {effect.name}; {nearest(name, parameters)}")
+            yield Problem(name, "an unknown key", f"a parameter of {effect.name}; {nearest(name, parameters)}")
+            continue
         q = parameters[name]
         if not q.low <= value <= q.high:  # NaN fails too
-            return Problem(name, f"{value:g}", bounds_text(q))
-    return None
+            yield Problem(name, f"{value:g}", bounds_text(q))
 
 
 def bounds_text(q: Parameter) -> str:

@@ -131,6 +131,37 @@ def complete_output(folder: Path) -> None:
         return
 
 
+def is_empty(folder: Path) -> bool:
+    """Whether a folder holds no file except unfinished output of a command that was killed."""
+    return folder.is_dir() and all(STAGING in str(p.relative_to(folder)) or p.is_dir() for p in folder.rglob("*"))
+
+
+def remove_if_empty(folder: Path, top: Path) -> None:
+    """Remove a folder that holds no file, and its parents below `top` that are empty then."""
+    if not is_empty(folder):
+        return
+    shutil.rmtree(folder, ignore_errors=True)
+    for parent in folder.parents:
+        if parent == top or not parent.is_relative_to(top) or any(parent.iterdir()):
+            return
+        parent.rmdir()
+
+
+def check_writable(folder: Path) -> None:
+    """Raise InputError if a folder for output cannot be created or written; nothing is created.
+
+    Parameters
+    ----------
+    folder : Path
+        It, or the nearest of its parents that exists, must be a folder with permission to write.
+    """
+    existing = next((p for p in (folder, *folder.absolute().parents) if p.exists()), Path())
+    if not existing.is_dir():
+        raise cannot_write(folder, "File exists" if existing == folder else "Not a directory")
+    if not os.access(existing, os.W_OK | os.X_OK):
+        raise cannot_write(folder, "Permission denied")
+
+
 def _lock(folder: Path, descriptor: int) -> None:
     """Lock a folder for this process, or say that another one has."""
     try:

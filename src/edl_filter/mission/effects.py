@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from pydantic import AfterValidator, Field, StringConstraints
+from pydantic_core import PydanticCustomError
 
 from edl_filter.errors import InputError
 from edl_filter.mission.fields import Section
@@ -43,15 +44,15 @@ class EffectConfig(Section):
     )
 
 
-def check_effects(effects: Sequence[EffectConfig]) -> None:
-    """Raise the error of the first entry with an unknown effect, a wrong parameter or a wrong IMU.
+def effect_errors(effects: Sequence[EffectConfig]) -> Iterator[PydanticCustomError]:
+    """Yield the error of each entry with an unknown effect, a wrong parameter or a wrong IMU.
 
     Effects of files are checked by `Mission.active_effects`, since their path depends on the mission's folder.
     """
     if not effects:
         return
     from edl_filter.effects.instances import lookup
-    from edl_filter.effects.parameters import first_problem, nearest
+    from edl_filter.effects.parameters import nearest, problems
     from edl_filter.effects.registry import known_effects
 
     catalogue = known_effects()
@@ -61,12 +62,18 @@ def check_effects(effects: Sequence[EffectConfig]) -> None:
         effect = lookup(catalogue, entry.name)
         if effect is None:
             expected = f"the name of an effect; {nearest(entry.name, catalogue)}"
-            raise field_error(value_text(entry.name), expected, f"effects.{k}.name")
-        problem = first_problem(effect, entry.parameters)
-        if problem is not None:
-            raise field_error(problem.actual, problem.expected, f"effects.{k}.parameters.{problem.parameter}")
+            yield field_error(value_text(entry.name), expected, f"effects.{k}.name")
+            continue
+        for problem in problems(effect, entry.parameters):
+            yield field_error(problem.actual, problem.expected, f"effects.{k}.parameters.{problem.parameter}")
         if entry.imu is not None and not effect.is_sensor_effect:
-            raise field_error(value_text(entry.imu), f"none: {entry.name} sits in no IMU", f"effects.{k}.imu")
+            yield field_error(value_text(entry.imu), f"none: {entry.name} sits in no IMU", f"effects.{k}.imu")
+
+
+def raise_first(errors: Iterable[PydanticCustomError]) -> None:
+    """Raise the first of the errors; nothing happens where there is none."""
+    for error in errors:
+        raise error
 
 
 def effect_instances(

@@ -66,19 +66,30 @@ def error_message(error: ValidationError, model: type[BaseModel], label: str, ch
         Dotted keys that were changed with --set; the message of a problem at one of them names it in place of the
         file.
     """
+    first, *further = error_messages(error, model, label, changed)
+    more = len(further)
+    return first + (f" (and {more} more problem{'s' if more > 1 else ''})" if more else "")
+
+
+def error_messages(
+    error: ValidationError, model: type[BaseModel], label: str, changed: Sequence[str] = ()
+) -> list[str]:
+    """Messages of all problems in `error`; parameters as in `error_message`."""
     # An unknown key often explains a missing one, so it comes first
     details = sorted(error.errors(include_url=False), key=lambda e: e["type"] != "extra_forbidden")
-    key = _dotted_key(details[0])
-    message = _message(dict(details[0]), key, model)
+    return [problem_message(dict(detail), model, label, changed) for detail in details]
+
+
+def problem_message(detail: dict[str, Any], model: type[BaseModel], label: str, changed: Sequence[str] = ()) -> str:
+    """Message of one problem, `detail`, of a validation; other parameters as in `error_message`."""
+    key = _dotted_key(detail)
     start = f"{label}: {key}"
     for change in changed:
         if key == change or key.startswith(change + "."):
             start = f"--set {key}"
-        elif change.startswith(key + ".") and details[0]["type"] == "extra_forbidden":
+        elif change.startswith(key + ".") and detail["type"] == "extra_forbidden":
             start = f"--set {change}: {key}"
-    more = len(details) - 1
-    suffix = f" (and {more} more problem{'s' if more > 1 else ''})" if more else ""
-    return f"{start}: {message}{suffix}"
+    return f"{start}: {_message(detail, key, model)}"
 
 
 def _dotted_key(detail: Any) -> str:
@@ -111,7 +122,8 @@ def _message(detail: dict[str, Any], key: str, model: type[BaseModel]) -> str:
     elif kind == "string_pattern_mismatch":
         expected = "letters, digits, _ and - only"
     type_hint = " (text)" if isinstance(value, str) and kind == "float_type" else ""
-    return f"found {value_text(value)}{type_hint}; expected {expected or detail['msg']}{description}"
+    actual = "nothing" if value is None else value_text(value)
+    return f"found {actual}{type_hint}; expected {expected or detail['msg']}{description}"
 
 
 def _tag_message(value: Any, context: dict[str, Any]) -> str:

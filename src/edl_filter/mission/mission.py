@@ -12,9 +12,9 @@ from pydantic import Field, PrivateAttr, StringConstraints, ValidationError, mod
 from edl_filter.display import render
 from edl_filter.errors import InputError
 from edl_filter.mission.aerodynamics import AerodynamicsConfig, PostflightConfig
-from edl_filter.mission.cross_checks import check_sections, event_times
+from edl_filter.mission.cross_checks import event_times, section_errors
 from edl_filter.mission.decision_settings import DecisionSettings
-from edl_filter.mission.effects import EffectConfig, effect_instances
+from edl_filter.mission.effects import EffectConfig, effect_instances, raise_first
 from edl_filter.mission.error_messages import error_message
 from edl_filter.mission.estimation import ConstraintsConfig, FilterConfig, InitialStateConfig, OutputsConfig
 from edl_filter.mission.fields import Section
@@ -92,8 +92,7 @@ class Mission(Section):
         InputError
             The file cannot be read, is not YAML, or a key is unknown, missing or wrong.
         """
-        label = str(path)
-        file = shipped_mission(label[len(BUILTIN) :]) if label.startswith(BUILTIN) else Path(path)
+        label, file = str(path), mission_file(path)
         return cls.from_text(read_text(file), label, file, overrides)
 
     @classmethod
@@ -137,16 +136,8 @@ class Mission(Section):
         InputError
             As `load`.
         """
-        changed = []
-        for override in overrides:
-            key, value = parse_override(override, PATH_KEYS)
-            text = set_key(text, key, value, label)
-            changed.append(key)
-        data = parse(text, label)
-        if not isinstance(data, dict):
-            raise InputError(
-                f"{label}: found {_type_text(data)}; expected a mapping of keys, such as 'name: my_mission'."
-            )
+        text, changed = apply_overrides(text, label, overrides)
+        data = mission_data(text, label)
         try:
             mission = cls.model_validate(data)
         except ValidationError as error:
@@ -171,10 +162,7 @@ class Mission(Section):
 
     @model_validator(mode="after")
     def _consistent(self) -> Mission:
-        check_sections(
-            self.telemetry, self.planet, self.vehicle, self.initial_state, self.constraints, self.effects,
-            self.aerodynamics,
-        )  # fmt: skip
+        raise_first(section_errors({name: getattr(self, name) for name in type(self).model_fields}))
         return self
 
     def planet_model(self, prime_meridian: float | None = None) -> Planet:
@@ -307,26 +295,77 @@ class Mission(Section):
         return Path(self.outputs.directory or f"results/{self.name}")
 
     def _existing_path(self, key: str, reference: str, folders: bool = False) -> Path:
-        """Path of the file that `key` names as `reference`; raises InputError if it does not exist.
+        """Path of the file that `key` names as `reference`, as `existing_path`."""
+        return existing_path(reference, key, self._source, self.label, folders)
 
-        With `folders` it may be a folder as well.
-        """
-        if reference.startswith(BUILTIN):
-            return shipped_data(reference[len(BUILTIN) :], f"{self.label}: {key}")
-        path = Path(reference).expanduser()
-        if self._source is not None:
-            path = self._source.parent / path  # an absolute path is not changed by this
-        try:
-            exists = path.is_file() or (folders and path.is_dir())
-        except OSError:  # a name that no file system accepts
-            exists = False
-        if not exists:
-            kind = "folder or file" if folders else "file"
-            raise InputError(
-                f"{self.label}: {key}: found {reference!r}, but there is no {kind} {path}; expected a {kind}, "
-                "or builtin:NAME for data that the package ships."
-            )
-        return path
+
+def mission_file(path: str | Path) -> Path:
+    """File of a mission from the argument of a command: the path itself, or that of ``builtin:NAME``."""
+    label = str(path)
+    return shipped_mission(label[len(BUILTIN) :]) if label.startswith(BUILTIN) else Path(path)
+
+
+def apply_overrides(text: str, label: str, overrides: Sequence[str]) -> tuple[str, list[str]]:
+    """Return a mission's text after ``KEY=VALUE`` changes, and the dotted keys that were changed."""
+    changed = []
+    for override in overrides:
+        key, value = parse_override(override, PATH_KEYS)
+        text = set_key(text, key, value, label)
+        changed.append(key)
+    return text, changed
+
+
+def mission_data(text: str, label: str) -> dict[str, Any]:
+    """Return the data of a mission's text.
+
+    Raises
+    ------
+    InputError
+        It is not YAML, or no mapping of keys.
+    """
+    data = parse(text, label)
+    if not isinstance(data, dict):
+        raise InputError(f"{label}: found {_type_text(data)}; expected a mapping of keys, such as 'name: my_mission'.")
+    return data
+
+
+def existing_path(reference: str, key: str, source: Path | None, label: str, folders: bool = False) -> Path:
+    """Path of a file that a mission names.
+
+    Parameters
+    ----------
+    reference : str
+        Path or ``builtin:NAME``, as the mission has it.
+    key : str
+        Its dotted key, for the message.
+    source : Path or None
+        File of the mission; relative paths start from its folder, or from the current folder if it is None.
+    label : str
+        Name of the mission in the message.
+    folders : bool
+        Whether it may be a folder as well.
+
+    Raises
+    ------
+    InputError
+        It does not exist.
+    """
+    if reference.startswith(BUILTIN):
+        return shipped_data(reference[len(BUILTIN) :], f"{label}: {key}")
+    path = Path(reference).expanduser()
+    if source is not None:
+        path = source.parent / path  # an absolute path is not changed by this
+    try:
+        exists = path.is_file() or (folders and path.is_dir())
+    except OSError:  # a name that no file system accepts
+        exists = False
+    if not exists:
+        kind = "folder or file" if folders else "file"
+        raise InputError(
+            f"{label}: {key}: found {reference!r}, but there is no {kind} {path}; expected a {kind}, "
+            "or builtin:NAME for data that the package ships."
+        )
+    return path
 
 
 def require_prediction_inputs(mission: Mission, label: str | None = None) -> None:

@@ -9,6 +9,13 @@ from edl_filter.errors import InputError
 
 BUILTIN = "builtin:"
 _DATA_SUFFIXES = (".csv", ".h5")
+#: Flight files that the package ships: name → mission that runs them, and description.
+SHIPPED_FLIGHTS = {
+    "practice_06": ("practice_mer", "practice flight, MER-like vehicle"),
+    "unknown_1": ("practice_mer", "practice flight with a hidden effect"),
+    "unknown_2": ("practice_mer", "practice flight with hidden effects"),
+    "unknown_3": ("practice_phoenix", "practice flight with a hidden effect, Phoenix-like vehicle"),
+}
 
 
 def shipped_mission(name: str) -> Path:
@@ -31,6 +38,11 @@ def shipped_mission(name: str) -> Path:
 def shipped_names() -> list[str]:
     """Names of the missions that the package ships."""
     return sorted({path.stem for folder in _mission_folders() for path in folder.glob("*.yaml")})
+
+
+def flight_command(name: str) -> str:
+    """The command that runs a shipped flight."""
+    return f"edl-filter run {BUILTIN}{SHIPPED_FLIGHTS[name][0]} --set telemetry.path={BUILTIN}{name} -o results/{name}"
 
 
 def shipped_data(name: str, label: str) -> Path:

@@ -53,6 +53,28 @@ def append_entry(text: str, key: str, entry: dict[str, Any], lines: list[str], l
     return set_key(text, key, [*entries, entry], label)
 
 
+def remove_section(text: str, key: str, label: str) -> str:
+    """Return `text` without a top-level section, the comments within it and the empty line before it.
+
+    Parameters
+    ----------
+    text : str
+        Text of the mission file, in block style.
+    key : str
+        Top-level key; a text without it is not changed.
+    label : str
+        Name of the file, in messages.
+    """
+    root = compose(text, label)
+    if not isinstance(root, yaml.MappingNode) or root.flow_style:
+        return text
+    for name, value in root.value:
+        if name.value == key:
+            start, end = name.start_mark.index, _next_line_start(text, _last_descendant(value))
+            return text[:start].removesuffix("\n\n") + ("\n" if text[:start].endswith("\n\n") else "") + text[end:]
+    return text
+
+
 def rebase_paths(text: str, keys: tuple[str, ...], old: Path, new: Path, label: str) -> str:
     """Return `text` with its relative paths, which start from folder `old`, changed to start from folder `new`.
 

@@ -16,6 +16,19 @@ from numpy.typing import ArrayLike, NDArray
 Attributes = dict[str, Any]
 
 
+#: Names of the CF standard name table, by the name of the variable, where the table has the quantity.
+STANDARD_NAMES = {
+    "altitude": "height_above_reference_ellipsoid",
+    "azimuth": "platform_course",
+    "density": "air_density",
+    "latitude": "latitude",
+    "longitude": "longitude",
+    "pressure": "air_pressure",
+    "speed": "platform_speed_wrt_air",
+    "temperature": "air_temperature",
+}
+
+
 @dataclass(frozen=True)
 class Variable:
     """One variable: names of its dimensions, values, attributes (``units`` and ``long_name`` always)."""
@@ -47,7 +60,9 @@ class Group:
             array = array.astype(np.int8)
         elif array.dtype.kind == "f":
             array = array.astype(np.float64, copy=False)
-        self.variables[name] = Variable(tuple(dims), array, {"units": units, "long_name": long_name} | attrs)
+        standard = {"standard_name": STANDARD_NAMES[name]} if name in STANDARD_NAMES else {}
+        attributes = {"units": units, "long_name": long_name} | standard | attrs
+        self.variables[name] = Variable(tuple(dims), array, attributes)
 
     def text(self, name: str, dim: str, values: Sequence[str], long_name: str) -> None:
         """Add text along a dimension; with the name of the dimension it is its coordinate."""

@@ -18,6 +18,7 @@ from edl_filter.postflight.comparison import Combination, DatabaseCoefficients
 from edl_filter.postflight.derive import PostflightResult
 from edl_filter.postflight.oscillation import Oscillation
 from edl_filter.postflight.two_atmospheres import AtmosphereDifferences, Change
+from edl_filter.results.files import POSTFLIGHT_TABLES
 from edl_filter.results.groups import Group, Groups
 from edl_filter.types import Array
 
@@ -113,14 +114,13 @@ def summary(postflight: PostflightResult) -> dict[str, Any]:
 
 def tables(postflight: PostflightResult) -> dict[str, str]:
     """Tables as CSV text, by file name: the thesis's tables 7.1 to 7.6, and the atmosphere every kilometre."""
-    return {
-        "average_differences.csv": _differences_csv(
-            {"flight": postflight.flight.differences, "preflight": postflight.preflight.differences}
-        ),
-        "atmosphere_differences.csv": _csv(_columns(Change), postflight.changes),
-        "verdicts.csv": _csv(_columns(Verdict), postflight.verdicts),
-        "atmosphere.csv": _atmosphere_csv(postflight),
-    }
+    texts = (
+        _differences_csv({"flight": postflight.flight.differences, "preflight": postflight.preflight.differences}),
+        _csv(_columns(Change), postflight.changes),
+        _csv(_columns(Verdict), postflight.verdicts),
+        _atmosphere_csv(postflight),
+    )
+    return dict(zip(POSTFLIGHT_TABLES, texts, strict=True))
 
 
 def _mean(values: Array) -> float:

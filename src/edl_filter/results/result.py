@@ -75,7 +75,11 @@ class Result:
         return tree_of(self.groups)
 
     def to_xarray(self) -> DataTree:
-        """Contents as an xarray DataTree with units, the same as `edl_filter.read_result` of a run's file."""
+        """Contents as an xarray DataTree, the same as `edl_filter.read_result` of a run's file.
+
+        Every variable has ``units`` and ``long_name``, and a ``standard_name`` where the CF table has the quantity.
+        ``tree["trajectory"].to_dataset()`` is the trajectory as a Dataset by ``time``, s since the epoch.
+        """
         return self._tree.copy()
 
     def summary(self) -> dict[str, Any]:
@@ -99,7 +103,8 @@ class Result:
         return render("plot", self)
 
     def __repr__(self) -> str:
-        return repr(self.reconstruction).replace("Reconstruction", "Result", 1)
+        text = repr(self.reconstruction).replace("Reconstruction", "Result", 1)
+        return f"{text[:-1]}; .to_xarray() has its data with units>"
 
     def _repr_html_(self) -> str:
         return str(render("html", self))

@@ -5,6 +5,6 @@ run in processes of their own. The server stores no state: all missions and resu
 a page that is loaded again shows their current content.
 
 Order of reading: `server` (socket and life of the server), `app` (routes), `library` (missions and results in the
-folder), `plans` (commands of an action), `jobs` (their execution), `safety` (which requests and paths are accepted);
-``static/`` is the page.
+folder), `overview` (the reconstruction in a result), `plans` (commands of an action), `jobs` (their execution),
+`safety` (which requests and paths are accepted); ``static/`` is the page.
 """

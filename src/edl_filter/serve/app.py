@@ -18,10 +18,21 @@ from starlette.routing import Route
 
 from edl_filter._version import __version__
 from edl_filter.errors import InputError
+from edl_filter.results.files import REPORT
 from edl_filter.serve import library
 from edl_filter.serve.jobs import BusyError, Worker
-from edl_filter.serve.plans import Plan, plan_add, plan_compare, plan_diagnose, plan_run, prepare_add
-from edl_filter.serve.safety import ForbiddenError, SameOrigin
+from edl_filter.serve.overview import overview
+from edl_filter.serve.plans import (
+    Plan,
+    plan_add,
+    plan_compare,
+    plan_diagnose,
+    plan_identifiability,
+    plan_improve,
+    plan_run,
+    prepare_add,
+)
+from edl_filter.serve.safety import REPORT_POLICY, ForbiddenError, SameOrigin, inside
 
 _STATIC = Path(__file__).parent / "static"
 #: Greatest number of bytes in the body of a request, which contains names only.
@@ -51,13 +62,18 @@ def make_app(root: Path, port: int, worker: Worker | None = None) -> Starlette:
         Route("/", _file_route(_STATIC / "workbench.html")),
         Route("/workbench.css", _file_route(_STATIC / "workbench.css")),
         Route("/workbench.js", _file_route(_STATIC / "workbench.js")),
+        Route("/reconstruction.js", _file_route(_STATIC / "reconstruction.js")),
         Route("/plotly.js", _file_route(plotly_js())),
         Route("/api/library", handlers.library),
         Route("/api/result", handlers.result),
         Route("/api/residual", handlers.residual),
+        Route("/api/overview", handlers.overview),
+        Route("/report", handlers.report),
         Route("/api/job", handlers.job),
         Route("/api/run", _json_route(handlers.run), methods=["POST"]),
         Route("/api/diagnose", _json_route(handlers.diagnose), methods=["POST"]),
+        Route("/api/improve", _json_route(handlers.improve), methods=["POST"]),
+        Route("/api/identifiability", _json_route(handlers.identifiability), methods=["POST"]),
         Route("/api/add", _json_route(handlers.add), methods=["POST"]),
         Route("/api/cancel", _json_route(handlers.cancel), methods=["POST"]),
     ]
@@ -94,9 +110,13 @@ class _Handlers:
         for m in missions:
             try:
                 plan = plan_run(self.root, m["name"])
-                m.update(commands=plan.lines(), result=plan.result)
+                further = {
+                    "improve": plan_improve(self.root, m["name"]).lines(),
+                    "identifiability": plan_identifiability(self.root, m["name"]).lines(),
+                }
+                m.update(commands=plan.lines(), result=plan.result, further=further)
             except (InputError, ForbiddenError) as error:  # a mission that cannot be run is listed with its error
-                m.update(commands=[], result=None, error=str(error))
+                m.update(commands=[], result=None, further={}, problems=[*m["problems"], str(error)])
         results = [
             {"path": r.path, "title": r.title, "effects": list(r.effects), "verdict": r.verdict, "headline": r.headline}
             for r in library.results(self.root)
@@ -124,6 +144,17 @@ class _Handlers:
             "comparing": plan_compare([s.path for s in lineage]).lines() if len(lineage) > 1 else [],
         })  # fmt: skip
 
+    def overview(self, request: Request) -> Response:
+        """The reconstruction: warnings, events, trajectory, constraints."""
+        return JSONResponse(overview(self.root, _query_text(request, "path")))
+
+    def report(self, request: Request) -> Response:
+        """The report of a result, in a sandbox of its own: its scripts cannot reach this server."""
+        path = inside(self.root, f"{_query_text(request, 'path')}/{REPORT}")
+        if not path.is_file():
+            raise InputError(f"{path.parent.name}: found no report.")
+        return FileResponse(path, headers={"Content-Security-Policy": REPORT_POLICY})
+
     def residual(self, request: Request) -> Response:
         """A channel's residual against time."""
         return JSONResponse(library.residual(self.root, _query_text(request, "path"), _query_text(request, "channel")))
@@ -135,6 +166,14 @@ class _Handlers:
     def run(self, body: dict[str, Any]) -> Response:
         """Run a mission."""
         return self._start(plan_run(self.root, _required_text(body, "mission"), body.get("diagnose") is not False))
+
+    def improve(self, body: dict[str, Any]) -> Response:
+        """Improve a mission."""
+        return self._start(plan_improve(self.root, _required_text(body, "mission")))
+
+    def identifiability(self, body: dict[str, Any]) -> Response:
+        """Compute the detectable sizes of the effects on a mission's flight."""
+        return self._start(plan_identifiability(self.root, _required_text(body, "mission")))
 
     def diagnose(self, body: dict[str, Any]) -> Response:
         """Diagnose a result."""

@@ -6,24 +6,27 @@ the server.
 
 from __future__ import annotations
 
+import json
 import os
 import signal
 import subprocess
 import sys
+import tempfile
 import threading
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from itertools import count
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 from edl_filter.errors import UNTRUSTWORTHY, InputError
+from edl_filter.io.output_folder import remove_if_empty
 from edl_filter.io.progress import PROGRESS, PROGRESS_MARK
 from edl_filter.serve.plans import Plan
 
-#: Commands that run with --json, since their output is discarded and JSON is faster to print than tables.
-_WITH_JSON = ("run", "diagnose")
+#: Commands that run with --json, which is faster to print than tables.
+_WITH_JSON = ("run", "diagnose", "identifiability")
 #: Seconds that an interrupted process has to remove its temporary files.
 _SHUTDOWN_TIMEOUT = 5.0
 
@@ -50,6 +53,8 @@ class Job:
         Description of the current command's current step.
     error : str
         One sentence; empty if there is no error.
+    study : dict or None
+        Output of `edl-filter identifiability`, the only one that is not in a file.
     began, ended : float
         Times of the monotonic clock, s.
     """
@@ -60,6 +65,7 @@ class Job:
     command_index: int = 0
     step: str = ""
     error: str = ""
+    study: dict[str, Any] | None = None
     began: float = field(default_factory=time.monotonic)
     ended: float | None = None
 
@@ -68,6 +74,7 @@ class Job:
         return {
             "number": self.number, "title": self.plan.title, "state": self.state, "at": self.command_index,
             "said": self.step, "error": self.error, "commands": self.plan.lines(), "result": self.plan.result,
+            "study": self.study,
             "seconds": (self.ended or time.monotonic()) - self.began,
         }  # fmt: skip
 
@@ -133,6 +140,7 @@ class Worker:
 
     def _work(self, job: Job) -> None:
         error = ""
+        result = self._root / job.plan.result if job.plan.result else None
         try:
             for k, arguments in enumerate(job.plan.commands):
                 job.command_index, job.step = k, ""
@@ -141,6 +149,8 @@ class Worker:
                     break
         except OSError as failure:
             error = f"The command could not be started: {failure}."
+        if result is not None and (error or job.state == "cancelled"):
+            remove_if_empty(result, self._root)  # left by a command that was killed
         with self._lock:
             job.ended = time.monotonic()
             if job.state != "cancelled":
@@ -148,12 +158,21 @@ class Worker:
 
     def _run(self, job: Job, arguments: Sequence[str]) -> str:
         """Run one command; returns its error in one sentence, or an empty string."""
+        with tempfile.TemporaryFile() as output:
+            error = self._run_into(job, arguments, output)
+            if not error and arguments[0] == "identifiability" and job.state != "cancelled":
+                output.seek(0)
+                job.study = json.loads(output.read())
+        return error
+
+    def _run_into(self, job: Job, arguments: Sequence[str], output: IO[bytes]) -> str:
+        """As `_run`, with the file of the command's standard output."""
         with self._lock:
             if job.state == "cancelled":
                 return ""
             process = self._process = subprocess.Popen(
                 self._command(arguments), cwd=self._root, env=os.environ | {PROGRESS: "lines"}, text=True,
-                stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, encoding="utf-8",
+                stdin=subprocess.DEVNULL, stdout=output, stderr=subprocess.PIPE, encoding="utf-8",
                 errors="replace", start_new_session=True,  # Ctrl-C reaches the server only, which cancels the job
                 preexec_fn=_restore_interrupt if os.name == "posix" else None,
             )  # fmt: skip

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import lru_cache
@@ -12,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from edl_filter.errors import InputError
+from edl_filter.mission.problems import mission_problems
 from edl_filter.mission.shipped import BUILTIN, shipped_mission, shipped_names
 from edl_filter.mission.yaml_text import parse, read_text
 from edl_filter.results.files import DIAGNOSIS, RESIDUALS, RESULT, read_diagnosis
@@ -64,14 +66,19 @@ class ServedResult:
 
 
 def missions(root: Path) -> list[dict[str, Any]]:
-    """Missions in the folder, then shipped missions: ``name`` (for a command), ``title``, ``shipped``."""
+    """Missions in the folder, then shipped missions: ``name`` (for a command), ``title``, ``shipped``, ``problems``.
+
+    A file that has the keys of a mission, but cannot be read or is wrong, is listed with its problems.
+    """
     own = []
     for path in _files(root, (".yaml", ".yml")):
         if (title := _title(path)) is not None:
-            own.append({"name": path.relative_to(root).as_posix(), "title": title, "shipped": False})
+            entry = {"name": path.relative_to(root).as_posix(), "title": title, "shipped": False}
+            own.append(entry | {"problems": _problems(path, root)})
     shipped = [
-        {"name": BUILTIN + name, "title": _title(shipped_mission(name)) or name, "shipped": True}
+        {"name": BUILTIN + name, "title": _title(path) or name, "shipped": True, "problems": _problems(path, root)}
         for name in shipped_names()
+        if (path := shipped_mission(name))
     ]
     return sorted(own, key=lambda m: str(m["name"])) + shipped
 
@@ -210,9 +217,31 @@ def _title(path: Path) -> str | None:
 def _cached_title(path: Path, changed: int, size: int) -> str | None:
     """As `_title`; modification time and size are part of the key of the cache."""
     try:
-        data = parse(read_text(path), path.name)
+        text = read_text(path)
     except InputError:
         return None
+    try:
+        data = parse(text, path.name)
+    except InputError:
+        keys = set(re.findall(r"^(\w+):", text, re.MULTILINE))
+        return path.name if keys >= _MISSION_KEYS else None
     if not isinstance(data, dict) or not set(data) >= _MISSION_KEYS:
         return None
     return str(data.get("title") or data["name"])
+
+
+#: Modification time and size of missions without problems.
+_VALID: dict[Path, tuple[int, int]] = {}
+
+
+def _problems(path: Path, root: Path) -> list[str]:
+    """Problems of a mission, which are looked for again until there are none: a missing file may appear."""
+    stat = path.stat()
+    version = (stat.st_mtime_ns, stat.st_size)
+    if _VALID.get(path) == version:
+        return []
+    label = str(path.relative_to(root)) if path.is_relative_to(root) else str(path)
+    problems = [text.replace(str(path), label) for text in mission_problems(path)]
+    if not problems:
+        _VALID[path] = version
+    return problems

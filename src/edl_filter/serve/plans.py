@@ -9,6 +9,7 @@ from pathlib import Path, PurePosixPath
 
 from edl_filter.effects.base import key_of
 from edl_filter.errors import InputError
+from edl_filter.io.output_folder import is_empty
 from edl_filter.mission import Mission
 from edl_filter.mission.files import write_mission
 from edl_filter.mission.shipped import BUILTIN, shipped_mission, shipped_names
@@ -33,7 +34,7 @@ class Plan:
     commands : tuple of tuple of str
         Arguments of `edl-filter`, which runs in the served folder.
     result : str
-        Folder of the result that the commands write.
+        Folder of the result that the commands write; empty where they write none.
     """
 
     title: str
@@ -65,6 +66,19 @@ def plan_diagnose(root: Path, result: str) -> Plan:
     """Plan to diagnose a result."""
     find_result(root, result)
     return Plan(f"Diagnose {result}", (_diagnose(result),), result)
+
+
+def plan_improve(root: Path, mission: str) -> Plan:
+    """Plan to improve a mission until no effect is accepted."""
+    find_mission(root, mission)
+    result = _free_result(root, f"{RESULTS}/{_stem(mission)}_improved", None)
+    return Plan(f"Improve {mission}", (("improve", _argument(mission), "-o", _argument(result)),), result)
+
+
+def plan_identifiability(root: Path, mission: str) -> Plan:
+    """Plan to compute the smallest detectable size of each effect; no file is written."""
+    find_mission(root, mission)
+    return Plan(f"Detectable sizes of {mission}", (("identifiability", _argument(mission)),), "")
 
 
 def plan_add(root: Path, result: str, label: str) -> Plan:
@@ -136,18 +150,21 @@ def _mission_text_and_file(folder: Path) -> tuple[str, Path | None]:
         return str(reader.attribute("", "mission_yaml", "")), None if file is None else Path(str(file))
 
 
-def _free_result(root: Path, preferred: str, file: Path) -> str:
-    """Folder of a new result: `preferred` if it does not exist or is of the same mission file, else with a number."""
+def _free_result(root: Path, preferred: str, file: Path | None) -> str:
+    """Folder of a new result: `preferred` if it is free or holds a result of the mission `file`, else with a number.
+
+    A folder without any file is free: a cancelled command may have left it.
+    """
     for k in range(1, 1000):
         name = preferred if k == 1 else f"{preferred}-{k}"
         folder = inside(root, name)
-        if not folder.exists():
+        if not folder.exists() or is_empty(folder):
             return name
         try:
             _, source = _mission_text_and_file(folder)
         except InputError:
             continue
-        if source is not None and source.resolve() == file.resolve():
+        if file is not None and source is not None and source.resolve() == file.resolve():
             return name
     raise ForbiddenError(f"Refused: {preferred} and 999 more of that name are taken.")
 

@@ -14,7 +14,7 @@ import numpy as np
 from pydantic import Field, PrivateAttr, StringConstraints, ValidationError, model_validator
 
 from edl_filter.errors import InputError
-from edl_filter.mission.effects import EffectConfig, check_effects, effect_instances
+from edl_filter.mission.effects import EffectConfig, effect_errors, effect_instances, raise_first
 from edl_filter.mission.error_messages import error_message
 from edl_filter.mission.fields import (
     DEG,
@@ -227,7 +227,7 @@ class Scenario(Section):
     def _consistent(self) -> Scenario:
         if "primary" not in self.imus:
             raise field_error(f"{', '.join(self.imus) or 'none'}", "an IMU called primary", "imus")
-        check_effects(self.effects)
+        raise_first(effect_errors(self.effects))
         for k, effect in enumerate(self.effects):
             if effect.imu is not None and effect.imu not in self.imus:
                 raise field_error(value_text(effect.imu), f"one of {', '.join(self.imus)}", f"effects.{k}.imu")

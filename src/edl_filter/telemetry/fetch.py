@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import os
 import re
+from collections.abc import Callable
 from pathlib import Path
 
 from edl_filter.errors import InputError
@@ -39,11 +40,17 @@ def cache_folder(cache: str | Path | None = None) -> Path:
     return Path(pooch.os_cache("edl-filter"))
 
 
-def fetch_mer_imu(base_url: str | None = None, cache: str | Path | None = None, progress: bool = False) -> Path:
+def fetch_mer_imu(
+    base_url: str | None = None,
+    cache: str | Path | None = None,
+    progress: bool = False,
+    report: Callable[[str], None] = lambda _: None,
+) -> Path:
     """Locate or download Spirit's and Opportunity's IMU telemetry, volume merimu_1001 (about 5 MB).
 
     Nothing is downloaded where neither `base_url` nor `cache` is stated and ``$EDL_FILTER_DATA`` has the original
-    tables. Files in the cache are not downloaded again.
+    tables, or where the folder `cache` itself is a copy of the volume. A file in the cache is downloaded again only if
+    its checksum is wrong.
 
     Parameters
     ----------
@@ -53,6 +60,8 @@ def fetch_mer_imu(base_url: str | None = None, cache: str | Path | None = None, 
         Folder of downloads; see `cache_folder`.
     progress : bool
         Show a progress bar on standard error if that is a terminal.
+    report : callable
+        Called with a sentence on what is there already and what was downloaded.
 
     Returns
     -------
@@ -64,10 +73,11 @@ def fetch_mer_imu(base_url: str | None = None, cache: str | Path | None = None, 
     InputError
         No answer from the server, or a file with another sha256 than that of `REGISTRY`.
     """
-    if base_url is None and cache is None:
-        for folder in _data_folders():
-            if has_original_tables(folder):
-                return folder
+    at_hand = _data_folders() if cache is None else [Path(cache)]
+    for folder in at_hand if base_url is None else []:
+        if has_original_tables(folder):
+            report("All tables are there, with the right checksums; nothing is downloaded.")
+            return folder
     import logging
 
     import pooch
@@ -76,6 +86,7 @@ def fetch_mer_imu(base_url: str | None = None, cache: str | Path | None = None, 
     from rich.progress import track
 
     folder, base = cache_folder(cache) / "mer_imu", _volume_url(base_url or BASE_URL)
+    present = [name for name in REGISTRY if _has_checksum(folder / name, REGISTRY[name])]
     pooch.get_logger().setLevel(logging.WARNING)
     console = Console(stderr=True)
     hidden = not (progress and console.is_terminal)
@@ -95,7 +106,15 @@ def fetch_mer_imu(base_url: str | None = None, cache: str | Path | None = None, 
         raise InputError(f"download failed: {base}{name}: {reason}; {_ALTERNATIVE}.") from None
     except OSError as error:
         raise InputError(f"{folder}: cannot be written ({error.strerror or error}).") from None
+    if len(present) == len(REGISTRY):
+        report(f"All {len(REGISTRY)} files are there, with the right checksums; nothing is downloaded.")
+    else:
+        report(f"{len(REGISTRY) - len(present)} of {len(REGISTRY)} files were downloaded, {len(present)} were there.")
     return folder
+
+
+def _has_checksum(path: Path, sha256: str) -> bool:
+    return path.is_file() and hashlib.sha256(path.read_bytes()).hexdigest() == sha256
 
 
 def _volume_url(url: str) -> str:
@@ -108,7 +127,7 @@ def has_original_tables(folder: Path) -> bool:
     for name, sha256 in REGISTRY.items():
         if name.startswith("DATA/"):
             path = find_in_volume(folder, Path(name).name)
-            if path is None or hashlib.sha256(path.read_bytes()).hexdigest() != sha256:
+            if path is None or not _has_checksum(path, sha256):
                 return False
     return True
 

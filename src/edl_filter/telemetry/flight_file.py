@@ -8,6 +8,8 @@ opens ``/truth``, which a simulator writes.
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -35,10 +37,10 @@ _RADIUS = Limits("m", 1e5, 1e8, {"km": 1e3})
 _REST = Limits("m/s^2", 0.5, 30.0, {"g": 9.80665, "mg": 9.80665e-3})
 
 
-def _check_rest(imu_node: Node, records: tuple[ImuRecord, ...], landing: LandingFix) -> None:
-    """Raise if the mean specific force after the landing cannot be the gravity of a planet."""
+def _check_rest(imu_node: Node, records: tuple[ImuRecord, ...], landed: float) -> None:
+    """Raise if the mean specific force after the time of landing, s, cannot be the gravity of a planet."""
     for record in records:
-        at_rest = record.specific_force[record.time > landing.time]
+        at_rest = record.specific_force[record.time > landed]
         if np.isfinite(at_rest).any():
             gravity = float(np.nanmean(np.linalg.norm(at_rest, axis=1)))
             imu_node.within(f"{record.name}/specific_force", np.array(gravity), _REST, "in the mean after the landing ")
@@ -51,63 +53,141 @@ def _event_time(node: Node) -> float:
     return float(node.attribute("time", limits=TIME))
 
 
-def _read(file: h5py.File, file_name: str, settings: CheckSettings | None = None) -> dict[str, Any]:
-    """Arguments of `Telemetry` from an open file; the group ``/truth`` is not read."""
-    root = Node(file_name, file["/"])
-    if (file_format := file.attrs.get("format")) != FORMAT:
-        raise InputError(f"{file_name}: attribute format is {file_format!r}; {FORMAT!r} is needed.")
-    if (version := file.attrs.get("version")) != VERSION:
-        raise InputError(f"{file_name}: attribute version is {version!r}; version {VERSION} is read.")
+def _read_imus(root: Node, settings: CheckSettings | None) -> dict[str, Any]:
     imu_node = root.child("imu")
     names = ["primary", *(name for name in sorted(imu_node.group) if name != "primary")]
     imus = [read_imu(imu_node.child(name), name, settings) for name in names]
-    primary, checking = imus[0][0], tuple(record for record, _ in imus[1:])
-    initial_node = root.child("initial")
-    initial = InitialState(
-        initial_node.attribute("time", limits=TIME),
-        initial_node.within("position", initial_node.numbers("position", 3), Limits("m", 1e5, 1e9, {"km": 1e3})),
-        initial_node.within("velocity", initial_node.numbers("velocity", 3), Limits("m/s", 100.0, 1e5, {"km/s": 1e3})),
-        initial_node.unit("attitude", initial_node.numbers("attitude", 4)),
-        initial_node.covariance("covariance"),
-    )
-    constraints, altimeter, landing, parachute = root.optional("constraints"), None, None, None
-    if constraints and (node := constraints.optional("landing")):
-        landing = LandingFix(
-            node.attribute("time", limits=TIME),
-            node.within("position", node.numbers("position", 3), _RADIUS),
-            node.within("position_sigma", node.positive("position_sigma", node.numbers("position_sigma", 3)),
-                        Limits("m", 0.0, 1e6)),
-        )  # fmt: skip
-        _check_rest(imu_node, (primary, *checking), landing)
-    if constraints and (node := constraints.optional("parachute")):
-        parachute = ParachuteFix(
-            node.attribute("time", limits=TIME),
-            node.attribute("dynamic_pressure", limits=Limits("Pa", 10.0, 1e6, {"kPa": 1e3})),
-            node.attribute("dynamic_pressure_sigma", positive=True, limits=Limits("Pa", 0.0, 1e6)),
-        )
-    if node := root.optional("altimeter"):
-        time = node.increasing("time", node.numbers("time", None))
-        height = node.within("height", node.numbers("height", len(time))[:, None], Limits("m", -1e4, 1e6))[:, 0]
-        altimeter = AltimeterRecord(
-            time,
-            height,
-            node.attribute("sigma", positive=True, limits=Limits("m", 0.0, 1e5)),
-            node.attribute("surface_radius", limits=_RADIUS),
-        )
-    events = root.optional("events")
+    landing = _landing_node(root)
+    if landing:
+        _check_rest(imu_node, tuple(record for record, _ in imus), landing.attribute("time", limits=TIME))
     return {
-        "driving": primary,
-        "checking": checking,
-        "altimeter": altimeter,
-        "initial": initial,
-        "landing": landing,
-        "parachute": parachute,
-        "events": {name: _event_time(events.child(name)) for name in events.group} if events else {},
-        "epoch_utc": root.utc("epoch_utc"),
-        "prime_meridian_at_epoch": root.attribute("prime_meridian_at_epoch", limits=Limits("rad", -6.3, 6.3, DEGREES)),
-        "planet": root.text("planet"),
+        "driving": imus[0][0],
+        "checking": tuple(record for record, _ in imus[1:]),
         "findings": tuple(finding for _, findings in imus for finding in findings),
     }
+
+
+def _read_initial(root: Node) -> dict[str, Any]:
+    node = root.child("initial")
+    state = InitialState(
+        node.attribute("time", limits=TIME),
+        node.within("position", node.numbers("position", 3), Limits("m", 1e5, 1e9, {"km": 1e3})),
+        node.within("velocity", node.numbers("velocity", 3), Limits("m/s", 100.0, 1e5, {"km/s": 1e3})),
+        node.unit("attitude", node.numbers("attitude", 4)),
+        node.covariance("covariance"),
+    )
+    return {"initial": state}
+
+
+def _landing_node(root: Node) -> Node | None:
+    constraints = root.optional("constraints")
+    return constraints.optional("landing") if constraints else None
+
+
+def _read_landing(root: Node) -> dict[str, Any]:
+    node = _landing_node(root)
+    if not node:
+        return {"landing": None}
+    sigma = node.positive("position_sigma", node.numbers("position_sigma", 3))
+    landing = LandingFix(
+        node.attribute("time", limits=TIME),
+        node.within("position", node.numbers("position", 3), _RADIUS),
+        node.within("position_sigma", sigma, Limits("m", 0.0, 1e6)),
+    )
+    return {"landing": landing}
+
+
+def _read_parachute(root: Node) -> dict[str, Any]:
+    constraints = root.optional("constraints")
+    node = constraints.optional("parachute") if constraints else None
+    if not node:
+        return {"parachute": None}
+    parachute = ParachuteFix(
+        node.attribute("time", limits=TIME),
+        node.attribute("dynamic_pressure", limits=Limits("Pa", 10.0, 1e6, {"kPa": 1e3})),
+        node.attribute("dynamic_pressure_sigma", positive=True, limits=Limits("Pa", 0.0, 1e6)),
+    )
+    return {"parachute": parachute}
+
+
+def _read_altimeter(root: Node) -> dict[str, Any]:
+    node = root.optional("altimeter")
+    if not node:
+        return {"altimeter": None}
+    time = node.increasing("time", node.numbers("time", None))
+    altimeter = AltimeterRecord(
+        time,
+        node.within("height", node.numbers("height", len(time))[:, None], Limits("m", -1e4, 1e6))[:, 0],
+        node.attribute("sigma", positive=True, limits=Limits("m", 0.0, 1e5)),
+        node.attribute("surface_radius", limits=_RADIUS),
+    )
+    return {"altimeter": altimeter}
+
+
+def _read_events(root: Node) -> dict[str, Any]:
+    events = root.optional("events")
+    return {"events": {name: _event_time(events.child(name)) for name in events.group} if events else {}}
+
+
+def _read_epoch(root: Node) -> dict[str, Any]:
+    return {"epoch_utc": root.utc("epoch_utc")}
+
+
+def _read_planet(root: Node) -> dict[str, Any]:
+    meridian = root.attribute("prime_meridian_at_epoch", limits=Limits("rad", -6.3, 6.3, DEGREES))
+    return {"prime_meridian_at_epoch": meridian, "planet": root.text("planet")}
+
+
+def _parts(settings: CheckSettings | None) -> tuple[Callable[[Node], dict[str, Any]], ...]:
+    """Readers of the parts of a flight file, each of which returns arguments of `Telemetry`; ``/truth`` is not read."""
+    return (
+        lambda root: _read_imus(root, settings), _read_initial, _read_landing, _read_parachute, _read_altimeter,
+        _read_events, _read_epoch, _read_planet,
+    )  # fmt: skip
+
+
+def _read(root: Node, settings: CheckSettings | None) -> dict[str, Any]:
+    """Arguments of `Telemetry` from the root of a flight file."""
+    contents: dict[str, Any] = {}
+    for read_part in _parts(settings):
+        contents |= read_part(root)
+    return contents
+
+
+@contextmanager
+def _opened(path: Path) -> Iterator[Node]:
+    """Root of a flight file; raises InputError where it is none."""
+    if not path.is_file():
+        raise InputError(f"{path}: no such flight file.")
+    with open_hdf5(path, "a flight file (edl-flight)") as file:
+        if (file_format := file.attrs.get("format")) != FORMAT:
+            raise InputError(f"{path}: attribute format is {file_format!r}; {FORMAT!r} is needed.")
+        if (version := file.attrs.get("version")) != VERSION:
+            raise InputError(f"{path}: attribute version is {version!r}; version {VERSION} is read.")
+        yield Node(str(path), file["/"])
+
+
+def flight_file_problems(path: str | Path) -> list[str]:
+    """Messages of the first problem of every part of a flight file; empty for a valid one.
+
+    Parts are the IMUs, the entry state, each constraint, the altimeter, the events, the epoch and the planet.
+
+    Parameters
+    ----------
+    path : path
+        HDF5 file.
+    """
+    problems = []
+    try:
+        with _opened(Path(path)) as root:
+            for read_part in _parts(None):
+                try:
+                    read_part(root)
+                except InputError as error:
+                    problems.append(str(error))
+    except InputError as error:
+        return [str(error)]
+    return list(dict.fromkeys(problems))
 
 
 def read_flight_file(path: str | Path, settings: CheckSettings | None = None) -> Telemetry:
@@ -138,10 +218,8 @@ def read_flight_file(path: str | Path, settings: CheckSettings | None = None) ->
         covariance that is not symmetric and positive definite. The message names the file, the member and the row.
     """
     path = Path(path)
-    if not path.is_file():
-        raise InputError(f"{path}: no such flight file.")
-    with open_hdf5(path, "a flight file (edl-flight)") as file:
-        contents = _read(file, str(path), settings)
+    with _opened(path) as root:
+        contents = _read(root, settings)
     return Telemetry(**contents, files={path.name: hashlib.sha256(path.read_bytes()).hexdigest()})
 
 
@@ -245,7 +323,7 @@ def write_flight_file(path: str | Path, contents: FlightContents) -> Path:
     def write(temporary: Path) -> None:
         def fill(file: h5py.File) -> None:
             contents.fill(file)
-            _read(file, str(path))
+            _read(Node(str(path), file["/"]), None)
 
         write_through_memory(temporary, fill)
 
@@ -262,4 +340,4 @@ def flight_telemetry(contents: FlightContents) -> Telemetry:
     """
     with h5py.File(f"{contents.name}.h5", "w", driver="core", backing_store=False) as file:
         contents.fill(file)
-        return Telemetry(**_read(file, contents.name))
+        return Telemetry(**_read(Node(contents.name, file["/"]), None))

@@ -20,6 +20,7 @@ from edl_filter.effects.sensor_chain import canonical_key
 from edl_filter.errors import InputError
 from edl_filter.mission import Mission
 from edl_filter.pipeline.reconstruct import Reconstruction, reconstruct
+from edl_filter.telemetry.record import ImuRecord
 
 
 @dataclass(frozen=True)
@@ -70,7 +71,7 @@ def fit_effects(
     begin = time.perf_counter()
     progress("reconstructing with the effects as they are stated")
     case = load_case(mission, effects)
-    _check_keys(case)
+    check_single_instances(case.mission, case.effects, case.reconstruction.telemetry.driving)
     _, _, fit = iterate_to_convergence(case, progress=progress)
     final = reconstruct(mission, fit.effects, leave_one_out=True)
     timing = final.timing | {"refit": time.perf_counter() - begin}
@@ -122,10 +123,9 @@ def iterate_to_convergence(
     return case, model, fit
 
 
-def _check_keys(case: FlightCase) -> None:
-    """Raise `InputError` where two effects of a model are the same in the same IMU."""
-    driving, mission = case.reconstruction.telemetry.driving, case.mission
-    counts = Counter(canonical_key(a, driving) for a in case.effects)
+def check_single_instances(mission: Mission, effects: Sequence[EffectInstance], driving: ImuRecord) -> None:
+    """Raise `InputError` where two effects of a model are the same in the same IMU, of which `driving` drives."""
+    counts = Counter(canonical_key(a, driving) for a in effects)
     repeated = [label_of(key) for key, n in counts.items() if n > 1]
     if repeated:
         raise InputError(

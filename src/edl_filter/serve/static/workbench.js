@@ -123,6 +123,8 @@ function badge(verdict) {
   return make("span", { class: `badge ${verdict || "secondary"}` }, verdict || "not diagnosed");
 }
 
+const brokenBadge = (mission) => (mission.problems.length ? make("span", { class: "badge unknown" }, "cannot run") : null);
+
 // ---- lists -----------------------------------------------------------------------------------------------------
 
 async function loadLibrary() {
@@ -137,9 +139,9 @@ async function loadLibrary() {
     }, name, extra ? " " : null, extra, make("small", {}, title)));
   };
   const userMissions = missions.filter((m) => !m.shipped);
-  $("missions").replaceChildren(...userMissions.map((m) => entry("mission", m.name, m.title)));
+  $("missions").replaceChildren(...userMissions.map((m) => entry("mission", m.name, m.title, brokenBadge(m))));
   if (!userMissions.length) $("missions").append(make("li", { class: "secondary" }, "The folder contains no mission. Missions shipped with edl-filter are below."));
-  $("shipped").replaceChildren(...missions.filter((m) => m.shipped).map((m) => entry("mission", m.name, m.title)));
+  $("shipped").replaceChildren(...missions.filter((m) => m.shipped).map((m) => entry("mission", m.name, m.title, brokenBadge(m))));
   if (!userMissions.length) $("shipped-box").open = true;
   $("results").replaceChildren(...results.map((r) => entry("result", r.path, r.title, r.headline ? make("span", { class: "badge unknown", title: r.headline }, "not to be trusted") : badge(r.verdict))));
   if (!results.length) $("results").append(make("li", { class: "secondary" }, "The folder contains no result. Run a mission."));
@@ -153,7 +155,10 @@ const open = withErrors(async () => {
   const [kind, name] = location.hash.slice(1).split("=").map(decodeURIComponent);
   let view;
   if (kind === "mission") view = missionView(name);
-  else if (kind === "result") view = resultView(await request(`api/result?path=${encodeURIComponent(name)}`));
+  else if (kind === "result") {
+    const path = encodeURIComponent(name);
+    view = resultView(...await Promise.all([request(`api/result?path=${path}`), request(`api/overview?path=${path}`)]));
+  }
   else view = [make("h2", {}, "Choose a mission or a result"),
     make("p", {}, "A mission describes a flight and a model of it. Run it, see in which channel and regime the model fails, add the effect that explains the failure, and compare the errors until only noise remains.")];
   if (count !== state.openCount) return;
@@ -167,36 +172,53 @@ function missionView(name) {
   const mission = state.library.missions.find((m) => m.name === name);
   if (!mission) throw new Error(`${name}: found no such mission in the folder.`);
   const existing = state.library.results.find((r) => r.path === mission.result);
+  const broken = mission.problems.length > 0;
+  const reason = broken ? "The mission has problems, which are listed above." : "";
+  const start = (id, path, label, body = {}, main = false) => workButton(
+    { id, class: main ? "main" : "", onclick: withErrors(() => startJob(path, { mission: name, ...body })) }, label, reason);
   return [
     make("h2", {}, mission.title),
     make("p", {}, make("code", {}, mission.name)),
-    mission.error ? make("p", { class: "error" }, mission.error) : null,
-    make("div", { class: "actions" },
-      make("button", { type: "button", class: "main work", id: "run", disabled: Boolean(mission.error),
-        onclick: withErrors(() => startJob("api/run", { mission: name })) }, "Run and diagnose"),
-      make("button", { type: "button", class: "work", id: "run-only", disabled: Boolean(mission.error),
-        onclick: withErrors(() => startJob("api/run", { mission: name, diagnose: false })) }, "Run only")),
+    broken ? make("div", { class: "error", id: "problems", role: "alert" }, make("strong", {}, `${mission.problems.length} problem${mission.problems.length > 1 ? "s" : ""}`),
+      make("ul", {}, ...mission.problems.map((text) => make("li", {}, text)))) : null,
+    make("div", { class: "actions" }, start("run", "api/run", "Run and diagnose", {}, true), start("run-only", "api/run", "Run only", { diagnose: false })),
+    busyReason(), reason ? make("p", { class: "secondary why" }, reason) : null,
     existing ? make("p", { class: "secondary" }, `A run replaces the result of this mission in ${existing.path}.`) : null,
     commands(mission.commands),
+    make("h2", {}, "All steps at once"),
+    make("p", { class: "secondary" }, "Improve diagnoses the model and adds the missing effect until no effect is accepted. It takes minutes."),
+    make("div", { class: "actions" }, start("improve", "api/improve", "Improve")), commands(mission.further.improve || []),
+    make("h2", {}, "Before looking at the data"),
+    make("p", { class: "secondary" }, "Which size of each effect could be detected on this flight, and which effects would be confused."),
+    make("div", { class: "actions" }, start("identifiability", "api/identifiability", "Compute detectable sizes")), commands(mission.further.identifiability || []),
+    state.job && state.job.study && state.job.title === `Detectable sizes of ${name}` ? studyView(state.job.study) : null,
   ];
 }
 
+/** Button that starts a job; a reason for which it cannot is its title and its description. */
+function workButton(attributes, label, reason = "") {
+  const button = make("button", { type: "button", ...attributes, class: `work ${attributes.class || ""}`.trim(), "data-reason": reason }, label);
+  button.disabled = Boolean(reason);
+  return button;
+}
+
+/** Line that says why the buttons are greyed while a job runs. */
+const busyReason = () => make("p", { class: "secondary why", "data-busy": "yes", hidden: true });
+
 // ---- a result --------------------------------------------------------------------------------------------------
 
-function resultView(result) {
+function resultView(result, overview) {
   const { diagnosis } = result;
-  const heading = [make("h2", {}, result.title), make("p", {}, make("code", {}, result.path), " ", badge(diagnosis && diagnosis.verdict))];
-  if (result.headline) heading.push(make("div", { class: "verdict unknown", id: "trust" }, make("strong", {}, result.headline)));
+  const again = (id, label, main) => [make("div", { class: "actions" }, workButton({ id, class: main ? "main" : "",
+    onclick: withErrors(() => startJob("api/diagnose", { result: result.path })) }, label)), busyReason(), commands(result.diagnosing)];
+  const heading = [make("h2", {}, result.title), make("p", {}, make("code", {}, result.path), " ", badge(diagnosis && diagnosis.verdict)),
+    warningsView(result, overview), reportLink(result, overview)];
   if (!diagnosis) {
-    return [...heading, effectsView(result), make("p", {}, "This result has not been diagnosed."),
-      make("div", { class: "actions" }, make("button", { type: "button", class: "main work", id: "diagnose",
-        onclick: withErrors(() => startJob("api/diagnose", { result: result.path })) }, "Diagnose")),
-      commands(result.diagnosing)];
+    return [...heading, make("p", {}, "This result has not been diagnosed."), ...again("diagnose", "Diagnose", true), reconstructionView(overview), effectsView(result)];
   }
-  return [...heading, verdictView(diagnosis), ledgerView(result), effectsView(result), ...mapView(result), ...rankingView(result),
-    make("h2", {}, "Diagnose again"), make("p", { class: "secondary" }, "This command computes the map and the hypotheses of this page."),
-    commands(result.diagnosing), make("div", { class: "actions" }, make("button", { type: "button", class: "work", id: "diagnose",
-      onclick: withErrors(() => startJob("api/diagnose", { result: result.path })) }, "Diagnose again"))];
+  return [...heading, verdictView(diagnosis), ledgerView(result), reconstructionView(overview), effectsView(result), ...mapView(result),
+    ...rankingView(result), make("h2", {}, "Diagnose again"),
+    make("p", { class: "secondary" }, "This command computes the map and the hypotheses of this page."), ...again("diagnose", "Diagnose again", false)];
 }
 
 function verdictView(diagnosis) {
@@ -365,26 +387,33 @@ function rankingView(result) {
   const { diagnosis } = result;
   const box = make("div", { id: "hypotheses", role: "radiogroup", "aria-label": "Hypotheses" });
   const plan = make("div", { id: "plan" });
-  const add = make("button", { type: "button", class: "main work", id: "add", "data-unavailable": "yes",
-    onclick: withErrors(() => startJob("api/add", { result: result.path, effect: state.effect })) }, "Add and run");
+  const nothingSelected = "Select a hypothesis first: none is selected, since no effect is named.";
+  const add = workButton({ class: "main", id: "add",
+    onclick: withErrors(() => startJob("api/add", { result: result.path, effect: state.effect })) }, "Add and run", nothingSelected);
+  const why = make("p", { class: "secondary why", id: "add-why" }, nothingSelected);
   const choose = (effect) => {
     state.effect = effect;
-    add.dataset.unavailable = "";
+    add.dataset.reason = result.adding[effect].length ? "" : "The effect cannot be added: its mission is not accessible.";
+    why.textContent = add.dataset.reason;
     add.textContent = `Add ${plain(effect)} and run`;
     plan.replaceChildren(commands(result.adding[effect]));
     setBusy();
   };
   state.effect = null;
   for (const entry of diagnosis.ranking) box.append(hypothesis(entry, choose), ...alternatives(entry, choose));
+  if (["missing", "undecided"].includes(diagnosis.verdict) && diagnosis.ranking.length) { // the leader
+    choose(diagnosis.ranking[0].label);
+    box.querySelector("input").checked = true;
+  }
   const unnamed = [["no missing effect", diagnosis.none, "The present model."],
     ["effect outside the catalogue", diagnosis.something_else && diagnosis.something_else.probability, "A force and moment of an unknown effect."]];
   for (const [name, p, description] of unnamed) {
     if (p != null) box.append(make("div", { class: "choice" }, probabilityHeading(make("h3", {}, name), p), make("p", { class: "secondary" }, description)));
   }
-  const advice = { missing: "Select an effect to add it to the mission.", clean: "No effect needs to be added.",
+  const advice = { missing: "The leader is selected; another may be selected instead.", clean: "No effect needs to be added.",
     unknown: "None of these effects is sufficient; adding one may still help to identify the remainder." }[diagnosis.verdict];
   return [make("h2", {}, "Hypotheses"), make("p", { class: "secondary" }, `${advice || ""} Held out: log predictive density of data that were not fitted.`), box,
-    ...(diagnosis.ranking.length ? [make("div", { class: "actions" }, add), plan] : [])];
+    ...(diagnosis.ranking.length ? [make("div", { class: "actions" }, add), why, busyReason(), plan] : [])];
 }
 
 function probabilityHeading(title, p, input) {
@@ -444,10 +473,10 @@ function pollJob() {
 async function jobFinished() {
   const { job } = state;
   const startedHere = job && job.number === state.startedJob;
-  const target = job && address("result", job.result);
+  const target = job && job.result && address("result", job.result);
   if (startedHere && job.state === "done") $("job").hidden = true;
   const undiagnosed = startedHere && job.state === "failed" && job.at > 0; // the run wrote a result, its diagnosis failed
-  if (startedHere && (job.state === "done" || undiagnosed) && location.hash !== target) {
+  if (target && startedHere && (job.state === "done" || undiagnosed) && location.hash !== target) {
     await loadLibrary();
     if (job.state === "done" || state.library.results.some((r) => r.path === job.result)) {
       location.hash = target; // the event hashchange opens the result
@@ -481,9 +510,14 @@ function showJob() {
 }
 
 function setBusy() {
+  const busy = state.busy ? `Another job is running: ${state.job.title}. Wait for it or cancel it.` : "";
   for (const button of document.querySelectorAll("button.work")) {
-    button.disabled = state.busy || button.dataset.unavailable === "yes";
-    button.title = state.busy ? "Another job is running." : "";
+    button.title = button.dataset.reason || busy;
+    button.disabled = Boolean(button.title);
+  }
+  for (const line of document.querySelectorAll(".why[data-busy]")) {
+    line.textContent = busy;
+    line.hidden = !busy;
   }
 }
 
