@@ -43,16 +43,10 @@ from edl_filter.report.text import (
     words,
 )
 from edl_filter.results.files import DIAGNOSIS_FIGURES
-from edl_filter.results.reader import ResidualSeries
-from edl_filter.results.schema import (
-    DiagnosisContent,
-    ErrorChange,
-    LatentContent,
-    LedgerLine,
-    LedgerStep,
-    MapCell,
-    OnsetContent,
-)  # fmt: skip
+from edl_filter.results.residual_series import ResidualSeries
+from edl_filter.results.schema import DiagnosisContent, LedgerLine, LedgerStep
+from edl_filter.results.schema.diagnosis import LatentContent, MapCell, OnsetContent
+from edl_filter.results.schema.ledger import ErrorChange
 from edl_filter.types import Array
 
 #: Linear part of the axis of gains, nats.

@@ -19,7 +19,8 @@ from edl_filter.report import attitude, constraints, diagnosis, motion, track, t
 from edl_filter.report.description import Figure, Panel
 from edl_filter.report.figures import FIGURES, available
 from edl_filter.report.matplotlib_renderer import draw, draw_panel, pyplot_figures
-from edl_filter.results.reader import ResidualSeries, ResultReader
+from edl_filter.results.reader import ResultReader
+from edl_filter.results.residual_series import ResidualSeries
 from edl_filter.results.schema import DiagnosisContent
 
 if TYPE_CHECKING:

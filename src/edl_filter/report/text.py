@@ -8,7 +8,9 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from edl_filter.results.schema import ConstraintSummary, DiagnosisContent, MapCell, OnsetContent, RankedHypothesis
+    from edl_filter.results.schema import DiagnosisContent
+    from edl_filter.results.schema.diagnosis import MapCell, OnsetContent, RankedHypothesis
+    from edl_filter.results.schema.summary import ConstraintSummary
 
 #: Labels of events, the most important first: where labels would overlap, the first has precedence.
 EVENT_LABELS = {

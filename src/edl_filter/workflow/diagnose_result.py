@@ -11,7 +11,7 @@ from typing import Any
 from edl_filter.diagnosis.diagnosis import diagnose
 from edl_filter.diagnosis.diagnosis_json import diagnosis_content
 from edl_filter.diagnosis.linear_model.flight_case import load_case
-from edl_filter.diagnosis.residual_analysis.time_series import residual_series
+from edl_filter.diagnosis.residual_analysis.normalised_residuals import residual_series
 from edl_filter.diagnosis.selection.ranking import Progress, candidate_instances
 from edl_filter.effects.instances import lookup
 from edl_filter.effects.registry import effects_in, selected_effects
@@ -19,7 +19,7 @@ from edl_filter.errors import InputError
 from edl_filter.mission.files import matches_file, mission_argument, write_mission
 from edl_filter.mission.mission import require_prediction_inputs
 from edl_filter.results.database_update import write_update
-from edl_filter.results.files import AS_RUN, DIAGNOSIS, FIGURES, RESIDUALS, SUMMARY, read_summary, write_json
+from edl_filter.results.files import AS_RUN, DIAGNOSIS, FIGURES, RESIDUALS, write_json
 from edl_filter.results.netcdf import write
 from edl_filter.results.reopen import Reopened, reopen
 
@@ -88,7 +88,6 @@ def diagnose_result(
     path = write_json(content, folder / DIAGNOSIS)
     write(residual_series(diagnosis.ranking.model), folder / RESIDUALS)
     write_update(diagnosis.update, folder)
-    _update_summary(folder / SUMMARY, content)
     commands = following_commands(reopened, content, file)
     progress("writing the report")
     from edl_filter.report.html import write_report
@@ -130,14 +129,3 @@ def rms_by_channel(content: dict[str, Any]) -> dict[str, dict[str, float]]:
         if cell["regime"] != "constraints":
             by_channel[cell["channel"]][cell["regime"]] = cell["normalised_rms"]
     return by_channel
-
-
-def _update_summary(path: Path, content: dict[str, Any]) -> None:
-    """Put the residuals of the diagnosis, which a plain run does not have, into its summary."""
-    try:
-        summary = read_summary(path)
-    except InputError:
-        return  # moved, or not a summary: nothing depends on it
-    innovations = {name: rms for name, rms in summary.residuals.items() if ": " in name}
-    changed = summary.model_copy(update={"residuals": rms_by_channel(content) | innovations})
-    write_json(changed.model_dump(exclude_unset=True), path)

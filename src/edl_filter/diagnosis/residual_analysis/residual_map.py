@@ -10,7 +10,11 @@ from scipy.special import chdtri, ndtr
 
 from edl_filter.diagnosis.linear_model.linear_model import LinearizedModel
 from edl_filter.diagnosis.prediction.dead_reckoning import NODES_PER_BIN
-from edl_filter.diagnosis.residual_analysis.channel_rms import channels, normalised_innovations
+from edl_filter.diagnosis.residual_analysis.normalised_residuals import (
+    channels,
+    model_rms,
+    normalised_innovations,
+)
 from edl_filter.mission.decision_settings import DecisionSettings
 from edl_filter.navigation.constraints import Constraint
 from edl_filter.types import Array, BoolArray, IntArray
@@ -19,6 +23,8 @@ from edl_filter.types import Array, BoolArray, IntArray
 MACH = (25.0, 15.0, 5.0, 3.5)
 #: Knudsen numbers between free-molecular, transitional and continuum flow.
 KNUDSEN = (10.0, 1e-3)
+#: Regime of the map under which the constraints stand, and the key of the whole flight among the regimes.
+CONSTRAINTS, OVERALL = "constraints", "overall"
 
 
 @dataclass(frozen=True)
@@ -115,7 +121,7 @@ def residual_map(model: LinearizedModel) -> list[Cell]:
         rows = np.concatenate([np.arange(index.constraint_rows[i].start, index.constraint_rows[i].stop) for i in which])
         cells.append(
             _cell(
-                name, "constraints", (index.time[rows[0]], index.time[rows[-1]]), normalised[rows], sigma[rows],
+                name, CONSTRAINTS, (index.time[rows[0]], index.time[rows[-1]]), normalised[rows], sigma[rows],
                 _unit(constraints[which[0]]), None, settings,
             )
         )  # fmt: skip
@@ -125,6 +131,15 @@ def residual_map(model: LinearizedModel) -> list[Cell]:
 def failing_cells(cells: list[Cell]) -> list[Cell]:
     """Cells that fail, largest normalised RMS first."""
     return sorted((c for c in cells if c.fails), key=lambda c: -c.rms)
+
+
+def rms_by_regime(model: LinearizedModel) -> dict[str, dict[str, float]]:
+    """Channel → `OVERALL` and every regime → normalised RMS, those of `residual_map`; a constraint has no regime."""
+    by_channel = {name: {OVERALL: rms} for name, rms in model_rms(model).items()}
+    for cell in residual_map(model):
+        if cell.regime != CONSTRAINTS:
+            by_channel[cell.channel][cell.regime] = cell.rms
+    return by_channel
 
 
 @dataclass(frozen=True)

@@ -35,7 +35,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from edl_filter.diagnosis.residual_analysis.channel_rms import (
+from edl_filter.diagnosis.residual_analysis.normalised_residuals import (
     channels,
     rms_by_channel,
     rms_by_constraint,

@@ -15,7 +15,7 @@ import numpy as np
 
 from edl_filter.diagnosis.linear_model.flight_case import FlightCase
 from edl_filter.diagnosis.linear_model.linear_model import LinearizedModel
-from edl_filter.diagnosis.linear_model.linearization import linearize, relinearize_failing_model
+from edl_filter.diagnosis.linear_model.linearization import credible_model
 from edl_filter.diagnosis.noise.unmodelled_acceleration import UnmodelledAcceleration, most_likely_process
 from edl_filter.diagnosis.noise.variance_components import estimate_variance_components
 from edl_filter.diagnosis.selection.hypothesis import Hypothesis, fit_hypothesis, relinearize_with_effect
@@ -92,10 +92,7 @@ def rank(case: FlightCase, effects: Iterable[Effect], progress: Progress = lambd
 def _rank(case: FlightCase, effects: Sequence[EffectInstance], progress: Progress) -> Ranking:
     settings = case.settings
     progress("comparing model and measurements")
-    model = linearize(case, settings.linearization_iterations, settings.iterated_excess_share)
-    alternative_mode = relinearize_failing_model(case, model)
-    if alternative_mode is not None and alternative_mode.largest_nuisance_sigmas <= settings.credible_nuisance_sigmas:
-        model, alternative_mode = alternative_mode, None  # it failed only about the smoothed reconstruction
+    model, alternative_mode = credible_model(case)
     models = [m for m in (model, alternative_mode) if m is not None]
     null, most_likely = fit_null_model(models, case.effects), max(models, key=lambda m: m.log_likelihood)
     progress("trying the catalogue and something else")

@@ -28,14 +28,9 @@ from edl_filter.report.text import (
 )  # fmt: skip
 from edl_filter.results.files import AS_RUN
 from edl_filter.results.reader import ResultReader
-from edl_filter.results.schema import (
-    ConstraintSummary,
-    DiagnosisContent,
-    LedgerEnd,
-    LedgerStep,
-    ScreenedEffect,
-    SomethingElse,
-)
+from edl_filter.results.schema import DiagnosisContent, LedgerEnd, LedgerStep
+from edl_filter.results.schema.diagnosis import ScreenedEffect, SomethingElse
+from edl_filter.results.schema.summary import ConstraintSummary
 
 #: Verdict → sign and tone.
 _SIGNS = {"clean": ("✓", "good"), "missing": ("▲", "doubt"), "unknown": ("?", "bad"), "undecided": ("?", "bad")}

@@ -28,7 +28,7 @@ from edl_filter.report.text import (
 )  # fmt: skip
 from edl_filter.report.trajectory import altitude_over_speed, flight_history
 from edl_filter.results.reader import ResultReader
-from edl_filter.results.schema import ConstraintSummary, EventState
+from edl_filter.results.schema.summary import ConstraintSummary, EventState
 
 #: Bins of the curves of a small plot, and heights of plots, pixels.
 _SMALL_BINS = 250

@@ -30,7 +30,8 @@ from edl_filter.report.text import (
     sigmas_text,
     words,
 )  # fmt: skip
-from edl_filter.results.schema import ConstraintSummary, EventState, SampleFindingSummary, Summary
+from edl_filter.results.schema import Summary
+from edl_filter.results.schema.summary import ConstraintSummary, EventState, SampleFindingSummary
 from edl_filter.results.summary import finding_content
 
 if TYPE_CHECKING:
