@@ -99,11 +99,11 @@ def diagnose(
     paths = [str(p) for p in (diagnosed.path, diagnosed.report, *diagnosed.figures)]
     if as_json:
         trust = {"trustworthy": diagnosed.headline is None, "headline": diagnosed.headline}
-        print_json(trust | diagnosed.content | {"outputs": paths, "next": diagnosed.following})
+        print_json(trust | diagnosed.content | {"outputs": paths, "next": diagnosed.following.commands})
         return
     from edl_filter.report.terminal.diagnosis import print_diagnosis
 
-    print_diagnosis(diagnosed.content, paths, diagnosed.following, diagnosed.headline)
+    print_diagnosis(diagnosed.content, paths, diagnosed.following, diagnosed.warnings)
 
 
 def compare(

@@ -28,6 +28,8 @@ CONSTRAINTS = "constraints"
 REMAINDER_HINT = "Write it as an effect of your own (docs/effects.md), then diagnose with --file my_effect.py."
 #: Number of onsets that a sentence lists.
 _ONSETS = 3
+#: Log evidence against a hypothesis beyond which its number says no more than that it is excluded, nats.
+_EXCLUDED = 100.0
 #: Largest power of ten of a number in positional notation, and largest number of digits of an estimate.
 _POWER, _DIGITS = 6, 9
 _SUPERSCRIPTS = str.maketrans("0123456789-", "⁰¹²³⁴⁵⁶⁷⁸⁹⁻")
@@ -76,6 +78,37 @@ def undetectable_sentence(diagnosis: DiagnosisContent) -> str:
             f"detectable sizes, relative to plausible ones: {listed}."
         )
     return f"Not detectable at a plausible size on this flight (relative size that would be): {listed}."
+
+
+def state_sentences(diagnosis: DiagnosisContent) -> list[str]:
+    """The state of a flight: how much fails with the verdict, and what qualifies it."""
+    count, verdict, *more = map(readable, diagnosis.state)
+    return [f"{count} {verdict}", *more]
+
+
+def none_gain_text(diagnosis: DiagnosisContent) -> str:
+    """Gain of the hypothesis that nothing is missing; a hopeless one in words, which `none_gain_sentence` explains."""
+    return "excluded" if _is_excluded(diagnosis) else number(diagnosis.none_gain)
+
+
+def none_gain_sentence(diagnosis: DiagnosisContent) -> str:
+    """Why it is excluded that nothing is missing; empty where it is not."""
+    if not _is_excluded(diagnosis):
+        return ""
+    return (
+        "Nothing is missing is excluded: the noise would have to be as stated, and the residuals are less likely then "
+        f"than with as much noise as they show, by a log evidence of {_with_thousands(-(diagnosis.none_gain or 0.0))} "
+        "nats."
+    )
+
+
+def _is_excluded(diagnosis: DiagnosisContent) -> bool:
+    return diagnosis.none_gain is not None and diagnosis.none_gain < -_EXCLUDED
+
+
+def _with_thousands(value: float) -> str:
+    """An integer with thin spaces between thousands."""
+    return f"{value:,.0f}".replace(",", "\u202f")
 
 
 def time_label(epoch_utc: str) -> str:

@@ -48,7 +48,10 @@ class Cell:
     over_database_sigma : float
         The same over the database's one sigma; NaN where the database does not concern the channel.
     count : int
+    limit : float
+        Normalised RMS that chance allows for so many numbers.
     fails : bool
+        Whether `rms` exceeds `limit`.
     """
 
     channel: str
@@ -62,6 +65,7 @@ class Cell:
     unit: str
     over_database_sigma: float
     count: int
+    limit: float
     fails: bool
 
     @property
@@ -94,9 +98,18 @@ def flow_regimes(model: LinearizedModel) -> list[tuple[str, BoolArray]]:
     return [(name, inside) for name, inside in regimes if inside.any()]
 
 
-def residual_map(model: LinearizedModel) -> list[Cell]:
-    """All cells: the bins' channels by regime, then the constraints by name."""
-    normalised, sigma = normalised_innovations(model), model.stated_noise_filter.innovation_sigma
+def residual_map(model: LinearizedModel, normalised: Array | None = None) -> list[Cell]:
+    """All cells: the bins' channels by regime, then the constraints by name.
+
+    Parameters
+    ----------
+    model : LinearizedModel
+        The model.
+    normalised : (R,) array, optional
+        Normalised innovations with another effect in the model, instead of the model's own.
+    """
+    normalised = normalised_innovations(model) if normalised is None else normalised
+    sigma = model.stated_noise_filter.innovation_sigma
     index, bins, settings = model.index, model.bins, model.settings
     limits = _database_sigma(model)
     cells = []
@@ -234,7 +247,8 @@ def _cell(
     rms = np.sqrt(square)
     physical = float(np.sqrt(max(float(np.mean((normalised * sigma) ** 2 - sigma**2)), 0.0)))
     autocorrelation = float(np.mean(normalised[1:] * normalised[:-1])) / max(square, 1e-30) if n > 2 else 0.0
-    chance = chdtri(n, ndtr(-settings.cell_fails_sigmas)) / n
+    chance = float(np.sqrt(chdtri(n, ndtr(-settings.cell_fails_sigmas)) / n))
+    limit = max(chance, settings.cell_minimum_rms)
     return Cell(
         channel=channel,
         regime=regime,
@@ -249,7 +263,8 @@ def _cell(
             physical / float(np.sqrt(np.mean(database_sigma**2))) if database_sigma is not None else float("nan")
         ),
         count=n,
-        fails=bool(rms**2 > chance and rms > settings.cell_minimum_rms),
+        limit=limit,
+        fails=bool(rms > limit),
     )
 
 

@@ -193,7 +193,7 @@ def group_indistinguishable(hypotheses: list[Hypothesis], settings: DecisionSett
 
 def hypothesis_rms(h: Hypothesis) -> dict[str, float]:
     """Channel or constraint → normalised RMS with a hypothesis in the model."""
-    normalised = _normalised_with(h)
+    normalised = normalised_with(h)
     return rms_by_channel(h.model, normalised) | rms_by_constraint(h.model, normalised)
 
 
@@ -207,7 +207,8 @@ def most_reduced_channel(h: Hypothesis, before: dict[str, float], after: dict[st
     return max(reduced or fall, key=lambda name: fall[name])
 
 
-def _normalised_with(h: Hypothesis) -> Array:
+def normalised_with(h: Hypothesis) -> Array:
+    """Normalised innovations ``(R,)`` with a hypothesis in the model."""
     return h.whiten.innovations(h.fit.white) / h.model.stated_noise_filter.innovation_sigma
 
 

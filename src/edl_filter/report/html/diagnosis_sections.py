@@ -13,6 +13,7 @@ from edl_filter.report.database_update import database_figure, nuisance_sentence
 from edl_filter.report.diagnosis import ledger_levels, waterfall
 from edl_filter.report.diagnosis import missing as missing_figure
 from edl_filter.report.html.blocks import Block, Cell, Command, Details, Note, Plot, Section, Table
+from edl_filter.report.next_step import NextStep, next_step
 from edl_filter.report.sentences import recovery_sentence, warnings
 from edl_filter.report.text import (
     REMAINDER_HINT,
@@ -20,9 +21,12 @@ from edl_filter.report.text import (
     chance,
     effect_names,
     error_fall,
+    none_gain_sentence,
+    none_gain_text,
     number,
     parameters_text,
     readable,
+    state_sentences,
     undetectable_sentence,
     words,
 )  # fmt: skip
@@ -49,32 +53,38 @@ class Verdict:
     sign, tone : str
         Sign before the sentence, and its style.
     sentence : str
-        The verdict.
+        How much fails, and the verdict.
     more : list of str
-        Warnings, effects in the model, the remainder, and why an improvement ended.
-    command : str
-        Command that computes a verdict; empty if there is one.
+        What the leader mends, effects in the model, the remainder, and why an improvement ended.
+    warnings : list of str
+        Reasons not to trust the result, above all else.
+    next : NextStep
+        What to do next.
     """
 
     sign: str
     tone: str
     sentence: str
     more: list[str]
-    command: str = ""
+    warnings: list[str]
+    next: NextStep
 
 
 def verdict(reader: ResultReader) -> Verdict:
-    """The verdict of the diagnosis, or that there is none yet."""
-    constraints = {} if reader.summary is None else reader.summary.constraints
-    diagnosis, ledger = reader.diagnosis, reader.ledger
-    more = [f"Not read: {problem}" for problem in _file_problems(reader)]
-    if reader.summary is not None:
-        if reader.summary.headline is not None:
-            return _untrustworthy(reader, reader.summary.headline, more)
-        more = warnings(reader.summary) + more
+    """The state of the flight, or that it has not been diagnosed yet."""
+    summary, diagnosis, ledger = reader.summary, reader.diagnosis, reader.ledger
+    doubts = [] if summary is None else warnings(summary)
+    doubts += [f"Not read: {problem}" for problem in _file_problems(reader)]
+    untrustworthy = summary is not None and not summary.trustworthy
+    more = []
+    if summary is not None and untrustworthy and summary.recovery is not None:
+        more.append(recovery_sentence(summary.recovery))
     if diagnosis is None:
-        sentence = f"Not diagnosed yet: {_agreement(constraints)}."
-        return Verdict("–", "none", sentence, more, diagnose_command(reader))
+        sentence = f"Not diagnosed yet: {_agreement({} if summary is None else summary.constraints)}."
+        step = NextStep("Next: see where the model fails and which effect is missing:", (diagnose_command(reader),))
+        return Verdict(*(("✗", "bad") if untrustworthy else ("–", "none")), sentence, more, doubts, step)
+    first, *rest = state_sentences(diagnosis)
+    more += rest
     if diagnosis.effects:
         more.append(f"In the model: {', '.join(diagnosis.effects)}.")
     if diagnosis.remainder is not None:
@@ -85,17 +95,10 @@ def verdict(reader: ResultReader) -> Verdict:
         more.append(nuisance_sentence(diagnosis.nuisances))
     if ledger and isinstance(ledger[-1], LedgerEnd):
         more.append(readable(ledger[-1].why))
-    return Verdict(*_SIGNS[diagnosis.verdict], diagnosis.sentence, more)
-
-
-def _untrustworthy(reader: ResultReader, headline: str, more: list[str]) -> Verdict:
-    """The top of the page of a result that is not to be trusted: that first, then the recovery and the diagnosis."""
-    assert reader.summary is not None
-    if reader.summary.recovery is not None:
-        more = [recovery_sentence(reader.summary.recovery), *more]
-    if reader.diagnosis is None:
-        return Verdict("✗", "bad", headline, more, diagnose_command(reader))
-    return Verdict("✗", "bad", headline, [f"Diagnosis: {reader.diagnosis.sentence}", *more])
+    assert reader.folder is not None
+    step = next_step(diagnosis, mission_argument(reader), reader.folder)
+    sign = ("✗", "bad") if untrustworthy else _SIGNS[diagnosis.verdict]
+    return Verdict(*sign, first, more, doubts, step)
 
 
 def _file_problems(reader: ResultReader) -> list[str]:
@@ -134,9 +137,9 @@ def mission_argument(reader: ResultReader) -> str:
     except InputError:
         return _UNKNOWN_MISSION
     if matches_file(mission):
-        return quote(mission_argument(mission))
+        return mission_argument(mission)
     as_run = reader.folder / AS_RUN
-    return quote(str(as_run)) if as_run.is_file() else _UNKNOWN_MISSION
+    return str(as_run) if as_run.is_file() else _UNKNOWN_MISSION
 
 
 def hypotheses(reader: ResultReader) -> Section:
@@ -149,7 +152,7 @@ def hypotheses(reader: ResultReader) -> Section:
             key, title, [*blocks, Note("No hypotheses without a diagnosis:"), Command(diagnose_command(reader))]
         )
     if diagnosis.ranking:
-        mission, folder = mission_argument(reader), quote(str(reader.folder))
+        mission, folder = quote(mission_argument(reader)), quote(str(reader.folder))
         blocks += [_ranking(diagnosis), Note("To add one of them:")]
         for h in diagnosis.ranking:
             imu = f" --imu {quote(h.imu)}" if h.imu else ""
@@ -164,11 +167,13 @@ def hypotheses(reader: ResultReader) -> Section:
     blocks.append(
         Note(
             "Gain is the logarithm of the evidence relative to the present model at the noise that its residuals show "
-            f"(nats; an effect needs {number(diagnosis.required_gain)}), so that “nothing is missing” has to explain "
-            "the excess noise; held-out gain is on data that were not fitted. ± is one sigma.",
+            f"(nats; an effect needs {number(diagnosis.required_gain)}); held-out gain is on data that were not "
+            "fitted. ± is one sigma.",
             "muted",
         )
     )
+    if reason := none_gain_sentence(diagnosis):
+        blocks.append(Note(reason, "muted"))
     blocks += [Note(f"Left out: {reason}", "warning") for reason in diagnosis.failed.values()]
     if diagnosis.screening:
         title_of_details = f"Also tried, and not refitted ({len(diagnosis.screening)})"
@@ -195,7 +200,7 @@ def _ranking(diagnosis: DiagnosisContent) -> Table:
         ]  # fmt: skip
         rows.append((h.probability or 0.0, row))
     something = diagnosis.something_else
-    none, unnamed = (readable(number(gain)) for gain in (diagnosis.none_gain, something.score_gain))
+    none, unnamed = readable(none_gain_text(diagnosis)), readable(number(something.score_gain))
     rows.append((diagnosis.none or 0.0, ["nothing is missing", chance(diagnosis.none), none, "–", "", "", ""]))
     unnamed_row: list[Cell] = ["something else", chance(something.probability), unnamed, "–", _size(something), "", ""]
     rows.append((something.probability or 0.0, unnamed_row))

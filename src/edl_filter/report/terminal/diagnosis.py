@@ -9,16 +9,19 @@ from rich.markup import escape
 from rich.table import Table
 
 from edl_filter.report.database_update import nuisance_sentence, update_sentence
+from edl_filter.report.next_step import NextStep
 from edl_filter.report.terminal.console import echo, empty_table
 from edl_filter.report.text import (
-    REMAINDER_HINT,
     chance,
     effect_names,
     error_fall,
     hypothesis_label,
+    none_gain_sentence,
+    none_gain_text,
     number,
     onset_text,
     parameters_text,
+    state_sentences,
     undetectable_sentence,
     words,
 )  # fmt: skip
@@ -33,8 +36,8 @@ _ROWS = 8
 def print_diagnosis(
     content: DiagnosisContent | Mapping[str, Any],
     written: Sequence[str],
-    following: Sequence[str],
-    headline: str | None = None,
+    following: NextStep,
+    warnings: Sequence[str] = (),
 ) -> None:
     """Print a diagnosis.
 
@@ -44,25 +47,26 @@ def print_diagnosis(
         Content of ``diagnosis.json``.
     written : sequence of str
         Paths of the files, one line each.
-    following : sequence of str
-        Commands of the next steps.
-    headline : str, optional
-        Why the diagnosed result is not to be trusted.
+    following : NextStep
+        What to do next.
+    warnings : sequence of str
+        Reasons not to trust the result that is diagnosed.
     """
     diagnosis = DiagnosisContent.of(content)
     colour = {"clean": "green", "missing": "yellow"}.get(diagnosis.verdict, "red")
-    parts: list[str | Table] = [] if headline is None else [f"[bold red]{escape(headline)}[/bold red]"]
-    parts += [f"[bold {colour}]{escape(diagnosis.sentence)}[/bold {colour}]"]
+    parts: list[str | Table] = [f"[bold red]{escape(warning)}[/bold red]" for warning in warnings]
+    first, *more = state_sentences(diagnosis)
+    parts += [f"[bold {colour}]{escape(first)}[/bold {colour}]", *(escape(sentence) for sentence in more)]
     if diagnosis.effects:
         parts.append(f"In the model: {', '.join(diagnosis.effects)}.")
     parts.append(where_table(diagnosis) if diagnosis.where else "No channel fails in any regime.")
     if diagnosis.onsets:
         parts.append(onset_text(diagnosis.onsets))
-    parts.append(ranking_table(diagnosis))
+    parts += [ranking_table(diagnosis), none_gain_sentence(diagnosis)]
     for h in diagnosis.ranking:
         parts += [f"{effect_names((h.label, name))}: {escape(text)}." for name, text in h.discriminated_by.items()]
     if diagnosis.remainder is not None:
-        parts += [f"What is left: {escape(diagnosis.remainder.description)}", REMAINDER_HINT]
+        parts.append(f"What is left: {escape(diagnosis.remainder.description)}")
     remarks = (
         undetectable_sentence(diagnosis),
         nuisance_sentence(diagnosis.nuisances),
@@ -71,8 +75,8 @@ def print_diagnosis(
     parts += [escape(t) for t in remarks if t]
     parts += [f"[red]Left out: {escape(reason)}[/red]" for reason in diagnosis.failed.values()]
     echo(*parts, *(f"Written: {escape(path)}" for path in written))
-    if following:
-        echo("Next:", *(f"  {escape(command)}" for command in following))
+    if following.commands:
+        echo(escape(following.sentence), *(f"  {escape(command)}" for command in following.commands))
 
 
 def where_table(diagnosis: DiagnosisContent) -> Table:
@@ -114,7 +118,7 @@ def ranking_table(diagnosis: DiagnosisContent) -> Table:
         )
     table.add_section()
     something = diagnosis.something_else
-    table.add_row("nothing is missing", chance(diagnosis.none), number(diagnosis.none_gain), "–", "", "")
+    table.add_row("nothing is missing", chance(diagnosis.none), none_gain_text(diagnosis), "–", "", "")
     table.add_row("something else", chance(something.probability), number(something.score_gain), "–", "", "")
     return table
 

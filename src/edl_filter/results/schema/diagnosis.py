@@ -40,7 +40,8 @@ class MapCell(Content):
     unit: str = key("unit of the channel")
     over_database_sigma: Number = key("excess_rms over the database's 1 sigma; null where that does not apply")
     count: int = key("number of samples")
-    fails: bool = key("whether the model fails in this cell")
+    limit_rms: Number = key("normalised RMS that chance allows for so many samples")
+    fails: bool = key("whether the model fails in this cell: normalised_rms exceeds limit_rms")
     sentence: str = key("the cell as text")
 
 
@@ -75,6 +76,8 @@ class RankedHypothesis(Content):
     error_after: Number = key("normalised RMS of channel with it")
     channel: str = key("channel that it reduces most")
     errors_after: dict[str, Number] = key("channel → normalised RMS with it")
+    cells_after: int = key("number of cells of the residual map with it")
+    cells_failing_after: int = key("number of these cells that fail")
 
 
 class SomethingElse(Content):
@@ -161,6 +164,11 @@ class DiagnosisContent(Content):
 
     verdict: Literal["clean", "missing", "undecided", "unknown"] = key("verdict")
     sentence: str = key("the verdict as text")
+    state: tuple[str, ...] = key(
+        "the state of the flight, one sentence each: how much fails, the verdict, how much the leader mends, why a "
+        "clean flight has a large normalised RMS, and whether the database is a proxy"
+    )
+    database_proxy: str | None = key("for what the aerodynamic database is a proxy; null: it is the vehicle's own")
     mission: str = key("name of the mission")
     effects: tuple[str, ...] = key("labels of the effects in the model")
     where: tuple[MapCell, ...] = key("cells of the residual map that fail, worst first")
