@@ -134,6 +134,7 @@ def improve(
     """Diagnose and add the missing effect, repeatedly, until no effect is accepted; write each step and a ledger."""
     from edl_filter.io.output_folder import output_folder
     from edl_filter.mission import Mission
+    from edl_filter.report.terminal.console import print_paragraph
     from edl_filter.workflow.improve_model import StepFiles, improve_steps, write_final_model
 
     loaded = Mission.load(mission, changes or ())
@@ -144,11 +145,11 @@ def improve(
         progress(f"Improving {loaded.title or loaded.name}", quiet=False) as report_step,
     ):
         for step in improve_steps(loaded, output, most, names or (), file, report_step):
-            typer.echo(step.paragraph)
+            print_paragraph(step.paragraph)
             completed.append(step)
         paths, headline = write_final_model(loaded, output, completed, report_step)
     if headline is not None:
-        typer.echo(headline)
+        print_paragraph(headline)
     for path in paths:
         typer.echo(f"Written: {path}")
     exit_with_trust(headline)

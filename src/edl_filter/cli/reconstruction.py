@@ -69,13 +69,14 @@ def validate(
         planet = mission.planet_model(telemetry.prime_meridian_at_epoch)
         atmosphere = read_atmosphere(mission)
         check_record(mission, telemetry, planet, atmosphere, assemble(mission, telemetry, planet, atmosphere))
+    from edl_filter.report.terminal.console import print_paragraph
     from edl_filter.report.terminal.run import telemetry_lines
 
     count = len(telemetry.findings)
     outcome = f"usable; {count} finding{'s' * (count != 1)} about samples" if count else "no errors found"
     typer.echo(f"{path}: {description}, {outcome}.")
     for line in telemetry_lines(telemetry):
-        typer.echo(f"  {line}")
+        print_paragraph(f"• {line}")
 
 
 def _reconstruct(

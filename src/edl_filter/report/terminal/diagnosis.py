@@ -6,11 +6,11 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from rich.markup import escape
-from rich.table import Table
 
 from edl_filter.report.database_update import nuisance_sentence, update_sentence
 from edl_filter.report.next_step import NextStep
 from edl_filter.report.terminal.console import echo, empty_table
+from edl_filter.report.terminal.table import Table
 from edl_filter.report.text import (
     chance,
     effect_names,
@@ -74,7 +74,8 @@ def print_diagnosis(
     )
     parts += [escape(t) for t in remarks if t]
     parts += [f"[red]Left out: {escape(reason)}[/red]" for reason in diagnosis.failed.values()]
-    echo(*parts, *(f"Written: {escape(path)}" for path in written))
+    echo(*parts)
+    echo(*(f"Written: {escape(path)}" for path in written), wrap=False)
     if following.commands:
         echo(escape(following.sentence), *(f"  {escape(command)}" for command in following.commands))
 
@@ -84,7 +85,7 @@ def where_table(diagnosis: DiagnosisContent) -> Table:
     cells = diagnosis.where
     more = f" (the worst {_ROWS} of {len(cells)})" if len(cells) > _ROWS else ""
     heads = ("from s", "to s", "sigmas", "beyond noise", "database")
-    table = empty_table(f"Where it fails{more}", ("channel", "regime"), heads)
+    table = empty_table(f"Where it fails{more}", ("channel", "regime"), heads, optional=("database",))
     for cell in cells[:_ROWS]:
         database = number(cell.over_database_sigma)
         table.add_row(
@@ -105,7 +106,8 @@ def ranking_table(diagnosis: DiagnosisContent) -> Table:
         "Hypotheses (gains in nats; held-out: on data that were not fitted)",
         ("effect",),
         ("probability", "gain", "held-out"),
-        ("parameters", "error before → after"),
+        ("parameters",),
+        ("error before → after",),
     )
     for h in diagnosis.ranking:
         table.add_row(
@@ -144,7 +146,7 @@ def print_comparison(comparison: Mapping[str, Any]) -> None:
     nis = empty_table("Constraints: NIS per dof", ("constraint",), tuple(names))
     for name in dict.fromkeys(n for r in results for n in r["nis_per_dof"]):
         nis.add_row(words(name), *(number(r["nis_per_dof"].get(name)) for r in results))
-    effects = empty_table("Effects in the model", ("effect",), last_texts=tuple(names))
+    effects = empty_table("Effects in the model", ("effect",), last=tuple(names))
     effect_list = list(dict.fromkeys(n for r in results for n in r["effects"]))
     for name in effect_list:
         effects.add_row(name, *(parameters_text(r["effects"].get(name, {}).get("parameters", {})) for r in results))
@@ -170,7 +172,7 @@ def print_identifiability(content: Mapping[str, Any]) -> None:
         f"Smallest size that would be named (gain of {content['required_gain']:g} nats), and the plausible one",
         ("effect", "parameter"),
         ("smallest", "plausible", "ratio"),
-        ("confused with",),
+        last_texts=("confused with",),
     )
     for effect in content["effects"]:
         confused = ", ".join(f"{name} ({r:.2f})" for name, r in effect["confused_with"].items())
