@@ -1,5 +1,7 @@
 """The accessors ``result.plot`` and ``diagnosis.plot``: axes with labels, shown by pyplot."""
 
+import inspect
+
 import matplotlib as mpl
 import pytest
 from matplotlib import pyplot as plt
@@ -45,6 +47,25 @@ def test_a_panel_draws_on_axes_that_are_given(flight, found):
     _, (left, right) = plt.subplots(1, 2)
     assert flight.plot.altitude(left) is left and found.plot.residual("moment_y", right) is right
     assert len(plt.get_fignums()) == 1 and left.lines and right.lines
+
+
+def test_every_method_takes_axes(flight, found):
+    for plots in (flight.plot, found.plot):
+        for name in (n for n in dir(plots) if n[0] != "_"):
+            names = inspect.signature(getattr(plots, name)).parameters
+            assert {"ax", "axes"} & names.keys(), name
+
+
+def test_figures_draw_on_axes_that_are_given(flight, found):
+    for draw, count in ((flight.plot.trajectory, 3), (flight.plot.coefficients, 4), (found.plot.heatmap, 2)):
+        axes = plt.subplots(count)[1]
+        figures = len(plt.get_fignums())
+        assert list(draw(axes=axes)) == list(axes) and len(plt.get_fignums()) == figures
+        assert all(ax.lines or ax.patches or ax.images for ax in axes)
+    _, (left, right) = plt.subplots(1, 2)
+    assert found.plot.ranking(left) is left and found.plot.fall(found, ax=right) is right
+    with pytest.raises(InputError, match="found 2 axes; expected 3, one for each panel"):
+        flight.plot.trajectory([left, right])
 
 
 def test_a_residual_has_its_band_and_unit(found):

@@ -22,6 +22,9 @@ def run(
     output: ResultFolderOption = None,
     changes: OverridesOption = None,
     no_figures: Annotated[bool, typer.Option("--no-figures", help="Draw no figures.")] = False,
+    formats: Annotated[
+        str, typer.Option("--format", metavar="LIST", help="Formats of the figures: png, svg, pdf, with commas.")
+    ] = "png",
     no_refit: Annotated[
         bool, typer.Option("--no-refit", help="Keep effects at their stated values; compare nothing with a prediction.")
     ] = False,
@@ -30,7 +33,8 @@ def run(
     """Reconstruct an entry and refit its effects; write result.nc, summary.json, report.html and figures."""
     from edl_filter.mission import Mission
 
-    outputs = _reconstruct(Mission.load(mission, changes or ()), output, not no_figures, as_json, not no_refit)
+    kinds = _figure_formats(formats)
+    outputs = _reconstruct(Mission.load(mission, changes or ()), output, not no_figures, as_json, not no_refit, kinds)
     exit_with_trust(outputs["content"]["headline"])
 
 
@@ -79,8 +83,24 @@ def validate(
         print_paragraph(f"• {line}")
 
 
+def _figure_formats(text: str) -> tuple[str, ...]:
+    """Formats of figures from the option's text."""
+    from edl_filter.results.files import FIGURE_FORMATS
+
+    formats = tuple(dict.fromkeys(part.strip().lower() for part in text.split(",")))
+    for kind in formats:
+        if kind not in FIGURE_FORMATS:
+            raise InputError(f"--format: found {kind!r}; accepted are {', '.join(FIGURE_FORMATS)}, with commas.")
+    return formats
+
+
 def _reconstruct(
-    mission: Mission, output: Path | None, figures: bool, as_json: bool, refit: bool = True
+    mission: Mission,
+    output: Path | None,
+    figures: bool,
+    as_json: bool,
+    refit: bool = True,
+    formats: tuple[str, ...] = ("png",),
 ) -> dict[str, Any]:
     """Reconstruct a mission, write the outputs and print the summary; returns the paths of the outputs."""
     from edl_filter.io.output_folder import output_folder
@@ -96,7 +116,7 @@ def _reconstruct(
         with progress(f"Reconstructing {mission.title or mission.name}", quiet=as_json) as report_step:
             result = run_mission(mission, refit, report_step)
         with progress("Writing results", quiet=as_json):
-            outputs = write_outputs(result, folder, figures and mission.outputs.figures)
+            outputs = write_outputs(result, folder, figures and mission.outputs.figures, formats)
     if as_json:
         paths = {k: str(outputs[k]) for k in ("result", "report")} | {"figures": [str(p) for p in outputs["figures"]]}
         print_json(outputs["content"] | {"outputs": paths})

@@ -19,12 +19,13 @@ MEANINGS = {
     "CN": "normal force", "CY": "side force", "Cm": "pitching moment", "Cn": "yawing moment", "Cl": "rolling moment",
     "CA": "axial force, preflight density",
 }  # fmt: skip
+_FROM_FORCES, _FROM_MOMENTS = "from forces, by inverse look-up", "from moments, by inverse look-up"
 #: Coefficient → name of the flight's method, name of the combination's method, and group of the latter.
 _METHODS = {
-    "CN": ("accels", "combine Cm", "combination/moments"),
-    "CY": ("accels", "combine Cn", "combination/moments"),
-    "Cm": ("gyros", "combine CN", "combination/forces"),
-    "Cn": ("gyros", "combine CY", "combination/forces"),
+    "CN": ("flight, from accelerometers", _FROM_MOMENTS, "combination/moments"),
+    "CY": ("flight, from accelerometers", _FROM_MOMENTS, "combination/moments"),
+    "Cm": ("flight, from gyros", _FROM_FORCES, "combination/forces"),
+    "Cn": ("flight, from gyros", _FROM_FORCES, "combination/forces"),
 }
 
 
@@ -54,7 +55,7 @@ def _both_atmospheres(view: DomainView, name: str) -> Panel:
         view.curve(flight, "blue", "flight atmosphere", 0.9),
     )
     first = name == "CA"
-    y = Axis(name, unit, range=view.limits(flight, preflight, legend=first))
+    y = Axis(name, unit, range=view.limits(flight, preflight, legend=first, outside=0.0))
     return view.panel(y, curves, Legend() if first else None)
 
 
@@ -148,16 +149,20 @@ def against_database(reader: ResultReader, name: str) -> Panel | None:
         return None
     flight, database = view.values(flight_group, name), view.values(database_group, name)
     elements: list[Element] = []
-    values = [flight, database]
+    values, bands = [flight, database], []
     if view.has(sigma_group, f"{name}_three_sigma"):
         limit = view.values(sigma_group, f"{name}_three_sigma")
         elements.append(view.band(database - limit, database + limit, "blue-band", "database, 3 sigma"))
-        values += [database - limit, database + limit]
+        bands += [database - limit, database + limit]
     if view.has(flight_group, f"{name}_sigma"):
         sigma = view.values(flight_group, f"{name}_sigma")
         elements.append(view.band(flight - sigma, flight + sigma, "vermillion-band", "flight, 1 sigma"))
+        bands += [flight - sigma, flight + sigma] if axial else []  # of others it is wider than all else at first
     elements += [view.curve(database, "blue", "database", 1.4), view.curve(flight, "vermillion", "flight", 1.1)]
-    panel = view.panel(Axis(name, "–", range=view.limits(*values, everywhere=True)), elements, Legend())
+    curve_limits = view.limits(*values, everywhere=True, outside=0.0)  # no curve is clipped
+    band_limits = view.limits(*bands, everywhere=True) if bands else curve_limits
+    limits = min(curve_limits[0], band_limits[0]), max(curve_limits[1], band_limits[1])
+    panel = view.panel(Axis(name, "–", range=limits), elements, Legend())
     caption = f"{name}: {MEANINGS[name]}."
     events = {event: time for event, time in reader.events.items() if time <= view.domain.end}
     return replace(panel, events=events, name=f"coefficient_{name}", caption=caption)

@@ -95,10 +95,10 @@ def none_gain_sentence(diagnosis: DiagnosisContent) -> str:
     """Why it is excluded that nothing is missing; empty where it is not."""
     if not _is_excluded(diagnosis):
         return ""
+    nats = _with_thousands(-(diagnosis.none_gain or 0.0))
     return (
-        "Nothing is missing is excluded: the noise would have to be as stated, and the residuals are less likely then "
-        f"than with as much noise as they show, by a log evidence of {_with_thousands(-(diagnosis.none_gain or 0.0))} "
-        "nats."
+        "“Nothing is missing” is excluded: the noise would have to be as stated, and the residuals are less likely "
+        f"then than with as much noise as they show, by a log evidence of {nats} nats."
     )
 
 

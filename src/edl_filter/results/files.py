@@ -20,6 +20,8 @@ if TYPE_CHECKING:  # building the models takes longer than some commands
 
 #: Files and folders that `edl-filter run` writes.
 RESULT, SUMMARY, REPORT, FIGURES, TABLES = "result.nc", "summary.json", "report.html", "figures", "tables"
+#: Formats of figures.
+FIGURE_FORMATS = ("png", "svg", "pdf")
 #: Files that `edl-filter diagnose` adds: the diagnosis, its residuals against time, its figures in ``figures/``.
 DIAGNOSIS, RESIDUALS = "diagnosis.json", "residuals.nc"
 DIAGNOSIS_FIGURES = ("diagnosis_heatmap", "diagnosis_ranking", "diagnosis_database", "diagnosis_missing")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import tempfile
 import time
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +15,8 @@ from edl_filter.results.files import (
     DATABASE_UPDATE,
     DIAGNOSIS,
     DIAGNOSIS_FIGURES,
+    FIGURE_FORMATS,
+    FIGURES,
     REPORT,
     RESIDUALS,
     RESULT,
@@ -26,7 +29,9 @@ from edl_filter.results.netcdf import tree_of, write
 from edl_filter.results.result import Result
 
 
-def write_outputs(result: Result, directory: str | Path, figures: bool) -> dict[str, Any]:
+def write_outputs(
+    result: Result, directory: str | Path, figures: bool, formats: Sequence[str] = ("png",)
+) -> dict[str, Any]:
     """Write ``result.nc``, ``summary.json``, ``report.html``, tables in ``tables/`` and, on request, ``figures/``.
 
     The files are written into a hidden folder and moved at the end, so that a failure does not change earlier files.
@@ -40,6 +45,8 @@ def write_outputs(result: Result, directory: str | Path, figures: bool) -> dict[
         Created if it does not exist.
     figures : bool
         Whether figures are written.
+    formats : sequence of str
+        Formats of the figures, of `results.files.FIGURE_FORMATS`.
 
     Returns
     -------
@@ -63,8 +70,8 @@ def write_outputs(result: Result, directory: str | Path, figures: bool) -> dict[
         directory.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryDirectory(prefix=STAGING, dir=directory) as hidden:
             staged = Path(hidden)
-            written, content = _write_all(result, staged, figures)
-            _remove_figures(directory / "figures")
+            written, content = _write_all(result, staged, formats if figures else ())
+            _remove_figures(directory / FIGURES)
             tables = (f"{TABLES}/{name}" for name in UPDATE_TABLES)
             for name in (DIAGNOSIS, RESIDUALS, DATABASE_UPDATE, *tables):
                 (directory / name).unlink(missing_ok=True)
@@ -80,7 +87,7 @@ def write_outputs(result: Result, directory: str | Path, figures: bool) -> dict[
         raise cannot_write(place, error) from None
     from edl_filter.report.html import write_report
 
-    figure_files = [place for place in places if place.suffix == ".png"]
+    figure_files = [place for place in places if place.parent.name == FIGURES]
     return {
         "result": file, "summary": summary, "report": write_report(directory), "figures": figure_files,
         "content": content,
@@ -104,7 +111,7 @@ def earlier_outputs(directory: Path) -> list[str]:
     return sentences
 
 
-def _write_all(result: Result, folder: Path, figures: bool) -> tuple[list[Path], dict[str, Any]]:
+def _write_all(result: Result, folder: Path, formats: Sequence[str]) -> tuple[list[Path], dict[str, Any]]:
     """Write everything into `folder`; the paths of figures and tables, and the summary."""
     from edl_filter.results.postflight import tables
 
@@ -121,11 +128,11 @@ def _write_all(result: Result, folder: Path, figures: bool) -> tuple[list[Path],
         for name, text in tables(postflight).items():
             written.append(folder / "tables" / name)
             written[-1].write_text(text, encoding="utf-8")
-    if figures:
+    if formats:
         from edl_filter.report.figures import draw_all
 
         begin = time.perf_counter()
-        written += draw_all(tree_of(groups), folder / "figures")
+        written += draw_all(tree_of(groups), folder / FIGURES, formats)
         timing["figures"] = time.perf_counter() - begin
     content = result.summary()
     content["timing_s"] |= timing
@@ -135,11 +142,12 @@ def _write_all(result: Result, folder: Path, figures: bool) -> tuple[list[Path],
 
 def _remove_figures(folder: Path) -> None:
     """Remove the figures that a run draws, and the folder if nothing else is in it."""
-    if not any(folder.glob("*.png")):
+    if not any(file for kind in FIGURE_FORMATS for file in folder.glob(f"*.{kind}")):
         return
-    from edl_filter.report.figures import FIGURES
+    from edl_filter.report.figures import FIGURES as RUN_FIGURES
 
-    for name in (*FIGURES, *DIAGNOSIS_FIGURES):
-        (folder / f"{name}.png").unlink(missing_ok=True)
+    for name in (*RUN_FIGURES, *DIAGNOSIS_FIGURES):
+        for kind in FIGURE_FORMATS:
+            (folder / f"{name}.{kind}").unlink(missing_ok=True)
     if not any(folder.iterdir()):
         folder.rmdir()

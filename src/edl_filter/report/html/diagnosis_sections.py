@@ -89,10 +89,6 @@ def verdict(reader: ResultReader) -> Verdict:
         more.append(f"In the model: {', '.join(diagnosis.effects)}.")
     if diagnosis.remainder is not None:
         more.append(f"What is left: {readable(diagnosis.remainder.description)}")
-    if undetectable := undetectable_sentence(diagnosis):
-        more.append(undetectable)
-    if diagnosis.nuisances:
-        more.append(nuisance_sentence(diagnosis.nuisances))
     if ledger and isinstance(ledger[-1], LedgerEnd):
         more.append(readable(ledger[-1].why))
     assert reader.folder is not None
@@ -144,7 +140,7 @@ def mission_argument(reader: ResultReader) -> str:
 
 def hypotheses(reader: ResultReader) -> Section:
     """Hypotheses, most probable first; the effects that were only screened open below them."""
-    key, title = "hypotheses", "Which effect is missing"
+    key, title = "hypotheses", "Hypotheses on missing effects"
     diagnosis = reader.diagnosis
     blocks: list[Block] = list(_effects_in_model(reader))
     if diagnosis is None:
@@ -174,6 +170,8 @@ def hypotheses(reader: ResultReader) -> Section:
     )
     if reason := none_gain_sentence(diagnosis):
         blocks.append(Note(reason, "muted"))
+    if undetectable := undetectable_sentence(diagnosis):
+        blocks.append(Note(undetectable, "muted"))
     blocks += [Note(f"Left out: {reason}", "warning") for reason in diagnosis.failed.values()]
     if diagnosis.screening:
         title_of_details = f"Also tried, and not refitted ({len(diagnosis.screening)})"
@@ -230,7 +228,7 @@ def _screened(effects: Mapping[str, ScreenedEffect]) -> Table:
 
 def missing(reader: ResultReader) -> Section:
     """The missing force and moment with bands of two sigmas, if the diagnosis estimated them."""
-    key, title = "left", "What is left"
+    key, title = "left", "Unexplained force and moment"
     diagnosis = reader.diagnosis
     if diagnosis is None:
         return Section(key, title, [Note("Unknown without a diagnosis.", "muted")])
@@ -238,26 +236,28 @@ def missing(reader: ResultReader) -> Section:
     if diagnosis.remainder is not None:
         blocks += [Note(readable(diagnosis.remainder.description)), Note(REMAINDER_HINT)]
     if diagnosis.latent is not None:
-        caption = "Missing force and moment, body axes, with bands of two sigmas; the clearest onsets are marked."
+        caption = "Unexplained force and moment, body axes, with bands of two sigmas; the clearest onsets are marked."
         figure = missing_figure(diagnosis.latent, diagnosis.onsets, reader.title, reader.epoch_utc)
         blocks.append(Plot.of_figure("missing", caption, figure, 560, _LATENT_BINS))
     elif diagnosis.verdict == "unknown":
-        blocks.append(Note("The missing force and moment were not estimated.", "muted"))
+        blocks.append(Note("The unexplained force and moment were not estimated.", "muted"))
     else:
-        reason = "the model holds" if diagnosis.verdict == "clean" else "the first hypothesis explains it"
-        blocks.append(Note(f"No missing force or moment was estimated, because {reason}.", "muted"))
+        reason = "the model holds" if diagnosis.verdict == "clean" else "effects of the catalogue may explain it"
+        blocks.append(Note(f"They are not estimated, because {reason}.", "muted"))
     return Section(key, title, blocks)
 
 
 def database(reader: ResultReader) -> Section:
     """Increments of the database over Mach number, with the sentence that names the largest."""
-    key, title = "database", "What the flight says of the database"
+    key, title = "database", "Database and stated uncertainties"
     diagnosis = reader.diagnosis
     if diagnosis is None:
         return Section(key, title, [Note("Unknown without a diagnosis.", "muted")])
+    blocks: list[Block] = [Note(nuisance_sentence(diagnosis.nuisances))] if diagnosis.nuisances else []
     if diagnosis.database_update is None:
-        return Section(key, title, [Note("Nothing: the mission states that the database is exact.", "muted")])
-    blocks: list[Block] = [Note(update_sentence(diagnosis.database_update))]
+        exact = Note("The mission states that the database is exact: no increments are estimated.", "muted")
+        return Section(key, title, [*blocks, exact])
+    blocks.insert(0, Note(update_sentence(diagnosis.database_update)))
     if reader.database_update is not None:
         caption = (
             "Increments of the coefficients (moment about the nose) at several total angles of attack, with bands of "
@@ -270,7 +270,7 @@ def database(reader: ResultReader) -> Section:
 
 def ledger(reader: ResultReader) -> Section:
     """Each effect that was added, and the fall of the error by it."""
-    key, title = "ledger", "How the error fell"
+    key, title = "ledger", "Error by added effect"
     lines = reader.ledger
     if not lines or not ledger_levels(lines):
         note = Note("There is no ledger: no effect was added step by step. The command that does so and keeps one:")

@@ -21,7 +21,7 @@ from edl_filter.results.schema.diagnosis import MapCell
 #: Bins of all channels' residuals together, and of one channel at most: the page must stay small.
 _ALL_BINS, _BINS = 4800, 800
 _HEIGHT = 420
-_KEY, _TITLE = "where", "Where the model fails"
+_KEY, _TITLE = "where", "Residual map"
 
 
 def residual_map(reader: ResultReader) -> Section:
