@@ -19,13 +19,13 @@ MEANINGS = {
     "CN": "normal force", "CY": "side force", "Cm": "pitching moment", "Cn": "yawing moment", "Cl": "rolling moment",
     "CA": "axial force, preflight density",
 }  # fmt: skip
-_FROM_FORCES, _FROM_MOMENTS = "from forces, by inverse look-up", "from moments, by inverse look-up"
-#: Coefficient → name of the flight's method, name of the combination's method, and group of the latter.
+_INVERSE = ", by inverse look-up"
+#: Coefficient → origin of the combination, which an inverse look-up in the database takes to it, and its group.
 _METHODS = {
-    "CN": ("flight, from accelerometers", _FROM_MOMENTS, "combination/moments"),
-    "CY": ("flight, from accelerometers", _FROM_MOMENTS, "combination/moments"),
-    "Cm": ("flight, from gyros", _FROM_FORCES, "combination/forces"),
-    "Cn": ("flight, from gyros", _FROM_FORCES, "combination/forces"),
+    "CN": ("from moments", "combination/moments"),
+    "CY": ("from moments", "combination/moments"),
+    "Cm": ("from forces", "combination/forces"),
+    "Cn": ("from forces", "combination/forces"),
 }
 
 
@@ -98,17 +98,17 @@ class _Methods:
             view.values(DATABASE_MEASURED, name),
             view.values(DATABASE, f"{name}_three_sigma"),
             view.values(FLIGHT, name),
-            view.values(_METHODS[name][2], name),
+            view.values(_METHODS[name][1], name),
         )
 
 
 def _methods(view: DomainView, name: str) -> Panel:
-    v, (flight_label, combination_label, _) = _Methods.read(view, name), _METHODS[name]
+    v, (origin, _) = _Methods.read(view, name), _METHODS[name]
     low, high = v.database - v.three_sigma, v.database + v.three_sigma
     elements = (
         view.band(low, high, "blue-faint", "MEVAD 3 sigma"),
-        view.curve(v.combination, "green", combination_label, 1.2),
-        view.curve(v.flight, "vermillion", flight_label),
+        view.curve(v.combination, "green", origin + _INVERSE, 1.2),
+        view.curve(v.flight, "vermillion", "flight"),
         view.curve(v.database, "blue", "MEVAD"),
     )
     return view.panel(
@@ -117,15 +117,15 @@ def _methods(view: DomainView, name: str) -> Panel:
 
 
 def _method_differences(view: DomainView, name: str) -> Panel:
-    v, (flight_label, combination_label, _) = _Methods.read(view, name), _METHODS[name]
+    v, (origin, _) = _Methods.read(view, name), _METHODS[name]
     from_flight, from_combination = v.database - v.flight, v.database - v.combination
     elements: list[Element] = [view.band(-v.three_sigma, v.three_sigma, "blue-faint")]
     if view.has(FLIGHT, f"{name}_sigma"):
         sigma = view.values(FLIGHT, f"{name}_sigma")
         elements.append(view.band(from_flight - sigma, from_flight + sigma, "vermillion-band", "flight's 1 sigma"))
     elements += [
-        view.curve(from_combination, "green", f"MEVAD − {combination_label}", 1.2),
-        view.curve(from_flight, "vermillion", f"MEVAD − {flight_label}"),
+        view.curve(from_combination, "green", f"MEVAD − {origin}", 1.2),
+        view.curve(from_flight, "vermillion", "MEVAD − flight"),
         Line(0.0),
     ]
     limits = view.limits(-v.three_sigma, v.three_sigma, from_flight, from_combination, legend=True)
