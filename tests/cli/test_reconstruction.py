@@ -271,3 +271,15 @@ def test_an_interrupted_run_says_what_it_has_kept(cli, monkeypatch):
     assert result.exit_code == 130
     assert result.stderr == "edl-filter: interrupted. Nothing was written; what out held before is unchanged.\n"
     assert not Path("out").exists()
+
+
+def test_figures_have_the_stated_formats(cli, tmp_path, monkeypatch):
+    monkeypatch.setattr("edl_filter.report.figures.available", lambda reader: ["altitude_velocity"])
+    result = cli("run", "builtin:practice_mer", "-o", "out", "--format", "svg, pdf")
+    assert result.exit_code == 0, result.output
+    figures = Path("out/figures")
+    assert {p.name for p in figures.iterdir()} == {"altitude_velocity.svg", "altitude_velocity.pdf"}
+    result = cli("run", "builtin:practice_mer", "-o", "out", "--no-figures")
+    assert result.exit_code == 0 and not figures.exists()  # those of the earlier run are removed
+    refused = cli("run", "builtin:practice_mer", "--format", "png,gif")
+    assert_input_error(refused, "--format: found 'gif'; accepted are png")

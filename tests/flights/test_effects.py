@@ -158,7 +158,7 @@ def test_a_prediction_needs_aerodynamics_and_inertia(practice_06):
 
 def test_a_run_says_which_effects_are_in_the_model(practice_06):
     from edl_filter.report.sentences import effect_lines
-    from edl_filter.results.schema import ModelEffect
+    from edl_filter.results.schema.summary import ModelEffect
 
     effects = [
         EffectInstance(find_effect("gyro_bias"), {"bx": 1e-5}, "secondary"),

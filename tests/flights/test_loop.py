@@ -4,6 +4,7 @@ A fast version: few candidates, one hidden effect. All effects on many flights a
 """
 
 import json
+from pathlib import Path
 
 import pytest
 from typer.testing import CliRunner
@@ -37,7 +38,9 @@ def loop(cli, changes, missing, alternatives):
         program, *arguments = command.split()
         assert program == "edl-filter"
         cli(*arguments)
+    run = json.loads(Path(f"first+{missing}/summary.json").read_text())["residuals"]
     second = json.loads(cli("diagnose", f"first+{missing}", *only(*alternatives), "--json"))
+    assert {channel: by_regime["overall"] for channel, by_regime in run.items()} == second["errors"]  # one answer
     return first, second
 
 

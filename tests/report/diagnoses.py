@@ -25,6 +25,8 @@ def content(verdict="missing", rms=880.0, **changes):
     something = contents.diagnosis()["something_else"] | {"probability": 1e-9, "score_gain": 4839.6}
     return contents.diagnosis(
         verdict=verdict, sentence="Missing: remnant_torque (gain 16713 nats).", effects=["mass"],
+        state=[f"{sum(c['fails'] for c in cells)} of {len(cells)} cells of the residual map fail.",
+               "Missing: remnant_torque (gain 16713 nats).", "With it no cell fails."],
         where=[c for c in cells if c["fails"]], map=cells, ranking=[hypothesis], none=0.0, something_else=something,
         onsets=[{"channel": "moment_y", "time_s": 129.04, "gain": 812.0}],
         failed={"mine": "effect 'mine': its hook wind raised ZeroDivisionError: [division] by zero."},

@@ -19,7 +19,7 @@ def test_what_is_left_is_drawn_with_bands(tmp_path):
     diagnosis = content("unknown", onsets=onsets, latent={"time_s": time} | pair | sigma)
     model = DiagnosisContent.of(diagnosis)
     force, moment = draw(missing(model.latent, model.onsets, "flight")).axes
-    assert [ax.get_ylabel() for ax in (force, moment)] == ["missing force (N)", "missing moment (N m)"]
+    assert [ax.get_ylabel() for ax in (force, moment)] == ["unexplained force (N)", "unexplained moment (N m)"]
     band = moment.collections[1].get_paths()[0].vertices[:, 1]
     assert band.min() == 3.0 and band.max() == 5.0
     for ax in (force, moment):

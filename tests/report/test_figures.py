@@ -7,10 +7,10 @@ import xarray as xr
 from matplotlib.figure import Figure as Canvas
 
 from edl_filter.report import attitude, constraints, figures, motion, track, trajectory
-from edl_filter.report.description import Figure
+from edl_filter.report.description import Axis, Figure, Line, Panel
 from edl_filter.report.figures import FIGURES, draw_all
 from edl_filter.report.landing_ellipse import LocalMap, landing_estimate
-from edl_filter.report.matplotlib_renderer import draw, draw_panel
+from edl_filter.report.matplotlib_renderer import draw, draw_panel, write_figure
 from edl_filter.report.text import time_label
 from edl_filter.results.reader import ResultReader
 
@@ -269,3 +269,15 @@ def test_the_start_of_the_domain_is_marked_where_it_is_known():
     ax = axes_of(motion.axial_deceleration, flown)
     assert "air felt from 7.2 s" in ax.get_legend_handles_labels()[1]
     assert [0.02, 0.02] in [list(line.get_ydata()) for line in ax.lines]
+
+
+def test_figures_are_written_in_all_formats(tmp_path):
+    panel = Panel(Axis("x", "s"), Axis("y", "m"), (Line(0.5),))
+    figure = Figure("title", ((panel,),), (2.0,))
+    starts = {"png": b"\x89PNG", "svg": b"<?xml", "pdf": b"%PDF"}
+    for kind, start in starts.items():
+        path = write_figure(figure, tmp_path / f"a.{kind}")
+        assert path.read_bytes().startswith(start)
+        again = write_figure(figure, tmp_path / f"b.{kind}")
+        if kind != "svg":  # identifiers in an SVG are random
+            assert again.read_bytes() == path.read_bytes()

@@ -1,5 +1,7 @@
 """The accessors ``result.plot`` and ``diagnosis.plot``: axes with labels, shown by pyplot."""
 
+import inspect
+
 import matplotlib as mpl
 import pytest
 from matplotlib import pyplot as plt
@@ -47,6 +49,27 @@ def test_a_panel_draws_on_axes_that_are_given(flight, diagnosis):
         flight.plot.altitude(left_axes) is left_axes and diagnosis.plot.residual("moment_y", right_axes) is right_axes
     )
     assert len(plt.get_fignums()) == 1 and left_axes.lines and right_axes.lines
+
+
+def test_every_method_takes_axes(flight, diagnosis):
+    for plots in (flight.plot, diagnosis.plot):
+        for name in (n for n in dir(plots) if n[0] != "_"):
+            names = inspect.signature(getattr(plots, name)).parameters
+            assert {"ax", "axes"} & names.keys(), name
+
+
+def test_figures_draw_on_axes_that_are_given(flight, diagnosis):
+    for draw, count in ((flight.plot.trajectory, 3), (flight.plot.coefficients, 4), (diagnosis.plot.heatmap, 2)):
+        axes = plt.subplots(count)[1]
+        figures = len(plt.get_fignums())
+        assert list(draw(axes=axes)) == list(axes) and len(plt.get_fignums()) == figures
+        assert all(ax.lines or ax.patches or ax.images for ax in axes)
+    _, (left_axes, right_axes) = plt.subplots(1, 2)
+    assert (
+        diagnosis.plot.ranking(left_axes) is left_axes and diagnosis.plot.fall(diagnosis, ax=right_axes) is right_axes
+    )
+    with pytest.raises(InputError, match="found 2 axes; expected 3, one for each panel"):
+        flight.plot.trajectory([left_axes, right_axes])
 
 
 def test_a_residual_has_its_band_and_unit(diagnosis):

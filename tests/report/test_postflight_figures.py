@@ -255,3 +255,10 @@ def test_a_clear_window_is_inside_the_oscillations_range_and_a_vague_one_does_no
     )
     low, high = canvas("oscillation", flown).axes[1].get_ylim()
     assert low > -0.1 and 0.3 < high < 0.5
+
+
+def test_legends_are_understood_without_the_thesis(tree):
+    for name, origin in (("force_coefficients", "moments"), ("moment_coefficients", "forces")):
+        labels = canvas(name, tree).axes[0].get_legend_handles_labels()[1]
+        assert f"from {origin}, by inverse look-up" in labels and "flight" in labels
+        assert not any("combine" in label or "accels" in label for label in labels)

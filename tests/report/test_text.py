@@ -16,7 +16,9 @@ from edl_filter.report.text import (
     undetectable_sentence,
     with_sigma,
 )
-from edl_filter.results.schema import ConstraintSummary, DiagnosisContent, Estimate
+from edl_filter.results.schema import DiagnosisContent
+from edl_filter.results.schema.diagnosis import Estimate
+from edl_filter.results.schema.summary import ConstraintSummary
 
 
 @pytest.mark.parametrize(

@@ -7,7 +7,8 @@ def cell(**changes):
     return {
         "channel": "moment_y", "regime": "Mach 15 to 5", "t0_s": 130.0, "t1_s": 180.0, "normalised_rms": 3.0,
         "bias": 0.2, "autocorrelation": 0.4, "excess_rms": 0.02, "unit": "rad/s^2", "over_database_sigma": None,
-        "count": 400, "fails": True, "sentence": "moment_y in Mach 15 to 5 (130 to 180 s): 3 times its sigma.",
+        "count": 400, "limit_rms": 1.18, "fails": True,
+        "sentence": "moment_y in Mach 15 to 5 (130 to 180 s): 3 times its sigma.",
     } | changes  # fmt: skip
 
 
@@ -22,7 +23,7 @@ def hypothesis(**changes):
             "t1": {"estimate": None, "sigma": None, "unit": "s"},
         },
         "correlations": {"Cm, t0": 0.1}, "error_before": 3.0, "error_after": 1.0, "channel": "moment_y",
-        "errors_after": {"moment_y": 1.0},
+        "errors_after": {"moment_y": 1.0}, "cells_after": 1, "cells_failing_after": 0,
     } | changes  # fmt: skip
 
 
@@ -34,6 +35,7 @@ def screened(smallest=0.02, plausible=0.05):
 def diagnosis(**changes):
     return {
         "verdict": "missing", "sentence": "Missing: remnant_torque.", "mission": "practice_mer",
+        "state": ["1 of 1 cells of the residual map fails.", "Missing: remnant_torque."], "database_proxy": None,
         "effects": [], "where": [cell()], "map": [cell()], "ranking": [hypothesis()], "required_gain": 12.0,
         "none": 0.05, "none_gain": -40.0,
         "something_else": {

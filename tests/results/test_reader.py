@@ -13,7 +13,8 @@ from edl_filter.errors import InputError
 from edl_filter.results import Result, write
 from edl_filter.results.files import write_json
 from edl_filter.results.groups import Group
-from edl_filter.results.reader import AFTER_LANDING, ResidualSeries, ResultReader
+from edl_filter.results.reader import AFTER_LANDING, ResultReader
+from edl_filter.results.residual_series import ResidualSeries
 
 
 @pytest.fixture(scope="module")

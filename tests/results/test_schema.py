@@ -16,10 +16,16 @@ from edl_filter.postflight.averages import Difference
 from edl_filter.postflight.events import Event
 from edl_filter.results import Result, schema
 from edl_filter.results.plain import finite
+from edl_filter.results.schema import fields
 
 #: Ends of keys that are units.
 UNITS = {"_m": "m", "_s": "s", "_deg": "deg", "_pa": "Pa", "_m_s": "m/s", "_m_s2": "m/s^2", "_hz": "Hz"}
-MODELS = [m for m in vars(schema).values() if isinstance(m, type) and issubclass(m, schema.Content)]
+MODELS = {
+    m: None
+    for module in (fields, schema.summary, schema.diagnosis, schema.ledger)
+    for m in vars(module).values()
+    if isinstance(m, type) and issubclass(m, schema.Content)
+}
 
 
 @pytest.fixture(scope="module")
@@ -46,9 +52,9 @@ def test_models_are_strict_and_closed():
     for model in MODELS:
         assert model.model_config["extra"] == "forbid" and model.model_config["strict"], model
     with pytest.raises(ValidationError, match="Input should be a valid number"):
-        schema.Estimate.model_validate_json('{"estimate": "1", "sigma": 1.0, "unit": ""}')
+        schema.diagnosis.Estimate.model_validate_json('{"estimate": "1", "sigma": 1.0, "unit": ""}')
     with pytest.raises(ValidationError, match="Extra inputs are not permitted"):
-        schema.Estimate.model_validate_json('{"estimate": 1.0, "sigma": 1.0, "unit": "", "more": 1}')
+        schema.diagnosis.Estimate.model_validate_json('{"estimate": 1.0, "sigma": 1.0, "unit": "", "more": 1}')
 
 
 def test_a_run_writes_what_the_schema_says(summary):
@@ -96,9 +102,9 @@ def test_json_schemas_are_valid_and_closed(file):
 
 def test_rows_of_tables_have_the_schemas_fields():
     """What is written with `asdict` has one declaration of its fields in the layer that makes it."""
-    assert list(schema.AverageDifference.model_fields) == list(Difference.__dataclass_fields__)
+    assert list(schema.summary.AverageDifference.model_fields) == list(Difference.__dataclass_fields__)
     events = [name for name in Event.__dataclass_fields__ if name != "name"]
-    assert [name for name in schema.EventState.model_fields if name in events] == events
+    assert [name for name in schema.summary.EventState.model_fields if name in events] == events
 
 
 def test_every_hypothesis_is_found_by_its_name():

@@ -116,11 +116,11 @@ def diagnose(
     paths = [str(p) for p in (diagnosed.path, diagnosed.report, *diagnosed.figures)]
     if as_json:
         trust = {"trustworthy": diagnosed.headline is None, "headline": diagnosed.headline}
-        print_json(trust | diagnosed.content | {"outputs": paths, "next": diagnosed.following})
+        print_json(trust | diagnosed.content | {"outputs": paths, "next": diagnosed.following.commands})
         return
     from edl_filter.report.terminal.diagnosis import print_diagnosis
 
-    print_diagnosis(diagnosed.content, paths, diagnosed.following, diagnosed.headline)
+    print_diagnosis(diagnosed.content, paths, diagnosed.following, diagnosed.warnings)
 
 
 def compare(
@@ -151,6 +151,7 @@ def improve(
     """Diagnose and add the missing effect, repeatedly, until no effect is accepted; write each step and a ledger."""
     from edl_filter.io.output_folder import output_folder
     from edl_filter.mission import Mission
+    from edl_filter.report.terminal.console import print_paragraph
     from edl_filter.workflow.improve_model import StepFiles, improve_steps, write_final_model
 
     loaded = Mission.load(mission, changes or ())
@@ -161,11 +162,11 @@ def improve(
         progress(f"Improving {loaded.title or loaded.name}", quiet=False) as report_step,
     ):
         for step in improve_steps(loaded, output, most, names or (), file, report_step):
-            typer.echo(step.paragraph)
+            print_paragraph(step.paragraph)
             completed.append(step)
         paths, headline = write_final_model(loaded, output, completed, report_step)
     if headline is not None:
-        typer.echo(headline)
+        print_paragraph(headline)
     for path in paths:
         typer.echo(f"Written: {path}")
     exit_with_trust(headline)

@@ -30,6 +30,9 @@ def run(
     output: ResultFolderOption = None,
     changes: OverridesOption = None,
     no_figures: Annotated[bool, typer.Option("--no-figures", help="Draw no figures.")] = False,
+    formats: Annotated[
+        str, typer.Option("--format", metavar="LIST", help="Formats of the figures: png, svg, pdf, with commas.")
+    ] = "png",
     no_refit: Annotated[
         bool, typer.Option("--no-refit", help="Keep effects at their stated values; compare nothing with a prediction.")
     ] = False,
@@ -39,14 +42,15 @@ def run(
     """Reconstruct an entry and refit its effects; write result.nc, summary.json, report.html and figures."""
     from edl_filter.mission import Mission
 
+    kinds = _figure_formats(formats)
     if dry_run:
         from edl_filter.workflow.dry_run import plan_run
 
         loaded = Mission.load(mission, changes or ())
         folder = output or loaded.output_directory()
-        print_file_plan(plan_run(loaded, folder, loaded.outputs.figures and not no_figures), as_json)
+        print_file_plan(plan_run(loaded, folder, loaded.outputs.figures and not no_figures, kinds), as_json)
         return
-    outputs = _reconstruct(Mission.load(mission, changes or ()), output, not no_figures, as_json, not no_refit)
+    outputs = _reconstruct(Mission.load(mission, changes or ()), output, not no_figures, as_json, not no_refit, kinds)
     exit_with_trust(outputs["content"]["headline"])
 
 
@@ -117,9 +121,9 @@ def validate(
     changes: OverridesOption = None,
 ) -> None:
     """Check all that a run checks, and list all problems: of a mission with its files and flight, or a flight file."""
-    code_files: list[str] = []
     from edl_filter.workflow.validate import validated_flight_file, validated_mission
 
+    code_files: list[str] = []
     if path.lower().endswith(_HDF5_SUFFIXES):
         if changes:
             raise InputError(f"--set: {path} is a flight file; only a mission has keys to change.")
@@ -129,19 +133,36 @@ def validate(
             mission, telemetry = validated_mission(path, changes or (), report_step)
         description = f"mission {mission.name}"
         code_files = [e.file for e in mission.effects if e.file is not None]
+    from edl_filter.report.terminal.console import print_paragraph
     from edl_filter.report.terminal.run import telemetry_lines
 
     count = len(telemetry.findings)
     outcome = f"usable; {count} finding{'s' * (count != 1)} about samples" if count else "no errors found"
     typer.echo(f"{path}: {description}, {outcome}.")
     for line in telemetry_lines(telemetry):
-        typer.echo(f"  {line}")
+        print_paragraph(f"• {line}")
     for file in code_files:
-        typer.echo(f"  not checked: the effect in {file}, since a check runs no code of a mission")
+        print_paragraph(f"• not checked: the effect in {file}, since a check runs no code of a mission")
+
+
+def _figure_formats(text: str) -> tuple[str, ...]:
+    """Formats of figures from the option's text."""
+    from edl_filter.results.files import FIGURE_FORMATS
+
+    formats = tuple(dict.fromkeys(part.strip().lower() for part in text.split(",")))
+    for kind in formats:
+        if kind not in FIGURE_FORMATS:
+            raise InputError(f"--format: found {kind!r}; accepted are {', '.join(FIGURE_FORMATS)}, with commas.")
+    return formats
 
 
 def _reconstruct(
-    mission: Mission, output: Path | None, figures: bool, as_json: bool, refit: bool = True
+    mission: Mission,
+    output: Path | None,
+    figures: bool,
+    as_json: bool,
+    refit: bool = True,
+    formats: tuple[str, ...] = ("png",),
 ) -> dict[str, Any]:
     """Reconstruct a mission, write the outputs and print the summary; returns the paths of the outputs."""
     from edl_filter.io.output_folder import output_folder
@@ -157,7 +178,7 @@ def _reconstruct(
         with progress(f"Reconstructing {mission.title or mission.name}", quiet=as_json) as report_step:
             result = run_mission(mission, refit, report_step)
         with progress("Writing results", quiet=as_json):
-            outputs = write_outputs(result, folder, figures and mission.outputs.figures)
+            outputs = write_outputs(result, folder, figures and mission.outputs.figures, formats)
     if as_json:
         paths = {k: str(outputs[k]) for k in ("result", "report")} | {"figures": [str(p) for p in outputs["figures"]]}
         print_json(outputs["content"] | {"outputs": paths})

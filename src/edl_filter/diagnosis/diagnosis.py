@@ -11,16 +11,16 @@ import numpy as np
 
 from edl_filter.aero.increments import DatabaseUpdate
 from edl_filter.diagnosis.linear_model.flight_case import FlightCase
-from edl_filter.diagnosis.residual_analysis.channel_rms import model_rms
 from edl_filter.diagnosis.residual_analysis.database_update import estimate_database_update
 from edl_filter.diagnosis.residual_analysis.latent_force import LatentForce, estimate_latent_force
+from edl_filter.diagnosis.residual_analysis.normalised_residuals import model_rms, residual_series
 from edl_filter.diagnosis.residual_analysis.nuisance_shifts import NuisanceShift, nuisance_shifts
 from edl_filter.diagnosis.residual_analysis.residual_map import Cell, Onset, onsets, residual_map
-from edl_filter.diagnosis.residual_analysis.time_series import residual_series
 from edl_filter.diagnosis.residual_analysis.unexplained import Remainder, describe_remainder
 from edl_filter.diagnosis.selection.decision import UNKNOWN, Verdict, decide
 from edl_filter.diagnosis.selection.evidence_profile import evidence_profile
 from edl_filter.diagnosis.selection.ranking import Progress, Ranking, rank
+from edl_filter.diagnosis.state import state_sentences
 from edl_filter.display import render
 from edl_filter.effects.base import Effect, EffectInstance
 from edl_filter.results.netcdf import tree_of
@@ -79,6 +79,17 @@ class Diagnosis:
         return mission.title or mission.name
 
     @property
+    def database_proxy(self) -> str | None:
+        """For what the aerodynamic database of the mission is a proxy; None where it is the vehicle's own."""
+        aerodynamics = self.ranking.case.mission.aerodynamics
+        return None if aerodynamics is None else aerodynamics.proxy
+
+    @cached_property
+    def state(self) -> tuple[str, ...]:
+        """How much fails, the verdict, how much the leader mends, and what qualifies that: one sentence each."""
+        return state_sentences(self.cells, self.verdict, self.errors, self.database_proxy)
+
+    @property
     def leader(self) -> EffectInstance | None:
         """The effect that is missing, with its estimate; None unless the verdict is ``missing``."""
         return self.verdict.leader
@@ -103,7 +114,7 @@ class Diagnosis:
         return render("plot", self)
 
     def __repr__(self) -> str:
-        return f"<Diagnosis of {self.mission}: {self.verdict.sentence}>"
+        return f"<Diagnosis of {self.mission}: {' '.join(self.state[:2])}>"
 
     def _repr_html_(self) -> str:
         return str(render("html", self))

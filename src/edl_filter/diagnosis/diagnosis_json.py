@@ -12,6 +12,7 @@ from edl_filter.diagnosis.residual_analysis.residual_map import Cell, failing_ce
 from edl_filter.diagnosis.selection.decision import Entry, hypothesis_rms, most_reduced_channel
 from edl_filter.diagnosis.selection.hypothesis import Hypothesis
 from edl_filter.diagnosis.selection.screening import ScreeningResult
+from edl_filter.diagnosis.state import improvement_with
 from edl_filter.effects.base import EffectInstance, label_of
 from edl_filter.results.files import DATABASE_UPDATE
 from edl_filter.results.plain import finite
@@ -28,6 +29,8 @@ def diagnosis_content(diagnosis: Diagnosis) -> dict[str, Any]:
     content = {
         "verdict": verdict.verdict,
         "sentence": verdict.sentence,
+        "state": list(diagnosis.state),
+        "database_proxy": diagnosis.database_proxy,
         "mission": diagnosis.mission,
         "effects": list(diagnosis.effects),
         "where": [_cell(c) for c in failing_cells(diagnosis.cells)],
@@ -95,7 +98,8 @@ def _cell(c: Cell) -> dict[str, Any]:
     return {
         "channel": c.channel, "regime": c.regime, "t0_s": c.t0, "t1_s": c.t1, "normalised_rms": c.rms, "bias": c.bias,
         "autocorrelation": c.autocorrelation, "excess_rms": c.physical, "unit": c.unit,
-        "over_database_sigma": c.over_database_sigma, "count": c.count, "fails": c.fails, "sentence": c.sentence,
+        "over_database_sigma": c.over_database_sigma,
+        "count": c.count, "limit_rms": c.limit, "fails": c.fails, "sentence": c.sentence,
     }  # fmt: skip
 
 
@@ -120,7 +124,7 @@ def _parameters(h: Hypothesis, instance: EffectInstance) -> dict[str, Any]:
 
 def _entry(entry: Entry, before: dict[str, float]) -> dict[str, Any]:
     h = entry.hypothesis
-    after = hypothesis_rms(h)
+    after, improvement = hypothesis_rms(h), improvement_with(h)
     channel = most_reduced_channel(h, before, after)
     return {
         "effect": h.name,
@@ -140,6 +144,8 @@ def _entry(entry: Entry, before: dict[str, float]) -> dict[str, Any]:
         "error_after": after[channel],
         "channel": channel,
         "errors_after": after,
+        "cells_after": improvement.cells,
+        "cells_failing_after": improvement.failing,
     }
 
 

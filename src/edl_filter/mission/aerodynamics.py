@@ -77,6 +77,11 @@ class AerodynamicsConfig(Section):
     rarefied_moment_point: Annotated[Number, Within("diameters", 0.0, 2.0)] | None = Field(
         default=None, description="the same for the rarefied CSV, knudsen,alpha_total_deg,CA,CN,Cm"
     )
+    proxy: str | None = Field(
+        default=None,
+        description="text: whose database stands in for the vehicle's own, which every headline of a diagnosis then "
+        "says; absent: the database is the vehicle's own",
+    )
     interpolation: Literal["linear", "pchip"] = Field(
         default="linear", description="of tables in the angle: linear, or pchip (smooth, odd in CN and Cm)"
     )

@@ -19,12 +19,13 @@ MEANINGS = {
     "CN": "normal force", "CY": "side force", "Cm": "pitching moment", "Cn": "yawing moment", "Cl": "rolling moment",
     "CA": "axial force, preflight density",
 }  # fmt: skip
-#: Coefficient → name of the flight's method, name of the combination's method, and group of the latter.
+_INVERSE = ", by inverse look-up"
+#: Coefficient → origin of the combination, which an inverse look-up in the database takes to it, and its group.
 _METHODS = {
-    "CN": ("accels", "combine Cm", "combination/moments"),
-    "CY": ("accels", "combine Cn", "combination/moments"),
-    "Cm": ("gyros", "combine CN", "combination/forces"),
-    "Cn": ("gyros", "combine CY", "combination/forces"),
+    "CN": ("from moments", "combination/moments"),
+    "CY": ("from moments", "combination/moments"),
+    "Cm": ("from forces", "combination/forces"),
+    "Cn": ("from forces", "combination/forces"),
 }
 
 
@@ -54,7 +55,7 @@ def _both_atmospheres(view: DomainView, name: str) -> Panel:
         view.curve(flight, "blue", "flight atmosphere", 0.9),
     )
     first = name == "CA"
-    y = Axis(name, unit, range=view.limits(flight, preflight, legend=first))
+    y = Axis(name, unit, range=view.limits(flight, preflight, legend=first, outside=0.0))
     return view.panel(y, curves, Legend() if first else None)
 
 
@@ -97,17 +98,17 @@ class _Methods:
             view.values(DATABASE_MEASURED, name),
             view.values(DATABASE, f"{name}_three_sigma"),
             view.values(FLIGHT, name),
-            view.values(_METHODS[name][2], name),
+            view.values(_METHODS[name][1], name),
         )
 
 
 def _methods(view: DomainView, name: str) -> Panel:
-    v, (flight_label, combination_label, _) = _Methods.read(view, name), _METHODS[name]
+    v, (origin, _) = _Methods.read(view, name), _METHODS[name]
     low, high = v.database - v.three_sigma, v.database + v.three_sigma
     elements = (
         view.band(low, high, "blue-faint", "MEVAD 3 sigma"),
-        view.curve(v.combination, "green", combination_label, 1.2),
-        view.curve(v.flight, "vermillion", flight_label),
+        view.curve(v.combination, "green", origin + _INVERSE, 1.2),
+        view.curve(v.flight, "vermillion", "flight"),
         view.curve(v.database, "blue", "MEVAD"),
     )
     return view.panel(
@@ -116,15 +117,15 @@ def _methods(view: DomainView, name: str) -> Panel:
 
 
 def _method_differences(view: DomainView, name: str) -> Panel:
-    v, (flight_label, combination_label, _) = _Methods.read(view, name), _METHODS[name]
+    v, (origin, _) = _Methods.read(view, name), _METHODS[name]
     from_flight, from_combination = v.database - v.flight, v.database - v.combination
     elements: list[Element] = [view.band(-v.three_sigma, v.three_sigma, "blue-faint")]
     if view.has(FLIGHT, f"{name}_sigma"):
         sigma = view.values(FLIGHT, f"{name}_sigma")
         elements.append(view.band(from_flight - sigma, from_flight + sigma, "vermillion-band", "flight's 1 sigma"))
     elements += [
-        view.curve(from_combination, "green", f"MEVAD − {combination_label}", 1.2),
-        view.curve(from_flight, "vermillion", f"MEVAD − {flight_label}"),
+        view.curve(from_combination, "green", f"MEVAD − {origin}", 1.2),
+        view.curve(from_flight, "vermillion", "MEVAD − flight"),
         Line(0.0),
     ]
     limits = view.limits(-v.three_sigma, v.three_sigma, from_flight, from_combination, legend=True)
@@ -148,16 +149,20 @@ def against_database(reader: ResultReader, name: str) -> Panel | None:
         return None
     flight, database = view.values(flight_group, name), view.values(database_group, name)
     elements: list[Element] = []
-    values = [flight, database]
+    values, bands = [flight, database], []
     if view.has(sigma_group, f"{name}_three_sigma"):
         limit = view.values(sigma_group, f"{name}_three_sigma")
         elements.append(view.band(database - limit, database + limit, "blue-band", "database, 3 sigma"))
-        values += [database - limit, database + limit]
+        bands += [database - limit, database + limit]
     if view.has(flight_group, f"{name}_sigma"):
         sigma = view.values(flight_group, f"{name}_sigma")
         elements.append(view.band(flight - sigma, flight + sigma, "vermillion-band", "flight, 1 sigma"))
+        bands += [flight - sigma, flight + sigma] if axial else []  # of others it is wider than all else at first
     elements += [view.curve(database, "blue", "database", 1.4), view.curve(flight, "vermillion", "flight", 1.1)]
-    panel = view.panel(Axis(name, "–", range=view.limits(*values, everywhere=True)), elements, Legend())
+    curve_limits = view.limits(*values, everywhere=True, outside=0.0)  # no curve is clipped
+    band_limits = view.limits(*bands, everywhere=True) if bands else curve_limits
+    limits = min(curve_limits[0], band_limits[0]), max(curve_limits[1], band_limits[1])
+    panel = view.panel(Axis(name, "–", range=limits), elements, Legend())
     caption = f"{name}: {MEANINGS[name]}."
     events = {event: time for event, time in reader.events.items() if time <= view.domain.end}
     return replace(panel, events=events, name=f"coefficient_{name}", caption=caption)

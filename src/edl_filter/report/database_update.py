@@ -11,7 +11,7 @@ from edl_filter.aero.increments import SYMBOLS, DatabaseUpdate, RegimeUpdate
 from edl_filter.report.colours import AXES
 from edl_filter.report.description import Axis, Band, Curve, Element, Figure, Legend, Line, Panel
 from edl_filter.report.text import number
-from edl_filter.results.schema import DatabaseUpdateContent, NuisanceContent
+from edl_filter.results.schema.diagnosis import DatabaseUpdateContent, NuisanceContent
 from edl_filter.types import Array, IntArray
 
 #: Share of the prior variance that the data removed from which a curve is not grey.

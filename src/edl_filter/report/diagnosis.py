@@ -43,16 +43,10 @@ from edl_filter.report.text import (
     words,
 )
 from edl_filter.results.files import DIAGNOSIS_FIGURES
-from edl_filter.results.reader import ResidualSeries
-from edl_filter.results.schema import (
-    DiagnosisContent,
-    ErrorChange,
-    LatentContent,
-    LedgerLine,
-    LedgerStep,
-    MapCell,
-    OnsetContent,
-)  # fmt: skip
+from edl_filter.results.residual_series import ResidualSeries
+from edl_filter.results.schema import DiagnosisContent, LedgerLine, LedgerStep
+from edl_filter.results.schema.diagnosis import LatentContent, MapCell, OnsetContent
+from edl_filter.results.schema.ledger import ErrorChange
 from edl_filter.types import Array
 
 #: Linear part of the axis of gains, nats.
@@ -134,7 +128,7 @@ def residual_map(content: DiagnosisContent | Mapping[str, Any], title: str) -> F
     )
     scale = ColourScale(LEAST, max(MOST, worst), "normalised RMS (1: the model holds); outlined: it fails")
     return Figure(
-        f"{title}: where the model fails", (panels,), (0.42 * rows,), (max(len(regimes), 1), 1.1), 12.5,
+        f"{title}: residual map", (panels,), (0.42 * rows,), (max(len(regimes), 1), 1.1), 12.5,
         (1.75, 1.9, 1.05), (0.75, 0.1), scale=scale,
     )  # fmt: skip
 
@@ -175,7 +169,7 @@ def ranking(content: DiagnosisContent | Mapping[str, Any], title: str) -> Figure
         Axis(range=(len(rows) - 0.5, -0.5), ticks=ticks), tuple(elements),
     )  # fmt: skip
     return Figure(
-        f"{title}: which effect is missing", ((panel,),), (max(0.6 * len(rows), 0.8),), margins=(2.45, 1.0, 1.15),
+        f"{title}: hypotheses on missing effects", ((panel,),), (max(0.6 * len(rows), 0.8),), margins=(2.45, 1.0, 1.15),
         legend=True,
     )  # fmt: skip
 
@@ -203,10 +197,10 @@ def missing(latent: LatentContent, onsets: Sequence[OnsetContent], title: str, e
             elements.append(Band(time, low, high, "", f"{colour}-band", curve=label))
             elements.append(Curve(time, values[:, k], label, colour, unit, 1.0))
         legend = Legend("outside", 1, "bands: 2 sigma") if quantity == "force" else None
-        panels.append(Panel(x, Axis(f"missing {quantity}", unit), tuple(elements), events, legend))
+        panels.append(Panel(x, Axis(f"unexplained {quantity}", unit), tuple(elements), events, legend))
     return Figure(
-        f"{title}: what is missing", tuple((panel,) for panel in panels), (2.9, 2.9), margins=(1.0, 1.5, 0.7),
-        shared_x=True, event_labels=True,
+        f"{title}: unexplained force and moment", tuple((panel,) for panel in panels), (2.9, 2.9),
+        margins=(1.0, 1.5, 0.7), shared_x=True, event_labels=True,
     )  # fmt: skip
 
 
@@ -240,7 +234,7 @@ def ledger_figure(lines: Sequence[LedgerLine | Mapping[str, Any]], noise_floor: 
     x = Axis(range=(-0.3, len(lines) - 0.7), ticks=tuple(enumerate(labels)), tick_angle=angle)
     y = Axis("normalised RMS (1: the model holds)", scale="log", range=limits)
     panel = Panel(x, y, tuple(elements), legend=Legend("outside", 1))
-    return Figure(f"{title}: how the error fell", ((panel,),), (4.0,), margins=(1.0, 2.35, bottom))
+    return Figure(f"{title}: error by added effect", ((panel,),), (4.0,), margins=(1.0, 2.35, bottom))
 
 
 def _errors_before(line: LedgerLine | Mapping[str, Any]) -> dict[str, float | None]:
@@ -289,7 +283,7 @@ def waterfall(lines: Sequence[LedgerLine], diagnosis: DiagnosisContent | None, t
     y = Axis("normalised RMS", "–", "log", (bottom, top), tuple((v, f"{v:g}") for v in values if bottom <= v <= top))
     x = Axis(ticks=tuple((float(k), name) for k, name in enumerate(names)), grid=False)
     noise = () if diagnosis is None else (Line(diagnosis.noise_floor, colour="ink", dash=_DASH, width=1.0),)
-    return Figure(f"{title}: how the error fell", ((Panel(x, y, (bars, *noise)),),), (4.0,))
+    return Figure(f"{title}: error by added effect", ((Panel(x, y, (bars, *noise)),),), (4.0,))
 
 
 def residual_panel(series: ResidualSeries, channel: str, cells: Sequence[MapCell]) -> Panel:
@@ -316,10 +310,7 @@ def residual_panel(series: ResidualSeries, channel: str, cells: Sequence[MapCell
     ]
     x_range, y_range = _residual_ranges(time, values, sigma)
     *instrument, quantity, axis = name.split("_")
-    if quantity == "moment":
-        label = f"angular acceleration\nby moment {axis}"
-    else:
-        label = "\n".join((*instrument, f"{'specific force' if quantity == 'force' else 'angular rate'} {axis}"))
+    label = "\n".join((*instrument, f"{quantity} {axis}"))
     x = Axis(time_label(""), "s", range=x_range)
     return Panel(x, Axis(label, unit, range=y_range), tuple(elements), legend=Legend("upper left", 3))
 

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from edl_filter.report import atmosphere, attitude, coefficients, constraints, motion, rotation, track, trajectory
 from edl_filter.report.description import Figure
-from edl_filter.report.matplotlib_renderer import write_figure
+from edl_filter.report.matplotlib_renderer import draw, write_canvas
 from edl_filter.results.groups import Group
 from edl_filter.results.reader import ResultReader
 
@@ -103,7 +103,9 @@ def _has(reader: ResultReader, need: str) -> bool:
     return reader.has(need)
 
 
-def draw_all(result: ResultReader | DataTree | Mapping[str, Group], folder: Path) -> list[Path]:
+def draw_all(
+    result: ResultReader | DataTree | Mapping[str, Group], folder: Path, formats: Sequence[str] = ("png",)
+) -> list[Path]:
     """Write all figures for which a result has the variables.
 
     Parameters
@@ -112,11 +114,17 @@ def draw_all(result: ResultReader | DataTree | Mapping[str, Group], folder: Path
         Contents of ``result.nc``.
     folder : Path
         Created if it does not exist.
+    formats : sequence of str
+        Of `results.files.FIGURE_FORMATS`.
 
     Returns
     -------
     list of Path
-        PNG files, in the order of `FIGURES`.
+        In the order of `FIGURES`, each in all formats.
     """
     reader = ResultReader.of(result)
-    return [write_figure(FIGURES[name].describe(reader), folder / f"{name}.png") for name in available(reader)]
+    paths = []
+    for name in available(reader):
+        canvas = draw(FIGURES[name].describe(reader))
+        paths += [write_canvas(canvas, folder / f"{name}.{kind}") for kind in formats]
+    return paths

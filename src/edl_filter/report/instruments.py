@@ -9,7 +9,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from edl_filter.report.text import with_sigma, words
-from edl_filter.results.schema import ImuCalibration, Summary
+from edl_filter.results.schema import Summary
+from edl_filter.results.schema.summary import ImuCalibration
 
 #: Heads of the columns.
 HEADS = ("", "x", "y", "z", "stated")

@@ -180,9 +180,17 @@ _LEGENDS: dict[str, dict[str, Any]] = {
 
 
 def write_figure(figure: Figure, path: Path) -> Path:
-    """Draw a figure and write it as a PNG file, which appears only when it is complete."""
-    canvas = draw(figure)
-    return replace_with(path, lambda temporary: canvas.savefig(temporary, dpi=DPI, pil_kwargs={"compress_level": 1}))
+    """Draw a figure and write it as PNG, SVG or PDF by its suffix; the file appears only when it is complete."""
+    return write_canvas(draw(figure), path)
+
+
+def write_canvas(canvas: Canvas, path: Path) -> Path:
+    """Write a drawn figure as PNG, SVG or PDF by its suffix; the file appears only when it is complete."""
+    kind = path.suffix.removeprefix(".")
+    options: dict[str, Any] = {"dpi": DPI, "pil_kwargs": {"compress_level": 1}} if kind == "png" else {}
+    if kind in ("svg", "pdf"):  # the same figure is the same file
+        options["metadata"] = {"Date": None} if kind == "svg" else {"CreationDate": None}
+    return replace_with(path, lambda temporary: canvas.savefig(temporary, format=kind, **options))
 
 
 def power_label(value: float, _position: float = 0.0) -> str:

@@ -17,9 +17,12 @@ from edl_filter.report.text import (
     error_fall,
     fixed_digits,
     hypothesis_label,
+    none_gain_sentence,
+    none_gain_text,
     number,
     parameters_text,
     readable,
+    state_sentences,
     with_sigma,
     words,
 )  # fmt: skip
@@ -113,10 +116,11 @@ def diagnosis_card(diagnosis: Diagnosis) -> str:
         for h in content.ranking
     ]
     something = content.something_else
-    ranking.append(("nothing is missing", chance(content.none), number(content.none_gain), "–", "", ""))
+    ranking.append(("nothing is missing", chance(content.none), none_gain_text(content), "–", "", ""))
     ranking.append(("something else", chance(something.probability), number(something.score_gain), "–", "", ""))
     heads = ("hypothesis", "probability", "gain (nats)", "held out (nats)", "parameters", "normalised RMS")
-    parts = [_text(content.sentence, bold=True)]
+    first, *qualifying = state_sentences(content)
+    parts = [_text(first, bold=True), *map(_text, qualifying)]
     if content.effects:
         parts.append(_text(f"In the model: {', '.join(content.effects)}."))
     cells = content.where
@@ -133,6 +137,8 @@ def diagnosis_card(diagnosis: Diagnosis) -> str:
     else:
         parts.append(_text("No channel fails in any regime."))
     parts.append(_table(heads, ranking))
+    if reason := none_gain_sentence(content):
+        parts.append(_text(reason))
     if content.remainder is not None:
         parts.append(_text(f"What is left: {content.remainder.description}"))
     parts += [_text(f"Left out: {reason}") for reason in content.failed.values()]

@@ -15,15 +15,19 @@ from numpy.typing import ArrayLike, NDArray
 
 from edl_filter.report.decimate import envelope, reduced
 from edl_filter.report.description import Axis, Band, Bars, Curve, Figure, HeatMap, Line, Panel, Region, Span, Text
-from edl_filter.report.text import EVENT_LABELS, event_label
+from edl_filter.report.text import event_label, readable
 from edl_filter.types import Array, BoolArray
 
 Trace = dict[str, Any]
 
 #: Bins of a curve, in which two samples remain.
 BINS = 400
-#: Least distance of the labels of two events, share of the axis.
-_LABEL_DISTANCE = 0.06
+#: Name of the annotations that label events.
+EVENT = "event"
+#: Decades of a logarithmic axis up to which 2 and 5 have ticks too, and beyond which every second decade has one.
+_FEW_DECADES, _MANY_DECADES = 1.6, 8.0
+#: Powers of ten in positional notation.
+_POSITIONAL = (-3, 4)
 #: Pixels below the axes for the time label, for a legend, and above them for labels of events.
 BELOW, LEGEND_HEIGHT, ABOVE = 46, 34, 74
 #: Largest number of pieces into which gaps divide a band; with more it is drawn across its gaps.
@@ -80,6 +84,8 @@ def plotly_figure(figure: Figure, height: int, bins: int = BINS) -> dict[str, An
             result[y_name.replace("y", "yaxis")] = _axis(panel.y) | {
                 "domain": tops[r], "automargin": len(figure.panels) == 1, "anchor": x_name,
             }  # fmt: skip
+            if panel.aspect != "auto":
+                result[y_name.replace("y", "yaxis")] |= {"scaleanchor": x_name}
             if own_x:
                 last = (
                     f"y{k + columns * (len(figure.rows) - 1)}" if figure.shared_x and len(figure.rows) > 1 else y_name
@@ -135,7 +141,7 @@ def axis_layout(title: str) -> dict[str, Any]:
 def event_marks(
     events: Mapping[str, float], span: tuple[float, float] | None
 ) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
-    """Lines at all events in an interval, and labels above those whose labels do not overlap.
+    """Lines at all events in an interval, and a label above each.
 
     Parameters
     ----------
@@ -152,18 +158,11 @@ def event_marks(
     ]  # fmt: skip
     if not inside:
         return lines, []
-    low, high = span if span is not None else (min(inside.values()), max(inside.values()))
-    order = sorted(
-        inside, key=lambda name: list(EVENT_LABELS).index(name) if name in EVENT_LABELS else len(EVENT_LABELS)
-    )
-    labelled: list[str] = []
-    for name in order:
-        if all(abs(inside[name] - inside[n]) > _LABEL_DISTANCE * (high - low) for n in labelled):
-            labelled.append(name)
+    # the page's script moves labels apart that would overlap
     return lines, [
-        {"x": inside[name], "xref": "x", "y": 1, "yref": "paper", "yanchor": "bottom", "showarrow": False,
+        {"x": t, "xref": "x", "y": 1, "yref": "paper", "yanchor": "bottom", "showarrow": False, "name": EVENT,
          "text": event_label(name), "textangle": -90, "font": {"size": 11, "color": "@muted"}}
-        for name in labelled
+        for name, t in sorted(inside.items(), key=lambda event: event[1])
     ]  # fmt: skip
 
 
@@ -250,12 +249,30 @@ def _column(widths: Sequence[float], column: int) -> list[float]:
 def _axis(axis: Axis) -> dict[str, Any]:
     result = axis_layout(axis.text.replace("\n", " ")) | {"showgrid": axis.grid}
     if axis.scale == "log":
-        result |= {"type": "log"} | ({"dtick": 1} if axis.ticks is None else {})
+        result["type"] = "log"
+        if axis.ticks is None:  # plotly's own labels of powers are larger than those of other axes
+            result |= _log_ticks(axis.range)
     if axis.range is not None:
         result["range"] = [math.log10(v) for v in axis.range] if axis.scale == "log" else list(axis.range)
     if axis.ticks is not None:
         result |= {"tickvals": [p for p, _ in axis.ticks], "ticktext": [label for _, label in axis.ticks]}
     return result
+
+
+def _log_ticks(limits: tuple[float, float] | None) -> dict[str, Any]:
+    """Ticks of a logarithmic axis, with labels of one size."""
+    low, high = (-30.0, 30.0) if limits is None else (math.log10(v) for v in limits)
+    mantissas = (1, 2, 5) if high - low < _FEW_DECADES else (1,)
+    step = 2 if limits is not None and high - low > _MANY_DECADES else 1
+    powers = range(step * math.floor(low / step), math.ceil(high) + 1, step)
+    ticks = [(m, power) for power in powers for m in mantissas]
+    return {"tickvals": [m * 10.0**p for m, p in ticks], "ticktext": [_power_text(m, p) for m, p in ticks]}
+
+
+def _power_text(mantissa: int, power: int) -> str:
+    if _POSITIONAL[0] <= power <= _POSITIONAL[1]:
+        return f"{mantissa * 10.0**power:g}"
+    return readable(f"10^{power}" if mantissa == 1 else f"{mantissa}·10^{power}")
 
 
 def _placed(item: dict[str, Any], x_name: str, y_name: str) -> dict[str, Any]:

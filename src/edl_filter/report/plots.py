@@ -1,7 +1,8 @@
 """Figures in Python: ``result.plot`` and ``diagnosis.plot``, accessors to the figures of a run.
 
 Each method draws one of the figures that a run or a diagnosis writes, displays it through pyplot, and returns its
-matplotlib axes, one or an array of them, to draw on further. Methods with ``ax`` draw on these axes instead.
+matplotlib axes, one or an array of them, to draw on further. With ``ax`` or ``axes`` they
+draw on these axes instead.
 """
 
 from __future__ import annotations
@@ -19,7 +20,8 @@ from edl_filter.report import attitude, constraints, diagnosis, motion, track, t
 from edl_filter.report.description import Figure, Panel
 from edl_filter.report.figures import FIGURES, available
 from edl_filter.report.matplotlib_renderer import draw, draw_panel, pyplot_figures
-from edl_filter.results.reader import ResidualSeries, ResultReader
+from edl_filter.results.reader import ResultReader
+from edl_filter.results.residual_series import ResidualSeries
 from edl_filter.results.schema import DiagnosisContent
 
 if TYPE_CHECKING:
@@ -48,9 +50,9 @@ class ResultPlots:
     def __repr__(self) -> str:
         return f"<figures of {self._reader.title}: {', '.join(n for n in dir(self) if n[0] != '_')}>"
 
-    def trajectory(self) -> AxesArray:
+    def trajectory(self, axes: Sequence[Axes] | None = None) -> AxesArray:
         """Altitude (km), air-relative velocity (km/s) and the uncertainty of both against time, ``(3,)``."""
-        return self.figure("altitude_velocity")
+        return self.figure("altitude_velocity", axes)
 
     def altitude(self, ax: Axes | None = None) -> Axes:
         """Areodetic altitude (km)."""
@@ -68,13 +70,13 @@ class ResultPlots:
         """Axial deceleration (m/s²), logarithmic."""
         return self._panel(motion.axial_deceleration(self._reader), "axial deceleration", ax)
 
-    def accelerations(self) -> AxesArray:
+    def accelerations(self, axes: Sequence[Axes] | None = None) -> AxesArray:
         """Accelerations at the centre of mass (m/s²), before and under the parachute."""
-        return self.figure("accelerations")
+        return self.figure("accelerations", axes)
 
-    def rates(self) -> AxesArray:
+    def rates(self, axes: Sequence[Axes] | None = None) -> AxesArray:
         """Angular rates (°/s), before and under the parachute."""
-        return self.figure("angular_rates")
+        return self.figure("angular_rates", axes)
 
     def angle_of_attack(self, ax: Axes | None = None) -> Axes:
         """Total angle of attack (°) with bands of one and three sigma, until the parachute."""
@@ -84,9 +86,9 @@ class ResultPlots:
         """Quaternion to the body, until the parachute."""
         return self._panel(attitude.quaternion(self._reader), attitude.quaternion_subject(self._reader), ax)
 
-    def track(self) -> AxesArray:
+    def track(self, axes: Sequence[Axes] | None = None) -> AxesArray:
         """Ground track, and the landing with its 3-sigma ellipses (km)."""
-        return self.figure("ground_track")
+        return self.figure("ground_track", axes)
 
     def landing(self, ax: Axes | None = None, *, near: bool = False) -> Axes:
         """Landing position with and without the landing constraint (km).
@@ -112,15 +114,15 @@ class ResultPlots:
         """Each constraint against the prediction from all others, in sigmas."""
         return self._rows("leave_one_out", ax)
 
-    def atmosphere(self) -> AxesArray:
+    def atmosphere(self, axes: Sequence[Axes] | None = None) -> AxesArray:
         """Density (kg/m³), pressure (Pa), temperature (K) against altitude, and their ratios to the preflight ones."""
-        return self.figure("atmosphere_profile")
+        return self.figure("atmosphere_profile", axes)
 
-    def mach(self) -> AxesArray:
+    def mach(self, axes: Sequence[Axes] | None = None) -> AxesArray:
         """Mach and Knudsen numbers with the flight's and the preflight atmosphere."""
-        return self.figure("mach_and_knudsen")
+        return self.figure("mach_and_knudsen", axes)
 
-    def coefficients(self, which: str = "forces") -> AxesArray:
+    def coefficients(self, which: str = "forces", axes: Sequence[Axes] | None = None) -> AxesArray:
         """Aerodynamic coefficients of flight and database.
 
         Parameters
@@ -128,6 +130,8 @@ class ResultPlots:
         which : {"forces", "moments", "rolling", "atmospheres", "database"}
             CN and CY, or Cm and Cn, by three methods; Cl and its parts; change of the flight's, or of the database's
             coefficients with the atmosphere.
+        axes : sequence of Axes, optional
+            Axes to draw on, one for each panel.
 
         Raises
         ------
@@ -136,34 +140,36 @@ class ResultPlots:
         """
         if which not in COEFFICIENTS:
             raise InputError(f"coefficients: found {which!r}; accepted: {', '.join(COEFFICIENTS)}.")
-        return self.figure(COEFFICIENTS[which])
+        return self.figure(COEFFICIENTS[which], axes)
 
-    def angles(self) -> AxesArray:
+    def angles(self, axes: Sequence[Axes] | None = None) -> AxesArray:
         """Angle of attack and sideslip (°) by three methods, and their differences."""
-        return self.figure("angles_by_method")
+        return self.figure("angles_by_method", axes)
 
-    def angular_accelerations(self) -> AxesArray:
+    def angular_accelerations(self, axes: Sequence[Axes] | None = None) -> AxesArray:
         """Angular accelerations (°/s²) with their bands."""
-        return self.figure("angular_accelerations")
+        return self.figure("angular_accelerations", axes)
 
-    def oscillation(self) -> AxesArray:
+    def oscillation(self, axes: Sequence[Axes] | None = None) -> AxesArray:
         """Lateral rates (°/s), growth of the oscillation by its damping (1/s) and static stability (1/rad)."""
-        return self.figure("oscillation")
+        return self.figure("oscillation", axes)
 
-    def figure(self, name: str) -> AxesArray:
+    def figure(self, name: str, axes: Sequence[Axes] | None = None) -> AxesArray:
         """Any figure of a run by the name of its file.
 
         Parameters
         ----------
         name : str
             Name of the file without its suffix.
+        axes : sequence of Axes, optional
+            Axes to draw on, one for each panel.
 
         Raises
         ------
         InputError
-            There is no figure of that name, or this flight has no data for it.
+            There is no figure of that name, this flight has no data for it, or the number of axes is wrong.
         """
-        return _displayed(self._describe(name))
+        return _drawn(self._describe(name), axes)
 
     def _describe(self, name: str) -> Figure:
         names = available(self._reader)
@@ -194,16 +200,28 @@ class DiagnosisPlots:
         names = ", ".join(n for n in dir(self) if n[0] != "_")
         return f"<figures of the diagnosis of {self._diagnosis.title}: {names}>"
 
-    def heatmap(self) -> AxesArray:
-        """Normalised RMS of every channel and regime, of every constraint, and the scale, ``(3,)``."""
-        return _displayed(diagnosis.residual_map(self._content, self._diagnosis.title))
+    def heatmap(self, axes: Sequence[Axes] | None = None) -> AxesArray:
+        """Normalised RMS of every channel and regime, of every constraint, and the scale, ``(3,)``.
 
-    def ranking(self) -> Axes:
+        Parameters
+        ----------
+        axes : sequence of Axes, optional
+            Two axes to draw the channels and the constraints on, without the scale.
+        """
+        return _drawn(diagnosis.residual_map(self._content, self._diagnosis.title), axes)
+
+    def ranking(self, ax: Axes | None = None) -> Axes:
         """Gain of every hypothesis (nats)."""
-        return _displayed(diagnosis.ranking(self._content, self._diagnosis.title))[0]
+        figure = diagnosis.ranking(self._content, self._diagnosis.title)
+        return _drawn(figure, None if ax is None else (ax,))[0]
 
-    def missing(self) -> AxesArray:
+    def missing(self, axes: Sequence[Axes] | None = None) -> AxesArray:
         """Missing force (N) and moment (N m) against time with bands of two sigmas, ``(2,)``.
+
+        Parameters
+        ----------
+        axes : sequence of Axes, optional
+            Two axes to draw on.
 
         Raises
         ------
@@ -215,7 +233,7 @@ class DiagnosisPlots:
                 f"missing: found the verdict {self._content.verdict!r}; a missing force is estimated where it is "
                 "'unknown'."
             )
-        return _displayed(diagnosis.missing(self._content.latent, self._content.onsets, self._diagnosis.title))
+        return _drawn(diagnosis.missing(self._content.latent, self._content.onsets, self._diagnosis.title), axes)
 
     def residual(self, channel: str, ax: Axes | None = None) -> Axes:
         """One channel's residual against time, in its unit, with the band of two stated sigmas.
@@ -255,13 +273,15 @@ class DiagnosisPlots:
         gains = self._diagnosis.scan(effect, place, values)
         return self._panel(diagnosis.evidence_panel(gains), f"evidence for {gains.name}", ax)
 
-    def fall(self, *earlier: Diagnosis) -> Axes:
+    def fall(self, *earlier: Diagnosis, ax: Axes | None = None) -> Axes:
         """Normalised RMS of the channels that fail, from earlier diagnoses of the same flight to this one.
 
         Parameters
         ----------
         *earlier : Diagnosis
             Diagnoses of the preceding models, in order.
+        ax : Axes, optional
+            Axes to draw on.
 
         Raises
         ------
@@ -283,12 +303,26 @@ class DiagnosisPlots:
             }
             for step, successor in zip(steps, [*steps[1:], self._diagnosis], strict=True)
         ]
-        return _displayed(diagnosis.ledger_figure(lines, self._diagnosis.noise_floor, self._diagnosis.title))[0]
+        figure = diagnosis.ledger_figure(lines, self._diagnosis.noise_floor, self._diagnosis.title)
+        return _drawn(figure, None if ax is None else (ax,))[0]
 
     def _panel(self, panel: Panel, subject: str, ax: Axes | None) -> Axes:
         if ax is not None:
             return draw_panel(panel, ax)
         return _displayed(diagnosis.single_figure(panel, f"{self._diagnosis.title}: {subject}"))[0]
+
+
+def _drawn(figure: Figure, axes: Sequence[Axes] | None) -> AxesArray:
+    """A figure that pyplot displays, or its panels on given axes."""
+    if axes is None:
+        return _displayed(figure)
+    panels = [panel for row in figure.rows for panel in row]
+    given = np.ravel(np.asarray(axes, object))
+    if len(given) != len(panels):
+        raise InputError(f"plot: found {len(given)} axes; expected {len(panels)}, one for each panel.")
+    for panel, ax in zip(panels, given, strict=True):
+        draw_panel(panel, ax)
+    return given
 
 
 def _displayed(figure: Figure) -> AxesArray:

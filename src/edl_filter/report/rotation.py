@@ -60,8 +60,8 @@ def _angle(view: DomainView, name: str) -> Panel:
         np.degrees(view.values(group, name)) for group in (_ANGLES, "combination/forces", "combination/moments")
     )
     curves = (
-        view.curve(moments, "green", "from moments", 1.2),
-        view.curve(forces, "vermillion", "from forces"),
+        view.curve(moments, "green", "from moments, by inverse look-up", 1.2),
+        view.curve(forces, "vermillion", "from forces, by inverse look-up"),
         view.curve(reconstructed, "blue", "reconstructed"),
     )
     label = {"alpha": "angle of\nattack", "beta": "sideslip"}[name]

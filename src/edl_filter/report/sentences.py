@@ -6,7 +6,8 @@ import math
 from collections.abc import Mapping, Sequence
 
 from edl_filter.report.text import number, with_sigma, words
-from edl_filter.results.schema import (
+from edl_filter.results.schema import Summary
+from edl_filter.results.schema.summary import (
     EffectParameter,
     EntryState,
     EventState,
@@ -17,8 +18,7 @@ from edl_filter.results.schema import (
     RecoverySummary,
     SampleFindingSummary,
     Smoothing,
-    Summary,
-)  # fmt: skip
+)
 from edl_filter.telemetry.record import KINDS
 
 #: Share of a constraint's uses that may fail the gate before a run warns.

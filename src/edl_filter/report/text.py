@@ -8,7 +8,9 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from edl_filter.results.schema import ConstraintSummary, DiagnosisContent, MapCell, OnsetContent, RankedHypothesis
+    from edl_filter.results.schema import DiagnosisContent
+    from edl_filter.results.schema.diagnosis import MapCell, OnsetContent, RankedHypothesis
+    from edl_filter.results.schema.summary import ConstraintSummary
 
 #: Labels of events, the most important first: where labels would overlap, the first has precedence.
 EVENT_LABELS = {
@@ -26,6 +28,8 @@ CONSTRAINTS = "constraints"
 REMAINDER_HINT = "Write it as an effect of your own (docs/effects.md), then diagnose with --file my_effect.py."
 #: Number of onsets that a sentence lists.
 _ONSETS = 3
+#: Log evidence against a hypothesis beyond which its number says no more than that it is excluded, nats.
+_EXCLUDED = 100.0
 #: Largest power of ten of a number in positional notation, and largest number of digits of an estimate.
 _POWER, _DIGITS = 6, 9
 _SUPERSCRIPTS = str.maketrans("0123456789-", "⁰¹²³⁴⁵⁶⁷⁸⁹⁻")
@@ -74,6 +78,37 @@ def undetectable_sentence(diagnosis: DiagnosisContent) -> str:
             f"detectable sizes, relative to plausible ones: {listed}."
         )
     return f"Not detectable at a plausible size on this flight (relative size that would be): {listed}."
+
+
+def state_sentences(diagnosis: DiagnosisContent) -> list[str]:
+    """The state of a flight: how much fails with the verdict, and what qualifies it."""
+    count, verdict, *more = map(readable, diagnosis.state)
+    return [f"{count} {verdict}", *more]
+
+
+def none_gain_text(diagnosis: DiagnosisContent) -> str:
+    """Gain of the hypothesis that nothing is missing; a hopeless one in words, which `none_gain_sentence` explains."""
+    return "excluded" if _is_excluded(diagnosis) else number(diagnosis.none_gain)
+
+
+def none_gain_sentence(diagnosis: DiagnosisContent) -> str:
+    """Why it is excluded that nothing is missing; empty where it is not."""
+    if not _is_excluded(diagnosis):
+        return ""
+    nats = _with_thousands(-(diagnosis.none_gain or 0.0))
+    return (
+        "“Nothing is missing” is excluded: the noise would have to be as stated, and the residuals are less likely "
+        f"then than with as much noise as they show, by a log evidence of {nats} nats."
+    )
+
+
+def _is_excluded(diagnosis: DiagnosisContent) -> bool:
+    return diagnosis.none_gain is not None and diagnosis.none_gain < -_EXCLUDED
+
+
+def _with_thousands(value: float) -> str:
+    """An integer with thin spaces between thousands."""
+    return f"{value:,.0f}".replace(",", "\u202f")
 
 
 def time_label(epoch_utc: str) -> str:

@@ -108,12 +108,27 @@ def altitude_velocity(reader: ResultReader) -> Figure:
 
 
 def flight_history(reader: ResultReader) -> Figure:
-    """Altitude, speed, Mach number and dynamic pressure as far as the result has them, and one sigma."""
-    panels = {"altitude": altitude, "speed": speed, "mach": mach, "dynamic_pressure": dynamic_pressure}
+    """Altitude, speed, flight-path angle, Mach number, dynamic pressure where available, and one sigma."""
+    panels = {
+        "altitude": altitude, "speed": speed, "flight_path_angle": flight_path_angle, "mach": mach,
+        "dynamic_pressure": dynamic_pressure,
+    }  # fmt: skip
     available = [panel(reader) for name, panel in panels.items() if reader.trajectory(name) is not None]
     available.append(uncertainty(reader, 1))
     rows = tuple((replace(panel, shifted_axis=None),) for panel in available if panel.elements)
     return Figure(f"{reader.title}: trajectory", rows, (1.6,) * len(rows), shared_x=True, event_labels=True)
+
+
+def flight_path_angle(reader: ResultReader) -> Panel:
+    """Air-relative flight-path angle, positive up."""
+    return _panel(
+        reader,
+        "flight_path_angle",
+        Axis("flight-path\nangle", "°"),
+        "flight-path angle",
+        "green",
+        float(np.degrees(1.0)),
+    )
 
 
 def altitude_over_speed(reader: ResultReader) -> Figure:

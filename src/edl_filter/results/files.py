@@ -22,6 +22,8 @@ if TYPE_CHECKING:  # building the models takes longer than some commands
 RESULT, SUMMARY, REPORT, FIGURES, TABLES = "result.nc", "summary.json", "report.html", "figures", "tables"
 #: Tables of a run in ``tables/``, where the mission has an aerodynamic database.
 POSTFLIGHT_TABLES = ("average_differences.csv", "atmosphere_differences.csv", "verdicts.csv", "atmosphere.csv")
+#: Formats of figures.
+FIGURE_FORMATS = ("png", "svg", "pdf")
 #: Files that `edl-filter diagnose` adds: the diagnosis, its residuals against time, its figures in ``figures/``.
 DIAGNOSIS, RESIDUALS = "diagnosis.json", "residuals.nc"
 DIAGNOSIS_FIGURES = ("diagnosis_heatmap", "diagnosis_ranking", "diagnosis_database", "diagnosis_missing")

@@ -7,6 +7,7 @@ the format that results need. xarray, h5netcdf and netCDF-C read the files (netC
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -142,3 +143,27 @@ def _attributes(node: Any) -> dict[str, Any]:
 def _plain(value: Any) -> Any:
     """A scalar as a Python number."""
     return value.item() if isinstance(value, np.generic) else value
+
+
+class FileGroups(Mapping[str, Group]):
+    """Groups of an open HDF5 file, each read when it is first used."""
+
+    def __init__(self, path: Path) -> None:
+        self.file = h5py.File(path, "r")
+        self._groups: dict[str, Group] = {}
+
+    def __getitem__(self, path: str) -> Group:
+        if path not in self._groups:
+            node = self.file.get(path)
+            if not isinstance(node, h5py.Group):
+                raise KeyError(path)
+            self._groups[path] = read_group(node, lazily=True)
+        return self._groups[path]
+
+    def __iter__(self) -> Iterator[str]:
+        names: list[str] = []
+        self.file.visititems(lambda name, node: names.append(f"/{name}") if isinstance(node, h5py.Group) else None)
+        return iter(["/", *names])
+
+    def __len__(self) -> int:
+        return sum(1 for _ in self)

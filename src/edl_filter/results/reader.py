@@ -9,13 +9,12 @@ not contain is None or empty.
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, TypeVar, cast
 
-import h5py
 import numpy as np
 
 from edl_filter.aero.increments import DatabaseUpdate
@@ -33,14 +32,17 @@ from edl_filter.results.files import (
     read_summary,
 )
 from edl_filter.results.groups import Group, Variable
-from edl_filter.results.hdf5 import read_group, read_groups
+from edl_filter.results.hdf5 import FileGroups
 from edl_filter.results.netcdf import check_result
+from edl_filter.results.residual_series import ResidualSeries
 from edl_filter.types import Array, BoolArray
 
 if TYPE_CHECKING:
-    from xarray import Dataset, DataTree
+    from xarray import DataTree
 
     from edl_filter.results.schema import DiagnosisContent, LedgerLine, Summary
+
+__all__ = ["AFTER_LANDING", "Phase", "ResidualSeries", "ResultReader", "ValidationDomain"]
 
 T = TypeVar("T")
 Phase = Literal["flight", "entry", "descent"]
@@ -83,96 +85,6 @@ class ValidationDomain:
     def significant(self) -> BoolArray:
         """Samples ``(N,)`` at which the force coefficients are significant."""
         return (self.time >= self.useful) & (self.time <= self.end)
-
-
-@dataclass(frozen=True, eq=False)
-class ResidualSeries:
-    """Residuals against time, the contents of ``residuals.nc``; NaN where a channel was not compared.
-
-    Attributes
-    ----------
-    time : (N,) array
-        s since the epoch.
-    channels, units : tuple of str
-        Names and units of the C channels.
-    residual, sigma : (C, N) arrays
-        Measured minus predicted, and its stated 1 sigma, in the channel's unit.
-    normalised : (C, N) array
-        Residual over sigma.
-    """
-
-    time: Array
-    channels: tuple[str, ...]
-    units: tuple[str, ...]
-    residual: Array
-    sigma: Array
-    normalised: Array
-
-    @classmethod
-    def from_dataset(cls, dataset: Dataset) -> ResidualSeries:
-        """Residuals from an xarray Dataset with the variables of ``residuals.nc``."""
-        return cls._from_arrays({str(name): dataset[name].values for name in dataset.variables})
-
-    @classmethod
-    def from_file(cls, path: Path) -> ResidualSeries:
-        """Residuals from ``residuals.nc``.
-
-        Raises
-        ------
-        InputError
-            The file does not exist or cannot be read.
-        """
-        if not path.is_file():
-            raise InputError(f"{path}: found no {RESIDUALS}; diagnose the result again, which writes it.")
-        try:
-            variables = read_groups(path)["/"].variables
-            return cls._from_arrays({name: variable.values for name, variable in variables.items()})
-        except (OSError, KeyError) as error:
-            raise InputError(f"{path}: {RESIDUALS} cannot be read ({error!r}); diagnose the result again.") from None
-
-    @classmethod
-    def _from_arrays(cls, arrays: Mapping[str, Any]) -> ResidualSeries:
-        channels, units = (tuple(map(str, arrays[name])) for name in ("channel", "unit"))
-        time, residual, sigma, normalised = (
-            np.asarray(arrays[name], float) for name in ("time", "residual", "sigma", "normalised")
-        )
-        return cls(time, channels, units, residual, sigma, normalised)
-
-    def index(self, channel: str) -> int:
-        """Index of a channel.
-
-        Raises
-        ------
-        InputError
-            There is no such channel.
-        """
-        if channel not in self.channels:
-            raise InputError(f"residual: found {channel!r}; accepted: {', '.join(self.channels)}.")
-        return self.channels.index(channel)
-
-
-class _FileGroups(Mapping[str, Group]):
-    """Groups of an open HDF5 file, each read when it is first used."""
-
-    def __init__(self, path: Path) -> None:
-        self.file = h5py.File(path, "r")
-        self._groups: dict[str, Group] = {}
-
-    def __getitem__(self, path: str) -> Group:
-        if path not in self._groups:
-            node = self.file.get(path)
-            if not isinstance(node, h5py.Group):
-                raise KeyError(path)
-            self._groups[path] = read_group(node, lazily=True)
-        return self._groups[path]
-
-    def __iter__(self) -> Iterator[str]:
-        names: list[str] = []
-        self.file.visititems(lambda name, node: names.append(f"/{name}") if isinstance(node, h5py.Group) else None)
-        return iter(["/", *names])
-
-    def __len__(self) -> int:
-        return sum(1 for _ in self)
 
 
 class ResultReader:
@@ -239,11 +151,11 @@ class ResultReader:
             reader = cls({}, folder)
             reader.problems[RESULT] = str(error)
             return reader
-        return cls(_FileGroups(folder / RESULT), folder)
+        return cls(FileGroups(folder / RESULT), folder)
 
     def close(self) -> None:
         """Close the file of the result."""
-        if isinstance(self.groups, _FileGroups):
+        if isinstance(self.groups, FileGroups):
             self.groups.file.close()
 
     def __enter__(self) -> ResultReader:

@@ -55,7 +55,8 @@ def summary(reconstruction: Reconstruction, derived: Derived, refit: RefitSummar
             for name, fit in reconstruction.calibrations.items()
         },
         "pre_entry_bias_m_s2": _bias(reconstruction),
-        "residuals": dict(refit.residuals) | innovations(reconstruction.constraint_checks),
+        "residuals": dict(refit.residuals),
+        "innovation_rms": innovation_rms(reconstruction.constraint_checks),
         "postflight": None if derived.postflight is None else postflight.summary(derived.postflight),
         "effects": effects_content(reconstruction, refit.sigma),
         "sample_findings": [finding_content(f) for f in reconstruction.telemetry.findings],
@@ -314,10 +315,11 @@ def _fit(fit: Misalignment) -> dict[str, Any]:
     }
 
 
-def innovations(statements: list[ConstraintCheck]) -> dict[str, dict[str, float]]:
-    """Normalised RMS of the filter's innovations: ``"constraint: component"`` → 1 where they have the stated sigma."""
-    residuals: dict[str, dict[str, float]] = {}
-    for s in statements:
-        rms = np.sqrt(np.mean((s.innovation / s.innovation_sigma) ** 2, axis=0))
-        residuals |= {f"{s.name}: {c}": {"overall": float(value)} for c, value in zip(s.components, rms, strict=True)}
-    return residuals
+def innovation_rms(checks: list[ConstraintCheck]) -> dict[str, dict[str, float]]:
+    """Normalised RMS of the filter's innovations: constraint → component → 1 where they have their predicted sigma."""
+    return {
+        c.name: dict(
+            zip(c.components, np.sqrt(np.mean((c.innovation / c.innovation_sigma) ** 2, axis=0)).tolist(), strict=True)
+        )
+        for c in checks
+    }

@@ -78,18 +78,19 @@ def _column(r: Reopened, diagnosis: DiagnosisContent | None) -> dict[str, Any]:
 
 
 def _overall_rms(r: Reopened, diagnosis: DiagnosisContent | None) -> dict[str, float | None]:
-    """Normalised RMS over the flight: as diagnosed, as run, or computed now."""
+    """Normalised RMS over the flight, of the diagnosis or of the run; otherwise computed as these compute it."""
     if diagnosis is not None:
         return dict(diagnosis.errors)
     residuals = r.residuals
     if not residuals:
-        from edl_filter.diagnosis.residual_analysis.run_residuals import residual_rms
-        from edl_filter.pipeline.reconstruct import reconstruct
+        from edl_filter.diagnosis.linear_model.flight_case import load_case
+        from edl_filter.diagnosis.linear_model.linearization import credible_model
+        from edl_filter.diagnosis.residual_analysis.residual_map import rms_by_regime
 
         require_prediction_inputs(r.mission, str(r.path))
-        reconstruction = reconstruct(r.mission, r.effects)
-        r.check_same_flight(reconstruction)
-        residuals = residual_rms(reconstruction)
+        case = load_case(r.mission, r.effects)
+        r.check_same_flight(case.reconstruction)
+        residuals = rms_by_regime(credible_model(case)[0])
     return {channel: by_regime["overall"] for channel, by_regime in residuals.items()}
 
 

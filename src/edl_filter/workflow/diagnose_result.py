@@ -5,13 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from shlex import quote
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from edl_filter.diagnosis.diagnosis import diagnose
 from edl_filter.diagnosis.diagnosis_json import diagnosis_content
 from edl_filter.diagnosis.linear_model.flight_case import load_case
-from edl_filter.diagnosis.residual_analysis.time_series import residual_series
+from edl_filter.diagnosis.residual_analysis.normalised_residuals import residual_series
 from edl_filter.diagnosis.selection.ranking import Progress, candidate_instances
 from edl_filter.effects.instances import lookup
 from edl_filter.effects.registry import effects_in, selected_effects
@@ -25,10 +24,10 @@ from edl_filter.results.files import (
     DATABASE_UPDATE,
     DIAGNOSIS,
     DIAGNOSIS_FIGURES,
+    FIGURE_FORMATS,
     FIGURES,
     REPORT,
     RESIDUALS,
-    SUMMARY,
     TABLES,
     UPDATE_TABLES,
     read_summary,
@@ -36,6 +35,9 @@ from edl_filter.results.files import (
 )
 from edl_filter.results.netcdf import write
 from edl_filter.results.reopen import Reopened, reopen
+
+if TYPE_CHECKING:
+    from edl_filter.report.next_step import NextStep
 
 
 @dataclass(frozen=True)
@@ -49,19 +51,22 @@ class DiagnosisFiles:
     path : Path
         ``diagnosis.json``.
     figures : list of Path
-    following : list of str
-        Commands to type next.
+    following : NextStep
+        What to do next, with the commands.
     report : Path
         ``report.html``, with the diagnosis in it.
+    warnings : list of str
+        Reasons not to trust the result that is diagnosed.
     headline : str or None
-        Why the result is not to be trusted; None where it is.
+        Why that result is not to be trusted; None where it is.
     """
 
     content: dict[str, Any]
     path: Path
     figures: list[Path]
-    following: list[str]
+    following: NextStep
     report: Path
+    warnings: list[str]
     headline: str | None
 
 
@@ -103,40 +108,37 @@ def diagnose_result(
         write_json(content, staged / DIAGNOSIS)
         write(residual_series(diagnosis.ranking.model), staged / RESIDUALS)
         write_update(diagnosis.update, staged)
-        _update_summary(folder / SUMMARY, content, staged / SUMMARY)
     figures, path = [folder / FIGURES / figure.name for figure in drawn], folder / DIAGNOSIS
-    commands = following_commands(reopened, content, file)
+    step = following_step(reopened, content, file)
     progress("writing the report")
     from edl_filter.report.html import write_report
 
-    return DiagnosisFiles(content, path, figures, commands, write_report(folder), reopened.headline)
+    return DiagnosisFiles(content, path, figures, step, write_report(folder), _warnings(reopened), reopened.headline)
 
 
-def following_commands(reopened: Reopened, content: dict[str, Any], file: Path | None) -> list[str]:
-    """Commands that add the effect which a diagnosis names, and run the mission with it.
+def _warnings(reopened: Reopened) -> list[str]:
+    """Reasons not to trust the result that is diagnosed."""
+    from edl_filter.report.sentences import warnings
 
-    A mission that ``--set`` changed is written beside its result as soon as there is a hypothesis to add to it.
-    """
-    if not content["ranking"]:
-        return []
-    mission, first = reopened.mission, content["ranking"][0]
-    effect, imu = first["effect"], first["imu"]
-    if matches_file(mission):
-        name = mission_argument(mission)
+    try:
+        return warnings(read_summary(reopened.folder))
+    except InputError:  # moved, or changed by hand
+        return [] if reopened.headline is None else [reopened.headline]
+
+
+def following_step(reopened: Reopened, content: dict[str, Any], file: Path | None) -> NextStep:
+    """The next step; a mission that ``--set`` changed is written beside its result if there is an effect to add."""
+    from edl_filter.report.next_step import next_step
+    from edl_filter.results.schema import DiagnosisContent
+
+    mission, diagnosis = reopened.mission, DiagnosisContent.of(content)
+    if matches_file(mission) or not diagnosis.ranking:
+        argument = mission_argument(mission)
     else:
-        name = str(write_mission(mission, mission.text, reopened.folder / AS_RUN))
-    if content["verdict"] != "missing":
-        return []
-    built_in = name.startswith("builtin:")
-    stem = f"{name.removeprefix('builtin:') if built_in else Path(name).stem}+{effect}"
-    extended = f"{stem}.yaml" if built_in else str(Path(name).with_name(f"{stem}.yaml"))
-    of_user = file is not None and lookup(effects_in(file.expanduser()), effect) is not None
-    add = f"edl-filter add {quote(name)} {effect} --from {quote(str(reopened.folder))}"
-    output = reopened.folder.parent / f"{reopened.folder.name}+{effect}"
-    return [
-        add + (f" --imu {quote(imu)}" if imu else "") + (f" --file {quote(str(file))}" if of_user else ""),
-        f"edl-filter run {quote(extended)} -o {quote(str(output))}",
-    ]
+        argument = str(write_mission(mission, mission.text, reopened.folder / AS_RUN))
+    own = {} if file is None or not diagnosis.ranking else effects_in(file.expanduser())
+    of_user = bool(own) and lookup(own, diagnosis.ranking[0].effect) is not None
+    return next_step(diagnosis, argument, reopened.folder, file if of_user else None)
 
 
 def rms_by_channel(content: dict[str, Any]) -> dict[str, dict[str, float]]:
@@ -150,17 +152,6 @@ def rms_by_channel(content: dict[str, Any]) -> dict[str, dict[str, float]]:
 
 def _removals(staged: Path) -> list[str]:
     """Files of an earlier diagnosis that a new one in `staged` does not replace."""
-    figures = (f"{FIGURES}/{name}.png" for name in DIAGNOSIS_FIGURES)
+    figures = (f"{FIGURES}/{name}.{kind}" for name in DIAGNOSIS_FIGURES for kind in FIGURE_FORMATS)
     tables = (f"{TABLES}/{name}" for name in UPDATE_TABLES)
     return [name for name in (DATABASE_UPDATE, REPORT, *tables, *figures) if not (staged / name).is_file()]
-
-
-def _update_summary(path: Path, content: dict[str, Any], output: Path) -> None:
-    """Write the summary with the residuals of the diagnosis, which a plain run does not have, as `output`."""
-    try:
-        summary = read_summary(path)
-    except InputError:
-        return  # moved, or not a summary: nothing depends on it
-    innovations = {name: rms for name, rms in summary.residuals.items() if ": " in name}
-    changed = summary.model_copy(update={"residuals": rms_by_channel(content) | innovations})
-    write_json(changed.model_dump(exclude_unset=True), output)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -18,6 +18,7 @@ from edl_filter.results.files import (
     DATABASE_UPDATE,
     DIAGNOSIS,
     DIAGNOSIS_FIGURES,
+    FIGURE_FORMATS,
     FIGURES,
     POSTFLIGHT_TABLES,
     REPORT,
@@ -64,7 +65,7 @@ class FilePlan:
         }
 
 
-def plan_run(mission: Mission, folder: Path, figures: bool) -> FilePlan:
+def plan_run(mission: Mission, folder: Path, figures: bool, formats: Sequence[str] = ("png",)) -> FilePlan:
     """Files that a run reads, writes and removes.
 
     Parameters
@@ -75,6 +76,8 @@ def plan_run(mission: Mission, folder: Path, figures: bool) -> FilePlan:
         Folder of the result.
     figures : bool
         Whether figures are drawn.
+    formats : sequence of str
+        Formats of the figures.
 
     Raises
     ------
@@ -89,11 +92,11 @@ def plan_run(mission: Mission, folder: Path, figures: bool) -> FilePlan:
         for name, figure in RUN_FIGURES.items()
         if mission.aerodynamics is not None or not any(need.startswith("postflight/") for need in figure.needs)
     ]
-    drawn = tuple(folder / FIGURES / f"{name}.png" for name in names) if figures else ()
+    drawn = tuple(folder / FIGURES / f"{name}.{kind}" for name in names for kind in formats) if figures else ()
     diagnosis = (
         *(folder / name for name in (DIAGNOSIS, RESIDUALS, DATABASE_UPDATE)),
         *(folder / TABLES / name for name in UPDATE_TABLES),
-        *(folder / FIGURES / f"{name}.png" for name in (*RUN_FIGURES, *DIAGNOSIS_FIGURES)),
+        *(folder / FIGURES / f"{n}.{kind}" for n in (*RUN_FIGURES, *DIAGNOSIS_FIGURES) for kind in FIGURE_FORMATS),
     )
     replaced = dict.fromkeys((*writes, *diagnosis))
     return FilePlan(tuple(_inputs(mission)), writes, drawn, tuple(path for path in replaced if path.is_file()))
@@ -121,7 +124,7 @@ def plan_diagnosis(result: Path, file: Path | None) -> FilePlan:
     own = () if file is None else (("--file", str(file)),)
     reads = (("result", str(reopened.path)), *own, *_inputs(mission))
     writes = (
-        *(folder / name for name in (DIAGNOSIS, RESIDUALS, REPORT, SUMMARY)),
+        *(folder / name for name in (DIAGNOSIS, RESIDUALS, REPORT)),
         *(folder / FIGURES / f"{name}.png" for name in DIAGNOSIS_FIGURES[:2]),
     )
     optional = (

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,7 @@ from edl_filter.results.files import (
     DATABASE_UPDATE,
     DIAGNOSIS,
     DIAGNOSIS_FIGURES,
+    FIGURE_FORMATS,
     FIGURES,
     REPORT,
     RESIDUALS,
@@ -26,7 +28,9 @@ from edl_filter.results.netcdf import tree_of, write
 from edl_filter.results.result import Result
 
 
-def write_outputs(result: Result, directory: str | Path, figures: bool) -> dict[str, Any]:
+def write_outputs(
+    result: Result, directory: str | Path, figures: bool, formats: Sequence[str] = ("png",)
+) -> dict[str, Any]:
     """Write ``result.nc``, ``summary.json``, ``report.html``, tables in ``tables/`` and, on request, ``figures/``.
 
     The files are written into a hidden folder and appear together at the end (`output_folder.staged_output`), so that a
@@ -41,6 +45,8 @@ def write_outputs(result: Result, directory: str | Path, figures: bool) -> dict[
         Created if it does not exist.
     figures : bool
         Whether figures are written.
+    formats : sequence of str
+        Formats of the figures, of `results.files.FIGURE_FORMATS`.
 
     Returns
     -------
@@ -63,7 +69,7 @@ def write_outputs(result: Result, directory: str | Path, figures: bool) -> dict[
     try:
         directory.mkdir(parents=True, exist_ok=True)
         with staged_output(directory, _removals) as staged:
-            written, content = _write_all(result, staged, figures)
+            written, content = _write_all(result, staged, formats if figures else ())
             places = [directory / path.relative_to(staged) for path in written]
         if (directory / FIGURES).is_dir() and not any((directory / FIGURES).iterdir()):
             (directory / FIGURES).rmdir()
@@ -74,7 +80,7 @@ def write_outputs(result: Result, directory: str | Path, figures: bool) -> dict[
         raise cannot_write(place, error) from None
     from edl_filter.report.html import write_report
 
-    figure_files = [place for place in places if place.suffix == ".png"]
+    figure_files = [place for place in places if place.parent.name == FIGURES]
     return {
         "result": file, "summary": summary, "report": write_report(directory), "figures": figure_files,
         "content": content,
@@ -98,7 +104,7 @@ def earlier_outputs(directory: Path) -> list[str]:
     return sentences
 
 
-def _write_all(result: Result, folder: Path, figures: bool) -> tuple[list[Path], dict[str, Any]]:
+def _write_all(result: Result, folder: Path, formats: Sequence[str]) -> tuple[list[Path], dict[str, Any]]:
     """Write everything into `folder`; the paths of figures and tables, and the summary."""
     from edl_filter.results.postflight import tables
 
@@ -115,11 +121,11 @@ def _write_all(result: Result, folder: Path, figures: bool) -> tuple[list[Path],
         for name, text in tables(postflight).items():
             written.append(folder / "tables" / name)
             written[-1].write_text(text, encoding="utf-8")
-    if figures:
+    if formats:
         from edl_filter.report.figures import draw_all
 
         begin = time.perf_counter()
-        written += draw_all(tree_of(groups), folder / "figures")
+        written += draw_all(tree_of(groups), folder / FIGURES, formats)
         timing["figures"] = time.perf_counter() - begin
     content = result.summary()
     content["timing_s"] |= timing
@@ -131,7 +137,7 @@ def _removals(staged: Path) -> list[str]:
     """Files of an earlier result that a new one in `staged` makes invalid: those that are not replaced."""
     from edl_filter.report.figures import FIGURES as DRAWN
 
-    figures = (f"{FIGURES}/{name}.png" for name in (*DRAWN, *DIAGNOSIS_FIGURES))
+    figures = (f"{FIGURES}/{name}.{kind}" for name in (*DRAWN, *DIAGNOSIS_FIGURES) for kind in FIGURE_FORMATS)
     tables = (f"{TABLES}/{name}" for name in UPDATE_TABLES)
     names = (DIAGNOSIS, RESIDUALS, DATABASE_UPDATE, REPORT, *tables, *figures)
     return [name for name in names if not (staged / name).is_file()]

@@ -40,7 +40,9 @@ def run_mission(mission: Mission, refit: bool = True, progress: Callable[[str], 
     check_mission(mission)
     if not refit or not mission.effects or mission.aerodynamics is None or mission.vehicle.inertia is None:
         return Result(reconstruct(mission))
-    from edl_filter.diagnosis.residual_analysis.run_residuals import residual_rms
+    from edl_filter.diagnosis.linear_model.flight_case import flight_case, load_case
+    from edl_filter.diagnosis.linear_model.linearization import credible_model
+    from edl_filter.diagnosis.residual_analysis.residual_map import rms_by_regime
     from edl_filter.diagnosis.selection.outer_loop import can_fit_effects, fit_effects
 
     if can_fit_effects(mission):
@@ -50,6 +52,10 @@ def run_mission(mission: Mission, refit: bool = True, progress: Callable[[str], 
         reconstruction, sigma = reconstruct(mission), {}
     progress("comparing model and measurements")
     begin = time.perf_counter()
-    normalised = residual_rms(reconstruction)
+    if reconstruction.recovery is None:
+        case = flight_case(reconstruction)
+    else:  # as in a diagnosis, which does not add the noise of a recovery to the model
+        case = load_case(mission, reconstruction.effects)
+    normalised = rms_by_regime(credible_model(case)[0])
     timing = reconstruction.timing | {"residuals": time.perf_counter() - begin}
     return Result(replace(reconstruction, timing=timing), RefitSummary(sigma, normalised))

@@ -86,8 +86,8 @@ def summary(folder, title="A flight", **changes):
                "events": {"entry_interface": event | {"time_s": 0.0}, "parachute_deploy": event | {"time_s": 250.0},
                           "landing": event | {"time_s": 299.0}},
                "landing": place, "constraints": {"landing": constraint}, "entry_state": entry, "imu_comparison": {},
-               "imu_calibration": {}, "pre_entry_bias_m_s2": None, "residuals": {}, "postflight": None,
-               "effects": {}, "notes": [], "timing_s": {"filter": 0.3}}  # fmt: skip
+               "imu_calibration": {}, "pre_entry_bias_m_s2": None, "residuals": {}, "innovation_rms": {},
+               "postflight": None, "effects": {}, "notes": [], "timing_s": {"filter": 0.3}}  # fmt: skip
     write_json(content | changes, folder / "summary.json")
 
 
@@ -109,7 +109,9 @@ def diagnosis(folder, **changes):
     )  # fmt: skip
     size = {"estimate": 1e-6, "sigma": 2e-6, "data_share": 0.5, "plausible": 1e-4, "smallest": 2e-5}
     content = contents.diagnosis(
-        sentence="Missing: wind (gain 42 nats).", mission="toy", where=[c for c in cells if c["fails"]], map=cells,
+        sentence="Missing: wind (gain 42 nats).", mission="toy",
+        state=["2 of 5 cells of the residual map fail.", "Missing: wind (gain 42 nats).", "With it no cell fails."],
+        where=[c for c in cells if c["fails"]], map=cells,
         ranking=[wind], none=0.0, onsets=[{"channel": "force_x", "time_s": 152.4, "gain": 812.0}], noise_floor=1.0,
         screening={"gyro_bias": {"gain": -5.0, "parameters": {"bx": size}}},
     )  # fmt: skip

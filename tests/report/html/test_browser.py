@@ -68,6 +68,39 @@ def test_a_click_on_a_cell_shows_its_residual_in_its_regime(browser, report):
     assert messages == []
 
 
+def test_the_map_is_one_tab_stop_with_arrow_keys(browser, report):
+    page, said, _ = visit(browser, report)
+    assert page.locator(".cell[tabindex='0']").count() == 1
+    assert page.locator(".map").first.evaluate("(m) => m.parentElement.tabIndex") == -1
+    page.locator(".cell[tabindex='0']").focus()
+    cell = "document.activeElement.getAttribute('aria-label')"
+    assert page.evaluate(cell).startswith("force x in Mach below 15")  # the worst
+    for key, label in (
+        ("ArrowDown", "force y in Mach below 15"), ("ArrowLeft", "force y in Mach above 15"),
+        ("ArrowLeft", "force y in Mach above 15"), ("ArrowDown", "landing in constraints"),
+        ("ArrowUp", "force y in Mach above 15"),
+    ):  # fmt: skip
+        page.keyboard.press(key)
+        assert page.evaluate(cell).startswith(label), key
+        assert page.locator(".cell[tabindex='0']").count() == 1
+    page.keyboard.press("Enter")
+    assert residual(page)[0] == "force y (m/s²)"
+    page.keyboard.press("Tab")
+    assert not page.evaluate("document.activeElement.classList.contains('cell')") and said == []
+
+
+@pytest.mark.parametrize("width", [390, 1920])
+def test_labels_of_events_do_not_overlap(browser, report, width):
+    page, _, _ = visit(browser, report, viewport={"width": width, "height": 900})
+    boxes = page.evaluate(
+        """() => [...document.querySelectorAll("#plot-flight .annotation")].map((a) => {
+        const box = a.getBoundingClientRect(); return [box.left, box.right]; })"""
+    )
+    assert len(boxes) >= 2
+    for (_, right), (left, _) in zip(sorted(boxes), sorted(boxes)[1:], strict=False):
+        assert left > right - 3.0
+
+
 def test_the_toggle_changes_page_and_plots(browser, report):
     page, messages, _ = visit(browser, report, color_scheme="light")
 

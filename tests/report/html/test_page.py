@@ -1,10 +1,12 @@
 """The report from folders made by hand: what it says, what it must not hold, and what is missing."""
 
 import base64
+import gzip
 import json
 import re
 
 import folders
+import h5py
 import numpy as np
 import pytest
 from contents import hypothesis
@@ -12,10 +14,10 @@ from contents import hypothesis
 from edl_filter.errors import InputError
 from edl_filter.planet.gas import NAMED_GASES
 from edl_filter.report.colours import cell_colours
-from edl_filter.report.description import Band
+from edl_filter.report.description import Axis, Band, Figure, Panel
 from edl_filter.report.diagnosis import ledger_levels
 from edl_filter.report.html import write_report
-from edl_filter.report.plotly_renderer import band_trace, event_marks
+from edl_filter.report.plotly_renderer import band_trace, event_marks, plotly_figure
 from edl_filter.results.summary import gas_content
 
 
@@ -53,8 +55,9 @@ def test_the_sections_stand_in_the_order_of_the_reading(tmp_path):
 def test_the_file_is_small_and_asks_nothing_of_a_network(tmp_path):
     folders.complete_run(tmp_path)
     text = page(tmp_path)
-    assert len(text.encode()) < 6e6
-    assert text.count("plotly.js v") >= 1
+    assert len(text.encode()) < 2.5e6
+    packed = re.search(r'<script type="application/gzip" id="plotly">(.*?)</script>', text, re.S).group(1)
+    assert gzip.decompress(base64.b64decode(packed)).decode().count("plotly.js v") >= 1
     assert text.count("<script") - body(text).count("<script") <= 3
     assert not re.search(r"""(?:src|href)\s*=\s*["']?\s*(?:https?:)?//""", body(text))
     own = body(text) + text[text.rindex("<script>") :]
@@ -211,10 +214,46 @@ def test_a_band_has_a_gap_where_its_curves_have():
     assert len(gaps) == 1 and not ((ends > 40) & (ends < 60)).any()
 
 
-def test_labels_of_events_never_meet():
+def test_every_event_has_a_line_and_a_label_in_order_of_time():
     events = {"heat_shield_separation": 95.0, "landing": 100.0, "peak_deceleration": 40.0, "bridle_cut": 99.0}
-    shapes, notes = event_marks(events, (0.0, 100.0))
-    assert len(shapes) == 4 and sorted(n["text"] for n in notes) == ["landing", "peak"]
+    shapes, notes = event_marks(events | {"rest": 101.0}, (0.0, 100.0))
+    assert len(shapes) == 4
+    assert [n["text"] for n in notes] == ["peak", "heat shield", "bridle cut", "landing"]
+    assert {n["name"] for n in notes} == {"event"}  # by which the page's script moves them apart
+
+
+def test_labels_of_logarithmic_axes_are_texts_of_one_size():
+    def ticks(low, high):
+        panel = Panel(Axis("x", "s"), Axis("y", scale="log", range=(low, high)), ())
+        axis = plotly_figure(Figure("", ((panel,),), (1.0,)), 300)["layout"]["yaxis"]
+        return dict(zip(axis["ticktext"], axis["tickvals"], strict=True))
+
+    assert ticks(1.5, 30.0) == {"1": 1.0, "2": 2.0, "5": 5.0, "10": 10.0, "20": 20.0, "50": 50.0,
+                                "100": 100.0, "200": 200.0, "500": 500.0}  # fmt: skip
+    assert {"10⁻⁸", "0.01", "10⁶"} <= ticks(1e-8, 1e6).keys()
+    assert "10" not in ticks(1e-8, 1e6)  # every second decade
+
+
+def test_no_coefficient_is_clipped(tmp_path):
+    folders.whole(tmp_path)
+    figures = data(page(tmp_path))["figures"]
+    for name in ("CA", "Cl"):
+        if (figure := figures.get(f"coefficient_{name}")) is None:
+            continue
+        low, high = figure["layout"]["yaxis"]["range"]
+        for trace in figure["data"]:
+            if trace.get("name") in ("flight", "database"):
+                y = numbers(trace["y"])
+                assert low <= np.nanmin(y) and np.nanmax(y) <= high, name
+    assert "coefficient_CA" in figures
+
+
+def test_provenance_has_no_path_of_a_machine(tmp_path):
+    folders.whole(tmp_path)
+    with h5py.File(tmp_path / "result.nc", "r+") as file:
+        file.attrs["mission_file"] = "/home/someone/missions/toy.yaml"
+    text = section(page(tmp_path), "provenance")
+    assert "toy.yaml" in text and "/home/someone" not in text
 
 
 def test_text_of_a_cell_is_readable_on_its_ground():

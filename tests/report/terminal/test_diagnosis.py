@@ -3,15 +3,18 @@
 import contents
 from diagnoses import content
 
+from edl_filter.report.next_step import NextStep
 from edl_filter.report.terminal.diagnosis import print_diagnosis, where_table
 from edl_filter.results.schema import DiagnosisContent
 
 
 def test_a_diagnosis_says_what_a_person_wants_to_read(capsys):
-    print_diagnosis(content(), ["out/diagnosis.json"], ["edl-filter add m.yaml remnant_torque --from out"])
+    step = NextStep("Next: add it:", ("edl-filter add m.yaml remnant_torque --from out",))
+    print_diagnosis(content(), ["out/diagnosis.json"], step, ["The landing was rejected."])
     output = capsys.readouterr().out
     for part in (
-        "Missing: remnant_torque (gain 16713 nats).",
+        "12 of 13 cells of the residual map fail. Missing: remnant_torque (gain 16713 nats).",
+        "With it no cell fails.",
         "In the model: mass.",
         "Where it fails (the worst 8 of 12)",
         "0.05 rad/s^2",
@@ -28,19 +31,20 @@ def test_a_diagnosis_says_what_a_person_wants_to_read(capsys):
     ):
         assert part in output, part
     assert "t1" not in output and "\x1b" not in output
+    assert output.startswith("The landing was rejected.\n12 of 13 cells")  # doubts first, then how much fails
 
 
 def test_what_is_left_is_told_when_nothing_explains_it(capsys):
     text = "force_y from 63 to 164 s; it oscillates at 0.679 Hz."
     remainder = {"remainder": contents.unknown()["remainder"] | {"description": text}}
-    print_diagnosis(content("unknown") | remainder, [], [])
+    print_diagnosis(content("unknown") | remainder, [], NextStep())
     output = capsys.readouterr().out
     assert "What is left: force_y from 63 to 164 s; it oscillates at 0.679 Hz." in output
-    assert "diagnose with --file" in output and "Next" not in output
+    assert "Next" not in output
 
 
 def test_a_clean_flight_has_no_table_of_failures(capsys):
-    print_diagnosis(content("clean", 1.0) | {"failed": {}, "effects": []}, [], [])
+    print_diagnosis(content("clean", 1.0) | {"failed": {}, "effects": []}, [], NextStep())
     assert "No channel fails in any regime." in capsys.readouterr().out
 
 

@@ -277,6 +277,26 @@ def relinearize_failing_model(case: FlightCase, model: LinearizedModel) -> Linea
     return None if best is model else best
 
 
+def credible_model(case: FlightCase) -> tuple[LinearizedModel, LinearizedModel | None]:
+    """The model of a case about its credible linearisation point: that of every normalised RMS and every diagnosis.
+
+    Returns
+    -------
+    model : LinearizedModel
+        Where the model fails about the smoothed reconstruction only, its alternative mode.
+    alternative_mode : LinearizedModel or None
+        Where the model is more probable about another point, but fails there as well or holds only with nuisance
+        parameters farther off than `credible_nuisance_sigmas`: about that point.
+    """
+    settings = case.settings
+    model = linearize(case, settings.linearization_iterations, settings.iterated_excess_share)
+    alternative_mode = relinearize_failing_model(case, model)
+    if alternative_mode is None or not alternative_mode.holds:
+        return model, alternative_mode
+    credible = alternative_mode.largest_nuisance_sigmas <= settings.credible_nuisance_sigmas
+    return (alternative_mode, None) if credible else (model, alternative_mode)
+
+
 def _iterate_point(
     case: FlightCase, iterations: int, max_excess_share: float, model: LinearizedModel, least_iterations: int = 1
 ) -> Iterator[LinearizedModel]:

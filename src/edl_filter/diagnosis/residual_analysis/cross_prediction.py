@@ -23,7 +23,6 @@ from edl_filter.aero.discrepancy import FIELD_COEFFICIENTS, AngleModes, Discrepa
 from edl_filter.aero.increments import REGIMES
 from edl_filter.diagnosis.jacobians.coefficient_errors import interpolated_angles
 from edl_filter.diagnosis.linear_model.linear_model import LinearizedModel
-from edl_filter.diagnosis.residual_analysis.channel_rms import channels
 from edl_filter.diagnosis.residual_analysis.database_update import FLOW_SPACING, knot_angles
 from edl_filter.diagnosis.residual_analysis.field_posterior import (
     FlownPath,
@@ -31,6 +30,7 @@ from edl_filter.diagnosis.residual_analysis.field_posterior import (
     knot_coordinates,
     white_columns,
 )
+from edl_filter.diagnosis.residual_analysis.normalised_residuals import channels
 from edl_filter.diagnosis.residual_analysis.residual_map import flow_regimes
 from edl_filter.errors import InputError
 from edl_filter.estimation.kalman import WhiteningFilter

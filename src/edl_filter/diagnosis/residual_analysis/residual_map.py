@@ -10,7 +10,11 @@ from scipy.special import chdtri, ndtr
 
 from edl_filter.diagnosis.linear_model.linear_model import LinearizedModel
 from edl_filter.diagnosis.prediction.dead_reckoning import NODES_PER_BIN
-from edl_filter.diagnosis.residual_analysis.channel_rms import channels, normalised_innovations
+from edl_filter.diagnosis.residual_analysis.normalised_residuals import (
+    channels,
+    model_rms,
+    normalised_innovations,
+)
 from edl_filter.mission.decision_settings import DecisionSettings
 from edl_filter.navigation.constraints import Constraint
 from edl_filter.types import Array, BoolArray, IntArray
@@ -19,6 +23,8 @@ from edl_filter.types import Array, BoolArray, IntArray
 MACH = (25.0, 15.0, 5.0, 3.5)
 #: Knudsen numbers between free-molecular, transitional and continuum flow.
 KNUDSEN = (10.0, 1e-3)
+#: Regime of the map under which the constraints stand, and the key of the whole flight among the regimes.
+CONSTRAINTS, OVERALL = "constraints", "overall"
 
 
 @dataclass(frozen=True)
@@ -42,7 +48,10 @@ class Cell:
     over_database_sigma : float
         The same over the database's one sigma; NaN where the database does not concern the channel.
     count : int
+    limit : float
+        Normalised RMS that chance allows for so many numbers.
     fails : bool
+        Whether `rms` exceeds `limit`.
     """
 
     channel: str
@@ -56,6 +65,7 @@ class Cell:
     unit: str
     over_database_sigma: float
     count: int
+    limit: float
     fails: bool
 
     @property
@@ -88,9 +98,18 @@ def flow_regimes(model: LinearizedModel) -> list[tuple[str, BoolArray]]:
     return [(name, inside) for name, inside in regimes if inside.any()]
 
 
-def residual_map(model: LinearizedModel) -> list[Cell]:
-    """All cells: the bins' channels by regime, then the constraints by name."""
-    normalised, sigma = normalised_innovations(model), model.stated_noise_filter.innovation_sigma
+def residual_map(model: LinearizedModel, normalised: Array | None = None) -> list[Cell]:
+    """All cells: the bins' channels by regime, then the constraints by name.
+
+    Parameters
+    ----------
+    model : LinearizedModel
+        The model.
+    normalised : (R,) array, optional
+        Normalised innovations with another effect in the model, instead of the model's own.
+    """
+    normalised = normalised_innovations(model) if normalised is None else normalised
+    sigma = model.stated_noise_filter.innovation_sigma
     index, bins, settings = model.index, model.bins, model.settings
     limits = _database_sigma(model)
     cells = []
@@ -115,7 +134,7 @@ def residual_map(model: LinearizedModel) -> list[Cell]:
         rows = np.concatenate([np.arange(index.constraint_rows[i].start, index.constraint_rows[i].stop) for i in which])
         cells.append(
             _cell(
-                name, "constraints", (index.time[rows[0]], index.time[rows[-1]]), normalised[rows], sigma[rows],
+                name, CONSTRAINTS, (index.time[rows[0]], index.time[rows[-1]]), normalised[rows], sigma[rows],
                 _unit(constraints[which[0]]), None, settings,
             )
         )  # fmt: skip
@@ -125,6 +144,15 @@ def residual_map(model: LinearizedModel) -> list[Cell]:
 def failing_cells(cells: list[Cell]) -> list[Cell]:
     """Cells that fail, largest normalised RMS first."""
     return sorted((c for c in cells if c.fails), key=lambda c: -c.rms)
+
+
+def rms_by_regime(model: LinearizedModel) -> dict[str, dict[str, float]]:
+    """Channel → `OVERALL` and every regime → normalised RMS, those of `residual_map`; a constraint has no regime."""
+    by_channel = {name: {OVERALL: rms} for name, rms in model_rms(model).items()}
+    for cell in residual_map(model):
+        if cell.regime != CONSTRAINTS:
+            by_channel[cell.channel][cell.regime] = cell.rms
+    return by_channel
 
 
 @dataclass(frozen=True)
@@ -219,7 +247,8 @@ def _cell(
     rms = np.sqrt(square)
     physical = float(np.sqrt(max(float(np.mean((normalised * sigma) ** 2 - sigma**2)), 0.0)))
     autocorrelation = float(np.mean(normalised[1:] * normalised[:-1])) / max(square, 1e-30) if n > 2 else 0.0
-    chance = chdtri(n, ndtr(-settings.cell_fails_sigmas)) / n
+    chance = float(np.sqrt(chdtri(n, ndtr(-settings.cell_fails_sigmas)) / n))
+    limit = max(chance, settings.cell_minimum_rms)
     return Cell(
         channel=channel,
         regime=regime,
@@ -234,7 +263,8 @@ def _cell(
             physical / float(np.sqrt(np.mean(database_sigma**2))) if database_sigma is not None else float("nan")
         ),
         count=n,
-        fails=bool(rms**2 > chance and rms > settings.cell_minimum_rms),
+        limit=limit,
+        fails=bool(rms > limit),
     )
 
 

@@ -35,7 +35,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from edl_filter.diagnosis.residual_analysis.channel_rms import (
+from edl_filter.diagnosis.residual_analysis.normalised_residuals import (
     channels,
     rms_by_channel,
     rms_by_constraint,
@@ -195,7 +195,7 @@ def group_indistinguishable(hypotheses: list[Hypothesis], settings: DecisionSett
 
 def hypothesis_rms(h: Hypothesis) -> dict[str, float]:
     """Channel or constraint → normalised RMS with a hypothesis in the model."""
-    normalised = _normalised_with(h)
+    normalised = normalised_with(h)
     return rms_by_channel(h.model, normalised) | rms_by_constraint(h.model, normalised)
 
 
@@ -209,7 +209,8 @@ def most_reduced_channel(h: Hypothesis, before: dict[str, float], after: dict[st
     return max(reduced or fall, key=lambda name: fall[name])
 
 
-def _normalised_with(h: Hypothesis) -> Array:
+def normalised_with(h: Hypothesis) -> Array:
+    """Normalised innovations ``(R,)`` with a hypothesis in the model."""
     return h.whiten.innovations(h.fit.white) / h.model.stated_noise_filter.innovation_sigma
 
 

@@ -15,7 +15,7 @@ import numpy as np
 
 from edl_filter.diagnosis.linear_model.flight_case import FlightCase
 from edl_filter.diagnosis.linear_model.linear_model import LinearizedModel
-from edl_filter.diagnosis.linear_model.linearization import linearize, relinearize_failing_model
+from edl_filter.diagnosis.linear_model.linearization import credible_model
 from edl_filter.diagnosis.noise.unmodelled_acceleration import UnmodelledAcceleration, most_likely_process
 from edl_filter.diagnosis.noise.variance_components import estimate_variance_components
 from edl_filter.diagnosis.selection.hypothesis import Hypothesis, fit_hypothesis, relinearize_with_effect
@@ -92,11 +92,8 @@ def rank(case: FlightCase, effects: Iterable[Effect], progress: Progress = lambd
 def _rank(case: FlightCase, effects: Sequence[EffectInstance], progress: Progress) -> Ranking:
     settings = case.settings
     progress("comparing model and measurements")
-    model = linearize(case, settings.linearization_iterations, settings.iterated_excess_share)
-    alternative_mode = relinearize_failing_model(case, model)
+    model, alternative_mode = credible_model(case)
     holding = alternative_mode if alternative_mode is not None and alternative_mode.holds else None
-    if holding is not None and holding.largest_nuisance_sigmas <= settings.credible_nuisance_sigmas:
-        model, alternative_mode, holding = holding, None, None  # it failed only about the smoothed reconstruction
     models = [m for m in (model, alternative_mode) if m is not None]
     nulls = [fit_null_model(m, case.effects, model.excess_variance.share) for m in models]
     reference, most_likely = most_probable_null(nulls), max(models, key=lambda m: m.log_likelihood)

@@ -13,6 +13,7 @@ from edl_filter.report.database_update import database_figure, nuisance_sentence
 from edl_filter.report.diagnosis import ledger_levels, waterfall
 from edl_filter.report.diagnosis import missing as missing_figure
 from edl_filter.report.html.blocks import Block, Cell, Command, Details, Note, Plot, Section, Table
+from edl_filter.report.next_step import NextStep, next_step
 from edl_filter.report.sentences import recovery_sentence, warnings
 from edl_filter.report.text import (
     REMAINDER_HINT,
@@ -20,22 +21,20 @@ from edl_filter.report.text import (
     chance,
     effect_names,
     error_fall,
+    none_gain_sentence,
+    none_gain_text,
     number,
     parameters_text,
     readable,
+    state_sentences,
     undetectable_sentence,
     words,
 )  # fmt: skip
 from edl_filter.results.files import AS_RUN
 from edl_filter.results.reader import ResultReader
-from edl_filter.results.schema import (
-    ConstraintSummary,
-    DiagnosisContent,
-    LedgerEnd,
-    LedgerStep,
-    ScreenedEffect,
-    SomethingElse,
-)
+from edl_filter.results.schema import DiagnosisContent, LedgerEnd, LedgerStep
+from edl_filter.results.schema.diagnosis import ScreenedEffect, SomethingElse
+from edl_filter.results.schema.summary import ConstraintSummary
 
 #: Verdict → sign and tone.
 _SIGNS = {"clean": ("✓", "good"), "missing": ("▲", "doubt"), "unknown": ("?", "bad"), "undecided": ("?", "bad")}
@@ -54,53 +53,48 @@ class Verdict:
     sign, tone : str
         Sign before the sentence, and its style.
     sentence : str
-        The verdict.
+        How much fails, and the verdict.
     more : list of str
-        Warnings, effects in the model, the remainder, and why an improvement ended.
-    command : str
-        Command that computes a verdict; empty if there is one.
+        What the leader mends, effects in the model, the remainder, and why an improvement ended.
+    warnings : list of str
+        Reasons not to trust the result, above all else.
+    next : NextStep
+        What to do next.
     """
 
     sign: str
     tone: str
     sentence: str
     more: list[str]
-    command: str = ""
+    warnings: list[str]
+    next: NextStep
 
 
 def verdict(reader: ResultReader) -> Verdict:
-    """The verdict of the diagnosis, or that there is none yet."""
-    constraints = {} if reader.summary is None else reader.summary.constraints
-    diagnosis, ledger = reader.diagnosis, reader.ledger
-    more = [f"Not read: {problem}" for problem in _file_problems(reader)]
-    if reader.summary is not None:
-        if reader.summary.headline is not None:
-            return _untrustworthy(reader, reader.summary.headline, more)
-        more = warnings(reader.summary) + more
+    """The state of the flight, or that it has not been diagnosed yet."""
+    summary, diagnosis, ledger = reader.summary, reader.diagnosis, reader.ledger
+    doubts = [] if summary is None else warnings(summary)
+    doubts += [f"Not read: {problem}" for problem in _file_problems(reader)]
+    untrustworthy = summary is not None and not summary.trustworthy
+    more = []
+    if summary is not None and untrustworthy and summary.recovery is not None:
+        more.append(recovery_sentence(summary.recovery))
     if diagnosis is None:
-        sentence = f"Not diagnosed yet: {_agreement(constraints)}."
-        return Verdict("–", "none", sentence, more, diagnose_command(reader))
+        sentence = f"Not diagnosed yet: {_agreement({} if summary is None else summary.constraints)}."
+        step = NextStep("Next: see where the model fails and which effect is missing:", (diagnose_command(reader),))
+        return Verdict(*(("✗", "bad") if untrustworthy else ("–", "none")), sentence, more, doubts, step)
+    first, *rest = state_sentences(diagnosis)
+    more += rest
     if diagnosis.effects:
         more.append(f"In the model: {', '.join(diagnosis.effects)}.")
     if diagnosis.remainder is not None:
         more.append(f"What is left: {readable(diagnosis.remainder.description)}")
-    if undetectable := undetectable_sentence(diagnosis):
-        more.append(undetectable)
-    if diagnosis.nuisances:
-        more.append(nuisance_sentence(diagnosis.nuisances))
     if ledger and isinstance(ledger[-1], LedgerEnd):
         more.append(readable(ledger[-1].why))
-    return Verdict(*_SIGNS[diagnosis.verdict], diagnosis.sentence, more)
-
-
-def _untrustworthy(reader: ResultReader, headline: str, more: list[str]) -> Verdict:
-    """The top of the page of a result that is not to be trusted: that first, then the recovery and the diagnosis."""
-    assert reader.summary is not None
-    if reader.summary.recovery is not None:
-        more = [recovery_sentence(reader.summary.recovery), *more]
-    if reader.diagnosis is None:
-        return Verdict("✗", "bad", headline, more, diagnose_command(reader))
-    return Verdict("✗", "bad", headline, [f"Diagnosis: {reader.diagnosis.sentence}", *more])
+    assert reader.folder is not None
+    step = next_step(diagnosis, mission_argument(reader), reader.folder)
+    sign = ("✗", "bad") if untrustworthy else _SIGNS[diagnosis.verdict]
+    return Verdict(*sign, first, more, doubts, step)
 
 
 def _file_problems(reader: ResultReader) -> list[str]:
@@ -139,14 +133,14 @@ def mission_argument(reader: ResultReader) -> str:
     except InputError:
         return _UNKNOWN_MISSION
     if matches_file(mission):
-        return quote(mission_argument(mission))
+        return mission_argument(mission)
     as_run = reader.folder / AS_RUN
-    return quote(str(as_run)) if as_run.is_file() else _UNKNOWN_MISSION
+    return str(as_run) if as_run.is_file() else _UNKNOWN_MISSION
 
 
 def hypotheses(reader: ResultReader) -> Section:
     """Hypotheses, most probable first; the effects that were only screened open below them."""
-    key, title = "hypotheses", "Which effect is missing"
+    key, title = "hypotheses", "Hypotheses on missing effects"
     diagnosis = reader.diagnosis
     blocks: list[Block] = list(_effects_in_model(reader))
     if diagnosis is None:
@@ -154,7 +148,7 @@ def hypotheses(reader: ResultReader) -> Section:
             key, title, [*blocks, Note("No hypotheses without a diagnosis:"), Command(diagnose_command(reader))]
         )
     if diagnosis.ranking:
-        mission, folder = mission_argument(reader), quote(str(reader.folder))
+        mission, folder = quote(mission_argument(reader)), quote(str(reader.folder))
         blocks += [_ranking(diagnosis), Note("To add one of them:")]
         for h in diagnosis.ranking:
             imu = f" --imu {quote(h.imu)}" if h.imu else ""
@@ -169,11 +163,15 @@ def hypotheses(reader: ResultReader) -> Section:
     blocks.append(
         Note(
             "Gain is the logarithm of the evidence relative to the present model at the noise that its residuals show "
-            f"(nats; an effect needs {number(diagnosis.required_gain)}), so that “nothing is missing” has to explain "
-            "the excess noise; held-out gain is on data that were not fitted. ± is one sigma.",
+            f"(nats; an effect needs {number(diagnosis.required_gain)}); held-out gain is on data that were not "
+            "fitted. ± is one sigma.",
             "muted",
         )
     )
+    if reason := none_gain_sentence(diagnosis):
+        blocks.append(Note(reason, "muted"))
+    if undetectable := undetectable_sentence(diagnosis):
+        blocks.append(Note(undetectable, "muted"))
     blocks += [Note(f"Left out: {reason}", "warning") for reason in diagnosis.failed.values()]
     if diagnosis.screening:
         title_of_details = f"Also tried, and not refitted ({len(diagnosis.screening)})"
@@ -200,7 +198,7 @@ def _ranking(diagnosis: DiagnosisContent) -> Table:
         ]  # fmt: skip
         rows.append((h.probability or 0.0, row))
     something = diagnosis.something_else
-    none, unnamed = (readable(number(gain)) for gain in (diagnosis.none_gain, something.score_gain))
+    none, unnamed = readable(none_gain_text(diagnosis)), readable(number(something.score_gain))
     rows.append((diagnosis.none or 0.0, ["nothing is missing", chance(diagnosis.none), none, "–", "", "", ""]))
     unnamed_row: list[Cell] = ["something else", chance(something.probability), unnamed, "–", _size(something), "", ""]
     rows.append((something.probability or 0.0, unnamed_row))
@@ -230,7 +228,7 @@ def _screened(effects: Mapping[str, ScreenedEffect]) -> Table:
 
 def missing(reader: ResultReader) -> Section:
     """The missing force and moment with bands of two sigmas, if the diagnosis estimated them."""
-    key, title = "left", "What is left"
+    key, title = "left", "Unexplained force and moment"
     diagnosis = reader.diagnosis
     if diagnosis is None:
         return Section(key, title, [Note("Unknown without a diagnosis.", "muted")])
@@ -238,26 +236,28 @@ def missing(reader: ResultReader) -> Section:
     if diagnosis.remainder is not None:
         blocks += [Note(readable(diagnosis.remainder.description)), Note(REMAINDER_HINT)]
     if diagnosis.latent is not None:
-        caption = "Missing force and moment, body axes, with bands of two sigmas; the clearest onsets are marked."
+        caption = "Unexplained force and moment, body axes, with bands of two sigmas; the clearest onsets are marked."
         figure = missing_figure(diagnosis.latent, diagnosis.onsets, reader.title, reader.epoch_utc)
         blocks.append(Plot.of_figure("missing", caption, figure, 560, _LATENT_BINS))
     elif diagnosis.verdict == "unknown":
-        blocks.append(Note("The missing force and moment were not estimated.", "muted"))
+        blocks.append(Note("The unexplained force and moment were not estimated.", "muted"))
     else:
-        reason = "the model holds" if diagnosis.verdict == "clean" else "the first hypothesis explains it"
-        blocks.append(Note(f"No missing force or moment was estimated, because {reason}.", "muted"))
+        reason = "the model holds" if diagnosis.verdict == "clean" else "effects of the catalogue may explain it"
+        blocks.append(Note(f"They are not estimated, because {reason}.", "muted"))
     return Section(key, title, blocks)
 
 
 def database(reader: ResultReader) -> Section:
     """Increments of the database over Mach number, with the sentence that names the largest."""
-    key, title = "database", "What the flight says of the database"
+    key, title = "database", "Database and stated uncertainties"
     diagnosis = reader.diagnosis
     if diagnosis is None:
         return Section(key, title, [Note("Unknown without a diagnosis.", "muted")])
+    blocks: list[Block] = [Note(nuisance_sentence(diagnosis.nuisances))] if diagnosis.nuisances else []
     if diagnosis.database_update is None:
-        return Section(key, title, [Note("Nothing: the mission states that the database is exact.", "muted")])
-    blocks: list[Block] = [Note(update_sentence(diagnosis.database_update))]
+        exact = Note("The mission states that the database is exact: no increments are estimated.", "muted")
+        return Section(key, title, [*blocks, exact])
+    blocks.insert(0, Note(update_sentence(diagnosis.database_update)))
     if reader.database_update is not None:
         caption = (
             "Increments of the coefficients (moment about the nose) at several total angles of attack, with bands of "
@@ -270,7 +270,7 @@ def database(reader: ResultReader) -> Section:
 
 def ledger(reader: ResultReader) -> Section:
     """Each effect that was added, and the fall of the error by it."""
-    key, title = "ledger", "How the error fell"
+    key, title = "ledger", "Error by added effect"
     lines = reader.ledger
     if not lines or not ledger_levels(lines):
         note = Note("There is no ledger: no effect was added step by step. The command that does so and keeps one:")

@@ -2,8 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from pathlib import Path
+
 from edl_filter.report.atmosphere import LARGEST_SIGMA, profile_panels
+from edl_filter.report.attitude import total_angle_of_attack
 from edl_filter.report.coefficients import MEANINGS, against_database
+from edl_filter.report.description import Figure
 from edl_filter.report.html.blocks import Block, Command, Details, Grid, Mark, Note, Plot, Section, Table
 from edl_filter.report.instruments import HEADS, instrument_tables
 from edl_filter.report.sentences import (
@@ -26,9 +31,10 @@ from edl_filter.report.text import (
     with_fixed_sigma,
     words,
 )  # fmt: skip
+from edl_filter.report.track import ground_track
 from edl_filter.report.trajectory import altitude_over_speed, flight_history
 from edl_filter.results.reader import ResultReader
-from edl_filter.results.schema import ConstraintSummary, EventState
+from edl_filter.results.schema.summary import ConstraintSummary, EventState
 
 #: Bins of the curves of a small plot, and heights of plots, pixels.
 _SMALL_BINS = 250
@@ -78,13 +84,22 @@ def trajectory(reader: ResultReader) -> Section:
         note = Note("The folder has no trajectory (result.nc is missing or incomplete).", "muted")
         return Section("trajectory", "Trajectory", [note])
     caption = (
-        "Altitude over the ellipsoid, speed relative to the air, Mach number, dynamic pressure; at the foot one sigma "
-        "of altitude and speed."
+        "Altitude over the ellipsoid, speed and flight-path angle relative to the air, Mach number, dynamic pressure; "
+        "at the foot one sigma of altitude and speed."
     )
-    plots = [Plot.of_figure("flight", caption, flight_history(reader), 900)]
+    plots = []
     if reader.has("trajectory:speed"):
         plots.append(Plot.of_figure("altitude_speed", "Altitude against speed.", altitude_over_speed(reader), 420))
-    return Section("trajectory", "Trajectory", plots)
+    if reader.has("trajectory:position", "trajectory:longitude"):
+        track = Figure("", ((ground_track(reader),),), (1.0,))
+        caption_of_track = "Ground track in km from the landing site, with a mark every 30 s."
+        plots.append(Plot.of_figure("ground_track", caption_of_track, track, 420))
+    if reader.has("trajectory:alpha_total"):
+        angle = replace(total_angle_of_attack(reader), name="total_angle_of_attack")
+        caption_of_angle = "Total angle of attack until the parachute, with bands of one and three sigma."
+        plots.append(Plot.of_figure("angle_of_attack", caption_of_angle, Figure("", ((angle,),), (1.0,)), 420))
+    history = Plot.of_figure("flight", caption, flight_history(reader), 980)
+    return Section("trajectory", "Trajectory", [history, Grid(plots)] if plots else [history])
 
 
 def atmosphere(reader: ResultReader) -> Section:
@@ -114,7 +129,8 @@ def coefficients(reader: ResultReader) -> Section:
     blocks: list[Block] = [
         Note(
             "Blue band: three sigmas of the database (MEVAD). Orange band: one sigma of the flight's value. Shaded "
-            "times: the vehicle is statically unstable there. Moments are about the centre of mass.",
+            "times: the vehicle is statically unstable there. Moments are about the centre of mass. A band may leave "
+            "the plot where the flight says little; no curve does.",
             "muted",
         ),
         Grid([Plot.of_panel(panel, _COEFFICIENT_HEIGHT, _SMALL_BINS) for panel in panels]),
@@ -205,7 +221,7 @@ def provenance(reader: ResultReader) -> Section:
     rows = [
         ("edl-filter", version),
         ("mission", reader.mission),
-        ("mission file", reader.attribute("", "mission_file")),
+        ("mission file", Path(str(reader.attribute("", "mission_file") or "")).name),
         ("planet", reader.attribute("", "planet")),
         ("epoch", f"{reader.attribute('', 'epoch_utc')} UTC" if reader.attribute("", "epoch_utc") else None),
         ("made", reader.attribute("", "created_utc")),

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import base64
+import gzip
 import json
 from collections.abc import Iterable, Iterator
 from datetime import UTC, datetime
@@ -61,7 +63,6 @@ def write_report(folder: str | Path) -> Path:
 def render(reader: ResultReader) -> str:
     """The page as text."""
     from markupsafe import Markup
-    from plotly.offline import get_plotlyjs
 
     sections = [section(reader) for section in SECTIONS]
     template = _environment().get_template("page.html.j2")
@@ -72,8 +73,16 @@ def render(reader: ResultReader) -> str:
         created=datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC"),
         version=__version__,
         payload=Markup(embedded(_payload(sections))),
-        plotly=Markup(get_plotlyjs()),
+        plotly=_packed_plotly(),
     )
+
+
+@cache
+def _packed_plotly() -> str:
+    """The plotting library, compressed and in base 64: the page's script unpacks it."""
+    from plotly.offline import get_plotlyjs
+
+    return base64.b64encode(gzip.compress(get_plotlyjs().encode(), 9, mtime=0)).decode()
 
 
 def embedded(data: Any) -> str:

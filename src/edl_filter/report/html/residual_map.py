@@ -15,12 +15,13 @@ from edl_filter.report.html.diagnosis_sections import diagnose_command
 from edl_filter.report.plotly_renderer import axis_layout, event_marks, layout, packed
 from edl_filter.report.text import CONSTRAINTS, cell_sentence, number, onset_text, readable, time_label, words
 from edl_filter.results.reader import ResultReader
-from edl_filter.results.schema import DiagnosisContent, MapCell
+from edl_filter.results.schema import DiagnosisContent
+from edl_filter.results.schema.diagnosis import MapCell
 
 #: Bins of all channels' residuals together, and of one channel at most: the page must stay small.
 _ALL_BINS, _BINS = 4800, 800
 _HEIGHT = 420
-_KEY, _TITLE = "where", "Where the model fails"
+_KEY, _TITLE = "where", "Residual map"
 
 
 def residual_map(reader: ResultReader) -> Section:

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import typer
-from rich import box
 from rich.console import Console, RenderableType
-from rich.table import Table
+from rich.markup import escape
+
+from edl_filter.report.terminal.table import Column, Table
 
 #: Columns if the output is no terminal and has no width of its own.
 WIDTH = 118
@@ -31,8 +32,18 @@ def echo(*parts: RenderableType, wrap: bool = True) -> None:
     typer.echo(captured.get(), nl=False)
 
 
+def print_paragraph(text: str) -> None:
+    """Print a text without markup, wrapped between words."""
+    echo(escape(text))
+
+
 def empty_table(
-    title: str, texts: tuple[str, ...], numbers: tuple[str, ...] = (), last_texts: tuple[str, ...] = ()
+    title: str,
+    texts: tuple[str, ...],
+    numbers: tuple[str, ...] = (),
+    last: tuple[str, ...] = (),
+    last_texts: tuple[str, ...] = (),
+    optional: tuple[str, ...] = (),
 ) -> Table:
     """Table without rows.
 
@@ -40,14 +51,13 @@ def empty_table(
     ----------
     title : str
         Title; none if empty.
-    texts, numbers, last_texts : tuple of str
-        Heads of columns of text, of numbers, and of text after them.
+    texts, numbers, last, last_texts : tuple of str
+        Heads of columns of text, of numbers at the right, of numbers with names at the left, and of text after them.
+    optional : tuple of str
+        Heads of columns that a narrow terminal omits, the first one first.
     """
-    table = Table(title=title or None, title_justify="left", box=box.SIMPLE_HEAD, padding=(0, 1))
-    for head in texts:
-        table.add_column(head, overflow="fold", min_width=12 if head == texts[0] else None)
-    for head in numbers:  # on a narrow terminal a number and its sigma are on two lines, never cut
-        table.add_column(head, justify="right", overflow="fold")
-    for head in last_texts:
-        table.add_column(head)
-    return table
+    columns = [Column(head, wraps=True, right=False) for head in texts]
+    columns += [Column(head, wraps=False, right=True) for head in numbers]
+    columns += [Column(head, wraps=False, right=False) for head in last]
+    columns += [Column(head, wraps=True, right=False) for head in last_texts]
+    return Table(title, tuple(columns), optional)

@@ -6,19 +6,22 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from rich.markup import escape
-from rich.table import Table
 
 from edl_filter.report.database_update import nuisance_sentence, update_sentence
+from edl_filter.report.next_step import NextStep
 from edl_filter.report.terminal.console import echo, empty_table
+from edl_filter.report.terminal.table import Table
 from edl_filter.report.text import (
-    REMAINDER_HINT,
     chance,
     effect_names,
     error_fall,
     hypothesis_label,
+    none_gain_sentence,
+    none_gain_text,
     number,
     onset_text,
     parameters_text,
+    state_sentences,
     undetectable_sentence,
     words,
 )  # fmt: skip
@@ -33,8 +36,8 @@ _ROWS = 8
 def print_diagnosis(
     content: DiagnosisContent | Mapping[str, Any],
     written: Sequence[str],
-    following: Sequence[str],
-    headline: str | None = None,
+    following: NextStep,
+    warnings: Sequence[str] = (),
 ) -> None:
     """Print a diagnosis.
 
@@ -44,25 +47,26 @@ def print_diagnosis(
         Content of ``diagnosis.json``.
     written : sequence of str
         Paths of the files, one line each.
-    following : sequence of str
-        Commands of the next steps.
-    headline : str, optional
-        Why the diagnosed result is not to be trusted.
+    following : NextStep
+        What to do next.
+    warnings : sequence of str
+        Reasons not to trust the result that is diagnosed.
     """
     diagnosis = DiagnosisContent.of(content)
     colour = {"clean": "green", "missing": "yellow"}.get(diagnosis.verdict, "red")
-    parts: list[str | Table] = [] if headline is None else [f"[bold red]{escape(headline)}[/bold red]"]
-    parts += [f"[bold {colour}]{escape(diagnosis.sentence)}[/bold {colour}]"]
+    parts: list[str | Table] = [f"[bold red]{escape(warning)}[/bold red]" for warning in warnings]
+    first, *more = state_sentences(diagnosis)
+    parts += [f"[bold {colour}]{escape(first)}[/bold {colour}]", *(escape(sentence) for sentence in more)]
     if diagnosis.effects:
         parts.append(f"In the model: {', '.join(diagnosis.effects)}.")
     parts.append(where_table(diagnosis) if diagnosis.where else "No channel fails in any regime.")
     if diagnosis.onsets:
         parts.append(onset_text(diagnosis.onsets))
-    parts.append(ranking_table(diagnosis))
+    parts += [ranking_table(diagnosis), none_gain_sentence(diagnosis)]
     for h in diagnosis.ranking:
         parts += [f"{effect_names((h.label, name))}: {escape(text)}." for name, text in h.discriminated_by.items()]
     if diagnosis.remainder is not None:
-        parts += [f"What is left: {escape(diagnosis.remainder.description)}", REMAINDER_HINT]
+        parts.append(f"What is left: {escape(diagnosis.remainder.description)}")
     remarks = (
         undetectable_sentence(diagnosis),
         nuisance_sentence(diagnosis.nuisances),
@@ -70,9 +74,10 @@ def print_diagnosis(
     )
     parts += [escape(t) for t in remarks if t]
     parts += [f"[red]Left out: {escape(reason)}[/red]" for reason in diagnosis.failed.values()]
-    echo(*parts, *(f"Written: {escape(path)}" for path in written))
-    if following:
-        echo("Next:", *(f"  {escape(command)}" for command in following))
+    echo(*parts)
+    echo(*(f"Written: {escape(path)}" for path in written), wrap=False)
+    if following.commands:
+        echo(escape(following.sentence), *(f"  {escape(command)}" for command in following.commands))
 
 
 def where_table(diagnosis: DiagnosisContent) -> Table:
@@ -80,7 +85,7 @@ def where_table(diagnosis: DiagnosisContent) -> Table:
     cells = diagnosis.where
     more = f" (the worst {_ROWS} of {len(cells)})" if len(cells) > _ROWS else ""
     heads = ("from s", "to s", "sigmas", "beyond noise", "database")
-    table = empty_table(f"Where it fails{more}", ("channel", "regime"), heads)
+    table = empty_table(f"Where it fails{more}", ("channel", "regime"), heads, optional=("database",))
     for cell in cells[:_ROWS]:
         database = number(cell.over_database_sigma)
         table.add_row(
@@ -101,7 +106,8 @@ def ranking_table(diagnosis: DiagnosisContent) -> Table:
         "Hypotheses (gains in nats; held-out: on data that were not fitted)",
         ("effect",),
         ("probability", "gain", "held-out"),
-        ("parameters", "error before → after"),
+        ("parameters",),
+        ("error before → after",),
     )
     for h in diagnosis.ranking:
         table.add_row(
@@ -114,7 +120,7 @@ def ranking_table(diagnosis: DiagnosisContent) -> Table:
         )
     table.add_section()
     something = diagnosis.something_else
-    table.add_row("nothing is missing", chance(diagnosis.none), number(diagnosis.none_gain), "–", "", "")
+    table.add_row("nothing is missing", chance(diagnosis.none), none_gain_text(diagnosis), "–", "", "")
     table.add_row("something else", chance(something.probability), number(something.score_gain), "–", "", "")
     return table
 
@@ -140,7 +146,7 @@ def print_comparison(comparison: Mapping[str, Any]) -> None:
     nis = empty_table("Constraints: NIS per dof", ("constraint",), tuple(names))
     for name in dict.fromkeys(n for r in results for n in r["nis_per_dof"]):
         nis.add_row(words(name), *(number(r["nis_per_dof"].get(name)) for r in results))
-    effects = empty_table("Effects in the model", ("effect",), last_texts=tuple(names))
+    effects = empty_table("Effects in the model", ("effect",), last=tuple(names))
     effect_list = list(dict.fromkeys(n for r in results for n in r["effects"]))
     for name in effect_list:
         effects.add_row(name, *(parameters_text(r["effects"].get(name, {}).get("parameters", {})) for r in results))
@@ -166,7 +172,7 @@ def print_identifiability(content: Mapping[str, Any]) -> None:
         f"Smallest size that would be named (gain of {content['required_gain']:g} nats), and the plausible one",
         ("effect", "parameter"),
         ("smallest", "plausible", "ratio"),
-        ("confused with",),
+        last_texts=("confused with",),
     )
     for effect in content["effects"]:
         confused = ", ".join(f"{name} ({r:.2f})" for name, r in effect["confused_with"].items())

@@ -6,7 +6,6 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from rich.markup import escape
-from rich.table import Table
 
 from edl_filter.report.instruments import HEADS, instrument_tables
 from edl_filter.report.sentences import (
@@ -20,6 +19,7 @@ from edl_filter.report.sentences import (
     warnings,
 )  # fmt: skip
 from edl_filter.report.terminal.console import echo, empty_table
+from edl_filter.report.terminal.table import Table
 from edl_filter.report.text import (
     constraint_verdict,
     fixed_digits,
@@ -30,7 +30,8 @@ from edl_filter.report.text import (
     sigmas_text,
     words,
 )  # fmt: skip
-from edl_filter.results.schema import ConstraintSummary, EventState, SampleFindingSummary, Summary
+from edl_filter.results.schema import Summary
+from edl_filter.results.schema.summary import ConstraintSummary, EventState, SampleFindingSummary
 from edl_filter.results.summary import finding_content
 
 if TYPE_CHECKING:
@@ -89,7 +90,7 @@ def _finding_lines(findings: Sequence[SampleFindingSummary]) -> list[str]:
 def events_table(events: Mapping[str, EventState]) -> Table:
     """Events in order of time."""
     heads = ("time s", "altitude km", "over site km", "velocity m/s", "Mach", "q Pa", "alpha_t deg")
-    table = empty_table("Events", ("event",), heads)
+    table = empty_table("Events", ("event",), heads, optional=("over site km",))
     for name, e in events.items():
         table.add_row(
             words(name),
@@ -118,7 +119,8 @@ def _instruments(summary: Summary) -> list[Table]:
 def constraints_table(constraints: Mapping[str, ConstraintSummary]) -> Table:
     """Constraints: innovations in the forward pass, and differences from the predictions from all others."""
     heads = ("uses", "innovation", "NIS (dof)", "99.9 %", "left out", "its NIS")
-    table = empty_table("Constraints (in sigmas)", ("constraint",), heads, ("",))
+    omissible = ("99.9 %", "its NIS", "uses")
+    table = empty_table("Constraints (in sigmas)", ("constraint",), heads, last_texts=("",), optional=omissible)
     for name, c in constraints.items():
         table.add_row(
             words(name),

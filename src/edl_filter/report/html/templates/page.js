@@ -42,12 +42,36 @@
     figures.set(element, figure);
     const result = coloured(figure);
     result.layout = { ...result.layout, autosize: true, dragmode: touch ? false : "zoom" };
+    result.layout.modebar = { bgcolor: "rgba(0,0,0,0)", color: coloured("@muted"), activecolor: coloured("@ink") };
     result.layout.hoverlabel = { bgcolor: coloured("@page"), bordercolor: coloured("@muted"), font: { color: coloured("@ink") } };
     if (narrow() && !printing.now) {
       result.layout.margin = { ...result.layout.margin, l: 54, r: 6 };
       result.layout.font = { ...result.layout.font, size: 11 };
     }
+    result.layout.annotations = spread(result.layout, element.clientWidth);
     return Plotly.react(element, result.data, result.layout, config);
+  };
+
+  /** Annotations with the labels of events moved apart where they would overlap. */
+  const PITCH = 13;
+  const spread = (layout, width) => {
+    const all = layout.annotations || [];
+    const labels = all.filter((a) => a.name === "event");
+    for (const name of new Set(labels.map((a) => a.xref))) {
+      const axis = layout[name.replace("x", "xaxis")] || {};
+      if (!axis.range || axis.type === "log") continue;
+      const inner = width - layout.margin.l - layout.margin.r;
+      const [begin, end] = axis.domain || [0, 1];
+      const pixel = (x) => inner * (begin + (end - begin) * (x - axis.range[0]) / (axis.range[1] - axis.range[0]));
+      const own = labels.filter((a) => a.xref === name).sort((a, b) => a.x - b.x);
+      const place = own.map((a) => pixel(a.x));
+      for (let k = 1; k < own.length; k++) place[k] = Math.max(place[k], place[k - 1] + PITCH);
+      const last = own.length - 1;
+      place[last] = Math.min(place[last], inner * end);
+      for (let k = last - 1; k >= 0; k--) place[k] = Math.min(place[k], place[k + 1] - PITCH);
+      own.forEach((a, k) => { a.xshift = place[k] - pixel(a.x); });
+    }
+    return all;
   };
   const redraw = () => { for (const [element, figure] of figures) draw(element, figure); };
 
@@ -156,6 +180,7 @@
     for (const b of document.querySelectorAll(".choices button")) b.disabled = !inFlight;
     document.getElementById("residuals-caption").hidden = !inFlight;
     title.textContent = cell.text;
+    if (typeof Plotly === "undefined") return;
     if (inFlight) {
       place.hidden = false;
       draw(place, inTime(cell, channel));
@@ -220,8 +245,34 @@
     });
   }
 
+  // ---- the map: one tab stop, arrow keys from cell to cell ----
+  const lines = [...document.querySelectorAll(".map tbody tr")].map(
+    (line) => [...line.querySelectorAll("td")].map((box) => box.querySelector(".cell")));
+  const stop = (cell) => {
+    for (const other of document.querySelectorAll(".cell")) other.tabIndex = other === cell ? 0 : -1;
+  };
+  const STEPS = { ArrowLeft: [0, -1], ArrowRight: [0, 1], ArrowUp: [-1, 0], ArrowDown: [1, 0] };
+  const move = (event) => {
+    const step = STEPS[event.key];
+    if (!step || event.ctrlKey || event.altKey || event.metaKey) return;
+    event.preventDefault();
+    let row = lines.findIndex((line) => line.includes(event.currentTarget));
+    let column = lines[row].indexOf(event.currentTarget);
+    for (;;) {
+      row += step[0];
+      column += step[1];
+      if (!lines[row] || column < 0 || column >= Math.max(...lines.map((line) => line.length))) return;
+      const cell = step[0] ? lines[row][Math.min(column, lines[row].length - 1)] : lines[row][column];
+      if (cell) { stop(cell); cell.focus(); return; }
+    }
+  };
+  for (const cell of document.querySelectorAll(".cell")) {
+    cell.addEventListener("keydown", move);
+    cell.addEventListener("focus", () => stop(cell));
+  }
+  stop(document.querySelector(`.cell[data-cell="${payload ? payload.first : 0}"]`) || document.querySelector(".cell"));
+
   // ---- first drawing, one plot after the other so that the page answers meanwhile ----
-  if (payload) show();
   const waiting = [...document.querySelectorAll("[data-figure]")];
   const next = () => {
     const element = waiting.shift();
@@ -229,7 +280,33 @@
     draw(element, data.figures[element.dataset.figure]);
     window.setTimeout(next, 0);
   };
-  next();
+
+  /** The plotting library, which is compressed in the page. */
+  const library = async () => {
+    const bytes = Uint8Array.from(atob(document.getElementById("plotly").textContent.trim()), (c) => c.charCodeAt(0));
+    const stream = new Blob([bytes]).stream().pipeThrough(new DecompressionStream("gzip"));
+    const script = document.createElement("script");
+    script.textContent = await new Response(stream).text();
+    document.head.append(script);
+  };
+  library().then(() => {
+    if (payload) show();
+    next();
+  }).catch((error) => {
+    const note = document.createElement("p");
+    note.className = "warning";
+    note.textContent = `The plots cannot be drawn (${error.message}); a browser of 2023 or later can draw them.`;
+    document.querySelector("nav").after(note);
+  });
+
+  // ---- labels of events keep their distances when the width changes ----
+  let width = window.innerWidth, waitingForSize = 0;
+  window.addEventListener("resize", () => {
+    if (window.innerWidth === width || printing.now) return;
+    width = window.innerWidth;
+    window.clearTimeout(waitingForSize);
+    waitingForSize = window.setTimeout(redraw, 200);
+  });
 
   // ---- paper: light, and as wide as the page ----
   const resized = (width) => {

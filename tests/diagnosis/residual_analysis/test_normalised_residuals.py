@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from edl_filter.diagnosis.residual_analysis.channel_rms import (
+from edl_filter.diagnosis.residual_analysis.normalised_residuals import (
     channels,
     model_rms,
     normalised_innovations,

@@ -1,0 +1,125 @@
+"""The state of a flight in sentences: how much fails, the verdict, how much the leader mends, and what qualifies it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from edl_filter.diagnosis.residual_analysis.residual_map import CONSTRAINTS, Cell, failing_cells, residual_map
+from edl_filter.diagnosis.selection.decision import (
+    CLEAN,
+    MISSING,
+    Entry,
+    Verdict,
+    hypothesis_rms,
+    most_reduced_channel,
+    normalised_with,
+)
+from edl_filter.diagnosis.selection.hypothesis import Hypothesis
+
+#: Normalised RMS beyond which a clean flight's sentence gives the reason why a cell does not fail.
+_LARGE_RMS = 1.1
+
+
+@dataclass(frozen=True)
+class Improvement:
+    """What remains to fail with an effect in the model.
+
+    Attributes
+    ----------
+    cells, failing : int
+        Cells of the residual map with the effect, and how many of them fail.
+    """
+
+    cells: int
+    failing: int
+
+
+def improvement_with(hypothesis: Hypothesis) -> Improvement:
+    """The residual map with a hypothesis in the model, summarised."""
+    cells = residual_map(hypothesis.model, normalised_with(hypothesis))
+    return Improvement(len(cells), len(failing_cells(cells)))
+
+
+def state_sentences(
+    cells: Sequence[Cell], verdict: Verdict, errors: Mapping[str, float], proxy: str | None
+) -> tuple[str, ...]:
+    """The state of a flight, the most important sentence first.
+
+    Parameters
+    ----------
+    cells : sequence of Cell
+        The residual map.
+    verdict : Verdict
+        Probabilities and verdict.
+    errors : mapping
+        Channel → normalised RMS of the model as it is.
+    proxy : str, optional
+        For what the mission's aerodynamic database is a proxy; None where it is the vehicle's own.
+    """
+    failing = failing_cells(list(cells))
+    sentences = [_count_sentence(cells, failing), verdict.sentence]
+    if verdict.entries and verdict.verdict != CLEAN and failing:
+        sentences.append(_leader_sentence(verdict.entries[0], errors, verdict.verdict == MISSING))
+    if verdict.verdict == CLEAN:
+        sentences += _reasons(cells, failing, verdict.required_gain)
+    if proxy:
+        sentences.append(
+            f"The aerodynamic database is a proxy: {proxy}. What fails in lateral forces and moments, and a name that "
+            "acts on them, may be an error of the proxy."
+        )
+    return tuple(sentences)
+
+
+def _count_sentence(cells: Sequence[Cell], failing: Sequence[Cell]) -> str:
+    if not failing:
+        return f"None of the {len(cells)} cells of the residual map fails."
+    worst = failing[0]
+    verb = "fails" if len(failing) == 1 else "fail"
+    return (
+        f"{len(failing)} of {len(cells)} cells of the residual map {verb}, worst {_place(worst)} at "
+        f"{worst.rms:.3g} sigmas."
+    )
+
+
+def _leader_sentence(entry: Entry, errors: Mapping[str, float], named: bool) -> str:
+    """What an effect mends; one that is not named may mend nothing, and is compared with the others."""
+    h = entry.hypothesis
+    after, improvement = hypothesis_rms(h), improvement_with(h)
+    channel = most_reduced_channel(h, dict(errors), after)
+    remaining = "no cell fails"
+    if improvement.failing:
+        remaining = f"{improvement.failing} of {improvement.cells} cells still fail"
+    subject = "With it" if named else f"With {h.label}, the first of the names,"
+    return (
+        f"{subject} {remaining}; over the flight {_in_words(channel)} falls from {errors[channel]:.3g} to "
+        f"{after[channel]:.3g} sigmas."
+    )
+
+
+def _reasons(cells: Sequence[Cell], failing: Sequence[Cell], required_gain: float) -> list[str]:
+    """Why a flight is clean although a cell fails or has a large normalised RMS."""
+    reasons = []
+    if failing:
+        reasons.append(
+            f"It is clean although {'a cell fails' if len(failing) == 1 else 'cells fail'}, because no effect and no "
+            f"additional noise gains the {required_gain:g} nats that are required."
+        )
+    passing = [cell for cell in cells if not cell.fails]
+    largest = max(passing, key=lambda cell: cell.rms, default=None)
+    if largest is not None and largest.rms > _LARGE_RMS:
+        reasons.append(
+            f"The largest normalised RMS that does not fail, {largest.rms:.3g} of {_place(largest)}, "
+            f"is of {largest.count} number{'s' * (largest.count != 1)} only: chance allows up to "
+            f"{largest.limit:.3g}."
+        )
+    return reasons
+
+
+def _place(cell: Cell) -> str:
+    channel = _in_words(cell.channel)
+    return channel if cell.regime == CONSTRAINTS else f"{channel} in {cell.regime}"
+
+
+def _in_words(name: str) -> str:
+    return name.replace("_", " ")
