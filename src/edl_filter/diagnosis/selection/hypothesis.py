@@ -148,8 +148,8 @@ def _remaining_excess(model: LinearizedModel, fit: MapFit, before: float) -> flo
 
 
 def _same_places(a: EffectInstance, b: EffectInstance) -> bool:
-    """Whether two starting points have the same places."""
-    return all(np.isclose(a.values[q.name], b.values[q.name], rtol=0.05) for q in a.effect.places)
+    """Whether two starting points have the same places, to half a percent: less than a second, or some hundred metres."""
+    return all(np.isclose(a.values[q.name], b.values[q.name], rtol=0.005) for q in a.effect.places)
 
 
 def _best(
