@@ -146,14 +146,14 @@ def test_a_damaged_file_is_refused(spirit_file):
         chunk = file["2HIGHRATE/ROVER_IMU_RATES_X"].id.get_chunk_info(0)
     content[chunk.byte_offset + chunk.size // 2] ^= 1
     spirit_file.write_bytes(content)
-    with pytest.raises(InputError, match=r"spirit.h5: is no HDF5 file, or a damaged one; the tables of a rover"):
+    with pytest.raises(InputError, match=r"spirit.h5: this is no HDF5 file, or a damaged one; a file with the tables"):
         read_compact_table(spirit_file, "2HIGHRATE")
 
 
 @pytest.mark.parametrize("content", [b"text", None], ids=["no HDF5", "truncated"])
 def test_another_file_is_refused(spirit_file, content):
     spirit_file.write_bytes(spirit_file.read_bytes()[:200_000] if content is None else content)
-    with pytest.raises(InputError, match=r"spirit.h5: is no HDF5 file, or a damaged one"):
+    with pytest.raises(InputError, match=r"spirit.h5: this is no HDF5 file, or a damaged one"):
         read_mer_tables(spirit_file, 2)
 
 
@@ -167,7 +167,7 @@ def test_a_changed_number_is_refused(spirit_file):
 def test_a_file_without_a_column_or_of_another_version_is_refused(spirit_file):
     with h5py.File(spirit_file, "a") as file:
         del file["2HIGHRATE/ROVER_IMU_RATES_X"]
-    with pytest.raises(InputError, match=r"spirit.h5: is no HDF5 file, or a damaged one"):
+    with pytest.raises(InputError, match=r"spirit.h5: this is no HDF5 file, or a damaged one"):
         read_mer_tables(spirit_file, 2)
     with h5py.File(spirit_file, "a") as file:
         file.attrs["version"] = 2

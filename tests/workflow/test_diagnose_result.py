@@ -220,7 +220,7 @@ def test_the_printed_commands_add_an_effect_of_the_users_file_and_run(tmp_path, 
     assert call("new", "my own/mission.yaml", *changes).exit_code == 0
     call("run", "my own/mission.yaml", "-o", "my own/result", "--no-figures")
     printed = call("diagnose", "my own/result", "--file", "my own/push effect.py", "--effect", "push").stdout
-    lines = [line.strip() for line in printed.split("Next:\n")[1].splitlines() if line.startswith("  edl-filter")]
+    lines = [line.strip() for line in printed.split("Next: ")[1].splitlines() if line.startswith("  edl-filter")]
     assert [shlex.split(line)[1] for line in lines] == ["add", "run"]
     assert "--file 'my own/push effect.py'" in lines[0]
     for line in lines:

@@ -19,8 +19,11 @@ app = typer.Typer(
     no_args_is_help=True,
     rich_markup_mode=None,  # importing rich would double the time of a help page
     pretty_exceptions_enable=False,
-    # without a default value of --help, typer imports pydantic to convert None
-    context_settings={"help_option_names": ["-h", "--help"], "default_map": {"help": False}},
+    # without a default value of an option that it adds itself, typer imports pydantic to convert None
+    context_settings={
+        "help_option_names": ["-h", "--help"],
+        "default_map": {"help": False, "install_completion": False, "show_completion": False},
+    },
 )
 
 

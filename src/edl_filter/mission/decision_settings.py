@@ -239,6 +239,13 @@ class DecisionSettings(Section):
     decided_probability: Annotated[Number, Within("", 0.5, 1.0)] = _setting(
         0.8, "probability from which a verdict is given; below it, the verdict is undecided", STUDY
     )
+    named_explained_share: Annotated[Number, Within("", 0.0, 1.0)] = _setting(
+        0.4,
+        "share of the log-likelihood between a failing model and one that holds from which the evidence of a first "
+        "name is not limited: the first of two hidden effects explains about a half or more, a wrong name was seen to "
+        "explain 0.3",
+        STUDY,
+    )
     excess_noise_nats: Annotated[Number, Within("nats", 0.0, 200.0)] = _setting(
         10.0, "nats: evidence from which the noise is not what is stated", EVIDENCE
     )

@@ -230,7 +230,7 @@ def test_in_excess_noise_a_name_needs_evidence_beyond_it(ranking, at_floor):
     )
 
 
-@given(rankings(noise=(10.1, 1e5)), st.floats(0.0, 1.0))
+@given(rankings(noise=(10.1, 1e5)), st.floats(0.0, SETTINGS.named_explained_share, exclude_max=True))
 def test_a_name_that_explains_a_part_has_at_most_the_odds_of_that_part(ranking, explained_share):
     """All names are reduced by the same evidence, so that their order is that of their gains."""
     hypotheses = [
@@ -240,13 +240,11 @@ def test_a_name_that_explains_a_part_has_at_most_the_odds_of_that_part(ranking, 
     settings, noise = ranking.case.settings, ranking.excess_noise_gain
     before, verdict = (decide(ranking_of(*h, noise=noise, settings=settings)) for h in (ranking.hypotheses, hypotheses))
     largest = max(explained_share, 1e-3)
-    assert all(e.probability <= largest + settings.approximation_error for e in verdict.entries)
+    assert all(e.probability <= largest + settings.approximation_error + 1e-9 for e in verdict.entries)
     assert [e.hypothesis.name for e in verdict.entries] == [e.hypothesis.name for e in before.entries]
 
 
-@pytest.mark.parametrize(
-    ("explained_share", "outcome"), [(0.1, "unknown"), (0.3, "undecided"), (0.7, "undecided"), (0.9, "missing")]
-)
+@pytest.mark.parametrize(("explained_share", "outcome"), [(0.1, "unknown"), (0.3, "undecided"), (0.39, "undecided")])
 def test_the_limit_is_that_of_the_first_name(explained_share, outcome):
     weak = hypothesis_of("wind", 700.0, at_floor=False, explained_share=explained_share)
     second = hypothesis_of("mass", 695.0, at_floor=False)
@@ -254,11 +252,12 @@ def test_the_limit_is_that_of_the_first_name(explained_share, outcome):
     assert verdict.verdict == outcome
     odds = verdict.entries[0].probability / verdict.something_else
     assert odds == pytest.approx(explained_share / (1.0 - explained_share), rel=0.1)
-    assert decide(ranking_of(replace(weak, at_floor=True), second, noise=1e6)).verdict == "missing"
+    for strong in (replace(weak, at_floor=True), replace(weak, explained_share=SETTINGS.named_explained_share)):
+        assert decide(ranking_of(strong, second, noise=1e6)).verdict == "missing"
 
 
 def test_a_name_with_little_evidence_is_not_raised_to_the_odds_of_what_it_explains():
-    weak = hypothesis_of("wind", 1.0, at_floor=False, explained_share=0.95)
+    weak = hypothesis_of("wind", 1.0, at_floor=False, explained_share=0.35)
     assert decide(ranking_of(weak, noise=1e6)).verdict == "unknown"
 
 

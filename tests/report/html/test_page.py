@@ -235,7 +235,7 @@ def test_labels_of_logarithmic_axes_are_texts_of_one_size():
 
 
 def test_no_coefficient_is_clipped(tmp_path):
-    folders.whole(tmp_path)
+    folders.complete_run(tmp_path)
     figures = data(page(tmp_path))["figures"]
     for name in ("CA", "Cl"):
         if (figure := figures.get(f"coefficient_{name}")) is None:
@@ -249,7 +249,7 @@ def test_no_coefficient_is_clipped(tmp_path):
 
 
 def test_provenance_has_no_path_of_a_machine(tmp_path):
-    folders.whole(tmp_path)
+    folders.complete_run(tmp_path)
     with h5py.File(tmp_path / "result.nc", "r+") as file:
         file.attrs["mission_file"] = "/home/someone/missions/toy.yaml"
     text = section(page(tmp_path), "provenance")

@@ -15,9 +15,10 @@ them, marginalised, at the noise that it shows. An effect that is a change of th
 far as it exceeds what the database's own uncertainty allows, and a name that leaves the flight unexplained only if it
 explains more than a force and a moment that follow nothing but their own correlation.
 
-Where the noise is not what is stated, the gain of a name depends on how the rest is modelled. The evidence of a first
-name that leaves excess noise is therefore at most the log odds of what it explains against what it leaves, as shares of
-the log-likelihood between the model and one that holds (`Hypothesis.explained_share`); the others are reduced as much.
+Where the noise is not what is stated, the gain of a name depends on how the rest is modelled. If the first name leaves
+excess noise and explains less than `named_explained_share` of the log-likelihood between the model and one that holds
+(`Hypothesis.explained_share`), its evidence is at most the log odds of what it explains against what it leaves; the
+others are reduced as much.
 
 c is the prior cost of a hypothesis that is not the reference (log prior odds), `named_gain_nats`, or
 `named_gain_in_excess_noise_nats` where the noise is not what is stated (Kass and Raftery, JASA 90 (1995) 773). The
@@ -155,7 +156,7 @@ def decide(ranking: Ranking) -> Verdict:
     groups = group_indistinguishable(ranking.hypotheses, settings)
     evidence = [min(group[0].gain, group[0].score_gain) - cost for group in groups]
     if noisy and groups:
-        evidence = _limited(evidence, groups)
+        evidence = _limited(evidence, groups, settings)
     probability = probabilities(np.array([none, something_else, *evidence]), settings.approximation_error)
     entries = [
         Entry(g[0], tuple(g[1:]), float(p), {h.label: _discriminator_text(g[0], h) for h in g[1:]})
@@ -168,12 +169,14 @@ def decide(ranking: Ranking) -> Verdict:
     return Verdict(verdict, entries, none, something_else, cost, sentence)
 
 
-def _limited(evidence: list[float], groups: list[list[Hypothesis]]) -> list[float]:
-    """Evidence of the names over something else where the first explains a part: at most the log odds of that part."""
+def _limited(evidence: list[float], groups: list[list[Hypothesis]], settings: DecisionSettings) -> list[float]:
+    """Evidence of the names over something else: at most the log odds of the first one's share, if small."""
     first = max(range(len(groups)), key=lambda i: evidence[i])
     head = groups[first][0]
+    if head.at_floor or head.explained_share >= settings.named_explained_share:
+        return evidence
     share = float(np.clip(head.explained_share, _LEAST_SHARE, 1.0 - _LEAST_SHARE))
-    excess = 0.0 if head.at_floor else max(evidence[first] - np.log(share / (1.0 - share)), 0.0)
+    excess = max(evidence[first] - np.log(share / (1.0 - share)), 0.0)
     return [e - excess for e in evidence]
 
 

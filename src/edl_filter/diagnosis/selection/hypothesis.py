@@ -148,7 +148,7 @@ def _remaining_excess(model: LinearizedModel, fit: MapFit, before: float) -> flo
 
 
 def _same_places(a: EffectInstance, b: EffectInstance) -> bool:
-    """Whether two starting points have the same places, to half a percent: less than a second, or some hundred metres."""
+    """Whether two starting points have the same places, to half a percent: about a second, or some hundred metres."""
     return all(np.isclose(a.values[q.name], b.values[q.name], rtol=0.005) for q in a.effect.places)
 
 
@@ -263,7 +263,8 @@ def relinearize_with_effect(h: Hypothesis, reference: NullModelFit) -> Hypothesi
     failing_share = max(settings.holds_share, settings.alternative_progress * h.null.excess_share)
     explained_share = h.null.explained_share(first.white_excess_log_likelihood)
     fails = not start.at_floor and first.excess_variance.share > failing_share
-    if fails and explained_share < settings.least_progress:
+    comparable = h.model.point.bin_states is None  # the null model as well is about a smoothed reconstruction
+    if comparable and fails and explained_share < settings.least_progress:
         return replace(start.with_reference(reference), explained_share=explained_share)
     case, model, fit = iterate_to_convergence(case, iterations=2, first=first)
     relinearized = _best(h.key, [fit], [], reference, case, model, thorough=True)

@@ -198,7 +198,9 @@ class NullModelFit:
         """Share of the log-likelihood between the null model and one that holds that another model gains, 0 to 1."""
         deficit = self.holding_log_likelihood - self.white_log_likelihood
         gain = white_log_likelihood - self.white_log_likelihood
-        return 1.0 if gain >= deficit else max(gain, 0.0) / deficit
+        if gain >= deficit or deficit <= 0.0:  # nothing is left to explain
+            return 1.0
+        return max(gain, 0.0) / deficit
 
 
 def fit_null_model(
