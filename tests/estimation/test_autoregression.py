@@ -53,6 +53,17 @@ def test_too_few_values_give_their_mean_and_scatter():
     assert fill.sum_sigma == pytest.approx(3.0)
 
 
+def test_an_unstable_process_does_not_leave_the_range_of_the_series():
+    """A series that is almost constant and then varies: fits to one side extrapolate without bounds."""
+    rng = np.random.default_rng(1)
+    series = np.concatenate((1e-12 * rng.standard_normal(100), np.exp(0.4 * np.arange(60)) * 1e-12, np.zeros(40)))
+    for first in range(80, 150, 7):
+        fill = interpolate(series, np.ones(200, bool), first, first + 9)
+        reach = np.ptp(series)
+        assert np.all((fill.values >= series.min() - reach) & (fill.values <= series.max() + reach))
+        assert fill.sum_sigma < 100.0 * reach
+
+
 @settings(max_examples=25, deadline=None)
 @given(
     seed=st.integers(0, 2**31),

@@ -146,6 +146,13 @@ def test_a_start_outside_the_telemetry_is_named(time):
     assert str(error.value) == f"initial_state: its time {time:g} s is outside the telemetry, 0 to 10 s."
 
 
+def test_a_position_that_is_lost_is_refused():
+    samples = drive()
+    samples = replace(samples, force_fill_sigma=np.full((len(samples.time), 3), 1e7))
+    with pytest.raises(InputError, match=r"^At \d+\.\d{3} s the position has a sigma of .* m, more than the planet"):
+        run_filter(build(samples=samples))
+
+
 def test_further_times_outside_are_ignored():
     assert build(times=(-3.0, 44.0)).epochs[-1] == 10.0
 

@@ -11,7 +11,7 @@ from edl_filter.errors import InputError
 from edl_filter.mission import Mission
 from edl_filter.pipeline.load import read_telemetry
 from edl_filter.telemetry.flight_file import read_flight_file
-from edl_filter.telemetry.sample_checks import CheckSettings
+from edl_filter.telemetry.sample_checks import CheckSettings, lost_readings
 from edl_filter.telemetry.sample_repair import repaired
 from edl_filter.telemetry.transfer import transferred
 
@@ -312,3 +312,44 @@ def test_a_stated_interval_that_is_rounded_in_both_imus_is_no_drift(builtin_flig
     outcome = repaired(replace(telemetry, driving=records[0], checking=tuple(records[1:])), parachute=252.75)
     assert outcome.findings == ()
     np.testing.assert_array_equal(outcome.driving.time, telemetry.driving.time)
+
+
+# --- zeros
+
+
+def _quantised_flight(seed=0, count=4000, step=0.05):
+    """Readings that grow from far below one step to many: most rows of the first part are zero in all channels."""
+    rng = np.random.default_rng(seed)
+    size = step * np.concatenate((np.full(count // 2, 0.3), np.geomspace(0.3, 30.0, count - count // 2)))
+    return step * np.round(size[:, None] * rng.standard_normal((count, 6)) / step)
+
+
+def test_zeros_that_the_step_explains_are_readings():
+    readings = _quantised_flight()
+    assert 0.2 < np.mean(np.all(readings == 0.0, axis=1)) < 0.9
+    _, findings = lost_readings(0.01 * np.arange(1, 4001), readings, 0.01, "a", (1e3, 10.0), CheckSettings())
+    assert findings == []
+
+
+@pytest.mark.parametrize("row, count", [(3900, 1), (3850, 40)])
+def test_packets_of_zeros_where_the_readings_are_many_steps_are_lost(row, count):
+    readings = _quantised_flight()
+    readings[row : row + count] = 0.0
+    out, (finding,) = lost_readings(0.01 * np.arange(1, 4001), readings, 0.01, "a", (1e3, 10.0), CheckSettings())
+    assert (finding.kind, finding.samples) == ("all_zero", count)
+    assert np.isnan(out[row : row + count]).all()
+    assert np.isfinite(np.delete(out, slice(row, row + count), axis=0)).all()
+
+
+def test_filled_stretches_are_not_extrapolated_from_each_other(builtin_flight):
+    """Many short stretches where a reading begins to vary: no filled value is far outside the range of the readings."""
+    telemetry = alone(read_flight_file(builtin_flight))
+    force = telemetry.driving.specific_force.copy()
+    force[:300] = 0.0
+    force[:600][np.random.default_rng(3).random(600) < 0.5] = np.nan
+    record = replace(telemetry.driving, specific_force=force)
+    filled = repaired(replace(telemetry, driving=record), parachute=252.75).driving
+    low, high = np.nanmin(force, axis=0), np.nanmax(force, axis=0)
+    assert np.isfinite(filled.specific_force).all()
+    assert np.all((filled.specific_force >= 2 * low - high) & (filled.specific_force <= 2 * high - low))
+    assert np.all(filled.force_fill_sigma < 10.0 * (high - low))

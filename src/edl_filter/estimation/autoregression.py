@@ -28,7 +28,8 @@ _PRIOR_STRETCHES = 2.0
 _MOST_STRETCHES = 12
 #: Ridge of the least squares, relative to the mean information of a coefficient.
 _RIDGE = 1e-9
-
+#: Farthest that an interpolated value can be from the observed ones, in ranges of the observed values.
+_FARTHEST = 1.0
 #: Least variance of an innovation, of a series of unit variance.
 _LEAST_VARIANCE = 1e-16
 
@@ -46,7 +47,8 @@ class Interpolation:
     order : int
         Of the autoregression; 0 where there were too few known values for one.
     scale : float
-        Ratio of the errors in the cross-validation to the model's own sigmas, by which `covariance` is scaled.
+        Ratio of the errors in the cross-validation to the model's own sigmas, by which `covariance` is scaled, up to
+        that of a value that is uniform over the credible range.
     """
 
     values: Array
@@ -85,10 +87,11 @@ def interpolate(series: Array, observed: BoolArray, first: int, last: int) -> In
         return Interpolation(np.full(length, centre), np.zeros((length, length)), 0, 1.0)
     scaled = np.where(observed, (series - centre) / size, 0.0)
     trials = _trial_stretches(observed, first, last)
+    low, high = _credible_range(scaled, observed)
     best: tuple[float, Interpolation] | None = None
     for order in ORDERS:
         fit = _fill(scaled, observed, first, last, order)
-        if fit is None:
+        if fit is None or np.min(fit[0]) < low or np.max(fit[0]) > high:
             continue
         ratios, score = [], 0.0
         for a, b in trials:
@@ -104,9 +107,10 @@ def interpolate(series: Array, observed: BoolArray, first: int, last: int) -> In
         score = score / max(len(ratios), 1) + 0.5 * np.log(variance) + (0.0 if ratios else order)
         if best is None or score < best[0]:
             values, covariance = fit[0], fit[1] + _side_spread(scaled, observed, first, last, order, fit[0])
-            interpolation = Interpolation(
-                centre + size * values, size**2 * variance * covariance, order, float(np.sqrt(variance))
-            )
+            covariance *= variance
+            # the variance of a value that is uniform over the credible range is the largest one
+            covariance *= min(1.0, (high - low) ** 2 / 12.0 / float(np.max(np.diag(covariance))))
+            interpolation = Interpolation(centre + size * values, size**2 * covariance, order, float(np.sqrt(variance)))
             best = score, interpolation
     if best is None:
         return Interpolation(np.full(length, centre), np.full((length, length), size**2), 0, 1.0)
@@ -116,11 +120,20 @@ def interpolate(series: Array, observed: BoolArray, first: int, last: int) -> In
 def _side_spread(series: Array, observed: BoolArray, first: int, last: int, order: int, values: Array) -> Array:
     """Spread (n, n) of the values about those by a fit to one side alone: what the process changes in the stretch."""
     spread = np.zeros((len(values), len(values)))
+    low, high = _credible_range(series, observed)
     for side in (slice(0, first), slice(last, len(observed))):
         fit = _fill(series, observed, first, last, order, side)
         if fit is not None:
-            spread += 0.5 * np.outer(fit[0] - values, fit[0] - values)
+            difference = np.clip(fit[0], low, high) - values
+            spread += 0.5 * np.outer(difference, difference)
     return spread
+
+
+def _credible_range(series: Array, observed: BoolArray) -> tuple[float, float]:
+    """Lowest and highest value that an interpolation can have: an unstable process leaves this range."""
+    low, high = float(np.min(series[observed])), float(np.max(series[observed]))
+    margin = _FARTHEST * (high - low)
+    return low - margin, high + margin
 
 
 def _trial_stretches(observed: BoolArray, first: int, last: int) -> list[tuple[int, int]]:

@@ -291,6 +291,11 @@ def run_filter(problem: Problem) -> FilterPass:
     Returns
     -------
     FilterPass
+
+    Raises
+    ------
+    InputError
+        The sigma of the position becomes larger than the planet.
     """
     unit = int(problem.samples.unit[0])
     state, covariance = initial_estimate(
@@ -346,6 +351,7 @@ def _continue(
         if stop > done:
             transition = estimator.predict(samples.part(done, stop))
             done = stop
+            _check_position_sigma(problem, float(epoch), estimator.covariance)
         while pending and pending[0].time <= epoch + SAME_TIME:
             constraint = pending.pop(0)
             innovation = estimator.innovation(constraint)
@@ -361,6 +367,17 @@ def _continue(
             transition = _change_unit(estimator, problem, unit)
             nodes.append(Node(float(epoch), unit, transition, estimator.state, estimator.covariance.copy()))
     return FilterPass(problem.layout, nodes, fused, screening.divergence, settings.engine)
+
+
+def _check_position_sigma(problem: Problem, time: float, covariance: Array) -> None:
+    """Raise InputError where the position is less well known than the planet's size: gravity cannot be linearised."""
+    variance = np.diag(covariance)[:3].sum()
+    if not variance < problem.planet.equatorial_radius**2:  # NaN too
+        raise InputError(
+            f"At {time:.3f} s the position has a sigma of {np.sqrt(variance):.3g} m, more than the planet's radius: "
+            "the initial state or the telemetry before this time cannot be used. 'edl-filter validate' lists its bad "
+            "samples; the largest sigmas are those of filled stretches and of initial_state."
+        )
 
 
 def _change_unit(estimator: ErrorStateFilter, problem: Problem, unit: int) -> Transition:

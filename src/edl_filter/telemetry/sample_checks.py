@@ -202,8 +202,8 @@ def lost_readings(
             readings[lost, triad] = np.nan
     if not settings.enabled:
         return readings, findings
-    zero = np.asarray(np.all(readings == 0.0, axis=1), np.bool_)
-    if zero.any() and zero.mean() < _MOST_ZERO:
+    zero = _improbable_zeros(readings, settings.false_alarm_probability)
+    if zero.any():
         findings += findings_of(imu, "all", "all_zero", zero, time, interval)
         readings[zero] = np.nan
     repeated = _repeated_rows(readings)
@@ -222,6 +222,26 @@ def lost_readings(
             findings += findings_of(imu, name, kind, lost, time, interval)
             readings[lost, triad] = np.nan
     return readings, findings
+
+
+def _improbable_zeros(readings: Array, probability: float) -> BoolArray:
+    """Rows (N,) of zeros in all channels that quantisation does not explain.
+
+    The probability that a row reads zero in all channels is the product of the channels' shares of zeros in the nearest
+    other rows, on that side of the run on which it is greater.
+    """
+    zero = np.asarray(np.all(readings == 0.0, axis=1), np.bool_)
+    if not zero.any() or zero.mean() >= _MOST_ZERO:
+        return np.zeros(len(zero), bool)
+    others = np.flatnonzero(~zero)
+    is_zero = readings[others] == 0.0
+    improbable = zero.copy()
+    for a, b in runs(zero):
+        k = int(np.searchsorted(others, a))
+        sides = (is_zero[max(0, k - _REPEAT_REACH) : k], is_zero[k : k + _REPEAT_REACH])
+        by_chance = max((float(np.prod(side.mean(axis=0))) for side in sides if len(side)), default=0.0)
+        improbable[a:b] = len(zero) * by_chance < probability
+    return improbable
 
 
 def _repeated_rows(readings: Array) -> BoolArray:

@@ -223,9 +223,10 @@ def _filled(
                 sigmas[triad][rows] = _transfer_sigma(source, triad, rows, noise[triad][rows])
                 repairs.append(_repair(record, a, b, f"filled from {other.name}" if other else ""))
             lost[triad] = lost[triad] & ~source.valid
+        read = values[triad].copy()  # an autoregression is fitted to readings alone
         for a, b in runs(lost[triad]):
             _refuse_long_gap(record, a, b, settings)
-            values[triad][a:b], sigma = _by_dynamics(record, values[triad], a, b)
+            values[triad][a:b], sigma = _by_dynamics(record, read, a, b)
             variance = sigma**2  # of a reading, with its noise
             sigmas[triad][a:b] = np.sqrt(np.maximum(variance - noise[triad][a:b, None] ** 2, 0.25 * variance))
             repairs.append(_repair(record, a, b, "filled by a fitted oscillation"))
