@@ -8,6 +8,7 @@ import numpy as np
 
 from edl_filter.aero.increments import SYMBOLS, DatabaseUpdate
 from edl_filter.diagnosis.diagnosis import Diagnosis
+from edl_filter.diagnosis.linear_model.flight_case import DiscrepancyEstimate
 from edl_filter.diagnosis.residual_analysis.residual_map import Cell, failing_cells
 from edl_filter.diagnosis.selection.decision import Entry, hypothesis_rms, most_reduced_channel
 from edl_filter.diagnosis.selection.hypothesis import Hypothesis
@@ -71,12 +72,25 @@ def diagnosis_content(diagnosis: Diagnosis) -> dict[str, Any]:
         "errors": diagnosis.errors,
         "noise_floor": diagnosis.noise_floor,
         "database_update": None if diagnosis.update is None else _update(diagnosis.update),
+        "discrepancy_estimate": _discrepancy(ranking.case.discrepancy_estimate),
         "nuisances": [
             {"name": s.name, "sigmas": s.sigmas, "value": s.value, "unit": s.unit} for s in diagnosis.shifts
         ],
         "settings": ranking.case.settings.model_dump(),
     }  # fmt: skip
     return dict(finite(content))
+
+
+def _discrepancy(estimate: DiscrepancyEstimate | None) -> dict[str, Any] | None:
+    if estimate is None:
+        return None
+    return {
+        "gain": estimate.gain,
+        "quantities": {
+            q.name: {"stated": q.stated, "estimate": q.estimate, "low": q.low, "high": q.high, "at_bound": q.at_bound}
+            for q in estimate.quantities
+        },
+    }
 
 
 def _update(update: DatabaseUpdate) -> dict[str, Any]:

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Annotated, Literal
 
 from pydantic import Field, StringConstraints, model_validator
 
 from edl_filter.aero.discrepancy import DiscrepancyPrior
 from edl_filter.mission.fields import DEG, Section, WindowConfig
-from edl_filter.mission.validators import Number, Switch, Within, field_error
+from edl_filter.mission.validators import Number, Switch, Within, field_error, value_text
 
 
 class ForebodyConfig(Section):
@@ -47,6 +48,19 @@ class DiscrepancyConfig(Section):
     asymmetry_sigma: Annotated[Number, Within("", 0.0, 0.1)] = Field(
         default=0.0, description="1 sigma of a constant Cm and of a constant Cn that are fixed to the body; 0: none"
     )
+    estimate: tuple[Literal["coefficient_sigma", "log_mach_length", "log_knudsen_length", "angle_length_deg"], ...] = (
+        Field(
+            default=(),
+            description="which of coefficient_sigma, log_mach_length, log_knudsen_length and angle_length_deg a "
+            "diagnosis estimates by marginal likelihood, within diagnosis.discrepancy_range of its value; absent: none",
+        )
+    )
+
+    @model_validator(mode="after")
+    def _each_once(self) -> DiscrepancyConfig:
+        if len(set(self.estimate)) < len(self.estimate):
+            raise field_error(value_text(list(self.estimate)), "each name once", "estimate")
+        return self
 
 
 class AerodynamicsConfig(Section):
@@ -117,6 +131,13 @@ class AerodynamicsConfig(Section):
         default_factory=DiscrepancyConfig, description="correlation lengths of the database's error"
     )
 
+    def with_discrepancy(self, values: Mapping[str, float]) -> AerodynamicsConfig:
+        """These settings with other values of keys that `discrepancy.estimate` can name, and nothing to estimate."""
+        scale = values.get("coefficient_sigma", self.coefficient_sigma)
+        lengths = {name: value for name, value in values.items() if name != "coefficient_sigma"}
+        discrepancy = self.discrepancy.model_copy(update={**lengths, "estimate": ()})
+        return self.model_copy(update={"coefficient_sigma": scale, "discrepancy": discrepancy})
+
     @property
     def discrepancy_prior(self) -> DiscrepancyPrior:
         """Prior of the database's discrepancy."""
@@ -133,6 +154,12 @@ class AerodynamicsConfig(Section):
     def _joins(self) -> AerodynamicsConfig:
         if self.join == "continuous" and self.rarefied != "builtin:free_molecular":
             raise field_error("'continuous'", "switch or blend, since this rarefied database is a table", "join")
+        if self.discrepancy.estimate and self.coefficient_sigma == 0.0:
+            raise field_error(
+                value_text(list(self.discrepancy.estimate)),
+                "none, since coefficient_sigma is 0, an exact database",
+                "discrepancy.estimate",
+            )
         return self
 
 

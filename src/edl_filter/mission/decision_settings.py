@@ -44,6 +44,15 @@ class DecisionSettings(Section):
     )
 
     # nuisance parameters
+    discrepancy_range: Annotated[Number, Within("", 1.0, 100.0, above=True)] = _setting(
+        4.0,
+        "factor up and down within which scale and correlation lengths of the database's error are estimated: the "
+        "increments of Spirit's proxy table reach five sigmas",
+        STUDY,
+    )
+    discrepancy_sigma: Annotated[Number, Within("", 0.0, 10.0, above=True)] = _setting(
+        0.7, "1 sigma of the prior of its logarithm: a factor of two", STUDY
+    )
     minimum_density_sigma: Annotated[Number, Within("", 0.0, 0.1, above=True)] = _setting(
         0.0001, "least relative sigma of the preflight density, for a regular covariance", NUMERICS
     )

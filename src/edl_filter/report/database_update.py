@@ -11,7 +11,7 @@ from edl_filter.aero.increments import SYMBOLS, DatabaseUpdate, RegimeUpdate
 from edl_filter.report.colours import AXES
 from edl_filter.report.description import Axis, Band, Curve, Element, Figure, Legend, Line, Panel
 from edl_filter.report.text import number
-from edl_filter.results.schema.diagnosis import DatabaseUpdateContent, NuisanceContent
+from edl_filter.results.schema.diagnosis import DatabaseUpdateContent, DiscrepancyContent, NuisanceContent
 from edl_filter.types import Array, IntArray
 
 #: Share of the prior variance that the data removed from which a curve is not grey.
@@ -89,6 +89,20 @@ def nuisance_sentence(nuisances: Sequence[NuisanceContent]) -> str:
     if not nuisances:
         return ""
     return f"Away from what the mission states: {', '.join(map(nuisance_text, nuisances))}."
+
+
+def discrepancy_sentence(discrepancy: DiscrepancyContent | None) -> str:
+    """Scale and lengths of the database's error that were estimated; empty if none were."""
+    if discrepancy is None:
+        return ""
+    estimates = ", ".join(
+        f"{name} {number(q.estimate)} (stated {number(q.stated)}{', at its bound' if q.at_bound else ''})"
+        for name, q in discrepancy.quantities.items()
+    )
+    return (
+        f"Error of the database, by marginal likelihood: {estimates}; {number(discrepancy.gain)} nats above the stated "
+        "values. An effect that is missing makes it larger, too."
+    )
 
 
 def update_sentence(update: DatabaseUpdateContent | None) -> str:

@@ -83,8 +83,8 @@ def _overall_rms(r: Reopened, diagnosis: DiagnosisContent | None) -> dict[str, f
         return dict(diagnosis.errors)
     residuals = r.residuals
     if not residuals:
+        from edl_filter.diagnosis.linear_model.credible_model import credible_model
         from edl_filter.diagnosis.linear_model.flight_case import load_case
-        from edl_filter.diagnosis.linear_model.linearization import credible_model
         from edl_filter.diagnosis.residual_analysis.residual_map import rms_by_regime
 
         require_prediction_inputs(r.mission, str(r.path))

@@ -40,8 +40,8 @@ def run_mission(mission: Mission, refit: bool = True, progress: Callable[[str], 
     check_mission(mission)
     if not refit or not mission.effects or mission.aerodynamics is None or mission.vehicle.inertia is None:
         return Result(reconstruct(mission))
+    from edl_filter.diagnosis.linear_model.credible_model import credible_model
     from edl_filter.diagnosis.linear_model.flight_case import flight_case, load_case
-    from edl_filter.diagnosis.linear_model.linearization import credible_model
     from edl_filter.diagnosis.residual_analysis.residual_map import rms_by_regime
     from edl_filter.diagnosis.selection.outer_loop import can_fit_effects, fit_effects
 

@@ -1,33 +1,13 @@
-"""Iteration of the linearisation point: of models that hold, and of failing ones to where they hold."""
+"""Iteration of the linearisation point."""
 
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from constructed_models import SETTINGS, constructed_model
 
 from edl_filter.diagnosis.linear_model import linearization as module
-from edl_filter.diagnosis.linear_model.linearization import linearize, relinearize_failing_model
-from edl_filter.mission.decision_settings import DecisionSettings
-
-SETTINGS = DecisionSettings()
-
-
-def constructed_model(number, share, likelihood):
-    """What the iteration needs of a model: its point, share of rows with excess variance, and likelihood."""
-    holds = share <= SETTINGS.holds_share
-    return SimpleNamespace(
-        number=number,
-        effects=(),
-        point=SimpleNamespace(start=None, perturbation=None),
-        holds=holds,
-        excess_variance=SimpleNamespace(share=share),
-        failing_excess=None if holds else f"noise {number}",
-        white_excess_filter=SimpleNamespace(posterior_initial_covariance=np.eye),
-        nuisance=SimpleNamespace(layout=SimpleNamespace(size=2)),
-        white_residuals=lambda whiten: np.zeros(3),
-        white_excess_log_likelihood=likelihood,
-        log_likelihood=likelihood,
-    )
+from edl_filter.diagnosis.linear_model.linearization import linearize
 
 
 def patched_iteration(monkeypatch, shares, likelihoods=None, change=1.0):
@@ -114,27 +94,3 @@ def test_the_iteration_ends_where_the_likelihood_gains_little(monkeypatch, gain,
 def test_the_last_model_that_holds_is_returned_or_the_most_likely(monkeypatch, shares, likelihoods, best):
     patched_iteration(monkeypatch, shares, likelihoods)
     assert linearize(CASE, iterations=3).number == best
-
-
-def test_a_failing_model_is_relinearised_to_where_it_is_more_probable(monkeypatch):
-    """It need not hold there: what a nuisance parameter absorbs in part is no evidence for an effect."""
-    likelihoods = [0.0, 30.0, 20.0, 10.0]
-    models = [constructed_model(k, 0.5 * 0.7**k, value) for k, value in enumerate(likelihoods)]
-    monkeypatch.setattr(module, "_iterate_point", lambda case, iterations, max_share, first: iter(models[:iterations]))
-    assert relinearize_failing_model(SimpleNamespace(settings=SETTINGS), models[0]) is models[1]
-
-
-@pytest.mark.parametrize(
-    ("shares", "index"),
-    [
-        ([0.1, 0.05, 0.01, 0.0], 2),  # where it holds first
-        ([0.1, 0.05, 0.045, 0.0], None),  # the progress is too small
-        ([0.1, 0.07, 0.05, 0.03, 0.0], None),  # not soon enough
-        ([0.02, 0.0], None),  # it holds as it is
-    ],
-)
-def test_a_failing_model_is_relinearised_to_where_it_holds(monkeypatch, shares, index):
-    models = [constructed_model(k, share, 0.0) for k, share in enumerate(shares)]
-    monkeypatch.setattr(module, "_iterate_point", lambda case, iterations, max_share, first: iter(models[:iterations]))
-    alternative = relinearize_failing_model(SimpleNamespace(settings=SETTINGS), models[0])
-    assert alternative is (None if index is None else models[index])

@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 
 from edl_filter import Mission
+from edl_filter.diagnosis.linear_model.credible_model import relinearize_failing_model
 from edl_filter.diagnosis.linear_model.effect_jacobian import effect_jacobian
 from edl_filter.diagnosis.linear_model.flight_case import load_case
-from edl_filter.diagnosis.linear_model.linearization import linearize, relinearize_failing_model
+from edl_filter.diagnosis.linear_model.linearization import linearize
 from edl_filter.diagnosis.selection.decision import decide
 from edl_filter.diagnosis.selection.map_fit import fit_null_model
 from edl_filter.diagnosis.selection.ranking import rank

@@ -27,6 +27,42 @@ from edl_filter.pipeline.problem import assemble_free, without_effects
 from edl_filter.pipeline.reconstruct import Reconstruction, reconstruct
 from edl_filter.telemetry.record import Telemetry
 
+#: Distance from a bound, in logarithms, within which an estimate is at the bound.
+_AT_BOUND = 0.01
+
+
+@dataclass(frozen=True)
+class EstimatedQuantity:
+    """A quantity of the prior of the database's error.
+
+    Attributes
+    ----------
+    name : str
+        Key of the mission.
+    stated, estimate, low, high : float
+        Value in the mission, estimate, and bounds, in the key's unit.
+    """
+
+    name: str
+    stated: float
+    estimate: float
+    low: float
+    high: float
+
+    @property
+    def at_bound(self) -> bool:
+        """Whether the estimate is at one of its bounds."""
+        distance = min(np.log(self.estimate / self.low), np.log(self.high / self.estimate))
+        return bool(distance < _AT_BOUND)
+
+
+@dataclass(frozen=True)
+class DiscrepancyEstimate:
+    """Estimated quantities, and the gain in log posterior density over the stated values, nats."""
+
+    quantities: tuple[EstimatedQuantity, ...]
+    gain: float
+
 
 @dataclass(frozen=True)
 class FlightCase:
@@ -40,12 +76,15 @@ class FlightCase:
     uncertainty : StatedUncertainty
     constants : tuple of StatedParameter
         Constant nuisance parameters.
+    discrepancy_estimate : DiscrepancyEstimate or None
+        What of the mission's prior of the database's error was estimated; None: nothing.
     """
 
     reconstruction: Reconstruction
     bins: TimeBins
     uncertainty: StatedUncertainty
     constants: tuple[StatedParameter, ...] = ()
+    discrepancy_estimate: DiscrepancyEstimate | None = None
 
     @property
     def mission(self) -> Mission:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from itertools import islice
 
 import numpy as np
 
@@ -240,67 +239,27 @@ def linearize(
     LinearizedModel
     """
     first = first or linearize_at(case, smoothed_point(case.reconstruction))
-    models = list(_iterate_point(case, iterations, max_excess_share, first, least_iterations))
+    models = list(iterate_point(case, iterations, max_excess_share, first, least_iterations))
     holding = [m for m in models if m.holds]
     return holding[-1] if holding else max(models, key=lambda m: m.white_excess_log_likelihood)
 
 
-def relinearize_failing_model(case: FlightCase, model: LinearizedModel) -> LinearizedModel | None:
-    """The alternative mode of a failing model: the point at which it holds, or at which it is more probable.
-
-    The model fails about the smoothed reconstruction. After some iterations a nuisance parameter may have absorbed what
-    is missing, by as many sigmas as that takes (`LinearizedModel.largest_nuisance_sigmas`), wholly or in part.
+def iterate_point(
+    case: FlightCase, iterations: int, max_excess_share: float, model: LinearizedModel, least_iterations: int = 1
+) -> Iterator[LinearizedModel]:
+    """The model about its point and about the points that follow, until the point converges or the model fails.
 
     Parameters
     ----------
-    case : FlightCase
-        The flight with what its mission states as uncertain.
+    case, iterations, max_excess_share, least_iterations
+        As of `linearize`.
     model : LinearizedModel
-        About the point where it fails.
+        About the first point.
 
-    Returns
-    -------
-    LinearizedModel or None
-        None where the model holds already, or is nowhere more probable.
+    Yields
+    ------
+    LinearizedModel
     """
-    settings, best, share = case.settings, model, model.excess_variance.share
-    if model.holds:
-        return None
-    for candidate in islice(_iterate_point(case, settings.alternative_iterations, 1.0, model), 1, None):
-        if candidate.holds:
-            return candidate
-        if candidate.log_likelihood > best.log_likelihood:
-            best = candidate
-        if candidate.excess_variance.share > settings.alternative_progress * share:
-            break
-        share = candidate.excess_variance.share
-    return None if best is model else best
-
-
-def credible_model(case: FlightCase) -> tuple[LinearizedModel, LinearizedModel | None]:
-    """The model of a case about its credible linearisation point: that of every normalised RMS and every diagnosis.
-
-    Returns
-    -------
-    model : LinearizedModel
-        Where the model fails about the smoothed reconstruction only, its alternative mode.
-    alternative_mode : LinearizedModel or None
-        Where the model is more probable about another point, but fails there as well or holds only with nuisance
-        parameters farther off than `credible_nuisance_sigmas`: about that point.
-    """
-    settings = case.settings
-    model = linearize(case, settings.linearization_iterations, settings.iterated_excess_share)
-    alternative_mode = relinearize_failing_model(case, model)
-    if alternative_mode is None or not alternative_mode.holds:
-        return model, alternative_mode
-    credible = alternative_mode.largest_nuisance_sigmas <= settings.credible_nuisance_sigmas
-    return (alternative_mode, None) if credible else (model, alternative_mode)
-
-
-def _iterate_point(
-    case: FlightCase, iterations: int, max_excess_share: float, model: LinearizedModel, least_iterations: int = 1
-) -> Iterator[LinearizedModel]:
-    """The model about its point and about the points that follow, until the point converges or the model fails."""
     settings, last, last_share = case.settings, -np.inf, np.inf
     tolerance = settings.linearization_tolerance_sigmas
     for i in range(iterations):

@@ -13,9 +13,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from edl_filter.diagnosis.linear_model.credible_model import credible_model
 from edl_filter.diagnosis.linear_model.flight_case import FlightCase
 from edl_filter.diagnosis.linear_model.linear_model import LinearizedModel
-from edl_filter.diagnosis.linear_model.linearization import credible_model
 from edl_filter.diagnosis.noise.unmodelled_acceleration import UnmodelledAcceleration, most_likely_process
 from edl_filter.diagnosis.noise.variance_components import estimate_variance_components
 from edl_filter.diagnosis.selection.hypothesis import Hypothesis, fit_hypothesis, relinearize_with_effect
@@ -93,6 +93,7 @@ def _rank(case: FlightCase, effects: Sequence[EffectInstance], progress: Progres
     settings = case.settings
     progress("comparing model and measurements")
     model, alternative_mode = credible_model(case)
+    case = model.case
     holding = alternative_mode if alternative_mode is not None and alternative_mode.holds else None
     models = [m for m in (model, alternative_mode) if m is not None]
     nulls = [fit_null_model(m, case.effects, model.excess_variance.share) for m in models]

@@ -9,7 +9,12 @@ from itertools import pairwise
 from shlex import quote
 
 from edl_filter.errors import InputError
-from edl_filter.report.database_update import database_figure, nuisance_sentence, update_sentence
+from edl_filter.report.database_update import (
+    database_figure,
+    discrepancy_sentence,
+    nuisance_sentence,
+    update_sentence,
+)
 from edl_filter.report.diagnosis import ledger_levels, waterfall
 from edl_filter.report.diagnosis import missing as missing_figure
 from edl_filter.report.html.blocks import Block, Cell, Command, Details, Note, Plot, Section, Table
@@ -257,7 +262,8 @@ def database(reader: ResultReader) -> Section:
     if diagnosis.database_update is None:
         exact = Note("The mission states that the database is exact: no increments are estimated.", "muted")
         return Section(key, title, [*blocks, exact])
-    blocks.insert(0, Note(update_sentence(diagnosis.database_update)))
+    sentences = (update_sentence(diagnosis.database_update), discrepancy_sentence(diagnosis.discrepancy_estimate))
+    blocks[:0] = [Note(sentence) for sentence in sentences if sentence]
     if reader.database_update is not None:
         caption = (
             "Increments of the coefficients (moment about the nose) at several total angles of attack, with bands of "

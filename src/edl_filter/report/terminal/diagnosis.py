@@ -7,7 +7,7 @@ from typing import Any
 
 from rich.markup import escape
 
-from edl_filter.report.database_update import nuisance_sentence, update_sentence
+from edl_filter.report.database_update import discrepancy_sentence, nuisance_sentence, update_sentence
 from edl_filter.report.next_step import NextStep
 from edl_filter.report.terminal.console import echo, empty_table
 from edl_filter.report.terminal.table import Table
@@ -69,6 +69,7 @@ def print_diagnosis(
         parts.append(f"What is left: {escape(diagnosis.remainder.description)}")
     remarks = (
         undetectable_sentence(diagnosis),
+        discrepancy_sentence(diagnosis.discrepancy_estimate),
         nuisance_sentence(diagnosis.nuisances),
         update_sentence(diagnosis.database_update),
     )

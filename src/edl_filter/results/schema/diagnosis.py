@@ -150,6 +150,23 @@ class DatabaseUpdateContent(Content):
     largest: dict[str, LargestIncrementContent] = key("CA, CN and Cm → the largest increment")
 
 
+class EstimatedQuantityContent(Content):
+    """A quantity of the prior of the database's error that was estimated by marginal likelihood."""
+
+    stated: float = key("value in the mission, in its unit")
+    estimate: float = key("estimate")
+    low: float = key("lower bound")
+    high: float = key("upper bound")
+    at_bound: bool = key("whether the estimate is at one of its bounds")
+
+
+class DiscrepancyContent(Content):
+    """What of the prior of the database's error was estimated."""
+
+    gain: Number = key("gain in log posterior density over the stated values, nats")
+    quantities: dict[str, EstimatedQuantityContent] = key("key of the mission → its estimate")
+
+
 class NuisanceContent(Content):
     """A nuisance parameter that the flight moves by more than 2 sigma from what the mission states."""
 
@@ -188,6 +205,9 @@ class DiagnosisContent(Content):
     errors: dict[str, Number] = key("channel → normalised RMS over the flight")
     noise_floor: float = key("97.5 % quantile of the normalised RMS of a model that holds")
     database_update: DatabaseUpdateContent | None = key("increments of the database; null with an exact database")
+    discrepancy_estimate: DiscrepancyContent | None = key(
+        "scale and lengths of the database's error where the mission asks to estimate them; otherwise null"
+    )
     nuisances: tuple[NuisanceContent, ...] = key("nuisance parameters that the flight moves, farthest first")
     settings: DecisionSettings = key("thresholds of the diagnosis")
 

@@ -222,16 +222,15 @@ function resultView(result, overview) {
 }
 
 function verdictView(diagnosis) {
-  const floor = diagnosis.noise_floor == null ? "" : ` For a model that holds, the normalised RMS is below ${number(diagnosis.noise_floor)} with 97.5 %.`;
-  const [headline, explanation] = {
-    clean: ["Noise floor reached.", `The model explains this flight: the residuals are noise, and no effect is accepted.${floor}`],
-    missing: [diagnosis.sentence, "This effect is the first of the hypotheses below, with its evidence."],
-    unknown: ["The model lacks an effect that is not in the catalogue.", diagnosis.sentence],
-  }[diagnosis.verdict] || ["", diagnosis.sentence];
+  const clean = diagnosis.verdict === "clean";
+  const floor = !clean || diagnosis.noise_floor == null ? []
+    : [`For a model that holds, the normalised RMS is below ${number(diagnosis.noise_floor)} with 97.5 %.`];
+  const headline = clean ? "Noise floor reached." : diagnosis.sentence;
+  const state = [...diagnosis.state.filter((sentence) => sentence !== headline), ...floor].map((sentence) => make("p", {}, sentence));
   const remainder = diagnosis.remainder ? make("p", {}, `Unexplained remainder: ${plain(diagnosis.remainder.description)}`) : null;
   const failed = Object.values(diagnosis.failed || {}).map((reason) => make("p", { class: "secondary" }, `Excluded: ${reason}`));
   return make("div", { class: `verdict ${diagnosis.verdict}`, id: "verdict", "data-verdict": diagnosis.verdict },
-    make("strong", {}, headline), make("p", {}, explanation), remainder, ...failed);
+    make("strong", {}, headline), ...state, remainder, ...failed);
 }
 
 function parameters(values) {

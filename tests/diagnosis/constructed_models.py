@@ -1,0 +1,27 @@
+"""Models that have only what the iterations of the linearisation point need."""
+
+from types import SimpleNamespace
+
+import numpy as np
+
+from edl_filter.mission.decision_settings import DecisionSettings
+
+SETTINGS = DecisionSettings()
+
+
+def constructed_model(number, share, likelihood):
+    """What the iteration needs of a model: its point, share of rows with excess variance, and likelihood."""
+    holds = share <= SETTINGS.holds_share
+    return SimpleNamespace(
+        number=number,
+        effects=(),
+        point=SimpleNamespace(start=None, perturbation=None),
+        holds=holds,
+        excess_variance=SimpleNamespace(share=share),
+        failing_excess=None if holds else f"noise {number}",
+        white_excess_filter=SimpleNamespace(posterior_initial_covariance=np.eye),
+        nuisance=SimpleNamespace(layout=SimpleNamespace(size=2)),
+        white_residuals=lambda whiten: np.zeros(3),
+        white_excess_log_likelihood=likelihood,
+        log_likelihood=likelihood,
+    )
