@@ -44,7 +44,8 @@ def diagnosis(**changes):
         },
         "screening": {"mass": screened()},
         "remainder": None, "latent": None, "onsets": [{"channel": "moment_y", "time_s": 131.0, "gain": 20.0}],
-        "failed": {}, "errors": {"moment_y": 3.0}, "noise_floor": 1.02, "database_update": None, "nuisances": [],
+        "failed": {}, "errors": {"moment_y": 3.0}, "noise_floor": 1.02, "database_update": None,
+        "discrepancy_estimate": None, "nuisances": [],
         "settings": DecisionSettings().model_dump(),
     } | changes  # fmt: skip
 

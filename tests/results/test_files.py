@@ -43,7 +43,7 @@ def test_a_summary_with_a_wrong_number(tmp_path, summary):
     [
         (diagnosis(verdict="maybe"), "diagnosis.json: verdict: found 'maybe'; expected 'clean', 'missing'"),
         (diagnosis(more=1), "diagnosis.json: more: found an unknown key"),
-        ({}, "diagnosis.json: verdict: found nothing; expected a required key (verdict) (and 22 more problems)"),
+        ({}, "diagnosis.json: verdict: found nothing; expected a required key (verdict) (and 23 more problems)"),
         (
             diagnosis(ranking=[hypothesis(probability="high")]),
             "diagnosis.json: ranking.0.probability: found 'high' (text); expected a number (posterior probability)",
