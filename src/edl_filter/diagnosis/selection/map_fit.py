@@ -119,16 +119,15 @@ def fit_map(
     def search(step: Array, theta: Array) -> tuple[tuple[LinearizedModel, float, Array] | None, bool]:
         """The model after a part of the step that increases the posterior, and whether the whole step hardly does."""
         for part, trial in _line_search(current.effects, free, theta, step, settings.shortest_step):
+            candidates = [current.with_effects(trial)]
             if moving:
-                candidate = at_map_point(current, whiten, white - part * (columns @ step), trial)
-                if candidate is None:
-                    continue
-            else:
-                candidate = current.with_effects(trial)
-            value, candidate_white = _log_posterior(candidate, whiten, centre, sigma, names)
-            if value > log_posterior:
-                return (candidate, value, candidate_white), False
-            if part == 1.0 and value > log_posterior - settings.fit_convergence_nats:
+                moved = at_map_point(current, whiten, white - part * (columns @ step), trial)
+                candidates += [moved] if moved is not None else []
+            values = [(c, *_log_posterior(c, whiten, centre, sigma, names)) for c in candidates]
+            best = max(values, key=lambda v: v[1])
+            if best[1] > log_posterior:
+                return best, False
+            if part == 1.0 and best[1] > log_posterior - settings.fit_convergence_nats:
                 return None, True
         return None, False
 
