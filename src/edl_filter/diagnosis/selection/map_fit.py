@@ -120,9 +120,11 @@ def fit_map(
         """The model after a part of the step that increases the posterior, and whether the whole step hardly does."""
         for part, trial in _line_search(current.effects, free, theta, step, settings.shortest_step):
             candidates = [current.with_effects(trial)]
-            if moving:
+            if moving:  # or not: the chord iteration of the point may lose tens of nats
                 moved = at_map_point(current, whiten, white - part * (columns @ step), trial)
-                candidates += [moved] if moved is not None else []
+                if moved is None:
+                    continue
+                candidates.append(moved)
             values = [(c, *_log_posterior(c, whiten, centre, sigma, names)) for c in candidates]
             best = max(values, key=lambda v: v[1])
             if best[1] > log_posterior:
