@@ -21,7 +21,8 @@ FIELDS = DecisionSettings.model_fields
 #: Values on which the published rates of identification (docs/identification.md) depend.
 DEFAULTS = {
     "bin_length_s": 0.1, "excluded_end_bins": 3, "parachute_margin_s": 0.3,
-    "discrepancy_range": 4.0, "discrepancy_sigma": 0.7, "minimum_density_sigma": 1e-4, "numerical_error_memory_s": 20.0, "relative_prediction_error": 2e-4,
+    "discrepancy_range": 4.0, "discrepancy_sigma": 0.7,
+    "minimum_density_sigma": 1e-4, "numerical_error_memory_s": 20.0, "relative_prediction_error": 2e-4,
     "noise_piece_s": 10.0, "excess_variance_sigmas": 4.0, "excess_memories_s": (0.1, 0.3, 1.0, 3.0, 10.0, 30.0),
     "excess_colour_factors": (0.5, 1.0, 2.0, 4.0, 8.0), "variance_iterations": 10, "variance_convergence_nats": 2.0,
     "variance_convergence_share": 1e-4,

@@ -7,7 +7,8 @@ ASSP 34 (1986) 317), and their covariance is the inverse of the information that
 innovations' variance may differ between the two sides; inside the stretch it is the larger one. What the process itself
 changes across the stretch is covered by the spread of the values between fits to one side and to both. Order and scale
 of the covariance come from cross-validation: stretches of the same length on both sides are predicted from a fit
-without them, and the errors of their sums are compared with the predicted sigmas.
+without them, and the errors of their sums are compared with the predicted sigmas. Values that leave the range of the
+observed ones by more than its width are those of an unstable fit, which is not used.
 """
 
 from __future__ import annotations
