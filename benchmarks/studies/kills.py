@@ -30,7 +30,7 @@ COMMANDS = {
 
 def start(name: str, folder: Path) -> subprocess.Popen[bytes]:
     """Start a command on a folder, in a process of its own."""
-    command = [sys.executable, "-m", "edl_filter.cli", *COMMANDS[name], str(folder)]
+    command = [sys.executable, "-m", "edl_filter", *COMMANDS[name], str(folder)]
     return subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
 
 
@@ -83,7 +83,7 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as name:
         old, work = Path(name, "old"), Path(name, "work")
         subprocess.run(
-            [sys.executable, "-m", "edl_filter.cli", "run", MISSION, "--no-figures", "-o", str(old)],
+            [sys.executable, "-m", "edl_filter", "run", MISSION, "--no-figures", "-o", str(old)],
             check=True, stdout=subprocess.DEVNULL,
         )  # fmt: skip
         for command in arguments.commands:

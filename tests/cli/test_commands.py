@@ -53,7 +53,7 @@ def test_help_takes_less_than_0_3_s(command):
 
 @pytest.mark.parametrize("command", ["validate", "run"])
 def test_a_closed_pipe_is_no_error(command, tmp_path):
-    call = [sys.executable, "-m", "edl_filter.cli", command, "builtin:practice_mer"]
+    call = [sys.executable, "-m", "edl_filter", command, "builtin:practice_mer"]
     call += ["-o", str(tmp_path), "--no-figures"] if command == "run" else []
     with subprocess.Popen(call, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
         process.stdout.close()

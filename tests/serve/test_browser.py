@@ -32,7 +32,7 @@ def folder(practice, tmp_path):
 @pytest.fixture
 def address(folder):
     """Address of a server, which is stopped by an interrupt."""
-    command = [sys.executable, "-m", "edl_filter.cli", "serve", str(folder), "--port", "0", "--no-browser"]
+    command = [sys.executable, "-m", "edl_filter", "serve", str(folder), "--port", "0", "--no-browser"]
     environment = os.environ | {"PYTHONUNBUFFERED": "1"}
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=environment) as server:
         yield server.stdout.readline().split()[0]

@@ -10,7 +10,7 @@ import pytest
 @pytest.mark.slow
 def test_a_killed_run_leaves_the_earlier_or_the_new_result(tmp_path):
     old = tmp_path / "old"
-    command = [sys.executable, "-m", "edl_filter.cli", "run", kills.MISSION, "--no-figures", "-o", str(old)]
+    command = [sys.executable, "-m", "edl_filter", "run", kills.MISSION, "--no-figures", "-o", str(old)]
     subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
     states = [kills.killed("run", old, tmp_path / "work", after) for after in (0.5, 2.0, 4.0, 6.0, 8.0, 12.0, 300.0)]
     assert {s.removesuffix(" (had ended)") for s in states} <= {"practice_mer", "new"}

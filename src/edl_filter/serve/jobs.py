@@ -82,7 +82,7 @@ class Job:
 def installed_command(arguments: Sequence[str]) -> list[str]:
     """Command line of this installation's `edl-filter`; modules in the served folder are not imported (-P)."""
     json_option = ("--json",) if arguments[0] in _WITH_JSON else ()
-    return [sys.executable, "-P", "-m", "edl_filter.cli", *arguments, *json_option]
+    return [sys.executable, "-P", "-m", "edl_filter", *arguments, *json_option]
 
 
 class Worker:
