@@ -245,7 +245,8 @@ def relinearize_with_effect(h: Hypothesis, reference: NullModelFit) -> Hypothesi
     effect about its own point over the null model about the point where that is most probable (the ratio of two
     marginal likelihoods, each by Laplace's approximation at its own maximum). Otherwise the gain of the first fit is
     kept: evidence differs by some nats from point to point, and both models are compared about the same one. The
-    iteration ends at the first point if the effect explains little about the old point and has made no progress there.
+    iteration ends at the first point if the effect explains little there and the null model is not more probable about
+    another point than about its first one.
 
     Parameters
     ----------
@@ -263,7 +264,8 @@ def relinearize_with_effect(h: Hypothesis, reference: NullModelFit) -> Hypothesi
     failing_share = max(settings.holds_share, settings.alternative_progress * h.null.excess_share)
     explained_share = h.null.explained_share(first.white_excess_log_likelihood)
     fails = not start.at_floor and first.excess_variance.share > failing_share
-    comparable = h.model.point.bin_states is None  # the null model as well is about a smoothed reconstruction
+    # both are about a smoothed reconstruction, and iterating the point does not make the null model more probable
+    comparable = h.model.point.bin_states is None and reference.evidence <= h.null.evidence
     if comparable and fails and explained_share < settings.least_progress:
         return replace(start.with_reference(reference), explained_share=explained_share)
     case, model, fit = iterate_to_convergence(case, iterations=2, first=first)
