@@ -237,7 +237,7 @@ def _hypothesis(
     )
 
 
-def relinearize_with_effect(h: Hypothesis, reference: NullModelFit) -> Hypothesis:
+def relinearize_with_effect(h: Hypothesis, reference: NullModelFit, contends: bool = True) -> Hypothesis:
     """The same hypothesis fitted about a reconstruction that has the effect.
 
     The effect's change of the path then enters to all orders. The fit starts at the most likely parameters at the noise
@@ -245,8 +245,8 @@ def relinearize_with_effect(h: Hypothesis, reference: NullModelFit) -> Hypothesi
     effect about its own point over the null model about the point where that is most probable (the ratio of two
     marginal likelihoods, each by Laplace's approximation at its own maximum). Otherwise the gain of the first fit is
     kept: evidence differs by some nats from point to point, and both models are compared about the same one. The
-    iteration ends at the first point if the effect explains little there and the null model is not more probable about
-    another point than about its first one.
+    iteration ends at the first point if the effect explains little there, unless it contends and the null model is more
+    probable about another point than about its first one.
 
     Parameters
     ----------
@@ -254,6 +254,8 @@ def relinearize_with_effect(h: Hypothesis, reference: NullModelFit) -> Hypothesi
         Fitted about a point without the effect.
     reference : NullModelFit
         The model without the effect about the point where it is most probable.
+    contends : bool
+        Whether its gain about the first point is near that of the leader.
     """
     settings, start = h.case.settings, h
     if not h.at_floor:
@@ -264,8 +266,9 @@ def relinearize_with_effect(h: Hypothesis, reference: NullModelFit) -> Hypothesi
     failing_share = max(settings.holds_share, settings.alternative_progress * h.null.excess_share)
     explained_share = h.null.explained_share(first.white_excess_log_likelihood)
     fails = not start.at_floor and first.excess_variance.share > failing_share
-    # both are about a smoothed reconstruction, and iterating the point does not make the null model more probable
-    comparable = h.model.point.bin_states is None and reference.evidence <= h.null.evidence
+    # not where the null model is about another point, or becomes more probable there
+    smoothed = h.model.point.bin_states is None
+    comparable = smoothed and not (contends and reference.evidence > h.null.evidence)
     if comparable and fails and explained_share < settings.least_progress:
         return replace(start.with_reference(reference), explained_share=explained_share)
     case, model, fit = iterate_to_convergence(case, iterations=2, first=first)

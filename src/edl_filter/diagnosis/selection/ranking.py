@@ -245,7 +245,7 @@ def _relinearize_leaders(
         relinearized.add(key)
         progress(f"refitting {label_of(key)} about a new reconstruction")
         try:
-            ranked[i] = relinearize_with_effect(ranked[i], reference)
+            ranked[i] = relinearize_with_effect(ranked[i], reference, key in close)
         except InputError as error:
             failed[label_of(key)] = str(error)
         ranked.sort(key=lambda h: -h.gain)
