@@ -23,6 +23,10 @@ Anchor = Literal["left", "center", "right"]
 Place = Literal["row", "best", "upper left", "upper right", "lower left", "lower center", "outside", "below"]
 
 
+#: Decades of a logarithmic axis below which twice and five times a power of ten are labelled too.
+FEW_DECADES = 1.6
+
+
 @dataclass(frozen=True)
 class Axis:
     """One axis of a panel.

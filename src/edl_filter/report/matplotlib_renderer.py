@@ -23,6 +23,7 @@ from edl_filter.io.atomic import replace_with
 from edl_filter.report.colours import ROLES, VERMILLION, scale_colours
 from edl_filter.report.decimate import envelope, reduced
 from edl_filter.report.description import (
+    FEW_DECADES,
     Axis,
     Band,
     Bars,
@@ -213,7 +214,8 @@ def _set_axis(target: Any, axis: Axis, set_limits: Callable[..., Any], variable:
     if axis.range is not None:
         set_limits(*axis.range, auto=variable)
     if axis.scale == "log":
-        target.set_major_locator(ticker.LogLocator(numticks=8))
+        few = axis.range is not None and np.log10(axis.range[1] / axis.range[0]) < FEW_DECADES
+        target.set_major_locator(ticker.LogLocator(subs=(1.0, 2.0, 5.0) if few else (1.0,), numticks=8))
         target.set_minor_locator(ticker.NullLocator())
         if axis.range is not None and axis.range[0] >= 5e-4 and axis.range[1] <= 1e6:
             target.set_major_formatter(ticker.FuncFormatter(power_label))

@@ -14,7 +14,20 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from edl_filter.report.decimate import envelope, reduced
-from edl_filter.report.description import Axis, Band, Bars, Curve, Figure, HeatMap, Line, Panel, Region, Span, Text
+from edl_filter.report.description import (
+    FEW_DECADES,
+    Axis,
+    Band,
+    Bars,
+    Curve,
+    Figure,
+    HeatMap,
+    Line,
+    Panel,
+    Region,
+    Span,
+    Text,
+)
 from edl_filter.report.text import event_label, readable
 from edl_filter.types import Array, BoolArray
 
@@ -24,8 +37,8 @@ Trace = dict[str, Any]
 BINS = 400
 #: Name of the annotations that label events.
 EVENT = "event"
-#: Decades of a logarithmic axis up to which 2 and 5 have ticks too, and beyond which every second decade has one.
-_FEW_DECADES, _MANY_DECADES = 1.6, 8.0
+#: Decades of a logarithmic axis beyond which every second decade has a tick.
+_MANY_DECADES = 8.0
 #: Powers of ten in positional notation.
 _POSITIONAL = (-3, 4)
 #: Pixels below the axes for the time label, for a legend, and above them for labels of events.
@@ -262,7 +275,7 @@ def _axis(axis: Axis) -> dict[str, Any]:
 def _log_ticks(limits: tuple[float, float] | None) -> dict[str, Any]:
     """Ticks of a logarithmic axis, with labels of one size."""
     low, high = (-30.0, 30.0) if limits is None else (math.log10(v) for v in limits)
-    mantissas = (1, 2, 5) if high - low < _FEW_DECADES else (1,)
+    mantissas = (1, 2, 5) if high - low < FEW_DECADES else (1,)
     step = 2 if limits is not None and high - low > _MANY_DECADES else 1
     powers = range(step * math.floor(low / step), math.ceil(high) + 1, step)
     ticks = [(m, power) for power in powers for m in mantissas]
