@@ -13,7 +13,8 @@ from dataclasses import dataclass, replace
 
 from edl_filter.diagnosis.linear_model.flight_case import FlightCase, load_case
 from edl_filter.diagnosis.linear_model.linear_model import LinearizedModel
-from edl_filter.diagnosis.linear_model.linearization import linearize, linearize_at
+from edl_filter.diagnosis.linear_model.linearization import linearize, linearize_at, map_point
+from edl_filter.diagnosis.linear_model.linearization_point import LinearizationPoint
 from edl_filter.diagnosis.selection.map_fit import MapFit, fit_map
 from edl_filter.effects.base import EffectInstance, label_of
 from edl_filter.effects.sensor_chain import canonical_key
@@ -117,10 +118,30 @@ def iterate_to_convergence(
         if _largest_change(case.effects, fit) <= settings.outer_tolerance_sigmas:
             break
         progress(f"refitting the effects, iteration {i + 1}")
+        point = most_probable_point(model, fit)
         case = load_case(case.mission, fit.effects)
-        model = linearize_at(case, fit.point, model.failing_excess)
+        model = linearize_at(case, point, model.failing_excess)
         fit = fit_about(model)
     return case, model, fit
+
+
+def most_probable_point(model: LinearizedModel, fit: MapFit) -> LinearizationPoint:
+    """Most probable nuisance parameters with effects at their estimates: about which to linearise next.
+
+    A fit may end at the point at which it began, although the nuisance parameters that its estimates imply lie many
+    sigmas from it: along a ridge between an effect and a nuisance parameter the Jacobians of the one end do not hold
+    at the other.
+
+    Parameters
+    ----------
+    model : LinearizedModel
+        About which the effects were fitted at the fitted noise.
+    fit : MapFit
+        The fit.
+    """
+    stays = fit.point is model.point
+    about = model.with_effects(fit.effects) if stays else model.at_point(fit.point, fit.effects)
+    return map_point(about, model.fitted_noise_filter, fit.white) or fit.point
 
 
 def check_single_instances(mission: Mission, effects: Sequence[EffectInstance], driving: ImuRecord) -> None:
