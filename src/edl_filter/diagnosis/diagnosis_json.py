@@ -39,7 +39,7 @@ def diagnosis_content(diagnosis: Diagnosis) -> dict[str, Any]:
         "ranking": [_entry(e, diagnosis.errors) for e in verdict.entries],
         "required_gain": verdict.required_gain,
         "none": verdict.none,
-        "none_gain": 0.0 if ranking.excess_noise_gain <= 0.0 else -ranking.excess_noise_gain,
+        "none_gain": 0.0 - max(ranking.excess_noise_gain, ranking.nuisance_gain, 0.0),
         "something_else": {
             "probability": verdict.something_else,
             "score_gain": ranking.unmodelled_gain,

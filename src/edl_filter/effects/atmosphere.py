@@ -65,8 +65,8 @@ class Wind(Effect):
     parameters = (
         Parameter("east", "m/s", "velocity of the air towards east", 40.0, low=-300.0, high=300.0),
         Parameter("north", "m/s", "velocity of the air towards north", 40.0, low=-300.0, high=300.0),
-        Parameter("h_lo", "m", "lower edge", kind="altitude", low=-5e3, high=60e3, scan=12, default=5e3),
-        Parameter("h_hi", "m", "upper edge", kind="altitude", low=5e3, high=100e3, scan=12, default=25e3),
+        Parameter("h_lo", "m", "lower edge", kind="altitude", low=-5e3, high=60e3, scan=24, default=5e3),
+        Parameter("h_hi", "m", "upper edge", kind="altitude", low=5e3, high=100e3, scan=24, default=25e3),
     )
 
     def wind(self, p: Values, altitude: Array) -> Array:

@@ -52,9 +52,9 @@ def hypothesis_of(name, gain, score=None, explained=None, at_floor=True, explain
     )
 
 
-def ranking_of(*hypotheses, unmodelled_gain=0.0, noise=0.0, settings=SETTINGS):
+def ranking_of(*hypotheses, unmodelled_gain=0.0, noise=0.0, nuisance=0.0, settings=SETTINGS):
     case = SimpleNamespace(settings=settings)
-    return Ranking(case, None, {}, list(hypotheses), UnmodelledAcceleration(), unmodelled_gain, noise)
+    return Ranking(case, None, {}, list(hypotheses), UnmodelledAcceleration(), unmodelled_gain, noise, nuisance)
 
 
 def is_noisy(ranking):
@@ -254,6 +254,16 @@ def test_the_limit_is_that_of_the_first_name(explained_share, outcome):
     assert odds == pytest.approx(explained_share / (1.0 - explained_share), rel=0.1)
     for strong in (replace(weak, at_floor=True), replace(weak, explained_share=SETTINGS.named_explained_share)):
         assert decide(ranking_of(strong, second, noise=1e6)).verdict == "missing"
+
+
+def test_a_nuisance_parameter_that_is_not_credible_excludes_that_nothing_is_missing():
+    """The flight is not clean, and a name needs no more evidence than about a model that holds."""
+    named, weak = hypothesis_of("wind", 18.0), hypothesis_of("mass", 2.0)
+    assert decide(ranking_of(weak)).verdict == "clean"
+    assert decide(ranking_of(weak, nuisance=15.0)).verdict == "unknown"
+    verdict = decide(ranking_of(named, weak, nuisance=15.0))
+    assert (verdict.verdict, verdict.required_gain) == ("missing", SETTINGS.named_gain_nats)
+    assert decide(ranking_of(named, noise=15.0)).verdict == "unknown"  # beside noise of unknown form it needs more
 
 
 def test_a_name_with_little_evidence_is_not_raised_to_the_odds_of_what_it_explains():

@@ -6,12 +6,14 @@ import numpy as np
 import pytest
 
 from edl_filter import Mission
+from edl_filter.diagnosis.linear_model.effect_jacobian import effect_jacobian
 from edl_filter.diagnosis.linear_model.flight_case import load_case
 from edl_filter.diagnosis.linear_model.linearization import linearize
 from edl_filter.diagnosis.selection import map_fit as module
-from edl_filter.diagnosis.selection.map_fit import NullModelFit, fit_map, most_probable_null
+from edl_filter.diagnosis.selection.map_fit import NullModelFit, fit_linear, fit_map, most_probable_null
 from edl_filter.effects import EffectInstance
 from edl_filter.effects.registry import find_effect
+from edl_filter.estimation.kalman import append_constant_states, whitening_filter
 from edl_filter.estimation.regression import regress
 from edl_filter.simulation import Scenario, simulate
 
@@ -132,3 +134,32 @@ def test_a_point_that_would_lose_evidence_does_not_move(model, monkeypatch):
     moving = fit_map(model, effects, model.fitted_noise_filter, moving=True)
     assert moving.evidence == pytest.approx(fixed.evidence, abs=model.settings.fit_convergence_nats)
     assert moving.point is model.point
+
+
+# --- one further effect about the point where the model holds --------------------------------------------------------
+
+
+def test_the_linear_gain_is_the_marginal_likelihood_of_the_augmented_state_space(model):
+    """The effect's sizes as constant states with their priors: another computation of the same ratio."""
+    fixed = replace(model, effects=tuple(replace(a, fixed=True) for a in model.effects))
+    torque = EffectInstance(find_effect("rolling_moment"), {"k": 1e-4})
+    fit = fit_linear(fixed, torque, model.stated_noise_filter, null_evidence=0.0)
+    jacobian = effect_jacobian(fixed, torque.at_zero())
+    augmented = whitening_filter(append_constant_states(model.state_space, jacobian.rows, jacobian.sigma))
+    before, after = (w.log_likelihood(model.white_residuals(w)) for w in (model.stated_noise_filter, augmented))
+    assert fit.evidence == pytest.approx(after - before, abs=1e-6)
+    assert [name for _, name in fit.names] == list(jacobian.names)
+    np.testing.assert_allclose(
+        fit.white,
+        model.white_residuals(model.stated_noise_filter)
+        - fit.columns @ [fit.parameters(("rolling_moment", None))[name][0] for name in jacobian.names],
+        atol=1e-9,
+    )
+
+
+def test_places_of_a_linear_fit_stay_within_their_bounds_and_their_order(model):
+    wind = EffectInstance(find_effect("wind"), {"east": 5.0, "north": 0.0, "h_lo": 59.9e3, "h_hi": 60.2e3})
+    fit = fit_linear(model, wind, model.stated_noise_filter, null_evidence=0.0)
+    values = fit.effects[-1].values
+    assert values["h_lo"] <= 60e3 and values["h_lo"] < values["h_hi"] <= 100e3
+    assert fit.parameter_sigma.shape == (4,)

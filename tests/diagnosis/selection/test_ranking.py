@@ -1,5 +1,7 @@
 """The ranking on simulated flights: the evidence of a name, also where the model's point moves from the truth."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
@@ -10,10 +12,11 @@ from edl_filter.diagnosis.linear_model.flight_case import load_case
 from edl_filter.diagnosis.linear_model.linearization import linearize
 from edl_filter.diagnosis.selection.decision import decide
 from edl_filter.diagnosis.selection.map_fit import fit_null_model
-from edl_filter.diagnosis.selection.ranking import rank
+from edl_filter.diagnosis.selection.ranking import nuisance_gain, rank
 from edl_filter.effects.base import EffectInstance
 from edl_filter.effects.registry import find_effect
 from edl_filter.estimation.regression import regress
+from edl_filter.mission.decision_settings import DecisionSettings
 from edl_filter.simulation import Scenario, simulate
 
 HIDDEN = {"mx": 4e-3, "my": 2.5e-3, "mz": 1e-3}
@@ -79,3 +82,14 @@ def test_effects_that_are_not_fitted_are_not_noise(practice_06):
     assert ranking.model.excess_variance.is_zero
     assert ranking.excess_noise_gain == ranking.unmodelled_gain == 0.0
     assert decide(ranking).verdict == "clean"
+
+
+@pytest.mark.parametrize("sigmas", [5.5, 8.0, 30.0])
+def test_the_evidence_against_a_stated_sigma_is_the_largest_ratio_of_normal_densities(sigmas):
+    settings, state_space = DecisionSettings(), SimpleNamespace(size=100)
+    model = SimpleNamespace(largest_nuisance_sigmas=sigmas, holds=True, settings=settings, state_space=state_space)
+    scales = np.geomspace(1.0, 100.0, 20_000)
+    ratio = 0.5 * sigmas**2 - 0.5 * (sigmas / scales) ** 2 - np.log(scales)
+    assert nuisance_gain(model) == pytest.approx(ratio.max() - np.log(100), abs=1e-4)
+    assert nuisance_gain(SimpleNamespace(**(vars(model) | {"holds": False}))) == 0.0
+    assert nuisance_gain(SimpleNamespace(**(vars(model) | {"largest_nuisance_sigmas": 4.9}))) == 0.0

@@ -3,12 +3,13 @@
 Hypotheses, with their log evidence E in nats over the model as it is:
 
 none
-    The model holds at its stated noise: E = 0, or minus the evidence for excess noise where that is significant.
+    The model holds at its stated noise: E = 0. Where excess noise is significant, minus the evidence for it; where the
+    model holds only with a nuisance parameter many sigmas off, minus the evidence that its sigma is not what is stated.
 name
     One effect of the catalogue is missing: E = min(gain, held-out gain) - c.
 something else
     Excess noise, whose size and correlation time are fitted (`noise.variance_components`): E = 0 where it is
-    significant. Otherwise an unmodelled acceleration: E = gain - c.
+    significant, as where a nuisance parameter is not credible. Otherwise an unmodelled acceleration: E = gain - c.
 
 All gains are over the same reference: the model with its nuisance parameters, the discrepancy of the database among
 them, marginalised, at the noise that it shows. An effect that is a change of the database is therefore named only as
@@ -151,8 +152,9 @@ def decide(ranking: Ranking) -> Verdict:
     settings = ranking.case.settings
     noisy = ranking.excess_noise_gain > settings.excess_noise_nats
     cost = settings.named_gain_in_excess_noise_nats if noisy else settings.named_gain_nats
-    none = -ranking.excess_noise_gain if noisy else 0.0
-    something_else = 0.0 if noisy else ranking.unmodelled_gain - cost
+    contradiction = ranking.excess_noise_gain if noisy else ranking.nuisance_gain
+    none = -contradiction
+    something_else = 0.0 if contradiction > 0.0 else ranking.unmodelled_gain - cost
     groups = group_indistinguishable(ranking.hypotheses, settings)
     evidence = [min(group[0].gain, group[0].score_gain) - cost for group in groups]
     if noisy and groups:

@@ -16,7 +16,7 @@ from edl_filter.diagnosis.linear_model.linear_model import LinearizedModel
 from edl_filter.diagnosis.linear_model.linearization import linearize_at
 from edl_filter.diagnosis.linear_model.linearization_point import smoothed_point
 from edl_filter.diagnosis.noise.variance_components import estimate_variance_components, moment_estimate
-from edl_filter.diagnosis.selection.map_fit import MapFit, NullModelFit, fit_map
+from edl_filter.diagnosis.selection.map_fit import MapFit, NullModelFit, fit_linear, fit_map
 from edl_filter.diagnosis.selection.outer_loop import iterate_to_convergence
 from edl_filter.diagnosis.selection.screening import ScreeningResult, refine_places
 from edl_filter.effects.base import EffectInstance, EffectKey, effect_with_key, label_of
@@ -53,6 +53,8 @@ class Hypothesis:
     explained_share : float
         Share of the log-likelihood between the null model and one that holds that the effect gains about its own
         reconstruction; zero where it was not relinearised.
+    own_noise_evidence : float
+        Largest log marginal likelihood at the noise that it leaves, less the penalty of that noise, nats.
     """
 
     key: EffectKey
@@ -67,6 +69,7 @@ class Hypothesis:
     null: NullModelFit
     stated_noise_fit: MapFit | None = None
     explained_share: float = 0.0
+    own_noise_evidence: float = -np.inf
 
     @property
     def instance(self) -> EffectInstance:
@@ -108,26 +111,24 @@ def fit_hypothesis(
         The model without it about the same point, over which gains are computed.
     """
     settings, key = case.settings, starts[0][0].instance.key
+    if model.holds:
+        return _fit_where_model_holds(case, model, starts[0], null)
     at_fitted_noise: list[MapFit] = []
     at_stated_noise: list[MapFit] = []
     starting_points: list[EffectInstance] = []
-    holds = model.holds
     for result, whiten in starts:
         unlikely = result.gain <= settings.minimum_screening_gain
         if at_fitted_noise and (unlikely or not result.instance.effect.places):
             continue
         fits: list[MapFit] = []
         for start in (result.instance, *result.alternatives):
-            # where the linearisation point moves with the effect, its size and the point take one step together, from
-            # zero
-            from_zero = holds and not start.effect.places
-            instance = start.at_zero() if from_zero else refine_places(model, start, whiten)
+            instance = refine_places(model, start, whiten)
             if any(_same_places(instance, a) for a in starting_points):
                 continue
             starting_points.append(instance)
             effects = (*case.effects, instance)
             steps = settings.comparison_fit_iterations
-            fits.append(fit_map(model, effects, model.fitted_noise_filter, steps=steps, moving=holds))
+            fits.append(fit_map(model, effects, model.fitted_noise_filter, steps=steps))
             if _remaining_excess(model, fits[-1], model.excess_variance.share) < settings.solved_share:
                 return _best(key, fits[-1:], [], null, case, model)
         if fits and model.fitted_noise_filter is not model.stated_noise_filter:
@@ -135,6 +136,36 @@ def fit_hypothesis(
             at_stated_noise.append(fit_map(model, best.effects, model.stated_noise_filter))
         at_fitted_noise += fits
     return _best(key, at_fitted_noise, at_stated_noise, null, case, model)
+
+
+def _fit_where_model_holds(
+    case: FlightCase, model: LinearizedModel, start: tuple[ScreeningResult, Whitening], null: NullModelFit
+) -> Hypothesis:
+    """The effect in the linear problem about the point at which the model without it holds."""
+    result, whiten = start
+    key = result.instance.key
+    refined = [refine_places(model, a, whiten) for a in (result.instance, *result.alternatives)]
+    fit = max((fit_linear(model, a, whiten, null.evidence) for a in refined), key=lambda f: f.evidence)
+    log_volume = case.log_abs_det_jacobian(fit.effects) - case.log_abs_det_jacobian(case.effects)
+    instance, count = effect_with_key(fit.effects, key), len(result.jacobian.names)
+    x = fit.columns[:, :count]
+    size = np.array([instance.values[name] for _, name in fit.names[:count]])
+    settings = case.settings
+    predictive = held_out_gain(
+        fit.white + x @ size, x, fit.sigma[:count], model.index.time, settings.held_out_block_s, settings.held_out_folds
+    )
+    return Hypothesis(
+        key=key,
+        fit=replace(fit, evidence=fit.evidence + log_volume),
+        whiten=model.fitted_noise_filter,
+        gain=fit.evidence + log_volume - null.evidence,
+        score_gain=predictive + log_volume,
+        at_floor=model.excess_variance.share < settings.solved_share * null.excess_share,
+        explained=x @ size,
+        case=case,
+        model=model,
+        null=null,
+    )
 
 
 def _remaining_excess(model: LinearizedModel, fit: MapFit, before: float) -> float:
@@ -175,7 +206,7 @@ def _best(
     if first.at_floor and model.excess_variance.is_zero:
         return first
     stated = max(at_stated_noise, key=lambda f: f.evidence) if at_stated_noise else None
-    outcomes = [first]
+    outcomes, own_noise_evidence = [first], best_fit.evidence - model.excess_variance.penalty
     for start in (best_fit, *([stated] if stated is not None else [])):
         if not thorough and _remaining_excess(model, start, null.excess_share) > settings.promising_share:
             continue
@@ -190,13 +221,14 @@ def _best(
         moving = start.point is not model.point  # a fit whose point has moved continues from there
         steps = settings.polish_fit_iterations
         polished = fit_map(model, start.effects, whiten, steps=steps, moving=moving)
+        own_noise_evidence = max(own_noise_evidence, polished.evidence - excess.penalty)
         outcomes.append(_hypothesis(key, polished, whiten, excess.share < floor, null, case, model))
         if thorough and excess.share < floor and not excess.is_zero:
             # the little excess may be that of a fit that has not converged: then the stated noise is more likely
             stated_noise = model.stated_noise_filter
             converged = fit_map(model, polished.effects, stated_noise, moving=True)
             outcomes.append(_hypothesis(key, converged, stated_noise, True, null, case, model))
-    best = max(outcomes, key=lambda h: (h.gain, h.at_floor))
+    best = replace(max(outcomes, key=lambda h: (h.gain, h.at_floor)), own_noise_evidence=own_noise_evidence)
     if best.at_floor:
         return best
     return replace(best, gain=first.gain, score_gain=first.score_gain, stated_noise_fit=stated)
@@ -258,7 +290,7 @@ def relinearize_with_effect(h: Hypothesis, reference: NullModelFit, contends: bo
         Whether its gain about the first point is near that of the leader.
     """
     settings, start = h.case.settings, h
-    if not h.at_floor:
+    if not (h.at_floor or h.model.holds):
         at_stated_noise = [h.stated_noise_fit] if h.stated_noise_fit is not None else []
         start = _best(h.key, [h.fit], at_stated_noise, h.null, h.case, h.model, thorough=True)
     case = load_case(h.case.mission, start.fit.effects)

@@ -54,8 +54,11 @@ class Ranking:
     unmodelled_gain : float
         Its evidence over the model at its own noise about the point where it is most likely, as all gains, nats.
     excess_noise_gain : float
-        Evidence of that model over the model at the stated noise about the smoothed reconstruction, less the penalty of
-        its variances; zero where the two are the same.
+        Evidence of the noise that this model shows over the stated noise about the same point, less the penalty of its
+        variances; zero where the model holds there.
+    nuisance_gain : float
+        Evidence that the sigma of the nuisance parameter farthest off is larger than stated (`nuisance_gain`), where
+        the model holds only with a parameter beyond `credible_nuisance_sigmas`; otherwise zero.
     failed : dict
         Label of the effect → message of a user's effect whose hooks fail.
     """
@@ -67,6 +70,7 @@ class Ranking:
     unmodelled: UnmodelledAcceleration
     unmodelled_gain: float
     excess_noise_gain: float
+    nuisance_gain: float = 0.0
     failed: dict[str, str] = field(default_factory=dict)
 
 
@@ -113,7 +117,8 @@ def _rank(case: FlightCase, effects: Sequence[EffectInstance], progress: Progres
         hypotheses += _relinearize_leaders(case, fitted, reference, failed, progress)
     hypotheses.sort(key=lambda h: -h.gain)
     unmodelled, unmodelled_likelihood = unmodelled_fit()
-    stated = model.stated_noise_filter.log_likelihood(model.white_residuals(model.stated_noise_filter))
+    stated = most_likely.stated_noise_filter
+    at_stated_noise = stated.log_likelihood(most_likely.white_residuals(stated))
     return Ranking(
         case=case,
         model=model,
@@ -122,9 +127,32 @@ def _rank(case: FlightCase, effects: Sequence[EffectInstance], progress: Progres
         unmodelled=unmodelled,
         # the model's own effects are at their values in both
         unmodelled_gain=unmodelled_likelihood - most_likely.log_likelihood,
-        excess_noise_gain=most_likely.log_likelihood - most_likely.excess_variance.penalty - stated,
+        excess_noise_gain=most_likely.log_likelihood - most_likely.excess_variance.penalty - at_stated_noise,
+        nuisance_gain=nuisance_gain(most_likely),
         failed=failed,
     )
+
+
+def nuisance_gain(model: LinearizedModel) -> float:
+    """Evidence that one stated sigma is too small, nats.
+
+    The log Bayes factor of the most likely sigma over the stated one for the parameter that is farthest off, by z
+    sigmas, z²/2 - 1/2 - log z, less the logarithm of the number of parameters from which it was selected.
+
+    Parameters
+    ----------
+    model : LinearizedModel
+        About the point where it is most probable.
+
+    Returns
+    -------
+    float
+        Zero where the model fails, or holds with credible values.
+    """
+    z = model.largest_nuisance_sigmas
+    if not model.holds or z <= model.settings.credible_nuisance_sigmas:
+        return 0.0
+    return max(0.5 * z**2 - 0.5 - float(np.log(z)) - float(np.log(model.state_space.size)), 0.0)
 
 
 @dataclass(frozen=True)
@@ -217,23 +245,26 @@ def _relinearize_leaders(
 
     About a failing model gains are accurate to a factor only: a wrong name may lead where the right one changes the
     path by much. The right one reaches the noise about its own path, if nothing else is missing. So those with a share
-    `rival_gain_share` of the leader's gain are relinearised too, and the one that is best at the stated noise. Where
-    the leader explains everything, only those that explain the same can be as good. All gains are over the null model
-    about the point where it is most probable, which is no advantage to those that are not relinearised.
+    `rival_gain_share` of the leader's gain are relinearised too, and the ones that are best at the stated noise and at
+    the noise that they leave. Where the leader explains everything, only those that explain the same can be as good.
+    All gains are over the null model about the point where it is most probable, which is no advantage to those that are
+    not relinearised.
     """
     settings = case.settings
     ranked = sorted(hypotheses, key=lambda h: -h.gain)
-    close, best_at_stated_noise = [], []
+    close: list[EffectKey] = []
+    best_at_other_noise: list[EffectKey] = []
     if ranked and not ranked[0].model.holds:
         close = [h.key for h in ranked if h.gain > settings.rival_gain_share * ranked[0].gain]
         evidence = {h.key: h.stated_noise_fit.evidence for h in hypotheses if h.stated_noise_fit is not None}
-        best_at_stated_noise = sorted(evidence, key=lambda k: evidence[k])[-1:]
+        best_at_other_noise = [max(hypotheses, key=lambda h: h.own_noise_evidence).key]
+        best_at_other_noise += sorted(evidence, key=lambda k: evidence[k])[-1:]
     explained = {h.key: h.explained for h in ranked}
     relinearized: set[EffectKey] = set()
     if ranked and ranked[0].model.holds and ranked[0].gain < 0.5 * settings.named_gain_nats:
         return [h.with_reference(reference) for h in ranked]  # none of them can be named
     while ranked and len(relinearized) < settings.relinearized_hypotheses:
-        rivals = [*best_at_stated_noise, *close]
+        rivals = [*best_at_other_noise, *close]
         if ranked[0].at_floor:
             leader = explained[ranked[0].key]
             rivals = [k for k in close if correlation(leader, explained[k]) >= settings.distinct_correlation]
