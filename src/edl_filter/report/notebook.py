@@ -26,7 +26,7 @@ from edl_filter.report.text import (
     with_sigma,
     words,
 )  # fmt: skip
-from edl_filter.results.plain import finite
+from edl_filter.results.files import finite
 from edl_filter.results.schema import DiagnosisContent, Summary
 
 if TYPE_CHECKING:

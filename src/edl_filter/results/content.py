@@ -23,9 +23,9 @@ from edl_filter.results.estimates import (
     add_nodes,
     add_sensor_errors,
 )
+from edl_filter.results.files import finite
 from edl_filter.results.groups import Attributes, Group, Groups
 from edl_filter.results.netcdf import FORMAT, FORMAT_VERSION
-from edl_filter.results.plain import finite
 from edl_filter.results.postflight import add_postflight
 from edl_filter.telemetry.clock import SclkClock
 from edl_filter.telemetry.record import ImuRecord

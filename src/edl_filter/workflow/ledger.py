@@ -12,7 +12,7 @@ from typing import Any
 
 from edl_filter.io.atomic import replace_with
 from edl_filter.results.files import LEDGER as NAME
-from edl_filter.results.plain import finite
+from edl_filter.results.files import finite
 
 
 def added_line(step: int, content: dict[str, Any]) -> dict[str, Any]:
