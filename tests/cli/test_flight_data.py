@@ -9,7 +9,7 @@ from mer_volume import contents
 
 from edl_filter.io.csv_table import package_data
 from edl_filter.results import Result
-from edl_filter.workflow.outputs import write_outputs
+from edl_filter.workflow.run import write_outputs
 
 EXAMPLES = Path(__file__).parents[2] / "docs" / "examples"
 

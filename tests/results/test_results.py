@@ -21,7 +21,7 @@ from edl_filter.results.files import finite
 from edl_filter.results.schema import Summary
 from edl_filter.results.schema.summary import ConstraintSummary, Landing, RecoverySummary
 from edl_filter.results.summary import constraint
-from edl_filter.workflow.outputs import write_outputs
+from edl_filter.workflow.run import write_outputs
 
 
 @pytest.fixture(scope="module")

@@ -10,12 +10,13 @@ import numpy as np
 
 from edl_filter._version import __version__
 from edl_filter.mission.measurements import MerImuConfig
-from edl_filter.pipeline.reconstruct import Reconstruction, in_j2000
+from edl_filter.pipeline.entry_state import in_j2000
+from edl_filter.pipeline.reconstruct import Reconstruction
 from edl_filter.pipeline.trust import Trust
 from edl_filter.postflight.airdata import AirData
 from edl_filter.postflight.events import Event
-from edl_filter.results.derived import Derived, RefitSummary
-from edl_filter.results.effects import effects_content
+from edl_filter.postflight.flight import Derived
+from edl_filter.results.effects import RefitSummary, effects_content
 from edl_filter.results.estimates import (
     add_comparison,
     add_constraints,

@@ -1,15 +1,31 @@
-"""Effects of a run as plain data: their estimates, and the values that the mission states."""
+"""Effects of a run: what their refit adds to a reconstruction, and estimates and stated values as plain data."""
 
 from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Mapping
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from edl_filter.effects.base import EffectInstance
 from edl_filter.mission import Mission
 from edl_filter.pipeline.reconstruct import Reconstruction
+
+
+@dataclass(frozen=True)
+class RefitSummary:
+    """Result of the refit of a mission's effects, and of the comparison of model and measurement.
+
+    Attributes
+    ----------
+    sigma : dict
+        Effect → parameter → one sigma of its estimate; empty where nothing was refitted.
+    residuals : dict
+        Channel → ``overall`` and every regime → normalised RMS; empty where nothing was compared.
+    """
+
+    sigma: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    residuals: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
 
 
 def effects_content(reconstruction: Reconstruction, sigma: Mapping[str, Mapping[str, float]]) -> dict[str, Any]:

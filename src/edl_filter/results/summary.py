@@ -13,13 +13,14 @@ from edl_filter.mission import Mission
 from edl_filter.mission.measurements import MerImuConfig
 from edl_filter.navigation.leave_one_out import ConstraintCheck
 from edl_filter.navigation.recovery import Recovery
-from edl_filter.pipeline.reconstruct import Reconstruction, in_j2000
+from edl_filter.pipeline.entry_state import in_j2000
+from edl_filter.pipeline.reconstruct import Reconstruction
 from edl_filter.pipeline.trust import Trust
 from edl_filter.planet import ellipsoid
 from edl_filter.planet.gas import Gas
+from edl_filter.postflight.flight import Derived
 from edl_filter.results import postflight
-from edl_filter.results.derived import Derived, RefitSummary
-from edl_filter.results.effects import effects_content
+from edl_filter.results.effects import RefitSummary, effects_content
 from edl_filter.telemetry.calibration import Misalignment, MisalignmentEstimate
 from edl_filter.telemetry.record import SampleFinding
 from edl_filter.telemetry.relative_calibration import RelativeCalibration

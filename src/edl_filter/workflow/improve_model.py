@@ -31,7 +31,7 @@ from edl_filter.results.netcdf import write
 from edl_filter.results.result import RefitSummary, Result
 from edl_filter.workflow import ledger
 from edl_filter.workflow.diagnose_result import rms_by_channel
-from edl_filter.workflow.outputs import write_outputs
+from edl_filter.workflow.run import write_outputs
 
 MISSION = "mission.yaml"
 
