@@ -12,11 +12,11 @@ PAGES = (ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md")))
 
 def blocks():
     """Name of a module → Python code of a block in a page."""
-    found = {}
+    code_blocks = {}
     for page in PAGES:
         for k, code in enumerate(re.findall(r"^```python\n(.*?)^```$", page.read_text(), re.MULTILINE | re.DOTALL)):
-            found[f"{re.sub(r'[^a-z]', '_', page.stem.lower())}_{k}"] = code
-    return found
+            code_blocks[f"{re.sub(r'[^a-z]', '_', page.stem.lower())}_{k}"] = code
+    return code_blocks
 
 
 def check(folder, modules):

@@ -29,11 +29,13 @@ def compressed(values):
     return sizes[min(sizes)]
 
 
-def compress(source, target):
-    """Write the flight file `source` to `target`."""
+def copy_compressed(source, target, without=(), **attributes):
+    """Copy the flight file `source` to `target` without some groups, compressed, with further attributes."""
     with h5py.File(source) as original, h5py.File(target, "w") as copy:
 
         def write(name, node):
+            if name.split("/")[0] in without:
+                return
             if isinstance(node, h5py.Dataset):
                 values = node[()]
                 copy.create_dataset(name, data=values, **(compressed(values) if values.size > 100 else {}))
@@ -43,15 +45,15 @@ def compress(source, target):
 
         original.visititems(write)
         copy.attrs.update(original.attrs)
-        copy.attrs["original_sha256"] = hashlib.sha256(Path(source).read_bytes()).hexdigest()
-        copy.attrs["command"] = COMMAND
+        copy.attrs.update(attributes)
 
 
 def main(folder):
     TARGET.mkdir(exist_ok=True)
     for number in NUMBERS:
         name = f"practice_{number:02d}.h5"
-        compress(folder / name, TARGET / name)
+        checksum = hashlib.sha256((folder / name).read_bytes()).hexdigest()
+        copy_compressed(folder / name, TARGET / name, original_sha256=checksum, command=COMMAND)
         print(f"{name}: {(folder / name).stat().st_size} → {(TARGET / name).stat().st_size} bytes")
     for name in TABLES:
         shutil.copyfile(folder / name, TARGET / name)

@@ -131,8 +131,8 @@ def record(
     shared=None,
     unit=None,
     errors=None,
-    net_turn=False,
-    net_gain=False,
+    coning_corrected=False,
+    sculling_corrected=False,
 ):
     """An `ImuRecord` with sample edges `edges` (N + 1)."""
     n = len(edges) - 1
@@ -149,8 +149,8 @@ def record(
         force_noise=force_noise * full,
         rate_noise=rate_noise * full,
         shared_rate_noise=(rate_noise if shared is None else shared) * full,
-        net_turn=np.full(n, net_turn),
-        net_gain=np.full(n, net_gain),
+        coning_corrected=np.full(n, coning_corrected),
+        sculling_corrected=np.full(n, sculling_corrected),
         unit=unit,
         units=units,
         source=np.zeros(n, int),
@@ -173,7 +173,7 @@ def samples(interval, force, rate, force_noise=0.0, rate_noise=0.0, shared=0.0, 
         force_noise=force_noise * full,
         rate_noise=rate_noise * full,
         shared_rate_noise=shared * full,
-        net_turn=np.zeros(n, bool),
+        coning_corrected=np.zeros(n, bool),
         unit=np.zeros(n, int) if unit is None else unit,
     )
 

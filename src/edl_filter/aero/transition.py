@@ -13,7 +13,7 @@ database is a weighted sum of curves over the angle; the weights depend on the K
 ``blend``
     A transition over one decade of Knudsen number around the limit, linear in its logarithm.
 
-Output: a `Sum`, which is a slice (`edl_filter.aero.grid.Slice`).
+Output: a `WeightedSum`, which is a slice (`edl_filter.aero.grid.Slice`).
 """
 
 from __future__ import annotations
@@ -73,7 +73,7 @@ def _free_molecular_table(body: SphereCone) -> GridTable:
 
 
 @dataclass(frozen=True, eq=False)
-class Sum:
+class WeightedSum:
     """Weighted sum of slices, which is a slice too (`edl_filter.aero.grid.Slice`).
 
     Attributes
@@ -117,14 +117,14 @@ class Sum:
                 total += weight[:, None] * curves.rows(alpha, weights)
         return total
 
-    def take(self, index: NDArray[np.intp]) -> Sum:
+    def take(self, index: NDArray[np.intp]) -> WeightedSum:
         """Sum of the samples at the indices (S,)."""
-        return Sum([(w[index], s.take(index)) for w, s in self.terms])
+        return WeightedSum([(w[index], s.take(index)) for w, s in self.terms])
 
 
 def join_regimes(
     continuum: Slice, rarefied: GridTable | FreeMolecularBridge, knudsen: Array, limit: float, join: Join
-) -> Sum:
+) -> WeightedSum:
     """Join the continuum and the rarefied coefficients of N samples, by their Knudsen numbers.
 
     Parameters
@@ -142,19 +142,19 @@ def join_regimes(
 
     Returns
     -------
-    Sum
+    WeightedSum
         Slice of the N samples.
     """
     weight = _rarefied_weight(knudsen, limit, join)
     if isinstance(rarefied, FreeMolecularBridge):
         if join != "continuous":
             weight = weight * bridge(knudsen)
-        return Sum([(1.0 - weight, continuum), (weight, rarefied.at(len(knudsen)))])
+        return WeightedSum([(1.0 - weight, continuum), (weight, rarefied.at(len(knudsen)))])
     if join != "continuous":
-        return Sum([(1.0 - weight, continuum), (weight, rarefied.at(knudsen))])
+        return WeightedSum([(1.0 - weight, continuum), (weight, rarefied.at(knudsen))])
     above_limit = np.where(knudsen > limit, 1.0, 0.0)
     at_limit = rarefied.at(np.full(len(knudsen), limit))
-    return Sum(
+    return WeightedSum(
         [(1.0 - weight, continuum), (above_limit, rarefied.at(knudsen)), (-above_limit * (1.0 - weight), at_limit)]
     )
 

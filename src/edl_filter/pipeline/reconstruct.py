@@ -27,7 +27,7 @@ from edl_filter.pipeline.load import centre_of_mass_shifts, read_atmosphere, rea
 from edl_filter.planet import Planet
 from edl_filter.planet.atmosphere import Atmosphere
 from edl_filter.telemetry.calibration import MisalignmentEstimate, bias_from_velocity_slope
-from edl_filter.telemetry.comparison import centred, compare
+from edl_filter.telemetry.comparison import compare, record_at_centre_of_mass
 from edl_filter.telemetry.record import ImuRecord, Telemetry
 from edl_filter.telemetry.relative_calibration import RelativeCalibration, relative_calibration
 from edl_filter.types import Array
@@ -274,7 +274,7 @@ def _pre_entry_bias(mission: Mission, telemetry: Telemetry) -> tuple[Array, Arra
     window = mission.constraints.pre_entry_zero_force
     if window is None:
         return None
-    record = centred(telemetry.driving.between(window.start_s, window.end_s))
+    record = record_at_centre_of_mass(telemetry.driving.between(window.start_s, window.end_s))
     return bias_from_velocity_slope(record.time, record.interval, record.specific_force, window.start_s, window.end_s)
 
 

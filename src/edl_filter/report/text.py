@@ -205,6 +205,25 @@ def error_fall(hypothesis: RankedHypothesis) -> str:
     return f"{number(hypothesis.error_before)} → {number(hypothesis.error_after)}"
 
 
+def ranking_rows(diagnosis: DiagnosisContent) -> list[tuple[str, ...]]:
+    """Hypotheses, then that nothing is missing and that something else is, which are the last two rows.
+
+    Columns: effect, probability, gain, held-out gain, parameters, fall of the normalised RMS.
+    """
+    something = diagnosis.something_else
+    return [
+        *(
+            (
+                hypothesis_label(h), chance(h.probability), number(h.gain), number(h.score_gain),
+                parameters_text(h.parameters), f"{words(h.channel)} {error_fall(h)}",
+            )
+            for h in diagnosis.ranking
+        ),
+        ("nothing is missing", chance(diagnosis.none), none_gain_text(diagnosis), "–", "", ""),
+        ("something else", chance(something.probability), number(something.score_gain), "–", "", ""),
+    ]  # fmt: skip
+
+
 def onset_text(onsets: Sequence[OnsetContent]) -> str:
     """Times from which the clearest channels fail."""
     first = [f"{words(o.channel)} from {o.time_s:.1f} s" for o in onsets[:_ONSETS]]

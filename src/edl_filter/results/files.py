@@ -36,6 +36,12 @@ UPDATE_TABLES = ("database_update.csv", "database_update_rarefied.csv")
 AS_RUN, LEDGER = "mission_as_run.yaml", "ledger.jsonl"
 
 
+def result_file(path: str | Path) -> Path:
+    """``result.nc`` of a folder; the path of a file as it is."""
+    path = Path(path)
+    return path / RESULT if path.is_dir() else path
+
+
 def finite(data: Any) -> Any:
     """`data` with None for every number that is not finite, and arrays as lists."""
     if isinstance(data, dict):
