@@ -54,7 +54,7 @@ def test_a_full_disk_is_reported_with_the_file(cli, monkeypatch):
     def full(*_, **__):
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr("edl_filter.telemetry.flight_file._write_tree", full)
+    monkeypatch.setattr("edl_filter.telemetry.flight_file_writer._write_tree", full)
     result = cli("convert", EXAMPLES / "imu_log.csv", "--spec", EXAMPLES / "imu_log.spec.yaml", "-o", "f.h5")
     assert_refused(result, "f.h5: cannot be written (No space left on device)")
     assert list(Path().iterdir()) == []

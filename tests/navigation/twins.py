@@ -32,8 +32,8 @@ MARS = Planet(
     rotation_rate=7.088218e-5,
     prime_meridian_at_epoch=0.9,
 )
-#: No gravity and no rotation: with it navigation without attitude error is linear.
-VOID = Planet("void", 0.0, 0.0, 1.0, 1.0, 0.0, 0.0, 0.0)
+#: No gravity and no rotation: with it navigation without attitude error is linear. Sigmas are small beside its radius.
+VOID = Planet("void", 0.0, 0.0, 1.0, 1e6, 0.0, 0.0, 0.0)
 
 
 # Strapdown
