@@ -16,7 +16,6 @@ from edl_filter.pipeline.trust import Trust
 from edl_filter.postflight.airdata import AirData
 from edl_filter.postflight.events import Event
 from edl_filter.postflight.flight import Derived
-from edl_filter.results.effects import RefitSummary, effects_content
 from edl_filter.results.estimates import (
     add_comparison,
     add_constraints,
@@ -28,6 +27,7 @@ from edl_filter.results.files import finite
 from edl_filter.results.groups import Attributes, Group, Groups
 from edl_filter.results.netcdf import FORMAT, FORMAT_VERSION
 from edl_filter.results.postflight import add_postflight
+from edl_filter.results.summary import RefitSummary, effects_content
 from edl_filter.telemetry.clock import SclkClock
 from edl_filter.telemetry.record import ImuRecord
 from edl_filter.types import Array, IntArray

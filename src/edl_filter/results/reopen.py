@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, Any
 from edl_filter._version import __version__
 from edl_filter.errors import InputError
 from edl_filter.mission import Mission
-from edl_filter.results.effects import effects_at_estimates
 from edl_filter.results.files import result_file
 from edl_filter.results.reader import ResultReader
+from edl_filter.results.summary import effects_at_estimates
 
 if TYPE_CHECKING:
     from edl_filter.effects.base import EffectInstance

@@ -17,10 +17,9 @@ from edl_filter.pipeline.reconstruct import Reconstruction
 from edl_filter.pipeline.trust import Trust, judge
 from edl_filter.postflight.flight import Derived, derived_quantities
 from edl_filter.results.content import content
-from edl_filter.results.effects import RefitSummary
 from edl_filter.results.groups import Groups
 from edl_filter.results.netcdf import tree_of
-from edl_filter.results.summary import summary
+from edl_filter.results.summary import RefitSummary, summary
 
 if TYPE_CHECKING:
     from xarray import DataTree

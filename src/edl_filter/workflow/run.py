@@ -14,7 +14,6 @@ from edl_filter.io.output_folder import STAGING, staged_output
 from edl_filter.mission import Mission
 from edl_filter.pipeline.reconstruct import reconstruct
 from edl_filter.pipeline.trust import check_mission
-from edl_filter.results.effects import RefitSummary
 from edl_filter.results.files import (
     DATABASE_UPDATE,
     DIAGNOSIS,
@@ -31,6 +30,7 @@ from edl_filter.results.files import (
 )
 from edl_filter.results.netcdf import tree_of, write
 from edl_filter.results.result import Result
+from edl_filter.results.summary import RefitSummary
 
 
 def run_mission(mission: Mission, refit: bool = True, progress: Callable[[str], None] = lambda _: None) -> Result:
