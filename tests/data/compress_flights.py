@@ -48,12 +48,17 @@ def copy_compressed(source, target, without=(), **attributes):
         copy.attrs.update(attributes)
 
 
+def compress(source, target):
+    """Write the flight file `source` to `target`."""
+    checksum = hashlib.sha256(Path(source).read_bytes()).hexdigest()
+    copy_compressed(source, target, original_sha256=checksum, command=COMMAND)
+
+
 def main(folder):
     TARGET.mkdir(exist_ok=True)
     for number in NUMBERS:
         name = f"practice_{number:02d}.h5"
-        checksum = hashlib.sha256((folder / name).read_bytes()).hexdigest()
-        copy_compressed(folder / name, TARGET / name, original_sha256=checksum, command=COMMAND)
+        compress(folder / name, TARGET / name)
         print(f"{name}: {(folder / name).stat().st_size} → {(TARGET / name).stat().st_size} bytes")
     for name in TABLES:
         shutil.copyfile(folder / name, TARGET / name)
