@@ -224,7 +224,8 @@ def _reconstruct(
         planet = mission.planet_model(telemetry.prime_meridian_at_epoch)
         active = mission.active_effects() if effects is None else tuple(effects)
     with _timed(timing, "filter"):
-        problem = assemble(mission, telemetry, planet, atmosphere, active)
+        corrected = without_effects(mission, telemetry, active)
+        problem = assemble_free(mission, corrected, planet, atmosphere, active)
         lost, recovery = lost_stretches(telemetry.driving), None
         if recover or lost:
             problem, filter_pass, recovery = run_with_recovery(problem, lost)
@@ -239,7 +240,6 @@ def _reconstruct(
         if leave_one_out:
             checks.insert(0, check_entry_state(smoothed, prior, -entry.change))
     with _timed(timing, "comparison"):
-        corrected = without_effects(mission, telemetry, active)
         comparison = _compare(mission, corrected)
         calibrations = _calibrate(mission, corrected)
         bias = _pre_entry_bias(mission, corrected)
