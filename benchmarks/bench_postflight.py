@@ -15,8 +15,7 @@ import numpy as np
 from edl_filter.mission import Mission
 from edl_filter.pipeline.reconstruct import reconstruct
 from edl_filter.postflight.derive import derive
-from edl_filter.postflight.flight import postflight_inputs
-from edl_filter.results import derive as derive_content
+from edl_filter.postflight.flight import derived_quantities, postflight_inputs
 
 MISSIONS = Path(__file__).parent.parent / "missions"
 RATE = 200.0
@@ -50,7 +49,7 @@ def mission(name):
     """Time of the reconstruction and of the layer; the layer's inputs."""
     loaded = Mission.load(MISSIONS / f"{name}.yaml")
     reconstruction = reconstruct(loaded)
-    given = postflight_inputs(reconstruction, derive_content(reconstruction).air)
+    given = postflight_inputs(reconstruction, derived_quantities(reconstruction).air)
     reconstruction, layer = best(lambda: reconstruct(loaded), 3), best(lambda: derive(given))
     print(f"{name}: reconstruction {reconstruction:.3f} s, layer {layer:.3f} s ({layer / reconstruction:.0%} of it)")
     return given, layer

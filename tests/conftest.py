@@ -22,11 +22,14 @@ settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "edl-filter"))
 
 #: Files that take longest, longest first: a worker that begins one of them last keeps the other waiting.
 LONGEST = (
-    "flights/test_hidden_effects.py", "test_api.py", "cli/test_reconstruction.py", "flights/test_effects.py",
-    "pipeline/test_trust.py", "navigation/test_compiled_ukf.py", "cli/test_commands.py",
-    "diagnosis/linear_model/test_linearization_point.py", "workflow/test_diagnose_result.py",
-    "estimation/test_autoregression.py", "diagnosis/test_detectability.py", "postflight/test_derive.py",
-    "flights/test_imu_lever_arms.py", "navigation/test_consistency.py", "mission/test_decision_settings.py",
+    "flights/test_hidden_effects.py", "workflow/test_diagnose_result.py", "cli/test_reconstruction.py", "test_api.py",
+    "telemetry/test_sample_repair.py", "pipeline/test_trust.py", "cli/test_commands.py",
+    "diagnosis/linear_model/test_linearization_point.py", "report/html/test_browser.py", "cli/test_new.py",
+    "diagnosis/linear_model/test_discrepancy_estimate.py", "flights/test_effects.py", "results/test_results.py",
+    "studies/test_comparators.py", "estimation/test_autoregression.py", "navigation/test_compiled_ukf.py",
+    "workflow/test_validate.py", "flights/test_imu_lever_arms.py", "diagnosis/selection/test_map_fit.py",
+    "studies/test_inexact.py", "diagnosis/test_detectability.py", "postflight/test_derive.py",
+    "mission/test_decision_settings.py",
 )  # fmt: skip
 
 

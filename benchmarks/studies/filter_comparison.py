@@ -30,8 +30,7 @@ from edl_filter.navigation.filter import run_filter
 from edl_filter.navigation.leave_one_out import check_constraints
 from edl_filter.navigation.smoother import smooth
 from edl_filter.pipeline.load import read_atmosphere
-from edl_filter.pipeline.problem import assemble
-from edl_filter.pipeline.reconstruct import reconstruct
+from edl_filter.pipeline.reconstruct import assemble, reconstruct
 from edl_filter.planet import ellipsoid
 from edl_filter.simulation import Scenario, simulate
 

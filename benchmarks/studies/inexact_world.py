@@ -8,6 +8,7 @@ flies, and `STATED_UNCERTAINTY` is what a mission may know: the nominal model an
 """
 
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
@@ -44,6 +45,12 @@ def covariance_root(points, length):
 
     The matrix of a smooth field is singular to rounding, where a Cholesky decomposition fails.
     """
+    return _covariance_root(tuple(points.tolist()), length)
+
+
+@lru_cache(maxsize=32)
+def _covariance_root(points, length):
+    """As `covariance_root`; all worlds of a study have the same points."""
     correlation = np.exp(-0.5 * (np.subtract.outer(points, points) / length) ** 2)
     values, vectors = np.linalg.eigh(correlation)
     return vectors * np.sqrt(np.maximum(values, 0.0))

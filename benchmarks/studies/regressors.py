@@ -16,10 +16,9 @@ from edl_filter.planet import ellipsoid
 from edl_filter.postflight.atmosphere import AtmosphereProfile
 from edl_filter.postflight.comparison import database_coefficients
 from edl_filter.postflight.derive import PostflightResult
-from edl_filter.postflight.flight import postflight_inputs
+from edl_filter.postflight.flight import derived_quantities, postflight_inputs
 from edl_filter.postflight.inputs import PostflightInputs
 from edl_filter.postflight.measured import as_measured
-from edl_filter.results.result import derive
 from edl_filter.types import Array
 
 #: Order in which coefficients stand in a stacked column.
@@ -126,7 +125,7 @@ def table_at(given: PostflightInputs, atmosphere: AtmosphereProfile, velocity: A
 
 def course_of(flight: Reconstruction) -> Course:
     """The flight up to the parachute."""
-    everything = derive(flight)
+    everything = derived_quantities(flight)
     given, derived = postflight_inputs(flight, everything.air).until_parachute(), everything.postflight
     n, t, air = len(given.time), flight.trajectory, everything.air
     middle = 0.5 * (t.time[1:] + t.time[:-1])[:n]

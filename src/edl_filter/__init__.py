@@ -126,7 +126,7 @@ display.register(
         ("html", "edl_filter.results.result.Result"): "edl_filter.report.notebook:result_card",
         ("plot", "edl_filter.diagnosis.diagnosis.Diagnosis"): "edl_filter.report.plots:DiagnosisPlots",
         ("plot", "edl_filter.results.result.Result"): "edl_filter.report.plots:ResultPlots",
-        ("save", "edl_filter.results.result.Result"): "edl_filter.workflow.outputs:write_outputs",
+        ("save", "edl_filter.results.result.Result"): "edl_filter.workflow.run:write_outputs",
     }
 )
 

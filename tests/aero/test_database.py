@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 from edl_filter.aero.body import sphere_cone
-from edl_filter.aero.bridge import bridge
 from edl_filter.aero.database import Database, load_database
 from edl_filter.aero.free_molecular import free_molecular_coefficients
 from edl_filter.aero.surrogate import phoenix_surrogate
 from edl_filter.aero.tables import read_table
+from edl_filter.aero.transition import bridge
 from edl_filter.errors import InputError
 from edl_filter.io.csv_table import package_data
 

@@ -9,7 +9,7 @@ from mer_volume import contents
 
 from edl_filter.io.csv_table import package_data
 from edl_filter.results import Result
-from edl_filter.workflow.outputs import write_outputs
+from edl_filter.workflow.run import write_outputs
 
 EXAMPLES = Path(__file__).parents[2] / "docs" / "examples"
 
@@ -54,7 +54,7 @@ def test_a_full_disk_is_reported_with_the_file(cli, monkeypatch):
     def full(*_, **__):
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr("edl_filter.telemetry.flight_file._write_tree", full)
+    monkeypatch.setattr("edl_filter.telemetry.flight_file_writer._write_tree", full)
     result = cli("convert", EXAMPLES / "imu_log.csv", "--spec", EXAMPLES / "imu_log.spec.yaml", "-o", "f.h5")
     assert_refused(result, "f.h5: cannot be written (No space left on device)")
     assert list(Path().iterdir()) == []

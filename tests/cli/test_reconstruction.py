@@ -9,7 +9,7 @@ import pytest
 from command_checks import assert_input_error, assert_refused, changed_mission
 
 from edl_filter.results import Result
-from edl_filter.workflow.outputs import write_outputs
+from edl_filter.workflow.run import write_outputs
 
 EXAMPLES = Path(__file__).parents[2] / "docs" / "examples"
 

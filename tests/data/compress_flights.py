@@ -29,11 +29,13 @@ def compressed(values):
     return sizes[min(sizes)]
 
 
-def compress(source, target):
-    """Write the flight file `source` to `target`."""
+def copy_compressed(source, target, without=(), **attributes):
+    """Copy the flight file `source` to `target` without some groups, compressed, with further attributes."""
     with h5py.File(source) as original, h5py.File(target, "w") as copy:
 
         def write(name, node):
+            if name.split("/")[0] in without:
+                return
             if isinstance(node, h5py.Dataset):
                 values = node[()]
                 copy.create_dataset(name, data=values, **(compressed(values) if values.size > 100 else {}))
@@ -43,8 +45,13 @@ def compress(source, target):
 
         original.visititems(write)
         copy.attrs.update(original.attrs)
-        copy.attrs["original_sha256"] = hashlib.sha256(Path(source).read_bytes()).hexdigest()
-        copy.attrs["command"] = COMMAND
+        copy.attrs.update(attributes)
+
+
+def compress(source, target):
+    """Write the flight file `source` to `target`."""
+    checksum = hashlib.sha256(Path(source).read_bytes()).hexdigest()
+    copy_compressed(source, target, original_sha256=checksum, command=COMMAND)
 
 
 def main(folder):

@@ -11,8 +11,7 @@ import sys
 import tempfile
 from pathlib import Path
 
-import h5py
-from compress_flights import compressed
+from compress_flights import copy_compressed
 from typer.testing import CliRunner
 
 ROOT = Path(__file__).parents[2]
@@ -41,29 +40,11 @@ def simulate(name, folder):
     return path
 
 
-def write_without_truth(source, target):
-    """Copy a flight file without ``/truth``, compressed."""
-    with h5py.File(source) as original, h5py.File(target, "w") as copy:
-
-        def write(name, node):
-            if name.split("/")[0] == "truth":
-                return
-            if isinstance(node, h5py.Dataset):
-                values = node[()]
-                copy.create_dataset(name, data=values, **(compressed(values) if values.size > 100 else {}))
-            else:
-                copy.require_group(name)
-            copy[name].attrs.update(node.attrs)
-
-        original.visititems(write)
-        copy.attrs.update(original.attrs)
-
-
 def main(folder):
     for name in commands():
         with tempfile.TemporaryDirectory() as temporary:
             target = folder / f"{name}.h5"
-            write_without_truth(simulate(name, Path(temporary)), target)
+            copy_compressed(simulate(name, Path(temporary)), target, without=("truth",))
         print(f"{target}: {target.stat().st_size} bytes")
 
 

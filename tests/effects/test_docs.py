@@ -12,7 +12,7 @@ from edl_filter.mission import Mission, shipped_mission
 from edl_filter.mission.edit_effects import add_effect
 from edl_filter.pipeline.forward_model import forward_model_of
 from edl_filter.pipeline.reconstruct import reconstruct
-from edl_filter.results import derive
+from edl_filter.postflight.flight import derived_quantities
 
 DOCS = Path(__file__).parents[2] / "docs" / "effects.md"
 BEGIN, END = "<!-- catalogue -->\n", "<!-- end of catalogue -->"
@@ -46,7 +46,7 @@ def test_the_example_finds_what_practice_08_hides(practice, tmp_path):
         file=str(tmp_path / "my_jet.py"),
     )  # fmt: skip
     flight = reconstruct(Mission.load(path, [f"telemetry.path={practice(8)}"]))
-    d, t = derive(flight).postflight, flight.trajectory
+    d, t = derived_quantities(flight).postflight, flight.trajectory
     rms = []
     for effects in ((), None):
         world = forward_model_of(flight.mission, flight.planet, flight.atmosphere, effects)

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from edl_filter.effects import Effect, EffectInstance, Parameter
 from edl_filter.effects.registry import find_effect
-from edl_filter.effects.sensor_chain import as_read, check_imus, corrected_record, log_abs_det_jacobian
+from edl_filter.effects.sensor_chain import check_imus, corrected_record, log_abs_det_jacobian, sensor_effects
 from edl_filter.effects.sensors import delayed
 from edl_filter.errors import InputError
 from edl_filter.imu_model.sensor_errors import SensorErrors
@@ -26,7 +26,7 @@ def record(units=("primary",), name="primary"):
     return ImuRecord(
         name=name, time=time, interval=np.full(N, DT), specific_force=-40.0 + 10.0 * wave, angular_rate=0.2 * wave,
         position=np.zeros((N, 3)), force_noise=np.full(N, 1e-3), rate_noise=np.full(N, 1e-5),
-        shared_rate_noise=np.zeros(N), net_turn=np.zeros(N, bool), net_gain=np.zeros(N, bool),
+        shared_rate_noise=np.zeros(N), coning_corrected=np.zeros(N, bool), sculling_corrected=np.zeros(N, bool),
         unit=np.arange(N) * len(units) // N, units=units, source=np.zeros(N, int), sources=("test",),
         errors=tuple(SensorErrors() for _ in units),
     )  # fmt: skip
@@ -37,6 +37,16 @@ def active(name, imu=None, **values):
 
 
 small = st.floats(-0.05, 0.05)
+
+
+def as_read(true, effects):
+    """What sensors with `effects` read of the true motion in a record: the inverse of `corrected_record`."""
+    for a in sensor_effects(effects):
+        force, rate = a.effect.imu(a.values, true.time, true.specific_force, true.angular_rate)
+        true = replace(true, specific_force=force, angular_rate=rate)
+    return true
+
+
 SENSOR = {
     "accelerometer_bias": "b", "accelerometer_scale": "s", "accelerometer_misalignment": "m", "gyro_bias": "b",
     "gyro_scale": "s",

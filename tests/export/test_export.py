@@ -12,7 +12,7 @@ from edl_filter.errors import InputError
 from edl_filter.export import export
 from edl_filter.export.spice import ephemeris_time
 from edl_filter.results import Result
-from edl_filter.workflow.outputs import write_outputs
+from edl_filter.workflow.run import write_outputs
 
 
 @pytest.fixture(scope="module")

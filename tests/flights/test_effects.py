@@ -11,7 +11,8 @@ from edl_filter.errors import InputError
 from edl_filter.mission import Mission
 from edl_filter.pipeline.forward_model import forward_model_of
 from edl_filter.pipeline.reconstruct import reconstruct
-from edl_filter.results import Result, derive
+from edl_filter.postflight.flight import derived_quantities
+from edl_filter.results import Result
 
 #: Flight → vehicle, hidden effect, its true parameters (practice/answers.json).
 HIDDEN = {
@@ -47,7 +48,7 @@ def postflight_of(flown):
 
     def get(n, on):
         if (n, on) not in results:
-            results[n, on] = derive(flown(n, on)).postflight
+            results[n, on] = derived_quantities(flown(n, on)).postflight
         return results[n, on]
 
     return get
@@ -69,7 +70,7 @@ def test_effects_at_zero_change_nothing_that_counts(practice_06):
     off = reconstruct(practice_06.mission, [EffectInstance(find_effect(name), {}) for name in names])
     np.testing.assert_allclose(off.trajectory.position, practice_06.trajectory.position, atol=1e-6)
     np.testing.assert_allclose(off.trajectory.velocity, practice_06.trajectory.velocity, atol=1e-9)
-    without, reference = derive(off), derive(practice_06)
+    without, reference = derived_quantities(off), derived_quantities(practice_06)
     np.testing.assert_allclose(without.air.velocity_body, reference.air.velocity_body, atol=1e-6)
     for name, values in reference.postflight.flight.coefficients.value.items():
         np.testing.assert_allclose(without.postflight.flight.coefficients.value[name], values, rtol=1e-6, atol=1e-10)

@@ -13,7 +13,7 @@ from edl_filter.pipeline.reconstruct import reconstruct
 from edl_filter.report.html import write_report
 from edl_filter.results import Result
 from edl_filter.simulation import Scenario, simulate
-from edl_filter.workflow.outputs import write_outputs
+from edl_filter.workflow.run import write_outputs
 
 
 def seconds(function):

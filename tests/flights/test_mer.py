@@ -8,7 +8,8 @@ import pytest
 
 from edl_filter import rotations
 from edl_filter.mission import Mission, shipped_mission
-from edl_filter.pipeline.reconstruct import in_j2000, reconstruct
+from edl_filter.pipeline.entry_state import in_j2000
+from edl_filter.pipeline.reconstruct import reconstruct
 from edl_filter.planet import ellipsoid
 
 NOTHING_BUT_ATTITUDE = (

@@ -14,6 +14,7 @@ import sys
 import tempfile
 import time
 from collections import Counter
+from importlib.util import find_spec
 from pathlib import Path
 
 import targets
@@ -79,12 +80,7 @@ def main():
         if arguments.guided:
             guided_search(arguments.guided, arguments.seconds, folder)
             return
-        try:
-            import atheris  # noqa: F401
-        except ImportError:
-            guided = False
-        else:
-            guided = True
+        guided = find_spec("atheris") is not None
         faults = 0
         for kind in arguments.kinds or targets.READERS:
             counts = random_search(kind, arguments.seconds, arguments.seed, folder)

@@ -22,6 +22,7 @@ from edl_filter.errors import InputError
 from edl_filter.mission import Mission
 from edl_filter.results.files import read_diagnosis, read_ledger, read_summary
 from edl_filter.results.netcdf import load
+from edl_filter.results.reader import ResultReader
 from edl_filter.results.reopen import reopen
 from edl_filter.telemetry.csv_log import convert
 from edl_filter.telemetry.flight_file import read_flight_file
@@ -78,6 +79,15 @@ def _convert_spec(path: Path) -> None:
     convert(ROOT / "docs/examples/imu_log.csv", path, path.with_name("flight.h5"))
 
 
+def _read_result(path: Path) -> None:
+    load(path)
+    reopen(path)
+    with ResultReader.open(path) as reader:
+        for group in reader.groups.values():
+            for variable in group.variables.values():
+                _ = variable.values, variable.attrs, variable.dims
+
+
 #: Kind of file → its name, and how it is read.
 READERS = {
     "mission": ("mission.yaml", Mission.load),
@@ -87,7 +97,7 @@ READERS = {
     "log specification": ("spec.yaml", _convert_spec),
     "flight": ("flight.h5", read_flight_file),
     "compact": ("mer.h5", lambda path: read_compact_table(path, "2HIGHRATE")),
-    "result": ("result.nc", lambda path: (load(path), reopen(path))),
+    "result": ("result.nc", _read_result),
     "summary": ("summary.json", read_summary),
     "diagnosis": ("diagnosis.json", read_diagnosis),
     "ledger": ("ledger.jsonl", read_ledger),

@@ -35,6 +35,11 @@ def test_wrong_effects_are_refused(entry, expected):
     assert f"--set {expected}" in error_of(f"effects=[{entry}]", name="practice_mer")
 
 
+def test_every_wrong_effect_is_counted():
+    message = error_of("effects=[{name: wind, parameters: {est: 1, east: 4e3}}, {name: mas}]", name="practice_mer")
+    assert message.endswith("(and 2 more problems)") and "effects.0.parameters.est" in message
+
+
 def test_effects_have_all_parameters_and_the_order_of_the_file():
     torque = "{name: remnant_torque, parameters: {Cm: 1e-3, t0: 120, t1: .inf}, fixed: true}"
     mission = load("practice_mer", f"effects=[{torque}, {{name: gyro_bias, imu: secondary}}]")

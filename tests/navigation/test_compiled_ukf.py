@@ -118,7 +118,7 @@ def random_problem(seed):
             samples,
             force_fill_sigma=inside * random.uniform(0.0, 0.5, (count, 3)),
             rate_fill_sigma=inside * random.uniform(0.0, 0.02, (count, 3)),
-            net_turn=inside[:, 0],
+            coning_corrected=inside[:, 0],
         )
     onboard = random.random() < 0.5
     attitude = rotations.normalise(random.standard_normal(4))

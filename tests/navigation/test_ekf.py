@@ -14,8 +14,7 @@ from edl_filter.navigation import constraints as models
 from edl_filter.navigation.ekf import DIFFERENCE_STEPS, ErrorStateEKF, linearized_measurement
 from edl_filter.navigation.filter import Settings, run_filter
 from edl_filter.navigation.initial import initial_estimate
-from edl_filter.navigation.layout import UNITS, Layout, State, sigma_states
-from edl_filter.navigation.ukf import ErrorStateUKF
+from edl_filter.navigation.layout import UNITS, State, sigma_states
 
 MARS = twins.MARS
 
@@ -86,43 +85,6 @@ def test_an_innovation_changes_nothing():
     np.testing.assert_array_equal(ekf.covariance, covariance)
     total = innovation.predicted_covariance + innovation.noise_covariance
     assert innovation.nis == pytest.approx(innovation.residual @ np.linalg.inv(total) @ innovation.residual)
-
-
-def test_cross_covariance_is_that_of_many_drawn_states():
-    """Errors before a step with errors after it, for the smoother: drawn states through the scalar twin."""
-    problem = short_descent(Settings())
-    layout, p = problem.layout, problem.planet
-    start, covariance = initial_estimate(layout, problem.initial, problem.entry, ALL, p)
-    ekf = ErrorStateEKF(layout, start, covariance, p)
-    part = problem.samples.part(0, 16)
-    transition = ekf.predict(part)
-    assert transition.state is ekf.state
-    rng = np.random.default_rng(4)
-    x = rng.multivariate_normal(np.zeros(layout.size), covariance, 1500, method="cholesky")
-    after = np.empty_like(x)
-    for i, error in enumerate(x):
-        nav, errors = twins.full_state(start, error)
-        maps = twins.undo_errors(layout, errors)
-        nav = twins.propagate(nav, *maps, part.interval, part.force, part.rate, p.mu, p.j2, p.gravity_radius)
-        after[i] = State(nav, errors).minus(transition.state)
-    scale = np.outer(np.sqrt(np.diag(covariance)), np.sqrt(np.diag(transition.covariance)))
-    assert np.max(np.abs(x.T @ after / len(x) - transition.cross_covariance) / scale) < 5 * np.sqrt(2 / len(x))
-
-
-@pytest.mark.parametrize("filter_class", [ErrorStateUKF, ErrorStateEKF])
-def test_a_transform_is_a_linear_step(filter_class):
-    layout = Layout.of((ALL,), {})
-    rng = np.random.default_rng(2)
-    covariance = twins.random_covariance(rng, np.ones(layout.size))
-    state = State(np.array([1.0, 2, 3, 4, 5, 6, 0, 0, 0, 1]), np.zeros(layout.size))
-    estimator = filter_class(layout, state, covariance, MARS)
-    f, q = rng.standard_normal((2, layout.size, layout.size))
-    errors = np.arange(layout.size) * 1.0
-    transition = estimator.transform(f, q @ q.T, errors)
-    np.testing.assert_allclose(transition.cross_covariance, covariance @ f.T)
-    np.testing.assert_allclose(estimator.covariance, f @ covariance @ f.T + q @ q.T)
-    np.testing.assert_array_equal(estimator.state.errors, errors)
-    np.testing.assert_array_equal(estimator.state.nav, state.nav)
 
 
 # Jacobians of the constraints

@@ -48,7 +48,7 @@ def problem(planet, radius, speed, onboard=True, count=64, seed=3):
         force_noise=0.1,
         rate_noise=1e-3,
     )
-    samples = replace(samples, net_turn=np.arange(count) % 5 == 0)
+    samples = replace(samples, coning_corrected=np.arange(count) % 5 == 0)
     quaternion = rotations.normalise(rng.standard_normal(4))
     start = InitialState(
         0.0, radius * np.array([0.6, 0.5, np.sqrt(0.39)]), speed * rng.standard_normal(3), quaternion, np.eye(9)

@@ -181,10 +181,10 @@ def test_net_turns_and_gains_are_not_corrected():
     plain = effective_samples(twins.record(edges, force, rate))
     assert np.all(np.any(plain.rate != rate, axis=1))
     assert np.all(np.any(plain.force != force, axis=1))
-    turn = effective_samples(twins.record(edges, force, rate, net_turn=True))
+    turn = effective_samples(twins.record(edges, force, rate, coning_corrected=True))
     np.testing.assert_array_equal(turn.rate, rate)
     np.testing.assert_array_equal(turn.force, plain.force)
-    gain = effective_samples(twins.record(edges, force, rate, net_gain=True))
+    gain = effective_samples(twins.record(edges, force, rate, sculling_corrected=True))
     np.testing.assert_array_equal(gain.force, force)
     np.testing.assert_array_equal(gain.rate, plain.rate)
 

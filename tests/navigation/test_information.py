@@ -43,7 +43,8 @@ def samples(n=400, dt=0.125):
     zero, quiet = np.zeros((n, 3)), np.full(n, 1e-9)
     return Samples(
         time=dt * np.arange(1, n + 1), interval=np.full(n, dt), force=zero, rate=zero, mean_force=zero, mean_rate=zero,
-        force_noise=quiet, rate_noise=quiet, shared_rate_noise=quiet, net_turn=np.zeros(n, bool), unit=np.zeros(n, int),
+        force_noise=quiet, rate_noise=quiet, shared_rate_noise=quiet, coning_corrected=np.zeros(n, bool),
+        unit=np.zeros(n, int),
     )  # fmt: skip
 
 

@@ -38,7 +38,7 @@ def samples(n=400, dt=0.125, noise=0.01):
         force_noise=np.full(n, noise),
         rate_noise=np.full(n, 1e-6),
         shared_rate_noise=np.full(n, 1e-6),
-        net_turn=np.zeros(n, bool),
+        coning_corrected=np.zeros(n, bool),
         unit=np.zeros(n, int),
     )
 

@@ -10,7 +10,7 @@ from edl_filter import rotations
 from edl_filter.imu_model.sensor_errors import SensorErrors
 from edl_filter.navigation import strapdown
 from edl_filter.navigation.layout import Layout, attitude_errors
-from edl_filter.navigation.noise import net_turn, onboard_turn, process_noise
+from edl_filter.navigation.noise import net_rotation, onboard_rotation, process_noise
 
 RUNS = 4096
 BARE = Layout.of((SensorErrors(),), {})
@@ -128,12 +128,12 @@ def test_net_turn_is_the_product_of_the_samples_turns():
     q = np.array([0, 0, 0, 1.0])
     for dt, w in zip(s.interval, s.rate, strict=True):
         q = rotations.multiply(q, rotations.from_rotation_vector(dt * w))
-    np.testing.assert_allclose(net_turn(s), q, atol=1e-13)
+    np.testing.assert_allclose(net_rotation(s), q, atol=1e-13)
 
 
 def test_net_turn_of_nothing_is_none():
     s = twins.samples(np.ones(3), np.zeros((3, 3)), np.zeros((3, 3)))
-    np.testing.assert_array_equal(net_turn(s), [0, 0, 0, 1])
+    np.testing.assert_array_equal(net_rotation(s), [0, 0, 0, 1])
 
 
 def test_an_attitude_computed_with_other_rates_and_mounting_turns_as_predicted():
@@ -145,11 +145,11 @@ def test_an_attitude_computed_with_other_rates_and_mounting_turns_as_predicted()
     samples = twins.samples(np.full(n, dt), np.zeros((n, 3)), rate)
     b, m = 1e-6 * rng.standard_normal(3), 5e-5 * rng.standard_normal(3)
     onboard = replace(samples, rate=rate + np.cross(rate, m) - b)
-    miss = rotations.multiply(rotations.conjugate(net_turn(samples)), net_turn(onboard))
-    per_rate, per_mounting = onboard_turn(samples)
+    miss = rotations.multiply(rotations.conjugate(net_rotation(samples)), net_rotation(onboard))
+    per_rate, per_mounting = onboard_rotation(samples)
     turn = rotations.to_rotation_vector(miss)
     np.testing.assert_allclose(per_rate @ b + per_mounting @ m, turn, atol=3e-4 * np.linalg.norm(turn))
-    for effect in onboard_turn(replace(samples, net_turn=np.ones(n, bool))):
+    for effect in onboard_rotation(replace(samples, coning_corrected=np.ones(n, bool))):
         assert not np.any(effect)
 
 

@@ -22,7 +22,7 @@ def random_samples(rng, count):
     samples = twins.samples(
         rng.uniform(0.02, 0.125, count), 40.0 * rng.standard_normal((count, 3)), rng.standard_normal((count, 3))
     )
-    return replace(samples, net_turn=np.arange(count) % 5 == 0)
+    return replace(samples, coning_corrected=np.arange(count) % 5 == 0)
 
 
 def onboard_attitude(samples, errors, attitude):
@@ -33,7 +33,7 @@ def onboard_attitude(samples, errors, attitude):
         middles.append(rotations.multiply(end, rotations.from_rotation_vector(0.5 * dt * rate)))
         end = rotations.multiply(end, rotations.from_rotation_vector(dt * rate))
     correction = np.zeros(3)
-    for dt, rate, net, middle in zip(samples.interval, samples.rate, samples.net_turn, middles, strict=True):
+    for dt, rate, net, middle in zip(samples.interval, samples.rate, samples.coning_corrected, middles, strict=True):
         if not net:
             used = np.cross(rate, errors[LAYOUT["onboard_mounting"]]) - errors[LAYOUT["onboard_rate"]]
             correction += dt * rotations.rotate(rotations.multiply(rotations.conjugate(end), middle), used)

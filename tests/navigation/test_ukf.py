@@ -8,7 +8,6 @@ from twins import ALL, short_descent
 
 from edl_filter.navigation import initial as entry_state
 from edl_filter.navigation.filter import Settings, build_problem, run_filter
-from edl_filter.navigation.layout import Layout, State
 from edl_filter.navigation.ukf import ErrorStateUKF, MerwePoints
 
 
@@ -73,41 +72,3 @@ def test_after_a_prediction_the_reference_is_the_mean():
     assert np.linalg.norm(ukf.state.nav[6:10]) == pytest.approx(1.0, abs=1e-14)
     np.testing.assert_array_equal(ukf.covariance, ukf.covariance.T)
     np.testing.assert_allclose(ukf.sigma_points[0], 0.0, atol=1e-12)
-
-
-def test_cross_covariance_is_that_of_many_drawn_states():
-    """Errors before a step with errors after it, for the smoother: drawn states through the scalar twin."""
-    problem = short_descent(Settings())
-    layout, p = problem.layout, problem.planet
-    start, covariance = entry_state.initial_estimate(layout, problem.initial, problem.entry, ALL, p)
-    ukf = ErrorStateUKF(layout, start, covariance, p)
-    part = problem.samples.part(0, 16)
-    transition = ukf.predict(part)
-    rng = np.random.default_rng(4)
-    x = rng.multivariate_normal(np.zeros(layout.size), covariance, 1500, method="cholesky")
-    after = np.empty_like(x)
-    for i, error in enumerate(x):
-        nav, errors = twins.full_state(start, error)
-        maps = twins.undo_errors(layout, errors)
-        nav = twins.propagate(nav, *maps, part.interval, part.force, part.rate, p.mu, p.j2, p.gravity_radius)
-        after[i] = State(nav, errors).minus(transition.state)
-    cross = x.T @ after / len(x)
-    scale = np.outer(np.sqrt(np.diag(covariance)), np.sqrt(np.diag(transition.covariance)))
-    assert np.max(np.abs(cross - transition.cross_covariance) / scale) < 5 * np.sqrt(2 / len(x))
-
-
-def test_a_transform_is_a_linear_step():
-    layout = Layout.of((ALL,), {})
-    rng = np.random.default_rng(2)
-    covariance = twins.random_covariance(rng, np.ones(layout.size))
-    state = State(np.array([1.0, 2, 3, 4, 5, 6, 0, 0, 0, 1]), np.zeros(layout.size))
-    ukf = ErrorStateUKF(layout, state, covariance, twins.MARS)
-    f, q = rng.standard_normal((2, layout.size, layout.size))
-    errors = np.arange(layout.size) * 1.0
-    transition = ukf.transform(f, q @ q.T, errors)
-    np.testing.assert_allclose(transition.cross_covariance, covariance @ f.T)
-    np.testing.assert_allclose(ukf.covariance, f @ covariance @ f.T + q @ q.T)
-    np.testing.assert_array_equal(ukf.state.errors, errors)
-    np.testing.assert_array_equal(ukf.state.nav, state.nav)
-    spread = ukf.sigma_points - ukf.sigma_points[0]
-    np.testing.assert_allclose((spread * ukf.weights[:, None]).T @ spread, ukf.covariance, rtol=1e-9, atol=1e-9)

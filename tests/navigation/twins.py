@@ -32,8 +32,8 @@ MARS = Planet(
     rotation_rate=7.088218e-5,
     prime_meridian_at_epoch=0.9,
 )
-#: No gravity and no rotation: with it navigation without attitude error is linear.
-VOID = Planet("void", 0.0, 0.0, 1.0, 1.0, 0.0, 0.0, 0.0)
+#: No gravity and no rotation: with it navigation without attitude error is linear. Sigmas are small beside its radius.
+VOID = Planet("void", 0.0, 0.0, 1.0, 1e6, 0.0, 0.0, 0.0)
 
 
 # Strapdown
@@ -131,8 +131,8 @@ def record(
     shared=None,
     unit=None,
     errors=None,
-    net_turn=False,
-    net_gain=False,
+    coning_corrected=False,
+    sculling_corrected=False,
 ):
     """An `ImuRecord` with sample edges `edges` (N + 1)."""
     n = len(edges) - 1
@@ -149,8 +149,8 @@ def record(
         force_noise=force_noise * full,
         rate_noise=rate_noise * full,
         shared_rate_noise=(rate_noise if shared is None else shared) * full,
-        net_turn=np.full(n, net_turn),
-        net_gain=np.full(n, net_gain),
+        coning_corrected=np.full(n, coning_corrected),
+        sculling_corrected=np.full(n, sculling_corrected),
         unit=unit,
         units=units,
         source=np.zeros(n, int),
@@ -173,7 +173,7 @@ def samples(interval, force, rate, force_noise=0.0, rate_noise=0.0, shared=0.0, 
         force_noise=force_noise * full,
         rate_noise=rate_noise * full,
         shared_rate_noise=shared * full,
-        net_turn=np.zeros(n, bool),
+        coning_corrected=np.zeros(n, bool),
         unit=np.zeros(n, int) if unit is None else unit,
     )
 

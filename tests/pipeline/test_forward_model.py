@@ -9,8 +9,8 @@ from edl_filter.effects import EffectInstance
 from edl_filter.effects.registry import find_effect
 from edl_filter.mission import Mission
 from edl_filter.pipeline.forward_model import body_of, forward_model_of
-from edl_filter.pipeline.problem import without_effects
-from edl_filter.results import derive
+from edl_filter.pipeline.reconstruct import without_effects
+from edl_filter.postflight.flight import derived_quantities
 
 OFF_AXIS = "vehicle.centre_of_mass_offset=[0.002, -0.001]"
 SHIFT = [0.01, 0.0053, -0.00265]
@@ -61,9 +61,12 @@ def test_only_an_effect_changes_the_lever_arms_of_the_imus(off_axis, practice_06
 
 def test_coefficients_after_the_flight_are_about_the_same_centre(off_axis, practice_06):
     """The database's moments refer to the centre of mass, whatever moves it; the flight's do so already."""
-    by_mission = derive(replace(practice_06, mission=off_axis)).postflight
+    by_mission = derived_quantities(replace(practice_06, mission=off_axis)).postflight
     effects = tuple(shifted(0.0, *body_of(off_axis).offset[1:]))
-    by_effect, plain = derive(replace(practice_06, effects=effects)).postflight, derive(practice_06).postflight
+    by_effect, plain = (
+        derived_quantities(replace(practice_06, effects=effects)).postflight,
+        derived_quantities(practice_06).postflight,
+    )
     for name, values in by_mission.flight.database.value.items():
         np.testing.assert_allclose(by_effect.flight.database.value[name], values, rtol=1e-9, atol=1e-12)
     for name in ("Cl", "Cm", "Cn"):

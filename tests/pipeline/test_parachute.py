@@ -7,8 +7,7 @@ from edl_filter.errors import InputError
 from edl_filter.mission import Mission, shipped_mission
 from edl_filter.navigation.parachute import AXIAL_FORCE, DYNAMIC_PRESSURE, MACH
 from edl_filter.pipeline.load import read_atmosphere
-from edl_filter.pipeline.problem import assemble
-from edl_filter.pipeline.reconstruct import reconstruct
+from edl_filter.pipeline.reconstruct import assemble, reconstruct
 
 
 def mission(parachute, *overrides):

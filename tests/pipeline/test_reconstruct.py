@@ -1,4 +1,4 @@
-"""Reconstructions of the shipped practice flight with either filter."""
+"""From missions to problems and reconstructions: the shipped practice flight, with either filter."""
 
 import numpy as np
 import pytest
@@ -8,13 +8,63 @@ from edl_filter.mission import Mission, shipped_mission
 from edl_filter.navigation.compiled_ukf import CompiledUKF
 from edl_filter.navigation.ekf import ErrorStateEKF
 from edl_filter.navigation.filter import new_filter
-from edl_filter.pipeline.reconstruct import reconstruct
+from edl_filter.pipeline.load import read_atmosphere
+from edl_filter.pipeline.reconstruct import assemble, reconstruct
 
 
 @pytest.fixture(scope="module")
 def extended():
     """The practice flight as ``--set filter.method=ekf`` reconstructs it."""
     return reconstruct(Mission.load(shipped_mission("practice_mer"), ["filter.method=ekf"]))
+
+
+def test_practice_flight_has_its_constraints(practice_06):
+    names = [s.name for s in practice_06.constraint_checks]
+    assert names == [
+        "entry_state", "parachute", "altimeter", "landing", "rest_velocity", "rest_gravity", "rest_rate"
+    ]  # fmt: skip
+
+
+def test_all_constraints_of_the_clean_practice_flight_are_consistent(practice_06):
+    for s in practice_06.constraint_checks:
+        assert s.consistent, s.name
+        assert s.left_out_sigmas < 3.0, s.name
+        assert np.all(s.accepted)
+
+
+@pytest.mark.parametrize(
+    ("override", "message"),
+    [
+        ("constraints.onboard_attitude={interval_s: 5, sigma_deg: 0.1}", "on-board attitude"),
+        ("constraints.pre_entry_zero_force={start_s: -300, end_s: -5, sigma: 1e-3}", "no telemetry between -300"),
+        (
+            "constraints.steady_descent={start_s: 300, end_s: 310, horizontal_sigma: 10, vertical_sigma: 0.1}",
+            "vehicle.parachute.drag_coefficient",
+        ),
+        ("constraints.rest={start_s: 900, end_s: 950, velocity_sigma: 0.1}", "no telemetry between 900"),
+    ],
+)
+def test_a_message_names_what_the_telemetry_lacks(override, message):
+    with pytest.raises(InputError, match=message):
+        reconstruct(Mission.load(shipped_mission("practice_mer"), [override]))
+
+
+def test_problem_begins_at_the_entry_state(practice_06):
+    mission = practice_06.mission
+    problem = assemble(mission, practice_06.telemetry, practice_06.planet, read_atmosphere(mission))
+    assert problem.epochs[0] == problem.initial.time
+    assert np.max(np.diff(problem.epochs)) <= 1.25 * mission.filter.longest_interval_s
+    times = [c.time for c in problem.constraints]
+    assert times == sorted(times)
+    cut = set(np.round(problem.samples.time, 5))
+    assert all(round(t, 5) in cut for t in times if t > problem.initial.time)
+
+
+def test_every_practice_vehicle_runs(practice):
+    mission = Mission.load(shipped_mission("practice_phoenix"), [f"telemetry.path={practice(3)}"])
+    flight = reconstruct(mission)
+    assert flight.telemetry.driving.interval[0] == pytest.approx(0.05)
+    assert all(s.consistent for s in flight.constraint_checks if s.name in ("altimeter", "parachute", "landing"))
 
 
 def test_the_mission_chooses_the_filter(practice_06, extended):

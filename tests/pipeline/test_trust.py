@@ -11,8 +11,7 @@ from edl_filter.navigation.recovery import run_with_recovery
 from edl_filter.navigation.smoother import smooth
 from edl_filter.pipeline.causes import rank_causes
 from edl_filter.pipeline.load import read_atmosphere, read_telemetry
-from edl_filter.pipeline.problem import assemble
-from edl_filter.pipeline.reconstruct import lost_stretches
+from edl_filter.pipeline.reconstruct import assemble, lost_stretches
 from edl_filter.pipeline.trust import check_record, contradicting, judge
 
 

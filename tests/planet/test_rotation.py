@@ -44,11 +44,10 @@ def test_prime_meridian_is_at_its_angle(time):
 
 
 @given(vectors, vectors)
-def test_relative_velocity_is_eq_3_6_and_inverts(position, velocity):
+def test_relative_velocity_is_eq_3_6(position, velocity):
     relative = MARS.velocity_relative(position, velocity)
     expected = velocity - np.cross([0.0, 0.0, MARS.rate], position)
     np.testing.assert_allclose(relative, expected, atol=1e-9)
-    np.testing.assert_allclose(MARS.velocity_inertial(position, relative), velocity, atol=1e-9)
 
 
 def test_relative_velocity_is_the_derivative_of_the_fixed_position():
@@ -66,7 +65,7 @@ def test_point_on_the_ground_has_zero_relative_velocity():
     time = np.linspace(0.0, 500.0, 7)
     fixed = np.array([-3.1e6, 1.2e6, -8e5])
     inertial = MARS.to_inertial(time, fixed)
-    velocity = MARS.velocity_inertial(inertial, np.zeros((7, 3)))
+    velocity = np.cross([0.0, 0.0, MARS.rate], inertial)
     np.testing.assert_allclose(MARS.velocity_relative(inertial, velocity), 0.0, atol=1e-12)
     np.testing.assert_allclose(MARS.to_fixed(time, inertial), np.broadcast_to(fixed, (7, 3)), atol=1e-8)
     np.testing.assert_allclose(

@@ -31,7 +31,7 @@ def flight(latitude, longitude, altitude, local, alpha=0.0, beta=0.0, covariance
     position = MARS.rotation.to_inertial(time, fixed)[None]
     enu = MARS.enu_from_inertial(np.array([time]), position)[0]
     relative = enu.T @ np.asarray(local, float)
-    velocity = MARS.rotation.velocity_inertial(position, relative[None])
+    velocity = relative[None] + np.cross([0.0, 0.0, MARS.rotation_rate], position)
     # body axes with the velocity's components V (cos a cos b, sin b, sin a cos b)
     air = np.array([np.cos(alpha) * np.cos(beta), np.sin(beta), np.sin(alpha) * np.cos(beta)])
     body_from_inertial = triad(air, [0.3, 1.0, 0.2]) @ triad(relative, enu[2] + 0.4 * enu[0]).T

@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from edl_filter.aero.bridge import bridge
+from edl_filter.aero.transition import bridge
 from edl_filter.aero.uncertainty import ThreeSigma, regime_shares
 from edl_filter.errors import InputError
 from edl_filter.planet.gas import Gas

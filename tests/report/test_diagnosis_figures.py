@@ -5,9 +5,9 @@ import json
 from diagnoses import content
 from matplotlib.colors import to_hex
 
-from edl_filter.report.colours import cell_colours
-from edl_filter.report.diagnosis import draw_diagnosis, ledger_figure, missing, ranking, residual_map
+from edl_filter.report.diagnosis import draw_diagnosis, ledger_figure, missing, ranking
 from edl_filter.report.matplotlib_renderer import draw
+from edl_filter.report.residual_map import cell_colours, residual_map
 from edl_filter.results.schema import DiagnosisContent
 
 

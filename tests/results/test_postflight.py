@@ -15,14 +15,14 @@ from edl_filter.errors import InputError
 from edl_filter.mission import Mission, shipped_mission
 from edl_filter.pipeline.forward_model import database_of
 from edl_filter.pipeline.reconstruct import reconstruct
-from edl_filter.postflight.flight import derive_flight
-from edl_filter.results import Result, derive
+from edl_filter.postflight.flight import derive_flight, derived_quantities
+from edl_filter.results import Result
 from edl_filter.results.postflight import summary, tables
 
 
 @pytest.fixture(scope="module")
 def everything(practice_06):
-    derived = derive(practice_06)
+    derived = derived_quantities(practice_06)
     return Result(practice_06).groups, derived.postflight
 
 
@@ -98,7 +98,7 @@ def test_summary_has_what_a_person_asks_first(everything):
 def test_stated_windows_replace_those_found(practice_06):
     windows = "postflight.windows=[{name: mine, start_s: 150, end_s: 160}]"
     flight = reconstruct(Mission.load(shipped_mission("practice_mer"), [windows, "constraints.altimeter=null"]))
-    postflight = derive(flight).postflight
+    postflight = derived_quantities(flight).postflight
     assert [(w.name, w.start, w.end) for w in postflight.windows] == [("mine", 150.0, 160.0)]
     assert {d.window for d in postflight.flight.differences} == {"mine"}
 
@@ -107,7 +107,7 @@ def test_without_a_database_nothing_is_derived(practice_06):
     flight = reconstruct(
         Mission.load(shipped_mission("practice_mer"), ["aerodynamics=null", "constraints.altimeter=null"])
     )
-    derived = derive(flight)
+    derived = derived_quantities(flight)
     assert derived.postflight is None
     assert "/postflight" not in Result(flight).groups
 
@@ -131,7 +131,7 @@ def test_without_a_database_nothing_is_derived(practice_06):
 def test_wrong_aerodynamics_is_named(override, message, practice_06):
     with pytest.raises(InputError, match=message):
         mission = Mission.load(shipped_mission("practice_mer"), [override])
-        derive_flight(replace(practice_06, mission=mission), derive(practice_06).air)
+        derive_flight(replace(practice_06, mission=mission), derived_quantities(practice_06).air)
 
 
 KNUDSEN = "knudsen,alpha_deg,CA,CN,Cm"

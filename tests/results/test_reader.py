@@ -10,7 +10,7 @@ import pytest
 from contents import diagnosis, ledger_end, ledger_step
 
 from edl_filter.errors import InputError
-from edl_filter.results import Result, write
+from edl_filter.results import Result, hdf5, write
 from edl_filter.results.files import write_json
 from edl_filter.results.groups import Group
 from edl_filter.results.reader import AFTER_LANDING, ResultReader
@@ -118,6 +118,21 @@ def test_a_folder_without_a_valid_result(folder, change, message):
     with ResultReader.open(folder, required=False) as reader:
         assert not reader.has_result and re.search(message, reader.problems["result.nc"])
         assert reader.title == reader.summary.title and list(reader.events)[-1] == "landing"
+
+
+def test_damage_in_a_part_that_is_read_later_is_one_message(folder, monkeypatch):
+    def damaged(dataset):
+        raise OSError("Can't read data")
+
+    monkeypatch.setattr(hdf5, "_values", damaged)
+    with ResultReader.open(folder) as reader, pytest.raises(InputError, match=r"result\.nc: this HDF5 file is damaged"):
+        reader.required("trajectory", "altitude")
+
+
+def test_a_result_may_have_another_name(folder):
+    copy = (folder / "result.nc").rename(folder / "spirit.nc")
+    with ResultReader.open(copy) as reader:
+        assert reader.has("trajectory:altitude") and reader.folder == folder
 
 
 def _attribute(path, name, value):

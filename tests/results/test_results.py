@@ -16,12 +16,12 @@ from edl_filter.errors import InputError
 from edl_filter.report.sentences import landing_sentence, recovery_sentence, warnings
 from edl_filter.report.terminal.run import constraints_table, information_table
 from edl_filter.report.text import constraint_verdict
-from edl_filter.results import Result, files, netcdf, plain
-from edl_filter.results.plain import finite
+from edl_filter.results import Result, files, netcdf
+from edl_filter.results.files import finite
 from edl_filter.results.schema import Summary
 from edl_filter.results.schema.summary import ConstraintSummary, Landing, RecoverySummary
 from edl_filter.results.summary import constraint
-from edl_filter.workflow.outputs import write_outputs
+from edl_filter.workflow.run import write_outputs
 
 
 @pytest.fixture(scope="module")
@@ -285,7 +285,7 @@ def test_a_failed_drawing_leaves_the_earlier_run(practice_06, tmp_path, monkeypa
 
 
 def test_what_is_not_finite_becomes_null():
-    plain_data = plain.finite(
+    plain_data = finite(
         {
             "a": [np.inf, 1.0, float("nan")],
             "b": np.array([1.0, -np.inf]),

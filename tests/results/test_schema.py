@@ -15,7 +15,7 @@ from edl_filter.diagnosis.diagnosis_json import diagnosis_content
 from edl_filter.postflight.averages import Difference
 from edl_filter.postflight.events import Event
 from edl_filter.results import Result, schema
-from edl_filter.results.plain import finite
+from edl_filter.results.files import finite
 from edl_filter.results.schema import fields
 
 #: Ends of keys that are units.

@@ -15,7 +15,7 @@ from edl_filter.results.groups import Group
 from edl_filter.results.hdf5 import write_groups
 from edl_filter.serve.app import make_app
 from edl_filter.serve.jobs import Worker
-from edl_filter.workflow.outputs import write_outputs
+from edl_filter.workflow.run import write_outputs
 
 PORT = 8765
 ORIGIN = f"http://127.0.0.1:{PORT}"

@@ -158,8 +158,8 @@ def test_touchdown_brings_the_vehicle_to_rest():
     """Velocity relative to the ground and rate relative to the planet's end at zero, and stay zero."""
     world = slow.smooth_world()
     start = slow.START.copy()
-    start[3:6] = world.planet.rotation.velocity_inertial(start[:3], np.array([-60.0, 20.0, 5.0]))
     ground = np.array([0.0, 0.0, world.planet.rotation_rate])
+    start[3:6] = np.array([-60.0, 20.0, 5.0]) + np.cross(ground, start[:3])
     rate = start[10:] - rotations.rotate(rotations.conjugate(start[6:10]), ground)
     stop = np.concatenate(([0.0], [60.0 / 0.5, -20.0 / 0.5, -5.0 / 0.5], -rate / 0.5))
     rest = march(world, start, 0.0125, 40, dynamics.STOP, stop)[-1]

@@ -119,7 +119,7 @@ def test_attitude_across_the_gap_is_that_of_the_quaternions(rover):
     length = record.interval[gap].sum()
     # 0.875 and 0.75 s between samples; the IMU's clock is fast by some 15 ppm
     assert length == pytest.approx(0.75 if mission.name == "mer_a" else 0.625, rel=2e-5)
-    assert np.all(record.net_turn[gap]) and np.all(record.shared_rate_noise[gap] == 0.0)
+    assert np.all(record.coning_corrected[gap]) and np.all(record.shared_rate_noise[gap] == 0.0)
     samples = effective_samples(record)
     first, last = np.flatnonzero(gap)[[0, -1]]
     attitude = telemetry.attitude
@@ -197,7 +197,7 @@ def test_transformed_alignment_is_subtracted(rover):
 def test_register_segment_can_begin_before_highrate(rover):
     _, tables, setup, _ = rover
     (segment,) = register_segment(tables, setup, 0.0, 60.0)
-    assert segment.time[-1] <= 60.0 + 1e-6 and segment.net_turn and segment.net_gain
+    assert segment.time[-1] <= 60.0 + 1e-6 and segment.coning_corrected and segment.sculling_corrected
 
 
 def test_separation_outside_highrate_raises(rover):

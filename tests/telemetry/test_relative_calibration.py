@@ -41,8 +41,8 @@ def record(name, rates, forces, position, count):
     return ImuRecord(
         name=name, time=DT * np.arange(1, count + 1), interval=np.full(count, DT), specific_force=forces,
         angular_rate=rates, position=np.tile(position, (count, 1)), force_noise=np.full(count, 3e-3),
-        rate_noise=np.full(count, 6e-5), shared_rate_noise=np.zeros(count), net_turn=np.zeros(count, bool),
-        net_gain=np.zeros(count, bool), unit=np.zeros(count, int), units=(name,), source=np.zeros(count, int),
+        rate_noise=np.full(count, 6e-5), shared_rate_noise=np.zeros(count), coning_corrected=np.zeros(count, bool),
+        sculling_corrected=np.zeros(count, bool), unit=np.zeros(count, int), units=(name,), source=np.zeros(count, int),
         sources=("flight",), errors=(SensorErrors(),),
     )  # fmt: skip
 
@@ -108,7 +108,7 @@ def test_a_gap_and_samples_that_are_no_readings_are_left_out():
     turned[600:650] = True
     rate = checked.angular_rate + 0.1 * turned[:, None]
     estimate = relative_calibration(
-        reference, replace(checked, specific_force=force, angular_rate=rate, net_turn=turned), 0.0, 125.0
+        reference, replace(checked, specific_force=force, angular_rate=rate, coning_corrected=turned), 0.0, 125.0
     )
     assert estimate.samples < 1000 - 60
     np.testing.assert_allclose(estimate.lever_arm, TRUE["lever_arm"], atol=INTERPOLATION)
@@ -129,7 +129,7 @@ def test_positions_that_change_in_flight_are_those_of_each_sample():
 def test_too_few_common_samples_give_none():
     reference, checked = two_records(count=200)
     assert relative_calibration(reference, checked, 0.0, 10.0) is None
-    assert relative_calibration(reference, replace(checked, net_turn=np.ones(200, bool)), 0.0, 25.0) is None
+    assert relative_calibration(reference, replace(checked, coning_corrected=np.ones(200, bool)), 0.0, 25.0) is None
 
 
 # --- the rovers -----------------------------------------------------------------------------------------------------

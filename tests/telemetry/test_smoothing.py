@@ -163,7 +163,9 @@ def test_invalid_data_raise():
 @pytest.mark.parametrize(("cutoff", "order"), [(17.0, 4), (15.0, 4), (2.0, 2), (80.0, 5)])
 def test_low_pass_passes_half_the_power_at_its_bandwidth(cutoff, order):
     interval = 1.0 / 200.0
-    frequency = smoothing.low_pass_bandwidth(cutoff, interval, order)
+    # the gain of both passes is 1 / (1 + w^(2 order)), w the ratio of the prewarped frequencies
+    ratio = (np.sqrt(2.0) - 1.0) ** (0.5 / order)
+    frequency = np.arctan(np.tan(np.pi * cutoff * interval) * ratio) / (np.pi * interval)
     assert 0.0 < frequency < cutoff
     time = interval * (np.arange(4001) - 2000)
     wave = np.stack((np.cos(2 * np.pi * frequency * time), np.cos(2 * np.pi * cutoff * time)), -1)
@@ -183,7 +185,7 @@ def test_invalid_low_pass_raises():
     with pytest.raises(InputError, match=r"4\.0 Hz is not between 0 and the Nyquist frequency 4\.0"):
         smoothing.low_pass(np.zeros(100), 0.125, 4.0)
     with pytest.raises(InputError, match="Nyquist"):
-        smoothing.low_pass_bandwidth(0.0, 0.125)
+        smoothing.low_pass(np.zeros(100), 0.125, 0.0)
     with pytest.raises(InputError, match=r"1\.0 Hz needs more than 32 samples; there are 32"):
         smoothing.low_pass(np.zeros(32), 0.125, 1.0)
     with pytest.raises(InputError, match="NaN or infinity in row 0"):

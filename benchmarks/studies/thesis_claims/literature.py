@@ -38,9 +38,11 @@ def profile(f: ClaimFlight, altitudes: Array) -> tuple[Array, Array]:
     atmosphere = f.post.flight.atmosphere
     height = atmosphere.altitude / 1e3
     near = [np.abs(height - h) < 1.0 for h in altitudes]
-    return tuple(
-        np.array([np.nanmean(v[part]) for part in near]) for v in (atmosphere.temperature, atmosphere.temperature_sigma)
-    )  # type: ignore[return-value]
+
+    def means(values: Array) -> Array:
+        return np.array([np.nanmean(values[part]) for part in near])
+
+    return means(atmosphere.temperature), means(atmosphere.temperature_sigma)
 
 
 def warmth(spirit: ClaimFlight, opportunity: ClaimFlight) -> tuple[float, float, str]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from edl_filter import rotations
-from edl_filter.pipeline.reconstruct import in_j2000
+from edl_filter.pipeline.entry_state import in_j2000
 from edl_filter.postflight.windows import _envelope_peak
 from edl_filter.telemetry.smoothing import batch_polynomial
 from thesis_claims.claim import (

@@ -23,7 +23,7 @@ Reading order
     33 × 9 numbers ─► surrogate ──────┤ continuum
     body ─► newtonian, base_pressure ─┤
                                       ├─► database ─► coefficients, with 3 sigma of uncertainty
-    body ─► free_molecular, bridge ───┤ rarefied │        └─► planes (CN, CY, Cm, Cn)
+    body ─► free_molecular ───────────┤ rarefied │        └─► planes (CN, CY, Cm, Cn)
             └─► transition ───────────┘          └─► inverse (alpha from CN or Cm)
 
     ``damping`` reads the table of pitch and yaw damping, which is not part of the database.

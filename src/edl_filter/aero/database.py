@@ -21,7 +21,7 @@ from edl_filter.aero.newtonian import newtonian_table
 from edl_filter.aero.planes import moments_at_cm, split
 from edl_filter.aero.surrogate import Surrogate, phoenix_surrogate
 from edl_filter.aero.tables import read_printed_table, read_table
-from edl_filter.aero.transition import FreeMolecularBridge, Join, Sum, join_regimes
+from edl_filter.aero.transition import FreeMolecularBridge, Join, WeightedSum, join_regimes
 from edl_filter.aero.uncertainty import CONTINUUM_LIMIT, ThreeSigma, three_sigma
 from edl_filter.errors import InputError
 from edl_filter.io.csv_table import package_data
@@ -114,7 +114,7 @@ class Database:
     speed_per_mach: float | None = None
     increments: IncrementTables | None = None
 
-    def at(self, mach: ArrayLike, knudsen: ArrayLike, speed: ArrayLike | None = None) -> Sum:
+    def at(self, mach: ArrayLike, knudsen: ArrayLike, speed: ArrayLike | None = None) -> WeightedSum:
         """Slice: the curves over the angle of N samples.
 
         Parameters
@@ -126,7 +126,7 @@ class Database:
 
         Returns
         -------
-        Sum
+        WeightedSum
 
         Raises
         ------
@@ -138,7 +138,7 @@ class Database:
         joined = join_regimes(continuum, self.rarefied, knudsen, self.continuum_limit, self.join)
         if self.increments is None:
             return joined
-        return Sum([*joined.terms, *increment_terms(self.increments.mean, mach, knudsen, self.continuum_limit)])
+        return WeightedSum([*joined.terms, *increment_terms(self.increments.mean, mach, knudsen, self.continuum_limit)])
 
     def lookup(
         self, mach: ArrayLike, knudsen: ArrayLike, alpha_total: ArrayLike, speed: ArrayLike | None = None

@@ -13,7 +13,10 @@ database is a weighted sum of curves over the angle; the weights depend on the K
 ``blend``
     A transition over one decade of Knudsen number around the limit, linear in its logarithm.
 
-Output: a `Sum`, which is a slice (`edl_filter.aero.grid.Slice`).
+Output: a `WeightedSum`, which is a slice (`edl_filter.aero.grid.Slice`).
+
+Source of the bridging function: R. G. Wilmoth, R. A. Mitcheltree and J. N. Moss, "Low-Density Aerodynamics of the
+Stardust Sample Return Capsule", AIAA 97-2510, 1997.
 """
 
 from __future__ import annotations
@@ -24,18 +27,40 @@ from functools import lru_cache
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from edl_filter.aero.body import SphereCone, sphere_cone
-from edl_filter.aero.bridge import FREE_MOLECULAR_KNUDSEN, bridge
 from edl_filter.aero.free_molecular import free_molecular_coefficients
 from edl_filter.aero.grid import GridSlice, GridTable, Slice, Weights, within
 from edl_filter.types import Array, BoolArray
 
 Join = Literal["switch", "blend", "continuous"]
 
+#: Knudsen numbers, based on the diameter, at which the function reaches 0 and 1.
+CONTINUUM_KNUDSEN = 1e-3
+FREE_MOLECULAR_KNUDSEN = 10.0
 #: Angles at which the panels are summed, rad.
 _ANGLES = np.radians(np.arange(0.0, 30.5, 0.5))
+
+
+def bridge(knudsen: ArrayLike) -> Array:
+    """Weight of the free-molecular coefficient, sin²[π(3/8 + log₁₀(Kn)/8)].
+
+    A coefficient between the regimes is ``continuum + (free_molecular − continuum) · bridge(knudsen)``. The weight and
+    its slope are continuous at both ends.
+
+    Parameters
+    ----------
+    knudsen : (...) array
+        Knudsen number based on the diameter.
+
+    Returns
+    -------
+    (...) array
+        0 below Kn = 1e-3, 1 above 10, the formula in between; NaN where the Knudsen number is NaN.
+    """
+    inside = np.clip(np.asarray(knudsen, dtype=float), CONTINUUM_KNUDSEN, FREE_MOLECULAR_KNUDSEN)
+    return np.sin(np.pi * (3.0 + np.log10(inside)) / 8.0) ** 2
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,7 +98,7 @@ def _free_molecular_table(body: SphereCone) -> GridTable:
 
 
 @dataclass(frozen=True, eq=False)
-class Sum:
+class WeightedSum:
     """Weighted sum of slices, which is a slice too (`edl_filter.aero.grid.Slice`).
 
     Attributes
@@ -117,14 +142,14 @@ class Sum:
                 total += weight[:, None] * curves.rows(alpha, weights)
         return total
 
-    def take(self, index: NDArray[np.intp]) -> Sum:
+    def take(self, index: NDArray[np.intp]) -> WeightedSum:
         """Sum of the samples at the indices (S,)."""
-        return Sum([(w[index], s.take(index)) for w, s in self.terms])
+        return WeightedSum([(w[index], s.take(index)) for w, s in self.terms])
 
 
 def join_regimes(
     continuum: Slice, rarefied: GridTable | FreeMolecularBridge, knudsen: Array, limit: float, join: Join
-) -> Sum:
+) -> WeightedSum:
     """Join the continuum and the rarefied coefficients of N samples, by their Knudsen numbers.
 
     Parameters
@@ -142,19 +167,19 @@ def join_regimes(
 
     Returns
     -------
-    Sum
+    WeightedSum
         Slice of the N samples.
     """
     weight = _rarefied_weight(knudsen, limit, join)
     if isinstance(rarefied, FreeMolecularBridge):
         if join != "continuous":
             weight = weight * bridge(knudsen)
-        return Sum([(1.0 - weight, continuum), (weight, rarefied.at(len(knudsen)))])
+        return WeightedSum([(1.0 - weight, continuum), (weight, rarefied.at(len(knudsen)))])
     if join != "continuous":
-        return Sum([(1.0 - weight, continuum), (weight, rarefied.at(knudsen))])
+        return WeightedSum([(1.0 - weight, continuum), (weight, rarefied.at(knudsen))])
     above_limit = np.where(knudsen > limit, 1.0, 0.0)
     at_limit = rarefied.at(np.full(len(knudsen), limit))
-    return Sum(
+    return WeightedSum(
         [(1.0 - weight, continuum), (above_limit, rarefied.at(knudsen)), (-above_limit * (1.0 - weight), at_limit)]
     )
 

@@ -147,6 +147,6 @@ def print_json(content: dict[str, Any]) -> None:
     """Print one JSON object; numbers that are not finite are printed as null."""
     import json
 
-    from edl_filter.results.plain import finite
+    from edl_filter.results.files import finite
 
     typer.echo(json.dumps(finite(content), allow_nan=False))

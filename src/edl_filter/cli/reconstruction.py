@@ -166,8 +166,7 @@ def _reconstruct(
 ) -> dict[str, Any]:
     """Reconstruct a mission, write the outputs and print the summary; returns the paths of the outputs."""
     from edl_filter.io.output_folder import output_folder
-    from edl_filter.workflow.outputs import check_output_names, earlier_outputs, write_outputs
-    from edl_filter.workflow.run import run_mission
+    from edl_filter.workflow.run import check_output_names, earlier_outputs, run_mission, write_outputs
 
     folder = output or mission.output_directory()
     with output_folder(folder), interrupted(f"Nothing was written; what {folder} held before is unchanged."):

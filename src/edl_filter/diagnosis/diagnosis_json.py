@@ -15,8 +15,7 @@ from edl_filter.diagnosis.selection.hypothesis import Hypothesis
 from edl_filter.diagnosis.selection.screening import ScreeningResult
 from edl_filter.diagnosis.state import improvement_with
 from edl_filter.effects.base import EffectInstance, label_of
-from edl_filter.results.files import DATABASE_UPDATE
-from edl_filter.results.plain import finite
+from edl_filter.results.files import DATABASE_UPDATE, finite
 
 
 def diagnosis_content(diagnosis: Diagnosis) -> dict[str, Any]:

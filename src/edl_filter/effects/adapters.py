@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from edl_filter.aero.database import Database
 from edl_filter.aero.grid import Weights
-from edl_filter.aero.transition import Sum
+from edl_filter.aero.transition import WeightedSum
 from edl_filter.effects.base import EffectInstance
 from edl_filter.effects.forward_model import compose_coefficients, compose_density, compose_wind
 from edl_filter.effects.instances import lookup
@@ -101,7 +101,7 @@ _SINGLE: tuple[Weights, ...] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0
 
 
 @dataclass(frozen=True, eq=False)
-class CurvesWithEffects(Sum):
+class CurvesWithEffects(WeightedSum):
     """Curves over the angle of N samples with effects in them.
 
     Attributes
@@ -176,7 +176,7 @@ class DatabaseWithEffects(Database):
 
     effects: tuple[EffectInstance, ...] = ()
 
-    def at(self, mach: ArrayLike, knudsen: ArrayLike, speed: ArrayLike | None = None) -> Sum:
+    def at(self, mach: ArrayLike, knudsen: ArrayLike, speed: ArrayLike | None = None) -> WeightedSum:
         """The curves over the angle of N samples.
 
         Parameters

@@ -1,10 +1,10 @@
-"""Sensor effects on a record of samples: their order, their inverse, and the position of the IMU.
+"""Removal of sensor effects from a record of samples: their order, their inverse, and the position of the IMU.
 
-`as_read` applies the effects to a record of the true motion, `corrected_record` inverts them, and `moved_record`
-corrects the IMU's position. Several effects in one sensor act in one order (`sensor_effects`): the built-in ones as
-time offset, misalignment, scale, bias (the order of the flight file's own errors), then users' own in the order of the
-mission. `corrected_record` inverts them in the opposite order. An effect names its IMU: a record, or one of the
-instruments that are joined in a record. An effect without a name is in the instrument that drives at entry.
+`corrected_record` inverts the effects, and `moved_record` corrects the IMU's position. Several effects in one sensor
+act in one order (`sensor_effects`): the built-in ones as time offset, misalignment, scale, bias (the order of the
+flight file's own errors), then users' own in the order of the mission. `corrected_record` inverts them in the opposite
+order. An effect names its IMU: a record, or one of the instruments that are joined in a record. An effect without a
+name is in the instrument that drives at entry.
 """
 
 from __future__ import annotations
@@ -74,11 +74,6 @@ def acts_on_driving(instance: EffectInstance, driving: ImuRecord) -> bool:
     return outside or bool(np.any(samples_of(driving, instance.imu, True)))
 
 
-def as_read(record: ImuRecord, effects: Sequence[EffectInstance], driving: bool = True) -> ImuRecord:
-    """What sensors with `effects` read of the true motion in `record`: the inverse of `corrected_record`."""
-    return _through(record, sensor_effects(effects), driving, "imu")
-
-
 def corrected_record(record: ImuRecord, effects: Sequence[EffectInstance], driving: bool = True) -> ImuRecord:
     """The true motion where sensors with `effects` read `record`.
 
@@ -91,7 +86,16 @@ def corrected_record(record: ImuRecord, effects: Sequence[EffectInstance], drivi
     driving : bool
         Whether the record is the driving one: effects that name no IMU are in it.
     """
-    return _through(record, sensor_effects(effects)[::-1], driving, "corrected")
+    for a in sensor_effects(effects)[::-1]:
+        affected = samples_of(record, a.imu, driving)
+        if affected.any():
+            force, rate = a.effect.corrected(a.values, record.time, record.specific_force, record.angular_rate)
+            record = replace(
+                record,
+                specific_force=np.where(affected[:, None], force, record.specific_force),
+                angular_rate=np.where(affected[:, None], rate, record.angular_rate),
+            )
+    return record
 
 
 def log_abs_det_jacobian(
@@ -124,20 +128,6 @@ def log_abs_det_jacobian(
             slopes[:, :, axis] = change[chosen] / step
         total += float(np.mean(np.linalg.slogdet(slopes)[1]))
     return total
-
-
-def _through(record: ImuRecord, effects: Sequence[EffectInstance], driving: bool, hook: str) -> ImuRecord:
-    """The record with one hook, ``imu`` or ``corrected``, of each effect applied in turn."""
-    for a in effects:
-        affected = samples_of(record, a.imu, driving)
-        if affected.any():
-            force, rate = getattr(a.effect, hook)(a.values, record.time, record.specific_force, record.angular_rate)
-            record = replace(
-                record,
-                specific_force=np.where(affected[:, None], force, record.specific_force),
-                angular_rate=np.where(affected[:, None], rate, record.angular_rate),
-            )
-    return record
 
 
 def moved_record(record: ImuRecord, effects: Sequence[EffectInstance], until: float, driving: bool = True) -> ImuRecord:

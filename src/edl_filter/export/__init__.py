@@ -12,6 +12,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from edl_filter.errors import InputError
+from edl_filter.results.files import result_file
 
 FORMATS = ("csv", "spk", "ck")
 _SUFFIX = {"csv": ".csv", "spk": ".bsp", "ck": ".bc"}
@@ -29,8 +30,7 @@ def default_path(result: str | Path, fmt: str) -> Path:
     """
     if fmt not in FORMATS:
         raise InputError(f"--to: found {fmt!r}; accepted are {', '.join(FORMATS)}.")
-    folder = Path(result) if Path(result).is_dir() else Path(result).parent
-    return folder / f"trajectory{_SUFFIX[fmt]}"
+    return result_file(result).parent / f"trajectory{_SUFFIX[fmt]}"
 
 
 def export(result: str | Path, fmt: str, out: str | Path | None = None, naif_id: int | None = None) -> list[Path]:
@@ -58,14 +58,10 @@ def export(result: str | Path, fmt: str, out: str | Path | None = None, naif_id:
         No result, an unknown format, spiceypy is missing, or the result does not state the orientation of its frame.
     """
     default_path(result, fmt)  # refuses another format
-    from edl_filter.results.netcdf import load
-
-    groups = load(result)
-    path = Path(out) if out is not None else default_path(result, fmt)
-    if fmt == "csv":
-        from edl_filter.export.table import write_csv
-
-        return [write_csv(groups, path)]
     from edl_filter.export.spice import write_kernels
+    from edl_filter.export.table import write_csv
+    from edl_filter.results.reader import ResultReader
 
-    return write_kernels(groups, fmt, path, naif_id)
+    path = Path(out) if out is not None else default_path(result, fmt)
+    with ResultReader.open(result) as reader:
+        return [write_csv(reader, path)] if fmt == "csv" else write_kernels(reader, fmt, path, naif_id)

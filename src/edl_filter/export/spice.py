@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from edl_filter import rotations
 from edl_filter.errors import InputError
 from edl_filter.io.atomic import replace_with
-from edl_filter.results.groups import Groups
+from edl_filter.results.reader import ResultReader
 from edl_filter.types import Array
 
 #: Spacecraft number if neither the mission nor the user states one.
@@ -80,13 +80,13 @@ class KernelContents:
     utc: str
 
 
-def write_kernels(groups: Groups, fmt: str, path: Path, naif_id: int | None = None) -> list[Path]:
+def write_kernels(reader: ResultReader, fmt: str, path: Path, naif_id: int | None = None) -> list[Path]:
     """Write an SPK or CK, and the clock (``.tsc``) and leapseconds (``.tls``) kernels in the same folder.
 
     Parameters
     ----------
-    groups : dict of Group
-        Groups of a result.
+    reader : ResultReader
+        Of a result.
     fmt : {"spk", "ck"}
         Kernel of the trajectory or of the attitude.
     path : Path
@@ -110,7 +110,7 @@ def write_kernels(groups: Groups, fmt: str, path: Path, naif_id: int | None = No
         raise InputError(
             f"--to {fmt} needs spiceypy, which is not installed; install it with pip install 'edl-filter[spice]'."
         ) from None
-    contents = _contents(groups, naif_id)
+    contents = _contents(reader, naif_id)
     write = _write_spk if fmt == "spk" else _write_ck
     replace_with(path, lambda temporary: write(spiceypy, contents, temporary))
     clock, leap = path.with_suffix(".tsc"), path.with_suffix(".tls")
@@ -143,33 +143,34 @@ def ephemeris_time(utc: NDArray[np.datetime64]) -> Array:
     return et
 
 
-def _contents(groups: Groups, naif_id: int | None) -> KernelContents:
-    """Contents of the kernels from the groups of a result."""
-    root, trajectory = groups["/"].attrs, groups["/trajectory"]
+def _contents(reader: ResultReader, naif_id: int | None) -> KernelContents:
+    """Contents of the kernels from a result."""
+    root = reader.groups["/"].attrs
     if "j2000_from_inertial" not in root:
         raise InputError(
             f"mission {root.get('mission')}: planet.j2000_from_inertial: found nothing; SPICE needs to know how the "
             "result's inertial frame lies in J2000. State it in the mission and run it again."
         )
     j2000_from_inertial = rotations.from_matrix(np.reshape(root["j2000_from_inertial"], (3, 3)))
-
-    def variable(name: str) -> Array:
-        return np.asarray(trajectory.variables[name].values, float)
-
-    time = variable("time")
+    time = reader.time
     selected = np.concatenate(([True], np.diff(time) > _SHORTEST_STEP))
-    first = trajectory.variables["utc"].values[0].astype("datetime64[us]")
+    first = reader.groups["/trajectory"].variables["utc"].values[0].astype("datetime64[us]")
     has_clock = "epoch_sclk" in root
     count = float(root.get("epoch_sclk", _COUNT_WITHOUT_CLOCK)) + time
-    j2000_from_body = rotations.multiply(j2000_from_inertial, variable("inertial_from_body")[selected])
-    states = [rotations.rotate(j2000_from_inertial, variable(name)[selected]) for name in ("position", "velocity")]
+    j2000_from_body = rotations.multiply(
+        j2000_from_inertial, reader.required("trajectory", "inertial_from_body")[selected]
+    )
+    states = [
+        rotations.rotate(j2000_from_inertial, reader.required("trajectory", name)[selected])
+        for name in ("position", "velocity")
+    ]
     return KernelContents(
         # Within one flight the rates of ephemeris time and UTC agree to 1e-12
         et=float(ephemeris_time(np.array([first]))[0]) + (time - time[0])[selected],
         ticks=TICKS * count[selected],
         states=1e-3 * np.hstack(states),
         body_from_j2000=rotations.normalise(rotations.conjugate(j2000_from_body)),
-        rate=rotations.rotate(j2000_from_body, variable("angular_rate")[selected]),
+        rate=rotations.rotate(j2000_from_body, reader.required("trajectory", "angular_rate")[selected]),
         spacecraft=int(naif_id if naif_id is not None else root.get("naif_spacecraft_id", NO_SPACECRAFT)),
         planet=str(root["planet"]),
         title=str(root["title"]),

@@ -14,7 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from edl_filter.io.atomic import replace_with
-from edl_filter.results.groups import Group, Groups
+from edl_filter.results.groups import Group
+from edl_filter.results.reader import ResultReader
 
 #: Variables of ``/trajectory`` in the order of their columns, after the times. Vectors have one column per component.
 _COLUMNS = (
@@ -28,13 +29,13 @@ _DEGREES = {"rad": "deg", "rad/s": "deg/s"}
 _COMPONENTS = {3: ("x", "y", "z"), 4: ("x", "y", "z", "w")}
 
 
-def write_csv(groups: Groups, path: Path) -> Path:
+def write_csv(reader: ResultReader, path: Path) -> Path:
     """Write the trajectory as a CSV table.
 
     Parameters
     ----------
-    groups : dict of Group
-        Groups of a result.
+    reader : ResultReader
+        Of a result.
     path : Path
         File to write; an existing one is replaced when the new one is complete.
 
@@ -43,7 +44,7 @@ def write_csv(groups: Groups, path: Path) -> Path:
     Path
         `path`.
     """
-    trajectory = groups["/trajectory"]
+    trajectory = reader.groups["/trajectory"]
     columns: dict[str, Any] = {"time [s]": _numbers(trajectory.variables["time"].values, 6)}
     if "sclk" in trajectory.variables:
         columns["sclk [s]"] = _numbers(trajectory.variables["sclk"].values, 6)

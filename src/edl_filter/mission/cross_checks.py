@@ -8,7 +8,6 @@ from typing import Any
 from pydantic_core import PydanticCustomError
 
 from edl_filter.mission.aerodynamics import AerodynamicsConfig
-from edl_filter.mission.effects import effect_errors
 from edl_filter.mission.estimation import (
     ConstraintsConfig,
     InitialStateConfig,
@@ -165,5 +164,4 @@ _CHECKS: tuple[tuple[Callable[..., Iterable[PydanticCustomError]], tuple[str, ..
     (_state_errors, ("initial_state", "telemetry", "planet")),
     (_constraint_errors, ("constraints", "telemetry", "planet", "vehicle")),
     (_database_errors, ("constraints", "vehicle", "aerodynamics")),
-    (effect_errors, ("effects",)),
 )

@@ -3,19 +3,19 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-from pydantic import AfterValidator, Field, StringConstraints
-from pydantic_core import PydanticCustomError
+from pydantic import AfterValidator, Field, StringConstraints, ValidationError
+from pydantic_core import InitErrorDetails
 
 from edl_filter.errors import InputError
 from edl_filter.mission.fields import Section
 from edl_filter.mission.validators import Switch, field_error, value_text
 
 if TYPE_CHECKING:
-    from edl_filter.effects.base import EffectInstance
+    from edl_filter.effects.base import Effect, EffectInstance
 
 
 def _not_nan(value: float) -> float:
@@ -44,36 +44,44 @@ class EffectConfig(Section):
     )
 
 
-def effect_errors(effects: Sequence[EffectConfig]) -> Iterator[PydanticCustomError]:
-    """Yield the error of each entry with an unknown effect, a wrong parameter or a wrong IMU.
-
-    Effects of files are checked by `Mission.active_effects`, since their path depends on the mission's folder.
-    """
-    if not effects:
-        return
+def _problems(entry: EffectConfig, catalogue: Mapping[str, Effect]) -> Iterator[tuple[tuple[str, ...], str, str]]:
+    """Yield place, value and what is accepted for an unknown effect, each wrong parameter and a wrong IMU."""
     from edl_filter.effects.instances import lookup
     from edl_filter.effects.parameters import nearest, problems
+
+    effect = lookup(catalogue, entry.name)
+    if effect is None:
+        yield ("name",), value_text(entry.name), f"the name of an effect; {nearest(entry.name, catalogue)}"
+        return
+    for problem in problems(effect, entry.parameters):
+        yield ("parameters", problem.parameter), problem.actual, problem.expected
+    if entry.imu is not None and not effect.is_sensor_effect:
+        yield ("imu",), value_text(entry.imu), f"none: {entry.name} sits in no IMU"
+
+
+def _checked(effects: tuple[EffectConfig, ...]) -> tuple[EffectConfig, ...]:
+    """The entries, if every effect, parameter and IMU in them exists; those of files are checked by `effect_instances`.
+
+    The path of a user's file depends on the folder of the file that lists it.
+    """
+    if not effects:
+        return effects
     from edl_filter.effects.registry import known_effects
 
     catalogue = known_effects()
-    for k, entry in enumerate(effects):
-        if entry.file is not None:
-            continue
-        effect = lookup(catalogue, entry.name)
-        if effect is None:
-            expected = f"the name of an effect; {nearest(entry.name, catalogue)}"
-            yield field_error(value_text(entry.name), expected, f"effects.{k}.name")
-            continue
-        for problem in problems(effect, entry.parameters):
-            yield field_error(problem.actual, problem.expected, f"effects.{k}.parameters.{problem.parameter}")
-        if entry.imu is not None and not effect.is_sensor_effect:
-            yield field_error(value_text(entry.imu), f"none: {entry.name} sits in no IMU", f"effects.{k}.imu")
+    errors = [
+        InitErrorDetails(type=field_error(actual, expected), loc=(k, *place), input=entry.name)
+        for k, entry in enumerate(effects)
+        if entry.file is None
+        for place, actual, expected in _problems(entry, catalogue)
+    ]
+    if errors:
+        raise ValidationError.from_exception_data("effects", errors)
+    return effects
 
 
-def raise_first(errors: Iterable[PydanticCustomError]) -> None:
-    """Raise the first of the errors; nothing happens where there is none."""
-    for error in errors:
-        raise error
+#: The effects that a mission or a scenario lists.
+Effects = Annotated[tuple[EffectConfig, ...], AfterValidator(_checked)]
 
 
 def effect_instances(

@@ -14,7 +14,7 @@ from edl_filter.errors import InputError
 from edl_filter.mission.aerodynamics import AerodynamicsConfig, PostflightConfig
 from edl_filter.mission.cross_checks import event_times, section_errors
 from edl_filter.mission.decision_settings import DecisionSettings
-from edl_filter.mission.effects import EffectConfig, effect_instances, raise_first
+from edl_filter.mission.effects import Effects, effect_instances
 from edl_filter.mission.error_messages import error_message
 from edl_filter.mission.estimation import ConstraintsConfig, FilterConfig, InitialStateConfig, OutputsConfig
 from edl_filter.mission.fields import Section
@@ -67,7 +67,7 @@ class Mission(Section):
     initial_state: InitialStateConfig = Field(description="state at entry")
     constraints: ConstraintsConfig = Field(default=ConstraintsConfig(), description="an absent constraint is not used")
     filter: FilterConfig = Field(default=FilterConfig(), description="the filter's settings")
-    effects: tuple[EffectConfig, ...] = Field(default=(), description="physical effects that are switched on")
+    effects: Effects = Field(default=(), description="physical effects that are switched on")
     diagnosis: DecisionSettings = Field(default=DecisionSettings(), description="thresholds of the diagnosis")
     outputs: OutputsConfig = Field(default=OutputsConfig(), description="files of a run")
 
@@ -162,7 +162,8 @@ class Mission(Section):
 
     @model_validator(mode="after")
     def _consistent(self) -> Mission:
-        raise_first(section_errors({name: getattr(self, name) for name in type(self).model_fields}))
+        for error in section_errors(dict(self)):
+            raise error
         return self
 
     def planet_model(self, prime_meridian: float | None = None) -> Planet:

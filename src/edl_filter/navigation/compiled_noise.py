@@ -118,11 +118,11 @@ def in_body_axes(cov, end):
 
 
 @COMPILED
-def onboard_turn_jacobians(interval, rate, net_turn, middle, end):
-    """As `noise.onboard_turn`, from the attitudes at the middle of the samples and at their end."""
+def onboard_rotation_jacobians(interval, rate, coning_corrected, middle, end):
+    """As `noise.onboard_rotation`, from the attitudes at the middle of the samples and at their end."""
     by_rate, by_mounting, axes = np.zeros((3, 3)), np.zeros((3, 3)), np.empty((3, 3))
     for i in range(interval.size):
-        if net_turn[i]:
+        if coning_corrected[i]:
             continue
         fill_matrix(product((-end[0], -end[1], -end[2], end[3]), middle[i]), axes)
         wx, wy, wz = rate[i, 0], rate[i, 1], rate[i, 2]

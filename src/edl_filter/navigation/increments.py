@@ -43,7 +43,7 @@ class Samples:
     shared_rate_noise : (N,) array
         The part of the rate noise that an attitude computed on board from the same gyros has too, rad/s: the gyros'
         own and most of the unresolved motion.
-    net_turn : (N,) boolean array
+    coning_corrected : (N,) boolean array
         Where the rate was taken from two attitudes, not from gyros.
     unit : (N,) integer array
         Which instrument's errors apply.
@@ -61,7 +61,7 @@ class Samples:
     force_noise: Array
     rate_noise: Array
     shared_rate_noise: Array
-    net_turn: BoolArray
+    coning_corrected: BoolArray
     unit: IntArray
     force_fill_sigma: Array = field(default_factory=lambda: np.zeros((0, 3)))
     rate_fill_sigma: Array = field(default_factory=lambda: np.zeros((0, 3)))
@@ -105,7 +105,7 @@ class Samples:
             force_noise=self.force_noise[index] * factor,
             rate_noise=self.rate_noise[index] * factor,
             shared_rate_noise=self.shared_rate_noise[index] * factor,
-            net_turn=self.net_turn.take(index, axis=0),
+            coning_corrected=self.coning_corrected.take(index, axis=0),
             unit=self.unit.take(index, axis=0),
             force_fill_sigma=self.force_fill_sigma[index] * factor[:, None],
             rate_fill_sigma=self.rate_fill_sigma[index] * factor[:, None],
@@ -132,8 +132,8 @@ def effective_samples(record: ImuRecord) -> Samples:
     sculling, coning = _rotation_corrections(
         dt, force, rate, slope(record.time, dt, force), slope(record.time, dt, rate)
     )
-    sculling[record.net_gain] = 0.0
-    coning[record.net_turn] = 0.0
+    sculling[record.sculling_corrected] = 0.0
+    coning[record.coning_corrected] = 0.0
     unresolved_force, unresolved_rate = unresolved_motion(dt, force, rate)
     return Samples(
         time=record.time,
@@ -147,7 +147,7 @@ def effective_samples(record: ImuRecord) -> Samples:
         shared_rate_noise=np.hypot(
             record.shared_rate_noise, np.sqrt(1.0 - INTEGRATION_DIFFERENCE**2) * unresolved_rate
         ),
-        net_turn=record.net_turn,
+        coning_corrected=record.coning_corrected,
         unit=record.unit,
         force_fill_sigma=record.force_fill_sigma,
         rate_fill_sigma=record.rate_fill_sigma,

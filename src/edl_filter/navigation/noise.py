@@ -91,17 +91,17 @@ def _fill_noise(samples: Samples, middle: Array, force: Array) -> Array:
     return covariance
 
 
-def net_turn(samples: Samples) -> Array:
-    """Turn over all `samples` as the gyros read, as a quaternion ``(4,)``."""
+def net_rotation(samples: Samples) -> Array:
+    """Rotation over all `samples` as the gyros read, as a quaternion ``(4,)``."""
     return sample_attitudes(samples.interval, samples.rate, IDENTITY)[1]
 
 
-def onboard_turn(samples: Samples) -> tuple[Array, Array]:
-    """Turn of an on-board attitude that is due to other rates and another mounting than the gyro samples'.
+def onboard_rotation(samples: Samples) -> tuple[Array, Array]:
+    """Rotation of an on-board attitude that is due to other rates and another mounting than the gyro samples'.
 
     On board ``ω + ω × m - b`` is integrated where the samples read ω, with a mounting that differs by the small
-    rotation m and a rate correction b. This holds only where gyros were read: a net turn was taken from the on-board
-    attitude.
+    rotation m and a rate correction b. This holds only where gyros were read: a rate that is coning-corrected was taken
+    from the on-board attitude.
 
     Returns
     -------
@@ -110,7 +110,7 @@ def onboard_turn(samples: Samples) -> tuple[Array, Array]:
         of C, and the integral of C [ω]ₓ, with C from the axes of each sample to those of the end.
     """
     middle, end = sample_attitudes(samples.interval, samples.rate, IDENTITY)
-    weight = np.where(samples.net_turn, 0.0, samples.interval)
+    weight = np.where(samples.coning_corrected, 0.0, samples.interval)
     to_end = rotations.to_matrix(rotations.multiply(rotations.conjugate(end), middle)) * weight[:, None, None]
     return -to_end.sum(axis=0), np.einsum("nij,njk->ik", to_end, rotations.cross_matrix(samples.rate))
 

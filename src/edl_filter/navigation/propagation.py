@@ -8,7 +8,7 @@ from edl_filter import rotations
 from edl_filter.navigation import strapdown
 from edl_filter.navigation.increments import Samples
 from edl_filter.navigation.layout import Layout, sensor_maps
-from edl_filter.navigation.noise import net_turn, onboard_turn
+from edl_filter.navigation.noise import net_rotation, onboard_rotation
 from edl_filter.planet import Planet
 from edl_filter.types import Array
 
@@ -91,5 +91,5 @@ def onboard_jacobians(layout: Layout, samples: Samples) -> tuple[Array, dict[str
         state (rad/s, rad).
     """
     names = [n for n in ("onboard_rate", "onboard_mounting") if n in layout]
-    jacobians = dict(zip(("onboard_rate", "onboard_mounting"), onboard_turn(samples), strict=True)) if names else {}
-    return net_turn(samples), {name: jacobians[name] for name in names}
+    jacobians = dict(zip(("onboard_rate", "onboard_mounting"), onboard_rotation(samples), strict=True)) if names else {}
+    return net_rotation(samples), {name: jacobians[name] for name in names}

@@ -3,8 +3,9 @@
 In: a `Mission`, the effects that are added to it. Out: a `Reconstruction`: filter pass, smoothed states, trajectory,
 checks of all constraints, and the inputs that they were computed from; data only.
 
-Read in this order. `load` reads telemetry and atmosphere, `events` applies what events of the flight change in the
+Read in this order. `load` reads telemetry and atmosphere and applies what events of the flight change in the
 telemetry, `forward_model` builds the model of planet, air and vehicle, `constraints` the measurements that the filter
-uses, `problem` the filter's problem, and `reconstruct` runs all of it. `plausibility` checks a record against physics,
+uses, `entry_state` the state at entry and its correction, and `reconstruct` puts the filter's problem together and
+runs it. `plausibility` checks a record against physics,
 `causes` ranks what may be wrong with it, and `trust` judges a reconstruction by both.
 """

@@ -31,7 +31,7 @@ from edl_filter.navigation.constraints import Altimeter, Constraint
 from edl_filter.navigation.filter import Problem, run_filter
 from edl_filter.navigation.recovery import Cause as Addition
 from edl_filter.navigation.recovery import Recovery, log_likelihood, used_once
-from edl_filter.pipeline.problem import assemble
+from edl_filter.pipeline.reconstruct import assemble
 from edl_filter.planet import Planet
 from edl_filter.planet.atmosphere import Atmosphere
 from edl_filter.telemetry.record import Telemetry

@@ -1,59 +1,36 @@
-"""Reconstruction of an entry: read, filter, smooth, check."""
+"""Reconstruction of an entry: read, put the filter's problem together, filter, smooth, check."""
 
 from __future__ import annotations
 
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from edl_filter import rotations
 from edl_filter.effects.base import EffectInstance
+from edl_filter.effects.forward_model import compose_entry_state, compose_gravity
+from edl_filter.effects.sensor_chain import check_imus, corrected_record, moved_record
 from edl_filter.estimation.parallel import one_blas_thread
 from edl_filter.mission import Mission
 from edl_filter.mission.estimation import LandingSiteConfig
-from edl_filter.navigation.filter import FilterPass, Problem, run_filter
-from edl_filter.navigation.initial import frame_jacobian, initial_estimate
+from edl_filter.navigation.filter import FilterPass, Problem, Settings, build_problem, run_filter
+from edl_filter.navigation.increments import effective_samples
 from edl_filter.navigation.leave_one_out import ConstraintCheck, check_constraints, check_entry_state
 from edl_filter.navigation.recovery import Recovery, run_with_recovery
 from edl_filter.navigation.smoother import Smoothed, smooth
 from edl_filter.navigation.trajectory import Trajectory, smoothed_trajectory
-from edl_filter.pipeline.load import read_atmosphere, read_telemetry
-from edl_filter.pipeline.problem import assemble, without_effects
+from edl_filter.pipeline.constraints import build_constraints
+from edl_filter.pipeline.entry_state import EntryCorrection, entry_correction, entry_state
+from edl_filter.pipeline.load import centre_of_mass_shifts, read_atmosphere, read_telemetry, with_velocity_steps
 from edl_filter.planet import Planet
 from edl_filter.planet.atmosphere import Atmosphere
 from edl_filter.telemetry.calibration import MisalignmentEstimate, bias_from_velocity_slope
-from edl_filter.telemetry.comparison import centred, compare
+from edl_filter.telemetry.comparison import compare, record_at_centre_of_mass
 from edl_filter.telemetry.record import ImuRecord, Telemetry
 from edl_filter.telemetry.relative_calibration import RelativeCalibration, relative_calibration
 from edl_filter.types import Array
-
-
-@dataclass(frozen=True)
-class EntryCorrection:
-    """Correction of the entry state.
-
-    Attributes
-    ----------
-    change, change_sigma : (9,) arrays
-        Smoothed minus stated: position (m), velocity (m/s), attitude (rad, body axes), and one sigma of the
-        smoothed state.
-    rotation : (3,) array
-        The rotation of the state's frame (rad, inertial axes) that fits the change of position and velocity best.
-    rotation_remainder : (6,) array
-        Remainder of that change: m, m/s.
-    states : dict
-        Name → (estimate, sigma) of the entry epoch (s) and the state's frame (rad, inertial axes), as far as they
-        are states.
-    """
-
-    change: Array
-    change_sigma: Array
-    rotation: Array
-    rotation_remainder: Array
-    states: dict[str, tuple[Array, Array]]
 
 
 @dataclass(frozen=True)
@@ -84,7 +61,7 @@ class Reconstruction:
     timing : dict
         Stage → s.
     effects : tuple of EffectInstance
-        Those that were removed from the telemetry (`problem.without_effects`).
+        Those that were removed from the telemetry (`without_effects`).
     recovery : Recovery or None
         What was added to `problem` since its state diverged from the measurements; None where it did not.
     """
@@ -127,6 +104,81 @@ class Reconstruction:
     def site_radius(self) -> float | None:
         """Distance of the landing site from the planet's centre, m."""
         return None if self.site is None else float(np.linalg.norm(self.site))
+
+
+def without_effects(mission: Mission, telemetry: Telemetry, effects: Sequence[EffectInstance]) -> Telemetry:
+    """Telemetry as perfect sensors at known places would give it: the effects are removed from all IMUs.
+
+    Raises
+    ------
+    InputError
+        An effect names an IMU that the telemetry does not have.
+    """
+    if not effects:
+        return telemetry
+    check_imus(telemetry, effects, str(mission.source or mission.name))
+    times = mission.event_times()
+    until = min((times[n] for n, e in mission.vehicle.events.items() if e.position is not None), default=np.inf)
+
+    def corrected(record: ImuRecord, driving: bool) -> ImuRecord:
+        return moved_record(corrected_record(record, effects, driving), effects, until, driving)
+
+    checking = tuple(corrected(record, driving=False) for record in telemetry.checking)
+    return replace(telemetry, driving=corrected(telemetry.driving, driving=True), checking=checking)
+
+
+def assemble(
+    mission: Mission,
+    telemetry: Telemetry,
+    planet: Planet,
+    atmosphere: Atmosphere,
+    effects: Sequence[EffectInstance] | None = None,
+) -> Problem:
+    """Put the filter's problem together.
+
+    Parameters
+    ----------
+    mission : Mission
+        Checked mission.
+    telemetry : Telemetry
+        As it was read; the effects are removed by this function.
+    planet, atmosphere : Planet, Atmosphere
+        The mission's own, without effects.
+    effects : sequence of EffectInstance, optional
+        Instead of the mission's.
+
+    Raises
+    ------
+    InputError
+        The mission takes something from the telemetry that is not in it, or a window holds no samples; an effect names
+        an IMU that the telemetry does not have.
+    """
+    effects = mission.active_effects() if effects is None else effects
+    return assemble_free(mission, without_effects(mission, telemetry, effects), planet, atmosphere, effects)
+
+
+def assemble_free(
+    mission: Mission, telemetry: Telemetry, planet: Planet, atmosphere: Atmosphere, effects: Sequence[EffectInstance]
+) -> Problem:
+    """As `assemble`, from telemetry from which the effects are removed already (`without_effects`)."""
+    planet = compose_gravity(planet, effects)
+    shifts = centre_of_mass_shifts(mission, telemetry.driving)
+    samples = with_velocity_steps(effective_samples(telemetry.driving), shifts)
+    initial, entry = entry_state(mission, telemetry)
+    initial = compose_entry_state(initial, effects)
+    f = mission.filter
+    onboard = mission.constraints.onboard_attitude
+    return build_problem(
+        samples,
+        initial,
+        entry,
+        telemetry.driving.errors,
+        build_constraints(mission, telemetry, samples, planet, atmosphere, initial, effects),
+        planet,
+        Settings(f.alpha, f.beta, f.kappa, f.longest_interval_s, f.gate_probability, f.method, f.robust, f.engine),
+        times=tuple((mission.event_times() | telemetry.events).values()),
+        unit_change_sigma=onboard.unit_change_sigma if onboard else 0.0,
+    )
 
 
 def reconstruct(
@@ -172,7 +224,8 @@ def _reconstruct(
         planet = mission.planet_model(telemetry.prime_meridian_at_epoch)
         active = mission.active_effects() if effects is None else tuple(effects)
     with _timed(timing, "filter"):
-        problem = assemble(mission, telemetry, planet, atmosphere, active)
+        corrected = without_effects(mission, telemetry, active)
+        problem = assemble_free(mission, corrected, planet, atmosphere, active)
         lost, recovery = lost_stretches(telemetry.driving), None
         if recover or lost:
             problem, filter_pass, recovery = run_with_recovery(problem, lost)
@@ -183,11 +236,10 @@ def _reconstruct(
         trajectory = smoothed_trajectory(problem, smoothed, filter_pass.layout)
     with _timed(timing, "leave_one_out"):
         checks = check_constraints(problem, filter_pass) if leave_one_out else []
-        entry, prior = _entry_correction(problem, filter_pass, smoothed)
+        entry, prior = entry_correction(problem, filter_pass, smoothed)
         if leave_one_out:
             checks.insert(0, check_entry_state(smoothed, prior, -entry.change))
     with _timed(timing, "comparison"):
-        corrected = without_effects(mission, telemetry, active)
         comparison = _compare(mission, corrected)
         calibrations = _calibrate(mission, corrected)
         bias = _pre_entry_bias(mission, corrected)
@@ -222,7 +274,7 @@ def _pre_entry_bias(mission: Mission, telemetry: Telemetry) -> tuple[Array, Arra
     window = mission.constraints.pre_entry_zero_force
     if window is None:
         return None
-    record = centred(telemetry.driving.between(window.start_s, window.end_s))
+    record = record_at_centre_of_mass(telemetry.driving.between(window.start_s, window.end_s))
     return bias_from_velocity_slope(record.time, record.interval, record.specific_force, window.start_s, window.end_s)
 
 
@@ -248,26 +300,3 @@ def _timed(timing: dict[str, float], stage: str) -> Iterator[None]:
     begin = time.perf_counter()
     yield
     timing[stage] = time.perf_counter() - begin
-
-
-def _entry_correction(problem: Problem, filter_pass: FilterPass, smoothed: Smoothed) -> tuple[EntryCorrection, Array]:
-    """Correction of the entry state, and its prior covariance (9, 9)."""
-    layout, stated = filter_pass.layout, problem.initial
-    reference, covariance = initial_estimate(
-        layout, stated, problem.entry, problem.instruments[int(problem.samples.unit[0])], problem.planet
-    )
-    change = smoothed.states[0].minus(reference)[:9]
-    sigma = np.sqrt(np.diag(smoothed.covariance[0])).astype(float)
-    scale = np.repeat(1.0 / np.array([np.linalg.norm(stated.position), np.linalg.norm(stated.velocity)]), 3)
-    jacobian = frame_jacobian(stated)
-    rotation = np.asarray(np.linalg.lstsq(jacobian * scale[:, None], change[:6] * scale, rcond=None)[0], float)
-    names = [n for n in ("entry_epoch", "entry_frame") if n in layout]
-    states = {n: (smoothed.states[0].errors[layout[n]], sigma[layout[n]]) for n in names}
-    entry = EntryCorrection(change, sigma[:9], rotation, change[:6] - jacobian @ rotation, states)
-    return entry, covariance[:9, :9]
-
-
-def in_j2000(mission: Mission, rotation: Array) -> Array | None:
-    """J2000 components of an inertial rotation vector (3,), rad; None where the mission does not relate the frames."""
-    matrix = mission.planet.j2000_from_inertial_matrix
-    return None if matrix is None else rotations.rotate(rotations.from_matrix(matrix), rotation)

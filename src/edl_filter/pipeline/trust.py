@@ -18,8 +18,7 @@ from edl_filter.navigation.recovery import Recovery
 from edl_filter.pipeline.causes import Cause, rank_causes
 from edl_filter.pipeline.load import read_atmosphere, read_telemetry
 from edl_filter.pipeline.plausibility import find_violation
-from edl_filter.pipeline.problem import assemble
-from edl_filter.pipeline.reconstruct import Reconstruction
+from edl_filter.pipeline.reconstruct import Reconstruction, assemble
 from edl_filter.planet import Planet
 from edl_filter.planet.atmosphere import Atmosphere
 from edl_filter.telemetry.record import Telemetry

@@ -107,24 +107,6 @@ class Rotation:
         (..., 3) array
             m/s, in the axes of the arguments (not in the planet-fixed frame).
         """
-        return np.asarray(velocity, float) - self._frame_velocity(position)
-
-    def velocity_inertial(self, position: ArrayLike, velocity_relative: ArrayLike) -> Array:
-        """Inertial velocity ``v + ω × r``: the inverse of `velocity_relative`.
-
-        Parameters
-        ----------
-        position, velocity_relative : (..., 3) arrays
-            m and m/s, in axes as for `velocity_relative`.
-
-        Returns
-        -------
-        (..., 3) array
-            m/s, in the axes of the arguments.
-        """
-        return np.asarray(velocity_relative, float) + self._frame_velocity(position)
-
-    def _frame_velocity(self, position: ArrayLike) -> Array:
-        """``ω × r`` (..., 3), m/s."""
         x, y, z = np.moveaxis(np.asarray(position, float), -1, 0)
-        return np.stack((-self.rate * y, self.rate * x, np.zeros_like(z)), axis=-1)
+        frame_velocity = np.stack((-self.rate * y, self.rate * x, np.zeros_like(z)), axis=-1)  # ω × r
+        return np.asarray(velocity, float) - frame_velocity

@@ -1,6 +1,8 @@
-"""The post-flight layer over a reconstruction: from trajectory, mission and telemetry to the arrays of `derive`."""
+"""Quantities derived from a reconstruction: air data, events, and the post-flight layer over both."""
 
 from __future__ import annotations
+
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -9,8 +11,9 @@ from edl_filter.effects.forward_model import compose_air_rotation, compose_body
 from edl_filter.errors import InputError
 from edl_filter.pipeline.forward_model import body_of, changed_bodies, database_of
 from edl_filter.pipeline.reconstruct import Reconstruction
-from edl_filter.postflight.airdata import AirData
+from edl_filter.postflight.airdata import AirData, air_data
 from edl_filter.postflight.derive import PostflightResult, derive
+from edl_filter.postflight.events import Event, events
 from edl_filter.postflight.inputs import PostflightInputs, at_middles
 from edl_filter.postflight.windows import Window
 from edl_filter.types import Array
@@ -26,6 +29,32 @@ _ALONG = (
     "flight_path_angle_sigma",
     "alpha_total_sigma",
 )
+
+
+@dataclass(frozen=True)
+class Derived:
+    """Quantities derived from a reconstruction that are used more than once.
+
+    Attributes
+    ----------
+    air : AirData
+        Along the trajectory.
+    events : dict
+        Name → `Event`.
+    postflight : PostflightResult or None
+        Atmosphere and coefficients, where the mission names an aerodynamic database.
+    """
+
+    air: AirData
+    events: dict[str, Event]
+    postflight: PostflightResult | None
+
+
+def derived_quantities(reconstruction: Reconstruction) -> Derived:
+    """Air data along the trajectory, events, atmosphere and coefficients."""
+    r = reconstruction
+    air = air_data(r.trajectory, r.planet, r.atmosphere, r.effects)
+    return Derived(air, events(r, air), derive_flight(r, air))
 
 
 def derive_flight(reconstruction: Reconstruction, air: AirData) -> PostflightResult | None:

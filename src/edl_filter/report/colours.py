@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Sequence
-
 #: Okabe and Ito's palette, distinct for all common kinds of colour vision.
 BLACK, ORANGE, SKY, GREEN, BLUE, VERMILLION, PURPLE = (
     "#000000", "#E69F00", "#56B4E9", "#009E73", "#0072B2", "#D55E00", "#CC79A7",
@@ -41,8 +38,6 @@ _CIVIDIS = (
     "#00224e", "#083370", "#35456c", "#4f576c", "#666970", "#7d7c78", "#948e77", "#aea371", "#c8b866", "#e5cf52",
     "#fee838",
 )  # fmt: skip
-#: Ends of the scale of a residual map, normalised RMS; the upper one is larger if the map has a larger value.
-LEAST, MOST = 0.5, 10.0
 
 
 def page_roles() -> dict[str, tuple[str, str]]:
@@ -50,40 +45,6 @@ def page_roles() -> dict[str, tuple[str, str]]:
     return {f"@{role}": (light, dark) for role, (_, light, dark) in ROLES.items()}
 
 
-def cell_colours(rms: float, worst: float) -> tuple[str, str]:
-    """Background and text colour of a cell of the residual map, on a logarithmic scale.
-
-    Parameters
-    ----------
-    rms : float
-        Normalised RMS of the cell.
-    worst : float
-        Largest normalised RMS of the map.
-    """
-    share = math.log(max(rms, LEAST) / LEAST) / math.log(max(MOST, worst) / LEAST)
-    position = min(max(share, 0.0), 1.0) * (len(_CIVIDIS) - 1)
-    k = min(int(position), len(_CIVIDIS) - 2)
-    low, high = (_components(_CIVIDIS[i]) for i in (k, k + 1))
-    background = [round(a + (position - k) * (b - a)) for a, b in zip(low, high, strict=True)]
-    ink = "#000000" if _luminance(background) > 0.18 else "#ffffff"  # the better contrast (WCAG 2)
-    return "#{:02x}{:02x}{:02x}".format(*background), ink
-
-
-def gradient() -> str:
-    """The colour scale as a CSS gradient."""
-    return f"linear-gradient(to right, {', '.join(_CIVIDIS)})"
-
-
 def scale_colours() -> tuple[str, ...]:
     """Colours of the scale at equal steps."""
     return _CIVIDIS
-
-
-def _components(colour: str) -> tuple[int, int, int]:
-    return int(colour[1:3], 16), int(colour[3:5], 16), int(colour[5:7], 16)
-
-
-def _luminance(components: Sequence[int]) -> float:
-    """Relative luminance of a colour (WCAG 2), 0 to 1."""
-    linear = [(c / 255.0 + 0.055) ** 2.4 / 1.055**2.4 if c > 10 else c / 255.0 / 12.92 for c in components]
-    return 0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2]

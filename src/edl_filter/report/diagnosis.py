@@ -1,4 +1,4 @@
-"""Figures of a diagnosis: residual map, hypotheses, missing force and moment, fall of the error, residuals."""
+"""Figures of a diagnosis: hypotheses, missing force and moment, fall of the error, residuals."""
 
 from __future__ import annotations
 
@@ -12,19 +12,16 @@ import numpy as np
 from xarray import DataArray
 
 from edl_filter.aero.increments import DatabaseUpdate
-from edl_filter.report.colours import AXES, LEAST, MOST, cell_colours
+from edl_filter.report.colours import AXES
 from edl_filter.report.database_update import database_figure
 from edl_filter.report.description import (
     Axis,
     Band,
     Bars,
-    ColourScale,
     Curve,
     Dash,
     Element,
     Figure,
-    HeatCell,
-    HeatMap,
     Legend,
     Line,
     Panel,
@@ -33,8 +30,8 @@ from edl_filter.report.description import (
     Text,
 )  # fmt: skip
 from edl_filter.report.matplotlib_renderer import write_figure
+from edl_filter.report.residual_map import CONSTRAINTS, residual_map
 from edl_filter.report.text import (
-    CONSTRAINTS,
     chance,
     hypothesis_label,
     number,
@@ -86,60 +83,6 @@ def draw_diagnosis(
     )
     named = zip(figures, DIAGNOSIS_FIGURES, strict=True)
     return [write_figure(figure, folder / f"{name}.png") for figure, name in named if figure is not None]
-
-
-def map_cells(cells: Sequence[MapCell]) -> tuple[list[str], list[str], dict[tuple[str, str], int]]:
-    """Channels and regimes of the flight's cells in the order of the map, and the index of each (channel, regime)."""
-    flight = [(k, cell) for k, cell in enumerate(cells) if cell.regime != CONSTRAINTS]
-    channels = list(dict.fromkeys(cell.channel for _, cell in flight))
-    regimes = list(dict.fromkeys(cell.regime for _, cell in sorted(flight, key=lambda item: item[1].t0_s)))
-    return channels, regimes, {(cell.channel, cell.regime): k for k, cell in flight}
-
-
-def worst_rms(cells: Sequence[MapCell]) -> float:
-    """Largest normalised RMS of a map."""
-    return max((cell.normalised_rms for cell in cells if cell.normalised_rms is not None), default=1.0)
-
-
-def heat_cell(cell: MapCell, row: int, column: int, worst: float) -> HeatCell:
-    """A cell with a finite normalised RMS, with its text and colours; `worst` is the largest value of the map."""
-    rms = cell.normalised_rms
-    assert rms is not None
-    text = f"{rms:.2f}" if rms < 10.0 else f"{rms:.1f}" if rms < 100.0 else f"{rms:.0f}"
-    return HeatCell(row, column, rms, *cell_colours(rms, worst), text, cell.fails)
-
-
-def residual_map(content: DiagnosisContent | Mapping[str, Any], title: str) -> Figure:
-    """Normalised RMS of every channel in every regime, and of every constraint; failing ones are outlined."""
-    cells = DiagnosisContent.of(content).map
-    channels, regimes, index = map_cells(cells)
-    constraints = [cell for cell in cells if cell.regime == CONSTRAINTS]
-    worst = worst_rms(cells)
-    flight = tuple(
-        heat_cell(cells[k], channels.index(channel), regimes.index(regime), worst)
-        for (channel, regime), k in index.items()
-        if cells[k].normalised_rms is not None
-    )
-    fixed = tuple(heat_cell(c, k, 0, worst) for k, c in enumerate(constraints) if c.normalised_rms is not None)
-    rows = max(len(channels), len(constraints), 1)
-    panels = (
-        _map_panel(flight, channels, [name.replace(" flow", "") for name in regimes], max(len(channels), 1)),
-        _map_panel(fixed, [c.channel for c in constraints], [CONSTRAINTS], rows),
-    )
-    scale = ColourScale(LEAST, max(MOST, worst), "normalised RMS (1: the model holds); outlined: it fails")
-    return Figure(
-        f"{title}: residual map", (panels,), (0.42 * rows,), (max(len(regimes), 1), 1.1), 12.5,
-        (1.75, 1.9, 1.05), (0.75, 0.1), scale=scale,
-    )  # fmt: skip
-
-
-def _map_panel(cells: tuple[HeatCell, ...], rows: Sequence[str], columns: Sequence[str], height: int) -> Panel:
-    x = Axis(
-        range=(-0.5, max(len(columns), 1) - 0.5), ticks=tuple((float(k), name) for k, name in enumerate(columns)),
-        tick_angle=25.0, grid=False,
-    )  # fmt: skip
-    ticks = tuple((float(k), words(name)) for k, name in enumerate(rows))
-    return Panel(x, Axis(range=(height - 0.5, -0.5), ticks=ticks, grid=False), (HeatMap(cells),))
 
 
 def ranking(content: DiagnosisContent | Mapping[str, Any], title: str) -> Figure:

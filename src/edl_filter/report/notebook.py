@@ -13,20 +13,17 @@ from typing import TYPE_CHECKING
 from edl_filter.diagnosis.diagnosis_json import diagnosis_content
 from edl_filter.effects.tables import size_text
 from edl_filter.report.text import (
-    chance,
-    error_fall,
     fixed_digits,
-    hypothesis_label,
     none_gain_sentence,
-    none_gain_text,
     number,
     parameters_text,
+    ranking_rows,
     readable,
     state_sentences,
     with_sigma,
     words,
 )  # fmt: skip
-from edl_filter.results.plain import finite
+from edl_filter.results.files import finite
 from edl_filter.results.schema import DiagnosisContent, Summary
 
 if TYPE_CHECKING:
@@ -104,20 +101,6 @@ def _in_km(value: float | None, sigma: float | None) -> str:
 def diagnosis_card(diagnosis: Diagnosis) -> str:
     """Verdict, hypotheses, the worst failures and the remainder."""
     content = DiagnosisContent.of(diagnosis_content(diagnosis))
-    ranking = [
-        (
-            hypothesis_label(h),
-            chance(h.probability),
-            number(h.gain),
-            number(h.score_gain),
-            parameters_text(h.parameters),
-            f"{words(h.channel)} {error_fall(h)}",
-        )
-        for h in content.ranking
-    ]
-    something = content.something_else
-    ranking.append(("nothing is missing", chance(content.none), none_gain_text(content), "–", "", ""))
-    ranking.append(("something else", chance(something.probability), number(something.score_gain), "–", "", ""))
     heads = ("hypothesis", "probability", "gain (nats)", "held out (nats)", "parameters", "normalised RMS")
     first, *qualifying = state_sentences(content)
     parts = [_text(first, bold=True), *map(_text, qualifying)]
@@ -136,7 +119,7 @@ def diagnosis_card(diagnosis: Diagnosis) -> str:
         parts.append(_table((f"fails{more}", "regime", "time (s)", "normalised RMS", "beyond noise"), failing))
     else:
         parts.append(_text("No channel fails in any regime."))
-    parts.append(_table(heads, ranking))
+    parts.append(_table(heads, ranking_rows(content)))
     if reason := none_gain_sentence(content):
         parts.append(_text(reason))
     if content.remainder is not None:

@@ -20,6 +20,7 @@ from edl_filter.report import attitude, constraints, diagnosis, motion, track, t
 from edl_filter.report.description import Figure, Panel
 from edl_filter.report.figures import FIGURES, available
 from edl_filter.report.matplotlib_renderer import draw, draw_panel, pyplot_figures
+from edl_filter.report.residual_map import residual_map
 from edl_filter.results.reader import ResultReader
 from edl_filter.results.residual_series import ResidualSeries
 from edl_filter.results.schema import DiagnosisContent
@@ -208,7 +209,7 @@ class DiagnosisPlots:
         axes : sequence of Axes, optional
             Two axes to draw the channels and the constraints on, without the scale.
         """
-        return _drawn(diagnosis.residual_map(self._content, self._diagnosis.title), axes)
+        return _drawn(residual_map(self._content, self._diagnosis.title), axes)
 
     def ranking(self, ax: Axes | None = None) -> Axes:
         """Gain of every hypothesis (nats)."""

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from edl_filter.results.schema import DiagnosisContent
-    from edl_filter.results.schema.diagnosis import MapCell, OnsetContent, RankedHypothesis
+    from edl_filter.results.schema.diagnosis import OnsetContent, RankedHypothesis
     from edl_filter.results.schema.summary import ConstraintSummary
 
 #: Labels of events, the most important first: where labels would overlap, the first has precedence.
@@ -23,8 +23,6 @@ EVENT_LABELS = {
     "retro_rocket_fire": "rockets",
     "bridle_cut": "bridle cut",
 }
-#: Regime under which the residual map lists the constraints.
-CONSTRAINTS = "constraints"
 REMAINDER_HINT = "Write it as an effect of your own (docs/effects.md), then diagnose with --file my_effect.py."
 #: Number of onsets that a sentence lists.
 _ONSETS = 3
@@ -207,16 +205,30 @@ def error_fall(hypothesis: RankedHypothesis) -> str:
     return f"{number(hypothesis.error_before)} → {number(hypothesis.error_after)}"
 
 
+def ranking_rows(diagnosis: DiagnosisContent) -> list[tuple[str, ...]]:
+    """Hypotheses, then that nothing is missing and that something else is, which are the last two rows.
+
+    Columns: effect, probability, gain, held-out gain, parameters, fall of the normalised RMS.
+    """
+    something = diagnosis.something_else
+    return [
+        *(
+            (
+                hypothesis_label(h), chance(h.probability), number(h.gain), number(h.score_gain),
+                parameters_text(h.parameters), f"{words(h.channel)} {error_fall(h)}",
+            )
+            for h in diagnosis.ranking
+        ),
+        ("nothing is missing", chance(diagnosis.none), none_gain_text(diagnosis), "–", "", ""),
+        ("something else", chance(something.probability), number(something.score_gain), "–", "", ""),
+    ]  # fmt: skip
+
+
 def onset_text(onsets: Sequence[OnsetContent]) -> str:
     """Times from which the clearest channels fail."""
     first = [f"{words(o.channel)} from {o.time_s:.1f} s" for o in onsets[:_ONSETS]]
     more = len(onsets) - len(first)
     return f"It begins: {', '.join(first)}{f', and {more} more' if more else ''}."
-
-
-def cell_sentence(cell: MapCell) -> str:
-    """The sentence of a cell of the residual map, with its channel as words."""
-    return readable(cell.sentence.replace(cell.channel, words(cell.channel), 1))
 
 
 def interval_text(constraint: ConstraintSummary) -> str:

@@ -10,12 +10,12 @@ import numpy as np
 
 from edl_filter._version import __version__
 from edl_filter.mission.measurements import MerImuConfig
-from edl_filter.pipeline.reconstruct import Reconstruction, in_j2000
+from edl_filter.pipeline.entry_state import in_j2000
+from edl_filter.pipeline.reconstruct import Reconstruction
 from edl_filter.pipeline.trust import Trust
 from edl_filter.postflight.airdata import AirData
 from edl_filter.postflight.events import Event
-from edl_filter.results.derived import Derived, RefitSummary
-from edl_filter.results.effects import effects_content
+from edl_filter.postflight.flight import Derived
 from edl_filter.results.estimates import (
     add_comparison,
     add_constraints,
@@ -23,10 +23,11 @@ from edl_filter.results.estimates import (
     add_nodes,
     add_sensor_errors,
 )
+from edl_filter.results.files import finite
 from edl_filter.results.groups import Attributes, Group, Groups
 from edl_filter.results.netcdf import FORMAT, FORMAT_VERSION
-from edl_filter.results.plain import finite
 from edl_filter.results.postflight import add_postflight
+from edl_filter.results.summary import RefitSummary, effects_content
 from edl_filter.telemetry.clock import SclkClock
 from edl_filter.telemetry.record import ImuRecord
 from edl_filter.types import Array, IntArray

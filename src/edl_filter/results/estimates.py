@@ -12,7 +12,8 @@ from edl_filter.navigation.filter import Fused
 from edl_filter.navigation.layout import UNITS, Layout
 from edl_filter.navigation.leave_one_out import ConstraintCheck
 from edl_filter.navigation.smoother import Smoothed
-from edl_filter.pipeline.reconstruct import EntryCorrection, Reconstruction
+from edl_filter.pipeline.entry_state import EntryCorrection
+from edl_filter.pipeline.reconstruct import Reconstruction
 from edl_filter.results.groups import Group, Groups
 from edl_filter.telemetry.calibration import MisalignmentEstimate
 from edl_filter.types import Array

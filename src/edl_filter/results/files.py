@@ -6,12 +6,14 @@ The readers check a file against its schema (`edl_filter.results.schema`), so th
 from __future__ import annotations
 
 import json
+import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
+import numpy as np
+
 from edl_filter.errors import InputError
 from edl_filter.io.atomic import replace_with
-from edl_filter.results.plain import finite
 
 if TYPE_CHECKING:  # building the models takes longer than some commands
     from edl_filter.results.schema import Content, DiagnosisContent, LedgerLine, Summary
@@ -32,6 +34,25 @@ DATABASE_UPDATE = "database_update.nc"
 UPDATE_TABLES = ("database_update.csv", "database_update_rarefied.csv")
 #: The mission as it was run, where ``--set`` changed it; the ledger of ``edl-filter improve``.
 AS_RUN, LEDGER = "mission_as_run.yaml", "ledger.jsonl"
+
+
+def result_file(path: str | Path) -> Path:
+    """``result.nc`` of a folder; the path of a file as it is."""
+    path = Path(path)
+    return path / RESULT if path.is_dir() else path
+
+
+def finite(data: Any) -> Any:
+    """`data` with None for every number that is not finite, and arrays as lists."""
+    if isinstance(data, dict):
+        return {key: finite(value) for key, value in data.items()}
+    if isinstance(data, list | tuple):
+        return [finite(value) for value in data]
+    if isinstance(data, np.floating):
+        return finite(float(data))
+    if isinstance(data, np.ndarray | np.generic):
+        return finite(data.tolist())
+    return None if isinstance(data, float) and not math.isfinite(data) else data
 
 
 def write_json(data: Any, path: Path) -> Path:

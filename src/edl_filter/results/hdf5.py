@@ -8,6 +8,7 @@ the format that results need. xarray, h5netcdf and netCDF-C read the files (netC
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +16,9 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
+from edl_filter.errors import InputError
 from edl_filter.io.atomic import write_through_memory
+from edl_filter.io.hdf5_guard import DAMAGE
 from edl_filter.results.groups import Group, Groups, Variable
 
 _NOT_A_VARIABLE = "This is a netCDF dimension but not a netCDF variable."
@@ -108,18 +111,28 @@ class _FileVariable(Variable):
         self.__dict__.update(_node=node, _name=name, _dataset=dataset, _names=names)
 
     def __getattr__(self, part: str) -> Any:
-        if part == "values":
-            self.__dict__[part] = _values(self._dataset)
-        elif part == "attrs":
-            self.__dict__[part] = _attributes(self._dataset)
-        elif part == "dims":
-            lists = self._dataset.attrs.get("DIMENSION_LIST", ())
-            addresses = (h5py.h5o.get_info(self._node[references[0]].id).addr for references in lists)
-            scale = self._dataset.is_scale
-            self.__dict__[part] = (self._name,) if scale else tuple(self._names[address] for address in addresses)
-        else:
+        if part not in ("values", "attrs", "dims"):
             raise AttributeError(part)
+        with _undamaged(self._dataset.file):
+            if part == "values":
+                self.__dict__[part] = _values(self._dataset)
+            elif part == "attrs":
+                self.__dict__[part] = _attributes(self._dataset)
+            else:
+                lists = self._dataset.attrs.get("DIMENSION_LIST", ())
+                addresses = (h5py.h5o.get_info(self._node[references[0]].id).addr for references in lists)
+                scale = self._dataset.is_scale
+                self.__dict__[part] = (self._name,) if scale else tuple(self._names[address] for address in addresses)
         return self.__dict__[part]
+
+
+@contextmanager
+def _undamaged(file: Any) -> Iterator[None]:
+    """Raise InputError where a part of an open file cannot be read."""
+    try:
+        yield
+    except DAMAGE:
+        raise InputError(f"{file.filename}: this HDF5 file is damaged; run or diagnose again to write it.") from None
 
 
 def _is_bare_dimension(dataset: Any) -> bool:
@@ -154,10 +167,12 @@ class FileGroups(Mapping[str, Group]):
 
     def __getitem__(self, path: str) -> Group:
         if path not in self._groups:
-            node = self.file.get(path)
-            if not isinstance(node, h5py.Group):
+            with _undamaged(self.file):
+                node = self.file.get(path)
+                group = read_group(node, lazily=True) if isinstance(node, h5py.Group) else None
+            if group is None:
                 raise KeyError(path)
-            self._groups[path] = read_group(node, lazily=True)
+            self._groups[path] = group
         return self._groups[path]
 
     def __iter__(self) -> Iterator[str]:

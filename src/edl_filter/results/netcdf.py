@@ -9,7 +9,8 @@ from edl_filter.errors import InputError
 from edl_filter.io.atomic import replace_with
 from edl_filter.io.hdf5_guard import DAMAGE, open_hdf5
 from edl_filter.io.output_folder import complete_output
-from edl_filter.results.groups import Attributes, Groups
+from edl_filter.results.files import result_file
+from edl_filter.results.groups import Groups
 
 if TYPE_CHECKING:
     import xarray
@@ -81,8 +82,7 @@ def read(path: str | Path) -> xarray.DataTree:
 
 def load(path: str | Path) -> Groups:
     """Read a result as plain groups, without xarray; in all else as `read`."""
-    path = Path(path)
-    path = path / "result.nc" if path.is_dir() else path
+    path = result_file(path)
     check_result(path)
     from edl_filter.results.hdf5 import read_groups
 
@@ -90,17 +90,6 @@ def load(path: str | Path) -> Groups:
         return read_groups(path)
     except DAMAGE:
         raise InputError(f"{path}: this is no HDF5 file, or a damaged one; {_NEEDED} is needed.") from None
-
-
-def attributes(path: str | Path) -> Attributes:
-    """Attributes of a result's root, with its mission and provenance; in all else as `load`."""
-    import h5py
-
-    path = Path(path)
-    path = path / "result.nc" if path.is_dir() else path
-    check_result(path)
-    with h5py.File(path, "r") as file:
-        return dict(file.attrs)
 
 
 def check_result(path: Path) -> None:

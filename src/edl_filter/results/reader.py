@@ -30,6 +30,7 @@ from edl_filter.results.files import (
     read_diagnosis,
     read_ledger,
     read_summary,
+    result_file,
 )
 from edl_filter.results.groups import Group, Variable
 from edl_filter.results.hdf5 import FileGroups
@@ -126,12 +127,12 @@ class ResultReader:
 
     @classmethod
     def open(cls, path: str | Path, *, required: bool = True) -> ResultReader:
-        """Open a result folder; `close` it afterwards, or use it in a ``with`` statement.
+        """Open a result; `close` it afterwards, or use it in a ``with`` statement.
 
         Parameters
         ----------
         path : path
-            The folder, or its ``result.nc``.
+            Its folder, or, where it is required, its file.
         required : bool
             Raise an error if there is no valid ``result.nc``; otherwise the reader has no groups then, and `problems`
             has the message.
@@ -141,17 +142,17 @@ class ResultReader:
         InputError
             ``result.nc`` is required, and does not exist or is no result of this version.
         """
-        path = Path(path)
-        folder = path.parent if path.name == RESULT else path
+        file = result_file(path) if required else Path(path) / RESULT
+        folder = file.parent
         try:
-            check_result(folder / RESULT)
+            check_result(file)
         except InputError as error:
             if required:
                 raise
             reader = cls({}, folder)
             reader.problems[RESULT] = str(error)
             return reader
-        return cls(FileGroups(folder / RESULT), folder)
+        return cls(FileGroups(file), folder)
 
     def close(self) -> None:
         """Close the file of the result."""

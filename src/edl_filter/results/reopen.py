@@ -11,8 +11,9 @@ from typing import TYPE_CHECKING, Any
 from edl_filter._version import __version__
 from edl_filter.errors import InputError
 from edl_filter.mission import Mission
-from edl_filter.results.effects import effects_at_estimates
-from edl_filter.results.netcdf import attributes
+from edl_filter.results.files import result_file
+from edl_filter.results.reader import ResultReader
+from edl_filter.results.summary import effects_at_estimates
 
 if TYPE_CHECKING:
     from edl_filter.effects.base import EffectInstance
@@ -76,9 +77,9 @@ def reopen(result: str | Path) -> Reopened:
     InputError
         There is no such result, it is of another version, or a file that its mission names no longer exists.
     """
-    path = Path(result)
-    path = path / "result.nc" if path.is_dir() else path
-    attrs = attributes(path)
+    path = result_file(result)
+    with ResultReader.open(path) as reader:
+        attrs = reader.groups["/"].attrs
     written_by = str(attrs.get("edl_filter_version", "unknown"))
     if _release(written_by) != _release(__version__):
         raise InputError(

@@ -15,11 +15,11 @@ from edl_filter.navigation.trajectory import Trajectory
 from edl_filter.pipeline import reconstruct as pipeline
 from edl_filter.pipeline.reconstruct import Reconstruction
 from edl_filter.pipeline.trust import Trust, judge
+from edl_filter.postflight.flight import Derived, derived_quantities
 from edl_filter.results.content import content
-from edl_filter.results.derived import Derived, RefitSummary, derive
 from edl_filter.results.groups import Groups
 from edl_filter.results.netcdf import tree_of
-from edl_filter.results.summary import summary
+from edl_filter.results.summary import RefitSummary, summary
 
 if TYPE_CHECKING:
     from xarray import DataTree
@@ -58,7 +58,7 @@ class Result:
     @cached_property
     def derived(self) -> Derived:
         """Air data, events, atmosphere and coefficients."""
-        return derive(self.reconstruction)
+        return derived_quantities(self.reconstruction)
 
     @cached_property
     def trust(self) -> Trust:

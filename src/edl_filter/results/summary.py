@@ -3,27 +3,45 @@
 from __future__ import annotations
 
 import math
-from dataclasses import asdict
+from collections import Counter
+from collections.abc import Iterable, Mapping
+from dataclasses import asdict, dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
 from edl_filter._version import __version__
+from edl_filter.effects.base import EffectInstance
 from edl_filter.mission import Mission
 from edl_filter.mission.measurements import MerImuConfig
 from edl_filter.navigation.leave_one_out import ConstraintCheck
 from edl_filter.navigation.recovery import Recovery
-from edl_filter.pipeline.reconstruct import Reconstruction, in_j2000
+from edl_filter.pipeline.entry_state import in_j2000
+from edl_filter.pipeline.reconstruct import Reconstruction
 from edl_filter.pipeline.trust import Trust
-from edl_filter.planet import ellipsoid
 from edl_filter.planet.gas import Gas
+from edl_filter.postflight.flight import Derived
 from edl_filter.results import postflight
-from edl_filter.results.derived import Derived, RefitSummary
-from edl_filter.results.effects import effects_content
+from edl_filter.results.landing import from_site, landing
 from edl_filter.telemetry.calibration import Misalignment, MisalignmentEstimate
 from edl_filter.telemetry.record import SampleFinding
 from edl_filter.telemetry.relative_calibration import RelativeCalibration
-from edl_filter.types import Array
+
+
+@dataclass(frozen=True)
+class RefitSummary:
+    """Result of the refit of a mission's effects, and of the comparison of model and measurement.
+
+    Attributes
+    ----------
+    sigma : dict
+        Effect → parameter → one sigma of its estimate; empty where nothing was refitted.
+    residuals : dict
+        Channel → ``overall`` and every regime → normalised RMS; empty where nothing was compared.
+    """
+
+    sigma: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    residuals: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
 
 
 def summary(reconstruction: Reconstruction, derived: Derived, refit: RefitSummary, trust: Trust) -> dict[str, Any]:
@@ -63,6 +81,57 @@ def summary(reconstruction: Reconstruction, derived: Derived, refit: RefitSummar
         "notes": list(reconstruction.telemetry.notes),
         "timing_s": dict(reconstruction.timing),
     }
+
+
+def effects_content(reconstruction: Reconstruction, sigma: Mapping[str, Mapping[str, float]]) -> dict[str, Any]:
+    """Effects of a reconstruction by label.
+
+    Parameters
+    ----------
+    reconstruction : Reconstruction
+        With the effects at their estimates.
+    sigma : mapping
+        Label of the effect → parameter → one sigma, of parameters that were refitted.
+
+    Returns
+    -------
+    dict
+        Label → ``imu``, ``fixed``, and ``parameters``: name → ``estimate``, ``sigma`` (None where it was not refitted),
+        ``unit``, ``start`` (the value that the mission states). From the second effect of
+        a label on, the label has a number.
+    """
+    stated = {a.key: a.values for a in reconstruction.mission.active_effects()}
+    content: dict[str, Any] = {}
+    for label, a in _by_label(reconstruction.effects):
+        start, sigmas = stated.get(a.key, {}), sigma.get(a.label, {})
+        parameters = {
+            q.name: {
+                "estimate": a.values[q.name], "sigma": sigmas.get(q.name), "unit": q.unit, "start": start.get(q.name),
+            }
+            for q in a.effect.parameters
+        }  # fmt: skip
+        content[label] = {"imu": a.imu, "fixed": a.fixed, "parameters": parameters}
+    return content
+
+
+def effects_at_estimates(mission: Mission, content: Mapping[str, Any]) -> tuple[EffectInstance, ...]:
+    """A mission's effects at the estimates of `effects_content`."""
+    instances: list[EffectInstance] = []
+    for label, a in _by_label(mission.active_effects()):
+        parameters = content.get(label, {}).get("parameters", {})
+        estimates = {q: v["estimate"] for q, v in parameters.items() if v["estimate"] is not None}
+        instances.append(replace(a, values=a.values | estimates))
+    return tuple(instances)
+
+
+def _by_label(instances: Iterable[EffectInstance]) -> list[tuple[str, EffectInstance]]:
+    """Each instance with its label in a file."""
+    counts: Counter[str] = Counter()
+    labelled: list[tuple[str, EffectInstance]] = []
+    for a in instances:
+        counts[a.label] += 1
+        labelled.append((a.label if counts[a.label] == 1 else f"{a.label} ({counts[a.label]})", a))
+    return labelled
 
 
 def finding_content(finding: SampleFinding) -> dict[str, Any]:
@@ -126,87 +195,6 @@ def _bias(reconstruction: Reconstruction) -> dict[str, Any] | None:
 def _stated(event: dict[str, Any]) -> dict[str, Any]:
     """The fields of an event that have a value, without its name."""
     return {key: value for key, value in event.items() if value is not None and key != "name"}
-
-
-def _enu(site: Array) -> Array:
-    """East, north, up of a planet-fixed position, ``(3, 3)``; up is away from the planet's centre."""
-    latitude, longitude, _ = ellipsoid.areocentric_from_fixed(site)
-    return ellipsoid.enu_from_fixed(latitude, longitude)
-
-
-def from_site(reconstruction: Reconstruction, time: float) -> dict[str, float]:
-    """Position relative to the site and velocity relative to the ground at `time` (s), along the axes of the site."""
-    site = reconstruction.site
-    if site is None:
-        return {}
-    trajectory, rotation, enu = reconstruction.trajectory, reconstruction.planet.rotation, _enu(site)
-
-    def at(values: Array) -> Array:
-        return np.array([np.interp(time, trajectory.time, column) for column in values.T])
-
-    position = at(trajectory.position)
-    velocity = rotation.velocity_relative(position, at(trajectory.velocity))
-    local_position = enu @ (rotation.to_fixed(time, position) - site)
-    local_velocity = enu @ rotation.to_fixed(time, velocity)
-    axes = ("east", "north", "up")
-    return {f"{axis}_m": float(value) for axis, value in zip(axes, local_position, strict=True)} | {
-        f"velocity_{axis}_m_s": float(value) for axis, value in zip(axes, local_velocity, strict=True)
-    }
-
-
-def _miss(miss: Array, covariance: Array) -> dict[str, float]:
-    """Horizontal distance and components (east, north, up), with sigmas.
-
-    ``sigma_m`` is the root of the sum of the horizontal variances.
-    """
-    content = {
-        "miss_m": float(np.hypot(miss[0], miss[1])),
-        "sigma_m": float(np.sqrt(covariance[0, 0] + covariance[1, 1])),
-    }
-    for k, axis in enumerate(("east", "north", "up")):
-        content |= {f"miss_{axis}_m": float(miss[k]), f"sigma_{axis}_m": float(np.sqrt(covariance[k, k]))}
-    return content
-
-
-def landing(reconstruction: Reconstruction) -> dict[str, Any]:
-    """Landing position of the trajectory, its distance from the site, and that of the leave-one-out prediction.
-
-    ``miss_m`` and ``sigma_m`` are horizontal. Sigmas are those of the trajectory, and in ``left_out`` those of
-    prediction and site together. Without a known site there is no miss.
-    """
-    site = reconstruction.site
-    fused = next((f for f in reconstruction.filter_pass.fused if f.constraint.name == "landing"), None)
-    times = reconstruction.event_times
-    trajectory = reconstruction.trajectory
-    time = fused.constraint.time if fused else times.get("landing", float(trajectory.time[-1]))
-    k = int(np.argmin(np.abs(trajectory.time - time)))
-    rotation = reconstruction.planet.rotation
-    position = rotation.to_fixed(trajectory.time[k], trajectory.position[k])
-    latitude, longitude, radius = ellipsoid.areocentric_from_fixed(position)
-    enu = _enu(position if site is None else site)
-    enu_from_inertial = rotation.to_inertial(trajectory.time[k], enu)
-    covariance = enu_from_inertial @ trajectory.covariance[k, :3, :3] @ enu_from_inertial.T
-    content: dict[str, Any] = {
-        "time_s": float(trajectory.time[k]),
-        "lat_deg": float(np.rad2deg(latitude)),
-        "lon_deg": float(np.rad2deg(longitude)) % 360.0,
-        "radius_m": float(radius),
-        "miss_m": None,
-        "sigma_m": float(np.sqrt(covariance[0, 0] + covariance[1, 1])),
-    }
-    if site is None:
-        return content
-    site_latitude, site_longitude, site_radius = ellipsoid.areocentric_from_fixed(site)
-    content |= _miss(enu @ (position - site), covariance) | {
-        "site_lat_deg": float(np.rad2deg(site_latitude)),
-        "site_lon_deg": float(np.rad2deg(site_longitude)) % 360.0,
-        "site_radius_m": float(site_radius),
-    }
-    for statement in (s for s in reconstruction.constraint_checks if s.name == "landing"):
-        # left_out is measured minus predicted; a miss is predicted minus measured
-        miss = _miss(-(enu @ statement.left_out), enu @ statement.left_out_covariance @ enu.T)
-        content["left_out"] = miss | {"nis": statement.left_out_nis, "dof": statement.left_out_dof}
-    return content
 
 
 def constraint(s: ConstraintCheck) -> dict[str, Any]:

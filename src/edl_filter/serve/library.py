@@ -16,8 +16,7 @@ from edl_filter.errors import InputError
 from edl_filter.mission.problems import mission_problems
 from edl_filter.mission.shipped import BUILTIN, shipped_mission, shipped_names
 from edl_filter.mission.yaml_text import parse, read_text
-from edl_filter.results.files import DIAGNOSIS, RESIDUALS, RESULT, read_diagnosis
-from edl_filter.results.plain import finite
+from edl_filter.results.files import DIAGNOSIS, RESIDUALS, RESULT, finite, read_diagnosis
 from edl_filter.results.reader import ResidualSeries, ResultReader
 from edl_filter.results.schema import DiagnosisContent
 from edl_filter.serve.safety import ForbiddenError, inside, leads_inside

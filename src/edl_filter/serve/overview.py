@@ -8,8 +8,7 @@ from typing import Any
 import numpy as np
 
 from edl_filter.errors import InputError
-from edl_filter.results.files import REPORT, read_summary
-from edl_filter.results.plain import finite
+from edl_filter.results.files import REPORT, finite, read_summary
 from edl_filter.results.reader import ResultReader
 from edl_filter.serve.safety import inside
 

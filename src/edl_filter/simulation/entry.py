@@ -62,7 +62,8 @@ def attitude(air_velocity: Array, position: Array, alpha: float, beta: float, ba
     Returns
     -------
     (4,) array
-        ``inertial_from_body``, scalar last.
+        ``inertial_from_body``, scalar last and not negative: without a rule rounding, which differs between processors,
+        would choose between the two signs of the same attitude.
     """
     forward = air_velocity / np.linalg.norm(air_velocity)
     right = rotations.cross(-position, forward)
@@ -72,4 +73,4 @@ def attitude(air_velocity: Array, position: Array, alpha: float, beta: float, ba
     out = wind
     for turn in turns:
         out = rotations.multiply(out, turn)
-    return rotations.normalise(out)
+    return rotations.normalise(-out if out[3] < 0.0 else out)

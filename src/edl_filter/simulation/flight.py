@@ -11,7 +11,7 @@ from edl_filter import rotations
 from edl_filter.effects.base import EffectInstance
 from edl_filter.effects.forward_model import ForwardModel, invert_entry_state
 from edl_filter.simulation.motion import Motion
-from edl_filter.telemetry.flight_file import FlightContents, flight_telemetry, write_flight_file
+from edl_filter.telemetry.flight_file_writer import FlightContents, flight_telemetry, write_flight_file
 from edl_filter.telemetry.record import InitialState, Telemetry
 from edl_filter.types import Array
 

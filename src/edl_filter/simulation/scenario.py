@@ -14,7 +14,7 @@ import numpy as np
 from pydantic import Field, PrivateAttr, StringConstraints, ValidationError, model_validator
 
 from edl_filter.errors import InputError
-from edl_filter.mission.effects import EffectConfig, effect_errors, effect_instances, raise_first
+from edl_filter.mission.effects import Effects, effect_instances
 from edl_filter.mission.error_messages import error_message
 from edl_filter.mission.fields import (
     DEG,
@@ -216,9 +216,7 @@ class Scenario(Section):
     events: dict[str, VehicleEvent] = Field(
         default_factory=dict, description="events by name, in order of time, that change the vehicle before the landing"
     )
-    effects: tuple[EffectConfig, ...] = Field(
-        default=(), description="physical effects that are switched on, with their true values"
-    )
+    effects: Effects = Field(default=(), description="physical effects that are switched on, with their true values")
 
     _source: Path | None = PrivateAttr(None)
     _model: Mission | None = PrivateAttr(None)
@@ -227,7 +225,6 @@ class Scenario(Section):
     def _consistent(self) -> Scenario:
         if "primary" not in self.imus:
             raise field_error(f"{', '.join(self.imus) or 'none'}", "an IMU called primary", "imus")
-        raise_first(effect_errors(self.effects))
         for k, effect in enumerate(self.effects):
             if effect.imu is not None and effect.imu not in self.imus:
                 raise field_error(value_text(effect.imu), f"one of {', '.join(self.imus)}", f"effects.{k}.imu")

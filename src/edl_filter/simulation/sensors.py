@@ -20,7 +20,7 @@ from edl_filter.effects.base import EffectInstance
 from edl_filter.imu_model.lever_arm import lever_arm_acceleration_of_products
 from edl_filter.imu_model.sensor_errors import SensorErrors, apply_errors
 from edl_filter.simulation.motion import Motion
-from edl_filter.telemetry.flight_file import FlightImu
+from edl_filter.telemetry.flight_file_writer import FlightImu
 from edl_filter.types import Array
 
 

@@ -13,9 +13,8 @@ from edl_filter.effects.forward_model import ForwardModel
 from edl_filter.effects.sensor_chain import sensor_effects
 from edl_filter.errors import InputError
 from edl_filter.mission.fields import DEG
-from edl_filter.pipeline.events import changed_position
 from edl_filter.pipeline.forward_model import changed_bodies, forward_model_of
-from edl_filter.pipeline.load import read_atmosphere
+from edl_filter.pipeline.load import changed_position, read_atmosphere
 from edl_filter.simulation import chance
 from edl_filter.simulation.entry import attitude, inertial_state
 from edl_filter.simulation.flight import Flight, stated_state, true_course
@@ -23,7 +22,7 @@ from edl_filter.simulation.motion import Course, Motion, fly
 from edl_filter.simulation.parachute import Parachute
 from edl_filter.simulation.scenario import Scenario
 from edl_filter.simulation.sensors import draw_errors, read, true_means
-from edl_filter.telemetry.flight_file import FlightContents, FlightImu
+from edl_filter.telemetry.flight_file_writer import FlightContents, FlightImu
 from edl_filter.telemetry.record import AltimeterRecord, LandingFix, ParachuteFix
 from edl_filter.types import Array
 

@@ -8,8 +8,8 @@ events and fixes. An error in a file raises an `InputError` that names the file 
 Read in this order:
 
 1. `record`: the records, the only thing that later stages depend on.
-2. `flight_file`, `flight_imu`, `hdf5_checks`: reader and writer of flight files. `csv_log` and `csv_spec`: conversion
-   of a CSV log into a flight file.
+2. `hdf5_checks`, `flight_file`, `flight_file_writer`: reader and writer of flight files. `csv_log` and `csv_spec`:
+   conversion of a CSV log into a flight file.
 3. `fetch`, `pds3`, `mer_compact`, `mer_archive`, `mer_cleaning`: download, reader of PDS tables, their compact form,
    correction of MER's tables. `mer_segments`, `joining`, `mer_flight`: from the tables to segments in body axes, and to
    one record.

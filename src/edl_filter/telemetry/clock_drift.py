@@ -113,8 +113,8 @@ def drift_ratio(record: ImuRecord) -> float:
 
 def counted(record: ImuRecord) -> ImuRecord:
     """The record with every step that is about one sampling interval replaced by the stated one."""
-    one = np.abs(record.interval / record.stated_interval - 1.0) < _STEP
-    interval = np.where(one, record.stated_interval, record.interval)
+    single_step = np.abs(record.interval / record.stated_interval - 1.0) < _STEP
+    interval = np.where(single_step, record.stated_interval, record.interval)
     return replace(record, time=record.start + np.cumsum(interval), interval=interval)
 
 
@@ -139,13 +139,13 @@ def _finding(record: ImuRecord, ratio: float, repair: str) -> SampleFinding:
     return SampleFinding(record.name, "all", record.start, float(record.time[-1]), len(record), "clock_drift", text)
 
 
-def _agreement(record: ImuRecord, other: ImuRecord, end: float) -> _Agreement | None:
+def _agreement(record: ImuRecord, reference: ImuRecord, end: float) -> _Agreement | None:
     """Regression of the difference between two IMUs' rates; None with too few common samples."""
     edges = np.concatenate(([record.start], record.time))
-    used = covered(other, edges) & finite_rows(record.angular_rate) & (record.time <= end)
+    used = covered(reference, edges) & finite_rows(record.angular_rate) & (record.time <= end)
     if used.sum() < FEWEST_SAMPLES:
         return None
-    rate = interpolated_means(other, other.angular_rate, edges)
+    rate = interpolated_means(reference, reference.angular_rate, edges)
     change = np.diff(edge_values(record.interval, rate), axis=0) / record.interval[:, None]
     middle = (record.time - 0.5 * record.interval)[used]
     design = _design(rate[used], change[used], middle - middle.mean())

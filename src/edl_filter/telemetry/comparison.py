@@ -1,7 +1,8 @@
 """Comparison of two IMUs, as the thesis compares rover and backshell (section 3.2).
 
-Input: two records. Method: both are transferred to the centre of mass with smoothed rates (`centred`), then
-misalignment and bias difference are estimated by least squares (`calibration.misalignment`). Output: the estimate.
+Input: two records. Method: both are transferred to the centre of mass with smoothed rates
+(`record_at_centre_of_mass`), then misalignment and bias difference are estimated by least squares
+(`calibration.misalignment`). Output: the estimate.
 """
 
 from __future__ import annotations
@@ -47,10 +48,14 @@ def compare(
     covered = [(a, min(b, last)) for a, b in windows if a >= first - 1e-6 and min(b, last) - a > 5.0]
     if not covered:
         return None
-    return misalignment(centred(reference.between(first, last)), centred(checked.between(first, last)), covered)
+    return misalignment(
+        record_at_centre_of_mass(reference.between(first, last)),
+        record_at_centre_of_mass(checked.between(first, last)),
+        covered,
+    )
 
 
-def centred(record: ImuRecord) -> ImuRecord:
+def record_at_centre_of_mass(record: ImuRecord) -> ImuRecord:
     """Transfer a record to the centre of mass (thesis eq. 3.3), with smoothed rates and accelerations from them."""
     middle = record.time - 0.5 * record.interval
     rate = batch_polynomial(middle, record.angular_rate, BATCH)

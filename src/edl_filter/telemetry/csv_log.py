@@ -2,7 +2,7 @@
 
 Input: the log, and a specification (`csv_spec.LogSpec`) of its columns and units, the orientation of the IMU in the
 body, and the quantities that the log does not contain (initial state, events, fixes). An example with every key is
-``docs/examples/imu_log.spec.yaml``. Output: a flight file (`flight_file.write_flight_file`).
+``docs/examples/imu_log.spec.yaml``. Output: a flight file (`flight_file_writer.write_flight_file`).
 """
 
 from __future__ import annotations
@@ -27,8 +27,8 @@ from edl_filter.telemetry.csv_spec import (
     TimeColumn,
     read_spec,
 )
-from edl_filter.telemetry.flight_file import FlightContents, write_flight_file
-from edl_filter.telemetry.flight_imu import FlightImu, conflicting_median_step
+from edl_filter.telemetry.flight_file import conflicting_median_step
+from edl_filter.telemetry.flight_file_writer import FlightContents, FlightImu, write_flight_file
 from edl_filter.telemetry.record import (
     AltimeterRecord,
     InitialState,

@@ -1,40 +1,178 @@
-"""Reader and writer of the neutral flight file (HDF5, ``format = "edl-flight"``, version 1).
+"""Reader of the neutral flight file (HDF5, ``format = "edl-flight"``, version 1).
 
-Input of the reader: a flight file; output: records in body axes (`Telemetry`). Input of the writer: `FlightContents`.
-SI units, radians, float64. ``/imu/primary`` drives the propagation, every other IMU is for comparison. The reader never
-opens ``/truth``, which a simulator writes.
+Input: a flight file, SI units, radians, float64. Method: checks of shapes and limits (`hdf5_checks`) and of the samples
+(`sample_checks`), rotation from IMU axes to body axes. Output: `Telemetry`, whose records have NaN where samples are
+missing or bad. ``/imu/primary`` drives the propagation, every other IMU is for comparison. ``/truth``, which a
+simulator writes, is never opened.
 """
 
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import h5py
 import numpy as np
 
+from edl_filter import rotations
 from edl_filter.errors import InputError
-from edl_filter.io.atomic import replace_with, write_through_memory
+from edl_filter.imu_model.sensor_errors import SensorErrors
 from edl_filter.io.hdf5_guard import open_hdf5
-from edl_filter.telemetry.flight_imu import FlightImu, read_imu, write_imu
-from edl_filter.telemetry.hdf5_checks import DEGREES, TIME, Limits, Node
+from edl_filter.telemetry.hdf5_checks import DEGREE_RATES, DEGREES, PARTS, TIME, Limits, Node
+from edl_filter.telemetry.quantisation import bias_with_rounding, coarse, noise_with_rounding, quantum
 from edl_filter.telemetry.record import (
     AltimeterRecord,
     ImuRecord,
     InitialState,
     LandingFix,
     ParachuteFix,
+    SampleFinding,
     Telemetry,
+    finite_rows,
 )
-from edl_filter.telemetry.sample_checks import CheckSettings
+from edl_filter.telemetry.sample_checks import CheckSettings, completed, lost_readings, ordered_packets
+from edl_filter.types import Array
 
 FORMAT, VERSION = "edl-flight", 1
 _RADIUS = Limits("m", 1e5, 1e8, {"km": 1e3})
 _REST = Limits("m/s^2", 0.5, 30.0, {"g": 9.80665, "mg": 9.80665e-3})
+#: Samples beyond the limits that are bad ones; more of them have a wrong unit.
+MOST_OUT_OF_RANGE = 16
+#: Largest relative difference between the median step in time and the sampling interval.
+STEP_TOLERANCE = 0.1
+#: Largest rotation within one sample, rad: larger values cannot be readings of a vehicle whose attitude is tracked.
+MAX_ROTATION = 1.5
+#: Attribute and its limits, by field of `SensorErrors`.
+ERROR_ATTRIBUTES = {
+    "accelerometer_bias": ("accelerometer_bias_sigma", Limits("m/s^2", 0.0, 1.0)),
+    "accelerometer_scale": ("accelerometer_scale_sigma", Limits("", 0.0, 0.1, PARTS)),
+    "accelerometer_misalignment": ("accelerometer_misalignment_sigma", Limits("rad", 0.0, 0.1, DEGREES)),
+    "gyro_bias": ("gyro_bias_sigma", Limits("rad/s", 0.0, 0.1, DEGREE_RATES)),
+    "gyro_scale": ("gyro_scale_sigma", Limits("", 0.0, 0.1, PARTS)),
+}
+_FORCE = Limits("m/s^2", 0.0, 5e3, {"mg": 9.80665e-3})
+
+
+def conflicting_median_step(time: Array, interval: float) -> float | None:
+    """Median step in time if it differs from the stated sampling interval, otherwise None.
+
+    Parameters
+    ----------
+    time : (N,) array
+        s, N ≥ 2.
+    interval : float
+        Stated sampling interval, s; a relative difference up to `STEP_TOLERANCE` is accepted.
+
+    Returns
+    -------
+    float or None
+        s.
+    """
+    median = float(np.median(np.diff(time)))
+    return median if abs(median / interval - 1.0) > STEP_TOLERANCE else None
+
+
+def _read_imu(
+    node: Node, name: str, settings: CheckSettings | None = None
+) -> tuple[ImuRecord, tuple[SampleFinding, ...]]:
+    """Record of one IMU in body axes, with NaN where a sample is missing or bad.
+
+    Parameters
+    ----------
+    node : Node
+        Group of the IMU.
+    name : str
+        Name of the record.
+    settings : CheckSettings, optional
+        Thresholds of the checks.
+
+    Returns
+    -------
+    record : ImuRecord
+    findings : tuple of SampleFinding
+        Missing and bad samples.
+
+    Raises
+    ------
+    InputError
+        The group violates the format.
+    """
+    settings = CheckSettings() if settings is None else settings
+    time = node.numbers("time", None, finite=False)
+    if np.count_nonzero(np.isfinite(time)) < 2:
+        raise InputError(f"{node.file_name}: /imu/{name}/time has {len(time)} samples; at least 2 are needed.")
+    interval = node.attribute("sample_interval", positive=True)
+    body_from_imu = node.unit("@body_from_imu", node.attribute("body_from_imu", 4))
+    measured = {key: node.numbers(key, len(time), 3, finite=False) for key in ("specific_force", "angular_rate")}
+    rate_limits = Limits("rad/s", 0.0, min(50.0, MAX_ROTATION / interval), DEGREE_RATES)
+    for key, limits in (("specific_force", _FORCE), ("angular_rate", rate_limits)):
+        _check_unit(node, key, measured[key], limits)
+    time, readings, findings = ordered_packets(time, np.hstack(list(measured.values())), interval, name)
+    node.within("time", time[[0, -1]], TIME)
+    if median := conflicting_median_step(time, interval):
+        raise node.error("@sample_interval", f"is {interval:g} s, but the usual step of its time is {median:g} s.")
+    highest = _FORCE.high, rate_limits.high
+    steps = [quantum(readings[:, triad]) if settings.enabled else 0.0 for triad in (slice(0, 3), slice(3, 6))]
+    readings, bad = lost_readings(time, readings, interval, name, highest, settings)
+    time, readings, inserted, missing = completed(time, readings, interval, name)
+    force, rate = (rotations.rotate(body_from_imu, v) for v in (readings[:, :3].copy(), readings[:, 3:].copy()))
+    force_sigma = node.attribute("accelerometer_noise", positive=True, limits=Limits("m/s^2", 0.0, 1.0))
+    rate_sigma = node.attribute("gyro_noise", positive=True, limits=Limits("rad/s", 0.0, 0.1, DEGREE_RATES))
+    errors = SensorErrors(**{
+        key: node.attribute(attribute, limits=limits) for key, (attribute, limits) in ERROR_ATTRIBUTES.items()
+    })  # fmt: skip
+    force_sigma, rate_sigma, errors, rounded = _with_rounding(name, time, steps, (force_sigma, rate_sigma), errors)
+    position = node.attribute("position", 3, limits=Limits("m", 0.0, 20.0, {"cm": 1e-2, "mm": 1e-3}))
+    record = ImuRecord(
+        name=name,
+        time=time,
+        interval=np.diff(time, prepend=time[0] - interval),
+        specific_force=force,
+        angular_rate=rate,
+        position=np.tile(position, (len(time), 1)),
+        force_noise=np.full(len(time), force_sigma),
+        rate_noise=np.full(len(time), rate_sigma),
+        shared_rate_noise=np.where(inserted > 0, 0.0, rate_sigma),
+        coning_corrected=np.zeros(len(time), bool),
+        sculling_corrected=np.zeros(len(time), bool),
+        unit=np.zeros(len(time), np.int64),
+        units=(name,),
+        source=inserted,
+        sources=("flight file", "gap") if inserted.any() else ("flight file",),
+        errors=(errors,),
+        stated_interval=interval,
+    )
+    return record, (*findings, *bad, *missing, *rounded)
+
+
+def _with_rounding(
+    name: str, time: Array, steps: Sequence[float], noise: tuple[float, float], errors: SensorErrors
+) -> tuple[float, float, SensorErrors, list[SampleFinding]]:
+    """Noise and errors of an IMU whose readings have coarse steps (m/s², rad/s), and a finding for each triad."""
+    force, rate, findings = *noise, []
+    for triad, step, sigma, unit in zip(("force", "rate"), steps, noise, ("m/s²", "rad/s"), strict=True):
+        if coarse(step, sigma):
+            repair = f"steps of {step:.3g} {unit}, which its noise and bias contain"
+            findings.append(SampleFinding(name, triad, float(time[0]), float(time[-1]), len(time), "coarse", repair))
+    if coarse(steps[0], force):
+        bias = bias_with_rounding(steps[0], errors.accelerometer_bias)
+        force, errors = noise_with_rounding(steps[0], force), replace(errors, accelerometer_bias=bias)
+    if coarse(steps[1], rate):
+        bias = bias_with_rounding(steps[1], errors.gyro_bias)
+        rate, errors = noise_with_rounding(steps[1], rate), replace(errors, gyro_bias=bias)
+    return force, rate, errors, findings
+
+
+def _check_unit(node: Node, key: str, values: Array, limits: Limits) -> None:
+    """Raise if more than `MOST_OUT_OF_RANGE` samples are beyond the limits: their unit is wrong, they are no spikes."""
+    finite = finite_rows(values)
+    if np.count_nonzero(np.linalg.norm(values[finite], axis=1) > limits.high) > MOST_OUT_OF_RANGE:
+        node.within(key, np.where(finite[:, None], values, 0.0), limits)
+    if not finite.any():
+        raise node.error(key, "has no finite sample.")
 
 
 def _check_rest(imu_node: Node, records: tuple[ImuRecord, ...], landed: float) -> None:
@@ -56,7 +194,7 @@ def _event_time(node: Node) -> float:
 def _read_imus(root: Node, settings: CheckSettings | None) -> dict[str, Any]:
     imu_node = root.child("imu")
     names = ["primary", *(name for name in sorted(imu_node.group) if name != "primary")]
-    imus = [read_imu(imu_node.child(name), name, settings) for name in names]
+    imus = [_read_imu(imu_node.child(name), name, settings) for name in names]
     landing = _landing_node(root)
     if landing:
         _check_rest(imu_node, tuple(record for record, _ in imus), landing.attribute("time", limits=TIME))
@@ -146,7 +284,7 @@ def _parts(settings: CheckSettings | None) -> tuple[Callable[[Node], dict[str, A
     )  # fmt: skip
 
 
-def _read(root: Node, settings: CheckSettings | None) -> dict[str, Any]:
+def read_root(root: Node, settings: CheckSettings | None) -> dict[str, Any]:
     """Arguments of `Telemetry` from the root of a flight file."""
     contents: dict[str, Any] = {}
     for read_part in _parts(settings):
@@ -219,125 +357,5 @@ def read_flight_file(path: str | Path, settings: CheckSettings | None = None) ->
     """
     path = Path(path)
     with _opened(path) as root:
-        contents = _read(root, settings)
+        contents = read_root(root, settings)
     return Telemetry(**contents, files={path.name: hashlib.sha256(path.read_bytes()).hexdigest()})
-
-
-def _write_tree(group: Any, tree: dict[str, Any]) -> None:
-    """Write a nested dict: dicts as groups, arrays as datasets, strings and numbers as attributes."""
-    for key, value in tree.items():
-        if isinstance(value, dict):
-            _write_tree(group.require_group(key), value)
-        elif isinstance(value, str | float | int):
-            group.attrs[key] = value
-        else:
-            group[key] = np.asarray(value, np.float64)
-
-
-@dataclass(frozen=True)
-class FlightContents:
-    """Contents of a flight file.
-
-    Attributes
-    ----------
-    name, planet, epoch_utc : str
-    prime_meridian_at_epoch : float
-        rad.
-    imus : dict
-        Name → `FlightImu`; one name is ``primary``.
-    initial : InitialState
-    events : dict
-        Name → (time, sigma of the time), s.
-    parachute : ParachuteFix or None
-    landing : LandingFix or None
-    altimeter : AltimeterRecord or None
-    truth : dict or None
-        Nested: dicts become groups of ``/truth``, arrays datasets, numbers and strings attributes.
-    """
-
-    name: str
-    planet: str
-    epoch_utc: str
-    prime_meridian_at_epoch: float
-    imus: dict[str, FlightImu]
-    initial: InitialState
-    events: dict[str, tuple[float, float]] = field(default_factory=dict)
-    parachute: ParachuteFix | None = None
-    landing: LandingFix | None = None
-    altimeter: AltimeterRecord | None = None
-    truth: dict[str, Any] | None = None
-
-    def fill(self, file: h5py.File) -> None:
-        """Write the contents to an open, empty file."""
-        initial = self.initial
-        tree: dict[str, Any] = {
-            "format": FORMAT,
-            "version": VERSION,
-            "name": self.name,
-            "planet": self.planet,
-            "epoch_utc": self.epoch_utc,
-            "prime_meridian_at_epoch": float(self.prime_meridian_at_epoch),
-            "initial": {
-                "time": float(initial.time),
-                "position": initial.position,
-                "velocity": initial.velocity,
-                "attitude": initial.inertial_from_body,
-                "covariance": initial.covariance,
-            },
-            "events": {key: {"time": float(t), "time_sigma": float(s)} for key, (t, s) in self.events.items()},
-        }
-        fixes = {"parachute": self.parachute, "landing": self.landing}
-        tree["constraints"] = {key: dict(vars(fix)) for key, fix in fixes.items() if fix is not None}
-        if self.altimeter is not None:
-            tree["altimeter"] = dict(vars(self.altimeter))
-        if self.truth is not None:
-            tree["truth"] = self.truth
-        _write_tree(file, tree)
-        for key, imu in self.imus.items():
-            write_imu(file.create_group(f"imu/{key}"), imu)
-
-
-def write_flight_file(path: str | Path, contents: FlightContents) -> Path:
-    """Write a flight file; it appears under its name only after it was read back without an error.
-
-    Parameters
-    ----------
-    path : path
-        File to write or replace.
-    contents : FlightContents
-        Contents of the file.
-
-    Returns
-    -------
-    Path
-        `path`.
-
-    Raises
-    ------
-    InputError
-        The contents violate the format (as in `read_flight_file`), or the folder cannot be written. No file remains in
-        that case, and an existing one is unchanged.
-    """
-    path = Path(path)
-
-    def write(temporary: Path) -> None:
-        def fill(file: h5py.File) -> None:
-            contents.fill(file)
-            _read(Node(str(path), file["/"]), None)
-
-        write_through_memory(temporary, fill)
-
-    return replace_with(path, write)
-
-
-def flight_telemetry(contents: FlightContents) -> Telemetry:
-    """Records that `read_flight_file` would return for the contents, without a file on disk.
-
-    Raises
-    ------
-    InputError
-        The contents violate the format.
-    """
-    with h5py.File(f"{contents.name}.h5", "w", driver="core", backing_store=False) as file:
-        contents.fill(file)
-        return Telemetry(**_read(Node(contents.name, file["/"]), None))

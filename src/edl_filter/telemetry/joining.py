@@ -40,7 +40,7 @@ class Segment:
         m.
     force_noise, rate_noise, shared_rate_noise : (N,) arrays
         m/s², rad/s, rad/s.
-    net_turn, net_gain : bool
+    coning_corrected, sculling_corrected : bool
         Valid for all samples of the segment.
     """
 
@@ -54,8 +54,8 @@ class Segment:
     force_noise: Array
     rate_noise: Array
     shared_rate_noise: Array
-    net_turn: bool = False
-    net_gain: bool = False
+    coning_corrected: bool = False
+    sculling_corrected: bool = False
 
     @property
     def start(self) -> float:
@@ -174,8 +174,8 @@ def join(name: str, segments: Sequence[Segment], units: tuple[str, ...], errors:
         force_noise=stack("force_noise"),
         rate_noise=stack("rate_noise"),
         shared_rate_noise=stack("shared_rate_noise"),
-        net_turn=repeated([segment.net_turn for segment in segments], np.bool_),
-        net_gain=repeated([segment.net_gain for segment in segments], np.bool_),
+        coning_corrected=repeated([segment.coning_corrected for segment in segments], np.bool_),
+        sculling_corrected=repeated([segment.sculling_corrected for segment in segments], np.bool_),
         unit=repeated([units.index(segment.unit) for segment in segments], np.int64),
         units=units,
         source=repeated([sources.index(segment.source) for segment in segments], np.int64),

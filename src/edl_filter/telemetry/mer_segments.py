@@ -168,7 +168,7 @@ def transformed_segment(tables: MerTables, setup: MerSetup, until: float) -> Seg
         force_noise=np.full(n, imu.accelerometer_noise),
         rate_noise=np.hypot(rounding, gyro_noise),
         shared_rate_noise=gyro_noise,
-        net_turn=True,
+        coning_corrected=True,
     )
 
 
@@ -244,7 +244,7 @@ def fill_highrate_gaps(tables: MerTables, setup: MerSetup, segment: Segment) -> 
         if gap.source == GAP:
             rate, sigma = _rates_across_gap(tables, setup, segments[i - 1], gap, segments[i + 1])
             noise = np.full(len(gap.time), sigma / gap.interval[0] / np.sqrt(len(gap.time)))
-            segments[i] = replace(gap, rate=rate, rate_noise=noise, net_turn=True)
+            segments[i] = replace(gap, rate=rate, rate_noise=noise, coning_corrected=True)
     return segments
 
 
@@ -341,8 +341,8 @@ def register_segment(tables: MerTables, setup: MerSetup, start: float, end: floa
         force_noise=imu.accelerometer_noise * noise_factor,
         rate_noise=imu.gyro_noise * noise_factor,
         shared_rate_noise=imu.gyro_noise * noise_factor,
-        net_turn=True,
-        net_gain=True,
+        coning_corrected=True,
+        sculling_corrected=True,
     )
     return [segment]
 

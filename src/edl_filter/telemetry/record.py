@@ -62,10 +62,10 @@ class ImuRecord:
         One sigma of one sample, m/s² and rad/s.
     shared_rate_noise : (N,) array
         The part of `rate_noise` that an attitude computed on board from the same gyros has in common, rad/s.
-    net_turn : (N,) boolean array
+    coning_corrected : (N,) boolean array
         True where `angular_rate` is the net rotation over the interval (from two attitudes) divided by the interval,
         and not the mean of the gyros' rate: it includes the coning correction.
-    net_gain : (N,) boolean array
+    sculling_corrected : (N,) boolean array
         True where `specific_force` is the velocity increment in the axes of mid-interval (from an inertial register)
         divided by the interval, and not the mean of the accelerometers' readings: it includes the sculling correction.
     unit : (N,) integer array
@@ -93,8 +93,8 @@ class ImuRecord:
     force_noise: Array
     rate_noise: Array
     shared_rate_noise: Array
-    net_turn: BoolArray
-    net_gain: BoolArray
+    coning_corrected: BoolArray
+    sculling_corrected: BoolArray
     unit: IntArray
     units: tuple[str, ...]
     source: IntArray
@@ -112,7 +112,8 @@ class ImuRecord:
         if n < 2:
             raise InputError(f"IMU '{self.name}': {n} samples; at least 2 are needed.")
         for key in (
-            "interval", "force_noise", "rate_noise", "shared_rate_noise", "net_turn", "net_gain", "unit", "source"
+            "interval", "force_noise", "rate_noise", "shared_rate_noise", "coning_corrected",
+            "sculling_corrected", "unit", "source",
         ):  # fmt: skip
             if getattr(self, key).shape != (n,):
                 raise InputError(f"IMU '{self.name}': {key} has shape {getattr(self, key).shape}, not ({n},).")
@@ -162,7 +163,8 @@ class ImuRecord:
         """Samples where the boolean array `selected` (N,) is true."""
         names = (
             "time", "interval", "specific_force", "angular_rate", "position", "force_noise", "rate_noise",
-            "shared_rate_noise", "net_turn", "net_gain", "unit", "source", "force_fill_sigma", "rate_fill_sigma",
+            "shared_rate_noise", "coning_corrected", "sculling_corrected", "unit", "source", "force_fill_sigma",
+            "rate_fill_sigma",
         )  # fmt: skip
         return replace(self, **{name: getattr(self, name)[selected] for name in names})
 

@@ -103,8 +103,8 @@ def relative_calibration(
     Parameters
     ----------
     reference, checked : ImuRecord
-        Records in body axes; samples that are no direct readings (`ImuRecord.net_turn`, gaps) are not used, and of
-        each record those of the instrument that has most samples in the window.
+        Records in body axes; samples that are no direct readings (`ImuRecord.coning_corrected`, gaps) are not used,
+        and of each record those of the instrument that has most samples in the window.
     start, end : float
         Window, s since the epoch.
 
@@ -164,7 +164,7 @@ def relative_calibration(
 
 def _direct(record: ImuRecord, first: float, last: float) -> BoolArray:
     """Samples (N,) that are readings of the instrument which has most samples in the window, away from gaps."""
-    readings = ~record.net_turn & ~record.net_gain & ~record.filled
+    readings = ~record.coning_corrected & ~record.sculling_corrected & ~record.filled
     readings &= np.isfinite(record.specific_force).all(axis=1) & np.isfinite(record.angular_rate).all(axis=1)
     units = record.unit[readings & within_window(record.time, record.interval, first, last)]
     if not len(units):

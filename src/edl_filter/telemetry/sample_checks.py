@@ -62,13 +62,13 @@ def runs(selected: BoolArray) -> list[tuple[int, int]]:
 
 
 def findings_of(
-    imu: str, channel: str, kind: str, lost: BoolArray, time: Array, interval: float, repair: str = ""
+    imu: str, channel: str, kind: str, lost: BoolArray, time: Array, interval: float
 ) -> list[SampleFinding]:
     """One finding for each run of lost samples.
 
     Parameters
     ----------
-    imu, channel, kind, repair : str
+    imu, channel, kind : str
         As in `SampleFinding`.
     lost : (N,) boolean array
         Samples.
@@ -78,8 +78,7 @@ def findings_of(
         Sampling interval, s.
     """
     return [
-        SampleFinding(imu, channel, float(time[a]) - interval, float(time[b - 1]), b - a, kind, repair)
-        for a, b in runs(lost)
+        SampleFinding(imu, channel, float(time[a]) - interval, float(time[b - 1]), b - a, kind) for a, b in runs(lost)
     ]
 
 

@@ -66,8 +66,8 @@ def repaired(telemetry: Telemetry, settings: CheckSettings | None = None, parach
     records = [telemetry.driving, *telemetry.checking]
     findings = list(telemetry.findings)
     if settings.enabled and len(records) > 1:
-        for i, other in ((0, records[1]), (1, records[0])):
-            records[i], findings = _without_clock_jumps(records[i], other, findings)
+        for i, second in ((0, records[1]), (1, records[0])):
+            records[i], findings = _without_clock_jumps(records[i], second, findings)
     if settings.enabled:
         records, drifts = without_drift(records, parachute - _PARACHUTE_MARGIN)
         findings += drifts
@@ -76,7 +76,7 @@ def repaired(telemetry: Telemetry, settings: CheckSettings | None = None, parach
         records[0], dead = _extended(records[0], records[1])
         findings += dead
         for record in records[1:]:
-            if records[0].time[-1] - record.time[-1] > _DEAD and not record.net_gain.any():
+            if records[0].time[-1] - record.time[-1] > _DEAD and not record.sculling_corrected.any():
                 ended = findings_of(record.name, "all", "dead", np.array([True]), record.time[-1:], 0.0)
                 findings += (
                     [replace(f, end=float(records[0].time[-1]), samples=0) for f in ended]
@@ -122,7 +122,7 @@ def _driven_by_the_finer(
 
 
 def _without_clock_jumps(
-    record: ImuRecord, other: ImuRecord, findings: list[SampleFinding]
+    record: ImuRecord, second: ImuRecord, findings: list[SampleFinding]
 ) -> tuple[ImuRecord, list[SampleFinding]]:
     """The record without gaps at which its clock jumped ahead and no sample was lost.
 
@@ -133,14 +133,14 @@ def _without_clock_jumps(
         length = gap.end - gap.start
         window = within_window(record.time, record.interval, gap.end, gap.end + _JUMP_WINDOW)
         middle = record.time[window] - 0.5 * record.interval[window]
-        own, read = record.angular_rate[window], finite_rows(other.angular_rate)
-        reach = other.time[read] - 0.5 * other.interval[read]
+        own, read = record.angular_rate[window], finite_rows(second.angular_rate)
+        reach = second.time[read] - 0.5 * second.interval[read]
         usable = finite_rows(own)
         if usable.sum() < _JUMP_SAMPLES or len(reach) < _JUMP_SAMPLES or not reach[0] < gap.start < gap.end < reach[-1]:
             continue
         mean_square = []
         for shift in (length, 0.0):
-            rates = [np.interp(middle[usable] - shift, reach, c) for c in other.angular_rate[read].T]
+            rates = [np.interp(middle[usable] - shift, reach, c) for c in second.angular_rate[read].T]
             difference = own[usable] - np.stack(rates, axis=1)
             mean_square.append(float(np.mean((difference - np.mean(difference, axis=0)) ** 2)))
         if mean_square[0] > _JUMP_RATIO * mean_square[1]:
@@ -155,7 +155,7 @@ def _without_clock_jumps(
 
 def _is_flight(telemetry: Telemetry) -> bool:
     """Whether all IMUs are meant to read up to the end: in a flight file, not on MER, whose backshell separates."""
-    return not any(record.net_gain.any() for record in (telemetry.driving, *telemetry.checking))
+    return not any(record.sculling_corrected.any() for record in (telemetry.driving, *telemetry.checking))
 
 
 def _finite(record: ImuRecord) -> bool:
@@ -168,10 +168,10 @@ def _phrase(finding: SampleFinding, repairs: list[tuple[float, float, str]]) -> 
     return ", ".join(dict.fromkeys(phrases)) or "not used"
 
 
-def _extended(record: ImuRecord, other: ImuRecord) -> tuple[ImuRecord, list[SampleFinding]]:
+def _extended(record: ImuRecord, second: ImuRecord) -> tuple[ImuRecord, list[SampleFinding]]:
     """The record with lost samples up to the end of the other one, if it ends by more than `_DEAD` before."""
     interval = float(np.median(record.interval))
-    count = int((other.time[-1] - record.time[-1]) / interval + 1e-6)
+    count = int((second.time[-1] - record.time[-1]) / interval + 1e-6)
     if count * interval <= _DEAD:
         return record, []
     time = record.time[-1] + interval * np.arange(1, count + 1)
@@ -191,8 +191,8 @@ def _extended(record: ImuRecord, other: ImuRecord) -> tuple[ImuRecord, list[Samp
         force_noise=longer(record.force_noise),
         rate_noise=longer(record.rate_noise),
         shared_rate_noise=longer(record.shared_rate_noise),
-        net_turn=longer(record.net_turn),
-        net_gain=longer(record.net_gain),
+        coning_corrected=longer(record.coning_corrected),
+        sculling_corrected=longer(record.sculling_corrected),
         unit=longer(record.unit),
         source=longer(record.source),
         force_fill_sigma=longer(record.force_fill_sigma),
@@ -203,13 +203,13 @@ def _extended(record: ImuRecord, other: ImuRecord) -> tuple[ImuRecord, list[Samp
 
 
 def _filled(
-    record: ImuRecord, other: ImuRecord | None, settings: CheckSettings, calibrated_until: float
+    record: ImuRecord, second: ImuRecord | None, settings: CheckSettings, calibrated_until: float
 ) -> tuple[ImuRecord, list[tuple[float, float, str]]]:
     """A record with all lost values filled, and where and how: (start, end, phrase)."""
     if _finite(record):
         return record, []
     repairs: list[tuple[float, float, str]] = []
-    source = None if other is None else transferred(record, other, calibrated_until)
+    source = None if second is None else transferred(record, second, calibrated_until)
     values = {"force": record.specific_force.copy(), "rate": record.angular_rate.copy()}
     sigmas = {"force": record.force_fill_sigma.copy(), "rate": record.rate_fill_sigma.copy()}
     noise = {"force": record.force_noise, "rate": record.rate_noise}
@@ -221,7 +221,7 @@ def _filled(
                 rows = slice(a, b)
                 values[triad][rows] = getattr(source, triad)[rows]
                 sigmas[triad][rows] = _transfer_sigma(source, triad, rows, noise[triad][rows])
-                repairs.append(_repair(record, a, b, f"filled from {other.name}" if other else ""))
+                repairs.append(_repair(record, a, b, f"filled from {second.name}" if second else ""))
             lost[triad] = lost[triad] & ~source.valid
         read = values[triad].copy()  # an autoregression is fitted to readings alone
         for a, b in runs(lost[triad]):
@@ -282,6 +282,6 @@ def _same_kind(record: ImuRecord, row: int) -> BoolArray:
     """Samples (N,) of the same instrument and kind as the row."""
     return (
         (record.unit == record.unit[row])
-        & (record.net_turn == record.net_turn[row])
-        & (record.net_gain == record.net_gain[row])
+        & (record.coning_corrected == record.coning_corrected[row])
+        & (record.sculling_corrected == record.sculling_corrected[row])
     )

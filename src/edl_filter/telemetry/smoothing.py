@@ -144,8 +144,8 @@ def low_pass(values: ArrayLike, interval: float, cutoff_hz: float, order: int = 
     interval : float
         Sampling interval, s.
     cutoff_hz : float
-        Half-power frequency of one pass, Hz; for both passes together see `low_pass_bandwidth`. The thesis used
-        17 Hz for Phoenix's rates and 15 Hz for its accelerations and angular accelerations.
+        Half-power frequency of one pass, Hz. The thesis used 17 Hz for Phoenix's rates and 15 Hz for its
+        accelerations and angular accelerations.
     order : int
         Order of one pass.
 
@@ -171,21 +171,6 @@ def low_pass(values: ArrayLike, interval: float, cutoff_hz: float, order: int = 
     if len(values) <= padding:
         raise InputError(f"A low-pass at {cutoff_hz} Hz needs more than {padding} samples; there are {len(values)}.")
     return signal.sosfiltfilt(sections, values, axis=0, padlen=padding)
-
-
-def low_pass_bandwidth(cutoff_hz: float, interval: float, order: int = 4) -> float:
-    """Bandwidth of `low_pass`: the frequency (Hz) at which its two passes together pass half the power (-3 dB).
-
-    The gain of the two passes is ``1 / (1 + w^(2 order))`` with w the ratio of the prewarped frequencies.
-
-    Parameters
-    ----------
-    cutoff_hz, interval, order
-        As for `low_pass`.
-    """
-    _check_cutoff(cutoff_hz, interval)
-    ratio = (np.sqrt(2.0) - 1.0) ** (0.5 / order)
-    return float(np.arctan(np.tan(np.pi * cutoff_hz * interval) * ratio) / (np.pi * interval))
 
 
 def low_pass_gain(frequency: ArrayLike, cutoff: float, order: int = 4) -> Array:

@@ -68,14 +68,14 @@ def _one_pass(
 ) -> tuple[list[ImuRecord], list[SampleFinding]]:
     originals, findings = list(records), []
     for i, record in enumerate(originals):
-        other = next((r for k, r in enumerate(originals) if k != i), None)
+        second = next((r for k, r in enumerate(originals) if k != i), None)
         for triad, attribute in _TRIADS.items():
             values = getattr(record, attribute)
             noise = record.force_noise if triad == "force" else record.rate_noise
             bad = _single_spikes(values, noise, settings.spike_sigmas) & (record.time <= smooth_until)
             bad &= _readings(record, triad)
-            if other is not None:
-                source = transferred(record, other, smooth_until)
+            if second is not None:
+                source = transferred(record, second, smooth_until)
                 covered = finite_rows(getattr(source, triad))
                 parted = _disagreement(values, getattr(source, triad), noise, settings.disagreement_sigmas)
                 bad = np.where(covered, parted & _readings(record, triad), bad)
@@ -89,18 +89,18 @@ def _one_pass(
 
 def _readings(record: ImuRecord, triad: str) -> BoolArray:
     """Samples (N,) that are direct readings of the triad."""
-    return ~record.net_gain if triad == "force" else ~record.net_turn
+    return ~record.sculling_corrected if triad == "force" else ~record.coning_corrected
 
 
-def _disagreement(own: Array, other: Array, noise: Array, sigmas: float) -> BoolArray:
+def _disagreement(own: Array, transferred_values: Array, noise: Array, sigmas: float) -> BoolArray:
     """Samples (N,) in which an IMU leaves its neighbours and another one, which does not."""
-    difference = own - other
+    difference = own - transferred_values
     known = finite_rows(difference)
     if known.sum() < _SCALE:
         return np.zeros(len(own), bool)
     out = np.zeros(len(own), bool)
     rows = np.flatnonzero(known)
-    d, a, b = difference[rows], own[rows], other[rows]
+    d, a, b = difference[rows], own[rows], transferred_values[rows]
     departure = d - _median(d, _SCALE)
     scale = _MAD * _median(np.abs(departure), _SCALE) + noise[rows, None]
     size = np.linalg.norm(_median(a, _NEIGHBOURHOOD), axis=1)[:, None]

@@ -53,12 +53,12 @@ class TransferredReadings:
         return finite_rows(self.force) & finite_rows(self.rate)
 
 
-def transferred(reference: ImuRecord, other: ImuRecord, end: float) -> TransferredReadings:
-    """Readings of `other`, as `reference` would have read them.
+def transferred(reference: ImuRecord, source: ImuRecord, end: float) -> TransferredReadings:
+    """Readings of `source`, as `reference` would have read them.
 
     Parameters
     ----------
-    reference, other : ImuRecord
+    reference, source : ImuRecord
         Records in body axes; NaN where samples are lost.
     end : float
         End of the time over which they are calibrated against each other, s: the parachute, whose shocks are no motion
@@ -68,7 +68,7 @@ def transferred(reference: ImuRecord, other: ImuRecord, end: float) -> Transferr
     -------
     TransferredReadings
     """
-    estimate = relative_calibration(reference, other, -np.inf, end)
+    estimate = relative_calibration(reference, source, -np.inf, end)
 
     def combined(name: str, prior: float) -> tuple[Array, Array]:
         """Estimate and sigma of a parameter with its prior."""
@@ -89,19 +89,19 @@ def transferred(reference: ImuRecord, other: ImuRecord, end: float) -> Transferr
     scale, scale_sigma = (float(v[0]) for v in combined("axial_scale", _PRIOR["axial_scale"]))
     delay, delay_sigma = (float(v[0]) for v in combined("delay", _PRIOR["delay"]))
     # on the other IMU's samples: undo its errors, first order in the rotations
-    rate = other.angular_rate - rate_bias
+    rate = source.angular_rate - rate_bias
     rate = rate - np.cross(rate, rate_alignment)
-    force = other.specific_force - force_bias
+    force = source.specific_force - force_bias
     force = force - np.cross(force, force_alignment)
     force[:, 0] /= 1.0 + scale
-    nearest = reference.index_at(other.time - 0.5 * other.interval - delay)
-    offset = other.position - reference.position[nearest] + arm
+    nearest = reference.index_at(source.time - 0.5 * source.interval - delay)
+    offset = source.position - reference.position[nearest] + arm
     lost = ~(finite_rows(force) & finite_rows(rate))
     moved = np.where(lost[:, None], 0.0, rate)
-    force = force - lever_arm_acceleration(other.interval, moved, offset, other.unit)
+    force = force - lever_arm_acceleration(source.interval, moved, offset, source.unit)
     edges = np.concatenate((reference.time[:1] - reference.interval[:1], reference.time)) + delay
-    usable = covered(other, edges)
-    means = [np.where(usable[:, None], interpolated_means(other, v, edges), np.nan) for v in (force, rate)]
+    usable = covered(source, edges)
+    means = [np.where(usable[:, None], interpolated_means(source, v, edges), np.nan) for v in (force, rate)]
     known = np.nan_to_num(means[0]), np.nan_to_num(means[1])
     change = [np.diff(edge_values(reference.interval, v), axis=0) / reference.interval[:, None] for v in known]
     square = np.sum(known[1] ** 2, axis=1, keepdims=True)

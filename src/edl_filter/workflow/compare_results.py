@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from edl_filter.errors import InputError
 from edl_filter.mission.mission import require_prediction_inputs
 from edl_filter.results.files import DIAGNOSIS, read_diagnosis
-from edl_filter.results.netcdf import load
+from edl_filter.results.reader import ResultReader
 from edl_filter.results.reopen import Reopened, reopen
 
 if TYPE_CHECKING:
@@ -96,8 +96,9 @@ def _overall_rms(r: Reopened, diagnosis: DiagnosisContent | None) -> dict[str, f
 
 def _nis_per_dof(r: Reopened) -> dict[str, float]:
     """Sum of every constraint's NIS over its degrees of freedom."""
-    groups = {path.removeprefix("/constraints/"): g for path, g in load(r.path).items() if "nis_total" in g.attrs}
-    return {n: float(g.attrs["nis_total"] / g.attrs["dof"]) if g.attrs["dof"] else math.nan for n, g in groups.items()}
+    with ResultReader.open(r.path) as reader:
+        sums = {name: group.attrs for name, group in reader.constraints.items() if "nis_total" in group.attrs}
+    return {n: float(a["nis_total"] / a["dof"]) if a["dof"] else math.nan for n, a in sums.items()}
 
 
 def _score_gain(before: DiagnosisContent | None, old: dict[str, Any], new: dict[str, Any]) -> float | None:

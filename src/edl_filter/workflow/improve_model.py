@@ -7,6 +7,7 @@ says why no more were.
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import count
@@ -20,18 +21,18 @@ from edl_filter.diagnosis.selection.ranking import Progress
 from edl_filter.diagnosis.stepwise import Step, improve
 from edl_filter.effects.registry import selected_effects
 from edl_filter.errors import InputError
+from edl_filter.io.atomic import replace_with
 from edl_filter.mission import Mission
 from edl_filter.mission.edit_effects import text_with_effects
 from edl_filter.mission.files import write_mission
 from edl_filter.mission.mission import require_prediction_inputs
 from edl_filter.pipeline.reconstruct import reconstruct
 from edl_filter.results.database_update import write_update
-from edl_filter.results.files import DIAGNOSIS, FIGURES, RESIDUALS, read_ledger, write_json
+from edl_filter.results.files import DIAGNOSIS, FIGURES, LEDGER, RESIDUALS, finite, read_ledger, write_json
 from edl_filter.results.netcdf import write
 from edl_filter.results.result import RefitSummary, Result
-from edl_filter.workflow import ledger
 from edl_filter.workflow.diagnose_result import rms_by_channel
-from edl_filter.workflow.outputs import write_outputs
+from edl_filter.workflow.run import write_outputs
 
 MISSION = "mission.yaml"
 
@@ -96,8 +97,8 @@ def improve_steps(
         write_mission(mission, text, step_folder / MISSION)
         write_json(content, step_folder / DIAGNOSIS)
         stop = _why_stopped(step, content, full)
-        line = ledger.last_line(k, content, stop) if stop else ledger.added_line(k, content)
-        ledger.append(folder, line)
+        line = _last_line(k, content, stop) if stop else _added_line(k, content)
+        _append(folder, line)
         yield StepFiles(step, content, text, _paragraph(k, content, line, stop))
         if full:
             return
@@ -131,7 +132,7 @@ def write_final_model(
     write(residual_series(last.step.diagnosis.ranking.model), folder / RESIDUALS)
     write_update(last.step.diagnosis.update, folder)
     report = write_report(folder)
-    paths = [path, written["result"], written["summary"], diagnosis, folder / ledger.NAME, report, *figures]
+    paths = [path, written["result"], written["summary"], diagnosis, folder / LEDGER, report, *figures]
     return paths, result.trust.headline
 
 
@@ -140,11 +141,11 @@ def _clear_ledger(mission: Mission, folder: Path) -> None:
     for line in read_ledger(folder):
         if line.mission != mission.name:
             raise InputError(
-                f"{folder / ledger.NAME}: found the ledger of {line.mission!r}; expected none, or that of "
+                f"{folder / LEDGER}: found the ledger of {line.mission!r}; expected none, or that of "
                 f"{mission.name!r}. Name another folder with -o."
             )
     folder.mkdir(parents=True, exist_ok=True)
-    (folder / ledger.NAME).unlink(missing_ok=True)
+    (folder / LEDGER).unlink(missing_ok=True)
     for k in count():
         old = folder / f"step_{k}"
         if not old.is_dir():
@@ -153,6 +154,46 @@ def _clear_ledger(mission: Mission, folder: Path) -> None:
             (old / name).unlink(missing_ok=True)
         if not any(old.iterdir()):
             old.rmdir()
+
+
+def _added_line(step: int, content: dict[str, Any]) -> dict[str, Any]:
+    """The line of the effect that a diagnosis (its ``content``) names first."""
+    first = content["ranking"][0]
+    return {
+        "step": step,
+        "mission": content["mission"],
+        "model": content["effects"],
+        "added": first["effect"],
+        "imu": first["imu"],
+        "same_as": first["same_as"],
+        "parameters": first["parameters"],
+        "gain": first["gain"],
+        "held_out_score": first["score_gain"],
+        "errors": {
+            name: {"before": before, "after": first["errors_after"].get(name)}
+            for name, before in content["errors"].items()
+        },
+    }
+
+
+def _last_line(step: int, content: dict[str, Any], why: str) -> dict[str, Any]:
+    """The last line: nothing added, and why."""
+    return {
+        "step": step,
+        "mission": content["mission"],
+        "model": content["effects"],
+        "added": None,
+        "why": why,
+        "errors": {name: {"before": before, "after": None} for name, before in content["errors"].items()},
+    }
+
+
+def _append(folder: Path, line: dict[str, Any]) -> Path:
+    """Append a line to the ledger in `folder`; the file is replaced as a whole, so that no part of a line remains."""
+    path = folder / LEDGER
+    before = path.read_text(encoding="utf-8") if path.is_file() else ""
+    text = before + json.dumps(finite(line), ensure_ascii=False, allow_nan=False) + "\n"
+    return replace_with(path, lambda temporary: temporary.write_text(text, encoding="utf-8"))
 
 
 def _why_stopped(step: Step, content: dict[str, Any], full: bool) -> str:

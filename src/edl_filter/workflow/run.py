@@ -1,15 +1,36 @@
-"""The main job with the mission's own effects: refitted, reconstructed with, and compared with the model."""
+"""`edl-filter run`: a mission with its effects, refitted and compared with the model, and the files of its result."""
 
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
+from pathlib import Path
+from typing import Any
 
+from edl_filter.errors import InputError
+from edl_filter.io.atomic import cannot_write
+from edl_filter.io.output_folder import STAGING, staged_output
 from edl_filter.mission import Mission
 from edl_filter.pipeline.reconstruct import reconstruct
 from edl_filter.pipeline.trust import check_mission
-from edl_filter.results.result import RefitSummary, Result
+from edl_filter.results.files import (
+    DATABASE_UPDATE,
+    DIAGNOSIS,
+    DIAGNOSIS_FIGURES,
+    FIGURE_FORMATS,
+    FIGURES,
+    REPORT,
+    RESIDUALS,
+    RESULT,
+    SUMMARY,
+    TABLES,
+    UPDATE_TABLES,
+    write_json,
+)
+from edl_filter.results.netcdf import tree_of, write
+from edl_filter.results.result import Result
+from edl_filter.results.summary import RefitSummary
 
 
 def run_mission(mission: Mission, refit: bool = True, progress: Callable[[str], None] = lambda _: None) -> Result:
@@ -59,3 +80,118 @@ def run_mission(mission: Mission, refit: bool = True, progress: Callable[[str], 
     normalised = rms_by_regime(credible_model(case)[0])
     timing = reconstruction.timing | {"residuals": time.perf_counter() - begin}
     return Result(replace(reconstruction, timing=timing), RefitSummary(sigma, normalised))
+
+
+def write_outputs(
+    result: Result, directory: str | Path, figures: bool, formats: Sequence[str] = ("png",)
+) -> dict[str, Any]:
+    """Write ``result.nc``, ``summary.json``, ``report.html``, tables in ``tables/`` and, on request, ``figures/``.
+
+    The files are written into a hidden folder and appear together at the end (`output_folder.staged_output`), so that a
+    failure, or the end of the program at any moment, does not mix earlier and new files.
+    Figures and a diagnosis of an earlier run are removed.
+
+    Parameters
+    ----------
+    result : Result
+        The result.
+    directory : path
+        Created if it does not exist.
+    figures : bool
+        Whether figures are written.
+    formats : sequence of str
+        Formats of the figures, of `results.files.FIGURE_FORMATS`.
+
+    Returns
+    -------
+    dict
+        ``result``, ``summary`` and ``report``: `Path`; ``figures``: list of `Path`; ``content``: the summary itself.
+
+    Raises
+    ------
+    InputError
+        The folder cannot be written.
+    """
+    for active in result.mission.session_effects:
+        raise InputError(
+            f"{directory}: found the effect {active.name}, which exists in this Python session only; a result that "
+            f"is to be read later needs it in a file: edl_filter.effect({active.name!r}, file='my_effect.py')."
+        )
+    directory = Path(directory)
+    check_output_names(directory)
+    file, summary = directory / RESULT, directory / SUMMARY
+    try:
+        directory.mkdir(parents=True, exist_ok=True)
+        with staged_output(directory, _removals) as staged:
+            written, content = _write_all(result, staged, formats if figures else ())
+            places = [directory / path.relative_to(staged) for path in written]
+        if (directory / FIGURES).is_dir() and not any((directory / FIGURES).iterdir()):
+            (directory / FIGURES).rmdir()
+    except OSError as error:
+        place = Path(error.filename2 or error.filename or directory)
+        if any(part.startswith(STAGING) for part in place.parts):  # its place at the end, not that before
+            place = directory / place.name
+        raise cannot_write(place, error) from None
+    from edl_filter.report.html import write_report
+
+    figure_files = [place for place in places if place.parent.name == FIGURES]
+    return {
+        "result": file, "summary": summary, "report": write_report(directory), "figures": figure_files,
+        "content": content,
+    }  # fmt: skip
+
+
+def check_output_names(directory: Path) -> None:
+    """Raise InputError if a folder stands where a file of a result is to be written."""
+    for name in (RESULT, SUMMARY, REPORT):
+        if (directory / name).is_dir():
+            raise cannot_write(directory / name, "it is a folder")
+
+
+def earlier_outputs(directory: Path) -> list[str]:
+    """Sentences on what a run replaces and removes in a folder."""
+    sentences = []
+    if (directory / RESULT).is_file():
+        sentences.append(f"{directory} holds an earlier result; it is replaced.")
+    if (directory / DIAGNOSIS).is_file():
+        sentences.append(f"{directory} holds the diagnosis of the earlier result; it is removed ({DIAGNOSIS}).")
+    return sentences
+
+
+def _write_all(result: Result, folder: Path, formats: Sequence[str]) -> tuple[list[Path], dict[str, Any]]:
+    """Write everything into `folder`; the paths of figures and tables, and the summary."""
+    from edl_filter.results.postflight import tables
+
+    begin = time.perf_counter()
+    groups = result.groups
+    timing = {"postflight": time.perf_counter() - begin}
+    begin = time.perf_counter()
+    write(groups, folder / RESULT)
+    timing["write"] = time.perf_counter() - begin
+    postflight = result.derived.postflight
+    written: list[Path] = []
+    if postflight is not None:
+        (folder / "tables").mkdir()
+        for name, text in tables(postflight).items():
+            written.append(folder / "tables" / name)
+            written[-1].write_text(text, encoding="utf-8")
+    if formats:
+        from edl_filter.report.figures import draw_all
+
+        begin = time.perf_counter()
+        written += draw_all(tree_of(groups), folder / FIGURES, formats)
+        timing["figures"] = time.perf_counter() - begin
+    content = result.summary()
+    content["timing_s"] |= timing
+    write_json(content, folder / SUMMARY)
+    return written, content
+
+
+def _removals(staged: Path) -> list[str]:
+    """Files of an earlier result that a new one in `staged` makes invalid: those that are not replaced."""
+    from edl_filter.report.figures import FIGURES as DRAWN
+
+    figures = (f"{FIGURES}/{name}.{kind}" for name in (*DRAWN, *DIAGNOSIS_FIGURES) for kind in FIGURE_FORMATS)
+    tables = (f"{TABLES}/{name}" for name in UPDATE_TABLES)
+    names = (DIAGNOSIS, RESIDUALS, DATABASE_UPDATE, REPORT, *tables, *figures)
+    return [name for name in names if not (staged / name).is_file()]

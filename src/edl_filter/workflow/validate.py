@@ -15,16 +15,15 @@ from edl_filter.mission.edit_effects import without_code
 from edl_filter.mission.problems import mission_problems
 from edl_filter.pipeline.forward_model import damping_of, database_of
 from edl_filter.pipeline.load import read_atmosphere, read_telemetry
-from edl_filter.pipeline.problem import assemble
-from edl_filter.pipeline.reconstruct import reconstruct
+from edl_filter.pipeline.reconstruct import assemble, reconstruct
 from edl_filter.pipeline.trust import check_record
 from edl_filter.planet import Planet
 from edl_filter.planet.atmosphere import Atmosphere
-from edl_filter.results.derived import derive
+from edl_filter.postflight.flight import derived_quantities
 from edl_filter.telemetry.flight_file import flight_file_problems, read_flight_file
 from edl_filter.telemetry.record import Telemetry
 from edl_filter.telemetry.sample_repair import repaired
-from edl_filter.workflow.outputs import check_output_names
+from edl_filter.workflow.run import check_output_names
 
 Progress = Callable[[str], None]
 T = TypeVar("T")
@@ -93,7 +92,7 @@ def validated_mission(
     raise_all(problems.messages)
     progress("reconstructing")
     # what is left can be seen in the trajectory only: windows without samples, a database that does not fit the flight
-    derive(reconstruct(mission, leave_one_out=False, recover=False))
+    derived_quantities(reconstruct(mission, leave_one_out=False, recover=False))
     assert telemetry is not None
     return stated, telemetry
 

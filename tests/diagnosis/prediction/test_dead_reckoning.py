@@ -41,7 +41,7 @@ def random_samples(seed=0, n=200, units=1):
         force_noise=zero,
         rate_noise=zero,
         shared_rate_noise=zero,
-        net_turn=np.zeros(n, bool),
+        coning_corrected=np.zeros(n, bool),
         unit=(np.arange(n) * units // n).astype(np.int64),
     )
     attitude = rotations.normalise(rng.normal(size=4))

@@ -28,7 +28,7 @@ def samples_of(edges):
         force_noise=no_noise,
         rate_noise=no_noise,
         shared_rate_noise=no_noise,
-        net_turn=np.zeros(n, bool),
+        coning_corrected=np.zeros(n, bool),
         unit=np.zeros(n, np.int64),
     )
 
@@ -149,7 +149,7 @@ def test_net_turns_other_units_and_missing_forces_are_not_compared(rate, expecte
     force = valid_samples.mean_force.copy()
     force[affected, 1] = np.nan
     for samples in (
-        replace(valid_samples, net_turn=affected),
+        replace(valid_samples, coning_corrected=affected),
         replace(valid_samples, unit=affected.astype(np.int64)),
         replace(valid_samples, mean_force=force),
     ):
@@ -165,7 +165,7 @@ def test_samples_of_the_first_instrument_are_compared():
 @given(st.lists(st.floats(50.0, 60.0), max_size=6))
 def test_samples_cut_at_further_times_have_the_same_bins(times):
     edges = regular_edges(20)
-    samples = replace(samples_of(edges), net_turn=np.arange(200) == 77)
+    samples = replace(samples_of(edges), coning_corrected=np.arange(200) == 77)
     uncut, cut = (make_bins(s, edges, 59.0) for s in (samples, samples.split(np.array(times))))
     np.testing.assert_array_equal(uncut.edges, cut.edges)
     np.testing.assert_array_equal(uncut.valid, cut.valid)

@@ -6,10 +6,9 @@ import contents
 import numpy as np
 from contents import cell, hypothesis, ledger_end, ledger_step
 
-from edl_filter.results.files import write_json
+from edl_filter.results.files import LEDGER, write_json
 from edl_filter.results.groups import Group
 from edl_filter.results.netcdf import FORMAT_VERSION, write
-from edl_filter.workflow.ledger import NAME
 
 TIME = np.linspace(0.0, 300.0, 601)
 
@@ -161,7 +160,7 @@ def ledger(folder, mission="toy"):
         common = {"step": k, "mission": mission, "model": ["wind", "mass"][:k]}
         common["errors"] = {"force_x": {"before": before, "after": after}}
         lines.append(json.dumps(ledger_step(added=added, **common) if added else ledger_end(**common)))
-    (folder / NAME).write_text("\n".join(lines) + "\n", encoding="utf-8")
+    (folder / LEDGER).write_text("\n".join(lines) + "\n", encoding="utf-8")
 
 
 def complete_run(folder, title="A flight"):

@@ -13,11 +13,11 @@ from contents import hypothesis
 
 from edl_filter.errors import InputError
 from edl_filter.planet.gas import NAMED_GASES
-from edl_filter.report.colours import cell_colours
 from edl_filter.report.description import Axis, Band, Figure, Panel
 from edl_filter.report.diagnosis import ledger_levels
 from edl_filter.report.html import write_report
 from edl_filter.report.plotly_renderer import band_trace, event_marks, plotly_figure
+from edl_filter.report.residual_map import cell_colours
 from edl_filter.results.summary import gas_content
 
 

@@ -49,4 +49,4 @@ def test_a_clean_flight_has_no_table_of_failures(capsys):
 
 
 def test_at_most_eight_rows():
-    assert where_table(DiagnosisContent.of(content())).row_count == 8
+    assert len(where_table(DiagnosisContent.of(content())).rows) == 8

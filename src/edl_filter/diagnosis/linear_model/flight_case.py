@@ -23,8 +23,7 @@ from edl_filter.mission.decision_settings import DecisionSettings
 from edl_filter.navigation.filter import Problem
 from edl_filter.navigation.increments import effective_samples
 from edl_filter.pipeline.forward_model import database_of, forward_model_of
-from edl_filter.pipeline.problem import assemble_free, without_effects
-from edl_filter.pipeline.reconstruct import Reconstruction, reconstruct
+from edl_filter.pipeline.reconstruct import Reconstruction, assemble_free, reconstruct, without_effects
 from edl_filter.telemetry.record import Telemetry
 
 #: Distance from a bound, in logarithms, within which an estimate is at the bound.

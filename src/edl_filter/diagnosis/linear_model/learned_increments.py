@@ -12,7 +12,7 @@ from dataclasses import replace
 import numpy as np
 
 from edl_filter.aero.increment_tables import IncrementTables, increment_terms
-from edl_filter.aero.transition import Sum
+from edl_filter.aero.transition import WeightedSum
 from edl_filter.effects.base import Effect
 from edl_filter.effects.parameters import Parameter, Values
 from edl_filter.effects.types import AeroCoefficients, FlightCondition
@@ -41,5 +41,5 @@ class LearnedIncrements(Effect):
             return totals
         tables = self._tables.of_amplitudes(amplitudes)
         terms = increment_terms(tables, flow.mach, flow.knudsen, self._continuum_limit)
-        ca, cn, cm = Sum(terms).evaluate(flow.alpha_total)
+        ca, cn, cm = WeightedSum(terms).evaluate(flow.alpha_total)
         return replace(totals, ca=totals.ca + ca, cn=totals.cn + cn, cm_nose=totals.cm_nose + cm)

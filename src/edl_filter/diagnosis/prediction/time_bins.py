@@ -75,7 +75,7 @@ def make_time_bins(
     edges = edges[::per_bin]
     regular = np.abs(np.diff(edges) - per_bin * usual) < 1e-3 * usual
     first = samples.unit == samples.unit[0]
-    measured = first & ~samples.net_turn & ~samples.filled & np.all(np.isfinite(samples.mean_force), axis=1)
+    measured = first & ~samples.coning_corrected & ~samples.filled & np.all(np.isfinite(samples.mean_force), axis=1)
     sample_start = samples.time - samples.interval
     invalid_time = 0.5 * (sample_start + samples.time)[~measured]
     invalid_bin = np.unique(np.searchsorted(edges, invalid_time) - 1)

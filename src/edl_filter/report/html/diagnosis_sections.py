@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
 from itertools import pairwise
 from shlex import quote
 
@@ -17,7 +16,7 @@ from edl_filter.report.database_update import (
 )
 from edl_filter.report.diagnosis import ledger_levels, waterfall
 from edl_filter.report.diagnosis import missing as missing_figure
-from edl_filter.report.html.blocks import Block, Cell, Command, Details, Note, Plot, Section, Table
+from edl_filter.report.html.page import Block, Cell, Command, Details, Note, Plot, Section, Table, Verdict
 from edl_filter.report.next_step import NextStep, next_step
 from edl_filter.report.sentences import recovery_sentence, warnings
 from edl_filter.report.text import (
@@ -47,32 +46,6 @@ _SIGNS = {"clean": ("✓", "good"), "missing": ("▲", "doubt"), "unknown": ("?"
 _UNKNOWN_MISSION = "MISSION"
 #: Bins of the curves of the missing force and moment.
 _LATENT_BINS = 200
-
-
-@dataclass(frozen=True)
-class Verdict:
-    """The top of the page.
-
-    Attributes
-    ----------
-    sign, tone : str
-        Sign before the sentence, and its style.
-    sentence : str
-        How much fails, and the verdict.
-    more : list of str
-        What the leader mends, effects in the model, the remainder, and why an improvement ended.
-    warnings : list of str
-        Reasons not to trust the result, above all else.
-    next : NextStep
-        What to do next.
-    """
-
-    sign: str
-    tone: str
-    sentence: str
-    more: list[str]
-    warnings: list[str]
-    next: NextStep
 
 
 def verdict(reader: ResultReader) -> Verdict:

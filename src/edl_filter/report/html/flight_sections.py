@@ -9,7 +9,7 @@ from edl_filter.report.atmosphere import LARGEST_SIGMA, profile_panels
 from edl_filter.report.attitude import total_angle_of_attack
 from edl_filter.report.coefficients import MEANINGS, against_database
 from edl_filter.report.description import Figure
-from edl_filter.report.html.blocks import Block, Command, Details, Grid, Mark, Note, Plot, Section, Table
+from edl_filter.report.html.page import Block, Command, Details, Grid, Mark, Note, Plot, Section, Table
 from edl_filter.report.instruments import HEADS, instrument_tables
 from edl_filter.report.sentences import (
     entry_sentence,

@@ -7,13 +7,22 @@ from typing import Any
 
 import numpy as np
 
-from edl_filter.report.colours import LEAST, MOST, gradient
 from edl_filter.report.decimate import extremes
-from edl_filter.report.diagnosis import heat_cell, map_cells, worst_rms
-from edl_filter.report.html.blocks import Block, Command, MapButton, MapTable, Note, ResidualPlot, Scale, Section
 from edl_filter.report.html.diagnosis_sections import diagnose_command
+from edl_filter.report.html.page import Block, Command, MapButton, MapTable, Note, ResidualPlot, Scale, Section
 from edl_filter.report.plotly_renderer import axis_layout, event_marks, layout, packed
-from edl_filter.report.text import CONSTRAINTS, cell_sentence, number, onset_text, readable, time_label, words
+from edl_filter.report.residual_map import (
+    CONSTRAINTS,
+    LEAST,
+    MOST,
+    cell_colours,
+    cell_sentence,
+    gradient,
+    map_cells,
+    rms_text,
+    worst_rms,
+)
+from edl_filter.report.text import number, onset_text, readable, time_label, words
 from edl_filter.results.reader import ResultReader
 from edl_filter.results.schema import DiagnosisContent
 from edl_filter.results.schema.diagnosis import MapCell
@@ -96,10 +105,10 @@ def _times(cell: MapCell) -> str:
 
 
 def _button(index: int, cell: MapCell, worst: float) -> MapButton:
-    if cell.normalised_rms is None:
+    rms = cell.normalised_rms
+    if rms is None:
         return MapButton()
-    heat = heat_cell(cell, 0, 0, worst)
-    return MapButton(index, heat.text, heat.background, heat.ink, heat.outlined, cell_sentence(cell))
+    return MapButton(index, rms_text(rms), *cell_colours(rms, worst), cell.fails, cell_sentence(cell))
 
 
 def _payload(reader: ResultReader, diagnosis: DiagnosisContent) -> dict[str, Any]:

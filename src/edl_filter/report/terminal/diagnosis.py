@@ -12,15 +12,12 @@ from edl_filter.report.next_step import NextStep
 from edl_filter.report.terminal.console import echo, empty_table
 from edl_filter.report.terminal.table import Table
 from edl_filter.report.text import (
-    chance,
     effect_names,
-    error_fall,
-    hypothesis_label,
     none_gain_sentence,
-    none_gain_text,
     number,
     onset_text,
     parameters_text,
+    ranking_rows,
     state_sentences,
     undetectable_sentence,
     words,
@@ -110,19 +107,12 @@ def ranking_table(diagnosis: DiagnosisContent) -> Table:
         ("parameters",),
         ("error before → after",),
     )
-    for h in diagnosis.ranking:
-        table.add_row(
-            hypothesis_label(h),
-            chance(h.probability),
-            number(h.gain),
-            number(h.score_gain),
-            parameters_text(h.parameters),
-            f"{words(h.channel)} {error_fall(h)}",
-        )
+    *hypotheses, nothing, something = ranking_rows(diagnosis)
+    for row in hypotheses:
+        table.add_row(*row)
     table.add_section()
-    something = diagnosis.something_else
-    table.add_row("nothing is missing", chance(diagnosis.none), none_gain_text(diagnosis), "–", "", "")
-    table.add_row("something else", chance(something.probability), number(something.score_gain), "–", "", "")
+    table.add_row(*nothing)
+    table.add_row(*something)
     return table
 
 

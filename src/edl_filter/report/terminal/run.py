@@ -50,7 +50,7 @@ def print_run(written: Mapping[str, Any]) -> None:
     Parameters
     ----------
     written : mapping
-        As `workflow.outputs.write_outputs` returns it.
+        As `workflow.run.write_outputs` returns it.
     """
     summary = Summary.of(written["content"])
     peak = summary.events.get("peak_deceleration")

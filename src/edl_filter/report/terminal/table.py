@@ -67,11 +67,6 @@ class Table:
         """Begin a new section."""
         self.rows.append(None)
 
-    @property
-    def row_count(self) -> int:
-        """Number of rows."""
-        return sum(row is not None for row in self.rows)
-
     def __rich_console__(self, console: Console, options: ConsoleOptions) -> Iterator[RenderableType]:
         """The widest form that fits."""
         for omitted, broken in product(range(len(self.optional) + 1), (False, True)):

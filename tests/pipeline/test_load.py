@@ -10,18 +10,19 @@ from edl_filter.effects.base import EffectInstance
 from edl_filter.effects.registry import find_effect
 from edl_filter.effects.types import Body
 from edl_filter.errors import InputError
-from edl_filter.mission import Mission
+from edl_filter.mission import Mission, shipped_mission
 from edl_filter.mission.world import VehicleChangeConfig
 from edl_filter.navigation.increments import effective_samples
 from edl_filter.navigation.trajectory import propagate_one
-from edl_filter.pipeline.events import (
+from edl_filter.pipeline.forward_model import changed_bodies, forward_model_of
+from edl_filter.pipeline.load import (
     centre_of_mass_shifts,
     changed_position,
     moved_by_events,
+    read_atmosphere,
+    read_telemetry,
     with_velocity_steps,
 )
-from edl_filter.pipeline.forward_model import changed_bodies, forward_model_of
-from edl_filter.pipeline.load import read_atmosphere, read_telemetry
 
 SHIFT = [0.03, 0.01, -0.02]
 EVENT = f"vehicle.events={{ballast: {{time_s: 100.0, sigma_s: 0.02, mass: 800.0, centre_of_mass_shift: {SHIFT}}}}}"
@@ -114,3 +115,16 @@ def test_the_navigated_point_gains_the_velocity_of_its_new_place():
     expected = rotations.rotate(plain[n // 2, 6:10], np.cross(rate, shift))
     # the step is in the axes of the sample's middle, half a sample's rotation (0.04 rad) after the event
     np.testing.assert_allclose(change[n // 2 + 1 :], np.tile(expected, (n - n // 2 - 1, 1)), atol=0.04 * 0.03)
+
+
+def test_the_other_imu_can_drive():
+    mission = Mission.load(shipped_mission("practice_mer"), ["telemetry.driving=secondary"])
+    telemetry = read_telemetry(mission)
+    assert telemetry.driving.name == "secondary" and telemetry.checking[0].name == "primary"
+    with pytest.raises(InputError, match="found 'third'; the flight file has primary, secondary"):
+        read_telemetry(Mission.load(shipped_mission("practice_mer"), ["telemetry.driving=third"]))
+
+
+def test_phoenix_has_no_public_telemetry():
+    with pytest.raises(InputError, match="Phoenix"):
+        read_telemetry(Mission.load(shipped_mission("phoenix")))
