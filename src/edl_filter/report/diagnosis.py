@@ -6,10 +6,9 @@ import math
 from collections.abc import Mapping, Sequence
 from itertools import pairwise
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from xarray import DataArray
 
 from edl_filter.aero.increments import DatabaseUpdate
 from edl_filter.report.colours import AXES, LEAST, MOST, cell_colours
@@ -32,7 +31,6 @@ from edl_filter.report.description import (
     Symbol,
     Text,
 )  # fmt: skip
-from edl_filter.report.matplotlib_renderer import write_figure
 from edl_filter.report.text import (
     CONSTRAINTS,
     chance,
@@ -85,6 +83,8 @@ def draw_diagnosis(
         None if diagnosis.latent is None else missing(diagnosis.latent, diagnosis.onsets, title),
     )
     named = zip(figures, DIAGNOSIS_FIGURES, strict=True)
+    from edl_filter.report.matplotlib_renderer import write_figure  # imported on use: the page needs no matplotlib
+
     return [write_figure(figure, folder / f"{name}.png") for figure, name in named if figure is not None]
 
 

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 
 from edl_filter.report import atmosphere, attitude, coefficients, constraints, motion, rotation, track, trajectory
 from edl_filter.report.description import Figure
-from edl_filter.report.matplotlib_renderer import draw, write_canvas
 from edl_filter.results.groups import Group
 from edl_filter.results.reader import ResultReader
 
@@ -122,6 +121,8 @@ def draw_all(
     list of Path
         In the order of `FIGURES`, each in all formats.
     """
+    from edl_filter.report.matplotlib_renderer import draw, write_canvas  # imported on use: names need no matplotlib
+
     reader = ResultReader.of(result)
     paths = []
     for name in available(reader):
