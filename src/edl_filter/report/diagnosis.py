@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 from itertools import pairwise
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -60,7 +60,11 @@ _DASH: Dash = "dash"
 
 
 def draw_diagnosis(
-    content: DiagnosisContent | Mapping[str, Any], title: str, folder: Path, update: DatabaseUpdate | None = None
+    content: DiagnosisContent | Mapping[str, Any],
+    title: str,
+    folder: Path,
+    update: DatabaseUpdate | None = None,
+    formats: Sequence[str] = ("png",),
 ) -> list[Path]:
     """Write the figures of a diagnosis: `results.files.DIAGNOSIS_FIGURES`, the last two only if there are estimates.
 
@@ -74,6 +78,8 @@ def draw_diagnosis(
         Existing or new folder.
     update : DatabaseUpdate, optional
         Increments of the database.
+    formats : sequence of str
+        Of `results.files.FIGURE_FORMATS`.
     """
     diagnosis = DiagnosisContent.of(content)
     figures = (
@@ -85,7 +91,10 @@ def draw_diagnosis(
     named = zip(figures, DIAGNOSIS_FIGURES, strict=True)
     from edl_filter.report.matplotlib_renderer import write_figure  # imported on use: the page needs no matplotlib
 
-    return [write_figure(figure, folder / f"{name}.png") for figure, name in named if figure is not None]
+    return [
+        write_figure(figure, folder / f"{name}.{kind}") for figure, name in named if figure is not None
+        for kind in formats
+    ]  # fmt: skip
 
 
 def map_cells(cells: Sequence[MapCell]) -> tuple[list[str], list[str], dict[tuple[str, str], int]]:

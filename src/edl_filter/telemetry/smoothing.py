@@ -96,7 +96,7 @@ def batch_polynomial(time: ArrayLike, values: ArrayLike, points: int, order: int
     columns = values.reshape(n, -1)
     start = np.clip(np.arange(n) - points // 2, 0, n - points)  # first sample of each sample's batch
     smoothed = np.empty_like(columns)
-    weights = _weights_at_centre(points, order)
+    weights = batch_weights(points, order)
     inner = slice(points // 2, n - points // 2)
     for k in range(columns.shape[1]):
         smoothed[inner, k] = np.correlate(columns[:, k], weights, "valid")
@@ -106,6 +106,23 @@ def batch_polynomial(time: ArrayLike, values: ArrayLike, points: int, order: int
     if uneven.size:
         smoothed[uneven] = _fit_batches(time, columns, points, order, uneven, start[uneven])
     return smoothed.reshape(values.shape)
+
+
+def batch_weights(points: int, order: int) -> Array:
+    """Weights of a batch of evenly spaced samples: `batch_polynomial` at its centre is their sum of products.
+
+    Parameters
+    ----------
+    points, order : int
+        As for `batch_polynomial`.
+
+    Returns
+    -------
+    (points,) array
+    """
+    position = np.linspace(-1.0, 1.0, points) if points > 1 else np.zeros(1)
+    q, _ = np.linalg.qr(position[:, None] ** np.arange(order + 1))
+    return q @ q[points // 2]
 
 
 def batch_polynomial_bandwidth(points: int, order: int, interval: float) -> float:
@@ -124,7 +141,7 @@ def batch_polynomial_bandwidth(points: int, order: int, interval: float) -> floa
         Hz; the Nyquist frequency if the filter passes more at all frequencies (as with ``points = order + 1``).
     """
     _check_batch(points, order)
-    weights = _weights_at_centre(points, order)
+    weights = batch_weights(points, order)
     lag = np.arange(points) - points // 2
 
     def gain_above_half_power(cycles_per_sample):
@@ -288,13 +305,6 @@ def _fit_batches(time: Array, columns: Array, points: int, order: int, sample: I
         powers_at_sample = ((time[sample[chunk], None] - centre) / half) ** exponents
         out[chunk] = (powers_at_sample[:, None, :] @ coefficients)[:, 0, :]
     return out
-
-
-def _weights_at_centre(points: int, order: int) -> Array:
-    """Weights (points,) of equal steps whose sum of products is the batch's polynomial at its centre."""
-    position = np.linspace(-1.0, 1.0, points) if points > 1 else np.zeros(1)
-    q, _ = np.linalg.qr(position[:, None] ** np.arange(order + 1))
-    return q @ q[points // 2]
 
 
 def _checked_series(time: ArrayLike, values: ArrayLike, quantity: str) -> tuple[Array, Array]:

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
+from contextlib import nullcontext
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from edl_filter.errors import InputError
 from edl_filter.io.atomic import cannot_write
@@ -24,18 +25,26 @@ from edl_filter.results.files import (
     UPDATE_TABLES,
     write_json,
 )
-from edl_filter.results.netcdf import tree_of, write
+from edl_filter.results.netcdf import write
 from edl_filter.results.result import Result
+
+if TYPE_CHECKING:
+    from edl_filter.report.figure_process import FigureProcess
 
 
 def write_outputs(
-    result: Result, directory: str | Path, figures: bool, formats: Sequence[str] = ("png",)
+    result: Result,
+    directory: str | Path,
+    figures: bool,
+    formats: Sequence[str] = ("png",),
+    process: FigureProcess | None = None,
 ) -> dict[str, Any]:
-    """Write ``result.nc``, ``summary.json``, ``report.html``, tables in ``tables/`` and, on request, ``figures/``.
+    """Write ``result.nc``, ``summary.json``, tables in ``tables/``, ``report.html`` and, on request, ``figures/``.
 
-    The files are written into a hidden folder and appear together at the end (`output_folder.staged_output`), so that a
-    failure, or the end of the program at any moment, does not mix earlier and new files.
-    Figures and a diagnosis of an earlier run are removed.
+    Result, summary and tables are written into a hidden folder and appear together (`output_folder.staged_output`), so
+    that a failure, or the end of the program at any moment, does not mix earlier and new files; figures, report and
+    diagnosis of an earlier run are removed in the same step. Then the figures are drawn from ``result.nc``, in other
+    processes, while the report is written; each file appears when it is complete.
 
     Parameters
     ----------
@@ -47,6 +56,8 @@ def write_outputs(
         Whether figures are written.
     formats : sequence of str
         Formats of the figures, of `results.files.FIGURE_FORMATS`.
+    process : FigureProcess, optional
+        Draws the figures, where it has been started already; without it one is started.
 
     Returns
     -------
@@ -69,8 +80,7 @@ def write_outputs(
     try:
         directory.mkdir(parents=True, exist_ok=True)
         with staged_output(directory, _removals) as staged:
-            written, content = _write_all(result, staged, formats if figures else ())
-            places = [directory / path.relative_to(staged) for path in written]
+            content = _write_all(result, staged)
         if (directory / FIGURES).is_dir() and not any((directory / FIGURES).iterdir()):
             (directory / FIGURES).rmdir()
     except OSError as error:
@@ -80,11 +90,14 @@ def write_outputs(
         raise cannot_write(place, error) from None
     from edl_filter.report.html import write_report
 
-    figure_files = [place for place in places if place.parent.name == FIGURES]
-    return {
-        "result": file, "summary": summary, "report": write_report(directory), "figures": figure_files,
-        "content": content,
-    }  # fmt: skip
+    written: dict[str, Any] = {"result": file, "summary": summary, "content": content}
+    if not figures:
+        return written | {"report": write_report(directory), "figures": []}
+    from edl_filter.report.figure_process import FigureProcess
+
+    with nullcontext(process) if process is not None else FigureProcess() as drawing:
+        drawing.start(directory, directory / FIGURES, formats)
+        return written | {"report": write_report(directory), "figures": drawing.wait()}
 
 
 def check_output_names(directory: Path) -> None:
@@ -104,8 +117,8 @@ def earlier_outputs(directory: Path) -> list[str]:
     return sentences
 
 
-def _write_all(result: Result, folder: Path, formats: Sequence[str]) -> tuple[list[Path], dict[str, Any]]:
-    """Write everything into `folder`; the paths of figures and tables, and the summary."""
+def _write_all(result: Result, folder: Path) -> dict[str, Any]:
+    """Write result, tables and summary into `folder`; the content of the summary."""
     from edl_filter.results.postflight import tables
 
     begin = time.perf_counter()
@@ -115,22 +128,14 @@ def _write_all(result: Result, folder: Path, formats: Sequence[str]) -> tuple[li
     write(groups, folder / RESULT)
     timing["write"] = time.perf_counter() - begin
     postflight = result.derived.postflight
-    written: list[Path] = []
     if postflight is not None:
-        (folder / "tables").mkdir()
+        (folder / TABLES).mkdir()
         for name, text in tables(postflight).items():
-            written.append(folder / "tables" / name)
-            written[-1].write_text(text, encoding="utf-8")
-    if formats:
-        from edl_filter.report.figures import draw_all
-
-        begin = time.perf_counter()
-        written += draw_all(tree_of(groups), folder / FIGURES, formats)
-        timing["figures"] = time.perf_counter() - begin
+            (folder / TABLES / name).write_text(text, encoding="utf-8")
     content = result.summary()
     content["timing_s"] |= timing
     write_json(content, folder / SUMMARY)
-    return written, content
+    return content
 
 
 def _removals(staged: Path) -> list[str]:

@@ -8,7 +8,7 @@ from dataclasses import replace
 
 from edl_filter.mission import Mission
 from edl_filter.pipeline.reconstruct import reconstruct
-from edl_filter.pipeline.trust import check_mission
+from edl_filter.pipeline.trust import checked_telemetry
 from edl_filter.results.result import RefitSummary, Result
 
 
@@ -37,9 +37,9 @@ def run_mission(mission: Mission, refit: bool = True, progress: Callable[[str], 
     InputError
         As `reconstruct`; or the record violates the physics of an entry (`pipeline.plausibility`).
     """
-    check_mission(mission)
+    telemetry = checked_telemetry(mission)
     if not refit or not mission.effects or mission.aerodynamics is None or mission.vehicle.inertia is None:
-        return Result(reconstruct(mission))
+        return Result(reconstruct(mission, telemetry=telemetry))
     from edl_filter.diagnosis.linear_model.credible_model import credible_model
     from edl_filter.diagnosis.linear_model.flight_case import flight_case, load_case
     from edl_filter.diagnosis.residual_analysis.residual_map import rms_by_regime

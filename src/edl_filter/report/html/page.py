@@ -1,9 +1,7 @@
-"""The page: its sections in order, one template, one file."""
+"""The page: its sections in order, and one template."""
 
 from __future__ import annotations
 
-import base64
-import gzip
 import json
 from collections.abc import Iterable, Iterator
 from datetime import UTC, datetime
@@ -18,6 +16,7 @@ from edl_filter.report.colours import page_roles
 from edl_filter.report.html import diagnosis_sections as diagnosis
 from edl_filter.report.html import flight_sections as flight
 from edl_filter.report.html.blocks import Block, Details, Grid, Plot, ResidualPlot, Section
+from edl_filter.report.html.bundle import write_bundle
 from edl_filter.report.html.residual_map import residual_map
 from edl_filter.results.files import REPORT
 from edl_filter.results.plain import finite
@@ -35,7 +34,7 @@ SECTIONS = (
 
 
 def write_report(folder: str | Path) -> Path:
-    """Write ``report.html`` from the contents of a result folder.
+    """Write ``report.html`` from the contents of a result folder, and the plotting library where it is missing.
 
     Parameters
     ----------
@@ -57,6 +56,7 @@ def write_report(folder: str | Path) -> Path:
         if not reader.has_result and reader.summary is None:
             raise InputError(f"{folder}: found no result; expected the folder that 'edl-filter run' writes.")
         page = render(reader)
+    write_bundle(folder)
     return replace_with(folder / REPORT, lambda path: path.write_text(page, encoding="utf-8"))
 
 
@@ -73,16 +73,7 @@ def render(reader: ResultReader) -> str:
         created=datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC"),
         version=__version__,
         payload=Markup(embedded(_payload(sections))),
-        plotly=_packed_plotly(),
     )
-
-
-@cache
-def _packed_plotly() -> str:
-    """The plotting library, compressed and in base 64: the page's script unpacks it."""
-    from plotly.offline import get_plotlyjs
-
-    return base64.b64encode(gzip.compress(get_plotlyjs().encode(), 9, mtime=0)).decode()
 
 
 def embedded(data: Any) -> str:

@@ -1,0 +1,183 @@
+"""Figures drawn in processes of their own, which load matplotlib while a run still computes.
+
+`FigureProcess` starts ``python -m edl_filter.report.figure_process``, which imports matplotlib, waits for one request
+(a folder with a complete result, names and formats) and answers with the paths of the figures. It draws with as many
+processes as there are cores, where the system can fork. It ends with its parent. Where no process can be started, the
+figures are drawn in the present one.
+"""
+
+from __future__ import annotations
+
+import gc
+import json
+import multiprocessing
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator, Sequence
+from functools import cache
+from io import BytesIO
+from pathlib import Path
+from types import TracebackType
+from typing import TYPE_CHECKING
+
+from edl_filter.errors import InputError
+
+if TYPE_CHECKING:
+    from edl_filter.results.reader import ResultReader
+
+
+class FigureProcess:
+    """A process that draws the figures of one result; a context manager, at whose end it stops.
+
+    Examples
+    --------
+    >>> with FigureProcess() as process:                  # matplotlib is imported there meanwhile
+    ...     write_the_result(folder)
+    ...     process.start(folder, folder / "figures", ["png"])
+    ...     paths = process.wait()
+    """
+
+    def __init__(self) -> None:
+        self._request: tuple[Path, Path, tuple[str, ...]] | None = None
+        self._process: subprocess.Popen[str] | None = None
+
+    def __enter__(self) -> FigureProcess:
+        command = [sys.executable, "-m", __name__]
+        try:
+            self._process = subprocess.Popen(
+                command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True
+            )
+        except OSError:
+            self._process = None
+        return self
+
+    def start(self, result: Path, folder: Path, formats: Sequence[str]) -> None:
+        """Begin to draw the figures of a result.
+
+        Parameters
+        ----------
+        result : Path
+            Folder of the complete result.
+        folder : Path
+            Folder of the figures, created if it does not exist.
+        formats : sequence of str
+            Of `results.files.FIGURE_FORMATS`.
+        """
+        self._request = (result, folder, tuple(formats))
+        if self._process is None or self._process.stdin is None:
+            return
+        try:
+            line = {"result": str(result.absolute()), "folder": str(folder.absolute()), "formats": list(formats)}
+            self._process.stdin.write(json.dumps(line) + "\n")
+            self._process.stdin.flush()
+        except OSError:  # it has ended; `wait` draws here
+            return
+
+    def wait(self) -> list[Path]:
+        """Paths of the figures, when all are complete.
+
+        Raises
+        ------
+        InputError
+            The folder cannot be written.
+        """
+        assert self._request is not None
+        answer = ""
+        if self._process is not None and self._process.stdout is not None:
+            answer = self._process.stdout.readline()
+        result, folder, formats = self._request
+        if not answer:
+            from edl_filter.report.figures import draw_all
+            from edl_filter.results.reader import ResultReader
+
+            with ResultReader.open(result) as reader:
+                return draw_all(reader, folder, formats)
+        content = json.loads(answer)
+        if "error" in content:
+            raise InputError(content["error"])
+        return [folder / name for name in content["names"]]
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if self._process is None:
+            return
+        if kind is not None:
+            self._process.kill()
+        with self._process:  # closes its input, at which it ends
+            pass
+
+
+def main() -> None:
+    """Import matplotlib, wait for a request on standard input, draw, and answer on standard output."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)  # Ctrl-C ends it without a traceback
+    parent = os.getppid()
+    gc.disable()  # it lives as long as one set of figures
+    _warm_up()
+    line = sys.stdin.readline()
+    if not line:
+        return
+    request = json.loads(line)
+    try:
+        names = []
+        for name in _draw(Path(request["result"]), Path(request["folder"]), request["formats"]):
+            if os.getppid() != parent:
+                return
+            names += name
+        answer = {"names": names}
+    except InputError as error:
+        answer = {"error": str(error)}
+    print(json.dumps(answer), flush=True)
+
+
+def _draw(result: Path, folder: Path, formats: Sequence[str]) -> Iterator[list[str]]:
+    """Draw all figures of a result; the file names of each."""
+    from edl_filter.report.figures import available
+    from edl_filter.results.reader import ResultReader
+
+    with ResultReader.open(result) as reader:
+        names = available(reader)
+    tasks = [(result, name, folder, tuple(formats)) for name in names]
+    count = min(len(names), _cores())
+    if count < 2 or sys.platform == "darwin" or "fork" not in multiprocessing.get_all_start_methods():
+        yield from map(_draw_one, tasks)
+        return
+    gc.freeze()
+    with multiprocessing.get_context("fork").Pool(count) as pool:
+        yield from pool.imap(_draw_one, tasks)
+
+
+def _draw_one(task: tuple[Path, str, Path, tuple[str, ...]]) -> list[str]:
+    from edl_filter.report.figures import draw_figure
+
+    result, name, folder, formats = task
+    return [path.name for path in draw_figure(_reader(result), name, folder, formats)]
+
+
+@cache
+def _reader(result: Path) -> ResultReader:
+    """Reader of a result, one for each process: open files are not shared."""
+    from edl_filter.results.reader import ResultReader
+
+    return ResultReader.open(result)
+
+
+def _cores() -> int:
+    """Number of cores that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def _warm_up() -> None:
+    """Load matplotlib, its fonts and all descriptions."""
+    import edl_filter.report.figures  # noqa: F401
+    from edl_filter.report.description import Axis, Figure, Panel
+    from edl_filter.report.matplotlib_renderer import draw
+
+    panel = Panel(Axis("time", "s", range=(0.0, 1.0)), Axis("q", "Pa", "log", range=(1.0, 10.0)), ())
+    draw(Figure("", ((panel,),), (4.0,))).savefig(BytesIO(), format="png")
+
+
+if __name__ == "__main__":
+    main()
