@@ -129,9 +129,9 @@ def figures(
     folder = result.parent if result.suffix == ".nc" else result
     if not folder.is_dir():
         raise InputError(f"{folder}: no such folder; expected the one that 'edl-filter run' writes.")
-    with output_folder(folder), interrupted("The figures that were complete are kept."):
-        with progress("Drawing figures", quiet=as_json):
-            paths = draw_figures(folder, kinds)
+    kept = "The figures that were complete are kept."
+    with output_folder(folder), interrupted(kept), progress("Drawing figures", quiet=as_json):
+        paths = draw_figures(folder, kinds)
     if as_json:
         print_json({"figures": [str(path) for path in paths]})
     else:

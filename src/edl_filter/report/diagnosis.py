@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 from itertools import pairwise
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -46,6 +46,9 @@ from edl_filter.results.schema import DiagnosisContent, LedgerLine, LedgerStep
 from edl_filter.results.schema.diagnosis import LatentContent, MapCell, OnsetContent
 from edl_filter.results.schema.ledger import ErrorChange
 from edl_filter.types import Array
+
+if TYPE_CHECKING:
+    from xarray import DataArray
 
 #: Linear part of the axis of gains, nats.
 _LINEAR_NATS = 10.0

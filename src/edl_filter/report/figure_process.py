@@ -16,6 +16,7 @@ import signal
 import subprocess
 import sys
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from functools import cache
 from io import BytesIO
 from pathlib import Path
@@ -106,7 +107,7 @@ class FigureProcess:
             return
         if kind is not None:
             self._process.kill()
-        with self._process:  # closes its input, at which it ends
+        with suppress(OSError), self._process:  # closes its input, at which it ends
             pass
 
 
@@ -126,7 +127,7 @@ def main() -> None:
             if os.getppid() != parent:
                 return
             names += name
-        answer = {"names": names}
+        answer: dict[str, object] = {"names": names}
     except InputError as error:
         answer = {"error": str(error)}
     print(json.dumps(answer), flush=True)

@@ -5,10 +5,10 @@ files, and these files read again.
 
 Read in this order: `derived` and `result` (what a result consists of), `content` with `estimates`, `effects` and
 `postflight` (groups and variables of ``result.nc``), `groups`, `hdf5` and `netcdf` (the file), `summary` and `schema`
-(``summary.json``, ``diagnosis.json`` and the ledger, with every key), `plain` (values that JSON
-accepts), `files` (names of all files), `reader` (one access to all that a result holds), `reopen` (a result
-opened for further work). xarray is imported only where a DataTree is made, and each public name when it is first used: names of files, schemas and
-the reader need neither filter nor telemetry.
+(``summary.json``, ``diagnosis.json`` and the ledger, with every key), `plain` (values that JSON accepts), `files`
+(names of all files), `reader` (one access to all that a result holds), `reopen` (a result opened for further work).
+xarray is imported only where a DataTree is made, and each public name when it is first used: names of files, schemas
+and the reader need neither filter nor telemetry.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """The plotting library of the pages: one file that the reports of a folder share, or a part of the page.
 
-A browser that opens ``report.html`` loads ``plotly.min.js`` from the page's folder or from the folder above, so that the
-results of one study need it once; no network is needed. `with_bundle` puts it into the page itself, which is then one
-file.
+A browser that opens ``report.html`` loads ``plotly.min.js`` from the page's folder or from the folder above, so that
+the results of one study need it once; no network is needed. `with_bundle` puts it into the page itself, which is then
+one file.
 """
 
 from __future__ import annotations
