@@ -215,13 +215,18 @@ def _reconstruct(
             result = run_mission(mission, refit, report_step)
         with progress("Writing results", quiet=as_json):
             outputs = write_outputs(result, folder, drawn, formats, process)
+        if not as_json:  # the result, while the figures are still being drawn
+            from edl_filter.report.terminal.run import print_run
+
+            print_run(outputs)
+        if process is not None:
+            with progress("Drawing figures", quiet=as_json):
+                outputs["figures"] = process.wait()
     if as_json:
         paths = {k: str(outputs[k]) for k in ("result", "report")} | {"figures": [str(p) for p in outputs["figures"]]}
         print_json(outputs["content"] | {"outputs": paths})
-    else:
-        from edl_filter.report.terminal.run import print_run
-
-        print_run(outputs)
+    elif outputs["figures"]:
+        typer.echo(f"Figures: {outputs['figures'][0].parent} ({len(outputs['figures'])} files)")
     return outputs
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
-from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -57,7 +56,7 @@ def write_outputs(
     formats : sequence of str
         Formats of the figures, of `results.files.FIGURE_FORMATS`.
     process : FigureProcess, optional
-        Draws the figures, where it has been started already; without it one is started.
+        Begins to draw the figures, and the caller waits for it (``process.wait()``); the returned mapping has none.
 
     Returns
     -------
@@ -95,7 +94,10 @@ def write_outputs(
         return written | {"report": write_report(directory), "figures": []}
     from edl_filter.report.figure_process import FigureProcess
 
-    with nullcontext(process) if process is not None else FigureProcess() as drawing:
+    if process is not None:
+        process.start(directory, directory / FIGURES, formats)
+        return written | {"report": write_report(directory), "figures": []}
+    with FigureProcess() as drawing:
         drawing.start(directory, directory / FIGURES, formats)
         return written | {"report": write_report(directory), "figures": drawing.wait()}
 
