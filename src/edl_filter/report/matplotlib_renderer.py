@@ -361,7 +361,7 @@ def _label_events(panel: Panel, axes: Axes) -> int:
     widths = [_CHARACTER * EVENT_SIZE * len(label) for label in labels]
     positions = place_labels(marks, widths, span)
     above: dict[str, Any] = {
-        "xycoords": ("data", "axes fraction"), "textcoords": "offset points", "annotation_clip": False,
+        "xycoords": ("data", "axes fraction"), "textcoords": "offset points", "annotation_clip": True,
     }  # fmt: skip
     for label, time, mark, width, position in zip(labels, events.values(), marks, widths, positions, strict=True):
         base = position.row * EVENT_PITCH + 3.0

@@ -158,6 +158,15 @@ def test_a_hypothesis_has_size_sigma_unit_and_what_it_is_confused_with(tmp_path)
         assert part in text
 
 
+def test_only_effects_that_gain_are_offered_with_the_file_that_defines_them(tmp_path):
+    folders.complete_run(tmp_path)
+    ranking = [hypothesis(effect="jet", label="jet"), hypothesis(effect="mass", label="mass", gain=-78.3)]
+    folders.diagnosis(tmp_path, ranking=ranking, own_effects={"jet": "my jet.py"})
+    text = body(page(tmp_path))
+    assert text.count(f"edl-filter add MISSION jet --from {tmp_path} --file &#39;my jet.py&#39;") == 2
+    assert "edl-filter add MISSION mass" not in text and "−78.3" in text
+
+
 def test_the_command_for_a_sensor_effect_names_its_imu(tmp_path):
     folders.complete_run(tmp_path)
     folders.diagnosis(

@@ -154,10 +154,13 @@ def hypotheses(reader: ResultReader) -> Section:
         )
     if diagnosis.ranking:
         mission, folder = quote(mission_argument(reader)), quote(str(reader.folder))
-        blocks += [_ranking(diagnosis), Note("To add one of them:")]
-        for h in diagnosis.ranking:
-            imu = f" --imu {quote(h.imu)}" if h.imu else ""
-            blocks.append(Command(f"edl-filter add {mission} {quote(h.effect)} --from {folder}{imu}"))
+        blocks.append(_ranking(diagnosis))
+        gaining = [h for h in diagnosis.ranking if h.gain is not None and h.gain > 0.0]
+        if gaining:
+            blocks.append(Note("To add one of them:"))
+        for h in gaining:
+            options = (f" --imu {quote(h.imu)}" if h.imu else "") + diagnosis.file_option(h.effect)
+            blocks.append(Command(f"edl-filter add {mission} {quote(h.effect)} --from {folder}{options}"))
     else:
         blocks.append(Note("No effect of the catalogue gains enough to be refitted."))
     blocks += [
