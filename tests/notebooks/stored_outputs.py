@@ -8,7 +8,7 @@ import re
 from PIL import Image
 
 #: Widest picture, pixels, and number of its colours.
-WIDTH, COLOURS = 760, 48
+WIDTH, COLOURS = 760, 128
 #: Relative difference of numbers that count as equal: another machine rounds otherwise, iterations stop elsewhere.
 RELATIVE = 0.02
 #: A number in a text: with digits after the point, or with an exponent.
@@ -21,7 +21,8 @@ def small_picture(png):
     if image.width > WIDTH:
         image = image.resize((WIDTH, round(image.height * WIDTH / image.width)), Image.Resampling.LANCZOS)
     buffer = io.BytesIO()
-    image.quantize(COLOURS, dither=Image.Dither.NONE).save(buffer, "png", optimize=True)
+    palette = image.quantize(COLOURS, Image.Quantize.FASTOCTREE, dither=Image.Dither.NONE)
+    palette.save(buffer, "png", optimize=True)
     return base64.b64encode(buffer.getvalue()).decode()
 
 
@@ -38,6 +39,8 @@ def to_store(notebook):
                 output.metadata = {}
                 if "image/png" in output.data:
                     output.data = {"image/png": small_picture(output.data["image/png"])}
+                elif "text/html" in output.data:  # the representation as text may be long, and is not displayed
+                    output.data = {"text/html": output.data["text/html"]}
             if output.output_type == "execute_result":
                 output.execution_count = k + 1
             if outputs and output.output_type == "stream" and outputs[-1].output_type == "stream":
@@ -50,13 +53,13 @@ def to_store(notebook):
 
 def texts(cell):
     """Texts that a cell of code displays: printed ones, tables, representations."""
-    found = []
+    printed = "".join(o.text for o in cell.outputs if o.output_type == "stream" and o.name == "stdout")
+    found = [printed] if printed else []
     for output in cell.outputs:
-        if output.output_type == "stream" and output.name == "stdout":
-            found.append(output.text)
         data = output.get("data", {})
-        if "text/html" in data and "xr-" not in data["text/html"]:
-            found.append(html.unescape(re.sub(r"<style.*?</style>|<[^>]+>", " ", data["text/html"], flags=re.S)))
+        if "text/html" in data:
+            if "xr-" not in data["text/html"]:  # the table of an xarray object, whose identifiers are random
+                found.append(html.unescape(re.sub(r"<style.*?</style>|<[^>]+>", " ", data["text/html"], flags=re.S)))
         elif "text/plain" in data and "image/png" not in data:
             found.append(data["text/plain"])
     return found

@@ -95,9 +95,8 @@ class TestAsKept:
                 assert len(output.get("data", {}).get("image/png", "")) < 1.5e5
 
     def test_outputs_name_no_path_of_a_machine(self, path):
-        for cell in codes(read(path)):
-            for text in stored_outputs.texts(cell):
-                assert not re.search(r"(?<![\w.:/])/(?:tmp|home|root|work|Users)/", text), text
+        found = re.search(r".{0,40}(?<![\w.:/])/(?:tmp|home|root|work|Users)/.{0,40}", path.read_text())
+        assert found is None, found[0]
 
     def test_ids_are_stable(self, path):
         ids = [cell.id for cell in read(path).cells]

@@ -6,6 +6,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import pairwise
+from pathlib import Path
 from shlex import quote
 
 from edl_filter.errors import InputError
@@ -129,16 +130,15 @@ def diagnose_command(reader: ResultReader) -> str:
 
 def mission_argument(reader: ResultReader) -> str:
     """The mission of a result as an argument of a command; ``MISSION`` if its file is not accessible."""
-    from edl_filter.mission.files import matches_file, mission_argument
-    from edl_filter.results.reopen import reopen
+    from edl_filter.mission.files import file_argument, file_has_text
 
     assert reader.folder is not None
+    file, text = reader.attribute("", "mission_file"), str(reader.attribute("", "mission_yaml", ""))
     try:
-        mission = reopen(reader.folder).mission
-    except InputError:
+        if file is not None and file_has_text(Path(str(file)), text):
+            return file_argument(Path(str(file)))
+    except InputError:  # it can no longer be read
         return _UNKNOWN_MISSION
-    if matches_file(mission):
-        return mission_argument(mission)
     as_run = reader.folder / AS_RUN
     return str(as_run) if as_run.is_file() else _UNKNOWN_MISSION
 
