@@ -15,13 +15,13 @@ import os
 import signal
 import subprocess
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
 from functools import cache
 from io import BytesIO
 from pathlib import Path
 from types import TracebackType
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from edl_filter.errors import InputError
 
@@ -45,6 +45,8 @@ class FigureProcess:
         self._process: subprocess.Popen[str] | None = None
 
     def __enter__(self) -> FigureProcess:
+        if not sys.executable:  # Python is part of another program
+            return self
         command = [sys.executable, "-m", __name__]
         try:
             self._process = subprocess.Popen(
@@ -114,7 +116,6 @@ class FigureProcess:
 def main() -> None:
     """Import matplotlib, wait for a request on standard input, draw, and answer on standard output."""
     signal.signal(signal.SIGINT, signal.SIG_DFL)  # Ctrl-C ends it without a traceback
-    parent = os.getppid()
     gc.disable()  # it lives as long as one set of figures
     _warm_up()
     line = sys.stdin.readline()
@@ -122,39 +123,72 @@ def main() -> None:
         return
     request = json.loads(line)
     try:
-        names = []
-        for name in _draw(Path(request["result"]), Path(request["folder"]), request["formats"]):
-            if os.getppid() != parent:
-                return
-            names += name
-        answer: dict[str, object] = {"names": names}
+        answer: dict[str, object] = {
+            "names": _draw(Path(request["result"]), Path(request["folder"]), request["formats"])
+        }
     except InputError as error:
         answer = {"error": str(error)}
     print(json.dumps(answer), flush=True)
 
 
-def _draw(result: Path, folder: Path, formats: Sequence[str]) -> Iterator[list[str]]:
-    """Draw all figures of a result; the file names of each."""
+def _draw(result: Path, folder: Path, formats: Sequence[str]) -> list[str]:
+    """Draw all figures of a result; their file names."""
     from edl_filter.report.figures import available
     from edl_filter.results.reader import ResultReader
 
     with ResultReader.open(result) as reader:
-        names = available(reader)
-    tasks = [(result, name, folder, tuple(formats)) for name in names]
-    count = min(len(names), _cores())
+        tasks = [_Task(result, name, folder, tuple(formats)) for name in available(reader)]
+    count = min(len(tasks), _cores())
     if count < 2 or sys.platform == "darwin" or "fork" not in multiprocessing.get_all_start_methods():
-        yield from map(_draw_one, tasks)
-        return
+        return [name for task in tasks for name in _draw_one(task)]
+    context = multiprocessing.get_context("fork")
+    following = context.Value("i", 0)
     gc.freeze()
-    with multiprocessing.get_context("fork").Pool(count) as pool:
-        yield from pool.imap(_draw_one, tasks)
+    receivers = []
+    for _ in range(count):
+        receiver, sender = context.Pipe(duplex=False)
+        context.Process(target=_draw_share, args=(tasks, following, sender, os.getpid()), daemon=True).start()
+        sender.close()
+        receivers.append(receiver)
+    drawn: dict[int, list[str]] = {}
+    for receiver in receivers:
+        share = receiver.recv()
+        if isinstance(share, str):
+            raise InputError(share)
+        drawn |= share
+    return [name for k in sorted(drawn) for name in drawn[k]]
 
 
-def _draw_one(task: tuple[Path, str, Path, tuple[str, ...]]) -> list[str]:
+def _draw_share(tasks: Sequence[_Task], following: Any, sender: Any, parent: int) -> None:
+    """Draw the next of the tasks until none is left; send the file names by index, or the message of an InputError."""
+    drawn = {}
+    try:
+        while os.getppid() == parent:  # it ends with the process that started it
+            with following.get_lock():
+                k = following.value
+                following.value += 1
+            if k >= len(tasks):
+                break
+            drawn[k] = _draw_one(tasks[k])
+        sender.send(drawn)
+    except InputError as error:
+        sender.send(str(error))
+
+
+class _Task(NamedTuple):
+    """One figure to draw: folder of the result, name, folder of the figures, formats."""
+
+    result: Path
+    name: str
+    folder: Path
+    formats: tuple[str, ...]
+
+
+def _draw_one(task: _Task) -> list[str]:
     from edl_filter.report.figures import draw_figure
 
-    result, name, folder, formats = task
-    return [path.name for path in draw_figure(_reader(result), name, folder, formats)]
+    paths = draw_figure(_reader(task.result), task.name, task.folder, task.formats)
+    return [path.name for path in paths]
 
 
 @cache
