@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import gc
 import json
-import multiprocessing
 import os
 import signal
 import subprocess
@@ -133,6 +132,8 @@ def main() -> None:
 
 def _draw(result: Path, folder: Path, formats: Sequence[str]) -> list[str]:
     """Draw all figures of a result; their file names."""
+    import multiprocessing
+
     from edl_filter.report.figures import available
     from edl_filter.results.reader import ResultReader
 
