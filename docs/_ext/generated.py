@@ -13,6 +13,7 @@ from command_pages import commands_text
 from effect_pages import effects_text
 from file_pages import build_finished, file_text
 from mission_keys import keys_text
+from notebook_pages import notebook_text
 
 if TYPE_CHECKING:  # the tests use this without Sphinx
     from sphinx.application import Sphinx
@@ -37,6 +38,7 @@ KINDS: dict[str, Callable[[str], str]] = {
     "effects": effects_text,
     "file": file_text,
     "mission": _mission,
+    "notebook": notebook_text,
     "scenario": _scenario,
 }
 

@@ -17,7 +17,13 @@ EXAMPLES = Path(__file__).parents[2] / "docs" / "examples"
 def test_run_writes_files_and_prints_a_summary(cli):
     result = cli("run", "builtin:practice_mer", "-o", "out", "--no-figures")
     assert result.exit_code == 0, result.output
-    assert {p.name for p in Path("out").iterdir()} == {"result.nc", "summary.json", "report.html", "tables"}
+    assert {p.name for p in Path("out").iterdir()} == {
+        "result.nc",
+        "summary.json",
+        "report.html",
+        "plotly.min.js",
+        "tables",
+    }
     for part in ("parachute deploy", "rest gravity", "Entry state: moved by", "result.nc", "Peak deceleration"):
         assert part in result.stdout
     assert "\x1b" not in result.output
@@ -31,6 +37,22 @@ def test_run_json_prints_one_object(cli):
     assert summary == json.loads(Path("out/summary.json").read_text())
     assert Path(outputs["result"]).is_file()
     assert Path(outputs["report"]).is_file()
+
+
+def test_figures_on_demand(cli, practice_06):
+    write_outputs(Result(practice_06), "out", figures=False)
+    result = cli("figures", "out", "--format", "svg,pdf")
+    assert result.exit_code == 0, result.output
+    names = {p.name for p in Path("out/figures").iterdir()}
+    assert {"altitude_velocity.svg", "altitude_velocity.pdf", "force_coefficients.svg"} <= names
+    assert not any(name.endswith(".png") for name in names)
+    assert f"({len(names)} files)" in result.stdout
+
+
+def test_figures_need_a_result(cli):
+    assert_input_error(cli("figures", "nowhere"), "nowhere", "edl-filter run")
+    Path("empty").mkdir()
+    assert_input_error(cli("figures", "empty"), "result.nc")
 
 
 def test_set_changes_the_mission(cli):
@@ -273,12 +295,13 @@ def test_an_interrupted_run_says_what_it_has_kept(cli, monkeypatch):
     assert not Path("out").exists()
 
 
-def test_figures_have_the_stated_formats(cli, tmp_path, monkeypatch):
-    monkeypatch.setattr("edl_filter.report.figures.available", lambda reader: ["altitude_velocity"])
+def test_figures_have_the_stated_formats(cli):
     result = cli("run", "builtin:practice_mer", "-o", "out", "--format", "svg, pdf")
     assert result.exit_code == 0, result.output
     figures = Path("out/figures")
-    assert {p.name for p in figures.iterdir()} == {"altitude_velocity.svg", "altitude_velocity.pdf"}
+    stems = [{p.stem for p in figures.glob(f"*.{kind}")} for kind in ("svg", "pdf")]
+    assert stems[0] == stems[1] and "altitude_velocity" in stems[0]
+    assert len(list(figures.iterdir())) == 2 * len(stems[0])
     result = cli("run", "builtin:practice_mer", "-o", "out", "--no-figures")
     assert result.exit_code == 0 and not figures.exists()  # those of the earlier run are removed
     refused = cli("run", "builtin:practice_mer", "--format", "png,gif")

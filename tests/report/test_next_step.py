@@ -8,8 +8,8 @@ from edl_filter.report.next_step import NextStep, next_step
 from edl_filter.results.schema import DiagnosisContent
 
 
-def step(mission="m.yaml", folder="out", file=None, **changes):
-    return next_step(DiagnosisContent.of(contents.diagnosis(**changes)), mission, Path(folder), file)
+def step(mission="m.yaml", folder="out", **changes):
+    return next_step(DiagnosisContent.of(contents.diagnosis(**changes)), mission, Path(folder))
 
 
 def test_a_missing_effect_is_added_and_refitted():
@@ -23,9 +23,10 @@ def test_a_missing_effect_is_added_and_refitted():
 
 def test_a_shipped_mission_an_imu_and_a_file_of_effects_are_in_the_commands():
     first = contents.hypothesis(imu="second imu")
-    add, run = step("builtin:mer_a", "my results/a", Path("my_effect.py"), ranking=[first]).commands
+    own = {"remnant_torque": "my effect.py"}
+    add, run = step("builtin:mer_a", "my results/a", ranking=[first], own_effects=own).commands
     assert add == (
-        "edl-filter add builtin:mer_a remnant_torque --from 'my results/a' --imu 'second imu' --file my_effect.py"
+        "edl-filter add builtin:mer_a remnant_torque --from 'my results/a' --imu 'second imu' --file 'my effect.py'"
     )
     assert run == "edl-filter run mer_a+remnant_torque.yaml -o 'my results/a+remnant_torque'"
 

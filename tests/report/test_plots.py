@@ -43,6 +43,13 @@ def test_figures_give_arrays_of_axes(flight):
     assert flight.plot.coefficients("moments").shape == (4,)
 
 
+def test_labels_of_events_beyond_the_axes_need_no_room(flight):
+    ax = flight.plot.velocity()
+    width = ax.figure.get_tightbbox().width
+    ax.set_xlim(190.0, 250.0)
+    assert ax.figure.get_tightbbox().width < 1.1 * width
+
+
 def test_a_panel_draws_on_axes_that_are_given(flight, diagnosis):
     _, (left_axes, right_axes) = plt.subplots(1, 2)
     assert (

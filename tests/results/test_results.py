@@ -265,23 +265,43 @@ def test_old_figures_do_not_stay_beside_a_new_result(practice_06, tmp_path):
     assert {p.name for p in figures.iterdir()} == {"mine.png"}
     (figures / "mine.png").rename(figures / "leave_one_out.png")
     write_outputs(Result(practice_06), tmp_path, figures=False)
-    assert {p.name for p in tmp_path.iterdir()} == {"result.nc", "summary.json", "report.html", "tables"}
+    assert {p.name for p in tmp_path.iterdir()} == {
+        "result.nc",
+        "summary.json",
+        "report.html",
+        "plotly.min.js",
+        "tables",
+    }
 
 
-def test_a_failed_drawing_leaves_the_earlier_run(practice_06, tmp_path, monkeypatch):
+def test_a_failed_writing_leaves_the_earlier_run(practice_06, tmp_path, monkeypatch):
     (tmp_path / "figures").mkdir()
     old = [tmp_path / name for name in ("result.nc", "summary.json", "figures/leave_one_out.png")]
     for path in old:
         path.write_text("old")
 
     def broken(*_):
-        raise RuntimeError("no font")
+        raise RuntimeError("no tables")
 
-    monkeypatch.setattr("edl_filter.report.figures.draw_all", broken)
-    with pytest.raises(RuntimeError, match="no font"):
+    monkeypatch.setattr("edl_filter.results.postflight.tables", broken)
+    with pytest.raises(RuntimeError, match="no tables"):
         write_outputs(Result(practice_06), tmp_path, figures=True)
     assert {p for p in tmp_path.rglob("*") if p.is_file()} == set(old)
     assert {p.read_text() for p in old} == {"old"}
+
+
+def test_the_result_is_complete_before_the_figures(practice_06, tmp_path, monkeypatch):
+    complete = []
+
+    def broken(self):
+        complete.extend(sorted(p.name for p in tmp_path.iterdir()))
+        raise RuntimeError("no font")
+
+    monkeypatch.setattr("edl_filter.report.figure_process.FigureProcess.wait", broken)
+    with pytest.raises(RuntimeError, match="no font"):
+        write_outputs(Result(practice_06), tmp_path, figures=True)
+    assert {"plotly.min.js", "report.html", "result.nc", "summary.json", "tables"} <= set(complete)
+    assert results.read(tmp_path).attrs["mission"] == "practice_mer"
 
 
 def test_what_is_not_finite_becomes_null():

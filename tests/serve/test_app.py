@@ -5,6 +5,8 @@ import time
 
 import pytest
 
+from edl_filter.report.html.bundle import with_bundle
+
 
 def wait_for_job(client):
     for _ in range(600):
@@ -83,7 +85,8 @@ def test_warnings_about_trust_come_first(client, root):
 
 def test_the_report_is_in_a_sandbox(client, root):
     report = client.get("/report", params={"path": "results/flight"})
-    assert report.text == (root / "results/flight/report.html").read_text()
+    assert report.text == with_bundle((root / "results/flight/report.html").read_text())
+    assert "plotly.js v" in report.text
     policies = report.headers.get_list("content-security-policy")
     assert len(policies) == 1 and "sandbox allow-scripts" in policies[0] and "allow-same-origin" not in policies[0]
     assert report.headers["x-content-type-options"] == "nosniff"

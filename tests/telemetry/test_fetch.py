@@ -6,6 +6,7 @@ import socket
 import threading
 from functools import partial
 from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
+from pathlib import Path
 
 import pytest
 
@@ -93,6 +94,11 @@ def test_missing_file_and_unreachable_server_raise(volume, serve):
         fetch.fetch_mer_imu(f"http://127.0.0.1:{port}/volume")
 
 
+def test_only_web_addresses_are_read(volume):
+    with pytest.raises(InputError, match=r"file:///etc/AAREADME\.txt: expected an address that begins with https"):
+        fetch.fetch_mer_imu("file:///etc")
+
+
 def test_search_order_of_the_folders(volume, tmp_path, monkeypatch):
     assert fetch.find_mer_imu(2) is None
     cache = tmp_path / "cache" / "mer_imu"
@@ -145,7 +151,11 @@ def test_what_is_there_is_recognised_by_its_checksums(volume, serve, tmp_path):
 
 def test_default_cache_is_the_systems(monkeypatch):
     monkeypatch.delenv("EDL_FILTER_CACHE", raising=False)
-    assert "edl-filter" in str(fetch.cache_folder())
+    monkeypatch.setattr("sys.platform", "linux")
+    monkeypatch.setenv("XDG_CACHE_HOME", "/a cache")
+    assert fetch.cache_folder() == Path("/a cache/edl-filter")
+    monkeypatch.delenv("XDG_CACHE_HOME")
+    assert fetch.cache_folder() == Path.home() / ".cache" / "edl-filter"
 
 
 def test_real_files_have_the_registered_checksums(mer_originals, serve, tmp_path):

@@ -15,8 +15,8 @@ from typing import Literal, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.interpolate import PchipInterpolator
 
+from edl_filter.aero.pchip import pchip_coefficients
 from edl_filter.types import Array, BoolArray
 
 Kind = Literal["mach", "knudsen"]
@@ -199,7 +199,8 @@ class GridTable(Table):
             mirror = np.array([1.0, -1.0, -1.0])[:, None, None] * values[:, :, ::-1][:, :, : len(self.alpha) - start]
             angles = np.concatenate([-self.alpha[::-1][: len(self.alpha) - start], self.alpha])
             mirrored = np.concatenate([mirror, values], axis=2)
-            c = PchipInterpolator(angles, mirrored, axis=2).c[:, -(len(self.alpha) - 1) :]  # (4, A−1, 3, M)
+            by_angle = np.moveaxis(mirrored, 2, 0)  # (angles, 3, M)
+            c = pchip_coefficients(angles, by_angle)[:, -(len(self.alpha) - 1) :]  # (4, A−1, 3, M)
         else:
             slope = np.diff(values, axis=2) / np.diff(self.alpha)
             c = np.moveaxis(np.stack([slope, values[:, :, :-1]]), 3, 1)  # (2, A−1, 3, M)

@@ -14,9 +14,9 @@ from functools import cached_property, lru_cache
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.interpolate import PchipInterpolator
 
 from edl_filter.aero.grid import Table, Weights, within
+from edl_filter.aero.pchip import pchip_coefficients, piecewise_cubic
 from edl_filter.io.csv_table import package_data, read_rows
 from edl_filter.types import Array, BoolArray
 
@@ -56,11 +56,13 @@ class Surrogate(Table):
     def at(self, x: ArrayLike) -> SurrogateSlice:
         """Slice at Mach numbers (N,)."""
         x = np.asarray(x, float)
-        return SurrogateSlice(self._interpolator(np.clip(x, self.mach[0], self.mach[-1])), ~within(x, self.mach))
+        clipped = np.clip(x, self.mach[0], self.mach[-1])
+        return SurrogateSlice(piecewise_cubic(self.mach, self._pieces, clipped), ~within(x, self.mach))
 
     @cached_property
-    def _interpolator(self) -> PchipInterpolator:
-        return PchipInterpolator(self.mach, self.coefficients)
+    def _pieces(self) -> Array:
+        """Polynomials (4, M - 1, 9) between the Mach numbers."""
+        return pchip_coefficients(self.mach, self.coefficients)
 
 
 @dataclass(frozen=True, eq=False)

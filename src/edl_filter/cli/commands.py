@@ -12,7 +12,7 @@ from edl_filter._version import __version__
 from edl_filter.cli._base import Commands, announce_code
 from edl_filter.cli.diagnosis import add, compare, diagnose, effects, identifiability, improve, serve
 from edl_filter.cli.flight_data import convert, export, fetch, simulate
-from edl_filter.cli.reconstruction import demo, missions, new, run, validate
+from edl_filter.cli.reconstruction import demo, figures, missions, new, run, validate
 
 app = typer.Typer(
     cls=Commands,
@@ -65,6 +65,7 @@ _EXAMPLES: dict[Callable[..., None], str] = {
     validate: "edl-filter validate missions/mer_a.yaml",
     convert: "edl-filter convert imu_log.csv --spec imu_log.spec.yaml -o flight.h5",
     simulate: "edl-filter simulate missions/scenarios/mer.yaml -o flight.h5 --seed 7",
+    figures: "edl-filter figures results/mer_a --format svg,pdf",
     export: "edl-filter export results/mer_a --to csv -o spirit.csv",
     fetch: "edl-filter fetch mer-imu",
     effects: "edl-filter effects remnant_torque",

@@ -29,6 +29,9 @@ DryRunOption = Annotated[
 ResultArgument = Annotated[Path, typer.Argument(help="result.nc, or the folder that contains it.")]
 ResultFolderOption = Annotated[Path | None, typer.Option("-o", "--output", help="Folder of the results.")]
 FlightFileOption = Annotated[Path, typer.Option("-o", "--output", help="Flight file to write.")]
+FormatsOption = Annotated[
+    str, typer.Option("--format", metavar="LIST", help="Formats of the figures: png, svg, pdf, with commas.")
+]
 ForceOption = Annotated[bool, typer.Option("--force", help="Replace an existing file.")]
 OverridesOption = Annotated[
     list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Change a key of the mission.")

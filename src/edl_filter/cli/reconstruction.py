@@ -11,9 +11,11 @@ from edl_filter.cli._base import exit_with_trust, interrupted, print_file_plan, 
 from edl_filter.cli.options import (
     DryRunOption,
     ForceOption,
+    FormatsOption,
     JsonOption,
     MissionArgument,
     OverridesOption,
+    ResultArgument,
     ResultFolderOption,
     mission_names,
 )
@@ -30,9 +32,7 @@ def run(
     output: ResultFolderOption = None,
     changes: OverridesOption = None,
     no_figures: Annotated[bool, typer.Option("--no-figures", help="Draw no figures.")] = False,
-    formats: Annotated[
-        str, typer.Option("--format", metavar="LIST", help="Formats of the figures: png, svg, pdf, with commas.")
-    ] = "png",
+    formats: FormatsOption = "png",
     no_refit: Annotated[
         bool, typer.Option("--no-refit", help="Keep effects at their stated values; compare nothing with a prediction.")
     ] = False,
@@ -116,6 +116,28 @@ def missions(as_json: JsonOption = False) -> None:
         typer.echo(f"  {BUILTIN + name}")
 
 
+def figures(
+    result: ResultArgument,
+    formats: FormatsOption = "png",
+    as_json: JsonOption = False,
+) -> None:
+    """Draw the figures of a result, and of its diagnosis if there is one, into its folder figures."""
+    from edl_filter.io.output_folder import output_folder
+    from edl_filter.workflow.draw_figures import draw_figures
+
+    kinds = _figure_formats(formats)
+    folder = result.parent if result.suffix == ".nc" else result
+    if not folder.is_dir():
+        raise InputError(f"{folder}: no such folder; expected the one that 'edl-filter run' writes.")
+    kept = "The figures that were complete are kept."
+    with output_folder(folder), interrupted(kept), progress("Drawing figures", quiet=as_json):
+        paths = draw_figures(folder, kinds)
+    if as_json:
+        print_json({"figures": [str(path) for path in paths]})
+    else:
+        typer.echo(f"Figures: {folder / 'figures'} ({len(paths)} files)")
+
+
 def validate(
     path: Annotated[str, typer.Argument(help="Mission file (checked with its telemetry and tables), or flight file.")],
     changes: OverridesOption = None,
@@ -165,11 +187,25 @@ def _reconstruct(
     formats: tuple[str, ...] = ("png",),
 ) -> dict[str, Any]:
     """Reconstruct a mission, write the outputs and print the summary; returns the paths of the outputs."""
+    from contextlib import nullcontext
+
     from edl_filter.io.output_folder import output_folder
-    from edl_filter.workflow.run import check_output_names, earlier_outputs, run_mission, write_outputs
+    from edl_filter.report.figure_process import FigureProcess
 
     folder = output or mission.output_directory()
-    with output_folder(folder), interrupted(f"Nothing was written; what {folder} held before is unchanged."):
+    drawn = figures and mission.outputs.figures
+    written_before = _written_at(folder)
+
+    def kept() -> str:
+        """What an interrupted run leaves."""
+        if _written_at(folder) == written_before:
+            return f"Nothing was written; what {folder} held before is unchanged."
+        return f"The result is complete; its report or figures may be missing: edl-filter figures {folder}"
+
+    # matplotlib is imported in a process of its own while the mission is reconstructed
+    with output_folder(folder), interrupted(kept), FigureProcess() if drawn else nullcontext() as process:
+        from edl_filter.workflow.run import check_output_names, earlier_outputs, run_mission, write_outputs
+
         check_output_names(folder)
         if not as_json:
             for sentence in earlier_outputs(folder):
@@ -177,12 +213,25 @@ def _reconstruct(
         with progress(f"Reconstructing {mission.title or mission.name}", quiet=as_json) as report_step:
             result = run_mission(mission, refit, report_step)
         with progress("Writing results", quiet=as_json):
-            outputs = write_outputs(result, folder, figures and mission.outputs.figures, formats)
+            outputs = write_outputs(result, folder, drawn, formats, process)
+        if not as_json:  # the result, while the figures are still being drawn
+            from edl_filter.report.terminal.run import print_run
+
+            print_run(outputs)
+        if process is not None:
+            with progress("Drawing figures", quiet=as_json):
+                outputs["figures"] = process.wait()
     if as_json:
         paths = {k: str(outputs[k]) for k in ("result", "report")} | {"figures": [str(p) for p in outputs["figures"]]}
         print_json(outputs["content"] | {"outputs": paths})
-    else:
-        from edl_filter.report.terminal.run import print_run
-
-        print_run(outputs)
+    elif outputs["figures"]:
+        typer.echo(f"Figures: {outputs['figures'][0].parent} ({len(outputs['figures'])} files)")
     return outputs
+
+
+def _written_at(folder: Path) -> int | None:
+    """Time (ns) at which the result in a folder was written; None without one."""
+    from edl_filter.results.files import RESULT
+
+    path = folder / RESULT
+    return path.stat().st_mtime_ns if path.is_file() else None

@@ -15,9 +15,11 @@ from edl_filter.mission.yaml_text import read_text
 
 def mission_argument(mission: Mission) -> str:
     """Name of a mission as argument of a command: its file from the current folder, or ``builtin:NAME``."""
-    source = mission.source
-    if source is None:
-        return mission.name
+    return mission.name if mission.source is None else file_argument(mission.source)
+
+
+def file_argument(source: Path) -> str:
+    """A mission's file as argument of a command: from the current folder, or ``builtin:NAME``."""
     try:
         shipped = shipped_mission(source.stem).resolve() == source.resolve()
     except InputError:  # the package ships no mission of that name
@@ -29,7 +31,12 @@ def mission_argument(mission: Mission) -> str:
 
 def matches_file(mission: Mission) -> bool:
     """Whether the mission's file still has the mission's text, so that a command can name the file."""
-    return mission.source is not None and mission.source.is_file() and read_text(mission.source) == mission.text
+    return mission.source is not None and file_has_text(mission.source, mission.text)
+
+
+def file_has_text(source: Path, text: str) -> bool:
+    """Whether a mission's file exists and still has the text of a result's mission."""
+    return source.is_file() and read_text(source) == text
 
 
 def source_folder(mission: Mission) -> Path:

@@ -20,7 +20,6 @@ from typing import cast
 
 import h5py
 import numpy as np
-from scipy.optimize import minimize_scalar
 
 from edl_filter import rotations
 from edl_filter.effects.base import EffectInstance
@@ -246,6 +245,8 @@ def _estimated_causes(
         grid = np.array(sorted((0.0, *SHIFTS)))
         best = int(np.argmin([cost(float(shift)) for shift in grid]))
         bounds = (grid[max(best - 1, 0)], grid[min(best + 1, len(grid) - 1)])
+        from scipy.optimize import minimize_scalar  # imported on use: few runs look for causes
+
         minimize_scalar(cost, bounds=bounds, method="bounded", options={"xatol": 0.01, "maxiter": 12})
         if values:
             shift = max(values, key=lambda s: values[s])

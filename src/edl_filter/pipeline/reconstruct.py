@@ -186,6 +186,7 @@ def reconstruct(
     effects: Sequence[EffectInstance] | None = None,
     leave_one_out: bool = True,
     recover: bool = True,
+    telemetry: Telemetry | None = None,
 ) -> Reconstruction:
     """Reconstruct an entry.
 
@@ -200,6 +201,8 @@ def reconstruct(
     recover : bool
         Add noise where state and measurements contradict each other (`navigation.recovery`). Without it only samples
         that were lost and filled are tested.
+    telemetry : Telemetry, optional
+        The mission's, where it has been read already (`pipeline.load.read_telemetry`).
 
     Returns
     -------
@@ -211,15 +214,19 @@ def reconstruct(
         The mission's telemetry or tables are missing or invalid.
     """
     with one_blas_thread():  # several threads wait for each other at matrices of this size
-        return _reconstruct(mission, effects, leave_one_out, recover)
+        return _reconstruct(mission, effects, leave_one_out, recover, telemetry)
 
 
 def _reconstruct(
-    mission: Mission, effects: Sequence[EffectInstance] | None, leave_one_out: bool, recover: bool
+    mission: Mission,
+    effects: Sequence[EffectInstance] | None,
+    leave_one_out: bool,
+    recover: bool,
+    telemetry: Telemetry | None,
 ) -> Reconstruction:
     timing: dict[str, float] = {}
     with _timed(timing, "telemetry"):
-        telemetry = read_telemetry(mission)
+        telemetry = read_telemetry(mission) if telemetry is None else telemetry
         atmosphere = read_atmosphere(mission)
         planet = mission.planet_model(telemetry.prime_meridian_at_epoch)
         active = mission.active_effects() if effects is None else tuple(effects)

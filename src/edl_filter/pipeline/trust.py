@@ -110,13 +110,14 @@ def check_record(
     raise InputError(f"{violation.finding} {advice}")
 
 
-def check_mission(mission: Mission) -> None:
-    """Read the telemetry of a mission and check it as `check_record` does."""
+def checked_telemetry(mission: Mission) -> Telemetry | None:
+    """Telemetry of a mission, checked as `check_record` does; None where the mission turns the check off."""
     if not mission.filter.sanity_check:
-        return
+        return None
     telemetry, atmosphere = read_telemetry(mission), read_atmosphere(mission)
     planet = mission.planet_model(telemetry.prime_meridian_at_epoch)
     check_record(mission, telemetry, planet, atmosphere, assemble(mission, telemetry, planet, atmosphere))
+    return telemetry
 
 
 def contradicting(filter_pass: FilterPass) -> dict[str, tuple[int, int]]:

@@ -13,6 +13,7 @@ from edl_filter.errors import InputError
 from edl_filter.planet.gas import Gas
 from edl_filter.postflight.rates import BATCH
 from edl_filter.postflight.windows import Window
+from edl_filter.telemetry.interpolating_spline import interpolating_spline
 from edl_filter.types import Array
 
 
@@ -150,6 +151,6 @@ def at_middles(time: Array, values: Array) -> Array:
     (N - 1, ...) array
         In the unit of `values`.
     """
-    from scipy.interpolate import CubicSpline  # slow to import, and few runs need it
-
-    return CubicSpline(time, values, axis=0)(0.5 * (time[1:] + time[:-1]))
+    degree = 3 if len(time) > 3 else 1
+    at = interpolating_spline(time, values.reshape(len(time), -1), degree, 0.5 * (time[1:] + time[:-1]))
+    return at.reshape(-1, *values.shape[1:])

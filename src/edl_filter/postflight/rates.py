@@ -16,6 +16,7 @@ from edl_filter.errors import InputError
 from edl_filter.telemetry.smoothing import (
     batch_polynomial,
     batch_polynomial_bandwidth,
+    batch_weights,
     differentiated_rates,
     low_pass,
     low_pass_gain,
@@ -229,9 +230,7 @@ def _spread(short: Array, n: int) -> Array:
 
 def _responses(points: int) -> tuple[Array, Array]:
     """Responses of a batch, and of the differentiation with two batches (per sample), at `_FREQUENCY`."""
-    from scipy import signal
-
-    weights = signal.savgol_coeffs(points, _ORDER)
+    weights = batch_weights(points, _ORDER)
     lag = np.arange(points) - points // 2
     batch = np.cos(2.0 * np.pi * np.outer(_FREQUENCY, lag)) @ weights
     # a difference over one sample, and the mean of two neighbouring differences

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy.special import chdtri
 
 from edl_filter.report.description import Axis, Curve, Element, Figure, Line, Panel, Span, Symbol, Text
 from edl_filter.report.text import short, words
@@ -177,6 +176,8 @@ def _constraint_texts(constraint: _Constraint, y: float) -> list[Element]:
     if not np.isfinite(constraint.nis) or constraint.dof < 1:
         return [name]
     tail = 0.5 * (1.0 - PROBABILITY)
+    from scipy.special import chdtri  # imported on use: the import is slow
+
     low, high = (float(v) for v in chdtri(constraint.dof, [1.0 - tail, tail]))
     consistent = low <= constraint.nis <= high
     text = f"{short(constraint.nis)} {'in' if consistent else 'not in'} {short(low)} … {short(high)}"

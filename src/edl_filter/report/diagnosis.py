@@ -6,10 +6,9 @@ import math
 from collections.abc import Mapping, Sequence
 from itertools import pairwise
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from xarray import DataArray
 
 from edl_filter.aero.increments import DatabaseUpdate
 from edl_filter.report.colours import AXES
@@ -29,7 +28,6 @@ from edl_filter.report.description import (
     Symbol,
     Text,
 )  # fmt: skip
-from edl_filter.report.matplotlib_renderer import write_figure
 from edl_filter.report.residual_map import CONSTRAINTS, residual_map
 from edl_filter.report.text import (
     chance,
@@ -46,6 +44,9 @@ from edl_filter.results.schema.diagnosis import LatentContent, MapCell, OnsetCon
 from edl_filter.results.schema.ledger import ErrorChange
 from edl_filter.types import Array
 
+if TYPE_CHECKING:
+    from xarray import DataArray
+
 #: Linear part of the axis of gains, nats.
 _LINEAR_NATS = 10.0
 #: Onsets that are marked over the missing force and moment.
@@ -59,7 +60,11 @@ _DASH: Dash = "dash"
 
 
 def draw_diagnosis(
-    content: DiagnosisContent | Mapping[str, Any], title: str, folder: Path, update: DatabaseUpdate | None = None
+    content: DiagnosisContent | Mapping[str, Any],
+    title: str,
+    folder: Path,
+    update: DatabaseUpdate | None = None,
+    formats: Sequence[str] = ("png",),
 ) -> list[Path]:
     """Write the figures of a diagnosis: `results.files.DIAGNOSIS_FIGURES`, the last two only if there are estimates.
 
@@ -73,6 +78,8 @@ def draw_diagnosis(
         Existing or new folder.
     update : DatabaseUpdate, optional
         Increments of the database.
+    formats : sequence of str
+        Of `results.files.FIGURE_FORMATS`.
     """
     diagnosis = DiagnosisContent.of(content)
     figures = (
@@ -82,7 +89,12 @@ def draw_diagnosis(
         None if diagnosis.latent is None else missing(diagnosis.latent, diagnosis.onsets, title),
     )
     named = zip(figures, DIAGNOSIS_FIGURES, strict=True)
-    return [write_figure(figure, folder / f"{name}.png") for figure, name in named if figure is not None]
+    from edl_filter.report.matplotlib_renderer import write_figure  # imported on use: the page needs no matplotlib
+
+    return [
+        write_figure(figure, folder / f"{name}.{kind}") for figure, name in named if figure is not None
+        for kind in formats
+    ]  # fmt: skip
 
 
 def ranking(content: DiagnosisContent | Mapping[str, Any], title: str) -> Figure:

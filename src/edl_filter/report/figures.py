@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 
 from edl_filter.report import atmosphere, attitude, coefficients, constraints, motion, rotation, track, trajectory
 from edl_filter.report.description import Figure
-from edl_filter.report.matplotlib_renderer import draw, write_canvas
 from edl_filter.results.groups import Group
 from edl_filter.results.reader import ResultReader
 
@@ -123,8 +122,24 @@ def draw_all(
         In the order of `FIGURES`, each in all formats.
     """
     reader = ResultReader.of(result)
-    paths = []
-    for name in available(reader):
-        canvas = draw(FIGURES[name].describe(reader))
-        paths += [write_canvas(canvas, folder / f"{name}.{kind}") for kind in formats]
-    return paths
+    return [path for name in available(reader) for path in draw_figure(reader, name, folder, formats)]
+
+
+def draw_figure(reader: ResultReader, name: str, folder: Path, formats: Sequence[str] = ("png",)) -> list[Path]:
+    """Write one figure of `FIGURES` in all formats.
+
+    Parameters
+    ----------
+    reader : ResultReader
+        The result.
+    name : str
+        Of `available`.
+    folder : Path
+        Created if it does not exist.
+    formats : sequence of str
+        Of `results.files.FIGURE_FORMATS`.
+    """
+    from edl_filter.report.matplotlib_renderer import draw, write_canvas  # imported on use: names need no matplotlib
+
+    canvas = draw(FIGURES[name].describe(reader))
+    return [write_canvas(canvas, folder / f"{name}.{kind}") for kind in formats]

@@ -125,7 +125,9 @@ def draw(figure: Figure) -> Canvas:
         position = (0.15 / figure.width, 1.0 - 0.2 / height)
         canvas.text(*position, figure.title, va="top", fontsize=TITLE_SIZE, fontweight="bold")
     else:
-        axes_rows[0][0].set_title(figure.title, loc="left", pad=label_rows * EVENT_PITCH + 8.0, fontweight="bold")
+        pad = label_rows * EVENT_PITCH + 8.0
+        # with a stated height the title is placed without measuring all tick labels
+        axes_rows[0][0].set_title(figure.title, loc="left", y=1.0, pad=pad, fontweight="bold")
     if figure.legend:
         handles, labels = axes_rows[-1][0].get_legend_handles_labels()
         canvas.legend(handles, labels, loc="lower center", ncols=3)
@@ -359,7 +361,7 @@ def _label_events(panel: Panel, axes: Axes) -> int:
     widths = [_CHARACTER * EVENT_SIZE * len(label) for label in labels]
     positions = place_labels(marks, widths, span)
     above: dict[str, Any] = {
-        "xycoords": ("data", "axes fraction"), "textcoords": "offset points", "annotation_clip": False,
+        "xycoords": ("data", "axes fraction"), "textcoords": "offset points", "annotation_clip": True,
     }  # fmt: skip
     for label, time, mark, width, position in zip(labels, events.values(), marks, widths, positions, strict=True):
         base = position.row * EVENT_PITCH + 3.0

@@ -24,7 +24,7 @@ class NextStep:
     commands: tuple[str, ...] = ()
 
 
-def next_step(diagnosis: DiagnosisContent, mission: str, folder: Path, effects_file: Path | None = None) -> NextStep:
+def next_step(diagnosis: DiagnosisContent, mission: str, folder: Path) -> NextStep:
     """The next step after a diagnosis.
 
     Parameters
@@ -35,8 +35,6 @@ def next_step(diagnosis: DiagnosisContent, mission: str, folder: Path, effects_f
         The mission as a command takes it, not quoted.
     folder : Path
         Folder of the result.
-    effects_file : Path, optional
-        Python file that has the first effect.
     """
     if diagnosis.verdict == "clean":
         return NextStep()
@@ -51,7 +49,7 @@ def next_step(diagnosis: DiagnosisContent, mission: str, folder: Path, effects_f
     extended = f"{stem}.yaml" if built_in else str(Path(mission).with_name(f"{stem}.yaml"))
     add = f"edl-filter add {quote(mission)} {first.effect} --from {quote(str(folder))}"
     add += f" --imu {quote(first.imu)}" if first.imu else ""
-    add += f" --file {quote(str(effects_file))}" if effects_file else ""
+    add += diagnosis.file_option(first.effect)
     output = folder.parent / f"{folder.name}+{first.effect}"
     sentence = f"Next: add {first.label} to the model and refit it:"
     if diagnosis.verdict == "undecided":

@@ -160,7 +160,7 @@ def with_sigma(estimate: float | None, sigma: float | None) -> str:
     places = 1 - math.floor(math.log10(sigma))
     if power + places >= _DIGITS:
         return f"{estimate:.{_DIGITS}g} ± {sigma:.2g}"
-    if 0 <= places <= _POWER:
+    if places >= 0 and (places <= _POWER or power >= -1):
         return f"{estimate:.{places}f} ± {sigma:.{places}f}"
     if places < 0 and power < _POWER:
         return f"{estimate:.0f} ± {sigma:.0f}"

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -176,9 +177,14 @@ class FileGroups(Mapping[str, Group]):
         return self._groups[path]
 
     def __iter__(self) -> Iterator[str]:
-        names: list[str] = []
+        return iter(self._names)
+
+    @cached_property
+    def _names(self) -> list[str]:
+        """Paths of all groups, the root first."""
+        names = ["/"]
         self.file.visititems(lambda name, node: names.append(f"/{name}") if isinstance(node, h5py.Group) else None)
-        return iter(["/", *names])
+        return names
 
     def __len__(self) -> int:
-        return sum(1 for _ in self)
+        return len(self._names)

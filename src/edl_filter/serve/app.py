@@ -13,11 +13,12 @@ from starlette.concurrency import run_in_threadpool
 from starlette.exceptions import HTTPException
 from starlette.middleware import Middleware
 from starlette.requests import Request
-from starlette.responses import FileResponse, JSONResponse, Response
+from starlette.responses import FileResponse, HTMLResponse, JSONResponse, Response
 from starlette.routing import Route
 
 from edl_filter._version import __version__
 from edl_filter.errors import InputError
+from edl_filter.report.html.bundle import bundle_path, with_bundle
 from edl_filter.results.files import REPORT
 from edl_filter.serve import library
 from edl_filter.serve.jobs import BusyError, Worker
@@ -63,7 +64,7 @@ def make_app(root: Path, port: int, worker: Worker | None = None) -> Starlette:
         Route("/workbench.css", _file_route(_STATIC / "workbench.css")),
         Route("/workbench.js", _file_route(_STATIC / "workbench.js")),
         Route("/reconstruction.js", _file_route(_STATIC / "reconstruction.js")),
-        Route("/plotly.js", _file_route(plotly_js())),
+        Route("/plotly.js", _file_route(bundle_path())),
         Route("/api/library", handlers.library),
         Route("/api/result", handlers.result),
         Route("/api/residual", handlers.residual),
@@ -89,13 +90,6 @@ def make_app(root: Path, port: int, worker: Worker | None = None) -> Starlette:
         exception_handlers=exception_handlers,
         lifespan=lifespan,
     )
-
-
-def plotly_js() -> Path:
-    """Path of the plotting library in the plotly package."""
-    import plotly
-
-    return Path(str(plotly.__file__)).parent / "package_data" / "plotly.min.js"
 
 
 class _Handlers:
@@ -149,11 +143,12 @@ class _Handlers:
         return JSONResponse(overview(self.root, _query_text(request, "path")))
 
     def report(self, request: Request) -> Response:
-        """The report of a result, in a sandbox of its own: its scripts cannot reach this server."""
+        """The report of a result as one page, in a sandbox of its own: its scripts cannot reach this server."""
         path = inside(self.root, f"{_query_text(request, 'path')}/{REPORT}")
         if not path.is_file():
             raise InputError(f"{path.parent.name}: found no report.")
-        return FileResponse(path, headers={"Content-Security-Policy": REPORT_POLICY})
+        page = with_bundle(path.read_text(encoding="utf-8"))
+        return HTMLResponse(page, headers={"Content-Security-Policy": REPORT_POLICY})
 
     def residual(self, request: Request) -> Response:
         """A channel's residual against time."""

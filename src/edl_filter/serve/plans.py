@@ -109,7 +109,9 @@ def plan_add(root: Path, result: str, label: str) -> Plan:
         if not inside(root, new).exists() and not inside(root, output).exists():
             break
     of_imu = () if imu is None else ("--imu", imu)
-    add = ("add", _argument(mission), effect, *of_imu, "--from", _argument(result), "-o", _argument(new))
+    file = None if diagnosis is None or diagnosis.own_effects is None else diagnosis.own_effects.get(effect)
+    own = ("--file", _argument(file)) if file is not None and (root / file).is_file() else ()
+    add = ("add", _argument(mission), effect, *of_imu, *own, "--from", _argument(result), "-o", _argument(new))
     run = ("run", _argument(new), "-o", _argument(output))
     return Plan(f"Add {label} to {mission} and run it", (add, run, _diagnose(output)), output)
 

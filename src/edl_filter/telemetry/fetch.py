@@ -5,11 +5,14 @@ from __future__ import annotations
 import hashlib
 import os
 import re
+import sys
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
+from edl_filter._version import __version__
 from edl_filter.errors import InputError
-from edl_filter.io.atomic import default_file_mode
+from edl_filter.io.atomic import replace_with
 from edl_filter.telemetry.pds3 import find_in_volume
 
 #: PDS Atmospheres node, volume merimu_1001.
@@ -26,6 +29,8 @@ REGISTRY = {
     "DATA/2TRANSFORMED.LBL": "600aa46817c0e98fdb38ac16a7f6e4eb0bbd33a27cf3904496c134562f5c394a",
     "DATA/2TRANSFORMED.TAB": "3269f400f2a372b150c52897e55ce4a7df270f1fdadf2253f02aeb6ed82e454e",
 }
+#: Longest time without an answer of the server, s.
+_TIMEOUT = 60.0
 _ALTERNATIVE = "put the volume's DATA folder under $EDL_FILTER_DATA/pds/mer_imu instead"
 
 
@@ -35,9 +40,11 @@ def cache_folder(cache: str | Path | None = None) -> Path:
         return Path(cache)
     if folder := os.environ.get("EDL_FILTER_CACHE"):
         return Path(folder)
-    import pooch  # imported on use: the import is slow
-
-    return Path(pooch.os_cache("edl-filter"))
+    if sys.platform == "win32":
+        return Path(os.environ.get("LOCALAPPDATA") or Path.home() / "AppData" / "Local") / "edl-filter" / "Cache"
+    if sys.platform == "darwin":
+        return Path.home() / "Library" / "Caches" / "edl-filter"
+    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "edl-filter"
 
 
 def fetch_mer_imu(
@@ -78,39 +85,45 @@ def fetch_mer_imu(
         if has_original_tables(folder):
             report("All tables are there, with the right checksums; nothing is downloaded.")
             return folder
-    import logging
-
-    import pooch
-    import requests
     from rich.console import Console
     from rich.progress import track
 
     folder, base = cache_folder(cache) / "mer_imu", _volume_url(base_url or BASE_URL)
     present = [name for name in REGISTRY if _has_checksum(folder / name, REGISTRY[name])]
-    pooch.get_logger().setLevel(logging.WARNING)
     console = Console(stderr=True)
     hidden = not (progress and console.is_terminal)
-    try:
-        downloads = pooch.create(path=folder, base_url=base, registry=REGISTRY)
-        for name in track(list(REGISTRY), "MER telemetry", console=console, disable=hidden, transient=True):
-            Path(downloads.fetch(name)).chmod(default_file_mode())  # pooch creates private files
-    except ValueError as error:  # raised by pooch if the hash differs
-        if "hash" not in str(error):
-            raise InputError(f"download failed: {base}{name} ({error}); {_ALTERNATIVE}.") from None
-        raise InputError(
-            f"download failed: {base}{name} is not the known file, whose sha256 is {REGISTRY[name]}; {_ALTERNATIVE}."
-        ) from None
-    except requests.exceptions.RequestException as error:
-        response = getattr(error, "response", None)
-        reason = f"the server answered {response.status_code}" if response is not None else "no connection"
-        raise InputError(f"download failed: {base}{name}: {reason}; {_ALTERNATIVE}.") from None
-    except OSError as error:
-        raise InputError(f"{folder}: cannot be written ({error.strerror or error}).") from None
+    for name in track(list(REGISTRY), "MER telemetry", console=console, disable=hidden, transient=True):
+        if name not in present:
+            content = _downloaded(base + name)
+            if hashlib.sha256(content).hexdigest() != REGISTRY[name]:
+                raise InputError(
+                    f"download failed: {base}{name} is not the known file, whose sha256 is {REGISTRY[name]}; "
+                    f"{_ALTERNATIVE}."
+                )
+            replace_with(folder / name, partial(Path.write_bytes, data=content))
     if len(present) == len(REGISTRY):
         report(f"All {len(REGISTRY)} files are there, with the right checksums; nothing is downloaded.")
     else:
         report(f"{len(REGISTRY) - len(present)} of {len(REGISTRY)} files were downloaded, {len(present)} were there.")
     return folder
+
+
+def _downloaded(address: str) -> bytes:
+    """Content of a file of a web server."""
+    from http.client import HTTPException
+    from urllib.error import HTTPError
+    from urllib.request import Request, urlopen
+
+    if not address.startswith(("https://", "http://")):
+        raise InputError(f"download failed: {address}: expected an address that begins with https:// or http://.")
+    try:
+        with urlopen(Request(address, headers={"User-Agent": f"edl-filter/{__version__}"}), timeout=_TIMEOUT) as answer:
+            return bytes(answer.read())
+    except HTTPError as error:
+        reason = f"the server answered {error.code}"
+    except (OSError, HTTPException, ValueError):  # also an address that is none, and an answer that ends early
+        reason = "no connection"
+    raise InputError(f"download failed: {address}: {reason}; {_ALTERNATIVE}.")
 
 
 def _has_checksum(path: Path, sha256: str) -> bool:

@@ -19,9 +19,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.interpolate import make_interp_spline
 
 from edl_filter.imu_model.lever_arm import edge_values, lever_arm_acceleration
+from edl_filter.telemetry.interpolating_spline import interpolating_spline
 from edl_filter.telemetry.record import SAME_TIME, ImuRecord, within_window
 from edl_filter.types import Array, BoolArray
 
@@ -221,8 +221,8 @@ def interpolated_means(record: ImuRecord, values: Array, edges: Array) -> Array:
     """
     knots = np.concatenate(([record.start], record.time))
     integral = np.concatenate((np.zeros((1, 3)), np.cumsum(np.nan_to_num(values) * record.interval[:, None], axis=0)))
-    spline = make_interp_spline(knots, integral, k=5)
-    return np.diff(spline(np.clip(edges, knots[0], knots[-1])), axis=0) / np.diff(edges)[:, None]
+    at_edges = interpolating_spline(knots, integral, 5, np.clip(edges, knots[0], knots[-1]))
+    return np.diff(at_edges, axis=0) / np.diff(edges)[:, None]
 
 
 def _design(reference: ImuRecord, force: Array, rate: Array, used: BoolArray, arm: list[Array]) -> dict[str, Array]:
@@ -258,14 +258,13 @@ def _least_squares(
     for _ in range(_WEIGHT_ITERATIONS):
         rows = np.concatenate([design[c] / scatter[c][:, None] for c in channels], axis=1)  # (n, 6, P)
         data = np.concatenate([differences[c] / scatter[c] for c in channels], axis=1)
-        size = np.sqrt(np.einsum("nkp,nkp->p", rows, rows))
-        scaled = rows / size
-        information = np.einsum("nkp,nkq->pq", scaled, scaled)
-        inverse = np.linalg.pinv(information, hermitian=True)
-        values = inverse @ np.einsum("nkp,nk->p", scaled, data)
-        residual = data - scaled @ values
+        normal = _products(rows, rows)
+        size = np.sqrt(np.diag(normal))
+        inverse = np.linalg.pinv(normal / np.outer(size, size), hermitian=True)
+        values = inverse @ (_products(rows, data[:, :, None])[:, 0] / size)
+        residual = data - rows @ (values / size)
         scatter = {c: s * np.std(residual[:, 3 * i : 3 * i + 3], axis=0) for i, (c, s) in enumerate(scatter.items())}
-    scores = np.einsum("nkp,nk->np", scaled, residual)
+    scores = (residual[:, None, :] @ rows)[:, 0, :] / size
     length = min(_BLOCK_LENGTH, (times[-1] - times[0]) / _FEWEST_BLOCKS)
     _, block = np.unique(np.floor((times - times[0]) / length), return_inverse=True)
     sums = np.zeros((block[-1] + 1, scores.shape[1]))
@@ -278,3 +277,8 @@ def _least_squares(
         dict(zip(_BLOCKS, np.split(sigma, ends), strict=True)),
         scatter,
     )
+
+
+def _products(a: Array, b: Array) -> Array:
+    """Sums of products (P, Q) of the columns of a (n, 6, P) and b (n, 6, Q) over all rows."""
+    return a.reshape(-1, a.shape[2]).T @ b.reshape(-1, b.shape[2])

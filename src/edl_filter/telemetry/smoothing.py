@@ -20,6 +20,8 @@ _UNIFORM = 1e-6
 # Array elements processed at once while batches are fitted one by one; limits the memory
 _CHUNK = 2_000_000
 _HALF_POWER_GAIN = np.sqrt(0.5)
+# Halvings of an interval until rounding ends them
+_BISECTIONS = 50
 
 
 def rates_from_quaternions(time: ArrayLike, inertial_from_body: ArrayLike) -> Array:
@@ -86,20 +88,41 @@ def batch_polynomial(time: ArrayLike, values: ArrayLike, points: int, order: int
     InputError
         `points` is even, not above `order` or more than N; a value is not finite; time does not increase.
     """
-    from scipy import signal  # imported on use: the import is slow, and few runs need it
-
     time, values = _checked_series(time, values, "values")
     _check_batch(points, order)
     n = len(time)
     if points > n:
         raise InputError(f"A batch of {points} points is longer than the data: {n} samples.")
     columns = values.reshape(n, -1)
-    smoothed = signal.savgol_filter(columns, points, order, axis=0, mode="interp")
     start = np.clip(np.arange(n) - points // 2, 0, n - points)  # first sample of each sample's batch
+    smoothed = np.empty_like(columns)
+    weights = batch_weights(points, order)
+    inner = slice(points // 2, n - points // 2)
+    for k in range(columns.shape[1]):
+        smoothed[inner, k] = np.correlate(columns[:, k], weights, "valid")
+    ends = np.concatenate((np.arange(inner.start), np.arange(inner.stop, n)))
+    smoothed[ends] = _fit_batches(np.arange(float(n)), columns, points, order, ends, start[ends])
     uneven = np.flatnonzero(~_evenly_spaced(time, points)[start])
     if uneven.size:
         smoothed[uneven] = _fit_batches(time, columns, points, order, uneven, start[uneven])
     return smoothed.reshape(values.shape)
+
+
+def batch_weights(points: int, order: int) -> Array:
+    """Weights of a batch of evenly spaced samples: `batch_polynomial` at its centre is their sum of products.
+
+    Parameters
+    ----------
+    points, order : int
+        As for `batch_polynomial`.
+
+    Returns
+    -------
+    (points,) array
+    """
+    position = np.linspace(-1.0, 1.0, points) if points > 1 else np.zeros(1)
+    q, _ = np.linalg.qr(position[:, None] ** np.arange(order + 1))
+    return q @ q[points // 2]
 
 
 def batch_polynomial_bandwidth(points: int, order: int, interval: float) -> float:
@@ -117,10 +140,8 @@ def batch_polynomial_bandwidth(points: int, order: int, interval: float) -> floa
     float
         Hz; the Nyquist frequency if the filter passes more at all frequencies (as with ``points = order + 1``).
     """
-    from scipy import optimize, signal  # imported on use: the import is slow, and few runs need it
-
     _check_batch(points, order)
-    weights = signal.savgol_coeffs(points, order)
+    weights = batch_weights(points, order)
     lag = np.arange(points) - points // 2
 
     def gain_above_half_power(cycles_per_sample):
@@ -130,8 +151,11 @@ def batch_polynomial_bandwidth(points: int, order: int, interval: float) -> floa
     below = np.flatnonzero(np.abs(np.fft.rfft(weights, 32 * points)) < _HALF_POWER_GAIN)
     if not below.size:
         return 0.5 / interval
-    edge = optimize.brentq(gain_above_half_power, (below[0] - 1) / (32 * points), below[0] / (32 * points))
-    return float(edge) / interval
+    low, high = (below[0] - 1) / (32 * points), below[0] / (32 * points)
+    for _ in range(_BISECTIONS):
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if gain_above_half_power(middle) > 0.0 else (low, middle)
+    return float(0.5 * (low + high)) / interval
 
 
 def low_pass(values: ArrayLike, interval: float, cutoff_hz: float, order: int = 4) -> Array:

@@ -69,13 +69,13 @@ def _one_pass(
     originals, findings = list(records), []
     for i, record in enumerate(originals):
         second = next((r for k, r in enumerate(originals) if k != i), None)
+        source = None if second is None else transferred(record, second, smooth_until)
         for triad, attribute in _TRIADS.items():
             values = getattr(record, attribute)
             noise = record.force_noise if triad == "force" else record.rate_noise
             bad = _single_spikes(values, noise, settings.spike_sigmas) & (record.time <= smooth_until)
             bad &= _readings(record, triad)
-            if second is not None:
-                source = transferred(record, second, smooth_until)
+            if source is not None:
                 covered = finite_rows(getattr(source, triad))
                 parted = _disagreement(values, getattr(source, triad), noise, settings.disagreement_sigmas)
                 bad = np.where(covered, parted & _readings(record, triad), bad)
@@ -147,4 +147,5 @@ def _interpolation_error(values: Array) -> Array:
 
 def _median(values: Array, size: int) -> Array:
     """Running median of each column."""
-    return np.asarray(median_filter(values, size=(size, 1), mode="nearest"), float)
+    columns = [median_filter(np.ascontiguousarray(column), size=size, mode="nearest") for column in values.T]
+    return np.asarray(np.column_stack(columns), float)

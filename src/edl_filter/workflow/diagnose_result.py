@@ -100,6 +100,7 @@ def diagnose_result(
     reopened.check_same_flight(case.reconstruction)
     diagnosis = diagnose(case, effects, progress)
     content = diagnosis_content(diagnosis)
+    content |= _own_effects(content, file)
     progress("drawing")
     from edl_filter.report.diagnosis import draw_diagnosis
 
@@ -109,7 +110,7 @@ def diagnose_result(
         write(residual_series(diagnosis.ranking.model), staged / RESIDUALS)
         write_update(diagnosis.update, staged)
     figures, path = [folder / FIGURES / figure.name for figure in drawn], folder / DIAGNOSIS
-    step = following_step(reopened, content, file)
+    step = following_step(reopened, content)
     progress("writing the report")
     from edl_filter.report.html import write_report
 
@@ -126,7 +127,16 @@ def _warnings(reopened: Reopened) -> list[str]:
         return [] if reopened.headline is None else [reopened.headline]
 
 
-def following_step(reopened: Reopened, content: dict[str, Any], file: Path | None) -> NextStep:
+def _own_effects(content: dict[str, Any], file: Path | None) -> dict[str, dict[str, str]]:
+    """Key of ``diagnosis.json`` with the ranked effects that a file of the user defines; none without a file."""
+    if file is None:
+        return {}
+    own = effects_in(file.expanduser())
+    names = (h["effect"] for h in content["ranking"])
+    return {"own_effects": {name: str(file) for name in names if lookup(own, name) is not None}}
+
+
+def following_step(reopened: Reopened, content: dict[str, Any]) -> NextStep:
     """The next step; a mission that ``--set`` changed is written beside its result if there is an effect to add."""
     from edl_filter.report.next_step import next_step
     from edl_filter.results.schema import DiagnosisContent
@@ -136,9 +146,7 @@ def following_step(reopened: Reopened, content: dict[str, Any], file: Path | Non
         argument = mission_argument(mission)
     else:
         argument = str(write_mission(mission, mission.text, reopened.folder / AS_RUN))
-    own = {} if file is None or not diagnosis.ranking else effects_in(file.expanduser())
-    of_user = bool(own) and lookup(own, diagnosis.ranking[0].effect) is not None
-    return next_step(diagnosis, argument, reopened.folder, file if of_user else None)
+    return next_step(diagnosis, argument, reopened.folder)
 
 
 def rms_by_channel(content: dict[str, Any]) -> dict[str, dict[str, float]]:

@@ -13,8 +13,10 @@ from edl_filter.mission.measurements import MerImuConfig
 from edl_filter.mission.mission import require_prediction_inputs
 from edl_filter.mission.shipped import BUILTIN
 from edl_filter.report.figures import FIGURES as RUN_FIGURES
+from edl_filter.report.html.bundle import bundle_at_hand
 from edl_filter.results.files import (
     AS_RUN,
+    BUNDLE,
     DATABASE_UPDATE,
     DIAGNOSIS,
     DIAGNOSIS_FIGURES,
@@ -86,7 +88,11 @@ def plan_run(mission: Mission, folder: Path, figures: bool, formats: Sequence[st
     """
     check_folder(folder)
     tables = () if mission.aerodynamics is None else POSTFLIGHT_TABLES
-    writes = (*(folder / name for name in (RESULT, SUMMARY, REPORT)), *(folder / TABLES / name for name in tables))
+    writes = (
+        *(folder / name for name in (RESULT, SUMMARY, REPORT)),
+        *(folder / TABLES / name for name in tables),
+        *(() if bundle_at_hand(folder) else (folder / BUNDLE,)),
+    )
     names = [
         name
         for name, figure in RUN_FIGURES.items()

@@ -6,14 +6,14 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from edl_filter.errors import InputError
 from edl_filter.io.atomic import cannot_write
 from edl_filter.io.output_folder import STAGING, staged_output
 from edl_filter.mission import Mission
 from edl_filter.pipeline.reconstruct import reconstruct
-from edl_filter.pipeline.trust import check_mission
+from edl_filter.pipeline.trust import checked_telemetry
 from edl_filter.results.files import (
     DATABASE_UPDATE,
     DIAGNOSIS,
@@ -28,9 +28,12 @@ from edl_filter.results.files import (
     UPDATE_TABLES,
     write_json,
 )
-from edl_filter.results.netcdf import tree_of, write
+from edl_filter.results.netcdf import write
 from edl_filter.results.result import Result
 from edl_filter.results.summary import RefitSummary
+
+if TYPE_CHECKING:
+    from edl_filter.report.figure_process import FigureProcess
 
 
 def run_mission(mission: Mission, refit: bool = True, progress: Callable[[str], None] = lambda _: None) -> Result:
@@ -58,9 +61,9 @@ def run_mission(mission: Mission, refit: bool = True, progress: Callable[[str], 
     InputError
         As `reconstruct`; or the record violates the physics of an entry (`pipeline.plausibility`).
     """
-    check_mission(mission)
+    telemetry = checked_telemetry(mission)
     if not refit or not mission.effects or mission.aerodynamics is None or mission.vehicle.inertia is None:
-        return Result(reconstruct(mission))
+        return Result(reconstruct(mission, telemetry=telemetry))
     from edl_filter.diagnosis.linear_model.credible_model import credible_model
     from edl_filter.diagnosis.linear_model.flight_case import flight_case, load_case
     from edl_filter.diagnosis.residual_analysis.residual_map import rms_by_regime
@@ -83,13 +86,18 @@ def run_mission(mission: Mission, refit: bool = True, progress: Callable[[str], 
 
 
 def write_outputs(
-    result: Result, directory: str | Path, figures: bool, formats: Sequence[str] = ("png",)
+    result: Result,
+    directory: str | Path,
+    figures: bool,
+    formats: Sequence[str] = ("png",),
+    process: FigureProcess | None = None,
 ) -> dict[str, Any]:
-    """Write ``result.nc``, ``summary.json``, ``report.html``, tables in ``tables/`` and, on request, ``figures/``.
+    """Write ``result.nc``, ``summary.json``, tables in ``tables/``, ``report.html`` and, on request, ``figures/``.
 
-    The files are written into a hidden folder and appear together at the end (`output_folder.staged_output`), so that a
-    failure, or the end of the program at any moment, does not mix earlier and new files.
-    Figures and a diagnosis of an earlier run are removed.
+    Result, summary and tables are written into a hidden folder and appear together (`output_folder.staged_output`), so
+    that a failure, or the end of the program at any moment, does not mix earlier and new files; figures, report and
+    diagnosis of an earlier run are removed in the same step. Then the figures are drawn from ``result.nc``, in other
+    processes, while the report is written; each file appears when it is complete.
 
     Parameters
     ----------
@@ -101,6 +109,8 @@ def write_outputs(
         Whether figures are written.
     formats : sequence of str
         Formats of the figures, of `results.files.FIGURE_FORMATS`.
+    process : FigureProcess, optional
+        Begins to draw the figures, and the caller waits for it (``process.wait()``); the returned mapping has none.
 
     Returns
     -------
@@ -123,8 +133,7 @@ def write_outputs(
     try:
         directory.mkdir(parents=True, exist_ok=True)
         with staged_output(directory, _removals) as staged:
-            written, content = _write_all(result, staged, formats if figures else ())
-            places = [directory / path.relative_to(staged) for path in written]
+            content = _write_all(result, staged)
         if (directory / FIGURES).is_dir() and not any((directory / FIGURES).iterdir()):
             (directory / FIGURES).rmdir()
     except OSError as error:
@@ -134,11 +143,17 @@ def write_outputs(
         raise cannot_write(place, error) from None
     from edl_filter.report.html import write_report
 
-    figure_files = [place for place in places if place.parent.name == FIGURES]
-    return {
-        "result": file, "summary": summary, "report": write_report(directory), "figures": figure_files,
-        "content": content,
-    }  # fmt: skip
+    written: dict[str, Any] = {"result": file, "summary": summary, "content": content}
+    if not figures:
+        return written | {"report": write_report(directory), "figures": []}
+    from edl_filter.report.figure_process import FigureProcess
+
+    if process is not None:
+        process.start(directory, directory / FIGURES, formats)
+        return written | {"report": write_report(directory), "figures": []}
+    with FigureProcess() as drawing:
+        drawing.start(directory, directory / FIGURES, formats)
+        return written | {"report": write_report(directory), "figures": drawing.wait()}
 
 
 def check_output_names(directory: Path) -> None:
@@ -158,8 +173,8 @@ def earlier_outputs(directory: Path) -> list[str]:
     return sentences
 
 
-def _write_all(result: Result, folder: Path, formats: Sequence[str]) -> tuple[list[Path], dict[str, Any]]:
-    """Write everything into `folder`; the paths of figures and tables, and the summary."""
+def _write_all(result: Result, folder: Path) -> dict[str, Any]:
+    """Write result, tables and summary into `folder`; the content of the summary."""
     from edl_filter.results.postflight import tables
 
     begin = time.perf_counter()
@@ -169,22 +184,14 @@ def _write_all(result: Result, folder: Path, formats: Sequence[str]) -> tuple[li
     write(groups, folder / RESULT)
     timing["write"] = time.perf_counter() - begin
     postflight = result.derived.postflight
-    written: list[Path] = []
     if postflight is not None:
-        (folder / "tables").mkdir()
+        (folder / TABLES).mkdir()
         for name, text in tables(postflight).items():
-            written.append(folder / "tables" / name)
-            written[-1].write_text(text, encoding="utf-8")
-    if formats:
-        from edl_filter.report.figures import draw_all
-
-        begin = time.perf_counter()
-        written += draw_all(tree_of(groups), folder / FIGURES, formats)
-        timing["figures"] = time.perf_counter() - begin
+            (folder / TABLES / name).write_text(text, encoding="utf-8")
     content = result.summary()
     content["timing_s"] |= timing
     write_json(content, folder / SUMMARY)
-    return written, content
+    return content
 
 
 def _removals(staged: Path) -> list[str]:

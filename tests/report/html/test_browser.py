@@ -4,6 +4,7 @@ import folders
 import pytest
 
 from edl_filter.report.html import write_report
+from edl_filter.results.files import BUNDLE
 
 
 @pytest.fixture(scope="module")
@@ -37,13 +38,30 @@ def residual(page):
 
 def test_it_opens_without_an_error_and_without_a_network(browser, report):
     page, messages, asked = visit(browser, report)
-    assert messages == [] and asked == []
+    assert messages == [] and asked == [(report.parent / BUNDLE).as_uri()]
     wanted = page.evaluate("document.querySelectorAll('.plot').length")
     plots = page.evaluate(
         "[...document.querySelectorAll('.plot')].filter((p) => p.querySelector('path.js-line')).length"
     )
     assert plots == wanted >= 10
     assert "Missing: wind" in page.inner_text("#verdict")
+
+
+def test_the_plotting_library_may_be_in_the_folder_above(browser, report, tmp_path):
+    (tmp_path / "result").mkdir()
+    copy = tmp_path / "result" / "report.html"
+    copy.write_bytes(report.read_bytes())
+    (tmp_path / BUNDLE).write_bytes((report.parent / BUNDLE).read_bytes())
+    page, _, _ = visit(browser, copy)
+    assert page.evaluate("document.querySelectorAll('path.js-line').length") > 10
+
+
+def test_without_the_plotting_library_the_page_says_so(browser, report, tmp_path):
+    copy = tmp_path / "report.html"
+    copy.write_bytes(report.read_bytes())
+    page = browser.new_page()
+    page.goto(copy.as_uri())
+    page.get_by_text("The plots need the file plotly.min.js").wait_for()
 
 
 def test_a_click_on_a_cell_shows_its_residual_in_its_regime(browser, report):

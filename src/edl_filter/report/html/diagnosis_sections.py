@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from itertools import pairwise
+from pathlib import Path
 from shlex import quote
 
 from edl_filter.errors import InputError
@@ -102,16 +103,15 @@ def diagnose_command(reader: ResultReader) -> str:
 
 def mission_argument(reader: ResultReader) -> str:
     """The mission of a result as an argument of a command; ``MISSION`` if its file is not accessible."""
-    from edl_filter.mission.files import matches_file, mission_argument
-    from edl_filter.results.reopen import reopen
+    from edl_filter.mission.files import file_argument, file_has_text
 
     assert reader.folder is not None
+    file, text = reader.attribute("", "mission_file"), str(reader.attribute("", "mission_yaml", ""))
     try:
-        mission = reopen(reader.folder).mission
-    except InputError:
+        if file is not None and file_has_text(Path(str(file)), text):
+            return file_argument(Path(str(file)))
+    except InputError:  # it can no longer be read
         return _UNKNOWN_MISSION
-    if matches_file(mission):
-        return mission_argument(mission)
     as_run = reader.folder / AS_RUN
     return str(as_run) if as_run.is_file() else _UNKNOWN_MISSION
 
@@ -127,10 +127,13 @@ def hypotheses(reader: ResultReader) -> Section:
         )
     if diagnosis.ranking:
         mission, folder = quote(mission_argument(reader)), quote(str(reader.folder))
-        blocks += [_ranking(diagnosis), Note("To add one of them:")]
-        for h in diagnosis.ranking:
-            imu = f" --imu {quote(h.imu)}" if h.imu else ""
-            blocks.append(Command(f"edl-filter add {mission} {quote(h.effect)} --from {folder}{imu}"))
+        blocks.append(_ranking(diagnosis))
+        gaining = [h for h in diagnosis.ranking if h.gain is not None and h.gain > 0.0]
+        if gaining:
+            blocks.append(Note("To add one of them:"))
+        for h in gaining:
+            options = (f" --imu {quote(h.imu)}" if h.imu else "") + diagnosis.file_option(h.effect)
+            blocks.append(Command(f"edl-filter add {mission} {quote(h.effect)} --from {folder}{options}"))
     else:
         blocks.append(Note("No effect of the catalogue gains enough to be refitted."))
     blocks += [

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import base64
-import gzip
 import json
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
@@ -17,6 +15,7 @@ from edl_filter.errors import InputError
 from edl_filter.io.atomic import replace_with
 from edl_filter.report.colours import page_roles
 from edl_filter.report.description import Figure, Panel
+from edl_filter.report.html.bundle import write_bundle
 from edl_filter.report.next_step import NextStep
 from edl_filter.report.plotly_renderer import BINS, plotly_figure
 from edl_filter.results.files import REPORT, finite
@@ -225,6 +224,7 @@ def write_page(
         if not reader.has_result and reader.summary is None:
             raise InputError(f"{folder}: found no result; expected the folder that 'edl-filter run' writes.")
         page = _render(reader.title, verdict(reader), [section(reader) for section in sections])
+    write_bundle(folder)
     return replace_with(folder / REPORT, lambda path: path.write_text(page, encoding="utf-8"))
 
 
@@ -240,16 +240,7 @@ def _render(title: str, verdict: Verdict, sections: Sequence[Section]) -> str:
         created=datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC"),
         version=__version__,
         payload=Markup(embedded(_payload(sections))),
-        plotly=_packed_plotly(),
     )
-
-
-@cache
-def _packed_plotly() -> str:
-    """The plotting library, compressed and in base 64: the page's script unpacks it."""
-    from plotly.offline import get_plotlyjs
-
-    return base64.b64encode(gzip.compress(get_plotlyjs().encode(), 9, mtime=0)).decode()
 
 
 def embedded(data: Any) -> str:

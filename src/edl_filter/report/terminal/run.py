@@ -70,14 +70,12 @@ def print_run(written: Mapping[str, Any]) -> None:
         *postflight_lines(summary.postflight),
         "" if summary.gas is None else gas_sentence(summary.gas),
     )
-    paths = [
+    echo(
         f"Written in {sum(summary.timing_s.values()):.1f} s: {written['result']}",
         f"Summary: {written['summary']}",
         f"Report: {written['report']} (open it in a browser)",
-    ]
-    if written["figures"]:
-        paths.append(f"Figures: {written['figures'][0].parent} ({len(written['figures'])} files)")
-    echo(*paths, wrap=False)
+        wrap=False,
+    )
 
 
 def _finding_lines(findings: Sequence[SampleFindingSummary]) -> list[str]:

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from shlex import quote
 from typing import Literal
 
 from edl_filter.mission.decision_settings import DecisionSettings
-from edl_filter.results.schema.fields import Content, Number, NumberVector, key
+from edl_filter.results.schema.fields import Content, Number, NumberVector, key, optional
 
 
 class Estimate(Content):
@@ -209,7 +210,13 @@ class DiagnosisContent(Content):
         "scale and lengths of the database's error where the mission asks to estimate them; otherwise null"
     )
     nuisances: tuple[NuisanceContent, ...] = key("nuisance parameters that the flight moves, farthest first")
+    own_effects: dict[str, str] | None = optional("ranked effect of the user → its Python file, as `--file` named it")
     settings: DecisionSettings = key("thresholds of the diagnosis")
+
+    def file_option(self, effect: str) -> str:
+        """Option of ``edl-filter add`` that names the file of an effect of the user, with a space before it."""
+        file = (self.own_effects or {}).get(effect)
+        return f" --file {quote(file)}" if file else ""
 
     def hypotheses(self) -> dict[str, RankedHypothesis | Alternative]:
         """All ranked effects by label, including those that the flight does not distinguish from another."""

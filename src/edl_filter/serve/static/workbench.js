@@ -78,7 +78,7 @@ function withSigma(value, sigma) {
   if (value == null) return "–";
   if (!(sigma > 0)) return number(value, 4);
   const place = 1 - Math.floor(Math.log10(sigma));
-  if (place > 6 || Math.abs(value) >= 1e6) {
+  if ((place > 6 && Math.abs(value) < 0.1) || Math.abs(value) >= 1e6) {
     const power = Math.floor(Math.log10(Math.max(Math.abs(value), sigma)));
     const scale = 10 ** power;
     const places = Math.min(8, Math.max(0, place + power));
@@ -90,7 +90,7 @@ function withSigma(value, sigma) {
 
 const percent = (p) => (p > 0.999 ? "> 99.9 %" : p < 0.001 ? "< 0.1 %" : `${(100 * p).toFixed(1)} %`);
 const plain = (name) => name.replaceAll("_", " ").replaceAll("^2", "²").replaceAll("^3", "³");
-const unitText = (unit) => (unit ? ` ${unit.replace("^2", "²").replace("^3", "³")}` : "");
+const unitText = (unit) => (unit ? ` ${unit.replace("^2", "²").replace("^3", "³").replaceAll(" ", "\u00a0")}` : "");
 
 /** Commands, one per line, each with a button that copies it. */
 function commands(lines) {

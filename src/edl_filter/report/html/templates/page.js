@@ -281,21 +281,25 @@
     window.setTimeout(next, 0);
   };
 
-  /** The plotting library, which is compressed in the page. */
-  const library = async () => {
-    const bytes = Uint8Array.from(atob(document.getElementById("plotly").textContent.trim()), (c) => c.charCodeAt(0));
-    const stream = new Blob([bytes]).stream().pipeThrough(new DecompressionStream("gzip"));
+  /** The plotting library: in the page, beside it, or in the folder above. */
+  const load = (source) => new Promise((resolve, reject) => {
     const script = document.createElement("script");
-    script.textContent = await new Response(stream).text();
+    script.src = source;
+    script.addEventListener("load", resolve);
+    script.addEventListener("error", reject);
     document.head.append(script);
+  });
+  const library = async () => {
+    if (typeof Plotly !== "undefined") return;
+    await load("plotly.min.js").catch(() => load("../plotly.min.js"));
   };
   library().then(() => {
     if (payload) show();
     next();
-  }).catch((error) => {
+  }).catch(() => {
     const note = document.createElement("p");
     note.className = "warning";
-    note.textContent = `The plots cannot be drawn (${error.message}); a browser of 2023 or later can draw them.`;
+    note.textContent = "The plots need the file plotly.min.js in the folder of this page or the folder above.";
     document.querySelector("nav").after(note);
   });
 
