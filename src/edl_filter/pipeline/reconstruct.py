@@ -129,11 +129,21 @@ class Reconstruction:
         return None if self.site is None else float(np.linalg.norm(self.site))
 
 
+@dataclass(frozen=True)
+class FlightInputs:
+    """Telemetry and preflight atmosphere of a mission, for several reconstructions of one flight."""
+
+    telemetry: Telemetry
+    atmosphere: Atmosphere
+
+
 def reconstruct(
     mission: Mission,
     effects: Sequence[EffectInstance] | None = None,
     leave_one_out: bool = True,
     recover: bool = True,
+    inputs: FlightInputs | None = None,
+    compare_imus: bool = True,
 ) -> Reconstruction:
     """Reconstruct an entry.
 
@@ -148,6 +158,10 @@ def reconstruct(
     recover : bool
         Add noise where state and measurements contradict each other (`navigation.recovery`). Without it only samples
         that were lost and filled are tested.
+    inputs : FlightInputs, optional
+        Read already; otherwise the mission's files are read.
+    compare_imus : bool
+        Compare and calibrate checking IMUs; False leaves `comparison`, `calibrations` and `pre_entry_bias` empty.
 
     Returns
     -------
@@ -159,16 +173,22 @@ def reconstruct(
         The mission's telemetry or tables are missing or invalid.
     """
     with one_blas_thread():  # several threads wait for each other at matrices of this size
-        return _reconstruct(mission, effects, leave_one_out, recover)
+        return _reconstruct(mission, effects, leave_one_out, recover, inputs, compare_imus)
 
 
 def _reconstruct(
-    mission: Mission, effects: Sequence[EffectInstance] | None, leave_one_out: bool, recover: bool
+    mission: Mission,
+    effects: Sequence[EffectInstance] | None,
+    leave_one_out: bool,
+    recover: bool,
+    inputs: FlightInputs | None,
+    compare_imus: bool,
 ) -> Reconstruction:
     timing: dict[str, float] = {}
     with _timed(timing, "telemetry"):
-        telemetry = read_telemetry(mission)
-        atmosphere = read_atmosphere(mission)
+        if inputs is None:
+            inputs = FlightInputs(read_telemetry(mission), read_atmosphere(mission))
+        telemetry, atmosphere = inputs.telemetry, inputs.atmosphere
         planet = mission.planet_model(telemetry.prime_meridian_at_epoch)
         active = mission.active_effects() if effects is None else tuple(effects)
     with _timed(timing, "filter"):
@@ -187,10 +207,14 @@ def _reconstruct(
         if leave_one_out:
             checks.insert(0, check_entry_state(smoothed, prior, -entry.change))
     with _timed(timing, "comparison"):
-        corrected = without_effects(mission, telemetry, active)
-        comparison = _compare(mission, corrected)
-        calibrations = _calibrate(mission, corrected)
-        bias = _pre_entry_bias(mission, corrected)
+        comparison: dict[str, MisalignmentEstimate] = {}
+        calibrations: dict[str, RelativeCalibration] = {}
+        bias = None
+        if compare_imus:
+            corrected = without_effects(mission, telemetry, active)
+            comparison = _compare(mission, corrected)
+            calibrations = _calibrate(mission, corrected)
+            bias = _pre_entry_bias(mission, corrected)
     return Reconstruction(
         mission=mission,
         telemetry=telemetry,

@@ -330,8 +330,15 @@ def write_flight_file(path: str | Path, contents: FlightContents) -> Path:
     return replace_with(path, write)
 
 
-def flight_telemetry(contents: FlightContents) -> Telemetry:
+def flight_telemetry(contents: FlightContents, settings: CheckSettings | None = None) -> Telemetry:
     """Records that `read_flight_file` would return for the contents, without a file on disk.
+
+    Parameters
+    ----------
+    contents : FlightContents
+        Measurements.
+    settings : CheckSettings, optional
+        Thresholds of the checks of the samples.
 
     Raises
     ------
@@ -340,4 +347,4 @@ def flight_telemetry(contents: FlightContents) -> Telemetry:
     """
     with h5py.File(f"{contents.name}.h5", "w", driver="core", backing_store=False) as file:
         contents.fill(file)
-        return Telemetry(**_read(Node(contents.name, file["/"]), None))
+        return Telemetry(**_read(Node(contents.name, file["/"]), settings))
