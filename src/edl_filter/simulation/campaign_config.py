@@ -154,6 +154,9 @@ class Campaign(Section):
     time_limit_s: Annotated[Number, Within("s", 0.1, 86400.0)] = Field(
         default=300.0, description="time after which a case is ended and counts as failed, s"
     )
+    start_limit_s: Annotated[Number, Within("s", 0.0, 86400.0)] = Field(
+        default=300.0, description="more time for the first case of a process, which loads and compiles, s"
+    )
     analysis: Literal["reconstruct", "diagnose"] = Field(
         default="reconstruct", description="what is done with a case; diagnose takes half a minute"
     )
