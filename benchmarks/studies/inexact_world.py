@@ -2,8 +2,9 @@
 
 The errors of CA, CN and Cm are one smooth Gaussian field a flight over the flow
 (`edl_filter.simulation.database_errors`). Density and winds differ from the preflight table by smooth functions of the
-altitude (`edl_filter.simulation.air_errors`), mass and inertia by constant factors. `draw_world` draws a world, `World.write` writes what the scenario of `World.scenario`
-flies, and `STATED_UNCERTAINTY` is what a mission may know: the nominal model and its sigmas.
+altitude (`edl_filter.simulation.air_errors`), mass and inertia by constant factors. `draw_world` draws a world,
+`World.write` writes what the scenario of `World.scenario` flies, and `STATED_UNCERTAINTY` is what a mission may know:
+the nominal model and its sigmas.
 """
 
 from dataclasses import dataclass

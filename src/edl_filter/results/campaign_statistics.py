@@ -6,13 +6,14 @@ are absent.
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from edl_filter.planet import ellipsoid
 from edl_filter.results.campaign_variables import EVENT_VALUES, OUTCOMES, PARTS, VARIABLES
-from edl_filter.types import Array
+from edl_filter.types import Array, IntArray
 
 if TYPE_CHECKING:
     from xarray import Dataset
@@ -58,7 +59,7 @@ def statistics(data: Dataset) -> dict[str, Any]:
     return {"outcomes": {name: int(np.sum(outcome == k)) for k, name in enumerate(OUTCOMES)}, "groups": groups}
 
 
-def _group(data: Dataset, selected: Array) -> dict[str, Any]:
+def _group(data: Dataset, selected: IntArray) -> dict[str, Any]:
     """Statistics of the cases `selected` (indices)."""
     if not len(selected):
         return {}
@@ -76,12 +77,12 @@ def _group(data: Dataset, selected: Array) -> dict[str, Any]:
     return content
 
 
-def values_of(data: Dataset, name: str, selected: Array) -> Array:
+def values_of(data: Dataset, name: str, selected: IntArray) -> Array:
     """Values of a variable for some cases, read from the store."""
     return np.asarray(data[name].isel(case=selected).values, float)
 
 
-def _events(data: Dataset, selected: Array) -> list[dict[str, Any]]:
+def _events(data: Dataset, selected: IntArray) -> list[dict[str, Any]]:
     """Percentiles, mean and standard deviation of each quantity at each event."""
     rows = []
     for name in EVENT_VALUES.values():
@@ -108,7 +109,7 @@ def _events(data: Dataset, selected: Array) -> list[dict[str, Any]]:
     return rows
 
 
-def landing_offsets(data: Dataset, selected: Array) -> dict[str, Array]:
+def landing_offsets(data: Dataset, selected: IntArray) -> dict[str, Array]:
     """East and north ``(N, 2)``, m, of landing positions from the mean of the estimates, by name.
 
     Parameters
@@ -145,7 +146,7 @@ def ellipse(points: Array) -> dict[str, float]:
     }
 
 
-def _coverage(data: Dataset, selected: Array) -> list[dict[str, Any]]:
+def _coverage(data: Dataset, selected: IntArray) -> list[dict[str, Any]]:
     """Share of the errors within 1, 2 and 3 sigma, and the mean NEES per degree of freedom, by phase and part."""
     ratio = np.abs(values_of(data, "state_error", selected)) / values_of(data, "state_sigma", selected)
     nees = values_of(data, "nees", selected)
@@ -166,7 +167,7 @@ def _coverage(data: Dataset, selected: Array) -> list[dict[str, Any]]:
     return rows
 
 
-def _constraints(data: Dataset, selected: Array) -> list[dict[str, Any]]:
+def _constraints(data: Dataset, selected: IntArray) -> list[dict[str, Any]]:
     """Sums of NIS over degrees of freedom, with and without the constraint itself, and rejected uses."""
     rows = []
     for k, name in enumerate(data["constraint"].values if "constraint" in data else ()):
@@ -187,12 +188,12 @@ def _constraints(data: Dataset, selected: Array) -> list[dict[str, Any]]:
     return rows
 
 
-def _reliability(data: Dataset, selected: Array) -> list[dict[str, Any]]:
+def _reliability(data: Dataset, selected: IntArray) -> list[dict[str, Any]]:
     """Share of right names of the leading hypothesis by its stated probability, where the verdict names it."""
     probability = values_of(data, "leader_probability", selected)
     right, named = values_of(data, "leader_right", selected), values_of(data, "named", selected) == 1.0
     rows = []
-    for low, high in zip(BINS[:-1], BINS[1:], strict=True):
+    for low, high in pairwise(BINS):
         inside = named & (probability >= low) & ((probability < high) | (high == BINS[-1]))
         if inside.any():
             count, hits = int(inside.sum()), int(right[inside].sum())

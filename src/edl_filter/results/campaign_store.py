@@ -18,7 +18,7 @@ from edl_filter.errors import InputError
 from edl_filter.io.atomic import cannot_write
 from edl_filter.io.output_folder import STAGING
 from edl_filter.results.campaign_variables import AXES, OUTCOMES, PARTS, PHASES, STATE, VARIABLES
-from edl_filter.types import Array, BoolArray
+from edl_filter.types import BoolArray
 
 if TYPE_CHECKING:
     from xarray import Dataset
@@ -168,7 +168,7 @@ def _entries(dimensions: tuple[str, ...], value: Any, labels: _Labels) -> Iterat
             yield (index, *rest), number
 
 
-def _coordinate(root: Any, name: str, values: Array, dimensions: tuple[str, ...], description: str) -> None:
+def _coordinate(root: Any, name: str, values: Any, dimensions: tuple[str, ...], description: str) -> None:
     array = root.create_array(
         name,
         shape=values.shape,

@@ -70,7 +70,9 @@ VARIABLES: dict[str, Variable] = {
     "verdict": Variable((), "1", "verdict of the diagnosis, index in " + ", ".join(VERDICTS)),
     "none_probability": Variable((), "1", "probability that nothing is missing"),
     "leader_probability": Variable((), "1", "probability of the leading hypothesis"),
-    "leader_right": Variable((), "1", "1 if the leading hypothesis, or one not distinguished from it, is in the flight"),
+    "leader_right": Variable(
+        (), "1", "1 if the leading hypothesis, or one not distinguished from it, is in the flight"
+    ),
     "named": Variable((), "1", "1 if the verdict names the leading hypothesis"),
     "probability": Variable(("effect",), "1", "probability of each hypothesis of the ranking"),
     "drawn": Variable(("quantity",), "SI", "drawn numbers"),

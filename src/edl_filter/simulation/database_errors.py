@@ -81,7 +81,7 @@ def database_with_errors(
     InputError
         A table is no grid.
     """
-    tables = {}
+    tables: list[GridTable] = []
     for regime in ("continuum", "rarefied"):
         table = getattr(database, regime)
         if not isinstance(table, GridTable):
@@ -89,5 +89,5 @@ def database_with_errors(
                 f"{label}: aerodynamics.{regime}: found a table that is no grid; random errors of the database need "
                 f"a grid of nodes, such as builtin:{regime}_grid."
             )
-        tables[regime] = table_with_errors(random, table, family, scale)
-    return replace(database, **tables)
+        tables.append(table_with_errors(random, table, family, scale))
+    return replace(database, continuum=tables[0], rarefied=tables[1])

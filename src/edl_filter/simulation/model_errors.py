@@ -49,7 +49,7 @@ class EntryStateError(Effect):
 
 
 class ImuErrors(Effect):
-    """Constant errors of the driving IMU, ``(3,)`` each by name (`edl_filter.imu_model.sensor_errors.SENSOR_STATES`)."""
+    """Constant errors of the driving IMU, ``(3,)`` each by name (`imu_model.sensor_errors.SENSOR_STATES`)."""
 
     name = "drawn_imu_errors"
     family = "sensor"

@@ -24,7 +24,6 @@ from edl_filter.workflow.campaign_files import (
     FAILURES,
     CampaignJob,
     Progress,
-    case_path,
     claim_folder,
     ranges_text,
     read_progress,
@@ -321,8 +320,3 @@ def _require_dask() -> None:
         raise InputError(
             "campaign: needs dask.distributed and zarr; install them with: pip install 'edl-filter[campaign]'."
         ) from None
-
-
-def failed_paths(folder: Path, numbers: list[int]) -> list[Path]:
-    """Files of failed cases."""
-    return [case_path(folder, FAILURES, number) for number in numbers]

@@ -57,10 +57,8 @@ class CaseRunner:
         key = self.campaign.case(number)
         flight = self._flight(key.flight)
         draw = draw_case(self.campaign, key, flight)
-        if flight.scenario is None:
-            values = self._measured(key.flight, flight, draw)
-        else:
-            values = self._simulated(flight, draw)
+        measured = flight.scenario is None
+        values = self._measured(key.flight, flight, draw) if measured else self._simulated(flight, draw)
         return {
             "case": number,
             "flight": key.flight,
@@ -115,9 +113,7 @@ class CaseRunner:
     def _reconstructed(
         self, flight: CampaignFlight, inputs: FlightInputs, effects: tuple[EffectInstance, ...]
     ) -> Reconstruction:
-        return reconstruct(
-            flight.mission, effects, self.campaign.leave_one_out, inputs=inputs, compare_imus=False
-        )
+        return reconstruct(flight.mission, effects, self.campaign.leave_one_out, inputs=inputs, compare_imus=False)
 
     def _values(self, reconstruction: Reconstruction) -> dict[str, Any]:
         """Events, landing and constraints of a reconstruction."""
@@ -248,7 +244,7 @@ def diagnosis_values(
     content = diagnosis_content(diagnose(flight_case(reconstruction), known_effects().values()))
     ranking = content["ranking"]
     missing = content["verdict"] == "missing" and bool(ranking)
-    leader = ranking[0] if ranking else {"effect": "", "same_as": [], "probability": 0.0}
+    leader: dict[str, Any] = ranking[0] if ranking else {"effect": "", "same_as": [], "probability": 0.0}
     named = {leader["effect"], leader.get("label") or leader["effect"], *leader["same_as"]}
     verdict = content["verdict"] if content["verdict"] in VERDICTS else "clean"
     return {

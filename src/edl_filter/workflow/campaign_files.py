@@ -217,8 +217,10 @@ def _identity(campaign: Campaign) -> dict[str, Any]:
     fixed = {key: _digest(value) for key, value in data.items() if key not in FREE_KEYS}
     for name in campaign.flights:
         flight = load_flight(campaign, name)
-        scenario = None if flight.scenario is None else flight.scenario.model_dump(mode="json")
-        fixed[f"files of flights.{name}"] = _digest([flight.mission.text, scenario])
+        texts: list[Any] = [flight.mission.text]
+        if flight.scenario is not None:
+            texts += [flight.scenario.model_dump(mode="json"), flight.scenario.model.text]
+        fixed[f"files of flights.{name}"] = _digest(texts)
     return {
         "version": __version__,
         "source": None if campaign.source is None else str(campaign.source.absolute()),

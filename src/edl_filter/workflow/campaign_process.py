@@ -16,11 +16,14 @@ import subprocess
 import sys
 import tempfile
 import traceback
+from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 from edl_filter.errors import InputError
+from edl_filter.simulation.campaign_config import Campaign
 from edl_filter.workflow.campaign_files import CampaignJob, write_failure, write_record
 
 #: Time after the limit at which the parent ends a process that the timer did not end, s.
@@ -117,11 +120,9 @@ class CaseProcess:
 
     def _send(self, content: dict[str, Any]) -> None:
         assert self._process is not None and self._process.stdin is not None
-        try:
+        with suppress(BrokenPipeError):  # the process has ended, as `_ask` sees
             self._process.stdin.write(json.dumps(content).encode() + b"\n")
             self._process.stdin.flush()
-        except BrokenPipeError:  # it has ended, which `_ask` finds
-            pass
 
     def _ask(self, question: dict[str, Any], timeout: float) -> dict[str, Any] | None:
         """The answer to a question; None if the process ended or the time is over."""
@@ -131,10 +132,8 @@ class CaseProcess:
         ready, _, _ = select.select([stream], [], [], timeout)
         line = stream.readline() if ready else b""
         if not line:
-            try:
-                self._process.wait(0.0 if not ready else 10.0)
-            except subprocess.TimeoutExpired:
-                pass
+            with suppress(subprocess.TimeoutExpired):
+                self._process.wait(10.0 if ready else 0.0)
             return None
         return dict(json.loads(line))
 
@@ -145,32 +144,40 @@ class CaseProcess:
         return f": {text.splitlines()[-1]}" if text else ""
 
 
-def serve() -> None:
-    """Answer the questions of the parent until the input ends."""
+def serve(runner_of: Callable[[Campaign], Any] | None = None) -> None:
+    """Answer the questions of the parent until the input ends.
+
+    Parameters
+    ----------
+    runner_of : callable, optional
+        Returns an object with ``run(number)`` for a campaign; by default a `campaign_case.CaseRunner`.
+    """
     answers = os.fdopen(os.dup(1), "w", buffering=1)
     os.dup2(2, 1)  # what a case prints is no answer
     job = CampaignJob(**json.loads(sys.stdin.readline()))
     campaign = job.load()
-    from edl_filter.workflow.campaign_case import CaseRunner
+    if runner_of is None:
+        from edl_filter.workflow.campaign_case import CaseRunner
 
-    runner = CaseRunner(campaign)
+        runner_of = CaseRunner
+    runner = runner_of(campaign)
     for line in sys.stdin:
         question = json.loads(line)
         _set_timer(question["limit"])
-        answer = _answer(runner, Path(job.folder), int(question["case"]))
+        answer = _answer(runner, campaign, Path(job.folder), int(question["case"]))
         _set_timer(0.0)
         answers.write(json.dumps(answer) + "\n")
         answers.flush()
 
 
-def _answer(runner: Any, folder: Path, number: int) -> dict[str, Any]:
+def _answer(runner: Any, campaign: Campaign, folder: Path, number: int) -> dict[str, Any]:
     """Run a case and write its record, or its failure."""
     try:
         record = runner.run(number)
     except Exception as error:
         kind, reason = ("input", str(error)) if isinstance(error, InputError) else ("error", _name(error))
         try:
-            write_failure(folder, runner.campaign, number, kind, reason, traceback.format_exc())
+            write_failure(folder, campaign, number, kind, reason, traceback.format_exc())
         except InputError as failure:
             return {"outcome": "not written", "reason": str(failure)}
         return {"outcome": "failed", "reason": reason}

@@ -24,7 +24,9 @@ def print_statistics(content: dict[str, Any], failures: list[dict[str, Any]]) ->
         cases = group["cases"]
         landing = group.get("landing", {})
         shown = landing.get("without landing constraint") or landing.get("truth") or landing.get("estimate")
-        text = "–" if shown is None else f"{1e-3 * shown['semi_major_95_m']:.3g} × {1e-3 * shown['semi_minor_95_m']:.3g}"
+        text = (
+            "–" if shown is None else f"{1e-3 * shown['semi_major_95_m']:.3g} × {1e-3 * shown['semi_minor_95_m']:.3g}"
+        )
         trusted = f"{group['trustworthy']:.1%}" if "trustworthy" in group else "–"
         groups.add_row(
             group["flight"], group["dispersion"], str(cases["done"]), str(cases["failed"]), str(cases["missing"]),
