@@ -36,9 +36,7 @@ class Faults:
 
         with output_folder(self.results):
             options = {"workers": None if "scheduler" in options else 2} | options
-            return run_campaign(
-                self.campaign(cases, time_limit_s), self.results, program="faulty_cases", **options
-            )
+            return run_campaign(self.campaign(cases, time_limit_s), self.results, program="faulty_cases", **options)
 
     def numbers(self, name):
         """Numbers of the cases that have begun, or ended, in order of time."""

@@ -8,7 +8,15 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated, Any, Literal, NamedTuple
 
-from pydantic import BeforeValidator, Field, PrivateAttr, StringConstraints, ValidationError, model_validator
+from pydantic import (
+    BeforeValidator,
+    Field,
+    PrivateAttr,
+    StringConstraints,
+    ValidationError,
+    field_validator,
+    model_validator,
+)
 
 from edl_filter.errors import InputError
 from edl_filter.mission.effects import ParameterValue
@@ -165,16 +173,22 @@ class Campaign(Section):
     )
     flights: dict[Name, FlightConfig] = Field(description="flights by name")
     dispersions: dict[Name, DispersionConfig] = Field(
-        default={"nominal": DispersionConfig()}, description="dispersions by name; each is combined with each flight"
+        default={},
+        validate_default=True,
+        description="dispersions by name; each is combined with each flight. Empty: one, nominal, that draws nothing",
     )
 
     _source: Path | None = PrivateAttr(None)
 
+    @field_validator("dispersions")
+    @classmethod
+    def _at_least_one(cls, value: dict[str, DispersionConfig]) -> dict[str, DispersionConfig]:
+        return value or {"nominal": DispersionConfig()}
+
     @model_validator(mode="after")
     def _consistent(self) -> Campaign:
-        for key in ("flights", "dispersions"):
-            if not getattr(self, key):
-                raise field_error("no entry", "at least one", key)
+        if not self.flights:
+            raise field_error("no entry", "at least one flight", "flights")
         measured = [name for name, flight in self.flights.items() if flight.scenario is None]
         for name, dispersion in self.dispersions.items():
             if not measured:

@@ -3,6 +3,8 @@
 `add_effect` writes a mission with one effect more, `validate` checks a mission as a run does, `dry_run` lists the
 files of a command, `run` reconstructs a mission with its effects refitted, `outputs` writes one result folder,
 `diagnose_result` diagnoses a result, `improve_model` repeats diagnosis and refit and keeps the `ledger`,
-`compare_results` tabulates results of one flight. Commands, the Python API and the workbench call these functions;
-nothing below imports them.
+`compare_results` tabulates results of one flight. A campaign has `campaign_files` (its folder), `campaign_case` (one
+case), `campaign_process` and `campaign_block` (cases in processes of their own, on dask workers), `campaign`
+(distribution) and `campaign_report` (store, statistics, figures). Commands, the Python API and the workbench call these
+functions; nothing below imports them.
 """
