@@ -177,7 +177,9 @@ def test_the_json_schemas_that_the_reference_links_are_written(tmp_path):
 
 
 def test_an_unknown_placeholder_is_refused():
-    with pytest.raises(ValueError, match="page: found 'generated: nonsense'; accepted are commands, effects, file"):
+    with pytest.raises(
+        ValueError, match="page: found 'generated: nonsense'; accepted are campaign, commands, effects, file"
+    ):
         fill("<!-- generated: nonsense -->", "page")
 
 

@@ -77,7 +77,7 @@ def test_paths_start_from_the_folder_of_the_file(tmp_path):
     campaign = Campaign.load(file)
     assert campaign.path("s.yaml") == str(tmp_path / "s.yaml")
     assert campaign.path("builtin:mer") == "builtin:mer"
-    with pytest.raises(InputError, match="no_file.yaml"):
+    with pytest.raises(InputError, match=r"no_file\.yaml"):
         Campaign.load(tmp_path / "no_file.yaml")
 
 

@@ -2,11 +2,13 @@
 
 import json
 import sys
+from dataclasses import replace
 
 import pytest
 
 from edl_filter.errors import InputError
-from edl_filter.workflow.campaign_files import ranges_text, read_failures, read_records
+from edl_filter.workflow.campaign_block import run_block
+from edl_filter.workflow.campaign_files import CampaignJob, claim_folder, ranges_text, read_failures, read_records
 
 
 def test_all_cases_are_run_once_and_a_second_run_has_nothing_to_do(faults):
@@ -39,6 +41,7 @@ def test_cases_that_fail_are_kept_with_a_command_and_run_again_on_request(faults
     assert sorted(faults.numbers("begun")[begun:]) == [1, 2, 4]
 
 
+@pytest.mark.slow
 def test_a_full_disk_ends_the_campaign_says_what_is_missing_and_it_resumes(faults):
     faults.set(**{f"n{n}": "full" for n in range(6, 40)})
     outcome = faults.run(40)
@@ -55,16 +58,15 @@ def test_a_full_disk_ends_the_campaign_says_what_is_missing_and_it_resumes(fault
 
 
 def test_another_campaign_is_refused_in_the_folder(faults):
-    faults.run(2)
+    claim_folder(faults.results, faults.campaign(2))
+    claim_folder(faults.results, faults.campaign(5))  # more cases of the same campaign
     campaign = faults.campaign(2).model_copy(update={"seed": 7})
-    from edl_filter.workflow.campaign_files import claim_folder
-
     with pytest.raises(InputError, match=r"cases of another campaign \(seed differs\); name another folder with -o"):
         claim_folder(faults.results, campaign)
     identity = faults.results / "campaign.json"
     identity.write_text(json.dumps(json.loads(identity.read_text()) | {"version": "0.0.1"}))
     with pytest.raises(InputError, match=r"holds cases of edl-filter 0\.0\.1"):
-        faults.run(2)
+        claim_folder(faults.results, faults.campaign(2))
 
 
 def test_a_scheduler_that_does_not_answer_is_one_message(faults):
@@ -76,6 +78,12 @@ def test_without_dask_the_message_names_the_extra(faults, monkeypatch):
     monkeypatch.setitem(sys.modules, "distributed", None)
     with pytest.raises(InputError, match=r"edl-filter\[campaign\]"):
         faults.run(2)
+
+
+def test_a_worker_of_another_version_runs_nothing(faults):
+    job = replace(CampaignJob.of(faults.campaign(2), faults.results), version="0.0.1")
+    outcome = run_block(job, [0, 1])
+    assert "a worker has edl-filter" in outcome["not_written"] and faults.numbers("begun") == []
 
 
 def test_ranges_of_numbers():

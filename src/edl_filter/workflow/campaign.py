@@ -12,7 +12,7 @@ import time
 from collections import deque
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from queue import Empty, SimpleQueue
 from typing import Any
@@ -133,7 +133,7 @@ def run_campaign(
         return CampaignOutcome(progress, "")
     job = CampaignJob.of(campaign, folder)
     if program is not None:
-        job = CampaignJob(job.folder, job.campaign, job.source, program)
+        job = replace(job, program=program)
     stopped = ""
     with _connections(scheduler, workers, patience_s) as connect:
         deadline = time.monotonic() + patience_s

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from edl_filter._version import __version__
 from edl_filter.workflow.campaign_files import CASES, FAILURES, CampaignJob, case_path
 from edl_filter.workflow.campaign_process import CaseProcess
 
@@ -31,6 +32,9 @@ def run_block(job: CampaignJob, numbers: Sequence[int]) -> dict[str, Any]:
         further one is run, or None.
     """
     outcome: dict[str, Any] = {"done": 0, "failed": 0, "not_written": None}
+    if job.version != __version__:
+        outcome["not_written"] = f"a worker has edl-filter {__version__}, the campaign {job.version}"
+        return outcome
     folder = Path(job.folder)
     for number in numbers:
         if case_path(folder, CASES, number).is_file():

@@ -45,12 +45,15 @@ class CampaignJob:
         Absolute path of its file, from whose folder relative paths start.
     program : str
         Module that runs the cases in a process of its own.
+    version : str
+        Of edl-filter, which workers must have.
     """
 
     folder: str
     campaign: dict[str, Any]
     source: str | None
     program: str = "edl_filter.workflow.campaign_process"
+    version: str = __version__
 
     @classmethod
     def of(cls, campaign: Campaign, folder: Path) -> CampaignJob:
