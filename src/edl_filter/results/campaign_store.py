@@ -33,13 +33,13 @@ class _Labels:
     """Labels of each dimension, in the order in which records have them."""
 
     def __init__(self) -> None:
-        self.names: dict[str, list[str]] = {key: list(labels) for key, labels in _LABELS.items()}
+        self.names: dict[str, dict[str, int]] = {
+            key: {label: k for k, label in enumerate(labels)} for key, labels in _LABELS.items()
+        }
 
     def index(self, dimension: str, label: str) -> int:
-        names = self.names.setdefault(dimension, [])
-        if label not in names:
-            names.append(label)
-        return names.index(label)
+        names = self.names.setdefault(dimension, {})
+        return names.setdefault(label, len(names))
 
 
 def write_store(
@@ -116,7 +116,7 @@ def _fill(
     _coordinate(root, "outcome", outcome, ("case",), "index in " + ", ".join(OUTCOMES))
     for dimension, entries in labels.names.items():
         if entries and any(dimension in VARIABLES[n].dimensions for n in used):
-            _coordinate(root, dimension, np.array(entries), (dimension,), f"labels of {dimension}")
+            _coordinate(root, dimension, np.array(list(entries)), (dimension,), f"labels of {dimension}")
     arrays = {}
     for name in [n for n in VARIABLES if n in used]:
         variable = VARIABLES[name]

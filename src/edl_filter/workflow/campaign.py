@@ -11,7 +11,7 @@ import os
 import time
 from collections import deque
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 from queue import Empty, SimpleQueue
@@ -29,12 +29,22 @@ from edl_filter.workflow.campaign_files import (
     read_progress,
 )
 
-#: Most cases in a block, and least number of blocks for each thread of a worker.
-MOST_IN_BLOCK, BLOCKS_PER_THREAD = 20, 20
+#: Most cases in a block; and the share of the cases that are left, per thread, which a block may have: blocks become
+#: smaller towards the end, so that all threads end at about the same time (guided self-scheduling).
+MOST_IN_BLOCK, LEFT_SHARE = 100, 0.25
 #: Blocks for each thread that the scheduler holds at one time.
 WAITING_BLOCKS = 3
 #: Attempts of a block whose worker ends.
 ATTEMPTS = 5
+#: Settings of a cluster of this machine. Its workers wait for their processes for cases; with dask's defaults each of
+#: them takes 2 % of a processor for samples of its stack, and for ticks and measurements of itself.
+_QUIET_CLUSTER = {
+    "distributed.worker.profile.enabled": False,
+    "distributed.admin.tick.interval": "1s",
+    "distributed.admin.tick.limit": "60s",
+    "distributed.admin.system-monitor.interval": "5s",
+    "distributed.admin.system-monitor.gil.enabled": False,
+}
 #: Time between two looks at the scheduler, s.
 _TICK_S = 1.0
 
@@ -169,14 +179,10 @@ class _Distribution:
 
     def __init__(self, client: Any, job: CampaignJob, missing: list[int], patience_s: float) -> None:
         self.client, self.job, self.patience_s = client, job, patience_s
-        threads = self._threads() or 1
-        size = max(1, min(MOST_IN_BLOCK, len(missing) // (threads * BLOCKS_PER_THREAD)))
-        self.blocks: deque[tuple[list[int], int]] = deque(
-            (missing[i : i + size], 1) for i in range(0, len(missing), size)
-        )
+        self.threads = self._threads() or 1
+        self.left, self.repeated = deque(missing), list[tuple[list[int], int]]()
         self.running: dict[str, tuple[Any, list[int], int]] = {}
         self.finished: SimpleQueue[Any] = SimpleQueue()
-        self.window = max(4, WAITING_BLOCKS * threads)
         self.alone_since: float | None = None
         self.submitted = 0
 
@@ -184,9 +190,9 @@ class _Distribution:
         """Distribute all blocks; why it ended before, or nothing."""
         report(counts)
         stopped = ""
-        while not stopped and (self.blocks or self.running):
-            while self.blocks and len(self.running) < self.window:
-                self._submit(*self.blocks.popleft())
+        while not stopped and (self.left or self.repeated or self.running):
+            while (self.left or self.repeated) and len(self.running) < max(4, WAITING_BLOCKS * self.threads):
+                self._submit(*self._next_block())
             try:
                 future = self.finished.get(timeout=_TICK_S)
             except Empty:
@@ -199,6 +205,13 @@ class _Distribution:
                 report(counts)
         self._cancel()
         return stopped
+
+    def _next_block(self) -> tuple[list[int], int]:
+        """Numbers of cases, and which attempt it is to run them."""
+        if self.repeated:
+            return self.repeated.pop()
+        size = max(1, min(MOST_IN_BLOCK, int(LEFT_SHARE * len(self.left) / self.threads)))
+        return [self.left.popleft() for _ in range(size)], 1
 
     def _submit(self, numbers: list[int], attempt: int) -> None:
         self.submitted += 1
@@ -221,7 +234,7 @@ class _Distribution:
         error = future.exception()
         future.release()
         if type(error).__name__ == "KilledWorker" and attempt < ATTEMPTS:
-            self.blocks.append((numbers, attempt + 1))
+            self.repeated.append((numbers, attempt + 1))
             return None, ""
         return None, f"workers cannot run cases {ranges_text(numbers)} ({type(error).__name__}: {error})"
 
@@ -229,6 +242,7 @@ class _Distribution:
         """Why the distribution cannot go on, if it cannot."""
         if self.client.status != "running":
             return _LOST
+        self.threads = self._threads() or self.threads
         if self._threads():
             self.alone_since = None
             return ""
@@ -257,12 +271,15 @@ class _Distribution:
 @contextmanager
 def _connections(scheduler: str | None, workers: int | None, patience_s: float) -> Iterator[Callable[[], Any]]:
     """A function that connects, again where a connection was lost, and returns None if that fails for too long."""
+    import dask
     from distributed import Client, LocalCluster
 
     for name in ("distributed", "distributed.core", "tornado.application"):
         logging.getLogger(name).setLevel(logging.CRITICAL)
     client: Any = None
     cluster: Any = None
+    settings = ExitStack()
+    settings.enter_context(dask.config.set(_QUIET_CLUSTER))
     try:
         if scheduler is None:
             cluster = LocalCluster(
@@ -305,6 +322,7 @@ def _connections(scheduler: str | None, workers: int | None, patience_s: float) 
         for part in (client, cluster):
             if part is not None:
                 part.close(timeout=5)
+        settings.close()
 
 
 def processors() -> int:
