@@ -114,11 +114,13 @@ def keys_in(data, path=""):
 def test_every_key_of_the_shipped_files_is_in_the_reference(file):
     from edl_filter.mission import Mission
     from edl_filter.simulation import Scenario
+    from edl_filter.simulation.campaign_config import Campaign
 
-    text = keys_text(Scenario if file.parent.name == "scenarios" else Mission)
+    models = {"scenarios": Scenario, "campaigns": Campaign}
+    text = keys_text(models.get(file.parent.name, Mission))
     for path, key in keys_in(yaml.safe_load(file.read_text(encoding="utf-8"))):
-        named = re.sub(r"(vehicle\.events|imus)\.\w+", r"\1.NAME", path)
-        if re.search(r"(vehicle\.events|imus)$", named) or key == "N":
+        named = re.sub(r"(vehicle\.events|imus|flights|dispersions)\.\w+", r"\1.NAME", path)
+        if re.search(r"(vehicle\.events|imus|flights|dispersions)$", named) or key == "N":
             continue  # a name chosen by the user
         title = f"`{named}`" if named else "At the top of the file"
         sections = [s for s in text.split("## ") if s.startswith(title)]
@@ -175,7 +177,9 @@ def test_the_json_schemas_that_the_reference_links_are_written(tmp_path):
 
 
 def test_an_unknown_placeholder_is_refused():
-    with pytest.raises(ValueError, match="page: found 'generated: nonsense'; accepted are commands, effects, file"):
+    with pytest.raises(
+        ValueError, match="page: found 'generated: nonsense'; accepted are campaign, commands, effects, file"
+    ):
         fill("<!-- generated: nonsense -->", "page")
 
 

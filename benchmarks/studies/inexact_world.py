@@ -1,14 +1,13 @@
 """A world that nothing states exactly: tables, air, mass and inertia that differ from the nominal model of a mission.
 
-The errors of CA, CN and Cm are one smooth Gaussian field a flight over the flow: squared exponential in ln Mach (in
-rarefied flow, log10 Kn) and in the total angle, with a third of MEVAD's 3 sigma as standard deviation; those of CN and
-Cm vanish at zero angle. Density and winds differ from the preflight table by smooth functions of the altitude, mass and
-inertia by constant factors. `draw_world` draws a world, `World.write` writes what the scenario of `World.scenario`
-flies, and `STATED_UNCERTAINTY` is what a mission may know: the nominal model and its sigmas.
+The errors of CA, CN and Cm are one smooth Gaussian field a flight over the flow
+(`edl_filter.simulation.database_errors`). Density and winds differ from the preflight table by smooth functions of the
+altitude (`edl_filter.simulation.air_errors`), mass and inertia by constant factors. `draw_world` draws a world,
+`World.write` writes what the scenario of `World.scenario` flies, and `STATED_UNCERTAINTY` is what a mission may know:
+the nominal model and its sigmas.
 """
 
-from dataclasses import dataclass, replace
-from functools import lru_cache
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -16,14 +15,13 @@ import numpy as np
 from edl_filter import Mission
 from edl_filter.aero.database import load_database
 from edl_filter.aero.grid import GridTable
-from edl_filter.aero.uncertainty import three_sigma
 from edl_filter.io.csv_table import read_rows
 from edl_filter.mission.yaml_text import set_key
 from edl_filter.planet.atmosphere import COLUMNS
 from edl_filter.simulation import Scenario
+from edl_filter.simulation.air_errors import air_with_errors
+from edl_filter.simulation.database_errors import table_with_errors
 
-#: Correlation lengths of the tables' errors, and angle at which those of CN and Cm have grown to 0.76 of their sigma.
-LN_MACH_LENGTH, DECADES_LENGTH, ANGLE_LENGTH_DEG, ODD_ANGLE_DEG = 0.5, 1.0, 6.0, 4.0
 #: Relative sigma of the density, sigma of each wind component (m/s), and their correlation length in altitude (m).
 DENSITY_SIGMA, WIND_SIGMA, ALTITUDE_LENGTH = 0.10, 10.0, 10e3
 #: Relative sigmas.
@@ -38,51 +36,6 @@ STATED_UNCERTAINTY = (
 def nominal_mission(vehicle):
     """The mission of the nominal model."""
     return Mission.load(f"builtin:practice_{vehicle}", ["telemetry.path=flight.h5"])
-
-
-def covariance_root(points, length):
-    """Square root ``(N, N)`` of the squared exponential correlation of points ``(N,)``, by eigenvalues.
-
-    The matrix of a smooth field is singular to rounding, where a Cholesky decomposition fails.
-    """
-    return _covariance_root(tuple(points.tolist()), length)
-
-
-@lru_cache(maxsize=32)
-def _covariance_root(points, length):
-    """As `covariance_root`; all worlds of a study have the same points."""
-    correlation = np.exp(-0.5 * (np.subtract.outer(points, points) / length) ** 2)
-    values, vectors = np.linalg.eigh(correlation)
-    return vectors * np.sqrt(np.maximum(values, 0.0))
-
-
-def smooth_field(random, points, length, angle_deg):
-    """One realisation ``(N, A)`` of unit variance at points ``(N,)`` and angles ``(A,)``."""
-    along, across = covariance_root(points, length), covariance_root(angle_deg, ANGLE_LENGTH_DEG)
-    return along @ random.standard_normal((len(points), len(angle_deg))) @ across.T
-
-
-def smooth_profile(random, altitude):
-    """One realisation ``(N,)`` of unit variance at altitudes ``(N,)``, m."""
-    return covariance_root(altitude, ALTITUDE_LENGTH) @ random.standard_normal(len(altitude))
-
-
-def table_with_errors(random, table, family):
-    """A table with errors drawn at its nodes; between them it is interpolated as the nominal one."""
-    angle = np.degrees(table.alpha)
-    if table.kind == "mach":
-        points, length, mach, knudsen = np.log(table.nodes), LN_MACH_LENGTH, table.nodes, 0.0
-    else:  # the whole table is rarefied flow, its first node too
-        points, length, mach, knudsen = np.log10(table.nodes), DECADES_LENGTH, table.nodes, np.inf
-    sigma = three_sigma(family, mach[:, None], knudsen, table.CA)
-    ca, cn, cm = (smooth_field(random, points, length, angle) for _ in range(3))
-    odd = np.tanh(angle / ODD_ANGLE_DEG)
-    return replace(
-        table,
-        CA=table.CA + sigma.ca / 3.0 * ca,
-        CN=table.CN + sigma.cn / 3.0 * cn * odd,
-        Cm=table.Cm + sigma.cm / 3.0 * cm * odd,
-    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -152,9 +105,7 @@ def draw_world(vehicle, random):
     database = load_database(aero.continuum, aero.rarefied, family=aero.family, join=aero.join)
     continuum, rarefied = (table_with_errors(random, t, aero.family) for t in (database.continuum, database.rarefied))
     air = np.array([row.values for row in read_rows(mission.atmosphere_path(), COLUMNS, "atmosphere table")])
-    density, east, north = (smooth_profile(random, air[:, 0]) for _ in range(3))
-    air[:, 1] *= 1.0 + DENSITY_SIGMA * density
-    air[:, 3:] += WIND_SIGMA * np.column_stack((east, north))
+    air = air_with_errors(random, air, DENSITY_SIGMA, WIND_SIGMA, ALTITUDE_LENGTH)
     mass, inertia = random.standard_normal(2)
     return World(
         vehicle, continuum, rarefied, air, float(1.0 + MASS_SIGMA * mass), float(1.0 + INERTIA_SIGMA * inertia)

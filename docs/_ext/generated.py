@@ -33,7 +33,14 @@ def _scenario(_: str) -> str:
     return keys_text(Scenario)
 
 
+def _campaign(_: str) -> str:
+    from edl_filter.simulation.campaign_config import Campaign
+
+    return keys_text(Campaign)
+
+
 KINDS: dict[str, Callable[[str], str]] = {
+    "campaign": _campaign,
     "commands": lambda _: commands_text(),
     "effects": effects_text,
     "file": file_text,

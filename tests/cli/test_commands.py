@@ -12,7 +12,7 @@ from edl_filter.mission import shipped_mission
 
 COMMANDS = (
     "run", "new", "missions", "validate", "convert", "simulate", "export", "fetch", "demo", "effects", "add",
-    "diagnose", "compare", "improve", "identifiability", "serve",
+    "diagnose", "compare", "improve", "identifiability", "campaign", "serve",
 )  # fmt: skip
 
 
@@ -32,7 +32,8 @@ def test_help_has_an_example(cli, command):
 def test_importing_the_commands_imports_no_large_package():
     code = (
         "import sys, edl_filter.cli; "
-        "print([m for m in ('numpy','numba','xarray','pydantic','scipy','matplotlib','h5py') if m in sys.modules])"
+        "large = 'numpy numba xarray pydantic scipy matplotlib h5py dask distributed zarr'.split(); "
+        "print([m for m in large if m in sys.modules])"
     )
     process = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert process.stdout.strip() == "[]"

@@ -3,75 +3,29 @@
 import json
 import sys
 
+import cloudpickle
 import inexact as study
 import inexact_report
 import numpy as np
 import pytest
+from flight_lines import append_missing_on_cluster, flight_key, read_lines
 from inexact_world import (
-    ALTITUDE_LENGTH,
     DENSITY_SIGMA,
     INERTIA_SIGMA,
     MASS_SIGMA,
     WIND_SIGMA,
     draw_world,
-    smooth_field,
-    smooth_profile,
-    table_with_errors,
 )
 
-from edl_filter.aero.database import load_database
-from edl_filter.aero.uncertainty import three_sigma
 from edl_filter.effects.registry import catalogue
 from edl_filter.io.csv_table import package_data
 from edl_filter.planet.atmosphere import COLUMNS
 from edl_filter.simulation.simulate import flown_world, simulate
 
-DRAWS = 2000
-ONE_LENGTH = np.exp(-0.5)
-
 
 @pytest.fixture(scope="module")
 def phoenix_world():
     return draw_world("phoenix", np.random.default_rng(3))
-
-
-def test_a_field_has_unit_variance_and_is_correlated_over_its_lengths():
-    """Five standard errors of a variance and of a correlation of so many draws are 0.16 and 0.11 at most."""
-    points, angles = np.array([0.0, 0.5, 1.0]), np.array([0.0, 6.0, 12.0])
-    random = np.random.default_rng(1)
-    fields = np.array([smooth_field(random, points, 0.5, angles) for _ in range(DRAWS)])
-    covariance = np.cov(fields.reshape(DRAWS, -1).T)
-    axis = np.exp(-0.5 * np.subtract.outer([0.0, 1.0, 2.0], [0.0, 1.0, 2.0]) ** 2)
-    assert np.abs(covariance - np.kron(axis, axis)).max() < 0.16
-    assert covariance[0, 1] == pytest.approx(ONE_LENGTH, abs=0.11)
-    assert np.abs(fields.mean(axis=0)).max() < 5.0 / np.sqrt(DRAWS)
-
-
-def test_a_profile_has_unit_variance_and_is_correlated_over_its_length():
-    random = np.random.default_rng(2)
-    altitude = np.array([0.0, ALTITUDE_LENGTH, 5.0 * ALTITUDE_LENGTH])
-    covariance = np.cov(np.array([smooth_profile(random, altitude) for _ in range(DRAWS)]).T)
-    expected = [[1.0, ONE_LENGTH, 0.0], [ONE_LENGTH, 1.0, 0.0], [0.0, 0.0, 1.0]]
-    assert np.abs(covariance - expected).max() < 0.16
-
-
-@pytest.mark.parametrize("family", ["MER", "Phoenix"])
-@pytest.mark.parametrize("regime", ["continuum", "rarefied"])
-def test_errors_of_tables_have_the_sigma_of_the_database(family, regime):
-    database = load_database("builtin:continuum_grid", "builtin:rarefied_grid", family=family)
-    table = getattr(database, regime)
-    knudsen = 0.0 if regime == "continuum" else 1.0
-    sigma = three_sigma(family, table.nodes[:, None], knudsen, table.CA)
-    random = np.random.default_rng(4)
-    tables = [table_with_errors(random, table, family) for _ in range(300)]
-    odd = np.tanh(np.degrees(table.alpha) / 4.0)
-    for name, three, shape in (("CA", sigma.ca, 1.0), ("CN", sigma.cn, odd), ("Cm", sigma.cm, odd)):
-        errors = np.array([getattr(t, name) for t in tables]) - getattr(table, name)
-        expected = np.broadcast_to(three / 3.0 * shape, table.CA.shape)
-        spread = np.sqrt(np.mean(errors**2, axis=0))
-        assert spread[expected > 0.0] == pytest.approx(expected[expected > 0.0], rel=5.0 / np.sqrt(600.0))
-        assert np.all(errors[:, expected == 0.0] == 0.0)
-        assert (name == "CA") == bool(np.all(expected > 0.0))
 
 
 def test_factors_and_air_have_their_sigmas():
@@ -238,10 +192,24 @@ def test_flights_in_the_file_are_not_repeated(tmp_path, monkeypatch):
 
     monkeypatch.setattr(study, "result_of", line_of)
     output = tmp_path / "new" / "inexact.jsonl"
-    for worker in ("0", "1", "0"):
-        monkeypatch.setattr(sys, "argv", ["inexact.py", "-o", str(output), "--worker", worker, "--workers", "2"])
-        study.main()
-    assert calls == flights[::2] + flights[1::2]
+    monkeypatch.setattr(sys, "argv", ["inexact.py", "-o", str(output)])
+    study.main()
+    study.main()
+    assert calls == flights
+
+
+def undiagnosed_line(case):
+    """The line of a flight that is neither simulated nor diagnosed."""
+    return {"vehicle": case[0], "seed": case[1], "hidden": list(case[2]), "part": case[3]}
+
+
+def test_workers_of_a_cluster_write_each_line_once(tmp_path):
+    cloudpickle.register_pickle_by_value(sys.modules[__name__])  # workers cannot import a test
+    flights = study.cases()[:9]
+    for count in (4, 9):  # the second time goes on where the first one ended
+        append_missing_on_cluster(flights[:count], undiagnosed_line, tmp_path / "inexact.jsonl", 2)
+    lines = read_lines([tmp_path / "inexact.jsonl"])
+    assert sorted(map(flight_key, lines)) == sorted(flights)
 
 
 @pytest.mark.slow

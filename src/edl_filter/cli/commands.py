@@ -10,6 +10,7 @@ import typer
 
 from edl_filter._version import __version__
 from edl_filter.cli._base import Commands, announce_code
+from edl_filter.cli.campaign import campaign
 from edl_filter.cli.diagnosis import add, compare, diagnose, effects, identifiability, improve, serve
 from edl_filter.cli.flight_data import convert, export, fetch, simulate
 from edl_filter.cli.reconstruction import demo, figures, missions, new, run, validate
@@ -74,6 +75,7 @@ _EXAMPLES: dict[Callable[..., None], str] = {
     compare: "edl-filter compare results/mer_a results/mer_a+remnant_torque",
     improve: "edl-filter improve missions/mer_a.yaml -o results/mer_a_improved",
     identifiability: "edl-filter identifiability missions/mer_a.yaml",
+    campaign: "edl-filter campaign missions/campaigns/mer.yaml -o results/mer_campaign --workers 2",
     serve: "edl-filter serve . --port 8765",
 }
 for _command, _example in _EXAMPLES.items():

@@ -44,19 +44,39 @@ def read_telemetry(mission: Mission) -> Telemetry:
     path, checks = mission.telemetry_path(), check_settings(mission)
     if isinstance(mission.telemetry, FlightFileConfig):
         assert path is not None
-        telemetry = read_flight_file(path, checks)
-        if telemetry.planet.lower() != mission.planet.name.lower():
-            raise InputError(
-                f"{path}: the flight is of {telemetry.planet}, the mission's planet is {mission.planet.name}."
-            )
-        if mission.telemetry.driving is not None:
-            telemetry = driven_by(telemetry, mission.telemetry.driving)
-        return _repaired(mission, moved_by_events(mission, telemetry), checks)
+        return prepare_telemetry(mission, read_flight_file(path, checks), str(path))
     assert isinstance(mission.telemetry, MerImuConfig)  # telemetry_path stops the others
     spacecraft = mission.telemetry.spacecraft
     if path is None:
         path = find_mer_imu(spacecraft) or package_data(FILE_NAMES[spacecraft])
     return _repaired(mission, mer_telemetry(read_mer_tables(path, spacecraft), mer_setup(mission)), checks)
+
+
+def prepare_telemetry(mission: Mission, telemetry: Telemetry, label: str) -> Telemetry:
+    """Telemetry of a flight file as a mission uses it: its driving IMU, its vehicle's events, lost samples filled.
+
+    Parameters
+    ----------
+    mission : Mission
+        With telemetry of format flight-file.
+    telemetry : Telemetry
+        As read from the file, with the thresholds of `check_settings`.
+    label : str
+        Name of the file in messages.
+
+    Raises
+    ------
+    InputError
+        The flight is of another planet, or has no IMU of the name that the mission states.
+    """
+    assert isinstance(mission.telemetry, FlightFileConfig)
+    if telemetry.planet.lower() != mission.planet.name.lower():
+        raise InputError(
+            f"{label}: the flight is of {telemetry.planet}, the mission's planet is {mission.planet.name}."
+        )
+    if mission.telemetry.driving is not None:
+        telemetry = driven_by(telemetry, mission.telemetry.driving)
+    return _repaired(mission, moved_by_events(mission, telemetry), check_settings(mission))
 
 
 def _repaired(mission: Mission, telemetry: Telemetry, checks: CheckSettings) -> Telemetry:

@@ -181,12 +181,28 @@ def assemble_free(
     )
 
 
+@dataclass(frozen=True)
+class FlightInputs:
+    """Telemetry and preflight atmosphere of a mission, for several reconstructions of one flight.
+
+    Attributes
+    ----------
+    telemetry : Telemetry
+    atmosphere : Atmosphere, optional
+        Read from the mission's table if not given.
+    """
+
+    telemetry: Telemetry
+    atmosphere: Atmosphere | None = None
+
+
 def reconstruct(
     mission: Mission,
     effects: Sequence[EffectInstance] | None = None,
     leave_one_out: bool = True,
     recover: bool = True,
-    telemetry: Telemetry | None = None,
+    inputs: FlightInputs | None = None,
+    compare_imus: bool = True,
 ) -> Reconstruction:
     """Reconstruct an entry.
 
@@ -201,8 +217,10 @@ def reconstruct(
     recover : bool
         Add noise where state and measurements contradict each other (`navigation.recovery`). Without it only samples
         that were lost and filled are tested.
-    telemetry : Telemetry, optional
-        The mission's, where it has been read already (`pipeline.load.read_telemetry`).
+    inputs : FlightInputs, optional
+        Read already; otherwise the mission's files are read.
+    compare_imus : bool
+        Compare and calibrate checking IMUs; False leaves `comparison`, `calibrations` and `pre_entry_bias` empty.
 
     Returns
     -------
@@ -214,7 +232,7 @@ def reconstruct(
         The mission's telemetry or tables are missing or invalid.
     """
     with one_blas_thread():  # several threads wait for each other at matrices of this size
-        return _reconstruct(mission, effects, leave_one_out, recover, telemetry)
+        return _reconstruct(mission, effects, leave_one_out, recover, inputs, compare_imus)
 
 
 def _reconstruct(
@@ -222,12 +240,14 @@ def _reconstruct(
     effects: Sequence[EffectInstance] | None,
     leave_one_out: bool,
     recover: bool,
-    telemetry: Telemetry | None,
+    inputs: FlightInputs | None,
+    compare_imus: bool,
 ) -> Reconstruction:
     timing: dict[str, float] = {}
     with _timed(timing, "telemetry"):
-        telemetry = read_telemetry(mission) if telemetry is None else telemetry
-        atmosphere = read_atmosphere(mission)
+        if inputs is None:
+            inputs = FlightInputs(read_telemetry(mission))
+        telemetry, atmosphere = inputs.telemetry, inputs.atmosphere or read_atmosphere(mission)
         planet = mission.planet_model(telemetry.prime_meridian_at_epoch)
         active = mission.active_effects() if effects is None else tuple(effects)
     with _timed(timing, "filter"):
@@ -247,9 +267,13 @@ def _reconstruct(
         if leave_one_out:
             checks.insert(0, check_entry_state(smoothed, prior, -entry.change))
     with _timed(timing, "comparison"):
-        comparison = _compare(mission, corrected)
-        calibrations = _calibrate(mission, corrected)
-        bias = _pre_entry_bias(mission, corrected)
+        comparison: dict[str, MisalignmentEstimate] = {}
+        calibrations: dict[str, RelativeCalibration] = {}
+        bias = None
+        if compare_imus:
+            comparison = _compare(mission, corrected)
+            calibrations = _calibrate(mission, corrected)
+            bias = _pre_entry_bias(mission, corrected)
     return Reconstruction(
         mission=mission,
         telemetry=telemetry,

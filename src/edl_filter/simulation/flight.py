@@ -13,6 +13,7 @@ from edl_filter.effects.forward_model import ForwardModel, invert_entry_state
 from edl_filter.simulation.motion import Motion
 from edl_filter.telemetry.flight_file_writer import FlightContents, flight_telemetry, write_flight_file
 from edl_filter.telemetry.record import InitialState, Telemetry
+from edl_filter.telemetry.sample_checks import CheckSettings
 from edl_filter.types import Array
 
 
@@ -44,9 +45,15 @@ class Flight:
         """
         return write_flight_file(path, self.contents)
 
-    def telemetry(self) -> Telemetry:
-        """The telemetry that the reader of the flight file returns, without the file."""
-        return flight_telemetry(self.contents)
+    def telemetry(self, settings: CheckSettings | None = None) -> Telemetry:
+        """The telemetry that the reader of the flight file returns, without the file.
+
+        Parameters
+        ----------
+        settings : CheckSettings, optional
+            Thresholds of the checks of the samples.
+        """
+        return flight_telemetry(self.contents, settings)
 
 
 def stated_state(

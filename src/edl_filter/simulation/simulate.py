@@ -22,6 +22,7 @@ from edl_filter.simulation.motion import Course, Motion, fly
 from edl_filter.simulation.parachute import Parachute
 from edl_filter.simulation.scenario import Scenario
 from edl_filter.simulation.sensors import draw_errors, read, true_means
+from edl_filter.simulation.world_errors import WorldErrors
 from edl_filter.telemetry.flight_file_writer import FlightContents, FlightImu
 from edl_filter.telemetry.record import AltimeterRecord, LandingFix, ParachuteFix
 from edl_filter.types import Array
@@ -30,7 +31,12 @@ from edl_filter.types import Array
 _ENTRY, _WEATHER, _STATED, _FIXES, _ALTIMETER, _IMUS = range(6)
 
 
-def simulate(scenario: Scenario, effects: Sequence[EffectInstance] | None = None, seed: int | None = None) -> Flight:
+def simulate(
+    scenario: Scenario,
+    effects: Sequence[EffectInstance] | None = None,
+    seed: int | None = None,
+    errors: WorldErrors | None = None,
+) -> Flight:
     """Simulate a flight.
 
     With the same seed all random quantities are the same, independent of the effects.
@@ -43,6 +49,8 @@ def simulate(scenario: Scenario, effects: Sequence[EffectInstance] | None = None
         Switched on in place of the scenario's own.
     seed : int, optional
         In place of the scenario's own.
+    errors : WorldErrors, optional
+        Differences of the flown world and entry state from the nominal ones, in addition to what the scenario draws.
 
     Returns
     -------
@@ -56,7 +64,8 @@ def simulate(scenario: Scenario, effects: Sequence[EffectInstance] | None = None
     seed = scenario.seed if seed is None else seed
     effects = scenario.active_effects() if effects is None else tuple(effects)
     _check_imus(effects, scenario)
-    world = flown_world(scenario, effects, _random(seed, _WEATHER))
+    errors = WorldErrors() if errors is None else errors
+    world = errors.applied(flown_world(scenario, effects, _random(seed, _WEATHER)))
     s = scenario
     course = Course(
         interval=s.sampling.interval_s,
@@ -69,8 +78,8 @@ def simulate(scenario: Scenario, effects: Sequence[EffectInstance] | None = None
     parachute = s.model.vehicle.parachute
     assert parachute is not None  # the scenario is checked
     chute = Parachute(parachute.area_diameter, s.parachute.arm, s.parachute.inflation_s)
-    motion = fly(world, chute, true_start(scenario, world, _random(seed, _ENTRY)), course)
-    imus, errors = _measured(scenario, world, motion, effects, seed)
+    motion = fly(world, chute, errors.moved(true_start(scenario, world, _random(seed, _ENTRY))), course)
+    imus, sensor_errors = _measured(scenario, world, motion, effects, seed, errors.imu_scale)
     fixes = _random(seed, _FIXES)
     truth: dict[str, Any] = {
         **true_course(world, motion, course.substeps),
@@ -79,7 +88,7 @@ def simulate(scenario: Scenario, effects: Sequence[EffectInstance] | None = None
         "events": {"parachute_deploy": motion.deployed, "landing": motion.landed, "rest": motion.stopped},
         "vehicle_events": {name: event.stated() for name, event in s.events.items()},
         "effects": _recorded(effects),
-        "sensor_errors": errors,
+        "sensor_errors": sensor_errors,
     }
     contents = FlightContents(
         name=s.name,
@@ -140,7 +149,12 @@ def _check_imus(effects: Sequence[EffectInstance], scenario: Scenario) -> None:
 
 
 def _measured(
-    scenario: Scenario, world: ForwardModel, motion: Motion, effects: Sequence[EffectInstance], seed: int
+    scenario: Scenario,
+    world: ForwardModel,
+    motion: Motion,
+    effects: Sequence[EffectInstance],
+    seed: int,
+    error_scale: float,
 ) -> tuple[dict[str, FlightImu], dict[str, dict[str, Array]]]:
     """Readings of the IMUs and their constant errors, by name."""
     imus, errors = {}, {}
@@ -157,7 +171,7 @@ def _measured(
             if (a.imu or "primary") == name:
                 arm = arm + a.effect.imu_position(a.values)
         random = _random(seed, _IMUS, k)
-        constant_errors = draw_errors(random, instrument.sigmas)
+        constant_errors = {key: error_scale * e for key, e in draw_errors(random, instrument.sigmas).items()}
         means = true_means(motion, arm, instrument.interval, instrument.gyro_delay, inside)
         imus[name], errors[name] = read(random, instrument, constant_errors, *means), constant_errors
     return imus, errors

@@ -17,6 +17,7 @@ from edl_filter.io.atomic import replace_with, write_through_memory
 from edl_filter.telemetry.flight_file import ERROR_ATTRIBUTES, FORMAT, VERSION, read_root
 from edl_filter.telemetry.hdf5_checks import Node
 from edl_filter.telemetry.record import AltimeterRecord, InitialState, LandingFix, ParachuteFix, Telemetry
+from edl_filter.telemetry.sample_checks import CheckSettings
 from edl_filter.types import Array
 
 
@@ -168,8 +169,15 @@ def write_flight_file(path: str | Path, contents: FlightContents) -> Path:
     return replace_with(path, write)
 
 
-def flight_telemetry(contents: FlightContents) -> Telemetry:
+def flight_telemetry(contents: FlightContents, settings: CheckSettings | None = None) -> Telemetry:
     """Records that `read_flight_file` would return for the contents, without a file on disk.
+
+    Parameters
+    ----------
+    contents : FlightContents
+        Measurements.
+    settings : CheckSettings, optional
+        Thresholds of the checks of the samples.
 
     Raises
     ------
@@ -178,4 +186,4 @@ def flight_telemetry(contents: FlightContents) -> Telemetry:
     """
     with h5py.File(f"{contents.name}.h5", "w", driver="core", backing_store=False) as file:
         contents.fill(file)
-        return Telemetry(**read_root(Node(contents.name, file["/"]), None))
+        return Telemetry(**read_root(Node(contents.name, file["/"]), settings))

@@ -12,7 +12,7 @@ from edl_filter.errors import InputError
 from edl_filter.io.atomic import cannot_write
 from edl_filter.io.output_folder import STAGING, staged_output
 from edl_filter.mission import Mission
-from edl_filter.pipeline.reconstruct import reconstruct
+from edl_filter.pipeline.reconstruct import FlightInputs, reconstruct
 from edl_filter.pipeline.trust import checked_telemetry
 from edl_filter.results.files import (
     DATABASE_UPDATE,
@@ -63,7 +63,7 @@ def run_mission(mission: Mission, refit: bool = True, progress: Callable[[str], 
     """
     telemetry = checked_telemetry(mission)
     if not refit or not mission.effects or mission.aerodynamics is None or mission.vehicle.inertia is None:
-        return Result(reconstruct(mission, telemetry=telemetry))
+        return Result(reconstruct(mission, inputs=None if telemetry is None else FlightInputs(telemetry)))
     from edl_filter.diagnosis.linear_model.credible_model import credible_model
     from edl_filter.diagnosis.linear_model.flight_case import flight_case, load_case
     from edl_filter.diagnosis.residual_analysis.residual_map import rms_by_regime

@@ -1,0 +1,67 @@
+"""Realisations of smooth Gaussian processes: squared exponential correlation over one or two coordinates."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import numpy as np
+
+from edl_filter.types import Array
+
+
+def covariance_root(points: Array, length: float) -> Array:
+    """Square root of the squared exponential correlation, by eigenvalues.
+
+    The matrix of a smooth field is singular to rounding, where a Cholesky decomposition fails.
+
+    Parameters
+    ----------
+    points : (N,) array
+        Coordinates.
+    length : float
+        Correlation length, in their unit.
+
+    Returns
+    -------
+    (N, N) array
+        Its product with its own transpose is the correlation matrix.
+    """
+    return _root(np.ascontiguousarray(points, float).tobytes(), float(length))
+
+
+@lru_cache(maxsize=32)
+def _root(points: bytes, length: float) -> Array:
+    """The root for points as bytes: the cases of a campaign share their nodes."""
+    coordinates = np.frombuffer(points)
+    correlation = np.exp(-0.5 * (np.subtract.outer(coordinates, coordinates) / length) ** 2)
+    values, vectors = np.linalg.eigh(correlation)
+    root = np.asarray(vectors * np.sqrt(np.maximum(values, 0.0)))
+    root.setflags(write=False)
+    return root
+
+
+def smooth_field(
+    random: np.random.Generator, first: Array, first_length: float, second: Array, second_length: float
+) -> Array:
+    """One realisation over a grid, of unit variance.
+
+    Parameters
+    ----------
+    random : Generator
+        Source of the deviates.
+    first, second : (N,), (A,) arrays
+        Coordinates of the grid.
+    first_length, second_length : float
+        Correlation lengths in the units of the coordinates.
+
+    Returns
+    -------
+    (N, A) array
+    """
+    along, across = covariance_root(first, first_length), covariance_root(second, second_length)
+    return along @ random.standard_normal((len(first), len(second))) @ across.T
+
+
+def smooth_profile(random: np.random.Generator, points: Array, length: float) -> Array:
+    """One realisation ``(N,)`` of unit variance at coordinates ``(N,)`` with a correlation `length` in their unit."""
+    return covariance_root(points, length) @ random.standard_normal(len(points))
