@@ -291,6 +291,12 @@ class EffectInstance:
         """The same instance with all sizes zero, so that it changes nothing; its places stay."""
         return replace(self, values=self.values | {q.name: 0.0 for q in self.effect.sizes})
 
+    @property
+    def is_zero(self) -> bool:
+        """Whether it has sizes and all of them are zero, so that it changes nothing."""
+        sizes = self.effect.sizes
+        return bool(sizes) and not any(self.values[q.name] for q in sizes)
+
     def canonical_phase(self) -> EffectInstance:
         """The same effect in canonical form: an amplitude that is not negative, phases between their bounds."""
         signed = self.effect.half_turn
