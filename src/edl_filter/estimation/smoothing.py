@@ -111,7 +111,7 @@ def smoothed_last_states(whiten: WhiteningFilter, white: Array, initial_mean: Ar
 def _predicted_last_states(
     rows, first, column, increment, q_row, q_column, q_values, row_start, gains, white, x, p, count
 ):
-    """Predicted means ``(K, count)`` and covariances with all states ``(K, count, n)``; `x` ``(n, 1)``, `p` at start."""
+    """Predicted means ``(K, count)``, covariances with all states ``(K, count, n)``; `x` ``(n, 1)``, `p` at start."""
     steps, size = row_start.size - 1, p.shape[0]
     predicted, cross = np.empty((steps, count)), np.empty((steps, count, size))
     work, work_x = np.empty((rows.size, size)), np.empty((rows.size, 1))
