@@ -3,10 +3,12 @@
 import numpy as np
 import pytest
 
+from edl_filter.effects.base import EffectInstance
+from edl_filter.effects.registry import find_effect
 from edl_filter.errors import InputError
 from edl_filter.mission import Mission, shipped_mission
 from edl_filter.pipeline.load import read_atmosphere, read_telemetry
-from edl_filter.pipeline.problem import assemble
+from edl_filter.pipeline.problem import assemble, without_effects
 from edl_filter.pipeline.reconstruct import reconstruct
 
 
@@ -52,6 +54,17 @@ def test_the_other_imu_can_drive():
 def test_phoenix_has_no_public_telemetry():
     with pytest.raises(InputError, match="Phoenix"):
         read_telemetry(Mission.load(shipped_mission("phoenix")))
+
+
+def test_effects_of_zero_size_leave_the_telemetry(practice_06):
+    telemetry, bias = practice_06.telemetry, find_effect("accelerometer_bias")
+    zero, acting = EffectInstance(bias, {}), EffectInstance(bias, {"bx": 0.1})
+    assert without_effects(practice_06.mission, telemetry, [zero]) is telemetry
+    corrected = without_effects(practice_06.mission, telemetry, [zero, acting]).driving
+    change = corrected.specific_force - telemetry.driving.specific_force
+    np.testing.assert_allclose(change, np.tile([-0.1, 0.0, 0.0], (len(change), 1)), atol=1e-12)
+    with pytest.raises(InputError, match="there is no such IMU"):
+        without_effects(practice_06.mission, telemetry, [EffectInstance(bias, {}, "third")])
 
 
 def test_problem_begins_at_the_entry_state(practice_06):
