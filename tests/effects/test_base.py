@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from edl_filter.effects.base import EffectInstance
+from edl_filter.effects.base import Effect, EffectInstance
+from edl_filter.effects.parameters import Parameter
 from edl_filter.effects.registry import find_effect
 
 
@@ -12,6 +13,22 @@ def test_name_and_imu_identify_an_instance():
     driving, checking = EffectInstance(bias, {}), EffectInstance(bias, {"bx": 1e-4}, "secondary")
     assert (driving.key, driving.label) == (("gyro_bias", None), "gyro_bias")
     assert (checking.key, checking.label) == (("gyro_bias", "secondary"), "gyro_bias in secondary")
+
+
+@pytest.mark.parametrize(
+    ("name", "values", "zero"),
+    [("gyro_bias", {}, True), ("gyro_bias", {"bz": 1e-9}, False), ("density_wave", {"phase": 2.0}, True)],
+)
+def test_an_effect_is_zero_where_all_its_sizes_are(name, values, zero):
+    assert EffectInstance(find_effect(name), values).is_zero is zero
+
+
+def test_an_effect_without_sizes_is_never_zero():
+    class Delay(Effect):
+        name = "delay"
+        parameters = (Parameter("tau", "s", "of the samples", 1.0, kind="time"),)
+
+    assert not EffectInstance(Delay(), {}).is_zero
 
 
 def wave(phase):

@@ -3,13 +3,15 @@
 import numpy as np
 import pytest
 
+from edl_filter.effects.base import EffectInstance
+from edl_filter.effects.registry import find_effect
 from edl_filter.errors import InputError
 from edl_filter.mission import Mission, shipped_mission
 from edl_filter.navigation.compiled_ukf import CompiledUKF
 from edl_filter.navigation.ekf import ErrorStateEKF
 from edl_filter.navigation.filter import new_filter
 from edl_filter.pipeline.load import read_atmosphere
-from edl_filter.pipeline.reconstruct import assemble, reconstruct
+from edl_filter.pipeline.reconstruct import assemble, reconstruct, without_effects
 
 
 @pytest.fixture(scope="module")
@@ -47,6 +49,17 @@ def test_all_constraints_of_the_clean_practice_flight_are_consistent(practice_06
 def test_a_message_names_what_the_telemetry_lacks(override, message):
     with pytest.raises(InputError, match=message):
         reconstruct(Mission.load(shipped_mission("practice_mer"), [override]))
+
+
+def test_effects_of_zero_size_leave_the_telemetry(practice_06):
+    telemetry, bias = practice_06.telemetry, find_effect("accelerometer_bias")
+    zero, acting = EffectInstance(bias, {}), EffectInstance(bias, {"bx": 0.1})
+    assert without_effects(practice_06.mission, telemetry, [zero]) is telemetry
+    corrected = without_effects(practice_06.mission, telemetry, [zero, acting]).driving
+    change = corrected.specific_force - telemetry.driving.specific_force
+    np.testing.assert_allclose(change, np.tile([-0.1, 0.0, 0.0], (len(change), 1)), atol=1e-12)
+    with pytest.raises(InputError, match="there is no such IMU"):
+        without_effects(practice_06.mission, telemetry, [EffectInstance(bias, {}, "third")])
 
 
 def test_problem_begins_at_the_entry_state(practice_06):

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from typing import NamedTuple
 
@@ -225,12 +226,18 @@ def sphere_cone(name: str, table: Path | None = None) -> SphereCone:
     InputError
         There is no such vehicle, or the table is invalid.
     """
-    bodies = _bodies(table or package_data("vehicle_geometry.csv"))
+    bodies = _package_bodies() if table is None else _bodies(table)
     if name.casefold() not in bodies:
         raise InputError(
             f"no forebody named {name!r}; known are {', '.join(vehicle for vehicle, _ in bodies.values())}"
         )
     return bodies[name.casefold()][1]
+
+
+@cache
+def _package_bodies() -> dict[str, tuple[str, SphereCone]]:
+    """Bodies of the package's table, which is read once."""
+    return _bodies(package_data("vehicle_geometry.csv"))
 
 
 def _bodies(table: Path) -> dict[str, tuple[str, SphereCone]]:

@@ -28,6 +28,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
+from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar
 
@@ -197,7 +198,7 @@ class Effect:
 
     def acts(self, hook: str) -> bool:
         """Whether the effect overrides `hook`."""
-        return getattr(type(self), hook) is not getattr(Effect, hook)
+        return _overrides(type(self), hook)
 
     @property
     def is_sensor_effect(self) -> bool:
@@ -291,6 +292,12 @@ class EffectInstance:
         """The same instance with all sizes zero, so that it changes nothing; its places stay."""
         return replace(self, values=self.values | {q.name: 0.0 for q in self.effect.sizes})
 
+    @property
+    def is_zero(self) -> bool:
+        """Whether it has sizes and all of them are zero, so that it changes nothing."""
+        sizes = self.effect.sizes
+        return bool(sizes) and not any(self.values[q.name] for q in sizes)
+
     def canonical_phase(self) -> EffectInstance:
         """The same effect in canonical form: an amplitude that is not negative, phases between their bounds."""
         signed = self.effect.half_turn
@@ -313,6 +320,12 @@ class EffectInstance:
     @property
     def _phases(self) -> tuple[Parameter, ...]:
         return tuple(q for q in self.effect.parameters if q.kind == "phase" and np.isfinite(q.high - q.low))
+
+
+@cache
+def _overrides(effect: type[Effect], hook: str) -> bool:
+    """Whether a class of effects overrides a hook; a diagnosis asks a million times."""
+    return getattr(effect, hook) is not getattr(Effect, hook)
 
 
 def label_of(key: EffectKey) -> str:

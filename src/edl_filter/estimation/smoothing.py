@@ -95,33 +95,82 @@ def smoothed_last_states(whiten: WhiteningFilter, white: Array, initial_mean: Ar
     mean : (K, count) array
     covariance : (K, count, count) array
     """
-    s = whiten.model
-    n, steps = s.size, len(s.increment)
-    p, x = s.initial_covariance.copy(), s.initial_mean(initial_mean)
-    predicted, cross = np.empty((steps, count)), np.empty((steps, count, n))
+    s, q = whiten.model, whiten.model.process_noise
+    with one_blas_thread():
+        predicted, cross = _predicted_last_states(
+            *row_pattern(s.increment), q.row, q.column, q.values, s.row_start, whiten.gain, white,
+            s.initial_mean(initial_mean)[:, None].copy(), s.initial_covariance.copy(), count,
+        )  # fmt: skip
+        return _correct_last_states(
+            *row_pattern(s.increment.transposed), s.row_start, s.design, whiten.gain, whiten.factor, white,
+            predicted, cross,
+        )  # fmt: skip
+
+
+@njit(cache=True, error_model="numpy", nogil=True, fastmath=FUSED)
+def _predicted_last_states(
+    rows, first, column, increment, q_row, q_column, q_values, row_start, gains, white, x, p, count
+):
+    """Predicted means ``(K, count)``, covariances with all states ``(K, count, n)``; `x` ``(n, 1)``, `p` at start."""
+    steps, size = row_start.size - 1, p.shape[0]
+    predicted, cross = np.empty((steps, count)), np.empty((steps, count, size))
+    work, work_x = np.empty((rows.size, size)), np.empty((rows.size, 1))
     for k in range(steps):
-        transition = np.eye(n) + s.increment[k]
-        p, x = transition @ p @ transition.T + s.process_noise[k], transition @ x
-        predicted[k], cross[k] = x[-count:], p[-count:]
-        rows = slice(s.row_start[k], s.row_start[k + 1])
-        gain = whiten.gain[rows]
-        x = x + gain.T @ white[rows]
-        p = p - gain.T @ gain
+        transform_rows(x, rows, first, column, increment[k], work_x)
+        transform_rows(p, rows, first, column, increment[k], work)
+        transpose_in_place(p)
+        transform_rows(p, rows, first, column, increment[k], work)
+        for z in range(q_row.size):
+            p[q_row[z], q_column[z]] += q_values[k, z]
+        predicted[k], cross[k] = x[size - count :, 0], p[size - count :]
+        begin, end = row_start[k], row_start[k + 1]
+        if end > begin:
+            gain = gains[begin:end]
+            x[:, 0] += np.dot(gain.T, white[begin:end])
+            p -= np.dot(gain.T, gain)
+    return predicted, cross
+
+
+@njit(cache=True, error_model="numpy", nogil=True, fastmath=FUSED)
+def _correct_last_states(rows, first, column, increment, row_start, design, gains, factor, white, predicted, cross):
+    """Corrections of the predicted moments by all later measurements; rows of the transposed transition matrices."""
+    steps, count, size = cross.shape
     mean, covariance = np.empty((steps, count)), np.empty((steps, count, count))
-    adjoint, information = np.zeros(n), np.zeros((n, n))
+    r, n = np.zeros((size, 1)), np.zeros((size, size))
+    work, work_r = np.empty((rows.size, size)), np.empty((rows.size, 1))
     for k in range(steps - 1, -1, -1):
-        rows = slice(s.row_start[k], s.row_start[k + 1])
-        m = s.row_start[k + 1] - s.row_start[k]
-        if m:
-            white_design = np.linalg.solve(whiten.factor[rows, :m], s.design[rows])  # L⁻¹ H
-            closed_loop = np.eye(n) - whiten.gain[rows].T @ white_design
-            adjoint = closed_loop.T @ adjoint - white_design.T @ white[rows]
-            information = closed_loop.T @ information @ closed_loop + white_design.T @ white_design
-        mean[k] = predicted[k] - cross[k] @ adjoint
-        covariance[k] = cross[k][:, -count:] - cross[k] @ information @ cross[k].T
-        transition = np.eye(n) + s.increment[k]
-        adjoint, information = transition.T @ adjoint, transition.T @ information @ transition
+        begin, end = row_start[k], row_start[k + 1]
+        if end > begin:
+            g, h = gains[begin:end], design[begin:end].copy()
+            solve_lower(factor[begin:end], h)  # L⁻¹ H
+            residual = white[begin:end] - np.dot(g, r)[:, 0]
+            r[:, 0] += np.dot(h.T, residual)
+            _add_information(n, g, h)
+        mean[k] = predicted[k] + np.dot(cross[k], r)[:, 0]
+        covariance[k] = cross[k][:, size - count :] - np.dot(np.dot(cross[k], n), cross[k].T)
+        transform_rows(r, rows, first, column, increment[k], work_r)
+        transform_rows(n, rows, first, column, increment[k], work)
+        transpose_in_place(n)
+        transform_rows(n, rows, first, column, increment[k], work)
     return mean, covariance
+
+
+@njit(cache=True, error_model="numpy", nogil=True, fastmath=FUSED, inline="always")
+def _add_information(n, g, h):
+    """Add the information of a step's rows to the covariance of the adjoint, ``N ← (1 - GᵀH)ᵀ N (1 - GᵀH) + HᵀH``.
+
+    `g` are the step's gains and `h` its white design ``L⁻¹ H``. Returns ``1 + G N Gᵀ`` with N before the addition.
+    """
+    gn = np.dot(g, n)
+    spread = np.dot(gn, g.T)
+    for i in range(spread.shape[0]):
+        spread[i, i] += 1.0
+    half = np.dot(h.T, 0.5 * np.dot(spread, h) - gn)
+    for i in range(n.shape[0]):  # the symmetric part, or rounding errors grow from step to step
+        for j in range(i + 1):
+            n[i, j] += half[i, j] + half[j, i]
+            n[j, i] = n[i, j]
+    return spread
 
 
 @njit(cache=True, error_model="numpy", nogil=True, fastmath=FUSED)
@@ -137,21 +186,14 @@ def _precision_weighted(rows, first, column, increment, row_start, design, gains
             inverse = np.eye(m)
             solve_lower(factor[begin:end], inverse)
             g = gains[begin:end]
-            gn, h = np.dot(g, n), np.dot(inverse, design[begin:end])
+            h = np.dot(inverse, design[begin:end])
             residual = white[begin:end] - np.dot(g, r)[:, 0]
-            spread = np.dot(gn, g.T)
-            for i in range(m):
-                spread[i, i] += 1.0
+            spread = _add_information(n, g, h)
             precision = np.dot(inverse.T, np.dot(spread, inverse))
             weighted[begin:end] = np.dot(inverse.T, residual)
             for i in range(m):
                 diagonal[begin + i] = precision[i, i]
             r[:, 0] += np.dot(h.T, residual)
-            half = np.dot(h.T, 0.5 * np.dot(spread, h) - gn)
-            for i in range(size):  # the symmetric part, or rounding errors grow from step to step
-                for j in range(i + 1):
-                    n[i, j] += half[i, j] + half[j, i]
-                    n[j, i] = n[i, j]
         transform_rows(r, rows, first, column, increment[k], work_r)
         transform_rows(n, rows, first, column, increment[k], work)
         transpose_in_place(n)

@@ -237,8 +237,8 @@ def build_problem(
     changes = samples.time[np.flatnonzero(np.diff(samples.unit))]
     epochs = merge(np.array([*stops, *changes, last]))
     grid = np.arange(epochs[0], last, settings.longest_interval)
-    regular = samples.time[[max(samples.index(t) - 1, 0) for t in grid]]
-    far = [t for t in regular if np.min(np.abs(epochs - t)) > 0.25 * settings.longest_interval]
+    regular = samples.time[np.maximum(np.searchsorted(samples.time, grid + 1e-6) - 1, 0)]  # as `Samples.index`
+    far = regular[np.min(np.abs(epochs - regular[:, None]), axis=1) > 0.25 * settings.longest_interval]
     return Problem(
         samples=samples,
         initial=initial,

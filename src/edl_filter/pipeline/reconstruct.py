@@ -117,6 +117,9 @@ def without_effects(mission: Mission, telemetry: Telemetry, effects: Sequence[Ef
     if not effects:
         return telemetry
     check_imus(telemetry, effects, str(mission.source or mission.name))
+    effects = [a for a in effects if not a.is_zero]
+    if not effects:
+        return telemetry
     times = mission.event_times()
     until = min((times[n] for n, e in mission.vehicle.events.items() if e.position is not None), default=np.inf)
 

@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from edl_filter.diagnosis.linear_model import effect_jacobian as effect_jacobian_module
 from edl_filter.diagnosis.linear_model.effect_jacobian import (
     effect_jacobian,
     is_ordered,
@@ -15,7 +16,13 @@ from edl_filter.diagnosis.linear_model.effect_jacobian import (
 )
 from edl_filter.diagnosis.linear_model.flight_case import flight_case
 from edl_filter.diagnosis.linear_model.linearization import linearize
-from edl_filter.diagnosis.prediction.residuals import compute_residuals, predict
+from edl_filter.diagnosis.prediction.dead_reckoning import corrected_readings, node_rates
+from edl_filter.diagnosis.prediction.residuals import (
+    bin_readings,
+    compute_residuals,
+    difference_on_fixed_path,
+    predict,
+)
 from edl_filter.effects import Effect, EffectInstance, Parameter
 from edl_filter.effects.registry import find_effect
 from edl_filter.mission.decision_settings import DecisionSettings
@@ -163,6 +170,51 @@ def test_a_bias_of_the_accelerometers_does_not_change_the_measured_rates(model):
         measured.append(residuals.rate_step + predictions[-1])
     np.testing.assert_allclose(measured[0], measured[1], rtol=0.0, atol=1e-14, equal_nan=True)
     assert np.nanmax(np.abs(predictions[0] - predictions[1])) > 1e-6
+
+
+@pytest.mark.parametrize(
+    "name", ["accelerometer_scale", "gyro_scale", "imu_lever_arm", "com_offset", "products_of_inertia"]
+)
+def test_the_difference_on_a_fixed_path_is_that_of_whole_residuals(case, model, name):
+    """Of the driving IMU, of a checking one, and of the vehicle; the path is that without the effect."""
+    effect, reference = find_effect(name), model.reference
+    for imu in (None, case.reconstruction.telemetry.checking[0].name) if effect.is_sensor_effect else (None,):
+        step = effect.sizes[0].sigma
+        sides = []
+        for sign in (1.0, -1.0):
+            inputs = case.denoised_inputs((EffectInstance(effect, {effect.sizes[0].name: sign * step}, imu),))
+            readings = corrected_readings(inputs.problem, reference.errors)
+            force, rate = bin_readings(model.bins, inputs.problem.samples, readings)
+            flow = replace(model.residuals.flow, rate=node_rates(model.bins, rate))
+            predicted = predict(inputs.forward_model, model.bins, flow, model.residuals.tables)
+            checking = compute_residuals(reference, inputs)  # of readings: they do not depend on the path
+            sides.append((inputs, *readings, force - predicted[0], np.diff(rate, axis=0) - predicted[1], checking))
+        plus, minus = sides
+        change = difference_on_fixed_path(model.bins, plus[:3], minus[:3], model.residuals, effect.is_sensor_effect)
+        pairs = [(change.force, plus[3] - minus[3]), (change.rate_step, plus[4] - minus[4])]
+        for channel in ("checking_force", "checking_rate"):
+            pairs += [
+                (c, a - b) for c, a, b in zip(*(getattr(r, channel) for r in (change, plus[5], minus[5])), strict=True)
+            ]
+        for actual, expected in pairs:  # means over bins are differences of integrals of 1e4 m/s, rounded to 2e-12 m/s
+            np.testing.assert_allclose(actual, expected, rtol=0.0, atol=4e-11)
+        assert max(np.nanmax(np.abs(expected)) for _, expected in pairs) > 1e-5
+
+
+def test_a_jacobian_about_one_point_is_computed_once(model, monkeypatch):
+    """Whether an effect of zero size is in the model or not; about another point or other values it is another one."""
+    calls = []
+    derivative = effect_jacobian_module._derivative
+    monkeypatch.setattr(effect_jacobian_module, "_derivative", lambda *args: calls.append(args[2]) or derivative(*args))
+    fresh = replace(model, computed_jacobians={})
+    scale = EffectInstance(find_effect("accelerometer_scale"), {})
+    rows = effect_jacobian(fresh, scale).rows
+    np.testing.assert_array_equal(effect_jacobian(fresh.with_effects((scale,)), scale, ["sx", "sy", "sz"]).rows, rows)
+    assert calls == ["sx", "sy", "sz"]
+    effect_jacobian(fresh, replace(scale, values={"sx": 1e-3}))
+    effect_jacobian(fresh.with_effects((replace(scale, values={"sx": 1e-3}),)), scale)
+    effect_jacobian(fresh.at_point(fresh.point, ()), scale)
+    assert len(calls) == 12
 
 
 def test_columns_of_several_parameters_are_those_of_each(model):

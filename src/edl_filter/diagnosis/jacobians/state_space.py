@@ -13,7 +13,7 @@ import numpy as np
 from edl_filter.diagnosis.jacobians.bin_rows import BinRows
 from edl_filter.diagnosis.jacobians.nuisance import FIELD_STATES, NuisanceLayout, StatedUncertainty
 from edl_filter.diagnosis.jacobians.transitions import PathTransitions, difference_steps
-from edl_filter.diagnosis.prediction.residuals import ModelInputs, Residuals
+from edl_filter.diagnosis.prediction.residuals import BinResiduals, ModelInputs, Residuals
 from edl_filter.diagnosis.prediction.time_bins import TimeBins, bin_sigma
 from edl_filter.estimation.block_sparse import BlockSparse, from_blocks
 from edl_filter.estimation.kalman import LinearStateSpace
@@ -58,14 +58,16 @@ class RowIndex:
             out[rows] = residual
         return out
 
-    def stack_predictions(self, force: Array, rate_step: Array, checking: Residuals | None = None) -> Array:
+    def stack_predictions(
+        self, force: Array, rate_step: Array, checking: Residuals | BinResiduals | None = None
+    ) -> Array:
         """Specific force ``(B, 3)`` and rate steps ``(B - 1, 3)`` as one vector ``(R,)``; zero in all other rows.
 
         Parameters
         ----------
         force, rate_step : arrays
             m/s², rad/s.
-        checking : Residuals, optional
+        checking : Residuals or BinResiduals, optional
             Whose residuals of the checking IMUs are stacked as well.
         """
         out = np.zeros(self.count)

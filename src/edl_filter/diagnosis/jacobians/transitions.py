@@ -6,7 +6,6 @@ compared, the gyros' noise is a nuisance parameter (`nuisance`) and not process 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -19,10 +18,9 @@ from edl_filter.navigation import initial as entry
 from edl_filter.navigation import strapdown
 from edl_filter.navigation.filter import Problem, merge
 from edl_filter.navigation.increments import Samples
+from edl_filter.navigation.interval_noise import OnboardTurns, process_noise_of_intervals
 from edl_filter.navigation.layout import ONBOARD, Layout, State, sensor_maps, sigma_states
-from edl_filter.navigation.noise import process_noise
-from edl_filter.navigation.propagation import onboard_steps
-from edl_filter.types import Array, IntArray
+from edl_filter.types import Array, BoolArray, IntArray
 
 #: Steps of the central differences by component of the filter's vector.
 _DIFFERENCE_STEPS = {
@@ -90,10 +88,16 @@ def propagate_path(problem: Problem, bins: TimeBins, start: State, errors: Array
         Sensor errors by instrument.
     """
     samples = problem.samples
-    without_gyro_noise = _without_gyro_noise(samples, float(np.min(samples.rate_noise * np.sqrt(samples.interval))))
     times = _epoch_times(problem, bins)
-    ends = np.array([samples.index(t) for t in times])
+    ends = np.searchsorted(samples.time, times + 1e-6)  # as `Samples.index`
     begins = np.concatenate(([0], ends[:-1]))
+    inside = np.searchsorted(bins.edges, times - 1e-6) - 1
+    compared = (ends > begins) & (inside >= 0) & (inside < len(bins.valid))
+    compared[compared] = bins.valid[inside[compared]]
+    sample_noise = _without_gyro_noise(samples, _sample_mask(len(samples.time), begins, ends, compared))
+    gyro_noise_time = [
+        float(samples.interval[a:b].sum()) if c else 0.0 for a, b, c in zip(begins, ends, compared, strict=True)
+    ]
     units = samples.unit[np.minimum(begins, len(samples.unit) - 1)]
     nav = dead_reckon(problem, start.nav[:10], errors).nav
     constraint_times = [c.time for c in problem.constraints]
@@ -107,20 +111,17 @@ def propagate_path(problem: Problem, bins: TimeBins, start: State, errors: Array
             state, f, q = _change_instrument(problem, state, int(units[run[0]]), errors[units[run[0]]])
             epochs.append(_Epoch(epochs[-1].time, f, q, 0.0, -1, (), state))
         states, transitions = _propagate_run(problem, state, nav, begins[run], ends[run])
-        for k, end_state, f in zip(run, states, transitions, strict=True):
-            time, start_state, state = float(times[k]), state, end_state
-            inside = int(np.searchsorted(bins.edges, time - 1e-6)) - 1
-            compared = ends[k] > begins[k] and 0 <= inside < len(bins.valid) and bool(bins.valid[inside])
-            part = (without_gyro_noise if compared else samples).part(begins[k], ends[k])
-            q = process_noise(problem.layout, part, start_state.nav[6:10])
-            gyro_noise_time = float(part.interval.sum()) if compared else 0.0
+        attitudes = np.array([s.nav[6:10] for s in (state, *states[:-1])])
+        noise = process_noise_of_intervals(problem.layout, sample_noise, attitudes, begins[run], ends[run])
+        for k, end_state, f, q in zip(run, states, transitions, noise, strict=True):
+            time, state = float(times[k]), end_state
             at_epoch = []
             while pending and constraint_times[pending[0]] <= time + 2e-6:
                 at_epoch.append(pending.pop(0))
                 if onboard is not None:
                     onboard[at_epoch[-1]] = state.nav[10:]
             ending = bin_ending.get(round(time, 5), -1)
-            epochs.append(_Epoch(time, f, q, gyro_noise_time, ending, tuple(at_epoch), state))
+            epochs.append(_Epoch(time, f, q, gyro_noise_time[k], ending, tuple(at_epoch), state))
     return PathTransitions(
         time=np.array([e.time for e in epochs]),
         transition=np.array([e.transition for e in epochs]),
@@ -146,11 +147,20 @@ def _epoch_times(problem: Problem, bins: TimeBins) -> Array:
     return np.asarray(epochs[after | np.isin(np.round(epochs, 5), np.round(required, 5))], np.float64)
 
 
-def _without_gyro_noise(samples: Samples, gyro_density: float) -> Samples:
-    """Samples whose rate noise is the motion within the samples alone."""
-    gyro = gyro_density / np.sqrt(samples.interval)
+def _sample_mask(count: int, begins: IntArray, ends: IntArray, chosen: BoolArray) -> BoolArray:
+    """Mask of `count` samples that lie in the chosen ones of K intervals."""
+    mask = np.zeros(count, bool)
+    for begin, end in zip(begins[chosen], ends[chosen], strict=True):
+        mask[begin:end] = True
+    return mask
+
+
+def _without_gyro_noise(samples: Samples, affected: BoolArray) -> Samples:
+    """Samples of which the rate noise of those that are `affected` ``(N,)`` is the motion within the samples alone."""
+    gyro = float(np.min(samples.rate_noise * np.sqrt(samples.interval))) / np.sqrt(samples.interval)
     motion = np.sqrt(np.maximum(samples.rate_noise**2 - gyro**2, 0.0))
-    return replace(samples, rate_noise=motion, shared_rate_noise=np.minimum(samples.shared_rate_noise, motion))
+    noise = np.where(affected, motion, samples.rate_noise)
+    return replace(samples, rate_noise=noise, shared_rate_noise=np.minimum(samples.shared_rate_noise, noise))
 
 
 def _change_instrument(problem: Problem, state: State, unit: int, errors: Array) -> tuple[State, Array, Array]:
@@ -188,15 +198,12 @@ def _propagate_run(
         First sample of each interval, and the one after its last.
     """
     differences = PropagationDifferences.about(problem, start, difference_steps(problem.layout))
-    rotations_onboard = []
+    turns, attitudes = None, np.empty((len(ends) + 1, 0))
     if len(start.nav) == 14:
-        rotations_onboard = [differences.onboard_rotation(a, b) for a, b in zip(begins, ends, strict=True)]
-    attitudes = [start.nav[10:]]
-    for net, correction in rotations_onboard:
-        attitudes.append(rotations.multiply(rotations.multiply(attitudes[-1], net), correction[0]))
-    onboard = np.array(attitudes) if rotations_onboard else np.empty((len(ends) + 1, 0))
-    states = np.concatenate((nav[np.append(begins[:1], ends)], onboard), axis=1)
-    transitions = differences.transitions(states[:-1], begins, ends, rotations_onboard)
+        turns = OnboardTurns.over(problem.layout, problem.samples, begins, ends)
+        attitudes = differences.onboard_attitudes(start.nav[10:], turns)
+    states = np.concatenate((nav[np.append(begins[:1], ends)], attitudes), axis=1)
+    transitions = differences.transitions(states[:-1], begins, ends, turns)
     return [State(row, start.errors.copy()) for row in states[1:]], transitions
 
 
@@ -234,14 +241,15 @@ class PropagationDifferences:
         errors = sigma_states(state, offsets, strapdown.padded(len(offsets)))[1]
         return cls(problem, steps, offsets, errors, *sensor_maps(problem.layout, errors))
 
-    def onboard_rotation(self, begin: int, end: int) -> tuple[Array, Array]:
-        """Rotation of the on-board attitude over samples: net rotation ``(4,)``, and corrections ``(2n + 1, 4)``."""
-        part = self.problem.samples.part(begin, end)
-        return onboard_steps(self.problem.layout, part, self.errors[:, : len(self.offsets)])
+    def onboard_attitudes(self, start: Array, turns: OnboardTurns) -> Array:
+        """On-board attitudes at the ends of K intervals, without displacement: ``(K + 1, 4)``, the first is `start`."""
+        steps = rotations.multiply(turns.net, turns.corrections(self.problem.layout, self.errors[:, :1])[:, 0])
+        attitudes = [start]
+        for step in steps:
+            attitudes.append(rotations.multiply(attitudes[-1], step))
+        return np.array(attitudes)
 
-    def transitions(
-        self, nav: Array, begins: IntArray, ends: IntArray, onboard: Sequence[tuple[Array, Array]]
-    ) -> Array:
+    def transitions(self, nav: Array, begins: IntArray, ends: IntArray, turns: OnboardTurns | None) -> Array:
         """Transition matrices over intervals of samples.
 
         Parameters
@@ -250,8 +258,8 @@ class PropagationDifferences:
             States at the beginnings.
         begins, ends : (K,) arrays of int
             First sample of each interval, and the one after its last.
-        onboard : sequence of K pairs
-            Of `onboard_rotation`; empty where no attitude was computed on board.
+        turns : OnboardTurns or None
+            Over the intervals; None where no attitude was computed on board.
 
         Returns
         -------
@@ -271,10 +279,10 @@ class PropagationDifferences:
         deltas[..., :6] = np.swapaxes(states[:, :6, :count] - states[:, :6, :1], 1, 2)
         attitude = np.swapaxes(states[:, 6:, :count], 1, 2)
         deltas[..., 6:9] = rotations.rotation_vector_between(attitude[:, :1], attitude)
-        if onboard:
-            net, correction = (np.array(values) for values in zip(*onboard, strict=True))
+        if turns is not None:
             displaced = _rotated(nav[:, 10:], self.offsets[:, -3:])
-            computed = rotations.multiply(rotations.multiply(displaced, net[:, None]), correction)
+            correction = turns.corrections(self.problem.layout, self.errors[:, :count])
+            computed = rotations.multiply(rotations.multiply(displaced, turns.net[:, None]), correction)
             deltas[..., -3:] = rotations.rotation_vector_between(computed[:, :1], computed)
         n = len(self.steps)
         return np.swapaxes((deltas[:, 1 : n + 1] - deltas[:, n + 1 :]) / (2.0 * self.steps[:, None]), 1, 2)

@@ -26,10 +26,10 @@ from edl_filter.diagnosis.prediction.residuals import (
     changes_air,
     changes_path,
     constraint_residuals,
+    difference_on_fixed_path,
     predict_increment,
-    residuals_on_fixed_path,
 )
-from edl_filter.effects.base import Effect, EffectInstance
+from edl_filter.effects.base import MODEL_HOOKS, Effect, EffectInstance, EffectKey
 from edl_filter.effects.parameters import Parameter
 from edl_filter.effects.sensor_chain import acts_on_driving
 from edl_filter.mission.decision_settings import DecisionSettings
@@ -38,6 +38,10 @@ from edl_filter.types import Array
 #: Step of a derivative with respect to a size, in plausible sizes: small, since the slope of the tables changes
 #: wherever an angle passes one of their nodes.
 _SIZE_STEP = 2e-3
+#: Number of Jacobians that are kept about a point. Only those of effects that change the path or the readings are: they
+#: cost ten times the others, and the scan, the constant nuisance parameters and the first steps of fits have some in
+#: common.
+_KEPT_JACOBIANS = 64
 #: Exponent by which the altitudes of a scan are spaced: steps increase as the air becomes thinner.
 _ALTITUDE_SPACING = 1.7
 
@@ -144,13 +148,30 @@ def effect_jacobian(
     chosen = tuple(names) if names is not None else tuple(q.name for q in effect.sizes)
     by_name = {q.name: q for q in effect.parameters}
     sigma = np.array([prior_sigma(by_name[n]) for n in chosen])
-    columns, means = [], []
-    for name, s in zip(chosen, sigma, strict=True):
-        step = _SIZE_STEP * s if by_name[name].kind == "size" else _place_step(by_name[name].kind)
-        column, mean = _derivative(model, instance, name, step)
-        columns.append(column)
-        means.append(mean)
-    return EffectJacobian(instance, chosen, sigma, np.stack(columns, axis=1), np.stack(means, axis=1))
+
+    def compute() -> tuple[Array, Array]:
+        columns, means = [], []
+        for name, s in zip(chosen, sigma, strict=True):
+            step = _SIZE_STEP * s if by_name[name].kind == "size" else _place_step(by_name[name].kind)
+            column, mean = _derivative(model, instance, name, step)
+            columns.append(column)
+            means.append(mean)
+        return np.stack(columns, axis=1), np.stack(means, axis=1)
+
+    if not changes_path(effect):
+        return EffectJacobian(instance, chosen, sigma, *compute())
+    computed = model.computed_jacobians
+    key = (_identity(instance), chosen, tuple(_identity(a) for a in model.effects if not a.is_zero))
+    if key not in computed:
+        if len(computed) >= _KEPT_JACOBIANS:
+            computed.pop(next(iter(computed)))  # the oldest
+        computed[key] = compute()
+    return EffectJacobian(instance, chosen, sigma, *computed[key])
+
+
+def _identity(instance: EffectInstance) -> tuple[EffectKey, tuple[tuple[str, float], ...]]:
+    """Key and values of an effect."""
+    return instance.key, tuple(sorted(instance.values.items()))
 
 
 def prior_sigma(parameter: Parameter) -> float:
@@ -180,8 +201,7 @@ def _derivative(model: LinearizedModel, instance: EffectInstance, name: str, ste
         return rows / (2.0 * step), initial_mean
     sides = [(*remaining, displaced(d)) for d in (step, -step)]
     if not acts_on_driving(instance, model.inputs.driving):
-        plus_rows, minus_rows = (_on_fixed_path(model, effects) for effects in sides)
-        return (minus_rows - plus_rows) / (2.0 * step), initial_mean
+        return -_difference_on_fixed_path(model, effect, sides) / (2.0 * step), initial_mean
     plus, minus = (model.model_inputs(effects) for effects in sides)
     if effect.acts("entry_state"):
         initial_mean = (model.initial_mean_of(minus) - model.initial_mean_of(plus)) / (2.0 * step)
@@ -195,8 +215,7 @@ def _derivative(model: LinearizedModel, instance: EffectInstance, name: str, ste
     ):
         rows[part] = b - a
     if any(effect.acts(hook) for hook in READING_HOOKS):
-        fixed_plus, fixed_minus = (_on_fixed_path(model, effects) for effects in sides)
-        rows += fixed_minus - fixed_plus
+        rows -= _difference_on_fixed_path(model, effect, sides)
     return rows / (2.0 * step), initial_mean
 
 
@@ -219,11 +238,18 @@ def path_difference(model: LinearizedModel, up: DeadReckonedPath, down: DeadReck
     return model.index.stack_predictions(force, rate_step)
 
 
-def _on_fixed_path(model: LinearizedModel, effects: Sequence[EffectInstance]) -> Array:
-    """Residuals of the bins ``(R,)`` with effects on a fixed path: the change of the readings themselves."""
-    inputs = model.denoised_inputs(effects)
-    readings = corrected_readings(inputs.problem, model.reference.errors)
-    return model.index.stack(residuals_on_fixed_path(model.reference, inputs, readings, model.residuals))
+def _difference_on_fixed_path(
+    model: LinearizedModel, effect: Effect, sides: Sequence[Sequence[EffectInstance]]
+) -> Array:
+    """Residuals of the bins ``(R,)`` on a fixed path, plus less minus: the change of the readings themselves.
+
+    `sides` are the model's effects with `effect` displaced to plus and to minus.
+    """
+    inputs = [model.denoised_inputs(effects) for effects in sides]
+    plus, minus = ((i, *corrected_readings(i.problem, model.reference.errors)) for i in inputs)
+    same_loads = effect.is_sensor_effect and not any(effect.acts(hook) for hook in MODEL_HOOKS)
+    change = difference_on_fixed_path(model.bins, plus, minus, model.residuals, same_loads)
+    return model.index.stack_predictions(change.force, change.rate_step, change)
 
 
 def _load_difference(

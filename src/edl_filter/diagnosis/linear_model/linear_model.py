@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -64,6 +66,8 @@ class LinearizedModel:
         Derivatives of the predictions with respect to the constant nuisance parameters.
     initial_excess : ExcessVariance or None
         Start of the estimation of the excess variance: `failing_excess` of a similar model.
+    computed_jacobians : dict
+        Jacobians of effects about the point that `effect_jacobian` has computed; shared by the models about it.
     """
 
     case: FlightCase
@@ -80,6 +84,9 @@ class LinearizedModel:
     state_space: LinearStateSpace
     constant_columns: Array
     initial_excess: ExcessVariance | None = None
+    computed_jacobians: dict[Any, tuple[Array, Array]] = dataclasses.field(
+        default_factory=dict, repr=False, compare=False
+    )
 
     @property
     def bins(self) -> TimeBins:
@@ -138,7 +145,7 @@ class LinearizedModel:
     def at_point(self, point: LinearizationPoint, effects: Sequence[EffectInstance]) -> LinearizedModel:
         """The same Jacobians with the residuals about another point and with other effects."""
         reference = replace(self.reference, start=point.start.nav[:10], errors=point.errors)
-        displaced = replace(self, effects=tuple(effects), reference=reference, point=point)
+        displaced = replace(self, effects=tuple(effects), reference=reference, point=point, computed_jacobians={})
         inputs = displaced.model_inputs(effects)
         return replace(displaced, inputs=inputs, residuals=compute_residuals(reference, inputs))
 

@@ -239,9 +239,11 @@ def linearize(
     LinearizedModel
     """
     first = first or linearize_at(case, smoothed_point(case.reconstruction))
-    models = list(iterate_point(case, iterations, max_excess_share, first, least_iterations))
-    holding = [m for m in models if m.holds]
-    return holding[-1] if holding else max(models, key=lambda m: m.white_excess_log_likelihood)
+    best = first
+    for model in iterate_point(case, iterations, max_excess_share, first, least_iterations):  # large: one is kept
+        if model.holds or (not best.holds and model.white_excess_log_likelihood > best.white_excess_log_likelihood):
+            best = model
+    return best
 
 
 def iterate_point(

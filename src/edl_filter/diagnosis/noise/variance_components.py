@@ -16,13 +16,13 @@ ratio's logarithm over that of the variance in the last two iterations.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import cache
 
 import numpy as np
 
 from edl_filter.diagnosis.jacobians.state_space import RowIndex
 from edl_filter.estimation.block_sparse import from_blocks, merge
 from edl_filter.estimation.kalman import LinearStateSpace, WhiteningFilter, whitening_filter
+from edl_filter.estimation.parallel import map_threads
 from edl_filter.estimation.smoothing import precision_weighted_residuals
 from edl_filter.mission.decision_settings import DecisionSettings
 from edl_filter.types import Array, BoolArray, IntArray
@@ -153,24 +153,27 @@ def most_likely_colour(
     if excess.is_zero:
         return white
 
-    @cache
-    def evaluate(memory: int, factor: int) -> tuple[float, WhiteningFilter]:
+    def evaluate(place: tuple[int, int]) -> tuple[float, WhiteningFilter]:
+        memory, factor = place
         scaled = replace(excess, variance=factors[factor] * excess.variance)
         whiten = whitening_filter(colour_excess(model, index, scaled, memories[memory]))
         return whiten.log_likelihood(whiten(residuals[:, None], initial_mean[:, None])[:, 0]), whiten
 
     memories, factors = settings.excess_memories_s, settings.excess_colour_factors
     place = (len(memories) // 2, len(factors) // 2)
+    likelihood, coloured = evaluate(place)
+    likelihoods = {place: likelihood}  # the filters are large: only that of the best place is kept
     # uphill on the grid; the data determine the ratio of variance and time best: along the ridge both increase together
     steps = ((1, 0), (-1, 0), (0, 1), (0, -1), (1, 1), (-1, -1))
     while True:
-        neighbours = [place] + [(place[0] + a, place[1] + b) for a, b in steps]
-        inside = [p for p in neighbours if 0 <= p[0] < len(memories) and 0 <= p[1] < len(factors)]
-        best = max(inside, key=lambda p: evaluate(*p)[0])
+        neighbours = [(place[0] + a, place[1] + b) for a, b in steps]
+        new = [p for p in neighbours if 0 <= p[0] < len(memories) and 0 <= p[1] < len(factors) and p not in likelihoods]
+        values = map_threads(evaluate, new)
+        likelihoods |= {p: value[0] for p, value in zip(new, values, strict=True)}
+        best = max((place, *new), key=lambda p: likelihoods[p])
         if best == place:
             break
-        place = best
-    likelihood, coloured = evaluate(*place)
+        place, (likelihood, coloured) = best, values[new.index(best)]
     price = float(np.log(len(memories) * len(factors)))
     at_white = white.log_likelihood(white(residuals[:, None], initial_mean[:, None])[:, 0])
     return coloured if likelihood - price > at_white else white
@@ -250,12 +253,15 @@ def estimate_variance_components(
         return estimate, stated
     at_stated, _, _ = evaluate(ExcessVariance.zero(len(residuals)))
     variance = estimate.variance
+    first = evaluate(estimate)
     if initial is not None:
-        starts = (variance, initial.on(pieces, len(residuals)))
-        variance = max(starts, key=lambda v: evaluate(replace(estimate, variance=v))[0])
+        alternative = initial.on(pieces, len(residuals))
+        evaluated = evaluate(replace(estimate, variance=alternative))
+        if evaluated[0] > first[0]:
+            variance, first = alternative, evaluated
     iterations: list[_Iteration] = []
-    for _ in range(settings.variance_iterations):
-        likelihood, whiten, white = evaluate(replace(estimate, variance=variance))
+    for i in range(settings.variance_iterations):
+        likelihood, whiten, white = evaluate(replace(estimate, variance=variance)) if i else first
         tolerance = max(settings.variance_convergence_nats, settings.variance_convergence_share * (best - at_stated))
         if likelihood < best + tolerance:
             break

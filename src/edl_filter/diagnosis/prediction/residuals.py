@@ -18,6 +18,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from edl_filter import rotations
 from edl_filter.diagnosis.prediction.dead_reckoning import (
     NODES_PER_BIN,
     DeadReckonedPath,
@@ -32,7 +33,7 @@ from edl_filter.effects.base import Effect, EffectInstance
 from edl_filter.effects.forward_model import ForwardModel
 from edl_filter.effects.types import AeroCoefficients, FlightCondition
 from edl_filter.imu_model.lever_arm import lever_arm_acceleration
-from edl_filter.navigation.constraints import Altimeter
+from edl_filter.navigation.constraints import Altimeter, OnboardAttitude
 from edl_filter.navigation.filter import Problem
 from edl_filter.navigation.increments import Samples
 from edl_filter.telemetry.record import ImuRecord
@@ -148,35 +149,72 @@ def compute_residuals(reference: PathReference, inputs: ModelInputs) -> Residual
     )
 
 
-def residuals_on_fixed_path(
-    reference: PathReference, inputs: ModelInputs, readings: tuple[Array, Array], fixed: Residuals
-) -> Residuals:
-    """Residuals with other readings and another vehicle along a fixed path; those of the constraints are zero.
+@dataclass(frozen=True)
+class BinResiduals:
+    """Residuals of the bins, or differences of them.
+
+    Attributes
+    ----------
+    force : (B, 3) array
+        Specific force, m/s².
+    rate_step : (B - 1, 3) array
+        Step of the mean rate between adjoining bins, rad/s.
+    checking_force, checking_rate : tuples of (B, 3) arrays
+        Of each checking IMU, m/s² and rad/s.
+    """
+
+    force: Array
+    rate_step: Array
+    checking_force: tuple[Array, ...]
+    checking_rate: tuple[Array, ...]
+
+
+def difference_on_fixed_path(
+    bins: TimeBins,
+    plus: tuple[ModelInputs, Array, Array],
+    minus: tuple[ModelInputs, Array, Array],
+    fixed: Residuals,
+    same_loads: bool,
+) -> BinResiduals:
+    """Difference of two residuals, plus less minus, with other readings and another vehicle along a fixed path.
+
+    What is the same on both sides is not computed.
 
     Parameters
     ----------
-    reference : PathReference
-        What the path depends on, in addition to the model.
-    inputs : ModelInputs
-        The model, and the readings corrected by its sensor effects.
-    readings : (force, rate)
-        Of `corrected_readings`, ``(N, 3)`` each.
+    bins : TimeBins
+        Time bins of the comparison.
+    plus, minus : (inputs, force, rate)
+        The model, and the readings corrected by its sensor effects: of `corrected_readings`, ``(N, 3)`` each.
     fixed : Residuals
         Whose path, air and table coefficients are used.
+    same_loads : bool
+        Whether the loads are the same on both sides if the rates are.
     """
-    bins, samples = reference.bins, inputs.problem.samples
-    force, rate = bin_readings(bins, samples, readings)
-    flow = replace(fixed.flow, rate=node_rates(bins, rate))
-    predicted_force, predicted_rate_step = predict(inputs.forward_model, bins, flow, fixed.tables)
-    checking = [_checking_residuals(record, bins, samples, readings[1], force, rate) for record in inputs.checking]
-    return replace(
-        fixed,
-        force=force - predicted_force,
-        rate_step=np.diff(rate, axis=0) - predicted_rate_step,
-        checking_force=tuple(f for f, _ in checking),
-        checking_rate=tuple(w for _, w in checking),
-        constraints=tuple(np.zeros_like(c) for c in fixed.constraints),
-    )
+    samples = plus[0].problem.samples
+    force, rate = bin_readings(bins, samples, (plus[1] - minus[1], plus[2] - minus[2]))
+    checking_force, checking_rate = [], []
+    for record_plus, record_minus in zip(plus[0].checking, minus[0].checking, strict=True):
+        implied = _lever_arm_readings(record_plus, samples, plus[2]) - _lever_arm_readings(
+            record_minus, samples, minus[2]
+        )
+        checking_force.append(-force - bin_means(bins.edges, samples.time, samples.interval, implied))
+        checking_rate.append(-rate)
+        if record_plus is not record_minus:
+            read, other = record_plus.only_read(), record_minus.only_read()
+            changes = read.specific_force - other.specific_force, read.angular_rate - other.angular_rate
+            for out, change in zip((checking_force, checking_rate), changes, strict=True):
+                out[-1] = out[-1] + bin_means(bins.edges, read.time, read.interval, change, smooth=True)
+    rate_step = np.diff(rate, axis=0)
+    if not (same_loads and np.array_equal(plus[2], minus[2])):
+        predicted = []
+        for inputs, _, sample_rate in (plus, minus):
+            mean_rate = bin_means(bins.edges, samples.time, samples.interval, sample_rate)
+            flow = replace(fixed.flow, rate=node_rates(bins, mean_rate))
+            predicted.append(predict(inputs.forward_model, bins, flow, fixed.tables))
+        force = force - (predicted[0][0] - predicted[1][0])
+        rate_step = rate_step - (predicted[0][1] - predicted[1][1])
+    return BinResiduals(force, rate_step, tuple(checking_force), tuple(checking_rate))
 
 
 def changes_path(effect: Effect) -> bool:
@@ -210,7 +248,7 @@ def update_residuals(
     """
     inputs, residuals = current
     before = inputs.forward_model.effects
-    changed = [a for a in (*before, *effects) if not (a in before and a in effects)]
+    changed = [a for a in (*before, *effects) if not (a.is_zero or (a in before and a in effects))]
     if any(changes_path(a.effect) for a in changed):
         inputs = build_inputs(effects)
         return inputs, compute_residuals(reference, inputs)
@@ -369,15 +407,22 @@ def constraint_residuals(reference: PathReference, path: DeadReckonedPath, probl
         nav = np.concatenate((nav, reference.onboard), axis=1)
     residuals: dict[int, Array] = {}
     by_sphere: dict[float, list[int]] = {}
+    onboard: dict[int, Array] = {}
     for i, c in enumerate(constraints):
         if isinstance(c, Altimeter):  # there may be thousands of them: all at once
             by_sphere.setdefault(c.surface_radius, []).append(i)
+        elif isinstance(c, OnboardAttitude):
+            onboard[i] = c.inertial_from_body
         else:
             prediction = c.predict(nav[i][:, None], reference.errors[units[i]][:, None], problem.layout)[0]
             residuals[i] = c.measured - prediction
     for which in by_sphere.values():
         heights = constraints[which[0]].predict(nav[which].T, reference.errors[units[which]].T, problem.layout)
         residuals |= {i: constraints[i].measured - h for i, h in zip(which, heights, strict=True)}
+    if onboard:
+        which = list(onboard)
+        rotation = rotations.rotation_vector_between(np.array(list(onboard.values())), nav[which, 10:])
+        residuals |= dict(zip(which, -rotation, strict=True))
     return tuple(residuals[i] for i in range(len(constraints)))
 
 
@@ -403,10 +448,15 @@ def _checking_residuals(
     read = record.only_read()  # samples that were filled from the driving IMU would be compared with themselves
     measured_force = bin_means(bins.edges, read.time, read.interval, read.specific_force, smooth=True)
     measured_rate = bin_means(bins.edges, read.time, read.interval, read.angular_rate, smooth=True)
-    at_sample = record.index_at(samples.time - 0.5 * samples.interval)
-    # the rates are the driving IMU's, so that their instrument is that of the samples
-    lever_arm = lever_arm_acceleration(samples.interval, sample_rate, record.position[at_sample], samples.unit)
+    lever_arm = _lever_arm_readings(record, samples, sample_rate)
     return (
         measured_force - force - bin_means(bins.edges, samples.time, samples.interval, lever_arm),
         measured_rate - rate,
     )
+
+
+def _lever_arm_readings(record: ImuRecord, samples: Samples, sample_rate: Array) -> Array:
+    """Lever-arm acceleration of an IMU at the samples of the driving one ``(N, 3)``, m/s², from its rates (rad/s)."""
+    at_sample = record.index_at(samples.time - 0.5 * samples.interval)
+    # the rates are the driving IMU's, so that their instrument is that of the samples
+    return lever_arm_acceleration(samples.interval, sample_rate, record.position[at_sample], samples.unit)

@@ -1,0 +1,115 @@
+"""Process noise and on-board attitude over many intervals of samples in one compiled call.
+
+The functions of `noise` and `propagation` take one interval. A flight that is linearised from bin to bin has thousands
+of short intervals, in which the arrangement of one interval costs a hundred times its arithmetic.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from edl_filter import rotations
+from edl_filter.navigation.compiled_noise import COMPILED, in_body_axes, noise_of_samples, onboard_turn_jacobians
+from edl_filter.navigation.increments import Samples
+from edl_filter.navigation.layout import ONBOARD, Layout
+from edl_filter.navigation.noise import IDENTITY, sample_attitudes
+from edl_filter.types import Array, IntArray
+
+
+def process_noise_of_intervals(
+    layout: Layout, samples: Samples, attitudes: Array, begins: IntArray, ends: IntArray
+) -> Array:
+    """`noise.process_noise` of K intervals.
+
+    Parameters
+    ----------
+    layout : Layout
+        Of the filter's vector.
+    samples : Samples
+        Of the driving instrument, all intervals.
+    attitudes : (K, 4) array
+        inertial_from_body at the intervals' beginnings.
+    begins, ends : (K,) arrays of int
+        First sample of each interval, and the one after its last.
+
+    Returns
+    -------
+    (K, n, n) array
+        Covariances, in the units of `layout.UNITS`.
+    """
+    unshared = np.sqrt(samples.rate_noise**2 - samples.shared_rate_noise**2)
+    covariance, common = _covariances(
+        begins, ends, attitudes, samples.interval, samples.rate, samples.force, samples.force_noise,
+        samples.rate_noise, unshared, samples.force_fill_sigma, samples.rate_fill_sigma,
+    )  # fmt: skip
+    noise = np.zeros((len(begins), layout.size, layout.size))
+    noise[:, :9, :9] = covariance
+    if ONBOARD in layout:
+        block = layout[ONBOARD]
+        noise[:, block, :9], noise[:, :9, block] = common[:, 6:], common[:, :, 6:]
+        noise[:, block, block] = common[:, 6:, 6:]
+    return noise
+
+
+@dataclass(frozen=True)
+class OnboardTurns:
+    """Turns of an attitude that was computed on board over K intervals, as `propagation.onboard_jacobians`.
+
+    Attributes
+    ----------
+    net : (K, 4) array
+        Turn as the gyros read.
+    jacobians : dict of str to (K, 3, 3) array
+        State of the layout → rotation vector (rad) that follows the turn per unit of the state (rad/s, rad).
+    """
+
+    net: Array
+    jacobians: dict[str, Array]
+
+    @classmethod
+    def over(cls, layout: Layout, samples: Samples, begins: IntArray, ends: IntArray) -> OnboardTurns:
+        """Turns over the intervals from sample `begins` to `ends` ``(K,)``."""
+        net, by_rate, by_mounting = _onboard_turns(begins, ends, samples.interval, samples.rate, samples.net_turn)
+        by_name = {"onboard_rate": by_rate, "onboard_mounting": by_mounting}
+        return cls(net, {name: jacobian for name, jacobian in by_name.items() if name in layout})
+
+    def corrections(self, layout: Layout, errors: Array) -> Array:
+        """Turns that follow the net turns under sensor errors ``(n, S)`` in the filter's vector: ``(K, S, 4)``."""
+        rotation = np.zeros((len(self.net), 3, errors.shape[1]))
+        for name, jacobian in self.jacobians.items():
+            rotation += jacobian @ errors[layout[name]]
+        return rotations.from_rotation_vector(np.swapaxes(rotation, 1, 2))
+
+
+@COMPILED
+def _covariances(
+    begins, ends, attitudes, interval, rate, force, force_noise, rate_noise, unshared_noise, force_fill, rate_fill
+):
+    """Covariances ``(K, 9, 9)`` by all noise, and by that which an on-board attitude does not share."""
+    covariance = np.empty((begins.size, 9, 9))
+    common = np.empty((begins.size, 9, 9))
+    for k in range(begins.size):
+        a, b = begins[k], ends[k]
+        middle, end = sample_attitudes(interval[a:b], rate[a:b], attitudes[k])
+        every, unshared = noise_of_samples(
+            interval[a:b], middle, force[a:b], force_noise[a:b], rate_noise[a:b], unshared_noise[a:b],
+            force_fill[a:b], rate_fill[a:b],
+        )  # fmt: skip
+        covariance[k] = in_body_axes(every, end)
+        common[k] = in_body_axes(unshared, end)
+    return covariance, common
+
+
+@COMPILED
+def _onboard_turns(begins, ends, interval, rate, net_turn):
+    """Net turns ``(K, 4)``, and their derivatives ``(K, 3, 3)`` by rate and by mounting."""
+    net = np.empty((begins.size, 4))
+    by_rate, by_mounting = np.empty((begins.size, 3, 3)), np.empty((begins.size, 3, 3))
+    for k in range(begins.size):
+        a, b = begins[k], ends[k]
+        middle, end = sample_attitudes(interval[a:b], rate[a:b], IDENTITY)
+        net[k] = end
+        by_rate[k], by_mounting[k] = onboard_turn_jacobians(interval[a:b], rate[a:b], net_turn[a:b], middle, end)
+    return net, by_rate, by_mounting
