@@ -92,8 +92,8 @@ def _fill_noise(samples: Samples, middle: Array, force: Array) -> Array:
 
 
 def net_turn(samples: Samples) -> Array:
-    """Turn over all `samples` as the gyros read, as a quaternion ``(4,)``."""
-    return sample_attitudes(samples.interval, samples.rate, IDENTITY)[1]
+    """Turn over all `samples` as it is computed on board from the gyros, as a quaternion ``(4,)``."""
+    return sample_attitudes(samples.interval, samples.onboard_rate, IDENTITY)[1]
 
 
 def onboard_turn(samples: Samples) -> tuple[Array, Array]:
