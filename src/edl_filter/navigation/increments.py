@@ -17,7 +17,7 @@ from edl_filter.navigation.unresolved import unresolved_motion
 from edl_filter.telemetry.record import ImuRecord
 from edl_filter.types import Array, BoolArray, IntArray
 
-#: Part of a sample's unresolved rotation in which the attitude that was computed on board differs from the integral of
+#: Part of one sample's unresolved rotation in which the attitude that was computed on board differs from the integral of
 #: the same samples by its algorithm (`onboard_rates`). Quaternions of both rovers differ from it by 0.1 to 0.25 under the
 #: parachute and during the bounces, the rounding of the quaternions subtracted.
 INTEGRATION_DIFFERENCE = 0.15
@@ -140,7 +140,9 @@ def effective_samples(record: ImuRecord, impacts_from: float = np.inf) -> Sample
     sculling, coning = rotation_corrections(record.time, dt, force, rate)
     sculling[record.net_gain] = 0.0
     coning[record.net_turn] = 0.0
-    unresolved_force, unresolved_rate = unresolved_motion(record.time, dt, force, rate, impacts_from)
+    unresolved_force, unresolved_rate, in_sample = unresolved_motion(record.time, dt, force, rate, impacts_from)
+    difference = INTEGRATION_DIFFERENCE * in_sample
+    unresolved_rate = np.maximum(unresolved_rate, difference)
     return Samples(
         time=record.time,
         interval=dt,
@@ -150,9 +152,7 @@ def effective_samples(record: ImuRecord, impacts_from: float = np.inf) -> Sample
         mean_rate=rate,
         force_noise=np.hypot(record.force_noise, unresolved_force),
         rate_noise=np.hypot(record.rate_noise, unresolved_rate),
-        shared_rate_noise=np.hypot(
-            record.shared_rate_noise, np.sqrt(1.0 - INTEGRATION_DIFFERENCE**2) * unresolved_rate
-        ),
+        shared_rate_noise=np.sqrt(record.shared_rate_noise**2 + unresolved_rate**2 - difference**2),
         net_turn=record.net_turn,
         unit=record.unit,
         force_fill_sigma=record.force_fill_sigma,

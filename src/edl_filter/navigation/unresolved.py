@@ -10,14 +10,20 @@ from mechanics:
   integral of one. The specific force jumps itself: it is a Wiener process.
 - At an impact on the ground velocity and rate jump: the rate is a Wiener process, the force white noise.
 
-A process of order q (1: Wiener, 2: its integral) of intensity s² has, given the means over the samples, a moment with
-sigma ``c s h^(q - 1/2)``; `moment_sigma` has the closed form of c. The intensity is that of the readings themselves: the
-spline of degree 2 q + 1 through the integral of the readings minimises ``∫ (d^(q+1)/dt^(q+1))² dt``, whose expectation is
-s² for each sample, since the spline is the projection of white noise on one dimension a sample (Wahba 1990, chapter 1).
+A process of order q (0: white noise, 1: Wiener process, 2: its integral) of intensity s² has, given the means over the
+samples, moments with the covariance ``s² h^(2q+1) C_k`` between two that are k samples apart; `moment_covariance` has C in
+closed form. Neighbours are negatively correlated, because what is faster than the sampling has alternating signs in the
+samples. So the errors of a slow rotation cancel from sample to sample, and those of an oscillation near the sampling
+frequency add up. A sample gets the sigma of independent errors whose sum over a stretch has the variance of the
+correlated ones: with the root g of C (``g * g = C``), that of ``Σ_k g_k s_{i+k} Δθ_{i+k}``.
+
+The intensity is that of the readings themselves: the spline of degree 2q + 1 through their integral minimises the
+integral of the square of its derivative of order q + 1, whose expectation is s² for each sample, since the spline is the
+projection of white noise on one dimension a sample (Wahba 1990, chapter 1). It is averaged over nine samples.
 
 Where force and rate run smoothly the sigma is far below the noise of an instrument. It is cautious for an oscillation of
 which few samples cover a period: samples of a pendulum under a parachute with three samples a period are equally those
-of faster motions, but the true error, that of the interpolation in `rotation_corrections`, is a few times smaller.
+of faster motions.
 """
 
 from __future__ import annotations
@@ -32,6 +38,10 @@ from edl_filter.types import Array
 
 #: Number of samples, odd, by which the response of a spline to one sample has vanished.
 _SUPPORT = 41
+#: Number of samples on each side by which the root of their moments' covariance has fallen below a thousandth.
+_ROOT_REACH = 12
+#: Number of samples on each side over which an intensity is averaged: half a second at 8 Hz.
+_AVERAGED = 4
 
 
 @cache
@@ -47,11 +57,11 @@ def moment_weights(degree: int) -> Array:
 
 
 @cache
-def moment_sigma(order: int, degree: int = DEGREE) -> float:
-    """Sigma of a first moment's error for unit intensity and samples of unit length.
+def moment_covariance(order: int, degree: int = DEGREE) -> Array:
+    """Covariance of the errors of first moments, for unit intensity and samples of unit length.
 
-    The process is white noise, integrated `order` times, so the variance of a functional is the integral of the
-    square of its density, integrated as often; the density is that of the moment minus that of its interpolation.
+    The process is white noise, integrated `order` times, so the covariance of two functionals is the integral of the
+    product of their densities, integrated as often; the density is that of the moment minus that of its interpolation.
 
     Parameters
     ----------
@@ -59,15 +69,28 @@ def moment_sigma(order: int, degree: int = DEGREE) -> float:
         0: white noise, 1: Wiener process, 2: its integral.
     degree : int
         Of the spline that interpolates the integral of the readings.
+
+    Returns
+    -------
+    (41,) array
+        By the distance of the two samples.
     """
-    by_readings = moment_weights(degree)
     slope = np.zeros(_SUPPORT)
     slope[_SUPPORT // 2] = 1.0
-    density = PPoly(np.vstack((slope, -0.5 * slope - by_readings)), np.arange(_SUPPORT + 1.0))
+    density = PPoly(np.vstack((slope, -0.5 * slope - moment_weights(degree))), np.arange(_SUPPORT + 1.0))
     response = density.antiderivative(order) if order else density
     x, weights = nodes(order + 2)
-    start = np.arange(float(_SUPPORT))
-    return float(np.sqrt(sum(w * np.sum(response(start + t) ** 2) for t, w in zip(x, weights, strict=True))))
+    at_nodes = np.array([response(np.arange(_SUPPORT) + t) for t in x])
+    return np.array([weights @ np.sum(at_nodes[:, k:] * at_nodes[:, : _SUPPORT - k], axis=1) for k in range(_SUPPORT)])
+
+
+@cache
+def covariance_root(order: int) -> Array:
+    """Symmetric sequence ``(2 K + 1,)`` whose convolution with itself is `moment_covariance`, by its spectrum."""
+    covariance = moment_covariance(order)
+    both = np.concatenate((covariance, covariance[:0:-1]))
+    root = np.fft.irfft(np.sqrt(np.maximum(np.fft.rfft(both).real, 0.0)), len(both))
+    return np.concatenate((root[-_ROOT_REACH:], root[: _ROOT_REACH + 1]))
 
 
 def intensity_sigma(edges: Array, interval: Array, mean: Array, order: int) -> Array:
@@ -95,12 +118,23 @@ def intensity_sigma(edges: Array, interval: Array, mean: Array, order: int) -> A
     square = sum(
         w * np.mean(highest(edges[:-1] + t * interval) ** 2, axis=1) for t, w in zip(*nodes(order + 1), strict=True)
     )
-    return np.asarray(np.sqrt(square * interval), np.float64)
+    return np.sqrt(moving_mean(np.asarray(square * interval, np.float64)))
+
+
+def moving_mean(values: Array) -> Array:
+    """Means ``(N,)`` over each value of ``(N,)`` and up to `_AVERAGED` ones on each side.
+
+    The intensity by one sample has one degree of freedom an axis: its scatter would end the cancelling of errors.
+    """
+    total = np.concatenate(([0.0], np.cumsum(values)))
+    index = np.arange(len(values))
+    first, last = np.maximum(index - _AVERAGED, 0), np.minimum(index + _AVERAGED + 1, len(values))
+    return np.maximum((total[last] - total[first]) / (last - first), 0.0)
 
 
 def unresolved_motion(
     time: Array, interval: Array, force: Array, rate: Array, impacts_from: float = np.inf
-) -> tuple[Array, Array]:
+) -> tuple[Array, Array, Array]:
     """Noise of the means that is due to motion within a sample which the means do not show.
 
     Parameters
@@ -115,22 +149,37 @@ def unresolved_motion(
     Returns
     -------
     force_sigma, rate_sigma : (N,) arrays
-        One sigma per axis, m/s² and rad/s. The angle between rate and moment is unknown: 2/3 of the product of the
-        squares of two vectors is the mean square of a component of their vector product.
+        One sigma per axis, m/s² and rad/s, of independent errors whose sums have the variance of the true ones. The angle
+        between rate and moment is unknown: 2/3 of the product of the squares of two vectors is the mean square of a
+        component of their vector product.
+    sample_rate_sigma : (N,) array
+        One sigma per axis of the rate's error in this sample alone, rad/s.
     """
     edges = sample_edges(time, interval)
+    turn, gain = rate * interval[:, None], force * interval[:, None]
+    jerk = intensity_sigma(edges, interval, rate, 2) * interval**2.5
+    force_jumps = intensity_sigma(edges, interval, force, 1) * interval**1.5
+    by_moment, by_rate = _summed(turn, force_jumps, 1), (_summed(gain, jerk, 2), _summed(turn, jerk, 2))
     impact = time > impacts_from
-    moment = moment_sigma(2) * intensity_sigma(edges, interval, rate, 2) * interval**1.5
-    force_moment = moment_sigma(1) * intensity_sigma(edges, interval, force, 1) * interval**0.5
+    sample = np.sqrt(moment_covariance(2)[0]) * jerk
     if impact.any():
-        jumps = moment_sigma(1) * intensity_sigma(edges, interval, rate, 1) * interval**0.5
-        moment = np.where(impact, jumps, moment)
+        jumps = intensity_sigma(edges, interval, rate, 1) * interval**1.5
         # white noise: the difference from the mean of both neighbours has 3/2 of its variance
-        irregular = np.sqrt(np.mean(second_difference(force) ** 2, axis=1) / 1.5)
-        force_moment = np.where(impact, moment_sigma(0) * irregular, force_moment)
-    turn, gain = _length(rate) * interval, _length(force) * interval
-    factor = np.sqrt(2.0 / 3.0)
-    return factor * np.hypot(turn * force_moment, moment * gain), factor * turn * moment
+        blows = np.sqrt(moving_mean(np.mean(second_difference(gain) ** 2, axis=1) / 1.5))
+        by_moment = np.where(impact, _summed(turn, blows, 0), by_moment)
+        by_rate = tuple(
+            np.where(impact, _summed(x, jumps, 1), y) for x, y in zip((gain, turn), by_rate, strict=True)
+        )  # fmt: skip
+        sample = np.where(impact, np.sqrt(moment_covariance(1)[0]) * jumps, sample)
+    factor = np.sqrt(2.0 / 3.0) / interval
+    return factor * np.hypot(by_moment, by_rate[0]), factor * by_rate[1], factor * _length(turn) * sample
+
+
+def _summed(vectors: Array, sigma: Array, order: int) -> Array:
+    """Length of ``Σ_k g_k σ_{i+k} x_{i+k}``, ``(N,)``: sigma of independent errors with the variance of correlated ones."""
+    root = covariance_root(order)
+    padded = np.pad(vectors * sigma[:, None], ((_ROOT_REACH, _ROOT_REACH), (0, 0)))
+    return _length(np.stack([np.convolve(column, root, mode="valid") for column in padded.T], axis=1))
 
 
 def second_difference(mean: Array) -> Array:
