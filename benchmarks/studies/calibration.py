@@ -1,7 +1,7 @@
 """Are the sigmas true? Simulated flights, reconstructed and compared with their truth: `make calibrate` (resumable).
 
 A flight is given by its number alone: vehicle, seed, noise of the IMUs and sigma of the entry state (half to double the
-scenario's), every second flight in an inexact world (`inexact_world`), two of three with lost samples of the primary IMU
+scenario's), every second flight in an inexact world (`inexact_world`), two of three with lost samples of the first IMU
 (0.125 to 20 s at a random time), half of these without a second IMU. Its line in the JSONL file is appended in one
 write, so that a study that was interrupted goes on behind the last complete line. `calibration_report.py` makes
 ``docs/calibration.md`` of them.
@@ -21,7 +21,6 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import numpy as np
 from inexact_world import draw_world
-from simulation import PHASES
 
 from edl_filter import Mission, rotations
 from edl_filter.errors import InputError
@@ -29,6 +28,7 @@ from edl_filter.pipeline.reconstruct import reconstruct
 from edl_filter.results.derived import derive
 from edl_filter.results.result import Result
 from edl_filter.simulation import Scenario, simulate
+from simulation import PHASES
 
 VEHICLES = ("mer", "phoenix")
 GAPS_S = (0.125, 0.5, 1.0, 3.0, 10.0, 20.0)
@@ -140,11 +140,13 @@ def navigation_errors(reconstruction, motion):
         true = motion.at(times[i : i + 1])[0]
         turn = rotations.multiply(rotations.conjugate(nav[6:10]), true[6:10])
         error = np.concatenate((true[:6] - nav[:6], rotations.to_rotation_vector(turn)))
-        nees = [
-            float(error[p] @ np.linalg.solve(covariance[p, p], error[p])) for p in map(slice, (0, 3, 6), (3, 6, 9))
-        ]
+        nees = [float(error[p] @ np.linalg.solve(covariance[p, p], error[p])) for p in map(slice, (0, 3, 6), (3, 6, 9))]
         z = error / np.sqrt(np.diag(covariance))
-        out[phase] = {"nees": nees, "z": z.tolist(), "error": [float(np.linalg.norm(error[k : k + 3])) for k in (0, 3, 6)]}
+        out[phase] = {
+            "nees": nees,
+            "z": z.tolist(),
+            "error": [float(np.linalg.norm(error[k : k + 3])) for k in (0, 3, 6)],
+        }
     return out
 
 
@@ -152,8 +154,8 @@ def true_air(world, motion):
     """Altitude, density, pressure and temperature along a flight: the pressure is the weight of the flown air."""
     time_s, state = motion.time[::10], motion.state[::10]
     flow = world.flow(time_s, state[:, :3], state[:, 3:6], state[:, 6:10], state[:, 10:13])
-    weight = flow.density * world.planet.mu / np.sum(state[:, :3] ** 2, axis=1)
-    layers = 0.5 * (weight[1:] + weight[:-1]) * -np.diff(flow.altitude)
+    potential = world.planet.geopotential(state[:, :3])
+    layers = 0.5 * (flow.density[1:] + flow.density[:-1]) * -np.diff(potential)
     top = flow.density[0] * world.gas.constant * TOP_TEMPERATURE
     pressure = top + np.concatenate(([0.0], np.cumsum(layers)))
     return time_s, flow.density, pressure, pressure / (flow.density * world.gas.constant)
@@ -164,15 +166,23 @@ def postflight_errors(reconstruction, flight):
     post = derive(reconstruction).postflight
     world, motion, case = flight.world, flight.motion, post.flight
     time_s, *air = true_air(world, motion)
-    true = dict(zip(("density", "pressure", "temperature"), (np.interp(post.time, time_s, x) for x in air), strict=True))
+    true = dict(
+        zip(("density", "pressure", "temperature"), (np.interp(post.time, time_s, x) for x in air), strict=True)
+    )
     state = motion.at(post.time)
     flow = world.flow(post.time, state[:, :3], state[:, 3:6], state[:, 6:10], state[:, 10:13])
     force, moment = world.loads(flow)
     push = flow.dynamic_pressure * world.area
-    smooth = post.motion.smoother.smooth
+    smoother, rate = post.motion.smoother, flow.rate
+    inertia = world.rigid_body.inertia
+    turning = np.linalg.solve(inertia, (moment - rotations.cross(rate, rate @ inertia.T)).T).T
+    # through the same sampling and smoothing as the readings, and Euler's equations again
+    rate = smoother.as_smoothed(rate)
+    moment = smoother.as_derived(turning) @ inertia.T + rotations.cross(rate, rate @ inertia.T)
+    force = smoother.as_smoothed(force)
     coefficients = np.hstack((-force[:, 2:], force[:, 1:2], moment / world.diameter)) / push[:, None]
-    true |= dict(zip(COEFFICIENTS, smooth(coefficients).T, strict=True))
-    true["CA preflight"] = smooth(-force[:, :1] / push[:, None])[:, 0]
+    true |= dict(zip(COEFFICIENTS, coefficients.T, strict=True))
+    true["CA preflight"] = -force[:, 0] / push
     out = {}
     for altitude in ALTITUDES:
         profile = case.atmosphere

@@ -241,7 +241,7 @@ def test_onboard_rates_are_those_of_the_samples_so_far():
 
 
 def test_onboard_rates_of_coning_reach_fourth_order():
-    """Savage's coefficient 1/12 for one sample and the one before: ``x² sin x`` in place of the exact ``6 (x - sin x)``."""
+    """Coefficient 1/12 for a sample and the one before: ``x² sin x`` in place of the exact ``6 (x - sin x)``."""
     half_angle, speed, end, dt = 0.02, 6.0, 60.0, 0.125
     record, start, stop = coning(dt, end, half_angle, speed)
     s = effective_samples(record)

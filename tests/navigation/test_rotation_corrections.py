@@ -45,7 +45,7 @@ def test_nodes_integrate_polynomials_exactly():
     ("nu", "missed"), [(0.43, 1.51e-5), (1.0, 6.73e-4), (1.5, 6.03e-3), (2.0, 3.875e-2), (2.5, 0.2078)]
 )
 def test_classical_coning_is_missed_by_the_stated_part(nu, missed):
-    """The exact coefficient of Δθ² is ``(ν - sin ν) / (4 (1 - cos ν))``; 1.5e-5 and 4 % are in the module's docstring."""
+    """The exact coefficient of Δθ² is ``(ν - sin ν) / (4 (1 - cos ν))``; as in the module's docstring."""
     n = 120
     index = np.arange(n)
     angle = np.column_stack((np.cos(nu * index), np.sin(nu * index), np.zeros(n)))

@@ -1,4 +1,4 @@
-"""Noise of unresolved motion: constants against the statistics of simulated processes, and NEES of noisy integration."""
+"""Noise of unresolved motion: constants against simulated processes, and NEES of noisy integration."""
 
 import numpy as np
 import pytest
@@ -19,7 +19,7 @@ FINE = 64  # steps of a simulated process in one sample
 
 
 def process(rng, order, count, runs):
-    """Values ``(count * FINE, runs)`` of white noise of unit intensity, integrated `order` times, samples of length 1."""
+    """Values ``(count * FINE, runs)`` of unit white noise, integrated `order` times, for samples of length 1."""
     x = rng.standard_normal((count * FINE, runs)) * np.sqrt(FINE)
     for _ in range(order):
         x = np.cumsum(x, axis=0) / FINE - 0.5 * x / FINE

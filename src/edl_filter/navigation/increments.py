@@ -17,9 +17,9 @@ from edl_filter.navigation.unresolved import unresolved_motion
 from edl_filter.telemetry.record import ImuRecord
 from edl_filter.types import Array, BoolArray, IntArray
 
-#: Part of one sample's unresolved rotation in which the attitude that was computed on board differs from the integral of
-#: the same samples by its algorithm (`onboard_rates`). Quaternions of both rovers differ from it by 0.1 to 0.25 under the
-#: parachute and during the bounces, the rounding of the quaternions subtracted.
+#: Part of one sample's unresolved rotation in which the attitude that was computed on board differs from the integral
+#: of the same samples by its algorithm (`onboard_rates`). Spirit's quaternions differ from it by 0.1 to 0.25 under
+#: the parachute and during the bounces, their rounding subtracted.
 INTEGRATION_DIFFERENCE = 0.15
 
 
@@ -165,10 +165,9 @@ def onboard_rates(interval: Array, rate: Array, net_turn: BoolArray) -> Array:
     """Effective mean rates of an attitude that was computed on board, sample by sample as the samples came.
 
     The flight computer knew the samples before, not those after: the rotation over a sample is
-    ``Δθ + Δθ_before × Δθ / 12`` (Savage 1998, section IV.C; Miller 1983). A regression of the quaternions of Spirit on
-    the products of increments gives 0.082 to 0.083 for this coefficient and none for others: they differ by 0.006 mrad
-    a sample from this sum, their own rounding, and by up to 0.2 mrad under the parachute from an interpolation with both
-    neighbours.
+    ``Δθ + Δθ_before × Δθ / 12`` (Savage 1998). A regression of Spirit's quaternions on the products of
+    increments gives 0.082 to 0.083 for this coefficient: they differ by 0.006 mrad a sample from this sum, their own
+    rounding, and by 0.2 mrad under the parachute from an interpolation with both neighbours.
 
     Parameters
     ----------

@@ -1,29 +1,29 @@
 """Noise of unresolved motion: the course of rate and force inside a sample that the samples around do not show.
 
 To first order the error of a sample's rotation is ``Δθ × m``, with the error m of the first moment of the rate inside
-the sample, ``∫ t ω dt / h`` with time from mid-sample; that of its velocity is ``Δθ × m_f + m × Δv`` with the moment m_f
-of the force. The samples determine the moments up to motion that is faster than the sampling, whose statistics follow
-from mechanics:
+the sample, ``∫ t ω dt / h`` with time from mid-sample; that of its velocity is ``Δθ × m_f + m × Δv`` with the moment
+m_f of the force. The samples determine the moments up to motion that is faster than the sampling, whose statistics
+follow from mechanics:
 
 - In flight the moment of all forces is finite and changes at unknown instants (gusts, a canopy that snatches). So the
   angular acceleration jumps; jumps of independent size have the covariance of a Wiener process, and the rate is the
   integral of one. The specific force jumps itself: it is a Wiener process.
 - At an impact on the ground velocity and rate jump: the rate is a Wiener process, the force white noise.
 
-A process of order q (0: white noise, 1: Wiener process, 2: its integral) of intensity s² has, given the means over the
-samples, moments with the covariance ``s² h^(2q+1) C_k`` between two that are k samples apart; `moment_covariance` has C in
-closed form. Neighbours are negatively correlated, because what is faster than the sampling has alternating signs in the
-samples. So the errors of a slow rotation cancel from sample to sample, and those of an oscillation near the sampling
-frequency add up. A sample gets the sigma of independent errors whose sum over a stretch has the variance of the
-correlated ones: with the root g of C (``g * g = C``), that of ``Σ_k g_k s_{i+k} Δθ_{i+k}``.
+A process of order q (0: white noise, 1: Wiener process, 2: its integral) of intensity s² has, given the means over
+the samples, moments with the covariance ``s² h^(2q+1) C_k`` between two that are k samples apart
+(`moment_covariance`, in closed form). Neighbours are negatively correlated, because what is faster than the sampling
+has alternating signs in the samples. So the errors of a slow rotation cancel from sample to sample, and those of an
+oscillation near the sampling frequency add up. A sample gets the sigma of independent errors whose sum over a stretch
+has the variance of the correlated ones: with the root g of C (``g * g = C``), that of ``Σ_k g_k s_{i+k} Δθ_{i+k}``.
 
 The intensity is that of the readings themselves: the spline of degree 2q + 1 through their integral minimises the
-integral of the square of its derivative of order q + 1, whose expectation is s² for each sample, since the spline is the
+integral of the square of its derivative of order q + 1, whose expectation is s² a sample, since the spline is the
 projection of white noise on one dimension a sample (Wahba 1990, chapter 1). It is averaged over nine samples.
 
-Where force and rate run smoothly the sigma is far below the noise of an instrument. It is cautious for an oscillation of
-which few samples cover a period: samples of a pendulum under a parachute with three samples a period are equally those
-of faster motions.
+Where force and rate run smoothly the sigma is far below the noise of an instrument. It is cautious for an oscillation
+of which few samples cover a period: samples of a pendulum under a parachute with three samples a period are equally
+those of faster motions.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ _AVERAGED = 4
 
 @cache
 def moment_weights(degree: int) -> Array:
-    """Weights ``(41,)`` of the means around, by which a spline of the integral gives the first moment of the middle one."""
+    """Weights ``(41,)`` of the means by which a spline of the integral gives the first moment of the middle one."""
     edges = np.arange(_SUPPORT + 1.0)
     impulse = np.zeros((_SUPPORT, 1))
     impulse[_SUPPORT // 2] = 1.0
@@ -149,9 +149,9 @@ def unresolved_motion(
     Returns
     -------
     force_sigma, rate_sigma : (N,) arrays
-        One sigma per axis, m/s² and rad/s, of independent errors whose sums have the variance of the true ones. The angle
-        between rate and moment is unknown: 2/3 of the product of the squares of two vectors is the mean square of a
-        component of their vector product.
+        One sigma per axis, m/s² and rad/s, of independent errors whose sums have the variance of the true ones. The
+        angle between rate and moment is unknown: 2/3 of the product of the squares of two vectors is the mean square
+        of a component of their vector product.
     sample_rate_sigma : (N,) array
         One sigma per axis of the rate's error in this sample alone, rad/s.
     """
@@ -159,7 +159,7 @@ def unresolved_motion(
     turn, gain = rate * interval[:, None], force * interval[:, None]
     jerk = intensity_sigma(edges, interval, rate, 2) * interval**2.5
     force_jumps = intensity_sigma(edges, interval, force, 1) * interval**1.5
-    by_moment, by_rate = _summed(turn, force_jumps, 1), (_summed(gain, jerk, 2), _summed(turn, jerk, 2))
+    by_moment, of_gain, of_turn = _summed(turn, force_jumps, 1), _summed(gain, jerk, 2), _summed(turn, jerk, 2)
     impact = time > impacts_from
     sample = np.sqrt(moment_covariance(2)[0]) * jerk
     if impact.any():
@@ -167,16 +167,15 @@ def unresolved_motion(
         # white noise: the difference from the mean of both neighbours has 3/2 of its variance
         blows = np.sqrt(moving_mean(np.mean(second_difference(gain) ** 2, axis=1) / 1.5))
         by_moment = np.where(impact, _summed(turn, blows, 0), by_moment)
-        by_rate = tuple(
-            np.where(impact, _summed(x, jumps, 1), y) for x, y in zip((gain, turn), by_rate, strict=True)
-        )  # fmt: skip
+        of_gain = np.where(impact, _summed(gain, jumps, 1), of_gain)
+        of_turn = np.where(impact, _summed(turn, jumps, 1), of_turn)
         sample = np.where(impact, np.sqrt(moment_covariance(1)[0]) * jumps, sample)
     factor = np.sqrt(2.0 / 3.0) / interval
-    return factor * np.hypot(by_moment, by_rate[0]), factor * by_rate[1], factor * _length(turn) * sample
+    return factor * np.hypot(by_moment, of_gain), factor * of_turn, factor * _length(turn) * sample
 
 
 def _summed(vectors: Array, sigma: Array, order: int) -> Array:
-    """Length of ``Σ_k g_k σ_{i+k} x_{i+k}``, ``(N,)``: sigma of independent errors with the variance of correlated ones."""
+    """Length of ``Σ_k g_k σ_{i+k} x_{i+k}``, ``(N,)``: independent errors with the variance of the correlated ones."""
     root = covariance_root(order)
     padded = np.pad(vectors * sigma[:, None], ((_ROOT_REACH, _ROOT_REACH), (0, 0)))
     return _length(np.stack([np.convolve(column, root, mode="valid") for column in padded.T], axis=1))

@@ -53,3 +53,13 @@ def append(folder: Path, line: dict[str, Any]) -> Path:
     before = path.read_text(encoding="utf-8") if path.is_file() else ""
     text = before + json.dumps(finite(line), ensure_ascii=False, allow_nan=False) + "\n"
     return replace_with(path, lambda temporary: temporary.write_text(text, encoding="utf-8"))
+
+
+def keep(folder: Path, count: int) -> None:
+    """Keep the first `count` lines of the ledger in `folder`; with none the file is removed."""
+    path = folder / NAME
+    lines = path.read_text(encoding="utf-8").splitlines(keepends=True) if path.is_file() else []
+    if count == 0:
+        path.unlink(missing_ok=True)
+    elif len(lines) > count:
+        replace_with(path, lambda temporary: temporary.write_text("".join(lines[:count]), encoding="utf-8"))
