@@ -10,6 +10,7 @@
 #   make fuzz    search for files that break a reader, a minute for each kind of file
 #   make study-faults       faults of an IMU's samples in simulated flights: how many are repaired (an hour; goes on)
 #   make study-kills        kill -9 at 50 moments of run, diagnose and improve: is a result ever torn (half an hour)
+#   make calibrate   are the sigmas true: 300 simulated flights with gaps, against their truth (ten minutes; goes on)
 #   make bench   run the benchmarks   make clean  remove what these targets made
 #   make docs    build the documentation into docs/_build/html; a warning is an error
 #   make study-simulation   reconstruct many simulated flights and judge the errors (some minutes)
@@ -27,7 +28,7 @@ BIN := .venv/bin
 STAMP := .venv/installed
 DOCS_STAMP := .venv/installed-docs
 
-.PHONY: demo test notebooks test-browser test-effects lint types layers bench docs study study-inexact study-simulation study-closure study-filters study-thresholds study-comparators study-cross-prediction thesis-claims clean fuzz study-faults study-kills
+.PHONY: demo test notebooks test-browser test-effects lint types layers bench docs study study-inexact study-simulation study-closure study-filters study-thresholds study-comparators study-cross-prediction thesis-claims clean fuzz study-faults study-kills calibrate
 
 demo: $(STAMP)
 	$(BIN)/edl-filter demo -o demo-results
@@ -100,6 +101,11 @@ study-faults: $(STAMP)
 
 study-kills: $(STAMP)
 	$(BIN)/python benchmarks/studies/kills.py --moments 50
+
+calibrate: $(STAMP)
+	$(BIN)/python benchmarks/studies/calibration.py -o study-results/calibration.jsonl
+	$(BIN)/python benchmarks/studies/calibration_report.py study-results/calibration.jsonl \
+	  --inexact study-results/inexact*.jsonl
 
 study-filters: $(STAMP)
 	$(BIN)/python benchmarks/studies/filter_comparison.py

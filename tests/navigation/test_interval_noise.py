@@ -7,7 +7,7 @@ import pytest
 import twins
 
 from edl_filter import rotations
-from edl_filter.navigation.interval_noise import OnboardTurns, process_noise_of_intervals
+from edl_filter.navigation.interval_noise import OnboardRotations, process_noise_of_intervals
 from edl_filter.navigation.layout import Layout
 from edl_filter.navigation.noise import process_noise
 from edl_filter.navigation.propagation import onboard_steps
@@ -29,7 +29,9 @@ def samples():
         rng.uniform(0.05, 0.2, COUNT), rate_noise, rng.uniform(0.0, 1.0, COUNT) * rate_noise,
     )  # fmt: skip
     filled = (np.arange(COUNT) % 11 == 0)[:, None] * rng.uniform(0.1, 1.0, (COUNT, 3))
-    return replace(s, net_turn=np.arange(COUNT) % 5 == 0, force_fill_sigma=filled, rate_fill_sigma=0.01 * filled)
+    return replace(
+        s, coning_corrected=np.arange(COUNT) % 5 == 0, force_fill_sigma=filled, rate_fill_sigma=0.01 * filled
+    )
 
 
 @pytest.mark.parametrize("layout", [BARE, ONBOARD])
@@ -45,7 +47,7 @@ def test_noise_of_each_interval_is_that_of_its_samples(samples, layout):
 
 def test_onboard_turns_of_each_interval_are_those_of_its_samples(samples):
     errors = 0.03 * np.random.default_rng(5).standard_normal((ONBOARD.size, 3))
-    turns = OnboardTurns.over(ONBOARD, samples, BEGINS, ENDS)
+    turns = OnboardRotations.over(ONBOARD, samples, BEGINS, ENDS)
     corrections = turns.corrections(ONBOARD, errors)
     for k, (begin, end) in enumerate(zip(BEGINS, ENDS, strict=True)):
         net, correction = onboard_steps(ONBOARD, samples.part(begin, end), errors)
@@ -54,6 +56,6 @@ def test_onboard_turns_of_each_interval_are_those_of_its_samples(samples):
 
 
 def test_a_layout_without_onboard_states_has_no_corrections(samples):
-    turns = OnboardTurns.over(BARE, samples, BEGINS, ENDS)
+    turns = OnboardRotations.over(BARE, samples, BEGINS, ENDS)
     assert not turns.jacobians
     np.testing.assert_array_equal(turns.corrections(BARE, np.ones((BARE.size, 2)))[:, 0], [[0.0, 0.0, 0.0, 1.0]] * 5)

@@ -152,13 +152,13 @@ def improve(
     from edl_filter.io.output_folder import output_folder
     from edl_filter.mission import Mission
     from edl_filter.report.terminal.console import print_paragraph
-    from edl_filter.workflow.improve_model import StepFiles, improve_steps, write_final_model
+    from edl_filter.workflow.improve_model import StepFiles, complete_steps, improve_steps, write_final_model
 
     loaded = Mission.load(mission, changes or ())
     completed: list[StepFiles] = []
     with (
         output_folder(output),
-        interrupted(lambda: f"{output} keeps the ledger and {len(completed)} complete steps (step_0, …)."),
+        interrupted(lambda: f"{output} keeps {complete_steps(output)} complete steps; the same command goes on."),
         progress(f"Improving {loaded.title or loaded.name}", quiet=False) as report_step,
     ):
         for step in improve_steps(loaded, output, most, names or (), file, report_step):

@@ -28,7 +28,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
-from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar
 
@@ -198,7 +197,10 @@ class Effect:
 
     def acts(self, hook: str) -> bool:
         """Whether the effect overrides `hook`."""
-        return _overrides(type(self), hook)
+        effect, known = type(self), _OVERRIDES
+        if (effect, hook) not in known:  # looked up once: a diagnosis asks a million times
+            known[effect, hook] = getattr(effect, hook) is not getattr(Effect, hook)
+        return known[effect, hook]
 
     @property
     def is_sensor_effect(self) -> bool:
@@ -322,10 +324,8 @@ class EffectInstance:
         return tuple(q for q in self.effect.parameters if q.kind == "phase" and np.isfinite(q.high - q.low))
 
 
-@cache
-def _overrides(effect: type[Effect], hook: str) -> bool:
-    """Whether a class of effects overrides a hook; a diagnosis asks a million times."""
-    return getattr(effect, hook) is not getattr(Effect, hook)
+#: Class of effects and hook → whether the class overrides the hook.
+_OVERRIDES: dict[tuple[type[Effect], str], bool] = {}
 
 
 def label_of(key: EffectKey) -> str:

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from edl_filter import rotations
-from edl_filter.navigation.compiled_noise import COMPILED, in_body_axes, noise_of_samples, onboard_turn_jacobians
+from edl_filter.navigation.compiled_noise import COMPILED, in_body_axes, noise_of_samples, onboard_rotation_jacobians
 from edl_filter.navigation.increments import Samples
 from edl_filter.navigation.layout import ONBOARD, Layout
 from edl_filter.navigation.noise import IDENTITY, sample_attitudes
@@ -54,29 +54,31 @@ def process_noise_of_intervals(
 
 
 @dataclass(frozen=True)
-class OnboardTurns:
-    """Turns of an attitude that was computed on board over K intervals, as `propagation.onboard_jacobians`.
+class OnboardRotations:
+    """Rotations of an attitude that was computed on board over K intervals, as `propagation.onboard_jacobians`.
 
     Attributes
     ----------
     net : (K, 4) array
-        Turn as the gyros read.
+        Rotation as it is computed on board.
     jacobians : dict of str to (K, 3, 3) array
-        State of the layout → rotation vector (rad) that follows the turn per unit of the state (rad/s, rad).
+        State of the layout → rotation vector (rad) that follows the net rotation per unit of the state (rad/s, rad).
     """
 
     net: Array
     jacobians: dict[str, Array]
 
     @classmethod
-    def over(cls, layout: Layout, samples: Samples, begins: IntArray, ends: IntArray) -> OnboardTurns:
-        """Turns over the intervals from sample `begins` to `ends` ``(K,)``."""
-        net, by_rate, by_mounting = _onboard_turns(begins, ends, samples.interval, samples.rate, samples.net_turn)
+    def over(cls, layout: Layout, samples: Samples, begins: IntArray, ends: IntArray) -> OnboardRotations:
+        """Rotations over the intervals from sample `begins` to `ends` ``(K,)``."""
+        net, by_rate, by_mounting = _onboard_rotations(
+            begins, ends, samples.interval, samples.rate, samples.onboard_rate, samples.coning_corrected
+        )
         by_name = {"onboard_rate": by_rate, "onboard_mounting": by_mounting}
         return cls(net, {name: jacobian for name, jacobian in by_name.items() if name in layout})
 
     def corrections(self, layout: Layout, errors: Array) -> Array:
-        """Turns that follow the net turns under sensor errors ``(n, S)`` in the filter's vector: ``(K, S, 4)``."""
+        """Rotations ``(K, S, 4)`` that follow the net ones, under sensor errors ``(n, S)`` in the filter's vector."""
         rotation = np.zeros((len(self.net), 3, errors.shape[1]))
         for name, jacobian in self.jacobians.items():
             rotation += jacobian @ errors[layout[name]]
@@ -103,13 +105,15 @@ def _covariances(
 
 
 @COMPILED
-def _onboard_turns(begins, ends, interval, rate, net_turn):
-    """Net turns ``(K, 4)``, and their derivatives ``(K, 3, 3)`` by rate and by mounting."""
+def _onboard_rotations(begins, ends, interval, rate, onboard_rate, coning_corrected):
+    """Net rotations ``(K, 4)``, and their derivatives ``(K, 3, 3)`` by rate and by mounting."""
     net = np.empty((begins.size, 4))
     by_rate, by_mounting = np.empty((begins.size, 3, 3)), np.empty((begins.size, 3, 3))
     for k in range(begins.size):
         a, b = begins[k], ends[k]
         middle, end = sample_attitudes(interval[a:b], rate[a:b], IDENTITY)
-        net[k] = end
-        by_rate[k], by_mounting[k] = onboard_turn_jacobians(interval[a:b], rate[a:b], net_turn[a:b], middle, end)
+        net[k] = sample_attitudes(interval[a:b], onboard_rate[a:b], IDENTITY)[1]
+        by_rate[k], by_mounting[k] = onboard_rotation_jacobians(
+            interval[a:b], rate[a:b], coning_corrected[a:b], middle, end
+        )
     return net, by_rate, by_mounting

@@ -2,7 +2,7 @@
 
 ``step_K`` holds the model that was diagnosed in step K, as a mission file that runs, and its diagnosis; the folder
 itself the final model, its result and ``ledger.jsonl``: a line for each effect that was added, and a last one that
-says why no more were.
+says why no more were. An improvement that was interrupted goes on at its first incomplete step (`improvement_state`).
 """
 
 from __future__ import annotations
@@ -31,7 +31,9 @@ from edl_filter.results.database_update import write_update
 from edl_filter.results.files import DIAGNOSIS, FIGURES, LEDGER, RESIDUALS, finite, read_ledger, write_json
 from edl_filter.results.netcdf import write
 from edl_filter.results.result import RefitSummary, Result
+from edl_filter.workflow import improvement_state
 from edl_filter.workflow.diagnose_result import rms_by_channel
+from edl_filter.workflow.improvement_state import NextStep
 from edl_filter.workflow.run import write_outputs
 
 MISSION = "mission.yaml"
@@ -68,6 +70,9 @@ def improve_steps(
 ) -> Iterator[StepFiles]:
     """Improve a mission, writing each step into `folder` as it is done.
 
+    Where the same improvement was interrupted in this folder, it goes on at the step that was not complete; the steps
+    before are those on the disk and are not returned again.
+
     Parameters
     ----------
     mission : Mission
@@ -88,8 +93,15 @@ def improve_steps(
     """
     require_prediction_inputs(mission)
     effects = selected_effects(names, file)
-    _clear_ledger(mission, folder)
-    for k, step in enumerate(improve(mission, effects, progress=progress)):
+    _refuse_another_mission(mission, folder)
+    mark = improvement_state.fingerprint(mission, effects, file)
+    start = improvement_state.read(folder, mark, [*effects, *(a.effect for a in mission.active_effects())])
+    if start is None or not _steps_are_complete(folder, start.number):
+        start = NextStep(0, mission.active_effects())
+    else:
+        progress(f"going on at step {start.number}")
+    _remove_steps(folder, start.number)
+    for k, step in enumerate(improve(mission, effects, start.model, progress), start.number):
         full = most is not None and k >= most and step.added is not None
         content = diagnosis_content(step.diagnosis)
         text, _ = text_with_effects(mission, step.model)
@@ -99,6 +111,8 @@ def improve_steps(
         stop = _why_stopped(step, content, full)
         line = _last_line(k, content, stop) if stop else _added_line(k, content)
         _append(folder, line)
+        if not stop:
+            improvement_state.write(folder, mark, NextStep(k + 1, step.improved))
         yield StepFiles(step, content, text, _paragraph(k, content, line, stop))
         if full:
             return
@@ -132,12 +146,24 @@ def write_final_model(
     write(residual_series(last.step.diagnosis.ranking.model), folder / RESIDUALS)
     write_update(last.step.diagnosis.update, folder)
     report = write_report(folder)
+    improvement_state.remove(folder)
     paths = [path, written["result"], written["summary"], diagnosis, folder / LEDGER, report, *figures]
     return paths, result.trust.headline
 
 
-def _clear_ledger(mission: Mission, folder: Path) -> None:
-    """Remove the files of an earlier improvement of the same mission; refuse another mission's."""
+def complete_steps(folder: Path) -> int:
+    """Number of steps in a folder whose mission and diagnosis are both there."""
+    return next(k for k in count() if not all((folder / f"step_{k}" / n).is_file() for n in (MISSION, DIAGNOSIS)))
+
+
+def _steps_are_complete(folder: Path, number: int) -> bool:
+    """Whether the files and the lines of the ledger of the steps before `number` are there."""
+    lines = [line.step for line in read_ledger(folder)]
+    return complete_steps(folder) >= number and lines[:number] == list(range(number))
+
+
+def _refuse_another_mission(mission: Mission, folder: Path) -> None:
+    """Raise if the folder has another mission's ledger; make the folder if there is none."""
     for line in read_ledger(folder):
         if line.mission != mission.name:
             raise InputError(
@@ -145,8 +171,14 @@ def _clear_ledger(mission: Mission, folder: Path) -> None:
                 f"{mission.name!r}. Name another folder with -o."
             )
     folder.mkdir(parents=True, exist_ok=True)
-    (folder / LEDGER).unlink(missing_ok=True)
-    for k in count():
+
+
+def _remove_steps(folder: Path, first: int) -> None:
+    """Remove the files and the lines of the ledger of the steps from `first` on."""
+    if first == 0:
+        improvement_state.remove(folder)
+    _keep_lines(folder, first)
+    for k in count(first):
         old = folder / f"step_{k}"
         if not old.is_dir():
             break
@@ -194,6 +226,16 @@ def _append(folder: Path, line: dict[str, Any]) -> Path:
     before = path.read_text(encoding="utf-8") if path.is_file() else ""
     text = before + json.dumps(finite(line), ensure_ascii=False, allow_nan=False) + "\n"
     return replace_with(path, lambda temporary: temporary.write_text(text, encoding="utf-8"))
+
+
+def _keep_lines(folder: Path, count: int) -> None:
+    """Keep the first `count` lines of the ledger in `folder`; with none the file is removed."""
+    path = folder / LEDGER
+    lines = path.read_text(encoding="utf-8").splitlines(keepends=True) if path.is_file() else []
+    if count == 0:
+        path.unlink(missing_ok=True)
+    elif len(lines) > count:
+        replace_with(path, lambda temporary: temporary.write_text("".join(lines[:count]), encoding="utf-8"))
 
 
 def _why_stopped(step: Step, content: dict[str, Any], full: bool) -> str:

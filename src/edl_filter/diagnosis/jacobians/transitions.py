@@ -18,7 +18,7 @@ from edl_filter.navigation import initial as entry
 from edl_filter.navigation import strapdown
 from edl_filter.navigation.filter import Problem, merge
 from edl_filter.navigation.increments import Samples
-from edl_filter.navigation.interval_noise import OnboardTurns, process_noise_of_intervals
+from edl_filter.navigation.interval_noise import OnboardRotations, process_noise_of_intervals
 from edl_filter.navigation.layout import ONBOARD, Layout, State, sensor_maps, sigma_states
 from edl_filter.types import Array, BoolArray, IntArray
 
@@ -200,7 +200,7 @@ def _propagate_run(
     differences = PropagationDifferences.about(problem, start, difference_steps(problem.layout))
     turns, attitudes = None, np.empty((len(ends) + 1, 0))
     if len(start.nav) == 14:
-        turns = OnboardTurns.over(problem.layout, problem.samples, begins, ends)
+        turns = OnboardRotations.over(problem.layout, problem.samples, begins, ends)
         attitudes = differences.onboard_attitudes(start.nav[10:], turns)
     states = np.concatenate((nav[np.append(begins[:1], ends)], attitudes), axis=1)
     transitions = differences.transitions(states[:-1], begins, ends, turns)
@@ -241,7 +241,7 @@ class PropagationDifferences:
         errors = sigma_states(state, offsets, strapdown.padded(len(offsets)))[1]
         return cls(problem, steps, offsets, errors, *sensor_maps(problem.layout, errors))
 
-    def onboard_attitudes(self, start: Array, turns: OnboardTurns) -> Array:
+    def onboard_attitudes(self, start: Array, turns: OnboardRotations) -> Array:
         """On-board attitudes at the ends of K intervals, without displacement: ``(K + 1, 4)``, the first is `start`."""
         steps = rotations.multiply(turns.net, turns.corrections(self.problem.layout, self.errors[:, :1])[:, 0])
         attitudes = [start]
@@ -249,7 +249,7 @@ class PropagationDifferences:
             attitudes.append(rotations.multiply(attitudes[-1], step))
         return np.array(attitudes)
 
-    def transitions(self, nav: Array, begins: IntArray, ends: IntArray, turns: OnboardTurns | None) -> Array:
+    def transitions(self, nav: Array, begins: IntArray, ends: IntArray, turns: OnboardRotations | None) -> Array:
         """Transition matrices over intervals of samples.
 
         Parameters
@@ -258,7 +258,7 @@ class PropagationDifferences:
             States at the beginnings.
         begins, ends : (K,) arrays of int
             First sample of each interval, and the one after its last.
-        turns : OnboardTurns or None
+        turns : OnboardRotations or None
             Over the intervals; None where no attitude was computed on board.
 
         Returns
