@@ -80,13 +80,12 @@ def test_adding_an_effect(served_folder):
     ]
 
 
-def test_adding_an_effect_of_the_users_file(served_folder):
-    path = served_folder / "results/flight/diagnosis.json"
+def test_adding_an_effect_of_the_users_file(root):
+    path = root / "results/flight/diagnosis.json"
     path.write_text(json.dumps(json.loads(path.read_text()) | {"own_effects": {"wind": "my effect.py"}}))
-    assert "--file" not in plans.plan_add(served_folder.resolve(), "results/flight", "wind").lines()[0]
-    (served_folder / "my effect.py").touch()
-    command = "edl-filter add flight.yaml wind --file 'my effect.py' --from results/flight -o flight+wind.yaml"
-    assert plans.plan_add(served_folder.resolve(), "results/flight", "wind").lines()[0] == command
+    assert "--file" not in plans.plan_add(root, "results/flight", "wind").lines()[0]
+    (root / "my effect.py").touch()
+    assert " wind --file 'my effect.py' --from " in plans.plan_add(root, "results/flight", "wind").lines()[0]
 
 
 def test_adding_another_name_of_a_hypothesis(served_folder):
