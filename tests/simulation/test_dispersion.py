@@ -71,6 +71,10 @@ def test_the_errors_of_a_measured_flight_are_in_its_model():
     sigmas = SensorErrors(1e-3, 0.0, 0.0, 0.0, 0.0)
     biases = [c.imu_errors(sigmas)[0].effect.force["bias"] for c in cases]
     assert np.std(biases) == pytest.approx(2e-3, rel=0.3)
+    assert cases[0].values["imu_errors.accelerometer_bias_y"] == biases[0][1]
+    # the attitude that was computed on board from the same gyros has their errors too
+    gyros = cases[0].imu_errors(SensorErrors(1e-3, 1e-3, 1e-3, 1e-3, 1e-3))[0].effect.rate
+    assert not gyros["bias"].any() and not gyros["scale"].any()
     assert draws(campaign_of({}, {"mission": "builtin:mer_a"}), [0])[0].imu_errors(sigmas) == ()
 
 

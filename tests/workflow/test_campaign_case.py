@@ -72,6 +72,8 @@ def test_an_undispersed_measured_case_is_its_reconstruction(records):
     checks = {c.name: c for c in reconstruction.constraint_checks}
     assert values["left_out_nis"]["landing"] == checks["landing"].left_out_nis
     assert values["drawn"] == {} and "state_error" not in values
+    # drawn errors do not contradict the attitude that was computed on board
+    assert records[3]["values"]["nis"]["onboard_attitude"] < 2.0 * records[3]["values"]["dof"]["onboard_attitude"]
     moved = records[3]["values"]["predicted_landing_position"]
     assert np.linalg.norm(np.subtract(list(moved.values()), list(values["predicted_landing_position"].values()))) > 1.0
 

@@ -113,7 +113,8 @@ class DispersionConfig(Section):
     )
     imu_errors: Annotated[Number, Within("", 0.0, 100.0)] | None = Field(
         default=None,
-        description="constant sensor errors, in stated sigmas; absent: a scenario's own, for a measured flight none",
+        description="constant sensor errors, in stated sigmas; absent: a scenario's own, for a measured flight none. "
+        "With an on-board attitude, which has the gyros' errors too, those of the accelerometers only",
     )
     database: Annotated[Number, Within("", 0.0, 10.0)] = Field(
         default=0.0, description="random field of the database's error, in its sigmas (a third of three sigma)"

@@ -88,10 +88,17 @@ class CaseDraw:
         return tuple(a.name for a in self.effects if not isinstance(a.effect, AirError))
 
     def imu_errors(self, sigmas: SensorErrors) -> tuple[EffectInstance, ...]:
-        """Sensor errors of the driving IMU, whose constant errors have these sigmas; none if none were drawn."""
+        """Sensor errors of the driving IMU, whose constant errors have these sigmas; none if none were drawn.
+
+        They are added to `values`.
+        """
         if not self.imu_deviates:
             return ()
         errors = {name: getattr(sigmas, name) * deviates for name, deviates in self.imu_deviates.items()}
+        for name, error in errors.items():
+            if error.any():
+                numbers = zip("xyz", error.tolist(), strict=True)
+                self.values.update({f"imu_errors.{name}_{axis}": value for axis, value in numbers})
         return (EffectInstance(ImuErrors(errors), {}, fixed=True),)
 
 
@@ -139,7 +146,8 @@ def draw_case(campaign: Campaign, key: CaseKey, flight: CampaignFlight) -> CaseD
     sigma = np.repeat([entry.position_sigma, entry.velocity_sigma, entry.attitude_sigma_deg * DEG], 3)
     start = sigma * random(_ENTRY).standard_normal(9)
     if sigma.any():
-        values |= {f"initial_state.{n}": float(v) for n, v in zip(_COMPONENTS, start, strict=True)}
+        drawn = zip(_COMPONENTS, start, sigma, strict=True)
+        values |= {f"initial_state.{name}": float(value) for name, value, spread in drawn if spread > 0.0}
     effects = list(_drawn_effects(campaign, key, random(_EFFECTS)))
     for instance in effects:
         values |= {f"{instance.label}.{name}": float(v) for name, v in instance.values.items()}
@@ -195,6 +203,8 @@ def _measured(
     if stated.imu_errors:
         generator = random(_IMU)
         deviates = {name: stated.imu_errors * generator.standard_normal(3) for name in SENSOR_STATES}
+        if mission.constraints.onboard_attitude is not None:  # computed from the same gyros, with the same errors
+            deviates |= {name: np.zeros(3) for name in SENSOR_STATES if name.startswith("gyro")}
     return CaseDraw(key, seed, WorldErrors(), effects, tuple(model), deviates, values)
 
 
