@@ -9,7 +9,8 @@ from dataclasses import replace
 from edl_filter.mission import Mission
 from edl_filter.pipeline.reconstruct import reconstruct
 from edl_filter.pipeline.trust import check_mission
-from edl_filter.results.result import RefitSummary, Result
+from edl_filter.results.derived import RefitSummary
+from edl_filter.results.result import Result
 
 
 def run_mission(mission: Mission, refit: bool = True, progress: Callable[[str], None] = lambda _: None) -> Result:
