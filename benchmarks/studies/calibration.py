@@ -20,12 +20,12 @@ from pathlib import Path
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import numpy as np
-from edl_filter.results.derived import derive
 from inexact_world import draw_world
 
 from edl_filter import Mission, rotations
 from edl_filter.errors import InputError
 from edl_filter.pipeline.reconstruct import reconstruct
+from edl_filter.postflight.flight import derived_quantities
 from edl_filter.results.result import Result
 from edl_filter.simulation import Scenario, simulate
 from simulation import PHASES
@@ -163,7 +163,7 @@ def true_air(world, motion):
 
 def postflight_errors(reconstruction, flight):
     """Errors over sigmas of density, pressure, temperature, coefficients and CA with the preflight air, by altitude."""
-    post = derive(reconstruction).postflight
+    post = derived_quantities(reconstruction).postflight
     world, motion, case = flight.world, flight.motion, post.flight
     time_s, *air = true_air(world, motion)
     true = dict(

@@ -9,7 +9,8 @@ from edl_filter.diagnosis.stepwise import Step
 from edl_filter.effects import EffectInstance
 from edl_filter.effects.registry import find_effect
 from edl_filter.mission import Mission
-from edl_filter.workflow import improve_model, improvement_state, ledger
+from edl_filter.results.files import LEDGER
+from edl_filter.workflow import improve_model, improvement_state
 from edl_filter.workflow.improvement_state import NextStep
 
 NAMES = ("mass", "wind", "gyro_bias")
@@ -103,9 +104,9 @@ def test_a_kill_between_the_ledger_and_the_state_repeats_one_step(mission, tmp_p
         patch.setattr(improvement_state, "write", kill)
         with pytest.raises(Killed):
             list(improve_model.improve_steps(mission, tmp_path))
-    assert len((tmp_path / ledger.NAME).read_text().splitlines()) == 1
+    assert len((tmp_path / LEDGER).read_text().splitlines()) == 1
     assert improved(mission, tmp_path) == ["Step 0", "Step 1", "Step 2", "Step 3"]
-    assert len((tmp_path / ledger.NAME).read_text().splitlines()) == 4
+    assert len((tmp_path / LEDGER).read_text().splitlines()) == 4
 
 
 def test_another_mission_or_catalogue_begins_at_the_first_step(mission, tmp_path):
@@ -134,8 +135,8 @@ def test_a_step_that_was_deleted_is_not_gone_past(mission, tmp_path, selection, 
 
 def test_the_ledger_keeps_its_first_lines(tmp_path):
     for step in range(3):
-        ledger.append(tmp_path, {"step": step})
-    ledger.keep(tmp_path, 2)
-    assert [json.loads(x)["step"] for x in (tmp_path / ledger.NAME).read_text().splitlines()] == [0, 1]
-    ledger.keep(tmp_path, 0)
-    assert not (tmp_path / ledger.NAME).exists()
+        improve_model._append(tmp_path, {"step": step})
+    improve_model._keep_lines(tmp_path, 2)
+    assert [json.loads(x)["step"] for x in (tmp_path / LEDGER).read_text().splitlines()] == [0, 1]
+    improve_model._keep_lines(tmp_path, 0)
+    assert not (tmp_path / LEDGER).exists()

@@ -34,7 +34,8 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 
 from edl_filter.display import render
-from edl_filter.effects.parameters import Parameter, Values, checked_values, completed_values
+from edl_filter.effects.parameters import Parameter as Parameter
+from edl_filter.effects.parameters import Values, checked_values, completed_values
 from edl_filter.effects.types import AeroCoefficients, Body, FlightCondition
 from edl_filter.types import Array
 

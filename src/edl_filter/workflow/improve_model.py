@@ -30,7 +30,8 @@ from edl_filter.pipeline.reconstruct import reconstruct
 from edl_filter.results.database_update import write_update
 from edl_filter.results.files import DIAGNOSIS, FIGURES, LEDGER, RESIDUALS, finite, read_ledger, write_json
 from edl_filter.results.netcdf import write
-from edl_filter.results.result import RefitSummary, Result
+from edl_filter.results.result import Result
+from edl_filter.results.summary import RefitSummary
 from edl_filter.workflow import improvement_state
 from edl_filter.workflow.diagnose_result import rms_by_channel
 from edl_filter.workflow.improvement_state import NextStep
