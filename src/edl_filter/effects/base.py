@@ -28,7 +28,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
-from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar
 
@@ -198,7 +197,7 @@ class Effect:
 
     def acts(self, hook: str) -> bool:
         """Whether the effect overrides `hook`."""
-        return _overrides(type(self), hook)
+        return getattr(type(self), hook) is not getattr(Effect, hook)
 
     @property
     def is_sensor_effect(self) -> bool:
@@ -320,12 +319,6 @@ class EffectInstance:
     @property
     def _phases(self) -> tuple[Parameter, ...]:
         return tuple(q for q in self.effect.parameters if q.kind == "phase" and np.isfinite(q.high - q.low))
-
-
-@cache
-def _overrides(effect: type[Effect], hook: str) -> bool:
-    """Whether a class of effects overrides a hook; a diagnosis asks a million times."""
-    return getattr(effect, hook) is not getattr(Effect, hook)
 
 
 def label_of(key: EffectKey) -> str:
