@@ -198,10 +198,7 @@ class Effect:
 
     def acts(self, hook: str) -> bool:
         """Whether the effect overrides `hook`."""
-        effect, known = type(self), _OVERRIDES
-        if (effect, hook) not in known:  # looked up once: a diagnosis asks a million times
-            known[effect, hook] = getattr(effect, hook) is not getattr(Effect, hook)
-        return known[effect, hook]
+        return getattr(type(self), hook) is not getattr(Effect, hook)
 
     @property
     def is_sensor_effect(self) -> bool:
@@ -323,10 +320,6 @@ class EffectInstance:
     @property
     def _phases(self) -> tuple[Parameter, ...]:
         return tuple(q for q in self.effect.parameters if q.kind == "phase" and np.isfinite(q.high - q.low))
-
-
-#: Class of effects and hook → whether the class overrides the hook.
-_OVERRIDES: dict[tuple[type[Effect], str], bool] = {}
 
 
 def label_of(key: EffectKey) -> str:

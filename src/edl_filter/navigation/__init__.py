@@ -7,9 +7,9 @@ check of every constraint against all the others.
 Read in this order. `layout` defines the filter's vector, an error about a reference state; `initial` its start.
 `increments` prepares samples for the integrator, `strapdown` propagates states over them, `propagation` adds the
 attitude computed on board, and `noise` gives the process noise; `interval_noise` does both over many intervals at once.
-`constraints` and `parachute` hold the measurement
-models. `estimator` is the interface of the filters: `ukf` (unscented, the default) and `ekf` (extended). `filter` runs
-one of them through the epochs, with `robust` weights on request; `screening` examines readings by their `consensus`,
-and `recovery` runs the filter again where its state is the outlier. `smoother` goes back, `trajectory` interpolates
-between the epochs, and `leave_one_out` checks the constraints, with the `information` that each contributes.
+`constraints` and `parachute` hold the measurement models. `estimator` is the interface of the filters: `ukf`
+(unscented, the default) and `ekf` (extended). `filter` runs one of them through the epochs, with `robust` weights on
+request; `screening` examines readings by their `consensus`, and `recovery` runs the filter again where its state is the
+outlier. `smoother` goes back, `trajectory` interpolates between the epochs, and `leave_one_out` checks the constraints,
+with the `information` that each contributes.
 """

@@ -17,10 +17,10 @@ from edl_filter.diagnosis.linear_model.effect_jacobian import (
 from edl_filter.diagnosis.linear_model.flight_case import flight_case
 from edl_filter.diagnosis.linear_model.linearization import linearize
 from edl_filter.diagnosis.prediction.dead_reckoning import corrected_readings, node_rates
+from edl_filter.diagnosis.prediction.reading_difference import difference_on_fixed_path
 from edl_filter.diagnosis.prediction.residuals import (
     bin_readings,
     compute_residuals,
-    difference_on_fixed_path,
     predict,
 )
 from edl_filter.effects import Effect, EffectInstance, Parameter

@@ -13,7 +13,8 @@ import numpy as np
 from edl_filter.diagnosis.jacobians.bin_rows import BinRows
 from edl_filter.diagnosis.jacobians.nuisance import FIELD_STATES, NuisanceLayout, StatedUncertainty
 from edl_filter.diagnosis.jacobians.transitions import PathTransitions, difference_steps
-from edl_filter.diagnosis.prediction.residuals import BinResiduals, ModelInputs, Residuals
+from edl_filter.diagnosis.prediction.reading_difference import BinResiduals
+from edl_filter.diagnosis.prediction.residuals import ModelInputs, Residuals
 from edl_filter.diagnosis.prediction.time_bins import TimeBins, bin_sigma
 from edl_filter.estimation.block_sparse import BlockSparse, from_blocks
 from edl_filter.estimation.kalman import LinearStateSpace

@@ -21,12 +21,12 @@ from edl_filter.diagnosis.prediction.dead_reckoning import (
     corrected_readings,
     dead_reckon,
 )
+from edl_filter.diagnosis.prediction.reading_difference import difference_on_fixed_path
 from edl_filter.diagnosis.prediction.residuals import (
     READING_HOOKS,
     changes_air,
     changes_path,
     constraint_residuals,
-    difference_on_fixed_path,
     predict_increment,
 )
 from edl_filter.effects.base import MODEL_HOOKS, Effect, EffectInstance, EffectKey

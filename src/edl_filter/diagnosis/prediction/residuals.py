@@ -24,7 +24,6 @@ from edl_filter.diagnosis.prediction.dead_reckoning import (
     DeadReckonedPath,
     PathNodes,
     dead_reckon,
-    node_rates,
     node_times,
     path_nodes,
 )
@@ -147,74 +146,6 @@ def compute_residuals(reference: PathReference, inputs: ModelInputs) -> Residual
         predicted_force=predicted_force,
         predicted_rate_step=predicted_rate_step,
     )
-
-
-@dataclass(frozen=True)
-class BinResiduals:
-    """Residuals of the bins, or differences of them.
-
-    Attributes
-    ----------
-    force : (B, 3) array
-        Specific force, m/s².
-    rate_step : (B - 1, 3) array
-        Step of the mean rate between adjoining bins, rad/s.
-    checking_force, checking_rate : tuples of (B, 3) arrays
-        Of each checking IMU, m/s² and rad/s.
-    """
-
-    force: Array
-    rate_step: Array
-    checking_force: tuple[Array, ...]
-    checking_rate: tuple[Array, ...]
-
-
-def difference_on_fixed_path(
-    bins: TimeBins,
-    plus: tuple[ModelInputs, Array, Array],
-    minus: tuple[ModelInputs, Array, Array],
-    fixed: Residuals,
-    same_loads: bool,
-) -> BinResiduals:
-    """Difference of two residuals, plus less minus, with other readings and another vehicle along a fixed path.
-
-    What is the same on both sides is not computed.
-
-    Parameters
-    ----------
-    bins : TimeBins
-        Time bins of the comparison.
-    plus, minus : (inputs, force, rate)
-        The model, and the readings corrected by its sensor effects: of `corrected_readings`, ``(N, 3)`` each.
-    fixed : Residuals
-        Whose path, air and table coefficients are used.
-    same_loads : bool
-        Whether the loads are the same on both sides if the rates are.
-    """
-    samples = plus[0].problem.samples
-    force, rate = bin_readings(bins, samples, (plus[1] - minus[1], plus[2] - minus[2]))
-    checking_force, checking_rate = [], []
-    for record_plus, record_minus in zip(plus[0].checking, minus[0].checking, strict=True):
-        implied = _lever_arm_readings(record_plus, samples, plus[2]) - _lever_arm_readings(
-            record_minus, samples, minus[2]
-        )
-        checking_force.append(-force - bin_means(bins.edges, samples.time, samples.interval, implied))
-        checking_rate.append(-rate)
-        if record_plus is not record_minus:
-            read, other = record_plus.only_read(), record_minus.only_read()
-            changes = read.specific_force - other.specific_force, read.angular_rate - other.angular_rate
-            for out, change in zip((checking_force, checking_rate), changes, strict=True):
-                out[-1] = out[-1] + bin_means(bins.edges, read.time, read.interval, change, smooth=True)
-    rate_step = np.diff(rate, axis=0)
-    if not (same_loads and np.array_equal(plus[2], minus[2])):
-        predicted = []
-        for inputs, _, sample_rate in (plus, minus):
-            mean_rate = bin_means(bins.edges, samples.time, samples.interval, sample_rate)
-            flow = replace(fixed.flow, rate=node_rates(bins, mean_rate))
-            predicted.append(predict(inputs.forward_model, bins, flow, fixed.tables))
-        force = force - (predicted[0][0] - predicted[1][0])
-        rate_step = rate_step - (predicted[0][1] - predicted[1][1])
-    return BinResiduals(force, rate_step, tuple(checking_force), tuple(checking_rate))
 
 
 def changes_path(effect: Effect) -> bool:
@@ -448,14 +379,14 @@ def _checking_residuals(
     read = record.only_read()  # samples that were filled from the driving IMU would be compared with themselves
     measured_force = bin_means(bins.edges, read.time, read.interval, read.specific_force, smooth=True)
     measured_rate = bin_means(bins.edges, read.time, read.interval, read.angular_rate, smooth=True)
-    lever_arm = _lever_arm_readings(record, samples, sample_rate)
+    lever_arm = lever_arm_readings(record, samples, sample_rate)
     return (
         measured_force - force - bin_means(bins.edges, samples.time, samples.interval, lever_arm),
         measured_rate - rate,
     )
 
 
-def _lever_arm_readings(record: ImuRecord, samples: Samples, sample_rate: Array) -> Array:
+def lever_arm_readings(record: ImuRecord, samples: Samples, sample_rate: Array) -> Array:
     """Lever-arm acceleration of an IMU at the samples of the driving one ``(N, 3)``, m/s², from its rates (rad/s)."""
     at_sample = record.index_at(samples.time - 0.5 * samples.interval)
     # the rates are the driving IMU's, so that their instrument is that of the samples
