@@ -140,8 +140,8 @@ def refit(mission: Mission, progress: Progress | None = None) -> Result:
         As `diagnose`; or an effect is listed twice.
     """
     from edl_filter.diagnosis.selection.outer_loop import fit_effects
-    from edl_filter.results.derived import RefitSummary
     from edl_filter.results.result import Result, reconstruct
+    from edl_filter.results.summary import RefitSummary
 
     if all(a.fixed for a in mission.active_effects()):
         return reconstruct(mission)
