@@ -42,7 +42,7 @@ def flights(lines, **wanted):
     def fits(case):
         return all(w(case[k]) if callable(w) else case[k] == w for k, w in wanted.items())
 
-    return [line for line in lines if "navigation" in line and fits(line["case"])]
+    return [line for line in lines if "refused" not in line and fits(line["case"])]
 
 
 def navigation_table(lines):
