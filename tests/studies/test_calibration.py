@@ -23,7 +23,7 @@ def lines():
 
 
 def test_average_nees_is_not_above_its_interval(lines):
-    """At every phase, of position, velocity and attitude of twenty flights; a tenth of the sigmas fails it, and ten times the sigmas too.
+    """At every phase, of position, velocity and attitude; a tenth of the sigmas fails it, and ten times the sigmas too.
 
     The rest on the surface is stated to 5 cm/s, and a simulated vehicle rests: its velocity has a tenth of the NEES.
     """
