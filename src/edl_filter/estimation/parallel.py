@@ -18,8 +18,14 @@ from threadpoolctl import ThreadpoolController
 Item = TypeVar("Item")
 Value = TypeVar("Value")
 
-#: Number of threads: one for each core, at most four.
-THREADS = min(4, os.cpu_count() or 1)
+
+def processors() -> int:
+    """Number of processors that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+#: Number of threads: one for each processor, at most four.
+THREADS = min(4, processors())
 
 
 def one_blas_thread() -> AbstractContextManager[object]:

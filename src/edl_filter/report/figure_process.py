@@ -23,6 +23,7 @@ from types import TracebackType
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from edl_filter.errors import InputError
+from edl_filter.estimation.parallel import processors
 
 if TYPE_CHECKING:
     from edl_filter.results.reader import ResultReader
@@ -139,7 +140,7 @@ def _draw(result: Path, folder: Path, formats: Sequence[str]) -> list[str]:
 
     with ResultReader.open(result) as reader:
         tasks = [_Task(result, name, folder, tuple(formats)) for name in available(reader)]
-    count = min(len(tasks), _cores())
+    count = min(len(tasks), processors())
     if count < 2 or sys.platform == "darwin" or "fork" not in multiprocessing.get_all_start_methods():
         return [name for task in tasks for name in _draw_one(task)]
     context = multiprocessing.get_context("fork")
@@ -200,14 +201,9 @@ def _reader(result: Path) -> ResultReader:
     return ResultReader.open(result)
 
 
-def _cores() -> int:
-    """Number of cores that this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-
-
 def _warm_up() -> None:
     """Load matplotlib, its fonts and all descriptions."""
-    import edl_filter.report.figures  # noqa: F401
+    import edl_filter.report.figures  # noqa: F401 -- loaded before the first figure is asked for
     from edl_filter.report.description import Axis, Figure, Panel
     from edl_filter.report.matplotlib_renderer import draw
 

@@ -7,7 +7,6 @@ have no file are missing and nothing else. A lost scheduler is waited for; what 
 from __future__ import annotations
 
 import logging
-import os
 import time
 from collections import deque
 from collections.abc import Callable, Iterator
@@ -18,6 +17,7 @@ from queue import Empty, SimpleQueue
 from typing import Any
 
 from edl_filter.errors import InputError
+from edl_filter.estimation.parallel import processors
 from edl_filter.simulation.campaign_config import Campaign
 from edl_filter.workflow.campaign_block import close_processes, run_block
 from edl_filter.workflow.campaign_files import (
@@ -325,15 +325,10 @@ def _connections(scheduler: str | None, workers: int | None, patience_s: float) 
         settings.close()
 
 
-def processors() -> int:
-    """Number of processors that this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-
-
 def _require_dask() -> None:
     try:
         import distributed  # noqa: F401 -- an extra of the package
-        import zarr  # noqa: F401
+        import zarr  # noqa: F401 -- likewise
     except ImportError:
         raise InputError(
             "campaign: needs dask.distributed and zarr; install them with: pip install 'edl-filter[campaign]'."
