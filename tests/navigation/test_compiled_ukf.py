@@ -207,7 +207,11 @@ def test_outliers_are_screened_and_weighted_alike(practice_06, robust):
 
 @pytest.mark.slow
 def test_recovery_is_the_same(practice_06):
-    """From an entry state that is wrong by 40 sigmas."""
+    """From an entry state that is wrong by 40 sigmas.
+
+    Beside the inflated entry state the reference itself changes by some 1e-7 sigma with the last bits of its input,
+    more on one processor than on another.
+    """
     problem = practice_06.problem
     shift = 40.0 * np.sqrt(np.diag(problem.initial.covariance))[:3]
     problem = replace(problem, initial=replace(problem.initial, position=problem.initial.position + shift))
@@ -216,7 +220,7 @@ def test_recovery_is_the_same(practice_06):
     assert expected is not None and recovery.cause == expected.cause == "entry_state"
     assert recovery.size == expected.size and recovery.gain == pytest.approx(expected.gain, rel=1e-7)
     tolerance = max(TOLERANCE, 10.0 * own_rounding(changed, reference))
-    assert difference_of_passes(filter_pass, reference) < tolerance < 1e-6
+    assert difference_of_passes(filter_pass, reference) < tolerance < 1e-5
 
 
 def test_process_noise_is_that_of_its_reference():
