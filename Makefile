@@ -82,7 +82,8 @@ study: $(STAMP)
 
 study-inexact: $(STAMP)
 	mkdir -p study-results
-	$(BIN)/python benchmarks/studies/inexact.py --workers 2 -o study-results/inexact.jsonl
+	for w in 0 1; do $(BIN)/python benchmarks/studies/inexact.py --worker $$w --workers 2 \
+	  -o study-results/inexact.jsonl & done; wait
 	$(BIN)/python benchmarks/studies/inexact_report.py study-results/inexact*.jsonl
 
 study-simulation: $(STAMP)

@@ -7,7 +7,7 @@ All are diagnosed with the whole catalogue. The expected gain is computed with t
 parameters, before the diagnosis. The flights are in random order, so that a part of the study is a fair sample. Results
 go to ``inexact.jsonl``, one line a flight; ``inexact_report.py`` makes of them ``docs/identification-inexact.md``.
 
-    python benchmarks/studies/inexact.py -o study-results/inexact.jsonl [--workers N | --scheduler ADDRESS]
+    python benchmarks/studies/inexact.py -o study-results/inexact.jsonl [--worker K --workers N]
     python benchmarks/studies/inexact.py --list
     python benchmarks/studies/inexact.py --write FOLDER --flight NUMBER
 """
@@ -22,7 +22,7 @@ from pathlib import Path
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import numpy as np
-from flight_lines import append_missing, append_missing_on_cluster
+from flight_lines import append_missing
 from identification import PAIRS, VEHICLES, expected_gains, hidden_by_mission, random_instance, ranking_rows
 from inexact_world import STATED_UNCERTAINTY, draw_world
 from outside_effects import OUTSIDE_EFFECTS, random_outside_instance
@@ -102,6 +102,13 @@ def simulated_flight(case, folder):
     return world, effects, world.mission(path, changes)
 
 
+def stated_values(effect, world):
+    """Values of an effect as a mission states them: its inertia factor scales products of inertia too."""
+    if effect.name != "products_of_inertia":
+        return effect.values
+    return {name: value / world.inertia_factor for name, value in effect.values.items()}
+
+
 def something_else_probability(content):
     """Probability of something outside the catalogue."""
     value = content.get("something_else")
@@ -122,7 +129,7 @@ def result_of(case):
         try:
             world, effects, mission = simulated_flight(case, folder)
             line["world"] = {"mass_factor": world.mass_factor, "inertia_factor": world.inertia_factor}
-            line["truth"] = {a.name: a.values for a in effects}
+            line["truth"] = {a.name: stated_values(a, world) for a in effects}
             flight = load_case(mission, ())
             line["expected_gains"] = expected_gains(flight, effects)
             line["diagnosis_begins"] = time.perf_counter() - begin
@@ -152,8 +159,8 @@ def main():
     parser.add_argument("--clean", type=int, default=60, help="clean flights")
     parser.add_argument("--draws", type=int, default=2, help="flights of each effect and size")
     parser.add_argument("--first-seed", type=int, default=0, help="another number gives new flights")
-    parser.add_argument("--workers", type=int, default=1, help="processes of this machine; 1: this one")
-    parser.add_argument("--scheduler", help="address of a dask scheduler, in place of --workers")
+    parser.add_argument("--worker", type=int, default=0, help="number of this process among --workers")
+    parser.add_argument("--workers", type=int, default=1)
     parser.add_argument("-o", "--output", type=Path, default=Path("study-results/inexact.jsonl"))
     parser.add_argument("--list", action="store_true", help="print the flights with their numbers, and end")
     parser.add_argument("--write", type=Path, metavar="FOLDER", help="write one flight and its world, and end")
@@ -170,12 +177,8 @@ def main():
         print("\n".join(f"hidden: {e.name} {e.values}" for e in effects) or "hidden: nothing")
         sets = (f"telemetry.path={mission.telemetry.path}", *STATED_UNCERTAINTY, *changes)
         print(f"edl-filter run builtin:{mission.name} " + " ".join(f"--set {s}" for s in sets))
-    elif a.workers > 1 or a.scheduler:
-        from inexact import result_of as importable  # a function of a script cannot be imported by a worker
-
-        append_missing_on_cluster(flights, importable, a.output, a.workers, a.scheduler)
     else:
-        append_missing(flights, result_of, a.output, 0, 1)
+        append_missing(flights, result_of, a.output, a.worker, a.workers)
 
 
 if __name__ == "__main__":

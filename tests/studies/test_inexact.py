@@ -3,12 +3,10 @@
 import json
 import sys
 
-import cloudpickle
 import inexact as study
 import inexact_report
 import numpy as np
 import pytest
-from flight_lines import append_missing_on_cluster, flight_key, read_lines
 from inexact_world import (
     DENSITY_SIGMA,
     INERTIA_SIGMA,
@@ -192,24 +190,10 @@ def test_flights_in_the_file_are_not_repeated(tmp_path, monkeypatch):
 
     monkeypatch.setattr(study, "result_of", line_of)
     output = tmp_path / "new" / "inexact.jsonl"
-    monkeypatch.setattr(sys, "argv", ["inexact.py", "-o", str(output)])
-    study.main()
-    study.main()
-    assert calls == flights
-
-
-def undiagnosed_line(case):
-    """The line of a flight that is neither simulated nor diagnosed."""
-    return {"vehicle": case[0], "seed": case[1], "hidden": list(case[2]), "part": case[3]}
-
-
-def test_workers_of_a_cluster_write_each_line_once(tmp_path):
-    cloudpickle.register_pickle_by_value(sys.modules[__name__])  # workers cannot import a test
-    flights = study.cases()[:9]
-    for count in (4, 9):  # the second time goes on where the first one ended
-        append_missing_on_cluster(flights[:count], undiagnosed_line, tmp_path / "inexact.jsonl", 2)
-    lines = read_lines([tmp_path / "inexact.jsonl"])
-    assert sorted(map(flight_key, lines)) == sorted(flights)
+    for worker in ("0", "1", "0"):
+        monkeypatch.setattr(sys, "argv", ["inexact.py", "-o", str(output), "--worker", worker, "--workers", "2"])
+        study.main()
+    assert calls == flights[::2] + flights[1::2]
 
 
 @pytest.mark.slow
