@@ -22,6 +22,7 @@ from edl_filter.navigation import strapdown
 from edl_filter.navigation.ekf import DIFFERENCE_STEPS, propagate_with_transition
 from edl_filter.navigation.error_dynamics import gravity_gradient, propagate_linearized
 from edl_filter.navigation.filter import EntryErrors, Settings, build_problem
+from edl_filter.navigation.interval_noise import OnboardRotations
 from edl_filter.navigation.layout import State
 from edl_filter.navigation.propagation import propagate_states
 from edl_filter.planet import Planet
@@ -79,8 +80,9 @@ def differenced(built, state, steps, begin, end):
     layout = built.layout
     vector = np.concatenate([np.full(s.stop - s.start, steps[name]) for name, s in layout.slices.items()])
     differences = PropagationDifferences.about(built, state, vector)
-    onboard = [differences.onboard_rotation(begin, end)] if len(state.nav) == 14 else []
-    return differences.transitions(state.nav[None], np.array([begin]), np.array([end]), onboard)[0]
+    begins, ends = np.array([begin]), np.array([end])
+    onboard = OnboardRotations.over(layout, built.samples, begins, ends) if len(state.nav) == 14 else None
+    return differences.transitions(state.nav[None], begins, ends, onboard)[0]
 
 
 @pytest.mark.parametrize("onboard", [True, False])
