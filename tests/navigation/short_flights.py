@@ -218,7 +218,7 @@ def onboard_flights(seed, count, times):
         ]
         force, rate = (np.where(fine_unit[:, None] == 0, readings[0][i], readings[1][i]) for i in (0, 1))
         record = twins.record(fine, force, rate, unit=fine_unit)
-        turns = rotations.from_rotation_vector(effective_samples(record).rate / RATE)
+        turns = rotations.from_rotation_vector(effective_samples(record).onboard_rate / RATE)
         force, rate = (np.stack([np.bincount(group, a) / length for a in x.T], axis=1) for x in (force, rate))
         force[gap] += GAP_FORCE_NOISE * rng.standard_normal((gap.sum(), 3))
         rate[gap] += GAP_RATE_NOISE * rng.standard_normal((gap.sum(), 3))

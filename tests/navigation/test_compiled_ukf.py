@@ -16,6 +16,7 @@ from hypothesis import strategies as st
 from edl_filter import rotations
 from edl_filter.estimation.parallel import one_blas_thread
 from edl_filter.imu_model.sensor_errors import SensorErrors
+from edl_filter.mission import Mission
 from edl_filter.navigation.compiled_noise import in_body_axes, noise_of_samples
 from edl_filter.navigation.compiled_ukf import CompiledUKF
 from edl_filter.navigation.constraints import Altimeter, LandingSite, OnboardAttitude, RestVelocity
@@ -26,6 +27,7 @@ from edl_filter.navigation.noise import process_noise, sample_attitudes
 from edl_filter.navigation.recovery import run_with_recovery
 from edl_filter.navigation.smoother import smooth
 from edl_filter.navigation.ukf import ErrorStateUKF
+from edl_filter.pipeline.reconstruct import reconstruct
 from edl_filter.telemetry.record import InitialState
 
 TOLERANCE = 1e-9
@@ -206,6 +208,7 @@ def test_outliers_are_screened_and_weighted_alike(practice_06, robust):
 
 
 @pytest.mark.slow
+<<<<<<< HEAD
 def test_recovery_is_the_same(practice_06):
     """From an entry state that is wrong by 40 sigmas.
 
@@ -213,6 +216,17 @@ def test_recovery_is_the_same(practice_06):
     more on one processor than on another.
     """
     problem = practice_06.problem
+=======
+def test_recovery_is_the_same():
+    """From an entry state that is wrong by 40 sigmas.
+
+    The rest on the surface is known to 5 cm/s here: beside the inflated entry state, the 2 mm/s of the format leave
+    covariances whose rounding is some 1e-5 sigma in either engine. The engines differ by no more than ten times what
+    the reference differs from itself when the last bits of its input change.
+    """
+    rest = "constraints.rest={from: telemetry, velocity_sigma: 0.05}"
+    problem = reconstruct(Mission.load("builtin:practice_mer", [rest]), leave_one_out=False).problem
+>>>>>>> parent of f4c7729 (Interpolation within samples as before: with the smaller noise of unresolved motion a diagnosis contradicts the landing of clean flights)
     shift = 40.0 * np.sqrt(np.diag(problem.initial.covariance))[:3]
     problem = replace(problem, initial=replace(problem.initial, position=problem.initial.position + shift))
     results = [run_with_recovery(with_engine(problem, engine)) for engine in ("compiled", "filterpy")]

@@ -23,16 +23,20 @@ def lines():
 
 
 def test_average_nees_is_not_above_its_interval(lines):
+<<<<<<< HEAD
     """At every phase, of position, velocity and attitude; a tenth of the sigmas fails it, and ten times the sigmas too.
 
     The rest on the surface is stated to 5 cm/s, and a simulated vehicle rests: its velocity has a tenth of the NEES.
     """
+=======
+    """At every phase, of position, velocity and attitude of twenty flights; a tenth of the sigmas fails it."""
+>>>>>>> parent of f4c7729 (Interpolation within samples as before: with the smaller noise of unresolved motion a diagnosis contradicts the landing of clean flights)
     dof = 3 * FLIGHTS
     high = chi2.isf(1e-5, dof) / dof
     for phase in study.PHASES:
         for k, part in enumerate(page.PARTS):
             nees = np.mean([line["navigation"][phase]["nees"][k] for line in lines]) / 3.0
-            assert 0.02 < nees < high, (phase, part)
+            assert 0.2 < nees < high, (phase, part)
 
 
 def test_nees_of_the_well_sampled_vehicle_is_in_its_interval_before_the_parachute(lines):

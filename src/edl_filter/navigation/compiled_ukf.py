@@ -48,7 +48,7 @@ from edl_filter.navigation.constraints import Constraint
 from edl_filter.navigation.estimator import Innovation, Transition
 from edl_filter.navigation.increments import Samples
 from edl_filter.navigation.layout import ONBOARD, Layout, State
-from edl_filter.navigation.noise import sample_attitudes
+from edl_filter.navigation.noise import IDENTITY, sample_attitudes
 from edl_filter.planet import Planet
 from edl_filter.types import Array, IntArray
 
@@ -113,7 +113,7 @@ class CompiledUKF:
         nav, errors, covariance, cross, points, valid = _predict(
             self.state.nav, self.state.errors, self.covariance, self._places, self._scale, self._weights,
             s.interval, s.force, s.rate, s.force_noise, s.rate_noise, s.shared_rate_noise, s.coning_corrected,
-            s.force_fill_sigma, s.rate_fill_sigma, p.mu, p.j2, p.gravity_radius,
+            s.force_fill_sigma, s.rate_fill_sigma, s.onboard_rate, p.mu, p.j2, p.gravity_radius,
         )  # fmt: skip
         _check(valid)
         self.state, self.covariance, self.sigma_points = State(nav, errors), covariance, points
@@ -221,14 +221,14 @@ def _sigma_points(covariance, scale):
 
 @COMPILED
 def _propagated_states(
-    nav, errors, points, places, interval, force, rate, coning_corrected, middle, end, mu, j2, radius
-):
+    nav, errors, points, places, interval, force, rate, coning_corrected, onboard_rate, middle, end, mu, j2, radius
+):  # fmt: skip
     """Full states of the sigma points after the samples; as `propagation.propagate_states`."""
     blocks = (len(points) + strapdown.LANES - 1) // strapdown.LANES
     states, full = states_of_points(nav, errors, points, blocks * strapdown.LANES, places[7])
     if places[7] >= 0:
         by_rate, by_mounting = onboard_rotation_jacobians(interval, rate, coning_corrected, middle, end)
-        net = product((-nav[6], -nav[7], -nav[8], nav[9]), end)
+        net = sample_attitudes(interval, onboard_rate, IDENTITY)[1]
         for s in range(states.shape[1]):
             x, y, z = 0.0, 0.0, 0.0
             for place, jacobian in ((places[5], by_rate), (places[6], by_mounting)):
@@ -248,14 +248,14 @@ def _propagated_states(
 @COMPILED
 def _predict(
     nav, errors, covariance, places, scale, weights, interval, force, rate, force_noise, rate_noise, shared_rate_noise,
-    coning_corrected, force_fill, rate_fill, mu, j2, radius,
+    coning_corrected, force_fill, rate_fill, onboard_rate, mu, j2, radius,
 ):  # fmt: skip
     """One prediction: state, covariance, cross-covariance, sigma points, and whether the covariances are positive."""
     n, onboard = len(errors), places[7]
     points, valid = _sigma_points(covariance, scale)
     middle, end = sample_attitudes(interval, rate, nav[6:10])
     states, full = _propagated_states(
-        nav, errors, points, places, interval, force, rate, coning_corrected, middle, end, mu, j2, radius
+        nav, errors, points, places, interval, force, rate, coning_corrected, onboard_rate, middle, end, mu, j2, radius
     )
     centre_nav, centre_errors = states[:, 0].copy(), full[:, 0].copy()
     centre_errors[:9] = 0.0

@@ -60,7 +60,7 @@ class OnboardRotations:
     Attributes
     ----------
     net : (K, 4) array
-        Rotation as the gyros read.
+        Rotation as it is computed on board.
     jacobians : dict of str to (K, 3, 3) array
         State of the layout → rotation vector (rad) that follows the net rotation per unit of the state (rad/s, rad).
     """
@@ -72,7 +72,7 @@ class OnboardRotations:
     def over(cls, layout: Layout, samples: Samples, begins: IntArray, ends: IntArray) -> OnboardRotations:
         """Rotations over the intervals from sample `begins` to `ends` ``(K,)``."""
         net, by_rate, by_mounting = _onboard_rotations(
-            begins, ends, samples.interval, samples.rate, samples.coning_corrected
+            begins, ends, samples.interval, samples.rate, samples.onboard_rate, samples.coning_corrected
         )
         by_name = {"onboard_rate": by_rate, "onboard_mounting": by_mounting}
         return cls(net, {name: jacobian for name, jacobian in by_name.items() if name in layout})
@@ -105,14 +105,14 @@ def _covariances(
 
 
 @COMPILED
-def _onboard_rotations(begins, ends, interval, rate, coning_corrected):
+def _onboard_rotations(begins, ends, interval, rate, onboard_rate, coning_corrected):
     """Net rotations ``(K, 4)``, and their derivatives ``(K, 3, 3)`` by rate and by mounting."""
     net = np.empty((begins.size, 4))
     by_rate, by_mounting = np.empty((begins.size, 3, 3)), np.empty((begins.size, 3, 3))
     for k in range(begins.size):
         a, b = begins[k], ends[k]
         middle, end = sample_attitudes(interval[a:b], rate[a:b], IDENTITY)
-        net[k] = end
+        net[k] = sample_attitudes(interval[a:b], onboard_rate[a:b], IDENTITY)[1]
         by_rate[k], by_mounting[k] = onboard_rotation_jacobians(
             interval[a:b], rate[a:b], coning_corrected[a:b], middle, end
         )

@@ -92,8 +92,8 @@ def _fill_noise(samples: Samples, middle: Array, force: Array) -> Array:
 
 
 def net_rotation(samples: Samples) -> Array:
-    """Rotation over all `samples` as the gyros read, as a quaternion ``(4,)``."""
-    return sample_attitudes(samples.interval, samples.rate, IDENTITY)[1]
+    """Rotation over all `samples` as it is computed on board from the gyros, as a quaternion ``(4,)``."""
+    return sample_attitudes(samples.interval, samples.onboard_rate, IDENTITY)[1]
 
 
 def onboard_rotation(samples: Samples) -> tuple[Array, Array]:

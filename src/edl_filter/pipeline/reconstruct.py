@@ -166,7 +166,8 @@ def assemble_free(
     """As `assemble`, from telemetry from which the effects are removed already (`without_effects`)."""
     planet = compose_gravity(planet, effects)
     shifts = centre_of_mass_shifts(mission, telemetry.driving)
-    samples = with_velocity_steps(effective_samples(telemetry.driving), shifts)
+    times = mission.event_times() | telemetry.events
+    samples = with_velocity_steps(effective_samples(telemetry.driving, times.get("landing", np.inf)), shifts)
     initial, entry = entry_state(mission, telemetry)
     initial = compose_entry_state(initial, effects)
     f = mission.filter
@@ -179,7 +180,7 @@ def assemble_free(
         build_constraints(mission, telemetry, samples, planet, atmosphere, initial, effects),
         planet,
         Settings(f.alpha, f.beta, f.kappa, f.longest_interval_s, f.gate_probability, f.method, f.robust, f.engine),
-        times=tuple((mission.event_times() | telemetry.events).values()),
+        times=tuple(times.values()),
         unit_change_sigma=onboard.unit_change_sigma if onboard else 0.0,
     )
 

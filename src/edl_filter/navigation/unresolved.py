@@ -1,0 +1,194 @@
+"""Noise of unresolved motion: the course of rate and force inside a sample that the samples around do not show.
+
+To first order the error of a sample's rotation is ``Δθ × m``, with the error m of the first moment of the rate inside
+the sample, ``∫ t ω dt / h`` with time from mid-sample; that of its velocity is ``Δθ × m_f + m × Δv`` with the moment
+m_f of the force. The samples determine the moments up to motion that is faster than the sampling, whose statistics
+follow from mechanics:
+
+- In flight the moment of all forces is finite and changes at unknown instants (gusts, a canopy that snatches). So the
+  angular acceleration jumps; jumps of independent size have the covariance of a Wiener process, and the rate is the
+  integral of one. The specific force jumps itself: it is a Wiener process.
+- At an impact on the ground velocity and rate jump: the rate is a Wiener process, the force white noise.
+
+A process of order q (0: white noise, 1: Wiener process, 2: its integral) of intensity s² has, given the means over
+the samples, moments with the covariance ``s² h^(2q+1) C_k`` between two that are k samples apart
+(`moment_covariance`, in closed form). Neighbours are negatively correlated, because what is faster than the sampling
+has alternating signs in the samples. So the errors of a slow rotation cancel from sample to sample, and those of an
+oscillation near the sampling frequency add up. A sample gets the sigma of independent errors whose sum over a stretch
+has the variance of the correlated ones: with the root g of C (``g * g = C``), that of ``Σ_k g_k s_{i+k} Δθ_{i+k}``.
+
+The intensity is that of the readings themselves: the spline of degree 2q + 1 through their integral minimises the
+integral of the square of its derivative of order q + 1, whose expectation is s² a sample, since the spline is the
+projection of white noise on one dimension a sample (Wahba 1990, chapter 1). It is averaged over nine samples.
+
+Where force and rate run smoothly the sigma is far below the noise of an instrument. It is cautious for an oscillation
+of which few samples cover a period: samples of a pendulum under a parachute with three samples a period are equally
+those of faster motions.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+from scipy.interpolate import PPoly
+
+from edl_filter.navigation.rotation_corrections import DEGREE, integral_spline, nodes, sample_edges
+from edl_filter.types import Array
+
+#: Number of samples, odd, by which the response of a spline to one sample has vanished.
+_SUPPORT = 41
+#: Number of samples on each side by which the root of their moments' covariance has fallen below a thousandth.
+_ROOT_REACH = 12
+#: Number of samples on each side over which an intensity is averaged: half a second at 8 Hz.
+_AVERAGED = 4
+
+
+@cache
+def moment_weights(degree: int) -> Array:
+    """Weights ``(41,)`` of the means by which a spline of the integral gives the first moment of the middle one."""
+    edges = np.arange(_SUPPORT + 1.0)
+    impulse = np.zeros((_SUPPORT, 1))
+    impulse[_SUPPORT // 2] = 1.0
+    rate = integral_spline(edges, np.ones(_SUPPORT), impulse, degree).derivative()
+    x, weights = nodes(4)
+    moment = sum(w * (t - 0.5) * rate(edges[:-1] + t)[:, 0] for t, w in zip(x, weights, strict=True))
+    return np.asarray(moment[::-1], np.float64)
+
+
+@cache
+def moment_covariance(order: int, degree: int = DEGREE) -> Array:
+    """Covariance of the errors of first moments, for unit intensity and samples of unit length.
+
+    The process is white noise, integrated `order` times, so the covariance of two functionals is the integral of the
+    product of their densities, integrated as often; the density is that of the moment minus that of its interpolation.
+
+    Parameters
+    ----------
+    order : int
+        0: white noise, 1: Wiener process, 2: its integral.
+    degree : int
+        Of the spline that interpolates the integral of the readings.
+
+    Returns
+    -------
+    (41,) array
+        By the distance of the two samples.
+    """
+    slope = np.zeros(_SUPPORT)
+    slope[_SUPPORT // 2] = 1.0
+    density = PPoly(np.vstack((slope, -0.5 * slope - moment_weights(degree))), np.arange(_SUPPORT + 1.0))
+    response = density.antiderivative(order) if order else density
+    x, weights = nodes(order + 2)
+    at_nodes = np.array([response(np.arange(_SUPPORT) + t) for t in x])
+    return np.array([weights @ np.sum(at_nodes[:, k:] * at_nodes[:, : _SUPPORT - k], axis=1) for k in range(_SUPPORT)])
+
+
+@cache
+def covariance_root(order: int) -> Array:
+    """Symmetric sequence ``(2 K + 1,)`` whose convolution with itself is `moment_covariance`, by its spectrum."""
+    covariance = moment_covariance(order)
+    both = np.concatenate((covariance, covariance[:0:-1]))
+    root = np.fft.irfft(np.sqrt(np.maximum(np.fft.rfft(both).real, 0.0)), len(both))
+    return np.concatenate((root[-_ROOT_REACH:], root[: _ROOT_REACH + 1]))
+
+
+def intensity_sigma(edges: Array, interval: Array, mean: Array, order: int) -> Array:
+    """Root of the intensity of a process, from the means over each sample.
+
+    Parameters
+    ----------
+    edges : (N + 1,) array
+        s.
+    interval : (N,) array
+        s.
+    mean : (N, m) array
+        Of any unit.
+    order : int
+        1: Wiener process, 2: its integral.
+
+    Returns
+    -------
+    (N,) array
+        Root mean square over the components, in the unit of `mean` times s^(1/2 - order).
+    """
+    if len(interval) < 2 * order + 2:
+        return np.zeros(len(interval))
+    highest = integral_spline(edges, interval, mean, 2 * order + 1).derivative(order + 1)
+    square = sum(
+        w * np.mean(highest(edges[:-1] + t * interval) ** 2, axis=1) for t, w in zip(*nodes(order + 1), strict=True)
+    )
+    return np.sqrt(moving_mean(np.asarray(square * interval, np.float64)))
+
+
+def moving_mean(values: Array) -> Array:
+    """Means ``(N,)`` over each value of ``(N,)`` and up to `_AVERAGED` ones on each side.
+
+    The intensity by one sample has one degree of freedom an axis: its scatter would end the cancelling of errors.
+    """
+    total = np.concatenate(([0.0], np.cumsum(values)))
+    index = np.arange(len(values))
+    first, last = np.maximum(index - _AVERAGED, 0), np.minimum(index + _AVERAGED + 1, len(values))
+    return np.maximum((total[last] - total[first]) / (last - first), 0.0)
+
+
+def unresolved_motion(
+    time: Array, interval: Array, force: Array, rate: Array, impacts_from: float = np.inf
+) -> tuple[Array, Array, Array]:
+    """Noise of the means that is due to motion within a sample which the means do not show.
+
+    Parameters
+    ----------
+    time, interval : (N,) arrays
+        s; end and length of adjoining intervals.
+    force, rate : (N, 3) arrays
+        Means, m/s² and rad/s, body axes.
+    impacts_from : float
+        Time from which the vehicle hits the ground, s.
+
+    Returns
+    -------
+    force_sigma, rate_sigma : (N,) arrays
+        One sigma per axis, m/s² and rad/s, of independent errors whose sums have the variance of the true ones. The
+        angle between rate and moment is unknown: 2/3 of the product of the squares of two vectors is the mean square
+        of a component of their vector product.
+    sample_rate_sigma : (N,) array
+        One sigma per axis of the rate's error in this sample alone, rad/s.
+    """
+    edges = sample_edges(time, interval)
+    turn, gain = rate * interval[:, None], force * interval[:, None]
+    jerk = intensity_sigma(edges, interval, rate, 2) * interval**2.5
+    force_jumps = intensity_sigma(edges, interval, force, 1) * interval**1.5
+    by_moment, of_gain, of_turn = _summed(turn, force_jumps, 1), _summed(gain, jerk, 2), _summed(turn, jerk, 2)
+    impact = time > impacts_from
+    sample = np.sqrt(moment_covariance(2)[0]) * jerk
+    if impact.any():
+        jumps = intensity_sigma(edges, interval, rate, 1) * interval**1.5
+        # white noise: the difference from the mean of both neighbours has 3/2 of its variance
+        blows = np.sqrt(moving_mean(np.mean(second_difference(gain) ** 2, axis=1) / 1.5))
+        by_moment = np.where(impact, _summed(turn, blows, 0), by_moment)
+        of_gain = np.where(impact, _summed(gain, jumps, 1), of_gain)
+        of_turn = np.where(impact, _summed(turn, jumps, 1), of_turn)
+        sample = np.where(impact, np.sqrt(moment_covariance(1)[0]) * jumps, sample)
+    factor = np.sqrt(2.0 / 3.0) / interval
+    return factor * np.hypot(by_moment, of_gain), factor * of_turn, factor * _length(turn) * sample
+
+
+def _summed(vectors: Array, sigma: Array, order: int) -> Array:
+    """Length of ``Σ_k g_k σ_{i+k} x_{i+k}``, ``(N,)``: independent errors with the variance of the correlated ones."""
+    root = covariance_root(order)
+    padded = np.pad(vectors * sigma[:, None], ((_ROOT_REACH, _ROOT_REACH), (0, 0)))
+    return _length(np.stack([np.convolve(column, root, mode="valid") for column in padded.T], axis=1))
+
+
+def second_difference(mean: Array) -> Array:
+    """Each sample of ``(N, 3)`` minus the mean of its two neighbours; zero at the ends."""
+    out = np.zeros_like(mean)
+    out[1:-1] = mean[1:-1] - 0.5 * (mean[:-2] + mean[2:])
+    return out
+
+
+def _length(vectors: Array) -> Array:
+    """Length of each row."""
+    x, y, z = vectors.T
+    return np.asarray(np.sqrt(x * x + y * y + z * z), np.float64)
