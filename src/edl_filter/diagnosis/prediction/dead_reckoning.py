@@ -137,10 +137,39 @@ def path_nodes(path: DeadReckonedPath, bins: TimeBins, mean_rate: Array) -> Path
     edge_nav = path.nav[np.searchsorted(path.time, edges - 1e-6)]
     nav = np.empty((len(time), 10))
     nav[:, :6] = CubicSpline(edges, edge_nav[:, :6], axis=0)(time)
-    node_angle = angle(time)
-    rotation = node_angle - node_angle[::NODES_PER_BIN][bin_index]
+    rate = angle.derivative()(time)
+    rotation = _rotation_since_edge(bins, angle(time), rate)
     nav[:, 6:] = rotations.multiply(edge_nav[bin_index, 6:], rotations.from_rotation_vector(rotation))
-    return PathNodes(time, nav, angle.derivative()(time))
+    return PathNodes(time, nav, rate)
+
+
+def _rotation_since_edge(bins: TimeBins, angle: Array, rate: Array) -> Array:
+    """Rotation vectors ``(M, 3)``, rad, from the last edge of a bin to each node; zero at the edges.
+
+    The integral of the rate since the edge and the coning (Bortz 1971), summed from node to node with the rate linear
+    between two nodes: ``½ α × Δα + h²/12 ω_before × ω_after`` with the integral α up to the node before. Without the
+    coning, an attitude inside a bin of 0.125 s of a coning motion would differ by up to 10 µrad from that at its end:
+    a moment is then wrong by some of its own noises, in phase with the motion.
+
+    Parameters
+    ----------
+    bins : TimeBins
+        Time bins of the comparison.
+    angle, rate : (M, 3) arrays
+        Integral of the rate at the nodes, rad, and the rate, rad/s, body axes.
+    """
+    count = len(bins.interval)
+    by_bin = (count, NODES_PER_BIN, 3)
+    alpha = angle[:-1].reshape(by_bin) - angle[:-1:NODES_PER_BIN, None]
+    before, after = rate[:-1].reshape(by_bin), rate[1:].reshape(by_bin)
+    step = np.diff(angle, axis=0).reshape(by_bin)
+    spacing = bins.interval[:, None, None] / NODES_PER_BIN
+    coning = 0.5 * rotations.cross(alpha, step) + spacing**2 / 12.0 * rotations.cross(before, after)
+    out = np.zeros((len(angle), 3))
+    inside = out[:-1].reshape(by_bin)
+    inside[:] = alpha
+    inside[:, 1:] += np.cumsum(coning, axis=1)[:, :-1]
+    return out
 
 
 def node_rates(bins: TimeBins, mean_rate: Array) -> Array:
