@@ -208,15 +208,6 @@ def test_outliers_are_screened_and_weighted_alike(practice_06, robust):
 
 
 @pytest.mark.slow
-<<<<<<< HEAD
-def test_recovery_is_the_same(practice_06):
-    """From an entry state that is wrong by 40 sigmas.
-
-    Beside the inflated entry state the reference itself changes by some 1e-7 sigma with the last bits of its input,
-    more on one processor than on another.
-    """
-    problem = practice_06.problem
-=======
 def test_recovery_is_the_same():
     """From an entry state that is wrong by 40 sigmas.
 
@@ -226,7 +217,6 @@ def test_recovery_is_the_same():
     """
     rest = "constraints.rest={from: telemetry, velocity_sigma: 0.05}"
     problem = reconstruct(Mission.load("builtin:practice_mer", [rest]), leave_one_out=False).problem
->>>>>>> parent of f4c7729 (Interpolation within samples as before: with the smaller noise of unresolved motion a diagnosis contradicts the landing of clean flights)
     shift = 40.0 * np.sqrt(np.diag(problem.initial.covariance))[:3]
     problem = replace(problem, initial=replace(problem.initial, position=problem.initial.position + shift))
     results = [run_with_recovery(with_engine(problem, engine)) for engine in ("compiled", "filterpy")]

@@ -137,7 +137,7 @@ def test_short_records_have_no_noise_from_splines():
     interval = np.full(3, 0.1)
     edges = sample_edges(0.1 * np.arange(1, 4), interval)
     assert not intensity_sigma(edges, interval, np.random.default_rng(0).standard_normal((3, 3)), 2).any()
-    assert integral_spline(edges, interval, np.ones((3, 1))).k == 3
+    assert integral_spline(edges, interval, np.ones((3, 1))).degree == 3
 
 
 def test_moving_mean_keeps_the_sum_of_an_inner_value_and_shortens_at_the_ends():

@@ -23,14 +23,7 @@ def lines():
 
 
 def test_average_nees_is_not_above_its_interval(lines):
-<<<<<<< HEAD
-    """At every phase, of position, velocity and attitude; a tenth of the sigmas fails it, and ten times the sigmas too.
-
-    The rest on the surface is stated to 5 cm/s, and a simulated vehicle rests: its velocity has a tenth of the NEES.
-    """
-=======
     """At every phase, of position, velocity and attitude of twenty flights; a tenth of the sigmas fails it."""
->>>>>>> parent of f4c7729 (Interpolation within samples as before: with the smaller noise of unresolved motion a diagnosis contradicts the landing of clean flights)
     dof = 3 * FLIGHTS
     high = chi2.isf(1e-5, dof) / dof
     for phase in study.PHASES:

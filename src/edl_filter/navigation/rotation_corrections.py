@@ -19,16 +19,16 @@ from __future__ import annotations
 from functools import cache
 
 import numpy as np
-from scipy.interpolate import BSpline, make_interp_spline
 
 from edl_filter import rotations
+from edl_filter.estimation.interpolating_spline import InterpolatingSpline
 from edl_filter.types import Array
 
 #: Degree of the splines through the integrals.
 DEGREE = 5
 
 
-def integral_spline(edges: Array, interval: Array, mean: Array, degree: int = DEGREE) -> BSpline:
+def integral_spline(edges: Array, interval: Array, mean: Array, degree: int = DEGREE) -> InterpolatingSpline:
     """Spline through the integral of a quantity at the edges of the samples.
 
     Parameters
@@ -44,14 +44,14 @@ def integral_spline(edges: Array, interval: Array, mean: Array, degree: int = DE
 
     Returns
     -------
-    BSpline
+    InterpolatingSpline
         Of the integral ``(m,)``, in the unit of `mean` times s; zero at the first edge. Its derivative has the means
         that were measured.
     """
     integral = np.zeros((len(edges), mean.shape[1]))
     np.cumsum(mean * interval[:, None], axis=0, out=integral[1:])
     largest = len(interval) if len(interval) % 2 else len(interval) - 1
-    return make_interp_spline(edges, integral, k=min(degree, largest))
+    return InterpolatingSpline.through(edges, integral, min(degree, largest))
 
 
 def sample_edges(time: Array, interval: Array) -> Array:

@@ -31,7 +31,6 @@ from __future__ import annotations
 from functools import cache
 
 import numpy as np
-from scipy.interpolate import PPoly
 
 from edl_filter.navigation.rotation_corrections import DEGREE, integral_spline, nodes, sample_edges
 from edl_filter.types import Array
@@ -77,11 +76,29 @@ def moment_covariance(order: int, degree: int = DEGREE) -> Array:
     """
     slope = np.zeros(_SUPPORT)
     slope[_SUPPORT // 2] = 1.0
-    density = PPoly(np.vstack((slope, -0.5 * slope - moment_weights(degree))), np.arange(_SUPPORT + 1.0))
-    response = density.antiderivative(order) if order else density
+    response = np.vstack((slope, -0.5 * slope - moment_weights(degree)))
+    for _ in range(order):
+        response = _antiderivative(response)
     x, weights = nodes(order + 2)
-    at_nodes = np.array([response(np.arange(_SUPPORT) + t) for t in x])
+    at_nodes = np.array([np.polyval(response, t) for t in x])
     return np.array([weights @ np.sum(at_nodes[:, k:] * at_nodes[:, : _SUPPORT - k], axis=1) for k in range(_SUPPORT)])
+
+
+def _antiderivative(pieces: Array) -> Array:
+    """Continuous antiderivative of a function that is a polynomial on each interval of unit length.
+
+    Parameters
+    ----------
+    pieces : (d, N) array
+        Coefficients of the powers of the time since each interval's beginning, the highest first.
+
+    Returns
+    -------
+    (d + 1, N) array
+    """
+    terms = pieces / np.arange(len(pieces), 0, -1)[:, None]
+    integral = np.concatenate(([0.0], np.cumsum(terms.sum(axis=0))[:-1]))
+    return np.vstack((terms, integral))
 
 
 @cache

@@ -10,10 +10,10 @@ import numpy as np
 
 from edl_filter.aero.database import Database
 from edl_filter.errors import InputError
+from edl_filter.estimation.interpolating_spline import InterpolatingSpline
 from edl_filter.planet.gas import Gas
 from edl_filter.postflight.rates import BATCH
 from edl_filter.postflight.windows import Window
-from edl_filter.telemetry.interpolating_spline import interpolating_spline
 from edl_filter.types import Array
 
 
@@ -152,5 +152,5 @@ def at_middles(time: Array, values: Array) -> Array:
         In the unit of `values`.
     """
     degree = 3 if len(time) > 3 else 1
-    at = interpolating_spline(time, values.reshape(len(time), -1), degree, 0.5 * (time[1:] + time[:-1]))
+    at = InterpolatingSpline.through(time, values.reshape(len(time), -1), degree)(0.5 * (time[1:] + time[:-1]))
     return at.reshape(-1, *values.shape[1:])

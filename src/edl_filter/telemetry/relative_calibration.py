@@ -20,8 +20,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from edl_filter.estimation.interpolating_spline import InterpolatingSpline
 from edl_filter.imu_model.lever_arm import edge_values, lever_arm_acceleration
-from edl_filter.telemetry.interpolating_spline import interpolating_spline
 from edl_filter.telemetry.record import SAME_TIME, ImuRecord, within_window
 from edl_filter.types import Array, BoolArray
 
@@ -221,7 +221,7 @@ def interpolated_means(record: ImuRecord, values: Array, edges: Array) -> Array:
     """
     knots = np.concatenate(([record.start], record.time))
     integral = np.concatenate((np.zeros((1, 3)), np.cumsum(np.nan_to_num(values) * record.interval[:, None], axis=0)))
-    at_edges = interpolating_spline(knots, integral, 5, np.clip(edges, knots[0], knots[-1]))
+    at_edges = InterpolatingSpline.through(knots, integral, 5)(np.clip(edges, knots[0], knots[-1]))
     return np.diff(at_edges, axis=0) / np.diff(edges)[:, None]
 
 
