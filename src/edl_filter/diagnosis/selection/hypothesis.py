@@ -112,7 +112,9 @@ def fit_hypothesis(
     """
     settings, key = case.settings, starts[0][0].instance.key
     if model.holds:
-        return _fit_where_model_holds(case, model, starts[0], null)
+        result, whiten = starts[0]
+        instances = [refine_places(model, a, whiten) for a in (result.instance, *result.alternatives)]
+        return _fit_where_model_holds(case, model, instances, whiten, null)
     at_fitted_noise: list[MapFit] = []
     at_stated_noise: list[MapFit] = []
     starting_points: list[EffectInstance] = []
@@ -139,15 +141,18 @@ def fit_hypothesis(
 
 
 def _fit_where_model_holds(
-    case: FlightCase, model: LinearizedModel, start: tuple[ScreeningResult, Whitening], null: NullModelFit
+    case: FlightCase,
+    model: LinearizedModel,
+    instances: list[EffectInstance],
+    whiten: Whitening,
+    null: NullModelFit,
 ) -> Hypothesis:
-    """The effect in the linear problem about the point at which the model without it holds."""
-    result, whiten = start
-    key = result.instance.key
-    refined = [refine_places(model, a, whiten) for a in (result.instance, *result.alternatives)]
-    fit = max((fit_linear(model, a, whiten, null.evidence) for a in refined), key=lambda f: f.evidence)
+    """The effect in the linear problem about the point at which the model without it holds, from the best instance."""
+    key = instances[0].key
+    fit = max((fit_linear(model, a, whiten, null.evidence) for a in instances), key=lambda f: f.evidence)
     log_volume = case.log_abs_det_jacobian(fit.effects) - case.log_abs_det_jacobian(case.effects)
-    instance, count = effect_with_key(fit.effects, key), len(result.jacobian.names)
+    instance = effect_with_key(fit.effects, key)
+    count = len({name for _, name in fit.names} & {q.name for q in instance.effect.sizes})
     x = fit.columns[:, :count]
     size = np.array([instance.values[name] for _, name in fit.names[:count]])
     settings = case.settings
@@ -267,6 +272,32 @@ def _hypothesis(
         model=model,
         null=null,
     )
+
+
+def with_gain_where_model_holds(
+    h: Hypothesis, case: FlightCase, model: LinearizedModel, whiten: Whitening, null: NullModelFit
+) -> Hypothesis:
+    """The same estimates, with the gain in the linear problem about a point where the model without it holds.
+
+    Two marginal likelihoods about different points differ by up to tens of nats more than about one point, since
+    tables have changes of slope. The larger gain counts: away from its own places the linear problem does not have the
+    whole evidence of an effect.
+
+    Parameters
+    ----------
+    h : Hypothesis
+        Fitted about another point, where the model without it fails.
+    case, model : FlightCase, LinearizedModel
+        Without the effect, about the point where the model holds.
+    whiten : callable
+        Whitening filter there, under which the model's own effects are marginalised.
+    null : NullModelFit
+        The model without it about that point.
+    """
+    linear = _fit_where_model_holds(case, model, [h.instance], whiten, null)
+    if linear.gain <= h.gain:
+        return h
+    return replace(h, gain=linear.gain, score_gain=linear.score_gain)
 
 
 def relinearize_with_effect(h: Hypothesis, reference: NullModelFit, contends: bool = True) -> Hypothesis:

@@ -18,7 +18,12 @@ from edl_filter.diagnosis.linear_model.flight_case import FlightCase
 from edl_filter.diagnosis.linear_model.linear_model import LinearizedModel
 from edl_filter.diagnosis.noise.unmodelled_acceleration import UnmodelledAcceleration, most_likely_process
 from edl_filter.diagnosis.noise.variance_components import estimate_variance_components
-from edl_filter.diagnosis.selection.hypothesis import Hypothesis, fit_hypothesis, relinearize_with_effect
+from edl_filter.diagnosis.selection.hypothesis import (
+    Hypothesis,
+    fit_hypothesis,
+    relinearize_with_effect,
+    with_gain_where_model_holds,
+)
 from edl_filter.diagnosis.selection.map_fit import NullModelFit, fit_null_model, most_probable_null
 from edl_filter.diagnosis.selection.screening import (
     ScreeningResult,
@@ -114,7 +119,10 @@ def _rank(case: FlightCase, effects: Sequence[EffectInstance], progress: Progres
     for screened, null in zip(screenings, nulls, strict=False):
         best = max((h.gain for h in hypotheses), default=0.0)
         fitted = _fit_shortlist(case, screened, null, settings.rival_gain_share * best, failed, progress)
-        hypotheses += _relinearize_leaders(case, fitted, reference, failed, progress)
+        relinearized = _relinearize_leaders(case, fitted, reference, failed, progress)
+        if holding is not None and screened.model is not holding:
+            relinearized = _compare_where_model_holds(case, relinearized, screenings[-1], nulls[-1])
+        hypotheses += relinearized
     hypotheses.sort(key=lambda h: -h.gain)
     unmodelled, unmodelled_likelihood = unmodelled_fit()
     stated = most_likely.stated_noise_filter
@@ -153,6 +161,14 @@ def nuisance_gain(model: LinearizedModel) -> float:
     if not model.holds or z <= model.settings.credible_nuisance_sigmas:
         return 0.0
     return max(0.5 * z**2 - 0.5 - float(np.log(z)) - float(np.log(model.state_space.size)), 0.0)
+
+
+def _compare_where_model_holds(
+    case: FlightCase, hypotheses: Sequence[Hypothesis], screened: _Screened, null: NullModelFit
+) -> list[Hypothesis]:
+    """Hypotheses that leave hardly any excess variance, also about the point where the model without them holds."""
+    whiten = screened.filters[0]
+    return [with_gain_where_model_holds(h, case, screened.model, whiten, null) if h.at_floor else h for h in hypotheses]
 
 
 @dataclass(frozen=True)
