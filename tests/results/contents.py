@@ -16,7 +16,7 @@ def hypothesis(**changes):
     return {
         "effect": "remnant_torque", "imu": None, "label": "remnant_torque",
         "same_as": [], "alternatives": {}, "discriminated_by": {}, "probability": 0.9,
-        "gain": 40.0, "score_gain": 35.0, "at_noise_floor": True, "explained_share": 1.0,
+        "gain": 40.0, "score_gain": 35.0, "at_noise_floor": True, "explained_share": 1.0, "complemented": None,
         "parameters": {
             "Cm": {"estimate": 1.5e-3, "sigma": 1e-4, "unit": ""},
             "t0": {"estimate": 183.123456789, "sigma": 2.0, "unit": "s"},

@@ -151,6 +151,7 @@ def _entry(entry: Entry, before: dict[str, float]) -> dict[str, Any]:
         "score_gain": h.score_gain,
         "at_noise_floor": h.at_floor,
         "explained_share": h.explained_share,
+        "complemented": h.complemented,
         "parameters": _parameters(h, h.instance),
         "correlations": _correlations(h),
         "error_before": before[channel],

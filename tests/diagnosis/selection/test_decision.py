@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 from edl_filter.diagnosis.noise.unmodelled_acceleration import UnmodelledAcceleration
 from edl_filter.diagnosis.selection import decision
+from edl_filter.diagnosis.selection import ranking as ranking_module
 from edl_filter.diagnosis.selection.decision import (
     decide,
     group_indistinguishable,
@@ -256,6 +257,15 @@ def test_the_limit_is_that_of_the_first_name(explained_share, outcome):
         assert decide(ranking_of(strong, second, noise=1e6)).verdict == "missing"
 
 
+def test_a_first_name_without_a_complement_has_the_odds_of_its_part():
+    """Whether a second effect explains the rest decides between the first of two effects and a resemblance."""
+    first = hypothesis_of("wind", 700.0, at_floor=False, explained_share=0.5)
+    assert decide(ranking_of(replace(first, complemented=True), noise=1e6)).verdict == "missing"
+    verdict = decide(ranking_of(replace(first, complemented=False), noise=1e6))
+    assert verdict.verdict == "undecided"
+    assert verdict.entries[0].probability == pytest.approx(verdict.something_else, rel=1e-6)
+
+
 def test_a_nuisance_parameter_that_is_not_credible_excludes_that_nothing_is_missing():
     """The flight is not clean, and a name needs no more evidence than about a model that holds."""
     named, weak = hypothesis_of("wind", 18.0), hypothesis_of("mass", 2.0)
@@ -440,3 +450,48 @@ def test_the_channel_whose_mean_square_falls_most(monkeypatch):
         )
     ]
     assert reduced == ["force_x", "force_y", "altimeter", "force_y"]
+
+
+@pytest.fixture
+def ranked(monkeypatch):
+    """Ranks a first hypothesis with a given share; the ranking with it in the model is given, and counted."""
+
+    def run(share, seconds, at_floor=False):
+        first = hypothesis_of("wind", 700.0, at_floor=at_floor, explained_share=share)
+        without = ranking_of(first, hypothesis_of("mass", 10.0, at_floor=False))
+        without = replace(without, case=SimpleNamespace(settings=SETTINGS, mission=None))
+        rankings = [without, ranking_of(*seconds)]
+        calls = []
+
+        def next_ranking(case, *_):
+            calls.append(case)
+            return rankings[len(calls) - 1]
+
+        monkeypatch.setattr(ranking_module, "_rank", next_ranking)
+        monkeypatch.setattr(ranking_module, "candidate_instances", lambda *_: [])
+        monkeypatch.setattr(ranking_module, "load_case", lambda mission, effects: effects)
+        return ranking_module.rank(without.case, [find_effect("wind")]).hypotheses, calls
+
+    return run
+
+
+@pytest.mark.parametrize(("share", "at_floor"), [(0.39, False), (0.7, False), (0.98, False), (0.5, True)])
+def test_no_second_effect_is_tried_where_the_first_explains_clearly_more_or_less(ranked, share, at_floor):
+    hypotheses, calls = ranked(share, [], at_floor)
+    assert len(calls) == 1 and hypotheses[0].complemented is None
+
+
+@pytest.mark.parametrize(
+    ("seconds", "complemented"),
+    [
+        ([], False),
+        ([hypothesis_of("mass", 5.0, at_floor=False, explained_share=0.3)], False),
+        ([hypothesis_of("mass", 5.0, at_floor=False, explained_share=0.8)], True),
+        ([hypothesis_of("mass", 5.0, at_floor=False, explained_share=0.0), hypothesis_of("gyro_bias", 3.0)], True),
+    ],
+)
+def test_a_second_effect_that_reaches_the_noise_complements_the_first(ranked, seconds, complemented):
+    hypotheses, calls = ranked(0.5, seconds)
+    assert [h.name for h in hypotheses] == ["wind", "mass"]
+    assert hypotheses[0].complemented is complemented
+    assert [a.name for a in calls[1]] == ["gravity_oblateness", "wind"]  # the case has the first effect in its model

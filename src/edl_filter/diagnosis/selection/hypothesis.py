@@ -53,6 +53,8 @@ class Hypothesis:
     explained_share : float
         Share of the log-likelihood between the null model and one that holds that the effect gains about its own
         reconstruction; zero where it was not relinearised.
+    complemented : bool or None
+        Whether a second effect explains the rest; None where that was not asked.
     own_noise_evidence : float
         Largest log marginal likelihood at the noise that it leaves, less the penalty of that noise, nats.
     """
@@ -69,6 +71,7 @@ class Hypothesis:
     null: NullModelFit
     stated_noise_fit: MapFit | None = None
     explained_share: float = 0.0
+    complemented: bool | None = None
     own_noise_evidence: float = -np.inf
 
     @property

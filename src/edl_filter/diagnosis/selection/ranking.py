@@ -9,12 +9,12 @@ acceleration (`noise.unmodelled_acceleration`).
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from edl_filter.diagnosis.linear_model.credible_model import credible_model
-from edl_filter.diagnosis.linear_model.flight_case import FlightCase
+from edl_filter.diagnosis.linear_model.flight_case import FlightCase, load_case
 from edl_filter.diagnosis.linear_model.linear_model import LinearizedModel
 from edl_filter.diagnosis.noise.unmodelled_acceleration import UnmodelledAcceleration, most_likely_process
 from edl_filter.diagnosis.noise.variance_components import estimate_variance_components
@@ -95,7 +95,29 @@ def rank(case: FlightCase, effects: Iterable[Effect], progress: Progress = lambd
     with (
         one_blas_thread()
     ):  # throughout: of two threads that limit BLAS in turn the second would restore the first's limit
-        return _rank(case, candidate_instances(case, effects), progress)
+        effects = list(effects)
+        ranking = _rank(case, candidate_instances(case, effects), progress)
+        return _with_complement(ranking, effects, progress)
+
+
+def _with_complement(ranking: Ranking, effects: Sequence[Effect], progress: Progress) -> Ranking:
+    """The ranking, whose first hypothesis states whether a second effect explains what it leaves.
+
+    It is asked only where the first explains about a half, as the first of two hidden effects does, and as a wrong name
+    does for something outside the catalogue of which it imitates a part.
+    """
+    settings = ranking.case.settings
+    if not ranking.hypotheses:
+        return ranking
+    first, *others = ranking.hypotheses
+    ambiguous = settings.named_explained_share <= first.explained_share < settings.sufficient_share
+    if first.at_floor or not ambiguous:
+        return ranking
+    progress(f"trying a second effect in addition to {first.label}")
+    case = load_case(ranking.case.mission, first.fit.effects)
+    seconds = _rank(case, candidate_instances(case, effects), progress).hypotheses
+    complemented = any(h.at_floor or h.explained_share >= settings.sufficient_share for h in seconds)
+    return replace(ranking, hypotheses=[replace(first, complemented=complemented), *others])
 
 
 def _rank(case: FlightCase, effects: Sequence[EffectInstance], progress: Progress) -> Ranking:

@@ -71,6 +71,10 @@ class RankedHypothesis(Content):
         "share of the log-likelihood between the failing model and the stated noise that it gains; 0 where the model "
         "does not fail, or the effect was not fitted about its own reconstruction"
     )
+    complemented: bool | None = key(
+        "whether a second effect explains what this one leaves; null where that was not asked, since it explains "
+        "clearly more or less than a half"
+    )
     parameters: dict[str, Estimate] = key("parameter → estimate")
     correlations: dict[str, Number] = key("pair of parameters → posterior correlation")
     error_before: Number = key("normalised RMS of channel without it")
