@@ -6,13 +6,15 @@ import numpy as np
 import pytest
 
 from edl_filter import Mission
-from edl_filter.diagnosis.linear_model.credible_model import relinearize_failing_model
+from edl_filter.diagnosis.linear_model.credible_model import credible_model, relinearize_failing_model
 from edl_filter.diagnosis.linear_model.effect_jacobian import effect_jacobian
 from edl_filter.diagnosis.linear_model.flight_case import load_case
 from edl_filter.diagnosis.linear_model.linearization import linearize
 from edl_filter.diagnosis.selection.decision import decide
-from edl_filter.diagnosis.selection.map_fit import fit_null_model
+from edl_filter.diagnosis.selection.hypothesis import fit_hypothesis
+from edl_filter.diagnosis.selection.map_fit import fit_map, fit_null_model
 from edl_filter.diagnosis.selection.ranking import nuisance_gain, rank
+from edl_filter.diagnosis.selection.screening import marginalize_model_effects, screen
 from edl_filter.effects.base import EffectInstance
 from edl_filter.effects.registry import find_effect
 from edl_filter.estimation.regression import regress
@@ -82,6 +84,22 @@ def test_effects_that_are_not_fitted_are_not_noise(practice_06):
     assert ranking.model.excess_variance.is_zero
     assert ranking.excess_noise_gain == ranking.unmodelled_gain == 0.0
     assert decide(ranking).verdict == "clean"
+
+
+def test_a_scale_error_has_the_same_evidence_in_the_linear_problem_and_with_scaled_readings(practice_06):
+    """The determinant of the map of the readings is in the second only: the first has no noise in its columns.
+
+    With the determinant in both, the gains of scale errors of 0.1 % differ by tens of nats.
+    """
+    model, _ = credible_model(load_case(practice_06.mission, ()))
+    assert model.holds
+    null, scale = fit_null_model(model, ()), EffectInstance(find_effect("accelerometer_scale"), {})
+    whiten = marginalize_model_effects(model, model.stated_noise_filter)
+    screened = screen(model, whiten, [[effect_jacobian(model, scale)]])
+    linear = fit_hypothesis(model.case, model, [(screened[scale.key], whiten)], null)
+    scaled = fit_map(model, linear.fit.effects, model.stated_noise_filter, moving=True)
+    assert abs(model.case.log_abs_det_jacobian(linear.fit.effects)) > 1.5
+    assert linear.gain == pytest.approx(scaled.evidence - null.evidence, abs=0.7)
 
 
 @pytest.mark.parametrize("sigmas", [5.5, 8.0, 30.0])

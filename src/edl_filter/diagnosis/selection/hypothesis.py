@@ -150,10 +150,13 @@ def _fit_where_model_holds(
     whiten: Whitening,
     null: NullModelFit,
 ) -> Hypothesis:
-    """The effect in the linear problem about the point at which the model without it holds, from the best instance."""
+    """The effect in the linear problem about the point at which the model without it holds, from the best instance.
+
+    The columns of a scale error have no noise of the readings (`jacobians.denoised_readings`), so the noise is that of
+    the measured readings and the map of the readings has no determinant here, as opposed to `fit_map`.
+    """
     key = instances[0].key
     fit = max((fit_linear(model, a, whiten, null.evidence) for a in instances), key=lambda f: f.evidence)
-    log_volume = case.log_abs_det_jacobian(fit.effects) - case.log_abs_det_jacobian(case.effects)
     instance = effect_with_key(fit.effects, key)
     count = len({name for _, name in fit.names} & {q.name for q in instance.effect.sizes})
     x = fit.columns[:, :count]
@@ -164,10 +167,10 @@ def _fit_where_model_holds(
     )
     return Hypothesis(
         key=key,
-        fit=replace(fit, evidence=fit.evidence + log_volume),
+        fit=fit,
         whiten=model.fitted_noise_filter,
-        gain=fit.evidence + log_volume - null.evidence,
-        score_gain=predictive + log_volume,
+        gain=fit.evidence - null.evidence,
+        score_gain=predictive,
         at_floor=model.excess_variance.share < settings.solved_share * null.excess_share,
         explained=x @ size,
         case=case,
