@@ -98,12 +98,16 @@ def test_another_engine_is_refused():
 
 
 def test_the_ekf_agrees_with_the_ukf(practice_06, extended):
-    """All smoothed states to 0.05 of their sigmas, and the sigmas to 1e-3: the flight is nearly linear."""
+    """All smoothed states to 0.06 of their sigmas, and the sigmas to 2e-3: the flight is nearly linear.
+
+    The velocity before the landing differs most, by 1 mm/s. The vehicle is at rest to 2 mm/s by default, which gives
+    that velocity a sigma of 18 mm/s; at rest to 0.05 m/s it would be 43 mm/s, and they would agree to 0.02 sigma.
+    """
     assert len(extended.smoothed.states) == len(practice_06.smoothed.states)
     for k, (state, twin) in enumerate(zip(extended.smoothed.states, practice_06.smoothed.states, strict=True)):
         sigma = np.sqrt(np.diag(practice_06.smoothed.covariance[k]))
-        assert np.max(np.abs(state.minus(twin)) / sigma) < 0.05
-        np.testing.assert_allclose(np.sqrt(np.diag(extended.smoothed.covariance[k])), sigma, rtol=1e-3)
+        assert np.max(np.abs(state.minus(twin)) / sigma) < 0.06
+        np.testing.assert_allclose(np.sqrt(np.diag(extended.smoothed.covariance[k])), sigma, rtol=2e-3)
 
 
 def test_all_constraints_are_consistent_with_the_ekf(practice_06, extended):

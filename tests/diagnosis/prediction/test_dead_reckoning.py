@@ -4,6 +4,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
 from edl_filter import rotations
 from edl_filter.diagnosis.prediction.dead_reckoning import (
@@ -161,6 +162,54 @@ def test_attitude_and_rate_between_samples(coning_nodes):
     error = rotations.to_rotation_vector(rotations.multiply(rotations.conjugate(attitude), nodes.nav[:, 6:]))
     assert np.linalg.norm(error, axis=1)[inside].max() < 1e-5
     assert np.abs(nodes.rate - rate)[inside].max() < 2e-3 * LATERAL
+
+
+#: A swinging capsule that rolls: roll rate and amplitude of the lateral rates, rad/s, and their frequency, rad/s.
+SWING_ROLL, SWING_RATE, SWING_FREQUENCY = 0.2, 0.1, 3.4
+
+
+def swinging_rate(t):
+    angle = SWING_FREQUENCY * np.asarray(t)
+    return np.stack((SWING_ROLL + 0.0 * angle, SWING_RATE * np.cos(angle), SWING_RATE * np.sin(angle)), axis=-1)
+
+
+def integral_of_swinging_rate(t):
+    angle, radius = SWING_FREQUENCY * t, SWING_RATE / SWING_FREQUENCY
+    return np.stack((SWING_ROLL * t, radius * np.sin(angle), -radius * np.cos(angle)), axis=-1)
+
+
+def swinging_attitude(times):
+    """Attitudes at the times, by another integrator."""
+
+    def slope(t, attitude):
+        return 0.5 * rotations.multiply(attitude, np.append(swinging_rate(t), 0.0))
+
+    start = np.array([0.0, 0.0, 0.0, 1.0])
+    solution = solve_ivp(slope, times[[0, -1]], start, "DOP853", times, rtol=1e-13, atol=1e-14)
+    return rotations.normalise(solution.y.T)
+
+
+def test_attitudes_inside_a_bin_contain_the_coning():
+    """The integral of the rate alone is wrong inside a bin by 5 µrad, the coning up to the node."""
+    edges = np.arange(81) / RATE
+    bins = TimeBins(edges, np.ones(80, bool), 1)
+    mean_rate = np.diff(integral_of_swinging_rate(edges), axis=0) * RATE
+    attitude = swinging_attitude(node_times(bins))
+    at_edges = attitude[::NODES_PER_BIN]
+    nav = np.concatenate((np.zeros((81, 6)), at_edges), axis=1)
+    nodes = path_nodes(DeadReckonedPath(edges, nav, np.zeros((80, 3)), mean_rate), bins, mean_rate)
+    inside = (nodes.time > 1.0) & (nodes.time < 9.0)
+
+    def largest_error(q):
+        error = rotations.to_rotation_vector(rotations.multiply(rotations.conjugate(attitude), q))
+        return np.linalg.norm(error, axis=1)[inside].max()
+
+    assert largest_error(nodes.nav[:, 6:]) < 5e-8
+
+    last_edge = np.minimum(np.arange(len(nodes.time)) // NODES_PER_BIN, 80)
+    alpha = integral_of_swinging_rate(nodes.time) - integral_of_swinging_rate(edges[last_edge])
+    without = rotations.multiply(at_edges[last_edge], rotations.from_rotation_vector(alpha))
+    assert largest_error(without) > 1e-6
 
 
 def test_at_the_edges_the_nodes_are_on_the_path(coning_nodes):
