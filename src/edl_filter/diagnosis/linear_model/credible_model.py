@@ -19,7 +19,8 @@ def relinearize_failing_model(case: FlightCase, model: LinearizedModel) -> Linea
     """The alternative mode of a failing model: the point at which it holds, or at which it is more probable.
 
     The model fails about the smoothed reconstruction. After some iterations a nuisance parameter may have absorbed what
-    is missing, by as many sigmas as that takes (`LinearizedModel.largest_nuisance_sigmas`), wholly or in part.
+    is missing, by as many sigmas as that takes (`LinearizedModel.largest_nuisance_sigmas`), wholly or in part. A point
+    at which the model holds with excess variance in a few rows has not converged, and is iterated further.
 
     Parameters
     ----------
@@ -37,11 +38,13 @@ def relinearize_failing_model(case: FlightCase, model: LinearizedModel) -> Linea
     if model.holds:
         return None
     for candidate in islice(iterate_point(case, settings.alternative_iterations, 1.0, model), 1, None):
-        if candidate.holds:
+        if candidate.excess_variance.is_zero:
             return candidate
+        if best.holds and not candidate.holds:
+            break
         if candidate.log_likelihood > best.log_likelihood:
             best = candidate
-        if candidate.excess_variance.share > settings.alternative_progress * share:
+        if not candidate.holds and candidate.excess_variance.share > settings.alternative_progress * share:
             break
         share = candidate.excess_variance.share
     return None if best is model else best
