@@ -15,12 +15,12 @@ from edl_filter.mission import Mission
 
 @pytest.fixture
 def cli(tmp_path, monkeypatch):
-    """Run a command that succeeds, in an empty folder."""
+    """Run a command that succeeds, or ends with another exit code that is stated, in an empty folder."""
     monkeypatch.chdir(tmp_path)
 
-    def call(*arguments):
+    def call(*arguments, exit_code=0):
         result = CliRunner().invoke(app, [str(a) for a in arguments])
-        assert result.exit_code == 0, result.output
+        assert result.exit_code == exit_code, result.output
         return result.stdout
 
     return call
@@ -32,7 +32,8 @@ def only(*names):
 
 def loop(cli, changes, missing, alternatives):
     """Run, diagnose, add, run, diagnose; gives both diagnoses and the mission at the end."""
-    cli("run", "builtin:practice_mer", *changes, "-o", "first", "--no-figures")
+    # the misaligned gravity at rest contradicts the other measurements: not to be trusted, exit code 3
+    cli("run", "builtin:practice_mer", *changes, "-o", "first", "--no-figures", exit_code=3)
     first = json.loads(cli("diagnose", "first", *only(missing, *alternatives), "--json"))
     for command in first["next"]:
         program, *arguments = command.split()
