@@ -17,7 +17,7 @@ def constructed_model(number, share, likelihood):
         effects=(),
         point=SimpleNamespace(start=None, perturbation=None),
         holds=holds,
-        excess_variance=SimpleNamespace(share=share),
+        excess_variance=SimpleNamespace(share=share, is_zero=share == 0.0),
         failing_excess=None if holds else f"noise {number}",
         white_excess_filter=SimpleNamespace(posterior_initial_covariance=np.eye),
         nuisance=SimpleNamespace(layout=SimpleNamespace(size=2)),

@@ -20,7 +20,9 @@ def test_a_failing_model_is_relinearised_to_where_it_is_more_probable(monkeypatc
 @pytest.mark.parametrize(
     ("shares", "index"),
     [
-        ([0.1, 0.05, 0.01, 0.0], 2),  # where it holds first
+        ([0.1, 0.05, 0.01, 0.0], 3),  # where no row has excess variance
+        ([0.1, 0.05, 0.01], 2),  # where it holds, if that is the last point
+        ([0.1, 0.05, 0.01, 0.03, 0.0], 2),  # not where it fails again
         ([0.1, 0.05, 0.045, 0.0], None),  # the progress is too small
         ([0.1, 0.07, 0.05, 0.03, 0.0], None),  # not soon enough
         ([0.02, 0.0], None),  # it holds as it is

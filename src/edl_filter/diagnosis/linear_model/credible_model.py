@@ -42,7 +42,7 @@ def relinearize_failing_model(case: FlightCase, model: LinearizedModel) -> Linea
             return candidate
         if best.holds and not candidate.holds:
             break
-        if candidate.log_likelihood > best.log_likelihood:
+        if (candidate.holds, candidate.log_likelihood) > (best.holds, best.log_likelihood):
             best = candidate
         if not candidate.holds and candidate.excess_variance.share > settings.alternative_progress * share:
             break
