@@ -1,12 +1,12 @@
 """A scheduler and workers in processes of their own, over TCP on the loopback interface, which are killed."""
 
-import os
 import signal
 import socket
 import subprocess
 import sys
 import threading
 import time
+from pathlib import Path
 
 import pytest
 
@@ -147,7 +147,7 @@ if __name__ == "__main__":
 
 def test_a_campaign_whose_own_process_is_killed_resumes(faults, tmp_path):
     script = tmp_path / "campaign.py"
-    folder = os.path.dirname(__file__)  # noqa: PTH120 -- a text for the script
+    folder = str(Path(__file__).parent)
     script.write_text(PROGRAM.format(folder=folder, results=str(faults.results), notes=str(faults.notes), cases=CASES))
     process = subprocess.Popen([sys.executable, str(script)], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
     wait_for_cases(faults, 8)

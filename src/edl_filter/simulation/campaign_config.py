@@ -24,6 +24,7 @@ from edl_filter.mission.error_messages import error_message
 from edl_filter.mission.fields import KM, PERCENT, Section
 from edl_filter.mission.validators import Number, Switch, Within, field_error, value_text
 from edl_filter.mission.yaml_text import parse, read_text
+from edl_filter.simulation.scenario import Weather
 
 Name = Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9_\-]+$")]
 
@@ -82,20 +83,6 @@ class EntryDispersionConfig(Section):
     )
 
 
-class AirDispersionConfig(Section):
-    """Smooth random errors of density and winds over the altitude."""
-
-    density_sigma: Annotated[Number, Within("", 0.0, 0.3, PERCENT)] = Field(
-        default=0.0, description="1 sigma of the density, relative"
-    )
-    wind_sigma: Annotated[Number, Within("m/s", 0.0, 100.0)] = Field(
-        default=0.0, description="1 sigma of the winds towards east and north, m/s"
-    )
-    correlation_length: Annotated[Number, Within("m", 100.0, 1e6, KM)] = Field(
-        default=1e4, description="altitude over which both are correlated, m"
-    )
-
-
 class VehicleDispersionConfig(Section):
     """Constant errors of mass and inertia (a simulated vehicle only)."""
 
@@ -119,7 +106,7 @@ class DispersionConfig(Section):
     database: Annotated[Number, Within("", 0.0, 10.0)] = Field(
         default=0.0, description="random field of the database's error, in its sigmas (a third of three sigma)"
     )
-    air: AirDispersionConfig = Field(default=AirDispersionConfig(), description="density and winds")
+    air: Weather = Field(default=Weather(), description="density and winds")
     vehicle: VehicleDispersionConfig = Field(default=VehicleDispersionConfig(), description="mass and inertia")
     effects: tuple[DispersedEffectConfig, ...] = Field(default=(), description="effects that are drawn")
 

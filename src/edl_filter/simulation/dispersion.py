@@ -18,7 +18,6 @@ from edl_filter.mission.fields import DEG
 from edl_filter.pipeline.forward_model import database_of
 from edl_filter.simulation.air_errors import AirError
 from edl_filter.simulation.campaign_config import (
-    AirDispersionConfig,
     Campaign,
     CaseKey,
     DispersedEffectConfig,
@@ -26,7 +25,7 @@ from edl_filter.simulation.campaign_config import (
 )
 from edl_filter.simulation.database_errors import database_with_errors
 from edl_filter.simulation.model_errors import DatabaseError, EntryStateError, ImuErrors
-from edl_filter.simulation.scenario import Scenario
+from edl_filter.simulation.scenario import Scenario, Weather
 from edl_filter.simulation.world_errors import WorldErrors
 from edl_filter.types import Array
 
@@ -208,7 +207,7 @@ def _measured(
     return CaseDraw(key, seed, WorldErrors(), effects, tuple(model), deviates, values)
 
 
-def _air(stated: AirDispersionConfig, random: np.random.Generator) -> EffectInstance:
+def _air(stated: Weather, random: np.random.Generator) -> EffectInstance:
     error = AirError(random, stated.density_sigma, stated.wind_sigma, stated.correlation_length)
     return EffectInstance(error, {}, fixed=True)
 
