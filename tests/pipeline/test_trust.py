@@ -129,7 +129,7 @@ def test_the_cause_is_named(inputs, matrix, quantity, kind):
         ),
         pytest.param(
             lambda t: replace(t, altimeter=replace(t.altimeter, time=t.altimeter.time + 3.3)),
-            "altimeter are about 2.9",
+            "altimeter are about 3.0",
             marks=pytest.mark.slow,
         ),
         (lambda t: replace(t, landing=replace(t.landing, position=t.landing.position + 5e4)), "measurement 'landing'"),
