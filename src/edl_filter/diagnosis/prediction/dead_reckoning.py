@@ -149,7 +149,7 @@ def _rotation_since_edge(bins: TimeBins, angle: Array, rate: Array) -> Array:
     The integral of the rate since the edge and the coning (Bortz 1971), summed from node to node with the rate linear
     between two nodes: ``½ α × Δα + h²/12 ω_before × ω_after`` with the integral α up to the node before. Without the
     coning, an attitude inside a bin of 0.125 s of a coning motion would differ by up to 10 µrad from that at its end:
-    a moment is then wrong by some of its own noises, in phase with the motion.
+    the predicted moment is then wrong by a tenth of the gyros' noise, in phase with the motion.
 
     Parameters
     ----------

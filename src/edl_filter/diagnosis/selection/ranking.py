@@ -103,8 +103,8 @@ def rank(case: FlightCase, effects: Iterable[Effect], progress: Progress = lambd
 def _with_complement(ranking: Ranking, effects: Sequence[Effect], progress: Progress) -> Ranking:
     """The ranking, whose first hypothesis states whether a second effect explains what it leaves.
 
-    It is asked only where the first explains about a half, as the first of two hidden effects does, and as a wrong name
-    does for something outside the catalogue of which it imitates a part.
+    It is asked only where the first explains about a half. The first of two hidden effects does so, and so does a wrong
+    name that resembles a part of something outside the catalogue.
     """
     settings = ranking.case.settings
     if not ranking.hypotheses:
