@@ -240,3 +240,34 @@ def test_the_prior_of_a_mission():
         1.0, angle_length=pytest.approx(np.radians(6.0)), vanishing_angle=pytest.approx(np.radians(4.0))
     )
     assert prior_of("coefficient_sigma=0.0").scale == 0.0
+
+
+# --- the error of CA along a trajectory as a sum of independent errors ------------------------------------------------
+
+
+@pytest.mark.parametrize("separate", [False, True])
+def test_independent_errors_of_ca_have_the_correlation_of_the_field(separate):
+    """A trajectory through rarefied and continuum flow that meets Mach numbers and angles again, pair by pair."""
+    time = np.linspace(0.0, 1.0, 240)
+    knudsen = 10.0 ** (2.0 - 7.0 * time)
+    mach = 26.0 - 24.0 * time**2 + 0.8 * np.sin(12.0 * time)
+    angle = np.radians(1.0 + 9.0 * (0.5 + 0.5 * np.sin(60.0 * time)))
+    factor = PRIOR.axial_errors(mach, knudsen, angle, 1e-3, separate)
+    rarefied = knudsen > 1e-3
+    fastest = mach[~rarefied].max()
+    expected = np.empty((240, 240))
+    for i in range(240):
+        for j in range(240):
+            x, y = (np.log10(knudsen[k] / 1e-3) if rarefied[k] else np.log(mach[k] / fastest) / 0.5 for k in (i, j))
+            r = np.sqrt(3.0) * abs(x - y)
+            apart = separate and rarefied[i] != rarefied[j]
+            expected[i, j] = 0.0 if apart else (1.0 + r) * np.exp(-r) * kernel_by_hand("ca", angle[i], angle[j])
+    np.testing.assert_allclose(factor.T @ factor, expected, atol=0.01)
+    np.testing.assert_allclose(np.sum(factor**2, axis=0), 1.0, rtol=1e-12)
+
+
+def test_with_long_correlation_lengths_ca_has_one_error():
+    prior = DiscrepancyPrior(1.0, 1e6, 1e6, 1e6)
+    mach, knudsen = np.linspace(25.0, 2.0, 50), np.logspace(1, -5, 50)
+    factor = prior.axial_errors(mach, knudsen, np.linspace(0.0, 0.2, 50), 1e-3, False)
+    np.testing.assert_allclose(factor.T @ factor, 1.0, atol=1e-9)

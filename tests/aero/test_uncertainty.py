@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from edl_filter.aero.uncertainty import regime_shares, three_sigma
+from edl_filter.aero.uncertainty import three_sigma
 from edl_filter.errors import InputError
 
 
@@ -33,14 +33,3 @@ def test_linear_between_mach_5_and_10():
 def test_unknown_family_raises():
     with pytest.raises(InputError, match="no family 'Viking'; accepted are MER, Phoenix"):
         three_sigma("Viking", 5.0, 1e-5, 1.7)
-
-
-def test_errors_of_the_regimes_share_the_variance():
-    """One error in continuum flow, another at each power of ten above; the total is the database's everywhere."""
-    knudsen = np.concatenate((np.logspace(-6, 4, 301), [1e-3, 1e-2, 1e-1, 1.0, 10.0]))
-    shares = regime_shares(knudsen)
-    np.testing.assert_allclose(np.sum(shares**2, axis=0), 1.0, rtol=1e-14)
-    np.testing.assert_allclose(shares[:, -5:], np.eye(5), atol=1e-12)
-    np.testing.assert_allclose(shares[0, knudsen <= 1e-3], 1.0, rtol=1e-14)
-    np.testing.assert_allclose(shares[4, knudsen >= 10.0], 1.0, rtol=1e-12)
-    np.testing.assert_allclose(regime_shares(np.array([5e-3]), 5e-3)[0], 1.0)

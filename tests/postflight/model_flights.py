@@ -7,6 +7,7 @@ import numpy as np
 from scipy.stats import norm, qmc
 
 from edl_filter.aero.database import load_database, split
+from edl_filter.aero.discrepancy import DiscrepancyPrior
 from edl_filter.planet.gas import Gas
 from edl_filter.postflight.derive import derive
 from edl_filter.postflight.inputs import PostflightInputs
@@ -77,7 +78,8 @@ def flight(dt=0.125, seed=1, noisy=True, added_cn=0.0, end=245.0):
         alpha_total=np.arctan2(np.hypot(velocity[:, 1], velocity[:, 2]), velocity[:, 0]),
         speed_sigma=0.0 * ones, angle_sigma=0.0 * ones, specific_force=force, angular_rate=rate,
         force_noise=NOISE * ones, rate_noise=GYRO * ones, bias_sigma=np.zeros(3), mass=MASS, diameter=D, x_over_d=X,
-        inertia=INERTIA, gas=GAS, database=DATABASE, preflight_density=mean(rho), preflight_temperature=T * ones,
+        inertia=INERTIA, gas=GAS, database=DATABASE,
+        discrepancy=DiscrepancyPrior(1.0, 1e4, 1e4, 1e4), preflight_density=mean(rho), preflight_temperature=T * ones,
         parachute=240.0, preflight_sigma=0.1, top_temperature=T,
     )  # fmt: skip
 

@@ -6,8 +6,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from edl_filter.aero.discrepancy import DiscrepancyPrior
 from edl_filter.aero.transition import bridge
-from edl_filter.aero.uncertainty import ThreeSigma, regime_shares
+from edl_filter.aero.uncertainty import ThreeSigma
 from edl_filter.errors import InputError
 from edl_filter.planet.gas import Gas
 from edl_filter.postflight.atmosphere import check_decreasing, preflight_atmosphere
@@ -16,6 +17,8 @@ from edl_filter.postflight.density import AxialForce, extract_atmosphere
 GAS, D, MASS, G, T = Gas(), 2.65, 830.0, 3.7, 180.0
 H = GAS.constant * T / G
 AREA = np.pi / 4 * D**2
+#: One error of CA in all flow, and the default lengths.
+COMMON, FIELD = DiscrepancyPrior(1.0, 1e4, 1e4, 1e4), DiscrepancyPrior()
 
 
 class Drag:
@@ -23,6 +26,8 @@ class Drag:
 
     All flow is a continuum, unless a limit is stated.
     """
+
+    join = "continuous"
 
     def __init__(self, ca=lambda mach, knudsen, alpha: 1.7 + 0 * mach, sigma=0.05, continuum_limit=1e3):
         self.ca, self.sigma, self.continuum_limit = ca, sigma, continuum_limit
@@ -60,8 +65,9 @@ def extract(e, ax=None, *, noise=1e-9, top=T, mass=MASS, **keywords):
     axial = AxialForce(ax, raw, raw, keywords.pop("bias", 0.0), mass, keywords.pop("mass_sigma", 0.0))
     valid = keywords.pop("valid", np.ones(e.n, bool))
     return extract_atmosphere(
-        e.t, e.h, e.v, e.alpha, e.g, e.g * e.h, axial, valid, e.database, GAS, D, top_temperature=top, **keywords
-    )
+        e.t, e.h, e.v, e.alpha, e.g, e.g * e.h, axial, valid, e.database, GAS, D, top_temperature=top,
+        **{"discrepancy": COMMON, **keywords},
+    )  # fmt: skip
 
 
 def test_gas_closed_forms():
@@ -201,32 +207,43 @@ def test_the_band_of_the_temperature_contains_another_bridge(exponent):
     knudsen = GAS.knudsen(e.rho, D)
     e.ax = -0.5 * e.rho * e.v**2 * AREA * ca(exponent)(0.0, knudsen, e.alpha) / MASS
     e.database = Drag(ca(1.0), continuum_limit=1e-3)
-    profile = extract(e)
+    profile = extract(e, discrepancy=FIELD)
     transitional = (knudsen < 10.0) & (knudsen > 1e-4)
     error = np.abs(profile.temperature - T)[transitional]
-    assert np.all(error < 1.25 * profile.temperature_sigma[transitional])
+    of_density = np.max((np.abs(profile.density - e.rho) / profile.density_sigma)[transitional])
     assert error.max() > 0.5  # K
-    assert np.all(np.abs(profile.density - e.rho)[transitional] < 1.7 * profile.density_sigma[transitional])
+    assert 0.7 < of_density < 1.7
+    # no further off than CA itself, in sigmas
+    assert np.max(error / profile.temperature_sigma[transitional]) < of_density
     # an error of CA that is the same at all altitudes changes no temperature and would leave no band
     e.database = Drag(ca(1.0))
     assert np.all(extract(e).temperature_sigma[transitional] < 1e-3)
 
 
-def test_the_band_of_independent_errors_of_ca_in_each_decade_of_knudsen_number():
+@pytest.mark.parametrize("separate", [False, True])
+def test_the_band_of_a_field_of_ca_over_mach_and_knudsen_number(separate):
+    """Realisations of the field by the Cholesky factor of its covariance, point by point."""
     rng, e = np.random.default_rng(4), entry(400)
     e.database = Drag(lambda m, k, a: 1.7 + 0.0 * k, sigma=0.06, continuum_limit=1e-3)
-    band, runs, bare = extract(e), [], e.database
+    e.database.join = "switch" if separate else "blend"
+    band, runs = extract(e, discrepancy=FIELD), []
+    mach, knudsen = GAS.mach(e.v, T), GAS.knudsen(e.rho, D)
+    rarefied = knudsen > 1e-3
+    x = np.where(rarefied, np.log10(knudsen / 1e-3), np.log(mach / mach[~rarefied].max()) / 0.5)
+    d = np.sqrt(3.0) * np.abs(np.subtract.outer(x, x))
+    covariance = (1.0 + d) * np.exp(-d)
+    if separate:
+        covariance[rarefied[:, None] != rarefied] = 0.0
+    root = np.linalg.cholesky(covariance + 1e-9 * np.eye(e.n))
     for _ in range(600):
-        error = rng.normal(size=5)
-        true = Drag(lambda m, k, a, x=error: 1.7 * (1.0 + 0.02 * x @ regime_shares(k)), continuum_limit=1e-3)
-        drag = true.ca(0.0, GAS.knudsen(e.rho, D), e.alpha)
-        e.database = bare
-        profile = extract(e, e.ax * drag / 1.7)
+        profile = extract(e, e.ax * (1.0 + 0.02 * root @ rng.normal(size=e.n)))
         runs.append((profile.density, profile.pressure, profile.temperature))
     scatter = np.std(np.array(runs), axis=0)
     for got, stated in zip(scatter, (band.density_sigma, band.pressure_sigma, band.temperature_sigma), strict=True):
         visible = stated > 0.2 * stated.max()
         assert np.all(np.abs(got[visible] / stated[visible] - 1) < 0.15)
+    # one error common to all flow would leave nearly no band of the temperature
+    assert np.median(band.temperature_sigma) > 10.0 * np.median(extract(e).temperature_sigma)
 
 
 def test_a_sample_at_a_step_of_the_database_takes_the_mean_of_both_sides():

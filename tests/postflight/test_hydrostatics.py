@@ -5,6 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from edl_filter.aero.discrepancy import DiscrepancyPrior
 from edl_filter.aero.uncertainty import ThreeSigma
 from edl_filter.planet import Planet
 from edl_filter.planet.gas import Gas
@@ -19,7 +20,7 @@ AREA = np.pi / 4.0 * D**2
 class ConstantDrag:
     """Substitute for a database: CA 1.7 without error."""
 
-    continuum_limit = 1e-3
+    continuum_limit, join = 1e-3, "continuous"
 
     def lookup(self, mach, knudsen, alpha, speed=None):
         zero = 0.0 * mach
@@ -50,7 +51,7 @@ def test_an_isothermal_atmosphere_in_equilibrium_comes_back_with_its_temperature
     gravity = np.linalg.norm(MARS.apparent_gravity(position), axis=1)
     profile = extract_atmosphere(
         time, altitude, speed, zero, gravity, MARS.geopotential(position), AxialForce(force, noise, noise, 0.0, MASS),
-        np.ones(len(time), bool), ConstantDrag(), GAS, D, top_temperature=T,
+        np.ones(len(time), bool), ConstantDrag(), GAS, D, discrepancy=DiscrepancyPrior(), top_temperature=T,
     )  # fmt: skip
     np.testing.assert_allclose(profile.temperature, T, rtol=1e-4)
     np.testing.assert_allclose(profile.pressure, density * GAS.constant * T, rtol=1e-4)

@@ -19,10 +19,12 @@ along x. Modes about which the flight has less information than `NEGLIGIBLE_INFO
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
+from edl_filter.estimation.matern import matern32_correlation
 from edl_filter.types import Array, BoolArray
 
 #: Coefficients with a field over Mach number and angle.
@@ -35,6 +37,9 @@ _MODE_STEP, _MODE_RANGE = np.radians(0.05), np.radians(60.0)
 _INDEPENDENT = 100.0
 #: Spacing of the angles in the eigenvalue problem, in correlation lengths.
 _EIGEN_SPACING = 1.0 / 24.0
+#: Spacing of the points of a low-rank factor along x and over the angle, in correlation lengths, and the eigenvalue
+#: over the greatest one below which a mode of the kernel between those points is left out.
+_POINT_SPACING, _NEGLIGIBLE_EIGENVALUE = 0.25, 1e-9
 
 
 @dataclass(frozen=True)
@@ -139,8 +144,56 @@ class DiscrepancyPrior:
             distance[rarefied[1:] != rarefied[:-1]] = _INDEPENDENT
         return distance
 
+    def axial_errors(
+        self, mach: Array, knudsen: Array, angle: Array, continuum_limit: float, separate_regimes: bool
+    ) -> Array:
+        """Independent errors of unit variance whose sum is the error of CA along a trajectory.
+
+        With standard normal ξ, ``δCA/σ = Σ_k ξ_k factor_k`` has the correlation of the field between any two points, by
+        the Nyström approximation from points at a quarter of a correlation length (Rasmussen and Williams 2006,
+        section 8.1). Each point keeps the field's variance. The field runs along log Mach number in continuum flow and
+        along log Knudsen number above the limit; the two axes join at the greatest Mach number of the continuum.
+
+        Parameters
+        ----------
+        mach, knudsen : (N,) arrays
+            Mach number, and Knudsen number based on the diameter.
+        angle : (N,) array
+            Total angle of attack, rad.
+        continuum_limit : float
+            Knudsen number above which the rarefied table applies.
+        separate_regimes : bool
+            Whether the tables of both regimes have independent errors.
+
+        Returns
+        -------
+        (K, N) array
+            Factor of each error, in units of the database's one sigma; the sum of squares over K is 1.
+        """
+        rarefied = knudsen > continuum_limit
+        fastest = np.max(mach, where=~rarefied, initial=0.0)
+        gap = _INDEPENDENT if separate_regimes else 0.0
+        x = np.where(
+            rarefied,
+            gap + np.log10(np.maximum(knudsen / continuum_limit, 1.0)) / self.log_knudsen_length,
+            np.log(mach / (fastest or 1.0)) / self.log_mach_length,
+        )
+        along = _low_rank(x, lambda d: matern32_correlation(d)[..., 0])
+        over = _low_rank(angle / self.angle_length, lambda d: np.asarray(np.exp(-0.5 * d * d), float))
+        factor = (along[:, None] * over).reshape(-1, len(x))
+        return np.asarray(factor / np.sqrt(np.sum(factor**2, axis=0)), float)
+
     def _symmetric(self, angle: Array) -> Array:
         return np.tanh(angle / self.vanishing_angle)
+
+
+def _low_rank(x: Array, correlation: Callable[[Array], Array]) -> Array:
+    """Factor ``(K, N)`` of the correlation between points ``(N,)``, in correlation lengths, from a grid of points."""
+    cells = np.unique(np.floor(x / _POINT_SPACING))
+    grid = _POINT_SPACING * np.unique(np.concatenate((cells, cells + 1.0)))
+    size, vectors = np.linalg.eigh(correlation(np.subtract.outer(grid, grid)))
+    used = size > _NEGLIGIBLE_EIGENVALUE * size[-1]
+    return np.asarray((correlation(np.subtract.outer(x, grid)) @ (vectors[:, used] / np.sqrt(size[used]))).T, float)
 
 
 def _linear_between(grid: Array, values: Array, angles: Array) -> Array:

@@ -7,7 +7,7 @@ uncertainty of CA is a fraction of CA, the others are additive. Output: `ThreeSi
 
 Several numbers are missing in the thesis's text; ``mevad_uncertainties.csv`` states the source of each. The
 uncertainty of Cl is printed for Phoenix only (section 7.3, and its exponent in table 11.4); it is used for MER and for
-rarefied flow too. `regime_shares` states which part of these errors is common to which flow.
+rarefied flow too. How far an error is common to different flows says `aero.discrepancy`.
 """
 
 from __future__ import annotations
@@ -28,8 +28,6 @@ Family = Literal["MER", "Phoenix"]
 SUPERSONIC_MACH, HYPERSONIC_MACH = 5.0, 10.0
 #: Knudsen number above which the rarefied numbers apply.
 CONTINUUM_LIMIT = 1e-3
-#: Decades of Knudsen number from the continuum limit to free-molecular flow.
-_RAREFIED_DECADES = 4
 
 _REGIMES = ("hypersonic", "supersonic", "transitional")
 _COLUMNS = ("vehicle", "regime", "coefficient", "three_sigma")
@@ -101,27 +99,3 @@ def _table() -> dict[tuple[str, str, str], float]:
             coefficient = _COEFFICIENTS.get(row["coefficient"], row["coefficient"])
             table[family, regime, coefficient] = float(value) / (100.0 if percent else 1.0)
     return table
-
-
-def regime_shares(knudsen: ArrayLike, continuum_limit: float = CONTINUUM_LIMIT) -> Array:
-    """Division of a coefficient's error into independent errors of the continuum and of each decade of Knudsen number.
-
-    The error in continuum flow is one number. Above the limit neither the bridge nor a rarefied table shares it, and
-    how their error changes with the Knudsen number is not known; it is taken to be one number at each power of ten
-    above the limit, four of them, with a transition in between that keeps the total variance.
-
-    Parameters
-    ----------
-    knudsen : (...) array
-        Based on the diameter.
-    continuum_limit : float
-        Knudsen number up to which the flow is a continuum.
-
-    Returns
-    -------
-    (5, ...) array
-        Factor of each independent error, whose squares have the sum 1: the continuum's first.
-    """
-    decades = np.clip(np.log10(np.asarray(knudsen, float) / continuum_limit), 0.0, _RAREFIED_DECADES)
-    nodes = np.arange(_RAREFIED_DECADES + 1.0).reshape(-1, *(1,) * decades.ndim)
-    return np.cos(0.5 * np.pi * np.minimum(np.abs(decades - nodes), 1.0))

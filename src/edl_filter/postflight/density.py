@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from edl_filter.aero.database import Database
-from edl_filter.aero.uncertainty import regime_shares
+from edl_filter.aero.discrepancy import DiscrepancyPrior
 from edl_filter.errors import InputError
 from edl_filter.planet.gas import Gas
 from edl_filter.postflight.atmosphere import AtmosphereProfile, scatter
@@ -69,6 +69,7 @@ def extract_atmosphere(
     gas: Gas,
     diameter: float,
     *,
+    discrepancy: DiscrepancyPrior,
     speed_sigma: ArrayLike = 0.0,
     wind_sigma: ArrayLike = 0.0,
     sink_sigma: ArrayLike = 0.0,
@@ -97,6 +98,9 @@ def extract_atmosphere(
         Of the atmosphere.
     diameter : float
         m.
+    discrepancy : DiscrepancyPrior
+        Correlation of the error of CA over the flow. Its scale is that of the database's own sigma, whatever
+        `DiscrepancyPrior.scale` says.
     speed_sigma : float or (N,) array
         One sigma of the speed from the smoother, m/s; taken as common to the whole flight.
     wind_sigma : float or (N,) array
@@ -136,9 +140,9 @@ def extract_atmosphere(
     angle), mass, speed and wind (squared, and in the Mach number of CA), added in quadrature; the change of CA by
     density and temperature is neglected (``dlnCA/dlnρ`` below 0.05). Each error except noise is taken as one error
     common to all altitudes and propagated through the integral with its sign; noise adds independently from sample to
-    sample. In temperature the common relative errors cancel between p and ρ. CA has one such error in continuum flow
-    and one for each decade of Knudsen number above it (`regime_shares`), with the database's own total; their change
-    with altitude does not cancel. The descent between samples has the error of the vertical velocity, in p and T alone.
+    sample. In temperature the common relative errors cancel between p and ρ. The error of CA is a field over Mach or
+    Knudsen number and angle (`DiscrepancyPrior.axial_errors`): it cancels as far as it is the same where the air above
+    was measured. The descent between samples has the error of the vertical velocity, in p and T alone.
     """
     inside = np.flatnonzero(valid)
     if not inside.size:
@@ -188,10 +192,13 @@ def extract_atmosphere(
     at_speed = database.lookup(mach * (1.0 + _STEP), knudsen, alpha_total[part], v * (1.0 + _STEP))
     by_speed = (at_speed.ca / entry.ca - 1.0) / _STEP  # an error of the speed is one of the Mach number too
     ca_relative = entry.three_sigma.ca / 3.0 / entry.ca
+    field = discrepancy.axial_errors(
+        mach, knudsen, alpha_total[part], database.continuum_limit, database.join == "switch"
+    )
     relative = {
         "noise": axial.noise[part] / force,
         "bias": along(axial.bias_sigma) / force,
-        **{f"ca_{k}": ca_relative * share for k, share in enumerate(regime_shares(knudsen, database.continuum_limit))},
+        **{f"ca_{k}": ca_relative * factor for k, factor in enumerate(field)},
         "mass": axial.mass_sigma / mass,
         "speed": -(2.0 + by_speed) * along(speed_sigma) / v,
         "wind": -(2.0 + by_speed) * along(wind_sigma) / v,

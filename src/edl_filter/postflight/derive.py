@@ -134,8 +134,8 @@ def _atmospheres(
     return (
         extract_atmosphere(
             *path, i.gravity, i.geopotential, axial, valid, i.database, i.gas, i.diameter,
-            speed_sigma=i.speed_sigma, wind_sigma=i.wind_sigma, sink_sigma=i.sink_sigma, angle_sigma=i.angle_sigma,
-            top_temperature=i.top_temperature, top_temperature_sigma=i.top_temperature_sigma,
+            discrepancy=i.discrepancy, speed_sigma=i.speed_sigma, wind_sigma=i.wind_sigma, sink_sigma=i.sink_sigma,
+            angle_sigma=i.angle_sigma, top_temperature=i.top_temperature, top_temperature_sigma=i.top_temperature_sigma,
         ),
         preflight_atmosphere(
             *path, i.preflight_density, i.preflight_temperature, i.database, i.gas, i.diameter,

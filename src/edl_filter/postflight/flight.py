@@ -149,6 +149,7 @@ def postflight_inputs(reconstruction: Reconstruction, air: AirData) -> Postfligh
         product_sigma=vehicle.inertia.product_sigma,
         gas=atmosphere.gas,
         database=database_with_effects(database_of(mission), reconstruction.effects),
+        discrepancy=mission.aerodynamics.discrepancy_prior,
         preflight_density=atmosphere.density(middle["altitude"]),
         preflight_temperature=atmosphere.temperature_at(middle["altitude"]),
         preflight_sigma=mission.atmosphere.density_sigma,

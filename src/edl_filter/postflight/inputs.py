@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from edl_filter.aero.database import Database
+from edl_filter.aero.discrepancy import DiscrepancyPrior
 from edl_filter.errors import InputError
 from edl_filter.estimation.interpolating_spline import InterpolatingSpline
 from edl_filter.planet.gas import Gas
@@ -65,6 +66,8 @@ class PostflightInputs:
         One sigma of the products of inertia xy, xz and yz, kg m².
     gas : Gas
     database : Database
+    discrepancy : DiscrepancyPrior
+        Correlation of the error of CA over the flow.
     preflight_density, preflight_temperature : (N,) arrays
         Of the preflight table at the flight's altitudes, kg/m³ and K.
     preflight_sigma : float
@@ -103,6 +106,7 @@ class PostflightInputs:
     inertia: Array
     gas: Gas
     database: Database
+    discrepancy: DiscrepancyPrior
     preflight_density: Array
     preflight_temperature: Array
     parachute: float
