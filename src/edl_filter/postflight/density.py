@@ -6,6 +6,7 @@ and pressure: all are iterated together.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -25,7 +26,7 @@ _STEP = 1e-3
 #: Bounds of the temperature (K), which keep the Mach number finite where the pressure begins at zero.
 _COLDEST, _HOTTEST = 20.0, 2000.0
 #: Ratio of densities over which the density at the top is fitted: one scale height.
-_FIT_RATIO = np.e
+_FIT_RATIO = math.e
 
 
 @dataclass(frozen=True)

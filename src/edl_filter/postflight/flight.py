@@ -96,7 +96,7 @@ def postflight_inputs(reconstruction: Reconstruction, air: AirData) -> Postfligh
     mission, planet, trajectory = reconstruction.mission, reconstruction.problem.planet, reconstruction.trajectory
     vehicle, samples = mission.vehicle, reconstruction.problem.samples
     atmosphere = atmosphere_with_effects(reconstruction.atmosphere, reconstruction.effects)
-    assert vehicle.inertia is not None
+    assert vehicle.inertia is not None and mission.aerodynamics is not None
     middle = {name: at_middles(air.time, getattr(air, name)) for name in _ALONG}
     u, v, w = middle["velocity_body"].T
     speed = np.sqrt(u * u + v * v + w * w)
