@@ -13,7 +13,6 @@ from edl_filter.diagnosis.selection.decision import (
     Verdict,
     hypothesis_rms,
     most_reduced_channel,
-    normalised_with,
 )
 from edl_filter.diagnosis.selection.hypothesis import Hypothesis
 
@@ -37,7 +36,7 @@ class Improvement:
 
 def improvement_with(hypothesis: Hypothesis) -> Improvement:
     """The residual map with a hypothesis in the model, summarised."""
-    cells = residual_map(hypothesis.model, normalised_with(hypothesis))
+    cells = residual_map(hypothesis.model, hypothesis.normalised)
     return Improvement(len(cells), len(failing_cells(cells)))
 
 

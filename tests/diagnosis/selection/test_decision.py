@@ -41,7 +41,7 @@ def hypothesis_of(name, gain, score=None, explained=None, at_floor=True, explain
     return Hypothesis(
         key=(name, None),
         fit=SimpleNamespace(effects=effects),
-        whiten=None,
+        normalised=None,
         gain=gain,
         score_gain=gain if score is None else score,
         at_floor=at_floor,

@@ -22,6 +22,7 @@ from edl_filter.diagnosis.linear_model.linearization_point import (
 from edl_filter.diagnosis.noise.unmodelled_acceleration import UnmodelledAcceleration, augment
 from edl_filter.diagnosis.noise.variance_components import (
     ExcessVariance,
+    add_variance,
     estimate_variance_components,
     most_likely_colour,
 )
@@ -155,8 +156,9 @@ class LinearizedModel:
         return whitening_filter(self.state_space)
 
     @cached_property
-    def _variance_components(self) -> tuple[ExcessVariance, WhiteningFilter]:
-        return estimate_variance_components(
+    def excess_variance(self) -> ExcessVariance:
+        """Variance of the residuals beyond the stated noise."""
+        excess, whiten = estimate_variance_components(
             self.stated_noise_filter,
             self.index,
             self.residual_vector,
@@ -164,16 +166,23 @@ class LinearizedModel:
             self.settings,
             self.initial_excess,
         )
+        self.__dict__["white_excess_filter"] = whiten  # the estimation ends with it
+        return excess
 
-    @property
-    def excess_variance(self) -> ExcessVariance:
-        """Variance of the residuals beyond the stated noise."""
-        return self._variance_components[0]
-
-    @property
+    @cached_property
     def white_excess_filter(self) -> WhiteningFilter:
         """Whitening filter with the excess variance as white noise."""
-        return self._variance_components[1]
+        excess = self.excess_variance
+        if "white_excess_filter" in self.__dict__:
+            return self.__dict__["white_excess_filter"]
+        if excess.is_zero:
+            return self.stated_noise_filter
+        return whitening_filter(add_variance(self.state_space, self.index, excess))
+
+    def release_filters(self) -> None:
+        """Drop the filters, which have tens of megabytes each; they are computed again where they are needed."""
+        for name in ("stated_noise_filter", "white_excess_filter", "fitted_noise_filter"):
+            self.__dict__.pop(name, None)
 
     @property
     def white_excess_log_likelihood(self) -> float:
@@ -196,10 +205,10 @@ class LinearizedModel:
     @cached_property
     def fitted_noise_filter(self) -> WhiteningFilter:
         """Whitening filter at the noise that the residuals show: white beyond the stated, or correlated in time."""
-        excess, white = self._variance_components
         return most_likely_colour(
-            white, self.state_space, self.index, excess, self.residual_vector, self.initial_mean, self.settings
-        )
+            self.white_excess_filter, self.state_space, self.index, self.excess_variance, self.residual_vector,
+            self.initial_mean, self.settings,
+        )  # fmt: skip
 
     @property
     def holds(self) -> bool:

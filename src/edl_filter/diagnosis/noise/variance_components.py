@@ -22,7 +22,7 @@ import numpy as np
 from edl_filter.diagnosis.jacobians.state_space import RowIndex
 from edl_filter.estimation.block_sparse import from_blocks, merge
 from edl_filter.estimation.kalman import LinearStateSpace, WhiteningFilter, whitening_filter
-from edl_filter.estimation.parallel import map_threads
+from edl_filter.estimation.parallel import THREADS, map_threads
 from edl_filter.estimation.smoothing import precision_weighted_residuals
 from edl_filter.mission.decision_settings import DecisionSettings
 from edl_filter.types import Array, BoolArray, IntArray
@@ -168,12 +168,16 @@ def most_likely_colour(
     while True:
         neighbours = [(place[0] + a, place[1] + b) for a, b in steps]
         new = [p for p in neighbours if 0 <= p[0] < len(memories) and 0 <= p[1] < len(factors) and p not in likelihoods]
-        values = map_threads(evaluate, new)
-        likelihoods |= {p: value[0] for p, value in zip(new, values, strict=True)}
-        best = max((place, *new), key=lambda p: likelihoods[p])
+        best = place
+        for i in range(0, len(new), THREADS):
+            tried = new[i : i + THREADS]
+            for p, (value, whiten) in zip(tried, map_threads(evaluate, tried), strict=True):
+                likelihoods[p] = value
+                if value > likelihood:
+                    best, likelihood, coloured = p, value, whiten
         if best == place:
             break
-        place, (likelihood, coloured) = best, values[new.index(best)]
+        place = best
     price = float(np.log(len(memories) * len(factors)))
     at_white = white.log_likelihood(white(residuals[:, None], initial_mean[:, None])[:, 0])
     return coloured if likelihood - price > at_white else white

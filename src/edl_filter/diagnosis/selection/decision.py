@@ -202,8 +202,7 @@ def group_indistinguishable(hypotheses: list[Hypothesis], settings: DecisionSett
 
 def hypothesis_rms(h: Hypothesis) -> dict[str, float]:
     """Channel or constraint → normalised RMS with a hypothesis in the model."""
-    normalised = normalised_with(h)
-    return rms_by_channel(h.model, normalised) | rms_by_constraint(h.model, normalised)
+    return rms_by_channel(h.model, h.normalised) | rms_by_constraint(h.model, h.normalised)
 
 
 def most_reduced_channel(h: Hypothesis, before: dict[str, float], after: dict[str, float]) -> str:
@@ -214,11 +213,6 @@ def most_reduced_channel(h: Hypothesis, before: dict[str, float], after: dict[st
     fall = {name: before[name] ** 2 - after[name] ** 2 for name in before if np.isfinite(before[name] - after[name])}
     reduced = [name for name, _ in channels(h.model) if fall.get(name, 0.0) > 0.0]
     return max(reduced or fall, key=lambda name: fall[name])
-
-
-def normalised_with(h: Hypothesis) -> Array:
-    """Normalised innovations ``(R,)`` with a hypothesis in the model."""
-    return h.whiten.innovations(h.fit.white) / h.model.stated_noise_filter.innovation_sigma
 
 
 def _discriminator_text(first: Hypothesis, second: Hypothesis) -> str:

@@ -34,8 +34,8 @@ class Hypothesis:
     key : (str, str or None)
         Name of the effect, and its IMU.
     fit : MapFit
-    whiten : WhiteningFilter
-        At the noise at which it was fitted.
+    normalised : (R,) array
+        Innovations with it at the noise at which it was fitted, over their sigma at the stated noise.
     gain : float
         Log Bayes factor over the model without it, nats.
     score_gain : float
@@ -61,7 +61,7 @@ class Hypothesis:
 
     key: EffectKey
     fit: MapFit
-    whiten: WhiteningFilter
+    normalised: Array
     gain: float
     score_gain: float
     at_floor: bool
@@ -168,7 +168,7 @@ def _fit_where_model_holds(
     return Hypothesis(
         key=key,
         fit=fit,
-        whiten=model.fitted_noise_filter,
+        normalised=_normalised(model, model.fitted_noise_filter, fit),
         gain=fit.evidence - null.evidence,
         score_gain=predictive,
         at_floor=model.excess_variance.share < settings.solved_share * null.excess_share,
@@ -269,7 +269,7 @@ def _hypothesis(
     return Hypothesis(
         key=key,
         fit=fit,
-        whiten=whiten,
+        normalised=_normalised(model, whiten, fit),
         gain=fit.evidence - null.evidence,
         score_gain=predictive - null.log_likelihood,
         at_floor=at_floor,
@@ -278,6 +278,11 @@ def _hypothesis(
         model=model,
         null=null,
     )
+
+
+def _normalised(model: LinearizedModel, whiten: WhiteningFilter, fit: MapFit) -> Array:
+    """Innovations ``(R,)`` of a fit over their sigma at the stated noise."""
+    return np.asarray(whiten.innovations(fit.white) / model.stated_noise_filter.innovation_sigma, float)
 
 
 def with_gain_where_model_holds(

@@ -8,12 +8,13 @@ acceleration (`noise.unmodelled_acceleration`).
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from edl_filter.diagnosis.linear_model.credible_model import credible_model
+from edl_filter.diagnosis.linear_model.effect_jacobian import EffectJacobian
 from edl_filter.diagnosis.linear_model.flight_case import FlightCase, load_case
 from edl_filter.diagnosis.linear_model.linear_model import LinearizedModel
 from edl_filter.diagnosis.noise.unmodelled_acceleration import UnmodelledAcceleration, most_likely_process
@@ -41,6 +42,8 @@ from edl_filter.estimation.kalman import Whitening
 from edl_filter.estimation.parallel import one_blas_thread, start_thread
 
 Progress = Callable[[str], None]
+#: Columns that are screened together at least.
+_BATCH_COLUMNS = 64
 
 
 @dataclass(frozen=True)
@@ -213,8 +216,25 @@ def _screen(model: LinearizedModel, effects: Sequence[EffectInstance], end: floa
     """At the noise that the model shows, and at the stated noise."""
     fitted, stated = model.fitted_noise_filter, model.stated_noise_filter
     filters = [marginalize_model_effects(model, w) for w in ([fitted] if fitted is stated else [fitted, stated])]
-    jacobians = scan_jacobians(model, effects, end, failed)
-    return _Screened(model, filters, [screen(model, w, jacobians) for w in filters])
+    results: list[dict[EffectKey, ScreeningResult]] = [{} for _ in filters]
+    for jacobians in _jacobians_in_batches(model, effects, end, failed):
+        for result, whiten in zip(results, filters, strict=True):
+            result |= screen(model, whiten, jacobians)
+    return _Screened(model, filters, results)
+
+
+def _jacobians_in_batches(
+    model: LinearizedModel, effects: Sequence[EffectInstance], end: float, failed: dict[str, str]
+) -> Iterator[list[list[EffectJacobian]]]:
+    """Columns of all effects at all places, in batches that one pass of a filter whitens."""
+    batch: list[list[EffectJacobian]] = []
+    for instance in effects:
+        batch += scan_jacobians(model, [instance], end, failed)
+        if sum(len(j.names) for group in batch for j in group) >= _BATCH_COLUMNS:
+            yield batch
+            batch = []
+    if batch:
+        yield batch
 
 
 def _fit_shortlist(
@@ -313,9 +333,12 @@ def _relinearize_leaders(
         i = next(i for i, h in enumerate(ranked) if h.key == key)
         relinearized.add(key)
         progress(f"refitting {label_of(key)} about a new reconstruction")
+        about_first_point = ranked[i].model
         try:
             ranked[i] = relinearize_with_effect(ranked[i], reference, key in close)
         except InputError as error:
             failed[label_of(key)] = str(error)
+        if ranked[i].model is not about_first_point:
+            ranked[i].model.release_filters()
         ranked.sort(key=lambda h: -h.gain)
     return [h.with_reference(reference) for h in ranked]

@@ -171,7 +171,10 @@ def screen(
         distinct = _distinct_places(fits, model.settings)
         fit, j, x = distinct[0]
         alternatives = tuple(_with_sizes(jacobian, f) for f, jacobian, _ in distinct[1:])
-        results[j.instance.key] = ScreeningResult(_with_sizes(j, fit), j, fit, mean, x, information, alternatives)
+        # a copy: a view would keep the columns of all places
+        results[j.instance.key] = ScreeningResult(
+            _with_sizes(j, fit), j, fit, mean, x.copy(), information, alternatives
+        )
     return results
 
 
