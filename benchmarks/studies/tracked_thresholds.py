@@ -171,6 +171,10 @@ class TrackedSettings:
         value = self._variations.setting(name, self._values[name])
         return _settled(value) if name in self._plain else value
 
+    def model_dump(self) -> dict[str, Any]:
+        """All fields by name, tracked."""
+        return {name: self._variations.setting(name, value) for name, value in self._values.items()}
+
 
 def names_in(error: BaseException) -> set[str]:
     """Names of the settings that were local variables where an exception was raised, up to the call of the run."""

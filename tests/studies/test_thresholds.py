@@ -43,10 +43,12 @@ def test_every_variation_is_a_mission(builtin_flight, name, factor):
     assert changed == (tuple(value) if isinstance(default, tuple) else value) and changed != default
 
 
+@pytest.mark.slow
 def test_the_shipped_flight_is_clean_with_the_defaults(lines):
     assert study.answer(lines[None, 1.0]) == "clean"
 
 
+@pytest.mark.slow
 def test_variations_decided_by_comparisons_or_continued_are_those_of_their_own_diagnoses(
     lines, builtin_flight, one_candidate
 ):

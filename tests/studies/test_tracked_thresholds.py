@@ -157,6 +157,7 @@ def test_settings_are_tracked_or_plain():
     settings = TrackedSettings(tracked, Settings(), {"count"})
     assert isinstance(settings.limit, TrackedThreshold) and HALF in tracked.pending
     assert settings.count == 3 and tracked.pending == {HALF}
+    assert settings.model_dump()["limit"] > 0.5 and HALF in tracked.pending
     with pytest.raises(AttributeError, match="unknown"):
         _ = settings.unknown
 
