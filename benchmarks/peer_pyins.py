@@ -144,7 +144,7 @@ def measured(given: Flight, seed: int = 0) -> tuple[Flight, pd.Series, Array, Ar
     error = sim.generate_pva_error(POSITION_SIGMA, VELOCITY_SIGMA, degrees, degrees, np.random.RandomState(seed))
     initial = sim.perturb_pva(given.truth.iloc[0], error)
     each = round(FIX_INTERVAL / INTERVAL)
-    rows = given.truth.iloc[each::each]
+    rows = given.truth.iloc[each:-1:each]  # pyins does not use a fix at the last sample
     fixes = transform.lla_to_ecef(rows[["lat", "lon", "alt"]].to_numpy(float))
     fixes = fixes + FIX_SIGMA * rng.standard_normal(fixes.shape)
     return Flight(given.truth, imu), initial, np.asarray(rows.index, float), fixes
