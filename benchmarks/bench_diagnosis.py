@@ -1,9 +1,9 @@
 """A diagnosis with the whole catalogue against a plain fit of each effect in turn, and its memory.
 
 Spirit (8 Hz, a proxy database) and a simulated flight of 200 Hz with a hidden wind, each with and without the
-discrepancy field of the database. The plain fit is what a user would do by hand: each effect in the model at its default
-places, and its parameters estimated by Gauss-Newton through the same chain, from the same reconstruction. It has no
-ranking, no held-out score and one starting place only. Each measurement is a process of its own.
+discrepancy field of the database. The plain fit is what a user would do by hand: each effect in the model at its
+default places, and its parameters estimated by Gauss-Newton through the same chain, from the same reconstruction. It
+has no ranking, no held-out score and one starting place only. Each measurement is a process of its own.
 
 Run: ``python benchmarks/bench_diagnosis.py``
 """
@@ -82,18 +82,35 @@ def compare(label: str, name: str, changes: list[str]) -> list[Row]:
     answer = f"diagnosis: {with_field['answer']} plain: {plain['answer']}"
     rows = [
         Row(
-            f"{label}: diagnosis with the whole catalogue", "plain refit of each effect in turn",
-            with_field["seconds"] / plain["seconds"], None, at_most(0.25), answer,
+            f"{label}: diagnosis with the whole catalogue",
+            "plain refit of each effect in turn",
+            with_field["seconds"] / plain["seconds"],
+            None,
+            at_most(0.25),
+            answer,
         ),
         Row(
-            f"{label}, no discrepancy field: diagnosis with the whole catalogue", "plain refit of each effect in turn",
-            without["seconds"] / plain_without["seconds"], None, at_most(0.25),
+            f"{label}, no discrepancy field: diagnosis with the whole catalogue",
+            "plain refit of each effect in turn",
+            without["seconds"] / plain_without["seconds"],
+            None,
+            at_most(0.25),
             f"diagnosis: {without['answer']} plain: {plain_without['answer']}",
         ),
-        Row(f"{label}: diagnosis with", "diagnosis without discrepancy field", with_field["seconds"] / without["seconds"]),
+        Row(
+            f"{label}: diagnosis with",
+            "diagnosis without discrepancy field",
+            with_field["seconds"] / without["seconds"],
+        ),
         Row(f"{label}: diagnosis", "reconstruction of the same flight", with_field["seconds"] / with_field["loading"]),
-        Row(f"{label}: largest memory of reconstruction and diagnosis", "1 MB", with_field["memory"], None, at_most(400.0)),
-    ]  # fmt: skip
+        Row(
+            f"{label}: largest memory of reconstruction and diagnosis",
+            "1 MB",
+            with_field["memory"],
+            None,
+            at_most(400.0),
+        ),
+    ]
     return rows
 
 
@@ -111,8 +128,9 @@ def measure() -> list[Section]:
         path = simulate(fine, [EffectInstance(catalogue()["wind"], WIND)], 1).write(Path(folder) / "flight.h5")
         rows += compare(f"simulated, {RATE:g} Hz", "practice_mer", [f"telemetry.path={path}"])
     text = f"""
-The discrepancy field is that of the database's error ([](diagnosis.md)); the missions have `{FIELD}` or `{NO_FIELD}`. A refit has one starting place and no
-ranking, no held-out score and no residual map. The flight of {RATE:g} Hz has a hidden wind. Each computation was measured once.
+The discrepancy field is that of the database's error ([](diagnosis.md)); the missions have `{FIELD}` or
+`{NO_FIELD}`. A refit has one starting place and no ranking, no held-out score and no residual map. The
+flight of {RATE:g} Hz has a hidden wind. Each computation was measured once.
 """
     return [Section("Diagnosis", text, rows)]
 

@@ -62,7 +62,8 @@ def compare(label: str, problem: Problem) -> list[Row]:
             f"{engine} leave-one-out": lambda e=engine: check_constraints(problems[e], passes[e]),
         }
     times = interleaved(functions, rounds=9)
-    size = f"{label} ({len(problem.samples.time)} samples, {problem.layout.size} states, {len(passes['compiled'].nodes)} nodes)"
+    nodes = len(passes["compiled"].nodes)
+    size = f"{label} ({len(problem.samples.time)} samples, {problem.layout.size} states, {nodes} nodes)"
     goal = at_most(10.0) if label == "Spirit" else None
     rows = [times.row(f"{size}: filter + smoother", "bare kernel", "compiled both", "kernel", goal)]
     for stage in ("filter", "smoother", "leave-one-out"):
@@ -70,10 +71,13 @@ def compare(label: str, problem: Problem) -> list[Row]:
     for stage in ("filter", "smoother", "leave-one-out"):
         rows.append(
             times.row(
-                f"{label}: {stage} of `engine: filterpy` (one kernel for all sigma points)", f"{stage}, compiled",
-                f"filterpy {stage}", f"compiled {stage}", agreement=f"equal to {worst:.0e} sigma (asserted: {TOLERANCE:g})" if stage == "smoother" else "",
+                f"{label}: {stage} of `engine: filterpy` (one kernel for all sigma points)",
+                f"{stage}, compiled",
+                f"filterpy {stage}",
+                f"compiled {stage}",
+                agreement=f"equal to {worst:.0e} sigma (asserted: {TOLERANCE:g})" if stage == "smoother" else "",
             )
-        )  # fmt: skip
+        )
     return rows
 
 
@@ -84,8 +88,8 @@ def measure() -> list[Section]:
         for label, (name, changes) in FLIGHTS.items():
             rows += compare(label, reconstruct(Mission.load(f"builtin:{name}", changes), leave_one_out=False).problem)
     text = """
-The bare kernel propagates the same sigma points over the same samples in one call, without noise, covariances, measurements
-or anything else between epochs.
+The bare kernel propagates the same sigma points over the same samples in one call, without noise, covariances,
+measurements or anything else between epochs.
 """
     return [Section("Filter and smoother", text, rows)]
 

@@ -1,7 +1,7 @@
 """One epoch of the unscented and of the extended filter over numbers of states and of samples.
 
-An epoch is a prediction over its samples and an update with a position. The bare kernel propagates the same sigma points
-over the same samples.
+An epoch is a prediction over its samples and an update with a position. The bare kernel propagates the same sigma
+points over the same samples.
 
 Run: ``python benchmarks/bench_epochs.py``
 """
@@ -34,22 +34,40 @@ _SENSORS = {
 _ENTRY = {"entry_epoch": 1, "entry_frame": 3, "onboard_rate": 3, "onboard_mounting": 3, ONBOARD: 3}
 LAYOUTS = {n: Layout.of((errors,), {}) for n, errors in _SENSORS.items()} | {37: Layout.of((_SENSORS[24],), _ENTRY)}
 _SIGMAS = {
-    "position": 100.0, "velocity": 1.0, "attitude": 1e-3, "accelerometer_bias": 0.02, "accelerometer_scale": 1e-3,
-    "accelerometer_misalignment": 1e-3, "gyro_bias": 1e-4, "gyro_scale": 1e-3, "entry_epoch": 0.1, "entry_frame": 1e-5,
-    "onboard_rate": 1e-5, "onboard_mounting": 1e-4, ONBOARD: 1e-4,
-}  # fmt: skip
+    "position": 100.0,
+    "velocity": 1.0,
+    "attitude": 1e-3,
+    "accelerometer_bias": 0.02,
+    "accelerometer_scale": 1e-3,
+    "accelerometer_misalignment": 1e-3,
+    "gyro_bias": 1e-4,
+    "gyro_scale": 1e-3,
+    "entry_epoch": 0.1,
+    "entry_frame": 1e-5,
+    "onboard_rate": 1e-5,
+    "onboard_mounting": 1e-4,
+    ONBOARD: 1e-4,
+}
 
 
 def samples_of(count: int) -> Samples:
     """A braking, turning vehicle, 8 Hz."""
     rng, full = np.random.default_rng(3), np.ones(count)
-    force = [-25.0, 1.0, -3.0] + rng.standard_normal((count, 3))
-    rate = [0.2, -0.05, 0.05] + 0.05 * rng.standard_normal((count, 3))
+    force = np.array([-25.0, 1.0, -3.0]) + rng.standard_normal((count, 3))
+    rate = np.array([0.2, -0.05, 0.05]) + 0.05 * rng.standard_normal((count, 3))
     return Samples(
-        time=0.125 * np.arange(1, count + 1), interval=0.125 * full, force=force, rate=rate, mean_force=force, mean_rate=rate,
-        force_noise=0.02 * full, rate_noise=1e-4 * full, shared_rate_noise=5e-5 * full, coning_corrected=np.zeros(count, bool),
+        time=0.125 * np.arange(1, count + 1),
+        interval=0.125 * full,
+        force=force,
+        rate=rate,
+        mean_force=force,
+        mean_rate=rate,
+        force_noise=0.02 * full,
+        rate_noise=1e-4 * full,
+        shared_rate_noise=5e-5 * full,
+        coning_corrected=np.zeros(count, bool),
         unit=np.zeros(count, int),
-    )  # fmt: skip
+    )
 
 
 def epoch(filter_class: Any, layout: Layout, samples: Samples) -> Callable[[], None]:
@@ -74,7 +92,9 @@ def epoch(filter_class: Any, layout: Layout, samples: Samples) -> Callable[[], N
 def kernel(layout: Layout, samples: Samples) -> Callable[[], None]:
     """Bare propagation of the sigma points."""
     columns = strapdown.padded(2 * layout.size + 1)
-    states = np.repeat(np.array([3.39e6, 2e5, -3e5, -200.0, 4900.0, 300.0, 0.0, 0.0, 0.0, 1.0])[:, None], columns, axis=1)
+    states = np.repeat(
+        np.array([3.39e6, 2e5, -3e5, -200.0, 4900.0, 300.0, 0.0, 0.0, 0.0, 1.0])[:, None], columns, axis=1
+    )
     force_map, rate_map = np.zeros((12, columns)), np.zeros((6, columns))
     force_map[[0, 4, 8]], rate_map[:3] = 1.0, 1.0
     s, p = samples, MARS
@@ -103,18 +123,24 @@ def measure() -> list[Section]:
     least, unit = times.least, times.least("ukf 15 1")
     return [
         grid(
-            times, "Unscented filter, relative to its epoch of 15 states and one sample: growth with both.",
-            "Epoch: growth of the UKF", lambda n, c: least(f"ukf {n} {c}") / unit,
+            times,
+            "Unscented filter, relative to its epoch of 15 states and one sample: growth with both.",
+            "Epoch: growth of the UKF",
+            lambda n, c: least(f"ukf {n} {c}") / unit,
         ),
         grid(
-            times, "Unscented filter, relative to the bare kernel's propagation of the same sigma points and samples.",
-            "Epoch: UKF against the bare kernel", lambda n, c: least(f"ukf {n} {c}") / least(f"kernel {n} {c}"),
+            times,
+            "Unscented filter, relative to the bare kernel's propagation of the same sigma points and samples.",
+            "Epoch: UKF against the bare kernel",
+            lambda n, c: least(f"ukf {n} {c}") / least(f"kernel {n} {c}"),
         ),
         grid(
-            times, "Extended filter, relative to the unscented one.", "Epoch: EKF against UKF",
+            times,
+            "Extended filter, relative to the unscented one.",
+            "Epoch: EKF against UKF",
             lambda n, c: least(f"ekf {n} {c}") / least(f"ukf {n} {c}"),
         ),
-    ]  # fmt: skip
+    ]
 
 
 if __name__ == "__main__":

@@ -1,8 +1,8 @@
 """The filter against filterpy with Python callbacks and against the extended filter, on the same problem.
 
-1. Spirit's flight (37 states, two instruments, an attitude computed on board) and the built-in practice flight (24 states,
-   every altimeter reading fused) through our filter and through filterpy's own `UnscentedKalmanFilter` with callbacks:
-   `fx` steps one sigma point through the samples of an interval, `hx` predicts one sigma point's measurement.
+1. Spirit's flight (37 states, two instruments, an attitude computed on board) and the built-in practice flight (24
+   states, every altimeter reading fused) through our filter and through filterpy's own `UnscentedKalmanFilter` with
+   callbacks: `fx` steps one sigma point through the samples of an interval, `hx` predicts its measurement.
 2. filterpy as its tutorials use it, one `predict` for each sample, on part of the flight and scaled up.
 3. The stages of a reconstruction.
 
@@ -51,15 +51,23 @@ def compare(label: str, problem: Problem) -> list[Row]:
     size = f"{label}, {problem.layout.size} states"
     return [
         Row(
-            f"{size}: filterpy, callbacks over the samples of an interval", "compiled UKF", min(rounds["plain"]) / least,
-            None, at_least(1000.0) if label == "Spirit" else None, agreement,
+            f"{size}: filterpy, callbacks over the samples of an interval",
+            "compiled UKF",
+            min(rounds["plain"]) / least,
+            None,
+            at_least(1000.0) if label == "Spirit" else None,
+            agreement,
         ),
         Row(
-            f"{size}: filterpy, callbacks, one `predict` a sample", "compiled UKF", each / least, None, None,
+            f"{size}: filterpy, callbacks, one `predict` a sample",
+            "compiled UKF",
+            each / least,
+            None,
+            None,
             f"not compared: redraws its points each sample; scaled from {PART} samples, without updates",
         ),
         ours.row(f"{size}: EKF", "compiled UKF", "ekf", "ukf"),
-    ]  # fmt: skip
+    ]
 
 
 def stages(label: str, name: str, changes: tuple[str, ...]) -> list[Row]:
@@ -67,7 +75,9 @@ def stages(label: str, name: str, changes: tuple[str, ...]) -> list[Row]:
     mission = Mission.load(f"builtin:{name}", changes)
     timing = min((reconstruct(mission).timing for _ in range(5)), key=lambda t: sum(t.values()))
     total = sum(timing.values())
-    return [Row(f"{label}: {stage}, %", "reconstruction, elapsed time", 100.0 * s / total) for stage, s in timing.items()]
+    return [
+        Row(f"{label}: {stage}, %", "reconstruction, elapsed time", 100.0 * s / total) for stage, s in timing.items()
+    ]
 
 
 def measure() -> list[Section]:

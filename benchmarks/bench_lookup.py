@@ -6,6 +6,7 @@ Run: ``python benchmarks/bench_lookup.py``
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -52,19 +53,24 @@ def measure() -> list[Section]:
         "table": lambda: table.lookup(mach, alpha),
         "database": lambda: database.lookup(mach, knudsen, alpha),
     }
-    growth = {f"{n}": (lambda given=flight(n): database.lookup(*given)) for n in COUNTS}
+    growth = {f"{n}": partial(database.lookup, *flight(n)) for n in COUNTS}
     times = interleaved(functions | growth, rounds=7)
     unit = times.least(f"{COUNTS[2]}") / COUNTS[2]
     rows = [
         times.row(
-            f"scipy `RegularGridInterpolator`, {COMPARED} points", "`GridTable.lookup`", "scipy", "table",
+            f"scipy `RegularGridInterpolator`, {COMPARED} points",
+            "`GridTable.lookup`",
+            "scipy",
+            "table",
             agreement=f"equal to {difference:.0e} (asserted: 1e-12)",
         ),
         times.row("`Database.lookup`: both regimes, joined, and 3 sigma", "`GridTable.lookup`", "database", "table"),
-    ]  # fmt: skip
+    ]
     lines = {"time a point": [times.least(f"{n}") / n / unit for n in COUNTS]}
     return [
-        Section("Look-up", f"Growth: relative to {COUNTS[2]} points.", rows, Grid("points", [f"{n}" for n in COUNTS], lines))
+        Section(
+            "Look-up", f"Growth: relative to {COUNTS[2]} points.", rows, Grid("points", [f"{n}" for n in COUNTS], lines)
+        )
     ]
 
 

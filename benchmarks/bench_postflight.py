@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import fields, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -45,7 +46,7 @@ def measure() -> list[Section]:
         functions[f"reconstruction {label}"] = lambda m=mission: reconstruct(m)
         functions[f"layer {label}"] = lambda g=given: derive(g)
         if label == "practice flight":
-            functions |= {f"{rate:g} Hz": (lambda g=resampled(given, rate): derive(g)) for rate in RATES}
+            functions |= {f"{rate:g} Hz": partial(derive, resampled(given, rate)) for rate in RATES}
     times = interleaved(functions, rounds=3)
     rows: list[Row] = [
         times.row(f"post-flight layer of {label}", "its reconstruction", f"layer {label}", f"reconstruction {label}")
@@ -53,10 +54,13 @@ def measure() -> list[Section]:
     ]
     unit = times.least("8 Hz")
     grid = Grid(
-        "sampling", [f"{r:g} Hz" for r in RATES],
+        "sampling",
+        [f"{r:g} Hz" for r in RATES],
         {"time": [times.least(f"{r:g} Hz") / unit for r in RATES], "samples": [r / RATES[0] for r in RATES]},
-    )  # fmt: skip
-    return [Section("Post-flight layer", "Growth with the samples of the practice flight, relative to 8 Hz.", rows, grid)]
+    )
+    return [
+        Section("Post-flight layer", "Growth with the samples of the practice flight, relative to 8 Hz.", rows, grid)
+    ]
 
 
 if __name__ == "__main__":

@@ -79,9 +79,19 @@ def operations() -> Counter:
 
 def instructions() -> Counter:
     """Vector instructions of the compiled loop over a block, by kind; empty where the assembly has other names."""
-    fresh = njit(fastmath=strapdown.FAST, error_model="numpy")(strapdown.propagate.py_func)  # a cached one has no assembly
+    fresh = njit(fastmath=strapdown.FAST, error_model="numpy")(
+        strapdown.propagate.py_func
+    )  # a cached one has no assembly
     no_samples = np.empty(0), np.empty((0, 3)), np.empty((0, 3))
-    fresh(np.ones((10, strapdown.LANES)), np.ones((12, strapdown.LANES)), np.ones((6, strapdown.LANES)), *no_samples, MU, J2, RADIUS)  # fmt: skip
+    fresh(
+        np.ones((10, strapdown.LANES)),
+        np.ones((12, strapdown.LANES)),
+        np.ones((6, strapdown.LANES)),
+        *no_samples,
+        MU,
+        J2,
+        RADIUS,
+    )
     blocks = re.split(r"^\.?L\w+:", next(iter(fresh.inspect_asm().values())), flags=re.MULTILINE)
     inner = next((text for text in blocks if "sqrtpd" in text), "")
     return Counter("fma" if "fm" in name or "fnm" in name else name[1:-2] for name in VECTOR.findall(inner))
@@ -131,23 +141,38 @@ def share_of_peak() -> Section:
     counts, kernel = operations(), problem(POINTS, SAMPLES)
     flops = sum(counts.values())
     code = instructions()
-    rounds = [(vector_peak.rates(rounds=1), interleaved({"kernel": kernel}, rounds=1).least("kernel")) for _ in range(9)]
+    rounds = [
+        (vector_peak.rates(rounds=1), interleaved({"kernel": kernel}, rounds=1).least("kernel")) for _ in range(9)
+    ]
     rates = {name: max(r[name] for r, _ in rounds) for name in vector_peak.OPERATIONS}
     shares = [100.0 * flops * POINTS * SAMPLES / spent / (2.0 * rates["fma"]) for _, spent in rounds]
     slots = sum(n for kind, n in code.items() if kind not in ("div", "sqrt"))
     slots += sum(code[kind] * rates["fma"] / rates[name] for kind, name in (("div", "division"), ("sqrt", "sqrt")))
     low, high = np.quantile(shares, [0.25, 0.75])
+    listed = ", ".join(f"{n} {kind}" for kind, n in sorted(counts.items()))
+    widths = ", ".join(str(w) for w in vector_peak.WIDTHS)
+    division, root = (rates["fma"] / rates[name] for name in ("division", "sqrt"))
     text = f"""
-One sigma point and sample takes {flops} floating-point operations ({listed}; counted by running `strapdown.step` on numbers that count, each
-operation as one). The peak is that of independent FMA in vector registers, two operations each, the most over registers of
-{", ".join(str(w) for w in vector_peak.WIDTHS)} numbers. Of the compiled loop's arithmetic instructions {share_of_fma(code):.0f} % are FMA. The others do one
-operation where the peak counts two; division and square root take {rates["fma"] / rates["division"]:.0f} and {rates["fma"] / rates["sqrt"]:.0f} times as long as an FMA. With every
-arithmetic unit busy all the time, the same instructions would reach the share in the second line: no reordering of this algorithm exceeds
-it. The rest are loads and stores of the sigma points, of which a register holds four at a time.
+One sigma point and sample takes {flops} floating-point operations ({listed}), counted by running
+`strapdown.step` on numbers that count. The peak is that of independent FMA in vector registers, two operations each,
+the most over registers of {widths} numbers. Of the compiled loop's arithmetic instructions {share_of_fma(code):.0f} %
+are FMA; the others do one operation where the peak counts two, and a division and a square root take as long as
+{division:.0f} and {root:.0f} FMA. The second line is the share that these instructions would reach if none of them ever
+waited for another one or for memory.
 """
     rows = [
-        Row("strapdown propagation, operations a second, %", "measured peak of FMA", max(shares), (low, high), at_least(60.0)),
-        Row("the same instructions without any waiting, %", "measured peak of FMA", 100.0 * flops / (2.0 * max(slots, 1.0))),
+        Row(
+            "strapdown propagation, operations a second, %",
+            "measured peak of FMA",
+            max(shares),
+            (low, high),
+            at_least(60.0),
+        ),
+        Row(
+            "the same instructions without any waiting, %",
+            "measured peak of FMA",
+            100.0 * flops / (2.0 * max(slots, 1.0)),
+        ),
     ]
     return Section("Propagation", text, rows)
 
@@ -166,7 +191,9 @@ def growth() -> Section:
     lines = {str(p): [times.least(f"{p} {n}") / (p * n) / unit for n in samples] for p in points}
     text = "Processor time of a sigma point and sample, relative to 80 points and 4096 samples."
     return Section(
-        "Propagation: growth with points and samples", text, grid=Grid("points", [f"{n} samples" for n in samples], lines)
+        "Propagation: growth with points and samples",
+        text,
+        grid=Grid("points", [f"{n} samples" for n in samples], lines),
     )
 
 
@@ -177,9 +204,13 @@ def against_python() -> Section:
     assert np.allclose(python(), kernel(), rtol=1e-10, atol=1e-6), difference
     times = interleaved({"python": python, "kernel": kernel}, rounds=5)
     row = times.row(
-        "numpy, one state, step by step", "the kernel, for each sigma point", "python", "kernel",
-        agreement="equal to 1e-10", factor=strapdown.LANES,
-    )  # fmt: skip
+        "numpy, one state, step by step",
+        "the kernel, for each sigma point",
+        "python",
+        "kernel",
+        agreement="equal to 1e-10",
+        factor=strapdown.LANES,
+    )
     return Section("Propagation: against plain Python", "", [row])
 
 

@@ -33,12 +33,14 @@ def derivative(world: ForwardModel, time: float, state: Array) -> Array:
     flow = world.flow(np.array([time]), position[None], velocity[None], attitude[None], rate[None])
     force, moment = (x[0] for x in world.loads(flow))
     body = world.rigid_body
-    return np.concatenate((
-        velocity,
-        world.gravity_planet.gravity(position) + rotations.rotate(attitude, force / body.mass),
-        0.5 * rotations.multiply(attitude, np.append(rate, 0.0)),
-        np.linalg.solve(body.inertia, moment - np.cross(rate, body.inertia @ rate)),
-    ))  # fmt: skip
+    return np.concatenate(
+        (
+            velocity,
+            world.gravity_planet.gravity(position) + rotations.rotate(attitude, force / body.mass),
+            0.5 * rotations.multiply(attitude, np.append(rate, 0.0)),
+            np.linalg.solve(body.inertia, moment - np.cross(rate, body.inertia @ rate)),
+        )
+    )
 
 
 def marched(world: ForwardModel, start: Array, duration: float) -> Array:
@@ -66,10 +68,13 @@ def against_scipy(scenario: Scenario) -> list[Row]:
     times = interleaved({"scipy": scipy, "ours": lambda: marched(world, start, DURATION)}, rounds=3)
     return [
         times.row(
-            f"scipy DOP853 (relative 1e-9) on `ForwardModel.loads`, {DURATION:g} s of entry", "the simulator's kernel and its tables",
-            "scipy", "ours", agreement=f"{distance:.0e} m and {turn:.0e} rad apart (asserted: 0.1 m, 1e-4)",
+            f"scipy DOP853 (relative 1e-9) on `ForwardModel.loads`, {DURATION:g} s of entry",
+            "the simulator's kernel and its tables",
+            "scipy",
+            "ours",
+            agreement=f"{distance:.0e} m and {turn:.0e} rad apart (asserted: 0.1 m, 1e-4)",
         )
-    ]  # fmt: skip
+    ]
 
 
 def measure() -> list[Section]:
@@ -90,7 +95,9 @@ def measure() -> list[Section]:
             rounds=5,
         )
     rows += [
-        times.row("a flight of 8 Hz with its telemetry, ten steps a sample", "its reconstruction", "simulate", "reconstruct"),
+        times.row(
+            "a flight of 8 Hz with its telemetry, ten steps a sample", "its reconstruction", "simulate", "reconstruct"
+        ),
         times.row("the same with five steps a sample", "ten steps", "5", "simulate"),
         times.row("the same with twenty steps a sample", "ten steps", "20", "simulate"),
     ]

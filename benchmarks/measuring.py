@@ -120,8 +120,15 @@ class Times:
         return factor * self.least(name) / self.least(reference), spread
 
     def row(
-        self, what: str, reference: str, name: str, to: str, goal: Goal | None = None, agreement: str = "", factor: float = 1.0
-    ) -> Row:  # fmt: skip
+        self,
+        what: str,
+        reference: str,
+        name: str,
+        to: str,
+        goal: Goal | None = None,
+        agreement: str = "",
+        factor: float = 1.0,
+    ) -> Row:
         """Row of the ratio of `name` and `to`, times `factor`."""
         ratio, spread = self.ratio(name, to, factor)
         return Row(what, reference, ratio, spread, goal, agreement)
@@ -180,9 +187,9 @@ def installed(*modules: str) -> bool:
     return all(importlib.util.find_spec(name) is not None for name in modules)
 
 
-def missing(what: str, reference: str, distribution: str) -> Row:
+def missing(what: str, reference: str, distribution: str, goal: Goal | None = None) -> Row:
     """Row of a comparison whose peer is not installed."""
-    return Row(what, reference, None, agreement=f"{distribution} is not installed")
+    return Row(what, reference, None, None, goal, f"{distribution} is not installed")
 
 
 def as_json(sections: Sequence[Section]) -> str:

@@ -105,7 +105,8 @@ def problem(epochs: int, seed: int = 0) -> PeerProblem:
     noise = FIX_SIGMA**2 * np.eye(3)
     times = np.concatenate(([0.0], time))
     fixes = tuple(
-        PositionFix(float(t), p + FIX_SIGMA * rng.standard_normal(3), noise) for t, p in zip(times, truth[:, :3], strict=True)
+        PositionFix(float(t), p + FIX_SIGMA * rng.standard_normal(3), noise)
+        for t, p in zip(times, truth[:, :3], strict=True)
     )
     q = [process_noise(LAYOUT, samples.part(i, i + 1), reference[i, 6:]) for i in range(n)]
     return PeerProblem(samples, reference, fixes, np.array([np.zeros((15, 15)), *q]))

@@ -14,7 +14,6 @@ from typing import Any
 import numpy as np
 import pandas as pd
 from pyins import earth, filters, inertial_sensor, measurements, sim, strapdown, transform
-
 from scipy.spatial.transform import Rotation
 
 from edl_filter import rotations
@@ -28,9 +27,7 @@ from edl_filter.planet import Planet
 from edl_filter.telemetry.record import ImuRecord, InitialState
 from edl_filter.types import Array
 
-EARTH = Planet(
-    "earth", 3.986004418e14, 1.08262982e-3, earth.A, earth.A, 1.0 - np.sqrt(1.0 - earth.E2), earth.RATE, 0.0
-)  # fmt: skip
+EARTH = Planet("earth", 3.986004418e14, 1.08262982e-3, earth.A, earth.A, 1.0 - np.sqrt(1.0 - earth.E2), earth.RATE, 0.0)
 POSITION_SIGMA, VELOCITY_SIGMA, ATTITUDE_SIGMA = 5.0, 0.3, np.radians(0.2)
 BIAS_SIGMAS = {"accelerometer": 0.02, "gyro": 2e-4}  # m/s², rad/s
 NOISES = {"accelerometer": 2e-3, "gyro": 2e-5}  # m/s²/√Hz, rad/s/√Hz
@@ -83,14 +80,28 @@ def samples(given: Flight) -> Samples:
     n = len(values)
     full, none = np.ones(n), np.zeros(n, bool)
     record = ImuRecord(
-        name="pyins", time=given.time[1:], interval=np.diff(given.time), specific_force=values[:, 3:],
-        angular_rate=values[:, :3], position=np.zeros((n, 3)), force_noise=0.0 * full, rate_noise=0.0 * full,
-        shared_rate_noise=0.0 * full, coning_corrected=none, sculling_corrected=none, unit=np.zeros(n, int),
-        units=("imu",), source=np.zeros(n, int), sources=("pyins",), errors=(sensor_errors(),),
-    )  # fmt: skip
+        name="pyins",
+        time=given.time[1:],
+        interval=np.diff(given.time),
+        specific_force=values[:, 3:],
+        angular_rate=values[:, :3],
+        position=np.zeros((n, 3)),
+        force_noise=0.0 * full,
+        rate_noise=0.0 * full,
+        shared_rate_noise=0.0 * full,
+        coning_corrected=none,
+        sculling_corrected=none,
+        unit=np.zeros(n, int),
+        units=("imu",),
+        source=np.zeros(n, int),
+        sources=("pyins",),
+        errors=(sensor_errors(),),
+    )
     root = np.sqrt(INTERVAL)
     return replace(
-        effective_samples(record), force_noise=NOISES["accelerometer"] / root * full, rate_noise=NOISES["gyro"] / root * full
+        effective_samples(record),
+        force_noise=NOISES["accelerometer"] / root * full,
+        rate_noise=NOISES["gyro"] / root * full,
     )
 
 
@@ -121,7 +132,11 @@ def integrated(given: Flight) -> tuple[Callable[[], Any], Callable[[], Array]]:
 
 def bare_integration(given: Flight) -> tuple[Callable[[], Any], Callable[[], None]]:
     """Integration of prepared increments: pyins' of one state, and ours of a block of states."""
-    increments, s, columns = strapdown.compute_increments_from_imu(given.imu, "increment"), samples(given), our_strapdown.LANES
+    increments, s, columns = (
+        strapdown.compute_increments_from_imu(given.imu, "increment"),
+        samples(given),
+        our_strapdown.LANES,
+    )
     start = np.repeat(inertial_states(given.truth.iloc[:1]).T, columns, axis=1)
     force_map, rate_map = np.zeros((12, columns)), np.zeros((6, columns))
     force_map[[0, 4, 8]], rate_map[:3] = 1.0, 1.0
@@ -137,7 +152,10 @@ def measured(given: Flight, seed: int = 0) -> tuple[Flight, pd.Series, Array, Ar
     """The flight with errors: readings, stated initial state, times and positions (ECEF) of the fixes."""
     rng = np.random.default_rng(seed)
     imu = given.imu.copy()
-    for columns, name in ((["gyro_x", "gyro_y", "gyro_z"], "gyro"), (["accel_x", "accel_y", "accel_z"], "accelerometer")):
+    for columns, name in (
+        (["gyro_x", "gyro_y", "gyro_z"], "gyro"),
+        (["accel_x", "accel_y", "accel_z"], "accelerometer"),
+    ):
         noise = NOISES[name] * np.sqrt(INTERVAL) * rng.standard_normal((len(imu), 3))
         imu[columns] += BIAS_SIGMAS[name] * INTERVAL * rng.standard_normal(3) + noise
     degrees = np.degrees(ATTITUDE_SIGMA)
@@ -161,11 +179,17 @@ def their_filter(
     def run() -> Any:
         increments = strapdown.compute_increments_from_imu(given.imu, "increment")
         return filters.run_feedback_filter(
-            initial, POSITION_SIGMA, VELOCITY_SIGMA, np.degrees(ATTITUDE_SIGMA), np.degrees(ATTITUDE_SIGMA), increments,
+            initial,
+            POSITION_SIGMA,
+            VELOCITY_SIGMA,
+            np.degrees(ATTITUDE_SIGMA),
+            np.degrees(ATTITUDE_SIGMA),
+            increments,
             inertial_sensor.EstimationModel(bias_sd=BIAS_SIGMAS["gyro"], noise=NOISES["gyro"]),
             inertial_sensor.EstimationModel(bias_sd=BIAS_SIGMAS["accelerometer"], noise=NOISES["accelerometer"]),
-            [positions], time_step,
-        )  # fmt: skip
+            [positions],
+            time_step,
+        )
 
     return run
 

@@ -1,4 +1,4 @@
-"""The problem of `peer_problem` through Stone Soup's unscented predictor and updater, all sigma points in one numpy call."""
+"""The problem of `peer_problem` through Stone Soup's unscented filter, all sigma points in one numpy call."""
 
 from __future__ import annotations
 

@@ -21,17 +21,28 @@ from measuring import Grid, Row, Section, from_json
 HERE = Path(__file__).parent
 #: In the order of the page.
 BENCHMARKS = (
-    "commands", "engines", "epochs", "propagation", "peers", "filter", "postflight", "lookup", "simulator", "diagnosis", "growth",
+    "commands",
+    "engines",
+    "epochs",
+    "propagation",
+    "peers",
+    "filter",
+    "postflight",
+    "lookup",
+    "simulator",
+    "diagnosis",
+    "growth",
     "campaign",
-)  # fmt: skip
+)
 PEERS = ("filterpy", "dynamax", "jax", "stonesoup", "python-ins", "pymap3d", "astropy")
 
 INTRODUCTION = """# Performance
 
-This page is written by `make bench`. It states ratios of processor times that were measured in turn in one process or, for
-commands, in turn in one session; a ratio is that of the least times of several rounds, and the range beside it the central
-half of the rounds' ratios. Absolute times depend on the machine and are not stated. Where two programs solve the
-same problem, their answers are compared in the same run; a benchmark whose answers differ by more than the stated tolerance fails.
+This page is written by `make bench`. It states ratios of processor times that were measured in turn, in one process or,
+for commands, in one session. A ratio is that of the least times of several rounds; the range beside it is the central
+half of the rounds' ratios. Absolute times depend on the machine and are not stated. Where two programs solve the same
+problem, their answers are compared in the same run, and a benchmark whose answers differ by more than the stated
+tolerance fails.
 """
 
 
@@ -51,6 +62,11 @@ def row_text(row: Row) -> str:
     if row.spread is not None:
         ratio += f" ({number(row.spread[0])} to {number(row.spread[1])})"
     cells = (row.what, ratio, row.reference, goal_text(row), row.agreement)
+    return line(cells)
+
+
+def line(cells: Sequence[str]) -> str:
+    """Line of a table."""
     return "| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |"
 
 
@@ -97,7 +113,7 @@ def goals_text(sections: Sequence[Section]) -> str:
     lines = ["| what | to | goal | measured |", "|---|---|---|---|"]
     for r in rows:
         measured = "not measured" if r.ratio is None else number(r.ratio)
-        lines.append(f"| {r.what} | {r.reference} | {goal_text(r)} | {measured} |".replace("\n", " "))
+        lines.append(line((r.what, r.reference, goal_text(r), measured)))
     return "## Goals\n\n" + "\n".join(lines)
 
 
