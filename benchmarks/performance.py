@@ -31,6 +31,7 @@ BENCHMARKS = (
     "lookup",
     "simulator",
     "diagnosis",
+    "diagnosis_fine",
     "growth",
     "campaign",
 )
