@@ -179,7 +179,8 @@ def linearized_measurement(constraint: Constraint, state: State, layout: Layout)
     steps = np.concatenate([np.full(s.stop - s.start, DIFFERENCE_STEPS[name]) for name, s in layout.slices.items()])
     offsets = np.concatenate((np.diag(steps), -np.diag(steps), np.zeros((1, n))))
     onboard = layout[ONBOARD].start if ONBOARD in layout else -1
-    values = constraint.predict(*states_of_points(state.nav, state.errors, offsets, 2 * n + 1, onboard), layout)
+    nav, errors = states_of_points(state.nav, state.errors, offsets, 2 * n + 1, onboard)
+    values = constraint.predict(nav, errors, layout)
     return values[-1], ((values[:n] - values[n : 2 * n]) / (2.0 * steps[:, None])).T
 
 
