@@ -11,7 +11,8 @@
 #   make study-faults       faults of an IMU's samples in simulated flights: how many are repaired (an hour; goes on)
 #   make study-kills        kill -9 at 50 moments of run, diagnose and improve: is a result ever torn (half an hour)
 #   make calibrate   are the sigmas true: 300 simulated flights with gaps, against their truth (ten minutes; goes on)
-#   make bench   run the benchmarks   make clean  remove what these targets made
+#   make bench   measure times beside other packages and write docs/performance.md (half an hour; goes on)
+#   make clean   remove what these targets made
 #   make docs    build the documentation into docs/_build/html; a warning is an error
 #   make study-simulation   reconstruct many simulated flights and judge the errors (some minutes)
 #   make study-closure      how often the post-flight layer's bands hold the truth, over many flights (minutes)
@@ -27,6 +28,7 @@ PYTHON ?= python3
 BIN := .venv/bin
 STAMP := .venv/installed
 DOCS_STAMP := .venv/installed-docs
+BENCH_STAMP := .venv/installed-bench
 
 .PHONY: demo test notebooks test-browser test-effects lint types layers bench docs study study-inexact study-simulation study-closure study-filters study-thresholds study-comparators study-cross-prediction thesis-claims clean fuzz study-faults study-kills calibrate
 
@@ -65,8 +67,10 @@ types: $(STAMP)
 layers: $(STAMP)
 	$(BIN)/lint-imports --no-cache
 
-bench: $(STAMP)
-	@for file in benchmarks/*.py; do echo "== $$file"; $(BIN)/python "$$file" || exit 1; done
+# Installs the packages that it compares with; those that are missing when benchmarks/performance.py is called without
+# make are named as such on the page. Benchmarks whose results lie in bench-results are not repeated (--again does)
+bench: $(BENCH_STAMP)
+	$(BIN)/python benchmarks/performance.py
 
 # Every page is read anew (-E): what is generated hangs on the package, which Sphinx does not watch
 docs: $(DOCS_STAMP)
@@ -121,7 +125,7 @@ thesis-claims: $(STAMP)
 	PYTHONPATH=benchmarks/studies $(BIN)/python -m thesis_claims
 
 clean:
-	rm -rf .venv demo-results docs/_build build dist .pytest_cache .mypy_cache .ruff_cache .hypothesis
+	rm -rf .venv demo-results bench-results docs/_build build dist .pytest_cache .mypy_cache .ruff_cache .hypothesis
 
 # The stamp is written last: an installation that was interrupted starts again from nothing
 $(STAMP): pyproject.toml constraints.txt
@@ -136,4 +140,9 @@ $(STAMP): pyproject.toml constraints.txt
 $(DOCS_STAMP): $(STAMP)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check \
 	--constraint constraints.txt --editable '.[docs]'
+	touch $@
+
+$(BENCH_STAMP): $(STAMP)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check \
+	--constraint constraints.txt --editable '.[bench]'
 	touch $@

@@ -1,10 +1,10 @@
-"""Cost of a campaign: processor time and memory of reconstructions of Spirit on one and on two local workers.
+"""Cost of a campaign: reconstructions of Spirit on one and on two local workers, for page and for `docs/scale.md`.
 
 Times are processor times of all processes of the campaign, since other programs may use the machine. Of two campaigns
 of different length the difference is free of imports and of the start of the cluster. Occupancy is the share of the
 workers' time, from the first record to the last, in which cases run.
 
-    python benchmarks/bench_campaign.py [--cases 100 400] [--workers 1 2]
+    python benchmarks/bench_campaign.py [--cases 100 400] [--workers 1 2] [--rows FILE]
 """
 
 import argparse
@@ -19,6 +19,7 @@ from pathlib import Path
 
 import numpy as np
 import psutil
+from measuring import Grid, Row, Section, as_json, interleaved
 
 CAMPAIGN = {
     "name": "bench",
@@ -92,31 +93,64 @@ def measured(cases, workers):
     return [float(word) for word in output.split()]
 
 
+def reconstruction_seconds():
+    """Processor time of one reconstruction of Spirit in a process that has read the telemetry, s."""
+    from edl_filter.mission import Mission
+    from edl_filter.pipeline.load import read_atmosphere, read_telemetry
+    from edl_filter.pipeline.reconstruct import FlightInputs, reconstruct
+
+    mission = Mission.load("builtin:mer_a")
+    inputs = FlightInputs(read_telemetry(mission), read_atmosphere(mission))
+    functions = {"reconstruction": lambda: reconstruct(mission, leave_one_out=False, inputs=inputs)}
+    return interleaved(functions, rounds=5).least("reconstruction")
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--cases", type=int, nargs=2, default=(100, 400))
     parser.add_argument("--workers", type=int, nargs="+", default=(1, 2))
+    parser.add_argument("--rows", type=Path, help="JSON file to write")
     parser.add_argument("--one", type=int, nargs=2, help=argparse.SUPPRESS)
     arguments = parser.parse_args()
     if arguments.one:
         one_campaign(*arguments.one)
         return
-    marginal = {}
+    marginal, totals, largest = {}, {}, []
     few, many = arguments.cases
     print("workers  cases  processor s   in a case, ms (median)  occupancy   gather, ms/case   MB: client worker case")
     for workers in arguments.workers:
-        totals = {}
         for cases in (few, many):
             total, median, _, share, gathering, size, *memory = measured(cases, workers)
-            totals[cases] = total
+            totals[workers, cases] = total
+            largest.append(max(memory))
             print(
                 f"{workers:>7}{cases:>7}{total:>13.1f}{1e3 * median:>20.1f}{share:>16.2f}"
-                f"{1e3 * gathering / cases:>14.2f}{memory[0]:>17.0f}{memory[1]:>7.0f}{memory[2]:>6.0f}", flush=True
-            )  # fmt: skip
-        marginal[workers] = (totals[many] - totals[few]) / (many - few)
+                f"{1e3 * gathering / cases:>14.2f}{memory[0]:>17.0f}{memory[1]:>7.0f}{memory[2]:>6.0f}",
+                flush=True,
+            )
+        marginal[workers] = (totals[workers, many] - totals[workers, few]) / (many - few)
         print(f"        each further case: {1e3 * marginal[workers]:.1f} ms of processor time; record {size:.0f} bytes")
     first, last = arguments.workers[0], arguments.workers[-1]
     print(f"efficiency of {last} workers against {first}, by processor time: {marginal[first] / marginal[last]:.0%}")
+    if arguments.rows:
+        rows = [
+            Row(
+                "a further case of a campaign, one worker",
+                "reconstruction of Spirit in one process",
+                marginal[first] / reconstruction_seconds(),
+            ),
+            Row(
+                f"efficiency of {last} workers by processor time, %",
+                f"{first} worker",
+                100.0 * marginal[first] / marginal[last],
+            ),
+            Row("largest memory of one process of a campaign", "1 MB", max(largest)),
+        ]
+        unit = totals[first, few]
+        lines = {f"{w} workers": [totals[w, c] / unit for c in (few, many)] for w in arguments.workers}
+        grid = Grid("cases", [str(few), str(many)], lines)
+        text = "Growth: processor time of all processes with their start, relative to the first number ([](scale.md))."
+        arguments.rows.write_text(as_json([Section("Campaign", text, rows, grid)]))
 
 
 if __name__ == "__main__":

@@ -1,52 +1,57 @@
-"""Time of commands from the shell, as ratios to the import of the libraries they need, measured side by side.
+"""Commands from the shell, as ratios to the import of the libraries they need.
 
-Prints processor and wall time of `--help`, of a run of Spirit without and with figures, and of the import of numba,
-scipy.linalg and matplotlib.pyplot: the least of several repetitions, in turn. The ratio of wall times has a meaning
-only on a machine without other load.
+`--help`, a run of Spirit without and with figures, cold and warm, and the import of numba, scipy.linalg and
+matplotlib.pyplot: the least of several repetitions, in turn. Cold: the cache of compiled kernels is empty. The ratio of
+elapsed times has a meaning only on a machine without other load.
+
+Run: ``python benchmarks/bench_commands.py``
 """
 
 from __future__ import annotations
 
-import resource
-import subprocess
+import os
 import sys
 import tempfile
-import time
 from pathlib import Path
 
-REPETITIONS = 4
+from measuring import Row, Section, Times, at_most, command, run
+
+REPETITIONS = 5
 IMPORTS = [sys.executable, "-c", "import numba, scipy.linalg, matplotlib.pyplot"]
+GOALS = {"`--help`": 0.2, "`run builtin:mer_a --no-figures`": 1.5, "`run builtin:mer_a` with figures and report": 2.5}
 
 
-def measured(command: list[str]) -> tuple[float, float]:
-    """Processor and wall time of a command with its children, s."""
-    before, begin = resource.getrusage(resource.RUSAGE_CHILDREN), time.perf_counter()
-    subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
-    wall, after = time.perf_counter() - begin, resource.getrusage(resource.RUSAGE_CHILDREN)
-    return after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime, wall
-
-
-def main() -> None:
+def measure() -> list[Section]:
+    """All sections."""
     program = [sys.executable, "-m", "edl_filter"]
     with tempfile.TemporaryDirectory() as folder:
-        run = [*program, "run", "builtin:mer_a", "-o", str(Path(folder) / "result")]
-        commands = {
-            "imports": IMPORTS,
-            "--help": [*program, "--help"],
-            "run, no figures": [*run, "--no-figures"],
-            "run": run,
-        }
-        measured(commands["run"])  # compiles the kernels
-        times = {name: [measured(c) for _ in range(1)] for name, c in commands.items()}
-        for _ in range(REPETITIONS - 1):
-            for name, command in commands.items():
-                times[name].append(measured(command))
-    least = {name: tuple(min(values) for values in zip(*pairs, strict=True)) for name, pairs in times.items()}
-    print(f"{'':18}{'processor s':>12}{'wall s':>8}{'ratio':>8}{'of wall':>9}")
-    for name, (processor, wall) in least.items():
-        ratios = processor / least["imports"][0], wall / least["imports"][1]
-        print(f"{name:18}{processor:12.2f}{wall:8.2f}{ratios[0]:8.2f}{ratios[1]:9.2f}")
+        run_spirit = [*program, "run", "builtin:mer_a", "-o", str(Path(folder) / "result")]
+        words = [[*program, "--help"], [*run_spirit, "--no-figures"], run_spirit]
+        commands = {"imports": IMPORTS} | dict(zip(GOALS, words, strict=True))
+        for c in commands.values():
+            command(c)  # compiles the kernels and the byte code
+        processor: dict[str, list[float]] = {name: [] for name in commands}
+        elapsed: dict[str, list[float]] = {name: [] for name in commands}
+        memory: dict[str, float] = {}
+        for _ in range(REPETITIONS):
+            for name, c in commands.items():
+                spent, wall, memory[name] = command(c)
+                processor[name].append(spent)
+                elapsed[name].append(wall)
+        cold = {"NUMBA_CACHE_DIR": str(Path(folder) / "cache")}
+        first, _, _ = command(words[1], os.environ | cold)
+    times, walls, to = Times(processor), Times(elapsed), "import of numba, scipy.linalg, matplotlib.pyplot"
+    rows = []
+    for name, goal in GOALS.items():
+        rows.append(times.row(f"{name}, processor time", to, name, "imports", at_most(goal)))
+        rows.append(walls.row(f"{name}, elapsed time", to, name, "imports"))
+    what = "`run builtin:mer_a --no-figures`"
+    rows += [
+        Row(f"{what}, first call with an empty cache of kernels", "warm", first / times.least(what)),
+        Row("`run builtin:mer_a`, largest memory of one process", "1 MB", max(memory.values())),
+    ]
+    return [Section("Commands", "", rows)]
 
 
 if __name__ == "__main__":
-    main()
+    run(measure)

@@ -1,42 +1,36 @@
 """The compiled filter and smoother against those on filterpy, and against the bare kernel, in the same run.
 
 The bare kernel is `strapdown.propagate` over the same samples with the same number of sigma points, without anything
-between epochs: no filter can be faster. Times are processor time, the least of several runs, so that other jobs on the
-machine change the ratios little.
+between epochs: no filter can be faster.
 
 Run: ``python benchmarks/bench_engines.py``
 """
 
-import gc
-import time
+from __future__ import annotations
+
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
+from measuring import Row, Section, at_most, interleaved, run
 
 from edl_filter.estimation.parallel import one_blas_thread
 from edl_filter.mission import Mission
 from edl_filter.navigation import strapdown
-from edl_filter.navigation.filter import run_filter
+from edl_filter.navigation.filter import Problem, run_filter
 from edl_filter.navigation.leave_one_out import check_constraints
 from edl_filter.navigation.smoother import smooth
 from edl_filter.pipeline.reconstruct import reconstruct
 
-MISSIONS = {"mer_a": ("telemetry.path=builtin:mer_a",), "mer_b": ("telemetry.path=builtin:mer_b",), "practice_mer": ()}
+FLIGHTS = {
+    "Spirit": ("mer_a", ("telemetry.path=builtin:mer_a",)),
+    "Opportunity": ("mer_b", ("telemetry.path=builtin:mer_b",)),
+    "practice flight": ("practice_mer", ()),
+}
+TOLERANCE = 1e-6  # sigmas
 
 
-def milliseconds(function, repeats=7):
-    """Least processor time of a call."""
-    function()
-    gc.collect()
-    spent = []
-    for _ in range(repeats):
-        begin = time.process_time()
-        function()
-        spent.append(time.process_time() - begin)
-    return 1e3 * min(spent)
-
-
-def bare_kernel(problem):
+def bare_kernel(problem: Problem) -> Callable[[], None]:
     """Propagation of all sigma points over all samples."""
     columns = strapdown.padded(2 * problem.layout.size + 1)
     nav = np.concatenate((problem.initial.position, problem.initial.velocity, problem.initial.inertial_from_body))
@@ -49,38 +43,56 @@ def bare_kernel(problem):
     )
 
 
-def compare(name, changes):
-    """Print the times of one mission."""
-    problem = reconstruct(Mission.load(f"builtin:{name}", changes), leave_one_out=False).problem
-    passes = {}
-    for engine in ("compiled", "filterpy"):
-        chosen = replace(problem, settings=replace(problem.settings, engine=engine))
-        passes[engine] = chosen, run_filter(chosen)
-    _, filter_pass = passes["compiled"]
-    print(
-        f"{name}: {len(problem.samples.time)} samples, {problem.layout.size} states, {len(filter_pass.nodes)} nodes, "
-        f"{len(filter_pass.fused)} measurements"
-    )
-    bare = milliseconds(bare_kernel(problem))
-    print(f"    bare kernel              {bare:8.2f} ms")
-    stages = {
-        "filter": lambda engine: run_filter(passes[engine][0]),
-        "smoother": lambda engine: smooth(passes[engine][1]),
-        "leave-one-out": lambda engine: check_constraints(*passes[engine]),
-    }
-    for stage, run in stages.items():
-        compiled, filterpy = (milliseconds(lambda e=engine, r=run: r(e)) for engine in passes)
-        print(
-            f"    {stage:<13} compiled   {compiled:8.2f} ms, {compiled / bare:5.1f} times the kernel; "
-            f"filterpy {filterpy:8.2f} ms, {filterpy / compiled:4.1f} times compiled"
+def compare(label: str, problem: Problem) -> list[Row]:
+    """Rows of one flight."""
+    problems = {e: replace(problem, settings=replace(problem.settings, engine=e)) for e in ("compiled", "filterpy")}
+    passes = {engine: run_filter(p) for engine, p in problems.items()}
+    smoothed = {engine: smooth(p) for engine, p in passes.items()}
+    worst = 0.0
+    theirs = smoothed["filterpy"]
+    for a, b, covariance in zip(smoothed["compiled"].states, theirs.states, theirs.covariance, strict=True):
+        worst = max(worst, np.max(np.abs(a.minus(b)) / np.sqrt(np.diag(covariance))))
+    assert worst < TOLERANCE, worst
+    functions: dict[str, Callable[[], object]] = {"kernel": bare_kernel(problem)}
+    for engine in problems:
+        functions |= {
+            f"{engine} filter": lambda e=engine: run_filter(problems[e]),
+            f"{engine} smoother": lambda e=engine: smooth(passes[e]),
+            f"{engine} both": lambda e=engine: smooth(run_filter(problems[e])),
+            f"{engine} leave-one-out": lambda e=engine: check_constraints(problems[e], passes[e]),
+        }
+    times = interleaved(functions, rounds=9)
+    nodes = len(passes["compiled"].nodes)
+    size = f"{label} ({len(problem.samples.time)} samples, {problem.layout.size} states, {nodes} nodes)"
+    goal = at_most(10.0) if label == "Spirit" else None
+    rows = [times.row(f"{size}: filter + smoother", "bare kernel", "compiled both", "kernel", goal)]
+    for stage in ("filter", "smoother", "leave-one-out"):
+        rows.append(times.row(f"{label}: {stage}", "bare kernel", f"compiled {stage}", "kernel"))
+    for stage in ("filter", "smoother", "leave-one-out"):
+        rows.append(
+            times.row(
+                f"{label}: {stage} of `engine: filterpy` (one kernel for all sigma points)",
+                f"{stage}, compiled",
+                f"filterpy {stage}",
+                f"compiled {stage}",
+                agreement=f"equal to {worst:.0e} sigma (asserted: {TOLERANCE:g})" if stage == "smoother" else "",
+            )
         )
+    return rows
 
 
-def main():
+def measure() -> list[Section]:
+    """All sections."""
+    rows = []
     with one_blas_thread():
-        for name, changes in MISSIONS.items():
-            compare(name, changes)
+        for label, (name, changes) in FLIGHTS.items():
+            rows += compare(label, reconstruct(Mission.load(f"builtin:{name}", changes), leave_one_out=False).problem)
+    text = """
+The bare kernel propagates the same sigma points over the same samples in one call, without noise, covariances,
+measurements or anything else between epochs.
+"""
+    return [Section("Filter and smoother", text, rows)]
 
 
 if __name__ == "__main__":
-    main()
+    run(measure)

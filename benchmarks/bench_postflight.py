@@ -1,42 +1,33 @@
-"""How long the post-flight layer takes, and beside it the reconstruction it follows, in the same run.
-
-1. A mission's reconstruction and its layer: the built-in practice flight and Spirit.
-2. The built-in flight's layer inputs on a grid of 200 Hz: how the time grows with the samples.
+"""The post-flight layer against the reconstruction it follows, and its growth with the samples.
 
 Run: ``python benchmarks/bench_postflight.py``
 """
 
-import time
+from __future__ import annotations
+
+from collections.abc import Callable
 from dataclasses import fields, replace
-from pathlib import Path
+from functools import partial
+from typing import Any
 
 import numpy as np
+from measuring import Grid, Row, Section, interleaved, run
 
 from edl_filter.mission import Mission
 from edl_filter.pipeline.reconstruct import reconstruct
 from edl_filter.postflight.derive import derive
 from edl_filter.postflight.flight import derived_quantities, postflight_inputs
+from edl_filter.types import Array
 
-MISSIONS = Path(__file__).parent.parent / "missions"
-RATE = 200.0
-
-
-def best(function, repeats=5):
-    """Shortest time of several runs, s, after one that compiles."""
-    function()
-    times = []
-    for _ in range(repeats):
-        begin = time.perf_counter()
-        function()
-        times.append(time.perf_counter() - begin)
-    return min(times)
+RATES = (8.0, 25.0, 100.0, 200.0)
+FLIGHTS = {"practice flight": "practice_mer", "Spirit": "mer_a"}
 
 
-def resampled(given, rate):
+def resampled(given: Any, rate: float) -> Any:
     """Layer inputs on a regular grid: every array along the flight, linearly."""
     grid = np.arange(given.time[0], given.time[-1], 1.0 / rate)
 
-    def along(values):
+    def along(values: Array) -> Array:
         columns = values.reshape(len(given.time), -1).T
         return np.stack([np.interp(grid, given.time, c) for c in columns], axis=1).reshape(-1, *values.shape[1:])
 
@@ -45,28 +36,32 @@ def resampled(given, rate):
     return replace(given, time=grid, **changed)
 
 
-def mission(name):
-    """Time of the reconstruction and of the layer; the layer's inputs."""
-    loaded = Mission.load(MISSIONS / f"{name}.yaml")
-    reconstruction = reconstruct(loaded)
-    given = postflight_inputs(reconstruction, derived_quantities(reconstruction).air)
-    reconstruction, layer = best(lambda: reconstruct(loaded), 3), best(lambda: derive(given))
-    print(f"{name}: reconstruction {reconstruction:.3f} s, layer {layer:.3f} s ({layer / reconstruction:.0%} of it)")
-    return given, layer
-
-
-def main():
-    given, layer = mission("practice_mer")
-    mission("mer_a")
-    before = len(given.until_parachute().time)
-    fine = resampled(given, RATE)
-    after, spent = fine.until_parachute(), best(lambda: derive(fine), 3)
-    span = after.time[-1] - after.time[0]
-    print(
-        f"layer over {span:.0f} s at {RATE:g} Hz: {spent:.2f} s, {spent / layer:.1f} times as long for "
-        f"{len(after.time) / before:.1f} times the samples; 350 s would take {spent * 350.0 / span:.2f} s"
+def measure() -> list[Section]:
+    """All sections."""
+    functions: dict[str, Callable[[], Any]] = {}
+    for label, name in FLIGHTS.items():
+        mission = Mission.load(f"builtin:{name}")
+        result = reconstruct(mission)
+        given = postflight_inputs(result, derived_quantities(result).air)
+        functions[f"reconstruction {label}"] = lambda m=mission: reconstruct(m)
+        functions[f"layer {label}"] = lambda g=given: derive(g)
+        if label == "practice flight":
+            functions |= {f"{rate:g} Hz": partial(derive, resampled(given, rate)) for rate in RATES}
+    times = interleaved(functions, rounds=3)
+    rows: list[Row] = [
+        times.row(f"post-flight layer of {label}", "its reconstruction", f"layer {label}", f"reconstruction {label}")
+        for label in FLIGHTS
+    ]
+    unit = times.least("8 Hz")
+    grid = Grid(
+        "sampling",
+        [f"{r:g} Hz" for r in RATES],
+        {"time": [times.least(f"{r:g} Hz") / unit for r in RATES], "samples": [r / RATES[0] for r in RATES]},
     )
+    return [
+        Section("Post-flight layer", "Growth with the samples of the practice flight, relative to 8 Hz.", rows, grid)
+    ]
 
 
 if __name__ == "__main__":
-    main()
+    run(measure)

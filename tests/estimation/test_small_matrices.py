@@ -7,12 +7,14 @@ from hypothesis import strategies as st
 from scipy.linalg import cholesky
 
 from edl_filter.estimation.small_matrices import (
+    matrix_product,
     solve_few,
     solve_from_right,
     symmetric_part,
     upper_cholesky,
     weighted_mean,
     weighted_product,
+    weighted_square,
 )
 
 seeds = st.integers(0, 1000)
@@ -43,7 +45,12 @@ def test_sums_over_rows_are_matrix_products(seed, n):
     weights = np.full(2 * n + 1, 0.3)
     weights[0] = -2.0
     np.testing.assert_allclose(weighted_product(a, b, -2.0, 0.3), a.T @ (weights[:, None] * b), atol=1e-12)
+    square = weighted_square(a, -2.0, 0.3)
+    np.testing.assert_allclose(square, a.T @ (weights[:, None] * a), atol=1e-12)
+    np.testing.assert_array_equal(square, square.T)
     np.testing.assert_allclose(weighted_mean(a, -2.0, 0.3), weights @ a, atol=1e-12)
+    np.testing.assert_allclose(matrix_product(b.T, a), b.T @ a, atol=1e-12)  # an odd number of products
+    np.testing.assert_allclose(matrix_product(b[1:].T, a[1:]), b[1:].T @ a[1:], atol=1e-12)
 
 
 @given(seeds, st.integers(1, 6))

@@ -71,6 +71,69 @@ def weighted_product(a, b, first_weight, weight):
 
 
 @COMPILED
+def weighted_square(a, first_weight, weight):
+    """``aᵀ W a`` of an odd number of rows, with one weight for the first row and another one for the rest.
+
+    Only the upper triangle is computed, two rows at a time, which halves the loads and stores of the sum.
+
+    Parameters
+    ----------
+    a : (2 k + 1, n) array
+        Rows.
+    first_weight, weight : float
+        Of the first row, and of each other row.
+
+    Returns
+    -------
+    (n, n) array
+        Symmetric.
+    """
+    n = a.shape[1]
+    out = np.empty((n, n))
+    for i in range(n):
+        factor = first_weight * a[0, i]
+        for j in range(i, n):
+            out[i, j] = factor * a[0, j]
+    for s in range(1, len(a), 2):
+        for i in range(n):
+            factor, second = weight * a[s, i], weight * a[s + 1, i]
+            for j in range(i, n):
+                out[i, j] += factor * a[s, j] + second * a[s + 1, j]
+    for i in range(n):
+        for j in range(i):
+            out[i, j] = out[j, i]
+    return out
+
+
+@COMPILED
+def matrix_product(a, b):
+    """``a b``, two rows of `b` at a time.
+
+    Parameters
+    ----------
+    a : (n, k) array
+        Left factor.
+    b : (k, m) array
+        Right factor.
+
+    Returns
+    -------
+    (n, m) array
+    """
+    out = np.zeros((len(a), b.shape[1]))
+    even = len(b) - len(b) % 2
+    for i in range(len(a)):
+        for k in range(0, even, 2):
+            factor, second = a[i, k], a[i, k + 1]
+            for j in range(b.shape[1]):
+                out[i, j] += factor * b[k, j] + second * b[k + 1, j]
+        for k in range(even, len(b)):
+            for j in range(b.shape[1]):
+                out[i, j] += a[i, k] * b[k, j]
+    return out
+
+
+@COMPILED
 def weighted_mean(rows, first_weight, weight):
     """Weighted sum of rows, with one weight for the first row and another one for the rest.
 
@@ -148,7 +211,7 @@ def symmetric_part(matrix):
 
 @COMPILED
 def solve_from_right(cross, factor):
-    """``cross (UᵀU)⁻¹``, row by row.
+    """``cross (UᵀU)⁻¹``, all rows at once.
 
     Parameters
     ----------
@@ -161,16 +224,22 @@ def solve_from_right(cross, factor):
     -------
     (m, n) array
     """
-    n = len(factor)
-    gain, lower = cross.copy(), factor.T.copy()
-    for r in range(len(gain)):
-        row = gain[r]
-        for k in range(n):
-            row[k] /= factor[k, k]
-            for j in range(k + 1, n):
-                row[j] -= row[k] * factor[k, j]
-        for k in range(n - 1, -1, -1):
-            row[k] /= factor[k, k]
-            for j in range(k):
-                row[j] -= row[k] * lower[k, j]
-    return gain
+    n, m = len(factor), len(cross)
+    x = cross.T.copy()  # a right-hand side per column, so that the inner loops are long and independent
+    for k in range(n):
+        inverse = 1.0 / factor[k, k]
+        for r in range(m):
+            x[k, r] *= inverse
+        for j in range(k + 1, n):
+            entry = factor[k, j]
+            for r in range(m):
+                x[j, r] -= entry * x[k, r]
+    for k in range(n - 1, -1, -1):
+        inverse = 1.0 / factor[k, k]
+        for r in range(m):
+            x[k, r] *= inverse
+        for j in range(k):
+            entry = factor[j, k]
+            for r in range(m):
+                x[j, r] -= entry * x[k, r]
+    return x.T.copy()

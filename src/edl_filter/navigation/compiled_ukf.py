@@ -26,12 +26,14 @@ import numpy as np
 from numba import njit
 
 from edl_filter.estimation.small_matrices import (
+    matrix_product,
     solve_few,
     solve_from_right,
     symmetric_part,
     upper_cholesky,
     weighted_mean,
     weighted_product,
+    weighted_square,
 )
 from edl_filter.imu_model.sensor_errors import SENSOR_STATES
 from edl_filter.navigation import strapdown
@@ -246,6 +248,21 @@ def _propagated_states(
 
 
 @COMPILED
+def _cross_covariance(points, rows, weight):
+    """Covariance ``(n, n)`` of the sigma points with `rows`; they are symmetric, and half of their numbers are zero."""
+    n = points.shape[1]
+    out, difference = np.zeros((n, n)), np.empty(n)
+    for s in range(1, n + 1):
+        for j in range(n):
+            difference[j] = weight * (rows[s, j] - rows[s + n, j])
+        for i in range(s - 1, n):
+            factor = points[s, i]
+            for j in range(n):
+                out[i, j] += factor * difference[j]
+    return out
+
+
+@COMPILED
 def _predict(
     nav, errors, covariance, places, scale, weights, interval, force, rate, force_noise, rate_noise, shared_rate_noise,
     coning_corrected, force_fill, rate_fill, onboard_rate, mu, j2, radius,
@@ -264,8 +281,8 @@ def _predict(
         rows[s] = error_between(states[:, s], full[:, s], centre_nav, centre_errors, onboard)
     mean = weighted_mean(rows, weights[0], weights[2])
     rows -= mean
-    cross = weighted_product(points, rows, weights[1], weights[2])
-    out = weighted_product(rows, rows, weights[1], weights[2])
+    cross = _cross_covariance(points, rows, weights[2])
+    out = weighted_square(rows, weights[1], weights[2])
     unshared_noise = np.sqrt(rate_noise**2 - shared_rate_noise**2) if onboard >= 0 else np.zeros(interval.size)
     noise, unshared = noise_of_samples(
         interval, middle, force, force_noise, rate_noise, unshared_noise, force_fill, rate_fill
@@ -326,7 +343,6 @@ def _smooth(nav, errors, covariance, predicted_nav, predicted_errors, predicted_
     nav, errors, covariance = nav.copy(), errors.copy(), covariance.copy()
     gains = np.empty_like(cross_covariance)
     n = errors.shape[1]
-    half = np.empty((n, n))
     for k in range(len(nav) - 2, -1, -1):
         factor, valid = upper_cholesky(predicted_covariance[k], 1.0)
         if not valid:
@@ -336,17 +352,9 @@ def _smooth(nav, errors, covariance, predicted_nav, predicted_errors, predicted_
         change = error_between(nav[k + 1], errors[k + 1], predicted_nav[k], predicted_errors[k], onboard)
         difference = covariance[k + 1] - predicted_covariance[k]
         error = np.zeros(n)
-        half[:] = 0.0
         for i in range(n):
             for j in range(n):
                 error[i] += gain[i, j] * change[j]
-                for c in range(n):
-                    half[i, c] += gain[i, j] * difference[j, c]
-        transposed = gain.T.copy()
-        for i in range(n):
-            for c in range(n):
-                for j in range(n):
-                    covariance[k, i, j] += half[i, c] * transposed[c, j]
-        covariance[k] = symmetric_part(covariance[k])
+        covariance[k] = symmetric_part(covariance[k] + matrix_product(matrix_product(gain, difference), gain.T.copy()))
         nav[k], errors[k] = moved_state(nav[k], errors[k], error, onboard)
     return nav, errors, covariance, gains, True

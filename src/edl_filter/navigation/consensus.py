@@ -29,6 +29,7 @@ import numpy as np
 from scipy.linalg import block_diag
 from scipy.special import chdtri
 
+from edl_filter.estimation.small_matrices import solve_from_right, upper_cholesky
 from edl_filter.navigation.constraints import Constraint
 from edl_filter.navigation.ekf import linearized_measurement
 from edl_filter.navigation.estimator import ErrorStateFilter
@@ -128,7 +129,7 @@ def predict_jointly(estimator: ErrorStateFilter, samples: Samples, readings: Seq
         if stop > done:
             before = estimator.covariance.copy()
             transition = estimator.predict(samples.part(done, stop))
-            matrix = np.linalg.solve(before, transition.cross_covariance).T
+            matrix = _transition_matrix(before, transition.cross_covariance)
             crossed, change, done = crossed @ matrix.T, matrix @ change, stop
         _, jacobian = linearized_measurement(reading, estimator.state, estimator.layout)
         with_state = jacobian @ estimator.covariance
@@ -139,6 +140,14 @@ def predict_jointly(estimator: ErrorStateFilter, samples: Samples, readings: Seq
         sensitivities.append(jacobian @ change)
     noise = block_diag(*(reading.noise for reading in readings))
     return JointPrediction(np.array(residuals), covariance + noise, noise, np.concatenate(sensitivities))
+
+
+def _transition_matrix(covariance: Array, cross_covariance: Array) -> Array:
+    """Regression ``(n, n)`` of the error after a step on that before it."""
+    factor, valid = upper_cholesky(covariance, 1.0)
+    if valid:
+        return np.asarray(solve_from_right(np.ascontiguousarray(cross_covariance.T), factor), np.float64)
+    return np.asarray(np.linalg.solve(covariance, cross_covariance), np.float64).T
 
 
 def find_consensus(prediction: JointPrediction, gate: float) -> Consensus:

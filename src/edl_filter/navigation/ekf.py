@@ -12,11 +12,12 @@ import numpy as np
 
 from edl_filter import rotations
 from edl_filter.imu_model.sensor_errors import SENSOR_STATES
+from edl_filter.navigation.compiled_states import states_of_points
 from edl_filter.navigation.constraints import Constraint
 from edl_filter.navigation.error_dynamics import propagate_linearized
 from edl_filter.navigation.estimator import Innovation, Transition
 from edl_filter.navigation.increments import Samples
-from edl_filter.navigation.layout import ONBOARD, Layout, State, sensor_maps, sigma_states
+from edl_filter.navigation.layout import ONBOARD, Layout, State, sensor_maps
 from edl_filter.navigation.noise import process_noise
 from edl_filter.navigation.propagation import onboard_jacobians
 from edl_filter.planet import Planet
@@ -177,7 +178,9 @@ def linearized_measurement(constraint: Constraint, state: State, layout: Layout)
     n = layout.size
     steps = np.concatenate([np.full(s.stop - s.start, DIFFERENCE_STEPS[name]) for name, s in layout.slices.items()])
     offsets = np.concatenate((np.diag(steps), -np.diag(steps), np.zeros((1, n))))
-    values = constraint.predict(*sigma_states(state, offsets, 2 * n + 1), layout)
+    onboard = layout[ONBOARD].start if ONBOARD in layout else -1
+    nav, errors = states_of_points(state.nav, state.errors, offsets, 2 * n + 1, onboard)
+    values = constraint.predict(nav, errors, layout)
     return values[-1], ((values[:n] - values[n : 2 * n]) / (2.0 * steps[:, None])).T
 
 
