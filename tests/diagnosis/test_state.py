@@ -47,7 +47,7 @@ def test_the_first_sentence_says_how_much_fails_and_a_later_one_what_the_leader_
 
 def test_an_undecided_leader_is_named():
     sentences = state_sentences(CELLS, verdict("undecided", "Undecided: …", [ENTRY]), ERRORS, None)
-    assert sentences[2].startswith("With com_offset, the first of the names, 1 of 4 cells still fail;")
+    assert sentences[2].startswith("With com_offset, the most probable effect, 1 of 4 cells still fail;")
 
 
 def test_a_leader_that_leaves_nothing_is_said_to(monkeypatch):
