@@ -57,6 +57,14 @@ def test_a_leader_that_leaves_nothing_is_said_to(monkeypatch):
     )
 
 
+def test_a_leader_that_mends_nothing_is_said_to(monkeypatch):
+    monkeypatch.setattr(state, "hypothesis_rms", lambda h: {"moment_y": 8.999, "force_x": 1.0})
+    sentence = state_sentences(CELLS, verdict("unknown", "Something is missing.", [ENTRY]), ERRORS, None)[2]
+    assert sentence == (
+        "With com_offset, the most probable effect, 1 of 4 cells still fail, and the error of no channel falls."
+    )
+
+
 def test_a_proxy_is_said_last():
     sentences = state_sentences(CELLS, verdict("unknown", "Something is missing."), ERRORS, "Phoenix stands in for MER")
     assert len(sentences) == 3 and sentences[-1].startswith(
