@@ -47,13 +47,21 @@ def test_the_first_sentence_says_how_much_fails_and_a_later_one_what_the_leader_
 
 def test_an_undecided_leader_is_named():
     sentences = state_sentences(CELLS, verdict("undecided", "Undecided: …", [ENTRY]), ERRORS, None)
-    assert sentences[2].startswith("With com_offset, the first of the names, 1 of 4 cells still fail;")
+    assert sentences[2].startswith("With com_offset, the most probable effect, 1 of 4 cells still fail;")
 
 
 def test_a_leader_that_leaves_nothing_is_said_to(monkeypatch):
     monkeypatch.setattr(state, "improvement_with", lambda h: Improvement(4, 0))
     assert state_sentences(CELLS, verdict("missing", "Missing.", [ENTRY]), ERRORS, None)[2].startswith(
         "With it no cell"
+    )
+
+
+def test_a_leader_that_mends_nothing_is_said_to(monkeypatch):
+    monkeypatch.setattr(state, "hypothesis_rms", lambda h: {"moment_y": 8.999, "force_x": 1.0})
+    sentence = state_sentences(CELLS, verdict("unknown", "Something is missing.", [ENTRY]), ERRORS, None)[2]
+    assert sentence == (
+        "With com_offset, the most probable effect, 1 of 4 cells still fail, and the error of no channel falls."
     )
 
 

@@ -26,8 +26,8 @@ def test_a_calibration_has_units_and_sigmas(tmp_path):
     (rows,) = tables(tmp_path, imu_calibration={"rover": CALIBRATION}).values()
     texts = {row[0]: row[1:] for row in rows}
     assert all(len(row) == len(HEADS) for row in rows)
-    assert texts["place from the driving IMU, m"][0] == "0.57480 ± 0.00050"
-    assert texts["place from the driving IMU, m"][3] == "0.5753, -0.2705, 0.0000 ± 0.01"
+    assert texts["position relative to the driving IMU, m"][0] == "0.57480 ± 0.00050"
+    assert texts["position relative to the driving IMU, m"][3] == "0.5753, -0.2705, 0.0000 ± 0.01"
     assert texts["rotation of gyros, deg"][3] == "0"
     assert texts["bias of gyros, deg/h"][0] == "2.00 ± 0.20"
     assert texts["delay of readings, ms"][0] == "0.0180 ± 0.0090"

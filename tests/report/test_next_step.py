@@ -33,7 +33,7 @@ def test_a_shipped_mission_an_imu_and_a_file_of_effects_are_in_the_commands():
 
 def test_the_first_of_several_names_is_tried():
     undecided = step(verdict="undecided")
-    assert "the first of the names" in undecided.sentence and undecided.commands == step().commands
+    assert "the most probable effect" in undecided.sentence and undecided.commands == step().commands
 
 
 def test_what_no_name_explains_is_written_as_an_effect():

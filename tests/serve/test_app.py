@@ -76,8 +76,15 @@ def test_warnings_about_trust_come_first(client, root):
     doubted = {"trustworthy": False, "headline": "Do not trust this result: it is a test.", "notes": ["A note."]}
     causes = [cause, cause | {"sentence": "a sign"}, cause | {"sentence": "no cause", "consistent": False}]
     path.write_text(json.dumps(json.loads(path.read_text()) | doubted | {"causes": causes}))
+    overview = client.get("/api/overview", params={"path": "results/flight"}).json()
+    warnings = overview["warnings"]
+    assert overview["notes"] == ["A note."]
+    assert warnings == [doubted["headline"], "Also consistent with the data: a sign."]
+    content = json.loads(path.read_text()) | {"trustworthy": True, "headline": None, "causes": []}
+    content["constraints"]["parachute"] |= {"uses": 1, "accepted_uses": 0}
+    path.write_text(json.dumps(content))
     warnings = client.get("/api/overview", params={"path": "results/flight"}).json()["warnings"]
-    assert warnings == [doubted["headline"], "Also consistent with the data: a sign.", "A note."]
+    assert warnings == ["Parachute: 1 of 1 uses contradict all other data and were left out."]
     path.unlink()
     (missing,) = client.get("/api/overview", params={"path": "results/flight"}).json()["warnings"]
     assert "found no summary" in missing

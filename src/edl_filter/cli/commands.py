@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gc
+import os
 from collections.abc import Callable
 from typing import Annotated
 
@@ -10,6 +11,7 @@ import typer
 
 from edl_filter._version import __version__
 from edl_filter.cli._base import Commands, announce_code
+from edl_filter.cli.bash_words import complete_whole_words
 from edl_filter.cli.campaign import campaign
 from edl_filter.cli.diagnosis import add, compare, diagnose, effects, identifiability, improve, serve
 from edl_filter.cli.flight_data import convert, export, fetch, simulate
@@ -33,6 +35,9 @@ def main() -> None:
     # a tenth of a short run is spent on garbage collection of objects that imports create and that are never freed
     gc.set_threshold(100_000)
     announce_code()
+    if os.environ.get("_EDL_FILTER_COMPLETE") == "complete_bash":
+        complete_whole_words(lambda: app(prog_name="edl-filter"))
+        return
     app(prog_name="edl-filter")
 
 

@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from edl_filter.cli._base import progress
-from edl_filter.cli.options import FlightFileOption, ForceOption, ResultArgument
+from edl_filter.cli.options import FlightFileOption, ForceOption, ResultArgument, scenario_names
 from edl_filter.errors import InputError
 
 
@@ -33,7 +33,7 @@ def convert(
 
 
 def simulate(
-    scenario: Annotated[str, typer.Argument(help="Scenario file, or builtin:NAME.")],
+    scenario: Annotated[str, typer.Argument(help="Scenario file, or builtin:NAME.", autocompletion=scenario_names)],
     output: FlightFileOption,
     seed: Annotated[int | None, typer.Option("--seed", min=0, help="Seed of the random numbers.")] = None,
     changes: Annotated[
@@ -54,7 +54,7 @@ def simulate(
 
 def export(
     result: ResultArgument,
-    to: Annotated[str, typer.Option("--to", help="csv, spk or ck.")],
+    to: Annotated[str, typer.Option("--to", help="csv, spk or ck.", autocompletion=lambda: ["csv", "spk", "ck"])],
     output: Annotated[
         Path | None, typer.Option("-o", "--output", help="File to write; in the result's folder if not stated.")
     ] = None,
@@ -71,7 +71,10 @@ def export(
 
 
 def fetch(
-    dataset: Annotated[str, typer.Argument(help="mer-imu: telemetry of Spirit and Opportunity.")],
+    dataset: Annotated[
+        str,
+        typer.Argument(help="mer-imu: telemetry of Spirit and Opportunity.", autocompletion=lambda: ["mer-imu"]),
+    ],
     base_url: Annotated[str | None, typer.Option("--base-url", help="URL of another copy of the volume.")] = None,
     to: Annotated[Path | None, typer.Option("--to", help="Folder for the downloads, instead of the cache.")] = None,
     compact: Annotated[

@@ -15,6 +15,13 @@ def mission_names(incomplete: str) -> list[str]:
     return [] if not incomplete else [n for n in map(BUILTIN.__add__, shipped_names()) if n.startswith(incomplete)]
 
 
+def scenario_names(incomplete: str) -> list[str]:
+    """Names of shipped scenarios that begin with `incomplete`, for the shell; without one it completes files."""
+    from edl_filter.mission.shipped import BUILTIN, shipped_scenarios
+
+    return [] if not incomplete else [n for n in map(BUILTIN.__add__, shipped_scenarios()) if n.startswith(incomplete)]
+
+
 def effect_names(incomplete: str) -> list[str]:
     """Names of effects of the catalogue that begin with `incomplete`, for the shell."""
     from edl_filter.effects.registry import known_effects

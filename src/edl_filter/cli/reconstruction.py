@@ -92,11 +92,18 @@ def new(
 
 def missions(as_json: JsonOption = False) -> None:
     """List the missions, practice flights and scenarios that the package ships."""
-    from edl_filter.mission.shipped import BUILTIN, SHIPPED_FLIGHTS, flight_command, shipped_mission, shipped_names
+    from edl_filter.mission.shipped import (
+        BUILTIN,
+        SHIPPED_FLIGHTS,
+        flight_command,
+        shipped_mission,
+        shipped_names,
+        shipped_scenarios,
+    )
     from edl_filter.mission.yaml_text import parse, read_text
 
     titles = {name: parse(read_text(shipped_mission(name)), name).get("title") for name in shipped_names()}
-    scenarios = sorted(path.stem for path in shipped_mission(next(iter(titles))).parent.glob("scenarios/*.yaml"))
+    scenarios = shipped_scenarios()
     if as_json:
         flights = {
             BUILTIN + name: {"mission": BUILTIN + mission, "title": title, "command": flight_command(name)}
@@ -105,12 +112,15 @@ def missions(as_json: JsonOption = False) -> None:
         listed = {BUILTIN + name: {"title": title} for name, title in titles.items()}
         print_json({"missions": listed, "flights": flights, "scenarios": [BUILTIN + name for name in scenarios]})
         return
-    typer.echo("Missions (edl-filter run builtin:NAME, edl-filter new --from builtin:NAME mine.yaml):")
+    typer.echo("Missions (edl-filter run builtin:NAME, or new --from builtin:NAME mine.yaml):")
     for name, title in titles.items():
         typer.echo(f"  {BUILTIN + name:<26} {title}")
-    typer.echo("Flights (edl-filter run builtin:MISSION --set telemetry.path=builtin:NAME):")
-    for name, (mission, title) in SHIPPED_FLIGHTS.items():
-        typer.echo(f"  {BUILTIN + name:<26} {title}, mission {mission}")
+    typer.echo("Flights (edl-filter run builtin:MISSION --set telemetry.path=builtin:NAME), by mission:")
+    for mission in dict.fromkeys(mission for mission, _ in SHIPPED_FLIGHTS.values()):
+        typer.echo(f"  for {BUILTIN + mission}")
+        for name, (of_mission, title) in SHIPPED_FLIGHTS.items():
+            if of_mission == mission:
+                typer.echo(f"    {BUILTIN + name:<24} {title}")
     typer.echo("Scenarios (edl-filter simulate builtin:NAME -o flight.h5):")
     for name in scenarios:
         typer.echo(f"  {BUILTIN + name}")

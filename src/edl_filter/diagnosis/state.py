@@ -89,7 +89,9 @@ def _leader_sentence(entry: Entry, errors: Mapping[str, float], named: bool) -> 
     remaining = "no cell fails"
     if improvement.failing:
         remaining = f"{improvement.failing} of {improvement.cells} cells still fail"
-    subject = "With it" if named else f"With {h.label}, the first of the names,"
+    subject = "With it" if named else f"With {h.label}, the most probable effect,"
+    if f"{errors[channel]:.3g}" == f"{after[channel]:.3g}":
+        return f"{subject} {remaining}, and the error of no channel falls."
     return (
         f"{subject} {remaining}; over the flight {_in_words(channel)} falls from {errors[channel]:.3g} to "
         f"{after[channel]:.3g} sigmas."

@@ -66,7 +66,7 @@ def new_mission(target: Path, source: str | None = None, overrides: Sequence[str
             text = remove_section(text, key, source)
     origin = source if source.startswith(BUILTIN) else Path(source).name
     head = (
-        f"# Begun with {origin}; values and comments are its own. Every key with its unit and range stands in\n"
+        f"# Begun with {origin}; values and comments are its own. Every key with its unit and range is in\n"
         "# docs/reference/mission.md; a key that is absent has its default.\n"
     )
     checked = Mission.from_text(head + text, str(target), mission.source)

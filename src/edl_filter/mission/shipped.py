@@ -40,6 +40,11 @@ def shipped_names() -> list[str]:
     return sorted({path.stem for folder in _mission_folders() for path in folder.glob("*.yaml")})
 
 
+def shipped_scenarios() -> list[str]:
+    """Names of the scenarios that the package ships."""
+    return sorted({path.stem for folder in _mission_folders() for path in folder.glob("scenarios/*.yaml")})
+
+
 def flight_command(name: str) -> str:
     """The command that runs a shipped flight."""
     return f"edl-filter run {BUILTIN}{SHIPPED_FLIGHTS[name][0]} --set telemetry.path={BUILTIN}{name} -o results/{name}"

@@ -54,7 +54,7 @@ def _calibration_rows(c: ImuCalibration) -> list[tuple[str, ...]]:
         stated += f" ± {c.stated_lever_arm_sigma_m:.2g}"
     aligned = f"0 ± {c.stated_alignment_sigma_deg:.2g}" if c.stated_alignment_sigma_deg else "0"
     return [
-        _row("place from the driving IMU, m", c.lever_arm_m, c.lever_arm_sigma_m, stated),
+        _row("position relative to the driving IMU, m", c.lever_arm_m, c.lever_arm_sigma_m, stated),
         _row("rotation of gyros, deg", c.rate_alignment_deg, c.rate_alignment_sigma_deg, aligned),
         _row("rotation of accelerometers, deg", c.force_alignment_deg, c.force_alignment_sigma_deg, aligned),
         _row("bias of accelerometers, m/s²", c.force_bias_m_s2, c.force_bias_sigma_m_s2, "0"),

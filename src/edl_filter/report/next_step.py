@@ -53,5 +53,5 @@ def next_step(diagnosis: DiagnosisContent, mission: str, folder: Path) -> NextSt
     output = folder.parent / f"{folder.name}+{first.effect}"
     sentence = f"Next: add {first.label} to the model and refit it:"
     if diagnosis.verdict == "undecided":
-        sentence = f"Next: refit {first.label}, the first of the names, and see what it changes:"
+        sentence = f"Next: refit {first.label}, the most probable effect, and compare:"
     return NextStep(sentence, (add, f"edl-filter run {quote(extended)} -o {quote(str(output))}"))

@@ -43,6 +43,8 @@ _MANY_DECADES = 8.0
 _POSITIONAL = (-3, 4)
 #: Pixels below the axes for the time label, for a legend, and above them for labels of events.
 BELOW, LEGEND_HEIGHT, ABOVE = 46, 34, 74
+#: Pixels of one character of a label of an event.
+_CHARACTER = 6.5
 #: Largest number of pieces into which gaps divide a band; with more it is drawn across its gaps.
 _PIECES = 80
 #: Distance of stacked panels as a share of the height.
@@ -79,9 +81,10 @@ def plotly_figure(figure: Figure, height: int, bins: int = BINS) -> dict[str, An
         Number of bins to which each curve is reduced.
     """
     columns = len(figure.widths)
-    events = any(panel.events for panel in figure.panels)
+    events = [event_label(name) for panel in figure.panels for name in panel.events]
+    above = max([ABOVE, *(round(_CHARACTER * len(label)) + 8 for label in events)]) if events else 12
     legend = any(panel.legend is not None for panel in figure.panels) or figure.legend
-    result = layout(height, top=ABOVE if events else 12, legend=legend)
+    result = layout(height, top=above, legend=legend)
     traces: list[Trace] = []
     shapes: list[dict[str, Any]] = []
     annotations: list[dict[str, Any]] = []

@@ -95,8 +95,8 @@ def none_gain_sentence(diagnosis: DiagnosisContent) -> str:
         return ""
     nats = _with_thousands(-(diagnosis.none_gain or 0.0))
     return (
-        "“Nothing is missing” is excluded: the noise would have to be as stated, and the residuals are less likely "
-        f"then than with as much noise as they show, by a log evidence of {nats} nats."
+        "“Nothing is missing” is excluded: at the stated noise the residuals are less probable than at the noise that "
+        f"they show, by a log evidence of {nats} nats."
     )
 
 

@@ -8,8 +8,10 @@ from typing import Any
 import numpy as np
 
 from edl_filter.errors import InputError
+from edl_filter.report.sentences import warnings
 from edl_filter.results.files import REPORT, finite, read_summary
 from edl_filter.results.reader import ResultReader
+from edl_filter.results.schema import Summary
 from edl_filter.serve.safety import inside
 
 #: Greatest number of points of a curve.
@@ -34,9 +36,9 @@ def overview(root: Path, name: str) -> dict[str, Any]:
     Returns
     -------
     dict
-        ``warnings`` (sentences, those about trust first), ``events`` (name → numbers), ``landing``, ``constraints``
-        (name → uses, accepted_uses, nis, dof, accepted), ``trajectory`` (``time`` s, ``altitude`` m, ``speed`` m/s,
-        lists of one length), ``report`` (whether there is one).
+        ``warnings`` (sentences, those about trust first), ``notes`` (sentences about the telemetry), ``events`` (name →
+        numbers), ``landing``, ``constraints`` (name → uses, accepted_uses, nis, dof, accepted), ``trajectory``
+        (``time`` s, ``altitude`` m, ``speed`` m/s, lists of one length), ``report`` (whether there is one).
 
     Raises
     ------
@@ -45,18 +47,20 @@ def overview(root: Path, name: str) -> dict[str, Any]:
     """
     folder = inside(root, name)
     try:
-        summary = read_summary(inside(root, f"{name}/summary.json")).model_dump(mode="json")
+        content = read_summary(inside(root, f"{name}/summary.json"))
     except InputError as error:  # the result itself can be displayed
-        summary = {"headline": None, "events": {}, "constraints": {}}
-        problems = [str(error)]
+        summary: dict[str, Any] = {"events": {}, "constraints": {}}
+        doubts = [str(error)]
     else:
-        problems = []
+        summary = content.model_dump(mode="json")
+        doubts = [*warnings(content), *_further_causes(content), *_sample_warnings(content)]
     constraints = {
         key: {k: c.get(k) for k in ("uses", "accepted_uses", "nis", "dof", "accepted")}
         for key, c in summary["constraints"].items()
     }
     return {
-        "warnings": [*_trust_warnings(summary), *problems, *_sample_warnings(summary)],
+        "warnings": doubts,
+        "notes": [str(note) for note in summary.get("notes") or ()],
         "events": {n: {k: event.get(k) for k in _EVENT_KEYS} for n, event in summary["events"].items()},
         "landing": summary.get("landing"),
         "constraints": constraints,
@@ -65,20 +69,17 @@ def overview(root: Path, name: str) -> dict[str, Any]:
     }
 
 
-def _trust_warnings(summary: dict[str, Any]) -> list[str]:
-    """Why a result is not to be trusted, then the causes that a run with the repaired record confirms."""
-    if summary["headline"] is None:
+def _further_causes(summary: Summary) -> list[str]:
+    """Causes after the first, which the headline names, that a run with the repaired record confirms."""
+    if summary.headline is None:
         return []
-    causes = [c["sentence"] for c in summary.get("causes", ()) if c.get("consistent")]
-    further = [f"Also consistent with the data: {sentence}." for sentence in causes[1:]]
-    return [summary["headline"], *further]
+    causes = [cause.sentence for cause in summary.causes if cause.consistent]
+    return [f"Also consistent with the data: {sentence}." for sentence in causes[1:]]
 
 
-def _sample_warnings(summary: dict[str, Any]) -> list[str]:
-    findings, notes = summary.get("sample_findings") or [], summary.get("notes") or []
-    count = len(findings)
-    lost = [f"{count} finding{'s' * (count != 1)} about samples; the report lists them."] if count else []
-    return [*lost, *map(str, notes)]
+def _sample_warnings(summary: Summary) -> list[str]:
+    count = len(summary.sample_findings)
+    return [f"{count} finding{'s' * (count != 1)} about samples; the report lists them."] if count else []
 
 
 def _trajectory(folder: Path) -> dict[str, list[float | None]] | None:

@@ -248,15 +248,15 @@ def _why_stopped(step: Step, content: dict[str, Any], full: bool) -> str:
 
 
 def _paragraph(k: int, content: dict[str, Any], line: dict[str, Any], stop: str) -> str:
-    from edl_filter.report.text import number, parameters_text
+    from edl_filter.report.text import number, parameters_text, words
 
     cells = content["where"]
     text = f"Step {k}: "
     if cells:
         worst = cells[0]
         text += (
-            f"{len(cells)} of {len(content['map'])} cells fail, worst {worst['channel']} in {worst['regime']} at "
-            f"{number(worst['normalised_rms'])} sigmas. "
+            f"{len(cells)} of {len(content['map'])} cells fail, worst {words(worst['channel'])} in {worst['regime']} "
+            f"at {number(worst['normalised_rms'])} sigmas. "
         )
     else:
         text += "no channel fails in any regime. "
@@ -267,5 +267,5 @@ def _paragraph(k: int, content: dict[str, Any], line: dict[str, Any], stop: str)
     values = parameters_text(line["parameters"]).replace("\n", ", ")
     return (
         f"{text}Added {names} ({values}): gain {number(first['gain'])} nats, {number(first['score_gain'])} held out; "
-        f"{first['channel']} falls from {number(first['error_before'])} to {number(first['error_after'])}."
+        f"{words(first['channel'])} falls from {number(first['error_before'])} to {number(first['error_after'])}."
     )

@@ -111,8 +111,8 @@ def test_the_description_names_what_is_followed_and_what_acts_at_the_same_time()
         "moment_y", (63.0, 164.0, 116.4), 4.9, "N m", 0.6794, {"q": 0.6, "Mach": -0.9}, ("force_z",), SETTINGS
     )
     assert text == (
-        "moment_y from 63 to 164 s: 4.9 N m RMS, 116 times its sigma; it oscillates at 0.679 Hz; "
-        "it follows Mach (correlation -0.90); force_z acts at the same time."
+        "moment y from 63 to 164 s: 4.9 N m RMS, 116 times its sigma; it oscillates at 0.679 Hz; "
+        "it follows Mach (correlation -0.90); force z acts at the same time."
     )
     text = _description("force_x", (1.0, 2.0, 3.0), 4.0, "N", None, {"q": 0.2}, (), SETTINGS)
     assert "Hz" not in text and text.endswith("it follows none of q, angle of attack and Mach number.")

@@ -252,6 +252,21 @@ def test_every_event_has_a_line_and_a_label_in_order_of_time():
     assert {n["name"] for n in notes} == {"event"}  # by which the page's script moves them apart
 
 
+def test_the_upper_margin_has_room_for_the_longest_label():
+    def margin(**events):
+        panel = Panel(Axis("x", "s"), Axis("y"), (), events=events)
+        return plotly_figure(Figure("", ((panel,),), (1.0,)), 300)["layout"]["margin"]["t"]
+
+    short, long = margin(landing=1.0), margin(**{"onset secondary rate x": 1.0})
+    assert margin() < short < long and long > 22 * 6  # characters of 6 pixels at 11 points
+
+
+def test_minus_signs_and_powers_are_those_of_print(tmp_path):
+    folders.complete_run(tmp_path)
+    folders.summary(tmp_path, headline="Contradicted at -3.5 m/s^2.", trustworthy=False)
+    assert "Contradicted at −3.5 m/s²." in section(page(tmp_path), "verdict")
+
+
 def test_labels_of_logarithmic_axes_are_texts_of_one_size():
     def ticks(low, high):
         panel = Panel(Axis("x", "s"), Axis("y", scale="log", range=(low, high)), ())

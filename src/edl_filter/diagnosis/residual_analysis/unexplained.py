@@ -176,7 +176,8 @@ def _description(
     settings: DecisionSettings,
 ) -> str:
     t0, t1, rms = span
-    text = f"{channel} from {t0:.0f} to {t1:.0f} s: {float(f'{size:.3g}'):g} {unit} RMS, {rms:.3g} times its sigma"
+    text = f"{_in_words(channel)} from {t0:.0f} to {t1:.0f} s: {float(f'{size:.3g}'):g} {unit} RMS"
+    text += f", {rms:.3g} times its sigma"
     if frequency is not None:
         text += f"; it oscillates at {frequency:.3f} Hz"
     strong = {n: r for n, r in follows.items() if abs(r) > settings.follows_correlation}
@@ -186,5 +187,11 @@ def _description(
     else:
         text += "; it follows none of q, angle of attack and Mach number"
     if companions:
-        text += f"; {', '.join(companions)} {'acts' if len(companions) == 1 else 'act'} at the same time"
+        text += (
+            f"; {', '.join(map(_in_words, companions))} {'acts' if len(companions) == 1 else 'act'} at the same time"
+        )
     return text + "."
+
+
+def _in_words(channel: str) -> str:
+    return channel.replace("_", " ")

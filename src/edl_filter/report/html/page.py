@@ -18,6 +18,7 @@ from edl_filter.report.description import Figure, Panel
 from edl_filter.report.html.bundle import write_bundle
 from edl_filter.report.next_step import NextStep
 from edl_filter.report.plotly_renderer import BINS, plotly_figure
+from edl_filter.report.text import readable
 from edl_filter.results.files import REPORT, finite
 from edl_filter.results.reader import ResultReader
 
@@ -274,10 +275,12 @@ def _flat(blocks: Iterable[Block]) -> Iterator[Block]:
 def _environment() -> Environment:
     from jinja2 import Environment, PackageLoader, StrictUndefined
 
-    return Environment(
+    environment = Environment(
         loader=PackageLoader("edl_filter.report.html"),
         autoescape=True,
         undefined=StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
     )
+    environment.filters["readable"] = readable
+    return environment

@@ -55,7 +55,7 @@ def residual_map(reader: ResultReader) -> Section:
         blocks += [
             _constraint_map(cells, worst),
             Note(
-                "A constraint's number tells how it agrees with the path that is dead-reckoned from the estimated "
+                "A constraint's number states how it agrees with the path that is dead-reckoned from the estimated "
                 "start; the plot of its cell shows the filter's innovations.",
                 "muted",
             ),

@@ -129,12 +129,16 @@ def print_comparison(comparison: Mapping[str, Any]) -> None:
     doubts = [(k, r["headline"]) for k, r in zip(names, results, strict=True) if r["headline"]]
     echo(*(f"[bold red]{k}: {escape(headline)}[/bold red]" for k, headline in doubts))
     echo(*(f"{k}: {escape(r['path'])}{_verdict(r)}" for k, r in zip(names, results, strict=True)))
-    errors = empty_table("Normalised RMS by channel (1: the model holds)", ("channel",), (*names, "fall"))
+    errors = empty_table(
+        "Normalised RMS of the residuals, by channel (1: the model holds)", ("channel",), (*names, "fall")
+    )
     for channel, fall in comparison["fall_percent"].items():
         values = [r["residuals"].get(channel) for r in results]
         at_noise = all(v is not None and v < _NOISE for v in (values[0], values[-1]))  # the fall is not significant
         errors.add_row(words(channel), *map(number, values), "–" if fall is None or at_noise else f"{fall:.1f} %")
-    nis = empty_table("Constraints: NIS per dof", ("constraint",), tuple(names))
+    nis = empty_table(
+        "Innovations of the filter, by constraint: NIS per degree of freedom", ("constraint",), tuple(names)
+    )
     for name in dict.fromkeys(n for r in results for n in r["nis_per_dof"]):
         nis.add_row(words(name), *(number(r["nis_per_dof"].get(name)) for r in results))
     effects = empty_table("Effects in the model", ("effect",), last=tuple(names))

@@ -74,6 +74,8 @@ class Table:
             used = [k for k, column in enumerate(self.columns) if column.head not in names]
             widths = self._widths(used, broken, options.max_width)
             if widths is not None:
+                if self.title:  # rich would wrap a title at the width of its table
+                    yield Text(self.title, style="italic")
                 yield self._table(used, broken, widths)
                 if names:
                     yield Text(f"  Not shown on so narrow a terminal: {', '.join(names)}.", style="dim")
@@ -106,7 +108,7 @@ class Table:
         return natural
 
     def _table(self, used: Sequence[int], broken: bool, widths: Sequence[int]) -> RichTable:
-        table = RichTable(title=self.title or None, title_justify="left", box=box.SIMPLE_HEAD, padding=(0, 1))
+        table = RichTable(box=box.SIMPLE_HEAD, padding=(0, 1))
         for k, width in zip(used, widths, strict=True):
             column = self.columns[k]
             table.add_column(column.head, justify="right" if column.right else "left", width=width)

@@ -157,7 +157,7 @@ class ImuCalibration(Content):
     start_s: float = key("beginning of the window, s since the epoch")
     end_s: float = key("end of the window, s since the epoch")
     samples: int = key("number of common samples")
-    stated_lever_arm_m: NumberVector = key("its place from the driving IMU by telemetry or mission, m")
+    stated_lever_arm_m: NumberVector = key("its position relative to the driving IMU by telemetry or mission, m")
     lever_arm_m: NumberVector = key("the same, estimated, m")
     lever_arm_sigma_m: NumberVector = key("1 sigma of the lever arm, m")
     rate_alignment_deg: NumberVector = key("rotation of its gyros beyond the stated mounting, deg")

@@ -43,6 +43,10 @@ function reconstructionView(overview) {
     lists.append(make("details", { open: constraints.some(([, c]) => !c.accepted) }, make("summary", {},
       `Constraints: ${constraints.filter(([, c]) => c.accepted).length} of ${constraints.length} accepted`), constraintTable));
   }
+  if (overview.notes.length) {
+    lists.append(make("details", { id: "notes" }, make("summary", {}, `Notes about the telemetry: ${overview.notes.length}`),
+      ...overview.notes.map((note) => make("p", { class: "secondary" }, note))));
+  }
   return section;
 }
 

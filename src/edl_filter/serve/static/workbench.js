@@ -225,8 +225,9 @@ function verdictView(diagnosis) {
   const clean = diagnosis.verdict === "clean";
   const floor = !clean || diagnosis.noise_floor == null ? []
     : [`For a model that holds, the normalised RMS is below ${number(diagnosis.noise_floor)} with 97.5 %.`];
-  const headline = clean ? "Noise floor reached." : diagnosis.sentence;
-  const state = [...diagnosis.state.filter((sentence) => sentence !== headline), ...floor].map((sentence) => make("p", {}, sentence));
+  // as the report and the terminal: how much fails comes first, with the verdict
+  const headline = clean ? "Noise floor reached." : diagnosis.state.slice(0, 2).join(" ") || diagnosis.sentence;
+  const state = [...diagnosis.state.slice(clean ? 0 : 2), ...floor].map((sentence) => make("p", {}, sentence));
   const remainder = diagnosis.remainder ? make("p", {}, `Unexplained remainder: ${plain(diagnosis.remainder.description)}`) : null;
   const failed = Object.values(diagnosis.failed || {}).map((reason) => make("p", { class: "secondary" }, `Excluded: ${reason}`));
   return make("div", { class: `verdict ${diagnosis.verdict}`, id: "verdict", "data-verdict": diagnosis.verdict },
@@ -266,7 +267,7 @@ function ledgerView(result) {
   const ledger = table(columns, rows.map((r) => r.row));
   ledger.id = "ledger";
   return make("section", {}, make("h2", {}, "Decrease of the errors"),
-    make("p", { class: "secondary" }, "Normalised RMS by channel: 1 where the model holds. A change within the noise is not listed; a negative decrease is an increase."),
+    make("p", { class: "secondary" }, "Normalised RMS of the residuals, by channel: 1 where the model holds. A change within the noise is not listed; a negative decrease is an increase."),
     ledger,
     make("p", {}, "Steps: ", ...steps.flatMap((s, k) => [k ? " → " : null,
       s.path === result.path ? make("b", {}, s.path) : make("a", { href: address("result", s.path) }, s.path), " ", badge(s.verdict)])),
@@ -404,8 +405,8 @@ function rankingView(result) {
     choose(diagnosis.ranking[0].label);
     box.querySelector("input").checked = true;
   }
-  const unnamed = [["no missing effect", diagnosis.none, "The present model."],
-    ["effect outside the catalogue", diagnosis.something_else && diagnosis.something_else.probability, "A force and moment of an unknown effect."]];
+  const unnamed = [["nothing is missing", diagnosis.none, "The present model."],
+    ["something else", diagnosis.something_else && diagnosis.something_else.probability, "An unmodelled force and moment, or excess noise, outside the catalogue."]];
   for (const [name, p, description] of unnamed) {
     if (p != null) box.append(make("div", { class: "choice" }, probabilityHeading(make("h3", {}, name), p), make("p", { class: "secondary" }, description)));
   }
