@@ -157,7 +157,7 @@ def test_ones_own_effect_is_named_after_the_verdict_was_unknown(tmp_path):
     )
     assert printed and 0.9 < float(printed[1]) < 1.1
     description = next(o.text for c in codes(notebook) if "remainder.description" in c.source for o in c.outputs)
-    oscillation = re.match(r"moment_y from (\d+) to (\d+) s: .*it oscillates at ([\d.]+) Hz", description)
+    oscillation = re.match(r"moment y from (\d+) to (\d+) s: .*it oscillates at ([\d.]+) Hz", description)
     assert (
         abs(int(oscillation[1]) - 70) < 5
         and abs(int(oscillation[2]) - 170) < 5
