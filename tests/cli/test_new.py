@@ -134,6 +134,12 @@ def test_a_dry_run_refuses_what_a_run_refuses(cli):
     assert_input_error(cli("diagnose", "nothing", "--dry-run"), "nothing: no such result")
 
 
+def test_a_new_mission_names_files_of_its_folder_without_the_folder(cli):
+    Path("flight.h5").touch()
+    assert cli("new", "--from", "builtin:practice_mer", "m.yaml", "--set", "telemetry.path=flight.h5").exit_code == 0
+    assert Mission.load("m.yaml").telemetry.path == "flight.h5"
+
+
 @pytest.mark.parametrize(
     "arguments",
     [

@@ -4,7 +4,7 @@ import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 
-from edl_filter.mission.yaml_edit import append_entry, rebase_paths
+from edl_filter.mission.yaml_edit import append_entry, hide_folders, rebase_paths, shorten_paths
 from edl_filter.mission.yaml_text import parse
 
 
@@ -40,3 +40,11 @@ def test_only_relative_paths_are_rebased(tmp_path):
     assert rebase_paths(text, keys, tmp_path, tmp_path, "m") == text
     rebased = rebase_paths(text, keys, tmp_path, tmp_path / "sub", "m")
     assert rebased == text.replace("rel/x.csv", '"../rel/x.csv"').replace("my.py", '"../my.py"')
+
+
+def test_absolute_paths_below_a_folder_are_shortened(tmp_path):
+    text = f"a: {tmp_path}/sub/x.csv # table\nb: /elsewhere/y.csv\nc: rel.csv\nd: builtin:x\n"
+    keys = ("a", "b", "c", "d")
+    assert shorten_paths(text, keys, tmp_path, "m") == text.replace(f"{tmp_path}/sub/x.csv", '"sub/x.csv"')
+    hidden = hide_folders(text, keys, "m")
+    assert hidden == text.replace(f"{tmp_path}/sub/x.csv", '"x.csv"').replace("/elsewhere/y.csv", '"y.csv"')

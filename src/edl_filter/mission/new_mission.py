@@ -9,10 +9,10 @@ from pathlib import Path
 
 from edl_filter.errors import InputError
 from edl_filter.io.atomic import replace_with
-from edl_filter.mission.files import write_mission
-from edl_filter.mission.mission import Mission
+from edl_filter.mission.files import source_folder
+from edl_filter.mission.mission import PATH_KEYS, Mission
 from edl_filter.mission.shipped import BUILTIN
-from edl_filter.mission.yaml_edit import remove_section
+from edl_filter.mission.yaml_edit import rebase_paths, remove_section, shorten_paths
 from edl_filter.mission.yaml_text import set_key
 
 #: Sections that are left out where all their values are the defaults, so that a new file has only what it needs.
@@ -70,7 +70,9 @@ def new_mission(target: Path, source: str | None = None, overrides: Sequence[str
         "# docs/reference/mission.md; a key that is absent has its default.\n"
     )
     checked = Mission.from_text(head + text, str(target), mission.source)
-    return write_mission(mission, checked.text, target)
+    text = rebase_paths(checked.text, PATH_KEYS, source_folder(mission), target.parent, str(target))
+    text = shorten_paths(text, PATH_KEYS, target.parent, str(target))  # --set has made relative paths absolute
+    return replace_with(target, lambda path: path.write_text(text, encoding="utf-8"))
 
 
 def template_text() -> str:

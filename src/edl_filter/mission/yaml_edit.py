@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -91,14 +91,37 @@ def rebase_paths(text: str, keys: tuple[str, ...], old: Path, new: Path, label: 
     """
     if old.resolve() == new.resolve():
         return text
+
+    def rebased(path: Path) -> str | None:
+        return None if path.is_absolute() else os.path.relpath((old / path).resolve(), new.resolve())
+
+    return _with_paths(text, keys, rebased, label)
+
+
+def shorten_paths(text: str, keys: tuple[str, ...], folder: Path, label: str) -> str:
+    """Return `text` with absolute paths of files below `folder` changed to start from it; arguments as above."""
+
+    def shortened(path: Path) -> str | None:
+        below = path.is_absolute() and path.resolve().is_relative_to(folder.resolve())
+        return str(path.resolve().relative_to(folder.resolve())) if below else None
+
+    return _with_paths(text, keys, shortened, label)
+
+
+def hide_folders(text: str, keys: tuple[str, ...], label: str) -> str:
+    """Return `text` with absolute paths changed to the names of their files, to be shown to others; as above."""
+    return _with_paths(text, keys, lambda path: path.name if path.is_absolute() else None, label)
+
+
+def _with_paths(text: str, keys: tuple[str, ...], change: Callable[[Path], str | None], label: str) -> str:
+    """Change the paths at `keys`, except ``builtin:`` and ``~``, to what `change` returns for them; None: unchanged."""
     root = compose(text, label)
     nodes = [n for key in keys for n in _scalars_at(root, key.split(".")) if n.tag == "tag:yaml.org,2002:str"]
     for node in sorted(nodes, key=lambda n: n.start_mark.index, reverse=True):
-        path = Path(node.value)
-        if node.value.startswith((BUILTIN, "~")) or path.is_absolute():
-            continue
-        rebased = json.dumps(os.path.relpath((old / path).resolve(), new.resolve()), ensure_ascii=False)
-        text = text[: node.start_mark.index] + rebased + text[node.end_mark.index :]
+        changed = None if node.value.startswith((BUILTIN, "~")) else change(Path(node.value))
+        if changed is not None:
+            quoted = json.dumps(changed, ensure_ascii=False)
+            text = text[: node.start_mark.index] + quoted + text[node.end_mark.index :]
     return text
 
 

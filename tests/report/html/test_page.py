@@ -267,6 +267,14 @@ def test_minus_signs_and_powers_are_those_of_print(tmp_path):
     assert "Contradicted at −3.5 m/s²." in section(page(tmp_path), "verdict")
 
 
+def test_the_mission_as_it_was_run_names_no_folder_of_the_machine(tmp_path):
+    folders.complete_run(tmp_path)
+    with h5py.File(tmp_path / "result.nc", "a") as file:
+        file.attrs["mission_yaml"] = "name: toy\ntelemetry:\n  path: /home/me/flights/flight.h5  # mine\n"
+    shown = section(page(tmp_path), "provenance")
+    assert "flight.h5" in shown and "/home/me" not in shown
+
+
 def test_labels_of_logarithmic_axes_are_texts_of_one_size():
     def ticks(low, high):
         panel = Panel(Axis("x", "s"), Axis("y", scale="log", range=(low, high)), ())

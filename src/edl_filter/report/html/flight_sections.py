@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
+from edl_filter.mission.mission import PATH_KEYS
+from edl_filter.mission.yaml_edit import hide_folders
 from edl_filter.report.atmosphere import LARGEST_SIGMA, profile_panels
 from edl_filter.report.attitude import total_angle_of_attack
 from edl_filter.report.coefficients import MEANINGS, against_database
@@ -240,5 +242,6 @@ def provenance(reader: ResultReader) -> Section:
         blocks.append(Note("Missing and bad samples, and what was done about them:"))
         blocks += [Note(sentence) for sentence in finding_sentences(summary.sample_findings)]
     if text := reader.attribute("", "mission_yaml"):
-        blocks.append(Details("The mission as it was run", [Command(str(text).rstrip())]))
+        shown = hide_folders(str(text), PATH_KEYS, "mission_yaml")
+        blocks.append(Details("The mission as it was run", [Command(shown.rstrip())]))
     return Section("provenance", "Provenance", blocks)
