@@ -39,7 +39,7 @@ _INDEPENDENT = 100.0
 _EIGEN_SPACING = 1.0 / 24.0
 #: Spacing of the points of a low-rank factor along x and over the angle, in correlation lengths, and the eigenvalue
 #: over the greatest one below which a mode of the kernel between those points is left out.
-_POINT_SPACING, _NEGLIGIBLE_EIGENVALUE = 0.25, 1e-9
+_POINT_SPACING, _NEGLIGIBLE_EIGENVALUE = 0.25, 1e-3
 
 
 @dataclass(frozen=True)
@@ -146,13 +146,14 @@ class DiscrepancyPrior:
 
     def axial_errors(
         self, mach: Array, knudsen: Array, angle: Array, continuum_limit: float, separate_regimes: bool
-    ) -> Array:
-        """Independent errors of unit variance whose sum is the error of CA along a trajectory.
+    ) -> tuple[Array, Array]:
+        """Factors of the independent errors whose sum is the error of CA along a trajectory.
 
-        With standard normal ξ, ``δCA/σ = Σ_k ξ_k factor_k`` has the correlation of the field between any two points, by
-        the Nyström approximation from points at a quarter of a correlation length (Rasmussen and Williams 2006,
-        section 8.1). Each point keeps the field's variance. The field runs along log Mach number in continuum flow and
-        along log Knudsen number above the limit; the two axes join at the greatest Mach number of the continuum.
+        With standard normal ξ, ``δCA/σ = Σ_jk ξ_jk along_j over_k`` has the correlation of the field between any two
+        points, by the Nyström approximation from points at a quarter of a correlation length (Rasmussen and Williams
+        2006, section 8.1). Each point keeps the field's variance. The field runs along log Mach number in continuum
+        flow and along log Knudsen number above the limit; the two axes join at the greatest Mach number of the
+        continuum.
 
         Parameters
         ----------
@@ -167,8 +168,10 @@ class DiscrepancyPrior:
 
         Returns
         -------
-        (K, N) array
-            Factor of each error, in units of the database's one sigma; the sum of squares over K is 1.
+        along : (J, N) array
+            Factors along the Mach or Knudsen number; the sum of their squares is 1.
+        over : (K, N) array
+            Factors over the angle, likewise.
         """
         rarefied = knudsen > continuum_limit
         fastest = np.max(mach, where=~rarefied, initial=0.0)
@@ -179,21 +182,23 @@ class DiscrepancyPrior:
             np.log(mach / (fastest or 1.0)) / self.log_mach_length,
         )
         along = _low_rank(x, lambda d: matern32_correlation(d)[..., 0])
-        over = _low_rank(angle / self.angle_length, lambda d: np.asarray(np.exp(-0.5 * d * d), float))
-        factor = (along[:, None] * over).reshape(-1, len(x))
-        return np.asarray(factor / np.sqrt(np.sum(factor**2, axis=0)), float)
+        return along, _low_rank(angle / self.angle_length, lambda d: np.asarray(np.exp(-0.5 * d * d), float))
 
     def _symmetric(self, angle: Array) -> Array:
         return np.tanh(angle / self.vanishing_angle)
 
 
 def _low_rank(x: Array, correlation: Callable[[Array], Array]) -> Array:
-    """Factor ``(K, N)`` of the correlation between points ``(N,)``, in correlation lengths, from a grid of points."""
+    """Factor ``(K, N)`` of the correlation between points ``(N,)``, in correlation lengths, from a grid of points.
+
+    Its columns have unit length.
+    """
     cells = np.unique(np.floor(x / _POINT_SPACING))
     grid = _POINT_SPACING * np.unique(np.concatenate((cells, cells + 1.0)))
     size, vectors = np.linalg.eigh(correlation(np.subtract.outer(grid, grid)))
     used = size > _NEGLIGIBLE_EIGENVALUE * size[-1]
-    return np.asarray((correlation(np.subtract.outer(x, grid)) @ (vectors[:, used] / np.sqrt(size[used]))).T, float)
+    factor = (correlation(np.subtract.outer(x, grid)) @ (vectors[:, used] / np.sqrt(size[used]))).T
+    return np.asarray(factor / np.sqrt(np.sum(factor**2, axis=0)), float)
 
 
 def _linear_between(grid: Array, values: Array, angles: Array) -> Array:

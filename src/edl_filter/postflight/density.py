@@ -193,19 +193,17 @@ def extract_atmosphere(
     at_speed = database.lookup(mach * (1.0 + _STEP), knudsen, alpha_total[part], v * (1.0 + _STEP))
     by_speed = (at_speed.ca / entry.ca - 1.0) / _STEP  # an error of the speed is one of the Mach number too
     ca_relative = entry.three_sigma.ca / 3.0 / entry.ca
-    field = discrepancy.axial_errors(
+    field, over_angle = discrepancy.axial_errors(
         mach, knudsen, alpha_total[part], database.continuum_limit, database.join == "switch"
     )
     relative = {
         "noise": axial.noise[part] / force,
         "bias": along(axial.bias_sigma) / force,
-        **{f"ca_{k}": ca_relative * factor for k, factor in enumerate(field)},
         "mass": axial.mass_sigma / mass,
         "speed": -(2.0 + by_speed) * along(speed_sigma) / v,
         "wind": -(2.0 + by_speed) * along(wind_sigma) / v,
         "angle": (entry.ca - at_angle.ca) / _STEP * along(angle_sigma) / entry.ca,
     }
-    shared = [name for name in relative if name != "noise"]
     step = _running_integral(level, density, total=False)
     raw = axial.noise_raw[part] / force
     fitted = np.zeros(len(v))
@@ -217,13 +215,20 @@ def extract_atmosphere(
     # infinite where the pressure begins at zero: no relative error is defined there
     safe_pressure = np.where(pressure > 0.0, pressure, np.inf)
     p_common, t_common = np.zeros(len(v)), (p_noise / safe_pressure) ** 2 + relative["noise"] ** 2
-    for name in shared:
-        error = fitted @ relative[name] + _running_integral(level, density * relative[name])
-        p_common += error**2
-        if name == "angle":  # fixed in space, it oscillates in alpha_total as the body rolls: nothing cancels
-            t_common += (error / safe_pressure) ** 2 + relative[name] ** 2
-        else:
-            t_common += (error / safe_pressure - relative[name]) ** 2
+
+    def of_pressure(errors: Array) -> Array:
+        """Errors ``(K, N)`` of the pressure, Pa, by relative errors of the density."""
+        return np.asarray((errors @ fitted)[:, None] + _running_integral(level, density * errors), float)
+
+    # that of the angle is fixed in space and oscillates in alpha_total as the body rolls: nothing cancels
+    by_angle = of_pressure(relative["angle"][None])[0]
+    p_common += by_angle**2
+    t_common += (by_angle / safe_pressure) ** 2 + relative["angle"] ** 2
+    others = np.stack([relative[name] for name in relative if name not in ("noise", "angle")])
+    for errors in (others, *(ca_relative * factor * over_angle for factor in field)):
+        by_errors = of_pressure(errors)
+        p_common += np.sum(by_errors**2, axis=0)
+        t_common += np.sum((by_errors / safe_pressure - errors) ** 2, axis=0)
     by_descent = _running_integral(-time[part], density * gravity[part] * along(sink_sigma))
     p_common += by_descent**2
     t_common += (by_descent / safe_pressure) ** 2
@@ -231,7 +236,7 @@ def extract_atmosphere(
         by_top = top * gas.constant * top_temperature_sigma
         p_common += by_top**2
         t_common += (by_top / safe_pressure) ** 2
-    common = np.sqrt(sum(relative[k] ** 2 for k in shared))
+    common = np.sqrt(ca_relative**2 + sum(relative[name] ** 2 for name in relative if name != "noise"))
     force_scale = np.stack((relative["noise"], np.hypot(relative["bias"], ca_relative)), axis=1)
     moment_scale = force_scale.copy()
     moment_scale[:, 1] = np.hypot(moment_scale[:, 1], relative["mass"])
@@ -304,14 +309,14 @@ def top_weights(level: Array, density: Array) -> Array:
 
 
 def _running_integral(level: Array, weight: Array, total: bool = True) -> Array:
-    """Integral of `weight` over falling `level` from the first sample, ``(N,)``; without `total` that of each step."""
-    a, b = weight[:-1], weight[1:]
+    """Integral of `weight` ``(..., N)`` over falling `level` ``(N,)`` from the first sample; or that of each step."""
+    a, b = weight[..., :-1], weight[..., 1:]
     ratio = np.divide(b, a, out=np.ones_like(a), where=(a != 0.0) & (a * b > 0.0))
     curved = np.abs(ratio - 1.0) > 1e-4
     log = np.log(ratio, out=np.ones_like(a), where=curved)
     mean = np.where(curved & (a * b > 0.0), (b - a) / log, 0.5 * (a + b))
-    steps = np.concatenate(([0.0], -np.diff(level) * mean))
-    return np.cumsum(steps) if total else steps
+    steps = np.concatenate((np.zeros_like(weight[..., :1]), -np.diff(level) * mean), axis=-1)
+    return np.cumsum(steps, axis=-1) if total else steps
 
 
 def _mean_across_step(ca: Array, three_sigma: Array) -> Array:
