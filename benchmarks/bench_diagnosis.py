@@ -95,8 +95,8 @@ def compare(label: str, name: str, changes: list[str]) -> list[Row]:
             f"diagnosis: {without['answer']} plain: {plain_without['answer']}",
         ),
         Row(
-            f"{label}: diagnosis with",
-            "diagnosis without discrepancy field",
+            f"{label}: diagnosis with the discrepancy field",
+            "diagnosis without it",
             with_field["seconds"] / without["seconds"],
         ),
         Row(f"{label}: diagnosis", "reconstruction of the same flight", with_field["seconds"] / with_field["loading"]),
