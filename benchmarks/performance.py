@@ -118,9 +118,11 @@ def goals_text(sections: Sequence[Section]) -> str:
     return "## Goals\n\n" + "\n".join(lines)
 
 
-def page(sections: Sequence[Section], machine: str) -> str:
-    """The whole page."""
-    parts = [INTRODUCTION.strip(), machine, goals_text(sections), *(section_text(s) for s in sections)]
+def page(sections: Sequence[Section], machine: str, absent: Sequence[str] = ()) -> str:
+    """The whole page; `absent` are the names of benchmarks without results."""
+    parts = [INTRODUCTION.strip(), machine]
+    parts += [f"Not measured: {', '.join(f'`bench_{name}`' for name in absent)}."] if absent else []
+    parts += [goals_text(sections), *(section_text(s) for s in sections)]
     return "\n\n".join(parts) + "\n"
 
 
@@ -153,7 +155,7 @@ def main() -> None:
     arguments = parser.parse_args()
     arguments.results.mkdir(exist_ok=True)
     repeated = () if arguments.again is None else arguments.again or BENCHMARKS
-    sections, failed = [], []
+    sections, failed, absent = [], [], []
     for name in BENCHMARKS:
         rows = arguments.results / f"{name}.json"
         wanted = name in arguments.only and not arguments.page and (name in repeated or not rows.exists())
@@ -164,7 +166,9 @@ def main() -> None:
                 failed.append(name)
         if rows.exists():
             sections += from_json(rows.read_text())
-    arguments.output.write_text(page(sections, machine_text(installed_versions(), cores_text())))
+        else:
+            absent.append(name)
+    arguments.output.write_text(page(sections, machine_text(installed_versions(), cores_text()), absent))
     if failed:
         sys.exit(f"failed: {', '.join(failed)}")
 

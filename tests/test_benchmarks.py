@@ -47,6 +47,11 @@ def test_page_lists_all_goals_and_has_no_time():
     assert "Machine: two cores, x86-64. Versions: numba 1.2." in text
 
 
+def test_page_names_benchmarks_without_results():
+    assert "Not measured: `bench_a`, `bench_b`." in performance.page([SECTION], "", ["a", "b"])
+    assert "Not measured" not in performance.page([SECTION], "")
+
+
 def test_rows_survive_their_file():
     assert measuring.from_json(measuring.as_json([SECTION])) == [SECTION]
 
