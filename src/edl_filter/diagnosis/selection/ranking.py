@@ -43,7 +43,7 @@ from edl_filter.estimation.parallel import one_blas_thread, start_thread
 
 Progress = Callable[[str], None]
 #: Columns that are screened together at least.
-_BATCH_COLUMNS = 64
+_BATCH_COLUMNS = 256
 
 
 @dataclass(frozen=True)
