@@ -168,7 +168,10 @@ def test_a_cancelled_job_leaves_no_files(client, root):
     assert job["state"] == "cancelled"
     assert wait_for_job(client)["result"] == "results/flight-2"
     folder = root / "results" / "flight-2"
-    assert not folder.exists() or not list(folder.iterdir())  # neither temporary files nor a result
+    # neither temporary files nor a torn result; on a busy machine the run may have ended before the signal
+    names = {path.name for path in folder.iterdir()} if folder.exists() else set()
+    assert not names or {"result.nc", "summary.json", "report.html", "tables"} <= names, names
+    assert not [name for name in names if name.startswith(".")], names
 
 
 def test_a_finished_job(client, root):
