@@ -2,6 +2,7 @@
 
 import json
 import shutil
+import sys
 
 import numpy as np
 import pytest
@@ -66,7 +67,36 @@ def worker(root):
     folder_worker.cancel()
 
 
-@pytest.fixture
-def client(root, worker):
+def client_of(root, worker):
     """Client with the host and origin of the page."""
     return TestClient(make_app(root, PORT, worker), base_url=ORIGIN, headers={"Origin": ORIGIN})
+
+
+@pytest.fixture
+def client(root, worker):
+    """Client of a server whose jobs run in the copy."""
+    return client_of(root, worker)
+
+
+#: The program with a function replaced by one that waits: the command is held there, however fast the machine is.
+HELD = """
+import sys, time
+import edl_filter.report.html, edl_filter.workflow.run
+from edl_filter.cli import main
+def wait_while_writing(result, folder):
+    (folder / "result.nc").write_text("a part of the result")
+    time.sleep(60.0)
+if sys.argv.pop(1) == "while writing":
+    edl_filter.workflow.run._write_all = wait_while_writing
+else:
+    edl_filter.report.html.write_report = lambda folder: time.sleep(60.0)
+main()
+"""
+
+
+@pytest.fixture
+def held_client(root, request):
+    """Client of a server whose run waits while it writes the result, or after it."""
+    held = Worker(root, lambda arguments: [sys.executable, "-P", "-c", HELD, request.param, *arguments])
+    yield client_of(root, held)
+    held.cancel()
