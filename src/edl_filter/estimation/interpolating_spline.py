@@ -3,7 +3,8 @@
 Input: abscissae and values. Method: B-splines whose knots are the abscissae without those next to the ends, by the
 recursion of Cox and de Boor, and the solution of the banded collocation equations (de Boor, A Practical Guide to
 Splines, 2001, chapters X and XIII). The same as `scipy.interpolate.make_interp_spline`, whose package takes longer to
-import than a record to interpolate. Output: values of the spline and of its derivatives.
+import than a record to interpolate. Output: values of the spline and of its derivatives, and
+its polynomials.
 """
 
 from __future__ import annotations
@@ -11,9 +12,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numba import njit
 from scipy.linalg import solve_banded
 
-from edl_filter.types import Array, IntArray
+from edl_filter.types import Array
 
 
 @dataclass(frozen=True)
@@ -49,16 +51,34 @@ class InterpolatingSpline:
         inside = (degree + 1) // 2
         ends = np.ones(degree + 1)
         knots = np.concatenate((x[0] * ends, x[inside:-inside], x[-1] * ends))
-        first, basis = _basis(knots, degree, x)
-        bands = np.zeros((2 * degree + 1, len(x)))
-        columns = first[:, None] + np.arange(degree + 1)
-        bands[degree + np.arange(len(x))[:, None] - columns, columns] = basis
-        return cls(knots, solve_banded((degree, degree), bands, y), degree)
+        bands = _collocation_bands(knots, degree, np.asarray(x, np.float64))
+        return cls(knots, solve_banded((degree, degree), bands, y, check_finite=False), degree)
 
     def __call__(self, x: Array) -> Array:
         """Values ``(M, K)`` at ``(M,)`` abscissae between the first and the last knot."""
-        first, basis = _basis(self.knots, self.degree, x)
-        return np.einsum("mk,mkc->mc", basis, self.coefficients[first[:, None] + np.arange(self.degree + 1)])
+        return _evaluate(self.knots, self.degree, self.coefficients, np.asarray(x, np.float64))
+
+    def powers(self, x: Array) -> Array:
+        """Coefficients of the polynomials that the spline is after each abscissa.
+
+        Parameters
+        ----------
+        x : (M,) array
+            Increasing.
+
+        Returns
+        -------
+        (degree + 1, M, K) array
+            Of the powers of the distance from `x`, the constant first, up to the next knot.
+        """
+        out = np.empty((self.degree + 1, len(x), self.coefficients.shape[1]))
+        factorial, derivative = 1.0, self
+        for order in range(self.degree + 1):
+            out[order] = derivative(x) / factorial
+            factorial *= order + 1.0
+            if order < self.degree:
+                derivative = derivative.derivative()
+        return out
 
     def derivative(self, order: int = 1) -> InterpolatingSpline:
         """Derivative of an order up to the degree, a spline of lower degree (de Boor 2001, X (16))."""
@@ -69,18 +89,57 @@ class InterpolatingSpline:
         return InterpolatingSpline(self.knots[1:-1], slopes, self.degree - 1).derivative(order - 1)
 
 
-def _basis(knots: Array, degree: int, x: Array) -> tuple[IntArray, Array]:
-    """Index (M,) of the first B-spline that is not zero at each x (M,), and the values (M, degree + 1)."""
-    last = len(knots) - degree - 2
-    interval = np.clip(np.searchsorted(knots, x, side="right") - 1, degree, last)
-    values = np.zeros((degree + 1, len(x)))
-    values[0] = 1.0
+@njit(cache=True, error_model="numpy")
+def _collocation_bands(knots, degree, x):
+    """Values of the B-splines at the abscissae, as the bands ``(2 degree + 1, N)`` of `scipy.linalg.solve_banded`."""
+    bands = np.zeros((2 * degree + 1, len(x)))
+    basis = np.empty(degree + 1)
+    interval = degree
+    for i in range(len(x)):
+        interval = _interval(knots, degree, x[i], interval)
+        _basis(knots, degree, interval, x[i], basis)
+        for k in range(degree + 1):
+            column = interval - degree + k
+            bands[degree + i - column, column] = basis[k]
+    return bands
+
+
+@njit(cache=True, error_model="numpy")
+def _evaluate(knots, degree, coefficients, x):
+    """Values ``(M, K)`` at abscissae ``(M,)``."""
+    out = np.zeros((len(x), coefficients.shape[1]))
+    basis = np.empty(degree + 1)
+    interval = degree
+    for i in range(len(x)):
+        interval = _interval(knots, degree, x[i], interval)
+        _basis(knots, degree, interval, x[i], basis)
+        for k in range(degree + 1):
+            row = coefficients[interval - degree + k]
+            for c in range(coefficients.shape[1]):
+                out[i, c] += basis[k] * row[c]
+    return out
+
+
+@njit(cache=True, error_model="numpy")
+def _interval(knots, degree, x, start):
+    """Index of the knot at the beginning of the interval that contains `x`, searched from `start`, which is near."""
+    interval = start
+    while interval < len(knots) - degree - 2 and x >= knots[interval + 1]:
+        interval += 1
+    while interval > degree and x < knots[interval]:
+        interval -= 1
+    return interval
+
+
+@njit(cache=True, error_model="numpy")
+def _basis(knots, degree, interval, x, out):
+    """Values ``(degree + 1,)`` of the B-splines that are not zero in an interval (Cox and de Boor)."""
+    out[0] = 1.0
     for order in range(1, degree + 1):
-        carried = np.zeros(len(x))
+        carried = 0.0
         for k in range(order):
             right, left = knots[interval + k + 1], knots[interval + k + 1 - order]
-            share = values[k] / (right - left)
-            values[k] = carried + (right - x) * share
+            share = out[k] / (right - left)
+            out[k] = carried + (right - x) * share
             carried = (x - left) * share
-        values[order] = carried
-    return interval - degree, values.T
+        out[order] = carried

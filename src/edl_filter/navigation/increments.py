@@ -13,7 +13,7 @@ import numpy as np
 from edl_filter import rotations
 from edl_filter.imu_model.lever_arm import lever_arm_acceleration
 from edl_filter.navigation.rotation_corrections import rotation_corrections
-from edl_filter.navigation.unresolved import unresolved_motion
+from edl_filter.navigation.unresolved import UnresolvedMotion, unresolved_motion
 from edl_filter.telemetry.record import ImuRecord
 from edl_filter.types import Array, BoolArray, IntArray
 
@@ -121,7 +121,16 @@ class Samples:
 _SAMPLES_FIELDS = tuple(f.name for f in fields(Samples))
 
 
-def effective_samples(record: ImuRecord, impacts_from: float = np.inf) -> Samples:
+def force_at_centre_of_mass(record: ImuRecord) -> Array:
+    """Specific force at the centre of mass ``(N, 3)``, m/s², body axes, of a record in body axes."""
+    return record.specific_force - lever_arm_acceleration(
+        record.interval, record.angular_rate, record.position, record.unit
+    )
+
+
+def effective_samples(
+    record: ImuRecord, impacts_from: float = np.inf, unresolved: UnresolvedMotion | None = None
+) -> Samples:
     """Samples for `strapdown.propagate` from a record in body axes.
 
     Parameters
@@ -130,17 +139,20 @@ def effective_samples(record: ImuRecord, impacts_from: float = np.inf) -> Sample
         In body axes.
     impacts_from : float
         Time from which the vehicle hits the ground, s (`unresolved_motion`).
+    unresolved : UnresolvedMotion, optional
+        Noise that replaces that of this record's own motion: of the same record before small corrections.
 
     Returns
     -------
     Samples
     """
-    dt, rate = record.interval, record.angular_rate
-    force = record.specific_force - lever_arm_acceleration(dt, rate, record.position, record.unit)
+    dt, rate, force = record.interval, record.angular_rate, force_at_centre_of_mass(record)
     sculling, coning = rotation_corrections(record.time, dt, force, rate)
     sculling[record.sculling_corrected] = 0.0
     coning[record.coning_corrected] = 0.0
-    unresolved_force, unresolved_rate, in_sample = unresolved_motion(record.time, dt, force, rate, impacts_from)
+    if unresolved is None:
+        unresolved = unresolved_motion(record.time, dt, force, rate, impacts_from)
+    unresolved_force, unresolved_rate, in_sample = unresolved
     difference = INTEGRATION_DIFFERENCE * in_sample
     unresolved_rate = np.maximum(unresolved_rate, difference)
     return Samples(

@@ -29,6 +29,7 @@ those of faster motions.
 from __future__ import annotations
 
 from functools import cache
+from typing import NamedTuple
 
 import numpy as np
 
@@ -41,6 +42,22 @@ _SUPPORT = 41
 _ROOT_REACH = 12
 #: Number of samples on each side over which an intensity is averaged: half a second at 8 Hz.
 _AVERAGED = 4
+
+
+class UnresolvedMotion(NamedTuple):
+    """Noise of the means that is due to motion within a sample which the means do not show.
+
+    Attributes
+    ----------
+    force_sigma, rate_sigma : (N,) arrays
+        One sigma per axis, m/s² and rad/s, of independent errors whose sums have the variance of the true ones.
+    sample_rate_sigma : (N,) array
+        One sigma per axis of the rate's error in this sample alone, rad/s.
+    """
+
+    force_sigma: Array
+    rate_sigma: Array
+    sample_rate_sigma: Array
 
 
 @cache
@@ -151,7 +168,7 @@ def moving_mean(values: Array) -> Array:
 
 def unresolved_motion(
     time: Array, interval: Array, force: Array, rate: Array, impacts_from: float = np.inf
-) -> tuple[Array, Array, Array]:
+) -> UnresolvedMotion:
     """Noise of the means that is due to motion within a sample which the means do not show.
 
     Parameters
@@ -165,12 +182,9 @@ def unresolved_motion(
 
     Returns
     -------
-    force_sigma, rate_sigma : (N,) arrays
-        One sigma per axis, m/s² and rad/s, of independent errors whose sums have the variance of the true ones. The
-        angle between rate and moment is unknown: 2/3 of the product of the squares of two vectors is the mean square
-        of a component of their vector product.
-    sample_rate_sigma : (N,) array
-        One sigma per axis of the rate's error in this sample alone, rad/s.
+    UnresolvedMotion
+        The angle between rate and moment is unknown: 2/3 of the product of the squares of two vectors is the mean
+        square of a component of their vector product.
     """
     edges = sample_edges(time, interval)
     turn, gain = rate * interval[:, None], force * interval[:, None]
@@ -188,7 +202,7 @@ def unresolved_motion(
         of_turn = np.where(impact, _summed(turn, jumps, 1), of_turn)
         sample = np.where(impact, np.sqrt(moment_covariance(1)[0]) * jumps, sample)
     factor = np.sqrt(2.0 / 3.0) / interval
-    return factor * np.hypot(by_moment, of_gain), factor * of_turn, factor * _length(turn) * sample
+    return UnresolvedMotion(factor * np.hypot(by_moment, of_gain), factor * of_turn, factor * _length(turn) * sample)
 
 
 def _summed(vectors: Array, sigma: Array, order: int) -> Array:

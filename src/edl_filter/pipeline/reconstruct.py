@@ -21,6 +21,7 @@ from edl_filter.navigation.leave_one_out import ConstraintCheck, check_constrain
 from edl_filter.navigation.recovery import Recovery, run_with_recovery
 from edl_filter.navigation.smoother import Smoothed, smooth
 from edl_filter.navigation.trajectory import Trajectory, smoothed_trajectory
+from edl_filter.navigation.unresolved import UnresolvedMotion
 from edl_filter.pipeline.constraints import build_constraints
 from edl_filter.pipeline.entry_state import EntryCorrection, entry_correction, entry_state
 from edl_filter.pipeline.load import centre_of_mass_shifts, read_atmosphere, read_telemetry, with_velocity_steps
@@ -161,13 +162,22 @@ def assemble(
 
 
 def assemble_free(
-    mission: Mission, telemetry: Telemetry, planet: Planet, atmosphere: Atmosphere, effects: Sequence[EffectInstance]
+    mission: Mission,
+    telemetry: Telemetry,
+    planet: Planet,
+    atmosphere: Atmosphere,
+    effects: Sequence[EffectInstance],
+    unresolved: UnresolvedMotion | None = None,
 ) -> Problem:
-    """As `assemble`, from telemetry from which the effects are removed already (`without_effects`)."""
+    """As `assemble`, from telemetry from which the effects are removed already (`without_effects`).
+
+    `unresolved` replaces the noise of the samples' own unresolved motion (`effective_samples`).
+    """
     planet = compose_gravity(planet, effects)
     shifts = centre_of_mass_shifts(mission, telemetry.driving)
     times = mission.event_times() | telemetry.events
-    samples = with_velocity_steps(effective_samples(telemetry.driving, times.get("landing", np.inf)), shifts)
+    samples = effective_samples(telemetry.driving, times.get("landing", np.inf), unresolved)
+    samples = with_velocity_steps(samples, shifts)
     initial, entry = entry_state(mission, telemetry)
     initial = compose_entry_state(initial, effects)
     f = mission.filter

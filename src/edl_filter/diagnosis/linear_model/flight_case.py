@@ -21,7 +21,8 @@ from edl_filter.effects.sensor_chain import log_abs_det_jacobian
 from edl_filter.mission import Mission
 from edl_filter.mission.decision_settings import DecisionSettings
 from edl_filter.navigation.filter import Problem
-from edl_filter.navigation.increments import effective_samples
+from edl_filter.navigation.increments import effective_samples, force_at_centre_of_mass
+from edl_filter.navigation.unresolved import UnresolvedMotion, unresolved_motion
 from edl_filter.pipeline.forward_model import database_of, forward_model_of
 from edl_filter.pipeline.reconstruct import Reconstruction, assemble_free, reconstruct, without_effects
 from edl_filter.telemetry.record import Telemetry
@@ -106,10 +107,10 @@ class FlightCase:
         return float(self.bins.edges[-1])
 
     def model_inputs(self, effects: Sequence[EffectInstance]) -> ModelInputs:
-        """Model and measurements with the given effects."""
+        """Model and measurements with the given effects; the noise of unresolved motion does not depend on them."""
         r = self.reconstruction
         telemetry = without_effects(r.mission, r.telemetry, effects)
-        problem = assemble_free(r.mission, telemetry, r.planet, r.atmosphere, effects)
+        problem = assemble_free(r.mission, telemetry, r.planet, r.atmosphere, effects, self.unresolved)
         return self._inputs(problem, telemetry, effects)
 
     def denoised_inputs(self, effects: Sequence[EffectInstance]) -> ModelInputs:
@@ -119,9 +120,17 @@ class FlightCase:
         """
         problem = self.reconstruction.problem
         telemetry = without_effects(self.mission, self.denoised_telemetry, effects)
-        samples = effective_samples(telemetry.driving).split(problem.epochs)
+        samples = effective_samples(telemetry.driving, unresolved=self.unresolved).split(problem.epochs)
         samples = samples.part(samples.index(problem.initial.time), len(samples.time))
         return self._inputs(replace(problem, samples=samples), telemetry, effects)
+
+    @cached_property
+    def unresolved(self) -> UnresolvedMotion:
+        """Noise of unresolved motion of the readings as they were telemetered."""
+        record, r = self.reconstruction.telemetry.driving, self.reconstruction
+        landing = (r.mission.event_times() | r.telemetry.events).get("landing", np.inf)
+        force = force_at_centre_of_mass(record)
+        return unresolved_motion(record.time, record.interval, force, record.angular_rate, landing)
 
     def log_abs_det_jacobian(self, effects: Sequence[EffectInstance]) -> float:
         """Log determinant of the map from readings to corrected readings: the likelihood is that of the readings.
