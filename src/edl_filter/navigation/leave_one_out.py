@@ -74,8 +74,11 @@ class ConstraintCheck:
 
     def nis_interval(self, probability: float = 0.999) -> tuple[float, float]:
         """Interval that holds the sum of `nis` with `probability`."""
-        tail = 0.5 * (1.0 - probability)
-        return quantile(tail, self.dof), quantile(1.0 - tail, self.dof)
+        return _interval(probability, self.dof)
+
+    def left_out_nis_interval(self, probability: float = 0.999) -> tuple[float, float]:
+        """Interval that holds `left_out_nis` with `probability`."""
+        return _interval(probability, self.left_out_dof)
 
     @property
     def left_out_sigma(self) -> Array:
@@ -94,6 +97,12 @@ class ConstraintCheck:
         if not np.all(self.left_out_sigma > 0.0):
             return float("nan")
         return float(np.max(np.abs(self.left_out / self.left_out_sigma)))
+
+
+def _interval(probability: float, dof: int) -> tuple[float, float]:
+    """Interval that holds a sum of `dof` squares with `probability`, with equal tails."""
+    tail = 0.5 * (1.0 - probability)
+    return quantile(tail, dof), quantile(1.0 - tail, dof)
 
 
 def check_constraints(problem: Problem, filter_pass: FilterPass) -> list[ConstraintCheck]:
