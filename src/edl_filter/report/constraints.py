@@ -83,7 +83,8 @@ def _innovation(name: str, group: Group) -> _Constraint:
         for i, n in enumerate(_component_names(group, residual.shape[1]))
     ]
     nis = float(np.sum(values["nis"])) if "nis" in values else np.nan
-    return _Constraint(name, components, nis, _interval(group, "nis_interval_99_9"))
+    dof = int(group.attrs.get("dof", residual.size))
+    return _Constraint(name, components, nis, _interval(group, "nis_interval_99_9", dof))
 
 
 def _left_out(name: str, group: Group) -> _Constraint:
@@ -92,13 +93,22 @@ def _left_out(name: str, group: Group) -> _Constraint:
     names = _component_names(group, len(ratio))
     components = [_Component(n, ratio[i : i + 1], np.ones(1, bool)) for i, n in enumerate(names)]
     nis = float(group.attrs.get("left_out_nis", np.nan))
-    return _Constraint(name, components, nis, _interval(group, "left_out_nis_interval_99_9"))
+    dof = int(group.attrs.get("left_out_dof", len(ratio)))
+    return _Constraint(name, components, nis, _interval(group, "left_out_nis_interval_99_9", dof))
 
 
-def _interval(group: Group, name: str) -> tuple[float, float] | None:
-    """An interval among the attributes of a group; None if it is not there or has no degree of freedom."""
-    low, high = (float(end) for end in group.attrs.get(name, (np.nan, np.nan)))
-    return (low, high) if low < high else None
+def _interval(group: Group, name: str, dof: int) -> tuple[float, float] | None:
+    """Attribute `name` of a group, an interval of `PROBABILITY`; computed where a result has none; None without dof."""
+    if dof < 1:
+        return None
+    if name not in group.attrs:
+        from scipy.special import chdtri  # its import takes longer than a figure
+
+        tail = 0.5 * (1.0 - PROBABILITY)
+        low, high = chdtri(dof, [1.0 - tail, tail])
+    else:
+        low, high = group.attrs[name]
+    return float(low), float(high)
 
 
 def _numbers(group: Group) -> Mapping[str, Array]:
