@@ -1,10 +1,15 @@
 """Checks of every constraint against all the others: agreement with data that were used proves nothing.
 
 Every constraint is left out once: the filter runs again without it from the epoch before its first use, the smoother
-returns to that epoch, and the prediction there is compared with the measurement. The entry state is a
-constraint too, with its prior covariance. Since no filter can start without one, its contribution is removed from the
-smoothed estimate in closed form. With the residual goes the information gain, which says what the estimate would lose
-without the constraint (`information`).
+returns to that epoch, and the prediction there is compared with the measurement. With the residual goes the information
+gain, which says what the estimate would lose without the constraint (`information`).
+
+The entry state is a constraint too, with its prior covariance. Since no filter can start without one, its contribution
+is removed from the smoothed estimate in closed form, ``R (R - S)⁻¹ r``. That form needs no second run, but it is not
+used for the other constraints: it has the linearisation of an estimate that used the constraint, and ``R - S`` vanishes
+in directions that the constraint alone determines. On the rovers' flights it differs from filtering again by up to
+0.012 sigma for the landing, 0.053 for the velocity at rest, 0.32 for the on-board attitudes, and by many sigmas for the
+gravity at rest.
 """
 
 from __future__ import annotations
