@@ -2,7 +2,8 @@
 
 `--help`, a run of Spirit without and with figures, cold and warm, and the import of numba, scipy.linalg and
 matplotlib.pyplot: the least of several repetitions, in turn. Cold: the cache of compiled kernels is empty. The ratio of
-elapsed times has a meaning only on a machine without other load.
+elapsed times has a meaning only on a machine without other load. Byte code is kept, as that of an installed package,
+whatever ``PYTHONDONTWRITEBYTECODE`` says: without it every command would compile the package's modules again.
 
 Run: ``python benchmarks/bench_commands.py``
 """
@@ -24,22 +25,23 @@ GOALS = {"`--help`": 0.2, "`run builtin:mer_a --no-figures`": 1.5, "`run builtin
 def measure() -> list[Section]:
     """All sections."""
     program = [sys.executable, "-m", "edl_filter"]
+    environment = {name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"}
     with tempfile.TemporaryDirectory() as folder:
         run_spirit = [*program, "run", "builtin:mer_a", "-o", str(Path(folder) / "result")]
         words = [[*program, "--help"], [*run_spirit, "--no-figures"], run_spirit]
         commands = {"imports": IMPORTS} | dict(zip(GOALS, words, strict=True))
         for c in commands.values():
-            command(c)  # compiles the kernels and the byte code
+            command(c, environment)  # compiles the kernels and the byte code
         processor: dict[str, list[float]] = {name: [] for name in commands}
         elapsed: dict[str, list[float]] = {name: [] for name in commands}
         memory: dict[str, float] = {}
         for _ in range(REPETITIONS):
             for name, c in commands.items():
-                spent, wall, memory[name] = command(c)
+                spent, wall, memory[name] = command(c, environment)
                 processor[name].append(spent)
                 elapsed[name].append(wall)
         cold = {"NUMBA_CACHE_DIR": str(Path(folder) / "cache")}
-        first, _, _ = command(words[1], os.environ | cold)
+        first, _, _ = command(words[1], environment | cold)
     times, walls, to = Times(processor), Times(elapsed), "import of numba, scipy.linalg, matplotlib.pyplot"
     rows = []
     for name, goal in GOALS.items():

@@ -65,6 +65,11 @@ def test_product_applies_its_right_factor_first(p, q, v):
     )
 
 
+@given(quaternions, quaternions)
+def test_product_matrix_is_the_product(p, q):
+    np.testing.assert_allclose(rotations.product_matrix(p) @ q, rotations.multiply(p, q), atol=1e-15 * 4)
+
+
 @given(quaternions, quaternions, quaternions)
 def test_products_form_a_group(p, q, r):
     product_left_first = rotations.multiply(rotations.multiply(p, q), r)

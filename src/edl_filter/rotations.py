@@ -6,19 +6,17 @@ the leading axes broadcast as in numpy. (Shuster 1993, J. Astronaut. Sci. 41, 43
 order.)
 
 The functions that are called thousands of times per second are compiled: on small arrays with strided components the
-overhead of numpy's calls would make them ten times slower.
+overhead of numpy's calls would make them ten times slower. Their loops are in `rotation_kernels`, which is imported
+when the first of them is called: a process that only draws needs no numba.
 """
 
-from collections.abc import Callable
+from functools import cache
+from types import ModuleType
 
 import numpy as np
-from numba import njit
 from numpy.typing import ArrayLike
 
 from edl_filter.types import Array
-
-#: Half the length of a rotation vector (rad) below which its sine is computed from the series.
-_SMALL = 1e-4
 
 
 def multiply(p: ArrayLike, q: ArrayLike) -> Array:
@@ -38,7 +36,23 @@ def multiply(p: ArrayLike, q: ArrayLike) -> Array:
     ValueError
         A last axis is not of length 4.
     """
-    return _apply_to_pairs(_multiply, p, q, 4)
+    return _apply_to_pairs("multiply", p, q, 4)
+
+
+def product_matrix(p: ArrayLike) -> Array:
+    """Matrix of a product with the left factor `p`: ``multiply(p, q)`` is ``product_matrix(p) @ q``.
+
+    Parameters
+    ----------
+    p : (4,) array
+        Quaternion.
+
+    Returns
+    -------
+    (4, 4) array
+    """
+    x, y, z, w = np.asarray(p, float)
+    return np.array([[w, -z, y, x], [z, w, -x, y], [-y, x, w, z], [-x, -y, -z, w]])
 
 
 def conjugate(q: ArrayLike) -> Array:
@@ -111,7 +125,7 @@ def cross(u: ArrayLike, v: ArrayLike) -> Array:
     ValueError
         A last axis is not of length 3.
     """
-    return _apply_to_pairs(_cross, u, v, 3)
+    return _apply_to_pairs("cross", u, v, 3)
 
 
 def from_rotation_vector(phi: ArrayLike) -> Array:
@@ -131,7 +145,7 @@ def from_rotation_vector(phi: ArrayLike) -> Array:
     ValueError
         The last axis is not of length 3.
     """
-    return _apply_to_rows(_exponential, phi, 3, 4)
+    return _apply_to_rows("exponential", phi, 3, 4)
 
 
 def to_rotation_vector(q: ArrayLike) -> Array:
@@ -152,7 +166,7 @@ def to_rotation_vector(q: ArrayLike) -> Array:
     ValueError
         The last axis is not of length 4.
     """
-    return _apply_to_rows(_logarithm, q, 4, 3)
+    return _apply_to_rows("logarithm", q, 4, 3)
 
 
 def rotation_vector_between(reference_from_a: ArrayLike, reference_from_b: ArrayLike) -> Array:
@@ -211,7 +225,7 @@ def to_matrix(a_from_b: ArrayLike) -> Array:
     ValueError
         The last axis is not of length 4.
     """
-    return _apply_to_rows(_matrix, a_from_b, 4, 9).reshape(*np.shape(a_from_b)[:-1], 3, 3)
+    return _apply_to_rows("matrix", a_from_b, 4, 9).reshape(*np.shape(a_from_b)[:-1], 3, 3)
 
 
 def cross_matrix(v: ArrayLike) -> Array:
@@ -254,23 +268,30 @@ def right_jacobian(phi: ArrayLike) -> Array:
     ValueError
         The last axis is not of length 3.
     """
-    return _apply_to_rows(_right_jacobian, phi, 3, 9).reshape(*np.shape(phi), 3)
+    return _apply_to_rows("right_jacobian", phi, 3, 9).reshape(*np.shape(phi), 3)
 
 
-def _apply_to_rows(kernel: Callable[[Array, Array], None], a: ArrayLike, width: int, width_out: int) -> Array:
-    """Apply a kernel to the rows of `a`, from ``(..., width)`` to ``(..., width_out)``."""
+@cache
+def _kernels() -> ModuleType:
+    from edl_filter import rotation_kernels
+
+    return rotation_kernels
+
+
+def _apply_to_rows(kernel: str, a: ArrayLike, width: int, width_out: int) -> Array:
+    """Apply a function of `rotation_kernels` to the rows of `a`, from ``(..., width)`` to ``(..., width_out)``."""
     a = _checked(a, width)
     out = np.empty((*a.shape[:-1], width_out))
-    kernel(_as_rows(a, a.shape), out.reshape(-1, width_out))
+    getattr(_kernels(), kernel)(_as_rows(a, a.shape), out.reshape(-1, width_out))
     return out
 
 
-def _apply_to_pairs(kernel: Callable[[Array, Array, Array], None], a: ArrayLike, b: ArrayLike, width: int) -> Array:
-    """Apply a kernel to pairs of rows of length `width`, broadcast as in numpy."""
+def _apply_to_pairs(kernel: str, a: ArrayLike, b: ArrayLike, width: int) -> Array:
+    """Apply a function of `rotation_kernels` to pairs of rows of length `width`, broadcast as in numpy."""
     a, b = _checked(a, width), _checked(b, width)
     shape = a.shape if a.shape == b.shape else np.broadcast_shapes(a.shape, b.shape)
     out = np.empty(shape)
-    kernel(_as_rows(a, shape), _as_rows(b, shape), out.reshape(-1, shape[-1]))
+    getattr(_kernels(), kernel)(_as_rows(a, shape), _as_rows(b, shape), out.reshape(-1, shape[-1]))
     return out
 
 
@@ -286,75 +307,3 @@ def _as_rows(a: Array, shape: tuple[int, ...]) -> Array:
     """`a`, broadcast to `shape`, as contiguous rows."""
     contiguous = np.ascontiguousarray(a) if a.shape == shape else np.array(np.broadcast_to(a, shape))
     return contiguous.reshape(-1, shape[-1])
-
-
-@njit(cache=True)
-def _cross(u, v, out):
-    for i in range(len(out)):
-        ux, uy, uz = u[i, 0], u[i, 1], u[i, 2]
-        vx, vy, vz = v[i, 0], v[i, 1], v[i, 2]
-        out[i, 0] = uy * vz - uz * vy
-        out[i, 1] = uz * vx - ux * vz
-        out[i, 2] = ux * vy - uy * vx
-
-
-@njit(cache=True)
-def _multiply(p, q, out):
-    for i in range(len(out)):
-        px, py, pz, pw = p[i, 0], p[i, 1], p[i, 2], p[i, 3]
-        qx, qy, qz, qw = q[i, 0], q[i, 1], q[i, 2], q[i, 3]
-        out[i, 0] = pw * qx + px * qw + py * qz - pz * qy
-        out[i, 1] = pw * qy - px * qz + py * qw + pz * qx
-        out[i, 2] = pw * qz + px * qy - py * qx + pz * qw
-        out[i, 3] = pw * qw - px * qx - py * qy - pz * qz
-
-
-@njit(cache=True)
-def _exponential(phi, out):
-    for i in range(len(out)):
-        x, y, z = phi[i, 0], phi[i, 1], phi[i, 2]
-        half = 0.5 * np.sqrt(x * x + y * y + z * z)
-        factor = 0.5 * (np.sin(half) / half if half > _SMALL else 1.0 - half * half / 6.0)
-        out[i, 0], out[i, 1], out[i, 2], out[i, 3] = factor * x, factor * y, factor * z, np.cos(half)
-
-
-@njit(cache=True)
-def _logarithm(q, out):
-    for i in range(len(out)):
-        sign = -1.0 if q[i, 3] < 0.0 else 1.0
-        x, y, z, w = sign * q[i, 0], sign * q[i, 1], sign * q[i, 2], sign * q[i, 3]
-        s = np.sqrt(x * x + y * y + z * z)
-        # angle / s tends to 2 / w as s tends to 0
-        factor = 2.0 * np.arctan2(s, w) / s if s > 1e-12 else 2.0 / max(w, 0.5)
-        out[i, 0], out[i, 1], out[i, 2] = factor * x, factor * y, factor * z
-
-
-@njit(cache=True)
-def _matrix(q, out):
-    for i in range(len(out)):
-        x, y, z, w = q[i, 0], q[i, 1], q[i, 2], q[i, 3]
-        out[i, 0], out[i, 1], out[i, 2] = 1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - z * w), 2.0 * (x * z + y * w)
-        out[i, 3], out[i, 4], out[i, 5] = 2.0 * (x * y + z * w), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - x * w)
-        out[i, 6], out[i, 7], out[i, 8] = 2.0 * (x * z - y * w), 2.0 * (y * z + x * w), 1.0 - 2.0 * (x * x + y * y)
-
-
-@njit(cache=True)
-def right_jacobian_coefficients(square):
-    """``(1 - cos a) / a²`` and ``(a - sin a) / a³`` of an angle a (rad) with the given square."""
-    if square < 1e-3:
-        return 0.5 - square / 24.0 * (1.0 - square / 30.0), 1.0 / 6.0 - square / 120.0 * (1.0 - square / 42.0)
-    angle = np.sqrt(square)
-    return (1.0 - np.cos(angle)) / square, (angle - np.sin(angle)) / (square * angle)
-
-
-@njit(cache=True)
-def _right_jacobian(phi, out):
-    for i in range(len(out)):
-        x, y, z = phi[i, 0], phi[i, 1], phi[i, 2]
-        square = x * x + y * y + z * z
-        a, b = right_jacobian_coefficients(square)
-        # J = 1 - a [phi]ₓ + b [phi]ₓ², with [phi]ₓ² = phi phiᵀ - |phi|² 1
-        diagonal = 1.0 - b * square
-        out[i, 0], out[i, 1], out[i, 2] = diagonal + b * x * x, b * x * y + a * z, b * x * z - a * y
-        out[i, 3], out[i, 4], out[i, 5] = b * x * y - a * z, diagonal + b * y * y, b * y * z + a * x
-        out[i, 6], out[i, 7], out[i, 8] = b * x * z + a * y, b * y * z - a * x, diagonal + b * z * z

@@ -5,9 +5,10 @@ import numpy as np
 import pytest
 import xarray as xr
 from matplotlib.figure import Figure as Canvas
+from scipy.stats import chi2
 
 from edl_filter.report import attitude, constraints, figures, motion, track, trajectory
-from edl_filter.report.description import Axis, Figure, Line, Panel
+from edl_filter.report.description import Axis, Figure, Line, Panel, Text
 from edl_filter.report.figures import FIGURES, draw_all
 from edl_filter.report.landing_ellipse import LocalMap, landing_estimate
 from edl_filter.report.matplotlib_renderer import draw, draw_panel, write_figure
@@ -196,6 +197,19 @@ def test_constraint_rows_name_components_and_nis(tree):
     assert {"landing", "altimeter", "NIS in its 99.9 % interval"} <= set(texts)
     assert "8.00 in 0.02 … 17.7" in texts
     assert ax.get_xlabel().startswith("innovation (sigma)")
+
+
+def test_the_interval_of_the_result_is_that_which_is_computed_without_it(tree):
+    computed = constraints.left_out(ResultReader.of(tree))
+    stated = less(tree)
+    for group in stated["constraints"].children.values():
+        tail = 0.5e-3
+        group.attrs["left_out_nis_interval_99_9"] = chi2.ppf([tail, 1.0 - tail], group.attrs["left_out_dof"])
+    texts = [
+        [e.text for e in p.elements if isinstance(e, Text)]
+        for p in (computed, constraints.left_out(ResultReader.of(stated)))
+    ]
+    assert texts[0] == texts[1] and any(" in " in text for text in texts[0])
 
 
 def test_constraint_far_out_is_shown_at_the_edge_with_its_number(tree):

@@ -21,7 +21,7 @@ import numpy as np
 from numba import njit
 
 from edl_filter.navigation.strapdown import step
-from edl_filter.rotations import right_jacobian_coefficients
+from edl_filter.rotation_kernels import right_jacobian_coefficients
 
 #: Errors whose columns the transition has: position, velocity, attitude, then `SENSOR_STATES`, three each.
 COLUMNS = 24

@@ -1,10 +1,15 @@
 """Checks of every constraint against all the others: agreement with data that were used proves nothing.
 
 Every constraint is left out once: the filter runs again without it from the epoch before its first use, the smoother
-returns to that epoch, and the prediction there is compared with the measurement. The entry state is a
-constraint too, with its prior covariance. Since no filter can start without one, its contribution is removed from the
-smoothed estimate in closed form. With the residual goes the information gain, which says what the estimate would lose
-without the constraint (`information`).
+returns to that epoch, and the prediction there is compared with the measurement. With the residual goes the information
+gain, which says what the estimate would lose without the constraint (`information`).
+
+The entry state is a constraint too, with its prior covariance. Since no filter can start without one, its contribution
+is removed from the smoothed estimate in closed form, ``R (R - S)⁻¹ r``. That form needs no second run, but it is not
+used for the other constraints: it has the linearisation of an estimate that used the constraint, and ``R - S`` vanishes
+in directions that the constraint alone determines. On the rovers' flights it differs from filtering again by up to
+0.012 sigma for the landing, 0.053 for the velocity at rest, 0.32 for the on-board attitudes, and by many sigmas for the
+gravity at rest.
 """
 
 from __future__ import annotations
@@ -74,8 +79,11 @@ class ConstraintCheck:
 
     def nis_interval(self, probability: float = 0.999) -> tuple[float, float]:
         """Interval that holds the sum of `nis` with `probability`."""
-        tail = 0.5 * (1.0 - probability)
-        return quantile(tail, self.dof), quantile(1.0 - tail, self.dof)
+        return _interval(probability, self.dof)
+
+    def left_out_nis_interval(self, probability: float = 0.999) -> tuple[float, float]:
+        """Interval that holds `left_out_nis` with `probability`."""
+        return _interval(probability, self.left_out_dof)
 
     @property
     def left_out_sigma(self) -> Array:
@@ -94,6 +102,12 @@ class ConstraintCheck:
         if not np.all(self.left_out_sigma > 0.0):
             return float("nan")
         return float(np.max(np.abs(self.left_out / self.left_out_sigma)))
+
+
+def _interval(probability: float, dof: int) -> tuple[float, float]:
+    """Interval that holds a sum of `dof` squares with `probability`, with equal tails."""
+    tail = 0.5 * (1.0 - probability)
+    return quantile(tail, dof), quantile(1.0 - tail, dof)
 
 
 def check_constraints(problem: Problem, filter_pass: FilterPass) -> list[ConstraintCheck]:

@@ -124,8 +124,6 @@ class Screening:
         if len(readings) < LEAST_READINGS:
             return
         prediction = predict_jointly(self._copy(estimator), samples, readings)
-        if not np.any(prediction.sensitivity):  # it measures neither position nor velocity
-            return
         consensus = find_consensus(prediction, self._gate)
         self._examined[reading.name] = readings[-1].time
         self._last_nis[reading.name].clear()

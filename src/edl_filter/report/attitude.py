@@ -48,7 +48,7 @@ def quaternion(reader: ResultReader) -> Panel:
     time, elements = reader.time[inside], reader.required("trajectory", "inertial_from_body")[inside]
     matrix = reader.attribute("", "j2000_from_inertial")
     if matrix is not None:
-        elements = rotations.multiply(rotations.from_matrix(np.reshape(matrix, (3, 3))), elements)
+        elements = elements @ rotations.product_matrix(rotations.from_matrix(np.reshape(matrix, (3, 3)))).T
     elements = rotations.conjugate(elements)
     flip = np.cumprod(np.where(np.sum(elements[1:] * elements[:-1], axis=1) < 0.0, -1.0, 1.0))
     elements = elements * np.concatenate(([1.0], flip))[:, None]

@@ -35,12 +35,12 @@ class _Component:
 
 @dataclass(frozen=True, eq=False)
 class _Constraint:
-    """Components of one constraint, and its normalised innovation squared."""
+    """Components of one constraint, and its normalised innovation squared with its 99.9 % interval if there is one."""
 
     name: str
     components: list[_Component]
     nis: float
-    dof: int
+    interval: tuple[float, float] | None
 
 
 def innovations(reader: ResultReader) -> Panel:
@@ -83,7 +83,8 @@ def _innovation(name: str, group: Group) -> _Constraint:
         for i, n in enumerate(_component_names(group, residual.shape[1]))
     ]
     nis = float(np.sum(values["nis"])) if "nis" in values else np.nan
-    return _Constraint(name, components, nis, int(group.attrs.get("dof", residual.size)))
+    dof = int(group.attrs.get("dof", residual.size))
+    return _Constraint(name, components, nis, _interval(group, "nis_interval_99_9", dof))
 
 
 def _left_out(name: str, group: Group) -> _Constraint:
@@ -91,8 +92,23 @@ def _left_out(name: str, group: Group) -> _Constraint:
     ratio = _ratio(np.atleast_1d(values["left_out"]), np.atleast_1d(values["left_out_sigma"]))
     names = _component_names(group, len(ratio))
     components = [_Component(n, ratio[i : i + 1], np.ones(1, bool)) for i, n in enumerate(names)]
-    nis, dof = group.attrs.get("left_out_nis", np.nan), group.attrs.get("left_out_dof", len(ratio))
-    return _Constraint(name, components, float(nis), int(dof))
+    nis = float(group.attrs.get("left_out_nis", np.nan))
+    dof = int(group.attrs.get("left_out_dof", len(ratio)))
+    return _Constraint(name, components, nis, _interval(group, "left_out_nis_interval_99_9", dof))
+
+
+def _interval(group: Group, name: str, dof: int) -> tuple[float, float] | None:
+    """Attribute `name` of a group, an interval of `PROBABILITY`; computed where a result has none; None without dof."""
+    if dof < 1:
+        return None
+    if name not in group.attrs:
+        from scipy.special import chdtri  # its import takes longer than a figure
+
+        tail = 0.5 * (1.0 - PROBABILITY)
+        low, high = chdtri(dof, [1.0 - tail, tail])
+    else:
+        low, high = group.attrs[name]
+    return float(low), float(high)
 
 
 def _numbers(group: Group) -> Mapping[str, Array]:
@@ -173,12 +189,9 @@ def _constraint_texts(constraint: _Constraint, y: float) -> list[Element]:
     """The constraint's name at the left of its rows, and its NIS with the interval at the right."""
     offset = (-72.0 * (_NAMES_INCHES - 0.15), 0.0)
     name = Text(words(constraint.name), 0.0, y, ("panel", "data"), offset, "left", size=11.0)
-    if not np.isfinite(constraint.nis) or constraint.dof < 1:
+    if not np.isfinite(constraint.nis) or constraint.interval is None:
         return [name]
-    tail = 0.5 * (1.0 - PROBABILITY)
-    from scipy.special import chdtri  # imported on use: the import is slow
-
-    low, high = (float(v) for v in chdtri(constraint.dof, [1.0 - tail, tail]))
+    low, high = constraint.interval
     consistent = low <= constraint.nis <= high
     text = f"{short(constraint.nis)} {'in' if consistent else 'not in'} {short(low)} … {short(high)}"
     colour = "ink" if consistent else "vermillion"

@@ -53,16 +53,16 @@ def add_constraints(groups: Groups, statements: Iterable[ConstraintCheck], fused
     for f in fused:
         by_name[f.constraint.name].append(f)
     for s in statements:
-        low, high = s.nis_interval()
         group = Group(
             attrs={
                 "source": s.source,
                 "dof": s.dof,
                 "nis_total": float(np.sum(s.nis)),
-                "nis_interval_99_9": np.array([low, high]),
+                "nis_interval_99_9": np.array(s.nis_interval()),
                 "consistent": int(s.consistent or not s.dof),
                 "left_out_nis": s.left_out_nis,
                 "left_out_dof": s.left_out_dof,
+                "left_out_nis_interval_99_9": np.array(s.left_out_nis_interval()),
                 "left_out_information_nats": s.left_out_information,
             }
         )

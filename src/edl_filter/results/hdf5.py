@@ -183,7 +183,12 @@ class FileGroups(Mapping[str, Group]):
     def _names(self) -> list[str]:
         """Paths of all groups, the root first."""
         names = ["/"]
-        self.file.visititems(lambda name, node: names.append(f"/{name}") if isinstance(node, h5py.Group) else None)
+
+        def note(name: bytes, info: Any) -> None:
+            if info.type == h5py.h5o.TYPE_GROUP and name != b".":
+                names.append(f"/{name.decode()}")
+
+        h5py.h5o.visit(self.file.id, note, info=True)  # `File.visititems` opens every variable
         return names
 
     def __len__(self) -> int:

@@ -127,13 +127,12 @@ def relative_calibration(
 
     columns = [arm_acceleration(np.tile(axis, (len(rate), 1))) for axis in np.eye(3)]
     edges = np.concatenate((reference.time[:1] - reference.interval[:1], reference.time))
+    integral = integral_spline(checked, checked.specific_force, checked.angular_rate)
     error, delay = np.zeros(3), 0.0
     for _ in range(_ITERATIONS):  # products of the errors: delay times lever arm, rotation times lever arm
         predicted = force + arm_acceleration(stated + error)
-        differences = {
-            "force": (interpolated_means(checked, checked.specific_force, edges + delay) - predicted)[used],
-            "rate": (interpolated_means(checked, checked.angular_rate, edges + delay) - rate)[used],
-        }
+        checked_force, checked_rate = means_between(integral, edges + delay)
+        differences = {"force": (checked_force - predicted)[used], "rate": (checked_rate - rate)[used]}
         design = _design(reference, predicted, rate, used, columns)
         values, sigma, scatter = _least_squares(reference.time[used], differences, design)
         error, delay = error + values["lever_arm"], delay + float(values["delay"][0])
@@ -190,7 +189,7 @@ def _covered(reference: ImuRecord, checked: ImuRecord, first: float, last: float
 def covered(record: ImuRecord, edges: Array) -> BoolArray:
     """Intervals (N,) between edges (N + 1,), s, that finite readings of a record cover, with a neighbour on each side.
 
-    Next to a lost sample the spline of `interpolated_means` would take its zero for a reading.
+    Next to a lost sample `integral_spline` would take its zero for a reading.
     """
     lost = ~(np.isfinite(record.specific_force).all(axis=1) & np.isfinite(record.angular_rate).all(axis=1))
     lost = np.convolve(lost, np.ones(2 * _GAP_REACH + 1), mode="same") > 0.5
@@ -203,26 +202,45 @@ def covered(record: ImuRecord, edges: Array) -> BoolArray:
     return out
 
 
-def interpolated_means(record: ImuRecord, values: Array, edges: Array) -> Array:
-    """Means of a record's readings between other edges, by a quintic spline of their integral.
+def integral_spline(record: ImuRecord, *triads: Array) -> InterpolatingSpline:
+    """Quintic spline through the integrals of a record's readings over time; `means_between` evaluates it.
 
     Parameters
     ----------
     record : ImuRecord
         Of the readings.
-    values : (M, 3) array
+    *triads : (M, 3) arrays
         Means over its intervals, of any unit; NaN counts as zero.
-    edges : (N + 1,) array
-        s.
 
     Returns
     -------
-    (N, 3) array
+    InterpolatingSpline
+        Of three values for each triad.
     """
     knots = np.concatenate(([record.start], record.time))
-    integral = np.concatenate((np.zeros((1, 3)), np.cumsum(np.nan_to_num(values) * record.interval[:, None], axis=0)))
-    at_edges = InterpolatingSpline.through(knots, integral, 5)(np.clip(edges, knots[0], knots[-1]))
-    return np.diff(at_edges, axis=0) / np.diff(edges)[:, None]
+    values = np.nan_to_num(np.concatenate(triads, axis=1))
+    sums = np.cumsum(values * record.interval[:, None], axis=0)
+    return InterpolatingSpline.through(knots, np.concatenate((np.zeros((1, values.shape[1])), sums)), 5)
+
+
+def means_between(integral: InterpolatingSpline, edges: Array) -> list[Array]:
+    """Means of readings between other edges than theirs.
+
+    Parameters
+    ----------
+    integral : InterpolatingSpline
+        Of `integral_spline`.
+    edges : (N + 1,) array
+        s; those outside the record count as its ends.
+
+    Returns
+    -------
+    list of (N, 3) arrays
+        One for each triad.
+    """
+    at_edges = integral(np.clip(edges, integral.knots[0], integral.knots[-1]))
+    means = np.diff(at_edges, axis=0) / np.diff(edges)[:, None]
+    return np.split(means, means.shape[1] // 3, axis=1)
 
 
 def _design(reference: ImuRecord, force: Array, rate: Array, used: BoolArray, arm: list[Array]) -> dict[str, Array]:

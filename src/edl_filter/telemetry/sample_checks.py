@@ -260,17 +260,20 @@ def _stuck(values: Array, probability: float) -> list[tuple[int, int]]:
     stuck = []
     for a, b in runs(equal):
         length = b - a  # repetitions of values[a - 1]
-        around = np.r_[max(0, a - _REPEAT_REACH) : a - 1, b : min(len(values), b + _REPEAT_REACH)]
-        nearby = values[around]
+        before, after = slice(max(0, a - _REPEAT_REACH), a - 1), slice(b, min(len(values), b + _REPEAT_REACH))
+        # probability that a value recurs in the next sample: by repetition around, or by its quantisation
+        count = before.stop - before.start + after.stop - after.start
+        repetitions = np.count_nonzero(equal[before]) + np.count_nonzero(equal[after])
+        repetition = (repetitions + 1.0) / (count + 1.0)
+        if np.log(len(values)) + length * np.log(repetition) > np.log(probability):
+            continue
+        nearby = np.concatenate((values[before], values[after]))
         nearby = nearby[np.isfinite(nearby)]
         if len(nearby) < 16:
             continue
-        # probability that a value recurs in the next sample: by repetition around, or by its quantisation
-        repetition = (np.count_nonzero(equal[around]) + 1.0) / (len(around) + 1.0)
         quantum = np.diff(np.unique(nearby))
         spread = 1.4826 * float(np.median(np.abs(np.diff(nearby)))) if len(nearby) > 1 else 0.0
-        coarse = quantum.min(initial=np.inf) > 0.5 * spread
-        if coarse or np.log(len(values)) + length * np.log(repetition) > np.log(probability):
+        if quantum.min(initial=np.inf) > 0.5 * spread:
             continue
         stuck.append((a - 1, b))
     return stuck
