@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.interpolate import make_interp_spline
 
-from edl_filter.estimation.interpolating_spline import InterpolatingSpline
+from edl_filter.estimation.interpolating_spline import InterpolatingSpline, integral_spline
 
 
 @pytest.mark.parametrize(("degree", "count"), [(1, 2), (3, 4), (3, 5), (3, 300), (5, 6), (5, 7), (5, 300)])
@@ -33,3 +33,27 @@ def test_a_polynomial_of_its_degree_passes_unchanged():
     x = np.array([0.0, 0.4, 1.0, 1.3, 2.0, 2.9, 3.3, 4.0])
     at = np.linspace(0.0, 4.0, 33)
     np.testing.assert_allclose(InterpolatingSpline.through(x, (x**5 - x)[:, None], 5)(at)[:, 0], at**5 - at, atol=1e-10)
+
+
+@pytest.mark.parametrize(("degree", "order"), [(3, 3), (5, 5)])
+def test_a_spline_reproduces_polynomials_and_the_means(degree, order):
+    """Rates of one degree less are exact; whatever the rate, its means are those that were measured."""
+    rng = np.random.default_rng(0)
+    interval = rng.uniform(0.05, 0.2, 12)
+    edges = np.concatenate(([3.0], 3.0 + np.cumsum(interval)))
+    coefficients = rng.standard_normal(order)
+    integral = np.polynomial.Polynomial(coefficients).integ()
+    mean = np.column_stack((np.diff(integral(edges)) / interval, rng.standard_normal(12)))
+    spline = integral_spline(edges, interval, mean, degree)
+    t = np.linspace(edges[0], edges[-1], 50)
+    np.testing.assert_allclose(spline.derivative()(t)[:, 0], np.polynomial.Polynomial(coefficients)(t), rtol=1e-7)
+    np.testing.assert_allclose(np.diff(spline(edges), axis=0) / interval[:, None], mean, rtol=1e-10)
+
+
+@pytest.mark.parametrize("count", [2, 3, 4, 5])
+def test_few_samples_have_a_spline_of_lower_degree(count):
+    edges = 0.1 * np.arange(count + 1)
+    middle = edges[1:] - 0.05
+    mean = 2.0 + 3.0 * middle[:, None]
+    spline = integral_spline(edges, np.full(count, 0.1), mean)
+    np.testing.assert_allclose(spline.derivative()(middle), mean, rtol=1e-9)

@@ -1,38 +1,12 @@
-"""Splines through the integrals of readings, and the corrections from them, against closed forms and quadrature."""
+"""Corrections for the rotation within a sample, against closed forms and quadrature."""
 
 import numpy as np
 import pytest
 
 from edl_filter.navigation.rotation_corrections import (
-    integral_spline,
     nodes,
     rotation_corrections,
-    sample_edges,
 )
-
-
-@pytest.mark.parametrize(("degree", "order"), [(3, 3), (5, 5)])
-def test_a_spline_reproduces_polynomials_and_the_means(degree, order):
-    """Rates of one degree less are exact; whatever the rate, its means are those that were measured."""
-    rng = np.random.default_rng(0)
-    interval = rng.uniform(0.05, 0.2, 12)
-    edges = np.concatenate(([3.0], 3.0 + np.cumsum(interval)))
-    coefficients = rng.standard_normal(order)
-    integral = np.polynomial.Polynomial(coefficients).integ()
-    mean = np.column_stack((np.diff(integral(edges)) / interval, rng.standard_normal(12)))
-    spline = integral_spline(edges, interval, mean, degree)
-    t = np.linspace(edges[0], edges[-1], 50)
-    np.testing.assert_allclose(spline.derivative()(t)[:, 0], np.polynomial.Polynomial(coefficients)(t), rtol=1e-7)
-    np.testing.assert_allclose(np.diff(spline(edges), axis=0) / interval[:, None], mean, rtol=1e-10)
-
-
-@pytest.mark.parametrize("count", [2, 3, 4, 5])
-def test_few_samples_have_a_spline_of_lower_degree(count):
-    time = 0.1 * np.arange(1, count + 1)
-    interval = np.full(count, 0.1)
-    mean = 2.0 + 3.0 * (time[:, None] - 0.05)
-    spline = integral_spline(sample_edges(time, interval), interval, mean)
-    np.testing.assert_allclose(spline.derivative()(time - 0.05), mean, rtol=1e-9)
 
 
 def test_nodes_integrate_polynomials_exactly():

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from edl_filter.navigation.rotation_corrections import integral_spline, rotation_corrections, sample_edges
+from edl_filter.estimation.interpolating_spline import integral_spline
+from edl_filter.navigation.rotation_corrections import rotation_corrections, sample_edges
 from edl_filter.navigation.unresolved import (
     covariance_root,
     intensity_sigma,

@@ -17,6 +17,9 @@ from scipy.linalg import solve_banded
 
 from edl_filter.types import Array
 
+#: Degree of splines through integrals.
+DEGREE = 5
+
 
 @dataclass(frozen=True)
 class InterpolatingSpline:
@@ -87,6 +90,31 @@ class InterpolatingSpline:
         spans = self.knots[self.degree + 1 : -1] - self.knots[1 : -self.degree - 1]
         slopes = self.degree * np.diff(self.coefficients, axis=0) / spans[:, None]
         return InterpolatingSpline(self.knots[1:-1], slopes, self.degree - 1).derivative(order - 1)
+
+
+def integral_spline(edges: Array, interval: Array, mean: Array, degree: int = DEGREE) -> InterpolatingSpline:
+    """Spline through the integral of a quantity whose means over adjoining intervals are known.
+
+    Parameters
+    ----------
+    edges : (N + 1,) array
+        Of the intervals.
+    interval : (N,) array
+        Their lengths.
+    mean : (N, m) array
+        Means over the intervals.
+    degree : int
+        Odd. With fewer edges than the degree needs, the largest odd degree that they allow.
+
+    Returns
+    -------
+    InterpolatingSpline
+        Of the integral ``(m,)``, zero at the first edge. Its derivative has the means that are given.
+    """
+    integral = np.zeros((len(edges), mean.shape[1]))
+    np.cumsum(mean * interval[:, None], axis=0, out=integral[1:])
+    largest = len(interval) if len(interval) % 2 else len(interval) - 1
+    return InterpolatingSpline.through(edges, integral, min(degree, largest))
 
 
 @njit(cache=True, error_model="numpy")

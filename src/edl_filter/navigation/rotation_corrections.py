@@ -24,37 +24,8 @@ import numpy as np
 from numba import njit
 
 from edl_filter import rotations
-from edl_filter.estimation.interpolating_spline import InterpolatingSpline
+from edl_filter.estimation.interpolating_spline import integral_spline
 from edl_filter.types import Array
-
-#: Degree of the splines through the integrals.
-DEGREE = 5
-
-
-def integral_spline(edges: Array, interval: Array, mean: Array, degree: int = DEGREE) -> InterpolatingSpline:
-    """Spline through the integral of a quantity at the edges of the samples.
-
-    Parameters
-    ----------
-    edges : (N + 1,) array
-        s.
-    interval : (N,) array
-        s.
-    mean : (N, m) array
-        Means over the intervals, of any unit.
-    degree : int
-        Odd. With fewer edges than the degree needs, the largest odd degree that they allow.
-
-    Returns
-    -------
-    InterpolatingSpline
-        Of the integral ``(m,)``, in the unit of `mean` times s; zero at the first edge. Its derivative has the means
-        that were measured.
-    """
-    integral = np.zeros((len(edges), mean.shape[1]))
-    np.cumsum(mean * interval[:, None], axis=0, out=integral[1:])
-    largest = len(interval) if len(interval) % 2 else len(interval) - 1
-    return InterpolatingSpline.through(edges, integral, min(degree, largest))
 
 
 def sample_edges(time: Array, interval: Array) -> Array:

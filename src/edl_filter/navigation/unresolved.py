@@ -33,7 +33,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from edl_filter.navigation.rotation_corrections import DEGREE, integral_spline, nodes, sample_edges
+from edl_filter.estimation.interpolating_spline import DEGREE, integral_spline
+from edl_filter.navigation.rotation_corrections import nodes, sample_edges
 from edl_filter.types import Array
 
 #: Number of samples, odd, by which the response of a spline to one sample has vanished.

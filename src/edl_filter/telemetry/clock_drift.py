@@ -16,7 +16,7 @@ import numpy as np
 
 from edl_filter.imu_model.lever_arm import edge_values
 from edl_filter.telemetry.record import ImuRecord, SampleFinding, finite_rows
-from edl_filter.telemetry.relative_calibration import FEWEST_SAMPLES, covered, integral_spline, means_between
+from edl_filter.telemetry.relative_calibration import FEWEST_SAMPLES, covered, means_between, readings_integral
 from edl_filter.types import Array
 
 #: Least ratio of a drift, and least difference that it adds up to (s): less is the accuracy of stated intervals.
@@ -145,7 +145,7 @@ def _agreement(record: ImuRecord, reference: ImuRecord, end: float) -> _Agreemen
     used = covered(reference, edges) & finite_rows(record.angular_rate) & (record.time <= end)
     if used.sum() < FEWEST_SAMPLES:
         return None
-    (rate,) = means_between(integral_spline(reference, reference.angular_rate), edges)
+    (rate,) = means_between(readings_integral(reference, reference.angular_rate), edges)
     change = np.diff(edge_values(record.interval, rate), axis=0) / record.interval[:, None]
     middle = (record.time - 0.5 * record.interval)[used]
     design = _design(rate[used], change[used], middle - middle.mean())

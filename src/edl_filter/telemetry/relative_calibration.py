@@ -20,7 +20,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from edl_filter.estimation.interpolating_spline import InterpolatingSpline
+from edl_filter.estimation.interpolating_spline import InterpolatingSpline, integral_spline
 from edl_filter.imu_model.lever_arm import edge_values, lever_arm_acceleration
 from edl_filter.telemetry.record import SAME_TIME, ImuRecord, within_window
 from edl_filter.types import Array, BoolArray
@@ -127,7 +127,7 @@ def relative_calibration(
 
     columns = [arm_acceleration(np.tile(axis, (len(rate), 1))) for axis in np.eye(3)]
     edges = np.concatenate((reference.time[:1] - reference.interval[:1], reference.time))
-    integral = integral_spline(checked, checked.specific_force, checked.angular_rate)
+    integral = readings_integral(checked, checked.specific_force, checked.angular_rate)
     error, delay = np.zeros(3), 0.0
     for _ in range(_ITERATIONS):  # products of the errors: delay times lever arm, rotation times lever arm
         predicted = force + arm_acceleration(stated + error)
@@ -189,7 +189,7 @@ def _covered(reference: ImuRecord, checked: ImuRecord, first: float, last: float
 def covered(record: ImuRecord, edges: Array) -> BoolArray:
     """Intervals (N,) between edges (N + 1,), s, that finite readings of a record cover, with a neighbour on each side.
 
-    Next to a lost sample `integral_spline` would take its zero for a reading.
+    Next to a lost sample `readings_integral` would take its zero for a reading.
     """
     lost = ~(np.isfinite(record.specific_force).all(axis=1) & np.isfinite(record.angular_rate).all(axis=1))
     lost = np.convolve(lost, np.ones(2 * _GAP_REACH + 1), mode="same") > 0.5
@@ -202,7 +202,7 @@ def covered(record: ImuRecord, edges: Array) -> BoolArray:
     return out
 
 
-def integral_spline(record: ImuRecord, *triads: Array) -> InterpolatingSpline:
+def readings_integral(record: ImuRecord, *triads: Array) -> InterpolatingSpline:
     """Quintic spline through the integrals of a record's readings over time; `means_between` evaluates it.
 
     Parameters
@@ -217,10 +217,8 @@ def integral_spline(record: ImuRecord, *triads: Array) -> InterpolatingSpline:
     InterpolatingSpline
         Of three values for each triad.
     """
-    knots = np.concatenate(([record.start], record.time))
-    values = np.nan_to_num(np.concatenate(triads, axis=1))
-    sums = np.cumsum(values * record.interval[:, None], axis=0)
-    return InterpolatingSpline.through(knots, np.concatenate((np.zeros((1, values.shape[1])), sums)), 5)
+    edges = np.concatenate(([record.start], record.time))
+    return integral_spline(edges, record.interval, np.nan_to_num(np.concatenate(triads, axis=1)))
 
 
 def means_between(integral: InterpolatingSpline, edges: Array) -> list[Array]:
@@ -229,7 +227,7 @@ def means_between(integral: InterpolatingSpline, edges: Array) -> list[Array]:
     Parameters
     ----------
     integral : InterpolatingSpline
-        Of `integral_spline`.
+        Of `readings_integral`.
     edges : (N + 1,) array
         s; those outside the record count as its ends.
 

@@ -15,7 +15,7 @@ from scipy.ndimage import maximum_filter1d, median_filter
 
 from edl_filter.imu_model.lever_arm import edge_values, lever_arm_acceleration
 from edl_filter.telemetry.record import ImuRecord, finite_rows
-from edl_filter.telemetry.relative_calibration import covered, integral_spline, means_between, relative_calibration
+from edl_filter.telemetry.relative_calibration import covered, means_between, readings_integral, relative_calibration
 from edl_filter.types import Array, BoolArray
 
 #: Prior sigmas of one IMU's errors against the other where the telemetry states smaller ones: accelerometer bias
@@ -101,7 +101,7 @@ def transferred(reference: ImuRecord, source: ImuRecord, end: float) -> Transfer
     force = force - lever_arm_acceleration(source.interval, moved, offset, source.unit)
     edges = np.concatenate((reference.time[:1] - reference.interval[:1], reference.time)) + delay
     usable = covered(source, edges)
-    integral = integral_spline(source, force, rate)
+    integral = readings_integral(source, force, rate)
     means = [np.where(usable[:, None], mean, np.nan) for mean in means_between(integral, edges)]
     known = np.nan_to_num(means[0]), np.nan_to_num(means[1])
     change = [np.diff(edge_values(reference.interval, v), axis=0) / reference.interval[:, None] for v in known]

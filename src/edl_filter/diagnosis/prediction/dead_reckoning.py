@@ -11,10 +11,11 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from scipy.interpolate import BSpline, CubicSpline, make_interp_spline
+from scipy.interpolate import CubicSpline
 
 from edl_filter import rotations
 from edl_filter.diagnosis.prediction.time_bins import TimeBins
+from edl_filter.estimation.interpolating_spline import InterpolatingSpline, integral_spline
 from edl_filter.navigation.filter import Problem
 from edl_filter.navigation.layout import sensor_maps
 from edl_filter.navigation.trajectory import propagate_one
@@ -174,7 +175,7 @@ def _rotation_since_edge(bins: TimeBins, angle: Array, rate: Array) -> Array:
 
 def node_rates(bins: TimeBins, mean_rate: Array) -> Array:
     """Rates at the nodes ``(M, 3)``, rad/s, from means over the bins ``(B, 3)``, as in `path_nodes`."""
-    return np.asarray(_angle(bins, mean_rate).derivative()(node_times(bins)), np.float64)
+    return _angle(bins, mean_rate).derivative()(node_times(bins))
 
 
 def node_times(bins: TimeBins) -> Array:
@@ -183,7 +184,6 @@ def node_times(bins: TimeBins) -> Array:
     return np.append((bins.edges[:-1, None] + bins.interval[:, None] * fraction).ravel(), bins.edges[-1])
 
 
-def _angle(bins: TimeBins, mean_rate: Array) -> BSpline:
-    """Integral of the rates as a function of time."""
-    steps = np.nan_to_num(mean_rate) * bins.interval[:, None]
-    return make_interp_spline(bins.edges, np.concatenate((np.zeros((1, 3)), np.cumsum(steps, axis=0))), k=5)
+def _angle(bins: TimeBins, mean_rate: Array) -> InterpolatingSpline:
+    """Integral of the rates as a function of time; where there are none they count as zero."""
+    return integral_spline(bins.edges, bins.interval, np.nan_to_num(mean_rate))
