@@ -353,3 +353,27 @@ def test_filled_stretches_are_not_extrapolated_from_each_other(builtin_flight):
     assert np.isfinite(filled.specific_force).all()
     assert np.all((filled.specific_force >= 2 * low - high) & (filled.specific_force <= 2 * high - low))
     assert np.all(filled.force_fill_sigma < 10.0 * (high - low))
+
+
+@pytest.mark.parametrize(("begin", "end"), [(283.0, 303.0), (206.0, 226.0)], ids=["after", "before"])
+def test_a_stretch_on_one_side_of_the_parachute_is_filled_from_that_side(begin, end, builtin_flight):
+    """Another process acts on the other side, and the shock between them is part of neither."""
+    telemetry, deployment = alone(read_flight_file(builtin_flight)), 252.75
+    record = telemetry.driving
+    lost = (record.time > begin) & (record.time <= end)
+    beyond = record.time < deployment + 1.5 if begin > deployment else record.time > deployment - 0.5
+    fills = []
+    for factor in (1.0, 3.0):  # the other side and the shock, changed
+        force, rate = record.specific_force.copy(), record.angular_rate.copy()
+        for values in (force, rate):
+            values[beyond] *= factor
+            values[lost] = np.nan
+        changed = replace(record, specific_force=force, angular_rate=rate)
+        outcome = repaired(replace(telemetry, driving=changed), CheckSettings(enabled=False), deployment).driving
+        fills.append(
+            np.hstack([v[lost] for v in (outcome.specific_force, outcome.angular_rate,
+                                         outcome.force_fill_sigma, outcome.rate_fill_sigma)])
+        )  # fmt: skip
+    np.testing.assert_array_equal(*fills)
+    deceleration = np.abs(record.specific_force[lost, 0]).mean()
+    assert np.abs(fills[0][:, 0] - record.specific_force[lost, 0]).mean() < 0.1 * deceleration

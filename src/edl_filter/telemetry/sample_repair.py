@@ -34,6 +34,9 @@ _DEAD = 1.0
 _LEAST_SIDE, _SIDE_RATIO = 80, 1.5
 #: Time before the parachute from which samples are not compared: the mortar's recoil, s.
 _PARACHUTE_MARGIN = 1.0
+#: Time after the parachute's deployment by which the canopy is full and its shock is over, s. The deceleration of both
+#: rovers jumps to its peak at 1.1 to 1.3 s and falls smoothly from 2.5 s on.
+_INFLATION = 3.0
 _TRIADS = ("force", "rate")
 #: Time after a gap in which the rates of two IMUs are compared (s), least number of samples, and the ratio of mean
 #: squares below which the clock jumped.
@@ -93,7 +96,7 @@ def repaired(telemetry: Telemetry, settings: CheckSettings | None = None, parach
     phrases: dict[str, list[tuple[float, float, str]]] = {}
     outcome = []
     for record, source in zip(records, sources, strict=True):
-        complete, how = _filled(record, source, settings, smooth_until)
+        complete, how = _filled(record, source, settings, parachute)
         phrases[record.name] = how
         outcome.append(complete)
     findings = [f if f.repair else with_repair(f, _phrase(f, phrases.get(f.imu, []))) for f in findings]
@@ -203,13 +206,13 @@ def _extended(record: ImuRecord, second: ImuRecord) -> tuple[ImuRecord, list[Sam
 
 
 def _filled(
-    record: ImuRecord, second: ImuRecord | None, settings: CheckSettings, calibrated_until: float
+    record: ImuRecord, second: ImuRecord | None, settings: CheckSettings, parachute: float
 ) -> tuple[ImuRecord, list[tuple[float, float, str]]]:
     """A record with all lost values filled, and where and how: (start, end, phrase)."""
     if _finite(record):
         return record, []
     repairs: list[tuple[float, float, str]] = []
-    source = None if second is None else transferred(record, second, calibrated_until)
+    source = None if second is None else transferred(record, second, parachute - _PARACHUTE_MARGIN)
     values = {"force": record.specific_force.copy(), "rate": record.angular_rate.copy()}
     sigmas = {"force": record.force_fill_sigma.copy(), "rate": record.rate_fill_sigma.copy()}
     noise = {"force": record.force_noise, "rate": record.rate_noise}
@@ -226,7 +229,7 @@ def _filled(
         read = values[triad].copy()  # an autoregression is fitted to readings alone
         for a, b in runs(lost[triad]):
             _refuse_long_gap(record, a, b, settings)
-            values[triad][a:b], sigma = _by_dynamics(record, read, a, b)
+            values[triad][a:b], sigma = _by_dynamics(record, read, a, b, parachute)
             variance = sigma**2  # of a reading, with its noise
             sigmas[triad][a:b] = np.sqrt(np.maximum(variance - noise[triad][a:b, None] ** 2, 0.25 * variance))
             repairs.append(_repair(record, a, b, "filled by a fitted oscillation"))
@@ -262,13 +265,22 @@ def _transfer_sigma(source: TransferredReadings, triad: str, rows: slice, noise:
     return np.sqrt(independent + len(scatter) * common**2)
 
 
-def _by_dynamics(record: ImuRecord, values: Array, a: int, b: int) -> tuple[Array, Array]:
-    """Values and equivalent sigmas (n, 3) of the stretch ``[a, b)`` by an autoregression of each axis."""
+def _by_dynamics(record: ImuRecord, values: Array, a: int, b: int, parachute: float) -> tuple[Array, Array]:
+    """Values and equivalent sigmas (n, 3) of the stretch ``[a, b)`` by an autoregression of each axis.
+
+    A stretch is fitted to samples of the same part of the flight, before or after the parachute's shock, if that part
+    is as long on each side of the stretch as the stretch itself, so that the cross-validation has both sides: another
+    process acts in the other part, and the shock between them is no oscillation of either. Nearer to the shock, the
+    samples of both parts are used, which bound the stretch.
+    """
     side = max(_LEAST_SIDE, int(_SIDE_RATIO * (b - a)) + _LEAST_SIDE // 2)
     first, last = max(0, a - side), min(len(record), b + side)
     interval = record.interval[a]
     regular = np.abs(record.interval[first:last] - interval) < 0.2 * interval
     regular &= _same_kind(record, a)[first:last]
+    same_part = _same_part(record, a, parachute)
+    if same_part[a:b].all() and all(np.count_nonzero(s) >= b - a for s in (same_part[:a], same_part[b:])):
+        regular &= same_part[first:last]
     out, sigma = np.empty((b - a, 3)), np.empty((b - a, 3))
     for axis in range(3):
         series = values[first:last, axis]
@@ -276,6 +288,13 @@ def _by_dynamics(record: ImuRecord, values: Array, a: int, b: int) -> tuple[Arra
         fill = interpolate(np.nan_to_num(series), known, a - first, b - first)
         out[:, axis], sigma[:, axis] = fill.values, fill.sum_sigma / np.sqrt(b - a)
     return out, np.maximum(sigma, 1e-12)
+
+
+def _same_part(record: ImuRecord, row: int, parachute: float) -> BoolArray:
+    """Samples (N,) on the same side of the parachute's shock as the row; those in the shock are on neither."""
+    before = record.time <= parachute - _PARACHUTE_MARGIN
+    after = record.time - record.interval >= parachute + _INFLATION
+    return before if before[row] else after
 
 
 def _same_kind(record: ImuRecord, row: int) -> BoolArray:
