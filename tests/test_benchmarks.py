@@ -1,13 +1,14 @@
 """The page of the benchmarks from their rows, and that each benchmark can be imported; times are not tested."""
 
 import importlib
-from importlib.metadata import PackageNotFoundError, distribution
+from importlib.metadata import PackageNotFoundError, distribution, requires
 from pathlib import Path
 
 import measuring
 import performance
 import pytest
 from measuring import Grid, Row, Section, Times, at_least, at_most
+from packaging.requirements import Requirement
 
 #: Peers, of the extra `bench`, that a file imports at its beginning.
 NEEDS = {"peer_dynamax": "dynamax", "peer_pyins": "python-ins", "peer_stonesoup": "stonesoup"}
@@ -79,6 +80,12 @@ def test_every_file_can_be_imported(name):
         except PackageNotFoundError:
             pytest.skip(f"{NEEDS[name]} is not installed")
     importlib.import_module(name)
+
+
+def test_packages_that_may_be_missing_are_those_of_the_extra():
+    needed = [Requirement(r) for r in requires("edl-filter")]
+    extra = {r.name for r in needed if r.marker is not None and r.marker.evaluate({"extra": "bench"})}
+    assert set(NEEDS.values()) <= extra
 
 
 def test_every_benchmark_is_on_the_page():

@@ -3,8 +3,7 @@
 Input: abscissae and values. Method: B-splines whose knots are the abscissae without those next to the ends, by the
 recursion of Cox and de Boor, and the solution of the banded collocation equations (de Boor, A Practical Guide to
 Splines, 2001, chapters X and XIII). The same as `scipy.interpolate.make_interp_spline`, whose package takes longer to
-import than a record to interpolate. Output: values of the spline and of its derivatives, and
-its polynomials.
+import than a record to interpolate. Output: values of the spline and of its derivatives, and its polynomials.
 """
 
 from __future__ import annotations
@@ -54,12 +53,16 @@ class InterpolatingSpline:
         inside = (degree + 1) // 2
         ends = np.ones(degree + 1)
         knots = np.concatenate((x[0] * ends, x[inside:-inside], x[-1] * ends))
-        bands = _collocation_bands(knots, degree, np.asarray(x, np.float64))
-        return cls(knots, solve_banded((degree, degree), bands, y, check_finite=False), degree)
+        first, basis = _basis(knots, degree, np.asarray(x, np.float64))
+        bands = np.zeros((2 * degree + 1, len(x)))
+        columns = first[:, None] + np.arange(degree + 1)
+        bands[degree + np.arange(len(x))[:, None] - columns, columns] = basis
+        return cls(knots, solve_banded((degree, degree), bands, y), degree)
 
     def __call__(self, x: Array) -> Array:
         """Values ``(M, K)`` at ``(M,)`` abscissae between the first and the last knot."""
-        return _evaluate(self.knots, self.degree, self.coefficients, np.asarray(x, np.float64))
+        first, basis = _basis(self.knots, self.degree, np.asarray(x, np.float64))
+        return _combination(first, basis, self.coefficients)
 
     def powers(self, x: Array) -> Array:
         """Coefficients of the polynomials that the spline is after each abscissa.
@@ -118,56 +121,38 @@ def integral_spline(edges: Array, interval: Array, mean: Array, degree: int = DE
 
 
 @njit(cache=True, error_model="numpy")
-def _collocation_bands(knots, degree, x):
-    """Values of the B-splines at the abscissae, as the bands ``(2 degree + 1, N)`` of `scipy.linalg.solve_banded`."""
-    bands = np.zeros((2 * degree + 1, len(x)))
-    basis = np.empty(degree + 1)
-    interval = degree
+def _basis(knots, degree, x):
+    """Index ``(M,)`` of the first B-spline that is not zero at each abscissa, and the values ``(M, degree + 1)``.
+
+    By the recursion of Cox and de Boor. The interval of an abscissa is searched from that of the one before.
+    """
+    first, values = np.empty(len(x), np.int64), np.empty((len(x), degree + 1))
+    last, interval = len(knots) - degree - 2, degree
     for i in range(len(x)):
-        interval = _interval(knots, degree, x[i], interval)
-        _basis(knots, degree, interval, x[i], basis)
-        for k in range(degree + 1):
-            column = interval - degree + k
-            bands[degree + i - column, column] = basis[k]
-    return bands
+        while interval < last and x[i] >= knots[interval + 1]:
+            interval += 1
+        while interval > degree and x[i] < knots[interval]:
+            interval -= 1
+        first[i] = interval - degree
+        value = values[i]
+        value[0] = 1.0
+        for order in range(1, degree + 1):
+            carried = 0.0
+            for k in range(order):
+                right, left = knots[interval + k + 1], knots[interval + k + 1 - order]
+                share = value[k] / (right - left)
+                value[k] = carried + (right - x[i]) * share
+                carried = (x[i] - left) * share
+            value[order] = carried
+    return first, values
 
 
 @njit(cache=True, error_model="numpy")
-def _evaluate(knots, degree, coefficients, x):
-    """Values ``(M, K)`` at abscissae ``(M,)``."""
-    out = np.zeros((len(x), coefficients.shape[1]))
-    basis = np.empty(degree + 1)
-    interval = degree
-    for i in range(len(x)):
-        interval = _interval(knots, degree, x[i], interval)
-        _basis(knots, degree, interval, x[i], basis)
-        for k in range(degree + 1):
-            row = coefficients[interval - degree + k]
+def _combination(first, basis, coefficients):
+    """Values ``(M, K)`` of the spline from the B-splines that are not zero."""
+    out = np.zeros((len(first), coefficients.shape[1]))
+    for i in range(len(first)):
+        for k in range(basis.shape[1]):
             for c in range(coefficients.shape[1]):
-                out[i, c] += basis[k] * row[c]
+                out[i, c] += basis[i, k] * coefficients[first[i] + k, c]
     return out
-
-
-@njit(cache=True, error_model="numpy")
-def _interval(knots, degree, x, start):
-    """Index of the knot at the beginning of the interval that contains `x`, searched from `start`, which is near."""
-    interval = start
-    while interval < len(knots) - degree - 2 and x >= knots[interval + 1]:
-        interval += 1
-    while interval > degree and x < knots[interval]:
-        interval -= 1
-    return interval
-
-
-@njit(cache=True, error_model="numpy")
-def _basis(knots, degree, interval, x, out):
-    """Values ``(degree + 1,)`` of the B-splines that are not zero in an interval (Cox and de Boor)."""
-    out[0] = 1.0
-    for order in range(1, degree + 1):
-        carried = 0.0
-        for k in range(order):
-            right, left = knots[interval + k + 1], knots[interval + k + 1 - order]
-            share = out[k] / (right - left)
-            out[k] = carried + (right - x) * share
-            carried = (x - left) * share
-        out[order] = carried

@@ -16,7 +16,9 @@ from edl_filter.io.atomic import cannot_write
 try:
     import fcntl
 except ImportError:  # a system without POSIX locks: two commands in one folder are not recognised
-    fcntl = None  # type: ignore[assignment]
+    _HAS_LOCKS = False
+else:
+    _HAS_LOCKS = True
 
 #: Beginning of the names of hidden folders that hold unfinished output.
 STAGING = ".edl-filter."
@@ -53,7 +55,7 @@ def output_folder(folder: Path) -> Iterator[Path]:
             folder.mkdir(parents=True, exist_ok=True)
             with tempfile.TemporaryFile(prefix=STAGING, dir=folder) as probe:
                 probe.write(b"0")
-            descriptor = os.open(folder, os.O_RDONLY) if fcntl is not None else None
+            descriptor = os.open(folder, os.O_RDONLY) if _HAS_LOCKS else None
         except OSError as error:
             raise cannot_write(folder, error) from None
         if descriptor is not None:

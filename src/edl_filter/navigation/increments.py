@@ -128,6 +128,12 @@ def force_at_centre_of_mass(record: ImuRecord) -> Array:
     )
 
 
+def unresolved_motion_of(record: ImuRecord, impacts_from: float) -> UnresolvedMotion:
+    """Noise of unresolved motion of a record in body axes whose vehicle hits the ground from `impacts_from` (s) on."""
+    force = force_at_centre_of_mass(record)
+    return unresolved_motion(record.time, record.interval, force, record.angular_rate, impacts_from)
+
+
 def effective_samples(
     record: ImuRecord, impacts_from: float = np.inf, unresolved: UnresolvedMotion | None = None
 ) -> Samples:
@@ -151,7 +157,7 @@ def effective_samples(
     sculling[record.sculling_corrected] = 0.0
     coning[record.coning_corrected] = 0.0
     if unresolved is None:
-        unresolved = unresolved_motion(record.time, dt, force, rate, impacts_from)
+        unresolved = unresolved_motion_of(record, impacts_from)
     unresolved_force, unresolved_rate, in_sample = unresolved
     difference = INTEGRATION_DIFFERENCE * in_sample
     unresolved_rate = np.maximum(unresolved_rate, difference)

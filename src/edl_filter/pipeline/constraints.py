@@ -20,6 +20,7 @@ from edl_filter.mission.fields import FromTelemetryConfig
 from edl_filter.navigation import constraints as models
 from edl_filter.navigation.increments import Samples
 from edl_filter.pipeline.forward_model import body_of
+from edl_filter.pipeline.load import event_times
 from edl_filter.pipeline.parachute import parachute_deployment
 from edl_filter.planet import Planet, ellipsoid
 from edl_filter.planet.atmosphere import Atmosphere
@@ -140,7 +141,7 @@ def _within(time: Array, end: Array, interval: Array) -> tuple[BoolArray, set[in
 
 
 def _event(mission: Mission, telemetry: Telemetry, name: str, constraint: str) -> float:
-    times = telemetry.events | mission.event_times()
+    times = event_times(mission, telemetry)
     if name not in times:
         raise InputError(f"{mission.source}: constraints.{constraint} needs the event {name}; there is none.")
     return times[name]

@@ -79,9 +79,13 @@ def prepare_telemetry(mission: Mission, telemetry: Telemetry, label: str) -> Tel
     return _repaired(mission, moved_by_events(mission, telemetry), check_settings(mission))
 
 
+def event_times(mission: Mission, telemetry: Telemetry) -> dict[str, float]:
+    """Events of a flight and their times, s: those of the telemetry, and of the mission, which replace them."""
+    return telemetry.events | mission.event_times()
+
+
 def _repaired(mission: Mission, telemetry: Telemetry, checks: CheckSettings) -> Telemetry:
-    parachute = (telemetry.events | mission.event_times()).get("parachute_deploy", np.inf)
-    return repaired(telemetry, checks, parachute)
+    return repaired(telemetry, checks, event_times(mission, telemetry).get("parachute_deploy", np.inf))
 
 
 def check_settings(mission: Mission) -> CheckSettings:

@@ -21,6 +21,7 @@ import numpy as np
 
 from edl_filter.mission import Mission
 from edl_filter.navigation.filter import Problem
+from edl_filter.pipeline.load import event_times
 from edl_filter.planet import Planet
 from edl_filter.telemetry.record import ImuRecord, Telemetry
 from edl_filter.types import Array
@@ -74,7 +75,7 @@ def find_violation(mission: Mission, telemetry: Telemetry, problem: Problem) -> 
     """
     record = telemetry.driving
     where = f"{mission.telemetry_path() or mission.source or mission.name}: IMU {record.name}"
-    times = telemetry.events | mission.event_times()
+    times = event_times(mission, telemetry)
     end = min((times[n] for n in ("parachute_deploy", "landing") if n in times), default=None)
     violations = [
         _check_rates(where, record, checking, np.inf if end is None else end) for checking in telemetry.checking

@@ -24,7 +24,13 @@ from edl_filter.navigation.trajectory import Trajectory, smoothed_trajectory
 from edl_filter.navigation.unresolved import UnresolvedMotion
 from edl_filter.pipeline.constraints import build_constraints
 from edl_filter.pipeline.entry_state import EntryCorrection, entry_correction, entry_state
-from edl_filter.pipeline.load import centre_of_mass_shifts, read_atmosphere, read_telemetry, with_velocity_steps
+from edl_filter.pipeline.load import (
+    centre_of_mass_shifts,
+    event_times,
+    read_atmosphere,
+    read_telemetry,
+    with_velocity_steps,
+)
 from edl_filter.planet import Planet
 from edl_filter.planet.atmosphere import Atmosphere
 from edl_filter.telemetry.calibration import MisalignmentEstimate, bias_from_velocity_slope
@@ -91,7 +97,7 @@ class Reconstruction:
     @property
     def event_times(self) -> dict[str, float]:
         """Name → s since the epoch."""
-        return dict(sorted((self.telemetry.events | self.mission.event_times()).items(), key=lambda e: e[1]))
+        return dict(sorted(event_times(self.mission, self.telemetry).items(), key=lambda e: e[1]))
 
     @property
     def site(self) -> Array | None:
@@ -175,7 +181,7 @@ def assemble_free(
     """
     planet = compose_gravity(planet, effects)
     shifts = centre_of_mass_shifts(mission, telemetry.driving)
-    times = mission.event_times() | telemetry.events
+    times = event_times(mission, telemetry)
     samples = effective_samples(telemetry.driving, times.get("landing", np.inf), unresolved)
     samples = with_velocity_steps(samples, shifts)
     initial, entry = entry_state(mission, telemetry)
@@ -324,7 +330,7 @@ def _pre_entry_bias(mission: Mission, telemetry: Telemetry) -> tuple[Array, Arra
 
 
 def _deployment(mission: Mission, telemetry: Telemetry) -> float:
-    return (telemetry.events | mission.event_times()).get("parachute_deploy", np.inf)
+    return event_times(mission, telemetry).get("parachute_deploy", np.inf)
 
 
 def _calibrate(mission: Mission, telemetry: Telemetry) -> dict[str, RelativeCalibration]:

@@ -83,8 +83,7 @@ def _innovation(name: str, group: Group) -> _Constraint:
         for i, n in enumerate(_component_names(group, residual.shape[1]))
     ]
     nis = float(np.sum(values["nis"])) if "nis" in values else np.nan
-    dof = int(group.attrs.get("dof", residual.size))
-    return _Constraint(name, components, nis, _interval(group, "nis_interval_99_9", dof))
+    return _Constraint(name, components, nis, _interval(group, "nis_interval_99_9", "dof"))
 
 
 def _left_out(name: str, group: Group) -> _Constraint:
@@ -93,21 +92,14 @@ def _left_out(name: str, group: Group) -> _Constraint:
     names = _component_names(group, len(ratio))
     components = [_Component(n, ratio[i : i + 1], np.ones(1, bool)) for i, n in enumerate(names)]
     nis = float(group.attrs.get("left_out_nis", np.nan))
-    dof = int(group.attrs.get("left_out_dof", len(ratio)))
-    return _Constraint(name, components, nis, _interval(group, "left_out_nis_interval_99_9", dof))
+    return _Constraint(name, components, nis, _interval(group, "left_out_nis_interval_99_9", "left_out_dof"))
 
 
-def _interval(group: Group, name: str, dof: int) -> tuple[float, float] | None:
-    """Attribute `name` of a group, an interval of `PROBABILITY`; computed where a result has none; None without dof."""
-    if dof < 1:
+def _interval(group: Group, name: str, dof: str) -> tuple[float, float] | None:
+    """Interval of a NIS in attribute `name`; None where its degrees of freedom, in attribute `dof`, are zero."""
+    if name not in group.attrs or group.attrs[dof] < 1:
         return None
-    if name not in group.attrs:
-        from scipy.special import chdtri  # its import takes longer than a figure
-
-        tail = 0.5 * (1.0 - PROBABILITY)
-        low, high = chdtri(dof, [1.0 - tail, tail])
-    else:
-        low, high = group.attrs[name]
+    low, high = group.attrs[name]
     return float(low), float(high)
 
 

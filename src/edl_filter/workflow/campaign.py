@@ -12,6 +12,7 @@ from collections import deque
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, replace
+from importlib.util import find_spec
 from pathlib import Path
 from queue import Empty, SimpleQueue
 from typing import Any
@@ -326,10 +327,7 @@ def _connections(scheduler: str | None, workers: int | None, patience_s: float) 
 
 
 def _require_dask() -> None:
-    try:
-        import distributed  # noqa: F401 -- an extra of the package
-        import zarr  # noqa: F401 -- likewise
-    except ImportError:
+    if any(find_spec(name) is None for name in ("distributed", "zarr")):
         raise InputError(
             "campaign: needs dask.distributed and zarr; install them with: pip install 'edl-filter[campaign]'."
-        ) from None
+        )

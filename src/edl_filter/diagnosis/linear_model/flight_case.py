@@ -21,8 +21,8 @@ from edl_filter.effects.sensor_chain import log_abs_det_jacobian
 from edl_filter.mission import Mission
 from edl_filter.mission.decision_settings import DecisionSettings
 from edl_filter.navigation.filter import Problem
-from edl_filter.navigation.increments import effective_samples, force_at_centre_of_mass
-from edl_filter.navigation.unresolved import UnresolvedMotion, unresolved_motion
+from edl_filter.navigation.increments import effective_samples, unresolved_motion_of
+from edl_filter.navigation.unresolved import UnresolvedMotion
 from edl_filter.pipeline.forward_model import database_of, forward_model_of
 from edl_filter.pipeline.reconstruct import Reconstruction, assemble_free, reconstruct, without_effects
 from edl_filter.telemetry.record import Telemetry
@@ -127,10 +127,8 @@ class FlightCase:
     @cached_property
     def unresolved(self) -> UnresolvedMotion:
         """Noise of unresolved motion of the readings as they were telemetered."""
-        record, r = self.reconstruction.telemetry.driving, self.reconstruction
-        landing = (r.mission.event_times() | r.telemetry.events).get("landing", np.inf)
-        force = force_at_centre_of_mass(record)
-        return unresolved_motion(record.time, record.interval, force, record.angular_rate, landing)
+        r = self.reconstruction
+        return unresolved_motion_of(r.telemetry.driving, r.event_times.get("landing", np.inf))
 
     def log_abs_det_jacobian(self, effects: Sequence[EffectInstance]) -> float:
         """Log determinant of the map from readings to corrected readings: the likelihood is that of the readings.
