@@ -2,14 +2,17 @@
 
 A reconstruction is not trustworthy if the landing, the rest on the surface or most readings of the altimeter were
 rejected: they are independent of the IMU and none of them is rejected by chance (`filter.gate_probability`). It is not
-either if its state contradicted its measurements and no lost samples explain that (`navigation.recovery`). A few
-rejected readings of an altimeter are outliers, and no reason against the result.
+either if its state contradicted its measurements and no lost samples explain that (`navigation.recovery`), if the
+attitude after lost samples is not known at all, or if the path about which the flight is linearised does not settle
+(`navigation.iterated`). A few rejected readings of an altimeter are outliers, and no reason against the result.
 """
 
 from __future__ import annotations
 
 from collections import Counter
 from dataclasses import dataclass
+
+import numpy as np
 
 from edl_filter.errors import InputError
 from edl_filter.mission import Mission
@@ -25,6 +28,8 @@ from edl_filter.telemetry.record import Telemetry
 
 #: Causes in the summary.
 CAUSES = 5
+#: Sigma of an angle of which nothing is known, uniform between -π and π, rad.
+UNKNOWN_ANGLE = float(np.pi / np.sqrt(3.0))
 
 
 @dataclass(frozen=True)
@@ -63,6 +68,9 @@ def judge(reconstruction: Reconstruction) -> Trust:
     r = reconstruction
     rejected = contradicting(r.filter_pass)
     diverged = r.recovery is not None and r.recovery.cause != "gap"
+    lost = lost_attitude(r.problem, r.filter_pass)
+    if lost is not None:
+        return Trust(False, f"Do not trust this result: {lost}.", rejected, ())
     if not rejected and not diverged:
         return Trust(True, None, {}, ())
     recovered = r.problem, not rejected
@@ -129,6 +137,37 @@ def contradicting(filter_pass: FilterPass) -> dict[str, tuple[int, int]]:
         for name, count in rejected.items()
         if name == "landing" or name.startswith("rest_") or (name == "altimeter" and 2 * count > uses[name])
     }
+
+
+def lost_attitude(problem: Problem, filter_pass: FilterPass) -> str | None:
+    """Why the attitude after lost samples is not known, as words; None if it is.
+
+    Parameters
+    ----------
+    problem : Problem
+        With its samples, of which some were filled.
+    filter_pass : FilterPass
+        Of it.
+
+    Returns
+    -------
+    str or None
+    """
+    samples = problem.samples
+    if not samples.filled.any():
+        return None
+    first = float(samples.time[np.argmax(samples.filled)])
+    predicted = [(n.time, n.transition.covariance[6:9, 6:9]) for n in filter_pass.nodes if n.transition is not None]
+    sigmas = [(float(np.sqrt(np.linalg.eigvalsh(block)[-1])), time) for time, block in predicted if time >= first]
+    sigma, time = max(sigmas, default=(0.0, first))
+    if sigma > UNKNOWN_ANGLE:
+        return (
+            f"no other IMU covers the samples that were lost from {first:.1f} s on, and with them the attitude: its "
+            f"sigma is {np.degrees(sigma):.0f} degrees at {time:.1f} s"
+        )
+    if not filter_pass.converged:
+        return f"the path after the samples that were lost from {first:.1f} s on has no stable solution"
+    return None
 
 
 def _contradiction(rejected: dict[str, tuple[int, int]]) -> str:
