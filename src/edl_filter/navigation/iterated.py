@@ -8,8 +8,8 @@ about the smoothed path, whose smoothed path is the next one to be linearised ab
 the most probable path (Bell 1994, SIAM J. Optim. 4, 626; Särkkä & Svensson 2023, *Bayesian Filtering and Smoothing*,
 section 14.4), and its covariance is that of the linear model at this path.
 
-Errors are vectors about the reference of each node. With F and H the Jacobians there, d the mean error and ``f(x) ⊖ x⁺``
-the difference of the propagated reference from the reference of the next node::
+Errors are vectors about the reference of each node. With F and H the Jacobians there, d the mean error and
+``f(x) ⊖ x⁺`` the difference of the propagated reference from that of the next node::
 
     d⁻ = F d + (f(x) ⊖ x⁺)        y = z - h(x) - H d⁻        d = d⁻ + K y
 

@@ -109,7 +109,7 @@ def run_with_recovery(
 
     first = run(problem)
     divergence = contradiction(first, 1 if lost else 2)
-    if divergence is None:
+    if divergence is None or not first.converged:  # a contradiction is measured in a linear model
         return problem, first, None
     only_gap = contradiction(first) is None  # one measurement is sufficient to test filled samples, and only these
     stop = problem.samples.index(divergence.time)

@@ -77,8 +77,8 @@ def smooth(filter_pass: FilterPass, first: int = 0) -> Smoothed:
 def _smooth(nodes: list[Node], references: list[State]) -> tuple[list[State], Array, Array]:
     """States, covariances and gains, from the last node backwards.
 
-    Means are errors about the node's reference. Where this is the filter's own estimate, the next node's predicted state
-    takes its place in the difference of the two means there.
+    Means are errors about the node's reference. Where this is the filter's own estimate, the next node's predicted
+    state takes its place in the difference of the two means there.
     """
     states, covariances, gains = [nodes[-1].state], [nodes[-1].covariance], []
     for k in reversed(range(len(nodes) - 1)):

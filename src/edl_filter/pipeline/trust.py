@@ -4,7 +4,9 @@ A reconstruction is not trustworthy if the landing, the rest on the surface or m
 rejected: they are independent of the IMU and none of them is rejected by chance (`filter.gate_probability`). It is not
 either if its state contradicted its measurements and no lost samples explain that (`navigation.recovery`), if the
 attitude after lost samples is not known at all, or if the path about which the flight is linearised does not settle
-(`navigation.iterated`). A few rejected readings of an altimeter are outliers, and no reason against the result.
+(`navigation.iterated`), or if the parachute's deployment is among lost samples that no other IMU covers: neither side
+of them shows the force of its inflation. A few rejected readings of an altimeter are outliers, and no reason against
+the result.
 """
 
 from __future__ import annotations
@@ -25,6 +27,7 @@ from edl_filter.pipeline.reconstruct import Reconstruction, assemble
 from edl_filter.planet import Planet
 from edl_filter.planet.atmosphere import Atmosphere
 from edl_filter.telemetry.record import Telemetry
+from edl_filter.telemetry.sample_repair import INFLATION, filled_by_dynamics
 
 #: Causes in the summary.
 CAUSES = 5
@@ -68,7 +71,7 @@ def judge(reconstruction: Reconstruction) -> Trust:
     r = reconstruction
     rejected = contradicting(r.filter_pass)
     diverged = r.recovery is not None and r.recovery.cause != "gap"
-    lost = lost_attitude(r.problem, r.filter_pass)
+    lost = lost_motion(r)
     if lost is not None:
         return Trust(False, f"Do not trust this result: {lost}.", rejected, ())
     if not rejected and not diverged:
@@ -139,25 +142,31 @@ def contradicting(filter_pass: FilterPass) -> dict[str, tuple[int, int]]:
     }
 
 
-def lost_attitude(problem: Problem, filter_pass: FilterPass) -> str | None:
-    """Why the attitude after lost samples is not known, as words; None if it is.
+def lost_motion(reconstruction: Reconstruction) -> str | None:
+    """Why the motion in lost samples that no other IMU covers is not known, as words; None if it is.
 
     Parameters
     ----------
-    problem : Problem
-        With its samples, of which some were filled.
-    filter_pass : FilterPass
-        Of it.
+    reconstruction : Reconstruction
+        With its telemetry and its filter pass.
 
     Returns
     -------
     str or None
     """
-    samples = problem.samples
+    r = reconstruction
+    deployment = r.event_times.get("parachute_deploy", np.inf)
+    for finding in filled_by_dynamics(r.telemetry):
+        if finding.start < deployment + INFLATION and finding.end > deployment:
+            return (
+                f"the parachute's deployment at {deployment:.1f} s is among the samples that were lost from "
+                f"{finding.start:.1f} to {finding.end:.1f} s, and no other IMU has them"
+            )
+    samples = r.problem.samples
     if not samples.filled.any():
         return None
     first = float(samples.time[np.argmax(samples.filled)])
-    predicted = [(n.time, n.transition.covariance[6:9, 6:9]) for n in filter_pass.nodes if n.transition is not None]
+    predicted = [(n.time, n.transition.covariance[6:9, 6:9]) for n in r.filter_pass.nodes if n.transition is not None]
     sigmas = [(float(np.sqrt(np.linalg.eigvalsh(block)[-1])), time) for time, block in predicted if time >= first]
     sigma, time = max(sigmas, default=(0.0, first))
     if sigma > UNKNOWN_ANGLE:
@@ -165,7 +174,7 @@ def lost_attitude(problem: Problem, filter_pass: FilterPass) -> str | None:
             f"no other IMU covers the samples that were lost from {first:.1f} s on, and with them the attitude: its "
             f"sigma is {np.degrees(sigma):.0f} degrees at {time:.1f} s"
         )
-    if not filter_pass.converged:
+    if not r.filter_pass.converged:
         return f"the path after the samples that were lost from {first:.1f} s on has no stable solution"
     return None
 
