@@ -1,4 +1,4 @@
-"""Iterated smoothing: the flight is linearised again about its smoothed path where samples were lost.
+"""Iterated smoothing: the flight is linearised again about its smoothed path where samples were filled.
 
 A filter linearises motion and measurements about its own prediction. After a gap the attitude is uncertain by up to
 tenths of a radian, and at the landing the position by tens of kilometres: the readings of an altimeter are then no

@@ -105,7 +105,7 @@ def run_with_recovery(
 
     def run(changed: Problem) -> FilterPass:
         filter_pass = run_filter(changed)
-        return iterate(changed, filter_pass) if lost else filter_pass
+        return iterate(changed, filter_pass) if changed.samples.filled.any() else filter_pass
 
     first = run(problem)
     divergence = contradiction(first, 1 if lost else 2)

@@ -166,7 +166,7 @@ def extract_atmosphere(
     product = 2.0 * mass * force / (area * v**2)  # density times CA
     temperature = np.full(len(v), 200.0 if top_temperature is None else top_temperature)
     density = product / 1.7
-    ca = np.full((_LONGEST_CYCLE + 1, len(v)), np.nan)  # of this iteration and those before, latest first
+    ca = np.full((2 * _LONGEST_CYCLE, len(v)), np.nan)  # of this iteration and those before, latest first
     fixed_ca = np.full(len(v), np.nan)  # CA of samples at a step of the database
     for count in range(1, _MOST_ITERATIONS + 1):
         mach, knudsen = gas.mach(v, temperature), gas.knudsen(density, diameter)
@@ -325,13 +325,14 @@ def _running_integral(level: Array, weight: Array, total: bool = True) -> Array:
 def _mean_across_step(ca: Array, three_sigma: Array) -> Array:
     """Mean of the extreme CA through which a sample goes in a cycle of the iteration; NaN where it is in none.
 
-    `ca` is ``(K + 1, N)``: those of the last iterations, latest first; cycles of two to K iterations are found.
+    `ca` is ``(2 K, N)``: those of the last iterations, latest first; cycles of two to K iterations are found. A cycle
+    is gone through twice: a single return happens in a sequence that converges, too.
     """
     mean = np.full(ca.shape[1], np.nan)
-    for period in range(2, len(ca)):
+    for period in range(2, len(ca) // 2 + 1):
         low, high = np.min(ca[:period], axis=0), np.max(ca[:period], axis=0)
         apart = high - low
-        returns = np.abs(ca[0] - ca[period]) < 0.01 * apart
+        returns = np.all(np.abs(ca[:period] - ca[period : 2 * period]) < 0.01 * apart, axis=0)
         cycles = returns & (apart > _TOLERANCE * ca[0]) & (apart < three_sigma)
         mean = np.where(np.isnan(mean) & cycles, 0.5 * (low + high), mean)
     return mean
