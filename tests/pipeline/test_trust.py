@@ -172,10 +172,10 @@ def test_impossible_records_are_refused(inputs, matrix, quantity, finding, cause
 
 @pytest.mark.parametrize(
     ("begin", "end", "reason"),
-    [(248.0, 258.0, "the parachute's deployment at 252.7 s is among"), (180.0, 190.0, None)],
-    ids=["across the deployment", "before it"],
+    [(248.0, 258.0, "the parachute's inflation from 252.7 s on is among"), (253.0, 254.0, None), (180.0, 190.0, None)],
+    ids=["across the inflation", "a second of it", "before it"],
 )
-def test_a_deployment_that_no_imu_has_is_named(inputs, begin, end, reason):
+def test_an_inflation_that_no_imu_has_is_named(inputs, begin, end, reason):
     mission, telemetry, _, atmosphere = inputs
     driving = telemetry.driving
     lost = (driving.time > begin) & (driving.time <= end)

@@ -4,8 +4,8 @@ A reconstruction is not trustworthy if the landing, the rest on the surface or m
 rejected: they are independent of the IMU and none of them is rejected by chance (`filter.gate_probability`). It is not
 either if its state contradicted its measurements and no lost samples explain that (`navigation.recovery`), if the
 attitude after lost samples is not known at all, or if the path about which the flight is linearised does not settle
-(`navigation.iterated`), or if the parachute's deployment is among lost samples that no other IMU covers: neither side
-of them shows the force of its inflation. A few rejected readings of an altimeter are outliers, and no reason against
+(`navigation.iterated`), or if most of the parachute's inflation is among lost samples that no other IMU covers: neither
+side of them shows its force. A few rejected readings of an altimeter are outliers, and no reason against
 the result.
 """
 
@@ -157,9 +157,10 @@ def lost_motion(reconstruction: Reconstruction) -> str | None:
     r = reconstruction
     deployment = r.event_times.get("parachute_deploy", np.inf)
     for finding in filled_by_dynamics(r.telemetry):
-        if finding.start < deployment + INFLATION and finding.end > deployment:
+        covered = min(finding.end, deployment + INFLATION) - max(finding.start, deployment)
+        if covered > 0.5 * INFLATION:  # a shorter gap has the shock on one of its sides
             return (
-                f"the parachute's deployment at {deployment:.1f} s is among the samples that were lost from "
+                f"the parachute's inflation from {deployment:.1f} s on is among the samples that were lost from "
                 f"{finding.start:.1f} to {finding.end:.1f} s, and no other IMU has them"
             )
     samples = r.problem.samples
