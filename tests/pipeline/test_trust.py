@@ -11,8 +11,10 @@ from edl_filter.navigation.recovery import run_with_recovery
 from edl_filter.navigation.smoother import smooth
 from edl_filter.pipeline.causes import rank_causes
 from edl_filter.pipeline.load import read_atmosphere, read_telemetry
-from edl_filter.pipeline.reconstruct import assemble, lost_stretches
+from edl_filter.pipeline.reconstruct import FlightInputs, assemble, lost_stretches, reconstruct
 from edl_filter.pipeline.trust import check_record, contradicting, judge
+from edl_filter.telemetry.record import SampleFinding
+from edl_filter.telemetry.sample_repair import repaired
 
 
 @pytest.fixture(scope="module")
@@ -166,3 +168,39 @@ def test_impossible_records_are_refused(inputs, matrix, quantity, finding, cause
     assert finding in str(refusal.value) and cause in str(refusal.value)
     unchecked = Mission.load("builtin:practice_mer", ("filter.sanity_check=false",))
     check_record(unchecked, faulty, planet, atmosphere, problem)
+
+
+@pytest.mark.parametrize(
+    ("begin", "end", "reason"),
+    [(248.0, 258.0, "the parachute's inflation from 252.7 s on is among"), (253.0, 254.0, None), (180.0, 190.0, None)],
+    ids=["across the inflation", "a second of it", "before it"],
+)
+def test_an_inflation_that_no_imu_has_is_named(inputs, begin, end, reason):
+    mission, telemetry, _, atmosphere = inputs
+    driving = telemetry.driving
+    lost = (driving.time > begin) & (driving.time <= end)
+    values = {k: np.where(lost[:, None], np.nan, getattr(driving, k)) for k in ("specific_force", "angular_rate")}
+    finding = SampleFinding(driving.name, "all", begin, end, int(lost.sum()), "missing")
+    gap = replace(telemetry, driving=replace(driving, **values), checking=(), findings=(finding,))
+    gap = repaired(gap, parachute=telemetry.events["parachute_deploy"])
+    result = reconstruct(mission, leave_one_out=False, inputs=FlightInputs(gap, atmosphere), compare_imus=False)
+    trust = judge(result)
+    assert trust.trustworthy == (reason is None)
+    assert trust.headline is None if reason is None else reason in trust.headline
+
+
+def test_an_attitude_of_which_nothing_is_known_is_named(practice_06):
+    samples = practice_06.problem.samples
+    filled = replace(samples, rate_fill_sigma=np.where((samples.time > 150.0)[:, None], 1e-6, np.zeros((1, 3))))
+    lost = replace(practice_06, problem=replace(practice_06.problem, samples=filled))
+    assert judge(lost).trustworthy
+    nodes = [
+        replace(n, transition=replace(n.transition, covariance=100.0 * np.eye(len(n.covariance))))
+        if n.transition is not None and n.time > 160.0
+        else n
+        for n in lost.filter_pass.nodes
+    ]
+    unknown = judge(replace(lost, filter_pass=replace(lost.filter_pass, nodes=nodes)))
+    assert not unknown.trustworthy and "its sigma is 573 degrees" in unknown.headline
+    unsettled = judge(replace(lost, filter_pass=replace(lost.filter_pass, converged=False)))
+    assert not unsettled.trustworthy and "no stable solution" in unsettled.headline

@@ -259,6 +259,16 @@ def test_a_sample_at_a_step_of_the_database_takes_the_mean_of_both_sides():
     assert np.abs(np.log(profile.knudsen[between] / 1e-3)).max() < 0.002
 
 
+def test_a_cycle_of_three_iterations_at_a_step_has_the_mean_of_both_sides():
+    """On the continuum's side CA converges to a value beyond the step, and crosses it after two iterations only."""
+    e = entry(n=20000, database=Drag(lambda m, k, a: 1.72 + 0 * m))
+    step = Drag(lambda m, k, a: np.where(k > 1e-3, 1.71, 1.7235 * (k / 1e-3) ** 0.2))
+    profile = extract(replace_entry(e, database=step))
+    near = np.abs(np.log(profile.knudsen / 1e-3)) < 0.02
+    ratio = profile.density / e.rho
+    assert near.any() and np.all((ratio[near] > 1.72 / 1.7235 - 1e-9) & (ratio[near] < 1.72 / 1.71 + 1e-9))
+
+
 def test_preflight():
     e = entry()
     profile = preflight_atmosphere(

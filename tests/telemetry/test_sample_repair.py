@@ -7,8 +7,10 @@ import h5py
 import numpy as np
 import pytest
 
+from edl_filter import rotations
 from edl_filter.errors import InputError
 from edl_filter.mission import Mission
+from edl_filter.navigation.noise import IDENTITY, sample_attitudes
 from edl_filter.pipeline.load import read_telemetry
 from edl_filter.telemetry.flight_file import read_flight_file
 from edl_filter.telemetry.sample_checks import CheckSettings, lost_readings
@@ -377,3 +379,24 @@ def test_a_stretch_on_one_side_of_the_parachute_is_filled_from_that_side(begin, 
     np.testing.assert_array_equal(*fills)
     deceleration = np.abs(record.specific_force[lost, 0]).mean()
     assert np.abs(fills[0][:, 0] - record.specific_force[lost, 0]).mean() < 0.1 * deceleration
+
+
+def test_the_rotation_across_a_gap_has_the_coning_of_an_oscillation_whose_phase_is_lost(builtin_flight):
+    """The rates' sums alone have 8 times the square of the error about the spin axis that is stated here."""
+    telemetry = alone(read_flight_file(builtin_flight))
+    record, squares = telemetry.driving, []
+    for begin in (60.0, 75.0, 140.0, 150.0, 160.0, 170.0, 180.0, 190.0, 200.0, 210.0):
+        lost = (record.time > begin) & (record.time <= begin + 20.0)
+        values = {k: np.where(lost[:, None], np.nan, getattr(record, k)) for k in ("specific_force", "angular_rate")}
+        gap = replace(telemetry, driving=replace(record, **values))
+        filled = repaired(gap, CheckSettings(enabled=False), 252.75).driving
+        dt = record.interval[lost]
+        middle, end = sample_attitudes(dt, filled.angular_rate[lost], IDENTITY)
+        true = sample_attitudes(dt, record.angular_rate[lost], IDENTITY)[1]
+        error = rotations.to_rotation_vector(rotations.multiply(rotations.conjugate(end), true))
+        to_end = rotations.to_matrix(rotations.multiply(rotations.conjugate(end), middle))
+        sigma = np.hypot(filled.rate_fill_sigma[lost], filled.rate_noise[lost, None]) * dt[:, None]
+        covariance = np.einsum("nij,nj,nkj->ik", to_end, sigma**2, to_end)
+        squares.append(error**2 / np.diag(covariance))
+    assert np.max(squares) < 9.0
+    assert np.all(np.mean(squares, axis=0) < 2.0)

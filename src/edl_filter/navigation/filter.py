@@ -168,6 +168,11 @@ class FilterPass:
         The first one.
     engine : str
         As in `Settings`.
+    references : list of State, optional
+        About which motion and measurements were linearised, one per node (`iterated`); the covariances are those of
+        errors about them. None: about the filter's own estimates.
+    converged : bool
+        False: the path about which it was linearised still moved in the last iteration.
     """
 
     layout: Layout
@@ -175,6 +180,8 @@ class FilterPass:
     fused: list[Fused]
     divergence: Divergence | None = None
     engine: Engine = "compiled"
+    references: list[State] | None = None
+    converged: bool = True
 
 
 def build_problem(
@@ -381,8 +388,30 @@ def _check_position_sigma(problem: Problem, time: float, covariance: Array) -> N
 
 
 def _change_unit(estimator: ErrorStateFilter, problem: Problem, unit: int) -> Transition:
-    """Change the driving instrument: its errors start from their prior, and its on-board attitude is another."""
-    layout = estimator.layout
+    """Change the driving instrument."""
+    return estimator.transform(*unit_change(problem, unit, estimator.state.errors))
+
+
+def unit_change(problem: Problem, unit: int, errors: Array) -> tuple[Array, Array, Array]:
+    """Change of the driving instrument: its errors start from their prior, and its on-board attitude is another.
+
+    Parameters
+    ----------
+    problem : Problem
+        With the instruments.
+    unit : int
+        The new one.
+    errors : (n,) array
+        `State.errors` before the change.
+
+    Returns
+    -------
+    matrix, noise : (n, n) arrays
+        Of the error vector, ``error ← matrix @ error + noise``.
+    errors : (n,) array
+        `State.errors` after it.
+    """
+    layout = problem.layout
     sensor = layout.sensor
     matrix = np.eye(layout.size)
     matrix[sensor, sensor] = 0.0
@@ -391,11 +420,11 @@ def _change_unit(estimator: ErrorStateFilter, problem: Problem, unit: int) -> Tr
     if ONBOARD in layout:
         block = layout[ONBOARD]
         noise[block, block] = problem.unit_change_sigma**2 * np.eye(3)
-    errors = estimator.state.errors.copy()
+    errors = errors.copy()
     errors[sensor] = 0.0
     for name, sigma in problem.entry.instrument_prior(layout).items():
         block = layout[name]
         matrix[block, block] = 0.0
         noise[block, block] = sigma**2 * np.eye(3)
         errors[block] = 0.0
-    return estimator.transform(matrix, noise, errors)
+    return matrix, noise, errors

@@ -22,6 +22,7 @@ from scipy.linalg import cholesky, solve_triangular
 
 from edl_filter.navigation.filter import FilterPass, Fused, Problem, new_filter, quantile, run_filter_without
 from edl_filter.navigation.information import information_beyond_others, information_in_order
+from edl_filter.navigation.iterated import run_without
 from edl_filter.navigation.smoother import Smoothed, smooth
 from edl_filter.types import Array, BoolArray
 
@@ -123,7 +124,8 @@ def _check(problem: Problem, filter_pass: FilterPass, group: list[Fused]) -> Con
     first = group[0].constraint
     innovations = [f.innovation for f in group]
     sigma = [np.sqrt(np.diag(i.predicted_covariance + i.noise_covariance)) for i in innovations]
-    without = run_filter_without(problem, filter_pass, first.name)
+    run = run_filter_without if filter_pass.references is None else run_without
+    without = run(problem, filter_pass, first.name)
     smoothed = smooth(without, group[0].node)
     residual, covariance = _left_out_residual(problem, smoothed, group)
     return ConstraintCheck(

@@ -31,6 +31,7 @@ import numpy as np
 from edl_filter.navigation.consensus import quantile
 from edl_filter.navigation.filter import SAME_TIME, FilterPass, Fused, Problem, run_filter
 from edl_filter.navigation.increments import Samples
+from edl_filter.navigation.iterated import iterate
 from edl_filter.navigation.screening import Divergence
 from edl_filter.types import Array, BoolArray
 
@@ -101,9 +102,14 @@ def run_with_recovery(
     recovery : Recovery or None
         None: the state does not contradict its measurements.
     """
-    first = run_filter(problem)
+
+    def run(changed: Problem) -> FilterPass:
+        filter_pass = run_filter(changed)
+        return iterate(changed, filter_pass) if changed.samples.filled.any() else filter_pass
+
+    first = run(problem)
     divergence = contradiction(first, 1 if lost else 2)
-    if divergence is None:
+    if divergence is None or not first.converged:  # a contradiction is measured in a linear model
         return problem, first, None
     only_gap = contradiction(first) is None  # one measurement is sufficient to test filled samples, and only these
     stop = problem.samples.index(divergence.time)
@@ -112,7 +118,7 @@ def run_with_recovery(
     for cause, sizes, change in _changes(problem, stop, lost):
         if only_gap and cause != "gap":
             break
-        attempt = _best_size(cause, sizes, change)
+        attempt = _best_size(cause, sizes, change, run)
         if attempt is not None and (best is None or attempt.better_than(best, LEAST_GAIN)):
             best = attempt
         if best is not None and best.cause == "gap" and best.accepted:
@@ -156,7 +162,12 @@ class _Attempt:
         return self.likelihood > best.likelihood + margin
 
 
-def _best_size(cause: Cause, sizes: tuple[float, ...], change: Callable[[float], Problem]) -> _Attempt | None:
+def _best_size(
+    cause: Cause,
+    sizes: tuple[float, ...],
+    change: Callable[[float], Problem],
+    run: Callable[[Problem], FilterPass],
+) -> _Attempt | None:
     """The best run without a contradiction, over the `sizes` and between them; None if there is none."""
     best: _Attempt | None = None
 
@@ -164,7 +175,7 @@ def _best_size(cause: Cause, sizes: tuple[float, ...], change: Callable[[float],
         nonlocal best
         problem = change(size)
         try:
-            filter_pass = run_filter(problem)
+            filter_pass = run(problem)
         except np.linalg.LinAlgError:  # a covariance too large for the linearised motion
             return
         if contradiction(filter_pass) is not None:

@@ -59,10 +59,12 @@ def smooth(filter_pass: FilterPass, first: int = 0) -> Smoothed:
     Smoothed
     """
     nodes = filter_pass.nodes[first:]
-    if filter_pass.engine == "compiled" and len(nodes) > 1:
+    if filter_pass.references is not None:
+        states, covariance, gain = _smooth(nodes, filter_pass.references[first:])
+    elif filter_pass.engine == "compiled" and len(nodes) > 1:
         states, covariance, gain = _smooth_compiled(filter_pass.layout, nodes)
     else:
-        states, covariance, gain = _smooth(nodes)
+        states, covariance, gain = _smooth(nodes, [n.state for n in nodes])
     return Smoothed(
         time=np.array([n.time for n in nodes]),
         unit=np.array([n.unit for n in nodes]),
@@ -72,18 +74,23 @@ def smooth(filter_pass: FilterPass, first: int = 0) -> Smoothed:
     )
 
 
-def _smooth(nodes: list[Node]) -> tuple[list[State], Array, Array]:
-    """States, covariances and gains, from the last node backwards."""
+def _smooth(nodes: list[Node], references: list[State]) -> tuple[list[State], Array, Array]:
+    """States, covariances and gains, from the last node backwards.
+
+    Means are errors about the node's reference. Where this is the filter's own estimate, the next node's predicted
+    state takes its place in the difference of the two means there.
+    """
     states, covariances, gains = [nodes[-1].state], [nodes[-1].covariance], []
-    for node, following in zip(reversed(nodes[:-1]), reversed(nodes[1:]), strict=True):
-        transition = following.transition
+    for k in reversed(range(len(nodes) - 1)):
+        node, transition = nodes[k], nodes[k + 1].transition
         assert transition is not None
+        origin = transition.state if references[k + 1] is nodes[k + 1].state else references[k + 1]
         gain = smoother_gain(transition.cross_covariance, transition.covariance)
-        change = states[-1].minus(transition.state)
         error, covariance = smoothed_moments(
-            np.zeros_like(change), node.covariance, gain, change, covariances[-1] - transition.covariance
-        )
-        states.append(node.state.plus(error))
+            node.state.minus(references[k]), node.covariance, gain,
+            states[-1].minus(origin) - transition.state.minus(origin), covariances[-1] - transition.covariance,
+        )  # fmt: skip
+        states.append(references[k].plus(error))
         covariances.append(covariance)
         gains.append(gain)
     size = len(nodes[-1].covariance)

@@ -56,6 +56,8 @@ def smoothed_trajectory(problem: Problem, smoothed: Smoothed, layout: Layout) ->
     nav = np.empty((len(samples.time) + 1, 10))
     nav[0] = smoothed.states[0].nav[:10]
     force, rate = np.empty_like(samples.force), np.empty_like(samples.rate)
+    force_sigma = _with_fill(samples.force_noise, samples.force_fill_sigma)
+    rate_sigma = _with_fill(samples.rate_noise, samples.rate_fill_sigma)
     for k in range(len(stops) - 1):
         start, stop = stops[k], stops[k + 1]
         if start == stop:
@@ -75,8 +77,8 @@ def smoothed_trajectory(problem: Problem, smoothed: Smoothed, layout: Layout) ->
             p.j2,
             p.gravity_radius,
         )
-        motion_share = random_walk_share(samples.interval[part], samples.force_noise[part])
-        attitude_share = random_walk_share(samples.interval[part], samples.rate_noise[part])
+        motion_share = random_walk_share(samples.interval[part], force_sigma[part])
+        attitude_share = random_walk_share(samples.interval[part], rate_sigma[part])
         nav[start + 1 : stop + 1] = distribute_correction(path, target, motion_share, attitude_share)
     time = np.concatenate(([smoothed.time[0]], samples.time))
     return Trajectory(
@@ -88,6 +90,11 @@ def smoothed_trajectory(problem: Problem, smoothed: Smoothed, layout: Layout) ->
         specific_force=np.concatenate((force[:1], force)),
         angular_rate=np.concatenate((rate[:1], rate)),
     )
+
+
+def _with_fill(noise: Array, fill_sigma: Array) -> Array:
+    """Sigma of an axis (N,) of samples with `noise` (N,), to which filled ones add `fill_sigma` (N, 3)."""
+    return np.asarray(np.sqrt(noise**2 + np.mean(fill_sigma**2, axis=1)))
 
 
 def random_walk_share(interval: Array, noise: Array) -> Array:

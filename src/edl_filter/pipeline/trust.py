@@ -2,14 +2,19 @@
 
 A reconstruction is not trustworthy if the landing, the rest on the surface or most readings of the altimeter were
 rejected: they are independent of the IMU and none of them is rejected by chance (`filter.gate_probability`). It is not
-either if its state contradicted its measurements and no lost samples explain that (`navigation.recovery`). A few
-rejected readings of an altimeter are outliers, and no reason against the result.
+either if its state contradicted its measurements and no lost samples explain that (`navigation.recovery`), if the
+attitude after lost samples is not known at all, or if the path about which the flight is linearised does not settle
+(`navigation.iterated`), or if most of the parachute's inflation is among lost samples that no other IMU covers: neither
+side of them shows its force. A few rejected readings of an altimeter are outliers, and no reason against
+the result.
 """
 
 from __future__ import annotations
 
 from collections import Counter
 from dataclasses import dataclass
+
+import numpy as np
 
 from edl_filter.errors import InputError
 from edl_filter.mission import Mission
@@ -22,9 +27,12 @@ from edl_filter.pipeline.reconstruct import Reconstruction, assemble
 from edl_filter.planet import Planet
 from edl_filter.planet.atmosphere import Atmosphere
 from edl_filter.telemetry.record import Telemetry
+from edl_filter.telemetry.sample_repair import INFLATION, filled_by_dynamics
 
 #: Causes in the summary.
 CAUSES = 5
+#: Sigma of an angle of which nothing is known, uniform between -π and π, rad.
+UNKNOWN_ANGLE = float(np.pi / np.sqrt(3.0))
 
 
 @dataclass(frozen=True)
@@ -63,6 +71,9 @@ def judge(reconstruction: Reconstruction) -> Trust:
     r = reconstruction
     rejected = contradicting(r.filter_pass)
     diverged = r.recovery is not None and r.recovery.cause != "gap"
+    lost = lost_motion(r)
+    if lost is not None:
+        return Trust(False, f"Do not trust this result: {lost}.", rejected, ())
     if not rejected and not diverged:
         return Trust(True, None, {}, ())
     recovered = r.problem, not rejected
@@ -129,6 +140,44 @@ def contradicting(filter_pass: FilterPass) -> dict[str, tuple[int, int]]:
         for name, count in rejected.items()
         if name == "landing" or name.startswith("rest_") or (name == "altimeter" and 2 * count > uses[name])
     }
+
+
+def lost_motion(reconstruction: Reconstruction) -> str | None:
+    """Why the motion in lost samples that no other IMU covers is not known, as words; None if it is.
+
+    Parameters
+    ----------
+    reconstruction : Reconstruction
+        With its telemetry and its filter pass.
+
+    Returns
+    -------
+    str or None
+    """
+    r = reconstruction
+    deployment = r.event_times.get("parachute_deploy", np.inf)
+    for finding in filled_by_dynamics(r.telemetry):
+        covered = min(finding.end, deployment + INFLATION) - max(finding.start, deployment)
+        if covered > 0.5 * INFLATION:  # a shorter gap has the shock on one of its sides
+            return (
+                f"the parachute's inflation from {deployment:.1f} s on is among the samples that were lost from "
+                f"{finding.start:.1f} to {finding.end:.1f} s, and no other IMU has them"
+            )
+    samples = r.problem.samples
+    if not samples.filled.any():
+        return None
+    first = float(samples.time[np.argmax(samples.filled)])
+    predicted = [(n.time, n.transition.covariance[6:9, 6:9]) for n in r.filter_pass.nodes if n.transition is not None]
+    sigmas = [(float(np.sqrt(np.linalg.eigvalsh(block)[-1])), time) for time, block in predicted if time >= first]
+    sigma, time = max(sigmas, default=(0.0, first))
+    if sigma > UNKNOWN_ANGLE:
+        return (
+            f"no other IMU covers the samples that were lost from {first:.1f} s on, and with them the attitude: its "
+            f"sigma is {np.degrees(sigma):.0f} degrees at {time:.1f} s"
+        )
+    if not r.filter_pass.converged:
+        return f"the path after the samples that were lost from {first:.1f} s on has no stable solution"
+    return None
 
 
 def _contradiction(rejected: dict[str, tuple[int, int]]) -> str:

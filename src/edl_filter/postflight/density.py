@@ -21,6 +21,8 @@ from edl_filter.types import Array, BoolArray
 
 _TOLERANCE = 1e-8
 _MOST_ITERATIONS = 60
+#: Most iterations after which a sample at a step of the database returns to a CA.
+_LONGEST_CYCLE = 4
 #: Step of the angle, rad, and relative one of the speed for the slopes of CA.
 _STEP = 1e-3
 #: Bounds of the temperature (K), which keep the Mach number finite where the pressure begins at zero.
@@ -128,7 +130,8 @@ def extract_atmosphere(
     Notes
     -----
     Where the database has a step (regimes that switch) a sample may have no solution: with the CA of either side its
-    density lies on the other side. It takes the mean of the two, if they differ by less than CA's own 3 sigma.
+    density lies on the other side, and the iteration goes through both sides in a cycle, which need not have one value
+    on each. The sample takes the mean of the two sides, if they differ by less than CA's own 3 sigma.
 
     The air is taken to rotate with the planet and to be in equilibrium with gravitation and centrifugal acceleration,
     so that its pressure depends on the geopotential alone and the slant of the trajectory has no effect (eq. 4.2 has
@@ -163,12 +166,12 @@ def extract_atmosphere(
     product = 2.0 * mass * force / (area * v**2)  # density times CA
     temperature = np.full(len(v), 200.0 if top_temperature is None else top_temperature)
     density = product / 1.7
-    ca = np.full((3, len(v)), np.nan)  # of this iteration, the last and the one before
+    ca = np.full((2 * _LONGEST_CYCLE, len(v)), np.nan)  # of this iteration and those before, latest first
     fixed_ca = np.full(len(v), np.nan)  # CA of samples at a step of the database
     for count in range(1, _MOST_ITERATIONS + 1):
         mach, knudsen = gas.mach(v, temperature), gas.knudsen(density, diameter)
         entry = database.lookup(mach, knudsen, alpha_total[part], v)
-        ca = np.stack((entry.ca, ca[0], ca[1]))
+        ca = np.vstack((entry.ca, ca[:-1]))
         fixed_ca = np.where(np.isnan(fixed_ca), _mean_across_step(ca, entry.three_sigma.ca), fixed_ca)
         new = product / np.where(np.isnan(fixed_ca), entry.ca, fixed_ca)
         top = top_density(level, new)
@@ -320,11 +323,16 @@ def _running_integral(level: Array, weight: Array, total: bool = True) -> Array:
 
 
 def _mean_across_step(ca: Array, three_sigma: Array) -> Array:
-    """Mean of the two CA between which a sample alternates in the iteration; NaN where it does not alternate.
+    """Mean of the extreme CA through which a sample goes in a cycle of the iteration; NaN where it is in none.
 
-    `ca` is ``(3, N)``: those of the last three iterations, latest first.
+    `ca` is ``(2 K, N)``: those of the last iterations, latest first; cycles of two to K iterations are found. A cycle
+    is gone through twice: a single return happens in a sequence that converges, too.
     """
-    latest, last, before = ca
-    apart = np.abs(latest - last)
-    alternates = (apart > _TOLERANCE * latest) & (np.abs(latest - before) < 0.01 * apart) & (apart < three_sigma)
-    return np.where(alternates, 0.5 * (latest + last), np.nan)
+    mean = np.full(ca.shape[1], np.nan)
+    for period in range(2, len(ca) // 2 + 1):
+        low, high = np.min(ca[:period], axis=0), np.max(ca[:period], axis=0)
+        apart = high - low
+        returns = np.all(np.abs(ca[:period] - ca[period : 2 * period]) < 0.01 * apart, axis=0)
+        cycles = returns & (apart > _TOLERANCE * ca[0]) & (apart < three_sigma)
+        mean = np.where(np.isnan(mean) & cycles, 0.5 * (low + high), mean)
+    return mean

@@ -7,7 +7,8 @@ each axis that is fitted to both sides (`estimation.autoregression`). Output: `T
 in each filled sample the sigma by which it may be wrong (`ImuRecord.force_fill_sigma`).
 
 The errors of a filled stretch are correlated in time. Each of its n samples has the sigma of independent errors whose
-sum over the stretch has the right variance: with a common error c and independent errors s, ``√(s² + n c²)``.
+sum over the stretch has the right variance: with a common error c and independent errors s, ``√(s² + n c²)``. That of
+rates includes the coning of an oscillation whose phase is not known.
 Telemetry without findings is returned as it is.
 """
 
@@ -20,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from edl_filter.errors import InputError
-from edl_filter.estimation.autoregression import interpolate
+from edl_filter.estimation.autoregression import Interpolation, interpolate
 from edl_filter.telemetry.clock_drift import without_drift
 from edl_filter.telemetry.record import ImuRecord, SampleFinding, Telemetry, finite_rows, within_window
 from edl_filter.telemetry.sample_checks import CheckSettings, findings_of, runs, with_repair
@@ -36,8 +37,10 @@ _LEAST_SIDE, _SIDE_RATIO = 80, 1.5
 _PARACHUTE_MARGIN = 1.0
 #: Time after the parachute's deployment by which the canopy is full and its shock is over, s. The deceleration of both
 #: rovers jumps to its peak at 1.1 to 1.3 s and falls smoothly from 2.5 s on.
-_INFLATION = 3.0
+INFLATION = 3.0
 _TRIADS = ("force", "rate")
+#: Repair of a stretch that no other IMU covers.
+BY_DYNAMICS = "filled by a fitted oscillation"
 #: Time after a gap in which the rates of two IMUs are compared (s), least number of samples, and the ratio of mean
 #: squares below which the clock jumped.
 _JUMP_WINDOW, _JUMP_SAMPLES, _JUMP_RATIO = 20.0, 24, 0.05
@@ -102,6 +105,12 @@ def repaired(telemetry: Telemetry, settings: CheckSettings | None = None, parach
     findings = [f if f.repair else with_repair(f, _phrase(f, phrases.get(f.imu, []))) for f in findings]
     findings.sort(key=lambda f: (f.start, f.imu))
     return replace(telemetry, driving=outcome[0], checking=tuple(outcome[1:]), findings=tuple(findings))
+
+
+def filled_by_dynamics(telemetry: Telemetry) -> list[SampleFinding]:
+    """Findings of the driving IMU whose samples no other IMU has, so that they were filled from their neighbours."""
+    name = telemetry.driving.name
+    return [f for f in telemetry.findings if f.imu == name and BY_DYNAMICS in f.repair]
 
 
 def _driven_by_the_finer(
@@ -229,10 +238,14 @@ def _filled(
         read = values[triad].copy()  # an autoregression is fitted to readings alone
         for a, b in runs(lost[triad]):
             _refuse_long_gap(record, a, b, settings)
-            values[triad][a:b], sigma = _by_dynamics(record, read, a, b, parachute)
-            variance = sigma**2  # of a reading, with its noise
-            sigmas[triad][a:b] = np.sqrt(np.maximum(variance - noise[triad][a:b, None] ** 2, 0.25 * variance))
-            repairs.append(_repair(record, a, b, "filled by a fitted oscillation"))
+            fills = _by_dynamics(record, read, a, b, parachute)
+            values[triad][a:b] = np.stack([fill.values for fill in fills], axis=1)
+            variance = np.array([fill.covariance.sum() / (b - a) for fill in fills])  # of readings, with their noise
+            variance = np.maximum(variance - noise[triad][a:b, None] ** 2, 0.25 * variance)
+            if triad == "rate":
+                variance = variance + _coning_variance(fills, record.interval[a]) / (b - a) / record.interval[a] ** 2
+            sigmas[triad][a:b] = np.maximum(np.sqrt(variance), 1e-12)
+            repairs.append(_repair(record, a, b, BY_DYNAMICS))
     filled = np.any(sigmas["rate"] > 0.0, axis=1)
     complete = replace(
         record,
@@ -265,8 +278,8 @@ def _transfer_sigma(source: TransferredReadings, triad: str, rows: slice, noise:
     return np.sqrt(independent + len(scatter) * common**2)
 
 
-def _by_dynamics(record: ImuRecord, values: Array, a: int, b: int, parachute: float) -> tuple[Array, Array]:
-    """Values and equivalent sigmas (n, 3) of the stretch ``[a, b)`` by an autoregression of each axis.
+def _by_dynamics(record: ImuRecord, values: Array, a: int, b: int, parachute: float) -> list[Interpolation]:
+    """Values of the stretch ``[a, b)`` by an autoregression of each axis, with their covariances.
 
     A stretch is fitted to samples of the same part of the flight, before or after the parachute's shock, if that part
     is as long on each side of the stretch as the stretch itself, so that the cross-validation has both sides: another
@@ -281,19 +294,43 @@ def _by_dynamics(record: ImuRecord, values: Array, a: int, b: int, parachute: fl
     same_part = _same_part(record, a, parachute)
     if same_part[a:b].all() and all(np.count_nonzero(s) >= b - a for s in (same_part[:a], same_part[b:])):
         regular &= same_part[first:last]
-    out, sigma = np.empty((b - a, 3)), np.empty((b - a, 3))
-    for axis in range(3):
-        series = values[first:last, axis]
+    fills = []
+    for series in values[first:last].T:
         known = np.isfinite(series) & regular
-        fill = interpolate(np.nan_to_num(series), known, a - first, b - first)
-        out[:, axis], sigma[:, axis] = fill.values, fill.sum_sigma / np.sqrt(b - a)
-    return out, np.maximum(sigma, 1e-12)
+        fills.append(interpolate(np.nan_to_num(series), known, a - first, b - first))
+    return fills
+
+
+def _coning_variance(fills: list[Interpolation], interval: float) -> Array:
+    """Variance (3,) of the rotation by coning about each axis that filled rates do not have, rad².
+
+    To second order, rates p and q about two axes turn the vehicle by ``½ ∫∫ sgn(t' - t) p(t) q(t') dt dt'`` about the
+    third one (Goodman & Robinson 1958, ASME J. Appl. Mech. 25, 210). The most probable rates decay to their mean in a
+    long stretch, where the vehicle goes on to oscillate about both axes with phases that are not known. The covariance
+    of the values has the oscillation, and independent errors with the variance of their sum do not. A mean rate is no
+    oscillation, and it is left out: its rotation is the strapdown integration's.
+    """
+
+    def weighted(values: Array) -> Array:
+        """Sum over all later samples minus that over all earlier ones, along the first axis."""
+        total = np.cumsum(values, axis=0)
+        return total[-1] - 2.0 * total + values
+
+    variance = np.empty(3)
+    for axis in range(3):
+        one, other = fills[(axis + 1) % 3], fills[(axis + 2) % 3]
+        spread = weighted(weighted(other.covariance).T).T
+        square = float(np.sum(spread * one.covariance))
+        p, q = one.values - one.values.mean(), other.values - other.values.mean()
+        square += float(p @ spread @ p) + float(weighted(q) @ one.covariance @ weighted(q))
+        variance[axis] = 0.25 * interval**4 * square
+    return variance
 
 
 def _same_part(record: ImuRecord, row: int, parachute: float) -> BoolArray:
     """Samples (N,) on the same side of the parachute's shock as the row; those in the shock are on neither."""
     before = record.time <= parachute - _PARACHUTE_MARGIN
-    after = record.time - record.interval >= parachute + _INFLATION
+    after = record.time - record.interval >= parachute + INFLATION
     return before if before[row] else after
 
 
