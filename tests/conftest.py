@@ -12,6 +12,8 @@ from hypothesis import settings
 # the processor time
 for variable in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(variable, "1")
+# Commands that tests start read the package's modules compiled, as users' commands do, not compile them each time
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 
 # Examples are many in all; a compiler's first call must not count as a slow example. A run is reproducible: other
 # examples are tried with HYPOTHESIS_PROFILE=explore
@@ -22,14 +24,16 @@ settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "edl-filter"))
 
 #: Files that take longest, longest first: a worker that begins one of them last keeps the other waiting.
 LONGEST = (
-    "flights/test_hidden_effects.py", "workflow/test_diagnose_result.py", "cli/test_reconstruction.py", "test_api.py",
-    "telemetry/test_sample_repair.py", "pipeline/test_trust.py", "cli/test_commands.py",
-    "diagnosis/linear_model/test_linearization_point.py", "report/html/test_browser.py", "cli/test_new.py",
-    "diagnosis/linear_model/test_discrepancy_estimate.py", "flights/test_effects.py", "results/test_results.py",
-    "studies/test_comparators.py", "estimation/test_autoregression.py", "navigation/test_compiled_ukf.py",
-    "workflow/test_validate.py", "flights/test_imu_lever_arms.py", "diagnosis/selection/test_map_fit.py",
-    "studies/test_inexact.py", "diagnosis/test_detectability.py", "postflight/test_derive.py",
-    "mission/test_decision_settings.py",
+    "flights/test_hidden_effects.py", "workflow/test_diagnose_result.py", "test_docs_types.py",
+    "workflow/test_campaign.py", "studies/test_calibration.py", "cli/test_reconstruction.py",
+    "report/test_figure_process.py", "test_api.py", "cli/test_new.py", "navigation/test_unresolved.py",
+    "pipeline/test_trust.py", "serve/test_app.py", "diagnosis/linear_model/test_discrepancy_estimate.py",
+    "diagnosis/test_detectability.py", "flights/test_effects.py", "estimation/test_autoregression.py",
+    "results/test_results.py", "diagnosis/linear_model/test_linearization_point.py",
+    "flights/test_imu_lever_arms.py", "navigation/test_compiled_ukf.py", "report/test_plots.py",
+    "postflight/test_atmosphere.py", "navigation/test_iterated.py", "postflight/test_derive.py",
+    "diagnosis/selection/test_map_fit.py", "telemetry/test_sample_repair.py", "report/test_postflight_figures.py",
+    "simulation/test_dynamics.py", "cli/test_commands.py", "mission/test_decision_settings.py",
 )  # fmt: skip
 
 

@@ -21,6 +21,7 @@ def test_all_cases_are_run_once_and_a_second_run_has_nothing_to_do(faults):
     assert sorted(faults.numbers("begun")) == list(range(15))
 
 
+@pytest.mark.slow
 def test_cases_that_fail_are_kept_with_a_command_and_run_again_on_request(faults):
     faults.set(n1="raise", n2="hang", n4="exit")
     outcome = faults.run(8, time_limit_s=1.0)
