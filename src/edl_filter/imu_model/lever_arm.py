@@ -129,8 +129,10 @@ def edge_weights(pairs: int) -> tuple[float, ...]:
     return tuple(sum(central[i:]) for i in range(k))
 
 
+#: Samples on each side of an edge that take part in the value there.
+EDGE_REACH = 4
 #: Weights for two, three and four pairs, with zeros behind.
-_EDGE = np.array([np.pad(edge_weights(k), (0, 4 - k)) for k in (2, 3, 4)])
+_EDGE = np.array([np.pad(edge_weights(k), (0, EDGE_REACH - k)) for k in range(2, EDGE_REACH + 1)])
 
 
 @njit(cache=True, error_model="numpy", nogil=True)

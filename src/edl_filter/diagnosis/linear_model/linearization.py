@@ -29,6 +29,7 @@ from edl_filter.diagnosis.prediction.residuals import (
     PathReference,
     bin_readings,
     compute_residuals,
+    lever_arm_errors,
 )
 from edl_filter.effects.base import EffectInstance
 from edl_filter.effects.perturbation import FieldPerturbation
@@ -62,6 +63,8 @@ def linearize_at(
     inputs = perturbed(case.model_inputs(effects), point)
     transitions = propagate_path(inputs.problem, bins, point.start, point.errors)
     reference = PathReference(bins=bins, start=point.start.nav[:10], errors=point.errors, onboard=transitions.onboard)
+    errors = lever_arm_errors(reference, inputs, compute_residuals(reference, inputs))
+    reference = replace(reference, lever_arm_errors=errors)
     residuals = compute_residuals(reference, inputs)
     perturbation, field = point.perturbation, None
     if perturbation is not None:

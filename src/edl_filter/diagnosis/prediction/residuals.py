@@ -8,7 +8,8 @@ next is the integral of the angular acceleration with a triangular weight,
 
 and Euler's equations (Thomas 2011, eqs. 6.6 to 6.8) give α at the nodes; so prediction and measurement go through the
 same sampling. A checking IMU is compared with the readings that the driving IMU implies for its place; the constraints
-are compared with the path.
+are compared with the path. Lever-arm accelerations of all IMUs are corrected for the error of the rates' interpolation
+about the linearisation point (`interpolation_error`).
 """
 
 from __future__ import annotations
@@ -27,6 +28,7 @@ from edl_filter.diagnosis.prediction.dead_reckoning import (
     node_times,
     path_nodes,
 )
+from edl_filter.diagnosis.prediction.interpolation_error import lever_arm_error
 from edl_filter.diagnosis.prediction.time_bins import TimeBins, bin_means
 from edl_filter.effects.base import Effect, EffectInstance
 from edl_filter.effects.forward_model import ForwardModel
@@ -79,12 +81,16 @@ class PathReference:
         Sensor errors by instrument, in the filter's vector.
     onboard : (C, 4) array or None
         On-board attitude propagated to the constraints' times; it depends on the gyros alone.
+    lever_arm_errors : tuple of (B, 3) arrays
+        Of the driving IMU and each checking one, `lever_arm_errors` of the linearisation point, m/s²; none: not
+        corrected for.
     """
 
     bins: TimeBins
     start: Array
     errors: Array
     onboard: Array | None
+    lever_arm_errors: tuple[Array, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -132,7 +138,11 @@ def compute_residuals(reference: PathReference, inputs: ModelInputs) -> Residual
     flow = flow_at(model, nodes)
     tables = model.table_coefficients(flow)
     predicted_force, predicted_rate_step = predict(model, bins, flow, tables)
+    if reference.lever_arm_errors:
+        force = force - reference.lever_arm_errors[0]
     checking = [_checking_residuals(record, bins, samples, path.rate, force, rate) for record in inputs.checking]
+    for i, error in enumerate(reference.lever_arm_errors[1:]):
+        checking[i] = checking[i][0] - error, checking[i][1]
     return Residuals(
         force=force - predicted_force,
         rate_step=np.diff(rate, axis=0) - predicted_rate_step,
@@ -146,6 +156,30 @@ def compute_residuals(reference: PathReference, inputs: ModelInputs) -> Residual
         predicted_force=predicted_force,
         predicted_rate_step=predicted_rate_step,
     )
+
+
+def lever_arm_errors(reference: PathReference, inputs: ModelInputs, residuals: Residuals) -> tuple[Array, ...]:
+    """Errors of the lever-arm accelerations' interpolation by bin ``(B, 3)``, of the driving IMU and each checking one.
+
+    Parameters
+    ----------
+    reference : PathReference
+        What the path depends on, in addition to the model.
+    inputs : ModelInputs
+        The model.
+    residuals : Residuals
+        Of the model, for its path.
+
+    Returns
+    -------
+    tuple of (B, 3) arrays
+        m/s².
+    """
+    bins, samples = reference.bins, inputs.problem.samples
+    _, acceleration = accelerations_at_nodes(inputs.forward_model, residuals.flow, residuals.tables)
+    positions = [positions_at(record, samples) for record in (inputs.driving, *inputs.checking)]
+    errors = lever_arm_error(samples, residuals.nodes.time, acceleration, positions)
+    return tuple(bin_means(bins.edges, samples.time, samples.interval, error) for error in errors)
 
 
 def changes_path(effect: Effect) -> bool:
@@ -233,9 +267,16 @@ def predict(
     rate_step : (B - 1, 3) array
         Steps of the mean rate between adjoining bins, rad/s.
     """
+    specific_force, acceleration = accelerations_at_nodes(model, flow, tables)
+    return bin_average(specific_force, bins), triangular_integral(acceleration, bins)
+
+
+def accelerations_at_nodes(
+    model: ForwardModel, flow: FlightCondition, tables: AeroCoefficients | None = None
+) -> tuple[Array, Array]:
+    """Specific force (m/s²) and angular acceleration (rad/s²) at the nodes ``(M, 3)``; arguments as of `predict`."""
     force, moment = model.loads(flow, tables)
-    specific_force = model.specific_force(flow.time, force)
-    return bin_average(specific_force, bins), rate_step_from_moment(model, bins, flow, moment)
+    return model.specific_force(flow.time, force), model.angular_acceleration(flow.time, flow.rate, moment)
 
 
 def predict_increment(model: ForwardModel, bins: TimeBins, force: Array, moment: Array) -> tuple[Array, Array]:
@@ -388,6 +429,10 @@ def _checking_residuals(
 
 def lever_arm_readings(record: ImuRecord, samples: Samples, sample_rate: Array) -> Array:
     """Lever-arm acceleration of an IMU at the samples of the driving one ``(N, 3)``, m/s², from its rates (rad/s)."""
-    at_sample = record.index_at(samples.time - 0.5 * samples.interval)
     # the rates are the driving IMU's, so that their instrument is that of the samples
-    return lever_arm_acceleration(samples.interval, sample_rate, record.position[at_sample], samples.unit)
+    return lever_arm_acceleration(samples.interval, sample_rate, positions_at(record, samples), samples.unit)
+
+
+def positions_at(record: ImuRecord, samples: Samples) -> Array:
+    """Place of an IMU from the centre of mass at the samples of the driving one ``(N, 3)``, m, body axes."""
+    return record.position[record.index_at(samples.time - 0.5 * samples.interval)]

@@ -1,0 +1,109 @@
+"""The error of interpolated lever-arm accelerations, against rotations whose integrals have a closed form."""
+
+import numpy as np
+import pytest
+from scipy.interpolate import PPoly
+
+from edl_filter import Mission
+from edl_filter.diagnosis.linear_model import linearization
+from edl_filter.diagnosis.linear_model.flight_case import load_case
+from edl_filter.diagnosis.prediction.interpolation_error import lever_arm_error
+from edl_filter.diagnosis.residual_analysis.normalised_residuals import model_rms
+from edl_filter.effects.base import EffectInstance
+from edl_filter.effects.registry import find_effect
+from edl_filter.imu_model.lever_arm import EDGE_REACH, lever_arm_acceleration, lever_arm_acceleration_at
+from edl_filter.imu_model.sensor_errors import SensorErrors
+from edl_filter.navigation.increments import effective_samples
+from edl_filter.simulation import Scenario, simulate
+from edl_filter.telemetry.record import ImuRecord
+
+DT, COUNT, NODES = 0.125, 80, 4
+ARM = np.array([0.3, -0.4, 0.2])
+TIME = DT * np.arange(1, COUNT + 1)
+#: Four times a sample, on which no change of slope lies.
+NODE_TIMES = np.linspace(0.0, DT * COUNT, NODES * COUNT + 1)
+
+
+def triangle_wave(axis_phases=(0.0, 0.31, 0.57), period=0.83, amplitude=12.0):
+    """Angular acceleration (rad/s²) with changes of slope: functions of time, one for each axis."""
+    breaks = np.arange(-1.0, DT * COUNT + 1.0, period / 2.0)
+    slope = 2.0 * amplitude / (period / 2.0)
+    signs = np.resize([1.0, -1.0], len(breaks) - 1)
+    pieces = np.array([signs * slope, -signs * amplitude])
+    return [PPoly(pieces, breaks + phase * period) for phase in axis_phases]
+
+
+def samples_of(mean_rate):
+    zeros = np.zeros(COUNT)
+    record = ImuRecord(
+        "first", TIME, np.full(COUNT, DT), np.zeros((COUNT, 3)), mean_rate, np.zeros((COUNT, 3)), zeros, zeros, zeros,
+        zeros.astype(bool), zeros.astype(bool), zeros.astype(int), ("first",), zeros.astype(int), ("test",),
+        (SensorErrors(),),
+    )  # fmt: skip
+    return effective_samples(record)
+
+
+def motion(acceleration):
+    """Mean rates and the exact mean acceleration of the place, by fine quadrature inside each sample."""
+    rates = [a.antiderivative() for a in acceleration]
+    edges = np.append(0.0, TIME)
+    mean_rate = np.column_stack([np.diff(r.antiderivative()(edges)) / DT for r in rates])
+    fine = (np.arange(400) + 0.5) / 400.0
+    inner = (edges[:-1, None] + DT * fine).ravel()
+    alpha, omega = (np.column_stack([f(inner) for f in functions]) for functions in (acceleration, rates))
+    exact = lever_arm_acceleration_at(alpha, omega, ARM).reshape(COUNT, 400, 3).mean(axis=1)
+    return mean_rate, exact
+
+
+def test_the_error_at_changes_of_slope_is_predicted():
+    acceleration = triangle_wave()
+    mean_rate, exact = motion(acceleration)
+    samples, places = samples_of(mean_rate), np.tile(ARM, (COUNT, 1))
+    true = exact - lever_arm_acceleration(samples.interval, mean_rate, places, samples.unit)
+    alpha = np.column_stack([a(NODE_TIMES) for a in acceleration])
+    (predicted,) = lever_arm_error(samples, NODE_TIMES, alpha, [places])
+    inside = slice(EDGE_REACH, COUNT - EDGE_REACH)
+    size = np.sqrt(np.mean(true[inside] ** 2))
+    assert size > 0.02  # m/s²: several sigmas of an accelerometer
+    assert np.sqrt(np.mean((predicted - true)[inside] ** 2)) < 0.1 * size
+
+
+def test_a_smooth_motion_has_none():
+    w = 2.0 * np.pi * 0.7
+    alpha = np.column_stack([3.0 * np.sin(w * NODE_TIMES + phase) for phase in (0.0, 1.0, 2.0)])
+    edges = np.append(0.0, TIME)
+    mean_rate = np.column_stack([np.diff(-3.0 * np.sin(w * edges + p) / w**2) / DT for p in (0.0, 1.0, 2.0)])
+    (predicted,) = lever_arm_error(samples_of(mean_rate), NODE_TIMES, alpha, [np.tile(ARM, (COUNT, 1))])
+    assert np.abs(predicted).max() < 3e-3
+
+
+def test_a_place_at_the_centre_of_mass_and_times_without_prediction_have_none():
+    alpha = np.column_stack([a(NODE_TIMES) for a in triangle_wave()])
+    samples, places = samples_of(np.zeros((COUNT, 3))), np.tile(ARM, (COUNT, 1))
+    half = NODES * COUNT // 2
+    at_centre, at_place = lever_arm_error(samples, NODE_TIMES[: half + 1], alpha[: half + 1], [0.0 * places, places])
+    assert np.all(at_centre == 0.0) and np.any(at_place != 0.0)
+    assert np.all(at_place[:EDGE_REACH] == 0.0) and np.all(at_place[COUNT // 2 - EDGE_REACH :] == 0.0)
+
+
+@pytest.mark.parametrize("factor", [0.5, 2.0])
+def test_it_is_linear_in_a_slow_rotation(factor):
+    """Products of rates are of second order; without them it is proportional to the angular acceleration."""
+    alpha = 1e-4 * np.column_stack([a(NODE_TIMES) for a in triangle_wave()])
+    samples, places = samples_of(np.zeros((COUNT, 3))), [np.tile(ARM, (COUNT, 1))]
+    (single,), (scaled,) = (lever_arm_error(samples, NODE_TIMES, f * alpha, places) for f in (1.0, factor))
+    np.testing.assert_allclose(scaled, factor * single, atol=1e-3 * np.abs(single).max())
+
+
+@pytest.mark.slow
+def test_forces_of_a_flight_with_large_angles_agree_with_the_true_model(tmp_path, monkeypatch):
+    """The vehicle swings by 33 degrees at the peak of the dynamic pressure; without the correction the forces fail."""
+    hidden = EffectInstance(find_effect("normal_force_scale"), {"k": 0.35})
+    path = simulate(Scenario.load("builtin:mer"), (hidden,), 3).write(tmp_path / "flight.h5")
+    case = load_case(Mission.load("builtin:practice_mer", [f"telemetry.path={path}"]), (hidden,))
+    corrected = model_rms(linearization.linearize(case))
+    monkeypatch.setattr(linearization, "lever_arm_errors", lambda *_: ())
+    interpolated = model_rms(linearization.linearize(case))
+    for name in ("force_x", "force_y", "force_z", "secondary_force_x", "secondary_force_y", "secondary_force_z"):
+        assert 0.9 < corrected[name] < 1.2, name
+        assert interpolated[name] > 2.0, name
