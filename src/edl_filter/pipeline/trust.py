@@ -11,22 +11,22 @@ the result.
 
 from __future__ import annotations
 
-from collections import Counter
 from dataclasses import dataclass
 
 import numpy as np
 
 from edl_filter.errors import InputError
 from edl_filter.mission import Mission
-from edl_filter.navigation.filter import FilterPass, Problem
+from edl_filter.navigation.filter import Problem
 from edl_filter.navigation.recovery import Recovery
-from edl_filter.pipeline.causes import Cause, rank_causes
+from edl_filter.pipeline.causes import Cause, rank_causes, record_cause
 from edl_filter.pipeline.load import read_atmosphere, read_telemetry
 from edl_filter.pipeline.plausibility import find_violation
-from edl_filter.pipeline.reconstruct import Reconstruction, assemble
+from edl_filter.pipeline.reconstruct import Reconstruction, assemble, first_run
+from edl_filter.pipeline.redundancy import contradicting
 from edl_filter.planet import Planet
 from edl_filter.planet.atmosphere import Atmosphere
-from edl_filter.telemetry.record import Telemetry
+from edl_filter.telemetry.record import SampleFinding, Telemetry
 from edl_filter.telemetry.sample_repair import INFLATION, filled_by_dynamics
 
 #: Causes in the summary.
@@ -89,8 +89,11 @@ def check_record(
     planet: Planet,
     atmosphere: Atmosphere,
     problem: Problem,
-) -> None:
+) -> Telemetry:
     """Refuse a record that violates the physics of an entry (`plausibility`), with the likeliest cause.
+
+    A fault in a part of the flight is no reason for that if another IMU is consistent with all other measurements. Wrong
+    units, axes or signs of a whole record are.
 
     Parameters
     ----------
@@ -103,22 +106,36 @@ def check_record(
     problem : Problem
         Assembled from them.
 
+    Returns
+    -------
+    Telemetry
+        Without an IMU that is at fault.
+
     Raises
     ------
     InputError
         A law is violated; the message names the record, what was found, and the cause.
     """
     if not mission.filter.sanity_check:
-        return
+        return telemetry
     violation = find_violation(mission, telemetry, problem)
-    if violation is None:
-        return
-    cause = violation.cause
-    if cause is None:
-        causes = rank_causes(mission, telemetry, planet, atmosphere, mission.active_effects())
+    parted = next((f for f in telemetry.findings if f.kind == "disagreement"), None)
+    if violation is None and parted is None:
+        return telemetry
+    effects = mission.active_effects()
+    cause, sound = None if violation is None else violation.cause, None
+    if cause is None and telemetry.checking:
+        run = first_run(mission, telemetry, planet, atmosphere, effects)
+        if run.consistent and find_violation(mission, run.telemetry, run.problem) is None:
+            sound = run.telemetry
+            cause = record_cause(mission, telemetry, sound)
+    if cause is None and sound is None and violation is not None:
+        causes = rank_causes(mission, telemetry, planet, atmosphere, effects)
         cause = causes[0].sentence if causes and causes[0].consistent else None
+    if cause is None and (sound is not None or violation is None):
+        return telemetry if sound is None else sound
     advice = f"Likeliest cause: {cause}." if cause else "'filter.sanity_check: false' turns this check off."
-    raise InputError(f"{violation.finding} {advice}")
+    raise InputError(f"{_disagreement(mission, parted) if violation is None else violation.finding} {advice}")
 
 
 def checked_telemetry(mission: Mission) -> Telemetry | None:
@@ -127,19 +144,15 @@ def checked_telemetry(mission: Mission) -> Telemetry | None:
         return None
     telemetry, atmosphere = read_telemetry(mission), read_atmosphere(mission)
     planet = mission.planet_model(telemetry.prime_meridian_at_epoch)
-    check_record(mission, telemetry, planet, atmosphere, assemble(mission, telemetry, planet, atmosphere))
-    return telemetry
+    return check_record(mission, telemetry, planet, atmosphere, assemble(mission, telemetry, planet, atmosphere))
 
 
-def contradicting(filter_pass: FilterPass) -> dict[str, tuple[int, int]]:
-    """Landing, rest and altimeter as far as they contradict the state: name → rejected uses, all uses."""
-    uses = Counter(f.constraint.name for f in filter_pass.fused)
-    rejected = Counter(f.constraint.name for f in filter_pass.fused if not f.accepted)
-    return {
-        name: (count, uses[name])
-        for name, count in rejected.items()
-        if name == "landing" or name.startswith("rest_") or (name == "altimeter" and 2 * count > uses[name])
-    }
+def _disagreement(mission: Mission, parted: SampleFinding | None) -> str:
+    assert parted is not None
+    return (
+        f"{mission.telemetry_path() or mission.source or mission.name}: the {parted.channel} of IMU {parted.imu} and that "
+        f"of another one disagree from {parted.start:.1f} to {parted.end:.1f} s; both are fixed to one rigid body."
+    )
 
 
 def lost_motion(reconstruction: Reconstruction) -> str | None:

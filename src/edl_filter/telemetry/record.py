@@ -213,6 +213,8 @@ KINDS = {
     "clock_drift": "clock at a wrong rate",
     "coarse": "readings in coarse steps",
     "dead": "IMU ends before the other",
+    "disagreement": "disagreement with another IMU",
+    "contradiction": "contradiction to other measurements",
 }
 
 
@@ -372,6 +374,8 @@ class Telemetry:
         Name of the planet in the telemetry; empty if there is none.
     findings : tuple of SampleFinding
         Missing and bad samples of all IMUs.
+    as_read : Telemetry or None
+        The telemetry before the comparison of its IMUs and the repair of its samples; None where it is the same.
     """
 
     driving: ImuRecord
@@ -389,3 +393,4 @@ class Telemetry:
     notes: tuple[str, ...] = ()
     planet: str = ""
     findings: tuple[SampleFinding, ...] = ()
+    as_read: Telemetry | None = None

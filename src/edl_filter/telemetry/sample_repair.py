@@ -22,7 +22,8 @@ from numpy.typing import NDArray
 
 from edl_filter.errors import InputError
 from edl_filter.estimation.autoregression import Interpolation, interpolate
-from edl_filter.telemetry.clock_drift import without_drift
+from edl_filter.telemetry.clock_drift import without_drift, without_relative_drift
+from edl_filter.telemetry.disagreement import disagreements
 from edl_filter.telemetry.record import ImuRecord, SampleFinding, Telemetry, finite_rows, within_window
 from edl_filter.telemetry.sample_checks import CheckSettings, findings_of, runs, with_repair
 from edl_filter.telemetry.spikes import bad_triads
@@ -93,6 +94,8 @@ def repaired(telemetry: Telemetry, settings: CheckSettings | None = None, parach
     if settings.enabled:
         records, bad = bad_triads(records, settings, smooth_until)
         findings += bad
+        if parted := _parted(records, drifts, smooth_until):
+            return _apart(telemetry, settings, parachute, parted)
     if not findings and all(_finite(record) for record in records):
         return telemetry
     sources = [next((r for k, r in enumerate(records) if k != i), None) for i in range(len(records))]
@@ -104,7 +107,78 @@ def repaired(telemetry: Telemetry, settings: CheckSettings | None = None, parach
         outcome.append(complete)
     findings = [f if f.repair else with_repair(f, _phrase(f, phrases.get(f.imu, []))) for f in findings]
     findings.sort(key=lambda f: (f.start, f.imu))
-    return replace(telemetry, driving=outcome[0], checking=tuple(outcome[1:]), findings=tuple(findings))
+    return replace(
+        telemetry, driving=outcome[0], checking=tuple(outcome[1:]), findings=tuple(findings), as_read=_as_read(telemetry)
+    )
+
+
+def alone(telemetry: Telemetry, name: str, settings: CheckSettings | None = None, parachute: float = np.inf) -> Telemetry:
+    """Telemetry with the samples of one IMU, repaired without any other.
+
+    Parameters
+    ----------
+    telemetry : Telemetry
+        As read, or repaired.
+    name : str
+        Name of the IMU.
+    settings : CheckSettings, optional
+        Thresholds of the checks.
+    parachute : float
+        Time of the parachute's deployment, s.
+
+    Returns
+    -------
+    Telemetry
+        Its `as_read` has all IMUs.
+
+    Raises
+    ------
+    InputError
+        A stretch is lost that is too long to be filled without another IMU.
+    """
+    original = _as_read(telemetry)
+    record = next(r for r in (original.driving, *original.checking) if r.name == name)
+    findings = tuple(f for f in original.findings if f.imu == name)
+    single = repaired(replace(original, driving=record, checking=(), findings=findings), settings, parachute)
+    return replace(single, as_read=original)
+
+
+def _as_read(telemetry: Telemetry) -> Telemetry:
+    return telemetry if telemetry.as_read is None else telemetry.as_read
+
+
+def _apart(
+    telemetry: Telemetry, settings: CheckSettings, parachute: float, parted: list[SampleFinding]
+) -> Telemetry:
+    """Telemetry of IMUs that disagree, each repaired without the others; a checking one that cannot be is left out.
+
+    What is filled from an IMU at fault, or calibrated against it, is wrong. Which one is at fault is decided by the
+    other measurements (`pipeline.redundancy`).
+    """
+    names = [record.name for record in (telemetry.driving, *telemetry.checking)]
+    first = alone(telemetry, names[0], settings, parachute)
+    findings, checking = [*first.findings], []
+    for name in names[1:]:
+        try:
+            single = alone(telemetry, name, settings, parachute)
+        except InputError:
+            continue
+        checking.append(single.driving)
+        findings += single.findings
+    parted = [with_repair(f, f"{names[1]} reads otherwise, and each is repaired without the other") for f in parted]
+    findings = sorted([*findings, *parted], key=lambda f: (f.start, f.imu))
+    return replace(first, checking=tuple(checking), findings=tuple(findings), as_read=_as_read(telemetry))
+
+
+def _parted(records: list[ImuRecord], drifts: list[SampleFinding], end: float) -> list[SampleFinding]:
+    """Disagreements of two IMUs that no relative drift of their clocks explains."""
+    if len(records) < 2:
+        return []
+    parted = disagreements(records[0], records[1], end)
+    if parted and any(f.kind == "clock_drift" and "not corrected" in f.repair for f in drifts):
+        steady = without_relative_drift(records[0], records[1], end)
+        return parted if disagreements(steady, records[1], end) else []
+    return parted
 
 
 def filled_by_dynamics(telemetry: Telemetry) -> list[SampleFinding]:
