@@ -24,6 +24,7 @@ import numpy as np
 from edl_filter import rotations
 from edl_filter.effects.base import EffectInstance
 from edl_filter.errors import InputError
+from edl_filter.imu_model.lever_arm import lever_arm_acceleration
 from edl_filter.mission import Mission
 from edl_filter.mission.measurements import FlightFileConfig
 from edl_filter.navigation.constraints import Altimeter, Constraint
@@ -48,6 +49,8 @@ AXES = ("x", "y", "z")
 #: A change of a whole record explains its difference from another IMU if it leaves less than this part of it, in this
 #: share of the samples. Smaller differences than this part of the readings are no matter of axes or units.
 EXPLAINED, WHOLE, DIFFERENT = 0.15, 0.95, 0.05
+#: Sigmas of one reading beyond which it has moved.
+SIGNIFICANT = 10.0
 #: Time before the parachute from which readings are not compared: the mortar's recoil, s.
 _SHOCK = 1.0
 SENSORS = {"specific_force": "accelerometers", "angular_rate": "gyros"}
@@ -178,9 +181,11 @@ def record_cause(mission: Mission, telemetry: Telemetry, sound: Telemetry) -> st
     if record is None:
         return None
     end = event_times(mission, telemetry).get("parachute_deploy", np.inf) - _SHOCK
+    noise = {"specific_force": float(np.median(record.force_noise)), "angular_rate": float(np.median(record.rate_noise))}
     readings, pairs, size = {}, {}, {}
+    moved = _moved_to(reference, record)
     for quantity in ("specific_force", "angular_rate"):
-        own, other = _common(record, reference, quantity, end)
+        own, other = _common(record, moved, quantity, end)
         if not len(own):
             return None
         readings[quantity], size[quantity] = (own, other), _typical(own - other)
@@ -190,6 +195,8 @@ def record_cause(mission: Mission, telemetry: Telemetry, sound: Telemetry) -> st
     for changes, text in _changes_of_axes(mission, record.name):
         share = {q: _typical(own @ changes.T - other) / size[q] for q, (own, other) in readings.items()}
         largest = max((share[q] for q in pairs), default=np.inf)
+        if any(_worse(own, changes, other, noise[q]) > 1.0 - WHOLE for q, (own, other) in pairs.items()):
+            continue  # it explains a part of the flight
         if largest < best:
             affected = " and ".join(SENSORS[q] for q in readings if share[q] < 1.0)
             best, sentence = largest, f"{text} in the {affected} of IMU {record.name}"
@@ -200,6 +207,20 @@ def record_cause(mission: Mission, telemetry: Telemetry, sound: Telemetry) -> st
             if share < best and len(pairs) == 1:
                 best, sentence = share, f"units, the {words} of IMU {record.name} is in {unit}"
     return sentence
+
+
+def _moved_to(reference: ImuRecord, record: ImuRecord) -> ImuRecord:
+    """The reference with its forces at the place of another record, as both state their places."""
+    rate = np.nan_to_num(reference.angular_rate)
+    offset = record.position[record.index_at(reference.time)] - reference.position
+    force = reference.specific_force + lever_arm_acceleration(reference.interval, rate, offset, reference.unit)
+    return replace(reference, specific_force=force)
+
+
+def _worse(own: Array, change: Array, other: Array, noise: float) -> float:
+    """Share of the readings (N, 3) that a change (3, 3) takes farther from those of another IMU, beyond their noise."""
+    before, after = (np.linalg.norm(values - other, axis=1) for values in (own, own @ change.T))
+    return float(np.mean(after > before + SIGNIFICANT * noise))
 
 
 def _common(record: ImuRecord, reference: ImuRecord, quantity: str, end: float) -> tuple[Array, Array]:
@@ -265,6 +286,11 @@ def _evaluate(problem: Problem) -> tuple[float, bool]:
 def _hypotheses(mission: Mission, telemetry: Telemetry) -> Iterator[_Hypothesis]:
     """All hypotheses that change the telemetry."""
     yield from _unit_hypotheses(telemetry)
+    if telemetry.initial is not None:
+        yield from (
+            _Hypothesis("entry_state", f"the attitude at entry, its quaternion {text}", _other_attitude(change))
+            for text, change in _QUATERNIONS.items()
+        )
     identity = np.eye(3)
     frames = {"": identity}
     mounting = _imu_axes(mission, telemetry.driving.name)
@@ -388,6 +414,24 @@ def _scaled_altimeter(factor: float) -> Callable[[Telemetry], Telemetry]:
 def _turned(quantities: tuple[str, ...], matrix: Array) -> Callable[[Telemetry], Telemetry]:
     def repair(t: Telemetry) -> Telemetry:
         return replace(t, driving=replace(t.driving, **{q: getattr(t.driving, q) @ matrix.T for q in quantities}))
+
+    return repair
+
+
+#: Conventions of a quaternion, and the change to that of the format: scalar last, inertial axes from those of the body.
+_QUATERNIONS: dict[str, Callable[[Array], Array]] = {
+    "has its scalar part first": lambda q: np.roll(q, -1),
+    "turns from inertial axes to those of the body": rotations.conjugate,
+    "has its scalar part first and turns from inertial axes to those of the body": lambda q: rotations.conjugate(
+        np.roll(q, -1)
+    ),
+}
+
+
+def _other_attitude(change: Callable[[Array], Array]) -> Callable[[Telemetry], Telemetry]:
+    def repair(t: Telemetry) -> Telemetry:
+        assert t.initial is not None
+        return replace(t, initial=replace(t.initial, inertial_from_body=change(t.initial.inertial_from_body)))
 
     return repair
 

@@ -29,6 +29,8 @@ from edl_filter.planet.atmosphere import Atmosphere
 from edl_filter.telemetry.record import SampleFinding, Telemetry
 from edl_filter.telemetry.sample_repair import INFLATION, filled_by_dynamics
 
+#: Kinds of causes that are wrong statements about a whole record.
+_RECORD = ("units", "axes", "sign")
 #: Causes in the summary.
 CAUSES = 5
 #: Sigma of an angle of which nothing is known, uniform between -π and π, rad.
@@ -129,9 +131,10 @@ def check_record(
         if run.consistent and find_violation(mission, run.telemetry, run.problem) is None:
             sound = run.telemetry
             cause = record_cause(mission, telemetry, sound)
-    if cause is None and sound is None and violation is not None:
+    if cause is None and sound is None:
         causes = rank_causes(mission, telemetry, planet, atmosphere, effects)
-        cause = causes[0].sentence if causes and causes[0].consistent else None
+        named = causes and causes[0].consistent and (violation is not None or causes[0].kind in _RECORD)
+        cause = causes[0].sentence if named else None
     if cause is None and (sound is not None or violation is None):
         return telemetry if sound is None else sound
     advice = f"Likeliest cause: {cause}." if cause else "'filter.sanity_check: false' turns this check off."

@@ -211,6 +211,7 @@ KINDS = {
     "reordered": "packets out of order",
     "clock_jump": "jump of the clock",
     "clock_drift": "clock at a wrong rate",
+    "jitter": "time stamps that scatter",
     "coarse": "readings in coarse steps",
     "dead": "IMU ends before the other",
     "disagreement": "disagreement with another IMU",

@@ -24,7 +24,15 @@ from edl_filter.errors import InputError
 from edl_filter.estimation.autoregression import Interpolation, interpolate
 from edl_filter.telemetry.clock_drift import without_drift, without_relative_drift
 from edl_filter.telemetry.disagreement import disagreements
-from edl_filter.telemetry.record import ImuRecord, SampleFinding, Telemetry, finite_rows, within_window
+from edl_filter.telemetry.record import (
+    SAME_TIME,
+    ImuRecord,
+    InitialState,
+    SampleFinding,
+    Telemetry,
+    finite_rows,
+    within_window,
+)
 from edl_filter.telemetry.sample_checks import CheckSettings, findings_of, runs, with_repair
 from edl_filter.telemetry.spikes import bad_triads
 from edl_filter.telemetry.transfer import TransferredReadings, transferred
@@ -79,6 +87,8 @@ def repaired(telemetry: Telemetry, settings: CheckSettings | None = None, parach
         records, drifts = without_drift(records, parachute - _PARACHUTE_MARGIN)
         findings += drifts
         records, findings = _driven_by_the_finer(records, findings)
+    begun = [_begun(record, telemetry.initial, len(records) > 1) for record in records]
+    records, findings = [record for record, _ in begun], [*findings, *(f for _, late in begun for f in late)]
     if len(records) > 1:
         records[0], dead = _extended(records[0], records[1])
         findings += dead
@@ -138,7 +148,8 @@ def alone(telemetry: Telemetry, name: str, settings: CheckSettings | None = None
     """
     original = _as_read(telemetry)
     record = next(r for r in (original.driving, *original.checking) if r.name == name)
-    findings = tuple(f for f in original.findings if f.imu == name)
+    names = {r.name for r in (original.driving, *original.checking)}
+    findings = tuple(f for f in original.findings if f.imu == name or f.imu not in names)
     single = repaired(replace(original, driving=record, checking=(), findings=findings), settings, parachute)
     return replace(single, as_read=original)
 
@@ -164,7 +175,7 @@ def _apart(
         except InputError:
             continue
         checking.append(single.driving)
-        findings += single.findings
+        findings += [f for f in single.findings if f.imu == name]
     parted = [with_repair(f, f"{names[1]} reads otherwise, and each is repaired without the other") for f in parted]
     findings = sorted([*findings, *parted], key=lambda f: (f.start, f.imu))
     return replace(first, checking=tuple(checking), findings=tuple(findings), as_read=_as_read(telemetry))
@@ -254,23 +265,41 @@ def _phrase(finding: SampleFinding, repairs: list[tuple[float, float, str]]) -> 
     return ", ".join(dict.fromkeys(phrases)) or "not used"
 
 
-def _extended(record: ImuRecord, second: ImuRecord) -> tuple[ImuRecord, list[SampleFinding]]:
-    """The record with lost samples up to the end of the other one, if it ends by more than `_DEAD` before."""
+def _begun(
+    record: ImuRecord, initial: InitialState | None, covered: bool
+) -> tuple[ImuRecord, list[SampleFinding]]:
+    """The record with lost samples from the time of the entry state on, if it begins after it.
+
+    Without another IMU not more than `_DEAD` is added, since the record bounds the stretch on one side only.
+    """
+    late = 0.0 if initial is None else record.start - initial.time
     interval = float(np.median(record.interval))
-    count = int((second.time[-1] - record.time[-1]) / interval + 1e-6)
-    if count * interval <= _DEAD:
+    if late <= SAME_TIME or (late > _DEAD and not covered):
         return record, []
-    time = record.time[-1] + interval * np.arange(1, count + 1)
+    count = round(late / interval)
+    first = record.interval.copy()
+    if not count:  # a part of a sample: the first one is as much longer
+        first[0] += late
+        return replace(record, interval=first), []
+    time = record.start - late + late / count * np.arange(1, count + 1)
+    added = _lengthened(record, time, np.full(count, late / count), before=True)
+    return added, [SampleFinding(record.name, "all", float(time[0] - interval), float(time[-1]), count, "missing")]
+
+
+def _lengthened(record: ImuRecord, time: Array, interval: Array, before: bool) -> ImuRecord:
+    """The record with lost samples at these times (n,), s, before or after its own."""
+    count = len(time)
 
     def longer(values: NDArray[Any], rows: Array | None = None) -> NDArray[Any]:
-        last = np.repeat(values[-1:], count, axis=0) if rows is None else rows
-        return np.concatenate((values, last))
+        nearest = values[:1] if before else values[-1:]
+        added = np.repeat(nearest, count, axis=0) if rows is None else rows
+        return np.concatenate((added, values) if before else (values, added))
 
     nothing = np.full((count, 3), np.nan)
-    extended = replace(
+    return replace(
         record,
         time=longer(record.time, time),
-        interval=longer(record.interval, np.full(count, interval)),
+        interval=longer(record.interval, interval),
         specific_force=longer(record.specific_force, nothing),
         angular_rate=longer(record.angular_rate, nothing),
         position=longer(record.position),
@@ -284,6 +313,16 @@ def _extended(record: ImuRecord, second: ImuRecord) -> tuple[ImuRecord, list[Sam
         force_fill_sigma=longer(record.force_fill_sigma),
         rate_fill_sigma=longer(record.rate_fill_sigma),
     )
+
+
+def _extended(record: ImuRecord, second: ImuRecord) -> tuple[ImuRecord, list[SampleFinding]]:
+    """The record with lost samples up to the end of the other one, if it ends by more than `_DEAD` before."""
+    interval = float(np.median(record.interval))
+    count = int((second.time[-1] - record.time[-1]) / interval + 1e-6)
+    if count * interval <= _DEAD:
+        return record, []
+    time = record.time[-1] + interval * np.arange(1, count + 1)
+    extended = _lengthened(record, time, np.full(count, interval), before=False)
     finding = SampleFinding(record.name, "all", float(record.time[-1]), float(time[-1]), count, "dead")
     return extended, [finding]
 
