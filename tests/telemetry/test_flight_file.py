@@ -156,7 +156,7 @@ def without(key, name=None):
         (attribute("initial", "time", 1e6), r"/initial/@time is 1e\+06; s between"),
         (
             changed("imu/primary/specific_force", lambda v: v / 9.80665),
-            r"/imu/primary/specific_force in the mean after the landing is 0.37\d*; .* \(is it in g\?\)",
+            r"/imu/primary/specific_force in the median after the landing is 0.37\d*; .* \(is it in g\?\)",
         ),
         (
             changed("imu/primary/specific_force", lambda v: 1e3 * v / 9.8),

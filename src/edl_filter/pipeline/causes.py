@@ -181,7 +181,10 @@ def record_cause(mission: Mission, telemetry: Telemetry, sound: Telemetry) -> st
     if record is None:
         return None
     end = event_times(mission, telemetry).get("parachute_deploy", np.inf) - _SHOCK
-    noise = {"specific_force": float(np.median(record.force_noise)), "angular_rate": float(np.median(record.rate_noise))}
+    noise = {
+        "specific_force": float(np.median(record.force_noise)),
+        "angular_rate": float(np.median(record.rate_noise)),
+    }
     readings, pairs, size = {}, {}, {}
     moved = _moved_to(reference, record)
     for quantity in ("specific_force", "angular_rate"):
@@ -203,9 +206,9 @@ def record_cause(mission: Mission, telemetry: Telemetry, sound: Telemetry) -> st
     for quantity, (own, other) in pairs.items():
         words = quantity.replace("_", " ")
         for unit, value in (FORCE_UNITS if quantity == "specific_force" else RATE_UNITS).items():
-            share = _typical(own * value - other) / size[quantity]
-            if share < best and len(pairs) == 1:
-                best, sentence = share, f"units, the {words} of IMU {record.name} is in {unit}"
+            left = _typical(own * value - other) / size[quantity]
+            if left < best and len(pairs) == 1:
+                best, sentence = left, f"units, the {words} of IMU {record.name} is in {unit}"
     return sentence
 
 
@@ -255,7 +258,9 @@ def _changes_of_axes(mission: Mission, name: str) -> Iterator[tuple[Array, str]]
                 exchanged = [AXES[k] for k in range(3) if order[k] != k]
                 text = []
                 if exchanged:
-                    text.append(f"{' and '.join(exchanged)} exchanged" if len(exchanged) == 2 else "axes in another order")
+                    text.append(
+                        f"{' and '.join(exchanged)} exchanged" if len(exchanged) == 2 else "axes in another order"
+                    )
                 if min(signs) < 0:
                     text.append(f"sign of {' and '.join(AXES[k] for k in range(3) if signs[k] < 0)}")
                 yield axes @ matrix @ axes.T, f"axes{frame}, {' and '.join(text)}"

@@ -68,9 +68,7 @@ def contradicting(filter_pass: FilterPass) -> dict[str, tuple[int, int]]:
     }
 
 
-def arbitrated(
-    first: Run, alone: Callable[[str], Telemetry], run: Callable[[Telemetry], Run]
-) -> Run:
+def arbitrated(first: Run, alone: Callable[[str], Telemetry], run: Callable[[Telemetry], Run]) -> Run:
     """The run with that IMU driving which the other measurements support.
 
     Parameters
@@ -104,8 +102,10 @@ def arbitrated(
     if parted and first.consistent:
         at_fault = others[0]
         contrary = next((r for r in runs if r.telemetry.driving.name == at_fault), None)
-        reason = f"{at_fault} does not cover the flight" if contrary is None else _reason(
-            contrary, f"{driving} is more likely by {_gain(first, contrary):.0f} nats"
+        reason = (
+            f"{at_fault} does not cover the flight"
+            if contrary is None
+            else _reason(contrary, f"{driving} is more likely by {_gain(first, contrary):.0f} nats")
         )
         single = run(alone(driving))
         return _with_findings(single, telemetry, at_fault, f"{reason}; {driving} drives the reconstruction alone")

@@ -94,8 +94,8 @@ def check_record(
 ) -> Telemetry:
     """Refuse a record that violates the physics of an entry (`plausibility`), with the likeliest cause.
 
-    A fault in a part of the flight is no reason for that if another IMU is consistent with all other measurements. Wrong
-    units, axes or signs of a whole record are.
+    A fault in a part of the flight is no reason for that if another IMU is consistent with all other measurements.
+    Wrong units, axes or signs of a whole record are.
 
     Parameters
     ----------
@@ -153,8 +153,8 @@ def checked_telemetry(mission: Mission) -> Telemetry | None:
 def _disagreement(mission: Mission, parted: SampleFinding | None) -> str:
     assert parted is not None
     return (
-        f"{mission.telemetry_path() or mission.source or mission.name}: the {parted.channel} of IMU {parted.imu} and that "
-        f"of another one disagree from {parted.start:.1f} to {parted.end:.1f} s; both are fixed to one rigid body."
+        f"{mission.telemetry_path() or mission.source or mission.name}: the {parted.channel} of IMU {parted.imu} and "
+        f"that of another one disagree from {parted.start:.1f} to {parted.end:.1f} s; both are fixed to one rigid body."
     )
 
 

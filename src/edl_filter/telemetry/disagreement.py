@@ -48,8 +48,22 @@ def disagreements(reference: ImuRecord, checked: ImuRecord, end: float) -> list[
     rate_scale = np.hypot(reference.errors[0].gyro_scale, checked.errors[0].gyro_scale)
     findings = []
     for triad, own, other, noises, scale, ratio in (
-        ("force", reference.specific_force, source.force, (reference.force_noise, checked.force_noise), 0.0, FORCE_RATIO),
-        ("rate", reference.angular_rate, source.rate, (reference.rate_noise, checked.rate_noise), rate_scale, RATE_RATIO),
+        (
+            "force",
+            reference.specific_force,
+            source.force,
+            (reference.force_noise, checked.force_noise),
+            0.0,
+            FORCE_RATIO,
+        ),
+        (
+            "rate",
+            reference.angular_rate,
+            source.rate,
+            (reference.rate_noise, checked.rate_noise),
+            rate_scale,
+            RATE_RATIO,
+        ),
     ):
         square = np.sum(own**2, axis=1)
         variance = noises[0] ** 2 + noises[1][nearest] ** 2 + scale**2 * square / 3.0

@@ -191,7 +191,9 @@ def _check_rest(imu_node: Node, records: tuple[ImuRecord, ...], landed: float) -
         at_rest = record.specific_force[record.time > landed]
         if np.isfinite(at_rest).any():
             gravity = float(np.nanmedian(np.linalg.norm(at_rest, axis=1)))
-            imu_node.within(f"{record.name}/specific_force", np.array(gravity), _REST, "in the median after the landing ")
+            imu_node.within(
+                f"{record.name}/specific_force", np.array(gravity), _REST, "in the median after the landing "
+            )
 
 
 def _event_time(node: Node) -> float:

@@ -118,11 +118,17 @@ def repaired(telemetry: Telemetry, settings: CheckSettings | None = None, parach
     findings = [f if f.repair else with_repair(f, _phrase(f, phrases.get(f.imu, []))) for f in findings]
     findings.sort(key=lambda f: (f.start, f.imu))
     return replace(
-        telemetry, driving=outcome[0], checking=tuple(outcome[1:]), findings=tuple(findings), as_read=_as_read(telemetry)
+        telemetry,
+        driving=outcome[0],
+        checking=tuple(outcome[1:]),
+        findings=tuple(findings),
+        as_read=_as_read(telemetry),
     )
 
 
-def alone(telemetry: Telemetry, name: str, settings: CheckSettings | None = None, parachute: float = np.inf) -> Telemetry:
+def alone(
+    telemetry: Telemetry, name: str, settings: CheckSettings | None = None, parachute: float = np.inf
+) -> Telemetry:
     """Telemetry with the samples of one IMU, repaired without any other.
 
     Parameters
@@ -158,9 +164,7 @@ def _as_read(telemetry: Telemetry) -> Telemetry:
     return telemetry if telemetry.as_read is None else telemetry.as_read
 
 
-def _apart(
-    telemetry: Telemetry, settings: CheckSettings, parachute: float, parted: list[SampleFinding]
-) -> Telemetry:
+def _apart(telemetry: Telemetry, settings: CheckSettings, parachute: float, parted: list[SampleFinding]) -> Telemetry:
     """Telemetry of IMUs that disagree, each repaired without the others; a checking one that cannot be is left out.
 
     What is filled from an IMU at fault, or calibrated against it, is wrong. Which one is at fault is decided by the
@@ -265,9 +269,7 @@ def _phrase(finding: SampleFinding, repairs: list[tuple[float, float, str]]) -> 
     return ", ".join(dict.fromkeys(phrases)) or "not used"
 
 
-def _begun(
-    record: ImuRecord, initial: InitialState | None, covered: bool
-) -> tuple[ImuRecord, list[SampleFinding]]:
+def _begun(record: ImuRecord, initial: InitialState | None, covered: bool) -> tuple[ImuRecord, list[SampleFinding]]:
     """The record with lost samples from the time of the entry state on, if it begins after it.
 
     Without another IMU not more than `_DEAD` is added, since the record bounds the stretch on one side only.
@@ -281,8 +283,8 @@ def _begun(
     if not count:  # a part of a sample: the first one is as much longer
         first[0] += late
         return replace(record, interval=first), []
-    time = record.start - late + late / count * np.arange(1, count + 1)
-    added = _lengthened(record, time, np.full(count, late / count), before=True)
+    time: Array = record.start - late + late / count * np.arange(1, count + 1, dtype=np.float64)
+    added = _lengthened(record, time, np.full(count, late / count, np.float64), before=True)
     return added, [SampleFinding(record.name, "all", float(time[0] - interval), float(time[-1]), count, "missing")]
 
 
@@ -321,7 +323,7 @@ def _extended(record: ImuRecord, second: ImuRecord) -> tuple[ImuRecord, list[Sam
     count = int((second.time[-1] - record.time[-1]) / interval + 1e-6)
     if count * interval <= _DEAD:
         return record, []
-    time = record.time[-1] + interval * np.arange(1, count + 1)
+    time: Array = record.time[-1] + interval * np.arange(1, count + 1, dtype=np.float64)
     extended = _lengthened(record, time, np.full(count, interval), before=False)
     finding = SampleFinding(record.name, "all", float(record.time[-1]), float(time[-1]), count, "dead")
     return extended, [finding]

@@ -16,8 +16,8 @@ from edl_filter.types import Array
 
 #: Scatter about the regression, in sampling intervals: at least the root mean square, at most the largest one.
 _LEAST_SCATTER, _LARGEST = 0.02, 1.01
-#: Least ratio of the mean square successive difference to the mean square: 2 for independent errors, 0 for a drift. With
-#: N samples its standard deviation is 2/√N.
+#: Least ratio of the mean square successive difference to the mean square: 2 for independent errors, 0 for a drift. Its
+#: standard deviation is 2/√N with N samples.
 _LEAST_RATIO = 1.0
 #: Largest relative difference between the interval of the regression and the stated one.
 _INTERVAL = 0.05
