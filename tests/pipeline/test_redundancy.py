@@ -9,7 +9,9 @@ from edl_filter.errors import InputError
 from edl_filter.mission import Mission
 from edl_filter.pipeline.load import read_atmosphere, read_telemetry
 from edl_filter.pipeline.reconstruct import FlightInputs, assemble, reconstruct
+from edl_filter.pipeline.redundancy import UNDECIDED
 from edl_filter.pipeline.trust import check_record, judge
+from edl_filter.telemetry.record import SampleFinding
 from edl_filter.telemetry.sample_repair import repaired
 
 FORCE, RATE = "specific_force", "angular_rate"
@@ -72,6 +74,15 @@ def test_exchanged_axes_of_a_whole_record_are_refused_by_the_name_of_the_imu(nam
     change = {k: lambda v: v[:, [0, 2, 1]] for k in (FORCE, RATE)}
     with pytest.raises(InputError, match=f"axes of the .* in the accelerometers and gyros of IMU {name}"):
         checked(flight, faulty(flight[1], name, change, start=-np.inf))
+
+
+def test_imus_between_which_no_measurement_decides_are_not_trusted(flight):
+    mission, telemetry, _, atmosphere = flight
+    both = replace(telemetry, findings=(SampleFinding("primary", "rate", 100.0, 200.0, 800, "disagreement"),))
+    result = reconstruct(mission, leave_one_out=False, inputs=FlightInputs(both, atmosphere), compare_imus=False)
+    trust = judge(result)
+    assert result.telemetry.findings[0].repair == UNDECIDED and result.telemetry.driving.name == "primary"
+    assert not trust.trustworthy and "two IMUs disagree in their rate from 100.0 to 200.0 s" in trust.headline
 
 
 def test_a_clean_flight_is_not_changed(flight):

@@ -4,7 +4,7 @@ Two IMUs that disagree show that one of them is at fault, and not which. Landing
 independent of both. Method: the filter runs once with each IMU (multiple-model test: Magill 1965, IEEE Trans. Autom.
 Control 10, 434; Willsky 1976, Automatica 12, 601). An IMU is *consistent* where no such measurement is rejected and the
 state does not diverge, with the gate of the mission. The driving IMU stays unless it is contradicted and another one is
-consistent, or both are consistent and the other one is more likely by more than `LEAST_GAIN`. Where the IMUs disagree,
+consistent, or both are consistent and the other one is more likely by more than `DECISIVE`. Where the IMUs disagree,
 the one that does not drive is at fault, and it is not compared, calibrated or diagnosed. Each run uses samples that
 were repaired without the other IMU (`telemetry.sample_repair.alone`).
 """
@@ -19,13 +19,16 @@ import numpy as np
 
 from edl_filter.errors import InputError
 from edl_filter.navigation.filter import FilterPass, Problem
-from edl_filter.navigation.recovery import LEAST_GAIN, contradiction, log_likelihood
+from edl_filter.navigation.recovery import contradiction, log_likelihood
 from edl_filter.telemetry.record import ImuRecord, SampleFinding, Telemetry
 
 #: An IMU covers the flight where it ends by no more than this before the driving one, s.
 _COVER = 1.0
-#: Kinds of findings that say that two IMUs differ and not which of them is wrong.
-_UNDECIDED = ("disagreement",)
+#: Log likelihood of the measurements by which one of two consistent IMUs must be better, nats. What each of two sound
+#: ones reads at rest has a NIS of its own with six degrees of freedom: the difference has a standard deviation of √6.
+DECISIVE = 12.0
+#: Repair of a disagreement of which the other measurements do not show the IMU at fault.
+UNDECIDED = "not repaired: the other measurements agree with each of the two IMUs"
 
 
 @dataclass(frozen=True)
@@ -87,18 +90,21 @@ def arbitrated(first: Run, alone: Callable[[str], Telemetry], run: Callable[[Tel
         Otherwise the findings of its telemetry name the IMU at fault and what was done.
     """
     telemetry = first.telemetry
-    parted = [f for f in telemetry.findings if f.kind in _UNDECIDED]
-    if not telemetry.checking or (first.consistent and not parted):
+    parted = [f for f in telemetry.findings if f.kind == "disagreement"]
+    if not telemetry.checking or not (first.contradicting or parted):
         return first
     driving = telemetry.driving.name
     others = [name for name in _names(telemetry) if name != driving]
     runs = [r for name in others if (r := _run_of(name, alone, run, telemetry.driving)) is not None]
-    better = [r for r in runs if r.consistent and (not first.consistent or _gain(r, first) > LEAST_GAIN)]
+    better = [r for r in runs if r.consistent and (not first.consistent or _gain(r, first) > DECISIVE)]
     if better:
         best = max(better, key=lambda r: log_likelihood(r.problem, r.filter_pass))
         name = best.telemetry.driving.name
         reason = _reason(first, f"{name} is more likely by {_gain(best, first):.0f} nats")
         return _with_findings(best, telemetry, driving, f"{reason}; {name} drives the reconstruction alone")
+    if parted and first.consistent and any(r.consistent and _gain(first, r) <= DECISIVE for r in runs):
+        findings = tuple(replace(f, repair=UNDECIDED) if f in parted else f for f in telemetry.findings)
+        return replace(first, telemetry=replace(telemetry, findings=findings))
     if parted and first.consistent:
         at_fault = others[0]
         contrary = next((r for r in runs if r.telemetry.driving.name == at_fault), None)
@@ -144,7 +150,7 @@ def _reason(run: Run, alternative: str) -> str:
 
 def _with_findings(run: Run, joint: Telemetry, at_fault: str, repair: str) -> Run:
     """A run whose telemetry names the IMU at fault: where the two disagree, or in the whole flight."""
-    parted = [replace(f, imu=at_fault, repair=repair) for f in joint.findings if f.kind in _UNDECIDED]
+    parted = [replace(f, imu=at_fault, repair=repair) for f in joint.findings if f.kind == "disagreement"]
     if not parted:
         record = next(r for r in (joint.driving, *joint.checking) if r.name == at_fault)
         whole = SampleFinding(

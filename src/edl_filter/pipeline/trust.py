@@ -3,7 +3,8 @@
 A reconstruction is not trustworthy if the landing, the rest on the surface or most readings of the altimeter were
 rejected: they are independent of the IMU and none of them is rejected by chance (`filter.gate_probability`). It is not
 either if its state contradicted its measurements and no lost samples explain that (`navigation.recovery`), if the
-attitude after lost samples is not known at all, or if the path about which the flight is linearised does not settle
+attitude after lost samples is not known at all, or if two IMUs disagree and the other measurements do not decide
+between them (`redundancy`), or if the path about which the flight is linearised does not settle
 (`navigation.iterated`), or if most of the parachute's inflation is among lost samples that no other IMU covers: neither
 side of them shows its force. A few rejected readings of an altimeter are outliers, and no reason against
 the result.
@@ -23,7 +24,7 @@ from edl_filter.pipeline.causes import Cause, rank_causes, record_cause
 from edl_filter.pipeline.load import read_atmosphere, read_telemetry
 from edl_filter.pipeline.plausibility import find_violation
 from edl_filter.pipeline.reconstruct import Reconstruction, assemble, first_run
-from edl_filter.pipeline.redundancy import contradicting
+from edl_filter.pipeline.redundancy import UNDECIDED, contradicting
 from edl_filter.planet import Planet
 from edl_filter.planet.atmosphere import Atmosphere
 from edl_filter.telemetry.record import SampleFinding, Telemetry
@@ -73,7 +74,7 @@ def judge(reconstruction: Reconstruction) -> Trust:
     r = reconstruction
     rejected = contradicting(r.filter_pass)
     diverged = r.recovery is not None and r.recovery.cause != "gap"
-    lost = lost_motion(r)
+    lost = lost_motion(r) or _undecided(r.telemetry)
     if lost is not None:
         return Trust(False, f"Do not trust this result: {lost}.", rejected, ())
     if not rejected and not diverged:
@@ -172,12 +173,12 @@ def lost_motion(reconstruction: Reconstruction) -> str | None:
     """
     r = reconstruction
     deployment = r.event_times.get("parachute_deploy", np.inf)
-    for finding in filled_by_dynamics(r.telemetry):
-        covered = min(finding.end, deployment + INFLATION) - max(finding.start, deployment)
+    for start, end in filled_by_dynamics(r.telemetry):
+        covered = min(end, deployment + INFLATION) - max(start, deployment)
         if covered > 0.5 * INFLATION:  # a shorter gap has the shock on one of its sides
             return (
                 f"the parachute's inflation from {deployment:.1f} s on is among the samples that were lost from "
-                f"{finding.start:.1f} to {finding.end:.1f} s, and no other IMU has them"
+                f"{start:.1f} to {end:.1f} s, and no other IMU has them"
             )
     samples = r.problem.samples
     if not samples.filled.any():
@@ -194,6 +195,17 @@ def lost_motion(reconstruction: Reconstruction) -> str | None:
     if not r.filter_pass.converged:
         return f"the path after the samples that were lost from {first:.1f} s on has no stable solution"
     return None
+
+
+def _undecided(telemetry: Telemetry) -> str | None:
+    """Which IMUs disagree without another measurement that shows the one at fault, as words; None if there are none."""
+    parted = next((f for f in telemetry.findings if f.kind == "disagreement" and f.repair == UNDECIDED), None)
+    if parted is None:
+        return None
+    return (
+        f"two IMUs disagree in their {parted.channel} from {parted.start:.1f} to {parted.end:.1f} s, and the other "
+        "measurements agree with each of them"
+    )
 
 
 def _contradiction(rejected: dict[str, tuple[int, int]]) -> str:

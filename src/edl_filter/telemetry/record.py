@@ -187,6 +187,8 @@ class SampleFinding:
         One of `KINDS`.
     repair : str
         What was done, one phrase.
+    interpolated : tuple of (float, float)
+        Parts that no other IMU covers, from begin to end, s: filled from their neighbours.
     """
 
     imu: str
@@ -196,6 +198,7 @@ class SampleFinding:
     samples: int
     kind: str
     repair: str = ""
+    interpolated: tuple[tuple[float, float], ...] = ()
 
 
 #: Kinds of findings, with their names for people.

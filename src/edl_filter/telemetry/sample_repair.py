@@ -115,7 +115,7 @@ def repaired(telemetry: Telemetry, settings: CheckSettings | None = None, parach
         complete, how = _filled(record, source, settings, parachute)
         phrases[record.name] = how
         outcome.append(complete)
-    findings = [f if f.repair else with_repair(f, _phrase(f, phrases.get(f.imu, []))) for f in findings]
+    findings = [f if f.repair else _explained(f, phrases.get(f.imu, [])) for f in findings]
     findings.sort(key=lambda f: (f.start, f.imu))
     return replace(
         telemetry,
@@ -196,10 +196,10 @@ def _parted(records: list[ImuRecord], drifts: list[SampleFinding], end: float) -
     return parted
 
 
-def filled_by_dynamics(telemetry: Telemetry) -> list[SampleFinding]:
-    """Findings of the driving IMU whose samples no other IMU has, so that they were filled from their neighbours."""
+def filled_by_dynamics(telemetry: Telemetry) -> list[tuple[float, float]]:
+    """Begin and end of the driving IMU's stretches that no other IMU has and their neighbours fill, s."""
     name = telemetry.driving.name
-    return [f for f in telemetry.findings if f.imu == name and BY_DYNAMICS in f.repair]
+    return sorted({stretch for f in telemetry.findings if f.imu == name for stretch in f.interpolated})
 
 
 def _driven_by_the_finer(
@@ -263,10 +263,12 @@ def _finite(record: ImuRecord) -> bool:
     return bool(np.isfinite(record.specific_force).all() and np.isfinite(record.angular_rate).all())
 
 
-def _phrase(finding: SampleFinding, repairs: list[tuple[float, float, str]]) -> str:
-    """What was done about a finding: the repairs of the stretches that it overlaps."""
-    phrases = [p for a, b, p in repairs if a < finding.end - 1e-6 and b > finding.start + 1e-6]
-    return ", ".join(dict.fromkeys(phrases)) or "not used"
+def _explained(finding: SampleFinding, repairs: list[tuple[float, float, str]]) -> SampleFinding:
+    """A finding with what was done about it: the repairs of the stretches that it overlaps."""
+    over = [(a, b, p) for a, b, p in repairs if a < finding.end - 1e-6 and b > finding.start + 1e-6]
+    interpolated = tuple((a, b) for a, b, p in over if p == BY_DYNAMICS)
+    phrase = ", ".join(dict.fromkeys(p for _, _, p in over)) or "not used"
+    return replace(finding, repair=phrase, interpolated=interpolated)
 
 
 def _begun(record: ImuRecord, initial: InitialState | None, covered: bool) -> tuple[ImuRecord, list[SampleFinding]]:
