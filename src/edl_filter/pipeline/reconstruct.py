@@ -15,10 +15,10 @@ from edl_filter.effects.sensor_chain import check_imus, corrected_record, moved_
 from edl_filter.estimation.parallel import one_blas_thread
 from edl_filter.mission import Mission
 from edl_filter.mission.estimation import LandingSiteConfig
-from edl_filter.navigation.filter import FilterPass, Problem, Settings, build_problem
+from edl_filter.navigation.filter import FilterPass, Problem, Settings, build_problem, run_filter
 from edl_filter.navigation.increments import effective_samples
 from edl_filter.navigation.leave_one_out import ConstraintCheck, check_constraints, check_entry_state
-from edl_filter.navigation.recovery import Recovery, first_pass, run_with_recovery
+from edl_filter.navigation.recovery import Recovery, run_with_recovery
 from edl_filter.navigation.smoother import Smoothed, smooth
 from edl_filter.navigation.trajectory import Trajectory, smoothed_trajectory
 from edl_filter.navigation.unresolved import UnresolvedMotion
@@ -26,20 +26,17 @@ from edl_filter.pipeline.constraints import build_constraints
 from edl_filter.pipeline.entry_state import EntryCorrection, entry_correction, entry_state
 from edl_filter.pipeline.load import (
     centre_of_mass_shifts,
-    check_settings,
     event_times,
     read_atmosphere,
     read_telemetry,
     with_velocity_steps,
 )
-from edl_filter.pipeline.redundancy import Run, arbitrated
 from edl_filter.planet import Planet
 from edl_filter.planet.atmosphere import Atmosphere
 from edl_filter.telemetry.calibration import MisalignmentEstimate, bias_from_velocity_slope
 from edl_filter.telemetry.comparison import compare, record_at_centre_of_mass
 from edl_filter.telemetry.record import ImuRecord, Telemetry
 from edl_filter.telemetry.relative_calibration import RelativeCalibration, relative_calibration
-from edl_filter.telemetry.sample_repair import alone
 from edl_filter.types import Array
 
 
@@ -274,12 +271,13 @@ def _reconstruct(
         planet = mission.planet_model(telemetry.prime_meridian_at_epoch)
         active = mission.active_effects() if effects is None else tuple(effects)
     with _timed(timing, "filter"):
-        run = first_run(mission, telemetry, planet, atmosphere, active)
-        telemetry, problem, filter_pass = run.telemetry, run.problem, run.filter_pass
         corrected = without_effects(mission, telemetry, active)
+        problem = assemble_free(mission, corrected, planet, atmosphere, active)
         lost, recovery = lost_stretches(telemetry.driving), None
         if recover or lost:
-            problem, filter_pass, recovery = run_with_recovery(problem, lost, filter_pass)
+            problem, filter_pass, recovery = run_with_recovery(problem, lost)
+        else:
+            filter_pass = run_filter(problem)
     with _timed(timing, "smoother"):
         smoothed = smooth(filter_pass)
         trajectory = smoothed_trajectory(problem, smoothed, filter_pass.layout)
@@ -314,42 +312,6 @@ def _reconstruct(
         effects=active,
         recovery=recovery,
     )
-
-
-def first_run(
-    mission: Mission,
-    telemetry: Telemetry,
-    planet: Planet,
-    atmosphere: Atmosphere,
-    effects: Sequence[EffectInstance],
-) -> Run:
-    """Run of the filter before any recovery, with that IMU driving which the other measurements support.
-
-    Parameters
-    ----------
-    mission : Mission
-        Checked mission.
-    telemetry : Telemetry
-        As it was read.
-    planet, atmosphere : Planet, Atmosphere
-        The mission's own, without effects.
-    effects : sequence of EffectInstance
-        Of the model.
-
-    Returns
-    -------
-    Run
-        Its telemetry has one IMU where the other one is at fault (`redundancy`).
-    """
-
-    def run(changed: Telemetry) -> Run:
-        problem = assemble(mission, changed, planet, atmosphere, effects)
-        return Run(changed, problem, first_pass(problem))
-
-    def alone_of(name: str) -> Telemetry:
-        return alone(telemetry, name, check_settings(mission), _deployment(mission, telemetry))
-
-    return arbitrated(run(telemetry), alone_of, run)
 
 
 def lost_stretches(record: ImuRecord) -> list[tuple[float, float]]:

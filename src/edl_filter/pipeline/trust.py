@@ -3,8 +3,7 @@
 A reconstruction is not trustworthy if the landing, the rest on the surface or most readings of the altimeter were
 rejected: they are independent of the IMU and none of them is rejected by chance (`filter.gate_probability`). It is not
 either if its state contradicted its measurements and no lost samples explain that (`navigation.recovery`), if the
-attitude after lost samples is not known at all, or if two IMUs disagree and the other measurements do not decide
-between them (`redundancy`), or if the path about which the flight is linearised does not settle
+attitude after lost samples is not known at all, or if the path about which the flight is linearised does not settle
 (`navigation.iterated`), or if most of the parachute's inflation is among lost samples that no other IMU covers: neither
 side of them shows its force. A few rejected readings of an altimeter are outliers, and no reason against
 the result.
@@ -12,26 +11,24 @@ the result.
 
 from __future__ import annotations
 
+from collections import Counter
 from dataclasses import dataclass
 
 import numpy as np
 
 from edl_filter.errors import InputError
 from edl_filter.mission import Mission
-from edl_filter.navigation.filter import Problem
+from edl_filter.navigation.filter import FilterPass, Problem
 from edl_filter.navigation.recovery import Recovery
-from edl_filter.pipeline.causes import Cause, rank_causes, record_cause
+from edl_filter.pipeline.causes import Cause, rank_causes
 from edl_filter.pipeline.load import read_atmosphere, read_telemetry
 from edl_filter.pipeline.plausibility import find_violation
-from edl_filter.pipeline.reconstruct import Reconstruction, assemble, first_run
-from edl_filter.pipeline.redundancy import UNDECIDED, contradicting
+from edl_filter.pipeline.reconstruct import Reconstruction, assemble
 from edl_filter.planet import Planet
 from edl_filter.planet.atmosphere import Atmosphere
-from edl_filter.telemetry.record import SampleFinding, Telemetry
+from edl_filter.telemetry.record import Telemetry
 from edl_filter.telemetry.sample_repair import INFLATION, filled_by_dynamics
 
-#: Kinds of causes that are wrong statements about a whole record.
-_RECORD = ("units", "axes", "sign")
 #: Causes in the summary.
 CAUSES = 5
 #: Sigma of an angle of which nothing is known, uniform between -π and π, rad.
@@ -74,7 +71,7 @@ def judge(reconstruction: Reconstruction) -> Trust:
     r = reconstruction
     rejected = contradicting(r.filter_pass)
     diverged = r.recovery is not None and r.recovery.cause != "gap"
-    lost = lost_motion(r) or _undecided(r.telemetry)
+    lost = lost_motion(r)
     if lost is not None:
         return Trust(False, f"Do not trust this result: {lost}.", rejected, ())
     if not rejected and not diverged:
@@ -92,11 +89,8 @@ def check_record(
     planet: Planet,
     atmosphere: Atmosphere,
     problem: Problem,
-) -> Telemetry:
+) -> None:
     """Refuse a record that violates the physics of an entry (`plausibility`), with the likeliest cause.
-
-    A fault in a part of the flight is no reason for that if another IMU is consistent with all other measurements.
-    Wrong units, axes or signs of a whole record are.
 
     Parameters
     ----------
@@ -109,37 +103,22 @@ def check_record(
     problem : Problem
         Assembled from them.
 
-    Returns
-    -------
-    Telemetry
-        Without an IMU that is at fault.
-
     Raises
     ------
     InputError
         A law is violated; the message names the record, what was found, and the cause.
     """
     if not mission.filter.sanity_check:
-        return telemetry
+        return
     violation = find_violation(mission, telemetry, problem)
-    parted = next((f for f in telemetry.findings if f.kind == "disagreement"), None)
-    if violation is None and parted is None:
-        return telemetry
-    effects = mission.active_effects()
-    cause, sound = None if violation is None else violation.cause, None
-    if cause is None and telemetry.checking:
-        run = first_run(mission, telemetry, planet, atmosphere, effects)
-        if run.consistent and find_violation(mission, run.telemetry, run.problem) is None:
-            sound = run.telemetry
-            cause = record_cause(mission, telemetry, sound)
-    if cause is None and sound is None:
-        causes = rank_causes(mission, telemetry, planet, atmosphere, effects)
-        named = causes and causes[0].consistent and (violation is not None or causes[0].kind in _RECORD)
-        cause = causes[0].sentence if named else None
-    if cause is None and (sound is not None or violation is None):
-        return telemetry if sound is None else sound
+    if violation is None:
+        return
+    cause = violation.cause
+    if cause is None:
+        causes = rank_causes(mission, telemetry, planet, atmosphere, mission.active_effects())
+        cause = causes[0].sentence if causes and causes[0].consistent else None
     advice = f"Likeliest cause: {cause}." if cause else "'filter.sanity_check: false' turns this check off."
-    raise InputError(f"{_disagreement(mission, parted) if violation is None else violation.finding} {advice}")
+    raise InputError(f"{violation.finding} {advice}")
 
 
 def checked_telemetry(mission: Mission) -> Telemetry | None:
@@ -148,15 +127,19 @@ def checked_telemetry(mission: Mission) -> Telemetry | None:
         return None
     telemetry, atmosphere = read_telemetry(mission), read_atmosphere(mission)
     planet = mission.planet_model(telemetry.prime_meridian_at_epoch)
-    return check_record(mission, telemetry, planet, atmosphere, assemble(mission, telemetry, planet, atmosphere))
+    check_record(mission, telemetry, planet, atmosphere, assemble(mission, telemetry, planet, atmosphere))
+    return telemetry
 
 
-def _disagreement(mission: Mission, parted: SampleFinding | None) -> str:
-    assert parted is not None
-    return (
-        f"{mission.telemetry_path() or mission.source or mission.name}: the {parted.channel} of IMU {parted.imu} and "
-        f"that of another one disagree from {parted.start:.1f} to {parted.end:.1f} s; both are fixed to one rigid body."
-    )
+def contradicting(filter_pass: FilterPass) -> dict[str, tuple[int, int]]:
+    """Landing, rest and altimeter as far as they contradict the state: name → rejected uses, all uses."""
+    uses = Counter(f.constraint.name for f in filter_pass.fused)
+    rejected = Counter(f.constraint.name for f in filter_pass.fused if not f.accepted)
+    return {
+        name: (count, uses[name])
+        for name, count in rejected.items()
+        if name == "landing" or name.startswith("rest_") or (name == "altimeter" and 2 * count > uses[name])
+    }
 
 
 def lost_motion(reconstruction: Reconstruction) -> str | None:
@@ -173,12 +156,12 @@ def lost_motion(reconstruction: Reconstruction) -> str | None:
     """
     r = reconstruction
     deployment = r.event_times.get("parachute_deploy", np.inf)
-    for start, end in filled_by_dynamics(r.telemetry):
-        covered = min(end, deployment + INFLATION) - max(start, deployment)
+    for finding in filled_by_dynamics(r.telemetry):
+        covered = min(finding.end, deployment + INFLATION) - max(finding.start, deployment)
         if covered > 0.5 * INFLATION:  # a shorter gap has the shock on one of its sides
             return (
                 f"the parachute's inflation from {deployment:.1f} s on is among the samples that were lost from "
-                f"{start:.1f} to {end:.1f} s, and no other IMU has them"
+                f"{finding.start:.1f} to {finding.end:.1f} s, and no other IMU has them"
             )
     samples = r.problem.samples
     if not samples.filled.any():
@@ -195,17 +178,6 @@ def lost_motion(reconstruction: Reconstruction) -> str | None:
     if not r.filter_pass.converged:
         return f"the path after the samples that were lost from {first:.1f} s on has no stable solution"
     return None
-
-
-def _undecided(telemetry: Telemetry) -> str | None:
-    """Which IMUs disagree without another measurement that shows the one at fault, as words; None if there are none."""
-    parted = next((f for f in telemetry.findings if f.kind == "disagreement" and f.repair == UNDECIDED), None)
-    if parted is None:
-        return None
-    return (
-        f"two IMUs disagree in their {parted.channel} from {parted.start:.1f} to {parted.end:.1f} s, and the other "
-        "measurements agree with each of them"
-    )
 
 
 def _contradiction(rejected: dict[str, tuple[int, int]]) -> str:

@@ -22,17 +22,8 @@ from numpy.typing import NDArray
 
 from edl_filter.errors import InputError
 from edl_filter.estimation.autoregression import Interpolation, interpolate
-from edl_filter.telemetry.clock_drift import without_drift, without_relative_drift
-from edl_filter.telemetry.disagreement import disagreements
-from edl_filter.telemetry.record import (
-    SAME_TIME,
-    ImuRecord,
-    InitialState,
-    SampleFinding,
-    Telemetry,
-    finite_rows,
-    within_window,
-)
+from edl_filter.telemetry.clock_drift import without_drift
+from edl_filter.telemetry.record import ImuRecord, SampleFinding, Telemetry, finite_rows, within_window
 from edl_filter.telemetry.sample_checks import CheckSettings, findings_of, runs, with_repair
 from edl_filter.telemetry.spikes import bad_triads
 from edl_filter.telemetry.transfer import TransferredReadings, transferred
@@ -87,8 +78,6 @@ def repaired(telemetry: Telemetry, settings: CheckSettings | None = None, parach
         records, drifts = without_drift(records, parachute - _PARACHUTE_MARGIN)
         findings += drifts
         records, findings = _driven_by_the_finer(records, findings)
-    begun = [_begun(record, telemetry.initial, len(records) > 1) for record in records]
-    records, findings = [record for record, _ in begun], [*findings, *(f for _, late in begun for f in late)]
     if len(records) > 1:
         records[0], dead = _extended(records[0], records[1])
         findings += dead
@@ -104,8 +93,6 @@ def repaired(telemetry: Telemetry, settings: CheckSettings | None = None, parach
     if settings.enabled:
         records, bad = bad_triads(records, settings, smooth_until)
         findings += bad
-        if parted := _parted(records, drifts, smooth_until):
-            return _apart(telemetry, settings, parachute, parted)
     if not findings and all(_finite(record) for record in records):
         return telemetry
     sources = [next((r for k, r in enumerate(records) if k != i), None) for i in range(len(records))]
@@ -115,91 +102,15 @@ def repaired(telemetry: Telemetry, settings: CheckSettings | None = None, parach
         complete, how = _filled(record, source, settings, parachute)
         phrases[record.name] = how
         outcome.append(complete)
-    findings = [f if f.repair else _explained(f, phrases.get(f.imu, [])) for f in findings]
+    findings = [f if f.repair else with_repair(f, _phrase(f, phrases.get(f.imu, []))) for f in findings]
     findings.sort(key=lambda f: (f.start, f.imu))
-    return replace(
-        telemetry,
-        driving=outcome[0],
-        checking=tuple(outcome[1:]),
-        findings=tuple(findings),
-        as_read=_as_read(telemetry),
-    )
+    return replace(telemetry, driving=outcome[0], checking=tuple(outcome[1:]), findings=tuple(findings))
 
 
-def alone(
-    telemetry: Telemetry, name: str, settings: CheckSettings | None = None, parachute: float = np.inf
-) -> Telemetry:
-    """Telemetry with the samples of one IMU, repaired without any other.
-
-    Parameters
-    ----------
-    telemetry : Telemetry
-        As read, or repaired.
-    name : str
-        Name of the IMU.
-    settings : CheckSettings, optional
-        Thresholds of the checks.
-    parachute : float
-        Time of the parachute's deployment, s.
-
-    Returns
-    -------
-    Telemetry
-        Its `as_read` has all IMUs.
-
-    Raises
-    ------
-    InputError
-        A stretch is lost that is too long to be filled without another IMU.
-    """
-    original = _as_read(telemetry)
-    record = next(r for r in (original.driving, *original.checking) if r.name == name)
-    names = {r.name for r in (original.driving, *original.checking)}
-    findings = tuple(f for f in original.findings if f.imu == name or f.imu not in names)
-    single = repaired(replace(original, driving=record, checking=(), findings=findings), settings, parachute)
-    return replace(single, as_read=original)
-
-
-def _as_read(telemetry: Telemetry) -> Telemetry:
-    return telemetry if telemetry.as_read is None else telemetry.as_read
-
-
-def _apart(telemetry: Telemetry, settings: CheckSettings, parachute: float, parted: list[SampleFinding]) -> Telemetry:
-    """Telemetry of IMUs that disagree, each repaired without the others; a checking one that cannot be is left out.
-
-    What is filled from an IMU at fault, or calibrated against it, is wrong. Which one is at fault is decided by the
-    other measurements (`pipeline.redundancy`).
-    """
-    names = [record.name for record in (telemetry.driving, *telemetry.checking)]
-    first = alone(telemetry, names[0], settings, parachute)
-    findings, checking = [*first.findings], []
-    for name in names[1:]:
-        try:
-            single = alone(telemetry, name, settings, parachute)
-        except InputError:
-            continue
-        checking.append(single.driving)
-        findings += [f for f in single.findings if f.imu == name]
-    parted = [with_repair(f, f"{names[1]} reads otherwise, and each is repaired without the other") for f in parted]
-    findings = sorted([*findings, *parted], key=lambda f: (f.start, f.imu))
-    return replace(first, checking=tuple(checking), findings=tuple(findings), as_read=_as_read(telemetry))
-
-
-def _parted(records: list[ImuRecord], drifts: list[SampleFinding], end: float) -> list[SampleFinding]:
-    """Disagreements of two IMUs that no relative drift of their clocks explains."""
-    if len(records) < 2:
-        return []
-    parted = disagreements(records[0], records[1], end)
-    if parted and any(f.kind == "clock_drift" and "not corrected" in f.repair for f in drifts):
-        steady = without_relative_drift(records[0], records[1], end)
-        return parted if disagreements(steady, records[1], end) else []
-    return parted
-
-
-def filled_by_dynamics(telemetry: Telemetry) -> list[tuple[float, float]]:
-    """Begin and end of the driving IMU's stretches that no other IMU has and their neighbours fill, s."""
+def filled_by_dynamics(telemetry: Telemetry) -> list[SampleFinding]:
+    """Findings of the driving IMU whose samples no other IMU has, so that they were filled from their neighbours."""
     name = telemetry.driving.name
-    return sorted({stretch for f in telemetry.findings if f.imu == name for stretch in f.interpolated})
+    return [f for f in telemetry.findings if f.imu == name and BY_DYNAMICS in f.repair]
 
 
 def _driven_by_the_finer(
@@ -263,47 +174,29 @@ def _finite(record: ImuRecord) -> bool:
     return bool(np.isfinite(record.specific_force).all() and np.isfinite(record.angular_rate).all())
 
 
-def _explained(finding: SampleFinding, repairs: list[tuple[float, float, str]]) -> SampleFinding:
-    """A finding with what was done about it: the repairs of the stretches that it overlaps."""
-    over = [(a, b, p) for a, b, p in repairs if a < finding.end - 1e-6 and b > finding.start + 1e-6]
-    interpolated = tuple((a, b) for a, b, p in over if p == BY_DYNAMICS)
-    phrase = ", ".join(dict.fromkeys(p for _, _, p in over)) or "not used"
-    return replace(finding, repair=phrase, interpolated=interpolated)
+def _phrase(finding: SampleFinding, repairs: list[tuple[float, float, str]]) -> str:
+    """What was done about a finding: the repairs of the stretches that it overlaps."""
+    phrases = [p for a, b, p in repairs if a < finding.end - 1e-6 and b > finding.start + 1e-6]
+    return ", ".join(dict.fromkeys(phrases)) or "not used"
 
 
-def _begun(record: ImuRecord, initial: InitialState | None, covered: bool) -> tuple[ImuRecord, list[SampleFinding]]:
-    """The record with lost samples from the time of the entry state on, if it begins after it.
-
-    Without another IMU not more than `_DEAD` is added, since the record bounds the stretch on one side only.
-    """
-    late = 0.0 if initial is None else record.start - initial.time
+def _extended(record: ImuRecord, second: ImuRecord) -> tuple[ImuRecord, list[SampleFinding]]:
+    """The record with lost samples up to the end of the other one, if it ends by more than `_DEAD` before."""
     interval = float(np.median(record.interval))
-    if late <= SAME_TIME or (late > _DEAD and not covered):
+    count = int((second.time[-1] - record.time[-1]) / interval + 1e-6)
+    if count * interval <= _DEAD:
         return record, []
-    count = round(late / interval)
-    first = record.interval.copy()
-    if not count:  # a part of a sample: the first one is as much longer
-        first[0] += late
-        return replace(record, interval=first), []
-    time: Array = record.start - late + late / count * np.arange(1, count + 1, dtype=np.float64)
-    added = _lengthened(record, time, np.full(count, late / count, np.float64), before=True)
-    return added, [SampleFinding(record.name, "all", float(time[0] - interval), float(time[-1]), count, "missing")]
-
-
-def _lengthened(record: ImuRecord, time: Array, interval: Array, before: bool) -> ImuRecord:
-    """The record with lost samples at these times (n,), s, before or after its own."""
-    count = len(time)
+    time = record.time[-1] + interval * np.arange(1, count + 1)
 
     def longer(values: NDArray[Any], rows: Array | None = None) -> NDArray[Any]:
-        nearest = values[:1] if before else values[-1:]
-        added = np.repeat(nearest, count, axis=0) if rows is None else rows
-        return np.concatenate((added, values) if before else (values, added))
+        last = np.repeat(values[-1:], count, axis=0) if rows is None else rows
+        return np.concatenate((values, last))
 
     nothing = np.full((count, 3), np.nan)
-    return replace(
+    extended = replace(
         record,
         time=longer(record.time, time),
-        interval=longer(record.interval, interval),
+        interval=longer(record.interval, np.full(count, interval)),
         specific_force=longer(record.specific_force, nothing),
         angular_rate=longer(record.angular_rate, nothing),
         position=longer(record.position),
@@ -317,16 +210,6 @@ def _lengthened(record: ImuRecord, time: Array, interval: Array, before: bool) -
         force_fill_sigma=longer(record.force_fill_sigma),
         rate_fill_sigma=longer(record.rate_fill_sigma),
     )
-
-
-def _extended(record: ImuRecord, second: ImuRecord) -> tuple[ImuRecord, list[SampleFinding]]:
-    """The record with lost samples up to the end of the other one, if it ends by more than `_DEAD` before."""
-    interval = float(np.median(record.interval))
-    count = int((second.time[-1] - record.time[-1]) / interval + 1e-6)
-    if count * interval <= _DEAD:
-        return record, []
-    time: Array = record.time[-1] + interval * np.arange(1, count + 1, dtype=np.float64)
-    extended = _lengthened(record, time, np.full(count, interval), before=False)
     finding = SampleFinding(record.name, "all", float(record.time[-1]), float(time[-1]), count, "dead")
     return extended, [finding]
 
