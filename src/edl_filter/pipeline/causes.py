@@ -132,8 +132,9 @@ def rank_causes(
 
     def evaluate(repaired: Telemetry) -> tuple[float, bool] | None:
         try:
-            return _evaluate(problem_of(repaired))
-        except (InputError, np.linalg.LinAlgError):  # the repaired record is no flight
+            with np.errstate(over="raise", invalid="raise"):
+                return _evaluate(problem_of(repaired))
+        except (InputError, np.linalg.LinAlgError, FloatingPointError):  # the repaired record is no flight
             return None
 
     baseline, _ = _evaluate(problem_of(telemetry))
