@@ -54,6 +54,15 @@ def test_the_canonical_amplitude_is_not_negative(phase):
     np.testing.assert_allclose(density(canonical.values, altitude), density(instance.values, altitude), atol=1e-12)
 
 
+def test_values_are_limited_to_their_bounds_and_a_phase_is_not():
+    values = {"A": 1.16, "L": 4e3, "phase": -9.0}
+    limited = EffectInstance(find_effect("density_wave"), values).within_bounds()
+    assert limited.values == {"A": 0.9, "L": 8e3, "phase": -9.0}
+    assert limited.within_bounds() == limited
+    remnant = EffectInstance(find_effect("remnant_torque"), {"t0": 1e4})  # bounds of a time are the flight's own
+    assert remnant.within_bounds().values["t0"] == 1e4
+
+
 def test_a_change_does_not_count_whole_turns():
     assert wave(6.2).change_from(wave(0.1).values, "phase") == pytest.approx(0.1 - 6.2 + 2.0 * np.pi)
     assert wave(0.1).change_from(wave(6.2).values, "phase") == pytest.approx(0.1 - 6.2 + 2.0 * np.pi)

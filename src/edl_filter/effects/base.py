@@ -298,6 +298,11 @@ class EffectInstance:
         sizes = self.effect.sizes
         return bool(sizes) and not any(self.values[q.name] for q in sizes)
 
+    def within_bounds(self) -> EffectInstance:
+        """The same effect, each value limited to its bounds; a phase has none."""
+        limited = {q.name: float(np.clip(self.values[q.name], q.low, q.high)) for q in self.effect.parameters}
+        return replace(self, values=limited | {q.name: self.values[q.name] for q in self._phases})
+
     def canonical_phase(self) -> EffectInstance:
         """The same effect in canonical form: an amplitude that is not negative, phases between their bounds."""
         signed = self.effect.half_turn

@@ -163,3 +163,28 @@ def test_places_of_a_linear_fit_stay_within_their_bounds_and_their_order(model):
     values = fit.effects[-1].values
     assert values["h_lo"] <= 60e3 and values["h_lo"] < values["h_hi"] <= 100e3
     assert fit.parameter_sigma.shape == (4,)
+
+
+def test_a_fit_that_starts_beyond_the_bounds_begins_at_them(model):
+    """A screening is linear: it can return an amplitude with which the density would be negative."""
+    wave = EffectInstance(find_effect("density_wave"), {"A": 1.16, "L": 20e3, "phase": 4.7})
+    fit = fit_map(model, (*model.effects, wave), model.fitted_noise_filter, steps=1)
+    assert np.all(np.isfinite(fit.columns)) and np.isfinite(fit.evidence)
+    assert abs(fit.parameters(("density_wave", None))["A"][0]) <= 0.9
+
+
+def test_the_evidence_of_a_linear_fit_at_a_bound_is_that_at_the_limited_size(model):
+    """With the quadratic form of Laplace's approximation: the log posterior falls by half the squared distance."""
+    scale = find_effect("axial_force_scale")
+    (k,) = scale.sizes
+    narrow = type("NarrowScale", (type(scale),), {"parameters": (replace(k, low=-1e-6, high=1e-6),)})()
+    free, limited = (
+        fit_linear(model, EffectInstance(e, {}), model.stated_noise_filter, null_evidence=0.0) for e in (scale, narrow)
+    )
+    estimate, sigma = free.parameters((scale.name, None))["k"]
+    assert abs(estimate) > 1e-6, "the bound must act"
+    expected = np.copysign(1e-6, estimate)
+    assert limited.parameters((scale.name, None))["k"] == pytest.approx((expected, sigma), rel=1e-9)
+    loss = 0.5 * ((estimate - expected) / sigma) ** 2
+    assert free.evidence - limited.evidence == pytest.approx(loss, rel=1e-6)
+    np.testing.assert_allclose(free.white - limited.white, free.columns[:, 0] * (expected - estimate), atol=1e-9)

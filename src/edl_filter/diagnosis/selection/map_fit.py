@@ -86,7 +86,10 @@ def fit_map(
     steps: int | None = None,
     moving: bool = False,
 ) -> MapFit:
-    """Fit all free parameters of `effects`, starting at their values.
+    """Fit all free parameters of `effects`, starting at their values, limited to their bounds.
+
+    The values of a linear screening can lie beyond the bounds, where the model may have no meaning (a negative
+    density).
 
     Parameters
     ----------
@@ -102,7 +105,7 @@ def fit_map(
         Whether the linearisation point moves with the effects.
     """
     settings = model.settings
-    current = model.with_effects(effects)
+    current = model.with_effects([a.within_bounds() for a in effects])
     free = [(a.key, q) for a in current.effects for q in a.fitted]
     names = tuple((e, q.name) for e, q in free)
     sigma = np.array([prior_sigma(q) for _, q in free])
@@ -198,23 +201,24 @@ def fit_linear(model: LinearizedModel, instance: EffectInstance, whiten: Whiteni
     white = whiten(np.concatenate(columns, axis=1), np.concatenate(means, axis=1))
     y, x, sigma = white[:, 0], white[:, 1:], np.concatenate([j.sigma for j in jacobians])
     fit = regress(y, x, sigma)
-    count = len(by_size.names)
-    values = dict(zip(by_size.names, fit.estimate[:count].tolist(), strict=True))
-    moved = {}
-    for q, change in zip(places, fit.estimate[count:].tolist(), strict=True):
-        place = instance.values[q.name] + change
-        moved[q.name] = place if q.kind == "phase" else float(np.clip(place, q.low, q.high))
-    estimate = replace(instance, values=instance.values | values)
-    displaced = replace(estimate, values=estimate.values | moved)
+    values = dict(zip(by_size.names, fit.estimate.tolist(), strict=False))
+    moved = {
+        q.name: instance.values[q.name] + change
+        for q, change in zip(places, fit.estimate[len(values) :].tolist(), strict=True)
+    }
+    estimate = replace(instance, values=instance.values | values).within_bounds()
+    displaced = replace(estimate, values=estimate.values | moved).within_bounds()
+    limited = np.array([estimate.values[name] for name in by_size.names] + fit.estimate[len(values) :].tolist())
+    beyond = limited - fit.estimate
     names = tuple((instance.key, name) for name in (*by_size.names, *(q.name for q in places)))
     return MapFit(
         effects=(*model.effects, displaced if is_ordered(displaced) else estimate),
         names=names,
         covariance=fit.covariance,
-        evidence=null_evidence + fit.gain,
+        evidence=null_evidence + fit.gain - 0.5 * float(beyond @ np.linalg.solve(fit.covariance, beyond)),
         residual_vector=model.residual_vector,
         initial_mean=model.initial_mean,
-        white=y - x @ fit.estimate,
+        white=y - x @ limited,
         columns=x,
         sigma=sigma,
         point=model.point,
@@ -337,8 +341,8 @@ def _with_values(
     """Effects with the free parameters at `theta`, limited to their bounds."""
     values: dict[EffectKey, dict[str, float]] = {}
     for (effect, q), v in zip(free, theta, strict=True):
-        values.setdefault(effect, {})[q.name] = float(np.clip(v, q.low, q.high)) if q.kind != "phase" else float(v)
-    return tuple(replace(a, values=a.values | values.get(a.key, {})) for a in effects)
+        values.setdefault(effect, {})[q.name] = float(v)
+    return tuple(replace(a, values=a.values | values.get(a.key, {})).within_bounds() for a in effects)
 
 
 def _log_posterior(
