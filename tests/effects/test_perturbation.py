@@ -134,6 +134,32 @@ def test_increments_are_linear_in_the_amplitudes():
     assert single["ca"].any() and single["cm"].any()
 
 
+def test_standardised_increments_are_over_the_prior_standard_deviation_at_their_angle():
+    """A coefficient without modes has none; at zero angle, where a mode vanishes, it is zero and not a number."""
+    time, steps = np.array([100.0, 110.0, 100.0]), np.array([1.0, 2.0, 0.0])
+    z = field().standardised(flow_of(time, steps * STEP))
+    np.testing.assert_allclose(z["ca"], [(1.0 - 2.0) / np.sqrt(5.0), 9.0 / 5.0, 1.0], rtol=1e-3)
+    np.testing.assert_allclose(z["cm"], [2.0, 0.0, 0.0], atol=1e-12)
+    assert not z["cn"].any()
+
+
+def test_standardised_increments_of_prior_amplitudes_are_standard_normal():
+    random, count = np.random.default_rng(5), 20_000
+    drawn = field(time=np.arange(count, dtype=float), amplitudes={
+        name: random.standard_normal((count, modes.count)) for name, modes in MODES.items()
+    })  # fmt: skip
+    z = drawn.standardised(flow_of(np.arange(count), random.uniform(0.0, 2.0, count) * STEP))
+    for name in ("ca", "cm"):
+        assert abs(np.mean(z[name])) < 4.0 / np.sqrt(count) and abs(np.var(z[name]) - 1.0) < 4.0 * np.sqrt(2.0 / count)
+
+
+def test_a_large_amplitude_of_a_small_mode_is_no_large_increment():
+    small = AngleModes(np.tile([1.0, 0.01], (3, 1)), np.tile([1.0, 0.01], (3, 1)))
+    amplitudes = AMPLITUDES | {"ca": np.tile([0.5, 6.0], (3, 1))}
+    z = field(modes=MODES | {"ca": small}, amplitudes=amplitudes).standardised(flow_of(FIELD_TIME, np.zeros(3)))
+    np.testing.assert_allclose(z["ca"], (0.5 + 0.06) / np.hypot(1.0, 0.01), rtol=1e-12)
+
+
 def test_a_field_changes_the_coefficients_by_its_increments(world, practice_06):
     """Of the flow's own time and total angle, in addition to those against time; a field of zeros changes nothing."""
     flow = fast_flow(world, practice_06)

@@ -72,17 +72,35 @@ class FieldPerturbation:
     def increments(self, flow: FlightCondition) -> dict[str, Array]:
         """Increments of the coefficients ``(N,)`` in a flow of N samples."""
         time = flow.time
+        out = {}
+        for name in FIELD_COEFFICIENTS:
+            value = np.einsum("nj,nj->n", self._amplitudes_at(name, time), self.shapes(name, flow))
+            out[name] = value * np.interp(time, self.units.time, getattr(self.units, name))
+        return out
+
+    def standardised(self, flow: FlightCondition) -> dict[str, Array]:
+        """Increments of the coefficients ``(N,)`` over their prior standard deviation in a flow of N samples.
+
+        The standard deviation is that of the modes at the sample's angle, so that each value is standard normal under
+        the prior; zero where a coefficient has no mode. Amplitudes of single modes are no measure of it: that of a mode
+        with a hundredth of the variance is large where the increment is not.
+        """
+        out = {}
+        for name in FIELD_COEFFICIENTS:
+            shapes = self.shapes(name, flow)
+            value = np.einsum("nj,nj->n", self._amplitudes_at(name, flow.time), shapes)
+            deviation = np.sqrt(np.sum(shapes**2, axis=1))
+            out[name] = np.divide(value, deviation, out=np.zeros_like(value), where=deviation > 0.0)
+        return out
+
+    def _amplitudes_at(self, coefficient: str, time: Array) -> Array:
+        """Amplitudes of a coefficient's modes ``(N, J)`` at times ``(N,)``."""
         place = np.clip(np.interp(time, self.time, np.arange(len(self.time))), 0.0, len(self.time) - 1.0)
         index = np.minimum(place.astype(np.intp), max(len(self.time) - 2, 0))
         fraction = (place - index)[:, None]
         following = np.minimum(index + 1, len(self.time) - 1)
-        out = {}
-        for name in FIELD_COEFFICIENTS:
-            amplitude = self.amplitudes[name]
-            at_time = (1.0 - fraction) * amplitude[index] + fraction * amplitude[following]
-            value = np.einsum("nj,nj->n", at_time, self.shapes(name, flow))
-            out[name] = value * np.interp(time, self.units.time, getattr(self.units, name))
-        return out
+        amplitude = self.amplitudes[coefficient]
+        return (1.0 - fraction) * amplitude[index] + fraction * amplitude[following]
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,12 @@ import pytest
 from edl_filter import Mission
 from edl_filter.diagnosis.linear_model.flight_case import flight_case, load_case
 from edl_filter.diagnosis.linear_model.linearization import linearize, map_point
-from edl_filter.diagnosis.linear_model.linearization_point import largest_change, nuisance_offset, smoothed_point
+from edl_filter.diagnosis.linear_model.linearization_point import (
+    distance_from_stated,
+    largest_change,
+    nuisance_offset,
+    smoothed_point,
+)
 from edl_filter.simulation import Scenario, simulate
 
 
@@ -50,6 +55,18 @@ def test_the_iteration_converges(models):
     point, sigma = models[1].point, models[1].case.uncertainty.sigma
     assert largest_change(point.perturbation, next_point(models[1]).perturbation, sigma) < 0.3
     assert largest_change(None, point.perturbation, sigma) > 0.5  # this flight's density is not the table's
+
+
+def test_the_distance_from_what_is_stated_is_that_of_the_parameter_farthest_off(models):
+    """Of the database, of which the flight sees increments: their largest over the prior sigma at the flown flow."""
+    model = models[1]
+    sigma, flow, perturbation = model.case.uncertainty.sigma, model.residuals.flow, model.point.perturbation
+    assert distance_from_stated(None, flow, sigma) == 0.0
+    density = np.max(np.abs(perturbation.density)) / sigma["density"]
+    alone = replace(perturbation, wind=0.0 * perturbation.wind, mass=0.0, inertia=0.0, ca=0.0 * perturbation.ca,
+                    cn=0.0 * perturbation.cn, cm=0.0 * perturbation.cm, field=None)  # fmt: skip
+    assert distance_from_stated(alone, flow, sigma) == pytest.approx(density, rel=1e-12)
+    assert distance_from_stated(perturbation, flow, sigma) >= density
 
 
 def test_the_points_density_is_nearer_to_the_truth_than_the_tables(tmp_path):

@@ -10,7 +10,8 @@ from edl_filter.diagnosis.linear_model.effect_jacobian import effect_jacobian
 from edl_filter.diagnosis.linear_model.flight_case import load_case
 from edl_filter.diagnosis.linear_model.linearization import linearize
 from edl_filter.diagnosis.selection import map_fit as module
-from edl_filter.diagnosis.selection.map_fit import NullModelFit, fit_linear, fit_map, most_probable_null
+from edl_filter.diagnosis.selection.map_fit import NullModelFit, fit_linear, fit_map, most_probable_null, scan_times
+from edl_filter.diagnosis.selection.outer_loop import iterate_to_convergence
 from edl_filter.effects import EffectInstance
 from edl_filter.effects.registry import find_effect
 from edl_filter.estimation.kalman import append_constant_states, whitening_filter
@@ -188,3 +189,44 @@ def test_the_evidence_of_a_linear_fit_at_a_bound_is_that_at_the_limited_size(mod
     loss = 0.5 * ((estimate - expected) / sigma) ** 2
     assert free.evidence - limited.evidence == pytest.approx(loss, rel=1e-6)
     np.testing.assert_allclose(free.white - limited.white, free.columns[:, 0] * (expected - estimate), atol=1e-9)
+
+
+# --- times ----------------------------------------------------------------------------------------------------------
+
+TORQUE = {"Cl": 0.0, "Cm": -4e-4, "Cn": 8e-4, "t0": 120.26}
+
+
+@pytest.fixture(scope="module")
+def late_model(tmp_path_factory):
+    """A torque that begins at 120.26 s, linearised with one that begins 0.7 s later."""
+    torque = find_effect("remnant_torque")
+    path = tmp_path_factory.mktemp("times") / "flight.h5"
+    simulate(Scenario.load("builtin:mer"), [EffectInstance(torque, TORQUE)], 5).write(path)
+    mission = Mission.load("builtin:practice_mer", [f"telemetry.path={path}"])
+    return linearize(load_case(mission, (EffectInstance(torque, TORQUE | {"t0": 120.96}),)))
+
+
+def test_a_time_in_a_local_maximum_is_found_by_a_scan(late_model):
+    """Gauss-Newton ends before the true time: only the bins within the derivative's step change the likelihood."""
+    whiten = late_model.fitted_noise_filter
+    assert not late_model.excess_variance.is_zero
+    local = fit_map(late_model, late_model.effects, whiten, moving=True)
+    assert abs(local.effects[0].values["t0"] - TORQUE["t0"]) > 0.3
+    (scanned,) = scan_times(late_model, late_model.effects, whiten)
+    assert scanned.values["t0"] == pytest.approx(TORQUE["t0"], abs=0.11)
+    assert scanned.values | {"t0": 0.0} == late_model.effects[0].values | {"t0": 0.0}
+    _, model, fit = iterate_to_convergence(late_model.case)
+    value, sigma = fit.parameters(("remnant_torque", None))["t0"]
+    assert model.holds and abs(value - TORQUE["t0"]) < 3.0 * sigma < 0.2
+
+
+def test_fixed_times_are_not_scanned(late_model):
+    """Nor effects without a time, and a first time does not pass the last one."""
+    (late,) = late_model.effects
+    fixed = replace(late, fixed=True)
+    assert scan_times(late_model, (fixed,), late_model.fitted_noise_filter) == (fixed,)
+    scale = EffectInstance(find_effect("axial_force_scale"), {"k": 0.01})
+    assert scan_times(late_model, (fixed, scale), late_model.fitted_noise_filter) == (fixed, scale)
+    short = replace(late, values=late.values | {"t0": 120.9, "t1": 121.0})
+    (scanned,) = scan_times(late_model, (short,), late_model.fitted_noise_filter)
+    assert scanned.values["t0"] < scanned.values["t1"]

@@ -16,7 +16,7 @@ from edl_filter.diagnosis.jacobians.state_space import RowIndex, stated_initial_
 from edl_filter.diagnosis.linear_model.flight_case import FlightCase
 from edl_filter.diagnosis.linear_model.linearization_point import (
     LinearizationPoint,
-    largest_change,
+    distance_from_stated,
     nuisance_offset,
 )
 from edl_filter.diagnosis.noise.unmodelled_acceleration import UnmodelledAcceleration, augment
@@ -238,7 +238,8 @@ class LinearizedModel:
         start = float(np.max(np.abs(self.initial_mean[:size]) / np.where(prior > 0.0, prior, np.inf)))
         sigma = [s for c in self.case.constants for s in c.sigma.values()]
         constant = float(np.max(np.abs(self.constant_values) / np.array(sigma), initial=0.0)) if sigma else 0.0
-        return max(start, constant, largest_change(None, self.point.perturbation, self.case.uncertainty.sigma))
+        stated = self.case.uncertainty.sigma
+        return max(start, constant, distance_from_stated(self.point.perturbation, self.residuals.flow, stated))
 
     def filter_with_unmodelled(self, unmodelled: UnmodelledAcceleration) -> WhiteningFilter:
         """Whitening filter at the stated noise that allows for an unmodelled acceleration."""

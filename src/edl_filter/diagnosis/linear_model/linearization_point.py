@@ -19,6 +19,7 @@ from edl_filter.diagnosis.jacobians.state_space import RowIndex
 from edl_filter.diagnosis.prediction.time_bins import TimeBins
 from edl_filter.effects.base import EffectInstance
 from edl_filter.effects.perturbation import CoefficientUnits, FieldPerturbation, Perturbation
+from edl_filter.effects.types import FlightCondition
 from edl_filter.navigation.layout import State
 from edl_filter.pipeline.reconstruct import Reconstruction
 from edl_filter.types import Array, IntArray
@@ -170,13 +171,26 @@ def nuisance_offset(index: RowIndex, design: Array, bin_states: Array) -> Array:
 
 
 def largest_change(before: Perturbation | None, after: Perturbation | None, sigma: dict[str, float]) -> float:
-    """Largest difference of two perturbations, in sigmas of what the mission states."""
-    new, old = ({} if d is None else _by_name(d) for d in (after, before))
-    changes = [np.max(np.abs(new.get(n, 0.0) - old.get(n, 0.0)) / s, initial=0.0) for n, s in sigma.items() if s > 0.0]
+    """Largest difference of two perturbations, in sigmas of what the mission states; of a field's, of an amplitude."""
+    changes = _changes(before, after, sigma)
     fields = [{} if d is None or d.field is None else d.field.amplitudes for d in (after, before)]
     for name in fields[0]:
         changes.append(np.max(np.abs(fields[0][name] - fields[1].get(name, 0.0)), initial=0.0))
     return float(max(changes, default=0.0))
+
+
+def distance_from_stated(perturbation: Perturbation | None, flow: FlightCondition, sigma: dict[str, float]) -> float:
+    """Largest perturbation, in sigmas of what the mission states; of a field, the standardised increment in a flow."""
+    distances = _changes(None, perturbation, sigma)
+    if perturbation is not None and perturbation.field is not None:
+        distances += [np.max(np.abs(z), initial=0.0) for z in perturbation.field.standardised(flow).values()]
+    return float(max(distances, default=0.0))
+
+
+def _changes(before: Perturbation | None, after: Perturbation | None, sigma: dict[str, float]) -> list[float]:
+    """Largest difference of each nuisance parameter with a stated sigma, in sigmas."""
+    new, old = ({} if d is None else _by_name(d) for d in (after, before))
+    return [np.max(np.abs(new.get(n, 0.0) - old.get(n, 0.0)) / s, initial=0.0) for n, s in sigma.items() if s > 0.0]
 
 
 def _by_name(perturbation: Perturbation) -> dict[str, Array]:

@@ -317,8 +317,10 @@ def relinearize_with_effect(h: Hypothesis, reference: NullModelFit, contends: bo
     The effect's change of the path then enters to all orders. The fit starts at the most likely parameters at the noise
     that the effect leaves. Where the model without the effect fails about its first point, the gain becomes that of the
     effect about its own point over the null model about the point where that is most probable (the ratio of two
-    marginal likelihoods, each by Laplace's approximation at its own maximum). Otherwise the gain of the first fit is
-    kept: evidence differs by some nats from point to point, and both models are compared about the same one. The
+    marginal likelihoods, each by Laplace's approximation at its own maximum). So it does where the model without the
+    effect holds only with a nuisance parameter many sigmas from its stated value, if that gain is larger: there the
+    Jacobians of the one maximum do not hold at the other. Where it holds with credible values, the gain of the first
+    fit is kept: evidence differs by some nats from point to point, and both models are compared about the same one. The
     iteration ends at the first point if the effect explains little there, unless it contends and the null model is more
     probable about another point than about its first one.
 
@@ -349,5 +351,7 @@ def relinearize_with_effect(h: Hypothesis, reference: NullModelFit, contends: bo
     relinearized = _best(h.key, [fit], [], reference, case, model, thorough=True)
     if h.model.holds:
         same_point = h.with_reference(reference)
-        relinearized = replace(relinearized, gain=same_point.gain, score_gain=same_point.score_gain)
+        credible = h.model.largest_nuisance_sigmas <= settings.credible_nuisance_sigmas
+        if credible or same_point.gain >= relinearized.gain:
+            relinearized = replace(relinearized, gain=same_point.gain, score_gain=same_point.score_gain)
     return replace(relinearized, explained_share=reference.explained_share(model.white_excess_log_likelihood))

@@ -175,6 +175,44 @@ def fit_map(
     )
 
 
+def scan_times(
+    model: LinearizedModel, effects: Sequence[EffectInstance], whiten: WhiteningFilter
+) -> tuple[EffectInstance, ...]:
+    """Effects with each of their times at the largest likelihood of a scan about its value.
+
+    An effect that begins at a time is a step, so that the likelihood has local maxima: of the time bins between the
+    value and the true time only those within the step of the derivative change it. The variance components of a fit
+    that ended there allow for the bins that fail, so that it does not leave the local maximum. All other values stay,
+    and the linearisation point.
+
+    Parameters
+    ----------
+    model : LinearizedModel
+        The linearised model.
+    effects : sequence of EffectInstance
+        All effects of the model.
+    whiten : WhiteningFilter
+        Of the model.
+    """
+    settings, best = model.settings, tuple(effects)
+
+    def likelihood(trial: Sequence[EffectInstance]) -> float:
+        changed = model.with_effects(trial)
+        return whiten.log_likelihood(changed.white_residuals(whiten)) + model.case.log_abs_det_jacobian(trial)
+
+    times = [(a.key, q) for a in effects for q in a.fitted if q.kind == "time"]
+    steps = int(settings.time_scan_s / settings.time_scan_step_s)
+    offsets = settings.time_scan_step_s * np.arange(-steps, steps + 1)
+    largest = likelihood(best) if times else 0.0
+    for key, q in times:
+        start = best
+        value = _value(start, key, q.name)
+        for trial in (_with_values(start, [(key, q)], np.array([value + offset])) for offset in offsets):
+            if all(is_ordered(a) for a in trial) and (candidate := likelihood(trial)) > largest:
+                best, largest = trial, candidate
+    return best
+
+
 def fit_linear(model: LinearizedModel, instance: EffectInstance, whiten: Whitening, null_evidence: float) -> MapFit:
     """Fit one further effect in the linear problem about the model's point.
 

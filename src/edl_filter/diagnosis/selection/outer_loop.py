@@ -15,7 +15,7 @@ from edl_filter.diagnosis.linear_model.flight_case import FlightCase, load_case
 from edl_filter.diagnosis.linear_model.linear_model import LinearizedModel
 from edl_filter.diagnosis.linear_model.linearization import linearize, linearize_at, map_point
 from edl_filter.diagnosis.linear_model.linearization_point import LinearizationPoint
-from edl_filter.diagnosis.selection.map_fit import MapFit, fit_map
+from edl_filter.diagnosis.selection.map_fit import MapFit, fit_map, scan_times
 from edl_filter.effects.base import EffectInstance, label_of
 from edl_filter.effects.sensor_chain import canonical_key
 from edl_filter.errors import InputError
@@ -103,7 +103,10 @@ def iterate_to_convergence(
     settings = case.settings
 
     def fit_about(model: LinearizedModel) -> MapFit:
-        return fit_map(model, case.effects, model.fitted_noise_filter, moving=True)
+        whiten, effects = model.fitted_noise_filter, case.effects
+        if not model.excess_variance.is_zero:
+            effects = scan_times(model, effects, whiten)
+        return fit_map(model, effects, whiten, moving=True)
 
     progress("refitting the effects, iteration 1")
     model = linearize(
