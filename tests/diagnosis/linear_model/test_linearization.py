@@ -88,6 +88,8 @@ def test_the_iteration_ends_where_the_likelihood_gains_little(monkeypatch, gain,
         ([0.0, 0.0, 0.0], [1.0, 9.0, 2.0], 3),  # the noise of the rows differs from point to point
         ([0.5, 0.0, 0.0], [9.0, 1.0, 22.0], 2),  # one that holds, although another is more likely
         ([0.5, 0.0, 0.4], [1.0, 9.0, 22.0], 2),
+        ([0.5, 0.0, 0.01], [1.0, 9.0, 22.0], 2),  # one without excess variance
+        ([0.5, 0.01, 0.01], [1.0, 9.0, 2.0], 3),
         ([0.5, 0.4, 0.3], [1.0, 9.0, 2.0], 2),
     ],
 )

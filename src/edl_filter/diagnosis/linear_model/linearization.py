@@ -222,7 +222,9 @@ def linearize(
     iterations the point moves to the most probable nuisance parameters until it converges. A failing model may move the
     point away from the truth; so the iteration ends where more than `max_excess_share` of the rows have excess
     variance. The noise of the rows depends on the point, and with it the likelihood by some nats; so the last model
-    that holds is returned, or the most likely one where none does.
+    that holds is returned, of those without excess variance if there are any, or the most likely one where none holds.
+    The iteration is no descent: where the angle of attack passes the nodes of a table, the likelihood may fall by tens
+    of nats from one point to the next.
 
     Parameters
     ----------
@@ -244,8 +246,11 @@ def linearize(
     first = first or linearize_at(case, smoothed_point(case.reconstruction))
     best = first
     for model in iterate_point(case, iterations, max_excess_share, first, least_iterations):  # large: one is kept
-        if model.holds or (not best.holds and model.white_excess_log_likelihood > best.white_excess_log_likelihood):
-            best = model
+        if best.holds:
+            better = model.holds and (model.excess_variance.is_zero or not best.excess_variance.is_zero)
+        else:
+            better = model.holds or model.white_excess_log_likelihood > best.white_excess_log_likelihood
+        best = model if better else best
     return best
 
 
