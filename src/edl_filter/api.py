@@ -153,7 +153,7 @@ def refit(mission: Mission, progress: Progress | None = None) -> Result:
 def improve(
     mission: Mission, effects: Iterable[EffectLike] | EffectLike | None = None, progress: Progress | None = None
 ) -> Iterator[Step]:
-    """Diagnose, add the missing effect and refit, until no effect is accepted (forward stepwise selection).
+    """Diagnose, add the missing effect and refit, until no effect is accepted (stepwise selection).
 
     ``with_effects(mission, step.improved)`` is the mission of the next model.
 

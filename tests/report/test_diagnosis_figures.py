@@ -53,6 +53,9 @@ def test_the_ledger_shows_every_step_and_figures_are_written(tmp_path):
     ax = draw(ledger_figure(lines, 1.01, "flight")).axes[0]
     assert [t.get_text() for t in ax.get_xticklabels()] == ["as stated", "+ wind"]
     assert [line.get_label() for line in ax.lines] == ["force y", "noise"]
+    replaced = {"added": "gyro_bias", "imu": "rover", "removed": ["wind"], "errors": lines[1]["errors"]}
+    ax = draw(ledger_figure([lines[0], replaced, lines[1]], 1.01, "flight")).axes[0]
+    assert [t.get_text() for t in ax.get_xticklabels()][2] == "+ gyro_bias in rover − wind"
     names = [p.name for p in draw_diagnosis(json.loads(json.dumps(content())), "flight", tmp_path)]
     assert names == ["diagnosis_heatmap.png", "diagnosis_ranking.png"]
     assert all((tmp_path / n).stat().st_size > 5000 for n in names)

@@ -69,8 +69,8 @@ def unknown():
 def ledger_step(**changes):
     return {
         "step": 0, "mission": "practice_mer", "model": [], "added": "remnant_torque", "imu": None, "same_as": [],
-        "parameters": hypothesis()["parameters"], "gain": 40.0, "held_out_score": 35.0,
-        "errors": {"moment_y": {"before": 3.0, "after": 1.0}},
+        "parameters": hypothesis()["parameters"], "removed": [], "gain": 40.0,
+        "held_out_score": 35.0, "errors": {"moment_y": {"before": 3.0, "after": 1.0}},
     } | changes  # fmt: skip
 
 

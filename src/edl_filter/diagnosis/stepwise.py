@@ -1,11 +1,15 @@
-"""Stepwise improvement of a model: diagnose, add the missing effect, fit, and repeat (forward selection).
+"""Stepwise improvement of a model: diagnose, add the missing effect, fit, and repeat.
+
+Forward selection with backward elimination: an effect that was added before is removed where, with the new one in the
+model, the evidence for it is less than that with which an effect is named. The first name may have stood for a part of
+the second: a wind of 200 m/s, say, for air that does not rotate with the planet.
 
 References: Klein and Morelli, Aircraft System Identification (2006), section 5.4 (stepwise regression).
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
 from edl_filter.diagnosis.diagnosis import Diagnosis, diagnose
@@ -13,7 +17,7 @@ from edl_filter.diagnosis.linear_model.flight_case import load_case
 from edl_filter.diagnosis.selection.decision import CLEAN
 from edl_filter.diagnosis.selection.outer_loop import fit_effects
 from edl_filter.diagnosis.selection.ranking import Progress
-from edl_filter.effects.base import Effect, EffectInstance
+from edl_filter.effects.base import Effect, EffectInstance, EffectKey, effect_with_key
 from edl_filter.mission import Mission
 
 
@@ -30,12 +34,15 @@ class Step:
         The effect by which the next model is larger.
     improved : tuple of EffectInstance
         The next model, all effects fitted together.
+    removed : tuple of EffectInstance
+        Effects of earlier steps that are not in the next model, at their last estimates.
     """
 
     model: tuple[EffectInstance, ...]
     diagnosis: Diagnosis
     added: EffectInstance | None
     improved: tuple[EffectInstance, ...]
+    removed: tuple[EffectInstance, ...] = ()
 
     @property
     def why_stopped(self) -> str:
@@ -75,7 +82,7 @@ def improve(
     candidates : sequence of Effect
         Effects that may be missing.
     effects : iterable of EffectInstance, optional
-        To begin with, instead of the mission's.
+        To begin with, instead of the mission's. Those that the mission does not have may be removed again.
     progress : callable
         Called with a text for each stage.
 
@@ -86,13 +93,33 @@ def improve(
     """
     model = mission.active_effects() if effects is None else tuple(effects)
     limit = mission.diagnosis.max_effects
-    for _ in range(limit + 1):
+    kept = {a.key for a in mission.active_effects()}  # and those that come back after they were removed
+    while True:  # an effect is removed at most once, so that the selection ends
         diagnosis = diagnose(load_case(mission, model), candidates, progress)
         leader = diagnosis.verdict.leader
         if leader is None or len(model) >= limit:
             yield Step(model, diagnosis, None, model)
             return
         fitted = diagnosis.verdict.entries[0].hypothesis.fit.effects
-        improved = fit_effects(mission, progress, fitted).reconstruction.effects
-        yield Step(model, diagnosis, leader, improved)
+        improved, removed = _fit_without_superfluous(mission, fitted, kept | {leader.key}, progress)
+        kept |= {a.key for a in removed}
+        yield Step(model, diagnosis, leader, improved, removed)
         model = improved
+
+
+def _fit_without_superfluous(
+    mission: Mission, effects: Sequence[EffectInstance], kept: Collection[EffectKey], progress: Progress
+) -> tuple[tuple[EffectInstance, ...], tuple[EffectInstance, ...]]:
+    """Effects fitted together, and those of them that were removed: not `kept`, and with too small a gain."""
+    removed: list[EffectInstance] = []
+    while True:
+        fitted = fit_effects(mission, progress, effects)
+        remaining = fitted.reconstruction.effects
+        gains = {key: gain for key, gain in fitted.gain_over_zero.items() if key not in kept}
+        least = min(gains, key=lambda key: gains[key], default=None)
+        if least is None or gains[least] >= mission.diagnosis.named_gain_nats:
+            return remaining, tuple(removed)
+        superfluous = effect_with_key(remaining, least)
+        progress(f"removing {superfluous.label}")
+        removed.append(superfluous)
+        effects = tuple(a for a in remaining if a.key != least)

@@ -172,7 +172,7 @@ def ledger_figure(lines: Sequence[LedgerLine | Mapping[str, Any]], noise_floor: 
         Title of the flight.
     """
     errors = [_errors_before(line) for line in lines]
-    added = [_added(line) for line in lines[:-1]]
+    changes = [_change(line) for line in lines[:-1]]
     largest = {name: max((e.get(name) or 0.0 for e in errors), default=0.0) for name in errors[0]}
     failing = sorted((n for n in largest if largest[n] > 1.1 * noise_floor), key=lambda n: -largest[n])
     elements: list[Element] = []
@@ -181,7 +181,7 @@ def ledger_figure(lines: Sequence[LedgerLine | Mapping[str, Any]], noise_floor: 
         positions, values = np.array(steps).T
         elements.append(Curve(positions, values, words(name), colour, symbol=symbol, size=6.0))
     elements.append(Line(noise_floor, label="noise", dash=_DASH, width=1.3))
-    labels = ["as stated", *(f"+ {name}" for name in added)]
+    labels = ["as stated", *changes]
     angle = 0.0 if len(lines) <= 2 else 20.0 if len(lines) <= 5 else 55.0
     bottom = 0.6 if len(lines) <= 2 else 1.1 if len(lines) <= 5 else 0.4 + 0.075 * max(map(len, labels))
     sizes = [rms for e in errors for n in failing[: len(_CHANNEL_STYLES)] if (rms := e.get(n))]
@@ -197,10 +197,14 @@ def _errors_before(line: LedgerLine | Mapping[str, Any]) -> dict[str, float | No
     return {name: e["before"] if isinstance(e, Mapping) else e.before for name, e in errors.items()}
 
 
-def _added(line: LedgerLine | Mapping[str, Any]) -> str:
+def _change(line: LedgerLine | Mapping[str, Any]) -> str:
+    """Change of the model in a step: ``+ effect``, and ``− effect`` for each that was removed."""
     if isinstance(line, Mapping):
-        return f"{line['added']} in {line['imu']}" if line.get("imu") else str(line["added"])
-    return line.label if isinstance(line, LedgerStep) else ""
+        name = f"{line['added']} in {line['imu']}" if line.get("imu") else str(line["added"])
+        removed = line.get("removed", ())
+    else:
+        name, removed = (line.label, line.removed) if isinstance(line, LedgerStep) else ("", ())
+    return " ".join((f"+ {name}", *(f"− {label}" for label in removed)))
 
 
 def overall_rms(errors: Mapping[str, ErrorChange], after: bool = False) -> float | None:
@@ -233,7 +237,7 @@ def waterfall(lines: Sequence[LedgerLine], diagnosis: DiagnosisContent | None, t
         tuple(float(k) for k in range(len(pairs))), tuple(min(p) for p in pairs), tuple(max(p) for p in pairs), colours,
         notes=(number(levels[0]), *(f"{number(a)} → {number(b)}" for a, b in pairwise(levels)), number(levels[-1])),
     )  # fmt: skip
-    names = ["as stated", *(f"+ {line.label}" for line in lines if isinstance(line, LedgerStep)), "what is left"]
+    names = ["as stated", *(_change(line) for line in lines if isinstance(line, LedgerStep)), "what is left"]
     values = [m * 10.0**p for p in range(-3, 7) for m in (1, 2, 5)]
     y = Axis("normalised RMS", "–", "log", (bottom, top), tuple((v, f"{v:g}") for v in values if bottom <= v <= top))
     x = Axis(ticks=tuple((float(k), name) for k, name in enumerate(names)), grid=False)

@@ -110,7 +110,7 @@ def improve_steps(
         write_mission(mission, text, step_folder / MISSION)
         write_json(content, step_folder / DIAGNOSIS)
         stop = _why_stopped(step, content, full)
-        line = _last_line(k, content, stop) if stop else _added_line(k, content)
+        line = _last_line(k, content, stop) if stop else _added_line(k, content, step)
         _append(folder, line)
         if not stop:
             improvement_state.write(folder, mark, NextStep(k + 1, step.improved))
@@ -189,17 +189,18 @@ def _remove_steps(folder: Path, first: int) -> None:
             old.rmdir()
 
 
-def _added_line(step: int, content: dict[str, Any]) -> dict[str, Any]:
+def _added_line(number: int, content: dict[str, Any], step: Step) -> dict[str, Any]:
     """The line of the effect that a diagnosis (its ``content``) names first."""
     first = content["ranking"][0]
     return {
-        "step": step,
+        "step": number,
         "mission": content["mission"],
         "model": content["effects"],
         "added": first["effect"],
         "imu": first["imu"],
         "same_as": first["same_as"],
         "parameters": first["parameters"],
+        "removed": [a.label for a in step.removed],
         "gain": first["gain"],
         "held_out_score": first["score_gain"],
         "errors": {
@@ -265,7 +266,9 @@ def _paragraph(k: int, content: dict[str, Any], line: dict[str, Any], stop: str)
     first = content["ranking"][0]
     names = " or ".join((first["label"], *first["same_as"]))
     values = parameters_text(line["parameters"]).replace("\n", ", ")
+    removed = f" Removed {' and '.join(line['removed'])}: no longer needed." if line["removed"] else ""
     return (
         f"{text}Added {names} ({values}): gain {number(first['gain'])} nats, {number(first['score_gain'])} held out; "
         f"{words(first['channel'])} falls from {number(first['error_before'])} to {number(first['error_after'])}."
+        f"{removed}"
     )

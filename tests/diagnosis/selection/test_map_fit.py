@@ -74,6 +74,7 @@ def test_for_a_linear_effect_the_fit_is_a_regression(model, name):
     assert without.evidence == pytest.approx(log_likelihood + of_readings, rel=1e-12) and abs(of_readings) > 1.0
     linear = regress(without.white, fit.columns, fit.sigma)
     assert fit.evidence - without.evidence == pytest.approx(linear.gain, abs=1e-6)
+    assert fit.gain_over_zero((name, None)) == pytest.approx(linear.gain, abs=1e-6)  # Savage-Dickey is exact here
     np.testing.assert_allclose(fit.covariance, linear.covariance, rtol=1e-6)
     np.testing.assert_allclose(fit.parameter_sigma, np.sqrt(np.diag(linear.covariance)), rtol=1e-6)
     estimates = [fit.parameters((name, None))[q][0] for _, q in fit.names]

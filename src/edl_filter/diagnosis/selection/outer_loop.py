@@ -16,7 +16,7 @@ from edl_filter.diagnosis.linear_model.linear_model import LinearizedModel
 from edl_filter.diagnosis.linear_model.linearization import linearize, linearize_at, map_point
 from edl_filter.diagnosis.linear_model.linearization_point import LinearizationPoint
 from edl_filter.diagnosis.selection.map_fit import MapFit, fit_map, scan_times
-from edl_filter.effects.base import EffectInstance, label_of
+from edl_filter.effects.base import EffectInstance, EffectKey, label_of
 from edl_filter.effects.sensor_chain import canonical_key
 from edl_filter.errors import InputError
 from edl_filter.mission import Mission
@@ -33,10 +33,14 @@ class FittedEffects:
     reconstruction : Reconstruction
     sigma : dict
         Label of the effect → parameter → one sigma, for the parameters that were fitted.
+    gain_over_zero : dict
+        Key of each effect that was fitted → log Bayes factor over the same model without it, all others fitted, nats
+        (`MapFit.gain_over_zero`).
     """
 
     reconstruction: Reconstruction
     sigma: dict[str, dict[str, float]]
+    gain_over_zero: dict[EffectKey, float]
 
 
 def can_fit_effects(mission: Mission) -> bool:
@@ -76,7 +80,8 @@ def fit_effects(
     _, _, fit = iterate_to_convergence(case, progress=progress)
     final = reconstruct(mission, fit.effects, leave_one_out=True)
     timing = final.timing | {"refit": time.perf_counter() - begin}
-    return FittedEffects(replace(final, timing=timing), _sigma_by_effect(fit))
+    gains = {a.key: fit.gain_over_zero(a.key) for a in fit.effects if a.effect.sizes and a.fitted}
+    return FittedEffects(replace(final, timing=timing), _sigma_by_effect(fit), gains)
 
 
 def iterate_to_convergence(

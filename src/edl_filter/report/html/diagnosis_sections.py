@@ -275,11 +275,17 @@ def ledger(reader: ResultReader) -> Section:
     )
 
 
+def _added(step: LedgerStep) -> str:
+    """Names of the effect that was added, and of those that were removed."""
+    names = effect_names((step.label, *step.same_as))
+    return f"{names}; removed: {', '.join(map(readable, step.removed))}" if step.removed else names
+
+
 def _steps(reader: ResultReader) -> Table:
     steps = [line for line in reader.ledger if isinstance(line, LedgerStep)]
     rows = [
         [
-            f"{step.step}", effect_names((step.label, *step.same_as)), readable(parameters_text(step.parameters)),
+            f"{step.step}", _added(step), readable(parameters_text(step.parameters)),
             number(step.gain), number(step.held_out_score), f"{number(before)} → {number(after)}",
         ]
         for step, (before, after) in zip(steps, pairwise(ledger_levels(reader.ledger)), strict=False)

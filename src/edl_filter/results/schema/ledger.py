@@ -23,6 +23,7 @@ class LedgerStep(Content):
     imu: str | None = key("IMU of a sensor effect; null: the driving one, or no sensor effect")
     same_as: tuple[str, ...] = key("labels of effects that the flight does not distinguish from it")
     parameters: dict[str, Estimate] = key("parameter → estimate")
+    removed: tuple[str, ...] = key("labels of effects of earlier steps that the next model does not need")
     gain: Number = key("log Bayes factor, nats")
     held_out_score: Number = key("held-out log predictive density, nats")
     errors: dict[str, ErrorChange] = key("channel → normalised RMS before and after")
