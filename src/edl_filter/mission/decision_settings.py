@@ -261,6 +261,12 @@ class DecisionSettings(Section):
         "explain 0.3",
         STUDY,
     )
+    complemented_explained_share: Annotated[Number, Within("", 0.0, 1.0)] = _setting(
+        0.2,
+        "the same share from which a second effect is tried: of two effects in the same cells each explains less than "
+        "a half, since the other one's excess noise remains there",
+        STUDY,
+    )
     sufficient_share: Annotated[Number, Within("", 0.0, 1.0)] = _setting(
         0.7,
         "the same share below which a first name needs a second one that explains as much of what it leaves: right "

@@ -475,10 +475,27 @@ def ranked(monkeypatch):
     return run
 
 
-@pytest.mark.parametrize(("share", "at_floor"), [(0.39, False), (0.7, False), (0.98, False), (0.5, True)])
+@pytest.mark.parametrize(("share", "at_floor"), [(0.19, False), (0.7, False), (0.98, False), (0.5, True)])
 def test_no_second_effect_is_tried_where_the_first_explains_clearly_more_or_less(ranked, share, at_floor):
     hypotheses, calls = ranked(share, [], at_floor)
     assert len(calls) == 1 and hypotheses[0].complemented is None
+
+
+@pytest.mark.parametrize(
+    ("seconds", "complemented"),
+    [
+        ([], False),
+        ([hypothesis_of("mass", 5.0, at_floor=False, explained_share=0.3)], False),
+        ([hypothesis_of("mass", 5.0, at_floor=False, explained_share=0.8)], False),
+        ([hypothesis_of("mass", 5.0, at_floor=False, explained_share=0.0), hypothesis_of("gyro_bias", 3.0)], True),
+    ],
+)
+def test_of_two_effects_in_the_same_cells_each_explains_less_than_a_half(ranked, seconds, complemented):
+    """The second one has to leave hardly any excess variance then: wrong names explain as much."""
+    first, *_ = ranked(0.3, seconds)[0]
+    assert first.complemented is complemented
+    verdict = decide(ranking_of(first, noise=1e6))
+    assert (verdict.verdict == "missing") is complemented
 
 
 @pytest.mark.parametrize(

@@ -17,10 +17,9 @@ far as it exceeds what the database's own uncertainty allows, and a name that le
 explains more than a force and a moment that follow nothing but their own correlation.
 
 Where the noise is not what is stated, the gain of a name depends on how the rest is modelled. If the first name leaves
-excess noise and explains less than `named_explained_share` of the log-likelihood between the model and one that holds
-(`Hypothesis.explained_share`), or less than `sufficient_share` and no second effect explains the rest
-(`Hypothesis.complemented`), its evidence is at most the log odds of what it explains against what it leaves; the others
-are reduced as much.
+excess noise and explains less than `sufficient_share` of the log-likelihood between the model and one that holds
+(`Hypothesis.explained_share`), and no second effect explains the rest (`Hypothesis.complemented`), its evidence is at
+most the log odds of what it explains against what it leaves; the others are reduced as much.
 
 c is the prior cost of a hypothesis that is not the reference (log prior odds), `named_gain_nats`, or
 `named_gain_in_excess_noise_nats` where the noise is not what is stated (Kass and Raftery, JASA 90 (1995) 773). The
@@ -176,8 +175,8 @@ def _limited(evidence: list[float], groups: list[list[Hypothesis]], settings: De
     """Evidence of the names over something else: at most the log odds of the first one's share, if small."""
     first = max(range(len(groups)), key=lambda i: evidence[i])
     head = groups[first][0]
-    sufficient = head.explained_share >= settings.named_explained_share and head.complemented is not False
-    if head.at_floor or sufficient:
+    alone = head.explained_share >= settings.named_explained_share and head.complemented is None
+    if head.at_floor or head.complemented or alone:
         return evidence
     share = float(np.clip(head.explained_share, _LEAST_SHARE, 1.0 - _LEAST_SHARE))
     excess = max(evidence[first] - np.log(share / (1.0 - share)), 0.0)

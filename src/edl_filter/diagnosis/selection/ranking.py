@@ -106,20 +106,22 @@ def rank(case: FlightCase, effects: Iterable[Effect], progress: Progress = lambd
 def _with_complement(ranking: Ranking, effects: Sequence[Effect], progress: Progress) -> Ranking:
     """The ranking, whose first hypothesis states whether a second effect explains what it leaves.
 
-    It is asked only where the first explains about a half. The first of two hidden effects does so, and so does a wrong
-    name that resembles a part of something outside the catalogue.
+    It is asked only where the first explains about a half or, of two effects in the same cells, less. The first of two
+    hidden effects does so, and so does a wrong name that resembles a part of something outside the catalogue. A first
+    name below `named_explained_share` needs a second one with which hardly any excess variance is left.
     """
     settings = ranking.case.settings
     if not ranking.hypotheses:
         return ranking
     first, *others = ranking.hypotheses
-    ambiguous = settings.named_explained_share <= first.explained_share < settings.sufficient_share
+    ambiguous = settings.complemented_explained_share <= first.explained_share < settings.sufficient_share
     if first.at_floor or not ambiguous:
         return ranking
     progress(f"trying a second effect in addition to {first.label}")
     case = load_case(ranking.case.mission, first.fit.effects)
     seconds = _rank(case, candidate_instances(case, effects), progress).hypotheses
-    complemented = any(h.at_floor or h.explained_share >= settings.sufficient_share for h in seconds)
+    least = settings.sufficient_share if first.explained_share >= settings.named_explained_share else np.inf
+    complemented = any(h.at_floor or h.explained_share >= least for h in seconds)
     return replace(ranking, hypotheses=[replace(first, complemented=complemented), *others])
 
 
