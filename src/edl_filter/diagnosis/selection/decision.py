@@ -223,7 +223,7 @@ def _discriminator_text(first: Hypothesis, second: Hypothesis) -> str:
 
 def _sentence(verdict: str, entries: list[Entry], none: float, something_else: float) -> str:
     if verdict == CLEAN:
-        return "The flight is clean: model and measurement agree to the stated uncertainties, and no effect is needed."
+        return "The flight is clean: model and measurement agree to the stated uncertainties, and no effect is missing."
     if verdict == UNKNOWN:
         return "Something is missing that no effect of the catalogue explains."
     names = [" or ".join((e.hypothesis.label, *e.same_as)) for e in entries]
