@@ -32,6 +32,11 @@ def shipped_mission(name: str) -> Path:
     for folder in _mission_folders():
         if (path := folder / f"{name}.yaml").is_file():
             return path
+    if name in SHIPPED_FLIGHTS:
+        raise InputError(
+            f"{BUILTIN}{name}: found a flight file; expected a mission. Use "
+            f"{BUILTIN}{SHIPPED_FLIGHTS[name][0]} --set telemetry.path={BUILTIN}{name}."
+        )
     raise InputError(f"{BUILTIN}{name}: found no such mission; expected one of {', '.join(shipped_names())}.")
 
 
