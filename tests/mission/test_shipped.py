@@ -12,6 +12,6 @@ def test_an_unknown_name_lists_the_shipped_missions():
 
 
 def test_a_flight_in_place_of_a_mission_is_refused_with_the_mission_that_runs_it():
-    advice = "found a flight file; expected a mission. Use builtin:practice_phoenix --set telemetry.path=builtin:unknown_3"
-    with pytest.raises(InputError, match=advice):
+    advice = "Use builtin:practice_phoenix --set telemetry.path=builtin:unknown_3"
+    with pytest.raises(InputError, match=f"found a flight file; expected a mission. {advice}"):
         Mission.load("builtin:unknown_3")
