@@ -23,7 +23,15 @@ from numpy.typing import NDArray
 from edl_filter.errors import InputError
 from edl_filter.estimation.autoregression import Interpolation, interpolate
 from edl_filter.telemetry.clock_drift import without_drift
-from edl_filter.telemetry.record import ImuRecord, SampleFinding, Telemetry, finite_rows, within_window
+from edl_filter.telemetry.record import (
+    SAME_TIME,
+    ImuRecord,
+    InitialState,
+    SampleFinding,
+    Telemetry,
+    finite_rows,
+    within_window,
+)
 from edl_filter.telemetry.sample_checks import CheckSettings, findings_of, runs, with_repair
 from edl_filter.telemetry.spikes import bad_triads
 from edl_filter.telemetry.transfer import TransferredReadings, transferred
@@ -78,6 +86,8 @@ def repaired(telemetry: Telemetry, settings: CheckSettings | None = None, parach
         records, drifts = without_drift(records, parachute - _PARACHUTE_MARGIN)
         findings += drifts
         records, findings = _driven_by_the_finer(records, findings)
+    begun = [_begun(record, telemetry.initial, len(records) > 1) for record in records]
+    records, findings = [record for record, _ in begun], [*findings, *(f for _, late in begun for f in late)]
     if len(records) > 1:
         records[0], dead = _extended(records[0], records[1])
         findings += dead
@@ -102,15 +112,59 @@ def repaired(telemetry: Telemetry, settings: CheckSettings | None = None, parach
         complete, how = _filled(record, source, settings, parachute)
         phrases[record.name] = how
         outcome.append(complete)
-    findings = [f if f.repair else with_repair(f, _phrase(f, phrases.get(f.imu, []))) for f in findings]
+    findings = [f if f.repair else _explained(f, phrases.get(f.imu, [])) for f in findings]
     findings.sort(key=lambda f: (f.start, f.imu))
-    return replace(telemetry, driving=outcome[0], checking=tuple(outcome[1:]), findings=tuple(findings))
+    return replace(
+        telemetry,
+        driving=outcome[0],
+        checking=tuple(outcome[1:]),
+        findings=tuple(findings),
+        as_read=_as_read(telemetry),
+    )
 
 
-def filled_by_dynamics(telemetry: Telemetry) -> list[SampleFinding]:
-    """Findings of the driving IMU whose samples no other IMU has, so that they were filled from their neighbours."""
+def alone(
+    telemetry: Telemetry, name: str, settings: CheckSettings | None = None, parachute: float = np.inf
+) -> Telemetry:
+    """Telemetry with the samples of one IMU, repaired without any other.
+
+    Parameters
+    ----------
+    telemetry : Telemetry
+        As read, or repaired.
+    name : str
+        Name of the IMU.
+    settings : CheckSettings, optional
+        Thresholds of the checks.
+    parachute : float
+        Time of the parachute's deployment, s.
+
+    Returns
+    -------
+    Telemetry
+        Its `as_read` has all IMUs.
+
+    Raises
+    ------
+    InputError
+        A stretch is lost that is too long to be filled without another IMU.
+    """
+    original = _as_read(telemetry)
+    record = next(r for r in (original.driving, *original.checking) if r.name == name)
+    names = {r.name for r in (original.driving, *original.checking)}
+    findings = tuple(f for f in original.findings if f.imu == name or f.imu not in names)
+    single = repaired(replace(original, driving=record, checking=(), findings=findings), settings, parachute)
+    return replace(single, as_read=original)
+
+
+def _as_read(telemetry: Telemetry) -> Telemetry:
+    return telemetry if telemetry.as_read is None else telemetry.as_read
+
+
+def filled_by_dynamics(telemetry: Telemetry) -> list[tuple[float, float]]:
+    """Begin and end of the driving IMU's stretches that no other IMU has and their neighbours fill, s."""
     name = telemetry.driving.name
-    return [f for f in telemetry.findings if f.imu == name and BY_DYNAMICS in f.repair]
+    return sorted({stretch for f in telemetry.findings if f.imu == name for stretch in f.interpolated})
 
 
 def _driven_by_the_finer(
@@ -174,29 +228,47 @@ def _finite(record: ImuRecord) -> bool:
     return bool(np.isfinite(record.specific_force).all() and np.isfinite(record.angular_rate).all())
 
 
-def _phrase(finding: SampleFinding, repairs: list[tuple[float, float, str]]) -> str:
-    """What was done about a finding: the repairs of the stretches that it overlaps."""
-    phrases = [p for a, b, p in repairs if a < finding.end - 1e-6 and b > finding.start + 1e-6]
-    return ", ".join(dict.fromkeys(phrases)) or "not used"
+def _explained(finding: SampleFinding, repairs: list[tuple[float, float, str]]) -> SampleFinding:
+    """A finding with what was done about it: the repairs of the stretches that it overlaps."""
+    over = [(a, b, p) for a, b, p in repairs if a < finding.end - 1e-6 and b > finding.start + 1e-6]
+    interpolated = tuple((a, b) for a, b, p in over if p == BY_DYNAMICS)
+    phrase = ", ".join(dict.fromkeys(p for _, _, p in over)) or "not used"
+    return replace(finding, repair=phrase, interpolated=interpolated)
 
 
-def _extended(record: ImuRecord, second: ImuRecord) -> tuple[ImuRecord, list[SampleFinding]]:
-    """The record with lost samples up to the end of the other one, if it ends by more than `_DEAD` before."""
+def _begun(record: ImuRecord, initial: InitialState | None, covered: bool) -> tuple[ImuRecord, list[SampleFinding]]:
+    """The record with lost samples from the time of the entry state on, if it begins after it.
+
+    Without another IMU not more than `_DEAD` is added, since the record bounds the stretch on one side only.
+    """
+    late = 0.0 if initial is None else record.start - initial.time
     interval = float(np.median(record.interval))
-    count = int((second.time[-1] - record.time[-1]) / interval + 1e-6)
-    if count * interval <= _DEAD:
+    if late <= SAME_TIME or (late > _DEAD and not covered):
         return record, []
-    time = record.time[-1] + interval * np.arange(1, count + 1)
+    count = round(late / interval)
+    first = record.interval.copy()
+    if not count:  # a part of a sample: the first one is as much longer
+        first[0] += late
+        return replace(record, interval=first), []
+    time: Array = record.start - late + late / count * np.arange(1, count + 1, dtype=np.float64)
+    added = _lengthened(record, time, np.full(count, late / count, np.float64), before=True)
+    return added, [SampleFinding(record.name, "all", float(time[0] - interval), float(time[-1]), count, "missing")]
+
+
+def _lengthened(record: ImuRecord, time: Array, interval: Array, before: bool) -> ImuRecord:
+    """The record with lost samples at these times (n,), s, before or after its own."""
+    count = len(time)
 
     def longer(values: NDArray[Any], rows: Array | None = None) -> NDArray[Any]:
-        last = np.repeat(values[-1:], count, axis=0) if rows is None else rows
-        return np.concatenate((values, last))
+        nearest = values[:1] if before else values[-1:]
+        added = np.repeat(nearest, count, axis=0) if rows is None else rows
+        return np.concatenate((added, values) if before else (values, added))
 
     nothing = np.full((count, 3), np.nan)
-    extended = replace(
+    return replace(
         record,
         time=longer(record.time, time),
-        interval=longer(record.interval, np.full(count, interval)),
+        interval=longer(record.interval, interval),
         specific_force=longer(record.specific_force, nothing),
         angular_rate=longer(record.angular_rate, nothing),
         position=longer(record.position),
@@ -210,6 +282,16 @@ def _extended(record: ImuRecord, second: ImuRecord) -> tuple[ImuRecord, list[Sam
         force_fill_sigma=longer(record.force_fill_sigma),
         rate_fill_sigma=longer(record.rate_fill_sigma),
     )
+
+
+def _extended(record: ImuRecord, second: ImuRecord) -> tuple[ImuRecord, list[SampleFinding]]:
+    """The record with lost samples up to the end of the other one, if it ends by more than `_DEAD` before."""
+    interval = float(np.median(record.interval))
+    count = int((second.time[-1] - record.time[-1]) / interval + 1e-6)
+    if count * interval <= _DEAD:
+        return record, []
+    time: Array = record.time[-1] + interval * np.arange(1, count + 1, dtype=np.float64)
+    extended = _lengthened(record, time, np.full(count, interval), before=False)
     finding = SampleFinding(record.name, "all", float(record.time[-1]), float(time[-1]), count, "dead")
     return extended, [finding]
 
