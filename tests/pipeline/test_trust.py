@@ -1,10 +1,12 @@
 """Faults in the shipped flight: what the filter recovers, what is refused, and which cause is named."""
 
+import warnings
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from edl_filter import rotations
 from edl_filter.errors import InputError
 from edl_filter.mission import Mission
 from edl_filter.navigation.recovery import run_with_recovery
@@ -142,6 +144,53 @@ def test_a_wrong_measurement_is_named(inputs, repair, text):
     mission, telemetry, planet, atmosphere = inputs
     causes = rank_causes(mission, repair(telemetry), planet, atmosphere, ())
     assert text in causes[0].sentence and causes[0].consistent
+
+
+@pytest.mark.parametrize(
+    ("convention", "text"),
+    [
+        (lambda q: np.roll(q, 1), "its quaternion has its scalar part first"),
+        (rotations.conjugate, "its quaternion turns from inertial axes to those of the body"),
+    ],
+    ids=["scalar first", "conjugated"],
+)
+def test_another_convention_of_the_quaternion_at_entry_is_named(inputs, convention, text):
+    mission, telemetry, planet, atmosphere = inputs
+    attitude = convention(telemetry.initial.inertial_from_body)
+    faulty = replace(telemetry, initial=replace(telemetry.initial, inertial_from_body=attitude))
+    causes = rank_causes(mission, faulty, planet, atmosphere, ())
+    assert causes[0].kind == "entry_state" and text in causes[0].sentence and causes[0].consistent
+
+
+@pytest.mark.parametrize("name", ["primary", "secondary"])
+def test_exchanged_axes_of_a_whole_record_are_named_with_the_imu(inputs, name):
+    # an exchange of body axes may be a sign in the axes of an IMU that is mounted obliquely: the same statement
+    mission, telemetry, planet, atmosphere = inputs
+
+    def exchanged(record):
+        return replace(
+            record, specific_force=record.specific_force[:, [1, 0, 2]], angular_rate=record.angular_rate[:, [1, 0, 2]]
+        )
+
+    records = [exchanged(r) if r.name == name else r for r in (telemetry.driving, *telemetry.checking)]
+    faulty = replace(telemetry, driving=records[0], checking=tuple(records[1:]))
+    with pytest.raises(InputError, match=f"axes of the .* in the accelerometers and gyros of IMU {name}"):
+        check_record(mission, faulty, planet, atmosphere, assemble(mission, faulty, planet, atmosphere))
+
+
+def test_a_record_whose_repair_overflows_is_refused(inputs):
+    mission, telemetry, planet, atmosphere = inputs
+
+    def in_degrees(record):
+        return replace(record, angular_rate=np.degrees(record.angular_rate))
+
+    both = replace(
+        telemetry, driving=in_degrees(telemetry.driving), checking=(in_degrees(telemetry.checking[0]),)
+    )  # the rates agree
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", RuntimeWarning)
+        causes = rank_causes(mission, both, planet, atmosphere, ())
+    assert causes[0].kind == "units" and "deg/s" in causes[0].sentence
 
 
 @pytest.mark.parametrize(

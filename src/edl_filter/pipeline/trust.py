@@ -19,15 +19,15 @@ import numpy as np
 from edl_filter.errors import InputError
 from edl_filter.mission import Mission
 from edl_filter.navigation.filter import FilterPass, Problem
-from edl_filter.navigation.recovery import Recovery
-from edl_filter.pipeline.causes import Cause, rank_causes
-from edl_filter.pipeline.load import read_atmosphere, read_telemetry
+from edl_filter.navigation.recovery import Recovery, contradiction, first_pass
+from edl_filter.pipeline.causes import Cause, rank_causes, record_cause
+from edl_filter.pipeline.load import check_settings, event_times, read_atmosphere, read_telemetry
 from edl_filter.pipeline.plausibility import find_violation
 from edl_filter.pipeline.reconstruct import Reconstruction, assemble
 from edl_filter.planet import Planet
 from edl_filter.planet.atmosphere import Atmosphere
 from edl_filter.telemetry.record import Telemetry
-from edl_filter.telemetry.sample_repair import INFLATION, filled_by_dynamics
+from edl_filter.telemetry.sample_repair import INFLATION, alone, filled_by_dynamics
 
 #: Causes in the summary.
 CAUSES = 5
@@ -113,12 +113,38 @@ def check_record(
     violation = find_violation(mission, telemetry, problem)
     if violation is None:
         return
-    cause = violation.cause
+    cause = violation.cause or _whole_record(mission, telemetry, planet, atmosphere)
     if cause is None:
         causes = rank_causes(mission, telemetry, planet, atmosphere, mission.active_effects())
         cause = causes[0].sentence if causes and causes[0].consistent else None
     advice = f"Likeliest cause: {cause}." if cause else "'filter.sanity_check: false' turns this check off."
     raise InputError(f"{violation.finding} {advice}")
+
+
+def _whole_record(mission: Mission, telemetry: Telemetry, planet: Planet, atmosphere: Atmosphere) -> str | None:
+    """Wrong axes, signs or units of a whole record, by the readings of an IMU that no measurement contradicts; or None.
+
+    With one IMU alone, its samples are repaired without the other ones and violate no law.
+    """
+    if not telemetry.checking:
+        return None
+    deployment = event_times(mission, telemetry).get("parachute_deploy", np.inf)
+    for record in (telemetry.driving, *telemetry.checking):
+        try:
+            with np.errstate(over="raise", invalid="raise"):
+                single = alone(telemetry, record.name, check_settings(mission), deployment)
+                problem = assemble(mission, single, planet, atmosphere)
+                filter_pass = first_pass(problem)
+        except (
+            InputError,
+            np.linalg.LinAlgError,
+            FloatingPointError,
+        ):  # its gaps are too long for one IMU, or the record is no flight
+            continue
+        consistent = not contradicting(filter_pass) and contradiction(filter_pass) is None
+        if consistent and find_violation(mission, single, problem) is None:
+            return record_cause(mission, telemetry, single)
+    return None
 
 
 def checked_telemetry(mission: Mission) -> Telemetry | None:
@@ -156,12 +182,12 @@ def lost_motion(reconstruction: Reconstruction) -> str | None:
     """
     r = reconstruction
     deployment = r.event_times.get("parachute_deploy", np.inf)
-    for finding in filled_by_dynamics(r.telemetry):
-        covered = min(finding.end, deployment + INFLATION) - max(finding.start, deployment)
+    for start, end in filled_by_dynamics(r.telemetry):
+        covered = min(end, deployment + INFLATION) - max(start, deployment)
         if covered > 0.5 * INFLATION:  # a shorter gap has the shock on one of its sides
             return (
                 f"the parachute's inflation from {deployment:.1f} s on is among the samples that were lost from "
-                f"{finding.start:.1f} to {finding.end:.1f} s, and no other IMU has them"
+                f"{start:.1f} to {end:.1f} s, and no other IMU has them"
             )
     samples = r.problem.samples
     if not samples.filled.any():
