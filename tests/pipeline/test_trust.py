@@ -14,7 +14,8 @@ from edl_filter.navigation.smoother import smooth
 from edl_filter.pipeline.causes import rank_causes
 from edl_filter.pipeline.load import read_atmosphere, read_telemetry
 from edl_filter.pipeline.reconstruct import FlightInputs, assemble, lost_stretches, reconstruct
-from edl_filter.pipeline.trust import check_record, contradicting, judge
+from edl_filter.pipeline.redundancy import contradicting
+from edl_filter.pipeline.trust import check_record, judge
 from edl_filter.telemetry.record import SampleFinding
 from edl_filter.telemetry.sample_repair import repaired
 

@@ -2,28 +2,33 @@
 
 A reconstruction is not trustworthy if the landing, the rest on the surface or most readings of the altimeter were
 rejected: they are independent of the IMU and none of them is rejected by chance (`filter.gate_probability`). It is not
-either if its state contradicted its measurements and no lost samples explain that (`navigation.recovery`), if the
-attitude after lost samples is not known at all, or if the path about which the flight is linearised does not settle
-(`navigation.iterated`), or if most of the parachute's inflation is among lost samples that no other IMU covers: neither
-side of them shows its force. A few rejected readings of an altimeter are outliers, and no reason against
-the result.
+either if
+
+- its state contradicted its measurements and no lost samples explain that (`navigation.recovery`);
+- the attitude after lost samples is not known at all, or the path about which the flight is linearised does not settle
+  (`navigation.iterated`);
+- most of the parachute's inflation is among lost samples that no other IMU covers: neither side of them shows its
+  force;
+- two IMUs disagree and it is not known which one is at fault (`redundancy`).
+
+A few rejected readings of an altimeter are outliers, and no reason against the result.
 """
 
 from __future__ import annotations
 
-from collections import Counter
 from dataclasses import dataclass
 
 import numpy as np
 
 from edl_filter.errors import InputError
 from edl_filter.mission import Mission
-from edl_filter.navigation.filter import FilterPass, Problem
-from edl_filter.navigation.recovery import Recovery, contradiction, first_pass
+from edl_filter.navigation.filter import Problem
+from edl_filter.navigation.recovery import Recovery, first_pass
 from edl_filter.pipeline.causes import Cause, rank_causes, record_cause
 from edl_filter.pipeline.load import check_settings, event_times, read_atmosphere, read_telemetry
 from edl_filter.pipeline.plausibility import find_violation
-from edl_filter.pipeline.reconstruct import Reconstruction, assemble
+from edl_filter.pipeline.reconstruct import Reconstruction, assemble, first_run
+from edl_filter.pipeline.redundancy import Run, contradicting, undecided
 from edl_filter.planet import Planet
 from edl_filter.planet.atmosphere import Atmosphere
 from edl_filter.telemetry.record import Telemetry
@@ -71,7 +76,7 @@ def judge(reconstruction: Reconstruction) -> Trust:
     r = reconstruction
     rejected = contradicting(r.filter_pass)
     diverged = r.recovery is not None and r.recovery.cause != "gap"
-    lost = lost_motion(r)
+    lost = lost_motion(r) or _disagreement(r.telemetry)
     if lost is not None:
         return Trust(False, f"Do not trust this result: {lost}.", rejected, ())
     if not rejected and not diverged:
@@ -80,6 +85,9 @@ def judge(reconstruction: Reconstruction) -> Trust:
     causes = rank_causes(r.mission, r.telemetry, r.planet, r.atmosphere, r.effects, r.recovery, recovered)
     reason = _contradiction(rejected) if rejected else _divergence(r.recovery)
     headline = f"Do not trust this result: {reason}. {cause_sentence(causes)}"
+    compared = r.telemetry.checking and r.mission.sample_checks.enabled
+    if compared and not (causes and causes[0].consistent and causes[0].kind != "measurement"):
+        headline += " The IMUs differ by no more than constant errors, which 'edl-filter diagnose' can name."
     return Trust(False, headline, rejected, tuple(causes[:CAUSES]))
 
 
@@ -89,8 +97,10 @@ def check_record(
     planet: Planet,
     atmosphere: Atmosphere,
     problem: Problem,
-) -> None:
+) -> Telemetry:
     """Refuse a record that violates the physics of an entry (`plausibility`), with the likeliest cause.
+
+    Where two IMUs disagree, the samples of the one at fault are replaced first.
 
     Parameters
     ----------
@@ -103,16 +113,24 @@ def check_record(
     problem : Problem
         Assembled from them.
 
+    Returns
+    -------
+    Telemetry
+        The given one, or with the samples of an IMU at fault replaced (`redundancy`).
+
     Raises
     ------
     InputError
         A law is violated; the message names the record, what was found, and the cause.
     """
     if not mission.filter.sanity_check:
-        return
+        return telemetry
+    if undecided(telemetry):
+        run = first_run(mission, telemetry, planet, atmosphere, mission.active_effects())
+        telemetry, problem = run.telemetry, run.problem
     violation = find_violation(mission, telemetry, problem)
     if violation is None:
-        return
+        return telemetry
     cause = violation.cause or _whole_record(mission, telemetry, planet, atmosphere)
     if cause is None:
         causes = rank_causes(mission, telemetry, planet, atmosphere, mission.active_effects())
@@ -141,8 +159,7 @@ def _whole_record(mission: Mission, telemetry: Telemetry, planet: Planet, atmosp
             FloatingPointError,
         ):  # its gaps are too long for one IMU, or the record is no flight
             continue
-        consistent = not contradicting(filter_pass) and contradiction(filter_pass) is None
-        if consistent and find_violation(mission, single, problem) is None:
+        if Run(single, problem, filter_pass).consistent and find_violation(mission, single, problem) is None:
             return record_cause(mission, telemetry, single)
     return None
 
@@ -153,19 +170,7 @@ def checked_telemetry(mission: Mission) -> Telemetry | None:
         return None
     telemetry, atmosphere = read_telemetry(mission), read_atmosphere(mission)
     planet = mission.planet_model(telemetry.prime_meridian_at_epoch)
-    check_record(mission, telemetry, planet, atmosphere, assemble(mission, telemetry, planet, atmosphere))
-    return telemetry
-
-
-def contradicting(filter_pass: FilterPass) -> dict[str, tuple[int, int]]:
-    """Landing, rest and altimeter as far as they contradict the state: name → rejected uses, all uses."""
-    uses = Counter(f.constraint.name for f in filter_pass.fused)
-    rejected = Counter(f.constraint.name for f in filter_pass.fused if not f.accepted)
-    return {
-        name: (count, uses[name])
-        for name, count in rejected.items()
-        if name == "landing" or name.startswith("rest_") or (name == "altimeter" and 2 * count > uses[name])
-    }
+    return check_record(mission, telemetry, planet, atmosphere, assemble(mission, telemetry, planet, atmosphere))
 
 
 def lost_motion(reconstruction: Reconstruction) -> str | None:
@@ -204,6 +209,18 @@ def lost_motion(reconstruction: Reconstruction) -> str | None:
     if not r.filter_pass.converged:
         return f"the path after the samples that were lost from {first:.1f} s on has no stable solution"
     return None
+
+
+def _disagreement(telemetry: Telemetry) -> str | None:
+    """Where two IMUs disagree without a sign of the one at fault, as words; None if they do not."""
+    findings = undecided(telemetry)
+    if not findings:
+        return None
+    channels = " and ".join(sorted({f.channel for f in findings}))
+    return (
+        f"two IMUs disagree in their {channels} between {min(f.start for f in findings):.1f} and "
+        f"{max(f.end for f in findings):.1f} s, no constant error explains it, and nothing shows which one is at fault"
+    )
 
 
 def _contradiction(rejected: dict[str, tuple[int, int]]) -> str:

@@ -217,6 +217,7 @@ KINDS = {
     "jitter": "time stamps that scatter",
     "coarse": "readings in coarse steps",
     "dead": "IMU ends before the other",
+    "disagreement": "disagreement of two IMUs beyond constant errors",
 }
 
 

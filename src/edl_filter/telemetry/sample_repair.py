@@ -1,10 +1,12 @@
 """Bad samples found by comparison of neighbours and of two IMUs, and the repair of all that is lost.
 
-Input: `Telemetry` with NaN where samples are lost. Method: spikes and disagreements between the IMUs are found
-(`bad_triads`) and treated as lost; an IMU that ends before the other one is extended. A lost stretch of the driving
-record is filled with the readings of another IMU where it has samples (`transfer`), elsewhere by an autoregression of
-each axis that is fitted to both sides (`estimation.autoregression`). Output: `Telemetry` without NaN, its findings, and
-in each filled sample the sigma by which it may be wrong (`ImuRecord.force_fill_sigma`).
+Input: `Telemetry` with NaN where samples are lost. Method: spikes and disagreements of single samples between the IMUs
+are found (`bad_triads`) and treated as lost; disagreements that last and that no constant error explains are named
+(`disagreements`), and repaired where the IMU at fault is known (`without_samples`); an IMU that ends before the other
+one is extended. A lost stretch of the driving record is filled with the readings of another IMU where it has samples
+(`transfer`), elsewhere by an autoregression of each axis that is fitted to both sides (`estimation.autoregression`).
+Output: `Telemetry` without NaN, its findings, and in each filled sample the sigma by which it may be wrong
+(`ImuRecord.force_fill_sigma`).
 
 The errors of a filled stretch are correlated in time. Each of its n samples has the sigma of independent errors whose
 sum over the stretch has the right variance: with a common error c and independent errors s, ``√(s² + n c²)``. That of
@@ -14,6 +16,7 @@ Telemetry without findings is returned as it is.
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -22,7 +25,8 @@ from numpy.typing import NDArray
 
 from edl_filter.errors import InputError
 from edl_filter.estimation.autoregression import Interpolation, interpolate
-from edl_filter.telemetry.clock_drift import without_drift
+from edl_filter.telemetry.clock_drift import without_drift, without_relative_drift
+from edl_filter.telemetry.disagreement import TRIADS, disagreements
 from edl_filter.telemetry.record import (
     SAME_TIME,
     ImuRecord,
@@ -49,6 +53,8 @@ INFLATION = 3.0
 _TRIADS = ("force", "rate")
 #: Repair of a stretch that no other IMU covers.
 BY_DYNAMICS = "filled by a fitted oscillation"
+#: Repair of a disagreement of which no other measurement has shown the IMU at fault (`pipeline.redundancy`).
+UNDECIDED = "not repaired: no other measurement shows which of the two is at fault"
 #: Time after a gap in which the rates of two IMUs are compared (s), least number of samples, and the ratio of mean
 #: squares below which the clock jumped.
 _JUMP_WINDOW, _JUMP_SAMPLES, _JUMP_RATIO = 20.0, 24, 0.05
@@ -103,6 +109,7 @@ def repaired(telemetry: Telemetry, settings: CheckSettings | None = None, parach
     if settings.enabled:
         records, bad = bad_triads(records, settings, smooth_until)
         findings += bad
+        findings += _disagreements(records, drifts, settings, smooth_until)
     if not findings and all(_finite(record) for record in records):
         return telemetry
     sources = [next((r for k, r in enumerate(records) if k != i), None) for i in range(len(records))]
@@ -157,6 +164,55 @@ def alone(
     return replace(single, as_read=original)
 
 
+def without_samples(
+    telemetry: Telemetry,
+    name: str,
+    lost: Mapping[str, Sequence[tuple[float, float]]],
+    settings: CheckSettings | None = None,
+    parachute: float = np.inf,
+) -> Telemetry:
+    """Telemetry repaired from its records as read, with stretches of one IMU taken for lost.
+
+    Parameters
+    ----------
+    telemetry : Telemetry
+        As read, or repaired.
+    name : str
+        Name of the IMU.
+    lost : dict
+        Triad (``force``, ``rate``) → begin and end of its stretches, s.
+    settings : CheckSettings, optional
+        Thresholds of the checks.
+    parachute : float
+        Time of the parachute's deployment, s.
+
+    Returns
+    -------
+    Telemetry
+        Its findings of these stretches are of the kind ``disagreement``, with the repair.
+
+    Raises
+    ------
+    InputError
+        A stretch is lost that is too long to be filled without another IMU.
+    """
+    original = _as_read(telemetry)
+    records, findings = [], list(original.findings)
+    for record in (original.driving, *original.checking):
+        if record.name == name:
+            changed: dict[str, Any] = {}
+            interval = float(np.median(record.interval))
+            for triad, stretches in lost.items():
+                inside = np.any([(record.time > a) & (record.time <= b + SAME_TIME) for a, b in stretches], axis=0)
+                values = getattr(record, TRIADS[triad])
+                changed[TRIADS[triad]] = np.where(inside[:, None], np.nan, values)
+                findings += findings_of(name, triad, "disagreement", inside, record.time, interval)
+            record = replace(record, **changed)
+        records.append(record)
+    single = replace(original, driving=records[0], checking=tuple(records[1:]), findings=tuple(findings))
+    return replace(repaired(single, settings, parachute), as_read=original)
+
+
 def _as_read(telemetry: Telemetry) -> Telemetry:
     return telemetry if telemetry.as_read is None else telemetry.as_read
 
@@ -165,6 +221,20 @@ def filled_by_dynamics(telemetry: Telemetry) -> list[tuple[float, float]]:
     """Begin and end of the driving IMU's stretches that no other IMU has and their neighbours fill, s."""
     name = telemetry.driving.name
     return sorted({stretch for f in telemetry.findings if f.imu == name for stretch in f.interpolated})
+
+
+def _disagreements(
+    records: list[ImuRecord], drifts: list[SampleFinding], settings: CheckSettings, end: float
+) -> list[SampleFinding]:
+    """Disagreements of the first two IMUs; a drift of their clocks that was named and not corrected is none."""
+    if len(records) < 2:
+        return []
+    found = disagreements(records[0], records[1], end, settings.false_alarm_probability)
+    if found and any(f.kind == "clock_drift" and "not corrected" in f.repair for f in drifts):
+        steady = without_relative_drift(records[0], records[1], end)
+        other = disagreements(steady, records[1], end, settings.false_alarm_probability)
+        found = min(found, other, key=lambda option: sum(f.samples for f in option))
+    return [with_repair(f, UNDECIDED) for f in found]
 
 
 def _driven_by_the_finer(
