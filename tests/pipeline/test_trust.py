@@ -254,3 +254,31 @@ def test_an_attitude_of_which_nothing_is_known_is_named(practice_06):
     assert not unknown.trustworthy and "its sigma is 573 degrees" in unknown.headline
     unsettled = judge(replace(lost, filter_pass=replace(lost.filter_pass, converged=False)))
     assert not unsettled.trustworthy and "no stable solution" in unsettled.headline
+
+
+@pytest.mark.parametrize(
+    ("height", "delay", "words"),
+    [
+        (100.0, 0.0, "came to rest 100 m above"),
+        (-100.0, 0.0, "m below the surface"),
+        (0.0, 1.0, "the times of the altimeter are about"),
+        (10.0, 0.0, None),
+    ],
+    ids=["high", "low", "late", "relief"],
+)
+def test_an_altimeter_by_which_the_vehicle_is_not_on_the_ground_is_not_trusted(inputs, height, delay, words):
+    mission, telemetry, _, atmosphere = inputs
+    altimeter = telemetry.altimeter
+    wrong = replace(altimeter, height=altimeter.height + height, time=altimeter.time + delay)
+    faulty = FlightInputs(replace(telemetry, altimeter=wrong), atmosphere)
+    trust = judge(reconstruct(mission, leave_one_out=False, inputs=faulty, compare_imus=False))
+    assert trust.trustworthy == (words is None)
+    assert trust.headline is None if words is None else words in trust.headline
+
+
+def test_a_surface_that_may_be_far_from_the_ground_says_nothing_about_the_altimeter(inputs):
+    _, telemetry, _, atmosphere = inputs
+    mission = Mission.load("builtin:practice_mer", ("constraints.altimeter.relief_sigma=1000",))
+    altimeter = replace(telemetry.altimeter, height=telemetry.altimeter.height + 100.0)
+    faulty = FlightInputs(replace(telemetry, altimeter=altimeter), atmosphere)
+    assert judge(reconstruct(mission, leave_one_out=False, inputs=faulty, compare_imus=False)).trustworthy

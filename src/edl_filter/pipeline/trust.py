@@ -9,7 +9,8 @@ either if
   (`navigation.iterated`);
 - most of the parachute's inflation is among lost samples that no other IMU covers: neither side of them shows its
   force;
-- two IMUs disagree and it is not known which one is at fault (`redundancy`).
+- two IMUs disagree and it is not known which one is at fault (`redundancy`);
+- by its altimeter the vehicle did not come to rest on the ground (`ground_height`).
 
 A few rejected readings of an altimeter are outliers, and no reason against the result.
 """
@@ -25,6 +26,7 @@ from edl_filter.mission import Mission
 from edl_filter.navigation.filter import Problem
 from edl_filter.navigation.recovery import Recovery, first_pass
 from edl_filter.pipeline.causes import Cause, rank_causes, record_cause
+from edl_filter.pipeline.ground_height import height_at_rest
 from edl_filter.pipeline.load import check_settings, event_times, read_atmosphere, read_telemetry
 from edl_filter.pipeline.plausibility import find_violation
 from edl_filter.pipeline.reconstruct import Reconstruction, assemble, first_run
@@ -80,7 +82,10 @@ def judge(reconstruction: Reconstruction) -> Trust:
     if lost is not None:
         return Trust(False, f"Do not trust this result: {lost}.", rejected, ())
     if not rejected and not diverged:
-        return Trust(True, None, {}, ())
+        above = _not_on_the_ground(r)
+        if above is None:
+            return Trust(True, None, {}, ())
+        return Trust(False, f"Do not trust this result: {above}.", rejected, ())
     recovered = r.problem, not rejected
     causes = rank_causes(r.mission, r.telemetry, r.planet, r.atmosphere, r.effects, r.recovery, recovered)
     reason = _contradiction(rejected) if rejected else _divergence(r.recovery)
@@ -209,6 +214,19 @@ def lost_motion(reconstruction: Reconstruction) -> str | None:
     if not r.filter_pass.converged:
         return f"the path after the samples that were lost from {first:.1f} s on has no stable solution"
     return None
+
+
+def _not_on_the_ground(reconstruction: Reconstruction) -> str | None:
+    """How far from the surface of the altimeter's heights the vehicle came to rest, as words; None if it is on it."""
+    rest = height_at_rest(reconstruction)
+    if rest is None or not rest.significant:
+        return None
+    side, error, clock = ("above", "high", "late") if rest.height > 0.0 else ("below", "low", "early")
+    return (
+        f"by the altimeter the vehicle came to rest {abs(rest.height):.0f} m {side} the surface to which its heights "
+        f"refer (sigma {rest.sigma:.0f} m); they are too {error}, or their times are too {clock}, or the ground at the "
+        "landing is not that surface ('constraints.altimeter.relief_sigma')"
+    )
 
 
 def _disagreement(telemetry: Telemetry) -> str | None:
