@@ -1,10 +1,12 @@
 """Faults in the shipped flight: what the filter recovers, what is refused, and which cause is named."""
 
+import warnings
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from edl_filter import rotations
 from edl_filter.errors import InputError
 from edl_filter.mission import Mission
 from edl_filter.navigation.recovery import run_with_recovery
@@ -12,7 +14,8 @@ from edl_filter.navigation.smoother import smooth
 from edl_filter.pipeline.causes import rank_causes
 from edl_filter.pipeline.load import read_atmosphere, read_telemetry
 from edl_filter.pipeline.reconstruct import FlightInputs, assemble, lost_stretches, reconstruct
-from edl_filter.pipeline.trust import check_record, contradicting, judge
+from edl_filter.pipeline.redundancy import contradicting
+from edl_filter.pipeline.trust import check_record, judge
 from edl_filter.telemetry.record import SampleFinding
 from edl_filter.telemetry.sample_repair import repaired
 
@@ -145,6 +148,53 @@ def test_a_wrong_measurement_is_named(inputs, repair, text):
 
 
 @pytest.mark.parametrize(
+    ("convention", "text"),
+    [
+        (lambda q: np.roll(q, 1), "its quaternion has its scalar part first"),
+        (rotations.conjugate, "its quaternion turns from inertial axes to those of the body"),
+    ],
+    ids=["scalar first", "conjugated"],
+)
+def test_another_convention_of_the_quaternion_at_entry_is_named(inputs, convention, text):
+    mission, telemetry, planet, atmosphere = inputs
+    attitude = convention(telemetry.initial.inertial_from_body)
+    faulty = replace(telemetry, initial=replace(telemetry.initial, inertial_from_body=attitude))
+    causes = rank_causes(mission, faulty, planet, atmosphere, ())
+    assert causes[0].kind == "entry_state" and text in causes[0].sentence and causes[0].consistent
+
+
+@pytest.mark.parametrize("name", ["primary", "secondary"])
+def test_exchanged_axes_of_a_whole_record_are_named_with_the_imu(inputs, name):
+    # an exchange of body axes may be a sign in the axes of an IMU that is mounted obliquely: the same statement
+    mission, telemetry, planet, atmosphere = inputs
+
+    def exchanged(record):
+        return replace(
+            record, specific_force=record.specific_force[:, [1, 0, 2]], angular_rate=record.angular_rate[:, [1, 0, 2]]
+        )
+
+    records = [exchanged(r) if r.name == name else r for r in (telemetry.driving, *telemetry.checking)]
+    faulty = replace(telemetry, driving=records[0], checking=tuple(records[1:]))
+    with pytest.raises(InputError, match=f"axes of the .* in the accelerometers and gyros of IMU {name}"):
+        check_record(mission, faulty, planet, atmosphere, assemble(mission, faulty, planet, atmosphere))
+
+
+def test_a_record_whose_repair_overflows_is_refused(inputs):
+    mission, telemetry, planet, atmosphere = inputs
+
+    def in_degrees(record):
+        return replace(record, angular_rate=np.degrees(record.angular_rate))
+
+    both = replace(
+        telemetry, driving=in_degrees(telemetry.driving), checking=(in_degrees(telemetry.checking[0]),)
+    )  # the rates agree
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", RuntimeWarning)
+        causes = rank_causes(mission, both, planet, atmosphere, ())
+    assert causes[0].kind == "units" and "deg/s" in causes[0].sentence
+
+
+@pytest.mark.parametrize(
     ("matrix", "quantity", "finding", "cause"),
     [
         (np.diag([-1.0, 1.0, 1.0]), "specific_force", "points to +x of the body axes; drag points to -x", "sign of x"),
@@ -204,3 +254,31 @@ def test_an_attitude_of_which_nothing_is_known_is_named(practice_06):
     assert not unknown.trustworthy and "its sigma is 573 degrees" in unknown.headline
     unsettled = judge(replace(lost, filter_pass=replace(lost.filter_pass, converged=False)))
     assert not unsettled.trustworthy and "no stable solution" in unsettled.headline
+
+
+@pytest.mark.parametrize(
+    ("height", "delay", "words"),
+    [
+        (100.0, 0.0, "came to rest 100 m above"),
+        (-100.0, 0.0, "m below the surface"),
+        (0.0, 1.0, "the times of the altimeter are about"),
+        (10.0, 0.0, None),
+    ],
+    ids=["high", "low", "late", "relief"],
+)
+def test_an_altimeter_by_which_the_vehicle_is_not_on_the_ground_is_not_trusted(inputs, height, delay, words):
+    mission, telemetry, _, atmosphere = inputs
+    altimeter = telemetry.altimeter
+    wrong = replace(altimeter, height=altimeter.height + height, time=altimeter.time + delay)
+    faulty = FlightInputs(replace(telemetry, altimeter=wrong), atmosphere)
+    trust = judge(reconstruct(mission, leave_one_out=False, inputs=faulty, compare_imus=False))
+    assert trust.trustworthy == (words is None)
+    assert trust.headline is None if words is None else words in trust.headline
+
+
+def test_a_surface_that_may_be_far_from_the_ground_says_nothing_about_the_altimeter(inputs):
+    _, telemetry, _, atmosphere = inputs
+    mission = Mission.load("builtin:practice_mer", ("constraints.altimeter.relief_sigma=1000",))
+    altimeter = replace(telemetry.altimeter, height=telemetry.altimeter.height + 100.0)
+    faulty = FlightInputs(replace(telemetry, altimeter=altimeter), atmosphere)
+    assert judge(reconstruct(mission, leave_one_out=False, inputs=faulty, compare_imus=False)).trustworthy

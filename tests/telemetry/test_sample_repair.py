@@ -400,3 +400,24 @@ def test_the_rotation_across_a_gap_has_the_coning_of_an_oscillation_whose_phase_
         squares.append(error**2 / np.diag(covariance))
     assert np.max(squares) < 9.0
     assert np.all(np.mean(squares, axis=0) < 2.0)
+
+
+def test_a_record_that_begins_late_is_completed_from_the_other_imu(builtin_flight):
+    telemetry = read_flight_file(builtin_flight)
+    late = replace(telemetry, driving=telemetry.driving.select(np.arange(len(telemetry.driving)) >= 160))
+    outcome = repaired(late, parachute=252.75)
+    assert [(f.imu, f.kind, f.samples) for f in outcome.findings] == [("primary", "missing", 160)]
+    np.testing.assert_allclose(outcome.driving.time, telemetry.driving.time, atol=1e-9)
+    error = (outcome.driving.angular_rate - telemetry.driving.angular_rate)[:160].sum(axis=0)
+    assert np.all(np.abs(error) < 4.0 * np.sqrt(np.sum(outcome.driving.rate_fill_sigma[:160] ** 2, axis=0)))
+    assert repaired(alone(late), parachute=252.75).driving.start == late.driving.start
+
+
+def test_the_median_force_at_rest_is_compared_with_gravity(builtin_flight, tmp_path):
+    path = shutil.copy(builtin_flight, tmp_path / "flight.h5")
+    with h5py.File(path, "a") as file:
+        time, force = file["imu/primary/time"][()], file[f"imu/primary/{FORCE}"][()]
+        at_rest = np.flatnonzero(time > file["constraints/landing"].attrs["time"])
+        force[at_rest[: len(at_rest) // 4]] *= 60.0  # the impact, by a clock that is late
+        file[f"imu/primary/{FORCE}"][...] = force
+    assert len(read_flight_file(path).driving) == len(time)

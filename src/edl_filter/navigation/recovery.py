@@ -81,8 +81,14 @@ class Recovery:
         return self.cause is not None
 
 
+def first_pass(problem: Problem) -> FilterPass:
+    """Run of the filter, linearised again about its smoothed path where samples were filled."""
+    filter_pass = run_filter(problem)
+    return iterate(problem, filter_pass) if problem.samples.filled.any() else filter_pass
+
+
 def run_with_recovery(
-    problem: Problem, lost: Sequence[tuple[float, float]] = ()
+    problem: Problem, lost: Sequence[tuple[float, float]] = (), first: FilterPass | None = None
 ) -> tuple[Problem, FilterPass, Recovery | None]:
     """Run the filter; if its state diverges, run it again with the covariance that its measurements require.
 
@@ -92,6 +98,8 @@ def run_with_recovery(
         Samples, initial state, constraints, settings.
     lost : sequence of (float, float)
         Begin and end of the stretches whose samples were lost and filled, s.
+    first : FilterPass, optional
+        Of this problem (`first_pass`), where it was run already.
 
     Returns
     -------
@@ -102,12 +110,7 @@ def run_with_recovery(
     recovery : Recovery or None
         None: the state does not contradict its measurements.
     """
-
-    def run(changed: Problem) -> FilterPass:
-        filter_pass = run_filter(changed)
-        return iterate(changed, filter_pass) if changed.samples.filled.any() else filter_pass
-
-    first = run(problem)
+    first = first_pass(problem) if first is None else first
     divergence = contradiction(first, 1 if lost else 2)
     if divergence is None or not first.converged:  # a contradiction is measured in a linear model
         return problem, first, None
@@ -118,7 +121,7 @@ def run_with_recovery(
     for cause, sizes, change in _changes(problem, stop, lost):
         if only_gap and cause != "gap":
             break
-        attempt = _best_size(cause, sizes, change, run)
+        attempt = _best_size(cause, sizes, change, first_pass)
         if attempt is not None and (best is None or attempt.better_than(best, LEAST_GAIN)):
             best = attempt
         if best is not None and best.cause == "gap" and best.accepted:

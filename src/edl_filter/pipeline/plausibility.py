@@ -140,9 +140,12 @@ def _check_drag(where: str, entry: ImuRecord) -> Violation | None:
 
 
 def _check_gravity(where: str, at_rest: Array, planet: Planet, position: Array) -> Violation | None:
-    """Mean specific force ``(N, 3)`` at rest against gravity at a planet-fixed position ``(3,)``, m."""
+    """Specific force ``(N, 3)`` at rest against gravity at a planet-fixed position ``(3,)``, m.
+
+    The median is compared: with a wrong clock the rest begins with samples of the impact, which are no matter of units.
+    """
     gravity = float(np.linalg.norm(planet.apparent_gravity(position)))
-    reading = float(np.linalg.norm(at_rest.mean(axis=0)))
+    reading = float(np.linalg.norm(np.median(at_rest, axis=0)))
     if GRAVITY[0] <= reading / gravity <= GRAVITY[1]:
         return None
     unit = likely_unit(reading / gravity, GRAVITY, FORCE_UNITS)

@@ -11,14 +11,14 @@ import numpy as np
 
 from edl_filter.effects.base import EffectInstance
 from edl_filter.effects.forward_model import compose_entry_state, compose_gravity
-from edl_filter.effects.sensor_chain import check_imus, corrected_record, moved_record
+from edl_filter.effects.sensor_chain import check_imus, corrected_record, moved_record, sensor_effects
 from edl_filter.estimation.parallel import one_blas_thread
 from edl_filter.mission import Mission
 from edl_filter.mission.estimation import LandingSiteConfig
-from edl_filter.navigation.filter import FilterPass, Problem, Settings, build_problem, run_filter
+from edl_filter.navigation.filter import FilterPass, Problem, Settings, build_problem
 from edl_filter.navigation.increments import effective_samples
 from edl_filter.navigation.leave_one_out import ConstraintCheck, check_constraints, check_entry_state
-from edl_filter.navigation.recovery import Recovery, run_with_recovery
+from edl_filter.navigation.recovery import Recovery, first_pass, run_with_recovery
 from edl_filter.navigation.smoother import Smoothed, smooth
 from edl_filter.navigation.trajectory import Trajectory, smoothed_trajectory
 from edl_filter.navigation.unresolved import UnresolvedMotion
@@ -26,11 +26,13 @@ from edl_filter.pipeline.constraints import build_constraints
 from edl_filter.pipeline.entry_state import EntryCorrection, entry_correction, entry_state
 from edl_filter.pipeline.load import (
     centre_of_mass_shifts,
+    check_settings,
     event_times,
     read_atmosphere,
     read_telemetry,
     with_velocity_steps,
 )
+from edl_filter.pipeline.redundancy import Checks, Run, arbitrated
 from edl_filter.planet import Planet
 from edl_filter.planet.atmosphere import Atmosphere
 from edl_filter.telemetry.calibration import MisalignmentEstimate, bias_from_velocity_slope
@@ -271,13 +273,12 @@ def _reconstruct(
         planet = mission.planet_model(telemetry.prime_meridian_at_epoch)
         active = mission.active_effects() if effects is None else tuple(effects)
     with _timed(timing, "filter"):
+        first = first_run(mission, telemetry, planet, atmosphere, active)
+        telemetry, problem, filter_pass = first.telemetry, first.problem, first.filter_pass
         corrected = without_effects(mission, telemetry, active)
-        problem = assemble_free(mission, corrected, planet, atmosphere, active)
         lost, recovery = lost_stretches(telemetry.driving), None
         if recover or lost:
-            problem, filter_pass, recovery = run_with_recovery(problem, lost)
-        else:
-            filter_pass = run_filter(problem)
+            problem, filter_pass, recovery = run_with_recovery(problem, lost, filter_pass)
     with _timed(timing, "smoother"):
         smoothed = smooth(filter_pass)
         trajectory = smoothed_trajectory(problem, smoothed, filter_pass.layout)
@@ -312,6 +313,41 @@ def _reconstruct(
         effects=active,
         recovery=recovery,
     )
+
+
+def first_run(
+    mission: Mission,
+    telemetry: Telemetry,
+    planet: Planet,
+    atmosphere: Atmosphere,
+    effects: Sequence[EffectInstance],
+) -> Run:
+    """Run of the filter before any recovery, with the samples of an IMU at fault replaced from the other one.
+
+    Parameters
+    ----------
+    mission : Mission
+        Checked mission.
+    telemetry : Telemetry
+        As it was read.
+    planet, atmosphere : Planet, Atmosphere
+        The mission's own, without effects.
+    effects : sequence of EffectInstance
+        Of the model.
+
+    Returns
+    -------
+    Run
+        Its telemetry is the given one where the IMUs agree (`redundancy`).
+    """
+
+    def run(changed: Telemetry) -> Run:
+        problem = assemble(mission, changed, planet, atmosphere, effects)
+        return Run(changed, problem, first_pass(problem))
+
+    exchange = not any(a.imu is None for a in sensor_effects(effects))
+    checks = Checks(check_settings(mission), _deployment(mission, telemetry), exchange)
+    return arbitrated(run(telemetry), run, checks)
 
 
 def lost_stretches(record: ImuRecord) -> list[tuple[float, float]]:

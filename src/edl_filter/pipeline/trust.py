@@ -2,32 +2,39 @@
 
 A reconstruction is not trustworthy if the landing, the rest on the surface or most readings of the altimeter were
 rejected: they are independent of the IMU and none of them is rejected by chance (`filter.gate_probability`). It is not
-either if its state contradicted its measurements and no lost samples explain that (`navigation.recovery`), if the
-attitude after lost samples is not known at all, or if the path about which the flight is linearised does not settle
-(`navigation.iterated`), or if most of the parachute's inflation is among lost samples that no other IMU covers: neither
-side of them shows its force. A few rejected readings of an altimeter are outliers, and no reason against
-the result.
+either if
+
+- its state contradicted its measurements and no lost samples explain that (`navigation.recovery`);
+- the attitude after lost samples is not known at all, or the path about which the flight is linearised does not settle
+  (`navigation.iterated`);
+- most of the parachute's inflation is among lost samples that no other IMU covers: neither side of them shows its
+  force;
+- two IMUs disagree and it is not known which one is at fault (`redundancy`);
+- by its altimeter the vehicle did not come to rest on the ground (`ground_height`).
+
+A few rejected readings of an altimeter are outliers, and no reason against the result.
 """
 
 from __future__ import annotations
 
-from collections import Counter
 from dataclasses import dataclass
 
 import numpy as np
 
 from edl_filter.errors import InputError
 from edl_filter.mission import Mission
-from edl_filter.navigation.filter import FilterPass, Problem
-from edl_filter.navigation.recovery import Recovery
-from edl_filter.pipeline.causes import Cause, rank_causes
-from edl_filter.pipeline.load import read_atmosphere, read_telemetry
+from edl_filter.navigation.filter import Problem
+from edl_filter.navigation.recovery import Recovery, first_pass
+from edl_filter.pipeline.causes import Cause, rank_causes, record_cause
+from edl_filter.pipeline.ground_height import height_at_rest
+from edl_filter.pipeline.load import check_settings, event_times, read_atmosphere, read_telemetry
 from edl_filter.pipeline.plausibility import find_violation
-from edl_filter.pipeline.reconstruct import Reconstruction, assemble
+from edl_filter.pipeline.reconstruct import Reconstruction, assemble, first_run
+from edl_filter.pipeline.redundancy import Run, contradicting, undecided
 from edl_filter.planet import Planet
 from edl_filter.planet.atmosphere import Atmosphere
 from edl_filter.telemetry.record import Telemetry
-from edl_filter.telemetry.sample_repair import INFLATION, filled_by_dynamics
+from edl_filter.telemetry.sample_repair import INFLATION, alone, filled_by_dynamics
 
 #: Causes in the summary.
 CAUSES = 5
@@ -71,15 +78,21 @@ def judge(reconstruction: Reconstruction) -> Trust:
     r = reconstruction
     rejected = contradicting(r.filter_pass)
     diverged = r.recovery is not None and r.recovery.cause != "gap"
-    lost = lost_motion(r)
+    lost = lost_motion(r) or _disagreement(r.telemetry)
     if lost is not None:
         return Trust(False, f"Do not trust this result: {lost}.", rejected, ())
     if not rejected and not diverged:
-        return Trust(True, None, {}, ())
+        above = _not_on_the_ground(r)
+        if above is None:
+            return Trust(True, None, {}, ())
+        return Trust(False, f"Do not trust this result: {above}.", rejected, ())
     recovered = r.problem, not rejected
     causes = rank_causes(r.mission, r.telemetry, r.planet, r.atmosphere, r.effects, r.recovery, recovered)
     reason = _contradiction(rejected) if rejected else _divergence(r.recovery)
     headline = f"Do not trust this result: {reason}. {cause_sentence(causes)}"
+    compared = r.telemetry.checking and r.mission.sample_checks.enabled
+    if compared and not (causes and causes[0].consistent and causes[0].kind != "measurement"):
+        headline += " The IMUs differ by no more than constant errors, which 'edl-filter diagnose' can name."
     return Trust(False, headline, rejected, tuple(causes[:CAUSES]))
 
 
@@ -89,8 +102,10 @@ def check_record(
     planet: Planet,
     atmosphere: Atmosphere,
     problem: Problem,
-) -> None:
+) -> Telemetry:
     """Refuse a record that violates the physics of an entry (`plausibility`), with the likeliest cause.
+
+    Where two IMUs disagree, the samples of the one at fault are replaced first.
 
     Parameters
     ----------
@@ -103,22 +118,55 @@ def check_record(
     problem : Problem
         Assembled from them.
 
+    Returns
+    -------
+    Telemetry
+        The given one, or with the samples of an IMU at fault replaced (`redundancy`).
+
     Raises
     ------
     InputError
         A law is violated; the message names the record, what was found, and the cause.
     """
     if not mission.filter.sanity_check:
-        return
+        return telemetry
+    if undecided(telemetry):
+        run = first_run(mission, telemetry, planet, atmosphere, mission.active_effects())
+        telemetry, problem = run.telemetry, run.problem
     violation = find_violation(mission, telemetry, problem)
     if violation is None:
-        return
-    cause = violation.cause
+        return telemetry
+    cause = violation.cause or _whole_record(mission, telemetry, planet, atmosphere)
     if cause is None:
         causes = rank_causes(mission, telemetry, planet, atmosphere, mission.active_effects())
         cause = causes[0].sentence if causes and causes[0].consistent else None
     advice = f"Likeliest cause: {cause}." if cause else "'filter.sanity_check: false' turns this check off."
     raise InputError(f"{violation.finding} {advice}")
+
+
+def _whole_record(mission: Mission, telemetry: Telemetry, planet: Planet, atmosphere: Atmosphere) -> str | None:
+    """Wrong axes, signs or units of a whole record, by the readings of an IMU that no measurement contradicts; or None.
+
+    With one IMU alone, its samples are repaired without the other ones and violate no law.
+    """
+    if not telemetry.checking:
+        return None
+    deployment = event_times(mission, telemetry).get("parachute_deploy", np.inf)
+    for record in (telemetry.driving, *telemetry.checking):
+        try:
+            with np.errstate(over="raise", invalid="raise"):
+                single = alone(telemetry, record.name, check_settings(mission), deployment)
+                problem = assemble(mission, single, planet, atmosphere)
+                filter_pass = first_pass(problem)
+        except (
+            InputError,
+            np.linalg.LinAlgError,
+            FloatingPointError,
+        ):  # its gaps are too long for one IMU, or the record is no flight
+            continue
+        if Run(single, problem, filter_pass).consistent and find_violation(mission, single, problem) is None:
+            return record_cause(mission, telemetry, single)
+    return None
 
 
 def checked_telemetry(mission: Mission) -> Telemetry | None:
@@ -127,19 +175,7 @@ def checked_telemetry(mission: Mission) -> Telemetry | None:
         return None
     telemetry, atmosphere = read_telemetry(mission), read_atmosphere(mission)
     planet = mission.planet_model(telemetry.prime_meridian_at_epoch)
-    check_record(mission, telemetry, planet, atmosphere, assemble(mission, telemetry, planet, atmosphere))
-    return telemetry
-
-
-def contradicting(filter_pass: FilterPass) -> dict[str, tuple[int, int]]:
-    """Landing, rest and altimeter as far as they contradict the state: name → rejected uses, all uses."""
-    uses = Counter(f.constraint.name for f in filter_pass.fused)
-    rejected = Counter(f.constraint.name for f in filter_pass.fused if not f.accepted)
-    return {
-        name: (count, uses[name])
-        for name, count in rejected.items()
-        if name == "landing" or name.startswith("rest_") or (name == "altimeter" and 2 * count > uses[name])
-    }
+    return check_record(mission, telemetry, planet, atmosphere, assemble(mission, telemetry, planet, atmosphere))
 
 
 def lost_motion(reconstruction: Reconstruction) -> str | None:
@@ -156,12 +192,12 @@ def lost_motion(reconstruction: Reconstruction) -> str | None:
     """
     r = reconstruction
     deployment = r.event_times.get("parachute_deploy", np.inf)
-    for finding in filled_by_dynamics(r.telemetry):
-        covered = min(finding.end, deployment + INFLATION) - max(finding.start, deployment)
+    for start, end in filled_by_dynamics(r.telemetry):
+        covered = min(end, deployment + INFLATION) - max(start, deployment)
         if covered > 0.5 * INFLATION:  # a shorter gap has the shock on one of its sides
             return (
                 f"the parachute's inflation from {deployment:.1f} s on is among the samples that were lost from "
-                f"{finding.start:.1f} to {finding.end:.1f} s, and no other IMU has them"
+                f"{start:.1f} to {end:.1f} s, and no other IMU has them"
             )
     samples = r.problem.samples
     if not samples.filled.any():
@@ -178,6 +214,31 @@ def lost_motion(reconstruction: Reconstruction) -> str | None:
     if not r.filter_pass.converged:
         return f"the path after the samples that were lost from {first:.1f} s on has no stable solution"
     return None
+
+
+def _not_on_the_ground(reconstruction: Reconstruction) -> str | None:
+    """How far from the surface of the altimeter's heights the vehicle came to rest, as words; None if it is on it."""
+    rest = height_at_rest(reconstruction)
+    if rest is None or not rest.significant:
+        return None
+    side, error, clock = ("above", "high", "late") if rest.height > 0.0 else ("below", "low", "early")
+    return (
+        f"by the altimeter the vehicle came to rest {abs(rest.height):.0f} m {side} the surface to which its heights "
+        f"refer (sigma {rest.sigma:.0f} m); they are too {error}, or their times are too {clock}, or the ground at the "
+        "landing is not that surface ('constraints.altimeter.relief_sigma')"
+    )
+
+
+def _disagreement(telemetry: Telemetry) -> str | None:
+    """Where two IMUs disagree without a sign of the one at fault, as words; None if they do not."""
+    findings = undecided(telemetry)
+    if not findings:
+        return None
+    channels = " and ".join(sorted({f.channel for f in findings}))
+    return (
+        f"two IMUs disagree in their {channels} between {min(f.start for f in findings):.1f} and "
+        f"{max(f.end for f in findings):.1f} s, no constant error explains it, and nothing shows which one is at fault"
+    )
 
 
 def _contradiction(rejected: dict[str, tuple[int, int]]) -> str:

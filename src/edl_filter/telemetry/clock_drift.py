@@ -27,7 +27,7 @@ _STEP = 0.1
 _BETTER = 0.7
 #: Sigmas and ratio beyond which two IMUs drift against each other although the steps of both are right.
 _SIGNIFICANT, _RELATIVE_DRIFT = 6.0, 3e-4
-#: Passes of the regression without outliers, and the robust sigmas beyond which a sample is one.
+#: Passes of a regression without outliers, or with another drift, and the robust sigmas beyond which a sample is one.
 _PASSES, _OUTLIER = 3, 6.0
 
 
@@ -97,6 +97,32 @@ def without_drift(records: list[ImuRecord], end: float) -> tuple[list[ImuRecord]
         repair = f"not corrected: against {second.name}, and the steps in time do not show which of the two is wrong"
         findings.append(_finding(first, agreement.drift, repair))
     return [*chosen, *records[2:]], findings
+
+
+def without_relative_drift(record: ImuRecord, reference: ImuRecord, end: float) -> ImuRecord:
+    """The record with its times divided by the ratio with which its rates drift from those of another IMU.
+
+    The regression is linear in the drift: over the flight it must add up to less than a period of the rates.
+
+    Parameters
+    ----------
+    record, reference : ImuRecord
+        Body axes.
+    end : float
+        End of the time over which rates are compared, s.
+
+    Returns
+    -------
+    ImuRecord
+        With the start of the given one; the given one with too few common samples.
+    """
+    for _ in range(_PASSES):
+        agreement = _agreement(record, reference, end)
+        if agreement is None:
+            break
+        interval = record.interval * (1.0 - agreement.drift)
+        record = replace(record, time=record.start + np.cumsum(interval), interval=interval)
+    return record
 
 
 def drift_ratio(record: ImuRecord) -> float:

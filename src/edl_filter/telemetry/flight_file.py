@@ -33,7 +33,16 @@ from edl_filter.telemetry.record import (
     Telemetry,
     finite_rows,
 )
-from edl_filter.telemetry.sample_checks import CheckSettings, completed, lost_readings, ordered_packets
+from edl_filter.telemetry.sample_checks import (
+    CheckSettings,
+    completed,
+    findings_of,
+    lost_readings,
+    ordered_packets,
+    stuck_runs,
+    with_repair,
+)
+from edl_filter.telemetry.time_stamps import evened
 from edl_filter.types import Array
 
 FORMAT, VERSION = "edl-flight", 1
@@ -110,6 +119,7 @@ def _read_imu(
     rate_limits = Limits("rad/s", 0.0, min(50.0, MAX_ROTATION / interval), DEGREE_RATES)
     for key, limits in (("specific_force", _FORCE), ("angular_rate", rate_limits)):
         _check_unit(node, key, measured[key], limits)
+    time, uneven = evened(time, interval, name) if settings.enabled else (time, [])
     time, readings, findings = ordered_packets(time, np.hstack(list(measured.values())), interval, name)
     node.within("time", time[[0, -1]], TIME)
     if median := conflicting_median_step(time, interval):
@@ -145,7 +155,7 @@ def _read_imu(
         errors=(errors,),
         stated_interval=interval,
     )
-    return record, (*findings, *bad, *missing, *rounded)
+    return record, (*uneven, *findings, *bad, *missing, *rounded)
 
 
 def _with_rounding(
@@ -176,12 +186,14 @@ def _check_unit(node: Node, key: str, values: Array, limits: Limits) -> None:
 
 
 def _check_rest(imu_node: Node, records: tuple[ImuRecord, ...], landed: float) -> None:
-    """Raise if the mean specific force after the time of landing, s, cannot be the gravity of a planet."""
+    """Raise if the median specific force after the time of landing, s, cannot be the gravity of a planet."""
     for record in records:
         at_rest = record.specific_force[record.time > landed]
         if np.isfinite(at_rest).any():
-            gravity = float(np.nanmean(np.linalg.norm(at_rest, axis=1)))
-            imu_node.within(f"{record.name}/specific_force", np.array(gravity), _REST, "in the mean after the landing ")
+            gravity = float(np.nanmedian(np.linalg.norm(at_rest, axis=1)))
+            imu_node.within(
+                f"{record.name}/specific_force", np.array(gravity), _REST, "in the median after the landing "
+            )
 
 
 def _event_time(node: Node) -> float:
@@ -248,18 +260,34 @@ def _read_parachute(root: Node) -> dict[str, Any]:
     return {"parachute": parachute}
 
 
-def _read_altimeter(root: Node) -> dict[str, Any]:
+def _read_altimeter(root: Node, settings: CheckSettings | None) -> dict[str, Any]:
+    """Altimeter without heights that are not finite or that repeat one value, and findings of these."""
     node = root.optional("altimeter")
     if not node:
         return {"altimeter": None}
+    settings = CheckSettings() if settings is None else settings
     time = node.increasing("time", node.numbers("time", None))
+    height = node.numbers("height", len(time), finite=False)
+    lost = {"not_finite": ~np.isfinite(height), "stuck": np.zeros(len(time), bool)}
+    if lost["not_finite"].all() and len(time):
+        raise node.error("height", "has no finite reading.")
+    if settings.enabled:
+        for a, b in stuck_runs(height, settings.false_alarm_probability):
+            lost["stuck"][a + 1 : b] = True  # the first of them was read
+    step = float(np.median(np.diff(time))) if len(time) > 1 else 0.0
+    findings = [
+        with_repair(finding, "not used")
+        for kind, rows in lost.items()
+        for finding in findings_of("altimeter", "height", kind, rows, time, step)
+    ]
+    used = ~(lost["not_finite"] | lost["stuck"])
     altimeter = AltimeterRecord(
-        time,
-        node.within("height", node.numbers("height", len(time))[:, None], Limits("m", -1e4, 1e6))[:, 0],
+        time[used],
+        node.within("height", height[used][:, None], Limits("m", -1e4, 1e6))[:, 0],
         node.attribute("sigma", positive=True, limits=Limits("m", 0.0, 1e5)),
         node.attribute("surface_radius", limits=_RADIUS),
     )
-    return {"altimeter": altimeter}
+    return {"altimeter": altimeter, "findings": tuple(findings)}
 
 
 def _read_events(root: Node) -> dict[str, Any]:
@@ -279,8 +307,8 @@ def _read_planet(root: Node) -> dict[str, Any]:
 def _parts(settings: CheckSettings | None) -> tuple[Callable[[Node], dict[str, Any]], ...]:
     """Readers of the parts of a flight file, each of which returns arguments of `Telemetry`; ``/truth`` is not read."""
     return (
-        lambda root: _read_imus(root, settings), _read_initial, _read_landing, _read_parachute, _read_altimeter,
-        _read_events, _read_epoch, _read_planet,
+        lambda root: _read_imus(root, settings), _read_initial, _read_landing, _read_parachute,
+        lambda root: _read_altimeter(root, settings), _read_events, _read_epoch, _read_planet,
     )  # fmt: skip
 
 
@@ -288,7 +316,9 @@ def read_root(root: Node, settings: CheckSettings | None) -> dict[str, Any]:
     """Arguments of `Telemetry` from the root of a flight file."""
     contents: dict[str, Any] = {}
     for read_part in _parts(settings):
-        contents |= read_part(root)
+        part = read_part(root)
+        findings = (*contents.get("findings", ()), *part.get("findings", ()))
+        contents |= part | {"findings": findings}
     return contents
 
 

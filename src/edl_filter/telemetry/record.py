@@ -187,6 +187,8 @@ class SampleFinding:
         One of `KINDS`.
     repair : str
         What was done, one phrase.
+    interpolated : tuple of (float, float)
+        Parts that no other IMU covers, from begin to end, s: filled from their neighbours.
     """
 
     imu: str
@@ -196,6 +198,7 @@ class SampleFinding:
     samples: int
     kind: str
     repair: str = ""
+    interpolated: tuple[tuple[float, float], ...] = ()
 
 
 #: Kinds of findings, with their names for people.
@@ -211,8 +214,10 @@ KINDS = {
     "reordered": "packets out of order",
     "clock_jump": "jump of the clock",
     "clock_drift": "clock at a wrong rate",
+    "jitter": "time stamps that scatter",
     "coarse": "readings in coarse steps",
     "dead": "IMU ends before the other",
+    "disagreement": "disagreement of two IMUs beyond constant errors",
 }
 
 
@@ -372,6 +377,8 @@ class Telemetry:
         Name of the planet in the telemetry; empty if there is none.
     findings : tuple of SampleFinding
         Missing and bad samples of all IMUs.
+    as_read : Telemetry or None
+        The telemetry before the comparison of its IMUs and the repair of its samples; None where it is the same.
     """
 
     driving: ImuRecord
@@ -389,3 +396,4 @@ class Telemetry:
     notes: tuple[str, ...] = ()
     planet: str = ""
     findings: tuple[SampleFinding, ...] = ()
+    as_read: Telemetry | None = None

@@ -211,7 +211,7 @@ def lost_readings(
     for column, name in enumerate(CHANNELS):
         values = readings[:, column].copy()
         triad = slice(0, 3) if column < 3 else slice(3, 6)
-        for a, b in _stuck(values, settings.false_alarm_probability):
+        for a, b in stuck_runs(values, settings.false_alarm_probability):
             nearby = values[max(0, a - _REPEAT_REACH) : b + _REPEAT_REACH]
             kind = "saturated" if values[a] in (np.nanmin(nearby), np.nanmax(nearby)) else "stuck"
             lost = np.zeros(len(time), bool)
@@ -254,8 +254,16 @@ def _repeated_rows(readings: Array) -> BoolArray:
     return out
 
 
-def _stuck(values: Array, probability: float) -> list[tuple[int, int]]:
-    """Runs ``[a, b)`` of exactly equal values that quantisation does not explain."""
+def stuck_runs(values: Array, probability: float) -> list[tuple[int, int]]:
+    """Runs ``[a, b)`` of exactly equal values that quantisation does not explain.
+
+    Parameters
+    ----------
+    values : (N,) array
+        Of one channel, any unit.
+    probability : float
+        With which a sound channel may be taken for a stuck one.
+    """
     equal = np.concatenate(([False], np.diff(values) == 0.0))
     stuck = []
     for a, b in runs(equal):

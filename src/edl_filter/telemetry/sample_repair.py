@@ -1,10 +1,12 @@
 """Bad samples found by comparison of neighbours and of two IMUs, and the repair of all that is lost.
 
-Input: `Telemetry` with NaN where samples are lost. Method: spikes and disagreements between the IMUs are found
-(`bad_triads`) and treated as lost; an IMU that ends before the other one is extended. A lost stretch of the driving
-record is filled with the readings of another IMU where it has samples (`transfer`), elsewhere by an autoregression of
-each axis that is fitted to both sides (`estimation.autoregression`). Output: `Telemetry` without NaN, its findings, and
-in each filled sample the sigma by which it may be wrong (`ImuRecord.force_fill_sigma`).
+Input: `Telemetry` with NaN where samples are lost. Method: spikes and disagreements of single samples between the IMUs
+are found (`bad_triads`) and treated as lost; disagreements that last and that no constant error explains are named
+(`disagreements`), and repaired where the IMU at fault is known (`without_samples`); an IMU that ends before the other
+one is extended. A lost stretch of the driving record is filled with the readings of another IMU where it has samples
+(`transfer`), elsewhere by an autoregression of each axis that is fitted to both sides (`estimation.autoregression`).
+Output: `Telemetry` without NaN, its findings, and in each filled sample the sigma by which it may be wrong
+(`ImuRecord.force_fill_sigma`).
 
 The errors of a filled stretch are correlated in time. Each of its n samples has the sigma of independent errors whose
 sum over the stretch has the right variance: with a common error c and independent errors s, ``√(s² + n c²)``. That of
@@ -14,6 +16,7 @@ Telemetry without findings is returned as it is.
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -22,8 +25,17 @@ from numpy.typing import NDArray
 
 from edl_filter.errors import InputError
 from edl_filter.estimation.autoregression import Interpolation, interpolate
-from edl_filter.telemetry.clock_drift import without_drift
-from edl_filter.telemetry.record import ImuRecord, SampleFinding, Telemetry, finite_rows, within_window
+from edl_filter.telemetry.clock_drift import without_drift, without_relative_drift
+from edl_filter.telemetry.disagreement import TRIADS, disagreements
+from edl_filter.telemetry.record import (
+    SAME_TIME,
+    ImuRecord,
+    InitialState,
+    SampleFinding,
+    Telemetry,
+    finite_rows,
+    within_window,
+)
 from edl_filter.telemetry.sample_checks import CheckSettings, findings_of, runs, with_repair
 from edl_filter.telemetry.spikes import bad_triads
 from edl_filter.telemetry.transfer import TransferredReadings, transferred
@@ -41,6 +53,8 @@ INFLATION = 3.0
 _TRIADS = ("force", "rate")
 #: Repair of a stretch that no other IMU covers.
 BY_DYNAMICS = "filled by a fitted oscillation"
+#: Repair of a disagreement of which no other measurement has shown the IMU at fault (`pipeline.redundancy`).
+UNDECIDED = "not repaired: no other measurement shows which of the two is at fault"
 #: Time after a gap in which the rates of two IMUs are compared (s), least number of samples, and the ratio of mean
 #: squares below which the clock jumped.
 _JUMP_WINDOW, _JUMP_SAMPLES, _JUMP_RATIO = 20.0, 24, 0.05
@@ -78,6 +92,8 @@ def repaired(telemetry: Telemetry, settings: CheckSettings | None = None, parach
         records, drifts = without_drift(records, parachute - _PARACHUTE_MARGIN)
         findings += drifts
         records, findings = _driven_by_the_finer(records, findings)
+    begun = [_begun(record, telemetry.initial, len(records) > 1) for record in records]
+    records, findings = [record for record, _ in begun], [*findings, *(f for _, late in begun for f in late)]
     if len(records) > 1:
         records[0], dead = _extended(records[0], records[1])
         findings += dead
@@ -93,6 +109,7 @@ def repaired(telemetry: Telemetry, settings: CheckSettings | None = None, parach
     if settings.enabled:
         records, bad = bad_triads(records, settings, smooth_until)
         findings += bad
+        findings += _disagreements(records, drifts, settings, smooth_until)
     if not findings and all(_finite(record) for record in records):
         return telemetry
     sources = [next((r for k, r in enumerate(records) if k != i), None) for i in range(len(records))]
@@ -102,15 +119,122 @@ def repaired(telemetry: Telemetry, settings: CheckSettings | None = None, parach
         complete, how = _filled(record, source, settings, parachute)
         phrases[record.name] = how
         outcome.append(complete)
-    findings = [f if f.repair else with_repair(f, _phrase(f, phrases.get(f.imu, []))) for f in findings]
+    findings = [f if f.repair else _explained(f, phrases.get(f.imu, [])) for f in findings]
     findings.sort(key=lambda f: (f.start, f.imu))
-    return replace(telemetry, driving=outcome[0], checking=tuple(outcome[1:]), findings=tuple(findings))
+    return replace(
+        telemetry,
+        driving=outcome[0],
+        checking=tuple(outcome[1:]),
+        findings=tuple(findings),
+        as_read=_as_read(telemetry),
+    )
 
 
-def filled_by_dynamics(telemetry: Telemetry) -> list[SampleFinding]:
-    """Findings of the driving IMU whose samples no other IMU has, so that they were filled from their neighbours."""
+def alone(
+    telemetry: Telemetry, name: str, settings: CheckSettings | None = None, parachute: float = np.inf
+) -> Telemetry:
+    """Telemetry with the samples of one IMU, repaired without any other.
+
+    Parameters
+    ----------
+    telemetry : Telemetry
+        As read, or repaired.
+    name : str
+        Name of the IMU.
+    settings : CheckSettings, optional
+        Thresholds of the checks.
+    parachute : float
+        Time of the parachute's deployment, s.
+
+    Returns
+    -------
+    Telemetry
+        Its `as_read` has all IMUs.
+
+    Raises
+    ------
+    InputError
+        A stretch is lost that is too long to be filled without another IMU.
+    """
+    original = _as_read(telemetry)
+    record = next(r for r in (original.driving, *original.checking) if r.name == name)
+    names = {r.name for r in (original.driving, *original.checking)}
+    findings = tuple(f for f in original.findings if f.imu == name or f.imu not in names)
+    single = repaired(replace(original, driving=record, checking=(), findings=findings), settings, parachute)
+    return replace(single, as_read=original)
+
+
+def without_samples(
+    telemetry: Telemetry,
+    name: str,
+    lost: Mapping[str, Sequence[tuple[float, float]]],
+    settings: CheckSettings | None = None,
+    parachute: float = np.inf,
+) -> Telemetry:
+    """Telemetry repaired from its records as read, with stretches of one IMU taken for lost.
+
+    Parameters
+    ----------
+    telemetry : Telemetry
+        As read, or repaired.
+    name : str
+        Name of the IMU.
+    lost : dict
+        Triad (``force``, ``rate``) → begin and end of its stretches, s.
+    settings : CheckSettings, optional
+        Thresholds of the checks.
+    parachute : float
+        Time of the parachute's deployment, s.
+
+    Returns
+    -------
+    Telemetry
+        Its findings of these stretches are of the kind ``disagreement``, with the repair.
+
+    Raises
+    ------
+    InputError
+        A stretch is lost that is too long to be filled without another IMU.
+    """
+    original = _as_read(telemetry)
+    records, findings = [], list(original.findings)
+    for record in (original.driving, *original.checking):
+        if record.name == name:
+            changed: dict[str, Any] = {}
+            interval = float(np.median(record.interval))
+            for triad, stretches in lost.items():
+                inside = np.any([(record.time > a) & (record.time <= b + SAME_TIME) for a, b in stretches], axis=0)
+                values = getattr(record, TRIADS[triad])
+                changed[TRIADS[triad]] = np.where(inside[:, None], np.nan, values)
+                findings += findings_of(name, triad, "disagreement", inside, record.time, interval)
+            record = replace(record, **changed)
+        records.append(record)
+    single = replace(original, driving=records[0], checking=tuple(records[1:]), findings=tuple(findings))
+    return replace(repaired(single, settings, parachute), as_read=original)
+
+
+def _as_read(telemetry: Telemetry) -> Telemetry:
+    return telemetry if telemetry.as_read is None else telemetry.as_read
+
+
+def filled_by_dynamics(telemetry: Telemetry) -> list[tuple[float, float]]:
+    """Begin and end of the driving IMU's stretches that no other IMU has and their neighbours fill, s."""
     name = telemetry.driving.name
-    return [f for f in telemetry.findings if f.imu == name and BY_DYNAMICS in f.repair]
+    return sorted({stretch for f in telemetry.findings if f.imu == name for stretch in f.interpolated})
+
+
+def _disagreements(
+    records: list[ImuRecord], drifts: list[SampleFinding], settings: CheckSettings, end: float
+) -> list[SampleFinding]:
+    """Disagreements of the first two IMUs; a drift of their clocks that was named and not corrected is none."""
+    if len(records) < 2:
+        return []
+    found = disagreements(records[0], records[1], end, settings.false_alarm_probability)
+    if found and any(f.kind == "clock_drift" and "not corrected" in f.repair for f in drifts):
+        steady = without_relative_drift(records[0], records[1], end)
+        other = disagreements(steady, records[1], end, settings.false_alarm_probability)
+        found = min(found, other, key=lambda option: sum(f.samples for f in option))
+    return [with_repair(f, UNDECIDED) for f in found]
 
 
 def _driven_by_the_finer(
@@ -174,29 +298,47 @@ def _finite(record: ImuRecord) -> bool:
     return bool(np.isfinite(record.specific_force).all() and np.isfinite(record.angular_rate).all())
 
 
-def _phrase(finding: SampleFinding, repairs: list[tuple[float, float, str]]) -> str:
-    """What was done about a finding: the repairs of the stretches that it overlaps."""
-    phrases = [p for a, b, p in repairs if a < finding.end - 1e-6 and b > finding.start + 1e-6]
-    return ", ".join(dict.fromkeys(phrases)) or "not used"
+def _explained(finding: SampleFinding, repairs: list[tuple[float, float, str]]) -> SampleFinding:
+    """A finding with what was done about it: the repairs of the stretches that it overlaps."""
+    over = [(a, b, p) for a, b, p in repairs if a < finding.end - 1e-6 and b > finding.start + 1e-6]
+    interpolated = tuple((a, b) for a, b, p in over if p == BY_DYNAMICS)
+    phrase = ", ".join(dict.fromkeys(p for _, _, p in over)) or "not used"
+    return replace(finding, repair=phrase, interpolated=interpolated)
 
 
-def _extended(record: ImuRecord, second: ImuRecord) -> tuple[ImuRecord, list[SampleFinding]]:
-    """The record with lost samples up to the end of the other one, if it ends by more than `_DEAD` before."""
+def _begun(record: ImuRecord, initial: InitialState | None, covered: bool) -> tuple[ImuRecord, list[SampleFinding]]:
+    """The record with lost samples from the time of the entry state on, if it begins after it.
+
+    Without another IMU not more than `_DEAD` is added, since the record bounds the stretch on one side only.
+    """
+    late = 0.0 if initial is None else record.start - initial.time
     interval = float(np.median(record.interval))
-    count = int((second.time[-1] - record.time[-1]) / interval + 1e-6)
-    if count * interval <= _DEAD:
+    if late <= SAME_TIME or (late > _DEAD and not covered):
         return record, []
-    time = record.time[-1] + interval * np.arange(1, count + 1)
+    count = round(late / interval)
+    first = record.interval.copy()
+    if not count:  # a part of a sample: the first one is as much longer
+        first[0] += late
+        return replace(record, interval=first), []
+    time: Array = record.start - late + late / count * np.arange(1, count + 1, dtype=np.float64)
+    added = _lengthened(record, time, np.full(count, late / count, np.float64), before=True)
+    return added, [SampleFinding(record.name, "all", float(time[0] - interval), float(time[-1]), count, "missing")]
+
+
+def _lengthened(record: ImuRecord, time: Array, interval: Array, before: bool) -> ImuRecord:
+    """The record with lost samples at these times (n,), s, before or after its own."""
+    count = len(time)
 
     def longer(values: NDArray[Any], rows: Array | None = None) -> NDArray[Any]:
-        last = np.repeat(values[-1:], count, axis=0) if rows is None else rows
-        return np.concatenate((values, last))
+        nearest = values[:1] if before else values[-1:]
+        added = np.repeat(nearest, count, axis=0) if rows is None else rows
+        return np.concatenate((added, values) if before else (values, added))
 
     nothing = np.full((count, 3), np.nan)
-    extended = replace(
+    return replace(
         record,
         time=longer(record.time, time),
-        interval=longer(record.interval, np.full(count, interval)),
+        interval=longer(record.interval, interval),
         specific_force=longer(record.specific_force, nothing),
         angular_rate=longer(record.angular_rate, nothing),
         position=longer(record.position),
@@ -210,6 +352,16 @@ def _extended(record: ImuRecord, second: ImuRecord) -> tuple[ImuRecord, list[Sam
         force_fill_sigma=longer(record.force_fill_sigma),
         rate_fill_sigma=longer(record.rate_fill_sigma),
     )
+
+
+def _extended(record: ImuRecord, second: ImuRecord) -> tuple[ImuRecord, list[SampleFinding]]:
+    """The record with lost samples up to the end of the other one, if it ends by more than `_DEAD` before."""
+    interval = float(np.median(record.interval))
+    count = int((second.time[-1] - record.time[-1]) / interval + 1e-6)
+    if count * interval <= _DEAD:
+        return record, []
+    time: Array = record.time[-1] + interval * np.arange(1, count + 1, dtype=np.float64)
+    extended = _lengthened(record, time, np.full(count, interval), before=False)
     finding = SampleFinding(record.name, "all", float(record.time[-1]), float(time[-1]), count, "dead")
     return extended, [finding]
 

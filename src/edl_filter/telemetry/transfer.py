@@ -125,6 +125,34 @@ def transferred(reference: ImuRecord, source: ImuRecord, end: float) -> Transfer
     return TransferredReadings(means[0], means[1], scatters[0], scatters[1], force_error, rate_error)
 
 
+def log_prior_of_rate_errors(reference: ImuRecord, source: ImuRecord, end: float) -> float:
+    """Log density of the constant errors of one IMU's rates against another's under their priors, less its maximum.
+
+    Those of the forces are not determined by a part of the flight without much force.
+
+    Parameters
+    ----------
+    reference, source : ImuRecord
+        Records in body axes.
+    end : float
+        End of the time over which they are calibrated against each other, s.
+
+    Returns
+    -------
+    float
+        nats.
+    """
+    estimate = relative_calibration(reference, source, -np.inf, end)
+    if estimate is None:
+        return 0.0
+    errors = (
+        (estimate.rate_bias, estimate.rate_bias_sigma, _PRIOR["rate_bias"]),
+        (estimate.rate_alignment, estimate.rate_alignment_sigma, _PRIOR["alignment"]),
+        (np.array(estimate.delay), np.array(estimate.delay_sigma), _PRIOR["delay"]),
+    )
+    return -0.5 * sum(float(np.sum(value**2 / (prior**2 + sigma**2))) for value, sigma, prior in errors)
+
+
 def _crossed(vectors: Array, sigma: Array) -> Array:
     """Variances (N, 3) of ``v × φ`` where the components of φ have the sigmas (3,)."""
     x, y, z = (vectors**2).T

@@ -17,7 +17,8 @@ from edl_filter.effects.base import EffectInstance
 from edl_filter.navigation.leave_one_out import ConstraintCheck
 from edl_filter.pipeline.load import check_settings, prepare_telemetry, read_atmosphere, read_telemetry
 from edl_filter.pipeline.reconstruct import FlightInputs, Reconstruction, reconstruct
-from edl_filter.pipeline.trust import contradicting, lost_motion
+from edl_filter.pipeline.redundancy import contradicting
+from edl_filter.pipeline.trust import lost_motion
 from edl_filter.postflight.airdata import air_data
 from edl_filter.postflight.events import events
 from edl_filter.results.campaign_variables import AXES, EVENT_VALUES, PARTS, PHASES, STATE

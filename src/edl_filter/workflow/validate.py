@@ -92,9 +92,9 @@ def validated_mission(
     raise_all(problems.messages)
     progress("reconstructing")
     # what is left can be seen in the trajectory only: windows without samples, a database that does not fit the flight
-    derived_quantities(reconstruct(mission, leave_one_out=False, recover=False))
-    assert telemetry is not None
-    return stated, telemetry
+    reconstruction = reconstruct(mission, leave_one_out=False, recover=False)
+    derived_quantities(reconstruction)
+    return stated, reconstruction.telemetry  # with the samples of an IMU at fault replaced
 
 
 def check_folder(folder: Path) -> None:

@@ -1,0 +1,370 @@
+"""Stretches over which two IMUs of one rigid vehicle differ by more than constant errors explain.
+
+Input: records of both in body axes, bad samples NaN. Method: parity of two redundant sensors (Potter & Suman 1977,
+AGARD-AG-224; Gertler 1998, Fault Detection and Diagnosis in Engineering Systems, chapter 5). The readings of the second
+IMU are moved to the place and samples of the first; their difference is regressed on what constant errors of either
+IMU add to it (`_regressors`): biases, all scale errors and misalignments, lever arm, delay, and a drift of the clocks.
+The remainder is the parity: it has the noise of both, and their stated errors as far as these vary in flight. An IMU
+with a constant error, however large, has no parity; to name it is left to the diagnosis. A fault of some samples
+changes the constants within the flight. The regression is that with the largest consensus set (Fischler & Bolles 1981,
+Communications of the ACM 24, 381): the fewest samples disagree with it. Since a fault is also in the regressors of the
+IMU that has it, where it may look like a scale error, each IMU is regressed on the other one. Output: runs of samples
+whose parity is significant, and the IMU that has the difference as an error of its own (`independent_error`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.ndimage import maximum_filter1d, median_filter, minimum_filter1d
+from scipy.stats import chi2
+
+from edl_filter.estimation.interpolating_spline import InterpolatingSpline
+from edl_filter.imu_model.lever_arm import EDGE_REACH, edge_values, edge_weights, lever_arm_acceleration
+from edl_filter.telemetry.record import ImuRecord, SampleFinding, finite_rows
+from edl_filter.telemetry.relative_calibration import FEWEST_SAMPLES, covered, means_between, readings_integral
+from edl_filter.telemetry.sample_checks import runs
+from edl_filter.types import Array, BoolArray
+
+#: Length of the running median of the squared parity, s: several oscillations of an entry vehicle. Shorter faults are
+#: found sample by sample (`spikes`).
+WINDOW = 5.0
+#: Equal parts of the flight from each of which a consensus set is grown.
+_STARTS = 4
+#: Iterations of a consensus set, and of the delay.
+_CONSENSUS, _DELAY = 10, 3
+#: Largest delay that is a constant error, s: that of the catalogue of effects.
+_LARGEST_DELAY = 2.0
+#: Median of the chi-square distribution with three degrees of freedom.
+_MEDIAN = float(chi2.ppf(0.5, 3))
+#: Fewest samples of a regression on the difference; distance of its slope from 0 or 1, in sigmas and because constant
+#: errors are part of the difference, that is still one of them; ratio of mean squares by which an IMU is much smoother.
+_FEWEST, _SIGMAS, _SLOPE, _SMOOTHER = 20, 3.0, 0.1, 4.0
+TRIADS = {"force": "specific_force", "rate": "angular_rate"}
+
+
+@dataclass(frozen=True)
+class _Pair:
+    """Two IMUs, and what their comparison needs.
+
+    Attributes
+    ----------
+    reference, checked : ImuRecord
+    usable : (N,) boolean array
+        Samples of the reference that are direct readings before the end of the comparison.
+    rate, force : (N, 3) arrays
+        Readings of the reference, the force at the place of the checked IMU; zero where lost.
+    arm_error : (N,) array
+        One sigma of the force by the interpolation between the rates' samples (`_interpolation_sigma`), m/s².
+    integral : InterpolatingSpline
+        Of the checked IMU's readings.
+    """
+
+    reference: ImuRecord
+    checked: ImuRecord
+    usable: BoolArray
+    rate: Array
+    force: Array
+    arm_error: Array
+    integral: InterpolatingSpline
+
+
+def disagreements(reference: ImuRecord, checked: ImuRecord, end: float, probability: float) -> list[SampleFinding]:
+    """Stretches over which two IMUs differ by more than constant errors explain.
+
+    Parameters
+    ----------
+    reference, checked : ImuRecord
+        Records in body axes; NaN where samples are lost.
+    end : float
+        End of the time over which the vehicle is rigid, s: the parachute.
+    probability : float
+        With which two sound IMUs may disagree in a flight.
+
+    Returns
+    -------
+    list of SampleFinding
+        Of the reference: one for each run of samples of each triad.
+    """
+    findings = []
+    both = [_significant(*records, end, probability) for records in ((reference, checked), (checked, reference))]
+    for triad in TRIADS:
+        record, rows = max(
+            ((record, significant[triad]) for record, significant in zip((reference, checked), both, strict=True)),
+            key=lambda option: np.count_nonzero(option[1]),
+        )
+        findings += [
+            SampleFinding(
+                reference.name,
+                triad,
+                float(record.time[a] - record.interval[a]),
+                float(record.time[b - 1]),
+                b - a,
+                "disagreement",
+            )
+            for a, b in runs(rows)
+        ]
+    return findings
+
+
+def _significant(reference: ImuRecord, checked: ImuRecord, end: float, probability: float) -> dict[str, BoolArray]:
+    """Samples (N,) of each triad of the reference with a significant parity."""
+    pair = _pair(reference, checked, end)
+    if np.count_nonzero(pair.usable) < FEWEST_SAMPLES:
+        return {triad: np.zeros(len(reference), bool) for triad in TRIADS}
+    rate, delay = _consensus(pair, "rate", 0.0, probability)
+    force, _ = _consensus(pair, "force", 0.0, probability)
+    if force.any():  # forces and rates may have delays of their own
+        late, _ = _consensus(pair, "force", delay, probability)
+        force = min(force, late, key=np.count_nonzero)
+    return {"force": force, "rate": rate}
+
+
+def independent_error(
+    reference: ImuRecord, checked: ImuRecord, findings: list[SampleFinding], end: float
+) -> dict[str, float]:
+    """Evidence for each of two IMUs that it alone has the difference of the two where they disagree, nats.
+
+    An error that does not depend on the motion (noise, bit errors, the step at which a fault begins) adds the
+    difference of the two to the IMU that has it, and nothing to the other one. Of what the neighbours of each sample do
+    not predict (cubic interpolation), the regression of an IMU on the difference has the slope 1 for the IMU at fault
+    and 0 for the other one. It is 1/2 for late readings, and anything else for a scale error or other axes, of which
+    this is no evidence. The IMU without the error must still measure the motion: it is not much smoother than next to
+    the stretch.
+
+    Parameters
+    ----------
+    reference, checked : ImuRecord
+        Records in body axes.
+    findings : list of SampleFinding
+        Of `disagreements`.
+    end : float
+        End of the comparison, s.
+
+    Returns
+    -------
+    dict
+        Name of each IMU → log likelihood ratio of the slopes 1 and 0, as far as it speaks for this IMU, the sum over
+        the stretches.
+    """
+    pair = _pair(reference, checked, end)
+    records = reference, checked
+    evidence = {record.name: 0.0 for record in records}
+    agreed = pair.usable & ~_within(reference.time, findings)
+    _, delay = _squared_parity(pair, "rate", agreed, 0.0)
+    edges = np.concatenate((reference.time[:1] - reference.interval[:1], reference.time)) + delay
+    used = pair.usable & covered(checked, edges)
+    used &= np.append(np.zeros(2, bool), used[:-2]) & np.append(used[2:], np.zeros(2, bool))
+    readings = means_between(pair.integral, edges)
+    for finding in findings:
+        own, other = (pair.force, readings[0]) if finding.channel == "force" else (pair.rate, readings[1])
+        values = [_interpolation_error(v) for v in (own, other)]
+        inside, beside = used & _within(reference.time, [finding]), used & _beside(reference, finding)
+        slope, sigma = _slope(values[0][inside], (values[0] - values[1])[inside])
+        at_fault = 0 if slope > 0.5 else 1
+        sound = values[1 - at_fault]
+        fits = abs(slope - (1 - at_fault)) <= max(_SIGMAS * sigma, _SLOPE)
+        if not fits or not beside.any() or _mean_square(sound[inside]) * _SMOOTHER < _mean_square(sound[beside]):
+            continue
+        evidence[records[at_fault].name] += abs(slope - 0.5) / sigma**2
+    return evidence
+
+
+def _within(time: Array, findings: list[SampleFinding]) -> BoolArray:
+    return np.any([(time > f.start) & (time <= f.end) for f in findings], axis=0)
+
+
+def _beside(record: ImuRecord, finding: SampleFinding) -> BoolArray:
+    """Samples (N,) in two windows before and two after a stretch."""
+    before = (record.time > finding.start - 2.0 * WINDOW) & (record.time <= finding.start)
+    return before | ((record.time > finding.end) & (record.time <= finding.end + 2.0 * WINDOW))
+
+
+def _interpolation_error(values: Array) -> Array:
+    """Each sample of (N, 3) minus the cubic interpolation of its four neighbours; zero at the ends."""
+    out, v = np.zeros_like(values), values
+    out[2:-2] = v[2:-2] - (4.0 * (v[1:-3] + v[3:-1]) - v[:-4] - v[4:]) / 6.0
+    return out
+
+
+def _mean_square(values: Array) -> float:
+    return float(np.mean(values**2))
+
+
+def _slope(values: Array, regressor: Array) -> tuple[float, float]:
+    """Regression of (n, 3) on (n, 3) without a constant, and its sigma.
+
+    The larger one of the sigmas for residuals of one variance and of any variance (White 1980, Econometrica 48, 817): a
+    single large difference, as at the begin of a fault, determines the slope and has no residual.
+    """
+    square = float(np.sum(regressor**2))
+    if len(values) < _FEWEST or square == 0.0:
+        return 0.5, np.inf  # no evidence
+    slope = float(np.sum(values * regressor)) / square
+    residual = values - slope * regressor
+    scores = np.sum(residual * regressor, axis=1)
+    return slope, float(np.sqrt(max(np.sum(scores**2), _mean_square(residual) * square))) / square
+
+
+def _pair(reference: ImuRecord, checked: ImuRecord, end: float) -> _Pair:
+    rate, force = np.nan_to_num(reference.angular_rate), np.nan_to_num(reference.specific_force)
+
+    nearest = checked.index_at(reference.time - 0.5 * reference.interval)
+    usable = finite_rows(reference.specific_force) & finite_rows(reference.angular_rate) & ~reference.filled
+    usable = minimum_filter1d(usable.astype(np.int8), 2 * EDGE_REACH + 1, mode="nearest") > 0  # changes reach across
+    arm = checked.position[nearest] - reference.position
+    usable &= ~reference.coning_corrected & ~reference.sculling_corrected & (reference.time <= end)
+    if usable.any():
+        usable &= reference.unit == np.bincount(reference.unit[usable]).argmax()
+    return _Pair(
+        reference,
+        checked,
+        usable,
+        rate,
+        force + lever_arm_acceleration(reference.interval, rate, arm, reference.unit),
+        _interpolation_sigma(reference.interval, rate) * np.linalg.norm(arm, axis=1),
+        readings_integral(checked, checked.specific_force, checked.angular_rate),
+    )
+
+
+def _interpolation_sigma(interval: Array, rate: Array) -> Array:
+    """Error (N,) of angular accelerations that are interpolated between mean rates (N, 3), rad/s².
+
+    The difference of interpolations of eighth and sixth order. It is large where the moment changes its slope inside a
+    sample, at the nodes of an aerodynamic table on a vehicle that swings far.
+    """
+    weights = np.array(edge_weights(EDGE_REACH)) - np.append(edge_weights(EDGE_REACH - 1), 0.0)
+    kernel = np.concatenate((weights[::-1], weights))
+    error = np.column_stack(
+        [np.convolve(column, kernel, mode="full")[EDGE_REACH - 1 : -EDGE_REACH + 1] for column in rate.T]
+    )
+    return np.asarray(np.linalg.norm(np.diff(error, axis=0), axis=1)) / interval
+
+
+def _consensus(pair: _Pair, triad: str, delay: float, probability: float) -> tuple[BoolArray, float]:
+    """Samples (N,) with a significant parity, by the regression with which the fewest have one, and its delay, s."""
+    best = _settled(pair, triad, pair.usable, delay, probability)
+    if not best[0].any():
+        return best
+    for rows in _starts(pair.usable):
+        significant, other_delay = _settled(pair, triad, rows, delay, probability)
+        if np.count_nonzero(significant) < np.count_nonzero(best[0]):
+            best = significant, other_delay
+    return best
+
+
+def _starts(usable: BoolArray) -> Iterator[BoolArray]:
+    """Parts of the flight from which a consensus set is grown."""
+    for rows in np.array_split(np.flatnonzero(usable), _STARTS):
+        selected = np.zeros(len(usable), bool)
+        selected[rows] = True
+        yield selected
+
+
+def _settled(pair: _Pair, triad: str, rows: BoolArray, delay: float, probability: float) -> tuple[BoolArray, float]:
+    """Samples (N,) that disagree with a regression on the others, beginning with some rows (N,), and its delay, s."""
+    significant = np.zeros(len(rows), bool)
+    for iteration in range(_CONSENSUS):
+        square, delay = _squared_parity(pair, triad, rows, delay)
+        known = np.flatnonzero(np.isfinite(square))
+        reference = pair.reference
+        median = _running_median(square[known], reference)
+        bad = median > _limit(probability, reference, reference.time[known])
+        before, significant = significant, np.zeros(len(rows), bool)
+        # a median exceeds the limit where most of its window does: all of the window may be wrong
+        significant[known] = maximum_filter1d(bad.astype(np.int8), _samples(reference), mode="nearest") > 0
+        rows = pair.usable & ~significant
+        if np.count_nonzero(rows) < FEWEST_SAMPLES or (iteration and np.array_equal(significant, before)):
+            break
+    return significant, delay
+
+
+def _squared_parity(pair: _Pair, triad: str, rows: BoolArray, delay: float) -> tuple[Array, float]:
+    """Squared length of the parity in units of its variance, (N,), NaN where one IMU has no reading; and the delay, s.
+
+    The regression is fitted to `rows` (N,). Infinite where they are too few.
+    """
+    reference = pair.reference
+    edges = np.concatenate((reference.time[:1] - reference.interval[:1], reference.time))
+    own = pair.rate if triad == "rate" else pair.force
+    change = np.diff(edge_values(reference.interval, own), axis=0) / reference.interval[:, None]
+    for _ in range(_DELAY):
+        used = pair.usable & covered(pair.checked, edges + delay)
+        fitted = used & rows
+        if np.count_nonzero(fitted) < FEWEST_SAMPLES:
+            return np.where(pair.usable, np.inf, np.nan), delay
+        force, rate = means_between(pair.integral, edges + delay)
+        difference = (force if triad == "force" else rate) - own
+        columns = _arm_accelerations(pair, rate) if triad == "force" else []
+        parity = np.full_like(own, np.nan)
+        delays, weights = np.zeros(3), np.zeros(3)
+        for k in range(3):
+            design = _regressors(reference.time, own, change, columns, k)
+            size = np.maximum(np.linalg.norm(design[fitted], axis=0), 1e-300)
+            values = np.linalg.lstsq(design[fitted] / size, difference[fitted, k], rcond=1e-10)[0] / size
+            parity[used, k] = difference[used, k] - design[used] @ values
+            delays[k], weights[k] = values[4], np.sum(change[fitted, k] ** 2)
+        if weights.any():
+            delay = float(np.clip(delay + np.average(delays, weights=weights), -_LARGEST_DELAY, _LARGEST_DELAY))
+    return np.sum(parity**2, axis=1) / _variance(pair, triad, own), delay
+
+
+def _arm_accelerations(pair: _Pair, rate: Array) -> list[Array]:
+    """Six lever-arm accelerations (N, 3) for one metre along each axis, by the rates (N, 3) of both IMUs.
+
+    An error of the gyros of one IMU, or their delay against its accelerometers, is in the acceleration by its rates.
+    """
+    reference = pair.reference
+    return [
+        lever_arm_acceleration(reference.interval, rates, np.tile(axis, (len(rate), 1)), reference.unit)
+        for rates in (pair.rate, np.ascontiguousarray(rate))
+        for axis in np.eye(3)
+    ]
+
+
+def _regressors(time: Array, own: Array, change: Array, columns: list[Array], axis: int) -> Array:
+    """Derivatives (N, P) of one axis of the difference by bias, scale, misalignments, delay, drift and lever arm."""
+    return np.column_stack(
+        [
+            np.ones(len(own)),
+            *own.T,
+            -change[:, axis],
+            -(time - time.mean()) * change[:, axis],
+            *(column[:, axis] for column in columns),
+        ]
+    )
+
+
+def _variance(pair: _Pair, triad: str, own: Array) -> Array:
+    """Variance (N,) of each axis of the parity: noise of both IMUs, and stated errors that may vary in flight."""
+    nearest = pair.checked.index_at(pair.reference.time)
+    square = np.sum(own**2, axis=1)
+    variance = np.zeros(len(own))
+    for record, rows in ((pair.reference, slice(None)), (pair.checked, nearest)):
+        errors = record.errors[0]
+        if triad == "force":
+            relative = errors.accelerometer_scale**2 + errors.accelerometer_misalignment**2
+            variance += record.force_noise[rows] ** 2 + errors.accelerometer_bias**2 + relative * square
+        else:
+            variance += record.rate_noise[rows] ** 2 + errors.gyro_bias**2 + errors.gyro_scale**2 * square
+    return variance + pair.arm_error**2 if triad == "force" else variance
+
+
+def _running_median(square: Array, record: ImuRecord) -> Array:
+    return np.asarray(median_filter(square, size=_samples(record), mode="mirror"), float)
+
+
+def _samples(record: ImuRecord) -> int:
+    """Odd number of samples of the running median."""
+    return 2 * round(0.5 * WINDOW / float(np.median(record.interval))) + 1
+
+
+def _limit(probability: float, record: ImuRecord, time: Array) -> float:
+    """Limit of a median of squares with three degrees of freedom each, for all windows of a flight.
+
+    The samples of a window may be correlated, at worst completely: then the median is one of them.
+    """
+    windows = max(1.0, len(time) / _samples(record))
+    return float(chi2.isf(probability / windows, 3))

@@ -1,0 +1,106 @@
+"""Which of two IMUs is at fault where they disagree; a constant error is left to the diagnosis."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from edl_filter.mission import Mission
+from edl_filter.pipeline.load import read_atmosphere, read_telemetry
+from edl_filter.pipeline.reconstruct import FlightInputs, assemble, reconstruct
+from edl_filter.pipeline.redundancy import undecided
+from edl_filter.pipeline.trust import check_record, judge
+from edl_filter.telemetry.record import SampleFinding
+from edl_filter.telemetry.sample_repair import UNDECIDED, repaired
+
+FORCE, RATE = "specific_force", "angular_rate"
+PARACHUTE = 252.75
+
+
+@pytest.fixture(scope="module")
+def flight():
+    mission = Mission.load("builtin:practice_mer")
+    telemetry = read_telemetry(mission)
+    return mission, telemetry, mission.planet_model(telemetry.prime_meridian_at_epoch), read_atmosphere(mission)
+
+
+def faulty(telemetry, name, changes, start=120.0, end=np.inf):
+    """Telemetry with changed readings of one IMU from a time on."""
+
+    def changed(record):
+        if record.name != name:
+            return record
+        rows = ((record.time > start) & (record.time <= end))[:, None]
+        return replace(
+            record, **{k: np.where(rows, f(getattr(record, k)), getattr(record, k)) for k, f in changes.items()}
+        )
+
+    checking = tuple(changed(r) for r in telemetry.checking)
+    return repaired(replace(telemetry, driving=changed(telemetry.driving), checking=checking), parachute=PARACHUTE)
+
+
+def checked(flight, telemetry):
+    mission, _, planet, atmosphere = flight
+    return check_record(mission, telemetry, planet, atmosphere, assemble(mission, telemetry, planet, atmosphere))
+
+
+def noise(size):
+    return lambda v: v + size * np.random.default_rng(0).standard_normal(v.shape)
+
+
+@pytest.mark.parametrize(
+    ("at_fault", "changes", "end"),
+    [
+        ("primary", {RATE: lambda v: v * [1.0, -1.0, 1.0]}, np.inf),
+        ("primary", {FORCE: lambda v: 1.01 * v}, np.inf),
+        ("primary", {RATE: noise(1e-3)}, 130.0),
+        ("secondary", {RATE: lambda v: v + np.array([0.0, 1e-3, 0.0])}, np.inf),
+    ],
+    ids=["sign of a rate axis", "force scale", "noise", "bias of the second"],
+)
+def test_the_samples_of_the_imu_at_fault_are_replaced(at_fault, changes, end, flight, practice_06):
+    mission, telemetry, _, atmosphere = flight
+    inputs = FlightInputs(checked(flight, faulty(telemetry, at_fault, changes, end=end)), atmosphere)
+    result = reconstruct(mission, leave_one_out=False, inputs=inputs, compare_imus=False)
+    found = [f for f in result.telemetry.findings if f.kind == "disagreement"]
+    assert {f.imu for f in found} == {at_fault} and all("the fault of" in f.repair for f in found)
+    assert len(result.telemetry.checking) == 1
+    assert judge(result).trustworthy
+    node = int(np.argmin([abs(n.time - PARACHUTE) for n in result.filter_pass.nodes]))
+    state, sigma = result.smoothed.states[node].nav[:6], np.sqrt(np.diag(result.smoothed.covariance[node])[:6])
+    other = int(np.argmin([abs(n.time - PARACHUTE) for n in practice_06.filter_pass.nodes]))
+    assert np.all(np.abs(state - practice_06.smoothed.states[other].nav[:6]) < 3.0 * sigma)
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {FORCE: lambda v: v + np.array([0.05, 0.0, 0.0])},
+        {FORCE: lambda v: 1.01 * v},
+        {RATE: lambda v: v + np.array([0.0, 1e-3, 0.0])},
+    ],
+    ids=["accelerometer bias", "accelerometer scale", "gyro bias"],
+)
+@pytest.mark.parametrize("name", ["primary", "secondary"])
+def test_a_constant_error_is_not_arbitrated(name, changes, flight):
+    mission, telemetry, _, atmosphere = flight
+    wrong = faulty(telemetry, name, changes, start=-np.inf)
+    result = reconstruct(mission, leave_one_out=False, inputs=FlightInputs(wrong, atmosphere), compare_imus=False)
+    assert result.telemetry is wrong and result.telemetry.driving.name == "primary"
+    assert [f for f in wrong.findings if f.kind == "disagreement"] == []
+    # rest contradicts an error of the driving IMU: the result is marked, and the diagnosis names the error
+    assert judge(result).trustworthy == (name == "secondary")
+
+
+def test_imus_between_which_nothing_decides_are_not_trusted(flight):
+    mission, telemetry, _, atmosphere = flight
+    finding = SampleFinding("primary", "rate", 100.0, 110.0, 80, "disagreement", UNDECIDED)
+    both = replace(telemetry, findings=(finding,))
+    result = reconstruct(mission, leave_one_out=False, inputs=FlightInputs(both, atmosphere), compare_imus=False)
+    trust = judge(result)
+    assert undecided(result.telemetry) == [finding] and result.telemetry.driving.name == "primary"
+    assert not trust.trustworthy and "two IMUs disagree in their rate between 100.0 and 110.0 s" in trust.headline
+
+
+def test_a_clean_flight_is_not_changed(flight):
+    assert checked(flight, flight[1]) is flight[1]

@@ -1,0 +1,161 @@
+"""Two IMUs that differ by more than constant errors explain: found, and nothing is found where they do not."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from edl_filter.effects.sensors import delayed
+from edl_filter.mission import Mission
+from edl_filter.pipeline.load import read_telemetry
+from edl_filter.telemetry.disagreement import disagreements, independent_error
+from edl_filter.telemetry.flight_file import read_flight_file
+from edl_filter.telemetry.sample_checks import CheckSettings
+from edl_filter.telemetry.sample_repair import UNDECIDED, repaired, without_samples
+
+FORCE, RATE = "specific_force", "angular_rate"
+PARACHUTE = 252.75
+END = PARACHUTE - 1.0
+PROBABILITY = CheckSettings().false_alarm_probability
+
+
+@pytest.fixture(scope="module")
+def telemetry(builtin_flight):
+    return read_flight_file(builtin_flight)
+
+
+def with_change(record, key, change, start=-np.inf, end=np.inf):
+    values = getattr(record, key).copy()
+    rows = (record.time > start) & (record.time <= end)
+    values[rows] = change(values[rows])
+    return replace(record, **{key: values})
+
+
+def noise(size):
+    return lambda v: v + size * np.random.default_rng(0).standard_normal(v.shape)
+
+
+FAULTS = {
+    "sign of a force axis": (FORCE, lambda v: v * [-1.0, 1.0, 1.0], "force"),
+    "sign of a rate axis": (RATE, lambda v: v * [1.0, -1.0, 1.0], "rate"),
+    "exchanged rate axes": (RATE, lambda v: v[:, [1, 0, 2]], "rate"),
+    "force scale": (FORCE, lambda v: 1.01 * v, "force"),
+    "rate scale": (RATE, lambda v: 1.01 * v, "rate"),
+    "force bias": (FORCE, lambda v: v + np.array([0.0, 0.1, 0.0]), "force"),
+    "rate bias": (RATE, lambda v: v + np.array([0.0, 1e-3, 0.0]), "rate"),
+    "force ramp": (FORCE, lambda v: v + np.linspace(0.0, 0.2, len(v))[:, None] * [1.0, 0.0, 0.0], "force"),
+    "late rates": (RATE, lambda v: np.roll(v, 3, axis=0), "rate"),
+}
+
+
+@pytest.mark.parametrize("name", FAULTS)
+@pytest.mark.parametrize("at_fault", [0, 1])
+def test_a_change_in_flight_is_found_in_either_imu(name, at_fault, telemetry):
+    key, change, channel = FAULTS[name]
+    records = [telemetry.driving, telemetry.checking[0]]
+    records[at_fault] = with_change(records[at_fault], key, change, start=120.0)
+    findings = disagreements(*records, END, PROBABILITY)
+    assert channel in {f.channel for f in findings} and {f.kind for f in findings} == {"disagreement"}
+
+
+CONSTANT = {
+    "accelerometer bias": (FORCE, lambda v: v + np.array([0.3, -0.2, 0.5])),
+    "accelerometer scale": (FORCE, lambda v: v * [1.05, 0.95, 1.02]),
+    "accelerometer misalignment": (FORCE, lambda v: v + np.cross(v, [0.03, -0.02, 0.05])),
+    "gyro bias": (RATE, lambda v: v + np.array([1e-2, 0.0, 1e-2])),
+    "gyro scale": (RATE, lambda v: v * [1.05, 1.0, 0.97]),
+    "gyro misalignment": (RATE, lambda v: v + np.cross(v, [0.03, -0.02, 0.05])),
+    "sign of a rate axis": (RATE, lambda v: v * [1.0, -1.0, 1.0]),
+}
+
+
+@pytest.mark.parametrize("name", CONSTANT)
+@pytest.mark.parametrize("with_error", [0, 1])
+def test_a_constant_error_is_no_disagreement(name, with_error, telemetry):
+    records = [telemetry.driving, telemetry.checking[0]]
+    records[with_error] = with_change(records[with_error], *CONSTANT[name])
+    assert disagreements(*records, END, PROBABILITY) == []
+
+
+@pytest.mark.parametrize("delay", [-0.3, 0.02, 0.3])
+@pytest.mark.parametrize("with_error", [0, 1])
+def test_a_constant_delay_is_no_disagreement(delay, with_error, telemetry):
+    records = [telemetry.driving, telemetry.checking[0]]
+    records[with_error] = replace(records[with_error], time=records[with_error].time + delay)
+    assert disagreements(*records, END, PROBABILITY) == []
+
+
+@pytest.mark.parametrize("delay", [-0.4, 0.1])
+@pytest.mark.parametrize("with_error", [0, 1])
+def test_gyros_that_are_late_against_the_accelerometers_are_no_disagreement(delay, with_error, telemetry):
+    records = [telemetry.driving, telemetry.checking[0]]
+    late = delayed(records[with_error].time, records[with_error].angular_rate, delay)
+    records[with_error] = replace(records[with_error], angular_rate=late)
+    assert disagreements(*records, END, PROBABILITY) == []
+
+
+def test_another_lever_arm_is_no_disagreement(telemetry):
+    moved = replace(telemetry.driving, position=telemetry.driving.position + np.array([0.5, -0.5, 0.5]))
+    assert disagreements(moved, telemetry.checking[0], END, PROBABILITY) == []
+
+
+@pytest.mark.parametrize("rover", ["mer_a", "mer_b"])
+def test_the_imus_of_the_rovers_agree(rover):
+    rovers = read_telemetry(Mission.load(f"builtin:{rover}"))
+    end = rovers.events["parachute_deploy"] - 1.0
+    for pair in ((rovers.driving, rovers.checking[0]), (rovers.checking[0], rovers.driving)):
+        assert disagreements(*pair, end, PROBABILITY) == []
+
+
+def test_noise_that_is_stated_too_small_by_half_is_no_disagreement(telemetry):
+    records = [
+        replace(r, rate_noise=0.5 * r.rate_noise, shared_rate_noise=0.5 * r.shared_rate_noise)
+        for r in (telemetry.driving, telemetry.checking[0])
+    ]
+    assert disagreements(*records, END, PROBABILITY) == []
+
+
+@pytest.mark.parametrize("at_fault", [0, 1])
+@pytest.mark.parametrize(
+    ("key", "change", "end"),
+    [(RATE, noise(6e-4), 130.0), (FORCE, noise(1.0), 130.0), (FORCE, lambda v: 1.01 * v, np.inf)],
+    ids=["noise of the rates", "noise of the forces", "step of the scale"],
+)
+def test_the_imu_with_an_independent_error_is_found(key, change, end, at_fault, telemetry):
+    records = [telemetry.driving, telemetry.checking[0]]
+    records[at_fault] = with_change(records[at_fault], key, change, 120.0, end)
+    findings = disagreements(*records, END, PROBABILITY)
+    evidence = list(independent_error(*records, findings, END).values())
+    assert evidence[at_fault] > 30.0 and evidence[1 - at_fault] == 0.0
+
+
+@pytest.mark.parametrize("at_fault", [0, 1])
+def test_an_imu_that_is_smoother_than_the_motion_is_not_taken_for_the_sound_one(at_fault, telemetry):
+    # an IMU that does not measure the motion any more: the difference is the motion of the other one
+    records = [telemetry.driving, telemetry.checking[0]]
+    records[at_fault] = with_change(records[at_fault], RATE, lambda v: 0.0 * v, 120.0, 140.0)
+    findings = [f for f in disagreements(*records, END, PROBABILITY) if f.channel == "rate"]
+    evidence = list(independent_error(*records, findings, END).values())
+    assert findings and evidence[1 - at_fault] == 0.0
+
+
+def test_a_disagreement_is_named_and_not_repaired_before_the_imu_at_fault_is_known(telemetry):
+    driving = with_change(telemetry.driving, RATE, FAULTS["sign of a rate axis"][1], 120.0)
+    outcome = repaired(replace(telemetry, driving=driving), parachute=PARACHUTE)
+    assert {(f.kind, f.repair) for f in outcome.findings} == {("disagreement", UNDECIDED)}
+    np.testing.assert_array_equal(outcome.driving.angular_rate, driving.angular_rate)
+
+
+def test_samples_of_the_imu_at_fault_are_filled_from_the_other_one_with_its_constant_error(telemetry):
+    bias = np.array([0.0, 0.01, 0.0])
+    driving = with_change(telemetry.driving, FORCE, lambda v: v + bias)
+    driving = with_change(driving, FORCE, lambda v: 1.1 * v, 150.0, 170.0)
+    outcome = repaired(replace(telemetry, driving=driving), parachute=PARACHUTE)
+    filled = without_samples(outcome, "primary", {"force": [(147.0, 173.0)]}, parachute=PARACHUTE)
+    assert {(f.imu, f.kind, f.repair) for f in filled.findings} == {
+        ("primary", "disagreement", "filled from secondary")
+    }
+    assert filled.as_read.driving is driving
+    rows = (driving.time > 150.0) & (driving.time <= 170.0)
+    error = (filled.driving.specific_force - telemetry.driving.specific_force - bias)[rows]
+    assert np.all(np.abs(error.mean(axis=0)) < 2e-3)
