@@ -130,6 +130,7 @@ def check_record(
     """
     if not mission.filter.sanity_check:
         return telemetry
+    given = telemetry
     if undecided(telemetry):
         run = first_run(mission, telemetry, planet, atmosphere, mission.active_effects())
         telemetry, problem = run.telemetry, run.problem
@@ -137,9 +138,11 @@ def check_record(
     if violation is None:
         return telemetry
     cause = violation.cause or _whole_record(mission, telemetry, planet, atmosphere)
-    if cause is None:
-        causes = rank_causes(mission, telemetry, planet, atmosphere, mission.active_effects())
-        cause = causes[0].sentence if causes and causes[0].consistent else None
+    # wrong axes that both IMUs share make them disagree, and replacing samples of one of them is no repair
+    for records in (telemetry, given) if telemetry is not given else (telemetry,):
+        if cause is None:
+            causes = rank_causes(mission, records, planet, atmosphere, mission.active_effects())
+            cause = causes[0].sentence if causes and causes[0].consistent else None
     advice = f"Likeliest cause: {cause}." if cause else "'filter.sanity_check: false' turns this check off."
     raise InputError(f"{violation.finding} {advice}")
 

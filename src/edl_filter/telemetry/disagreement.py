@@ -19,7 +19,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.ndimage import maximum_filter1d, median_filter, minimum_filter1d
-from scipy.stats import chi2
+from scipy.special import chdtri
 
 from edl_filter.estimation.interpolating_spline import InterpolatingSpline
 from edl_filter.imu_model.lever_arm import EDGE_REACH, edge_values, edge_weights, lever_arm_acceleration
@@ -37,8 +37,6 @@ _STARTS = 4
 _CONSENSUS, _DELAY = 10, 3
 #: Largest delay that is a constant error, s: that of the catalogue of effects.
 _LARGEST_DELAY = 2.0
-#: Median of the chi-square distribution with three degrees of freedom.
-_MEDIAN = float(chi2.ppf(0.5, 3))
 #: Fewest samples of a regression on the difference; distance of its slope from 0 or 1, in sigmas and because constant
 #: errors are part of the difference, that is still one of them; ratio of mean squares by which an IMU is much smoother.
 _FEWEST, _SIGMAS, _SLOPE, _SMOOTHER = 20, 3.0, 0.1, 4.0
@@ -367,4 +365,4 @@ def _limit(probability: float, record: ImuRecord, time: Array) -> float:
     The samples of a window may be correlated, at worst completely: then the median is one of them.
     """
     windows = max(1.0, len(time) / _samples(record))
-    return float(chi2.isf(probability / windows, 3))
+    return float(chdtri(3, probability / windows))
