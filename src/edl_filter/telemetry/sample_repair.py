@@ -229,12 +229,12 @@ def _disagreements(
     """Disagreements of the first two IMUs; a drift of their clocks that was named and not corrected is none."""
     if len(records) < 2:
         return []
-    found = disagreements(records[0], records[1], end, settings.false_alarm_probability)
-    if found and any(f.kind == "clock_drift" and "not corrected" in f.repair for f in drifts):
+    remaining = disagreements(records[0], records[1], end, settings.false_alarm_probability)
+    if remaining and any(f.kind == "clock_drift" and "not corrected" in f.repair for f in drifts):
         steady = without_relative_drift(records[0], records[1], end)
-        other = disagreements(steady, records[1], end, settings.false_alarm_probability)
-        found = min(found, other, key=lambda option: sum(f.samples for f in option))
-    return [with_repair(f, UNDECIDED) for f in found]
+        corrected = disagreements(steady, records[1], end, settings.false_alarm_probability)
+        remaining = min(remaining, corrected, key=lambda option: sum(f.samples for f in option))
+    return [with_repair(f, UNDECIDED) for f in remaining]
 
 
 def _driven_by_the_finer(
