@@ -15,7 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from itertools import permutations, product
+from itertools import permutations
 from typing import cast
 
 import h5py
@@ -24,19 +24,16 @@ import numpy as np
 from edl_filter import rotations
 from edl_filter.effects.base import EffectInstance
 from edl_filter.errors import InputError
-from edl_filter.imu_model.lever_arm import lever_arm_acceleration
 from edl_filter.mission import Mission
 from edl_filter.mission.measurements import FlightFileConfig
 from edl_filter.navigation.constraints import Altimeter, Constraint
 from edl_filter.navigation.filter import Problem, run_filter
 from edl_filter.navigation.recovery import Cause as Addition
 from edl_filter.navigation.recovery import Recovery, log_likelihood, used_once
-from edl_filter.pipeline.load import event_times
-from edl_filter.pipeline.plausibility import FORCE_UNITS, RATE_UNITS
 from edl_filter.pipeline.reconstruct import assemble
 from edl_filter.planet import Planet
 from edl_filter.planet.atmosphere import Atmosphere
-from edl_filter.telemetry.record import ImuRecord, Telemetry, finite_rows
+from edl_filter.telemetry.record import Telemetry
 from edl_filter.types import Array
 
 #: Altimeter readings and longest interval (s) of the short run.
@@ -46,14 +43,6 @@ SHIFTS = (-10.0, -5.0, -2.0, -1.0, -0.5, 0.5, 1.0, 2.0, 5.0, 10.0)
 #: Penalty of a number that a hypothesis estimates, nats: ½ ln of about 30 components.
 PENALTY = 1.7
 AXES = ("x", "y", "z")
-#: A change of a whole record explains its difference from another IMU if it leaves less than this part of it, in this
-#: share of the samples. Smaller differences than this part of the readings are no matter of axes or units.
-EXPLAINED, WHOLE, DIFFERENT = 0.15, 0.95, 0.05
-#: Sigmas of one reading beyond which it has moved.
-SIGNIFICANT = 10.0
-#: Time before the parachute from which readings are not compared: the mortar's recoil, s.
-_SHOCK = 1.0
-SENSORS = {"specific_force": "accelerometers", "angular_rate": "gyros"}
 FOOT, GRAVITY = 0.3048, 9.80665
 #: Factor by which the sigmas of a measurement are multiplied that may be wrong.
 WRONG_SIGMA = 1e3
@@ -159,114 +148,6 @@ def rank_causes(
     return sorted(causes, key=lambda c: (not c.consistent, -c.gain))
 
 
-def record_cause(mission: Mission, telemetry: Telemetry, sound: Telemetry) -> str | None:
-    """What is wrong with the whole record of an IMU at fault: other axes, signs or units, by a sound IMU's readings.
-
-    Parameters
-    ----------
-    mission : Mission
-        Its events.
-    telemetry : Telemetry
-        Of both IMUs.
-    sound : Telemetry
-        Of the IMU that is not at fault.
-
-    Returns
-    -------
-    str or None
-        As words; None where no such change of the whole record explains the difference of the two.
-    """
-    original = telemetry if telemetry.as_read is None else telemetry.as_read
-    reference = sound.driving
-    record = next((r for r in (original.driving, *original.checking) if r.name != reference.name), None)
-    if record is None:
-        return None
-    end = event_times(mission, telemetry).get("parachute_deploy", np.inf) - _SHOCK
-    noise = {
-        "specific_force": float(np.median(record.force_noise)),
-        "angular_rate": float(np.median(record.rate_noise)),
-    }
-    readings, pairs, size = {}, {}, {}
-    moved = _moved_to(reference, record)
-    for quantity in ("specific_force", "angular_rate"):
-        own, other = _common(record, moved, quantity, end)
-        if not len(own):
-            return None
-        readings[quantity], size[quantity] = (own, other), _typical(own - other)
-        if size[quantity] > DIFFERENT * max(_typical(own), _typical(other)):
-            pairs[quantity] = own, other
-    best, sentence = EXPLAINED, None
-    for changes, text in _changes_of_axes(mission, record.name):
-        share = {q: _typical(own @ changes.T - other) / size[q] for q, (own, other) in readings.items()}
-        largest = max((share[q] for q in pairs), default=np.inf)
-        if any(_worse(own, changes, other, noise[q]) > 1.0 - WHOLE for q, (own, other) in pairs.items()):
-            continue  # it explains a part of the flight
-        if largest < best:
-            affected = " and ".join(SENSORS[q] for q in readings if share[q] < 1.0)
-            best, sentence = largest, f"{text} in the {affected} of IMU {record.name}"
-    for quantity, (own, other) in pairs.items():
-        words = quantity.replace("_", " ")
-        for unit, value in (FORCE_UNITS if quantity == "specific_force" else RATE_UNITS).items():
-            left = _typical(own * value - other) / size[quantity]
-            if left < best and len(pairs) == 1:
-                best, sentence = left, f"units, the {words} of IMU {record.name} is in {unit}"
-    return sentence
-
-
-def _moved_to(reference: ImuRecord, record: ImuRecord) -> ImuRecord:
-    """The reference with its forces at the place of another record, as both state their places."""
-    rate = np.nan_to_num(reference.angular_rate)
-    offset = record.position[record.index_at(reference.time)] - reference.position
-    force = reference.specific_force + lever_arm_acceleration(reference.interval, rate, offset, reference.unit)
-    return replace(reference, specific_force=force)
-
-
-def _worse(own: Array, change: Array, other: Array, noise: float) -> float:
-    """Share of the readings (N, 3) that a change (3, 3) takes farther from those of another IMU, beyond their noise."""
-    before, after = (np.linalg.norm(values - other, axis=1) for values in (own, own @ change.T))
-    return float(np.mean(after > before + SIGNIFICANT * noise))
-
-
-def _common(record: ImuRecord, reference: ImuRecord, quantity: str, end: float) -> tuple[Array, Array]:
-    """Readings of a record and those of another one at its times, ``(N, 3)`` each, up to `end` (s)."""
-    values, others = getattr(record, quantity), getattr(reference, quantity)
-    known = finite_rows(others)
-    used = finite_rows(values) & (record.time <= min(end, reference.time[-1])) & (record.time >= reference.time[0])
-    if known.sum() < 2:
-        return np.zeros((0, 3)), np.zeros((0, 3))
-    return values[used], np.column_stack([
-        np.interp(record.time[used], reference.time[known], column) for column in others[known].T
-    ])  # fmt: skip
-
-
-def _typical(values: Array) -> float:
-    """Length that `WHOLE` of the rows (N, 3) do not exceed."""
-    return float(np.quantile(np.linalg.norm(values, axis=1), WHOLE))
-
-
-def _changes_of_axes(mission: Mission, name: str) -> Iterator[tuple[Array, str]]:
-    """Matrices (3, 3) that repair exchanged axes and wrong signs of an IMU, in body axes, and what they repair."""
-    mounting = _imu_axes(mission, name)
-    frames = [(" of the body", np.eye(3))]
-    if mounting is not None:
-        frames.insert(0, (" of the IMU", mounting))
-    for frame, axes in frames:
-        for order in permutations(range(3)):
-            for signs in product((1, -1), repeat=3):
-                matrix = np.diag(signs) @ np.eye(3)[list(order)]
-                if np.array_equal(matrix, np.eye(3)):
-                    continue
-                exchanged = [AXES[k] for k in range(3) if order[k] != k]
-                text = []
-                if exchanged:
-                    text.append(
-                        f"{' and '.join(exchanged)} exchanged" if len(exchanged) == 2 else "axes in another order"
-                    )
-                if min(signs) < 0:
-                    text.append(f"sign of {' and '.join(AXES[k] for k in range(3) if signs[k] < 0)}")
-                yield axes @ matrix @ axes.T, f"axes{frame}, {' and '.join(text)}"
-
-
 def _evaluate(problem: Problem) -> tuple[float, bool]:
     """Log likelihood of the constraints in a short run, nats, and whether none of them is rejected."""
     altimeter = [c for c in problem.constraints if isinstance(c, Altimeter)]
@@ -299,7 +180,7 @@ def _hypotheses(mission: Mission, telemetry: Telemetry) -> Iterator[_Hypothesis]
         )
     identity = np.eye(3)
     frames = {"": identity}
-    mounting = _imu_axes(mission, telemetry.driving.name)
+    mounting = imu_axes(mission, telemetry.driving.name)
     if mounting is not None and not np.allclose(np.abs(mounting).max(axis=0), 1.0, atol=1e-3):
         frames = {" of the IMU": mounting, " of the body": identity}
     for frame, axes in frames.items():
@@ -476,7 +357,7 @@ class _WithLargeSigma:
         return WRONG_SIGMA**2 * value if name == "noise" else value
 
 
-def _imu_axes(mission: Mission, name: str) -> Array | None:
+def imu_axes(mission: Mission, name: str) -> Array | None:
     """Matrix body_from_imu of an IMU in a flight file; None where there is none."""
     path = mission.telemetry_path()
     if not isinstance(mission.telemetry, FlightFileConfig) or path is None:

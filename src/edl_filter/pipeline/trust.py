@@ -25,11 +25,12 @@ from edl_filter.errors import InputError
 from edl_filter.mission import Mission
 from edl_filter.navigation.filter import Problem
 from edl_filter.navigation.recovery import Recovery, first_pass
-from edl_filter.pipeline.causes import Cause, rank_causes, record_cause
+from edl_filter.pipeline.causes import Cause, rank_causes
 from edl_filter.pipeline.ground_height import height_at_rest
 from edl_filter.pipeline.load import check_settings, event_times, read_atmosphere, read_telemetry
 from edl_filter.pipeline.plausibility import find_violation
 from edl_filter.pipeline.reconstruct import Reconstruction, assemble, first_run
+from edl_filter.pipeline.record_comparison import record_cause
 from edl_filter.pipeline.redundancy import Run, contradicting, undecided
 from edl_filter.planet import Planet
 from edl_filter.planet.atmosphere import Atmosphere

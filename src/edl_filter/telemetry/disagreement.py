@@ -159,12 +159,12 @@ def independent_error(
     for finding in findings:
         own, other = (pair.force, readings[0]) if finding.channel == "force" else (pair.rate, readings[1])
         values = [_interpolation_error(v) for v in (own, other)]
-        inside, beside = used & _within(reference.time, [finding]), used & _beside(reference, finding)
+        inside, adjoining = used & _within(reference.time, [finding]), used & _adjoining(reference, finding)
         slope, sigma = _slope(values[0][inside], (values[0] - values[1])[inside])
         at_fault = 0 if slope > 0.5 else 1
         sound = values[1 - at_fault]
         fits = abs(slope - (1 - at_fault)) <= max(_SIGMAS * sigma, _SLOPE)
-        if not fits or not beside.any() or _mean_square(sound[inside]) * _SMOOTHER < _mean_square(sound[beside]):
+        if not fits or not adjoining.any() or _mean_square(sound[inside]) * _SMOOTHER < _mean_square(sound[adjoining]):
             continue
         evidence[records[at_fault].name] += abs(slope - 0.5) / sigma**2
     return evidence
@@ -174,7 +174,7 @@ def _within(time: Array, findings: list[SampleFinding]) -> BoolArray:
     return np.any([(time > f.start) & (time <= f.end) for f in findings], axis=0)
 
 
-def _beside(record: ImuRecord, finding: SampleFinding) -> BoolArray:
+def _adjoining(record: ImuRecord, finding: SampleFinding) -> BoolArray:
     """Samples (N,) in two windows before and two after a stretch."""
     before = (record.time > finding.start - 2.0 * WINDOW) & (record.time <= finding.start)
     return before | ((record.time > finding.end) & (record.time <= finding.end + 2.0 * WINDOW))
