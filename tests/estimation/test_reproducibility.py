@@ -41,13 +41,30 @@ digest.update(white.tobytes())
 print(digest.hexdigest())
 """
 
+RECONSTRUCTION = """
+import hashlib
+import numpy as np
+from edl_filter import Mission
+from edl_filter.pipeline.reconstruct import reconstruct
+
+reconstruction = reconstruct(Mission.load("builtin:mer_a"), leave_one_out=True)
+digest = hashlib.sha256()
+for nodes in (reconstruction.filter_pass.nodes, reconstruction.smoothed.states):
+    for node in nodes:
+        state = getattr(node, "state", node)
+        digest.update(np.concatenate((state.nav, state.errors)).tobytes())
+digest.update(np.ascontiguousarray(reconstruction.smoothed.covariance).tobytes())
+print(digest.hexdigest())
+"""
+
 
 @pytest.mark.slow
-def test_the_first_run_which_compiles_has_the_same_bits_as_the_next_ones(tmp_path):
+@pytest.mark.parametrize("script", [KERNELS, RECONSTRUCTION], ids=["kernels", "reconstruction of Spirit"])
+def test_the_first_run_which_compiles_has_the_same_bits_as_the_next_ones(tmp_path, script):
     environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path / "cache"), "OPENBLAS_NUM_THREADS": "1"}
     digests = [
         subprocess.run(
-            [sys.executable, "-c", KERNELS], env=environment, capture_output=True, text=True, check=True
+            [sys.executable, "-c", script], env=environment, capture_output=True, text=True, check=True
         ).stdout
         for _ in range(3)
     ]

@@ -11,15 +11,17 @@ a block of `LANES` sigma points are adjacent in one flat array, so that every di
 at compile time: the compiler needs no aliasing checks and runs the inner loop in vector registers. There is no
 branch and no allocation in the loops.
 
-The loops are put in line into `propagate`: with `FAST`, a function of its own would be compiled twice, by itself and
-within its caller, with different roundings, and the first run, which compiles, would differ from all later ones.
+`FAST` has no reassociation. A kernel is optimised by itself and again within a kernel that calls it; each optimisation
+may associate sums anew, and which of the two codes a process executes depends on whether it compiles or reads the
+cache. Contraction (fused multiply-add) and reciprocals do not depend on this, so that the run that compiles has the
+same bits as all later ones. The loops are put in line into `propagate`.
 """
 
 import numpy as np
 from numba import njit
 
 LANES = 16  # sigma points in a block; their number is padded to a multiple of this
-FAST = {"contract", "reassoc", "arcp", "nsz"}
+FAST = {"contract", "arcp", "nsz"}
 ROWS = 28  # of a block: 10 of the state, 12 of the force map, 6 of the rate map
 
 
