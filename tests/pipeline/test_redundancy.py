@@ -8,7 +8,7 @@ import pytest
 from edl_filter.mission import Mission
 from edl_filter.pipeline.load import read_atmosphere, read_telemetry
 from edl_filter.pipeline.reconstruct import FlightInputs, assemble, reconstruct
-from edl_filter.pipeline.redundancy import undecided
+from edl_filter.pipeline.redundancy import _hypotheses, undecided
 from edl_filter.pipeline.trust import check_record, judge
 from edl_filter.telemetry.record import SampleFinding
 from edl_filter.telemetry.sample_repair import UNDECIDED, repaired
@@ -70,6 +70,29 @@ def test_the_samples_of_the_imu_at_fault_are_replaced(at_fault, changes, end, fl
     state, sigma = result.smoothed.states[node].nav[:6], np.sqrt(np.diag(result.smoothed.covariance[node])[:6])
     other = int(np.argmin([abs(n.time - PARACHUTE) for n in practice_06.filter_pass.nodes]))
     assert np.all(np.abs(state - practice_06.smoothed.states[other].nav[:6]) < 3.0 * sigma)
+
+
+def finding(triad, start, end):
+    return SampleFinding("primary", triad, start, end, 1, "disagreement")
+
+
+def test_a_fault_that_begins_in_both_triads_ends_with_the_later_one():
+    inside, outside = _hypotheses([finding("force", 176.0, 206.0), finding("rate", 177.0, 252.0)], 0.0, PARACHUTE)
+    assert inside == {"force": [(176.0, np.inf)], "rate": [(177.0, np.inf)]}
+    assert outside == {"force": [(-np.inf, 181.0)], "rate": [(-np.inf, 182.0)]}
+
+
+def test_faults_of_different_times_keep_their_ends():
+    findings = [finding("force", 100.0, 130.0), finding("rate", 150.0, 160.0)]
+    inside, _, onwards = _hypotheses(findings, 0.0, PARACHUTE)
+    assert inside == {"force": [(100.0, 130.0)], "rate": [(150.0, 160.0)]}
+    assert onwards == {"force": [(100.0, np.inf)], "rate": [(150.0, np.inf)]}
+
+
+def test_stretches_that_a_common_end_makes_overlap_are_joined():
+    findings = [finding("force", 100.0, 110.0), finding("force", 130.0, 140.0), finding("rate", 101.0, 150.0)]
+    inside, *_ = _hypotheses(findings, 0.0, PARACHUTE)
+    assert inside == {"force": [(100.0, 150.0)], "rate": [(101.0, 150.0)]}
 
 
 @pytest.mark.parametrize(

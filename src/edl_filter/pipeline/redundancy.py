@@ -181,14 +181,16 @@ def _hypotheses(findings: list[SampleFinding], begin: float, parachute: float) -
     """Stretches of each triad that may be wrong: the disagreement, all but it, all from its begin on.
 
     IMUs are compared from the begin of both records (s) to the parachute. One that is at fault until then is taken to
-    be so to the end of the record. A fault begins or ends somewhere in the last window of a disagreement: both
-    hypotheses take it for lost.
+    be so to the end of the record. Stretches of both triads that begin within one window are one fault of the packets,
+    which ends with the later of the two: where force or rate changes slowly, late readings show in the other triad
+    only. A fault begins or ends somewhere in the last window of a disagreement: both hypotheses take it for lost.
     """
     inside: dict[str, list[tuple[float, float]]] = {}
     for finding in findings:
         end = np.inf if finding.end > parachute - _COMPARED else finding.end
         start = -np.inf if finding.start < begin + WINDOW else finding.start
         inside.setdefault(finding.channel, []).append((start, end))
+    inside = _with_common_ends(inside)
     onwards = {triad: [(min(a for a, _ in stretches), np.inf)] for triad, stretches in inside.items()}
     outside = {}
     for triad, stretches in inside.items():
@@ -197,6 +199,22 @@ def _hypotheses(findings: list[SampleFinding], begin: float, parachute: float) -
         outside[triad] = [(a - WINDOW, b + WINDOW) for a, b in pairs if a < b]
     complete = all(outside.values())  # else nothing is kept, as with the stretches themselves
     return [inside, *([outside] if complete else []), *([onwards] if onwards != inside else [])]
+
+
+def _with_common_ends(stretches: Stretches) -> dict[str, list[tuple[float, float]]]:
+    """Stretches of each triad; those that begin within one window of one of another triad end with the later one."""
+    all_stretches = [stretch for triad in stretches.values() for stretch in triad]
+    common: dict[str, list[tuple[float, float]]] = {}
+    for triad, own in stretches.items():
+        disjoint: list[tuple[float, float]] = []
+        for start, end in sorted(own):
+            last = max([end, *(b for a, b in all_stretches if a == start or abs(a - start) <= WINDOW)])
+            if disjoint and start <= disjoint[-1][1]:
+                start, last = disjoint[-1][0], max(last, disjoint[-1][1])
+                disjoint.pop()
+            disjoint.append((start, last))
+        common[triad] = disjoint
+    return common
 
 
 def _with_samples_lost(first: Run, name: str, lost: Stretches, checks: Checks) -> Telemetry:
