@@ -114,9 +114,9 @@ def compare(label: str, name: str, changes: list[str]) -> list[Row]:
 def section(title: str, text: str, rows: list[Row]) -> Section:
     """Section of one flight."""
     explanation = f"""
-The discrepancy field is that of the database's error ([](diagnosis.md)): `{FIELD}` or `{NO_FIELD}`. A refit has one
-starting place and no ranking, no held-out score and no residual map. Each computation was measured once, in a process
-of its own.
+The discrepancy field is that of the database's error ([](diagnosis.md)): it is on with `{FIELD}` and
+off with `{NO_FIELD}`. A refit has one starting point and no ranking, no held-out score and no residual map. Each
+computation was measured once, in a process of its own.
 """
     return Section(title, f"{text}\n{explanation.strip()}", rows)
 

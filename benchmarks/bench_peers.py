@@ -161,16 +161,17 @@ def measure() -> list[Section]:
         filters, navigation = same_problem(), pyins()
     text = f"""
 dynamax and Stone Soup: {EPOCHS} epochs of one IMU sample and one position, 15 states, the same sigma points, process
-noise and prior. Their vector is the error about a fixed reference; ours moves its reference to the estimate, which
-differs in second order of the attitude error. dynamax runs in one jitted scan with float64 on the CPU, Stone Soup
-evaluates all sigma points in one numpy call.
+noise and prior. Their vector is the error about a fixed reference. This package moves its reference to the estimate;
+the two differ in second order of the attitude error. dynamax runs in one jitted scan with float64 on the CPU. Stone
+Soup evaluates all sigma points in one numpy call.
 
 pyins: {FLIGHT:g} s of 100 Hz over the Earth, 15 states, a position fix each second. pyins has the ellipsoid's normal
-gravity, the package point mass and J2, so that the answers differ by J4. Its result has the state after each sample,
-ours the state and covariance at each fix. BLAS has one thread. The package's samples contain more than increments:
-sculling and coning by a spline, and the noise of motion that the samples do not resolve, which is most of their time.
+gravity, this package a point mass and J2, so that the answers differ by J4. The result of pyins has the state after
+each sample, that of this package the state and covariance at each fix. BLAS has one thread. The samples of this package
+contain more than increments: sculling and coning by a spline, and the noise of motion that the samples do not resolve.
+These take most of the time of the samples.
 """
-    return [Section("Beside other packages", text, [*filters, *navigation, *geodesy()])]
+    return [Section("Comparison with other packages", text, [*filters, *navigation, *geodesy()])]
 
 
 if __name__ == "__main__":

@@ -154,11 +154,11 @@ def share_of_peak() -> Section:
     division, root = (rates["fma"] / rates[name] for name in ("division", "sqrt"))
     text = f"""
 One sigma point and sample takes {flops} floating-point operations ({listed}), counted by running
-`strapdown.step` on numbers that count. The peak is that of independent FMA in vector registers, two operations each,
-the most over registers of {widths} numbers. Of the compiled loop's arithmetic instructions {share_of_fma(code):.0f} %
-are FMA; the others do one operation where the peak counts two, and a division and a square root take as long as
-{division:.0f} and {root:.0f} FMA. The second line is the share that these instructions would reach if none of them ever
-waited for another one or for memory.
+`strapdown.step` on numbers that count their operations. The peak is that of independent fused multiply-adds (FMA) in
+vector registers, two operations each, the largest over registers of {widths} numbers. Of the compiled loop's arithmetic
+instructions {share_of_fma(code):.0f} % are FMA. Each other instruction does one operation in the time in which the peak
+counts two; a division and a square root take as long as {division:.0f} and {root:.0f} FMA. The second line is the share
+that these instructions would reach if none of them waited for another one or for memory.
 """
     rows = [
         Row(

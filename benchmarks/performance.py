@@ -39,11 +39,11 @@ PEERS = ("filterpy", "dynamax", "jax", "stonesoup", "python-ins", "pymap3d", "as
 
 INTRODUCTION = """# Performance
 
-This page is written by `make bench`. It states ratios of processor times that were measured in turn, in one process or,
-for commands, in one session. A ratio is that of the least times of several rounds; the range beside it is the central
-half of the rounds' ratios. Absolute times depend on the machine and are not stated. Where two programs solve the same
-problem, their answers are compared in the same run, and a benchmark whose answers differ by more than the stated
-tolerance fails.
+This page is written by `make bench`. It states ratios of processor times that were measured alternately, in one process
+or, for commands, in one session. A ratio is that of the shortest times of several rounds; the range in brackets is the
+central half of the ratios of all rounds. Absolute times depend on the machine and are not stated. If two programs solve
+the same problem, their answers are compared in the same run, and a benchmark whose answers differ by more than the
+stated tolerance fails.
 """
 
 

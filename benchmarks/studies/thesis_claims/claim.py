@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-AGREES, DIFFERS, OPEN = "agrees", "differs", "cannot tell"
+AGREES, DIFFERS, OPEN = "agrees", "differs", "undecided"
 SPIRIT, OPPORTUNITY, BOTH = "Spirit", "Opportunity", "both"
 #: The thesis states times in steps of five seconds: "near 125 s" is 120 to 130 s.
 NEAR = 5.0
@@ -91,7 +91,7 @@ def undecided(text: str, why: str) -> Finding:
 def about(value: float, sigma: float, stated: float, tolerance: float, unit: str, why: Reason = "") -> Finding:
     """A stated number: agrees within its own "about", or within two sigma where zero is then excluded.
 
-    Where both the stated number and zero are within two sigma the flight cannot tell them apart.
+    Where both the stated number and zero are within two sigma the verdict is undecided.
     """
     miss = abs(value - stated)
     if miss <= tolerance:

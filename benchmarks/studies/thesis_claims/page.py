@@ -22,41 +22,46 @@ INTRODUCTION = """# The thesis, claim by claim
 <!-- Made by `make thesis-claims` from benchmarks/studies/thesis_claims.
 tests/flights/test_thesis_claims.py computes every row again and compares it. -->
 
-Every quantitative or qualitative statement on Spirit and Opportunity in the text of [the thesis](citations.md), and
-those of a few other publications, with what this project computes from the same telemetry. The figures of the thesis
-and the digits of most of its tables were not available. The Mach numbers, Knudsen numbers and temperatures of this
-page are those of the thesis's gas: CO2 alone, R = 188.92 J/(kg K), ratio of specific heats 1.3, hard spheres of
-4.64e-10 m. Sigmas are one sigma.
+This page has every quantitative or qualitative statement on Spirit and Opportunity in the text of
+[the thesis](citations.md), and those of a few other publications. The column *here* has the result of this project from
+the same telemetry. The figures of the thesis and the digits of most of its tables were not available ("lost"). The Mach
+numbers, Knudsen numbers and temperatures of this page are those of the thesis's gas: CO2 alone, R = 188.92 J/(kg K),
+ratio of specific heats 1.3, hard spheres of 4.64e-10 m. ± is one sigma.
 
-**Rule of the verdict.** A stated number *agrees* if the computed one is within its own "about", or within two
-combined sigma; if zero is within two sigma as well, the flight *cannot tell*. "About", "near" and "around" mean 5 s
-for times, the step of the thesis's times, and otherwise about one unit of the last digit, or what the last column
-says. A limit *differs* where the computed number exceeds it by more than two sigma; if it exceeds it by less, the
-flight cannot tell. A sign differs where the other sign is significant by two sigma, and is open within two sigma of
-zero. A qualitative statement is judged by the criterion in the last column. Where the number of the thesis is lost or
-the quantity is not in the data, the verdict is *cannot tell*. Statements on averages and magnitudes of coefficients
-are tested with the magnitude of the pair (CN, CY) or (Cm, Cn) where the sign follows the oscillation.
+**Rules of the verdict.**
+
+- A stated number *agrees* if the computed one is within the range of its "about", or within two combined sigma. If zero
+  is within two sigma as well, the statement is *undecided*. "About", "near" and "around" mean 5 s for times (the step
+  of the thesis's times), and otherwise about one unit of the last digit, unless the last column states another range.
+- A limit *differs* if the computed number exceeds it by more than two sigma; if it exceeds it by less, the statement is
+  undecided.
+- A sign differs if the other sign is significant by two sigma; within two sigma of zero the statement is undecided.
+- A qualitative statement is judged by the criterion in the last column.
+- If the number of the thesis is lost or the quantity is not in the data, the statement is undecided.
+
+The sign of a lateral coefficient follows the oscillation. Statements on averages and magnitudes are therefore tested
+with the magnitude of the pair (CN, CY) or (Cm, Cn).
 
 """
 
 PHOENIX = """## Phoenix
 
-No statement on Phoenix is checked: its telemetry is not at hand. Ready are
+No statement on Phoenix is checked, because its telemetry is not available. The package has these parts for it:
 
-- the mission `missions/phoenix.yaml`, with what is known of the flight and the source of each number. It loads and
+- the mission `missions/phoenix.yaml`, with the known numbers of the flight and the source of each. It loads and
   validates; a run stops with a message that names the missing product;
-- the path for fine sampling: `tests/flights/test_archive_form.py` simulates a flight of the Phoenix-like vehicle at
-  200 Hz, writes it as a plain log (CSV, increments, microseconds), converts the log to the neutral flight file and
+- the processing of fine sampling: `tests/flights/test_archive_form.py` simulates a flight of the Phoenix-like vehicle
+  at 200 Hz, writes it as a plain log (CSV, increments, microseconds), converts the log to a flight file and
   reconstructs it;
 - the thesis's filters: low-pass of 15 and 17 Hz, second order over 901 points (`telemetry/smoothing.py`).
 
-A reader of the archive's own form does not exist, because that form is not public here. The form of the rovers'
-archive is known: the same tests write a simulated flight in it (TRANSFORMED and HIGHRATE in PDS3 text with labels,
-with the archive's repeated rows, gap, register resets and columns of a unit that is off) and reconstruct it through
-the rovers' reader. For Phoenix the interface document of the product would have to tell:
+There is no reader of the format of Phoenix's archive, because no description of this format was available. The format
+of the rovers' archive is known: the same tests write a simulated flight in it (TRANSFORMED and HIGHRATE in PDS3 text
+with labels, with the archive's repeated rows, gap, register resets and the columns of an IMU that is switched off) and
+reconstruct it through the rovers' reader. A reader for Phoenix needs the interface document of the product, with
 
 - names, order, types and units of the columns; increments or rates, and which end of the interval a row's time is;
-- how missing and repeated rows are marked, and which events (resets, changes of rate) the product contains;
+- the marks of missing and repeated rows, and the events (resets, changes of rate) that the product contains;
 - the relation of the spacecraft clock to UTC;
 - the transformation from IMU to cruise axes, with the correction to its preliminary matrix that the archive mentions,
   and the cruise axes in body axes;
@@ -82,7 +87,7 @@ def markdown(rows: Mapping[Claim, Finding]) -> str:
 
 def summary(rows: Mapping[Claim, Finding]) -> str:
     """Number of verdicts by rover."""
-    lines = ["| | agrees | differs | cannot tell |\n|---|---|---|---|\n"]
+    lines = ["| | agrees | differs | undecided |\n|---|---|---|---|\n"]
     for rover in (SPIRIT, OPPORTUNITY, BOTH):
         verdicts = [f.verdict for c, f in rows.items() if c.rover == rover]
         lines.append(f"| {rover} | " + " | ".join(str(verdicts.count(v)) for v in (AGREES, DIFFERS, OPEN)) + " |\n")
