@@ -86,7 +86,7 @@ class Diagnosis:
 
     @cached_property
     def state(self) -> tuple[str, ...]:
-        """How much fails, the verdict, how much the leader mends, and what qualifies that: one sentence each."""
+        """How much fails, the verdict, what the leading effect reduces, and what qualifies that: one sentence each."""
         return state_sentences(self.cells, self.verdict, self.errors, self.database_proxy)
 
     @property

@@ -1,4 +1,4 @@
-"""The state of a flight in sentences: how much fails, the verdict, how much the leader mends, and what qualifies it."""
+"""The state of a flight in sentences: how much fails, the verdict, what the leading effect reduces, and qualifications."""
 
 from __future__ import annotations
 
@@ -82,7 +82,7 @@ def _count_sentence(cells: Sequence[Cell], failing: Sequence[Cell]) -> str:
 
 
 def _leader_sentence(entry: Entry, errors: Mapping[str, float], named: bool) -> str:
-    """What an effect mends; one that is not named may mend nothing, and is compared with the others."""
+    """What an effect reduces; one that is not named may reduce nothing, and is compared with the others."""
     h = entry.hypothesis
     after, improvement = hypothesis_rms(h), improvement_with(h)
     channel = most_reduced_channel(h, dict(errors), after)

@@ -86,7 +86,7 @@ class Run:
 
     @property
     def consistent(self) -> bool:
-        """Whether no measurement contradicts it and its path settled."""
+        """Whether no measurement contradicts it and its path converged."""
         diverged = contradiction(self.filter_pass) is not None
         return not contradicting(self.filter_pass) and not diverged and self.filter_pass.converged
 

@@ -5,8 +5,8 @@ rejected: they are independent of the IMU and none of them is rejected by chance
 either if
 
 - its state contradicted its measurements and no lost samples explain that (`navigation.recovery`);
-- the attitude after lost samples is not known at all, or the path about which the flight is linearised does not settle
-  (`navigation.iterated`);
+- the attitude after lost samples is not known at all, or the path about which the flight is linearised does not
+  converge (`navigation.iterated`);
 - most of the parachute's inflation is among lost samples that no other IMU covers: neither side of them shows its
   force;
 - two IMUs disagree and it is not known which one is at fault (`redundancy`);

@@ -243,11 +243,11 @@ def _interpolation_sigma(interval: Array, rate: Array) -> Array:
 
 def _consensus(pair: _Pair, triad: str, delay: float, probability: float) -> tuple[BoolArray, float]:
     """Samples (N,) with a significant parity, by the regression with which the fewest have one, and its delay, s."""
-    best = _settled(pair, triad, pair.usable, delay, probability)
+    best = _iterated_consensus(pair, triad, pair.usable, delay, probability)
     if not best[0].any():
         return best
     for rows in _starts(pair.usable):
-        significant, other_delay = _settled(pair, triad, rows, delay, probability)
+        significant, other_delay = _iterated_consensus(pair, triad, rows, delay, probability)
         if np.count_nonzero(significant) < np.count_nonzero(best[0]):
             best = significant, other_delay
     return best
@@ -261,7 +261,9 @@ def _starts(usable: BoolArray) -> Iterator[BoolArray]:
         yield selected
 
 
-def _settled(pair: _Pair, triad: str, rows: BoolArray, delay: float, probability: float) -> tuple[BoolArray, float]:
+def _iterated_consensus(
+    pair: _Pair, triad: str, rows: BoolArray, delay: float, probability: float
+) -> tuple[BoolArray, float]:
     """Samples (N,) that disagree with a regression on the others, beginning with some rows (N,), and its delay, s."""
     significant = np.zeros(len(rows), bool)
     for iteration in range(_CONSENSUS):

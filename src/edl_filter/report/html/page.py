@@ -171,7 +171,7 @@ class Verdict:
     sentence : str
         How much fails, and the verdict.
     more : list of str
-        What the leader mends, effects in the model, the remainder, and why an improvement ended.
+        What the leader reduces, effects in the model, the remainder, and why an improvement ended.
     warnings : list of str
         Reasons not to trust the result, above all else.
     next : NextStep
