@@ -1,4 +1,4 @@
-"""The state of a flight in sentences: how much fails, the verdict, what the leading effect reduces, and qualifications."""
+"""The state of a flight in sentences: how much fails, the verdict, what the leading effect reduces; qualifications."""
 
 from __future__ import annotations
 

@@ -187,8 +187,8 @@ class DiagnosisContent(Content):
     verdict: Literal["clean", "missing", "undecided", "unknown"] = key("verdict")
     sentence: str = key("the verdict as text")
     state: tuple[str, ...] = key(
-        "the state of the flight, one sentence each: how much fails, the verdict, what the leading effect reduces, why a "
-        "clean flight has a large normalised RMS, and whether the database is a proxy"
+        "the state of the flight, one sentence each: how much fails, the verdict, what the leading effect reduces, why "
+        "a clean flight has a large normalised RMS, and whether the database is a proxy"
     )
     database_proxy: str | None = key("for what the aerodynamic database is a proxy; null: it is the vehicle's own")
     mission: str = key("name of the mission")
