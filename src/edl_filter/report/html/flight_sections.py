@@ -131,8 +131,8 @@ def coefficients(reader: ResultReader) -> Section:
     blocks: list[Block] = [
         Note(
             "Blue band: three sigmas that the database publishes, which the post-flight comparison uses. Orange band: "
-            "one sigma of the flight's value. Shaded times: the vehicle is statically unstable there. Moments are about "
-            "the centre of mass. A band may leave the plot where the flight says little; no curve does.",
+            "one sigma of the flight's value. Shaded times: the vehicle is statically unstable there. Moments are "
+            "about the centre of mass. A band may leave the plot where the flight says little; no curve does.",
             "muted",
         ),
         Grid([Plot.of_panel(panel, _COEFFICIENT_HEIGHT, _SMALL_BINS) for panel in panels]),
