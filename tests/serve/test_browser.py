@@ -68,8 +68,8 @@ def assert_reconstruction(page):
     labels = page.locator("#trajectory .annotation").evaluate_all(
         "(all) => all.map((a) => a.getBoundingClientRect()).map((box) => [box.left, box.right, box.bottom])"
     )
-    frame = page.locator("#trajectory .bglayer, #trajectory .plot").first.bounding_box()
-    assert len(labels) >= 3 and all(bottom <= frame["y"] + 2.0 for *_, bottom in labels)  # above the curves
+    top = page.locator("#trajectory").evaluate("(p) => p.getBoundingClientRect().top + p._fullLayout._size.t")
+    assert len(labels) >= 3 and all(bottom <= top + 2.0 for *_, bottom in labels)  # above the curves
     for (_, right, _), (left, *_) in pairwise(sorted(labels)):
         assert left > right - 4.0
     assert page.get_attribute("#report", "href").startswith("report?path=")
