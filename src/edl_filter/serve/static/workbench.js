@@ -239,7 +239,7 @@ function verdictView(result) {
   // as the report and the terminal: how much fails comes first, with the verdict
   const headline = plain(diagnosis.state.slice(0, 2).join(" ") || diagnosis.sentence);
   const state = [...diagnosis.state.slice(2).map(plain), ...floor].map((sentence) => make("p", {}, sentence));
-  const remainder = diagnosis.remainder ? make("p", {}, `Unexplained remainder: ${plain(diagnosis.remainder.description)}`) : null;
+  const remainder = diagnosis.remainder ? make("p", {}, `What is left: ${plain(diagnosis.remainder.description)}`) : null;
   const failed = Object.values(diagnosis.failed || {}).map((reason) => make("p", { class: "secondary" }, `Excluded: ${reason}`));
   return make("div", { class: `verdict ${diagnosis.verdict}`, id: "verdict", "data-verdict": diagnosis.verdict },
     make("strong", {}, headline), ...state, remainder, ...failed, nextView(result));
