@@ -25,8 +25,8 @@ def verdict(name, sentence, entries=()):
 
 @pytest.fixture(autouse=True)
 def leader(monkeypatch):
-    """The leader halves moment y and leaves one of three cells failing; its own model has one cell more."""
-    monkeypatch.setattr(state, "improvement_with", lambda h: Improvement(4, 1))
+    """The leader halves moment y and leaves one of three cells failing."""
+    monkeypatch.setattr(state, "improvement_with", lambda h: Improvement(3, 1))
     monkeypatch.setattr(state, "hypothesis_rms", lambda h: {"moment_y": 4.5, "force_x": 1.0})
     monkeypatch.setattr(state, "most_reduced_channel", lambda h, before, after: "moment_y")
 
@@ -41,17 +41,23 @@ def test_the_first_sentence_says_how_much_fails_and_a_later_one_what_the_leader_
     assert sentences == (
         "2 of 3 cells of the residual map fail, worst moment y in Mach 15 to 5 at 12 sigmas.",
         "Missing: com_offset (gain 894 nats).",
-        "With it 1 of 4 cells still fail; over the flight moment y falls from 9 to 4.5 sigmas.",
+        "With it 1 of 3 cells still fail; over the flight moment y falls from 9 to 4.5 sigmas.",
     )
 
 
 def test_an_undecided_leader_is_named():
     sentences = state_sentences(CELLS, verdict("undecided", "Undecided: …", [ENTRY]), ERRORS, None)
-    assert sentences[2].startswith("With com_offset, the most probable effect, 1 of 4 cells still fail;")
+    assert sentences[2].startswith("With com_offset, the most probable effect, 1 of 3 cells still fail;")
+
+
+def test_a_map_with_another_number_of_cells_is_named(monkeypatch):
+    monkeypatch.setattr(state, "improvement_with", lambda h: Improvement(4, 3))
+    sentence = state_sentences(CELLS, verdict("missing", "Missing.", [ENTRY]), ERRORS, None)[2]
+    assert sentence.startswith("With it 3 of the 4 cells in the map of that model fail; over")
 
 
 def test_a_leader_that_leaves_nothing_is_said_to(monkeypatch):
-    monkeypatch.setattr(state, "improvement_with", lambda h: Improvement(4, 0))
+    monkeypatch.setattr(state, "improvement_with", lambda h: Improvement(3, 0))
     assert state_sentences(CELLS, verdict("missing", "Missing.", [ENTRY]), ERRORS, None)[2].startswith(
         "With it no cell"
     )
@@ -61,7 +67,7 @@ def test_a_leader_that_mends_nothing_is_said_to(monkeypatch):
     monkeypatch.setattr(state, "hypothesis_rms", lambda h: {"moment_y": 8.999, "force_x": 1.0})
     sentence = state_sentences(CELLS, verdict("unknown", "Something is missing.", [ENTRY]), ERRORS, None)[2]
     assert sentence == (
-        "With com_offset, the most probable effect, 1 of 4 cells still fail, and the error of no channel falls."
+        "With com_offset, the most probable effect, 1 of 3 cells still fail, and the error of no channel falls."
     )
 
 

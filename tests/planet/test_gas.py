@@ -112,6 +112,6 @@ def test_stated_constants():
 
 
 def test_descriptions_name_gas_constant_and_ratio():
-    assert Gas().description == "thesis: R 188.92 J/(kg K), γ 1.3 constant"
+    assert Gas().description == "carbon dioxide as in Thomas (2011): R 188.92 J/(kg K), γ 1.3 constant"
     assert "CO2 95.2 %" in NAMED_GASES["mars"].description
     assert "R 191.20 J/(kg K), γ 1.350 at 200 K and 1.293 at 300 K" in NAMED_GASES["mars"].description

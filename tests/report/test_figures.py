@@ -177,6 +177,15 @@ def test_maps_are_in_km_of_the_site(tree, panel):
     assert [tuple(line.get_xydata()[0]) for line in stars] == [(0.0, 0.0)]
 
 
+def test_a_vehicle_at_rest_has_no_flight_path_angle(tree):
+    path = tree["trajectory"].to_dataset()
+    angle = np.where(path["time"] < 90.0, -0.2, 1.0)  # of the wind once the vehicle is at rest
+    groups = {node.path: node.to_dataset() for node in tree.subtree}
+    at_rest = xr.DataTree.from_dict(groups | {"/trajectory": path.assign(flight_path_angle=("time", angle))})
+    (curve,) = trajectory.flight_path_angle(ResultReader.of(at_rest)).elements
+    assert curve.x.max() < EVENTS["landing"] and np.allclose(curve.y, np.degrees(-0.2))
+
+
 def test_landing_without_its_constraint(tree):
     estimate = landing_estimate(ResultReader.of(tree))
     np.testing.assert_allclose(estimate.position, estimate.site, atol=1e-3)

@@ -1,14 +1,16 @@
 """Number formats and labels."""
 
 import pytest
-from contents import diagnosis, screened
+from contents import diagnosis, hypothesis, screened
 
 from edl_filter.report.text import (
     below_interval,
     chance,
     constraint_verdict,
+    enumerated,
     event_label,
     information_text,
+    limited_probability_sentence,
     number,
     parameters_text,
     readable,
@@ -54,6 +56,25 @@ def test_parameters_of_models_and_of_plain_data_have_the_same_text():
 def test_components_over_their_sigmas():
     assert sigmas_text([1.0, -4.0, None], [2.0, 2.0, 1.0]) == "+0.5  -2.0  –"
     assert sigmas_text([1.0, -6.0, 0.0, 0.0], [2.0, 2.0, 0.0, float("inf")]) == "≤ 3.0"
+
+
+def test_enumerations():
+    assert [enumerated(names) for names in ((), ("a",), ("a", "b"), ("a", "b", "c"))] == [
+        "",
+        "a",
+        "a and b",
+        "a, b and c",
+    ]
+
+
+def test_why_something_else_is_more_probable_than_a_larger_gain():
+    def sentence(**changes):
+        something = diagnosis()["something_else"] | {"probability": 0.9, "score_gain": -768.0}
+        ranking = [hypothesis(**({"probability": 0.01, "explained_share": 0.011} | changes))]
+        return limited_probability_sentence(DiagnosisContent.of(diagnosis(something_else=something, ranking=ranking)))
+
+    assert "remnant_torque explains 1 % of the misfit" in sentence()
+    assert sentence(probability=0.95) == "" and sentence(gain=5.0) == "" and sentence(score_gain=5.0) == ""
 
 
 def test_events_have_short_labels():

@@ -4,6 +4,7 @@ import json
 import time
 
 import pytest
+from contents import unknown
 
 from edl_filter.report.html.bundle import with_bundle
 
@@ -47,6 +48,15 @@ def test_result_with_commands(client):
     assert result["adding"]["wind"][0].startswith("edl-filter add ")
     assert " com_offset --from " in result["adding"]["com_offset"][0]
     assert result["comparing"] == []
+    assert (result["next"], result["next_commands"]) == ("Next: add wind to the model and refit it", [])
+
+
+def test_an_unknown_flight_has_its_next_command(client, root):
+    path = root / "results/flight/diagnosis.json"
+    path.write_text(json.dumps(json.loads(path.read_text()) | unknown() | {"none_gain": -700.0}))
+    result = client.get("/api/result", params={"path": "results/flight"}).json()
+    assert result["next_commands"] == ["edl-filter diagnose results/flight --file my_effect.py"]
+    assert result["remarks"][0].startswith("“Nothing is missing” is excluded")
 
 
 def test_result_without_diagnosis(client, root):
@@ -62,11 +72,13 @@ def test_overview_of_a_reconstruction(client, root):
     for name, event in overview["events"].items():
         assert event["altitude_m"] == summary["events"][name]["altitude_m"]
     assert overview["events"].keys() == summary["events"].keys() >= {"parachute_deploy", "landing"}
-    assert overview["constraints"]["landing"] == {"uses": 1, "accepted_uses": 1, "accepted": True, "dof": 3} | {
-        "nis": summary["constraints"]["landing"]["nis"]
-    }
+    assert overview["constraints"]["landing"] == {"uses": 1, "accepted_uses": 1, "dof": 3} | {
+        "nis": summary["constraints"]["landing"]["nis"], "verdict": "✓ accepted", "tone": "good"
+    }  # fmt: skip
     trajectory = overview["trajectory"]
     assert len({len(values) for values in trajectory.values()}) == 1 and len(trajectory["time"]) <= 600
+    landing = summary["events"]["landing"]["time_s"]
+    assert landing < trajectory["time"][-1] < landing + 3.0  # not the rest on the ground
     assert trajectory["altitude"][0] == pytest.approx(summary["events"]["entry_interface"]["altitude_m"], rel=1e-3)
 
 

@@ -8,6 +8,7 @@ import re
 import signal
 import subprocess
 import sys
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
@@ -64,6 +65,13 @@ def assert_reconstruction(page):
     page.wait_for_selector("#trajectory .scatterlayer .trace >> nth=1")
     assert page.locator("#trajectory .legendtext").all_text_contents() == ["altitude", "velocity"]
     assert page.locator("#constraints tbody tr").count() >= 3
+    labels = page.locator("#trajectory .annotation").evaluate_all(
+        "(all) => all.map((a) => a.getBoundingClientRect()).map((box) => [box.left, box.right, box.bottom])"
+    )
+    top = page.locator("#trajectory").evaluate("(p) => p.getBoundingClientRect().top + p._fullLayout._size.t")
+    assert len(labels) >= 3 and all(bottom <= top + 2.0 for *_, bottom in labels)  # above the curves
+    for (_, right, _), (left, *_) in pairwise(sorted(labels)):
+        assert left > right - 4.0
     assert page.get_attribute("#report", "href").startswith("report?path=")
 
 
@@ -100,6 +108,13 @@ def test_from_the_first_run_to_the_noise_floor(page, folder):
     assert page.locator("#residual .legendtext").all_text_contents() == ["residual", "±1 sigma", "±2 sigma"]
     assert "rad/s²" in page.inner_text("#residual")
 
+    page.keyboard.press("ArrowUp")  # one tab stop: arrow keys move from cell to cell
+    assert page.evaluate("document.activeElement.dataset.channel") == "moment_x"
+    assert page.locator(".map button[tabindex='0']").count() == 1
+    assert "Next: add wind to the model and refit it." in page.inner_text("#verdict")
+    page.click("#next button")
+    assert page.evaluate("document.activeElement.id") == "add"
+
     hypothesis = page.locator('#hypotheses label[data-effect="wind"]')
     assert hypothesis.locator("input").is_checked()  # the leader
     assert page.is_enabled("#add") and page.inner_text("#add") == "Add wind and run"
@@ -112,6 +127,7 @@ def test_from_the_first_run_to_the_noise_floor(page, folder):
     page.click("#add")
 
     page.wait_for_selector("#verdict[data-verdict=clean]", timeout=1000 * TIMEOUT)
+    assert page.inner_text("#verdict strong").startswith("None of the 78 cells of the residual map fails.")
     assert "Noise floor reached" in page.inner_text("#verdict")
     ledger = {row.split("\t")[0]: row.split("\t")[1:] for row in page.inner_text("#ledger tbody").splitlines()}
     first, last, decrease = ledger["moment y"]
@@ -141,7 +157,7 @@ def test_improve_and_detectable_sizes_by_button(page, folder):
     page.click("#identifiability")
     page.wait_for_selector("#job[data-state=running]")
     assert page.is_disabled("#improve")
-    assert "Another job is running: Detectable sizes of builtin:practice_mer" in page.inner_text(".why[data-busy]")
+    assert "A job is running: Detectable sizes of builtin:practice_mer" in page.inner_text(".why[data-busy]")
     page.wait_for_selector("#study tbody tr", timeout=1000 * TIMEOUT)
     assert "remnant torque" in page.inner_text("#study")
     take_screenshots(page, "study")

@@ -59,7 +59,7 @@ def state_sentences(
     failing = failing_cells(list(cells))
     sentences = [_count_sentence(cells, failing), verdict.sentence]
     if verdict.entries and verdict.verdict != CLEAN and failing:
-        sentences.append(_leader_sentence(verdict.entries[0], errors, verdict.verdict == MISSING))
+        sentences.append(_leader_sentence(verdict.entries[0], errors, verdict.verdict == MISSING, len(cells)))
     if verdict.verdict == CLEAN:
         sentences += _reasons(cells, failing, verdict.required_gain)
     if proxy:
@@ -81,14 +81,19 @@ def _count_sentence(cells: Sequence[Cell], failing: Sequence[Cell]) -> str:
     )
 
 
-def _leader_sentence(entry: Entry, errors: Mapping[str, float], named: bool) -> str:
-    """What an effect reduces; one that is not named may reduce nothing, and is compared with the others."""
+def _leader_sentence(entry: Entry, errors: Mapping[str, float], named: bool, cells: int) -> str:
+    """What an effect reduces; one that is not named may reduce nothing, and is compared with the others.
+
+    The map about a reconstruction with the effect may compare more or less of the flight than the present `cells`.
+    """
     h = entry.hypothesis
     after, improvement = hypothesis_rms(h), improvement_with(h)
     channel = most_reduced_channel(h, dict(errors), after)
     remaining = "no cell fails"
     if improvement.failing:
         remaining = f"{improvement.failing} of {improvement.cells} cells still fail"
+        if improvement.cells != cells:
+            remaining = f"{improvement.failing} of the {improvement.cells} cells in the map of that model fail"
     subject = "With it" if named else f"With {h.label}, the most probable effect,"
     if f"{errors[channel]:.3g}" == f"{after[channel]:.3g}":
         return f"{subject} {remaining}, and the error of no channel falls."

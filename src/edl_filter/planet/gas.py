@@ -155,7 +155,8 @@ class Gas:
         parts = ", ".join(f"{name} {100.0 * share:.3g} %" for name, share in self.composition)
         low, high = self.heat_capacity_ratio([200.0, 300.0])
         ratio = f"γ {low:.3f} at 200 K and {high:.3f} at 300 K" if parts else f"γ {low:.4g} constant"
-        return f"{self.name}{f' ({parts})' if parts else ''}: R {self.constant:.2f} J/(kg K), {ratio}"
+        name = "carbon dioxide as in Thomas (2011)" if self.name == "thesis" else self.name
+        return f"{name}{f' ({parts})' if parts else ''}: R {self.constant:.2f} J/(kg K), {ratio}"
 
 
 def gas_of_constants(

@@ -34,7 +34,7 @@ def instrument_tables(summary: Summary) -> dict[str, list[tuple[str, ...]]]:
     tables: dict[str, list[tuple[str, ...]]] = {}
     bias = summary.pre_entry_bias_m_s2
     if bias is not None:
-        rows = [_row("slope of velocity (thesis, table 3.5), m/s²", bias.slope, bias.slope_sigma)]
+        rows = [_row("slope of velocity (as Thomas 2011, table 3.5), m/s²", bias.slope, bias.slope_sigma)]
         if bias.filter is not None and bias.filter_sigma is not None:
             rows.append(_row("estimate of the filter, m/s²", bias.filter, bias.filter_sigma))
         tables["Accelerometer bias before entry, body axes"] = rows
@@ -44,7 +44,7 @@ def instrument_tables(summary: Summary) -> dict[str, list[tuple[str, ...]]]:
         if comparison := summary.imu_comparison.get(name):
             fit = comparison.all
             slope = ("–", *map(with_sigma, fit.misalignment_deg, fit.misalignment_sigma_deg))
-            tables[title].append(("projection (thesis, table 3.6), deg", *slope, ""))
+            tables[title].append(("rotation by the axial force alone (as Thomas 2011, table 3.6), deg", *slope, ""))
     return tables
 
 

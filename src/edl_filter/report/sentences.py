@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 
-from edl_filter.report.text import number, with_sigma, words
+from edl_filter.report.text import enumerated, number, with_sigma, words
 from edl_filter.results.schema import Summary
 from edl_filter.results.schema.summary import (
     EffectParameter,
@@ -74,7 +74,7 @@ def warnings(summary: Summary) -> list[str]:
 
 def recovery_sentence(recovery: RecoverySummary) -> str:
     """The contradiction of state and measurements, and what removed it."""
-    names = " and ".join(words(name) for name in recovery.constraints)
+    names = enumerated([words(name) for name in recovery.constraints])
     sentence = f"At {recovery.time_s:.1f} s {names} contradicted the state of the filter"
     if recovery.cause == "gap":
         return (
@@ -172,9 +172,9 @@ def postflight_lines(postflight: PostflightSummary | None) -> list[str]:
     domain, instabilities = postflight.domain_s, postflight.instabilities_s
     named = {"first": instabilities.first, "second": instabilities.second}
     intervals = [f"{name} {_time(span[0])}-{_time(span[1])} s" for name, span in named.items() if span]
+    useful = "" if _time(domain.useful) == "–" else f" (forces from {_time(domain.useful)} s)"
     lines = [
-        f"Aerodynamics from {_time(domain.start)} s (forces from {_time(domain.useful)} s); instabilities: "
-        f"{', '.join(intervals) or 'none found'}."
+        f"Aerodynamics from {_time(domain.start)} s{useful}; instabilities: {', '.join(intervals) or 'none found'}."
     ]
     if postflight.smoothing is not None:
         lines.append(smoothing_sentence(postflight.smoothing))

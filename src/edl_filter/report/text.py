@@ -38,6 +38,11 @@ def words(name: str) -> str:
     return name.replace("_", " ")
 
 
+def enumerated(names: Sequence[str]) -> str:
+    """Texts as an enumeration: ``a, b and c``."""
+    return " and ".join(filter(None, (", ".join(names[:-1]), names[-1]))) if names else ""
+
+
 def event_label(name: str) -> str:
     """Short label of an event."""
     return EVENT_LABELS.get(name, words(name))
@@ -97,6 +102,26 @@ def none_gain_sentence(diagnosis: DiagnosisContent) -> str:
     return (
         "“Nothing is missing” is excluded: at the stated noise the residuals are less probable than at the noise that "
         f"they show, by a log evidence of {nats} nats."
+    )
+
+
+def limited_probability_sentence(diagnosis: DiagnosisContent) -> str:
+    """Why something else is more probable than an effect with a larger gain; empty where it is not.
+
+    The probability of all effects is limited by the share of the misfit that the first one explains.
+    """
+    something = diagnosis.something_else
+    if not diagnosis.ranking:
+        return ""
+    first = diagnosis.ranking[0]
+    least = max(diagnosis.required_gain or 0.0, something.score_gain or 0.0)
+    limited = min(first.gain or 0.0, first.score_gain or 0.0) > least
+    if not limited or (something.probability or 0.0) <= (first.probability or 0.0):
+        return ""
+    return (
+        f"“Something else” is more probable than the gains say: {first.label} explains "
+        f"{100.0 * (first.explained_share or 0.0):.0f} % of the misfit, and that share limits the probability of an "
+        "effect, however large its gain."
     )
 
 
@@ -228,7 +253,7 @@ def onset_text(onsets: Sequence[OnsetContent]) -> str:
     """Times from which the clearest channels fail."""
     first = [f"{words(o.channel)} from {o.time_s:.1f} s" for o in onsets[:_ONSETS]]
     more = len(onsets) - len(first)
-    return f"It begins: {', '.join(first)}{f', and {more} more' if more else ''}."
+    return f"Residuals grow: {', '.join(first)}{f', and {more} more' if more else ''}."
 
 
 def interval_text(constraint: ConstraintSummary) -> str:

@@ -15,7 +15,7 @@ from edl_filter.types import Array
 
 SIGMAS = 3.0
 #: Interval of the time marks, s, and their least distance as a share of the length of the track.
-_INTERVAL, _DISTANCE = 30.0, 0.05
+_INTERVAL, _DISTANCE = 30.0, 0.09
 #: Points of an ellipse.
 _POINTS = 181
 

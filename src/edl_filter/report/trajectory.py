@@ -54,7 +54,7 @@ def speed(reader: ResultReader) -> Panel:
     inside = samples_within(reader.time, time_axis(reader))
     top = 1.05 * float(np.nanmax(values[inside])) or 1.0
     return _panel(
-        reader, "speed", Axis("air-relative\nvelocity", "km/s", range=(0.0, top)), "speed", "vermillion", 1e-3
+        reader, "speed", Axis("air-relative\nvelocity", "km/s", range=(0.0, top)), "velocity", "vermillion", 1e-3
     )
 
 
@@ -120,15 +120,15 @@ def flight_history(reader: ResultReader) -> Figure:
 
 
 def flight_path_angle(reader: ResultReader) -> Panel:
-    """Air-relative flight-path angle, positive up."""
-    return _panel(
-        reader,
-        "flight_path_angle",
-        Axis("flight-path\nangle", "°"),
-        "flight-path angle",
-        "green",
+    """Air-relative flight-path angle, positive up, until the landing: a vehicle at rest has none."""
+    panel = _panel(
+        reader, "flight_path_angle", Axis("flight-path\nangle", "°"), "flight-path angle", "green",
         float(np.degrees(1.0)),
-    )
+    )  # fmt: skip
+    curve = panel.elements[0]
+    assert isinstance(curve, Curve)
+    flying = curve.x < reader.events.get("landing", np.inf)
+    return replace(panel, elements=(replace(curve, x=curve.x[flying], y=curve.y[flying]),))
 
 
 def altitude_over_speed(reader: ResultReader) -> Figure:
@@ -153,6 +153,6 @@ def altitude_over_speed(reader: ResultReader) -> Figure:
                 offset = (6.0, -6.0 if below else 6.0)
                 label = Text(event_label(name), speed_at, altitude_at, offset=offset, horizontal="left")
                 elements.append(replace(label, vertical="top" if below else "bottom"))
-    axes = Axis("speed", "km/s", range=bounds([x], 0.0)), Axis("altitude", "km", range=bounds([y], 0.0))
+    axes = Axis("velocity", "km/s", range=bounds([x], 0.0)), Axis("altitude", "km", range=bounds([y], 0.0))
     panel = Panel(*axes, tuple(elements), legend=Legend("best") if events else None)
-    return Figure(f"{reader.title}: altitude against speed", ((panel,),), (4.0,))
+    return Figure(f"{reader.title}: altitude against velocity", ((panel,),), (4.0,))

@@ -19,7 +19,10 @@ from starlette.routing import Route
 from edl_filter._version import __version__
 from edl_filter.errors import InputError
 from edl_filter.report.html.bundle import bundle_path, with_bundle
+from edl_filter.report.next_step import next_step
+from edl_filter.report.text import limited_probability_sentence, none_gain_sentence
 from edl_filter.results.files import REPORT
+from edl_filter.results.schema import DiagnosisContent
 from edl_filter.serve import library
 from edl_filter.serve.jobs import BusyError, Worker
 from edl_filter.serve.overview import overview
@@ -133,7 +136,7 @@ class _Handlers:
             "headline": result.headline,
             "path": result.path, "title": result.title, "mission": result.mission, "effects": result.effects,
             "diagnosis": diagnosis and diagnosis.model_dump(mode="json", exclude_unset=True),
-            "steps": steps, "adding": adding,
+            "steps": steps, "adding": adding, **_report_sentences(diagnosis, result.path),
             "diagnosing": plan_diagnose(self.root, result.path).lines(),
             "comparing": plan_compare([s.path for s in lineage]).lines() if len(lineage) > 1 else [],
         })  # fmt: skip
@@ -198,6 +201,23 @@ class _Handlers:
             return plan_add(self.root, result, effect).lines()
         except (InputError, ForbiddenError):  # reported when the effect is added; the result can be displayed
             return []
+
+
+def _report_sentences(diagnosis: DiagnosisContent | None, folder: str) -> dict[str, Any]:
+    """Next step and remarks on the hypotheses, in the words of the report.
+
+    ``next`` is a sentence, ``next_commands`` those that no button of the page runs, ``remarks`` a list of sentences.
+    """
+    if diagnosis is None:
+        return {"next": "", "next_commands": [], "remarks": []}
+    step = next_step(diagnosis, "mission.yaml", Path(folder))  # its commands that name a mission are not used
+    remarks = [none_gain_sentence(diagnosis), limited_probability_sentence(diagnosis)]
+    by_button = diagnosis.verdict != "unknown" and bool(diagnosis.ranking)
+    return {
+        "next": step.sentence.rstrip(":"),
+        "next_commands": [] if by_button else list(step.commands),
+        "remarks": [sentence for sentence in remarks if sentence],
+    }
 
 
 def _file_route(path: Path) -> Callable[[Request], Response]:

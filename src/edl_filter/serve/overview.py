@@ -9,9 +9,11 @@ import numpy as np
 
 from edl_filter.errors import InputError
 from edl_filter.report.sentences import warnings
+from edl_filter.report.text import constraint_verdict
 from edl_filter.results.files import REPORT, finite, read_summary
 from edl_filter.results.reader import ResultReader
 from edl_filter.results.schema import Summary
+from edl_filter.results.schema.summary import ConstraintSummary
 from edl_filter.serve.safety import inside
 
 #: Greatest number of points of a curve.
@@ -37,8 +39,9 @@ def overview(root: Path, name: str) -> dict[str, Any]:
     -------
     dict
         ``warnings`` (sentences, those about trust first), ``notes`` (sentences about the telemetry), ``events`` (name →
-        numbers), ``landing``, ``constraints`` (name → uses, accepted_uses, nis, dof, accepted), ``trajectory``
-        (``time`` s, ``altitude`` m, ``speed`` m/s, lists of one length), ``report`` (whether there is one).
+        numbers), ``landing``, ``constraints`` (name → uses, accepted_uses, nis, dof, verdict and tone of the report),
+        ``trajectory`` until the landing (``time`` s, ``altitude`` m, ``speed`` m/s, lists of one length), ``report``
+        (whether there is one).
 
     Raises
     ------
@@ -49,15 +52,13 @@ def overview(root: Path, name: str) -> dict[str, Any]:
     try:
         content = read_summary(inside(root, f"{name}/summary.json"))
     except InputError as error:  # the result itself can be displayed
-        summary: dict[str, Any] = {"events": {}, "constraints": {}}
+        summary: dict[str, Any] = {"events": {}}
+        constraints: dict[str, Any] = {}
         doubts = [str(error)]
     else:
         summary = content.model_dump(mode="json")
+        constraints = {name: _constraint(c) for name, c in content.constraints.items()}
         doubts = [*warnings(content), *_further_causes(content), *_sample_warnings(content)]
-    constraints = {
-        key: {k: c.get(k) for k in ("uses", "accepted_uses", "nis", "dof", "accepted")}
-        for key, c in summary["constraints"].items()
-    }
     return {
         "warnings": doubts,
         "notes": [str(note) for note in summary.get("notes") or ()],
@@ -67,6 +68,12 @@ def overview(root: Path, name: str) -> dict[str, Any]:
         "trajectory": _trajectory(folder),
         "report": (folder / REPORT).is_file(),
     }
+
+
+def _constraint(constraint: ConstraintSummary) -> dict[str, Any]:
+    verdict, tone = constraint_verdict(constraint)
+    numbers = constraint.model_dump(mode="json", include={"uses", "accepted_uses", "nis", "dof"})
+    return numbers | {"verdict": verdict, "tone": tone}
 
 
 def _further_causes(summary: Summary) -> list[str]:
@@ -88,5 +95,7 @@ def _trajectory(folder: Path) -> dict[str, list[float | None]] | None:
         if altitude is None or speed is None:
             return None
         time = reader.time
-        k = np.unique(np.linspace(0, len(time) - 1, min(_POINTS, len(time))).round().astype(int))
+        first, last = np.searchsorted(time, reader.span(), side="left")
+        last = min(last, len(time) - 1)
+        k = np.unique(np.linspace(first, last, min(_POINTS, last - first + 1)).round().astype(int))
         return {"time": finite(time[k]), "altitude": finite(altitude[k]), "speed": finite(speed[k])}

@@ -10,6 +10,7 @@ from scipy.stats import chi2, norm
 
 from edl_filter.diagnosis.prediction.dead_reckoning import NODES_PER_BIN
 from edl_filter.diagnosis.residual_analysis.residual_map import (
+    CONSTRAINTS,
     _cell,
     failing_cells,
     flow_regimes,
@@ -44,6 +45,13 @@ def test_numbers_of_a_cell():
     c = cell_of([1.0, 2.0, 3.0, -2.0], database_sigma=np.array([0.03, 0.04, 0.05, 0.0]))
     assert c.over_database_sigma == pytest.approx(0.02 * np.sqrt(3.5) / np.sqrt(0.0050 / 4.0))
     assert c.sentence.startswith("force_x in Mach 25 to 15 (10 to 20 s): 2.12 times its sigma, 0.037 m/s^2 beyond")
+
+
+def test_a_constraint_and_an_excess_of_small_sigmas_only_in_words():
+    """Samples with a large sigma may be so small that nothing is beyond the noise in the unit of the channel."""
+    values, sigma = np.array([3.0, 3.0, 0.1, 0.1]), np.array([0.01, 0.01, 1.0, 1.0])
+    c = _cell("rest_gravity", CONSTRAINTS, (344.0, 344.0), values, sigma, "m/s^2", np.ones(4), SETTINGS)
+    assert c.physical == 0.0 and c.sentence == "rest_gravity (344 s): 2.12 times its sigma."
 
 
 def test_noise_below_the_stated_noise_has_nothing_beyond_it():

@@ -324,7 +324,7 @@ def test_an_undecided_flight_names_the_three_most_probable():
     assert verdict.verdict == "undecided" and verdict.leader is None
     p = probabilities(np.array([0.0, -1.0, 0.0, -2.0]), ERROR)
     assert verdict.sentence == (
-        f"Undecided: nothing is missing ({p[0]:.2f}), mass or density_scale ({p[2]:.2f}), "
+        f"Undecided: nothing is missing (probability {p[0]:.2f}), mass or density_scale ({p[2]:.2f}), "
         f"something outside the catalogue ({p[1]:.2f})."
     )
 

@@ -53,6 +53,16 @@ def test_the_sections_stand_in_the_order_of_the_reading(tmp_path):
     assert "Missing: wind (gain 42 nats)." in section(text, "verdict")
 
 
+@pytest.mark.parametrize(("force", "landing", "first"), [(9.0, 20.0, 0), (1.0, 1.6, 1), (1.0, 1.0, 0)])
+def test_the_first_residual_is_of_a_cell_that_fails(tmp_path, force, landing, first):
+    """A constraint's where nothing else fails."""
+    folders.complete_run(tmp_path)
+    cells = [folders.map_cell("force_x", "Mach above 15", 20.0, 120.0, force)]
+    cells.append(folders.map_cell("landing", "constraints", 300.0, 300.0, landing))
+    folders.diagnosis(tmp_path, map=cells, where=[c for c in cells if c["fails"]])
+    assert data(page(tmp_path))["residuals"]["first"] == first
+
+
 def test_the_file_is_small_and_asks_nothing_of_a_network(tmp_path):
     folders.complete_run(tmp_path)
     text = page(tmp_path)

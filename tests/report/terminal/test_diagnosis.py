@@ -22,7 +22,7 @@ def test_a_diagnosis_says_what_a_person_wants_to_read(capsys):
         "> 0.999",
         "Cm (1.7500 ± 0.0010)e-3",
         "moment x 880 → 0.91",
-        "It begins: moment y from 129.0 s.",
+        "Residuals grow: moment y from 129.0 s.",
         "remnant_torque or com_offset: knowing the mass would part them by 41 nats.",
         "nothing is missing",
         "[division] by zero",

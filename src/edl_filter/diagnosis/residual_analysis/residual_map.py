@@ -43,7 +43,7 @@ class Cell:
     autocorrelation : float
         Of the normalised innovations at lag one.
     physical : float
-        RMS beyond the stated noise, in the channel's unit.
+        RMS beyond the stated noise, in the channel's unit; zero where only samples with a small sigma exceed it.
     unit : str
     over_database_sigma : float
         The same over the database's one sigma; NaN where the database does not concern the channel.
@@ -72,12 +72,12 @@ class Cell:
     def sentence(self) -> str:
         """The cell in words."""
         begin, end = f"{self.t0:.0f}", f"{self.t1:.0f}"
-        size = f"{self.physical:.2g}" if self.physical < 100.0 else f"{self.physical:.0f}"
-        text = (
-            f"{self.channel} in {self.regime} ({begin if begin == end else f'{begin} to {end}'} s): "
-            f"{self.rms:.3g} times its sigma, {size} {self.unit} beyond noise"
-        )
-        if np.isfinite(self.over_database_sigma):
+        place = self.channel if self.regime == CONSTRAINTS else f"{self.channel} in {self.regime}"
+        text = f"{place} ({begin if begin == end else f'{begin} to {end}'} s): {self.rms:.3g} times its sigma"
+        if self.physical > 0.0:
+            size = f"{self.physical:.2g}" if self.physical < 100.0 else f"{self.physical:.0f}"
+            text += f", {size} {self.unit} beyond noise"
+        if self.physical > 0.0 and np.isfinite(self.over_database_sigma):
             text += f", {self.over_database_sigma:.2g} of the database's sigma"
         return text + "."
 

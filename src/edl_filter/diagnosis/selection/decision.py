@@ -232,4 +232,5 @@ def _sentence(verdict: str, entries: list[Entry], none: float, something_else: f
     contenders = [(none, "nothing is missing"), (something_else, "something outside the catalogue")]
     contenders += [(e.probability, name) for e, name in zip(entries, names, strict=True)]
     likely = sorted(contenders, key=lambda c: -c[0])[:_CONTENDERS]
-    return "Undecided: " + ", ".join(f"{text} ({p:.2f})" for p, text in likely) + "."
+    texts = [f"{text} ({'' if k else 'probability '}{p:.2f})" for k, (p, text) in enumerate(likely)]
+    return f"Undecided: {', '.join(texts)}."

@@ -26,6 +26,7 @@ from edl_filter.report.text import (
     chance,
     effect_names,
     error_fall,
+    limited_probability_sentence,
     none_gain_sentence,
     none_gain_text,
     number,
@@ -55,21 +56,20 @@ def verdict(reader: ResultReader) -> Verdict:
     doubts = [] if summary is None else warnings(summary)
     doubts += [f"Not read: {problem}" for problem in _file_problems(reader)]
     untrustworthy = summary is not None and not summary.trustworthy
-    more = []
-    if summary is not None and untrustworthy and summary.recovery is not None:
-        more.append(recovery_sentence(summary.recovery))
+    recovery = summary.recovery if summary is not None and untrustworthy else None
+    why = [] if recovery is None else [recovery_sentence(recovery)]
     if diagnosis is None:
         sentence = f"Not diagnosed yet: {_agreement({} if summary is None else summary.constraints)}."
         step = NextStep("Next: see where the model fails and which effect is missing:", (diagnose_command(reader),))
-        return Verdict(*(("✗", "bad") if untrustworthy else ("–", "none")), sentence, more, doubts, step)
-    first, *rest = state_sentences(diagnosis)
-    more += rest
+        return Verdict(*(("✗", "bad") if untrustworthy else ("–", "none")), sentence, why, doubts, step)
+    first, *more = state_sentences(diagnosis)
     if diagnosis.effects:
         more.append(f"In the model: {', '.join(diagnosis.effects)}.")
     if diagnosis.remainder is not None:
         more.append(f"What is left: {readable(diagnosis.remainder.description)}")
     if ledger and isinstance(ledger[-1], LedgerEnd):
         more.append(readable(ledger[-1].why))
+    more += why
     assert reader.folder is not None
     step = next_step(diagnosis, mission_argument(reader), reader.folder)
     sign = ("✗", "bad") if untrustworthy else _SIGNS[diagnosis.verdict]
@@ -151,6 +151,8 @@ def hypotheses(reader: ResultReader) -> Section:
     )
     if reason := none_gain_sentence(diagnosis):
         blocks.append(Note(reason, "muted"))
+    if limited := limited_probability_sentence(diagnosis):
+        blocks.append(Note(limited, "muted"))
     if undetectable := undetectable_sentence(diagnosis):
         blocks.append(Note(undetectable, "muted"))
     blocks += [Note(f"Left out: {reason}", "warning") for reason in diagnosis.failed.values()]
@@ -191,9 +193,9 @@ def _ranking(diagnosis: DiagnosisContent) -> Table:
 
 
 def _size(something: SomethingElse) -> str:
-    """Size of the unmodelled force and moment."""
+    """Size of the unmodelled force and moment; empty where none was estimated."""
     force, moment = something.force_m_s2, something.angular_acceleration_rad_s2
-    return "" if force is None or moment is None else f"typically {number(force)} m/s²\nand {number(moment)} rad/s²"
+    return "" if not force or not moment else f"typically {number(force)} m/s²\nand {number(moment)} rad/s²"
 
 
 def _screened(effects: Mapping[str, ScreenedEffect]) -> Table:
@@ -223,7 +225,9 @@ def missing(reader: ResultReader) -> Section:
     elif diagnosis.verdict == "unknown":
         blocks.append(Note("The unexplained force and moment were not estimated.", "muted"))
     else:
-        reason = "the model holds" if diagnosis.verdict == "clean" else "effects of the catalogue may explain it"
+        reason = (
+            "the model holds" if diagnosis.verdict == "clean" else "effects of the catalogue may explain the failure"
+        )
         blocks.append(Note(f"They are not estimated, because {reason}.", "muted"))
     return Section(key, title, blocks)
 

@@ -86,12 +86,12 @@ def trajectory(reader: ResultReader) -> Section:
         note = Note("The folder has no trajectory (result.nc is missing or incomplete).", "muted")
         return Section("trajectory", "Trajectory", [note])
     caption = (
-        "Altitude over the ellipsoid, speed and flight-path angle relative to the air, Mach number, dynamic pressure; "
-        "at the foot one sigma of altitude and speed."
+        "Altitude over the ellipsoid, velocity and flight-path angle relative to the air, Mach number, dynamic "
+        "pressure; in the lowest panel one sigma of altitude and velocity."
     )
     plots = []
     if reader.has("trajectory:speed"):
-        plots.append(Plot.of_figure("altitude_speed", "Altitude against speed.", altitude_over_speed(reader), 420))
+        plots.append(Plot.of_figure("altitude_speed", "Altitude against velocity.", altitude_over_speed(reader), 420))
     if reader.has("trajectory:position", "trajectory:longitude"):
         track = Figure("", ((ground_track(reader),),), (1.0,))
         caption_of_track = "Ground track in km from the landing site, with a mark every 30 s."
@@ -130,9 +130,9 @@ def coefficients(reader: ResultReader) -> Section:
         return Section(key, title, [note])
     blocks: list[Block] = [
         Note(
-            "Blue band: three sigmas of the database (MEVAD). Orange band: one sigma of the flight's value. Shaded "
-            "times: the vehicle is statically unstable there. Moments are about the centre of mass. A band may leave "
-            "the plot where the flight says little; no curve does.",
+            "Blue band: three sigmas that the database publishes, which the post-flight comparison uses. Orange band: "
+            "one sigma of the flight's value. Shaded times: the vehicle is statically unstable there. Moments are "
+            "about the centre of mass. A band may leave the plot where the flight says little; no curve does.",
             "muted",
         ),
         Grid([Plot.of_panel(panel, _COEFFICIENT_HEIGHT, _SMALL_BINS) for panel in panels]),
@@ -181,7 +181,8 @@ def constraints(reader: ResultReader) -> Section:
         "squared; it should lie in the interval. Left out: predicted from all other constraints alone, which is the "
         "fairer test. Information: by how much the entropy of the states falls, half the fall of the logarithm of the "
         "determinant of their covariance. First what the constraint adds to everything before it, then what it adds to "
-        "all other constraints, before and after: what the estimate would lose without it."
+        "all other constraints, before and after: what the estimate would lose without it. Verdict: “outside” and "
+        "“below” are about the NIS; below its interval the constraint agrees better than its sigma lets expect."
     )
     rows = [_constraint(name, c) for name, c in summary.constraints.items()]
     return Section(

@@ -117,13 +117,13 @@ def _payload(reader: ResultReader, diagnosis: DiagnosisContent) -> dict[str, Any
     span = (0.0, 1.0) if series is None else (float(series.time[0]), float(series.time[-1]))
     shapes, notes = event_marks(reader.events, span)
     cells = diagnosis.map
-    flight = [k for k, c in enumerate(cells) if c.regime != CONSTRAINTS and c.normalised_rms is not None]
+    known = [k for k, c in enumerate(cells) if c.normalised_rms is not None]
     return {
         "cells": [
             {"channel": c.channel, "regime": c.regime, "t0": c.t0_s, "t1": c.t1_s, "text": cell_sentence(c)}
             for c in cells
         ],
-        "first": max(flight or [0], key=lambda k: (cells[k].fails, cells[k].normalised_rms or 0.0)),
+        "first": max(known or [0], key=lambda k: _precedence(cells[k])),
         "channels": _channels(reader),
         "constraints": {c.channel: _uses(reader, c.channel) for c in cells if c.regime == CONSTRAINTS},
         "onsets": {onset.channel: onset.time_s for onset in diagnosis.onsets},
@@ -133,6 +133,11 @@ def _payload(reader: ResultReader, diagnosis: DiagnosisContent) -> dict[str, Any
         "layout": layout(_HEIGHT, top=74)
         | {"xaxis": axis_layout(f"{time_label(reader.epoch_utc)} (s)"), "yaxis": axis_layout("")},
     }
+
+
+def _precedence(cell: MapCell) -> tuple[bool, bool, float]:
+    """Order of the cells whose residual may be plotted first: one that fails, in flight, with the largest RMS."""
+    return cell.fails, cell.regime != CONSTRAINTS, cell.normalised_rms or 0.0
 
 
 def _channels(reader: ResultReader) -> dict[str, Any]:

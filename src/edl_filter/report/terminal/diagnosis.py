@@ -13,6 +13,7 @@ from edl_filter.report.terminal.console import echo, empty_table
 from edl_filter.report.terminal.table import Table
 from edl_filter.report.text import (
     effect_names,
+    limited_probability_sentence,
     none_gain_sentence,
     number,
     onset_text,
@@ -59,7 +60,7 @@ def print_diagnosis(
     parts.append(where_table(diagnosis) if diagnosis.where else "No channel fails in any regime.")
     if diagnosis.onsets:
         parts.append(onset_text(diagnosis.onsets))
-    parts += [ranking_table(diagnosis), none_gain_sentence(diagnosis)]
+    parts += [ranking_table(diagnosis), none_gain_sentence(diagnosis), limited_probability_sentence(diagnosis)]
     for h in diagnosis.ranking:
         parts += [f"{effect_names((h.label, name))}: {escape(text)}." for name, text in h.discriminated_by.items()]
     if diagnosis.remainder is not None:
@@ -85,14 +86,15 @@ def where_table(diagnosis: DiagnosisContent) -> Table:
     heads = ("from s", "to s", "sigmas", "beyond noise", "database")
     table = empty_table(f"Where it fails{more}", ("channel", "regime"), heads, optional=("database",))
     for cell in cells[:_ROWS]:
-        database = number(cell.over_database_sigma)
+        beyond = f"{number(cell.excess_rms)} {cell.unit}" if cell.excess_rms else "–"
+        database = number(cell.over_database_sigma or None)
         table.add_row(
             words(cell.channel),
             cell.regime,
             f"{cell.t0_s:.0f}",
             f"{cell.t1_s:.0f}",
             number(cell.normalised_rms),
-            f"{number(cell.excess_rms)} {cell.unit}",
+            beyond,
             database if database == "–" else f"{database} sigma",
         )
     return table

@@ -15,8 +15,17 @@ function reportLink(result, overview) {
     "Open the report"), " with all figures and tables of this result.");
 }
 
-const plusMinus = (value, sigma, scale, places) => (value == null ? "–"
-  : (value / scale).toFixed(places).replace("-", "−") + (sigma == null ? "" : ` ± ${(sigma / scale).toFixed(places)}`));
+/** A value with its sigma to a number of places, or to more where the sigma would be zero. */
+function plusMinus(value, sigma, scale, places) {
+  if (value == null) return "–";
+  let digits = places;
+  while (sigma > 0 && digits < 5 && Number((sigma / scale).toFixed(digits)) === 0) digits += 1;
+  return (value / scale).toFixed(digits).replace("-", "−") + (sigma == null ? "" : ` ± ${(sigma / scale).toFixed(digits)}`);
+}
+
+/** Short labels of events, those of the report. */
+const EVENT_LABELS = { parachute_deploy: "parachute", peak_deceleration: "peak", heat_shield_separation: "heat shield",
+  backshell_separation: "backshell", retro_rocket_fire: "rockets" };
 
 /** Events, trajectory and constraints. */
 function reconstructionView(overview) {
@@ -28,8 +37,8 @@ function reconstructionView(overview) {
   const eventTable = table(columns, rows);
   eventTable.id = "events";
   const constraints = Object.entries(overview.constraints);
-  const constraintTable = table(["constraint", "accepted", "NIS (dof)", ""].map((name, k) => ({ name, right: k === 1 || k === 2 })),
-    constraints.map(([name, c]) => [plain(name), `${c.accepted_uses}/${c.uses}`, `${number(c.nis)} (${c.dof})`, c.accepted ? "ok" : "rejected"]));
+  const constraintTable = table(["constraint", "accepted", "NIS (dof)", "verdict"].map((name, k) => ({ name, right: k === 1 || k === 2 })),
+    constraints.map(([name, c]) => [plain(name), `${c.accepted_uses}/${c.uses}`, `${number(c.nis)} (${c.dof})`, make("span", { class: c.tone }, c.verdict)]));
   constraintTable.id = "constraints";
   const lists = make("div", {}, rows.length ? eventTable : null, landingView(overview.landing));
   const columnsBox = make("div", { class: "reconstruction" }, lists);
@@ -40,8 +49,11 @@ function reconstructionView(overview) {
     requestAnimationFrame(() => drawTrajectory(plot, overview.trajectory, events));
   }
   if (constraints.length) {
-    lists.append(make("details", { open: constraints.some(([, c]) => !c.accepted) }, make("summary", {},
-      `Constraints: ${constraints.filter(([, c]) => c.accepted).length} of ${constraints.length} accepted`), constraintTable));
+    const rejected = constraints.filter(([, c]) => c.tone === "bad").length;
+    const outside = constraints.filter(([, c]) => c.tone === "doubt").length;
+    const summary = `Constraints: ${constraints.length - rejected} of ${constraints.length} accepted${outside ? `, ${outside} outside ${outside > 1 ? "their" : "its"} interval` : ""}`;
+    lists.append(make("details", { open: rejected > 0 }, make("summary", {}, summary), constraintTable,
+      make("p", { class: "secondary" }, "NIS is the normalised innovation squared. Outside and below: of the interval that contains it with 99.9 %; below it, the constraint agrees better than its sigma lets expect.")));
   }
   if (overview.notes.length) {
     lists.append(make("details", { id: "notes" }, make("summary", {}, `Notes about the telemetry: ${overview.notes.length}`),
@@ -52,7 +64,7 @@ function reconstructionView(overview) {
 
 function landingView(landing) {
   if (!landing || landing.miss_m == null) return null;
-  return make("p", { class: "secondary" }, `Landing ${number(landing.miss_m)} ± ${number(landing.sigma_m)} m from the stated site.`);
+  return make("p", { class: "secondary" }, `Landing ${plusMinus(landing.miss_m, landing.sigma_m, 1, 0)} m from the stated site.`);
 }
 
 function drawTrajectory(plot, trajectory, events) {
@@ -63,19 +75,28 @@ function drawTrajectory(plot, trajectory, events) {
   const axis = { gridcolor: line, zerolinecolor: line, linecolor: line, automargin: true };
   const kilo = (values) => values.map((v) => (v == null ? null : v / 1000));
   const marks = events.filter(([name]) => name !== "entry_interface");
+  const [begin, end] = [trajectory.time[0], trajectory.time.at(-1)];
+  const width = Math.max(plot.clientWidth - 120, 100); // without the axes
+  const [top, bottom] = [marks.length ? 78 : 8, 72]; // labels of events; tick labels, title and legend
+  let previous = -Infinity; // label before, pixels
+  const annotations = marks.map(([name, e]) => {
+    const at = (width * (e.time_s - begin)) / (end - begin);
+    previous = Math.max(at, previous + 14);
+    return { x: e.time_s, xshift: previous - at, y: 1, yref: "paper", yanchor: "bottom", showarrow: false, textangle: -90,
+      text: EVENT_LABELS[name] || plain(name), font: { size: 12 } };
+  });
   Plotly.newPlot(plot, [
     { x: trajectory.time, y: kilo(trajectory.altitude), name: "altitude", mode: "lines", line: { color: colours[0], width: 2 },
       hovertemplate: "%{x:.1f} s: %{y:.3f} km<extra></extra>" },
     { x: trajectory.time, y: kilo(trajectory.speed), name: "velocity", mode: "lines", yaxis: "y2", line: { color: colours[1], width: 2, dash: "dash" },
       hovertemplate: "%{x:.1f} s: %{y:.3f} km/s<extra></extra>" },
   ], {
-    margin: { l: 10, r: 10, t: 8, b: 10 }, paper_bgcolor: background, plot_bgcolor: background, font: { color: text, size: 12, family: "system-ui, sans-serif" },
-    xaxis: { ...axis, title: { text: "time (s)" }, range: [trajectory.time[0], trajectory.time.at(-1)] }, yaxis: { ...axis, title: { text: "altitude (km)" } },
-    yaxis2: { ...axis, title: { text: "velocity (km/s)" }, overlaying: "y", side: "right", showgrid: false, tickmode: "auto" },
-    legend: { orientation: "h", x: 0, y: 1.02, yanchor: "bottom" }, hovermode: "closest",
+    margin: { l: 10, r: 10, t: top, b: bottom }, paper_bgcolor: background, plot_bgcolor: background, font: { color: text, size: 12, family: "system-ui, sans-serif" },
+    xaxis: { ...axis, title: { text: "time (s)", standoff: 4 }, range: [begin, end] }, yaxis: { ...axis, title: { text: "altitude (km)" } },
+    yaxis2: { ...axis, title: { text: "velocity (km/s)" }, overlaying: "y", side: "right", showgrid: false, zeroline: false, tickmode: "auto" },
+    legend: { orientation: "h", x: 0, y: -46 / Math.max(plot.clientHeight - top - bottom, 50), yanchor: "top" }, hovermode: "closest",
     shapes: marks.map(([, e]) => ({ type: "line", x0: e.time_s, x1: e.time_s, yref: "paper", y0: 0, y1: 1, line: { color: text, width: 1, dash: "dot" } })),
-    annotations: marks.map(([name, e], k) => ({ x: e.time_s, yref: "paper", y: 0.98 - 0.1 * (k % 4), text: plain(name), showarrow: false,
-      xanchor: "right", bgcolor: background, font: { size: 11 } })),
+    annotations,
   }, { responsive: true, displaylogo: false, displayModeBar: false });
 }
 

@@ -119,9 +119,16 @@ function table(columns, rows) {
     make("tbody", {}, ...rows.map((row) => make("tr", {}, ...row.map(cell("td")))))));
 }
 
+/** Verdicts of a diagnosis as badges. */
+const VERDICTS = { clean: "clean", missing: "effect missing", unknown: "effect unknown", undecided: "undecided" };
+
 function badge(verdict) {
-  return make("span", { class: `badge ${verdict || "secondary"}` }, verdict || "not diagnosed");
+  return make("span", { class: `badge ${verdict || "secondary"}` }, VERDICTS[verdict] || "not diagnosed");
 }
+
+/** Badges of a result: that it is not to be trusted, where it is not, and the verdict. */
+const resultBadges = (headline, verdict) => (headline
+  ? [make("span", { class: "badge unknown", title: headline }, "not to be trusted"), " ", badge(verdict)] : [badge(verdict)]);
 
 const brokenBadge = (mission) => (mission.problems.length ? make("span", { class: "badge unknown" }, "cannot run") : null);
 
@@ -136,14 +143,14 @@ async function loadLibrary() {
     return make("li", {}, make("button", {
       type: "button", "aria-current": current ? "page" : null, "data-name": name,
       onclick: () => { location.hash = address(kind, name); },
-    }, name, extra ? " " : null, extra, make("small", {}, title)));
+    }, name, ...[extra].flat().flatMap((child) => (child ? [" ", child] : [])), make("small", {}, title)));
   };
   const userMissions = missions.filter((m) => !m.shipped);
   $("missions").replaceChildren(...userMissions.map((m) => entry("mission", m.name, m.title, brokenBadge(m))));
   if (!userMissions.length) $("missions").append(make("li", { class: "secondary" }, "The folder contains no mission. Missions shipped with edl-filter are below."));
   $("shipped").replaceChildren(...missions.filter((m) => m.shipped).map((m) => entry("mission", m.name, m.title, brokenBadge(m))));
   if (!userMissions.length) $("shipped-box").open = true;
-  $("results").replaceChildren(...results.map((r) => entry("result", r.path, r.title, r.headline ? make("span", { class: "badge unknown", title: r.headline }, "not to be trusted") : badge(r.verdict))));
+  $("results").replaceChildren(...results.map((r) => entry("result", r.path, r.title, resultBadges(r.headline, r.verdict))));
   if (!results.length) $("results").append(make("li", { class: "secondary" }, "The folder contains no result. Run a mission."));
 }
 
@@ -163,6 +170,7 @@ const open = withErrors(async () => {
     make("p", {}, "A mission describes a flight and a model of it. Run it, see in which channel and regime the model fails, add the effect that explains the failure, and compare the errors until only noise remains.")];
   if (count !== state.openCount) return;
   $("main").replaceChildren(...view.filter((n) => n != null));
+  makeTabStop(document.querySelector(".map button.fails") || document.querySelector(".map button"));
   setBusy();
 });
 
@@ -182,15 +190,15 @@ function missionView(name) {
     broken ? make("div", { class: "error", id: "problems", role: "alert" }, make("strong", {}, `${mission.problems.length} problem${mission.problems.length > 1 ? "s" : ""}`),
       make("ul", {}, ...mission.problems.map((text) => make("li", {}, text)))) : null,
     make("div", { class: "actions" }, start("run", "api/run", "Run and diagnose", {}, true), start("run-only", "api/run", "Run only", { diagnose: false })),
-    busyReason(), reason ? make("p", { class: "secondary why" }, reason) : null,
+    ...reasons(reason),
     existing ? make("p", { class: "secondary" }, `A run replaces the result of this mission in ${existing.path}.`) : null,
     commands(mission.commands),
     make("h2", {}, "All steps at once"),
     make("p", { class: "secondary" }, "Improve diagnoses the model and adds the missing effect until no effect is accepted. It takes minutes."),
-    make("div", { class: "actions" }, start("improve", "api/improve", "Improve")), commands(mission.further.improve || []),
+    make("div", { class: "actions" }, start("improve", "api/improve", "Improve")), ...reasons(reason), commands(mission.further.improve || []),
     make("h2", {}, "Before looking at the data"),
     make("p", { class: "secondary" }, "Which size of each effect could be detected on this flight, and which effects would be confused."),
-    make("div", { class: "actions" }, start("identifiability", "api/identifiability", "Compute detectable sizes")), commands(mission.further.identifiability || []),
+    make("div", { class: "actions" }, start("identifiability", "api/identifiability", "Compute detectable sizes")), ...reasons(reason), commands(mission.further.identifiability || []),
     state.job && state.job.study && state.job.title === `Detectable sizes of ${name}` ? studyView(state.job.study) : null,
   ];
 }
@@ -205,38 +213,55 @@ function workButton(attributes, label, reason = "") {
 /** Line that says why the buttons are greyed while a job runs. */
 const busyReason = () => make("p", { class: "secondary why", "data-busy": "yes", hidden: true });
 
+/** Lines that say why the button above them is greyed. */
+const reasons = (reason) => [busyReason(), reason ? make("p", { class: "secondary why" }, reason) : null];
+
 // ---- a result --------------------------------------------------------------------------------------------------
 
 function resultView(result, overview) {
   const { diagnosis } = result;
   const again = (id, label, main) => [make("div", { class: "actions" }, workButton({ id, class: main ? "main" : "",
     onclick: withErrors(() => startJob("api/diagnose", { result: result.path })) }, label)), busyReason(), commands(result.diagnosing)];
-  const heading = [make("h2", {}, result.title), make("p", {}, make("code", {}, result.path), " ", badge(diagnosis && diagnosis.verdict)),
+  const heading = [make("h2", {}, result.title), make("p", {}, make("code", {}, result.path), " ", ...resultBadges(result.headline, diagnosis && diagnosis.verdict)),
     warningsView(result, overview), reportLink(result, overview)];
   if (!diagnosis) {
     return [...heading, make("p", {}, "This result has not been diagnosed."), ...again("diagnose", "Diagnose", true), reconstructionView(overview), effectsView(result)];
   }
-  return [...heading, verdictView(diagnosis), ledgerView(result), reconstructionView(overview), effectsView(result), ...mapView(result),
+  return [...heading, verdictView(result), ledgerView(result), reconstructionView(overview), effectsView(result), ...mapView(result),
     ...rankingView(result), make("h2", {}, "Diagnose again"),
     make("p", { class: "secondary" }, "This command computes the map and the hypotheses of this page."), ...again("diagnose", "Diagnose again", false)];
 }
 
-function verdictView(diagnosis) {
-  const clean = diagnosis.verdict === "clean";
-  const floor = !clean || diagnosis.noise_floor == null ? []
-    : [`For a model that holds, the normalised RMS is below ${number(diagnosis.noise_floor)} with 97.5 %.`];
+function verdictView(result) {
+  const { diagnosis } = result;
+  const floor = diagnosis.verdict !== "clean" || diagnosis.where.length || diagnosis.noise_floor == null ? []
+    : [`Noise floor reached: over all residuals, the normalised RMS of a model that holds is below ${number(diagnosis.noise_floor)} with 97.5 %; a cell has fewer and may exceed it.`];
   // as the report and the terminal: how much fails comes first, with the verdict
-  const headline = clean ? "Noise floor reached." : diagnosis.state.slice(0, 2).join(" ") || diagnosis.sentence;
-  const state = [...diagnosis.state.slice(clean ? 0 : 2), ...floor].map((sentence) => make("p", {}, sentence));
-  const remainder = diagnosis.remainder ? make("p", {}, `Unexplained remainder: ${plain(diagnosis.remainder.description)}`) : null;
+  const headline = plain(diagnosis.state.slice(0, 2).join(" ") || diagnosis.sentence);
+  const state = [...diagnosis.state.slice(2).map(plain), ...floor].map((sentence) => make("p", {}, sentence));
+  const remainder = diagnosis.remainder ? make("p", {}, `What is left: ${plain(diagnosis.remainder.description)}`) : null;
   const failed = Object.values(diagnosis.failed || {}).map((reason) => make("p", { class: "secondary" }, `Excluded: ${reason}`));
   return make("div", { class: `verdict ${diagnosis.verdict}`, id: "verdict", "data-verdict": diagnosis.verdict },
-    make("strong", {}, headline), ...state, remainder, ...failed);
+    make("strong", {}, headline), ...state, remainder, ...failed, nextView(result));
 }
 
+/** The next step: a command to type, or a button that leads to the one that runs it. */
+function nextView(result) {
+  if (!result.next) return null;
+  if (result.next_commands.length) return make("div", { id: "next" }, make("p", {}, `${result.next}:`), commands(result.next_commands));
+  const show = make("button", { type: "button", onclick: () => {
+    $("add").scrollIntoView({ block: "center" });
+    $("add").focus({ preventScroll: true });
+  } }, "Show the button");
+  return make("div", { id: "next", class: "line" }, make("p", {}, `${plain(result.next)}.`), show);
+}
+
+/** Estimates with sigmas; without a column of units where no parameter has one. */
 function parameters(values) {
-  return table([{ name: "parameter" }, { name: "estimate ± 1 sigma", right: true }, { name: "unit" }],
-    Object.entries(values).map(([name, v]) => [name, withSigma(v.estimate, v.sigma), unitText(v.unit).trim() || "–"]));
+  const estimated = Object.entries(values).filter(([, v]) => v.estimate != null);
+  const units = estimated.some(([, v]) => v.unit);
+  const columns = [{ name: "parameter" }, { name: "estimate ± 1 sigma", right: true }, ...(units ? [{ name: "unit" }] : [])];
+  return table(columns, estimated.map(([name, v]) => [name, withSigma(v.estimate, v.sigma), ...(units ? [unitText(v.unit).trim() || "–"] : [])]));
 }
 
 function effectsView(result) {
@@ -303,12 +328,14 @@ function mapView(result) {
     const [red, green, blue] = rgb.map((c) => (c < 10.3 ? c / 3294.6 : ((c / 255 + 0.055) / 1.055) ** 2.4));
     const bright = 0.2126 * red + 0.7152 * green + 0.0722 * blue > 0.18;  // black has the better contrast then (WCAG 2)
     const button = make("button", {
-      type: "button", class: c.fails ? "fails" : null, title: plain(c.sentence), "aria-pressed": "false",
+      type: "button", class: c.fails ? "fails" : null, title: plain(c.sentence), "aria-pressed": "false", tabindex: "-1",
       "data-channel": c.channel, "data-regime": c.regime,
       "aria-label": `${plain(c.channel)}, ${c.regime}: ${number(c.normalised_rms)} sigmas${c.fails ? ", fails" : ""}`,
     }, rmsText(c.normalised_rms));
     button.style.background = `rgb(${rgb})`;
     button.style.color = bright ? "#000" : "#fff";
+    button.onkeydown = moveInMap;
+    button.onfocus = () => makeTabStop(button);
     button.onclick = withErrors(async () => {
       for (const each of document.querySelectorAll(".map button")) each.setAttribute("aria-pressed", String(each === button));
       await residualView(panel, result, c);
@@ -326,12 +353,39 @@ function mapView(result) {
   return [
     make("h2", {}, "Where the model fails"),
     make("p", {}, failing ? `${failing} of ${cells.length} cells fail.` : `None of ${cells.length} cells fails.`),
-    make("p", { class: "legend" }, "Normalised RMS: 0.5", bar, number(worst), make("span", { class: "box" }), "outlined: fails (above 1.1 and statistically significant)"),
-    flight.length ? grid("channel", regimes, names, flight) : null,
-    constraints.length ? make("details", { open: constraints.some((c) => c.fails) }, make("summary", {}, "Constraints"),
-      grid("constraint", ["constraints"], constraints.map((c) => c.channel), constraints)) : null,
-    panel,
-  ].filter(Boolean);
+    make("p", { class: "legend" }, "Normalised RMS: 0.5", bar, number(worst), make("span", {}, make("span", { class: "box" }), " outlined: fails (above 1.1 and statistically significant)")),
+    make("div", { class: "beside" }, make("div", {},
+      flight.length ? grid("channel", regimes, names, flight) : null,
+      constraints.length ? make("details", { open: constraints.some((c) => c.fails) }, make("summary", {}, "Constraints"),
+        grid("constraint", ["constraints"], constraints.map((c) => c.channel), constraints)) : null), panel),
+  ];
+}
+
+/** The one cell of the map that the tab key reaches; arrow keys move from it to the others. */
+function makeTabStop(cell) {
+  for (const button of document.querySelectorAll(".map button")) button.tabIndex = button === cell ? 0 : -1;
+}
+
+const STEPS = { ArrowLeft: [0, -1], ArrowRight: [0, 1], ArrowUp: [-1, 0], ArrowDown: [1, 0] };
+
+function moveInMap(event) {
+  const step = STEPS[event.key];
+  if (!step || event.ctrlKey || event.altKey || event.metaKey) return;
+  event.preventDefault();
+  const rows = [...document.querySelectorAll(".map tbody tr")].filter((row) => row.checkVisibility());
+  const row = event.currentTarget.closest("tr");
+  const column = event.currentTarget.closest("td").cellIndex;
+  let [r, c] = [rows.indexOf(row) + step[0], column + step[1]];
+  while (rows[r] && c >= 1 && c < Math.max(...rows.map((each) => each.cells.length))) {
+    const cell = rows[r].cells[step[0] ? Math.min(c, rows[r].cells.length - 1) : c];
+    const button = cell && cell.querySelector("button");
+    if (button) {
+      button.focus();
+      return;
+    }
+    r += step[0];
+    c += step[1];
+  }
 }
 
 async function residualView(panel, result, cell) {
@@ -357,6 +411,14 @@ async function residualView(panel, result, cell) {
   panel.scrollIntoView({ block: "nearest", behavior: matchMedia("(prefers-reduced-motion: reduce)").matches ? "auto" : "smooth" });
 }
 
+/** Range that contains the residuals and the band of two sigmas, but for samples that say little: a sigma ten times the median. */
+function informativeRange(residual) {
+  const median = [...residual.sigma].sort((a, b) => a - b)[Math.floor(residual.sigma.length / 2)];
+  const limit = residual.time.reduce((largest, _, k) => (residual.sigma[k] > 10 * median ? largest
+    : Math.max(largest, Math.abs(residual.residual[k]), 2 * residual.sigma[k])), 0);
+  return [-1.08 * limit, 1.08 * limit];
+}
+
 function drawResidual(plot, residual, cell) {
   const style = getComputedStyle(document.documentElement);
   const [text, line, background] = ["--text", "--line", "--background"].map((n) => style.getPropertyValue(n).trim());
@@ -375,7 +437,7 @@ function drawResidual(plot, residual, cell) {
   Plotly.newPlot(plot, [...band(2, 0.16), ...band(1, 0.28), points], {
     margin: { l: 10, r: 10, t: 8, b: 10 }, paper_bgcolor: background, plot_bgcolor: background, font: { color: text, size: 12, family: "system-ui, sans-serif" },
     xaxis: { ...axis, title: { text: "time (s)" } },
-    yaxis: { ...axis, title: { text: `residual (${unitText(residual.unit).trim() || "1"})` }, exponentformat: "power" },
+    yaxis: { ...axis, range: informativeRange(residual), title: { text: `residual (${unitText(residual.unit).trim() || "1"})` }, exponentformat: "power" },
     legend: { orientation: "h", x: 0, y: 1.02, yanchor: "bottom" }, hovermode: "closest",
     shapes: [{ type: "rect", xref: "x", yref: "paper", x0: cell.t0_s, x1: cell.t1_s, y0: 0, y1: 1, layer: "below", line: { width: 0 }, fillcolor: dark ? "rgba(255,255,255,.07)" : "rgba(0,0,0,.06)" }],
   }, { responsive: true, displaylogo: false, displayModeBar: false });
@@ -400,19 +462,24 @@ function rankingView(result) {
     setBusy();
   };
   state.effect = null;
-  for (const entry of diagnosis.ranking) box.append(hypothesis(entry, choose), ...alternatives(entry, choose));
+  const something = diagnosis.something_else || {};
+  const unnamed = [["nothing is missing", diagnosis.none, "The present model."],
+    ["something else", something.probability, `An unmodelled force and moment, or excess noise, outside the catalogue${something.score_gain == null ? "" : `: gain ${nats(something.score_gain)}`}.`]];
+  const choices = diagnosis.ranking.map((entry) => [entry.probability, [hypothesis(entry, choose), ...alternatives(entry, choose)]]);
+  for (const [name, p, description] of unnamed) {
+    if (p != null) choices.push([p, [make("div", { class: "choice" }, probabilityHeading(make("h3", {}, name), p), make("p", { class: "secondary" }, description))]]);
+  }
+  choices.sort((a, b) => (b[0] || 0) - (a[0] || 0)); // as in the report: most probable first
+  box.append(...choices.map(([, elements]) => make("div", { class: "group" }, ...elements)));
   if (["missing", "undecided"].includes(diagnosis.verdict) && diagnosis.ranking.length) { // the leader
     choose(diagnosis.ranking[0].label);
-    box.querySelector("input").checked = true;
-  }
-  const unnamed = [["nothing is missing", diagnosis.none, "The present model."],
-    ["something else", diagnosis.something_else && diagnosis.something_else.probability, "An unmodelled force and moment, or excess noise, outside the catalogue."]];
-  for (const [name, p, description] of unnamed) {
-    if (p != null) box.append(make("div", { class: "choice" }, probabilityHeading(make("h3", {}, name), p), make("p", { class: "secondary" }, description)));
+    box.querySelector(`input[value="${CSS.escape(diagnosis.ranking[0].label)}"]`).checked = true;
   }
   const advice = { missing: "The leader is selected; another may be selected instead.", clean: "No effect needs to be added.",
-    unknown: "None of these effects is sufficient; adding one may still help to identify the remainder." }[diagnosis.verdict];
-  return [make("h2", {}, "Hypotheses"), make("p", { class: "secondary" }, `${advice || ""} Held out: log predictive density of data that were not fitted.`), box,
+    undecided: "The most probable effect is selected; another may be selected instead.", unknown: "None of these effects is sufficient; adding one may still help to identify the remainder." }[diagnosis.verdict];
+  const gain = `Gain is the logarithm of the evidence relative to the present model (an effect needs ${Number(diagnosis.required_gain.toPrecision(3))} nats); held-out gain is on data that were not fitted.`;
+  const explanation = [advice, diagnosis.ranking.length ? gain : null].filter(Boolean).join(" ");
+  return [make("h2", {}, "Hypotheses"), make("p", { class: "secondary" }, explanation), ...result.remarks.map((sentence) => make("p", { class: "secondary" }, plain(sentence))), box,
     ...(diagnosis.ranking.length ? [make("div", { class: "actions" }, add), why, busyReason(), plan] : [])];
 }
 
@@ -427,7 +494,7 @@ function hypothesis(entry, choose) {
   const input = make("input", { type: "radio", name: "effect", value: entry.label, onchange: () => choose(entry.label) });
   const indistinguishable = entry.same_as.length ? make("p", {}, make("b", {}, "Not distinguishable from: "), entry.same_as.map(plain).join(", "), ". Choose by what you know of the vehicle.") : null;
   return make("label", { class: "choice", "data-effect": entry.label }, probabilityHeading(make("h3", {}, plain(entry.label)), entry.probability, input),
-    make("p", { class: "number secondary" }, `gain ${nats(entry.gain)} · held out ${nats(entry.score_gain)}`),
+    make("p", { class: "number secondary" }, `gain ${nats(entry.gain)} · held-out gain ${nats(entry.score_gain)}`),
     make("p", {}, `${plain(entry.channel)}: ${number(entry.error_before)} → ${number(entry.error_after)} sigmas expected`),
     parameters(entry.parameters), indistinguishable);
 }
@@ -510,7 +577,7 @@ function showJob() {
 }
 
 function setBusy() {
-  const busy = state.busy ? `Another job is running: ${state.job.title}. Wait for it or cancel it.` : "";
+  const busy = state.busy ? `A job is running: ${state.job.title}. Wait for it or cancel it.` : "";
   for (const button of document.querySelectorAll("button.work")) {
     button.title = button.dataset.reason || busy;
     button.disabled = Boolean(button.title);

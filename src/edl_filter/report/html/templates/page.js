@@ -107,8 +107,11 @@
     const room = Math.max(0.06 * (cell.t1 - cell.t0), 0.5);
     const range = chosen.window === "flight" ? payload.span : [cell.t0 - room, cell.t1 + room];
     let least = sigmas ? -2.5 : 0, most = sigmas ? 2.5 : 0;
+    const inside = (k) => x[k] >= range[0] && x[k] <= range[1] && !Number.isNaN(y[k]);
+    const ordered = [...spread].filter((_, k) => inside(k)).sort((a, b) => a - b);
+    const large = 10 * ordered[ordered.length >> 1];  // a sample with such a sigma says little: it sets no range
     for (let k = 0; k < x.length; k++) {
-      if (x[k] < range[0] || x[k] > range[1] || Number.isNaN(y[k])) continue;
+      if (!inside(k) || spread[k] > large) continue;
       least = Math.min(least, y[k], -2 * spread[k]);
       most = Math.max(most, y[k], 2 * spread[k]);
     }
