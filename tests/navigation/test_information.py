@@ -85,6 +85,12 @@ def test_one_number_gains_as_a_channel_of_its_signal_to_noise_ratio():
     assert mutual_information(np.array([[9.0]]), np.array([[4.0]])) == pytest.approx(0.5 * np.log(1.0 + 9.0 / 4.0))
 
 
+def test_directions_of_the_prediction_add_up_and_negative_variances_count_as_zero():
+    """A rounding error of the covariance is no loss of information."""
+    prediction, noise = np.diag([0.5, 8.0, -0.25]), np.diag([1.0, 4.0, 1.0])
+    assert mutual_information(prediction, noise) == pytest.approx(0.5 * np.log(1.5 * 3.0))
+
+
 def test_mutual_information_is_the_fall_of_the_determinant_in_a_kalman_update():
     rng = np.random.default_rng(3)
     a, b, h = rng.normal(size=(4, 4)), rng.normal(size=(2, 2)), rng.normal(size=(2, 4))

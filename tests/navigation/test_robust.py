@@ -14,8 +14,9 @@ def innovation(residual, spread=4.0, noise=1.0):
 
 
 @pytest.mark.parametrize("robust", ["none", "huber", "student_t"])
-def test_a_reading_as_predicted_keeps_its_noise(robust):
-    assert measurement_weight(innovation(0.0), robust) == 1.0
+def test_a_reading_nearly_as_predicted_keeps_its_noise(robust):
+    for residual in (0.0, 0.3):
+        assert measurement_weight(innovation(residual), robust) == 1.0
     unchanged = innovation(0.3)
     assert weighted(unchanged, 1.0) is unchanged
 
@@ -43,3 +44,31 @@ def test_weights_fall_with_the_innovation(robust):
     weights = [measurement_weight(innovation(r), robust) for r in (1.0, 5.0, 20.0, 100.0)]
     assert weights == sorted(weights, reverse=True)
     assert weights[-1] < 0.03
+
+
+def test_a_weighted_innovation_has_more_noise_and_nothing_else():
+    original = innovation([3.0, -1.0])
+    changed = weighted(original, 0.25)
+    np.testing.assert_array_equal(changed.noise_covariance, 4.0 * np.eye(2))
+    np.testing.assert_array_equal(changed.predicted_covariance, original.predicted_covariance)
+    np.testing.assert_array_equal(changed.residual, [3.0, -1.0])
+
+
+@pytest.mark.parametrize("count", [1, 3])
+def test_weights_of_a_residual_far_beyond_its_noise(count):
+    """The prediction being exact: Student's weight is (4 + m) / γ², Huber's √m · 1.345 / γ, of γ sigmas in all."""
+    exact = innovation(np.full(count, 1e4 / np.sqrt(count)), spread=1e-12)
+    assert measurement_weight(exact, "student_t") == pytest.approx((4.0 + count) / 1e8, rel=1e-4)
+    assert measurement_weight(exact, "huber") == pytest.approx(1.345e-4 * np.sqrt(count), rel=1e-4)
+
+
+def test_a_correlated_noise_counts_by_its_inverse():
+    """Huber's weight of a residual along the long axis of the noise is that of its length in sigmas."""
+    axes, _ = np.linalg.qr(np.random.default_rng(3).normal(size=(2, 2)))
+    noise = axes @ np.diag([100.0, 1.0]) @ axes.T
+    of_long, of_short = (
+        measurement_weight(Innovation.of(50.0 * axis, 1e-12 * np.eye(2), noise, np.zeros(0)), "huber")
+        for axis in axes.T
+    )
+    assert of_long == pytest.approx(10.0 * of_short, rel=1e-5)
+    assert of_short == pytest.approx(1.345 * np.sqrt(2.0) / 50.0, rel=1e-5)
