@@ -2,6 +2,8 @@
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from edl_filter.navigation.estimator import Innovation
 from edl_filter.navigation.robust import HUBER, STUDENT_DOF, measurement_weight, weighted
@@ -28,6 +30,35 @@ def test_huber_minimises_hubers_function():
     e = np.abs(r - x) / np.sqrt(noise)
     cost = 0.5 * x**2 / spread + np.where(e <= HUBER, 0.5 * e**2, HUBER * e - 0.5 * HUBER**2)
     assert spread / (spread + noise / weight) * r == pytest.approx(x[np.argmin(cost)], abs=2e-4)
+
+
+@pytest.mark.parametrize("spread", [1e-3, 1.0, 100.0, 1e4])
+@pytest.mark.parametrize("excess", [1.0001, 1.05, 2.0, 100.0])
+def test_hubers_weight_in_closed_form(spread, excess):
+    """One component: the posterior residual is that at which Huber's force equals the pull of the prediction."""
+    limit = HUBER * (1.0 + spread)  # residual from which the weight is below one
+    residual = excess * limit
+    weight = measurement_weight(innovation(residual, spread), "huber")
+    assert weight == pytest.approx(HUBER / (residual - HUBER * spread), rel=1e-5)
+    assert measurement_weight(innovation(0.999 * limit, spread), "huber") == 1.0
+
+
+@given(st.integers(0, 1000), st.integers(1, 3), st.floats(-3.0, 4.0), st.floats(0.0, 4.0))
+def test_students_weight_is_the_largest_fixed_point(seed, count, log_spread, log_residual):
+    """The iteration by itself, as long as it takes."""
+    rng = np.random.default_rng(seed)
+    a, b = rng.normal(size=(2, count, count))
+    spread, noise = 10.0**log_spread * (a @ a.T + np.eye(count)), b @ b.T + np.eye(count)
+    residual = 10.0**log_residual * rng.normal(size=count)
+    weight, before = 1.0, 2.0
+    while before - weight > 1e-10 * weight:
+        before, gain = weight, spread @ np.linalg.inv(spread + noise / weight)
+        rest = residual - gain @ residual
+        covariance = (np.eye(count) - gain) @ spread
+        expected = rest @ np.linalg.solve(noise, rest) + np.trace(np.linalg.solve(noise, covariance))
+        weight = min(1.0, (STUDENT_DOF + count) / (STUDENT_DOF + expected))
+    actual = measurement_weight(Innovation.of(residual, spread, noise, np.zeros(0)), "student_t")
+    assert actual == pytest.approx(weight, rel=1e-4)
 
 
 def test_students_weight_is_the_fixed_point_of_its_expectation():
