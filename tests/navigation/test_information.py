@@ -124,6 +124,15 @@ def test_the_gain_beyond_all_others_is_what_the_estimate_loses_without_the_const
         assert gain == pytest.approx(loss, rel=1e-4)
 
 
+def test_a_measurement_at_the_end_of_the_pass_gains_beyond_all_others_too():
+    fixes = ((Beacon, 10.0, 80.0), (Beacon, 30.0, 40.0), (LandingSite, 50.0, 30.0))
+    _, _, checks = checks_of(*(fix(*f) for f in fixes))
+    assert samples().time[-1] == 50.0
+    for name in ("beacon", "landing"):
+        others = [f for f in fixes if f[0].name != name]
+        assert checks[name].left_out_information == pytest.approx(fall(posterior(others), posterior(fixes)), rel=1e-5)
+
+
 def test_repeating_a_measurement_gains_little_beyond_the_first():
     first, second = fix(LandingSite, 20.0, 1.0), fix(Beacon, 20.0, 1.0)
     _, _, checks = checks_of(first, second)
