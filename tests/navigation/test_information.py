@@ -124,8 +124,8 @@ def test_the_gain_beyond_all_others_is_what_the_estimate_loses_without_the_const
         assert gain == pytest.approx(loss, rel=1e-4)
 
 
-def test_a_measurement_at_the_end_of_the_pass_gains_beyond_all_others_too():
-    fixes = ((Beacon, 10.0, 80.0), (Beacon, 30.0, 40.0), (LandingSite, 50.0, 30.0))
+def test_measurements_up_to_the_end_of_the_pass_gain_beyond_all_others_too():
+    fixes = ((Beacon, 10.0, 80.0), (LandingSite, 30.0, 30.0), (Beacon, 50.0, 40.0))
     _, _, checks = checks_of(*(fix(*f) for f in fixes))
     assert samples().time[-1] == 50.0
     for name in ("beacon", "landing"):

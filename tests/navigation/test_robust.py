@@ -43,22 +43,39 @@ def test_hubers_weight_in_closed_form(spread, excess):
     assert measurement_weight(innovation(0.999 * limit, spread), "huber") == 1.0
 
 
-@given(st.integers(0, 1000), st.integers(1, 3), st.floats(-3.0, 4.0), st.floats(0.0, 4.0))
-def test_students_weight_is_the_largest_fixed_point(seed, count, log_spread, log_residual):
-    """The iteration by itself, as long as it takes."""
-    rng = np.random.default_rng(seed)
-    a, b = rng.normal(size=(2, count, count))
-    spread, noise = 10.0**log_spread * (a @ a.T + np.eye(count)), b @ b.T + np.eye(count)
-    residual = 10.0**log_residual * rng.normal(size=count)
-    weight, before = 1.0, 2.0
+def iterated_students_weight(residual, spread, noise):
+    """The fixed-point iteration from 1 by itself, as long as it takes."""
+    weight, before, count = 1.0, 2.0, len(residual)
     while before - weight > 1e-10 * weight:
         before, gain = weight, spread @ np.linalg.inv(spread + noise / weight)
         rest = residual - gain @ residual
         covariance = (np.eye(count) - gain) @ spread
         expected = rest @ np.linalg.solve(noise, rest) + np.trace(np.linalg.solve(noise, covariance))
         weight = min(1.0, (STUDENT_DOF + count) / (STUDENT_DOF + expected))
+    return weight
+
+
+@given(st.integers(0, 1000), st.integers(1, 3), st.floats(-3.0, 4.0), st.floats(0.0, 4.0))
+def test_students_weight_is_the_largest_fixed_point(seed, count, log_spread, log_residual):
+    rng = np.random.default_rng(seed)
+    a, b = rng.normal(size=(2, count, count))
+    spread, noise = 10.0**log_spread * (a @ a.T + np.eye(count)), b @ b.T + np.eye(count)
+    residual = 10.0**log_residual * rng.normal(size=count)
     actual = measurement_weight(Innovation.of(residual, spread, noise, np.zeros(0)), "student_t")
-    assert actual == pytest.approx(weight, rel=1e-4)
+    assert actual == pytest.approx(iterated_students_weight(residual, spread, noise), rel=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("spread", "residual"),
+    [
+        (10.3979841848149, 13.422071527160119),  # the weights fall faster and faster at first
+        (13.664483492953257, 16.426265840709313),  # an extrapolation without a check ends at 0.46
+        (7.912342618981323, 10.967313315588179),  # nearly a double fixed point: all iterations are needed
+    ],
+)
+def test_students_weight_where_the_iteration_slows_down_before_its_end(spread, residual):
+    expected = iterated_students_weight(np.array([residual]), np.array([[spread]]), np.eye(1))
+    assert measurement_weight(innovation(residual, spread), "student_t") == pytest.approx(expected, rel=1e-3)
 
 
 def test_students_weight_is_the_fixed_point_of_its_expectation():
