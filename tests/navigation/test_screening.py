@@ -106,13 +106,17 @@ def test_a_reading_that_is_doubtful_is_examined_with_those_that_follow(screened,
     assert examined == ([[float(k) for k in range(1, WINDOW + 1)]] if doubtful else [])
 
 
-def test_readings_that_are_large_together_are_examined(screened):
+@pytest.mark.parametrize("components", [1, 3])
+def test_readings_that_are_large_together_are_examined(screened, components):
     """Each is within its gate; the sum of the last ones, before the reading itself, is not."""
-    each = 1.01 * quantile(GATE, WINDOW) / WINDOW
-    _, examined, _ = screened(heights(40), [innovation(each)] * 40)
-    # the sum begins anew after an examination
+    each = quantile(GATE, WINDOW * components) / WINDOW
+    assert each < 0.9 * quantile(GATE, components)
+    _, examined, _ = screened(heights(40), [innovation(1.01 * each, components=components)] * 40)
     assert [e[0] for e in examined] == [WINDOW + 1.0, 2.0 * WINDOW + 1.0]
-    assert screened(heights(40), [innovation(0.99 * each / 1.01)] * 40)[1] == []
+    # the sum begins anew after an examination, and outliers are no part of it
+    _, examined, _ = screened(heights(40), [innovation(1.01 * each, components=components)] * 40, [(range(5), False)])
+    assert [e[0] for e in examined] == [WINDOW + 1.0, 2.0 * WINDOW + 6.0]
+    assert screened(heights(40), [innovation(0.99 * each, components=components)] * 40)[1] == []
 
 
 def test_every_reading_is_examined_once(screened):
@@ -131,7 +135,8 @@ def test_too_few_readings_are_neither_counted_nor_examined(screened):
 
 
 def test_without_a_gate_nothing_is_screened(screened):
-    assert screened(heights(20), [innovation(50.0)] * 20, [((0,), True)], gate=1.0) == ([], [], None)
+    uncertain = innovation(50.0, spread=1e4)
+    assert screened(heights(20), [uncertain] * 20, [((0,), True)], gate=1.0) == ([], [], None)
 
 
 def test_outliers_of_a_consensus_are_rejected_when_they_are_read(screened):
