@@ -49,6 +49,7 @@ TESTS = {
     "estimation/smoothing.py": ("estimation/test_smoothing.py",),
     "estimation/kalman.py": ("estimation/test_kalman.py",),
     "navigation/screening.py": ("navigation/test_screening.py",),
+    "navigation/recovery.py": ("navigation/test_recovery.py",),
     "navigation/consensus.py": ("navigation/test_consensus.py",),
     "navigation/robust.py": ("navigation/test_robust.py",),
     "navigation/information.py": ("navigation/test_information.py",),
