@@ -78,6 +78,13 @@ def test_directions_count_where_the_noise_is_below_the_unknown_position(informat
     assert consensus.directions == directions and not consensus.state_outlier
 
 
+def test_unknown_position_and_velocity_add_their_variance_to_the_predictions():
+    """100 km and 1 km/s: heights at 0 s and 1 s."""
+    prediction = line(sigma=5.0, state_sigma=(0.0, 0.0))
+    free = prediction.free_covariance[np.ix_([0, 8], [0, 8])]
+    np.testing.assert_allclose(free, [[1e10 + 25.0, 1e10], [1e10, 1e10 + 1e6 + 25.0]], rtol=1e-14)
+
+
 # --- readings of several components, whose predictions are correlated ---------------------------------------------
 
 
