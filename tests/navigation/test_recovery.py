@@ -114,9 +114,9 @@ def best_size(monkeypatch):
 
 def test_the_size_has_the_largest_likelihood_between_the_sizes_too(best_size):
     """Steps about the best one are halved twice, in logarithms."""
-    attempt, tried = best_size((1.0, 16.0, 256.0), lambda s: Trial(-abs(np.log2(s) - 5.2)))
-    np.testing.assert_allclose(np.log2(tried), [0.0, 4.0, 8.0, 2.0, 6.0, 5.0, 7.0])
-    assert (attempt.cause, np.log2(attempt.size)) == ("gap", 5.0)
+    attempt, tried = best_size((2.0, 32.0, 512.0), lambda s: Trial(-abs(np.log2(s) - 6.2)))
+    np.testing.assert_allclose(np.log2(tried), [1.0, 5.0, 9.0, 3.0, 7.0, 6.0, 8.0])
+    assert attempt.cause == "gap" and np.log2(attempt.size) == pytest.approx(6.0)
     assert attempt.likelihood == pytest.approx(-0.2) and attempt.problem == attempt.size
 
 
@@ -142,6 +142,8 @@ def test_another_attempt_is_better_by_more_than_a_margin():
     assert attempt(0.0).better_than(attempt(9.0, accepted=False), 3.0)
     assert not attempt(9.0, accepted=False).better_than(attempt(0.0))
     assert attempt(9.0, accepted=False).better_than(attempt(0.0, accepted=False))
+    one_of_two = run_of(use("beacon", accepted=True), use("landing", accepted=False))
+    assert not recovery._Attempt("gap", 1.0, None, one_of_two, 0.0).accepted
 
 
 # --- changes of the problem -----------------------------------------------------------------------------------------
@@ -198,6 +200,14 @@ def test_samples_before_the_contradiction_have_a_share_of_the_variation_as_noise
 
 def test_what_was_lost_after_the_contradiction_is_no_cause():
     assert list(changes(lost=[(6.0, 9.0)])[1]) == ["entry_state", "process_noise"]
+
+
+@pytest.mark.parametrize(("filled", "result"), [([False, True], "iterated"), ([False, False], "run once")])
+def test_a_run_is_linearised_again_where_samples_were_filled(monkeypatch, filled, result):
+    problem = SimpleNamespace(samples=SimpleNamespace(filled=np.array(filled)))
+    monkeypatch.setattr(recovery, "run_filter", lambda given_problem: "run once")
+    monkeypatch.setattr(recovery, "iterate", lambda given_problem, run: "iterated" if run == "run once" else run)
+    assert recovery.first_pass(problem) == result
 
 
 # --- causes ---------------------------------------------------------------------------------------------------------
