@@ -10,6 +10,8 @@
 #   make fuzz    search for files that break a reader, a minute for each kind of file
 #   make study-faults       faults of an IMU's samples in simulated flights: how many are repaired (an hour; goes on)
 #   make study-kills        kill -9 at 50 moments of run, diagnose and improve: is a result ever torn (half an hour)
+#   make study-mutation     one change at a time in files of the diagnosis, estimation and navigation: does a test fail
+#                           (half an hour; goes on)
 #   make calibrate   are the sigmas true: 300 simulated flights with gaps, against their truth (ten minutes; goes on)
 #   make bench   measure times beside other packages and write docs/performance.md (half an hour; goes on)
 #   make clean   remove what these targets made
@@ -30,7 +32,7 @@ STAMP := .venv/installed
 DOCS_STAMP := .venv/installed-docs
 BENCH_STAMP := .venv/installed-bench
 
-.PHONY: demo test notebooks test-browser test-effects lint types layers bench docs study study-inexact study-simulation study-closure study-filters study-thresholds study-comparators study-cross-prediction thesis-claims clean fuzz study-faults study-kills calibrate
+.PHONY: demo test notebooks test-browser test-effects lint types layers bench docs study study-inexact study-simulation study-closure study-filters study-thresholds study-comparators study-cross-prediction thesis-claims clean fuzz study-faults study-kills study-mutation calibrate
 
 demo: $(STAMP)
 	$(BIN)/edl-filter demo -o demo-results
@@ -106,6 +108,9 @@ study-faults: $(STAMP)
 
 study-kills: $(STAMP)
 	$(BIN)/python benchmarks/studies/kills.py --moments 50
+
+study-mutation: $(STAMP)
+	$(BIN)/python benchmarks/studies/mutation.py -o study-results/mutation.jsonl
 
 calibrate: $(STAMP)
 	$(BIN)/python benchmarks/studies/calibration.py -o study-results/calibration.jsonl

@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import pytest
 
 from edl_filter.diagnosis import stepwise as module
-from edl_filter.diagnosis.stepwise import improve
+from edl_filter.diagnosis.stepwise import Step, improve
 from edl_filter.effects import EffectInstance
 from edl_filter.effects.registry import find_effect
 from edl_filter.mission.decision_settings import DecisionSettings
@@ -19,12 +19,15 @@ WIND, ROTATION, TORQUE = (
 def selection(monkeypatch):
     """Run a selection: names in the order of their diagnoses, and gains over zero by (effect, number of effects)."""
 
-    def run(named, gains, own=(), limit=12):
+    def run(named, gains, own=(), limit=12, progress=lambda _: None):
         queue = list(named)
 
         def diagnose(case, candidates, progress):
             leader = queue.pop(0) if queue else None
-            entries = [SimpleNamespace(hypothesis=SimpleNamespace(fit=SimpleNamespace(effects=(*case, leader))))]
+            entries = [
+                SimpleNamespace(hypothesis=SimpleNamespace(fit=SimpleNamespace(effects=(*case, effect))))
+                for effect in (leader, TORQUE)
+            ]
             return SimpleNamespace(verdict=SimpleNamespace(leader=leader, entries=entries))
 
         def fit_effects(mission, progress, effects):
@@ -39,7 +42,7 @@ def selection(monkeypatch):
         )
         return [
             ([a.name for a in s.model], s.added and s.added.name, [a.name for a in s.removed])
-            for s in improve(mission, [])
+            for s in improve(mission, [], progress=progress)
         ]
 
     return run
@@ -69,6 +72,18 @@ def test_the_least_needed_is_removed_first_and_the_others_are_fitted_again(selec
     assert steps[1] == (["wind"], "remnant_torque", ["wind"])
 
 
+def test_removal_is_reported(selection):
+    messages = []
+    selection([WIND, ROTATION], {("wind", 2): 0.0}, progress=messages.append)
+    assert messages == ["removing wind"]
+
+
+def test_the_model_has_at_most_the_largest_number_of_effects(selection):
+    steps = selection([WIND, TORQUE, ROTATION], {}, limit=2)
+    assert [added for _, added, _ in steps] == ["wind", "remnant_torque", None]
+    assert steps[-1][0] == ["wind", "remnant_torque"]
+
+
 def test_effects_of_the_mission_are_never_removed(selection):
     steps = selection([ROTATION], {("wind", 2): -50.0}, own=[WIND])
     assert steps[0] == (["wind"], "atmosphere_rotation", [])
@@ -82,3 +97,26 @@ def test_an_effect_that_comes_back_stays(selection):
     assert [removed for *_, removed in steps[:3]] == [[], ["wind"], ["atmosphere_rotation"]]
     assert steps[3] == (["wind"], "atmosphere_rotation", [])
     assert steps[4][1:] == (None, [])
+
+
+def test_the_last_step_says_why_it_is_the_last():
+    """The noise is reached, no effect explains the remainder, or the largest number of effects is in the model."""
+    best, second = (
+        SimpleNamespace(hypothesis=SimpleNamespace(label=label, gain=gain, score_gain=19.0))
+        for label, gain in (("wind", 20.0), ("mass", 18.0))
+    )
+
+    def why(label, leader, entries, model=(), added=None):
+        verdict = SimpleNamespace(verdict=label, leader=leader, entries=entries)
+        return Step(model, SimpleNamespace(verdict=verdict), added, ()).why_stopped
+
+    assert why("clean", None, [best]) == "Stopped: model and measurement agree to the stated noise."
+    assert why("unknown", None, [best, second]) == (
+        "Stopped: something is missing that no effect of the catalogue explains; the best, wind, would gain 20.0 nats "
+        "and 19.0 on held-out data."
+    )
+    assert why("unknown", None, []).endswith("no effect of the catalogue explains any of it.")
+    last = why("missing", "wind", [best, second], (TORQUE, ROTATION))
+    assert last.startswith("Stopped: the model still fails with 2 effects, the largest number allowed; the next would ")
+    assert "would be wind (gain 20.0 nats)" in last
+    assert why("missing", "wind", [best], added=WIND) == ""

@@ -133,3 +133,4 @@ def test_matrices_without_elements():
     np.testing.assert_array_equal(empty[2], np.zeros((3, 3)))
     matrices = from_blocks(3, [(slice(0, 3), slice(0, 3), np.zeros((4, 3, 3)))])
     assert len(matrices) == 4 and matrices.values.shape == (4, 0)
+    assert len(from_blocks(3, [])) == 0

@@ -86,6 +86,20 @@ def test_samples_have_their_size_and_correlation():
         assert correlation == pytest.approx((1.0 + d) * np.exp(-d), abs=0.04 * d)
 
 
+def test_a_process_is_sampled_at_steps_far_below_its_correlation_length():
+    """Its correlation matrix is singular in double precision; the sample is smooth."""
+    x = sample_matern32(np.random.default_rng(2), 300, 1.0, 2.0, 1e4)
+    assert 0.1 < np.abs(x).max() < 10.0 and np.ptp(x) < 0.3
+
+
+def test_correlations_of_any_shape_have_value_and_derivative_last():
+    distance = np.array([[0.0, 0.1, 0.7], [-0.2, 2.3, 1.0]])
+    correlation = matern32_correlation(distance)
+    assert correlation.shape == (2, 3, 2)
+    for index in np.ndindex(2, 3):
+        np.testing.assert_array_equal(correlation[index], matern32_correlation(distance[index]))
+
+
 def test_correlations_with_a_value_are_those_of_the_state_space_form():
     distance = np.array([0.0, 0.1, 0.7, 2.3])
     covariance = matern32_transition(distance)[0] @ MATERN32_COVARIANCE

@@ -4,10 +4,16 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from linear_problems import joint_measurements, posterior_states, random_model
+from linear_problems import joint_measurements, posterior_states, random_model, step_rows, transition
 
 from edl_filter.estimation.kalman import whitening_filter
-from edl_filter.estimation.smoothing import precision_weighted_residuals, smoothed_last_states, smoothed_states
+from edl_filter.estimation.smoothing import (
+    precision_weighted_residuals,
+    smoothed_last_states,
+    smoothed_moments,
+    smoothed_states,
+    smoother_gain,
+)
 
 
 def random_data(model, seed, leading):
@@ -83,3 +89,26 @@ def test_the_two_smoothers_agree():
     whiten, white = filtered(model, measurements, leading_mean)
     mean, _ = smoothed_last_states(whiten, white, leading_mean, 7)
     np.testing.assert_allclose(mean, smoothed_states(whiten, white, leading_mean)[1], atol=1e-9)
+
+
+@pytest.mark.parametrize("seed", [3, 4])
+def test_the_rauch_tung_striebel_smoother_has_the_posterior_of_the_dense_gaussian(seed):
+    """Backwards over a textbook filter; some steps have no measurements."""
+    model = random_model(seed, steps=20)
+    measurements, _, initial_mean = random_data(model, seed, 7)
+    predicted, filtered_moments = [], [(initial_mean, model.initial_covariance)]
+    for k, rows in enumerate(step_rows(model)):
+        f, h, (x, p) = transition(model, k), model.design[rows], filtered_moments[-1]
+        x, p = f @ x, f @ p @ f.T + model.process_noise[k]
+        predicted.append((x, p))
+        gain = p @ h.T @ np.linalg.inv(h @ p @ h.T + model.row_noise[rows, : len(h)])
+        filtered_moments.append((x + gain @ (measurements[rows] - h @ x), p - gain @ h @ p))
+    expected_mean, expected_covariance = posterior_states(model, initial_mean, measurements)
+    mean, covariance = filtered_moments[-1]
+    for k in range(19, -1, -1):
+        x, p = filtered_moments[k]
+        gain = smoother_gain(p @ transition(model, k).T, predicted[k][1])
+        mean, covariance = smoothed_moments(x, p, gain, mean - predicted[k][0], covariance - predicted[k][1])
+        np.testing.assert_allclose(mean, expected_mean[k], atol=1e-7)
+        np.testing.assert_allclose(covariance, expected_covariance[k, :, k], atol=1e-7)
+        np.testing.assert_array_equal(covariance, covariance.T)

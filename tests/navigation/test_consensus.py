@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 import test_filter as flight
 
+from edl_filter.navigation import consensus as module
 from edl_filter.navigation.consensus import JointPrediction, find_consensus, predict_jointly
 from edl_filter.navigation.filter import Settings, new_filter, run_filter
 
@@ -53,6 +54,133 @@ def test_readings_without_a_majority_say_nothing():
     )  # fmt: skip
     consensus = find_consensus(scattered, GATE)
     assert not consensus.majority and not consensus.state_outlier
+
+
+def test_half_of_the_readings_are_no_majority():
+    """Seven of fourteen agree with each other, and contradict the state; the others agree with nothing."""
+    scattered = [(k, (-1.0) ** k * 1e4 * 2.0**k) for k in range(7)]
+    part = line(height_error=400.0, outliers=scattered)
+    halves = JointPrediction(
+        part.residual[:14], part.covariance[:14, :14], part.noise[:14, :14], part.sensitivity[:14]
+    )  # fmt: skip
+    for prediction, majority in ((halves, False), (part, True)):
+        consensus = find_consensus(prediction, GATE)
+        assert np.flatnonzero(~consensus.agree).tolist() == list(range(7))
+        assert consensus.nis - consensus.free_nis > 100.0
+        assert (consensus.majority, consensus.state_outlier) == (majority, majority)
+
+
+@pytest.mark.parametrize(("information", "directions"), [(0.7, 0), (1.5, 1), (2.5, 1)])
+def test_directions_count_where_the_noise_is_below_the_unknown_position(information, directions):
+    """Of a height with a mean that is known to 1e5 m over `information`; its slope is not known at all."""
+    prediction = line(sigma=np.sqrt(len(TIME)) * 1e5 / information)
+    consensus = find_consensus(prediction, GATE)
+    assert consensus.directions == directions and not consensus.state_outlier
+
+
+def test_unknown_position_and_velocity_add_their_variance_to_the_predictions():
+    """100 km and 1 km/s: heights at 0 s and 1 s."""
+    prediction = line(sigma=5.0, state_sigma=(0.0, 0.0))
+    free = prediction.free_covariance[np.ix_([0, 8], [0, 8])]
+    np.testing.assert_allclose(free, [[1e10 + 25.0, 1e10], [1e10, 1e10 + 1e6 + 25.0]], rtol=1e-14)
+
+
+# --- readings of several components, whose predictions are correlated ---------------------------------------------
+
+
+def correlated(seed, readings=6, components=2):
+    """Residuals ``(K, m)`` of a random covariance ``(K m, K m)``, two of them outliers."""
+    rng, size = np.random.default_rng(seed), readings * components
+    root = rng.normal(size=(size, size))
+    covariance = root @ root.T + 0.5 * np.eye(size)
+    residual = (np.linalg.cholesky(covariance) @ rng.normal(size=size)).reshape(readings, components)
+    residual[rng.choice(readings, 2, replace=False)] += 30.0
+    return residual, covariance
+
+
+def conditional(residual, covariance, reading, given):
+    """NIS of a reading and log determinant of its covariance, given others: the density of the dense Gaussian."""
+    components = residual.shape[1]
+    one = np.arange(components) + components * reading
+    rows = np.concatenate([np.arange(components) + components * k for k in given])
+    both = np.concatenate((rows, one))
+
+    def moments(selected):
+        r, c = residual.ravel()[selected], covariance[np.ix_(selected, selected)]
+        return np.array([r @ np.linalg.inv(c) @ r, np.linalg.slogdet(c)[1]])
+
+    return moments(both) - moments(rows)  # chain rule
+
+
+@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("components", [1, 2, 3])
+def test_readings_are_predicted_by_others_as_the_joint_gaussian_says(seed, components):
+    residual, covariance = correlated(seed, components=components)
+    members = [0, 2, 5]
+    nis, log_spread = module._predicted(residual, covariance, members)
+    for k in (1, 3, 4):
+        np.testing.assert_allclose((nis[k], log_spread[k]), conditional(residual, covariance, k, members), rtol=1e-6)
+    left_out = module._left_out(residual, covariance, members)
+    expected = [conditional(residual, covariance, k, [j for j in members if j != k])[0] for k in members]
+    np.testing.assert_allclose(left_out, expected, rtol=1e-6)
+
+
+@pytest.mark.parametrize("seed", range(10))
+@pytest.mark.parametrize("limit", [3.0, 20.0])
+def test_the_first_pair_has_the_largest_truncated_likelihood(seed, limit):
+    residual, covariance = correlated(seed)
+    cost = {}
+    for i in range(6):
+        for j in range(i + 1, 6):
+            others = [conditional(residual, covariance, k, [i, j]) for k in range(6) if k not in (i, j)]
+            cost[i, j] = sum(min(nis, limit) + log_spread for nis, log_spread in others)
+    assert tuple(module._first_pair(residual, covariance, limit)) == min(cost, key=cost.get)
+
+
+@pytest.mark.parametrize(
+    ("residual", "start", "expected"),
+    [
+        ([0.0, 0.0, 9.0, 0.0], [0, 2], [0, 1, 3]),  # a wrong member of the pair is removed after others are added
+        ([0.0, 0.0, 9.0], [0, 2], [0, 1]),
+        ([1.0, 0.0, -1.0, 1.5], [0, 1], [0, 1, 2, 3]),
+        ([9.0, -9.0], [0, 1], [0, 1]),  # of two readings, neither is the outlier
+        ([0.0, 9.0, 0.0, -8.0, 7.0, 0.0, 0.0, 1.0], [3, 4], [0, 2, 5, 6, 7]),
+    ],
+)
+def test_a_set_of_independent_readings_grows_to_those_within_the_gate(residual, start, expected):
+    residual = np.array(residual)[:, None]
+    assert module._refine(residual, np.eye(len(residual)), start, 4.0) == expected
+
+
+@pytest.mark.parametrize("smallest", [0.5, -1e-3])
+def test_the_transition_follows_from_the_covariances_also_where_rounding_made_one_indefinite(smallest):
+    rng = np.random.default_rng(3)
+    axes, _ = np.linalg.qr(rng.normal(size=(4, 4)))
+    covariance, matrix = axes @ np.diag([4.0, 2.0, 1.0, smallest]) @ axes.T, rng.normal(size=(4, 4))
+    transition = module._transition_matrix(covariance, covariance @ matrix.T)
+    np.testing.assert_allclose(transition, matrix, rtol=1e-9, atol=1e-9)
+
+
+@pytest.mark.parametrize("method", ["ukf", "ekf"])
+def test_sensitivities_are_the_derivatives_of_the_predictions(method):
+    """With respect to position and velocity at the beginning, by moving the filter's state."""
+    readings = [flight.height(t) for t in (2.0, 2.0, 4.5, 9.0)]
+    problem = flight.build(readings, settings=Settings(longest_interval=2.0, method=method))
+    start = run_filter(problem).nodes[0]
+
+    def residuals(errors):
+        moved = start.state.plus(errors)
+        tight = 1e-6 * start.covariance  # the mean of the UKF's prediction is that of the state itself
+        estimator = new_filter(problem, moved, tight)
+        return predict_jointly(estimator, problem.samples, problem.constraints).residual.ravel()
+
+    joint = predict_jointly(new_filter(problem, start.state, start.covariance), problem.samples, problem.constraints)
+    assert joint.sensitivity.shape == (4, 6)
+    for column, step in enumerate(np.repeat([100.0, 1.0], 3)):
+        errors = np.zeros(problem.layout.size)
+        errors[column] = step
+        derivative = -(residuals(errors) - residuals(-errors)) / (2.0 * step)
+        np.testing.assert_allclose(joint.sensitivity[:, column], derivative, rtol=1e-2, atol=1e-3)
 
 
 @pytest.mark.parametrize("method", ["ukf", "ekf"])

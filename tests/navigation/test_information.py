@@ -85,6 +85,12 @@ def test_one_number_gains_as_a_channel_of_its_signal_to_noise_ratio():
     assert mutual_information(np.array([[9.0]]), np.array([[4.0]])) == pytest.approx(0.5 * np.log(1.0 + 9.0 / 4.0))
 
 
+def test_directions_of_the_prediction_add_up_and_negative_variances_count_as_zero():
+    """A rounding error of the covariance is no loss of information."""
+    prediction, noise = np.diag([0.5, 8.0, -0.25]), np.diag([1.0, 4.0, 1.0])
+    assert mutual_information(prediction, noise) == pytest.approx(0.5 * np.log(1.5 * 3.0))
+
+
 def test_mutual_information_is_the_fall_of_the_determinant_in_a_kalman_update():
     rng = np.random.default_rng(3)
     a, b, h = rng.normal(size=(4, 4)), rng.normal(size=(2, 2)), rng.normal(size=(2, 4))
@@ -116,6 +122,15 @@ def test_the_gain_beyond_all_others_is_what_the_estimate_loses_without_the_const
         all_used, lacking = smooth(filter_pass).covariance[k], smooth(without).covariance[k]
         loss = 0.5 * (np.linalg.slogdet(lacking)[1] - np.linalg.slogdet(all_used)[1])
         assert gain == pytest.approx(loss, rel=1e-4)
+
+
+def test_measurements_up_to_the_end_of_the_pass_gain_beyond_all_others_too():
+    fixes = ((Beacon, 10.0, 80.0), (LandingSite, 30.0, 30.0), (Beacon, 50.0, 40.0))
+    _, _, checks = checks_of(*(fix(*f) for f in fixes))
+    assert samples().time[-1] == 50.0
+    for name in ("beacon", "landing"):
+        others = [f for f in fixes if f[0].name != name]
+        assert checks[name].left_out_information == pytest.approx(fall(posterior(others), posterior(fixes)), rel=1e-5)
 
 
 def test_repeating_a_measurement_gains_little_beyond_the_first():

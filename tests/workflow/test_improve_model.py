@@ -74,20 +74,6 @@ def test_the_files_satisfy_their_schemas(improved):
     )
 
 
-def test_the_last_step_says_why_it_is_the_last():
-    """The noise is reached, no effect explains the remainder, or the largest number of effects is in the model."""
-    best = SimpleNamespace(hypothesis=SimpleNamespace(label="wind", gain=20.0, score_gain=19.0))
-
-    def why(label, leader, entries):
-        verdict = SimpleNamespace(verdict=label, leader=leader, entries=entries)
-        return Step((), SimpleNamespace(verdict=verdict), None, ()).why_stopped
-
-    assert "agree to the stated noise" in why("clean", None, [best])
-    assert "no effect of the catalogue explains; the best, wind, would gain 20.0" in why("unknown", None, [best])
-    assert why("unknown", None, []).endswith("explains any of it.")
-    assert "the largest number allowed; the next would be wind" in why("missing", "wind", [best])
-
-
 def test_a_remainder_that_no_effect_explains_is_described():
     verdict = SimpleNamespace(verdict="unknown", leader=None, entries=[])
     last = Step((), SimpleNamespace(verdict=verdict), None, ())

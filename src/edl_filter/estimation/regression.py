@@ -10,7 +10,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import brentq
 
 from edl_filter.types import Array
 
@@ -131,5 +130,4 @@ def smallest_size(information: float, sigma: float, gain: float) -> float:
     if not information > 0.0:
         return float("inf")
     penalty = 0.5 * np.log1p(information * sigma**2)
-    high = 2.0 * np.sqrt(2.0 * (gain + penalty) / information)
-    return float(brentq(lambda s: 0.5 * s**2 * information - penalty - gain, 0.0, high))
+    return float(np.sqrt(2.0 * (gain + penalty) / information))

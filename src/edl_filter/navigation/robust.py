@@ -30,7 +30,8 @@ Robust = Literal["none", "huber", "student_t"]
 HUBER = 1.345
 #: Degrees of freedom of Student's distribution.
 STUDENT_DOF = 4.0
-#: Fixed-point iterations of the weight, and the relative change at which they end.
+#: Pairs of fixed-point iterations of the weight, each with an extrapolation (Aitken's; Burden & Faires 2011, *Numerical
+#: Analysis*, section 2.5), and the relative change at which they end.
 ITERATIONS, TOLERANCE = 50, 1e-6
 
 
@@ -51,22 +52,32 @@ def measurement_weight(innovation: Innovation, robust: Robust) -> float:
     """
     if robust == "none":
         return 1.0
-    noise, spread, residual = innovation.noise_covariance, innovation.predicted_covariance, innovation.residual
-    count, weight = len(residual), 1.0
+    weight = 1.0
     for _ in range(ITERATIONS):
-        total = spread + noise / weight
-        posterior = (noise / weight) @ np.linalg.solve(total, residual)
-        square = float(posterior @ np.linalg.solve(noise, posterior))
-        if robust == "huber":
-            new = min(1.0, HUBER * float(np.sqrt(count / square))) if square > 0.0 else 1.0
-        else:
-            remaining = spread - spread @ np.linalg.solve(total, spread)
-            square += float(np.trace(np.linalg.solve(noise, remaining)))
-            new = min(1.0, (STUDENT_DOF + count) / (STUDENT_DOF + square))
-        if abs(new - weight) < TOLERANCE * weight:
-            return new
-        weight = new
+        first = _next_weight(innovation, robust, weight)
+        second = _next_weight(innovation, robust, first)
+        if abs(second - first) < TOLERANCE * first:
+            return second
+        # Weights fall towards the fixed point, slowly where the prediction is much less certain than the reading
+        bend = second - 2.0 * first + weight
+        limit = weight - (first - weight) ** 2 / bend if bend > 0.0 else 0.0
+        beyond = limit <= 0.0 or _next_weight(innovation, robust, limit) > (1.0 + TOLERANCE) * limit
+        weight = second if beyond else limit
     return weight
+
+
+def _next_weight(innovation: Innovation, robust: Robust, weight: float) -> float:
+    """Weight by the posterior residual that follows from a `weight`."""
+    noise, spread, residual = innovation.noise_covariance, innovation.predicted_covariance, innovation.residual
+    count = len(residual)
+    total = spread + noise / weight
+    posterior = (noise / weight) @ np.linalg.solve(total, residual)
+    square = float(posterior @ np.linalg.solve(noise, posterior))
+    if robust == "huber":
+        return min(1.0, HUBER * float(np.sqrt(count / square))) if square > 0.0 else 1.0
+    remaining = spread - spread @ np.linalg.solve(total, spread)
+    square += float(np.trace(np.linalg.solve(noise, remaining)))
+    return min(1.0, (STUDENT_DOF + count) / (STUDENT_DOF + square))
 
 
 def weighted(innovation: Innovation, weight: float) -> Innovation:

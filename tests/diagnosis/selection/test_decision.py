@@ -15,6 +15,7 @@ from edl_filter.diagnosis.selection import ranking as ranking_module
 from edl_filter.diagnosis.selection.decision import (
     decide,
     group_indistinguishable,
+    hypothesis_rms,
     most_reduced_channel,
     probabilities,
     verdict_of,
@@ -276,9 +277,39 @@ def test_a_nuisance_parameter_that_is_not_credible_excludes_that_nothing_is_miss
     assert decide(ranking_of(named, noise=15.0)).verdict == "unknown"  # beside noise of unknown form it needs more
 
 
+def test_a_slightly_incredible_nuisance_parameter_excludes_an_acceleration_too():
+    """Any evidence against the stated sigma is that for something else, however small it is."""
+    verdict = decide(ranking_of(nuisance=0.5, unmodelled_gain=900.0))
+    weight = np.exp([-0.5, 0.0])
+    expected = (1.0 - ERROR) * weight / weight.sum() + ERROR / 2.0
+    assert [verdict.none, verdict.something_else] == pytest.approx(expected.tolist())
+
+
 def test_a_name_with_little_evidence_is_not_raised_to_the_odds_of_what_it_explains():
-    weak = hypothesis_of("wind", 1.0, at_floor=False, explained_share=0.35)
-    assert decide(ranking_of(weak, noise=1e6)).verdict == "unknown"
+    """Nor reduced: its evidence is below these odds."""
+    weak = hypothesis_of("wind", COST_IN_NOISE - 2.0, at_floor=False, explained_share=0.35)
+    verdict = decide(ranking_of(weak, noise=1e6))
+    alone = decide(ranking_of(replace(weak, at_floor=True), noise=1e6))
+    assert verdict.entries[0].probability == alone.entries[0].probability
+    assert verdict.something_else == alone.something_else > 0.8
+
+
+def test_the_odds_of_a_name_that_explains_all_are_finite():
+    first = replace(hypothesis_of("wind", 700.0, at_floor=False, explained_share=1.0), complemented=False)
+    verdict = decide(ranking_of(first, noise=1e6))
+    assert verdict.entries[0].probability == pytest.approx((1.0 - ERROR) * 0.999 + ERROR / 3.0, rel=1e-9)
+
+
+def test_the_odds_are_those_of_the_best_of_several_names():
+    """The second name of a hypothesis has no part in its evidence."""
+    column = np.ones(5)
+    best = hypothesis_of("mass", 700.0, explained=column, at_floor=False, explained_share=0.5)
+    other = hypothesis_of("wind", 699.0, explained=column, at_floor=True)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(decision, "best_discriminator", lambda *_: None)
+        verdict = decide(ranking_of(replace(best, complemented=False), other, noise=1e6))
+    assert verdict.entries[0].same_as == ("wind",)
+    assert verdict.entries[0].probability == pytest.approx(verdict.something_else, rel=1e-6)
 
 
 def test_a_clean_flight():
@@ -410,6 +441,25 @@ def test_two_names_with_one_column_are_one_hypothesis(monkeypatch, discriminator
     assert verdict.entries[0].discriminated_by == {"mass": text} and verdict.entries[1].discriminated_by == {}
 
 
+def test_each_further_name_is_compared_with_the_first(monkeypatch):
+    """About the model of the further name."""
+    compared = []
+
+    def discriminator(model, first, second):
+        compared.append((model, first.name, second.name))
+        return Discriminator(f"knowing {second.name}", 10.0)
+
+    monkeypatch.setattr(decision, "best_discriminator", discriminator)
+    column = np.ones(5)
+    gains = {"mass": 30.0, "wind": 29.0, "gyro_bias": 28.0}
+    hypotheses = [replace(hypothesis_of(n, g, explained=column), model=f"model of {n}") for n, g in gains.items()]
+    entry, *others = decide(ranking_of(*hypotheses)).entries
+    assert others == []
+    assert compared == [("model of wind", "mass", "wind"), ("model of gyro_bias", "mass", "gyro_bias")]
+    text = "knowing {} would distinguish them by 10 nats"
+    assert entry.discriminated_by == {n: text.format(n) for n in ("wind", "gyro_bias")}
+
+
 def test_evidence_distinguishes_names_with_one_column():
     column = np.ones(5)
     for difference, groups in ((SETTINGS.separable_gain_nats - 0.1, 1), (SETTINGS.separable_gain_nats + 0.1, 2)):
@@ -450,6 +500,26 @@ def test_the_channel_whose_mean_square_falls_most(monkeypatch):
         )
     ]
     assert reduced == ["force_x", "force_y", "altimeter", "force_y"]
+
+
+def test_a_small_fall_of_a_channel_is_preferred_to_a_large_one_of_a_constraint(monkeypatch):
+    monkeypatch.setattr(decision, "channels", lambda _: [("moment_x", ""), ("force_x", "")])
+    before = {"moment_x": 1.2, "force_x": 1.2, "landing": 20.0}
+    after = {"moment_x": 1.2, "force_x": 1.1, "landing": 1.0}
+    assert most_reduced_channel(SimpleNamespace(model=None), before, after) == "force_x"
+
+
+def test_rms_of_a_hypothesis_are_those_of_channels_and_constraints():
+    """Of innovations 3 and 4 in a channel, and 12 in a constraint; other channels have no rows."""
+    bin_rows = np.full((2, 6), -1)
+    bin_rows[:, 1] = [0, 1]
+    model = SimpleNamespace(
+        inputs=SimpleNamespace(checking=[], problem=SimpleNamespace(constraints=[SimpleNamespace(name="landing")])),
+        index=SimpleNamespace(bin_rows=bin_rows, constraint_rows=(slice(2, 3),)),
+    )
+    h = replace(hypothesis_of("wind", 1.0), model=model, normalised=np.array([3.0, 4.0, 12.0]))
+    rms = {name: value for name, value in hypothesis_rms(h).items() if np.isfinite(value)}
+    assert rms == {"force_y": pytest.approx(np.sqrt(12.5)), "landing": 12.0}
 
 
 @pytest.fixture

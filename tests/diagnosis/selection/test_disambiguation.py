@@ -1,5 +1,6 @@
 """The measurement that would distinguish two effects: known states, less noise, and the evidence of each."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -49,6 +50,17 @@ def test_known_states_have_no_variance_at_any_time():
     assert not conditioned.process_noise.values.any() and model.process_noise.values.any()
 
 
+def test_known_states_are_not_correlated_with_others_by_process_noise():
+    """Noise of two correlated states keeps only the variance of the one that is not known."""
+    dense = np.tile([[4.0, 1.0, 0.0], [1.0, 9.0, 2.0], [0.0, 2.0, 16.0]], (5, 1, 1))
+    model = replace(constructed_model().fitted_noise_filter.model, process_noise=from_dense(dense),
+                    initial_covariance=dense[0])  # fmt: skip
+    conditioned = with_known_states(model, [1])
+    expected = np.diag([4.0, 0.0, 16.0])
+    np.testing.assert_array_equal(conditioned.process_noise[3], expected)
+    np.testing.assert_array_equal(conditioned.initial_covariance, expected)
+
+
 def test_improved_rows_have_a_tenth_of_the_sigma():
     model = constructed_model().fitted_noise_filter.model
     improved = with_less_noise(model, np.array([3]), 10.0)
@@ -61,16 +73,23 @@ def test_candidates_are_what_is_uncertain_and_the_constraints():
     assert names == ["knowing the air's density", "knowing the mass", "a constraint landing 10 times better"]
 
 
-def two_effects(monkeypatch, first, second):
-    """Two effects of one size each with given columns."""
-    columns = {"density_scale": first, "axial_force_scale": second}
+def two_effects(monkeypatch, first, second, names=("density_scale", "axial_force_scale")):
+    """Two effects, each with as many sizes as it has given columns ``(R,)`` or ``(R, k)``: 1, 0.5, ..."""
+    columns = {name: c.reshape(COUNT, -1) for name, c in zip(names, (first, second), strict=True)}
 
     def effect_jacobian(_, instance):
-        rows = columns[instance.name][:, None]
-        return EffectJacobian(instance, ("k",), np.ones(1), rows, np.zeros((2, 1)))
+        rows, sizes = columns[instance.name], tuple(q.name for q in instance.effect.sizes)
+        return EffectJacobian(instance, sizes, np.ones(len(sizes)), rows, np.zeros((2, len(sizes))))
 
     monkeypatch.setattr(disambiguation, "effect_jacobian", effect_jacobian)
-    return [EffectInstance(find_effect(n), {"k": 1.0}) for n in columns]
+    effects = [find_effect(name) for name in names]
+    return [EffectInstance(e, {q.name: 1.0 / (k + 1) for k, q in enumerate(e.sizes)}) for e in effects]
+
+
+def covariance_of_the_slope():
+    """Covariance ``(R, R)`` of the rows of `constructed_model` with the mass known and the density uncertain."""
+    slope, k = np.linspace(-1.0, 1.0, COUNT), np.arange(COUNT) + 1.0
+    return slope[:, None] * slope * (100.0 + 1e-4 * np.minimum(k[:, None], k)) + 0.01 * np.eye(COUNT)
 
 
 def test_the_best_measurement_is_of_the_state_that_absorbs_the_difference(monkeypatch):
@@ -79,12 +98,28 @@ def test_the_best_measurement_is_of_the_state_that_absorbs_the_difference(monkey
     pair = two_effects(monkeypatch, common, common + 0.3)
     discriminator = best_discriminator(constructed_model(), *pair)
     assert discriminator.measurement == "knowing the mass"
-    # the density remains uncertain: its error in all rows is one Gaussian
-    slope, k = np.linspace(-1.0, 1.0, COUNT), np.arange(COUNT) + 1.0
-    covariance = slope[:, None] * slope * (100.0 + 1e-4 * np.minimum(k[:, None], k)) + 0.01 * np.eye(COUNT)
-    a, b = np.linalg.solve(np.linalg.cholesky(covariance), np.column_stack((common, common + 0.3))).T
+    columns = np.column_stack((common, common + 0.3))
+    a, b = np.linalg.solve(np.linalg.cholesky(covariance_of_the_slope()), columns).T
     distinct = [0.5 * (x @ x - (x @ y) ** 2 / (y @ y)) for x, y in ((a, b), (b, a))]
     assert discriminator.evidence == pytest.approx(min(distinct), rel=1e-9)
+
+
+@pytest.mark.parametrize("exchanged", [False, True])
+def test_effects_of_several_sizes_are_distinguished_at_their_values(monkeypatch, exchanged):
+    """One effect of one size, one of two: that of one size lies nearer to the other's plane than conversely."""
+    time = np.arange(COUNT)
+    single, double = np.sin(time) + 0.3, np.column_stack((np.sin(time), np.cos(time)))
+    columns = {"density_scale": single, "wind": double}
+    names = tuple(columns)[::-1] if exchanged else tuple(columns)
+    pair = two_effects(monkeypatch, *(columns[name] for name in names), names)
+    discriminator = best_discriminator(constructed_model(), *pair)
+    assert discriminator.measurement == "knowing the mass"
+    root = np.linalg.cholesky(covariance_of_the_slope())
+    a, b = np.linalg.solve(root, single), np.linalg.solve(root, double)
+    plane, _ = np.linalg.qr(b)
+    first, second = a, b @ [1.0, 0.5]
+    rest = first - plane @ (plane.T @ first), second - a * (a @ second) / (a @ a)
+    assert discriminator.evidence == pytest.approx(min(0.5 * r @ r for r in rest), rel=1e-6)
 
 
 def test_there_is_none_for_proportional_columns(monkeypatch):

@@ -8,6 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from edl_filter.diagnosis.linear_model.effect_jacobian import EffectJacobian
+from edl_filter.diagnosis.residual_analysis.unexplained import Remainder
 from edl_filter.diagnosis.selection import screening
 from edl_filter.diagnosis.selection.screening import (
     correlation,
@@ -18,6 +19,7 @@ from edl_filter.diagnosis.selection.screening import (
     shortlist,
 )
 from edl_filter.effects.base import EffectInstance
+from edl_filter.effects.parameters import Parameter
 from edl_filter.effects.registry import find_effect
 from edl_filter.errors import InputError
 from edl_filter.estimation.regression import regress
@@ -86,6 +88,87 @@ def test_alternatives_are_the_next_places_with_dissimilar_columns():
     assert result.instance.values["t0"] == 60.0
     assert [a.values["t0"] for a in result.alternatives] == [100.0, 140.0]
     assert SETTINGS.starting_places == 3
+
+
+def test_information_is_that_of_the_most_informative_place_of_each_column():
+    """Whatever the gains are; squares of lengths 3, 4 and of 12, 5."""
+    first, second = np.zeros((ROWS, 3)), np.zeros((ROWS, 3))
+    first[:2, 0], first[0, 1] = [3.0, 4.0], 1.0
+    second[0, 0], second[:2, 1], second[5, 2] = 2.0, [12.0, 5.0], 0.5
+    groups = [[jacobian_of("remnant_torque", {"t0": 60.0 + k}, x, np.ones(3)) for k, x in enumerate((first, second))]]
+    result = screen(model_of(np.zeros(ROWS)), identity, groups)["remnant_torque", None]
+    np.testing.assert_array_equal(result.information, [25.0, 169.0, 0.25])
+
+
+def test_each_alternative_is_dissimilar_to_those_before_it_too():
+    """In the order of their gains; the third place resembles the second."""
+    basis = np.linalg.qr(np.random.default_rng(4).normal(size=(ROWS, 4)))[0] * 30.0
+    columns = {60.0: basis[:, 0], 90.0: basis[:, 1], 100.0: basis[:, 1] + 0.3 * basis[:, 3], 140.0: basis[:, 2]}
+    jacobians = [
+        jacobian_of("remnant_torque", {"t0": t0}, np.column_stack((c, np.zeros((ROWS, 2)))), np.ones(3))
+        for t0, c in columns.items()
+    ]
+    result = screen(model_of(basis @ [1.0, 0.8, 0.5, 0.0]), identity, [jacobians])["remnant_torque", None]
+    assert result.instance.values["t0"] == 60.0
+    assert [a.values["t0"] for a in result.alternatives] == [90.0, 140.0]
+
+
+# --- places of an oscillation ---------------------------------------------------------------------------------------
+
+
+def place(name, kind, low=-np.inf, high=np.inf, scan=10, default=0.0):
+    return Parameter(name, "", "", 1.0, kind, low=low, high=high, scan=scan, default=default)
+
+
+def remainder(frequency, t0=100.0, t1=200.0):
+    return Remainder("moment_y", t0, t1, 5.0, 1.0, "N m", frequency, {}, (), "")
+
+
+def oscillation(low=0.1, high=2.0, times=2, scan=10):
+    """An effect with a frequency and times; the first place is none of them."""
+    begin_and_end = [place(n, "time") for n in ("t0", "t1")][:times]
+    return SimpleNamespace(
+        places=[place("M0", "mach"), place("f", "frequency", low, high, scan, default=0.7), *begin_and_end]
+    )
+
+
+def test_a_frequency_is_scanned_about_the_spectral_line_to_the_resolution_of_the_flight():
+    """Steps of an eighth of the inverse of the last time, 200 s; to the inverse of the duration, 100 s."""
+    places = screening._places_of_line(oscillation(), remainder(0.5))
+    assert places.keys() == {"f", "t0", "t1"}
+    np.testing.assert_allclose(places["f"], 0.5 + np.arange(-16, 17) / 1600.0, rtol=1e-12)
+    assert (places["t0"], places["t1"]) == ([100.0], [200.0])
+    assert screening._places_of_line(oscillation(times=1), remainder(0.5)).keys() == {"f", "t0"}
+
+
+def test_a_width_between_two_steps_is_covered():
+    f = screening._places_of_line(oscillation(), remainder(0.5, 90.0, 200.0))["f"]
+    np.testing.assert_allclose([min(f), max(f)], [0.5 - 15 / 1600.0, 0.5 + 15 / 1600.0])  # 1 / 110 s are 14.5 steps
+
+
+def test_frequencies_are_within_their_bounds():
+    f = screening._places_of_line(oscillation(0.498125, 0.501875), remainder(0.5))["f"]
+    np.testing.assert_allclose(f, 0.5 + np.arange(-3, 4) / 1600.0, rtol=1e-12)
+    assert screening._places_of_line(oscillation(1.0, 2.0), remainder(0.5))["f"] == [0.7]
+
+
+@pytest.mark.parametrize(
+    ("effect", "line"),
+    [
+        (oscillation(), None),
+        (oscillation(), remainder(None)),
+        (oscillation(scan=1), remainder(0.5)),
+        (SimpleNamespace(places=[place("t0", "time")]), remainder(0.5)),
+    ],
+)
+def test_without_a_line_or_a_frequency_to_scan_no_places_are_stated(effect, line):
+    assert screening._places_of_line(effect, line) == {}
+
+
+def test_a_time_that_is_not_scanned_is_not_moved_to_the_remainder():
+    effect = oscillation(times=1)
+    effect.places.insert(2, place("end", "time", scan=1))
+    assert screening._places_of_line(effect, remainder(0.5)).keys() == {"f", "t0"}
 
 
 def test_nothing_to_screen():
@@ -157,6 +240,24 @@ def test_an_effect_similar_to_one_of_the_model_does_not_gain(monkeypatch):
     assert with_own_fixed.gain > 10.0 and with_own_free.gain < 0.0
 
 
+def test_several_effects_of_the_model_are_marginalised_together(monkeypatch):
+    """Rows have the covariance of unit noise and of both effects, which the filter turns into that of unit noise."""
+    rng = np.random.default_rng(5)
+    columns = {"gyro_bias": rng.normal(size=(6, 3)), "mass": rng.normal(size=(6, 1))}
+    sigma = {"gyro_bias": np.array([0.5, 1.0, 2.0]), "mass": np.array([3.0])}
+
+    def effect_jacobian(model, instance, names):
+        x = columns[instance.name]
+        return SimpleNamespace(rows=x, initial_mean=np.zeros((2, x.shape[1])), sigma=sigma[instance.name])
+
+    monkeypatch.setattr(screening, "effect_jacobian", effect_jacobian)
+    effects = [EffectInstance(find_effect(name), {}) for name in columns]
+    whiten = marginalize_model_effects(model_of(None, effects), identity)
+    covariance = np.eye(6) + sum((columns[n] * sigma[n] ** 2) @ columns[n].T for n in columns)
+    root = whiten(np.eye(6), np.zeros((2, 6)))
+    np.testing.assert_allclose(root @ covariance @ root.T, np.eye(6), atol=1e-10)
+
+
 def test_without_free_effects_it_is_the_filter_itself(monkeypatch):
     assert marginalized(monkeypatch, np.ones((5, 3)), np.ones(3), fixed=True) is identity
     assert marginalize_model_effects(model_of(None), identity) is identity
@@ -165,12 +266,12 @@ def test_without_free_effects_it_is_the_filter_itself(monkeypatch):
 # --- places ---------------------------------------------------------------------------------------------------------
 
 
-def refined(monkeypatch, effect, start, evidence):
+def refined(monkeypatch, effect, start, evidence, refinements=SETTINGS.place_refinements):
     """Places of an effect after refinement, where `evidence` is a function of its values."""
     model = SimpleNamespace(
         white_residuals=lambda whiten: np.zeros(3),
         bins=SimpleNamespace(edges=np.array([0.0, 250.0])),
-        settings=SETTINGS,
+        settings=SETTINGS.model_copy(update={"place_refinements": refinements}),
     )
 
     def effect_jacobian(model, instance):
@@ -178,7 +279,8 @@ def refined(monkeypatch, effect, start, evidence):
         return SimpleNamespace(names=names, sigma=None, rows=instance.values, initial_mean=None)
 
     def fit(y, values, sigma):
-        return SimpleNamespace(gain=evidence(values), estimate=np.array([1e-3]))
+        sizes = find_effect(effect).sizes
+        return SimpleNamespace(gain=evidence(values), estimate=np.full(len(sizes), 1e-3))
 
     monkeypatch.setattr(screening, "effect_jacobian", effect_jacobian)
     monkeypatch.setattr(screening, "regress", fit)
@@ -189,6 +291,38 @@ def refined(monkeypatch, effect, start, evidence):
 def test_a_place_moves_to_the_largest_evidence_within_its_bounds(monkeypatch, start, peak, expected):
     values = refined(monkeypatch, "static_instability", {"M0": start}, lambda v: -((v["M0"] - peak) ** 2))
     assert values["M0"] == pytest.approx(expected, abs=0.2) and values["a"] == 1e-3
+
+
+@pytest.mark.parametrize(
+    ("effect", "start", "steps"),
+    [
+        ("static_instability", {"M0": 18.0}, {"M0": 4.0}),  # of four steps between the bounds 10 and 26
+        ("density_wave", {"L": 12e3, "phase": 1.0}, {"L": 17e3 / 13.0, "phase": np.pi / 4.0}),  # a circle closes
+        ("wind", {"h_lo": 5e3, "h_hi": 25e3}, {"h_lo": 4e3, "h_hi": 4e3}),
+        ("remnant_torque", {"t0": 100.0}, {"t0": 250.0 / 39.0}),  # of the flight
+    ],
+)
+def test_the_first_steps_are_half_the_spacing_of_the_scan_to_both_sides(monkeypatch, effect, start, steps):
+    """Up, and where that does not help down; two refinements that find nothing halve the step."""
+    tried = []
+
+    def evidence(values):
+        tried.append({name: round(values[name] - start[name], 9) for name in start})
+        return -len(tried)
+
+    assert {n: v for n, v in refined(monkeypatch, effect, start, evidence, 2).items() if n in start} == start
+    zero = dict.fromkeys(start, 0.0)
+    expected = [zero] + [
+        zero | {name: round(sign * step * share, 9)} for share in (0.5, 0.25) for name, step in steps.items()
+        for sign in (1.0, -1.0)
+    ]  # fmt: skip
+    assert tried == expected
+
+
+def test_places_on_their_bounds_are_tried(monkeypatch):
+    for start, bound in ((24.0, 26.0), (12.0, 10.0)):
+        values = refined(monkeypatch, "static_instability", {"M0": start}, lambda v, b=bound: -abs(v["M0"] - b), 1)
+        assert values["M0"] == bound
 
 
 def test_an_effect_without_a_place_stays_as_it_is():
@@ -216,5 +350,6 @@ def test_correlation():
     a, b = np.array([3.0, 4.0]), np.array([4.0, 3.0])
     assert correlation(a, b) == pytest.approx(24.0 / 25.0) and correlation(b, a) == correlation(a, b)
     assert correlation(a, -2.0 * a) == pytest.approx(1.0)
+    assert correlation(1e-3 * a, 1e-3 * b) == pytest.approx(24.0 / 25.0)
     assert correlation(a, np.zeros(2)) == 0.0
     assert correlation(a, np.array([3.0, 4.0, 0.0])) == 0.0  # about another path
