@@ -5,6 +5,7 @@ import os
 import subprocess
 import sys
 
+import equal_results
 import numpy as np
 import pytest
 import scipy.linalg
@@ -53,6 +54,18 @@ def test_the_first_run_which_compiles_has_the_same_bits_as_the_next_ones(tmp_pat
     ]
     assert len(digests[0]) == 65
     assert digests[0] == digests[1] == digests[2]
+
+
+@pytest.mark.slow
+def test_a_run_of_spirit_which_compiles_has_the_same_bits_as_the_next_one(tmp_path):
+    environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path / "cache"), "OPENBLAS_NUM_THREADS": "1"}
+    folders = tmp_path / "first", tmp_path / "second"
+    for folder in folders:
+        command = [sys.executable, "-m", "edl_filter", "run", "builtin:mer_a", "--no-figures", "-o", str(folder)]
+        subprocess.run(command, env=environment, check=True, stdout=subprocess.DEVNULL)
+    differences = equal_results.compare(*folders)
+    assert len(differences["result.nc"]) > 500
+    assert {name: value for values in differences.values() for name, value in values.items() if value > 0.0} == {}
 
 
 @pytest.mark.parametrize("available", ["all", "with gaps and rejections"])

@@ -221,7 +221,8 @@ def _sigma_points(covariance, scale):
     return points, valid
 
 
-@COMPILED
+# In line for the reason that `strapdown` states: it contains `propagate`
+@njit(cache=True, error_model="numpy", nogil=True, forceinline=True)
 def _propagated_states(
     nav, errors, points, places, interval, force, rate, coning_corrected, onboard_rate, middle, end, mu, j2, radius
 ):  # fmt: skip

@@ -11,8 +11,9 @@ a block of `LANES` sigma points are adjacent in one flat array, so that every di
 at compile time: the compiler needs no aliasing checks and runs the inner loop in vector registers. There is no
 branch and no allocation in the loops.
 
-The loops are put in line into `propagate`: with `FAST`, a function of its own would be compiled twice, by itself and
-within its caller, with different roundings, and the first run, which compiles, would differ from all later ones.
+The loops are put in line into `propagate`, and `propagate` into compiled callers (`forceinline`): with `FAST`, a
+function of its own would be compiled twice, by itself and within its caller, with different roundings. The run that
+compiles would use the former, and all later ones, which load the caller from the cache, the latter.
 """
 
 import numpy as np
@@ -28,7 +29,7 @@ def padded(count: int) -> int:
     return -(-count // LANES) * LANES
 
 
-@njit(cache=True, fastmath=FAST, error_model="numpy")
+@njit(cache=True, fastmath=FAST, error_model="numpy", forceinline=True)
 def propagate(state, force_map, rate_map, interval, force, rate, mu, j2, radius):
     """Propagate every sigma point over every sample, in place.
 

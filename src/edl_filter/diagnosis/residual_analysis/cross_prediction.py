@@ -15,6 +15,7 @@ those of each row given all earlier rows, so that the gain over the prior divide
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import fsum
 
 import numpy as np
 from scipy.linalg import solve_triangular
@@ -75,7 +76,7 @@ class CrossPrediction:
 
     def of_channels(self, prefix: str) -> float:
         """Gain of the driving IMU's channels whose name begins with ``force`` or ``moment``, nats."""
-        return sum(cell.gain for cell in self.cells if cell.channel.startswith(prefix))
+        return fsum(cell.gain for cell in self.cells if cell.channel.startswith(prefix))
 
 
 def predictive_log_likelihood(learned: LinearizedModel, predicted: LinearizedModel) -> CrossPrediction:
