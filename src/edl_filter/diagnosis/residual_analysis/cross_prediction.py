@@ -15,7 +15,6 @@ those of each row given all earlier rows, so that the gain over the prior divide
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import fsum
 
 import numpy as np
 from scipy.linalg import solve_triangular
@@ -73,10 +72,6 @@ class CrossPrediction:
     def total(self) -> float:
         """Gain of all rows, nats."""
         return float(np.sum(self.row_gains))
-
-    def of_channels(self, prefix: str) -> float:
-        """Gain of the driving IMU's channels whose name begins with ``force`` or ``moment``, nats."""
-        return fsum(cell.gain for cell in self.cells if cell.channel.startswith(prefix))
 
 
 def predictive_log_likelihood(learned: LinearizedModel, predicted: LinearizedModel) -> CrossPrediction:
