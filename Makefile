@@ -4,6 +4,7 @@
 #   make demo    reconstruct Spirit's entry from the shipped telemetry; figures and results go to demo-results
 #   make test    run the tests        make lint   ruff        make types   mypy        make layers  import-linter
 #   make notebooks      execute the notebooks (minutes)
+#   make coverage       lines and branches of the package that the tests pass through (twice the time of make test)
 #   make test-browser   click through the workbench in Chromium, from first look to noise floor (minutes)
 #   make test-effects   hide every effect of the catalogue in a simulated flight and diagnose it, and run the tests that
 #                       take longest (a quarter of an hour)
@@ -31,8 +32,14 @@ BIN := .venv/bin
 STAMP := .venv/installed
 DOCS_STAMP := .venv/installed-docs
 BENCH_STAMP := .venv/installed-bench
+COVERAGE_STAMP := .venv/installed-coverage
+FAST := not browser and not notebook and not slow and (not effects or representative)
+# Tests of the files with compiled functions
+KERNEL_TESTS := tests/estimation tests/imu_model tests/planet tests/test_rotations.py \
+  $(addprefix tests/navigation/test_,compiled_ukf.py error_dynamics.py interval_noise.py noise.py \
+  rotation_corrections.py strapdown.py trajectory.py) tests/simulation/test_dynamics.py
 
-.PHONY: demo test notebooks test-browser test-effects lint types layers bench docs study study-inexact study-simulation study-closure study-filters study-thresholds study-comparators study-cross-prediction thesis-claims clean fuzz study-faults study-kills study-mutation calibrate
+.PHONY: demo test coverage notebooks test-browser test-effects lint types layers bench docs study study-inexact study-simulation study-closure study-filters study-thresholds study-comparators study-cross-prediction thesis-claims clean fuzz study-faults study-kills study-mutation calibrate
 
 demo: $(STAMP)
 	$(BIN)/edl-filter demo -o demo-results
@@ -40,7 +47,15 @@ demo: $(STAMP)
 # One worker per file, so that what a file reads or reconstructs once serves all its tests; the order is that of
 # tests/conftest.py, longest files first, where xdist would take the files with most tests first
 test: $(STAMP)
-	$(BIN)/pytest -n 2 --dist loadfile --no-loadscope-reorder -m "not browser and not notebook and not slow and (not effects or representative)"
+	$(BIN)/pytest -n 2 --dist loadfile --no-loadscope-reorder -m "$(FAST)"
+
+# coverage does not see compiled code: the tests of the kernels run a second time, interpreted
+coverage: $(COVERAGE_STAMP)
+	$(BIN)/coverage erase
+	$(BIN)/coverage run -m pytest -n 2 --dist loadfile --no-loadscope-reorder -m "$(FAST)"
+	NUMBA_DISABLE_JIT=1 $(BIN)/coverage run -m pytest -n 2 -m "$(FAST)" $(KERNEL_TESTS)
+	$(BIN)/coverage combine --quiet
+	$(BIN)/coverage report --sort cover
 
 # Five notebooks, each with runs and diagnoses of its own
 notebooks: $(STAMP)
@@ -130,7 +145,7 @@ thesis-claims: $(STAMP)
 	PYTHONPATH=benchmarks/studies $(BIN)/python -m thesis_claims
 
 clean:
-	rm -rf .venv demo-results bench-results docs/_build build dist .pytest_cache .mypy_cache .ruff_cache .hypothesis
+	rm -rf .venv demo-results bench-results .coverage docs/_build build dist .pytest_cache .mypy_cache .ruff_cache .hypothesis
 
 # The stamp is written last: an installation that was interrupted starts again from nothing
 $(STAMP): pyproject.toml constraints.txt
@@ -145,6 +160,11 @@ $(STAMP): pyproject.toml constraints.txt
 $(DOCS_STAMP): $(STAMP)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check \
 	--constraint constraints.txt --editable '.[docs]'
+	touch $@
+
+$(COVERAGE_STAMP): $(STAMP)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check \
+	--constraint constraints.txt --editable '.[coverage]'
 	touch $@
 
 $(BENCH_STAMP): $(STAMP)

@@ -22,6 +22,7 @@ from __future__ import annotations
 
 from collections import defaultdict
 from dataclasses import replace
+from math import fsum
 
 import numpy as np
 
@@ -133,7 +134,7 @@ def linearized_pass(problem: Problem, before: FilterPass, references: list[State
     if divergence is not None:
         readings = [f.innovation for f in fused if f.constraint.name in divergence.names]
         dof = sum(len(i.residual) for i in readings)
-        if sum(i.nis for i in readings) <= quantile(problem.settings.gate_probability, dof):
+        if fsum(i.nis for i in readings) <= quantile(problem.settings.gate_probability, dof):
             divergence = None
     return replace(before, nodes=nodes, fused=fused, divergence=divergence, references=references, converged=True)
 

@@ -24,6 +24,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from math import fsum
 from typing import Literal
 
 import numpy as np
@@ -221,7 +222,7 @@ def contradiction(filter_pass: FilterPass, least: int = 2) -> Divergence | None:
     names = tuple(f.constraint.name for f in rejected)
     if len({name.split("_")[0] for name in names}) < least:
         return None
-    nis = float(sum(f.innovation.nis for f in rejected))
+    nis = fsum(f.innovation.nis for f in rejected)
     dof = sum(len(f.innovation.residual) for f in rejected)
     return Divergence(rejected[0].constraint.time, names, len(rejected), nis, 0.0, dof)
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections import Counter, deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from math import fsum
 
 import numpy as np
 
@@ -111,7 +112,7 @@ class Screening:
         return bool(
             relative > dof
             or innovation.nis > quantile(self._gate, dof)
-            or (len(last) == WINDOW and sum(last) > quantile(self._gate, WINDOW * dof))
+            or (len(last) == WINDOW and fsum(last) > quantile(self._gate, WINDOW * dof))
         )
 
     def _examine(self, estimator: ErrorStateFilter, reading: Constraint, following: Sequence[Constraint]) -> None:

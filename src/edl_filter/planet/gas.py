@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
+from math import fsum
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -202,7 +203,7 @@ def mixture(composition: Mapping[str, float], name: str = "mixture") -> Gas:
     -------
     Gas
     """
-    total = sum(composition.values())
+    total = fsum(composition.values())
     fractions = tuple((species, x / total) for species, x in composition.items() if x > 0.0)
     share = np.array([x for _, x in fractions])
     mass = np.array([SPECIES[species].mass for species, _ in fractions])

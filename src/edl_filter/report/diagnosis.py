@@ -210,7 +210,7 @@ def _change(line: LedgerLine | Mapping[str, Any]) -> str:
 def overall_rms(errors: Mapping[str, ErrorChange], after: bool = False) -> float | None:
     """Root mean square of the normalised RMS of all channels, before or after an addition; None without any."""
     values = [v for e in errors.values() if (v := e.after if after else e.before) is not None]
-    return math.sqrt(sum(v * v for v in values) / len(values)) if values else None
+    return math.sqrt(math.fsum(v * v for v in values) / len(values)) if values else None
 
 
 def ledger_levels(lines: Sequence[LedgerLine]) -> list[float]:

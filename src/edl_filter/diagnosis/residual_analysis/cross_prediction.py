@@ -73,10 +73,6 @@ class CrossPrediction:
         """Gain of all rows, nats."""
         return float(np.sum(self.row_gains))
 
-    def of_channels(self, prefix: str) -> float:
-        """Gain of the driving IMU's channels whose name begins with ``force`` or ``moment``, nats."""
-        return sum(cell.gain for cell in self.cells if cell.channel.startswith(prefix))
-
 
 def predictive_log_likelihood(learned: LinearizedModel, predicted: LinearizedModel) -> CrossPrediction:
     """Log likelihood of a flight with the increments that another flight gives, over that with the prior database.

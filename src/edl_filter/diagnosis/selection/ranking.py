@@ -135,7 +135,8 @@ def _rank(case: FlightCase, effects: Sequence[EffectInstance], progress: Progres
     nulls = [fit_null_model(m, case.effects, model.excess_variance.share) for m in models]
     reference, most_likely = most_probable_null(nulls), max(models, key=lambda m: m.log_likelihood)
     progress("trying the catalogue and something else")
-    unmodelled_fit = start_thread(lambda: fit_unmodelled(model))  # compiled loops for the most part
+    # compiled loops for the most part; the cached properties of the model that it reads were computed for `most_likely`
+    unmodelled_fit = start_thread(lambda: fit_unmodelled(model))
     failed: dict[str, str] = {}
     # where the model holds an effect has its full evidence; the scan of an effect with places is too coarse for that
     shares = [effects]
