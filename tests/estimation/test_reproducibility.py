@@ -42,6 +42,7 @@ digest.update(white.tobytes())
 print(digest.hexdigest())
 """
 
+
 @pytest.mark.slow
 def test_the_first_run_which_compiles_has_the_same_bits_as_the_next_ones(tmp_path):
     environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path / "cache"), "OPENBLAS_NUM_THREADS": "1"}
