@@ -354,7 +354,7 @@ function mapView(result) {
     make("h2", {}, "Where the model fails"),
     make("p", {}, failing ? `${failing} of ${cells.length} cells fail.` : `None of ${cells.length} cells fails.`),
     make("p", { class: "legend" }, "Normalised RMS: 0.5", bar, number(worst), make("span", {}, make("span", { class: "box" }), " outlined: fails (above 1.1 and statistically significant)")),
-    make("div", { class: "beside" }, make("div", {},
+    make("div", { class: "map-and-residual" }, make("div", {},
       flight.length ? grid("channel", regimes, names, flight) : null,
       constraints.length ? make("details", { open: constraints.some((c) => c.fails) }, make("summary", {}, "Constraints"),
         grid("constraint", ["constraints"], constraints.map((c) => c.channel), constraints)) : null), panel),
