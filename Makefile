@@ -4,7 +4,7 @@
 #   make demo    reconstruct Spirit's entry from the shipped telemetry; figures and results go to demo-results
 #   make test    run the tests        make lint   ruff        make types   mypy        make layers  import-linter
 #   make notebooks      execute the notebooks (minutes)
-#   make coverage       lines and branches of the package that the tests pass through (twice the time of make test)
+#   make coverage       lines and branches of the package that make test passes through (twice its time)
 #   make test-browser   click through the workbench in Chromium, from first look to noise floor (minutes)
 #   make test-effects   hide every effect of the catalogue in a simulated flight and diagnose it, and run the tests that
 #                       take longest (a quarter of an hour)
@@ -34,10 +34,6 @@ DOCS_STAMP := .venv/installed-docs
 BENCH_STAMP := .venv/installed-bench
 COVERAGE_STAMP := .venv/installed-coverage
 FAST := not browser and not notebook and not slow and (not effects or representative)
-# Tests of the files with compiled functions
-KERNEL_TESTS := tests/estimation tests/imu_model tests/planet tests/test_rotations.py \
-  $(addprefix tests/navigation/test_,compiled_ukf.py error_dynamics.py interval_noise.py noise.py \
-  rotation_corrections.py strapdown.py trajectory.py) tests/simulation/test_dynamics.py
 
 .PHONY: demo test coverage notebooks test-browser test-effects lint types layers bench docs study study-inexact study-simulation study-closure study-filters study-thresholds study-comparators study-cross-prediction thesis-claims clean fuzz study-faults study-kills study-mutation calibrate
 
@@ -49,11 +45,11 @@ demo: $(STAMP)
 test: $(STAMP)
 	$(BIN)/pytest -n 2 --dist loadfile --no-loadscope-reorder -m "$(FAST)"
 
-# coverage does not see compiled code: the tests of the kernels run a second time, interpreted
+# Functions that numba compiles are not counted (pyproject.toml): coverage sees interpreted code only, and interpreted
+# flights take hours
 coverage: $(COVERAGE_STAMP)
 	$(BIN)/coverage erase
 	$(BIN)/coverage run -m pytest -n 2 --dist loadfile --no-loadscope-reorder -m "$(FAST)"
-	NUMBA_DISABLE_JIT=1 $(BIN)/coverage run -m pytest -n 2 -m "$(FAST)" $(KERNEL_TESTS)
 	$(BIN)/coverage combine --quiet
 	$(BIN)/coverage report --sort cover
 
