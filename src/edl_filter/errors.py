@@ -1,4 +1,6 @@
-"""The exception for wrong input, and the exit code of results that are not to be trusted."""
+"""The exception for wrong input, parts of messages, and the exit code of results that are not to be trusted."""
+
+from collections.abc import Sequence
 
 #: Exit code of a command that is done with a result which is not to be trusted.
 UNTRUSTWORTHY = 3
@@ -16,3 +18,8 @@ def quoted(value: object, longest: int = 80) -> str:
     """A value of a file in a message: quoted, without control characters, and of at most `longest` characters."""
     text = repr(value)
     return text if len(text) <= longest else f"{text[: longest - 2]} …"
+
+
+def enumerated(names: Sequence[str]) -> str:
+    """Texts as an enumeration: ``a, b and c``."""
+    return " and ".join(filter(None, (", ".join(names[:-1]), names[-1]))) if names else ""

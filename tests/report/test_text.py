@@ -7,7 +7,6 @@ from edl_filter.report.text import (
     below_interval,
     chance,
     constraint_verdict,
-    enumerated,
     event_label,
     information_text,
     limited_probability_sentence,
@@ -56,15 +55,6 @@ def test_parameters_of_models_and_of_plain_data_have_the_same_text():
 def test_components_over_their_sigmas():
     assert sigmas_text([1.0, -4.0, None], [2.0, 2.0, 1.0]) == "+0.5  -2.0  –"
     assert sigmas_text([1.0, -6.0, 0.0, 0.0], [2.0, 2.0, 0.0, float("inf")]) == "≤ 3.0"
-
-
-def test_enumerations():
-    assert [enumerated(names) for names in ((), ("a",), ("a", "b"), ("a", "b", "c"))] == [
-        "",
-        "a",
-        "a and b",
-        "a, b and c",
-    ]
 
 
 def test_why_something_else_is_more_probable_than_a_larger_gain():

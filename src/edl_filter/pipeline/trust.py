@@ -17,12 +17,11 @@ A few rejected readings of an altimeter are outliers, and no reason against the 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from edl_filter.errors import InputError
+from edl_filter.errors import InputError, enumerated
 from edl_filter.mission import Mission
 from edl_filter.navigation.filter import Problem
 from edl_filter.navigation.recovery import Recovery, first_pass
@@ -251,18 +250,13 @@ def _contradiction(rejected: dict[str, tuple[int, int]]) -> str:
         name.replace("_", " ") + (f" ({count} of {uses} readings)" if uses > 1 else "")
         for name, (count, uses) in rejected.items()
     ]
-    return f"{_enumerated(names)} contradict{'s' * (len(names) == 1)} all other data"
+    return f"{enumerated(names)} contradict{'s' * (len(names) == 1)} all other data"
 
 
 def _divergence(recovery: Recovery | None) -> str:
     assert recovery is not None
-    names = _enumerated([name.replace("_", " ") for name in recovery.divergence.names])
+    names = enumerated([name.replace("_", " ") for name in recovery.divergence.names])
     return f"its state contradicted {names} at {recovery.divergence.time:.1f} s and was estimated again with more noise"
-
-
-def _enumerated(names: Sequence[str]) -> str:
-    """Texts as an enumeration: ``a, b and c``."""
-    return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"
 
 
 def cause_sentence(causes: list[Cause]) -> str:

@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 
-from edl_filter.report.text import enumerated, number, with_sigma, words
+from edl_filter.errors import enumerated
+from edl_filter.report.text import number, with_sigma, words
 from edl_filter.results.schema import Summary
 from edl_filter.results.schema.summary import (
     EffectParameter,

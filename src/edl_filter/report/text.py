@@ -38,11 +38,6 @@ def words(name: str) -> str:
     return name.replace("_", " ")
 
 
-def enumerated(names: Sequence[str]) -> str:
-    """Texts as an enumeration: ``a, b and c``."""
-    return " and ".join(filter(None, (", ".join(names[:-1]), names[-1]))) if names else ""
-
-
 def event_label(name: str) -> str:
     """Short label of an event."""
     return EVENT_LABELS.get(name, words(name))
