@@ -10,7 +10,7 @@ from scipy.interpolate import make_interp_spline
 from edl_filter import rotations
 from edl_filter.diagnosis.linear_model.flight_case import flight_case
 from edl_filter.diagnosis.linear_model.linearization import linearize
-from edl_filter.diagnosis.residual_analysis.normalised_residuals import model_rms
+from edl_filter.diagnosis.residual_analysis.residual_map import model_rms
 from edl_filter.telemetry.mer_archive import read_mer_tables
 
 #: Begin of the regression, s after entry interface, and its end before the mortar fires, s.

@@ -12,7 +12,7 @@ from edl_filter import rotations
 from edl_filter.diagnosis.diagnosis import diagnose
 from edl_filter.diagnosis.linear_model.flight_case import flight_case, load_case
 from edl_filter.diagnosis.linear_model.linearization import linearize
-from edl_filter.diagnosis.residual_analysis.normalised_residuals import model_rms
+from edl_filter.diagnosis.residual_analysis.residual_map import model_rms
 from edl_filter.effects.base import EffectInstance
 from edl_filter.effects.registry import catalogue, find_effect
 from edl_filter.mission import Mission

@@ -11,11 +11,11 @@ import numpy as np
 
 from edl_filter.aero.increments import DatabaseUpdate
 from edl_filter.diagnosis.linear_model.flight_case import FlightCase
+from edl_filter.diagnosis.residual_analysis.change_point import Onset, onsets
 from edl_filter.diagnosis.residual_analysis.database_update import estimate_database_update
 from edl_filter.diagnosis.residual_analysis.latent_force import LatentForce, estimate_latent_force
-from edl_filter.diagnosis.residual_analysis.normalised_residuals import model_rms, residual_series
 from edl_filter.diagnosis.residual_analysis.nuisance_shifts import NuisanceShift, nuisance_shifts
-from edl_filter.diagnosis.residual_analysis.residual_map import Cell, Onset, onsets, residual_map
+from edl_filter.diagnosis.residual_analysis.residual_map import Cell, model_rms, residual_map, residual_series
 from edl_filter.diagnosis.residual_analysis.unexplained import Remainder, describe_remainder
 from edl_filter.diagnosis.selection.decision import UNKNOWN, Verdict, decide
 from edl_filter.diagnosis.selection.evidence_profile import evidence_profile

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from edl_filter.diagnosis.diagnosis import diagnose
 from edl_filter.diagnosis.diagnosis_json import diagnosis_content
 from edl_filter.diagnosis.linear_model.flight_case import load_case
-from edl_filter.diagnosis.residual_analysis.normalised_residuals import residual_series
+from edl_filter.diagnosis.residual_analysis.residual_map import residual_series
 from edl_filter.diagnosis.selection.ranking import Progress, candidate_instances
 from edl_filter.effects.instances import lookup
 from edl_filter.effects.registry import effects_in, selected_effects

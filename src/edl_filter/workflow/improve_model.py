@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from edl_filter.diagnosis.diagnosis_json import diagnosis_content
-from edl_filter.diagnosis.residual_analysis.normalised_residuals import residual_series
+from edl_filter.diagnosis.residual_analysis.residual_map import residual_series
 from edl_filter.diagnosis.selection.outer_loop import fit_effects
 from edl_filter.diagnosis.selection.ranking import Progress
 from edl_filter.diagnosis.stepwise import Step, improve

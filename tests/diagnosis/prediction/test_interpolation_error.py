@@ -8,7 +8,7 @@ from edl_filter import Mission
 from edl_filter.diagnosis.linear_model import linearization
 from edl_filter.diagnosis.linear_model.flight_case import load_case
 from edl_filter.diagnosis.prediction.interpolation_error import lever_arm_error
-from edl_filter.diagnosis.residual_analysis.normalised_residuals import model_rms
+from edl_filter.diagnosis.residual_analysis.residual_map import model_rms
 from edl_filter.effects.base import EffectInstance
 from edl_filter.effects.registry import find_effect
 from edl_filter.imu_model.lever_arm import EDGE_REACH, lever_arm_acceleration, lever_arm_acceleration_at

@@ -1,4 +1,4 @@
-"""Cells of the residual map: which fail, and their numbers; regimes; change points."""
+"""Normalised RMS of channels and constraints; cells of the residual map: which fail, and their numbers; regimes."""
 
 from dataclasses import replace
 from itertools import pairwise
@@ -12,14 +12,67 @@ from edl_filter.diagnosis.prediction.dead_reckoning import NODES_PER_BIN
 from edl_filter.diagnosis.residual_analysis.residual_map import (
     CONSTRAINTS,
     _cell,
+    channels,
     failing_cells,
     flow_regimes,
-    onsets,
-    variance_change_point,
+    model_rms,
+    normalised_innovations,
+    rms_by_channel,
+    rms_by_constraint,
 )
 from edl_filter.mission.decision_settings import DecisionSettings
 
 SETTINGS = DecisionSettings()
+#: Rows of four bins: the last channel of the checking IMU is used once, its first one never.
+BIN_ROWS = np.arange(48).reshape(4, 12)
+BIN_ROWS[:, 6] = -1
+BIN_ROWS[1:, 11] = -1
+
+
+@pytest.fixture
+def model():
+    """A model with one checking IMU, an altimeter of two samples, and a landing site of three components."""
+    names = ("altimeter", "landing", "altimeter")
+    white, sigma = np.random.default_rng(1).normal(size=53), np.linspace(1.0, 2.0, 53)
+    return SimpleNamespace(
+        inputs=SimpleNamespace(
+            checking=[SimpleNamespace(name="secondary")],
+            problem=SimpleNamespace(constraints=[SimpleNamespace(name=n) for n in names]),
+        ),
+        index=SimpleNamespace(bin_rows=BIN_ROWS, constraint_rows=(slice(48, 49), slice(49, 52), slice(52, 53))),
+        fitted_noise_filter=SimpleNamespace(innovations=lambda rows: 3.0 * rows),
+        white_residuals=lambda whiten: white,
+        stated_noise_filter=SimpleNamespace(innovation_sigma=sigma),
+    )
+
+
+def test_channels_are_force_moment_and_each_checking_imu(model):
+    names = [name for name, _ in channels(model)]
+    assert names[:6] == ["force_x", "force_y", "force_z", "moment_x", "moment_y", "moment_z"]
+    assert names[6:] == [f"secondary_{kind}_{axis}" for kind in ("force", "rate") for axis in "xyz"]
+    assert [unit for _, unit in channels(model)][::3] == ["m/s^2", "rad/s^2", "m/s^2", "rad/s"]
+
+
+def test_innovations_of_the_fitted_noise_are_divided_by_the_stated_sigma(model):
+    expected = 3.0 * np.random.default_rng(1).normal(size=53) / np.linspace(1.0, 2.0, 53)
+    np.testing.assert_allclose(normalised_innovations(model), expected)
+
+
+def test_rms_is_over_the_rows_that_are_used(model):
+    values = np.arange(53.0)
+    by_channel = rms_by_channel(model, values)
+    assert by_channel["force_y"] == pytest.approx(np.sqrt(np.mean(np.square([1.0, 13.0, 25.0, 37.0]))))
+    assert by_channel["secondary_rate_z"] == 11.0 and np.isnan(by_channel["secondary_force_x"])
+    by_constraint = rms_by_constraint(model, values)
+    assert by_constraint == {
+        "altimeter": pytest.approx(np.sqrt(0.5 * (48.0**2 + 52.0**2))),
+        "landing": pytest.approx(np.sqrt((49.0**2 + 50.0**2 + 51.0**2) / 3.0)),
+    }
+    normalised = normalised_innovations(model)
+    of_model = model_rms(model)
+    assert of_model.keys() == by_channel.keys() | by_constraint.keys()
+    assert of_model["landing"] == rms_by_constraint(model, normalised)["landing"]
+    assert of_model["moment_x"] == rms_by_channel(model, normalised)["moment_x"]
 
 
 def cell_of(normalised, sigma=0.02, database_sigma=None, settings=SETTINGS):
@@ -99,67 +152,3 @@ def test_every_bin_is_in_one_regime():
         high, low = (float(x) for x in name.removeprefix("Mach ").split(" to "))
         middle = mach[NODES_PER_BIN // 2 :: NODES_PER_BIN]
         assert np.all((middle[inside] < high) & (middle[inside] >= low))
-
-
-def change_point(normalised):
-    return variance_change_point(normalised, SETTINGS.onset_samples)
-
-
-@pytest.mark.parametrize(("change", "factor"), [(100, 3.0), (700, 1.6), (30, 30.0)])
-def test_a_change_point_is_located(change, factor):
-    rng = np.random.default_rng(7)
-    normalised = rng.normal(size=1000)
-    normalised[change:] *= factor
-    first, gain = change_point(normalised)
-    assert abs(first - change) <= 12 and gain > SETTINGS.onset_nats
-
-
-def test_the_change_point_is_that_of_a_slow_scan():
-    """Every division into two variances, each at least one and the second the larger."""
-
-    def log_likelihood(values):
-        variance = max(np.mean(values**2), 1.0)
-        return -0.5 * len(values) * np.log(variance) - 0.5 * np.sum(values**2) / variance
-
-    rng = np.random.default_rng(9)
-    for _ in range(20):
-        normalised = rng.normal(size=60) * np.where(np.arange(60) < rng.integers(10, 50), 1.0, rng.uniform(0.5, 3.0))
-        gains = {}
-        for k in range(10, 51):
-            a, b = normalised[:k], normalised[k:]
-            larger = max(np.mean(b**2), 1.0) > max(np.mean(a**2), 1.0)
-            gains[k] = log_likelihood(a) + log_likelihood(b) - log_likelihood(normalised) if larger else 0.0
-        first, gain = change_point(normalised)
-        assert gain == pytest.approx(max(max(gains.values()), 0.0), abs=1e-9)
-        if gain > 0.0:
-            assert gains[first] == pytest.approx(gain, abs=1e-9)
-
-
-def test_constant_and_decreasing_variances_have_no_change_point():
-    rng = np.random.default_rng(8)
-    gains = [change_point(f * rng.normal(size=400))[1] for f in (0.5, 1.0, 5.0) for _ in range(100)]
-    assert np.mean(np.array(gains) > SETTINGS.onset_nats) < 0.01
-    decreasing = rng.normal(size=400)
-    decreasing[:200] *= 5.0
-    assert change_point(decreasing)[1] < SETTINGS.onset_nats
-
-
-def test_onsets_are_those_of_the_channels_that_begin_to_fail(monkeypatch):
-    """Force x begins to fail at bin 300 and moment y, more clearly, at bin 200; force z is not compared enough."""
-    rng, count = np.random.default_rng(3), 400
-    by_channel = rng.normal(size=(count, 6))
-    by_channel[300:, 0] *= 3.0
-    by_channel[200:, 4] *= 6.0
-    rows = np.arange(6 * count).reshape(count, 6)
-    rows[19:, 2] = -1
-    model = SimpleNamespace(
-        index=SimpleNamespace(bin_rows=rows),
-        inputs=SimpleNamespace(checking=()),
-        bins=SimpleNamespace(edges=50.0 + 0.1 * np.arange(count + 1)),
-        settings=SETTINGS,
-    )
-    module = "edl_filter.diagnosis.residual_analysis.residual_map.normalised_innovations"
-    monkeypatch.setattr(module, lambda _: by_channel.ravel())
-    first, second = onsets(model)
-    assert (first.channel, second.channel) == ("moment_y", "force_x") and first.gain > second.gain
-    assert first.time == pytest.approx(70.0, abs=1.2) and second.time == pytest.approx(80.0, abs=1.2)

@@ -30,8 +30,7 @@ from edl_filter.diagnosis.residual_analysis.field_posterior import (
     knot_coordinates,
     white_columns,
 )
-from edl_filter.diagnosis.residual_analysis.normalised_residuals import channels
-from edl_filter.diagnosis.residual_analysis.residual_map import flow_regimes
+from edl_filter.diagnosis.residual_analysis.residual_map import channels, flow_regimes
 from edl_filter.errors import InputError
 from edl_filter.estimation.kalman import WhiteningFilter
 from edl_filter.estimation.matern import matern32_correlation

@@ -1,4 +1,14 @@
-"""Residual map: every channel in every flight regime, and the times at which channels begin to fail."""
+"""Normalised residuals of the channels: against time, their RMS over the flight, and in every flight regime.
+
+A residual is measured minus predicted, after the nuisance parameters have been estimated from all earlier residuals: an
+innovation of the Kalman filter at the noise that the residuals show (`noise.variance_components`), so that one failure
+does not spread over other channels. It is normalised by its one sigma at the stated noise, so that the failure remains
+visible. If the model holds, the normalised RMS is one. All normalised RMS of a model are of these residuals; those of
+the navigation filter's innovations (`results.summary`) are about the reconstruction, which does not use the model.
+
+Output: the content of ``residuals.nc`` (`residual_series`), and the residual map, a list of cells: every channel in
+every flight regime, and every constraint.
+"""
 
 from __future__ import annotations
 
@@ -10,21 +20,87 @@ from scipy.special import chdtri, ndtr
 
 from edl_filter.diagnosis.linear_model.linear_model import LinearizedModel
 from edl_filter.diagnosis.prediction.dead_reckoning import NODES_PER_BIN
-from edl_filter.diagnosis.residual_analysis.normalised_residuals import (
-    channels,
-    model_rms,
-    normalised_innovations,
-)
 from edl_filter.mission.decision_settings import DecisionSettings
 from edl_filter.navigation.constraints import Constraint
-from edl_filter.types import Array, BoolArray, IntArray
+from edl_filter.results.groups import Group, Groups
+from edl_filter.types import Array, BoolArray
 
+AXES = ("x", "y", "z")
 #: Mach numbers between the continuum regimes (25, 15 and 5: Thomas 2011; 3.5: the dynamic instability's).
 MACH = (25.0, 15.0, 5.0, 3.5)
 #: Knudsen numbers between free-molecular, transitional and continuum flow.
 KNUDSEN = (10.0, 1e-3)
 #: Regime of the map under which the constraints stand, and the key of the whole flight among the regimes.
 CONSTRAINTS, OVERALL = "constraints", "overall"
+
+
+def channels(model: LinearizedModel) -> list[tuple[str, str]]:
+    """Names and units of the bins' channels, in the order of their rows."""
+    names = [(f"force_{a}", "m/s^2") for a in AXES] + [(f"moment_{a}", "rad/s^2") for a in AXES]
+    for record in model.inputs.checking:
+        names += [(f"{record.name}_force_{a}", "m/s^2") for a in AXES]
+        names += [(f"{record.name}_rate_{a}", "rad/s") for a in AXES]
+    return names
+
+
+def normalised_innovations(model: LinearizedModel) -> Array:
+    """Innovations ``(R,)`` at the fitted noise, over their sigma at the stated noise."""
+    whiten = model.fitted_noise_filter
+    return whiten.innovations(model.white_residuals(whiten)) / model.stated_noise_filter.innovation_sigma
+
+
+def rms_by_channel(model: LinearizedModel, normalised: Array) -> dict[str, float]:
+    """Channel → RMS over the flight of normalised innovations ``(R,)``."""
+    by_channel = {}
+    for c, (name, _) in enumerate(channels(model)):
+        rows = model.index.bin_rows[:, c]
+        by_channel[name] = _rms(normalised[rows[rows >= 0]])
+    return by_channel
+
+
+def rms_by_constraint(model: LinearizedModel, normalised: Array) -> dict[str, float]:
+    """Constraint → RMS over all its uses of normalised innovations ``(R,)``."""
+    values: dict[str, list[float]] = {}
+    for constraint, rows in zip(model.inputs.problem.constraints, model.index.constraint_rows, strict=True):
+        values.setdefault(constraint.name, []).extend(normalised[rows])
+    return {name: _rms(np.array(v)) for name, v in values.items()}
+
+
+def model_rms(model: LinearizedModel) -> dict[str, float]:
+    """Channel or constraint → normalised RMS of a model."""
+    normalised = normalised_innovations(model)
+    return rms_by_channel(model, normalised) | rms_by_constraint(model, normalised)
+
+
+def residual_series(model: LinearizedModel) -> Groups:
+    """Groups of ``residuals.nc``.
+
+    Returns
+    -------
+    dict of Group
+        Root: ``time`` (bins' middles, s), ``channel``, ``unit`` (text by channel), ``residual`` and ``sigma``
+        ``(channel, time)`` in the channel's unit, and ``normalised``, their ratio; NaN where nothing is compared.
+    """
+    index, bins = model.index, model.bins
+    normalised, stated = normalised_innovations(model), model.stated_noise_filter.innovation_sigma
+    named = channels(model)
+    ratio, sigma = (np.full((len(named), len(bins.interval)), np.nan) for _ in range(2))
+    for c in range(len(named)):
+        used = np.flatnonzero(index.bin_rows[:, c] >= 0)
+        rows = index.bin_rows[used, c]
+        scale = 1.0 / bins.interval[used] if 3 <= c < 6 else 1.0  # steps of the rate, as accelerations
+        ratio[c, used], sigma[c, used] = normalised[rows], stated[rows] * scale
+    group = Group()
+    group.add("time", ("time",), bins.middle, "s", "time since the epoch, middle of the bin")
+    group.label("channel", [name for name, _ in named], "what is compared")
+    group.text("unit", "channel", [unit for _, unit in named], "unit of residual and sigma")
+    dims = ("channel", "time")
+    group.add(
+        "residual", dims, ratio * sigma, "1", "measured less predicted, nuisance parameters estimated, in its unit"
+    )
+    group.add("sigma", dims, sigma, "1", "one sigma of the residual as stated, in its unit")
+    group.add("normalised", dims, ratio, "1", "residual over sigma")
+    return {"/": group}
 
 
 @dataclass(frozen=True)
@@ -155,76 +231,8 @@ def rms_by_regime(model: LinearizedModel) -> dict[str, dict[str, float]]:
     return by_channel
 
 
-@dataclass(frozen=True)
-class Onset:
-    """The time at which a channel begins to fail.
-
-    Attributes
-    ----------
-    channel : str
-    time : float
-        s.
-    gain : float
-        Log-likelihood over one variance throughout, nats.
-    """
-
-    channel: str
-    time: float
-    gain: float
-
-
-def onsets(model: LinearizedModel) -> list[Onset]:
-    """Change points of the channels' variances, most likely first; channels without one are left out."""
-    normalised, index, settings = normalised_innovations(model), model.index, model.settings
-    by_channel = []
-    for c, (channel, _) in enumerate(channels(model)):
-        used = np.flatnonzero(index.bin_rows[:, c] >= 0)
-        if len(used) < 2 * settings.onset_samples:
-            continue
-        first, gain = variance_change_point(normalised[index.bin_rows[used, c]], settings.onset_samples)
-        if gain > settings.onset_nats:
-            by_channel.append(Onset(channel, float(model.bins.edges[used[first]]), gain))
-    return sorted(by_channel, key=lambda o: -o.gain)
-
-
-def variance_change_point(normalised: Array, shortest: int) -> tuple[int, float]:
-    """Index from which normalised innovations have a larger variance, by a likelihood-ratio scan.
-
-    Two variances, the second the larger and neither below the stated 1, are compared with one (Basseville and
-    Nikiforov, Detection of Abrupt Changes, 1993, section 2.4).
-
-    Parameters
-    ----------
-    normalised : (N,) array
-        Innovations over their sigma.
-    shortest : int
-        Least number of samples on either side.
-
-    Returns
-    -------
-    first : int
-    gain : float
-        Log-likelihood ratio, nats; 0 without a change.
-    """
-    n, square = len(normalised), np.concatenate(([0.0], np.cumsum(normalised**2)))
-    k = np.arange(shortest, n - shortest + 1)
-    before = np.maximum(square[k] / k, 1.0)
-    after = np.maximum((square[-1] - square[k]) / (n - k), 1.0)
-    constant = max(square[-1] / n, 1.0)
-
-    gain = (
-        _negative_log_likelihood(np.array(n), constant, square[-1])
-        - _negative_log_likelihood(k, before, square[k])
-        - _negative_log_likelihood(n - k, after, square[-1] - square[k])
-    )
-    gain = np.where(after > before, gain, 0.0)
-    best = int(np.argmax(gain))
-    return int(k[best]), float(max(gain[best], 0.0))
-
-
-def _negative_log_likelihood(count: IntArray, variance: Array, total: Array) -> Array:
-    """Of normal numbers with a given sum of squares, without a constant."""
-    return np.asarray(0.5 * (count * np.log(variance) + total / variance), float)
+def _rms(values: Array) -> float:
+    return float(np.sqrt(np.mean(np.square(values)))) if len(values) else float("nan")
 
 
 def _unit(constraint: Constraint) -> str:

@@ -37,7 +37,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from edl_filter.diagnosis.residual_analysis.normalised_residuals import (
+from edl_filter.diagnosis.residual_analysis.residual_map import (
     channels,
     rms_by_channel,
     rms_by_constraint,
