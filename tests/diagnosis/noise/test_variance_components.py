@@ -363,13 +363,14 @@ def chosen(index, model, residuals, excess, **changes):
     choice = SETTINGS.model_copy(update=changes)
     white = whitening_filter(add_variance(model, index, excess))
     mean = np.zeros(model.size)
-    best = most_likely_colour(white, model, index, excess, residuals, mean, choice)
+    best, colour = most_likely_colour(white, model, index, excess, residuals, mean, choice)
     if best is white:
         return None
     for i, memory in enumerate(choice.excess_memories_s):
         for j, factor in enumerate(choice.excess_colour_factors):
             scaled = replace(excess, variance=factor * excess.variance)
             if whitening_filter(colour_excess(model, index, scaled, memory)).log_determinant == best.log_determinant:
+                assert colour == (i, j)
                 return i, j
     raise AssertionError("the filter is none of those that are tried")
 
@@ -402,7 +403,30 @@ def test_without_excess_there_is_no_colour():
     model, index = six_axes(count=20)
     white = whitening_filter(model)
     zero = ExcessVariance.zero(index.count)
-    assert most_likely_colour(white, model, index, zero, np.zeros(index.count), np.zeros(2), SETTINGS) is white
+    whiten, colour = most_likely_colour(white, model, index, zero, np.zeros(index.count), np.zeros(2), SETTINGS)
+    assert whiten is white and colour is None
+
+
+def test_a_search_from_any_place_ends_at_the_same_colour(monkeypatch):
+    """From the most likely place of a similar model it costs its neighbours only."""
+    model, index = six_axes(count=200)
+    process = 3.0 * gauss_markov(np.random.default_rng(11), 200, 0.1, 1.0)
+    residuals, excess, mean = residuals_with(1, model, index, process), excess_of(index, 9.0), np.zeros(model.size)
+    white = whitening_filter(add_variance(model, index, excess))
+    computed = []
+    module = "edl_filter.diagnosis.noise.variance_components.whitening_filter"
+    monkeypatch.setattr(module, lambda coloured: (computed.append(1), whitening_filter(coloured))[1])
+
+    def search(initial):
+        computed.clear()
+        whiten, colour = most_likely_colour(white, model, index, excess, residuals, mean, SETTINGS, initial)
+        return colour, whiten.log_determinant, len(computed)
+
+    colour, determinant, count = search(None)
+    for i in range(len(SETTINGS.excess_memories_s)):
+        for j in range(len(SETTINGS.excess_colour_factors)):
+            assert search((i, j))[:2] == (colour, determinant)
+    assert search(colour)[2] <= 7 < count
 
 
 @pytest.mark.parametrize(("margin", "chosen_colour"), [(0.5, True), (-0.5, False)])
@@ -423,7 +447,7 @@ def test_colour_costs_the_logarithm_of_the_number_of_candidates(margin, chosen_c
     count = 20  # equal candidates
     few = SETTINGS.model_copy(update={"excess_memories_s": (0.3,) * count, "excess_colour_factors": (1.0,)})
     part = brentq(lambda x: gain(x)[0] - np.log(count) - margin, 0.0, 1.0)
-    best = most_likely_colour(white, model, index, excess, gain(part)[1], mean, few)
+    best, _ = most_likely_colour(white, model, index, excess, gain(part)[1], mean, few)
     assert (best is not white) == chosen_colour
 
 

@@ -205,10 +205,16 @@ class LinearizedModel:
     @cached_property
     def fitted_noise_filter(self) -> WhiteningFilter:
         """Whitening filter at the noise that the residuals show: white beyond the stated, or correlated in time."""
-        return most_likely_colour(
+        whiten, self.__dict__["_colour"] = most_likely_colour(
             self.white_excess_filter, self.state_space, self.index, self.excess_variance, self.residual_vector,
-            self.initial_mean, self.settings,
+            self.initial_mean, self.settings, self._colour,
         )  # fmt: skip
+        return whiten
+
+    @cached_property
+    def _colour(self) -> tuple[int, int] | None:
+        """Most likely colour of the excess variance, or that of the similar model until it is known."""
+        return None if self.initial_excess is None else self.initial_excess.colour
 
     @property
     def holds(self) -> bool:
@@ -218,7 +224,7 @@ class LinearizedModel:
     @property
     def failing_excess(self) -> ExcessVariance | None:
         """Excess variance with which the estimation for a similar model starts; None if the model holds."""
-        return None if self.holds else self.excess_variance
+        return None if self.holds else replace(self.excess_variance, colour=self._colour)
 
     def white_residuals(self, whiten: Whitening) -> Array:
         """Residuals whitened by a filter ``(R,)``."""

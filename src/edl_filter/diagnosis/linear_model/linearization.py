@@ -29,6 +29,7 @@ from edl_filter.diagnosis.prediction.residuals import (
     PathReference,
     bin_readings,
     compute_residuals,
+    correct_lever_arms,
     lever_arm_errors,
 )
 from edl_filter.effects.base import EffectInstance
@@ -63,9 +64,9 @@ def linearize_at(
     inputs = perturbed(case.model_inputs(effects), point)
     transitions = propagate_path(inputs.problem, bins, point.start, point.errors)
     reference = PathReference(bins=bins, start=point.start.nav[:10], errors=point.errors, onboard=transitions.onboard)
-    errors = lever_arm_errors(reference, inputs, compute_residuals(reference, inputs))
-    reference = replace(reference, lever_arm_errors=errors)
     residuals = compute_residuals(reference, inputs)
+    errors = lever_arm_errors(reference, inputs, residuals)
+    reference, residuals = replace(reference, lever_arm_errors=errors), correct_lever_arms(residuals, errors)
     perturbation, field = point.perturbation, None
     if perturbation is not None:
         units, field = perturbation.units, perturbation.field

@@ -41,11 +41,14 @@ class ExcessVariance:
     penalty : float
         Cost in evidence, nats: each interval was selected among all, and its variance estimated from the interval's own
         rows (Schwarz, Annals of Statistics 6 (1978) 461).
+    colour : (int, int) or None
+        Most likely correlation time and factor (`most_likely_colour`), as places in the settings; None if unknown.
     """
 
     variance: Array
     significant: BoolArray
     penalty: float = 0.0
+    colour: tuple[int, int] | None = None
 
     @classmethod
     def zero(cls, count: int) -> ExcessVariance:
@@ -129,7 +132,8 @@ def most_likely_colour(
     residuals: Array,
     initial_mean: Array,
     settings: DecisionSettings,
-) -> WhiteningFilter:
+    initial: tuple[int, int] | None = None,
+) -> tuple[WhiteningFilter, tuple[int, int] | None]:
     """The whitening filter with white or correlated excess variance, whichever is most likely.
 
     Parameters
@@ -149,9 +153,18 @@ def most_likely_colour(
     settings : DecisionSettings
         Thresholds of the diagnosis: the correlation times and factors that are tried. Choosing among them costs the
         logarithm of their number.
+    initial : (int, int), optional
+        Places of correlation time and factor at which the search begins: the most likely ones of a similar model.
+
+    Returns
+    -------
+    whiten : WhiteningFilter
+    colour : (int, int) or None
+        Places of the most likely correlation time and factor, also where white excess variance is more likely; None
+        without excess variance.
     """
     if excess.is_zero:
-        return white
+        return white, None
 
     def evaluate(place: tuple[int, int]) -> tuple[float, WhiteningFilter]:
         memory, factor = place
@@ -160,7 +173,7 @@ def most_likely_colour(
         return whiten.log_likelihood(whiten(residuals[:, None], initial_mean[:, None])[:, 0]), whiten
 
     memories, factors = settings.excess_memories_s, settings.excess_colour_factors
-    place = (len(memories) // 2, len(factors) // 2)
+    place = (len(memories) // 2, len(factors) // 2) if initial is None else initial
     likelihood, coloured = evaluate(place)
     likelihoods = {place: likelihood}  # the filters are large: only that of the best place is kept
     # uphill on the grid; the data determine the ratio of variance and time best: along the ridge both increase together
@@ -180,7 +193,7 @@ def most_likely_colour(
         place = best
     price = float(np.log(len(memories) * len(factors)))
     at_white = white.log_likelihood(white(residuals[:, None], initial_mean[:, None])[:, 0])
-    return coloured if likelihood - price > at_white else white
+    return coloured if likelihood - price > at_white else white, place
 
 
 def moment_estimate(

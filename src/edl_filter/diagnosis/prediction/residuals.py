@@ -138,12 +138,8 @@ def compute_residuals(reference: PathReference, inputs: ModelInputs) -> Residual
     flow = flow_at(model, nodes)
     tables = model.table_coefficients(flow)
     predicted_force, predicted_rate_step = predict(model, bins, flow, tables)
-    if reference.lever_arm_errors:
-        force = force - reference.lever_arm_errors[0]
     checking = [_checking_residuals(record, bins, samples, path.rate, force, rate) for record in inputs.checking]
-    for i, error in enumerate(reference.lever_arm_errors[1:]):
-        checking[i] = checking[i][0] - error, checking[i][1]
-    return Residuals(
+    residuals = Residuals(
         force=force - predicted_force,
         rate_step=np.diff(rate, axis=0) - predicted_rate_step,
         checking_force=tuple(f for f, _ in checking),
@@ -155,6 +151,20 @@ def compute_residuals(reference: PathReference, inputs: ModelInputs) -> Residual
         tables=tables,
         predicted_force=predicted_force,
         predicted_rate_step=predicted_rate_step,
+    )
+    return correct_lever_arms(residuals, reference.lever_arm_errors)
+
+
+def correct_lever_arms(residuals: Residuals, errors: tuple[Array, ...]) -> Residuals:
+    """Residuals whose forces are corrected for `lever_arm_errors`; a checking IMU is compared with the driving one."""
+    if not errors:
+        return residuals
+    driving, *checking = errors
+    forces = zip(residuals.checking_force, checking, strict=True)
+    return replace(
+        residuals,
+        force=residuals.force - driving,
+        checking_force=tuple(force + driving - error for force, error in forces),
     )
 
 
