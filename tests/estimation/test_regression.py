@@ -88,14 +88,27 @@ def test_data_share_is_one_with_much_data_and_zero_without():
     assert np.all(regress(y, 1e-6 * x, sigma).data_share < 1e-6)
 
 
-@given(st.floats(-6.0, 24.0), st.floats(-12.0, 4.0), st.floats(1.0, 20.0))
-def test_the_smallest_size_has_the_required_gain(log_information, log_sigma, gain):
-    """Sizes of rad/s and of kilometres alike: the exact gain of data that are the column times the size."""
-    information, sigma = 10.0**log_information, 10.0**log_sigma
-    s = smallest_size(information, sigma, gain)
-    expected = 0.5 * s**2 * information - 0.5 * np.log1p(information * sigma**2)
-    assert expected == pytest.approx(gain, rel=1e-9)
+@given(st.floats(-6.0, 24.0), st.floats(-3.0, 5.0), st.floats(1.0, 20.0))
+def test_the_smallest_size_does_not_depend_on_the_unit(log_information, log_ratio, gain):
+    """Sizes of rad/s and of kilometres alike: in prior sigmas it depends on the information of a sigma alone."""
+    sigma = 10.0 ** (0.5 * (log_ratio - log_information))
+    expected = smallest_size(10.0**log_ratio, 1.0, gain)
+    assert smallest_size(10.0**log_information, sigma, gain) / sigma == pytest.approx(expected, rel=1e-9)
+
+
+@pytest.mark.parametrize("ratio", [0.3, 1.0, 5.0, 20.0, 1e4])
+@pytest.mark.parametrize("gain", [1.0, 6.0])
+def test_data_of_the_smallest_size_gain_on_average_what_is_required(ratio, gain):
+    """`regress` on 20,000 random data sets, also where the prior contributes much: within four sigmas of their mean."""
+    rng = np.random.default_rng(5)
+    sigma, column = 0.7, rng.normal(size=12)
+    column *= np.sqrt(ratio) / sigma / np.linalg.norm(column)
+    s = smallest_size(float(column @ column), sigma, gain)
+    gains = np.array([
+        regress(s * column + noise, column[:, None], np.array([sigma])).gain for noise in rng.normal(size=(20_000, 12))
+    ])  # fmt: skip
+    assert abs(np.mean(gains) - gain) < 4.0 * np.std(gains) / np.sqrt(len(gains))
 
 
 def test_without_information_no_size_is_detectable():
-    assert smallest_size(0.0, 1.0, 6.0) == np.inf
+    assert smallest_size(0.0, 1.0, 6.0) == np.inf and smallest_size(1.0, 0.0, 6.0) == np.inf

@@ -111,7 +111,12 @@ def held_out_gain(y: Array, x: Array, sigma: Array, time: Array, block: float, f
 
 
 def smallest_size(information: float, sigma: float, gain: float) -> float:
-    """Coefficient whose expected gain is `gain` nats: ``0.5 s² A - 0.5 log(1 + A sigma²)``.
+    """Coefficient at which the expected log Bayes factor of its regressor is `gain`.
+
+    With the column x, its squared norm A and rows ``y = s x + e``, the log Bayes factor is ``(xᵀy)² V / 2 - log(1 + A
+    sigma²) / 2``, with the posterior variance ``V = 1 / (A + 1 / sigma²)`` (Bishop, section 3.5). Since the mean of
+    ``(xᵀy)²`` is ``A² s² + A``, its expectation is ``r (A s² + 1) / 2 - log(1 + A sigma²) / 2`` with the share of the
+    data ``r = A V``.
 
     Parameters
     ----------
@@ -120,14 +125,15 @@ def smallest_size(information: float, sigma: float, gain: float) -> float:
     sigma : float
         Prior standard deviation.
     gain : float
-        nats.
+        nats; positive.
 
     Returns
     -------
     float
-        Infinite where the flight has no information.
+        Infinite where the measurements have no information.
     """
-    if not information > 0.0:
+    ratio = information * sigma**2
+    if not ratio > 0.0:
         return float("inf")
-    penalty = 0.5 * np.log1p(information * sigma**2)
-    return float(np.sqrt(2.0 * (gain + penalty) / information))
+    price = np.log1p(ratio)
+    return float(np.sqrt(((2.0 * gain + price) * (1.0 + 1.0 / ratio) - 1.0) / information))
