@@ -1,13 +1,18 @@
 """One case: its record, that it can be repeated, and that it is what the commands for one flight compute."""
 
+import contents
 import numpy as np
 import pytest
 
+from edl_filter.effects.base import EffectInstance, key_of
+from edl_filter.effects.registry import find_effect
 from edl_filter.mission import Mission
-from edl_filter.pipeline.reconstruct import reconstruct
-from edl_filter.results.campaign_variables import VARIABLES
+from edl_filter.pipeline.load import check_settings
+from edl_filter.pipeline.reconstruct import FlightInputs, reconstruct
+from edl_filter.results.campaign_variables import VARIABLES, VERDICTS
 from edl_filter.simulation import Scenario, simulate
 from edl_filter.simulation.campaign_config import Campaign
+from edl_filter.workflow import campaign_case
 from edl_filter.workflow.campaign_case import CaseRunner, landing_values
 
 CAMPAIGN = {
@@ -86,3 +91,36 @@ def test_errors_of_the_state_are_those_of_the_truth(records):
     assert 0.0 < values["nees"]["entry"]["all"] < 40.0
     difference = np.subtract(*(list(values[n].values()) for n in ("landing_position", "true_landing_position")))
     assert np.linalg.norm(difference) < 6.0 * values["landing_sigma"] + 30.0
+
+
+@pytest.mark.parametrize(
+    ("imu", "label", "same_as", "right"),
+    [
+        ("secondary", "gyro_scale in secondary", [], 1.0),
+        ("secondary", "gyro_scale", [], 0.0),  # in the driving IMU
+        ("secondary", "mass", ["gyro_scale in secondary"], 1.0),
+        ("primary", "gyro_scale", [], 1.0),  # the driving IMU, named in the campaign
+        (None, "gyro_scale", [], 1.0),
+        (None, "gyro_scale in secondary", [], 0.0),
+    ],
+)
+def test_a_sensor_effect_is_right_in_its_own_imu_only(runner, monkeypatch, imu, label, same_as, right):
+    """And both IMUs have a probability of their own."""
+    key = key_of(label)
+    ranking = [
+        contents.hypothesis(effect=key[0], imu=key[1], label=label, same_as=same_as, probability=0.8),
+        contents.hypothesis(effect=key[0], imu="elsewhere", label=f"{key[0]} in elsewhere", probability=0.1),
+    ]
+    monkeypatch.setattr("edl_filter.diagnosis.diagnosis.diagnose", lambda *_: None)
+    content = contents.diagnosis(ranking=ranking)
+    monkeypatch.setattr("edl_filter.diagnosis.diagnosis_json.diagnosis_content", lambda _: content)
+    monkeypatch.setattr("edl_filter.diagnosis.linear_model.flight_case.flight_case", lambda _: None)
+    monkeypatch.setattr(campaign_case, "reconstruct", lambda *_, **__: None)
+    flight = runner._flight("simulated")
+    flown = simulate(flight.scenario, (), 1)
+    inputs = FlightInputs(flown.telemetry(check_settings(flight.mission)))
+    hidden = EffectInstance(find_effect("gyro_scale"), {"sx": 1e-3}, imu)
+    values = campaign_case.diagnosis_values(flight, inputs, (), (hidden,))
+    assert values["leader_right"] == right and values["named"] == 1.0
+    assert values["probability"] == {label: 0.8, f"{key[0]} in elsewhere": 0.1}
+    assert VERDICTS[int(values["verdict"])] == "missing"

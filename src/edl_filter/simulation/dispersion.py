@@ -82,9 +82,9 @@ class CaseDraw:
     values: dict[str, float] = field(default_factory=dict)
 
     @property
-    def hidden(self) -> tuple[str, ...]:
-        """Names of the effects of the catalogue, or of the user, that the flight has."""
-        return tuple(a.name for a in self.effects if not isinstance(a.effect, AirError))
+    def hidden(self) -> tuple[EffectInstance, ...]:
+        """Effects of the catalogue, or of the user, that the flight has."""
+        return tuple(a for a in self.effects if not isinstance(a.effect, AirError))
 
     def imu_errors(self, sigmas: SensorErrors) -> tuple[EffectInstance, ...]:
         """Sensor errors of the driving IMU, whose constant errors have these sigmas; none if none were drawn.

@@ -8,12 +8,14 @@ alone, except ``seconds`` and ``processor_seconds``.
 from __future__ import annotations
 
 import time
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
 from edl_filter import rotations
-from edl_filter.effects.base import EffectInstance
+from edl_filter.effects.base import EffectInstance, label_of
+from edl_filter.effects.sensor_chain import canonical_key
 from edl_filter.navigation.leave_one_out import ConstraintCheck
 from edl_filter.pipeline.load import check_settings, prepare_telemetry, read_atmosphere, read_telemetry
 from edl_filter.pipeline.reconstruct import FlightInputs, Reconstruction, reconstruct
@@ -65,7 +67,7 @@ class CaseRunner:
             "flight": key.flight,
             "dispersion": key.dispersion,
             "seed": draw.seed,
-            "hidden": list(draw.hidden),
+            "hidden": [a.label for a in draw.hidden],
             "values": values | {"drawn": dict(draw.values)},
             "seconds": time.perf_counter() - begin,
             "processor_seconds": time.process_time() - processor,
@@ -220,7 +222,10 @@ def state_errors(reconstruction: Reconstruction, motion: Motion) -> dict[str, An
 
 
 def diagnosis_values(
-    flight: CampaignFlight, inputs: FlightInputs, effects: tuple[EffectInstance, ...], hidden: tuple[str, ...]
+    flight: CampaignFlight,
+    inputs: FlightInputs,
+    effects: tuple[EffectInstance, ...],
+    hidden: Sequence[EffectInstance],
 ) -> dict[str, Any]:
     """Verdict and probabilities of a diagnosis with the whole catalogue.
 
@@ -232,27 +237,26 @@ def diagnosis_values(
         Telemetry and atmosphere.
     effects : tuple of EffectInstance
         Of the model.
-    hidden : tuple of str
-        Effects that are in the flight and not in the model.
+    hidden : sequence of EffectInstance
+        Effects that are in the flight and not in the model. A sensor effect is named rightly in its own IMU only.
     """
     from edl_filter.diagnosis.diagnosis import diagnose
     from edl_filter.diagnosis.diagnosis_json import diagnosis_content
     from edl_filter.diagnosis.linear_model.flight_case import flight_case
     from edl_filter.effects.registry import known_effects
     from edl_filter.results.campaign_variables import VERDICTS
+    from edl_filter.results.schema import DiagnosisContent
 
     reconstruction = reconstruct(flight.mission, effects, False, recover=False, inputs=inputs, compare_imus=False)
-    content = diagnosis_content(diagnose(flight_case(reconstruction), known_effects().values()))
-    ranking = content["ranking"]
-    missing = content["verdict"] == "missing" and bool(ranking)
-    leader: dict[str, Any] = ranking[0] if ranking else {"effect": "", "same_as": [], "probability": 0.0}
-    named = {leader["effect"], leader.get("label") or leader["effect"], *leader["same_as"]}
-    verdict = content["verdict"] if content["verdict"] in VERDICTS else "clean"
+    diagnosis = DiagnosisContent.of(diagnosis_content(diagnose(flight_case(reconstruction), known_effects().values())))
+    true = {label_of(canonical_key(a, inputs.telemetry.driving)) for a in hidden}
+    ranking = diagnosis.ranking
+    named = {ranking[0].label, *ranking[0].same_as} if ranking else set()
     return {
-        "verdict": float(VERDICTS.index(verdict)),
-        "none_probability": content["none"],
-        "leader_probability": leader["probability"],
-        "leader_right": float(not named.isdisjoint(hidden)),
-        "named": float(missing),
-        "probability": {e["effect"]: e["probability"] for e in ranking[:10]},
+        "verdict": float(VERDICTS.index(diagnosis.verdict)),
+        "none_probability": diagnosis.none,
+        "leader_probability": ranking[0].probability if ranking else 0.0,
+        "leader_right": float(not named.isdisjoint(true)),
+        "named": float(diagnosis.verdict == "missing" and bool(ranking)),
+        "probability": {h.label: h.probability for h in ranking[:10]},
     }
