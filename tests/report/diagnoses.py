@@ -22,7 +22,7 @@ def content(verdict="missing", rms=880.0, **changes):
         error_before=rms, error_after=0.91, channel="moment_x",
         discriminated_by={"com_offset": "knowing the mass would part them by 41 nats"},
     )  # fmt: skip
-    something = contents.diagnosis()["something_else"] | {"probability": 1e-9, "score_gain": 4839.6}
+    something = contents.diagnosis()["something_else"] | {"probability": 1e-9, "gain": 4839.6}
     return contents.diagnosis(
         verdict=verdict, sentence="Missing: remnant_torque (gain 16713 nats).", effects=["mass"],
         state=[f"{sum(c['fails'] for c in cells)} of {len(cells)} cells of the residual map fail.",

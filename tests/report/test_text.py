@@ -59,7 +59,7 @@ def test_components_over_their_sigmas():
 
 def test_why_something_else_is_more_probable_than_a_larger_gain():
     def sentence(**changes):
-        something = diagnosis()["something_else"] | {"probability": 0.9, "score_gain": -768.0}
+        something = diagnosis()["something_else"] | {"probability": 0.9, "gain": -768.0}
         ranking = [hypothesis(**({"probability": 0.01, "explained_share": 0.011} | changes))]
         return limited_probability_sentence(DiagnosisContent.of(diagnosis(something_else=something, ranking=ranking)))
 

@@ -87,7 +87,8 @@ class Diagnosis:
     @cached_property
     def state(self) -> tuple[str, ...]:
         """How much fails, the verdict, what the leading effect reduces, and what qualifies that: one sentence each."""
-        return state_sentences(self.cells, self.verdict, self.errors, self.database_proxy)
+        minimum_rms = self.ranking.case.settings.cell_minimum_rms
+        return state_sentences(self.cells, self.verdict, self.errors, self.database_proxy, minimum_rms)
 
     @property
     def leader(self) -> EffectInstance | None:

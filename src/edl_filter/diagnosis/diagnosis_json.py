@@ -41,7 +41,7 @@ def diagnosis_content(diagnosis: Diagnosis) -> dict[str, Any]:
         "none_gain": 0.0 - max(ranking.excess_noise_gain, ranking.nuisance_gain, 0.0),
         "something_else": {
             "probability": verdict.something_else,
-            "score_gain": ranking.unmodelled_gain,
+            "gain": ranking.unmodelled_gain,
             "force_m_s2": ranking.unmodelled.force,
             "angular_acceleration_rad_s2": ranking.unmodelled.moment,
             "correlation_time_s": ranking.unmodelled.memory,

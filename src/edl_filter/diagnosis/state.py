@@ -16,9 +16,6 @@ from edl_filter.diagnosis.selection.decision import (
 )
 from edl_filter.diagnosis.selection.hypothesis import Hypothesis
 
-#: Normalised RMS beyond which a clean flight's sentence gives the reason why a cell does not fail.
-_LARGE_RMS = 1.1
-
 
 @dataclass(frozen=True)
 class Improvement:
@@ -41,7 +38,7 @@ def improvement_with(hypothesis: Hypothesis) -> Improvement:
 
 
 def state_sentences(
-    cells: Sequence[Cell], verdict: Verdict, errors: Mapping[str, float], proxy: str | None
+    cells: Sequence[Cell], verdict: Verdict, errors: Mapping[str, float], proxy: str | None, minimum_rms: float
 ) -> tuple[str, ...]:
     """The state of a flight, the most important sentence first.
 
@@ -55,13 +52,16 @@ def state_sentences(
         Channel → normalised RMS of the model as it is.
     proxy : str, optional
         For what the mission's aerodynamic database is a proxy; None where it is the vehicle's own.
+    minimum_rms : float
+        Normalised RMS below which no cell fails (`DecisionSettings.cell_minimum_rms`): of a clean flight, the reason is
+        given why a cell with a larger one does not fail.
     """
     failing = failing_cells(list(cells))
     sentences = [_count_sentence(cells, failing), verdict.sentence]
     if verdict.entries and verdict.verdict != CLEAN and failing:
         sentences.append(_leader_sentence(verdict.entries[0], errors, verdict.verdict == MISSING, len(cells)))
     if verdict.verdict == CLEAN:
-        sentences += _reasons(cells, failing, verdict.required_gain)
+        sentences += _reasons(cells, failing, verdict.required_gain, minimum_rms)
     if proxy:
         sentences.append(
             f"The aerodynamic database is a proxy: {proxy}. What fails in lateral forces and moments, and a name that "
@@ -103,7 +103,7 @@ def _leader_sentence(entry: Entry, errors: Mapping[str, float], named: bool, cel
     )
 
 
-def _reasons(cells: Sequence[Cell], failing: Sequence[Cell], required_gain: float) -> list[str]:
+def _reasons(cells: Sequence[Cell], failing: Sequence[Cell], required_gain: float, minimum_rms: float) -> list[str]:
     """Why a flight is clean although a cell fails or has a large normalised RMS."""
     reasons = []
     if failing:
@@ -113,7 +113,7 @@ def _reasons(cells: Sequence[Cell], failing: Sequence[Cell], required_gain: floa
         )
     passing = [cell for cell in cells if not cell.fails]
     largest = max(passing, key=lambda cell: cell.rms, default=None)
-    if largest is not None and largest.rms > _LARGE_RMS:
+    if largest is not None and largest.rms > minimum_rms:
         reasons.append(
             f"The largest normalised RMS that does not fail, {largest.rms:.3g} of {_place(largest)}, "
             f"is of {largest.count} number{'s' * (largest.count != 1)} only: chance allows up to "

@@ -102,7 +102,7 @@ def ranking(content: DiagnosisContent | Mapping[str, Any], title: str) -> Figure
     diagnosis = DiagnosisContent.of(content)
     something = diagnosis.something_else
     rows = [(hypothesis_label(h), h.gain, h.score_gain, h.probability) for h in diagnosis.ranking]
-    rows.append(("something else", something.score_gain, None, something.probability))
+    rows.append(("something else", something.gain, None, something.probability))
     gains = [(float(k), gain) for k, (_, gain, _, _) in enumerate(rows) if gain is not None]
     scores = [(float(k), score) for k, (_, _, score, _) in enumerate(rows) if score is not None]
     elements: list[Element] = [_gain_bars(gains, -0.18, "blue", "gain")]

@@ -109,7 +109,7 @@ def limited_probability_sentence(diagnosis: DiagnosisContent) -> str:
     if not diagnosis.ranking:
         return ""
     first = diagnosis.ranking[0]
-    least = max(diagnosis.required_gain or 0.0, something.score_gain or 0.0)
+    least = max(diagnosis.required_gain or 0.0, something.gain or 0.0)
     limited = min(first.gain or 0.0, first.score_gain or 0.0) > least
     if not limited or (something.probability or 0.0) <= (first.probability or 0.0):
         return ""
@@ -240,7 +240,7 @@ def ranking_rows(diagnosis: DiagnosisContent) -> list[tuple[str, ...]]:
             for h in diagnosis.ranking
         ),
         ("nothing is missing", chance(diagnosis.none), none_gain_text(diagnosis), "–", "", ""),
-        ("something else", chance(something.probability), number(something.score_gain), "–", "", ""),
+        ("something else", chance(something.probability), number(something.gain), "–", "", ""),
     ]  # fmt: skip
 
 

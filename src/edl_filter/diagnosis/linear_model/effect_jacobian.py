@@ -42,6 +42,9 @@ _SIZE_STEP = 2e-3
 #: cost ten times the others, and the scan, the constant nuisance parameters and the first steps of fits have some in
 #: common.
 _KEPT_JACOBIANS = 64
+#: Prior standard deviation of a time whose bounds are those of the flight, s: somewhat more than that of a uniform
+#: distribution over an entry of four to five minutes.
+_TIME_SIGMA = 100.0
 #: Exponent by which the altitudes of a scan are spaced: steps increase as the air becomes thinner.
 _ALTITUDE_SPACING = 1.7
 
@@ -175,11 +178,14 @@ def _identity(instance: EffectInstance) -> tuple[EffectKey, tuple[tuple[str, flo
 
 
 def prior_sigma(parameter: Parameter) -> float:
-    """Prior standard deviation of a parameter: its plausible size, or that of a uniform distribution over its range."""
+    """Prior standard deviation of a parameter: its plausible size, or that of a uniform distribution over its range.
+
+    A time whose bounds are the flight's own has `_TIME_SIGMA`.
+    """
     if parameter.kind == "size":
         return parameter.sigma
     spread = parameter.high - parameter.low
-    return float(spread / np.sqrt(12.0)) if np.isfinite(spread) else 100.0
+    return float(spread / np.sqrt(12.0)) if np.isfinite(spread) else _TIME_SIGMA
 
 
 def _place_step(kind: str) -> float:

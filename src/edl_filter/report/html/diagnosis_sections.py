@@ -181,7 +181,7 @@ def _ranking(diagnosis: DiagnosisContent) -> Table:
         ]  # fmt: skip
         rows.append((h.probability or 0.0, row))
     something = diagnosis.something_else
-    none, unnamed = readable(none_gain_text(diagnosis)), readable(number(something.score_gain))
+    none, unnamed = readable(none_gain_text(diagnosis)), readable(number(something.gain))
     rows.append((diagnosis.none or 0.0, ["nothing is missing", chance(diagnosis.none), none, "–", "", "", ""]))
     unnamed_row: list[Cell] = ["something else", chance(something.probability), unnamed, "–", _size(something), "", ""]
     rows.append((something.probability or 0.0, unnamed_row))

@@ -464,7 +464,7 @@ function rankingView(result) {
   state.effect = null;
   const something = diagnosis.something_else || {};
   const unnamed = [["nothing is missing", diagnosis.none, "The present model."],
-    ["something else", something.probability, `An unmodelled force and moment, or excess noise, outside the catalogue${something.score_gain == null ? "" : `: gain ${nats(something.score_gain)}`}.`]];
+    ["something else", something.probability, `An unmodelled force and moment, or excess noise, outside the catalogue${something.gain == null ? "" : `: gain ${nats(something.gain)}`}.`]];
   const choices = diagnosis.ranking.map((entry) => [entry.probability, [hypothesis(entry, choose), ...alternatives(entry, choose)]]);
   for (const [name, p, description] of unnamed) {
     if (p != null) choices.push([p, [make("div", { class: "choice" }, probabilityHeading(make("h3", {}, name), p), make("p", { class: "secondary" }, description))]]);
