@@ -5,7 +5,7 @@ import json
 from diagnoses import content
 from matplotlib.colors import to_hex
 
-from edl_filter.report.diagnosis import draw_diagnosis, ledger_figure, missing, ranking
+from edl_filter.report.diagnosis import draw_diagnosis, ledger_figure, missing, model_change, ranking
 from edl_filter.report.matplotlib_renderer import draw
 from edl_filter.report.residual_map import cell_colours, residual_map
 from edl_filter.results.schema import DiagnosisContent
@@ -46,15 +46,12 @@ def test_the_ranking_shows_gain_and_held_out_gain():
 
 
 def test_the_ledger_shows_every_step_and_figures_are_written(tmp_path):
-    lines = [
-        {"added": "wind", "errors": {"force_y": {"before": 90.0}, "landing": {"before": 0.5}}},
-        {"added": None, "errors": {"force_y": {"before": 1.01}, "landing": {"before": 0.6}}},
-    ]
-    ax = draw(ledger_figure(lines, 1.01, "flight")).axes[0]
+    errors = [{"force_y": 90.0, "landing": 0.5}, {"force_y": 1.01, "landing": 0.6}]
+    ax = draw(ledger_figure(errors, [model_change("wind")], 1.01, "flight")).axes[0]
     assert [t.get_text() for t in ax.get_xticklabels()] == ["as stated", "+ wind"]
     assert [line.get_label() for line in ax.lines] == ["force y", "noise"]
-    replaced = {"added": "gyro_bias", "imu": "rover", "removed": ["wind"], "errors": lines[1]["errors"]}
-    ax = draw(ledger_figure([lines[0], replaced, lines[1]], 1.01, "flight")).axes[0]
+    changes = [model_change("wind"), model_change("gyro_bias in rover", ["wind"])]
+    ax = draw(ledger_figure([*errors, errors[1]], changes, 1.01, "flight")).axes[0]
     assert [t.get_text() for t in ax.get_xticklabels()][2] == "+ gyro_bias in rover − wind"
     names = [p.name for p in draw_diagnosis(json.loads(json.dumps(content())), "flight", tmp_path)]
     assert names == ["diagnosis_heatmap.png", "diagnosis_ranking.png"]

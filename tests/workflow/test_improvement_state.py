@@ -4,12 +4,15 @@ import json
 from types import SimpleNamespace
 
 import pytest
+from contents import diagnosis as diagnosis_of
+from contents import hypothesis, ledger_step
 
 from edl_filter.diagnosis.stepwise import Step
 from edl_filter.effects import EffectInstance
 from edl_filter.effects.registry import find_effect
 from edl_filter.mission import Mission
 from edl_filter.results.files import LEDGER
+from edl_filter.results.schema import LedgerStep
 from edl_filter.workflow import improve_model, improvement_state
 from edl_filter.workflow.improvement_state import NextStep
 
@@ -47,10 +50,9 @@ def selection(monkeypatch):
 
     def content(diagnosis):
         names = diagnosis.model
-        first = {"effect": NAMES[min(len(names), 2)], "imu": None, "same_as": [], "parameters": {}, "gain": 9.0,
-                 "score_gain": 8.0, "errors_after": {}}  # fmt: skip
-        return {"mission": "practice_mer", "effects": list(names), "errors": {}, "ranking": [first],
-                "remainder": None, "where": []}  # fmt: skip
+        name = NAMES[min(len(names), 2)]
+        first = hypothesis(effect=name, label=name, parameters={}, gain=9.0, score_gain=8.0, errors_after={})
+        return diagnosis_of(effects=names, errors={}, ranking=[first], where=[], map=[])
 
     monkeypatch.setattr(improve_model, "improve", improve)
     monkeypatch.setattr(improve_model, "diagnosis_content", content)
@@ -135,7 +137,7 @@ def test_a_step_that_was_deleted_is_not_gone_past(mission, tmp_path, selection, 
 
 def test_the_ledger_keeps_its_first_lines(tmp_path):
     for step in range(3):
-        improve_model._append(tmp_path, {"step": step})
+        improve_model._append(tmp_path, LedgerStep.of(ledger_step(step=step)))
     improve_model._keep_lines(tmp_path, 2)
     assert [json.loads(x)["step"] for x in (tmp_path / LEDGER).read_text().splitlines()] == [0, 1]
     improve_model._keep_lines(tmp_path, 0)

@@ -159,20 +159,22 @@ def missing(latent: LatentContent, onsets: Sequence[OnsetContent], title: str, e
     )  # fmt: skip
 
 
-def ledger_figure(lines: Sequence[LedgerLine | Mapping[str, Any]], noise_floor: float, title: str) -> Figure:
+def ledger_figure(
+    errors: Sequence[Mapping[str, float | None]], changes: Sequence[str], noise_floor: float, title: str
+) -> Figure:
     """Normalised RMS of the channels that fail, from step to step.
 
     Parameters
     ----------
-    lines : sequence of LedgerLine or mapping
-        Lines of the ledger; the last adds nothing.
+    errors : sequence of mapping
+        Channel → normalised RMS of the model of each step; None where a channel is not compared.
+    changes : sequence of str
+        What changes the model from each step to the next: one fewer (`model_change`).
     noise_floor : float
         Normalised RMS that noise does not exceed.
     title : str
         Title of the flight.
     """
-    errors = [_errors_before(line) for line in lines]
-    changes = [_change(line) for line in lines[:-1]]
     largest = {name: max((e.get(name) or 0.0 for e in errors), default=0.0) for name in errors[0]}
     failing = sorted((n for n in largest if largest[n] > 1.1 * noise_floor), key=lambda n: -largest[n])
     elements: list[Element] = []
@@ -182,29 +184,19 @@ def ledger_figure(lines: Sequence[LedgerLine | Mapping[str, Any]], noise_floor: 
         elements.append(Curve(positions, values, words(name), colour, symbol=symbol, size=6.0))
     elements.append(Line(noise_floor, label="noise", dash=_DASH, width=1.3))
     labels = ["as stated", *changes]
-    angle = 0.0 if len(lines) <= 2 else 20.0 if len(lines) <= 5 else 55.0
-    bottom = 0.6 if len(lines) <= 2 else 1.1 if len(lines) <= 5 else 0.4 + 0.075 * max(map(len, labels))
+    angle = 0.0 if len(errors) <= 2 else 20.0 if len(errors) <= 5 else 55.0
+    bottom = 0.6 if len(errors) <= 2 else 1.1 if len(errors) <= 5 else 0.4 + 0.075 * max(map(len, labels))
     sizes = [rms for e in errors for n in failing[: len(_CHANNEL_STYLES)] if (rms := e.get(n))]
     limits = (0.7 * min([noise_floor, *sizes]), 1.5 * max([noise_floor, *sizes]))
-    x = Axis(range=(-0.3, len(lines) - 0.7), ticks=tuple(enumerate(labels)), tick_angle=angle)
+    x = Axis(range=(-0.3, len(errors) - 0.7), ticks=tuple(enumerate(labels)), tick_angle=angle)
     y = Axis("normalised RMS (1: the model holds)", scale="log", range=limits)
     panel = Panel(x, y, tuple(elements), legend=Legend("outside", 1))
     return Figure(f"{title}: error by added effect", ((panel,),), (4.0,), margins=(1.0, 2.35, bottom))
 
 
-def _errors_before(line: LedgerLine | Mapping[str, Any]) -> dict[str, float | None]:
-    errors = line["errors"] if isinstance(line, Mapping) else line.errors
-    return {name: e["before"] if isinstance(e, Mapping) else e.before for name, e in errors.items()}
-
-
-def _change(line: LedgerLine | Mapping[str, Any]) -> str:
-    """Change of the model in a step: ``+ effect``, and ``− effect`` for each that was removed."""
-    if isinstance(line, Mapping):
-        name = f"{line['added']} in {line['imu']}" if line.get("imu") else str(line["added"])
-        removed = line.get("removed", ())
-    else:
-        name, removed = (line.label, line.removed) if isinstance(line, LedgerStep) else ("", ())
-    return " ".join((f"+ {name}", *(f"− {label}" for label in removed)))
+def model_change(added: str, removed: Sequence[str] = ()) -> str:
+    """Change of a model in words: ``+ effect``, and ``− effect`` for each that was removed."""
+    return " ".join((f"+ {added}", *(f"− {label}" for label in removed)))
 
 
 def overall_rms(errors: Mapping[str, ErrorChange], after: bool = False) -> float | None:
@@ -237,7 +229,11 @@ def waterfall(lines: Sequence[LedgerLine], diagnosis: DiagnosisContent | None, t
         tuple(float(k) for k in range(len(pairs))), tuple(min(p) for p in pairs), tuple(max(p) for p in pairs), colours,
         notes=(number(levels[0]), *(f"{number(a)} → {number(b)}" for a, b in pairwise(levels)), number(levels[-1])),
     )  # fmt: skip
-    names = ["as stated", *(_change(line) for line in lines if isinstance(line, LedgerStep)), "what is left"]
+    names = [
+        "as stated",
+        *(model_change(line.label, line.removed) for line in lines if isinstance(line, LedgerStep)),
+        "what is left",
+    ]
     values = [m * 10.0**p for p in range(-3, 7) for m in (1, 2, 5)]
     y = Axis("normalised RMS", "–", "log", (bottom, top), tuple((v, f"{v:g}") for v in values if bottom <= v <= top))
     x = Axis(ticks=tuple((float(k), name) for k, name in enumerate(names)), grid=False)

@@ -8,6 +8,7 @@ draw on these axes instead.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -297,14 +298,14 @@ class DiagnosisPlots:
                     f"fall: found a diagnosis of {step.mission!r}; expected one of {self._diagnosis.mission!r}."
                 )
         steps = [*earlier, self._diagnosis]
-        lines = [
-            {
-                "added": " + ".join(e for e in successor.effects if e not in step.effects) or "the same effects",
-                "errors": {name: {"before": rms} for name, rms in step.errors.items()},
-            }
-            for step, successor in zip(steps, [*steps[1:], self._diagnosis], strict=True)
+        changes = [
+            diagnosis.model_change(
+                " + ".join(e for e in successor.effects if e not in step.effects) or "the same effects"
+            )
+            for step, successor in pairwise(steps)
         ]
-        figure = diagnosis.ledger_figure(lines, self._diagnosis.noise_floor, self._diagnosis.title)
+        errors = [step.errors for step in steps]
+        figure = diagnosis.ledger_figure(errors, changes, self._diagnosis.noise_floor, self._diagnosis.title)
         return _drawn(figure, None if ax is None else (ax,))[0]
 
     def _panel(self, panel: Panel, subject: str, ax: Axes | None) -> Axes:

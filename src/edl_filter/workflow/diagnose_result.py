@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from edl_filter.diagnosis.diagnosis import diagnose
 from edl_filter.diagnosis.diagnosis_json import diagnosis_content
 from edl_filter.diagnosis.linear_model.flight_case import load_case
-from edl_filter.diagnosis.residual_analysis.residual_map import residual_series
+from edl_filter.diagnosis.residual_analysis.residual_map import CONSTRAINTS, OVERALL, residual_series
 from edl_filter.diagnosis.selection.ranking import Progress, candidate_instances
 from edl_filter.effects.instances import lookup
 from edl_filter.effects.registry import effects_in, selected_effects
@@ -35,6 +35,7 @@ from edl_filter.results.files import (
 )
 from edl_filter.results.netcdf import write
 from edl_filter.results.reopen import Reopened, reopen
+from edl_filter.results.schema import DiagnosisContent
 
 if TYPE_CHECKING:
     from edl_filter.report.next_step import NextStep
@@ -132,14 +133,13 @@ def _own_effects(content: dict[str, Any], file: Path | None) -> dict[str, dict[s
     if file is None:
         return {}
     own = effects_in(file.expanduser())
-    names = (h["effect"] for h in content["ranking"])
+    names = (h.effect for h in DiagnosisContent.of(content).ranking)
     return {"own_effects": {name: str(file) for name in names if lookup(own, name) is not None}}
 
 
 def following_step(reopened: Reopened, content: dict[str, Any]) -> NextStep:
     """The next step; a mission that ``--set`` changed is written beside its result if there is an effect to add."""
     from edl_filter.report.next_step import next_step
-    from edl_filter.results.schema import DiagnosisContent
 
     mission, diagnosis = reopened.mission, DiagnosisContent.of(content)
     if matches_file(mission) or not diagnosis.ranking:
@@ -149,12 +149,16 @@ def following_step(reopened: Reopened, content: dict[str, Any]) -> NextStep:
     return next_step(diagnosis, argument, reopened.folder)
 
 
-def rms_by_channel(content: dict[str, Any]) -> dict[str, dict[str, float]]:
+def rms_by_channel(content: DiagnosisContent) -> dict[str, dict[str, float]]:
     """Residuals of a diagnosis as a summary has them: channel → ``overall`` and every regime → normalised RMS."""
-    by_channel = {name: {"overall": rms} for name, rms in content["errors"].items()}
-    for cell in content["map"]:
-        if cell["regime"] != "constraints":
-            by_channel[cell["channel"]][cell["regime"]] = cell["normalised_rms"]
+
+    def number(rms: float | None) -> float:
+        return float("nan") if rms is None else rms
+
+    by_channel = {name: {OVERALL: number(rms)} for name, rms in content.errors.items()}
+    for cell in content.map:
+        if cell.regime != CONSTRAINTS:
+            by_channel[cell.channel][cell.regime] = number(cell.normalised_rms)
     return by_channel
 
 

@@ -12,7 +12,6 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import count
 from pathlib import Path
-from typing import Any
 
 from edl_filter.diagnosis.diagnosis_json import diagnosis_content
 from edl_filter.diagnosis.residual_analysis.residual_map import residual_series
@@ -31,6 +30,8 @@ from edl_filter.results.database_update import write_update
 from edl_filter.results.files import DIAGNOSIS, FIGURES, LEDGER, RESIDUALS, finite, read_ledger, write_json
 from edl_filter.results.netcdf import write
 from edl_filter.results.result import Result
+from edl_filter.results.schema import DiagnosisContent, LedgerEnd, LedgerLine, LedgerStep
+from edl_filter.results.schema.ledger import ErrorChange
 from edl_filter.results.summary import RefitSummary
 from edl_filter.workflow import improvement_state
 from edl_filter.workflow.diagnose_result import rms_by_channel
@@ -47,7 +48,7 @@ class StepFiles:
     Attributes
     ----------
     step : Step
-    content : dict
+    content : DiagnosisContent
         Of its ``diagnosis.json``.
     text : str
         The mission with the model's effects at their estimates.
@@ -56,7 +57,7 @@ class StepFiles:
     """
 
     step: Step
-    content: dict[str, Any]
+    content: DiagnosisContent
     text: str
     paragraph: str
 
@@ -104,11 +105,11 @@ def improve_steps(
     _remove_steps(folder, start.number)
     for k, step in enumerate(improve(mission, effects, start.model, progress), start.number):
         full = most is not None and k >= most and step.added is not None
-        content = diagnosis_content(step.diagnosis)
+        content = DiagnosisContent.of(diagnosis_content(step.diagnosis))
         text, _ = text_with_effects(mission, step.model)
         step_folder = folder / f"step_{k}"
         write_mission(mission, text, step_folder / MISSION)
-        write_json(content, step_folder / DIAGNOSIS)
+        write_json(content.model_dump(exclude_unset=True), step_folder / DIAGNOSIS)
         stop = _why_stopped(step, content, full)
         line = _last_line(k, content, stop) if stop else _added_line(k, content, step)
         _append(folder, line)
@@ -123,7 +124,7 @@ def write_final_model(
     mission: Mission, folder: Path, steps: Sequence[StepFiles], progress: Progress = lambda _: None
 ) -> tuple[list[Path], str | None]:
     """Write the final model's mission, result, diagnosis and figures; returns their paths, and the headline if any."""
-    from edl_filter.report.diagnosis import draw_diagnosis, ledger_figure
+    from edl_filter.report.diagnosis import draw_diagnosis, ledger_figure, model_change
     from edl_filter.report.html import write_report
     from edl_filter.report.matplotlib_renderer import write_figure
 
@@ -140,10 +141,12 @@ def write_final_model(
     written = write_outputs(result, folder, False)
     title = mission.title or mission.name
     figures = draw_diagnosis(last.content, title, folder / FIGURES, last.step.diagnosis.update)
-    lines = [line.model_dump() for line in read_ledger(folder)]
-    ledger_drawing = ledger_figure(lines, last.content["noise_floor"], title)
+    lines = read_ledger(folder)
+    errors = [{name: error.before for name, error in line.errors.items()} for line in lines]
+    changes = [model_change(line.label, line.removed) for line in lines if isinstance(line, LedgerStep)]
+    ledger_drawing = ledger_figure(errors, changes, last.step.diagnosis.noise_floor, title)
     figures.append(write_figure(ledger_drawing, folder / FIGURES / "ledger.png"))
-    diagnosis = write_json(last.content, folder / DIAGNOSIS)
+    diagnosis = write_json(last.content.model_dump(exclude_unset=True), folder / DIAGNOSIS)
     write(residual_series(last.step.diagnosis.ranking.model), folder / RESIDUALS)
     write_update(last.step.diagnosis.update, folder)
     report = write_report(folder)
@@ -189,44 +192,35 @@ def _remove_steps(folder: Path, first: int) -> None:
             old.rmdir()
 
 
-def _added_line(number: int, content: dict[str, Any], step: Step) -> dict[str, Any]:
-    """The line of the effect that a diagnosis (its ``content``) names first."""
-    first = content["ranking"][0]
-    return {
-        "step": number,
-        "mission": content["mission"],
-        "model": content["effects"],
-        "added": first["effect"],
-        "imu": first["imu"],
-        "same_as": first["same_as"],
-        "parameters": first["parameters"],
-        "removed": [a.label for a in step.removed],
-        "gain": first["gain"],
-        "held_out_score": first["score_gain"],
-        "errors": {
-            name: {"before": before, "after": first["errors_after"].get(name)}
-            for name, before in content["errors"].items()
-        },
-    }
+def _added_line(number: int, content: DiagnosisContent, step: Step) -> LedgerStep:
+    """The line of the effect that a diagnosis names first."""
+    first = content.ranking[0]
+    return LedgerStep(
+        step=number,
+        mission=content.mission,
+        model=content.effects,
+        added=first.effect,
+        imu=first.imu,
+        same_as=first.same_as,
+        parameters=first.parameters,
+        removed=tuple(a.label for a in step.removed),
+        gain=first.gain,
+        held_out_score=first.score_gain,
+        errors={n: ErrorChange(before=e, after=first.errors_after.get(n)) for n, e in content.errors.items()},
+    )
 
 
-def _last_line(step: int, content: dict[str, Any], why: str) -> dict[str, Any]:
+def _last_line(step: int, content: DiagnosisContent, why: str) -> LedgerEnd:
     """The last line: nothing added, and why."""
-    return {
-        "step": step,
-        "mission": content["mission"],
-        "model": content["effects"],
-        "added": None,
-        "why": why,
-        "errors": {name: {"before": before, "after": None} for name, before in content["errors"].items()},
-    }
+    errors = {name: ErrorChange(before=before, after=None) for name, before in content.errors.items()}
+    return LedgerEnd(step=step, mission=content.mission, model=content.effects, added=None, why=why, errors=errors)
 
 
-def _append(folder: Path, line: dict[str, Any]) -> Path:
+def _append(folder: Path, line: LedgerLine) -> Path:
     """Append a line to the ledger in `folder`; the file is replaced as a whole, so that no part of a line remains."""
     path = folder / LEDGER
     before = path.read_text(encoding="utf-8") if path.is_file() else ""
-    text = before + json.dumps(finite(line), ensure_ascii=False, allow_nan=False) + "\n"
+    text = before + json.dumps(finite(line.model_dump()), ensure_ascii=False, allow_nan=False) + "\n"
     return replace_with(path, lambda temporary: temporary.write_text(text, encoding="utf-8"))
 
 
@@ -240,35 +234,34 @@ def _keep_lines(folder: Path, count: int) -> None:
         replace_with(path, lambda temporary: temporary.write_text("".join(lines[:count]), encoding="utf-8"))
 
 
-def _why_stopped(step: Step, content: dict[str, Any], full: bool) -> str:
+def _why_stopped(step: Step, content: DiagnosisContent, full: bool) -> str:
     """Why nothing is added, and the remainder; empty where an effect is added."""
     if full and step.added is not None:
         return f"Stopped: as many effects as were asked for; the next would be {step.added.label}."
-    remainder = content["remainder"]
-    return step.why_stopped + (f" What is left: {remainder['description']}" if step.why_stopped and remainder else "")
+    remainder = content.remainder
+    return step.why_stopped + (f" What is left: {remainder.description}" if step.why_stopped and remainder else "")
 
 
-def _paragraph(k: int, content: dict[str, Any], line: dict[str, Any], stop: str) -> str:
+def _paragraph(k: int, content: DiagnosisContent, line: LedgerLine, stop: str) -> str:
     from edl_filter.report.text import number, parameters_text, words
 
-    cells = content["where"]
     text = f"Step {k}: "
-    if cells:
-        worst = cells[0]
+    if content.where:
+        worst = content.where[0]
         text += (
-            f"{len(cells)} of {len(content['map'])} cells fail, worst {words(worst['channel'])} in {worst['regime']} "
-            f"at {number(worst['normalised_rms'])} sigmas. "
+            f"{len(content.where)} of {len(content.map)} cells fail, worst {words(worst.channel)} in {worst.regime} "
+            f"at {number(worst.normalised_rms)} sigmas. "
         )
     else:
         text += "no channel fails in any regime. "
-    if stop:
+    if isinstance(line, LedgerEnd):
         return text + stop
-    first = content["ranking"][0]
-    names = " or ".join((first["label"], *first["same_as"]))
-    values = parameters_text(line["parameters"]).replace("\n", ", ")
-    removed = f" Removed {' and '.join(line['removed'])}: no longer needed." if line["removed"] else ""
+    first = content.ranking[0]
+    names = " or ".join((first.label, *first.same_as))
+    values = parameters_text(line.parameters).replace("\n", ", ")
+    removed = f" Removed {' and '.join(line.removed)}: no longer needed." if line.removed else ""
     return (
-        f"{text}Added {names} ({values}): gain {number(first['gain'])} nats, {number(first['score_gain'])} held out; "
-        f"{words(first['channel'])} falls from {number(first['error_before'])} to {number(first['error_after'])}."
+        f"{text}Added {names} ({values}): gain {number(first.gain)} nats, {number(first.score_gain)} held out; "
+        f"{words(first.channel)} falls from {number(first.error_before)} to {number(first.error_after)}."
         f"{removed}"
     )
