@@ -92,12 +92,12 @@ def state(folder: Path) -> str:
     return f"{name}{', diagnosed' if diagnosed else ''}"
 
 
-def killed(name: str, template: Path, folder: Path, after: float) -> str:
-    """State of a copy of the folder `template` after a command was killed."""
+def killed(name: str, template: Path, folder: Path, after: float) -> tuple[str, bool]:
+    """State of a copy of the folder `template` after a command was killed, and whether it had ended before."""
     shutil.rmtree(folder, ignore_errors=True)
     shutil.copytree(template, folder)
     ended = end_after(start(COMMANDS[name], folder), after)
-    return state(folder) + (" (had ended)" if ended else "")
+    return state(folder), ended
 
 
 def records(folder: Path) -> dict[int, Any]:
@@ -112,8 +112,8 @@ def records(folder: Path) -> dict[int, Any]:
     return {r["case"]: r["values"] for r in read_records(folder, 0)}
 
 
-def killed_campaign(file: Path, folder: Path, reference: dict[int, Any], after: float) -> str:
-    """State of a campaign that continues in `folder` and is killed; the folder is removed when all cases are done."""
+def killed_campaign(file: Path, folder: Path, reference: dict[int, Any], after: float) -> tuple[str, bool]:
+    """As `killed`, of a campaign that continues in `folder`; the folder is removed when all cases are done."""
     ended = end_after(start(["campaign", str(file), "--workers", "1", "-o"], folder), after)
     values = records(folder)
     differing = [n for n, v in values.items() if v != reference[n]]
@@ -122,23 +122,30 @@ def killed_campaign(file: Path, folder: Path, reference: dict[int, Any], after: 
     assert complete or not ended, f"it ended with {len(values)} cases"
     if complete:
         shutil.rmtree(folder)
-    return "complete" if complete else "part of the cases"
+    return "complete" if complete else "part of the cases", ended
 
 
-def kill_often(name: str, duration: float, kill: Callable[[float], str], rng: random.Random, options: Any) -> int:
+def kill_often(
+    name: str, duration: float, kill: Callable[[float], tuple[str, bool]], rng: random.Random, options: Any
+) -> int:
     """Kill a command at random moments and print the states after it; the number of those that are torn.
 
-    A share of the moments is in the last part of the time, in which a run and a diagnosis write.
+    A share of the moments is in the last part of the time, in which a run and a diagnosis write. Where the command had
+    ended before the moment, another one is drawn, and the time is taken as shorter.
     """
-    torn, counts = 0, dict[str, int]()
-    for _ in range(options.moments):
+    torn, kills, attempts, counts = 0, 0, 0, dict[str, int]()
+    while kills < options.moments and attempts < 4 * options.moments:
         share = rng.uniform(0.85, 1.0) if rng.random() < options.last else rng.uniform(0.0, 0.85)
+        attempts += 1
         try:
-            outcome = kill(share * duration)
+            outcome, ended = kill(share * duration)
         except Exception as error:
-            outcome, torn = f"TORN: {error}", torn + 1
-        counts[outcome] = counts.get(outcome, 0) + 1
-    print(f"{name}, {duration:.1f} s, killed at {options.moments} moments: {counts}", flush=True)
+            outcome, ended, torn = f"TORN: {error}", False, torn + 1
+        if ended:
+            duration *= 0.98
+        else:
+            kills, counts[outcome] = kills + 1, counts.get(outcome, 0) + 1
+    print(f"{name}, {duration:.1f} s, killed at {kills} moments: {counts}", flush=True)
     return torn
 
 
@@ -163,13 +170,13 @@ def main() -> None:
                 reference = records(whole)
                 assert len(reference) == CAMPAIGN_CASES
 
-                def kill(after: float, reference: dict[int, Any] = reference) -> str:
+                def kill(after: float, reference: dict[int, Any] = reference) -> tuple[str, bool]:
                     return killed_campaign(campaign, Path(name, "killed"), reference, after)
             else:
                 shutil.copytree(old, work, dirs_exist_ok=True)
                 start(COMMANDS[command], work).wait()
 
-                def kill(after: float, command: str = command) -> str:
+                def kill(after: float, command: str = command) -> tuple[str, bool]:
                     return killed(command, old, work, after)
 
             torn += kill_often(command, time.monotonic() - begin, kill, rng, options)

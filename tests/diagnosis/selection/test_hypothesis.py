@@ -1,0 +1,250 @@
+"""One hypothesis: which of its fits counts, over which model, and whether it is fitted about its own reconstruction.
+
+The fits themselves are those of `map_fit`; here they are constructed, with evidences that a person can follow.
+"""
+
+from dataclasses import dataclass, field, replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from edl_filter.diagnosis.noise.variance_components import ExcessVariance
+from edl_filter.diagnosis.selection import hypothesis as module
+from edl_filter.diagnosis.selection.hypothesis import (
+    Hypothesis,
+    fit_hypothesis,
+    relinearize_with_effect,
+    with_gain_where_model_holds,
+)
+from edl_filter.effects.base import EffectInstance
+from edl_filter.effects.registry import find_effect
+from edl_filter.mission.decision_settings import DecisionSettings
+
+SETTINGS = DecisionSettings()
+ROWS = 40
+TORQUE, MASS = find_effect("remnant_torque"), find_effect("mass")
+KEY = ("mass", None)
+
+
+class Identity:
+    """A whitening filter whose innovations have unit variance."""
+
+    innovation_sigma = np.ones(ROWS)
+
+    def innovations(self, white):
+        return white
+
+    def log_likelihood(self, white):
+        return -0.5 * float(white @ white)
+
+
+@dataclass(frozen=True)
+class Null:
+    """The model without the effect."""
+
+    evidence: float = -100.0
+    log_likelihood: float = -90.0
+    excess_share: float = 0.5
+
+    def explained_share(self, log_likelihood):
+        return (log_likelihood - self.log_likelihood) / 90.0
+
+
+@dataclass(frozen=True)
+class Fit:
+    """A fit of the effect."""
+
+    evidence: float
+    excess: float = 0.5  # share of rows with excess variance that it leaves, by moments
+    effects: tuple = (EffectInstance(MASS, {"k": 0.1}),)
+    point: str = "first point"
+    names: tuple = ((KEY, "k"),)
+    columns: np.ndarray = field(default_factory=lambda: np.ones((ROWS, 1)))
+    white: np.ndarray = field(default_factory=lambda: np.zeros(ROWS))
+    sigma: np.ndarray = field(default_factory=lambda: np.array([1.0]))
+
+    @property
+    def residual_vector(self):
+        return self.excess
+
+    initial_mean = np.zeros(1)
+
+
+def excess_of(share):
+    significant = np.arange(ROWS) < round(share * ROWS)
+    return ExcessVariance(significant.astype(float), significant, penalty=3.0 * bool(share))
+
+
+@pytest.fixture
+def flight(monkeypatch):
+    """A case and a failing model; `fits` are what `fit_map` returns in turn, `left` the excess that is left."""
+    filters = {"stated": Identity(), "fitted": Identity(), "own": Identity()}
+    model = SimpleNamespace(
+        holds=False, excess_variance=excess_of(0.5), failing_excess="excess", point="first point",
+        stated_noise_filter=filters["stated"], fitted_noise_filter=filters["fitted"],
+        index=SimpleNamespace(time=np.linspace(0.0, 200.0, ROWS)), settings=SETTINGS,
+        white_residuals=lambda whiten: np.zeros(ROWS),
+    )  # fmt: skip
+    case = SimpleNamespace(
+        settings=SETTINGS, effects=(), mission="mission", log_abs_det_jacobian=lambda effects: 0.0
+    )  # fmt: skip
+    flight = SimpleNamespace(case=case, model=model, filters=filters, fits=[], fitted=[], left=0.0)
+
+    def fit_map(of_model, effects, whiten, steps=None, moving=False):
+        flight.fitted.append((effects, next(n for n, f in filters.items() if f is whiten), moving))
+        return flight.fits.pop(0)
+
+    monkeypatch.setattr(module, "fit_map", fit_map)
+    monkeypatch.setattr(module, "moment_estimate", lambda whiten, index, share, mean, settings: excess_of(share))
+    estimate = lambda *_: (excess_of(flight.left), filters["own"])  # noqa: E731
+    monkeypatch.setattr(module, "estimate_variance_components", estimate)
+    monkeypatch.setattr(module, "refine_places", lambda model, instance, whiten: instance)
+    return flight
+
+
+def screened(instance, gain=50.0, alternatives=()):
+    return SimpleNamespace(instance=instance, gain=gain, alternatives=alternatives), "screening filter"
+
+
+def hypothesis_of(flight, fit, null, **changes):
+    h = module._hypothesis(KEY, fit, flight.filters["fitted"], False, null, flight.case, flight.model)
+    return replace(h, **changes)
+
+
+MASS_START = EffectInstance(MASS, {"k": 0.0})
+
+
+def test_gains_are_over_the_model_without_the_effect(flight):
+    """The residuals before are those after, plus what the sizes explain; rows of 1 explain a constant of 0.1 sigmas."""
+    h = hypothesis_of(flight, Fit(-80.0), Null())
+    assert h.gain == 20.0
+    np.testing.assert_array_equal(h.explained, 0.1)
+    np.testing.assert_array_equal(h.normalised, 0.0)
+    without_information = hypothesis_of(flight, Fit(-80.0, columns=np.zeros((ROWS, 1))), Null())
+    assert without_information.score_gain == pytest.approx(90.0)  # the likelihood of zeros, 0, over that of the null
+    moved = h.with_reference(Null(evidence=-95.0, log_likelihood=-82.0))
+    assert (moved.gain, moved.score_gain) == (15.0, pytest.approx(h.score_gain - 8.0))
+    back = moved.with_reference(Null())
+    assert (back.gain, back.score_gain) == (h.gain, pytest.approx(h.score_gain))
+
+
+def test_a_fit_that_leaves_much_excess_is_not_fitted_at_its_own_noise(flight):
+    flight.fits = [Fit(-80.0, excess=0.5), Fit(-300.0)]
+    h = fit_hypothesis(flight.case, flight.model, [screened(MASS_START)], Null())
+    assert [noise for _, noise, _ in flight.fitted] == ["fitted", "stated"]
+    assert h.gain == 20.0 and not h.at_floor
+    assert h.own_noise_evidence == -80.0 - 3.0  # at the noise of the model without it, whose penalty it pays
+    assert h.stated_noise_fit.evidence == -300.0
+
+
+def test_a_fit_that_solves_the_excess_counts_at_the_noise_that_it_leaves(flight):
+    flight.fits, flight.left = [Fit(-80.0, excess=0.0), Fit(-20.0)], 0.0
+    h = fit_hypothesis(flight.case, flight.model, [screened(MASS_START)], Null())
+    assert [noise for _, noise, _ in flight.fitted] == ["fitted", "own"]
+    assert h.at_floor and h.gain == 80.0 and h.own_noise_evidence == -20.0
+
+
+def test_the_gain_stays_that_at_the_noise_without_it_if_excess_is_left(flight):
+    """Promising by moments, but the likelihood needs excess variance again: its larger evidence does not count."""
+    flight.fits, flight.left = [Fit(-80.0, excess=0.0), Fit(-20.0)], 0.4
+    h = fit_hypothesis(flight.case, flight.model, [screened(MASS_START)], Null())
+    assert not h.at_floor and h.gain == 20.0
+    assert h.own_noise_evidence == -20.0 - 3.0
+
+
+def test_equal_places_and_unlikely_starts_are_fitted_once(flight):
+    times = [EffectInstance(TORQUE, {"t0": t, "t1": np.inf, "Cm": 0.0}) for t in (100.0, 100.3, 180.0, 60.0)]
+    starts = [screened(times[0], 50.0, (times[1],)), screened(times[2], 20.0), screened(times[3], -1.0)]
+    fit = Fit(-80.0, effects=(replace(times[0], values=times[0].values | {"Cm": 1.0}),), names=())
+    flight.fits = [replace(fit, evidence=e) for e in (-80.0, -85.0, -70.0, -75.0)]
+    h = fit_hypothesis(flight.case, flight.model, starts, Null())
+    assert [(effects[0].values["t0"], noise) for effects, noise, _ in flight.fitted] == [
+        (100.0, "fitted"), (100.0, "stated"), (180.0, "fitted"), (100.0, "stated")
+    ]  # fmt: skip
+    assert h.gain == 30.0  # the best of the fits at the fitted noise
+
+
+def test_only_the_first_start_of_an_effect_without_places(flight):
+    flight.fits = [Fit(-80.0), Fit(-300.0)]
+    fit_hypothesis(flight.case, flight.model, [screened(MASS_START), screened(MASS_START)], Null())
+    assert len(flight.fitted) == 2
+
+
+def test_where_the_model_holds_the_linear_problem_counts_if_it_gains_more(flight, monkeypatch):
+    h = hypothesis_of(flight, Fit(-80.0), Null())
+    for evidence, gain in ((-95.0, 20.0), (-60.0, 40.0)):
+        monkeypatch.setattr(module, "fit_linear", lambda *_, e=evidence: Fit(e))
+        best = with_gain_where_model_holds(h, flight.case, flight.model, flight.filters["fitted"], Null())
+        assert best.gain == gain and best.fit is h.fit
+
+
+@pytest.fixture
+def reconstructed(flight, monkeypatch):
+    """Reconstruction with the effect; `own` is the evidence of the fit about it, `iterated` whether there is one."""
+    about_own = SimpleNamespace(**vars(flight.model) | {"excess_variance": excess_of(0.5)})
+    about_own.white_excess_log_likelihood = -89.0
+    flight.model.point = SimpleNamespace(bin_states=None)
+    flight.own, flight.iterated, flight.first = -30.0, False, about_own
+    case = SimpleNamespace(**vars(flight.case), reconstruction="with the effect")
+    monkeypatch.setattr(module, "load_case", lambda mission, effects: case)
+    monkeypatch.setattr(module, "smoothed_point", lambda reconstruction: "smoothed point")
+    monkeypatch.setattr(module, "linearize_at", lambda case, point, initial: about_own)
+
+    def iterate(case, iterations, first):
+        flight.iterated = True
+        return case, about_own, Fit(flight.own)
+
+    monkeypatch.setattr(module, "iterate_to_convergence", iterate)
+    return flight
+
+
+def test_an_effect_that_explains_little_keeps_its_gain_without_an_iteration(reconstructed):
+    reconstructed.fits, reconstructed.left = [Fit(-80.0)], 0.5
+    reference = Null(evidence=-100.0)
+    h = hypothesis_of(reconstructed, Fit(-80.0), Null())
+    result = relinearize_with_effect(h, reference)
+    assert not reconstructed.iterated and result.gain == 20.0
+    assert result.explained_share == pytest.approx(1.0 / 90.0)
+
+
+@pytest.mark.parametrize("change", ["explains", "contends", "moved", "solved"])
+def test_an_effect_that_may_lead_is_fitted_about_its_own_reconstruction(reconstructed, change):
+    """It explains much; or the null model is more probable about another point; or it was linearised about another."""
+    reconstructed.fits = [Fit(-80.0), Fit(-30.0)]
+    reference = Null(evidence=-90.0 if change == "contends" else -100.0)
+    h = hypothesis_of(reconstructed, Fit(-80.0), Null())
+    if change == "explains":
+        reconstructed.first.white_excess_log_likelihood = 0.0
+    elif change == "moved":
+        reconstructed.model.point = SimpleNamespace(bin_states=np.zeros(1))
+    elif change == "solved":
+        h = replace(h, at_floor=True)
+    result = relinearize_with_effect(h, reference)
+    assert reconstructed.iterated and result.gain == -30.0 - reference.evidence
+    assert result.null is reference
+
+
+@pytest.mark.parametrize(
+    ("sigmas", "own", "gain"),
+    [
+        (1.0, -30.0, 20.0),  # credible: both are compared about the first point
+        (9.0, -30.0, 70.0),  # holds only with a nuisance parameter far from its stated value
+        (9.0, -95.0, 20.0),  # but about its own point the effect gains less
+    ],
+)
+def test_gain_of_an_effect_beside_a_model_that_holds(reconstructed, sigmas, own, gain):
+    reconstructed.model.holds, reconstructed.model.largest_nuisance_sigmas = True, sigmas
+    reconstructed.own, reconstructed.fits = own, [Fit(own)]
+    reconstructed.first.excess_variance = excess_of(0.0)
+    h = hypothesis_of(reconstructed, Fit(-80.0), Null(excess_share=0.0))
+    assert relinearize_with_effect(h, Null(excess_share=0.0)).gain == gain
+
+
+def test_a_hypothesis_is_known_by_its_effect_and_its_imu(flight):
+    fit = Fit(-80.0, effects=(replace(MASS_START, imu="secondary"),))
+    key = ("mass", "secondary")
+    h = Hypothesis(
+        key, fit, np.zeros(1), 0.0, 0.0, False, np.zeros(1), flight.case, flight.model, Null()
+    )  # fmt: skip
+    assert (h.name, h.label, h.instance.imu) == ("mass", "mass in secondary", "secondary")
