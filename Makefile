@@ -83,7 +83,7 @@ layers: $(STAMP)
 bench: $(BENCH_STAMP)
 	$(BIN)/python benchmarks/performance.py
 
-# Every page is read anew (-E): what is generated hangs on the package, which Sphinx does not watch
+# Every page is read anew (-E): parts of the pages are generated from the package, whose changes Sphinx does not detect
 docs: $(DOCS_STAMP)
 	$(BIN)/sphinx-build -W --keep-going -q -E -b html docs docs/_build/html
 	@echo "Open docs/_build/html/index.html"

@@ -74,7 +74,7 @@ class DecisionSettings(Section):
     )
     excess_memories_s: Annotated[tuple[Positive, ...], Field(min_length=1)] = _setting(
         (0.1, 0.3, 1.0, 3.0, 10.0, 30.0),
-        "s: correlation times of the excess variance that are tried beside white noise",
+        "s: correlation times of the excess variance that are compared with white noise",
         STUDY,
     )
     excess_colour_factors: Annotated[tuple[Positive, ...], Field(min_length=1)] = _setting(

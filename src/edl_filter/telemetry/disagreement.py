@@ -144,8 +144,8 @@ def independent_error(
     Returns
     -------
     dict
-        Name of each IMU → log likelihood ratio of the slopes 1 and 0, as far as it speaks for this IMU, the sum over
-        the stretches.
+        Name of each IMU → sum of the log likelihood ratio of the slopes 1 and 0 over the stretches in which this IMU
+        has the error; zero if there are none.
     """
     pair = _pair(reference, checked, end)
     records = reference, checked

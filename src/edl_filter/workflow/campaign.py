@@ -319,7 +319,7 @@ def _connections(scheduler: str | None, workers: int | None, patience_s: float) 
             try:
                 client.run(close_processes)
             except Exception:  # a worker that ends closes its processes itself
-                logging.getLogger("edl_filter").debug("workers could not be told to end their processes")
+                logging.getLogger("edl_filter").debug("the workers did not receive the request to end their processes")
         for part in (client, cluster):
             if part is not None:
                 part.close(timeout=5)
