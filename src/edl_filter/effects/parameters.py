@@ -27,8 +27,8 @@ class Parameter:
     ----------
     name, unit, description : str
     sigma : float
-        Plausible size: one sigma of a size about zero. Not used for the other kinds, whose prior is uniform in their
-        range.
+        Plausible size: one sigma of a size about zero. Not used for the other kinds: the values at which the diagnosis
+        evaluates them have equal prior probabilities.
     kind : str
         One of `KINDS`. An effect is off when all its parameters of kind ``size`` are zero.
     low, high : float
