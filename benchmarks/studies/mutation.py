@@ -55,6 +55,8 @@ TESTS = {
     "navigation/information.py": ("navigation/test_information.py",),
     "diagnosis/selection/screening.py": ("diagnosis/selection/test_screening.py",),
     "diagnosis/selection/outer_loop.py": ("diagnosis/selection/test_outer_loop.py",),
+    "diagnosis/selection/hypothesis.py": ("diagnosis/selection/test_hypothesis.py",),
+    "diagnosis/selection/evidence_profile.py": ("diagnosis/selection/test_evidence_profile.py",),
 }
 #: Files with kernels that others compile into theirs: a cached caller would hide the mutant, so all are interpreted.
 INTERPRETED = ("estimation/block_sparse.py", "estimation/smoothing.py", "estimation/kalman.py")

@@ -1,0 +1,102 @@
+"""A linearised model: what the estimation of its noise starts with, and what it keeps."""
+
+from dataclasses import fields
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from edl_filter.diagnosis.linear_model import linear_model as module
+from edl_filter.diagnosis.linear_model.linear_model import LinearizedModel
+from edl_filter.diagnosis.noise.variance_components import ExcessVariance
+from edl_filter.mission.decision_settings import DecisionSettings
+
+ROWS = 100
+
+
+def excess_of(share, colour=None):
+    significant = np.arange(ROWS) < share * ROWS
+    return ExcessVariance(significant.astype(float), significant, 2.0, colour)
+
+
+class UnitFilter:
+    """A whitening filter of unit rows."""
+
+    log_determinant = 3.0
+
+    def __call__(self, columns, initial_mean):
+        return 2.0 * columns
+
+    def log_likelihood(self, white):
+        return -0.5 * float(white @ white)
+
+
+@pytest.fixture
+def noise(monkeypatch):
+    """Noise of a constructed model: share of the excess variance, its colour, and with what the estimation began."""
+    noise = SimpleNamespace(share=0.4, colour=(4, 1), initial=[], initial_colour=[], stated=UnitFilter())
+
+    def estimate(stated, index, residuals, mean, settings, initial):
+        noise.initial.append(initial)
+        return excess_of(noise.share), UnitFilter()
+
+    def colour(white, state_space, index, excess, residuals, mean, settings, initial):
+        noise.initial_colour.append(initial)
+        return UnitFilter(), noise.colour
+
+    monkeypatch.setattr(module, "estimate_variance_components", estimate)
+    monkeypatch.setattr(module, "most_likely_colour", colour)
+    monkeypatch.setattr(module, "add_variance", lambda state_space, index, excess: "with excess variance")
+    monkeypatch.setattr(module, "whitening_filter", lambda space: UnitFilter() if space else noise.stated)
+    return noise
+
+
+def model_with(initial_excess=None, residuals=None):
+    values = {f.name: None for f in fields(LinearizedModel)} | {
+        "case": SimpleNamespace(settings=DecisionSettings()),
+        "initial_excess": initial_excess, "computed_jacobians": {},
+    }  # fmt: skip
+    model = LinearizedModel(**values)
+    model.__dict__["residual_vector"] = np.ones(ROWS) if residuals is None else residuals
+    model.__dict__["initial_mean"] = np.zeros(3)
+    return model
+
+
+def test_a_failing_model_passes_on_its_excess_variance_with_the_most_likely_colour(noise):
+    model = model_with()
+    assert model.failing_excess.colour is None  # not searched for yet
+    _ = model.fitted_noise_filter
+    passed = model.failing_excess
+    assert passed.colour == (4, 1) and passed.share == 0.4
+    similar = model_with(passed)
+    assert similar.failing_excess.colour == (4, 1)  # until its own is known, it is that of the model before
+    noise.colour = (5, 2)
+    _ = similar.fitted_noise_filter
+    assert similar.failing_excess.colour == (5, 2)
+    assert noise.initial == [None, passed] and noise.initial_colour == [None, (4, 1)]
+
+
+def test_a_model_that_holds_passes_on_nothing(noise):
+    noise.share = 0.5 * DecisionSettings().holds_share
+    model = model_with()
+    assert model.holds and model.failing_excess is None
+
+
+def test_released_filters_are_computed_again_and_the_search_begins_at_the_former_colour(noise):
+    model = model_with()
+    first, white = model.fitted_noise_filter, model.white_excess_filter
+    assert model.fitted_noise_filter is first and model.white_excess_filter is white
+    model.release_filters()
+    assert model.fitted_noise_filter is not first
+    assert noise.initial_colour == [None, (4, 1)]
+    assert len(noise.initial) == 1  # the excess variance is kept
+    assert model.log_likelihood == -0.5 * 4.0 * ROWS
+
+
+@pytest.mark.parametrize(("size", "mean_square"), [(0.2, 0.16), (3.0, 1.0)])
+def test_a_model_that_holds_is_expected_to_have_the_mean_square_of_its_rows_without_excess(noise, size, mean_square):
+    """At most one: the stated noise is an upper bound where numerical errors are smaller than allowed for."""
+    residuals = np.where(np.arange(ROWS) < 40, 100.0, size)  # large where the excess variance is significant
+    model = model_with(residuals=residuals)
+    expected = -0.5 * mean_square * ROWS - 0.5 * noise.stated.log_determinant
+    assert model.holding_log_likelihood == pytest.approx(expected)
