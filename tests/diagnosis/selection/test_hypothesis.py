@@ -118,7 +118,7 @@ MASS_START = EffectInstance(MASS, {"k": 0.0})
 def test_gains_are_over_the_model_without_the_effect(flight):
     """The residuals before are those after, plus what the sizes explain; rows of 1 explain a constant of 0.1 sigmas."""
     h = hypothesis_of(flight, Fit(-80.0), Null())
-    assert h.gain == 20.0
+    assert h.gain == 20.0 and h.explained_share == 0.0 and h.own_noise_evidence == -np.inf
     np.testing.assert_array_equal(h.explained, 0.1)
     np.testing.assert_array_equal(h.normalised, 0.0)
     without_information = hypothesis_of(flight, Fit(-80.0, columns=np.zeros((ROWS, 1))), Null())
@@ -127,6 +127,43 @@ def test_gains_are_over_the_model_without_the_effect(flight):
     assert (moved.gain, moved.score_gain) == (15.0, pytest.approx(h.score_gain - 8.0))
     back = moved.with_reference(Null())
     assert (back.gain, back.score_gain) == (h.gain, pytest.approx(h.score_gain))
+
+
+def test_only_the_sizes_of_the_effect_itself_explain(flight):
+    """A place, and sizes of another effect in the model, are nuisance parameters of the comparison."""
+    torque = EffectInstance(TORQUE, {"t0": 100.0, "t1": np.inf, "Cl": 0.0, "Cm": 0.3, "Cn": 0.0})
+    key, columns = torque.key, np.random.default_rng(1).normal(size=(ROWS, 3))
+    names = ((KEY, "k"), (key, "t0"), (key, "Cm"))
+    fit = Fit(-80.0, effects=(*Fit(0.0).effects, torque), names=names, columns=columns, sigma=np.ones(3))
+    h = module._hypothesis(key, fit, flight.filters["fitted"], False, Null(), flight.case, flight.model)
+    np.testing.assert_allclose(h.explained, 0.3 * columns[:, 2])
+    flight.case.log_abs_det_jacobian = lambda effects: 7.0  # of readings divided by a scale
+    scaled = module._hypothesis(key, fit, flight.filters["fitted"], False, Null(), flight.case, flight.model)
+    assert scaled.score_gain == pytest.approx(h.score_gain + 7.0)
+    # rows that the column explains to their noise: held out, they are nearly as likely as fitted ones
+    exact = replace(fit, white=np.random.default_rng(2).normal(size=ROWS), columns=100.0 * columns)
+    h = module._hypothesis(key, exact, flight.filters["fitted"], False, Null(), flight.case, flight.model)
+    assert abs(h.score_gain - 90.0 + 0.5 * np.sum(exact.white**2)) < 15.0
+
+
+@pytest.mark.parametrize(("share", "at_floor"), [(0.0, True), (0.5, False)])
+def test_where_the_model_holds_the_most_probable_place_of_the_first_start_counts(flight, monkeypatch, share, at_floor):
+    flight.model.holds, flight.model.excess_variance = True, excess_of(share)
+    times = [EffectInstance(TORQUE, {"t0": t, "t1": np.inf, "Cm": 0.2}) for t in (100.0, 150.0, 200.0)]
+    evidence = {100.0: -60.0, 150.0: -40.0, 200.0: 0.0}
+    filters = []
+
+    def fit_linear(model, instance, whiten, null):
+        filters.append((whiten, null))
+        names = ((times[0].key, "Cm"),)
+        return Fit(evidence[instance.values["t0"]], effects=(instance,), names=names)
+
+    monkeypatch.setattr(module, "fit_linear", fit_linear)
+    starts = [screened(times[0], 50.0, (times[1],)), (screened(times[2])[0], "another filter")]
+    h = fit_hypothesis(flight.case, flight.model, starts, Null())
+    assert h.instance is times[1] and h.gain == 60.0 and h.at_floor == at_floor
+    assert set(filters) == {("screening filter", -100.0)}
+    np.testing.assert_allclose(h.explained, 0.2)
 
 
 def test_a_fit_that_leaves_much_excess_is_not_fitted_at_its_own_noise(flight):
@@ -163,6 +200,52 @@ def test_equal_places_and_unlikely_starts_are_fitted_once(flight):
         (100.0, "fitted"), (100.0, "stated"), (180.0, "fitted"), (100.0, "stated")
     ]  # fmt: skip
     assert h.gain == 30.0  # the best of the fits at the fitted noise
+
+
+def test_a_place_that_solves_the_excess_ends_the_search(flight):
+    """The fits before it are not compared; after it nothing is fitted from another start."""
+    times = [EffectInstance(TORQUE, {"t0": t, "t1": np.inf, "Cm": 0.0}) for t in (100.0, 140.0, 180.0)]
+    solved = Fit(-80.0, excess=0.0, effects=(times[1],), names=())
+    flight.fits = [Fit(-20.0, effects=(times[0],), names=()), solved, replace(solved, evidence=-10.0)]
+    starts = [screened(times[0], 50.0, (times[1],)), screened(times[2], 40.0)]
+    h = fit_hypothesis(flight.case, flight.model, starts, Null())
+    assert [(effects[0].values["t0"], noise) for effects, noise, _ in flight.fitted] == [
+        (100.0, "fitted"), (140.0, "fitted"), (140.0, "own")
+    ]  # fmt: skip
+    assert h.at_floor and h.gain == 90.0
+
+
+def test_the_fit_at_the_stated_noise_starts_at_the_most_probable_place(flight):
+    times = [EffectInstance(TORQUE, {"t0": t, "t1": np.inf, "Cm": 0.0}) for t in (100.0, 140.0)]
+    fits = [Fit(e, effects=(a,), names=()) for e, a in zip((-80.0, -50.0), times, strict=True)]
+    flight.fits = [*fits, Fit(-300.0)]
+    fit_hypothesis(flight.case, flight.model, [screened(times[0], 50.0, (times[1],))], Null())
+    assert flight.fitted[-1][0][0].values["t0"] == 140.0 and flight.fitted[-1][1] == "stated"
+
+
+def test_without_excess_variance_there_is_one_fit(flight):
+    """The stated noise is the fitted one, and nothing is left that another noise could explain."""
+    flight.model.excess_variance = excess_of(0.0)
+    flight.model.fitted_noise_filter = flight.model.stated_noise_filter
+    flight.fits = [Fit(-80.0)]
+    h = fit_hypothesis(flight.case, flight.model, [screened(MASS_START)], Null())
+    assert len(flight.fitted) == 1 and h.at_floor and h.gain == 20.0 and h.stated_noise_fit is None
+
+
+def test_a_thorough_fit_is_repeated_at_the_stated_noise_while_some_excess_is_left(flight):
+    """The little excess may be that of a fit that has not converged: then the stated noise is more likely."""
+    flight.left = 1.0 / ROWS
+    flight.fits = [Fit(-40.0), Fit(-10.0)]
+    h = module._best(KEY, [Fit(-80.0)], [], Null(), flight.case, flight.model, thorough=True)
+    assert [noise for _, noise, _ in flight.fitted] == ["own", "stated"]
+    assert h.at_floor and h.gain == 90.0 and h.own_noise_evidence == -40.0 - 3.0
+
+
+def test_the_best_fit_at_the_stated_noise_is_continued_too(flight):
+    flight.fits = [Fit(-60.0), Fit(-30.0)]
+    at_stated = [Fit(-500.0, excess=0.5), Fit(-400.0, excess=0.0, point="another point")]
+    h = module._best(KEY, [Fit(-80.0, excess=0.0)], at_stated, Null(), flight.case, flight.model)
+    assert [moving for _, _, moving in flight.fitted] == [False, True] and h.gain == 70.0
 
 
 def test_only_the_first_start_of_an_effect_without_places(flight):
