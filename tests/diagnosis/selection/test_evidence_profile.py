@@ -40,7 +40,7 @@ def model(monkeypatch):
     monkeypatch.setattr(module, "marginalize_model_effects", lambda of_model, whiten: whiten)
     return SimpleNamespace(
         effects=(), fitted_noise_filter=lambda rows, mean: rows, white_residuals=lambda whiten: y,
-        bins=SimpleNamespace(edges=np.array([50.0, 240.0])), settings=DecisionSettings(),
+        bins=SimpleNamespace(edges=np.array([50.0, 150.0, 240.0])), settings=DecisionSettings(),
     )  # fmt: skip
 
 
@@ -48,6 +48,7 @@ def test_the_profile_is_a_regression_at_every_value_and_largest_at_the_onset(mod
     times = [70.0, 110.0, 130.0, 131.0, 180.0]
     gains = evidence_profile(model, "remnant_torque", "t0", times[::-1])
     assert gains["t0"].values.tolist() == times and gains.name == "remnant_torque"
+    assert gains.attrs["units"] == "nats" and gains["t0"].attrs["units"] == "s"
     y = model.white_residuals(None)
     for t0, gain in zip(times, gains.values, strict=True):
         assert gain == pytest.approx(regress(y, torque_rows(t0), SIGMA).gain, abs=1e-9)

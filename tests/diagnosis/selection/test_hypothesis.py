@@ -19,10 +19,13 @@ from edl_filter.diagnosis.selection.hypothesis import (
 )
 from edl_filter.effects.base import EffectInstance
 from edl_filter.effects.registry import find_effect
+from edl_filter.estimation.regression import held_out_gain
 from edl_filter.mission.decision_settings import DecisionSettings
 
 SETTINGS = DecisionSettings()
 ROWS = 40
+#: Share of rows with excess variance: more than a model that holds has, less than a weak effect leaves.
+LESS_EXCESS = 0.5 * (SETTINGS.holds_share + 0.5 * SETTINGS.alternative_progress)
 TORQUE, MASS = find_effect("remnant_torque"), find_effect("mass")
 KEY = ("mass", None)
 
@@ -140,13 +143,20 @@ def test_only_the_sizes_of_the_effect_itself_explain(flight):
     flight.case.log_abs_det_jacobian = lambda effects: 7.0  # of readings divided by a scale
     scaled = module._hypothesis(key, fit, flight.filters["fitted"], False, Null(), flight.case, flight.model)
     assert scaled.score_gain == pytest.approx(h.score_gain + 7.0)
-    # rows that the column explains to their noise: held out, they are nearly as likely as fitted ones
-    exact = replace(fit, white=np.random.default_rng(2).normal(size=ROWS), columns=100.0 * columns)
-    h = module._hypothesis(key, exact, flight.filters["fitted"], False, Null(), flight.case, flight.model)
-    assert abs(h.score_gain - 90.0 + 0.5 * np.sum(exact.white**2)) < 15.0
+    white = np.random.default_rng(2).normal(size=ROWS) + columns[:, 2]  # what is left is correlated with the column
+    h = module._hypothesis(key, replace(fit, white=white), Identity(), False, Null(), flight.case, flight.model)
+    before, x, time = white + 0.3 * columns[:, 2], columns[:, [2]], flight.model.index.time
+    held_out = held_out_gain(before, x, np.ones(1), time, SETTINGS.held_out_block_s, SETTINGS.held_out_folds)
+    assert h.score_gain == pytest.approx(held_out - 0.5 * before @ before + 7.0 + 90.0)
 
 
-@pytest.mark.parametrize(("share", "at_floor"), [(0.0, True), (0.5, False)])
+def test_innovations_are_normalised_by_the_stated_noise(flight):
+    flight.model.stated_noise_filter.innovation_sigma = np.full(ROWS, 2.0)
+    white = np.arange(float(ROWS))
+    np.testing.assert_array_equal(hypothesis_of(flight, Fit(-80.0, white=white), Null()).normalised, white / 2.0)
+
+
+@pytest.mark.parametrize(("share", "at_floor"), [(0.0, True), (0.05, False), (0.5, False)])
 def test_where_the_model_holds_the_most_probable_place_of_the_first_start_counts(flight, monkeypatch, share, at_floor):
     flight.model.holds, flight.model.excess_variance = True, excess_of(share)
     times = [EffectInstance(TORQUE, {"t0": t, "t1": np.inf, "Cm": 0.2}) for t in (100.0, 150.0, 200.0)]
@@ -191,13 +201,13 @@ def test_the_gain_stays_that_at_the_noise_without_it_if_excess_is_left(flight):
 
 
 def test_equal_places_and_unlikely_starts_are_fitted_once(flight):
-    times = [EffectInstance(TORQUE, {"t0": t, "t1": np.inf, "Cm": 0.0}) for t in (100.0, 100.3, 180.0, 60.0)]
+    times = [EffectInstance(TORQUE, {"t0": t, "t1": np.inf, "Cm": 0.0}) for t in (100.0, 100.3, 100.7, 60.0)]
     starts = [screened(times[0], 50.0, (times[1],)), screened(times[2], 20.0), screened(times[3], -1.0)]
     fit = Fit(-80.0, effects=(replace(times[0], values=times[0].values | {"Cm": 1.0}),), names=())
     flight.fits = [replace(fit, evidence=e) for e in (-80.0, -85.0, -70.0, -75.0)]
     h = fit_hypothesis(flight.case, flight.model, starts, Null())
     assert [(effects[0].values["t0"], noise) for effects, noise, _ in flight.fitted] == [
-        (100.0, "fitted"), (100.0, "stated"), (180.0, "fitted"), (100.0, "stated")
+        (100.0, "fitted"), (100.0, "stated"), (100.7, "fitted"), (100.0, "stated")
     ]  # fmt: skip
     assert h.gain == 30.0  # the best of the fits at the fitted noise
 
@@ -239,6 +249,15 @@ def test_a_thorough_fit_is_repeated_at_the_stated_noise_while_some_excess_is_lef
     h = module._best(KEY, [Fit(-80.0)], [], Null(), flight.case, flight.model, thorough=True)
     assert [noise for _, noise, _ in flight.fitted] == ["own", "stated"]
     assert h.at_floor and h.gain == 90.0 and h.own_noise_evidence == -40.0 - 3.0
+    assert [moving for _, _, moving in flight.fitted] == [False, True]
+
+
+def test_the_noise_that_is_left_counts_where_the_model_without_it_has_little(flight):
+    """Few rows have excess variance, of many about another point: the fit is at the floor, and still improved."""
+    flight.model.excess_variance, flight.left = excess_of(1.0 / ROWS), 0.0
+    flight.fits = [Fit(-70.0)]
+    h = module._best(KEY, [Fit(-80.0, excess=0.0)], [], Null(excess_share=0.9), flight.case, flight.model)
+    assert [noise for _, noise, _ in flight.fitted] == ["own"] and h.gain == 30.0
 
 
 def test_the_best_fit_at_the_stated_noise_is_continued_too(flight):
@@ -275,6 +294,7 @@ def reconstructed(flight, monkeypatch):
     monkeypatch.setattr(module, "linearize_at", lambda case, point, initial: about_own)
 
     def iterate(case, iterations, first):
+        assert iterations == 2 and first is about_own
         flight.iterated = True
         return case, about_own, Fit(flight.own)
 
@@ -291,10 +311,10 @@ def test_an_effect_that_explains_little_keeps_its_gain_without_an_iteration(reco
     assert result.explained_share == pytest.approx(1.0 / 90.0)
 
 
-@pytest.mark.parametrize("change", ["explains", "contends", "moved", "solved"])
+@pytest.mark.parametrize("change", ["explains", "contends", "moved", "solved", "less excess"])
 def test_an_effect_that_may_lead_is_fitted_about_its_own_reconstruction(reconstructed, change):
     """It explains much; or the null model is more probable about another point; or it was linearised about another."""
-    reconstructed.fits = [Fit(-80.0), Fit(-30.0)]
+    reconstructed.fits, reconstructed.left = [Fit(-80.0), Fit(-30.0)], 0.5
     reference = Null(evidence=-90.0 if change == "contends" else -100.0)
     h = hypothesis_of(reconstructed, Fit(-80.0), Null())
     if change == "explains":
@@ -303,9 +323,20 @@ def test_an_effect_that_may_lead_is_fitted_about_its_own_reconstruction(reconstr
         reconstructed.model.point = SimpleNamespace(bin_states=np.zeros(1))
     elif change == "solved":
         h = replace(h, at_floor=True)
+    elif change == "less excess":
+        reconstructed.first.excess_variance = excess_of(LESS_EXCESS)
     result = relinearize_with_effect(h, reference)
     assert reconstructed.iterated and result.gain == -30.0 - reference.evidence
     assert result.null is reference
+    # fitted at its own noise before, where it is not at the floor, and about its own reconstruction: both thoroughly
+    assert len(reconstructed.fitted) == (1 if change == "solved" else 2)
+
+
+def test_an_effect_that_does_not_contend_is_not_iterated_for_a_better_null_model(reconstructed):
+    reconstructed.fits, reconstructed.left = [Fit(-80.0)], 0.5
+    h = hypothesis_of(reconstructed, Fit(-80.0), Null())
+    assert relinearize_with_effect(h, Null(evidence=-90.0), contends=False).gain == 10.0
+    assert not reconstructed.iterated
 
 
 @pytest.mark.parametrize(
