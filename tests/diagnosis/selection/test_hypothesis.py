@@ -161,19 +161,23 @@ def test_where_the_model_holds_the_most_probable_place_of_the_first_start_counts
     flight.model.holds, flight.model.excess_variance = True, excess_of(share)
     times = [EffectInstance(TORQUE, {"t0": t, "t1": np.inf, "Cm": 0.2}) for t in (100.0, 150.0, 200.0)]
     evidence = {100.0: -60.0, 150.0: -40.0, 200.0: 0.0}
-    filters = []
+    columns = np.random.default_rng(4).normal(size=(ROWS, 2))  # of the size, then of the place, which explains nothing
+    white, filters = columns[:, 0] + np.random.default_rng(5).normal(size=ROWS), []
 
     def fit_linear(model, instance, whiten, null):
         filters.append((whiten, null))
-        names = ((times[0].key, "Cm"),)
-        return Fit(evidence[instance.values["t0"]], effects=(instance,), names=names)
+        names, sigma = ((times[0].key, "Cm"), (times[0].key, "t0")), np.ones(2)
+        return Fit(evidence[instance.values["t0"]], 0.5, (instance,), "", names, columns, white, sigma)
 
     monkeypatch.setattr(module, "fit_linear", fit_linear)
     starts = [screened(times[0], 50.0, (times[1],)), (screened(times[2])[0], "another filter")]
     h = fit_hypothesis(flight.case, flight.model, starts, Null())
     assert h.instance is times[1] and h.gain == 60.0 and h.at_floor == at_floor
     assert set(filters) == {("screening filter", -100.0)}
-    np.testing.assert_allclose(h.explained, 0.2)
+    np.testing.assert_allclose(h.explained, 0.2 * columns[:, 0])
+    before, x, time = white + 0.2 * columns[:, 0], columns[:, [0]], flight.model.index.time
+    held_out = held_out_gain(before, x, np.ones(1), time, SETTINGS.held_out_block_s, SETTINGS.held_out_folds)
+    assert h.score_gain == pytest.approx(held_out)
 
 
 def test_a_fit_that_leaves_much_excess_is_not_fitted_at_its_own_noise(flight):
