@@ -156,6 +156,11 @@ def _onboard_transition(layout: Layout, samples: Samples, state: State) -> tuple
     return rotations.multiply(state.nav[10:], turn), rows
 
 
+def difference_steps(layout: Layout) -> Array:
+    """Half steps ``(n,)`` of central differences with respect to the filter's vector, in its units."""
+    return np.concatenate([np.full(s.stop - s.start, DIFFERENCE_STEPS[name]) for name, s in layout.slices.items()])
+
+
 def linearized_measurement(constraint: Constraint, state: State, layout: Layout) -> tuple[Array, Array]:
     """Prediction of a constraint at a state, and its Jacobian by central differences.
 
@@ -176,7 +181,7 @@ def linearized_measurement(constraint: Constraint, state: State, layout: Layout)
         Of those per the units of `layout.UNITS`.
     """
     n = layout.size
-    steps = np.concatenate([np.full(s.stop - s.start, DIFFERENCE_STEPS[name]) for name, s in layout.slices.items()])
+    steps = difference_steps(layout)
     offsets = np.concatenate((np.diag(steps), -np.diag(steps), np.zeros((1, n))))
     onboard = layout[ONBOARD].start if ONBOARD in layout else -1
     nav, errors = states_of_points(state.nav, state.errors, offsets, 2 * n + 1, onboard)
