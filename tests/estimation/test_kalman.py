@@ -16,7 +16,7 @@ from linear_problems import (
 )
 from scipy.stats import multivariate_normal
 
-from edl_filter.estimation.kalman import append_constant_states, solve_lower, whitening_filter
+from edl_filter.estimation.kalman import append_constant_states, measurement_update, solve_lower, whitening_filter
 from edl_filter.estimation.smoothing import smoothed_states
 
 
@@ -214,3 +214,31 @@ def test_constant_states_that_are_exact_change_nothing():
     np.testing.assert_allclose(exact(columns, initial_mean), plain(columns, initial_mean), rtol=1e-12, atol=1e-12)
     assert exact.log_determinant == pytest.approx(plain.log_determinant, rel=1e-12)
     assert append_constant_states(model, np.zeros((rows, 0)), np.zeros(0)).size == model.size
+
+
+@given(st.integers(0, 1000), st.integers(1, 8), st.integers(1, 4))
+def test_a_measurement_update_adds_the_information_of_the_measurement(seed, size, rows):
+    """Information form: ``P⁺⁻¹ = P⁻¹ + Hᵀ R⁻¹ H`` and ``K = P⁺ Hᵀ R⁻¹``."""
+    rng = np.random.default_rng(seed)
+    root, noise_root, h = (rng.normal(size=shape) for shape in ((size, size), (rows, rows), (rows, size)))
+    prior, noise = root @ root.T + 0.1 * np.eye(size), noise_root @ noise_root.T + 0.1 * np.eye(rows)
+    gain, covariance = measurement_update(prior, h, noise)
+    expected = np.linalg.inv(np.linalg.inv(prior) + h.T @ np.linalg.solve(noise, h))
+    scale = np.abs(expected).max()
+    np.testing.assert_allclose(covariance, expected, rtol=1e-8, atol=1e-8 * scale)
+    expected_gain = expected @ np.linalg.solve(noise, h).T
+    np.testing.assert_allclose(gain, expected_gain, rtol=1e-8, atol=1e-8 * np.abs(expected_gain).max())
+    np.testing.assert_array_equal(covariance, covariance.T)
+
+
+def test_an_update_by_nearly_exact_measurements_leaves_no_negative_variance():
+    """The variances of the shorter ``P - K H P`` are its rounding errors; states that are known stay known."""
+    prior = np.zeros((4, 4))
+    prior[:3, :3] = 1e6 * (np.eye(3) + 0.9)
+    h, noise = np.array([[1.0, 0.7, -0.3, 2.0], [0.2, 1.0, 1.0, 0.0], [0.5, -0.4, 1.0, 0.3]]), 1e-12 * np.eye(3)
+    gain, covariance = measurement_update(prior, h, noise)
+    shorter = prior - gain @ h @ prior
+    assert np.linalg.eigvalsh(0.5 * (shorter + shorter.T))[0] < -1e-12
+    inverse = np.linalg.inv(h[:, :3])
+    np.testing.assert_allclose(covariance[:3, :3], inverse @ noise @ inverse.T, rtol=1e-9)
+    assert not covariance[3].any() and not gain[3].any()

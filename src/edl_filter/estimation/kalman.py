@@ -24,6 +24,7 @@ from numba import njit
 
 from edl_filter.estimation.block_sparse import FUSED, BlockSparse, row_pattern, transform_rows, transpose_in_place
 from edl_filter.estimation.parallel import THREADS, map_threads, one_blas_thread
+from edl_filter.estimation.small_matrices import symmetric_part
 from edl_filter.types import Array, IntArray
 
 #: From columns ``(R, c)`` and their initial means ``(n, c)`` to white rows ``(R, c)``.
@@ -175,6 +176,34 @@ def whitening_filter(model: LinearStateSpace) -> WhiteningFilter:
             np.ascontiguousarray(model.design), model.row_noise, model.initial_covariance.copy(),
         )  # fmt: skip
     return WhiteningFilter(model, gain, factor, log_determinant)
+
+
+def measurement_update(covariance: Array, design: Array, noise: Array) -> tuple[Array, Array]:
+    """Gain and covariance of one Kalman update, for filters whose steps are no `LinearStateSpace`.
+
+    Joseph's form of the covariance is positive semidefinite whatever the rounding error of the gain (Bucy & Joseph
+    1968, Filtering for Stochastic Processes; Tapley, Schutz & Born 2004, Statistical Orbit Determination, section 4.7).
+
+    Parameters
+    ----------
+    covariance : (n, n) array
+        P, of the state before the update.
+    design : (m, n) array
+        H, derivative of the measurement with respect to the state.
+    noise : (m, m) array
+        R, covariance of the measurement's error. ``H P Hᵀ + R`` must not be singular.
+
+    Returns
+    -------
+    gain : (n, m) array
+        ``K = P Hᵀ (H P Hᵀ + R)⁻¹``: change of the state by a unit of the innovation.
+    covariance : (n, n) array
+        ``(1 - K H) P (1 - K H)ᵀ + K R Kᵀ``, made symmetric to the last bit.
+    """
+    cross = design @ covariance
+    gain = np.linalg.solve(symmetric_part(cross @ design.T) + noise, cross).T
+    reduction = np.eye(len(covariance)) - gain @ design
+    return gain, symmetric_part(reduction @ covariance @ reduction.T + gain @ noise @ gain.T)
 
 
 @njit(cache=True)
