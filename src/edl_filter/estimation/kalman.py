@@ -15,7 +15,7 @@ states are marginalised (augmented Kalman filter: Friedland, IEEE Trans. AC 14 (
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -96,6 +96,43 @@ def append_constant_states(model: LinearStateSpace, design: Array, sigma: Array)
         design=np.ascontiguousarray(np.concatenate((model.design, design), axis=1)),
         initial_covariance=covariance,
     )
+
+
+def with_known_states(model: LinearStateSpace, states: Sequence[int] | IntArray) -> LinearStateSpace:
+    """The model with some states known: no initial variance, no process noise, no prior correlation with others.
+
+    What other states add to them in a transition stays uncertain.
+
+    Parameters
+    ----------
+    model : LinearStateSpace
+        n states.
+    states : (c,) sequence or array of int
+        Indices of the states.
+    """
+    covariance = model.initial_covariance.copy()
+    covariance[states], covariance[:, states] = 0.0, 0.0
+    q = model.process_noise
+    keep = ~(np.isin(q.row, states) | np.isin(q.column, states))
+    noise = BlockSparse(q.size, q.row[keep], q.column[keep], q.values[:, keep])
+    return replace(model, initial_covariance=covariance, process_noise=noise)
+
+
+def with_less_noise(model: LinearStateSpace, rows: IntArray, factor: float) -> LinearStateSpace:
+    """The model with the sigma of the noise of some rows divided by a factor.
+
+    Parameters
+    ----------
+    model : LinearStateSpace
+        R rows.
+    rows : (r,) array of int
+        Indices of the rows; where the noise of several rows is correlated, all of them or none.
+    factor : float
+        More than zero.
+    """
+    noise = model.row_noise.copy()
+    noise[rows] /= factor**2
+    return replace(model, row_noise=noise)
 
 
 @dataclass(frozen=True)
