@@ -125,7 +125,7 @@ def smallest_size(information: float, sigma: float, gain: float) -> float:
     Returns
     -------
     float
-        Infinite where the flight has no information.
+        Infinite where the data have no information.
     """
     if not information > 0.0:
         return float("inf")
