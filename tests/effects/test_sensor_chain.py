@@ -9,7 +9,16 @@ from hypothesis import strategies as st
 
 from edl_filter.effects import Effect, EffectInstance, Parameter
 from edl_filter.effects.registry import find_effect
-from edl_filter.effects.sensor_chain import check_imus, corrected_record, log_abs_det_jacobian, sensor_effects
+from edl_filter.effects.sensor_chain import (
+    apply_sensor_effects,
+    check_imus,
+    corrected_record,
+    effects_in,
+    log_abs_det_jacobian,
+    moved_position,
+    moved_record,
+    samples_of,
+)
 from edl_filter.effects.sensors import delayed
 from edl_filter.errors import InputError
 from edl_filter.imu_model.sensor_errors import SensorErrors
@@ -41,10 +50,8 @@ small = st.floats(-0.05, 0.05)
 
 def as_read(true, effects):
     """What sensors with `effects` read of the true motion in a record: the inverse of `corrected_record`."""
-    for a in sensor_effects(effects):
-        force, rate = a.effect.imu(a.values, true.time, true.specific_force, true.angular_rate)
-        true = replace(true, specific_force=force, angular_rate=rate)
-    return true
+    force, rate = apply_sensor_effects(effects, true.time, true.specific_force, true.angular_rate)
+    return replace(true, specific_force=force, angular_rate=rate)
 
 
 SENSOR = {
@@ -64,6 +71,33 @@ def test_misalignment_then_scale_then_bias_however_listed():
     expected = (1 + np.array([0.01, 0.02, 0.0])) * turned + [0.1, 0.0, -0.2]
     for order in (listed, listed[::-1]):
         np.testing.assert_allclose(as_read(record(), order).specific_force, expected, rtol=1e-14)
+
+
+def test_effects_of_one_instrument_are_those_of_all_samples_of_its_record():
+    """The simulation, which has no records yet, and the reconstruction find the same effects in an IMU."""
+    effects = [active("gyro_bias", imu, bx=1.0) for imu in (None, "primary", "secondary", "other")]
+    for name, driving in (("primary", True), ("secondary", False), ("third", True)):
+        own = record((name,), name)
+        expected = [a for a in effects if samples_of(own, a.imu, driving).all()]
+        assert effects_in(effects, name, driving) == expected
+        assert all(not samples_of(own, a.imu, driving).any() for a in effects if a not in expected)
+
+
+def test_an_imu_is_moved_by_the_sum_of_its_displacements():
+    """In a record of two instruments those of each act on its own samples; effects without a place move nothing."""
+    joined = record(("backshell", "rover"), "driving")
+    effects = [
+        active("imu_lever_arm", dx=0.1), active("gyro_bias", bx=1.0), active("imu_lever_arm", "rover", dy=-0.2),
+        active("imu_lever_arm", "driving", dz=0.3), active("imu_lever_arm", "other", dz=9.0),
+    ]  # fmt: skip
+    moved = moved_record(joined, effects, until=0.0).position
+    first = joined.unit == 0
+    np.testing.assert_array_equal(moved[first], np.tile([0.1, 0.0, 0.3], (first.sum(), 1)))
+    np.testing.assert_array_equal(moved[~first], np.tile([0.0, -0.2, 0.3], ((~first).sum(), 1)))
+    stated = np.ones((5, 3))
+    np.testing.assert_allclose(moved_position(stated, effects[:3]), np.tile([1.1, 0.8, 1.0], (5, 1)), rtol=1e-15)
+    assert moved_position(stated, effects[1:2]) is stated
+    assert moved_record(joined, effects[1:2], until=0.0) is joined
 
 
 @given(st.lists(st.tuples(st.sampled_from(sorted(SENSOR)), small, small, small), max_size=5))

@@ -9,6 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from linear_problems import (
     joint_measurements,
+    joint_noise,
     posterior_states,
     random_model,
     step_rows,
@@ -16,7 +17,15 @@ from linear_problems import (
 )
 from scipy.stats import multivariate_normal
 
-from edl_filter.estimation.kalman import append_constant_states, solve_lower, whitening_filter
+from edl_filter.estimation.block_sparse import from_dense
+from edl_filter.estimation.kalman import (
+    append_constant_states,
+    measurement_update,
+    solve_lower,
+    whitening_filter,
+    with_known_states,
+    with_less_noise,
+)
 from edl_filter.estimation.smoothing import smoothed_states
 
 
@@ -214,3 +223,69 @@ def test_constant_states_that_are_exact_change_nothing():
     np.testing.assert_allclose(exact(columns, initial_mean), plain(columns, initial_mean), rtol=1e-12, atol=1e-12)
     assert exact.log_determinant == pytest.approx(plain.log_determinant, rel=1e-12)
     assert append_constant_states(model, np.zeros((rows, 0)), np.zeros(0)).size == model.size
+
+
+def test_known_states_are_not_correlated_with_others_by_process_noise():
+    """Noise of two correlated states keeps only the variance of the one that is not known."""
+    dense = np.tile([[4.0, 1.0, 0.0], [1.0, 9.0, 2.0], [0.0, 2.0, 16.0]], (5, 1, 1))
+    model = random_model(steps=5, size=3)
+    model = replace(model, process_noise=from_dense(dense), initial_covariance=dense[0])
+    conditioned = with_known_states(model, [1])
+    expected = np.diag([4.0, 0.0, 16.0])
+    np.testing.assert_array_equal(conditioned.process_noise[3], expected)
+    np.testing.assert_array_equal(conditioned.initial_covariance, expected)
+    np.testing.assert_array_equal(model.process_noise[3], dense[3])
+    np.testing.assert_array_equal(model.initial_covariance, dense[0])
+
+
+@pytest.mark.parametrize("seed", [3, 4])
+def test_a_constant_that_is_known_is_one_that_was_never_appended(seed):
+    model, rng = random_model(seed), np.random.default_rng(seed)
+    rows = model.row_start[-1]
+    design, sigma = rng.normal(size=(rows, 3)), rng.uniform(0.1, 3.0, 3)
+    known = whitening_filter(with_known_states(append_constant_states(model, design, sigma), np.array([7, 9])))
+    expected = whitening_filter(append_constant_states(model, design[:, 1:2], sigma[1:2]))
+    columns = rng.normal(size=(rows, 2))
+    initial_mean = rng.normal(size=(7, 2))
+    np.testing.assert_allclose(known(columns, initial_mean), expected(columns, initial_mean), rtol=1e-9, atol=1e-10)
+    assert known.log_determinant == pytest.approx(expected.log_determinant, rel=1e-10)
+
+
+def test_less_noise_is_that_of_the_joint_gaussian():
+    """Of all rows of some steps, whose noise is correlated within the step."""
+    model = random_model()
+    rows = np.concatenate([np.arange(r.start, r.stop) for r in step_rows(model)[5:12]])
+    improved = whitening_filter(with_less_noise(model, rows, 10.0))
+    covariance = joint_measurements(model, np.zeros(7))[1]
+    part = np.ix_(rows, rows)
+    covariance[part] -= 0.99 * joint_noise(model)[part]
+    assert improved.log_determinant == pytest.approx(np.linalg.slogdet(covariance)[1], rel=1e-9)
+    np.testing.assert_array_equal(model.row_noise, random_model().row_noise)
+
+
+@given(st.integers(0, 1000), st.integers(1, 8), st.integers(1, 4))
+def test_a_measurement_update_adds_the_information_of_the_measurement(seed, size, rows):
+    """Information form: ``P⁺⁻¹ = P⁻¹ + Hᵀ R⁻¹ H`` and ``K = P⁺ Hᵀ R⁻¹``."""
+    rng = np.random.default_rng(seed)
+    root, noise_root, h = (rng.normal(size=shape) for shape in ((size, size), (rows, rows), (rows, size)))
+    prior, noise = root @ root.T + 0.1 * np.eye(size), noise_root @ noise_root.T + 0.1 * np.eye(rows)
+    gain, covariance = measurement_update(prior, h, noise)
+    expected = np.linalg.inv(np.linalg.inv(prior) + h.T @ np.linalg.solve(noise, h))
+    scale = np.abs(expected).max()
+    np.testing.assert_allclose(covariance, expected, rtol=1e-8, atol=1e-8 * scale)
+    expected_gain = expected @ np.linalg.solve(noise, h).T
+    np.testing.assert_allclose(gain, expected_gain, rtol=1e-8, atol=1e-8 * np.abs(expected_gain).max())
+    np.testing.assert_array_equal(covariance, covariance.T)
+
+
+def test_an_update_by_nearly_exact_measurements_leaves_no_negative_variance():
+    """The variances of the shorter ``P - K H P`` are its rounding errors; states that are known stay known."""
+    prior = np.zeros((4, 4))
+    prior[:3, :3] = 1e6 * (np.eye(3) + 0.9)
+    h, noise = np.array([[1.0, 0.7, -0.3, 2.0], [0.2, 1.0, 1.0, 0.0], [0.5, -0.4, 1.0, 0.3]]), 1e-12 * np.eye(3)
+    gain, covariance = measurement_update(prior, h, noise)
+    shorter = prior - gain @ h @ prior
+    assert np.linalg.eigvalsh(0.5 * (shorter + shorter.T))[0] < -1e-12
+    inverse = np.linalg.inv(h[:, :3])
+    np.testing.assert_allclose(covariance[:3, :3], inverse @ noise @ inverse.T, rtol=1e-9)
+    assert not covariance[3].any() and not gain[3].any()

@@ -1,4 +1,4 @@
-"""Matérn processes of order 3/2 and 5/2 against twins: Bessel form, matrix exponential, explicit covariances."""
+"""Matérn processes of order 3/2 against twins: Bessel form, matrix exponential, explicit covariances."""
 
 import numpy as np
 import pytest

@@ -9,6 +9,7 @@ from linear_problems import joint_measurements, posterior_states, random_model, 
 from edl_filter.estimation.kalman import whitening_filter
 from edl_filter.estimation.smoothing import (
     precision_weighted_residuals,
+    smoothed_joint_covariance,
     smoothed_last_states,
     smoothed_moments,
     smoothed_states,
@@ -91,11 +92,8 @@ def test_the_two_smoothers_agree():
     np.testing.assert_allclose(mean, smoothed_states(whiten, white, leading_mean)[1], atol=1e-9)
 
 
-@pytest.mark.parametrize("seed", [3, 4])
-def test_the_rauch_tung_striebel_smoother_has_the_posterior_of_the_dense_gaussian(seed):
-    """Backwards over a textbook filter; some steps have no measurements."""
-    model = random_model(seed, steps=20)
-    measurements, _, initial_mean = random_data(model, seed, 7)
+def textbook_smoother(model, measurements, initial_mean):
+    """Means, covariances and gains of the Rauch-Tung-Striebel smoother over a textbook filter, from the start."""
     predicted, filtered_moments = [], [(initial_mean, model.initial_covariance)]
     for k, rows in enumerate(step_rows(model)):
         f, h, (x, p) = transition(model, k), model.design[rows], filtered_moments[-1]
@@ -103,12 +101,46 @@ def test_the_rauch_tung_striebel_smoother_has_the_posterior_of_the_dense_gaussia
         predicted.append((x, p))
         gain = p @ h.T @ np.linalg.inv(h @ p @ h.T + model.row_noise[rows, : len(h)])
         filtered_moments.append((x + gain @ (measurements[rows] - h @ x), p - gain @ h @ p))
-    expected_mean, expected_covariance = posterior_states(model, initial_mean, measurements)
     mean, covariance = filtered_moments[-1]
-    for k in range(19, -1, -1):
+    means, covariances, gains = [mean], [covariance], []
+    for k in range(len(predicted) - 1, -1, -1):
         x, p = filtered_moments[k]
-        gain = smoother_gain(p @ transition(model, k).T, predicted[k][1])
-        mean, covariance = smoothed_moments(x, p, gain, mean - predicted[k][0], covariance - predicted[k][1])
-        np.testing.assert_allclose(mean, expected_mean[k], atol=1e-7)
+        gains.append(smoother_gain(p @ transition(model, k).T, predicted[k][1]))
+        mean, covariance = smoothed_moments(x, p, gains[-1], mean - predicted[k][0], covariance - predicted[k][1])
+        means.append(mean)
+        covariances.append(covariance)
+    return np.array(means[::-1]), np.array(covariances[::-1]), np.array(gains[::-1])
+
+
+@pytest.mark.parametrize("seed", [3, 4])
+def test_the_rauch_tung_striebel_smoother_has_the_posterior_of_the_dense_gaussian(seed):
+    """Backwards over a textbook filter; some steps have no measurements."""
+    model = random_model(seed, steps=20)
+    measurements, _, initial_mean = random_data(model, seed, 7)
+    means, covariances, _ = textbook_smoother(model, measurements, initial_mean)
+    expected_mean, expected_covariance = posterior_states(model, initial_mean, measurements)
+    np.testing.assert_allclose(means, expected_mean, atol=1e-7)
+    for k, covariance in enumerate(covariances):
         np.testing.assert_allclose(covariance, expected_covariance[k, :, k], atol=1e-7)
-        np.testing.assert_array_equal(covariance, covariance.T)
+        if k < 20:
+            np.testing.assert_array_equal(covariance, covariance.T)
+
+
+@pytest.mark.parametrize(
+    ("seed", "steps"), [(3, (0, 4, 4, 11, 20)), (4, (2, 3, 19)), (5, (20, 20)), (6, (7,)), (7, tuple(range(21)))]
+)
+def test_functions_of_states_at_several_steps_have_the_covariance_of_the_dense_gaussian(seed, steps):
+    """One to three functions a step; twice at one step, at the first, at the last, and at every step."""
+    model, rng = random_model(seed, steps=20), np.random.default_rng(seed)
+    measurements, _, initial_mean = random_data(model, seed, 7)
+    _, covariances, gains = textbook_smoother(model, measurements, initial_mean)
+    _, dense = posterior_states(model, initial_mean, measurements)
+    designs = [rng.normal(size=(rng.integers(1, 4), 7)) for _ in steps]
+    expected = np.block([[a @ dense[i, :, j] @ b.T for j, b in zip(steps, designs, strict=True)]
+                         for i, a in zip(steps, designs, strict=True)])  # fmt: skip
+    joint = smoothed_joint_covariance(covariances, gains, steps, designs)
+    np.testing.assert_allclose(joint, expected, atol=1e-8 * np.abs(expected).max())
+
+
+def test_no_function_has_a_covariance_of_no_rows():
+    assert smoothed_joint_covariance(np.eye(2)[None], np.zeros((0, 2, 2)), [], []).shape == (0, 0)

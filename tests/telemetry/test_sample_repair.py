@@ -15,7 +15,6 @@ from edl_filter.pipeline.load import read_telemetry
 from edl_filter.telemetry.flight_file import read_flight_file
 from edl_filter.telemetry.sample_checks import CheckSettings, lost_readings
 from edl_filter.telemetry.sample_repair import repaired
-from edl_filter.telemetry.transfer import transferred
 
 FORCE, RATE = "specific_force", "angular_rate"
 FIRST = 800  # 100 s after entry
@@ -245,16 +244,6 @@ def test_detection_can_be_switched_off(corrupted):
     settings = CheckSettings(enabled=False)
     assert repaired(corrupted(FAULTS["stuck"][0], settings), settings, 252.75).findings == ()
     assert repaired(corrupted(FAULTS["gap"][0], settings), settings, 252.75).findings != ()
-
-
-def test_transferred_readings_are_those_of_the_reference(builtin_flight):
-    telemetry = read_flight_file(builtin_flight)
-    source = transferred(telemetry.driving, telemetry.checking[0], 251.75)
-    rows = source.valid & (telemetry.driving.time < 251.0)
-    assert rows.sum() > 1900
-    for key, values, scatter in ((FORCE, source.force, source.force_scatter), (RATE, source.rate, source.rate_scatter)):
-        ratio = (values - getattr(telemetry.driving, key))[rows] / scatter[rows]
-        assert 0.8 < np.sqrt(np.mean(ratio**2)) < 1.2
 
 
 @pytest.mark.parametrize("carried", [True, False])

@@ -1,15 +1,16 @@
-"""Removal of sensor effects from a record of samples: their order, their inverse, and the position of the IMU.
+"""Sensor effects in the readings of an IMU: their order, their inverse, and the position of the IMU.
 
-`corrected_record` inverts the effects, and `moved_record` corrects the IMU's position. Several effects in one sensor
-act in one order (`sensor_effects`): the built-in ones as time offset, misalignment, scale, bias (the order of the
-flight file's own errors), then users' own in the order of the mission. `corrected_record` inverts them in the opposite
-order. An effect names its IMU: a record, or one of the instruments that are joined in a record. An effect without a
-name is in the instrument that drives at entry.
+`apply_sensor_effects` gives the readings of true motion, for the simulation; `corrected_record` inverts the effects in
+a record. `moved_position` is the place of an IMU with effects on it, and `moved_record` corrects that of a record.
+Several effects in one sensor act in one order (`sensor_effects`): the built-in ones as time offset, misalignment,
+scale, bias (the order of the flight file's own errors), then users' own in the order of the mission. `corrected_record`
+inverts them in the opposite order. An effect names its IMU: a record, or one of the instruments that are joined in a
+record. An effect without a name is in the instrument that drives at entry.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -19,7 +20,7 @@ from edl_filter.effects.forward_model import compose_body
 from edl_filter.effects.types import Body
 from edl_filter.errors import InputError
 from edl_filter.telemetry.record import ImuRecord, Telemetry
-from edl_filter.types import BoolArray, IntArray
+from edl_filter.types import Array, BoolArray, IntArray
 
 #: Order in which built-in effects act on a reading.
 _ORDER = (
@@ -32,6 +33,45 @@ def sensor_effects(effects: Sequence[EffectInstance]) -> list[EffectInstance]:
     """Those of `effects` that act on readings, in the order in which they act."""
     acting = [a for a in effects if a.effect.acts("imu") or a.effect.acts("corrected")]
     return sorted(acting, key=lambda a: _ORDER.index(a.name) if a.name in _ORDER else len(_ORDER))
+
+
+def effects_in(effects: Sequence[EffectInstance], imu: str, driving: bool) -> list[EffectInstance]:
+    """Those of `effects` that name an IMU of one instrument: those of which `samples_of` its record are all.
+
+    Parameters
+    ----------
+    effects : sequence of EffectInstance
+        In any IMUs.
+    imu : str
+        Name of the IMU.
+    driving : bool
+        Whether it is the driving one: effects that name no IMU are in it.
+    """
+    return [a for a in effects if a.imu == imu or (driving and a.imu is None)]
+
+
+def apply_sensor_effects(
+    effects: Sequence[EffectInstance], time: Array, force: Array, rate: Array
+) -> tuple[Array, Array]:
+    """Readings of an IMU with `effects`, where the true means are `force` and `rate`.
+
+    Parameters
+    ----------
+    effects : sequence of EffectInstance
+        In this IMU, listed in any order; those that are no sensor effects change nothing.
+    time : (N,) array
+        End of each sample's interval, s; intervals adjoin.
+    force, rate : (N, 3) arrays
+        Means over the samples: specific force, m/s², and angular rate, rad/s; body axes.
+
+    Returns
+    -------
+    force, rate : (N, 3) arrays
+        The same units.
+    """
+    for a in sensor_effects(effects):
+        force, rate = a.effect.imu(a.values, time, force, rate)
+    return force, rate
 
 
 def samples_of(record: ImuRecord, imu: str | None, driving: bool) -> BoolArray:
@@ -130,6 +170,32 @@ def log_abs_det_jacobian(
     return total
 
 
+def moved_position(
+    position: Array, effects: Sequence[EffectInstance], affected: Callable[[EffectInstance], BoolArray] | None = None
+) -> Array:
+    """Place of an IMU with the `imu_position` of effects, where it is `position` without them.
+
+    Parameters
+    ----------
+    position : (N, 3) array
+        By sample, m, body axes.
+    effects : sequence of EffectInstance
+        Those without this hook change nothing.
+    affected : callable, optional
+        From an effect to the mask ``(N,)`` of the samples on which it acts; absent: all are affected.
+
+    Returns
+    -------
+    (N, 3) array
+        m, body axes; `position` itself if no effect has the hook.
+    """
+    for a in effects:
+        if a.effect.acts("imu_position"):
+            offset = a.effect.imu_position(a.values)
+            position = position + (offset if affected is None else affected(a)[:, None] * offset)
+    return position
+
+
 def moved_record(record: ImuRecord, effects: Sequence[EffectInstance], until: float, driving: bool = True) -> ImuRecord:
     """The record with the IMU's position relative to the true centre of mass, as the effects give it.
 
@@ -146,11 +212,7 @@ def moved_record(record: ImuRecord, effects: Sequence[EffectInstance], until: fl
     driving : bool
         As in `corrected_record`.
     """
-    position = record.position
-    for a in effects:
-        if a.effect.acts("imu_position"):
-            affected = samples_of(record, a.imu, driving)
-            position = position + affected[:, None] * a.effect.imu_position(a.values)
+    position = moved_position(record.position, effects, lambda a: samples_of(record, a.imu, driving))
     offset = compose_body(Body(1.0, np.zeros((3, 3))), effects).offset
     if offset.any():
         position = position - (record.time < until)[:, None] * offset

@@ -1,9 +1,12 @@
 """Generic estimation: linear-Gaussian state-space models, regression and parallel loops, with no application in it.
 
 Every module takes and gives plain arrays. Reading order: `block_sparse` (matrices with one pattern of non-zero
-elements), `kalman` (a linear state-space model and the Kalman filter that whitens measurements under it), `smoothing`
-(backward recursions: smoothed states, precision-weighted residuals), `matern` (Matérn processes in state-space form),
-`regression` (Bayesian linear regression on white rows), `parallel` (threads for compiled loops).
+elements), `kalman` (a linear state-space model and the Kalman filter that whitens measurements under it, and one Kalman
+update), `smoothing` (backward recursions: smoothed states, their covariance between steps, precision-weighted
+residuals), `matern` (Matérn processes in state-space form), `regression` (Bayesian linear regression on white rows),
+`autoregression` (interpolation of a missing stretch of a series, with its covariance), `interpolating_spline` (spline
+through values, or through the integral of a series), `small_matrices` (algebra for compiled loops), `random_fields`
+(realisations of smooth Gaussian processes), `parallel` (threads for compiled loops).
 
 References: Särkkä, Bayesian Filtering and Smoothing (2013); Durbin and Koopman, Time Series Analysis by State Space
 Methods (2012); Gelman et al., Bayesian Data Analysis (2013).

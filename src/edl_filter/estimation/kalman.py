@@ -15,7 +15,7 @@ states are marginalised (augmented Kalman filter: Friedland, IEEE Trans. AC 14 (
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -24,6 +24,7 @@ from numba import njit
 
 from edl_filter.estimation.block_sparse import FUSED, BlockSparse, row_pattern, transform_rows, transpose_in_place
 from edl_filter.estimation.parallel import THREADS, map_threads, one_blas_thread
+from edl_filter.estimation.small_matrices import symmetric_part
 from edl_filter.types import Array, IntArray
 
 #: From columns ``(R, c)`` and their initial means ``(n, c)`` to white rows ``(R, c)``.
@@ -95,6 +96,43 @@ def append_constant_states(model: LinearStateSpace, design: Array, sigma: Array)
         design=np.ascontiguousarray(np.concatenate((model.design, design), axis=1)),
         initial_covariance=covariance,
     )
+
+
+def with_known_states(model: LinearStateSpace, states: Sequence[int] | IntArray) -> LinearStateSpace:
+    """The model with some states known: no initial variance, no process noise, no prior correlation with others.
+
+    What other states add to them in a transition stays uncertain.
+
+    Parameters
+    ----------
+    model : LinearStateSpace
+        n states.
+    states : (c,) sequence or array of int
+        Indices of the states.
+    """
+    covariance = model.initial_covariance.copy()
+    covariance[states], covariance[:, states] = 0.0, 0.0
+    q = model.process_noise
+    keep = ~(np.isin(q.row, states) | np.isin(q.column, states))
+    noise = BlockSparse(q.size, q.row[keep], q.column[keep], q.values[:, keep])
+    return replace(model, initial_covariance=covariance, process_noise=noise)
+
+
+def with_less_noise(model: LinearStateSpace, rows: IntArray, factor: float) -> LinearStateSpace:
+    """The model with the sigma of the noise of some rows divided by a factor.
+
+    Parameters
+    ----------
+    model : LinearStateSpace
+        R rows.
+    rows : (r,) array of int
+        Indices of the rows; where the noise of several rows is correlated, all of them or none.
+    factor : float
+        More than zero.
+    """
+    noise = model.row_noise.copy()
+    noise[rows] /= factor**2
+    return replace(model, row_noise=noise)
 
 
 @dataclass(frozen=True)
@@ -175,6 +213,34 @@ def whitening_filter(model: LinearStateSpace) -> WhiteningFilter:
             np.ascontiguousarray(model.design), model.row_noise, model.initial_covariance.copy(),
         )  # fmt: skip
     return WhiteningFilter(model, gain, factor, log_determinant)
+
+
+def measurement_update(covariance: Array, design: Array, noise: Array) -> tuple[Array, Array]:
+    """Gain and covariance of one Kalman update, for filters whose steps are no `LinearStateSpace`.
+
+    Joseph's form of the covariance is positive semidefinite whatever the rounding error of the gain (Bucy & Joseph
+    1968, Filtering for Stochastic Processes; Tapley, Schutz & Born 2004, Statistical Orbit Determination, section 4.7).
+
+    Parameters
+    ----------
+    covariance : (n, n) array
+        P, of the state before the update.
+    design : (m, n) array
+        H, derivative of the measurement with respect to the state.
+    noise : (m, m) array
+        R, covariance of the measurement's error. ``H P Hᵀ + R`` must not be singular.
+
+    Returns
+    -------
+    gain : (n, m) array
+        ``K = P Hᵀ (H P Hᵀ + R)⁻¹``: change of the state by a unit of the innovation.
+    covariance : (n, n) array
+        ``(1 - K H) P (1 - K H)ᵀ + K R Kᵀ``, made symmetric to the last bit.
+    """
+    cross = design @ covariance
+    gain = np.linalg.solve(symmetric_part(cross @ design.T) + noise, cross).T
+    reduction = np.eye(len(covariance)) - gain @ design
+    return gain, symmetric_part(reduction @ covariance @ reduction.T + gain @ noise @ gain.T)
 
 
 @njit(cache=True)

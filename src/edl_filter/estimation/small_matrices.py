@@ -1,8 +1,8 @@
 """Algebra of small dense matrices in numba, without calls of a library.
 
-A call of LAPACK costs some microseconds, and several threads of it wait for each other; the matrices of a navigation
-filter, 9 to 40 rows, are done by then. Cholesky factorisation and substitution as in Golub & Van Loan 2013, *Matrix
-Computations*, sections 3.1, 3.4 and 4.2; the loops run along rows, so that they are vectorised.
+A call of LAPACK costs some microseconds, and several threads of it wait for each other; matrices of 9 to 40 rows, the
+covariances of a filter's states, are done by then. Cholesky factorisation and substitution as in Golub & Van Loan 2013,
+*Matrix Computations*, sections 3.1, 3.4 and 4.2; the loops run along rows, so that they are vectorised.
 """
 
 import numpy as np

@@ -6,6 +6,8 @@ Notation of `edl_filter.estimation.kalman`: L Cholesky factor of a step's innova
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numba import njit
 from scipy.linalg import cho_factor, cho_solve
@@ -287,3 +289,39 @@ def smoothed_moments(
     """
     smoothed = covariance + gain @ covariance_change @ gain.T
     return mean + gain @ mean_change, 0.5 * (smoothed + smoothed.T)
+
+
+def smoothed_joint_covariance(covariance: Array, gain: Array, steps: Sequence[int], designs: Sequence[Array]) -> Array:
+    """Covariance of linear functions of the smoothed states at several steps, with the correlation between the steps.
+
+    A state's error is the gain times the error at the next step, and a part that is independent of all later ones
+    (Särkkä 2013, section 8.2). The covariance of the smoothed states at the steps ``i < j`` is therefore
+    ``G_i … G_{j-1} Pˢ_j``; its products with the designs are carried backwards from step to step.
+
+    Parameters
+    ----------
+    covariance : (K, n, n) array
+        Pˢ of every step, given all data.
+    gain : (K - 1, n, n) array
+        `smoother_gain` from each step to the next.
+    steps : sequence of int
+        Step of each function, in the order of time; a step may occur several times.
+    designs : sequence of (m, n) arrays
+        H of each function ``H x``; m may differ.
+
+    Returns
+    -------
+    (M, M) array
+        M components of all functions in their order.
+    """
+    joint = np.zeros((0, 0))
+    later = np.zeros((covariance.shape[1], 0))  # of the state at `step` with the functions of later steps
+    step = len(covariance) - 1
+    for k, design in zip(reversed(steps), reversed(designs), strict=True):
+        while step > k:
+            step -= 1
+            later = gain[step] @ later
+        with_state, cross = covariance[k] @ design.T, design @ later
+        joint = np.block([[design @ with_state, cross], [cross.T, joint]])
+        later = np.concatenate((with_state, later), axis=1)
+    return joint

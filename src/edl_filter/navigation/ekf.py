@@ -3,7 +3,7 @@
 The vector is the same error about a propagated reference as the unscented filter's (`layout`). The reference is
 propagated by the same kernel; the covariance by the transition matrix that `error_dynamics` accumulates over the
 samples. Measurement models are linearised by central differences of `Constraint.predict`, all columns in one call. The
-update of the covariance has Joseph's form, which is positive semidefinite for any gain (Bucy & Joseph 1968).
+update is `estimation.kalman.measurement_update`.
 """
 
 from __future__ import annotations
@@ -11,6 +11,8 @@ from __future__ import annotations
 import numpy as np
 
 from edl_filter import rotations
+from edl_filter.estimation.kalman import measurement_update
+from edl_filter.estimation.small_matrices import symmetric_part
 from edl_filter.imu_model.sensor_errors import SENSOR_STATES
 from edl_filter.navigation.compiled_states import states_of_points
 from edl_filter.navigation.constraints import Constraint
@@ -56,22 +58,20 @@ class ErrorStateEKF:
         noise = process_noise(self.layout, samples, self.state.nav[6:10])
         self.state, matrix = propagate_with_transition(self.layout, self.planet, samples, self.state)
         cross = self.covariance @ matrix.T
-        self.covariance = _symmetric(matrix @ cross + noise)
+        self.covariance = symmetric_part(matrix @ cross + noise)
         return Transition(cross, self.state, self.covariance.copy())
 
     def innovation(self, constraint: Constraint) -> Innovation:
         """Predict a measurement at the reference and compare it with what was measured."""
         predicted, jacobian = linearized_measurement(constraint, self.state, self.layout)
-        covariance = _symmetric(jacobian @ self.covariance @ jacobian.T)
+        covariance = symmetric_part(jacobian @ self.covariance @ jacobian.T)
         return Innovation.of(constraint.measured - predicted, covariance, constraint.noise, jacobian)
 
     def update(self, constraint: Constraint, innovation: Innovation) -> None:
         """Update with a measurement; `innovation` holds its Jacobian at the present reference."""
-        jacobian, noise = innovation.linearization, innovation.noise_covariance
-        total = innovation.predicted_covariance + noise
-        gain = np.linalg.solve(total, jacobian @ self.covariance).T
-        reduction = np.eye(self.layout.size) - gain @ jacobian
-        self.covariance = _symmetric(reduction @ self.covariance @ reduction.T + gain @ noise @ gain.T)
+        gain, self.covariance = measurement_update(
+            self.covariance, innovation.linearization, innovation.noise_covariance
+        )
         self.state = self.state.plus(gain @ innovation.residual)
 
     def transform(self, matrix: Array, noise: Array, errors: Array) -> Transition:
@@ -89,7 +89,7 @@ class ErrorStateEKF:
         Transition
         """
         cross = self.covariance @ matrix.T
-        self.covariance = _symmetric(matrix @ cross + noise)
+        self.covariance = symmetric_part(matrix @ cross + noise)
         self.state = State(self.state.nav, errors)
         return Transition(cross, self.state, self.covariance.copy())
 
@@ -156,6 +156,11 @@ def _onboard_transition(layout: Layout, samples: Samples, state: State) -> tuple
     return rotations.multiply(state.nav[10:], turn), rows
 
 
+def difference_steps(layout: Layout) -> Array:
+    """Half steps ``(n,)`` of central differences with respect to the filter's vector, in its units."""
+    return np.concatenate([np.full(s.stop - s.start, DIFFERENCE_STEPS[name]) for name, s in layout.slices.items()])
+
+
 def linearized_measurement(constraint: Constraint, state: State, layout: Layout) -> tuple[Array, Array]:
     """Prediction of a constraint at a state, and its Jacobian by central differences.
 
@@ -176,14 +181,9 @@ def linearized_measurement(constraint: Constraint, state: State, layout: Layout)
         Of those per the units of `layout.UNITS`.
     """
     n = layout.size
-    steps = np.concatenate([np.full(s.stop - s.start, DIFFERENCE_STEPS[name]) for name, s in layout.slices.items()])
+    steps = difference_steps(layout)
     offsets = np.concatenate((np.diag(steps), -np.diag(steps), np.zeros((1, n))))
     onboard = layout[ONBOARD].start if ONBOARD in layout else -1
     nav, errors = states_of_points(state.nav, state.errors, offsets, 2 * n + 1, onboard)
     values = constraint.predict(nav, errors, layout)
     return values[-1], ((values[:n] - values[n : 2 * n]) / (2.0 * steps[:, None])).T
-
-
-def _symmetric(matrix: Array) -> Array:
-    """Symmetric part, without the rounding of products."""
-    return 0.5 * (matrix + matrix.T)

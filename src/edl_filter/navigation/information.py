@@ -21,6 +21,7 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.linalg import block_diag, cholesky, solve_triangular
 
+from edl_filter.estimation.smoothing import smoothed_joint_covariance
 from edl_filter.navigation.ekf import linearized_measurement
 from edl_filter.navigation.filter import FilterPass, Fused
 from edl_filter.navigation.smoother import Smoothed
@@ -94,9 +95,6 @@ def information_beyond_others(uses: Sequence[Fused], without: FilterPass, smooth
 def joint_prediction_covariance(uses: Sequence[Fused], without: FilterPass, smoothed: Smoothed) -> Array:
     """Covariance of the predictions of several uses, correlated in time, from all other measurements.
 
-    The covariance of the smoothed errors at the nodes ``i < j`` is ``G_i … G_{j-1} P_j``, with the gains G of the
-    smoother (Särkkä 2013, section 8.2). The products with the Jacobians are carried backwards from node to node.
-
     Parameters
     ----------
     uses : sequence of Fused
@@ -110,16 +108,9 @@ def joint_prediction_covariance(uses: Sequence[Fused], without: FilterPass, smoo
         M components of all uses in their order, in the squared units of the components.
     """
     first = len(without.nodes) - len(smoothed.states)
-    node = len(without.nodes) - 1
-    covariance = np.zeros((0, 0))
-    later = np.zeros((without.layout.size, 0))  # of the error at `node` with the predictions of later uses
-    for use in reversed(uses):
-        while node > use.node:
-            node -= 1
-            later = smoothed.gain[node - first] @ later
-        _, jacobian = linearized_measurement(use.constraint, smoothed.states[node - first], without.layout)
-        cross = jacobian @ later
-        with_state = smoothed.covariance[node - first] @ jacobian.T
-        covariance = np.block([[jacobian @ with_state, cross], [cross.T, covariance]])
-        later = np.concatenate((with_state, later), axis=1)
-    return covariance
+    steps = [use.node - first for use in uses]
+    jacobians = [
+        linearized_measurement(use.constraint, smoothed.states[k], without.layout)[1]
+        for use, k in zip(uses, steps, strict=True)
+    ]
+    return smoothed_joint_covariance(smoothed.covariance, smoothed.gain, steps, jacobians)

@@ -26,6 +26,8 @@ from math import fsum
 
 import numpy as np
 
+from edl_filter.estimation.kalman import measurement_update
+from edl_filter.estimation.small_matrices import symmetric_part
 from edl_filter.navigation.consensus import quantile
 from edl_filter.navigation.ekf import linearized_measurement, propagate_with_transition
 from edl_filter.navigation.estimator import Innovation, Transition
@@ -153,7 +155,7 @@ def _predict(
         reached, matrix = propagate_with_transition(problem.layout, problem.planet, part, reference)
     cross = covariance @ matrix.T
     predicted = matrix @ error + reached.minus(following)
-    return predicted, Transition(cross, following.plus(predicted), _symmetric(matrix @ cross + noise))
+    return predicted, Transition(cross, following.plus(predicted), symmetric_part(matrix @ cross + noise))
 
 
 def _update(
@@ -163,16 +165,14 @@ def _update(
     constraint, gate = use.constraint, problem.settings.gate_probability
     predicted, jacobian = linearized_measurement(constraint, reference, problem.layout)
     residual = constraint.measured - predicted - jacobian @ error
-    spread = _symmetric(jacobian @ covariance @ jacobian.T)
+    spread = symmetric_part(jacobian @ covariance @ jacobian.T)
     innovation = Innovation.of(residual, spread, constraint.noise, jacobian)
     screened = not use.accepted and use.innovation.nis <= quantile(gate, len(use.innovation.residual))
     accepted = not screened and innovation.nis <= quantile(gate, len(residual))
     weight = measurement_weight(innovation, problem.settings.robust) if accepted else 1.0
     if accepted:
         noise = weighted(innovation, weight).noise_covariance
-        gain = np.linalg.solve(spread + noise, jacobian @ covariance).T
-        reduction = np.eye(len(error)) - gain @ jacobian
-        covariance = _symmetric(reduction @ covariance @ reduction.T + gain @ noise @ gain.T)
+        gain, covariance = measurement_update(covariance, jacobian, noise)
         error = error + gain @ residual
     return Fused(constraint, use.node, innovation, bool(accepted), weight), error, covariance
 
@@ -180,7 +180,3 @@ def _update(
 def _same_decisions(one: FilterPass, other: FilterPass) -> bool:
     """Whether two passes with the same constraints accept the same of them."""
     return all(a.accepted == b.accepted for a, b in zip(one.fused, other.fused, strict=True))
-
-
-def _symmetric(matrix: Array) -> Array:
-    return 0.5 * (matrix + matrix.T)

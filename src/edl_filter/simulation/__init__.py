@@ -8,8 +8,8 @@ Read in this order: `scenario`, `simulate`; then `entry` (initial state), `motio
 the equations of `dynamics` on the arrays of `tables` with the `increments` of effects; `sensors` (readings of the
 IMUs), `chance` (random errors of the atmosphere), `flight` (the result).
 
-Campaigns and studies draw more: `random_fields` (smooth fields), `database_errors`, `air_errors`, `model_errors` and
-`world_errors` (what they change), `campaign_config` (the file of a campaign) and `dispersion` (one case of it).
+Campaigns and studies draw more: `database_errors`, `air_errors`, `model_errors` and `world_errors` (what they change),
+`campaign_config` (the file of a campaign) and `dispersion` (one case of it).
 """
 
 from edl_filter.simulation.flight import Flight

@@ -10,7 +10,7 @@ import numpy as np
 
 from edl_filter.effects.base import Effect
 from edl_filter.effects.parameters import Values
-from edl_filter.simulation.random_fields import smooth_profile
+from edl_filter.estimation.random_fields import smooth_profile
 from edl_filter.types import Array
 
 #: Altitudes between which the errors of an effect are drawn, and distance of the nodes, m; constant outside.

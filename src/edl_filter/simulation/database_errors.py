@@ -14,7 +14,7 @@ from edl_filter.aero.database import Database
 from edl_filter.aero.grid import GridTable
 from edl_filter.aero.uncertainty import three_sigma
 from edl_filter.errors import InputError
-from edl_filter.simulation.random_fields import smooth_field
+from edl_filter.estimation.random_fields import smooth_field
 
 #: Correlation lengths of the errors, and angle at which those of CN and Cm have grown to 0.76 of their sigma.
 LN_MACH_LENGTH, DECADES_LENGTH, ANGLE_LENGTH_DEG, ODD_ANGLE_DEG = 0.5, 1.0, 6.0, 4.0

@@ -16,9 +16,9 @@ from edl_filter.aero.uncertainty import three_sigma
 from edl_filter.effects.base import Effect
 from edl_filter.effects.parameters import Values
 from edl_filter.effects.types import AeroCoefficients, FlightCondition
+from edl_filter.estimation.random_fields import smooth_field
 from edl_filter.imu_model.sensor_errors import apply_errors, remove_errors
 from edl_filter.simulation.database_errors import ANGLE_LENGTH_DEG, DECADES_LENGTH, LN_MACH_LENGTH, ODD_ANGLE_DEG
-from edl_filter.simulation.random_fields import smooth_field
 from edl_filter.telemetry.record import InitialState
 from edl_filter.types import Array
 

@@ -41,6 +41,8 @@ if TYPE_CHECKING:
     from edl_filter.effects.base import EffectInstance
     from edl_filter.simulation.sensors import Instrument
 
+#: Name of the IMU that drives, as in a flight file.
+DRIVING = "primary"
 _BUILTIN = "builtin:"
 #: Keys that name a file to read.
 _PATH_KEYS = ("mission", "effects.*.file")
@@ -223,8 +225,8 @@ class Scenario(Section):
 
     @model_validator(mode="after")
     def _consistent(self) -> Scenario:
-        if "primary" not in self.imus:
-            raise field_error(f"{', '.join(self.imus) or 'none'}", "an IMU called primary", "imus")
+        if DRIVING not in self.imus:
+            raise field_error(f"{', '.join(self.imus) or 'none'}", f"an IMU called {DRIVING}", "imus")
         for k, effect in enumerate(self.effects):
             if effect.imu is not None and effect.imu not in self.imus:
                 raise field_error(value_text(effect.imu), f"one of {', '.join(self.imus)}", f"effects.{k}.imu")

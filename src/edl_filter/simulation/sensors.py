@@ -17,6 +17,7 @@ import numpy as np
 
 from edl_filter import rotations
 from edl_filter.effects.base import EffectInstance
+from edl_filter.effects.sensor_chain import apply_sensor_effects
 from edl_filter.imu_model.lever_arm import lever_arm_acceleration_of_products
 from edl_filter.imu_model.sensor_errors import SensorErrors, apply_errors
 from edl_filter.simulation.motion import Motion
@@ -103,7 +104,7 @@ def true_means(
     interval, delay : float
         Sampling interval, and delay of the gyros, s.
     effects : sequence of EffectInstance
-        Those in this IMU, in the order in which they act.
+        Those in this IMU.
 
     Returns
     -------
@@ -115,8 +116,7 @@ def true_means(
     force, rate = step_means(motion, arm)
     if delay:
         rate = delayed_rates(motion, delay)
-    for a in effects:
-        force, rate = a.effect.imu(a.values, motion.time[1:], force, rate)
+    force, rate = apply_sensor_effects(effects, motion.time[1:], force, rate)
     each = round(interval / float(motion.time[1] - motion.time[0]))
     count = len(force) // each
     force, rate = (x[: count * each].reshape(count, each, 3).mean(axis=1) for x in (force, rate))

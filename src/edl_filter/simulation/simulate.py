@@ -10,7 +10,7 @@ import numpy as np
 
 from edl_filter.effects.base import EffectInstance
 from edl_filter.effects.forward_model import ForwardModel
-from edl_filter.effects.sensor_chain import sensor_effects
+from edl_filter.effects.sensor_chain import effects_in, moved_position
 from edl_filter.errors import InputError
 from edl_filter.mission.fields import DEG
 from edl_filter.pipeline.forward_model import changed_bodies, forward_model_of
@@ -20,7 +20,7 @@ from edl_filter.simulation.entry import attitude, inertial_state
 from edl_filter.simulation.flight import Flight, stated_state, true_course
 from edl_filter.simulation.motion import Course, Motion, fly
 from edl_filter.simulation.parachute import Parachute
-from edl_filter.simulation.scenario import Scenario
+from edl_filter.simulation.scenario import DRIVING, Scenario
 from edl_filter.simulation.sensors import draw_errors, read, true_means
 from edl_filter.simulation.world_errors import WorldErrors
 from edl_filter.telemetry.flight_file_writer import FlightContents, FlightImu
@@ -164,12 +164,9 @@ def _measured(
     middle = 0.5 * (motion.time[1:] + motion.time[:-1])
     for k, (name, imu) in enumerate(scenario.imus.items()):
         instrument = imu.instrument(scenario.sampling.interval_s)
-        inside = [a for a in sensor_effects(effects) if (a.imu or "primary") == name]
+        inside = effects_in(effects, name, driving=name == DRIVING)
         stated = np.tile(instrument.position, (len(middle), 1))
-        arm = changed_position(stated, name, middle, changes) - offset
-        for a in effects:
-            if (a.imu or "primary") == name:
-                arm = arm + a.effect.imu_position(a.values)
+        arm = moved_position(changed_position(stated, name, middle, changes) - offset, inside)
         random = _random(seed, _IMUS, k)
         constant_errors = {key: error_scale * e for key, e in draw_errors(random, instrument.sigmas).items()}
         means = true_means(motion, arm, instrument.interval, instrument.gyro_delay, inside)

@@ -7,11 +7,12 @@ their difference is linear in the errors of one against the other (Groves 2013, 
     f_c - f_r = α × δ + w × (w × δ) + f × φ_f + s f_x x + b_f - τ df/dt
 
 with δ the error of the stated lever arm, φ the small rotations of the gyro and accelerometer triads, b biases, s the
-scale error along the axis of symmetry x and τ the delay of the checked IMU. Lateral forces are too small to show their
-scale errors, or a rotation of the accelerometers about x: that of the gyros is used for it. Method: least squares with
-the channels weighted by the scatter of their residuals. The vehicle's structure vibrates and the residuals are
-correlated in time; the covariance is therefore computed from the sums of the scores over blocks that are longer than
-the correlation (cluster-robust covariance, Liang & Zeger 1986). Output: `RelativeCalibration`.
+scale error along the axis of symmetry x and τ the delay of the checked IMU. To first order φ, s and b are the errors of
+`imu_model.sensor_errors`, φ = -m; the gyros have a φ too, because the axes are those of the reference. Lateral forces
+are too small to show their scale errors, or a rotation of the accelerometers about x: that of the gyros is used for it.
+Method: least squares with the channels weighted by the scatter of their residuals. The vehicle's structure vibrates and
+the residuals are correlated in time; the covariance is therefore computed from the sums of the scores over blocks that
+are longer than the correlation (cluster-robust covariance, Liang & Zeger 1986). Output: `RelativeCalibration`.
 """
 
 from __future__ import annotations
@@ -20,8 +21,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from edl_filter import rotations
 from edl_filter.estimation.interpolating_spline import InterpolatingSpline, integral_spline
 from edl_filter.imu_model.lever_arm import edge_values, lever_arm_acceleration
+from edl_filter.imu_model.sensor_errors import reading_jacobian
 from edl_filter.telemetry.record import SAME_TIME, ImuRecord, within_window
 from edl_filter.types import Array, BoolArray
 
@@ -245,18 +248,18 @@ def _design(reference: ImuRecord, force: Array, rate: Array, used: BoolArray, ar
     """Derivatives of the differences by the parameters: ``{"force": (n, 3, P), "rate": (n, 3, P)}``."""
     interval = reference.interval[:, None]
     force_change, rate_change = (np.diff(edge_values(reference.interval, x), axis=0) / interval for x in (force, rate))
-    n, axes = int(used.sum()), np.eye(3)
     width = sum(_BLOCKS.values())
     columns = dict(zip(_BLOCKS, np.cumsum([0, *_BLOCKS.values()]), strict=False))
-    design = {channel: np.zeros((n, 3, width)) for channel in ("force", "rate")}
+    design = {channel: np.zeros((int(used.sum()), 3, width)) for channel in ("force", "rate")}
+    errors = reading_jacobian(force[used], rate[used])
     for k in range(3):
         design["force"][:, :, columns["lever_arm"] + k] = arm[k][used]
         rotation = columns["rate_alignment"] if k == 0 else columns["force_alignment"] + k - 1
-        design["force"][:, :, rotation] = np.cross(force[used], axes[k])
-        design["force"][:, k, columns["force_bias"] + k] = 1.0
-        design["rate"][:, :, columns["rate_alignment"] + k] = np.cross(rate[used], axes[k])
-        design["rate"][:, k, columns["rate_bias"] + k] = 1.0
-    design["force"][:, 0, columns["axial_scale"]] = force[used, 0]
+        design["force"][:, :, rotation] = -errors["accelerometer_misalignment"][:, :, k]
+        design["force"][:, :, columns["force_bias"] + k] = errors["accelerometer_bias"][:, :, k]
+        design["rate"][:, :, columns["rate_alignment"] + k] = rotations.cross_matrix(rate[used])[:, :, k]
+        design["rate"][:, :, columns["rate_bias"] + k] = errors["gyro_bias"][:, :, k]
+    design["force"][:, :, columns["axial_scale"]] = errors["accelerometer_scale"][:, :, 0]
     design["force"][:, :, columns["delay"]] = -force_change[used]
     design["rate"][:, :, columns["delay"]] = -rate_change[used]
     return design

@@ -14,6 +14,7 @@ import numpy as np
 from scipy.ndimage import maximum_filter1d, median_filter
 
 from edl_filter.imu_model.lever_arm import edge_values, lever_arm_acceleration
+from edl_filter.imu_model.sensor_errors import remove_errors
 from edl_filter.telemetry.record import ImuRecord, finite_rows
 from edl_filter.telemetry.relative_calibration import covered, means_between, readings_integral, relative_calibration
 from edl_filter.types import Array, BoolArray
@@ -88,12 +89,9 @@ def transferred(reference: ImuRecord, source: ImuRecord, end: float) -> Transfer
     rate_alignment, rate_alignment_sigma = combined("rate_alignment", _PRIOR["alignment"])
     scale, scale_sigma = (float(v[0]) for v in combined("axial_scale", _PRIOR["axial_scale"]))
     delay, delay_sigma = (float(v[0]) for v in combined("delay", _PRIOR["delay"]))
-    # on the other IMU's samples: undo its errors, first order in the rotations
-    rate = source.angular_rate - rate_bias
-    rate = rate - np.cross(rate, rate_alignment)
-    force = source.specific_force - force_bias
-    force = force - np.cross(force, force_alignment)
-    force[:, 0] /= 1.0 + scale
+    # on the other IMU's samples: remove its errors; f × φ = m × f with the misalignment m = -φ
+    rate = remove_errors(source.angular_rate, -rate_alignment, bias=rate_bias)
+    force = remove_errors(source.specific_force, -force_alignment, np.array([scale, 0.0, 0.0]), force_bias)
     nearest = reference.index_at(source.time - 0.5 * source.interval - delay)
     offset = source.position - reference.position[nearest] + arm
     lost = ~(finite_rows(force) & finite_rows(rate))

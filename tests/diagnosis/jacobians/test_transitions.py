@@ -3,10 +3,11 @@
 import numpy as np
 import pytest
 
-from edl_filter.diagnosis.jacobians.transitions import difference_steps, propagate_path
+from edl_filter.diagnosis.jacobians.transitions import propagate_path
 from edl_filter.diagnosis.linear_model.flight_case import flight_case
 from edl_filter.diagnosis.linear_model.linearization_point import smoothed_point
 from edl_filter.navigation import strapdown
+from edl_filter.navigation.ekf import difference_steps
 from edl_filter.navigation.layout import State
 from edl_filter.navigation.noise import process_noise
 from edl_filter.navigation.propagation import propagate_states

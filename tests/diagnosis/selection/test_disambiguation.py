@@ -1,6 +1,5 @@
-"""The measurement that would distinguish two effects: known states, less noise, and the evidence of each."""
+"""The measurement that would distinguish two effects, and its evidence."""
 
-from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -8,12 +7,7 @@ import pytest
 
 from edl_filter.diagnosis.linear_model.effect_jacobian import EffectJacobian
 from edl_filter.diagnosis.selection import disambiguation
-from edl_filter.diagnosis.selection.disambiguation import (
-    best_discriminator,
-    candidate_measurements,
-    with_known_states,
-    with_less_noise,
-)
+from edl_filter.diagnosis.selection.disambiguation import best_discriminator, candidate_measurements
 from edl_filter.effects import EffectInstance
 from edl_filter.effects.registry import find_effect
 from edl_filter.estimation.block_sparse import from_dense
@@ -41,31 +35,6 @@ def constructed_model():
         index=SimpleNamespace(constraint_rows=(slice(COUNT - 1, COUNT),)),
         settings=DecisionSettings(),
     )
-
-
-def test_known_states_have_no_variance_at_any_time():
-    model = constructed_model().fitted_noise_filter.model
-    conditioned = with_known_states(model, [1])
-    assert conditioned.initial_covariance[1, 1] == 0.0 and conditioned.initial_covariance[0, 0] == 100.0
-    assert not conditioned.process_noise.values.any() and model.process_noise.values.any()
-
-
-def test_known_states_are_not_correlated_with_others_by_process_noise():
-    """Noise of two correlated states keeps only the variance of the one that is not known."""
-    dense = np.tile([[4.0, 1.0, 0.0], [1.0, 9.0, 2.0], [0.0, 2.0, 16.0]], (5, 1, 1))
-    model = replace(constructed_model().fitted_noise_filter.model, process_noise=from_dense(dense),
-                    initial_covariance=dense[0])  # fmt: skip
-    conditioned = with_known_states(model, [1])
-    expected = np.diag([4.0, 0.0, 16.0])
-    np.testing.assert_array_equal(conditioned.process_noise[3], expected)
-    np.testing.assert_array_equal(conditioned.initial_covariance, expected)
-
-
-def test_improved_rows_have_a_tenth_of_the_sigma():
-    model = constructed_model().fitted_noise_filter.model
-    improved = with_less_noise(model, np.array([3]), 10.0)
-    np.testing.assert_allclose(improved.row_noise[2:5, 0], [0.01, 1e-4, 0.01])
-    assert np.all(model.row_noise == 0.01)
 
 
 def test_candidates_are_what_is_uncertain_and_the_constraints():

@@ -12,7 +12,7 @@ import numpy as np
 
 from edl_filter.diagnosis.jacobians.bin_rows import BinRows
 from edl_filter.diagnosis.jacobians.nuisance import FIELD_STATES, NuisanceLayout, StatedUncertainty
-from edl_filter.diagnosis.jacobians.transitions import PathTransitions, difference_steps
+from edl_filter.diagnosis.jacobians.transitions import PathTransitions
 from edl_filter.diagnosis.prediction.reading_difference import BinResiduals
 from edl_filter.diagnosis.prediction.residuals import ModelInputs, Residuals
 from edl_filter.diagnosis.prediction.time_bins import TimeBins, bin_sigma
@@ -20,6 +20,7 @@ from edl_filter.estimation.block_sparse import BlockSparse, from_blocks
 from edl_filter.estimation.kalman import LinearStateSpace
 from edl_filter.estimation.matern import MATERN32_COVARIANCE, matern32_transition
 from edl_filter.navigation.constraints import Constraint
+from edl_filter.navigation.ekf import difference_steps
 from edl_filter.navigation.initial import initial_estimate
 from edl_filter.navigation.layout import Layout, State, sigma_states
 from edl_filter.types import Array, IntArray

@@ -16,18 +16,12 @@ from edl_filter.diagnosis.prediction.dead_reckoning import dead_reckon
 from edl_filter.diagnosis.prediction.time_bins import TimeBins
 from edl_filter.navigation import initial as entry
 from edl_filter.navigation import strapdown
+from edl_filter.navigation.ekf import difference_steps
 from edl_filter.navigation.filter import Problem, merge
 from edl_filter.navigation.increments import Samples
 from edl_filter.navigation.interval_noise import OnboardRotations, process_noise_of_intervals
-from edl_filter.navigation.layout import ONBOARD, Layout, State, sensor_maps, sigma_states
+from edl_filter.navigation.layout import ONBOARD, State, sensor_maps, sigma_states
 from edl_filter.types import Array, BoolArray, IntArray
-
-#: Steps of the central differences by component of the filter's vector.
-_DIFFERENCE_STEPS = {
-    "position": 10.0, "velocity": 0.05, "attitude": 1e-5, "accelerometer_bias": 1e-4, "accelerometer_scale": 1e-5,
-    "accelerometer_misalignment": 1e-5, "gyro_bias": 1e-7, "gyro_scale": 1e-6, "entry_epoch": 1e-2,
-    "entry_frame": 1e-5, "onboard_rate": 1e-7, "onboard_mounting": 1e-6, ONBOARD: 1e-5,
-}  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -132,11 +126,6 @@ def propagate_path(problem: Problem, bins: TimeBins, start: State, errors: Array
         states=[e.state for e in epochs],
         onboard=onboard,
     )
-
-
-def difference_steps(layout: Layout) -> Array:
-    """Steps of the central differences with respect to the filter's vector, ``(n,)``, in its units."""
-    return np.concatenate([np.full(s.stop - s.start, _DIFFERENCE_STEPS[name]) for name, s in layout.slices.items()])
 
 
 def _epoch_times(problem: Problem, bins: TimeBins) -> Array:

@@ -335,7 +335,8 @@ def quadrature_error(
     """Error bound of the sums over nodes: a third of their change when every second node is left out.
 
     Between the nodes of its tables the model is smooth and the error is negligible. A change of slope inside a bin
-    reduces the rule to second order, whose error is a third of the last refinement (Richardson).
+    reduces the rule to second order, whose error is a third of the last refinement (Richardson). Over all places of the
+    change in a bin, the RMS of the bound is 1.5 times that of the error.
 
     Parameters
     ----------

@@ -7,8 +7,8 @@ nats: the evidence by which the two would be distinguished.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable
+from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
@@ -16,8 +16,7 @@ import numpy as np
 from edl_filter.diagnosis.linear_model.effect_jacobian import effect_jacobian
 from edl_filter.diagnosis.linear_model.linear_model import LinearizedModel
 from edl_filter.effects.base import EffectInstance
-from edl_filter.estimation.block_sparse import BlockSparse
-from edl_filter.estimation.kalman import LinearStateSpace, whitening_filter
+from edl_filter.estimation.kalman import LinearStateSpace, whitening_filter, with_known_states, with_less_noise
 from edl_filter.types import Array, IntArray
 
 #: What could be known, and the states that would then have no error.
@@ -86,23 +85,6 @@ def candidate_measurements(
         improved = partial(with_less_noise, rows=np.concatenate(rows_of_uses), factor=factor)
         candidates.append((f"a constraint {name} {factor:.0f} times better", improved))
     return candidates
-
-
-def with_known_states(model: LinearStateSpace, states: Sequence[int] | IntArray) -> LinearStateSpace:
-    """The state-space model with some states known: no initial variance, no process noise."""
-    covariance = model.initial_covariance.copy()
-    covariance[states], covariance[:, states] = 0.0, 0.0
-    q = model.process_noise
-    keep = ~(np.isin(q.row, states) | np.isin(q.column, states))
-    noise = BlockSparse(q.size, q.row[keep], q.column[keep], q.values[:, keep])
-    return replace(model, initial_covariance=covariance, process_noise=noise)
-
-
-def with_less_noise(model: LinearStateSpace, rows: IntArray, factor: float) -> LinearStateSpace:
-    """The state-space model with the noise of some rows divided by a factor."""
-    noise = model.row_noise.copy()
-    noise[rows] /= factor**2
-    return replace(model, row_noise=noise)
 
 
 def _distinct_evidence(explained: Array, columns: Array) -> float:

@@ -31,7 +31,7 @@ def covariance_root(points: Array, length: float) -> Array:
 
 @lru_cache(maxsize=32)
 def _root(points: bytes, length: float) -> Array:
-    """The root for points as bytes: the cases of a campaign share their nodes."""
+    """The root for points as bytes: fields that are drawn at the same points share it."""
     coordinates = np.frombuffer(points)
     correlation = np.exp(-0.5 * (np.subtract.outer(coordinates, coordinates) / length) ** 2)
     values, vectors = np.linalg.eigh(correlation)

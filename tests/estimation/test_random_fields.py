@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from edl_filter.simulation.random_fields import covariance_root, smooth_field, smooth_profile
+from edl_filter.estimation.random_fields import covariance_root, smooth_field, smooth_profile
 
 DRAWS = 2000
 ONE_LENGTH = np.exp(-0.5)
@@ -11,9 +11,9 @@ ONE_LENGTH = np.exp(-0.5)
 
 def test_a_field_has_unit_variance_and_is_correlated_over_its_lengths():
     """Five standard errors of a variance and of a correlation of so many draws are 0.16 and 0.11 at most."""
-    points, angles = np.array([0.0, 0.5, 1.0]), np.array([0.0, 6.0, 12.0])
+    first, second = np.array([0.0, 0.5, 1.0]), np.array([0.0, 6.0, 12.0])
     random = np.random.default_rng(1)
-    fields = np.array([smooth_field(random, points, 0.5, angles, 6.0) for _ in range(DRAWS)])
+    fields = np.array([smooth_field(random, first, 0.5, second, 6.0) for _ in range(DRAWS)])
     covariance = np.cov(fields.reshape(DRAWS, -1).T)
     axis = np.exp(-0.5 * np.subtract.outer([0.0, 1.0, 2.0], [0.0, 1.0, 2.0]) ** 2)
     assert np.abs(covariance - np.kron(axis, axis)).max() < 0.16
@@ -23,8 +23,8 @@ def test_a_field_has_unit_variance_and_is_correlated_over_its_lengths():
 
 def test_a_profile_has_unit_variance_and_is_correlated_over_its_length():
     random = np.random.default_rng(2)
-    altitude = np.array([0.0, 10e3, 50e3])
-    covariance = np.cov(np.array([smooth_profile(random, altitude, 10e3) for _ in range(DRAWS)]).T)
+    points = np.array([0.0, 10e3, 50e3])
+    covariance = np.cov(np.array([smooth_profile(random, points, 10e3) for _ in range(DRAWS)]).T)
     expected = [[1.0, ONE_LENGTH, 0.0], [ONE_LENGTH, 1.0, 0.0], [0.0, 0.0, 1.0]]
     assert np.abs(covariance - expected).max() < 0.16
 
