@@ -21,7 +21,7 @@ import numpy as np
 from scipy.linalg import cholesky, solve_triangular
 
 from edl_filter.navigation.filter import FilterPass, Fused, Problem, new_filter, quantile, run_filter_without
-from edl_filter.navigation.information import information_beyond_others, information_in_order
+from edl_filter.navigation.information import added_information, information_in_order
 from edl_filter.navigation.iterated import run_without
 from edl_filter.navigation.smoother import Smoothed, smooth
 from edl_filter.types import Array, BoolArray
@@ -143,7 +143,7 @@ def _check(problem: Problem, filter_pass: FilterPass, group: list[Fused]) -> Con
         left_out_nis=float(residual @ np.linalg.solve(covariance, residual)),
         left_out_dof=len(residual),
         information=information_in_order(group),
-        left_out_information=information_beyond_others(group, without, smoothed),
+        left_out_information=added_information(group, without, smoothed),
     )
 
 

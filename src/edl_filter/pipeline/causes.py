@@ -175,7 +175,7 @@ def _hypotheses(mission: Mission, telemetry: Telemetry) -> Iterator[_Hypothesis]
     yield from _unit_hypotheses(telemetry)
     if telemetry.initial is not None:
         yield from (
-            _Hypothesis("entry_state", f"the attitude at entry, its quaternion {text}", _other_attitude(change))
+            _Hypothesis("entry_state", f"the attitude at entry, its quaternion {text}", _changed_attitude(change))
             for text, change in _QUATERNIONS.items()
         )
     identity = np.eye(3)
@@ -315,7 +315,7 @@ _QUATERNIONS: dict[str, Callable[[Array], Array]] = {
 }
 
 
-def _other_attitude(change: Callable[[Array], Array]) -> Callable[[Telemetry], Telemetry]:
+def _changed_attitude(change: Callable[[Array], Array]) -> Callable[[Telemetry], Telemetry]:
     def repair(t: Telemetry) -> Telemetry:
         assert t.initial is not None
         return replace(t, initial=replace(t.initial, inertial_from_body=change(t.initial.inertial_from_body)))

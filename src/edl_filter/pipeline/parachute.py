@@ -25,7 +25,7 @@ from edl_filter.navigation.parachute import (
     FlowModel,
     ParachuteDeployment,
 )
-from edl_filter.navigation.trajectory import propagate_one
+from edl_filter.navigation.trajectory import propagate_state
 from edl_filter.pipeline.forward_model import body_of, database_of
 from edl_filter.planet import Planet
 from edl_filter.planet.atmosphere import Atmosphere
@@ -118,7 +118,7 @@ def _dead_reckoned(samples: Samples, initial: InitialState, planet: Planet, time
     start = np.concatenate((initial.position, initial.velocity, initial.inertial_from_body))
     if not len(part.time):
         return start
-    path = propagate_one(start, part.interval, part.force, part.rate, planet.mu, planet.j2, planet.gravity_radius)
+    path = propagate_state(start, part.interval, part.force, part.rate, planet.mu, planet.j2, planet.gravity_radius)
     return np.asarray(path[-1])
 
 
