@@ -21,7 +21,7 @@ from edl_filter.navigation.parachute import (
     AXIAL_FORCE,
     DYNAMIC_PRESSURE,
     MACH,
-    Flow,
+    DeploymentFlow,
     FlowModel,
     ParachuteDeployment,
 )
@@ -127,7 +127,7 @@ def _axial_force(
     telemetry: Telemetry,
     samples: Samples,
     model: FlowModel,
-    flow: Flow,
+    flow: DeploymentFlow,
     time: float,
     effects: Sequence[EffectInstance],
 ) -> tuple[float, float, str]:

@@ -336,12 +336,12 @@ def _relinearize_leaders(
         i = next(i for i, h in enumerate(ranked) if h.key == key)
         relinearized.add(key)
         progress(f"refitting {label_of(key)} about a new reconstruction")
-        about_first_point = ranked[i].model
+        model_at_first_point = ranked[i].model
         try:
             ranked[i] = relinearize_with_effect(ranked[i], reference, key in close)
         except InputError as error:
             failed[label_of(key)] = str(error)
-        if ranked[i].model is not about_first_point:
+        if ranked[i].model is not model_at_first_point:
             ranked[i].model.release_filters()
         ranked.sort(key=lambda h: -h.gain)
     return [h.with_reference(reference) for h in ranked]
