@@ -45,7 +45,7 @@ class DeploymentFlow:
 
     @property
     def dynamic_pressure(self) -> Array:
-        """``ρ V² / 2``, Pa."""
+        """``ρ V² / 2`` ``(S,)``, Pa."""
         return 0.5 * self.density * self.speed**2
 
 

@@ -358,7 +358,20 @@ class _WithLargeSigma:
 
 
 def imu_axes(mission: Mission, name: str) -> Array | None:
-    """Matrix body_from_imu of an IMU in a flight file; None where there is none."""
+    """Mounting of an IMU in a flight file.
+
+    Parameters
+    ----------
+    mission : Mission
+        With the path of the telemetry.
+    name : str
+        Of the IMU.
+
+    Returns
+    -------
+    (3, 3) array or None
+        body_from_imu; None where there is no such file or IMU.
+    """
     path = mission.telemetry_path()
     if not isinstance(mission.telemetry, FlightFileConfig) or path is None:
         return None

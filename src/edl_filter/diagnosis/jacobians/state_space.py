@@ -187,7 +187,19 @@ def stated_initial_error(inputs: ModelInputs, start: State) -> Array:
 
 
 def entry_prior(inputs: ModelInputs) -> tuple[State, Array]:
-    """Stated state and covariance of the filter's vector at the beginning."""
+    """Stated state and covariance of the filter's vector at the beginning.
+
+    Parameters
+    ----------
+    inputs : ModelInputs
+        The model and its filter problem.
+
+    Returns
+    -------
+    state : State
+    covariance : (n, n) array
+        In the units of `layout.UNITS`.
+    """
     p = inputs.problem
     return initial_estimate(p.layout, p.initial, p.entry, p.instruments[int(p.samples.unit[0])], p.planet)
 

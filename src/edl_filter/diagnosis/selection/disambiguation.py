@@ -89,7 +89,19 @@ def candidate_measurements(
 
 
 def with_known_states(model: LinearStateSpace, states: Sequence[int] | IntArray) -> LinearStateSpace:
-    """The state-space model with some states known: no initial variance, no process noise."""
+    """The state-space model with some states known: no initial variance, no process noise.
+
+    Parameters
+    ----------
+    model : LinearStateSpace
+        With n states.
+    states : (K,) array or sequence of int
+        Indices of the known states.
+
+    Returns
+    -------
+    LinearStateSpace
+    """
     covariance = model.initial_covariance.copy()
     covariance[states], covariance[:, states] = 0.0, 0.0
     q = model.process_noise
@@ -99,7 +111,21 @@ def with_known_states(model: LinearStateSpace, states: Sequence[int] | IntArray)
 
 
 def with_less_noise(model: LinearStateSpace, rows: IntArray, factor: float) -> LinearStateSpace:
-    """The state-space model with the noise of some rows divided by a factor."""
+    """The state-space model with the noise of some rows divided by a factor.
+
+    Parameters
+    ----------
+    model : LinearStateSpace
+        With R rows.
+    rows : (K,) array of int
+        Indices of the rows.
+    factor : float
+        By which their sigma is divided.
+
+    Returns
+    -------
+    LinearStateSpace
+    """
     noise = model.row_noise.copy()
     noise[rows] /= factor**2
     return replace(model, row_noise=noise)
