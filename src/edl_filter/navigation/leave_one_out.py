@@ -97,13 +97,6 @@ class ConstraintCheck:
         low, high = self.nis_interval()
         return low <= float(np.sum(self.nis)) <= high
 
-    @property
-    def left_out_sigmas(self) -> float:
-        """Largest component of the left-out residual in sigmas."""
-        if not np.all(self.left_out_sigma > 0.0):
-            return float("nan")
-        return float(np.max(np.abs(self.left_out / self.left_out_sigma)))
-
 
 def _interval(probability: float, dof: int) -> tuple[float, float]:
     """Interval that holds a sum of `dof` squares with `probability`, with equal tails."""

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from linear_problems import joint_measurements
+from linear_problems import from_dense, joint_measurements
 from scipy.optimize import brentq
 from scipy.stats import multivariate_normal
 
@@ -21,7 +21,6 @@ from edl_filter.diagnosis.noise.variance_components import (
     moment_estimate,
     most_likely_colour,
 )
-from edl_filter.estimation.block_sparse import from_dense
 from edl_filter.estimation.kalman import LinearStateSpace, whitening_filter
 from edl_filter.mission.decision_settings import DecisionSettings
 
