@@ -54,7 +54,7 @@ class Memory(threading.Thread):
                 self.largest[kind] = max(self.largest.get(kind, 0.0), size)
 
 
-def one_campaign(cases, workers):
+def print_campaign(cases, workers):
     """Print processor time (s), time, occupancy, and largest memory of one campaign, in this process."""
     from edl_filter.simulation.campaign_config import Campaign
     from edl_filter.workflow.campaign import run_campaign
@@ -113,7 +113,7 @@ def main():
     parser.add_argument("--one", type=int, nargs=2, help=argparse.SUPPRESS)
     arguments = parser.parse_args()
     if arguments.one:
-        one_campaign(*arguments.one)
+        print_campaign(*arguments.one)
         return
     marginal, totals, largest = {}, {}, []
     few, many = arguments.cases

@@ -44,7 +44,7 @@ def fit_in_turn(case: Any) -> str:
     return max(evidence, key=lambda name: evidence[name])
 
 
-def one(kind: str, name: str, changes: list[str]) -> dict[str, Any]:
+def compute(kind: str, name: str, changes: list[str]) -> dict[str, Any]:
     """Processor time, largest memory and answer of one computation, in this process."""
     from edl_filter.diagnosis.diagnosis import diagnose
     from edl_filter.diagnosis.linear_model.flight_case import load_case
@@ -128,6 +128,6 @@ def measure() -> list[Section]:
 
 if __name__ == "__main__":
     if sys.argv[1:2] == ["--one"]:
-        print(json.dumps(one(sys.argv[2], sys.argv[3], sys.argv[4:])))
+        print(json.dumps(compute(sys.argv[2], sys.argv[3], sys.argv[4:])))
     else:
         run(measure)

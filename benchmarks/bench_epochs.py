@@ -79,14 +79,14 @@ def epoch(filter_class: Any, layout: Layout, samples: Samples) -> Callable[[], N
     state, covariance, points = estimator.state, estimator.covariance.copy(), getattr(estimator, "sigma_points", None)
     fix = PositionFix(float(samples.time[-1]), nav[:3] + samples.time[-1] * nav[3:6], 400.0 * np.eye(3))
 
-    def run_one() -> None:
+    def run_epoch() -> None:
         estimator.state, estimator.covariance = state, covariance
         if points is not None:
             estimator.sigma_points = points
         estimator.predict(samples)
         estimator.update(fix, estimator.innovation(fix))
 
-    return run_one
+    return run_epoch
 
 
 def kernel(layout: Layout, samples: Samples) -> Callable[[], None]:

@@ -35,24 +35,24 @@ class Counted:
         self.counts[operation] += 1
         return Counted(value, self.counts)
 
-    def __add__(self, other):
-        return self._of("add", self.value + plain(other))
+    def __add__(self, operand):
+        return self._of("add", self.value + plain(operand))
 
-    def __sub__(self, other):
-        return self._of("add", self.value - plain(other))
+    def __sub__(self, operand):
+        return self._of("add", self.value - plain(operand))
 
-    def __rsub__(self, other):
-        return self._of("add", plain(other) - self.value)
+    def __rsub__(self, operand):
+        return self._of("add", plain(operand) - self.value)
 
-    def __mul__(self, other):
-        return self._of("multiply", self.value * plain(other))
+    def __mul__(self, operand):
+        return self._of("multiply", self.value * plain(operand))
 
-    def __truediv__(self, other):
+    def __truediv__(self, operand):
         # by a constant: the compiler multiplies by its reciprocal
-        return self._of("division" if isinstance(other, Counted) else "multiply", self.value / plain(other))
+        return self._of("division" if isinstance(operand, Counted) else "multiply", self.value / plain(operand))
 
-    def __rtruediv__(self, other):
-        return self._of("division", plain(other) / self.value)
+    def __rtruediv__(self, operand):
+        return self._of("division", plain(operand) / self.value)
 
     def sqrt(self):
         return self._of("sqrt", self.value**0.5)

@@ -120,9 +120,17 @@ def _path(start: Array, samples: Samples, force_bias: Array, rate_bias: Array) -
     force_map[9:], rate_map[3:] = -force_bias[:, None], -rate_bias[:, None]
     state = np.repeat(start[:, None], columns, axis=1)
     for i in range(len(samples.time)):
-        one = samples.part(i, i + 1)
+        sample = samples.part(i, i + 1)
         strapdown.propagate(
-            state, force_map, rate_map, one.interval, one.force, one.rate, MARS.mu, MARS.j2, MARS.gravity_radius
+            state,
+            force_map,
+            rate_map,
+            sample.interval,
+            sample.force,
+            sample.rate,
+            MARS.mu,
+            MARS.j2,
+            MARS.gravity_radius,
         )
         states.append(state[:, 0].copy())
     return np.array(states)

@@ -18,7 +18,7 @@ from pathlib import Path
 
 from measuring import Grid, Row, Section, from_json
 
-HERE = Path(__file__).parent
+FOLDER = Path(__file__).parent
 #: In the order of the page.
 BENCHMARKS = (
     "commands",
@@ -150,8 +150,8 @@ def main() -> None:
     parser.add_argument("--only", nargs="+", choices=BENCHMARKS, default=BENCHMARKS)
     parser.add_argument("--again", nargs="*", choices=BENCHMARKS)
     parser.add_argument("--page", action="store_true", help="write the page from what was measured")
-    parser.add_argument("--results", type=Path, default=HERE.parent / "bench-results")
-    parser.add_argument("-o", "--output", type=Path, default=HERE.parent / "docs" / "performance.md")
+    parser.add_argument("--results", type=Path, default=FOLDER.parent / "bench-results")
+    parser.add_argument("-o", "--output", type=Path, default=FOLDER.parent / "docs" / "performance.md")
     arguments = parser.parse_args()
     arguments.results.mkdir(exist_ok=True)
     repeated = () if arguments.again is None else arguments.again or BENCHMARKS
@@ -162,7 +162,7 @@ def main() -> None:
         if wanted:
             print(f"== {name}", flush=True)
             rows.unlink(missing_ok=True)
-            if subprocess.run([sys.executable, str(HERE / f"bench_{name}.py"), "--rows", str(rows)]).returncode:
+            if subprocess.run([sys.executable, str(FOLDER / f"bench_{name}.py"), "--rows", str(rows)]).returncode:
                 failed.append(name)
         if rows.exists():
             sections += from_json(rows.read_text())

@@ -118,15 +118,15 @@ def _mutated_expressions(node: ast.expr) -> Iterator[ast.expr]:
     """All changes of one expression itself, not of its parts."""
 
     def changed(**fields: object) -> ast.expr:
-        other = copy.copy(node)
+        mutant = copy.copy(node)
         for name, value in fields.items():
-            setattr(other, name, value)
-        return other
+            setattr(mutant, name, value)
+        return mutant
 
     if isinstance(node, ast.Compare):
         for k, operator in enumerate(node.ops):
-            for other in COMPARISONS[type(operator)]:
-                yield changed(ops=[*node.ops[:k], other(), *node.ops[k + 1 :]])
+            for comparison in COMPARISONS[type(operator)]:
+                yield changed(ops=[*node.ops[:k], comparison(), *node.ops[k + 1 :]])
     elif isinstance(node, ast.BinOp) and type(node.op) in OPERATORS:
         yield changed(op=OPERATORS[type(node.op)]())
     elif isinstance(node, ast.BoolOp):

@@ -225,13 +225,13 @@ def _same(a: Any, b: Any) -> bool:
 
 def _define_operators() -> None:
     def arithmetic(function: Any) -> Any:
-        return lambda self, other: self.variations.evaluate(function, self, other)
+        return lambda self, operand: self.variations.evaluate(function, self, operand)
 
     def reflected(function: Any) -> Any:
-        return lambda self, other: self.variations.evaluate(function, other, self)
+        return lambda self, operand: self.variations.evaluate(function, operand, self)
 
     def comparison(function: Any) -> Any:
-        return lambda self, other: _without_truth(self.variations.evaluate(function, self, other))
+        return lambda self, operand: _without_truth(self.variations.evaluate(function, self, operand))
 
     def unary(function: Any) -> Any:
         return lambda self: self.variations.evaluate(function, self)

@@ -9,7 +9,15 @@ _SMALL = 1e-4
 
 @njit(cache=True)
 def cross(u, v, out):
-    """Cross products of rows."""
+    """Cross products of rows.
+
+    Parameters
+    ----------
+    u, v : (N, 3) arrays
+        Factors.
+    out : (N, 3) array
+        The products ``u × v``, in the product of their units.
+    """
     for i in range(len(out)):
         ux, uy, uz = u[i, 0], u[i, 1], u[i, 2]
         vx, vy, vz = v[i, 0], v[i, 1], v[i, 2]
@@ -20,7 +28,15 @@ def cross(u, v, out):
 
 @njit(cache=True)
 def multiply(p, q, out):
-    """Products of rows of quaternions."""
+    """Products of rows of quaternions.
+
+    Parameters
+    ----------
+    p, q : (N, 4) arrays
+        Quaternions, scalar last.
+    out : (N, 4) array
+        The products ``p ⊗ q``.
+    """
     for i in range(len(out)):
         px, py, pz, pw = p[i, 0], p[i, 1], p[i, 2], p[i, 3]
         qx, qy, qz, qw = q[i, 0], q[i, 1], q[i, 2], q[i, 3]
@@ -32,7 +48,15 @@ def multiply(p, q, out):
 
 @njit(cache=True)
 def exponential(phi, out):
-    """Quaternions of rotation vectors."""
+    """Quaternions of rotation vectors.
+
+    Parameters
+    ----------
+    phi : (N, 3) array
+        Rotation vectors, rad.
+    out : (N, 4) array
+        Unit quaternions, scalar last.
+    """
     for i in range(len(out)):
         x, y, z = phi[i, 0], phi[i, 1], phi[i, 2]
         half = 0.5 * np.sqrt(x * x + y * y + z * z)
@@ -42,7 +66,15 @@ def exponential(phi, out):
 
 @njit(cache=True)
 def logarithm(q, out):
-    """Rotation vectors of quaternions."""
+    """Rotation vectors of quaternions.
+
+    Parameters
+    ----------
+    q : (N, 4) array
+        Unit quaternions, scalar last, of either sign.
+    out : (N, 3) array
+        Rotation vectors of at most half a turn, rad.
+    """
     for i in range(len(out)):
         sign = -1.0 if q[i, 3] < 0.0 else 1.0
         x, y, z, w = sign * q[i, 0], sign * q[i, 1], sign * q[i, 2], sign * q[i, 3]
@@ -54,7 +86,15 @@ def logarithm(q, out):
 
 @njit(cache=True)
 def matrix(q, out):
-    """Rotation matrices of quaternions, row by row."""
+    """Rotation matrices of quaternions.
+
+    Parameters
+    ----------
+    q : (N, 4) array
+        Unit quaternions, scalar last.
+    out : (N, 9) array
+        Matrices, row by row.
+    """
     for i in range(len(out)):
         x, y, z, w = q[i, 0], q[i, 1], q[i, 2], q[i, 3]
         out[i, 0], out[i, 1], out[i, 2] = 1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - z * w), 2.0 * (x * z + y * w)
@@ -64,7 +104,18 @@ def matrix(q, out):
 
 @njit(cache=True)
 def right_jacobian_coefficients(square):
-    """``(1 - cos a) / a²`` and ``(a - sin a) / a³`` of an angle a (rad) with the given square."""
+    """``(1 - cos a) / a²`` and ``(a - sin a) / a³`` of an angle a.
+
+    Parameters
+    ----------
+    square : float
+        Square of the angle, rad².
+
+    Returns
+    -------
+    first, second : float
+        Both coefficients, by their series at small angles.
+    """
     if square < 1e-3:
         return 0.5 - square / 24.0 * (1.0 - square / 30.0), 1.0 / 6.0 - square / 120.0 * (1.0 - square / 42.0)
     angle = np.sqrt(square)
@@ -73,7 +124,15 @@ def right_jacobian_coefficients(square):
 
 @njit(cache=True)
 def right_jacobian(phi, out):
-    """Right Jacobians at rotation vectors, row by row."""
+    """Right Jacobians at rotation vectors.
+
+    Parameters
+    ----------
+    phi : (N, 3) array
+        Rotation vectors, rad.
+    out : (N, 9) array
+        Jacobians, row by row.
+    """
     for i in range(len(out)):
         x, y, z = phi[i, 0], phi[i, 1], phi[i, 2]
         square = x * x + y * y + z * z

@@ -18,7 +18,7 @@ FORCE_SIGMA, STEP_SIGMA = 5e-3, 2e-4
 def flight(count):
     """State-space model without states, row index, bins, and a flow with a pulse of dynamic pressure."""
     edges = 20.0 + DT * np.arange(count + 1)
-    bins = TimeBins(edges, np.ones(count, bool), 1)
+    bins = TimeBins(edges, np.ones(count, bool))
     rows = np.full((count, 6), -1)
     rows[:-1] = np.arange(6 * (count - 1)).reshape(-1, 6)
     rows[-1, :3] = 6 * (count - 1) + np.arange(3)  # no step of the rate follows the last bin

@@ -61,7 +61,7 @@ def test_a_sensor_effect_is_a_candidate_in_every_imu():
     assert [a.key for a in candidates(effects[:1], {("gyro_bias", "second")}, ["second"])] == [("gyro_bias", None)]
 
 
-def test_it_is_found_by_its_name_and_has_a_home():
+def test_a_further_instance_has_the_name_and_parameters_of_its_effect():
     second = find_effect("remnant_torque_2")
     assert second is find_effect("remnant_torque_2") and second.name == "remnant_torque_2" and second.number == 2
     assert nameable_in_mission(second)

@@ -2,8 +2,14 @@
 
 import numpy as np
 
-from edl_filter.estimation.block_sparse import from_dense
+from edl_filter.estimation.block_sparse import from_blocks
 from edl_filter.estimation.kalman import LinearStateSpace
+
+
+def from_dense(matrices):
+    """The sparse form of dense matrices ``(K, n, n)``."""
+    n = matrices.shape[1]
+    return from_blocks(n, [(slice(0, n), slice(0, n), matrices)])
 
 
 def random_model(seed=3, steps=40, size=7, moving=3):

@@ -3,11 +3,11 @@
 import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
+from linear_problems import from_dense
 
 from edl_filter.estimation.block_sparse import (
     BlockSparse,
     from_blocks,
-    from_dense,
     merge,
     row_pattern,
     transform_rows,
@@ -34,7 +34,7 @@ matrices_of_any_density = given(st.integers(0, 1000), st.integers(1, 8), st.floa
 
 
 @matrices_of_any_density
-def test_from_dense_keeps_every_element(seed, n, share):
+def test_blocks_keep_every_element(seed, n, share):
     expected = random_matrices(seed, n, share)
     matrices = from_dense(expected)
     assert len(matrices) == 5 and matrices.values.shape[1] == np.count_nonzero(expected.any(axis=0))

@@ -45,7 +45,7 @@ def kalman_filter(model, measurements, initial_mean):
     return innovations, covariances, log_determinant
 
 
-def whiten_one(whiten, measurements, initial_mean):
+def whiten_column(whiten, measurements, initial_mean):
     """White rows ``(R,)`` of one column."""
     return whiten(measurements[:, None], initial_mean[:, None])[:, 0]
 
@@ -76,7 +76,7 @@ def test_likelihood_is_that_of_the_joint_gaussian(seed):
     mean, covariance = joint_measurements(model, initial_mean)
     constant = 0.5 * len(mean) * np.log(2.0 * np.pi)
     expected = multivariate_normal.logpdf(measurements, mean, covariance) + constant
-    white = whiten_one(whiten, measurements, initial_mean)
+    white = whiten_column(whiten, measurements, initial_mean)
     assert whiten.log_likelihood(white) == pytest.approx(expected, rel=1e-9)
     assert whiten.log_determinant == pytest.approx(np.linalg.slogdet(covariance)[1], rel=1e-9)
 
@@ -86,7 +86,7 @@ def test_innovations_are_the_factor_times_the_white_rows():
     model = random_model()
     measurements = np.random.default_rng(2).normal(size=model.row_start[-1])
     whiten = whitening_filter(model)
-    white = whiten_one(whiten, measurements, np.zeros(7))
+    white = whiten_column(whiten, measurements, np.zeros(7))
     innovations = whiten.innovations(white)
     expected, covariances, _ = kalman_filter(model, measurements, np.zeros(7))
     np.testing.assert_allclose(innovations, expected, atol=1e-11)
@@ -129,7 +129,7 @@ def test_columns_do_not_affect_each_other(count):
     columns, initial_mean = rng.normal(size=(model.row_start[-1], count)), rng.normal(size=(7, count))
     white = whiten(columns, initial_mean)
     for c in {0, count // 2, count - 1}:
-        np.testing.assert_allclose(white[:, c], whiten_one(whiten, columns[:, c], initial_mean[:, c]), atol=1e-12)
+        np.testing.assert_allclose(white[:, c], whiten_column(whiten, columns[:, c], initial_mean[:, c]), atol=1e-12)
 
 
 def test_initial_means_that_are_not_given_are_zero():
@@ -198,7 +198,7 @@ def test_appended_constant_states_are_those_of_the_dense_gaussian(seed, count):
     whiten = whitening_filter(appended)
     constant = 0.5 * rows * np.log(2.0 * np.pi)
     expected = multivariate_normal.logpdf(measurements, mean, covariance) + constant
-    assert whiten.log_likelihood(whiten_one(whiten, measurements, initial_mean)) == pytest.approx(expected, rel=1e-9)
+    assert whiten.log_likelihood(whiten_column(whiten, measurements, initial_mean)) == pytest.approx(expected, rel=1e-9)
     # the posterior of the constants, by conditioning the dense Gaussian on the measurements
     gain = np.linalg.solve(covariance, design * sigma**2).T
     estimate, posterior = gain @ (measurements - mean), np.diag(sigma**2) - gain @ (design * sigma**2)
@@ -208,7 +208,7 @@ def test_appended_constant_states_are_those_of_the_dense_gaussian(seed, count):
         np.testing.assert_allclose(states[step, -count:], estimate, rtol=1e-8, atol=1e-10)
         block = state_covariance[step, -count:, step, -count:]
         np.testing.assert_allclose(block, posterior, rtol=1e-7, atol=1e-10)
-    initial, smoothed = smoothed_states(whiten, whiten_one(whiten, measurements, initial_mean), padded)
+    initial, smoothed = smoothed_states(whiten, whiten_column(whiten, measurements, initial_mean), padded)
     np.testing.assert_allclose(initial[-count:], estimate, rtol=1e-8, atol=1e-10)
     np.testing.assert_allclose(smoothed[:, -count:], np.tile(estimate, (len(smoothed), 1)), rtol=1e-8, atol=1e-10)
 

@@ -56,7 +56,7 @@ def guided_search(kind, seconds, folder):
     (corpus / "seed").write_bytes(targets.seeds(folder)[kind])
     atheris.instrument_all() if os.environ.get("FUZZ_INSTRUMENT_ALL") else None
 
-    def one(data):
+    def read_input(data):
         try:
             targets.read(kind, data, folder, memory=False)
         except Exception as error:
@@ -64,7 +64,7 @@ def guided_search(kind, seconds, folder):
             raise
 
     arguments = [sys.argv[0], str(corpus), f"-max_total_time={seconds}", "-rss_limit_mb=2048", "-timeout=30"]
-    atheris.Setup([*arguments, f"-artifact_prefix={RESULTS.resolve()}/"], one)
+    atheris.Setup([*arguments, f"-artifact_prefix={RESULTS.resolve()}/"], read_input)
     atheris.Fuzz()
 
 

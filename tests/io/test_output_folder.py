@@ -32,7 +32,7 @@ def test_a_folder_into_which_nothing_was_written_is_removed(tmp_path):
     assert not list(tmp_path.iterdir())
 
 
-def test_a_folder_that_cannot_be_written_is_found_before_the_work(tmp_path):
+def test_a_folder_that_cannot_be_written_is_reported_before_the_computation(tmp_path):
     (tmp_path / "file").write_text("x")
     for place in (tmp_path / "file", tmp_path / "file" / "out"):
         with pytest.raises(InputError, match="cannot be written"), output_folder(place):

@@ -101,9 +101,9 @@ def correlated(seed, readings=6, components=2):
 def conditional(residual, covariance, reading, given):
     """NIS of a reading and log determinant of its covariance, given others: the density of the dense Gaussian."""
     components = residual.shape[1]
-    one = np.arange(components) + components * reading
+    predicted = np.arange(components) + components * reading
     rows = np.concatenate([np.arange(components) + components * k for k in given])
-    both = np.concatenate((rows, one))
+    both = np.concatenate((rows, predicted))
 
     def moments(selected):
         r, c = residual.ravel()[selected], covariance[np.ix_(selected, selected)]
@@ -132,8 +132,8 @@ def test_the_first_pair_has_the_largest_truncated_likelihood(seed, limit):
     cost = {}
     for i in range(6):
         for j in range(i + 1, 6):
-            others = [conditional(residual, covariance, k, [i, j]) for k in range(6) if k not in (i, j)]
-            cost[i, j] = sum(min(nis, limit) + log_spread for nis, log_spread in others)
+            predictions = [conditional(residual, covariance, k, [i, j]) for k in range(6) if k not in (i, j)]
+            cost[i, j] = sum(min(nis, limit) + log_spread for nis, log_spread in predictions)
     assert tuple(module._first_pair(residual, covariance, limit)) == min(cost, key=cost.get)
 
 
@@ -153,7 +153,7 @@ def test_a_set_of_independent_readings_grows_to_those_within_the_gate(residual, 
 
 
 @pytest.mark.parametrize("smallest", [0.5, -1e-3])
-def test_the_transition_follows_from_the_covariances_also_where_rounding_made_one_indefinite(smallest):
+def test_the_transition_follows_from_the_covariances_also_with_an_indefinite_one(smallest):
     rng = np.random.default_rng(3)
     axes, _ = np.linalg.qr(rng.normal(size=(4, 4)))
     covariance, matrix = axes @ np.diag([4.0, 2.0, 1.0, smallest]) @ axes.T, rng.normal(size=(4, 4))

@@ -5,6 +5,7 @@ from math import atan2, cos, exp, sin, sqrt
 import numpy as np
 import pytest
 import twins
+from geodetic import fixed_position
 from twins import FULL, TIME, points
 
 from edl_filter import rotations
@@ -94,7 +95,7 @@ def test_rest_velocity_is_against_the_turning_ground():
 
 def test_a_vehicle_at_rest_has_no_velocity_and_a_constant_position():
     """Half an hour after the epoch: position and velocity both as predicted."""
-    rock = MARS.fixed_from_geodetic(0.3, 1.0, -2000.0)
+    rock = fixed_position(MARS, 0.3, 1.0, -2000.0)
     site = models.LandingSite(1800.0, rock, np.eye(3), MARS)
     rest = models.RestVelocity(1800.0, 0.1, MARS)
     position = MARS.rotation.to_inertial(1800.0, rock)
@@ -195,7 +196,7 @@ def slope(constraint, nav, direction, layout=FULL, errors=None, step=1e-3):
 def test_signs_of_the_slopes():
     """Higher is higher; rising is up; drifting east is east; faster or lower is more dynamic pressure."""
     nav = np.zeros(14)
-    nav[:3] = MARS.rotation.to_inertial(TIME, MARS.fixed_from_geodetic(0.2, 0.4, 9e3))
+    nav[:3] = MARS.rotation.to_inertial(TIME, fixed_position(MARS, 0.2, 0.4, 9e3))
     enu = MARS.enu_from_inertial(TIME, nav[:3])
     east, north, up = (np.concatenate((np.zeros(3), e, np.zeros(8))) for e in enu)
     above = np.concatenate((enu[2], np.zeros(11)))

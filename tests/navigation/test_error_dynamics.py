@@ -79,7 +79,7 @@ def differenced(built, state, steps, begin, end):
     """The transition over samples by central differences of the propagation kernel."""
     layout = built.layout
     vector = np.concatenate([np.full(s.stop - s.start, steps[name]) for name, s in layout.slices.items()])
-    differences = PropagationDifferences.about(built, state, vector)
+    differences = PropagationDifferences.at_state(built, state, vector)
     begins, ends = np.array([begin]), np.array([end])
     onboard = OnboardRotations.over(layout, built.samples, begins, ends) if len(state.nav) == 14 else None
     return differences.transitions(state.nav[None], begins, ends, onboard)[0]

@@ -129,8 +129,10 @@ def test_measurements_up_to_the_end_of_the_pass_gain_beyond_all_others_too():
     _, _, checks = checks_of(*(fix(*f) for f in fixes))
     assert samples().time[-1] == 50.0
     for name in ("beacon", "landing"):
-        others = [f for f in fixes if f[0].name != name]
-        assert checks[name].left_out_information == pytest.approx(fall(posterior(others), posterior(fixes)), rel=1e-5)
+        remaining = [f for f in fixes if f[0].name != name]
+        assert checks[name].left_out_information == pytest.approx(
+            fall(posterior(remaining), posterior(fixes)), rel=1e-5
+        )
 
 
 def test_repeating_a_measurement_gains_little_beyond_the_first():

@@ -87,8 +87,8 @@ def test_a_constraint_is_left_out_of_the_iteration(flight):
     _, filter_pass, _ = run_with_recovery(problem, lost_stretches(telemetry.driving))
     without = run_without(problem, filter_pass, "rest_gravity")
     assert without.references is not None and "rest_gravity" not in {f.constraint.name for f in without.fused}
-    others = replace(problem, constraints=tuple(c for c in problem.constraints if c.name != "rest_gravity"))
-    alone, expected = smooth(without), smooth(iterate(others, run_filter(others)))
+    reduced = replace(problem, constraints=tuple(c for c in problem.constraints if c.name != "rest_gravity"))
+    alone, expected = smooth(without), smooth(iterate(reduced, run_filter(reduced)))
     sigma = np.sqrt(np.diagonal(expected.covariance, axis1=1, axis2=2))
     moves = [a.minus(b) for a, b in zip(alone.states, expected.states, strict=True)]
     assert np.max(np.abs(moves) / sigma) < 0.1

@@ -4,6 +4,7 @@ from math import acos, exp, log, sqrt
 
 import numpy as np
 import pytest
+from geodetic import fixed_position
 from test_constraints import AIR, BARE, MARS, TIME, check, local, to_body
 
 from edl_filter.aero.database import load_database
@@ -50,7 +51,7 @@ def test_a_subset_of_the_components_keeps_their_order():
 
 
 def state(altitude=5e3):
-    position = MARS.rotation.to_inertial(TIME, MARS.fixed_from_geodetic(0.2, 0.5, altitude))
+    position = MARS.rotation.to_inertial(TIME, fixed_position(MARS, 0.2, 0.5, altitude))
     enu = MARS.enu_from_inertial(TIME, position[None])[0]
     velocity = enu.T @ np.array([360.0, 20.0, -190.0]) + np.cross([0.0, 0.0, MARS.rotation_rate], position)
     return State(np.concatenate((position, velocity, [0.0, 0.0, 0.0, 1.0])), np.zeros(9))

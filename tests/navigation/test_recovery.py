@@ -142,8 +142,8 @@ def test_another_attempt_is_better_by_more_than_a_margin():
     assert attempt(0.0).better_than(attempt(9.0, accepted=False), 3.0)
     assert not attempt(9.0, accepted=False).better_than(attempt(0.0))
     assert attempt(9.0, accepted=False).better_than(attempt(0.0, accepted=False))
-    one_of_two = run_of(use("beacon", accepted=True), use("landing", accepted=False))
-    assert not recovery._Attempt("gap", 1.0, None, one_of_two, 0.0).accepted
+    partly_accepted = run_of(use("beacon", accepted=True), use("landing", accepted=False))
+    assert not recovery._Attempt("gap", 1.0, None, partly_accepted, 0.0).accepted
 
 
 # --- changes of the problem -----------------------------------------------------------------------------------------

@@ -15,7 +15,7 @@ from edl_filter.navigation.smoother import Smoothed, smooth
 from edl_filter.navigation.trajectory import (
     distribute_correction,
     inertial_covariance,
-    propagate_one,
+    propagate_state,
     random_walk_share,
     smoothed_trajectory,
 )
@@ -57,7 +57,7 @@ def test_every_step_of_one_state_equals_the_scalar_twin(seed, count, j2):
     rng = np.random.default_rng(seed)
     interval, rate = rng.uniform(0.02, 0.125, count), rng.standard_normal((count, 3))
     force, gravity = 40.0 * rng.standard_normal((count, 3)), (MARS.mu, j2, MARS.gravity_radius)
-    states = propagate_one(NAV, interval, force, rate, *gravity)
+    states = propagate_state(NAV, interval, force, rate, *gravity)
     assert states.shape == (count, 10)
     maps, expected = [m[:, 0] for m in twins.no_maps(1)], NAV
     for i in range(count):

@@ -8,6 +8,7 @@ from itertools import pairwise
 
 import numpy as np
 from filterpy.kalman import MerweScaledSigmaPoints, UnscentedKalmanFilter
+from geodetic import fixed_position
 from scipy.integrate import solve_ivp
 from scipy.linalg import block_diag
 
@@ -477,7 +478,7 @@ def points(count=4, seed=0):
     rng = np.random.default_rng(seed)
     nav = np.empty((14, count))
     for s in range(count):
-        fixed = MARS.fixed_from_geodetic(rng.uniform(-1, 1), rng.uniform(-3, 3), rng.uniform(1e3, 15e3))
+        fixed = fixed_position(MARS, rng.uniform(-1, 1), rng.uniform(-3, 3), rng.uniform(1e3, 15e3))
         nav[:3, s] = MARS.rotation.to_inertial(TIME, fixed)
     nav[3:6] = 300.0 * rng.standard_normal((3, count))
     nav[6:10] = rotations.normalise(rng.standard_normal((count, 4))).T

@@ -54,15 +54,17 @@ def to_store(notebook):
 def texts(cell):
     """Texts that a cell of code displays: printed ones, tables, representations."""
     printed = "".join(o.text for o in cell.outputs if o.output_type == "stream" and o.name == "stdout")
-    found = [printed] if printed else []
+    displayed = [printed] if printed else []
     for output in cell.outputs:
         data = output.get("data", {})
         if "text/html" in data:
             if "xr-" not in data["text/html"]:  # the table of an xarray object, whose identifiers are random
-                found.append(html.unescape(re.sub(r"<style.*?</style>|<[^>]+>", " ", data["text/html"], flags=re.S)))
+                displayed.append(
+                    html.unescape(re.sub(r"<style.*?</style>|<[^>]+>", " ", data["text/html"], flags=re.S))
+                )
         elif "text/plain" in data and "image/png" not in data:
-            found.append(data["text/plain"])
-    return found
+            displayed.append(data["text/plain"])
+    return displayed
 
 
 def difference(stored, executed):

@@ -95,8 +95,8 @@ class TestAsKept:
                 assert len(output.get("data", {}).get("image/png", "")) < 1.5e5
 
     def test_outputs_name_no_path_of_a_machine(self, path):
-        found = re.search(r".{0,40}(?<![\w.:/])/(?:tmp|home|root|work|Users)/.{0,40}", path.read_text())
-        assert found is None, found[0]
+        path_name = re.search(r".{0,40}(?<![\w.:/])/(?:tmp|home|root|work|Users)/.{0,40}", path.read_text())
+        assert path_name is None, path_name[0]
 
     def test_ids_are_stable(self, path):
         ids = [cell.id for cell in read(path).cells]
@@ -137,7 +137,7 @@ def test_it_runs_on_the_rovers_telemetry(path, tmp_path, monkeypatch):
 
 
 @pytest.mark.notebook
-def test_the_hidden_effect_is_found_and_the_error_falls_to_the_noise(tmp_path):
+def test_the_hidden_effect_is_named_and_the_error_falls_to_the_noise(tmp_path):
     notebook = execute(FOLDER / "3_find_the_hidden_effect.ipynb", tmp_path)
     assert pictures(notebook) == requested_figures(notebook) > 3
     printed = re.fullmatch(
@@ -148,7 +148,7 @@ def test_the_hidden_effect_is_found_and_the_error_falls_to_the_noise(tmp_path):
 
 
 @pytest.mark.notebook
-def test_ones_own_effect_is_named_after_the_verdict_was_unknown(tmp_path):
+def test_a_users_effect_is_named_after_the_verdict_was_unknown(tmp_path):
     notebook = execute(FOLDER / "4_write_your_own_effect.ipynb", tmp_path)
     assert pictures(notebook) == requested_figures(notebook) > 3
     printed = re.fullmatch(

@@ -13,7 +13,7 @@ from edl_filter.errors import InputError
 from edl_filter.mission import Mission, shipped_mission
 from edl_filter.mission.world import VehicleChangeConfig
 from edl_filter.navigation.increments import effective_samples
-from edl_filter.navigation.trajectory import propagate_one
+from edl_filter.navigation.trajectory import propagate_state
 from edl_filter.pipeline.forward_model import changed_bodies, forward_model_of
 from edl_filter.pipeline.load import (
     centre_of_mass_shifts,
@@ -109,7 +109,7 @@ def test_the_navigated_point_gains_the_velocity_of_its_new_place():
     stepped = with_velocity_steps(samples, {event: shift})
     np.testing.assert_array_equal(stepped.mean_force, samples.mean_force)
     start = np.array([3.5e6, 0.0, 0.0, 0.0, 100.0, 0.0, 0.0, 0.0, 0.0, 1.0])
-    plain, moved = (propagate_one(start, s.interval, s.force, s.rate, 0.0, 0.0, 1.0) for s in (samples, stepped))
+    plain, moved = (propagate_state(start, s.interval, s.force, s.rate, 0.0, 0.0, 1.0) for s in (samples, stepped))
     change = (moved - plain)[:, 3:6]
     np.testing.assert_array_equal(change[: n // 2 + 1], 0.0)
     expected = rotations.rotate(plain[n // 2, 6:10], np.cross(rate, shift))

@@ -62,14 +62,14 @@ def test_the_samples_of_the_imu_at_fault_are_replaced(at_fault, changes, end, fl
     mission, telemetry, _, atmosphere = flight
     inputs = FlightInputs(checked(flight, faulty(telemetry, at_fault, changes, end=end)), atmosphere)
     result = reconstruct(mission, leave_one_out=False, inputs=inputs, compare_imus=False)
-    found = [f for f in result.telemetry.findings if f.kind == "disagreement"]
-    assert {f.imu for f in found} == {at_fault} and all("the fault of" in f.repair for f in found)
+    findings = [f for f in result.telemetry.findings if f.kind == "disagreement"]
+    assert {f.imu for f in findings} == {at_fault} and all("the fault of" in f.repair for f in findings)
     assert len(result.telemetry.checking) == 1
     assert judge(result).trustworthy
     node = int(np.argmin([abs(n.time - PARACHUTE) for n in result.filter_pass.nodes]))
     state, sigma = result.smoothed.states[node].nav[:6], np.sqrt(np.diag(result.smoothed.covariance[node])[:6])
-    other = int(np.argmin([abs(n.time - PARACHUTE) for n in practice_06.filter_pass.nodes]))
-    assert np.all(np.abs(state - practice_06.smoothed.states[other].nav[:6]) < 3.0 * sigma)
+    flawless_node = int(np.argmin([abs(n.time - PARACHUTE) for n in practice_06.filter_pass.nodes]))
+    assert np.all(np.abs(state - practice_06.smoothed.states[flawless_node].nav[:6]) < 3.0 * sigma)
 
 
 def finding(triad, start, end):

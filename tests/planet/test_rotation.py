@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from geodetic import fixed_position
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -78,7 +79,7 @@ def test_point_on_the_ground_has_zero_relative_velocity():
 def test_planet_delegates_to_the_formulas():
     time, position = 120.0, np.array([-2833658.0, -1800899.0, -1064442.0])
     latitude, longitude, altitude = PLANET.geodetic(time, position)
-    fixed = PLANET.fixed_from_geodetic(latitude, longitude, altitude)
+    fixed = fixed_position(PLANET, latitude, longitude, altitude)
     np.testing.assert_allclose(fixed, MARS.to_fixed(time, position), atol=1e-8)
     np.testing.assert_array_equal(PLANET.geodetic_from_fixed(MARS.to_fixed(time, position))[2], altitude)
     assert PLANET.rotation == MARS

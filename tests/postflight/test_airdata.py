@@ -4,6 +4,7 @@ from dataclasses import fields, replace
 
 import numpy as np
 import pytest
+from geodetic import fixed_position
 
 from edl_filter import rotations
 from edl_filter.navigation.trajectory import Trajectory
@@ -27,7 +28,7 @@ def atmosphere(east=(0.0, 0.0), north=(0.0, 0.0)):
 
 def flight(latitude, longitude, altitude, local, alpha=0.0, beta=0.0, covariance=None, time=100.0):
     """One state with a ground-relative velocity east, north, up, flown at alpha and beta in still air."""
-    fixed = MARS.fixed_from_geodetic(latitude, longitude, altitude)
+    fixed = fixed_position(MARS, latitude, longitude, altitude)
     position = MARS.rotation.to_inertial(time, fixed)[None]
     enu = MARS.enu_from_inertial(np.array([time]), position)[0]
     relative = enu.T @ np.asarray(local, float)

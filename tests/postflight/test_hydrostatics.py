@@ -4,6 +4,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from geodetic import fixed_position
 
 from edl_filter.aero.discrepancy import DiscrepancyPrior
 from edl_filter.aero.uncertainty import ThreeSigma
@@ -32,7 +33,7 @@ def path(latitude_deg, azimuth_deg, n=2000):
     altitude, ground_angle = np.linspace(125e3, 5e3, n), np.linspace(0.0, 600e3 / 3.4e6, n)
     azimuth, latitude = np.radians(azimuth_deg), np.radians(latitude_deg)
     north = latitude + ground_angle * np.cos(azimuth)
-    return MARS.fixed_from_geodetic(north, ground_angle * np.sin(azimuth) / np.cos(latitude), altitude), altitude
+    return fixed_position(MARS, north, ground_angle * np.sin(azimuth) / np.cos(latitude), altitude), altitude
 
 
 @pytest.mark.parametrize(("latitude", "azimuth"), [(0.0, 90.0), (-17.0, 80.0), (45.0, 20.0), (-85.0, 0.0)])

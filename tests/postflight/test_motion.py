@@ -77,8 +77,8 @@ def test_bandwidth_of_the_angular_acceleration():
     assert got @ reference / (reference @ reference) == pytest.approx(np.sqrt(0.5), rel=2e-3)
 
 
-def test_a_model_goes_the_same_way_as_the_sensor():
-    """Means over the intervals of a true rate, differenced, against the true derivative sent the same way."""
+def test_a_model_is_filtered_as_the_sensor_is():
+    """Means over the intervals of a true rate, differenced, against the true derivative filtered likewise."""
     dt, w = 0.125, 2 * np.pi * 0.7
     t = np.arange(0, 40, dt)
     filters = batch_smoother(t)

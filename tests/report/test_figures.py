@@ -191,12 +191,12 @@ def test_landing_without_its_constraint(tree):
     np.testing.assert_allclose(estimate.position, estimate.site, atol=1e-3)
     np.testing.assert_allclose(estimate.site - estimate.predicted, 300.0)
     # 600 m of left_out less the landing's own 500 m
-    spread = LocalMap.about(estimate.site).horizontal_covariance(estimate.predicted_covariance)
+    spread = LocalMap.centred_at(estimate.site).horizontal_covariance(estimate.predicted_covariance)
     np.testing.assert_allclose(spread, 1.1e5 * np.eye(2), atol=1e-3)
 
 
 def test_map_keeps_distance_along_the_ground(tree):
-    local = LocalMap.about(np.array([RADIUS, 0.0, 0.0]))
+    local = LocalMap.centred_at(np.array([RADIUS, 0.0, 0.0]))
     for angle in (1e-6, 0.1, 0.5):
         for height in (0.0, 1e5):  # height must not matter
             east = (RADIUS + height) * np.array([np.cos(angle), np.sin(angle), 0.0])

@@ -99,6 +99,6 @@ def test_the_fall_needs_an_earlier_diagnosis(diagnosis):
         (lambda r, d: d.plot.missing(), "found the verdict 'clean'"),
     ],
 )
-def test_what_is_not_there_is_told(flight, diagnosis, call, message):
+def test_a_missing_quantity_is_named(flight, diagnosis, call, message):
     with pytest.raises(InputError, match=message):
         call(flight, diagnosis)

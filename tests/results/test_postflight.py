@@ -95,7 +95,7 @@ def test_summary_has_what_a_person_asks_first(everything):
     assert content["averages"][0]["samples"] > 0
 
 
-def test_stated_windows_replace_those_found(practice_06):
+def test_stated_windows_replace_the_computed_ones(practice_06):
     windows = "postflight.windows=[{name: mine, start_s: 150, end_s: 160}]"
     flight = reconstruct(Mission.load(shipped_mission("practice_mer"), [windows, "constraints.altimeter=null"]))
     postflight = derived_quantities(flight).postflight

@@ -128,7 +128,7 @@ def test_a_failure_keeps_the_old_file(tmp_path):
     assert list(tmp_path.iterdir()) == [path]
 
 
-def test_a_folder_that_cannot_be_made(practice_06, tmp_path):
+def test_a_folder_that_cannot_be_created(practice_06, tmp_path):
     (tmp_path / "file").write_text("")
     with pytest.raises(InputError, match="cannot be written"):
         results.write(Result(practice_06).groups, tmp_path / "file" / "result.nc")
@@ -179,7 +179,7 @@ def test_summary(written, practice_06):
     assert {"telemetry", "filter", "smoother", "write"} <= set(summary["timing_s"])
 
 
-def test_landing_and_events_are_told_over_the_ground(written, practice_06):
+def test_landing_and_events_are_stated_in_local_axes(written, practice_06):
     content = written["content"]
     for place in (content["landing"], content["landing"]["left_out"]):
         assert place["miss_m"] == pytest.approx(np.hypot(place["miss_east_m"], place["miss_north_m"]))

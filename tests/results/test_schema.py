@@ -107,7 +107,7 @@ def test_rows_of_tables_have_the_schemas_fields():
     assert [name for name in schema.summary.EventState.model_fields if name in events] == events
 
 
-def test_every_hypothesis_is_found_by_its_name():
+def test_hypotheses_are_given_by_name():
     torque = {"parameters": {"dy": {"estimate": 4e-3, "sigma": 1e-4, "unit": "m"}}}
     content = diagnosis()
     content["ranking"][0] |= {"same_as": ["com_offset"], "alternatives": {"com_offset": torque}}

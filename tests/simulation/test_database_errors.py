@@ -30,9 +30,11 @@ def test_errors_of_tables_have_the_sigma_of_the_database(family, regime):
 
 def test_errors_of_a_database_scale_and_both_tables_have_them():
     database = load_database("builtin:continuum_grid", "builtin:rarefied_grid", family="MER")
-    one, two = (database_with_errors(np.random.default_rng(1), database, "MER", "m", scale) for scale in (1.0, 2.0))
+    single_errors, double_errors = (
+        database_with_errors(np.random.default_rng(1), database, "MER", "m", scale) for scale in (1.0, 2.0)
+    )
     for regime in ("continuum", "rarefied"):
-        nominal, single, double = (getattr(d, regime).CN for d in (database, one, two))
+        nominal, single, double = (getattr(d, regime).CN for d in (database, single_errors, double_errors))
         assert np.abs(single - nominal).max() > 0.0
         np.testing.assert_allclose(double - nominal, 2.0 * (single - nominal), rtol=1e-12, atol=1e-15)
 

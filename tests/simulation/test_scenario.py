@@ -62,7 +62,7 @@ def test_a_mission_without_aerodynamics_is_refused(tmp_path):
         Scenario.load("builtin:mer", [f"mission={tmp_path / 'bare.yaml'}"])
 
 
-def test_a_users_effect_is_found_beside_the_scenario(tmp_path):
+def test_a_users_effect_is_read_from_the_folder_of_the_scenario(tmp_path):
     (tmp_path / "push.py").write_text(EFFECT)
     shipped = Scenario.load("builtin:mer")
     text = shipped.source.read_text() + "\neffects: [{name: push, file: push.py, parameters: {F: 30.0}}]\n"

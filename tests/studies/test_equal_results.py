@@ -31,11 +31,11 @@ def test_a_component_is_compared_with_its_own_largest_value(tmp_path):
 
 
 @pytest.mark.parametrize(
-    "other", [np.zeros((2, 2)), np.array([[1.0, np.nan], [3.0, 4.0]]), np.array([[1.0, np.inf], [3.0, 4.0]])]
+    "changed", [np.zeros((2, 2)), np.array([[1.0, np.nan], [3.0, 4.0]]), np.array([[1.0, np.inf], [3.0, 4.0]])]
 )
-def test_another_shape_or_place_without_a_number_is_no_small_difference(tmp_path, other):
-    values = np.array([[1.0, 2.0], [3.0, 4.0]]) if other.any() else np.zeros((3, 2))
-    a, b = write(tmp_path / "a", values, {}), write(tmp_path / "b", other, {})
+def test_another_shape_or_place_without_a_number_is_no_small_difference(tmp_path, changed):
+    values = np.array([[1.0, 2.0], [3.0, 4.0]]) if changed.any() else np.zeros((3, 2))
+    a, b = write(tmp_path / "a", values, {}), write(tmp_path / "b", changed, {})
     assert equal_results.compare(a, b)["result.nc"]["trajectory/velocity"] == np.inf
 
 
@@ -43,12 +43,12 @@ def test_the_exit_code_says_whether_the_difference_is_within_the_tolerance(tmp_p
     a = write(tmp_path / "a", np.ones((3, 2)), {"nis": 1.0, "verdict": "holds"})
     b = write(tmp_path / "b", np.ones((3, 2)), {"nis": 1.0 + 1e-7, "verdict": "holds"})
     c = write(tmp_path / "c", np.ones((3, 2)), {"nis": 1.0, "verdict": "fails"})
-    for other, tolerance, code, text in (
+    for compared, tolerance, code, text in (
         (b, "1e-6", 0, "largest relative difference 1e-07"),
         (b, "1e-9", 1, "1e-07  /nis"),
         (c, "1", 1, "inf  /verdict"),
     ):
-        monkeypatch.setattr("sys.argv", ["equal_results.py", str(a), str(other), "--tolerance", tolerance])
+        monkeypatch.setattr("sys.argv", ["equal_results.py", str(a), str(compared), "--tolerance", tolerance])
         with pytest.raises(SystemExit) as stop:
             equal_results.main()
         assert int(stop.value.code) == code and text in capsys.readouterr().out

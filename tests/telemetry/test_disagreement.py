@@ -50,7 +50,7 @@ FAULTS = {
 
 @pytest.mark.parametrize("name", FAULTS)
 @pytest.mark.parametrize("at_fault", [0, 1])
-def test_a_change_in_flight_is_found_in_either_imu(name, at_fault, telemetry):
+def test_a_change_in_flight_is_detected_in_either_imu(name, at_fault, telemetry):
     key, change, channel = FAULTS[name]
     records = [telemetry.driving, telemetry.checking[0]]
     records[at_fault] = with_change(records[at_fault], key, change, start=120.0)
@@ -121,7 +121,7 @@ def test_noise_that_is_stated_too_small_by_half_is_no_disagreement(telemetry):
     [(RATE, noise(6e-4), 130.0), (FORCE, noise(1.0), 130.0), (FORCE, lambda v: 1.01 * v, np.inf)],
     ids=["noise of the rates", "noise of the forces", "step of the scale"],
 )
-def test_the_imu_with_an_independent_error_is_found(key, change, end, at_fault, telemetry):
+def test_the_imu_with_an_independent_error_is_identified(key, change, end, at_fault, telemetry):
     records = [telemetry.driving, telemetry.checking[0]]
     records[at_fault] = with_change(records[at_fault], key, change, 120.0, end)
     findings = disagreements(*records, END, PROBABILITY)

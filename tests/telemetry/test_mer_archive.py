@@ -33,13 +33,24 @@ ROVER_MOUNTING = np.array([[-1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, 1.0, 0.0]])
 # --- the real files -----------------------------------------------------------------------------------------
 
 
+def notes_on(tables, word):
+    """Notes that contain a word."""
+    return [note for note in tables.notes if word in note]
+
+
 def test_spirit_has_the_known_defects(spirit):
     assert spirit.name == "MER-A Spirit"
     assert len(spirit.transformed.sclk) == 9176 - 44
     assert len(spirit.highrate.sclk) == 2495
-    assert spirit.resets == (126462358.625, 126462363.625)
-    assert spirit.transformed_gaps == ((126462354.5, 0.625), (126462499.75, 1.75), (126462516.25, 1.5))
-    assert spirit.highrate_gaps == ((126462354.375, 0.875),)
+    assert notes_on(spirit, "reset") == [
+        "2TRANSFORMED.TAB: the velocity register was reset 2 times (SCLK 126462358.625, 126462363.625); "
+        "the jumps are removed."
+    ]
+    assert notes_on(spirit, "gap") == [
+        "2TRANSFORMED.TAB: 3 gaps (0.625 s after SCLK 126462354.500, 1.75 s after SCLK 126462499.750, "
+        "1.5 s after SCLK 126462516.250).",
+        "2HIGHRATE.TAB: 1 gap (0.875 s after SCLK 126462354.375).",
+    ]
     assert spirit.notes[0] == ("2TRANSFORMED.TAB: 44 rows with the time of another removed, the fuller row kept.")
 
 
@@ -47,13 +58,15 @@ def test_opportunity_has_the_known_defects(opportunity):
     assert opportunity.name == "MER-B Opportunity"
     assert len(opportunity.transformed.sclk) == 9050 - 1647
     assert len(opportunity.highrate.sclk) == 2476
-    assert opportunity.resets == (128278467.125, 128278472.125)
-    assert opportunity.transformed_gaps == (
-        (128278462.625, 0.75),
-        (128278593.875, 15.75),
-        (128278624.375, 1.25),
-    )
-    assert opportunity.highrate_gaps == ((128278462.75, 0.75),)
+    assert notes_on(opportunity, "reset") == [
+        "1TRANSFORMED.TAB: the velocity register was reset 2 times (SCLK 128278467.125, 128278472.125); "
+        "the jumps are removed."
+    ]
+    assert notes_on(opportunity, "gap") == [
+        "1TRANSFORMED.TAB: 3 gaps (0.75 s after SCLK 128278462.625, 15.75 s after SCLK 128278593.875, "
+        "1.25 s after SCLK 128278624.375).",
+        "1HIGHRATE.TAB: 1 gap (0.75 s after SCLK 128278462.750).",
+    ]
 
 
 def test_cleaned_tables_have_no_blank_or_clipped_rows(tables):
@@ -81,17 +94,15 @@ def test_fullest_row_is_selected_where_duplicates_differ(opportunity):
     # 11 rows of Opportunity have a partly blank or clipped duplicate, whose values are 0 or -512
     t = opportunity.transformed
     assert t.register[np.searchsorted(t.sclk, 128278640.0) :, 2].max() < -600.0
-    step = np.linalg.norm(t.velocity_increment[1:], axis=1) / np.diff(t.sclk)
-    assert np.nanmax(step) < 80.0  # m/s²: peak deceleration is 61.5
+    step = np.linalg.norm(np.diff(t.velocity, axis=0), axis=1) / np.diff(t.sclk)
+    assert np.max(step) < 80.0  # m/s²: peak deceleration is 61.5
 
 
-def test_velocity_is_continuous_and_increments_at_resets_are_nan(tables):
+def test_velocity_is_continuous_and_equals_the_register_before_its_resets(tables):
     t = tables.transformed
-    reset = np.isin(t.sclk, tables.resets)
-    np.testing.assert_array_equal(np.isnan(t.velocity_increment).any(axis=1), reset | (t.sclk == t.sclk[0]))
     step = np.linalg.norm(np.diff(t.velocity, axis=0), axis=1) / np.diff(t.sclk)
     assert step.max() < 80.0
-    before = t.sclk < tables.resets[0]
+    before = t.sclk < {1: 128278467.125, 2: 126462358.625}[tables.spacecraft]
     np.testing.assert_array_equal(t.velocity[before], t.register[before])
 
 

@@ -120,8 +120,11 @@ def test_another_mission_or_catalogue_begins_at_the_first_step(mission, tmp_path
     assert read is not None and read.number == 2
     assert [(a.key, a.values, a.fixed) for a in read.model] == [(a.key, a.values, a.fixed) for a in model]
     changed = Mission.load("builtin:practice_mer", ["planet.gravity.j2=0"])
-    for other in (improvement_state.fingerprint(changed, effects), improvement_state.fingerprint(mission, effects[:2])):
-        assert other != mark and improvement_state.read(tmp_path, other, effects) is None
+    for changed_mark in (
+        improvement_state.fingerprint(changed, effects),
+        improvement_state.fingerprint(mission, effects[:2]),
+    ):
+        assert changed_mark != mark and improvement_state.read(tmp_path, changed_mark, effects) is None
     assert improvement_state.read(tmp_path, mark, effects[:1]) is None  # an effect that no longer exists
     (tmp_path / improvement_state.NAME).write_text("{")
     assert improvement_state.read(tmp_path, mark, effects) is None

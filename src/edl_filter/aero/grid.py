@@ -192,7 +192,7 @@ class GridTable(Table):
 
     @cached_property
     def pieces(self) -> Array:
-        """Polynomials (M (A−1), K, 3) of CA, CN and Cm between the angles, highest power first."""
+        """Polynomials ``(M (A − 1), K, 3)`` of CA, CN and Cm between the angles (rad), highest power first."""
         values = np.stack([self.CA, self.CN, self.Cm])  # (3, M, A)
         if self.interpolation == "pchip":
             start = int(self.alpha[0] == 0.0)

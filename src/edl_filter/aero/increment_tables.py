@@ -112,7 +112,22 @@ class IncrementTables:
 def increment_terms(
     tables: tuple[GridTable, ...], mach: Array, knudsen: Array, continuum_limit: float
 ) -> list[tuple[Array, GridSlice]]:
-    """Weights and slices of increments at N samples: each table in its regime; none is outside."""
+    """Weights and slices of increments: each table in its regime; no sample is outside.
+
+    Parameters
+    ----------
+    tables : tuple of GridTable
+        Of `IncrementTables`, over Mach and Knudsen number.
+    mach, knudsen : (N,) arrays
+        Of the samples.
+    continuum_limit : float
+        Knudsen number above which the flow is rarefied.
+
+    Returns
+    -------
+    list of ((N,) array, GridSlice)
+        For each table: 1 in its regime and 0 outside, and its curves at the samples.
+    """
     terms = []
     for table in tables:
         curves = table.at(mach if table.kind == "mach" else knudsen)

@@ -143,7 +143,7 @@ def _solve(
         chunk = slice(start, start + _CHUNK)
         curves = _Curves(database.at(mach[chunk], knudsen[chunk], None if speed is None else speeds[chunk]), weights)
         alpha[chunk], count[chunk] = _solve_chunk(curves, target[chunk], hint[chunk], signed)
-    return InverseResult(alpha, np.minimum(count, 2).astype(np.int8), count)
+    return InverseResult(alpha, np.minimum(count, Solutions.SEVERAL).astype(np.int8), count)
 
 
 class Brackets(NamedTuple):

@@ -45,13 +45,13 @@ class AtmosphereWithEffects(Atmosphere):
 
         Parameters
         ----------
-        altitude : array_like
-            Areodetic, m, of any shape.
+        altitude : (...) array_like
+            Areodetic, m.
 
         Returns
         -------
-        array
-            kg/m³, of the altitude's shape.
+        (...) array
+            kg/m³.
         """
         h = np.asarray(altitude, float)
         return compose_density(super().density(h).ravel(), self.effects, h.ravel()).reshape(h.shape)

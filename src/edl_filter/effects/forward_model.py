@@ -165,11 +165,11 @@ def compose_entry_state(stated: InitialState, effects: Sequence[EffectInstance])
 def invert_entry_state(true: InitialState, effects: Sequence[EffectInstance]) -> InitialState:
     """The entry state that was stated where the true one is `true`: inverse of `compose_entry_state`, by iteration."""
     for a in [a for a in effects if a.effect.acts("entry_state")][::-1]:
-        true = _invert_one(true, a)
+        true = _invert_instance(true, a)
     return true
 
 
-def _invert_one(true: InitialState, instance: EffectInstance) -> InitialState:
+def _invert_instance(true: InitialState, instance: EffectInstance) -> InitialState:
     """The state that one effect turns into `true`."""
     stated = true
     for _ in range(_ENTRY_ITERATIONS):

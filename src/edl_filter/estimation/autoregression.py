@@ -57,11 +57,6 @@ class Interpolation:
     order: int
     scale: float
 
-    @property
-    def sum_sigma(self) -> float:
-        """One sigma of the sum of the values' errors."""
-        return float(np.sqrt(max(self.covariance.sum(), 0.0)))
-
 
 def interpolate(series: Array, observed: BoolArray, first: int, last: int) -> Interpolation:
     """Interpolate a missing stretch of a series, or extrapolate where one side has no known values.

@@ -82,12 +82,6 @@ def from_blocks(size: int, blocks: Iterable[tuple[slice, slice, Array]]) -> Bloc
     )
 
 
-def from_dense(matrices: Array) -> BlockSparse:
-    """The sparse form of dense matrices ``(K, n, n)``."""
-    n = matrices.shape[1]
-    return from_blocks(n, [(slice(0, n), slice(0, n), matrices)])
-
-
 def merge(a: BlockSparse, b: BlockSparse, size: int) -> BlockSparse:
     """The sum of two sequences whose patterns share no place, as matrices of order `size`."""
     row, column = np.concatenate((a.row, b.row)), np.concatenate((a.column, b.column))

@@ -67,7 +67,7 @@ class LinearStateSpace:
         return len(self.initial_covariance)
 
     def initial_mean(self, leading: Array) -> Array:
-        """Initial means ``(n, …)`` whose first components are given; the others are zero."""
+        """Initial means ``(n, ...)`` whose first components are given; the others are zero."""
         out = np.zeros((self.size, *leading.shape[1:]))
         out[: len(leading)] = leading
         return out

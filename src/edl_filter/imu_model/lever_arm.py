@@ -175,5 +175,16 @@ def _mean_acceleration(interval, rate, change, position):
 
 @njit(error_model="numpy")
 def cross_product(a, b):
-    """Vector product of two triples of numbers."""
+    """Vector product of two triples of numbers.
+
+    Parameters
+    ----------
+    a, b : (3,) arrays or tuples of three floats
+        Factors.
+
+    Returns
+    -------
+    tuple of three floats
+        In the product of their units.
+    """
     return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]

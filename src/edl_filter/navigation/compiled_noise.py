@@ -14,9 +14,29 @@ COMPILED = njit(cache=True, error_model="numpy", nogil=True)
 
 @COMPILED
 def noise_of_samples(interval, middle, force, force_noise, rate_noise, unshared_noise, force_fill, rate_fill):
-    """Covariances ``(9, 9)`` in inertial axes by all rate noise, and by that which an on-board attitude does not share.
+    """Covariances of position (m), velocity (m/s) and attitude error (rad) by the noise of samples, inertial axes.
 
-    As `noise.process_noise` before the rotation to body axes; `middle` (N, 4): attitudes at the middle of the samples.
+    As `noise.process_noise` before the rotation to body axes.
+
+    Parameters
+    ----------
+    interval : (N,) array
+        s.
+    middle : (N, 4) array
+        inertial_from_body at the middle of the samples.
+    force : (N, 3) array
+        Specific force, m/s², body axes.
+    force_noise, rate_noise : (N,) arrays
+        One sigma of the random walks in a sample, m/s² and rad/s.
+    unshared_noise : (N,) array
+        Part of `rate_noise` that an on-board attitude does not share, rad/s.
+    force_fill, rate_fill : (N, 3) arrays
+        One sigma of filled samples, m/s² and rad/s, body axes; zero where samples were read.
+
+    Returns
+    -------
+    covariance, unshared : (9, 9) arrays
+        By all rate noise, and by `unshared_noise` only.
     """
     cov, unshared = np.zeros((9, 9)), np.zeros((9, 9))
     gain, path, axes = np.zeros(3), np.zeros(3), np.empty((3, 3))
@@ -104,7 +124,20 @@ def _add_rate_noise(cov, variance, path, gain):
 
 @COMPILED
 def in_body_axes(cov, end):
-    """The covariance ``(9, 9)`` with the attitude error in the body axes of the attitude `end`."""
+    """A covariance with the attitude error in body axes.
+
+    Parameters
+    ----------
+    cov : (9, 9) array
+        Of position (m), velocity (m/s) and attitude error (rad), inertial axes.
+    end : (4,) array
+        inertial_from_body.
+
+    Returns
+    -------
+    (9, 9) array
+        The attitude error in the body axes of `end`.
+    """
     matrix, out = np.empty((3, 3)), cov.copy()
     fill_matrix(end, matrix)
     for r in range(9):
@@ -119,7 +152,26 @@ def in_body_axes(cov, end):
 
 @COMPILED
 def onboard_rotation_jacobians(interval, rate, coning_corrected, middle, end):
-    """As `noise.onboard_rotation`, from the attitudes at the middle of the samples and at their end."""
+    """Derivatives of the rotation computed on board, as `noise.onboard_rotation`.
+
+    Parameters
+    ----------
+    interval : (N,) array
+        s.
+    rate : (N, 3) array
+        rad/s, body axes.
+    coning_corrected : (N,) array of bool
+        Samples that were taken from the on-board attitude.
+    middle : (N, 4) array
+        Attitudes at the middle of the samples.
+    end : (4,) array
+        Attitude at their end.
+
+    Returns
+    -------
+    by_rate, by_mounting : (3, 3) arrays
+        Rotation vector (rad) in the body axes of the end, per rate (rad/s) and per mounting (rad).
+    """
     by_rate, by_mounting, axes = np.zeros((3, 3)), np.zeros((3, 3)), np.empty((3, 3))
     for i in range(interval.size):
         if coning_corrected[i]:

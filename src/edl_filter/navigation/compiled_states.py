@@ -12,7 +12,18 @@ COMPILED = njit(cache=True, error_model="numpy", nogil=True)
 
 @COMPILED
 def product(p, q):
-    """``p ⊗ q``."""
+    """``p ⊗ q``.
+
+    Parameters
+    ----------
+    p, q : (4,) arrays or tuples of four floats
+        Quaternions, scalar last.
+
+    Returns
+    -------
+    tuple of four floats
+        The product, scalar last.
+    """
     return (
         p[3] * q[0] + p[0] * q[3] + p[1] * q[2] - p[2] * q[1],
         p[3] * q[1] - p[0] * q[2] + p[1] * q[3] + p[2] * q[0],
@@ -23,7 +34,18 @@ def product(p, q):
 
 @COMPILED
 def exponential(x, y, z):
-    """Quaternion of a rotation vector, rad."""
+    """Quaternion of a rotation vector.
+
+    Parameters
+    ----------
+    x, y, z : float
+        Components of the rotation vector, rad.
+
+    Returns
+    -------
+    tuple of four floats
+        Unit quaternion, scalar last.
+    """
     half = 0.5 * np.sqrt(x * x + y * y + z * z)
     factor = 0.5 * (np.sin(half) / half if half > 1e-4 else 1.0 - half * half / 6.0)
     return factor * x, factor * y, factor * z, np.cos(half)
@@ -31,7 +53,20 @@ def exponential(x, y, z):
 
 @COMPILED
 def turned_attitude(attitude, x, y, z):
-    """``attitude ⊗ exp(phi)``, a unit quaternion."""
+    """``attitude ⊗ exp(phi)``, normalised.
+
+    Parameters
+    ----------
+    attitude : (4,) array
+        Quaternion, scalar last.
+    x, y, z : float
+        Components of the rotation vector phi, rad.
+
+    Returns
+    -------
+    tuple of four floats
+        Unit quaternion, scalar last.
+    """
     q = product(attitude, exponential(x, y, z))
     n = 1.0 / np.sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3])
     return n * q[0], n * q[1], n * q[2], n * q[3]
@@ -39,7 +74,18 @@ def turned_attitude(attitude, x, y, z):
 
 @COMPILED
 def turn_between(p, q):
-    """Rotation vector phi, rad, with ``q = p ⊗ exp(phi)``."""
+    """Rotation vector phi with ``q = p ⊗ exp(phi)``.
+
+    Parameters
+    ----------
+    p, q : (4,) arrays
+        Unit quaternions, scalar last.
+
+    Returns
+    -------
+    tuple of three floats
+        Components of phi, of at most half a turn, rad.
+    """
     x, y, z, w = product((-p[0], -p[1], -p[2], p[3]), (q[0], q[1], q[2], q[3]))
     if w < 0.0:
         x, y, z, w = -x, -y, -z, -w
@@ -50,7 +96,15 @@ def turn_between(p, q):
 
 @COMPILED
 def fill_matrix(q, out):
-    """Rotation matrix ``(3, 3)`` of a quaternion."""
+    """Rotation matrix of a quaternion.
+
+    Parameters
+    ----------
+    q : (4,) array or tuple of four floats
+        Unit quaternion, scalar last.
+    out : (3, 3) array
+        The matrix.
+    """
     x, y, z, w = q[0], q[1], q[2], q[3]
     out[0, 0], out[0, 1], out[0, 2] = 1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - z * w), 2.0 * (x * z + y * w)
     out[1, 0], out[1, 1], out[1, 2] = 2.0 * (x * y + z * w), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - x * w)
@@ -59,7 +113,28 @@ def fill_matrix(q, out):
 
 @COMPILED
 def states_of_points(nav, errors, points, columns, onboard):
-    """As `layout.sigma_states`; `onboard` is the first index of the on-board attitude's error or -1."""
+    """States of sigma points, as `layout.sigma_states`.
+
+    Parameters
+    ----------
+    nav : (10 or 14,) array
+        Reference, as `State.nav`: m, m/s and quaternions.
+    errors : (n,) array
+        Reference, as `State.errors`, in the units of `layout.UNITS`.
+    points : (S, n) array
+        Errors about the reference, in the same units.
+    columns : int
+        Columns of the result; those beyond S are the reference.
+    onboard : int
+        First index of the on-board attitude's error in the vector; -1: none.
+
+    Returns
+    -------
+    states : (10 or 14, columns) array
+        As `State.nav`.
+    full : (n, columns) array
+        As `State.errors`.
+    """
     n = len(errors)
     states, full = np.empty((len(nav), columns)), np.empty((n, columns))
     for s in range(columns):
@@ -86,7 +161,26 @@ def states_of_points(nav, errors, points, columns, onboard):
 
 @COMPILED
 def moved_state(nav, errors, delta, onboard):
-    """The state moved by an error vector ``(n,)``, as `State.plus`."""
+    """The state moved by an error vector, as `State.plus`.
+
+    Parameters
+    ----------
+    nav : (10 or 14,) array
+        As `State.nav`: m, m/s and quaternions.
+    errors : (n,) array
+        As `State.errors`, in the units of `layout.UNITS`.
+    delta : (n,) array
+        Error vector, in the same units.
+    onboard : int
+        First index of the on-board attitude's error in the vector; -1: none.
+
+    Returns
+    -------
+    moved : (10 or 14,) array
+        As `State.nav`.
+    full : (n,) array
+        As `State.errors`.
+    """
     moved, full = nav.copy(), errors.copy()
     for k in range(6):
         moved[k] += delta[k]
@@ -105,7 +199,22 @@ def moved_state(nav, errors, delta, onboard):
 
 @COMPILED
 def error_between(nav, errors, reference_nav, reference_errors, onboard):
-    """The error vector ``(n,)`` from a reference to a state, as `State.minus`."""
+    """The error vector from a reference to a state, as `State.minus`.
+
+    Parameters
+    ----------
+    nav, reference_nav : (10 or 14,) arrays
+        As `State.nav`: m, m/s and quaternions.
+    errors, reference_errors : (n,) arrays
+        As `State.errors`, in the units of `layout.UNITS`.
+    onboard : int
+        First index of the on-board attitude's error in the vector; -1: none.
+
+    Returns
+    -------
+    (n,) array
+        In the units of `layout.UNITS`.
+    """
     delta = errors - reference_errors
     for k in range(6):
         delta[k] = nav[k] - reference_nav[k]
@@ -118,7 +227,22 @@ def error_between(nav, errors, reference_nav, reference_errors, onboard):
 
 @COMPILED
 def sensor_correction_maps(full, places):
-    """As `imu_model.sensor_errors.correction_maps`, of the errors ``(n, S)``."""
+    """Corrections of the readings, as `imu_model.sensor_errors.correction_maps`.
+
+    Parameters
+    ----------
+    full : (n, S) array
+        As `State.errors`, in the units of `layout.UNITS`.
+    places : (8,) array of int
+        Of `compiled_ukf.state_places`; the first five are used.
+
+    Returns
+    -------
+    force_map : (12, S) array
+        ``f = A f_m + c``: A row by row (9), then c (3), m/s².
+    rate_map : (6, S) array
+        ``w = a ∘ w_m + c``: a (3), then c (3), rad/s.
+    """
     count = full.shape[1]
     force_map, rate_map, matrix = np.zeros((12, count)), np.zeros((6, count)), np.eye(3)
     bias, scale, misalignment, gyro_bias, gyro_scale = places[0], places[1], places[2], places[3], places[4]

@@ -90,7 +90,7 @@ class Samples:
         return Samples(*[getattr(self, name)[start:stop] for name in _SAMPLES_FIELDS])
 
     def split(self, times: Array) -> Samples:
-        """The same motion with sample edges also at `times` (s); the random walks stay the same."""
+        """The same motion with sample edges also at `times` ``(K,)``, s; the random walks stay the same."""
         edges = np.concatenate(([self.time[0] - self.interval[0]], self.time))
         inside = np.unique(times)
         inside = inside[(inside > edges[0]) & (inside < edges[-1])]

@@ -69,7 +69,7 @@ def information_in_order(uses: Sequence[Fused]) -> Array:
     )
 
 
-def information_beyond_others(uses: Sequence[Fused], without: FilterPass, smoothed: Smoothed) -> float:
+def added_information(uses: Sequence[Fused], without: FilterPass, smoothed: Smoothed) -> float:
     """Information that all uses of a constraint together add to all other measurements, nats.
 
     Parameters
@@ -100,7 +100,7 @@ def joint_prediction_covariance(uses: Sequence[Fused], without: FilterPass, smoo
     uses : sequence of Fused
         In the order of time.
     without, smoothed
-        As in `information_beyond_others`.
+        As in `added_information`.
 
     Returns
     -------

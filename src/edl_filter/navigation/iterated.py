@@ -94,8 +94,8 @@ def run_without(problem: Problem, filter_pass: FilterPass, name: str) -> FilterP
     -------
     FilterPass
     """
-    others = [f for f in filter_pass.fused if f.constraint.name != name]
-    return iterate(problem, replace(filter_pass, fused=others))
+    remaining = [f for f in filter_pass.fused if f.constraint.name != name]
+    return iterate(problem, replace(filter_pass, fused=remaining))
 
 
 def linearized_pass(problem: Problem, before: FilterPass, references: list[State]) -> FilterPass:
@@ -177,6 +177,6 @@ def _update(
     return Fused(constraint, use.node, innovation, bool(accepted), weight), error, covariance
 
 
-def _same_decisions(one: FilterPass, other: FilterPass) -> bool:
+def _same_decisions(first: FilterPass, second: FilterPass) -> bool:
     """Whether two passes with the same constraints accept the same of them."""
-    return all(a.accepted == b.accepted for a, b in zip(one.fused, other.fused, strict=True))
+    return all(a.accepted == b.accepted for a, b in zip(first.fused, second.fused, strict=True))

@@ -21,7 +21,7 @@ import numpy as np
 from scipy.linalg import cholesky, solve_triangular
 
 from edl_filter.navigation.filter import FilterPass, Fused, Problem, new_filter, quantile, run_filter_without
-from edl_filter.navigation.information import information_beyond_others, information_in_order
+from edl_filter.navigation.information import added_information, information_in_order
 from edl_filter.navigation.iterated import run_without
 from edl_filter.navigation.smoother import Smoothed, smooth
 from edl_filter.types import Array, BoolArray
@@ -97,13 +97,6 @@ class ConstraintCheck:
         low, high = self.nis_interval()
         return low <= float(np.sum(self.nis)) <= high
 
-    @property
-    def left_out_sigmas(self) -> float:
-        """Largest component of the left-out residual in sigmas."""
-        if not np.all(self.left_out_sigma > 0.0):
-            return float("nan")
-        return float(np.max(np.abs(self.left_out / self.left_out_sigma)))
-
 
 def _interval(probability: float, dof: int) -> tuple[float, float]:
     """Interval that holds a sum of `dof` squares with `probability`, with equal tails."""
@@ -143,7 +136,7 @@ def _check(problem: Problem, filter_pass: FilterPass, group: list[Fused]) -> Con
         left_out_nis=float(residual @ np.linalg.solve(covariance, residual)),
         left_out_dof=len(residual),
         information=information_in_order(group),
-        left_out_information=information_beyond_others(group, without, smoothed),
+        left_out_information=added_information(group, without, smoothed),
     )
 
 

@@ -24,8 +24,8 @@ from edl_filter.types import Array
 
 
 @dataclass(frozen=True)
-class Flow:
-    """Flow about the vehicle at many states.
+class DeploymentFlow:
+    """Flow about the vehicle at many states, as the constraints at parachute deployment need it.
 
     Attributes
     ----------
@@ -45,7 +45,7 @@ class Flow:
 
     @property
     def dynamic_pressure(self) -> Array:
-        """``ρ V² / 2``, Pa."""
+        """``ρ V² / 2`` ``(S,)``, Pa."""
         return 0.5 * self.density * self.speed**2
 
 
@@ -71,13 +71,13 @@ class FlowModel:
     diameter: float
     database: Database | None = None
 
-    def at(self, time: float, nav: Array) -> Flow:
+    def at(self, time: float, nav: Array) -> DeploymentFlow:
         """Flow of the states `nav` (10 or 14, S) at `time` (s)."""
         altitude, velocity, enu = velocity_in_air(self.planet, self.atmosphere, time, nav)
         speed = np.linalg.norm(velocity, axis=1)
         body = rotations.rotate(rotations.conjugate(nav[6:10].T), np.einsum("sji,sj->si", enu, velocity))
         density = self.atmosphere.density(altitude)
-        return Flow(
+        return DeploymentFlow(
             altitude=altitude,
             speed=speed,
             density=density,
@@ -87,20 +87,20 @@ class FlowModel:
             flight_path=np.arcsin(velocity[:, 2] / speed),
         )
 
-    def axial_coefficient(self, flow: Flow) -> tuple[Array, Array]:
+    def axial_coefficient(self, flow: DeploymentFlow) -> tuple[Array, Array]:
         """CA of the database and its sigma, a third of its 3 sigma, ``(S,)`` each."""
         assert self.database is not None
         entry = self.database.lookup(flow.mach, flow.knudsen, flow.alpha_total, flow.speed)
         return entry.ca, entry.three_sigma.ca / 3.0
 
 
-def _log_axial_force(model: FlowModel, flow: Flow) -> Array:
+def _log_axial_force(model: FlowModel, flow: DeploymentFlow) -> Array:
     """Logarithm of the axial force over the reference area, q CA in Pa."""
     return np.log(flow.dynamic_pressure * model.axial_coefficient(flow)[0])
 
 
 #: Component → what a flow predicts for it.
-PREDICTIONS: dict[str, Callable[[FlowModel, Flow], Array]] = {
+PREDICTIONS: dict[str, Callable[[FlowModel, DeploymentFlow], Array]] = {
     "log axial force (1)": _log_axial_force,
     "log dynamic pressure (1)": lambda model, flow: np.log(flow.dynamic_pressure),
     "log Mach number (1)": lambda model, flow: np.log(flow.mach),

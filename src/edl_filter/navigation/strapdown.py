@@ -105,7 +105,28 @@ def _propagate_blocks(work, blocks, interval, force, rate, mu, j2, radius):
 
 @njit(cache=True, fastmath=FAST, error_model="numpy", inline="always")
 def step(x, y, z, vx, vy, vz, qx, qy, qz, qw, dt, fx, fy, fz, wx, wy, wz, mu, j):
-    """One state over one sample of specific force f and rate w; `j` is 3/2 J2 times the squared reference radius."""
+    """One state over one sample.
+
+    Parameters
+    ----------
+    x, y, z, vx, vy, vz : float
+        Position (m) and velocity (m/s), inertial axes.
+    qx, qy, qz, qw : float
+        inertial_from_body.
+    dt : float
+        s.
+    fx, fy, fz, wx, wy, wz : float
+        Specific force (m/s²) and rate (rad/s), body axes.
+    mu : float
+        Gravitational parameter, m³/s².
+    j : float
+        3/2 J2 times the squared reference radius, m².
+
+    Returns
+    -------
+    tuple of ten floats
+        Position, velocity and attitude at the end of the sample.
+    """
     # half the rotation of this sample as a quaternion
     c = 0.25 * dt
     ax, ay, az = c * wx, c * wy, c * wz

@@ -68,7 +68,7 @@ def smoothed_trajectory(problem: Problem, smoothed: Smoothed, layout: Layout) ->
         matrix = force_map[:9, 0].reshape(3, 3).T
         force[part] = samples.mean_force[part] @ matrix + force_map[9:, 0]
         rate[part] = samples.mean_rate[part] * rate_map[:3, 0] + rate_map[3:, 0]
-        path = propagate_one(
+        path = propagate_state(
             state.nav[:10],
             samples.interval[part],
             samples.force[part] @ matrix + force_map[9:, 0],
@@ -154,7 +154,7 @@ def inertial_covariance(smoothed: Smoothed, time: Array) -> Array:
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def propagate_one(start, interval, force, rate, mu, j2, radius):
+def propagate_state(start, interval, force, rate, mu, j2, radius):
     """Propagate one state over samples and store every step.
 
     Parameters

@@ -175,7 +175,7 @@ def _hypotheses(mission: Mission, telemetry: Telemetry) -> Iterator[_Hypothesis]
     yield from _unit_hypotheses(telemetry)
     if telemetry.initial is not None:
         yield from (
-            _Hypothesis("entry_state", f"the attitude at entry, its quaternion {text}", _other_attitude(change))
+            _Hypothesis("entry_state", f"the attitude at entry, its quaternion {text}", _changed_attitude(change))
             for text, change in _QUATERNIONS.items()
         )
     identity = np.eye(3)
@@ -315,7 +315,7 @@ _QUATERNIONS: dict[str, Callable[[Array], Array]] = {
 }
 
 
-def _other_attitude(change: Callable[[Array], Array]) -> Callable[[Telemetry], Telemetry]:
+def _changed_attitude(change: Callable[[Array], Array]) -> Callable[[Telemetry], Telemetry]:
     def repair(t: Telemetry) -> Telemetry:
         assert t.initial is not None
         return replace(t, initial=replace(t.initial, inertial_from_body=change(t.initial.inertial_from_body)))
@@ -358,7 +358,20 @@ class _WithLargeSigma:
 
 
 def imu_axes(mission: Mission, name: str) -> Array | None:
-    """Matrix body_from_imu of an IMU in a flight file; None where there is none."""
+    """Mounting of an IMU in a flight file.
+
+    Parameters
+    ----------
+    mission : Mission
+        With the path of the telemetry.
+    name : str
+        Of the IMU.
+
+    Returns
+    -------
+    (3, 3) array or None
+        body_from_imu; None where there is no such file or IMU.
+    """
     path = mission.telemetry_path()
     if not isinstance(mission.telemetry, FlightFileConfig) or path is None:
         return None

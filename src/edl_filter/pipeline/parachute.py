@@ -21,11 +21,11 @@ from edl_filter.navigation.parachute import (
     AXIAL_FORCE,
     DYNAMIC_PRESSURE,
     MACH,
-    Flow,
+    DeploymentFlow,
     FlowModel,
     ParachuteDeployment,
 )
-from edl_filter.navigation.trajectory import propagate_one
+from edl_filter.navigation.trajectory import propagate_state
 from edl_filter.pipeline.forward_model import body_of, database_of
 from edl_filter.planet import Planet
 from edl_filter.planet.atmosphere import Atmosphere
@@ -118,7 +118,7 @@ def _dead_reckoned(samples: Samples, initial: InitialState, planet: Planet, time
     start = np.concatenate((initial.position, initial.velocity, initial.inertial_from_body))
     if not len(part.time):
         return start
-    path = propagate_one(start, part.interval, part.force, part.rate, planet.mu, planet.j2, planet.gravity_radius)
+    path = propagate_state(start, part.interval, part.force, part.rate, planet.mu, planet.j2, planet.gravity_radius)
     return np.asarray(path[-1])
 
 
@@ -127,7 +127,7 @@ def _axial_force(
     telemetry: Telemetry,
     samples: Samples,
     model: FlowModel,
-    flow: Flow,
+    flow: DeploymentFlow,
     time: float,
     effects: Sequence[EffectInstance],
 ) -> tuple[float, float, str]:

@@ -61,25 +61,25 @@ def record_cause(mission: Mission, telemetry: Telemetry, sound: Telemetry) -> st
     readings, pairs, size = {}, {}, {}
     moved = _moved_to(reference, record)
     for quantity in ("specific_force", "angular_rate"):
-        own, other = _common(record, moved, quantity, end)
+        own, expected = _common(record, moved, quantity, end)
         if not len(own):
             return None
-        readings[quantity], size[quantity] = (own, other), _typical(own - other)
-        if size[quantity] > DIFFERENT * max(_typical(own), _typical(other)):
-            pairs[quantity] = own, other
+        readings[quantity], size[quantity] = (own, expected), _typical(own - expected)
+        if size[quantity] > DIFFERENT * max(_typical(own), _typical(expected)):
+            pairs[quantity] = own, expected
     best, sentence = EXPLAINED, None
     for changes, text in _changes_of_axes(mission, record.name):
-        share = {q: _typical(own @ changes.T - other) / size[q] for q, (own, other) in readings.items()}
+        share = {q: _typical(own @ changes.T - expected) / size[q] for q, (own, expected) in readings.items()}
         largest = max((share[q] for q in pairs), default=np.inf)
-        if any(_worse(own, changes, other, noise[q]) > 1.0 - WHOLE for q, (own, other) in pairs.items()):
+        if any(_worse(own, changes, expected, noise[q]) > 1.0 - WHOLE for q, (own, expected) in pairs.items()):
             continue  # it explains a part of the flight
         if largest < best:
             affected = " and ".join(SENSORS[q] for q in readings if share[q] < 1.0)
             best, sentence = largest, f"{text} in the {affected} of IMU {record.name}"
-    for quantity, (own, other) in pairs.items():
+    for quantity, (own, expected) in pairs.items():
         words = quantity.replace("_", " ")
         for unit, value in (FORCE_UNITS if quantity == "specific_force" else RATE_UNITS).items():
-            left = _typical(own * value - other) / size[quantity]
+            left = _typical(own * value - expected) / size[quantity]
             if left < best and len(pairs) == 1:
                 best, sentence = left, f"units, the {words} of IMU {record.name} is in {unit}"
     return sentence
@@ -93,21 +93,21 @@ def _moved_to(reference: ImuRecord, record: ImuRecord) -> ImuRecord:
     return replace(reference, specific_force=force)
 
 
-def _worse(own: Array, change: Array, other: Array, noise: float) -> float:
-    """Share of the readings (N, 3) that a change (3, 3) takes farther from those of another IMU, beyond their noise."""
-    before, after = (np.linalg.norm(values - other, axis=1) for values in (own, own @ change.T))
+def _worse(own: Array, change: Array, expected: Array, noise: float) -> float:
+    """Share of the readings (N, 3) that a change (3, 3) takes farther from the expected ones, beyond their noise."""
+    before, after = (np.linalg.norm(values - expected, axis=1) for values in (own, own @ change.T))
     return float(np.mean(after > before + SIGNIFICANT * noise))
 
 
 def _common(record: ImuRecord, reference: ImuRecord, quantity: str, end: float) -> tuple[Array, Array]:
     """Readings of a record and those of another one at its times, ``(N, 3)`` each, up to `end` (s)."""
-    values, others = getattr(record, quantity), getattr(reference, quantity)
-    known = finite_rows(others)
+    values, reference_values = getattr(record, quantity), getattr(reference, quantity)
+    known = finite_rows(reference_values)
     used = finite_rows(values) & (record.time <= min(end, reference.time[-1])) & (record.time >= reference.time[0])
     if known.sum() < 2:
         return np.zeros((0, 3)), np.zeros((0, 3))
     return values[used], np.column_stack([
-        np.interp(record.time[used], reference.time[known], column) for column in others[known].T
+        np.interp(record.time[used], reference.time[known], column) for column in reference_values[known].T
     ])  # fmt: skip
 
 

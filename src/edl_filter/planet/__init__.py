@@ -163,23 +163,6 @@ class Planet:
         """
         return ellipsoid.geodetic_from_fixed(position, self.equatorial_radius, self.flattening)
 
-    def fixed_from_geodetic(self, latitude: ArrayLike, longitude: ArrayLike, altitude: ArrayLike) -> Array:
-        """Planet-fixed positions of areodetic coordinates.
-
-        Parameters
-        ----------
-        latitude, longitude : (...) arrays
-            rad.
-        altitude : (...) array
-            m.
-
-        Returns
-        -------
-        (..., 3) array
-            m.
-        """
-        return ellipsoid.fixed_from_geodetic(latitude, longitude, altitude, self.equatorial_radius, self.flattening)
-
     def velocity_relative(self, position: ArrayLike, velocity: ArrayLike) -> Array:
         """Velocity relative to the ground and to the air without wind.
 

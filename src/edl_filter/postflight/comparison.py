@@ -192,10 +192,14 @@ def from_forces(
 
     Parameters
     ----------
-    database, atmosphere, speed, velocity_body, x_over_d, offset
+    database, atmosphere, x_over_d, offset
         As in `database_coefficients`.
     flight : FlightCoefficients
         Of N samples.
+    speed : (N,) array
+        Air-relative, m/s.
+    velocity_body : (N, 3) array
+        Air-relative velocity, m/s, body axes.
     stride : int
         Samples from one look-up to the next.
 

@@ -227,8 +227,8 @@ def extract_atmosphere(
     by_angle = of_pressure(relative["angle"][None])[0]
     p_common += by_angle**2
     t_common += (by_angle / safe_pressure) ** 2 + relative["angle"] ** 2
-    others = np.stack([relative[name] for name in relative if name not in ("noise", "angle")])
-    for errors in (others, *(ca_relative * factor * over_angle for factor in field)):
+    remaining = np.stack([relative[name] for name in relative if name not in ("noise", "angle")])
+    for errors in (remaining, *(ca_relative * factor * over_angle for factor in field)):
         by_errors = of_pressure(errors)
         p_common += np.sum(by_errors**2, axis=0)
         t_common += np.sum((by_errors / safe_pressure - errors) ** 2, axis=0)

@@ -32,7 +32,7 @@ _ALONG = (
 
 
 @dataclass(frozen=True)
-class Derived:
+class DerivedQuantities:
     """Quantities derived from a reconstruction that are used more than once.
 
     Attributes
@@ -50,11 +50,11 @@ class Derived:
     postflight: PostflightResult | None
 
 
-def derived_quantities(reconstruction: Reconstruction) -> Derived:
+def derived_quantities(reconstruction: Reconstruction) -> DerivedQuantities:
     """Air data along the trajectory, events, atmosphere and coefficients."""
     r = reconstruction
     air = air_data(r.trajectory, r.planet, r.atmosphere, r.effects)
-    return Derived(air, events(r, air), derive_flight(r, air))
+    return DerivedQuantities(air, events(r, air), derive_flight(r, air))
 
 
 def derive_flight(reconstruction: Reconstruction, air: AirData) -> PostflightResult | None:

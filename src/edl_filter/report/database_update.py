@@ -51,7 +51,18 @@ def _panel(regime: RegimeUpdate, coefficient: int, legend: bool) -> Panel:
 
 
 def figure_angles(regime: RegimeUpdate) -> IntArray:
-    """Indices of the angles that a figure has: as many as there are colours, of those that were flown; not zero."""
+    """Angles of a figure: as many as there are colours, of those that were flown; not zero.
+
+    Parameters
+    ----------
+    regime : RegimeUpdate
+        With A angles.
+
+    Returns
+    -------
+    (K,) array of int
+        Indices of the angles.
+    """
     flown = np.flatnonzero(np.any(regime.bins > 0, axis=0))
     flown = flown[flown > 0] if np.any(flown > 0) else np.array([1])
     return np.unique(np.round(np.linspace(flown[0], flown[-1], len(AXES))).astype(np.int64))

@@ -142,7 +142,7 @@ def _draw(result: Path, folder: Path, formats: Sequence[str]) -> list[str]:
         tasks = [_Task(result, name, folder, tuple(formats)) for name in available(reader)]
     count = min(len(tasks), processors())
     if count < 2 or sys.platform == "darwin" or "fork" not in multiprocessing.get_all_start_methods():
-        return [name for task in tasks for name in _draw_one(task)]
+        return [name for task in tasks for name in _draw_task(task)]
     context = multiprocessing.get_context("fork")
     following = context.Value("i", 0)
     gc.freeze()
@@ -171,7 +171,7 @@ def _draw_share(tasks: Sequence[_Task], following: Any, sender: Any, parent: int
                 following.value += 1
             if k >= len(tasks):
                 break
-            drawn[k] = _draw_one(tasks[k])
+            drawn[k] = _draw_task(tasks[k])
         sender.send(drawn)
     except InputError as error:
         sender.send(str(error))
@@ -186,7 +186,7 @@ class _Task(NamedTuple):
     formats: tuple[str, ...]
 
 
-def _draw_one(task: _Task) -> list[str]:
+def _draw_task(task: _Task) -> list[str]:
     from edl_filter.report.figures import draw_figure
 
     paths = draw_figure(_reader(task.result), task.name, task.folder, task.formats)

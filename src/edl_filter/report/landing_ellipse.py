@@ -27,7 +27,7 @@ class LocalMap:
     matrix: Array
 
     @classmethod
-    def about(cls, point: Array) -> LocalMap:
+    def centred_at(cls, point: Array) -> LocalMap:
         """Map about a planet-fixed position ``(3,)``, m."""
         up = point / np.linalg.norm(point)
         east = np.array([-up[1], up[0], 0.0]) / np.hypot(up[0], up[1])
@@ -72,7 +72,7 @@ class LandingEstimate:
     @property
     def map(self) -> LocalMap:
         """Map about the site, or about the estimated landing if there is no site."""
-        return LocalMap.about(self.position if self.site is None else self.site)
+        return LocalMap.centred_at(self.position if self.site is None else self.site)
 
 
 def fixed_track(reader: ResultReader) -> Array:

@@ -78,7 +78,22 @@ def _group(data: Dataset, selected: IntArray) -> dict[str, Any]:
 
 
 def values_of(data: Dataset, name: str, selected: IntArray) -> Array:
-    """Values of a variable for some cases, read from the store."""
+    """Values of a variable for some cases, read from the store.
+
+    Parameters
+    ----------
+    data : Dataset
+        Of `open_store`.
+    name : str
+        Of the variable.
+    selected : (K,) array of int
+        Indices of the cases.
+
+    Returns
+    -------
+    (K, ...) array
+        In the unit of the variable; NaN where a case has no value.
+    """
     return np.asarray(data[name].isel(case=selected).values, float)
 
 

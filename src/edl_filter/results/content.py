@@ -15,7 +15,7 @@ from edl_filter.pipeline.reconstruct import Reconstruction
 from edl_filter.pipeline.trust import Trust
 from edl_filter.postflight.airdata import AirData
 from edl_filter.postflight.events import Event
-from edl_filter.postflight.flight import Derived
+from edl_filter.postflight.flight import DerivedQuantities
 from edl_filter.results.estimates import (
     add_comparison,
     add_constraints,
@@ -80,7 +80,7 @@ EVENT = {
 }
 
 
-def content(reconstruction: Reconstruction, derived: Derived, refit: RefitSummary, trust: Trust) -> Groups:
+def content(reconstruction: Reconstruction, derived: DerivedQuantities, refit: RefitSummary, trust: Trust) -> Groups:
     """All groups of a result: path → `Group`."""
     telemetry = reconstruction.telemetry
     groups: Groups = {"/": Group(attrs=_root(reconstruction, refit, trust))}

@@ -89,7 +89,17 @@ def add_constraints(groups: Groups, statements: Iterable[ConstraintCheck], fused
 
 
 def add_entry(groups: Groups, entry: EntryCorrection, rotation_j2000: Array | None) -> None:
-    """Add ``/entry``: the correction of the entry state, and the rotation of its frame that is nearest to it."""
+    """Add ``/entry``: the correction of the entry state, and the rotation of its frame that is nearest to it.
+
+    Parameters
+    ----------
+    groups : Groups
+        To which the group is added.
+    entry : EntryCorrection
+        Of the reconstruction.
+    rotation_j2000 : (3,) array or None
+        The rotation in J2000, rad; None where the mission does not state that frame.
+    """
     group = Group()
     group.label("axis", AXES, "inertial axis (body axis in the attitude's change)")
     for k, (name, unit) in enumerate((("position", "m"), ("velocity", "m/s"), ("attitude", "rad"))):

@@ -183,7 +183,7 @@ class ResultReader:
         return [name for name in names if "/" not in name]
 
     def variable(self, path: str, name: str) -> Array | None:
-        """Numbers of a variable; None if it does not exist, is empty or is text."""
+        """Numbers ``(...)`` of a variable, in its unit; None if it does not exist, is empty or is text."""
         group = self.group(path)
         variable = None if group is None else group.variables.get(name)
         if variable is None or variable.values.dtype.kind not in "fiub" or not variable.values.size:
@@ -191,7 +191,7 @@ class ResultReader:
         return np.asarray(variable.values, float)
 
     def required(self, path: str, name: str) -> Array:
-        """Numbers of a variable that the result contains.
+        """Numbers ``(...)`` of a variable that the result contains, in its unit.
 
         Raises
         ------

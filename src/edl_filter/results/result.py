@@ -15,7 +15,7 @@ from edl_filter.navigation.trajectory import Trajectory
 from edl_filter.pipeline import reconstruct as pipeline
 from edl_filter.pipeline.reconstruct import Reconstruction
 from edl_filter.pipeline.trust import Trust, judge
-from edl_filter.postflight.flight import Derived, derived_quantities
+from edl_filter.postflight.flight import DerivedQuantities, derived_quantities
 from edl_filter.results.content import content
 from edl_filter.results.groups import Groups
 from edl_filter.results.netcdf import tree_of
@@ -56,7 +56,7 @@ class Result:
         return self.reconstruction.trajectory
 
     @cached_property
-    def derived(self) -> Derived:
+    def derived(self) -> DerivedQuantities:
         """Air data, events, atmosphere and coefficients."""
         return derived_quantities(self.reconstruction)
 

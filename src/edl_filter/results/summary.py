@@ -20,7 +20,7 @@ from edl_filter.pipeline.entry_state import in_j2000
 from edl_filter.pipeline.reconstruct import Reconstruction
 from edl_filter.pipeline.trust import Trust
 from edl_filter.planet.gas import Gas
-from edl_filter.postflight.flight import Derived
+from edl_filter.postflight.flight import DerivedQuantities
 from edl_filter.results import postflight
 from edl_filter.results.landing import from_site, landing
 from edl_filter.telemetry.calibration import Misalignment, MisalignmentEstimate
@@ -44,7 +44,9 @@ class RefitSummary:
     residuals: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
 
 
-def summary(reconstruction: Reconstruction, derived: Derived, refit: RefitSummary, trust: Trust) -> dict[str, Any]:
+def summary(
+    reconstruction: Reconstruction, derived: DerivedQuantities, refit: RefitSummary, trust: Trust
+) -> dict[str, Any]:
     """Main results (design section 7): plain numbers, lists and dicts; numbers may be infinite or NaN.
 
     `edl_filter.results.schema.Summary` has all keys with their units.

@@ -170,7 +170,7 @@ class Campaign(Section):
 
     @field_validator("dispersions")
     @classmethod
-    def _at_least_one(cls, value: dict[str, DispersionConfig]) -> dict[str, DispersionConfig]:
+    def _nominal_if_empty(cls, value: dict[str, DispersionConfig]) -> dict[str, DispersionConfig]:
         return value or {"nominal": DispersionConfig()}
 
     @model_validator(mode="after")

@@ -31,7 +31,22 @@ INCREMENTS = 17
 
 @njit(cache=True, error_model="numpy")
 def bracket(nodes, x):
-    """Index of the node below `x`, and the fraction of the step from it to `x`; held at the edges."""
+    """Place of a value between nodes; held at the edges.
+
+    Parameters
+    ----------
+    nodes : (K,) array
+        Increasing, in the unit of `x`.
+    x : float
+        The value.
+
+    Returns
+    -------
+    index : int
+        Of the node below `x`.
+    fraction : float
+        Of the step from that node to the next.
+    """
     last = nodes.size - 1
     if last == 0 or x <= nodes[0]:
         return 0, 0.0
@@ -49,7 +64,24 @@ def bracket(nodes, x):
 
 @njit(cache=True, error_model="numpy")
 def bilinear(rows, columns, values, x, y, k):
-    """Value `k` of a table ``(R, C, K)`` at `x` along rows and `y` along columns."""
+    """Bilinear interpolation of a table, held at the edges.
+
+    Parameters
+    ----------
+    rows, columns : (R,) and (C,) arrays
+        Increasing nodes, in the units of `x` and `y`.
+    values : (R, C, K) array
+        K quantities.
+    x, y : float
+        Place along rows and along columns.
+    k : int
+        Index of the quantity.
+
+    Returns
+    -------
+    float
+        In the unit of the quantity.
+    """
     i, u = bracket(rows, x)
     j, v = bracket(columns, y)
     below = values[i, j, k] + v * (values[i, j + 1, k] - values[i, j, k])
@@ -61,7 +93,20 @@ def bilinear(rows, columns, values, x, y, k):
 
 @njit(cache=True, error_model="numpy")
 def linear(nodes, values, x):
-    """Linear interpolation, held at the edges."""
+    """Linear interpolation, held at the edges.
+
+    Parameters
+    ----------
+    nodes, values : (K,) arrays
+        Increasing nodes in the unit of `x`, and the values at them.
+    x : float
+        Place of the result.
+
+    Returns
+    -------
+    float
+        In the unit of the values.
+    """
     i, u = bracket(nodes, x)
     if u == 0.0:
         return values[i]
@@ -70,10 +115,26 @@ def linear(nodes, values, x):
 
 @njit(cache=True, error_model="numpy")
 def locate(x, y, z, radius, flattening):
-    """Areodetic altitude (m), and sine and cosine of the areodetic latitude.
+    """Areodetic altitude and latitude.
 
     Bowring's iteration, as in `edl_filter.planet.ellipsoid`; after three steps the error is 1e-9 m for a Mars-like
     planet.
+
+    Parameters
+    ----------
+    x, y, z : float
+        Position, m; z along the axis of rotation.
+    radius : float
+        Equatorial, m.
+    flattening : float
+        Of the ellipsoid.
+
+    Returns
+    -------
+    altitude : float
+        m.
+    sine, cosine : float
+        Of the areodetic latitude.
     """
     b = radius * (1.0 - flattening)
     p = np.sqrt(x * x + y * y)
@@ -95,7 +156,22 @@ def locate(x, y, z, radius, flattening):
 
 @njit(cache=True, error_model="numpy")
 def air_at(t, altitude):
-    """Density (kg/m³), speed of sound (m/s), wind towards east and north (m/s)."""
+    """Air at an altitude.
+
+    Parameters
+    ----------
+    t : Tables
+        With the table of the air ``(N, 4)``.
+    altitude : float
+        m.
+
+    Returns
+    -------
+    density, sound : float
+        Density (kg/m³) and speed of sound (m/s).
+    east, north : float
+        Wind towards east and north, m/s.
+    """
     x = (altitude - t.air_start) / t.air_step
     last = t.air.shape[0] - 2
     i = min(max(int(np.floor(x)), 0), last)
@@ -109,7 +185,23 @@ def air_at(t, altitude):
 
 @njit(cache=True, error_model="numpy")
 def coefficients(t, mach, speed, knudsen, alpha):
-    """CA, CN and Cm about the nose, in the plane of the total angle."""
+    """CA, CN and Cm about the nose, in the plane of the total angle.
+
+    Parameters
+    ----------
+    t : Tables
+        With the tables of coefficients, ``(M, A, 3)`` and ``(K, B, 3)``.
+    mach, knudsen : float
+        Of the flow.
+    speed : float
+        Air-relative, m/s; used where the table is entered by speed.
+    alpha : float
+        Total angle of attack, rad.
+
+    Returns
+    -------
+    ca, cn, cm : float
+    """
     index = mach
     if t.vehicle[9] > 0.0:  # the hypersonic part is entered by speed (edl_filter.aero.database)
         index = mach + min(max(mach - 8.0, 0.0), 1.0) * (speed / t.vehicle[9] - mach)

@@ -82,7 +82,22 @@ def stated_state(
 
 
 def true_course(world: ForwardModel, motion: Motion, each: int) -> dict[str, Array]:
-    """State and flow at the beginning and at the end of every `each`-th step, for ``/truth``."""
+    """State and flow at the beginning and at the end of every `each`-th step, for ``/truth``.
+
+    Parameters
+    ----------
+    world : ForwardModel
+        The true models.
+    motion : Motion
+        The flight.
+    each : int
+        Number of steps from one row to the next.
+
+    Returns
+    -------
+    dict
+        Name of a dataset → ``(N,)``, ``(N, 3)`` or ``(N, 4)`` array, SI units and rad.
+    """
     time, state = motion.time[::each], motion.state[::each]
     flow = world.flow(time, state[:, :3], state[:, 3:6], state[:, 6:10], state[:, 10:13])
     u, v, w = flow.velocity_body.T

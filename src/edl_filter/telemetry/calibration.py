@@ -28,7 +28,8 @@ class Misalignment:
     start, end : float
         Window, s; for several windows together, the earliest start and the latest end.
     slope, slope_sigma : (2,) arrays
-        Lateral difference per axial force along y and z, rad, and one sigma.
+        Lateral difference per axial force along y and z, rad, and one sigma: the rotation vector m of
+        ``checked = R(m) reference`` is (0, -slope z, slope y); the fit does not observe the rotation about x.
     offset, offset_sigma : (2,) arrays
         Lateral difference at zero axial force (difference of the biases), m/s², and one sigma.
     residual_rms : (2,) array
@@ -45,11 +46,6 @@ class Misalignment:
     offset_sigma: Array
     residual_rms: Array
     samples: int
-
-    @property
-    def rotation_vector(self) -> Array:
-        """Rotation vector m (3,) of ``checked = R(m) reference``, rad; zero about x, which the fit cannot observe."""
-        return np.array([0.0, -self.slope[1], self.slope[0]])
 
 
 @dataclass(frozen=True)

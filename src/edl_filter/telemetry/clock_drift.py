@@ -69,7 +69,7 @@ def without_drift(records: list[ImuRecord], end: float) -> tuple[list[ImuRecord]
     """
     ratios = [drift_ratio(record) for record in records]
     if len(records) == 1:
-        return _one_record(records[0], ratios[0])
+        return _with_uncertain_scales(records[0], ratios[0])
     first, second = records[:2]
     if np.isnan(first.stated_interval) or np.isnan(second.stated_interval):
         return records, []
@@ -144,7 +144,7 @@ def counted(record: ImuRecord) -> ImuRecord:
     return replace(record, time=record.start + np.cumsum(interval), interval=interval)
 
 
-def _one_record(record: ImuRecord, ratio: float) -> tuple[list[ImuRecord], list[SampleFinding]]:
+def _with_uncertain_scales(record: ImuRecord, ratio: float) -> tuple[list[ImuRecord], list[SampleFinding]]:
     """The record with scale errors that are uncertain by the drift."""
     if not ratio:
         return [record], []

@@ -157,8 +157,8 @@ def independent_error(
     used &= np.append(np.zeros(2, bool), used[:-2]) & np.append(used[2:], np.zeros(2, bool))
     readings = means_between(pair.integral, edges)
     for finding in findings:
-        own, other = (pair.force, readings[0]) if finding.channel == "force" else (pair.rate, readings[1])
-        values = [_interpolation_error(v) for v in (own, other)]
+        both = (pair.force, readings[0]) if finding.channel == "force" else (pair.rate, readings[1])
+        values = [_interpolation_error(v) for v in both]
         inside, adjoining = used & _within(reference.time, [finding]), used & _adjoining(reference, finding)
         slope, sigma = _slope(values[0][inside], (values[0] - values[1])[inside])
         at_fault = 0 if slope > 0.5 else 1
@@ -247,9 +247,9 @@ def _consensus(pair: _Pair, triad: str, delay: float, probability: float) -> tup
     if not best[0].any():
         return best
     for rows in _starts(pair.usable):
-        significant, other_delay = _iterated_consensus(pair, triad, rows, delay, probability)
+        significant, own_delay = _iterated_consensus(pair, triad, rows, delay, probability)
         if np.count_nonzero(significant) < np.count_nonzero(best[0]):
-            best = significant, other_delay
+            best = significant, own_delay
     return best
 
 

@@ -119,7 +119,8 @@ class Node:
 
         Returns
         -------
-        array of `shape`
+        (*shape,) array
+            In the unit of the dataset.
         """
         if not isinstance(self.group.get(key), h5py.Dataset):
             raise self.error(key, "is missing; the flight file needs this dataset.")

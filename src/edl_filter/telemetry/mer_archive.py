@@ -20,7 +20,6 @@ from edl_filter import rotations
 from edl_filter.errors import InputError
 from edl_filter.telemetry.increment_clock import IncrementClock, extra_increments
 from edl_filter.telemetry.mer_cleaning import (
-    Gap,
     backshell_copies,
     blank_quaternions,
     blank_vectors,
@@ -66,9 +65,6 @@ class Transformed:
     velocity : (N, 3) array
         `register` without the jumps at its resets, m/s. The velocity that was accumulated between the row before a
         reset and the reset is not contained in it.
-    velocity_increment : (N, 3) array
-        Change of `velocity` since the previous row, m/s; NaN in the first row, across resets and next to missing
-        rows.
     backshell_acceleration : (N, 3) array
         Specific force at the centre of mass from the backshell's IMU, m/s². It is the mean of two 8 Hz samples and
         applies 0.125 s before the time of its row.
@@ -81,7 +77,6 @@ class Transformed:
     backshell_sigma: Array
     register: Array
     velocity: Array
-    velocity_increment: Array
     backshell_acceleration: Array
 
 
@@ -118,10 +113,6 @@ class MerTables:
     name : str
     transformed : Transformed
     highrate : HighRate
-    resets : tuple of float
-        Clock count of the first row after each reset of the register, s.
-    transformed_gaps, highrate_gaps : tuples of (start, length)
-        Clock count of the last row before each gap, and time to the next row, s.
     clocks : dict
         `IncrementClock` of the ``backshell`` and the ``rover`` IMU, on the spacecraft clock.
     files : dict
@@ -134,9 +125,6 @@ class MerTables:
     name: str
     transformed: Transformed
     highrate: HighRate
-    resets: tuple[float, ...]
-    transformed_gaps: tuple[Gap, ...]
-    highrate_gaps: tuple[Gap, ...]
     clocks: dict[str, IncrementClock]
     files: dict[str, str]
     notes: tuple[str, ...]
@@ -162,8 +150,8 @@ def _read(source: Path, product: str, spacecraft: int) -> Pds3Table:
     return table
 
 
-def _clean_transformed(table: Pds3Table, notes: list[str]) -> tuple[Transformed, tuple[float, ...]]:
-    """Cleaned TRANSFORMED table and the clock counts of the register's resets; appends to `notes`."""
+def _clean_transformed(table: Pds3Table, notes: list[str]) -> Transformed:
+    """Cleaned TRANSFORMED table; appends to `notes`."""
     file_name = table.path.name
     rover_names = [f"ROVER_IMU_QUATERNION_{k}" for k in (1, 2, 3, 4)]
     backshell_names = [name.replace("ROVER", "BACKSHELL") for name in rover_names]
@@ -190,25 +178,22 @@ def _clean_transformed(table: Pds3Table, notes: list[str]) -> tuple[Transformed,
         notes.append(f"{file_name}: {len(sclk) - off} rows after the backshell's IMU went off marked missing.")
     register = with_nan(register, missing["rover velocity register"])
     resets = find_resets(sclk, register)
-    velocity, increment = remove_resets(register, resets)
     notes.append(
         f"{file_name}: the velocity register was reset {len(resets)} times"
         + (f" (SCLK {', '.join(f'{t:.3f}' for t in sclk[resets])}); the jumps are removed." if len(resets) else ".")
     )
     rover = with_nan(rover, missing["rover quaternion"])
     backshell = with_nan(backshell, missing["backshell quaternion"])
-    cleaned = Transformed(
+    return Transformed(
         sclk=sclk,
         rover_j2000_from_sc=j2000_from_sc(rover),
         backshell_j2000_from_sc=j2000_from_sc(backshell),
         rover_sigma=rounding_sigma(rover),
         backshell_sigma=rounding_sigma(backshell),
         register=register,
-        velocity=velocity,
-        velocity_increment=increment,
+        velocity=remove_resets(register, resets),
         backshell_acceleration=with_nan(force, missing["backshell acceleration"]),
     )
-    return cleaned, tuple(sclk[resets].tolist())
 
 
 def _clean_highrate(table: Pds3Table, notes: list[str]) -> HighRate:
@@ -298,7 +283,7 @@ def read_mer_tables(source: str | Path, spacecraft: int) -> MerTables:
     if source.is_file():
         names = " and ".join(table.path.name for table in tables.values())
         notes.append(f"{source.name}: the numbers of {names}, unchanged, in compact form.")
-    transformed, resets = _clean_transformed(tables["TRANSFORMED"], notes)
+    transformed = _clean_transformed(tables["TRANSFORMED"], notes)
     highrate = _clean_highrate(tables["HIGHRATE"], notes)
     gaps = {
         "TRANSFORMED": find_gaps(transformed.sclk, 2.1 * SAMPLE_INTERVAL),
@@ -314,9 +299,6 @@ def read_mer_tables(source: str | Path, spacecraft: int) -> MerTables:
         name=_NAMES[spacecraft],
         transformed=transformed,
         highrate=highrate,
-        resets=resets,
-        transformed_gaps=gaps["TRANSFORMED"],
-        highrate_gaps=gaps["HIGHRATE"],
         clocks=clocks,
         files={f"DATA/{name}": sha for table in tables.values() for name, sha in table.files.items()},
         notes=tuple(notes),

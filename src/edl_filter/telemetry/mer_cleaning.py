@@ -158,7 +158,7 @@ def find_resets(time: Array, register: Array) -> IntArray:
     return rows[1:][(before > 5.0) & (after < 0.1 * before) & (after < 60.0 * step)]
 
 
-def remove_resets(register: Array, resets: IntArray) -> tuple[Array, Array]:
+def remove_resets(register: Array, resets: IntArray) -> Array:
     """Remove the jumps of the accumulated velocity at its resets.
 
     Parameters
@@ -170,19 +170,14 @@ def remove_resets(register: Array, resets: IntArray) -> tuple[Array, Array]:
 
     Returns
     -------
-    velocity : (N, 3) array
-        m/s. Each part continues from the last valid value before its reset.
-    increment : (N, 3) array
-        Change since the previous row, m/s; NaN at resets, where part of it was lost, and in the first row.
+    (N, 3) array
+        Velocity, m/s. Each part continues from the last valid value before its reset.
     """
     velocity = register.copy()
     for i in resets:
         last = np.flatnonzero(np.isfinite(register[:i]).all(axis=1))[-1]
         velocity[i:] += register[last]
-    increment = np.full_like(velocity, np.nan)
-    increment[1:] = np.diff(velocity, axis=0)
-    increment[resets] = np.nan
-    return velocity, increment
+    return velocity
 
 
 def find_gaps(time: Array, longest_step: float) -> tuple[Gap, ...]:

@@ -293,7 +293,18 @@ def _gyro_rotation(segment: Segment) -> Array:
 
 
 def register_rows(tables: MerTables) -> IntArray:
-    """Rows of TRANSFORMED with a usable rover quaternion and a register value."""
+    """Rows of TRANSFORMED with a usable rover quaternion and a register value.
+
+    Parameters
+    ----------
+    tables : MerTables
+        With N rows of TRANSFORMED.
+
+    Returns
+    -------
+    (K,) array of int
+        Indices of the rows.
+    """
     t = tables.transformed
     return np.flatnonzero(_usable(t.rover_j2000_from_sc, t.rover_sigma) & np.isfinite(t.velocity[:, 0]))
 

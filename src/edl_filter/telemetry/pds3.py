@@ -68,8 +68,8 @@ class Pds3Table:
 
         Returns
         -------
-        (N, len(names)) array
-            In the units of the columns.
+        (N, C) array
+            One column for each name, in its unit.
 
         Raises
         ------

@@ -232,11 +232,11 @@ def _improbable_zeros(readings: Array, probability: float) -> BoolArray:
     zero = np.asarray(np.all(readings == 0.0, axis=1), np.bool_)
     if not zero.any() or zero.mean() >= _MOST_ZERO:
         return np.zeros(len(zero), bool)
-    others = np.flatnonzero(~zero)
-    is_zero = readings[others] == 0.0
+    nonzero = np.flatnonzero(~zero)
+    is_zero = readings[nonzero] == 0.0
     improbable = zero.copy()
     for a, b in runs(zero):
-        k = int(np.searchsorted(others, a))
+        k = int(np.searchsorted(nonzero, a))
         sides = (is_zero[max(0, k - _REPEAT_REACH) : k], is_zero[k : k + _REPEAT_REACH])
         by_chance = max((float(np.prod(side.mean(axis=0))) for side in sides if len(side)), default=0.0)
         improbable[a:b] = len(zero) * by_chance < probability

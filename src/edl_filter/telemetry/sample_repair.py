@@ -470,11 +470,11 @@ def _coning_variance(fills: list[Interpolation], interval: float) -> Array:
 
     variance = np.empty(3)
     for axis in range(3):
-        one, other = fills[(axis + 1) % 3], fills[(axis + 2) % 3]
-        spread = weighted(weighted(other.covariance).T).T
-        square = float(np.sum(spread * one.covariance))
-        p, q = one.values - one.values.mean(), other.values - other.values.mean()
-        square += float(p @ spread @ p) + float(weighted(q) @ one.covariance @ weighted(q))
+        first, second = fills[(axis + 1) % 3], fills[(axis + 2) % 3]
+        spread = weighted(weighted(second.covariance).T).T
+        square = float(np.sum(spread * first.covariance))
+        p, q = first.values - first.values.mean(), second.values - second.values.mean()
+        square += float(p @ spread @ p) + float(weighted(q) @ first.covariance @ weighted(q))
         variance[axis] = 0.25 * interval**4 * square
     return variance
 

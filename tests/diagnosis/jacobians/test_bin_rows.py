@@ -9,7 +9,7 @@ from edl_filter.imu_model.lever_arm import edge_values
 
 DT, N, ARM = 0.125, 80, np.array([-0.8, 0.5, -0.6])
 EDGES = DT * np.arange(N + 1)
-BINS = TimeBins(EDGES, np.ones(N, bool), 1)
+BINS = TimeBins(EDGES, np.ones(N, bool))
 AXIS = np.array([0.0, 0.3, 0.2])
 
 
@@ -50,7 +50,7 @@ def test_sigma_of_a_mean_over_bins(per_bin):
     interval, noise = rng.uniform(0.05, 0.2, 12), rng.uniform(0.5, 2.0, 12)
     time = np.cumsum(interval)
     edges = np.concatenate(([0.0], time))[::per_bin]
-    bins = TimeBins(edges, np.ones(len(edges) - 1, bool), per_bin)
+    bins = TimeBins(edges, np.ones(len(edges) - 1, bool))
     samples = noise * rng.normal(size=(20_000, 12))
     means = np.add.reduceat(samples * interval, np.arange(0, 12, per_bin), axis=1) / bins.interval
     np.testing.assert_allclose(bin_sigma(bins, time, interval, noise), means.std(axis=0), rtol=0.03)

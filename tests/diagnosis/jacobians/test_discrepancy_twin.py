@@ -106,7 +106,7 @@ def stretch_of(model, first):
     )
 
 
-def covariance_of_other_states(stretch, states):
+def covariance_without_field(stretch, states):
     """Covariance ``(R, R)`` of the rows by all states but the field's, propagated from step to step."""
     s = stretch.model
     rows = [slice(a, b) for a, b in zip(s.row_start[:-1], s.row_start[1:], strict=True)]
@@ -191,7 +191,7 @@ def dense(model, stretch):
     remaining_states = np.setdiff1d(np.arange(stretch.model.size), places)
     by_field, of_amplitudes = field_covariances(model, stretch)
     return (
-        covariance_of_other_states(stretch, remaining_states) + by_field + row_noise_of(stretch),
+        covariance_without_field(stretch, remaining_states) + by_field + row_noise_of(stretch),
         by_field,
         of_amplitudes,
     )

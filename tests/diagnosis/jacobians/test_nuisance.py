@@ -21,7 +21,7 @@ def uncertainty(**changes):
 
 
 #: Ten bins of one second; the first two are not compared.
-BINS = TimeBins(np.arange(11.0), np.arange(10) >= 2, 1)
+BINS = TimeBins(np.arange(11.0), np.arange(10) >= 2)
 
 
 def checking_record(errors, unit):

@@ -27,7 +27,7 @@ def test_nothing_is_estimated_unless_asked(builtin_flight):
     assert with_estimated_discrepancy(case) is case
 
 
-def test_the_maximum_of_a_known_posterior_is_found(builtin_flight, monkeypatch):
+def test_the_estimate_is_the_maximum_of_a_known_posterior(builtin_flight, monkeypatch):
     """A quadratic log-likelihood in the logarithms: the posterior's maximum in closed form, within the tolerance."""
     case = case_of(builtin_flight, estimated(NAMES))
     best, information = np.log([0.8, 0.35]), np.array([40.0, 9.0])

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from linear_problems import joint_measurements
+from linear_problems import from_dense, joint_measurements
 from scipy.optimize import brentq
 from scipy.stats import multivariate_normal
 
@@ -21,7 +21,6 @@ from edl_filter.diagnosis.noise.variance_components import (
     moment_estimate,
     most_likely_colour,
 )
-from edl_filter.estimation.block_sparse import from_dense
 from edl_filter.estimation.kalman import LinearStateSpace, whitening_filter
 from edl_filter.mission.decision_settings import DecisionSettings
 
@@ -109,7 +108,7 @@ def test_five_times_the_noise_is_estimated_where_it_is(channel):
     """With a state common to both channels, innovations contain more than noise and depend on other pieces."""
     model, index = two_channels(walk=0.1)
     factor = noisy_piece(3, channel)
-    other_channel_insignificant = []
+    unaffected_channel_insignificant = []
     for seed in range(20):
         excess, _ = estimate(model, index, simulated(seed, 0.1, factor))
         relative = excess.variance[index.bin_rows] / SIGMA**2
@@ -118,9 +117,9 @@ def test_five_times_the_noise_is_estimated_where_it_is(channel):
         assert np.sqrt(1.0 + relative[inside, channel][0]) == pytest.approx(5.0, rel=0.25)  # chance: one sigma is 8 %
         assert not relative[~inside].any()
         assert np.all(relative[:, 1 - channel] < 1.0)
-        other_channel_insignificant.append(not excess.significant[index.bin_rows][:, 1 - channel].any())
+        unaffected_channel_insignificant.append(not excess.significant[index.bin_rows][:, 1 - channel].any())
     # the common state may add a little to the other channel at the same time
-    assert np.mean(other_channel_insignificant) >= 0.9
+    assert np.mean(unaffected_channel_insignificant) >= 0.9
 
 
 @pytest.mark.parametrize("rate", [0.5, 1.0, 4.0, 8.0])
@@ -193,10 +192,10 @@ def test_no_piece_would_be_more_likely_with_another_variance(seed, piece, channe
 
 @settings(max_examples=20, deadline=None)
 @given(st.integers(0, 1000), st.floats(2.0, 30.0), st.floats(2.0, 30.0))
-def test_the_result_does_not_depend_on_the_start(seed, factor, other_factor):
+def test_the_result_does_not_depend_on_the_start(seed, factor, start_factor):
     """Started from the estimate of other residuals, with more noise and elsewhere, it has the same likelihood."""
     model, index = two_channels(walk=0.2)
-    start_residuals = simulated(seed + 1, 0.2, noisy_piece(1, 0, other_factor) * noisy_piece(4, 1, other_factor))
+    start_residuals = simulated(seed + 1, 0.2, noisy_piece(1, 0, start_factor) * noisy_piece(4, 1, start_factor))
     initial, _ = estimate(model, index, start_residuals)
     residuals = simulated(seed, 0.2, noisy_piece(1, 0, factor) * noisy_piece(2, 1, factor))
     values = [log_likelihood(estimate(model, index, residuals, start)[1], residuals) for start in (None, initial)]
@@ -376,7 +375,7 @@ def chosen(index, model, residuals, excess, **changes):
 
 
 @pytest.mark.parametrize("memory", [0.3, 1.0, 3.0])
-def test_the_correlation_time_of_simulated_noise_is_found_within_a_step_of_the_grid(memory):
+def test_the_correlation_time_of_simulated_noise_is_estimated_within_a_step_of_the_grid(memory):
     """And its variance, of which the white estimate is a factor of the grid.
 
     Along a ridge of the likelihood the ratio of variance and correlation time is constant.

@@ -136,7 +136,7 @@ def coning_nodes():
     t = edges[:, None]
     nav = np.concatenate((t**3 + [0.0, 1.0, 2.0], 3.0 * t**2 + [0.0, 1.0, 2.0], coning(edges)[0]), axis=1)
     path = DeadReckonedPath(edges, nav, np.zeros((80, 3)), mean_rates(edges))
-    bins = TimeBins(edges, np.ones(80, bool), 1)
+    bins = TimeBins(edges, np.ones(80, bool))
     return path_nodes(path, bins, path.rate), path
 
 
@@ -192,7 +192,7 @@ def swinging_attitude(times):
 def test_attitudes_inside_a_bin_contain_the_coning():
     """The integral of the rate alone is wrong inside a bin by 5 µrad, the coning up to the node."""
     edges = np.arange(81) / RATE
-    bins = TimeBins(edges, np.ones(80, bool), 1)
+    bins = TimeBins(edges, np.ones(80, bool))
     mean_rate = np.diff(integral_of_swinging_rate(edges), axis=0) * RATE
     attitude = swinging_attitude(node_times(bins))
     at_edges = attitude[::NODES_PER_BIN]
@@ -216,7 +216,7 @@ def test_at_the_edges_the_nodes_are_on_the_path(coning_nodes):
     nodes, path = coning_nodes
     np.testing.assert_allclose(nodes.nav[::NODES_PER_BIN], path.nav, rtol=1e-12, atol=1e-12)
     np.testing.assert_allclose(nodes.time[::NODES_PER_BIN], path.time, atol=1e-12)
-    np.testing.assert_array_equal(node_times(TimeBins(path.time, np.ones(80, bool), 1)), nodes.time)
+    np.testing.assert_array_equal(node_times(TimeBins(path.time, np.ones(80, bool))), nodes.time)
 
 
 def test_position_and_velocity_between_samples_are_cubics(coning_nodes):
@@ -229,7 +229,7 @@ def test_a_bin_without_rates_affects_only_its_neighbourhood():
     edges = np.arange(81) / RATE
     nav = np.concatenate((np.zeros((81, 6)), coning(edges)[0]), axis=1)
     path = DeadReckonedPath(edges, nav, np.zeros((80, 3)), mean_rates(edges))
-    rates, bins = path.rate.copy(), TimeBins(edges, np.ones(80, bool), 1)
+    rates, bins = path.rate.copy(), TimeBins(edges, np.ones(80, bool))
     rates[10] = np.nan
     nodes = path_nodes(path, bins, rates)
     assert np.isfinite(nodes.nav).all() and np.isfinite(nodes.rate).all()

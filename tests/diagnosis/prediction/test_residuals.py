@@ -27,7 +27,7 @@ from edl_filter.telemetry.record import ImuRecord
 
 def bins_of(edges):
     edges = np.asarray(edges, float)
-    return TimeBins(edges, np.ones(len(edges) - 1, bool), 1)
+    return TimeBins(edges, np.ones(len(edges) - 1, bool))
 
 
 def nodes(bins):

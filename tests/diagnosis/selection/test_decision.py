@@ -304,10 +304,10 @@ def test_the_odds_are_those_of_the_best_of_several_names():
     """The second name of a hypothesis has no part in its evidence."""
     column = np.ones(5)
     best = hypothesis_of("mass", 700.0, explained=column, at_floor=False, explained_share=0.5)
-    other = hypothesis_of("wind", 699.0, explained=column, at_floor=True)
+    second = hypothesis_of("wind", 699.0, explained=column, at_floor=True)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(decision, "best_discriminator", lambda *_: None)
-        verdict = decide(ranking_of(replace(best, complemented=False), other, noise=1e6))
+        verdict = decide(ranking_of(replace(best, complemented=False), second, noise=1e6))
     assert verdict.entries[0].same_as == ("wind",)
     assert verdict.entries[0].probability == pytest.approx(verdict.something_else, rel=1e-6)
 
@@ -453,8 +453,8 @@ def test_each_further_name_is_compared_with_the_first(monkeypatch):
     column = np.ones(5)
     gains = {"mass": 30.0, "wind": 29.0, "gyro_bias": 28.0}
     hypotheses = [replace(hypothesis_of(n, g, explained=column), model=f"model of {n}") for n, g in gains.items()]
-    entry, *others = decide(ranking_of(*hypotheses)).entries
-    assert others == []
+    entry, *further_entries = decide(ranking_of(*hypotheses)).entries
+    assert further_entries == []
     assert compared == [("model of wind", "mass", "wind"), ("model of gyro_bias", "mass", "gyro_bias")]
     text = "knowing {} would distinguish them by 10 nats"
     assert entry.discriminated_by == {n: text.format(n) for n in ("wind", "gyro_bias")}

@@ -4,13 +4,13 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from linear_problems import from_dense
 
 from edl_filter.diagnosis.linear_model.effect_jacobian import EffectJacobian
 from edl_filter.diagnosis.selection import disambiguation
 from edl_filter.diagnosis.selection.disambiguation import best_discriminator, candidate_measurements
 from edl_filter.effects import EffectInstance
 from edl_filter.effects.registry import find_effect
-from edl_filter.estimation.block_sparse import from_dense
 from edl_filter.estimation.kalman import LinearStateSpace, whitening_filter
 from edl_filter.mission.decision_settings import DecisionSettings
 from edl_filter.navigation.layout import Layout

@@ -105,7 +105,7 @@ def test_a_wave_of_negative_amplitude_is_returned_with_a_positive_one(model):
 
 
 @pytest.mark.parametrize(("likelihood", "share"), [(100.0, 0.0), (90.0, 0.0), (150.0, 0.5), (200.0, 1.0), (300.0, 1.0)])
-def test_the_explained_share_is_that_of_the_way_to_a_model_that_holds(likelihood, share):
+def test_the_explained_share_is_linear_up_to_the_likelihood_of_a_model_that_holds(likelihood, share):
     null = NullModelFit(0.0, 0.0, 0.3, white_log_likelihood=100.0, holding_log_likelihood=200.0)
     assert null.explained_share(likelihood) == pytest.approx(share)
 
@@ -207,7 +207,7 @@ def late_model(tmp_path_factory):
     return linearize(load_case(mission, (EffectInstance(torque, TORQUE | {"t0": 120.96}),)))
 
 
-def test_a_time_in_a_local_maximum_is_found_by_a_scan(late_model):
+def test_a_scan_corrects_a_time_in_a_local_maximum(late_model):
     """Gauss-Newton ends before the true time: only the bins within the derivative's step change the likelihood."""
     whiten = late_model.fitted_noise_filter
     assert not late_model.excess_variance.is_zero

@@ -34,7 +34,7 @@ def test_a_diagnosis_says_what_a_person_wants_to_read(capsys):
     assert output.startswith("The landing was rejected.\n12 of 13 cells")  # doubts first, then how much fails
 
 
-def test_what_is_left_is_told_when_nothing_explains_it(capsys):
+def test_the_remainder_is_stated_when_nothing_explains_it(capsys):
     text = "force_y from 63 to 164 s; it oscillates at 0.679 Hz."
     remainder = {"remainder": contents.unknown()["remainder"] | {"description": text}}
     print_diagnosis(content("unknown") | remainder, [], NextStep())

@@ -84,7 +84,18 @@ class StatedUncertainty:
         }  # fmt: skip
 
     def correlation_steps(self, time: Array, altitude: Array) -> dict[str, Array]:
-        """Steps of time (s) and altitude (m), in correlation lengths of each process."""
+        """Steps in correlation lengths of each process.
+
+        Parameters
+        ----------
+        time, altitude : (K,) arrays
+            Steps of time (s) and altitude (m).
+
+        Returns
+        -------
+        dict
+            Name of the process → ``(K,)`` array, 1.
+        """
         air = dict.fromkeys(AIR, np.abs(altitude) / self.density_correlation)
         return air | dict.fromkeys(FIELD_COEFFICIENTS, time / self.numerical_memory)
 

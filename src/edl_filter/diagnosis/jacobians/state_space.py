@@ -130,7 +130,7 @@ def assemble_state_space(
     design, noise, starts, count = [], [], [], 0
     bin_index = np.full(rows.used.shape, -1, np.int64)
     constraint_rows: dict[int, slice] = {}
-    steps = _Steps(transitions)
+    steps = _StepIndex(transitions)
     bin_mean = _bin_mean_maps(transitions, len(bins.interval))
     for k in range(len(steps)):
         starts.append(count)
@@ -188,7 +188,19 @@ def stated_initial_error(inputs: ModelInputs, start: State) -> Array:
 
 
 def entry_prior(inputs: ModelInputs) -> tuple[State, Array]:
-    """Stated state and covariance of the filter's vector at the beginning."""
+    """Stated state and covariance of the filter's vector at the beginning.
+
+    Parameters
+    ----------
+    inputs : ModelInputs
+        The model and its filter problem.
+
+    Returns
+    -------
+    state : State
+    covariance : (n, n) array
+        In the units of `layout.UNITS`.
+    """
     p = inputs.problem
     return initial_estimate(p.layout, p.initial, p.entry, p.instruments[int(p.samples.unit[0])], p.planet)
 
@@ -209,8 +221,11 @@ def _bin_mean_maps(transitions: PathTransitions, count: int) -> Array:
     return np.asarray(0.5 * (eye + np.linalg.inv(over_bin)), np.float64)
 
 
-class _Steps:
-    """Steps of the model: each epoch is one transition, followed by one step for each thing that is measured there."""
+class _StepIndex:
+    """Epoch, bin and constraint of each step of the model.
+
+    Each epoch is one transition, followed by one step for each bin and constraint that is measured there.
+    """
 
     def __init__(self, transitions: PathTransitions) -> None:
         self.epoch: list[int] = []
@@ -231,7 +246,7 @@ class _Steps:
 
 
 def _stochastic_model(
-    steps: _Steps,
+    steps: _StepIndex,
     transitions: PathTransitions,
     nuisance: NuisanceLayout,
     uncertainty: StatedUncertainty,
@@ -293,7 +308,7 @@ def field_states(values: slice, state: int) -> list[slice]:
     return [slice(state + k * count, state + k * count + 1) for k in range(FIELD_STATES)]
 
 
-def _step_intervals(steps: _Steps, transitions: PathTransitions, residuals: Residuals) -> Array:
+def _step_intervals(steps: _StepIndex, transitions: PathTransitions, residuals: Residuals) -> Array:
     """Time between each step and the one before ``(K,)``, s."""
     edges = np.concatenate((residuals.path.time[:1], transitions.time))
     return np.diff(edges)[np.array(steps.epoch)] * np.array(steps.moves)

@@ -186,7 +186,7 @@ def _propagate_run(
     begins, ends : (K,) arrays of int
         First sample of each interval, and the one after its last.
     """
-    differences = PropagationDifferences.about(problem, start, difference_steps(problem.layout))
+    differences = PropagationDifferences.at_state(problem, start, difference_steps(problem.layout))
     turns, attitudes = None, np.empty((len(ends) + 1, 0))
     if len(start.nav) == 14:
         turns = OnboardRotations.over(problem.layout, problem.samples, begins, ends)
@@ -224,7 +224,7 @@ class PropagationDifferences:
     rate_map: Array
 
     @classmethod
-    def about(cls, problem: Problem, state: State, steps: Array) -> PropagationDifferences:
+    def at_state(cls, problem: Problem, state: State, steps: Array) -> PropagationDifferences:
         """Differences about states with a given state's sensor errors; `steps` ``(n,)`` in the filter's units."""
         offsets = np.concatenate((np.zeros((1, len(steps))), np.diag(steps), -np.diag(steps)))
         errors = sigma_states(state, offsets, strapdown.padded(len(offsets)))[1]

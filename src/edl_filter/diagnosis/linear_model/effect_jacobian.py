@@ -118,10 +118,10 @@ def scan_grid(
 
 
 def scan_range(model: LinearizedModel) -> tuple[float, float]:
-    """First time at which the air is felt (s), and the lowest altitude of the comparison (m)."""
+    """First time with a dynamic pressure above `felt_pressure_pa`, s, and lowest altitude of the comparison, m."""
     flow = model.residuals.flow
-    felt = flow.dynamic_pressure > model.settings.felt_pressure_pa
-    return float(model.residuals.nodes.time[np.argmax(felt)]), float(np.min(flow.altitude))
+    above_threshold = flow.dynamic_pressure > model.settings.felt_pressure_pa
+    return float(model.residuals.nodes.time[np.argmax(above_threshold)]), float(np.min(flow.altitude))
 
 
 def is_ordered(instance: EffectInstance) -> bool:

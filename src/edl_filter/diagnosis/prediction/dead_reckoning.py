@@ -18,7 +18,7 @@ from edl_filter.diagnosis.prediction.time_bins import TimeBins
 from edl_filter.estimation.interpolating_spline import InterpolatingSpline, integral_spline
 from edl_filter.navigation.filter import Problem
 from edl_filter.navigation.layout import sensor_maps
-from edl_filter.navigation.trajectory import propagate_one
+from edl_filter.navigation.trajectory import propagate_state
 from edl_filter.types import Array
 
 #: Nodes in a bin at which the model is evaluated.
@@ -59,7 +59,7 @@ def dead_reckon(problem: Problem, start: Array, errors: Array) -> DeadReckonedPa
     """
     samples, planet = problem.samples, problem.planet
     force, rate = _corrected(problem, errors, samples.force, samples.rate)
-    nav = propagate_one(start, samples.interval, force, rate, planet.mu, planet.j2, planet.gravity_radius)
+    nav = propagate_state(start, samples.interval, force, rate, planet.mu, planet.j2, planet.gravity_radius)
     return DeadReckonedPath(
         np.concatenate(([samples.time[0] - samples.interval[0]], samples.time)),
         np.concatenate((start[None], nav)),

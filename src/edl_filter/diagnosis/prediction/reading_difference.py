@@ -73,10 +73,13 @@ def difference_on_fixed_path(
         checking_force.append(-force - bin_means(bins.edges, samples.time, samples.interval, implied))
         checking_rate.append(-rate)
         if record_plus is not record_minus:
-            read, other = record_plus.only_read(), record_minus.only_read()
-            changes = read.specific_force - other.specific_force, read.angular_rate - other.angular_rate
+            read_plus, read_minus = record_plus.only_read(), record_minus.only_read()
+            changes = (
+                read_plus.specific_force - read_minus.specific_force,
+                read_plus.angular_rate - read_minus.angular_rate,
+            )
             for out, change in zip((checking_force, checking_rate), changes, strict=True):
-                out[-1] = out[-1] + bin_means(bins.edges, read.time, read.interval, change, smooth=True)
+                out[-1] = out[-1] + bin_means(bins.edges, read_plus.time, read_plus.interval, change, smooth=True)
     rate_step = np.diff(rate, axis=0)
     if not (same_loads and np.array_equal(plus[2], minus[2])):
         predicted = []

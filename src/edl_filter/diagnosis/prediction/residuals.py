@@ -156,7 +156,19 @@ def compute_residuals(reference: PathReference, inputs: ModelInputs) -> Residual
 
 
 def correct_lever_arms(residuals: Residuals, errors: tuple[Array, ...]) -> Residuals:
-    """Residuals whose forces are corrected for `lever_arm_errors`; a checking IMU is compared with the driving one."""
+    """Residuals whose forces are corrected for `lever_arm_errors`; a checking IMU is compared with the driving one.
+
+    Parameters
+    ----------
+    residuals : Residuals
+        Not corrected.
+    errors : tuple of (B, 3) arrays
+        Of `lever_arm_errors`, m/s²; empty: no correction.
+
+    Returns
+    -------
+    Residuals
+    """
     if not errors:
         return residuals
     driving, *checking = errors
@@ -297,7 +309,7 @@ def predict_increment(model: ForwardModel, bins: TimeBins, force: Array, moment:
 
 
 def bin_average(values: Array, bins: TimeBins) -> Array:
-    """Means over the bins from values at the nodes ``(NODES_PER_BIN B + 1, ...)``, by Simpson's rule."""
+    """Means over the bins ``(B, ...)`` from values at the nodes ``(NODES_PER_BIN B + 1, ...)``, by Simpson's rule."""
     return _weighted_sum(values, _SIMPSON)
 
 
@@ -381,7 +393,22 @@ def _weighted_sum(values: Array, weights: Array) -> Array:
 
 
 def constraint_residuals(reference: PathReference, path: DeadReckonedPath, problem: Problem) -> tuple[Array, ...]:
-    """Measured minus predicted of every constraint along a path."""
+    """Measured minus predicted of every constraint along a path.
+
+    Parameters
+    ----------
+    reference : PathReference
+        Sensor errors and on-board attitudes along the path.
+    path : DeadReckonedPath
+        States of the path.
+    problem : Problem
+        Samples and constraints.
+
+    Returns
+    -------
+    tuple of (m,) arrays
+        One for each constraint, in the units of its components.
+    """
     constraints = problem.constraints
     index = np.searchsorted(problem.samples.time, np.array([c.time for c in constraints]) + 1e-6)
     units = problem.samples.unit[np.maximum(index - 1, 0)]

@@ -28,13 +28,10 @@ class TimeBins:
     valid : (B,) array of bool
         Every sample in the bin was read by a gyro and an accelerometer of the first instrument, over the usual
         interval, none of its values was filled in, and no event changed the vehicle or an IMU's position near it.
-    samples_per_bin : int
-        One, or an even number.
     """
 
     edges: Array
     valid: BoolArray
-    samples_per_bin: int
 
     @property
     def interval(self) -> Array:
@@ -86,7 +83,7 @@ def make_time_bins(
         i = int(np.searchsorted(edges, time - 0.5 * usual))  # the edge at the event, or the first after it
         if 0 < i < len(edges):
             valid[max(0, i - ends) : i + ends] = False
-    return TimeBins(edges, valid, per_bin)
+    return TimeBins(edges, valid)
 
 
 def bin_means(edges: Array, time: Array, interval: Array, values: Array, smooth: bool = False) -> Array:

@@ -49,7 +49,7 @@ def amplitude_covariance(design: Array, values: slice, row_distance: Array, knot
 
 
 def white_columns(whiten: WhiteningFilter, covariance: Array) -> Array:
-    """W: covariances of all rows with further variables ``(R, …)``, whitened."""
+    """W: covariances of all rows with further variables ``(R, ...)``, whitened: ``(R, C)``."""
     columns = np.ascontiguousarray(covariance.reshape(len(covariance), -1))
     return whiten(columns, np.zeros((0, columns.shape[1])))
 
@@ -147,5 +147,20 @@ class FlownPath:
 
 
 def knot_coordinates(low: float, high: float, length: float, spacing: float) -> Array:
-    """Equidistant coordinates from `low` to `high`, at most `spacing` of the correlation length apart; two or more."""
+    """Equidistant coordinates of knots, two or more.
+
+    Parameters
+    ----------
+    low, high : float
+        First and last coordinate.
+    length : float
+        Correlation length, in the unit of the coordinate.
+    spacing : float
+        Largest distance of two knots, in correlation lengths.
+
+    Returns
+    -------
+    (K,) array
+        In the unit of the coordinate.
+    """
     return np.linspace(low, high, max(int(np.ceil((high - low) / (spacing * length))), 1) + 1)

@@ -107,7 +107,7 @@ def iterate_to_convergence(
     """
     settings = case.settings
 
-    def fit_about(model: LinearizedModel) -> MapFit:
+    def fit_to(model: LinearizedModel) -> MapFit:
         whiten, effects = model.fitted_noise_filter, case.effects
         if not model.excess_variance.is_zero:
             effects = scan_times(model, effects, whiten)
@@ -121,7 +121,7 @@ def iterate_to_convergence(
         least_iterations=2,
         first=first,
     )
-    fit = fit_about(model)
+    fit = fit_to(model)
     for i in range(1, settings.outer_iterations if iterations is None else iterations):
         if _largest_change(case.effects, fit) <= settings.outer_tolerance_sigmas:
             break
@@ -129,7 +129,7 @@ def iterate_to_convergence(
         point = most_probable_point(model, fit)
         case = load_case(case.mission, fit.effects)
         model = linearize_at(case, point, model.failing_excess)
-        fit = fit_about(model)
+        fit = fit_to(model)
     return case, model, fit
 
 
@@ -148,8 +148,8 @@ def most_probable_point(model: LinearizedModel, fit: MapFit) -> LinearizationPoi
         The fit.
     """
     stays = fit.point is model.point
-    about = model.with_effects(fit.effects) if stays else model.at_point(fit.point, fit.effects)
-    return map_point(about, model.fitted_noise_filter, fit.white) or fit.point
+    model_at_fit = model.with_effects(fit.effects) if stays else model.at_point(fit.point, fit.effects)
+    return map_point(model_at_fit, model.fitted_noise_filter, fit.white) or fit.point
 
 
 def check_single_instances(mission: Mission, effects: Sequence[EffectInstance], driving: ImuRecord) -> None:

@@ -113,7 +113,7 @@ def _with_complement(ranking: Ranking, effects: Sequence[Effect], progress: Prog
     settings = ranking.case.settings
     if not ranking.hypotheses:
         return ranking
-    first, *others = ranking.hypotheses
+    first, *lower_ranked = ranking.hypotheses
     ambiguous = settings.complemented_explained_share <= first.explained_share < settings.sufficient_share
     if first.at_floor or not ambiguous:
         return ranking
@@ -122,7 +122,7 @@ def _with_complement(ranking: Ranking, effects: Sequence[Effect], progress: Prog
     seconds = _rank(case, candidate_instances(case, effects), progress).hypotheses
     least = settings.sufficient_share if first.explained_share >= settings.named_explained_share else np.inf
     complemented = any(h.at_floor or h.explained_share >= least for h in seconds)
-    return replace(ranking, hypotheses=[replace(first, complemented=complemented), *others])
+    return replace(ranking, hypotheses=[replace(first, complemented=complemented), *lower_ranked])
 
 
 def _rank(case: FlightCase, effects: Sequence[EffectInstance], progress: Progress) -> Ranking:
@@ -314,18 +314,18 @@ def _relinearize_leaders(
     settings = case.settings
     ranked = sorted(hypotheses, key=lambda h: -h.gain)
     close: list[EffectKey] = []
-    best_at_other_noise: list[EffectKey] = []
+    best_by_evidence: list[EffectKey] = []
     if ranked and not ranked[0].model.holds:
         close = [h.key for h in ranked if h.gain > settings.rival_gain_share * ranked[0].gain]
         evidence = {h.key: h.stated_noise_fit.evidence for h in hypotheses if h.stated_noise_fit is not None}
-        best_at_other_noise = [max(hypotheses, key=lambda h: h.own_noise_evidence).key]
-        best_at_other_noise += sorted(evidence, key=lambda k: evidence[k])[-1:]
+        best_by_evidence = [max(hypotheses, key=lambda h: h.own_noise_evidence).key]
+        best_by_evidence += sorted(evidence, key=lambda k: evidence[k])[-1:]
     explained = {h.key: h.explained for h in ranked}
     relinearized: set[EffectKey] = set()
     if ranked and ranked[0].model.holds and ranked[0].gain < 0.5 * settings.named_gain_nats:
         return [h.with_reference(reference) for h in ranked]  # none of them can be named
     while ranked and len(relinearized) < settings.relinearized_hypotheses:
-        rivals = [*best_at_other_noise, *close]
+        rivals = [*best_by_evidence, *close]
         if ranked[0].at_floor:
             leader = explained[ranked[0].key]
             rivals = [k for k in close if correlation(leader, explained[k]) >= settings.distinct_correlation]
@@ -336,12 +336,12 @@ def _relinearize_leaders(
         i = next(i for i, h in enumerate(ranked) if h.key == key)
         relinearized.add(key)
         progress(f"refitting {label_of(key)} about a new reconstruction")
-        about_first_point = ranked[i].model
+        model_at_first_point = ranked[i].model
         try:
             ranked[i] = relinearize_with_effect(ranked[i], reference, key in close)
         except InputError as error:
             failed[label_of(key)] = str(error)
-        if ranked[i].model is not about_first_point:
+        if ranked[i].model is not model_at_first_point:
             ranked[i].model.release_filters()
         ranked.sort(key=lambda h: -h.gain)
     return [h.with_reference(reference) for h in ranked]

@@ -252,7 +252,7 @@
   const lines = [...document.querySelectorAll(".map tbody tr")].map(
     (line) => [...line.querySelectorAll("td")].map((box) => box.querySelector(".cell")));
   const stop = (cell) => {
-    for (const other of document.querySelectorAll(".cell")) other.tabIndex = other === cell ? 0 : -1;
+    for (const button of document.querySelectorAll(".cell")) button.tabIndex = button === cell ? 0 : -1;
   };
   const STEPS = { ArrowLeft: [0, -1], ArrowRight: [0, 1], ArrowUp: [-1, 0], ArrowDown: [1, 0] };
   const move = (event) => {
