@@ -8,6 +8,7 @@ import scipy.linalg
 from hypothesis import given
 from hypothesis import strategies as st
 from linear_problems import (
+    from_dense,
     joint_measurements,
     joint_noise,
     posterior_states,
@@ -17,7 +18,6 @@ from linear_problems import (
 )
 from scipy.stats import multivariate_normal
 
-from edl_filter.estimation.block_sparse import from_dense
 from edl_filter.estimation.kalman import (
     append_constant_states,
     measurement_update,
