@@ -49,11 +49,11 @@ def constructed_flight(seed=1):
         slope = matern_slope(step)
         curvature = (matern_slope(step + 1e-4) - matern_slope(step - 1e-4)) / 2e-4 if step else -3.0
         cross = np.array([[matern(step), -slope], [slope, -curvature]])  # with value and derivative a step before
-        one_mode = cross @ np.linalg.inv(stationary)
-        one_noise = stationary - one_mode @ stationary @ one_mode.T
+        of_mode = cross @ np.linalg.inv(stationary)
+        of_noise = stationary - of_mode @ stationary @ of_mode.T
         for j in range(MODES):
             places = np.ix_([1 + j, 1 + MODES + j], [1 + j, 1 + MODES + j])
-            transitions[k][places], noise[k][places] = one_mode, one_noise
+            transitions[k][places], noise[k][places] = of_mode, of_noise
     model = LinearStateSpace(
         increment=from_dense(transitions - np.eye(size)),
         process_noise=from_dense(noise),
