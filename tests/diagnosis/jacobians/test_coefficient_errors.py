@@ -28,7 +28,7 @@ from edl_filter.effects.perturbation import CoefficientUnits, Perturbation
 from edl_filter.effects.registry import find_effect
 from edl_filter.effects.types import AeroCoefficients, Body, FlightCondition
 
-BINS = TimeBins(np.array([0.0, 0.1, 0.3, 0.4, 0.6, 0.7]), np.array([True, True, False, True, True]), 1)
+BINS = TimeBins(np.array([0.0, 0.1, 0.3, 0.4, 0.6, 0.7]), np.array([True, True, False, True, True]))
 COUNT = NODES_PER_BIN * len(BINS.interval) + 1
 TIME = np.append((BINS.edges[:-1, None] + BINS.interval[:, None] * np.arange(4) / 4.0).ravel(), BINS.edges[-1])
 DIAMETER, X_OVER_D = 2.65, 0.3

@@ -99,7 +99,7 @@ def stretch_of(flight, where, changed, smooth=True):
     bins, pressure = flight.case.bins, flight.pressure
     middle = int(np.argmax(pressure > min(PRESSURES[where], 0.9999 * pressure.max())))
     first = middle - BINS // 2
-    part = TimeBins(bins.edges[first : first + BINS + 1], bins.valid[first : first + BINS], bins.samples_per_bin)
+    part = TimeBins(bins.edges[first : first + BINS + 1], bins.valid[first : first + BINS])
     assert part.valid.all()
     reference, inputs = replace(flight.reference, bins=part), flight.inputs
     if smooth:

@@ -121,7 +121,7 @@ def test_the_step_of_a_bin_is_the_one_that_has_its_rows(seed, bins):
 # --- a constructed flight --------------------------------------------------------------------------------------------
 
 LENGTH, COUNT = 0.5, 6
-BINS = TimeBins(LENGTH * np.arange(COUNT + 1), np.arange(COUNT) != 2, 2)
+BINS = TimeBins(LENGTH * np.arange(COUNT + 1), np.arange(COUNT) != 2)
 #: Epochs: time, bin that ends, constraints, time over which the bin's gyros rotate the attitude. The instrument changes
 #: at 2 s after the bin's end; the third bin is not compared.
 EPOCHS = (

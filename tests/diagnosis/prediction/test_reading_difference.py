@@ -24,7 +24,7 @@ from edl_filter.telemetry.record import ImuRecord
 
 STEP, COUNT = 0.1, 24
 PER_BIN = 2
-BINS = TimeBins(STEP * PER_BIN * np.arange(COUNT // PER_BIN + 1), np.ones(COUNT // PER_BIN, bool), PER_BIN)
+BINS = TimeBins(STEP * PER_BIN * np.arange(COUNT // PER_BIN + 1), np.ones(COUNT // PER_BIN, bool))
 LENGTH, BIN_COUNT = STEP * PER_BIN, COUNT // PER_BIN
 #: Bins without an end of the record, where the rate at the edge is that of the sample.
 INNER = slice(1, -1)

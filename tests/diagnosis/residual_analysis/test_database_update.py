@@ -54,19 +54,7 @@ def test_the_share_is_the_part_of_the_variance_that_the_data_removed():
 LEARNED = SimpleNamespace(mean=(), remainder=lambda mach, knudsen, alpha, limit: np.full(np.shape(mach), 0.25))
 
 
-@pytest.mark.parametrize(
-    "increments",
-    [
-        None,
-        pytest.param(
-            LEARNED,
-            marks=pytest.mark.xfail(
-                strict=True, reason="_database_sigma leaves out the remainder that database_units multiplies by"
-            ),
-        ),
-    ],
-    ids=["plain", "with increments of another flight"],
-)
+@pytest.mark.parametrize("increments", [None, LEARNED], ids=["plain", "with increments of another flight"])
 def test_the_sigma_at_the_knots_is_the_unit_of_the_amplitudes(increments):
     """A posterior amplitude is in the units that the path's field has at the same flow and angle."""
     count, prior = 5, DiscrepancyPrior(scale=0.6)

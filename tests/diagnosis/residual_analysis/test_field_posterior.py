@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
-from linear_problems import joint_measurements, posterior_states
+from linear_problems import from_dense, joint_measurements, posterior_states
 
 from edl_filter.aero.discrepancy import DiscrepancyPrior
 from edl_filter.diagnosis.prediction.dead_reckoning import NODES_PER_BIN
@@ -16,7 +16,6 @@ from edl_filter.diagnosis.residual_analysis.field_posterior import (
     knot_coordinates,
     white_columns,
 )
-from edl_filter.estimation.block_sparse import from_dense
 from edl_filter.estimation.kalman import LinearStateSpace, whitening_filter
 
 STEPS, MODES = 25, 2
@@ -270,7 +269,6 @@ def test_of_a_number_that_is_passed_several_times_it_is_the_last_passage(seed, c
     assert np.all(np.diff(actual) > 0.0)
 
 
-@pytest.mark.xfail(strict=True, reason="distance_at joins the nodes that are not reached again, not adjoining ones")
 @pytest.mark.parametrize(
     ("flown", "value"),
     [

@@ -204,11 +204,17 @@ def field_at_knots(
 
 
 def _database_sigma(model: LinearizedModel, path: FlownPath, distance: Array, alpha: Array) -> Array:
-    """One sigma of the database at knots ``(3, K, A)``, in units of the coefficients."""
+    """One sigma of the database at knots ``(3, K, A)``, in units of the coefficients.
+
+    As along the path (`jacobians.coefficient_errors.database_units`), less what increments of another flight say.
+    """
     mach, knudsen, speed = (v[:, None] for v in path.at_distance(distance))
-    limits = model.inputs.forward_model.database.lookup(mach, knudsen, alpha, speed).three_sigma
-    third = model.case.uncertainty.discrepancy.scale / 3.0
-    shape = (len(distance), len(alpha))
+    database, shape = model.inputs.forward_model.database, (len(distance), len(alpha))
+    limits = database.lookup(mach, knudsen, alpha, speed).three_sigma
+    third = np.full(shape, model.case.uncertainty.discrepancy.scale / 3.0)
+    if database.increments is not None:
+        flow = (np.broadcast_to(v, shape).ravel() for v in (mach, knudsen, alpha))
+        third *= np.sqrt(database.increments.remainder(*flow, database.continuum_limit)).reshape(shape)
     return third * np.stack([np.broadcast_to(getattr(limits, name), shape) for name in FIELD_COEFFICIENTS])
 
 

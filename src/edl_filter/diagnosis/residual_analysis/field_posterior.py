@@ -136,9 +136,13 @@ class FlownPath:
         """
         inside = self.inside(regime)
         flown, distance = self.coordinate(regime)[inside], self.distance[inside]
-        later = np.maximum.accumulate(flown[::-1])[::-1]
-        last = np.append(flown[:-1] > later[1:], True)
-        return np.interp(-coordinate, -flown[last], distance[last])
+        value = np.clip(coordinate, flown.min(), flown.max())[:, None]
+        begin, end = flown[:-1], flown[1:]
+        passes = (np.minimum(begin, end) <= value) & (value <= np.maximum(begin, end))
+        last = len(begin) - 1 - np.argmax(passes[:, ::-1], axis=1)
+        change = end[last] - begin[last]
+        share = np.where(change == 0.0, 1.0, (value[:, 0] - begin[last]) / np.where(change == 0.0, 1.0, change))
+        return np.asarray(distance[last] + share * (distance[last + 1] - distance[last]), float)
 
     def at_distance(self, distance: Array) -> tuple[Array, Array, Array]:
         """Mach number, Knudsen number and speed (m/s) at distances along the flow ``(K,)``, ``(K,)`` each."""
