@@ -241,6 +241,22 @@ def test_a_checking_imu_that_is_corrected_differs_by_its_own_readings():
     np.testing.assert_allclose(actual.checking_rate[1], -0.25, atol=1e-13)
 
 
+def test_a_checking_imu_whose_samples_end_between_the_edges_of_the_bins():
+    """Its change is interpolated as a smooth one: of a cubic by its exact means, but for the first and last bins."""
+    minus = replace(random_side(np.random.default_rng(8)), model=model_of(NoLoads))
+    first, _ = minus.checking
+    shifted = replace(first, time=first.time + 0.03)
+    begin, end = shifted.time - STEP, shifted.time
+    of_samples, of_bins = (
+        (b**4 - a**4) / (4.0 * (b - a)) for a, b in ((begin, end), (BINS.edges[:-1], BINS.edges[1:]))
+    )
+    changed = replace(shifted, specific_force=shifted.specific_force + np.outer(of_samples, [1.0, -2.0, 0.5]))
+    plus, minus = (replace(minus, checking=(record,)) for record in (changed, shifted))
+    actual = difference(plus, minus).checking_force[0]
+    assert np.isnan(actual[0]).all()  # the record begins within it
+    np.testing.assert_allclose(actual[2:-2], np.outer(of_bins, [1.0, -2.0, 0.5])[2:-2], rtol=0.0, atol=1e-10)
+
+
 def test_another_place_of_a_checking_imu_changes_what_is_implied_for_it():
     """By the lever-arm acceleration of the displacement, in which rates and their change are linear in the place."""
     minus = replace(random_side(np.random.default_rng(5)), model=model_of(NoLoads))
