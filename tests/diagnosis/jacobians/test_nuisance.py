@@ -58,7 +58,7 @@ def test_only_parameters_with_a_stated_sigma_are_in_the_vector():
 
 
 def test_the_amplitudes_of_a_discrepancy_are_the_last_states():
-    """Of each coefficient all values, then all derivatives and all second derivatives; a field may have no modes."""
+    """Of each coefficient all values, then all derivatives; a field may have no modes."""
     layout = Layout.of((SensorErrors(1e-2, 1e-3, 0.0, 1e-4, 0.0),), {})
     counts = {"ca": 2, "cn": 0, "cm": 3}
     modes = {name: AngleModes(np.zeros((5, count)), np.zeros((5, count))) for name, count in counts.items()}
