@@ -213,8 +213,9 @@ def _database_sigma(model: LinearizedModel, path: FlownPath, distance: Array, al
     limits = database.lookup(mach, knudsen, alpha, speed).three_sigma
     third = np.full(shape, model.case.uncertainty.discrepancy.scale / 3.0)
     if database.increments is not None:
-        flow = (np.broadcast_to(v, shape).ravel() for v in (mach, knudsen, alpha))
-        third *= np.sqrt(database.increments.remainder(*flow, database.continuum_limit)).reshape(shape)
+        places = [np.broadcast_to(v, shape).ravel() for v in (mach, knudsen, alpha)]
+        remainder = database.increments.remainder(places[0], places[1], places[2], database.continuum_limit)
+        third *= np.sqrt(remainder).reshape(shape)
     return third * np.stack([np.broadcast_to(getattr(limits, name), shape) for name in FIELD_COEFFICIENTS])
 
 
