@@ -5,6 +5,7 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
+from contents import diagnosis, unknown
 from typer.testing import CliRunner
 
 from edl_filter.cli import app
@@ -14,6 +15,7 @@ from edl_filter.effects.registry import find_effect
 from edl_filter.mission import Mission
 from edl_filter.mission.edit_effects import text_with_effects
 from edl_filter.results.files import read_diagnosis, read_ledger, read_summary
+from edl_filter.results.schema import DiagnosisContent
 from edl_filter.workflow.improve_model import _why_stopped
 
 pytestmark = pytest.mark.slow
@@ -78,9 +80,10 @@ def test_a_remainder_that_no_effect_explains_is_described():
     verdict = SimpleNamespace(verdict="unknown", leader=None, entries=[])
     last = Step((), SimpleNamespace(verdict=verdict), None, ())
     description = "moment_y from 62 to 170 s: 4.9 N m RMS; it oscillates at 0.680 Hz."
-    text = _why_stopped(last, {"remainder": {"description": description}}, False)
+    remainder = unknown()["remainder"] | {"description": description}
+    text = _why_stopped(last, DiagnosisContent.of(unknown() | {"remainder": remainder}), False)
     assert text.endswith(f"explains any of it. What is left: {description}")
-    assert _why_stopped(last, {"remainder": None}, False).endswith("explains any of it.")
+    assert _why_stopped(last, DiagnosisContent.of(diagnosis(remainder=None)), False).endswith("explains any of it.")
 
 
 def test_the_ledger_of_another_mission_is_refused(improved, tmp_path):
