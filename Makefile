@@ -10,7 +10,7 @@
 #                       take longest (a quarter of an hour)
 #   make fuzz    search for files that break a reader, a minute for each kind of file
 #   make study-faults       faults of an IMU's samples in simulated flights: how many are repaired (an hour; goes on)
-#   make study-kills        kill -9 at 50 moments of run, diagnose and improve: is a result ever torn (half an hour)
+#   make study-kills        kill -9 at 50 moments of run, diagnose, improve and campaign: is a result ever torn (ten minutes)
 #   make study-mutation     one change at a time in files of the diagnosis, estimation and navigation: does a test fail
 #                           (half an hour; goes on)
 #   make calibrate   are the sigmas true: 300 simulated flights with gaps, against their truth (ten minutes; goes on)
