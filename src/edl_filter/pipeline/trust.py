@@ -35,7 +35,8 @@ from edl_filter.pipeline.redundancy import Run, contradicting, undecided
 from edl_filter.planet import Planet
 from edl_filter.planet.atmosphere import Atmosphere
 from edl_filter.telemetry.record import Telemetry
-from edl_filter.telemetry.sample_repair import INFLATION, alone, filled_by_dynamics
+from edl_filter.telemetry.sample_filling import INFLATION
+from edl_filter.telemetry.sample_repair import alone, filled_by_dynamics
 
 #: Causes in the summary.
 CAUSES = 5

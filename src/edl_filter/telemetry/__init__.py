@@ -13,7 +13,8 @@ Read in this order:
 3. `fetch`, `pds3`, `mer_compact`, `mer_archive`, `mer_cleaning`: download, reader of PDS tables, their compact form,
    correction of MER's tables. `mer_segments`, `joining`, `mer_flight`: from the tables to segments in body axes, and to
    one record.
-4. `sample_checks`, `transfer`, `spikes`, `sample_repair`: missing and bad samples are found, and filled.
+4. `sample_checks`, `transfer`, `spikes`, `sample_filling`, `sample_repair`: missing and bad samples are found, and
+   filled.
 5. `smoothing`: batch polynomial, low-pass, rates and angular accelerations. `calibration`, `comparison`: lever-arm
    correction, bias and misalignment of one IMU relative to another.
 6. `clock`: spacecraft clock to UTC.

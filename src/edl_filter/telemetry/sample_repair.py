@@ -1,17 +1,11 @@
-"""Bad samples found by comparison of neighbours and of two IMUs, and the repair of all that is lost.
+"""Repair of telemetry: samples that neighbours or another IMU show to be bad are lost, and all lost ones are filled.
 
 Input: `Telemetry` with NaN where samples are lost. Method: spikes and disagreements of single samples between the IMUs
 are found (`bad_triads`) and treated as lost; disagreements that last and that no constant error explains are named
-(`disagreements`), and repaired where the IMU at fault is known (`without_samples`); an IMU that ends before the other
-one is extended. A lost stretch of the driving record is filled with the readings of another IMU where it has samples
-(`transfer`), elsewhere by an autoregression of each axis that is fitted to both sides (`estimation.autoregression`).
-Output: `Telemetry` without NaN, its findings, and in each filled sample the sigma by which it may be wrong
-(`ImuRecord.force_fill_sigma`).
-
-The errors of a filled stretch are correlated in time. Each of its n samples has the sigma of independent errors whose
-sum over the stretch has the right variance: with a common error c and independent errors s, ``√(s² + n c²)``. That of
-rates includes the coning of an oscillation whose phase is not known.
-Telemetry without findings is returned as it is.
+(`disagreements`), and repaired where the IMU at fault is known (`without_samples`); an IMU that begins after or ends
+before the other one is extended; jumps and drifts of clocks are removed. Then lost samples are filled
+(`sample_filling`).
+Output: `Telemetry` without NaN, and its findings. Telemetry without findings is returned as it is.
 """
 
 from __future__ import annotations
@@ -23,8 +17,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from edl_filter.errors import InputError
-from edl_filter.estimation.autoregression import Interpolation, interpolate
 from edl_filter.telemetry.clock_drift import without_drift, without_relative_drift
 from edl_filter.telemetry.disagreement import TRIADS, disagreements
 from edl_filter.telemetry.record import (
@@ -36,23 +28,13 @@ from edl_filter.telemetry.record import (
     finite_rows,
     within_window,
 )
-from edl_filter.telemetry.sample_checks import CheckSettings, findings_of, runs, with_repair
+from edl_filter.telemetry.sample_checks import CheckSettings, findings_of, with_repair
+from edl_filter.telemetry.sample_filling import BY_DYNAMICS, PARACHUTE_MARGIN, filled, is_complete
 from edl_filter.telemetry.spikes import bad_triads
-from edl_filter.telemetry.transfer import TransferredReadings, transferred
-from edl_filter.types import Array, BoolArray
+from edl_filter.types import Array
 
 #: An IMU is dead where it ends by more than this before another one, s.
 _DEAD = 1.0
-#: Samples on each side of a stretch to which an autoregression is fitted: at least, and relative to its length.
-_LEAST_SIDE, _SIDE_RATIO = 80, 1.5
-#: Time before the parachute from which samples are not compared: the mortar's recoil, s.
-_PARACHUTE_MARGIN = 1.0
-#: Time after the parachute's deployment by which the canopy is full and its shock is over, s. The deceleration of both
-#: rovers jumps to its peak at 1.1 to 1.3 s and falls smoothly from 2.5 s on.
-INFLATION = 3.0
-_TRIADS = ("force", "rate")
-#: Repair of a stretch that no other IMU covers.
-BY_DYNAMICS = "filled by a fitted oscillation"
 #: Repair of a disagreement of which no other measurement has shown the IMU at fault (`pipeline.redundancy`).
 UNDECIDED = "not repaired: no other measurement shows which of the two is at fault"
 #: Time after a gap in which the rates of two IMUs are compared (s), least number of samples, and the ratio of mean
@@ -89,7 +71,7 @@ def repaired(telemetry: Telemetry, settings: CheckSettings | None = None, parach
         for i, second in ((0, records[1]), (1, records[0])):
             records[i], findings = _without_clock_jumps(records[i], second, findings)
     if settings.enabled:
-        records, drifts = without_drift(records, parachute - _PARACHUTE_MARGIN)
+        records, drifts = without_drift(records, parachute - PARACHUTE_MARGIN)
         findings += drifts
         records, findings = _driven_by_the_finer(records, findings)
     begun = [_begun(record, telemetry.initial, len(records) > 1) for record in records]
@@ -105,18 +87,18 @@ def repaired(telemetry: Telemetry, settings: CheckSettings | None = None, parach
                     if _is_flight(telemetry)
                     else []
                 )
-    smooth_until = parachute - _PARACHUTE_MARGIN
+    smooth_until = parachute - PARACHUTE_MARGIN
     if settings.enabled:
         records, bad = bad_triads(records, settings, smooth_until)
         findings += bad
         findings += _disagreements(records, drifts, settings, smooth_until)
-    if not findings and all(_finite(record) for record in records):
+    if not findings and all(is_complete(record) for record in records):
         return telemetry
     sources = [next((r for k, r in enumerate(records) if k != i), None) for i in range(len(records))]
     phrases: dict[str, list[tuple[float, float, str]]] = {}
     outcome = []
     for record, source in zip(records, sources, strict=True):
-        complete, how = _filled(record, source, settings, parachute)
+        complete, how = filled(record, source, settings, parachute)
         phrases[record.name] = how
         outcome.append(complete)
     findings = [f if f.repair else _explained(f, phrases.get(f.imu, [])) for f in findings]
@@ -294,10 +276,6 @@ def _is_flight(telemetry: Telemetry) -> bool:
     return not any(record.sculling_corrected.any() for record in (telemetry.driving, *telemetry.checking))
 
 
-def _finite(record: ImuRecord) -> bool:
-    return bool(np.isfinite(record.specific_force).all() and np.isfinite(record.angular_rate).all())
-
-
 def _explained(finding: SampleFinding, repairs: list[tuple[float, float, str]]) -> SampleFinding:
     """A finding with what was done about it: the repairs of the stretches that it overlaps."""
     over = [(a, b, p) for a, b, p in repairs if a < finding.end - 1e-6 and b > finding.start + 1e-6]
@@ -364,132 +342,3 @@ def _extended(record: ImuRecord, second: ImuRecord) -> tuple[ImuRecord, list[Sam
     extended = _lengthened(record, time, np.full(count, interval), before=False)
     finding = SampleFinding(record.name, "all", float(record.time[-1]), float(time[-1]), count, "dead")
     return extended, [finding]
-
-
-def _filled(
-    record: ImuRecord, second: ImuRecord | None, settings: CheckSettings, parachute: float
-) -> tuple[ImuRecord, list[tuple[float, float, str]]]:
-    """A record with all lost values filled, and where and how: (start, end, phrase)."""
-    if _finite(record):
-        return record, []
-    repairs: list[tuple[float, float, str]] = []
-    source = None if second is None else transferred(record, second, parachute - _PARACHUTE_MARGIN)
-    values = {"force": record.specific_force.copy(), "rate": record.angular_rate.copy()}
-    sigmas = {"force": record.force_fill_sigma.copy(), "rate": record.rate_fill_sigma.copy()}
-    noise = {"force": record.force_noise, "rate": record.rate_noise}
-    lost = {triad: ~finite_rows(values[triad]) for triad in _TRIADS}
-    for triad in _TRIADS:
-        if source is not None:
-            available = lost[triad] & source.valid
-            for a, b in runs(available):
-                rows = slice(a, b)
-                values[triad][rows] = getattr(source, triad)[rows]
-                sigmas[triad][rows] = _transfer_sigma(source, triad, rows, noise[triad][rows])
-                repairs.append(_repair(record, a, b, f"filled from {second.name}" if second else ""))
-            lost[triad] = lost[triad] & ~source.valid
-        read = values[triad].copy()  # an autoregression is fitted to readings alone
-        for a, b in runs(lost[triad]):
-            _refuse_long_gap(record, a, b, settings)
-            fills = _by_dynamics(record, read, a, b, parachute)
-            values[triad][a:b] = np.stack([fill.values for fill in fills], axis=1)
-            variance = np.array([fill.covariance.sum() / (b - a) for fill in fills])  # of readings, with their noise
-            variance = np.maximum(variance - noise[triad][a:b, None] ** 2, 0.25 * variance)
-            if triad == "rate":
-                variance = variance + _coning_variance(fills, record.interval[a]) / (b - a) / record.interval[a] ** 2
-            sigmas[triad][a:b] = np.maximum(np.sqrt(variance), 1e-12)
-            repairs.append(_repair(record, a, b, BY_DYNAMICS))
-    filled = np.any(sigmas["rate"] > 0.0, axis=1)
-    complete = replace(
-        record,
-        specific_force=values["force"],
-        angular_rate=values["rate"],
-        force_fill_sigma=sigmas["force"],
-        rate_fill_sigma=sigmas["rate"],
-        shared_rate_noise=np.where(filled, 0.0, record.shared_rate_noise),
-    )
-    return complete, repairs
-
-
-def _repair(record: ImuRecord, a: int, b: int, phrase: str) -> tuple[float, float, str]:
-    return float(record.time[a] - record.interval[a]), float(record.time[b - 1]), phrase
-
-
-def _refuse_long_gap(record: ImuRecord, a: int, b: int, settings: CheckSettings) -> None:
-    start, end = record.time[a] - record.interval[a], record.time[b - 1]
-    if end - start > settings.longest_gap_s or b - a >= len(record) - 2:
-        raise InputError(
-            f"IMU '{record.name}': no usable samples from {start:.3f} to {end:.3f} s, and no other IMU has them; "
-            f"at most {settings.longest_gap_s:g} s are filled without one (sample_checks.longest_gap_s)."
-        )
-
-
-def _transfer_sigma(source: TransferredReadings, triad: str, rows: slice, noise: Array) -> Array:
-    """Sigma (n, 3) of independent errors that are equivalent to those of n transferred samples, beyond their noise."""
-    scatter, common = getattr(source, f"{triad}_scatter")[rows], getattr(source, f"{triad}_error")[rows]
-    independent = np.maximum(scatter**2 - noise[:, None] ** 2, 0.25 * scatter**2)
-    return np.sqrt(independent + len(scatter) * common**2)
-
-
-def _by_dynamics(record: ImuRecord, values: Array, a: int, b: int, parachute: float) -> list[Interpolation]:
-    """Values of the stretch ``[a, b)`` by an autoregression of each axis, with their covariances.
-
-    A stretch is fitted to samples of the same part of the flight, before or after the parachute's shock, if that part
-    is as long on each side of the stretch as the stretch itself, so that the cross-validation has both sides: another
-    process acts in the other part, and the shock between them is no oscillation of either. Nearer to the shock, the
-    samples of both parts are used, which bound the stretch.
-    """
-    side = max(_LEAST_SIDE, int(_SIDE_RATIO * (b - a)) + _LEAST_SIDE // 2)
-    first, last = max(0, a - side), min(len(record), b + side)
-    interval = record.interval[a]
-    regular = np.abs(record.interval[first:last] - interval) < 0.2 * interval
-    regular &= _same_kind(record, a)[first:last]
-    same_part = _same_part(record, a, parachute)
-    if same_part[a:b].all() and all(np.count_nonzero(s) >= b - a for s in (same_part[:a], same_part[b:])):
-        regular &= same_part[first:last]
-    fills = []
-    for series in values[first:last].T:
-        known = np.isfinite(series) & regular
-        fills.append(interpolate(np.nan_to_num(series), known, a - first, b - first))
-    return fills
-
-
-def _coning_variance(fills: list[Interpolation], interval: float) -> Array:
-    """Variance (3,) of the rotation by coning about each axis that filled rates do not have, rad².
-
-    To second order, rates p and q about two axes turn the vehicle by ``½ ∫∫ sgn(t' - t) p(t) q(t') dt dt'`` about the
-    third one (Goodman & Robinson 1958, ASME J. Appl. Mech. 25, 210). The most probable rates decay to their mean in a
-    long stretch, where the vehicle goes on to oscillate about both axes with phases that are not known. The covariance
-    of the values has the oscillation, and independent errors with the variance of their sum do not. A mean rate is no
-    oscillation, and it is left out: its rotation is the strapdown integration's.
-    """
-
-    def weighted(values: Array) -> Array:
-        """Sum over all later samples minus that over all earlier ones, along the first axis."""
-        total = np.cumsum(values, axis=0)
-        return total[-1] - 2.0 * total + values
-
-    variance = np.empty(3)
-    for axis in range(3):
-        first, second = fills[(axis + 1) % 3], fills[(axis + 2) % 3]
-        spread = weighted(weighted(second.covariance).T).T
-        square = float(np.sum(spread * first.covariance))
-        p, q = first.values - first.values.mean(), second.values - second.values.mean()
-        square += float(p @ spread @ p) + float(weighted(q) @ first.covariance @ weighted(q))
-        variance[axis] = 0.25 * interval**4 * square
-    return variance
-
-
-def _same_part(record: ImuRecord, row: int, parachute: float) -> BoolArray:
-    """Samples (N,) on the same side of the parachute's shock as the row; those in the shock are on neither."""
-    before = record.time <= parachute - _PARACHUTE_MARGIN
-    after = record.time - record.interval >= parachute + INFLATION
-    return before if before[row] else after
-
-
-def _same_kind(record: ImuRecord, row: int) -> BoolArray:
-    """Samples (N,) of the same instrument and kind as the row."""
-    return (
-        (record.unit == record.unit[row])
-        & (record.coning_corrected == record.coning_corrected[row])
-        & (record.sculling_corrected == record.sculling_corrected[row])
-    )

@@ -23,7 +23,8 @@ from edl_filter.diagnosis.jacobians.prediction_jacobian import prediction_jacobi
 from edl_filter.diagnosis.linear_model.flight_case import flight_case
 from edl_filter.diagnosis.linear_model.linearization_point import smoothed_point
 from edl_filter.diagnosis.prediction.dead_reckoning import NODES_PER_BIN
-from edl_filter.diagnosis.prediction.residuals import PathReference, compute_residuals, flow_at, predict
+from edl_filter.diagnosis.prediction.predicted_readings import flow_at, predict
+from edl_filter.diagnosis.prediction.residuals import PathReference, compute_residuals
 from edl_filter.diagnosis.prediction.time_bins import TimeBins
 from edl_filter.effects import EffectInstance
 from edl_filter.effects.perturbation import CoefficientUnits, FieldPerturbation, Perturbation

@@ -17,12 +17,9 @@ from edl_filter.diagnosis.linear_model.effect_jacobian import (
 from edl_filter.diagnosis.linear_model.flight_case import flight_case
 from edl_filter.diagnosis.linear_model.linearization import linearize
 from edl_filter.diagnosis.prediction.dead_reckoning import corrected_readings, node_rates
+from edl_filter.diagnosis.prediction.predicted_readings import predict
 from edl_filter.diagnosis.prediction.reading_difference import difference_on_fixed_path
-from edl_filter.diagnosis.prediction.residuals import (
-    bin_readings,
-    compute_residuals,
-    predict,
-)
+from edl_filter.diagnosis.prediction.residuals import bin_readings, compute_residuals
 from edl_filter.effects import Effect, EffectInstance, Parameter
 from edl_filter.effects.registry import find_effect
 from edl_filter.mission.decision_settings import DecisionSettings

@@ -14,7 +14,7 @@ from edl_filter.diagnosis.noise.unmodelled_acceleration import (
     most_likely_process,
 )
 from edl_filter.diagnosis.prediction.dead_reckoning import NODES_PER_BIN
-from edl_filter.diagnosis.prediction.residuals import bin_average, triangular_integral
+from edl_filter.diagnosis.prediction.predicted_readings import bin_average, triangular_integral
 from edl_filter.estimation.kalman import whitening_filter
 from edl_filter.mission.decision_settings import DecisionSettings
 

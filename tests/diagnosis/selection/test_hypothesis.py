@@ -100,8 +100,9 @@ def flight(monkeypatch):
 
     monkeypatch.setattr(module, "fit_map", fit_map)
     monkeypatch.setattr(module, "moment_estimate", lambda whiten, index, share, mean, settings: excess_of(share))
-    estimate = lambda *_: (excess_of(flight.left), filters["own"])  # noqa: E731
-    monkeypatch.setattr(module, "estimate_variance_components", estimate)
+    monkeypatch.setattr(
+        module, "estimate_variance_components", lambda *_: (excess_of(flight.left), filters["own"])
+    )  # fmt: skip
     monkeypatch.setattr(module, "refine_places", lambda model, instance, whiten: instance)
     return flight
 

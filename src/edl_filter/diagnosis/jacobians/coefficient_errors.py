@@ -13,11 +13,8 @@ from edl_filter.aero.discrepancy import FIELD_COEFFICIENTS, AngleModes, Discrepa
 from edl_filter.aero.grid import GridTable
 from edl_filter.diagnosis.jacobians.nuisance import StatedUncertainty
 from edl_filter.diagnosis.prediction.dead_reckoning import NODES_PER_BIN
-from edl_filter.diagnosis.prediction.residuals import (
-    ModelInputs,
-    Residuals,
-    predict_increment,
-)
+from edl_filter.diagnosis.prediction.predicted_readings import predict_increment
+from edl_filter.diagnosis.prediction.residuals import ModelInputs, Residuals
 from edl_filter.diagnosis.prediction.time_bins import TimeBins, bin_sigma
 from edl_filter.effects.perturbation import CoefficientUnits, Perturbation
 from edl_filter.types import Array

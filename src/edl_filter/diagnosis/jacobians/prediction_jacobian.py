@@ -14,15 +14,14 @@ from edl_filter import rotations
 from edl_filter.diagnosis.jacobians.coefficient_errors import coefficient_loads
 from edl_filter.diagnosis.jacobians.nuisance import StatedUncertainty
 from edl_filter.diagnosis.prediction.dead_reckoning import PathNodes
-from edl_filter.diagnosis.prediction.residuals import (
-    ModelInputs,
-    Residuals,
+from edl_filter.diagnosis.prediction.predicted_readings import (
     flow_at,
     predict,
     predict_increment,
     quadrature_error,
     rate_step_from_moment,
 )
+from edl_filter.diagnosis.prediction.residuals import ModelInputs, Residuals
 from edl_filter.diagnosis.prediction.time_bins import TimeBins
 from edl_filter.effects.base import Effect, EffectInstance
 from edl_filter.effects.forward_model import ForwardModel

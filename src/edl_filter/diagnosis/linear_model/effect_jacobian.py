@@ -21,14 +21,9 @@ from edl_filter.diagnosis.prediction.dead_reckoning import (
     corrected_readings,
     dead_reckon,
 )
+from edl_filter.diagnosis.prediction.predicted_readings import predict_increment
 from edl_filter.diagnosis.prediction.reading_difference import difference_on_fixed_path
-from edl_filter.diagnosis.prediction.residuals import (
-    READING_HOOKS,
-    changes_air,
-    changes_path,
-    constraint_residuals,
-    predict_increment,
-)
+from edl_filter.diagnosis.prediction.residuals import READING_HOOKS, changes_air, changes_path, constraint_residuals
 from edl_filter.effects.base import MODEL_HOOKS, Effect, EffectInstance, EffectKey
 from edl_filter.effects.parameters import Parameter
 from edl_filter.effects.sensor_chain import acts_on_driving

@@ -12,13 +12,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from edl_filter.diagnosis.prediction.dead_reckoning import node_rates
-from edl_filter.diagnosis.prediction.residuals import (
-    ModelInputs,
-    Residuals,
-    bin_readings,
-    lever_arm_readings,
-    predict,
-)
+from edl_filter.diagnosis.prediction.predicted_readings import predict
+from edl_filter.diagnosis.prediction.residuals import ModelInputs, Residuals, bin_readings, lever_arm_readings
 from edl_filter.diagnosis.prediction.time_bins import TimeBins, bin_means
 from edl_filter.types import Array
 

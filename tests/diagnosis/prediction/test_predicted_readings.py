@@ -1,0 +1,162 @@
+"""Quadrature over the bins: exact for polynomials, oscillations in closed form, a body without torque."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.polynomial import Polynomial
+
+from edl_filter.diagnosis.prediction.dead_reckoning import NODES_PER_BIN
+from edl_filter.diagnosis.prediction.predicted_readings import (
+    bin_average,
+    quadrature_error,
+    rate_step_from_moment,
+    triangular_integral,
+)
+from edl_filter.diagnosis.prediction.time_bins import TimeBins
+from edl_filter.effects.forward_model import ForwardModel
+from edl_filter.effects.types import Body
+
+
+def bins_of(edges):
+    edges = np.asarray(edges, float)
+    return TimeBins(edges, np.ones(len(edges) - 1, bool))
+
+
+def nodes(bins):
+    inner = bins.edges[:-1, None] + bins.interval[:, None] * np.arange(NODES_PER_BIN) / NODES_PER_BIN
+    return np.append(inner.ravel(), bins.edges[-1])
+
+
+def model_of(inertia, mass=2.0):
+    return ForwardModel(None, None, None, None, None, Body(mass, np.asarray(inertia, float)), 1.0, 0.0)
+
+
+UNEVEN = bins_of([0.0, 0.1, 0.25, 0.3, 0.6, 0.7])
+EVEN = bins_of(np.arange(41) / 8.0)
+
+
+def exact_mean(p, bins):
+    """Exact means of a polynomial over the bins."""
+    return np.diff(p.integ()(bins.edges)) / bins.interval
+
+
+def exact_triangular_integral(p, bins):
+    """Exact integrals with the triangular weight over two adjoining bins."""
+    integrals = []
+    for a, b, c in zip(bins.edges, bins.edges[1:], bins.edges[2:], strict=False):
+        rising = (p * Polynomial([-a, 1.0]) / (b - a)).integ()
+        falling = (p * Polynomial([c, -1.0]) / (c - b)).integ()
+        integrals.append(rising(b) - rising(a) + falling(c) - falling(b))
+    return np.array(integrals)
+
+
+@given(st.lists(st.floats(-5.0, 5.0), min_size=4, max_size=4))
+def test_means_of_cubics_are_exact(c):
+    p = Polynomial(c)
+    np.testing.assert_allclose(bin_average(p(nodes(UNEVEN)), UNEVEN), exact_mean(p, UNEVEN), atol=1e-12)
+
+
+@given(st.lists(st.floats(-5.0, 5.0), min_size=3, max_size=3))
+def test_triangular_integrals_of_quadratics_are_exact(c):
+    p = Polynomial(c)
+    np.testing.assert_allclose(
+        triangular_integral(p(nodes(UNEVEN)), UNEVEN), exact_triangular_integral(p, UNEVEN), atol=1e-12
+    )
+
+
+def test_error_of_simpsons_rule_for_a_quartic():
+    """The mean of t⁴ is wrong by h⁴ f''''/180 at the node distance h."""
+    p = Polynomial([0.0, 0.0, 0.0, 0.0, 1.0])
+    error = bin_average(p(nodes(UNEVEN)), UNEVEN) - exact_mean(p, UNEVEN)
+    np.testing.assert_allclose(error, 24.0 / 180.0 * (UNEVEN.interval / NODES_PER_BIN) ** 4, rtol=1e-6)
+
+
+def test_vectors_are_integrated_axis_by_axis():
+    t = nodes(EVEN)
+    values = np.stack((np.sin(t), t**2, np.exp(-t)), axis=1)
+    for rule in (bin_average, triangular_integral):
+        for axis in range(3):
+            np.testing.assert_array_equal(rule(values, EVEN)[:, axis], rule(values[:, axis], EVEN))
+
+
+@given(st.lists(st.floats(-5.0, 5.0), min_size=4, max_size=4))
+def test_the_step_of_a_mean_rate_is_the_triangular_integral_of_its_derivative(c):
+    rate = Polynomial(c)
+    steps = triangular_integral(rate.deriv()(nodes(UNEVEN)), UNEVEN)
+    np.testing.assert_allclose(steps, np.diff(exact_mean(rate, UNEVEN)), atol=1e-12)
+
+
+@given(st.floats(0.1, 1.0), st.floats(0.0, 2.0 * np.pi))
+def test_the_step_of_an_oscillating_mean_rate(frequency, phase):
+    """Simpson's rule errs by (h w)⁴/180 of the step's amplitude w dt, three times that with the triangular weight."""
+    w = 2.0 * np.pi * frequency
+    means = -np.diff(np.cos(w * EVEN.edges + phase)) / (w * EVEN.interval)
+    steps = triangular_integral(w * np.cos(w * nodes(EVEN) + phase), EVEN)
+    step = w * EVEN.interval[0]
+    np.testing.assert_allclose(steps, np.diff(means), atol=(step / NODES_PER_BIN) ** 4 / 60.0 * step + 1e-13)
+
+
+def test_a_symmetric_body_without_torque():
+    """The lateral rate rotates at (Ix - It)/It wx in the body."""
+    axial, transverse, roll, lateral = 300.0, 220.0, 3.0, 0.2
+    w = (axial - transverse) / transverse * roll
+    t, edges = nodes(EVEN), EVEN.edges
+    rate = np.stack((np.full_like(t, roll), lateral * np.cos(w * t), lateral * np.sin(w * t)), axis=1)
+    integral = np.stack((roll * edges, lateral * np.sin(w * edges) / w, -lateral * np.cos(w * edges) / w), axis=1)
+    means = np.diff(integral, axis=0) / EVEN.interval[:, None]
+    model = model_of(np.diag([axial, transverse, transverse]))
+    steps = rate_step_from_moment(model, EVEN, SimpleNamespace(time=t, rate=rate), np.zeros_like(rate))
+    np.testing.assert_allclose(steps, np.diff(means, axis=0), atol=1e-6 * lateral * w / 8.0)
+    assert np.abs(steps[:, 1:]).max() > 0.5 * lateral * w / 8.0  # the comparison is not of zeros
+
+
+@given(st.integers(0, 1000))
+def test_eulers_equations_hold(seed):
+    """``I α + w × I w = M`` for any inertia."""
+    rng = np.random.default_rng(seed)
+    root = rng.normal(size=(3, 3))
+    inertia = root @ root.T + np.eye(3)
+    rate, moment = rng.normal(size=(2, 5, 3))
+    acceleration = model_of(inertia).angular_acceleration(np.arange(5.0), rate, moment)
+    for a, w, m in zip(acceleration, rate, moment, strict=True):
+        np.testing.assert_allclose(inertia @ a + np.cross(w, inertia @ w), m, atol=1e-9)
+
+
+def quadrature_errors(values):
+    """Stated error of a force and of a moment with the same values at the nodes, mass and inertia one."""
+    three_axes = np.repeat(values[:, None], 3, axis=1)
+    flow = SimpleNamespace(time=nodes(EVEN), rate=np.zeros_like(three_axes))
+    force, rate_step = quadrature_error(model_of(np.eye(3), 1.0), EVEN, flow, three_axes, three_axes)
+    assert np.all(force >= 0.0) and np.all(rate_step >= 0.0)
+    return force[:, 0], rate_step[:, 0]
+
+
+def test_smooth_loads_have_no_quadrature_error():
+    t = nodes(EVEN)
+    force, rate_step = quadrature_errors(1.0 + t - 0.3 * t**2)
+    assert force.max() < 1e-12 and rate_step.max() < 1e-12
+    force, rate_step = quadrature_errors(np.sin(2.0 * np.pi * 0.7 * t))
+    assert force.max() < 3e-4 and rate_step.max() < 3e-4 / 8.0
+
+
+def test_the_quadrature_error_at_a_change_of_slope_is_half_as_large_again_as_the_true_error():
+    """RMS over all places of the change: stated h / √486, true h / √1080 with the node distance h, by integration.
+
+    Simpson's integral of ``|t - kink|`` errs by h² (2u/3 - u²), where the kink is u h < h from the end of a panel.
+    """
+    t, edges = nodes(EVEN), EVEN.edges
+    stated, true = [], []
+    for kink in 2.0 + (np.arange(100) + 0.5) / 800.0:
+        integral = 0.5 * (edges - kink) * np.abs(edges - kink)
+        force, _ = quadrature_errors(np.abs(t - kink))
+        error = bin_average(np.abs(t - kink), EVEN) - np.diff(integral) / EVEN.interval
+        inside = int(np.searchsorted(edges, kink)) - 1
+        assert np.delete(force, inside).max() < 1e-12 and np.abs(np.delete(error, inside)).max() < 1e-12
+        stated.append(force[inside])
+        true.append(error[inside])
+    h = EVEN.interval[0] / NODES_PER_BIN  # the sum over 100 places is the integral to 1e-3
+    assert np.sqrt(np.mean(np.square(stated))) == pytest.approx(h / np.sqrt(486.0), rel=2e-3)
+    assert np.sqrt(np.mean(np.square(true))) == pytest.approx(h / np.sqrt(1080.0), rel=2e-3)
