@@ -59,15 +59,8 @@ def apply_sensor_effects(
     ----------
     effects : sequence of EffectInstance
         In this IMU, listed in any order; those that are no sensor effects change nothing.
-    time : (N,) array
-        End of each sample's interval, s; intervals adjoin.
-    force, rate : (N, 3) arrays
-        Means over the samples: specific force, m/s², and angular rate, rad/s; body axes.
-
-    Returns
-    -------
-    force, rate : (N, 3) arrays
-        The same units.
+    time, force, rate : (N,), (N, 3) and (N, 3) arrays
+        Arguments of `Effect.imu`, as are the results.
     """
     for a in sensor_effects(effects):
         force, rate = a.effect.imu(a.values, time, force, rate)

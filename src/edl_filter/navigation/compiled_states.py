@@ -238,10 +238,8 @@ def sensor_correction_maps(full, places):
 
     Returns
     -------
-    force_map : (12, S) array
-        ``f = A f_m + c``: A row by row (9), then c (3), m/s².
-    rate_map : (6, S) array
-        ``w = a ∘ w_m + c``: a (3), then c (3), rad/s.
+    force_map, rate_map : (12, S) and (6, S) arrays
+        As there.
     """
     count = full.shape[1]
     force_map, rate_map, matrix = np.zeros((12, count)), np.zeros((6, count)), np.eye(3)

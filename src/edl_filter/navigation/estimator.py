@@ -62,21 +62,7 @@ class Innovation:
 
     @classmethod
     def of(cls, residual: Array, predicted_covariance: Array, noise: Array, linearization: Array) -> Innovation:
-        """Innovation with its normalised square.
-
-        Parameters
-        ----------
-        residual : (m,) array
-            Measured minus predicted.
-        predicted_covariance, noise : (m, m) arrays
-            Of the prediction, and of the measurement.
-        linearization : (2n + 1, m) or (m, n) array
-            As the attribute.
-
-        Returns
-        -------
-        Innovation
-        """
+        """Innovation with its normalised square, from a residual ``(m,)``; all arguments are as the attributes."""
         nis = float(residual @ np.linalg.solve(predicted_covariance + noise, residual))
         return cls(residual, predicted_covariance, noise, nis, linearization)
 
