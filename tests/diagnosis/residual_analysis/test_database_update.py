@@ -11,7 +11,7 @@ from edl_filter.aero.database import load_database
 from edl_filter.aero.discrepancy import DiscrepancyPrior
 from edl_filter.aero.increments import REGIMES, RegimeUpdate
 from edl_filter.diagnosis.jacobians.coefficient_errors import database_units
-from edl_filter.diagnosis.residual_analysis.database_update import _database_sigma, posterior_at_knots
+from edl_filter.diagnosis.residual_analysis.database_update import _sigma_at_knots, posterior_at_knots
 from edl_filter.diagnosis.residual_analysis.field_posterior import FlownPath
 
 
@@ -72,6 +72,6 @@ def test_the_sigma_at_the_knots_is_the_unit_of_the_amplitudes(increments):
         time=path.distance, **{n: getattr(path, n) for n in ("mach", "knudsen", "speed", "alpha_total")}
     )
     units = database_units(model.inputs, SimpleNamespace(flow=flow), prior)
-    sigma = _database_sigma(model, path, path.distance, path.alpha_total)
+    sigma = _sigma_at_knots(model, path, path.distance, path.alpha_total)
     for c, name in enumerate(("ca", "cn", "cm")):
         np.testing.assert_allclose(np.diag(sigma[c]), getattr(units, name), rtol=1e-9)

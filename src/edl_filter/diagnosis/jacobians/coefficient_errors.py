@@ -9,6 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from edl_filter.aero.database import Database
 from edl_filter.aero.discrepancy import FIELD_COEFFICIENTS, AngleModes, DiscrepancyPrior
 from edl_filter.aero.grid import GridTable
 from edl_filter.diagnosis.jacobians.nuisance import StatedUncertainty
@@ -30,13 +31,35 @@ def numerical_error_units(residuals: Residuals, uncertainty: StatedUncertainty) 
 
 def database_units(inputs: ModelInputs, residuals: Residuals, prior: DiscrepancyPrior) -> CoefficientUnits:
     """One sigma of the database's discrepancy at the nodes."""
-    flow, database = residuals.flow, inputs.forward_model.database
-    third = np.full(len(flow.mach), prior.scale / 3.0)
-    limits = database.lookup(flow.mach, flow.knudsen, flow.alpha_total, flow.speed).three_sigma
-    if database.increments is not None:  # their own covariance holds where they apply
-        remainder = database.increments.remainder(flow.mach, flow.knudsen, flow.alpha_total, database.continuum_limit)
-        third = third * np.sqrt(remainder)
-    return CoefficientUnits(flow.time, ca=third * limits.ca, cn=third * limits.cn, cm=third * limits.cm)
+    flow = residuals.flow
+    places = flow.mach, flow.knudsen, flow.alpha_total, flow.speed
+    return CoefficientUnits(flow.time, **discrepancy_sigma(inputs.forward_model.database, prior, *places))
+
+
+def discrepancy_sigma(
+    database: Database, prior: DiscrepancyPrior, mach: Array, knudsen: Array, alpha: Array, speed: Array
+) -> dict[str, Array]:
+    """One sigma of the database's discrepancy: a third of its three sigma, less what increments of a flight say.
+
+    Parameters
+    ----------
+    database : Database
+        With or without increments, whose own covariance holds where they apply.
+    prior : DiscrepancyPrior
+        Scale of the sigmas.
+    mach, knudsen, alpha, speed : (N,) arrays
+        Points of the flow; rad, m/s.
+
+    Returns
+    -------
+    dict of str to (N,) array
+        By coefficient: ``ca``, ``cn``, ``cm``.
+    """
+    limits = database.lookup(mach, knudsen, alpha, speed).three_sigma
+    third = np.full(len(mach), prior.scale / 3.0)
+    if database.increments is not None:
+        third = third * np.sqrt(database.increments.remainder(mach, knudsen, alpha, database.continuum_limit))
+    return {name: third * getattr(limits, name) for name in FIELD_COEFFICIENTS}
 
 
 def interpolated_angles(table: object) -> Array:
@@ -96,7 +119,8 @@ def field_modes(
             inputs.forward_model, bins, *coefficient_loads(inputs, residuals, name, units)
         )
         information = np.sum(force**2, axis=1) / sigma_f**2
-        information[:-1] += np.sum(rate_step**2, axis=1) / sigma_w**2
+        # a step is compared where both of its bins are (`bin_rows`)
+        information[:-1] += np.where(bins.valid[1:], np.sum(rate_step**2, axis=1) / sigma_w**2, 0.0)
         information = np.where(bins.valid & np.isfinite(information), information, 0.0) / NODES_PER_BIN
         modes[name] = prior.angle_modes(name, angle[:-1], np.repeat(information, NODES_PER_BIN), table_angles)
     return modes

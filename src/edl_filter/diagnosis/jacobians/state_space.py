@@ -19,10 +19,9 @@ from edl_filter.diagnosis.prediction.time_bins import TimeBins, bin_sigma
 from edl_filter.estimation.block_sparse import BlockSparse, from_blocks
 from edl_filter.estimation.kalman import LinearStateSpace
 from edl_filter.estimation.matern import MATERN32_COVARIANCE, matern32_transition
-from edl_filter.navigation.constraints import Constraint
-from edl_filter.navigation.ekf import difference_steps
+from edl_filter.navigation.ekf import linearized_measurement
 from edl_filter.navigation.initial import initial_estimate
-from edl_filter.navigation.layout import Layout, State, sigma_states
+from edl_filter.navigation.layout import State
 from edl_filter.types import Array, IntArray
 
 
@@ -148,7 +147,7 @@ def assemble_state_space(
         elif constraint >= 0:
             c = problem.constraints[constraint]
             h = np.zeros((len(c.measured), nuisance.size))
-            h[:, :n] = _constraint_jacobian(c, transitions.states[steps.epoch[k]], nuisance.layout)
+            h[:, :n] = linearized_measurement(c, transitions.states[steps.epoch[k]], nuisance.layout)[1]
             design.append(h)
             block = np.zeros((len(h), widest))
             block[:, : len(h)] = c.noise
@@ -334,12 +333,3 @@ def _initial_covariance(inputs: ModelInputs, nuisance: NuisanceLayout, rate_sigm
         part = slice(values.start, values.start + FIELD_STATES * count)
         p[part, part] = np.kron(MATERN32_COVARIANCE, np.eye(count))
     return p
-
-
-def _constraint_jacobian(c: Constraint, state: State, layout: Layout) -> Array:
-    """Derivative of a constraint's prediction with respect to the filter's vector, ``(m, n)``."""
-    n = layout.size
-    steps = difference_steps(layout)
-    nav, errors = sigma_states(state, np.concatenate((np.diag(steps), -np.diag(steps))), 2 * n)
-    predictions = c.predict(nav, errors, layout)
-    return ((predictions[:n] - predictions[n:]) / (2.0 * steps[:, None])).T

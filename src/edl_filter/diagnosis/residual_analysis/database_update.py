@@ -12,7 +12,7 @@ import numpy as np
 
 from edl_filter.aero.discrepancy import FIELD_COEFFICIENTS, AngleModes, DiscrepancyPrior
 from edl_filter.aero.increments import REGIMES, DatabaseUpdate, RegimeUpdate
-from edl_filter.diagnosis.jacobians.coefficient_errors import interpolated_angles
+from edl_filter.diagnosis.jacobians.coefficient_errors import discrepancy_sigma, interpolated_angles
 from edl_filter.diagnosis.linear_model.linear_model import LinearizedModel
 from edl_filter.diagnosis.prediction.dead_reckoning import NODES_PER_BIN
 from edl_filter.diagnosis.residual_analysis.field_posterior import (
@@ -68,7 +68,7 @@ def estimate_database_update(model: LinearizedModel) -> DatabaseUpdate | None:
         distances,
         angles,
     )
-    unit_sigma = [_database_sigma(model, path, d, angles[regime]) for regime, d in distances.items()]
+    unit_sigma = [_sigma_at_knots(model, path, d, angles[regime]) for regime, d in distances.items()]
     scale = np.concatenate([s.ravel() for s in unit_sigma])
     mean, covariance = mean * scale, covariance * np.outer(scale, scale)
     sigma = np.sqrt(np.maximum(np.diag(covariance), 0.0))
@@ -203,20 +203,13 @@ def field_at_knots(
     return to_field @ mean, prior_covariance - to_field @ reduction @ to_field.T, prior_covariance
 
 
-def _database_sigma(model: LinearizedModel, path: FlownPath, distance: Array, alpha: Array) -> Array:
-    """One sigma of the database at knots ``(3, K, A)``, in units of the coefficients.
-
-    As along the path (`jacobians.coefficient_errors.database_units`), less what increments of another flight say.
-    """
-    mach, knudsen, speed = (v[:, None] for v in path.at_distance(distance))
-    database, shape = model.inputs.forward_model.database, (len(distance), len(alpha))
-    limits = database.lookup(mach, knudsen, alpha, speed).three_sigma
-    third = np.full(shape, model.case.uncertainty.discrepancy.scale / 3.0)
-    if database.increments is not None:
-        places = [np.broadcast_to(v, shape).ravel() for v in (mach, knudsen, alpha)]
-        remainder = database.increments.remainder(places[0], places[1], places[2], database.continuum_limit)
-        third *= np.sqrt(remainder).reshape(shape)
-    return third * np.stack([np.broadcast_to(getattr(limits, name), shape) for name in FIELD_COEFFICIENTS])
+def _sigma_at_knots(model: LinearizedModel, path: FlownPath, distance: Array, alpha: Array) -> Array:
+    """One sigma of the database at knots ``(3, K, A)``, in units of the coefficients."""
+    shape = (len(distance), len(alpha))
+    mach, knudsen, speed = (np.repeat(v, len(alpha)) for v in path.at_distance(distance))
+    database, prior = model.inputs.forward_model.database, model.case.uncertainty.discrepancy
+    sigma = discrepancy_sigma(database, prior, mach, knudsen, np.tile(alpha, len(distance)), speed)
+    return np.stack([sigma[name].reshape(shape) for name in FIELD_COEFFICIENTS])
 
 
 def _bins_by_knot(path: FlownPath, regime: str, nodes: Array, alpha: Array) -> IntArray:
