@@ -26,7 +26,7 @@ entry_state
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar
@@ -45,10 +45,14 @@ if TYPE_CHECKING:  # `planet` imports a compiler, which a table of the catalogue
 
 #: Hooks of an error that an IMU has.
 SENSOR_HOOKS = ("imu", "corrected", "imu_position")
-#: Hooks of all other effects.
-MODEL_HOOKS = (
-    "gravity", "atmosphere_rate", "wind", "density", "coefficients", "force_moment", "vehicle", "entry_state",
-)  # fmt: skip
+#: Hooks of the air.
+AIR_HOOKS = ("atmosphere_rate", "wind", "density")
+#: Hooks of all effects that are no errors of an IMU.
+MODEL_HOOKS = (*AIR_HOOKS, "gravity", "coefficients", "force_moment", "vehicle", "entry_state")
+#: Hooks that change the motion at the centre of mass which readings stand for.
+READING_HOOKS = (*SENSOR_HOOKS, "vehicle")
+#: Hooks that change the dead-reckoned path, or the readings along it.
+PATH_HOOKS = (*READING_HOOKS, "gravity", "entry_state")
 #: Name of an effect, and the IMU in which it acts (None: the driving one, or no sensor effect).
 EffectKey = tuple[str, str | None]
 
@@ -203,7 +207,30 @@ class Effect:
     @property
     def is_sensor_effect(self) -> bool:
         """Whether the effect is an error of an IMU: of its readings, or of its position."""
-        return any(self.acts(hook) for hook in SENSOR_HOOKS)
+        return self._acts_by(SENSOR_HOOKS)
+
+    @property
+    def is_model_effect(self) -> bool:
+        """Whether the effect is outside the IMUs: of vehicle, air, planet or entry state."""
+        return self._acts_by(MODEL_HOOKS)
+
+    @property
+    def changes_air(self) -> bool:
+        """Whether the effect changes the air that the vehicle meets."""
+        return self._acts_by(AIR_HOOKS)
+
+    @property
+    def changes_readings(self) -> bool:
+        """Whether the effect changes the motion at the centre of mass that readings stand for."""
+        return self._acts_by(READING_HOOKS)
+
+    @property
+    def changes_path(self) -> bool:
+        """Whether the effect changes the dead-reckoned path, or the readings along it."""
+        return self._acts_by(PATH_HOOKS)
+
+    def _acts_by(self, hooks: Sequence[str]) -> bool:
+        return any(self.acts(hook) for hook in hooks)
 
     def completed(self, values: Values) -> dict[str, float]:
         """All parameters by name: those of `values`, all others at their defaults."""
@@ -337,6 +364,11 @@ def key_of(label: str) -> EffectKey:
     """The key of an effect from its label: inverse of `label_of`."""
     name, _, imu = label.partition(" in ")
     return name, imu or None
+
+
+def model_effects(effects: Iterable[EffectInstance]) -> tuple[EffectInstance, ...]:
+    """Those of `effects` on which a forward model depends: all but errors of an IMU."""
+    return tuple(a for a in effects if a.effect.is_model_effect)
 
 
 def effect_with_key(effects: Iterable[EffectInstance], key: EffectKey) -> EffectInstance:

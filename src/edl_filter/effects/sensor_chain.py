@@ -15,7 +15,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from edl_filter.effects.base import MODEL_HOOKS, EffectInstance, EffectKey
+from edl_filter.effects.base import EffectInstance, EffectKey
 from edl_filter.effects.forward_model import compose_body
 from edl_filter.effects.types import Body
 from edl_filter.errors import InputError
@@ -103,7 +103,7 @@ def canonical_key(instance: EffectInstance, driving: ImuRecord) -> EffectKey:
 
 def acts_on_driving(instance: EffectInstance, driving: ImuRecord) -> bool:
     """Whether an effect acts on the driving record, or outside the IMUs; otherwise only on a checking IMU."""
-    outside = not instance.effect.is_sensor_effect or any(instance.effect.acts(hook) for hook in MODEL_HOOKS)
+    outside = not instance.effect.is_sensor_effect or instance.effect.is_model_effect
     return outside or bool(np.any(samples_of(driving, instance.imu, True)))
 
 

@@ -23,8 +23,8 @@ from edl_filter.diagnosis.prediction.dead_reckoning import (
 )
 from edl_filter.diagnosis.prediction.predicted_readings import predict_increment
 from edl_filter.diagnosis.prediction.reading_difference import difference_on_fixed_path
-from edl_filter.diagnosis.prediction.residuals import READING_HOOKS, changes_air, changes_path, constraint_residuals
-from edl_filter.effects.base import MODEL_HOOKS, Effect, EffectInstance, EffectKey
+from edl_filter.diagnosis.prediction.residuals import constraint_residuals
+from edl_filter.effects.base import Effect, EffectInstance, EffectKey
 from edl_filter.effects.parameters import Parameter
 from edl_filter.effects.sensor_chain import acts_on_driving
 from edl_filter.mission.decision_settings import DecisionSettings
@@ -156,7 +156,7 @@ def effect_jacobian(
             means.append(mean)
         return np.stack(columns, axis=1), np.stack(means, axis=1)
 
-    if not changes_path(effect):
+    if not effect.changes_path:
         return EffectJacobian(instance, chosen, sigma, *compute())
     computed = model.computed_jacobians
     key = (_identity(instance), chosen, tuple(_identity(a) for a in model.effects if not a.is_zero))
@@ -197,7 +197,7 @@ def _derivative(model: LinearizedModel, instance: EffectInstance, name: str, ste
         return replace(instance, values=instance.values | {name: instance.values[name] + change})
 
     initial_mean = np.zeros(model.nuisance.size)
-    if not changes_path(effect):
+    if not effect.changes_path:
         rows = model.index.stack_predictions(*_load_difference(model, remaining, displaced(step), displaced(-step)))
         return rows / (2.0 * step), initial_mean
     sides = [(*remaining, displaced(d)) for d in (step, -step)]
@@ -215,7 +215,7 @@ def _derivative(model: LinearizedModel, instance: EffectInstance, name: str, ste
         strict=True,
     ):
         rows[part] = b - a
-    if any(effect.acts(hook) for hook in READING_HOOKS):
+    if effect.changes_readings:
         rows -= _difference_on_fixed_path(model, effect, sides)
     return rows / (2.0 * step), initial_mean
 
@@ -248,7 +248,7 @@ def _difference_on_fixed_path(
     """
     inputs = [model.denoised_inputs(effects) for effects in sides]
     plus, minus = ((i, *corrected_readings(i.problem, model.reference.errors)) for i in inputs)
-    same_loads = effect.is_sensor_effect and not any(effect.acts(hook) for hook in MODEL_HOOKS)
+    same_loads = not effect.is_model_effect
     change = difference_on_fixed_path(model.bins, plus, minus, model.residuals, same_loads)
     return model.index.stack_predictions(change.force, change.rate_step, change)
 
@@ -266,7 +266,7 @@ def _load_difference(
     up, down = (model.inputs.forward_model.with_effects((*remaining, *constants, a)) for a in (plus, minus))
     (force_up, moment_up), (force_down, moment_down) = up.loads(flow, tables), down.loads(flow, tables)
     force, rate_step = predict_increment(up, bins, force_up - force_down, moment_up - moment_down)
-    if changes_air(plus.effect):
+    if plus.effect.changes_air:
         air_up, air_down = _air(model, plus), _air(model, minus)
         for name, value in air_up.items():
             column, amount = model.jacobian.columns[name].start, value - air_down[name]

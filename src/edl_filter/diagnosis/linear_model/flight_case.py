@@ -15,7 +15,7 @@ from edl_filter.diagnosis.linear_model.learned_increments import LearnedIncremen
 from edl_filter.diagnosis.linear_model.stated_parameters import StatedParameter, stated_parameters
 from edl_filter.diagnosis.prediction.residuals import ModelInputs
 from edl_filter.diagnosis.prediction.time_bins import TimeBins, make_time_bins
-from edl_filter.effects.base import EffectInstance
+from edl_filter.effects.base import EffectInstance, model_effects
 from edl_filter.effects.forward_model import ForwardModel
 from edl_filter.effects.sensor_chain import log_abs_det_jacobian
 from edl_filter.mission import Mission
@@ -162,7 +162,8 @@ class FlightCase:
         return forward_model_of(r.mission, r.planet, r.atmosphere, ())
 
     def _inputs(self, problem: Problem, telemetry: Telemetry, effects: Sequence[EffectInstance]) -> ModelInputs:
-        return ModelInputs(problem, self.forward_model.with_effects(effects), telemetry.driving, telemetry.checking)
+        model = self.forward_model.with_effects(model_effects(effects))
+        return ModelInputs(problem, model, telemetry.driving, telemetry.checking)
 
 
 def load_case(

@@ -31,10 +31,10 @@ from edl_filter.diagnosis.prediction.residuals import (
     PathReference,
     Residuals,
     compute_residuals,
-    update_residuals,
+    with_predictions,
 )
 from edl_filter.diagnosis.prediction.time_bins import TimeBins
-from edl_filter.effects.base import EffectInstance
+from edl_filter.effects.base import EffectInstance, model_effects
 from edl_filter.effects.perturbation import CoefficientUnits, FieldPerturbation
 from edl_filter.estimation.kalman import LinearStateSpace, Whitening, WhiteningFilter, whitening_filter
 from edl_filter.mission.decision_settings import DecisionSettings
@@ -133,14 +133,20 @@ class LinearizedModel:
         return self.initial_mean_of(self.inputs)
 
     def with_effects(self, effects: Sequence[EffectInstance]) -> LinearizedModel:
-        """The same Jacobians about the same point, with the residuals of other effects."""
-        constants = self.point.constants
+        """The same Jacobians about the same point, with the residuals of other effects.
 
-        def build_inputs(acting: Sequence[EffectInstance]) -> ModelInputs:
-            return perturbed(self.case.model_inputs(acting), self.point)
-
-        current = self.inputs, self.residuals
-        inputs, residuals = update_residuals(self.reference, build_inputs, current, (*effects, *constants))
+        Only what the changed effects act on is computed again.
+        """
+        before = self.effects
+        changed = [a for a in (*before, *effects) if not (a.is_zero or (a in before and a in effects))]
+        if any(a.effect.changes_path for a in changed):
+            inputs = self.model_inputs(effects)
+            residuals = compute_residuals(self.reference, inputs)
+        else:
+            acting = model_effects((*effects, *self.point.constants))
+            inputs = replace(self.inputs, forward_model=self.inputs.forward_model.with_effects(acting))
+            changed_air = any(a.effect.changes_air for a in changed)
+            residuals = with_predictions(self.residuals, self.bins, inputs.forward_model, changed_air)
         return replace(self, effects=tuple(effects), inputs=inputs, residuals=residuals)
 
     def at_point(self, point: LinearizationPoint, effects: Sequence[EffectInstance]) -> LinearizedModel:

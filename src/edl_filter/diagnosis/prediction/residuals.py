@@ -8,7 +8,6 @@ interpolation about the linearisation point (`interpolation_error`).
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -23,7 +22,6 @@ from edl_filter.diagnosis.prediction.dead_reckoning import (
 from edl_filter.diagnosis.prediction.interpolation_error import lever_arm_error
 from edl_filter.diagnosis.prediction.predicted_readings import accelerations_at_nodes, flow_at, predict
 from edl_filter.diagnosis.prediction.time_bins import TimeBins, bin_means
-from edl_filter.effects.base import Effect, EffectInstance
 from edl_filter.effects.forward_model import ForwardModel
 from edl_filter.effects.types import AeroCoefficients, FlightCondition
 from edl_filter.imu_model.lever_arm import lever_arm_acceleration
@@ -32,11 +30,6 @@ from edl_filter.navigation.filter import Problem
 from edl_filter.navigation.increments import Samples
 from edl_filter.telemetry.record import ImuRecord
 from edl_filter.types import Array
-
-#: Hooks of an effect that change readings, the path, the air.
-READING_HOOKS = ("imu", "corrected", "imu_position", "vehicle")
-PATH_HOOKS = (*READING_HOOKS, "gravity", "entry_state")
-AIR_HOOKS = ("atmosphere_rate", "wind", "density")
 
 
 @dataclass(frozen=True)
@@ -197,47 +190,26 @@ def lever_arm_errors(reference: PathReference, inputs: ModelInputs, residuals: R
     return tuple(bin_means(bins.edges, samples.time, samples.interval, error) for error in errors)
 
 
-def changes_path(effect: Effect) -> bool:
-    """Whether an effect changes the path, or the readings along it."""
-    return any(effect.acts(hook) for hook in PATH_HOOKS)
-
-
-def changes_air(effect: Effect) -> bool:
-    """Whether an effect changes the air that the vehicle meets."""
-    return any(effect.acts(hook) for hook in AIR_HOOKS)
-
-
-def update_residuals(
-    reference: PathReference,
-    build_inputs: Callable[[Sequence[EffectInstance]], ModelInputs],
-    current: tuple[ModelInputs, Residuals],
-    effects: Sequence[EffectInstance],
-) -> tuple[ModelInputs, Residuals]:
-    """Residuals with other effects; only what the changed effects act on is computed again.
+def with_predictions(residuals: Residuals, bins: TimeBins, model: ForwardModel, changed_air: bool) -> Residuals:
+    """Residuals along the same path with the predictions of another forward model.
 
     Parameters
     ----------
-    reference : PathReference
-        What the path depends on, in addition to the model.
-    build_inputs : callable
-        Effects → `ModelInputs`.
-    current : (ModelInputs, Residuals)
-        With the effects of its forward model.
-    effects : sequence of EffectInstance
-        Effects of the model.
+    residuals : Residuals
+        With the predictions of a model.
+    bins : TimeBins
+        Time bins of the comparison.
+    model : ForwardModel
+        The other model, with the same planet.
+    changed_air : bool
+        Whether its air differs; otherwise the flow at the nodes is kept.
     """
-    inputs, residuals = current
-    before = inputs.forward_model.effects
-    changed = [a for a in (*before, *effects) if not (a.is_zero or (a in before and a in effects))]
-    if any(changes_path(a.effect) for a in changed):
-        inputs = build_inputs(effects)
-        return inputs, compute_residuals(reference, inputs)
-    model, flow, tables = inputs.forward_model.with_effects(effects), residuals.flow, residuals.tables
-    if any(changes_air(a.effect) for a in changed):
+    flow, tables = residuals.flow, residuals.tables
+    if changed_air:
         flow = flow_at(model, residuals.nodes)
         tables = model.table_coefficients(flow)
-    predicted_force, predicted_rate_step = predict(model, reference.bins, flow, tables)
-    return replace(inputs, forward_model=model), replace(
+    predicted_force, predicted_rate_step = predict(model, bins, flow, tables)
+    return replace(
         residuals,
         force=residuals.force + residuals.predicted_force - predicted_force,
         rate_step=residuals.rate_step + residuals.predicted_rate_step - predicted_rate_step,
