@@ -282,3 +282,45 @@ def test_a_surface_that_may_be_far_from_the_ground_says_nothing_about_the_altime
     altimeter = replace(telemetry.altimeter, height=telemetry.altimeter.height + 100.0)
     faulty = FlightInputs(replace(telemetry, altimeter=altimeter), atmosphere)
     assert judge(reconstruct(mission, leave_one_out=False, inputs=faulty, compare_imus=False)).trustworthy
+
+
+@pytest.mark.parametrize("late", [-5.0, 5.0, 30.0])
+def test_a_deployment_without_an_opening_shock_is_not_trusted(inputs, late):
+    """The readings show the parachute's opening, and where; half a second off is the time of its inflation."""
+    mission, telemetry, _, atmosphere = inputs
+    actual = telemetry.parachute.time
+
+    def judged(time):
+        events = telemetry.events | {"parachute_deploy": time}
+        moved = replace(telemetry, parachute=replace(telemetry.parachute, time=time), events=events)
+        return judge(reconstruct(mission, leave_one_out=False, inputs=FlightInputs(moved, atmosphere)))
+
+    trust = judged(actual + late)
+    assert not trust.trustworthy and f"stated deployment at {actual + late:.1f} s" in trust.headline
+    at = float(trust.headline.split(" times at ")[1].split(" s")[0])
+    assert at == pytest.approx(actual, abs=0.5)
+    assert judged(actual - 0.5).trustworthy
+
+
+@pytest.mark.parametrize(("ratio", "trusted"), [(2e-2, False), (1e-3, True)])
+def test_one_imu_at_another_rate_than_stated_leaves_the_attitude_unknown(inputs, ratio, trusted):
+    """It turns by some 60 rad before the parachute; the error model is linear up to a fifth of a radian."""
+    mission, telemetry, _, atmosphere = inputs
+    driving = replace(telemetry.driving, stated_interval=telemetry.driving.stated_interval * (1.0 + ratio))
+    single = repaired(replace(telemetry, driving=driving, checking=()), parachute=telemetry.parachute.time)
+    assert [f.kind for f in single.findings] == ["clock_drift"]
+    trust = judge(reconstruct(mission, leave_one_out=False, inputs=FlightInputs(single, atmosphere)))
+    assert trust.trustworthy == trusted
+    assert trusted or f"{-100.0 * ratio / (1.0 + ratio):+.2g} %" in trust.headline
+
+
+def test_a_wrong_mounting_of_the_checking_imu_is_not_blamed_on_the_altimeter(inputs):
+    """The driving record agrees with every measurement, so that nothing is a cause by its likelihood."""
+    mission, telemetry, planet, atmosphere = inputs
+    turn = rotations.to_matrix(rotations.from_rotation_vector([0.9, -1.2, 0.7]))
+    checking = telemetry.checking[0]
+    turned_readings = {q: getattr(checking, q) @ turn.T for q in ("specific_force", "angular_rate")}
+    wrong = replace(telemetry, checking=(replace(checking, **turned_readings),))
+    with pytest.raises(InputError, match="secondary differ by") as error:
+        check_record(mission, wrong, planet, atmosphere, assemble(mission, wrong, planet, atmosphere))
+    assert "altimeter" not in str(error.value) and "clock" not in str(error.value)

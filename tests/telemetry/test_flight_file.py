@@ -250,3 +250,10 @@ def test_heights_that_repeat_or_are_not_finite_are_not_used(flight):
     ]  # fmt: skip
     assert len(telemetry.altimeter.height) == len(height) - 40
     assert np.isfinite(telemetry.altimeter.height).all()
+
+
+def test_one_deployment_of_the_parachute_has_one_time(flight):
+    with h5py.File(flight, "a") as file:
+        file["events/parachute_deploy"].attrs["time"] += 5.0
+    with pytest.raises(InputError, match=r"parachute/@time is 252\.75 s, but .* is at 257\.75 s"):
+        read_flight_file(flight)

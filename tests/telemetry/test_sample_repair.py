@@ -410,3 +410,23 @@ def test_the_median_force_at_rest_is_compared_with_gravity(builtin_flight, tmp_p
         force[at_rest[: len(at_rest) // 4]] *= 60.0  # the impact, by a clock that is late
         file[f"imu/primary/{FORCE}"][...] = force
     assert len(read_flight_file(path).driving) == len(time)
+
+
+def test_a_record_that_begins_a_part_of_a_sample_late_covers_the_flight(builtin_flight):
+    """Its first sample is as much longer, without another fault."""
+    telemetry = read_flight_file(builtin_flight)
+    late = replace(telemetry.driving, time=telemetry.driving.time + 0.02)
+    outcome = repaired(replace(telemetry, driving=late, checking=()), parachute=parachute(telemetry))
+    assert outcome.driving.start == pytest.approx(telemetry.initial.time, abs=1e-9)
+    np.testing.assert_allclose(outcome.driving.interval[[0, 1]], [0.145, 0.125], rtol=1e-9)
+    np.testing.assert_array_equal(outcome.driving.time, late.time)
+
+
+@pytest.mark.parametrize("count", [2, 8, 9, 20])
+def test_a_second_imu_of_a_few_samples_is_dead(builtin_flight, count):
+    """It is shorter than what a reading needs of its neighbours."""
+    telemetry = read_flight_file(builtin_flight)
+    few = telemetry.checking[0].between(0.0, telemetry.checking[0].time[count - 1])
+    outcome = repaired(replace(telemetry, checking=(few,)), parachute=parachute(telemetry))
+    assert {(f.imu, f.kind) for f in outcome.findings} == {("secondary", "dead")}
+    np.testing.assert_array_equal(outcome.driving.specific_force, telemetry.driving.specific_force)

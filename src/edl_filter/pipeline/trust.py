@@ -9,6 +9,8 @@ either if
   converge (`navigation.iterated`);
 - most of the parachute's inflation is among lost samples that no other IMU covers: neither side of them shows its
   force;
+- the IMU shows no opening shock at the stated deployment of the parachute;
+- the clock of a single IMU runs at another rate than its sampling interval states, so that its rotation is not known;
 - two IMUs disagree and it is not known which one is at fault (`redundancy`);
 - by its altimeter the vehicle did not come to rest on the ground (`ground_height`).
 
@@ -24,7 +26,7 @@ import numpy as np
 from edl_filter.errors import InputError, enumerated
 from edl_filter.mission import Mission
 from edl_filter.navigation.filter import Problem
-from edl_filter.navigation.recovery import Recovery, first_pass
+from edl_filter.navigation.recovery import LEAST_GAIN, Recovery, first_pass
 from edl_filter.pipeline.causes import Cause, rank_causes
 from edl_filter.pipeline.ground_height import height_at_rest
 from edl_filter.pipeline.load import check_settings, event_times, read_atmosphere, read_telemetry
@@ -34,14 +36,25 @@ from edl_filter.pipeline.record_comparison import record_cause
 from edl_filter.pipeline.redundancy import Run, contradicting, undecided
 from edl_filter.planet import Planet
 from edl_filter.planet.atmosphere import Atmosphere
+from edl_filter.telemetry.clock_drift import drift_ratio
 from edl_filter.telemetry.record import Telemetry
 from edl_filter.telemetry.sample_filling import INFLATION
 from edl_filter.telemetry.sample_repair import alone, filled_by_dynamics
+from edl_filter.types import Array
 
 #: Causes in the summary.
 CAUSES = 5
+#: Kinds of causes by which the readings of an IMU violate the physics of an entry.
+_CAUSES_OF_READINGS = ("units", "axes", "sign")
 #: Sigma of an angle of which nothing is known, uniform between -π and π, rad.
 UNKNOWN_ANGLE = float(np.pi / np.sqrt(3.0))
+#: Least increase of the force by a parachute's opening, and deceleration before it, m/s². The openings of both rovers
+#: and of all simulated flights increase it 6 to 10 times.
+_OPENING_SHOCK, _LEAST_DECELERATION = 2.0, 1.0
+#: Step of the search for the opening shock, s.
+_SHOCK_STEP = 0.25
+#: Largest attitude error that the linear error model describes, rad.
+_LARGEST_ERROR = 0.2
 
 
 @dataclass(frozen=True)
@@ -80,7 +93,7 @@ def judge(reconstruction: Reconstruction) -> Trust:
     r = reconstruction
     rejected = contradicting(r.filter_pass)
     diverged = r.recovery is not None and r.recovery.cause != "gap"
-    lost = lost_motion(r) or _disagreement(r.telemetry)
+    lost = lost_motion(r) or _disagreement(r.telemetry) or _no_opening_shock(r) or _unknown_rotation(r)
     if lost is not None:
         return Trust(False, f"Do not trust this result: {lost}.", rejected, ())
     if not rejected and not diverged:
@@ -144,7 +157,9 @@ def check_record(
     for records in (telemetry, given) if telemetry is not given else (telemetry,):
         if cause is None:
             causes = rank_causes(mission, records, planet, atmosphere, mission.active_effects())
-            cause = causes[0].sentence if causes and causes[0].consistent else None
+            # a law of the readings is violated, which nothing outside the IMUs explains
+            of_readings = (c for c in causes if c.consistent and c.kind in _CAUSES_OF_READINGS and c.gain > LEAST_GAIN)
+            cause = next((c.sentence for c in of_readings), None)
     advice = f"Likeliest cause: {cause}." if cause else "'filter.sanity_check: false' turns this check off."
     raise InputError(f"{violation.finding} {advice}")
 
@@ -219,6 +234,63 @@ def lost_motion(reconstruction: Reconstruction) -> str | None:
     if not r.filter_pass.converged:
         return f"the path after the samples that were lost from {first:.1f} s on has no stable solution"
     return None
+
+
+def _no_opening_shock(reconstruction: Reconstruction) -> str | None:
+    """That the IMU shows no opening shock at the stated deployment, and where it shows one; None if it shows it."""
+    r = reconstruction
+    deployment, landing = r.event_times.get("parachute_deploy"), r.event_times.get("landing", np.inf)
+    if deployment is None:
+        return None
+    samples = r.problem.samples
+    size = np.linalg.norm(samples.mean_force, axis=1)
+    around = np.abs(samples.time - deployment) <= INFLATION
+    if samples.filled[around].any() or not _force_increase(samples.time, size, deployment) < _OPENING_SHOCK:
+        return None
+    text = f"the IMU shows no opening shock at the parachute's stated deployment at {deployment:.1f} s"
+    times = np.arange(samples.time[0], min(landing, float(samples.time[-1])) - INFLATION, _SHOCK_STEP)
+    increases = np.array([_force_increase(samples.time, size, t) for t in times])
+    if np.nanmax(increases, initial=0.0) >= _OPENING_SHOCK:
+        k = int(np.nanargmax(increases))
+        text += f"; its force increases {increases[k]:.0f} times at {times[k]:.1f} s"
+    return text
+
+
+def _force_increase(time: Array, size: Array, at: float) -> float:
+    """Largest force within `INFLATION` after a time over its mean before; NaN without a deceleration before it.
+
+    Parameters
+    ----------
+    time, size : (N,) arrays
+        s, and length of the specific force, m/s².
+    at : float
+        s.
+    """
+    before = size[(time > at - INFLATION) & (time <= at)]
+    after = size[(time > at) & (time <= at + INFLATION)]
+    if not len(before) or not len(after) or np.mean(before) < _LEAST_DECELERATION:
+        return float("nan")
+    return float(np.max(after) / np.mean(before))
+
+
+def _unknown_rotation(reconstruction: Reconstruction) -> str | None:
+    """That a single IMU's clock leaves its rotation unknown, as words; None if it does not.
+
+    Its rates may be off by the ratio of its times to its stated interval. The linear error model does not hold for
+    attitude errors beyond `_LARGEST_ERROR`.
+    """
+    t = reconstruction.telemetry
+    if t.checking or not any(f.kind == "clock_drift" for f in t.findings):
+        return None
+    record, ratio = t.driving, drift_ratio(t.driving)
+    until = record.time <= reconstruction.event_times.get("parachute_deploy", np.inf)
+    angle = abs(ratio) * float(np.sum(np.linalg.norm(record.angular_rate[until], axis=1) * record.interval[until]))
+    if angle <= _LARGEST_ERROR:
+        return None
+    return (
+        f"the times of IMU {record.name} differ by {100.0 * ratio:+.2g} % from its stated sampling interval, no other "
+        f"IMU shows which is wrong, and the attitude is uncertain by {np.degrees(angle):.0f} degrees"
+    )
 
 
 def _not_on_the_ground(reconstruction: Reconstruction) -> str | None:

@@ -54,6 +54,8 @@ MOST_OUT_OF_RANGE = 16
 STEP_TOLERANCE = 0.1
 #: Largest rotation within one sample, rad: larger values cannot be readings of a vehicle whose attitude is tracked.
 MAX_ROTATION = 1.5
+#: Largest difference between the times of the parachute's constraint and of its event, s.
+DEPLOYMENT_TOLERANCE = 0.5
 #: Attribute and its limits, by field of `SensorErrors`.
 ERROR_ATTRIBUTES = {
     "accelerometer_bias": ("accelerometer_bias_sigma", Limits("m/s^2", 0.0, 1.0)),
@@ -319,6 +321,12 @@ def read_root(root: Node, settings: CheckSettings | None) -> dict[str, Any]:
         part = read_part(root)
         findings = (*contents.get("findings", ()), *part.get("findings", ()))
         contents |= part | {"findings": findings}
+    parachute, event = contents["parachute"], contents["events"].get("parachute_deploy")
+    if parachute is not None and event is not None and abs(parachute.time - event) > DEPLOYMENT_TOLERANCE:
+        raise root.error(
+            "constraints/parachute/@time",
+            f"is {parachute.time:.6g} s, but the event parachute_deploy is at {event:.6g} s; both are the deployment.",
+        )
     return contents
 
 

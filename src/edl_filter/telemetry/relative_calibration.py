@@ -25,7 +25,7 @@ from edl_filter import rotations
 from edl_filter.estimation.interpolating_spline import InterpolatingSpline, integral_spline
 from edl_filter.imu_model.lever_arm import edge_values, lever_arm_acceleration
 from edl_filter.imu_model.sensor_errors import reading_jacobian
-from edl_filter.telemetry.record import SAME_TIME, ImuRecord, within_window
+from edl_filter.telemetry.record import SAME_TIME, ImuRecord, finite_rows, within_window
 from edl_filter.types import Array, BoolArray
 
 #: Fewest common samples of a calibration.
@@ -172,9 +172,15 @@ def _direct(record: ImuRecord, first: float, last: float) -> BoolArray:
     if not len(units):
         return np.zeros(len(readings), bool)
     readings &= record.unit == np.bincount(units).argmax()
-    gaps = np.convolve(~readings, np.ones(2 * _GAP_REACH + 1), mode="same") > 0.5
+    gaps = _near(~readings)
     gaps[:_GAP_REACH] = gaps[-_GAP_REACH:] = True
     return ~gaps
+
+
+def _near(lost: BoolArray) -> BoolArray:
+    """Samples (N,) within `_GAP_REACH` samples of a lost one; a record may have fewer samples than that."""
+    count = np.convolve(lost, np.ones(2 * _GAP_REACH + 1))[_GAP_REACH : _GAP_REACH + len(lost)]
+    return np.asarray(count > 0.5)
 
 
 def _covered(reference: ImuRecord, checked: ImuRecord, first: float, last: float) -> BoolArray:
@@ -194,8 +200,7 @@ def covered(record: ImuRecord, edges: Array) -> BoolArray:
 
     Next to a lost sample `readings_integral` would take its zero for a reading.
     """
-    lost = ~(np.isfinite(record.specific_force).all(axis=1) & np.isfinite(record.angular_rate).all(axis=1))
-    lost = np.convolve(lost, np.ones(2 * _GAP_REACH + 1), mode="same") > 0.5
+    lost = _near(~(finite_rows(record.specific_force) & finite_rows(record.angular_rate)))
     count = np.concatenate(([0], np.cumsum(lost)))
     begin = np.searchsorted(record.time, edges[:-1] + SAME_TIME)
     end = np.searchsorted(record.time, edges[1:] - SAME_TIME) + 1

@@ -92,7 +92,8 @@ def repaired(telemetry: Telemetry, settings: CheckSettings | None = None, parach
         records, bad = bad_triads(records, settings, smooth_until)
         findings += bad
         findings += _disagreements(records, drifts, settings, smooth_until)
-    if not findings and all(is_complete(record) for record in records):
+    unchanged = all(r is given for r, given in zip(records, (telemetry.driving, *telemetry.checking), strict=True))
+    if not findings and unchanged and all(is_complete(record) for record in records):
         return telemetry
     sources = [next((r for k, r in enumerate(records) if k != i), None) for i in range(len(records))]
     phrases: dict[str, list[tuple[float, float, str]]] = {}
