@@ -134,6 +134,7 @@ study-comparators: $(STAMP)
 
 study-cross-prediction: $(STAMP)
 	$(BIN)/python benchmarks/studies/cross_prediction.py
+	$(BIN)/python benchmarks/studies/cross_prediction.py --estimate
 
 thesis-claims: $(STAMP)
 	PYTHONPATH=benchmarks/studies $(BIN)/python -m thesis_claims

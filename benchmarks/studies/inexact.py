@@ -27,6 +27,7 @@ from identification import PAIRS, VEHICLES, expected_gains, hidden_by_mission, r
 from inexact_world import STATED_UNCERTAINTY, draw_world
 from outside_effects import OUTSIDE_EFFECTS, random_outside_instance
 
+from edl_filter.aero.increments import SYMBOLS
 from edl_filter.diagnosis.diagnosis import diagnose
 from edl_filter.diagnosis.diagnosis_json import diagnosis_content
 from edl_filter.diagnosis.linear_model.flight_case import load_case
@@ -115,6 +116,34 @@ def something_else_probability(content):
     return value.get("probability") if isinstance(value, dict) else value
 
 
+def increments_within_two_sigma(world, diagnosis):
+    """Coefficient → number of flown cells in which the database's error is within 2 sigma of its increment, and of all.
+
+    Parameters
+    ----------
+    world : World
+        Whose tables were flown.
+    diagnosis : Diagnosis
+        With the increments of the nominal tables.
+    """
+    database = diagnosis.ranking.model.inputs.forward_model.database
+    tables = {"mach": (world.continuum, database.continuum), "knudsen": (world.rarefied, database.rarefied)}
+    counts = dict.fromkeys(SYMBOLS.values(), (0, 0))
+    for regime in diagnosis.update.regimes:
+        flown, nominal = (
+            np.stack(
+                [table.at(regime.nodes).evaluate(np.full(len(regime.nodes), a))[:3] for a in regime.alpha], axis=-1
+            )
+            for table in tables[regime.regime]
+        )
+        for k, symbol in enumerate(SYMBOLS.values()):
+            cells = (regime.bins > 0) & (regime.sigma[k] > 0.0)
+            inside = np.abs(regime.increment[k] - (flown - nominal)[k]) < 2.0 * regime.sigma[k]
+            within, total = counts[symbol]
+            counts[symbol] = within + int(np.sum(inside[cells])), total + int(np.sum(cells))
+    return counts
+
+
 def name_given(content):
     """The leading row of a ranking, as a name that was given."""
     return ranking_rows(content, 1, ("effect", "imu", "label", "same_as", "probability"))[0]
@@ -140,7 +169,10 @@ def result_of(case):
                     if step.added is not None:
                         line["named"].append(name_given(content))
             else:
-                content = diagnosis_content(diagnose(flight, catalogue().values()))
+                diagnosis = diagnose(flight, catalogue().values())
+                content = diagnosis_content(diagnosis)
+                if not names:
+                    line["increments"] = increments_within_two_sigma(world, diagnosis)
                 line["named"] = [name_given(content)] if content["verdict"] == "missing" else []
             line["verdict"] = content["verdict"]
             line["none"] = content.get("none")

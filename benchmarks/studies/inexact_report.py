@@ -157,6 +157,12 @@ def rate_rows(lines):
         ("clean: named something", share_text(sum(bool(x["named"]) for x in clean), len(clean)), ""),
         ("clean: undecided", share_text(sum(x["verdict"] == "undecided" for x in clean), len(clean)), ""),
     ]
+    for symbol in clean[0]["increments"] if clean and "increments" in clean[0] else ():
+        within, cells = np.sum([x["increments"][symbol] for x in clean], axis=0)
+        rows.append((
+            f"clean: increments of {symbol} within 2 sigma, flown cells (correlated)",
+            f"{within} of {cells}, {within / cells:.1%}", "93 to 97 %",
+        ))  # fmt: skip
     for part, text in ((1.0, "plausible size"), (0.5, "half of it"), (None, "both")):
         flights = [x for x in single if detectable_names(x) and part in (x["part"], None)]
         right = sum(any(is_right(n, x["hidden"]) for n in x["named"]) for x in flights)

@@ -109,7 +109,7 @@ def _reasons(cells: Sequence[Cell], failing: Sequence[Cell], required_gain: floa
     if failing:
         reasons.append(
             f"It is clean although {'a cell fails' if len(failing) == 1 else 'cells fail'}, because no effect and no "
-            f"additional noise gains the {required_gain:g} nats that are required."
+            f"additional noise gains the {required_gain:.3g} nats that are required."
         )
     passing = [cell for cell in cells if not cell.fails]
     largest = max(passing, key=lambda cell: cell.rms, default=None)

@@ -48,6 +48,13 @@ class DiscrepancyConfig(Section):
     asymmetry_sigma: Annotated[Number, Within("", 0.0, 0.1)] = Field(
         default=0.0, description="1 sigma of a constant Cm and of a constant Cn that are fixed to the body; 0: none"
     )
+    rolling_sigma: Annotated[Number, Within("", 0.0, 1e-3)] = Field(
+        default=0.0,
+        description="1 sigma of a constant Cl, which the tables do not have; 0: none. MEVAD states 1.24e-6 as 3 sigma",
+    )
+    damping_sigma: Annotated[Number, Within("", 0.0, 5.0)] = Field(
+        default=0.0, description="1 sigma of the damping coefficient Cmq below Mach 3.5; 0: exact"
+    )
     estimate: tuple[Literal["coefficient_sigma", "log_mach_length", "log_knudsen_length", "angle_length_deg"], ...] = (
         Field(
             default=(),
@@ -119,7 +126,7 @@ class AerodynamicsConfig(Section):
     increments: str | None = Field(
         default=None,
         description="increments of the database that another flight gives, with their covariance: the "
-        "database_update.nc that diagnose writes; absent: none",
+        "database_update.nc that diagnose writes; without the covariance if coefficient_sigma is 0; absent: none",
     )
     coefficient_sigma: Annotated[Number, Within("", 0.0, 10.0)] = Field(
         default=1.0,

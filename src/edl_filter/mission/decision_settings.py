@@ -140,7 +140,7 @@ class DecisionSettings(Section):
         0.9, "log of the density's factor beyond which a point is not credible", STUDY
     )
     alternative_iterations: Annotated[int, Field(strict=True, ge=1, le=20)] = _setting(
-        4, "linearisation points at which a failing model with an exact database may come to hold", NUMERICS
+        4, "linearisation points at which a failing model may come to hold", NUMERICS
     )
     alternative_progress: Annotated[Number, Within("", 0.0, 1.0, above=True)] = _setting(
         0.8, "share of the excess variance that an iteration towards that point may leave", NUMERICS
@@ -249,7 +249,7 @@ class DecisionSettings(Section):
         25.0, "nats: the same where the noise is not what is stated and its form not known", STUDY
     )
     approximation_error: Annotated[Number, Within("", 0.0, 0.5)] = _setting(
-        0.02, "share of flights in which the linearised evidence is wrong: no probability is above 1 less it", STUDY
+        0.02, "share of flights in which the linearised evidence is wrong: divided equally among the hypotheses", STUDY
     )
     decided_probability: Annotated[Number, Within("", 0.5, 1.0)] = _setting(
         0.8, "probability from which a verdict is given; below it, the verdict is undecided", STUDY
@@ -274,7 +274,9 @@ class DecisionSettings(Section):
         STUDY,
     )
     excess_noise_nats: Annotated[Number, Within("nats", 0.0, 200.0)] = _setting(
-        10.0, "nats: evidence from which the noise is not what is stated", EVIDENCE
+        10.0,
+        "nats: prior cost of noise that is not what is stated, the evidence from which it is as probable",
+        EVIDENCE,
     )
     same_correlation: Annotated[Number, Within("", 0.0, 1.0, above=True)] = _setting(
         0.9,

@@ -105,10 +105,12 @@ class ImuConfig(ErrorBudgetConfig):
         "its readings while it checks",
     )
     alignment_sigma_deg: Annotated[Number, Within("deg", 0.0, 5.0)] = Field(
-        default=0.0, description="1 sigma of the alignment about each axis, deg; 0: exact"
+        default=0.0,
+        description="1 sigma of the alignment with the driving IMU about each axis while it checks, deg; 0: exact",
     )
     clock_sigma_s: Annotated[Number, Within("s", 0.0, 1.0)] = Field(
-        default=0.0, description="1 sigma of the offset of its clock from that of the driving IMU, s; 0: exact"
+        default=0.0,
+        description="1 sigma of the offset of its clock from that of the driving IMU while it checks, s; 0: exact",
     )
     transformed_alignment_deg: tuple[Angle, Angle] = Field(
         default=(0.0, 0.0), description="share of a_z that the on-board transform adds to a_x and a_y, deg"

@@ -251,7 +251,10 @@ class EventConfig(VehicleChangeConfig):
 
     sclk: Sclk | None = Field(default=None, description="spacecraft clock count, s (or time_s)")
     time_s: Time | None = Field(default=None, description="time, s since the epoch (or sclk)")
-    sigma_s: TimeSigma = Field(description="1 sigma of the time, s")
+    sigma_s: TimeSigma = Field(
+        description="1 sigma of the time, s: axial force is compared with the database until three of them before the "
+        "parachute; trajectories and the other events take the time as exact"
+    )
     position: LeverArm | None = Field(
         default=None,
         description="driving IMU's position from the centre of mass from this event on, m, axes as under imus",

@@ -112,7 +112,7 @@ def ranking(content: DiagnosisContent | Mapping[str, Any], title: str) -> Figure
         text = f"p {chance(probability)}"
         elements.append(Text(text, 1.0, float(k), ("panel", "data"), (4.0, 0.0), "left", size=10.5))
     if diagnosis.required_gain is not None:
-        required = f"{diagnosis.required_gain:g} nats: required"
+        required = f"{diagnosis.required_gain:.3g} nats: required"
         elements.append(Line(diagnosis.required_gain, "x", required, dash=_DASH, width=1.0))
     elements.append(Line(0.0, "x", colour="ink"))
     values = [value for _, value in (*gains, *scores)]

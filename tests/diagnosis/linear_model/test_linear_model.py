@@ -16,7 +16,7 @@ ROWS = 100
 
 def excess_of(share, colour=None):
     significant = np.arange(ROWS) < share * ROWS
-    return ExcessVariance(significant.astype(float), significant, 2.0, colour)
+    return ExcessVariance(significant.astype(float), significant, 2.0 * bool(share), colour)
 
 
 class UnitFilter:
@@ -33,8 +33,11 @@ class UnitFilter:
 
 @pytest.fixture
 def noise(monkeypatch):
-    """Noise of a constructed model: share of the excess variance, its colour, and with what the estimation began."""
-    noise = SimpleNamespace(share=0.4, colour=(4, 1), initial=[], initial_colour=[], stated=UnitFilter())
+    """Noise of a constructed model: share of the excess variance, its colour, and with what the estimation began.
+
+    `white` says whether white excess variance is more likely than the most likely colour.
+    """
+    noise = SimpleNamespace(share=0.4, colour=(4, 1), white=False, initial=[], initial_colour=[], stated=UnitFilter())
 
     def estimate(stated, index, residuals, mean, settings, initial):
         noise.initial.append(initial)
@@ -42,7 +45,7 @@ def noise(monkeypatch):
 
     def colour(white, state_space, index, excess, residuals, mean, settings, initial):
         noise.initial_colour.append(initial)
-        return UnitFilter(), noise.colour
+        return white if noise.white or excess.is_zero else UnitFilter(), noise.colour
 
     monkeypatch.setattr(module, "estimate_variance_components", estimate)
     monkeypatch.setattr(module, "most_likely_colour", colour)
@@ -91,6 +94,31 @@ def test_released_filters_are_computed_again_and_the_search_begins_at_the_former
     assert noise.initial_colour == [None, (4, 1)]
     assert len(noise.initial) == 1  # the excess variance is kept
     assert model.log_likelihood == -0.5 * 4.0 * ROWS
+
+
+@pytest.mark.parametrize(
+    ("share", "white", "penalty"),
+    [
+        (0.4, True, 2.0),  # that of the variances
+        (0.4, False, 2.0 + np.log(15.0)),  # of three correlation times and five factors
+        (0.0, True, 0.0),
+    ],
+)
+@pytest.mark.parametrize("released", [False, True])
+def test_the_penalty_of_the_noise_is_that_of_its_variances_and_of_a_colour_that_was_chosen(
+    noise, share, white, penalty, released
+):
+    """However often the filters are computed; the evidence is the likelihood at that noise less the penalty."""
+    noise.share, noise.white = share, white
+    model = model_with()
+    model.case.settings = DecisionSettings(
+        excess_memories_s=(0.1, 1.0, 10.0), excess_colour_factors=(0.5, 1.0, 2.0, 4.0, 8.0)
+    )
+    if released:
+        _ = model.fitted_noise_filter
+        model.release_filters()
+    assert model.noise_penalty == pytest.approx(penalty)
+    assert model.log_evidence == pytest.approx(-0.5 * 4.0 * ROWS - penalty)
 
 
 @pytest.mark.parametrize(("size", "mean_square"), [(0.2, 0.16), (3.0, 1.0)])

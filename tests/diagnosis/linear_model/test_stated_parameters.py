@@ -17,7 +17,8 @@ from edl_filter.diagnosis.linear_model.stated_parameters import (
     stated_parameters,
 )
 from edl_filter.effects.base import EffectInstance
-from edl_filter.estimation.kalman import whitening_filter
+from edl_filter.effects.registry import catalogue
+from edl_filter.estimation.kalman import whitening_filter, with_known_states
 
 STATED = ("vehicle.centre_of_mass_sigma=[0.002, 0.0, 0.001]",)
 
@@ -45,16 +46,15 @@ def test_what_a_mission_states_as_exact_is_no_parameter(practice_06):
             {"a": 0.5, "c": 2.0},
         ),
         ("aerodynamics.discrepancy.asymmetry_sigma=0.0002", "body_asymmetry", {"Cm": 2e-4, "Cn": 2e-4}),
+        ("aerodynamics.discrepancy.rolling_sigma=4.1e-7", "rolling_moment", {"c": 4.1e-7}),
+        ("aerodynamics.discrepancy.damping_sigma=0.1", "pitch_damping", {"a": 0.1}),
     ],
 )
-def test_vehicle_and_database(practice_06, change, key, sigma):
-    changes = (change, "aerodynamics.coefficient_sigma=1.0")
+@pytest.mark.parametrize("coefficient_sigma", [0.0, 1.0])
+def test_vehicle_and_database(practice_06, change, key, sigma, coefficient_sigma):
+    """Whether the tables are exact or not."""
+    changes = (change, f"aerodynamics.coefficient_sigma={coefficient_sigma}")
     assert stated_by(changes, practice_06.telemetry) == {(key, None): sigma}
-
-
-def test_the_asymmetry_of_an_exact_database_is_none(practice_06):
-    changes = ("aerodynamics.discrepancy.asymmetry_sigma=0.0002", "aerodynamics.coefficient_sigma=0.0")
-    assert stated_by(changes, practice_06.telemetry) == {}
 
 
 def imu_changes(imu, **sigma):
@@ -180,3 +180,19 @@ def test_the_most_probable_point_has_the_most_probable_constants(model):
     estimate = [instance.values[name] for stated, instance in pairs for name in stated.sigma]
     np.testing.assert_allclose(estimate, expected, rtol=1e-5, atol=1e-6 * np.sqrt(prior).min())
     assert np.all(np.abs(estimate) > 0.0)
+
+
+def test_an_effect_is_known_no_better_than_the_stated_error_of_its_coefficient(practice_06):
+    """The variance of its size is that with an exact coefficient, plus that of the stated error."""
+    sigma = 4.1e-7
+    mission = Mission.load("builtin:practice_mer", [f"aerodynamics.discrepancy.rolling_sigma={sigma}"])
+    case = load_case(mission)
+    model = linearize_at(case, smoothed_point(case.reconstruction))
+    column = effect_jacobian(model, EffectInstance(catalogue()["rolling_moment"], {}), ["c"])
+    exact = with_known_states(model.state_space, [model.nuisance.size])
+    variance, variance_of_exact = (
+        1.0 / float(np.sum(whitening_filter(space)(column.rows, column.initial_mean) ** 2))
+        for space in (model.state_space, exact)
+    )
+    assert variance_of_exact < 0.1 * sigma**2
+    assert variance == pytest.approx(variance_of_exact + sigma**2, rel=1e-6)

@@ -17,6 +17,7 @@ from edl_filter.diagnosis.selection.decision import (
     group_indistinguishable,
     hypothesis_rms,
     most_reduced_channel,
+    prior_cost,
     probabilities,
     verdict_of,
 )
@@ -30,6 +31,7 @@ from edl_filter.mission.decision_settings import DecisionSettings
 
 SETTINGS = DecisionSettings()
 COST, COST_IN_NOISE = SETTINGS.named_gain_nats, SETTINGS.named_gain_in_excess_noise_nats
+NOISE = SETTINGS.excess_noise_nats  # evidence from which the noise is not what is stated
 ERROR, REQUIRED = SETTINGS.approximation_error, SETTINGS.decided_probability
 NAMES = ("wind", "mass", "gyro_bias", "com_offset", "density_scale")
 
@@ -61,6 +63,20 @@ def ranking_of(*hypotheses, unmodelled_gain=0.0, noise=0.0, nuisance=0.0, settin
 
 def is_noisy(ranking):
     return ranking.excess_noise_gain > ranking.case.settings.excess_noise_nats
+
+
+def cost_of(noise, settings=SETTINGS):
+    """Prior cost of a name beside an evidence for excess noise: in proportion between its two values."""
+    low, high = settings.named_gain_nats, settings.named_gain_in_excess_noise_nats
+    return low + (high - low) * min(noise / settings.excess_noise_nats, 1.0)
+
+
+@pytest.fixture(autouse=True, scope="module")
+def no_discriminator():
+    """Constructed hypotheses have no linear model that a discriminating measurement could be computed from."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(decision, "best_discriminator", lambda *_: None)
+        yield
 
 
 # --- the verdict as a function of the probabilities -----------------------------------------------------------------
@@ -174,8 +190,7 @@ def check_decision(ranking):
     verdict, settings = decide(ranking), ranking.case.settings
     check_verdict(verdict, ranking)
     assert sorted(e.hypothesis.name for e in verdict.entries) == sorted(h.name for h in ranking.hypotheses)
-    expected_cost = settings.named_gain_in_excess_noise_nats if is_noisy(ranking) else settings.named_gain_nats
-    assert verdict.required_gain == expected_cost
+    assert verdict.required_gain == pytest.approx(cost_of(ranking.excess_noise_gain, settings), rel=1e-12)
     by_evidence = sorted(verdict.entries, key=lambda e: -min(e.hypothesis.gain, e.hypothesis.score_gain))
     assert [e.probability for e in by_evidence] == [e.probability for e in verdict.entries]
     return verdict
@@ -224,9 +239,7 @@ def test_in_excess_noise_a_name_needs_evidence_beyond_it(ranking, at_floor):
     changed = [
         hypothesis_of(h.name, h.gain, h.score_gain, at_floor=at_floor) for h in reversed(ranking.hypotheses)
     ]  # fmt: skip
-    again = decide(
-        ranking_of(*changed, unmodelled_gain=1e7, noise=ranking.excess_noise_gain, settings=ranking.case.settings)
-    )
+    again = decide(replace(ranking, hypotheses=changed))
     assert (again.verdict, again.none, again.something_else) == pytest.approx(
         (verdict.verdict, verdict.none, verdict.something_else)
     )
@@ -277,12 +290,73 @@ def test_a_nuisance_parameter_that_is_not_credible_excludes_that_nothing_is_miss
     assert decide(ranking_of(named, noise=15.0)).verdict == "unknown"  # beside noise of unknown form it needs more
 
 
-def test_a_slightly_incredible_nuisance_parameter_excludes_an_acceleration_too():
-    """Any evidence against the stated sigma is that for something else, however small it is."""
-    verdict = decide(ranking_of(nuisance=0.5, unmodelled_gain=900.0))
-    weight = np.exp([-0.5, 0.0])
-    expected = (1.0 - ERROR) * weight / weight.sum() + ERROR / 2.0
+@pytest.mark.parametrize("stated", ["noise", "nuisance"])
+@pytest.mark.parametrize("unmodelled", [-4.0, 2.0])
+def test_a_contradicted_sigma_and_an_acceleration_both_contradict_none(stated, unmodelled):
+    """Something else is the reference; none is less probable by both, an acceleration beyond its prior cost."""
+    gain = {"noise": NOISE, "nuisance": COST}[stated] + 0.5
+    cost = COST_IN_NOISE if stated == "noise" else COST
+    verdict = decide(ranking_of(**{stated: gain}, unmodelled_gain=cost + unmodelled))
+    expected = probabilities(np.array([-0.5 - max(unmodelled, 0.0), 0.0]), ERROR)
     assert [verdict.none, verdict.something_else] == pytest.approx(expected.tolist())
+
+
+@pytest.mark.parametrize("stated", ["noise", "nuisance"])
+@pytest.mark.parametrize("unmodelled", [-4.0, 0.5, 30.0])
+def test_the_odds_of_none_have_no_step_where_a_sigma_is_contradicted(stated, unmodelled):
+    """Whatever an unmodelled acceleration gains."""
+    at_cost = {"noise": NOISE, "nuisance": COST}[stated]
+    below, above = (
+        decide(ranking_of(**{stated: at_cost + d}, unmodelled_gain=unmodelled + COST_IN_NOISE)) for d in (-1e-7, 1e-7)
+    )
+    assert below.none == pytest.approx(above.none, abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("gains", "contradiction"),
+    [
+        ({"noise": NOISE + 4.0}, 4.0),
+        ({"nuisance": COST + 4.0}, 4.0),
+        ({"noise": NOISE + 1.0, "nuisance": COST + 4.0}, 4.0),
+        ({"noise": NOISE + 4.0, "nuisance": COST + 1.0}, 4.0),
+        ({"noise": NOISE - 1.0, "nuisance": COST - 3.0}, -1.0),
+        ({"noise": NOISE - 3.0, "nuisance": COST - 1.0}, -1.0),
+        ({"noise": NOISE - 0.5}, -0.5),
+        ({"nuisance": COST - 0.5}, -0.5),
+    ],
+)
+def test_a_contradiction_is_the_larger_evidence_against_a_stated_sigma_less_its_prior_cost(gains, contradiction):
+    """Below zero it is the evidence of something else, above zero minus that of none; a small acceleration adds none.
+
+    The prior cost of a wrong sigma of the noise is not that of a wrong sigma of a nuisance parameter.
+    """
+    verdict = decide(ranking_of(hypothesis_of("wind", 0.0), **gains))
+    cost = cost_of(gains.get("noise", 0.0))
+    expected = probabilities(np.array([-max(contradiction, 0.0), min(contradiction, 0.0), -cost]), ERROR)
+    actual = [verdict.none, verdict.something_else, verdict.entries[0].probability]
+    assert actual == pytest.approx(expected.tolist(), rel=1e-9)
+
+
+def test_without_evidence_against_a_sigma_something_else_is_an_acceleration():
+    """Also where that is less probable than the model at its own noise, as beside another point of the model."""
+    verdict = decide(ranking_of(unmodelled_gain=-4.0))
+    expected = probabilities(np.array([0.0, -4.0 - COST]), ERROR)
+    assert [verdict.none, verdict.something_else] == pytest.approx(expected.tolist(), rel=1e-9)
+
+
+def test_an_acceleration_is_the_evidence_of_something_else_where_it_exceeds_a_negative_contradiction():
+    """Its prior cost is that of a name: beside a slight evidence for excess noise it is larger than without."""
+    for noise, cost in ((0.0, COST), (0.5 * NOISE, 0.5 * (COST + COST_IN_NOISE))):
+        verdict = decide(ranking_of(unmodelled_gain=cost - 1.0, noise=noise))
+        expected = probabilities(np.array([0.0, -1.0]), ERROR)
+        assert [verdict.none, verdict.something_else] == pytest.approx(expected.tolist(), rel=1e-9)
+
+
+@pytest.mark.parametrize("stated", ["noise", "nuisance"])
+def test_a_sigma_that_is_as_probable_as_not_leaves_the_flight_undecided(stated):
+    """At the prior cost of the contradiction: nothing is missing and something else have equal probabilities."""
+    verdict = decide(ranking_of(**{stated: {"noise": NOISE, "nuisance": COST}[stated]}))
+    assert verdict.none == verdict.something_else == pytest.approx(0.5) and verdict.verdict == "undecided"
 
 
 def test_a_name_with_little_evidence_is_not_raised_to_the_odds_of_what_it_explains():
@@ -305,9 +379,7 @@ def test_the_odds_are_those_of_the_best_of_several_names():
     column = np.ones(5)
     best = hypothesis_of("mass", 700.0, explained=column, at_floor=False, explained_share=0.5)
     second = hypothesis_of("wind", 699.0, explained=column, at_floor=True)
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(decision, "best_discriminator", lambda *_: None)
-        verdict = decide(ranking_of(replace(best, complemented=False), second, noise=1e6))
+    verdict = decide(ranking_of(replace(best, complemented=False), second, noise=1e6))
     assert verdict.entries[0].same_as == ("wind",)
     assert verdict.entries[0].probability == pytest.approx(verdict.something_else, rel=1e-6)
 
@@ -345,18 +417,18 @@ def test_something_else_that_no_effect_explains():
         assert verdict.sentence == "Something is missing that no effect of the catalogue explains."
 
 
-def test_an_undecided_flight_names_the_three_most_probable():
-    """With their probabilities; names of one hypothesis together."""
+def test_an_undecided_flight_names_the_three_most_probable(monkeypatch):
+    """With their probabilities, names of one hypothesis together; and what distinguishes the first two."""
+    measurement = Discriminator("knowing the mass", 41.2)
+    monkeypatch.setattr(decision, "best_discriminator", lambda *_: measurement)
     column = np.ones(5)
     pair = [hypothesis_of("mass", COST, explained=column), hypothesis_of("density_scale", COST - 1, explained=column)]
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(decision, "best_discriminator", lambda *_: None)
-        verdict = decide(ranking_of(*pair, hypothesis_of("wind", COST - 2.0), unmodelled_gain=COST - 1.0))
+    verdict = decide(ranking_of(*pair, hypothesis_of("wind", COST - 2.0), unmodelled_gain=COST - 1.0))
     assert verdict.verdict == "undecided" and verdict.leader is None
     p = probabilities(np.array([0.0, -1.0, 0.0, -2.0]), ERROR)
     assert verdict.sentence == (
         f"Undecided: nothing is missing (probability {p[0]:.2f}), mass or density_scale ({p[2]:.2f}), "
-        f"something outside the catalogue ({p[1]:.2f})."
+        f"something outside the catalogue ({p[1]:.2f}). Knowing the mass would distinguish them by 41 nats."
     )
 
 
@@ -376,9 +448,9 @@ def test_probabilities_are_the_normalised_evidences():
 @pytest.mark.parametrize("gain", [2.0, COST_IN_NOISE + 1.0, COST_IN_NOISE + 9.0])
 @pytest.mark.parametrize("unmodelled", [-4.0, 900.0])
 def test_in_excess_noise_no_effect_is_the_model_at_the_stated_noise(gain, unmodelled):
-    """Its evidence is minus that for the noise, over which all gains are; an acceleration adds nothing to it."""
-    verdict = decide(ranking_of(hypothesis_of("wind", gain), unmodelled_gain=unmodelled, noise=11.0))
-    weight = np.exp([-11.0, 0.0, gain - COST_IN_NOISE])
+    """Its evidence is minus that for the noise beyond the prior cost of another noise, and for an acceleration."""
+    verdict = decide(ranking_of(hypothesis_of("wind", gain), unmodelled_gain=unmodelled, noise=NOISE + 11.0))
+    weight = np.exp([-11.0 - max(unmodelled - COST_IN_NOISE, 0.0), 0.0, gain - COST_IN_NOISE])
     expected = (1.0 - ERROR) * weight / weight.sum() + ERROR / 3.0
     actual = [verdict.none, verdict.something_else, verdict.entries[0].probability]
     assert actual == pytest.approx(expected.tolist())
@@ -410,9 +482,148 @@ def test_the_thresholds_are_settings():
     assert verdict_with(decided_probability=0.99) == "undecided"
     assert verdict_with(decided_probability=0.99, approximation_error=0.0, named_gain_nats=3.0) == "missing"
     assert verdict_with(approximation_error=0.5) == "undecided"
-    assert verdict_with(noise=9.0, excess_noise_nats=9.5) == "missing"
-    assert verdict_with(noise=9.0, excess_noise_nats=8.5) == "unknown"
-    assert verdict_with(noise=9.0, excess_noise_nats=8.5, named_gain_in_excess_noise_nats=7.0) == "missing"
+    assert verdict_with(noise=9.0, excess_noise_nats=13.0) == "clean"
+    assert verdict_with(noise=9.0, excess_noise_nats=6.0) == "unknown"
+    for noise in (6.0, 13.0):
+        assert verdict_with(noise=9.0, excess_noise_nats=noise, named_gain_in_excess_noise_nats=7.0) == "missing"
+
+
+# --- continuity at the thresholds -----------------------------------------------------------------------------------
+
+#: Change of an evidence, nats, and the largest change of a probability: a quarter of the cost's, whose slope is 2.
+STEP, LARGEST_CHANGE = 1e-6, 1e-6
+
+
+def gains_about(threshold, largest):
+    """Positive gains, and those within a step of a threshold."""
+    near = st.floats(-2.0, 2.0).map(lambda steps: threshold + steps * STEP)
+    return st.one_of(st.floats(2.0 * STEP, largest), near)
+
+
+@st.composite
+def cases_at_a_threshold(draw):
+    """Gains of names, of noise, of a nuisance parameter and of an acceleration that is less than its prior cost."""
+    noise, nuisance = draw(gains_about(NOISE, 30.0)), draw(gains_about(COST, 30.0))
+    names = [h[:3] for h in draw(close_candidates)]
+    unmodelled = cost_of(noise) - 2e-5 - draw(st.floats(0.0, 40.0))
+    return {"noise": noise, "nuisance": nuisance, "unmodelled_gain": unmodelled}, names
+
+
+def probabilities_of(gains, names):
+    """Of none, something else and each name, in the order of `names`."""
+    verdict = decide(ranking_of(*(hypothesis_of(*n) for n in names), **gains))
+    by_name = {e.hypothesis.name: e.probability for e in verdict.entries}
+    return np.array([verdict.none, verdict.something_else, *(by_name[n[0]] for n in names)])
+
+
+@given(cases_at_a_threshold())
+def test_no_evidence_has_a_threshold_at_which_a_probability_changes_by_a_step(case):
+    """Neither the noise nor a nuisance parameter nor an acceleration nor a name's gain or held-out gain.
+
+    Of positive evidences, an acceleration with less than its prior cost, and names that explain all or are distinct.
+    """
+    gains, names = case
+    before = probabilities_of(gains, names)
+    changed = [(gains | {which: gains[which] + STEP}, names) for which in gains]
+    for i, (name, gain, score) in enumerate(names):
+        for change in ((STEP, 0.0), (0.0, STEP)):
+            moved = (name, gain + change[0], score + change[1])
+            changed.append((gains, [*names[:i], moved, *names[i + 1 :]]))
+    for arguments in changed:
+        np.testing.assert_allclose(probabilities_of(*arguments), before, rtol=0.0, atol=LARGEST_CHANGE)
+
+
+@pytest.mark.parametrize("explained_share", [0.01, 0.5, 1.0])
+def test_below_the_prior_cost_of_noise_the_explained_share_does_not_limit_a_name(explained_share):
+    weak = replace(hypothesis_of("wind", 700.0, at_floor=False, explained_share=explained_share), complemented=False)
+    verdict = decide(ranking_of(weak, hypothesis_of("mass", 3.0), noise=NOISE))
+    assert verdict.verdict == "missing" and verdict.entries[0].probability == pytest.approx(1.0 - 0.75 * ERROR)
+
+
+@given(varied_settings, st.floats(1e-3, 200.0), st.floats(0.0, 1.0), st.floats(1.0, 1e5))
+def test_the_prior_cost_is_linear_between_its_values_without_and_in_excess_noise(settings, noise, share, factor):
+    """It is constant from `excess_noise_nats` on, and that of a model that holds without evidence for noise."""
+    settings = settings.model_copy(update={"excess_noise_nats": noise})
+    low, high = settings.named_gain_nats, settings.named_gain_in_excess_noise_nats
+    assert prior_cost(0.0, settings) == prior_cost(-1.0, settings) == low
+    assert prior_cost(noise, settings) == prior_cost(factor * noise, settings) == high
+    expected = (1.0 - share) * low + share * high
+    assert prior_cost(share * noise, settings) == pytest.approx(expected, rel=1e-9, abs=1e-9)
+
+
+@given(st.lists(st.floats(-5.0, 30.0), min_size=2, max_size=10))
+def test_the_prior_cost_never_falls_with_the_evidence_for_noise(gains):
+    costs = [prior_cost(g, SETTINGS) for g in sorted(gains)]
+    assert costs == sorted(costs)
+
+
+# --- what would decide an undecided flight --------------------------------------------------------------------------
+
+
+def end_of_sentence(verdict):
+    """The sentence of an undecided verdict after its probabilities."""
+    assert verdict.verdict == "undecided" and verdict.sentence.count("). ") == 1
+    return verdict.sentence.split("). ")[1]
+
+
+@pytest.fixture
+def compared(monkeypatch):
+    """Arguments of every discriminator that is computed, as names; `best` is the discriminator."""
+    compared = SimpleNamespace(calls=[], best=Discriminator("a constraint landing 10 times better", 8.6))
+
+    def discriminator(model, *effects):
+        compared.calls.append((model, *(None if a is None else a.name for a in effects)))
+        return compared.best
+
+    monkeypatch.setattr(decision, "best_discriminator", discriminator)
+    return compared
+
+
+def named(name, gain):
+    return replace(hypothesis_of(name, gain), model=f"model of {name}")
+
+
+def test_a_measurement_decides_between_two_names(compared):
+    """About the model of the second one."""
+    names = [named("wind", 25.0), named("mass", 24.5), named("gyro_bias", 20.0)]
+    text = end_of_sentence(decide(ranking_of(*names)))
+    assert text == "A constraint landing 10 times better would distinguish them by 9 nats."
+    assert compared.calls == [("model of mass", "wind", "mass")]
+    compared.best = None
+    assert end_of_sentence(decide(ranking_of(*names))) == "Only a measurement of one of the two would distinguish them."
+
+
+@pytest.mark.parametrize("gain", [COST - 0.5, COST + 0.5])
+def test_a_measurement_decides_between_a_name_and_none(compared, gain):
+    """Whichever of the two is more probable: the effect is compared with no effect about its own model."""
+    names = [named("wind", gain), named("mass", 2.0)]
+    text = end_of_sentence(decide(ranking_of(*names)))
+    assert text == "A constraint landing 10 times better would distinguish them by 9 nats."
+    assert compared.calls == [("model of wind", "wind", None)]
+    compared.best = None
+    expected = "No better knowledge of a single nuisance parameter or constraint would distinguish them."
+    assert end_of_sentence(decide(ranking_of(*names))) == expected
+
+
+@pytest.mark.parametrize("change", [-0.5, 0.5])
+def test_a_diagnosis_with_the_name_decides_between_it_and_something_else(compared, change):
+    """Beside an acceleration, and in excess noise."""
+    expected = "A diagnosis of the model with wind would show whether it leaves anything unexplained."
+    names = [named("wind", 40.0 + change), named("mass", 2.0)]
+    assert end_of_sentence(decide(ranking_of(*names, unmodelled_gain=40.0))) == expected
+    names = [named("wind", COST_IN_NOISE + change), named("mass", 2.0)]
+    assert end_of_sentence(decide(ranking_of(*names, noise=60.0))) == expected
+    assert compared.calls == []
+
+
+@pytest.mark.parametrize("change", [-0.5, 0.5])
+def test_a_calibration_or_an_effect_decides_between_none_and_something_else(compared, change):
+    """Beside an acceleration, excess noise, and a nuisance parameter far from its stated value."""
+    expected = "A calibration of the sensors' noise, or an effect that explains the residuals, would decide."
+    names = [named("wind", 2.0), named("mass", 1.0)]
+    for gains in ({"unmodelled_gain": COST + change}, {"noise": NOISE + change}, {"nuisance": COST + change}):
+        assert end_of_sentence(decide(ranking_of(*names, **gains))) == expected
+    assert compared.calls == []
 
 
 # --- names that are not distinguished -------------------------------------------------------------------------------

@@ -8,6 +8,8 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from edl_filter.diagnosis.noise.variance_components import ExcessVariance
 from edl_filter.diagnosis.selection import hypothesis as module
@@ -26,6 +28,9 @@ SETTINGS = DecisionSettings()
 ROWS = 40
 #: Share of rows with excess variance: more than a model that holds has, less than a weak effect leaves.
 LESS_EXCESS = 0.5 * (SETTINGS.holds_share + 0.5 * SETTINGS.alternative_progress)
+#: Penalty of the noise of the model without the effect: of its variances, 3, and of their colour; that of the variances
+#: that an effect leaves is 3. At the stated noise there is none.
+PENALTY, OWN_PENALTY = 5.0, 3.0
 TORQUE, MASS = find_effect("remnant_torque"), find_effect("mass")
 KEY = ("mass", None)
 
@@ -44,14 +49,14 @@ class Identity:
 
 @dataclass(frozen=True)
 class Null:
-    """The model without the effect."""
+    """The model without the effect, less the penalty of its noise."""
 
-    evidence: float = -100.0
-    log_likelihood: float = -90.0
+    evidence: float = -100.0 - PENALTY
+    log_likelihood: float = -90.0 - PENALTY
     excess_share: float = 0.5
 
-    def explained_share(self, log_likelihood):
-        return (log_likelihood - self.log_likelihood) / 90.0
+    def explained_share(self, white_log_likelihood):
+        return (white_log_likelihood + 90.0) / 90.0  # with white excess variance there is no penalty
 
 
 @dataclass(frozen=True)
@@ -76,15 +81,20 @@ class Fit:
 
 def excess_of(share):
     significant = np.arange(ROWS) < round(share * ROWS)
-    return ExcessVariance(significant.astype(float), significant, penalty=3.0 * bool(share))
+    return ExcessVariance(significant.astype(float), significant, penalty=OWN_PENALTY * bool(share))
 
 
 @pytest.fixture
 def flight(monkeypatch):
+    return constructed_flight(monkeypatch)
+
+
+def constructed_flight(monkeypatch):
     """A case and a failing model; `fits` are what `fit_map` returns in turn, `left` the excess that is left."""
     filters = {"stated": Identity(), "fitted": Identity(), "own": Identity()}
     model = SimpleNamespace(
-        holds=False, excess_variance=excess_of(0.5), failing_excess="excess", point="first point",
+        holds=False, excess_variance=excess_of(0.5), noise_penalty=PENALTY, failing_excess="excess",
+        point="first point",
         stated_noise_filter=filters["stated"], fitted_noise_filter=filters["fitted"],
         index=SimpleNamespace(time=np.linspace(0.0, 200.0, ROWS)), settings=SETTINGS,
         white_residuals=lambda whiten: np.zeros(ROWS),
@@ -111,9 +121,15 @@ def screened(instance, gain=50.0, alternatives=()):
     return SimpleNamespace(instance=instance, gain=gain, alternatives=alternatives), "screening filter"
 
 
+def hypothesis_at(noise, flight, fit, null=None, key=KEY):
+    """A hypothesis at the noise of the model without it, or at the stated noise."""
+    penalty = {"fitted": flight.model.noise_penalty, "stated": 0.0}[noise]
+    null = Null() if null is None else null
+    return module._hypothesis(key, fit, flight.filters[noise], penalty, False, null, flight.case, flight.model)
+
+
 def hypothesis_of(flight, fit, null, **changes):
-    h = module._hypothesis(KEY, fit, flight.filters["fitted"], False, null, flight.case, flight.model)
-    return replace(h, **changes)
+    return replace(hypothesis_at("fitted", flight, fit, null), **changes)
 
 
 MASS_START = EffectInstance(MASS, {"k": 0.0})
@@ -127,7 +143,7 @@ def test_gains_are_over_the_model_without_the_effect(flight):
     np.testing.assert_array_equal(h.normalised, 0.0)
     without_information = hypothesis_of(flight, Fit(-80.0, columns=np.zeros((ROWS, 1))), Null())
     assert without_information.score_gain == pytest.approx(90.0)  # the likelihood of zeros, 0, over that of the null
-    moved = h.with_reference(Null(evidence=-95.0, log_likelihood=-82.0))
+    moved = h.with_reference(Null(evidence=-95.0 - PENALTY, log_likelihood=-82.0 - PENALTY))
     assert (moved.gain, moved.score_gain) == (15.0, pytest.approx(h.score_gain - 8.0))
     back = moved.with_reference(Null())
     assert (back.gain, back.score_gain) == (h.gain, pytest.approx(h.score_gain))
@@ -139,13 +155,13 @@ def test_only_the_sizes_of_the_effect_itself_explain(flight):
     key, columns = torque.key, np.random.default_rng(1).normal(size=(ROWS, 3))
     names = ((KEY, "k"), (key, "t0"), (key, "Cm"))
     fit = Fit(-80.0, effects=(*Fit(0.0).effects, torque), names=names, columns=columns, sigma=np.ones(3))
-    h = module._hypothesis(key, fit, flight.filters["fitted"], False, Null(), flight.case, flight.model)
+    h = hypothesis_at("fitted", flight, fit, key=key)
     np.testing.assert_allclose(h.explained, 0.3 * columns[:, 2])
     flight.case.log_abs_det_jacobian = lambda effects: 7.0  # of readings divided by a scale
-    scaled = module._hypothesis(key, fit, flight.filters["fitted"], False, Null(), flight.case, flight.model)
+    scaled = hypothesis_at("fitted", flight, fit, key=key)
     assert scaled.score_gain == pytest.approx(h.score_gain + 7.0)
     white = np.random.default_rng(2).normal(size=ROWS) + columns[:, 2]  # what is left is correlated with the column
-    h = module._hypothesis(key, replace(fit, white=white), Identity(), False, Null(), flight.case, flight.model)
+    h = hypothesis_at("fitted", flight, replace(fit, white=white), key=key)
     before, x, time = white + 0.3 * columns[:, 2], columns[:, [2]], flight.model.index.time
     held_out = held_out_gain(before, x, np.ones(1), time, SETTINGS.held_out_block_s, SETTINGS.held_out_folds)
     assert h.score_gain == pytest.approx(held_out - 0.5 * before @ before + 7.0 + 90.0)
@@ -172,7 +188,7 @@ def test_where_the_model_holds_the_most_probable_place_of_the_first_start_counts
 
     monkeypatch.setattr(module, "fit_linear", fit_linear)
     starts = [screened(times[0], 50.0, (times[1],)), (screened(times[2])[0], "another filter")]
-    h = fit_hypothesis(flight.case, flight.model, starts, Null())
+    h = fit_hypothesis(flight.case, flight.model, starts, Null(evidence=-100.0))
     assert h.instance is times[1] and h.gain == 60.0 and h.at_floor == at_floor
     assert set(filters) == {("screening filter", -100.0)}
     np.testing.assert_allclose(h.explained, 0.2 * columns[:, 0])
@@ -186,7 +202,7 @@ def test_a_fit_that_leaves_much_excess_is_not_fitted_at_its_own_noise(flight):
     h = fit_hypothesis(flight.case, flight.model, [screened(MASS_START)], Null())
     assert [noise for _, noise, _ in flight.fitted] == ["fitted", "stated"]
     assert h.gain == 20.0 and not h.at_floor
-    assert h.own_noise_evidence == -80.0 - 3.0  # at the noise of the model without it, whose penalty it pays
+    assert h.own_noise_evidence == -80.0 - PENALTY  # at the noise of the model without it, whose penalty it pays
     assert h.stated_noise_fit.evidence == -300.0
 
 
@@ -194,7 +210,7 @@ def test_a_fit_that_solves_the_excess_counts_at_the_noise_that_it_leaves(flight)
     flight.fits, flight.left = [Fit(-80.0, excess=0.0), Fit(-20.0)], 0.0
     h = fit_hypothesis(flight.case, flight.model, [screened(MASS_START)], Null())
     assert [noise for _, noise, _ in flight.fitted] == ["fitted", "own"]
-    assert h.at_floor and h.gain == 80.0 and h.own_noise_evidence == -20.0
+    assert h.at_floor and h.gain == 80.0 + PENALTY and h.own_noise_evidence == -20.0
 
 
 def test_the_gain_stays_that_at_the_noise_without_it_if_excess_is_left(flight):
@@ -202,7 +218,7 @@ def test_the_gain_stays_that_at_the_noise_without_it_if_excess_is_left(flight):
     flight.fits, flight.left = [Fit(-80.0, excess=0.0), Fit(-20.0)], 0.4
     h = fit_hypothesis(flight.case, flight.model, [screened(MASS_START)], Null())
     assert not h.at_floor and h.gain == 20.0
-    assert h.own_noise_evidence == -20.0 - 3.0
+    assert h.own_noise_evidence == -20.0 - OWN_PENALTY
 
 
 def test_equal_places_and_unlikely_starts_are_fitted_once(flight):
@@ -227,7 +243,7 @@ def test_a_place_that_solves_the_excess_ends_the_search(flight):
     assert [(effects[0].values["t0"], noise) for effects, noise, _ in flight.fitted] == [
         (100.0, "fitted"), (140.0, "fitted"), (140.0, "own")
     ]  # fmt: skip
-    assert h.at_floor and h.gain == 90.0
+    assert h.at_floor and h.gain == 90.0 + PENALTY
 
 
 def test_the_fit_at_the_stated_noise_starts_at_the_most_probable_place(flight):
@@ -240,10 +256,10 @@ def test_the_fit_at_the_stated_noise_starts_at_the_most_probable_place(flight):
 
 def test_without_excess_variance_there_is_one_fit(flight):
     """The stated noise is the fitted one, and nothing is left that another noise could explain."""
-    flight.model.excess_variance = excess_of(0.0)
+    flight.model.excess_variance, flight.model.noise_penalty = excess_of(0.0), 0.0
     flight.model.fitted_noise_filter = flight.model.stated_noise_filter
     flight.fits = [Fit(-80.0)]
-    h = fit_hypothesis(flight.case, flight.model, [screened(MASS_START)], Null())
+    h = fit_hypothesis(flight.case, flight.model, [screened(MASS_START)], Null(evidence=-100.0))
     assert len(flight.fitted) == 1 and h.at_floor and h.gain == 20.0 and h.stated_noise_fit is None
 
 
@@ -253,8 +269,38 @@ def test_a_thorough_fit_is_repeated_at_the_stated_noise_while_some_excess_is_lef
     flight.fits = [Fit(-40.0), Fit(-10.0)]
     h = module._best(KEY, [Fit(-80.0)], [], Null(), flight.case, flight.model, thorough=True)
     assert [noise for _, noise, _ in flight.fitted] == ["own", "stated"]
-    assert h.at_floor and h.gain == 90.0 and h.own_noise_evidence == -40.0 - 3.0
+    assert h.at_floor and h.gain == 90.0 + PENALTY and h.own_noise_evidence == -40.0 - OWN_PENALTY
     assert [moving for _, _, moving in flight.fitted] == [False, True]
+
+
+@pytest.mark.parametrize(("stated", "gain"), [(-42.9, 57.1), (-43.1, 57.0)])
+def test_each_noise_pays_its_own_penalty(flight, stated, gain):
+    """Of two fits about one point that at the stated noise counts, unless the little excess gains its penalty.
+
+    Both are credited with what the variances of the model without the effect cost, as is the held-out score.
+    """
+    flight.left = 1.0 / ROWS
+    flight.fits = [Fit(-40.0), Fit(stated)]
+    h = module._best(KEY, [Fit(-80.0)], [], Null(), flight.case, flight.model, thorough=True)
+    assert h.at_floor and h.gain == pytest.approx(gain + PENALTY)
+    own_penalty = 0.0 if h.fit.evidence == stated else OWN_PENALTY
+    at_fitted_noise = hypothesis_of(flight, Fit(-80.0), Null())
+    assert h.score_gain == pytest.approx(at_fitted_noise.score_gain + PENALTY - own_penalty)
+
+
+@given(st.floats(0.0, 500.0))
+def test_an_effect_is_credited_with_the_null_models_penalty_only_at_another_noise(penalty):
+    """At the noise of the model without it both pay the same; at the stated noise the effect pays none."""
+    with pytest.MonkeyPatch.context() as patch:
+        flight = constructed_flight(patch)
+        flight.model.noise_penalty = penalty
+        null = Null(evidence=-100.0 - penalty, log_likelihood=-90.0 - penalty)
+        free = Null(evidence=-100.0, log_likelihood=-90.0)
+        expected = hypothesis_at("stated", flight, Fit(-80.0), free)
+        for noise, credit in (("fitted", 0.0), ("stated", penalty)):
+            h = hypothesis_at(noise, flight, Fit(-80.0), null)
+            assert h.gain == pytest.approx(20.0 + credit)
+            assert h.score_gain == pytest.approx(expected.score_gain + credit)
 
 
 def test_the_noise_that_is_left_counts_where_the_model_without_it_has_little(flight):
@@ -262,14 +308,14 @@ def test_the_noise_that_is_left_counts_where_the_model_without_it_has_little(fli
     flight.model.excess_variance, flight.left = excess_of(1.0 / ROWS), 0.0
     flight.fits = [Fit(-70.0)]
     h = module._best(KEY, [Fit(-80.0, excess=0.0)], [], Null(excess_share=0.9), flight.case, flight.model)
-    assert [noise for _, noise, _ in flight.fitted] == ["own"] and h.gain == 30.0
+    assert [noise for _, noise, _ in flight.fitted] == ["own"] and h.gain == 30.0 + PENALTY
 
 
 def test_the_best_fit_at_the_stated_noise_is_continued_too(flight):
     flight.fits = [Fit(-60.0), Fit(-30.0)]
     at_stated = [Fit(-500.0, excess=0.5), Fit(-400.0, excess=0.0, point="another point")]
     h = module._best(KEY, [Fit(-80.0, excess=0.0)], at_stated, Null(), flight.case, flight.model)
-    assert [moving for _, _, moving in flight.fitted] == [False, True] and h.gain == 70.0
+    assert [moving for _, _, moving in flight.fitted] == [False, True] and h.gain == 70.0 + PENALTY
 
 
 def test_only_the_first_start_of_an_effect_without_places(flight):
@@ -282,7 +328,8 @@ def test_where_the_model_holds_the_linear_problem_counts_if_it_gains_more(flight
     h = hypothesis_of(flight, Fit(-80.0), Null())
     for evidence, gain in ((-95.0, 20.0), (-60.0, 40.0)):
         monkeypatch.setattr(module, "fit_linear", lambda *_, e=evidence: Fit(e))
-        best = with_gain_where_model_holds(h, flight.case, flight.model, flight.filters["fitted"], Null())
+        holding = Null(evidence=-100.0)  # a model that holds has no excess noise to pay for
+        best = with_gain_where_model_holds(h, flight.case, flight.model, flight.filters["fitted"], holding)
         assert best.gain == gain and best.fit is h.fit
 
 
@@ -309,9 +356,8 @@ def reconstructed(flight, monkeypatch):
 
 def test_an_effect_that_explains_little_keeps_its_gain_without_an_iteration(reconstructed):
     reconstructed.fits, reconstructed.left = [Fit(-80.0)], 0.5
-    reference = Null(evidence=-100.0)
     h = hypothesis_of(reconstructed, Fit(-80.0), Null())
-    result = relinearize_with_effect(h, reference)
+    result = relinearize_with_effect(h, Null())
     assert not reconstructed.iterated and result.gain == 20.0
     assert result.explained_share == pytest.approx(1.0 / 90.0)
 
@@ -320,7 +366,7 @@ def test_an_effect_that_explains_little_keeps_its_gain_without_an_iteration(reco
 def test_an_effect_that_may_lead_is_fitted_about_its_own_reconstruction(reconstructed, change):
     """It explains much; or the null model is more probable about another point; or it was linearised about another."""
     reconstructed.fits, reconstructed.left = [Fit(-80.0), Fit(-30.0)], 0.5
-    reference = Null(evidence=-90.0 if change == "contends" else -100.0)
+    reference = Null(evidence=-90.0 if change == "contends" else Null().evidence)
     h = hypothesis_of(reconstructed, Fit(-80.0), Null())
     if change == "explains":
         reconstructed.first.white_excess_log_likelihood = 0.0
@@ -331,7 +377,7 @@ def test_an_effect_that_may_lead_is_fitted_about_its_own_reconstruction(reconstr
     elif change == "less excess":
         reconstructed.first.excess_variance = excess_of(LESS_EXCESS)
     result = relinearize_with_effect(h, reference)
-    assert reconstructed.iterated and result.gain == -30.0 - reference.evidence
+    assert reconstructed.iterated and result.gain == -30.0 - PENALTY - reference.evidence
     assert result.null is reference
     # fitted at its own noise before, where it is not at the floor, and about its own reconstruction: both thoroughly
     assert len(reconstructed.fitted) == (1 if change == "solved" else 2)
@@ -340,7 +386,7 @@ def test_an_effect_that_may_lead_is_fitted_about_its_own_reconstruction(reconstr
 def test_an_effect_that_does_not_contend_is_not_iterated_for_a_better_null_model(reconstructed):
     reconstructed.fits, reconstructed.left = [Fit(-80.0)], 0.5
     h = hypothesis_of(reconstructed, Fit(-80.0), Null())
-    assert relinearize_with_effect(h, Null(evidence=-90.0), contends=False).gain == 10.0
+    assert relinearize_with_effect(h, Null(evidence=-90.0 - PENALTY), contends=False).gain == 10.0
     assert not reconstructed.iterated
 
 
@@ -355,9 +401,11 @@ def test_an_effect_that_does_not_contend_is_not_iterated_for_a_better_null_model
 def test_gain_of_an_effect_beside_a_model_that_holds(reconstructed, sigmas, own, gain):
     reconstructed.model.holds, reconstructed.model.largest_nuisance_sigmas = True, sigmas
     reconstructed.own, reconstructed.fits = own, [Fit(own)]
-    reconstructed.first.excess_variance = excess_of(0.0)
-    h = hypothesis_of(reconstructed, Fit(-80.0), Null(excess_share=0.0))
-    assert relinearize_with_effect(h, Null(excess_share=0.0)).gain == gain
+    for model in (reconstructed.model, reconstructed.first):
+        model.excess_variance, model.noise_penalty = excess_of(0.0), 0.0
+    null = Null(evidence=-100.0, excess_share=0.0)
+    h = hypothesis_of(reconstructed, Fit(-80.0), null)
+    assert relinearize_with_effect(h, null).gain == gain
 
 
 def test_a_hypothesis_is_known_by_its_effect_and_its_imu(flight):

@@ -10,7 +10,14 @@ from edl_filter.diagnosis.linear_model.effect_jacobian import effect_jacobian
 from edl_filter.diagnosis.linear_model.flight_case import load_case
 from edl_filter.diagnosis.linear_model.linearization import linearize
 from edl_filter.diagnosis.selection import map_fit as module
-from edl_filter.diagnosis.selection.map_fit import NullModelFit, fit_linear, fit_map, most_probable_null, scan_times
+from edl_filter.diagnosis.selection.map_fit import (
+    NullModelFit,
+    fit_linear,
+    fit_map,
+    fit_null_model,
+    most_probable_null,
+    scan_times,
+)
 from edl_filter.diagnosis.selection.outer_loop import iterate_to_convergence
 from edl_filter.effects import EffectInstance
 from edl_filter.effects.registry import find_effect
@@ -205,6 +212,18 @@ def late_model(tmp_path_factory):
     simulate(Scenario.load("builtin:mer"), [EffectInstance(torque, TORQUE)], 5).write(path)
     mission = Mission.load("builtin:practice_mer", [f"telemetry.path={path}"])
     return linearize(load_case(mission, (EffectInstance(torque, TORQUE | {"t0": 120.96}),)))
+
+
+def test_the_null_model_pays_the_penalty_of_its_noise(late_model):
+    """Evidence and likelihood are those of the fit less the cost of variances and colour; the share has no penalty."""
+    whiten, penalty = late_model.fitted_noise_filter, late_model.noise_penalty
+    assert penalty >= late_model.excess_variance.penalty > 5.0
+    null = fit_null_model(late_model, late_model.effects)
+    steps = late_model.settings.null_fit_iterations
+    fit = fit_map(late_model, late_model.effects, whiten, steps=steps)
+    assert null.evidence == pytest.approx(fit.evidence - penalty, abs=1e-6)
+    assert null.log_likelihood == pytest.approx(whiten.log_likelihood(fit.white) - penalty, abs=1e-6)
+    assert null.white_log_likelihood == late_model.white_excess_log_likelihood
 
 
 def test_a_scan_corrects_a_time_in_a_local_maximum(late_model):

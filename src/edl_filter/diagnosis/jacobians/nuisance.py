@@ -40,6 +40,8 @@ from edl_filter.types import Array
 AIR = ("density", "wind_east", "wind_north")
 #: Nuisance parameters that belong to the linearisation point, with the amplitudes of the discrepancy.
 PERTURBED = (*AIR, *FIELD_COEFFICIENTS, "mass", "inertia")
+#: Beginning of the names of the checking IMUs' errors.
+CHECKING = "checking"
 #: States of an amplitude of the database's discrepancy: value and derivative.
 FIELD_STATES = 2
 
@@ -176,4 +178,4 @@ def nuisance_layout(
 
 def checking_state(imu: int, unit: int, error: str) -> str:
     """Name of an error state of one instrument of the i-th checking record."""
-    return f"checking{imu}.{unit}_{error}"
+    return f"{CHECKING}{imu}.{unit}_{error}"

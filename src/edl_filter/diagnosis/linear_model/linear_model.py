@@ -23,6 +23,7 @@ from edl_filter.diagnosis.noise.unmodelled_acceleration import UnmodelledAcceler
 from edl_filter.diagnosis.noise.variance_components import (
     ExcessVariance,
     add_variance,
+    colour_penalty,
     estimate_variance_components,
     most_likely_colour,
 )
@@ -241,6 +242,17 @@ class LinearizedModel:
         """Log marginal likelihood of the residuals at the noise that they show, nats."""
         whiten = self.fitted_noise_filter
         return whiten.log_likelihood(self.white_residuals(whiten))
+
+    @property
+    def noise_penalty(self) -> float:
+        """Cost in evidence of the noise that the residuals show: of its variances and of its colour, nats."""
+        coloured = self.fitted_noise_filter is not self.white_excess_filter
+        return self.excess_variance.penalty + (colour_penalty(self.settings) if coloured else 0.0)
+
+    @property
+    def log_evidence(self) -> float:
+        """Log marginal likelihood at the noise that the residuals show, less the penalty of that noise, nats."""
+        return self.log_likelihood - self.noise_penalty
 
     @property
     def largest_nuisance_sigmas(self) -> float:

@@ -1,10 +1,10 @@
 """Constant nuisance parameters: what a mission states with a sigma and the catalogue knows as an effect.
 
-Centre of mass, products of inertia, place, alignment and clock of each IMU are constant over a flight and change the
-readings, the path or the loads as effects do. Each is therefore an effect with the mission's sigma as prior (a consider
-parameter: Tapley, Schutz and Born, Statistical Orbit Determination, 2004, ch. 6): its columns are those of
-`effect_jacobian`, its value belongs to the linearisation point, and it is marginalised as a constant state. What is
-stated without a sigma is exact and has no state.
+Centre of mass, products of inertia, asymmetry, rolling moment and damping, place, alignment and clock of each IMU are
+constant over a flight and change the readings, the path or the loads as effects do. Each is therefore an effect with
+the mission's sigma as prior (a consider parameter: Tapley, Schutz and Born, Statistical Orbit Determination, 2004, ch.
+6): its columns are those of `effect_jacobian`, its value belongs to the linearisation point, and it is marginalised as
+a constant state. What is stated without a sigma is exact and has no state.
 """
 
 from __future__ import annotations
@@ -103,9 +103,12 @@ def stated_parameters(mission: Mission, telemetry: Telemetry) -> tuple[StatedPar
     if vehicle.inertia is not None:
         products = dict(zip("abc", vehicle.inertia.product_sigma, strict=True))
         candidates.append((effects["products_of_inertia"], None, products))
-    if aero is not None and aero.coefficient_sigma > 0.0:
-        asymmetry = aero.discrepancy.asymmetry_sigma
+    if aero is not None:
+        stated_errors = aero.discrepancy
+        asymmetry = stated_errors.asymmetry_sigma
         candidates.append((BodyAsymmetry(), None, {"Cm": asymmetry, "Cn": asymmetry}))
+        candidates.append((effects["rolling_moment"], None, {"c": stated_errors.rolling_sigma}))
+        candidates.append((effects["pitch_damping"], None, {"a": stated_errors.damping_sigma}))
     driving = telemetry.driving.units[int(telemetry.driving.unit[0])] if telemetry.driving.units else None
     for name, imu in getattr(mission.telemetry, "imus", {}).items():
         imu_name = None if name in (driving, telemetry.driving.name) else name

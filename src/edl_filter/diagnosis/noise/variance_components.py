@@ -151,8 +151,7 @@ def most_likely_colour(
     initial_mean : (n,) array
         Prior mean of the states at the beginning.
     settings : DecisionSettings
-        Thresholds of the diagnosis: the correlation times and factors that are tried. Choosing among them costs the
-        logarithm of their number.
+        Thresholds of the diagnosis: the correlation times and factors that are tried (`colour_penalty`).
     initial : (int, int), optional
         Places of correlation time and factor at which the search begins: the most likely ones of a similar model.
 
@@ -191,9 +190,13 @@ def most_likely_colour(
         if best == place:
             break
         place = best
-    price = float(np.log(len(memories) * len(factors)))
     at_white = white.log_likelihood(white(residuals[:, None], initial_mean[:, None])[:, 0])
-    return coloured if likelihood - price > at_white else white, place
+    return coloured if likelihood - colour_penalty(settings) > at_white else white, place
+
+
+def colour_penalty(settings: DecisionSettings) -> float:
+    """Cost in evidence of choosing a correlation time and a factor of the excess variance, nats."""
+    return float(np.log(len(settings.excess_memories_s) * len(settings.excess_colour_factors)))
 
 
 def moment_estimate(

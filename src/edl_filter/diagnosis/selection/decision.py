@@ -3,13 +3,15 @@
 Hypotheses, with their log evidence E in nats over the model as it is:
 
 none
-    The model holds at its stated noise: E = 0. Where excess noise is significant, minus the evidence for it; where the
-    model holds only with a nuisance parameter many sigmas off, minus the evidence that its sigma is not what is stated.
+    The model holds with all that is stated: E = 0, or minus the contradiction where that is positive, and minus what an
+    unmodelled acceleration has, so that its odds against something else are continuous. The contradiction is the
+    evidence for noise beyond the stated less its prior cost, `excess_noise_nats`, or the evidence that a nuisance
+    parameter has another sigma than is stated less `named_gain_nats`, whichever is larger.
 name
     One effect of the catalogue is missing: E = min(gain, held-out gain) - c.
 something else
-    Excess noise, whose size and correlation time are fitted (`noise.variance_components`): E = 0 where it is
-    significant, as where a nuisance parameter is not credible. Otherwise an unmodelled acceleration: E = gain - c.
+    A sigma is not what is stated: E is the contradiction, at most 0; or an unmodelled acceleration: E = gain - c,
+    where the contradiction is negative.
 
 All gains are over the same reference: the model with its nuisance parameters, the discrepancy of the database among
 them, marginalised, at the noise that it shows. An effect that is a change of the database is therefore named only as
@@ -21,8 +23,9 @@ excess noise and explains less than `sufficient_share` of the log-likelihood bet
 (`Hypothesis.explained_share`), and no second effect explains the rest (`Hypothesis.complemented`), its evidence is at
 most the log odds of what it explains against what it leaves; the others are reduced as much.
 
-c is the prior cost of a hypothesis that is not the reference (log prior odds), `named_gain_nats`, or
-`named_gain_in_excess_noise_nats` where the noise is not what is stated (Kass and Raftery, JASA 90 (1995) 773). The
+c is the prior cost of a hypothesis that is not the reference (log prior odds): `named_gain_nats`, or
+`named_gain_in_excess_noise_nats` where the noise is not what is stated (Kass and Raftery, JASA 90 (1995) 773), and in
+proportion between them where the evidence for excess noise is below `excess_noise_nats`. The
 probabilities are the normalised exponentials, mixed with equal probabilities of all hypotheses by the share of flights
 in which the approximation of the evidence fails, `approximation_error`. The verdict is ``clean``, ``missing`` or
 ``unknown`` where the probability of none, of the first name or of something else exceeds `decided_probability`;
@@ -151,10 +154,12 @@ def decide(ranking: Ranking) -> Verdict:
     """Probabilities and verdict."""
     settings = ranking.case.settings
     noisy = ranking.excess_noise_gain > settings.excess_noise_nats
-    cost = settings.named_gain_in_excess_noise_nats if noisy else settings.named_gain_nats
-    contradiction = ranking.excess_noise_gain if noisy else ranking.nuisance_gain
-    none = -contradiction
-    something_else = 0.0 if contradiction > 0.0 else ranking.unmodelled_gain - cost
+    cost, contradiction = prior_cost(ranking.excess_noise_gain, settings), _contradiction(ranking)
+    unmodelled = ranking.unmodelled_gain - cost
+    if contradiction > 0.0:
+        none, something_else = -contradiction - max(unmodelled, 0.0), 0.0
+    else:
+        none, something_else = 0.0, max(unmodelled, contradiction)
     groups = group_indistinguishable(ranking.hypotheses, settings)
     evidence = [min(group[0].gain, group[0].score_gain) - cost for group in groups]
     if noisy and groups:
@@ -169,6 +174,30 @@ def decide(ranking: Ranking) -> Verdict:
     verdict = verdict_of([e.probability for e in entries], none, something_else, settings.decided_probability)
     sentence = _sentence(verdict, entries, none, something_else)
     return Verdict(verdict, entries, none, something_else, cost, sentence)
+
+
+def prior_cost(excess_noise_gain: float, settings: DecisionSettings) -> float:
+    """Prior cost of a hypothesis that is not the reference, nats: c of this module."""
+    low, high = settings.named_gain_nats, settings.named_gain_in_excess_noise_nats
+    if excess_noise_gain <= 0.0:
+        return low
+    if excess_noise_gain >= settings.excess_noise_nats:
+        return high
+    return low + excess_noise_gain / settings.excess_noise_nats * (high - low)
+
+
+def _contradiction(ranking: Ranking) -> float:
+    """Evidence that a sigma is not what is stated, less its prior cost, nats."""
+    settings = ranking.case.settings
+    contradictions = [
+        gain - cost
+        for gain, cost in (
+            (ranking.excess_noise_gain, settings.excess_noise_nats),
+            (ranking.nuisance_gain, settings.named_gain_nats),
+        )
+        if gain > 0.0
+    ]
+    return max(contradictions, default=-np.inf)
 
 
 def _limited(evidence: list[float], groups: list[list[Hypothesis]], settings: DecisionSettings) -> list[float]:
@@ -214,11 +243,27 @@ def most_reduced_channel(h: Hypothesis, before: dict[str, float], after: dict[st
     return max(reduced or fall, key=lambda name: fall[name])
 
 
-def _discriminator_text(first: Hypothesis, second: Hypothesis) -> str:
-    discriminator = best_discriminator(second.model, first.instance, second.instance)
+def _discriminator_text(first: Hypothesis, second: Hypothesis | None = None) -> str:
+    """What would distinguish two hypotheses, or a name from none."""
+    model = first.model if second is None else second.model
+    discriminator = best_discriminator(model, first.instance, None if second is None else second.instance)
     if discriminator is not None:
         return f"{discriminator.measurement} would distinguish them by {discriminator.evidence:.0f} nats"
+    if second is None:
+        return "no better knowledge of a single nuisance parameter or constraint would distinguish them"
     return "only a measurement of one of the two would distinguish them"
+
+
+@dataclass(frozen=True)
+class _Contender:
+    """A hypothesis as the sentence of an undecided verdict names it."""
+
+    text: str
+    probability: float
+    hypothesis: Hypothesis | None = None
+
+
+_NONE, _SOMETHING_ELSE = "nothing is missing", "something outside the catalogue"
 
 
 def _sentence(verdict: str, entries: list[Entry], none: float, something_else: float) -> str:
@@ -226,11 +271,21 @@ def _sentence(verdict: str, entries: list[Entry], none: float, something_else: f
         return "The flight is clean: model and measurement agree to the stated uncertainties, and no effect is missing."
     if verdict == UNKNOWN:
         return "Something is missing that no effect of the catalogue explains."
-    names = [" or ".join((e.hypothesis.label, *e.same_as)) for e in entries]
+    names = [_Contender(" or ".join((e.hypothesis.label, *e.same_as)), e.probability, e.hypothesis) for e in entries]
     if verdict == MISSING:
-        return f"Missing: {names[0]} (gain {entries[0].hypothesis.gain:.0f} nats)."
-    contenders = [(none, "nothing is missing"), (something_else, "something outside the catalogue")]
-    contenders += [(e.probability, name) for e, name in zip(entries, names, strict=True)]
-    likely = sorted(contenders, key=lambda c: -c[0])[:_CONTENDERS]
-    texts = [f"{text} ({'' if k else 'probability '}{p:.2f})" for k, (p, text) in enumerate(likely)]
-    return f"Undecided: {', '.join(texts)}."
+        return f"Missing: {names[0].text} (gain {entries[0].hypothesis.gain:.0f} nats)."
+    contenders = [_Contender(_NONE, none), _Contender(_SOMETHING_ELSE, something_else), *names]
+    likely = sorted(contenders, key=lambda c: -c.probability)[:_CONTENDERS]
+    texts = [f"{c.text} ({'' if k else 'probability '}{c.probability:.2f})" for k, c in enumerate(likely)]
+    return f"Undecided: {', '.join(texts)}. {_deciding_sentence(likely[0], likely[1])}"
+
+
+def _deciding_sentence(first: _Contender, second: _Contender) -> str:
+    """What would decide between the two most probable hypotheses."""
+    named = [c.hypothesis for c in (first, second) if c.hypothesis is not None]
+    if not named:
+        return "A calibration of the sensors' noise, or an effect that explains the residuals, would decide."
+    if _SOMETHING_ELSE in (first.text, second.text):
+        return f"A diagnosis of the model with {named[0].label} would show whether it leaves anything unexplained."
+    text = _discriminator_text(*named)
+    return f"{text[0].upper()}{text[1:]}."

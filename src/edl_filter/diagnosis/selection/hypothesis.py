@@ -213,11 +213,12 @@ def _best(
     best_fit = max(at_fitted_noise, key=lambda f: f.evidence)
     floor = settings.solved_share * null.excess_share
     share = model.excess_variance.share
-    first = _hypothesis(key, best_fit, model.fitted_noise_filter, share < floor, null, case, model)
+    penalty = model.noise_penalty
+    first = _hypothesis(key, best_fit, model.fitted_noise_filter, penalty, share < floor, null, case, model)
     if first.at_floor and model.excess_variance.is_zero:
         return first
     stated = max(at_stated_noise, key=lambda f: f.evidence) if at_stated_noise else None
-    outcomes, own_noise_evidence = [first], best_fit.evidence - model.excess_variance.penalty
+    outcomes, own_noise_evidence = [first], best_fit.evidence - penalty
     for start in (best_fit, *([stated] if stated is not None else [])):
         if not thorough and _remaining_excess(model, start, null.excess_share) > settings.promising_share:
             continue
@@ -233,12 +234,12 @@ def _best(
         steps = settings.polish_fit_iterations
         polished = fit_map(model, start.effects, whiten, steps=steps, moving=moving)
         own_noise_evidence = max(own_noise_evidence, polished.evidence - excess.penalty)
-        outcomes.append(_hypothesis(key, polished, whiten, excess.share < floor, null, case, model))
+        outcomes.append(_hypothesis(key, polished, whiten, excess.penalty, excess.share < floor, null, case, model))
         if thorough and excess.share < floor and not excess.is_zero:
             # the little excess may be that of a fit that has not converged: then the stated noise is more likely
             stated_noise = model.stated_noise_filter
             converged = fit_map(model, polished.effects, stated_noise, moving=True)
-            outcomes.append(_hypothesis(key, converged, stated_noise, True, null, case, model))
+            outcomes.append(_hypothesis(key, converged, stated_noise, 0.0, True, null, case, model))
     best = replace(max(outcomes, key=lambda h: (h.gain, h.at_floor)), own_noise_evidence=own_noise_evidence)
     if best.at_floor:
         return best
@@ -249,11 +250,13 @@ def _hypothesis(
     key: EffectKey,
     fit: MapFit,
     whiten: WhiteningFilter,
+    noise_penalty: float,
     at_floor: bool,
     null: NullModelFit,
     case: FlightCase,
     model: LinearizedModel,
 ) -> Hypothesis:
+    """The hypothesis with gains over the null model; each model pays the penalty of the noise at which it is fitted."""
     instance = effect_with_key(fit.effects, key)
     sizes = {q.name for q in instance.effect.sizes}
     own = [i for i, (effect, q) in enumerate(fit.names) if effect == key and q in sizes]
@@ -270,8 +273,8 @@ def _hypothesis(
         key=key,
         fit=fit,
         normalised=_normalised(model, whiten, fit),
-        gain=fit.evidence - null.evidence,
-        score_gain=predictive - null.log_likelihood,
+        gain=fit.evidence - noise_penalty - null.evidence,
+        score_gain=predictive - noise_penalty - null.log_likelihood,
         at_floor=at_floor,
         explained=x @ size,
         case=case,

@@ -285,9 +285,9 @@ class NullModelFit:
     Attributes
     ----------
     evidence : float
-        As that of a `MapFit`, at the noise that the model shows, nats.
+        As that of a `MapFit`, at the noise that the model shows, less the penalty of that noise, nats.
     log_likelihood : float
-        Without priors, nats.
+        The same without the priors of parameters, nats.
     excess_share : float
         Share of the rows with excess variance about the point where the model may fail.
     white_log_likelihood : float
@@ -333,7 +333,11 @@ def fit_null_model(
     log_likelihood = whiten.log_likelihood(best.white) + model.case.log_abs_det_jacobian(best.effects)
     share = model.excess_variance.share if excess_share is None else excess_share
     return NullModelFit(
-        best.evidence, log_likelihood, share, model.white_excess_log_likelihood, model.holding_log_likelihood
+        evidence=best.evidence - model.noise_penalty,
+        log_likelihood=log_likelihood - model.noise_penalty,
+        excess_share=share,
+        white_log_likelihood=model.white_excess_log_likelihood,
+        holding_log_likelihood=model.holding_log_likelihood,
     )
 
 

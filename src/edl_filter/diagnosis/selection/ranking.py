@@ -65,8 +65,7 @@ class Ranking:
         Evidence of the noise that this model shows over the stated noise about the same point, less the penalty of its
         variances; zero where the model holds there.
     nuisance_gain : float
-        Evidence that the sigma of the nuisance parameter farthest off is larger than stated (`nuisance_gain`), where
-        the model holds only with a parameter beyond `credible_nuisance_sigmas`; otherwise zero.
+        Evidence that the sigma of the nuisance parameter farthest off is larger than stated (`nuisance_gain`).
     failed : dict
         Label of the effect → message of a user's effect whose hooks fail.
     """
@@ -133,7 +132,7 @@ def _rank(case: FlightCase, effects: Sequence[EffectInstance], progress: Progres
     holding = alternative_mode if alternative_mode is not None and alternative_mode.holds else None
     models = [m for m in (model, alternative_mode) if m is not None]
     nulls = [fit_null_model(m, case.effects, model.excess_variance.share) for m in models]
-    reference, most_likely = most_probable_null(nulls), max(models, key=lambda m: m.log_likelihood)
+    reference, most_likely = most_probable_null(nulls), max(models, key=lambda m: m.log_evidence)
     progress("trying the catalogue and something else")
     # compiled loops for the most part; the cached properties of the model that it reads were computed for `most_likely`
     unmodelled_fit = start_thread(lambda: fit_unmodelled(model))
@@ -152,7 +151,7 @@ def _rank(case: FlightCase, effects: Sequence[EffectInstance], progress: Progres
             relinearized = _compare_where_model_holds(case, relinearized, screenings[-1], nulls[-1])
         hypotheses += relinearized
     hypotheses.sort(key=lambda h: -h.gain)
-    unmodelled, unmodelled_likelihood = unmodelled_fit()
+    unmodelled, unmodelled_evidence = unmodelled_fit()
     stated = most_likely.stated_noise_filter
     at_stated_noise = stated.log_likelihood(most_likely.white_residuals(stated))
     return Ranking(
@@ -162,8 +161,8 @@ def _rank(case: FlightCase, effects: Sequence[EffectInstance], progress: Progres
         hypotheses=hypotheses,
         unmodelled=unmodelled,
         # the model's own effects are at their values in both
-        unmodelled_gain=unmodelled_likelihood - most_likely.log_likelihood,
-        excess_noise_gain=most_likely.log_likelihood - most_likely.excess_variance.penalty - at_stated_noise,
+        unmodelled_gain=unmodelled_evidence - most_likely.log_evidence,
+        excess_noise_gain=most_likely.log_evidence - at_stated_noise,
         nuisance_gain=nuisance_gain(most_likely),
         failed=failed,
     )
@@ -183,10 +182,10 @@ def nuisance_gain(model: LinearizedModel) -> float:
     Returns
     -------
     float
-        Zero where the model fails, or holds with credible values.
+        Zero where the model fails, or where no parameter is farther off than the largest of so many by chance.
     """
     z = model.largest_nuisance_sigmas
-    if not model.holds or z <= model.settings.credible_nuisance_sigmas:
+    if not model.holds or z <= 1.0:
         return 0.0
     return max(0.5 * z**2 - 0.5 - float(np.log(z)) - float(np.log(model.state_space.size)), 0.0)
 
@@ -272,9 +271,10 @@ def _fit_shortlist(
 
 
 def fit_unmodelled(model: LinearizedModel) -> tuple[UnmodelledAcceleration, float]:
-    """The most likely unmodelled acceleration, and the log-likelihood with it at the noise that it leaves, nats.
+    """The most likely unmodelled acceleration, and the log evidence with it at the noise that it leaves, nats.
 
-    Excess variance alone is an alternative to it, if the flight is more likely with that.
+    The penalty of that noise is subtracted. Excess variance alone is an alternative, if the flight is more probable
+    with that.
     """
 
     def log_likelihood(unmodelled: UnmodelledAcceleration) -> float:
@@ -284,7 +284,7 @@ def fit_unmodelled(model: LinearizedModel) -> tuple[UnmodelledAcceleration, floa
     unmodelled, likelihood = most_likely_process(log_likelihood, model.settings)
     if model.excess_variance.is_zero:
         return unmodelled, likelihood
-    _, whiten = estimate_variance_components(
+    excess, whiten = estimate_variance_components(
         model.filter_with_unmodelled(unmodelled),
         model.index,
         model.residual_vector,
@@ -292,7 +292,8 @@ def fit_unmodelled(model: LinearizedModel) -> tuple[UnmodelledAcceleration, floa
         model.settings,
         model.failing_excess,
     )
-    return unmodelled, max(whiten.log_likelihood(model.white_residuals(whiten)), model.log_likelihood)
+    evidence = whiten.log_likelihood(model.white_residuals(whiten)) - excess.penalty
+    return unmodelled, max(evidence, model.log_evidence)
 
 
 def _relinearize_leaders(

@@ -1,0 +1,82 @@
+"""A flight prepared for diagnosis: model and readings with effects, and the determinant of the readings' map."""
+
+import numpy as np
+import pytest
+
+from edl_filter.diagnosis.linear_model import flight_case as flight_case_module
+from edl_filter.diagnosis.linear_model.flight_case import flight_case, load_case
+from edl_filter.effects.base import EffectInstance
+from edl_filter.effects.registry import find_effect
+
+
+@pytest.fixture(scope="module")
+def case(practice_06):
+    return flight_case(practice_06)
+
+
+def instance(name, **values):
+    return EffectInstance(find_effect(name), values)
+
+
+def test_without_effects_the_samples_are_those_of_the_reconstruction(case, practice_06):
+    inputs = case.model_inputs(())
+    for name in ("time", "force", "rate", "force_noise"):
+        expected = getattr(practice_06.problem.samples, name)
+        np.testing.assert_array_equal(getattr(inputs.problem.samples, name), expected)
+    assert inputs.driving is practice_06.telemetry.driving
+    assert [r.name for r in inputs.checking] == [r.name for r in practice_06.telemetry.checking]
+
+
+@pytest.mark.parametrize(
+    ("effect", "in_readings", "in_model"),
+    [
+        (instance("accelerometer_scale", sx=1e-2), True, False),
+        (instance("wind", east=20.0, low=1e4, high=2e4), False, True),
+        (instance("com_offset", dy=5e-3), False, True),
+    ],
+)
+def test_an_error_of_an_imu_changes_readings_and_every_other_effect_the_forward_model(
+    case, effect, in_readings, in_model
+):
+    """The centre of mass also moves the place at which the readings are evaluated."""
+    plain, inputs = case.model_inputs(()), case.model_inputs((effect,))
+    assert (inputs.forward_model.effects == (effect,)) == in_model and plain.forward_model.effects == ()
+    assert (not np.array_equal(inputs.driving.specific_force, plain.driving.specific_force)) == in_readings
+
+
+def test_the_noise_of_unresolved_motion_does_not_depend_on_effects(case):
+    """Else an effect that makes the readings smoother would be more probable for it."""
+    halved = case.model_inputs((instance("gyro_scale", sx=0.2, sy=0.2, sz=0.2),))
+    np.testing.assert_array_equal(
+        halved.problem.samples.shared_rate_noise, case.model_inputs(()).problem.samples.shared_rate_noise
+    )
+
+
+def test_readings_divided_by_a_scale_have_its_determinant_in_every_compared_bin(case):
+    """By the change of variables, of each bin's mean that the driving IMU covers; no other effect has one."""
+    scale = instance("accelerometer_scale", sx=1e-2, sy=-2e-3)
+    expected = -int(case.bins.valid.sum()) * (np.log1p(1e-2) + np.log1p(-2e-3))
+    assert case.log_abs_det_jacobian((scale,)) == pytest.approx(expected, rel=1e-6)
+    assert case.log_abs_det_jacobian((instance("accelerometer_bias", bx=0.01),)) == pytest.approx(0.0, abs=1e-6)
+    assert case.log_abs_det_jacobian((instance("mass", k=0.01),)) == 0.0
+
+
+def test_the_comparison_ends_before_the_parachute(case, practice_06):
+    deployment = practice_06.event_times["parachute_deploy"]
+    margin = case.settings.parachute_margin_s
+    assert deployment - margin - 2.0 < case.end <= deployment - margin
+    assert case.bins.edges[0] == pytest.approx(practice_06.problem.initial.time)
+
+
+def test_a_reconstruction_for_a_diagnosis_adds_no_noise_where_it_diverges(monkeypatch, practice_06):
+    """More noise would hide a missing effect."""
+    calls = []
+
+    def reconstructed(mission, effects, leave_one_out, **options):
+        calls.append((mission, effects, leave_one_out, options))
+        return practice_06
+
+    monkeypatch.setattr(flight_case_module, "reconstruct", reconstructed)
+    case = load_case(practice_06.mission, ())
+    assert calls == [(practice_06.mission, (), False, {"recover": False})]
+    assert case.reconstruction is practice_06 and case.discrepancy_estimate is None
