@@ -274,7 +274,7 @@ def test_an_effect_needs_the_evidence_that_separates_two_names(monkeypatch, shar
 
 
 def test_a_measurement_that_adds_no_evidence_distinguishes_nothing(monkeypatch):
-    """A column that no uncertain state absorbs, and in which the constraint has no part, has all its evidence already."""
+    """A column that no uncertain state absorbs, without a part in the constraint, has all its evidence already."""
     column = 0.1 * (-1.0) ** np.arange(COUNT)
     column[-2:] = 0.0
     effect, _ = two_effects(monkeypatch, column, column)
