@@ -1,17 +1,19 @@
 """Sequences of sparse matrices against dense ones."""
 
 import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from linear_problems import from_dense
 
 from edl_filter.estimation.block_sparse import (
+    FEW_COLUMNS,
     BlockSparse,
     from_blocks,
     merge,
     row_pattern,
+    transform_both_sides,
     transform_rows,
-    transpose_in_place,
 )
 
 
@@ -97,34 +99,95 @@ def test_merge_is_the_sum_of_disjoint_patterns(seed, n, share, larger):
 @given(st.integers(0, 1000), st.integers(1, 8), st.floats(0.0, 1.0))
 def test_row_pattern_lists_the_elements_of_each_row(seed, n, share):
     expected = random_matrices(seed, n, share)
-    rows, first, columns, values = row_pattern(from_dense(expected))
-    rebuilt = np.zeros_like(expected)
-    for i, row in enumerate(rows):
-        part = slice(first[i], first[i + 1])
-        assert part.stop > part.start
-        rebuilt[:, row, columns[part]] = values[:, part]
+    sparse = from_dense(expected)
+    pattern, rebuilt = row_pattern(sparse), np.zeros_like(expected)
+    for row, (begin, end) in zip(pattern.rows, pattern.elements, strict=True):
+        assert end > begin
+        rebuilt[:, row, pattern.column[begin:end]] += sparse.values[:, begin:end]
+    for pair, first in zip(pattern.pairs, pattern.pair_elements, strict=True):
+        for row, begin in zip(pair, first, strict=True):
+            rebuilt[:, row, pair] += sparse.values[:, begin : begin + 2]
     np.testing.assert_array_equal(rebuilt, expected)
 
 
-@given(st.integers(0, 1000), st.integers(1, 8), st.integers(1, 5), st.floats(0.0, 1.0))
-def test_transform_rows_is_the_product_with_identity_plus_increment(seed, n, width, share):
+def matrices_of(n, places, seed=0):
+    """Two matrices ``(2, n, n)`` with random elements at the given places."""
+    out = np.zeros((2, n, n))
+    for row, column in places:
+        out[:, row, column] = np.random.default_rng((seed, row, column)).normal(size=2)
+    return out
+
+
+def square(*states):
+    """Places of all elements between some states."""
+    return [(i, j) for i in states for j in states]
+
+
+#: Places of elements, and the pairs among the rows.
+PATTERNS = {
+    "rows that are sources of each other": (square(0, 1, 2), []),
+    "decays": ([(1, 1), (3, 3)], []),
+    "a decay that is a source of other rows": ([(1, 1), (0, 1), (4, 0), (4, 1)], []),
+    "adjoining pairs": ([*square(0, 1), *square(2, 3)], [(0, 1), (2, 3)]),
+    "values before derivatives": ([*square(0, 3), *square(1, 4), *square(2, 5)], [(0, 3), (1, 4), (2, 5)]),
+    "a pair that is a source of other rows": ([*square(2, 4), (0, 2), (0, 4), (5, 4)], [(2, 4)]),
+    "a pair and rows with many sources": ([*square(6, 7), *square(0, 1, 2, 3, 4, 5)], [(6, 7)]),
+    "a row with another source is no pair": ([*square(1, 2), (2, 0)], []),
+    "a row whose partner lacks an element is no pair": ([(1, 1), (1, 2), (2, 2)], []),
+    "two sources neither of which is the row": ([(0, 1), (0, 2), (1, 1), (1, 2), (2, 0), (2, 2)], []),
+}
+
+
+@pytest.mark.parametrize("name", PATTERNS)
+def test_rows_are_a_pair_if_they_have_each_other_and_no_further_source(name):
+    places, pairs = PATTERNS[name]
+    assert [tuple(pair) for pair in row_pattern(from_dense(matrices_of(8, places))).pairs] == pairs
+
+
+def assert_transforms_rows(increments, width, seed=1):
     """In place, although rows that are changed are sources of others."""
-    increments = random_matrices(seed, n, share, count=2)
-    p = np.random.default_rng(seed + 1).normal(size=(n, width))
-    rows, first, columns, values = row_pattern(from_dense(increments))
-    for k in range(2):
-        expected = (np.eye(n) + increments[k]) @ p
-        transform_rows(p, rows, first, columns, values[k], np.empty((len(rows), width)))
+    p = np.random.default_rng(seed).normal(size=(increments.shape[1], width))
+    sparse = from_dense(increments)
+    pattern = row_pattern(sparse)
+    for k in range(len(increments)):
+        expected = p + increments[k] @ p
+        transform_rows(p, pattern, sparse.values[k], np.empty((len(pattern.rows), width)))
         np.testing.assert_allclose(p, expected, rtol=1e-13, atol=1e-13)
         p = expected
 
 
-@given(st.integers(0, 8))
-def test_transpose_in_place(n):
-    p = np.random.default_rng(n).normal(size=(n, n))
-    expected = p.T.copy()
-    transpose_in_place(p)
-    np.testing.assert_array_equal(p, expected)
+#: Widths on both sides of `FEW_COLUMNS`, and of the lengths of vector instructions.
+WIDTHS = [1, 2, FEW_COLUMNS - 1, FEW_COLUMNS, 8, 23]
+
+
+@given(st.integers(0, 1000), st.integers(1, 8), st.sampled_from(WIDTHS), st.floats(0.0, 1.0))
+def test_transform_rows_is_the_product_with_identity_plus_increment(seed, n, width, share):
+    assert_transforms_rows(random_matrices(seed, n, share, count=2), width)
+
+
+@pytest.mark.parametrize("width", WIDTHS)
+@pytest.mark.parametrize("name", PATTERNS)
+def test_transform_rows_of_each_pattern(name, width):
+    assert_transforms_rows(matrices_of(8, PATTERNS[name][0]), width)
+
+
+@pytest.mark.parametrize("width", WIDTHS)
+def test_transform_rows_of_a_step_in_which_rows_do_not_change(width):
+    """Their elements are zero in this step and not in the other one."""
+    increments = matrices_of(8, [*square(0, 1, 2), (3, 3), *square(5, 6)])
+    increments[0, 1], increments[0, 3], increments[0, 5:7] = 0.0, 0.0, 0.0
+    assert_transforms_rows(increments, width)
+
+
+@given(st.integers(0, 1000), st.integers(1, 12), st.floats(0.0, 1.0))
+def test_transform_both_sides(seed, n, share):
+    sparse = from_dense(random_matrices(seed, n, share))
+    root = np.random.default_rng(seed + 1).normal(size=(n, n))
+    p, out, pattern = root @ root.T, np.full((n, n), np.nan), row_pattern(sparse)
+    f = np.eye(n) + sparse[3]
+    expected = f @ p @ f.T
+    transform_both_sides(p, out, pattern, sparse.values[3], np.empty((len(pattern.rows), n)))
+    np.testing.assert_allclose(out, expected, rtol=1e-12, atol=1e-12)
 
 
 def test_matrices_without_elements():

@@ -29,6 +29,29 @@ def test_powers_are_the_polynomials_between_the_abscissae():
     np.testing.assert_allclose(values, make_interp_spline(x, y, k=5)(x[:-1] + distance), atol=1e-11)
 
 
+def test_splines_through_several_sets_of_abscissae_in_turn_have_their_own_knots_and_bases():
+    rng = np.random.default_rng(2)
+    sets = [np.cumsum(rng.uniform(0.5, 1.5, count)) for count in (20, 20, 21)]
+    for _ in range(2):
+        y = rng.normal(size=(21, 2))
+        for x in sets:
+            for degree in (3, 5):
+                spline = InterpolatingSpline.through(x, y[: len(x)], degree)
+                reference = make_interp_spline(x, y[: len(x)], k=degree)
+                for at in (x[:-1], 0.5 * (x[1:] + x[:-1])):
+                    powers = spline.powers(at)
+                    np.testing.assert_allclose(powers[0], reference(at), atol=1e-11)
+                    np.testing.assert_allclose(powers[2], 0.5 * reference.derivative(2)(at), atol=1e-9)
+
+
+def test_abscissae_that_do_not_increase_and_values_that_are_not_finite_are_refused():
+    x, y = np.arange(8.0), np.zeros((8, 1))
+    with pytest.raises(ValueError):
+        InterpolatingSpline.through(x, np.full((8, 1), np.nan), 5)
+    with pytest.raises(np.linalg.LinAlgError, match="increase"):
+        InterpolatingSpline.through(np.where(x == 5.0, 4.0, x), y, 5)
+
+
 def test_a_polynomial_of_its_degree_passes_unchanged():
     x = np.array([0.0, 0.4, 1.0, 1.3, 2.0, 2.9, 3.3, 4.0])
     at = np.linspace(0.0, 4.0, 33)

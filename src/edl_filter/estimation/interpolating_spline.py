@@ -9,15 +9,19 @@ import than a record to interpolate. Output: values of the spline and of its der
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numba import njit
-from scipy.linalg import solve_banded
+from scipy.linalg.lapack import dgbtrf, dgbtrs
 
-from edl_filter.types import Array
+from edl_filter.types import Array, IntArray
 
 #: Degree of splines through integrals.
 DEGREE = 5
+#: Number of sets of abscissae of which knots, factors and values of the B-splines are kept: the same record is
+#: interpolated again and again with other corrections of its readings.
+_KEPT_ABSCISSAE = 8
 
 
 @dataclass(frozen=True)
@@ -50,14 +54,9 @@ class InterpolatingSpline:
         degree : int
             Odd.
         """
-        inside = (degree + 1) // 2
-        ends = np.ones(degree + 1)
-        knots = np.concatenate((x[0] * ends, x[inside:-inside], x[-1] * ends))
-        first, basis = _basis(knots, degree, np.asarray(x, np.float64))
-        bands = np.zeros((2 * degree + 1, len(x)))
-        columns = first[:, None] + np.arange(degree + 1)
-        bands[degree + np.arange(len(x))[:, None] - columns, columns] = basis
-        return cls(knots, solve_banded((degree, degree), bands, y), degree)
+        knots, factor, pivots = _collocation(np.asarray(x, np.float64).tobytes(), degree)
+        coefficients, _ = dgbtrs(factor, degree, degree, np.asarray_chkfinite(y), pivots)
+        return cls(knots, coefficients, degree)
 
     def __call__(self, x: Array) -> Array:
         """Values ``(M, K)`` at ``(M,)`` abscissae between the first and the last knot."""
@@ -78,9 +77,10 @@ class InterpolatingSpline:
             Of the powers of the distance from `x`, the constant first, up to the next knot.
         """
         out = np.empty((self.degree + 1, len(x), self.coefficients.shape[1]))
+        bases = _derivative_bases(self.knots.tobytes(), self.degree, np.asarray(x, np.float64).tobytes())
         factorial, derivative = 1.0, self
-        for order in range(self.degree + 1):
-            out[order] = derivative(x) / factorial
+        for order, (first, basis) in enumerate(bases):
+            out[order] = _combination(first, basis, derivative.coefficients) / factorial
             factorial *= order + 1.0
             if order < self.degree:
                 derivative = derivative.derivative()
@@ -118,6 +118,45 @@ def integral_spline(edges: Array, interval: Array, mean: Array, degree: int = DE
     np.cumsum(mean * interval[:, None], axis=0, out=integral[1:])
     largest = len(interval) if len(interval) % 2 else len(interval) - 1
     return InterpolatingSpline.through(edges, integral, min(degree, largest))
+
+
+@lru_cache(_KEPT_ABSCISSAE)
+def _collocation(abscissae: bytes, degree: int) -> tuple[Array, Array, IntArray]:
+    """Knots, and triangular factors with pivots of the collocation matrix, which depend on the abscissae only.
+
+    Parameters
+    ----------
+    abscissae : bytes
+        Of the array ``(N,)`` of floats.
+    degree : int
+        Of the spline.
+
+    Returns
+    -------
+    knots : (N + degree + 1,) array
+    factor : (3 degree + 1, N) array
+        As LAPACK's ``gbtrf`` stores it.
+    pivots : (N,) array of int
+    """
+    x = np.frombuffer(abscissae)
+    inside = (degree + 1) // 2
+    ends = np.ones(degree + 1)
+    knots = np.concatenate((x[0] * ends, x[inside:-inside], x[-1] * ends))
+    first, basis = _basis(knots, degree, x)
+    bands = np.zeros((3 * degree + 1, len(x)))
+    columns = first[:, None] + np.arange(degree + 1)
+    bands[2 * degree + np.arange(len(x))[:, None] - columns, columns] = basis
+    factor, pivots, singular = dgbtrf(bands, degree, degree)
+    if singular:
+        raise np.linalg.LinAlgError("The abscissae of a spline must increase.")
+    return knots, factor, pivots
+
+
+@lru_cache(_KEPT_ABSCISSAE)
+def _derivative_bases(knots: bytes, degree: int, abscissae: bytes) -> tuple[tuple[IntArray, Array], ...]:
+    """Results of `_basis` for a spline and each of its derivatives; knots and abscissae as bytes of their arrays."""
+    t, x = np.frombuffer(knots), np.frombuffer(abscissae)
+    return tuple(_basis(t[order : len(t) - order], degree - order, x) for order in range(degree + 1))
 
 
 @njit(cache=True, error_model="numpy")

@@ -22,7 +22,13 @@ from itertools import pairwise
 import numpy as np
 from numba import njit
 
-from edl_filter.estimation.block_sparse import FUSED, BlockSparse, row_pattern, transform_rows, transpose_in_place
+from edl_filter.estimation.block_sparse import (
+    FUSED,
+    BlockSparse,
+    row_pattern,
+    transform_both_sides,
+    transform_rows,
+)
 from edl_filter.estimation.parallel import THREADS, map_threads, one_blas_thread
 from edl_filter.estimation.small_matrices import symmetric_part
 from edl_filter.types import Array, IntArray
@@ -167,7 +173,7 @@ class WhiteningFilter:
         """
         s = self.model
         states = s.initial_mean(initial_mean)
-        recursion = (*row_pattern(s.increment), s.row_start, s.design, self.gain, self.factor)
+        recursion = (row_pattern(s.increment), s.increment.values, s.row_start, s.design, self.gain, self.factor)
 
         def whiten(part: slice) -> Array:
             return _whiten(*recursion, np.ascontiguousarray(columns[:, part]), np.ascontiguousarray(states[:, part]))
@@ -208,8 +214,8 @@ def whitening_filter(model: LinearStateSpace) -> WhiteningFilter:
     """Run the covariance recursion of the Kalman filter."""
     q = model.process_noise
     with one_blas_thread():
-        gain, factor, log_determinant = _gains(
-            *row_pattern(model.increment), q.row, q.column, q.values, model.row_start,
+        gain, factor, log_determinant, _ = _gains(
+            row_pattern(model.increment), model.increment.values, q.row, q.column, q.values, model.row_start,
             np.ascontiguousarray(model.design), model.row_noise, model.initial_covariance.copy(),
         )  # fmt: skip
     return WhiteningFilter(model, gain, factor, log_determinant)
@@ -255,17 +261,18 @@ def _unwhiten(row_start, factor, white):
 
 
 @njit(cache=True, error_model="numpy", nogil=True, fastmath=FUSED)
-def _gains(rows, first, column, increment, q_row, q_column, q_values, row_start, design, row_noise, p):
-    """Covariance recursion over all steps; `p` is the initial covariance and is overwritten."""
+def _gains(pattern, increment, q_row, q_column, q_values, row_start, design, row_noise, p):
+    """Covariance recursion over all steps; `p` is the initial covariance and is overwritten.
+
+    Returns gains, Cholesky factors, log determinant, and the covariance at the end.
+    """
     gains = np.empty_like(design)
     factor = np.zeros_like(row_noise)
-    work, reduction = np.empty((rows.size, p.shape[0])), np.empty_like(p)
+    work, reduction, propagated = np.empty((pattern.rows.size, p.shape[0])), np.empty_like(p), np.empty_like(p)
     log_determinant = 0.0
     for k in range(row_start.size - 1):
-        # F P, and again on the transpose, since P is symmetric
-        transform_rows(p, rows, first, column, increment[k], work)
-        transpose_in_place(p)
-        transform_rows(p, rows, first, column, increment[k], work)
+        transform_both_sides(p, propagated, pattern, increment[k], work)
+        p, propagated = propagated, p
         for z in range(q_row.size):
             p[q_row[z], q_column[z]] += q_values[k, z]
         begin, end = row_start[k], row_start[k + 1]
@@ -285,7 +292,7 @@ def _gains(rows, first, column, increment, q_row, q_column, q_values, row_start,
                 row[j] -= less[j]
         gains[begin:end] = hp
         factor[begin:end, :m] = lower
-    return gains, factor, log_determinant
+    return gains, factor, log_determinant, p
 
 
 @njit(cache=True, error_model="numpy", fastmath=FUSED, inline="always")
@@ -302,13 +309,13 @@ def solve_lower(lower, right):
 
 
 @njit(cache=True, error_model="numpy", nogil=True, fastmath=FUSED)
-def _whiten(rows, first, column, increment, row_start, design, gains, factor, columns, x):
+def _whiten(pattern, increment, row_start, design, gains, factor, columns, x):
     """State recursion over all steps for all columns; `x` holds the initial means and is overwritten."""
     out = np.empty_like(columns)
-    work, predicted = np.empty((rows.size, x.shape[1])), np.empty((factor.shape[1], x.shape[1]))
+    work, predicted = np.empty((pattern.rows.size, x.shape[1])), np.empty((factor.shape[1], x.shape[1]))
     update = np.empty_like(x)
     for k in range(row_start.size - 1):
-        transform_rows(x, rows, first, column, increment[k], work)
+        transform_rows(x, pattern, increment[k], work)
         begin, end = row_start[k], row_start[k + 1]
         m = end - begin
         if m == 0:

@@ -12,7 +12,7 @@ import numpy as np
 from numba import njit
 from scipy.linalg import cho_factor, cho_solve
 
-from edl_filter.estimation.block_sparse import FUSED, row_pattern, transform_rows, transpose_in_place
+from edl_filter.estimation.block_sparse import FUSED, row_pattern, transform_both_sides, transform_rows
 from edl_filter.estimation.kalman import WhiteningFilter, solve_lower
 from edl_filter.estimation.parallel import one_blas_thread
 from edl_filter.types import Array
@@ -42,9 +42,10 @@ def precision_weighted_residuals(whiten: WhiteningFilter, white: Array) -> tuple
     weighted, diagonal : (R,) arrays
     """
     s = whiten.model
+    transposed = s.increment.transposed
     with one_blas_thread():
         return _precision_weighted(
-            *row_pattern(s.increment.transposed), s.row_start, s.design, whiten.gain, whiten.factor, white
+            row_pattern(transposed), transposed.values, s.row_start, s.design, whiten.gain, whiten.factor, white
         )
 
 
@@ -98,30 +99,29 @@ def smoothed_last_states(whiten: WhiteningFilter, white: Array, initial_mean: Ar
     covariance : (K, count, count) array
     """
     s, q = whiten.model, whiten.model.process_noise
+    transposed = s.increment.transposed
     with one_blas_thread():
         predicted, cross = _predicted_last_states(
-            *row_pattern(s.increment), q.row, q.column, q.values, s.row_start, whiten.gain, white,
+            row_pattern(s.increment), s.increment.values, q.row, q.column, q.values, s.row_start, whiten.gain, white,
             s.initial_mean(initial_mean)[:, None].copy(), s.initial_covariance.copy(), count,
         )  # fmt: skip
         return _correct_last_states(
-            *row_pattern(s.increment.transposed), s.row_start, s.design, whiten.gain, whiten.factor, white,
+            row_pattern(transposed), transposed.values, s.row_start, s.design, whiten.gain, whiten.factor, white,
             predicted, cross,
         )  # fmt: skip
 
 
 @njit(cache=True, error_model="numpy", nogil=True, fastmath=FUSED)
-def _predicted_last_states(
-    rows, first, column, increment, q_row, q_column, q_values, row_start, gains, white, x, p, count
-):
+def _predicted_last_states(pattern, increment, q_row, q_column, q_values, row_start, gains, white, x, p, count):
     """Predicted means ``(K, count)``, covariances with all states ``(K, count, n)``; `x` ``(n, 1)``, `p` at start."""
     steps, size = row_start.size - 1, p.shape[0]
     predicted, cross = np.empty((steps, count)), np.empty((steps, count, size))
-    work, work_x = np.empty((rows.size, size)), np.empty((rows.size, 1))
+    propagated = np.empty_like(p)
+    work, work_x = np.empty((pattern.rows.size, size)), np.empty((pattern.rows.size, 1))
     for k in range(steps):
-        transform_rows(x, rows, first, column, increment[k], work_x)
-        transform_rows(p, rows, first, column, increment[k], work)
-        transpose_in_place(p)
-        transform_rows(p, rows, first, column, increment[k], work)
+        transform_rows(x, pattern, increment[k], work_x)
+        transform_both_sides(p, propagated, pattern, increment[k], work)
+        p, propagated = propagated, p
         for z in range(q_row.size):
             p[q_row[z], q_column[z]] += q_values[k, z]
         predicted[k], cross[k] = x[size - count :, 0], p[size - count :]
@@ -134,12 +134,12 @@ def _predicted_last_states(
 
 
 @njit(cache=True, error_model="numpy", nogil=True, fastmath=FUSED)
-def _correct_last_states(rows, first, column, increment, row_start, design, gains, factor, white, predicted, cross):
+def _correct_last_states(pattern, increment, row_start, design, gains, factor, white, predicted, cross):
     """Corrections of the predicted moments by all later measurements; rows of the transposed transition matrices."""
     steps, count, size = cross.shape
     mean, covariance = np.empty((steps, count)), np.empty((steps, count, count))
-    r, n = np.zeros((size, 1)), np.zeros((size, size))
-    work, work_r = np.empty((rows.size, size)), np.empty((rows.size, 1))
+    r, n, propagated = np.zeros((size, 1)), np.zeros((size, size)), np.empty((size, size))
+    work, work_r = np.empty((pattern.rows.size, size)), np.empty((pattern.rows.size, 1))
     for k in range(steps - 1, -1, -1):
         begin, end = row_start[k], row_start[k + 1]
         if end > begin:
@@ -150,10 +150,9 @@ def _correct_last_states(rows, first, column, increment, row_start, design, gain
             _add_information(n, g, h)
         mean[k] = predicted[k] + np.dot(cross[k], r)[:, 0]
         covariance[k] = cross[k][:, size - count :] - np.dot(np.dot(cross[k], n), cross[k].T)
-        transform_rows(r, rows, first, column, increment[k], work_r)
-        transform_rows(n, rows, first, column, increment[k], work)
-        transpose_in_place(n)
-        transform_rows(n, rows, first, column, increment[k], work)
+        transform_rows(r, pattern, increment[k], work_r)
+        transform_both_sides(n, propagated, pattern, increment[k], work)
+        n, propagated = propagated, n
     return mean, covariance
 
 
@@ -176,11 +175,11 @@ def _add_information(n, g, h):
 
 
 @njit(cache=True, error_model="numpy", nogil=True, fastmath=FUSED)
-def _precision_weighted(rows, first, column, increment, row_start, design, gains, factor, white):
+def _precision_weighted(pattern, increment, row_start, design, gains, factor, white):
     size = design.shape[1]
     weighted, diagonal = np.empty_like(white), np.empty_like(white)
-    r, n = np.zeros((size, 1)), np.zeros((size, size))
-    work, work_r = np.empty((rows.size, size)), np.empty((rows.size, 1))
+    r, n, propagated = np.zeros((size, 1)), np.zeros((size, size)), np.empty((size, size))
+    work, work_r = np.empty((pattern.rows.size, size)), np.empty((pattern.rows.size, 1))
     for k in range(row_start.size - 2, -1, -1):
         begin, end = row_start[k], row_start[k + 1]
         m = end - begin
@@ -196,10 +195,9 @@ def _precision_weighted(rows, first, column, increment, row_start, design, gains
             for i in range(m):
                 diagonal[begin + i] = precision[i, i]
             r[:, 0] += np.dot(h.T, residual)
-        transform_rows(r, rows, first, column, increment[k], work_r)
-        transform_rows(n, rows, first, column, increment[k], work)
-        transpose_in_place(n)
-        transform_rows(n, rows, first, column, increment[k], work)
+        transform_rows(r, pattern, increment[k], work_r)
+        transform_both_sides(n, propagated, pattern, increment[k], work)
+        n, propagated = propagated, n
     return weighted, diagonal
 
 
