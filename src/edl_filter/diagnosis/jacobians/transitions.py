@@ -264,7 +264,7 @@ class PropagationDifferences:
                 states[k], self.force_map, self.rate_map, samples.interval[part], samples.force[part],
                 samples.rate[part], p.mu, p.j2, p.gravity_radius,
             )  # fmt: skip
-        deltas = np.repeat(self.offsets[None], len(nav), axis=0)  # sensor errors do not change
+        deltas = np.repeat((self.errors[:, :count] - self.errors[:, :1]).T[None], len(nav), axis=0)
         deltas[..., :6] = np.swapaxes(states[:, :6, :count] - states[:, :6, :1], 1, 2)
         attitude = np.swapaxes(states[:, 6:, :count], 1, 2)
         deltas[..., 6:9] = rotations.rotation_vector_between(attitude[:, :1], attitude)
