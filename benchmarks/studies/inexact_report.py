@@ -19,6 +19,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 from flight_lines import read_lines
 from identification_report import DETECTABLE, standardised_errors
+from inexact import cases
 from outside_effects import OUTSIDE_EFFECTS
 from scipy.stats import beta
 
@@ -268,7 +269,8 @@ def report(lines, figure):
         f"gain of the noise-free residuals exceeds {DETECTABLE:g} nats. Intervals are those of Clopper and Pearson,",
         "95 %.",
         "",
-        f"{len(answered)} flights were diagnosed, in {hours:.1f} hours of one core; {len(refused)} were not.",
+        f"{len(answered)} flights were diagnosed, in {hours:.1f} hours of one core; {len(refused)} were not. A seed has",
+        f"{len(cases())} flights in random order, so that a part of them is a fair sample.",
         "",
         *markdown_table(("what", "outcome", "goal"), rate_rows(answered)),
         "",
@@ -307,17 +309,17 @@ def draw(lines, path):
     fig, ax = plt.subplots(figsize=(6, 5), layout="constrained")
     ax.plot([0, 1], [0, 1], color="0.6", lw=1, label="probability = share")
     series = (
-        (names_given(lines), "names given", "o", 0.0),
-        (leading_names(lines), "first of every ranking", "s", 0.006),
+        (names_given(lines), "names given", "o", 0.0, (-16, -12)),
+        (leading_names(lines), "first of every ranking", "s", 0.006, (6, -12)),
     )
-    for names, label, marker, shift in series:
+    for names, label, marker, shift, offset in series:
         rows = [row for row in reliability(names) if row[2]]
         x = np.array([row[4] for row in rows]) + shift
         y = np.array([row[3] / row[2] for row in rows])
         ends = np.array([binomial_interval(row[3], row[2]) for row in rows]).reshape(-1, 2)
         ax.errorbar(x, y, yerr=np.abs(ends.T - y), fmt=marker, capsize=3, label=label)
         for px, py, row in zip(x, y, rows, strict=True):
-            ax.annotate(str(row[2]), (px, py), textcoords="offset points", xytext=(6, -10), fontsize=8)
+            ax.annotate(str(row[2]), (px, py), textcoords="offset points", xytext=offset, fontsize=8)
     ax.set_xlabel("probability of the name (mean of its bin)")
     ax.set_ylabel("share of right names, with its 95 % interval")
     ax.set_title("Reliability; numbers are counts of names")
