@@ -249,6 +249,8 @@ class LinearizedModel:
 
     def filter_with_unmodelled(self, unmodelled: UnmodelledAcceleration) -> WhiteningFilter:
         """Whitening filter at the stated noise that allows for an unmodelled acceleration."""
+        if unmodelled.is_zero:
+            return self.stated_noise_filter
         return whitening_filter(augment(self.state_space, self.index, self.bins, self.residuals.flow, unmodelled))
 
 
