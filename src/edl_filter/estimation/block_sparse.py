@@ -250,7 +250,7 @@ def add_rows(out, p, column, values, begin, end):
 
 @njit(cache=True)
 def any_nonzero(values, begin, end):
-    """Whether any of the values from `begin` to `end` is not zero."""
+    """Whether any of the values ``(z,)`` from `begin` to `end` is not zero."""
     nonzero = False
     for z in range(begin, end):
         nonzero |= values[z] != 0.0
