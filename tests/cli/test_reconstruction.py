@@ -260,6 +260,7 @@ def test_a_result_that_is_not_to_be_trusted_has_exit_code_3(cli, builtin_flight)
     assert "Do not trust this result: landing contradicts all other data." in page
 
 
+@pytest.mark.slow
 def test_swapped_axes_are_refused_with_their_cause(cli, builtin_flight):
     shutil.copy(builtin_flight, "flight.h5")
     with h5py.File("flight.h5", "r+") as file:

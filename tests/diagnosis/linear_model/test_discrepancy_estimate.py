@@ -59,6 +59,7 @@ def test_an_estimate_stays_within_its_bounds_and_says_so(builtin_flight, monkeyp
     assert (quantity.low, quantity.high) == pytest.approx((0.25, 1.0))
 
 
+@pytest.mark.slow
 def test_an_exact_world_has_a_small_error_of_the_database(builtin_flight):
     """The flight was simulated with the database itself: the estimate is at the lower bound, in every later model."""
     case = case_of(builtin_flight, estimated(["coefficient_sigma"]))
