@@ -107,6 +107,8 @@ def test_row_pattern_lists_the_elements_of_each_row(seed, n, share):
     for pair, first in zip(pattern.pairs, pattern.pair_elements, strict=True):
         for row, begin in zip(pair, first, strict=True):
             rebuilt[:, row, pair] += sparse.values[:, begin : begin + 2]
+    for row, element in zip(pattern.decays, pattern.decay_elements, strict=True):
+        rebuilt[:, row, row] += sparse.values[:, element]
     np.testing.assert_array_equal(rebuilt, expected)
 
 
@@ -123,25 +125,29 @@ def square(*states):
     return [(i, j) for i in states for j in states]
 
 
-#: Places of elements, and the pairs among the rows.
+#: Places of elements, the pairs among the rows, and the rows that decay.
 PATTERNS = {
-    "rows that are sources of each other": (square(0, 1, 2), []),
-    "decays": ([(1, 1), (3, 3)], []),
-    "a decay that is a source of other rows": ([(1, 1), (0, 1), (4, 0), (4, 1)], []),
-    "adjoining pairs": ([*square(0, 1), *square(2, 3)], [(0, 1), (2, 3)]),
-    "values before derivatives": ([*square(0, 3), *square(1, 4), *square(2, 5)], [(0, 3), (1, 4), (2, 5)]),
-    "a pair that is a source of other rows": ([*square(2, 4), (0, 2), (0, 4), (5, 4)], [(2, 4)]),
-    "a pair and rows with many sources": ([*square(6, 7), *square(0, 1, 2, 3, 4, 5)], [(6, 7)]),
-    "a row with another source is no pair": ([*square(1, 2), (2, 0)], []),
-    "a row whose partner lacks an element is no pair": ([(1, 1), (1, 2), (2, 2)], []),
-    "two sources neither of which is the row": ([(0, 1), (0, 2), (1, 1), (1, 2), (2, 0), (2, 2)], []),
+    "rows that are sources of each other": (square(0, 1, 2), [], []),
+    "decays": ([(1, 1), (3, 3)], [], [1, 3]),
+    "a decay that is a source of other rows": ([(1, 1), (0, 1), (4, 0), (4, 1)], [], [1]),
+    "one source that is another row": ([(1, 3), (3, 3)], [], [3]),
+    "adjoining pairs": ([*square(0, 1), *square(2, 3)], [(0, 1), (2, 3)], []),
+    "values before derivatives": ([*square(0, 3), *square(1, 4), *square(2, 5)], [(0, 3), (1, 4), (2, 5)], []),
+    "a pair that is a source of other rows": ([*square(2, 4), (0, 2), (0, 4), (5, 4)], [(2, 4)], []),
+    "a pair, a decay and rows with many sources": ([*square(6, 7), *square(0, 1, 2, 3, 4), (5, 5)], [(6, 7)], [5]),
+    "a row with another source is no pair": ([*square(1, 2), (2, 0)], [], []),
+    "a row whose partner lacks an element is no pair": ([(1, 1), (1, 2), (2, 2)], [], [2]),
+    "two sources neither of which is the row": ([(0, 1), (0, 2), (1, 1), (1, 2), (2, 0), (2, 2)], [], []),
 }
 
 
 @pytest.mark.parametrize("name", PATTERNS)
-def test_rows_are_a_pair_if_they_have_each_other_and_no_further_source(name):
-    places, pairs = PATTERNS[name]
-    assert [tuple(pair) for pair in row_pattern(from_dense(matrices_of(8, places))).pairs] == pairs
+def test_pairs_have_each_other_and_no_further_source_and_decays_have_themselves(name):
+    places, pairs, decays = PATTERNS[name]
+    pattern = row_pattern(from_dense(matrices_of(8, places)))
+    assert [tuple(pair) for pair in pattern.pairs] == pairs
+    assert list(pattern.decays) == decays
+    assert set(pattern.rows) == {row for row, _ in places} - set(np.ravel(pairs)) - set(decays)
 
 
 def assert_transforms_rows(increments, width, seed=1):

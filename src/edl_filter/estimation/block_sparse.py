@@ -97,12 +97,13 @@ class RowPattern(NamedTuple):
     """Places of the elements of increments ``D_k``, by row, as `transform_rows` needs them.
 
     Two rows are a pair if both have elements in the columns of these two rows and in no other column, as the value and
-    the derivative of a process of second order. A pair is transformed in one pass and without a copy.
+    the derivative of a process of second order. A row decays if its only element is on the diagonal. Pairs and decays
+    are transformed in one pass and without a copy.
 
     Attributes
     ----------
     rows : (m,) array of int
-        Rows that are not zero and belong to no pair.
+        Rows that are not zero, belong to no pair and do not decay.
     elements : (m, 2) array of int
         Index of the first element of each of these rows, and of the one after its last.
     column : (z,) array of int
@@ -111,6 +112,10 @@ class RowPattern(NamedTuple):
         Rows of each pair, the lower one first.
     pair_elements : (q, 2) array of int
         Index of the first of the two elements of each of these rows.
+    decays : (s,) array of int
+        Rows that decay.
+    decay_elements : (s,) array of int
+        Index of the element of each of these rows.
     """
 
     rows: IntArray
@@ -118,6 +123,8 @@ class RowPattern(NamedTuple):
     column: IntArray
     pairs: IntArray
     pair_elements: IntArray
+    decays: IntArray
+    decay_elements: IntArray
 
 
 def row_pattern(increment: BlockSparse) -> RowPattern:
@@ -130,13 +137,16 @@ def row_pattern(increment: BlockSparse) -> RowPattern:
         own for row, own in columns_of.items() if len(own) == 2 and own[0] == row and columns_of.get(own[1]) == own
     ]
     paired = np.array(pairs, np.int64).reshape(-1, 2)
-    single = ~np.isin(rows, paired)
+    decays = (count == 1) & (increment.column[first] == rows)
+    others = ~(np.isin(rows, paired) | decays)
     return RowPattern(
-        rows=rows[single],
-        elements=elements[single],
+        rows=rows[others],
+        elements=elements[others],
         column=increment.column,
         pairs=paired,
         pair_elements=first[np.searchsorted(rows, paired)],
+        decays=rows[decays],
+        decay_elements=first[decays],
     )
 
 
@@ -156,16 +166,17 @@ def transform_rows(p, pattern, values, work):
         Working space, as many rows as `pattern.rows`.
     """
     if p.shape[1] < FEW_COLUMNS:
-        _transform_columns(p, pattern, values, work)
+        transform_columns(p, pattern, values, work)
     else:
-        _transform_wide_rows(p, pattern, values, work)
+        transform_wide_rows(p, pattern, values, work)
 
 
 @njit(cache=True, error_model="numpy", fastmath=FUSED, inline="always")
-def _transform_columns(p, pattern, values, work):
-    """`transform_rows`, element by element of each column: faster than loops along very short rows."""
+def transform_columns(p, pattern, values, work):
+    """`transform_rows`, element by element of each column: faster for few columns than loops along the rows."""
     rows, elements, column = pattern.rows, pattern.elements, pattern.column
     pairs, pair_elements = pattern.pairs, pattern.pair_elements
+    decays, decay_elements = pattern.decays, pattern.decay_elements
     for j in range(p.shape[1]):
         for i in range(rows.size):
             total = p[rows[i], j]
@@ -179,13 +190,20 @@ def _transform_columns(p, pattern, values, work):
             a, b, x, y = pair_elements[i, 0], pair_elements[i, 1], p[lower, j], p[upper, j]
             p[lower, j] = x + values[a] * x + values[a + 1] * y
             p[upper, j] = y + values[b] * x + values[b + 1] * y
+        for i in range(decays.size):
+            p[decays[i], j] += values[decay_elements[i]] * p[decays[i], j]
 
 
 @njit(cache=True, error_model="numpy", fastmath=FUSED, inline="always")
-def _transform_wide_rows(p, pattern, values, work):
-    """`transform_rows`, by operations on entire rows. Rows whose elements are all zero are left out."""
+def transform_wide_rows(p, pattern, values, work):
+    """`transform_rows`, by operations on entire rows.
+
+    The rows of `RowPattern.rows` are first, since pairs and decays may be their sources. Those whose elements are all
+    zero in this step are left out.
+    """
     rows, elements, column = pattern.rows, pattern.elements, pattern.column
     pairs, pair_elements = pattern.pairs, pattern.pair_elements
+    decays, decay_elements = pattern.decays, pattern.decay_elements
     width = p.shape[1]
     for i in range(rows.size):
         if any_nonzero(values, elements[i, 0], elements[i, 1]):
@@ -205,6 +223,10 @@ def _transform_wide_rows(p, pattern, values, work):
             x, y = lower[j], upper[j]
             lower[j] = x + v1 * x + v2 * y
             upper[j] = y + v3 * x + v4 * y
+    for i in range(decays.size):
+        row, v = p[decays[i]], values[decay_elements[i]]
+        for j in range(width):
+            row[j] += v * row[j]
 
 
 @njit(cache=True, error_model="numpy", fastmath=FUSED, inline="always")
@@ -252,9 +274,11 @@ def transform_both_sides(p, out, pattern, values, work):
     work : (m, n) array
         Working space, as many rows as `pattern.rows`.
     """
-    transform_rows(p, pattern, values, work)
-    for i in range(p.shape[0]):
-        row = out[i]
-        for j in range(p.shape[0]):
-            row[j] = p[j, i]
-    transform_rows(out, pattern, values, work)
+    for side in range(2):  # not two calls in succession, each of which would be compiled in line
+        transform_wide_rows(p, pattern, values, work)
+        if side == 0:
+            for i in range(p.shape[0]):
+                row = out[i]
+                for j in range(p.shape[0]):
+                    row[j] = p[j, i]
+            p = out
