@@ -166,14 +166,14 @@ def transform_rows(p, pattern, values, work):
         Working space, as many rows as `pattern.rows`.
     """
     if p.shape[1] < FEW_COLUMNS:
-        _transform_columns(p, pattern, values, work)
+        transform_columns(p, pattern, values, work)
     else:
-        _transform_wide_rows(p, pattern, values, work)
+        transform_wide_rows(p, pattern, values, work)
 
 
 @njit(cache=True, error_model="numpy", fastmath=FUSED, inline="always")
-def _transform_columns(p, pattern, values, work):
-    """`transform_rows`, element by element of each column: faster than loops along very short rows."""
+def transform_columns(p, pattern, values, work):
+    """`transform_rows`, element by element of each column: faster for few columns than loops along the rows."""
     rows, elements, column = pattern.rows, pattern.elements, pattern.column
     pairs, pair_elements = pattern.pairs, pattern.pair_elements
     decays, decay_elements = pattern.decays, pattern.decay_elements
@@ -195,7 +195,7 @@ def _transform_columns(p, pattern, values, work):
 
 
 @njit(cache=True, error_model="numpy", fastmath=FUSED, inline="always")
-def _transform_wide_rows(p, pattern, values, work):
+def transform_wide_rows(p, pattern, values, work):
     """`transform_rows`, by operations on entire rows.
 
     The rows of `RowPattern.rows` are first, since pairs and decays may be their sources. Those whose elements are all
@@ -274,9 +274,11 @@ def transform_both_sides(p, out, pattern, values, work):
     work : (m, n) array
         Working space, as many rows as `pattern.rows`.
     """
-    transform_rows(p, pattern, values, work)
-    for i in range(p.shape[0]):
-        row = out[i]
-        for j in range(p.shape[0]):
-            row[j] = p[j, i]
-    transform_rows(out, pattern, values, work)
+    for side in range(2):  # not two calls in succession, each of which would be compiled in line
+        transform_wide_rows(p, pattern, values, work)
+        if side == 0:
+            for i in range(p.shape[0]):
+                row = out[i]
+                for j in range(p.shape[0]):
+                    row[j] = p[j, i]
+            p = out

@@ -12,7 +12,7 @@ import numpy as np
 from numba import njit
 from scipy.linalg import cho_factor, cho_solve
 
-from edl_filter.estimation.block_sparse import FUSED, row_pattern, transform_both_sides, transform_rows
+from edl_filter.estimation.block_sparse import FUSED, row_pattern, transform_both_sides, transform_columns
 from edl_filter.estimation.kalman import WhiteningFilter, solve_lower
 from edl_filter.estimation.parallel import one_blas_thread
 from edl_filter.types import Array
@@ -119,7 +119,7 @@ def _predicted_last_states(pattern, increment, q_row, q_column, q_values, row_st
     propagated = np.empty_like(p)
     work, work_x = np.empty((pattern.rows.size, size)), np.empty((pattern.rows.size, 1))
     for k in range(steps):
-        transform_rows(x, pattern, increment[k], work_x)
+        transform_columns(x, pattern, increment[k], work_x)
         transform_both_sides(p, propagated, pattern, increment[k], work)
         p, propagated = propagated, p
         for z in range(q_row.size):
@@ -150,7 +150,7 @@ def _correct_last_states(pattern, increment, row_start, design, gains, factor, w
             _add_information(n, g, h)
         mean[k] = predicted[k] + np.dot(cross[k], r)[:, 0]
         covariance[k] = cross[k][:, size - count :] - np.dot(np.dot(cross[k], n), cross[k].T)
-        transform_rows(r, pattern, increment[k], work_r)
+        transform_columns(r, pattern, increment[k], work_r)
         transform_both_sides(n, propagated, pattern, increment[k], work)
         n, propagated = propagated, n
     return mean, covariance
@@ -195,7 +195,7 @@ def _precision_weighted(pattern, increment, row_start, design, gains, factor, wh
             for i in range(m):
                 diagonal[begin + i] = precision[i, i]
             r[:, 0] += np.dot(h.T, residual)
-        transform_rows(r, pattern, increment[k], work_r)
+        transform_columns(r, pattern, increment[k], work_r)
         transform_both_sides(n, propagated, pattern, increment[k], work)
         n, propagated = propagated, n
     return weighted, diagonal
