@@ -173,7 +173,7 @@ def transform_rows(p, pattern, values, work):
 
 @njit(cache=True, error_model="numpy", fastmath=FUSED, inline="always")
 def transform_columns(p, pattern, values, work):
-    """`transform_rows`, element by element of each column: faster for few columns than loops along the rows."""
+    """`transform_rows` of ``(n, c)``, element by element of each column: faster for few columns than along the rows."""
     rows, elements, column = pattern.rows, pattern.elements, pattern.column
     pairs, pair_elements = pattern.pairs, pattern.pair_elements
     decays, decay_elements = pattern.decays, pattern.decay_elements
@@ -196,7 +196,7 @@ def transform_columns(p, pattern, values, work):
 
 @njit(cache=True, error_model="numpy", fastmath=FUSED, inline="always")
 def transform_wide_rows(p, pattern, values, work):
-    """`transform_rows`, by operations on entire rows.
+    """`transform_rows` of ``(n, c)``, by operations on entire rows.
 
     The rows of `RowPattern.rows` are first, since pairs and decays may be their sources. Those whose elements are all
     zero in this step are left out.
