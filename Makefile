@@ -5,7 +5,7 @@
 #   make test    run the tests        make lint   ruff        make types   mypy        make layers  import-linter
 #   make notebooks      execute the notebooks (minutes)
 #   make coverage       lines and branches of the package that make test passes through (twice its time)
-#   make test-browser   click through the workbench in Chromium, from first look to noise floor (minutes)
+#   make test-browser   operate the workbench and the report in Chromium (minutes)
 #   make test-effects   hide every effect of the catalogue in a simulated flight and diagnose it, and run the tests that
 #                       take longest (a quarter of an hour)
 #   make fuzz    search for files that break a reader, a minute for each kind of file
@@ -57,7 +57,7 @@ notebooks: $(STAMP)
 
 # Two runs and two diagnoses by clicking take minutes, and need Chromium
 test-browser: $(STAMP)
-	$(BIN)/pytest -m browser tests/serve
+	$(BIN)/pytest -m browser tests/serve tests/report/html
 
 # A flight and a diagnosis for nearly every test: a worker that has none left takes over some of the other's
 test-effects: $(STAMP)

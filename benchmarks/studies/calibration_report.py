@@ -7,6 +7,7 @@ import argparse
 from collections import defaultdict
 from pathlib import Path
 
+import inexact_report
 import numpy as np
 from calibration import COEFFICIENTS, PHASES, complete_lines
 from scipy.stats import chi2, norm
@@ -128,36 +129,28 @@ def report(lines, inexact=None):
         "",
     ]
     if inexact:
-        out += ["**Diagnosis** (flights of `make study-inexact`)\n", diagnosis_table(inexact), ""]
+        out += diagnosis_section(inexact)
     return "\n".join(out)
 
 
-def diagnosis_table(lines):
-    """Reliability of the probabilities, false alarms and detection against the expected gain."""
-    lines = [line for line in lines if "verdict" in line and line.get("ranking")]
-    clean = [line for line in lines if not line["hidden"]]
-    alarms = sum(line["verdict"] == "missing" for line in clean)
-    rows = [("false alarms on clean flights", f"{alarms} of {len(clean)}")]
-    single = [line for line in lines if len(line["hidden"]) == 1]
-    for low, high in ((0.0, 2.0), (2.0, 6.0), (6.0, 20.0), (20.0, np.inf)):
-        chosen = [x for x in single if low <= min(x.get("expected_gains") or [np.nan]) < high]
-        named = sum(bool(x["named"]) and _right(x["named"][0], x["hidden"]) for x in chosen)
-        if chosen:
-            rows.append((f"named, expected gain {low:g} to {high:g} nats", f"{named} of {len(chosen)}"))
-    given = [(x["ranking"][0]["probability"], _right(x["ranking"][0], x["hidden"])) for x in lines]
-    given = [(p, right) for p, right in given if p is not None]
-    for low, high in ((0.0, 0.5), (0.5, 0.9), (0.9, 0.99), (0.99, 1.01)):
-        right = [r for p, r in given if low <= p < high]
-        mean = [p for p, _ in given if low <= p < high]
-        if right:
-            rows.append((f"first name right, probability {low:g} to {min(high, 1.0):g} (mean {np.mean(mean):.2f})",
-                         f"{sum(right)} of {len(right)}"))  # fmt: skip
-    return markdown(("", ""), rows)
-
-
-def _right(row, hidden):
-    names = {row["effect"], *(n.split(" ")[0] for n in row.get("same_as") or ())}
-    return bool(names & set(hidden))
+def diagnosis_section(lines):
+    """Markdown on the probabilities of the diagnosis: false alarms, reliability, and detection against size."""
+    answered = [line for line in lines if "verdict" in line]
+    clean = [line for line in answered if inexact_report.kind_of(line) == "clean"]
+    alarms = inexact_report.share_text(sum(bool(line["named"]) for line in clean), len(clean))
+    names = inexact_report.names_given(answered)
+    return [
+        f"**Diagnosis** ({len(answered)} flights of `make study-inexact`; [figure and all numbers]"
+        "(identification-inexact.md))\n",
+        f"Clean flights in which an effect is named: {alarms}.\n",
+        markdown(("probability", "names", "mean", "right"), inexact_report.reliability_rows(names)),
+        "",
+        markdown(
+            ("size in smallest detectable sizes", "flights", "named", "named, undecided or unknown"),
+            inexact_report.detection_rows(answered),
+        ),
+        "",
+    ]
 
 
 def draw(lines, folder):

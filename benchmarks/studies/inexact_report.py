@@ -1,7 +1,7 @@
 """Rates, errors and reliability of the study of an inexact world: `python benchmarks/studies/inexact_report.py FILES…`.
 
 Reads the lines that `inexact.py` wrote, prints the numbers as Markdown, and writes them to
-``docs/identification-inexact.md`` with a figure of the reliability.
+``docs/identification-inexact.md`` with a figure of reliability and detection.
 
 A name is right if it or a name that the diagnosis declares indistinguishable from it is hidden in the flight. An effect
 is detectable if its expected gain, with the truth known and the same nuisance parameters, exceeds `named_gain_nats`.
@@ -25,6 +25,8 @@ from scipy.stats import beta
 
 #: Edges of the bins of probability.
 BINS = (0.0, 0.5, 0.8, 0.95, 0.99, 1.0)
+#: Edges of the bins of size, in smallest detectable sizes.
+SIZES = (0.0, 0.5, 1.0, 1.5, 2.0, 3.0, 5.0, 10.0, np.inf)
 #: Probability from which a wrong name is a confident one.
 CONFIDENT = 0.95
 
@@ -149,6 +151,32 @@ def leading_names(lines):
     return out
 
 
+def size_of(line):
+    """Size of a flight's single hidden effect in smallest detectable sizes: the expected gain grows with its square."""
+    (name,) = line["hidden"]
+    return float(np.sqrt(max(line["expected_gains"][name], 0.0) / DETECTABLE))
+
+
+def detection(lines):
+    """Rows of the table of detection against size, of the flights with one effect of the catalogue.
+
+    Returns
+    -------
+    list of (low, high, size, count, named, reported)
+        Bin, geometric mean of the sizes (NaN without a flight), number of flights, of those in which the effect is
+        named, and of those whose verdict is that something is missing: named, undecided or unknown.
+    """
+    single = [x for x in lines if kind_of(x) == "single"]
+    rows = []
+    for low, high in pairwise(SIZES):
+        flights = [x for x in single if low <= size_of(x) < high]
+        named = sum(any(is_right(n, x["hidden"]) for n in x["named"]) for x in flights)
+        reported = sum(not is_clean(x) for x in flights)
+        size = float(np.exp(np.mean(np.log([max(size_of(x), 1e-3) for x in flights])))) if flights else float("nan")
+        rows.append((low, high, size, len(flights), named, reported))
+    return rows
+
+
 def rate_rows(lines):
     """Rows of the table of rates: what, outcome, goal."""
     of_kind = {k: [x for x in lines if kind_of(x) == k] for k in ("clean", "single", "pair", "outside")}
@@ -214,6 +242,15 @@ def reliability_rows(names):
         (f"{low:g} to {high:g}", str(count), "" if not count else f"{mean:.3f}", share_text(right, count))
         for low, high, count, right, mean in reliability(names)
     ]
+
+
+def detection_rows(lines):
+    """Cells of the table of detection against size."""
+    return [
+        (f"{low:g} to {high:g}" if np.isfinite(high) else f"more than {low:g}", str(count),
+         share_text(named, count), share_text(reported, count))
+        for low, high, _, count, named, reported in detection(lines)
+    ]  # fmt: skip
 
 
 def wrong_rows(lines):
@@ -284,7 +321,14 @@ def report(lines, figure):
         "",
         *markdown_table(("probability", "names", "mean", "right"), reliability_rows(leading_names(answered))),
         "",
-        f"![Share of right names against their probability]({figure})",
+        f"![Reliability of the probabilities, and detection against size]({figure})",
+        "",
+        "## Detection against size",
+        "",
+        "Flights with one effect of the catalogue, by its size in smallest detectable sizes (square root of the",
+        f"expected gain over {DETECTABLE:g} nats):",
+        "",
+        *markdown_table(("size", "flights", "named", "named, undecided or unknown"), detection_rows(answered)),
         "",
         "## Flights with a wrong answer",
         "",
@@ -305,30 +349,47 @@ def report(lines, figure):
 
 
 def draw(lines, path):
-    """Share of right names against their probability, with the intervals."""
-    fig, ax = plt.subplots(figsize=(6, 5), layout="constrained")
-    ax.plot([0, 1], [0, 1], color="0.6", lw=1, label="probability = share")
+    """Share of right names against their probability, and share of named effects against their size; with intervals."""
+    fig, (left, right) = plt.subplots(1, 2, figsize=(11, 4.8), layout="constrained")
+    left.plot([0, 1], [0, 1], color="0.6", lw=1, label="probability = share")
     series = (
         (names_given(lines), "names given", "o", 0.0, (-16, -12)),
         (leading_names(lines), "first of every ranking", "s", 0.006, (6, -12)),
     )
     for names, label, marker, shift, offset in series:
         rows = [row for row in reliability(names) if row[2]]
-        x = np.array([row[4] for row in rows]) + shift
-        y = np.array([row[3] / row[2] for row in rows])
-        ends = np.array([binomial_interval(row[3], row[2]) for row in rows]).reshape(-1, 2)
-        ax.errorbar(x, y, yerr=np.abs(ends.T - y), fmt=marker, capsize=3, label=label)
-        for px, py, row in zip(x, y, rows, strict=True):
-            ax.annotate(str(row[2]), (px, py), textcoords="offset points", xytext=offset, fontsize=8)
-    ax.set_xlabel("probability of the name (mean of its bin)")
-    ax.set_ylabel("share of right names, with its 95 % interval")
-    ax.set_title("Reliability; numbers are counts of names")
-    ax.set_xlim(-0.03, 1.03)
-    ax.set_ylim(-0.03, 1.03)
-    ax.legend(loc="upper left")
+        places = [row[4] + shift for row in rows]
+        _plot_shares(left, places, [(row[3], row[2]) for row in rows], marker, label, offset)
+    left.set_xlabel("probability of the name (mean of its bin)")
+    left.set_ylabel("share of right names, with its 95 % interval")
+    left.set_title("Reliability; numbers are counts of names")
+    left.set_xlim(-0.03, 1.03)
+    rows = [row for row in detection(lines) if row[3]]
+    _plot_shares(right, [row[2] for row in rows], [(row[4], row[3]) for row in rows], "o", "named", (-14, 4))
+    _plot_shares(
+        right, [1.06 * row[2] for row in rows], [(row[5], row[3]) for row in rows], "^",
+        "named, undecided or unknown", None,
+    )  # fmt: skip
+    right.axvline(1.0, color="0.6", lw=1)
+    right.set_xscale("log")
+    right.set_xlabel("size of the hidden effect in smallest detectable sizes")
+    right.set_ylabel("share of flights, with its 95 % interval")
+    right.set_title("Detection; numbers are counts of flights")
+    for ax, place in ((left, "upper left"), (right, "lower right")):
+        ax.set_ylim(-0.03, 1.03)
+        ax.legend(loc=place)
     path.parent.mkdir(parents=True, exist_ok=True)
-    fig.savefig(path, dpi=130)
+    fig.savefig(path, dpi=110)
     plt.close(fig)
+
+
+def _plot_shares(ax, x, counts, marker, label, offset):
+    """Plot shares with their intervals; `counts` are pairs of number and total, which is written at `offset` points."""
+    x, y = np.array(x), np.array([count / total for count, total in counts])
+    ends = np.array([binomial_interval(*pair) for pair in counts]).reshape(-1, 2)
+    ax.errorbar(x, y, yerr=np.abs(ends.T - y), fmt=marker, capsize=3, label=label)
+    for px, py, (_, total) in zip(x, y, counts, strict=True) if offset else ():
+        ax.annotate(str(total), (px, py), textcoords="offset points", xytext=offset, fontsize=8)
 
 
 def main():

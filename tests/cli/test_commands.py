@@ -8,6 +8,7 @@ import pytest
 from command_checks import assert_refused
 
 from edl_filter import __version__
+from edl_filter.cli import commands
 from edl_filter.mission import shipped_mission
 
 COMMANDS = (
@@ -54,6 +55,15 @@ def test_a_run_without_figures_imports_only_what_it_uses(tmp_path):
     )
     process = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert process.stderr.strip() == "[]"
+
+
+@pytest.mark.parametrize(("stated", "threads"), [({}, "1"), ({"OPENBLAS_NUM_THREADS": "3"}, "3")])
+def test_blas_has_one_thread_unless_the_user_states_another_number(monkeypatch, stated, threads):
+    environment = dict(stated)
+    monkeypatch.setattr(os, "environ", environment)
+    monkeypatch.setattr(commands, "app", lambda prog_name: None)
+    commands.main()
+    assert environment["OPENBLAS_NUM_THREADS"] == threads and environment["MKL_NUM_THREADS"] == "1"
 
 
 @pytest.mark.parametrize("command", [[], *([name] for name in sorted(COMMANDS))])

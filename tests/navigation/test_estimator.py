@@ -6,6 +6,7 @@ import twins
 from twins import ALL, short_descent
 
 from edl_filter.navigation.compiled_ukf import CompiledUKF
+from edl_filter.navigation.constraints import RestVelocity
 from edl_filter.navigation.ekf import ErrorStateEKF
 from edl_filter.navigation.filter import Settings
 from edl_filter.navigation.initial import initial_estimate
@@ -54,3 +55,21 @@ def test_a_transform_is_a_linear_step(filter_class):
         spread = estimator.sigma_points - estimator.sigma_points[0]
         drawn = (spread * estimator.weights[:, None]).T @ spread
         np.testing.assert_allclose(drawn, estimator.covariance, rtol=1e-9, atol=1e-9)
+
+
+@every_filter
+def test_the_jacobian_of_a_linear_measurement_is_exact(filter_class):
+    """Velocity relative to the rotating planet is ``v - w x r``: before an update, and after one."""
+    layout = Layout.of((ALL,), {})
+    sigma = np.concatenate((np.full(3, 100.0), np.ones(layout.size - 3)))
+    covariance = twins.random_covariance(np.random.default_rng(5), sigma)
+    state = State(np.array([3.4e6, 2e5, 3e5, 4.0, 5, 6, 0, 0, 0, 1]), np.zeros(layout.size))
+    estimator = filter_class(layout, state, covariance, twins.MARS)
+    constraint = RestVelocity(10.0, 0.5, twins.MARS)
+    rate = twins.MARS.rotation_rate  # about z
+    expected = np.zeros((3, layout.size))
+    expected[:, 3:6], expected[0, 1], expected[1, 0] = np.eye(3), rate, -rate
+    for _ in range(2):
+        innovation = estimator.innovation(constraint)
+        np.testing.assert_allclose(estimator.jacobian(innovation), expected, rtol=1e-6, atol=1e-8)
+        estimator.update(constraint, innovation)

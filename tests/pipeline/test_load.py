@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from threadpoolctl import threadpool_info, threadpool_limits
 
 from edl_filter import rotations
 from edl_filter.effects.base import EffectInstance
@@ -14,6 +15,7 @@ from edl_filter.mission import Mission, shipped_mission
 from edl_filter.mission.world import VehicleChangeConfig
 from edl_filter.navigation.increments import effective_samples
 from edl_filter.navigation.trajectory import propagate_state
+from edl_filter.pipeline import load
 from edl_filter.pipeline.forward_model import changed_bodies, forward_model_of
 from edl_filter.pipeline.load import (
     centre_of_mass_shifts,
@@ -128,3 +130,17 @@ def test_the_other_imu_can_drive():
 def test_phoenix_has_no_public_telemetry():
     with pytest.raises(InputError, match="Phoenix"):
         read_telemetry(Mission.load(shipped_mission("phoenix")))
+
+
+def test_samples_are_compared_with_one_blas_thread(monkeypatch):
+    """The regressions of a few columns take a hundred times longer where BLAS threads wait for each other."""
+    during = []
+
+    def repaired(telemetry, *_):
+        during.extend(library["num_threads"] for library in threadpool_info() if library["user_api"] == "blas")
+        return telemetry
+
+    monkeypatch.setattr(load, "repaired", repaired)
+    with threadpool_limits(2, user_api="blas"):
+        read_telemetry(Mission.load("builtin:practice_mer", ["telemetry.path=builtin:practice_06"]))
+    assert during and set(during) == {1}

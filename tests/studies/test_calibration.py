@@ -110,15 +110,17 @@ def test_statistics_of_gaussian_errors():
     assert low < 1.0 < high and high - low == pytest.approx(4 * np.sqrt(2 / 300), rel=0.05)
 
 
-def test_diagnoses_are_counted_by_expected_gain_and_probability():
+def test_the_diagnoses_of_the_inexact_world_have_a_section():
     def line(hidden, verdict, named, gain, probability):
-        return {"hidden": hidden, "verdict": verdict, "named": named and [{"effect": named}], "expected_gains": [gain],
-                "ranking": [{"effect": named or "wind", "probability": probability}]}  # fmt: skip
+        name = {"effect": named, "label": named, "same_as": [], "probability": probability}
+        return {"hidden": hidden, "verdict": verdict, "named": [name] if named else [],
+                "expected_gains": dict.fromkeys(hidden, gain)}  # fmt: skip
 
-    text = page.diagnosis_table([
-        line([], "clean", "", 0.0, 0.1), line([], "missing", "wind", 0.0, 0.95),
+    text = page.report([], [
+        line([], "clean", "", 0.0, 0.1), line([], "missing", "wind", 0.0, 0.93),
         line(["mass"], "missing", "mass", 30.0, 0.995), line(["mass"], "missing", "wind", 30.0, 0.999),
+        line(["mass"], "undecided", "", 30.0, 0.5), {"hidden": ["slosh"], "refused": "it tumbles"},
     ])  # fmt: skip
-    assert "| false alarms on clean flights | 1 of 2 |" in text
-    assert "expected gain 20 to inf nats | 1 of 2 |" in text
-    assert "probability 0.99 to 1 (mean 1.00) | 1 of 2 |" in text
+    assert "**Diagnosis** (5 flights of" in text and "is named: 1 of 2, 50.0%" in text
+    assert "| 0.8 to 0.95 | 1 | 0.930 | 0 of 1," in text and "| 0.99 to 1 | 2 | 0.997 | 1 of 2," in text
+    assert "| 2 to 3 | 3 | 1 of 3, 33.3% (0.8% to 90.6%) | 3 of 3," in text  # sqrt(30 / 6) smallest detectable sizes

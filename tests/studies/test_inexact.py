@@ -167,6 +167,8 @@ def test_the_report_counts_what_was_right(tmp_path, monkeypatch, capsys):
         "| mer | 0 | leak | 1 | 50 | missing: remnant_torque (1.000) |",
         "| phoenix | 3 | slosh | it tumbles |",
         "(figures/reliability.png)",
+        "| 0.5 to 1 | 1 | 0 of 1, 0.0% (0.0% to 97.5%) | 0 of 1, 0.0% (0.0% to 97.5%) |",
+        "| 2 to 3 | 3 | 2 of 3, 66.7% (9.4% to 99.2%) | 3 of 3, 100.0% (29.2% to 100.0%) |",
     ):
         assert row in text, row
     assert "| mer | 0 | mass |" not in text and "11 flights were diagnosed" in text

@@ -8,7 +8,7 @@ from scipy.stats import chi2
 
 from edl_filter.imu_model.sensor_errors import SensorErrors
 from edl_filter.telemetry.record import ImuRecord
-from edl_filter.telemetry.relative_calibration import means_between, readings_integral, relative_calibration
+from edl_filter.telemetry.relative_calibration import relative_calibration
 
 DT, FINE = 0.125, 25
 REFERENCE, CHECKED = np.array([-0.38, -0.45, -0.25]), np.array([0.2, -0.17, 0.24])
@@ -146,16 +146,3 @@ def test_the_rovers_imus(request, name, lever_arm):
     assert abs(estimate.delay) < 4.0 * estimate.delay_sigma < 1e-4
     assert np.all(np.abs(np.degrees(estimate.rate_alignment)) < 0.005)
     assert np.all(estimate.rate_rms < 1.1 * np.sqrt(2.0) * 5.8e-5)
-
-
-def test_means_between_own_edges_are_the_readings_and_triads_do_not_mix():
-    _, checked = two_records(noise=0.0, count=200)
-    edges = np.concatenate(([checked.start], checked.time))
-    own = means_between(readings_integral(checked, checked.specific_force, checked.angular_rate), edges)
-    np.testing.assert_allclose(own[0], checked.specific_force, rtol=1e-9, atol=1e-9)
-    np.testing.assert_allclose(own[1], checked.angular_rate, rtol=1e-9, atol=1e-9)
-    inside = edges[1:-1] + 0.3 * DT
-    force, rate = means_between(readings_integral(checked, checked.specific_force, checked.angular_rate), inside)
-    (alone,) = means_between(readings_integral(checked, checked.angular_rate), inside)
-    np.testing.assert_allclose(rate, alone, rtol=0, atol=1e-13)
-    assert force.shape == rate.shape

@@ -32,6 +32,9 @@ app = typer.Typer(
 
 def main() -> None:
     """Entry point of ``edl-filter``."""
+    # before numpy is imported: matrices are small, and BLAS threads would wait for each other (`estimation.parallel`)
+    for variable in ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
+        os.environ.setdefault(variable, "1")
     # a tenth of a short run is spent on garbage collection of objects that imports create and that are never freed
     gc.set_threshold(100_000)
     announce_code()

@@ -47,7 +47,7 @@ from edl_filter.navigation.compiled_states import (
     states_of_points,
 )
 from edl_filter.navigation.constraints import Constraint
-from edl_filter.navigation.estimator import Innovation, Transition
+from edl_filter.navigation.estimator import Innovation, Transition, statistical_jacobian
 from edl_filter.navigation.increments import Samples
 from edl_filter.navigation.layout import ONBOARD, Layout, State
 from edl_filter.navigation.noise import IDENTITY, sample_attitudes
@@ -130,6 +130,10 @@ class CompiledUKF:
         noise = constraint.noise
         residual, covariance, nis = _innovation(predicted, constraint.measured, noise, self._weights)
         return Innovation(residual, covariance, noise, nis, predicted)
+
+    def jacobian(self, innovation: Innovation) -> Array:
+        """Jacobian ``(m, n)`` of a measurement by statistical linearisation at the present sigma points."""
+        return statistical_jacobian(innovation.linearization, self.sigma_points)
 
     def update(self, constraint: Constraint, innovation: Innovation) -> None:
         """Update with a measurement; `innovation` holds its predictions at the present sigma points."""

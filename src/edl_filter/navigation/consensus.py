@@ -31,7 +31,6 @@ from scipy.special import chdtri
 
 from edl_filter.estimation.small_matrices import solve_from_right, upper_cholesky
 from edl_filter.navigation.constraints import Constraint
-from edl_filter.navigation.ekf import linearized_measurement
 from edl_filter.navigation.estimator import ErrorStateFilter
 from edl_filter.navigation.increments import Samples
 from edl_filter.types import Array, BoolArray
@@ -120,24 +119,26 @@ def predict_jointly(estimator: ErrorStateFilter, samples: Samples, readings: Seq
     -------
     JointPrediction
     """
-    size, done = estimator.layout.size, 0
+    size, done, row = estimator.layout.size, 0, 0
+    ends = np.cumsum([len(reading.measured) for reading in readings])
     residuals, sensitivities = [], []
-    covariance, crossed = np.zeros((0, 0)), np.zeros((0, size))
+    covariance, crossed = np.zeros((ends[-1], ends[-1])), np.zeros((ends[-1], size))
     change = np.eye(size)[:, :6]  # of the error with respect to position and velocity at the beginning
-    for reading in readings:
+    for reading, end in zip(readings, ends.tolist(), strict=True):
         stop = samples.index(reading.time)
         if stop > done:
             before = estimator.covariance.copy()
             transition = estimator.predict(samples.part(done, stop))
             matrix = _transition_matrix(before, transition.cross_covariance)
-            crossed, change, done = crossed @ matrix.T, matrix @ change, stop
-        _, jacobian = linearized_measurement(reading, estimator.state, estimator.layout)
-        with_state = jacobian @ estimator.covariance
-        cross = crossed @ jacobian.T
-        covariance = np.block([[covariance, cross], [cross.T, with_state @ jacobian.T]])
-        crossed = np.concatenate((crossed, with_state))
-        residuals.append(estimator.innovation(reading).residual)
+            crossed[:row], change, done = crossed[:row] @ matrix.T, matrix @ change, stop
+        innovation = estimator.innovation(reading)
+        jacobian = estimator.jacobian(innovation)
+        np.matmul(jacobian, estimator.covariance, out=crossed[row:end])
+        covariance[:end, row:end] = crossed[:end] @ jacobian.T
+        covariance[row:end, :row] = covariance[:row, row:end].T
+        residuals.append(innovation.residual)
         sensitivities.append(jacobian @ change)
+        row = end
     noise = block_diag(*(reading.noise for reading in readings))
     return JointPrediction(np.array(residuals), covariance + noise, noise, np.concatenate(sensitivities))
 

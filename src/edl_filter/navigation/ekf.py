@@ -67,6 +67,10 @@ class ErrorStateEKF:
         covariance = symmetric_part(jacobian @ self.covariance @ jacobian.T)
         return Innovation.of(constraint.measured - predicted, covariance, constraint.noise, jacobian)
 
+    def jacobian(self, innovation: Innovation) -> Array:
+        """Jacobian ``(m, n)`` of a measurement at the present reference."""
+        return innovation.linearization
+
     def update(self, constraint: Constraint, innovation: Innovation) -> None:
         """Update with a measurement; `innovation` holds its Jacobian at the present reference."""
         gain, self.covariance = measurement_update(

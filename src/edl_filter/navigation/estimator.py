@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
+from scipy.linalg import solve_triangular
 
 from edl_filter.navigation.constraints import Constraint
 from edl_filter.navigation.increments import Samples
@@ -86,6 +87,9 @@ class ErrorStateFilter(Protocol):
     def innovation(self, constraint: Constraint) -> Innovation:
         """Predict a measurement and compare it with what was measured; the estimate stays as it is."""
 
+    def jacobian(self, innovation: Innovation) -> Array:
+        """Jacobian ``(m, n)`` of the measurement of an `innovation` of the present estimate."""
+
     def update(self, constraint: Constraint, innovation: Innovation) -> None:
         """Update estimate and covariance with a measurement, given its `innovation` of the present estimate."""
 
@@ -103,3 +107,26 @@ class ErrorStateFilter(Protocol):
         -------
         Transition
         """
+
+
+def statistical_jacobian(predictions: Array, points: Array) -> Array:
+    """Jacobian of a measurement by the regression of its predictions on the sigma points (statistical linearisation).
+
+    Särkkä 2013, section 5.2. The covariance of state and prediction is ``Uᵀ D / scale``, with U the factor of
+    ``scale * P`` and D half the difference of the predictions at the points of each pair; with ``P = UᵀU / scale`` the
+    Jacobian is ``(U⁻¹ D)ᵀ``.
+
+    Parameters
+    ----------
+    predictions : (2n + 1, m) array
+        At the sigma points.
+    points : (2n + 1, n) array
+        Zero, the rows of the upper Cholesky factor U, and their negatives.
+
+    Returns
+    -------
+    (m, n) array
+    """
+    n = points.shape[1]
+    half_difference = 0.5 * (predictions[1 : n + 1] - predictions[n + 1 :])
+    return np.asarray(solve_triangular(points[1 : n + 1], half_difference, check_finite=False), np.float64).T

@@ -15,7 +15,7 @@ from scipy.linalg import cholesky
 
 from edl_filter.navigation import strapdown
 from edl_filter.navigation.constraints import Constraint
-from edl_filter.navigation.estimator import Innovation, Transition
+from edl_filter.navigation.estimator import Innovation, Transition, statistical_jacobian
 from edl_filter.navigation.increments import Samples
 from edl_filter.navigation.layout import Layout, State, attitude_errors, sigma_states
 from edl_filter.navigation.noise import process_noise
@@ -125,6 +125,10 @@ class ErrorStateUKF:
         spread = predicted - mean
         covariance = (spread * self._engine.Wc[:, None]).T @ spread
         return Innovation.of(constraint.measured - mean, covariance, constraint.noise, predicted)
+
+    def jacobian(self, innovation: Innovation) -> Array:
+        """Jacobian ``(m, n)`` of a measurement by statistical linearisation at the present sigma points."""
+        return statistical_jacobian(innovation.linearization, self.sigma_points)
 
     def update(self, constraint: Constraint, innovation: Innovation) -> None:
         """Update with a measurement; `innovation` holds its predictions at the present sigma points."""

@@ -14,6 +14,7 @@ import numpy as np
 
 from edl_filter import rotations
 from edl_filter.errors import InputError
+from edl_filter.estimation.parallel import one_blas_thread
 from edl_filter.imu_model.lever_arm import edge_values
 from edl_filter.io.csv_table import package_data
 from edl_filter.mission import Mission
@@ -85,7 +86,8 @@ def event_times(mission: Mission, telemetry: Telemetry) -> dict[str, float]:
 
 
 def _repaired(mission: Mission, telemetry: Telemetry, checks: CheckSettings) -> Telemetry:
-    return repaired(telemetry, checks, event_times(mission, telemetry).get("parachute_deploy", np.inf))
+    with one_blas_thread():  # regressions of a few columns
+        return repaired(telemetry, checks, event_times(mission, telemetry).get("parachute_deploy", np.inf))
 
 
 def check_settings(mission: Mission) -> CheckSettings:

@@ -16,7 +16,8 @@ import numpy as np
 
 from edl_filter.imu_model.lever_arm import edge_values
 from edl_filter.telemetry.record import ImuRecord, SampleFinding, finite_rows
-from edl_filter.telemetry.relative_calibration import FEWEST_SAMPLES, covered, means_between, readings_integral
+from edl_filter.telemetry.relative_calibration import FEWEST_SAMPLES
+from edl_filter.telemetry.resampling import covered, means_between, readings_integral
 from edl_filter.types import Array
 
 #: Least ratio of a drift, and least difference that it adds up to (s): less is the accuracy of stated intervals.

@@ -8,7 +8,8 @@ The remainder is the parity: it has the noise of both, and their stated errors a
 with a constant error, however large, has no parity; to name it is left to the diagnosis. A fault of some samples
 changes the constants within the flight. The regression is that with the largest consensus set (Fischler & Bolles 1981,
 Communications of the ACM 24, 381): the fewest samples disagree with it. Since a fault is also in the regressors of the
-IMU that has it, where it may look like a scale error, each IMU is regressed on the other one. Output: runs of samples
+IMU that has it, where it may look like a scale error, each IMU is regressed on the other one. If one IMU samples much
+more often, its means over the samples of the other one are compared (`resampling`). Output: runs of samples
 whose parity is significant, and the IMU that has the difference as an error of its own (`independent_error`).
 """
 
@@ -22,9 +23,16 @@ from scipy.ndimage import maximum_filter1d, median_filter, minimum_filter1d
 from scipy.special import chdtri
 
 from edl_filter.estimation.interpolating_spline import InterpolatingSpline
-from edl_filter.imu_model.lever_arm import EDGE_REACH, edge_values, edge_weights, lever_arm_acceleration
+from edl_filter.imu_model.lever_arm import EDGE_REACH, edge_values, lever_arm_acceleration
 from edl_filter.telemetry.record import ImuRecord, SampleFinding, finite_rows
-from edl_filter.telemetry.relative_calibration import FEWEST_SAMPLES, covered, means_between, readings_integral
+from edl_filter.telemetry.relative_calibration import FEWEST_SAMPLES
+from edl_filter.telemetry.resampling import (
+    comparable_records,
+    covered,
+    interpolation_sigma,
+    means_between,
+    readings_integral,
+)
 from edl_filter.telemetry.sample_checks import runs
 from edl_filter.types import Array, BoolArray
 
@@ -55,7 +63,7 @@ class _Pair:
     rate, force : (N, 3) arrays
         Readings of the reference, the force at the place of the checked IMU; zero where lost.
     arm_error : (N,) array
-        One sigma of the force by the interpolation between the rates' samples (`_interpolation_sigma`), m/s².
+        One sigma of the force by the interpolation between the rates' samples (`interpolation_sigma`), m/s².
     integral : InterpolatingSpline
         Of the checked IMU's readings.
     """
@@ -87,10 +95,11 @@ def disagreements(reference: ImuRecord, checked: ImuRecord, end: float, probabil
         Of the reference: one for each run of samples of each triad.
     """
     findings = []
-    both = [_significant(*records, end, probability) for records in ((reference, checked), (checked, reference))]
+    pairs = comparable_records(reference, checked), comparable_records(checked, reference)
+    both = [(records[0], _significant(*records, end, probability)) for records in pairs]
     for triad in TRIADS:
         record, rows = max(
-            ((record, significant[triad]) for record, significant in zip((reference, checked), both, strict=True)),
+            ((record, significant[triad]) for record, significant in both),
             key=lambda option: np.count_nonzero(option[1]),
         )
         findings += [
@@ -147,9 +156,10 @@ def independent_error(
         Name of each IMU → sum of the log likelihood ratio of the slopes 1 and 0 over the stretches in which this IMU
         has the error; zero if there are none.
     """
+    names = reference.name, checked.name
+    evidence = dict.fromkeys(names, 0.0)
+    reference, checked = comparable_records(reference, checked)
     pair = _pair(reference, checked, end)
-    records = reference, checked
-    evidence = {record.name: 0.0 for record in records}
     agreed = pair.usable & ~_within(reference.time, findings)
     _, delay = _squared_parity(pair, "rate", agreed, 0.0)
     edges = np.concatenate((reference.time[:1] - reference.interval[:1], reference.time)) + delay
@@ -166,7 +176,7 @@ def independent_error(
         fits = abs(slope - (1 - at_fault)) <= max(_SIGMAS * sigma, _SLOPE)
         if not fits or not adjoining.any() or _mean_square(sound[inside]) * _SMOOTHER < _mean_square(sound[adjoining]):
             continue
-        evidence[records[at_fault].name] += abs(slope - 0.5) / sigma**2
+        evidence[names[at_fault]] += abs(slope - 0.5) / sigma**2
     return evidence
 
 
@@ -222,23 +232,9 @@ def _pair(reference: ImuRecord, checked: ImuRecord, end: float) -> _Pair:
         usable,
         rate,
         force + lever_arm_acceleration(reference.interval, rate, arm, reference.unit),
-        _interpolation_sigma(reference.interval, rate) * np.linalg.norm(arm, axis=1),
+        interpolation_sigma(reference.interval, rate) * np.linalg.norm(arm, axis=1),
         readings_integral(checked, checked.specific_force, checked.angular_rate),
     )
-
-
-def _interpolation_sigma(interval: Array, rate: Array) -> Array:
-    """Error (N,) of angular accelerations that are interpolated between mean rates (N, 3), rad/s².
-
-    The difference of interpolations of eighth and sixth order. It is large where the moment changes its slope inside a
-    sample, at the nodes of an aerodynamic table on a vehicle that swings far.
-    """
-    weights = np.array(edge_weights(EDGE_REACH)) - np.append(edge_weights(EDGE_REACH - 1), 0.0)
-    kernel = np.concatenate((weights[::-1], weights))
-    error = np.column_stack(
-        [np.convolve(column, kernel, mode="full")[EDGE_REACH - 1 : -EDGE_REACH + 1] for column in rate.T]
-    )
-    return np.asarray(np.linalg.norm(np.diff(error, axis=0), axis=1)) / interval
 
 
 def _consensus(pair: _Pair, triad: str, delay: float, probability: float) -> tuple[BoolArray, float]:

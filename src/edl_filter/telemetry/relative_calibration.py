@@ -22,10 +22,17 @@ from dataclasses import dataclass
 import numpy as np
 
 from edl_filter import rotations
-from edl_filter.estimation.interpolating_spline import InterpolatingSpline, integral_spline
 from edl_filter.imu_model.lever_arm import edge_values, lever_arm_acceleration
 from edl_filter.imu_model.sensor_errors import reading_jacobian
-from edl_filter.telemetry.record import SAME_TIME, ImuRecord, finite_rows, within_window
+from edl_filter.telemetry.record import SAME_TIME, ImuRecord, within_window
+from edl_filter.telemetry.resampling import (
+    GAP_REACH,
+    comparable_records,
+    means_between,
+    near_lost,
+    readings_integral,
+    samples_less_often,
+)
 from edl_filter.types import Array, BoolArray
 
 #: Fewest common samples of a calibration.
@@ -36,8 +43,6 @@ _BLOCK_LENGTH, _FEWEST_BLOCKS = 5.0, 25
 _WEIGHT_ITERATIONS = 3
 #: Iterations of the linearisation.
 _ITERATIONS = 3
-#: Samples on each side of a gap that are not used: the reach of the interpolation.
-_GAP_REACH = 4
 
 #: Parameters in the order of the regression, and their numbers.
 _BLOCKS = {
@@ -116,36 +121,45 @@ def relative_calibration(
     RelativeCalibration or None
         None if the window has fewer than `FEWEST_SAMPLES` common samples.
     """
+    original, stated = reference, _places(reference, checked)
+    faster = checked if samples_less_often(reference, checked) else reference  # its rates resolve the motion
+    reference, checked = comparable_records(reference, checked)
     first, last = max(start, reference.start, checked.start), min(end, reference.time[-1], checked.time[-1])
     inside = within_window(reference.time, reference.interval, first, last)
     used = inside & _direct(reference, first, last) & _covered(reference, checked, first, last)
     if np.count_nonzero(used) < FEWEST_SAMPLES:
         return None
-    nearest = checked.index_at(reference.time - 0.5 * reference.interval)
-    stated = checked.position[nearest] - reference.position
+    offset = _places(reference, checked)
     force, rate = (np.nan_to_num(x) for x in (reference.specific_force, reference.angular_rate))
 
+    edges = np.concatenate((reference.time[:1] - reference.interval[:1], reference.time))
+
     def arm_acceleration(arm: Array) -> Array:
-        return lever_arm_acceleration(reference.interval, rate, arm, reference.unit)
+        if len(faster) == len(reference) and np.array_equal(faster.time, reference.time):
+            return lever_arm_acceleration(reference.interval, rate, arm, reference.unit)
+        rows = reference.index_at(faster.time - 0.5 * faster.interval)
+        rates = np.nan_to_num(faster.angular_rate)
+        acceleration = lever_arm_acceleration(faster.interval, rates, arm[rows], faster.unit)
+        return means_between(readings_integral(faster, acceleration), edges)[0]
 
     columns = [arm_acceleration(np.tile(axis, (len(rate), 1))) for axis in np.eye(3)]
-    edges = np.concatenate((reference.time[:1] - reference.interval[:1], reference.time))
     integral = readings_integral(checked, checked.specific_force, checked.angular_rate)
     error, delay = np.zeros(3), 0.0
     for _ in range(_ITERATIONS):  # products of the errors: delay times lever arm, rotation times lever arm
-        predicted = force + arm_acceleration(stated + error)
+        predicted = force + arm_acceleration(offset + error)
         checked_force, checked_rate = means_between(integral, edges + delay)
         differences = {"force": (checked_force - predicted)[used], "rate": (checked_rate - rate)[used]}
         design = _design(reference, predicted, rate, used, columns)
         values, sigma, scatter = _least_squares(reference.time[used], differences, design)
         error, delay = error + values["lever_arm"], delay + float(values["delay"][0])
     times = reference.time[used]
+    arm = stated[original.index_at(times[-1:] - 0.5 * reference.interval[used][-1:])][0]
     return RelativeCalibration(
         start=float(times[0] - reference.interval[used][0]),
         end=float(times[-1]),
         samples=len(times),
-        stated_lever_arm=stated[used][-1],
-        lever_arm=stated[used][-1] + error,
+        stated_lever_arm=arm,
+        lever_arm=arm + error,
         lever_arm_sigma=sigma["lever_arm"],
         rate_alignment=values["rate_alignment"],
         rate_alignment_sigma=sigma["rate_alignment"],
@@ -164,6 +178,11 @@ def relative_calibration(
     )
 
 
+def _places(reference: ImuRecord, checked: ImuRecord) -> Array:
+    """Place of the checked IMU from the reference IMU at the samples of the latter (N, 3), m."""
+    return checked.position[checked.index_at(reference.time - 0.5 * reference.interval)] - reference.position
+
+
 def _direct(record: ImuRecord, first: float, last: float) -> BoolArray:
     """Samples (N,) that are readings of the instrument which has most samples in the window, away from gaps."""
     readings = ~record.coning_corrected & ~record.sculling_corrected & ~record.filled
@@ -172,15 +191,9 @@ def _direct(record: ImuRecord, first: float, last: float) -> BoolArray:
     if not len(units):
         return np.zeros(len(readings), bool)
     readings &= record.unit == np.bincount(units).argmax()
-    gaps = _near(~readings)
-    gaps[:_GAP_REACH] = gaps[-_GAP_REACH:] = True
+    gaps = near_lost(~readings)
+    gaps[:GAP_REACH] = gaps[-GAP_REACH:] = True
     return ~gaps
-
-
-def _near(lost: BoolArray) -> BoolArray:
-    """Samples (N,) within `_GAP_REACH` samples of a lost one; a record may have fewer samples than that."""
-    count = np.convolve(lost, np.ones(2 * _GAP_REACH + 1))[_GAP_REACH : _GAP_REACH + len(lost)]
-    return np.asarray(count > 0.5)
 
 
 def _covered(reference: ImuRecord, checked: ImuRecord, first: float, last: float) -> BoolArray:
@@ -193,60 +206,6 @@ def _covered(reference: ImuRecord, checked: ImuRecord, first: float, last: float
     out = np.zeros(len(reference.time), bool)
     out[valid] = count[end[valid]] == count[begin[valid]]
     return out & (reference.time - reference.interval >= checked.start - SAME_TIME)
-
-
-def covered(record: ImuRecord, edges: Array) -> BoolArray:
-    """Intervals (N,) between edges (N + 1,), s, that finite readings of a record cover, with a neighbour on each side.
-
-    Next to a lost sample `readings_integral` would take its zero for a reading.
-    """
-    lost = _near(~(finite_rows(record.specific_force) & finite_rows(record.angular_rate)))
-    count = np.concatenate(([0], np.cumsum(lost)))
-    begin = np.searchsorted(record.time, edges[:-1] + SAME_TIME)
-    end = np.searchsorted(record.time, edges[1:] - SAME_TIME) + 1
-    inside = (edges[:-1] >= record.start - SAME_TIME) & (end <= len(record.time))
-    out = np.zeros(len(edges) - 1, bool)
-    out[inside] = count[end[inside]] == count[begin[inside]]
-    return out
-
-
-def readings_integral(record: ImuRecord, *triads: Array) -> InterpolatingSpline:
-    """Quintic spline through the integrals of a record's readings over time; `means_between` evaluates it.
-
-    Parameters
-    ----------
-    record : ImuRecord
-        Of the readings.
-    *triads : (M, 3) arrays
-        Means over its intervals, of any unit; NaN counts as zero.
-
-    Returns
-    -------
-    InterpolatingSpline
-        Of three values for each triad.
-    """
-    edges = np.concatenate(([record.start], record.time))
-    return integral_spline(edges, record.interval, np.nan_to_num(np.concatenate(triads, axis=1)))
-
-
-def means_between(integral: InterpolatingSpline, edges: Array) -> list[Array]:
-    """Means of readings between other edges than theirs.
-
-    Parameters
-    ----------
-    integral : InterpolatingSpline
-        Of `readings_integral`.
-    edges : (N + 1,) array
-        s; those outside the record count as its ends.
-
-    Returns
-    -------
-    list of (N, 3) arrays
-        One for each triad.
-    """
-    at_edges = integral(np.clip(edges, integral.knots[0], integral.knots[-1]))
-    means = np.diff(at_edges, axis=0) / np.diff(edges)[:, None]
-    return np.split(means, means.shape[1] // 3, axis=1)
 
 
 def _design(reference: ImuRecord, force: Array, rate: Array, used: BoolArray, arm: list[Array]) -> dict[str, Array]:

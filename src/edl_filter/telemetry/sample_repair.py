@@ -4,7 +4,8 @@ Input: `Telemetry` with NaN where samples are lost. Method: spikes and disagreem
 are found (`bad_triads`) and treated as lost; disagreements that last and that no constant error explains are named
 (`disagreements`), and repaired where the IMU at fault is known (`without_samples`); an IMU that begins after or ends
 before the other one is extended; jumps and drifts of clocks are removed. Then lost samples are filled
-(`sample_filling`).
+(`sample_filling`). The noise of an IMU that samples much less often than the driving one contains the error of the
+interpolation between its samples.
 Output: `Telemetry` without NaN, and its findings. Telemetry without findings is returned as it is.
 """
 
@@ -28,6 +29,7 @@ from edl_filter.telemetry.record import (
     finite_rows,
     within_window,
 )
+from edl_filter.telemetry.resampling import with_interpolation_noise
 from edl_filter.telemetry.sample_checks import CheckSettings, findings_of, with_repair
 from edl_filter.telemetry.sample_filling import BY_DYNAMICS, PARACHUTE_MARGIN, filled, is_complete
 from edl_filter.telemetry.spikes import bad_triads
@@ -94,7 +96,9 @@ def repaired(telemetry: Telemetry, settings: CheckSettings | None = None, parach
         findings += _disagreements(records, drifts, settings, smooth_until)
     unchanged = all(r is given for r, given in zip(records, (telemetry.driving, *telemetry.checking), strict=True))
     if not findings and unchanged and all(is_complete(record) for record in records):
-        return telemetry
+        checking = tuple(with_interpolation_noise(record, records[0]) for record in records[1:])
+        same = all(a is b for a, b in zip(checking, telemetry.checking, strict=True))
+        return telemetry if same else replace(telemetry, checking=checking, as_read=_as_read(telemetry))
     sources = [next((r for k, r in enumerate(records) if k != i), None) for i in range(len(records))]
     phrases: dict[str, list[tuple[float, float, str]]] = {}
     outcome = []
@@ -107,7 +111,7 @@ def repaired(telemetry: Telemetry, settings: CheckSettings | None = None, parach
     return replace(
         telemetry,
         driving=outcome[0],
-        checking=tuple(outcome[1:]),
+        checking=tuple(with_interpolation_noise(record, outcome[0]) for record in outcome[1:]),
         findings=tuple(findings),
         as_read=_as_read(telemetry),
     )

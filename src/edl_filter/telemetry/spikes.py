@@ -16,6 +16,7 @@ import numpy as np
 from scipy.ndimage import maximum_filter1d, median_filter
 
 from edl_filter.telemetry.record import ImuRecord, SampleFinding, finite_rows
+from edl_filter.telemetry.resampling import samples_less_often
 from edl_filter.telemetry.sample_checks import CheckSettings, findings_of
 from edl_filter.telemetry.transfer import transferred
 from edl_filter.types import Array, BoolArray
@@ -68,7 +69,7 @@ def _one_pass(
 ) -> tuple[list[ImuRecord], list[SampleFinding]]:
     originals, findings = list(records), []
     for i, record in enumerate(originals):
-        second = next((r for k, r in enumerate(originals) if k != i), None)
+        second = next((r for k, r in enumerate(originals) if k != i and not samples_less_often(r, record)), None)
         source = None if second is None else transferred(record, second, smooth_until)
         for triad, attribute in _TRIADS.items():
             values = getattr(record, attribute)

@@ -16,7 +16,8 @@ from scipy.ndimage import maximum_filter1d, median_filter
 from edl_filter.imu_model.lever_arm import edge_values, lever_arm_acceleration
 from edl_filter.imu_model.sensor_errors import remove_errors
 from edl_filter.telemetry.record import ImuRecord, finite_rows
-from edl_filter.telemetry.relative_calibration import covered, means_between, readings_integral, relative_calibration
+from edl_filter.telemetry.relative_calibration import relative_calibration
+from edl_filter.telemetry.resampling import covered, means_between, readings_integral
 from edl_filter.types import Array, BoolArray
 
 #: Prior sigmas of one IMU's errors against the other where the telemetry states smaller ones: accelerometer bias

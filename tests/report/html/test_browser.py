@@ -6,6 +6,8 @@ import pytest
 from edl_filter.report.html import write_report
 from edl_filter.results.files import BUNDLE
 
+pytestmark = pytest.mark.browser
+
 
 @pytest.fixture(scope="module")
 def report(tmp_path_factory):
