@@ -22,7 +22,6 @@ from outside_effects import OUTSIDE_EFFECTS
 
 from edl_filter import Mission
 from edl_filter.diagnosis.diagnosis import diagnose
-from edl_filter.diagnosis.diagnosis_json import diagnosis_content
 from edl_filter.diagnosis.linear_model.effect_jacobian import effect_jacobian
 from edl_filter.diagnosis.linear_model.flight_case import load_case
 from edl_filter.diagnosis.linear_model.linearization import linearize
@@ -149,9 +148,9 @@ def result_of(case):
             if len(names) == 2:
                 steps = list(improve(mission, list(catalogue().values())))
                 line["named"] = [s.added.name for s in steps if s.added is not None]
-                content = diagnosis_content(steps[-1].diagnosis)
+                content = steps[-1].diagnosis.content()
             else:
-                content = diagnosis_content(diagnose(load_case(mission, ()), catalogue().values()))
+                content = diagnose(load_case(mission, ()), catalogue().values()).content()
             line["verdict"] = content["verdict"]
             line["ranking"] = ranking_rows(content, 4, RANKING_KEYS)
         except InputError as error:

@@ -29,7 +29,6 @@ from outside_effects import OUTSIDE_EFFECTS, random_outside_instance
 
 from edl_filter.aero.increments import SYMBOLS
 from edl_filter.diagnosis.diagnosis import diagnose
-from edl_filter.diagnosis.diagnosis_json import diagnosis_content
 from edl_filter.diagnosis.linear_model.flight_case import load_case
 from edl_filter.diagnosis.stepwise import improve
 from edl_filter.effects.registry import catalogue
@@ -165,12 +164,12 @@ def result_of(case):
             if len(names) == 2:
                 line["named"] = []
                 for step in improve(mission, list(catalogue().values())):  # a step takes much memory
-                    content = diagnosis_content(step.diagnosis)
+                    content = step.diagnosis.content()
                     if step.added is not None:
                         line["named"].append(name_given(content))
             else:
                 diagnosis = diagnose(flight, catalogue().values())
-                content = diagnosis_content(diagnosis)
+                content = diagnosis.content()
                 if not names:
                     line["increments"] = increments_within_two_sigma(world, diagnosis)
                 line["named"] = [name_given(content)] if content["verdict"] == "missing" else []

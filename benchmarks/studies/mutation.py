@@ -240,7 +240,7 @@ def load_modules(tests: list[str]) -> None:
         try:
             pytest.main(["-q", "-p", "no:cacheprovider", "--collect-only", *tests])
             with contextlib.suppress(ImportError):
-                importlib.import_module("edl_filter.diagnosis.diagnosis_json")  # by a fixture of tests/conftest.py
+                importlib.import_module("edl_filter.diagnosis.diagnosis")  # by a fixture of tests/conftest.py
             files = {n: getattr(m, "__file__", None) or "" for n, m in sys.modules.items()}
             names = [n for n, f in files.items() if "site-packages" in f or n.startswith("edl_filter")]
             with os.fdopen(writer, "w") as file:

@@ -1,4 +1,4 @@
-"""The exception for wrong input, parts of messages, and the exit code of results that are not to be trusted."""
+"""The exceptions for wrong input and Ctrl-C, parts of messages, and the exit code of results not to be trusted."""
 
 from collections.abc import Sequence
 
@@ -12,6 +12,10 @@ class InputError(Exception):
     The message is one or two sentences that name the file, key or row, the value found and the accepted values.
     The command line prints it and exits with code 2; no partial output remains.
     """
+
+
+class InterruptedCommandError(Exception):
+    """A command was interrupted by Ctrl-C; the message says what it has kept."""
 
 
 def quoted(value: object, longest: int = 80) -> str:

@@ -82,15 +82,12 @@ def _checked(function, check):
 
 
 def check_all_diagnoses(patch: pytest.MonkeyPatch):
-    """Wrap `decide` and `diagnosis_content`, wherever they have been imported, so that every result is checked."""
-    from edl_filter.diagnosis import diagnosis_json
-    from edl_filter.diagnosis.selection import decision
+    """Wrap `Diagnosis.content`, and `decide` wherever it has been imported, so that every result is checked."""
+    from edl_filter.diagnosis.diagnosis import Diagnosis
+    from edl_filter.diagnosis.selection.decision import decide
 
-    for function, check in (
-        (decision.decide, check_verdict),
-        (diagnosis_json.diagnosis_content, check_content),
-    ):
-        wrapper = _checked(function, check)
-        for module in list(sys.modules.values()):
-            if vars(module).get(function.__name__) is function:
-                patch.setattr(module, function.__name__, wrapper)
+    patch.setattr(Diagnosis, "content", _checked(Diagnosis.content, check_content))
+    wrapper = _checked(decide, check_verdict)
+    for module in list(sys.modules.values()):
+        if vars(module).get("decide") is decide:
+            patch.setattr(module, "decide", wrapper)

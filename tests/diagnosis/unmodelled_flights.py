@@ -4,9 +4,9 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from edl_filter.diagnosis.jacobians.state_space import RowIndex
 from edl_filter.diagnosis.prediction.dead_reckoning import NODES_PER_BIN
 from edl_filter.diagnosis.prediction.predicted_readings import bin_average, triangular_integral
+from edl_filter.diagnosis.prediction.residuals import RowIndex
 from edl_filter.diagnosis.prediction.time_bins import TimeBins
 from edl_filter.estimation.block_sparse import from_blocks
 from edl_filter.estimation.kalman import LinearStateSpace

@@ -1,4 +1,4 @@
-"""Instances of effects: keys, labels, and phases modulo whole turns."""
+"""Values of effects: their check against the declaration; instances: keys, labels, and phases modulo whole turns."""
 
 import numpy as np
 import pytest
@@ -6,6 +6,25 @@ import pytest
 from edl_filter.effects.base import Effect, EffectInstance
 from edl_filter.effects.parameters import Parameter
 from edl_filter.effects.registry import find_effect
+from edl_filter.errors import InputError
+
+
+def test_values_are_checked_and_completed():
+    effect = find_effect("density_wave")
+    assert effect.checked({"A": 0.2}) == {"A": 0.2, "L": 14e3, "phase": 0.0}
+    for values, message in (
+        ({"B": 0.2}, "B: found an unknown key; expected a parameter of density_wave; accepted: A, L, phase"),
+        (
+            {"phasse": 0.2},
+            "phasse: found an unknown key; .* of density_wave; nearest accepted: phase",
+        ),
+        ({"A": 2.0}, "A: found 2; expected between -0.9 and 0.9"),
+        ({"L": 1e3}, "L: found 1000; expected m between 8000 and 25000"),
+        ({"L": np.nan}, "L: found nan; expected m between 8000 and 25000"),
+    ):
+        with pytest.raises(InputError, match=message):
+            effect.checked(values)
+    assert find_effect("remnant_torque").checked({"t1": np.inf})["t1"] == np.inf
 
 
 def test_name_and_imu_identify_an_instance():

@@ -5,7 +5,6 @@ import pytest
 from standins import BODY, PLANET, STATE, H, N, T, flow, totals
 
 from edl_filter.effects import registry
-from edl_filter.effects.parameters import checked_values
 from edl_filter.effects.registry import find_effect
 from edl_filter.errors import InputError
 
@@ -166,21 +165,3 @@ def test_a_package_that_cannot_be_used(monkeypatch, loaded, message):
     with pytest.raises(InputError, match=f"entry point mine = package:Mine: {message}"):
         find_effect("mine")
     registry.installed.cache_clear()
-
-
-def test_values_are_checked_and_completed():
-    wave = find_effect("density_wave")
-    assert checked_values(wave, {"A": 0.2}) == {"A": 0.2, "L": 14e3, "phase": 0.0}
-    for values, message in (
-        ({"B": 0.2}, "B: found an unknown key; expected a parameter of density_wave; accepted: A, L, phase"),
-        (
-            {"phasse": 0.2},
-            "phasse: found an unknown key; .* of density_wave; nearest accepted: phase",
-        ),
-        ({"A": 2.0}, "A: found 2; expected between -0.9 and 0.9"),
-        ({"L": 1e3}, "L: found 1000; expected m between 8000 and 25000"),
-        ({"L": np.nan}, "L: found nan; expected m between 8000 and 25000"),
-    ):
-        with pytest.raises(InputError, match=message):
-            checked_values(wave, values)
-    assert checked_values(find_effect("remnant_torque"), {"t1": np.inf})["t1"] == np.inf

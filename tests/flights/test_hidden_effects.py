@@ -23,7 +23,6 @@ from typer.testing import CliRunner
 from edl_filter import Mission
 from edl_filter.cli import app
 from edl_filter.diagnosis.diagnosis import diagnose
-from edl_filter.diagnosis.diagnosis_json import diagnosis_content
 from edl_filter.diagnosis.linear_model.flight_case import load_case
 from edl_filter.diagnosis.selection.decision import decide
 from edl_filter.diagnosis.selection.outer_loop import fit_effects
@@ -102,7 +101,7 @@ def test_a_hidden_effect_is_named_with_its_parameters(name, tmp_path, record_pro
     record_property("expected_gain", float(expected))
     assert expected > DETECTABLE_NATS
     diagnosis = diagnose(load_case(mission, ()), catalogue().values())
-    diagnosis_content(diagnosis)  # checked by the session's fixture
+    diagnosis.content()  # checked by the session's fixture
     hypothesis = leading_hypothesis(diagnosis, (name, None))
     record_property("gain", float(hypothesis.gain))
     distance, count = squared_distance(hypothesis.fit, true_effect(mission, hidden))
@@ -114,7 +113,7 @@ def test_a_hidden_effect_is_named_with_its_parameters(name, tmp_path, record_pro
 def test_a_flight_without_hidden_effects_is_clean(vehicle, tmp_path):
     mission = simulated_mission(vehicle, SEED, [], tmp_path)
     diagnosis = diagnose(load_case(mission, ()), catalogue().values())
-    assert diagnosis_content(diagnosis)["verdict"] == "clean", diagnosis.verdict.sentence
+    assert diagnosis.content()["verdict"] == "clean", diagnosis.verdict.sentence
 
 
 def test_two_hidden_effects_are_named_one_after_the_other(tmp_path):
@@ -150,7 +149,7 @@ def test_an_effect_outside_the_catalogue_is_unknown(tmp_path):
     assert not OUTSIDE.keys() & catalogue().keys()
     mission = simulated_mission("mer", SEED, [random_instance("oscillating_jet", 1.0, None)], tmp_path)
     diagnosis = diagnose(load_case(mission, ()), catalogue().values())
-    content = diagnosis_content(diagnosis)
+    content = diagnosis.content()
     assert content["verdict"] == "unknown", content["sentence"]
     assert content["remainder"]["channel"] == "moment_y"
     assert content["remainder"]["frequency_hz"] == pytest.approx(OUTSIDE["oscillating_jet"][1]["f"], abs=0.01)

@@ -9,7 +9,6 @@ import pytest
 from inexact_world import draw_world
 
 from edl_filter.diagnosis.diagnosis import diagnose
-from edl_filter.diagnosis.diagnosis_json import diagnosis_content
 from edl_filter.diagnosis.linear_model.flight_case import load_case
 from edl_filter.effects.base import EffectInstance
 from edl_filter.effects.registry import catalogue, find_effect
@@ -32,7 +31,7 @@ def diagnosed(vehicle, hidden, folder):
 @pytest.mark.parametrize("vehicle", ["mer", "phoenix"])
 def test_a_clean_flight_in_an_inexact_world_is_clean(vehicle, tmp_path):
     diagnosis = diagnosed(vehicle, (), tmp_path)
-    assert diagnosis_content(diagnosis)["verdict"] == "clean", diagnosis.verdict.sentence
+    assert diagnosis.content()["verdict"] == "clean", diagnosis.verdict.sentence
 
 
 @pytest.mark.parametrize("vehicle", ["mer", "phoenix"])

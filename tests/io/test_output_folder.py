@@ -6,10 +6,10 @@ from pathlib import Path
 
 import pytest
 
-from edl_filter.errors import InputError
+from edl_filter.errors import InputError, InterruptedCommandError
 from edl_filter.io import output_folder as output_folder_module
 from edl_filter.io.atomic import replace_with, write_through_memory
-from edl_filter.io.output_folder import STAGING, complete_output, output_folder, staged_output
+from edl_filter.io.output_folder import STAGING, complete_output, interrupted, output_folder, staged_output
 
 
 def test_a_second_command_is_refused_until_the_first_has_ended(tmp_path):
@@ -108,3 +108,11 @@ def test_output_is_old_or_new_whatever_operation_is_the_last(operation, tmp_path
     with output_folder(tmp_path):
         pass
     assert files_of(tmp_path) in ((NEW,) if committed or operation >= 30 else (OLD, NEW))
+
+
+@pytest.mark.parametrize("outcome", ["All of it is kept.", lambda: "All of it is kept."])
+def test_ctrl_c_says_what_was_kept_and_other_exceptions_pass(outcome):
+    with pytest.raises(InterruptedCommandError, match="All of it is kept"), interrupted(outcome):
+        raise KeyboardInterrupt
+    with pytest.raises(InputError, match="wrong"), interrupted(outcome):
+        raise InputError("wrong")

@@ -11,7 +11,6 @@ from annotated_types import Ge, Le, MinLen
 import edl_filter
 from edl_filter import InputError, Mission
 from edl_filter.diagnosis.diagnosis import diagnose
-from edl_filter.diagnosis.diagnosis_json import diagnosis_content
 from edl_filter.diagnosis.linear_model.flight_case import load_case
 from edl_filter.mission.decision_settings import DecisionSettings
 from edl_filter.mission.validators import Within
@@ -158,7 +157,7 @@ def test_settings_are_a_section_of_the_mission_file():
 def test_settings_are_recorded_in_the_diagnosis():
     """All of them, as JSON, with the values that were used."""
     mission = mission_with("held_out_folds=7", "unmodelled_memories_s=[1.0]")
-    content = diagnosis_content(diagnose(load_case(mission), []))
+    content = diagnose(load_case(mission), []).content()
     recorded = json.loads(json.dumps(content["settings"], allow_nan=False))
     assert recorded == json.loads(json.dumps(mission.diagnosis.model_dump()))
     assert recorded["held_out_folds"] == 7 and recorded["unmodelled_memories_s"] == [1.0]

@@ -11,7 +11,7 @@ from contents import diagnosis, ledger_end, ledger_step, unknown
 from jsonschema import Draft202012Validator
 from pydantic import BaseModel, ValidationError
 
-from edl_filter.diagnosis.diagnosis_json import diagnosis_content
+from edl_filter.diagnosis.diagnosis import Diagnosis
 from edl_filter.postflight.averages import Difference
 from edl_filter.postflight.events import Event
 from edl_filter.results import Result, schema
@@ -119,8 +119,8 @@ def test_hypotheses_are_given_by_name():
 
 
 def test_the_content_of_a_diagnosis_has_the_schemas_keys():
-    """The function that makes the file, read as text: a key that is added in one place only is found without a run."""
+    """The method that makes the content, read as text: a key that is added in one place only is found without a run."""
     import inspect
 
-    written = set(re.findall(r'^        "(\w+)":', inspect.getsource(diagnosis_content), re.MULTILINE))
+    written = set(re.findall(r'^            "(\w+)":', inspect.getsource(Diagnosis.content), re.MULTILINE))
     assert written == {name for name, field in schema.DiagnosisContent.model_fields.items() if field.is_required()}

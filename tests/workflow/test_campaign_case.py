@@ -1,5 +1,7 @@
 """One case: its record, that it can be repeated, and that it is what the commands for one flight compute."""
 
+from types import SimpleNamespace
+
 import contents
 import numpy as np
 import pytest
@@ -111,9 +113,8 @@ def test_a_sensor_effect_is_right_in_its_own_imu_only(runner, monkeypatch, imu, 
         contents.hypothesis(effect=key[0], imu=key[1], label=label, same_as=same_as, probability=0.8),
         contents.hypothesis(effect=key[0], imu="elsewhere", label=f"{key[0]} in elsewhere", probability=0.1),
     ]
-    monkeypatch.setattr("edl_filter.diagnosis.diagnosis.diagnose", lambda *_: None)
-    content = contents.diagnosis(ranking=ranking)
-    monkeypatch.setattr("edl_filter.diagnosis.diagnosis_json.diagnosis_content", lambda _: content)
+    diagnosis = SimpleNamespace(content=lambda: contents.diagnosis(ranking=ranking))
+    monkeypatch.setattr("edl_filter.diagnosis.diagnosis.diagnose", lambda *_: diagnosis)
     monkeypatch.setattr("edl_filter.diagnosis.linear_model.flight_case.flight_case", lambda _: None)
     monkeypatch.setattr(campaign_case, "reconstruct", lambda *_, **__: None)
     flight = runner._flight("simulated")

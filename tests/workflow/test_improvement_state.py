@@ -1,6 +1,7 @@
 """An improvement that is killed between two steps goes on where it stopped, with the same model."""
 
 import json
+from functools import partial
 from types import SimpleNamespace
 
 import pytest
@@ -38,7 +39,8 @@ def selection(monkeypatch):
         while True:
             diagnosed.append([(a.name, a.values) for a in model])
             diagnosis = SimpleNamespace(
-                verdict=SimpleNamespace(verdict="clean", leader=None, entries=[]), model=[a.name for a in model]
+                verdict=SimpleNamespace(verdict="clean", leader=None, entries=[]),
+                content=partial(content_of, [a.name for a in model]),
             )
             if len(model) == len(NAMES):
                 yield Step(model, diagnosis, None, model)
@@ -48,14 +50,12 @@ def selection(monkeypatch):
             yield Step(model, diagnosis, added, (*model, added))
             model = (*model, added)
 
-    def content(diagnosis):
-        names = diagnosis.model
+    def content_of(names):
         name = NAMES[min(len(names), 2)]
         first = hypothesis(effect=name, label=name, parameters={}, gain=9.0, score_gain=8.0, errors_after={})
         return diagnosis_of(effects=names, errors={}, ranking=[first], where=[], map=[])
 
     monkeypatch.setattr(improve_model, "improve", improve)
-    monkeypatch.setattr(improve_model, "diagnosis_content", content)
     monkeypatch.setattr(improve_model, "_paragraph", lambda k, *_: f"Step {k}")
     return diagnosed
 

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 import typer
 from typer.core import TyperGroup
 
-from edl_filter.errors import UNTRUSTWORTHY, InputError
+from edl_filter.errors import UNTRUSTWORTHY, InputError, InterruptedCommandError
 from edl_filter.io.progress import PROGRESS, PROGRESS_MARK
 
 if TYPE_CHECKING:
@@ -64,25 +64,6 @@ def announce_code() -> None:
     logger = logging.getLogger("edl_filter")
     logger.addHandler(handler)
     logger.setLevel(logging.INFO)
-
-
-class InterruptedCommandError(Exception):
-    """A command was interrupted by Ctrl-C; the message says what it has kept."""
-
-
-@contextmanager
-def interrupted(outcome: str | Callable[[], str]) -> Iterator[None]:
-    """Say what a command has kept if Ctrl-C ends it.
-
-    Parameters
-    ----------
-    outcome : str or callable
-        Sentence, or what returns it at that time.
-    """
-    try:
-        yield
-    except KeyboardInterrupt:
-        raise InterruptedCommandError(outcome if isinstance(outcome, str) else outcome()) from None
 
 
 def exit_with_trust(headline: str | None) -> None:

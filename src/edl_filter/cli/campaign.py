@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from edl_filter.cli._base import exit_with_trust, interrupted, print_json
+from edl_filter.cli._base import exit_with_trust, print_json
 from edl_filter.cli.options import JsonOption
 from edl_filter.errors import UNTRUSTWORTHY, InputError
 
@@ -74,7 +74,7 @@ def _run(
     patience: float,
     as_json: bool,
 ) -> None:
-    from edl_filter.io.output_folder import output_folder
+    from edl_filter.io.output_folder import interrupted, output_folder
     from edl_filter.workflow.campaign import run_campaign
     from edl_filter.workflow.campaign_files import ranges_text, read_failures
     from edl_filter.workflow.campaign_report import gather

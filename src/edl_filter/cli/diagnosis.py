@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from edl_filter.cli._base import exit_with_trust, interrupted, print_file_plan, print_json, progress
+from edl_filter.cli._base import exit_with_trust, print_file_plan, print_json, progress
 from edl_filter.cli.options import (
     DryRunOption,
     EffectFileOption,
@@ -100,7 +100,7 @@ def diagnose(
         selected_effects(names or (), file)
         print_file_plan(plan_diagnosis(result, file), as_json)
         return
-    from edl_filter.io.output_folder import output_folder
+    from edl_filter.io.output_folder import interrupted, output_folder
     from edl_filter.workflow.diagnose_result import diagnose_result
 
     folder = result if result.is_dir() else result.parent
@@ -149,7 +149,7 @@ def improve(
     file: EffectFileOption = None,
 ) -> None:
     """Diagnose and add the missing effect, repeatedly, until no effect is accepted; write each step and a ledger."""
-    from edl_filter.io.output_folder import output_folder
+    from edl_filter.io.output_folder import interrupted, output_folder
     from edl_filter.mission import Mission
     from edl_filter.report.terminal.console import print_paragraph
     from edl_filter.workflow.improve_model import StepFiles, complete_steps, improve_steps, write_final_model

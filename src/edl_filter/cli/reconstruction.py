@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import typer
 
-from edl_filter.cli._base import exit_with_trust, interrupted, print_file_plan, print_json, progress
+from edl_filter.cli._base import exit_with_trust, print_file_plan, print_json, progress
 from edl_filter.cli.options import (
     DryRunOption,
     ForceOption,
@@ -20,9 +23,6 @@ from edl_filter.cli.options import (
     mission_names,
 )
 from edl_filter.errors import InputError
-
-if TYPE_CHECKING:
-    from edl_filter.mission import Mission
 
 _HDF5_SUFFIXES = (".h5", ".hdf5", ".nc")
 
@@ -40,25 +40,19 @@ def run(
     dry_run: DryRunOption = False,
 ) -> None:
     """Reconstruct an entry and refit its effects; write result.nc, summary.json, report.html and figures."""
-    from edl_filter.mission import Mission
-
     kinds = _figure_formats(formats)
     if dry_run:
         from edl_filter.workflow.dry_run import plan_run
 
-        loaded = Mission.load(mission, changes or ())
-        folder = output or loaded.output_directory()
-        print_file_plan(plan_run(loaded, folder, loaded.outputs.figures and not no_figures, kinds), as_json)
+        print_file_plan(plan_run(mission, output, changes or (), not no_figures, kinds), as_json)
         return
-    outputs = _reconstruct(Mission.load(mission, changes or ()), output, not no_figures, as_json, not no_refit, kinds)
+    outputs = _reconstruct(mission, output, changes or (), not no_figures, as_json, not no_refit, kinds)
     exit_with_trust(outputs["content"]["headline"])
 
 
 def demo(output: ResultFolderOption = None) -> None:
     """Reconstruct Spirit's entry from the telemetry that the package ships, and print the path of its first figure."""
-    from edl_filter.mission import Mission
-
-    outputs = _reconstruct(Mission.load("builtin:mer_a"), output, figures=True, as_json=False)
+    outputs = _reconstruct("builtin:mer_a", output)
     typer.echo(f"Look at {outputs['figures'][0] if outputs['figures'] else outputs['result']} first.")
     exit_with_trust(outputs["content"]["headline"])
 
@@ -132,7 +126,7 @@ def figures(
     as_json: JsonOption = False,
 ) -> None:
     """Draw the figures of a result, and of its diagnosis if there is one, into its folder figures."""
-    from edl_filter.io.output_folder import output_folder
+    from edl_filter.io.output_folder import interrupted, output_folder
     from edl_filter.workflow.draw_figures import draw_figures
 
     kinds = _figure_formats(formats)
@@ -189,48 +183,18 @@ def _figure_formats(text: str) -> tuple[str, ...]:
 
 
 def _reconstruct(
-    mission: Mission,
+    mission: str,
     output: Path | None,
-    figures: bool,
-    as_json: bool,
+    changes: Sequence[str] = (),
+    figures: bool = True,
+    as_json: bool = False,
     refit: bool = True,
     formats: tuple[str, ...] = ("png",),
 ) -> dict[str, Any]:
     """Reconstruct a mission, write the outputs and print the summary; returns the paths of the outputs."""
-    from contextlib import nullcontext
+    from edl_filter.workflow.run import run_into_folder
 
-    from edl_filter.io.output_folder import output_folder
-    from edl_filter.report.figure_process import FigureProcess
-
-    folder = output or mission.output_directory()
-    drawn = figures and mission.outputs.figures
-    written_before = _written_at(folder)
-
-    def kept() -> str:
-        """What an interrupted run leaves."""
-        if _written_at(folder) == written_before:
-            return f"Nothing was written; what {folder} held before is unchanged."
-        return f"The result is complete; its report or figures may be missing: edl-filter figures {folder}"
-
-    # matplotlib is imported in a process of its own while the mission is reconstructed
-    with output_folder(folder), interrupted(kept), FigureProcess() if drawn else nullcontext() as process:
-        from edl_filter.workflow.run import check_output_names, earlier_outputs, run_mission, write_outputs
-
-        check_output_names(folder)
-        if not as_json:
-            for sentence in earlier_outputs(folder):
-                typer.echo(sentence)
-        with progress(f"Reconstructing {mission.title or mission.name}", quiet=as_json) as report_step:
-            result = run_mission(mission, refit, report_step)
-        with progress("Writing results", quiet=as_json):
-            outputs = write_outputs(result, folder, drawn, formats, process)
-        if not as_json:  # the result, while the figures are still being drawn
-            from edl_filter.report.terminal.run import print_run
-
-            print_run(outputs)
-        if process is not None:
-            with progress("Drawing figures", quiet=as_json):
-                outputs["figures"] = process.wait()
+    outputs = run_into_folder(mission, output, changes, figures, refit, formats, _RunDisplay(as_json))
     if as_json:
         paths = {k: str(outputs[k]) for k in ("result", "report")} | {"figures": [str(p) for p in outputs["figures"]]}
         print_json(outputs["content"] | {"outputs": paths})
@@ -239,9 +203,24 @@ def _reconstruct(
     return outputs
 
 
-def _written_at(folder: Path) -> int | None:
-    """Time (ns) at which the result in a folder was written; None without one."""
-    from edl_filter.results.files import RESULT
+@dataclass(frozen=True)
+class _RunDisplay:
+    """Display of a run (`workflow.run.RunDisplay`); with `quiet` nothing is printed on standard output."""
 
-    path = folder / RESULT
-    return path.stat().st_mtime_ns if path.is_file() else None
+    quiet: bool
+
+    def task(self, name: str) -> AbstractContextManager[Callable[[str], None]]:
+        """Display a task while it lasts."""
+        return progress(name, self.quiet)
+
+    def replaces(self, sentence: str) -> None:
+        """Print what of an earlier run is replaced or removed."""
+        if not self.quiet:
+            typer.echo(sentence)
+
+    def written(self, outputs: dict[str, Any]) -> None:
+        """Print the result."""
+        if not self.quiet:
+            from edl_filter.report.terminal.run import print_run
+
+            print_run(outputs)

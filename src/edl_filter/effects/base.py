@@ -26,17 +26,18 @@ entry_state
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, ClassVar, NamedTuple
 
 import numpy as np
 
 from edl_filter.display import render
 from edl_filter.effects.parameters import Parameter as Parameter
-from edl_filter.effects.parameters import Values, checked_values, completed_values
+from edl_filter.effects.parameters import Values, bounds_text, nearest
 from edl_filter.effects.types import AeroCoefficients, Body, FlightCondition
+from edl_filter.errors import InputError
 from edl_filter.types import Array
 
 if TYPE_CHECKING:  # `planet` imports a compiler, which a table of the catalogue does not need
@@ -55,6 +56,14 @@ READING_HOOKS = (*SENSOR_HOOKS, "vehicle")
 PATH_HOOKS = (*READING_HOOKS, "gravity", "entry_state")
 #: Name of an effect, and the IMU in which it acts (None: the driving one, or no sensor effect).
 EffectKey = tuple[str, str | None]
+
+
+class Problem(NamedTuple):
+    """An invalid value: name of the parameter, text of the actual value, text of what is expected."""
+
+    parameter: str
+    actual: str
+    expected: str
 
 
 class Effect:
@@ -232,9 +241,32 @@ class Effect:
     def _acts_by(self, hooks: Sequence[str]) -> bool:
         return any(self.acts(hook) for hook in hooks)
 
+    def problems(self, values: Values) -> Iterator[Problem]:
+        """Yield a problem for each of `values` that names no parameter of the effect or is out of its bounds."""
+        parameters = {q.name: q for q in self.parameters}
+        for name, value in values.items():
+            if name not in parameters:
+                yield Problem(name, "an unknown key", f"a parameter of {self.name}; {nearest(name, parameters)}")
+                continue
+            q = parameters[name]
+            if not q.low <= value <= q.high:  # NaN fails too
+                yield Problem(name, f"{value:g}", bounds_text(q))
+
     def completed(self, values: Values) -> dict[str, float]:
-        """All parameters by name: those of `values`, all others at their defaults."""
-        return completed_values(self, values)
+        """All parameters by name: those of `values`, all others at their defaults; nothing is checked."""
+        return {q.name: float(values.get(q.name, q.default)) for q in self.parameters}
+
+    def checked(self, values: Values) -> dict[str, float]:
+        """All parameters by name, as `completed`, of values that have no `problems`.
+
+        Raises
+        ------
+        InputError
+            The message begins with the parameter's name: there is no such parameter, or it is out of its bounds.
+        """
+        for problem in self.problems(values):
+            raise InputError(f"{problem.parameter}: found {problem.actual}; expected {problem.expected}")
+        return self.completed(values)
 
     def at(self, **values: float) -> EffectInstance:
         """The effect switched on: a parameter that is not named takes its default, which is zero for sizes.
@@ -244,7 +276,7 @@ class Effect:
         InputError
             There is no such parameter, or it is out of its bounds.
         """
-        return EffectInstance(self, checked_values(self, values))
+        return EffectInstance(self, self.checked(values))
 
     def __repr__(self) -> str:
         return f"<effect {self.name}: {self.summary}>"

@@ -1,16 +1,13 @@
-"""Parameters of effects: their declaration, and the check of values against it."""
+"""Parameters of effects: their declaration, and the texts of messages about them."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from difflib import get_close_matches
-from typing import NamedTuple, Protocol
 
 import numpy as np
-
-from edl_filter.errors import InputError
 
 Values = Mapping[str, float]
 
@@ -50,61 +47,11 @@ class Parameter:
     default: float = 0.0
 
 
-class Declares(Protocol):
-    """Anything that declares a name and parameters: an effect, or its class."""
-
-    @property
-    def name(self) -> str:
-        """As in missions and tables."""
-
-    @property
-    def parameters(self) -> tuple[Parameter, ...]:
-        """In the order of the declaration."""
-
-
-class Problem(NamedTuple):
-    """An invalid value: name of the parameter, text of the actual value, text of what is expected."""
-
-    parameter: str
-    actual: str
-    expected: str
-
-
-def checked_values(effect: Declares, values: Mapping[str, float]) -> dict[str, float]:
-    """All parameters of an effect by name; those that `values` does not name are at their defaults.
-
-    Raises
-    ------
-    InputError
-        The message begins with the parameter's name: there is no such parameter, or it is out of its bounds.
-    """
-    for problem in problems(effect, values):
-        raise InputError(f"{problem.parameter}: found {problem.actual}; expected {problem.expected}")
-    return completed_values(effect, values)
-
-
-def problems(effect: Declares, values: Mapping[str, float]) -> Iterator[Problem]:
-    """Yield a problem for each of `values` that names no parameter of the effect or is out of its bounds."""
-    parameters = {q.name: q for q in effect.parameters}
-    for name, value in values.items():
-        if name not in parameters:
-            yield Problem(name, "an unknown key", f"a parameter of {effect.name}; {nearest(name, parameters)}")
-            continue
-        q = parameters[name]
-        if not q.low <= value <= q.high:  # NaN fails too
-            yield Problem(name, f"{value:g}", bounds_text(q))
-
-
 def bounds_text(q: Parameter) -> str:
     """Unit and bounds of a parameter in words."""
     if math.isinf(q.low) and math.isinf(q.high):
         return "any number" + (f" of {q.unit}" if q.unit else "")
     return (f"{q.unit} " if q.unit else "") + f"between {q.low:g} and {q.high:g}"
-
-
-def completed_values(effect: Declares, values: Values) -> dict[str, float]:
-    """All parameters of an effect by name: those of `values`, all others at their defaults; nothing is checked."""
-    return {q.name: float(values.get(q.name, q.default)) for q in effect.parameters}
 
 
 def unknown_effect(name: str, names: Collection[str]) -> str:

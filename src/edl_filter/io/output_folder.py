@@ -1,4 +1,4 @@
-"""The folder that a command writes: checked before the work, and locked while it lasts."""
+"""The folder that a command writes: checked before the work, locked while it lasts; what Ctrl-C leaves in it."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from edl_filter.errors import InputError
+from edl_filter.errors import InputError, InterruptedCommandError
 from edl_filter.io.atomic import cannot_write
 
 try:
@@ -72,6 +72,26 @@ def output_folder(folder: Path) -> Iterator[Path]:
                 path.rmdir()
             except OSError:  # something was written
                 break
+
+
+@contextmanager
+def interrupted(outcome: str | Callable[[], str]) -> Iterator[None]:
+    """Say what a command has kept if Ctrl-C ends it.
+
+    Parameters
+    ----------
+    outcome : str or callable
+        Sentence, or what returns it at that time.
+
+    Raises
+    ------
+    InterruptedCommandError
+        In place of a KeyboardInterrupt, with the sentence.
+    """
+    try:
+        yield
+    except KeyboardInterrupt:
+        raise InterruptedCommandError(outcome if isinstance(outcome, str) else outcome()) from None
 
 
 @contextmanager

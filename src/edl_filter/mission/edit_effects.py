@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from edl_filter.effects.base import Effect, EffectInstance
-from edl_filter.effects.parameters import Parameter, checked_values
+from edl_filter.effects.parameters import Parameter
 from edl_filter.effects.registry import find_effect, nameable_in_mission, validated_effect
 from edl_filter.errors import InputError
 from edl_filter.mission.files import source_folder, write_mission
@@ -204,7 +204,7 @@ def with_effect(
     instance = replace(
         instance,
         effect=validated_effect(instance.effect),
-        values=checked_values(instance.effect, instance.values | values),
+        values=instance.effect.checked(instance.values | values),
         imu=imu or instance.imu,
         fixed=fixed or instance.fixed,
     )

@@ -47,13 +47,13 @@ class EffectConfig(Section):
 def _problems(entry: EffectConfig, catalogue: Mapping[str, Effect]) -> Iterator[tuple[tuple[str, ...], str, str]]:
     """Yield place, value and what is accepted for an unknown effect, each wrong parameter and a wrong IMU."""
     from edl_filter.effects.instances import lookup
-    from edl_filter.effects.parameters import nearest, problems
+    from edl_filter.effects.parameters import nearest
 
     effect = lookup(catalogue, entry.name)
     if effect is None:
         yield ("name",), value_text(entry.name), f"the name of an effect; {nearest(entry.name, catalogue)}"
         return
-    for problem in problems(effect, entry.parameters):
+    for problem in effect.problems(entry.parameters):
         yield ("parameters", problem.parameter), problem.actual, problem.expected
     if entry.imu is not None and not effect.is_sensor_effect:
         yield ("imu",), value_text(entry.imu), f"none: {entry.name} sits in no IMU"
@@ -107,7 +107,6 @@ def effect_instances(
     if not effects:
         return ()
     from edl_filter.effects.base import EffectInstance
-    from edl_filter.effects.parameters import checked_values
     from edl_filter.effects.registry import find_effect
 
     instances = []
@@ -115,7 +114,7 @@ def effect_instances(
         key = f"effects.{k}"
         effect = find_effect(entry.name, None if entry.file is None else locate(f"{key}.file", entry.file))
         try:
-            values = checked_values(effect, entry.parameters)
+            values = effect.checked(entry.parameters)
         except InputError as error:
             raise InputError(f"{label}: {key}.parameters.{error}.") from None
         instances.append(EffectInstance(effect, values, entry.imu, entry.fixed))

@@ -10,7 +10,6 @@ from collections.abc import Iterable, Mapping, Sequence
 from html import escape
 from typing import TYPE_CHECKING
 
-from edl_filter.diagnosis.diagnosis_json import diagnosis_content
 from edl_filter.effects.tables import size_text
 from edl_filter.report.text import (
     fixed_digits,
@@ -100,7 +99,7 @@ def _in_km(value: float | None, sigma: float | None) -> str:
 
 def diagnosis_card(diagnosis: Diagnosis) -> str:
     """Verdict, hypotheses, the worst failures and the remainder."""
-    content = DiagnosisContent.of(diagnosis_content(diagnosis))
+    content = DiagnosisContent.of(diagnosis.content())
     heads = ("hypothesis", "probability", "gain (nats)", "held out (nats)", "parameters", "normalised RMS")
     first, *qualifying = state_sentences(content)
     parts = [_text(first, bold=True), *map(_text, qualifying)]

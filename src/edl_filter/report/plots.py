@@ -15,7 +15,6 @@ import numpy as np
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
-from edl_filter.diagnosis.diagnosis_json import diagnosis_content
 from edl_filter.errors import InputError
 from edl_filter.report import attitude, constraints, diagnosis, motion, track, trajectory
 from edl_filter.report.description import Figure, Panel
@@ -196,7 +195,7 @@ class DiagnosisPlots:
 
     def __init__(self, diagnosis: Diagnosis) -> None:
         self._diagnosis = diagnosis
-        self._content = DiagnosisContent.of(diagnosis_content(diagnosis))
+        self._content = DiagnosisContent.of(diagnosis.content())
 
     def __repr__(self) -> str:
         names = ", ".join(n for n in dir(self) if n[0] != "_")

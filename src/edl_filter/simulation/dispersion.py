@@ -9,7 +9,6 @@ from pathlib import Path
 import numpy as np
 
 from edl_filter.effects.base import EffectInstance
-from edl_filter.effects.parameters import problems
 from edl_filter.effects.registry import find_effect
 from edl_filter.errors import InputError
 from edl_filter.imu_model.sensor_errors import SENSOR_STATES, SensorErrors
@@ -244,7 +243,7 @@ def _drawn_effect(
             continue
         for _ in range(_TRIALS):
             values[q.name] = _number(distribution, random)
-            invalid = [p for p in problems(effect, values) if p.parameter == q.name]
+            invalid = [p for p in effect.problems(values) if p.parameter == q.name]
             if not invalid:
                 break
         else:

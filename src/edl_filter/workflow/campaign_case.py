@@ -241,14 +241,13 @@ def diagnosis_values(
         Effects that are in the flight and not in the model. A sensor effect is named rightly in its own IMU only.
     """
     from edl_filter.diagnosis.diagnosis import diagnose
-    from edl_filter.diagnosis.diagnosis_json import diagnosis_content
     from edl_filter.diagnosis.linear_model.flight_case import flight_case
     from edl_filter.effects.registry import known_effects
     from edl_filter.results.campaign_variables import VERDICTS
     from edl_filter.results.schema import DiagnosisContent
 
     reconstruction = reconstruct(flight.mission, effects, False, recover=False, inputs=inputs, compare_imus=False)
-    diagnosis = DiagnosisContent.of(diagnosis_content(diagnose(flight_case(reconstruction), known_effects().values())))
+    diagnosis = DiagnosisContent.of(diagnose(flight_case(reconstruction), known_effects().values()).content())
     true = {label_of(canonical_key(a, inputs.telemetry.driving)) for a in hidden}
     ranking = diagnosis.ranking
     named = {ranking[0].label, *ranking[0].same_as} if ranking else set()

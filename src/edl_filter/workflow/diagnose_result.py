@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from edl_filter.diagnosis.diagnosis import diagnose
-from edl_filter.diagnosis.diagnosis_json import diagnosis_content
 from edl_filter.diagnosis.linear_model.flight_case import load_case
 from edl_filter.diagnosis.residual_analysis.residual_map import CONSTRAINTS, OVERALL, residual_series
 from edl_filter.diagnosis.selection.ranking import Progress, candidate_instances
@@ -100,7 +99,7 @@ def diagnose_result(
         raise InputError(f"--effect: {', '.join(names)} is in the model already; name an effect that is not.")
     reopened.check_same_flight(case.reconstruction)
     diagnosis = diagnose(case, effects, progress)
-    content = diagnosis_content(diagnosis)
+    content = diagnosis.content()
     content |= _own_effects(content, file)
     progress("drawing")
     from edl_filter.report.diagnosis import draw_diagnosis

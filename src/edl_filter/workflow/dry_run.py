@@ -67,25 +67,25 @@ class FilePlan:
         }
 
 
-def plan_run(mission: Mission, folder: Path, figures: bool, formats: Sequence[str] = ("png",)) -> FilePlan:
+def plan_run(
+    name: str, output: Path | None, changes: Sequence[str], figures: bool, formats: Sequence[str] = ("png",)
+) -> FilePlan:
     """Files that a run reads, writes and removes.
 
     Parameters
     ----------
-    mission : Mission
-        Checked mission.
-    folder : Path
-        Folder of the result.
-    figures : bool
-        Whether figures are drawn.
-    formats : sequence of str
-        Formats of the figures.
+    name : str
+        Mission file, or ``builtin:NAME``.
+    output, changes, figures, formats
+        As in `workflow.run.run_into_folder`.
 
     Raises
     ------
     InputError
-        A file that the mission names does not exist, or the folder cannot be written.
+        The mission is wrong, a file that it names does not exist, or the folder cannot be written.
     """
+    mission = Mission.load(name, changes)
+    folder, figures = output or mission.output_directory(), figures and mission.outputs.figures
     check_folder(folder)
     tables = () if mission.aerodynamics is None else POSTFLIGHT_TABLES
     writes = (

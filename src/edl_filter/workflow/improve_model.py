@@ -13,7 +13,6 @@ from dataclasses import dataclass
 from itertools import count
 from pathlib import Path
 
-from edl_filter.diagnosis.diagnosis_json import diagnosis_content
 from edl_filter.diagnosis.residual_analysis.residual_map import residual_series
 from edl_filter.diagnosis.selection.outer_loop import fit_effects
 from edl_filter.diagnosis.selection.ranking import Progress
@@ -105,7 +104,7 @@ def improve_steps(
     _remove_steps(folder, start.number)
     for k, step in enumerate(improve(mission, effects, start.model, progress), start.number):
         full = most is not None and k >= most and step.added is not None
-        content = DiagnosisContent.of(diagnosis_content(step.diagnosis))
+        content = DiagnosisContent.of(step.diagnosis.content())
         text, _ = text_with_effects(mission, step.model)
         step_folder = folder / f"step_{k}"
         write_mission(mission, text, step_folder / MISSION)

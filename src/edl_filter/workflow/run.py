@@ -4,16 +4,15 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 from edl_filter.errors import InputError
 from edl_filter.io.atomic import cannot_write
-from edl_filter.io.output_folder import STAGING, staged_output
+from edl_filter.io.output_folder import STAGING, interrupted, output_folder, staged_output
 from edl_filter.mission import Mission
-from edl_filter.pipeline.reconstruct import FlightInputs, reconstruct
-from edl_filter.pipeline.trust import checked_telemetry
 from edl_filter.results.files import (
     DATABASE_UPDATE,
     DIAGNOSIS,
@@ -29,11 +28,92 @@ from edl_filter.results.files import (
     write_json,
 )
 from edl_filter.results.netcdf import write
-from edl_filter.results.result import Result
-from edl_filter.results.summary import RefitSummary
 
-if TYPE_CHECKING:
+if TYPE_CHECKING:  # the compiler and the reconstruction are imported while another process imports matplotlib
     from edl_filter.report.figure_process import FigureProcess
+    from edl_filter.results.result import Result
+
+
+class RunDisplay(Protocol):
+    """What the caller of `run_into_folder` displays while it works."""
+
+    def task(self, name: str) -> AbstractContextManager[Callable[[str], None]]:
+        """Display a task while it lasts; the callable is called with each of its steps."""
+
+    def replaces(self, sentence: str) -> None:
+        """Display, before the work, what of an earlier run is replaced or removed."""
+
+    def written(self, outputs: dict[str, Any]) -> None:
+        """Display the result, as `write_outputs` returns it, while its figures are still being drawn."""
+
+
+def run_into_folder(
+    mission: str,
+    output: Path | None,
+    changes: Sequence[str],
+    figures: bool,
+    refit: bool,
+    formats: Sequence[str],
+    display: RunDisplay,
+) -> dict[str, Any]:
+    """Reconstruct a mission and write the files of its result, from the mission's name to the last figure.
+
+    Parameters
+    ----------
+    mission : str
+        Mission file, or ``builtin:NAME``.
+    output : Path, optional
+        Folder of the result; by default the one that the mission names. It is locked while the run lasts.
+    changes : sequence of str
+        ``KEY=VALUE``, for this run.
+    figures : bool
+        Whether figures are drawn, if the mission does not turn them off.
+    refit : bool
+        As in `run_mission`.
+    formats : sequence of str
+        As in `write_outputs`.
+    display : RunDisplay
+        Called with tasks and results in the order of the work.
+
+    Returns
+    -------
+    dict
+        As `write_outputs`, with the figures.
+
+    Raises
+    ------
+    InputError
+        The mission or a file that it names is wrong, or the folder cannot be written.
+    InterruptedCommandError
+        Ctrl-C ended the run; the message says what it has kept.
+    """
+    loaded = Mission.load(mission, changes)
+    folder = output or loaded.output_directory()
+    drawn = figures and loaded.outputs.figures
+    written_before = _written_at(folder)
+
+    def kept() -> str:
+        """What an interrupted run leaves."""
+        if _written_at(folder) == written_before:
+            return f"Nothing was written; what {folder} held before is unchanged."
+        return f"The result is complete; its report or figures may be missing: edl-filter figures {folder}"
+
+    from edl_filter.report.figure_process import FigureProcess
+
+    # matplotlib is imported in a process of its own while the mission is reconstructed
+    with output_folder(folder), interrupted(kept), FigureProcess() if drawn else nullcontext() as process:
+        check_output_names(folder)
+        for sentence in earlier_outputs(folder):
+            display.replaces(sentence)
+        with display.task(f"Reconstructing {loaded.title or loaded.name}") as report_step:
+            result = run_mission(loaded, refit, report_step)
+        with display.task("Writing results"):
+            outputs = write_outputs(result, folder, drawn, formats, process)
+        display.written(outputs)
+        if process is not None:
+            with display.task("Drawing figures"):
+                outputs["figures"] = process.wait()
+    return outputs
 
 
 def run_mission(mission: Mission, refit: bool = True, progress: Callable[[str], None] = lambda _: None) -> Result:
@@ -61,6 +141,11 @@ def run_mission(mission: Mission, refit: bool = True, progress: Callable[[str], 
     InputError
         As `reconstruct`; or the record violates the physics of an entry (`pipeline.plausibility`).
     """
+    from edl_filter.pipeline.reconstruct import FlightInputs, reconstruct
+    from edl_filter.pipeline.trust import checked_telemetry
+    from edl_filter.results.result import Result
+    from edl_filter.results.summary import RefitSummary
+
     telemetry = checked_telemetry(mission)
     if not refit or not mission.effects or mission.aerodynamics is None or mission.vehicle.inertia is None:
         return Result(reconstruct(mission, inputs=None if telemetry is None else FlightInputs(telemetry)))
@@ -171,6 +256,12 @@ def earlier_outputs(directory: Path) -> list[str]:
     if (directory / DIAGNOSIS).is_file():
         sentences.append(f"{directory} holds the diagnosis of the earlier result; it is removed ({DIAGNOSIS}).")
     return sentences
+
+
+def _written_at(folder: Path) -> int | None:
+    """Time (ns) at which the result in a folder was written; None without one."""
+    path = folder / RESULT
+    return path.stat().st_mtime_ns if path.is_file() else None
 
 
 def _write_all(result: Result, folder: Path) -> dict[str, Any]:

@@ -10,7 +10,6 @@ from linear_problems import from_dense, joint_measurements
 from scipy.optimize import brentq
 from scipy.stats import multivariate_normal
 
-from edl_filter.diagnosis.jacobians.state_space import RowIndex
 from edl_filter.diagnosis.noise.variance_components import (
     ExcessVariance,
     _Iteration,
@@ -21,6 +20,7 @@ from edl_filter.diagnosis.noise.variance_components import (
     moment_estimate,
     most_likely_colour,
 )
+from edl_filter.diagnosis.prediction.residuals import RowIndex
 from edl_filter.estimation.kalman import LinearStateSpace, whitening_filter
 from edl_filter.mission.decision_settings import DecisionSettings
 

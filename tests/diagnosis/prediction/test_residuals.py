@@ -1,11 +1,14 @@
-"""Readings of a checking IMU against those that the driving IMU implies, and the correction of lever arms."""
+"""Readings of a checking IMU, the correction of lever arms, and the order of residuals in the residual vector."""
 
 from dataclasses import fields, replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
-from edl_filter.diagnosis.prediction.residuals import Residuals, _checking_residuals, correct_lever_arms
+from edl_filter.diagnosis.prediction.residuals import Residuals, RowIndex, _checking_residuals, correct_lever_arms
 from edl_filter.diagnosis.prediction.time_bins import TimeBins
 from edl_filter.imu_model.sensor_errors import SensorErrors
 from edl_filter.navigation.increments import effective_samples
@@ -49,3 +52,89 @@ def test_an_error_that_both_imus_have_is_no_difference_between_them():
     assert correct_lever_arms(residuals, ()) is residuals
     with pytest.raises(ValueError, match="shorter"):
         correct_lever_arms(residuals, (error, error))  # an IMU without its error
+
+
+# --- rows as one vector ----------------------------------------------------------------------------------------------
+
+
+def random_index(rng, bins, imus):
+    """Rows in any order, some channels not used; two constraints of one and three components among them."""
+    width = 6 + 6 * imus
+    used = rng.random((bins, width)) < 0.7
+    used[-1, 3:6] = False  # no step of the rate follows the last bin
+    count = int(used.sum()) + 4
+    constraints = (slice(0, 1), slice(count - 3, count))
+    rows = np.full((bins, width), -1)
+    rows[used] = rng.permutation(np.arange(1, count - 3))
+    return RowIndex(rows, constraints, count, np.zeros(0), np.zeros(count), np.zeros(count, int))
+
+
+def random_residuals(rng, bins, imus):
+    """Residuals of the bins; those of the constraints in addition."""
+    return SimpleNamespace(
+        force=rng.normal(size=(bins, 3)),
+        rate_step=rng.normal(size=(bins - 1, 3)),
+        checking_force=tuple(rng.normal(size=(imus, bins, 3))),
+        checking_rate=tuple(rng.normal(size=(imus, bins, 3))),
+        constraints=(rng.normal(size=1), rng.normal(size=3)),
+    )
+
+
+def stacked(index, residuals, imus, constraints=True):
+    """Twin of `stack`, number by number; channels are force, rate step, then force and rate of each checking IMU."""
+    out = np.zeros(index.count)
+    for b in range(len(index.bin_rows)):
+        channels = [*residuals.force[b], *(residuals.rate_step[b] if b < len(residuals.rate_step) else [np.nan] * 3)]
+        for i in range(imus):
+            channels += [*residuals.checking_force[i][b], *residuals.checking_rate[i][b]]
+        for row, value in zip(index.bin_rows[b], channels, strict=False):
+            if row >= 0:
+                out[row] = value
+    if constraints:
+        out[0], out[-3:] = residuals.constraints[0][0], residuals.constraints[1]
+    return out
+
+
+@given(st.integers(0, 10_000), st.integers(1, 6), st.integers(0, 3))
+def test_each_residual_is_in_its_own_row(seed, bins, imus):
+    rng = np.random.default_rng(seed)
+    index, residuals = random_index(rng, bins, imus), random_residuals(rng, bins, imus)
+    np.testing.assert_array_equal(index.stack(residuals), stacked(index, residuals, imus))
+    changes = index.stack_predictions(
+        residuals.force, residuals.rate_step, residuals.checking_force, residuals.checking_rate
+    )
+    np.testing.assert_array_equal(changes, stacked(index, residuals, imus, constraints=False))
+
+
+@given(st.integers(0, 10_000), st.integers(1, 6), st.integers(0, 3))
+def test_a_prediction_has_no_rows_of_checking_imus_and_constraints(seed, bins, imus):
+    rng = np.random.default_rng(seed)
+    index, residuals = random_index(rng, bins, imus), random_residuals(rng, bins, imus)
+    expected = stacked(index, residuals, 0, constraints=False)
+    np.testing.assert_array_equal(index.stack_predictions(residuals.force, residuals.rate_step), expected)
+
+
+def test_residuals_of_another_number_of_constraints_are_refused():
+    rng = np.random.default_rng(0)
+    index, residuals = random_index(rng, 3, 1), random_residuals(rng, 3, 1)
+    with pytest.raises(ValueError):
+        index.stack(SimpleNamespace(**(vars(residuals) | {"constraints": residuals.constraints[:1]})))
+
+
+@given(st.integers(0, 10_000), st.integers(1, 8))
+def test_the_step_of_a_bin_is_the_one_that_has_its_rows(seed, bins):
+    """Steps without rows, and with rows of constraints, lie between those of the bins; some bins are not compared."""
+    rng = np.random.default_rng(seed)
+    row_start, rows, expected = [0], np.full((bins, 6), -1), []
+    for b in range(bins):
+        for width in (*([0] * rng.integers(0, 3)), *([2] * rng.integers(0, 2))):
+            row_start.append(row_start[-1] + width)
+        begin = int(rng.choice([0, 0, 1, 3, 6]))  # the first channel that is used; 6: none
+        rows[b, begin:] = row_start[-1] + np.arange(6 - begin)
+        if begin == 0:
+            expected.append((b, len(row_start) - 1))
+        row_start.append(row_start[-1] + 6 - begin)
+    count = row_start[-1]
+    index = RowIndex(rows, (), count, np.zeros(0), np.zeros(count), np.zeros(count, int))
+    used, steps = index.step_of_bins(np.array(row_start))
+    assert list(zip(used.tolist(), steps.tolist(), strict=True)) == expected

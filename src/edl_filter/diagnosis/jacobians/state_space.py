@@ -6,15 +6,12 @@ with their own stochastic models (`nuisance`). Measurements: the rows of every b
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from edl_filter.diagnosis.jacobians.bin_rows import BinRows
 from edl_filter.diagnosis.jacobians.nuisance import FIELD_STATES, NuisanceLayout, StatedUncertainty
 from edl_filter.diagnosis.jacobians.transitions import PathTransitions
-from edl_filter.diagnosis.prediction.reading_difference import BinResiduals
-from edl_filter.diagnosis.prediction.residuals import ModelInputs, Residuals
+from edl_filter.diagnosis.prediction.residuals import ModelInputs, Residuals, RowIndex
 from edl_filter.diagnosis.prediction.time_bins import TimeBins, bin_sigma
 from edl_filter.estimation.block_sparse import BlockSparse, from_blocks
 from edl_filter.estimation.kalman import LinearStateSpace
@@ -22,75 +19,7 @@ from edl_filter.estimation.matern import MATERN32_COVARIANCE, matern32_transitio
 from edl_filter.navigation.ekf import linearized_measurement
 from edl_filter.navigation.initial import initial_estimate
 from edl_filter.navigation.layout import State
-from edl_filter.types import Array, IntArray
-
-
-@dataclass(frozen=True)
-class RowIndex:
-    """Position of each residual among the rows of the model.
-
-    Attributes
-    ----------
-    bin_rows : (B, width) array of int
-        Row of each channel of each bin; -1 where it is not used.
-    constraint_rows : tuple of slices
-        By constraint.
-    count : int
-        Number of rows.
-    step_interval : (K,) array
-        Time between a step and the one before, s.
-    time : (R,) array
-        Of each row, s.
-    column : (R,) array of int
-        Of each row within its step's noise block.
-    """
-
-    bin_rows: IntArray
-    constraint_rows: tuple[slice, ...]
-    count: int
-    step_interval: Array
-    time: Array
-    column: IntArray
-
-    def stack(self, residuals: Residuals) -> Array:
-        """All residuals as one vector ``(R,)``."""
-        out = self.stack_predictions(residuals.force, residuals.rate_step, residuals)
-        for rows, residual in zip(self.constraint_rows, residuals.constraints, strict=True):
-            out[rows] = residual
-        return out
-
-    def stack_predictions(
-        self, force: Array, rate_step: Array, checking: Residuals | BinResiduals | None = None
-    ) -> Array:
-        """Specific force ``(B, 3)`` and rate steps ``(B - 1, 3)`` as one vector ``(R,)``; zero in all other rows.
-
-        Parameters
-        ----------
-        force, rate_step : arrays
-            m/s², rad/s.
-        checking : Residuals or BinResiduals, optional
-            Whose residuals of the checking IMUs are stacked as well.
-        """
-        out = np.zeros(self.count)
-        table = np.zeros(self.bin_rows.shape)
-        table[:, :3], table[:-1, 3:6] = force, rate_step
-        if checking is not None:
-            for i, (f, w) in enumerate(zip(checking.checking_force, checking.checking_rate, strict=True)):
-                table[:, 6 + 6 * i : 9 + 6 * i], table[:, 9 + 6 * i : 12 + 6 * i] = f, w
-        used = self.bin_rows >= 0
-        out[self.bin_rows[used]] = table[used]
-        return out
-
-    def step_of_bins(self, row_start: IntArray) -> tuple[IntArray, IntArray]:
-        """Bins whose force is compared, and the step of the model at which each ends.
-
-        Parameters
-        ----------
-        row_start : (K + 1,) array of int
-            First row of each step.
-        """
-        used = np.flatnonzero(self.bin_rows[:, 0] >= 0)
-        return used, np.searchsorted(row_start, self.bin_rows[used, 0], side="right") - 1
+from edl_filter.types import Array
 
 
 def assemble_state_space(

@@ -250,7 +250,7 @@ def _difference_on_fixed_path(
     plus, minus = ((i, *corrected_readings(i.problem, model.reference.errors)) for i in inputs)
     same_loads = not effect.is_model_effect
     change = difference_on_fixed_path(model.bins, plus, minus, model.residuals, same_loads)
-    return model.index.stack_predictions(change.force, change.rate_step, change)
+    return model.index.stack_predictions(change.force, change.rate_step, change.checking_force, change.checking_rate)
 
 
 def _load_difference(

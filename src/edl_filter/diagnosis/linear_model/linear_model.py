@@ -12,7 +12,7 @@ import numpy as np
 
 from edl_filter.diagnosis.jacobians.nuisance import NuisanceLayout
 from edl_filter.diagnosis.jacobians.prediction_jacobian import PredictionJacobian
-from edl_filter.diagnosis.jacobians.state_space import RowIndex, stated_initial_error
+from edl_filter.diagnosis.jacobians.state_space import stated_initial_error
 from edl_filter.diagnosis.linear_model.flight_case import FlightCase
 from edl_filter.diagnosis.linear_model.linearization_point import (
     LinearizationPoint,
@@ -31,6 +31,7 @@ from edl_filter.diagnosis.prediction.residuals import (
     ModelInputs,
     PathReference,
     Residuals,
+    RowIndex,
     compute_residuals,
     with_predictions,
 )

@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from edl_filter.diagnosis.jacobians.nuisance import FIELD_STATES, PERTURBED, NuisanceLayout
-from edl_filter.diagnosis.jacobians.state_space import RowIndex
+from edl_filter.diagnosis.prediction.residuals import RowIndex
 from edl_filter.diagnosis.prediction.time_bins import TimeBins
 from edl_filter.effects.base import EffectInstance
 from edl_filter.effects.perturbation import CoefficientUnits, FieldPerturbation, Perturbation

@@ -13,8 +13,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from edl_filter.diagnosis.jacobians.state_space import RowIndex
 from edl_filter.diagnosis.prediction.predicted_readings import bin_average, triangular_integral
+from edl_filter.diagnosis.prediction.residuals import RowIndex
 from edl_filter.diagnosis.prediction.time_bins import TimeBins
 from edl_filter.effects.types import FlightCondition
 from edl_filter.estimation.block_sparse import from_blocks, merge

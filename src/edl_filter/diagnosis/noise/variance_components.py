@@ -19,7 +19,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from edl_filter.diagnosis.jacobians.state_space import RowIndex
+from edl_filter.diagnosis.prediction.residuals import RowIndex
 from edl_filter.estimation.block_sparse import from_blocks, merge
 from edl_filter.estimation.kalman import LinearStateSpace, WhiteningFilter, whitening_filter
 from edl_filter.estimation.parallel import THREADS, map_threads

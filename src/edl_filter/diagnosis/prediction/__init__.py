@@ -3,5 +3,5 @@
 In: the filter problem and the forward model of a mission, a linearisation point. Out: measured minus predicted specific
 force, rate steps, readings of the checking IMUs, and constraints. Reading order: `time_bins`, `dead_reckoning` (the
 path along which both are compared), `interpolation_error` (of lever-arm accelerations), `predicted_readings`,
-`residuals`, `reading_difference` (its derivative with respect to a sensor error).
+`residuals` (with their order in the residual vector), `reading_difference` (derivative with respect to a sensor error).
 """

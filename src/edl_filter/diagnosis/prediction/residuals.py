@@ -1,4 +1,4 @@
-"""Residuals: measured minus predicted readings of every instrument, and of the constraints.
+"""Residuals: measured minus predicted, of every instrument and constraint, and their order in the residual vector.
 
 Along a dead-reckoned path the forward model predicts specific force and steps of the rate (`predicted_readings`) as the
 IMU samples them. A checking IMU is compared with the readings that the driving IMU implies for its place; the
@@ -29,7 +29,7 @@ from edl_filter.navigation.constraints import Altimeter, OnboardAttitude
 from edl_filter.navigation.filter import Problem
 from edl_filter.navigation.increments import Samples
 from edl_filter.telemetry.record import ImuRecord
-from edl_filter.types import Array
+from edl_filter.types import Array, IntArray
 
 
 @dataclass(frozen=True)
@@ -112,6 +112,79 @@ class Residuals:
     tables: AeroCoefficients
     predicted_force: Array
     predicted_rate_step: Array
+
+
+@dataclass(frozen=True)
+class RowIndex:
+    """Position of each residual in the residual vector, whose elements are the rows of the state-space model.
+
+    Attributes
+    ----------
+    bin_rows : (B, width) array of int
+        Row of each channel of each bin; -1 where it is not used.
+    constraint_rows : tuple of slices
+        By constraint.
+    count : int
+        Number of rows.
+    step_interval : (K,) array
+        Time between a step and the one before, s.
+    time : (R,) array
+        Of each row, s.
+    column : (R,) array of int
+        Of each row within its step's noise block.
+    """
+
+    bin_rows: IntArray
+    constraint_rows: tuple[slice, ...]
+    count: int
+    step_interval: Array
+    time: Array
+    column: IntArray
+
+    def stack(self, residuals: Residuals) -> Array:
+        """All residuals as one vector ``(R,)``."""
+        out = self.stack_predictions(
+            residuals.force, residuals.rate_step, residuals.checking_force, residuals.checking_rate
+        )
+        for rows, residual in zip(self.constraint_rows, residuals.constraints, strict=True):
+            out[rows] = residual
+        return out
+
+    def stack_predictions(
+        self,
+        force: Array,
+        rate_step: Array,
+        checking_force: tuple[Array, ...] = (),
+        checking_rate: tuple[Array, ...] = (),
+    ) -> Array:
+        """Values of the bins as one vector ``(R,)``; zero in all other rows.
+
+        Parameters
+        ----------
+        force, rate_step : (B, 3) and (B - 1, 3) arrays
+            Specific force, m/s², and steps of the rate, rad/s.
+        checking_force, checking_rate : tuples of (B, 3) arrays
+            Of each checking IMU, m/s² and rad/s.
+        """
+        out = np.zeros(self.count)
+        table = np.zeros(self.bin_rows.shape)
+        table[:, :3], table[:-1, 3:6] = force, rate_step
+        for i, (f, w) in enumerate(zip(checking_force, checking_rate, strict=True)):
+            table[:, 6 + 6 * i : 9 + 6 * i], table[:, 9 + 6 * i : 12 + 6 * i] = f, w
+        used = self.bin_rows >= 0
+        out[self.bin_rows[used]] = table[used]
+        return out
+
+    def step_of_bins(self, row_start: IntArray) -> tuple[IntArray, IntArray]:
+        """Bins whose force is compared, and the step of the model at which each ends.
+
+        Parameters
+        ----------
+        row_start : (K + 1,) array of int
+            First row of each step.
+        """
+        used = np.flatnonzero(self.bin_rows[:, 0] >= 0)
+        return used, np.searchsorted(row_start, self.bin_rows[used, 0], side="right") - 1
 
 
 def compute_residuals(reference: PathReference, inputs: ModelInputs) -> Residuals:

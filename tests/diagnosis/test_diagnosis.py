@@ -7,9 +7,8 @@ import numpy as np
 import pytest
 from decision_checks import check_content, check_probabilities
 
-from edl_filter.diagnosis import diagnosis_json
-from edl_filter.diagnosis.diagnosis import diagnose
-from edl_filter.diagnosis.diagnosis_json import diagnosis_content
+from edl_filter.diagnosis import diagnosis as diagnosis_module
+from edl_filter.diagnosis.diagnosis import Diagnosis, diagnose
 from edl_filter.diagnosis.linear_model.flight_case import load_case
 from edl_filter.diagnosis.selection import decision
 from edl_filter.effects.registry import find_effect
@@ -28,7 +27,7 @@ def diagnosis():
 
 @pytest.fixture(scope="module")
 def content(diagnosis):
-    return diagnosis_content(diagnosis)
+    return diagnosis.content()
 
 
 def test_it_is_plain_json_with_every_number(diagnosis, content):
@@ -61,7 +60,7 @@ def test_an_entry_has_estimates_correlations_and_errors(diagnosis, content):
 
 
 def test_every_diagnosis_of_the_session_is_checked():
-    for function in (diagnosis_json.diagnosis_content, diagnosis_content, decision.decide):
+    for function in (Diagnosis.content, decision.decide, diagnosis_module.decide):
         assert hasattr(function, "__wrapped__")
 
 
