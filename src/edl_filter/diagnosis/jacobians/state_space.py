@@ -126,7 +126,10 @@ def assemble_state_space(
     """
     problem, n = inputs.problem, nuisance.layout.size
     widest = max(rows.used.shape[1], max((len(c.measured) for c in problem.constraints), default=1))
-    design, noise, starts, count = [], [], [], 0
+    starts, count = [], 0
+    rows_in_all = int(np.count_nonzero(rows.used))
+    rows_in_all += sum(len(problem.constraints[c].measured) for at_epoch in transitions.constraints for c in at_epoch)
+    design, noise = np.zeros((rows_in_all, nuisance.size)), np.zeros((rows_in_all, widest))
     bin_index = np.full(rows.used.shape, -1, np.int64)
     constraint_rows: dict[int, slice] = {}
     steps = _StepIndex(transitions)
@@ -136,24 +139,20 @@ def assemble_state_space(
         bin_, constraint = steps.bin[k], steps.constraint[k]
         if bin_ >= 0:
             used = np.flatnonzero(rows.used[bin_])
-            bin_index[bin_, used] = count + np.arange(len(used))
+            part = slice(count, count + len(used))
+            bin_index[bin_, used] = np.arange(part.start, part.stop)
             h = rows.design[bin_].copy()
             h[:3, :n] = h[:3, :n] @ bin_mean[bin_]
-            design.append(h[used])
-            block = np.zeros((len(used), widest))
-            block[:, : len(used)] = rows.noise[bin_][np.ix_(used, used)]
-            noise.append(block)
-            count += len(used)
+            design[part] = h[used]
+            noise[part, : len(used)] = rows.noise[bin_][np.ix_(used, used)]
+            count = part.stop
         elif constraint >= 0:
             c = problem.constraints[constraint]
-            h = np.zeros((len(c.measured), nuisance.size))
-            h[:, :n] = linearized_measurement(c, transitions.states[steps.epoch[k]], nuisance.layout)[1]
-            design.append(h)
-            block = np.zeros((len(h), widest))
-            block[:, : len(h)] = c.noise
-            noise.append(block)
-            constraint_rows[constraint] = slice(count, count + len(h))
-            count += len(h)
+            part = slice(count, count + len(c.measured))
+            design[part, :n] = linearized_measurement(c, transitions.states[steps.epoch[k]], nuisance.layout)[1]
+            noise[part, : len(c.measured)] = c.noise
+            constraint_rows[constraint] = part
+            count = part.stop
     starts.append(count)
     sigma = bin_sigma(bins, inputs.driving.time, inputs.driving.interval, inputs.driving.rate_noise)
     sigma = np.where(np.isfinite(sigma), sigma, np.nanmedian(sigma))
@@ -166,8 +165,8 @@ def assemble_state_space(
             increment=increment,
             process_noise=process_noise,
             row_start=np.array(starts, np.int64),
-            design=np.concatenate(design) if design else np.zeros((0, nuisance.size)),
-            row_noise=np.concatenate(noise) if noise else np.zeros((0, widest)),
+            design=design[:count],
+            row_noise=noise[:count],
             initial_covariance=_initial_covariance(inputs, nuisance, sigma[0]),
         ),
         RowIndex(
