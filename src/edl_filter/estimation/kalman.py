@@ -290,7 +290,7 @@ def _run_filter(
     """`_filter` of a model, with one BLAS thread."""
     q = model.process_noise
     with one_blas_thread():
-        log_determinant, square = _filter(
+        log_determinant, square, _ = _filter(
             row_pattern(model.increment), model.increment.values, q.row, q.column, q.values, model.row_start,
             np.ascontiguousarray(model.design), model.row_noise, model.initial_covariance.copy(), gain, factor,
             np.ascontiguousarray(measurements)[:, None], states[:, None].copy(),
@@ -343,7 +343,8 @@ def _filter(pattern, increment, q_row, q_column, q_values, row_start, design, ro
 
     `p` and `x` are the initial covariance ``(n, n)`` and mean ``(n, 1)``, which are overwritten. `gains` ``(R, n)`` and
     `factor` ``(R, w)`` receive gains and Cholesky factors, unless they have no rows; `column` ``(R, 1)`` has no rows
-    where there is nothing to whiten. Returns the log determinant, and the sum of squares of the white column.
+    where there is nothing to whiten. Returns the log determinant, the sum of squares of the white column, and the
+    covariance at the end.
     """
     keep, whiten = gains.shape[0] > 0, column.shape[0] > 0
     work, reduction, propagated = np.empty((pattern.rows.size, p.shape[0])), np.empty_like(p), np.empty_like(p)
@@ -388,7 +389,7 @@ def _filter(pattern, increment, q_row, q_column, q_values, row_start, design, ro
                 row, e = hp[i], white[i, 0]
                 for j in range(row.size):
                     x[j, 0] += row[j] * e
-    return log_determinant, square
+    return log_determinant, square, p
 
 
 @njit(cache=True, error_model="numpy", fastmath=FUSED, inline="always")

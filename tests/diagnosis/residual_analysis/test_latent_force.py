@@ -26,7 +26,7 @@ def model_of(case, residuals):
         residuals=SimpleNamespace(flow=flow),
         inputs=SimpleNamespace(forward_model=SimpleNamespace(bodies=lambda time: [(slice(None), BODY)])),
         initial_mean=np.zeros(0),
-        filter_with_unmodelled=lambda u: whitening_filter(augment(state_space, index, bins, flow, u)),
+        state_space_with_unmodelled=lambda u: augment(state_space, index, bins, flow, u),
         white_residuals=lambda whiten: whiten(residuals[:, None], np.zeros((0, 1)))[:, 0],
     )
 

@@ -196,6 +196,11 @@ class LinearizedModel:
         for name in ("stated_noise_filter", "white_excess_filter", "fitted_noise_filter"):
             self.__dict__.pop(name, None)
 
+    def release(self) -> None:
+        """Drop the filters, and the Jacobians of effects about the point: of a model that is set aside."""
+        self.release_filters()
+        self.computed_jacobians.clear()
+
     @cached_property
     def stated_noise_sigma(self) -> Array:
         """Standard deviation of each innovation at the stated noise ``(R,)``."""

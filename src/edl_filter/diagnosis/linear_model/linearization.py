@@ -283,7 +283,7 @@ def iterate_point(
         point = _next_point(model)
         if point is None:
             return
-        model.release_filters()  # of the models about all points, the last one has filters
+        model.release()  # of the models about all points, the last one has filters
         model = linearize_at(case, point, model.failing_excess)
 
 

@@ -340,7 +340,7 @@ def relinearize_with_effect(h: Hypothesis, reference: NullModelFit, contends: bo
     if not (h.at_floor or h.model.holds):
         at_stated_noise = [h.stated_noise_fit] if h.stated_noise_fit is not None else []
         start = _best(h.key, [h.fit], at_stated_noise, h.null, h.case, h.model, thorough=True)
-    h.model.release_filters()
+    h.model.release()
     case = load_case(h.case.mission, start.fit.effects)
     first = linearize_at(case, smoothed_point(case.reconstruction), h.model.failing_excess)
     failing_share = max(settings.holds_share, settings.alternative_progress * h.null.excess_share)

@@ -127,7 +127,7 @@ def iterate_to_convergence(
             break
         progress(f"refitting the effects, iteration {i + 1}")
         point = most_probable_point(model, fit)
-        model.release_filters()
+        model.release()
         case = load_case(case.mission, fit.effects)
         model = linearize_at(case, point, model.failing_excess)
         fit = fit_to(model)

@@ -153,7 +153,7 @@ def _rank(case: FlightCase, effects: Sequence[EffectInstance], progress: Progres
         if holding is not None and screened.model is not holding:
             relinearized = _compare_where_model_holds(case, relinearized, screenings[-1], nulls[-1])
         hypotheses += relinearized
-        screened.model.release_filters()
+        screened.model.release()
     hypotheses.sort(key=lambda h: -h.gain)
     unmodelled, unmodelled_evidence = unmodelled_fit()
     at_stated_noise = log_likelihood(most_likely.state_space, most_likely.residual_vector, most_likely.initial_mean)
@@ -336,6 +336,6 @@ def _relinearize_leaders(
         except InputError as error:
             failed[label_of(key)] = str(error)
         if ranked[i].model is not model_at_first_point:
-            ranked[i].model.release_filters()
+            ranked[i].model.release()
         ranked.sort(key=lambda h: -h.gain)
     return [h.with_reference(reference) for h in ranked]
