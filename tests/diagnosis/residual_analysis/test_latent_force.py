@@ -10,7 +10,6 @@ from edl_filter.diagnosis.noise.unmodelled_acceleration import UnmodelledAcceler
 from edl_filter.diagnosis.prediction.dead_reckoning import NODES_PER_BIN
 from edl_filter.diagnosis.residual_analysis.latent_force import estimate_latent_force
 from edl_filter.effects.types import Body
-from edl_filter.estimation.kalman import whitening_filter
 
 MASS = 800.0
 INERTIA = np.array([[250.0, 5.0, -3.0], [5.0, 180.0, 4.0], [-3.0, 4.0, 200.0]])

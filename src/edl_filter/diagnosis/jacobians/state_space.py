@@ -6,7 +6,9 @@ with their own stochastic models (`nuisance`). Measurements: the rows of every b
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import chain
 
 import numpy as np
 
@@ -154,6 +156,7 @@ def assemble_state_space(
             constraint_rows[constraint] = part
             count = part.stop
     starts.append(count)
+    del bin_mean  # large
     sigma = bin_sigma(bins, inputs.driving.time, inputs.driving.interval, inputs.driving.rate_noise)
     sigma = np.where(np.isfinite(sigma), sigma, np.nanmedian(sigma))
     interval = _step_intervals(steps, transitions, residuals)
@@ -216,7 +219,14 @@ def _bin_mean_maps(transitions: PathTransitions, count: int) -> Array:
         if bin_ >= 0:
             over_bin[bin_], product = product, eye
     over_bin[np.abs(np.linalg.det(over_bin)) < 0.5] = eye  # the driving instrument changed in between
-    return np.asarray(0.5 * (eye + np.linalg.inv(over_bin)), np.float64)
+    mean = np.linalg.inv(over_bin)
+    mean += eye
+    mean *= 0.5
+    return mean
+
+
+#: Rows and columns of a block of K matrices, and its values ``(K, r, c)``.
+_Block = tuple[slice, slice, Array]
 
 
 class _StepIndex:
@@ -259,13 +269,16 @@ def _stochastic_model(
     """
     n = nuisance.layout.size
     moves, epoch = np.array(steps.moves), np.array(steps.epoch)
-    navigation = slice(0, n)
-    increment: list[tuple[slice, slice, Array]] = [
-        (navigation, navigation, np.where(moves[:, None, None], transitions.transition[epoch] - np.eye(n), 0.0))
-    ]
-    noise: list[tuple[slice, slice, Array]] = [
-        (navigation, navigation, np.where(moves[:, None, None], transitions.process_noise[epoch], 0.0))
-    ]
+    increment: list[_Block] = []
+    noise: list[_Block] = []
+
+    def of_path(matrices: Array, subtracted: Array | float) -> Iterator[_Block]:
+        """The block of the filter's vector, which is as large as the design matrix: computed when it is asked for."""
+        values = matrices[epoch]
+        values -= subtracted
+        values[~moves] = 0.0
+        yield slice(0, n), slice(0, n), values
+
     before, after = nuisance["gyro_noise_before"], nuisance["gyro_noise_after"]
     gyro_noise_time = np.where(moves, transitions.gyro_noise_time[epoch], 0.0)
     increment.append((nuisance.layout["attitude"], after, -gyro_noise_time[:, None, None] * np.eye(3)))
@@ -297,7 +310,10 @@ def _stochastic_model(
                         identity = 1.0 if a == b else 0.0
                         increment.append((*place, transition[:, a, b, None, None] - identity))
                         noise.append((*place, process_noise[:, a, b, None, None]))
-    return from_blocks(nuisance.size, increment), from_blocks(nuisance.size, noise)
+    return (
+        from_blocks(nuisance.size, chain(of_path(transitions.transition, np.eye(n)), increment)),
+        from_blocks(nuisance.size, chain(of_path(transitions.process_noise, 0.0), noise)),
+    )
 
 
 def field_states(values: slice, state: int) -> list[slice]:

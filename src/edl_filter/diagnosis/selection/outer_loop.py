@@ -121,6 +121,7 @@ def iterate_to_convergence(
         least_iterations=2,
         first=first,
     )
+    first = None  # large
     fit = fit_to(model)
     for i in range(1, settings.outer_iterations if iterations is None else iterations):
         if _largest_change(case.effects, fit) <= settings.outer_tolerance_sigmas:

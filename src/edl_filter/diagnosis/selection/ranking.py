@@ -129,6 +129,8 @@ def _rank(case: FlightCase, effects: Sequence[EffectInstance], progress: Progres
     holding = alternative_mode if alternative_mode is not None and alternative_mode.holds else None
     models = [m for m in (model, alternative_mode) if m is not None]
     nulls = []
+    if alternative_mode is not None:
+        alternative_mode.release_filters()
     for m in models:
         nulls.append(fit_null_model(m, case.effects, model.excess_variance.share))
         m.release_filters()  # from here on, one model has filters at a time
