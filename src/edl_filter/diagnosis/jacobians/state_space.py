@@ -222,7 +222,7 @@ def _bin_mean_maps(transitions: PathTransitions, count: int) -> Array:
     mean = np.linalg.inv(over_bin)
     mean += eye
     mean *= 0.5
-    return mean
+    return np.asarray(mean, np.float64)
 
 
 #: Rows and columns of a block of K matrices, and its values ``(K, r, c)``.
