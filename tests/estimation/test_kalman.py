@@ -20,9 +20,11 @@ from scipy.stats import multivariate_normal
 
 from edl_filter.estimation.kalman import (
     append_constant_states,
+    log_likelihood,
     measurement_update,
     solve_lower,
     whitening_filter,
+    with_gauss_markov_states,
     with_known_states,
     with_less_noise,
 )
@@ -119,6 +121,40 @@ def test_sampled_innovations_have_the_stated_covariance():
     assert np.std(standardised[np.triu_indices(rows)]) == pytest.approx(1.0, abs=0.1)
     np.testing.assert_allclose(np.sqrt(variance), whiten.innovation_sigma, rtol=1e-12)
     np.testing.assert_array_less(np.abs(innovations.mean(axis=1)), 5.0 * whiten.innovation_sigma / np.sqrt(count))
+
+
+@pytest.mark.parametrize("seed", [3, 4, 5])
+def test_likelihood_without_gains_is_that_of_the_filter_and_of_the_joint_gaussian(seed):
+    """Initial means that are not given are zero; nothing is changed."""
+    model, rng = random_model(seed), np.random.default_rng(2)
+    measurements, initial_mean = rng.normal(size=model.row_start[-1]), rng.normal(size=7)
+    whiten, before = whitening_filter(model), model.initial_covariance.copy()
+    value = log_likelihood(model, measurements, initial_mean)
+    expected = whiten.log_likelihood(whiten_column(whiten, measurements, initial_mean))
+    assert value == pytest.approx(expected, rel=1e-12)
+    mean, covariance = joint_measurements(model, initial_mean)
+    dense = multivariate_normal.logpdf(measurements, mean, covariance)
+    assert value == pytest.approx(dense + 0.5 * len(measurements) * np.log(2.0 * np.pi), rel=1e-9)
+    part = np.concatenate((initial_mean[:3], np.zeros(4)))
+    assert log_likelihood(model, measurements, initial_mean[:3]) == log_likelihood(model, measurements, part)
+    np.testing.assert_array_equal(model.initial_covariance, before)
+
+
+@pytest.mark.parametrize(("memory", "variance"), [(0.3, 1.0), (2.0, 0.25), (50.0, 9.0)])
+def test_gauss_markov_states_add_a_covariance_that_decays_exponentially(memory, variance):
+    """Of two processes with their own columns: ``h_i h_j σ² exp(-|t_i - t_j| / memory)``."""
+    model, rng = random_model(3), np.random.default_rng(8)
+    design = rng.normal(size=(model.row_start[-1], 2))
+    interval = rng.uniform(0.05, 0.4, len(model.increment))
+    constant = append_constant_states(model, design, np.ones(2))
+    processes = with_gauss_markov_states(constant, interval, memory, variance, 2)
+    assert processes.design is constant.design
+    mean = rng.normal(size=7)
+    time = np.repeat(np.cumsum(interval), np.diff(model.row_start))
+    correlation = np.exp(-np.abs(np.subtract.outer(time, time)) / memory)
+    expected = joint_measurements(model, mean)[1] + variance * correlation * (design @ design.T)
+    actual = joint_measurements(processes, np.concatenate((mean, np.zeros(2))))[1]
+    np.testing.assert_allclose(actual, expected, rtol=1e-9, atol=1e-9)
 
 
 @pytest.mark.parametrize("count", [1, 63, 64, 65, 200])

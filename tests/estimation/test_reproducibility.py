@@ -11,7 +11,7 @@ import pytest
 import scipy.linalg
 
 from edl_filter.estimation.block_sparse import BlockSparse, row_pattern
-from edl_filter.estimation.kalman import _gains
+from edl_filter.estimation.kalman import _filter
 
 KERNELS = """
 import hashlib
@@ -84,9 +84,10 @@ def test_a_covariance_stays_positive_definite_through_a_million_epochs(available
     design[1::3], design[2::3] = np.roll(design[0], 1), np.roll(design[0], 2)
     design[1::3, 3:] = design[2::3, 3:] = 0.0
     p = np.diag([1e12, 1e6, 1.0, 1e6, 1.0, 1e-6])
-    gains, factor, log_determinant, p = _gains(
+    gains, factor, nothing = np.empty_like(design), np.empty((len(design), 1)), np.empty((0, 1))
+    log_determinant, _, p = _filter(
         row_pattern(increment), increment.values, np.arange(n), np.arange(n), noise, row_start, design,
-        np.full((len(design), 1), 1e-4), p,
+        np.full((len(design), 1), 1e-4), p, gains, factor, nothing, nothing,
     )  # fmt: skip
     assert np.isfinite(log_determinant) and np.all(factor[:, 0] > 0.0) and np.isfinite(gains).all()
     scale = np.sqrt(np.diag(p))
@@ -100,9 +101,11 @@ def test_the_recursion_ends_at_the_solution_of_riccatis_equation():
     f, q, h, r = np.array([[1.0, dt], [0.0, 1.0]]), np.diag([1e-8, 1e-6]), np.array([[1.0, 0.0]]), np.array([[1e-2]])
     p = np.diag([1e8, 1e4])
     increment = BlockSparse(2, np.array([0]), np.array([1]), np.full((steps, 1), dt))
-    *_, p = _gains(
+    nothing = np.empty((0, 1))
+    *_, p = _filter(
         row_pattern(increment), increment.values, np.arange(2), np.arange(2), np.tile(np.diag(q), (steps, 1)),
-        np.arange(steps + 1), np.tile(h, (steps, 1)), np.full((steps, 1), r[0, 0]), p,
+        np.arange(steps + 1), np.tile(h, (steps, 1)), np.full((steps, 1), r[0, 0]), p, np.empty((0, 2)), nothing,
+        nothing, nothing,
     )  # fmt: skip
     predicted = scipy.linalg.solve_discrete_are(f.T, h.T, q, r)
     expected = predicted - predicted @ h.T @ np.linalg.solve(h @ predicted @ h.T + r, h @ predicted)

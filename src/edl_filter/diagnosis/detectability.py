@@ -6,7 +6,7 @@ residuals do not enter: only where the vehicle flew, and how well its sensors an
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import numpy as np
@@ -57,11 +57,12 @@ def detectability(
     progress("comparing model and measurements")
     model = linearize(case)
     failed: dict[str, str] = {}
-    by_effect = []
+    informative: list[tuple[EffectJacobian, Array]] = []
     for instance in candidate_instances(case, candidates):
         progress(f"{instance.label}: computing its Jacobian")
-        by_effect += scan_jacobians(model, [instance], case.end, failed)
-    informative = [_most_informative(model, group) for group in by_effect]
+        best = _most_informative(model, scan_jacobians(model, [instance], case.end, failed))
+        if best is not None and instance.label not in failed:
+            informative.append(best)
     settings = case.settings
     entries = [_entry(j, x, settings.named_gain_nats) for j, x in informative]
     bases = [_basis(x * j.sigma) for j, x in informative]
@@ -79,16 +80,15 @@ def detectability(
     }
 
 
-def _most_informative(model: LinearizedModel, group: Sequence[EffectJacobian]) -> tuple[EffectJacobian, Array]:
+def _most_informative(model: LinearizedModel, places: Iterable[EffectJacobian]) -> tuple[EffectJacobian, Array] | None:
     """The place of an effect where its plausible size has the most information, and its white columns there."""
     best = None
-    for jacobian in group:
+    for jacobian in places:
         x = model.stated_noise_filter(jacobian.rows, jacobian.initial_mean)
         information = float(np.sum((x * jacobian.sigma) ** 2))
         if best is None or information > best[2]:
             best = jacobian, x, information
-    assert best is not None
-    return best[0], best[1]
+    return None if best is None else best[:2]
 
 
 def _entry(jacobian: EffectJacobian, x: Array, gain: float) -> dict[str, Any]:

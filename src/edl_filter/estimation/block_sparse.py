@@ -68,7 +68,8 @@ def from_blocks(size: int, blocks: Iterable[tuple[slice, slice, Array]]) -> Bloc
     size : int
         n, the order of each matrix.
     blocks : iterable of (slice, slice, (K, r, c) array)
-        Rows and columns of a block, and its values in each of the K matrices.
+        Rows and columns of a block, and its values in each of the K matrices. Of an iterator that computes the values,
+        only one block is kept.
     """
     elements: dict[tuple[int, int], Array] = {}
     count = 0
@@ -76,7 +77,8 @@ def from_blocks(size: int, blocks: Iterable[tuple[slice, slice, Array]]) -> Bloc
         count = len(values)
         for i, j in np.argwhere(np.any(values != 0.0, axis=0)):
             place = (rows.start + int(i), columns.start + int(j))
-            elements[place] = elements[place] + values[:, i, j] if place in elements else values[:, i, j]
+            # a copy: a view would keep the whole block
+            elements[place] = elements[place] + values[:, i, j] if place in elements else values[:, i, j].copy()
     places = sorted(elements)
     return BlockSparse(
         size=size,

@@ -25,8 +25,11 @@ from numba import njit
 from edl_filter.estimation.block_sparse import (
     FUSED,
     BlockSparse,
+    from_blocks,
+    merge,
     row_pattern,
     transform_both_sides,
+    transform_columns,
     transform_rows,
 )
 from edl_filter.estimation.parallel import THREADS, map_threads, one_blas_thread
@@ -38,6 +41,8 @@ Whitening = Callable[[Array, Array], Array]
 
 #: Number of columns from which several threads share them.
 _MANY_COLUMNS = 64
+#: Largest number of columns that one thread whitens in one pass: all arrays of a pass are small beside the result.
+_PASS_COLUMNS = 64
 
 
 @dataclass(frozen=True)
@@ -100,6 +105,42 @@ def append_constant_states(model: LinearStateSpace, design: Array, sigma: Array)
         increment=replace(model.increment, size=n),
         process_noise=replace(model.process_noise, size=n),
         design=np.ascontiguousarray(np.concatenate((model.design, design), axis=1)),
+        initial_covariance=covariance,
+    )
+
+
+def with_gauss_markov_states(
+    model: LinearStateSpace, interval: Array, memory: float, variance: float, count: int
+) -> LinearStateSpace:
+    """The model whose last states, constant so far, are independent first-order Gauss–Markov processes instead.
+
+    Stationary, with the correlation ``exp(-t / memory)`` (Tapley, Schutz and Born, Statistical Orbit Determination,
+    2004, section 4.9). The design matrix is that of `model`, not a copy.
+
+    Parameters
+    ----------
+    model : LinearStateSpace
+        n states, the last of them by `append_constant_states`.
+    interval : (K,) array
+        Time between a step and the one before.
+    memory : float
+        Correlation time, in the unit of `interval`.
+    variance : float
+        Of each process.
+    count : int
+        Number of processes.
+    """
+    n, part = model.size, slice(model.size - count, model.size)
+    decay = np.exp(-interval / memory)[:, None, None]
+    increment, noise = (
+        from_blocks(n, [(part, part, v * np.eye(count))]) for v in (decay - 1.0, variance * (1.0 - decay**2))
+    )
+    covariance = model.initial_covariance.copy()
+    covariance[part, part] = variance * np.eye(count)
+    return replace(
+        model,
+        increment=merge(model.increment, increment, n),
+        process_noise=merge(model.process_noise, noise, n),
         initial_covariance=covariance,
     )
 
@@ -178,12 +219,18 @@ class WhiteningFilter:
         def whiten(part: slice) -> Array:
             return _whiten(*recursion, np.ascontiguousarray(columns[:, part]), np.ascontiguousarray(states[:, part]))
 
+        def write(part: slice) -> None:
+            out[:, part] = whiten(part)
+
         count = columns.shape[1]
         if count < _MANY_COLUMNS:
             with one_blas_thread():
                 return whiten(slice(None))
-        cuts = np.linspace(0, count, THREADS + 1).astype(int)
-        return np.concatenate(map_threads(whiten, [slice(a, b) for a, b in pairwise(cuts)]), axis=1)
+        out = np.empty(columns.shape)
+        passes = max(THREADS, -(-count // _PASS_COLUMNS))
+        cuts = np.linspace(0, count, passes + 1).astype(int)
+        map_threads(write, [slice(a, b) for a, b in pairwise(cuts)])
+        return out
 
     def posterior_initial_covariance(self, count: int) -> Array:
         """Covariance ``(count, count)`` of the first states at the beginning, given all measurements.
@@ -212,13 +259,43 @@ class WhiteningFilter:
 
 def whitening_filter(model: LinearStateSpace) -> WhiteningFilter:
     """Run the covariance recursion of the Kalman filter."""
+    gain, factor = np.empty(model.design.shape), np.zeros(model.row_noise.shape)
+    log_determinant, _ = _run_filter(model, gain, factor, np.empty(0), np.empty(0))
+    return WhiteningFilter(model, gain, factor, log_determinant)
+
+
+def log_likelihood(model: LinearStateSpace, measurements: Array, initial_mean: Array) -> float:
+    """Log-likelihood of one column of measurements, without the constant R/2 log 2π, nats.
+
+    That of `WhiteningFilter.log_likelihood`. The states follow the covariance recursion, so that no gains are kept: the
+    filter of a large model has as many numbers as its design matrix.
+
+    Parameters
+    ----------
+    model : LinearStateSpace
+        R measurement rows.
+    measurements : (R,) array
+        The column.
+    initial_mean : (m,) array
+        Mean of the first m states; the other states have zero mean.
+    """
+    gain, factor = np.empty((0, model.size)), np.empty((0, 0))
+    log_determinant, square = _run_filter(model, gain, factor, measurements, model.initial_mean(initial_mean))
+    return -0.5 * square - 0.5 * log_determinant
+
+
+def _run_filter(
+    model: LinearStateSpace, gain: Array, factor: Array, measurements: Array, states: Array
+) -> tuple[float, float]:
+    """`_filter` of a model, with one BLAS thread."""
     q = model.process_noise
     with one_blas_thread():
-        gain, factor, log_determinant, _ = _gains(
+        log_determinant, square, _ = _filter(
             row_pattern(model.increment), model.increment.values, q.row, q.column, q.values, model.row_start,
-            np.ascontiguousarray(model.design), model.row_noise, model.initial_covariance.copy(),
+            np.ascontiguousarray(model.design), model.row_noise, model.initial_covariance.copy(), gain, factor,
+            np.ascontiguousarray(measurements)[:, None], states[:, None].copy(),
         )  # fmt: skip
-    return WhiteningFilter(model, gain, factor, log_determinant)
+    return log_determinant, square
 
 
 def measurement_update(covariance: Array, design: Array, noise: Array) -> tuple[Array, Array]:
@@ -261,20 +338,26 @@ def _unwhiten(row_start, factor, white):
 
 
 @njit(cache=True, error_model="numpy", nogil=True, fastmath=FUSED)
-def _gains(pattern, increment, q_row, q_column, q_values, row_start, design, row_noise, p):
-    """Covariance recursion over all steps; `p` is the initial covariance and is overwritten.
+def _filter(pattern, increment, q_row, q_column, q_values, row_start, design, row_noise, p, gains, factor, column, x):
+    """Covariance recursion over all steps, and the state recursion of one column of measurements.
 
-    Returns gains, Cholesky factors, log determinant, and the covariance at the end.
+    `p` and `x` are the initial covariance ``(n, n)`` and mean ``(n, 1)``, which are overwritten. `gains` ``(R, n)`` and
+    `factor` ``(R, w)`` receive gains and Cholesky factors, unless they have no rows; `column` ``(R, 1)`` has no rows
+    where there is nothing to whiten. Returns the log determinant, the sum of squares of the white column, and the
+    covariance at the end.
     """
-    gains = np.empty_like(design)
-    factor = np.zeros_like(row_noise)
+    keep, whiten = gains.shape[0] > 0, column.shape[0] > 0
     work, reduction, propagated = np.empty((pattern.rows.size, p.shape[0])), np.empty_like(p), np.empty_like(p)
-    log_determinant = 0.0
+    work_x, widest = np.empty((pattern.rows.size, 1)), row_noise.shape[1]
+    white = np.empty((widest, 1))
+    log_determinant, square = 0.0, 0.0
     for k in range(row_start.size - 1):
         transform_both_sides(p, propagated, pattern, increment[k], work)
         p, propagated = propagated, p
         for z in range(q_row.size):
             p[q_row[z], q_column[z]] += q_values[k, z]
+        if whiten:
+            transform_columns(x, pattern, increment[k], work_x)
         begin, end = row_start[k], row_start[k + 1]
         m = end - begin
         if m == 0:
@@ -290,9 +373,23 @@ def _gains(pattern, increment, q_row, q_column, q_values, row_start, design, row
             row, less = p[i], reduction[i]
             for j in range(p.shape[0]):
                 row[j] -= less[j]
-        gains[begin:end] = hp
-        factor[begin:end, :m] = lower
-    return gains, factor, log_determinant, p
+        if keep:
+            gains[begin:end] = hp
+            factor[begin:end, :m] = lower
+        if whiten:
+            for i in range(m):
+                total, row = column[begin + i, 0], h[i]
+                for j in range(row.size):
+                    total -= row[j] * x[j, 0]
+                for j in range(i):
+                    total -= lower[i, j] * white[j, 0]
+                white[i, 0] = total / lower[i, i]
+                square += white[i, 0] ** 2
+            for i in range(m):
+                row, e = hp[i], white[i, 0]
+                for j in range(row.size):
+                    x[j, 0] += row[j] * e
+    return log_determinant, square, p
 
 
 @njit(cache=True, error_model="numpy", fastmath=FUSED, inline="always")

@@ -8,7 +8,7 @@ import pytest
 
 from edl_filter.diagnosis.linear_model import linear_model as module
 from edl_filter.diagnosis.linear_model.linear_model import LinearizedModel
-from edl_filter.diagnosis.noise.variance_components import ExcessVariance
+from edl_filter.diagnosis.noise.variance_components import ExcessColour, ExcessVariance
 from edl_filter.mission.decision_settings import DecisionSettings
 
 ROWS = 100
@@ -43,12 +43,13 @@ def noise(monkeypatch):
         noise.initial.append(initial)
         return excess_of(noise.share), UnitFilter()
 
-    def colour(white, state_space, index, excess, residuals, mean, settings, initial):
+    def colour(at_white, state_space, index, excess, residuals, mean, settings, initial):
         noise.initial_colour.append(initial)
-        return white if noise.white or excess.is_zero else UnitFilter(), noise.colour
+        return None if excess.is_zero else ExcessColour(noise.colour, not noise.white)
 
     monkeypatch.setattr(module, "estimate_variance_components", estimate)
     monkeypatch.setattr(module, "most_likely_colour", colour)
+    monkeypatch.setattr(module, "filter_at_excess", lambda *_: UnitFilter())
     monkeypatch.setattr(module, "add_variance", lambda state_space, index, excess: "with excess variance")
     monkeypatch.setattr(module, "whitening_filter", lambda space: UnitFilter() if space else noise.stated)
     return noise
@@ -85,14 +86,13 @@ def test_a_model_that_holds_passes_on_nothing(noise):
     assert model.holds and model.failing_excess is None
 
 
-def test_released_filters_are_computed_again_and_the_search_begins_at_the_former_colour(noise):
+def test_released_filters_are_computed_again_and_what_was_estimated_is_kept(noise):
     model = model_with()
     first, white = model.fitted_noise_filter, model.white_excess_filter
     assert model.fitted_noise_filter is first and model.white_excess_filter is white
     model.release_filters()
     assert model.fitted_noise_filter is not first
-    assert noise.initial_colour == [None, (4, 1)]
-    assert len(noise.initial) == 1  # the excess variance is kept
+    assert noise.initial_colour == [None] and len(noise.initial) == 1
     assert model.log_likelihood == -0.5 * 4.0 * ROWS
 
 

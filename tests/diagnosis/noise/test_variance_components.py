@@ -11,16 +11,19 @@ from scipy.optimize import brentq
 from scipy.stats import multivariate_normal
 
 from edl_filter.diagnosis.noise.variance_components import (
+    ExcessColour,
     ExcessVariance,
     _Iteration,
     _next_variance,
     add_variance,
     colour_excess,
     estimate_variance_components,
+    filter_at_excess,
     moment_estimate,
     most_likely_colour,
 )
 from edl_filter.diagnosis.prediction.residuals import RowIndex
+from edl_filter.estimation import kalman
 from edl_filter.estimation.kalman import LinearStateSpace, whitening_filter
 from edl_filter.mission.decision_settings import DecisionSettings
 
@@ -358,20 +361,30 @@ def test_colour_leaves_the_model_and_rows_without_excess():
 
 
 def chosen(index, model, residuals, excess, **changes):
-    """Memory and factor of the filter that is chosen, or None if it stays white."""
-    choice = SETTINGS.model_copy(update=changes)
-    white = whitening_filter(add_variance(model, index, excess))
-    mean = np.zeros(model.size)
-    best, colour = most_likely_colour(white, model, index, excess, residuals, mean, choice)
-    if best is white:
-        return None
-    for i, memory in enumerate(choice.excess_memories_s):
-        for j, factor in enumerate(choice.excess_colour_factors):
-            scaled = replace(excess, variance=factor * excess.variance)
-            if whitening_filter(colour_excess(model, index, scaled, memory)).log_determinant == best.log_determinant:
-                assert colour == (i, j)
-                return i, j
-    raise AssertionError("the filter is none of those that are tried")
+    """Places of memory and factor that are chosen, or None if the excess stays white."""
+    choice, mean = SETTINGS.model_copy(update=changes), np.zeros(model.size)
+    at_white = kalman.log_likelihood(add_variance(model, index, excess), residuals, mean)
+    colour = most_likely_colour(at_white, model, index, excess, residuals, mean, choice)
+    return colour.place if colour.is_correlated else None
+
+
+@pytest.mark.parametrize("factor", [0.25, 1.0, 6.0])
+def test_a_factor_of_the_coloured_excess_is_one_of_its_variance(factor):
+    """The filter that a colour gives is that of the scaled excess; without one, that of white excess."""
+    model, index = six_axes(count=40)
+    excess = excess_of(index, 4.0, checking=9.0)
+    scaled = replace(excess, variance=factor * excess.variance)
+    choice = SETTINGS.model_copy(update={"excess_memories_s": (0.3, 2.0), "excess_colour_factors": (factor,)})
+    white, coloured = whitening_filter(add_variance(model, index, excess)), colour_excess(model, index, scaled, 2.0)
+    residuals, mean = np.random.default_rng(2).normal(size=index.count), np.zeros(model.size)
+    whiten = filter_at_excess(model, index, excess, ExcessColour((1, 0), True), choice)
+    expected = whitening_filter(coloured)
+    assert whiten.log_determinant == pytest.approx(expected.log_determinant, rel=1e-12)
+    assert log_likelihood_of(whiten, residuals, mean) == pytest.approx(
+        log_likelihood_of(expected, residuals, mean), rel=1e-12
+    )
+    for colour in (None, ExcessColour((1, 0), False)):
+        assert filter_at_excess(model, index, excess, colour, choice).log_determinant == white.log_determinant
 
 
 @pytest.mark.parametrize("memory", [0.3, 1.0, 3.0])
@@ -400,10 +413,8 @@ def test_white_noise_stays_white():
 
 def test_without_excess_there_is_no_colour():
     model, index = six_axes(count=20)
-    white = whitening_filter(model)
     zero = ExcessVariance.zero(index.count)
-    whiten, colour = most_likely_colour(white, model, index, zero, np.zeros(index.count), np.zeros(2), SETTINGS)
-    assert whiten is white and colour is None
+    assert most_likely_colour(0.0, model, index, zero, np.zeros(index.count), np.zeros(2), SETTINGS) is None
 
 
 def test_a_search_from_any_place_ends_at_the_same_colour(monkeypatch):
@@ -411,21 +422,22 @@ def test_a_search_from_any_place_ends_at_the_same_colour(monkeypatch):
     model, index = six_axes(count=200)
     process = 3.0 * gauss_markov(np.random.default_rng(11), 200, 0.1, 1.0)
     residuals, excess, mean = residuals_with(1, model, index, process), excess_of(index, 9.0), np.zeros(model.size)
-    white = whitening_filter(add_variance(model, index, excess))
+    at_white = kalman.log_likelihood(add_variance(model, index, excess), residuals, mean)
     computed = []
-    module = "edl_filter.diagnosis.noise.variance_components.whitening_filter"
-    monkeypatch.setattr(module, lambda coloured: (computed.append(1), whitening_filter(coloured))[1])
+    module, search_likelihood = "edl_filter.diagnosis.noise.variance_components.log_likelihood", kalman.log_likelihood
+    monkeypatch.setattr(module, lambda coloured, *rest: (computed.append(1), search_likelihood(coloured, *rest))[1])
 
     def search(initial):
         computed.clear()
-        whiten, colour = most_likely_colour(white, model, index, excess, residuals, mean, SETTINGS, initial)
-        return colour, whiten.log_determinant, len(computed)
+        colour = most_likely_colour(at_white, model, index, excess, residuals, mean, SETTINGS, initial)
+        return colour, len(computed)
 
-    colour, determinant, count = search(None)
+    colour, count = search(None)
+    assert colour.is_correlated
     for i in range(len(SETTINGS.excess_memories_s)):
         for j in range(len(SETTINGS.excess_colour_factors)):
-            assert search((i, j))[:2] == (colour, determinant)
-    assert search(colour)[2] <= 7 < count
+            assert search((i, j))[0] == colour
+    assert search(colour.place)[1] <= 7 < count
 
 
 @pytest.mark.parametrize(("margin", "chosen_colour"), [(0.5, True), (-0.5, False)])
@@ -446,8 +458,9 @@ def test_colour_costs_the_logarithm_of_the_number_of_candidates(margin, chosen_c
     count = 20  # equal candidates
     few = SETTINGS.model_copy(update={"excess_memories_s": (0.3,) * count, "excess_colour_factors": (1.0,)})
     part = brentq(lambda x: gain(x)[0] - np.log(count) - margin, 0.0, 1.0)
-    best, _ = most_likely_colour(white, model, index, excess, gain(part)[1], mean, few)
-    assert (best is not white) == chosen_colour
+    residuals = gain(part)[1]
+    at_white = log_likelihood_of(white, residuals, mean)
+    assert most_likely_colour(at_white, model, index, excess, residuals, mean, few).is_correlated == chosen_colour
 
 
 def log_likelihood_of(whiten, residuals, mean):

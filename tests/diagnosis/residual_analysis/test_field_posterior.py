@@ -80,7 +80,7 @@ def posterior_at(flight, knots):
     model, row_distance, residuals = flight
     whiten = whitening_filter(model)
     white = whiten(residuals[:, None], np.zeros((0, 1)))[:, 0]
-    columns = white_columns(whiten, amplitude_covariance(model.design, VALUES, row_distance, knots))
+    columns = white_columns(whiten, [amplitude_covariance(model.design, VALUES, row_distance, knots)])
     prior = np.array([[matern(a - b) for b in knots] for a in knots])
     shape = (len(knots), MODES)
     covariance = np.kron(prior, np.eye(MODES)) - columns.T @ columns

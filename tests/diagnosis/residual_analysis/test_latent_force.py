@@ -10,7 +10,6 @@ from edl_filter.diagnosis.noise.unmodelled_acceleration import UnmodelledAcceler
 from edl_filter.diagnosis.prediction.dead_reckoning import NODES_PER_BIN
 from edl_filter.diagnosis.residual_analysis.latent_force import estimate_latent_force
 from edl_filter.effects.types import Body
-from edl_filter.estimation.kalman import whitening_filter
 
 MASS = 800.0
 INERTIA = np.array([[250.0, 5.0, -3.0], [5.0, 180.0, 4.0], [-3.0, 4.0, 200.0]])
@@ -26,7 +25,7 @@ def model_of(case, residuals):
         residuals=SimpleNamespace(flow=flow),
         inputs=SimpleNamespace(forward_model=SimpleNamespace(bodies=lambda time: [(slice(None), BODY)])),
         initial_mean=np.zeros(0),
-        filter_with_unmodelled=lambda u: whitening_filter(augment(state_space, index, bins, flow, u)),
+        state_space_with_unmodelled=lambda u: augment(state_space, index, bins, flow, u),
         white_residuals=lambda whiten: whiten(residuals[:, None], np.zeros((0, 1)))[:, 0],
     )
 

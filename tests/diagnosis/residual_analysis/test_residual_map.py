@@ -42,7 +42,7 @@ def model():
         index=SimpleNamespace(bin_rows=BIN_ROWS, constraint_rows=(slice(48, 49), slice(49, 52), slice(52, 53))),
         fitted_noise_filter=SimpleNamespace(innovations=lambda rows: 3.0 * rows),
         white_residuals=lambda whiten: white,
-        stated_noise_filter=SimpleNamespace(innovation_sigma=sigma),
+        stated_noise_sigma=sigma,
     )
 
 

@@ -97,7 +97,7 @@ def constructed_flight(monkeypatch):
         point="first point",
         stated_noise_filter=filters["stated"], fitted_noise_filter=filters["fitted"],
         index=SimpleNamespace(time=np.linspace(0.0, 200.0, ROWS)), settings=SETTINGS,
-        white_residuals=lambda whiten: np.zeros(ROWS),
+        white_residuals=lambda whiten: np.zeros(ROWS), stated_noise_sigma=np.ones(ROWS), release=lambda: None,
     )  # fmt: skip
     case = SimpleNamespace(
         settings=SETTINGS, effects=(), mission="mission", log_abs_det_jacobian=lambda effects: 0.0
@@ -168,7 +168,7 @@ def test_only_the_sizes_of_the_effect_itself_explain(flight):
 
 
 def test_innovations_are_normalised_by_the_stated_noise(flight):
-    flight.model.stated_noise_filter.innovation_sigma = np.full(ROWS, 2.0)
+    flight.model.stated_noise_sigma = np.full(ROWS, 2.0)
     white = np.arange(float(ROWS))
     np.testing.assert_array_equal(hypothesis_of(flight, Fit(-80.0, white=white), Null()).normalised, white / 2.0)
 

@@ -68,6 +68,7 @@ def loop(monkeypatch):
         def model_about(case, number):
             excess = SimpleNamespace(is_zero=no_excess)
             return SimpleNamespace(
+                release=lambda: None,
                 number=number, case=case, fitted_noise_filter="whiten", excess_variance=excess,
                 failing_excess=f"excess {number}", point="point",
             )  # fmt: skip

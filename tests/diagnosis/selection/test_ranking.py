@@ -108,7 +108,7 @@ def test_a_scale_error_has_the_same_evidence_in_the_linear_problem_and_with_scal
     assert model.holds
     null, scale = fit_null_model(model, ()), EffectInstance(find_effect("accelerometer_scale"), {})
     whiten = marginalize_model_effects(model, model.stated_noise_filter)
-    screened = screen(model, whiten, [[effect_jacobian(model, scale)]])
+    (screened,) = screen(model, [whiten], [effect_jacobian(model, scale)])
     linear = fit_hypothesis(model.case, model, [(screened[scale.key], whiten)], null)
     scaled = fit_map(model, linear.fit.effects, model.stated_noise_filter, moving=True)
     assert abs(model.case.log_abs_det_jacobian(linear.fit.effects)) > 1.5
@@ -168,9 +168,11 @@ def test_the_evidence_of_an_acceleration_is_less_the_penalty_of_the_noise_that_i
     process = UnmodelledAcceleration(1.0)
     leaves = SimpleNamespace(log_likelihood=lambda white: -30.0)
     monkeypatch.setattr(module, "most_likely_process", lambda likelihood, settings: (process, -60.0))
+    monkeypatch.setattr(module, "whitening_filter", lambda state_space: None)
     monkeypatch.setattr(module, "estimate_variance_components", lambda *_: (excess_of(left), leaves))
     model = SimpleNamespace(
-        settings=SETTINGS, excess_variance=excess_of(penalty), log_evidence=-50.0, filter_with_unmodelled=str,
+        settings=SETTINGS, excess_variance=excess_of(penalty), log_evidence=-50.0,
+        state_space_with_unmodelled=str,
         index=None, residual_vector=None, initial_mean=None, failing_excess=None, white_residuals=lambda whiten: None,
     )  # fmt: skip
     unmodelled, evidence = fit_unmodelled(model)
@@ -184,8 +186,9 @@ def test_noise_and_acceleration_are_over_the_point_with_the_largest_evidence(mon
         return SimpleNamespace(
             case=SimpleNamespace(settings=SETTINGS, effects=(), end=0.0), settings=SETTINGS, holds=False,
             excess_variance=excess_of(penalty), log_likelihood=log_likelihood, log_evidence=log_likelihood - penalty,
-            noise_penalty=penalty, fitted_noise_filter=None, white_residuals=lambda whiten: None,
-            stated_noise_filter=SimpleNamespace(log_likelihood=lambda white: stated), largest_nuisance_sigmas=9.0,
+            noise_penalty=penalty, fitted_noise_filter=None, stated_noise_filter=None, largest_nuisance_sigmas=9.0,
+            white_residuals=lambda whiten: None, release_filters=lambda: None, release=lambda: None, state_space=stated,
+            residual_vector=None, initial_mean=None,
         )  # fmt: skip
 
     models = model_with(-50.0, 2.0, stated=-80.0), model_with(-45.0, 10.0, stated=-300.0)
@@ -193,6 +196,8 @@ def test_noise_and_acceleration_are_over_the_point_with_the_largest_evidence(mon
     monkeypatch.setattr(module, "credible_model", lambda case: models)
     monkeypatch.setattr(module, "fit_null_model", lambda m, *_: NullModelFit(m.log_evidence, 0.0, 0.0, 0.0, 0.0))
     monkeypatch.setattr(module, "marginalize_model_effects", lambda model, whiten: whiten)
+    monkeypatch.setattr(module, "log_likelihood", lambda stated, *_: stated)
+    monkeypatch.setattr(module, "scan_jacobians", lambda *_: iter(()))
     monkeypatch.setattr(module, "fit_unmodelled", lambda model: (UnmodelledAcceleration(), -40.0))
     ranking = rank(models[0].case, [])
     assert ranking.excess_noise_gain == pytest.approx(-52.0 + 80.0)

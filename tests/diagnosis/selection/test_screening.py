@@ -43,8 +43,9 @@ def jacobian_of(name, places, columns, sigma):
 
 def model_of(residuals, effects=()):
     return SimpleNamespace(
-        residual_vector=residuals, initial_mean=np.zeros(2), settings=SETTINGS, effects=tuple(effects)
-    )
+        residual_vector=residuals, initial_mean=np.zeros(2), settings=SETTINGS, effects=tuple(effects),
+        white_residuals=lambda whiten: whiten(residuals[:, None], np.zeros((2, 1)))[:, 0],
+    )  # fmt: skip
 
 
 # --- screen ---------------------------------------------------------------------------------------------------------
@@ -59,7 +60,7 @@ def test_screening_is_one_regression_for_each_effect_and_place(seed):
     onsets = [jacobian_of("remnant_torque", {"t0": t}, rng.normal(size=(ROWS, 3)), [0.1, 0.2, 0.3]) for t in times]
     mass = [jacobian_of("mass", {}, rng.normal(size=(ROWS, 1)), [0.5])]
     residuals = onsets[1].rows @ [0.1, -0.2, 0.2] + rng.normal(size=ROWS)
-    results = screen(model_of(residuals), identity, [onsets, mass])
+    (results,) = screen(model_of(residuals), [identity], [*onsets, *mass])
     fits = [regress(residuals, j.rows, j.sigma) for j in onsets]
     gains = np.array([f.gain for f in fits])
     best = int(np.argmax(gains))
@@ -84,7 +85,7 @@ def test_alternatives_are_the_next_places_with_dissimilar_columns():
         jacobian_of("remnant_torque", {"t0": t0}, np.column_stack((c, np.zeros((ROWS, 2)))), np.ones(3))
         for t0, c in columns.items()
     ]
-    result = screen(model_of(residuals), identity, [jacobians])["remnant_torque", None]
+    result = screen(model_of(residuals), [identity], jacobians)[0]["remnant_torque", None]
     assert result.instance.values["t0"] == 60.0
     assert [a.values["t0"] for a in result.alternatives] == [100.0, 140.0]
     assert SETTINGS.starting_places == 3
@@ -95,8 +96,8 @@ def test_information_is_that_of_the_most_informative_place_of_each_column():
     first, second = np.zeros((ROWS, 3)), np.zeros((ROWS, 3))
     first[:2, 0], first[0, 1] = [3.0, 4.0], 1.0
     second[0, 0], second[:2, 1], second[5, 2] = 2.0, [12.0, 5.0], 0.5
-    groups = [[jacobian_of("remnant_torque", {"t0": 60.0 + k}, x, np.ones(3)) for k, x in enumerate((first, second))]]
-    result = screen(model_of(np.zeros(ROWS)), identity, groups)["remnant_torque", None]
+    places = [jacobian_of("remnant_torque", {"t0": 60.0 + k}, x, np.ones(3)) for k, x in enumerate((first, second))]
+    result = screen(model_of(np.zeros(ROWS)), [identity], places)[0]["remnant_torque", None]
     np.testing.assert_array_equal(result.information, [25.0, 169.0, 0.25])
 
 
@@ -108,7 +109,7 @@ def test_each_alternative_is_dissimilar_to_those_before_it_too():
         jacobian_of("remnant_torque", {"t0": t0}, np.column_stack((c, np.zeros((ROWS, 2)))), np.ones(3))
         for t0, c in columns.items()
     ]
-    result = screen(model_of(basis @ [1.0, 0.8, 0.5, 0.0]), identity, [jacobians])["remnant_torque", None]
+    result = screen(model_of(basis @ [1.0, 0.8, 0.5, 0.0]), [identity], jacobians)[0]["remnant_torque", None]
     assert result.instance.values["t0"] == 60.0
     assert [a.values["t0"] for a in result.alternatives] == [90.0, 140.0]
 
@@ -172,7 +173,7 @@ def test_a_time_that_is_not_scanned_is_not_moved_to_the_remainder():
 
 
 def test_nothing_to_screen():
-    assert screen(model_of(np.zeros(ROWS)), identity, []) == {}
+    assert screen(model_of(np.zeros(ROWS)), [identity, identity], []) == [{}, {}]
 
 
 def test_an_effect_whose_hooks_fail_is_reported_or_raised(monkeypatch):
@@ -184,10 +185,36 @@ def test_an_effect_whose_hooks_fail_is_reported_or_raised(monkeypatch):
     monkeypatch.setattr(screening, "scan_range", lambda model: (60.0, 8e3))
     monkeypatch.setattr(screening, "effect_jacobian", effect_jacobian)
     effects, failed = [EffectInstance(find_effect(n), {}) for n in ("wind", "mass")], {}
-    by_effect = scan_jacobians(model_of(None), effects, 240.0, failed)
-    assert [[i.name for i in group] for group in by_effect] == [["mass"]] and failed == {"wind": "no wind"}
+    jacobians = scan_jacobians(model_of(None), effects, 240.0, failed)
+    assert [i.name for i in jacobians] == ["mass"] and failed == {"wind": "no wind"}
     with pytest.raises(InputError, match="no wind"):
-        scan_jacobians(model_of(None), effects, 240.0)
+        list(scan_jacobians(model_of(None), effects, 240.0))
+
+
+@pytest.mark.parametrize("columns", [1, 4, 64])
+def test_batches_of_any_size_have_the_same_result(monkeypatch, columns):
+    """The places of an effect may be in several batches; each filter has its own result."""
+    rng = np.random.default_rng(3)
+    jacobians = [
+        jacobian_of("remnant_torque", {"t0": 60.0 + t}, rng.normal(size=(ROWS, 3)), [0.1, 0.2, 0.3]) for t in range(9)
+    ]
+    jacobians.append(jacobian_of("mass", {}, rng.normal(size=(ROWS, 1)), [0.5]))
+    model, filters = model_of(5.0 * rng.normal(size=ROWS)), [identity, lambda rows, mean: 0.5 * rows]
+    at_once = screen(model, filters, jacobians)
+    asked = []
+    monkeypatch.setattr(screening, "_BATCH_COLUMNS", columns)
+    in_batches = screen(model, filters, (asked.append(j) or j for j in jacobians))
+    assert len(asked) == len(jacobians)
+    for expected, results in zip(at_once, in_batches, strict=True):
+        assert results.keys() == expected.keys()
+        for key, result in results.items():
+            assert result.instance.values == pytest.approx(expected[key].instance.values)
+            assert result.gain == pytest.approx(expected[key].gain)
+            places = [[a.values["t0"] for a in r.alternatives] for r in (result, expected[key])]
+            assert places[0] == places[1]
+            np.testing.assert_array_equal(result.rows, expected[key].rows)
+            np.testing.assert_allclose(result.information, expected[key].information)
+            assert result.rows.base is None
 
 
 # --- effects of the model -------------------------------------------------------------------------------------------

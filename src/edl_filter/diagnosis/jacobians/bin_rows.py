@@ -179,7 +179,8 @@ def bin_rows(
     used = np.isfinite(values) & bins.valid[:, None]
     used[:-1, 3:6] &= bins.valid[1:, None]
     used[-1, 3:6] = False
-    return BinRows(np.where(used[:, :, None], design, 0.0), noise, used, np.where(used, values, 0.0))
+    design[~used] = 0.0
+    return BinRows(design, noise, used, np.where(used, values, 0.0))
 
 
 def bins_of_either_regime(model: ForwardModel, residuals: Residuals, density_sigma: float) -> BoolArray:

@@ -6,6 +6,9 @@ with their own stochastic models (`nuisance`). Measurements: the rows of every b
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from itertools import chain
+
 import numpy as np
 
 from edl_filter.diagnosis.jacobians.bin_rows import BinRows
@@ -55,7 +58,10 @@ def assemble_state_space(
     """
     problem, n = inputs.problem, nuisance.layout.size
     widest = max(rows.used.shape[1], max((len(c.measured) for c in problem.constraints), default=1))
-    design, noise, starts, count = [], [], [], 0
+    starts, count = [], 0
+    rows_in_all = int(np.count_nonzero(rows.used))
+    rows_in_all += sum(len(problem.constraints[c].measured) for at_epoch in transitions.constraints for c in at_epoch)
+    design, noise = np.zeros((rows_in_all, nuisance.size)), np.zeros((rows_in_all, widest))
     bin_index = np.full(rows.used.shape, -1, np.int64)
     constraint_rows: dict[int, slice] = {}
     steps = _StepIndex(transitions)
@@ -65,25 +71,22 @@ def assemble_state_space(
         bin_, constraint = steps.bin[k], steps.constraint[k]
         if bin_ >= 0:
             used = np.flatnonzero(rows.used[bin_])
-            bin_index[bin_, used] = count + np.arange(len(used))
+            part = slice(count, count + len(used))
+            bin_index[bin_, used] = np.arange(part.start, part.stop)
             h = rows.design[bin_].copy()
             h[:3, :n] = h[:3, :n] @ bin_mean[bin_]
-            design.append(h[used])
-            block = np.zeros((len(used), widest))
-            block[:, : len(used)] = rows.noise[bin_][np.ix_(used, used)]
-            noise.append(block)
-            count += len(used)
+            design[part] = h[used]
+            noise[part, : len(used)] = rows.noise[bin_][np.ix_(used, used)]
+            count = part.stop
         elif constraint >= 0:
             c = problem.constraints[constraint]
-            h = np.zeros((len(c.measured), nuisance.size))
-            h[:, :n] = linearized_measurement(c, transitions.states[steps.epoch[k]], nuisance.layout)[1]
-            design.append(h)
-            block = np.zeros((len(h), widest))
-            block[:, : len(h)] = c.noise
-            noise.append(block)
-            constraint_rows[constraint] = slice(count, count + len(h))
-            count += len(h)
+            part = slice(count, count + len(c.measured))
+            design[part, :n] = linearized_measurement(c, transitions.states[steps.epoch[k]], nuisance.layout)[1]
+            noise[part, : len(c.measured)] = c.noise
+            constraint_rows[constraint] = part
+            count = part.stop
     starts.append(count)
+    del bin_mean  # large
     sigma = bin_sigma(bins, inputs.driving.time, inputs.driving.interval, inputs.driving.rate_noise)
     sigma = np.where(np.isfinite(sigma), sigma, np.nanmedian(sigma))
     interval = _step_intervals(steps, transitions, residuals)
@@ -95,8 +98,8 @@ def assemble_state_space(
             increment=increment,
             process_noise=process_noise,
             row_start=np.array(starts, np.int64),
-            design=np.concatenate(design) if design else np.zeros((0, nuisance.size)),
-            row_noise=np.concatenate(noise) if noise else np.zeros((0, widest)),
+            design=design[:count],
+            row_noise=noise[:count],
             initial_covariance=_initial_covariance(inputs, nuisance, sigma[0]),
         ),
         RowIndex(
@@ -146,7 +149,14 @@ def _bin_mean_maps(transitions: PathTransitions, count: int) -> Array:
         if bin_ >= 0:
             over_bin[bin_], product = product, eye
     over_bin[np.abs(np.linalg.det(over_bin)) < 0.5] = eye  # the driving instrument changed in between
-    return np.asarray(0.5 * (eye + np.linalg.inv(over_bin)), np.float64)
+    mean = np.linalg.inv(over_bin)
+    mean += eye
+    mean *= 0.5
+    return np.asarray(mean, np.float64)
+
+
+#: Rows and columns of a block of K matrices, and its values ``(K, r, c)``.
+_Block = tuple[slice, slice, Array]
 
 
 class _StepIndex:
@@ -189,13 +199,16 @@ def _stochastic_model(
     """
     n = nuisance.layout.size
     moves, epoch = np.array(steps.moves), np.array(steps.epoch)
-    navigation = slice(0, n)
-    increment: list[tuple[slice, slice, Array]] = [
-        (navigation, navigation, np.where(moves[:, None, None], transitions.transition[epoch] - np.eye(n), 0.0))
-    ]
-    noise: list[tuple[slice, slice, Array]] = [
-        (navigation, navigation, np.where(moves[:, None, None], transitions.process_noise[epoch], 0.0))
-    ]
+    increment: list[_Block] = []
+    noise: list[_Block] = []
+
+    def of_path(matrices: Array, subtracted: Array | float) -> Iterator[_Block]:
+        """The block of the filter's vector, which is as large as the design matrix: computed when it is asked for."""
+        values = matrices[epoch]
+        values -= subtracted
+        values[~moves] = 0.0
+        yield slice(0, n), slice(0, n), values
+
     before, after = nuisance["gyro_noise_before"], nuisance["gyro_noise_after"]
     gyro_noise_time = np.where(moves, transitions.gyro_noise_time[epoch], 0.0)
     increment.append((nuisance.layout["attitude"], after, -gyro_noise_time[:, None, None] * np.eye(3)))
@@ -227,7 +240,10 @@ def _stochastic_model(
                         identity = 1.0 if a == b else 0.0
                         increment.append((*place, transition[:, a, b, None, None] - identity))
                         noise.append((*place, process_noise[:, a, b, None, None]))
-    return from_blocks(nuisance.size, increment), from_blocks(nuisance.size, noise)
+    return (
+        from_blocks(nuisance.size, chain(of_path(transitions.transition, np.eye(n)), increment)),
+        from_blocks(nuisance.size, chain(of_path(transitions.process_noise, 0.0), noise)),
+    )
 
 
 def field_states(values: slice, state: int) -> list[slice]:

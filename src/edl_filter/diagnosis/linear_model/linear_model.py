@@ -21,10 +21,12 @@ from edl_filter.diagnosis.linear_model.linearization_point import (
 )
 from edl_filter.diagnosis.noise.unmodelled_acceleration import UnmodelledAcceleration, augment
 from edl_filter.diagnosis.noise.variance_components import (
+    ExcessColour,
     ExcessVariance,
     add_variance,
     colour_penalty,
     estimate_variance_components,
+    filter_at_excess,
     most_likely_colour,
 )
 from edl_filter.diagnosis.prediction.residuals import (
@@ -188,11 +190,24 @@ class LinearizedModel:
         return whitening_filter(add_variance(self.state_space, self.index, excess))
 
     def release_filters(self) -> None:
-        """Drop the filters, which have tens of megabytes each; they are computed again where they are needed."""
+        """Drop the filters, which have tens of megabytes each.
+
+        What was estimated with them is kept, so that a filter is computed again by one run of the covariance recursion.
+        """
         for name in ("stated_noise_filter", "white_excess_filter", "fitted_noise_filter"):
             self.__dict__.pop(name, None)
 
-    @property
+    def release(self) -> None:
+        """Drop the filters, and the Jacobians of effects about the point: of a model that is set aside."""
+        self.release_filters()
+        self.computed_jacobians.clear()
+
+    @cached_property
+    def stated_noise_sigma(self) -> Array:
+        """Standard deviation of each innovation at the stated noise ``(R,)``."""
+        return self.stated_noise_filter.innovation_sigma
+
+    @cached_property
     def white_excess_log_likelihood(self) -> float:
         """Log marginal likelihood of the residuals with white excess variance, nats."""
         whiten = self.white_excess_filter
@@ -211,18 +226,23 @@ class LinearizedModel:
         return -0.5 * mean_square * len(self.residual_vector) - 0.5 * stated.log_determinant
 
     @cached_property
-    def fitted_noise_filter(self) -> WhiteningFilter:
-        """Whitening filter at the noise that the residuals show: white beyond the stated, or correlated in time."""
-        whiten, self.__dict__["_colour"] = most_likely_colour(
-            self.white_excess_filter, self.state_space, self.index, self.excess_variance, self.residual_vector,
-            self.initial_mean, self.settings, self._colour,
+    def excess_colour(self) -> ExcessColour | None:
+        """Most likely correlation of the excess variance in time; None without excess variance."""
+        similar, likelihood = self._place_of_colour, self.white_excess_log_likelihood
+        if not self.excess_variance.is_zero:  # the filter at white excess variance would be kept beside the fitted one
+            self.__dict__.pop("white_excess_filter", None)
+        return most_likely_colour(
+            likelihood, self.state_space, self.index, self.excess_variance, self.residual_vector, self.initial_mean,
+            self.settings, similar,
         )  # fmt: skip
-        return whiten
 
     @cached_property
-    def _colour(self) -> tuple[int, int] | None:
-        """Most likely colour of the excess variance, or that of the similar model until it is known."""
-        return None if self.initial_excess is None else self.initial_excess.colour
+    def fitted_noise_filter(self) -> WhiteningFilter:
+        """Whitening filter at the noise that the residuals show: white beyond the stated, or correlated in time."""
+        colour = self.excess_colour
+        if colour is None or not colour.is_correlated:
+            return self.white_excess_filter
+        return filter_at_excess(self.state_space, self.index, self.excess_variance, colour, self.settings)
 
     @property
     def holds(self) -> bool:
@@ -232,7 +252,14 @@ class LinearizedModel:
     @property
     def failing_excess(self) -> ExcessVariance | None:
         """Excess variance with which the estimation for a similar model starts; None if the model holds."""
-        return None if self.holds else replace(self.excess_variance, colour=self._colour)
+        return None if self.holds else replace(self.excess_variance, colour=self._place_of_colour)
+
+    @property
+    def _place_of_colour(self) -> tuple[int, int] | None:
+        """Place of the most likely colour of the excess variance, or that of the similar model until it is known."""
+        if "excess_colour" not in self.__dict__:
+            return None if self.initial_excess is None else self.initial_excess.colour
+        return None if self.excess_colour is None else self.excess_colour.place
 
     def white_residuals(self, whiten: Whitening) -> Array:
         """Residuals whitened by a filter ``(R,)``."""
@@ -247,8 +274,9 @@ class LinearizedModel:
     @property
     def noise_penalty(self) -> float:
         """Cost in evidence of the noise that the residuals show: of its variances and of its colour, nats."""
-        coloured = self.fitted_noise_filter is not self.white_excess_filter
-        return self.excess_variance.penalty + (colour_penalty(self.settings) if coloured else 0.0)
+        colour = self.excess_colour
+        is_correlated = colour is not None and colour.is_correlated
+        return self.excess_variance.penalty + (colour_penalty(self.settings) if is_correlated else 0.0)
 
     @property
     def log_evidence(self) -> float:
@@ -266,11 +294,9 @@ class LinearizedModel:
         stated = self.case.uncertainty.sigma
         return max(start, constant, distance_from_stated(self.point.perturbation, self.residuals.flow, stated))
 
-    def filter_with_unmodelled(self, unmodelled: UnmodelledAcceleration) -> WhiteningFilter:
-        """Whitening filter at the stated noise that allows for an unmodelled acceleration."""
-        if unmodelled.is_zero:
-            return self.stated_noise_filter
-        return whitening_filter(augment(self.state_space, self.index, self.bins, self.residuals.flow, unmodelled))
+    def state_space_with_unmodelled(self, unmodelled: UnmodelledAcceleration) -> LinearStateSpace:
+        """State-space model at the stated noise that allows for an unmodelled acceleration."""
+        return augment(self.state_space, self.index, self.bins, self.residuals.flow, unmodelled)
 
 
 def perturbed(inputs: ModelInputs, point: LinearizationPoint) -> ModelInputs:

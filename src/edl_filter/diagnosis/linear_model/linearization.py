@@ -272,7 +272,6 @@ def iterate_point(
     LinearizedModel
     """
     settings, last, last_share = case.settings, -np.inf, np.inf
-    tolerance = settings.linearization_tolerance_sigmas
     for i in range(iterations):
         yield model
         log_likelihood, share = model.white_excess_log_likelihood, model.excess_variance.share
@@ -280,15 +279,23 @@ def iterate_point(
         receding = not model.holds and share > settings.alternative_progress * last_share
         if i == iterations - 1 or converged or receding or (share > max_excess_share and i >= least_iterations - 1):
             return
-        last, last_share, point = log_likelihood, share, model.point
-        whiten, size = model.white_excess_filter, model.nuisance.layout.size
-        chord = at_map_point(model, whiten, model.white_residuals(whiten), model.effects)
-        new_point = None if chord is None else map_point(chord, whiten, chord.white_residuals(whiten))
-        if new_point is None:
+        last, last_share = log_likelihood, share
+        point = _next_point(model)
+        if point is None:
             return
-        spread = np.sqrt(np.maximum(np.diag(whiten.posterior_initial_covariance(size)), 0.0))
-        fixed = np.all(np.abs(new_point.start.minus(point.start)) <= tolerance * spread + 1e-15)
-        change = largest_change(point.perturbation, new_point.perturbation, case.uncertainty.sigma)
-        if fixed and change <= tolerance:
-            return
-        model = linearize_at(case, new_point, model.failing_excess)
+        model.release()  # of the models about all points, the last one has filters
+        model = linearize_at(case, point, model.failing_excess)
+
+
+def _next_point(model: LinearizedModel) -> LinearizationPoint | None:
+    """The most probable point; None where it is not credible, or where the model's own point hardly differs from it."""
+    whiten, size, sigma = model.white_excess_filter, model.nuisance.layout.size, model.case.uncertainty.sigma
+    chord = at_map_point(model, whiten, model.white_residuals(whiten), model.effects)
+    point = None if chord is None else map_point(chord, whiten, chord.white_residuals(whiten))
+    if point is None:
+        return None
+    tolerance = model.settings.linearization_tolerance_sigmas
+    spread = np.sqrt(np.maximum(np.diag(whiten.posterior_initial_covariance(size)), 0.0))
+    fixed = np.all(np.abs(point.start.minus(model.point.start)) <= tolerance * spread + 1e-15)
+    change = largest_change(model.point.perturbation, point.perturbation, sigma)
+    return None if fixed and change <= tolerance else point

@@ -17,11 +17,12 @@ from edl_filter.diagnosis.prediction.predicted_readings import bin_average, tria
 from edl_filter.diagnosis.prediction.residuals import RowIndex
 from edl_filter.diagnosis.prediction.time_bins import TimeBins
 from edl_filter.effects.types import FlightCondition
-from edl_filter.estimation.block_sparse import from_blocks, merge
-from edl_filter.estimation.kalman import LinearStateSpace
+from edl_filter.estimation.kalman import LinearStateSpace, append_constant_states, with_gauss_markov_states
 from edl_filter.mission.decision_settings import DecisionSettings
 from edl_filter.types import Array
 
+#: Number of states: the axes of force and moment.
+_STATES = 6
 #: Factor by which the amplitudes on the grid are refined.
 _REFINEMENT = 3.0
 
@@ -62,9 +63,7 @@ def augment(
     """The state-space model with an unmodelled force and moment as its last states, three each, in sigmas."""
     if unmodelled.is_zero:
         return model
-    n, appended = model.size, slice(model.size, model.size + 6)
-    design, covariance = np.pad(model.design, ((0, 0), (0, 6))), np.eye(n + 6)
-    covariance[:n, :n] = model.initial_covariance
+    columns = np.zeros((index.count, _STATES))
     scale = amplitude(flow, unmodelled)
     sizes = (
         unmodelled.force * bin_average(scale, bins),
@@ -74,18 +73,9 @@ def augment(
         for axis in range(first, first + 3):
             rows = index.bin_rows[: len(size), axis]
             used = rows >= 0
-            design[rows[used], n + axis] = size[used]
-    decay = np.exp(-index.step_interval / unmodelled.memory)[:, None, None]
-    increment, noise = (
-        from_blocks(n + 6, [(appended, appended, v * np.eye(6))]) for v in (decay - 1.0, 1.0 - decay**2)
-    )
-    return replace(
-        model,
-        design=design,
-        increment=merge(model.increment, increment, n + 6),
-        process_noise=merge(model.process_noise, noise, n + 6),
-        initial_covariance=covariance,
-    )
+            columns[rows[used], axis] = size[used]
+    constant = append_constant_states(model, columns, np.ones(_STATES))
+    return with_gauss_markov_states(constant, index.step_interval, unmodelled.memory, 1.0, _STATES)
 
 
 def amplitude(flow: FlightCondition, unmodelled: UnmodelledAcceleration) -> Array:

@@ -20,12 +20,21 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from edl_filter.diagnosis.prediction.residuals import RowIndex
-from edl_filter.estimation.block_sparse import from_blocks, merge
-from edl_filter.estimation.kalman import LinearStateSpace, WhiteningFilter, whitening_filter
-from edl_filter.estimation.parallel import THREADS, map_threads
+from edl_filter.estimation.kalman import (
+    LinearStateSpace,
+    WhiteningFilter,
+    append_constant_states,
+    log_likelihood,
+    whitening_filter,
+    with_gauss_markov_states,
+)
+from edl_filter.estimation.parallel import map_threads
 from edl_filter.estimation.smoothing import precision_weighted_residuals
 from edl_filter.mission.decision_settings import DecisionSettings
 from edl_filter.types import Array, BoolArray, IntArray
+
+#: Axes of force and moment.
+_AXES = 6
 
 
 @dataclass(frozen=True)
@@ -82,13 +91,30 @@ def add_variance(model: LinearStateSpace, index: RowIndex, excess: ExcessVarianc
     return replace(model, row_noise=noise)
 
 
-def colour_excess(model: LinearStateSpace, index: RowIndex, excess: ExcessVariance, memory: float) -> LinearStateSpace:
+@dataclass(frozen=True)
+class ExcessColour:
+    """Most likely correlation in time of excess variance.
+
+    Attributes
+    ----------
+    place : (int, int)
+        Of the most likely correlation time and factor in the settings, also where white excess variance is more likely.
+    is_correlated : bool
+        Whether correlated excess variance is more likely than white.
+    """
+
+    place: tuple[int, int]
+    is_correlated: bool
+
+
+def colour_excess(
+    model: LinearStateSpace, index: RowIndex, excess: ExcessVariance, memory: float, factor: float = 1.0
+) -> LinearStateSpace:
     """The state-space model whose excess variance of forces and moments is correlated in time.
 
     A force or moment that the model lacks lasts for longer than a time bin: each axis is a first-order Gauss–Markov
-    process (Tapley, Schutz and Born, Statistical Orbit Determination, 2004, section 4.9) of unit variance, times the
-    standard deviation of the excess, as the last six states. Both IMUs measure it, so that it is in the rows of the
-    driving IMU against the prediction and not in those of a checking IMU, whose excess stays white.
+    process, times the standard deviation of the excess, as the last six states. Both IMUs measure it, so that it is in
+    the rows of the driving IMU against the prediction and not in those of a checking IMU, whose excess stays white.
 
     Parameters
     ----------
@@ -100,32 +126,69 @@ def colour_excess(model: LinearStateSpace, index: RowIndex, excess: ExcessVarian
         Its size, which may change from interval to interval.
     memory : float
         Correlation time, s.
+    factor : float
+        By which all of the excess variance is multiplied.
     """
-    n, axes = model.size, 6
-    appended = slice(n, n + axes)
-    design, covariance = np.pad(model.design, ((0, 0), (0, axes))), np.eye(n + axes)
-    covariance[:n, :n] = model.initial_covariance
-    white = excess.variance.copy()
-    for axis in range(axes):
-        rows = index.bin_rows[:, axis]
-        rows = rows[rows >= 0]
-        design[rows, n + axis], white[rows] = np.sqrt(excess.variance[rows]), 0.0
-    decay = np.exp(-index.step_interval / memory)[:, None, None]
-    increment, noise = (
-        from_blocks(n + axes, [(appended, appended, v * np.eye(axes))]) for v in (decay - 1.0, 1.0 - decay**2)
-    )
-    coloured = replace(
-        model,
-        design=design,
-        increment=merge(model.increment, increment, n + axes),
-        process_noise=merge(model.process_noise, noise, n + axes),
-        initial_covariance=covariance,
-    )
+    return _coloured(_with_constant_excess(model, index, excess), index, excess, memory, factor)
+
+
+def _with_constant_excess(model: LinearStateSpace, index: RowIndex, excess: ExcessVariance) -> LinearStateSpace:
+    """The model whose last six states are constant: the excess of each axis over its standard deviation."""
+    columns = np.zeros((index.count, _AXES))
+    for axis in range(_AXES):
+        rows = _rows_of_axis(index, axis)
+        columns[rows, axis] = np.sqrt(excess.variance[rows])
+    return append_constant_states(model, columns, np.ones(_AXES))
+
+
+def _coloured(
+    constant: LinearStateSpace, index: RowIndex, excess: ExcessVariance, memory: float, factor: float
+) -> LinearStateSpace:
+    """`colour_excess` of a model of `_with_constant_excess`, whose design matrix it shares."""
+    white = factor * excess.variance
+    for axis in range(_AXES):
+        white[_rows_of_axis(index, axis)] = 0.0
+    coloured = with_gauss_markov_states(constant, index.step_interval, memory, factor, _AXES)
     return add_variance(coloured, index, replace(excess, variance=white))
 
 
+def _rows_of_axis(index: RowIndex, axis: int) -> IntArray:
+    """Rows of one axis of force or moment against the prediction."""
+    rows = index.bin_rows[:, axis]
+    return np.asarray(rows[rows >= 0], np.int64)
+
+
+def filter_at_excess(
+    model: LinearStateSpace,
+    index: RowIndex,
+    excess: ExcessVariance,
+    colour: ExcessColour | None,
+    settings: DecisionSettings,
+) -> WhiteningFilter:
+    """The whitening filter with excess variance of a colour.
+
+    Parameters
+    ----------
+    model : LinearStateSpace
+        At the stated noise.
+    index : RowIndex
+        Positions of the rows.
+    excess : ExcessVariance
+        Its size.
+    colour : ExcessColour or None
+        Of `most_likely_colour`; None for white excess variance.
+    settings : DecisionSettings
+        Thresholds of the diagnosis.
+    """
+    if colour is None or not colour.is_correlated:
+        return whitening_filter(add_variance(model, index, excess))
+    memory, factor = colour.place
+    memories, factors = settings.excess_memories_s, settings.excess_colour_factors
+    return whitening_filter(colour_excess(model, index, excess, memories[memory], factors[factor]))
+
+
 def most_likely_colour(
-    white: WhiteningFilter,
+    at_white: float,
     model: LinearStateSpace,
     index: RowIndex,
     excess: ExcessVariance,
@@ -133,13 +196,13 @@ def most_likely_colour(
     initial_mean: Array,
     settings: DecisionSettings,
     initial: tuple[int, int] | None = None,
-) -> tuple[WhiteningFilter, tuple[int, int] | None]:
-    """The whitening filter with white or correlated excess variance, whichever is most likely.
+) -> ExcessColour | None:
+    """Most likely correlation of the excess variance in time; None without excess variance.
 
     Parameters
     ----------
-    white : WhiteningFilter
-        With white excess variance.
+    at_white : float
+        Log-likelihood with white excess variance, nats.
     model : LinearStateSpace
         At the stated noise.
     index : RowIndex
@@ -154,44 +217,30 @@ def most_likely_colour(
         Thresholds of the diagnosis: the correlation times and factors that are tried (`colour_penalty`).
     initial : (int, int), optional
         Places of correlation time and factor at which the search begins: the most likely ones of a similar model.
-
-    Returns
-    -------
-    whiten : WhiteningFilter
-    colour : (int, int) or None
-        Places of the most likely correlation time and factor, also where white excess variance is more likely; None
-        without excess variance.
     """
     if excess.is_zero:
-        return white, None
+        return None
+    constant = _with_constant_excess(model, index, excess)  # large: one for all places
 
-    def evaluate(place: tuple[int, int]) -> tuple[float, WhiteningFilter]:
+    def evaluate(place: tuple[int, int]) -> float:
         memory, factor = place
-        scaled = replace(excess, variance=factors[factor] * excess.variance)
-        whiten = whitening_filter(colour_excess(model, index, scaled, memories[memory]))
-        return whiten.log_likelihood(whiten(residuals[:, None], initial_mean[:, None])[:, 0]), whiten
+        coloured = _coloured(constant, index, excess, memories[memory], factors[factor])
+        return log_likelihood(coloured, residuals, initial_mean)
 
     memories, factors = settings.excess_memories_s, settings.excess_colour_factors
     place = (len(memories) // 2, len(factors) // 2) if initial is None else initial
-    likelihood, coloured = evaluate(place)
-    likelihoods = {place: likelihood}  # the filters are large: only that of the best place is kept
+    likelihoods = {place: evaluate(place)}
     # uphill on the grid; the data determine the ratio of variance and time best: along the ridge both increase together
     steps = ((1, 0), (-1, 0), (0, 1), (0, -1), (1, 1), (-1, -1))
     while True:
         neighbours = [(place[0] + a, place[1] + b) for a, b in steps]
         new = [p for p in neighbours if 0 <= p[0] < len(memories) and 0 <= p[1] < len(factors) and p not in likelihoods]
-        best = place
-        for i in range(0, len(new), THREADS):
-            tried = new[i : i + THREADS]
-            for p, (value, whiten) in zip(tried, map_threads(evaluate, tried), strict=True):
-                likelihoods[p] = value
-                if value > likelihood:
-                    best, likelihood, coloured = p, value, whiten
+        likelihoods |= zip(new, map_threads(evaluate, new), strict=True)
+        best = max((place, *new), key=lambda p: likelihoods[p])
         if best == place:
             break
         place = best
-    at_white = white.log_likelihood(white(residuals[:, None], initial_mean[:, None])[:, 0])
-    return coloured if likelihood - colour_penalty(settings) > at_white else white, place
+    return ExcessColour(place, likelihoods[place] - colour_penalty(settings) > at_white)
 
 
 def colour_penalty(settings: DecisionSettings) -> float:
@@ -262,26 +311,33 @@ def estimate_variance_components(
     whiten : WhiteningFilter
     """
 
-    def evaluate(candidate: ExcessVariance) -> tuple[float, WhiteningFilter, Array]:
-        whiten = stated if candidate.is_zero else whitening_filter(add_variance(stated.model, index, candidate))
+    def evaluate(variance: Array) -> tuple[float, WhiteningFilter, Array]:
+        whiten = filter_at(variance)
         white = whiten(residuals[:, None], initial_mean[:, None])[:, 0]
         return whiten.log_likelihood(white), whiten, white
+
+    def filter_at(variance: Array) -> WhiteningFilter:
+        return whitening_filter(with_variance(variance)) if np.any(variance) else stated
+
+    def with_variance(variance: Array) -> LinearStateSpace:
+        return add_variance(stated.model, index, replace(estimate, variance=variance))
 
     pieces, best = _pieces(index, settings.noise_piece_s), -np.inf
     estimate, best_filter = moment_estimate(stated, index, residuals, initial_mean, settings), stated
     if estimate.is_zero:
         return estimate, stated
-    at_stated, _, _ = evaluate(ExcessVariance.zero(len(residuals)))
-    variance = estimate.variance
-    first = evaluate(estimate)
+    at_stated, variance = evaluate(np.zeros(len(residuals)))[0], estimate.variance
+    likelihood, whiten, white = evaluate(variance)
     if initial is not None:
         alternative = initial.on(pieces, len(residuals))
-        evaluated = evaluate(replace(estimate, variance=alternative))
-        if evaluated[0] > first[0]:
-            variance, first = alternative, evaluated
+        evaluated = evaluate(alternative)
+        if evaluated[0] > likelihood:
+            variance, (likelihood, whiten, white) = alternative, evaluated
+        del evaluated  # a filter is large: two are kept, the best and that of the iteration
     iterations: list[_Iteration] = []
     for i in range(settings.variance_iterations):
-        likelihood, whiten, white = evaluate(replace(estimate, variance=variance)) if i else first
+        if i:
+            likelihood, whiten, white = evaluate(variance)
         tolerance = max(settings.variance_convergence_nats, settings.variance_convergence_share * (best - at_stated))
         if likelihood < best + tolerance:
             break
@@ -291,15 +347,18 @@ def estimate_variance_components(
         estimate = ExcessVariance(variance, significant, _penalty(variance, pieces))
         iterations.append(_Iteration.of(variance, pieces, weighted, diagonal))
         variance = _next_variance(iterations, pieces, len(variance), settings)
+    del whiten
+    simpler = [(np.zeros(len(variance)), at_stated)]
     significant_variance = np.where(estimate.significant, estimate.variance, 0.0)
-    simpler = [np.zeros_like(significant_variance)]
     if np.any(significant_variance) and np.any(significant_variance != estimate.variance):
-        simpler.insert(0, significant_variance)
-    for candidate in (ExcessVariance(v, v > 0.0, _penalty(v, pieces)) for v in simpler):
-        likelihood, whiten, _ = evaluate(candidate)
-        if likelihood - candidate.penalty > best - estimate.penalty:
-            best, best_filter, estimate = likelihood, whiten, candidate
-    return estimate, best_filter
+        likelihood = log_likelihood(with_variance(significant_variance), residuals, initial_mean)
+        simpler.insert(0, (significant_variance, likelihood))
+    simplest = estimate
+    for variance, likelihood in simpler:
+        candidate = ExcessVariance(variance, variance > 0.0, _penalty(variance, pieces))
+        if likelihood - candidate.penalty > best - simplest.penalty:
+            best, simplest = likelihood, candidate
+    return simplest, best_filter if simplest is estimate else filter_at(simplest.variance)
 
 
 def _pieces(index: RowIndex, length: float) -> list[IntArray]:

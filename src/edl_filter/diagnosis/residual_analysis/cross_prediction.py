@@ -182,7 +182,7 @@ def knot_columns(
         at_knots = np.moveaxis(covariance @ principal, 1, 0)
         independent = solve_triangular(factor, at_knots.reshape(len(distance), -1), lower=True)
         blocks.append(np.moveaxis(independent.reshape(at_knots.shape), 0, 1).reshape(len(row_distance), -1))
-    return white_columns(whiten, np.concatenate(blocks, axis=1))
+    return white_columns(whiten, blocks)
 
 
 def row_gains(learned: Array, learned_white: Array, predicted: Array, predicted_white: Array) -> Array:

@@ -142,12 +142,12 @@ def posterior_at_knots(
         In the order of regime, coefficient, place, angle.
     covariance, prior_covariance : (N, N) arrays
     """
-    covariances = [
-        amplitude_covariance(whiten.model.design, fields[name], row_distance, d).reshape(len(white), -1)
+    covariances = (
+        amplitude_covariance(whiten.model.design, fields[name], row_distance, d)
         for d in distances.values()
         for name in FIELD_COEFFICIENTS
-    ]
-    columns = white_columns(whiten, np.concatenate(covariances, axis=1))
+    )
+    columns = white_columns(whiten, covariances)
     return field_at_knots(prior, modes, distances, angles, columns.T @ white, columns.T @ columns)
 
 

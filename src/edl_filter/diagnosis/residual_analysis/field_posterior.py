@@ -14,6 +14,7 @@ prior less WᵀW. Rows of a regime whose table errs independently are so far awa
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -48,10 +49,17 @@ def amplitude_covariance(design: Array, values: slice, row_distance: Array, knot
     return np.asarray(np.einsum("rkd,rdj->rkj", correlation, columns))
 
 
-def white_columns(whiten: WhiteningFilter, covariance: Array) -> Array:
-    """W: covariances of all rows with further variables ``(R, ...)``, whitened: ``(R, C)``."""
-    columns = np.ascontiguousarray(covariance.reshape(len(covariance), -1))
-    return whiten(columns, np.zeros((0, columns.shape[1])))
+def white_columns(whiten: WhiteningFilter, covariances: Iterable[Array]) -> Array:
+    """W: covariances of all rows with further variables, each ``(R, ...)``, whitened: ``(R, C)`` of all in succession.
+
+    One covariance is whitened after the other: of an iterator that computes them only one is kept.
+    """
+
+    def whitened(covariance: Array) -> Array:
+        columns = covariance.reshape(len(covariance), -1)
+        return whiten(columns, np.zeros((0, columns.shape[1])))
+
+    return np.concatenate([whitened(covariance) for covariance in covariances], axis=1)
 
 
 @dataclass(frozen=True)

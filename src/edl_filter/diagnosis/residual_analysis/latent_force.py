@@ -13,6 +13,7 @@ import numpy as np
 from edl_filter.diagnosis.linear_model.linear_model import LinearizedModel
 from edl_filter.diagnosis.noise.unmodelled_acceleration import UnmodelledAcceleration, amplitude
 from edl_filter.diagnosis.prediction.dead_reckoning import NODES_PER_BIN
+from edl_filter.estimation.kalman import whitening_filter
 from edl_filter.estimation.smoothing import smoothed_last_states
 from edl_filter.types import Array
 
@@ -42,7 +43,7 @@ def estimate_latent_force(model: LinearizedModel, unmodelled: UnmodelledAccelera
     """Smoothed unmodelled force and moment with the most likely process; None where that is zero."""
     if unmodelled.is_zero:
         return None
-    whiten = model.filter_with_unmodelled(unmodelled)
+    whiten = whitening_filter(model.state_space_with_unmodelled(unmodelled))
     mean, covariance = smoothed_last_states(whiten, model.white_residuals(whiten), model.initial_mean, 6)
     used, step = model.index.step_of_bins(whiten.model.row_start)
     scale = amplitude(model.residuals.flow, unmodelled)[NODES_PER_BIN // 2 :: NODES_PER_BIN][used, None]

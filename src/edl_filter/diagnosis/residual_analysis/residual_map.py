@@ -46,7 +46,7 @@ def channels(model: LinearizedModel) -> list[tuple[str, str]]:
 def normalised_innovations(model: LinearizedModel) -> Array:
     """Innovations ``(R,)`` at the fitted noise, over their sigma at the stated noise."""
     whiten = model.fitted_noise_filter
-    return whiten.innovations(model.white_residuals(whiten)) / model.stated_noise_filter.innovation_sigma
+    return whiten.innovations(model.white_residuals(whiten)) / model.stated_noise_sigma
 
 
 def rms_by_channel(model: LinearizedModel, normalised: Array) -> dict[str, float]:
@@ -82,7 +82,7 @@ def residual_series(model: LinearizedModel) -> Groups:
         ``(channel, time)`` in the channel's unit, and ``normalised``, their ratio; NaN where nothing is compared.
     """
     index, bins = model.index, model.bins
-    normalised, stated = normalised_innovations(model), model.stated_noise_filter.innovation_sigma
+    normalised, stated = normalised_innovations(model), model.stated_noise_sigma
     named = channels(model)
     ratio, sigma = (np.full((len(named), len(bins.interval)), np.nan) for _ in range(2))
     for c in range(len(named)):
@@ -185,7 +185,7 @@ def residual_map(model: LinearizedModel, normalised: Array | None = None) -> lis
         Normalised innovations with another effect in the model, instead of the model's own.
     """
     normalised = normalised_innovations(model) if normalised is None else normalised
-    sigma = model.stated_noise_filter.innovation_sigma
+    sigma = model.stated_noise_sigma
     index, bins, settings = model.index, model.bins, model.settings
     limits = _database_sigma(model)
     cells = []

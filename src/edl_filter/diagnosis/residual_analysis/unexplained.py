@@ -17,6 +17,9 @@ from edl_filter.diagnosis.residual_analysis.residual_map import AXES, normalised
 from edl_filter.mission.decision_settings import DecisionSettings
 from edl_filter.types import Array, BoolArray, IntArray
 
+#: Number of frequencies of a spectrum that are computed together.
+_FREQUENCIES = 64
+
 
 @dataclass(frozen=True)
 class Remainder:
@@ -141,7 +144,9 @@ def _spectral_line(time: Array, series: Array, settings: DecisionSettings) -> fl
         return None
     step, span = float(np.median(np.diff(time))), float(time[-1] - time[0])
     frequency = np.arange(settings.line_cycles / span, 0.5 / step, 0.2 / span)
-    power = lombscargle(time, series - series.mean(), 2.0 * np.pi * frequency, normalize=True)
+    blocks = np.array_split(frequency, len(frequency) // _FREQUENCIES + 1)  # lombscargle has arrays of all times by all
+    deviation = series - series.mean()
+    power = np.concatenate([lombscargle(time, deviation, 2.0 * np.pi * f, normalize=True) for f in blocks if len(f)])
     k = int(np.argmax(power))
     return float(frequency[k]) if power[k] > settings.line_power_share else None
 

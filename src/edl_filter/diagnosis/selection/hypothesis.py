@@ -136,7 +136,7 @@ def fit_hypothesis(
             fits.append(fit_map(model, effects, model.fitted_noise_filter, steps=steps))
             if _remaining_excess(model, fits[-1], model.excess_variance.share) < settings.solved_share:
                 return _best(key, fits[-1:], [], null, case, model)
-        if fits and model.fitted_noise_filter is not model.stated_noise_filter:
+        if fits and not model.excess_variance.is_zero:
             best = max(fits, key=lambda f: f.evidence)
             at_stated_noise.append(fit_map(model, best.effects, model.stated_noise_filter))
         at_fitted_noise += fits
@@ -285,7 +285,7 @@ def _hypothesis(
 
 def _normalised(model: LinearizedModel, whiten: WhiteningFilter, fit: MapFit) -> Array:
     """Innovations ``(R,)`` of a fit over their sigma at the stated noise."""
-    return np.asarray(whiten.innovations(fit.white) / model.stated_noise_filter.innovation_sigma, float)
+    return np.asarray(whiten.innovations(fit.white) / model.stated_noise_sigma, float)
 
 
 def with_gain_where_model_holds(
@@ -340,6 +340,7 @@ def relinearize_with_effect(h: Hypothesis, reference: NullModelFit, contends: bo
     if not (h.at_floor or h.model.holds):
         at_stated_noise = [h.stated_noise_fit] if h.stated_noise_fit is not None else []
         start = _best(h.key, [h.fit], at_stated_noise, h.null, h.case, h.model, thorough=True)
+    h.model.release()
     case = load_case(h.case.mission, start.fit.effects)
     first = linearize_at(case, smoothed_point(case.reconstruction), h.model.failing_excess)
     failing_share = max(settings.holds_share, settings.alternative_progress * h.null.excess_share)

@@ -121,12 +121,14 @@ def iterate_to_convergence(
         least_iterations=2,
         first=first,
     )
+    first = None  # large
     fit = fit_to(model)
     for i in range(1, settings.outer_iterations if iterations is None else iterations):
         if _largest_change(case.effects, fit) <= settings.outer_tolerance_sigmas:
             break
         progress(f"refitting the effects, iteration {i + 1}")
         point = most_probable_point(model, fit)
+        model.release()
         case = load_case(case.mission, fit.effects)
         model = linearize_at(case, point, model.failing_excess)
         fit = fit_to(model)

@@ -8,13 +8,12 @@ acceleration (`noise.unmodelled_acceleration`).
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from edl_filter.diagnosis.linear_model.credible_model import credible_model
-from edl_filter.diagnosis.linear_model.effect_jacobian import EffectJacobian
 from edl_filter.diagnosis.linear_model.flight_case import FlightCase, load_case
 from edl_filter.diagnosis.linear_model.linear_model import LinearizedModel
 from edl_filter.diagnosis.noise.unmodelled_acceleration import UnmodelledAcceleration, most_likely_process
@@ -38,12 +37,10 @@ from edl_filter.effects.base import Effect, EffectInstance, EffectKey, label_of
 from edl_filter.effects.instances import candidates
 from edl_filter.effects.sensor_chain import canonical_key
 from edl_filter.errors import InputError
-from edl_filter.estimation.kalman import Whitening
+from edl_filter.estimation.kalman import Whitening, log_likelihood, whitening_filter
 from edl_filter.estimation.parallel import one_blas_thread, start_thread
 
 Progress = Callable[[str], None]
-#: Columns that are screened together at least.
-_BATCH_COLUMNS = 256
 
 
 @dataclass(frozen=True)
@@ -131,7 +128,12 @@ def _rank(case: FlightCase, effects: Sequence[EffectInstance], progress: Progres
     case = model.case
     holding = alternative_mode if alternative_mode is not None and alternative_mode.holds else None
     models = [m for m in (model, alternative_mode) if m is not None]
-    nulls = [fit_null_model(m, case.effects, model.excess_variance.share) for m in models]
+    nulls = []
+    if alternative_mode is not None:
+        alternative_mode.release_filters()
+    for m in models:
+        nulls.append(fit_null_model(m, case.effects, model.excess_variance.share))
+        m.release_filters()  # from here on, one model has filters at a time
     reference, most_likely = most_probable_null(nulls), max(models, key=lambda m: m.log_evidence)
     progress("trying the catalogue and something else")
     # compiled loops for the most part; the cached properties of the model that it reads were computed for `most_likely`
@@ -141,7 +143,10 @@ def _rank(case: FlightCase, effects: Sequence[EffectInstance], progress: Progres
     shares = [effects]
     if holding is not None:
         shares = [[a for a in effects if a.effect.places], [a for a in effects if not a.effect.places]]
-    screenings = [_screen(m, share, case.end, failed) for m, share in zip(models, shares, strict=False)]
+    screenings = []
+    for m, share in zip(models, shares, strict=False):
+        screenings.append(_screen(m, share, case.end, failed))
+        m.release_filters()
     hypotheses: list[Hypothesis] = []
     for screened, null in zip(screenings, nulls, strict=False):
         best = max((h.gain for h in hypotheses), default=0.0)
@@ -150,10 +155,10 @@ def _rank(case: FlightCase, effects: Sequence[EffectInstance], progress: Progres
         if holding is not None and screened.model is not holding:
             relinearized = _compare_where_model_holds(case, relinearized, screenings[-1], nulls[-1])
         hypotheses += relinearized
+        screened.model.release()
     hypotheses.sort(key=lambda h: -h.gain)
     unmodelled, unmodelled_evidence = unmodelled_fit()
-    stated = most_likely.stated_noise_filter
-    at_stated_noise = stated.log_likelihood(most_likely.white_residuals(stated))
+    at_stated_noise = log_likelihood(most_likely.state_space, most_likely.residual_vector, most_likely.initial_mean)
     return Ranking(
         case=case,
         model=model,
@@ -194,16 +199,17 @@ def _compare_where_model_holds(
     case: FlightCase, hypotheses: Sequence[Hypothesis], screened: _Screened, null: NullModelFit
 ) -> list[Hypothesis]:
     """Hypotheses that leave hardly any excess variance, also about the point where the model without them holds."""
-    whiten = screened.filters[0]
+    if not any(h.at_floor for h in hypotheses):
+        return list(hypotheses)
+    whiten = _filters(screened.model)[0]
     return [with_gain_where_model_holds(h, case, screened.model, whiten, null) if h.at_floor else h for h in hypotheses]
 
 
 @dataclass(frozen=True)
 class _Screened:
-    """Effects screened about one point, with each whitening filter."""
+    """Effects screened about one point, with each whitening filter of `_filters`."""
 
     model: LinearizedModel
-    filters: list[Whitening]
     results: list[dict[EffectKey, ScreeningResult]]
 
 
@@ -215,28 +221,17 @@ def candidate_instances(case: FlightCase, effects: Iterable[Effect]) -> list[Eff
 
 
 def _screen(model: LinearizedModel, effects: Sequence[EffectInstance], end: float, failed: dict[str, str]) -> _Screened:
-    """At the noise that the model shows, and at the stated noise."""
-    fitted, stated = model.fitted_noise_filter, model.stated_noise_filter
-    filters = [marginalize_model_effects(model, w) for w in ([fitted] if fitted is stated else [fitted, stated])]
-    results: list[dict[EffectKey, ScreeningResult]] = [{} for _ in filters]
-    for jacobians in _jacobians_in_batches(model, effects, end, failed):
-        for result, whiten in zip(results, filters, strict=True):
-            result |= screen(model, whiten, jacobians)
-    return _Screened(model, filters, results)
+    """At the noise that the model shows, and at the stated noise; without the effects whose hooks fail."""
+    results = screen(model, _filters(model), scan_jacobians(model, effects, end, failed))
+    return _Screened(model, [{k: r for k, r in result.items() if label_of(k) not in failed} for result in results])
 
 
-def _jacobians_in_batches(
-    model: LinearizedModel, effects: Sequence[EffectInstance], end: float, failed: dict[str, str]
-) -> Iterator[list[list[EffectJacobian]]]:
-    """Columns of all effects at all places, in batches that one pass of a filter whitens."""
-    batch: list[list[EffectJacobian]] = []
-    for instance in effects:
-        batch += scan_jacobians(model, [instance], end, failed)
-        if sum(len(j.names) for group in batch for j in group) >= _BATCH_COLUMNS:
-            yield batch
-            batch = []
-    if batch:
-        yield batch
+def _filters(model: LinearizedModel) -> list[Whitening]:
+    """Whitening filters at the noise that the model shows and, where that differs, at the stated noise."""
+    noises = [model.fitted_noise_filter]
+    if not model.excess_variance.is_zero:
+        noises.append(model.stated_noise_filter)
+    return [marginalize_model_effects(model, w) for w in noises]
 
 
 def _fit_shortlist(
@@ -248,7 +243,7 @@ def _fit_shortlist(
     progress: Progress,
 ) -> list[Hypothesis]:
     """The shortlisted effects fitted: those whose linear gain is not below `least`."""
-    settings, results = case.settings, screened.results
+    settings, results, filters = case.settings, screened.results, _filters(screened.model)
     hypotheses: list[Hypothesis] = []
     for key in shortlist(results, settings):
         if max(r[key].gain for r in results) < least:
@@ -259,7 +254,7 @@ def _fit_shortlist(
             if similarity < settings.distinct_correlation:
                 continue  # everything is explained, and this effect is dissimilar
         progress(f"refitting {label_of(key)}")
-        starts = [(r[key], whiten) for r, whiten in zip(results, screened.filters, strict=True)]
+        starts = [(r[key], whiten) for r, whiten in zip(results, filters, strict=True)]
         try:
             hypothesis = fit_hypothesis(case, screened.model, starts, null)
         except InputError as error:
@@ -277,15 +272,15 @@ def fit_unmodelled(model: LinearizedModel) -> tuple[UnmodelledAcceleration, floa
     with that.
     """
 
-    def log_likelihood(unmodelled: UnmodelledAcceleration) -> float:
-        whiten = model.filter_with_unmodelled(unmodelled)
-        return whiten.log_likelihood(model.white_residuals(whiten))
+    def likelihood_with(unmodelled: UnmodelledAcceleration) -> float:
+        state_space = model.state_space_with_unmodelled(unmodelled)
+        return log_likelihood(state_space, model.residual_vector, model.initial_mean)
 
-    unmodelled, likelihood = most_likely_process(log_likelihood, model.settings)
+    unmodelled, likelihood = most_likely_process(likelihood_with, model.settings)
     if model.excess_variance.is_zero:
         return unmodelled, likelihood
     excess, whiten = estimate_variance_components(
-        model.filter_with_unmodelled(unmodelled),
+        whitening_filter(model.state_space_with_unmodelled(unmodelled)),
         model.index,
         model.residual_vector,
         model.initial_mean,
@@ -343,6 +338,6 @@ def _relinearize_leaders(
         except InputError as error:
             failed[label_of(key)] = str(error)
         if ranked[i].model is not model_at_first_point:
-            ranked[i].model.release_filters()
+            ranked[i].model.release()
         ranked.sort(key=lambda h: -h.gain)
     return [h.with_reference(reference) for h in ranked]

@@ -9,7 +9,7 @@ root is ``1 - U (1 - 1/√(1 + s²)) Uᵀ`` by the singular values s and left si
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -28,7 +28,10 @@ from edl_filter.errors import InputError
 from edl_filter.estimation.kalman import Whitening, WhiteningFilter
 from edl_filter.estimation.regression import LinearFit, regress, smallest_size
 from edl_filter.mission.decision_settings import DecisionSettings
-from edl_filter.types import Array
+from edl_filter.types import Array, SingleArray
+
+#: Columns that are whitened together at least.
+_BATCH_COLUMNS = 64
 
 
 @dataclass(frozen=True)
@@ -74,8 +77,8 @@ class ScreeningResult:
 
 def scan_jacobians(
     model: LinearizedModel, effects: Sequence[EffectInstance], end: float, failed: dict[str, str] | None = None
-) -> list[list[EffectJacobian]]:
-    """Columns of every effect at all places of its scan grid.
+) -> Iterator[EffectJacobian]:
+    """Columns of every effect at all places of its scan grid, effect by effect, each computed when it is asked for.
 
     Parameters
     ----------
@@ -86,27 +89,25 @@ def scan_jacobians(
     end : float
         End of the comparison, s: the last place in time.
     failed : dict, optional
-        Effect → message of an effect whose hooks fail; raised if not given.
+        Effect → message of an effect whose hooks fail, perhaps after some of its places; raised if not given.
 
-    Returns
-    -------
-    list of list of EffectJacobian
-        One list for each effect that did not fail, one entry a place.
+    Yields
+    ------
+    EffectJacobian
+        Of one effect at one place.
     """
     begin, lowest = scan_range(model)
     oscillating = any(_frequencies(a.effect) for a in effects)
     line = describe_remainder(model) if oscillating else None
-    by_effect = []
     for instance in effects:
         try:
             stated = _places_of_line(instance.effect, line)
-            grid = scan_grid(instance.effect, begin, end, lowest, model.settings, stated)
-            by_effect.append([effect_jacobian(model, replace(instance, values=places)) for places in grid])
+            for places in scan_grid(instance.effect, begin, end, lowest, model.settings, stated):
+                yield effect_jacobian(model, replace(instance, values=places))
         except InputError as error:
             if failed is None:
                 raise
             failed[instance.label] = str(error)
-    return by_effect
 
 
 def _frequencies(effect: Effect) -> list[Parameter]:
@@ -134,48 +135,94 @@ def _places_of_line(effect: Effect, remainder: Remainder | None) -> dict[str, li
 
 
 def screen(
-    model: LinearizedModel, whiten: Whitening, jacobians: list[list[EffectJacobian]]
-) -> dict[EffectKey, ScreeningResult]:
+    model: LinearizedModel, filters: Sequence[Whitening], jacobians: Iterable[EffectJacobian]
+) -> list[dict[EffectKey, ScreeningResult]]:
     """Regress the residuals on every effect, at every place.
 
     Parameters
     ----------
     model : LinearizedModel
         The linearised model.
-    whiten : callable
-        Whitening filter, such as by `marginalize_model_effects`.
-    jacobians : list of list of EffectJacobian
-        Of `scan_jacobians`.
+    filters : sequence of callable
+        Whitening filters, such as by `marginalize_model_effects`.
+    jacobians : iterable of EffectJacobian
+        Of `scan_jacobians`. A batch of them is whitened in one pass, and dropped.
 
     Returns
     -------
-    dict
-        Key of the effect → `ScreeningResult` at its best place.
+    list of dict
+        For each filter: key of the effect → `ScreeningResult` at its best place.
     """
-    flat = [j for group in jacobians for j in group]
-    if not flat:
-        return {}
-    rows = np.concatenate([model.residual_vector[:, None], *(j.rows for j in flat)], axis=1)
-    means = np.concatenate([model.initial_mean[:, None], *(j.initial_mean for j in flat)], axis=1)
-    white = whiten(rows, means)
-    y, column, results = white[:, 0], 1, {}
-    for group in jacobians:
-        fits = []
-        for j in group:
-            x = white[:, column : column + len(j.names)]
-            column += len(j.names)
-            fits.append((regress(y, x, j.sigma), j, x))
-        gains = np.array([f[0].gain for f in fits])
-        information = np.max([np.sum(x**2, axis=0) for _, _, x in fits], axis=0)
+    residuals = [model.white_residuals(whiten) for whiten in filters]
+    scans: list[dict[EffectKey, _Scan]] = [{} for _ in filters]
+    for batch in _batches(jacobians):
+        rows = np.concatenate([j.rows for j in batch], axis=1)
+        means = np.concatenate([j.initial_mean for j in batch], axis=1)
+        for whiten, y, by_key in zip(filters, residuals, scans, strict=True):
+            white, column = whiten(rows, means), 0
+            for j in batch:
+                x = white[:, column : column + len(j.names)]
+                column += len(j.names)
+                by_key.setdefault(j.instance.key, _Scan(model.settings)).add(j, x, y)
+    return [{key: scan.result() for key, scan in by_key.items()} for by_key in scans]
+
+
+def _batches(jacobians: Iterable[EffectJacobian]) -> Iterator[list[EffectJacobian]]:
+    """Jacobians with `_BATCH_COLUMNS` columns or a few more in each batch."""
+    batch: list[EffectJacobian] = []
+    for jacobian in jacobians:
+        batch.append(jacobian)
+        if sum(len(j.names) for j in batch) >= _BATCH_COLUMNS:
+            yield batch
+            batch = []
+    if batch:
+        yield batch
+
+
+class _Scan:
+    """Fits of one effect at its places: of the columns only those of the best place are kept.
+
+    What the fits explain is kept in single precision: of two places it only matters whether they are similar.
+    """
+
+    def __init__(self, settings: DecisionSettings) -> None:
+        self.settings = settings
+        self.gains: list[float] = []
+        self.information: Array | float = 0.0
+        self.best: tuple[LinearFit, EffectJacobian, Array] | None = None
+        self.promising: list[tuple[float, EffectInstance, SingleArray]] = []
+
+    def add(self, jacobian: EffectJacobian, x: Array, y: Array) -> None:
+        """Regress white residuals `y` ``(R,)`` on the white columns `x` ``(R, k)`` of a place."""
+        fit = regress(y, x, jacobian.sigma)
+        self.gains.append(fit.gain)
+        self.information = np.maximum(self.information, np.sum(x**2, axis=0))
+        if self.best is None or fit.gain > self.best[0].gain:
+            self.best = fit, jacobian, x.copy()  # a view would keep the columns of the whole batch
+        if fit.gain > self.settings.minimum_screening_gain:
+            explained = (x @ fit.estimate).astype(np.float32)
+            self.promising.append((fit.gain, _with_sizes(jacobian, fit), explained))
+
+    def result(self) -> ScreeningResult:
+        """The fit at the best place, with the evidence averaged over all places."""
+        assert self.best is not None
+        fit, jacobian, x = self.best
+        gains = np.array(self.gains)
         mean = float(gains.max() + np.log(np.mean(np.exp(gains - gains.max()))))
-        distinct = _distinct_places(fits, model.settings)
-        fit, j, x = distinct[0]
-        alternatives = tuple(_with_sizes(jacobian, f) for f, jacobian, _ in distinct[1:])
-        # a copy: a view would keep the columns of all places
-        results[j.instance.key] = ScreeningResult(
-            _with_sizes(j, fit), j, fit, mean, x.copy(), information, alternatives
-        )
-    return results
+        information = np.asarray(self.information, float)
+        return ScreeningResult(_with_sizes(jacobian, fit), jacobian, fit, mean, x, information, self._alternatives())
+
+    def _alternatives(self) -> tuple[EffectInstance, ...]:
+        """The effect at up to `starting_places` - 1 places besides the best, each dissimilar to those before."""
+        ranked = sorted(self.promising, key=lambda place: -place[0])
+        distinct = ranked[:1]
+        for place in ranked[1:]:
+            if len(distinct) == self.settings.starting_places:
+                break
+            y = place[2].astype(float)
+            if all(correlation(y, d[2].astype(float)) < self.settings.distinct_correlation for d in distinct):
+                distinct.append(place)
+        return tuple(instance for _, instance, _ in distinct[1:])
 
 
 def marginalize_model_effects(model: LinearizedModel, whiten: WhiteningFilter) -> Whitening:
@@ -264,23 +311,6 @@ def _with_sizes(jacobian: EffectJacobian, fit: LinearFit) -> EffectInstance:
     """The effect of a Jacobian with the sizes of a fit."""
     sizes = dict(zip(jacobian.names, fit.estimate.tolist(), strict=True))
     return replace(jacobian.instance, values=jacobian.instance.values | sizes)
-
-
-def _distinct_places(
-    fits: list[tuple[LinearFit, EffectJacobian, Array]], settings: DecisionSettings
-) -> list[tuple[LinearFit, EffectJacobian, Array]]:
-    """The best fit and up to `starting_places` - 1 others, each dissimilar to those before."""
-    ranked = sorted(fits, key=lambda f: -f[0].gain)
-    distinct = ranked[:1]
-    explained = [ranked[0][2] @ ranked[0][0].estimate]
-    for fit, jacobian, x in ranked[1:]:
-        if len(distinct) == settings.starting_places or fit.gain <= settings.minimum_screening_gain:
-            break
-        y = x @ fit.estimate
-        if all(correlation(y, e) < settings.distinct_correlation for e in explained):
-            distinct.append((fit, jacobian, x))
-            explained.append(y)
-    return distinct
 
 
 def _within_bounds(instance: EffectInstance, name: str) -> bool:
