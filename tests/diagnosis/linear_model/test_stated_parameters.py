@@ -166,7 +166,7 @@ def test_the_most_probable_point_has_the_most_probable_constants(model):
         s,
         increment=replace(s.increment, size=n),
         process_noise=replace(s.process_noise, size=n),
-        design=s.design[:, :n],
+        design=np.ascontiguousarray(s.design[:, :n]),
         initial_covariance=s.initial_covariance[:n, :n],
     )
     plain = whitening_filter(without)
