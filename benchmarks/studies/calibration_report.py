@@ -139,10 +139,12 @@ def diagnosis_section(lines):
     clean = [line for line in answered if inexact_report.kind_of(line) == "clean"]
     alarms = inexact_report.share_text(sum(bool(line["named"]) for line in clean), len(clean))
     names = inexact_report.names_given(answered)
+    within, rms = (outcome for what, outcome, _ in inexact_report.rate_rows(answered) if what.startswith("parameters"))
     return [
         f"**Diagnosis** ({len(answered)} flights of `make study-inexact`; [figure and all numbers]"
         "(identification-inexact.md))\n",
-        f"Clean flights in which an effect is named: {alarms}.\n",
+        f"Clean flights in which an effect is named: {alarms}. Parameters of right names within 3 sigma: {within}; "
+        f"rms of error over sigma: {rms}.\n",
         markdown(("probability", "names", "mean", "right"), inexact_report.reliability_rows(names)),
         "",
         markdown(

@@ -113,8 +113,9 @@ def test_statistics_of_gaussian_errors():
 def test_the_diagnoses_of_the_inexact_world_have_a_section():
     def line(hidden, verdict, named, gain, probability):
         name = {"effect": named, "label": named, "same_as": [], "probability": probability}
-        return {"hidden": hidden, "verdict": verdict, "named": [name] if named else [],
-                "expected_gains": dict.fromkeys(hidden, gain)}  # fmt: skip
+        return {"hidden": hidden, "part": 1.0, "verdict": verdict, "named": [name] if named else [],
+                "ranking": [name | {"parameters": {"k": {"estimate": 0.07, "sigma": 0.01}}}],
+                "truth": {"mass": {"k": 0.05}}, "expected_gains": dict.fromkeys(hidden, gain)}  # fmt: skip
 
     text = page.report([], [
         line([], "clean", "", 0.0, 0.1), line([], "missing", "wind", 0.0, 0.93),
@@ -122,5 +123,6 @@ def test_the_diagnoses_of_the_inexact_world_have_a_section():
         line(["mass"], "undecided", "", 30.0, 0.5), {"hidden": ["slosh"], "refused": "it tumbles"},
     ])  # fmt: skip
     assert "**Diagnosis** (5 flights of" in text and "is named: 1 of 2, 50.0%" in text
+    assert "within 3 sigma: 1 of 1, 100.0% (2.5% to 100.0%); rms of error over sigma: 2.00." in text
     assert "| 0.8 to 0.95 | 1 | 0.930 | 0 of 1," in text and "| 0.99 to 1 | 2 | 0.997 | 1 of 2," in text
     assert "| 2 to 3 | 3 | 1 of 3, 33.3% (0.8% to 90.6%) | 3 of 3," in text  # sqrt(30 / 6) smallest detectable sizes

@@ -268,9 +268,9 @@ class DecisionSettings(Section):
         STUDY,
     )
     sufficient_share: Annotated[Number, Within("", 0.0, 1.0)] = _setting(
-        0.7,
+        0.9,
         "the same share below which a first name needs a second one that explains as much of what it leaves: right "
-        "first names of two were seen to explain 0.51 to 0.97, and wrong ones up to 0.40",
+        "first names of two were seen to explain 0.51 to 0.97, and wrong ones up to 0.40, and 0.83 once",
         STUDY,
     )
     excess_noise_nats: Annotated[Number, Within("nats", 0.0, 200.0)] = _setting(

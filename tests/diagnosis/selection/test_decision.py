@@ -756,7 +756,7 @@ def ranked(monkeypatch):
     return run
 
 
-@pytest.mark.parametrize(("share", "at_floor"), [(0.19, False), (0.7, False), (0.98, False), (0.5, True)])
+@pytest.mark.parametrize(("share", "at_floor"), [(0.19, False), (0.9, False), (0.98, False), (0.5, True)])
 def test_no_second_effect_is_tried_where_the_first_explains_clearly_more_or_less(ranked, share, at_floor):
     hypotheses, calls = ranked(share, [], at_floor)
     assert len(calls) == 1 and hypotheses[0].complemented is None
@@ -784,7 +784,7 @@ def test_of_two_effects_in_the_same_cells_each_explains_less_than_a_half(ranked,
     [
         ([], False),
         ([hypothesis_of("mass", 5.0, at_floor=False, explained_share=0.3)], False),
-        ([hypothesis_of("mass", 5.0, at_floor=False, explained_share=0.8)], True),
+        ([hypothesis_of("mass", 5.0, at_floor=False, explained_share=0.95)], True),
         ([hypothesis_of("mass", 5.0, at_floor=False, explained_share=0.0), hypothesis_of("gyro_bias", 3.0)], True),
     ],
 )
