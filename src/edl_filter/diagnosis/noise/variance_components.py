@@ -169,12 +169,8 @@ def filter_at_excess(
 
     Parameters
     ----------
-    model : LinearStateSpace
-        At the stated noise.
-    index : RowIndex
-        Positions of the rows.
-    excess : ExcessVariance
-        Its size.
+    model, index, excess
+        As in `colour_excess`.
     colour : ExcessColour or None
         Of `most_likely_colour`; None for white excess variance.
     settings : DecisionSettings
