@@ -135,7 +135,7 @@ def relative_calibration(
     edges = np.concatenate((reference.time[:1] - reference.interval[:1], reference.time))
 
     def arm_acceleration(arm: Array) -> Array:
-        if len(faster) == len(reference) and np.array_equal(faster.time, reference.time):
+        if faster is reference:
             return lever_arm_acceleration(reference.interval, rate, arm, reference.unit)
         rows = reference.index_at(faster.time - 0.5 * faster.interval)
         rates = np.nan_to_num(faster.angular_rate)

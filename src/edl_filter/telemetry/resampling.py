@@ -20,7 +20,7 @@ from edl_filter.telemetry.record import SAME_TIME, ImuRecord, finite_rows
 from edl_filter.types import Array, BoolArray
 
 #: Samples on each side of a gap that are not used: the reach of the interpolation.
-GAP_REACH = 4
+GAP_REACH = EDGE_REACH
 #: Ratio of the sampling intervals from which the IMU with the shorter one is averaged.
 _MUCH_LONGER = 1.5
 
@@ -69,7 +69,7 @@ def moved_to(record: ImuRecord, target: ImuRecord) -> ImuRecord:
     """
     place = target.position[target.index_at(record.time - 0.5 * record.interval)]
     arm, rate = place - record.position, np.nan_to_num(record.angular_rate)
-    reached = np.convolve(~finite_rows(record.angular_rate), np.ones(2 * EDGE_REACH + 1))[EDGE_REACH:-EDGE_REACH] > 0.5
+    reached = near_lost(~finite_rows(record.angular_rate))
     force = record.specific_force + lever_arm_acceleration(record.interval, rate, arm, record.unit)
     error = interpolation_sigma(record.interval, rate) * np.linalg.norm(arm, axis=1)
     return replace(
