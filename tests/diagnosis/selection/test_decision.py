@@ -8,6 +8,7 @@ import pytest
 from decision_checks import check_verdict, implied_verdict
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy import stats
 
 from edl_filter.diagnosis.noise.unmodelled_acceleration import UnmodelledAcceleration
 from edl_filter.diagnosis.selection import decision
@@ -246,7 +247,7 @@ def test_in_excess_noise_a_name_needs_evidence_beyond_it(ranking, at_floor):
 
 
 @given(rankings(noise=(10.1, 1e5)), st.floats(0.0, SETTINGS.named_explained_share, exclude_max=True))
-def test_a_name_that_explains_a_part_has_at_most_the_odds_of_that_part(ranking, explained_share):
+def test_a_name_that_explains_a_part_has_at_most_the_likelihood_ratio_of_that_part(ranking, explained_share):
     """All names are reduced by the same evidence, so that their order is that of their gains."""
     hypotheses = [
         hypothesis_of(h.name, h.gain, h.score_gain, at_floor=False, explained_share=explained_share)
@@ -254,30 +255,33 @@ def test_a_name_that_explains_a_part_has_at_most_the_odds_of_that_part(ranking, 
     ]
     settings, noise = ranking.case.settings, ranking.excess_noise_gain
     before, verdict = (decide(ranking_of(*h, noise=noise, settings=settings)) for h in (ranking.hypotheses, hypotheses))
-    largest = max(explained_share, 1e-3)
+    ratio = likelihood_ratio(max(explained_share, 1e-3), settings.explained_share_shape)
+    largest = ratio / (1.0 + ratio)
     assert all(e.probability <= largest + settings.approximation_error + 1e-9 for e in verdict.entries)
     assert [e.hypothesis.name for e in verdict.entries] == [e.hypothesis.name for e in before.entries]
 
 
-@pytest.mark.parametrize(("explained_share", "outcome"), [(0.1, "unknown"), (0.3, "undecided"), (0.39, "undecided")])
+def likelihood_ratio(share, shape):
+    """Density of the explained share of a right name over that of a wrong one, which is uniform."""
+    return stats.beta(shape, 1.0).pdf(share)
+
+
+@pytest.mark.parametrize(
+    ("explained_share", "outcome"), [(0.1, "unknown"), (0.5, "unknown"), (0.75, "undecided"), (0.89, "undecided")]
+)
 def test_the_limit_is_that_of_the_first_name(explained_share, outcome):
+    """Something outside the catalogue is there, whether or not the name is right, unless it explains nearly all."""
+    settings = SETTINGS.model_copy(update={"approximation_error": 0.0})
     weak = hypothesis_of("wind", 700.0, at_floor=False, explained_share=explained_share)
-    second = hypothesis_of("mass", 695.0, at_floor=False)
-    verdict = decide(ranking_of(weak, second, noise=1e6))
+    weak = replace(weak, complemented=None if explained_share < SETTINGS.complemented_explained_share else False)
+    second = hypothesis_of("mass", 675.0, at_floor=False)
+    verdict = decide(ranking_of(weak, second, noise=1e6, settings=settings))
     assert verdict.verdict == outcome
     odds = verdict.entries[0].probability / verdict.something_else
-    assert odds == pytest.approx(explained_share / (1.0 - explained_share), rel=0.1)
-    for strong in (replace(weak, at_floor=True), replace(weak, explained_share=SETTINGS.named_explained_share)):
-        assert decide(ranking_of(strong, second, noise=1e6)).verdict == "missing"
-
-
-def test_a_first_name_without_a_complement_has_the_odds_of_its_part():
-    """Whether a second effect explains the rest decides between the first of two effects and a resemblance."""
-    first = hypothesis_of("wind", 700.0, at_floor=False, explained_share=0.5)
-    assert decide(ranking_of(replace(first, complemented=True), noise=1e6)).verdict == "missing"
-    verdict = decide(ranking_of(replace(first, complemented=False), noise=1e6))
-    assert verdict.verdict == "undecided"
-    assert verdict.entries[0].probability == pytest.approx(verdict.something_else, rel=1e-6)
+    assert odds == pytest.approx(likelihood_ratio(explained_share, SETTINGS.explained_share_shape), rel=1e-6)
+    strong = replace(weak, explained_share=SETTINGS.sufficient_share, complemented=None)
+    for named in (replace(weak, at_floor=True), replace(weak, complemented=True), strong):
+        assert decide(ranking_of(named, second, noise=1e6)).verdict == "missing"
 
 
 def test_a_nuisance_parameter_that_is_not_credible_excludes_that_nothing_is_missing():
@@ -361,7 +365,8 @@ def test_a_sigma_that_is_as_probable_as_not_leaves_the_flight_undecided(stated):
 
 def test_a_name_with_little_evidence_is_not_raised_to_the_odds_of_what_it_explains():
     """Nor reduced: its evidence is below these odds."""
-    weak = hypothesis_of("wind", COST_IN_NOISE - 2.0, at_floor=False, explained_share=0.35)
+    weak = hypothesis_of("wind", COST_IN_NOISE - 2.0, at_floor=False, explained_share=0.7)
+    weak = replace(weak, complemented=False)
     verdict = decide(ranking_of(weak, noise=1e6))
     alone = decide(ranking_of(replace(weak, at_floor=True), noise=1e6))
     assert verdict.entries[0].probability == alone.entries[0].probability
@@ -371,17 +376,20 @@ def test_a_name_with_little_evidence_is_not_raised_to_the_odds_of_what_it_explai
 def test_the_odds_of_a_name_that_explains_all_are_finite():
     first = replace(hypothesis_of("wind", 700.0, at_floor=False, explained_share=1.0), complemented=False)
     verdict = decide(ranking_of(first, noise=1e6))
-    assert verdict.entries[0].probability == pytest.approx((1.0 - ERROR) * 0.999 + ERROR / 3.0, rel=1e-9)
+    shape = SETTINGS.explained_share_shape
+    assert verdict.entries[0].probability == pytest.approx((1.0 - ERROR) * shape / (shape + 1.0) + ERROR / 3.0)
 
 
 def test_the_odds_are_those_of_the_best_of_several_names():
     """The second name of a hypothesis has no part in its evidence."""
     column = np.ones(5)
-    best = hypothesis_of("mass", 700.0, explained=column, at_floor=False, explained_share=0.5)
+    best = hypothesis_of("mass", 700.0, explained=column, at_floor=False, explained_share=0.8)
     second = hypothesis_of("wind", 699.0, explained=column, at_floor=True)
-    verdict = decide(ranking_of(replace(best, complemented=False), second, noise=1e6))
+    settings = SETTINGS.model_copy(update={"approximation_error": 0.0})
+    verdict = decide(ranking_of(replace(best, complemented=False), second, noise=1e6, settings=settings))
     assert verdict.entries[0].same_as == ("wind",)
-    assert verdict.entries[0].probability == pytest.approx(verdict.something_else, rel=1e-6)
+    odds = verdict.entries[0].probability / verdict.something_else
+    assert odds == pytest.approx(likelihood_ratio(0.8, SETTINGS.explained_share_shape), rel=1e-6)
 
 
 def test_a_clean_flight():

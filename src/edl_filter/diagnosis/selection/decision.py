@@ -20,8 +20,10 @@ explains more than a force and a moment that follow nothing but their own correl
 
 Where the noise is not what is stated, the gain of a name depends on how the rest is modelled. If the first name leaves
 excess noise and explains less than `sufficient_share` of the log-likelihood between the model and one that holds
-(`Hypothesis.explained_share`), and no second effect explains the rest (`Hypothesis.complemented`), its evidence is at
-most the log odds of what it explains against what it leaves; the others are reduced as much.
+(`Hypothesis.explained_share`), and no second effect explains the rest (`Hypothesis.complemented`), something outside
+the catalogue is missing too, unless the search for a second effect failed. The evidence of the name is then at most the
+log likelihood ratio of that share s, log k s^(k - 1): the share of a right name has the distribution Beta(k, 1), where
+k is `explained_share_shape`, that of a wrong name is uniform. The evidence of the others is reduced as much.
 
 c is the prior cost of a hypothesis that is not the reference (log prior odds): `named_gain_nats`, or
 `named_gain_in_excess_noise_nats` where the noise is not what is stated (Kass and Raftery, JASA 90 (1995) 773), and in
@@ -56,7 +58,7 @@ from edl_filter.types import Array
 CLEAN, MISSING, UNDECIDED, UNKNOWN = "clean", "missing", "undecided", "unknown"
 #: Number of hypotheses that the sentence of an undecided verdict names.
 _CONTENDERS = 3
-#: Least share that a name explains or leaves: its odds are finite.
+#: Least share that a name explains: its odds are finite.
 _LEAST_SHARE = 1e-3
 
 
@@ -166,10 +168,9 @@ def decide(ranking: Ranking) -> Verdict:
         evidence = _limited(evidence, groups, settings)
     probability = probabilities(np.array([none, something_else, *evidence]), settings.approximation_error)
     entries = [
-        Entry(g[0], tuple(g[1:]), float(p), {h.label: _discriminator_text(g[0], h) for h in g[1:]})
-        for g, p in zip(groups, probability[2:], strict=True)
+        Entry(groups[i][0], tuple(groups[i][1:]), float(probability[2 + i]), _discriminators(groups[i]))
+        for i in sorted(range(len(groups)), key=lambda i: -evidence[i])
     ]
-    entries.sort(key=lambda e: -e.probability)
     none, something_else = float(probability[0]), float(probability[1])
     verdict = verdict_of([e.probability for e in entries], none, something_else, settings.decided_probability)
     sentence = _sentence(verdict, entries, none, something_else)
@@ -201,14 +202,14 @@ def _contradiction(ranking: Ranking) -> float:
 
 
 def _limited(evidence: list[float], groups: list[list[Hypothesis]], settings: DecisionSettings) -> list[float]:
-    """Evidence of the names over something else: at most the log odds of the first one's share, if small."""
+    """Evidence of the names over something else, limited by the share of the first one if much is left."""
     first = max(range(len(groups)), key=lambda i: evidence[i])
     head = groups[first][0]
     alone = head.explained_share >= settings.named_explained_share and head.complemented is None
     if head.at_floor or head.complemented or alone:
         return evidence
-    share = float(np.clip(head.explained_share, _LEAST_SHARE, 1.0 - _LEAST_SHARE))
-    excess = max(evidence[first] - np.log(share / (1.0 - share)), 0.0)
+    share, shape = max(head.explained_share, _LEAST_SHARE), settings.explained_share_shape
+    excess = max(evidence[first] - float(np.log(shape) + (shape - 1.0) * np.log(share)), 0.0)
     return [e - excess for e in evidence]
 
 
@@ -241,6 +242,11 @@ def most_reduced_channel(h: Hypothesis, before: dict[str, float], after: dict[st
     fall = {name: before[name] ** 2 - after[name] ** 2 for name in before if np.isfinite(before[name] - after[name])}
     reduced = [name for name, _ in channels(h.model) if fall.get(name, 0.0) > 0.0]
     return max(reduced or fall, key=lambda name: fall[name])
+
+
+def _discriminators(group: Sequence[Hypothesis]) -> dict[str, str]:
+    """Label of each hypothesis after the first → what would distinguish it from the first."""
+    return {h.label: _discriminator_text(group[0], h) for h in group[1:]}
 
 
 def _discriminator_text(first: Hypothesis, second: Hypothesis | None = None) -> str:
