@@ -265,7 +265,7 @@ class DecisionSettings(Section):
     )
     complemented_explained_share: Annotated[Number, Within("", 0.0, 1.0)] = _setting(
         0.2,
-        "the same share from which a second effect is tried: of two effects in the same cells each explains less than "
+        "the same share from which a second effect is sought: of two effects in the same cells each explains less than "
         "a half, since the other one's excess noise remains there",
         STUDY,
     )

@@ -113,7 +113,7 @@ def _with_complement(ranking: Ranking, effects: Sequence[Effect], progress: Prog
     ambiguous = settings.complemented_explained_share <= first.explained_share < settings.sufficient_share
     if first.at_floor or not ambiguous:
         return ranking
-    progress(f"trying a second effect in addition to {first.label}")
+    progress(f"searching for a second effect in addition to {first.label}")
     case = load_case(ranking.case.mission, first.fit.effects)
     seconds = _rank(case, candidate_instances(case, effects), progress).hypotheses
     least = settings.sufficient_share if first.explained_share >= settings.named_explained_share else np.inf
@@ -135,7 +135,7 @@ def _rank(case: FlightCase, effects: Sequence[EffectInstance], progress: Progres
         nulls.append(fit_null_model(m, case.effects, model.excess_variance.share))
         m.release_filters()  # from here on, one model has filters at a time
     reference, most_likely = most_probable_null(nulls), max(models, key=lambda m: m.log_evidence)
-    progress("trying the catalogue and something else")
+    progress("screening the catalogue and an unmodelled acceleration")
     # compiled loops for the most part; the cached properties of the model that it reads were computed for `most_likely`
     unmodelled_fit = start_thread(lambda: fit_unmodelled(model))
     failed: dict[str, str] = {}
