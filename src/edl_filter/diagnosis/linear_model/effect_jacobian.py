@@ -1,8 +1,8 @@
 """Derivatives of all residuals with respect to the parameters of an effect.
 
 A column is minus the derivative of the residuals, so that residual = column × parameter + noise where the effect is
-missing. Whatever an effect changes is followed through the whole chain: samples, path, air, loads, constraints. An
-effect that does not change the path is evaluated on the existing path.
+missing. Whatever an effect changes is followed through all steps of the prediction: samples, path, air, loads,
+constraints. An effect that does not change the path is evaluated on the existing path.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""A hypothesis: one effect fitted through the whole chain, with its evidence and held-out score.
+"""A hypothesis: one effect fitted through all steps of the prediction, with its evidence and held-out score.
 
 Its places are refined and all its parameters fitted (`map_fit`), at the noise of the model without it and, where a
 moment estimate says that it explains the excess variance, at the noise that it leaves; a leading hypothesis once more
