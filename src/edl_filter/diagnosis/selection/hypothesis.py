@@ -24,6 +24,9 @@ from edl_filter.estimation.kalman import Whitening, WhiteningFilter
 from edl_filter.estimation.regression import held_out_gain
 from edl_filter.types import Array
 
+#: Relative difference up to which two places are the same starting point: about a second, or some hundred metres.
+_SAME_PLACE = 0.005
+
 
 @dataclass(frozen=True)
 class Hypothesis:
@@ -190,8 +193,8 @@ def _remaining_excess(model: LinearizedModel, fit: MapFit, before: float) -> flo
 
 
 def _same_places(a: EffectInstance, b: EffectInstance) -> bool:
-    """Whether two starting points have the same places, to half a percent: about a second, or some hundred metres."""
-    return all(np.isclose(a.values[q.name], b.values[q.name], rtol=0.005) for q in a.effect.places)
+    """Whether two starting points have the same places, to `_SAME_PLACE`."""
+    return all(np.isclose(a.values[q.name], b.values[q.name], rtol=_SAME_PLACE) for q in a.effect.places)
 
 
 def _best(

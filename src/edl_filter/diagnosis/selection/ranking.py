@@ -42,6 +42,10 @@ from edl_filter.estimation.parallel import one_blas_thread, start_thread
 
 Progress = Callable[[str], None]
 
+#: Share of the prior cost of a name below which effects are not relinearised where the model holds: gains about the
+#: first point are accurate there, and none of the effects can be named.
+_NAMEABLE_SHARE = 0.5
+
 
 @dataclass(frozen=True)
 class Ranking:
@@ -318,7 +322,7 @@ def _relinearize_leaders(
         best_by_evidence += sorted(evidence, key=lambda k: evidence[k])[-1:]
     explained = {h.key: h.explained for h in ranked}
     relinearized: set[EffectKey] = set()
-    if ranked and ranked[0].model.holds and ranked[0].gain < 0.5 * settings.named_gain_nats:
+    if ranked and ranked[0].model.holds and ranked[0].gain < _NAMEABLE_SHARE * settings.named_gain_nats:
         return [h.with_reference(reference) for h in ranked]  # none of them can be named
     while ranked and len(relinearized) < settings.relinearized_hypotheses:
         rivals = [*best_by_evidence, *close]
