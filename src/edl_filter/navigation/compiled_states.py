@@ -1,13 +1,13 @@
-"""Compiled states of sigma points: errors about a reference, and corrections of the sensors.
+"""Compiled states of sigma points: errors about a reference.
 
-The compiled twins of `layout.sigma_states`, `State.plus`, `State.minus` and `layout.sensor_maps`, for `compiled_ukf`.
+The compiled twins of `layout.sigma_states`, `State.plus` and `State.minus`, for `compiled_ukf`.
 Quaternions are scalar-last; vectors and states have the units of `layout`.
 """
 
 import numpy as np
 from numba import njit
 
-from edl_filter.rotation_kernels import fill_matrix, product, quaternion, rotation_vector
+from edl_filter.rotation_kernels import product, quaternion, rotation_vector
 
 COMPILED = njit(cache=True, error_model="numpy", nogil=True)
 
@@ -163,39 +163,3 @@ def error_between(nav, errors, reference_nav, reference_errors, onboard):
         turn = turn_between(reference_nav[10:], nav[10:])
         delta[onboard], delta[onboard + 1], delta[onboard + 2] = turn
     return delta
-
-
-@COMPILED
-def sensor_correction_maps(full, places):
-    """Corrections of the readings, as `imu_model.sensor_errors.correction_maps`.
-
-    Parameters
-    ----------
-    full : (n, S) array
-        As `State.errors`, in the units of `layout.UNITS`.
-    places : (8,) array of int
-        Of `compiled_ukf.state_places`; the first five are used.
-
-    Returns
-    -------
-    force_map, rate_map : (12, S) and (6, S) arrays
-        As there.
-    """
-    count = full.shape[1]
-    force_map, rate_map, matrix = np.zeros((12, count)), np.zeros((6, count)), np.eye(3)
-    bias, scale, misalignment, gyro_bias, gyro_scale = places[0], places[1], places[2], places[3], places[4]
-    for s in range(count):
-        if misalignment >= 0:
-            m = full[misalignment : misalignment + 3, s]
-            fill_matrix(quaternion(m[0], m[1], m[2]), matrix)
-        for j in range(3):
-            factor = 1.0 / (1.0 + full[scale + j, s]) if scale >= 0 else 1.0
-            offset = full[bias + j, s] if bias >= 0 else 0.0
-            for i in range(3):
-                entry = matrix[j, i] * factor
-                force_map[3 * i + j, s] = entry
-                force_map[9 + i, s] -= entry * offset
-            factor = 1.0 / (1.0 + full[gyro_scale + j, s]) if gyro_scale >= 0 else 1.0
-            rate_map[j, s] = factor
-            rate_map[3 + j, s] = -factor * full[gyro_bias + j, s] if gyro_bias >= 0 else 0.0
-    return force_map, rate_map

@@ -35,13 +35,13 @@ from edl_filter.estimation.small_matrices import (
     weighted_product,
     weighted_square,
 )
+from edl_filter.imu_model.compiled_corrections import sensor_correction_maps
 from edl_filter.imu_model.sensor_errors import SENSOR_STATES
 from edl_filter.navigation import strapdown
 from edl_filter.navigation.compiled_noise import in_body_axes, noise_of_samples, onboard_rotation_jacobians
 from edl_filter.navigation.compiled_states import (
     error_between,
     moved_state,
-    sensor_correction_maps,
     states_of_points,
 )
 from edl_filter.navigation.constraints import Constraint
