@@ -18,8 +18,12 @@ Coordinates = tuple[Array, Array, Array]
 def positions(seed: int = 0) -> Array:
     """Points ``(N, 3)`` from the ground to 200 km, m."""
     rng = np.random.default_rng(seed)
-    angles = np.arcsin(rng.uniform(-1.0, 1.0, COUNT)), rng.uniform(-np.pi, np.pi, COUNT)
-    return ellipsoid.fixed_from_geodetic(*angles, rng.uniform(0.0, 2e5, COUNT), RADIUS, FLATTENING)
+    sine, longitude = rng.uniform(-1.0, 1.0, COUNT), rng.uniform(-np.pi, np.pi, COUNT)
+    altitude, axis_ratio_squared = rng.uniform(0.0, 2e5, COUNT), (1.0 - FLATTENING) ** 2
+    normal_radius = RADIUS / np.sqrt(1.0 - (1.0 - axis_ratio_squared) * sine**2)
+    p = (normal_radius + altitude) * np.sqrt(1.0 - sine**2)
+    z = (axis_ratio_squared * normal_radius + altitude) * sine
+    return np.stack((p * np.cos(longitude), p * np.sin(longitude), z), axis=1)
 
 
 def ours(points: Array) -> Callable[[], Coordinates]:

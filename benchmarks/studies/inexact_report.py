@@ -27,6 +27,8 @@ from scipy.stats import beta
 BINS = (0.0, 0.5, 0.8, 0.95, 0.99, 1.0)
 #: Edges of the bins of size, in smallest detectable sizes.
 SIZES = (0.0, 0.5, 1.0, 1.5, 2.0, 3.0, 5.0, 10.0, np.inf)
+#: Edges of the bins of the explained share.
+SHARES = (0.0, 0.2, 0.4, 0.9, 1.0)
 #: Probability from which a wrong name is a confident one.
 CONFIDENT = 0.95
 
@@ -269,6 +271,25 @@ def detection_rows(lines):
     ]  # fmt: skip
 
 
+def share_rows(lines):
+    """Cells of the table of the share that the first name of a ranking explains, by whether it is right.
+
+    Flights with one hidden effect or with something outside the catalogue whose first name gains more than the
+    threshold, of which the number with hardly any excess variance is in brackets.
+    """
+    flights = [x for x in lines if kind_of(x) in ("single", "outside") and x["ranking"]]
+    counts = {(low, right): [] for low in SHARES[:-1] for right in (True, False)}
+    for x in flights:
+        first = x["ranking"][0]
+        if first["gain"] > DETECTABLE:
+            low = max(edge for edge in SHARES[:-1] if first["explained_share"] >= edge)
+            counts[low, is_right(first, x["hidden"])].append(bool(first["at_noise_floor"]))
+    return [
+        (f"{low:g} to {high:g}", *(f"{len(c)} ({sum(c)})" for c in (counts[low, True], counts[low, False])))
+        for low, high in pairwise(SHARES)
+    ]
+
+
 def wrong_rows(lines):
     """Cells of the list of every flight that is not answered as it should be, and of every outlying parameter."""
     rows = []
@@ -345,6 +366,13 @@ def report(lines, figure):
         f"expected gain over {DETECTABLE:g} nats):",
         "",
         *markdown_table(("size", "flights", "named", "named, undecided or unknown"), detection_rows(answered)),
+        "",
+        "## Explained share",
+        "",
+        f"First names that gain more than {DETECTABLE:g} nats, by the share that they explain of the log-likelihood",
+        "between the model and one that holds; in brackets those that leave hardly any excess variance:",
+        "",
+        *markdown_table(("explained share", "right name", "wrong name"), share_rows(answered)),
         "",
         "## Flights with a wrong answer",
         "",

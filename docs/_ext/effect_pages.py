@@ -19,6 +19,19 @@ def effects_text(name: str = "") -> str:
     return "\n\n".join(text)
 
 
+def catalogue_table() -> str:
+    """Markdown table of the catalogue for docs/effects.md, one row for each effect."""
+    from edl_filter.effects.registry import catalogue
+    from edl_filter.effects.tables import parameters_text
+
+    rows = ["| effect | what it is | parameters, plausible size (1 sigma) or range | how it shows | source |"]
+    rows.append("|---|---|---|---|---|")
+    for e in catalogue().values():
+        cells = (f"`{e.name}`", e.summary, parameters_text(e, "`"), e.shows, e.source)
+        rows.append("| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |")
+    return "\n".join(rows) + "\n"
+
+
 def _effect(effect: dict[str, Any]) -> str:
     lines = [f"### `{effect['name']}`", _sentence(effect["summary"]), f"How it shows: {_sentence(effect['shows'])}"]
     if effect["region"]:

@@ -1,10 +1,165 @@
-"""Compiled loops over rows of quaternions, vectors and matrices; `rotations` checks and shapes their arguments."""
+"""Compiled rotations: of scalars, for other compiled functions, and loops over rows, for `rotations`.
+
+Functions of scalars take components and return tuples; the compiler puts them in line. The functions of rows take
+arrays that `rotations` has checked and shaped. Quaternions are scalar-last.
+"""
 
 import numpy as np
 from numba import njit
 
-#: Half the length of a rotation vector (rad) below which its sine is computed from the series.
+COMPILED = njit(cache=True, error_model="numpy", nogil=True)
+
+#: Half the length of a rotation vector (rad) below which ``sin(x) / x`` is ``1 - x² / 6``: the next term of the series,
+#: x⁴ / 120 < 1e-18, is below the last bit of 1, and zero is not divided by zero.
 _SMALL = 1e-4
+
+
+@njit(cache=True, error_model="numpy", nogil=True, inline="always")  # with the fast-math flags of its caller
+def product(p, q):
+    """``p ⊗ q``.
+
+    Parameters
+    ----------
+    p, q : (4,) arrays or tuples of four floats
+        Quaternions, scalar last.
+
+    Returns
+    -------
+    tuple of four floats
+        The product, scalar last.
+    """
+    return (
+        p[3] * q[0] + p[0] * q[3] + p[1] * q[2] - p[2] * q[1],
+        p[3] * q[1] - p[0] * q[2] + p[1] * q[3] + p[2] * q[0],
+        p[3] * q[2] + p[0] * q[1] - p[1] * q[0] + p[2] * q[3],
+        p[3] * q[3] - p[0] * q[0] - p[1] * q[1] - p[2] * q[2],
+    )
+
+
+@COMPILED
+def quaternion(x, y, z):
+    """Quaternion of a rotation vector.
+
+    Parameters
+    ----------
+    x, y, z : float
+        Components of the rotation vector, rad.
+
+    Returns
+    -------
+    tuple of four floats
+        Unit quaternion, scalar last.
+    """
+    half = 0.5 * np.sqrt(x * x + y * y + z * z)
+    factor = 0.5 * (np.sin(half) / half if half > _SMALL else 1.0 - half * half / 6.0)
+    return factor * x, factor * y, factor * z, np.cos(half)
+
+
+@COMPILED
+def rotation_vector(x, y, z, w):
+    """Rotation vector of a quaternion.
+
+    Parameters
+    ----------
+    x, y, z, w : float
+        Unit quaternion, of either sign.
+
+    Returns
+    -------
+    tuple of three floats
+        Rotation vector of at most half a turn, rad.
+    """
+    if w < 0.0:
+        x, y, z, w = -x, -y, -z, -w
+    s = np.sqrt(x * x + y * y + z * z)
+    # angle / s tends to 2 / w as s tends to 0
+    factor = 2.0 * np.arctan2(s, w) / s if s > 1e-12 else 2.0 / max(w, 0.5)
+    return factor * x, factor * y, factor * z
+
+
+@COMPILED
+def direction_cosines(x, y, z, w):
+    """Rotation matrix of a quaternion.
+
+    Parameters
+    ----------
+    x, y, z, w : float
+        Unit quaternion.
+
+    Returns
+    -------
+    tuple of nine floats
+        The matrix, row by row.
+    """
+    return (
+        1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - z * w), 2.0 * (x * z + y * w),
+        2.0 * (x * y + z * w), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - x * w),
+        2.0 * (x * z - y * w), 2.0 * (y * z + x * w), 1.0 - 2.0 * (x * x + y * y),
+    )  # fmt: skip
+
+
+@COMPILED
+def fill_matrix(q, out):
+    """Rotation matrix of a quaternion, in place.
+
+    Parameters
+    ----------
+    q : (4,) array or tuple of four floats
+        Unit quaternion, scalar last.
+    out : (3, 3) array
+        The matrix.
+    """
+    (
+        out[0, 0], out[0, 1], out[0, 2], out[1, 0], out[1, 1], out[1, 2], out[2, 0], out[2, 1], out[2, 2],
+    ) = direction_cosines(q[0], q[1], q[2], q[3])  # fmt: skip
+
+
+@COMPILED
+def right_jacobian_coefficients(square):
+    """``(1 - cos a) / a²`` and ``(a - sin a) / a³`` of an angle a.
+
+    Parameters
+    ----------
+    square : float
+        Square of the angle, rad².
+
+    Returns
+    -------
+    first, second : float
+        Both coefficients, by their series at small angles.
+    """
+    if square < 1e-3:
+        return 0.5 - square / 24.0 * (1.0 - square / 30.0), 1.0 / 6.0 - square / 120.0 * (1.0 - square / 42.0)
+    angle = np.sqrt(square)
+    return (1.0 - np.cos(angle)) / square, (angle - np.sin(angle)) / (square * angle)
+
+
+@COMPILED
+def right_jacobian_elements(x, y, z):
+    """Right Jacobian of the rotation group at a rotation vector; at the opposite vector it is the left one.
+
+    Parameters
+    ----------
+    x, y, z : float
+        Components of the rotation vector, rad.
+
+    Returns
+    -------
+    tuple of nine floats
+        The matrix, row by row.
+    """
+    square = x * x + y * y + z * z
+    a, b = right_jacobian_coefficients(square)
+    # J = 1 - a [phi]ₓ + b [phi]ₓ², with [phi]ₓ² = phi phiᵀ - |phi|² 1
+    diagonal = 1.0 - b * square
+    return (
+        diagonal + b * x * x, b * x * y + a * z, b * x * z - a * y,
+        b * x * y - a * z, diagonal + b * y * y, b * y * z + a * x,
+        b * x * z + a * y, b * y * z - a * x, diagonal + b * z * z,
+    )  # fmt: skip
+
+
+# Rows
 
 
 @njit(cache=True)
@@ -38,12 +193,9 @@ def multiply(p, q, out):
         The products ``p ⊗ q``.
     """
     for i in range(len(out)):
-        px, py, pz, pw = p[i, 0], p[i, 1], p[i, 2], p[i, 3]
-        qx, qy, qz, qw = q[i, 0], q[i, 1], q[i, 2], q[i, 3]
-        out[i, 0] = pw * qx + px * qw + py * qz - pz * qy
-        out[i, 1] = pw * qy - px * qz + py * qw + pz * qx
-        out[i, 2] = pw * qz + px * qy - py * qx + pz * qw
-        out[i, 3] = pw * qw - px * qx - py * qy - pz * qz
+        out[i, 0], out[i, 1], out[i, 2], out[i, 3] = product(
+            (p[i, 0], p[i, 1], p[i, 2], p[i, 3]), (q[i, 0], q[i, 1], q[i, 2], q[i, 3])
+        )
 
 
 @njit(cache=True)
@@ -58,10 +210,7 @@ def exponential(phi, out):
         Unit quaternions, scalar last.
     """
     for i in range(len(out)):
-        x, y, z = phi[i, 0], phi[i, 1], phi[i, 2]
-        half = 0.5 * np.sqrt(x * x + y * y + z * z)
-        factor = 0.5 * (np.sin(half) / half if half > _SMALL else 1.0 - half * half / 6.0)
-        out[i, 0], out[i, 1], out[i, 2], out[i, 3] = factor * x, factor * y, factor * z, np.cos(half)
+        out[i, 0], out[i, 1], out[i, 2], out[i, 3] = quaternion(phi[i, 0], phi[i, 1], phi[i, 2])
 
 
 @njit(cache=True)
@@ -76,12 +225,7 @@ def logarithm(q, out):
         Rotation vectors of at most half a turn, rad.
     """
     for i in range(len(out)):
-        sign = -1.0 if q[i, 3] < 0.0 else 1.0
-        x, y, z, w = sign * q[i, 0], sign * q[i, 1], sign * q[i, 2], sign * q[i, 3]
-        s = np.sqrt(x * x + y * y + z * z)
-        # angle / s tends to 2 / w as s tends to 0
-        factor = 2.0 * np.arctan2(s, w) / s if s > 1e-12 else 2.0 / max(w, 0.5)
-        out[i, 0], out[i, 1], out[i, 2] = factor * x, factor * y, factor * z
+        out[i, 0], out[i, 1], out[i, 2] = rotation_vector(q[i, 0], q[i, 1], q[i, 2], q[i, 3])
 
 
 @njit(cache=True)
@@ -96,30 +240,9 @@ def matrix(q, out):
         Matrices, row by row.
     """
     for i in range(len(out)):
-        x, y, z, w = q[i, 0], q[i, 1], q[i, 2], q[i, 3]
-        out[i, 0], out[i, 1], out[i, 2] = 1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - z * w), 2.0 * (x * z + y * w)
-        out[i, 3], out[i, 4], out[i, 5] = 2.0 * (x * y + z * w), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - x * w)
-        out[i, 6], out[i, 7], out[i, 8] = 2.0 * (x * z - y * w), 2.0 * (y * z + x * w), 1.0 - 2.0 * (x * x + y * y)
-
-
-@njit(cache=True)
-def right_jacobian_coefficients(square):
-    """``(1 - cos a) / a²`` and ``(a - sin a) / a³`` of an angle a.
-
-    Parameters
-    ----------
-    square : float
-        Square of the angle, rad².
-
-    Returns
-    -------
-    first, second : float
-        Both coefficients, by their series at small angles.
-    """
-    if square < 1e-3:
-        return 0.5 - square / 24.0 * (1.0 - square / 30.0), 1.0 / 6.0 - square / 120.0 * (1.0 - square / 42.0)
-    angle = np.sqrt(square)
-    return (1.0 - np.cos(angle)) / square, (angle - np.sin(angle)) / (square * angle)
+        (
+            out[i, 0], out[i, 1], out[i, 2], out[i, 3], out[i, 4], out[i, 5], out[i, 6], out[i, 7], out[i, 8],
+        ) = direction_cosines(q[i, 0], q[i, 1], q[i, 2], q[i, 3])  # fmt: skip
 
 
 @njit(cache=True)
@@ -134,11 +257,6 @@ def right_jacobian(phi, out):
         Jacobians, row by row.
     """
     for i in range(len(out)):
-        x, y, z = phi[i, 0], phi[i, 1], phi[i, 2]
-        square = x * x + y * y + z * z
-        a, b = right_jacobian_coefficients(square)
-        # J = 1 - a [phi]ₓ + b [phi]ₓ², with [phi]ₓ² = phi phiᵀ - |phi|² 1
-        diagonal = 1.0 - b * square
-        out[i, 0], out[i, 1], out[i, 2] = diagonal + b * x * x, b * x * y + a * z, b * x * z - a * y
-        out[i, 3], out[i, 4], out[i, 5] = b * x * y - a * z, diagonal + b * y * y, b * y * z + a * x
-        out[i, 6], out[i, 7], out[i, 8] = b * x * z + a * y, b * y * z - a * x, diagonal + b * z * z
+        (
+            out[i, 0], out[i, 1], out[i, 2], out[i, 3], out[i, 4], out[i, 5], out[i, 6], out[i, 7], out[i, 8],
+        ) = right_jacobian_elements(phi[i, 0], phi[i, 1], phi[i, 2])  # fmt: skip

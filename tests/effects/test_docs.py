@@ -5,9 +5,10 @@ import re
 from pathlib import Path
 
 import numpy as np
+from effect_pages import catalogue_table
 
 from edl_filter.effects.registry import catalogue
-from edl_filter.effects.tables import as_plain, markdown
+from edl_filter.effects.tables import as_plain
 from edl_filter.mission import Mission, shipped_mission
 from edl_filter.mission.edit_effects import add_effect
 from edl_filter.pipeline.forward_model import forward_model_of
@@ -22,7 +23,7 @@ def test_the_table_is_up_to_date():
     text = DOCS.read_text(encoding="utf-8")
     before, rest = text.split(BEGIN)
     _, after = rest.split(END)
-    updated = before + BEGIN + markdown(catalogue().values()) + END + after
+    updated = before + BEGIN + catalogue_table() + END + after
     if os.environ.get("EDL_FILTER_UPDATE_DOCS"):
         DOCS.write_text(updated, encoding="utf-8")
     assert updated == DOCS.read_text(encoding="utf-8")

@@ -18,7 +18,7 @@ Conventions
     ``Cm_cm = Cm_nose + x_over_d CN + z_over_d CA``.
     Outside a table its value at the edge is used, and the sample is flagged.
 
-Reading order
+Read in this order
     CSV ─ tables ─► grid (one table) ─┐
     33 × 9 numbers ─► surrogate ──────┤ continuum
     body ─► newtonian, base_pressure ─┤
@@ -26,5 +26,9 @@ Reading order
     body ─► free_molecular ───────────┤ rarefied │        └─► planes (CN, CY, Cm, Cn)
             └─► transition ───────────┘          └─► inverse (alpha from CN or Cm)
 
-    ``damping`` reads the table of pitch and yaw damping, which is not part of the database.
+    `tables` (CSV) and `grid` (one table, with `pchip` for monotone interpolation), `surrogate` (33 × 9 numbers); `body`
+    (forebody), `newtonian`, `base_pressure`, `free_molecular`, `transition` (from the continuum to free molecules);
+    `uncertainty` (3 sigma), `discrepancy` (the error as a random field), `increments`, `increments_file` and
+    `increment_tables` (corrections of the tables by a flight); `database` (all of it); `planes` (components in the
+    pitch and yaw planes), `inverse`; `damping` (table of pitch and yaw damping, which is not part of the database).
 """

@@ -4,9 +4,9 @@ In: arguments and options. Out: files, text or JSON on standard output, and an e
 is not to be trusted; 2 the input is wrong, with one message on standard error; 1 an error of the package. No command
 imports a large package before it runs, so that its help is printed at once.
 
-Order of reading: `commands` (the program and its list of commands); `reconstruction`, `flight_data`, `diagnosis` and
+Read in this order: `commands` (the program and its list of commands); `reconstruction`, `flight_data`, `diagnosis` and
 `campaign` (the commands: each parses its arguments, calls the workflow and prints); `options` (arguments and options of
-several commands); `_base` (exit codes, progress, JSON).
+several commands); `bash_words` (completion of words with a colon in bash); `_base` (exit codes, progress, JSON).
 """
 
 from edl_filter.cli.commands import app, main

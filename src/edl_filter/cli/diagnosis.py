@@ -29,7 +29,7 @@ def effects(
     file: EffectFileOption = None,
     as_json: JsonOption = False,
 ) -> None:
-    """List the physical effects that a model may lack: parameters, plausible sizes, signatures in the data, sources."""
+    """List the physical effects that a model may lack: parameters, plausible sizes, residuals they cause, sources."""
     from edl_filter.effects.registry import effects_in, find_effect, known_effects
 
     listed = [find_effect(name, file)] if name else list((effects_in(file) if file else known_effects()).values())

@@ -16,6 +16,6 @@ package each, in this order:
 `selection`
     Screening, fits, evidence, probabilities and verdict.
 
-`diagnosis` joins them; `stepwise` repeats diagnosis and fit (forward selection); `detectability` says before a flight
-is looked at how large an effect must be to be named.
+Then `diagnosis` joins them; `state` states the result in sentences; `stepwise` repeats diagnosis and fit (forward
+selection); `detectability` computes how large an effect must be to be named on a flight.
 """

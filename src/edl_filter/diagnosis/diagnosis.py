@@ -44,6 +44,9 @@ from edl_filter.results.netcdf import tree_of
 if TYPE_CHECKING:
     from xarray import DataArray, Dataset
 
+#: Quantile of the standard normal distribution at 97.5 %, to which the mean square of many residuals is close.
+_NORMAL_QUANTILE = 1.96
+
 
 @dataclass(frozen=True)
 class Diagnosis:
@@ -220,7 +223,7 @@ def diagnose(case: FlightCase, candidates: Iterable[Effect], progress: Progress 
         latent=estimate_latent_force(model, ranking.unmodelled) if unknown else None,
         onsets=onsets(model),
         errors=model_rms(model),
-        noise_floor=float(np.sqrt(1.0 + 1.96 * np.sqrt(2.0 / model.index.count))),
+        noise_floor=float(np.sqrt(1.0 + _NORMAL_QUANTILE * np.sqrt(2.0 / model.index.count))),
         update=update,
         shifts=nuisance_shifts(model, update),
     )

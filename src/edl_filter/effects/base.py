@@ -78,7 +78,7 @@ class Effect:
     summary : str
         Definition, one line.
     shows : str
-        Signature in the residuals, one sentence.
+        Effect on the residuals, one sentence.
     region : str
         Region of validity.
     source : str

@@ -1,9 +1,8 @@
-"""Declarations of effects as plain data and as text, and the catalogue as the table of the documentation."""
+"""Declarations of effects as plain data and as text."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
 from itertools import groupby
 from typing import Any
 
@@ -57,13 +56,3 @@ def parameters_text(effect: Effect, quote: str = "") -> str:
         names = ", ".join(f"{quote}{q.name}{quote}" for q in group)
         parts.append(f"{names} {size}" if size.startswith("±") else f"{names} ({size})")
     return "; ".join(parts)
-
-
-def markdown(effects: Iterable[Effect]) -> str:
-    """Markdown table of effects for the documentation, one row each."""
-    rows = ["| effect | what it is | parameters, plausible size (1 sigma) or range | how it shows | source |"]
-    rows.append("|---|---|---|---|---|")
-    for e in effects:
-        cells = (f"`{e.name}`", e.summary, parameters_text(e, "`"), e.shows, e.source)
-        rows.append("| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |")
-    return "\n".join(rows) + "\n"

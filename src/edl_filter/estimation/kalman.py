@@ -41,7 +41,7 @@ Whitening = Callable[[Array, Array], Array]
 
 #: Number of columns from which several threads share them.
 _MANY_COLUMNS = 64
-#: Largest number of columns that one thread whitens in one pass: all arrays of a pass are small beside the result.
+#: Largest number of columns that one thread whitens in one pass: its arrays are small compared with the result.
 _PASS_COLUMNS = 64
 
 

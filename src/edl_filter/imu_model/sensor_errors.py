@@ -115,17 +115,14 @@ def correction_maps(errors: Mapping[str, Array], count: int) -> tuple[Array, Arr
     rate_map : (6, S) array
         ``w = a ∘ w_m + c``: a (3), then c (3), rad/s.
     """
+    from edl_filter.imu_model.compiled_corrections import sensor_correction_maps  # who reads a mission needs no numba
 
-    def get(name: str) -> Array:
-        return errors[name] if name in errors else np.zeros((3, count))
-
-    scale = 1.0 / (1.0 + get("accelerometer_scale"))
-    turn = rotations.to_matrix(rotations.from_rotation_vector(get("accelerometer_misalignment").T))
-    inverse = np.transpose(turn, (2, 1, 0)) * scale[None]  # (row, column, set): R(m)ᵀ diag(1 / (1 + s))
-    offset = -np.einsum("ijs,js->is", inverse, get("accelerometer_bias"))
-    rate = 1.0 / (1.0 + get("gyro_scale"))
-    force_map = np.concatenate((inverse.reshape(9, count), offset))
-    return force_map, np.concatenate((rate, -rate * get("gyro_bias")))
+    names = [name for name in SENSOR_STATES if name in errors]
+    places = np.array([3 * names.index(name) if name in names else -1 for name in SENSOR_STATES])
+    rows = np.empty((3 * len(names), count))
+    for name, place in zip(names, places[places >= 0], strict=True):
+        rows[place : place + 3] = errors[name]
+    return sensor_correction_maps(rows, places)
 
 
 def reading_jacobian(force: Array, rate: Array, errors: Mapping[str, Array] | None = None) -> dict[str, Array]:

@@ -156,8 +156,10 @@ class DecisionSettings(Section):
     )
 
     # screening
-    felt_pressure_pa: Annotated[Number, Within("Pa", 0.0, 1000.0, above=True)] = _setting(
-        1.0, "Pa: dynamic pressure from which the air is felt and times are scanned", STUDY
+    scan_start_pressure_pa: Annotated[Number, Within("Pa", 0.0, 1000.0, above=True)] = _setting(
+        1.0,
+        "Pa: dynamic pressure from which times are scanned: the deceleration, about 0.01 m/s^2, exceeds the noise",
+        STUDY,
     )
     altitude_scan_top_m: Annotated[Number, Within("m", 0.0, 200000.0, above=True)] = _setting(
         70000.0, "m: altitude above which no layer is scanned, the air being too thin", STUDY
@@ -263,7 +265,7 @@ class DecisionSettings(Section):
     )
     complemented_explained_share: Annotated[Number, Within("", 0.0, 1.0)] = _setting(
         0.2,
-        "the same share from which a second effect is tried: of two effects in the same cells each explains less than "
+        "the same share from which a second effect is sought: of two effects in the same cells each explains less than "
         "a half, since the other one's excess noise remains there",
         STUDY,
     )

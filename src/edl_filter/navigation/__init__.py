@@ -1,15 +1,18 @@
 """Navigation: the trajectory and the sensor errors, from IMU samples and everything else that was measured.
 
-In: an IMU record, an initial state with its covariance, constraints (other measurements, each at one time), the
-planet. Out: filtered and smoothed states with covariances at the epochs, the smoothed trajectory at every sample, and a
-check of every constraint against all the others.
+In: an IMU record, an initial state with its covariance, constraints (other measurements, each at one time), the planet.
+Out: filtered and smoothed states with covariances at the epochs, the smoothed trajectory at every sample, and a check
+of every constraint against all the others.
 
 Read in this order. `layout` defines the filter's vector, an error about a reference state; `initial` its start.
-`increments` prepares samples for the integrator, `strapdown` propagates states over them, `propagation` adds the
-attitude computed on board, and `noise` gives the process noise; `interval_noise` does both over many intervals at once.
+`rotation_corrections` (coning and sculling) and `unresolved` (noise of motion within a sample) belong to `increments`,
+which prepares samples for the integrator; `strapdown` propagates states over them, `propagation` adds the attitude
+computed on board, and `noise` gives the process noise; `interval_noise` does both over many intervals at once.
 `constraints` and `parachute` hold the measurement models. `estimator` is the interface of the filters: `ukf`
-(unscented, the default) and `ekf` (extended). `filter` runs one of them through the epochs, with `robust` weights on
-request; `screening` examines readings by their `consensus`, and `recovery` runs the filter again where its state is the
-outlier. `smoother` goes back, `trajectory` interpolates between the epochs, and `leave_one_out` checks the constraints,
-with the `information` that each contributes.
+(unscented) with its compiled form `compiled_ukf` (the default; `compiled_states` and `compiled_noise` are parts of it),
+and `ekf` (extended) with the transition matrices of `error_dynamics`. `filter` runs one of them through the epochs and
+`smoother` goes back; `iterated` repeats both where samples were filled. `trajectory` interpolates between the epochs,
+and `leave_one_out` checks the constraints, with the `information` that each contributes. Measurements far from
+their prediction are given less weight on request (`robust`); `screening` examines readings by their `consensus`, and
+`recovery` runs the filter again where its state is the outlier.
 """

@@ -7,7 +7,7 @@ from there to the end, its covariance has the blocks ``-[p]ₓ (-[v]ₓ)ᵀ = (p
 import numpy as np
 from numba import njit
 
-from edl_filter.navigation.compiled_states import fill_matrix, product
+from edl_filter.rotation_kernels import fill_matrix, product
 
 COMPILED = njit(cache=True, error_model="numpy", nogil=True)
 

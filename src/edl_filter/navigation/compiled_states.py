@@ -1,54 +1,15 @@
-"""Compiled states of sigma points: single rotations, errors about a reference, and corrections of the sensors.
+"""Compiled states of sigma points: errors about a reference.
 
-The compiled twins of `layout.sigma_states`, `State.plus`, `State.minus` and `layout.sensor_maps`, for `compiled_ukf`.
+The compiled twins of `layout.sigma_states`, `State.plus` and `State.minus`, for `compiled_ukf`.
 Quaternions are scalar-last; vectors and states have the units of `layout`.
 """
 
 import numpy as np
 from numba import njit
 
+from edl_filter.rotation_kernels import product, quaternion, rotation_vector
+
 COMPILED = njit(cache=True, error_model="numpy", nogil=True)
-
-
-@COMPILED
-def product(p, q):
-    """``p ⊗ q``.
-
-    Parameters
-    ----------
-    p, q : (4,) arrays or tuples of four floats
-        Quaternions, scalar last.
-
-    Returns
-    -------
-    tuple of four floats
-        The product, scalar last.
-    """
-    return (
-        p[3] * q[0] + p[0] * q[3] + p[1] * q[2] - p[2] * q[1],
-        p[3] * q[1] - p[0] * q[2] + p[1] * q[3] + p[2] * q[0],
-        p[3] * q[2] + p[0] * q[1] - p[1] * q[0] + p[2] * q[3],
-        p[3] * q[3] - p[0] * q[0] - p[1] * q[1] - p[2] * q[2],
-    )
-
-
-@COMPILED
-def exponential(x, y, z):
-    """Quaternion of a rotation vector.
-
-    Parameters
-    ----------
-    x, y, z : float
-        Components of the rotation vector, rad.
-
-    Returns
-    -------
-    tuple of four floats
-        Unit quaternion, scalar last.
-    """
-    half = 0.5 * np.sqrt(x * x + y * y + z * z)
-    factor = 0.5 * (np.sin(half) / half if half > 1e-4 else 1.0 - half * half / 6.0)
-    return factor * x, factor * y, factor * z, np.cos(half)
 
 
 @COMPILED
@@ -67,7 +28,7 @@ def turned_attitude(attitude, x, y, z):
     tuple of four floats
         Unit quaternion, scalar last.
     """
-    q = product(attitude, exponential(x, y, z))
+    q = product(attitude, quaternion(x, y, z))
     n = 1.0 / np.sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3])
     return n * q[0], n * q[1], n * q[2], n * q[3]
 
@@ -87,28 +48,7 @@ def turn_between(p, q):
         Components of phi, of at most half a turn, rad.
     """
     x, y, z, w = product((-p[0], -p[1], -p[2], p[3]), (q[0], q[1], q[2], q[3]))
-    if w < 0.0:
-        x, y, z, w = -x, -y, -z, -w
-    s = np.sqrt(x * x + y * y + z * z)
-    factor = 2.0 * np.arctan2(s, w) / s if s > 1e-12 else 2.0 / max(w, 0.5)
-    return factor * x, factor * y, factor * z
-
-
-@COMPILED
-def fill_matrix(q, out):
-    """Rotation matrix of a quaternion.
-
-    Parameters
-    ----------
-    q : (4,) array or tuple of four floats
-        Unit quaternion, scalar last.
-    out : (3, 3) array
-        The matrix.
-    """
-    x, y, z, w = q[0], q[1], q[2], q[3]
-    out[0, 0], out[0, 1], out[0, 2] = 1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - z * w), 2.0 * (x * z + y * w)
-    out[1, 0], out[1, 1], out[1, 2] = 2.0 * (x * y + z * w), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - x * w)
-    out[2, 0], out[2, 1], out[2, 2] = 2.0 * (x * z - y * w), 2.0 * (y * z + x * w), 1.0 - 2.0 * (x * x + y * y)
+    return rotation_vector(x, y, z, w)
 
 
 @COMPILED
@@ -223,39 +163,3 @@ def error_between(nav, errors, reference_nav, reference_errors, onboard):
         turn = turn_between(reference_nav[10:], nav[10:])
         delta[onboard], delta[onboard + 1], delta[onboard + 2] = turn
     return delta
-
-
-@COMPILED
-def sensor_correction_maps(full, places):
-    """Corrections of the readings, as `imu_model.sensor_errors.correction_maps`.
-
-    Parameters
-    ----------
-    full : (n, S) array
-        As `State.errors`, in the units of `layout.UNITS`.
-    places : (8,) array of int
-        Of `compiled_ukf.state_places`; the first five are used.
-
-    Returns
-    -------
-    force_map, rate_map : (12, S) and (6, S) arrays
-        As there.
-    """
-    count = full.shape[1]
-    force_map, rate_map, matrix = np.zeros((12, count)), np.zeros((6, count)), np.eye(3)
-    bias, scale, misalignment, gyro_bias, gyro_scale = places[0], places[1], places[2], places[3], places[4]
-    for s in range(count):
-        if misalignment >= 0:
-            m = full[misalignment : misalignment + 3, s]
-            fill_matrix(exponential(m[0], m[1], m[2]), matrix)
-        for j in range(3):
-            factor = 1.0 / (1.0 + full[scale + j, s]) if scale >= 0 else 1.0
-            offset = full[bias + j, s] if bias >= 0 else 0.0
-            for i in range(3):
-                entry = matrix[j, i] * factor
-                force_map[3 * i + j, s] = entry
-                force_map[9 + i, s] -= entry * offset
-            factor = 1.0 / (1.0 + full[gyro_scale + j, s]) if gyro_scale >= 0 else 1.0
-            rate_map[j, s] = factor
-            rate_map[3 + j, s] = -factor * full[gyro_bias + j, s] if gyro_bias >= 0 else 0.0
-    return force_map, rate_map

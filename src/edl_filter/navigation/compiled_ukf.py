@@ -35,15 +35,13 @@ from edl_filter.estimation.small_matrices import (
     weighted_product,
     weighted_square,
 )
+from edl_filter.imu_model.compiled_corrections import sensor_correction_maps
 from edl_filter.imu_model.sensor_errors import SENSOR_STATES
 from edl_filter.navigation import strapdown
 from edl_filter.navigation.compiled_noise import in_body_axes, noise_of_samples, onboard_rotation_jacobians
 from edl_filter.navigation.compiled_states import (
     error_between,
-    exponential,
     moved_state,
-    product,
-    sensor_correction_maps,
     states_of_points,
 )
 from edl_filter.navigation.constraints import Constraint
@@ -52,6 +50,7 @@ from edl_filter.navigation.increments import Samples
 from edl_filter.navigation.layout import ONBOARD, Layout, State
 from edl_filter.navigation.noise import IDENTITY, sample_attitudes
 from edl_filter.planet import Planet
+from edl_filter.rotation_kernels import product, quaternion
 from edl_filter.types import Array, IntArray
 
 COMPILED = njit(cache=True, error_model="numpy", nogil=True)
@@ -243,7 +242,7 @@ def _propagated_states(
                         x += jacobian[0, k] * full[place + k, s]
                         y += jacobian[1, k] * full[place + k, s]
                         z += jacobian[2, k] * full[place + k, s]
-            turned = product(product(states[10:, s], net), exponential(x, y, z))
+            turned = product(product(states[10:, s], net), quaternion(x, y, z))
             for k in range(4):
                 states[10 + k, s] = turned[k]
     force_map, rate_map = sensor_correction_maps(full, places)

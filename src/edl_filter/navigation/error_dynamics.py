@@ -21,7 +21,7 @@ import numpy as np
 from numba import njit
 
 from edl_filter.navigation.strapdown import step
-from edl_filter.rotation_kernels import right_jacobian_coefficients
+from edl_filter.rotation_kernels import fill_matrix, product, quaternion, right_jacobian_elements
 
 #: Errors whose columns the transition has: position, velocity, attitude, then `SENSOR_STATES`, three each.
 COLUMNS = 24
@@ -66,7 +66,7 @@ def propagate_linearized(
     acceleration, force_errors = np.zeros((3, COLUMNS)), np.zeros((3, 9))
     gradient, rate_jacobian, half_jacobian = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
     rate_errors, gyro = np.empty(6), np.empty((3, 6))
-    _matrix(turn, qx, qy, qz, qw)
+    fill_matrix((qx, qy, qz, qw), turn)
     for k in range(3):
         position[k, k] = 1.0
         velocity[k, 3 + k] = 1.0
@@ -95,8 +95,7 @@ def propagate_linearized(
                     value += turn[row, k] * half_jacobian[k, c % 3]
                 gyro[row, c] = attitude[row, 18 + c] + half * value * rate_errors[c]
         # specific force in inertial axes at mid-sample
-        mx, my, mz, mw = _turned(qx, qy, qz, qw, half * wx, half * wy, half * wz)
-        _matrix(middle, mx, my, mz, mw)
+        fill_matrix(product((qx, qy, qz, qw), quaternion(half * wx, half * wy, half * wz)), middle)
         gx = middle[0, 0] * fx + middle[0, 1] * fy + middle[0, 2] * fz
         gy = middle[1, 0] * fx + middle[1, 1] * fy + middle[1, 2] * fz
         gz = middle[2, 0] * fx + middle[2, 1] * fy + middle[2, 2] * fz
@@ -140,7 +139,7 @@ def propagate_linearized(
         x, y, z, vx, vy, vz, qx, qy, qz, qw = step(
             x, y, z, vx, vy, vz, qx, qy, qz, qw, dt, fx, fy, fz, wx, wy, wz, mu, j
         )
-        _matrix(turn, qx, qy, qz, qw)
+        fill_matrix((qx, qy, qz, qw), turn)
     transition = np.empty((9, COLUMNS))
     for row in range(3):
         for c in range(COLUMNS):
@@ -201,32 +200,7 @@ def _force_error_jacobian(out, force_map, alignment, alignment_jacobian, fx, fy,
 
 @njit(cache=True, error_model="numpy", nogil=True)
 def _left_jacobian(out, x, y, z):
-    """Left Jacobian of the rotation group at a rotation vector: the transpose of the right one."""
-    square = x * x + y * y + z * z
-    a, b = right_jacobian_coefficients(square)
-    diagonal = 1.0 - b * square
-    out[0, 0], out[0, 1], out[0, 2] = diagonal + b * x * x, b * x * y - a * z, b * x * z + a * y
-    out[1, 0], out[1, 1], out[1, 2] = b * x * y + a * z, diagonal + b * y * y, b * y * z - a * x
-    out[2, 0], out[2, 1], out[2, 2] = b * x * z - a * y, b * y * z + a * x, diagonal + b * z * z
-
-
-@njit(cache=True, error_model="numpy", nogil=True)
-def _turned(qx, qy, qz, qw, x, y, z):
-    """Quaternion ``q ⊗ exp(phi)``."""
-    half = 0.5 * np.sqrt(x * x + y * y + z * z)
-    factor = 0.5 if half < 1e-12 else 0.5 * np.sin(half) / half
-    hx, hy, hz, hw = factor * x, factor * y, factor * z, np.cos(half)
-    return (
-        qw * hx + qx * hw + qy * hz - qz * hy,
-        qw * hy - qx * hz + qy * hw + qz * hx,
-        qw * hz + qx * hy - qy * hx + qz * hw,
-        qw * hw - qx * hx - qy * hy - qz * hz,
-    )
-
-
-@njit(cache=True, error_model="numpy", nogil=True)
-def _matrix(out, x, y, z, w):
-    """Direction cosines of a unit quaternion."""
-    out[0, 0], out[0, 1], out[0, 2] = 1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - z * w), 2.0 * (x * z + y * w)
-    out[1, 0], out[1, 1], out[1, 2] = 2.0 * (x * y + z * w), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - x * w)
-    out[2, 0], out[2, 1], out[2, 2] = 2.0 * (x * z - y * w), 2.0 * (y * z + x * w), 1.0 - 2.0 * (x * x + y * y)
+    """Left Jacobian of the rotation group at a rotation vector: the right one at the opposite vector."""
+    (
+        out[0, 0], out[0, 1], out[0, 2], out[1, 0], out[1, 1], out[1, 2], out[2, 0], out[2, 1], out[2, 2],
+    ) = right_jacobian_elements(-x, -y, -z)  # fmt: skip

@@ -172,9 +172,7 @@ def perturbed_attitudes(attitude: Array, phi: Array) -> Array:
     (4, S) array
         Unit quaternions.
     """
-    x, y, z, w = attitude
-    product = np.array([[w, -z, y, x], [z, w, -x, y], [-y, x, w, z], [-x, -y, -z, w]])
-    out = product @ rotations.from_rotation_vector(phi).T
+    out = rotations.product_matrix(attitude) @ rotations.from_rotation_vector(phi).T
     return out / np.sqrt(np.sum(out**2, axis=0))
 
 
@@ -193,8 +191,7 @@ def attitude_errors(attitude: Array, attitudes: Array) -> Array:
     (S, 3) array
         rad: ``attitudes = attitude ⊗ exp(phi)``.
     """
-    x, y, z, w = attitude
-    inverse = np.array([[w, z, -y, -x], [-z, w, x, -y], [y, -x, w, -z], [x, y, z, w]])
+    inverse = rotations.product_matrix(attitude).T  # of a unit quaternion, that of its conjugate
     return rotations.to_rotation_vector((inverse @ attitudes).T)
 
 

@@ -14,6 +14,7 @@ from numba import njit
 from edl_filter import rotations
 from edl_filter.navigation.increments import Samples
 from edl_filter.navigation.layout import ONBOARD, Layout
+from edl_filter.rotation_kernels import product, quaternion
 from edl_filter.types import Array
 
 IDENTITY = np.array([0.0, 0.0, 0.0, 1.0])
@@ -138,16 +139,12 @@ def sample_attitudes(interval, rate, attitude):
     middle = np.empty((interval.size, 4))
     qx, qy, qz, qw = attitude
     for i in range(interval.size):
-        ax, ay, az = (0.25 * interval[i]) * rate[i]
-        a = np.sqrt(ax * ax + ay * ay + az * az)
-        s = 1.0 if a < 1e-12 else np.sin(a) / a
-        hx, hy, hz, hw = s * ax, s * ay, s * az, np.cos(a)
-        mx = qw * hx + qx * hw + qy * hz - qz * hy
-        my = qw * hy - qx * hz + qy * hw + qz * hx
-        mz = qw * hz + qx * hy - qy * hx + qz * hw
-        mw = qw * hw - qx * hx - qy * hy - qz * hz
+        half = 0.5 * interval[i]
+        turn = quaternion(half * rate[i, 0], half * rate[i, 1], half * rate[i, 2])
+        mx, my, mz, mw = product((qx, qy, qz, qw), turn)
         middle[i, 0], middle[i, 1], middle[i, 2], middle[i, 3] = mx, my, mz, mw
-        qx, qy, qz, qw = 2 * hw * mx - qx, 2 * hw * my - qy, 2 * hw * mz - qz, 2 * hw * mw - qw
+        twice = 2.0 * turn[3]  # the same half turn again: q(2t) = 2 cos(t) q(t) - q(0)
+        qx, qy, qz, qw = twice * mx - qx, twice * my - qy, twice * mz - qz, twice * mw - qw
     return middle, np.array([qx, qy, qz, qw])
 
 

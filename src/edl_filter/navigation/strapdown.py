@@ -20,6 +20,8 @@ same bits as all later ones. The loops are put in line into `propagate`.
 import numpy as np
 from numba import njit
 
+from edl_filter.rotation_kernels import product
+
 LANES = 16  # sigma points in a block; their number is padded to a multiple of this
 FAST = {"contract", "arcp", "nsz"}
 ROWS = 28  # of a block: 10 of the state, 12 of the force map, 6 of the rate map
@@ -127,17 +129,15 @@ def step(x, y, z, vx, vy, vz, qx, qy, qz, qw, dt, fx, fy, fz, wx, wy, wz, mu, j)
     tuple of ten floats
         Position, velocity and attitude at the end of the sample.
     """
-    # half the rotation of this sample as a quaternion
+    # half the rotation of this sample as a quaternion; with the sine and cosine of `rotation_kernels.quaternion`, which
+    # are no vector instructions, `propagate` takes 2.1 times and Spirit's filter 1.1 times as long
     c = 0.25 * dt
     ax, ay, az = c * wx, c * wy, c * wz
     u = ax * ax + ay * ay + az * az
     hw = 1.0 - u / 2.0 * (1.0 - u / 12.0 * (1.0 - u / 30.0 * (1.0 - u / 56.0)))
     sc = 1.0 - u / 6.0 * (1.0 - u / 20.0 * (1.0 - u / 42.0 * (1.0 - u / 72.0)))
     hx, hy, hz = sc * ax, sc * ay, sc * az
-    mx = qw * hx + qx * hw + qy * hz - qz * hy
-    my = qw * hy - qx * hz + qy * hw + qz * hx
-    mz = qw * hz + qx * hy - qy * hx + qz * hw
-    mw = qw * hw - qx * hx - qy * hy - qz * hz
+    mx, my, mz, mw = product((qx, qy, qz, qw), (hx, hy, hz, hw))
     hh = 2.0 * hw  # the same half turn again: q(2t) = 2 cos(t) q(t) - q(0)
     ex = hh * mx - qx
     ey = hh * my - qy

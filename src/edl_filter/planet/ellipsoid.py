@@ -75,41 +75,6 @@ def _geodetic(points, a, flattening):
     return out
 
 
-def fixed_from_geodetic(
-    latitude: ArrayLike,
-    longitude: ArrayLike,
-    altitude: ArrayLike,
-    equatorial_radius: float,
-    flattening: float,
-) -> Array:
-    """Planet-fixed positions of areodetic coordinates.
-
-    Parameters
-    ----------
-    latitude, longitude : (...) arrays
-        rad.
-    altitude : (...) array
-        Height above the ellipsoid along its normal, m.
-    equatorial_radius : float
-        m.
-    flattening : float
-        (equatorial - polar radius) / equatorial radius, 0 for a sphere.
-
-    Returns
-    -------
-    (..., 3) array
-        m.
-    """
-    latitude, longitude, altitude = (np.asarray(v, float) for v in (latitude, longitude, altitude))
-    s, c = np.sin(latitude), np.cos(latitude)
-    axis_ratio_squared = (1.0 - flattening) ** 2
-    # Prime vertical radius of curvature
-    normal_radius = equatorial_radius / np.sqrt(c * c + axis_ratio_squared * s * s)
-    p = (normal_radius + altitude) * c
-    z = (axis_ratio_squared * normal_radius + altitude) * s
-    return _stack(p * np.cos(longitude), p * np.sin(longitude), z)
-
-
 def areocentric_from_fixed(position: ArrayLike) -> tuple[Array, Array, Array]:
     """Areocentric coordinates of planet-fixed points.
 

@@ -258,7 +258,7 @@ class HeatMap:
 
 @dataclass(frozen=True)
 class ColourScale:
-    """Logarithmic colour scale from `low` to `high` beside a figure, with its label."""
+    """Logarithmic colour scale from `low` to `high` next to a figure, with its label."""
 
     low: float
     high: float

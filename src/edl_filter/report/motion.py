@@ -47,7 +47,7 @@ def axial_deceleration(reader: ResultReader) -> Panel:
     domain = reader.domain
     if domain is not None and np.isfinite(domain.threshold) and reader.attribute("postflight", "domain_start"):
         elements.append(Line(domain.threshold, "y", colour="green", dash="dot", width=1.2))
-        label = f"air felt from {domain.start:.1f} s"
+        label = f"deceleration detectable from {domain.start:.1f} s"
         elements.append(Line(domain.start, "x", label, "green", "dot", 1.2))
     top = max(10.0 ** np.ceil(np.log10(np.nanmax(np.abs(drag)))), 1e2)
     y = Axis("axial deceleration", "m/s²", "log", (LEAST_DECELERATION, float(top)))

@@ -208,7 +208,7 @@ def curve_trace(curve: Curve, bins: int = BINS) -> Trace:
         trace["hovertext"] = list(curve.names)
     if any(curve.notes):
         rising = len(x) > 1 and float((x[-1] - x[0]) * (y[-1] - y[0])) > 0.0
-        trace |= {  # beside the line, not on it
+        trace |= {  # next to the line, not on it
             "text": list(curve.notes), "textposition": "bottom right" if rising else "top right",
             "textfont": {"size": 11, "color": "@ink"}, "cliponaxis": False,
         }  # fmt: skip

@@ -22,7 +22,7 @@ if TYPE_CHECKING:  # building the models takes longer than some commands
 
 #: Files and folders that `edl-filter run` writes.
 RESULT, SUMMARY, REPORT, FIGURES, TABLES = "result.nc", "summary.json", "report.html", "figures", "tables"
-#: Plotting library of the report, beside it or in the folder above.
+#: Plotting library of the report, in its folder or in the folder above.
 BUNDLE = "plotly.min.js"
 #: Tables of a run in ``tables/``, where the mission has an aerodynamic database.
 POSTFLIGHT_TABLES = ("average_differences.csv", "atmosphere_differences.csv", "verdicts.csv", "atmosphere.csv")

@@ -19,6 +19,7 @@ import numpy as np
 from numba import njit
 
 from edl_filter.planet.gravity import gravity
+from edl_filter.rotation_kernels import direction_cosines
 
 #: Number of elements of a state.
 SIZE = 25
@@ -246,9 +247,7 @@ def derivative(time, s, d, phase, t, stop, more):
     qx, qy, qz, qw = s[6], s[7], s[8], s[9]
     wx, wy, wz = s[10], s[11], s[12]
     # inertial_from_body as a matrix
-    m00, m01, m02 = 1.0 - 2.0 * (qy * qy + qz * qz), 2.0 * (qx * qy - qz * qw), 2.0 * (qx * qz + qy * qw)
-    m10, m11, m12 = 2.0 * (qx * qy + qz * qw), 1.0 - 2.0 * (qx * qx + qz * qz), 2.0 * (qy * qz - qx * qw)
-    m20, m21, m22 = 2.0 * (qx * qz - qy * qw), 2.0 * (qy * qz + qx * qw), 1.0 - 2.0 * (qx * qx + qy * qy)
+    m00, m01, m02, m10, m11, m12, m20, m21, m22 = direction_cosines(qx, qy, qz, qw)
     gx, gy, gz = gravity(x, y, z, t.planet[0], t.planet[1], t.planet[2])
     pressure = 0.0
     if phase >= STOP:

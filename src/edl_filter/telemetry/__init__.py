@@ -11,11 +11,12 @@ Read in this order:
 2. `hdf5_checks`, `flight_file`, `flight_file_writer`: reader and writer of flight files. `csv_log` and `csv_spec`:
    conversion of a CSV log into a flight file.
 3. `fetch`, `pds3`, `mer_compact`, `mer_archive`, `mer_cleaning`: download, reader of PDS tables, their compact form,
-   correction of MER's tables. `mer_segments`, `joining`, `mer_flight`: from the tables to segments in body axes, and to
-   one record.
-4. `sample_checks`, `transfer`, `spikes`, `sample_filling`, `sample_repair`: missing and bad samples are found, and
-   filled.
-5. `smoothing`: batch polynomial, low-pass, rates and angular accelerations. `calibration`, `comparison`: lever-arm
-   correction, bias and misalignment of one IMU relative to another.
+   correction of MER's tables. `increment_clock` (clock of an IMU that counts increments), `mer_segments`, `joining`,
+   `mer_flight`: from the tables to segments in body axes, and to one record.
+4. `time_stamps`, `quantisation`: times that scatter, and steps of the readings. `sample_checks`, `resampling`,
+   `transfer`, `spikes`, `disagreement`, `clock_drift`: missing and bad samples, by one IMU and by the comparison of
+   two. `sample_filling`, `sample_repair`: they are filled.
+5. `smoothing`: batch polynomial, low-pass, rates and angular accelerations. `calibration`, `comparison`,
+   `relative_calibration`: lever-arm correction, bias, misalignment, scale and clock of one IMU relative to another.
 6. `clock`: spacecraft clock to UTC.
 """

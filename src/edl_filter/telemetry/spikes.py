@@ -108,8 +108,8 @@ def _disagreement(own: Array, transferred_values: Array, noise: Array, sigmas: f
     large = (np.abs(departure) > sigmas * scale) & (np.abs(departure) > _RELATIVE * size)
     length = np.linalg.norm(departure, axis=1)
     own_jump = np.linalg.norm(a - _median(a, _NEIGHBOURHOOD), axis=1)
-    roughness = np.linalg.norm(_interpolation_error(b), axis=1)
-    transferred_jump = maximum_filter1d(roughness, _SMOOTH)
+    interpolation_error = np.linalg.norm(_interpolation_error(b), axis=1)
+    transferred_jump = maximum_filter1d(interpolation_error, _SMOOTH)
     fault = (own_jump > _AT_FAULT * length) & (transferred_jump < _NOT_AT_FAULT * length)
     out[rows] = large.any(axis=1) & fault
     return out

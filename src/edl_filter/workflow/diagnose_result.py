@@ -137,7 +137,7 @@ def _own_effects(content: dict[str, Any], file: Path | None) -> dict[str, dict[s
 
 
 def following_step(reopened: Reopened, content: dict[str, Any]) -> NextStep:
-    """The next step; a mission that ``--set`` changed is written beside its result if there is an effect to add."""
+    """The next step; a mission that ``--set`` changed is written next to its result if there is an effect to add."""
     from edl_filter.report.next_step import next_step
 
     mission, diagnosis = reopened.mission, DiagnosisContent.of(content)

@@ -1,4 +1,4 @@
-"""Where an interrupted improvement goes on: the model of the next step, beside the steps that are complete.
+"""Where an interrupted improvement goes on: the model of the next step, with the steps that are complete.
 
 ``resume.json`` in the folder of the results has the model with all digits of its estimates and a fingerprint of what
 the improvement depends on. It is written after each complete step and removed when the final model is written, so

@@ -283,7 +283,7 @@ def test_the_scan_begins_where_the_air_is_felt(model):
     begin, lowest = scan_range(model)
     flow = model.residuals.flow
     pressure = np.interp(begin + np.array([-0.1, 0.1]), flow.time, flow.dynamic_pressure)
-    assert pressure[0] < SETTINGS.felt_pressure_pa < pressure[1]
+    assert pressure[0] < SETTINGS.scan_start_pressure_pa < pressure[1]
     assert lowest == flow.altitude.min() == pytest.approx(8e3, abs=4e3)
 
 

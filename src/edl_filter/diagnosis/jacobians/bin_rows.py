@@ -22,12 +22,20 @@ from edl_filter.imu_model.lever_arm import edge_weights
 from edl_filter.imu_model.sensor_errors import reading_jacobian
 from edl_filter.types import Array, BoolArray
 
-#: Share of a bin's gyro noise that a step of the rate has in addition to the noise of the two bins' means.
+#: Share of a bin's gyro noise that a step of the rate has in addition to the noise of the two bins' means, which are
+#: states: the covariance of the rows is regular, and the variance of a step increases by 0.1 %.
 _STEP_NOISE_SHARE = 0.05
-#: Sigmas of the density within which the regime of the flow is uncertain, and variance of the errors of two tables.
-_REGIME_SIGMAS, _EITHER_REGIME = 3.0, 4.0
-#: Factor over the median around it from which a change of the rate's slope is a discontinuity.
-_DISCONTINUITY = 3.0
+#: Sigmas of the density within which the regime of the flow is uncertain: the limit is beyond them in 0.3 %.
+_REGIME_SIGMAS = 3.0
+#: Variance of the errors of two tables in units of that of one: its upper bound, (1 + 1)² where they are correlated.
+_EITHER_REGIME = 4.0
+#: Factor over the median around it from which a change of the rate's slope is a discontinuity, and number of edges of
+#: that median, ten before and ten after: smooth motion changes less over ten bins, and one discontinuity does not
+#: change a median.
+_DISCONTINUITY, _MEDIAN_EDGES = 3.0, 21
+#: Largest error of eighth order over the largest difference between sixth and fourth order at the edges around a
+#: discontinuity: 2.2 to 8.6, by its place in the bin.
+_ERROR_RATIO = 9.0
 
 
 @dataclass(frozen=True)
@@ -208,8 +216,8 @@ def lever_arm_error(bins: TimeBins, rate: Array, position: Array) -> Array:
 
     The tangential part is the difference of the rates at the bin's edges, of eighth order in the means
     (`imu_model.lever_arm`). At a discontinuity of the rate's slope the error of that order is up to nine times the
-    difference between sixth and fourth order; a discontinuity is where this difference exceeds `_DISCONTINUITY` times
-    its median over the ten bins before and after.
+    difference between sixth and fourth order (`_ERROR_RATIO`); a discontinuity is where this difference exceeds
+    `_DISCONTINUITY` times its median over the ten bins before and after (`_MEDIAN_EDGES`).
 
     Parameters
     ----------
@@ -231,7 +239,7 @@ def lever_arm_error(bins: TimeBins, rate: Array, position: Array) -> Array:
         sixth, fourth = (sum(w * p for w, p in zip(edge_weights(k), pairs, strict=False)) for k in (3, 2))
         change[3:-3] = sixth - fourth
     size = np.linalg.norm(np.nan_to_num(change), axis=1)
-    discontinuous = size > _DISCONTINUITY * median_filter(size, 21)
-    edge_error = np.where(discontinuous[:, None], 9.0 * np.nan_to_num(change), 0.0)
+    discontinuous = size > _DISCONTINUITY * median_filter(size, _MEDIAN_EDGES)
+    edge_error = np.where(discontinuous[:, None], _ERROR_RATIO * np.nan_to_num(change), 0.0)
     before, after = (np.cross(e, position) / bins.interval[:, None] for e in (edge_error[:-1], edge_error[1:]))
     return np.hypot(before, after)

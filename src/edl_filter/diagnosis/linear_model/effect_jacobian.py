@@ -1,8 +1,8 @@
 """Derivatives of all residuals with respect to the parameters of an effect.
 
 A column is minus the derivative of the residuals, so that residual = column × parameter + noise where the effect is
-missing. Whatever an effect changes is followed through the whole chain: samples, path, air, loads, constraints. An
-effect that does not change the path is evaluated on the existing path.
+missing. Whatever an effect changes is followed through all steps of the prediction: samples, path, air, loads,
+constraints. An effect that does not change the path is evaluated on the existing path.
 """
 
 from __future__ import annotations
@@ -113,9 +113,9 @@ def scan_grid(
 
 
 def scan_range(model: LinearizedModel) -> tuple[float, float]:
-    """First time with a dynamic pressure above `felt_pressure_pa`, s, and lowest altitude of the comparison, m."""
+    """First time, s, with a dynamic pressure above `scan_start_pressure_pa`; lowest altitude of the comparison, m."""
     flow = model.residuals.flow
-    above_threshold = flow.dynamic_pressure > model.settings.felt_pressure_pa
+    above_threshold = flow.dynamic_pressure > model.settings.scan_start_pressure_pa
     return float(model.residuals.nodes.time[np.argmax(above_threshold)]), float(np.min(flow.altitude))
 
 

@@ -229,7 +229,7 @@ class LinearizedModel:
     def excess_colour(self) -> ExcessColour | None:
         """Most likely correlation of the excess variance in time; None without excess variance."""
         similar, likelihood = self._place_of_colour, self.white_excess_log_likelihood
-        if not self.excess_variance.is_zero:  # the filter at white excess variance would be kept beside the fitted one
+        if not self.excess_variance.is_zero:  # the filter at white excess variance would be kept with the fitted one
             self.__dict__.pop("white_excess_filter", None)
         return most_likely_colour(
             likelihood, self.state_space, self.index, self.excess_variance, self.residual_vector, self.initial_mean,

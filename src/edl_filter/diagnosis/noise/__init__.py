@@ -1,5 +1,6 @@
 """Noise: what the residuals contain beyond the stated uncertainties, estimated by marginal likelihood.
 
-`variance_components` estimates additional variance of every channel over intervals of time; `unmodelled_acceleration`
-a force and moment that follow no named effect, as a Gauss–Markov process.
+In: residuals and their state-space model. Out: excess variance, and an unmodelled acceleration. Read in this order:
+`variance_components` (additional variance of every channel over intervals of time), `unmodelled_acceleration` (a force
+and a moment that follow no named effect, as a Gauss–Markov process).
 """

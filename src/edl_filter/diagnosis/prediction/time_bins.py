@@ -16,6 +16,9 @@ from edl_filter.navigation.increments import Samples
 from edl_filter.telemetry.record import SAME_TIME, finite_rows
 from edl_filter.types import Array, BoolArray, IntArray
 
+#: Length of a sample, relative to that which bins approach, from which each sample is a bin.
+_SINGLE_SAMPLE = 0.75
+
 
 @dataclass(frozen=True)
 class TimeBins:
@@ -68,7 +71,7 @@ def make_time_bins(
     edges = sample_edges[sample_edges <= end]
     usual = float(np.median(np.diff(edges)))
     per_bin = max(1, 2 * round(0.5 * length / usual))
-    per_bin = 1 if usual > 0.75 * length else per_bin
+    per_bin = 1 if usual > _SINGLE_SAMPLE * length else per_bin
     edges = edges[::per_bin]
     regular = np.abs(np.diff(edges) - per_bin * usual) < 1e-3 * usual
     first = samples.unit == samples.unit[0]
@@ -135,6 +138,8 @@ def bin_means(edges: Array, time: Array, interval: Array, values: Array, smooth:
 
 #: Ends of intervals around an edge by which the integral is interpolated, relative to the one before the edge.
 _STENCIL = np.arange(-2, 4)
+#: Range of the lengths of a stencil's intervals, relative to the one in its middle, from which they are not regular.
+_IRREGULAR = 0.1
 
 
 def _interpolate(integral: Array, edges: Array, grid: Array, total: Array, k: IntArray, lost: BoolArray) -> None:
@@ -146,7 +151,7 @@ def _interpolate(integral: Array, edges: Array, grid: Array, total: Array, k: In
     inside &= (k + _STENCIL[0] >= 0) & (k + _STENCIL[-1] < len(grid))
     rows = np.flatnonzero(inside)
     points = k[rows, None] + _STENCIL
-    regular = np.ptp(np.diff(grid[points], axis=1), axis=1) < 0.1 * (grid[k[rows] + 1] - grid[k[rows]])
+    regular = np.ptp(np.diff(grid[points], axis=1), axis=1) < _IRREGULAR * (grid[k[rows] + 1] - grid[k[rows]])
     rows, points = rows[regular], points[regular]
     nodes = grid[points] - edges[rows, None]
     weights = np.ones(nodes.shape)

@@ -30,6 +30,8 @@ AXES = ("x", "y", "z")
 MACH = (25.0, 15.0, 5.0, 3.5)
 #: Knudsen numbers between free-molecular, transitional and continuum flow.
 KNUDSEN = (10.0, 1e-3)
+#: Least number of rows of a cell: the sigma by chance of the mean square of fewer exceeds 0.7.
+LEAST_ROWS = 5
 #: Regime of the map under which the constraints stand, and the key of the whole flight among the regimes.
 CONSTRAINTS, OVERALL = "constraints", "overall"
 
@@ -192,7 +194,7 @@ def residual_map(model: LinearizedModel, normalised: Array | None = None) -> lis
     for regime, inside in flow_regimes(model):
         for c, (channel, unit) in enumerate(channels(model)):
             used = np.flatnonzero(inside & (index.bin_rows[:, c] >= 0))
-            if len(used) < 5:
+            if len(used) < LEAST_ROWS:
                 continue
             rows = index.bin_rows[used, c]
             scale = 1.0 / bins.interval[used] if 3 <= c < 6 else np.ones(len(used))

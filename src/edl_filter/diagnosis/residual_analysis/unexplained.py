@@ -13,12 +13,17 @@ from scipy.signal import lombscargle
 
 from edl_filter.diagnosis.linear_model.linear_model import LinearizedModel
 from edl_filter.diagnosis.prediction.dead_reckoning import NODES_PER_BIN
-from edl_filter.diagnosis.residual_analysis.residual_map import AXES, normalised_innovations
+from edl_filter.diagnosis.residual_analysis.residual_map import AXES, LEAST_ROWS, normalised_innovations
 from edl_filter.mission.decision_settings import DecisionSettings
 from edl_filter.types import Array, BoolArray, IntArray
 
 #: Number of frequencies of a spectrum that are computed together.
 _FREQUENCIES = 64
+#: Least number of bins of a spectrum: fewer have not five independent frequencies between the default of `line_cycles`
+#: and the Nyquist frequency.
+_LEAST_BINS = 16
+#: Share of the interval of the largest channel in which another one that is listed with it fails.
+_COMMON_SHARE = 0.5
 
 
 @dataclass(frozen=True)
@@ -87,7 +92,7 @@ def describe_remainder(model: LinearizedModel) -> Remainder | None:
     companions = tuple(
         names[c]
         for c, s in enumerate(spans)
-        if s is not None and c != largest and min(t1, s[1]) - max(t0, s[0]) > 0.5 * (t1 - t0)
+        if s is not None and c != largest and min(t1, s[1]) - max(t0, s[0]) > _COMMON_SHARE * (t1 - t0)
     )
     unit = "N" if largest < 3 else "N m"
     size = float(np.sqrt(np.mean(series**2)))
@@ -119,7 +124,7 @@ def _failing_span(
     count = np.bincount(piece, minlength=piece[-1] + 1)
     square = np.bincount(piece, values**2, minlength=piece[-1] + 1) / np.maximum(count, 1)
     chance = settings.excess_variance_sigmas * np.sqrt(2.0 / np.maximum(count, 1))
-    fails = (count > 4) & (square - 1.0 > chance)
+    fails = (count >= LEAST_ROWS) & (square - 1.0 > chance)
     if not fails.any():
         return None
     # a gap of one piece does not divide a span
@@ -140,7 +145,7 @@ def _failing_span(
 
 def _spectral_line(time: Array, series: Array, settings: DecisionSettings) -> float | None:
     """Frequency of a line that contains a large share of the power, Hz; fewer than a few cycles are a trend."""
-    if len(time) < 16:
+    if len(time) < _LEAST_BINS:
         return None
     step, span = float(np.median(np.diff(time))), float(time[-1] - time[0])
     frequency = np.arange(settings.line_cycles / span, 0.5 / step, 0.2 / span)

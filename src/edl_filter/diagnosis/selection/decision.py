@@ -58,7 +58,7 @@ from edl_filter.types import Array
 CLEAN, MISSING, UNDECIDED, UNKNOWN = "clean", "missing", "undecided", "unknown"
 #: Number of hypotheses that the sentence of an undecided verdict names.
 _CONTENDERS = 3
-#: Least share that a name explains: its odds are finite.
+#: Least share that a name explains, for a finite logarithm: with the default shape its odds are exp(-60).
 _LEAST_SHARE = 1e-3
 
 

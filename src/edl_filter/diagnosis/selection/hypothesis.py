@@ -1,4 +1,4 @@
-"""A hypothesis: one effect fitted through the whole chain, with its evidence and held-out score.
+"""A hypothesis: one effect fitted through all steps of the prediction, with its evidence and held-out score.
 
 Its places are refined and all its parameters fitted (`map_fit`), at the noise of the model without it and, where a
 moment estimate says that it explains the excess variance, at the noise that it leaves; a leading hypothesis once more
@@ -23,6 +23,9 @@ from edl_filter.effects.base import EffectInstance, EffectKey, effect_with_key, 
 from edl_filter.estimation.kalman import Whitening, WhiteningFilter
 from edl_filter.estimation.regression import held_out_gain
 from edl_filter.types import Array
+
+#: Relative difference up to which two places are the same starting point: about a second, or some hundred metres.
+_SAME_PLACE = 0.005
 
 
 @dataclass(frozen=True)
@@ -190,8 +193,8 @@ def _remaining_excess(model: LinearizedModel, fit: MapFit, before: float) -> flo
 
 
 def _same_places(a: EffectInstance, b: EffectInstance) -> bool:
-    """Whether two starting points have the same places, to half a percent: about a second, or some hundred metres."""
-    return all(np.isclose(a.values[q.name], b.values[q.name], rtol=0.005) for q in a.effect.places)
+    """Whether two starting points have the same places, to `_SAME_PLACE`."""
+    return all(np.isclose(a.values[q.name], b.values[q.name], rtol=_SAME_PLACE) for q in a.effect.places)
 
 
 def _best(

@@ -1,11 +1,12 @@
 """Maximum a posteriori fit of effects: all parameters, places and times included, by Gauss–Newton.
 
-Each step evaluates the chain with the effects at their values, computes the Jacobian there, whitens both, and solves
-with the prior (Gelman et al., Bayesian Data Analysis, 2013, ch. 13; the evidence is Laplace's approximation). A step
-that reduces the posterior is shortened. While effects are only compared, path and air stay at the linearisation point
-of the model without the effect. In a final fit (`moving`) the point moves to the most probable nuisance parameters at
-each new value of the effects: a gyro's bias and the initial roll, say, are strongly correlated over many sigmas, and
-along a curved ridge of the posterior a fit that moves one of them alone stops far from the maximum.
+Each iteration predicts the readings with the effects at their values, computes the Jacobian there, whitens
+both, and solves with the prior (Gelman et al., Bayesian Data Analysis, 2013, ch. 13; the evidence is Laplace's
+approximation). A step that reduces the posterior is shortened. While effects are only compared, path and air stay at
+the linearisation point of the model without the effect. In a final fit (`moving`) the point moves to the most probable
+nuisance parameters at each new value of the effects: a gyro's bias and the initial roll, say, are strongly correlated
+over many sigmas, and along a curved ridge of the posterior a fit that moves one of them alone stops far from the
+maximum.
 """
 
 from __future__ import annotations

@@ -42,6 +42,10 @@ from edl_filter.estimation.parallel import one_blas_thread, start_thread
 
 Progress = Callable[[str], None]
 
+#: Share of the prior cost of a name below which effects are not relinearised where the model holds: gains about the
+#: first point are accurate there, and none of the effects can be named.
+_NAMEABLE_SHARE = 0.5
+
 
 @dataclass(frozen=True)
 class Ranking:
@@ -113,7 +117,7 @@ def _with_complement(ranking: Ranking, effects: Sequence[Effect], progress: Prog
     ambiguous = settings.complemented_explained_share <= first.explained_share < settings.sufficient_share
     if first.at_floor or not ambiguous:
         return ranking
-    progress(f"trying a second effect in addition to {first.label}")
+    progress(f"searching for a second effect in addition to {first.label}")
     case = load_case(ranking.case.mission, first.fit.effects)
     seconds = _rank(case, candidate_instances(case, effects), progress).hypotheses
     least = settings.sufficient_share if first.explained_share >= settings.named_explained_share else np.inf
@@ -135,7 +139,7 @@ def _rank(case: FlightCase, effects: Sequence[EffectInstance], progress: Progres
         nulls.append(fit_null_model(m, case.effects, model.excess_variance.share))
         m.release_filters()  # from here on, one model has filters at a time
     reference, most_likely = most_probable_null(nulls), max(models, key=lambda m: m.log_evidence)
-    progress("trying the catalogue and something else")
+    progress("screening the catalogue and an unmodelled acceleration")
     # compiled loops for the most part; the cached properties of the model that it reads were computed for `most_likely`
     unmodelled_fit = start_thread(lambda: fit_unmodelled(model))
     failed: dict[str, str] = {}
@@ -318,7 +322,7 @@ def _relinearize_leaders(
         best_by_evidence += sorted(evidence, key=lambda k: evidence[k])[-1:]
     explained = {h.key: h.explained for h in ranked}
     relinearized: set[EffectKey] = set()
-    if ranked and ranked[0].model.holds and ranked[0].gain < 0.5 * settings.named_gain_nats:
+    if ranked and ranked[0].model.holds and ranked[0].gain < _NAMEABLE_SHARE * settings.named_gain_nats:
         return [h.with_reference(reference) for h in ranked]  # none of them can be named
     while ranked and len(relinearized) < settings.relinearized_hypotheses:
         rivals = [*best_by_evidence, *close]

@@ -1,8 +1,10 @@
 """`report.html`: one file per run that opens without a network.
 
-In: a result folder, read by `results.reader`. Out: the page. `flight_sections`, `diagnosis_sections` and `residual_map`
-turn the contents into blocks (text, table, plot); `page` has the blocks and turns them into HTML through one template,
-and one script draws the plots.
+In: a result folder, read by `results.reader`. Out: the page.
+
+Read in this order: `page` has the blocks (text, table, plot) and turns them into HTML through one template;
+`flight_sections`, `diagnosis_sections` and `residual_map` turn the contents of the result into blocks; `bundle` is the
+plotting library, with which one script of the template draws the plots.
 """
 
 from pathlib import Path

@@ -157,7 +157,7 @@ def hypotheses(reader: ResultReader) -> Section:
         blocks.append(Note(undetectable, "muted"))
     blocks += [Note(f"Left out: {reason}", "warning") for reason in diagnosis.failed.values()]
     if diagnosis.screening:
-        title_of_details = f"Also tried, and not refitted ({len(diagnosis.screening)})"
+        title_of_details = f"Also screened, and not refitted ({len(diagnosis.screening)})"
         blocks.append(Details(title_of_details, [_screened(diagnosis.screening)]))
     return Section(key, title, blocks)
 

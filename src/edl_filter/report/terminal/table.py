@@ -16,7 +16,7 @@ from rich.console import Console, ConsoleOptions, RenderableType
 from rich.table import Table as RichTable
 from rich.text import Text
 
-#: Columns of the terminal that a table takes beside its cells: two blanks around each cell, one between, two outside.
+#: Columns of the terminal that a table takes without its cells: two blanks around each cell, one between, two outside.
 _PADDING, _EDGES = 3, 1
 _SIGMA = " ± "
 

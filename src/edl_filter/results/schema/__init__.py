@@ -1,11 +1,14 @@
 """Schemas of the JSON files in a result folder: every key with its type, unit and meaning.
 
-`summary.Summary` is ``summary.json``, `diagnosis.DiagnosisContent` is ``diagnosis.json``, `ledger.LedgerLine` one line
-of ``ledger.jsonl``. Keys carry their unit at the end of the name or in the description. `edl_filter.results.files`
-reads the files through these models, and ``docs/reference/result-files.md`` publishes them as tables and as JSON Schema
-(`json_schemas`).
+In: the content of a JSON file. Out: the same as a checked model with attributes, and JSON Schema (`json_schemas`).
+`edl_filter.results.files` reads the files through these models, and ``docs/reference/result-files.md`` publishes them
+as tables and as JSON Schema.
 
-A key without a default is always in the file. A number that may be null is null where it is not finite.
+Read in this order: `fields` (what all schemas share), `summary` (`Summary` is ``summary.json``), `diagnosis`
+(`DiagnosisContent` is ``diagnosis.json``), `ledger` (`LedgerLine` is one line of ``ledger.jsonl``).
+
+Keys carry their unit at the end of the name or in the description. A key without a default is always in the file. A
+number that may be null is null where it is not finite.
 """
 
 from __future__ import annotations

@@ -284,7 +284,7 @@
     window.setTimeout(next, 0);
   };
 
-  /** The plotting library: in the page, beside it, or in the folder above. */
+  /** The plotting library: in the page, in its folder, or in the folder above. */
   const load = (source) => new Promise((resolve, reject) => {
     const script = document.createElement("script");
     script.src = source;
