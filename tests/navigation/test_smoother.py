@@ -73,6 +73,20 @@ def test_the_estimates_do_not_depend_on_the_references_of_a_linear_problem():
 
 
 @pytest.mark.parametrize("engine", ["compiled", "filterpy"])
+def test_the_gains_are_those_of_the_covariances_from_node_to_node(engine):
+    """``P_s = P + G (P_s⁺ - P⁻) Gᵀ`` with the gain, covariances and transition of each node (Särkkä 2013, eq. 8.6)."""
+    filter_pass = replace(run_filter(twins.linear().problem), engine=engine)
+    smoothed, nodes = smooth(filter_pass), filter_pass.nodes
+    assert smoothed.gain.shape == (len(nodes) - 1, *nodes[0].covariance.shape)
+    for k, gain in enumerate(smoothed.gain):
+        change = smoothed.covariance[k + 1] - nodes[k + 1].transition.covariance
+        expected = twins.linear_block(nodes[k].covariance + gain @ change @ gain.T)
+        sigma = np.sqrt(np.diag(expected))
+        error = twins.linear_block(smoothed.covariance[k]) - expected
+        assert np.max(np.abs(error) / np.outer(sigma, sigma)) < 1e-9
+
+
+@pytest.mark.parametrize("engine", ["compiled", "filterpy"])
 def test_a_single_node_is_its_own_smoothed_state(engine):
     filter_pass = replace(run_filter(twins.linear().problem), engine=engine)
     last = len(filter_pass.nodes) - 1
