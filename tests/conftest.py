@@ -29,7 +29,7 @@ LONGEST = (
     "report/test_figure_process.py", "test_api.py", "cli/test_new.py", "navigation/test_unresolved.py",
     "pipeline/test_trust.py", "serve/test_app.py", "diagnosis/linear_model/test_discrepancy_estimate.py",
     "diagnosis/test_detectability.py", "flights/test_effects.py", "estimation/test_autoregression.py",
-    "results/test_results.py", "diagnosis/linear_model/test_linearization_point.py",
+    "results/test_netcdf.py", "workflow/test_run.py", "diagnosis/linear_model/test_linearization_point.py",
     "flights/test_imu_lever_arms.py", "navigation/test_compiled_ukf.py", "report/test_plots.py",
     "postflight/test_atmosphere.py", "navigation/test_iterated.py", "postflight/test_derive.py",
     "diagnosis/selection/test_map_fit.py", "telemetry/test_sample_repair.py", "report/test_postflight_figures.py",
