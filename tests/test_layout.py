@@ -6,6 +6,7 @@ it tests.
 """
 
 import ast
+import re
 from functools import cache
 from pathlib import Path
 
@@ -229,6 +230,20 @@ def test_every_folder_of_tests_is_a_package_of_the_code_or_is_listed():
     folders = {p.parent.relative_to(TESTS).as_posix() for p in TESTS.rglob("*.py")} - {"."}
     packages = {p.parent.relative_to(CODE).as_posix() for p in CODE.rglob("*/__init__.py")}
     assert folders - packages == OWN_FOLDERS.keys()
+
+
+def test_every_file_of_tests_that_is_named_exists():
+    """In the pages, and in the list of files that take longest: a name without a file would be ignored there."""
+    root = TESTS.parent
+    pages = [*root.glob("*.md"), root / "Makefile", *root.glob("docs/**/*.md"), *root.glob("benchmarks/**/*.py")]
+    texts = (p.read_text(encoding="utf-8") for p in pages if p.name != "CHANGELOG.md" and "_build" not in p.parts)
+    named = {n.removeprefix("tests/") for text in texts for n in re.findall(r"\btests/[\w/]+\.py\b", text)}
+    statements = ast.parse((TESTS / "conftest.py").read_text(encoding="utf-8")).body
+    assigned = {ast.unparse(n.targets[0]): n.value for n in statements if isinstance(n, ast.Assign)}
+    named |= set(ast.literal_eval(assigned["LONGEST"]))
+    assert len(named) > 40
+    placeholder = re.compile("PACKAGE|NAME|FAMILY")
+    assert [n for n in sorted(named) if not placeholder.search(n) and not (TESTS / n).is_file()] == []
 
 
 @pytest.mark.parametrize("file", COVERED_BY)
