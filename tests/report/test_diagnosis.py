@@ -3,11 +3,9 @@
 import json
 
 from diagnoses import content
-from matplotlib.colors import to_hex
 
 from edl_filter.report.diagnosis import draw_diagnosis, ledger_figure, missing, model_change, ranking
 from edl_filter.report.matplotlib_renderer import draw
-from edl_filter.report.residual_map import cell_colours, residual_map
 from edl_filter.results.schema import DiagnosisContent
 
 
@@ -26,17 +24,6 @@ def test_what_is_left_is_drawn_with_bands(tmp_path):
         assert [line.get_xdata()[0] for line in ax.lines if line.get_gid() == "event"] == [2.5]
     assert "onset moment y" in [text.get_text() for text in force.texts]
     assert [p.stem for p in draw_diagnosis(diagnosis, "flight", tmp_path)][-1] == "diagnosis_missing"
-
-
-def test_the_heat_map_outlines_what_fails():
-    diagnosis = content()
-    left_axes, right_axes = draw(residual_map(diagnosis, "flight")).axes[:2]
-    outlines = [[p for p in ax.patches if p.get_gid() == "outline"] for ax in (left_axes, right_axes)]
-    assert len(outlines[0]) == sum(c["fails"] for c in diagnosis["map"]) and len(outlines[1]) == 0
-    assert sorted(t.get_text() for t in right_axes.texts) == ["0.80"]
-    assert {t.get_text() for t in left_axes.get_yticklabels()} == {"moment x", "moment y", "moment z"}
-    cells = [p for p in left_axes.patches if p.get_gid() is None]
-    assert to_hex(cells[0].get_facecolor()) == cell_colours(880.0, 880.0)[0]
 
 
 def test_the_ranking_shows_gain_and_held_out_gain():
