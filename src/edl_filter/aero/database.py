@@ -19,10 +19,11 @@ from edl_filter.aero.grid import GridTable, Interpolation, Kind
 from edl_filter.aero.increment_tables import IncrementTables, increment_terms
 from edl_filter.aero.newtonian import newtonian_table
 from edl_filter.aero.planes import moments_at_cm, split
+from edl_filter.aero.regimes import CONTINUUM_KNUDSEN
 from edl_filter.aero.surrogate import Surrogate, phoenix_surrogate
 from edl_filter.aero.tables import read_printed_table, read_table
 from edl_filter.aero.transition import FreeMolecularBridge, Join, WeightedSum, join_regimes
-from edl_filter.aero.uncertainty import CONTINUUM_LIMIT, ThreeSigma, three_sigma
+from edl_filter.aero.uncertainty import ThreeSigma, three_sigma
 from edl_filter.errors import InputError
 from edl_filter.io.csv_table import package_data
 from edl_filter.types import Array, BoolArray
@@ -108,7 +109,7 @@ class Database:
 
     continuum: GridTable | Surrogate
     rarefied: GridTable | FreeMolecularBridge
-    continuum_limit: float = CONTINUUM_LIMIT
+    continuum_limit: float = CONTINUUM_KNUDSEN
     join: Join = "continuous"
     family: str = "Phoenix"
     speed_per_mach: float | None = None
@@ -187,7 +188,7 @@ def load_database(
     continuum: str | Path = "builtin:surrogate",
     rarefied: str | Path = "builtin:free_molecular",
     *,
-    continuum_limit: float = CONTINUUM_LIMIT,
+    continuum_limit: float = CONTINUUM_KNUDSEN,
     join: Join | None = None,
     family: str = "Phoenix",
     speed_per_mach: float | None = None,
