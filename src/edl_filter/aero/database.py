@@ -36,7 +36,8 @@ __all__ = [
     "split",
 ]
 
-#: Mach numbers between which the index of a database that is indexed by speed changes from Mach number to speed.
+#: Mach numbers between which the index of a database that is indexed by speed changes from Mach number to speed. The
+#: kernel of the simulation contains them (`simulation.dynamics`); numba compiles it again when its own file changes.
 INDEX_MACH = (8.0, 9.0)
 
 NEWTONIAN = "builtin:newtonian"
