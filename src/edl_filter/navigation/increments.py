@@ -9,12 +9,13 @@ from __future__ import annotations
 from dataclasses import dataclass, field, fields
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from edl_filter import rotations
 from edl_filter.imu_model.lever_arm import lever_arm_acceleration
 from edl_filter.navigation.rotation_corrections import rotation_corrections
 from edl_filter.navigation.unresolved import UnresolvedMotion, unresolved_motion
-from edl_filter.telemetry.record import ImuRecord
+from edl_filter.telemetry.record import SAME_TIME, ImuRecord
 from edl_filter.types import Array, BoolArray, IntArray
 
 #: Part of one sample's unresolved rotation in which the attitude that was computed on board differs from the integral
@@ -82,8 +83,12 @@ class Samples:
         return np.any(self.force_fill_sigma > 0.0, axis=1) | np.any(self.rate_fill_sigma > 0.0, axis=1)
 
     def index(self, time: float) -> int:
-        """Number of samples whose interval ends by `time` (a microsecond allowed for rounding)."""
-        return int(np.searchsorted(self.time, time + 1e-6))
+        """Number of samples whose interval ends by `time` (`SAME_TIME` allowed for rounding)."""
+        return int(self.indices(time))
+
+    def indices(self, times: ArrayLike) -> IntArray:
+        """`index` of several times ``(K,)``, s."""
+        return np.searchsorted(self.time, np.asarray(times, float) + SAME_TIME)
 
     def part(self, start: int, stop: int) -> Samples:
         """Samples `start` to `stop`."""
@@ -95,7 +100,7 @@ class Samples:
         inside = np.unique(times)
         inside = inside[(inside > edges[0]) & (inside < edges[-1])]
         after = np.searchsorted(edges, inside)
-        added = inside[np.minimum(edges[after] - inside, inside - edges[after - 1]) > 1e-6]
+        added = inside[np.minimum(edges[after] - inside, inside - edges[after - 1]) > SAME_TIME]
         time = np.sort(np.concatenate((self.time, added)))
         index = np.searchsorted(self.time, time - 1e-9)
         interval = np.diff(time, prepend=edges[0])

@@ -27,7 +27,7 @@ from edl_filter.errors import InputError
 from edl_filter.mission import Mission
 from edl_filter.mission.measurements import FlightFileConfig
 from edl_filter.navigation.constraints import Altimeter, Constraint
-from edl_filter.navigation.filter import Problem, run_filter
+from edl_filter.navigation.filter import Problem, merge, run_filter
 from edl_filter.navigation.recovery import Cause as Addition
 from edl_filter.navigation.recovery import Recovery, log_likelihood, used_once
 from edl_filter.pipeline.reconstruct import assemble
@@ -158,8 +158,7 @@ def _evaluate(problem: Problem) -> tuple[float, bool]:
     needed = {start, float(problem.epochs[-1]), *(c.time for c in constraints)}
     changes = problem.samples.time[np.flatnonzero(np.diff(problem.samples.unit))]
     regular = problem.epochs[np.searchsorted(problem.epochs, np.arange(start, problem.epochs[-1], LONGEST_INTERVAL))]
-    epochs = np.unique(np.concatenate((sorted(needed), changes, regular)))
-    epochs = epochs[np.concatenate(([True], np.diff(epochs) > 2e-6))]
+    epochs = merge(np.concatenate((sorted(needed), changes, regular)))
     settings = replace(problem.settings, method="ekf", robust="none")
     short = replace(problem, constraints=constraints, epochs=epochs, settings=settings)
     filter_pass = run_filter(short)

@@ -14,7 +14,8 @@ from edl_filter.errors import InputError
 from edl_filter.imu_model.sensor_errors import SensorErrors
 from edl_filter.types import Array, BoolArray, IntArray
 
-#: Times that differ by less than this are equal, s.
+#: Times that differ by less than this are equal, s: far above the rounding of times and of sums of intervals (some
+#: 1e-10 s; tables in microseconds, 5e-7 s), and far below any sampling interval.
 SAME_TIME = 1e-6
 
 

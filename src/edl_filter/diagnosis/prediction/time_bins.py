@@ -122,7 +122,7 @@ def bin_means(edges: Array, time: Array, interval: Array, values: Array, smooth:
     if smooth:
         _interpolate(integral, edges, grid, total, k, lost)
     out = np.diff(integral, axis=0) / np.diff(edges).reshape(-1, *tail)
-    outside = (edges[:-1] < grid[0] - 1e-6) | (edges[1:] > grid[-1] + 1e-6)
+    outside = (edges[:-1] < grid[0] - SAME_TIME) | (edges[1:] > grid[-1] + SAME_TIME)
     if lost.any():
         count = np.concatenate(([0], np.cumsum(lost)))
         # an edge at the end of a sample is not inside the next one
