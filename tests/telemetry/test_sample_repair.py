@@ -13,7 +13,7 @@ from edl_filter.mission import Mission
 from edl_filter.navigation.noise import IDENTITY, sample_attitudes
 from edl_filter.pipeline.load import read_telemetry
 from edl_filter.telemetry.flight_file import read_flight_file
-from edl_filter.telemetry.sample_checks import CheckSettings, lost_readings
+from edl_filter.telemetry.sample_checks import CheckSettings, interpolation_error, lost_readings
 from edl_filter.telemetry.sample_repair import repaired
 
 FORCE, RATE = "specific_force", "angular_rate"
@@ -430,3 +430,11 @@ def test_a_second_imu_of_a_few_samples_is_dead(builtin_flight, count):
     outcome = repaired(replace(telemetry, checking=(few,)), parachute=parachute(telemetry))
     assert {(f.imu, f.kind) for f in outcome.findings} == {("secondary", "dead")}
     np.testing.assert_array_equal(outcome.driving.specific_force, telemetry.driving.specific_force)
+
+
+def test_a_sample_is_interpolated_as_the_cubic_through_its_four_neighbours():
+    x = np.arange(9.0)
+    values = np.stack((x**3 - 2.0 * x, np.where(x == 4.0, 6.0, 1.0), x**2), axis=1)
+    error = interpolation_error(values)
+    np.testing.assert_allclose(error[:, [0, 2]], 0.0, atol=1e-12)
+    np.testing.assert_allclose(error[2:-2, 1], [5.0 / 6.0, -20.0 / 6.0, 5.0, -20.0 / 6.0, 5.0 / 6.0])

@@ -41,6 +41,16 @@ def finite_rows(values: Array) -> BoolArray:
     return np.asarray(np.isfinite(values).all(axis=tuple(range(1, values.ndim))), np.bool_)
 
 
+def sample_edges(time: Array, interval: Array) -> Array:
+    """Edges ``(N + 1,)`` of adjoining samples, s, from the end and the length of each interval ``(N,)``, s."""
+    return np.concatenate((time[:1] - interval[:1], time))
+
+
+def filled_samples(force_fill_sigma: Array, rate_fill_sigma: Array) -> BoolArray:
+    """Samples ``(N,)`` of which a value was filled in: one with a sigma ``(N, 3)`` of that."""
+    return np.any(force_fill_sigma > 0.0, axis=1) | np.any(rate_fill_sigma > 0.0, axis=1)
+
+
 @dataclass(frozen=True)
 class ImuRecord:
     """Samples of one IMU, or of several IMUs joined in time, in body axes.
@@ -140,9 +150,14 @@ class ImuRecord:
         return float(self.time[0] - self.interval[0])
 
     @property
+    def edges(self) -> Array:
+        """Edges ``(N + 1,)`` of the samples, s."""
+        return sample_edges(self.time, self.interval)
+
+    @property
     def filled(self) -> BoolArray:
         """Samples ``(N,)`` of which a value was filled in."""
-        return np.any(self.force_fill_sigma > 0.0, axis=1) | np.any(self.rate_fill_sigma > 0.0, axis=1)
+        return filled_samples(self.force_fill_sigma, self.rate_fill_sigma)
 
     def only_read(self) -> ImuRecord:
         """The same record with NaN in place of the values of samples that were filled in."""

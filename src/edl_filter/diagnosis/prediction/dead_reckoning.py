@@ -66,7 +66,7 @@ def dead_reckon(problem: Problem, start: Array, errors: Array) -> DeadReckonedPa
     force, rate = _corrected(problem, errors, samples.force, samples.rate)
     nav = propagate_state(start, samples.interval, force, rate, planet.mu, planet.j2, planet.gravity_radius)
     return DeadReckonedPath(
-        np.concatenate(([samples.time[0] - samples.interval[0]], samples.time)),
+        samples.edges,
         np.concatenate((start[None], nav)),
         *corrected_readings(problem, errors),
     )

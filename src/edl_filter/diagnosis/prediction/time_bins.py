@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from edl_filter.navigation.increments import Samples
-from edl_filter.telemetry.record import SAME_TIME, finite_rows
+from edl_filter.telemetry.record import SAME_TIME, finite_rows, sample_edges
 from edl_filter.types import Array, BoolArray, IntArray
 
 
@@ -114,7 +114,7 @@ def bin_means(edges: Array, time: Array, interval: Array, values: Array, smooth:
     lost = ~finite_rows(values)
     if lost.any():
         values = np.where(lost.reshape(-1, *(1,) * (values.ndim - 1)), 0.0, values)
-    grid = np.concatenate((time[:1] - interval[:1], time))
+    grid = sample_edges(time, interval)
     tail = (1,) * (values.ndim - 1)
     total = np.concatenate((np.zeros((1, *values.shape[1:])), np.cumsum(values * interval.reshape(-1, *tail), axis=0)))
     k = np.clip(np.searchsorted(grid, edges, side="right") - 1, 0, len(time) - 1)
