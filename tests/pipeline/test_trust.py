@@ -11,7 +11,7 @@ from edl_filter.errors import InputError
 from edl_filter.mission import Mission
 from edl_filter.navigation.recovery import run_with_recovery
 from edl_filter.navigation.smoother import smooth
-from edl_filter.pipeline.causes import rank_causes
+from edl_filter.pipeline.causes import exchange_text, rank_causes, sign_text
 from edl_filter.pipeline.load import read_atmosphere, read_telemetry
 from edl_filter.pipeline.reconstruct import FlightInputs, assemble, lost_stretches, reconstruct
 from edl_filter.pipeline.redundancy import contradicting
@@ -161,6 +161,14 @@ def test_another_convention_of_the_quaternion_at_entry_is_named(inputs, conventi
     faulty = replace(telemetry, initial=replace(telemetry.initial, inertial_from_body=attitude))
     causes = rank_causes(mission, faulty, planet, atmosphere, ())
     assert causes[0].kind == "entry_state" and text in causes[0].sentence and causes[0].consistent
+
+
+def test_axes_that_are_exchanged_or_have_a_wrong_sign_in_words():
+    orders = {(0, 1, 2): "", (1, 0, 2): "x and y exchanged", (2, 1, 0): "x and z exchanged"}
+    assert {order: exchange_text(order) for order in orders} == orders
+    assert exchange_text((1, 2, 0)) == exchange_text((2, 0, 1)) == "x, y and z in another order"
+    signs = {(1, 1, 1): "", (1, -1, 1): "sign of y", (-1, 1, -1): "sign of x and z", (-1, -1, -1): "sign of all axes"}
+    assert {s: sign_text(s) for s in signs} == signs
 
 
 @pytest.mark.parametrize("name", ["primary", "secondary"])

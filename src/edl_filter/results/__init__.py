@@ -4,11 +4,11 @@ In: a reconstruction, the refit of its effects, and the quantities derived from 
 files, and these files read again.
 
 Read in this order: `result` (what a result consists of), `summary` with `landing` (``summary.json``), `content` with
-`estimates` and `postflight` (groups and variables of ``result.nc``), `groups`, `hdf5` and `netcdf` (the file), `schema`
-(``summary.json``, ``diagnosis.json`` and the ledger, with every key), `files` (names of all files, writing and reading
-of JSON), `reader` (one access to all that a result holds), `reopen` (a result opened for further work). xarray is
-imported only where a DataTree is made, and each public name when it is first used: names of files, schemas and the
-reader need neither filter nor telemetry.
+`estimates` and `postflight` (groups and variables of ``result.nc``), `groups`, `hdf5` and `netcdf` (the file),
+`verdicts` (names of the verdicts of a diagnosis), `schema` (``summary.json``, ``diagnosis.json`` and the ledger, with
+every key), `files` (names of all files, writing and reading of JSON), `reader` (one access to all that a result holds),
+`reopen` (a result opened for further work). xarray is imported only where a DataTree is made, and each public name when
+it is first used: names of files, schemas and the reader need neither filter nor telemetry.
 """
 
 from __future__ import annotations

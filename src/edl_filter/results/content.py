@@ -30,12 +30,11 @@ from edl_filter.results.postflight import add_postflight
 from edl_filter.results.summary import RefitSummary, effects_content
 from edl_filter.telemetry.clock import SclkClock
 from edl_filter.telemetry.record import SAME_TIME, ImuRecord
-from edl_filter.types import Array, IntArray
+from edl_filter.types import AXES, QUATERNION, Array, IntArray
 
 _LIBRARIES = ("numpy", "scipy", "numba", "filterpy", "xarray", "h5netcdf")
 #: NAIF's numbers of the spacecraft, by the numbers of the MER project.
 _NAIF_MER = {1: -253, 2: -254}
-AXES, QUATERNION = ("x", "y", "z"), ("x", "y", "z", "w")
 STATE = tuple(f"{what}_{a}" for what in ("position", "velocity", "attitude") for a in AXES)
 
 #: Air data: field → unit, meaning. The names are those of `AirData`.

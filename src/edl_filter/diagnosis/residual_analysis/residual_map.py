@@ -24,9 +24,8 @@ from edl_filter.diagnosis.prediction.dead_reckoning import NODES_PER_BIN
 from edl_filter.mission.decision_settings import DecisionSettings
 from edl_filter.navigation.constraints import Constraint
 from edl_filter.results.groups import Group, Groups
-from edl_filter.types import Array, BoolArray
+from edl_filter.types import AXES, Array, BoolArray
 
-AXES = ("x", "y", "z")
 #: Mach numbers between the continuum regimes.
 MACH = (*BOUNDARY_MACH, DYNAMIC_INSTABILITY_MACH)
 #: Regime of the map under which the constraints stand, and the key of the whole flight among the regimes.
