@@ -29,6 +29,7 @@ OWN_FOLDERS = {
 COVERED_BY = {
     "aero/increment_tables.py": ["results/test_database_update.py"],
     "aero/increments_file.py": ["results/test_database_update.py"],
+    "aero/regimes.py": ["aero/test_transition.py", "diagnosis/residual_analysis/test_residual_map.py"],
     "cli/_base.py": ["cli/test_commands.py", "cli/test_new.py", "cli/test_reconstruction.py"],
     "display.py": ["test_api.py"],
     "effects/forward_model.py": [
@@ -80,12 +81,12 @@ COVERED_BY = {
     "results/landing.py": ["results/test_summary.py"],
     "results/reopen.py": ["workflow/test_diagnose_result.py"],
     "results/residual_series.py": ["results/test_reader.py"],
+    "results/verdicts.py": ["diagnosis/selection/test_decision.py"],
     "results/result.py": ["test_api.py"],
     "results/schema/diagnosis.py": ["results/test_schema.py"],
     "results/schema/fields.py": ["results/test_schema.py"],
     "results/schema/ledger.py": ["results/test_schema.py"],
     "results/schema/summary.py": ["results/test_schema.py"],
-    "rotation_kernels.py": ["test_rotations.py"],
     "serve/overview.py": ["serve/test_app.py"],
     "simulation/flight.py": ["simulation/test_simulate.py"],
     "simulation/increments.py": ["simulation/test_dynamics.py", "simulation/test_motion.py"],
@@ -128,6 +129,7 @@ SUBJECTS = {
     "test_docs_types.py": "types of the programs in the documentation",
     "test_docstrings.py": "docstrings",
     "test_layout.py": "the layout of the tests",
+    "test_package_docstrings.py": "docstrings of packages",
     "workflow/test_campaign_faults.py": "a campaign whose processes are killed",
 }
 

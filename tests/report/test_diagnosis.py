@@ -34,11 +34,13 @@ def test_the_ranking_shows_gain_and_held_out_gain():
 
 def test_the_ledger_shows_every_step_and_figures_are_written(tmp_path):
     errors = [{"force_y": 90.0, "landing": 0.5}, {"force_y": 1.01, "landing": 0.6}]
-    ax = draw(ledger_figure(errors, [model_change("wind")], 1.01, "flight")).axes[0]
+    ax = draw(ledger_figure(errors, [model_change("wind")], 1.01, 1.1, "flight")).axes[0]
     assert [t.get_text() for t in ax.get_xticklabels()] == ["as stated", "+ wind"]
     assert [line.get_label() for line in ax.lines] == ["force y", "noise"]
+    ax = draw(ledger_figure(errors, [model_change("wind")], 1.01, 90.0, "flight")).axes[0]
+    assert [line.get_label() for line in ax.lines] == ["noise"]  # no channel exceeds the limit of these settings
     changes = [model_change("wind"), model_change("gyro_bias in rover", ["wind"])]
-    ax = draw(ledger_figure([*errors, errors[1]], changes, 1.01, "flight")).axes[0]
+    ax = draw(ledger_figure([*errors, errors[1]], changes, 1.01, 1.1, "flight")).axes[0]
     assert [t.get_text() for t in ax.get_xticklabels()][2] == "+ gyro_bias in rover − wind"
     names = [p.name for p in draw_diagnosis(json.loads(json.dumps(content())), "flight", tmp_path)]
     assert names == ["diagnosis_heatmap.png", "diagnosis_ranking.png"]

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from edl_filter.telemetry.sample_checks import CheckSettings, lost_readings
+from edl_filter.telemetry.sample_checks import CheckSettings, interpolation_error, lost_readings
 
 
 def _quantised_flight(seed=0, count=4000, step=0.05):
@@ -28,3 +28,11 @@ def test_packets_of_zeros_where_the_readings_are_many_steps_are_lost(row, count)
     assert (finding.kind, finding.samples) == ("all_zero", count)
     assert np.isnan(out[row : row + count]).all()
     assert np.isfinite(np.delete(out, slice(row, row + count), axis=0)).all()
+
+
+def test_a_sample_is_interpolated_as_the_cubic_through_its_four_neighbours():
+    x = np.arange(9.0)
+    values = np.stack((x**3 - 2.0 * x, np.where(x == 4.0, 6.0, 1.0), x**2), axis=1)
+    error = interpolation_error(values)
+    np.testing.assert_allclose(error[:, [0, 2]], 0.0, atol=1e-12)
+    np.testing.assert_allclose(error[2:-2, 1], [5.0 / 6.0, -20.0 / 6.0, 5.0, -20.0 / 6.0, 5.0 / 6.0])
