@@ -260,3 +260,14 @@ class TestTables:
 
     def test_a_representation_is_short(self, flight, diagnosis):
         assert max(len(repr(x)) for x in (flight, diagnosis, diagnosis.leader, flight.plot, diagnosis.plot)) < 400
+
+
+def test_public_names_do_not_depend_on_the_order_of_imports():
+    import edl_filter.errors
+    import edl_filter.results.result
+
+    assert edl_filter.reconstruct is edl_filter.results.result.reconstruct
+    assert edl_filter.InputError is edl_filter.errors.InputError
+    assert set(edl_filter.__all__) <= set(dir(edl_filter))
+    with pytest.raises(AttributeError, match="no attribute 'nothing'"):
+        _ = edl_filter.nothing

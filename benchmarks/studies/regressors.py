@@ -10,6 +10,7 @@ import numpy as np
 
 from edl_filter import rotations
 from edl_filter.aero.planes import moments_at_cm, split
+from edl_filter.aero.regimes import DYNAMIC_INSTABILITY_MACH
 from edl_filter.pipeline.forward_model import damping_of
 from edl_filter.pipeline.reconstruct import Reconstruction
 from edl_filter.planet import ellipsoid
@@ -30,7 +31,7 @@ WAVES = (8e3, 10e3, 12.5e3, 15e3, 18e3, 21e3, 25e3)
 INSTABILITIES = (10.0, 14.0, 18.0, 22.0, 26.0)
 #: Steps of differences: m/s, rad.
 _STEP, _TURN = 10.0, 2e-3
-_DYNAMIC_MACH, _BASE_MACH = 3.5, 10.0
+_BASE_MACH = 10.0
 
 
 @dataclass(frozen=True)
@@ -184,7 +185,8 @@ def regressors(p: Course) -> dict[str, list[Array]]:
     late_force -= np.cross(rate, np.cross(late_rate, p.arm))
     tensors = [np.array([[0.0, a, b], [a, 0.0, c], [b, c, 0.0]]) for a, b, c in axes]
     onsets = np.linspace(d.domain.useful, i.time[-1], ONSETS, endpoint=False)
-    damping = np.where(mach < _DYNAMIC_MACH, i.diameter / (2.0 * i.speed), 0.0)[:, None] * rate * [0.0, 1.0, 1.0]
+    damping = np.where(mach < DYNAMIC_INSTABILITY_MACH, i.diameter / (2.0 * i.speed), 0.0)[:, None]
+    damping = damping * rate * [0.0, 1.0, 1.0]
     small = np.sin(np.pi * np.minimum(alpha, np.radians(8.0)) / np.radians(8.0))
     # the air's own turning, towards the east
     carried = p.rotation * np.hypot(p.position[:, 0], p.position[:, 1])[:, None] * p.east

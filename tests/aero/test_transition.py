@@ -5,7 +5,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from edl_filter.aero.transition import CONTINUUM_KNUDSEN, FREE_MOLECULAR_KNUDSEN, bridge
+from edl_filter.aero.regimes import CONTINUUM_KNUDSEN, FREE_MOLECULAR_KNUDSEN
+from edl_filter.aero.transition import bridge
 
 
 def test_ends_and_middle():

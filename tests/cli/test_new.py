@@ -1,10 +1,7 @@
-"""Starting with a mission of one's own: `new`, `missions`, ``--dry-run``, ``--set`` and completion in a shell."""
+"""Starting with a mission of your own: `new`, `missions`, ``--dry-run`` and ``--set``."""
 
 import json
-import os
 import re
-import subprocess
-import sys
 from importlib.resources import files
 from pathlib import Path
 
@@ -154,34 +151,3 @@ def test_relative_paths_of_set_start_from_the_current_folder(cli, arguments):
     Path("sub/flight.h5").touch()
     result = cli(*arguments, "--set", "telemetry.path=flight.h5")
     assert_input_error(result, f"telemetry.path: found '{Path('flight.h5').absolute()}', but there is no")
-
-
-@pytest.mark.parametrize(
-    ("words", "completions"),
-    [
-        ("edl-filter vali", ["validate"]),
-        ("edl-filter run builtin:practice_m", ["builtin:practice_mer"]),
-        ("edl-filter add m.yaml remnant", ["remnant_torque"]),
-        ("edl-filter run --dry", ["--dry-run"]),
-    ],
-)
-@pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
-def test_completion(shell, words, completions):
-    """The protocol of the CLI library, which its scripts for the shells use."""
-    environment = os.environ | {
-        "_EDL_FILTER_COMPLETE": f"complete_{shell}", "COMP_WORDS": words, "COMP_CWORD": str(len(words.split()) - 1),
-        "_TYPER_COMPLETE_ARGS": words, "_TYPER_COMPLETE_FISH_ACTION": "get-args",
-    }  # fmt: skip
-    call = [sys.executable, "-c", "from edl_filter.cli import main; main()"]
-    output = subprocess.run(call, env=environment, capture_output=True, text=True, check=False).stdout
-    for completion in completions:
-        assert completion.replace(":", "\\\\:" if shell == "zsh" else ":") in output
-    assert len(output.splitlines()) == len(completions) or shell == "zsh"
-
-
-@pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
-def test_the_script_of_a_shell_is_printed(shell):
-    environment = os.environ | {"_EDL_FILTER_COMPLETE": f"source_{shell}"}
-    call = [sys.executable, "-c", "from edl_filter.cli import main; main()"]
-    script = subprocess.run(call, env=environment, capture_output=True, text=True, check=True).stdout
-    assert "edl-filter" in script and "_EDL_FILTER_COMPLETE=complete_" + shell in script

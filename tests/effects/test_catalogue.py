@@ -1,9 +1,10 @@
-"""The catalogue: names, declarations, and that every effect is off at zero."""
+"""The catalogue: names, declarations, that every effect is off at zero, and which are linear in their sizes."""
 
 import numpy as np
 import pytest
-from standins import BODY, PLANET, STATE, H, N, T, flow, totals
+from standins import BODY, FORCE, PLANET, RATE, STATE, H, N, T, flow, on, totals
 
+from edl_filter import rotations
 from edl_filter.effects import EffectInstance
 from edl_filter.effects.parameters import KINDS
 from edl_filter.effects.registry import catalogue, find_effect
@@ -16,6 +17,8 @@ NAMES = [
     "normal_force_scale", "pitching_moment_scale", "static_instability", "pitch_damping", "rolling_moment",
     "remnant_torque", "attitude_frame"
 ]  # fmt: skip
+#: Effects that are not linear in their sizes: rotations.
+ROTATIONS = ("accelerometer_misalignment", "attitude_frame")
 #: Plausible size of each effect's sizes, from the project's list.
 SIGMAS = {
     "accelerometer_bias": [5e-3] * 3, "accelerometer_scale": [4e-3] * 3, "accelerometer_misalignment": [6e-3] * 3,
@@ -93,3 +96,45 @@ def test_an_unknown_name_has_the_nearest(name, nearest):
 def test_what_is_not_named_takes_its_default():
     active = EffectInstance(find_effect("remnant_torque"), {"Cm": 1e-3, "t0": 130.0})
     assert active.values == {"Cl": 0.0, "Cm": 1e-3, "Cn": 0.0, "t0": 130.0, "t1": np.inf}
+
+
+def response(effect, p):
+    """What all hooks that may be linear return, as one vector."""
+    body, changed = effect.vehicle(p, BODY), effect.coefficients(p, flow(), totals())
+    parts = [
+        *effect.imu(p, T, FORCE, RATE), effect.imu_position(p), [effect.gravity(p, PLANET).j2],
+        [effect.atmosphere_rate(p)], effect.wind(p, H), effect.density(p, H), changed.ca, changed.cn, changed.cm_nose,
+        changed.cl, changed.cmq, *effect.force_moment(p, flow()), [body.mass], body.inertia, body.offset,
+    ]  # fmt: skip
+    return np.concatenate([np.ravel(x) for x in parts])
+
+
+@pytest.mark.parametrize("name", [n for n in catalogue() if n not in (*ROTATIONS, "imu_time_offset")])
+def test_effects_are_linear_in_their_sizes(name):
+    """Sizes are linearised by the diagnosis: twice the size is twice the change, and changes of two sizes add."""
+    effect = find_effect(name)
+    off = EffectInstance(effect, {}).values
+    reference = response(effect, off)
+    each = [response(effect, off | {q.name: q.sigma}) - reference for q in effect.sizes]
+    for q, change in zip(effect.sizes, each, strict=True):
+        double = response(effect, off | {q.name: 2.0 * q.sigma}) - reference
+        np.testing.assert_allclose(double, 2.0 * change, rtol=1e-9, atol=1e-12)
+    together = response(effect, off | {q.name: q.sigma for q in effect.sizes}) - reference
+    np.testing.assert_allclose(together, np.sum(each, axis=0), rtol=1e-9, atol=1e-12)
+
+
+def test_rotations_keep_lengths_and_angles():
+    """The effects that are not linear are rotations: they keep scalar products."""
+    effect, p = on("accelerometer_misalignment", mx=0.02, my=-0.03, mz=0.01)
+    rng = np.random.default_rng(5)
+    first, second = rng.normal(size=(2, N, 3))
+    (turned_first, _), (turned_second, _) = (effect.imu(p, T, f, RATE) for f in (first, second))
+    np.testing.assert_allclose(np.sum(turned_first * turned_second, axis=1), np.sum(first * second, axis=1), atol=1e-13)
+    effect, p = on("attitude_frame", rx=1e-3, ry=-5e-3, rz=2e-3)
+    true = effect.entry_state(p, STATE)
+    for a, b in ((true.position, STATE.position), (true.velocity, STATE.velocity)):
+        assert np.linalg.norm(a) == pytest.approx(np.linalg.norm(b), rel=1e-14)
+    assert true.position @ true.velocity == pytest.approx(STATE.position @ STATE.velocity, rel=1e-12)
+    turn = rotations.to_rotation_vector(rotations.from_rotation_vector([1e-3, -5e-3, 2e-3]))
+    first_order = STATE.position + np.cross(turn, STATE.position)
+    assert np.linalg.norm(true.position - first_order) < 2.0 * 0.5 * (turn @ turn) * np.linalg.norm(STATE.position)

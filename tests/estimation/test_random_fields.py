@@ -3,10 +3,24 @@
 import numpy as np
 import pytest
 
-from edl_filter.estimation.random_fields import covariance_root, smooth_field, smooth_profile
+from edl_filter.estimation.random_fields import (
+    covariance_root,
+    smooth_field,
+    smooth_profile,
+    squared_exponential_correlation,
+)
 
 DRAWS = 2000
 ONE_LENGTH = np.exp(-0.5)
+
+
+def test_the_correlation_is_that_of_a_normal_spectral_density():
+    """The Fourier transform of the spectral density (Rasmussen and Williams 2006, section 4.2.1), by quadrature."""
+    frequency, weight = np.polynomial.hermite.hermgauss(60)
+    distance = np.linspace(-5.0, 5.0, 42).reshape(6, 7)
+    expected = np.cos(np.sqrt(2.0) * distance[..., None] * frequency) @ weight / np.sqrt(np.pi)
+    np.testing.assert_allclose(squared_exponential_correlation(distance), expected, atol=1e-13)
+    assert squared_exponential_correlation(np.array(0.0)) == 1.0
 
 
 def test_a_field_has_unit_variance_and_is_correlated_over_its_lengths():

@@ -169,6 +169,13 @@ def test_two_constraints_within_a_microsecond_share_an_epoch():
 # Gate
 
 
+def test_times_at_the_end_of_one_sample_are_one_epoch():
+    """Either may be a microsecond from it, so that they are two apart; a transition has samples of its own."""
+    problem = build(times=(2.0 - 0.9e-6, 2.0 + 0.9e-6))
+    index = problem.samples.indices(problem.epochs)
+    assert np.all(np.diff(index) > 0) and np.sum(np.abs(problem.epochs - 2.0) < 2e-6) == 1
+
+
 def test_an_outlier_is_not_accepted_and_changes_nothing():
     good, late = height(4.0, -1000.0, 300.0), height(8.0, -2000.0, 300.0)
     bad = LandingSite(6.0, np.array([0.0, 0.0, 3.4e6]), 100.0**2 * np.eye(3), twins.MARS)

@@ -197,7 +197,8 @@ def test_splitting_keeps_motion_and_noise(times, seed):
 
 def test_parts_and_indices():
     s = twins.samples(np.full(8, 0.125), np.arange(24.0).reshape(8, 3), np.zeros((8, 3)))
-    assert [s.index(t) for t in (0.0, 0.125, 0.1249995, 0.12, 0.25, 1.0)] == [0, 1, 1, 0, 2, 8]
+    times = [0.0, 0.125, 0.1249995, 0.12, 0.25, 1.0]
+    assert [s.index(t) for t in times] == [0, 1, 1, 0, 2, 8] == s.indices(times).tolist()
     part = s.part(2, 5)
     np.testing.assert_array_equal(part.force, s.force[2:5])
     np.testing.assert_array_equal(part.time, s.time[2:5])

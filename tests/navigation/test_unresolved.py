@@ -5,7 +5,7 @@ import pytest
 from scipy.stats import chi2
 
 from edl_filter.estimation.interpolating_spline import integral_spline
-from edl_filter.navigation.rotation_corrections import rotation_corrections, sample_edges
+from edl_filter.navigation.rotation_corrections import rotation_corrections
 from edl_filter.navigation.unresolved import (
     covariance_root,
     intensity_sigma,
@@ -136,7 +136,7 @@ def test_second_difference_is_the_deviation_from_both_neighbours():
 
 def test_short_records_have_no_noise_from_splines():
     interval = np.full(3, 0.1)
-    edges = sample_edges(0.1 * np.arange(1, 4), interval)
+    edges = 0.1 * np.arange(4)
     assert not intensity_sigma(edges, interval, np.random.default_rng(0).standard_normal((3, 3)), 2).any()
     assert integral_spline(edges, interval, np.ones((3, 1))).degree == 3
 

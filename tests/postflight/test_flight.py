@@ -1,4 +1,4 @@
-"""Keys of a mission that the post-flight layer uses."""
+"""Inputs of the post-flight layer from a flight, and the keys of a mission that it uses."""
 
 from dataclasses import replace
 
@@ -7,7 +7,7 @@ import pytest
 
 from edl_filter.mission import Mission
 from edl_filter.postflight.airdata import air_data
-from edl_filter.postflight.flight import derive_flight
+from edl_filter.postflight.flight import derive_flight, postflight_inputs
 from edl_filter.results.postflight import summary
 
 
@@ -44,3 +44,19 @@ def test_sigmas_of_products_of_inertia_widen_the_bands_of_the_moments(practice_0
     before, after = (np.nanmedian(run.flight.coefficients.systematic["Cl"][200:]) for run in (plain, wide))
     assert after > 1.5 * before
     np.testing.assert_array_equal(plain.flight.coefficients.value["Cl"], wide.flight.coefficients.value["Cl"])
+
+
+def test_the_inputs_of_a_flight_have_the_apparent_gravity(practice_06):
+    """Weight of air that rotates with the planet: near the equator 0.4 % below the attraction."""
+    air = air_data(practice_06.trajectory, practice_06.planet, practice_06.atmosphere, practice_06.effects)
+    inputs, planet = postflight_inputs(practice_06, air), practice_06.planet
+    trajectory = practice_06.trajectory
+    middle = 0.5 * (trajectory.position[1:] + trajectory.position[:-1])
+    attraction = np.linalg.norm(planet.gravity(middle), axis=1)
+    radius = np.hypot(middle[:, 0], middle[:, 1])
+    latitude = np.arctan2(middle[:, 2], radius)
+    np.testing.assert_allclose(
+        inputs.gravity, attraction - planet.rotation_rate**2 * radius * np.cos(latitude), rtol=3e-5
+    )
+    # and the potential is that gravity's, along the vertical and along the path
+    np.testing.assert_allclose(np.diff(inputs.geopotential), np.diff(planet.geopotential(middle)), rtol=1e-3, atol=1.0)

@@ -2,12 +2,13 @@
 
 import json
 
+import numpy as np
 import pytest
 from contents import diagnosis, hypothesis, ledger_end, ledger_step
 
 from edl_filter.errors import InputError
 from edl_filter.results import Result
-from edl_filter.results.files import read_diagnosis, read_ledger, read_summary, write_json
+from edl_filter.results.files import finite, read_diagnosis, read_ledger, read_summary, write_json
 
 
 @pytest.fixture(scope="module")
@@ -111,3 +112,26 @@ def test_a_ledger_with_a_wrong_line(tmp_path, second, message):
     with pytest.raises(InputError) as caught:
         read_ledger(tmp_path)
     assert message in str(caught.value)
+
+
+def test_a_failure_keeps_the_old_file(tmp_path):
+    path = tmp_path / "summary.json"
+    path.write_text("old")
+    with pytest.raises(TypeError):
+        write_json({"a": object()}, path)
+    assert path.read_text() == "old"
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_what_is_not_finite_becomes_null():
+    plain_data = finite(
+        {
+            "a": [np.inf, 1.0, float("nan")],
+            "b": np.array([1.0, -np.inf]),
+            "c": None,
+            "d": True,
+            "e": np.longdouble(2.0),
+            "f": np.int64(3),
+        }
+    )
+    assert plain_data == {"a": [None, 1.0, None], "b": [1.0, None], "c": None, "d": True, "e": 2.0, "f": 3}

@@ -16,6 +16,7 @@ DATABASES = {
     "grids, blend": (lambda: load_database(**GRIDS, join="blend"), 2e-4),
     "grids, cubic in the angle": (lambda: load_database(**GRIDS, interpolation="pchip"), 1e-5),
     "surrogate and bridge": (load_database, 1e-4),
+    "grids by speed": (lambda: load_database(**GRIDS, join="switch", speed_per_mach=205.8), 1e-12),
     "surrogate by speed": (lambda: load_database(family="MER", speed_per_mach=205.8), 1e-4),
 }
 

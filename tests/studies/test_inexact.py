@@ -1,5 +1,6 @@
 """The study of an inexact world: the statistics of its errors, its flights, and the report on lines made by hand."""
 
+import itertools
 import json
 import sys
 
@@ -110,9 +111,10 @@ def name(effect, probability, same_as=()):
     return {"effect": effect, "imu": None, "label": effect, "same_as": list(same_as), "probability": probability}
 
 
-def flight_line(hidden, verdict, named=(), gain=50.0, parameters=None, **more):
+def flight_line(hidden, verdict, named=(), gain=50.0, parameters=None, share=1.0, **more):
     """Line of a flight as `inexact.result_of` gives it."""
-    ranking = [n | {"parameters": parameters or {}} for n in named[-1:]] or [name("wind", 0.3) | {"parameters": {}}]
+    first = {"parameters": parameters or {}, "explained_share": share, "at_noise_floor": share == 1.0}
+    ranking = [n | first | {"gain": 40.0} for n in named[-1:]] or [name("wind", 0.3) | first | {"gain": 2.0}]
     return {
         "vehicle": "mer", "seed": 0, "hidden": list(hidden), "part": 1.0 if hidden else 0.0, "verdict": verdict,
         "expected_gains": dict.fromkeys(hidden, gain), "named": list(named), "ranking": ranking, "seconds": 36.0,
@@ -122,16 +124,18 @@ def flight_line(hidden, verdict, named=(), gain=50.0, parameters=None, **more):
 def lines_by_hand():
     mass = {"k": {"estimate": 0.07, "sigma": 0.01}}
     return [
-        flight_line((), "clean"),
-        flight_line((), "clean", key_of_a_later_version={"a": 1}),
-        flight_line((), "undecided"),
-        flight_line((), "missing", [name("static_instability", 0.97)]),
+        flight_line((), "clean", increments={"CA": [90, 100]}),
+        flight_line((), "clean", increments={"CA": [30, 30]}, key_of_a_later_version={"a": 1}),
+        flight_line((), "undecided", increments={"CA": [20, 20]}),
+        flight_line((), "missing", [name("static_instability", 0.97)], increments={"CA": [50, 50]}),
         flight_line(("mass",), "missing", [name("mass", 0.9)], truth={"mass": {"k": 0.05}}, parameters=mass),
-        flight_line(("mass",), "missing", [name("density_scale", 0.9, ["mass"])], truth={"mass": {"k": 0.05}}),
+        flight_line(
+            ("mass",), "missing", [name("density_scale", 0.9, ["mass"])], truth={"mass": {"k": 0.05}}, share=0.95
+        ),
         flight_line(("wind",), "missing", [name("com_offset", 0.7)], part=0.5),
         flight_line(("wind",), "clean", gain=2.0),
         flight_line(("leak",), "unknown"),
-        flight_line(("leak",), "missing", [name("remnant_torque", 1.0)]),
+        flight_line(("leak",), "missing", [name("remnant_torque", 1.0)], share=0.4),
         flight_line(("wind", "mass"), "clean", [name("wind", 1.0), name("mass", 0.85)]),
         {"vehicle": "phoenix", "seed": 3, "hidden": ["slosh"], "part": 1.0, "refused": "it tumbles", "seconds": 9.0},
     ]
@@ -168,6 +172,10 @@ def test_the_report_counts_what_was_right(tmp_path, monkeypatch, capsys):
         "| phoenix | 3 | slosh | it tumbles |",
         "(figures/reliability.png)",
         "| 0.5 to 1 | 1 | 0 of 1, 0.0% (0.0% to 97.5%) | 0 of 1, 0.0% (0.0% to 97.5%) |",
+        "| clean: increments of CA within 2 sigma, flown cells (correlated) | 190 of 200, 95.0% (90.9% to 100.0%) |",
+        "| 0 to 0.2 | 0 (0) | 0 (0) |",
+        "| 0.4 to 0.9 | 0 (0) | 1 (0) |",
+        "| 0.9 to 1 | 2 (1) | 1 (1) |",
         "| 2 to 3 | 3 | 2 of 3, 66.7% (9.4% to 99.2%) | 3 of 3, 100.0% (29.2% to 100.0%) |",
     ):
         assert row in text, row
@@ -179,6 +187,20 @@ def test_intervals_of_a_share_are_exact():
     low, high = inexact_report.binomial_interval(0, 60)
     assert low == 0.0 and high == pytest.approx(1.0 - 0.025 ** (1 / 60), rel=1e-12)
     assert inexact_report.binomial_interval(60, 60) == pytest.approx((0.025 ** (1 / 60), 1.0), rel=1e-12)
+
+
+def test_the_bootstrap_interval_is_that_of_independent_flights():
+    """Of 50 flights all of whose cells are within, or none, it is about that of 50 trials, however many cells."""
+    counts = np.array([[7, 7]] * 40 + [[0, 7]] * 10)
+    low, high = inexact_report.bootstrap_interval(counts)
+    assert (low, high) == pytest.approx(
+        (0.8 - 1.96 * np.sqrt(0.8 * 0.2 / 50), 0.8 + 1.96 * np.sqrt(0.8 * 0.2 / 50)), abs=0.02
+    )
+    assert inexact_report.bootstrap_interval(np.array([[3, 4]] * 9)).tolist() == [0.75, 0.75]
+    counts = np.array([[90, 100], [30, 30], [20, 20], [50, 50]])
+    samples = [counts[list(i)].sum(axis=0) for i in itertools.product(range(4), repeat=4)]  # all that there are
+    exact = np.percentile([within / units for within, units in samples], (2.5, 97.5))
+    np.testing.assert_allclose(inexact_report.bootstrap_interval(counts), exact, rtol=1e-12)
 
 
 def test_flights_in_the_file_are_not_repeated(tmp_path, monkeypatch):

@@ -60,6 +60,7 @@ def test_joined_record_has_units_sources_and_adjoining_intervals():
     assert record.sources == ("HIGHRATE", "register")
     np.testing.assert_array_equal(record.unit, [0] * 8 + [1] * 8)
     np.testing.assert_allclose(record.time[1:] - record.interval[1:], record.time[:-1])
+    np.testing.assert_array_equal(record.edges, np.append(record.start, record.time))
     assert record.errors == errors
 
 

@@ -11,7 +11,8 @@ from edl_filter.effects.registry import find_effect
 from edl_filter.mission import Mission
 from edl_filter.pipeline.load import check_settings
 from edl_filter.pipeline.reconstruct import FlightInputs, reconstruct
-from edl_filter.results.campaign_variables import VARIABLES, VERDICTS
+from edl_filter.results.campaign_variables import VARIABLES
+from edl_filter.results.verdicts import VERDICTS
 from edl_filter.simulation import Scenario, simulate
 from edl_filter.simulation.campaign_config import Campaign
 from edl_filter.workflow import campaign_case

@@ -118,6 +118,7 @@ def test_a_run_refits_from_any_start_unless_switched_off(improved, tmp_path):
     assert [r["verdict"] for r in comparison["results"]] == [None, None, "clean"]
     diagnosis = json.loads((out / "diagnosis.json").read_text())
     assert comparison["results"][2]["residuals"] == diagnosis["errors"]
+    assert {r["minimum_rms"] for r in comparison["results"]} == {diagnosis["settings"]["cell_minimum_rms"]}
     first, last = (comparison["results"][k] for k in (0, 2))
     for channel, fall in comparison["fall_percent"].items():
         assert fall == pytest.approx(100.0 * (1.0 - last["residuals"][channel] / first["residuals"][channel]))

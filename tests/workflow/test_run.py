@@ -1,15 +1,16 @@
-"""`run_into_folder`: the order of what a caller displays, with the process that draws figures from the beginning."""
+"""Files of a run, and `run_into_folder`: the order of what a caller displays, with the process that draws figures."""
 
 from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
 
+from edl_filter import results
 from edl_filter.errors import InputError, InterruptedCommandError
 from edl_filter.io.output_folder import output_folder
 from edl_filter.results import Result
 from edl_filter.workflow import run
-from edl_filter.workflow.run import run_into_folder
+from edl_filter.workflow.run import run_into_folder, write_outputs
 
 MISSION = "builtin:practice_mer"
 
@@ -118,3 +119,51 @@ def test_the_folder_is_the_missions_own_if_none_is_named(tmp_path, monkeypatch, 
     with pytest.raises(InputError, match=r"^results/practice_mer$"):
         run_into_folder(MISSION, None, (), False, True, ("png",), display)
     assert not Path("results").exists()
+
+
+def test_old_figures_do_not_stay_beside_a_new_result(practice_06, tmp_path):
+    figures = tmp_path / "figures"
+    figures.mkdir()
+    for name in ("leave_one_out.png", "mine.png"):
+        (figures / name).touch()
+    write_outputs(Result(practice_06), tmp_path, figures=False)
+    assert {p.name for p in figures.iterdir()} == {"mine.png"}
+    (figures / "mine.png").rename(figures / "leave_one_out.png")
+    write_outputs(Result(practice_06), tmp_path, figures=False)
+    assert {p.name for p in tmp_path.iterdir()} == {
+        "result.nc",
+        "summary.json",
+        "report.html",
+        "plotly.min.js",
+        "tables",
+    }
+
+
+def test_a_failed_writing_leaves_the_earlier_run(practice_06, tmp_path, monkeypatch):
+    (tmp_path / "figures").mkdir()
+    old = [tmp_path / name for name in ("result.nc", "summary.json", "figures/leave_one_out.png")]
+    for path in old:
+        path.write_text("old")
+
+    def broken(*_):
+        raise RuntimeError("no tables")
+
+    monkeypatch.setattr("edl_filter.results.postflight.tables", broken)
+    with pytest.raises(RuntimeError, match="no tables"):
+        write_outputs(Result(practice_06), tmp_path, figures=True)
+    assert {p for p in tmp_path.rglob("*") if p.is_file()} == set(old)
+    assert {p.read_text() for p in old} == {"old"}
+
+
+def test_the_result_is_complete_before_the_figures(practice_06, tmp_path, monkeypatch):
+    complete = []
+
+    def broken(self):
+        complete.extend(sorted(p.name for p in tmp_path.iterdir()))
+        raise RuntimeError("no font")
+
+    monkeypatch.setattr("edl_filter.report.figure_process.FigureProcess.wait", broken)
+    with pytest.raises(RuntimeError, match="no font"):
+        write_outputs(Result(practice_06), tmp_path, figures=True)
+    assert {"plotly.min.js", "report.html", "result.nc", "summary.json", "tables"} <= set(complete)
+    assert results.read(tmp_path).attrs["mission"] == "practice_mer"

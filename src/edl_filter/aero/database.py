@@ -19,10 +19,11 @@ from edl_filter.aero.grid import GridTable, Interpolation, Kind
 from edl_filter.aero.increment_tables import IncrementTables, increment_terms
 from edl_filter.aero.newtonian import newtonian_table
 from edl_filter.aero.planes import moments_at_cm, split
+from edl_filter.aero.regimes import CONTINUUM_KNUDSEN
 from edl_filter.aero.surrogate import Surrogate, phoenix_surrogate
 from edl_filter.aero.tables import read_printed_table, read_table
 from edl_filter.aero.transition import FreeMolecularBridge, Join, WeightedSum, join_regimes
-from edl_filter.aero.uncertainty import CONTINUUM_LIMIT, ThreeSigma, three_sigma
+from edl_filter.aero.uncertainty import ThreeSigma, three_sigma
 from edl_filter.errors import InputError
 from edl_filter.io.csv_table import package_data
 from edl_filter.types import Array, BoolArray
@@ -35,7 +36,8 @@ __all__ = [
     "split",
 ]
 
-#: Mach numbers between which the index of a database that is indexed by speed changes from Mach number to speed.
+#: Mach numbers between which the index of a database that is indexed by speed changes from Mach number to speed. The
+#: kernel of the simulation contains them (`simulation.dynamics`); numba compiles it again when its own file changes.
 INDEX_MACH = (8.0, 9.0)
 
 NEWTONIAN = "builtin:newtonian"
@@ -108,7 +110,7 @@ class Database:
 
     continuum: GridTable | Surrogate
     rarefied: GridTable | FreeMolecularBridge
-    continuum_limit: float = CONTINUUM_LIMIT
+    continuum_limit: float = CONTINUUM_KNUDSEN
     join: Join = "continuous"
     family: str = "Phoenix"
     speed_per_mach: float | None = None
@@ -187,7 +189,7 @@ def load_database(
     continuum: str | Path = "builtin:surrogate",
     rarefied: str | Path = "builtin:free_molecular",
     *,
-    continuum_limit: float = CONTINUUM_LIMIT,
+    continuum_limit: float = CONTINUUM_KNUDSEN,
     join: Join | None = None,
     family: str = "Phoenix",
     speed_per_mach: float | None = None,

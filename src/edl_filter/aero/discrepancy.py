@@ -25,6 +25,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from edl_filter.estimation.matern import matern32_correlation
+from edl_filter.estimation.random_fields import squared_exponential_correlation
 from edl_filter.types import Array, BoolArray
 
 #: Coefficients with a field over Mach number and angle.
@@ -81,9 +82,9 @@ class DiscrepancyPrior:
         (n, m) array
             In squares of one sigma of the database.
         """
-        kernel = np.exp(-0.5 * (np.subtract.outer(a, b) / self.angle_length) ** 2)
+        kernel = squared_exponential_correlation(np.subtract.outer(a, b) / self.angle_length)
         if coefficient == "ca":
-            return np.asarray(kernel, float)
+            return kernel
         return np.asarray(np.outer(self._symmetric(a), self._symmetric(b)) * kernel, float)
 
     def angle_modes(
@@ -182,7 +183,7 @@ class DiscrepancyPrior:
             np.log(mach / (fastest or 1.0)) / self.log_mach_length,
         )
         along = _low_rank(x, lambda d: matern32_correlation(d)[..., 0])
-        return along, _low_rank(angle / self.angle_length, lambda d: np.asarray(np.exp(-0.5 * d * d), float))
+        return along, _low_rank(angle / self.angle_length, squared_exponential_correlation)
 
     def _symmetric(self, angle: Array) -> Array:
         return np.tanh(angle / self.vanishing_angle)

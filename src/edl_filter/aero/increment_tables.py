@@ -16,6 +16,7 @@ from edl_filter.aero.discrepancy import DiscrepancyPrior
 from edl_filter.aero.grid import GridSlice, GridTable, Kind
 from edl_filter.aero.increments import DatabaseUpdate, RegimeUpdate
 from edl_filter.estimation.matern import matern32_correlation
+from edl_filter.estimation.random_fields import squared_exponential_correlation
 from edl_filter.types import Array
 
 #: Steps between two knots along the flow, and steps per correlation length beyond the edges.
@@ -76,7 +77,7 @@ class IncrementTables:
             knots = _coordinate(r.regime, r.nodes)
             beyond = np.maximum(np.maximum(knots[0] - flow, flow - knots[-1]), 0.0) / _length(prior, r.regime)
             angle = np.maximum(alpha - r.alpha[-1], 0.0) / prior.angle_length
-            correlation = matern32_correlation(beyond)[..., 0] * np.exp(-0.5 * angle**2)
+            correlation = matern32_correlation(beyond)[..., 0] * squared_exponential_correlation(angle)
             between = _interpolation_variance(
                 (flow - knots[0]) / _length(prior, r.regime), _step(knots, prior, r.regime)
             )
@@ -98,7 +99,7 @@ class IncrementTables:
         along = (1.0 - fraction) * values[:, lower] + fraction * values[:, lower + 1]
         beyond = np.maximum(np.maximum(knots[0] - flow, flow - knots[-1]), 0.0) / length
         along = along * matern32_correlation(beyond)[:, 0][:, None]
-        angle = np.exp(-0.5 * steps[1:] ** 2)
+        angle = squared_exponential_correlation(steps[1:])
         dense = np.concatenate((along, along[:, :, -1:] * angle), axis=2)
         dense[:, [0, -1]], dense[:, :, -1] = 0.0, 0.0
         # the last angle covers all that another table may have
@@ -154,7 +155,8 @@ def _angle_variance(prior: DiscrepancyPrior, knots: Array, angle: Array) -> Arra
     high = (angle - knots[lower]) / step
     low = 1.0 - high
     at_knot, to_low, to_high = (
-        np.exp(-0.5 * (d / prior.angle_length) ** 2) for d in (step, angle - knots[lower], knots[lower + 1] - angle)
+        squared_exponential_correlation(d / prior.angle_length)
+        for d in (step, angle - knots[lower], knots[lower + 1] - angle)
     )
     variance = 1.0 + low**2 + high**2 + 2.0 * low * high * at_knot - 2.0 * (low * to_low + high * to_high)
     return np.asarray(np.maximum(variance, 0.0))

@@ -32,13 +32,11 @@ from numpy.typing import ArrayLike, NDArray
 from edl_filter.aero.body import SphereCone, sphere_cone
 from edl_filter.aero.free_molecular import free_molecular_coefficients
 from edl_filter.aero.grid import GridSlice, GridTable, Slice, Weights, within
+from edl_filter.aero.regimes import CONTINUUM_KNUDSEN, FREE_MOLECULAR_KNUDSEN
 from edl_filter.types import Array, BoolArray
 
 Join = Literal["switch", "blend", "continuous"]
 
-#: Knudsen numbers, based on the diameter, at which the function reaches 0 and 1.
-CONTINUUM_KNUDSEN = 1e-3
-FREE_MOLECULAR_KNUDSEN = 10.0
 #: Angles at which the panels are summed, rad.
 _ANGLES = np.radians(np.arange(0.0, 30.5, 0.5))
 

@@ -19,6 +19,7 @@ from typing import Literal, get_args
 import numpy as np
 from numpy.typing import ArrayLike
 
+from edl_filter.aero.regimes import CONTINUUM_KNUDSEN
 from edl_filter.errors import InputError
 from edl_filter.io.csv_table import package_data, read_records
 from edl_filter.types import Array
@@ -26,8 +27,6 @@ from edl_filter.types import Array
 Family = Literal["MER", "Phoenix"]
 #: Mach numbers between which the supersonic and the hypersonic numbers are interpolated.
 SUPERSONIC_MACH, HYPERSONIC_MACH = 5.0, 10.0
-#: Knudsen number above which the rarefied numbers apply.
-CONTINUUM_LIMIT = 1e-3
 
 _REGIMES = ("hypersonic", "supersonic", "transitional")
 _COLUMNS = ("vehicle", "regime", "coefficient", "three_sigma")
@@ -51,7 +50,7 @@ class ThreeSigma:
 
 
 def three_sigma(
-    family: str, mach: ArrayLike, knudsen: ArrayLike, ca: ArrayLike, continuum_limit: float = CONTINUUM_LIMIT
+    family: str, mach: ArrayLike, knudsen: ArrayLike, ca: ArrayLike, continuum_limit: float = CONTINUUM_KNUDSEN
 ) -> ThreeSigma:
     """Uncertainties of the database of a vehicle family.
 

@@ -24,7 +24,6 @@ from edl_filter.diagnosis.residual_analysis.residual_map import (
 )
 from edl_filter.diagnosis.residual_analysis.unexplained import Remainder, describe_remainder
 from edl_filter.diagnosis.selection.decision import (
-    UNKNOWN,
     Entry,
     Verdict,
     decide,
@@ -40,6 +39,7 @@ from edl_filter.display import render
 from edl_filter.effects.base import Effect, EffectInstance, label_of
 from edl_filter.results.files import DATABASE_UPDATE, finite
 from edl_filter.results.netcdf import tree_of
+from edl_filter.results.verdicts import UNKNOWN
 
 if TYPE_CHECKING:
     from xarray import DataArray, Dataset

@@ -7,14 +7,13 @@ from dataclasses import dataclass
 
 from edl_filter.diagnosis.residual_analysis.residual_map import CONSTRAINTS, Cell, failing_cells, residual_map
 from edl_filter.diagnosis.selection.decision import (
-    CLEAN,
-    MISSING,
     Entry,
     Verdict,
     hypothesis_rms,
     most_reduced_channel,
 )
 from edl_filter.diagnosis.selection.hypothesis import Hypothesis
+from edl_filter.results.verdicts import CLEAN, MISSING
 
 
 @dataclass(frozen=True)

@@ -14,11 +14,11 @@ from dataclasses import dataclass
 
 from edl_filter.diagnosis.diagnosis import Diagnosis, diagnose
 from edl_filter.diagnosis.linear_model.flight_case import load_case
-from edl_filter.diagnosis.selection.decision import CLEAN
 from edl_filter.diagnosis.selection.outer_loop import fit_effects
 from edl_filter.diagnosis.selection.ranking import Progress
 from edl_filter.effects.base import Effect, EffectInstance, EffectKey, effect_with_key
 from edl_filter.mission import Mission
+from edl_filter.results.verdicts import CLEAN
 
 
 @dataclass(frozen=True)

@@ -10,6 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from edl_filter.aero.regimes import DYNAMIC_INSTABILITY_MACH
 from edl_filter.effects.base import Effect
 from edl_filter.effects.parameters import Parameter, Values
 from edl_filter.effects.types import AeroCoefficients, FlightCondition
@@ -19,8 +20,6 @@ from edl_filter.types import Array
 _BASE_MACH = 10.0
 #: Width in Mach number and range in angle (rad) of the static instability.
 _WIDTH, _RANGE = 4.0, np.radians(8.0)
-#: The effect on the pitch damping acts below this Mach number.
-_DYNAMIC_MACH = 3.5
 
 
 class AxialForceScale(Effect):
@@ -139,7 +138,7 @@ class PitchDamping(Effect):
 
     def coefficients(self, p: Values, flow: FlightCondition, totals: AeroCoefficients) -> AeroCoefficients:
         """Added damping."""
-        return replace(totals, cmq=totals.cmq + np.where(flow.mach < _DYNAMIC_MACH, p["a"], 0.0))
+        return replace(totals, cmq=totals.cmq + np.where(flow.mach < DYNAMIC_INSTABILITY_MACH, p["a"], 0.0))
 
 
 class RollingMoment(Effect):

@@ -10,7 +10,8 @@ import numpy as np
 from edl_filter import rotations
 from edl_filter.effects.base import Effect
 from edl_filter.effects.parameters import Parameter, Values
-from edl_filter.effects.sensors import AXES, components
+from edl_filter.effects.sensors import components
+from edl_filter.types import AXES
 
 if TYPE_CHECKING:
     from edl_filter.telemetry.record import InitialState

@@ -11,9 +11,7 @@ import numpy as np
 from edl_filter.effects.base import Effect
 from edl_filter.effects.parameters import Parameter, Values
 from edl_filter.imu_model.sensor_errors import apply_errors, remove_errors
-from edl_filter.types import Array
-
-AXES = ("x", "y", "z")
+from edl_filter.types import AXES, Array
 
 
 def vector(prefix: str, unit: str, description: str, sigma: float, bound: float) -> tuple[Parameter, ...]:

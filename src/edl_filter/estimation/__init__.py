@@ -8,8 +8,8 @@ model and the Kalman filter that whitens measurements under it, and one Kalman u
 recursions: smoothed states, their covariance between steps, precision-weighted residuals), `matern` (Matérn processes
 in state-space form), `regression` (Bayesian linear regression on white rows), `autoregression` (interpolation of a
 missing stretch of a series, with its covariance), `interpolating_spline` (spline through values, or through the
-integral of a series), `small_matrices` (algebra for compiled loops), `random_fields` (realisations of smooth Gaussian
-processes), `parallel` (threads for compiled loops).
+integral of a series), `small_matrices` (algebra for compiled loops), `random_fields` (correlation and realisations of
+smooth Gaussian processes), `parallel` (threads for compiled loops).
 
 References: Särkkä, Bayesian Filtering and Smoothing (2013); Durbin and Koopman, Time Series Analysis by State Space
 Methods (2012); Gelman et al., Bayesian Data Analysis (2013).

@@ -1,4 +1,4 @@
-"""Realisations of smooth Gaussian processes: squared exponential correlation over one or two coordinates."""
+"""Smooth Gaussian processes: squared exponential correlation, and realisations over one or two coordinates."""
 
 from __future__ import annotations
 
@@ -7,6 +7,24 @@ from functools import lru_cache
 import numpy as np
 
 from edl_filter.types import Array
+
+
+def squared_exponential_correlation(distance: Array) -> Array:
+    """Correlation ``exp(-r² / 2)`` of a process whose realisations are differentiable without limit.
+
+    Rasmussen and Williams, Gaussian Processes for Machine Learning, MIT Press 2006, eq. 4.9.
+
+    Parameters
+    ----------
+    distance : (...) array
+        Distance r of two places over the correlation length; of either sign.
+
+    Returns
+    -------
+    (...) array
+        For unit variance.
+    """
+    return np.asarray(np.exp(-0.5 * np.asarray(distance, float) ** 2), float)
 
 
 def covariance_root(points: Array, length: float) -> Array:
@@ -33,7 +51,7 @@ def covariance_root(points: Array, length: float) -> Array:
 def _root(points: bytes, length: float) -> Array:
     """The root for points as bytes: fields that are drawn at the same points share it."""
     coordinates = np.frombuffer(points)
-    correlation = np.exp(-0.5 * (np.subtract.outer(coordinates, coordinates) / length) ** 2)
+    correlation = squared_exponential_correlation(np.subtract.outer(coordinates, coordinates) / length)
     values, vectors = np.linalg.eigh(correlation)
     root = np.asarray(vectors * np.sqrt(np.maximum(values, 0.0)))
     root.setflags(write=False)

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from edl_filter.io.atomic import replace_with
 from edl_filter.results.groups import Group
 from edl_filter.results.reader import ResultReader
+from edl_filter.types import AXES, QUATERNION
 
 #: Variables of ``/trajectory`` in the order of their columns, after the times. Vectors have one column per component.
 _COLUMNS = (
@@ -26,7 +27,7 @@ _COLUMNS = (
     "velocity_sigma", "attitude_sigma",
 )  # fmt: skip
 _DEGREES = {"rad": "deg", "rad/s": "deg/s"}
-_COMPONENTS = {3: ("x", "y", "z"), 4: ("x", "y", "z", "w")}
+_COMPONENTS = {3: AXES, 4: QUATERNION}
 
 
 def write_csv(reader: ResultReader, path: Path) -> Path:

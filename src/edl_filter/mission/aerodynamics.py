@@ -8,6 +8,7 @@ from typing import Annotated, Literal
 from pydantic import Field, StringConstraints, model_validator
 
 from edl_filter.aero.discrepancy import DiscrepancyPrior
+from edl_filter.aero.regimes import CONTINUUM_KNUDSEN
 from edl_filter.mission.fields import DEG, Section, WindowConfig
 from edl_filter.mission.validators import Number, Switch, Within, field_error, value_text
 
@@ -112,7 +113,7 @@ class AerodynamicsConfig(Section):
         "builtin:free_molecular, switch for a table",
     )
     continuum_limit: Annotated[Number, Within("", 1e-5, 1.0)] = Field(
-        default=1e-3, description="Knudsen number on D above which the rarefied database applies"
+        default=CONTINUUM_KNUDSEN, description="Knudsen number on D above which the rarefied database applies"
     )
     velocity_per_mach: Annotated[Number, Within("m/s", 50.0, 1000.0)] | None = Field(
         default=None,

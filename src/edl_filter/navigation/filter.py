@@ -26,12 +26,14 @@ from edl_filter.navigation.layout import ONBOARD, Layout, State
 from edl_filter.navigation.robust import Robust, measurement_weight, weighted
 from edl_filter.navigation.screening import Divergence, Screening
 from edl_filter.planet import Planet
-from edl_filter.telemetry.record import InitialState
+from edl_filter.telemetry.record import SAME_TIME, InitialState
 from edl_filter.types import Array
 
 Engine = Literal["compiled", "filterpy"]
 
-SAME_TIME = 2e-6  # s: times nearer than this are taken as equal
+#: Times that differ by less than this are one epoch, s: each may be `SAME_TIME` from the end of one sample, before or
+#: after it, and between two epochs at the same sample there would be no motion.
+SAME_EPOCH = 2.0 * SAME_TIME
 
 
 @dataclass(frozen=True)
@@ -228,12 +230,12 @@ def build_problem(
         A constraint outside the telemetry, or an initial state outside it.
     """
     first, last = samples.time[0] - samples.interval[0], samples.time[-1]
-    if not first - 1e-6 <= initial.time < last:
+    if not first - SAME_TIME <= initial.time < last:
         raise InputError(
             f"initial_state: its time {initial.time:g} s is outside the telemetry, {first:g} to {last:g} s."
         )
     for c in constraints:
-        if not initial.time - 1e-6 <= c.time <= last + 1e-6:
+        if not initial.time - SAME_TIME <= c.time <= last + SAME_TIME:
             raise InputError(
                 f"constraints.{c.name}: its time {c.time:g} s is outside the reconstruction, "
                 f"{initial.time:g} to {last:g} s."
@@ -244,7 +246,7 @@ def build_problem(
     changes = samples.time[np.flatnonzero(np.diff(samples.unit))]
     epochs = merge(np.array([*stops, *changes, last]))
     grid = np.arange(epochs[0], last, settings.longest_interval)
-    regular = samples.time[np.maximum(np.searchsorted(samples.time, grid + 1e-6) - 1, 0)]  # as `Samples.index`
+    regular = samples.time[np.maximum(samples.indices(grid) - 1, 0)]
     far = regular[np.min(np.abs(epochs - regular[:, None]), axis=1) > 0.25 * settings.longest_interval]
     return Problem(
         samples=samples,
@@ -260,9 +262,9 @@ def build_problem(
 
 
 def merge(times: Array) -> Array:
-    """Sorted times (K,), s, of which those within `SAME_TIME` of each other are taken as one."""
+    """Sorted times (K,), s, of which those within `SAME_EPOCH` of each other are taken as one."""
     ordered = np.sort(times)
-    return ordered[np.concatenate(([True], np.diff(ordered) > SAME_TIME))]
+    return ordered[np.concatenate(([True], np.diff(ordered) > SAME_EPOCH))]
 
 
 def new_filter(problem: Problem, state: State, covariance: Array) -> ErrorStateFilter:
@@ -332,7 +334,7 @@ def run_filter_without(problem: Problem, filter_pass: FilterPass, name: str) -> 
     if first == 0:
         return run_filter(replace(problem, constraints=_without(problem.constraints, name)))
     nodes, fused = filter_pass.nodes[:first], [f for f in filter_pass.fused if f.node < first]
-    later = tuple(c for c in problem.constraints if c.time > nodes[-1].time + SAME_TIME)
+    later = tuple(c for c in problem.constraints if c.time > nodes[-1].time + SAME_EPOCH)
     return _continue(problem, nodes[-1], _without(later, name), nodes, fused)
 
 
@@ -348,7 +350,7 @@ def _continue(
     estimator = new_filter(problem, start.state, start.covariance)
     nodes, fused, pending = list(nodes), list(fused), list(constraints)
     done = samples.index(start.time)
-    epochs = problem.epochs if not nodes else problem.epochs[problem.epochs > start.time + SAME_TIME]
+    epochs = problem.epochs if not nodes else problem.epochs[problem.epochs > start.time + SAME_EPOCH]
     screening = Screening(
         samples, problem.constraints, settings.gate_probability, lambda at: new_filter(problem, at.state, at.covariance)
     )
@@ -359,7 +361,7 @@ def _continue(
             transition = estimator.predict(samples.part(done, stop))
             done = stop
             _check_position_sigma(problem, float(epoch), estimator.covariance)
-        while pending and pending[0].time <= epoch + SAME_TIME:
+        while pending and pending[0].time <= epoch + SAME_EPOCH:
             constraint = pending.pop(0)
             innovation = estimator.innovation(constraint)
             outlier = screening.is_outlier(estimator, innovation, constraint, pending)

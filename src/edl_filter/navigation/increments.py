@@ -9,12 +9,13 @@ from __future__ import annotations
 from dataclasses import dataclass, field, fields
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from edl_filter import rotations
 from edl_filter.imu_model.lever_arm import lever_arm_acceleration
 from edl_filter.navigation.rotation_corrections import rotation_corrections
 from edl_filter.navigation.unresolved import UnresolvedMotion, unresolved_motion
-from edl_filter.telemetry.record import ImuRecord
+from edl_filter.telemetry.record import SAME_TIME, ImuRecord, filled_samples, sample_edges
 from edl_filter.types import Array, BoolArray, IntArray
 
 #: Part of one sample's unresolved rotation in which the attitude that was computed on board differs from the integral
@@ -77,13 +78,22 @@ class Samples:
                 object.__setattr__(self, key, np.zeros((len(self.time), 3)))
 
     @property
+    def edges(self) -> Array:
+        """Edges ``(N + 1,)`` of the samples, s."""
+        return sample_edges(self.time, self.interval)
+
+    @property
     def filled(self) -> BoolArray:
         """Samples ``(N,)`` of which a value was filled in."""
-        return np.any(self.force_fill_sigma > 0.0, axis=1) | np.any(self.rate_fill_sigma > 0.0, axis=1)
+        return filled_samples(self.force_fill_sigma, self.rate_fill_sigma)
 
     def index(self, time: float) -> int:
-        """Number of samples whose interval ends by `time` (a microsecond allowed for rounding)."""
-        return int(np.searchsorted(self.time, time + 1e-6))
+        """Number of samples whose interval ends by `time` (`SAME_TIME` allowed for rounding)."""
+        return int(self.indices(time))
+
+    def indices(self, times: ArrayLike) -> IntArray:
+        """`index` of several times ``(K,)``, s."""
+        return np.searchsorted(self.time, np.asarray(times, float) + SAME_TIME)
 
     def part(self, start: int, stop: int) -> Samples:
         """Samples `start` to `stop`."""
@@ -91,11 +101,11 @@ class Samples:
 
     def split(self, times: Array) -> Samples:
         """The same motion with sample edges also at `times` ``(K,)``, s; the random walks stay the same."""
-        edges = np.concatenate(([self.time[0] - self.interval[0]], self.time))
+        edges = self.edges
         inside = np.unique(times)
         inside = inside[(inside > edges[0]) & (inside < edges[-1])]
         after = np.searchsorted(edges, inside)
-        added = inside[np.minimum(edges[after] - inside, inside - edges[after - 1]) > 1e-6]
+        added = inside[np.minimum(edges[after] - inside, inside - edges[after - 1]) > SAME_TIME]
         time = np.sort(np.concatenate((self.time, added)))
         index = np.searchsorted(self.time, time - 1e-9)
         interval = np.diff(time, prepend=edges[0])

@@ -191,7 +191,8 @@ def attitude_errors(attitude: Array, attitudes: Array) -> Array:
     (S, 3) array
         rad: ``attitudes = attitude ⊗ exp(phi)``.
     """
-    inverse = rotations.product_matrix(attitude).T  # of a unit quaternion, that of its conjugate
+    # of a unit quaternion, that of its conjugate; contiguous, so that equal attitudes have no error to the last bit
+    inverse = np.ascontiguousarray(rotations.product_matrix(attitude).T)
     return rotations.to_rotation_vector((inverse @ attitudes).T)
 
 

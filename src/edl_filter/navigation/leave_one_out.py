@@ -24,7 +24,7 @@ from edl_filter.navigation.filter import FilterPass, Fused, Problem, new_filter,
 from edl_filter.navigation.information import added_information, information_in_order
 from edl_filter.navigation.iterated import run_without
 from edl_filter.navigation.smoother import Smoothed, smooth
-from edl_filter.types import Array, BoolArray
+from edl_filter.types import AXES, Array, BoolArray
 
 #: Least part of a direction's variance that the other constraints must explain for the direction to count.
 LEAST_EXPLAINED = 0.01
@@ -242,11 +242,10 @@ def check_entry_state(smoothed: Smoothed, prior: Array, start: Array) -> Constra
     covariance = smoothed.covariance[0][:9, :9]
     residual, sigma, nis, dof = remove_measurement(start, covariance, prior)
     prior_sigma = np.sqrt(np.diag(prior))
-    axes = ("x", "y", "z")
     names = tuple(
         f"{quantity} {a} ({u})"
         for quantity, u in (("position", "m"), ("velocity", "m/s"), ("attitude", "rad"))
-        for a in axes
+        for a in AXES
     )
     return ConstraintCheck(
         name="entry_state",

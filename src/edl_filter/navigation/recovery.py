@@ -30,10 +30,11 @@ from typing import Literal
 import numpy as np
 
 from edl_filter.navigation.consensus import quantile
-from edl_filter.navigation.filter import SAME_TIME, FilterPass, Fused, Problem, run_filter
+from edl_filter.navigation.filter import FilterPass, Fused, Problem, run_filter
 from edl_filter.navigation.increments import Samples
 from edl_filter.navigation.iterated import iterate
 from edl_filter.navigation.screening import Divergence
+from edl_filter.telemetry.record import SAME_TIME
 from edl_filter.types import Array, BoolArray
 
 Cause = Literal["gap", "entry_state", "process_noise"]

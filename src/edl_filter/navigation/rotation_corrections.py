@@ -25,12 +25,8 @@ from numba import njit
 
 from edl_filter import rotations
 from edl_filter.estimation.interpolating_spline import integral_spline
+from edl_filter.telemetry.record import sample_edges
 from edl_filter.types import Array
-
-
-def sample_edges(time: Array, interval: Array) -> Array:
-    """Edges ``(N + 1,)`` of adjoining samples, s."""
-    return np.concatenate((time[:1] - interval[:1], time))
 
 
 @cache

@@ -34,7 +34,8 @@ from typing import NamedTuple
 import numpy as np
 
 from edl_filter.estimation.interpolating_spline import DEGREE, integral_spline
-from edl_filter.navigation.rotation_corrections import nodes, sample_edges
+from edl_filter.navigation.rotation_corrections import nodes
+from edl_filter.telemetry.record import sample_edges
 from edl_filter.types import Array
 
 #: Number of samples, odd, by which the response of a spline to one sample has vanished.

@@ -27,14 +27,14 @@ from edl_filter.errors import InputError
 from edl_filter.mission import Mission
 from edl_filter.mission.measurements import FlightFileConfig
 from edl_filter.navigation.constraints import Altimeter, Constraint
-from edl_filter.navigation.filter import Problem, run_filter
+from edl_filter.navigation.filter import Problem, merge, run_filter
 from edl_filter.navigation.recovery import Cause as Addition
 from edl_filter.navigation.recovery import Recovery, log_likelihood, used_once
 from edl_filter.pipeline.reconstruct import assemble
 from edl_filter.planet import Planet
 from edl_filter.planet.atmosphere import Atmosphere
 from edl_filter.telemetry.record import Telemetry
-from edl_filter.types import Array
+from edl_filter.types import AXES, Array
 
 #: Altimeter readings and longest interval (s) of the short run.
 ALTIMETER_READINGS, LONGEST_INTERVAL = 9, 30.0
@@ -42,7 +42,6 @@ ALTIMETER_READINGS, LONGEST_INTERVAL = 9, 30.0
 SHIFTS = (-10.0, -5.0, -2.0, -1.0, -0.5, 0.5, 1.0, 2.0, 5.0, 10.0)
 #: Penalty of a number that a hypothesis estimates, nats: ½ ln of about 30 components.
 PENALTY = 1.7
-AXES = ("x", "y", "z")
 FOOT, GRAVITY = 0.3048, 9.80665
 #: Factor by which the sigmas of a measurement are multiplied that may be wrong.
 WRONG_SIGMA = 1e3
@@ -158,8 +157,7 @@ def _evaluate(problem: Problem) -> tuple[float, bool]:
     needed = {start, float(problem.epochs[-1]), *(c.time for c in constraints)}
     changes = problem.samples.time[np.flatnonzero(np.diff(problem.samples.unit))]
     regular = problem.epochs[np.searchsorted(problem.epochs, np.arange(start, problem.epochs[-1], LONGEST_INTERVAL))]
-    epochs = np.unique(np.concatenate((sorted(needed), changes, regular)))
-    epochs = epochs[np.concatenate(([True], np.diff(epochs) > 2e-6))]
+    epochs = merge(np.concatenate((sorted(needed), changes, regular)))
     settings = replace(problem.settings, method="ekf", robust="none")
     short = replace(problem, constraints=constraints, epochs=epochs, settings=settings)
     filter_pass = run_filter(short)
@@ -204,6 +202,22 @@ def _unit_hypotheses(telemetry: Telemetry) -> Iterator[_Hypothesis]:
             yield _Hypothesis("units", text, _scaled_altimeter(1.0 / factor))
 
 
+def exchange_text(order: Sequence[int]) -> str:
+    """Which axes are exchanged, in words; empty if none is. `order`: the axis that stands in place of each."""
+    exchanged = [AXES[k] for k in range(3) if order[k] != k]
+    if not exchanged:
+        return ""
+    return f"{' and '.join(exchanged)} exchanged" if len(exchanged) == 2 else "x, y and z in another order"
+
+
+def sign_text(signs: Sequence[int]) -> str:
+    """Which axes have the wrong sign, in words; empty if none has. `signs`: 1 or -1 by axis."""
+    wrong = [axis for axis, sign in zip(AXES, signs, strict=True) if sign < 0]
+    if not wrong:
+        return ""
+    return f"sign of {' and '.join(wrong) if len(wrong) < 3 else 'all axes'}"
+
+
 def _axis_hypotheses(frame: str, axes: Array) -> Iterator[_Hypothesis]:
     """Exchanged axes and wrong signs; `axes`: matrix (3, 3) from the axes in which they are to those of the body."""
     sensors = {
@@ -214,14 +228,12 @@ def _axis_hypotheses(frame: str, axes: Array) -> Iterator[_Hypothesis]:
     for name, quantities in sensors.items():
         for order in list(permutations(range(3)))[1:]:
             matrix = np.eye(3)[list(order)]
-            swapped = [AXES[k] for k in range(3) if order[k] != k]
-            text = f"{' and '.join(swapped)} exchanged" if len(swapped) == 2 else "x, y and z in another order"
+            text = exchange_text(order)
             repair = _turned(quantities, axes @ matrix @ axes.T)
             yield _Hypothesis("axes", f"axes, {text} in the {name}{frame and ', axes' + frame}", repair)
         for signs in ((-1, 1, 1), (1, -1, 1), (1, 1, -1), (-1, -1, 1), (-1, 1, -1), (1, -1, -1), (-1, -1, -1)):
-            which = " and ".join(AXES[k] for k in range(3) if signs[k] < 0) if sum(signs) > -3 else "all axes"
             repair = _turned(quantities, axes @ np.diag(signs) @ axes.T)
-            yield _Hypothesis("sign", f"sign of {which} in the {name}{frame and ', axes' + frame}", repair)
+            yield _Hypothesis("sign", f"{sign_text(signs)} in the {name}{frame and ', axes' + frame}", repair)
 
 
 def _shifts(telemetry: Telemetry) -> dict[str, tuple[str, Callable[[float], Callable[[Telemetry], Telemetry]]]]:

@@ -24,7 +24,7 @@ from edl_filter.pipeline.load import event_times
 from edl_filter.pipeline.parachute import parachute_deployment
 from edl_filter.planet import Planet, ellipsoid
 from edl_filter.planet.atmosphere import Atmosphere
-from edl_filter.telemetry.record import InitialState, Telemetry
+from edl_filter.telemetry.record import SAME_TIME, InitialState, Telemetry
 from edl_filter.types import Array, BoolArray
 
 
@@ -134,8 +134,8 @@ def _within(time: Array, end: Array, interval: Array) -> tuple[BoolArray, set[in
     inside = np.zeros(len(time), bool)
     edges: set[int] = set()
     for start, stop in zip(begins[first], np.append(end[first[1:] - 1], end[-1:]), strict=True):
-        inside |= (time > start + 1e-6) & (time < stop - 1e-6)
-        before, after = np.flatnonzero(time <= start + 1e-6), np.flatnonzero(time >= stop - 1e-6)
+        inside |= (time > start + SAME_TIME) & (time < stop - SAME_TIME)
+        before, after = np.flatnonzero(time <= start + SAME_TIME), np.flatnonzero(time >= stop - SAME_TIME)
         edges |= {int(before[-1]), int(after[0])} if len(before) and len(after) else set()
     return inside, edges
 

@@ -24,7 +24,7 @@ from edl_filter.navigation.filter import Problem
 from edl_filter.pipeline.load import event_times
 from edl_filter.planet import Planet
 from edl_filter.telemetry.record import ImuRecord, Telemetry
-from edl_filter.types import Array
+from edl_filter.types import AXES, Array
 
 #: Least cosine between the mean specific force and -x.
 DRAG_COSINE = 0.5
@@ -38,7 +38,6 @@ RATE_DIFFERENCE, EXPLAINED_DIFFERENCE = 0.3, 0.15
 FORCE_UNITS = {"g": 9.80665, "ft/s^2": 0.3048, "km/s^2": 1e3, "mm/s^2": 1e-3}
 #: The same of an angular rate, in rad/s.
 RATE_UNITS = {"deg/s": float(np.pi / 180.0), "deg/h": float(np.pi / 648000.0), "rpm": float(np.pi / 30.0)}
-AXES = ("x", "y", "z")
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,7 @@ import numpy as np
 
 from edl_filter.imu_model.lever_arm import lever_arm_acceleration
 from edl_filter.mission import Mission
-from edl_filter.pipeline.causes import AXES, imu_axes
+from edl_filter.pipeline.causes import exchange_text, imu_axes, sign_text
 from edl_filter.pipeline.load import event_times
 from edl_filter.pipeline.plausibility import FORCE_UNITS, RATE_UNITS
 from edl_filter.telemetry.record import ImuRecord, Telemetry, finite_rows
@@ -128,12 +128,5 @@ def _changes_of_axes(mission: Mission, name: str) -> Iterator[tuple[Array, str]]
                 matrix = np.diag(signs) @ np.eye(3)[list(order)]
                 if np.array_equal(matrix, np.eye(3)):
                     continue
-                exchanged = [AXES[k] for k in range(3) if order[k] != k]
-                text = []
-                if exchanged:
-                    text.append(
-                        f"{' and '.join(exchanged)} exchanged" if len(exchanged) == 2 else "axes in another order"
-                    )
-                if min(signs) < 0:
-                    text.append(f"sign of {' and '.join(AXES[k] for k in range(3) if signs[k] < 0)}")
-                yield axes @ matrix @ axes.T, f"axes{frame}, {' and '.join(text)}"
+                text = " and ".join(filter(None, (exchange_text(order), sign_text(signs))))
+                yield axes @ matrix @ axes.T, f"axes{frame}, {text}"

@@ -10,7 +10,7 @@ from edl_filter.navigation.trajectory import Trajectory
 from edl_filter.pipeline.reconstruct import Reconstruction
 from edl_filter.postflight.airdata import AirData
 from edl_filter.telemetry.clock import SclkClock
-from edl_filter.telemetry.record import ImuRecord
+from edl_filter.telemetry.record import SAME_TIME, ImuRecord
 from edl_filter.types import Array
 
 #: Samples longer than this many median intervals are gaps, not measurements.
@@ -103,7 +103,7 @@ def events(reconstruction: Reconstruction, air: AirData) -> dict[str, Event]:
     return {
         name: _event(name, time, reconstruction, air, peak if name == "peak_deceleration" else None)
         for name, time in sorted(times.items(), key=lambda item: item[1])
-        if trajectory.time[0] - 1e-6 <= time <= trajectory.time[-1] + 1e-6
+        if trajectory.time[0] - SAME_TIME <= time <= trajectory.time[-1] + SAME_TIME
     }
 
 
@@ -113,13 +113,13 @@ def peak_deceleration(trajectory: Trajectory, record: ImuRecord, end: float) -> 
     The mean of two successive samples, because a single one has the noise and the oscillation of 0.125 s; gaps are not
     counted. None where there are no two adjoining samples.
     """
-    inside = (record.time > trajectory.time[0] + 1e-6) & (record.time <= end + 1e-6)
+    inside = (record.time > trajectory.time[0] + SAME_TIME) & (record.time <= end + SAME_TIME)
     inside &= record.interval < _GAP * np.median(record.interval)
     # the trajectory's samples are the record's, some split in two: both parts have the mean of the whole sample
-    index = np.searchsorted(trajectory.time, record.time[inside] - 1e-6)
+    index = np.searchsorted(trajectory.time, record.time[inside] - SAME_TIME)
     force = -trajectory.specific_force[np.minimum(index, len(trajectory.time) - 1), 0]
     time, interval = record.time[inside], record.interval[inside]
-    adjoin = np.abs(np.diff(time) - interval[1:]) < 1e-6
+    adjoin = np.abs(np.diff(time) - interval[1:]) < SAME_TIME
     if not adjoin.any():
         return None
     mean = (force[:-1] * interval[:-1] + force[1:] * interval[1:]) / (interval[:-1] + interval[1:])

@@ -9,12 +9,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from edl_filter.aero.database import Database
+from edl_filter.aero.regimes import BOUNDARY_MACH
 from edl_filter.errors import InputError
 from edl_filter.postflight.atmosphere import AtmosphereProfile
 from edl_filter.types import Array, BoolArray
 
-#: Mach numbers that bound the thesis's windows.
-BOUNDARY_MACH = (25.0, 15.0, 5.0)
 #: Threshold of the deceleration, in sigmas of its noise.
 _THRESHOLD = 3.0
 #: Largest noise of a force coefficient that is used, as a fraction of the database's 3 sigma (thesis section 6).

@@ -160,7 +160,11 @@ def missing(latent: LatentContent, onsets: Sequence[OnsetContent], title: str, e
 
 
 def ledger_figure(
-    errors: Sequence[Mapping[str, float | None]], changes: Sequence[str], noise_floor: float, title: str
+    errors: Sequence[Mapping[str, float | None]],
+    changes: Sequence[str],
+    noise_floor: float,
+    minimum_rms: float,
+    title: str,
 ) -> Figure:
     """Normalised RMS of the channels that fail, from step to step.
 
@@ -172,11 +176,13 @@ def ledger_figure(
         What changes the model from each step to the next: one fewer (`model_change`).
     noise_floor : float
         Normalised RMS that noise does not exceed.
+    minimum_rms : float
+        Factor over `noise_floor` from which a channel is drawn (`DecisionSettings.cell_minimum_rms`).
     title : str
         Title of the flight.
     """
     largest = {name: max((e.get(name) or 0.0 for e in errors), default=0.0) for name in errors[0]}
-    failing = sorted((n for n in largest if largest[n] > 1.1 * noise_floor), key=lambda n: -largest[n])
+    failing = sorted((n for n in largest if largest[n] > minimum_rms * noise_floor), key=lambda n: -largest[n])
     elements: list[Element] = []
     for name, (colour, symbol) in zip(failing, _CHANNEL_STYLES, strict=False):
         steps = [(float(k), rms) for k, e in enumerate(errors) if (rms := e.get(name)) is not None]

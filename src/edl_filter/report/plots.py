@@ -304,7 +304,10 @@ class DiagnosisPlots:
             for step, successor in pairwise(steps)
         ]
         errors = [step.errors for step in steps]
-        figure = diagnosis.ledger_figure(errors, changes, self._diagnosis.noise_floor, self._diagnosis.title)
+        minimum_rms = self._content.settings.cell_minimum_rms
+        figure = diagnosis.ledger_figure(
+            errors, changes, self._diagnosis.noise_floor, minimum_rms, self._diagnosis.title
+        )
         return _drawn(figure, None if ax is None else (ax,))[0]
 
     def _panel(self, panel: Panel, subject: str, ax: Axes | None) -> Axes:

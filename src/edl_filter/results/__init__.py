@@ -5,12 +5,12 @@ files, and these files read again.
 
 Read in this order: `result` (what a result consists of), `summary` with `landing` (``summary.json``), `content` with
 `estimates` and `postflight` (groups and variables of ``result.nc``), `database_update` (increments of the database as
-files), `groups`, `hdf5` and `netcdf` (the file), `schema` (``summary.json``, ``diagnosis.json`` and the ledger, with
-every key), `files` (names of all files, writing and reading of JSON), `residual_series` (``residuals.nc``), `reader`
-(one access to all that a result holds), `reopen` (a result opened for further work). A campaign has
-`campaign_variables`, `campaign_store` (one Zarr group of all cases) and `campaign_statistics`. xarray is imported only
-where a DataTree is made, and each public name when it is first used: names of files, schemas and the reader need
-neither filter nor telemetry.
+files), `groups`, `hdf5` and `netcdf` (the file), `verdicts` (names of the verdicts of a diagnosis), `schema`
+(``summary.json``, ``diagnosis.json`` and the ledger, with every key), `files` (names of all files, writing and reading
+of JSON), `residual_series` (``residuals.nc``), `reader` (one access to all that a result holds), `reopen` (a result
+opened for further work). A campaign has `campaign_variables`, `campaign_store` (one Zarr group of all cases) and
+`campaign_statistics`. xarray is imported only where a DataTree is made, and each public name when it is first used:
+names of files, schemas and the reader need neither filter nor telemetry.
 """
 
 from __future__ import annotations

@@ -17,8 +17,8 @@ import numpy as np
 from edl_filter.errors import InputError
 from edl_filter.io.atomic import cannot_write
 from edl_filter.io.output_folder import STAGING
-from edl_filter.results.campaign_variables import AXES, OUTCOMES, PARTS, PHASES, STATE, VARIABLES
-from edl_filter.types import BoolArray
+from edl_filter.results.campaign_variables import OUTCOMES, PARTS, PHASES, STATE, VARIABLES
+from edl_filter.types import AXES, BoolArray
 
 if TYPE_CHECKING:
     from xarray import Dataset

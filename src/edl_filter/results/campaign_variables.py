@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-AXES = ("x", "y", "z")
+from edl_filter.results.verdicts import VERDICTS
+from edl_filter.types import AXES
+
 #: Phases of a simulated flight at which errors of the state are recorded.
 PHASES = ("entry", "peak deceleration", "before parachute", "under parachute", "rest")
 #: Components of the state's error, and its parts.
 STATE = tuple(f"{name} {axis}" for name in ("position", "velocity", "attitude") for axis in AXES)
 PARTS = {"position": slice(0, 3), "velocity": slice(3, 6), "attitude": slice(6, 9), "all": slice(0, 9)}
-#: Verdicts of a diagnosis, in the order of their codes.
-VERDICTS = ("clean", "missing", "undecided", "unknown")
 #: Outcomes of a case, in the order of their codes.
 OUTCOMES = ("done", "failed", "missing")
 #: Attribute of an `edl_filter.postflight.events.Event` → variable.

@@ -29,13 +29,12 @@ from edl_filter.results.netcdf import FORMAT, FORMAT_VERSION
 from edl_filter.results.postflight import add_postflight
 from edl_filter.results.summary import RefitSummary, effects_content
 from edl_filter.telemetry.clock import SclkClock
-from edl_filter.telemetry.record import ImuRecord
-from edl_filter.types import Array, IntArray
+from edl_filter.telemetry.record import SAME_TIME, ImuRecord
+from edl_filter.types import AXES, QUATERNION, Array, IntArray
 
 _LIBRARIES = ("numpy", "scipy", "numba", "filterpy", "xarray", "h5netcdf")
 #: NAIF's numbers of the spacecraft, by the numbers of the MER project.
 _NAIF_MER = {1: -253, 2: -254}
-AXES, QUATERNION = ("x", "y", "z"), ("x", "y", "z", "w")
 STATE = tuple(f"{what}_{a}" for what in ("position", "velocity", "attitude") for a in AXES)
 
 #: Air data: field → unit, meaning. The names are those of `AirData`.
@@ -203,8 +202,8 @@ def _flags(group: Group, name: str, index: IntArray, names: tuple[str, ...], mea
 def _add_corrected(group: Group, reconstruction: Reconstruction) -> None:
     """Corrected force and rate of the driving record; NaN before and after the trajectory."""
     record, t = reconstruction.telemetry.driving, reconstruction.trajectory
-    index = np.clip(np.searchsorted(t.time, record.time - 1e-6), 0, len(t.time) - 1)
-    inside = (np.abs(t.time[index] - record.time) < 1e-5) & (record.time > t.time[0] + 1e-6)
+    index = np.clip(np.searchsorted(t.time, record.time - SAME_TIME), 0, len(t.time) - 1)
+    inside = (np.abs(t.time[index] - record.time) < 1e-5) & (record.time > t.time[0] + SAME_TIME)
     for name, unit, values, place in (
         ("specific_force", "m/s^2", t.specific_force, " at the centre of mass"),
         ("angular_rate", "rad/s", t.angular_rate, ""),

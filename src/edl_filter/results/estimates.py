@@ -16,9 +16,7 @@ from edl_filter.pipeline.entry_state import EntryCorrection
 from edl_filter.pipeline.reconstruct import Reconstruction
 from edl_filter.results.groups import Group, Groups
 from edl_filter.telemetry.calibration import MisalignmentEstimate
-from edl_filter.types import Array
-
-AXES = ("x", "y", "z")
+from edl_filter.types import AXES, QUATERNION, Array
 
 
 def add_sensor_errors(groups: Groups, reconstruction: Reconstruction) -> None:
@@ -130,7 +128,7 @@ def add_nodes(groups: Groups, layout: Layout, smoothed: Smoothed) -> None:
     group.add("time", ("node",), smoothed.time, "s", "time since the epoch")
     group.add("unit", ("node",), smoothed.unit.astype(np.int8), "1", "instrument that drives from here on")
     group.label("axis", AXES, "axis")
-    group.label("quaternion", (*AXES, "w"), "part of a quaternion, scalar last")
+    group.label("quaternion", QUATERNION, "part of a quaternion, scalar last")
     nav = np.array([s.nav for s in smoothed.states])
     errors = np.array([s.errors for s in smoothed.states])
     sigma = np.sqrt(np.diagonal(smoothed.covariance, axis1=1, axis2=2))

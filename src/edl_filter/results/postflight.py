@@ -20,9 +20,7 @@ from edl_filter.postflight.oscillation import Oscillation
 from edl_filter.postflight.two_atmospheres import AtmosphereDifferences, Change
 from edl_filter.results.files import POSTFLIGHT_TABLES
 from edl_filter.results.groups import Group, Groups
-from edl_filter.types import Array
-
-AXES = ("x", "y", "z")
+from edl_filter.types import AXES, Array
 
 ATMOSPHERE = {
     "altitude": ("m", "areodetic altitude"),

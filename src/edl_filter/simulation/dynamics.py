@@ -18,6 +18,7 @@ Equations
 import numpy as np
 from numba import njit
 
+from edl_filter.aero.database import INDEX_MACH
 from edl_filter.planet.gravity import gravity
 from edl_filter.rotation_kernels import direction_cosines
 
@@ -205,7 +206,8 @@ def coefficients(t, mach, speed, knudsen, alpha):
     """
     index = mach
     if t.vehicle[9] > 0.0:  # the hypersonic part is entered by speed (edl_filter.aero.database)
-        index = mach + min(max(mach - 8.0, 0.0), 1.0) * (speed / t.vehicle[9] - mach)
+        low, high = INDEX_MACH
+        index = mach + min(max((mach - low) / (high - low), 0.0), 1.0) * (speed / t.vehicle[9] - mach)
     ca = bilinear(t.mach, t.alpha, t.continuum, index, alpha, 0)
     cn = bilinear(t.mach, t.alpha, t.continuum, index, alpha, 1)
     cm = bilinear(t.mach, t.alpha, t.continuum, index, alpha, 2)

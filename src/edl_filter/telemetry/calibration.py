@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from edl_filter.errors import InputError
 from edl_filter.imu_model.lever_arm import lever_arm_acceleration_at
-from edl_filter.telemetry.record import SAME_TIME, ImuRecord, within_window
+from edl_filter.telemetry.record import SAME_TIME, ImuRecord, sample_edges, within_window
 from edl_filter.types import Array
 
 THESIS_WINDOWS = ((0.0, 10.0), (140.0, 250.0))
@@ -140,7 +140,7 @@ def bias_from_velocity_slope(
     gap = np.flatnonzero(np.abs(np.diff(t) - dt[1:]) > SAME_TIME)
     if gap.size:
         raise InputError(f"The bias window {start} to {end} s has a gap after {t[gap[0]]:.3f} s.")
-    edges = np.concatenate((t[:1] - dt[:1], t))
+    edges = sample_edges(t, dt)
     deviation = edges - edges.mean()
     velocity_weight = deviation / (deviation @ deviation)  # slope = velocity_weight @ velocity
     # The velocity is the cumulative sum of force * interval: a force has the weight of all velocities after it
@@ -251,7 +251,7 @@ def _common_forces(a: ImuRecord, b: ImuRecord, start: float, end: float) -> tupl
 
 def _mean_force(record: ImuRecord, start: Array, end: Array) -> Array:
     """Mean forces (K, 3) between times, from the cumulative velocity; NaN where the record does not cover them."""
-    knots = np.concatenate(([record.start], record.time))
+    knots = record.edges
     step = np.diff(knots)
     measured = np.isfinite(record.specific_force).all(axis=-1) & (np.abs(step - record.interval) < SAME_TIME)
     velocity_increment = np.where(measured[:, None], record.specific_force * step[:, None], 0.0)

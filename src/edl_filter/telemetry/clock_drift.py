@@ -168,7 +168,7 @@ def _finding(record: ImuRecord, ratio: float, repair: str) -> SampleFinding:
 
 def _agreement(record: ImuRecord, reference: ImuRecord, end: float) -> _Agreement | None:
     """Regression of the difference between two IMUs' rates; None with too few common samples."""
-    edges = np.concatenate(([record.start], record.time))
+    edges = record.edges
     used = covered(reference, edges) & finite_rows(record.angular_rate) & (record.time <= end)
     if used.sum() < FEWEST_SAMPLES:
         return None

@@ -17,7 +17,7 @@ from edl_filter.telemetry.calibration import (
     at_centre_of_mass,
     misalignment,
 )
-from edl_filter.telemetry.record import ImuRecord
+from edl_filter.telemetry.record import SAME_TIME, ImuRecord
 from edl_filter.telemetry.smoothing import batch_polynomial, differentiated_rates
 
 #: Points of the second-order batch polynomial, as in the thesis at 8 Hz.
@@ -45,7 +45,7 @@ def compare(
     """
     first = max(reference.start, checked.start)
     last = min(reference.time[-1], checked.time[-1], until)
-    covered = [(a, min(b, last)) for a, b in windows if a >= first - 1e-6 and min(b, last) - a > 5.0]
+    covered = [(a, min(b, last)) for a, b in windows if a >= first - SAME_TIME and min(b, last) - a > 5.0]
     if not covered:
         return None
     return misalignment(

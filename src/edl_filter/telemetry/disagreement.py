@@ -33,7 +33,7 @@ from edl_filter.telemetry.resampling import (
     means_between,
     readings_integral,
 )
-from edl_filter.telemetry.sample_checks import runs
+from edl_filter.telemetry.sample_checks import interpolation_error, runs
 from edl_filter.types import Array, BoolArray
 
 #: Length of the running median of the squared parity, s: several oscillations of an entry vehicle. Shorter faults are
@@ -162,13 +162,13 @@ def independent_error(
     pair = _pair(reference, checked, end)
     agreed = pair.usable & ~_within(reference.time, findings)
     _, delay = _squared_parity(pair, "rate", agreed, 0.0)
-    edges = np.concatenate((reference.time[:1] - reference.interval[:1], reference.time)) + delay
+    edges = reference.edges + delay
     used = pair.usable & covered(checked, edges)
     used &= np.append(np.zeros(2, bool), used[:-2]) & np.append(used[2:], np.zeros(2, bool))
     readings = means_between(pair.integral, edges)
     for finding in findings:
         both = (pair.force, readings[0]) if finding.channel == "force" else (pair.rate, readings[1])
-        values = [_interpolation_error(v) for v in both]
+        values = [interpolation_error(v) for v in both]
         inside, adjoining = used & _within(reference.time, [finding]), used & _adjoining(reference, finding)
         slope, sigma = _slope(values[0][inside], (values[0] - values[1])[inside])
         at_fault = 0 if slope > 0.5 else 1
@@ -188,13 +188,6 @@ def _adjoining(record: ImuRecord, finding: SampleFinding) -> BoolArray:
     """Samples (N,) in two windows before and two after a stretch."""
     before = (record.time > finding.start - 2.0 * WINDOW) & (record.time <= finding.start)
     return before | ((record.time > finding.end) & (record.time <= finding.end + 2.0 * WINDOW))
-
-
-def _interpolation_error(values: Array) -> Array:
-    """Each sample of (N, 3) minus the cubic interpolation of its four neighbours; zero at the ends."""
-    out, v = np.zeros_like(values), values
-    out[2:-2] = v[2:-2] - (4.0 * (v[1:-3] + v[3:-1]) - v[:-4] - v[4:]) / 6.0
-    return out
 
 
 def _mean_square(values: Array) -> float:
@@ -283,7 +276,7 @@ def _squared_parity(pair: _Pair, triad: str, rows: BoolArray, delay: float) -> t
     The regression is fitted to `rows` (N,). Infinite where they are too few.
     """
     reference = pair.reference
-    edges = np.concatenate((reference.time[:1] - reference.interval[:1], reference.time))
+    edges = reference.edges
     own = pair.rate if triad == "rate" else pair.force
     change = np.diff(edge_values(reference.interval, own), axis=0) / reference.interval[:, None]
     for _ in range(_DELAY):

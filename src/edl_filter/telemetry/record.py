@@ -14,7 +14,8 @@ from edl_filter.errors import InputError
 from edl_filter.imu_model.sensor_errors import SensorErrors
 from edl_filter.types import Array, BoolArray, IntArray
 
-#: Times that differ by less than this are equal, s.
+#: Times that differ by less than this are equal, s: far above the rounding of times and of sums of intervals (some
+#: 1e-10 s; tables in microseconds, 5e-7 s), and far below any sampling interval.
 SAME_TIME = 1e-6
 
 
@@ -38,6 +39,16 @@ def within_window(time: Array, interval: Array, start: float, end: float) -> Boo
 def finite_rows(values: Array) -> BoolArray:
     """Rows (N,) of `values` (N, ...) of which all numbers are finite."""
     return np.asarray(np.isfinite(values).all(axis=tuple(range(1, values.ndim))), np.bool_)
+
+
+def sample_edges(time: Array, interval: Array) -> Array:
+    """Edges ``(N + 1,)`` of adjoining samples, s, from the end and the length of each interval ``(N,)``, s."""
+    return np.concatenate((time[:1] - interval[:1], time))
+
+
+def filled_samples(force_fill_sigma: Array, rate_fill_sigma: Array) -> BoolArray:
+    """Samples ``(N,)`` of which a value was filled in: one with a sigma ``(N, 3)`` of that."""
+    return np.any(force_fill_sigma > 0.0, axis=1) | np.any(rate_fill_sigma > 0.0, axis=1)
 
 
 @dataclass(frozen=True)
@@ -139,9 +150,14 @@ class ImuRecord:
         return float(self.time[0] - self.interval[0])
 
     @property
+    def edges(self) -> Array:
+        """Edges ``(N + 1,)`` of the samples, s."""
+        return sample_edges(self.time, self.interval)
+
+    @property
     def filled(self) -> BoolArray:
         """Samples ``(N,)`` of which a value was filled in."""
-        return np.any(self.force_fill_sigma > 0.0, axis=1) | np.any(self.rate_fill_sigma > 0.0, axis=1)
+        return filled_samples(self.force_fill_sigma, self.rate_fill_sigma)
 
     def only_read(self) -> ImuRecord:
         """The same record with NaN in place of the values of samples that were filled in."""

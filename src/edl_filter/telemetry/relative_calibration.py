@@ -132,7 +132,7 @@ def relative_calibration(
     offset = _places(reference, checked)
     force, rate = (np.nan_to_num(x) for x in (reference.specific_force, reference.angular_rate))
 
-    edges = np.concatenate((reference.time[:1] - reference.interval[:1], reference.time))
+    edges = reference.edges
 
     def arm_acceleration(arm: Array) -> Array:
         if faster is reference:

@@ -96,7 +96,7 @@ def averaged(record: ImuRecord, target: ImuRecord) -> ImuRecord:
         With the errors of the first and the times of the second record; NaN where readings are lost or do not cover the
         sample. The noise of a mean is that of independent readings.
     """
-    edges = np.concatenate(([target.start], target.time))
+    edges = target.edges
     means = means_between(readings_integral(record, record.specific_force, record.angular_rate), edges)
     force, rate = (np.where(covered(record, edges)[:, None], mean, np.nan) for mean in means)
     nearest = record.index_at(target.time - 0.5 * target.interval)
@@ -140,7 +140,7 @@ def with_interpolation_noise(record: ImuRecord, target: ImuRecord) -> ImuRecord:
     """
     if not samples_less_often(record, target):
         return record
-    edges = np.concatenate(([target.start], target.time))
+    edges = target.edges
     inside = (edges >= record.start) & (edges <= record.time[-1])
     edges = edges[inside]
     quintic, cubic = (
@@ -208,7 +208,7 @@ def readings_integral(record: ImuRecord, *triads: Array, degree: int = DEGREE) -
     InterpolatingSpline
         Of three values for each triad.
     """
-    edges = np.concatenate(([record.start], record.time))
+    edges = record.edges
     return integral_spline(edges, record.interval, np.nan_to_num(np.concatenate(triads, axis=1)), degree)
 
 

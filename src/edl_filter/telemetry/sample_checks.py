@@ -334,6 +334,13 @@ def completed(
     )
 
 
+def interpolation_error(values: Array) -> Array:
+    """Each sample of (N, 3) minus the cubic interpolation of its four neighbours; zero at the ends."""
+    out, v = np.zeros_like(values), values
+    out[2:-2] = v[2:-2] - (4.0 * (v[1:-3] + v[3:-1]) - v[:-4] - v[4:]) / 6.0
+    return out
+
+
 def with_repair(finding: SampleFinding, repair: str) -> SampleFinding:
     """The finding with what was done about it."""
     return replace(finding, repair=repair)

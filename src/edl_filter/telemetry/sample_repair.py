@@ -283,7 +283,7 @@ def _is_flight(telemetry: Telemetry) -> bool:
 
 def _explained(finding: SampleFinding, repairs: list[tuple[float, float, str]]) -> SampleFinding:
     """A finding with what was done about it: the repairs of the stretches that it overlaps."""
-    over = [(a, b, p) for a, b, p in repairs if a < finding.end - 1e-6 and b > finding.start + 1e-6]
+    over = [(a, b, p) for a, b, p in repairs if a < finding.end - SAME_TIME and b > finding.start + SAME_TIME]
     interpolated = tuple((a, b) for a, b, p in over if p == BY_DYNAMICS)
     phrase = ", ".join(dict.fromkeys(p for _, _, p in over)) or "not used"
     return replace(finding, repair=phrase, interpolated=interpolated)

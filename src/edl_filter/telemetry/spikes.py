@@ -17,7 +17,7 @@ from scipy.ndimage import maximum_filter1d, median_filter
 
 from edl_filter.telemetry.record import ImuRecord, SampleFinding, finite_rows
 from edl_filter.telemetry.resampling import samples_less_often
-from edl_filter.telemetry.sample_checks import CheckSettings, findings_of
+from edl_filter.telemetry.sample_checks import CheckSettings, findings_of, interpolation_error
 from edl_filter.telemetry.transfer import transferred
 from edl_filter.types import Array, BoolArray
 
@@ -108,8 +108,7 @@ def _disagreement(own: Array, transferred_values: Array, noise: Array, sigmas: f
     large = (np.abs(departure) > sigmas * scale) & (np.abs(departure) > _RELATIVE * size)
     length = np.linalg.norm(departure, axis=1)
     own_jump = np.linalg.norm(a - _median(a, _NEIGHBOURHOOD), axis=1)
-    interpolation_error = np.linalg.norm(_interpolation_error(b), axis=1)
-    transferred_jump = maximum_filter1d(interpolation_error, _SMOOTH)
+    transferred_jump = maximum_filter1d(np.linalg.norm(interpolation_error(b), axis=1), _SMOOTH)
     fault = (own_jump > _AT_FAULT * length) & (transferred_jump < _NOT_AT_FAULT * length)
     out[rows] = large.any(axis=1) & fault
     return out
@@ -122,7 +121,7 @@ def _single_spikes(values: Array, noise: Array, sigmas: float) -> BoolArray:
         return bad
     finite = finite_rows(values)
     filled = np.where(finite[:, None], values, 0.0)
-    error = _interpolation_error(filled)
+    error = interpolation_error(filled)
     scale = _MAD * _median(np.abs(error), _SCALE) + noise[:, None]  # a quantised signal may repeat one value
     ratio = np.max(np.abs(error) / scale, axis=1)
     near = np.convolve(~finite, np.ones(9), mode="same") > 0.5
@@ -133,17 +132,9 @@ def _single_spikes(values: Array, noise: Array, sigmas: float) -> BoolArray:
         without = filled[max(0, i - 8) : i + 9].copy()
         j = i - max(0, i - 8)
         without[j] -= error[i]
-        remaining = np.max(np.abs(_interpolation_error(without)) / scale[i], axis=1)
+        remaining = np.max(np.abs(interpolation_error(without)) / scale[i], axis=1)
         bad[i] = np.all(remaining[max(0, j - 4) : j + 5] < max(5.0, 0.05 * ratio[i]))
     return bad
-
-
-def _interpolation_error(values: Array) -> Array:
-    """Each sample of (N, 3) minus the cubic interpolation of its four neighbours; zero at the ends."""
-    out = np.zeros_like(values)
-    v = values
-    out[2:-2] = v[2:-2] - (4.0 * (v[1:-3] + v[3:-1]) - v[:-4] - v[4:]) / 6.0
-    return out
 
 
 def _median(values: Array, size: int) -> Array:

@@ -98,7 +98,7 @@ def transferred(reference: ImuRecord, source: ImuRecord, end: float) -> Transfer
     lost = ~(finite_rows(force) & finite_rows(rate))
     moved = np.where(lost[:, None], 0.0, rate)
     force = force - lever_arm_acceleration(source.interval, moved, offset, source.unit)
-    edges = np.concatenate((reference.time[:1] - reference.interval[:1], reference.time)) + delay
+    edges = reference.edges + delay
     usable = covered(source, edges)
     integral = readings_integral(source, force, rate)
     means = [np.where(usable[:, None], mean, np.nan) for mean in means_between(integral, edges)]

@@ -243,8 +243,8 @@ def diagnosis_values(
     from edl_filter.diagnosis.diagnosis import diagnose
     from edl_filter.diagnosis.linear_model.flight_case import flight_case
     from edl_filter.effects.registry import known_effects
-    from edl_filter.results.campaign_variables import VERDICTS
     from edl_filter.results.schema import DiagnosisContent
+    from edl_filter.results.verdicts import VERDICTS
 
     reconstruction = reconstruct(flight.mission, effects, False, recover=False, inputs=inputs, compare_imus=False)
     diagnosis = DiagnosisContent.of(diagnose(flight_case(reconstruction), known_effects().values()).content())

@@ -30,8 +30,9 @@ def compare_results(results: Sequence[Path]) -> dict[str, Any]:
     dict
         ``results``: for each its path, mission, headline (why it is not to be trusted, or None), verdict (None if not
         diagnosed), effects with estimates, ``residuals``
-        (channel → normalised RMS), ``nis_per_dof`` (constraint → number) and ``score_gain`` (held-out, of the effect
-        that it has more than the one before, where that one's diagnosis contains it). ``fall_percent``: channel → fall
+        (channel → normalised RMS), ``minimum_rms`` (normalised RMS below which no channel fails: that of its diagnosis,
+        or of its mission), ``nis_per_dof`` (constraint → number) and ``score_gain`` (held-out, of the effect that it
+        has more than the one before, where that one's diagnosis contains it). ``fall_percent``: channel → fall
         from the first to the last, None where there is nothing to compare.
 
     Raises
@@ -72,6 +73,7 @@ def _column(r: Reopened, diagnosis: DiagnosisContent | None) -> dict[str, Any]:
         "verdict": None if diagnosis is None else diagnosis.verdict,
         "effects": r.effects_content,
         "residuals": _overall_rms(r, diagnosis),
+        "minimum_rms": (r.mission.diagnosis if diagnosis is None else diagnosis.settings).cell_minimum_rms,
         "nis_per_dof": _nis_per_dof(r),
         "score_gain": None,
     }

@@ -143,7 +143,9 @@ def write_final_model(
     lines = read_ledger(folder)
     errors = [{name: error.before for name, error in line.errors.items()} for line in lines]
     changes = [model_change(line.label, line.removed) for line in lines if isinstance(line, LedgerStep)]
-    ledger_drawing = ledger_figure(errors, changes, last.step.diagnosis.noise_floor, title)
+    ledger_drawing = ledger_figure(
+        errors, changes, last.content.noise_floor, last.content.settings.cell_minimum_rms, title
+    )
     figures.append(write_figure(ledger_drawing, folder / FIGURES / "ledger.png"))
     diagnosis = write_json(last.content.model_dump(exclude_unset=True), folder / DIAGNOSIS)
     write(residual_series(last.step.diagnosis.ranking.model), folder / RESIDUALS)

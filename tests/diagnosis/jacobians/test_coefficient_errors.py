@@ -1,13 +1,27 @@
-"""Errors of the coefficients: their sigmas, their loads in closed form, and the information that gives the modes."""
+"""Errors of the coefficients: their sigmas, their loads in closed form, and the information that gives the modes.
+
+The field of a database's discrepancy in the state-space model of a flight is compared with a dense Gaussian process.
+"""
 
 from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from dense_field import (
+    STRETCH,
+    bin_of_regime_change,
+    dense_covariances,
+    first_bin,
+    refined_solution,
+    row_noise_of,
+    scaled_cholesky,
+    stretch_of,
+)
 from hypothesis import given
 from hypothesis import strategies as st
 
+from edl_filter import Mission
 from edl_filter.aero.database import load_database
 from edl_filter.aero.discrepancy import DiscrepancyPrior
 from edl_filter.aero.grid import GridTable
@@ -20,6 +34,9 @@ from edl_filter.diagnosis.jacobians.coefficient_errors import (
     interpolated_angles,
     numerical_error_units,
 )
+from edl_filter.diagnosis.linear_model.flight_case import load_case
+from edl_filter.diagnosis.linear_model.linearization import linearize_at
+from edl_filter.diagnosis.linear_model.linearization_point import smoothed_point
 from edl_filter.diagnosis.prediction.dead_reckoning import NODES_PER_BIN
 from edl_filter.diagnosis.prediction.time_bins import TimeBins
 from edl_filter.effects import EffectInstance
@@ -27,6 +44,8 @@ from edl_filter.effects.forward_model import Damping, ForwardModel
 from edl_filter.effects.perturbation import CoefficientUnits, Perturbation
 from edl_filter.effects.registry import find_effect
 from edl_filter.effects.types import AeroCoefficients, Body, FlightCondition
+from edl_filter.estimation.kalman import whitening_filter
+from edl_filter.estimation.smoothing import smoothed_states
 
 BINS = TimeBins(np.array([0.0, 0.1, 0.3, 0.4, 0.6, 0.7]), np.array([True, True, False, True, True]))
 COUNT = NODES_PER_BIN * len(BINS.interval) + 1
@@ -286,3 +305,67 @@ def test_without_air_no_mode_is_resolved():
         modes = field_modes(with_database(inputs), BINS, thin, DiscrepancyPrior(scale=1.0), units)
         counts.append([m.count for m in modes.values()])
     assert min(counts[0]) >= 1 and counts[1] == [0, 0, 0]
+
+
+# --- the field in the state-space model ------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def field_model():
+    """The shipped flight, a simulated one, with a database that has its own sigmas and an uncertain centre of mass."""
+    changes = (
+        "aerodynamics.coefficient_sigma=1.0", "atmosphere.density_sigma=0.1", "atmosphere.wind_sigma=10.0",
+        "vehicle.mass_sigma=4.0", "vehicle.centre_of_mass_sigma=[0.001, 0.001, 0.001]",
+    )  # fmt: skip
+    case = load_case(Mission.load("builtin:practice_mer", changes))
+    return linearize_at(case, smoothed_point(case.reconstruction))
+
+
+@pytest.fixture(scope="module", params=["regime change", "largest dynamic pressure"])
+def stretch(request, field_model):
+    return stretch_of(field_model, first_bin(field_model, request.param))
+
+
+@pytest.fixture(scope="module")
+def dense(field_model, stretch):
+    return dense_covariances(field_model, stretch)
+
+
+def white_of(stretch):
+    whiten = whitening_filter(stretch.model)
+    return whiten, whiten(stretch.residuals[:, None], np.zeros((stretch.model.size, 1)))[:, 0]
+
+
+def test_the_stretches_have_what_they_are_to_test(field_model, stretch, dense):
+    """The field matters in them; one contains both regimes, whose errors are independent."""
+    assert len(stretch.residuals) > 8 * STRETCH and field_model.jacobian.columns["field_cm"].stop > 30
+    covariance, by_field, _ = dense
+    forces = [stretch.model.row_start[k] + c for k in range(STRETCH) for c in range(3)]
+    assert np.max(np.sqrt(np.diag(by_field)[forces] / np.diag(row_noise_of(stretch))[forces])) > 10.0
+    change = bin_of_regime_change(field_model)
+    if change in stretch.bins:
+        k = int(np.flatnonzero(stretch.bins == change)[0])
+        before, after = (slice(0, stretch.model.row_start[k - 1]), slice(stretch.model.row_start[k + 1], None))
+        assert np.abs(by_field[before, after]).max() < 1e-60 < np.abs(covariance[before, after]).max()
+
+
+def test_the_log_likelihood_is_that_of_the_dense_gaussian_process(stretch, dense):
+    whiten, white = white_of(stretch)
+    scale, lower = scaled_cholesky(dense[0])
+    standardised = np.linalg.solve(lower, stretch.residuals / scale)
+    log_determinant = 2.0 * np.sum(np.log(scale)) + 2.0 * np.sum(np.log(np.diag(lower)))
+    assert whiten.log_determinant == pytest.approx(log_determinant, rel=1e-8)
+    expected = -0.5 * standardised @ standardised - 0.5 * log_determinant
+    assert whiten.log_likelihood(white) == pytest.approx(expected, rel=1e-8)
+
+
+def test_the_posterior_of_the_field_is_that_of_the_dense_gaussian_process(field_model, stretch, dense):
+    """Of every amplitude at every bin's end, relative to the largest of them."""
+    whiten, white = white_of(stretch)
+    _, states = smoothed_states(whiten, white, np.zeros(stretch.model.size))
+    actual = np.concatenate([states[:, f] for f in field_model.nuisance.fields.values()], axis=1)
+    covariance, _, of_amplitudes = dense
+    weighted = refined_solution(covariance, stretch.residuals)
+    expected = np.einsum("sjr,r->sj", of_amplitudes, weighted)
+    assert np.abs(expected).max() > 0.1
+    np.testing.assert_allclose(actual, expected, rtol=0.0, atol=1e-8 * np.abs(expected).max())

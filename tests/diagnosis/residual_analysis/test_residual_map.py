@@ -136,13 +136,28 @@ def test_failing_cells_are_sorted():
     assert failing_cells([]) == []
 
 
+def model_of_flow(flow, continuum_limit=1e-3):
+    inputs = SimpleNamespace(forward_model=SimpleNamespace(database=SimpleNamespace(continuum_limit=continuum_limit)))
+    return SimpleNamespace(residuals=SimpleNamespace(flow=flow), inputs=inputs)
+
+
+@pytest.mark.parametrize(("limit", "transitional"), [(1e-3, [1, 2, 3]), (5e-3, [1])])
+def test_flow_is_transitional_above_the_continuum_limit_of_the_database(limit, transitional):
+    """The columns of the map are those of the tables that the database uses, whatever limit the mission states."""
+    knudsen = np.append(np.repeat([20.0, 8e-3, 4e-3, 2e-3, 5e-4], NODES_PER_BIN), 5e-4)
+    flow = SimpleNamespace(mach=np.full(len(knudsen), 20.0), knudsen=knudsen)
+    regimes = dict(flow_regimes(model_of_flow(flow, limit)))
+    assert list(regimes) == ["free-molecular flow", "transitional flow", "Mach 25 to 15"]
+    assert np.flatnonzero(regimes["transitional flow"]).tolist() == transitional
+
+
 def test_every_bin_is_in_one_regime():
     """From free-molecular flow to Mach 4: regimes do not overlap and cover all bins; empty ones are left out."""
     count = 400
     knudsen = np.repeat(np.geomspace(100.0, 1e-9, count), NODES_PER_BIN)
     mach = np.repeat(np.linspace(30.0, 4.0, count), NODES_PER_BIN)
     flow = SimpleNamespace(mach=np.append(mach, 4.0), knudsen=np.append(knudsen, 1e-9))
-    regimes = flow_regimes(SimpleNamespace(residuals=SimpleNamespace(flow=flow)))
+    regimes = flow_regimes(model_of_flow(flow))
     np.testing.assert_array_equal(np.sum([inside for _, inside in regimes], axis=0), np.ones(count))
     names = [name for name, _ in regimes]
     assert names == ["free-molecular flow", "transitional flow", "Mach 25 to 15", "Mach 15 to 5", "Mach 5 to 3.5"]

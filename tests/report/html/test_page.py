@@ -1,6 +1,5 @@
 """The report from folders made by hand: what it says, what it must not hold, and what is missing."""
 
-import base64
 import json
 import re
 
@@ -8,39 +7,16 @@ import folders
 import h5py
 import numpy as np
 import pytest
-from contents import hypothesis
+from pages import body, data, numbers, page, section
 
 from edl_filter.errors import InputError
 from edl_filter.planet.gas import NAMED_GASES
 from edl_filter.report.description import Axis, Band, Figure, Panel
-from edl_filter.report.diagnosis import ledger_levels
 from edl_filter.report.html import write_report
 from edl_filter.report.html.bundle import bundle_path, with_bundle
 from edl_filter.report.plotly_renderer import band_trace, event_marks, plotly_figure
-from edl_filter.report.residual_map import cell_colours
 from edl_filter.results.files import BUNDLE
 from edl_filter.results.summary import gas_content
-
-
-def page(folder):
-    return write_report(folder).read_text(encoding="utf-8")
-
-
-def body(text):
-    """The page without the library and the data."""
-    return re.sub(r"<script.*?</script>", "", text, flags=re.S)
-
-
-def data(text):
-    return json.loads(re.search(r'<script type="application/json" id="data">(.*?)</script>', text, re.S).group(1))
-
-
-def numbers(packed):
-    return np.frombuffer(base64.b64decode(packed["bdata"]), "<f4")
-
-
-def section(text, key):
-    return re.search(rf'<section id="{key}".*?</section>', body(text), re.S).group(0)
 
 
 def test_the_sections_stand_in_the_order_of_the_reading(tmp_path):
@@ -51,16 +27,6 @@ def test_the_sections_stand_in_the_order_of_the_reading(tmp_path):
             "constraints", "instruments", "provenance"]  # fmt: skip
     assert re.findall(r'<section id="(\w+)"', text) == keys
     assert "Missing: wind (gain 42 nats)." in section(text, "verdict")
-
-
-@pytest.mark.parametrize(("force", "landing", "first"), [(9.0, 20.0, 0), (1.0, 1.6, 1), (1.0, 1.0, 0)])
-def test_the_first_residual_is_of_a_cell_that_fails(tmp_path, force, landing, first):
-    """A constraint's where nothing else fails."""
-    folders.complete_run(tmp_path)
-    cells = [folders.map_cell("force_x", "Mach above 15", 20.0, 120.0, force)]
-    cells.append(folders.map_cell("landing", "constraints", 300.0, 300.0, landing))
-    folders.diagnosis(tmp_path, map=cells, where=[c for c in cells if c["fails"]])
-    assert data(page(tmp_path))["residuals"]["first"] == first
 
 
 def test_the_file_is_small_and_asks_nothing_of_a_network(tmp_path):
@@ -160,76 +126,6 @@ def test_a_folder_that_was_moved_still_renders(tmp_path):
     assert "edl-filter add MISSION wind" in text  # its mission file is not known
 
 
-def test_a_hypothesis_has_size_sigma_unit_and_what_it_is_confused_with(tmp_path):
-    folders.complete_run(tmp_path)
-    text = section(page(tmp_path), "hypotheses")
-    for part in ("−38.07 ± 0.53 m/s", "0.980", "mass", "a second probe would part them", "9.5 → 1", "something else",
-                 "gyro_bias"):  # fmt: skip
-        assert part in text
-
-
-def test_only_effects_that_gain_are_offered_with_the_file_that_defines_them(tmp_path):
-    folders.complete_run(tmp_path)
-    ranking = [hypothesis(effect="jet", label="jet"), hypothesis(effect="mass", label="mass", gain=-78.3)]
-    folders.diagnosis(tmp_path, ranking=ranking, own_effects={"jet": "my jet.py"})
-    text = body(page(tmp_path))
-    assert text.count(f"edl-filter add MISSION jet --from {tmp_path} --file &#39;my jet.py&#39;") == 2
-    assert "edl-filter add MISSION mass" not in text and "−78.3" in text
-
-
-def test_the_command_for_a_sensor_effect_names_its_imu(tmp_path):
-    folders.complete_run(tmp_path)
-    folders.diagnosis(
-        tmp_path, ranking=[hypothesis(effect="gyro_bias", imu="secondary", label="gyro_bias in secondary")]
-    )
-    text = section(page(tmp_path), "hypotheses")
-    assert f"edl-filter add MISSION gyro_bias --from {tmp_path} --imu secondary" in text
-    assert "gyro_bias in secondary" in text
-
-
-def test_failing_cells_are_marked_by_more_than_colour(tmp_path):
-    folders.complete_run(tmp_path)
-    text = section(page(tmp_path), "where")
-    cells = re.findall(r'<button type="button" class="cell( fails)?".*?</button>', text, re.S)
-    assert len(cells) == 5 and sum(bool(c) for c in cells) == 2
-    failing = re.search(r'class="cell fails".*?</button>', text, re.S).group(0)
-    assert "▲" in failing and "It fails." in failing and "0.1 m/s²" in failing
-
-
-def test_a_clean_verdict_and_an_unknown_one_say_what_is_left(tmp_path):
-    folders.complete_run(tmp_path)
-    folders.diagnosis(tmp_path, verdict="clean", ranking=[], where=[], onsets=[])
-    text = page(tmp_path)
-    assert "the model holds" in section(text, "left") and "No effect of the catalogue" in section(text, "hypotheses")
-    assert "None of the 5 cells fails" in section(text, "where")
-    remainder = folders.remainder("It follows q at 3 m/s^2.")
-    folders.diagnosis(tmp_path, verdict="unknown", latent=folders.latent(), remainder=remainder)
-    text = page(tmp_path)
-    assert "It follows q at 3 m/s²." in section(text, "left") and "plot-missing" in section(text, "left")
-    traces = data(text)["figures"]["missing"]["data"]
-    curve = next(t for t in traces if t["name"] == "along x")
-    assert abs(numbers(curve["y"])).max() == pytest.approx(20.0, rel=1e-3)
-
-
-def test_the_waterfall_falls_as_the_ledger_says(tmp_path):
-    folders.complete_run(tmp_path)
-    folders.ledger(tmp_path)
-    effects = {name: {"imu": None, "parameters": {}, "fixed": False} for name in ("wind", "mass")}
-    folders.summary(tmp_path, effects=effects)
-    text = page(tmp_path)
-    bars = data(text)["figures"]["waterfall"]["data"][0]
-    tops = [base + high for base, high in zip(bars["base"], bars["y"], strict=True)]
-    assert tops == pytest.approx([40.0, 40.0, 6.0, 1.0]) and bars["base"][1:3] == pytest.approx([6.0, 1.0])
-    assert "Stopped." in section(text, "ledger")
-
-
-def test_a_ledger_of_another_model_is_not_shown(tmp_path):
-    folders.complete_run(tmp_path)
-    folders.ledger(tmp_path)  # its model has two effects, the run none
-    assert "There is no ledger" in section(page(tmp_path), "ledger")
-    assert ledger_levels([]) == []
-
-
 def test_thinning_keeps_a_single_sample_peak(tmp_path):
     """In the unit and in sigmas, which are not at the same sample where sigma changes."""
     folders.complete_run(tmp_path)
@@ -317,16 +213,6 @@ def test_provenance_has_no_path_of_a_machine(tmp_path):
         file.attrs["mission_file"] = "/home/someone/missions/toy.yaml"
     text = section(page(tmp_path), "provenance")
     assert "toy.yaml" in text and "/home/someone" not in text
-
-
-def test_text_of_a_cell_is_readable_on_its_ground():
-    def light(colour):
-        parts = np.array([int(colour[k : k + 2], 16) for k in (1, 3, 5)]) / 255.0
-        return float(np.where(parts > 0.04, ((parts + 0.055) / 1.055) ** 2.4, parts / 12.92) @ (0.2126, 0.7152, 0.0722))
-
-    for rms in np.geomspace(0.1, 1000.0, 60):
-        ground, ink = (light(c) for c in cell_colours(rms, 1000.0))
-        assert (max(ground, ink) + 0.05) / (min(ground, ink) + 0.05) >= 4.5
 
 
 def test_a_file_that_violates_its_schema_is_named_and_treated_as_missing(tmp_path):

@@ -87,11 +87,26 @@ def test_a_comparison(terminal, count):
     effects = {"accelerometer_misalignment": {"parameters": {"mx": mx}}}
     results = [
         {"path": f"results/{k}/result.nc", "headline": None, "verdict": None, "effects": effects, "score_gain": None,
-         "residuals": {"secondary_force_x": 123456.0 + k}, "nis_per_dof": {"pre_entry_zero_force": 0.00956}}
+         "residuals": {"secondary_force_x": 123456.0 + k}, "minimum_rms": 1.1,
+         "nis_per_dof": {"pre_entry_zero_force": 0.00956}}
         for k in range(count)
     ]  # fmt: skip
     lines = terminal(print_comparison, {"results": results, "fall_percent": {"secondary_force_x": -12.3456}})
     check_numbers(lines, [*(f"{123456 + k}" for k in range(count)), "-12.3", "0.00956", "-1.23456", "0.00012"])
+
+
+def test_a_fall_below_the_limit_of_a_failing_cell_is_not_printed(terminal):
+    """The limit is that of each result: 1.2 is at the noise of settings in which a cell fails from 1.3 on."""
+    result = {"path": "a", "headline": None, "verdict": None, "effects": {}, "score_gain": None, "nis_per_dof": {}}
+    values = {"force_x": (1.2, 1.05), "force_y": (1.4, 1.05), "force_z": (1.05, 1.2)}
+    cases = {(1.1, 1.1): {"12.5", "25.0", "-14.3"}, (1.3, 1.3): {"25.0"}, (1.3, 1.1): {"25.0", "-14.3"}}
+    for limits, printed in cases.items():
+        results = [
+            result | {"residuals": {n: v[k] for n, v in values.items()}, "minimum_rms": limits[k]} for k in range(2)
+        ]
+        fall = {n: 100.0 * (1.0 - b / a) for n, (a, b) in values.items()}
+        lines = terminal(print_comparison, {"results": results, "fall_percent": fall})
+        assert {n for n in ("12.5", "25.0", "-14.3") if n in set(numbers(lines))} == printed
 
 
 def test_an_identifiability_study(terminal):

@@ -10,7 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from edl_filter.telemetry.record import ImuRecord
+from edl_filter.telemetry.record import SAME_TIME, ImuRecord
 from edl_filter.types import Array
 
 
@@ -33,7 +33,7 @@ def denoise(record: ImuRecord, length: float, end: float) -> ImuRecord:
     count = len(record)
     regular = np.zeros(count, bool)
     if count > 4 * p:
-        usual = np.abs(record.interval - np.median(record.interval)) < 1e-6
+        usual = np.abs(record.interval - np.median(record.interval)) < SAME_TIME
         breaks = np.concatenate(([0], np.cumsum(~usual | (np.diff(record.unit, prepend=record.unit[0]) != 0))))
         # samples from 2 p before to 2 p after have the usual interval and one instrument
         regular[2 * p : count - 2 * p] = breaks[4 * p + 1 :] == breaks[: count - 4 * p]

@@ -17,10 +17,11 @@ from edl_filter.diagnosis.prediction.time_bins import TimeBins
 from edl_filter.navigation import initial as entry
 from edl_filter.navigation import strapdown
 from edl_filter.navigation.ekf import difference_steps
-from edl_filter.navigation.filter import Problem, merge
+from edl_filter.navigation.filter import SAME_EPOCH, Problem, merge
 from edl_filter.navigation.increments import Samples
 from edl_filter.navigation.interval_noise import OnboardRotations, process_noise_of_intervals
 from edl_filter.navigation.layout import ONBOARD, State, sensor_maps, sigma_states
+from edl_filter.telemetry.record import SAME_TIME
 from edl_filter.types import Array, BoolArray, IntArray
 
 
@@ -83,9 +84,9 @@ def propagate_path(problem: Problem, bins: TimeBins, start: State, errors: Array
     """
     samples = problem.samples
     times = _epoch_times(problem, bins)
-    ends = np.searchsorted(samples.time, times + 1e-6)  # as `Samples.index`
+    ends = samples.indices(times)
     begins = np.concatenate(([0], ends[:-1]))
-    inside = np.searchsorted(bins.edges, times - 1e-6) - 1
+    inside = np.searchsorted(bins.edges, times - SAME_TIME) - 1
     compared = (ends > begins) & (inside >= 0) & (inside < len(bins.valid))
     compared[compared] = bins.valid[inside[compared]]
     sample_noise = _without_gyro_noise(samples, _sample_mask(len(samples.time), begins, ends, compared))
@@ -110,7 +111,7 @@ def propagate_path(problem: Problem, bins: TimeBins, start: State, errors: Array
         for k, end_state, f, q in zip(run, states, transitions, noise, strict=True):
             time, state = float(times[k]), end_state
             at_epoch = []
-            while pending and constraint_times[pending[0]] <= time + 2e-6:
+            while pending and constraint_times[pending[0]] <= time + SAME_EPOCH:
                 at_epoch.append(pending.pop(0))
                 if onboard is not None:
                     onboard[at_epoch[-1]] = state.nav[10:]
@@ -131,7 +132,7 @@ def propagate_path(problem: Problem, bins: TimeBins, start: State, errors: Array
 def _epoch_times(problem: Problem, bins: TimeBins) -> Array:
     """Times of the epochs: bins' ends and constraints up to the last bin's end, all of the filter's epochs after it."""
     epochs = merge(np.concatenate((bins.edges, problem.epochs)))
-    after = epochs > bins.edges[-1] + 1e-6
+    after = epochs > bins.edges[-1] + SAME_TIME
     required = np.concatenate((bins.edges, [c.time for c in problem.constraints]))
     return np.asarray(epochs[after | np.isin(np.round(epochs, 5), np.round(required, 5))], np.float64)
 

@@ -227,7 +227,7 @@ def path_difference(model: LinearizedModel, up: DeadReckonedPath, down: DeadReck
     error of the initial state or of a sensor. A column computed otherwise would keep the difference of the two
     computations after those have been marginalised: a thousandth of the column, and hundreds of sigmas.
     """
-    edges = np.searchsorted(up.time, model.bins.edges - 1e-6)
+    edges = up.indices(model.bins.edges)
     rotation = rotations.to_rotation_vector(
         rotations.multiply(rotations.conjugate(down.nav[edges, 6:]), up.nav[edges, 6:])
     )

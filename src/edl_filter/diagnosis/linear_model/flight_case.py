@@ -190,7 +190,7 @@ def flight_case(reconstruction: Reconstruction) -> FlightCase:
     """Prepare a reconstructed flight for diagnosis."""
     r, mission = reconstruction, reconstruction.mission
     settings, record, begin = mission.diagnosis, r.telemetry.driving, r.problem.initial.time
-    edges = np.concatenate(([record.start], record.time))
+    edges = record.edges
     parachute = r.event_times.get("parachute_deploy", float(record.time[-1]))
     vehicle, aero = mission.vehicle, mission.aerodynamics
     return FlightCase(

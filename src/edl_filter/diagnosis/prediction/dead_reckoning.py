@@ -19,7 +19,8 @@ from edl_filter.estimation.interpolating_spline import InterpolatingSpline, inte
 from edl_filter.navigation.filter import Problem
 from edl_filter.navigation.layout import sensor_maps
 from edl_filter.navigation.trajectory import propagate_state
-from edl_filter.types import Array
+from edl_filter.telemetry.record import SAME_TIME
+from edl_filter.types import Array, IntArray
 
 #: Nodes in a bin at which the model is evaluated.
 NODES_PER_BIN = 4
@@ -44,6 +45,10 @@ class DeadReckonedPath:
     force: Array
     rate: Array
 
+    def indices(self, times: Array) -> IntArray:
+        """Indices ``(K,)`` of the first states at or after `times` ``(K,)``, s."""
+        return np.searchsorted(self.time, times - SAME_TIME)
+
 
 def dead_reckon(problem: Problem, start: Array, errors: Array) -> DeadReckonedPath:
     """Path of a problem from one initial state.
@@ -61,7 +66,7 @@ def dead_reckon(problem: Problem, start: Array, errors: Array) -> DeadReckonedPa
     force, rate = _corrected(problem, errors, samples.force, samples.rate)
     nav = propagate_state(start, samples.interval, force, rate, planet.mu, planet.j2, planet.gravity_radius)
     return DeadReckonedPath(
-        np.concatenate(([samples.time[0] - samples.interval[0]], samples.time)),
+        samples.edges,
         np.concatenate((start[None], nav)),
         *corrected_readings(problem, errors),
     )
@@ -135,7 +140,7 @@ def path_nodes(path: DeadReckonedPath, bins: TimeBins, mean_rate: Array) -> Path
     edges, count = bins.edges, len(bins.interval)
     time, angle = node_times(bins), _angle(bins, mean_rate)
     bin_index = np.append(np.repeat(np.arange(count), NODES_PER_BIN), count)
-    edge_nav = path.nav[np.searchsorted(path.time, edges - 1e-6)]
+    edge_nav = path.nav[path.indices(edges)]
     nav = np.empty((len(time), 10))
     nav[:, :6] = CubicSpline(edges, edge_nav[:, :6], axis=0)(time)
     rate = angle.derivative()(time)

@@ -24,7 +24,7 @@ from edl_filter.imu_model.lever_arm import (
     lever_arm_acceleration_of_products,
 )
 from edl_filter.navigation.increments import Samples
-from edl_filter.navigation.rotation_corrections import nodes, sample_edges
+from edl_filter.navigation.rotation_corrections import nodes
 from edl_filter.types import Array
 
 #: Gauss-Legendre nodes in a sample: exact for products of rates that are polynomials of fourth degree.
@@ -55,7 +55,7 @@ def lever_arm_error(
     """
     count = samples.index(float(time[-1]))
     interval = samples.interval[:count]
-    edges = sample_edges(samples.time[:count], interval)
+    edges = samples.edges[: count + 1]
     rate = CubicSpline(time, angular_acceleration, axis=0).antiderivative()
     mean_rate = np.diff(rate.antiderivative()(edges), axis=0) / interval[:, None]
     mean_acceleration = np.diff(rate(edges), axis=0) / interval[:, None]

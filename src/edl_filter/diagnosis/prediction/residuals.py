@@ -317,7 +317,7 @@ def constraint_residuals(reference: PathReference, path: DeadReckonedPath, probl
         One for each constraint, in the units of its components.
     """
     constraints = problem.constraints
-    index = np.searchsorted(problem.samples.time, np.array([c.time for c in constraints]) + 1e-6)
+    index = problem.samples.indices([c.time for c in constraints])
     units = problem.samples.unit[np.maximum(index - 1, 0)]
     nav = path.nav[index]
     if reference.onboard is not None:

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from edl_filter.navigation.increments import Samples
-from edl_filter.telemetry.record import SAME_TIME, finite_rows
+from edl_filter.telemetry.record import SAME_TIME, finite_rows, sample_edges
 from edl_filter.types import Array, BoolArray, IntArray
 
 #: Length of a sample, relative to that which bins approach, from which each sample is a bin.
@@ -117,7 +117,7 @@ def bin_means(edges: Array, time: Array, interval: Array, values: Array, smooth:
     lost = ~finite_rows(values)
     if lost.any():
         values = np.where(lost.reshape(-1, *(1,) * (values.ndim - 1)), 0.0, values)
-    grid = np.concatenate((time[:1] - interval[:1], time))
+    grid = sample_edges(time, interval)
     tail = (1,) * (values.ndim - 1)
     total = np.concatenate((np.zeros((1, *values.shape[1:])), np.cumsum(values * interval.reshape(-1, *tail), axis=0)))
     k = np.clip(np.searchsorted(grid, edges, side="right") - 1, 0, len(time) - 1)
@@ -125,7 +125,7 @@ def bin_means(edges: Array, time: Array, interval: Array, values: Array, smooth:
     if smooth:
         _interpolate(integral, edges, grid, total, k, lost)
     out = np.diff(integral, axis=0) / np.diff(edges).reshape(-1, *tail)
-    outside = (edges[:-1] < grid[0] - 1e-6) | (edges[1:] > grid[-1] + 1e-6)
+    outside = (edges[:-1] < grid[0] - SAME_TIME) | (edges[1:] > grid[-1] + SAME_TIME)
     if lost.any():
         count = np.concatenate(([0], np.cumsum(lost)))
         # an edge at the end of a sample is not inside the next one

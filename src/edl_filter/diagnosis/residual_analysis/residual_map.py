@@ -18,20 +18,18 @@ from itertools import pairwise
 import numpy as np
 from scipy.special import chdtri, ndtr
 
+from edl_filter.aero.regimes import BOUNDARY_MACH, DYNAMIC_INSTABILITY_MACH, FREE_MOLECULAR_KNUDSEN
 from edl_filter.diagnosis.linear_model.linear_model import LinearizedModel
 from edl_filter.diagnosis.prediction.dead_reckoning import NODES_PER_BIN
 from edl_filter.mission.decision_settings import DecisionSettings
 from edl_filter.navigation.constraints import Constraint
 from edl_filter.results.groups import Group, Groups
-from edl_filter.types import Array, BoolArray
+from edl_filter.types import AXES, Array, BoolArray
 
-AXES = ("x", "y", "z")
-#: Mach numbers between the continuum regimes (25, 15 and 5: Thomas 2011; 3.5: the dynamic instability's).
-MACH = (25.0, 15.0, 5.0, 3.5)
-#: Knudsen numbers between free-molecular, transitional and continuum flow.
-KNUDSEN = (10.0, 1e-3)
 #: Least number of rows of a cell: the sigma by chance of the mean square of fewer exceeds 0.7.
 LEAST_ROWS = 5
+#: Mach numbers between the continuum regimes.
+MACH = (*BOUNDARY_MACH, DYNAMIC_INSTABILITY_MACH)
 #: Regime of the map under which the constraints stand, and the key of the whole flight among the regimes.
 CONSTRAINTS, OVERALL = "constraints", "overall"
 
@@ -161,12 +159,15 @@ class Cell:
 
 
 def flow_regimes(model: LinearizedModel) -> list[tuple[str, BoolArray]]:
-    """Regimes of the flight and the bins ``(B,)`` in them, in order of time."""
-    flow = model.residuals.flow
+    """Regimes of the flight and the bins ``(B,)`` in them, in order of time.
+
+    Flow is transitional where the database uses its rarefied table.
+    """
+    flow, continuum_limit = model.residuals.flow, model.inputs.forward_model.database.continuum_limit
     middle = slice(NODES_PER_BIN // 2, None, NODES_PER_BIN)
     mach, knudsen = flow.mach[middle], flow.knudsen[middle]
-    free_molecular = knudsen >= KNUDSEN[0]
-    transitional = ~free_molecular & (knudsen >= KNUDSEN[1])
+    free_molecular = knudsen >= FREE_MOLECULAR_KNUDSEN
+    transitional = ~free_molecular & (knudsen > continuum_limit)
     regimes = [("free-molecular flow", free_molecular), ("transitional flow", transitional)]
     continuum = ~free_molecular & ~transitional
     for high, low in pairwise((np.inf, *MACH, 0.0)):

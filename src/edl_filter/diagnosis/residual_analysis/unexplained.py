@@ -13,9 +13,9 @@ from scipy.signal import lombscargle
 
 from edl_filter.diagnosis.linear_model.linear_model import LinearizedModel
 from edl_filter.diagnosis.prediction.dead_reckoning import NODES_PER_BIN
-from edl_filter.diagnosis.residual_analysis.residual_map import AXES, LEAST_ROWS, normalised_innovations
+from edl_filter.diagnosis.residual_analysis.residual_map import LEAST_ROWS, normalised_innovations
 from edl_filter.mission.decision_settings import DecisionSettings
-from edl_filter.types import Array, BoolArray, IntArray
+from edl_filter.types import AXES, Array, BoolArray, IntArray
 
 #: Number of frequencies of a spectrum that are computed together.
 _FREQUENCIES = 64

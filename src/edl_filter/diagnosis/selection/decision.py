@@ -53,9 +53,9 @@ from edl_filter.diagnosis.selection.ranking import Ranking
 from edl_filter.diagnosis.selection.screening import correlation
 from edl_filter.effects.base import EffectInstance
 from edl_filter.mission.decision_settings import DecisionSettings
+from edl_filter.results.verdicts import CLEAN, MISSING, UNDECIDED, UNKNOWN
 from edl_filter.types import Array
 
-CLEAN, MISSING, UNDECIDED, UNKNOWN = "clean", "missing", "undecided", "unknown"
 #: Number of hypotheses that the sentence of an undecided verdict names.
 _CONTENDERS = 3
 #: Least share that a name explains, for a finite logarithm: with the default shape its odds are exp(-60).

@@ -25,8 +25,6 @@ from edl_filter.report.text import (
 )  # fmt: skip
 from edl_filter.results.schema import DiagnosisContent
 
-#: Normalised RMS up to which a channel is at its noise.
-_NOISE = 1.1
 #: Largest number of failing cells that are printed.
 _ROWS = 8
 
@@ -136,7 +134,8 @@ def print_comparison(comparison: Mapping[str, Any]) -> None:
     )
     for channel, fall in comparison["fall_percent"].items():
         values = [r["residuals"].get(channel) for r in results]
-        at_noise = all(v is not None and v < _NOISE for v in (values[0], values[-1]))  # the fall is not significant
+        limits = [(values[k], results[k]["minimum_rms"]) for k in (0, -1)]
+        at_noise = all(v is not None and v < limit for v, limit in limits)  # the fall is not significant
         errors.add_row(words(channel), *map(number, values), "–" if fall is None or at_noise else f"{fall:.1f} %")
     nis = empty_table(
         "Innovations of the filter, by constraint: NIS per degree of freedom", ("constraint",), tuple(names)

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from shlex import quote
-from typing import Literal
 
 from edl_filter.mission.decision_settings import DecisionSettings
 from edl_filter.results.schema.fields import Content, Number, NumberVector, key, optional
+from edl_filter.results.verdicts import VerdictName
 
 
 class Estimate(Content):
@@ -184,7 +184,7 @@ class NuisanceContent(Content):
 class DiagnosisContent(Content):
     """``diagnosis.json``: where a model fails, which effect is missing, and what remains unexplained."""
 
-    verdict: Literal["clean", "missing", "undecided", "unknown"] = key("verdict")
+    verdict: VerdictName = key("verdict")
     sentence: str = key("the verdict as text")
     state: tuple[str, ...] = key(
         "the state of the flight, one sentence each: how much fails, the verdict, what the leading effect reduces, why "

@@ -1,4 +1,4 @@
-"""Both renderers draw the same data from one description."""
+"""The page draws the same data as matplotlib, from one description."""
 
 import base64
 
@@ -24,7 +24,7 @@ from edl_filter.report.description import (
     Text,
 )  # fmt: skip
 from edl_filter.report.figures import FIGURES, available
-from edl_filter.report.matplotlib_renderer import draw, power_label
+from edl_filter.report.matplotlib_renderer import draw
 from edl_filter.report.plotly_renderer import plotly_figure
 from edl_filter.results import Result
 from edl_filter.results.groups import Group, Variable
@@ -158,7 +158,3 @@ def test_panels_of_a_column_share_the_time_axis():
     assert domains[0][0] > domains[1][1]
     upper, lower = draw(figure).axes
     assert (upper.get_xlabel(), lower.get_xlabel()) == ("", "t (s)")
-
-
-def test_labels_of_powers():
-    assert [power_label(v) for v in (1e-3, 1.0, 1e5)] == ["0.001", "1", "100 000"]

@@ -1,27 +1,23 @@
-"""The field of a database's discrepancy in the state-space model against a dense Gaussian process.
+"""The field of a database's discrepancy over a short stretch of a flight as a dense Gaussian process.
 
-The twin knows nothing of transitions of the field: the covariance of its values and derivatives is the Matérn
-correlation of the distances along the flow and its derivatives, mode by mode; the covariance of all other states is
-propagated step by step. Both are added up for all pairs of rows of a short stretch.
+It is the twin of the field in the state-space model, for `jacobians/test_coefficient_errors`, and knows nothing of
+transitions of the field: the covariance of its values and derivatives is the Matérn correlation of the distances along
+the flow and its derivatives, mode by mode; the covariance of all other states is propagated step by step. Both are
+added up for all pairs of rows of a short stretch.
 """
 
 from dataclasses import dataclass, replace
 
 import numpy as np
-import pytest
 
-from edl_filter import Mission
 from edl_filter.aero.discrepancy import FIELD_COEFFICIENTS
 from edl_filter.diagnosis.jacobians.nuisance import FIELD_STATES
-from edl_filter.diagnosis.linear_model.flight_case import load_case
-from edl_filter.diagnosis.linear_model.linearization import linearize_at
-from edl_filter.diagnosis.linear_model.linearization_point import smoothed_point
 from edl_filter.diagnosis.prediction.dead_reckoning import NODES_PER_BIN
-from edl_filter.estimation.kalman import LinearStateSpace, whitening_filter
-from edl_filter.estimation.smoothing import smoothed_states
+from edl_filter.estimation.kalman import LinearStateSpace
 from edl_filter.types import Array
 
-BINS = 60
+#: Number of bins of a stretch.
+STRETCH = 60
 RATE = np.sqrt(3.0)
 
 
@@ -41,17 +37,6 @@ class Stretch:
     model: LinearStateSpace
     residuals: Array
     bins: Array
-
-
-@pytest.fixture(scope="module")
-def model():
-    """The shipped flight, a simulated one, with a database that has its own sigmas and an uncertain centre of mass."""
-    changes = (
-        "aerodynamics.coefficient_sigma=1.0", "atmosphere.density_sigma=0.1", "atmosphere.wind_sigma=10.0",
-        "vehicle.mass_sigma=4.0", "vehicle.centre_of_mass_sigma=[0.001, 0.001, 0.001]",
-    )  # fmt: skip
-    case = load_case(Mission.load("builtin:practice_mer", changes))
-    return linearize_at(case, smoothed_point(case.reconstruction))
 
 
 def distance_along_flow(model):
@@ -79,16 +64,16 @@ def bin_of_regime_change(model):
 def first_bin(model, where):
     """First bin of a stretch about the change of the regime, or where the dynamic pressure is largest."""
     if where == "regime change":
-        return bin_of_regime_change(model) - BINS // 2
-    return int(np.argmax(model.residuals.flow.dynamic_pressure)) // NODES_PER_BIN - BINS // 2
+        return bin_of_regime_change(model) - STRETCH // 2
+    return int(np.argmax(model.residuals.flow.dynamic_pressure)) // NODES_PER_BIN - STRETCH // 2
 
 
 def stretch_of(model, first):
-    """The rows and steps of `BINS` bins from a bin on; the stationary prior is that of the flight's beginning."""
+    """The rows and steps of `STRETCH` bins from a bin on; the stationary prior is that of the flight's beginning."""
     s = model.state_space
     used, steps = model.index.step_of_bins(s.row_start)
-    chosen = (used >= first) & (used < first + BINS)
-    assert np.count_nonzero(chosen) == BINS
+    chosen = (used >= first) & (used < first + STRETCH)
+    assert np.count_nonzero(chosen) == STRETCH
     a, b = steps[chosen][0], steps[chosen][-1] + 1
     assert np.array_equal(np.arange(a, b), steps[chosen])  # no step of a constraint between them
     rows = slice(s.row_start[a], s.row_start[b])
@@ -178,14 +163,8 @@ def row_noise_of(stretch):
     return out
 
 
-@pytest.fixture(scope="module", params=["regime change", "largest dynamic pressure"])
-def stretch(request, model):
-    return stretch_of(model, first_bin(model, request.param))
-
-
-@pytest.fixture(scope="module")
-def dense(model, stretch):
-    """Covariance of all rows, and of the amplitudes with them."""
+def dense_covariances(model, stretch):
+    """Covariances of the rows by all sources and by the field ``(R, R)``, of its amplitudes with them ``(S, J, R)``."""
     fields = model.nuisance.fields
     places = [i for f in fields.values() for i in range(f.start, f.start + FIELD_STATES * (f.stop - f.start))]
     remaining_states = np.setdiff1d(np.arange(stretch.model.size), places)
@@ -195,11 +174,6 @@ def dense(model, stretch):
         by_field,
         of_amplitudes,
     )
-
-
-def white_of(stretch):
-    whiten = whitening_filter(stretch.model)
-    return whiten, whiten(stretch.residuals[:, None], np.zeros((stretch.model.size, 1)))[:, 0]
 
 
 def scaled_cholesky(covariance):
@@ -220,38 +194,3 @@ def refined_solution(covariance, residuals):
         defect = (right - matrix @ solution).astype(float)
         solution = solution + np.linalg.solve(lower.T, np.linalg.solve(lower, defect))
     return solution.astype(float) / scale
-
-
-def test_the_stretches_have_what_they_are_to_test(model, stretch, dense):
-    """The field matters in them; one contains both regimes, whose errors are independent."""
-    assert len(stretch.residuals) > 8 * BINS and model.jacobian.columns["field_cm"].stop > 30
-    covariance, by_field, _ = dense
-    forces = [stretch.model.row_start[k] + c for k in range(BINS) for c in range(3)]
-    assert np.max(np.sqrt(np.diag(by_field)[forces] / np.diag(row_noise_of(stretch))[forces])) > 10.0
-    change = bin_of_regime_change(model)
-    if change in stretch.bins:
-        k = int(np.flatnonzero(stretch.bins == change)[0])
-        before, after = (slice(0, stretch.model.row_start[k - 1]), slice(stretch.model.row_start[k + 1], None))
-        assert np.abs(by_field[before, after]).max() < 1e-60 < np.abs(covariance[before, after]).max()
-
-
-def test_the_log_likelihood_is_that_of_the_dense_gaussian_process(stretch, dense):
-    whiten, white = white_of(stretch)
-    scale, lower = scaled_cholesky(dense[0])
-    standardised = np.linalg.solve(lower, stretch.residuals / scale)
-    log_determinant = 2.0 * np.sum(np.log(scale)) + 2.0 * np.sum(np.log(np.diag(lower)))
-    assert whiten.log_determinant == pytest.approx(log_determinant, rel=1e-8)
-    expected = -0.5 * standardised @ standardised - 0.5 * log_determinant
-    assert whiten.log_likelihood(white) == pytest.approx(expected, rel=1e-8)
-
-
-def test_the_posterior_of_the_field_is_that_of_the_dense_gaussian_process(model, stretch, dense):
-    """Of every amplitude at every bin's end, relative to the largest of them."""
-    whiten, white = white_of(stretch)
-    _, states = smoothed_states(whiten, white, np.zeros(stretch.model.size))
-    actual = np.concatenate([states[:, f] for f in model.nuisance.fields.values()], axis=1)
-    covariance, _, of_amplitudes = dense
-    weighted = refined_solution(covariance, stretch.residuals)
-    expected = np.einsum("sjr,r->sj", of_amplitudes, weighted)
-    assert np.abs(expected).max() > 0.1
-    np.testing.assert_allclose(actual, expected, rtol=0.0, atol=1e-8 * np.abs(expected).max())

@@ -11,7 +11,6 @@ from edl_filter.aero.uncertainty import ThreeSigma
 from edl_filter.planet import Planet
 from edl_filter.planet.gas import Gas
 from edl_filter.postflight.density import AxialForce, extract_atmosphere
-from edl_filter.postflight.flight import postflight_inputs
 
 MARS = Planet("mars", 4.282837e13, 1.96e-3, 3396190.0, 3396190.0, 5.886e-3, 7.088218e-5, 0.0)
 GAS, T, D, MASS = Gas(), 180.0, 2.65, 830.0
@@ -56,21 +55,3 @@ def test_an_isothermal_atmosphere_in_equilibrium_comes_back_with_its_temperature
     )  # fmt: skip
     np.testing.assert_allclose(profile.temperature, T, rtol=1e-4)
     np.testing.assert_allclose(profile.pressure, density * GAS.constant * T, rtol=1e-4)
-
-
-def test_the_inputs_of_a_flight_have_the_apparent_gravity(practice_06):
-    """Weight of air that rotates with the planet: near the equator 0.4 % below the attraction."""
-    from edl_filter.postflight.airdata import air_data
-
-    air = air_data(practice_06.trajectory, practice_06.planet, practice_06.atmosphere, practice_06.effects)
-    inputs, planet = postflight_inputs(practice_06, air), practice_06.planet
-    trajectory = practice_06.trajectory
-    middle = 0.5 * (trajectory.position[1:] + trajectory.position[:-1])
-    attraction = np.linalg.norm(planet.gravity(middle), axis=1)
-    radius = np.hypot(middle[:, 0], middle[:, 1])
-    latitude = np.arctan2(middle[:, 2], radius)
-    np.testing.assert_allclose(
-        inputs.gravity, attraction - planet.rotation_rate**2 * radius * np.cos(latitude), rtol=3e-5
-    )
-    # and the potential is that gravity's, along the vertical and along the path
-    np.testing.assert_allclose(np.diff(inputs.geopotential), np.diff(planet.geopotential(middle)), rtol=1e-3, atol=1.0)

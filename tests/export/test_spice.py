@@ -1,6 +1,5 @@
-"""Exported files, read back."""
+"""SPK and CK kernels, read back by SPICE."""
 
-import csv
 import sys
 
 import numpy as np
@@ -11,43 +10,6 @@ from edl_filter import rotations
 from edl_filter.errors import InputError
 from edl_filter.export import export
 from edl_filter.export.spice import ephemeris_time
-from edl_filter.results import Result
-from edl_filter.workflow.run import write_outputs
-
-
-@pytest.fixture(scope="module")
-def result(spirit, tmp_path_factory):
-    return write_outputs(Result(spirit), tmp_path_factory.mktemp("spirit"), figures=False)["result"]
-
-
-@pytest.fixture(scope="module")
-def practice_result(practice_06, tmp_path_factory):
-    return write_outputs(Result(practice_06), tmp_path_factory.mktemp("practice"), figures=False)["result"]
-
-
-def test_csv_has_the_trajectory_with_units(result, spirit):
-    (path,) = export(result, "csv")
-    assert path == result.parent / "trajectory.csv"
-    with path.open(encoding="ascii") as file:
-        rows = list(csv.DictReader(file))
-    t = spirit.trajectory
-    assert len(rows) == len(t.time)
-    for name in ("time [s]", "sclk [s]", "utc", "altitude [m]", "alpha_total [deg]", "density [kg/m^3]"):
-        assert name in rows[0]
-    k = len(rows) // 2
-    assert float(rows[k]["time [s]"]) == pytest.approx(t.time[k], abs=1e-6)
-    assert float(rows[k]["sclk [s]"]) == pytest.approx(126462085.4 + t.time[k], abs=1e-6)
-    assert float(rows[k]["position_y [m]"]) == pytest.approx(t.position[k, 1], abs=1e-4)
-    assert float(rows[k]["angular_rate_x [deg/s]"]) == pytest.approx(np.rad2deg(t.angular_rate[k, 0]))
-    since_epoch = np.datetime64(rows[k]["utc"]) - np.datetime64(spirit.telemetry.epoch_utc)
-    assert since_epoch / np.timedelta64(1, "us") * 1e-6 == pytest.approx(t.time[k], abs=1e-6)
-    assert all(None not in row and None not in row.values() for row in rows)
-
-
-def test_csv_of_a_flight_without_a_clock_has_utc(practice_result, tmp_path):
-    (path,) = export(practice_result.parent, "csv", tmp_path / "t.csv")
-    header = path.read_text().splitlines()[0]
-    assert "utc" in header and "sclk" not in header
 
 
 def test_leap_seconds_and_the_periodic_term():
@@ -116,8 +78,3 @@ def test_missing_spiceypy_raises(practice_result, tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "spiceypy", None)
     with pytest.raises(InputError, match=r"pip install 'edl-filter\[spice\]'"):
         export(practice_result, "ck", tmp_path / "a.bc")
-
-
-def test_unknown_format_raises(practice_result):
-    with pytest.raises(InputError, match="'xls'; accepted are csv, spk, ck"):
-        export(practice_result, "xls")

@@ -1,0 +1,91 @@
+"""Causes of a flight whose record or measurements contradict it: which one is named first."""
+
+import warnings
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from faulty_telemetry import SWAP_XY, SWAP_XZ, turned, with_altimeter
+
+from edl_filter import rotations
+from edl_filter.pipeline.causes import exchange_text, rank_causes, sign_text
+
+
+@pytest.mark.parametrize(
+    ("matrix", "quantity", "kind"),
+    [
+        (SWAP_XY, "specific_force", "axes"),
+        pytest.param(SWAP_XZ, "angular_rate", "axes", marks=pytest.mark.slow),
+        pytest.param(np.diag([1.0, 1.0, -1.0]), "specific_force", "sign", marks=pytest.mark.slow),
+        (-np.eye(3), "angular_rate", "sign"),
+        pytest.param(np.eye(3) / 0.3048, "specific_force", "units", marks=pytest.mark.slow),
+        (np.eye(3) * np.pi / 180.0, "angular_rate", "units"),
+    ],
+)
+def test_the_cause_is_named(inputs, matrix, quantity, kind):
+    mission, telemetry, planet, atmosphere = inputs
+    causes = rank_causes(mission, turned(telemetry, matrix, quantity), planet, atmosphere, ())
+    assert causes[0].kind == kind and causes[0].consistent
+    assert causes[0].gain > 100.0
+
+
+@pytest.mark.parametrize(
+    ("repair", "text"),
+    [
+        pytest.param(
+            lambda t: with_altimeter(t, t.altimeter.height * (1.0 / 0.3048 - 1.0)),
+            "the altimeter is in ft",
+            marks=pytest.mark.slow,
+        ),
+        pytest.param(
+            lambda t: replace(t, altimeter=replace(t.altimeter, time=t.altimeter.time + 3.3)),
+            "altimeter are about 3.0",
+            marks=pytest.mark.slow,
+        ),
+        (lambda t: replace(t, landing=replace(t.landing, position=t.landing.position + 5e4)), "measurement 'landing'"),
+    ],
+    ids=["feet", "clock", "site"],
+)
+def test_a_wrong_measurement_is_named(inputs, repair, text):
+    mission, telemetry, planet, atmosphere = inputs
+    causes = rank_causes(mission, repair(telemetry), planet, atmosphere, ())
+    assert text in causes[0].sentence and causes[0].consistent
+
+
+@pytest.mark.parametrize(
+    ("convention", "text"),
+    [
+        (lambda q: np.roll(q, 1), "its quaternion has its scalar part first"),
+        (rotations.conjugate, "its quaternion turns from inertial axes to those of the body"),
+    ],
+    ids=["scalar first", "conjugated"],
+)
+def test_another_convention_of_the_quaternion_at_entry_is_named(inputs, convention, text):
+    mission, telemetry, planet, atmosphere = inputs
+    attitude = convention(telemetry.initial.inertial_from_body)
+    faulty = replace(telemetry, initial=replace(telemetry.initial, inertial_from_body=attitude))
+    causes = rank_causes(mission, faulty, planet, atmosphere, ())
+    assert causes[0].kind == "entry_state" and text in causes[0].sentence and causes[0].consistent
+
+
+def test_a_record_whose_repair_overflows_is_refused(inputs):
+    mission, telemetry, planet, atmosphere = inputs
+
+    def in_degrees(record):
+        return replace(record, angular_rate=np.degrees(record.angular_rate))
+
+    both = replace(
+        telemetry, driving=in_degrees(telemetry.driving), checking=(in_degrees(telemetry.checking[0]),)
+    )  # the rates agree
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", RuntimeWarning)
+        causes = rank_causes(mission, both, planet, atmosphere, ())
+    assert causes[0].kind == "units" and "deg/s" in causes[0].sentence
+
+
+def test_axes_that_are_exchanged_or_have_a_wrong_sign_in_words():
+    orders = {(0, 1, 2): "", (1, 0, 2): "x and y exchanged", (2, 1, 0): "x and z exchanged"}
+    assert {order: exchange_text(order) for order in orders} == orders
+    assert exchange_text((1, 2, 0)) == exchange_text((2, 0, 1)) == "x, y and z in another order"
+    signs = {(1, 1, 1): "", (1, -1, 1): "sign of y", (-1, 1, -1): "sign of x and z", (-1, -1, -1): "sign of all axes"}
+    assert {s: sign_text(s) for s in signs} == signs

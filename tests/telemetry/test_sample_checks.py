@@ -1,0 +1,38 @@
+"""Samples of zeros: readings where the step explains them, lost where the readings are many steps."""
+
+import numpy as np
+import pytest
+
+from edl_filter.telemetry.sample_checks import CheckSettings, interpolation_error, lost_readings
+
+
+def _quantised_flight(seed=0, count=4000, step=0.05):
+    """Readings that grow from far below one step to many: most rows of the first part are zero in all channels."""
+    rng = np.random.default_rng(seed)
+    size = step * np.concatenate((np.full(count // 2, 0.3), np.geomspace(0.3, 30.0, count - count // 2)))
+    return step * np.round(size[:, None] * rng.standard_normal((count, 6)) / step)
+
+
+def test_zeros_that_the_step_explains_are_readings():
+    readings = _quantised_flight()
+    assert 0.2 < np.mean(np.all(readings == 0.0, axis=1)) < 0.9
+    _, findings = lost_readings(0.01 * np.arange(1, 4001), readings, 0.01, "a", (1e3, 10.0), CheckSettings())
+    assert findings == []
+
+
+@pytest.mark.parametrize("row, count", [(3900, 1), (3850, 40)])
+def test_packets_of_zeros_where_the_readings_are_many_steps_are_lost(row, count):
+    readings = _quantised_flight()
+    readings[row : row + count] = 0.0
+    out, (finding,) = lost_readings(0.01 * np.arange(1, 4001), readings, 0.01, "a", (1e3, 10.0), CheckSettings())
+    assert (finding.kind, finding.samples) == ("all_zero", count)
+    assert np.isnan(out[row : row + count]).all()
+    assert np.isfinite(np.delete(out, slice(row, row + count), axis=0)).all()
+
+
+def test_a_sample_is_interpolated_as_the_cubic_through_its_four_neighbours():
+    x = np.arange(9.0)
+    values = np.stack((x**3 - 2.0 * x, np.where(x == 4.0, 6.0, 1.0), x**2), axis=1)
+    error = interpolation_error(values)
+    np.testing.assert_allclose(error[:, [0, 2]], 0.0, atol=1e-12)
+    np.testing.assert_allclose(error[2:-2, 1], [5.0 / 6.0, -20.0 / 6.0, 5.0, -20.0 / 6.0, 5.0 / 6.0])
