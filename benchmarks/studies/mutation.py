@@ -70,7 +70,11 @@ TESTS = {
     "navigation/increments.py": ("navigation/test_increments.py",),
     "navigation/iterated.py": ("navigation/test_iterated.py",),
     "navigation/leave_one_out.py": ("navigation/test_leave_one_out.py",),
-    "navigation/ekf.py": ("navigation/test_ekf.py",),
+    "navigation/ekf.py": (
+        "navigation/test_ekf.py",
+        "navigation/test_error_dynamics.py",
+        "navigation/test_estimator.py",
+    ),
     "navigation/smoother.py": ("navigation/test_smoother.py",),
     "navigation/ukf.py": ("navigation/test_ukf.py",),
     "navigation/filter.py": ("navigation/test_filter.py",),
