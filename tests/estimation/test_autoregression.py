@@ -133,6 +133,31 @@ def test_values_and_covariance_are_those_of_the_dense_conditional_gaussian(seed,
     np.testing.assert_allclose(fill.covariance, covariance, atol=1e-5 * np.abs(covariance).max())
 
 
+def test_an_extrapolated_random_walk_has_at_most_the_variance_of_a_uniform_value():
+    """Nothing is known before the first value: three times the range of the series is credible, and no more."""
+    series = np.cumsum(np.random.default_rng(13).standard_normal(160))
+    fill = interpolate(series, np.ones(160, bool), 0, 50)
+    values, covariance, order = dense_interpolation(series, np.ones(160, bool), 0, 50)
+    assert fill.order == order
+    credible = 3.0 * np.ptp(series[50:])
+    assert np.diag(fill.covariance).max() == pytest.approx(credible**2 / 12.0, rel=1e-9)
+    np.testing.assert_allclose(np.diag(fill.covariance), np.diag(covariance), rtol=0.01)
+    np.testing.assert_allclose(fill.values, values, atol=0.01 * np.std(series))
+
+
+def test_without_a_stretch_for_the_cross_validation_the_order_is_the_lowest():
+    """No known stretch is as long as the missing one: of the scores, which nothing supports, none is better."""
+    series = oscillation(np.random.default_rng(14), 60, 0.05)
+    fill = interpolate(series, np.ones(60, bool), 20, 45)
+    assert fill.order == ORDERS[0]
+    assert fill.scale == 1.0
+    centre, size = np.mean(np.delete(series, np.s_[20:45])), np.std(np.delete(series, np.s_[20:45]))
+    known = np.ones(60, bool)
+    known[20:45] = False
+    expected, _ = conditional_gaussian((series - centre) / size, known, 20, 45, ORDERS[0])
+    np.testing.assert_allclose(fill.values, centre + size * expected, atol=1e-4 * size)
+
+
 @pytest.mark.parametrize("length", [1, 8, 40])
 def test_a_noise_free_oscillation_is_continued_through_a_gap(length):
     t = np.arange(240)

@@ -8,6 +8,7 @@ from twins import ALL, short_descent
 from edl_filter.navigation.compiled_ukf import CompiledUKF
 from edl_filter.navigation.constraints import RestVelocity
 from edl_filter.navigation.ekf import ErrorStateEKF
+from edl_filter.navigation.estimator import Innovation
 from edl_filter.navigation.filter import Settings
 from edl_filter.navigation.initial import initial_estimate
 from edl_filter.navigation.layout import Layout, State
@@ -73,3 +74,14 @@ def test_the_jacobian_of_a_linear_measurement_is_exact(filter_class):
         innovation = estimator.innovation(constraint)
         np.testing.assert_allclose(estimator.jacobian(innovation), expected, rtol=1e-6, atol=1e-8)
         estimator.update(constraint, innovation)
+
+
+def test_the_normalised_innovation_squared_is_over_the_sum_of_both_covariances():
+    """In axes in which both are diagonal, it is the sum of the squares over the sums of the variances."""
+    rng = np.random.default_rng(3)
+    axes, _ = np.linalg.qr(rng.standard_normal((3, 3)))
+    predicted, noise, residual = np.array([1.0, 4.0, 9.0]), np.array([3.0, 0.5, 2.0]), np.array([2.0, -1.0, 5.0])
+    innovation = Innovation.of(
+        axes @ residual, axes @ np.diag(predicted) @ axes.T, axes @ np.diag(noise) @ axes.T, np.zeros((7, 3))
+    )
+    assert innovation.nis == pytest.approx(np.sum(residual**2 / (predicted + noise)), rel=1e-12)

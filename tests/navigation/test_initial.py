@@ -93,6 +93,37 @@ def test_an_error_without_sigma_is_no_state(entry, names):
     assert list(entry.states) == names
 
 
+ONBOARD = {"onboard_attitude": rotations.normalise([0.0, 0.1, 0.2, 0.9]), "onboard_sigma": 2e-3}
+
+
+@pytest.mark.parametrize(
+    ("sigmas", "names"),
+    [
+        ({"onboard_rate_sigma": 3e-5}, ["onboard_rate", "onboard_attitude"]),
+        ({"onboard_mounting_sigma": 4e-4}, ["onboard_mounting", "onboard_attitude"]),
+        (
+            {"onboard_rate_sigma": 3e-5, "onboard_mounting_sigma": 4e-4},
+            ["onboard_rate", "onboard_mounting", "onboard_attitude"],
+        ),
+    ],
+)
+def test_errors_behind_an_onboard_attitude_are_independent_states_of_three_axes(sigmas, names):
+    entry = EntryErrors(**ONBOARD, **sigmas)
+    assert entry.states == dict.fromkeys(names, 3)
+    layout = Layout.of((FIRST,), entry.states)
+    _, covariance = entry_state.initial_estimate(layout, stated(), entry, FIRST, MARS)
+    assert layout.size == 15 + 3 * len(names)
+    expected = {"onboard_attitude": 2e-3} | {n.removesuffix("_sigma"): v for n, v in sigmas.items()}
+    for name in names:
+        rest = np.delete(np.arange(layout.size), np.arange(layout.size)[layout[name]])
+        np.testing.assert_allclose(covariance[layout[name], layout[name]], expected[name] ** 2 * np.eye(3), rtol=1e-12)
+        assert not covariance[layout[name], rest].any()
+
+
+def test_without_an_onboard_attitude_its_errors_are_no_states():
+    assert EntryErrors(onboard_rate_sigma=3e-5, onboard_mounting_sigma=4e-4).states == {}
+
+
 def test_prior_of_an_instrument_that_lacks_a_state():
     """The other instrument's state stays, with a negligible variance, and the covariance is positive definite."""
     layout = Layout.of((FIRST, SECOND), {})

@@ -7,10 +7,12 @@ import pytest
 import twins
 
 from edl_filter.mission import Mission
+from edl_filter.navigation import iterated
 from edl_filter.navigation.filter import Settings, run_filter
 from edl_filter.navigation.iterated import iterate, linearized_pass, run_without
 from edl_filter.navigation.leave_one_out import check_constraints
 from edl_filter.navigation.recovery import run_with_recovery
+from edl_filter.navigation.screening import Divergence
 from edl_filter.navigation.smoother import smooth
 from edl_filter.pipeline.load import read_atmosphere, read_telemetry
 from edl_filter.pipeline.reconstruct import assemble, lost_stretches
@@ -101,3 +103,117 @@ def test_where_the_first_pass_is_linear_it_is_kept(flight):
     problem = assemble(mission, telemetry, planet, atmosphere)
     first = run_filter(problem)
     assert iterate(problem, first) is first
+
+
+# --- decisions in a pass: on a linear problem, linearised about the filter's estimates, it repeats the filter ---------
+
+
+def linear_pass(offset=0.0, gate=0.999, **settings):
+    """A linear problem whose last landing site is `offset` (m) off, its first pass, and the place of this site in it.
+
+    All other constraints are what the filter predicts for them; the velocity at rest has a sigma of 30 m/s.
+    """
+    problem = twins.linear(1, Settings(longest_interval=1.5, gate_probability=gate, **settings)).problem
+    constraints = list(problem.constraints)
+    for k in range(len(constraints)):
+        use = next(f for f in run_filter(problem).fused if f.constraint is constraints[k])
+        predicted = constraints[k].measured - use.innovation.residual
+        if constraints[k].name == "landing":
+            constraints[k] = replace(constraints[k], position=predicted)
+        elif constraints[k].name == "pre_entry_zero_force":
+            constraints[k] = replace(constraints[k], mean_force=predicted)
+        else:
+            constraints[k] = replace(constraints[k], sigma=30.0)
+        problem = replace(problem, constraints=tuple(constraints))
+    last = max(i for i, c in enumerate(constraints) if c.name == "landing")
+    moved = constraints[last].position + np.array([offset, 0.0, 0.0])
+    constraints[last] = replace(constraints[last], position=moved)
+    problem = replace(problem, constraints=tuple(constraints))
+    first = run_filter(problem)
+    return problem, first, next(i for i, f in enumerate(first.fused) if f.constraint is constraints[last])
+
+
+def with_decision(first, place, accepted, nis):
+    """The pass with another decision on a constraint, at some normalised innovation squared."""
+    use = first.fused[place]
+    changed = replace(use, accepted=accepted, weight=1.0, innovation=replace(use.innovation, nis=nis))
+    return replace(first, fused=[*first.fused[:place], changed, *first.fused[place + 1 :]])
+
+
+def repeated(problem, first):
+    return linearized_pass(problem, first, [n.state for n in first.nodes])
+
+
+def assert_same_states(actual, expected):
+    """Position, velocity and bias; the attitude is known to 1e-11 rad, which is its rounding."""
+    for a, b in zip(actual.nodes, expected.nodes, strict=True):
+        sigma = np.sqrt(np.diag(twins.linear_block(b.covariance)))
+        moves = twins.linear_vector(a.state) - twins.linear_vector(b.state)
+        assert np.max(np.abs(moves) / sigma) < 1e-6
+        change = twins.linear_block(a.covariance - b.covariance)
+        assert np.max(np.abs(change) / np.outer(sigma, sigma)) < 1e-6
+
+
+@pytest.mark.parametrize("robust", ["none", "huber", "student_t"])
+def test_a_pass_repeats_the_filters_decisions_weights_and_states(robust):
+    problem, first, _ = linear_pass(60.0, gate=1.0 - 1e-12, robust=robust)
+    assert all(f.accepted for f in first.fused)
+    again = repeated(problem, first)
+    assert [f.accepted for f in again.fused] == [f.accepted for f in first.fused]
+    np.testing.assert_allclose([f.weight for f in again.fused], [f.weight for f in first.fused], rtol=1e-6)
+    nis, expected = ([f.innovation.nis for f in p.fused] for p in (again, first))
+    np.testing.assert_allclose(nis, expected, rtol=1e-6, atol=1e-9)
+    assert again.converged and again.references is not None
+    assert_same_states(again, first)
+    # the prediction is much less certain than the site: the residual that remains is within Huber's limit
+    assert (min(f.weight for f in first.fused) < 0.9) == (robust == "student_t")
+
+
+def test_the_gate_is_applied_again_to_what_it_rejected():
+    """Rejected at a large innovation, because the path was far off then, and accepted about a path that is not."""
+    problem, first, place = linear_pass()
+    again = repeated(problem, with_decision(first, place, accepted=False, nis=1e4))
+    assert again.fused[place].accepted
+    assert_same_states(again, first)
+
+
+def test_a_reading_that_was_screened_stays_rejected():
+    """Its own innovation had passed the gate: it contradicted the other readings of its instrument."""
+    problem, first, place = linear_pass()
+    assert first.fused[place].innovation.nis < 16.0  # the gate for three components
+    again = repeated(problem, with_decision(first, place, accepted=False, nis=first.fused[place].innovation.nis))
+    use = again.fused[place]
+    assert not use.accepted and use.weight == 1.0
+    reduced = replace(problem, constraints=tuple(c for c in problem.constraints if c is not use.constraint))
+    last = run_filter(reduced).nodes[-1]
+    sigma = np.sqrt(np.diag(last.covariance))
+    assert np.max(np.abs(again.nodes[-1].state.minus(last.state)) / sigma) < 1e-4
+
+
+def test_a_reading_beyond_the_gate_is_rejected_and_changes_nothing():
+    problem, first, place = linear_pass(offset=200.0)
+    assert not first.fused[place].accepted
+    again = repeated(problem, with_decision(first, place, accepted=True, nis=0.0))
+    assert not again.fused[place].accepted and again.fused[place].weight == 1.0
+    assert_same_states(again, first)
+
+
+def test_a_divergence_ends_where_the_readings_of_its_instruments_agree_again():
+    """Of these alone: others may contradict the path."""
+    for offset, names, remains in ((0.0, ("landing",), False), (200.0, ("landing",), True),
+                                   (200.0, ("rest_velocity",), False)):  # fmt: skip
+        problem, first, _ = linear_pass(offset=offset)
+        divergence = Divergence(time=4.0, names=names, readings=3, nis=1e4, free_nis=1.0, directions=6)
+        again = repeated(problem, replace(first, divergence=divergence))
+        assert again.divergence is (divergence if remains else None)
+
+
+def test_a_path_that_still_moves_after_the_last_pass_has_not_converged(flight, monkeypatch):
+    problem, _ = with_gap(flight, 110.0, 120.0)
+    first = run_filter(problem)
+    monkeypatch.setattr(iterated, "PASSES", 1)
+    last = iterate(problem, first)
+    assert last is not first and not last.converged
+    assert len(last.references) == len(last.nodes)
+    monkeypatch.undo()
+    assert iterate(problem, last).converged

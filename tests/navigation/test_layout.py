@@ -60,6 +60,14 @@ def test_the_onboard_attitude_comes_last():
     assert layout.size == 28
 
 
+def test_the_sensor_slice_covers_all_sensor_states_and_no_other():
+    layout = full_layout()
+    sensor = [n for n in lay.SENSOR_STATES if n in layout]
+    assert len(sensor) == 5
+    assert layout.sensor == slice(9, layout[sensor[-1]].stop)
+    assert layout.sensor.stop == min(s.start for n, s in layout.slices.items() if n not in sensor and s.start >= 9)
+
+
 def test_without_sensor_errors_the_sensor_slice_is_empty():
     layout = Layout.of((SensorErrors(),), {})
     assert layout.size == 9

@@ -5,13 +5,20 @@ from functools import partialmethod
 import numpy as np
 import pytest
 from left_out import left_out_sigmas
+from scipy import stats
 
 from edl_filter.imu_model.sensor_errors import SensorErrors
 from edl_filter.navigation.constraints import Altimeter, LandingSite
 from edl_filter.navigation.filter import Settings, build_problem, run_filter, run_filter_without
 from edl_filter.navigation.increments import Samples
 from edl_filter.navigation.initial import EntryErrors
-from edl_filter.navigation.leave_one_out import check_constraints, remove_measurement
+from edl_filter.navigation.leave_one_out import (
+    LEAST_EXPLAINED,
+    check_constraints,
+    check_entry_state,
+    information_of_prior,
+    remove_measurement,
+)
 from edl_filter.navigation.smoother import smooth
 from edl_filter.planet import Planet
 from edl_filter.telemetry.record import InitialState
@@ -101,6 +108,27 @@ def test_many_epochs_are_summarised_by_their_mean():
     assert low < 8.0 < high
 
 
+def test_the_variance_of_a_mean_is_that_of_the_prediction_and_a_share_of_the_noise():
+    """Predictions of one constant are fully correlated; the noise of eight readings is not."""
+    p = problem(*(height(t, 20.0, sigma=90.0) for t in np.arange(5.0, 45.0, 5.0)), site(44.0, np.zeros(3), 20.0))
+    filter_pass = run_filter(p)
+    s = next(c for c in check_constraints(p, filter_pass) if c.name == "altimeter")
+    others = smooth(run_filter_without(p, filter_pass, "altimeter"))
+    sigma = [np.sqrt(c[0, 0]) for t, c in zip(others.time, others.covariance, strict=True) if t in s.time]
+    assert len(sigma) == 8
+    assert s.left_out_sigma[0] ** 2 == pytest.approx(np.mean(sigma) ** 2 + 90.0**2 / 8, rel=1e-4)
+    assert s.left_out_nis == pytest.approx(s.left_out[0] ** 2 / s.left_out_sigma[0] ** 2)
+
+
+def test_intervals_have_equal_tails():
+    p = problem(*(height(t, 20.0) for t in np.arange(5.0, 45.0, 5.0)))
+    s = check_constraints(p, run_filter(p))[0]
+    for probability in (0.5, 0.99):
+        tails = [0.5 * (1.0 - probability), 0.5 * (1.0 + probability)]
+        assert s.nis_interval(probability) == pytest.approx(stats.chi2.ppf(tails, 8), rel=1e-9)
+        assert s.left_out_nis_interval(probability) == pytest.approx(stats.chi2.ppf(tails, 1), rel=1e-9)
+
+
 def test_removing_a_measurement_undoes_a_kalman_update():
     rng = np.random.default_rng(5)
     a, b = rng.normal(size=(2, 4, 4))
@@ -120,3 +148,45 @@ def test_a_direction_that_nothing_else_determines_does_not_count():
     residual, sigma, _, dof = remove_measurement(np.array([0.0, 0.3]), covariance, noise)
     assert dof == 1 and np.isinf(sigma[0]) and residual[0] == 0.0
     assert residual[1] == pytest.approx(0.6)
+
+
+@pytest.mark.parametrize(("share", "infinite"), [(0.4, False), (0.6, True)])
+def test_a_component_mostly_in_undetermined_directions_has_an_infinite_sigma(share, infinite):
+    """A direction that only the measurement determines has a share of the component's variance."""
+    direction = np.array([np.sqrt(share), np.sqrt(1.0 - share)])
+    scale = np.array([3.0, 0.2])
+    noise = np.diag(scale**2)
+    whitened = np.eye(2) - 0.5 * (np.eye(2) - np.outer(direction, direction))  # the other direction: by half
+    _, sigma, _, dof = remove_measurement(np.zeros(2), whitened * np.outer(scale, scale), noise)
+    assert dof == 1
+    assert np.isinf(sigma).tolist() == [infinite, not infinite]
+
+
+def test_the_information_of_a_prior_is_that_of_the_determinants():
+    """``½ ln det(P + R) / det R`` with the covariance P from the measurements and S from both."""
+    rng = np.random.default_rng(7)
+    a, b = rng.normal(size=(2, 4, 4))
+    measured, prior = a @ a.T + np.eye(4), b @ b.T + np.eye(4)
+    both = np.linalg.inv(np.linalg.inv(measured) + np.linalg.inv(prior))
+    expected = 0.5 * np.log(np.linalg.det(measured + prior) / np.linalg.det(prior))
+    assert information_of_prior(both, prior) == pytest.approx(expected, rel=1e-9)
+    assert information_of_prior(prior, prior) == pytest.approx(-2.0 * np.log(LEAST_EXPLAINED))
+
+
+def test_the_entry_state_is_a_constraint_against_everything_else():
+    """Sites before, at and after determine position and velocity, and nothing but the entry state the attitude."""
+    sites = [site(t, np.zeros(3), 20.0) for t in (1.0, 20.0, 40.0)]
+    p = problem(*sites)
+    smoothed = smooth(run_filter(p))
+    prior = p.initial.covariance
+    stated = np.concatenate((POSITION, VELOCITY)) - smoothed.states[0].nav[:6]
+    check = check_entry_state(smoothed, prior, np.concatenate((stated, np.zeros(3))))
+    vague = smooth(run_filter(problem(*sites, sigma_position=1e5, sigma_velocity=1e3)))
+    expected = np.concatenate((POSITION, VELOCITY)) - vague.states[0].nav[:6]
+    sigma = np.sqrt(np.diag(vague.covariance[0])[:6] + np.diag(prior)[:6])
+    np.testing.assert_allclose(check.left_out[:6], expected, atol=1e-3 * sigma.min())
+    np.testing.assert_allclose(check.left_out_sigma[:6], sigma, rtol=1e-3)
+    assert np.isinf(check.left_out_sigma[6:]).all() and check.left_out_dof == check.dof == 6
+    assert check.components[0] == "position x (m)" and check.components[-1] == "attitude z (rad)"
+    np.testing.assert_array_equal(check.innovation_sigma[0], np.sqrt(np.diag(prior)))
+    assert check.time.tolist() == [0.0] and check.accepted.tolist() == [True]

@@ -43,6 +43,34 @@ def test_logarithms_of_force_pressure_and_mach():
     check(deployment(), logs, rtol=1e-6)  # the air table ends at 20 km; below 0 and above its temperature is constant
 
 
+def test_the_flow_has_angle_of_attack_and_flight_path_of_the_velocity_in_the_air():
+    """Against the vectors of each state, nose first and tail first, descending and ascending."""
+    rng = np.random.default_rng(5)
+    states = [state(h).nav for h in (2e3, 6e3, 11e3)]
+    for nav in states:
+        nav[6:10] = rng.standard_normal(4)
+        nav[6:10] /= np.linalg.norm(nav[6:10])
+    states[2][3:6] *= -1.0
+    flow = MODEL.at(TIME, np.array(states).T)
+    for k, nav in enumerate(states):
+        velocity, h = in_air(nav)
+        speed = np.linalg.norm(velocity)
+        body = to_body(nav[6:10], MARS.enu_from_inertial(TIME, nav[None, :3])[0].T @ velocity)
+        assert flow.alpha_total[k] == pytest.approx(acos(body[0] / speed), rel=1e-9)
+        assert flow.flight_path[k] == pytest.approx(np.arctan2(velocity[2], np.hypot(*velocity[:2])), rel=1e-9)
+        assert (flow.altitude[k], flow.speed[k]) == pytest.approx((h, speed), rel=1e-9)
+    assert np.ptp(flow.alpha_total) > 0.5 and np.sign(flow.flight_path).tolist() == [-1.0, -1.0, 1.0]
+
+
+def test_the_sigma_of_the_axial_coefficient_is_a_third_of_the_three_sigma_of_the_database():
+    flow = MODEL.at(TIME, state().nav[:, None])
+    ca, sigma = MODEL.axial_coefficient(flow)
+    entry = DATABASE.lookup(flow.mach, flow.knudsen, flow.alpha_total, flow.speed)
+    np.testing.assert_array_equal(ca, entry.ca)
+    np.testing.assert_allclose(3.0 * sigma, entry.three_sigma.ca, rtol=1e-14)
+    assert 0.0 < sigma[0] < 0.2 * ca[0]
+
+
 def test_a_subset_of_the_components_keeps_their_order():
     c = deployment((DYNAMIC_PRESSURE, MACH))
     nav = state().nav[:, None]

@@ -52,6 +52,8 @@ def test_every_state_equals_the_scalar_twin(seed, count):
         expected = twins.propagate(
             start[:10, s], *maps, samples.interval, samples.force, samples.rate, MARS.mu, MARS.j2, MARS.gravity_radius
         )
+        onboard = onboard_attitude(samples, errors[:, s], start[10:, s])
+        assert twins.attitude_error(nav[10:, s], onboard) < 1e-9
         for part in (slice(0, 3), slice(3, 6), slice(6, 10)):
             scale = np.linalg.norm(expected[part])
             np.testing.assert_allclose(nav[part, s], expected[part], rtol=0, atol=1e-12 * scale)

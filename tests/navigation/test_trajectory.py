@@ -1,5 +1,7 @@
 """The smoothed trajectory at every sample: at the nodes, and between them."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import twins
@@ -116,6 +118,55 @@ def test_force_and_rate_are_corrected():
     np.testing.assert_allclose(read, p.samples.force[i - 1], rtol=1e-12)
     read = (1 + e[filter_pass.layout["gyro_scale"]]) * path.angular_rate[i] + e[filter_pass.layout["gyro_bias"]]
     np.testing.assert_allclose(read, p.samples.rate[i - 1], rtol=1e-12)
+
+
+def test_between_the_nodes_the_corrected_readings_are_propagated():
+    """Nodes that are the scalar twin's own states with gyro errors: no correction is left to distribute."""
+    p = problem()
+    s, layout = p.samples, p.layout
+    errors = np.zeros(layout.size)
+    errors[layout["gyro_bias"]], errors[layout["gyro_scale"]] = [2e-3, -1e-3, 3e-3], [0.02, -0.01, 0.03]
+    errors[layout["accelerometer_bias"]] = [0.05, -0.02, 0.04]
+    rate = (s.rate - errors[layout["gyro_bias"]]) / (1.0 + errors[layout["gyro_scale"]])
+    force = s.force - errors[layout["accelerometer_bias"]]
+    path = propagate_state(NAV, s.interval, force, rate, MARS.mu, MARS.j2, MARS.gravity_radius)
+    stops = [0, 21, 80]
+    states = [State(nav, errors) for nav in (NAV, path[20], path[79])]
+    zeros = np.zeros((2, layout.size, layout.size))
+    covariance = np.tile(np.eye(layout.size), (3, 1, 1))
+    smoothed = Smoothed(0.125 * np.array(stops), np.zeros(3, int), states, covariance, zeros)
+    trajectory = smoothed_trajectory(p, smoothed, layout)
+    actual = np.concatenate((trajectory.position, trajectory.velocity, trajectory.inertial_from_body), axis=1)
+    np.testing.assert_allclose(actual[1:], path, rtol=1e-10, atol=1e-10)
+
+
+def test_a_filled_sample_takes_more_of_the_correction():
+    """Its variance is that of its noise and the mean of its fill's variances over the axes."""
+    p = problem()
+    s, layout = p.samples, p.layout
+    fill = np.zeros_like(s.force_fill_sigma)
+    fill[10] = [0.3, 0.6, 0.9]
+    p = replace(p, samples=replace(s, force_fill_sigma=fill))
+    reckoned, moved = dead_reckoning(NAV), np.array([40.0, -30.0, 20.0])
+    states = [State(reckoned[i].copy(), np.zeros(layout.size)) for i in (0, 80)]
+    states[1].nav[:3] += moved
+    zeros = np.zeros((1, layout.size, layout.size))
+    covariance = np.tile(np.eye(layout.size), (2, 1, 1))
+    smoothed = Smoothed(np.array([0.0, 10.0]), np.zeros(2, int), states, covariance, zeros)
+    trajectory = smoothed_trajectory(p, smoothed, layout)
+    share = (trajectory.position - reckoned[:, :3]) @ moved / (moved @ moved)
+    variance = np.full(80, 0.1**2)
+    variance[10] += (0.3**2 + 0.6**2 + 0.9**2) / 3.0
+    np.testing.assert_allclose(share[1:], np.cumsum(variance) / variance.sum(), rtol=1e-6)
+
+
+def test_an_attitude_that_was_computed_on_board_is_no_part_of_the_trajectory():
+    onboard = rotations.normalise([0.3, 0.1, 0.2, 0.9])
+    path = np.tile(NAV, (3, 1))
+    target = State(np.concatenate((NAV, onboard)), np.zeros(12)).plus(np.array([5.0, *np.zeros(11)]))
+    out = distribute_correction(path, target, np.array([0.2, 0.6, 1.0]), np.ones(3))
+    np.testing.assert_allclose(out[:, 0] - NAV[0], [1.0, 3.0, 5.0], rtol=1e-9)
+    np.testing.assert_allclose(out[:, 1:], path[:, 1:], rtol=1e-12)
 
 
 def test_shares_are_those_of_the_random_walk():
