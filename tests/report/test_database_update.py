@@ -133,6 +133,7 @@ def test_each_angle_has_its_own_colour_and_label():
         ((1, 2, 3), [1, 2, 3]),
         ((0, 1, 2, 3), [1, 2, 3]),  # not zero, where CN and Cm vanish
         ((0, 2, 3, 4, 5, 6), [2, 4, 6]),  # the first, the middle and the last
+        ((1, 7), [1, 7]),  # and none between them
         ((5,), [5]),
         ((3, 4), [3, 4]),
         ((0,), [1]),  # the first angle that is not zero
@@ -161,7 +162,7 @@ def test_nothing_learned_gives_empty_sentences():
         (nuisance("density_scale", 4.0, None, ""), "density scale by 4 sigma (–)"),
         (nuisance("database CA", 2.0, 0.0345, ""), "database CA by 2 sigma (0.0345)"),  # in units of the coefficient
         (nuisance("database Cm", 2.0, None, ""), "database Cm by 2 sigma (–)"),
-        (nuisance("mass", None, None, "kg"), "mass by – sigma (– kg)"),
+        (nuisance("mass", None, None, "kg"), "mass by – sigma (–)"),
     ],
 )
 def test_a_shift_has_its_sigmas_and_unit(content, text):

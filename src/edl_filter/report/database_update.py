@@ -65,7 +65,8 @@ def figure_angles(regime: RegimeUpdate) -> IntArray:
     """
     flown = np.flatnonzero(np.any(regime.bins > 0, axis=0))
     flown = flown[flown > 0] if np.any(flown > 0) else np.array([1])
-    return np.unique(np.round(np.linspace(flown[0], flown[-1], len(AXES))).astype(np.int64))
+    places = np.round(np.linspace(0, len(flown) - 1, len(AXES))).astype(np.int64)
+    return np.asarray(flown[np.unique(places)], np.int64)
 
 
 def _angle(
@@ -89,9 +90,12 @@ def _angle(
 def nuisance_text(nuisance: NuisanceContent) -> str:
     """A shift in words."""
     name = _NAMES.get(nuisance.name, nuisance.name.replace("_", " "))
-    value = f"{number(nuisance.value)} {nuisance.unit}".strip()
-    if nuisance.unit == "" and not nuisance.name.startswith("database"):
-        value = "–" if nuisance.value is None else f"{100.0 * nuisance.value:+.2g} %"
+    if nuisance.value is None:
+        value = number(None)
+    elif nuisance.unit == "" and not nuisance.name.startswith("database"):
+        value = f"{100.0 * nuisance.value:+.2g} %"
+    else:
+        value = f"{number(nuisance.value)} {nuisance.unit}".strip()
     return f"{name} by {number(nuisance.sigmas)} sigma ({value})"
 
 
