@@ -76,7 +76,11 @@ TESTS = {
         "navigation/test_estimator.py",
     ),
     "navigation/smoother.py": ("navigation/test_smoother.py",),
-    "navigation/ukf.py": ("navigation/test_ukf.py",),
+    "navigation/ukf.py": (
+        "navigation/test_ukf.py",
+        "navigation/test_compiled_ukf.py",
+        "navigation/test_estimator.py",
+    ),
     "navigation/filter.py": ("navigation/test_filter.py",),
     "navigation/noise.py": ("navigation/test_noise.py",),
     "navigation/error_dynamics.py": ("navigation/test_error_dynamics.py",),
@@ -85,6 +89,8 @@ TESTS = {
     "diagnosis/selection/outer_loop.py": ("diagnosis/selection/test_outer_loop.py",),
     "diagnosis/selection/hypothesis.py": ("diagnosis/selection/test_hypothesis.py",),
     "diagnosis/selection/evidence_profile.py": ("diagnosis/selection/test_evidence_profile.py",),
+    "diagnosis/selection/map_fit.py": ("diagnosis/selection/test_map_fit.py",),
+    "diagnosis/selection/ranking.py": ("diagnosis/selection/test_ranking.py",),
 }
 #: Files with kernels that others compile into theirs: a cached caller would hide the mutant, so all are interpreted.
 INTERPRETED = ("estimation/block_sparse.py", "estimation/smoothing.py", "estimation/kalman.py")
