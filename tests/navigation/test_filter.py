@@ -132,11 +132,11 @@ def test_epochs_begin_and_end_with_the_flight_and_are_close_together():
 
 def test_the_regular_epochs_are_ends_of_samples_that_are_far_from_stated_times():
     """At most every 0.8 s, and none within a quarter of that of a stated time."""
-    epochs = build([height(3.375)], settings=Settings(longest_interval=0.8)).epochs
+    epochs = build([height(3.375), height(5.65)], settings=Settings(longest_interval=0.8)).epochs
     regular = np.floor(np.arange(0.0, 10.0, 0.8) / 0.125) * 0.125
-    stated = np.array([0.0, 3.375, 10.0])
+    stated = np.array([0.0, 3.375, 5.65, 10.0])
     far = [t for t in regular if np.min(np.abs(t - stated)) > 0.2]
-    assert 3.125 in far  # 0.25 s from the constraint
+    assert 3.125 in far and 5.5 not in far and 5.5 in regular  # 0.25 s and 0.15 s from a constraint
     np.testing.assert_allclose(epochs, np.sort([*stated, *far]), atol=1e-12)
 
 

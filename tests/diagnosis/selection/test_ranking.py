@@ -181,6 +181,23 @@ def test_the_evidence_of_an_acceleration_is_less_the_penalty_of_the_noise_that_i
     assert unmodelled is process and evidence == pytest.approx(expected)
 
 
+def test_the_most_likely_acceleration_is_that_of_the_model_with_it(monkeypatch):
+    """The likelihood that is compared is that of the state space to which the acceleration is added."""
+    processes = {UnmodelledAcceleration(force): -force for force in (3.0, 1.0, 2.0)}
+
+    def most_likely(likelihood, settings):
+        best = max(processes, key=likelihood)
+        return best, likelihood(best)
+
+    monkeypatch.setattr(module, "most_likely_process", most_likely)
+    monkeypatch.setattr(module, "log_likelihood", lambda added, *_: added)
+    model = SimpleNamespace(
+        settings=SETTINGS, excess_variance=excess_of(0.0), residual_vector=None, initial_mean=None,
+        state_space_with_unmodelled=processes.get,
+    )  # fmt: skip
+    assert fit_unmodelled(model) == (UnmodelledAcceleration(1.0), -1.0)
+
+
 def test_noise_and_acceleration_are_over_the_point_with_the_largest_evidence(monkeypatch):
     """The other point has the larger likelihood, but with variances that cost more."""
 
@@ -310,6 +327,7 @@ def test_no_second_effect_is_sought_after_none_or_after_a_complete_explanation(m
     for hypotheses in ([], [named("first", 9.0, explained_share=0.5, at_floor=True)]):
         ranking = Ranking(case, None, {}, hypotheses, None, 0.0, 0.0)
         assert module._with_complement(ranking, [], lambda _: None) is ranking
+        assert (ranking.nuisance_gain, ranking.failed) == (0.0, {})
 
 
 def screened_effects(model, gains, explained=None):
@@ -474,7 +492,7 @@ def test_a_leader_that_explains_everything_has_only_similar_rivals(monkeypatch):
         named("leader", 100.0),
         named("dissimilar", 90.0, explained=np.array([0.69, 0.724])),
         named("similar", 80.0, explained=np.array([0.71, 0.704])),
-        named("weak", 10.0, own_noise_evidence=-1.0),
+        named("weak", 10.0, own_noise_evidence=-1.0, explained=np.array([0.0, 1.0])),
     ]
     solved = {"leader": {"at_floor": True, "explained": np.array([0.0, 1.0])}}
     assert relinearize(monkeypatch, hypotheses, solved)[1] == [("leader", True), ("similar", True)]
