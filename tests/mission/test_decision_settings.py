@@ -37,7 +37,7 @@ DEFAULTS = {
     "altitude_step_m": 4e3,
     "fit_iterations": 12, "comparison_fit_iterations": 6, "polish_fit_iterations": 3, "null_fit_iterations": 3,
     "shortest_step": 0.02, "nuisance_iterations": 4, "fit_convergence_nats": 0.05,
-    "time_scan_s": 2.0, "time_scan_step_s": 0.1, "outer_iterations": 3,
+    "time_scan_step_s": 0.1, "outer_iterations": 3,
     "outer_tolerance_sigmas": 0.3,
     "solved_share": 0.1, "promising_share": 0.7, "rival_gain_share": 0.25, "relinearized_hypotheses": 3,
     "held_out_block_s": 5.0, "held_out_folds": 5,

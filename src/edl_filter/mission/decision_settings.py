@@ -208,11 +208,10 @@ class DecisionSettings(Section):
     fit_convergence_nats: Annotated[Number, Within("nats", 0.0, 10.0, above=True)] = _setting(
         0.05, "nats: gain below which a fit has converged", NUMERICS
     )
-    time_scan_s: Annotated[Number, Within("s", 0.0, 100.0)] = _setting(
-        2.0, "s before and after a fitted time at which its likelihood is scanned where the model still fails", NUMERICS
-    )
     time_scan_step_s: Annotated[Number, Within("s", 0.0, 10.0, above=True)] = _setting(
-        0.1, "s: step of that scan, no longer than a time bin of the flights studied", NUMERICS
+        0.1,
+        "s: step of the scan of a fitted time where the model still fails, no longer than a time bin of the flights",
+        NUMERICS,
     )
     outer_iterations: Annotated[int, Field(strict=True, ge=1, le=20)] = _setting(
         3, "largest number of reconstructions about which effects are fitted", NUMERICS

@@ -17,6 +17,7 @@ from edl_filter.diagnosis.selection.map_fit import (
     fit_linear,
     fit_map,
     fit_null_model,
+    most_likely,
     most_probable_null,
     scan_times,
 )
@@ -282,23 +283,23 @@ def test_a_scan_corrects_a_time_in_a_local_maximum(late_model):
     assert abs(local.effects[0].values["t0"] - TORQUE["t0"]) > 0.3
     (scanned,) = scan_times(late_model, late_model.effects, whiten)
     assert scanned.values["t0"] == pytest.approx(TORQUE["t0"], abs=0.11)
-    assert scanned.values | {"t0": 0.0} == late_model.effects[0].values | {"t0": 0.0}
+    assert scanned.values["t1"] == late_model.effects[0].values["t1"]
+    for name in ("Cm", "Cn"):  # the sizes are estimated anew at each time of the flight
+        assert scanned.values[name] == pytest.approx(TORQUE[name], rel=0.01)
     _, model, fit = iterate_to_convergence(late_model.case)
     value, sigma = fit.parameters(("remnant_torque", None))["t0"]
     assert model.holds and abs(value - TORQUE["t0"]) < 3.0 * sigma < 0.2
 
 
-@pytest.mark.parametrize("true", [118.0, 119.3, 120.0, 122.0])
-def test_a_time_is_scanned_as_far_before_its_value_as_after_it(true):
-    """To both ends of `time_scan_s`, 2 s, where the likelihood has its maximum."""
-    model = SimpleNamespace(
-        settings=DecisionSettings(),
-        with_effects=lambda trial: SimpleNamespace(white_residuals=lambda whiten: trial[0].values["t0"]),
-        case=SimpleNamespace(log_abs_det_jacobian=lambda trial: 0.0),
+@pytest.mark.parametrize("true", [110.0, 113.3, 120.0, 130.0])
+def test_a_time_is_scanned_as_far_before_its_value_as_after_it(true, monkeypatch):
+    """To both ends of `noise_piece_s`, 10 s, where the likelihood has its maximum."""
+    monkeypatch.setattr(module, "_screened_at_times", lambda *_: [])
+    monkeypatch.setattr(
+        module, "most_likely", lambda model, trials, _: min(trials, key=lambda t: abs(t[0].values["t0"] - true))
     )
-    whiten = SimpleNamespace(log_likelihood=lambda time: -abs(time - true))
     start = EffectInstance(find_effect("remnant_torque"), TORQUE | {"t0": 120.0})
-    (scanned,) = scan_times(model, (start,), whiten)
+    (scanned,) = scan_times(SimpleNamespace(settings=DecisionSettings()), (start,), None)
     assert scanned.values["t0"] == pytest.approx(true, abs=1e-9)
 
 
@@ -311,6 +312,48 @@ def test_the_variance_of_a_time_contains_the_spacing_of_the_nodes(late_model):
     tolerance = 1e-6 * np.sqrt(np.outer(np.diag(linear), np.diag(linear)))
     assert np.all(np.abs(fit.covariance - linear - np.diag(expected)) <= tolerance)
     assert max(expected) > 1e-3 * linear.max()
+
+
+def with_torque(model, **values):
+    """The model linearised about a reconstruction with other values of its torque."""
+    (late,) = model.effects
+    return linearize(load_case(model.case.mission, (replace(late, values=late.values | values),)))
+
+
+def test_a_scan_covers_the_interval_whose_excess_variance_covers_the_misfit(late_model):
+    """Seven seconds late, with the true sizes: without a scan the fit stays there."""
+    model = with_torque(late_model, t0=127.3)
+    assert model.excess_variance.share > 0.01
+    local = fit_map(model, model.effects, model.fitted_noise_filter, steps=3)
+    assert abs(local.effects[0].values["t0"] - TORQUE["t0"]) > 5.0
+    (scanned,) = scan_times(model, model.effects, model.fitted_noise_filter)
+    assert scanned.values["t0"] == pytest.approx(TORQUE["t0"], abs=0.11)
+
+
+def test_a_scan_finds_a_time_elsewhere_in_the_flight(late_model):
+    """From a maximum of the screening fifty seconds off, whose sizes are a hundredth of the true ones."""
+    case = with_torque(late_model, t0=70.0, Cm=-4e-6, Cn=8e-6).case
+    _, model, fit = iterate_to_convergence(case, iterations=2)
+    value, sigma = fit.parameters(("remnant_torque", None))["t0"]
+    assert model.holds and abs(value - TORQUE["t0"]) < 3.0 * sigma < 0.2
+    for name in ("Cm", "Cn"):
+        value, sigma = fit.parameters(("remnant_torque", None))[name]
+        assert abs(value - TORQUE[name]) < 3.0 * sigma < 0.1 * abs(TORQUE[name])
+
+
+def test_the_most_likely_effects_are_those_of_the_largest_likelihood(late_model):
+    """As each evaluated alone, with more of them than are whitened together; of equal ones the first."""
+    whiten, (late,) = late_model.fitted_noise_filter, late_model.effects
+    times = np.linspace(119.0, 122.0, 70)
+    candidates = [(replace(late, values=late.values | {"t0": float(t)}),) for t in times]
+    likelihoods = [
+        whiten.log_likelihood(late_model.with_effects(c).white_residuals(whiten))
+        + late_model.case.log_abs_det_jacobian(c)
+        for c in candidates
+    ]
+    assert most_likely(late_model, candidates, whiten) is candidates[int(np.argmax(likelihoods))]
+    assert most_likely(late_model, candidates[::-1], whiten) == candidates[int(np.argmax(likelihoods))]
+    assert most_likely(late_model, [candidates[3], candidates[3]], whiten) is candidates[3]
 
 
 def test_fixed_times_are_not_scanned(late_model):

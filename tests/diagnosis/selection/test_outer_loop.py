@@ -1,6 +1,6 @@
 """What the refit of effects needs, and its iteration; refits of flights are in tests/workflow and tests/flights."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -58,11 +58,15 @@ def fit_of(effects, sigma=SIGMA, point="point"):
     )  # fmt: skip
 
 
+AT_ZERO = (bias(0.0, 0.0, 0.0),)
+
+
 @pytest.fixture
 def loop(monkeypatch):
     """Iterate with given results of the fits; the fits, the points of linearisation, and what was reported."""
 
-    def run(estimates, iterations=None, no_excess=True, first=None):
+    def run(estimates, iterations=None, no_excess=True, first=None, shifts=(), initial=AT_ZERO):
+        scans = [*shifts, *[0.0] * 20]
         queue, record = list(estimates), SimpleNamespace(fits=[], points=[], options=None, messages=[])
 
         def model_about(case, number):
@@ -86,16 +90,22 @@ def loop(monkeypatch):
             record.fits.append(effects)
             return fit_of(queue.pop(0))
 
+        def scan_times(model, effects, whiten):
+            shift = scans.pop(0)
+            return tuple(
+                replace(a, values=a.values | {n: v + shift for n, v in a.values.items() if n == "t0"}) for a in effects
+            )
+
         def load_case(mission, effects):
             return SimpleNamespace(mission=mission, effects=tuple(effects), settings=SETTINGS)
 
         monkeypatch.setattr(outer_loop, "linearize", linearize)
         monkeypatch.setattr(outer_loop, "linearize_at", linearize_at)
         monkeypatch.setattr(outer_loop, "fit_map", fit_map)
-        monkeypatch.setattr(outer_loop, "scan_times", lambda model, effects, whiten: (*effects, "scanned"))
+        monkeypatch.setattr(outer_loop, "scan_times", scan_times)
         monkeypatch.setattr(outer_loop, "load_case", load_case)
         monkeypatch.setattr(outer_loop, "most_probable_point", lambda model, fit: f"point {model.number}")
-        case = load_case("mission", [bias(0.0, 0.0, 0.0)])
+        case = load_case("mission", initial)
         record.case, record.model, record.fit = iterate_to_convergence(
             case, iterations, record.messages.append, first=first
         )
@@ -133,8 +143,31 @@ def test_without_free_parameters_one_fit_is_sufficient(loop):
     assert len(loop([[bias(0.0, fixed=True)]] * 3).fits) == 1
 
 
-def test_times_are_scanned_where_the_model_fails(loop):
-    assert loop([sigmas(0.0)], no_excess=False).fits == [(bias(0.0, 0.0, 0.0), "scanned")]
+def torque(t0):
+    return EffectInstance(find_effect("remnant_torque"), {"Cl": 0.0, "Cm": 1e-3, "Cn": 0.0, "t0": t0})
+
+
+@pytest.mark.parametrize(("no_excess", "fitted"), [(False, 105.0), (True, 100.0)])
+def test_times_are_scanned_where_the_model_fails(loop, no_excess, fitted):
+    result = loop([[torque(fitted)]], iterations=1, no_excess=no_excess, shifts=[5.0], initial=[torque(100.0)])
+    assert result.fits == [(torque(fitted),)]
+
+
+@pytest.mark.parametrize(
+    ("shifts", "count"),
+    [
+        ([5.0, -9.9], 2),  # within an interval of excess variance
+        ([30.0], 2),  # in the first iteration: no more of them than from the beginning
+        ([0.0, 30.0], 3),
+        ([30.0, -30.0, 10.1, 0.0], 4),
+        ([30.0] * 9, 2 + SETTINGS.outer_iterations),  # a scan that does not converge
+    ],
+)
+def test_iterations_are_counted_anew_where_a_time_is_moved_beyond_an_interval(loop, shifts, count):
+    """The most probable point changes with the time: a fit needs its iterations about the points that follow."""
+    result = loop([[torque(100.0 + k)] for k in range(20)], 2, False, shifts=shifts, initial=[torque(50.0)])
+    assert len(result.fits) == count
+    assert result.messages[-1] == f"refitting the effects, iteration {count}"
 
 
 @pytest.mark.parametrize("moved", [False, True])

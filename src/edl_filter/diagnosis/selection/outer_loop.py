@@ -20,6 +20,7 @@ from edl_filter.effects.base import EffectInstance, EffectKey, label_of
 from edl_filter.effects.sensor_chain import canonical_key
 from edl_filter.errors import InputError
 from edl_filter.mission import Mission
+from edl_filter.mission.decision_settings import DecisionSettings
 from edl_filter.pipeline.reconstruct import Reconstruction, reconstruct
 from edl_filter.telemetry.record import ImuRecord
 
@@ -99,7 +100,8 @@ def iterate_to_convergence(
     case : FlightCase
         The flight with what its mission states as uncertain.
     iterations : int, optional
-        Largest number of reconstructions.
+        Largest number of reconstructions; counted anew, a few times, where a scan moves a time of an effect by more
+        than an interval of excess variance.
     progress : callable
         Called with a text for each stage.
     first : LinearizedModel, optional
@@ -107,11 +109,12 @@ def iterate_to_convergence(
     """
     settings = case.settings
 
-    def fit_to(model: LinearizedModel) -> MapFit:
+    def fit_to(model: LinearizedModel) -> tuple[MapFit, bool]:
+        """The fit about the model's point, and whether a scan has moved a time by more than an interval."""
         whiten, effects = model.fitted_noise_filter, case.effects
         if not model.excess_variance.is_zero:
             effects = scan_times(model, effects, whiten)
-        return fit_map(model, effects, whiten, moving=True)
+        return fit_map(model, effects, whiten, moving=True), _is_time_moved(case.effects, effects, settings)
 
     progress("refitting the effects, iteration 1")
     model = linearize(
@@ -122,17 +125,20 @@ def iterate_to_convergence(
         first=first,
     )
     first = None  # large
-    fit = fit_to(model)
-    for i in range(1, settings.outer_iterations if iterations is None else iterations):
-        if _largest_change(case.effects, fit) <= settings.outer_tolerance_sigmas:
-            break
-        progress(f"refitting the effects, iteration {i + 1}")
+    limit = settings.outer_iterations if iterations is None else iterations
+    iteration, last = 1, limit
+    while True:
+        fit, moved = fit_to(model)
+        if moved:  # the most probable point changes with the time: as many iterations as from the beginning
+            last = min(iteration + limit - 1, limit + settings.outer_iterations)
+        if iteration == last or _largest_change(case.effects, fit) <= settings.outer_tolerance_sigmas:
+            return case, model, fit
+        iteration += 1
+        progress(f"refitting the effects, iteration {iteration}")
         point = most_probable_point(model, fit)
         model.release()
         case = load_case(case.mission, fit.effects)
         model = linearize_at(case, point, model.failing_excess)
-        fit = fit_to(model)
-    return case, model, fit
 
 
 def most_probable_point(model: LinearizedModel, fit: MapFit) -> LinearizationPoint:
@@ -163,6 +169,14 @@ def check_single_instances(mission: Mission, effects: Sequence[EffectInstance], 
             f"{mission.source or mission.name}: effects: found {repeated[0]} twice; a refit takes each effect once in "
             "an IMU. Run with --no-refit to hold all effects at their values."
         )
+
+
+def _is_time_moved(
+    before: Sequence[EffectInstance], after: Sequence[EffectInstance], settings: DecisionSettings
+) -> bool:
+    """Whether a time has changed by more than an interval of excess variance."""
+    pairs = [(a, b, q.name) for a, b in zip(before, after, strict=True) for q in a.fitted if q.kind == "time"]
+    return any(abs(b.values[name] - a.values[name]) > settings.noise_piece_s for a, b, name in pairs)
 
 
 def _sigma_by_effect(fit: MapFit) -> dict[str, dict[str, float]]:
