@@ -6,7 +6,8 @@ never changed. mutmut 3 calls each function through another one, which numba doe
 process for each mutant, most of whose time is imports.
 
 ``python mutation.py diagnosis/selection/decision.py -o study-results/mutation.jsonl`` mutates one file, without a name
-all files of `TESTS`; ``--report`` counts the outcomes. Mutants that are in the file of results are not repeated.
+all files of `TESTS`; ``--report`` counts the outcomes. Mutants that are in the file of results are not repeated, except
+for those that survived with ``--survivors``. Compiled kernels check the bounds of their arrays.
 
 Not mutated: docstrings, annotations, text, decorators, imports, and ``strict=`` of `zip`.
 """
@@ -76,7 +77,11 @@ TESTS = {
         "navigation/test_estimator.py",
     ),
     "navigation/smoother.py": ("navigation/test_smoother.py",),
-    "navigation/ukf.py": ("navigation/test_ukf.py",),
+    "navigation/ukf.py": (
+        "navigation/test_ukf.py",
+        "navigation/test_compiled_ukf.py",
+        "navigation/test_estimator.py",
+    ),
     "navigation/filter.py": ("navigation/test_filter.py",),
     "navigation/noise.py": ("navigation/test_noise.py",),
     "navigation/error_dynamics.py": ("navigation/test_error_dynamics.py",),
@@ -85,6 +90,8 @@ TESTS = {
     "diagnosis/selection/outer_loop.py": ("diagnosis/selection/test_outer_loop.py",),
     "diagnosis/selection/hypothesis.py": ("diagnosis/selection/test_hypothesis.py",),
     "diagnosis/selection/evidence_profile.py": ("diagnosis/selection/test_evidence_profile.py",),
+    "diagnosis/selection/map_fit.py": ("diagnosis/selection/test_map_fit.py",),
+    "diagnosis/selection/ranking.py": ("diagnosis/selection/test_ranking.py",),
 }
 #: Files with kernels that others compile into theirs: a cached caller would hide the mutant, so all are interpreted.
 INTERPRETED = ("estimation/block_sparse.py", "estimation/smoothing.py", "estimation/kalman.py")
@@ -346,7 +353,7 @@ def outcomes(results: Path) -> dict[tuple[str, Mutant], str]:
     return by_mutant
 
 
-def mutate_file(name: str, results: Path, most: int, seed: int) -> None:
+def mutate_file(name: str, results: Path, most: int, seed: int, survivors: bool = False) -> None:
     """Run the tests of one file against its mutants, and append the outcomes to a file of JSON lines.
 
     Parameters
@@ -359,6 +366,8 @@ def mutate_file(name: str, results: Path, most: int, seed: int) -> None:
         Number of mutants; those of a file that has more are a random sample.
     seed : int
         Of the sample.
+    survivors : bool
+        Repeat those that survived.
     """
     tests = [str(ROOT / "tests" / t) for t in TESTS[name]]
     known = outcomes(results)
@@ -367,6 +376,7 @@ def mutate_file(name: str, results: Path, most: int, seed: int) -> None:
         shutil.copytree(ROOT / "src", package)  # with the compiled kernels
         Path(folder, "missions").symlink_to(ROOT / "missions")
         numba.config.DISABLE_JIT = name in INTERPRETED
+        numba.config.BOUNDSCHECK = 1  # a mutant that writes beyond an array fails
         path = package / "edl_filter" / name
         source = path.read_bytes()
         sys.path.insert(0, str(package))
@@ -382,7 +392,7 @@ def mutate_file(name: str, results: Path, most: int, seed: int) -> None:
         sample = sorted(random.Random(seed).sample(every, min(most, len(every))), key=lambda m: m.begin)
         print(f"{name}: {len(sample)} of {len(every)} mutants, {duration:.1f} s for its tests", flush=True)
         for m in sample:
-            if (name, m) in known:
+            if (name, m) in known and not (survivors and known[name, m] == SURVIVED):
                 continue
             path.write_bytes(m.apply(source))
             outcome, took = run_tests(tests, TIME_FACTOR * duration + TIME_MARGIN, changed)
@@ -411,6 +421,7 @@ def main() -> None:
     parser.add_argument("-o", "--output", type=Path, default=Path("study-results/mutation.jsonl"))
     parser.add_argument("--most", type=int, default=120, help="mutants of a file; those of one with more are sampled")
     parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--survivors", action="store_true", help="repeat the mutants that survived")
     parser.add_argument("--report", action="store_true", help="only count the outcomes")
     arguments = parser.parse_args()
     output = arguments.output.absolute()
@@ -420,7 +431,7 @@ def main() -> None:
     os.environ["HYPOTHESIS_PROFILE"] = "mutation"  # read by tests/conftest.py
     os.chdir(ROOT)
     for name in [] if arguments.report else arguments.files or TESTS:
-        mutate_file(name, output, arguments.most, arguments.seed)
+        mutate_file(name, output, arguments.most, arguments.seed, arguments.survivors)
     report(output)
 
 

@@ -10,17 +10,27 @@ import twins
 from edl_filter import rotations
 from edl_filter.errors import InputError
 from edl_filter.imu_model.sensor_errors import SensorErrors
+from edl_filter.mission.estimation import FilterConfig
+from edl_filter.navigation.compiled_ukf import CompiledUKF
 from edl_filter.navigation.constraints import Altimeter, LandingSite, OnboardAttitude, RestVelocity
+from edl_filter.navigation.ekf import ErrorStateEKF
 from edl_filter.navigation.filter import (
     EntryErrors,
+    Fused,
     Settings,
+    _check_position_sigma,
     build_problem,
     merge,
+    new_filter,
     quantile,
     run_filter,
     run_filter_without,
+    unit_change,
 )
+from edl_filter.navigation.initial import initial_estimate
+from edl_filter.navigation.robust import measurement_weight
 from edl_filter.navigation.smoother import smooth
+from edl_filter.navigation.ukf import ErrorStateUKF
 from edl_filter.telemetry.record import InitialState
 
 FIRST = SensorErrors(accelerometer_bias=0.02, gyro_bias=1e-3)
@@ -120,6 +130,56 @@ def test_epochs_begin_and_end_with_the_flight_and_are_close_together():
     assert np.max(np.diff(problem.epochs)) < 1.5
 
 
+def test_the_regular_epochs_are_ends_of_samples_that_are_far_from_stated_times():
+    """At most every 0.8 s, and none within a quarter of that of a stated time."""
+    epochs = build([height(3.375), height(5.65)], settings=Settings(longest_interval=0.8)).epochs
+    regular = np.floor(np.arange(0.0, 10.0, 0.8) / 0.125) * 0.125
+    stated = np.array([0.0, 3.375, 5.65, 10.0])
+    far = [t for t in regular if np.min(np.abs(t - stated)) > 0.2]
+    assert 3.125 in far and 5.5 not in far and 5.5 in regular  # 0.25 s and 0.15 s from a constraint
+    np.testing.assert_allclose(epochs, np.sort([*stated, *far]), atol=1e-12)
+
+
+def test_samples_of_unequal_length_begin_with_the_first():
+    samples = twins.samples(np.array([0.3, *[0.125] * 40]), np.zeros((41, 3)), np.zeros((41, 3)), 0.1, 2e-3)
+    problem = build(samples=samples)
+    assert problem.epochs[0] == 0.0
+    assert problem.samples.edges[0] == pytest.approx(0.0, abs=1e-12)
+
+
+def test_a_constraint_may_be_at_the_end():
+    filter_pass = run_filter(build([height(10.0)]))
+    assert filter_pass.nodes[filter_pass.fused[0].node].time == pytest.approx(10.0)
+
+
+def test_the_settings_are_those_of_a_mission_without_a_statement():
+    stated = FilterConfig()
+    names = ("alpha", "beta", "kappa", "gate_probability", "robust", "engine")
+    settings = Settings()
+    assert [getattr(settings, n) for n in names] == [getattr(stated, n) for n in names]
+    assert settings.longest_interval == stated.longest_interval_s
+
+
+def test_the_filter_is_that_of_the_settings():
+    classes = {"ekf": ErrorStateEKF, "compiled": CompiledUKF, "filterpy": ErrorStateUKF}
+    for settings, expected in (
+        (Settings(method="ekf"), "ekf"),
+        (Settings(method="ukf"), "compiled"),
+        (Settings(method="ukf", engine="compiled"), "compiled"),
+        (Settings(method="ukf", engine="filterpy"), "filterpy"),
+    ):
+        problem = build(settings=settings)
+        state, covariance = initial_estimate(problem.layout, problem.initial, problem.entry, FIRST, problem.planet)
+        assert type(new_filter(problem, state, covariance)) is classes[expected]
+
+
+def test_the_first_node_has_no_transition():
+    filter_pass = run_filter(build())
+    assert filter_pass.nodes[0].transition is None
+    assert all(node.transition is not None for node in filter_pass.nodes[1:])
+    assert filter_pass.converged  # nothing was iterated
+
+
 def test_constraints_are_used_in_the_order_of_time():
     filter_pass = run_filter(build([height(7.0), velocity_at_rest(2.0), height(4.0)]))
     assert [f.constraint.time for f in filter_pass.fused] == [2.0, 4.0, 7.0]
@@ -153,12 +213,28 @@ def test_a_position_that_is_lost_is_refused():
         run_filter(build(samples=samples))
 
 
+def test_a_position_is_lost_from_the_planets_radius_on():
+    """One sigma of its length, whatever its direction."""
+    problem = build()
+    variance = np.array([0.5, 0.2, 0.3]) * twins.MARS.equatorial_radius**2
+    for factor, axes in ((0.999, range(3)), (1.001, range(3)), (0.999, (2, 0, 1)), (1.001, (2, 0, 1))):
+        covariance = np.diag(np.concatenate((factor * variance[list(axes)], np.full(6, 1e30))))
+        if factor < 1.0:
+            _check_position_sigma(problem, 2.0, covariance)
+            continue
+        with pytest.raises(InputError, match=r"^At 2\.000 s the position has a sigma of 3\.4e\+06 m, more than"):
+            _check_position_sigma(problem, 2.0, covariance)
+    with pytest.raises(InputError, match="sigma of nan m"):
+        _check_position_sigma(problem, 2.0, np.full((9, 9), np.nan))
+
+
 def test_further_times_outside_are_ignored():
     assert build(times=(-3.0, 44.0)).epochs[-1] == 10.0
 
 
 def test_merging_takes_near_times_as_equal():
     np.testing.assert_array_equal(merge(np.array([3.0, 1.0, 1.0 + 1e-6, 3.0, 2.0])), [1.0, 2.0, 3.0])
+    np.testing.assert_array_equal(merge(np.array([1.0, 1.0 + 3e-6])), [1.0, 1.0 + 3e-6])
 
 
 def test_two_constraints_within_a_microsecond_share_an_epoch():
@@ -199,6 +275,27 @@ def test_the_gate_is_a_quantile_of_chi_square():
         assert fused.innovation.nis == pytest.approx(sigmas**2, rel=1e-6)
 
 
+def test_a_robust_update_has_the_weight_of_its_innovation():
+    """Of an accepted reading with more noise than its prediction; one beyond the gate has none."""
+    settings = Settings(longest_interval=2.0, robust="huber")
+    first = run_filter(build([height(4.0, sigma=300.0)], settings=settings)).fused[0].innovation
+    sigma = np.sqrt(first.predicted_covariance[0, 0] + 300.0**2)
+    near, far, outlier = (
+        run_filter(build([height(4.0, k * sigma - first.residual[0], 300.0)], settings=settings)).fused[0]
+        for k in (0.01, 4.0, 30.0)
+    )
+    assert (near.accepted, far.accepted, outlier.accepted) == (True, True, False)
+    assert near.weight == outlier.weight == 1.0
+    assert far.weight == measurement_weight(far.innovation, "huber") < 0.5
+    np.testing.assert_allclose(far.noise_covariance, [[300.0**2 / far.weight]], rtol=1e-12)
+
+
+def test_a_reading_has_its_stated_noise_unless_it_has_a_weight():
+    fused = run_filter(build([height(4.0, sigma=7.0)])).fused[0]
+    without = Fused(fused.constraint, fused.node, fused.innovation, fused.accepted)
+    np.testing.assert_allclose(without.noise_covariance, [[49.0]])
+
+
 # Change of the instrument
 
 
@@ -225,6 +322,42 @@ def test_another_instrument_has_its_own_errors():
     np.testing.assert_array_equal(after.state.nav, before.state.nav)
     np.testing.assert_allclose(after.covariance[:9, :9], before.covariance[:9, :9])
     assert {n.unit for n in filter_pass.nodes[k:]} == {1}
+
+
+def test_the_instrument_of_the_first_sample_drives_first():
+    problem = build(samples=drive(unit=(np.arange(80) == 0).astype(int)), instruments=(FIRST, SECOND))
+    nodes = run_filter(problem).nodes
+    assert [n.unit for n in nodes[:2]] == [1, 1]
+    assert {n.unit for n in nodes[2:]} == {0}
+    sensor = problem.layout.sensor
+    np.testing.assert_allclose(np.diag(nodes[0].covariance)[sensor], np.repeat([0.05**2, 3e-3**2], 3))
+
+
+def test_all_errors_of_an_instrument_start_anew_with_another_one():
+    """Its own, and the rates and the mounting that the on-board computation used; the attitude itself is stepped."""
+    entry = EntryErrors(onboard_attitude=ATTITUDE, onboard_rate_sigma=2e-4, onboard_mounting_sigma=5e-3)
+    problem = build(entry=entry, instruments=(FIRST, SECOND), unit_change_sigma=4e-3)
+    layout = problem.layout
+    before = np.arange(1.0, layout.size + 1.0)
+    matrix, noise, errors = unit_change(problem, 1, before)
+    sigma, kept = np.zeros(layout.size), np.ones(layout.size)
+    sigma[layout.sensor] = np.repeat([0.05, 3e-3], 3)
+    kept[layout.sensor] = 0.0
+    for name, value in (("onboard_rate", 2e-4), ("onboard_mounting", 5e-3)):
+        sigma[layout[name]], kept[layout[name]] = value, 0.0
+    sigma[layout["onboard_attitude"]] = 4e-3
+    np.testing.assert_array_equal(matrix, np.diag(kept))
+    np.testing.assert_allclose(noise, np.diag(sigma**2), rtol=1e-12)
+    np.testing.assert_array_equal(errors, kept * before)
+    np.testing.assert_array_equal(before, np.arange(1.0, layout.size + 1.0))
+
+
+def test_onboard_attitudes_of_two_instruments_are_the_same_without_a_statement():
+    unit = (np.arange(80) >= 40).astype(int)
+    entry = EntryErrors(onboard_attitude=ATTITUDE, onboard_sigma=1e-4)
+    nodes = run_filter(build((), drive(unit=unit), entry, (FIRST, SECOND))).nodes
+    k = next(i for i, n in enumerate(nodes) if n.unit == 1)
+    np.testing.assert_allclose(nodes[k].covariance[-3:, -3:], nodes[k - 1].covariance[-3:, -3:], rtol=1e-12)
 
 
 def test_the_smoother_passes_a_change_of_the_instrument():

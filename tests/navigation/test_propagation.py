@@ -8,11 +8,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from edl_filter import rotations
+from edl_filter.navigation import strapdown
 from edl_filter.navigation.layout import Layout
 from edl_filter.navigation.propagation import onboard_steps, propagate_states
-from edl_filter.navigation.strapdown import LANES
 
-MARS = twins.MARS
+MARS, LANES = twins.MARS, strapdown.LANES
 #: Every sensor error, and all errors of an attitude that is computed on board.
 LAYOUT = Layout.of((twins.ALL,), {"onboard_rate": 3, "onboard_mounting": 3, "onboard_attitude": 3})
 
@@ -57,6 +57,18 @@ def test_every_state_equals_the_scalar_twin(seed, count):
         for part in (slice(0, 3), slice(3, 6), slice(6, 10)):
             scale = np.linalg.norm(expected[part])
             np.testing.assert_allclose(nav[part, s], expected[part], rtol=0, atol=1e-12 * scale)
+
+
+def test_the_kernel_stays_within_its_arrays(monkeypatch):
+    """Interpreted, it checks the bounds of the arrays that it is given; compiled, it does not."""
+    rng = np.random.default_rng(7)
+    errors, samples = 0.03 * rng.standard_normal((LAYOUT.size, LANES)), random_samples(rng, 10)
+    compiled = twins.points(LANES, 7)[0]
+    interpreted = compiled.copy()
+    propagate_states(LAYOUT, MARS, samples, compiled, errors)
+    monkeypatch.setattr(strapdown, "propagate", strapdown.propagate.py_func)
+    propagate_states(LAYOUT, MARS, samples, interpreted, errors)
+    np.testing.assert_allclose(interpreted, compiled, rtol=1e-12)
 
 
 @given(st.integers(0, 2**32 - 1), st.integers(0, 30))

@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 import twins
-from filterpy.kalman import MerweScaledSigmaPoints
+from filterpy.kalman import MerweScaledSigmaPoints, UnscentedKalmanFilter
 from twins import ALL, short_descent
 
 from edl_filter.navigation import initial as entry_state
 from edl_filter.navigation.filter import Settings, build_problem, run_filter
-from edl_filter.navigation.ukf import ErrorStateUKF, MerwePoints
+from edl_filter.navigation.ukf import ErrorStateUKF, MerwePoints, _Engine
 
 
 def test_equals_a_kalman_filter_on_a_linear_problem():
@@ -58,6 +58,29 @@ def test_sigma_points_are_filterpys():
     ours, theirs = MerwePoints(5, 0.3, 2.0, 1.0), MerweScaledSigmaPoints(5, 0.3, 2.0, 1.0)
     np.testing.assert_allclose(ours.sigma_points(x, p), theirs.sigma_points(x, p), rtol=1e-14)
     np.testing.assert_array_equal(ours.Wm, theirs.Wm)
+
+
+def test_the_cross_covariance_of_state_and_measurement_is_filterpys():
+    """Also about means that are not zero, of points that are not symmetric."""
+    rng = np.random.default_rng(6)
+    engine = _Engine(MerwePoints(4, 0.3, 2.0, 1.0))
+    points, predicted = rng.standard_normal((9, 4)), rng.standard_normal((9, 2))
+    mean, measured = rng.standard_normal(4), rng.standard_normal(2)
+    expected = UnscentedKalmanFilter.cross_variance(engine, mean, measured, points, predicted)
+    np.testing.assert_allclose(engine.cross_variance(mean, measured, points, predicted), expected, rtol=1e-12)
+
+
+def test_the_transform_is_that_of_the_settings_without_a_statement():
+    problem = short_descent(Settings())
+    start, covariance = entry_state.initial_estimate(
+        problem.layout, problem.initial, problem.entry, ALL, problem.planet
+    )
+    ukf, settings = ErrorStateUKF(problem.layout, start, covariance, problem.planet), Settings()
+    theirs = MerweScaledSigmaPoints(problem.layout.size, settings.alpha, settings.beta, settings.kappa)
+    np.testing.assert_array_equal(ukf.weights, theirs.Wc)
+    np.testing.assert_allclose(
+        ukf.sigma_points, theirs.sigma_points(np.zeros(problem.layout.size), covariance), rtol=1e-12
+    )
 
 
 def test_after_a_prediction_the_reference_is_the_mean():

@@ -1,6 +1,7 @@
 """MAP fits on a simulated flight: along a curved ridge of the posterior, and where no point is credible."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -9,6 +10,7 @@ from edl_filter import Mission
 from edl_filter.diagnosis.linear_model.effect_jacobian import effect_jacobian
 from edl_filter.diagnosis.linear_model.flight_case import load_case
 from edl_filter.diagnosis.linear_model.linearization import linearize
+from edl_filter.diagnosis.prediction.dead_reckoning import NODES_PER_BIN
 from edl_filter.diagnosis.selection import map_fit as module
 from edl_filter.diagnosis.selection.map_fit import (
     NullModelFit,
@@ -24,6 +26,7 @@ from edl_filter.effects import EffectInstance
 from edl_filter.effects.registry import find_effect
 from edl_filter.estimation.kalman import append_constant_states, whitening_filter
 from edl_filter.estimation.regression import regress
+from edl_filter.mission.decision_settings import DecisionSettings
 from edl_filter.simulation import Scenario, simulate
 
 TRUTH = {"sx": 1.2e-3, "sy": -4e-4, "sz": 7e-4}
@@ -100,6 +103,8 @@ def test_a_wave_of_negative_amplitude_is_returned_with_a_positive_one(model):
         for values in (start, opposite)
     )
     assert positive.parameters(("density_wave", None))["A"][0] >= 0.0
+    first_step = positive.parameters(("density_wave", None))
+    assert all(first_step[name][0] != value for name, value in start.items())  # of the sizes and of the places
     i, k = (positive.names.index((("density_wave", None), name)) for name in ("A", "phase"))
     for name, (value, sigma) in positive.parameters(("density_wave", None)).items():
         assert negative.parameters(("density_wave", None))[name] == pytest.approx((value, sigma), rel=1e-3)
@@ -109,6 +114,25 @@ def test_a_wave_of_negative_amplitude_is_returned_with_a_positive_one(model):
     assert negative.covariance[i, k] == pytest.approx(positive.covariance[i, k], rel=1e-2)
 
 
+def test_after_the_step_of_all_parameters_there_is_one_of_the_sizes_alone():
+    """If some parameters are places: their columns are left out of the second step."""
+    columns = np.random.default_rng(12).standard_normal((20, 3))
+    information, gradient = columns.T @ columns, np.array([1.0, -2.0, 0.5])
+
+    def steps_of(kinds):
+        free = [(("effect", None), SimpleNamespace(kind=kind)) for kind in kinds]
+        return list(module._gauss_newton_steps(information, gradient, free))
+
+    together = np.linalg.solve(information, gradient)
+    first, second = steps_of(["size", "time", "size"])
+    np.testing.assert_allclose(first, together)
+    np.testing.assert_allclose(second[[0, 2]], np.linalg.solve(information[::2, ::2], gradient[::2]))
+    assert second[1] == 0.0
+    for kinds in (["size"] * 3, ["time"] * 3):
+        (only,) = steps_of(kinds)
+        np.testing.assert_allclose(only, together)
+
+
 # --- the share that an effect explains ------------------------------------------------------------------------------
 
 
@@ -116,6 +140,11 @@ def test_a_wave_of_negative_amplitude_is_returned_with_a_positive_one(model):
 def test_the_explained_share_is_linear_up_to_the_likelihood_of_a_model_that_holds(likelihood, share):
     null = NullModelFit(0.0, 0.0, 0.3, white_log_likelihood=100.0, holding_log_likelihood=200.0)
     assert null.explained_share(likelihood) == pytest.approx(share)
+
+
+def test_the_explained_share_has_no_least_deficit():
+    null = NullModelFit(0.0, 0.0, 0.3, white_log_likelihood=100.0, holding_log_likelihood=100.5)
+    assert null.explained_share(100.25) == pytest.approx(0.5)
 
 
 def test_where_nothing_is_left_to_explain_everything_is_explained():
@@ -165,6 +194,16 @@ def test_the_linear_gain_is_the_marginal_likelihood_of_the_augmented_state_space
         - fit.columns @ [fit.parameters(("rolling_moment", None))[name][0] for name in jacobian.names],
         atol=1e-9,
     )
+
+
+def test_places_of_a_linear_fit_move_by_the_estimates_of_the_regression(model):
+    wave = EffectInstance(find_effect("density_wave"), {"A": 0.01, "L": 12e3, "phase": 1.0})
+    fit = fit_linear(model, wave, model.stated_noise_filter, null_evidence=0.0)
+    linear = regress(model.white_residuals(model.stated_noise_filter), fit.columns, fit.sigma)
+    change = dict(zip((name for _, name in fit.names), linear.estimate, strict=True))
+    values = fit.effects[-1].values
+    assert values["phase"] == pytest.approx(1.0 + change["phase"], abs=1e-9) and abs(change["phase"]) > 1e-3
+    assert values["L"] == pytest.approx(12e3 + change["L"], rel=1e-9) and abs(change["L"]) > 1.0
 
 
 def test_places_of_a_linear_fit_stay_within_their_bounds_and_their_order(model):
@@ -227,6 +266,15 @@ def test_the_null_model_pays_the_penalty_of_its_noise(late_model):
     assert null.white_log_likelihood == late_model.white_excess_log_likelihood
 
 
+def test_the_likelihood_of_the_null_model_is_that_of_the_measured_readings(model, fit, monkeypatch):
+    """The determinant of the map of the readings is in it: that of the gyros' scale errors is large."""
+    monkeypatch.setattr(module, "fit_map", lambda *_, **__: fit)
+    null = fit_null_model(model, model.effects)
+    of_readings = model.case.log_abs_det_jacobian(fit.effects)
+    expected = model.fitted_noise_filter.log_likelihood(fit.white) + of_readings - model.noise_penalty
+    assert null.log_likelihood == pytest.approx(expected, abs=1e-6) and abs(of_readings) > 1.0
+
+
 def test_a_scan_corrects_a_time_in_a_local_maximum(late_model):
     """Gauss-Newton ends before the true time: only the bins within the derivative's step change the likelihood."""
     whiten = late_model.fitted_noise_filter
@@ -241,6 +289,29 @@ def test_a_scan_corrects_a_time_in_a_local_maximum(late_model):
     _, model, fit = iterate_to_convergence(late_model.case)
     value, sigma = fit.parameters(("remnant_torque", None))["t0"]
     assert model.holds and abs(value - TORQUE["t0"]) < 3.0 * sigma < 0.2
+
+
+@pytest.mark.parametrize("true", [110.0, 113.3, 120.0, 130.0])
+def test_a_time_is_scanned_as_far_before_its_value_as_after_it(true, monkeypatch):
+    """To both ends of `noise_piece_s`, 10 s, where the likelihood has its maximum."""
+    monkeypatch.setattr(module, "_screened_at_times", lambda *_: [])
+    monkeypatch.setattr(
+        module, "most_likely", lambda model, trials, _: min(trials, key=lambda t: abs(t[0].values["t0"] - true))
+    )
+    start = EffectInstance(find_effect("remnant_torque"), TORQUE | {"t0": 120.0})
+    (scanned,) = scan_times(SimpleNamespace(settings=DecisionSettings()), (start,), None)
+    assert scanned.values["t0"] == pytest.approx(true, abs=1e-9)
+
+
+def test_the_variance_of_a_time_contains_the_spacing_of_the_nodes(late_model):
+    """A time between two nodes is distributed uniformly: a twelfth of the squared spacing."""
+    fit = fit_map(late_model, late_model.effects, late_model.fitted_noise_filter, steps=1)
+    linear = np.linalg.inv(fit.columns.T @ fit.columns + np.diag(1.0 / fit.sigma**2))
+    spacing = np.median(late_model.bins.interval) / NODES_PER_BIN
+    expected = [spacing**2 / 12.0 if name == "t0" else 0.0 for _, name in fit.names]
+    tolerance = 1e-6 * np.sqrt(np.outer(np.diag(linear), np.diag(linear)))
+    assert np.all(np.abs(fit.covariance - linear - np.diag(expected)) <= tolerance)
+    assert max(expected) > 1e-3 * linear.max()
 
 
 def with_torque(model, **values):

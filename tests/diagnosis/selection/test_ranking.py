@@ -3,6 +3,7 @@
 And on constructed models: the evidences of noise, of a nuisance parameter and of an acceleration.
 """
 
+from dataclasses import dataclass, field, replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -21,10 +22,11 @@ from edl_filter.diagnosis.selection import ranking as module
 from edl_filter.diagnosis.selection.decision import decide
 from edl_filter.diagnosis.selection.hypothesis import fit_hypothesis
 from edl_filter.diagnosis.selection.map_fit import NullModelFit, fit_map, fit_null_model
-from edl_filter.diagnosis.selection.ranking import fit_unmodelled, nuisance_gain, rank
+from edl_filter.diagnosis.selection.ranking import Ranking, fit_unmodelled, nuisance_gain, rank
 from edl_filter.diagnosis.selection.screening import marginalize_model_effects, screen
 from edl_filter.effects.base import EffectInstance
 from edl_filter.effects.registry import find_effect
+from edl_filter.errors import InputError
 from edl_filter.estimation.regression import regress
 from edl_filter.mission.decision_settings import DecisionSettings
 from edl_filter.simulation import Scenario, simulate
@@ -179,6 +181,23 @@ def test_the_evidence_of_an_acceleration_is_less_the_penalty_of_the_noise_that_i
     assert unmodelled is process and evidence == pytest.approx(expected)
 
 
+def test_the_most_likely_acceleration_is_that_of_the_model_with_it(monkeypatch):
+    """The likelihood that is compared is that of the state space to which the acceleration is added."""
+    processes = {UnmodelledAcceleration(force): -force for force in (3.0, 1.0, 2.0)}
+
+    def most_likely(likelihood, settings):
+        best = max(processes, key=likelihood)
+        return best, likelihood(best)
+
+    monkeypatch.setattr(module, "most_likely_process", most_likely)
+    monkeypatch.setattr(module, "log_likelihood", lambda added, *_: added)
+    model = SimpleNamespace(
+        settings=SETTINGS, excess_variance=excess_of(0.0), residual_vector=None, initial_mean=None,
+        state_space_with_unmodelled=processes.get,
+    )  # fmt: skip
+    assert fit_unmodelled(model) == (UnmodelledAcceleration(1.0), -1.0)
+
+
 def test_noise_and_acceleration_are_over_the_point_with_the_largest_evidence(monkeypatch):
     """The other point has the larger likelihood, but with variances that cost more."""
 
@@ -203,3 +222,428 @@ def test_noise_and_acceleration_are_over_the_point_with_the_largest_evidence(mon
     assert ranking.excess_noise_gain == pytest.approx(-52.0 + 80.0)
     assert ranking.unmodelled_gain == pytest.approx(-40.0 + 52.0)
     assert ranking.nuisance_gain == 0.0
+
+
+# --- which effects are fitted, and about which point ----------------------------------------------------------------
+
+
+class Constructed:
+    """A model of which is known whether it holds and whether its filters are in memory."""
+
+    def __init__(self, name, holds, log_evidence=0.0, zero_excess=False):
+        self.name, self.holds, self.settings = name, holds, SETTINGS
+        self.log_evidence, self.excess_variance = log_evidence, SimpleNamespace(share=0.3, is_zero=zero_excess)
+        self.fitted_noise_filter, self.stated_noise_filter = "fitted", "stated"
+        self.state_space = self.residual_vector = self.initial_mean = None
+        self.case, self.largest_nuisance_sigmas = None, 0.0
+        self.filters, self.released = True, False
+
+    def release_filters(self):
+        self.filters = False
+
+    def release(self):
+        self.filters, self.released = False, True
+
+
+FAILING, HOLDING = Constructed("failing", False), Constructed("holding", True)
+NULL, REFERENCE = "null about its own point", "null about the most probable point"
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """A hypothesis with only what the ranking reads of it."""
+
+    key: tuple
+    gain: float = 0.0
+    model: Constructed = FAILING
+    at_floor: bool = False
+    explained: np.ndarray = field(default_factory=lambda: np.array([1.0, 0.0]))
+    explained_share: float = 0.0
+    own_noise_evidence: float = -np.inf
+    stated_noise_fit: object = None
+    complemented: bool | None = None
+    null: str = NULL
+
+    fit = SimpleNamespace(effects=("the first effect",))
+
+    @property
+    def name(self):
+        return self.key[0]
+
+    label = name
+
+    def with_reference(self, null):
+        return replace(self, null=null)
+
+
+def named(name, gain=0.0, **more):
+    return Candidate((name, None), gain, **more)
+
+
+def names_of(hypotheses):
+    return [h.name for h in hypotheses]
+
+
+@pytest.mark.parametrize(
+    ("share", "seconds", "expected"),
+    [
+        (0.19, [named("b", at_floor=True)], None),  # it explains too little to be one of two
+        (0.2, [named("b", at_floor=True)], True),
+        (0.39, [named("b", explained_share=0.95)], False),  # with so little a second one must leave no excess
+        (0.4, [named("b", explained_share=0.95)], True),
+        (0.5, [named("b", explained_share=0.9)], True),
+        (0.5, [named("b", explained_share=0.89)], False),
+        (0.5, [named("b", explained_share=0.1), named("c", at_floor=True)], True),
+        (0.5, [], False),
+        (0.89, [named("b", explained_share=0.9)], True),
+        (0.9, [named("b", at_floor=True)], None),  # it explains everything alone
+    ],
+)
+def test_a_second_effect_is_sought_where_the_first_explains_a_part(monkeypatch, share, seconds, expected):
+    """With `complemented_explained_share` 0.2, `named_explained_share` 0.4 and `sufficient_share` 0.9."""
+    searches = []
+    monkeypatch.setattr(module, "load_case", lambda mission, effects: (mission, effects))
+    monkeypatch.setattr(module, "candidate_instances", lambda case, effects: (case, effects))
+
+    def second_ranking(case, candidates, progress):
+        searches.append((case, candidates))
+        return SimpleNamespace(hypotheses=seconds)
+
+    monkeypatch.setattr(module, "_rank", second_ranking)
+    case, effects, messages = SimpleNamespace(settings=SETTINGS, mission="mission"), ["catalogue"], []
+    lower = named("lower", 1.0)
+    before = Ranking(case, None, {}, [named("first", 9.0, explained_share=share), lower], None, 0.0, 0.0)
+    after = module._with_complement(before, effects, messages.append)
+    assert after.hypotheses[0] == replace(before.hypotheses[0], complemented=expected)
+    assert after.hypotheses[1:] == [lower]
+    with_first = ("mission", ("the first effect",))
+    assert searches == ([] if expected is None else [(with_first, (with_first, effects))])
+    assert messages == ([] if expected is None else ["searching for a second effect in addition to first"])
+
+
+def test_no_second_effect_is_sought_after_none_or_after_a_complete_explanation(monkeypatch):
+    monkeypatch.setattr(module, "_rank", lambda *_: pytest.fail("a second ranking"))
+    case = SimpleNamespace(settings=SETTINGS, mission="mission")
+    for hypotheses in ([], [named("first", 9.0, explained_share=0.5, at_floor=True)]):
+        ranking = Ranking(case, None, {}, hypotheses, None, 0.0, 0.0)
+        assert module._with_complement(ranking, [], lambda _: None) is ranking
+        assert (ranking.nuisance_gain, ranking.failed) == (0.0, {})
+
+
+def screened_effects(model, gains, explained=None):
+    """What was screened with each filter: ``{name: gain}``, and what each explains."""
+    explained = explained or {}
+    results = [
+        {(n, None): SimpleNamespace(gain=g, key=(n, None), explained=np.array(explained.get(n, [1.0, 0.0])))
+         for n, g in of_filter.items()}
+        for of_filter in gains
+    ]  # fmt: skip
+    return module._Screened(model, results)
+
+
+def fit_shortlisted(monkeypatch, screened, outcomes, least=0.0):
+    """Names of the fitted hypotheses, of those for which a fit was begun, and messages of failed ones.
+
+    `outcomes` are changes of the hypothesis by name, or the message of a failing fit.
+    """
+    begun, failed = [], {}
+
+    def fit(case, model, starts, null):
+        assert [whiten for _, whiten in starts] == ["fitted", "stated"][: len(starts)]
+        key = starts[0][0].key
+        begun.append(key[0])
+        outcome = outcomes.get(key[0], {})
+        if isinstance(outcome, str):
+            raise InputError(outcome)
+        return Candidate(key, **outcome)
+
+    monkeypatch.setattr(module, "fit_hypothesis", fit)
+    monkeypatch.setattr(module, "_filters", lambda model: ["fitted", "stated"][: len(screened.results)])
+    messages = []
+    case = SimpleNamespace(settings=SETTINGS)
+    fitted = module._fit_shortlist(case, screened, NULL, least, failed, messages.append)
+    assert messages == [f"refitting {n}" for n in begun]
+    return names_of(fitted), begun, failed
+
+
+def test_an_effect_is_fitted_if_its_gain_at_any_noise_is_sufficient(monkeypatch):
+    screened = screened_effects(FAILING, [{"a": 20.0, "b": 5.0, "c": 5.0}, {"a": 5.0, "b": 20.0, "c": 6.0}])
+    assert fit_shortlisted(monkeypatch, screened, {}, least=10.0)[0] == ["a", "b"]
+
+
+def test_after_an_effect_that_explains_everything_only_similar_ones_are_fitted(monkeypatch):
+    """Of a failing model; where the model holds, every effect of the shortlist is."""
+    cosine = {"a": [1.0, 0.0], "similar": [0.71, 0.704], "dissimilar": [0.69, 0.724]}
+    gains = [{"a": 30.0, "dissimilar": 20.0, "similar": 10.0}]
+    outcomes = {"a": {"at_floor": True}}
+    failing = fit_shortlisted(monkeypatch, screened_effects(FAILING, gains, cosine), outcomes)
+    assert failing[0] == ["a", "similar"]
+    holding = fit_shortlisted(monkeypatch, screened_effects(HOLDING, gains, cosine), outcomes)
+    assert holding[0] == ["a", "dissimilar", "similar"]
+    partial = fit_shortlisted(monkeypatch, screened_effects(FAILING, gains, cosine), {})
+    assert partial[0] == ["a", "dissimilar", "similar"]
+
+
+def test_similarity_is_that_at_the_stated_noise(monkeypatch):
+    """The noise that a failing model shows hides what is missing."""
+    similar, at_fitted_noise = np.array([1.0, 0.0, 0.0]), {"a": [0.0, 1.0, 0.0], "b": [0.0, 0.0, 1.0]}
+    gains = {"a": 30.0, "b": 20.0}
+    screened = screened_effects(FAILING, [gains, gains], {"a": similar, "b": similar})
+    screened.results[0].update(screened_effects(FAILING, [gains], at_fitted_noise).results[0])
+    assert fit_shortlisted(monkeypatch, screened, {"a": {"at_floor": True}})[0] == ["a", "b"]
+
+
+def test_an_effect_whose_hooks_fail_is_reported_and_the_next_one_fitted(monkeypatch):
+    screened = screened_effects(FAILING, [{"a": 30.0, "b": 20.0, "c": 10.0}])
+    outcomes = {"a": "its table is empty", "b": {"explained": np.zeros(2)}}
+    fitted, begun, failed = fit_shortlisted(monkeypatch, screened, outcomes)
+    assert begun == ["a", "b", "c"]
+    assert fitted == ["c"]  # what b explains is outside the flight
+    assert failed == {"a": "its table is empty"}
+
+
+def relinearize(monkeypatch, hypotheses, outcomes=None):
+    """Ranked names, what was relinearised with whether it contends, and messages of failed ones.
+
+    `outcomes` are changes of the hypothesis by name, or the message of a failing fit.
+    """
+    asked, failed, messages, models = [], {}, [], []
+
+    def with_effect(h, reference, contends):
+        assert reference == REFERENCE
+        asked.append((h.name, contends))
+        outcome = (outcomes or {}).get(h.name, {})
+        if isinstance(outcome, str):
+            raise InputError(outcome)
+        models.append(Constructed(f"with {h.name}", False))
+        return replace(h, **({"model": models[-1]} | outcome))
+
+    monkeypatch.setattr(module, "relinearize_with_effect", with_effect)
+    case = SimpleNamespace(settings=SETTINGS)
+    ranked = module._relinearize_leaders(case, hypotheses, REFERENCE, failed, messages.append)
+    assert all(h.null == REFERENCE for h in ranked)
+    assert [h.gain for h in ranked] == sorted((h.gain for h in ranked), reverse=True)
+    assert messages == [f"refitting {name} about a new reconstruction" for name, _ in asked]
+    assert all(m.released for m in models) and not FAILING.released and not HOLDING.released
+    return names_of(ranked), asked, failed
+
+
+def test_nothing_is_relinearised_without_a_hypothesis(monkeypatch):
+    assert relinearize(monkeypatch, []) == ([], [], {})
+
+
+@pytest.mark.parametrize(("model", "contends"), [(FAILING, True), (HOLDING, False)])
+def test_the_only_hypothesis_is_relinearised(monkeypatch, model, contends):
+    assert relinearize(monkeypatch, [named("a", 50.0, model=model)])[1] == [("a", contends)]
+
+
+@pytest.mark.parametrize(("gain", "expected"), [(2.9, []), (3.0, [("b", False)]), (50.0, [("b", False)])])
+def test_where_the_model_holds_a_leader_is_relinearised_if_it_can_be_named(monkeypatch, gain, expected):
+    """From half the prior cost of a name, 6 nats, on; the others cannot overtake it."""
+    hypotheses = [named("a", 0.9 * gain, model=HOLDING), named("b", gain, model=HOLDING)]
+    ranked, asked, _ = relinearize(monkeypatch, hypotheses)
+    assert (ranked, asked) == (["b", "a"], expected)
+
+
+def test_about_a_failing_model_the_rivals_of_the_leader_are_relinearised(monkeypatch):
+    """Those with a quarter of its gain; effects with the largest evidence at other noises before them."""
+    hypotheses = [named("weak", 24.0), named("close", 26.0), named("leader", 100.0, own_noise_evidence=-9.0)]
+    assert relinearize(monkeypatch, hypotheses)[1] == [("leader", True), ("close", True)]
+    own_noise = [*hypotheses, named("own", 10.0, own_noise_evidence=-5.0)]
+    assert relinearize(monkeypatch, own_noise)[1] == [("leader", True), ("own", False), ("close", True)]
+
+    def at_stated_noise(evidence):
+        return SimpleNamespace(evidence=evidence)
+
+    stated = [
+        named("leader", 100.0, own_noise_evidence=-4.0),
+        named("close", 26.0),
+        named("worse", 5.0, stated_noise_fit=at_stated_noise(-300.0)),
+        named("stated", 2.0, stated_noise_fit=at_stated_noise(-200.0)),
+        named("worst", 3.0, stated_noise_fit=at_stated_noise(-400.0)),
+    ]
+    assert relinearize(monkeypatch, stated)[1] == [("leader", True), ("stated", False), ("close", True)]
+
+
+def test_a_failing_model_has_no_least_gain(monkeypatch):
+    """Gains about a failing model are too small by a factor that is not known."""
+    assert relinearize(monkeypatch, [named("a", 1.0), named("b", 0.1)])[1] == [("a", True)]
+
+
+def test_no_more_than_a_number_of_hypotheses_are_relinearised(monkeypatch):
+    """The three of `relinearized_hypotheses`, also where each one that comes to lead has a smaller gain then."""
+    hypotheses = [named(n, 100.0 - k) for k, n in enumerate("abcde")]
+    outcomes = {n: {"gain": 40.0 - k} for k, n in enumerate("abcde")}
+    ranked, asked, _ = relinearize(monkeypatch, hypotheses, outcomes)
+    assert asked == [("a", True), ("b", True), ("c", True)]
+    assert ranked == ["d", "e", "a", "b", "c"]
+
+
+def test_one_that_comes_to_lead_is_relinearised_next(monkeypatch):
+    hypotheses = [named("a", 100.0), named("b", 60.0), named("c", 30.0, own_noise_evidence=-1.0)]
+    ranked, asked, _ = relinearize(monkeypatch, hypotheses, {"a": {"gain": 50.0}, "c": {"gain": 70.0}})
+    assert asked == [("a", True), ("b", True), ("c", True)]
+    assert ranked == ["c", "b", "a"]
+
+
+def test_a_leader_that_explains_everything_has_only_similar_rivals(monkeypatch):
+    """With 0.7 as the correlation of what both explained about the first point."""
+    hypotheses = [
+        named("leader", 100.0),
+        named("dissimilar", 90.0, explained=np.array([0.69, 0.724])),
+        named("similar", 80.0, explained=np.array([0.71, 0.704])),
+        named("weak", 10.0, own_noise_evidence=-1.0, explained=np.array([0.0, 1.0])),
+    ]
+    solved = {"leader": {"at_floor": True, "explained": np.array([0.0, 1.0])}}
+    assert relinearize(monkeypatch, hypotheses, solved)[1] == [("leader", True), ("similar", True)]
+
+
+def test_a_hypothesis_whose_new_reconstruction_fails_keeps_its_fit(monkeypatch):
+    hypotheses = [named("a", 100.0), named("b", 60.0)]
+    ranked, asked, failed = relinearize(monkeypatch, hypotheses, {"a": "the flight ends early"})
+    assert (ranked, [name for name, _ in asked]) == (["a", "b"], ["a", "b"])
+    assert failed == {"a": "the flight ends early"}
+
+
+def test_gains_where_the_model_holds_are_asked_only_of_complete_explanations(monkeypatch):
+    asked = []
+
+    def with_gain(h, case, model, whiten, null):
+        asked.append((h.name, case, model, whiten, null))
+        return replace(h, gain=99.0)
+
+    monkeypatch.setattr(module, "with_gain_where_model_holds", with_gain)
+    monkeypatch.setattr(module, "_filters", lambda model: ["fitted", "stated"])
+    screened = module._Screened(HOLDING, [])
+    partial, complete = named("a", 5.0), named("b", 4.0, at_floor=True)
+    assert module._compare_where_model_holds("case", [partial], screened, NULL) == [partial]
+    assert asked == []
+    compared = module._compare_where_model_holds("case", [partial, complete], screened, NULL)
+    assert compared == [partial, replace(complete, gain=99.0)]
+    assert asked == [("b", "case", HOLDING, "fitted", NULL)]
+
+
+@pytest.mark.parametrize(("zero_excess", "expected"), [(True, ["fitted"]), (False, ["fitted", "stated"])])
+def test_the_stated_noise_is_a_filter_of_its_own_only_with_excess_variance(monkeypatch, zero_excess, expected):
+    monkeypatch.setattr(module, "marginalize_model_effects", lambda model, whiten: whiten)
+    assert module._filters(Constructed("model", zero_excess, zero_excess=zero_excess)) == expected
+
+
+def test_effects_whose_hooks_fail_in_the_scan_are_not_screened(monkeypatch):
+    monkeypatch.setattr(module, "_filters", lambda model: ["fitted", "stated"])
+    monkeypatch.setattr(module, "scan_jacobians", lambda model, effects, end, failed: failed.update({"b in imu": "no"}))
+    monkeypatch.setattr(module, "screen", lambda *_: [{("a", None): 1, ("b", "imu"): 2}, {("b", "imu"): 3}])
+    screened = module._screen(FAILING, [], 0.0, {})
+    assert screened.model is FAILING and screened.results == [{("a", None): 1}, {}]
+
+
+def test_effects_are_offered_that_the_model_lacks():
+    """Those of the instruments in the driving IMU and in a checking one."""
+    driving, checking = SimpleNamespace(name="A"), SimpleNamespace(name="B")
+    present = (EffectInstance(find_effect("mass"), {"k": 0.1}),)
+    telemetry = SimpleNamespace(driving=driving, checking=[checking])
+    case = SimpleNamespace(reconstruction=SimpleNamespace(telemetry=telemetry), effects=present)
+    effects = [find_effect(n) for n in ("mass", "gyro_bias", "axial_force_scale")]
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(module, "canonical_key", lambda a, record: a.key if record is driving else None)
+        offered = [a.key for a in module.candidate_instances(case, effects)]
+    assert offered == [("gyro_bias", None), ("axial_force_scale", None), ("gyro_bias", "B")]
+
+
+@dataclass
+class Run:
+    """What the steps of a ranking were given."""
+
+    screened: list = field(default_factory=list)
+    shortlists: list = field(default_factory=list)
+    relinearised: list = field(default_factory=list)
+    compared: list = field(default_factory=list)
+    null_fits: list = field(default_factory=list)
+    messages: list = field(default_factory=list)
+
+
+def constructed_run(monkeypatch, models, fitted):
+    """A ranking about some models, `fitted` the hypotheses about each; only one has its filters in memory."""
+    run, model = Run(), models[0]
+    case = SimpleNamespace(settings=SETTINGS, effects=("own effect",), end=250.0)
+    model.case = case
+    nulls = {m.name: NullModelFit(m.log_evidence, 0.0, 0.0, 0.0, 0.0) for m in models}
+
+    def use_filters(of_model):
+        of_model.filters = True
+        assert [m.name for m in models if m.filters] == [of_model.name]
+
+    def fit_null(m, effects, share):
+        use_filters(m)
+        run.null_fits.append((m.name, effects, share))
+        return nulls[m.name]
+
+    def screen_effects(m, effects, end, failed):
+        use_filters(m)
+        run.screened.append((m.name, [a.name for a in effects], end))
+        return module._Screened(m, [{(m.name, None): 1.0}, {("at the stated noise", None): 2.0}])
+
+    def shortlisted(of_case, screened, null, least, failed, progress):
+        use_filters(screened.model)
+        assert null is nulls[screened.model.name] and of_case is case
+        run.shortlists.append((screened.model.name, least))
+        return fitted[screened.model.name]
+
+    def leaders(of_case, hypotheses, reference, failed, progress):
+        run.relinearised.append((names_of(hypotheses), reference.evidence))
+        return [replace(h, gain=2.0 * h.gain) for h in hypotheses]
+
+    def compare(of_case, hypotheses, screened, null):
+        run.compared.append((names_of(hypotheses), screened.model.name, null is nulls[screened.model.name]))
+        return list(hypotheses)
+
+    monkeypatch.setattr(module, "credible_model", lambda of_case: (model, models[1] if len(models) > 1 else None))
+    monkeypatch.setattr(module, "fit_null_model", fit_null)
+    monkeypatch.setattr(module, "_screen", screen_effects)
+    monkeypatch.setattr(module, "_fit_shortlist", shortlisted)
+    monkeypatch.setattr(module, "_relinearize_leaders", leaders)
+    monkeypatch.setattr(module, "_compare_where_model_holds", compare)
+    monkeypatch.setattr(module, "log_likelihood", lambda *_: 0.0)
+    monkeypatch.setattr(module, "fit_unmodelled", lambda of_model: (of_model.name, 0.0))
+    effects = [EffectInstance(find_effect(n), {}) for n in ("mass", "remnant_torque")]
+    ranking = module._rank(SimpleNamespace(settings=SETTINGS), effects, run.messages.append)
+    assert ranking.case is case and ranking.model is model and ranking.unmodelled == model.name
+    assert [h.gain for h in ranking.hypotheses] == sorted((h.gain for h in ranking.hypotheses), reverse=True)
+    assert all(m.released for m in models[: len(run.shortlists)])
+    assert run.null_fits == [(m.name, ("own effect",), 0.3) for m in models]
+    assert run.messages == [
+        "comparing model and measurements",
+        "screening the catalogue and an unmodelled acceleration",
+    ]
+    return ranking, run
+
+
+def test_effects_without_places_are_fitted_where_the_model_holds(monkeypatch):
+    """Those with places about its first point: the scan of places is too coarse for their whole evidence."""
+    assert find_effect("remnant_torque").places and not find_effect("mass").places
+    models = [Constructed("first", False, -90.0), Constructed("second", True, -50.0)]
+    fitted = {"first": [named("a", 40.0), named("b", 60.0)], "second": [named("c", 55.0, model=models[1])]}
+    ranking, run = constructed_run(monkeypatch, models, fitted)
+    assert run.screened == [("first", ["remnant_torque"], 250.0), ("second", ["mass"], 250.0)]
+    assert run.shortlists == [("first", 0.0), ("second", SETTINGS.rival_gain_share * 120.0)]
+    assert run.relinearised == [(["a", "b"], -50.0), (["c"], -50.0)]
+    assert run.compared == [(["a", "b"], "second", True)]
+    assert names_of(ranking.hypotheses) == ["b", "c", "a"]
+    assert list(ranking.screening) == [("first", None), ("second", None)]
+
+
+def test_another_point_where_the_model_fails_too_is_only_a_reference(monkeypatch):
+    """All effects are fitted about the first point."""
+    models = [Constructed("first", False, -90.0), Constructed("second", False, -50.0)]
+    ranking, run = constructed_run(monkeypatch, models, {"first": [named("a", 40.0), named("b", 60.0)]})
+    assert run.screened == [("first", ["mass", "remnant_torque"], 250.0)]
+    assert run.relinearised == [(["a", "b"], -50.0)]
+    assert run.compared == []
+    assert list(ranking.screening) == [("first", None)]
+
+
+def test_a_model_that_holds_about_its_first_point_has_no_second(monkeypatch):
+    models = [Constructed("first", True, -90.0)]
+    ranking, run = constructed_run(monkeypatch, models, {"first": []})
+    assert run.screened == [("first", ["mass", "remnant_torque"], 250.0)]
+    assert (run.compared, ranking.hypotheses) == ([], [])
