@@ -272,12 +272,14 @@ def most_likely(
     """
     likelihoods: list[float] = []
     for batch in (candidates[i : i + _BATCH_COLUMNS] for i in range(0, len(candidates), _BATCH_COLUMNS)):
-        changed = [model.with_effects(effects) for effects in batch]
-        residuals = np.stack([m.residual_vector for m in changed], axis=1)
-        white = whiten(residuals, np.stack([m.initial_mean for m in changed], axis=1))
+        residuals = np.empty((model.index.count, len(batch)))
+        initial_means = np.empty((len(model.initial_mean), len(batch)))
+        for i, effects in enumerate(batch):
+            changed = model.with_effects(effects)  # large: one is kept
+            residuals[:, i], initial_means[:, i] = changed.residual_vector, changed.initial_mean
         likelihoods += [
             whiten.log_likelihood(column) + model.case.log_abs_det_jacobian(effects)
-            for column, effects in zip(white.T, batch, strict=True)
+            for column, effects in zip(whiten(residuals, initial_means).T, batch, strict=True)
         ]
     return candidates[int(np.argmax(likelihoods))]
 
