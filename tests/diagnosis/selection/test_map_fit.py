@@ -341,6 +341,19 @@ def test_a_scan_finds_a_time_elsewhere_in_the_flight(late_model):
         assert abs(value - TORQUE[name]) < 3.0 * sigma < 0.1 * abs(TORQUE[name])
 
 
+@pytest.mark.parametrize("nodes_off", [-4, -1, 1, 3])
+def test_a_time_ends_between_the_nodes_of_the_largest_likelihood(late_model, nodes_off):
+    """The likelihood is a step function of the time: it is searched from node to node, within a time bin."""
+    nodes = late_model.residuals.nodes.time
+    k = int(np.searchsorted(nodes, TORQUE["t0"]))
+    (late,) = late_model.effects
+    start = replace(
+        late, values=late.values | TORQUE | {"t0": 0.9 * nodes[k + nodes_off] + 0.1 * nodes[k + nodes_off - 1]}
+    )
+    fit = fit_map(late_model, (start,), late_model.fitted_noise_filter)
+    assert fit.effects[0].values["t0"] == pytest.approx(0.5 * (nodes[k - 1] + nodes[k]), abs=1e-9)
+
+
 def test_the_most_likely_effects_are_those_of_the_largest_likelihood(late_model):
     """As each evaluated alone, with more of them than are whitened together; of equal ones the first."""
     whiten, (late,) = late_model.fitted_noise_filter, late_model.effects

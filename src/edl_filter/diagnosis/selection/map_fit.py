@@ -155,6 +155,18 @@ def fit_map(
                 return None, True
         return None, False
 
+    def at_nodes(best: tuple[LinearizedModel, float, Array]) -> tuple[LinearizedModel, float, Array]:
+        """The model with each time in the middle between two nodes, within a bin, where the posterior is largest."""
+        for key, q in [(e, q) for e, q in free if q.kind == "time"]:
+            middles = _middles_between_nodes(best[0], _value(best[0].effects, key, q.name))
+            trials = [_with_values(best[0].effects, [(key, q)], np.array([middle])) for middle in middles]
+            models = [best[0].with_effects(trial) for trial in trials if all(is_ordered(a) for a in trial)]
+            values = [(m, *_log_posterior(m, whiten, centre, sigma, names)) for m in models]
+            largest = max(values, key=lambda v: v[1], default=best)
+            if largest[1] > best[1] - settings.fit_convergence_nats:  # about equal where only the middle is new
+                best = largest
+        return best
+
     limit = settings.fit_iterations if steps is None else steps
     for _ in range(limit if free else 0):
         columns = _white_columns(current, whiten, free)
@@ -168,11 +180,11 @@ def fit_map(
             better, converged = search(step, theta)
             if better is not None or converged:
                 break
-        if better is None:
-            break
-        gain = better[1] - log_posterior
-        current, log_posterior, white = better
-        if gain < settings.fit_convergence_nats:
+        before = log_posterior
+        current, log_posterior, white = better or (current, log_posterior, white)
+        if log_posterior - before < settings.fit_convergence_nats:
+            current, log_posterior, white = at_nodes((current, log_posterior, white))
+        if log_posterior - before < settings.fit_convergence_nats:
             break
     log_volume = 0.5 * np.linalg.slogdet(covariance)[1] - float(np.sum(np.log(sigma))) if free else 0.0
     spacing = float(np.median(model.bins.interval)) / NODES_PER_BIN
@@ -405,6 +417,18 @@ def most_probable_null(nulls: Sequence[NullModelFit]) -> NullModelFit:
 
 def _value(effects: Sequence[EffectInstance], effect: EffectKey, parameter: str) -> float:
     return effect_with_key(effects, effect).values[parameter]
+
+
+def _middles_between_nodes(model: LinearizedModel, time: float) -> Array:
+    """Times in the middle between adjoining nodes, a time bin before `time` and after it.
+
+    The model is evaluated at the nodes, so that the likelihood of an effect's beginning changes only where it crosses a
+    node: no derivative shows it, and the time between two nodes is uniformly distributed.
+    """
+    nodes = model.residuals.nodes.time
+    middles = 0.5 * (nodes[1:] + nodes[:-1])
+    between = int(np.searchsorted(nodes, time)) - 1
+    return np.asarray(middles[max(between - NODES_PER_BIN, 0) : between + NODES_PER_BIN + 1], np.float64)
 
 
 def _sign(
