@@ -5,6 +5,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from late_torque import TORQUE
 
 from edl_filter import Mission
 from edl_filter.diagnosis.linear_model.effect_jacobian import effect_jacobian
@@ -17,16 +18,12 @@ from edl_filter.diagnosis.selection.map_fit import (
     fit_linear,
     fit_map,
     fit_null_model,
-    most_likely,
     most_probable_null,
-    scan_times,
 )
-from edl_filter.diagnosis.selection.outer_loop import iterate_to_convergence
 from edl_filter.effects import EffectInstance
 from edl_filter.effects.registry import find_effect
 from edl_filter.estimation.kalman import append_constant_states, whitening_filter
 from edl_filter.estimation.regression import regress
-from edl_filter.mission.decision_settings import DecisionSettings
 from edl_filter.simulation import Scenario, simulate
 
 TRUTH = {"sx": 1.2e-3, "sy": -4e-4, "sz": 7e-4}
@@ -241,18 +238,6 @@ def test_the_evidence_of_a_linear_fit_at_a_bound_is_that_at_the_limited_size(mod
 
 # --- times ----------------------------------------------------------------------------------------------------------
 
-TORQUE = {"Cl": 0.0, "Cm": -4e-4, "Cn": 8e-4, "t0": 120.26}
-
-
-@pytest.fixture(scope="module")
-def late_model(tmp_path_factory):
-    """A torque that begins at 120.26 s, linearised with one that begins 0.7 s later."""
-    torque = find_effect("remnant_torque")
-    path = tmp_path_factory.mktemp("times") / "flight.h5"
-    simulate(Scenario.load("builtin:mer"), [EffectInstance(torque, TORQUE)], 5).write(path)
-    mission = Mission.load("builtin:practice_mer", [f"telemetry.path={path}"])
-    return linearize(load_case(mission, (EffectInstance(torque, TORQUE | {"t0": 120.96}),)))
-
 
 def test_the_null_model_pays_the_penalty_of_its_noise(late_model):
     """Evidence and likelihood are those of the fit less the cost of variances and colour; the share has no penalty."""
@@ -275,34 +260,6 @@ def test_the_likelihood_of_the_null_model_is_that_of_the_measured_readings(model
     assert null.log_likelihood == pytest.approx(expected, abs=1e-6) and abs(of_readings) > 1.0
 
 
-def test_a_scan_corrects_a_time_in_a_local_maximum(late_model):
-    """Gauss-Newton ends before the true time: only the bins within the derivative's step change the likelihood."""
-    whiten = late_model.fitted_noise_filter
-    assert not late_model.excess_variance.is_zero
-    local = fit_map(late_model, late_model.effects, whiten, moving=True)
-    assert abs(local.effects[0].values["t0"] - TORQUE["t0"]) > 0.3
-    (scanned,) = scan_times(late_model, late_model.effects, whiten)
-    assert scanned.values["t0"] == pytest.approx(TORQUE["t0"], abs=0.11)
-    assert scanned.values["t1"] == late_model.effects[0].values["t1"]
-    for name in ("Cm", "Cn"):  # the sizes are estimated anew at each time of the flight
-        assert scanned.values[name] == pytest.approx(TORQUE[name], rel=0.01)
-    _, model, fit = iterate_to_convergence(late_model.case)
-    value, sigma = fit.parameters(("remnant_torque", None))["t0"]
-    assert model.holds and abs(value - TORQUE["t0"]) < 3.0 * sigma < 0.2
-
-
-@pytest.mark.parametrize("true", [110.0, 113.3, 120.0, 130.0])
-def test_a_time_is_scanned_as_far_before_its_value_as_after_it(true, monkeypatch):
-    """To both ends of `noise_piece_s`, 10 s, where the likelihood has its maximum."""
-    monkeypatch.setattr(module, "_screened_at_times", lambda *_: [])
-    monkeypatch.setattr(
-        module, "most_likely", lambda model, trials, _: min(trials, key=lambda t: abs(t[0].values["t0"] - true))
-    )
-    start = EffectInstance(find_effect("remnant_torque"), TORQUE | {"t0": 120.0})
-    (scanned,) = scan_times(SimpleNamespace(settings=DecisionSettings()), (start,), None)
-    assert scanned.values["t0"] == pytest.approx(true, abs=1e-9)
-
-
 def test_the_variance_of_a_time_contains_the_spacing_of_the_nodes(late_model):
     """A time between two nodes is distributed uniformly: a twelfth of the squared spacing."""
     fit = fit_map(late_model, late_model.effects, late_model.fitted_noise_filter, steps=1)
@@ -312,33 +269,6 @@ def test_the_variance_of_a_time_contains_the_spacing_of_the_nodes(late_model):
     tolerance = 1e-6 * np.sqrt(np.outer(np.diag(linear), np.diag(linear)))
     assert np.all(np.abs(fit.covariance - linear - np.diag(expected)) <= tolerance)
     assert max(expected) > 1e-3 * linear.max()
-
-
-def with_torque(model, **values):
-    """The model linearised about a reconstruction with other values of its torque."""
-    (late,) = model.effects
-    return linearize(load_case(model.case.mission, (replace(late, values=late.values | values),)))
-
-
-def test_a_scan_covers_the_interval_whose_excess_variance_covers_the_misfit(late_model):
-    """Seven seconds late, with the true sizes: without a scan the fit stays there."""
-    model = with_torque(late_model, t0=127.3)
-    assert model.excess_variance.share > 0.01
-    local = fit_map(model, model.effects, model.fitted_noise_filter, steps=3)
-    assert abs(local.effects[0].values["t0"] - TORQUE["t0"]) > 5.0
-    (scanned,) = scan_times(model, model.effects, model.fitted_noise_filter)
-    assert scanned.values["t0"] == pytest.approx(TORQUE["t0"], abs=0.11)
-
-
-def test_a_scan_finds_a_time_elsewhere_in_the_flight(late_model):
-    """From a maximum of the screening fifty seconds off, whose sizes are a hundredth of the true ones."""
-    case = with_torque(late_model, t0=70.0, Cm=-4e-6, Cn=8e-6).case
-    _, model, fit = iterate_to_convergence(case, iterations=2)
-    value, sigma = fit.parameters(("remnant_torque", None))["t0"]
-    assert model.holds and abs(value - TORQUE["t0"]) < 3.0 * sigma < 0.2
-    for name in ("Cm", "Cn"):
-        value, sigma = fit.parameters(("remnant_torque", None))[name]
-        assert abs(value - TORQUE[name]) < 3.0 * sigma < 0.1 * abs(TORQUE[name])
 
 
 @pytest.mark.parametrize("nodes_off", [-4, -1, 1, 3])
@@ -352,30 +282,3 @@ def test_a_time_ends_between_the_nodes_of_the_largest_likelihood(late_model, nod
     )
     fit = fit_map(late_model, (start,), late_model.fitted_noise_filter)
     assert fit.effects[0].values["t0"] == pytest.approx(0.5 * (nodes[k - 1] + nodes[k]), abs=1e-9)
-
-
-def test_the_most_likely_effects_are_those_of_the_largest_likelihood(late_model):
-    """As each evaluated alone, with more of them than are whitened together; of equal ones the first."""
-    whiten, (late,) = late_model.fitted_noise_filter, late_model.effects
-    times = np.linspace(119.0, 122.0, 70)
-    candidates = [(replace(late, values=late.values | {"t0": float(t)}),) for t in times]
-    likelihoods = [
-        whiten.log_likelihood(late_model.with_effects(c).white_residuals(whiten))
-        + late_model.case.log_abs_det_jacobian(c)
-        for c in candidates
-    ]
-    assert most_likely(late_model, candidates, whiten) is candidates[int(np.argmax(likelihoods))]
-    assert most_likely(late_model, candidates[::-1], whiten) == candidates[int(np.argmax(likelihoods))]
-    assert most_likely(late_model, [candidates[3], candidates[3]], whiten) is candidates[3]
-
-
-def test_fixed_times_are_not_scanned(late_model):
-    """Nor effects without a time, and a first time does not pass the last one."""
-    (late,) = late_model.effects
-    fixed = replace(late, fixed=True)
-    assert scan_times(late_model, (fixed,), late_model.fitted_noise_filter) == (fixed,)
-    scale = EffectInstance(find_effect("axial_force_scale"), {"k": 0.01})
-    assert scan_times(late_model, (fixed, scale), late_model.fitted_noise_filter) == (fixed, scale)
-    short = replace(late, values=late.values | {"t0": 120.9, "t1": 121.0})
-    (scanned,) = scan_times(late_model, (short,), late_model.fitted_noise_filter)
-    assert scanned.values["t0"] < scanned.values["t1"]

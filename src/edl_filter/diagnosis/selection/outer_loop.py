@@ -15,7 +15,8 @@ from edl_filter.diagnosis.linear_model.flight_case import FlightCase, load_case
 from edl_filter.diagnosis.linear_model.linear_model import LinearizedModel
 from edl_filter.diagnosis.linear_model.linearization import linearize, linearize_at, map_point
 from edl_filter.diagnosis.linear_model.linearization_point import LinearizationPoint
-from edl_filter.diagnosis.selection.map_fit import MapFit, fit_map, scan_times
+from edl_filter.diagnosis.selection.map_fit import MapFit, fit_map
+from edl_filter.diagnosis.selection.time_scan import scan_times
 from edl_filter.effects.base import EffectInstance, EffectKey, label_of
 from edl_filter.effects.sensor_chain import canonical_key
 from edl_filter.errors import InputError
