@@ -1,16 +1,37 @@
 """Threads: order of the results, errors, and one BLAS thread inside."""
 
+import os
+import runpy
 import threading
 import time
 
 import pytest
 from threadpoolctl import threadpool_info, threadpool_limits
 
-from edl_filter.estimation.parallel import THREADS, map_threads, one_blas_thread, start_thread
+from edl_filter.estimation import parallel
+from edl_filter.estimation.parallel import THREADS, map_threads, one_blas_thread, processors, start_thread
 
 
 def blas_threads():
     return {pool["num_threads"] for pool in threadpool_info() if pool["user_api"] == "blas"}
+
+
+def test_processors_are_those_that_the_process_may_use(monkeypatch):
+    """Where the system does not say which they are, all of the machine; at least one."""
+    this_process = {0: {1, 4, 6}, os.getpid(): {1, 4, 6}}
+    monkeypatch.setattr(os, "sched_getaffinity", lambda pid: this_process.get(pid, {1}), raising=False)
+    monkeypatch.setattr(os, "cpu_count", lambda: 8)
+    assert processors() == 3
+    monkeypatch.delattr(os, "sched_getaffinity")
+    assert processors() == 8
+    monkeypatch.setattr(os, "cpu_count", lambda: None)
+    assert processors() == 1
+
+
+@pytest.mark.parametrize(("available", "threads"), [(1, 1), (3, 3), (4, 4), (5, 4), (64, 4)])
+def test_a_thread_for_each_processor_and_at_most_four(available, threads, monkeypatch):
+    monkeypatch.setattr(os, "sched_getaffinity", lambda _: set(range(available)), raising=False)
+    assert runpy.run_path(parallel.__file__)["THREADS"] == threads
 
 
 def test_results_are_in_the_order_of_the_items():
