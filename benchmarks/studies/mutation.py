@@ -29,7 +29,7 @@ import sys
 import tempfile
 import time
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
@@ -39,7 +39,21 @@ import pytest
 
 ROOT = Path(__file__).parents[2]
 
-#: File of the package → tests that run against its mutants.
+#: Tests of the compiled filter without whole flights, which take a minute where its kernels are interpreted.
+COMPILED_UKF = tuple(
+    f"navigation/test_compiled_ukf.py::{name}"
+    for name in (
+        "test_random_problems",
+        "test_each_step_is_that_of_the_reference",
+        "test_the_transform_without_a_statement_is_that_of_the_reference",
+        "test_weights_are_those_of_the_reference",
+        "test_a_filter_does_not_change_what_it_was_given",
+        "test_a_covariance_that_is_not_positive_is_refused",
+        "test_steps_to_or_from_a_covariance_that_is_not_positive_are_refused",
+        "test_a_predicted_covariance_that_is_not_positive_is_refused_by_the_smoother",
+    )
+)
+#: File of the package → tests that run against its mutants, as arguments of pytest.
 TESTS = {
     "diagnosis/selection/decision.py": ("diagnosis/selection/test_decision.py",),
     "diagnosis/selection/disambiguation.py": ("diagnosis/selection/test_disambiguation.py",),
@@ -53,6 +67,7 @@ TESTS = {
     "estimation/interpolating_spline.py": ("estimation/test_interpolating_spline.py",),
     "estimation/random_fields.py": ("estimation/test_random_fields.py",),
     "estimation/small_matrices.py": ("estimation/test_small_matrices.py",),
+    "estimation/parallel.py": ("estimation/test_parallel.py",),
     "navigation/screening.py": ("navigation/test_screening.py",),
     "navigation/recovery.py": ("navigation/test_recovery.py",),
     "navigation/consensus.py": ("navigation/test_consensus.py",),
@@ -82,6 +97,9 @@ TESTS = {
         "navigation/test_compiled_ukf.py",
         "navigation/test_estimator.py",
     ),
+    "navigation/compiled_ukf.py": COMPILED_UKF,
+    "navigation/compiled_states.py": ("navigation/test_compiled_states.py",),
+    "navigation/compiled_noise.py": ("navigation/test_compiled_noise.py",),
     "navigation/filter.py": ("navigation/test_filter.py",),
     "navigation/noise.py": ("navigation/test_noise.py",),
     "navigation/error_dynamics.py": ("navigation/test_error_dynamics.py",),
@@ -91,10 +109,15 @@ TESTS = {
     "diagnosis/selection/hypothesis.py": ("diagnosis/selection/test_hypothesis.py",),
     "diagnosis/selection/evidence_profile.py": ("diagnosis/selection/test_evidence_profile.py",),
     "diagnosis/selection/map_fit.py": ("diagnosis/selection/test_map_fit.py",),
+    "diagnosis/selection/time_scan.py": ("diagnosis/selection/test_time_scan.py",),
     "diagnosis/selection/ranking.py": ("diagnosis/selection/test_ranking.py",),
 }
-#: Files with kernels that others compile into theirs: a cached caller would hide the mutant, so all are interpreted.
-INTERPRETED = ("estimation/block_sparse.py", "estimation/smoothing.py", "estimation/kalman.py")
+#: Files with kernels that others compile into theirs: a cached caller would hide the mutant, so these files and all
+#: that import them are interpreted. Kernels of files that they import remain compiled.
+INTERPRETED = (
+    "estimation/block_sparse.py", "estimation/smoothing.py", "estimation/kalman.py", "navigation/compiled_noise.py",
+    "navigation/compiled_states.py", "navigation/compiled_ukf.py",
+)  # fmt: skip
 
 COMPARISONS: dict[type[ast.cmpop], tuple[type[ast.cmpop], ...]] = {
     ast.Lt: (ast.LtE, ast.GtE), ast.LtE: (ast.Lt, ast.Gt), ast.Gt: (ast.GtE, ast.LtE), ast.GtE: (ast.Gt, ast.Lt),
@@ -265,6 +288,18 @@ def forget(modules: set[str]) -> None:
             delattr(sys.modules[package], child)
 
 
+def interpret(modules: set[str]) -> None:
+    """Let `numba.njit` leave the functions of some modules as they are, when they are imported."""
+    compiled = numba.njit
+
+    def njit(function: Callable[..., object] | None = None, **options: object) -> object:
+        if function is None:
+            return lambda f: njit(f, **options)
+        return function if function.__module__ in modules else compiled(**options)(function)
+
+    numba.njit = njit
+
+
 def load_modules(tests: list[str]) -> None:
     """Import the modules that tests import, so that forked processes have them."""
     reader, writer = os.pipe()
@@ -299,7 +334,7 @@ def _silence() -> None:
     os.dup2(null, 2)
 
 
-def run_tests(tests: list[str], limit: float, changed: set[str]) -> tuple[str, float]:
+def run_tests(tests: list[str], limit: float, changed: set[str], interpreted: bool) -> tuple[str, float]:
     """Run tests in a forked process.
 
     Parameters
@@ -310,6 +345,8 @@ def run_tests(tests: list[str], limit: float, changed: set[str]) -> tuple[str, f
         Time after which the tests are ended, s.
     changed : set of str
         Modules that are read again.
+    interpreted : bool
+        Do not compile the kernels of these modules.
 
     Returns
     -------
@@ -327,6 +364,8 @@ def run_tests(tests: list[str], limit: float, changed: set[str]) -> tuple[str, f
         code = 3
         try:
             forget(changed)
+            if interpreted:
+                interpret(changed)
             options = ["-x", "-q", "-p", "no:cacheprovider", "-m", "not slow and not effects and not browser"]
             code = int(pytest.main([*options, *tests]))
         finally:
@@ -375,7 +414,6 @@ def mutate_file(name: str, results: Path, most: int, seed: int, survivors: bool 
         package = Path(folder, "src")
         shutil.copytree(ROOT / "src", package)  # with the compiled kernels
         Path(folder, "missions").symlink_to(ROOT / "missions")
-        numba.config.DISABLE_JIT = name in INTERPRETED
         numba.config.BOUNDSCHECK = 1  # a mutant that writes beyond an array fails
         path = package / "edl_filter" / name
         source = path.read_bytes()
@@ -385,7 +423,7 @@ def mutate_file(name: str, results: Path, most: int, seed: int, survivors: bool 
             bytecode.unlink()
         changed = dependents(package, name)
         for _ in range(2):  # the first run compiles the kernels
-            outcome, duration = run_tests(tests, float("inf"), changed)
+            outcome, duration = run_tests(tests, float("inf"), changed, name in INTERPRETED)
             if outcome != SURVIVED:
                 raise SystemExit(f"{name}: its tests fail without a mutation")
         every = mutants(source)
@@ -395,7 +433,7 @@ def mutate_file(name: str, results: Path, most: int, seed: int, survivors: bool 
             if (name, m) in known and not (survivors and known[name, m] == SURVIVED):
                 continue
             path.write_bytes(m.apply(source))
-            outcome, took = run_tests(tests, TIME_FACTOR * duration + TIME_MARGIN, changed)
+            outcome, took = run_tests(tests, TIME_FACTOR * duration + TIME_MARGIN, changed, name in INTERPRETED)
             entry = {"file": name, **asdict(m), "outcome": outcome, "seconds": round(took, 2)}
             with results.open("a") as file:
                 file.write(json.dumps(entry) + "\n")
