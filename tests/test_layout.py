@@ -48,8 +48,6 @@ COVERED_BY = {
     "mission/measurements.py": ["mission/test_mission.py"],
     "mission/new_mission.py": ["cli/test_new.py"],
     "mission/problems.py": ["cli/test_new.py", "workflow/test_validate.py"],
-    "navigation/compiled_noise.py": ["navigation/test_compiled_ukf.py"],
-    "navigation/compiled_states.py": ["navigation/test_compiled_ukf.py"],
     "pipeline/constraints.py": ["pipeline/test_reconstruct.py", "telemetry/test_mer_flight.py"],
     "pipeline/entry_state.py": ["flights/test_mer.py"],
     "pipeline/ground_height.py": ["pipeline/test_trust.py"],

@@ -49,7 +49,10 @@ COMPILED_UKF = tuple(
         "test_weights_are_those_of_the_reference",
         "test_a_filter_does_not_change_what_it_was_given",
         "test_a_covariance_that_is_not_positive_is_refused",
-        "test_steps_to_or_from_a_covariance_that_is_not_positive_are_refused",
+        "test_a_prediction_from_a_covariance_that_is_not_positive_is_refused",
+        "test_a_prediction_to_a_covariance_that_is_not_positive_is_refused",
+        "test_an_update_to_a_covariance_that_is_not_positive_is_refused",
+        "test_a_change_of_the_instrument_to_a_covariance_that_is_not_positive_is_refused",
         "test_a_predicted_covariance_that_is_not_positive_is_refused_by_the_smoother",
     )
 )

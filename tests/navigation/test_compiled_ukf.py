@@ -10,6 +10,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import twins
+from compiled_cases import EVERY, FEW, filled, random_state, uneven_samples
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -22,6 +23,7 @@ from edl_filter.navigation.compiled_ukf import CompiledUKF
 from edl_filter.navigation.constraints import Altimeter, LandingSite, OnboardAttitude, RestVelocity
 from edl_filter.navigation.filter import Settings, build_problem, new_filter, run_filter
 from edl_filter.navigation.initial import EntryErrors
+from edl_filter.navigation.layout import State
 from edl_filter.navigation.leave_one_out import check_constraints
 from edl_filter.navigation.noise import process_noise, sample_attitudes
 from edl_filter.navigation.recovery import run_with_recovery
@@ -275,3 +277,155 @@ def test_a_covariance_that_is_not_positive_is_refused():
     for filter_class in (CompiledUKF, ErrorStateUKF):
         with pytest.raises(np.linalg.LinAlgError):
             filter_class(problem.layout, node.state, covariance, problem.planet)
+
+
+def both_filters(layout, seed, sigma=1.0, **transform):
+    """The compiled filter and its reference at one state, with random correlations; `sigma` multiplies the turns'."""
+    random = np.random.default_rng(seed)
+    sizes = {"position": 100.0, "velocity": 2.0, "attitude": 0.02 * sigma, "onboard_attitude": 0.03 * sigma}
+    sigmas = np.full(layout.size, 2e-3)
+    for name, size in sizes.items():
+        if name in layout:
+            sigmas[layout[name]] = size
+    covariance = twins.random_covariance(random, sigmas)
+    state = random_state(random, layout)
+    attitudes = [rotations.normalise(a) for a in np.split(state.nav[6:], len(state.nav[6:]) // 4)]
+    errors = 2e-3 * state.errors
+    for name in sizes:
+        if name in layout:
+            errors[layout[name]] = 0.0
+    state = State(np.concatenate((state.nav[:6], *attitudes)), errors)
+    return [kind(layout, state, covariance, twins.MARS, **transform) for kind in (CompiledUKF, ErrorStateUKF)]
+
+
+def assert_filters_agree(compiled, reference):
+    """State, covariance and sigma points."""
+    scale = np.sqrt(np.diag(reference.covariance))
+    np.testing.assert_allclose(compiled.state.minus(reference.state) / scale, 0.0, atol=TOLERANCE)
+    np.testing.assert_allclose(
+        (compiled.covariance - reference.covariance) / np.outer(scale, scale), 0.0, atol=TOLERANCE
+    )
+    np.testing.assert_allclose((compiled.sigma_points - reference.sigma_points) / scale, 0.0, atol=TOLERANCE)
+
+
+def assert_transitions_agree(transition, expected, before):
+    """`before`: sigmas before the step."""
+    scale = np.sqrt(np.diag(expected.covariance))
+    np.testing.assert_allclose(transition.state.minus(expected.state) / scale, 0.0, atol=TOLERANCE)
+    scaled = (transition.covariance - expected.covariance) / np.outer(scale, scale)
+    np.testing.assert_allclose(scaled, 0.0, atol=TOLERANCE)
+    scaled = (transition.cross_covariance - expected.cross_covariance) / np.outer(before, scale)
+    np.testing.assert_allclose(scaled, 0.0, atol=TOLERANCE)
+
+
+@pytest.mark.parametrize("layout", [EVERY, FEW])
+def test_each_step_is_that_of_the_reference(layout):
+    """Prediction, update and change of the instrument, the numbers that each leaves for the smoother included."""
+    random = np.random.default_rng(8)
+    compiled, reference = both_filters(layout, 9, alpha=0.7, beta=1.0, kappa=2.0)
+    samples = filled(uneven_samples(random), random, 0.3, 0.02)
+    fixed = twins.MARS.rotation.to_fixed(1.0, reference.state.nav[None, :3])[0]
+    spread = twins.random_covariance(random, [80.0, 120.0, 50.0])
+    constraints = [
+        LandingSite(1.0, fixed + np.array([50.0, -60.0, 70.0]), spread, twins.MARS),
+        Altimeter(1.0, np.linalg.norm(reference.state.nav[:3]) - 3.3e6 + 40.0, 30.0, 3.3e6),
+        RestVelocity(1.0, 1e3, twins.MARS),
+        *([OnboardAttitude(1.0, reference.state.nav[10:], 0.01)] if "onboard_attitude" in layout else []),
+    ]
+    for _ in range(2):
+        before = np.sqrt(np.diag(reference.covariance))
+        transitions = compiled.predict(samples), reference.predict(samples)
+        assert_transitions_agree(*transitions, before)
+        assert_filters_agree(compiled, reference)
+        for constraint in constraints:
+            innovation, expected = compiled.innovation(constraint), reference.innovation(constraint)
+            sigma = np.sqrt(np.diag(expected.predicted_covariance + expected.noise_covariance))
+            np.testing.assert_allclose((innovation.residual - expected.residual) / sigma, 0.0, atol=TOLERANCE)
+            scaled = (innovation.predicted_covariance - expected.predicted_covariance) / np.outer(sigma, sigma)
+            np.testing.assert_allclose(scaled, 0.0, atol=TOLERANCE)
+            np.testing.assert_array_equal(innovation.noise_covariance, constraint.noise)
+            assert innovation.nis == pytest.approx(expected.nis, rel=1e-9, abs=1e-9)
+            scale = np.sqrt(np.diag(reference.covariance)) / sigma[:, None]
+            jacobians = compiled.jacobian(innovation), reference.jacobian(expected)
+            np.testing.assert_allclose(jacobians[0] * scale, jacobians[1] * scale, atol=TOLERANCE)
+            compiled.update(constraint, innovation)
+            reference.update(constraint, expected)
+            assert_filters_agree(compiled, reference)
+            np.testing.assert_array_equal(compiled.covariance, compiled.covariance.T)
+        matrix = np.eye(layout.size) + 0.2 * np.diag(random.standard_normal(layout.size))
+        matrix[3:6, :3] = 1e-3 * random.standard_normal((3, 3))
+        scale = np.sqrt(np.diag(reference.covariance))
+        noise = 0.01 * twins.random_covariance(random, scale)
+        errors = 0.5 * reference.state.errors
+        transitions = [f.transform(matrix, noise, errors) for f in (compiled, reference)]
+        assert_transitions_agree(*transitions, scale)
+        assert_filters_agree(compiled, reference)
+
+
+def test_the_transform_without_a_statement_is_that_of_the_reference():
+    compiled, reference = both_filters(FEW, 10)
+    np.testing.assert_allclose(compiled.weights, reference.weights, rtol=1e-13)
+    assert_filters_agree(compiled, reference)
+
+
+def test_a_filter_does_not_change_what_it_was_given():
+    """Covariance and state at the start, and the transitions of earlier steps."""
+    random = np.random.default_rng(11)
+    samples = uneven_samples(random)
+    compiled, reference = both_filters(EVERY, 12)
+    covariance = reference.covariance.copy()
+    fresh = CompiledUKF(EVERY, compiled.state, covariance, twins.MARS)
+    transition = fresh.predict(samples)
+    kept = transition.covariance.copy(), transition.state.nav.copy()
+    np.testing.assert_array_equal(covariance, reference.covariance)
+    fresh.covariance[:] = 0.0
+    np.testing.assert_array_equal(transition.covariance, kept[0])
+    np.testing.assert_array_equal(transition.state.nav, kept[1])
+
+
+def assert_refused(step, filters):
+    """A step of each filter raises what a covariance without a Cholesky factor raises."""
+    for estimator in filters:
+        with pytest.raises(np.linalg.LinAlgError):
+            step(estimator)
+
+
+def test_a_prediction_from_a_covariance_that_is_not_positive_is_refused():
+    filters = both_filters(FEW, 14)
+    for estimator in filters:
+        estimator.covariance[-1, -1] *= -1.0
+    assert_refused(lambda f: f.predict(uneven_samples(np.random.default_rng(13))), filters)
+
+
+def test_a_prediction_to_a_covariance_that_is_not_positive_is_refused():
+    """With a large negative weight of the centre, and attitudes whose spread moves the mean away from it."""
+    filters = both_filters(FEW, 14, sigma=30.0, beta=-1e6)
+    assert_refused(lambda f: f.predict(uneven_samples(np.random.default_rng(13))), filters)
+
+
+def test_an_update_to_a_covariance_that_is_not_positive_is_refused():
+    """By a reading with a negative variance."""
+    constraint = Altimeter(0.0, np.linalg.norm(POSITION) - 3.3e6, 30.0, 3.3e6)
+
+    def update(estimator):
+        innovation = estimator.innovation(constraint)
+        estimator.update(constraint, replace(innovation, noise_covariance=-0.9 * innovation.predicted_covariance))
+
+    assert_refused(update, both_filters(FEW, 14))
+
+
+def test_a_change_of_the_instrument_to_a_covariance_that_is_not_positive_is_refused():
+    assert_refused(lambda f: f.transform(np.eye(FEW.size), -2.0 * f.covariance, f.state.errors), both_filters(FEW, 14))
+
+
+@pytest.mark.parametrize("bad", [0, 2, 4])
+def test_a_predicted_covariance_that_is_not_positive_is_refused_by_the_smoother(bad):
+    problem = random_problem(1)
+    nodes = list(run_filter(problem).nodes)[:6]
+    transition = nodes[bad + 1].transition
+    covariance = transition.covariance.copy()
+    covariance[2, 2] *= -1.0
+    nodes[bad + 1] = replace(nodes[bad + 1], transition=replace(transition, covariance=covariance))
+    for engine in ("compiled", "filterpy"):
+        with pytest.raises(np.linalg.LinAlgError):
+            smooth(replace(run_filter(problem), nodes=nodes, engine=engine))

@@ -6,6 +6,7 @@ import sys
 from pathlib import Path
 
 import mutation
+import numba
 import pytest
 
 
@@ -83,6 +84,23 @@ def test_modules_that_import_a_file_are_read_again(tmp_path):
     assert mutation.dependents(tmp_path, "a.py") == {
         "edl_filter.a", "edl_filter.part.b", "edl_filter.c", "edl_filter.d", "edl_filter.e"
     }  # fmt: skip
+
+
+def test_kernels_of_some_modules_are_interpreted(monkeypatch):
+    """In both forms of the decorator; those of all further modules are compiled."""
+    monkeypatch.setattr(numba, "njit", numba.njit)  # put back at the end
+    mutation.interpret({"changed"})
+
+    def kernel(x):
+        return x + 1
+
+    kernel.__module__ = "changed"
+    assert numba.njit(kernel) is kernel
+    assert numba.njit(nogil=True, error_model="numpy")(kernel) is kernel
+    kernel.__module__ = "unchanged"
+    for compiled in (numba.njit(kernel), numba.njit(nogil=True)(kernel)):
+        assert compiled.py_func is kernel
+        assert compiled(1) == 2
 
 
 LIMITS = '''"""Limits."""

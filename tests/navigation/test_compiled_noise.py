@@ -1,0 +1,43 @@
+"""The compiled process noise against `noise`, which is its readable twin."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from compiled_cases import filled, uneven_samples
+
+from edl_filter import rotations
+from edl_filter.navigation.compiled_noise import in_body_axes, noise_of_samples, onboard_rotation_jacobians
+from edl_filter.navigation.layout import Layout
+from edl_filter.navigation.noise import onboard_rotation, process_noise, sample_attitudes
+
+
+@pytest.mark.parametrize(("force", "rate"), [(0.0, 0.0), (0.3, 0.0), (0.0, 0.02), (0.3, 0.02)])
+def test_noise_of_samples_is_that_of_the_reference(force, rate):
+    """All blocks, by the whole rate noise and by the part that an on-board attitude does not share."""
+    random = np.random.default_rng(6)
+    s, attitude = filled(uneven_samples(random), random, force, rate), rotations.normalise(random.standard_normal(4))
+    middle, end = sample_attitudes(s.interval, s.rate, attitude)
+    own = np.sqrt(s.rate_noise**2 - s.shared_rate_noise**2)
+    covariances = noise_of_samples(
+        s.interval, middle, s.force, s.force_noise, s.rate_noise, own, s.force_fill_sigma, s.rate_fill_sigma
+    )
+    layout = Layout.of((), {})
+    for covariance, rate_noise in zip(covariances, (s.rate_noise, own), strict=True):
+        expected = process_noise(layout, replace(s, rate_noise=rate_noise, shared_rate_noise=rate_noise), attitude)
+        scale = np.sqrt(np.diag(expected))
+        before = covariance.copy()
+        turned = in_body_axes(covariance, end)
+        np.testing.assert_allclose(turned / np.outer(scale, scale), expected / np.outer(scale, scale), atol=1e-13)
+        np.testing.assert_array_equal(covariance, before)
+
+
+def test_derivatives_of_the_onboard_rotation_are_those_of_the_reference():
+    """They do not depend on the attitude at the beginning."""
+    random = np.random.default_rng(7)
+    s = uneven_samples(random)
+    assert s.coning_corrected.any() and not s.coning_corrected.all()
+    middle, end = sample_attitudes(s.interval, s.rate, rotations.normalise(random.standard_normal(4)))
+    jacobians = onboard_rotation_jacobians(s.interval, s.rate, s.coning_corrected, middle, end)
+    for jacobian, expected in zip(jacobians, onboard_rotation(s), strict=True):
+        np.testing.assert_allclose(jacobian, expected, rtol=1e-13, atol=1e-14)
