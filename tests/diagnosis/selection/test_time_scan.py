@@ -90,3 +90,13 @@ def test_fixed_times_are_not_scanned(late_model):
     short = replace(late, values=late.values | {"t0": 120.9, "t1": 121.0})
     (scanned,) = scan_times(late_model, (short,), late_model.fitted_noise_filter)
     assert scanned.values["t0"] < scanned.values["t1"]
+
+
+def test_a_time_is_screened_where_the_effect_has_sizes_and_the_time_more_than_one_place(late_model):
+    (late,), whiten = late_model.effects, late_model.fitted_noise_filter
+    (time,) = (q for q in late.effect.parameters if q.name == "t0")
+    for places, candidates in ((0, 0), (1, 0), (2, 1)):
+        screened = replace(time, scan=places)
+        assert len(module._screened(late_model, (late,), late.key, screened, whiten)) == candidates
+    without_sizes = SimpleNamespace(key=late.key, fitted=(time,))
+    assert module._screened(late_model, (without_sizes,), late.key, time, whiten) == []
