@@ -53,6 +53,7 @@ COMPILED_UKF = tuple(
         "test_a_prediction_to_a_covariance_that_is_not_positive_is_refused",
         "test_an_update_to_a_covariance_that_is_not_positive_is_refused",
         "test_a_change_of_the_instrument_to_a_covariance_that_is_not_positive_is_refused",
+        "test_a_reading_at_the_last_epoch_is_smoothed_as_by_the_reference",
         "test_a_predicted_covariance_that_is_not_positive_is_refused_by_the_smoother",
     )
 )

@@ -429,3 +429,14 @@ def test_a_predicted_covariance_that_is_not_positive_is_refused_by_the_smoother(
     for engine in ("compiled", "filterpy"):
         with pytest.raises(np.linalg.LinAlgError):
             smooth(replace(run_filter(problem), nodes=nodes, engine=engine))
+
+
+def test_a_reading_at_the_last_epoch_is_smoothed_as_by_the_reference():
+    """The gains too, from each node to the next one."""
+    filter_pass, reference = assert_engines_agree(twins.short_descent(Settings(longest_interval=2.0)), exact=True)
+    smoothed, expected = smooth(filter_pass), smooth(reference)
+    sigma = np.sqrt([np.diag(c) for c in expected.covariance])
+    filtered = np.sqrt(np.diag(filter_pass.nodes[-2].covariance))
+    assert np.all(sigma[-2, :3] < 0.9 * filtered[:3])
+    unit = sigma[:-1, :, None] / sigma[1:, None, :]
+    np.testing.assert_allclose(smoothed.gain / unit, expected.gain / unit, atol=1e-8)
