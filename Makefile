@@ -11,6 +11,7 @@
 #   make fuzz    search for files that break a reader, a minute for each kind of file
 #   make study-faults       faults of an IMU's samples in simulated flights: how many are repaired (an hour; goes on)
 #   make study-lost-seconds  a second of the first IMU lost at 50 times of 40 flights: do the errors agree with the sigmas
+#   make study-dynamics-filling  lost stretches filled by an autoregression and by rotational dynamics (ten minutes)
 #   make study-kills        kill -9 at 50 moments of run, diagnose, improve and campaign: is a result ever torn (ten minutes)
 #   make study-mutation     one change at a time in files of the diagnosis, estimation and navigation: does a test fail
 #                           (half an hour; goes on)
@@ -36,7 +37,7 @@ BENCH_STAMP := .venv/installed-bench
 COVERAGE_STAMP := .venv/installed-coverage
 FAST := not browser and not notebook and not slow and (not effects or representative)
 
-.PHONY: demo test coverage notebooks test-browser test-effects lint types layers bench docs study study-inexact study-simulation study-closure study-filters study-thresholds study-comparators study-cross-prediction thesis-claims clean fuzz study-faults study-lost-seconds study-kills study-mutation calibrate
+.PHONY: demo test coverage notebooks test-browser test-effects lint types layers bench docs study study-inexact study-simulation study-closure study-filters study-thresholds study-comparators study-cross-prediction thesis-claims clean fuzz study-faults study-lost-seconds study-dynamics-filling study-kills study-mutation calibrate
 
 demo: $(STAMP)
 	$(BIN)/edl-filter demo -o demo-results
@@ -118,6 +119,9 @@ study-faults: $(STAMP)
 
 study-lost-seconds: $(STAMP)
 	$(BIN)/python benchmarks/studies/lost_seconds.py -o study-results/lost-seconds.jsonl
+
+study-dynamics-filling: $(STAMP)
+	for mission in mer_a mer_b practice_mer; do $(BIN)/python benchmarks/studies/dynamics_filling.py builtin:$$mission || exit 1; done
 
 study-kills: $(STAMP)
 	$(BIN)/python benchmarks/studies/kills.py --moments 50

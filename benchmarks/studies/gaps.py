@@ -15,7 +15,7 @@ import numpy as np
 from edl_filter.mission import Mission
 from edl_filter.pipeline.load import read_telemetry
 from edl_filter.telemetry.flight_file import read_flight_file
-from edl_filter.telemetry.record import Telemetry
+from edl_filter.telemetry.record import SampleFinding, Telemetry
 from edl_filter.telemetry.sample_repair import repaired
 
 LENGTHS_S = (0.125, 0.5, 1.0, 3.0, 10.0, 20.0)
@@ -27,7 +27,11 @@ def with_gap(telemetry: Telemetry, first: int, count: int, two: bool) -> Telemet
     force, rate = record.specific_force.copy(), record.angular_rate.copy()
     force[first : first + count] = rate[first : first + count] = np.nan
     driving = replace(record, specific_force=force, angular_rate=rate)
-    return replace(telemetry, driving=driving, checking=telemetry.checking if two else ())
+    last = first + count - 1
+    start, end = float(record.time[first] - record.interval[first]), float(record.time[last])
+    finding = SampleFinding(record.name, "all", start, end, count, "not_finite")
+    checking = telemetry.checking if two else ()
+    return replace(telemetry, driving=driving, checking=checking, findings=(*telemetry.findings, finding))
 
 
 def ratios(telemetry: Telemetry, first: int, count: int, two: bool) -> np.ndarray:

@@ -46,7 +46,7 @@ class Interpolation:
     covariance : (n, n) array
         Of the values' errors.
     order : int
-        Of the autoregression; 0 where there were too few known values for one.
+        Of the autoregression; 0 where none was fitted.
     scale : float
         Ratio of the errors in the cross-validation to the model's own sigmas, by which `covariance` is scaled, up to
         that of a value that is uniform over the credible range.
@@ -82,7 +82,7 @@ def interpolate(series: Array, observed: BoolArray, first: int, last: int) -> In
     if not size > 0.0:
         return Interpolation(np.full(length, centre), np.zeros((length, length)), 0, 1.0)
     scaled = np.where(observed, (series - centre) / size, 0.0)
-    trials = _trial_stretches(observed, first, last)
+    trials = trial_stretches(observed, first, last)
     low, high = _credible_range(scaled, observed)
     best: tuple[float, Interpolation] | None = None
     for order in ORDERS:
@@ -132,8 +132,21 @@ def _credible_range(series: Array, observed: BoolArray) -> tuple[float, float]:
     return low - margin, high + margin
 
 
-def _trial_stretches(observed: BoolArray, first: int, last: int) -> list[tuple[int, int]]:
-    """Known stretches of the same length, nearest first."""
+def trial_stretches(observed: BoolArray, first: int, last: int) -> list[tuple[int, int]]:
+    """Known stretches of the same length, nearest first: those by whose errors an interpolation is judged.
+
+    Parameters
+    ----------
+    observed : (N,) boolean array
+        Which values of the series are observed.
+    first, last : int
+        The missing stretch is ``first:last``.
+
+    Returns
+    -------
+    list of (int, int)
+        Begin and end of each, at most twelve; those of one side overlap by half.
+    """
     length = last - first
     step = max(1, length // 2)
     count = np.concatenate(([0], np.cumsum(observed)))

@@ -11,8 +11,10 @@ computed on board, and `noise` gives the process noise; `interval_noise` does bo
 `constraints` and `parachute` hold the measurement models. `estimator` is the interface of the filters: `ukf`
 (unscented) with its compiled form `compiled_ukf` (the default; `compiled_states` and `compiled_noise` are parts of it),
 and `ekf` (extended) with the transition matrices of `error_dynamics`. `filter` runs one of them through the epochs and
-`smoother` goes back; `iterated` repeats both where samples were filled. `trajectory` interpolates between the epochs,
-and `leave_one_out` checks the constraints, with the `information` that each contributes. Measurements far from
-their prediction are given less weight on request (`robust`); `screening` examines readings by their `consensus`, and
-`recovery` runs the filter again where its state is the outlier.
+`smoother` goes back; `iterated` repeats both where samples were filled. `trajectory` interpolates between the epochs.
+Along it, `rotational_dynamics` predicts how the vehicle moves, `motion_model` makes a stochastic model of it, and
+`motion_smoother` predicts what an IMU would have read where readings are lost. `leave_one_out` checks the constraints,
+with the `information` that each contributes. Measurements far from their prediction are given less weight on request
+(`robust`); `screening` examines readings by their `consensus`, and `recovery` runs the filter again where its state is
+the outlier.
 """

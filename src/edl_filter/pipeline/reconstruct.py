@@ -24,6 +24,7 @@ from edl_filter.navigation.trajectory import Trajectory, smoothed_trajectory
 from edl_filter.navigation.unresolved import UnresolvedMotion
 from edl_filter.pipeline.constraints import build_constraints
 from edl_filter.pipeline.entry_state import EntryCorrection, entry_correction, entry_state
+from edl_filter.pipeline.forward_model import forward_model_of
 from edl_filter.pipeline.load import (
     centre_of_mass_shifts,
     check_settings,
@@ -39,6 +40,7 @@ from edl_filter.telemetry.calibration import MisalignmentEstimate, bias_from_vel
 from edl_filter.telemetry.comparison import compare, record_at_centre_of_mass
 from edl_filter.telemetry.record import ImuRecord, Telemetry
 from edl_filter.telemetry.relative_calibration import RelativeCalibration, relative_calibration
+from edl_filter.telemetry.sample_repair import interpolated_stretches
 from edl_filter.types import Array
 
 
@@ -322,7 +324,7 @@ def first_run(
     atmosphere: Atmosphere,
     effects: Sequence[EffectInstance],
 ) -> Run:
-    """Run of the filter before any recovery, with the samples of an IMU at fault replaced from the other one.
+    """Run of the filter before any recovery: samples of an IMU at fault replaced, lost ones filled by dynamics.
 
     Parameters
     ----------
@@ -338,7 +340,8 @@ def first_run(
     Returns
     -------
     Run
-        Its telemetry is the given one where the IMUs agree (`redundancy`).
+        Its telemetry is the given one where the IMUs agree (`redundancy`) and no stretch is filled by rotational
+        dynamics (`dynamics_filling`), which need aerodynamics and inertia.
     """
 
     def run(changed: Telemetry) -> Run:
@@ -346,8 +349,13 @@ def first_run(
         return Run(changed, problem, first_pass(problem))
 
     exchange = not any(a.imu is None for a in sensor_effects(effects))
-    checks = Checks(check_settings(mission), _deployment(mission, telemetry), exchange)
-    return arbitrated(run(telemetry), run, checks)
+    parachute = _deployment(mission, telemetry)
+    result = arbitrated(run(telemetry), run, Checks(check_settings(mission), parachute, exchange))
+    if mission.aerodynamics is None or mission.vehicle.inertia is None or not interpolated_stretches(result.telemetry):
+        return result
+    from edl_filter.pipeline.dynamics_filling import filled_by_dynamics  # few flights need it
+
+    return filled_by_dynamics(result, forward_model_of(mission, planet, atmosphere, effects), parachute, run)
 
 
 def lost_stretches(record: ImuRecord) -> list[tuple[float, float]]:

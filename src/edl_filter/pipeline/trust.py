@@ -39,7 +39,7 @@ from edl_filter.planet.atmosphere import Atmosphere
 from edl_filter.telemetry.clock_drift import drift_ratio
 from edl_filter.telemetry.record import Telemetry
 from edl_filter.telemetry.sample_filling import INFLATION
-from edl_filter.telemetry.sample_repair import alone, filled_by_dynamics
+from edl_filter.telemetry.sample_repair import alone, interpolated_stretches
 from edl_filter.types import Array
 
 #: Causes in the summary.
@@ -212,7 +212,7 @@ def lost_motion(reconstruction: Reconstruction) -> str | None:
     """
     r = reconstruction
     deployment = r.event_times.get("parachute_deploy", np.inf)
-    for start, end in filled_by_dynamics(r.telemetry):
+    for start, end in interpolated_stretches(r.telemetry):
         covered = min(end, deployment + INFLATION) - max(start, deployment)
         if covered > 0.5 * INFLATION:  # a shorter gap has the shock on one of its sides
             return (

@@ -2,8 +2,9 @@
 
 Input: a record with NaN where samples are lost, and the record of another IMU, if any. Method: the readings of the
 other IMU are transferred (`transfer`); a stretch that it does not have is predicted by an autoregression of each axis
-that is fitted to both sides (`estimation.autoregression`). Output: the record without NaN, in each filled sample the
-sigma by which it may be wrong (`ImuRecord.force_fill_sigma`), and what was done where.
+that is fitted to both sides (`estimation.autoregression`), and later, where a database is, by the vehicle's rotational
+dynamics (`pipeline.dynamics_filling`). Output: the record without NaN, in each filled sample the sigma by which it may
+be wrong (`ImuRecord.force_fill_sigma`), and what was done where.
 
 The errors of a filled stretch are correlated in time. Each of its n samples has the sigma of independent errors whose
 sum over the stretch has the right variance: with a common error c and independent errors s, ``√(s² + n c²)``. That of
@@ -12,6 +13,7 @@ rates includes the coning of an oscillation whose phase is not known.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -28,8 +30,9 @@ PARACHUTE_MARGIN = 1.0
 #: Time after the parachute's deployment by which the canopy is full and its shock is over, s. The deceleration of both
 #: rovers jumps to its peak at 1.1 to 1.3 s and falls smoothly from 2.5 s on.
 INFLATION = 3.0
-#: Repair of a stretch that no other IMU covers.
-BY_DYNAMICS = "filled by a fitted oscillation"
+#: Repair of a stretch that no other IMU covers, and where dynamics have filled it anew.
+BY_AUTOREGRESSION = "filled by a fitted oscillation"
+BY_DYNAMICS = "filled by rotational dynamics with the database"
 #: Samples on each side of a stretch to which an autoregression is fitted: at least, and relative to its length.
 _LEAST_SIDE, _SIDE_RATIO = 80, 1.5
 _TRIADS = ("force", "rate")
@@ -89,12 +92,8 @@ def filled(
             _refuse_long_gap(record, a, b, settings)
             fills = _by_dynamics(record, read, a, b, parachute)
             values[triad][a:b] = np.stack([fill.values for fill in fills], axis=1)
-            variance = np.array([fill.covariance.sum() / (b - a) for fill in fills])  # of readings, with their noise
-            variance = np.maximum(variance - noise[triad][a:b, None] ** 2, 0.25 * variance)
-            if triad == "rate":
-                variance = variance + _coning_variance(fills, record.interval[a]) / (b - a) / record.interval[a] ** 2
-            sigmas[triad][a:b] = np.maximum(np.sqrt(variance), 1e-12)
-            repairs.append(_repair(record, a, b, BY_DYNAMICS))
+            sigmas[triad][a:b] = fill_sigma(fills, noise[triad][a:b], record.interval[a], coning=triad == "rate")
+            repairs.append(_repair(record, a, b, BY_AUTOREGRESSION))
     changed = np.any(sigmas["rate"] > 0.0, axis=1)
     complete = replace(
         record,
@@ -150,7 +149,34 @@ def _by_dynamics(record: ImuRecord, values: Array, a: int, b: int, parachute: fl
     return fills
 
 
-def _coning_variance(fills: list[Interpolation], interval: float) -> Array:
+def fill_sigma(fills: Sequence[Interpolation], noise: Array, interval: float, coning: bool) -> Array:
+    """Sigma of independent errors of a filled stretch whose sum has the variance of the correlated ones.
+
+    Parameters
+    ----------
+    fills : sequence of three Interpolation
+        One for each axis; n values with the covariance of readings, their noise included.
+    noise : (n,) array
+        One sigma of a reading, in the unit of the values.
+    interval : float
+        Sampling interval, s.
+    coning : bool
+        Whether the values are rates (rad/s), whose coning is uncertain, too.
+
+    Returns
+    -------
+    (n, 3) array
+        Beyond the noise, more than zero.
+    """
+    count = len(noise)
+    variance = np.array([fill.covariance.sum() / count for fill in fills])
+    variance = np.maximum(variance - noise[:, None] ** 2, 0.25 * variance)
+    if coning:
+        variance = variance + _coning_variance(fills, interval) / count / interval**2
+    return np.maximum(np.sqrt(variance), 1e-12)
+
+
+def _coning_variance(fills: Sequence[Interpolation], interval: float) -> Array:
     """Variance (3,) of the rotation by coning about each axis that filled rates do not have, rad².
 
     To second order, rates p and q about two axes turn the vehicle by ``½ ∫∫ sgn(t' - t) p(t) q(t') dt dt'`` about the

@@ -31,7 +31,7 @@ from edl_filter.telemetry.record import (
 )
 from edl_filter.telemetry.resampling import with_interpolation_noise
 from edl_filter.telemetry.sample_checks import CheckSettings, findings_of, with_repair
-from edl_filter.telemetry.sample_filling import BY_DYNAMICS, PARACHUTE_MARGIN, filled, is_complete
+from edl_filter.telemetry.sample_filling import BY_AUTOREGRESSION, PARACHUTE_MARGIN, filled, is_complete
 from edl_filter.telemetry.spikes import bad_triads
 from edl_filter.types import Array
 
@@ -204,7 +204,7 @@ def _as_read(telemetry: Telemetry) -> Telemetry:
     return telemetry if telemetry.as_read is None else telemetry.as_read
 
 
-def filled_by_dynamics(telemetry: Telemetry) -> list[tuple[float, float]]:
+def interpolated_stretches(telemetry: Telemetry) -> list[tuple[float, float]]:
     """Begin and end of the driving IMU's stretches that no other IMU has and their neighbours fill, s."""
     name = telemetry.driving.name
     return sorted({stretch for f in telemetry.findings if f.imu == name for stretch in f.interpolated})
@@ -284,7 +284,7 @@ def _is_flight(telemetry: Telemetry) -> bool:
 def _explained(finding: SampleFinding, repairs: list[tuple[float, float, str]]) -> SampleFinding:
     """A finding with what was done about it: the repairs of the stretches that it overlaps."""
     over = [(a, b, p) for a, b, p in repairs if a < finding.end - SAME_TIME and b > finding.start + SAME_TIME]
-    interpolated = tuple((a, b) for a, b, p in over if p == BY_DYNAMICS)
+    interpolated = tuple((a, b) for a, b, p in over if p == BY_AUTOREGRESSION)
     phrase = ", ".join(dict.fromkeys(p for _, _, p in over)) or "not used"
     return replace(finding, repair=phrase, interpolated=interpolated)
 

@@ -1,0 +1,248 @@
+"""Stochastic model of a vehicle's rotational motion around a lost stretch of readings, linearised about a motion.
+
+Input: mean rates and specific force in bins of samples on both sides of the stretch, and what acts on the vehicle along
+its path (`rotational_dynamics.PathLoads`). Model: attitude and rates follow Euler's equations with disturbances of the
+coefficients and of the wind, which are Gauss-Markov processes. Their sizes are hyperparameters with log-normal priors
+(`_PRIORS`). Output: the linear-Gaussian state-space model of the error about a motion, and the posterior density of the
+hyperparameters.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from edl_filter.estimation.block_sparse import from_blocks
+from edl_filter.estimation.kalman import LinearStateSpace, log_likelihood
+from edl_filter.navigation.rotational_dynamics import (
+    DISTURBANCES,
+    ERROR_SIZE,
+    PathLoads,
+    linearise,
+    state_differences,
+)
+from edl_filter.types import Array, BoolArray
+
+#: Hyperparameter → median and width of its log-normal prior. The first two are white noise of the moment coefficients
+#: (√s), and of the force relative to its size; the others are sigmas of disturbances, in their units. Medians: errors
+#: of a database and of winds as they are usual; widths: from a database that is exact to one that is a proxy.
+_PRIORS = {
+    "moment_noise": (1e-5, 2.0),
+    "force_noise": (1e-3, 2.0),
+    "moment_scale": (0.05, 1.0),
+    "rolling_moment": (1e-5, 2.0),
+    "lateral_moment": (1e-4, 1.5),
+    "axial_scale": (0.03, 1.0),
+    "normal_scale": (0.05, 1.0),
+    "lateral_force": (1e-3, 1.5),
+    "moment_curvature": (0.1, 1.0),
+    "damping": (0.1, 1.0),
+    "wind": (3.0, 1.5),
+}
+#: Disturbance → hyperparameter that is its sigma, correlation time (s; stability and damping change with the Mach
+#: number alone, the others also with angle of attack and air), and least sigma at the first sample.
+_PROCESSES = {
+    "moment_scale": ("moment_scale", 60.0, 0.1),
+    "cl": ("rolling_moment", 20.0, 1e-4),
+    "cm": ("lateral_moment", 20.0, 1e-3),
+    "cn": ("lateral_moment", 20.0, 1e-3),
+    "axial_scale": ("axial_scale", 20.0, 0.1),
+    "normal_scale": ("normal_scale", 20.0, 0.2),
+    "cy": ("lateral_force", 20.0, 0.01),
+    "cz": ("lateral_force", 20.0, 0.01),
+    "moment_curvature": ("moment_curvature", 60.0, 0.05),
+    "damping": ("damping", 60.0, 0.05),
+    "wind_x": ("wind", 10.0, 3.0),
+    "wind_y": ("wind", 10.0, 3.0),
+    "wind_z": ("wind", 10.0, 3.0),
+}
+MEDIANS, WIDTHS = np.log([m for m, _ in _PRIORS.values()]), np.array([w for _, w in _PRIORS.values()])
+_SIZE_OF = np.array([list(_PRIORS).index(_PROCESSES[name][0]) for name in DISTURBANCES])
+_CORRELATION_TIME = np.array([_PROCESSES[name][1] for name in DISTURBANCES])
+#: Places of the disturbances in the error.
+_DISTURBED = np.arange(ERROR_SIZE - len(DISTURBANCES), ERROR_SIZE)
+#: Least sigma at the first sample: attitude relative to the air (rad; wind over speed), rates (rad/s), disturbances.
+_FIRST_SIGMA = np.array([0.04] * 3 + [0.02] * 3 + [_PROCESSES[name][2] for name in DISTURBANCES])
+#: Process noise of the attitude beyond that of the rates, rad: keeps covariances regular.
+_ATTITUDE_NOISE = 1e-7
+
+
+@dataclass(frozen=True)
+class Window:
+    """Readings around a lost stretch, in T bins of samples.
+
+    Attributes
+    ----------
+    time : (T + 1,) array
+        Edges, s.
+    readings, noise : (T, 6) arrays
+        Mean rates (rad/s) and specific force (m/s²) at the centre of mass, body axes, and one sigma of each.
+    observed : (T,) boolean array
+        False in this stretch and where other samples were filled.
+    first, last : int
+        The stretch is ``first:last``.
+    states : (T, 20) array
+        Approximate motion at the beginning of each bin (`navigation.rotational_dynamics`), without disturbances.
+    loads : PathLoads
+    steps : int
+        Of the integration, in each bin.
+    """
+
+    time: Array
+    readings: Array
+    noise: Array
+    observed: BoolArray
+    first: int
+    last: int
+    states: Array
+    loads: PathLoads
+    steps: int
+
+    @property
+    def interval(self) -> Array:
+        """Length (T,) of each bin, s."""
+        return np.diff(self.time)
+
+
+@dataclass(frozen=True)
+class LinearisedMotion:
+    """A window linearised about a motion.
+
+    The error of the state is ``offset + e``, where e follows the homogeneous equations and has the prior mean `initial`
+    at the first bin.
+
+    Attributes
+    ----------
+    states : (T, 20) array
+        Linearisation point.
+    transition : (T, 19, 19) array
+        From the beginning to the end of each bin.
+    design : (T, 6, 19) array
+        Of the readings.
+    offset : (T, 19) array
+        Response to the defects of the linearisation point: its states need not follow from each other.
+    residual : (T, 6) array
+        Readings less those of linearisation point and offset.
+    initial : (19,) array
+        Prior mean of e at the first bin.
+    moment_noise : (T, 3, 3) array
+        Covariance of the rates at the end of each bin by white noise of the moment coefficients of 1 √s.
+    """
+
+    states: Array
+    transition: Array
+    design: Array
+    offset: Array
+    residual: Array
+    initial: Array
+    moment_noise: Array
+
+
+@dataclass(frozen=True)
+class Covariances:
+    """Covariances of a linearised window under hyperparameters.
+
+    Attributes
+    ----------
+    process_noise : (T, 19, 19) array
+    row_variance : (T, 6) array
+    initial : (19, 19) array
+    """
+
+    process_noise: Array
+    row_variance: Array
+    initial: Array
+
+
+def linearise_window(window: Window, states: Array) -> LinearisedMotion:
+    """Linearise a window about states ``(T, 20)``."""
+    ends, readings, transition, design = linearise(states, window.loads, window.interval, window.steps)
+    decay = np.exp(-window.interval[:, None] / _CORRELATION_TIME)
+    ends[:, -len(DISTURBANCES) :] *= decay
+    transition[:, _DISTURBED, _DISTURBED] *= decay
+    defect = state_differences(ends[:-1], states[1:])
+    offset = np.zeros((len(states), ERROR_SIZE))
+    for t in range(len(states) - 1):
+        offset[t + 1] = transition[t] @ offset[t] + defect[t]
+    loads = window.loads
+    push = loads.pressure_area[: -1 : 2 * window.steps] * loads.diameter
+    response = push[:, None, None] * loads.inverse
+    return LinearisedMotion(
+        states=states,
+        transition=transition,
+        design=design,
+        offset=offset,
+        residual=window.readings - readings - np.einsum("tij,tj->ti", design, offset),
+        initial=state_differences(window.states[:1], states[:1])[0],
+        moment_noise=window.interval[:, None, None] * response @ np.swapaxes(response, 1, 2),
+    )
+
+
+def covariances(window: Window, motion: LinearisedMotion, log_sizes: Array) -> Covariances:
+    """Covariances of a linearised window under hyperparameters.
+
+    Parameters
+    ----------
+    window : Window
+        Readings around the stretch.
+    motion : LinearisedMotion
+        The window linearised.
+    log_sizes : (11,) array
+        Logarithms of the hyperparameters (see `_PRIORS`).
+
+    Returns
+    -------
+    Covariances
+    """
+    sizes = np.exp(log_sizes)
+    sigma = sizes[_SIZE_OF]
+    decay = np.exp(-window.interval[:, None] / _CORRELATION_TIME)
+    noise, rates = np.zeros_like(motion.transition), slice(3, 6)
+    noise[:, range(3), range(3)] = _ATTITUDE_NOISE**2
+    noise[:, rates, rates] = sizes[0] ** 2 * motion.moment_noise
+    noise[:, _DISTURBED, _DISTURBED] = sigma**2 * (1.0 - decay**2)
+    variance = window.noise**2
+    variance[:, 3:] += sizes[1] ** 2 * np.sum(window.readings[:, 3:] ** 2, axis=1, keepdims=True)
+    first = _FIRST_SIGMA.copy()
+    first[6:] = np.maximum(first[6:], sigma)
+    return Covariances(noise, variance, np.diag(first**2))
+
+
+def log_posterior(window: Window, motion: LinearisedMotion, log_sizes: Array) -> float:
+    """Log density of the hyperparameters given the readings, with the motion marginalised.
+
+    Parameters
+    ----------
+    window : Window
+        Readings around the stretch.
+    motion : LinearisedMotion
+        The window linearised.
+    log_sizes : (11,) array
+        Logarithms of the hyperparameters.
+
+    Returns
+    -------
+    float
+        nats, without a constant.
+    """
+    readings, deviation = motion.residual[window.observed].ravel(), (log_sizes - MEDIANS) / WIDTHS
+    value = log_likelihood(_state_space(window, motion, log_sizes), readings, motion.initial)
+    return value - 0.5 * float(deviation @ deviation)
+
+
+def _state_space(window: Window, motion: LinearisedMotion, log_sizes: Array) -> LinearStateSpace:
+    """The error's linear state-space model; a step begins where a bin begins, and has the readings of that bin."""
+    c = covariances(window, motion, log_sizes)
+    every, still = slice(0, ERROR_SIZE), np.zeros((1, ERROR_SIZE, ERROR_SIZE))
+    increment = np.concatenate((still, motion.transition[:-1] - np.eye(ERROR_SIZE)))
+    row_noise = np.zeros((len(window.observed), 6, 6))
+    row_noise[:, range(6), range(6)] = c.row_variance
+    return LinearStateSpace(
+        increment=from_blocks(ERROR_SIZE, [(every, every, increment)]),
+        process_noise=from_blocks(ERROR_SIZE, [(every, every, np.concatenate((still, c.process_noise[:-1])))]),
+        row_start=np.concatenate(([0], np.cumsum(6 * window.observed))),
+        design=motion.design[window.observed].reshape(-1, ERROR_SIZE),
+        row_noise=row_noise[window.observed].reshape(-1, 6),
+        initial_covariance=c.initial,
+    )

@@ -1,0 +1,176 @@
+"""Lost stretches of a flight's only IMU are filled by rotational dynamics, against the readings that were taken out."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from edl_filter.navigation.rotational_dynamics import SIZE, linearise
+from edl_filter.pipeline import dynamics_filling
+from edl_filter.pipeline.dynamics_filling import path_loads, window_around
+from edl_filter.pipeline.forward_model import forward_model_of
+from edl_filter.pipeline.reconstruct import FlightInputs, assemble, first_run, reconstruct
+from edl_filter.pipeline.redundancy import Run
+from edl_filter.telemetry.record import SampleFinding
+from edl_filter.telemetry.sample_filling import BY_AUTOREGRESSION, BY_DYNAMICS
+from edl_filter.telemetry.sample_repair import repaired
+
+PARACHUTE = 252.75
+
+
+def with_gap(telemetry, start, length, two=False):
+    """Telemetry without the samples of the driving IMU in a stretch, repaired; with one IMU or two."""
+    record = telemetry.driving
+    lost = (record.time > start) & (record.time <= start + length)
+    values = {k: np.where(lost[:, None], np.nan, getattr(record, k)) for k in ("specific_force", "angular_rate")}
+    begin = float(record.time[lost][0] - record.interval[lost][0])
+    finding = SampleFinding(record.name, "all", begin, float(record.time[lost][-1]), int(lost.sum()), "not_finite")
+    checking = telemetry.checking if two else ()
+    changed = replace(telemetry, driving=replace(record, **values), checking=checking, findings=(finding,))
+    return repaired(changed, parachute=PARACHUTE), lost
+
+
+def rotation_error(run, truth, lost):
+    """Error of the rotation across the stretch (3,), rad, its sigma, and the same of the velocity, m/s."""
+    record, step = run.telemetry.driving, truth.interval[lost][0]
+    errors, sigmas = [], []
+    for values, fill, noise in (
+        ("angular_rate", record.rate_fill_sigma, truth.rate_noise),
+        ("specific_force", record.force_fill_sigma, truth.force_noise),
+    ):
+        errors.append(np.sum(getattr(record, values)[lost] - getattr(truth, values)[lost], axis=0) * step)
+        sigmas.append(np.sqrt(np.sum(fill[lost] ** 2 + noise[lost, None] ** 2, axis=0)) * step)
+    return errors[0], sigmas[0], errors[1], sigmas[1]
+
+
+@pytest.fixture(scope="module")
+def filled(inputs):
+    """Runs with three seconds lost at a time, by the autoregression and by dynamics, and the lost samples."""
+    mission, telemetry, planet, atmosphere = inputs
+
+    def run(start, length=3.0, two=False):
+        changed, lost = with_gap(telemetry, start, length, two)
+        return first_run(mission, changed, planet, atmosphere, ()), changed, lost
+
+    return run
+
+
+@pytest.mark.parametrize("start", [88.0, 118.0, 170.0])
+def test_the_rotation_across_a_stretch_is_known_several_times_better(start, filled, inputs):
+    run, before, lost = filled(start)
+    truth = inputs[1].driving
+    rate, rate_sigma, force, force_sigma = rotation_error(run, truth, lost)
+    assert np.all(np.abs(rate) < 4.0 * rate_sigma)
+    assert np.all(np.abs(force) < 4.0 * force_sigma)
+    lateral = before.driving.rate_fill_sigma[lost][:, 1:]
+    assert np.all(run.telemetry.driving.rate_fill_sigma[lost][:, 1:] < 0.3 * lateral)
+    assert [f.repair for f in run.telemetry.findings] == [BY_DYNAMICS]
+
+
+def test_samples_outside_the_stretch_stay_as_they_were_read(filled, inputs):
+    run, _, lost = filled(118.0)
+    for values in ("angular_rate", "specific_force", "time", "interval"):
+        read, record = getattr(inputs[1].driving, values), getattr(run.telemetry.driving, values)
+        np.testing.assert_array_equal(record[~lost], read[~lost])
+    assert not run.telemetry.driving.filled[~lost].any()
+
+
+@pytest.mark.parametrize(("start", "length"), [(118.0, 0.25), (PARACHUTE - 1.5, 1.0), (PARACHUTE - 4.0, 3.5)])
+def test_short_stretches_and_those_at_the_parachute_stay_as_the_autoregression_filled_them(start, length, filled):
+    run, before, _ = filled(start, length)
+    assert run.telemetry is before
+    assert [f.repair for f in before.findings] == [BY_AUTOREGRESSION]
+
+
+def test_a_second_imu_fills_where_it_has_samples(filled):
+    run, before, _ = filled(118.0, two=True)
+    assert run.telemetry is before
+    assert BY_DYNAMICS not in before.findings[0].repair
+
+
+def test_without_aerodynamics_the_autoregression_fills(inputs):
+    mission, telemetry, planet, atmosphere = inputs
+    changed, _ = with_gap(telemetry, 118.0, 3.0)
+    without = mission.model_copy(update={"aerodynamics": None})
+    assert first_run(without, changed, planet, atmosphere, ()).telemetry is changed
+
+
+def test_the_path_after_ten_lost_seconds_is_within_its_sigmas_and_nearer(inputs, monkeypatch):
+    mission, telemetry, _, atmosphere = inputs
+    changed, _ = with_gap(telemetry, 105.0, 10.0)
+    alone = replace(telemetry, checking=())
+    results = [reconstruct(mission, leave_one_out=False, inputs=FlightInputs(t, atmosphere)) for t in (alone, changed)]
+    monkeypatch.setattr(dynamics_filling, "PASSES", 0)
+    results.append(reconstruct(mission, leave_one_out=False, inputs=FlightInputs(changed, atmosphere)))
+    states = []
+    for result in results:
+        node = int(np.argmin([abs(n.time - PARACHUTE) for n in result.filter_pass.nodes]))
+        states.append((result.smoothed.states[node].nav[:6], result.smoothed.covariance[node][:6, :6]))
+    expected = states[0][0]
+    difference = states[1][0] - expected
+    assert difference @ np.linalg.solve(states[1][1], difference) / 6.0 < 1.0
+    by_autoregression = states[2][0] - expected
+    assert np.linalg.norm(difference[3:]) < 0.5 * np.linalg.norm(by_autoregression[3:])
+
+
+def test_loads_along_the_path_are_those_of_the_forward_model(inputs):
+    """A sample's readings of the compiled dynamics at its beginning, against force and moment of the forward model."""
+    mission, telemetry, planet, atmosphere = inputs
+    model = forward_model_of(mission, planet, atmosphere)
+    model = replace(model, body=replace(model.body, offset=np.array([0.0, 0.003, -0.002])))
+    reconstruction = reconstruct(mission, leave_one_out=False, inputs=FlightInputs(telemetry, atmosphere))
+    path = reconstruction.trajectory
+    for time in (90.0, 118.0, 200.0):
+        k = int(np.searchsorted(path.time, time))
+        short = 1e-5
+        twice = [k, k]
+        edges = path.time[k] + np.array([0.0, short])
+        loads = path_loads(model, edges, path.position[twice], path.velocity[twice], 1)
+        state = np.zeros((1, SIZE))
+        state[0, :4], state[0, 4:7] = path.inertial_from_body[k], path.angular_rate[k]
+        ends, readings, _, _ = linearise(state, loads, np.array([short]), 1)
+        at = slice(k, k + 1)
+        place = path.time[at], path.position[at], path.velocity[at], path.inertial_from_body[at]
+        flow = model.flow(*place, state[:, 4:7])
+        force, moment = model.loads(flow)
+        # the table of coefficients has a node at each degree
+        np.testing.assert_allclose(readings[0, 3:], model.specific_force(flow.time, force)[0], rtol=1e-3, atol=1e-4)
+        acceleration = model.angular_acceleration(flow.time, flow.rate, moment)[0]
+        np.testing.assert_allclose((ends[0, 4:7] - state[0, 4:7]) / short, acceleration, rtol=2e-3, atol=2e-4)
+
+
+def test_bins_of_a_window_have_the_means_and_the_noise_of_their_samples(inputs, monkeypatch):
+    mission, telemetry, planet, atmosphere = inputs
+    changed, lost = with_gap(telemetry, 118.0, 3.0)
+    problem = assemble(mission, changed, planet, atmosphere, ())
+    result = reconstruct(mission, leave_one_out=False, inputs=FlightInputs(changed, atmosphere))
+    run, model = Run(changed, problem, result.filter_pass), forward_model_of(mission, planet, atmosphere)
+    stretch = changed.findings[0].interpolated[0]
+    windows = []
+    for length in (0.125, 0.25):
+        monkeypatch.setattr(dynamics_filling, "_BIN", length)
+        windows.append(window_around(stretch, run, result.trajectory, model, PARACHUTE - 1.0))
+    single, double = windows
+    assert single.last - single.first == lost.sum() == 2 * (double.last - double.first)
+    fine, coarse = single.readings[single.first :], double.readings[double.first :]
+    count = 2 * min(len(fine) // 2, len(coarse))
+    np.testing.assert_allclose(coarse[: count // 2], 0.5 * (fine[0:count:2] + fine[1:count:2]), atol=1e-12)
+    np.testing.assert_allclose(double.noise[1] * np.sqrt(2.0), single.noise[1], rtol=1e-6)
+    for window in windows:
+        assert not window.observed[window.first : window.last].any()
+        assert window.observed.sum() == len(window.observed) - (window.last - window.first)
+        assert window.time[window.first] == pytest.approx(stretch[0], abs=1e-6)
+        assert window.time[window.last] == pytest.approx(stretch[1], abs=1e-6)
+
+
+def test_coarse_bins_fill_the_samples_with_the_same_sums(inputs, monkeypatch):
+    """Telemetry with more than 20 samples a second is smoothed in bins: here two samples of 8 Hz to a bin."""
+    mission, telemetry, planet, atmosphere = inputs
+    changed, lost = with_gap(telemetry, 170.0, 3.0)
+    sums = []
+    for length in (0.125, 0.25):
+        monkeypatch.setattr(dynamics_filling, "_BIN", length)
+        record = first_run(mission, changed, planet, atmosphere, ()).telemetry.driving
+        sums.append(np.concatenate((record.angular_rate[lost].sum(axis=0), record.specific_force[lost].sum(axis=0))))
+        sigma = np.sqrt(np.sum(np.hstack((record.rate_fill_sigma, record.force_fill_sigma))[lost] ** 2, axis=0))
+    assert np.all(np.abs(sums[1] - sums[0]) < 2.0 * sigma)
