@@ -75,6 +75,12 @@ def test_samples_outside_the_stretch_stay_as_they_were_read(filled, inputs):
     assert not run.telemetry.driving.filled[~lost].any()
 
 
+def test_what_dynamics_have_filled_is_not_filled_again(filled, inputs):
+    mission, _, planet, atmosphere = inputs
+    run, _, _ = filled(118.0)
+    assert first_run(mission, run.telemetry, planet, atmosphere, ()).telemetry is run.telemetry
+
+
 @pytest.mark.parametrize(("start", "length"), [(118.0, 0.25), (PARACHUTE - 1.5, 1.0), (PARACHUTE - 4.0, 3.5)])
 def test_short_stretches_and_those_at_the_parachute_stay_as_the_autoregression_filled_them(start, length, filled):
     run, before, _ = filled(start, length)

@@ -24,9 +24,8 @@ from edl_filter.navigation.rotational_dynamics import SIZE, PathLoads
 from edl_filter.navigation.smoother import smooth
 from edl_filter.navigation.trajectory import Trajectory, smoothed_trajectory
 from edl_filter.pipeline.redundancy import Run
-from edl_filter.telemetry.record import SAME_TIME, ImuRecord, Telemetry
+from edl_filter.telemetry.record import SAME_TIME, ImuRecord, SampleFinding, Telemetry
 from edl_filter.telemetry.sample_filling import BY_AUTOREGRESSION, BY_DYNAMICS, PARACHUTE_MARGIN, fill_sigma
-from edl_filter.telemetry.sample_repair import interpolated_stretches
 from edl_filter.types import Array
 
 #: Shortest stretch that is filled, s: in a shorter one the autoregression is as good.
@@ -71,25 +70,27 @@ def filled_by_dynamics(first: Run, model: ForwardModel, parachute: float, run: C
     """
     result, base = first, first.telemetry
     end = parachute - PARACHUTE_MARGIN
-    stretches = [(a, b) for a, b in interpolated_stretches(base) if b - a > SHORTEST - SAME_TIME and b < end]
-    stretches = sorted(stretches, key=lambda s: s[0] - s[1])[:MOST_STRETCHES]
+    stretches = {s for f in base.findings if _has_autoregression(f, base) for s in f.interpolated}
+    long = [(a, b) for a, b in stretches if b - a > SHORTEST - SAME_TIME and b < end]
+    chosen = sorted(long, key=lambda s: (s[0] - s[1], s[0]))[:MOST_STRETCHES]
     solutions: dict[tuple[float, float], Solution] = {}
-    for _ in range(PASSES if stretches else 0):
+    for _ in range(PASSES if chosen else 0):
         problem = result.problem
         trajectory = smoothed_trajectory(problem, smooth(result.filter_pass), result.filter_pass.layout)
-        record, changed = base.driving, False
-        for stretch in stretches:
+        record, improved = base.driving, set[tuple[float, float]]()
+        for stretch in chosen:
             window = window_around(stretch, result, trajectory, model, end)
             prediction = None if window is None else predict_stretch(window, solutions.get(stretch))
             if window is not None and prediction is not None:
                 fills, solutions[stretch] = prediction
-                record, improved = _with_fills(record, base.driving, result.telemetry.driving, window, fills)
-                changed |= improved
-        if not changed:
+                record, better = _with_fills(record, base.driving, result.telemetry.driving, window, fills)
+                if better:
+                    improved.add(stretch)
+        if not improved:
             return result
         findings = tuple(
             replace(f, repair=f.repair.replace(BY_AUTOREGRESSION, BY_DYNAMICS))
-            if f.imu == record.name and set(f.interpolated) & set(stretches)
+            if _has_autoregression(f, base) and improved.intersection(f.interpolated)
             else f
             for f in base.findings
         )
@@ -97,6 +98,11 @@ def filled_by_dynamics(first: Run, model: ForwardModel, parachute: float, run: C
         if _largest_change(previous, record) < _SAME_FILL:
             break
     return result
+
+
+def _has_autoregression(finding: SampleFinding, telemetry: Telemetry) -> bool:
+    """Whether a finding is of the driving IMU, and the autoregression has filled a part of it."""
+    return finding.imu == telemetry.driving.name and BY_AUTOREGRESSION in finding.repair
 
 
 def _largest_change(previous: ImuRecord, record: ImuRecord) -> float:
