@@ -108,6 +108,9 @@ TESTS = {
     "navigation/noise.py": ("navigation/test_noise.py",),
     "navigation/error_dynamics.py": ("navigation/test_error_dynamics.py",),
     "navigation/strapdown.py": ("navigation/test_strapdown.py",),
+    "navigation/rotational_dynamics.py": ("navigation/test_rotational_dynamics.py",),
+    "navigation/motion_model.py": ("navigation/test_motion_model.py",),
+    "navigation/motion_smoother.py": ("navigation/test_motion_smoother.py",),
     "diagnosis/selection/screening.py": ("diagnosis/selection/test_screening.py",),
     "diagnosis/selection/outer_loop.py": ("diagnosis/selection/test_outer_loop.py",),
     "diagnosis/selection/hypothesis.py": ("diagnosis/selection/test_hypothesis.py",),
@@ -120,7 +123,7 @@ TESTS = {
 #: that import them are interpreted. Kernels of files that they import remain compiled.
 INTERPRETED = (
     "estimation/block_sparse.py", "estimation/smoothing.py", "estimation/kalman.py", "navigation/compiled_noise.py",
-    "navigation/compiled_states.py", "navigation/compiled_ukf.py",
+    "navigation/compiled_states.py", "navigation/compiled_ukf.py", "navigation/rotational_dynamics.py",
 )  # fmt: skip
 
 COMPARISONS: dict[type[ast.cmpop], tuple[type[ast.cmpop], ...]] = {

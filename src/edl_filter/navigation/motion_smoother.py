@@ -42,10 +42,10 @@ from edl_filter.types import Array, BoolArray
 _BELOW, _ABOVE = 1.5, 3.0
 #: Iterations of a search for the hyperparameters, its step, most searches, and the change, in widths, below which the
 #: hyperparameters are those of the search before.
-_SEARCH_ITERATIONS, _SEARCH_STEP, _MOST_SEARCHES, _SAME_SIZES = 12, 0.05, 5, 0.3
-#: Gauss-Newton: most iterations, the one from which steps that do not become smaller are halved, and the change of a
-#: prediction, in its sigmas, below which it has converged.
-_MOST_ITERATIONS, _HALVED_FROM, _CONVERGED = 20, 6, 0.1
+_SEARCH_ITERATIONS, _SEARCH_STEP, _MOST_SEARCHES, _SAME_SIZES = 12, 0.05, 6, 0.3
+#: Most Gauss-Newton steps between two searches, the one from which steps that do not become smaller are halved, and the
+#: change of a prediction, in its sigmas, below which it has converged.
+_MOST_STEPS, _HALVED_FROM, _CONVERGED = 8, 5, 0.1
 #: Weight of the model's own covariance against the cross-validation, in stretches, as in the autoregression.
 _PRIOR_STRETCHES = 2.0
 #: Sigmas by which a prediction from one side may differ from that from both.
@@ -117,6 +117,11 @@ def smooth_errors(motion: LinearisedMotion, c: Covariances, observed: BoolArray)
     covariance : (T, 19, 19) array
     gain : (T - 1, 19, 19) array
         Of the smoother, from each bin to the next.
+
+    Raises
+    ------
+    LinAlgError
+        A covariance is not positive definite to working precision.
     """
     count = len(observed)
     mean, covariance = np.empty((count, ERROR_SIZE)), np.empty((count, ERROR_SIZE, ERROR_SIZE))
@@ -132,6 +137,8 @@ def smooth_errors(motion: LinearisedMotion, c: Covariances, observed: BoolArray)
         x, p = f @ x, f @ p @ f.T + c.process_noise[t]
     gains = np.empty((count - 1, ERROR_SIZE, ERROR_SIZE))
     for t in range(count - 2, -1, -1):
+        if not np.all(np.diag(predicted[t + 1]) > 0.0):
+            raise np.linalg.LinAlgError("a predicted covariance is not positive definite")
         unit = np.sqrt(np.diag(predicted[t + 1]))  # the states' sizes differ by many orders
         cross = covariance[t] @ motion.transition[t].T / unit
         gains[t] = smoother_gain(cross, predicted[t + 1] / np.outer(unit, unit)) / unit
@@ -166,23 +173,28 @@ def most_probable_motion(window: Window, before: Solution | None = None) -> Solu
 
 
 def _search(window: Window, states: Array, log_sizes: Array) -> Solution | None:
-    """Motion and hyperparameters in turns, from a start."""
-    for _ in range(_MOST_SEARCHES):
-        converged = _converged(window, states, log_sizes)
-        if converged is None:
-            return None
-        states, used = converged, log_sizes
-        motion = linearise_window(window, states)
-        log_sizes = estimate_sizes(window, motion, used)
-        if np.max(np.abs(log_sizes - used) / WIDTHS) < _SAME_SIZES:
-            break
-    return Solution(motion, used, log_posterior(window, motion, used))
+    """Motion and hyperparameters in turns, from a start; None where they do not converge."""
+    solution = None
+    try:
+        for _ in range(_MOST_SEARCHES):
+            step = _gauss_newton(window, states, log_sizes)
+            if step is None:
+                return None
+            (states, converged), used = step, log_sizes
+            motion = linearise_window(window, states)
+            log_sizes = estimate_sizes(window, motion, used)
+            solution = Solution(motion, used, log_posterior(window, motion, used)) if converged else None
+            if converged and np.max(np.abs(log_sizes - used) / WIDTHS) < _SAME_SIZES:
+                break
+    except np.linalg.LinAlgError:  # a covariance is singular to working precision
+        return None
+    return solution
 
 
-def _converged(window: Window, states: Array, log_sizes: Array) -> Array | None:
-    """States (T, 20) of the most probable motion under given hyperparameters, by Gauss-Newton steps."""
+def _gauss_newton(window: Window, states: Array, log_sizes: Array) -> tuple[Array, bool] | None:
+    """States (T, 20) after some steps under given hyperparameters, and whether the prediction has converged."""
     factor, previous, part = 1.0, np.inf, slice(window.first, window.last)
-    for iteration in range(_MOST_ITERATIONS):
+    for iteration in range(_MOST_STEPS):
         motion = linearise_window(window, states)
         if not (np.isfinite(motion.residual[window.observed]).all() and np.isfinite(motion.transition).all()):
             return None
@@ -197,8 +209,8 @@ def _converged(window: Window, states: Array, log_sizes: Array) -> Array | None:
         previous = size
         states = add_errors(states, factor * change)
         if size < _CONVERGED:
-            return states
-    return None
+            return states, True
+    return states, False
 
 
 def predict_stretch(window: Window, before: Solution | None = None) -> tuple[list[Interpolation], Solution] | None:
@@ -218,11 +230,14 @@ def predict_stretch(window: Window, before: Solution | None = None) -> tuple[lis
     solution : Solution
         None instead of both where no search for the most probable motion converges.
     """
-    try:
+    with np.errstate(invalid="ignore", over="ignore", divide="ignore"):  # a search that diverges is given up
         solution = most_probable_motion(window, before)
-        return None if solution is None else (_validated(window, solution.motion, solution.log_sizes), solution)
-    except np.linalg.LinAlgError:  # a covariance is singular to working precision
-        return None
+        if solution is None:
+            return None
+        try:
+            return _validated(window, solution.motion, solution.log_sizes), solution
+        except np.linalg.LinAlgError:
+            return None
 
 
 def _validated(window: Window, motion: LinearisedMotion, log_sizes: Array) -> list[Interpolation]:
