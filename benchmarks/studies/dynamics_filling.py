@@ -75,11 +75,12 @@ def main() -> None:
                 outcomes[name].append(outcome(result, complete, slice(first, first + count), deployed))
         for name, values in outcomes.items():
             rms = np.sqrt(np.mean(np.square(values), axis=0))
+            sigmas, last = np.array(values)[:, 6:12], np.mean(np.array(values)[:, 14])
             print(
                 f"{mission.name} {length:4.1f} s {name:>14}: "
-                f"lateral rotation {np.degrees(np.hypot(*rms[1:3])):.4f} deg, roll {np.degrees(rms[0]):.4f} deg, axial velocity {rms[3]:.3f} m/s; in sigmas {rms[6:12].round(2)}, "
-                f"largest {np.abs(np.array(values)[:, 6:12]).max():.1f}; at the parachute {rms[12]:.1f} m, "
-                f"{rms[13]:.3f} m/s, {np.mean(np.array(values)[:, 14]):.3f} of sigma^2",
+                f"lateral rotation {np.degrees(np.hypot(*rms[1:3])):.4f} deg, roll {np.degrees(rms[0]):.4f} deg, "
+                f"axial velocity {rms[3]:.3f} m/s; in sigmas {rms[6:12].round(2)}, largest {np.abs(sigmas).max():.1f}; "
+                f"at the parachute {rms[12]:.1f} m, {rms[13]:.3f} m/s, {last:.3f} of sigma^2",
                 flush=True,
             )
 
