@@ -271,12 +271,13 @@ def _with_fills(
     force[rows] += force_change + (arms[0] - arms[1])[rows]
     interval, count = float(np.median(base.interval[rows])), b + 1 - a
     changed, improved = {}, False
-    for values, names, triad in (
-        (rate, ("angular_rate", "rate_fill_sigma"), fills[:3]),
-        (force, ("specific_force", "force_fill_sigma"), fills[3:]),
+    for values, names, column in (
+        (rate, ("angular_rate", "rate_fill_sigma"), 0),
+        (force, ("specific_force", "force_fill_sigma"), 3),
     ):
-        bin_noise = window.noise[window.first : window.last, 0 if triad is fills[:3] else 3]
-        sigma = fill_sigma(triad, bin_noise, float(np.median(np.diff(edges))), coning=names[0] == "angular_rate")
+        bin_noise = window.noise[window.first : window.last, column]
+        triad = fills[column : column + 3]
+        sigma = fill_sigma(triad, bin_noise, float(np.median(np.diff(edges))), coning=column == 0)
         # independent errors of bins become those of samples with the same variance of the sum
         sigma = (
             np.sqrt(np.mean(sigma**2, axis=0) * len(bin_noise) / count)
