@@ -1,6 +1,7 @@
 """Lost stretches of a flight's only IMU are filled by rotational dynamics, against the readings that were taken out."""
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -49,6 +50,7 @@ def filled(inputs):
     """Runs with three seconds lost at a time, by the autoregression and by dynamics, and the lost samples."""
     mission, telemetry, planet, atmosphere = inputs
 
+    @cache
     def run(start, length=3.0, two=False):
         changed, lost = with_gap(telemetry, start, length, two)
         return first_run(mission, changed, planet, atmosphere, ()), changed, lost
