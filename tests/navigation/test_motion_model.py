@@ -25,7 +25,7 @@ def test_the_marginal_likelihood_is_that_of_a_dense_normal_distribution(small):
         h = design[rows]
         law = multivariate_normal(h @ mean, h @ covariance @ h.T + np.diag(c.row_variance.ravel()[rows]))
         prior = 0.5 * len(log_sizes) * shift**2
-        value = log_posterior(window, motion, log_sizes)
+        value = log_posterior(window, motion)(log_sizes)
         values.append((value, law.logpdf(motion.residual.ravel()[rows]) - prior))
     (a, b), (expected_a, expected_b) = np.array(values).T
     assert b - a == pytest.approx(expected_b - expected_a, rel=1e-7)

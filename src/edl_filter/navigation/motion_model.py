@@ -9,7 +9,8 @@ hyperparameters.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -209,7 +210,7 @@ def covariances(window: Window, motion: LinearisedMotion, log_sizes: Array) -> C
     return Covariances(noise, variance, np.diag(first**2))
 
 
-def log_posterior(window: Window, motion: LinearisedMotion, log_sizes: Array) -> float:
+def log_posterior(window: Window, motion: LinearisedMotion) -> Callable[[Array], float]:
     """Log density of the hyperparameters given the readings, with the motion marginalised.
 
     Parameters
@@ -218,31 +219,31 @@ def log_posterior(window: Window, motion: LinearisedMotion, log_sizes: Array) ->
         Readings around the stretch.
     motion : LinearisedMotion
         The window linearised.
-    log_sizes : (11,) array
-        Logarithms of the hyperparameters.
 
     Returns
     -------
-    float
-        nats, without a constant.
+    function
+        From the logarithms of the hyperparameters ``(11,)`` to nats, without a constant. Its calls share what does not
+        depend on them.
     """
-    readings, deviation = motion.residual[window.observed].ravel(), (log_sizes - MEDIANS) / WIDTHS
-    value = log_likelihood(_state_space(window, motion, log_sizes), readings, motion.initial)
-    return value - 0.5 * float(deviation @ deviation)
-
-
-def _state_space(window: Window, motion: LinearisedMotion, log_sizes: Array) -> LinearStateSpace:
-    """The error's linear state-space model; a step begins where a bin begins, and has the readings of that bin."""
-    c = covariances(window, motion, log_sizes)
+    observed, count = window.observed, int(np.sum(window.observed))
+    readings, design = motion.residual[observed].ravel(), motion.design[observed].reshape(-1, ERROR_SIZE)
     every, still = slice(0, ERROR_SIZE), np.zeros((1, ERROR_SIZE, ERROR_SIZE))
-    increment = np.concatenate((still, motion.transition[:-1] - np.eye(ERROR_SIZE)))
-    row_noise = np.zeros((len(window.observed), 6, 6))
-    row_noise[:, range(6), range(6)] = c.row_variance
-    return LinearStateSpace(
-        increment=from_blocks(ERROR_SIZE, [(every, every, increment)]),
-        process_noise=from_blocks(ERROR_SIZE, [(every, every, np.concatenate((still, c.process_noise[:-1])))]),
-        row_start=np.concatenate(([0], np.cumsum(6 * window.observed))),
-        design=motion.design[window.observed].reshape(-1, ERROR_SIZE),
-        row_noise=row_noise[window.observed].reshape(-1, 6),
-        initial_covariance=c.initial,
-    )
+    # a step begins where a bin begins, and has the readings of that bin
+    change = np.concatenate((still, motion.transition[:-1] - np.eye(ERROR_SIZE)))
+    increment = from_blocks(ERROR_SIZE, [(every, every, change)])
+    row_start = np.concatenate(([0], np.cumsum(6 * observed)))
+    noise = from_blocks(ERROR_SIZE, [(every, every, covariances(window, motion, MEDIANS).process_noise)])
+
+    def value(log_sizes: Array) -> float:
+        c = covariances(window, motion, log_sizes)
+        process_noise, row_noise = np.zeros_like(noise.values), np.zeros((count, 6, 6))
+        process_noise[1:] = c.process_noise[:-1, noise.row, noise.column]
+        row_noise[:, range(6), range(6)] = c.row_variance[observed]
+        model = LinearStateSpace(
+            increment, replace(noise, values=process_noise), row_start, design, row_noise.reshape(-1, 6), c.initial
+        )
+        deviation = (log_sizes - MEDIANS) / WIDTHS
+        return log_likelihood(model, readings, motion.initial) - 0.5 * float(deviation @ deviation)
+
+    return value

@@ -88,9 +88,10 @@ def estimate_sizes(window: Window, motion: LinearisedMotion, start: Array) -> Ar
     (11,) array
         Logarithms.
     """
+    density = log_posterior(window, motion)
 
     def cost(log_sizes: Array) -> float:
-        value = log_posterior(window, motion, log_sizes)
+        value = density(log_sizes)
         return -value if np.isfinite(value) else 1e300
 
     bounds = list(zip(MEDIANS - _BELOW * WIDTHS, MEDIANS + _ABOVE * WIDTHS, strict=True))
@@ -183,7 +184,7 @@ def _search(window: Window, states: Array, log_sizes: Array) -> Solution | None:
             (states, converged), used = step, log_sizes
             motion = linearise_window(window, states)
             log_sizes = estimate_sizes(window, motion, used)
-            solution = Solution(motion, used, log_posterior(window, motion, used)) if converged else None
+            solution = Solution(motion, used, log_posterior(window, motion)(used)) if converged else None
             if converged and np.max(np.abs(log_sizes - used) / WIDTHS) < _SAME_SIZES:
                 break
     except np.linalg.LinAlgError:  # a covariance is singular to working precision
