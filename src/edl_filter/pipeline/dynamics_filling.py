@@ -2,9 +2,9 @@
 
 Input: telemetry whose lost stretches an autoregression has filled (`telemetry.sample_filling`), a run of the filter
 with it, and the forward model. Method: along the path of that run, the rotational motion across each stretch is
-smoothed from the readings on both sides (`navigation.motion_smoother`). Output: a run with telemetry in which each axis
-of each stretch has the values of dynamics or autoregression: those with the smaller sigma, and those with the larger
-one where the two contradict each other.
+smoothed from the readings on both sides (`navigation.motion_smoother`). Output: a run with telemetry in which the
+stretches have these values. Of two methods the one with the smaller sigma would be the one that is too certain: where
+motion or air density change across the stretch, which the autoregression does not model, it is wrong by ten sigmas.
 """
 
 from __future__ import annotations
@@ -30,9 +30,6 @@ from edl_filter.types import Array
 
 #: Shortest stretch that is filled, s: in a shorter one the autoregression is as good.
 SHORTEST = 0.5
-#: Difference of the two methods' sums over a stretch, in its sigmas, beyond which one of them is wrong: the values with
-#: the larger sigma are used then.
-_CONTRADICTION = 3.0
 #: A new fill changes the path of the vehicle, and with it the fill: most repetitions, and the change of the sums over a
 #: stretch, in sigmas, from which on it is not repeated.
 PASSES, _SAME_FILL = 4, 0.3
@@ -66,7 +63,7 @@ def filled_by_dynamics(first: Run, model: ForwardModel, parachute: float, run: C
     Returns
     -------
     Run
-        `first` where the autoregression has the smaller sigma in all axes of all stretches.
+        `first` where no stretch has a prediction.
     """
     result, base = first, first.telemetry
     end = parachute - PARACHUTE_MARGIN
@@ -77,20 +74,19 @@ def filled_by_dynamics(first: Run, model: ForwardModel, parachute: float, run: C
     for _ in range(PASSES if chosen else 0):
         problem = result.problem
         trajectory = smoothed_trajectory(problem, smooth(result.filter_pass), result.filter_pass.layout)
-        record, improved = base.driving, set[tuple[float, float]]()
+        record, predicted = base.driving, set[tuple[float, float]]()
         for stretch in chosen:
             window = window_around(stretch, result, trajectory, model, end)
             prediction = None if window is None else predict_stretch(window, solutions.get(stretch))
             if window is not None and prediction is not None:
                 fills, solutions[stretch] = prediction
-                record, better = _with_fills(record, base.driving, result.telemetry.driving, window, fills)
-                if better:
-                    improved.add(stretch)
-        if not improved:
+                record = _with_fills(record, base.driving, result.telemetry.driving, window, fills)
+                predicted.add(stretch)
+        if not predicted:
             return result
         findings = tuple(
             replace(f, repair=f.repair.replace(BY_AUTOREGRESSION, BY_DYNAMICS))
-            if _has_autoregression(f, base) and improved.intersection(f.interpolated)
+            if _has_autoregression(f, base) and predicted.intersection(f.interpolated)
             else f
             for f in base.findings
         )
@@ -238,15 +234,15 @@ def path_loads(model: ForwardModel, time: Array, position: Array, velocity: Arra
 
 def _with_fills(
     record: ImuRecord, base: ImuRecord, current: ImuRecord, window: Window, fills: list[Interpolation]
-) -> tuple[ImuRecord, bool]:
-    """The record with the stretch filled in the axes in which the fills have the smaller sigma, and whether any has.
+) -> ImuRecord:
+    """The record with the stretch filled.
 
     Parameters
     ----------
     record : ImuRecord
         To be changed.
     base : ImuRecord
-        Filled by the autoregression.
+        Filled by the autoregression; what it has not filled, stays.
     current : ImuRecord
         With which the window's readings were computed; they differ from it by sensor errors, which the change of a
         reading does not contain to first order.
@@ -270,7 +266,7 @@ def _with_fills(
     force = current.specific_force.copy()
     force[rows] += force_change + (arms[0] - arms[1])[rows]
     interval, count = float(np.median(base.interval[rows])), b + 1 - a
-    changed, improved = {}, False
+    changed = {}
     for values, names, column in (
         (rate, ("angular_rate", "rate_fill_sigma"), 0),
         (force, ("specific_force", "force_fill_sigma"), 3),
@@ -284,13 +280,9 @@ def _with_fills(
             * (edges[-1] - edges[0])
             / (len(bin_noise) * interval)
         )
-        before = getattr(base, names[1])[rows]
-        difference = np.sum(values[rows] - getattr(base, names[0])[rows], axis=0)
-        contradicts = difference**2 > _CONTRADICTION**2 * np.sum(sigma**2 + before**2, axis=0)
-        better = (before > 0.0) & (contradicts | (sigma < before))
-        for name, new in zip(names, (values[rows], np.broadcast_to(sigma, before.shape)), strict=True):
+        lost = getattr(base, names[1])[rows] > 0.0
+        for name, new in zip(names, (values[rows], np.broadcast_to(sigma, lost.shape)), strict=True):
             array = getattr(record, name).copy()
-            array[rows] = np.where(better, new, array[rows])
+            array[rows] = np.where(lost, new, array[rows])
             changed[name] = array
-        improved |= bool(better.any())
-    return replace(record, **changed), improved
+    return replace(record, **changed)
