@@ -65,9 +65,40 @@ def test_half_of_the_readings_are_no_majority():
     )  # fmt: skip
     for prediction, majority in ((halves, False), (part, True)):
         consensus = find_consensus(prediction, GATE)
-        assert np.flatnonzero(~consensus.agree).tolist() == list(range(7))
-        assert consensus.nis - consensus.free_nis > 100.0
         assert (consensus.majority, consensus.state_outlier) == (majority, majority)
+        # without a majority no reading agrees with the state
+        assert np.flatnonzero(consensus.agree).tolist() == (list(range(7, 15)) if majority else [])
+        assert (consensus.nis - consensus.free_nis > 100.0) == majority
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_a_majority_with_a_common_error_is_not_the_state_of_all_others(seed):
+    """Eight of fifteen readings are off by 50 m: the state, known to 2 m, and the seven others agree."""
+    off = np.random.default_rng(seed).permutation(15)[:8]
+    prediction = line(outliers=[(k, 50.0) for k in off], seed=seed, state_sigma=(2.0, 1.0))
+    consensus = find_consensus(prediction, GATE)
+    assert not consensus.state_outlier
+    assert np.flatnonzero(~consensus.agree).tolist() == sorted(off)
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_readings_that_agree_by_chance_along_a_steep_line_are_not_a_state(seed):
+    """Six of fifteen are off by 50 m: with a free velocity a line joins them with good readings."""
+    off = np.random.default_rng(seed).permutation(15)[:6]
+    prediction = line(outliers=[(k, 50.0) for k in off], seed=seed, state_sigma=(2.0, 1.0))
+    consensus = find_consensus(prediction, GATE)
+    assert not consensus.state_outlier and consensus.majority
+    assert np.flatnonzero(~consensus.agree).tolist() == sorted(off)
+
+
+@pytest.mark.parametrize("error", [15.0, 30.0, 400.0])
+def test_a_wrong_state_is_the_outlier_also_with_readings_beyond_the_gate(error):
+    """All readings agree on a height that is 7 to 200 sigmas off; two more are outliers."""
+    consensus = find_consensus(
+        line(height_error=error, outliers=[(2, 600.0), (9, -300.0)], sigma=2.0, state_sigma=(2.0, 0.1)), GATE
+    )
+    assert consensus.state_outlier
+    assert np.flatnonzero(~consensus.agree).tolist() == [2, 9]
 
 
 @pytest.mark.parametrize(("information", "directions"), [(0.7, 0), (1.5, 1), (2.5, 1)])

@@ -12,10 +12,13 @@ together, without an update, with the covariance of all predictions (S). Two hyp
 Under S' the largest set of readings that agree is searched: every pair predicts the others, the pair whose predictions
 have the greatest truncated likelihood begins the set (consensus of minimal subsets: Fischler & Bolles 1981, Comm. ACM
 24, 381; exhaustive, so without random numbers), and readings are removed or added until all members, and none of the
-others, agree with the remaining members. Readings outside of the set are outliers if the set holds the majority. The
-state is the outlier if the likelihood ratio of S' and S for the set, ``rᵀ S⁻¹ r - rᵀ S'⁻¹ r``, exceeds the gate's
-quantile; its degrees of freedom are the directions that the readings determine (generalised likelihood ratio: Willsky
-& Jones 1976, IEEE Trans. Autom. Control 21, 108).
+others, agree with the remaining members. Under S the set begins with the readings that are within the gate. A reading
+outside of a set costs the gate's quantile (truncated likelihood). Under S the cheaper of both sets counts, and readings
+outside of it are outliers if it holds the majority. The state is the outlier if the set of S' holds the majority and
+S costs more than S' by more than the gate's quantile, with as many degrees of freedom as there are directions that the
+readings determine (generalised likelihood ratio: Willsky & Jones 1976, IEEE Trans. Autom. Control 21, 108). Where the
+set is the best one of all pairs, the gate's error probability is shared by them (Bonferroni). Of fifteen readings,
+eight may be off by the same error: they agree with each other, but so do the state and the other seven.
 """
 
 from __future__ import annotations
@@ -82,7 +85,7 @@ class Consensus:
     Attributes
     ----------
     agree : (K,) boolean array
-        The largest set of readings that agree with each other.
+        The readings that agree with each other, and with the state unless it is the outlier.
     nis, free_nis : float
         Normalised squares of this set's residuals under S and S'.
     directions : int
@@ -171,19 +174,30 @@ def find_consensus(prediction: JointPrediction, gate: float) -> Consensus:
     members = list(range(count))
     if np.max(_left_out(prediction.residual, free, members)) > limit:  # not all of them agree
         members = _refine(prediction.residual, free, _first_pair(prediction.residual, free, limit), limit)
-    agree = np.zeros(count, bool)
-    agree[members] = True
-    rows = _rows(members, components)
-    residual = prediction.residual.ravel()[rows]
-    nis, free_nis = (
-        float(residual @ np.linalg.solve(matrix[np.ix_(rows, rows)], residual))
-        for matrix in (prediction.covariance, free)
-    )
-    scaled = prediction.sensitivity[rows] * np.repeat([FREE_POSITION, FREE_VELOCITY], 3)
-    scaled /= np.sqrt(np.diag(prediction.noise)[rows])[:, None]
+    state = prediction.covariance
+    single = np.einsum("km,kmn,kn->k", prediction.residual, np.linalg.inv(_blocks(state, count)), prediction.residual)
+    within = _refine(prediction.residual, state, np.flatnonzero(single <= limit).tolist(), limit)
+
+    def squares(selected: Sequence[int], covariance: Array) -> float:
+        rows = _rows(selected, components)
+        residual = prediction.residual.ravel()[rows]
+        return float(residual @ np.linalg.solve(covariance[np.ix_(rows, rows)], residual))
+
+    def cost(selected: Sequence[int], covariance: Array) -> float:
+        return squares(selected, covariance) + limit * (count - len(selected))
+
+    best = min((members, within), key=lambda selected: cost(selected, state))
+    scaled = prediction.sensitivity[_rows(members, components)] * np.repeat([FREE_POSITION, FREE_VELOCITY], 3)
+    scaled /= np.sqrt(np.diag(prediction.noise)[_rows(members, components)])[:, None]
     directions = int(np.sum(np.linalg.svd(scaled, compute_uv=False) > 1.0))
-    outlier = bool(directions and 2 * len(members) > count and nis - free_nis > quantile(gate, directions))
-    return Consensus(agree, nis, free_nis, directions, outlier)
+    ratio = cost(best, state) - cost(members, free)
+    searched = 1 if len(members) == count else count * (count - 1) // 2
+    threshold = quantile(1.0 - (1.0 - gate) / searched, directions) if directions else np.inf
+    outlier = bool(2 * len(members) > count and ratio > threshold)
+    agreeing = members if outlier else best
+    agree = np.zeros(count, bool)
+    agree[agreeing] = True
+    return Consensus(agree, squares(agreeing, state), squares(agreeing, free), directions, outlier)
 
 
 def _rows(members: Sequence[int], components: int) -> list[int]:
@@ -228,7 +242,7 @@ def _left_out(residual: Array, covariance: Array, members: Sequence[int]) -> Arr
     """NIS of each of the `members` given the other members, ``(len(members),)``; arguments as of `_predicted`."""
     rows = _rows(members, residual.shape[1])
     precision = np.asarray(np.linalg.inv(covariance[np.ix_(rows, rows)]), np.float64)
-    weighted = (precision @ residual.ravel()[rows]).reshape(len(members), -1)
+    weighted = (precision @ residual.ravel()[rows]).reshape(len(members), residual.shape[1])
     blocks = _blocks(precision, len(members))
     return np.einsum("km,km->k", weighted, np.linalg.solve(blocks, weighted[..., None])[..., 0])
 
@@ -246,10 +260,11 @@ def _first_pair(residual: Array, covariance: Array, limit: float) -> list[int]:
 def _refine(residual: Array, covariance: Array, members: list[int], limit: float) -> list[int]:
     """Add readings that agree with the members and remove members that do not, one at a time, until none is left."""
     for _ in range(4 * len(residual)):
-        inside = _left_out(residual, covariance, members)
+        # of two readings, neither is the outlier
+        inside = _left_out(residual, covariance, members) if len(members) > 2 else np.zeros(0)
         outside, _ = _predicted(residual, covariance, members)
         outside[members] = np.inf
-        if len(members) > 2 and np.max(inside) > limit:
+        if np.max(inside, initial=0.0) > limit:
             members = [k for k in members if k != members[int(np.argmax(inside))]]
         elif np.min(outside) <= limit:
             members = sorted([*members, int(np.argmin(outside))])
