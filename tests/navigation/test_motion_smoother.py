@@ -75,10 +75,14 @@ def test_a_prediction_is_that_of_dense_conditioning(small, uneven, bins):
         np.testing.assert_allclose(spread[axis], expected[axis::6, axis::6], rtol=1e-6)
 
 
-def test_a_covariance_that_is_not_positive_definite_is_refused(small):
+@pytest.mark.parametrize("places", [slice(None), slice(-2, None)])
+def test_a_covariance_that_is_not_positive_definite_is_refused(small, places):
     window, motion, c = small
+    noise, observed = c.process_noise.copy(), window.observed.copy()
+    noise[places, 3, 3] = -1.0  # of a rate, at the end of all bins or of the last but one
+    observed[1:] = False
     with pytest.raises(np.linalg.LinAlgError, match="a predicted covariance is not positive definite"):
-        smooth_errors(motion, replace(c, process_noise=-c.process_noise), window.observed)
+        smooth_errors(motion, replace(c, process_noise=noise), observed)
 
 
 def test_sizes_are_those_of_the_largest_posterior_density_within_their_range(small, monkeypatch):
@@ -175,10 +179,9 @@ def stepped(monkeypatch, window, start, ratio, covariance=1e-4, residual=0.0, tr
     def linearised(_, states):
         offset = np.zeros((count, ERROR_SIZE))
         offset[:, rates] = 0.3 * (ratio - 1.0) * states[:, 4:7]
-        return SimpleNamespace(
-            states=states, offset=offset, design=design, residual=np.full((count, 6), residual),
-            transition=np.full((count, ERROR_SIZE, ERROR_SIZE), transition),
-        )  # fmt: skip
+        residuals, transitions = np.zeros((count, 6)), np.zeros((count, ERROR_SIZE, ERROR_SIZE))
+        residuals[-1, 0], transitions[1, 2, 3] = residual, transition
+        return SimpleNamespace(states=states, offset=offset, design=design, residual=residuals, transition=transitions)
 
     def smoothed(motion, *_):
         return motion.offset * 0.7 / 0.3, np.tile(covariance * np.eye(ERROR_SIZE), (count, 1, 1)), None
@@ -199,6 +202,9 @@ def test_steps_that_do_not_become_smaller_are_halved(small, monkeypatch):
     assert np.abs(states[window.first, 5]) < 1e-3 * 0.1
     _, converged = stepped(monkeypatch, window, 0.9, 0.4)  # half a step: 0.7 instead of 0.4, not converged
     assert converged
+    states, converged = stepped(monkeypatch, window, 0.04, 0.55)  # whole steps at first, also if they are slow
+    assert converged
+    assert states[window.first, 5] == pytest.approx(0.04 * 0.55**6)
     _, converged = stepped(monkeypatch, window, 0.9, 0.9)
     assert not converged
     states, converged = stepped(monkeypatch, window, 0.9, 0.0)
@@ -294,10 +300,14 @@ def test_what_one_side_alone_predicts_otherwise_enlarges_the_covariance(small, m
 def test_a_prediction_with_a_singular_covariance_is_given_up(small, monkeypatch):
     window, motion, _ = small
 
+    solution = Solution(motion, MEDIANS, 0.0)
+
     def singular(*_):
         raise np.linalg.LinAlgError
 
-    monkeypatch.setattr(motion_smoother, "most_probable_motion", lambda *_: Solution(motion, MEDIANS, 0.0))
+    monkeypatch.setattr(motion_smoother, "most_probable_motion", lambda *_: solution)
+    monkeypatch.setattr(motion_smoother, "_validated", lambda *_: "fills")
+    assert predict_stretch(window) == ("fills", solution)
     monkeypatch.setattr(motion_smoother, "_validated", singular)
     assert predict_stretch(window) is None
 
