@@ -220,9 +220,13 @@ def test_a_free_symmetric_body_precesses_at_the_known_rate():
 
 
 def test_an_attitude_remains_a_unit_quaternion():
-    """Also where a step turns so far that the method's own error is large."""
-    end, _ = advanced(a_state(rates=(30.0, -40.0, 20.0)), loads_of(1, 5), 0.125, 5)
+    """Of a free body with equal moments of inertia, also where a step turns so far that its own error is large."""
+    start = a_state(rates=(30.0, -40.0, 20.0))
+    loads = loads_of(1, 5, pressure_area=0.0)._replace(inertia=200.0 * np.eye(3), inverse=np.eye(3) / 200.0)
+    end, reading = advanced(start, loads, 0.125, 5)
     assert np.linalg.norm(end[:4]) == pytest.approx(1.0, abs=1e-15)
+    np.testing.assert_allclose(end[4:7], start[4:7], rtol=1e-15)
+    np.testing.assert_allclose(reading, [*start[4:7], 0.0, 0.0, 0.0], rtol=1e-14)
 
 
 def test_the_derivatives_predict_a_finite_change_to_second_order():
