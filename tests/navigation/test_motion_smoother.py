@@ -90,11 +90,11 @@ def test_sizes_are_those_of_the_largest_posterior_density_within_their_range(sma
     window, motion, _ = small
     places = np.array([-9.0, 9.0, 0.0, 0.4, -0.7, 1.0, 2.0, -1.0, 0.5, -0.2, 0.1])
 
-    def density(_window, _motion, log_sizes):
+    def density(log_sizes):
         widths = (log_sizes - MEDIANS) / WIDTHS
         return -0.5 * np.sum((widths - places) ** 2) if widths[3] < 2.0 else np.nan
 
-    monkeypatch.setattr(motion_smoother, "log_posterior", density)
+    monkeypatch.setattr(motion_smoother, "log_posterior", lambda *_: density)
     sizes = estimate_sizes(window, motion, MEDIANS)
     expected = np.clip(places, -motion_smoother._BELOW, motion_smoother._ABOVE)
     np.testing.assert_allclose((sizes - MEDIANS) / WIDTHS, expected, atol=0.06)
@@ -147,7 +147,7 @@ def searched(monkeypatch, window, converged, moves):
 
     monkeypatch.setattr(motion_smoother, "_gauss_newton", gauss_newton)
     monkeypatch.setattr(motion_smoother, "linearise_window", lambda _, states: states)
-    monkeypatch.setattr(motion_smoother, "log_posterior", lambda *_: 7.0)
+    monkeypatch.setattr(motion_smoother, "log_posterior", lambda *_: lambda _: 7.0)
     monkeypatch.setattr(motion_smoother, "estimate_sizes", lambda _, _motion, start: start + moves * WIDTHS)
     return motion_smoother._search(window, window.states, MEDIANS), turns
 
