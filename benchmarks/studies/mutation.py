@@ -57,6 +57,26 @@ COMPILED_UKF = tuple(
         "test_a_predicted_covariance_that_is_not_positive_is_refused_by_the_smoother",
     )
 )
+#: Tests of the smoother of the motion in windows of a few bins; those in whole windows take a minute.
+SHORT_WINDOWS = tuple(
+    f"navigation/test_motion_smoother.py::{name}"
+    for name in (
+        "test_the_smoothed_errors_are_those_of_dense_conditioning",
+        "test_a_prediction_is_that_of_dense_conditioning",
+        "test_a_covariance_that_is_not_positive_definite_is_refused",
+        "test_sizes_are_those_of_the_largest_posterior_density_within_their_range",
+        "test_the_better_of_two_searches_counts",
+        "test_a_search_continues_from_an_earlier_solution",
+        "test_a_search_ends_where_motion_and_sizes_remain",
+        "test_steps_that_do_not_become_smaller_are_halved",
+        "test_a_motion_that_diverges_is_given_up",
+        "test_the_covariance_is_scaled_by_the_errors_of_trial_stretches",
+        "test_without_trial_stretches_the_covariance_is_that_of_the_model",
+        "test_what_one_side_alone_predicts_otherwise_enlarges_the_covariance",
+        "test_a_prediction_with_a_singular_covariance_is_given_up",
+        "test_readings_that_no_motion_explains_give_no_prediction",
+    )
+)
 #: File of the package → tests that run against its mutants, as arguments of pytest.
 TESTS = {
     "diagnosis/selection/decision.py": ("diagnosis/selection/test_decision.py",),
@@ -110,7 +130,7 @@ TESTS = {
     "navigation/strapdown.py": ("navigation/test_strapdown.py",),
     "navigation/rotational_dynamics.py": ("navigation/test_rotational_dynamics.py",),
     "navigation/motion_model.py": ("navigation/test_motion_model.py",),
-    "navigation/motion_smoother.py": ("navigation/test_motion_smoother.py",),
+    "navigation/motion_smoother.py": SHORT_WINDOWS,
     "diagnosis/selection/screening.py": ("diagnosis/selection/test_screening.py",),
     "diagnosis/selection/outer_loop.py": ("diagnosis/selection/test_outer_loop.py",),
     "diagnosis/selection/hypothesis.py": ("diagnosis/selection/test_hypothesis.py",),

@@ -185,6 +185,14 @@ def test_transform_rows_of_a_step_in_which_rows_do_not_change(width):
     assert_transforms_rows(increments, width)
 
 
+@pytest.mark.parametrize("width", WIDTHS)
+def test_transform_rows_by_elements_of_one(width):
+    """Sums of rows, as of a position and a displacement."""
+    increments = np.zeros((2, 8, 8))
+    increments[:, 0, [1, 2]], increments[:, 5, 4], increments[0, 6, 6] = 1.0, 1.0, 1.0
+    assert_transforms_rows(increments, width)
+
+
 @given(st.integers(0, 1000), st.integers(1, 12), st.floats(0.0, 1.0))
 def test_transform_both_sides(seed, n, share):
     sparse = from_dense(random_matrices(seed, n, share))

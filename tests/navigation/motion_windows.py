@@ -1,7 +1,7 @@
 """Windows of a simulated rotational motion with a lost stretch, and the dense form of their linear model."""
 
 import numpy as np
-from test_rotational_dynamics import a_state, loads_of
+from test_rotational_dynamics import DISTURBED, a_state, advanced, loads_of, node_times, varying_loads
 
 from edl_filter.navigation.motion_model import MEDIANS, Window, covariances, linearise_window
 from edl_filter.navigation.rotational_dynamics import ERROR_SIZE, SIZE, add_errors, linearise
@@ -61,6 +61,31 @@ def dense(window, motion, c):
     design = np.zeros((count, 6, count, ERROR_SIZE))
     design[range(count), :, range(count)] = motion.design
     return np.concatenate(mean), full, design.reshape(6 * count, size)
+
+
+def uneven_window():
+    """Seven bins of different lengths with two lost ones, in loads that change, and the true states.
+
+    The disturbances decay from bin to bin as those of the model.
+    """
+    edges, steps = np.array([0.0, 0.03, 0.05, 0.09, 0.1, 0.14, 0.16, 0.2]), 3
+    loads, count = varying_loads(node_times(edges, steps)), len(edges) - 1
+    state = a_state(0.5 * np.array(DISTURBED), (-1.2, 0.22, 0.12), (-0.5, 0.6, 0.4))
+    observed = np.ones(count, bool)
+    observed[3:5] = False
+    states, readings = np.zeros((count, SIZE)), np.zeros((count, 6))
+    window = Window(
+        edges, readings, np.tile(NOISE, (count, 1)), observed, 3, 5, np.tile(state, (count, 1)), loads, steps
+    )
+    decay = np.diagonal(linearise_window(window, window.states).transition, axis1=1, axis2=2)[:, 6:]
+    for t in range(count):
+        states[t] = state
+        part = varying_loads(node_times(edges[t : t + 2], steps))
+        state, readings[t] = advanced(state, part, window.interval[t], steps)
+        state[7:] *= decay[t]
+    window.states[:] = states
+    window.states[:, 7:] = 0.0
+    return window, states
 
 
 def small_window():

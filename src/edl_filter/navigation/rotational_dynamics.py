@@ -127,7 +127,7 @@ def _advance(start, loads, first, steps, interval, end, reading):
     for n in range(steps):
         for stage in range(4):
             y[stage] = end
-            ahead = 0.0 if stage == 0 else h if stage == 3 else 0.5 * h
+            ahead = h if stage == 3 else 0.5 * h
             for k in range(7):
                 if stage > 0:
                     y[stage, k] += ahead * slope[stage - 1, k]
