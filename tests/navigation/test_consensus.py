@@ -5,7 +5,7 @@ import pytest
 import test_filter as flight
 
 from edl_filter.navigation import consensus as module
-from edl_filter.navigation.consensus import JointPrediction, find_consensus, predict_jointly
+from edl_filter.navigation.consensus import Consensus, JointPrediction, find_consensus, predict_jointly
 from edl_filter.navigation.filter import Settings, new_filter, run_filter
 
 GATE = 0.99999
@@ -99,6 +99,26 @@ def test_a_wrong_state_is_the_outlier_also_with_readings_beyond_the_gate(error):
     )
     assert consensus.state_outlier
     assert np.flatnonzero(~consensus.agree).tolist() == [2, 9]
+
+
+@pytest.mark.parametrize(("members", "majority"), [(6, False), (7, False), (8, True)])
+def test_a_majority_is_more_than_half_of_the_readings(members, majority):
+    assert Consensus(np.arange(14) < members, 1.0, 1.0, 2, False).majority == majority
+
+
+@pytest.mark.parametrize(("outlier", "sets"), [(False, 1), (True, 105)])
+def test_the_limit_of_the_likelihood_ratio_is_that_of_as_many_sets_as_were_compared(outlier, sets):
+    """Two directions: -2 ln p is the quantile. With an outlier the set is the best one of all 105 pairs."""
+    limit = -2.0 * np.log((1.0 - GATE) / sets)
+    part = line()
+    rows = np.arange(15) != 3 if outlier else np.ones(15, bool)
+    state, free = (matrix[np.ix_(rows, rows)] for matrix in (part.covariance, part.free_covariance))
+    ratio_of_one_metre = np.sum(np.linalg.inv(state)) - np.sum(np.linalg.inv(free))
+    for share, expected in ((0.998, False), (1.002, True)):
+        residual = np.where(rows, np.sqrt(share * limit / ratio_of_one_metre), 900.0)[:, None]
+        consensus = find_consensus(JointPrediction(residual, part.covariance, part.noise, part.sensitivity), GATE)
+        assert consensus.state_outlier == expected
+        assert np.array_equal(consensus.agree, rows)
 
 
 @pytest.mark.parametrize(("information", "directions"), [(0.7, 0), (1.5, 1), (2.5, 1)])
