@@ -14,7 +14,7 @@
 #   make study-dynamics-filling  lost stretches filled by an autoregression and by rotational dynamics (ten minutes)
 #   make study-kills        kill -9 at 50 moments of run, diagnose, improve and campaign: is a result ever torn (ten minutes)
 #   make study-mutation     one change at a time in files of the diagnosis, estimation and navigation: does a test fail
-#                           (half an hour; goes on)
+#                           (hours; goes on)
 #   make calibrate   are the sigmas true: 300 simulated flights with gaps, against their truth (ten minutes; goes on)
 #   make bench   measure times beside other packages and write docs/performance.md (half an hour; goes on)
 #   make clean   remove what these targets made

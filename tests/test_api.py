@@ -225,6 +225,7 @@ class TestMission:
 
 
 class TestEffectsOfTheSession:
+    @pytest.mark.slow
     def test_a_hook_that_raises_is_reported_by_name(self, flight):
         broken = type("Broken", (Push,), {"name": "broken", "force_moment": lambda self, p, flow: 1 / 0})
         diagnosis = diagnose(flight, [broken])

@@ -103,6 +103,7 @@ def test_missions_flights_and_scenarios_are_listed(cli):
         assert cli(*arguments, "--dry-run").exit_code == 0
 
 
+@pytest.mark.slow
 def test_a_dry_run_lists_the_files_and_writes_none(cli):
     arguments = ("run", "builtin:practice_mer", "-o", "out")
     planned = json.loads(cli(*arguments, "--dry-run", "--json").stdout)["dry_run"]

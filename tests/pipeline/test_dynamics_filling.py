@@ -58,7 +58,9 @@ def filled(inputs):
     return run
 
 
-@pytest.mark.parametrize("start", [88.0, 118.0, 170.0])
+@pytest.mark.parametrize(
+    "start", [pytest.param(88.0, marks=pytest.mark.slow), 118.0, pytest.param(170.0, marks=pytest.mark.slow)]
+)
 def test_the_rotation_across_a_stretch_is_known_to_a_hundredth_of_a_degree(start, filled, inputs):
     run, before, lost = filled(start)
     truth = inputs[1].driving
@@ -194,6 +196,7 @@ def test_bins_of_a_window_have_the_means_and_the_noise_of_their_samples(inputs, 
         assert window.time[window.last] == pytest.approx(stretch[1], abs=1e-6)
 
 
+@pytest.mark.slow
 def test_coarse_bins_fill_the_samples_with_the_same_sums(inputs, monkeypatch):
     """Telemetry with more than 20 samples a second is smoothed in bins: here two samples of 8 Hz to a bin."""
     mission, telemetry, planet, atmosphere = inputs

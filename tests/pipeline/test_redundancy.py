@@ -99,8 +99,8 @@ def test_stretches_that_a_common_end_makes_overlap_are_joined():
     "changes",
     [
         {FORCE: lambda v: v + np.array([0.05, 0.0, 0.0])},
-        {FORCE: lambda v: 1.01 * v},
-        {RATE: lambda v: v + np.array([0.0, 1e-3, 0.0])},
+        pytest.param({FORCE: lambda v: 1.01 * v}, marks=pytest.mark.slow),
+        pytest.param({RATE: lambda v: v + np.array([0.0, 1e-3, 0.0])}, marks=pytest.mark.slow),
     ],
     ids=["accelerometer bias", "accelerometer scale", "gyro bias"],
 )

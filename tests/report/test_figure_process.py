@@ -30,6 +30,7 @@ def expected(folder, tmp_path_factory):
         return draw_all(reader, tmp_path_factory.mktemp("here"))
 
 
+@pytest.mark.slow
 def test_it_draws_what_the_calling_process_draws(folder, expected, tmp_path):
     with FigureProcess() as process:
         process.start(folder, tmp_path / "figures", ["png"])
@@ -38,6 +39,7 @@ def test_it_draws_what_the_calling_process_draws(folder, expected, tmp_path):
     assert all(a.read_bytes() == b.read_bytes() for a, b in zip(written, expected, strict=True))
 
 
+@pytest.mark.slow
 def test_without_the_process_the_calling_process_draws(folder, expected, tmp_path):
     with FigureProcess() as process:
         process._process.kill()

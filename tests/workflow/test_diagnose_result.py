@@ -209,6 +209,7 @@ class Push(Effect):
 """
 
 
+@pytest.mark.slow
 def test_the_printed_commands_add_an_effect_of_the_users_file_and_run(tmp_path, monkeypatch):
     """The lines after ``Next:`` are parsed as a shell does and run from the folder in which they were printed."""
     monkeypatch.chdir(tmp_path)
