@@ -297,6 +297,7 @@ def test_an_interrupted_run_says_what_it_has_kept(cli, monkeypatch):
     assert not Path("out").exists()
 
 
+@pytest.mark.slow
 def test_figures_have_the_stated_formats(cli):
     result = cli("run", "builtin:practice_mer", "-o", "out", "--format", "svg, pdf")
     assert result.exit_code == 0, result.output

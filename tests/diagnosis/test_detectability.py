@@ -19,6 +19,7 @@ def test_the_largest_correlation_of_two_column_spaces():
     assert _largest_correlation(_basis(a), _basis(1e-3 * a)) == 0.0  # below the noise there is no direction
 
 
+@pytest.mark.slow
 def test_the_shipped_flight():
     names = ("mass", "axial_force_scale", "gyro_bias", "wind")
     options = [part for name in names for part in ("--effect", name)]

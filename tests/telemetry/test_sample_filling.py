@@ -54,6 +54,7 @@ def test_a_stretch_on_one_side_of_the_parachute_is_filled_from_that_side(begin, 
     assert np.abs(fills[0][:, 0] - record.specific_force[lost, 0]).mean() < 0.1 * deceleration
 
 
+@pytest.mark.slow
 def test_the_rotation_across_a_gap_has_the_coning_of_an_oscillation_whose_phase_is_lost(builtin_flight):
     """The rates' sums alone have 8 times the square of the error about the spin axis that is stated here."""
     telemetry = alone(read_flight_file(builtin_flight))
