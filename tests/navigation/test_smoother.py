@@ -6,8 +6,12 @@ import numpy as np
 import pytest
 import twins
 
-from edl_filter.navigation.filter import Settings, run_filter
+from edl_filter import rotations
+from edl_filter.imu_model.sensor_errors import SensorErrors
+from edl_filter.navigation.constraints import RestGravity, RestVelocity
+from edl_filter.navigation.filter import EntryErrors, Settings, build_problem, run_filter
 from edl_filter.navigation.smoother import smooth
+from edl_filter.telemetry.record import InitialState
 
 
 def compare(smoothed, means, covariances, tolerance):
@@ -103,3 +107,33 @@ def test_may_stop_at_a_later_node(engine):
     np.testing.assert_array_equal(part.covariance, complete.covariance[4:])
     np.testing.assert_array_equal(part.time, complete.time[4:])
     np.testing.assert_array_equal(part.states[0].nav, complete.states[4].nav)
+
+
+@pytest.mark.parametrize("method", ["ukf", "ekf"])
+def test_velocity_at_rest_is_a_brownian_bridge(method):
+    """Zero at both ends of the window, and an unknown bias of the accelerometers: variance ``q t (1 - t/T)``."""
+    count, interval, noise, planet = 160, 0.125, 0.003, twins.MARS
+    position = np.array([3.39e6, 2e5, -3e5])
+    velocity = np.cross([0.0, 0.0, planet.rotation_rate], position)
+    covariance = np.diag(np.square(np.repeat([1.0, 1.0, 1e-7], 3)))
+    start = InitialState(0.0, position, velocity, np.array([0.0, 0.0, 0.0, 1.0]), covariance)
+    rate = np.array([0.0, 0.0, planet.rotation_rate])
+    turns = [rotations.from_rotation_vector((k + 0.5) * interval * rate) for k in range(count)]
+    support = -planet.apparent_gravity(position)
+    force = np.array([rotations.rotate(rotations.conjugate(turn), rotations.rotate(turn, support)) for turn in turns])
+    samples = twins.samples(np.full(count, interval), force, np.tile(rate, (count, 1)), force_noise=noise)
+    length = count * interval
+    constraints = [RestVelocity(interval, 1e-5, planet), RestGravity(length, length - interval, 1e-6, planet)]
+    problem = build_problem(
+        samples, start, EntryErrors(), (SensorErrors(accelerometer_bias=0.1),), constraints, planet,
+        Settings(longest_interval=2.5, method=method),
+    )  # fmt: skip
+    smoothed = smooth(run_filter(problem))
+    for time, state, block in zip(smoothed.time, smoothed.states, smoothed.covariance, strict=True):
+        since = time - interval
+        if not 1.0 < since < length - 1.0:
+            continue
+        expected = noise**2 * interval * since * (1.0 - since / (length - interval))
+        np.testing.assert_allclose(np.diag(block)[3:6], expected, rtol=0.02)
+        relative = planet.velocity_relative(state.nav[:3], state.nav[3:6])
+        assert np.max(np.abs(relative)) < 0.1 * np.sqrt(expected)

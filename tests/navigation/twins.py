@@ -461,7 +461,7 @@ def short_descent(settings):
     constraints = [
         Altimeter(3.3, 600.0, 50.0, radius - 2000.0),
         RestVelocity(5.0, 400.0, planet),
-        RestGravity(5.0, np.array([1.0, -2.5, 2.0]), 0.8, planet),
+        RestGravity(7.0, 2.0, 150.0, planet),
         LandingSite(10.0, planet.rotation.to_fixed(10.0, far), 200.0**2 * np.eye(3), planet),
     ]
     return build_problem(s, start, EntryErrors(), (ALL,), constraints, planet, settings)

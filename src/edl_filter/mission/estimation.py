@@ -292,11 +292,11 @@ class RestConfig(WindowConfig):
 class RestFromTelemetryConfig(FromTelemetryConfig):
     """The vehicle rests from the time of the flight file's landing constraint to the end of the record.
 
-    The format defines rest as no ground-relative velocity. The default sigma is for what the model of the surface does
-    not have, and 25 times smaller than what a settling airbag needs: state a larger one for such a vehicle.
+    The format defines rest as no ground-relative velocity. With the default sigma a vehicle may move by a centimetre
+    within 20 s. It is 100 times smaller than what a settling airbag needs: state a larger one for such a vehicle.
     """
 
-    velocity_sigma: SpeedSigma = Field(default=0.002, description="1 sigma of each ground-relative velocity, m/s")
+    velocity_sigma: SpeedSigma = Field(default=5e-4, description="1 sigma of each ground-relative velocity, m/s")
 
 
 class AltimeterFromTelemetryConfig(FromTelemetryConfig):

@@ -310,28 +310,31 @@ class RestVelocity(_OneSigma):
 
 @dataclass(frozen=True)
 class RestGravity(_OneSigma):
-    """At rest on the surface: the accelerometers read minus gravity and minus the centrifugal acceleration."""
+    """At rest on the surface: the mean reading of the accelerometers over a window is minus gravity.
+
+    The same readings drive the propagation over the window. Their mean minus the support against gravity is the
+    velocity at the end of the window over its length, and its noise is the process noise, which the covariance at the
+    end already contains. If the mean were compared with gravity apart from the propagation, this noise would enter
+    twice as if it were independent: between two zero velocities a distance T apart the velocity is a Brownian bridge
+    with the variance ``q t (1 - t/T)``, but ``q t (1 + t/T)`` would be stated (intensity q).
+    """
 
     name: ClassVar[str] = "rest_gravity"
-    components: ClassVar[tuple[str, ...]] = ("x (m/s^2)", "y (m/s^2)", "z (m/s^2)")
+    components: ClassVar[tuple[str, ...]] = ("inertial x (m/s^2)", "inertial y (m/s^2)", "inertial z (m/s^2)")
     time: float
-    mean_force: Array
+    duration: float
     sigma: float
     planet: Planet
     source: str = "accelerometers at rest"
 
     @property
     def measured(self) -> Array:
-        """Mean reading, body axes."""
-        return self.mean_force
+        """Zero."""
+        return np.zeros(3)
 
     def predict(self, nav: Array, errors: Array, layout: Layout) -> Array:
-        """``(1 + s) ∘ R(m) Cᵀ (ω × (ω × r) - g) + b``, m/s²."""
-        position = nav[:3].T
-        support = -self.planet.apparent_gravity(position)
-        force = rotations.rotate(rotations.conjugate(nav[6:10].T), support)
-        names = ("accelerometer_misalignment", "accelerometer_scale", "accelerometer_bias")
-        return apply_errors(force, *(_state(layout, errors, name) for name in names))
+        """Mean acceleration relative to the ground over the window that ends at `time`, inertial axes, m/s²."""
+        return self.planet.velocity_relative(nav[:3].T, nav[3:6].T) / self.duration
 
 
 @dataclass(frozen=True)

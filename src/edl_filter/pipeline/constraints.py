@@ -10,10 +10,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from edl_filter import rotations
 from edl_filter.effects.adapters import atmosphere_with_effects
 from edl_filter.effects.base import EffectInstance
 from edl_filter.effects.forward_model import compose_air_rotation
 from edl_filter.errors import InputError
+from edl_filter.imu_model.lever_arm import edge_values
 from edl_filter.mission import Mission
 from edl_filter.mission.estimation import LandingSiteConfig
 from edl_filter.mission.fields import FromTelemetryConfig
@@ -24,7 +26,7 @@ from edl_filter.pipeline.load import event_times
 from edl_filter.pipeline.parachute import parachute_deployment
 from edl_filter.planet import Planet, ellipsoid
 from edl_filter.planet.atmosphere import Atmosphere
-from edl_filter.telemetry.record import SAME_TIME, InitialState, Telemetry
+from edl_filter.telemetry.record import SAME_TIME, ImuRecord, InitialState, Telemetry
 from edl_filter.types import Array, BoolArray
 
 
@@ -218,18 +220,32 @@ def _rest(mission: Mission, telemetry: Telemetry, samples: Samples, planet: Plan
     else:
         start, end = stated.start_s, stated.end_s
     part = window(samples, start, end, "rest")
-    force_sigma = _sigma_of_mean(part.force_noise, part.force_fill_sigma)
-    rate_sigma = _sigma_of_mean(part.rate_noise, part.rate_fill_sigma)
-    constraints: list[models.Constraint] = [models.RestVelocity(start, stated.velocity_sigma, planet)]
+    end = float(part.time[-1])
+    force_sigma = stated.velocity_sigma / (end - start)
+    velocity_sigma = float(np.hypot(stated.velocity_sigma, _velocity_sigma_at_stop(telemetry.driving, start)))
+    constraints: list[models.Constraint] = [models.RestVelocity(start, velocity_sigma, planet)]
     if isinstance(stated, FromTelemetryConfig):
-        constraints.append(models.RestGravity(start, mean(part), force_sigma, planet))
+        constraints.append(models.RestGravity(end, end - start, force_sigma, planet))
         rate = part.interval @ part.mean_rate / part.interval.sum()
+        rate_sigma = _sigma_of_mean(part.rate_noise, part.rate_fill_sigma)
         constraints.append(models.RestRate(start, rate, rate_sigma, planet))
     elif stated.gravity_direction_sigma is not None:
-        force = mean(part)
-        sigma = float(np.hypot(force_sigma, np.linalg.norm(force) * stated.gravity_direction_sigma))
-        constraints.append(models.RestGravity(start, force, sigma, planet))
+        sigma = float(np.hypot(force_sigma, np.linalg.norm(mean(part)) * stated.gravity_direction_sigma))
+        constraints.append(models.RestGravity(end, end - start, sigma, planet))
     return constraints
+
+
+def _velocity_sigma_at_stop(record: ImuRecord, time: float) -> float:
+    """One sigma per axis (m/s) of the velocity of the centre of mass where the vehicle comes to rest at `time` (s).
+
+    The specific force is moved to the centre of mass with rates at the samples' edges, which are interpolated between
+    samples before and after the stop. The rate is the planet's there, which is below any instrument's noise. The
+    interpolated rate times the lever arm is therefore an error of the propagated velocity, up to the fourth edge at
+    rest (`EDGE_REACH`), behind which the interpolation contains samples at rest only.
+    """
+    edge = int(record.index_at(time + SAME_TIME))
+    rate = edge_values(record.interval, record.angular_rate, np.diff(record.unit) != 0)[edge]
+    return float(np.linalg.norm(rotations.cross(rate, record.position[edge])) / np.sqrt(3.0))
 
 
 def _sigma_of_mean(noise: Array, fill_sigma: Array) -> float:
