@@ -96,7 +96,8 @@ def test_effects_that_are_not_fitted_are_not_noise(practice_06):
     stated = EffectInstance(find_effect("axial_force_scale"), {"k": 0.0015})
     ranking = rank(load_case(practice_06.mission, (stated,)), [])
     assert ranking.model.excess_variance.is_zero
-    assert ranking.excess_noise_gain == ranking.unmodelled_gain == 0.0
+    assert ranking.excess_noise_gain == pytest.approx(0.0, abs=1e-6)  # rounding of evidences of 10⁵ nats
+    assert ranking.unmodelled_gain == pytest.approx(0.0, abs=1e-6)
     assert decide(ranking).verdict == "clean"
 
 
@@ -113,7 +114,7 @@ def test_a_scale_error_has_the_same_evidence_in_the_linear_problem_and_with_scal
     (screened,) = screen(model, [whiten], [effect_jacobian(model, scale)])
     linear = fit_hypothesis(model.case, model, [(screened[scale.key], whiten)], null)
     scaled = fit_map(model, linear.fit.effects, model.stated_noise_filter, moving=True)
-    assert abs(model.case.log_abs_det_jacobian(linear.fit.effects)) > 1.5
+    assert abs(model.case.log_abs_det_jacobian(linear.fit.effects)) > 1.0  # more than the tolerance below
     assert linear.gain == pytest.approx(scaled.evidence - null.evidence, abs=0.7)
 
 
