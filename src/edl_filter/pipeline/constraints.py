@@ -243,7 +243,7 @@ def _velocity_sigma_at_stop(record: ImuRecord, time: float) -> float:
     interpolated rate times the lever arm is therefore an error of the propagated velocity, up to the fourth edge at
     rest (`EDGE_REACH`), behind which the interpolation contains samples at rest only.
     """
-    edge = int(record.index_at(time + SAME_TIME))
+    edge = int(record.index_at(np.array(time + SAME_TIME)))
     rate = edge_values(record.interval, record.angular_rate, np.diff(record.unit) != 0)[edge]
     return float(np.linalg.norm(rotations.cross(rate, record.position[edge])) / np.sqrt(3.0))
 
