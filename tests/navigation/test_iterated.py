@@ -5,17 +5,20 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import twins
+from scipy.spatial.transform import Rotation
+from scipy.stats import chi2
 
 from edl_filter.mission import Mission
 from edl_filter.navigation import iterated
 from edl_filter.navigation.filter import Settings, run_filter
-from edl_filter.navigation.iterated import iterate, linearized_pass, run_without
+from edl_filter.navigation.iterated import _largest_distance, iterate, linearized_pass, run_without
 from edl_filter.navigation.leave_one_out import check_constraints
-from edl_filter.navigation.recovery import run_with_recovery
+from edl_filter.navigation.recovery import contradiction, first_pass, run_with_recovery
 from edl_filter.navigation.screening import Divergence
 from edl_filter.navigation.smoother import smooth
 from edl_filter.pipeline.load import read_atmosphere, read_telemetry
 from edl_filter.pipeline.reconstruct import assemble, lost_stretches
+from edl_filter.simulation import Scenario, simulate
 from edl_filter.telemetry.sample_repair import repaired
 
 
@@ -103,6 +106,66 @@ def test_where_the_first_pass_is_linear_it_is_kept(flight):
     problem = assemble(mission, telemetry, planet, atmosphere)
     first = run_filter(problem)
     assert iterate(problem, first) is first
+
+
+@pytest.fixture(scope="module")
+def poor_entry():
+    """True motion and the filter's problem of a flight whose entry attitude is known to 0.5 degrees per axis."""
+    changes = ("position_sigma=1000", "velocity_sigma=1", "attitude_sigma_deg=0.5")
+    scenario = Scenario.load("builtin:mer", [f"stated_state.{change}" for change in changes])
+    flight = simulate(scenario, seed=1003)
+    mission, telemetry = Mission.load(scenario.mission), flight.telemetry()
+    planet = mission.planet_model(telemetry.prime_meridian_at_epoch)
+    return flight.motion, assemble(mission, telemetry, planet, read_atmosphere(mission))
+
+
+def navigation_nees(motion, smoothed, time):
+    """NEES of position, velocity and attitude at a time, over nine degrees of freedom."""
+    k = int(np.argmin(np.abs(smoothed.time - time)))
+    true, state = motion.at(smoothed.time[k : k + 1])[0], smoothed.states[k].nav
+    turn = Rotation.from_quat(state[6:10]).inv() * Rotation.from_quat(true[6:10])
+    error = np.concatenate((true[:6] - state[:6], turn.as_rotvec()))
+    return float(error @ np.linalg.solve(smoothed.covariance[k][:9, :9], error)) / 9.0
+
+
+def test_a_poorly_known_entry_attitude_is_no_matter_after_the_iteration(poor_entry):
+    """The filter's own pass is far off in its sigmas and rejects nothing; iterated, it is consistent at all times."""
+    motion, problem = poor_entry
+    once, filter_pass = run_filter(problem), first_pass(problem)
+    times = (0.0, motion.deployed - 1.0, motion.deployed + 20.0, motion.stopped + 10.0)
+    assert all(f.accepted for f in once.fused) and contradiction(once) is None
+    assert max(navigation_nees(motion, smooth(once), time) for time in times) > 10.0
+    assert filter_pass.converged and filter_pass.references is not None
+    smoothed = smooth(filter_pass)
+    for time in times:
+        assert navigation_nees(motion, smoothed, time) < chi2.ppf(0.9999, 9) / 9.0
+    dof = sum(len(f.innovation.residual) for f in filter_pass.fused)
+    nis = sum(f.innovation.nis for f in filter_pass.fused)
+    assert chi2.ppf(0.001, dof) < nis < chi2.ppf(0.999, dof)
+
+
+def test_the_unscented_and_the_extended_filter_have_the_same_iterated_path(poor_entry):
+    _, problem = poor_entry
+    paths = []
+    for method in ("ukf", "ekf"):
+        settings = replace(problem.settings, method=method)
+        paths.append(smooth(first_pass(replace(problem, settings=settings))))
+    sigma = np.sqrt(np.diagonal(paths[0].covariance, axis1=1, axis2=2))
+    moves = [a.minus(b) for a, b in zip(paths[0].states, paths[1].states, strict=True)]
+    assert np.max(np.abs(moves) / sigma) < 0.02
+
+
+def test_a_move_is_measured_along_the_principal_axes():
+    """Two states with a correlation of 0.999 that move apart by a tenth of their sigmas have moved by 3.2 sigmas."""
+    covariance = np.eye(12)
+    covariance[0, 1] = covariance[1, 0] = 0.999
+    covariance *= np.outer(np.arange(1.0, 13.0), np.arange(1.0, 13.0))
+    along, across, other = np.zeros(12), np.zeros(12), np.zeros(12)
+    along[:2], across[:2], other[11] = (0.1, 0.2), (0.1, -0.2), 1e3
+    squares = [9.0 * _largest_distance([move], covariance[None]) ** 2 for move in (along, across, other)]
+    assert squares == pytest.approx([0.02 / 1.999, 0.02 / 0.001, 0.0], rel=1e-6)
+    pair = np.stack((covariance, covariance))
+    assert 9.0 * _largest_distance([across, along], pair) ** 2 == pytest.approx(squares[1])
 
 
 # --- decisions in a pass: on a linear problem, linearised about the filter's estimates, it repeats the filter ---------

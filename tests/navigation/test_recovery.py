@@ -202,12 +202,26 @@ def test_what_was_lost_after_the_contradiction_is_no_cause():
     assert list(changes(lost=[(6.0, 9.0)])[1]) == ["entry_state", "process_noise"]
 
 
-@pytest.mark.parametrize(("filled", "result"), [([False, True], "iterated"), ([False, False], "run once")])
-def test_a_run_is_linearised_again_where_samples_were_filled(monkeypatch, filled, result):
+@pytest.mark.parametrize(
+    ("filled", "attitude", "position", "converged", "result"),
+    [
+        ([False, True], 1e-4, 10.0, True, "iterated"),
+        ([False, True], 1e-4, 10.0, False, "iterated"),
+        ([False, False], 0.9e-3, 2.9e3, True, "once"),
+        ([False, False], 1.1e-3, 10.0, True, "iterated"),
+        ([False, False], 1.1e-3, 10.0, False, "once"),
+        ([False, False], 1e-4, 3.1e3, True, "iterated"),
+    ],
+)
+def test_a_run_that_may_not_be_linear_is_linearised_again(monkeypatch, filled, attitude, position, converged, result):
+    """Without filled samples one that does not converge is not used: its contradictions could not be tested."""
     problem = SimpleNamespace(samples=SimpleNamespace(filled=np.array(filled)))
-    monkeypatch.setattr(recovery, "run_filter", lambda given_problem: "run once")
-    monkeypatch.setattr(recovery, "iterate", lambda given_problem, run: "iterated" if run == "run once" else run)
-    assert recovery.first_pass(problem) == result
+    covariance = np.diag([1.0, position**2, 1.0, 9e9, 9e9, 9e9, 1e-12, 1e-12, attitude**2, 9e9])
+    once = SimpleNamespace(nodes=[SimpleNamespace(covariance=covariance)])
+    iterated = SimpleNamespace(converged=converged)
+    monkeypatch.setattr(recovery, "run_filter", lambda given_problem: once)
+    monkeypatch.setattr(recovery, "iterate", lambda given_problem, run: iterated if run is once else None)
+    assert recovery.first_pass(problem) is {"once": once, "iterated": iterated}[result]
 
 
 # --- causes ---------------------------------------------------------------------------------------------------------

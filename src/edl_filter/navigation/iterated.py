@@ -1,12 +1,13 @@
-"""Iterated smoothing: the flight is linearised again about its smoothed path where samples were filled.
+"""Iterated smoothing: a flight with a large uncertainty is linearised again about its smoothed path.
 
 A filter linearises motion and measurements about its own prediction. After a gap the attitude is uncertain by up to
 tenths of a radian, and at the landing the position by tens of kilometres: the readings of an altimeter are then no
 linear function of the position (``d²/2R`` is 85 m at 24 km), and their common second-order error is taken for
-independent noise. The smoothed path is far better known. Method: the Kalman filter and smoother of the affine model
-about the smoothed path, whose smoothed path is the next one to be linearised about. This is the Gauss-Newton method for
-the most probable path (Bell 1994, SIAM J. Optim. 4, 626; Särkkä & Svensson 2023, *Bayesian Filtering and Smoothing*,
-section 14.4), and its covariance is that of the linear model at this path.
+independent noise. The same holds if the entry state is poorly known: with a sigma of the attitude of 0.5 degrees the
+altitude has one of 4 km at the parachute. The smoothed path is far better known. Method: the Kalman filter and smoother
+of the affine model about the smoothed path, whose smoothed path is the next one to be linearised about. This is the
+Gauss-Newton method for the most probable path (Bell 1994, SIAM J. Optim. 4, 626; Särkkä & Svensson 2023, *Bayesian
+Filtering and Smoothing*, section 14.4), and its covariance is that of the linear model at this path.
 
 Errors are vectors about the reference of each node. With F and H the Jacobians there, d the mean error and
 ``f(x) ⊖ x⁺`` the difference of the propagated reference from that of the next node::
@@ -21,6 +22,7 @@ rejected.
 from __future__ import annotations
 
 from collections import defaultdict
+from collections.abc import Sequence
 from dataclasses import replace
 from math import fsum
 
@@ -41,8 +43,22 @@ from edl_filter.types import Array
 
 #: Largest number of passes, and the largest move of a state, in its sigmas, that ends the iteration.
 PASSES, TOLERANCE = 15, 0.01
-#: Move in sigmas below which the first pass was linear enough and is kept.
-LINEAR = 0.1
+#: Move (`_move`) below which the first pass was linear enough and is kept: its NEES is off by less than a 25th.
+LINEAR = 0.2
+#: Sigmas of the entry state from which on a flight may not be linear: of its attitude (rad) and its position (m).
+UNCERTAIN_ATTITUDE, UNCERTAIN_POSITION = 1e-3, 3e3
+#: Added to the correlations of navigation states, which may be singular to rounding.
+ROUNDING = 1e-12
+
+
+def may_be_nonlinear(first: FilterPass) -> bool:
+    """Whether the entry state is so uncertain that a filter pass may not be linear.
+
+    At a milliradian the second-order error of the velocity is 3 mm/s, at three kilometres that of an altimeter 1.3 m.
+    """
+    covariance = first.nodes[0].covariance
+    attitude, position = (float(np.sqrt(np.linalg.eigvalsh(covariance[b, b])[-1])) for b in (slice(6, 9), slice(3)))
+    return attitude > UNCERTAIN_ATTITUDE or position > UNCERTAIN_POSITION
 
 
 def iterate(problem: Problem, first: FilterPass) -> FilterPass:
@@ -66,16 +82,29 @@ def iterate(problem: Problem, first: FilterPass) -> FilterPass:
     for k in range(PASSES):
         latest = linearized_pass(problem, latest, references)
         smoothed = smooth(latest)
-        move = max(
-            float(np.max(np.abs(new.minus(old)) / np.sqrt(np.diag(covariance))))
-            for new, old, covariance in zip(smoothed.states, references, smoothed.covariance, strict=True)
-        )
+        moves = [new.minus(old) for new, old in zip(smoothed.states, references, strict=True)]
+        sigmas = np.sqrt(np.diagonal(smoothed.covariance, axis1=1, axis2=2))
         references = smoothed.states
-        if k == 0 and move < LINEAR and first.references is None and _same_decisions(first, latest):
+        linear = k == 0 and first.references is None and _same_decisions(first, latest)
+        if linear and _largest_distance(moves, smoothed.covariance) < LINEAR:
             return first
-        if move < TOLERANCE:
+        if np.max(np.abs(moves) / sigmas) < TOLERANCE:
             return latest
     return replace(latest, converged=False)
+
+
+def _largest_distance(moves: Sequence[Array], covariance: Array) -> float:
+    """Largest move of the navigation states of a node: root mean square in sigmas along the principal axes.
+
+    Its square is the change of the NEES over its degrees of freedom. A move that is small in every state may be large
+    in a combination of them that an altimeter or the rest on the surface determines well.
+    """
+    squares = []
+    for move, block in zip(moves, covariance, strict=True):
+        sigma = np.sqrt(np.diag(block)[:9])
+        correlation = block[:9, :9] / np.outer(sigma, sigma) + ROUNDING * np.eye(9)
+        squares.append(float((move[:9] / sigma) @ np.linalg.solve(correlation, move[:9] / sigma)))
+    return float(np.sqrt(max(squares) / 9.0))
 
 
 def run_without(problem: Problem, filter_pass: FilterPass, name: str) -> FilterPass:

@@ -32,7 +32,7 @@ import numpy as np
 from edl_filter.navigation.consensus import quantile
 from edl_filter.navigation.filter import FilterPass, Fused, Problem, run_filter
 from edl_filter.navigation.increments import Samples
-from edl_filter.navigation.iterated import iterate
+from edl_filter.navigation.iterated import iterate, may_be_nonlinear
 from edl_filter.navigation.screening import Divergence
 from edl_filter.telemetry.record import SAME_TIME
 from edl_filter.types import Array, BoolArray
@@ -84,9 +84,18 @@ class Recovery:
 
 
 def first_pass(problem: Problem) -> FilterPass:
-    """Run of the filter, linearised again about its smoothed path where samples were filled."""
+    """Run of the filter, linearised again about its smoothed path where it may not be linear (`iterated`).
+
+    Where a poorly known entry state is the reason and the path does not converge, the run itself is returned: its
+    contradictions show what is wrong.
+    """
     filter_pass = run_filter(problem)
-    return iterate(problem, filter_pass) if problem.samples.filled.any() else filter_pass
+    if problem.samples.filled.any():
+        return iterate(problem, filter_pass)
+    if not may_be_nonlinear(filter_pass):
+        return filter_pass
+    iterated = iterate(problem, filter_pass)
+    return iterated if iterated.converged else filter_pass
 
 
 def run_with_recovery(
