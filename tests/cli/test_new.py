@@ -43,7 +43,7 @@ def test_a_new_mission_passes_validate(cli):
     assert Mission.load("mine.yaml").vehicle.mass == 800.0
     result = cli("validate", "mine.yaml")
     assert result.exit_code == 0, result.output
-    assert result.stdout.startswith("mine.yaml: mission mine, no errors found.")
+    assert result.stdout.startswith("mine.yaml: mission mine, usable; 1 finding about samples.")
 
 
 def test_the_template_says_what_to_fill_in_and_is_valid_then(cli):

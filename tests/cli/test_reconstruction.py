@@ -64,9 +64,11 @@ def test_set_changes_the_mission(cli):
 def test_validate_prints_the_contents(cli, builtin_flight):
     mission = cli("validate", "builtin:practice_mer")
     assert mission.exit_code == 0
-    assert "mission practice_mer, no errors found" in mission.stdout
+    assert "mission practice_mer, usable; 1 finding about samples." in mission.stdout
     flight = cli("validate", builtin_flight)
-    assert "flight file, no errors found" in flight.stdout
+    assert "flight file, usable; 1 finding about samples." in flight.stdout
+    for output in (mission.stdout, flight.stdout):
+        assert "primary force, 344.250 to 363.750 s: force at rest that is not constant" in output
     assert "altimeter: 261 heights" in flight.stdout
     assert "driving IMU (primary): 2910 samples, 0.00 to 363.75 s (flight file)" in flight.stdout
     assert "gap" not in flight.stdout
@@ -75,7 +77,7 @@ def test_validate_prints_the_contents(cli, builtin_flight):
 def test_validate_a_mission_with_real_telemetry(cli, mer_folder):
     result = cli("validate", "builtin:mer_a", "--set", f"telemetry.path={mer_folder}")
     assert result.exit_code == 0, result.output
-    assert "SCLK 126462085.400" in result.stdout
+    assert "SCLK 126462085.400" in result.stdout and "mission mer_a, no errors found." in result.stdout
     assert ": 0 rows" not in result.stdout
 
 

@@ -210,7 +210,7 @@ def test_one_imu_at_another_rate_than_stated_leaves_the_attitude_unknown(inputs,
     mission, telemetry, _, atmosphere = inputs
     driving = replace(telemetry.driving, stated_interval=telemetry.driving.stated_interval * (1.0 + ratio))
     single = repaired(replace(telemetry, driving=driving, checking=()), parachute=telemetry.parachute.time)
-    assert [f.kind for f in single.findings] == ["clock_drift"]
+    assert [f.kind for f in single.findings] == ["clock_drift", "rest_drift"]
     trust = judge(reconstruct(mission, leave_one_out=False, inputs=FlightInputs(single, atmosphere)))
     assert trust.trustworthy == trusted
     assert trusted or f"{-100.0 * ratio / (1.0 + ratio):+.2g} %" in trust.headline

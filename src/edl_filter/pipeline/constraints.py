@@ -225,6 +225,7 @@ def _rest(mission: Mission, telemetry: Telemetry, samples: Samples, planet: Plan
     velocity_sigma = float(np.hypot(stated.velocity_sigma, _velocity_sigma_at_stop(telemetry.driving, start)))
     constraints: list[models.Constraint] = [models.RestVelocity(start, velocity_sigma, planet)]
     if isinstance(stated, FromTelemetryConfig):
+        force_sigma = float(np.hypot(force_sigma, telemetry.rest_force_sigma))
         constraints.append(models.RestGravity(end, end - start, force_sigma, planet))
         rate = part.interval @ part.mean_rate / part.interval.sum()
         rate_sigma = _sigma_of_mean(part.rate_noise, part.rate_fill_sigma)

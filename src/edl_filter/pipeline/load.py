@@ -29,6 +29,7 @@ from edl_filter.telemetry.mer_archive import read_mer_tables
 from edl_filter.telemetry.mer_compact import FILE_NAMES
 from edl_filter.telemetry.mer_flight import MerImu, MerSetup, mer_telemetry
 from edl_filter.telemetry.record import ImuRecord, Telemetry
+from edl_filter.telemetry.rest_drift import with_rest_drift
 from edl_filter.telemetry.sample_checks import CheckSettings
 from edl_filter.telemetry.sample_repair import repaired
 from edl_filter.types import Array
@@ -86,6 +87,8 @@ def event_times(mission: Mission, telemetry: Telemetry) -> dict[str, float]:
 
 
 def _repaired(mission: Mission, telemetry: Telemetry, checks: CheckSettings) -> Telemetry:
+    if checks.enabled:
+        telemetry = with_rest_drift(telemetry)
     with one_blas_thread():  # regressions of a few columns
         return repaired(telemetry, checks, event_times(mission, telemetry).get("parachute_deploy", np.inf))
 

@@ -30,6 +30,7 @@ from edl_filter.telemetry.record import (
     within_window,
 )
 from edl_filter.telemetry.resampling import with_interpolation_noise
+from edl_filter.telemetry.rest_drift import KIND as REST_DRIFT
 from edl_filter.telemetry.sample_checks import CheckSettings, findings_of, with_repair
 from edl_filter.telemetry.sample_filling import BY_AUTOREGRESSION, PARACHUTE_MARGIN, filled, is_complete
 from edl_filter.telemetry.spikes import bad_triads
@@ -95,7 +96,8 @@ def repaired(telemetry: Telemetry, settings: CheckSettings | None = None, parach
         findings += bad
         findings += _disagreements(records, drifts, settings, smooth_until)
     unchanged = all(r is given for r, given in zip(records, (telemetry.driving, *telemetry.checking), strict=True))
-    if not findings and unchanged and all(is_complete(record) for record in records):
+    nothing_bad = all(f.kind == REST_DRIFT for f in findings)
+    if nothing_bad and unchanged and all(is_complete(record) for record in records):
         checking = tuple(with_interpolation_noise(record, records[0]) for record in records[1:])
         same = all(a is b for a, b in zip(checking, telemetry.checking, strict=True))
         return telemetry if same else replace(telemetry, checking=checking, as_read=_as_read(telemetry))

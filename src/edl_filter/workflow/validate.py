@@ -22,6 +22,7 @@ from edl_filter.planet.atmosphere import Atmosphere
 from edl_filter.postflight.flight import derived_quantities
 from edl_filter.telemetry.flight_file import flight_file_problems, read_flight_file
 from edl_filter.telemetry.record import Telemetry
+from edl_filter.telemetry.rest_drift import with_rest_drift
 from edl_filter.telemetry.sample_repair import repaired
 from edl_filter.workflow.run import check_output_names
 
@@ -38,7 +39,7 @@ def validated_flight_file(path: Path) -> Telemetry:
         It has problems; the message lists them.
     """
     raise_all(flight_file_problems(path))
-    telemetry = read_flight_file(path)
+    telemetry = with_rest_drift(read_flight_file(path))
     return repaired(telemetry, parachute=telemetry.events.get("parachute_deploy", math.inf))
 
 
