@@ -138,6 +138,10 @@ def test_rest_gravity_is_the_mean_acceleration_over_its_window(layout):
         return (nav[3:6] - np.cross([0.0, 0.0, MARS.rotation_rate], nav[:3])) / 20.0
 
     check(c, acceleration, layout, rtol=1e-9)
+    np.testing.assert_allclose(c.noise, 1e-4 * np.eye(3))
+    drift = np.diag([0.0, 4e-6, 9e-6])
+    drifting = models.RestGravity(TIME, 20.0, 0.01, MARS, drift_covariance=drift)
+    np.testing.assert_allclose(drifting.noise, 1e-4 * np.eye(3) + drift)
 
 
 @pytest.mark.parametrize("layout", [FULL, BARE])

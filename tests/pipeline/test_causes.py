@@ -39,7 +39,7 @@ def test_the_cause_is_named(inputs, matrix, quantity, kind):
         ),
         pytest.param(
             lambda t: replace(t, altimeter=replace(t.altimeter, time=t.altimeter.time + 3.3)),
-            "altimeter are about 3.0",
+            "the times of the altimeter are about ",
             marks=pytest.mark.slow,
         ),
         (lambda t: replace(t, landing=replace(t.landing, position=t.landing.position + 5e4)), "measurement 'landing'"),
@@ -50,6 +50,8 @@ def test_a_wrong_measurement_is_named(inputs, repair, text):
     mission, telemetry, planet, atmosphere = inputs
     causes = rank_causes(mission, repair(telemetry), planet, atmosphere, ())
     assert text in causes[0].sentence and causes[0].consistent
+    if "times" in text:  # the entry state absorbs a part of the delay
+        assert float(causes[0].sentence.split(text)[1].split(" s late")[0]) == pytest.approx(3.3, abs=0.5)
 
 
 @pytest.mark.parametrize(

@@ -71,7 +71,10 @@ def test_the_slope_is_that_of_a_line_fitted_to_each_imu_weighted_with_its_varian
     assert np.allclose(drift.sigma, 1.0 / np.sqrt(np.sum(weights, axis=0)), rtol=1e-7)
     assert (drift.start, drift.end) == (START, records[0].time[-1]) and not drift.held_in_inertial_axes
     assert drift.change == pytest.approx(np.linalg.norm(expected) * (drift.end - START))
-    assert drift.mean_sigma == 0.5 * drift.change
+    along = abs(drift.slope @ SUPPORT) / np.linalg.norm(SUPPORT)
+    across = np.sqrt(np.linalg.norm(drift.slope) ** 2 - along**2)
+    half = 0.5 * (drift.end - drift.start)
+    assert np.allclose(drift.mean_sigma, (half * along, half * across), rtol=0.02, atol=1e-5)
 
 
 def test_a_direction_that_is_held_in_inertial_axes_is_recognised(clean):
@@ -81,7 +84,7 @@ def test_a_direction_that_is_held_in_inertial_axes_is_recognised(clean):
     assert np.all(np.abs(drift.slope + np.cross(PLANET, SUPPORT)) < 4.0 * drift.sigma)
     # the mean over the window is off by half of the turn
     off = np.linalg.norm(np.cross(PLANET, SUPPORT)) * 10.0
-    assert drift.mean_sigma == pytest.approx(off, rel=0.25)
+    assert drift.mean_sigma == (0.0, pytest.approx(off, rel=0.25))
 
 
 def test_a_constant_force_has_a_slope_by_chance_only(clean, monkeypatch):
@@ -146,13 +149,14 @@ def test_the_finding_says_what_was_found_and_the_sigma_follows(clean):
     outcome = with_rest_drift(telemetry)
     (finding,) = outcome.findings
     drift = drift_at_rest(records, START)
-    assert outcome.rest_force_sigma == drift.mean_sigma > 1e-3
+    assert outcome.rest_force_sigma == drift.mean_sigma > (-1.0, 1e-3)
     assert (finding.kind, finding.channel, finding.start, finding.samples) == ("rest_drift", "force", START, 160)
     assert "held in inertial axes" in finding.repair
-    assert f"sigma of {1e3 * drift.mean_sigma:.1f} mm/s²" in finding.repair
+    assert finding.repair.endswith(f"a sigma of {1e3 * drift.mean_sigma[1]:.1f} mm/s² horizontally")
     moving = [at_rest(r, seed, slope=(0.0, 0.0, 2e-3)) for seed, r in enumerate((clean.driving, *clean.checking))]
     outcome = with_rest_drift(replace(telemetry, driving=moving[0], checking=tuple(moving[1:])))
     assert "the vehicle moves, or its accelerometers drift" in outcome.findings[0].repair
+    assert f"a sigma of {1e3 * outcome.rest_force_sigma[0]:.1f} mm/s² vertically and " in outcome.findings[0].repair
     assert with_rest_drift(replace(telemetry, landing=None)).findings == ()
 
 
@@ -175,7 +179,7 @@ def test_a_repair_keeps_the_finding_and_has_nothing_to_repair(clean):
 
 def test_a_mission_without_checks_of_samples_has_no_drift(clean):
     off = read_telemetry(Mission.load("builtin:practice_mer", ["sample_checks.enabled=false"]))
-    assert off.findings == () and off.rest_force_sigma == 0.0
+    assert off.findings == () and off.rest_force_sigma == (0.0, 0.0)
 
 
 def test_the_force_at_rest_of_the_practice_flights_does_not_turn_with_the_planet(practice):
@@ -184,7 +188,15 @@ def test_the_force_at_rest_of_the_practice_flights_does_not_turn_with_the_planet
     telemetry = read_telemetry(mission)
     (finding,) = telemetry.findings
     assert finding.kind == "rest_drift" and "held in inertial axes" in finding.repair
+    along, across = telemetry.rest_force_sigma
     turn = 0.5 * 7.088218e-5 * (finding.end - finding.start) * 3.71
-    assert 0.6 * turn < telemetry.rest_force_sigma < turn * 1.4
+    assert along == 0.0 and 0.6 * turn < across < turn * 1.4
     gravity = next(c for c in reconstruct(mission).problem.constraints if c.name == "rest_gravity")
-    assert gravity.sigma == pytest.approx(np.hypot(telemetry.rest_force_sigma, 5e-4 / gravity.duration))
+    up = Rotation.from_rotvec([0.0, 0.0, 7.088218e-5 * gravity.time + telemetry.prime_meridian_at_epoch]).apply(
+        telemetry.landing.position
+    )
+    up /= np.linalg.norm(up)
+    east = np.cross([0.0, 0.0, 1.0], up) / np.hypot(up[0], up[1])
+    stated = 5e-4 / gravity.duration
+    assert np.sqrt(east @ gravity.noise @ east) == pytest.approx(np.hypot(across, stated))
+    assert np.sqrt(up @ gravity.noise @ up) == pytest.approx(stated, abs=0.01 * across)  # the vertical is not radial

@@ -7,7 +7,7 @@ them from a state. `predict` works on many states at once: navigation states ``(
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import ClassVar, Protocol
 
 import numpy as np
@@ -325,7 +325,13 @@ class RestGravity(_OneSigma):
     duration: float
     sigma: float
     planet: Planet
+    drift_covariance: Array = field(default_factory=lambda: np.zeros((3, 3)))
     source: str = "accelerometers at rest"
+
+    @property
+    def noise(self) -> Array:
+        """Independent components with one sigma, and what a force at rest that is not constant adds, m²/s⁴."""
+        return super().noise + self.drift_covariance
 
     @property
     def measured(self) -> Array:

@@ -43,7 +43,7 @@ from edl_filter.types import Array
 
 #: Largest number of passes, and the largest move of a state, in its sigmas, that ends the iteration.
 PASSES, TOLERANCE = 15, 0.01
-#: Move (`_move`) below which the first pass was linear enough and is kept: its NEES is off by less than a 25th.
+#: Move (`_largest_distance`) below which the first pass was linear enough and is kept: its NEES is off by less than a 25th.
 LINEAR = 0.2
 #: Sigmas of the entry state from which on a flight may not be linear: of its attitude (rad) and its position (m).
 UNCERTAIN_ATTITUDE, UNCERTAIN_POSITION = 1e-3, 3e3
@@ -104,7 +104,7 @@ def _largest_distance(moves: Sequence[Array], covariance: Array) -> float:
         sigma = np.sqrt(np.diag(block)[:9])
         correlation = block[:9, :9] / np.outer(sigma, sigma) + ROUNDING * np.eye(9)
         squares.append(float((move[:9] / sigma) @ np.linalg.solve(correlation, move[:9] / sigma)))
-    return float(np.sqrt(max(squares) / 9.0))
+    return float(np.sqrt(max(0.0, *squares) / 9.0))
 
 
 def run_without(problem: Problem, filter_pass: FilterPass, name: str) -> FilterPass:

@@ -225,8 +225,9 @@ def _rest(mission: Mission, telemetry: Telemetry, samples: Samples, planet: Plan
     velocity_sigma = float(np.hypot(stated.velocity_sigma, _velocity_sigma_at_stop(telemetry.driving, start)))
     constraints: list[models.Constraint] = [models.RestVelocity(start, velocity_sigma, planet)]
     if isinstance(stated, FromTelemetryConfig):
-        force_sigma = float(np.hypot(force_sigma, telemetry.rest_force_sigma))
-        constraints.append(models.RestGravity(end, end - start, force_sigma, planet))
+        assert telemetry.landing is not None
+        drift = _drift_covariance(telemetry.rest_force_sigma, end, telemetry.landing.position, planet)
+        constraints.append(models.RestGravity(end, end - start, force_sigma, planet, drift))
         rate = part.interval @ part.mean_rate / part.interval.sum()
         rate_sigma = _sigma_of_mean(part.rate_noise, part.rate_fill_sigma)
         constraints.append(models.RestRate(start, rate, rate_sigma, planet))
@@ -234,6 +235,16 @@ def _rest(mission: Mission, telemetry: Telemetry, samples: Samples, planet: Plan
         sigma = float(np.hypot(force_sigma, np.linalg.norm(mean(part)) * stated.gravity_direction_sigma))
         constraints.append(models.RestGravity(end, end - start, sigma, planet))
     return constraints
+
+
+def _drift_covariance(sigma: tuple[float, float], time: float, position: Array, planet: Planet) -> Array:
+    """Covariance (3, 3), m²/s⁴, inertial axes, of errors with a sigma along gravity and one across it.
+
+    `position` is planet-fixed (m), `time` that of the inertial axes' vertical (s).
+    """
+    gravity = planet.rotation.to_inertial(time, planet.apparent_gravity(position))
+    vertical = np.outer(gravity, gravity) / (gravity @ gravity)
+    return sigma[0] ** 2 * vertical + sigma[1] ** 2 * (np.eye(3) - vertical)
 
 
 def _velocity_sigma_at_stop(record: ImuRecord, time: float) -> float:

@@ -394,8 +394,9 @@ class Telemetry:
         Name of the planet in the telemetry; empty if there is none.
     findings : tuple of SampleFinding
         Missing and bad samples of all IMUs.
-    rest_force_sigma : float
-        One sigma by which the mean specific force at rest may be wrong since it is not constant, m/s² (`rest_drift`).
+    rest_force_sigma : tuple of (float, float)
+        One sigma by which the mean specific force at rest may be wrong since it is not constant, along and across
+        itself, m/s² (`rest_drift`).
     as_read : Telemetry or None
         The telemetry before the comparison of its IMUs and the repair of its samples; None where it is the same.
     """
@@ -415,5 +416,5 @@ class Telemetry:
     notes: tuple[str, ...] = ()
     planet: str = ""
     findings: tuple[SampleFinding, ...] = ()
-    rest_force_sigma: float = 0.0
+    rest_force_sigma: tuple[float, float] = (0.0, 0.0)
     as_read: Telemetry | None = None

@@ -8,9 +8,9 @@ where chance does not explain it.
 
 A vehicle that moves on the surface causes a drift, and so does a record whose force at rest does not turn with the
 planet: if its direction is held in inertial axes while the gyros read the planet's rotation ω, the force changes by
-``-ω × f`` in body axes (Titterton & Weston 2004, Strapdown Inertial Navigation Technology, section 3.2). Within 20 s
-that is 1.4 mrad at the equator. Either way the mean over the window differs from the force at either end by half of the
-change, and by as much the gravity at rest is not known.
+``-ω × f`` a second in body axes, as every constant vector does in turning axes. Within 20 s that is 1.4 mrad at the
+equator. Either way the mean over the window differs from the force at either end by half of the change, and by as much
+the gravity at rest is not known, along and across the force.
 """
 
 from __future__ import annotations
@@ -47,6 +47,8 @@ class RestDrift:
         Change of the specific force, m/s² per s, body axes.
     sigma : (3,) array
         One sigma of it.
+    force : (3,) array
+        Mean specific force, m/s², body axes.
     held_in_inertial_axes : bool
         Whether the slope agrees with ``-ω × f``.
     """
@@ -55,6 +57,7 @@ class RestDrift:
     end: float
     slope: Array
     sigma: Array
+    force: Array
     held_in_inertial_axes: bool
 
     @property
@@ -69,9 +72,16 @@ class RestDrift:
         return float(np.linalg.norm(direction * self.sigma)) * (self.end - self.start)
 
     @property
-    def mean_sigma(self) -> float:
-        """One sigma by which the mean force may differ from that of a vehicle at rest, m/s²: half of the change."""
-        return 0.5 * self.change
+    def mean_sigma(self) -> tuple[float, float]:
+        """One sigma by which the mean force may differ from that of a vehicle at rest: half of its change, m/s².
+
+        Along the force, and across it. A direction that is held in inertial axes does not change the magnitude.
+        """
+        direction = self.force / np.linalg.norm(self.force)
+        along = float(direction @ self.slope)
+        across = float(np.linalg.norm(self.slope - along * direction))
+        half = 0.5 * (self.end - self.start)
+        return 0.0 if self.held_in_inertial_axes else half * abs(along), half * across
 
 
 def drift_at_rest(records: Sequence[ImuRecord], start: float) -> RestDrift | None:
@@ -84,7 +94,7 @@ def drift_at_rest(records: Sequence[ImuRecord], start: float) -> RestDrift | Non
     start : float
         Time from which the vehicle rests, s.
     """
-    information, weighted, turning = np.zeros(3), np.zeros(3), np.zeros(3)
+    information, weighted, turning, weighted_force = np.zeros((4, 3))
     end = start
     for record in records:
         read = finite_rows(record.specific_force) & finite_rows(record.angular_rate) & ~record.filled
@@ -104,6 +114,7 @@ def drift_at_rest(records: Sequence[ImuRecord], start: float) -> RestDrift | Non
         variance = np.maximum(noise, scatter) / (time @ time)
         information += 1.0 / variance
         weighted += slope / variance
+        weighted_force += force.mean(axis=0) / variance
         turning -= rotations.cross(window.angular_rate.mean(axis=0), force.mean(axis=0)) / variance
         end = max(end, float(window.time[-1]))
     if not information.all():
@@ -112,7 +123,8 @@ def drift_at_rest(records: Sequence[ImuRecord], start: float) -> RestDrift | Non
     if np.sum((slope / sigma) ** 2) <= chdtri(3, FALSE_ALARM):
         return None
     difference = slope - turning / information
-    return RestDrift(start, end, slope, sigma, bool(np.sum((difference / sigma) ** 2) <= chdtri(3, _SAME_DRIFT)))
+    held = bool(np.sum((difference / sigma) ** 2) <= chdtri(3, _SAME_DRIFT))
+    return RestDrift(start, end, slope, sigma, weighted_force / information, held)
 
 
 def _noise_variance(force: Array) -> Array:
@@ -142,8 +154,10 @@ def _phrase(drift: RestDrift) -> str:
         if drift.held_in_inertial_axes
         else "the vehicle moves, or its accelerometers drift"
     )
-    change, sigma, mean = (1e3 * value for value in (drift.change, drift.change_sigma, drift.mean_sigma))
+    along, across = (f"{1e3 * value:.1f}" for value in drift.mean_sigma)
+    vertical = "" if drift.held_in_inertial_axes else f"{along} mm/s² vertically and "
+    change, change_sigma = 1e3 * drift.change, 1e3 * drift.change_sigma
     return (
-        f"it changes by {change:.1f} ± {sigma:.1f} mm/s² ({cause}); kept, and the gravity at rest has a sigma of "
-        f"{mean:.1f} mm/s²"
+        f"it changes by {change:.1f} ± {change_sigma:.1f} mm/s² ({cause}); kept, and gravity at rest has a sigma of "
+        f"{vertical}{across} mm/s² horizontally"
     )
