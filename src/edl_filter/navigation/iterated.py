@@ -43,7 +43,7 @@ from edl_filter.types import Array
 
 #: Largest number of passes, and the largest move of a state, in its sigmas, that ends the iteration.
 PASSES, TOLERANCE = 15, 0.01
-#: Move (`_largest_distance`) below which the first pass is kept: it was linear enough, its NEES is off by less than a 25th.
+#: Move (`_largest_distance`) below which the first pass is kept: its NEES is off by less than a 25th.
 LINEAR = 0.2
 #: Sigmas of the entry state from which on a flight may not be linear: of its attitude (rad) and its position (m).
 UNCERTAIN_ATTITUDE, UNCERTAIN_POSITION = 1e-3, 3e3
