@@ -50,7 +50,7 @@ def test_a_wrong_measurement_is_named(inputs, repair, text):
     mission, telemetry, planet, atmosphere = inputs
     causes = rank_causes(mission, repair(telemetry), planet, atmosphere, ())
     assert text in causes[0].sentence and causes[0].consistent
-    if "times" in text:  # the entry state absorbs a part of the delay
+    if "times" in text:
         assert float(causes[0].sentence.split(text)[1].split(" s late")[0]) == pytest.approx(3.3, abs=0.5)
 
 
