@@ -130,6 +130,14 @@ def test_lost_and_filled_samples_are_not_used(clean):
     assert np.array_equal(drift.slope, expected.slope) and np.array_equal(drift.sigma, expected.sigma)
 
 
+def test_an_imu_without_a_stated_noise_is_not_used(clean):
+    """Readings without noise have a slope of zero or of rounding, with a sigma of zero."""
+    exact, drifting = at_rest(clean.driving, 1, noise=0.0), at_rest(clean.driving, 2, slope=(0.0, 1e-3, 0.0))
+    assert drift_at_rest([exact], START) is None
+    both, alone = drift_at_rest([exact, drifting], START), drift_at_rest([drifting], START)
+    assert np.array_equal(both.slope, alone.slope) and np.isfinite(both.sigma).all()
+
+
 @pytest.mark.parametrize("seconds", [0.0, 1.75])
 def test_too_few_samples_at_rest_have_no_slope(clean, seconds):
     assert drift_at_rest([at_rest(clean.driving, 3, slope=(0.0, 1.0, 0.0), seconds=seconds)], START) is None

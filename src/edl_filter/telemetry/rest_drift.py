@@ -90,7 +90,7 @@ def drift_at_rest(records: Sequence[ImuRecord], start: float) -> RestDrift | Non
     Parameters
     ----------
     records : sequence of ImuRecord
-        Of one vehicle. Samples that are lost or were filled in are not used.
+        Of one vehicle. Samples that are lost or were filled in are not used, nor an IMU without a stated noise.
     start : float
         Time from which the vehicle rests, s.
     """
@@ -99,7 +99,7 @@ def drift_at_rest(records: Sequence[ImuRecord], start: float) -> RestDrift | Non
     for record in records:
         read = finite_rows(record.specific_force) & finite_rows(record.angular_rate) & ~record.filled
         at_rest = read & (record.time - record.interval >= start - SAME_TIME)
-        if np.count_nonzero(at_rest) < _FEWEST:
+        if np.count_nonzero(at_rest) < _FEWEST or not np.any(record.force_noise[at_rest]):
             continue
         window = record.select(at_rest)
         force = window.specific_force
