@@ -28,7 +28,7 @@ LONGEST = (
     "workflow/test_campaign.py", "studies/test_calibration.py", "cli/test_reconstruction.py",
     "report/test_figure_process.py", "test_api.py", "cli/test_new.py", "navigation/test_unresolved.py",
     "pipeline/test_trust.py", "pipeline/test_causes.py", "serve/test_app.py",
-    "diagnosis/linear_model/test_discrepancy_estimate.py", "diagnosis/test_detectability.py",
+    "diagnosis/linear_model/test_credible_model.py", "diagnosis/test_detectability.py",
     "flights/test_effects.py", "estimation/test_autoregression.py",
     "results/test_netcdf.py", "workflow/test_run.py", "diagnosis/linear_model/test_linearization_point.py",
     "flights/test_imu_lever_arms.py", "navigation/test_compiled_ukf.py", "report/test_plots.py",

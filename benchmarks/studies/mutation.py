@@ -109,6 +109,7 @@ TESTS = {
     "navigation/unresolved.py": ("navigation/test_unresolved.py",),
     "navigation/increments.py": ("navigation/test_increments.py",),
     "navigation/iterated.py": ("navigation/test_iterated.py",),
+    "telemetry/rest_drift.py": ("telemetry/test_rest_drift.py",),
     "navigation/leave_one_out.py": ("navigation/test_leave_one_out.py",),
     "navigation/ekf.py": (
         "navigation/test_ekf.py",

@@ -1,6 +1,7 @@
 """Iterated smoothing against the textbook on a linear problem, and on a flight whose filter is far from linear."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -11,7 +12,7 @@ from scipy.stats import chi2
 from edl_filter.mission import Mission
 from edl_filter.navigation import iterated
 from edl_filter.navigation.filter import Settings, run_filter
-from edl_filter.navigation.iterated import _largest_distance, iterate, linearized_pass, run_without
+from edl_filter.navigation.iterated import _largest_distance, iterate, linearized_pass, may_be_nonlinear, run_without
 from edl_filter.navigation.leave_one_out import check_constraints
 from edl_filter.navigation.recovery import contradiction, first_pass, run_with_recovery
 from edl_filter.navigation.screening import Divergence
@@ -97,6 +98,12 @@ def test_a_constraint_is_left_out_of_the_iteration(flight):
     sigma = np.sqrt(np.diagonal(expected.covariance, axis1=1, axis2=2))
     moves = [a.minus(b) for a, b in zip(alone.states, expected.states, strict=True)]
     assert np.max(np.abs(moves) / sigma) < 0.1
+
+
+@pytest.mark.slow  # one iteration for each constraint
+def test_what_is_left_out_of_the_iteration_agrees_with_the_remaining_constraints(flight):
+    problem, telemetry = with_gap(flight, 110.0, 120.0)
+    _, filter_pass, _ = run_with_recovery(problem, lost_stretches(telemetry.driving))
     checks = {c.name: c for c in check_constraints(problem, filter_pass)}
     assert checks["landing"].left_out_nis < 20.0 and checks["rest_velocity"].left_out_nis < 20.0
 
@@ -153,6 +160,40 @@ def test_the_unscented_and_the_extended_filter_have_the_same_iterated_path(poor_
     sigma = np.sqrt(np.diagonal(paths[0].covariance, axis1=1, axis2=2))
     moves = [a.minus(b) for a, b in zip(paths[0].states, paths[1].states, strict=True)]
     assert np.max(np.abs(moves) / sigma) < 0.02
+
+
+@pytest.mark.parametrize("axis", [(1.0, 0.0, 0.0), (0.0, 0.0, 1.0), (2.0, -1.0, 2.0)])
+@pytest.mark.parametrize(
+    ("attitude", "position", "nonlinear"),
+    [(0.9e-3, 2.9e3, False), (1.1e-3, 0.0, True), (0.0, 3.1e3, True)],
+)
+def test_a_poorly_known_entry_state_is_recognised_along_any_axis(axis, attitude, position, nonlinear):
+    """That of the first node alone counts: a later one may be uncertain for other reasons."""
+    along = np.outer(axis, axis) / (np.array(axis) @ axis)
+    covariance = 1e-12 * np.eye(12)
+    covariance[:3, :3] += position**2 * along
+    covariance[6:9, 6:9] += attitude**2 * along
+    nodes = [SimpleNamespace(covariance=c) for c in (covariance, 1e8 * (not nonlinear) * np.eye(12))]
+    assert may_be_nonlinear(SimpleNamespace(nodes=nodes)) is nonlinear
+
+
+@pytest.mark.parametrize("sigma", [0.01, 100.0])
+def test_the_iteration_ends_where_no_state_moves_by_a_hundredth_of_its_sigma(monkeypatch, sigma):
+    """The path moves by 0.5, 0.05 and 0.005 sigmas: the third pass is the last one."""
+    problem = twins.linear().problem
+    state = run_filter(problem).nodes[0].state
+    size = len(state.errors)
+    covariance = sigma**2 * np.eye(size)[None]
+    paths = []
+    for place in (0.0, 0.5, 0.55, 0.555, 2.0):
+        delta = np.zeros(size)
+        delta[1] = place * sigma
+        paths.append(SimpleNamespace(states=[state.plus(delta)], covariance=covariance))
+    monkeypatch.setattr(iterated, "smooth", lambda filter_pass: paths[filter_pass.number])
+    monkeypatch.setattr(
+        iterated, "linearized_pass", lambda problem, before, references: SimpleNamespace(number=before.number + 1)
+    )
+    assert iterate(problem, SimpleNamespace(number=0, references=[state])).number == 3
 
 
 def test_a_move_is_measured_along_the_principal_axes():

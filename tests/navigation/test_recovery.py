@@ -166,10 +166,14 @@ class FlightProblem:
 
 
 def changes(lost=(), stop=6):
-    """Causes → sizes and change, of ten samples of one second; force and rate vary by 2 and by 0.5 before the sixth."""
+    """Causes → sizes and change, of ten samples; force and rate vary by 2 and by 0.5 before the sixth.
+
+    The samples end at full seconds, but for the fourth, which ends at 3.5 s.
+    """
     sign = (-1.0) ** np.arange(10)[:, None] * np.ones(3)
     size = np.where(np.arange(10) < 6, 1.0, 7.0)[:, None]
-    samples = twins.samples(np.ones(10), 2.0 * size * sign + 5.0, 0.5 * size * sign, force_noise=3.0, rate_noise=1.0)
+    interval = np.array([1.0, 1.0, 1.0, 0.5, 1.5, 1.0, 1.0, 1.0, 1.0, 1.0])
+    samples = twins.samples(interval, 2.0 * size * sign + 5.0, 0.5 * size * sign, force_noise=3.0, rate_noise=1.0)
     problem = FlightProblem(samples, Initial(np.diag([4.0, 9.0])))
     return samples, {cause: (sizes, change) for cause, sizes, change in recovery._changes(problem, stop, lost)}
 
@@ -272,6 +276,11 @@ def test_lost_samples_that_explain_the_contradiction_are_its_cause(recovered, so
     assert tried == ["gap"]
     assert result == recovery.Recovery(replace(DIVERGENCE, time=6.0), "gap", 0.5, 1.0, 0.25, 3.0, 5.0, 30.0)
     assert result.recovered and np.count_nonzero(changed.samples.force_noise > 3.0) == 2
+
+
+def test_without_lost_samples_two_sources_show_that_the_state_is_wrong(recovered):
+    _, result, tried = recovered(2, {"entry_state": -10.0}, lost=())
+    assert (result.cause, tried) == ("entry_state", ["entry_state", "process_noise"])
 
 
 def test_one_source_tests_lost_samples_only(recovered):

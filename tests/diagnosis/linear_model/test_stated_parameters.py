@@ -1,11 +1,18 @@
-"""Constant nuisance parameters: which a mission yields, their states, and a point that has their values."""
+"""Constant nuisance parameters: which a mission yields, their states, and a point that has their values.
+
+The increments of another flight are an effect whose parameters are the amplitudes of the modes of their covariance.
+"""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from standins import N, flow, totals
 
 from edl_filter import Mission
+from edl_filter.aero.discrepancy import DiscrepancyPrior
+from edl_filter.aero.increment_tables import IncrementTables
+from edl_filter.aero.increments import DatabaseUpdate, RegimeUpdate
 from edl_filter.diagnosis.linear_model.effect_jacobian import effect_jacobian
 from edl_filter.diagnosis.linear_model.flight_case import load_case
 from edl_filter.diagnosis.linear_model.linearization import linearize_at, map_point
@@ -14,6 +21,7 @@ from edl_filter.diagnosis.linear_model.stated_parameters import (
     BodyAsymmetry,
     ImuAlignment,
     ImuClock,
+    LearnedIncrements,
     stated_parameters,
 )
 from edl_filter.effects.base import EffectInstance
@@ -21,6 +29,10 @@ from edl_filter.effects.registry import catalogue
 from edl_filter.estimation.kalman import whitening_filter, with_known_states
 
 STATED = ("vehicle.centre_of_mass_sigma=[0.002, 0.0, 0.001]",)
+MACH, ALPHA = np.array([5.0, 10.0, 20.0]), np.array([0.0, 0.05, 0.1])
+LIMIT = 1e-3
+#: One sample at each of some knots: index of the Mach number and of the angle.
+KNOTS = np.array([[0, 1], [1, 1], [2, 1], [0, 2], [1, 2], [2, 2], [1, 0]])
 
 
 def stated_by(changes, telemetry, name="practice_mer"):
@@ -196,3 +208,70 @@ def test_an_effect_is_known_no_better_than_the_stated_error_of_its_coefficient(p
     )
     assert variance_of_exact < 0.1 * sigma**2
     assert variance == pytest.approx(variance_of_exact + sigma**2, rel=1e-6)
+
+
+def covariance():
+    """A covariance of rank 4 of all increments, in which CN and Cm are certain at zero angle."""
+    roots = np.random.default_rng(4).normal(size=(4, 3, len(MACH), len(ALPHA)))
+    roots[:, 1:, :, 0] = 0.0
+    roots = roots.reshape(4, -1)
+    return roots.T @ roots
+
+
+@pytest.fixture(scope="module")
+def increments():
+    shape = (3, len(MACH), len(ALPHA))
+    sigma = np.sqrt(np.diag(covariance())).reshape(shape)
+    regime = RegimeUpdate("mach", MACH, ALPHA, np.zeros(shape), sigma, sigma, np.ones(shape[1:], int))
+    return LearnedIncrements(IncrementTables(DatabaseUpdate("MER", DiscrepancyPrior(), (regime,), covariance())), LIMIT)
+
+
+def at_knots(**changes):
+    values = {"mach": MACH[KNOTS[:, 0]], "alpha_total": ALPHA[KNOTS[:, 1]], "knudsen": np.full(N, 1e-5)}
+    return flow(**(values | changes))
+
+
+def change(effect, amplitudes, flight):
+    """Changes of CA, CN and Cm ``(3, N)``."""
+    before = totals()
+    after = effect.coefficients(amplitudes, flight, before)
+    return np.stack([getattr(after, c) - getattr(before, c) for c in ("ca", "cn", "cm_nose")])
+
+
+def test_there_is_one_amplitude_of_unit_variance_for_each_mode(increments):
+    assert [q.name for q in increments.parameters] == ["q0", "q1", "q2", "q3"]
+    assert increments.sigma == dict.fromkeys(("q0", "q1", "q2", "q3"), 1.0)
+
+
+def test_files_of_another_rank_have_parameters_of_their_own(increments):
+    update = increments._tables.update
+    one_mode = np.outer(*[np.sqrt(np.diag(update.covariance))] * 2)
+    smaller = LearnedIncrements(IncrementTables(replace(update, covariance=one_mode)), LIMIT)
+    assert (len(smaller.parameters), len(increments.parameters)) == (1, 4)
+
+
+def test_amplitudes_of_unit_variance_have_the_covariance_of_the_file(increments):
+    """The covariance of the coefficients at the knots, summed over the modes."""
+    changes = np.stack([change(increments, {q.name: 1.0}, at_knots()).ravel() for q in increments.parameters])
+    places = (
+        np.arange(3 * len(MACH) * len(ALPHA)).reshape(3, len(MACH), len(ALPHA))[:, KNOTS[:, 0], KNOTS[:, 1]].ravel()
+    )
+    np.testing.assert_allclose(changes.T @ changes, covariance()[np.ix_(places, places)], atol=1e-10)
+
+
+def test_the_change_is_linear_in_the_amplitudes_and_nothing_else_changes(increments):
+    single = change(increments, {"q0": 1.0}, at_knots()), change(increments, {"q2": 1.0}, at_knots())
+    both = increments.coefficients({"q0": -2.0, "q2": 0.5}, at_knots(), totals())
+    np.testing.assert_allclose(both.ca - totals().ca, -2.0 * single[0][0] + 0.5 * single[1][0], atol=1e-12)
+    np.testing.assert_array_equal(both.cl, totals().cl)
+    np.testing.assert_array_equal(both.cmq, totals().cmq)
+
+
+def test_without_amplitudes_the_coefficients_are_those_given(increments):
+    before = totals()
+    assert increments.coefficients({}, at_knots(), before) is before
+
+
+def test_a_regime_that_the_file_does_not_have_is_not_changed(increments):
+    assert not change(increments, {"q0": 1.0}, at_knots(knudsen=np.full(N, 2.0 * LIMIT))).any()
+    assert change(increments, {"q0": 1.0}, at_knots(knudsen=np.full(N, 0.5 * LIMIT))).any()

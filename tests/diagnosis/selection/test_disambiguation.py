@@ -8,11 +8,11 @@ from linear_problems import from_dense
 
 from edl_filter.diagnosis.jacobians.nuisance import NuisanceLayout, checking_state
 from edl_filter.diagnosis.linear_model.effect_jacobian import EffectJacobian
-from edl_filter.diagnosis.linear_model.learned_increments import LearnedIncrements
 from edl_filter.diagnosis.linear_model.stated_parameters import (
     BodyAsymmetry,
     ImuAlignment,
     ImuClock,
+    LearnedIncrements,
     StatedParameter,
     stated_parameters,
 )

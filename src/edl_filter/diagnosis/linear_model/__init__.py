@@ -6,7 +6,6 @@ state space and noise about one point), and the Jacobian of the residuals with r
 Read in this order: `flight_case` (what does not change while a flight is diagnosed), `stated_parameters` (constant
 nuisance parameters), `linearization_point` (the state, air and vehicle about which the model is linear), `linear_model`
 (residuals, Jacobians and state space there), `effect_jacobian` (derivatives with respect to an effect),
-`learned_increments` (increments of the database that a mission takes from another flight), `linearization` (assembles
-the model and iterates the point), `discrepancy_estimate` (scale and correlation lengths of the database's error),
-`credible_model` (selects the point about which a flight is diagnosed).
+`linearization` (assembles the model and iterates the point), `credible_model` (estimates scale and correlation lengths
+of the database's error, and selects the point about which a flight is diagnosed).
 """

@@ -11,7 +11,6 @@ import numpy as np
 from edl_filter.aero.discrepancy import DiscrepancyPrior
 from edl_filter.diagnosis.jacobians.denoised_readings import denoise
 from edl_filter.diagnosis.jacobians.nuisance import StatedUncertainty
-from edl_filter.diagnosis.linear_model.learned_increments import LearnedIncrements
 from edl_filter.diagnosis.linear_model.stated_parameters import StatedParameter, stated_parameters
 from edl_filter.diagnosis.prediction.residuals import ModelInputs
 from edl_filter.diagnosis.prediction.time_bins import TimeBins, make_time_bins
@@ -23,7 +22,7 @@ from edl_filter.mission.decision_settings import DecisionSettings
 from edl_filter.navigation.filter import Problem
 from edl_filter.navigation.increments import effective_samples, unresolved_motion_of
 from edl_filter.navigation.unresolved import UnresolvedMotion
-from edl_filter.pipeline.forward_model import database_of, forward_model_of
+from edl_filter.pipeline.forward_model import forward_model_of
 from edl_filter.pipeline.reconstruct import Reconstruction, assemble_free, reconstruct, without_effects
 from edl_filter.telemetry.record import Telemetry
 
@@ -213,16 +212,5 @@ def flight_case(reconstruction: Reconstruction) -> FlightCase:
             mass=vehicle.mass_sigma / vehicle.mass,
             inertia=vehicle.inertia_sigma,
         ),
-        constants=(*stated_parameters(mission, r.telemetry), *_learned_increments(mission)),
+        constants=stated_parameters(mission, r.telemetry),
     )
-
-
-def _learned_increments(mission: Mission) -> tuple[StatedParameter, ...]:
-    """The covariance of the increments that a mission takes from another flight, as constant nuisance parameters."""
-    aero = mission.aerodynamics
-    if aero is None or aero.increments is None or aero.coefficient_sigma == 0.0:
-        return ()
-    database = database_of(mission)
-    assert database.increments is not None
-    effect = LearnedIncrements(database.increments, database.continuum_limit)
-    return (StatedParameter(EffectInstance(effect, {}), effect.sigma),)

@@ -5,21 +5,28 @@ constant over a flight and change the readings, the path or the loads as effects
 the mission's sigma as prior (a consider parameter: Tapley, Schutz and Born, Statistical Orbit Determination, 2004, ch.
 6): its columns are those of `effect_jacobian`, its value belongs to the linearisation point, and it is marginalised as
 a constant state. What is stated without a sigma is exact and has no state.
+
+Increments that a mission takes from another flight belong to them. Their mean is added to the tables. What remains
+uncertain is a Gaussian field with the covariance of the file: its Karhunen–Loève modes have constant amplitudes of unit
+variance a priori. Where the file says nothing, the stationary field of `aero.discrepancy` remains.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from edl_filter.aero.increment_tables import IncrementTables, increment_terms
+from edl_filter.aero.transition import WeightedSum
 from edl_filter.effects.base import Effect, EffectInstance
 from edl_filter.effects.parameters import Parameter, Values
 from edl_filter.effects.registry import catalogue
 from edl_filter.effects.sensors import AXES, components, delayed, vector
-from edl_filter.effects.types import FlightCondition
+from edl_filter.effects.types import AeroCoefficients, FlightCondition
 from edl_filter.imu_model.sensor_errors import apply_errors, remove_errors
 from edl_filter.mission import Mission
+from edl_filter.pipeline.forward_model import database_of
 from edl_filter.telemetry.record import Telemetry
 from edl_filter.types import Array
 
@@ -68,6 +75,33 @@ class BodyAsymmetry(Effect):
         """Moment ``q S D (0, Cm, Cn)``, N m."""
         size = flow.dynamic_pressure * flow.area * flow.diameter
         return np.zeros((len(size), 3)), size[:, None] * np.array([0.0, p["Cm"], p["Cn"]])
+
+
+class LearnedIncrements(Effect):
+    """Increments of the coefficients by amplitudes of the modes of their covariance."""
+
+    name = "database_increments"
+
+    def __init__(self, tables: IncrementTables, continuum_limit: float) -> None:
+        self._tables, self._continuum_limit = tables, continuum_limit
+        count = len(tables.modes[0])
+        # each file has modes of its own
+        self.__dict__["parameters"] = tuple(Parameter(f"q{i}", "", f"amplitude of mode {i}", 1.0) for i in range(count))
+
+    @property
+    def sigma(self) -> dict[str, float]:
+        """Prior standard deviation of each amplitude."""
+        return {q.name: 1.0 for q in self.parameters}
+
+    def coefficients(self, p: Values, flow: FlightCondition, totals: AeroCoefficients) -> AeroCoefficients:
+        """Coefficients with the increments."""
+        amplitudes = np.array([p.get(q.name, 0.0) for q in self.parameters])
+        if not np.any(amplitudes):
+            return totals
+        tables = self._tables.of_amplitudes(amplitudes)
+        terms = increment_terms(tables, flow.mach, flow.knudsen, self._continuum_limit)
+        ca, cn, cm = WeightedSum(terms).evaluate(flow.alpha_total)
+        return replace(totals, ca=totals.ca + ca, cn=totals.cn + cn, cm_nose=totals.cm_nose + cm)
 
 
 @dataclass(frozen=True)
@@ -121,6 +155,11 @@ def stated_parameters(mission: Mission, telemetry: Telemetry) -> tuple[StatedPar
         uncertain = {name: s for name, s in sigma.items() if s > 0.0}
         if uncertain:
             stated.append(StatedParameter(EffectInstance(effect, {}, imu_name), uncertain))
+    if aero is not None and aero.increments is not None and aero.coefficient_sigma > 0.0:
+        database = database_of(mission)
+        assert database.increments is not None
+        increments = LearnedIncrements(database.increments, database.continuum_limit)
+        stated.append(StatedParameter(EffectInstance(increments, {}), increments.sigma))
     return tuple(stated)
 
 

@@ -6,6 +6,5 @@ database, and nuisance parameters that moved.
 Read in this order, on the innovations: `residual_map` (channels, their residuals against time, and their RMS over the
 flight and in every flight regime), `change_point` (when channels begin to fail), `latent_force` (unmodelled force and
 moment against time), `unexplained` (what they follow). On the posterior: `field_posterior` and `database_update`
-(increments of the tables), `cross_prediction` (how well they predict another flight), `nuisance_shifts` (parameters
-that moved).
+(increments of the tables), `nuisance_shifts` (parameters that moved).
 """

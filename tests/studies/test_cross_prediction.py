@@ -2,10 +2,9 @@
 
 import numpy as np
 import pytest
+from cross_prediction import knot_columns, row_gains
 from field_flights import ALPHA, PRIOR, Flight
 from scipy.stats import multivariate_normal
-
-from edl_filter.diagnosis.residual_analysis.cross_prediction import knot_columns, row_gains
 
 
 def evidence(flight, distance):
