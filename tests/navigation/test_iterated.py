@@ -170,7 +170,7 @@ def test_the_unscented_and_the_extended_filter_have_the_same_iterated_path(poor_
 def test_a_poorly_known_entry_state_is_recognised_along_any_axis(axis, attitude, position, nonlinear):
     """That of the first node alone counts: a later one may be uncertain for other reasons."""
     along = np.outer(axis, axis) / (np.array(axis) @ axis)
-    covariance = 1e-12 * np.eye(12)
+    covariance = np.diag([1e-12] * 3 + [1e10] * 3 + [1e-12] * 3 + [1e10] * 3)
     covariance[:3, :3] += position**2 * along
     covariance[6:9, 6:9] += attitude**2 * along
     nodes = [SimpleNamespace(covariance=c) for c in (covariance, 1e8 * (not nonlinear) * np.eye(12))]
@@ -179,13 +179,13 @@ def test_a_poorly_known_entry_state_is_recognised_along_any_axis(axis, attitude,
 
 @pytest.mark.parametrize("sigma", [0.01, 100.0])
 def test_the_iteration_ends_where_no_state_moves_by_a_hundredth_of_its_sigma(monkeypatch, sigma):
-    """The path moves by 0.5, 0.05 and 0.005 sigmas: the third pass is the last one."""
+    """The path moves by 0.5, 0.012 and 0.008 sigmas: the third pass is the last one."""
     problem = twins.linear().problem
     state = run_filter(problem).nodes[0].state
     size = len(state.errors)
     covariance = sigma**2 * np.eye(size)[None]
     paths = []
-    for place in (0.0, 0.5, 0.55, 0.555, 2.0):
+    for place in (0.0, 0.5, 0.512, 0.52, 2.0):
         delta = np.zeros(size)
         delta[1] = place * sigma
         paths.append(SimpleNamespace(states=[state.plus(delta)], covariance=covariance))
@@ -194,6 +194,22 @@ def test_the_iteration_ends_where_no_state_moves_by_a_hundredth_of_its_sigma(mon
         iterated, "linearized_pass", lambda problem, before, references: SimpleNamespace(number=before.number + 1)
     )
     assert iterate(problem, SimpleNamespace(number=0, references=[state])).number == 3
+
+
+@pytest.mark.parametrize(
+    ("distance", "accepted", "kept"), [(0.19, True, True), (0.21, True, False), (0.19, False, False)]
+)
+def test_a_first_pass_is_kept_where_the_path_hardly_moves_and_the_gate_decides_alike(
+    monkeypatch, distance, accepted, kept
+):
+    problem = twins.linear().problem
+    state = run_filter(problem).nodes[0].state
+    smoothed = SimpleNamespace(states=[state], covariance=np.eye(len(state.errors))[None])
+    first, second = (SimpleNamespace(references=None, fused=[SimpleNamespace(accepted=a)]) for a in (True, accepted))
+    monkeypatch.setattr(iterated, "smooth", lambda filter_pass: smoothed)
+    monkeypatch.setattr(iterated, "linearized_pass", lambda problem, before, references: second)
+    monkeypatch.setattr(iterated, "_largest_distance", lambda moves, covariance: distance)
+    assert iterate(problem, first) is (first if kept else second)
 
 
 def test_a_move_is_measured_along_the_principal_axes():

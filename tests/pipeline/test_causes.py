@@ -17,7 +17,7 @@ from edl_filter.pipeline.causes import exchange_text, rank_causes, sign_text
         (SWAP_XY, "specific_force", "axes"),
         pytest.param(SWAP_XZ, "angular_rate", "axes", marks=pytest.mark.slow),
         pytest.param(np.diag([1.0, 1.0, -1.0]), "specific_force", "sign", marks=pytest.mark.slow),
-        (-np.eye(3), "angular_rate", "sign"),
+        pytest.param(-np.eye(3), "angular_rate", "sign", marks=pytest.mark.slow),
         (np.eye(3) / 0.3048, "specific_force", "units"),
         pytest.param(np.eye(3) * np.pi / 180.0, "angular_rate", "units", marks=pytest.mark.slow),
     ],

@@ -128,6 +128,7 @@ def test_without_aerodynamics_the_autoregression_fills(inputs):
     assert first_run(without, changed, planet, atmosphere, ()).telemetry is changed
 
 
+@pytest.mark.slow
 def test_the_path_after_ten_lost_seconds_is_within_its_sigmas_and_nearer(inputs, monkeypatch):
     mission, telemetry, _, atmosphere = inputs
     changed, _ = with_gap(telemetry, 105.0, 10.0)

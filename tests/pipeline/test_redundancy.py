@@ -104,7 +104,7 @@ def test_stretches_that_a_common_end_makes_overlap_are_joined():
     ],
     ids=["accelerometer bias", "accelerometer scale", "gyro bias"],
 )
-@pytest.mark.parametrize("name", ["primary", "secondary"])
+@pytest.mark.parametrize("name", [pytest.param("primary", marks=pytest.mark.slow), "secondary"])
 def test_a_constant_error_is_not_arbitrated(name, changes, flight):
     mission, telemetry, _, atmosphere = flight
     wrong = faulty(telemetry, name, changes, start=-np.inf)

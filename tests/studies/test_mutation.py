@@ -127,6 +127,7 @@ mutation.mutate_file("limits.py", Path(sys.argv[1], "results.jsonl"), 100, 0)
 """
 
 
+@pytest.mark.slow
 def test_outcomes_are_those_of_the_tests(tmp_path):
     """Every change of a sum of steps fails, or does not end; the sources stay as they are."""
     files = {

@@ -48,7 +48,9 @@ FAULTS = {
 }
 
 
-@pytest.mark.parametrize("name", FAULTS)
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=pytest.mark.slow) if name == "force scale" else name for name in FAULTS]
+)
 @pytest.mark.parametrize("at_fault", [0, 1])
 def test_a_change_in_flight_is_detected_in_either_imu(name, at_fault, telemetry):
     key, change, channel = FAULTS[name]

@@ -77,6 +77,55 @@ def test_the_slope_is_that_of_a_line_fitted_to_each_imu_weighted_with_its_varian
     assert np.allclose(drift.mean_sigma, (half * along, half * across), rtol=0.02, atol=1e-5)
 
 
+def noise_free(imu, slope, rate=(0.0, 0.0, 0.0)):
+    """A record at rest whose force is a line, with a constant rate and the stated noise but without noise."""
+    record = at_rest(imu, 0, slope=slope)
+    rows = record.time > START
+    elapsed = np.where(rows, record.time - 0.5 * INTERVAL - START, 0.0)[:, None]
+    force = np.where(rows[:, None], SUPPORT + elapsed * np.array(slope), record.specific_force)
+    return replace(record, specific_force=force, angular_rate=np.tile(np.array(rate), (len(rows), 1)))
+
+
+def slope_sigma(record):
+    """Sigma of the slope of one axis, of a line through readings with the stated noise."""
+    time = record.time[record.time > START]
+    return NOISE / np.sqrt(np.sum((time - time.mean()) ** 2))
+
+
+@pytest.mark.parametrize(("square", "named"), [(20.0, False), (22.0, True)])
+def test_a_slope_is_a_drift_beyond_the_quantile_of_three_axes(clean, square, named):
+    """1e-4 of the slopes by chance are beyond 21.1; of two axes they would be beyond 18.4."""
+    size = np.sqrt(square) * slope_sigma(noise_free(clean.driving, (0.0, 0.0, 0.0)))
+    drift = drift_at_rest([noise_free(clean.driving, size * np.array([2.0, -1.0, 2.0]) / 3.0)], START)
+    assert (drift is not None) == named
+    if drift is not None:
+        assert drift.change / drift.change_sigma == pytest.approx(np.sqrt(square), rel=1e-6)
+
+
+def test_the_sigma_of_a_change_is_that_along_the_change():
+    drift = module.RestDrift(100.0, 120.0, np.array([0.0, 3e-4, 4e-4]), np.array([9.0, 1e-4, 2e-4]), SUPPORT, False)
+    assert drift.change == pytest.approx(0.01)
+    assert drift.change_sigma == pytest.approx(20.0 * np.hypot(0.6e-4, 1.6e-4))
+
+
+@pytest.mark.parametrize(("square", "held"), [(10.5, True), (12.0, False)])
+def test_a_direction_is_held_within_the_quantile_of_three_axes(clean, square, held):
+    """One in a hundred differs from it by more than 11.3, with two axes by more than 9.2."""
+    sigma = slope_sigma(noise_free(clean.driving, (0.0, 0.0, 0.0)))
+    rate = np.array([0.0, 1e-4, 0.0])
+    along_vertical = np.sqrt(square) * sigma * SUPPORT / np.linalg.norm(SUPPORT)
+    # the turn is that of the mean force, which the slope changes by a thousandth
+    slope = -np.cross(rate, SUPPORT) + along_vertical
+    assert drift_at_rest([noise_free(clean.driving, slope, rate)], START).held_in_inertial_axes == held
+
+
+def test_the_variance_of_white_noise_follows_from_neighbours(clean):
+    """Also in a force that changes slowly, as a slope does."""
+    noise = np.random.default_rng(8).standard_normal((20000, 3)) * np.array([1.0, 2.0, 5.0])
+    variance = module._noise_variance(noise + np.linspace(0.0, 100.0, 20000)[:, None])
+    np.testing.assert_allclose(variance, [1.0, 4.0, 25.0], rtol=0.05)
+
+
 def test_a_direction_that_is_held_in_inertial_axes_is_recognised(clean):
     records = [at_rest(clean.driving, seed, direction_held=True) for seed in (1, 2)]
     drift = drift_at_rest(records, START)
@@ -160,6 +209,7 @@ def test_the_finding_says_what_was_found_and_the_sigma_follows(clean):
     assert outcome.rest_force_sigma == drift.mean_sigma > (-1.0, 1e-3)
     assert (finding.kind, finding.channel, finding.start, finding.samples) == ("rest_drift", "force", START, 160)
     assert "held in inertial axes" in finding.repair
+    assert f"changes by {1e3 * drift.change:.1f} ± {1e3 * drift.change_sigma:.1f} mm/s²" in finding.repair
     assert finding.repair.endswith(f"a sigma of {1e3 * drift.mean_sigma[1]:.1f} mm/s² horizontally")
     moving = [at_rest(r, seed, slope=(0.0, 0.0, 2e-3)) for seed, r in enumerate((clean.driving, *clean.checking))]
     outcome = with_rest_drift(replace(telemetry, driving=moving[0], checking=tuple(moving[1:])))
