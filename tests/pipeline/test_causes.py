@@ -8,7 +8,7 @@ import pytest
 from faulty_telemetry import SWAP_XY, SWAP_XZ, turned, with_altimeter
 
 from edl_filter import rotations
-from edl_filter.pipeline.causes import exchange_text, rank_causes, sign_text
+from edl_filter.pipeline.causes import _curvature_sigma, _with_sigma, exchange_text, rank_causes, sign_text
 
 
 @pytest.mark.parametrize(
@@ -51,7 +51,26 @@ def test_a_wrong_measurement_is_named(inputs, repair, text):
     causes = rank_causes(mission, repair(telemetry), planet, atmosphere, ())
     assert text in causes[0].sentence and causes[0].consistent
     if "times" in text:
-        assert float(causes[0].sentence.split(text)[1].split(" s late")[0]) == pytest.approx(3.3, abs=0.5)
+        estimate, sigma = causes[0].sentence.split(text)[1].split(" s late")[0].split(" ± ")
+        assert abs(float(estimate) - 3.3) < 2.0 * float(sigma) and 0.1 < float(sigma) < 0.6
+
+
+def test_the_sigma_of_an_estimate_is_that_of_the_curvature():
+    """Of a Gaussian, exactly; a cost without a minimum has none."""
+    assert _curvature_sigma(lambda x: 0.5 * ((x - 3.0) / 0.2) ** 2 + 7.0, 3.0, 5.0) == pytest.approx(0.2)
+    for cost in (lambda x: 0.0, lambda x: -(x**2)):
+        assert np.isnan(_curvature_sigma(cost, 0.0, 1.0))
+
+
+@pytest.mark.parametrize(
+    ("size", "sigma", "text"),
+    [
+        (3.04, 0.37, "3.04 ± 0.37"), (99.6, 3.2, "99.6 ± 3.2"), (412.3, 14.0, "412 ± 14"),
+        (0.5123, 1e-5, "0.512 ± 0.001"), (2.91, np.nan, "2.9"),
+    ],
+)  # fmt: skip
+def test_a_number_has_the_digits_of_its_sigma(size, sigma, text):
+    assert _with_sigma(size, sigma) == text
 
 
 @pytest.mark.parametrize(

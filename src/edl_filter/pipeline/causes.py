@@ -40,6 +40,10 @@ from edl_filter.types import AXES, Array
 ALTIMETER_READINGS, LONGEST_INTERVAL = 9, 30.0
 #: Shifts of a clock that are tried, s; the best is refined.
 SHIFTS = (-10.0, -5.0, -2.0, -1.0, -0.5, 0.5, 1.0, 2.0, 5.0, 10.0)
+#: First step of the differences from which the sigma of a shift follows, s.
+_FIRST_STEP_S = 0.1
+#: Cost of a value with which the record is no flight.
+_NO_FLIGHT = 1e30
 #: Penalty of a number that a hypothesis estimates, nats: ½ ln of about 30 components.
 PENALTY = 1.7
 FOOT, GRAVITY = 0.3048, 9.80665
@@ -239,10 +243,10 @@ def _axis_hypotheses(frame: str, axes: Array) -> Iterator[_Hypothesis]:
 def _shifts(telemetry: Telemetry) -> dict[str, tuple[str, Callable[[float], Callable[[Telemetry], Telemetry]]]]:
     """Errors of one number that is estimated: kind → sentence with the number, and the repair of a given one."""
     errors: dict[str, tuple[str, Callable[[float], Callable[[Telemetry], Telemetry]]]] = {
-        "imu": ("clock, the times of the IMU are about {size:.1f} s {sign}", _shifted_imu)
+        "imu": ("clock, the times of the IMU are about {size} s {sign}", _shifted_imu)
     }
     if telemetry.altimeter is not None:
-        errors["altimeter"] = ("clock, the times of the altimeter are about {size:.1f} s {sign}", _shifted_altimeter)
+        errors["altimeter"] = ("clock, the times of the altimeter are about {size} s {sign}", _shifted_altimeter)
     return errors
 
 
@@ -256,7 +260,7 @@ def _estimated_causes(
         def cost(shift: float, repair=repair, values=values) -> float:
             evaluated = evaluate(repair(shift)(telemetry))
             if evaluated is None:
-                return 1e30
+                return _NO_FLIGHT
             values[shift] = evaluated
             return -evaluated[0]
 
@@ -268,8 +272,10 @@ def _estimated_causes(
         minimize_scalar(cost, bounds=bounds, method="bounded", options={"xatol": 0.01, "maxiter": 12})
         if values:
             shift = max(values, key=lambda s: values[s])
+            consistent = values[shift][1]
+            size = _with_sigma(abs(shift), _curvature_sigma(cost, shift, _FIRST_STEP_S) if consistent else np.nan)
             sign = "late" if shift < 0.0 else "early"
-            yield "clock", text.format(size=abs(shift), sign=sign), *values[shift]
+            yield "clock", text.format(size=size, sign=sign), *values[shift]
     if telemetry.altimeter is not None:
         yield from _altimeter_offset(telemetry, evaluate)
 
@@ -283,16 +289,49 @@ def _altimeter_offset(
     best, likelihood, consistent = 0.0, -np.inf, False
     step = max(50.0 * sigma, 0.25 * float(np.ptp(heights)))
     offsets = np.linspace(-4.0, 4.0, 9) * step
+
+    def cost(offset: float) -> float:
+        nonlocal best, likelihood, consistent
+        assert telemetry.altimeter is not None
+        altimeter = replace(telemetry.altimeter, height=heights - offset)
+        evaluated = evaluate(replace(telemetry, altimeter=altimeter))
+        if evaluated is None:
+            return _NO_FLIGHT
+        if evaluated[0] > likelihood:
+            best, (likelihood, consistent) = offset, evaluated
+        return -evaluated[0]
+
     while step > 0.5 * sigma:
         for offset in offsets:
-            altimeter = replace(telemetry.altimeter, height=heights - offset)
-            evaluated = evaluate(replace(telemetry, altimeter=altimeter))
-            if evaluated is not None and evaluated[0] > likelihood:
-                best, (likelihood, consistent) = float(offset), evaluated
+            cost(float(offset))
         step *= 0.4
         offsets = best + np.array([-2.0, -1.0, 1.0, 2.0]) * step
+    size = _with_sigma(abs(best), _curvature_sigma(cost, best, sigma) if consistent else np.nan)
     sign = "high" if best > 0.0 else "low"
-    yield "measurement", f"the altimeter, its heights are {abs(best):.0f} m too {sign}", likelihood, consistent
+    yield "measurement", f"the altimeter, its heights are {size} m too {sign}", likelihood, consistent
+
+
+def _curvature_sigma(cost: Callable[[float], float], best: float, step: float) -> float:
+    """One sigma of an estimate from the curvature of the negative log likelihood at its minimum (observed information).
+
+    The differences are taken once over `step` and once over the sigma that follows; NaN where there is no curvature.
+    """
+    sigma, least = step, cost(best)
+    for _ in range(2):
+        information = (cost(best + sigma) + cost(best - sigma) - 2.0 * least) / sigma**2
+        if not 0.0 < information < np.inf:
+            return float("nan")
+        sigma = float(information**-0.5)
+    return sigma
+
+
+def _with_sigma(size: float, sigma: float) -> str:
+    """A number with its sigma, of which two digits are written, to a thousandth at most."""
+    if np.isnan(sigma):
+        return f"{size:.1f}"
+    sigma = max(sigma, 1e-3)
+    places = min(3, max(0, 1 - int(np.floor(np.log10(sigma)))))
+    return f"{size:.{places}f} ± {sigma:.{places}f}"
 
 
 def _scaled(quantity: str, factor: float) -> Callable[[Telemetry], Telemetry]:
