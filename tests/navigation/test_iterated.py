@@ -9,9 +9,11 @@ import twins
 from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
 
+from edl_filter.imu_model.sensor_errors import SensorErrors
 from edl_filter.mission import Mission
 from edl_filter.navigation import iterated
-from edl_filter.navigation.filter import Settings, run_filter
+from edl_filter.navigation.filter import Settings, build_problem, run_filter
+from edl_filter.navigation.initial import EntryErrors
 from edl_filter.navigation.iterated import _largest_distance, iterate, linearized_pass, may_be_nonlinear, run_without
 from edl_filter.navigation.leave_one_out import check_constraints
 from edl_filter.navigation.recovery import contradiction, first_pass, run_with_recovery
@@ -205,7 +207,10 @@ def test_a_first_pass_is_kept_where_the_path_hardly_moves_and_the_gate_decides_a
     problem = twins.linear().problem
     state = run_filter(problem).nodes[0].state
     smoothed = SimpleNamespace(states=[state], covariance=np.eye(len(state.errors))[None])
-    first, second = (SimpleNamespace(references=None, fused=[SimpleNamespace(accepted=a)]) for a in (True, accepted))
+    first, second = (
+        SimpleNamespace(references=None, fused=[SimpleNamespace(accepted=a) for a in (True, last, False)])
+        for last in (True, accepted)
+    )
     monkeypatch.setattr(iterated, "smooth", lambda filter_pass: smoothed)
     monkeypatch.setattr(iterated, "linearized_pass", lambda problem, before, references: second)
     monkeypatch.setattr(iterated, "_largest_distance", lambda moves, covariance: distance)
@@ -287,6 +292,23 @@ def test_a_pass_repeats_the_filters_decisions_weights_and_states(robust):
     assert_same_states(again, first)
     # the prediction is much less certain than the site: the residual that remains is within Huber's limit
     assert (min(f.weight for f in first.fused) < 0.9) == (robust == "student_t")
+
+
+def test_a_pass_changes_the_imu_where_the_filter_does():
+    """Each IMU has a prior of its own: the bias of the second one is known four times worse."""
+    linear = twins.linear(1, Settings(longest_interval=1.5, gate_probability=1.0 - 1e-12)).problem
+    samples = replace(linear.samples, unit=(linear.samples.time > 6.0).astype(int))
+    errors = (SensorErrors(accelerometer_bias=0.5), SensorErrors(accelerometer_bias=2.0))
+    problem = build_problem(
+        samples, linear.initial, EntryErrors(), errors, linear.constraints, twins.VOID, linear.settings
+    )
+    first = run_filter(problem)
+    again = repeated(problem, first)
+    assert_same_states(again, first)
+    changed = next(k for k, node in enumerate(again.nodes) if node.unit == 1)
+    assert 0 < changed < len(again.nodes) - 1
+    for k, sigma in ((0, 0.5), (changed, 2.0)):
+        assert np.sqrt(np.diag(again.nodes[k].covariance)[9:12]) == pytest.approx(sigma)
 
 
 def test_the_gate_is_applied_again_to_what_it_rejected():
