@@ -215,6 +215,43 @@ def test_an_edge_is_not_repeated_within_rounding():
     np.testing.assert_allclose(old.split(0.5 + far).time, np.sort(np.append(old.time, 0.5 + far)), rtol=1e-15)
 
 
+@given(stop=st.floats(0.0, 3.0), seed=st.integers(0, 2**32 - 1))
+@settings(max_examples=60, deadline=None)
+def test_an_impact_is_over_where_the_vehicle_stops(stop, seed):
+    """Whatever the part of its sample that lies behind the stop, which is at rest: both increments have one sum."""
+    rng = np.random.default_rng(seed)
+    interval = rng.uniform(0.05, 0.25, 30)
+    interval *= 4.0 / interval.sum()
+    force, rate = rng.standard_normal((2, 30, 3))
+    k = int(np.searchsorted(np.cumsum(interval), stop + 1e-6))
+    force[k], rate[k] = [600.0, -200.0, 90.0], [3.0, -1.0, 2.0]
+    force[k + 1 :], rate[k + 1 :] = [3.7, 0.1, -0.2], [1e-5, 2e-5, -6e-5]
+    old = twins.samples(interval, force, rate, rng.uniform(0.1, 1, 30), rng.uniform(0.1, 1, 30), 0.1)
+    new = old.stopped_at(stop)
+    begin, end = old.edges[k], old.edges[k + 1]
+    if min(stop - begin, end - stop) < 1e-6:
+        assert new is old
+        return
+    assert new.time[k] == stop and len(new.time) == 31
+    np.testing.assert_array_equal(np.delete(new.time, k), old.time)
+    for name in ("force", "rate", "mean_force", "mean_rate", "onboard_rate"):
+        before, after = getattr(new, name)[k : k + 2]
+        np.testing.assert_array_equal(after, getattr(old, name)[-1])
+        total = before * new.interval[k] + after * new.interval[k + 1]
+        np.testing.assert_allclose(total, getattr(old, name)[k] * old.interval[k], rtol=1e-9, atol=1e-12)
+    for name in ("force_noise", "rate_noise", "shared_rate_noise"):
+        walk = getattr(new, name) * np.sqrt(new.interval)
+        at_rest = np.median((getattr(old, name) * np.sqrt(old.interval))[k + 1 :])
+        assert walk[k + 1] == pytest.approx(at_rest)
+        assert getattr(new, name)[k] * new.interval[k] == pytest.approx(getattr(old, name)[k] * old.interval[k])
+
+
+def test_a_stop_outside_the_samples_or_at_their_end_changes_nothing():
+    old = twins.samples(np.full(8, 0.125), np.ones((8, 3)), np.zeros((8, 3)))
+    for stop in (-0.1, 0.0, 0.5, 0.9, 1.0, 1.1):  # nothing at rest follows the last sample
+        assert old.stopped_at(stop) is old
+
+
 def test_filled_samples_are_those_of_which_a_value_was_filled():
     """Of the force or of the rate, on any axis; without a statement none was."""
     s = twins.samples(np.full(4, 0.125), np.zeros((4, 3)), np.zeros((4, 3)))

@@ -5,6 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from left_out import left_out_sigmas
+from scipy.spatial.transform import Rotation
+from scipy.stats import chi2
 
 from edl_filter.effects.base import EffectInstance
 from edl_filter.effects.registry import find_effect
@@ -16,7 +18,8 @@ from edl_filter.navigation.ekf import ErrorStateEKF
 from edl_filter.navigation.filter import new_filter
 from edl_filter.pipeline.constraints import _velocity_sigma_at_stop
 from edl_filter.pipeline.load import read_atmosphere
-from edl_filter.pipeline.reconstruct import assemble, reconstruct, without_effects
+from edl_filter.pipeline.reconstruct import FlightInputs, assemble, reconstruct, without_effects
+from edl_filter.simulation import Scenario, simulate
 
 
 @pytest.fixture(scope="module")
@@ -53,6 +56,77 @@ def test_velocity_at_the_stop_has_the_error_of_the_interpolated_rate(practice_06
     # the centripetal acceleration during the stop leaves a constant of 0.03 mm/s
     assert np.max(velocity[stop - 1 + EDGE_REACH :]) < 5e-5
     assert _velocity_sigma_at_stop(record, (stop + EDGE_REACH) * interval) < 1e-12
+
+
+@pytest.mark.parametrize("late", [1e-6, 2.6e-4, 5e-3])
+def test_a_landing_between_two_samples_is_no_contradiction(practice_06, late):
+    """Stamps that are late by a part of a sample: the impact of 600 m/s² is not after the stop.
+
+    Five milliseconds are 0.5 m at the parachute, by the velocity of the descent.
+    """
+
+    def shifted(record):
+        interval = record.interval + late * (np.arange(len(record)) == 0)
+        return replace(record, time=record.time + late, interval=interval)
+
+    flight = practice_06.telemetry
+    inputs = FlightInputs(
+        replace(flight, driving=shifted(flight.driving), checking=tuple(shifted(r) for r in flight.checking)),
+        practice_06.atmosphere,
+    )
+    result = reconstruct(practice_06.mission, leave_one_out=False, inputs=inputs, compare_imus=False)
+    assert result.recovery is None and all(f.accepted for f in result.filter_pass.fused)
+    node, nominal = (int(np.argmin(np.abs(r.smoothed.time - flight.parachute.time))) for r in (result, practice_06))
+    move = result.smoothed.states[node].minus(practice_06.smoothed.states[nominal])[:6]
+    vertical = practice_06.smoothed.states[nominal].nav[:3]
+    assert abs(move[:3] @ vertical) / np.linalg.norm(vertical) < 0.05 + 150.0 * late
+    assert np.linalg.norm(move[3:]) < 0.05
+    for name in ("rest_velocity", "rest_rate", "rest_gravity"):
+        (nis,), (expected,) = (
+            [f.innovation.nis for f in r.filter_pass.fused if f.constraint.name == name] for r in (result, practice_06)
+        )
+        assert nis < expected + 1.0
+
+
+def in_longer_samples(record, count, first):
+    """The record's means over `count` samples each, of which the first one has `first`."""
+    starts = np.unique(np.append(0, np.arange(first, len(record), count)))
+    size = np.diff(np.append(starts, len(record)))
+    out = record.select(np.isin(np.arange(len(record)), starts + size - 1))
+
+    def mean(values):
+        return np.add.reduceat(values, starts, axis=0) / size[:, None]
+
+    return replace(
+        out, interval=np.add.reduceat(record.interval, starts), specific_force=mean(record.specific_force),
+        angular_rate=mean(record.angular_rate), stated_interval=count * record.stated_interval,
+        **{key: getattr(out, key) / np.sqrt(size) for key in ("force_noise", "rate_noise", "shared_rate_noise")},
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    "behind", [pytest.param(1, marks=pytest.mark.slow), 2, pytest.param(3, marks=pytest.mark.slow)]
+)
+def test_a_flight_that_lands_within_a_sample_is_consistent(behind):
+    """A simulated flight of 32 Hz in samples of 8 Hz, of which one, two or three quarters are behind the stop."""
+    scenario = Scenario.load("builtin:mer", ["sampling.interval_s=0.03125"])
+    flight = simulate(scenario, seed=300)
+    mission, telemetry = Mission.load(scenario.mission), flight.telemetry()
+    first = (int(telemetry.driving.index_at(np.array(telemetry.landing.time))) + 1 + behind) % 4
+    longer = replace(
+        telemetry, driving=in_longer_samples(telemetry.driving, 4, first),
+        checking=tuple(in_longer_samples(r, 4, first) for r in telemetry.checking),
+    )  # fmt: skip
+    edge = longer.driving.time[longer.driving.index_at(np.array(telemetry.landing.time))]
+    assert edge - telemetry.landing.time == pytest.approx(behind / 32.0, abs=1e-6)
+    result = reconstruct(mission, inputs=FlightInputs(longer, read_atmosphere(mission)))
+    assert result.recovery is None and all(f.accepted for f in result.filter_pass.fused)
+    for time in (flight.motion.deployed - 20.0, flight.motion.stopped + 10.0):
+        k = int(np.argmin(np.abs(result.smoothed.time - time)))
+        true, state = flight.motion.at(result.smoothed.time[k : k + 1])[0], result.smoothed.states[k].nav
+        turn = Rotation.from_quat(state[6:10]).inv() * Rotation.from_quat(true[6:10])
+        error = np.concatenate((true[:6] - state[:6], turn.as_rotvec()))
+        assert error @ np.linalg.solve(result.smoothed.covariance[k][:9, :9], error) < chi2.ppf(0.999, 9)
 
 
 def test_rest_is_stated_at_both_ends_of_the_window(practice_06):

@@ -18,6 +18,9 @@ from edl_filter.navigation.unresolved import UnresolvedMotion, unresolved_motion
 from edl_filter.telemetry.record import SAME_TIME, ImuRecord, filled_samples, sample_edges
 from edl_filter.types import Array, BoolArray, IntArray
 
+#: Distance (s) from an edge of a sample within which no further edge is made: `Samples.index` counts a sample that ends
+#: there as over, whatever the rounding of both times.
+_ONE_EDGE = SAME_TIME - 1e-9
 #: Part of one sample's unresolved rotation in which the attitude that was computed on board differs from the integral
 #: of the same samples by its algorithm (`onboard_rates`). Spirit's quaternions differ from it by 0.12 under the
 #: parachute and 0.13 during the bounces, their rounding subtracted.
@@ -105,7 +108,7 @@ class Samples:
         inside = np.unique(times)
         inside = inside[(inside > edges[0]) & (inside < edges[-1])]
         after = np.searchsorted(edges, inside)
-        added = inside[np.minimum(edges[after] - inside, inside - edges[after - 1]) > SAME_TIME]
+        added = inside[np.minimum(edges[after] - inside, inside - edges[after - 1]) > _ONE_EDGE]
         time = np.sort(np.concatenate((self.time, added)))
         index = np.searchsorted(self.time, time - 1e-9)
         interval = np.diff(time, prepend=edges[0])
@@ -126,6 +129,31 @@ class Samples:
             rate_fill_sigma=self.rate_fill_sigma[index] * factor[:, None],
             onboard_rate=self.onboard_rate.take(index, axis=0),
         )
+
+    def stopped_at(self, time: float) -> Samples:
+        """The same motion with a sample edge at the `time` (s) from which on the vehicle is at rest.
+
+        The sample that contains this time may have an impact of tens of g in its mean, which is over at that time. The
+        part of it after the stop has the median of the samples at rest and the noise of their random walk. The part
+        before has what remains, so that the sum of both increments is that of the sample, and all of its noise.
+        """
+        k = self.index(time)
+        if k + 1 >= len(self.time) or min(self.time[k] - time, time - self.edges[k]) <= _ONE_EDGE:
+            return self
+        out = self.split(np.array([time]))
+        after = self.time[k] - time
+        share = after / self.interval[k]
+        values = {name: getattr(out, name).copy() for name in _SAMPLES_FIELDS}
+        for name in ("force", "rate", "mean_force", "mean_rate", "onboard_rate"):
+            whole, at_rest = getattr(self, name)[k], np.median(getattr(self, name)[k + 1 :], axis=0)
+            values[name][k], values[name][k + 1] = (whole - share * at_rest) / (1.0 - share), at_rest
+        for name in ("force_noise", "rate_noise", "shared_rate_noise"):
+            noise = getattr(self, name)
+            values[name][k] = noise[k] / (1.0 - share)
+            values[name][k + 1] = np.median(noise[k + 1 :] * np.sqrt(self.interval[k + 1 :])) / np.sqrt(after)
+        for name in ("force_fill_sigma", "rate_fill_sigma"):
+            values[name][k], values[name][k + 1] = getattr(self, name)[k] / (1.0 - share), 0.0
+        return Samples(**values)
 
 
 _SAMPLES_FIELDS = tuple(f.name for f in fields(Samples))

@@ -229,7 +229,7 @@ def _rest(mission: Mission, telemetry: Telemetry, samples: Samples, planet: Plan
         drift = _drift_covariance(telemetry.rest_force_sigma, end, telemetry.landing.position, planet)
         constraints.append(models.RestGravity(end, end - start, force_sigma, planet, drift))
         rate = part.interval @ part.mean_rate / part.interval.sum()
-        rate_sigma = _sigma_of_mean(part.rate_noise, part.rate_fill_sigma)
+        rate_sigma = _sigma_of_mean(part.interval, part.rate_noise, part.rate_fill_sigma)
         constraints.append(models.RestRate(start, rate, rate_sigma, planet))
     elif stated.gravity_direction_sigma is not None:
         sigma = float(np.hypot(force_sigma, np.linalg.norm(mean(part)) * stated.gravity_direction_sigma))
@@ -255,14 +255,18 @@ def _velocity_sigma_at_stop(record: ImuRecord, time: float) -> float:
     interpolated rate times the lever arm is therefore an error of the propagated velocity, up to the fourth edge at
     rest (`EDGE_REACH`), behind which the interpolation contains samples at rest only.
     """
-    edge = int(record.index_at(np.array(time + SAME_TIME)))
+    edge = min(int(np.searchsorted(record.edges, time - SAME_TIME)), len(record) - 1)
     rate = edge_values(record.interval, record.angular_rate, np.diff(record.unit) != 0)[edge]
     return float(np.linalg.norm(rotations.cross(rate, record.position[edge])) / np.sqrt(3.0))
 
 
-def _sigma_of_mean(noise: Array, fill_sigma: Array) -> float:
-    """One sigma of the mean of samples with the noise (N,), of which some were filled in (N, 3): largest axis."""
-    return float(np.sqrt(np.max(np.sum(noise[:, None] ** 2 + fill_sigma**2, axis=0))) / len(noise))
+def _sigma_of_mean(interval: Array, noise: Array, fill_sigma: Array) -> float:
+    """One sigma of the mean over samples with an interval (N,), s, and the noise (N,): largest axis.
+
+    Some were filled in (N, 3).
+    """
+    increments = interval[:, None] ** 2 * (noise[:, None] ** 2 + fill_sigma**2)
+    return float(np.sqrt(np.max(np.sum(increments, axis=0))) / interval.sum())
 
 
 def _altimeter(mission: Mission, telemetry: Telemetry) -> list[models.Constraint]:

@@ -28,7 +28,7 @@ from edl_filter.telemetry.flight_file import read_flight_file
 from edl_filter.telemetry.mer_archive import read_mer_tables
 from edl_filter.telemetry.mer_compact import FILE_NAMES
 from edl_filter.telemetry.mer_flight import MerImu, MerSetup, mer_telemetry
-from edl_filter.telemetry.record import ImuRecord, Telemetry
+from edl_filter.telemetry.record import SAME_TIME, ImuRecord, Telemetry
 from edl_filter.telemetry.rest_drift import with_rest_drift
 from edl_filter.telemetry.sample_checks import CheckSettings
 from edl_filter.telemetry.sample_repair import repaired
@@ -230,6 +230,24 @@ def moved_by_events(mission: Mission, telemetry: Telemetry) -> Telemetry:
         replace(r, position=changed_position(r.position, r.name, r.time - 0.5 * r.interval, changes)) for r in records
     )
     return replace(telemetry, driving=driving, checking=tuple(checking))
+
+
+def impacts_from(telemetry: Telemetry, events: Mapping[str, float]) -> float:
+    """Time from which samples contain impacts on the ground, s; infinity if there is no landing.
+
+    Parameters
+    ----------
+    telemetry : Telemetry
+        If it has a landing, the vehicle is at rest from then on: the sample that contains this time contains motion
+        before it only.
+    events : mapping of str to float
+        Event → time, s (`event_times`).
+    """
+    landing = events.get("landing", np.inf)
+    if telemetry.landing is None or not np.isfinite(landing):
+        return landing
+    time = telemetry.driving.time
+    return float(time[min(int(np.searchsorted(time, landing - SAME_TIME)), len(time) - 1)])
 
 
 def centre_of_mass_shifts(mission: Mission, driving: ImuRecord) -> dict[float, Array]:

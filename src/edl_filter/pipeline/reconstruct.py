@@ -29,6 +29,7 @@ from edl_filter.pipeline.load import (
     centre_of_mass_shifts,
     check_settings,
     event_times,
+    impacts_from,
     read_atmosphere,
     read_telemetry,
     with_velocity_steps,
@@ -186,8 +187,10 @@ def assemble_free(
     planet = compose_gravity(planet, effects)
     shifts = centre_of_mass_shifts(mission, telemetry.driving)
     times = event_times(mission, telemetry)
-    samples = effective_samples(telemetry.driving, times.get("landing", np.inf), unresolved)
+    samples = effective_samples(telemetry.driving, impacts_from(telemetry, times), unresolved)
     samples = with_velocity_steps(samples, shifts)
+    if telemetry.landing is not None:
+        samples = samples.stopped_at(telemetry.landing.time)
     initial, entry = entry_state(mission, telemetry)
     initial = compose_entry_state(initial, effects)
     f = mission.filter

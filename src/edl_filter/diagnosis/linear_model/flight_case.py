@@ -23,6 +23,7 @@ from edl_filter.navigation.filter import Problem
 from edl_filter.navigation.increments import effective_samples, unresolved_motion_of
 from edl_filter.navigation.unresolved import UnresolvedMotion
 from edl_filter.pipeline.forward_model import forward_model_of
+from edl_filter.pipeline.load import impacts_from
 from edl_filter.pipeline.reconstruct import Reconstruction, assemble_free, reconstruct, without_effects
 from edl_filter.telemetry.record import Telemetry
 
@@ -127,7 +128,7 @@ class FlightCase:
     def unresolved(self) -> UnresolvedMotion:
         """Noise of unresolved motion of the readings as they were telemetered."""
         r = self.reconstruction
-        return unresolved_motion_of(r.telemetry.driving, r.event_times.get("landing", np.inf))
+        return unresolved_motion_of(r.telemetry.driving, impacts_from(r.telemetry, r.event_times))
 
     def log_abs_det_jacobian(self, effects: Sequence[EffectInstance]) -> float:
         """Log determinant of the map from readings to corrected readings: the likelihood is that of the readings.
