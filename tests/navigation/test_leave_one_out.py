@@ -8,6 +8,7 @@ from left_out import left_out_sigmas
 from scipy import stats
 
 from edl_filter.imu_model.sensor_errors import SensorErrors
+from edl_filter.navigation import leave_one_out as module
 from edl_filter.navigation.constraints import Altimeter, LandingSite
 from edl_filter.navigation.filter import Settings, build_problem, run_filter, run_filter_without
 from edl_filter.navigation.increments import Samples
@@ -77,6 +78,26 @@ def test_a_left_out_fix_is_predicted_by_a_run_without_it():
     assert checks["altimeter"].left_out[0] == pytest.approx(early.height - predicted, abs=0.01)  # |r| is not quite x
     sigma = np.sqrt(state.covariance[k][0, 0] + early.sigma**2)
     assert checks["altimeter"].left_out_sigma[0] == pytest.approx(sigma, rel=1e-4)
+
+
+def test_a_constraint_without_which_the_covariance_is_singular_has_no_residual(monkeypatch):
+    """The run with all constraints stays, and the checks of the others."""
+    both = problem(height(10.0, 30.0), site(40.0, np.zeros(3), 30.0))
+    filter_pass, complete = run_filter(both), module.run_filter_without
+    expected = {c.name: c for c in check_constraints(both, filter_pass)}
+
+    def run(given, given_pass, name):
+        if name == "landing":
+            raise np.linalg.LinAlgError
+        return complete(given, given_pass, name)
+
+    monkeypatch.setattr(module, "run_filter_without", run)
+    checks = {c.name: c for c in check_constraints(both, filter_pass)}
+    landing = checks["landing"]
+    assert np.isnan(landing.left_out).all() and len(landing.left_out) == 3 and np.isinf(landing.left_out_sigma).all()
+    assert np.isnan([landing.left_out_nis, landing.left_out_information]).all()
+    np.testing.assert_array_equal(landing.nis, expected["landing"].nis)
+    assert checks["altimeter"].left_out_nis == expected["altimeter"].left_out_nis
 
 
 def test_running_on_from_the_epoch_before_equals_starting_again():

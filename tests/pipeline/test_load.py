@@ -20,6 +20,8 @@ from edl_filter.pipeline.forward_model import changed_bodies, forward_model_of
 from edl_filter.pipeline.load import (
     centre_of_mass_shifts,
     changed_position,
+    event_times,
+    impacts_from,
     moved_by_events,
     read_atmosphere,
     read_telemetry,
@@ -45,6 +47,24 @@ def test_bodies_that_events_leave():
     np.testing.assert_allclose(rest.offset, [0.06, 0.12, -0.04])
     np.testing.assert_array_equal(ballast.inertia, entry.inertia)
     np.testing.assert_array_equal(rest.inertia, np.diag([260.0, 200.0, 205.0]))
+
+
+def test_a_landing_before_the_deployment_is_refused(practice_06):
+    flight = practice_06.telemetry
+    late = replace(flight, events=flight.events | {"landing": 200.0})
+    with pytest.raises(InputError, match=r"landing at 200 s and parachute_deploy at 252.75 s; expected the landing"):
+        event_times(practice_06.mission, late)
+
+
+def test_samples_that_end_with_the_stop_contain_no_impact(practice_06):
+    """A vehicle at rest from the landing on moved before it only; without such a landing it may bounce after it."""
+    flight, events = practice_06.telemetry, practice_06.event_times
+    landing = events["landing"]
+    end = flight.driving.time[flight.driving.index_at(np.array(landing - 1e-6))]
+    assert impacts_from(flight, events) == pytest.approx(landing, abs=1e-9) == end
+    assert impacts_from(flight, events | {"landing": landing - 0.05}) == end
+    assert impacts_from(replace(flight, landing=None), events) == landing
+    assert impacts_from(flight, {}) == np.inf
 
 
 def test_the_forward_model_has_the_body_of_each_time():

@@ -191,6 +191,7 @@ def without(key, name=None):
         ),
         (attribute("altimeter", "surface_radius", 3392.3), r"/@surface_radius is 3392.3; m .* \(is it in km\?\)"),
         (attribute("altimeter", "sigma", -5.0), r"/altimeter/@sigma is -5.0; it must be positive"),
+        (attribute("altimeter", "sigma", 1e-6), r"/altimeter/@sigma is 1e-06; m between 0.001 and 100000"),
         (changed("altimeter/height", element(3, 1e7)), r"/altimeter/height row 3 is 1e\+07; m between"),
         (attribute("events/landing", "time_sigma", -0.1), r"/events/landing/@time_sigma is -0.1; s between"),
         (without("imu/primary"), r"/imu/primary is missing; the flight file needs this group"),

@@ -308,7 +308,7 @@ class AltimeterFromTelemetryConfig(FromTelemetryConfig):
     landing, state how far it may be from it.
     """
 
-    sigma: LengthSigma | None = Field(
+    sigma: Annotated[Number, Within("m", 1e-3, 1e5)] | None = Field(
         default=None, description="1 sigma of one height, m; absent: that of the flight file"
     )
     relief_sigma: LengthSigma = Field(

@@ -49,7 +49,8 @@ class ConstraintCheck:
     accepted : (K,) boolean array
     left_out : (m,) array
         Measured minus predicted from everything else; over many epochs the mean, whose prediction error is
-        taken as fully correlated.
+        taken as fully correlated. NaN, with an infinite sigma, where the covariance without it is singular to working
+        precision; `left_out_nis` and `left_out_information` are NaN then.
     left_out_covariance : (m, m) array
         Of `left_out`: prediction and measurement together.
     left_out_nis : float
@@ -118,9 +119,16 @@ def _check(problem: Problem, filter_pass: FilterPass, group: list[Fused]) -> Con
     innovations = [f.innovation for f in group]
     sigma = [np.sqrt(np.diag(i.predicted_covariance + i.noise_covariance)) for i in innovations]
     run = run_filter_without if filter_pass.references is None else run_without
-    without = run(problem, filter_pass, first.name)
-    smoothed = smooth(without, group[0].node)
-    residual, covariance = _left_out_residual(problem, smoothed, group)
+    try:
+        without = run(problem, filter_pass, first.name)
+        smoothed = smooth(without, group[0].node)
+        residual, covariance = _left_out_residual(problem, smoothed, group)
+        left_out_nis = float(residual @ np.linalg.solve(covariance, residual))
+        left_out_information = added_information(group, without, smoothed)
+    except np.linalg.LinAlgError:  # without it the covariance is singular to working precision
+        residual = np.full(len(innovations[0].residual), np.nan)
+        covariance = np.diag(np.full(len(residual), np.inf))
+        left_out_nis = left_out_information = np.nan
     return ConstraintCheck(
         name=first.name,
         source=first.source,
@@ -133,10 +141,10 @@ def _check(problem: Problem, filter_pass: FilterPass, group: list[Fused]) -> Con
         accepted=np.array([f.accepted for f in group]),
         left_out=residual,
         left_out_covariance=covariance,
-        left_out_nis=float(residual @ np.linalg.solve(covariance, residual)),
+        left_out_nis=left_out_nis,
         left_out_dof=len(residual),
         information=information_in_order(group),
-        left_out_information=added_information(group, without, smoothed),
+        left_out_information=left_out_information,
     )
 
 

@@ -37,9 +37,11 @@ from edl_filter.telemetry.record import Telemetry
 from edl_filter.types import AXES, Array
 
 #: Altimeter readings and longest interval (s) of the short run.
-ALTIMETER_READINGS, LONGEST_INTERVAL = 9, 30.0
+ALTIMETER_READINGS, LONGEST_INTERVAL = 36, 30.0
 #: Shifts of a clock that are tried, s; the best is refined.
 SHIFTS = (-10.0, -5.0, -2.0, -1.0, -0.5, 0.5, 1.0, 2.0, 5.0, 10.0)
+#: Least size of an estimated error in its sigmas for which it is a cause.
+SIGNIFICANT = 2.0
 #: First step of the differences from which the sigma of a shift follows, s.
 _FIRST_STEP_S = 0.1
 #: Cost of a value with which the record is no flight.
@@ -272,10 +274,10 @@ def _estimated_causes(
         minimize_scalar(cost, bounds=bounds, method="bounded", options={"xatol": 0.01, "maxiter": 12})
         if values:
             shift = max(values, key=lambda s: values[s])
-            consistent = values[shift][1]
-            size = _with_sigma(abs(shift), _curvature_sigma(cost, shift, _FIRST_STEP_S) if consistent else np.nan)
-            sign = "late" if shift < 0.0 else "early"
-            yield "clock", text.format(size=size, sign=sign), *values[shift]
+            likelihood, consistent = values[shift]
+            sigma = _curvature_sigma(cost, shift, _FIRST_STEP_S) if consistent else np.nan
+            sentence = text.format(size=_with_sigma(abs(shift), sigma), sign="late" if shift < 0.0 else "early")
+            yield "clock", sentence, likelihood, consistent and not abs(shift) < SIGNIFICANT * sigma
     if telemetry.altimeter is not None:
         yield from _altimeter_offset(telemetry, evaluate)
 
@@ -306,8 +308,9 @@ def _altimeter_offset(
             cost(float(offset))
         step *= 0.4
         offsets = best + np.array([-2.0, -1.0, 1.0, 2.0]) * step
-    size = _with_sigma(abs(best), _curvature_sigma(cost, best, sigma) if consistent else np.nan)
-    sign = "high" if best > 0.0 else "low"
+    deviation = _curvature_sigma(cost, best, sigma) if consistent else np.nan
+    size, sign = _with_sigma(abs(best), deviation), "high" if best > 0.0 else "low"
+    consistent = consistent and not abs(best) < SIGNIFICANT * deviation
     yield "measurement", f"the altimeter, its heights are {size} m too {sign}", likelihood, consistent
 
 

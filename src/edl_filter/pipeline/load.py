@@ -82,8 +82,21 @@ def prepare_telemetry(mission: Mission, telemetry: Telemetry, label: str) -> Tel
 
 
 def event_times(mission: Mission, telemetry: Telemetry) -> dict[str, float]:
-    """Events of a flight and their times, s: those of the telemetry, and of the mission, which replace them."""
-    return telemetry.events | mission.event_times()
+    """Events of a flight and their times, s: those of the telemetry, and of the mission, which replace them.
+
+    Raises
+    ------
+    InputError
+        The landing is not after the deployment of the parachute.
+    """
+    times = telemetry.events | mission.event_times()
+    deployment, landing = times.get("parachute_deploy", -np.inf), times.get("landing", np.inf)
+    if landing <= deployment:
+        raise InputError(
+            f"{mission.source or mission.name}: events: found the landing at {landing:g} s and parachute_deploy at "
+            f"{deployment:g} s; expected the landing after the deployment."
+        )
+    return times
 
 
 def _repaired(mission: Mission, telemetry: Telemetry, checks: CheckSettings) -> Telemetry:

@@ -172,7 +172,7 @@ def _check_rates(where: str, record: ImuRecord, checking: ImuRecord, end: float)
         return None
     finding = (
         f"{where}: its angular rate and that of IMU {checking.name} differ by {100.0 * difference:.0f} % of their "
-        "size; a rigid body has one rate."
+        "size; a rigid body has one rate. Check whether the two IMUs, or their body_from_imu, are exchanged."
     )
     return Violation(finding, explain_rates(rate, compared))
 

@@ -286,7 +286,7 @@ def _read_altimeter(root: Node, settings: CheckSettings | None) -> dict[str, Any
     altimeter = AltimeterRecord(
         time[used],
         node.within("height", height[used][:, None], Limits("m", -1e4, 1e6))[:, 0],
-        node.attribute("sigma", positive=True, limits=Limits("m", 0.0, 1e5)),
+        node.attribute("sigma", positive=True, limits=Limits("m", 1e-3, 1e5)),  # less is singular to working precision
         node.attribute("surface_radius", limits=_RADIUS),
     )
     return {"altimeter": altimeter, "findings": tuple(findings)}
