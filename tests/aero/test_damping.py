@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from edl_filter.aero.damping import read_damping
-from edl_filter.effects.forward_model import Damping
 from edl_filter.errors import InputError
 from edl_filter.mission import Mission
 from edl_filter.pipeline.forward_model import damping_of
@@ -13,7 +12,7 @@ from edl_filter.pipeline.forward_model import damping_of
 def test_interpolation_is_linear_and_constant_beyond_the_edges(tmp_path):
     path = tmp_path / "d.csv"
     path.write_text("# a comment\nmach,Cmq\n0.5,-0.1\n1.5,0.3\n4,-0.2\n")
-    damping = Damping(*read_damping(path))
+    damping = read_damping(path)
     np.testing.assert_allclose(damping.at(np.array([0.0, 1.0, 1.5, 9.0])), [-0.1, 0.1, 0.3, -0.2])
 
 

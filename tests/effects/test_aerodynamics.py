@@ -97,6 +97,3 @@ def test_remnant_torque_begins_with_t0_and_ends_before_t1(end, acting):
     effect, p = on("remnant_torque", Cm=2e-3, t0=110.0, t1=end)
     _, moment = effect.force_moment(p, flow())
     np.testing.assert_array_equal(moment.any(axis=1), acting)
-
-
-# all

@@ -225,8 +225,10 @@ def test_an_impact_is_over_where_the_vehicle_stops(stop, seed):
     force, rate = rng.standard_normal((2, 30, 3))
     k = int(np.searchsorted(np.cumsum(interval), stop + 1e-6))
     force[k], rate[k] = [600.0, -200.0, 90.0], [3.0, -1.0, 2.0]
-    force[k + 1 :], rate[k + 1 :] = [3.7, 0.1, -0.2], [1e-5, 2e-5, -6e-5]
+    force[k + 1 :] = [3.7, 0.1, -0.2] + 0.01 * force[k + 1 :]
+    rate[k + 1 :] = [1e-5, 2e-5, -6e-5] + 1e-5 * rate[k + 1 :]
     old = twins.samples(interval, force, rate, rng.uniform(0.1, 1, 30), rng.uniform(0.1, 1, 30), 0.1)
+    old = replace(old, force_fill_sigma=rng.uniform(0.1, 1, (30, 3)), rate_fill_sigma=rng.uniform(0.1, 1, (30, 3)))
     new = old.stopped_at(stop)
     begin, end = old.edges[k], old.edges[k + 1]
     if min(stop - begin, end - stop) < 1e-6:
@@ -236,7 +238,7 @@ def test_an_impact_is_over_where_the_vehicle_stops(stop, seed):
     np.testing.assert_array_equal(np.delete(new.time, k), old.time)
     for name in ("force", "rate", "mean_force", "mean_rate", "onboard_rate"):
         before, after = getattr(new, name)[k : k + 2]
-        np.testing.assert_array_equal(after, getattr(old, name)[-1])
+        np.testing.assert_array_equal(after, np.median(getattr(old, name)[k + 1 :], axis=0))
         total = before * new.interval[k] + after * new.interval[k + 1]
         np.testing.assert_allclose(total, getattr(old, name)[k] * old.interval[k], rtol=1e-9, atol=1e-12)
     for name in ("force_noise", "rate_noise", "shared_rate_noise"):
@@ -244,12 +246,17 @@ def test_an_impact_is_over_where_the_vehicle_stops(stop, seed):
         at_rest = np.median((getattr(old, name) * np.sqrt(old.interval))[k + 1 :])
         assert walk[k + 1] == pytest.approx(at_rest)
         assert getattr(new, name)[k] * new.interval[k] == pytest.approx(getattr(old, name)[k] * old.interval[k])
+    for name in ("force_fill_sigma", "rate_fill_sigma"):
+        before, after = getattr(new, name)[k : k + 2]
+        np.testing.assert_allclose(before * new.interval[k], getattr(old, name)[k] * old.interval[k])
+        assert not after.any()
 
 
 def test_a_stop_outside_the_samples_or_at_their_end_changes_nothing():
     old = twins.samples(np.full(8, 0.125), np.ones((8, 3)), np.zeros((8, 3)))
-    for stop in (-0.1, 0.0, 0.5, 0.9, 1.0, 1.1):  # nothing at rest follows the last sample
+    for stop in (-0.1, 0.0, 0.5 - 5e-7, 0.5, 0.5 + 5e-7, 0.9, 1.0, 1.1):  # nothing at rest follows the last sample
         assert old.stopped_at(stop) is old
+    assert len(old.stopped_at(0.8).time) == 9
 
 
 def test_filled_samples_are_those_of_which_a_value_was_filled():

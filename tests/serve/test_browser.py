@@ -19,14 +19,16 @@ pytestmark = pytest.mark.browser
 
 #: Greatest duration of a run and its diagnosis on a busy machine, s.
 TIMEOUT = 300
+#: Normalised RMS below which no cell fails.
+LIMIT = "\ndiagnosis:\n  cell_minimum_rms: 1.15\n"
 
 
 @pytest.fixture
 def folder(practice, tmp_path):
-    """A folder that contains only the mission of practice flight 01."""
+    """A folder that contains only the mission of practice flight 01, with another limit of a cell that fails."""
     text = shipped_mission("practice_mer").read_text()
     assert "path: builtin:practice_06 " in text
-    (tmp_path / "flight_01.yaml").write_text(text.replace("builtin:practice_06 ", f"{practice(1)} "))
+    (tmp_path / "flight_01.yaml").write_text(text.replace("builtin:practice_06 ", f"{practice(1)} ") + LIMIT)
     return tmp_path
 
 
@@ -101,6 +103,7 @@ def test_from_the_first_run_to_the_noise_floor(page, folder):
     page.wait_for_selector("#verdict[data-verdict=missing]", timeout=1000 * TIMEOUT)
     assert "wind" in page.inner_text("#verdict")
     assert page.locator("#ledger").count() == 0
+    assert "outlined: fails (above 1.15 and statistically significant)" in page.inner_text(".legend:has(.box)")
     failing = page.locator(".map button.fails")
     assert failing.count() > 5
     page.click('.map button.fails[data-channel="moment_y"]')

@@ -6,9 +6,10 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 from edl_filter import rotations
+from edl_filter.aero.damping import Damping
 from edl_filter.aero.database import Database
 from edl_filter.aero.grid import GridTable
-from edl_filter.effects.forward_model import Damping, ForwardModel
+from edl_filter.effects.forward_model import ForwardModel
 from edl_filter.effects.types import Body
 from edl_filter.planet import Planet
 from edl_filter.planet.atmosphere import Atmosphere

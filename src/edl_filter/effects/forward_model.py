@@ -13,12 +13,13 @@ Loads are those of the entry vehicle with its heat shield on, before the parachu
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from edl_filter import rotations
+from edl_filter.aero.damping import Damping
 from edl_filter.aero.database import Database
 from edl_filter.aero.planes import moments_at_cm, split
 from edl_filter.effects.base import EffectInstance
@@ -34,24 +35,6 @@ if TYPE_CHECKING:
 
 #: Iterations of `invert_entry_state`: each leaves the effect's size times the error before.
 _ENTRY_ITERATIONS = 8
-
-
-@dataclass(frozen=True)
-class Damping:
-    """Pitch and yaw damping against Mach number, linear between nodes and held at the edges.
-
-    Attributes
-    ----------
-    mach, cmq : (M,) arrays
-        Nodes, and the moment coefficient over rate D / 2V there.
-    """
-
-    mach: Array = field(default_factory=lambda: np.array([0.0, 1.0]))
-    cmq: Array = field(default_factory=lambda: np.zeros(2))
-
-    def at(self, mach: Array) -> Array:
-        """Coefficient ``(N,)`` at Mach numbers ``(N,)``."""
-        return np.interp(mach, self.mach, self.cmq)
 
 
 def compose_gravity(planet: Planet, effects: Sequence[EffectInstance]) -> Planet:

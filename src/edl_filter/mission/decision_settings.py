@@ -270,20 +270,20 @@ class DecisionSettings(Section):
     )
     sufficient_share: Annotated[Number, Within("", 0.0, 1.0)] = _setting(
         0.9,
-        "the same share below which a first name needs a second one that explains as much of what it leaves: right "
-        "first names of two were seen to explain 0.51 to 0.97, and wrong ones up to 0.40, and 0.83 once",
+        "the same share below which a leading effect needs a second one that explains as much of what it leaves: "
+        "correct leading effects of two explained 0.51 to 0.97, and incorrect ones up to 0.40, and 0.83 once",
         STUDY,
     )
     explained_share_shape: Annotated[Number, Within("", 1.0, 1000.0)] = _setting(
         10.0,
-        "shape k of the distribution Beta(k, 1) of that share for a right first name without a second one; that of a "
-        "wrong name is uniform (81 right names of a study have the estimate 230, none of them below 0.87; smaller, "
-        "since three missing effects leave more)",
+        "shape k of the distribution Beta(k, 1) of that share for a correct leading effect without a second one; that "
+        "of an incorrect effect is uniform. The maximum-likelihood estimate of k from 81 correct effects of a study, "
+        "whose least share was 0.87, is 230; a smaller k allows for three missing effects, of which one explains less",
         STUDY,
     )
     excess_noise_nats: Annotated[Number, Within("nats", 0.0, 200.0)] = _setting(
         10.0,
-        "nats: prior cost of noise that is not what is stated, the evidence from which it is as probable",
+        "nats: prior cost of noise that is larger than stated; with as much evidence it is as probable as not",
         EVIDENCE,
     )
     same_correlation: Annotated[Number, Within("", 0.0, 1.0, above=True)] = _setting(

@@ -8,12 +8,12 @@ from dataclasses import replace
 import numpy as np
 
 from edl_filter.aero.body import SphereCone
-from edl_filter.aero.damping import read_damping
+from edl_filter.aero.damping import Damping, read_damping
 from edl_filter.aero.database import Database, load_database
 from edl_filter.aero.increment_tables import IncrementTables
 from edl_filter.aero.increments_file import read_increments
 from edl_filter.effects.base import EffectInstance
-from edl_filter.effects.forward_model import Damping, ForwardModel, compose_body
+from edl_filter.effects.forward_model import ForwardModel, compose_body
 from edl_filter.effects.types import Body
 from edl_filter.errors import InputError
 from edl_filter.mission import Mission
@@ -97,7 +97,7 @@ def _forebody(mission: Mission) -> SphereCone | None:
 def damping_of(mission: Mission) -> Damping:
     """Pitch and yaw damping of a mission; none where it names no table."""
     path = mission.damping_path()
-    return Damping() if path is None else Damping(*read_damping(path))
+    return Damping() if path is None else read_damping(path)
 
 
 def body_of(mission: Mission, effects: Sequence[EffectInstance] = ()) -> Body:

@@ -45,12 +45,12 @@ def add_sensor_errors(groups: Groups, reconstruction: Reconstruction) -> None:
         groups[f"/sensor_errors/{unit}"] = group
 
 
-def add_constraints(groups: Groups, statements: Iterable[ConstraintCheck], fused: Iterable[Fused]) -> None:
+def add_constraints(groups: Groups, checks: Iterable[ConstraintCheck], fused: Iterable[Fused]) -> None:
     """Add ``/constraints/<name>``: innovations of the forward pass, and leave-one-out predictions."""
     by_name: dict[str, list[Fused]] = defaultdict(list)
     for f in fused:
         by_name[f.constraint.name].append(f)
-    for s in statements:
+    for s in checks:
         group = Group(
             attrs={
                 "source": s.source,

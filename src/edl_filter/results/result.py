@@ -122,7 +122,7 @@ def reconstruct(
     effects : sequence of EffectInstance, optional
         Instead of the mission's; held at their values.
     leave_one_out : bool
-        Predict every constraint from all others; without it there are no `statements`, which saves half of the time.
+        Predict every constraint from all others; without it there are no checks, which saves half of the time.
 
     Returns
     -------

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from edl_filter.diagnosis.jacobians.bin_rows import lever_arm_error
+from edl_filter.diagnosis.jacobians.bin_rows import discontinuity_sigma
 from edl_filter.diagnosis.prediction.time_bins import TimeBins, bin_sigma
 from edl_filter.imu_model.lever_arm import edge_values
 
@@ -26,7 +26,7 @@ def true_and_stated_error(onset):
     mean = np.outer(np.diff(angle) / DT, AXIS)
     edge_error = edge_values(np.full(N, DT), mean) - np.outer(rate, AXIS)
     true = np.cross(np.diff(edge_error, axis=0), ARM) / DT
-    stated = lever_arm_error(BINS, mean, ARM)
+    stated = discontinuity_sigma(BINS, mean, ARM)
     return np.linalg.norm(true, axis=1)[8:-8], np.linalg.norm(stated, axis=1)[8:-8]
 
 

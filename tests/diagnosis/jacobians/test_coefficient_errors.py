@@ -22,6 +22,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from edl_filter import Mission
+from edl_filter.aero.damping import Damping
 from edl_filter.aero.database import load_database
 from edl_filter.aero.discrepancy import DiscrepancyPrior
 from edl_filter.aero.grid import GridTable
@@ -40,7 +41,7 @@ from edl_filter.diagnosis.linear_model.linearization_point import smoothed_point
 from edl_filter.diagnosis.prediction.dead_reckoning import NODES_PER_BIN
 from edl_filter.diagnosis.prediction.time_bins import TimeBins
 from edl_filter.effects import EffectInstance
-from edl_filter.effects.forward_model import Damping, ForwardModel
+from edl_filter.effects.forward_model import ForwardModel
 from edl_filter.effects.perturbation import CoefficientUnits, Perturbation
 from edl_filter.effects.registry import find_effect
 from edl_filter.effects.types import AeroCoefficients, Body, FlightCondition

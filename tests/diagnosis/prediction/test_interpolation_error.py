@@ -7,7 +7,7 @@ from scipy.interpolate import PPoly
 from edl_filter import Mission
 from edl_filter.diagnosis.linear_model import linearization
 from edl_filter.diagnosis.linear_model.flight_case import load_case
-from edl_filter.diagnosis.prediction.interpolation_error import lever_arm_error
+from edl_filter.diagnosis.prediction.interpolation_error import interpolation_error
 from edl_filter.diagnosis.residual_analysis.residual_map import model_rms
 from edl_filter.effects.base import EffectInstance
 from edl_filter.effects.registry import find_effect
@@ -61,7 +61,7 @@ def test_the_error_at_changes_of_slope_is_predicted():
     samples, places = samples_of(mean_rate), np.tile(ARM, (COUNT, 1))
     true = exact - lever_arm_acceleration(samples.interval, mean_rate, places, samples.unit)
     alpha = np.column_stack([a(NODE_TIMES) for a in acceleration])
-    (predicted,) = lever_arm_error(samples, NODE_TIMES, alpha, [places])
+    (predicted,) = interpolation_error(samples, NODE_TIMES, alpha, [places])
     inside = slice(EDGE_REACH, COUNT - EDGE_REACH)
     size = np.sqrt(np.mean(true[inside] ** 2))
     assert size > 0.02  # m/s²: several sigmas of an accelerometer
@@ -73,7 +73,7 @@ def test_a_smooth_motion_has_none():
     alpha = np.column_stack([3.0 * np.sin(w * NODE_TIMES + phase) for phase in (0.0, 1.0, 2.0)])
     edges = np.append(0.0, TIME)
     mean_rate = np.column_stack([np.diff(-3.0 * np.sin(w * edges + p) / w**2) / DT for p in (0.0, 1.0, 2.0)])
-    (predicted,) = lever_arm_error(samples_of(mean_rate), NODE_TIMES, alpha, [np.tile(ARM, (COUNT, 1))])
+    (predicted,) = interpolation_error(samples_of(mean_rate), NODE_TIMES, alpha, [np.tile(ARM, (COUNT, 1))])
     assert np.abs(predicted).max() < 3e-3
 
 
@@ -81,7 +81,9 @@ def test_a_place_at_the_centre_of_mass_and_times_without_prediction_have_none():
     alpha = np.column_stack([a(NODE_TIMES) for a in triangle_wave()])
     samples, places = samples_of(np.zeros((COUNT, 3))), np.tile(ARM, (COUNT, 1))
     half = NODES * COUNT // 2
-    at_centre, at_place = lever_arm_error(samples, NODE_TIMES[: half + 1], alpha[: half + 1], [0.0 * places, places])
+    at_centre, at_place = interpolation_error(
+        samples, NODE_TIMES[: half + 1], alpha[: half + 1], [0.0 * places, places]
+    )
     assert np.all(at_centre == 0.0) and np.any(at_place != 0.0)
     assert np.all(at_place[:EDGE_REACH] == 0.0) and np.all(at_place[COUNT // 2 - EDGE_REACH :] == 0.0)
 
@@ -91,7 +93,7 @@ def test_it_is_linear_in_a_slow_rotation(factor):
     """Products of rates are of second order; without them it is proportional to the angular acceleration."""
     alpha = 1e-4 * np.column_stack([a(NODE_TIMES) for a in triangle_wave()])
     samples, places = samples_of(np.zeros((COUNT, 3))), [np.tile(ARM, (COUNT, 1))]
-    (single,), (scaled,) = (lever_arm_error(samples, NODE_TIMES, f * alpha, places) for f in (1.0, factor))
+    (single,), (scaled,) = (interpolation_error(samples, NODE_TIMES, f * alpha, places) for f in (1.0, factor))
     np.testing.assert_allclose(scaled, factor * single, atol=1e-3 * np.abs(single).max())
 
 

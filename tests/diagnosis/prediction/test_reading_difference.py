@@ -12,11 +12,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from edl_filter.aero.damping import Damping
 from edl_filter.diagnosis.prediction.dead_reckoning import NODES_PER_BIN
 from edl_filter.diagnosis.prediction.reading_difference import difference_on_fixed_path
 from edl_filter.diagnosis.prediction.residuals import ModelInputs
 from edl_filter.diagnosis.prediction.time_bins import TimeBins
-from edl_filter.effects.forward_model import Damping, ForwardModel
+from edl_filter.effects.forward_model import ForwardModel
 from edl_filter.effects.types import Body, FlightCondition
 from edl_filter.imu_model.sensor_errors import SensorErrors
 from edl_filter.navigation.increments import effective_samples

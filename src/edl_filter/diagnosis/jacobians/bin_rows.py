@@ -151,7 +151,7 @@ def bin_rows(
     middle = 0.5 * (bins.edges[1:] + bins.edges[:-1])
     position = driving.position[driving.index_at(middle)]
     path_rate = bin_means(bins.edges, samples.time, samples.interval, residuals.path.rate)
-    driving_lever = lever_arm_error(bins, path_rate, position)
+    driving_lever = discontinuity_sigma(bins, path_rate, position)
     values = np.full((b, width), np.nan)
     values[:, :3], values[:-1, 3:6] = residuals.force, residuals.rate_step
     noise = np.zeros((b, width, width))
@@ -177,7 +177,7 @@ def bin_rows(
         design[:, w0 : w0 + 3, before] = -eye
         checking_f = bin_sigma(bins, record.time, record.interval, record.force_noise)
         checking_w = bin_sigma(bins, record.time, record.interval, record.rate_noise)
-        lever = lever_arm_error(bins, path_rate, record.position[at_bin] - position)
+        lever = discontinuity_sigma(bins, path_rate, record.position[at_bin] - position)
         noise[:, range(f0, f0 + 3), range(f0, f0 + 3)] = (sigma_f**2 + checking_f**2)[:, None] + lever**2
         noise[:, range(w0, w0 + 3), range(w0, w0 + 3)] = (checking_w**2)[:, None]
         for c in range(3):  # the driving IMU's noise is common to its own row and to those of all checking IMUs
@@ -211,7 +211,7 @@ def bins_of_either_regime(model: ForwardModel, residuals: Residuals, density_sig
     return uncertain | np.append(uncertain[1:], False)  # the step of the rate spans the next bin too
 
 
-def lever_arm_error(bins: TimeBins, rate: Array, position: Array) -> Array:
+def discontinuity_sigma(bins: TimeBins, rate: Array, position: Array) -> Array:
     """Error of a lever-arm acceleration where the torque is discontinuous.
 
     The tangential part is the difference of the rates at the bin's edges, of eighth order in the means

@@ -31,7 +31,7 @@ from edl_filter.types import Array
 QUADRATURE_NODES = 5
 
 
-def lever_arm_error(
+def interpolation_error(
     samples: Samples, time: Array, angular_acceleration: Array, positions: Sequence[Array]
 ) -> list[Array]:
     """Mean lever-arm acceleration of a predicted rotation, less that interpolated from its mean rates.

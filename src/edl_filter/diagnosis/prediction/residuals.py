@@ -19,7 +19,7 @@ from edl_filter.diagnosis.prediction.dead_reckoning import (
     dead_reckon,
     path_nodes,
 )
-from edl_filter.diagnosis.prediction.interpolation_error import lever_arm_error
+from edl_filter.diagnosis.prediction.interpolation_error import interpolation_error
 from edl_filter.diagnosis.prediction.predicted_readings import accelerations_at_nodes, flow_at, predict
 from edl_filter.diagnosis.prediction.time_bins import TimeBins, bin_means
 from edl_filter.effects.forward_model import ForwardModel
@@ -259,7 +259,7 @@ def lever_arm_errors(reference: PathReference, inputs: ModelInputs, residuals: R
     bins, samples = reference.bins, inputs.problem.samples
     _, acceleration = accelerations_at_nodes(inputs.forward_model, residuals.flow, residuals.tables)
     positions = [positions_at(record, samples) for record in (inputs.driving, *inputs.checking)]
-    errors = lever_arm_error(samples, residuals.nodes.time, acceleration, positions)
+    errors = interpolation_error(samples, residuals.nodes.time, acceleration, positions)
     return tuple(bin_means(bins.edges, samples.time, samples.interval, error) for error in errors)
 
 

@@ -106,9 +106,10 @@ def rank(case: FlightCase, effects: Iterable[Effect], progress: Progress = lambd
 def _with_complement(ranking: Ranking, effects: Sequence[Effect], progress: Progress) -> Ranking:
     """The ranking, whose first hypothesis states whether a second effect explains what it leaves.
 
-    It is asked only where the first explains about a half or, of two effects in the same cells, less. The first of two
-    hidden effects does so, and so does a wrong name that resembles a part of something outside the catalogue. A first
-    name below `named_explained_share` needs a second one with which hardly any excess variance is left.
+    It is asked only where the first explains at least `complemented_explained_share` and less than `sufficient_share`,
+    and leaves excess variance. The first of two hidden effects does so, and so does an incorrect effect that resembles
+    a part of something outside the catalogue. A first effect below `named_explained_share` needs a second one with
+    which hardly any excess variance is left.
     """
     settings = ranking.case.settings
     if not ranking.hypotheses:

@@ -72,8 +72,8 @@ class RankedHypothesis(Content):
         "does not fail, or the effect was not fitted about its own reconstruction"
     )
     complemented: bool | None = key(
-        "whether a second effect explains what this one leaves; null where that was not asked, since it explains "
-        "clearly more or less than a half"
+        "whether a second effect explains what this one leaves; null where that was not asked: this one explains less "
+        "than complemented_explained_share or at least sufficient_share, or leaves hardly any excess variance"
     )
     parameters: dict[str, Estimate] = key("parameter → estimate")
     correlations: dict[str, Number] = key("pair of parameters → posterior correlation")

@@ -277,10 +277,11 @@ function ledgerView(result) {
   if (steps.length < 2) return null;
   const channels = Object.keys(steps[0].errors);
   const last = steps[steps.length - 1];
+  const least = result.diagnosis.settings.cell_minimum_rms;
   const rows = channels.map((c) => {
     const values = steps.map((s) => s.errors[c]);
     const [a, b] = [values[0], last.errors[c]];
-    const withinNoise = a == null || b == null || (a < 1.1 && b < 1.1); // a change within the noise is not significant
+    const withinNoise = a == null || b == null || (a < least && b < least); // a change within the noise is not significant
     return { decrease: withinNoise ? -Infinity : 1 - b / a, row: [plain(c), ...values.map((v) => number(v)),
       withinNoise ? "–" : `${(100 * (1 - b / a)).toFixed(1).replace("-", "−")} %`] };
   }).sort((x, y) => y.decrease - x.decrease);
@@ -353,7 +354,7 @@ function mapView(result) {
   return [
     make("h2", {}, "Where the model fails"),
     make("p", {}, failing ? `${failing} of ${cells.length} cells fail.` : `None of ${cells.length} cells fails.`),
-    make("p", { class: "legend" }, "Normalised RMS: 0.5", bar, number(worst), make("span", {}, make("span", { class: "box" }), " outlined: fails (above 1.1 and statistically significant)")),
+    make("p", { class: "legend" }, "Normalised RMS: 0.5", bar, number(worst), make("span", {}, make("span", { class: "box" }), ` outlined: fails (above ${number(result.diagnosis.settings.cell_minimum_rms)} and statistically significant)`)),
     make("div", { class: "map-and-residual" }, make("div", {},
       flight.length ? grid("channel", regimes, names, flight) : null,
       constraints.length ? make("details", { open: constraints.some((c) => c.fails) }, make("summary", {}, "Constraints"),
