@@ -52,7 +52,7 @@ def test_a_wrong_measurement_is_named(inputs, repair, text):
     assert text in causes[0].sentence and causes[0].consistent
     if "times" in text:
         estimate, sigma = causes[0].sentence.split(text)[1].split(" s late")[0].split(" ± ")
-        assert abs(float(estimate) - 3.3) < 2.0 * float(sigma) and 0.1 < float(sigma) < 0.6
+        assert abs(float(estimate) - 3.3) < min(0.5, 2.0 * float(sigma)) and 0.1 < float(sigma) < 0.4
 
 
 def test_the_sigma_of_an_estimate_is_that_of_the_curvature():

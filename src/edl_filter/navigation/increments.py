@@ -138,7 +138,7 @@ class Samples:
         before has what remains, so that the sum of both increments is that of the sample, and all of its noise.
         """
         k = self.index(time)
-        if k + 1 >= len(self.time) or min(self.time[k] - time, time - self.edges[k]) <= _ONE_EDGE:
+        if k + 1 >= len(self.time) or time - self.edges[k] <= _ONE_EDGE:
             return self
         out = self.split(np.array([time]))
         after = self.time[k] - time

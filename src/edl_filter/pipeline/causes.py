@@ -292,20 +292,19 @@ def _altimeter_offset(
     step = max(50.0 * sigma, 0.25 * float(np.ptp(heights)))
     offsets = np.linspace(-4.0, 4.0, 9) * step
 
-    def cost(offset: float) -> float:
-        nonlocal best, likelihood, consistent
+    def with_offset(offset: float) -> tuple[float, bool] | None:
         assert telemetry.altimeter is not None
-        altimeter = replace(telemetry.altimeter, height=heights - offset)
-        evaluated = evaluate(replace(telemetry, altimeter=altimeter))
-        if evaluated is None:
-            return _NO_FLIGHT
-        if evaluated[0] > likelihood:
-            best, (likelihood, consistent) = offset, evaluated
-        return -evaluated[0]
+        return evaluate(replace(telemetry, altimeter=replace(telemetry.altimeter, height=heights - offset)))
+
+    def cost(offset: float) -> float:
+        evaluated = with_offset(offset)
+        return _NO_FLIGHT if evaluated is None else -evaluated[0]
 
     while step > 0.5 * sigma:
         for offset in offsets:
-            cost(float(offset))
+            evaluated = with_offset(float(offset))
+            if evaluated is not None and evaluated[0] > likelihood:
+                best, (likelihood, consistent) = float(offset), evaluated
         step *= 0.4
         offsets = best + np.array([-2.0, -1.0, 1.0, 2.0]) * step
     deviation = _curvature_sigma(cost, best, sigma) if consistent else np.nan
