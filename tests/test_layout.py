@@ -50,7 +50,6 @@ COVERED_BY = {
     "mission/problems.py": ["cli/test_new.py", "workflow/test_validate.py"],
     "pipeline/constraints.py": ["pipeline/test_reconstruct.py", "telemetry/test_mer_flight.py"],
     "pipeline/entry_state.py": ["flights/test_mer.py"],
-    "pipeline/ground_height.py": ["pipeline/test_trust.py"],
     "pipeline/plausibility.py": ["pipeline/test_trust.py"],
     "pipeline/record_comparison.py": ["pipeline/test_trust.py"],
     "planet/species.py": ["planet/test_gas.py"],

@@ -8,7 +8,14 @@ import pytest
 from faulty_telemetry import SWAP_XY, SWAP_XZ, turned, with_altimeter
 
 from edl_filter import rotations
-from edl_filter.pipeline.causes import _curvature_sigma, _with_sigma, exchange_text, rank_causes, sign_text
+from edl_filter.pipeline.causes import (
+    _curvature_sigma,
+    _is_significant,
+    _with_sigma,
+    exchange_text,
+    rank_causes,
+    sign_text,
+)
 
 
 @pytest.mark.parametrize(
@@ -53,6 +60,26 @@ def test_a_wrong_measurement_is_named(inputs, repair, text):
     if "times" in text:
         estimate, sigma = causes[0].sentence.split(text)[1].split(" s late")[0].split(" ± ")
         assert abs(float(estimate) - 3.3) < min(0.5, 2.0 * float(sigma)) and 0.1 < float(sigma) < 0.4
+
+
+@pytest.mark.parametrize(
+    ("factor", "side"), [(1.01, "large"), pytest.param(0.98, "small", marks=pytest.mark.slow)], ids=["1%", "-2%"]
+)
+def test_heights_with_a_wrong_scale_are_named_with_its_size(inputs, factor, side):
+    mission, telemetry, planet, atmosphere = inputs
+    faulty = with_altimeter(telemetry, telemetry.altimeter.height * (factor - 1.0))
+    cause = rank_causes(mission, faulty, planet, atmosphere, ())[0]
+    assert cause.kind == "measurement" and cause.consistent
+    estimate, sigma = cause.sentence.split("its heights are ")[1].split(f" % too {side}")[0].split(" ± ")
+    assert abs(float(estimate) - 100.0 * abs(factor - 1.0)) < 3.0 * float(sigma) and 0.05 < float(sigma) < 0.2
+
+
+@pytest.mark.parametrize(
+    ("value", "sigma", "expected"),
+    [(0.5, 0.2, True), (0.3, 0.2, False), (-0.5, 0.2, True), (0.015, 1e-6, False), (0.5, np.nan, True)],
+)
+def test_an_estimate_is_a_cause_from_two_sigmas_and_from_its_resolution_on(value, sigma, expected):
+    assert _is_significant(value, sigma, 0.01) == expected
 
 
 def test_the_sigma_of_an_estimate_is_that_of_the_curvature():

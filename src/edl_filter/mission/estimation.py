@@ -302,18 +302,19 @@ class RestFromTelemetryConfig(FromTelemetryConfig):
 class AltimeterFromTelemetryConfig(FromTelemetryConfig):
     """The altimeter of the flight file.
 
-    The vehicle comes to rest on the ground that the altimeter measures. The default relief is that of a landing site
-    whose slopes are below 5 degrees over 100 m, as those of the Mars Exploration Rovers had to be (Golombek et al.
-    2003, Journal of Geophysical Research 108, E12). Where heights refer to another surface than the ground at the
-    landing, state how far it may be from it.
+    The vehicle comes to rest on the ground that the altimeter measures. Without a stated relief, the ground between a
+    reading and the landing is a random walk with slopes of 5 degrees over 100 m, which those of the Mars Exploration
+    Rovers' landing sites had to be below (Golombek et al. 2003, Journal of Geophysical Research 108, E12). Where
+    heights refer to another surface than the ground at the landing, state how far it may be from it.
     """
 
     sigma: Annotated[Number, Within("m", 1e-3, 1e5)] | None = Field(
         default=None, description="1 sigma of one height, m; absent: that of the flight file"
     )
-    relief_sigma: LengthSigma = Field(
-        default=10.0,
-        description="1 sigma of the height of the ground at the landing above the surface of the heights, m",
+    relief_sigma: LengthSigma | None = Field(
+        default=None,
+        description="1 sigma of the height of the ground at the landing above the surface of the heights, m; absent: "
+        "that of slopes of 5 degrees over 100 m between each reading and the landing",
     )
 
 

@@ -38,12 +38,11 @@ from edl_filter.types import AXES, Array
 
 #: Altimeter readings and longest interval (s) of the short run.
 ALTIMETER_READINGS, LONGEST_INTERVAL = 36, 30.0
-#: Shifts of a clock that are tried, s; the best is refined.
+#: Shifts of a clock (s) and relative errors of a scale that are tried; the best is refined.
 SHIFTS = (-10.0, -5.0, -2.0, -1.0, -0.5, 0.5, 1.0, 2.0, 5.0, 10.0)
+SCALE_ERRORS = (-0.1, -0.03, -0.01, -0.003, 0.003, 0.01, 0.03, 0.1)
 #: Least size of an estimated error in its sigmas for which it is a cause.
 SIGNIFICANT = 2.0
-#: First step of the differences from which the sigma of a shift follows, s.
-_FIRST_STEP_S = 0.1
 #: Cost of a value with which the record is no flight.
 _NO_FLIGHT = 1e30
 #: Penalty of a number that a hypothesis estimates, nats: ½ ln of about 30 components.
@@ -242,42 +241,72 @@ def _axis_hypotheses(frame: str, axes: Array) -> Iterator[_Hypothesis]:
             yield _Hypothesis("sign", f"{sign_text(signs)} in the {name}{frame and ', axes' + frame}", repair)
 
 
-def _shifts(telemetry: Telemetry) -> dict[str, tuple[str, Callable[[float], Callable[[Telemetry], Telemetry]]]]:
-    """Errors of one number that is estimated: kind → sentence with the number, and the repair of a given one."""
-    errors: dict[str, tuple[str, Callable[[float], Callable[[Telemetry], Telemetry]]]] = {
-        "imu": ("clock, the times of the IMU are about {size} s {sign}", _shifted_imu)
-    }
+@dataclass(frozen=True)
+class _ErrorOfOneNumber:
+    """An error of one number that is estimated: from the best of `values`, to `resolution`.
+
+    `sentence` contains the size, times `factor`, and one of two words: for a value above zero, and for one below.
+    `repair` gives the repair of a value.
+    """
+
+    kind: str
+    sentence: str
+    words: tuple[str, str]
+    values: tuple[float, ...]
+    resolution: float
+    repair: Callable[[float], Callable[[Telemetry], Telemetry]]
+    factor: float = 1.0
+
+    def text(self, value: float, sigma: float) -> str:
+        """The sentence for an estimate with one sigma."""
+        size = _with_sigma(self.factor * abs(value), self.factor * sigma)
+        return self.sentence.format(size=size, sign=self.words[int(value < 0.0)])
+
+
+def _errors_of_one_number(telemetry: Telemetry) -> Iterator[_ErrorOfOneNumber]:
+    clock = "clock, the times of the {} are about {{size}} s {{sign}}"
+    words = ("early", "late")
+    yield _ErrorOfOneNumber("clock", clock.format("IMU"), words, SHIFTS, 0.01, _shifted_imu)
     if telemetry.altimeter is not None:
-        errors["altimeter"] = ("clock, the times of the altimeter are about {size} s {sign}", _shifted_altimeter)
-    return errors
+        yield _ErrorOfOneNumber("clock", clock.format("altimeter"), words, SHIFTS, 0.01, _shifted_altimeter)
+        scale = "the altimeter, its heights are {size} % too {sign}"
+        yield _ErrorOfOneNumber(
+            "measurement",
+            scale,
+            ("large", "small"),
+            SCALE_ERRORS,
+            1e-4,
+            lambda error: _scaled_altimeter(1.0 / (1.0 + error)),
+            100.0,
+        )
 
 
 def _estimated_causes(
     telemetry: Telemetry, evaluate: Callable[[Telemetry], tuple[float, bool] | None]
 ) -> Iterator[tuple[str, str, float, bool]]:
     """Kind, sentence, log likelihood and consistency of hypotheses with one number, at its best value."""
-    for text, repair in _shifts(telemetry).values():
+    for error in _errors_of_one_number(telemetry):
         values: dict[float, tuple[float, bool]] = {}
 
-        def cost(shift: float, repair=repair, values=values) -> float:
-            evaluated = evaluate(repair(shift)(telemetry))
+        def cost(value: float, error=error, values=values) -> float:
+            evaluated = evaluate(error.repair(value)(telemetry))
             if evaluated is None:
                 return _NO_FLIGHT
-            values[shift] = evaluated
+            values[value] = evaluated
             return -evaluated[0]
 
-        grid = np.array(sorted((0.0, *SHIFTS)))
-        best = int(np.argmin([cost(float(shift)) for shift in grid]))
+        grid = np.array(sorted((0.0, *error.values)))
+        best = int(np.argmin([cost(float(value)) for value in grid]))
         bounds = (grid[max(best - 1, 0)], grid[min(best + 1, len(grid) - 1)])
         from scipy.optimize import minimize_scalar  # imported on use: few runs look for causes
 
-        minimize_scalar(cost, bounds=bounds, method="bounded", options={"xatol": 0.01, "maxiter": 12})
+        minimize_scalar(cost, bounds=bounds, method="bounded", options={"xatol": error.resolution, "maxiter": 12})
         if values:
-            shift = max(values, key=lambda s: values[s])
-            likelihood, consistent = values[shift]
-            sigma = _curvature_sigma(cost, shift, _FIRST_STEP_S) if consistent else np.nan
-            sentence = text.format(size=_with_sigma(abs(shift), sigma), sign="late" if shift < 0.0 else "early")
-            yield "clock", sentence, likelihood, consistent and not abs(shift) < SIGNIFICANT * sigma
+            value = max(values, key=lambda v: values[v])
+            likelihood, consistent = values[value]
+            sigma = _curvature_sigma(cost, value, 10.0 * error.resolution) if consistent else np.nan
+            significant = _is_significant(value, sigma, error.resolution)
+            yield error.kind, error.text(value, sigma), likelihood, consistent and significant
     if telemetry.altimeter is not None:
         yield from _altimeter_offset(telemetry, evaluate)
 
@@ -309,8 +338,13 @@ def _altimeter_offset(
         offsets = best + np.array([-2.0, -1.0, 1.0, 2.0]) * step
     deviation = _curvature_sigma(cost, best, sigma) if consistent else np.nan
     size, sign = _with_sigma(abs(best), deviation), "high" if best > 0.0 else "low"
-    consistent = consistent and not abs(best) < SIGNIFICANT * deviation
+    consistent = consistent and _is_significant(best, deviation, 0.5 * sigma)
     yield "measurement", f"the altimeter, its heights are {size} m too {sign}", likelihood, consistent
+
+
+def _is_significant(value: float, sigma: float, resolution: float) -> bool:
+    """Whether an estimate is beyond zero by `SIGNIFICANT` sigmas, and by as many times its resolution."""
+    return abs(value) >= SIGNIFICANT * float(np.fmax(sigma, resolution))
 
 
 def _curvature_sigma(cost: Callable[[float], float], best: float, step: float) -> float:

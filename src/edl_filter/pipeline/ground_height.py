@@ -1,11 +1,18 @@
-"""Height of the vehicle at rest above the surface to which its altimeter's heights refer: it is that surface.
+"""Height of the ground at the landing above the surface to which the altimeter's heights refer: it is that surface.
 
 Input: a reconstruction with an altimeter and a landing. An error that all heights have in common, an offset or late
 times while the vehicle descends at a constant speed, moves the whole path with it, and no reading is rejected. The
 landing site contradicts it only beyond its own sigma, of three axes. But the vehicle comes to rest on the ground that
-the altimeter measures, so that the smoothed height at the landing is zero, up to the relief between the place of the
-landing and the ground below the readings (`AltimeterFromTelemetryConfig.relief_sigma`). Output: that height with its
-sigma.
+the altimeter measures. Each reading therefore gives the height of the ground below it above that at the landing, from
+the smoothed path between them:
+
+    e_i = |r_i| - |r_rest| - h_i = b + g_i + v_i,
+
+with the common error b, the reading's noise v, and the relief g between both places. The relief is a random walk in
+the horizontal distance from the landing (Hurst exponent 0.5), with the rms slope of `_SLOPE` over `_BASELINE`. b is the
+generalised least-squares estimate, in which the last readings, close to the landing, have most of the weight. Where the
+mission states `AltimeterFromTelemetryConfig.relief_sigma`, g is a constant with that sigma instead. Output: b with its
+sigma, which contains that of the height at rest.
 """
 
 from __future__ import annotations
@@ -17,18 +24,24 @@ import numpy as np
 from edl_filter.navigation.consensus import quantile
 from edl_filter.navigation.constraints import Altimeter
 from edl_filter.pipeline.reconstruct import Reconstruction
+from edl_filter.types import Array
+
+#: Rms slope, and the baseline to which it belongs (m): the requirement on the landing sites of the Mars Exploration
+#: Rovers (Golombek et al. 2003, Journal of Geophysical Research 108, E12, 8072).
+_SLOPE = np.tan(np.radians(5.0))
+_BASELINE = 100.0
 
 
 @dataclass(frozen=True)
-class HeightAtRest:
-    """Height at rest above the surface of the altimeter.
+class GroundHeight:
+    """Height of the ground at the landing above the surface of the altimeter's heights.
 
     Attributes
     ----------
     height : float
-        m.
+        Common error of the heights, m; positive: they are too large.
     sigma : float
-        One sigma of the height and of the relief, m.
+        One sigma, m, with that of the relief.
     significant : bool
         Whether it is beyond the gate of the mission's filter.
     """
@@ -38,8 +51,8 @@ class HeightAtRest:
     significant: bool
 
 
-def height_at_rest(reconstruction: Reconstruction) -> HeightAtRest | None:
-    """Height at the landing; None without an altimeter that is used, or without a landing.
+def ground_height(reconstruction: Reconstruction) -> GroundHeight | None:
+    """Common error of the altimeter's heights; None without an altimeter that is used, or without a landing.
 
     Parameters
     ----------
@@ -48,19 +61,58 @@ def height_at_rest(reconstruction: Reconstruction) -> HeightAtRest | None:
 
     Returns
     -------
-    HeightAtRest or None
+    GroundHeight or None
     """
     r = reconstruction
-    stated = r.mission.constraints.altimeter
-    surface = next((c.surface_radius for c in r.problem.constraints if isinstance(c, Altimeter)), None)
+    stated, smoothed = r.mission.constraints.altimeter, r.smoothed
+    uses = [(use.constraint, use.node) for use in r.filter_pass.fused if use.accepted]
+    readings = [(c, node) for c, node in uses if isinstance(c, Altimeter)]
     landing = r.event_times.get("landing", None if r.telemetry.landing is None else r.telemetry.landing.time)
-    if stated is None or surface is None or landing is None or not r.smoothed.time[0] <= landing <= r.smoothed.time[-1]:
+    if stated is None or not readings or landing is None or not smoothed.time[0] <= landing <= smoothed.time[-1]:
         return None
-    node = int(np.argmin(np.abs(r.smoothed.time - landing)))
-    position = r.smoothed.states[node].nav[:3]
-    radius = float(np.linalg.norm(position))
-    up = position / radius
-    variance = float(up @ r.smoothed.covariance[node][:3, :3] @ up) + stated.relief_sigma**2
-    height = radius - surface
+    rest = int(np.argmin(np.abs(smoothed.time - landing)))
+    nodes = np.array([*(node for _, node in readings), rest])
+    positions = np.array([smoothed.states[k].nav[:3] for k in nodes])
+    fixed = r.problem.planet.rotation.to_fixed(smoothed.time[nodes], positions)
+    radius = np.linalg.norm(fixed, axis=1)
+    measured = np.array([c.height + c.surface_radius for c, _ in readings])
+    height, variance = common_error(
+        measured - radius[:-1],
+        np.array([c.sigma for c, _ in readings]),
+        np.linalg.norm(np.cross(fixed[:-1], fixed[-1] / radius[-1]), axis=1),
+        stated.relief_sigma,
+    )
+    height += float(radius[-1]) - readings[-1][0].surface_radius
+    up = positions[-1] / radius[-1]
+    variance += float(up @ smoothed.covariance[rest][:3, :3] @ up)
     gate = quantile(r.problem.settings.gate_probability, 1)
-    return HeightAtRest(height, float(np.sqrt(variance)), height**2 > gate * variance)
+    return GroundHeight(height, float(np.sqrt(variance)), height**2 > gate * variance)
+
+
+def common_error(error: Array, sigma: Array, distance: Array, relief_sigma: float | None = None) -> tuple[float, float]:
+    """Error that the readings of an altimeter have in common, by generalised least squares.
+
+    Parameters
+    ----------
+    error : (N,) array
+        Of each reading, m.
+    sigma : (N,) array
+        One sigma of the noise of each, m.
+    distance : (N,) array
+        Horizontal distance of each from the landing, m.
+    relief_sigma : float, optional
+        One sigma of a relief that all readings have in common, m. Default: that of a random walk in the distance.
+
+    Returns
+    -------
+    estimate : float
+        m.
+    variance : float
+        m².
+    """
+    relief = np.zeros((len(error), len(error)))
+    if relief_sigma is None:
+        relief = _SLOPE**2 * _BASELINE * np.minimum.outer(distance, distance)
+    weights = np.linalg.solve(np.diag(sigma**2) + relief, np.ones(len(error)))
+    variance = 1.0 / float(weights.sum())
+    return variance * float(weights @ error), variance + (0.0 if relief_sigma is None else relief_sigma**2)

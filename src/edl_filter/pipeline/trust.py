@@ -28,7 +28,7 @@ from edl_filter.mission import Mission
 from edl_filter.navigation.filter import Problem
 from edl_filter.navigation.recovery import LEAST_GAIN, Recovery, first_pass
 from edl_filter.pipeline.causes import Cause, rank_causes
-from edl_filter.pipeline.ground_height import height_at_rest
+from edl_filter.pipeline.ground_height import ground_height
 from edl_filter.pipeline.load import check_settings, event_times, read_atmosphere, read_telemetry
 from edl_filter.pipeline.plausibility import find_violation
 from edl_filter.pipeline.reconstruct import Reconstruction, assemble, first_run
@@ -295,7 +295,7 @@ def _unknown_rotation(reconstruction: Reconstruction) -> str | None:
 
 def _not_on_the_ground(reconstruction: Reconstruction) -> str | None:
     """How far from the surface of the altimeter's heights the vehicle came to rest, as words; None if it is on it."""
-    rest = height_at_rest(reconstruction)
+    rest = ground_height(reconstruction)
     if rest is None or not rest.significant:
         return None
     side, error, clock = ("above", "high", "late") if rest.height > 0.0 else ("below", "low", "early")
