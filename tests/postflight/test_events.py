@@ -1,5 +1,7 @@
 """Events of real flights, and the peak deceleration on constructed samples."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -99,3 +101,21 @@ def test_a_flight_without_a_clock_has_utc_alone(practice_06):
     assert e["entry_interface"].utc == "2004-01-04T04:19:52.000"
     times = [event.time_s for event in e.values()]
     assert times == sorted(times)
+
+
+@pytest.mark.parametrize("time_sigma", [0.0, 0.02, 0.3])
+def test_the_sigma_of_a_state_contains_that_of_its_time(practice_06, time_sigma):
+    telemetry = replace(practice_06.telemetry, event_sigmas={"parachute_deploy": time_sigma})
+    chute = events_of(replace(practice_06, telemetry=telemetry))["parachute_deploy"]
+    exact = events_of(replace(practice_06, telemetry=replace(telemetry, event_sigmas={})))["parachute_deploy"]
+    air = air_data(practice_06.trajectory, practice_06.planet, practice_06.atmosphere)
+    sinking = np.interp(chute.time_s, air.time, np.gradient(air.altitude, air.time))
+    assert chute.altitude_sigma_m == pytest.approx(np.hypot(exact.altitude_sigma_m, sinking * time_sigma), rel=2e-2)
+    assert chute.altitude_m == exact.altitude_m
+
+
+def test_a_touchdown_later_than_stated_is_one_at_the_speed_before_it(practice_06):
+    """The impact begins with it: its deceleration of 140 m/s² is no part of the uncertainty of the touchdown."""
+    landing = events_of(practice_06)["landing"]
+    assert practice_06.telemetry.event_sigmas["landing"] == 0.02
+    assert landing.velocity_m_s > 60.0 and landing.velocity_sigma_m_s < 0.1

@@ -6,12 +6,14 @@ within the sample (`rotation_corrections`), and what the samples do not show of 
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field, fields
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from edl_filter import rotations
+from edl_filter.estimation.interpolating_spline import InterpolatingSpline, integral_spline
 from edl_filter.imu_model.lever_arm import lever_arm_acceleration
 from edl_filter.navigation.rotation_corrections import rotation_corrections
 from edl_filter.navigation.unresolved import UnresolvedMotion, unresolved_motion
@@ -21,6 +23,8 @@ from edl_filter.types import Array, BoolArray, IntArray
 #: Distance (s) from an edge of a sample within which no further edge is made: `Samples.index` counts a sample that ends
 #: there as over, whatever the rounding of both times.
 _ONE_EDGE = SAME_TIME - 1e-9
+#: Number of samples from which the course up to a jump is extrapolated; those before them have no weight left.
+_EXTRAPOLATED = 40
 #: Part of one sample's unresolved rotation in which the attitude that was computed on board differs from the integral
 #: of the same samples by its algorithm (`onboard_rates`). Spirit's quaternions differ from it by 0.12 under the
 #: parachute and 0.13 during the bounces, their rounding subtracted.
@@ -103,7 +107,12 @@ class Samples:
         return Samples(*[getattr(self, name)[start:stop] for name in _SAMPLES_FIELDS])
 
     def split(self, times: Array) -> Samples:
-        """The same motion with sample edges also at `times` ``(K,)``, s; the random walks stay the same."""
+        """The same motion with sample edges also at `times` ``(K,)``, s; the random walks stay the same.
+
+        Force and rate inside a sample are those of the spline through their integrals, as in `rotation_corrections`.
+        The last part of the sample has what remains, so that the whole sample's rotation and velocity do not change.
+        The plain means of all parts are those of the sample, which is what was measured.
+        """
         edges = self.edges
         inside = np.unique(times)
         inside = inside[(inside > edges[0]) & (inside < edges[-1])]
@@ -113,7 +122,7 @@ class Samples:
         index = np.searchsorted(self.time, time - 1e-9)
         interval = np.diff(time, prepend=edges[0])
         factor = np.sqrt(self.interval[index] / interval)
-        return Samples(
+        out = Samples(
             time=time,
             interval=interval,
             force=self.force.take(index, axis=0),
@@ -129,6 +138,76 @@ class Samples:
             rate_fill_sigma=self.rate_fill_sigma[index] * factor[:, None],
             onboard_rate=self.onboard_rate.take(index, axis=0),
         )
+        divided = np.flatnonzero(np.bincount(index) > 1)
+        if len(divided):
+            segment = self._segments()
+            courses = {i: self._course(np.flatnonzero(segment == i)) for i in np.unique(segment[divided])}
+            for k in divided:
+                self._divide(out, np.flatnonzero(index == k), int(k), courses[segment[k]])
+        return out
+
+    def _segments(self) -> IntArray:
+        """Number ``(N,)`` of each sample's segment, across whose ends no spline reaches: a short sample is its own."""
+        short = self.interval < 0.5 * np.median(self.interval)
+        return np.cumsum(short | np.append(False, short[:-1]))
+
+    def _course(self, index: IntArray) -> InterpolatingSpline:
+        """Spline through the integrals of force and rate over the adjoining samples of `index`."""
+        edges = self.edges[index[0] : index[-1] + 2]
+        return integral_spline(edges, self.interval[index], np.hstack((self.mean_force, self.mean_rate))[index])
+
+    def _divide(self, out: Samples, part: IntArray, k: int, course: Callable[[Array], Array]) -> None:
+        """Give the parts of sample `k`, which are `part` of `out`, their effective forces and rates; in place.
+
+        `course` gives the integrals of force and rate ``(M, 6)`` at ``(M,)`` times. What the effective means have in
+        addition to the plain ones is divided in proportion to time.
+        """
+        dt, whole_dt = out.interval[part], self.interval[k]
+        increments = np.diff(course(np.append(out.time[part[0]] - dt[0], out.time[part[:-1]])), axis=0)
+        mean_force, mean_rate = np.split(increments / dt[:-1, None], 2, axis=1)
+        for name in ("rate", "onboard_rate"):
+            rate, whole = getattr(out, name), getattr(self, name)[k]
+            rate[part[:-1]] = mean_rate + (whole - self.mean_rate[k])
+            rest = rotations.from_rotation_vector(whole * whole_dt)
+            for i in part[:-1]:
+                rest = rotations.multiply(rotations.from_rotation_vector(-rate[i] * out.interval[i]), rest)
+            rate[part[-1]] = rotations.to_rotation_vector(rest) / dt[-1]
+        # as `strapdown.step`: a sample's force is in the axes of half its turn
+        out.force[part[:-1]] = mean_force + (self.force[k] - self.mean_force[k])
+        half_turns = rotations.from_rotation_vector(0.5 * out.rate[part] * dt[:, None])
+        gain = rotations.rotate(rotations.from_rotation_vector(0.5 * self.rate[k] * whole_dt), self.force[k] * whole_dt)
+        attitude = np.array([0.0, 0.0, 0.0, 1.0])
+        for i, half_turn in zip(part[:-1], half_turns[:-1], strict=True):
+            middle = rotations.multiply(attitude, half_turn)
+            gain = gain - rotations.rotate(middle, out.force[i]) * out.interval[i]
+            attitude = rotations.multiply(middle, half_turn)
+        middle = rotations.multiply(attitude, half_turns[-1])
+        out.force[part[-1]] = rotations.rotate(rotations.conjugate(middle), gain) / dt[-1]
+
+    def opened_at(self, time: float) -> Samples:
+        """The same motion with a sample edge at the `time` (s) from which on a parachute pulls.
+
+        Force and moment jump there. The part of the sample before has the course that the samples before it show. For
+        a force that jumps, a Wiener process, that is its last value; for a rate whose derivative does, the spline of
+        fifth degree through its integral, extrapolated. Where less than a quarter of the sample is behind the time,
+        little of the jump is in it, and a small error of the extrapolation would be a large rate of that part: it is
+        split as at any other time.
+        """
+        k = self.index(time)
+        inside = 0 < k < len(self.time) and time - self.edges[k] > _ONE_EDGE
+        if not inside or self.time[k] - time < 0.25 * self.interval[k]:
+            return self
+        out = self.split(np.array([time]))
+        segment = self._segments()
+        before = np.flatnonzero(segment[:k] == segment[k - 1])[-_EXTRAPOLATED:]
+        edges, interval = self.edges[before[0] : k + 1], self.interval[before]
+        rate = integral_spline(edges, interval, self.mean_rate[before])
+
+        def course(times: Array) -> Array:
+            return np.hstack((self.mean_force[k - 1] * (times - edges[-1])[:, None], rate(times)))
+
+        self._divide(out, np.array([k, k + 1]), k, course)
+        return out
 
     def stopped_at(self, time: float) -> Samples:
         """The same motion with a sample edge at the `time` (s) from which on the vehicle is at rest.

@@ -189,6 +189,8 @@ def assemble_free(
     times = event_times(mission, telemetry)
     samples = effective_samples(telemetry.driving, impacts_from(telemetry, times), unresolved)
     samples = with_velocity_steps(samples, shifts)
+    if "parachute_deploy" in times:
+        samples = samples.opened_at(times["parachute_deploy"])
     if telemetry.landing is not None:
         samples = samples.stopped_at(telemetry.landing.time)
     initial, entry = entry_state(mission, telemetry)

@@ -30,7 +30,7 @@ class Event:
         Spacecraft clock, s, where there is one.
     utc : str
     altitude_m, altitude_sigma_m : float
-        Areodetic.
+        Areodetic. This sigma and that of the velocity contain that of the event's time.
     height_above_site_m : float or None
         Distance from the planet's centre minus the landing site's.
     velocity_m_s, velocity_sigma_m_s : float
@@ -132,15 +132,15 @@ def _event(name: str, time: float, reconstruction: Reconstruction, air: AirData,
     """State at `time`, s."""
     telemetry, site = reconstruction.telemetry, reconstruction.site_radius
     stated = reconstruction.mission.vehicle.events.get(name)
-    time_sigma = 0.0 if stated is None else stated.sigma_s
+    time_sigma = telemetry.event_sigmas.get(name, 0.0) if stated is None else stated.sigma_s
 
     def at(values: Array) -> float:
         return float(np.interp(time, air.time, values))
 
     def sigma(values: Array, sigmas: Array) -> float:
-        """One sigma of a value at the event, with the sigma of the event's time."""
-        step = float(np.interp(time + time_sigma, air.time, values) - np.interp(time - time_sigma, air.time, values))
-        return float(np.hypot(at(sigmas), 0.5 * step))
+        """One sigma of a value at the event, with that of the event's time, along the motion before the event."""
+        step = at(values) - float(np.interp(time - time_sigma, air.time, values))
+        return float(np.hypot(at(sigmas), step))
 
     return Event(
         name=name,

@@ -198,13 +198,6 @@ def _check_rest(imu_node: Node, records: tuple[ImuRecord, ...], landed: float) -
             )
 
 
-def _event_time(node: Node) -> float:
-    """Time of an event, s; its sigma is checked but not used."""
-    if "time_sigma" in node.group.attrs:
-        node.attribute("time_sigma", limits=Limits("s", 0.0, 1e3))
-    return float(node.attribute("time", limits=TIME))
-
-
 def _read_imus(root: Node, settings: CheckSettings | None) -> dict[str, Any]:
     imu_node = root.child("imu")
     names = ["primary", *(name for name in sorted(imu_node.group) if name != "primary")]
@@ -293,8 +286,16 @@ def _read_altimeter(root: Node, settings: CheckSettings | None) -> dict[str, Any
 
 
 def _read_events(root: Node) -> dict[str, Any]:
-    events = root.optional("events")
-    return {"events": {name: _event_time(events.child(name)) for name in events.group} if events else {}}
+    group = root.optional("events")
+    nodes = {name: group.child(name) for name in group.group} if group else {}
+    return {
+        "events": {name: float(node.attribute("time", limits=TIME)) for name, node in nodes.items()},
+        "event_sigmas": {
+            name: float(node.attribute("time_sigma", limits=Limits("s", 0.0, 1e3)))
+            for name, node in nodes.items()
+            if "time_sigma" in node.group.attrs
+        },
+    }
 
 
 def _read_epoch(root: Node) -> dict[str, Any]:

@@ -380,6 +380,8 @@ class Telemetry:
     parachute : ParachuteFix or None
     events : dict
         Name → time, s since the epoch.
+    event_sigmas : dict
+        Name → one sigma of the time, s, where the telemetry states it.
     epoch_utc : str
         ISO 8601 of time 0.
     epoch_sclk : float or None
@@ -409,6 +411,7 @@ class Telemetry:
     landing: LandingFix | None = None
     parachute: ParachuteFix | None = None
     events: dict[str, float] = field(default_factory=dict)
+    event_sigmas: dict[str, float] = field(default_factory=dict)
     epoch_utc: str = ""
     epoch_sclk: float | None = None
     prime_meridian_at_epoch: float | None = None
