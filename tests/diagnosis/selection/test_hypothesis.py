@@ -19,6 +19,7 @@ from edl_filter.diagnosis.selection.hypothesis import (
     relinearize_with_effect,
     with_gain_where_model_holds,
 )
+from edl_filter.diagnosis.selection.map_fit import NullModelFit
 from edl_filter.effects.base import EffectInstance
 from edl_filter.effects.registry import find_effect
 from edl_filter.estimation.regression import held_out_gain
@@ -406,6 +407,32 @@ def test_gain_of_an_effect_beside_a_model_that_holds(reconstructed, sigmas, own,
     null = Null(evidence=-100.0, excess_share=0.0)
     h = hypothesis_of(reconstructed, Fit(-80.0), null)
     assert relinearize_with_effect(h, null).gain == gain
+
+
+@pytest.mark.parametrize(
+    ("gain", "over_zero", "better"),
+    [(500.0, -20.0, True), (500.0, 5.9, True), (500.0, 6.1, False), (500.0, 490.0, False), (5.0, 0.0, False)],
+)
+def test_evidence_that_is_not_that_of_the_effect_is_that_of_its_point(flight, monkeypatch, gain, over_zero, better):
+    """The null model about that point; with `named_gain_nats` of 6 both for the effect, and for the rest of the gain."""
+    about = []
+
+    def linearize_at(case, point, excess):
+        about.append((case, point, excess))
+        return "model about it"
+
+    monkeypatch.setattr(module, "linearize_at", linearize_at)
+    null = NullModelFit(395.0, 395.0, 0.5, 390.0, 400.0)
+    monkeypatch.setattr(module, "fit_null_model", lambda model, effects, share: null if share == 0.5 else None)
+    fit = SimpleNamespace(gain_over_zero=lambda key: over_zero, point="its point")
+    reference = NullModelFit(-100.0, -90.0, 0.5, 391.0, 400.0)
+    h = Hypothesis(KEY, fit, np.zeros(1), gain, 0.0, True, np.zeros(1), flight.case, flight.model, reference)
+    result = module.null_model_about(h, flight.case)
+    if not better:
+        assert result is None and not about
+        return
+    assert about == [(flight.case, "its point", "excess")]
+    assert result == ("model about it", replace(null, white_log_likelihood=391.0))
 
 
 def test_a_hypothesis_is_known_by_its_effect_and_its_imu(flight):

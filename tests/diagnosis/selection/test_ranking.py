@@ -247,7 +247,17 @@ class Constructed:
 
 
 FAILING, HOLDING = Constructed("failing", False), Constructed("holding", True)
-NULL, REFERENCE = "null about its own point", "null about the most probable point"
+
+
+@dataclass(frozen=True)
+class Null:
+    """The model without a further effect about a point."""
+
+    point: str
+    evidence: float = 0.0
+
+
+NULL, REFERENCE = Null("its own"), Null("the most probable one")
 
 
 @dataclass(frozen=True)
@@ -263,7 +273,7 @@ class Candidate:
     own_noise_evidence: float = -np.inf
     stated_noise_fit: object = None
     complemented: bool | None = None
-    null: str = NULL
+    null: Null = NULL
 
     fit = SimpleNamespace(effects=("the first effect",))
 
@@ -274,7 +284,7 @@ class Candidate:
     label = name
 
     def with_reference(self, null):
-        return replace(self, null=null)
+        return replace(self, null=null, gain=self.gain + self.null.evidence - null.evidence)
 
 
 def named(name, gain=0.0, **more):
@@ -403,26 +413,31 @@ def test_an_effect_whose_hooks_fail_is_reported_and_the_next_one_fitted(monkeypa
     assert failed == {"a": "its table is empty"}
 
 
-def relinearize(monkeypatch, hypotheses, outcomes=None):
+def relinearize(monkeypatch, hypotheses, outcomes=None, nulls=None, better=None):
     """Ranked names, what was relinearised with whether it contends, and messages of failed ones.
 
-    `outcomes` are changes of the hypothesis by name, or the message of a failing fit.
+    `outcomes` are changes of the hypothesis by name, or the message of a failing fit; `nulls` by name the evidence of
+    the null model about its own point, where its effect is insignificant, and `better` the name of the most probable.
     """
     asked, failed, messages, models = [], {}, [], []
+    about = {n: (Constructed(f"without {n}", True), replace(REFERENCE, evidence=e)) for n, e in (nulls or {}).items()}
+    expected = about[better][1] if better else REFERENCE
 
     def with_effect(h, reference, contends):
-        assert reference == REFERENCE
+        assert better or reference == REFERENCE
         asked.append((h.name, contends))
         outcome = (outcomes or {}).get(h.name, {})
         if isinstance(outcome, str):
             raise InputError(outcome)
         models.append(Constructed(f"with {h.name}", False))
-        return replace(h, **({"model": models[-1]} | outcome))
+        return replace(h.with_reference(reference), **({"model": models[-1]} | outcome))
 
     monkeypatch.setattr(module, "relinearize_with_effect", with_effect)
+    monkeypatch.setattr(module, "null_model_about", lambda h, of_case: about.get(h.name))
     case = SimpleNamespace(settings=SETTINGS)
-    ranked = module._relinearize_leaders(case, hypotheses, REFERENCE, failed, messages.append)
-    assert all(h.null == REFERENCE for h in ranked)
+    ranked, most_probable = module._relinearize_leaders(case, hypotheses, REFERENCE, failed, messages.append)
+    assert most_probable is (about[better] if better else None)
+    assert all(h.null == expected for h in ranked)
     assert [h.gain for h in ranked] == sorted((h.gain for h in ranked), reverse=True)
     assert messages == [f"refitting {name} about a new reconstruction" for name, _ in asked]
     assert all(m.released for m in models) and not FAILING.released and not HOLDING.released
@@ -499,6 +514,19 @@ def test_a_leader_that_explains_everything_has_only_similar_rivals(monkeypatch):
     assert relinearize(monkeypatch, hypotheses, solved)[1] == [("leader", True), ("similar", True)]
 
 
+def test_a_leader_that_only_has_a_better_point_does_not_lead(monkeypatch):
+    """Its gain over the null model about that point counts, that of all others too, and its rivals are asked."""
+    point = REFERENCE.evidence + 60.0
+    hypotheses = [named("leader", 50.0), named("rival", 40.0, explained=np.array([0.0, 1.0])), named("weak", 30.0)]
+    solved = {"leader": {"at_floor": True, "gain": 58.0}, "rival": {"gain": 90.0, "at_floor": True}}
+    nulls = {"leader": point, "weak": point - 20.0}
+    ranked, asked, _ = relinearize(monkeypatch, hypotheses, solved, nulls, "leader")
+    assert ranked == ["rival", "leader", "weak"]
+    assert [name for name, _ in asked] == ["leader", "rival"]
+    worse = {"leader": REFERENCE.evidence - 1.0}
+    assert relinearize(monkeypatch, hypotheses, solved, worse)[0][0] == "leader"
+
+
 def test_a_hypothesis_whose_new_reconstruction_fails_keeps_its_fit(monkeypatch):
     hypotheses = [named("a", 100.0), named("b", 60.0)]
     ranked, asked, failed = relinearize(monkeypatch, hypotheses, {"a": "the flight ends early"})
@@ -563,7 +591,7 @@ class Run:
     messages: list = field(default_factory=list)
 
 
-def constructed_run(monkeypatch, models, fitted):
+def constructed_run(monkeypatch, models, fitted, better=None):
     """A ranking about some models, `fitted` the hypotheses about each; only one has its filters in memory."""
     run, model = Run(), models[0]
     case = SimpleNamespace(settings=SETTINGS, effects=("own effect",), end=250.0)
@@ -592,7 +620,7 @@ def constructed_run(monkeypatch, models, fitted):
 
     def leaders(of_case, hypotheses, reference, failed, progress):
         run.relinearised.append((names_of(hypotheses), reference.evidence))
-        return [replace(h, gain=2.0 * h.gain) for h in hypotheses]
+        return [replace(h, gain=2.0 * h.gain) for h in hypotheses], better
 
     def compare(of_case, hypotheses, screened, null):
         run.compared.append((names_of(hypotheses), screened.model.name, null is nulls[screened.model.name]))
@@ -631,6 +659,17 @@ def test_effects_without_places_are_fitted_where_the_model_holds(monkeypatch):
     assert run.compared == [(["a", "b"], "second", True)]
     assert names_of(ranking.hypotheses) == ["b", "c", "a"]
     assert list(ranking.screening) == [("first", None), ("second", None)]
+
+
+def test_a_point_of_a_hypothesis_at_which_the_model_is_more_probable_replaces_the_reference(monkeypatch):
+    """For all that is compared with the model: names, an unmodelled acceleration, and the noise that it shows."""
+    models = [Constructed("first", False, -90.0), Constructed("second", False, -50.0)]
+    better = Constructed("better", True, -20.0), Null("better", 30.0)
+    ranking, run = constructed_run(monkeypatch, models, {"first": [named("a", 40.0), named("b", 60.0)]}, better)
+    assert run.relinearised == [(["a", "b"], -50.0)]
+    assert [h.gain for h in ranking.hypotheses] == [120.0, 80.0]
+    assert ranking.unmodelled_gain == 20.0 and ranking.excess_noise_gain == -20.0
+    assert constructed_run(monkeypatch, models, {"first": []})[0].unmodelled_gain == 50.0
 
 
 def test_another_point_where_the_model_fails_too_is_only_a_reference(monkeypatch):

@@ -16,7 +16,7 @@ from edl_filter.diagnosis.linear_model.linear_model import LinearizedModel
 from edl_filter.diagnosis.linear_model.linearization import linearize_at
 from edl_filter.diagnosis.linear_model.linearization_point import smoothed_point
 from edl_filter.diagnosis.noise.variance_components import estimate_variance_components, moment_estimate
-from edl_filter.diagnosis.selection.map_fit import MapFit, NullModelFit, fit_linear, fit_map
+from edl_filter.diagnosis.selection.map_fit import MapFit, NullModelFit, fit_linear, fit_map, fit_null_model
 from edl_filter.diagnosis.selection.outer_loop import iterate_to_convergence
 from edl_filter.diagnosis.selection.screening import ScreeningResult, refine_places
 from edl_filter.effects.base import EffectInstance, EffectKey, effect_with_key, label_of
@@ -315,6 +315,33 @@ def with_gain_where_model_holds(
     if linear.gain <= h.gain:
         return h
     return replace(h, gain=linear.gain, score_gain=linear.score_gain)
+
+
+def null_model_about(h: Hypothesis, case: FlightCase) -> tuple[LinearizedModel, NullModelFit] | None:
+    """The model without an effect about the point of its hypothesis, where its evidence is in the point alone.
+
+    The iteration of a failing model's point may end before the model holds, whereas that with an effect of no size goes
+    on. The evidence that this point has over that of the null model is none for the effect.
+
+    Parameters
+    ----------
+    h : Hypothesis
+        Fitted about its own reconstruction, with its gain over the null model about the most probable point so far.
+    case : FlightCase
+        Without the effect.
+
+    Returns
+    -------
+    model : LinearizedModel
+    null : NullModelFit
+        None for both where the effect is significant at its own point, or where the gain is that of the effect.
+    """
+    over_zero, least = h.fit.gain_over_zero(h.key), case.settings.named_gain_nats
+    if over_zero > least or h.gain - over_zero < least:
+        return None
+    model = linearize_at(case, h.fit.point, h.model.failing_excess)
+    null = fit_null_model(model, case.effects, h.null.excess_share)
+    return model, replace(null, white_log_likelihood=max(null.white_log_likelihood, h.null.white_log_likelihood))
 
 
 def relinearize_with_effect(h: Hypothesis, reference: NullModelFit, contends: bool = True) -> Hypothesis:

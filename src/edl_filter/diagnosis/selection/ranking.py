@@ -21,6 +21,7 @@ from edl_filter.diagnosis.noise.variance_components import estimate_variance_com
 from edl_filter.diagnosis.selection.hypothesis import (
     Hypothesis,
     fit_hypothesis,
+    null_model_about,
     relinearize_with_effect,
     with_gain_where_model_holds,
 )
@@ -156,7 +157,10 @@ def _rank(case: FlightCase, effects: Sequence[EffectInstance], progress: Progres
     for screened, null in zip(screenings, nulls, strict=False):
         best = max((h.gain for h in hypotheses), default=0.0)
         fitted = _fit_shortlist(case, screened, null, settings.rival_gain_share * best, failed, progress)
-        relinearized = _relinearize_leaders(case, fitted, reference, failed, progress)
+        relinearized, better = _relinearize_leaders(case, fitted, reference, failed, progress)
+        if better is not None:
+            most_likely, reference = better
+            hypotheses = [h.with_reference(reference) for h in hypotheses]
         if holding is not None and screened.model is not holding:
             relinearized = _compare_where_model_holds(case, relinearized, screenings[-1], nulls[-1])
         hypotheses += relinearized
@@ -302,7 +306,7 @@ def _relinearize_leaders(
     reference: NullModelFit,
     failed: dict[str, str],
     progress: Progress,
-) -> list[Hypothesis]:
+) -> tuple[list[Hypothesis], tuple[LinearizedModel, NullModelFit] | None]:
     """All hypotheses, the leader fitted about its own reconstruction, and others that may overtake it there.
 
     About a failing model gains are accurate to a factor only: a wrong name may lead where the right one changes the
@@ -310,7 +314,8 @@ def _relinearize_leaders(
     `rival_gain_share` of the leader's gain are relinearised too, and the ones that are best at the stated noise and at
     the noise that they leave. Where the leader explains everything, only those that explain the same can be as good.
     All gains are over the null model about the point where it is most probable, which is no advantage to those that are
-    not relinearised.
+    not relinearised. That point may be one of a hypothesis whose effect is insignificant there (`null_model_about`):
+    then the null model about it, the most probable one of these, is returned too, and None otherwise.
     """
     settings = case.settings
     ranked = sorted(hypotheses, key=lambda h: -h.gain)
@@ -324,10 +329,11 @@ def _relinearize_leaders(
     explained = {h.key: h.explained for h in ranked}
     relinearized: set[EffectKey] = set()
     if ranked and ranked[0].model.holds and ranked[0].gain < _NAMEABLE_SHARE * settings.named_gain_nats:
-        return [h.with_reference(reference) for h in ranked]  # none of them can be named
+        return [h.with_reference(reference) for h in ranked], None  # none of them can be named
+    better: tuple[LinearizedModel, NullModelFit] | None = None
     while ranked and len(relinearized) < settings.relinearized_hypotheses:
         rivals = [*best_by_evidence, *close]
-        if ranked[0].at_floor:
+        if ranked[0].at_floor and ranked[0].gain > 0.0:
             leader = explained[ranked[0].key]
             rivals = [k for k in close if correlation(leader, explained[k]) >= settings.distinct_correlation]
         waiting = [key for key in (ranked[0].key, *rivals) if key not in relinearized]
@@ -340,9 +346,15 @@ def _relinearize_leaders(
         model_at_first_point = ranked[i].model
         try:
             ranked[i] = relinearize_with_effect(ranked[i], reference, key in close)
+            null = null_model_about(ranked[i], case)
+            if null is not None and null[1].evidence > reference.evidence:
+                better, reference = null, null[1]
+                ranked = [h.with_reference(reference) if h.key in relinearized else h for h in ranked]
         except InputError as error:
             failed[label_of(key)] = str(error)
         if ranked[i].model is not model_at_first_point:
             ranked[i].model.release()
         ranked.sort(key=lambda h: -h.gain)
-    return [h.with_reference(reference) for h in ranked]
+    if better is not None:
+        better[0].release_filters()
+    return sorted((h.with_reference(reference) for h in ranked), key=lambda h: -h.gain), better
