@@ -66,7 +66,18 @@ def test_its_sigma_is_that_of_its_error_over_random_ground():
 def test_the_ground_of_a_simulated_flight_is_the_surface_of_its_altimeter(practice_06):
     ground = ground_height(practice_06)
     assert abs(ground.height) < 3.0 * ground.sigma and not ground.significant
-    assert 1.0 < ground.sigma < 2.0
+    readings = ground_height(at_known_time(practice_06, 0.0)).sigma
+    assert 3.0 < ground.sigma < 3.6 and ground.sigma == pytest.approx(
+        ground_height(at_known_time(practice_06, 0.02)).sigma
+    )
+    assert ground_height(at_known_time(practice_06, 0.5)).sigma == pytest.approx(
+        np.sqrt(readings**2 + (0.5 * 70.4) ** 2), rel=0.02
+    )
+
+
+def at_known_time(reconstruction, sigma):
+    """The same with a sigma of the touchdown's time, s."""
+    return replace(reconstruction, telemetry=replace(reconstruction.telemetry, event_sigmas={"landing": sigma}))
 
 
 def test_a_rejected_reading_and_another_surface_do_not_change_it(practice_06):

@@ -23,7 +23,12 @@ def test_the_file_is_a_flight_file_with_its_truth(mer_flight, written):
     telemetry = read_flight_file(written)
     assert set(telemetry.events) == {"parachute_deploy", "landing"}
     assert telemetry.landing.time == pytest.approx(telemetry.events["landing"] + 0.5)
-    assert telemetry.altimeter.height[0] < 2400.0 and abs(telemetry.altimeter.height[-1]) < 40.0
+    altimeter, motion = telemetry.altimeter, mer_flight.motion
+    ground = np.linalg.norm(motion.at(np.array([motion.landed]))[0][:3])
+    assert altimeter.surface_radius == pytest.approx(ground, abs=1e-6)  # where it touches down
+    true = np.linalg.norm(motion.at(altimeter.time)[:, :3], axis=1) - ground
+    np.testing.assert_allclose(np.std(altimeter.height - true), altimeter.sigma, rtol=0.2)
+    assert 2300.0 < altimeter.height[0] < 2450.0 and true[-1] == pytest.approx(0.0, abs=1e-6)
     with h5py.File(written) as file:
         truth = file["truth"]
         assert truth.attrs["seed"] == 1

@@ -2,17 +2,18 @@
 
 Input: a reconstruction with an altimeter and a landing. An error that all heights have in common, an offset or late
 times while the vehicle descends at a constant speed, moves the whole path with it, and no reading is rejected. The
-landing site contradicts it only beyond its own sigma, of three axes. But the vehicle comes to rest on the ground that
-the altimeter measures. Each reading therefore gives the height of the ground below it above that at the landing, from
-the smoothed path between them:
+landing site contradicts it only beyond its own sigma, of three axes. But the vehicle touches the ground that the
+altimeter measures. A reading h at the smoothed position r, and the position at the touchdown, give the common error b:
 
-    e_i = |r_i| - |r_rest| - h_i = b + g_i + v_i,
+    (h - |r| + R) + (|r_touchdown| - R) = b + g + v,
 
-with the common error b, the reading's noise v, and the relief g between both places. The relief is a random walk in
-the horizontal distance from the landing (Hurst exponent 0.5), with the rms slope of `_SLOPE` over `_BASELINE`. b is the
-generalised least-squares estimate, in which the last readings, close to the landing, have most of the weight. Where the
-mission states `AltimeterFromTelemetryConfig.relief_sigma`, g is a constant with that sigma instead. Output: b with its
-sigma, which contains that of the height at rest.
+with the surface's radius R, the reading's noise v, and the relief g, which is the height of the ground at the landing
+above that below the reading. The relief is a random walk in the horizontal distance from the landing (Hurst exponent
+0.5), with the rms slope of `_SLOPE` over `_BASELINE`. b is the generalised least-squares estimate, in which the last
+readings, close to the landing, have most of the weight. Where the mission states
+`AltimeterFromTelemetryConfig.relief_sigma`, g is a constant with that sigma instead. Output: b with its sigma, which
+contains that of the height at the touchdown, and those of its time as stated and to one sample (uniform within it).
+Readings that the gate rejected are not used.
 """
 
 from __future__ import annotations
@@ -70,8 +71,8 @@ def ground_height(reconstruction: Reconstruction) -> GroundHeight | None:
     landing = r.event_times.get("landing", None if r.telemetry.landing is None else r.telemetry.landing.time)
     if stated is None or not readings or landing is None or not smoothed.time[0] <= landing <= smoothed.time[-1]:
         return None
-    rest = int(np.argmin(np.abs(smoothed.time - landing)))
-    nodes = np.array([*(node for _, node in readings), rest])
+    touchdown = int(np.argmin(np.abs(smoothed.time - landing)))
+    nodes = np.array([*(node for _, node in readings), touchdown])
     positions = np.array([smoothed.states[k].nav[:3] for k in nodes])
     fixed = r.problem.planet.rotation.to_fixed(smoothed.time[nodes], positions)
     radius = np.linalg.norm(fixed, axis=1)
@@ -84,7 +85,11 @@ def ground_height(reconstruction: Reconstruction) -> GroundHeight | None:
     )
     height += float(radius[-1]) - readings[-1][0].surface_radius
     up = positions[-1] / radius[-1]
-    variance += float(up @ smoothed.covariance[rest][:3, :3] @ up)
+    variance += float(up @ smoothed.covariance[touchdown][:3, :3] @ up)
+    event = r.mission.vehicle.events.get("landing")
+    time_sigma = r.telemetry.event_sigmas.get("landing", 0.0) if event is None else event.sigma_s
+    time_variance = time_sigma**2 + float(np.median(r.telemetry.driving.interval)) ** 2 / 12.0
+    variance += time_variance * float(up @ smoothed.states[touchdown].nav[3:6]) ** 2
     gate = quantile(r.problem.settings.gate_probability, 1)
     return GroundHeight(height, float(np.sqrt(variance)), height**2 > gate * variance)
 

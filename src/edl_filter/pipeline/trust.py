@@ -294,15 +294,15 @@ def _unknown_rotation(reconstruction: Reconstruction) -> str | None:
 
 
 def _not_on_the_ground(reconstruction: Reconstruction) -> str | None:
-    """How far from the surface of the altimeter's heights the vehicle came to rest, as words; None if it is on it."""
-    rest = ground_height(reconstruction)
-    if rest is None or not rest.significant:
+    """How far from the surface of the altimeter's heights the vehicle touched down, as words; None if it is on it."""
+    ground = ground_height(reconstruction)
+    if ground is None or not ground.significant:
         return None
-    side, error, clock = ("above", "high", "late") if rest.height > 0.0 else ("below", "low", "early")
+    side, error, clock = ("above", "high", "late") if ground.height > 0.0 else ("below", "low", "early")
     return (
-        f"by the altimeter the vehicle came to rest {abs(rest.height):.0f} m {side} the surface to which its heights "
-        f"refer (sigma {rest.sigma:.0f} m); they are too {error}, or their times are too {clock}, or the ground at the "
-        "landing is not that surface ('constraints.altimeter.relief_sigma')"
+        f"by the altimeter the vehicle touched down {abs(ground.height):.0f} m {side} the surface to which its heights "
+        f"refer (sigma {ground.sigma:.0f} m); they are too {error}, or their times are too {clock}, or the ground at "
+        "the landing is not that surface ('constraints.altimeter.relief_sigma')"
     )
 
 

@@ -192,16 +192,18 @@ def _landing_fix(scenario: Scenario, world: ForwardModel, motion: Motion, random
 
 
 def _altimeter(scenario: Scenario, motion: Motion, random: np.random.Generator) -> AltimeterRecord | None:
+    """Heights above the ground at the touchdown, which is up to one interval's descent below the scenario's surface."""
     if scenario.altimeter is None:
         return None
     each, surface = scenario.sampling.substeps, scenario.landing.surface_radius
     if scenario.altimeter.interval_s is not None:
         each *= max(1, round(scenario.altimeter.interval_s / scenario.sampling.interval_s))
-    time = motion.time[each::each]
-    height = np.linalg.norm(motion.state[each::each, :3], axis=1) - surface
+    time, radius = motion.time[each::each], np.linalg.norm(motion.state[each::each, :3], axis=1)
+    ground = float(np.linalg.norm(motion.state[np.searchsorted(motion.time, motion.landed - 1e-9), :3]))
+    height = radius - surface
     seen = (height < scenario.altimeter.highest) & (time > motion.deployed) & (time <= motion.landed + 1e-9)
     noise = scenario.altimeter.sigma * random.standard_normal(int(seen.sum()))
-    return AltimeterRecord(time[seen], height[seen] + noise, scenario.altimeter.sigma, surface)
+    return AltimeterRecord(time[seen], radius[seen] - ground + noise, scenario.altimeter.sigma, ground)
 
 
 def _recorded(effects: Sequence[EffectInstance]) -> dict[str, dict[str, Any]]:
