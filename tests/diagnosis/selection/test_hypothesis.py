@@ -414,7 +414,7 @@ def test_gain_of_an_effect_beside_a_model_that_holds(reconstructed, sigmas, own,
     [(500.0, -20.0, True), (500.0, 5.9, True), (500.0, 6.1, False), (500.0, 490.0, False), (5.0, 0.0, False)],
 )
 def test_evidence_that_is_not_that_of_the_effect_is_that_of_its_point(flight, monkeypatch, gain, over_zero, better):
-    """The null model about that point; with `named_gain_nats` of 6 both for the effect, and for the rest of the gain."""
+    """The null model about that point; `named_gain_nats`, 6, is the limit of the effect and of the rest of the gain."""
     about = []
 
     def linearize_at(case, point, excess):
