@@ -38,12 +38,24 @@ def coverage(z):
 
 
 def flights(lines, **wanted):
-    """Lines that were reconstructed and whose case has the wanted values; a callable decides by the value."""
+    """Lines of trustworthy results whose case has the wanted values; a callable decides by the value."""
 
     def fits(case):
         return all(w(case[k]) if callable(w) else case[k] == w for k, w in wanted.items())
 
-    return [line for line in lines if "refused" not in line and fits(line["case"])]
+    return [line for line in lines if "refused" not in line and line["trustworthy"] and fits(line["case"])]
+
+
+def marked(lines):
+    """A text on each result that is marked as not trustworthy, and has no part in the tables."""
+    texts = []
+    for line in lines:
+        if "refused" in line or line["trustworthy"]:
+            continue
+        case, largest = line["case"], max(np.max(np.abs(at["z"])) for at in line["navigation"].values())
+        imus = "one IMU" if case["imus"] == 1 else "two IMUs"
+        texts.append(f"number {case['number']} ({case['gap']:g} s lost, {imus}; largest error {largest:.1f} sigmas)")
+    return texts
 
 
 def navigation_table(lines):
@@ -101,11 +113,12 @@ def markdown(header, rows):
 
 def report(lines, inexact=None):
     """The numbers of the page, as Markdown."""
-    done, refused = flights(lines), [line for line in lines if "refused" in line]
-    flagged = sum(not line["trustworthy"] for line in done)
+    done, flagged, refused = flights(lines), marked(lines), sum("refused" in line for line in lines)
     out = [
-        f"{len(lines)} flights: {len(done)} reconstructed, of which {flagged} are marked as not trustworthy, and "
-        f"{len(refused)} refused with a message.\n"
+        f"{len(lines)} flights: {len(lines) - refused} reconstructed, of which {len(flagged)} are marked as not "
+        f"trustworthy, and {refused} refused with a message. The tables are over the {len(done)} trustworthy ones."
+        + (f" Marked: {', '.join(flagged)}." if flagged else "")
+        + "\n"
     ]
     navigation_header = ("phase", "part", "NEES/3", "by median", "95 % from", "to", "1 sigma", "2", "3", "bias")
     for title, wanted in (

@@ -126,3 +126,12 @@ def test_the_diagnoses_of_the_inexact_world_have_a_section():
     assert "within 3 sigma: 1 of 1, 100.0% (2.5% to 100.0%); rms of error over sigma: 2.00." in text
     assert "| 0.8 to 0.95 | 1 | 0.930 | 0 of 1," in text and "| 0.99 to 1 | 2 | 0.997 | 1 of 2," in text
     assert "| 2 to 3 | 3 | 1 of 3, 33.3% (0.8% to 90.6%) | 3 of 3," in text  # sqrt(30 / 6) smallest detectable sizes
+
+
+def test_marked_results_have_no_part_in_the_tables(lines):
+    spoilt = [line | {"trustworthy": number != 3} for number, line in enumerate(lines)]
+    assert len(page.flights(spoilt)) == len(lines) - 1
+    (text,) = page.marked(spoilt)
+    assert f"number {lines[3]['case']['number']} (" in text and "sigmas)" in text
+    assert f"The tables are over the {len(lines) - 1} trustworthy ones. Marked: {text}." in page.report(spoilt)
+    assert page.marked(lines) == [] and "Marked" not in page.report(lines)
