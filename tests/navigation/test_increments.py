@@ -239,10 +239,15 @@ def test_parts_of_samples_have_the_course_of_the_samples_around(times, seed):
     axis = np.array([[1.0], [-2.0], [0.5]])
     edges = np.linspace(0.0, 3.0, 25)
     old = twins.samples(np.diff(edges), *(polynomial(edges, axis * c) for c in coefficients))
+    added = 0.3 * axis[:, 0], 0.01 * axis[:, 0]  # sculling and coning, divided in proportion to time
+    old = replace(old, force=old.force + added[0], rate=old.rate + added[1], onboard_rate=old.rate + 2.0 * added[1])
     new = old.split(np.array(times))
-    for mean, c in zip((new.force, new.rate), coefficients, strict=True):
+    values = (new.force, new.rate, new.onboard_rate)
+    sums = zip(values, (0, 1, 1), (added[0], added[1], 2.0 * added[1]), strict=True)
+    for mean, which, constant in sums:
         rounding = 1e-12 / new.interval[:, None]
-        assert np.all(np.abs(mean - polynomial(new.edges, axis * c)) < 1e-8 + rounding)
+        exact = polynomial(new.edges, axis * coefficients[which]) + constant
+        assert np.all(np.abs(mean - exact) < 1e-8 + rounding)
 
 
 @pytest.mark.parametrize("share", [0.25, 0.5, 0.75])
@@ -302,8 +307,23 @@ def test_until_a_parachute_pulls_the_course_is_that_of_the_samples_before(share,
         np.testing.assert_allclose(kept, whole, atol=1e-11)
 
 
+def test_no_extrapolation_reaches_across_a_short_sample():
+    """Three samples of a linear rate follow it; those before it and those behind the deployment have no part."""
+    interval = np.full(20, 0.125)
+    interval[8:10] = 1e-3, 0.124
+    edges = np.concatenate(([0.0], np.cumsum(interval)))
+    rate = np.outer(polynomial(edges, np.array([[0.2, 0.1]])), [1.0, -2.0, 0.5])
+    rate[:9] = [3.0, 0.0, 1.0]
+    rate[13:] = [0.0, -4.0, 2.0]
+    old = twins.samples(interval, np.ones((20, 3)), rate)
+    parts = np.append(edges[12], edges[12] + np.array([0.06]))
+    new = old.opened_at(parts[1])
+    np.testing.assert_allclose(new.rate[12], polynomial(parts, np.outer([1.0, -2.0, 0.5], [0.2, 0.1]))[0], atol=1e-9)
+
+
 def test_a_parachute_that_pulls_at_the_end_of_a_sample_or_outside_changes_nothing():
     old = twins.samples(np.full(8, 0.125), np.ones((8, 3)), np.zeros((8, 3)))
+    assert len(old.opened_at(0.18).time) == 9  # one sample before it is sufficient
     for time in (-0.1, 0.0, 0.06, 0.5, 0.5 + 5e-7, 0.6, 1.0, 1.1):  # no sample is before the first; 0.2 is behind 0.6
         assert old.opened_at(time) is old
     assert len(old.opened_at(0.55).time) == 9
