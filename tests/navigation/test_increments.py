@@ -321,6 +321,19 @@ def test_no_extrapolation_reaches_across_a_short_sample():
     np.testing.assert_allclose(new.rate[12], polynomial(parts, np.outer([1.0, -2.0, 0.5], [0.2, 0.1]))[0], atol=1e-9)
 
 
+@pytest.mark.parametrize("short", [1e-3, 0.125])
+def test_the_force_before_a_deployment_is_that_of_the_last_sample(short):
+    """So is the rate behind a short sample, whatever came before it."""
+    interval = np.full(20, 0.125)
+    interval[11] = short
+    rng = np.random.default_rng(3)
+    old = twins.samples(interval, rng.standard_normal((20, 3)), 0.1 * rng.standard_normal((20, 3)))
+    new = old.opened_at(old.edges[12] + 0.06)
+    np.testing.assert_allclose(new.force[12], old.force[11], atol=1e-12)
+    if short < 0.1:
+        np.testing.assert_allclose(new.rate[12], old.rate[11], atol=1e-9)
+
+
 def test_a_parachute_that_pulls_at_the_end_of_a_sample_or_outside_changes_nothing():
     old = twins.samples(np.full(8, 0.125), np.ones((8, 3)), np.zeros((8, 3)))
     assert len(old.opened_at(0.18).time) == 9  # one sample before it is sufficient

@@ -411,7 +411,14 @@ def test_gain_of_an_effect_beside_a_model_that_holds(reconstructed, sigmas, own,
 
 @pytest.mark.parametrize(
     ("gain", "over_zero", "better"),
-    [(500.0, -20.0, True), (500.0, 5.9, True), (500.0, 6.1, False), (500.0, 490.0, False), (5.0, 0.0, False)],
+    [
+        (500.0, -20.0, True),
+        (500.0, 5.9, True),
+        (500.0, 6.1, False),
+        (500.0, 490.0, False),
+        (5.0, 0.0, False),
+        (5.0, -20.0, True),
+    ],
 )
 def test_evidence_that_is_not_that_of_the_effect_is_that_of_its_point(flight, monkeypatch, gain, over_zero, better):
     """The null model about that point; `named_gain_nats`, 6, is the limit of the effect and of the rest of the gain."""

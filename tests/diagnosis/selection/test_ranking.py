@@ -437,6 +437,7 @@ def relinearize(monkeypatch, hypotheses, outcomes=None, nulls=None, better=None)
     case = SimpleNamespace(settings=SETTINGS)
     ranked, most_probable = module._relinearize_leaders(case, hypotheses, REFERENCE, failed, messages.append)
     assert most_probable is (about[better] if better else None)
+    assert better is None or not about[better][0].filters  # which are large
     assert all(h.null == expected for h in ranked)
     assert [h.gain for h in ranked] == sorted((h.gain for h in ranked), reverse=True)
     assert messages == [f"refitting {name} about a new reconstruction" for name, _ in asked]
@@ -451,6 +452,7 @@ def test_nothing_is_relinearised_without_a_hypothesis(monkeypatch):
 @pytest.mark.parametrize(("model", "contends"), [(FAILING, True), (HOLDING, False)])
 def test_the_only_hypothesis_is_relinearised(monkeypatch, model, contends):
     assert relinearize(monkeypatch, [named("a", 50.0, model=model)])[1] == [("a", contends)]
+    assert relinearize(monkeypatch, [named("a", 50.0, model=model)], {"a": {"at_floor": True}})[0] == ["a"]
 
 
 @pytest.mark.parametrize(("gain", "expected"), [(2.9, []), (3.0, [("b", False)]), (50.0, [("b", False)])])
