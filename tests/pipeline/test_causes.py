@@ -12,9 +12,7 @@ from edl_filter.pipeline.causes import (
     _curvature_sigma,
     _is_significant,
     _with_sigma,
-    exchange_text,
     rank_causes,
-    sign_text,
 )
 
 
@@ -130,11 +128,3 @@ def test_a_record_whose_repair_overflows_is_refused(inputs):
         warnings.simplefilter("error", RuntimeWarning)
         causes = rank_causes(mission, both, planet, atmosphere, ())
     assert causes[0].kind == "units" and "deg/s" in causes[0].sentence
-
-
-def test_axes_that_are_exchanged_or_have_a_wrong_sign_in_words():
-    orders = {(0, 1, 2): "", (1, 0, 2): "x and y exchanged", (2, 1, 0): "x and z exchanged"}
-    assert {order: exchange_text(order) for order in orders} == orders
-    assert exchange_text((1, 2, 0)) == exchange_text((2, 0, 1)) == "x, y and z in another order"
-    signs = {(1, 1, 1): "", (1, -1, 1): "sign of y", (-1, 1, -1): "sign of x and z", (-1, -1, -1): "sign of all axes"}
-    assert {s: sign_text(s) for s in signs} == signs

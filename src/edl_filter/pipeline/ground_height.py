@@ -24,6 +24,7 @@ import numpy as np
 
 from edl_filter.navigation.consensus import quantile
 from edl_filter.navigation.constraints import Altimeter
+from edl_filter.pipeline.load import event_time_sigma
 from edl_filter.pipeline.reconstruct import Reconstruction
 from edl_filter.types import Array
 
@@ -86,9 +87,8 @@ def ground_height(reconstruction: Reconstruction) -> GroundHeight | None:
     height += float(radius[-1]) - readings[-1][0].surface_radius
     up = positions[-1] / radius[-1]
     variance += float(up @ smoothed.covariance[touchdown][:3, :3] @ up)
-    event = r.mission.vehicle.events.get("landing")
-    time_sigma = r.telemetry.event_sigmas.get("landing", 0.0) if event is None else event.sigma_s
-    time_variance = time_sigma**2 + float(np.median(r.telemetry.driving.interval)) ** 2 / 12.0
+    sample = float(np.median(r.telemetry.driving.interval))
+    time_variance = event_time_sigma(r.mission, r.telemetry, "landing") ** 2 + sample**2 / 12.0
     variance += time_variance * float(up @ smoothed.states[touchdown].nav[3:6]) ** 2
     gate = quantile(r.problem.settings.gate_probability, 1)
     return GroundHeight(height, float(np.sqrt(variance)), height**2 > gate * variance)

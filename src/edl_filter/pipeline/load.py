@@ -81,6 +81,12 @@ def prepare_telemetry(mission: Mission, telemetry: Telemetry, label: str) -> Tel
     return _repaired(mission, moved_by_events(mission, telemetry), check_settings(mission))
 
 
+def event_time_sigma(mission: Mission, telemetry: Telemetry, name: str) -> float:
+    """One sigma of the time of an event, s: that of the mission if it states the event, else that of the telemetry."""
+    stated = mission.vehicle.events.get(name)
+    return telemetry.event_sigmas.get(name, 0.0) if stated is None else stated.sigma_s
+
+
 def event_times(mission: Mission, telemetry: Telemetry) -> dict[str, float]:
     """Events of a flight and their times, s: those of the telemetry, and of the mission, which replace them.
 

@@ -15,7 +15,7 @@ import numpy as np
 
 from edl_filter.imu_model.lever_arm import lever_arm_acceleration
 from edl_filter.mission import Mission
-from edl_filter.pipeline.causes import exchange_text, imu_axes, sign_text
+from edl_filter.pipeline.fault_hypotheses import exchange_text, imu_axes, sign_text
 from edl_filter.pipeline.load import event_times
 from edl_filter.pipeline.plausibility import FORCE_UNITS, RATE_UNITS
 from edl_filter.telemetry.record import ImuRecord, Telemetry, finite_rows

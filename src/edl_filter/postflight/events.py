@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from edl_filter.navigation.trajectory import Trajectory
+from edl_filter.pipeline.load import event_time_sigma
 from edl_filter.pipeline.reconstruct import Reconstruction
 from edl_filter.postflight.airdata import AirData
 from edl_filter.telemetry.clock import SclkClock
@@ -131,8 +132,7 @@ def peak_deceleration(trajectory: Trajectory, record: ImuRecord, end: float) -> 
 def _event(name: str, time: float, reconstruction: Reconstruction, air: AirData, peak: Peak | None) -> Event:
     """State at `time`, s."""
     telemetry, site = reconstruction.telemetry, reconstruction.site_radius
-    stated = reconstruction.mission.vehicle.events.get(name)
-    time_sigma = telemetry.event_sigmas.get(name, 0.0) if stated is None else stated.sigma_s
+    time_sigma = event_time_sigma(reconstruction.mission, telemetry, name)
 
     def at(values: Array) -> float:
         return float(np.interp(time, air.time, values))
