@@ -34,12 +34,12 @@ def uneven_samples(random, count=14):
         10.0 * random.standard_normal((count, 3)),
         0.5 * random.standard_normal((count, 3)),
     )
-    rate_noise = random.uniform(2e-3, 4e-3, count) * (np.arange(count) != 4)
+    rate_noise = random.uniform(2e-3, 4e-3, (count, 3)) * (np.arange(count) != 4)[:, None]
     return replace(
         s,
-        force_noise=random.uniform(0.05, 0.2, count),
+        force_noise=random.uniform(0.05, 0.2, (count, 3)),
         rate_noise=rate_noise,
-        shared_rate_noise=random.uniform(0.2, 0.9, count) * rate_noise,
+        shared_rate_noise=random.uniform(0.2, 0.9, (count, 3)) * rate_noise,
         coning_corrected=random.random(count) < 0.3,
         onboard_rate=s.rate + 0.05 * random.standard_normal((count, 3)),
     )

@@ -9,7 +9,7 @@ from compiled_cases import filled, uneven_samples
 from edl_filter import rotations
 from edl_filter.navigation.compiled_noise import in_body_axes, noise_of_samples, onboard_rotation_jacobians
 from edl_filter.navigation.layout import Layout
-from edl_filter.navigation.noise import onboard_rotation, process_noise, sample_attitudes
+from edl_filter.navigation.noise import increment_variances, onboard_rotation, process_noise, sample_attitudes
 
 
 @pytest.mark.parametrize(("force", "rate"), [(0.0, 0.0), (0.3, 0.0), (0.0, 0.02), (0.3, 0.02)])
@@ -19,9 +19,7 @@ def test_noise_of_samples_is_that_of_the_reference(force, rate):
     s, attitude = filled(uneven_samples(random), random, force, rate), rotations.normalise(random.standard_normal(4))
     middle, end = sample_attitudes(s.interval, s.rate, attitude)
     own = np.sqrt(s.rate_noise**2 - s.shared_rate_noise**2)
-    covariances = noise_of_samples(
-        s.interval, middle, s.force, s.force_noise, s.rate_noise, own, s.force_fill_sigma, s.rate_fill_sigma
-    )
+    covariances = noise_of_samples(s.interval, middle, s.force, *increment_variances(s))
     layout = Layout.of((), {})
     for covariance, rate_noise in zip(covariances, (s.rate_noise, own), strict=True):
         expected = process_noise(layout, replace(s, rate_noise=rate_noise, shared_rate_noise=rate_noise), attitude)

@@ -208,10 +208,8 @@ def test_splitting_keeps_motion_and_noise(times, seed):
         np.testing.assert_allclose(same_attitude, attitude, atol=1e-11)
         if name == "rate":
             np.testing.assert_allclose(same_velocity, velocity, atol=1e-11)
-    for name in ("force_noise", "rate_noise", "shared_rate_noise"):
-        walk = np.bincount(group, (getattr(new, name) * new.interval) ** 2)  # random walk over the old sample
-        np.testing.assert_allclose(walk, (getattr(old, name) * old.interval) ** 2, rtol=1e-9)
-    for name in ("force_fill_sigma", "rate_fill_sigma"):
+    sigmas = ("force_noise", "rate_noise", "shared_rate_noise", "force_fill_sigma", "rate_fill_sigma")
+    for name in sigmas:  # random walk over the old sample
         for axis in range(3):
             walk = np.bincount(group, (getattr(new, name)[:, axis] * new.interval) ** 2)
             np.testing.assert_allclose(walk, (getattr(old, name)[:, axis] * old.interval) ** 2, rtol=1e-9)
@@ -369,8 +367,8 @@ def test_an_impact_is_over_where_the_vehicle_stops(stop, seed):
         total = before * new.interval[k] + after * new.interval[k + 1]
         np.testing.assert_allclose(total, getattr(old, name)[k] * old.interval[k], rtol=1e-9, atol=1e-12)
     for name in ("force_noise", "rate_noise", "shared_rate_noise"):
-        walk = getattr(new, name) * np.sqrt(new.interval)
-        at_rest = np.median((getattr(old, name) * np.sqrt(old.interval))[k + 1 :])
+        walk = getattr(new, name) * np.sqrt(new.interval)[:, None]
+        at_rest = np.median((getattr(old, name) * np.sqrt(old.interval)[:, None])[k + 1 :], axis=0)
         assert walk[k + 1] == pytest.approx(at_rest)
         assert getattr(new, name)[k] * new.interval[k] == pytest.approx(getattr(old, name)[k] * old.interval[k])
     for name in ("force_fill_sigma", "rate_fill_sigma"):
@@ -423,10 +421,11 @@ def test_unresolved_rotation_is_shared_except_for_the_difference_of_integrations
     )
     s = effective_samples(record)
     _, hidden, in_sample = unresolved_motion(record.time, record.interval, s.mean_force, s.mean_rate)
-    total = np.maximum(hidden, INTEGRATION_DIFFERENCE * in_sample)
+    difference = INTEGRATION_DIFFERENCE * in_sample[:, None]
+    total = np.maximum(hidden, difference)
     np.testing.assert_allclose(s.rate_noise**2, 0.02**2 + total**2, rtol=1e-9)
     unshared = s.rate_noise**2 - s.shared_rate_noise**2
-    np.testing.assert_allclose(unshared, 0.02**2 - 0.01**2 + (INTEGRATION_DIFFERENCE * in_sample) ** 2, rtol=1e-9)
+    np.testing.assert_allclose(unshared, np.broadcast_to(0.02**2 - 0.01**2 + difference**2, unshared.shape), rtol=1e-9)
     assert np.all(s.force_noise >= 0.1)
     assert s.force_noise.max() > 0.2
 

@@ -23,10 +23,10 @@ BEGINS, ENDS = np.array([0, 4, 4, 5, 31]), np.array([4, 4, 5, 31, COUNT])
 def samples():
     """With samples that were filled in, net turns, and noise that an on-board attitude does not share."""
     rng = np.random.default_rng(3)
-    rate_noise = rng.uniform(2e-4, 1e-3, COUNT)
+    rate_noise = rng.uniform(2e-4, 1e-3, (COUNT, 3))
     s = twins.samples(
         rng.uniform(0.02, 0.2, COUNT), 20.0 * rng.standard_normal((COUNT, 3)), rng.standard_normal((COUNT, 3)),
-        rng.uniform(0.05, 0.2, COUNT), rate_noise, rng.uniform(0.0, 1.0, COUNT) * rate_noise,
+        rng.uniform(0.05, 0.2, (COUNT, 3)), rate_noise, rng.uniform(0.0, 1.0, (COUNT, 3)) * rate_noise,
     )  # fmt: skip
     filled = (np.arange(COUNT) % 11 == 0)[:, None] * rng.uniform(0.1, 1.0, (COUNT, 3))
     return replace(

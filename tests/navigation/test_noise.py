@@ -23,8 +23,8 @@ def problem(count=40, seed=0):
         rng.uniform(0.06, 0.2, count),
         [-30.0, 4.0, -6.0] + 5.0 * rng.standard_normal((count, 3)),
         [0.4, -0.2, 0.3] + 0.3 * rng.standard_normal((count, 3)),
-        force_noise=rng.uniform(0.05, 0.2, count),
-        rate_noise=rng.uniform(2e-4, 1e-3, count),
+        force_noise=rng.uniform(0.05, 0.2, (count, 3)),
+        rate_noise=rng.uniform(2e-4, 1e-3, (count, 3)),
     )
     return s, rotations.normalise(rng.standard_normal(4))
 
@@ -48,7 +48,7 @@ def errors_of(state, reference):
 
 
 def draw(rng, sigma):
-    return sigma[:, None, None] * rng.standard_normal((len(sigma), 3, RUNS))
+    return sigma[:, :, None] * rng.standard_normal((len(sigma), 3, RUNS))
 
 
 def whitened(sample, expected):

@@ -197,8 +197,9 @@ def test_samples_before_the_contradiction_have_a_share_of_the_variation_as_noise
     sizes, change = by_cause[cause]
     changed = change(2.0).samples
     assert sizes == recovery.SHARES
-    np.testing.assert_allclose(changed.force_noise, np.where(np.isin(np.arange(10), noisier), 5.0, 3.0))
-    np.testing.assert_allclose(changed.rate_noise, np.where(np.isin(np.arange(10), noisier), np.sqrt(2.0), 1.0))
+    rows = np.repeat(np.isin(np.arange(10), noisier)[:, None], 3, axis=1)
+    np.testing.assert_allclose(changed.force_noise, np.where(rows, 5.0, 3.0))
+    np.testing.assert_allclose(changed.rate_noise, np.where(rows, np.sqrt(2.0), 1.0))
     assert replace(changed, force_noise=samples.force_noise, rate_noise=samples.rate_noise).time is samples.time
 
 
@@ -275,7 +276,7 @@ def test_lost_samples_that_explain_the_contradiction_are_its_cause(recovered, so
     changed, result, tried = recovered(sources, {"gap": -20.0, "entry_state": 500.0})
     assert tried == ["gap"]
     assert result == recovery.Recovery(replace(DIVERGENCE, time=6.0), "gap", 0.5, 1.0, 0.25, 3.0, 5.0, 30.0)
-    assert result.recovered and np.count_nonzero(changed.samples.force_noise > 3.0) == 2
+    assert result.recovered and np.count_nonzero(changed.samples.force_noise > 3.0) == 2 * 3
 
 
 def test_without_lost_samples_two_sources_show_that_the_state_is_wrong(recovered):

@@ -160,10 +160,15 @@ def record(
     )
 
 
+def along_axes(sigma, count):
+    """``(N, 3)`` of one sigma, of one for each sample or of one for each axis of each sample."""
+    sigma = np.asarray(sigma, float)
+    return np.broadcast_to(sigma[:, None] if sigma.ndim == 1 else sigma, (count, 3)).copy()
+
+
 def samples(interval, force, rate, force_noise=0.0, rate_noise=0.0, shared=0.0, unit=None, start=0.0):
     """`Samples` without any correction."""
     n = len(interval)
-    full = np.ones(n)
     return Samples(
         time=start + np.cumsum(interval),
         interval=np.asarray(interval, float),
@@ -171,9 +176,9 @@ def samples(interval, force, rate, force_noise=0.0, rate_noise=0.0, shared=0.0, 
         rate=rate,
         mean_force=force,
         mean_rate=rate,
-        force_noise=force_noise * full,
-        rate_noise=rate_noise * full,
-        shared_rate_noise=shared * full,
+        force_noise=along_axes(force_noise, n),
+        rate_noise=along_axes(rate_noise, n),
+        shared_rate_noise=along_axes(shared, n),
         coning_corrected=np.zeros(n, bool),
         unit=np.zeros(n, int) if unit is None else unit,
     )
@@ -194,14 +199,15 @@ def process_noise(samples, attitude):
     ):
         half = 0.5 * dt
         middle = rotations.multiply(q, rotations.from_rotation_vector(half * w))
-        cross = -rotations.cross_matrix(rotations.rotate(middle, f))
+        axes = rotations.to_matrix(middle)
+        cross = -rotations.cross_matrix(axes @ f)
         step = np.eye(9)
         step[:3, 3:6] = half * np.eye(3)
         step[:3, 6:] = 0.5 * half**2 * cross
         step[3:6, 6:] = half * cross
         cov = step @ cov @ step.T
-        cov[3:6, 3:6] += (sigma_f * dt) ** 2 * np.eye(3)
-        cov[6:, 6:] += (sigma_w * dt) ** 2 * np.eye(3)
+        cov[3:6, 3:6] += axes @ np.diag((sigma_f * dt) ** 2) @ axes.T
+        cov[6:, 6:] += axes @ np.diag((sigma_w * dt) ** 2) @ axes.T
         cov = step @ cov @ step.T
         q = rotations.multiply(q, rotations.from_rotation_vector(dt * w))
     to_body = np.eye(9)
@@ -340,7 +346,7 @@ def _linear_step(problem, turn, k):
         step[:3, 3:6] = dt * np.eye(3)
         step[:, 6:] -= gain
         transition, drive = step @ transition, step @ drive + gain @ f
-        noise = step @ noise @ step.T + sigma**2 * gain @ gain.T
+        noise = step @ noise @ step.T + gain * sigma**2 @ gain.T
     constraints = [c for c in problem.constraints if abs(c.time - problem.epochs[k]) < 1e-5]
     rows = {"landing": slice(0, 3), "rest_velocity": slice(3, 6), "pre_entry_zero_force": slice(6, 9)}
     return Step(

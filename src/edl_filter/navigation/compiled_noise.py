@@ -1,7 +1,8 @@
 """Compiled process noise of an interval: the twin of `noise` for `compiled_ukf`.
 
-Rate noise turns all force that follows in the interval. With p and v the path and the velocity that the force gives
-from there to the end, its covariance has the blocks ``-[p]ₓ (-[v]ₓ)ᵀ = (p·v) 1 - v pᵀ``, which are written out here.
+A rotation error ψ turns all force that follows in the interval: it adds ``ψ × p`` to the position and ``ψ × v`` to the
+velocity, with the path p and the velocity v that the force gives from there to the end. With the covariance W of ψ, the
+blocks of the covariance are ``[p]ₓ W [p]ₓᵀ``, ``[p]ₓ W [v]ₓᵀ`` and so on.
 """
 
 import numpy as np
@@ -13,7 +14,7 @@ COMPILED = njit(cache=True, error_model="numpy", nogil=True)
 
 
 @COMPILED
-def noise_of_samples(interval, middle, force, force_noise, rate_noise, unshared_noise, force_fill, rate_fill):
+def noise_of_samples(interval, middle, force, velocity_variance, rotation_variance, unshared_variance):
     """Covariances of position (m), velocity (m/s) and attitude error (rad) by the noise of samples, inertial axes.
 
     As `noise.process_noise` before the rotation to body axes.
@@ -26,22 +27,18 @@ def noise_of_samples(interval, middle, force, force_noise, rate_noise, unshared_
         inertial_from_body at the middle of the samples.
     force : (N, 3) array
         Specific force, m/s², body axes.
-    force_noise, rate_noise : (N,) arrays
-        One sigma of the random walks in a sample, m/s² and rad/s.
-    unshared_noise : (N,) array
-        Part of `rate_noise` that an on-board attitude does not share, rad/s.
-    force_fill, rate_fill : (N, 3) arrays
-        One sigma of filled samples, m/s² and rad/s, body axes; zero where samples were read.
+    velocity_variance, rotation_variance, unshared_variance : (N, 3) arrays
+        As `noise.IncrementVariances`, (m/s)² and rad², body axes.
 
     Returns
     -------
     covariance, unshared : (9, 9) arrays
-        By all rate noise, and by `unshared_noise` only.
+        By all errors of the rotation, and by those that an on-board attitude has too.
     """
     cov, unshared = np.zeros((9, 9)), np.zeros((9, 9))
     gain, path, axes = np.zeros(3), np.zeros(3), np.empty((3, 3))
-    by_force, by_rate = np.zeros((9, 3)), np.zeros((9, 3))
     inertial, half_gain, half_path = np.empty(3), np.empty(3), np.empty(3)
+    square = np.empty((3, 3))
     remaining = 0.0
     for i in range(interval.size - 1, -1, -1):
         dt = interval[i]
@@ -53,32 +50,14 @@ def noise_of_samples(interval, middle, force, force_noise, rate_noise, unshared_
         for k in range(3):
             half_gain[k] = gain[k] + 0.5 * dt * inertial[k]
             half_path[k] = path[k] + moment * inertial[k]
-        b = (force_noise[i] * dt) ** 2
-        _add_force_noise(cov, b, half_remaining)
-        _add_force_noise(unshared, b, half_remaining)
-        _add_rate_noise(cov, (rate_noise[i] * dt) ** 2, half_path, half_gain)
-        _add_rate_noise(unshared, (unshared_noise[i] * dt) ** 2, half_path, half_gain)
-        filled = False
-        for k in range(3):
-            filled = filled or force_fill[i, k] > 0.0 or rate_fill[i, k] > 0.0
-        if filled:
-            for c in range(3):
-                for k in range(3):
-                    error = axes[k, c] * dt
-                    by_force[3 + k, c] = error * force_fill[i, c]
-                    by_force[k, c] = half_remaining * by_force[3 + k, c]
-                    by_rate[6 + k, c] = error * rate_fill[i, c]
-                for row, v in ((0, half_path), (3, half_gain)):  # -v × error
-                    by_rate[row, c] = v[2] * by_rate[7, c] - v[1] * by_rate[8, c]
-                    by_rate[row + 1, c] = v[0] * by_rate[8, c] - v[2] * by_rate[6, c]
-                    by_rate[row + 2, c] = v[1] * by_rate[6, c] - v[0] * by_rate[7, c]
-            for r in range(9):
-                for c in range(9):
-                    value = 0.0
-                    for k in range(3):
-                        value += by_force[r, k] * by_force[c, k] + by_rate[r, k] * by_rate[c, k]
-                    cov[r, c] += value
-                    unshared[r, c] += value
+        _in_inertial_axes(axes, velocity_variance[i], square)
+        _add_force_noise(cov, square, half_remaining)
+        _add_force_noise(unshared, square, half_remaining)
+        _in_inertial_axes(axes, rotation_variance[i], square)
+        _add_rotation_noise(cov, square, half_path, half_gain)
+        if unshared_variance[i, 0] + unshared_variance[i, 1] + unshared_variance[i, 2] > 0.0:
+            _in_inertial_axes(axes, unshared_variance[i], square)
+            _add_rotation_noise(unshared, square, half_path, half_gain)
         for k in range(3):
             path[k] += (dt * remaining + 0.5 * dt * dt) * inertial[k]
             gain[k] += dt * inertial[k]
@@ -87,39 +66,52 @@ def noise_of_samples(interval, middle, force, force_noise, rate_noise, unshared_
 
 
 @COMPILED
-def _add_force_noise(cov, variance, remaining):
-    """Variance of a velocity increment, ``(m/s)²`` per axis, with the time that remains, s."""
-    for k in range(3):
-        cov[k, k] += variance * remaining * remaining
-        cov[k, 3 + k] += variance * remaining
-        cov[3 + k, k] += variance * remaining
-        cov[3 + k, 3 + k] += variance
+def _in_inertial_axes(axes, variance, square):
+    """Covariance ``square`` of independent errors along the body `axes`."""
+    for r in range(3):
+        for c in range(r + 1):
+            value = 0.0
+            for k in range(3):
+                value += axes[r, k] * axes[c, k] * variance[k]
+            square[r, c] = value
+            square[c, r] = value
 
 
 @COMPILED
-def _add_rate_noise(cov, variance, path, gain):
-    """Variance of a turn, rad² per axis, with the path and velocity that the force gives from there to the end."""
-    if variance == 0.0:
-        return
-    for i in range(3):
-        for j in range(3):
-            cov[i, j] -= variance * path[i] * path[j]
-            cov[i, 3 + j] -= variance * gain[i] * path[j]
-            cov[3 + i, j] -= variance * path[i] * gain[j]
-            cov[3 + i, 3 + j] -= variance * gain[i] * gain[j]
-        cov[i, i] += variance * (path[0] * path[0] + path[1] * path[1] + path[2] * path[2])
-        both = variance * (path[0] * gain[0] + path[1] * gain[1] + path[2] * gain[2])
-        cov[i, 3 + i] += both
-        cov[3 + i, i] += both
-        cov[3 + i, 3 + i] += variance * (gain[0] * gain[0] + gain[1] * gain[1] + gain[2] * gain[2])
-        cov[6 + i, 6 + i] += variance
-    for row, v in ((0, path), (3, gain)):  # -[v]ₓ
-        for i in range(3):
-            j, k = (i + 1) % 3, (i + 2) % 3
-            cov[row + i, 6 + j] += variance * v[k]
-            cov[row + i, 6 + k] -= variance * v[j]
-            cov[6 + j, row + i] += variance * v[k]
-            cov[6 + k, row + i] -= variance * v[j]
+def _add_force_noise(cov, square, remaining):
+    """Covariance of a velocity increment, ``(m/s)²``, with the time that remains, s."""
+    for r in range(3):
+        for c in range(3):
+            value = square[r, c]
+            cov[r, c] += value * remaining * remaining
+            cov[r, 3 + c] += value * remaining
+            cov[3 + r, c] += value * remaining
+            cov[3 + r, 3 + c] += value
+
+
+@COMPILED
+def _add_rotation_noise(cov, square, path, gain):
+    """Covariance of a rotation, rad², with the path and velocity that the force gives from there to the end."""
+    by_path, by_gain = np.empty((3, 3)), np.empty((3, 3))
+    for r in range(3):
+        for c in range(3):
+            cov[6 + r, 6 + c] += square[r, c]
+        j, k = (r + 1) % 3, (r + 2) % 3
+        for c in range(3):  # ψ × v, component r: ψ_j v_k - ψ_k v_j
+            by_path[r, c] = square[j, c] * path[k] - square[k, c] * path[j]
+            by_gain[r, c] = square[j, c] * gain[k] - square[k, c] * gain[j]
+            cov[r, 6 + c] += by_path[r, c]
+            cov[6 + c, r] += by_path[r, c]
+            cov[3 + r, 6 + c] += by_gain[r, c]
+            cov[6 + c, 3 + r] += by_gain[r, c]
+    for r in range(3):
+        for c in range(3):
+            j, k = (c + 1) % 3, (c + 2) % 3
+            cov[r, c] += by_path[r, j] * path[k] - by_path[r, k] * path[j]
+            cov[3 + r, 3 + c] += by_gain[r, j] * gain[k] - by_gain[r, k] * gain[j]
+            both = by_path[r, j] * gain[k] - by_path[r, k] * gain[j]
+            cov[r, 3 + c] += both
+            cov[3 + c, r] += both
 
 
 @COMPILED

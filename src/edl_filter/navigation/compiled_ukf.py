@@ -48,7 +48,7 @@ from edl_filter.navigation.constraints import Constraint
 from edl_filter.navigation.estimator import Innovation, Transition, statistical_jacobian
 from edl_filter.navigation.increments import Samples
 from edl_filter.navigation.layout import ONBOARD, Layout, State
-from edl_filter.navigation.noise import IDENTITY, sample_attitudes
+from edl_filter.navigation.noise import IDENTITY, increment_variances, sample_attitudes
 from edl_filter.planet import Planet
 from edl_filter.rotation_kernels import product, quaternion
 from edl_filter.types import Array, IntArray
@@ -113,8 +113,8 @@ class CompiledUKF:
         s, p = samples, self.planet
         nav, errors, covariance, cross, points, valid = _predict(
             self.state.nav, self.state.errors, self.covariance, self._places, self._scale, self._weights,
-            s.interval, s.force, s.rate, s.force_noise, s.rate_noise, s.shared_rate_noise, s.coning_corrected,
-            s.force_fill_sigma, s.rate_fill_sigma, s.onboard_rate, p.mu, p.j2, p.gravity_radius,
+            s.interval, s.force, s.rate, *increment_variances(s), s.coning_corrected, s.onboard_rate,
+            p.mu, p.j2, p.gravity_radius,
         )  # fmt: skip
         _check(valid)
         self.state, self.covariance, self.sigma_points = State(nav, errors), covariance, points
@@ -267,8 +267,8 @@ def _cross_covariance(points, rows, weight):
 
 @COMPILED
 def _predict(
-    nav, errors, covariance, places, scale, weights, interval, force, rate, force_noise, rate_noise, shared_rate_noise,
-    coning_corrected, force_fill, rate_fill, onboard_rate, mu, j2, radius,
+    nav, errors, covariance, places, scale, weights, interval, force, rate, velocity_variance, rotation_variance,
+    unshared_variance, coning_corrected, onboard_rate, mu, j2, radius,
 ):  # fmt: skip
     """One prediction: state, covariance, cross-covariance, sigma points, and whether the covariances are positive."""
     n, onboard = len(errors), places[7]
@@ -286,10 +286,7 @@ def _predict(
     rows -= mean
     cross = _cross_covariance(points, rows, weights[2])
     out = weighted_square(rows, weights[1], weights[2])
-    unshared_noise = np.sqrt(rate_noise**2 - shared_rate_noise**2) if onboard >= 0 else np.zeros(interval.size)
-    noise, unshared = noise_of_samples(
-        interval, middle, force, force_noise, rate_noise, unshared_noise, force_fill, rate_fill
-    )
+    noise, unshared = noise_of_samples(interval, middle, force, velocity_variance, rotation_variance, unshared_variance)
     out[:9, :9] += in_body_axes(noise, end)
     if onboard >= 0:
         common = in_body_axes(unshared, end)

@@ -26,9 +26,9 @@ _ONE_EDGE = SAME_TIME - 1e-9
 #: Number of samples from which the course up to a jump is extrapolated; those before them have no weight left.
 _EXTRAPOLATED = 40
 #: Part of one sample's unresolved rotation in which the attitude that was computed on board differs from the integral
-#: of the same samples by its algorithm (`onboard_rates`). Spirit's quaternions differ from it by 0.12 under the
-#: parachute and 0.13 during the bounces, their rounding subtracted.
-INTEGRATION_DIFFERENCE = 0.15
+#: of the same samples by its algorithm (`onboard_rates`), about any axis. Spirit's quaternions differ from it by 0.19
+#: under the parachute and 0.14 during the bounces, their rounding subtracted.
+INTEGRATION_DIFFERENCE = 0.2
 
 
 @dataclass(frozen=True)
@@ -45,11 +45,12 @@ class Samples:
     mean_force, mean_rate : (N, 3) arrays
         Plain means at the centre of mass, m/s² and rad/s, body axes: for aerodynamics, without the corrections that the
         integration needs.
-    force_noise, rate_noise : (N,) arrays
-        One sigma of a sample, m/s² and rad/s, including unresolved motion.
-    shared_rate_noise : (N,) array
-        The part of the rate noise that an attitude computed on board from the same gyros has too, rad/s: the gyros'
-        own and most of the unresolved motion.
+    force_noise, rate_noise : (N, 3) arrays
+        One sigma of a sample, m/s² and rad/s, body axes, including unresolved motion; may be given as ``(N,)``, for all
+        axes.
+    shared_rate_noise : (N, 3) array
+        The part of the rate noise that an attitude computed on board from the same gyros has too, rad/s, body axes: the
+        gyros' own and most of the unresolved motion; may be given as ``(N,)``.
     coning_corrected : (N,) boolean array
         Where the rate was taken from two attitudes, not from gyros.
     unit : (N,) integer array
@@ -83,6 +84,9 @@ class Samples:
         for key in ("force_fill_sigma", "rate_fill_sigma"):
             if not len(getattr(self, key)):
                 object.__setattr__(self, key, np.zeros((len(self.time), 3)))
+        for key in ("force_noise", "rate_noise", "shared_rate_noise"):
+            if getattr(self, key).ndim == 1:
+                object.__setattr__(self, key, np.repeat(getattr(self, key)[:, None], 3, axis=1))
 
     @property
     def edges(self) -> Array:
@@ -121,7 +125,7 @@ class Samples:
         time = np.sort(np.concatenate((self.time, added)))
         index = np.searchsorted(self.time, time - 1e-9)
         interval = np.diff(time, prepend=edges[0])
-        factor = np.sqrt(self.interval[index] / interval)
+        factor = np.sqrt(self.interval[index] / interval)[:, None]
         out = Samples(
             time=time,
             interval=interval,
@@ -134,8 +138,8 @@ class Samples:
             shared_rate_noise=self.shared_rate_noise[index] * factor,
             coning_corrected=self.coning_corrected.take(index, axis=0),
             unit=self.unit.take(index, axis=0),
-            force_fill_sigma=self.force_fill_sigma[index] * factor[:, None],
-            rate_fill_sigma=self.rate_fill_sigma[index] * factor[:, None],
+            force_fill_sigma=self.force_fill_sigma[index] * factor,
+            rate_fill_sigma=self.rate_fill_sigma[index] * factor,
             onboard_rate=self.onboard_rate.take(index, axis=0),
         )
         divided = np.flatnonzero(np.bincount(index) > 1)
@@ -229,7 +233,8 @@ class Samples:
         for name in ("force_noise", "rate_noise", "shared_rate_noise"):
             noise = getattr(self, name)
             values[name][k] = noise[k] / (1.0 - share)
-            values[name][k + 1] = np.median(noise[k + 1 :] * np.sqrt(self.interval[k + 1 :])) / np.sqrt(after)
+            random_walk = np.median(noise[k + 1 :] * np.sqrt(self.interval[k + 1 :, None]), axis=0)
+            values[name][k + 1] = random_walk / np.sqrt(after)
         for name in ("force_fill_sigma", "rate_fill_sigma"):
             values[name][k], values[name][k + 1] = getattr(self, name)[k] / (1.0 - share), 0.0
         return Samples(**values)
@@ -276,7 +281,7 @@ def effective_samples(
     if unresolved is None:
         unresolved = unresolved_motion_of(record, impacts_from)
     unresolved_force, unresolved_rate, in_sample = unresolved
-    difference = INTEGRATION_DIFFERENCE * in_sample
+    difference = INTEGRATION_DIFFERENCE * in_sample[:, None]
     unresolved_rate = np.maximum(unresolved_rate, difference)
     return Samples(
         time=record.time,
@@ -285,9 +290,9 @@ def effective_samples(
         rate=rate + coning,
         mean_force=force,
         mean_rate=rate,
-        force_noise=np.hypot(record.force_noise, unresolved_force),
-        rate_noise=np.hypot(record.rate_noise, unresolved_rate),
-        shared_rate_noise=np.sqrt(record.shared_rate_noise**2 + unresolved_rate**2 - difference**2),
+        force_noise=np.hypot(record.force_noise[:, None], unresolved_force),
+        rate_noise=np.hypot(record.rate_noise[:, None], unresolved_rate),
+        shared_rate_noise=np.sqrt(record.shared_rate_noise[:, None] ** 2 + unresolved_rate**2 - difference**2),
         coning_corrected=record.coning_corrected,
         unit=record.unit,
         force_fill_sigma=record.force_fill_sigma,

@@ -14,7 +14,7 @@ from edl_filter import rotations
 from edl_filter.navigation.compiled_noise import COMPILED, in_body_axes, noise_of_samples, onboard_rotation_jacobians
 from edl_filter.navigation.increments import Samples
 from edl_filter.navigation.layout import ONBOARD, Layout
-from edl_filter.navigation.noise import IDENTITY, sample_attitudes
+from edl_filter.navigation.noise import IDENTITY, increment_variances, sample_attitudes
 from edl_filter.types import Array, IntArray
 
 
@@ -39,11 +39,9 @@ def process_noise_of_intervals(
     (K, n, n) array
         Covariances, in the units of `layout.UNITS`.
     """
-    unshared = np.sqrt(samples.rate_noise**2 - samples.shared_rate_noise**2)
     covariance, common = _covariances(
-        begins, ends, attitudes, samples.interval, samples.rate, samples.force, samples.force_noise,
-        samples.rate_noise, unshared, samples.force_fill_sigma, samples.rate_fill_sigma,
-    )  # fmt: skip
+        begins, ends, attitudes, samples.interval, samples.rate, samples.force, *increment_variances(samples)
+    )
     noise = np.zeros((len(begins), layout.size, layout.size))
     noise[:, :9, :9] = covariance
     if ONBOARD in layout:
@@ -87,7 +85,7 @@ class OnboardRotations:
 
 @COMPILED
 def _covariances(
-    begins, ends, attitudes, interval, rate, force, force_noise, rate_noise, unshared_noise, force_fill, rate_fill
+    begins, ends, attitudes, interval, rate, force, velocity_variance, rotation_variance, unshared_variance
 ):
     """Covariances ``(K, 9, 9)`` by all noise, and by that which an on-board attitude does not share."""
     covariance = np.empty((begins.size, 9, 9))
@@ -96,9 +94,8 @@ def _covariances(
         a, b = begins[k], ends[k]
         middle, end = sample_attitudes(interval[a:b], rate[a:b], attitudes[k])
         every, unshared = noise_of_samples(
-            interval[a:b], middle, force[a:b], force_noise[a:b], rate_noise[a:b], unshared_noise[a:b],
-            force_fill[a:b], rate_fill[a:b],
-        )  # fmt: skip
+            interval[a:b], middle, force[a:b], velocity_variance[a:b], rotation_variance[a:b], unshared_variance[a:b]
+        )
         covariance[k] = in_body_axes(every, end)
         common[k] = in_body_axes(unshared, end)
     return covariance, common

@@ -8,13 +8,15 @@ position over the remaining time. Gravity's gradient over one interval (1e-6 s�
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numba import njit
 
 from edl_filter import rotations
 from edl_filter.navigation.increments import Samples
 from edl_filter.navigation.layout import ONBOARD, Layout
-from edl_filter.rotation_kernels import product, quaternion
+from edl_filter.rotation_kernels import fill_matrix, product, quaternion
 from edl_filter.types import Array
 
 IDENTITY = np.array([0.0, 0.0, 0.0, 1.0])
@@ -27,7 +29,7 @@ def process_noise(layout: Layout, samples: Samples, attitude: Array) -> Array:
     gyros' noise is not noise of it. What the filter does not know of the readings themselves (those in a gap, or the
     difference between two integrations of them) is noise of it and of the true attitude alike.
 
-    A filled stretch of samples has errors of its own along each body axis, which are correlated in time. They enter as
+    A filled stretch of samples has further errors along each body axis, which are correlated in time. They enter as
     independent errors of the samples with the same variance of the sum over the stretch: velocity and attitude at its
     end have the right variance, that of the position is up to a third too large.
 
@@ -48,48 +50,43 @@ def process_noise(layout: Layout, samples: Samples, attitude: Array) -> Array:
     middle, end = sample_attitudes(samples.interval, samples.rate, attitude)
     to_end = np.eye(9)
     to_end[6:, 6:] = rotations.to_matrix(end).T
-    args = samples.interval, rotations.rotate(middle, samples.force), samples.force_noise
+    variances = increment_variances(samples)
     noise = np.zeros((layout.size, layout.size))
-    covariance = _accumulate(*args, samples.rate_noise)
-    fill = None
-    if samples.filled.any():
-        fill = _fill_noise(samples, middle, args[1])
-        covariance = covariance + fill
-    noise[:9, :9] = to_end @ covariance @ to_end.T
+    args = samples.interval, middle, samples.force, variances.velocity
+    noise[:9, :9] = to_end @ _accumulate(*args, variances.rotation) @ to_end.T
     if ONBOARD in layout:
         block = layout[ONBOARD]
-        unshared = np.sqrt(samples.rate_noise**2 - samples.shared_rate_noise**2)
-        covariance = _accumulate(*args, unshared)
-        common = to_end @ (covariance if fill is None else covariance + fill) @ to_end.T
+        common = to_end @ _accumulate(*args, variances.unshared) @ to_end.T
         noise[block, :9], noise[:9, block] = common[6:], common[:, 6:]
         noise[block, block] = common[6:, 6:]
     return noise
 
 
-def _fill_noise(samples: Samples, middle: Array, force: Array) -> Array:
-    """Covariance ``(9, 9)`` of position, velocity and attitude error in inertial axes by the errors of filled samples.
+class IncrementVariances(NamedTuple):
+    """Variances of the increments of samples, with those of filled values.
 
-    `middle` (N, 4) are the attitudes at mid-sample, and `force` (N, 3) is the specific force, m/s², inertial axes.
+    Attributes
+    ----------
+    velocity, rotation : (N, 3) arrays
+        (m/s)² and rad², body axes.
+    unshared : (N, 3) array
+        Part of `rotation` that an attitude computed on board has too: the readings that only the filter lacks.
     """
-    dt = samples.interval
-    rest = np.cumsum(dt[::-1])[::-1] - dt  # time from the sample's end on
-    remaining = rest + 0.5 * dt
-    gain, path = force * dt[:, None], force * (dt * remaining)[:, None]
-    # velocity and path that the force gives from mid-sample to the end
-    after = np.cumsum(gain[::-1], axis=0)[::-1] - 0.5 * gain
-    later = np.cumsum(path[::-1], axis=0)[::-1] - path + force * (0.5 * dt * rest + 0.125 * dt**2)[:, None]
-    covariance = np.zeros((9, 9))
-    for i in np.flatnonzero(samples.filled):
-        axes = rotations.to_matrix(middle[i]) * dt[i]
-        by_force, by_rate = np.zeros((9, 3)), np.zeros((9, 3))
-        error = axes * samples.force_fill_sigma[i]
-        by_force[:3], by_force[3:6] = remaining[i] * error, error
-        error = axes * samples.rate_fill_sigma[i]
-        by_rate[:3] = -rotations.cross_matrix(later[i]) @ error
-        by_rate[3:6] = -rotations.cross_matrix(after[i]) @ error
-        by_rate[6:] = error
-        covariance += by_force @ by_force.T + by_rate @ by_rate.T
-    return covariance
+
+    velocity: Array
+    rotation: Array
+    unshared: Array
+
+
+def increment_variances(samples: Samples) -> IncrementVariances:
+    """Variances of the increments of `samples`."""
+    square, rate_fill = samples.interval[:, None] ** 2, samples.rate_fill_sigma**2
+    rotation = samples.rate_noise**2 + rate_fill
+    return IncrementVariances(
+        square * (samples.force_noise**2 + samples.force_fill_sigma**2),
+        square * rotation,
+        square * np.maximum(rotation - samples.shared_rate_noise**2, 0.0),
+    )
 
 
 def net_rotation(samples: Samples) -> Array:
@@ -149,33 +146,32 @@ def sample_attitudes(interval, rate, attitude):
 
 
 @njit(cache=True, error_model="numpy")
-def _accumulate(interval, force, force_noise, rate_noise):
+def _accumulate(interval, middle, force, velocity_variance, rotation_variance):
     """Covariance ``(9, 9)`` of position, velocity and attitude error in inertial axes, from the end backwards."""
     cov = np.zeros((9, 9))
     gain = np.zeros(3)  # velocity that the force gives from the current time to the end
     path = np.zeros(3)  # and path: the integral of force times the remaining time
     remaining = 0.0  # time to the end
-    turn = np.zeros((9, 3))
-    for k in range(3):
-        turn[6 + k, k] = 1.0
+    axes = np.empty((3, 3))
+    by_force, by_rate = np.zeros((9, 3)), np.zeros((9, 3))
     for i in range(interval.size - 1, -1, -1):
         dt = interval[i]
+        fill_matrix(middle[i], axes)
+        inertial = axes @ force[i]
         # a sample's noise acts at its middle: half of its own force comes after
         half_remaining = remaining + 0.5 * dt
-        half_gain = gain + 0.5 * dt * force[i]
-        half_path = path + (0.5 * dt * remaining + 0.125 * dt * dt) * force[i]
-        b = (force_noise[i] * dt) ** 2
-        for k in range(3):
-            cov[k, k] += b * half_remaining * half_remaining
-            cov[k, 3 + k] += b * half_remaining
-            cov[3 + k, k] += b * half_remaining
-            cov[3 + k, 3 + k] += b
-        for o, v in ((0, half_path), (3, half_gain)):  # ψ × v = -[v]× ψ
-            turn[o, 1], turn[o, 2] = v[2], -v[1]
-            turn[o + 1, 0], turn[o + 1, 2] = -v[2], v[0]
-            turn[o + 2, 0], turn[o + 2, 1] = v[1], -v[0]
-        cov += (rate_noise[i] * dt) ** 2 * (turn @ turn.T)
-        path = path + (dt * remaining + 0.5 * dt * dt) * force[i]
-        gain = gain + dt * force[i]
+        half_gain = gain + 0.5 * dt * inertial
+        half_path = path + (0.5 * dt * remaining + 0.125 * dt * dt) * inertial
+        for axis in range(3):
+            error = axes[:, axis] * np.sqrt(velocity_variance[i, axis])
+            by_force[:3, axis] = half_remaining * error
+            by_force[3:6, axis] = error
+            error = axes[:, axis] * np.sqrt(rotation_variance[i, axis])
+            by_rate[:3, axis] = np.cross(error, half_path)
+            by_rate[3:6, axis] = np.cross(error, half_gain)
+            by_rate[6:, axis] = error
+        cov += by_force @ by_force.T + by_rate @ by_rate.T
+        path = path + (dt * remaining + 0.5 * dt * dt) * inertial
+        gain = gain + dt * inertial
         remaining = remaining + dt
     return cov

@@ -144,7 +144,7 @@ def run_with_recovery(
     force, rate, start, end = 0.0, 0.0, problem.initial.time, problem.initial.time
     if best.cause != "entry_state":
         force, rate = best.size * _variation(problem.samples.part(0, stop))
-        added = np.flatnonzero(best.problem.samples.force_noise > problem.samples.force_noise)
+        added = np.flatnonzero(np.any(best.problem.samples.force_noise > problem.samples.force_noise, axis=1))
         time = problem.samples.time
         start, end = time[added[0]] - problem.samples.interval[added[0]], time[added[-1]]
     recovery = Recovery(
@@ -294,8 +294,9 @@ def _variation(samples: Samples) -> Array:
 
 def _noisier(samples: Samples, selected: BoolArray, noise: Array) -> Samples:
     """Samples of which the `selected` (N,) have additional `noise` ``(2,)`` of force and rate, m/s² and rad/s."""
+    rows = selected[:, None]
     return replace(
         samples,
-        force_noise=np.where(selected, np.hypot(samples.force_noise, noise[0]), samples.force_noise),
-        rate_noise=np.where(selected, np.hypot(samples.rate_noise, noise[1]), samples.rate_noise),
+        force_noise=np.where(rows, np.hypot(samples.force_noise, noise[0]), samples.force_noise),
+        rate_noise=np.where(rows, np.hypot(samples.rate_noise, noise[1]), samples.rate_noise),
     )

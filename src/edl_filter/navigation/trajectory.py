@@ -93,8 +93,8 @@ def smoothed_trajectory(problem: Problem, smoothed: Smoothed, layout: Layout) ->
 
 
 def _with_fill(noise: Array, fill_sigma: Array) -> Array:
-    """Sigma of an axis (N,) of samples with `noise` (N,), to which filled ones add `fill_sigma` (N, 3)."""
-    return np.asarray(np.sqrt(noise**2 + np.mean(fill_sigma**2, axis=1)))
+    """Root mean square over the axes (N,) of samples with `noise` (N, 3), to which filled ones add `fill_sigma`."""
+    return np.asarray(np.sqrt(np.mean(noise**2 + fill_sigma**2, axis=1)))
 
 
 def random_walk_share(interval: Array, noise: Array) -> Array:

@@ -15,11 +15,15 @@ the samples, moments with the covariance ``s² h^(2q+1) C_k`` between two that a
 (`moment_covariance`, in closed form). Neighbours are negatively correlated, because what is faster than the sampling
 has alternating signs in the samples. So the errors of a slow rotation cancel from sample to sample, and those of an
 oscillation near the sampling frequency add up. A sample gets the sigma of independent errors whose sum over a stretch
-has the variance of the correlated ones: with the root g of C (``g * g = C``), that of ``Σ_k g_k s_{i+k} Δθ_{i+k}``.
+has the variance of the correlated ones: with the root g of C (``g * g = C``), that of ``(Σ_k g_k Δθ_{i+k}) × n``,
+where the components of n are independent and have the sigmas ``s h^(q+1/2)`` of their axes. The sigma differs between
+the axes of the body: the coning of a pendulum that swings about the transverse axes has its errors about the axis of
+symmetry.
 
-The intensity is that of the readings themselves: the spline of degree 2q + 1 through their integral minimises the
-integral of the square of its derivative of order q + 1, whose expectation is s² a sample, since the spline is the
-projection of white noise on one dimension a sample (Wahba 1990, chapter 1). It is averaged over nine samples.
+The intensity is that of the readings themselves, for each axis: the spline of degree 2q + 1 through their integral
+minimises the integral of the square of its derivative of order q + 1, whose expectation is s² a sample, since the
+spline is the projection of white noise on one dimension a sample (Wahba 1990, chapter 1). It is averaged over nine
+samples.
 
 Where force and rate run smoothly the sigma is far below the noise of an instrument. It is cautious for an oscillation
 of which few samples cover a period: samples of a pendulum under a parachute with three samples a period are equally
@@ -51,10 +55,10 @@ class UnresolvedMotion(NamedTuple):
 
     Attributes
     ----------
-    force_sigma, rate_sigma : (N,) arrays
-        One sigma per axis, m/s² and rad/s, of independent errors whose sums have the variance of the true ones.
+    force_sigma, rate_sigma : (N, 3) arrays
+        One sigma, m/s² and rad/s, body axes, of independent errors whose sums have the variance of the true ones.
     sample_rate_sigma : (N,) array
-        One sigma per axis of the rate's error in this sample alone, rad/s.
+        One sigma of the rate's error in this sample alone, rad/s, root mean square over the axes.
     """
 
     force_sigma: Array
@@ -145,27 +149,25 @@ def intensity_sigma(edges: Array, interval: Array, mean: Array, order: int) -> A
 
     Returns
     -------
-    (N,) array
-        Root mean square over the components, in the unit of `mean` times s^(1/2 - order).
+    (N, m) array
+        In the unit of `mean` times s^(1/2 - order).
     """
     if len(interval) < 2 * order + 2:
-        return np.zeros(len(interval))
+        return np.zeros_like(mean)
     highest = integral_spline(edges, interval, mean, 2 * order + 1).derivative(order + 1)
-    square = sum(
-        w * np.mean(highest(edges[:-1] + t * interval) ** 2, axis=1) for t, w in zip(*nodes(order + 1), strict=True)
-    )
-    return np.sqrt(moving_mean(np.asarray(square * interval, np.float64)))
+    square = sum(w * highest(edges[:-1] + t * interval) ** 2 for t, w in zip(*nodes(order + 1), strict=True))
+    return np.sqrt(moving_mean(np.asarray(square * interval[:, None], np.float64)))
 
 
 def moving_mean(values: Array) -> Array:
-    """Means ``(N,)`` over each value of ``(N,)`` and up to `_AVERAGED` ones on each side.
+    """Means ``(N, m)`` over each row of ``(N, m)`` and up to `_AVERAGED` rows on each side.
 
-    The intensity by one sample has one degree of freedom an axis: its scatter would end the cancelling of errors.
+    The intensity by one sample has one degree of freedom an axis.
     """
-    total = np.concatenate(([0.0], np.cumsum(values)))
+    total = np.concatenate((np.zeros((1, values.shape[1])), np.cumsum(values, axis=0)))
     index = np.arange(len(values))
     first, last = np.maximum(index - _AVERAGED, 0), np.minimum(index + _AVERAGED + 1, len(values))
-    return np.maximum((total[last] - total[first]) / (last - first), 0.0)
+    return np.maximum((total[last] - total[first]) / (last - first)[:, None], 0.0)
 
 
 def unresolved_motion(
@@ -185,33 +187,37 @@ def unresolved_motion(
     Returns
     -------
     UnresolvedMotion
-        The angle between rate and moment is unknown: 2/3 of the product of the squares of two vectors is the mean
-        square of a component of their vector product.
     """
-    edges = sample_edges(time, interval)
-    turn, gain = rate * interval[:, None], force * interval[:, None]
-    jerk = intensity_sigma(edges, interval, rate, 2) * interval**2.5
-    force_jumps = intensity_sigma(edges, interval, force, 1) * interval**1.5
-    by_moment, of_gain, of_turn = _summed(turn, force_jumps, 1), _summed(gain, jerk, 2), _summed(turn, jerk, 2)
-    impact = time > impacts_from
-    sample = np.sqrt(moment_covariance(2)[0]) * jerk
+    edges, dt = sample_edges(time, interval), interval[:, None]
+    turn, gain = rate * dt, force * dt
+    jerk = intensity_sigma(edges, interval, rate, 2) * dt**2.5
+    force_jumps = intensity_sigma(edges, interval, force, 1) * dt**1.5
+    by_force = _product_sigma(_summed(turn, 1), force_jumps)
+    of_gain, of_turn = _product_sigma(_summed(gain, 2), jerk), _product_sigma(_summed(turn, 2), jerk)
+    sample = _product_sigma(turn, np.sqrt(moment_covariance(2)[0]) * jerk)
+    impact = (time > impacts_from)[:, None]
     if impact.any():
-        jumps = intensity_sigma(edges, interval, rate, 1) * interval**1.5
+        jumps = intensity_sigma(edges, interval, rate, 1) * dt**1.5
         # white noise: the difference from the mean of both neighbours has 3/2 of its variance
-        blows = np.sqrt(moving_mean(np.mean(second_difference(gain) ** 2, axis=1) / 1.5))
-        by_moment = np.where(impact, _summed(turn, blows, 0), by_moment)
-        of_gain = np.where(impact, _summed(gain, jumps, 1), of_gain)
-        of_turn = np.where(impact, _summed(turn, jumps, 1), of_turn)
-        sample = np.where(impact, np.sqrt(moment_covariance(1)[0]) * jumps, sample)
-    factor = np.sqrt(2.0 / 3.0) / interval
-    return UnresolvedMotion(factor * np.hypot(by_moment, of_gain), factor * of_turn, factor * _length(turn) * sample)
+        blows = np.sqrt(moving_mean(second_difference(gain) ** 2 / 1.5))
+        by_force = np.where(impact, _product_sigma(_summed(turn, 0), blows), by_force)
+        of_gain = np.where(impact, _product_sigma(_summed(gain, 1), jumps), of_gain)
+        of_turn = np.where(impact, _product_sigma(_summed(turn, 1), jumps), of_turn)
+        sample = np.where(impact, _product_sigma(turn, np.sqrt(moment_covariance(1)[0]) * jumps), sample)
+    in_sample = np.sqrt(np.mean(sample**2, axis=1)) / interval
+    return UnresolvedMotion(np.hypot(by_force, of_gain) / dt, of_turn / dt, in_sample)
 
 
-def _summed(vectors: Array, sigma: Array, order: int) -> Array:
-    """Length of ``Σ_k g_k σ_{i+k} x_{i+k}``, ``(N,)``: independent errors with the variance of the correlated ones."""
-    root = covariance_root(order)
-    padded = np.pad(vectors * sigma[:, None], ((_ROOT_REACH, _ROOT_REACH), (0, 0)))
-    return _length(np.stack([np.convolve(column, root, mode="valid") for column in padded.T], axis=1))
+def _summed(vectors: Array, order: int) -> Array:
+    """``Σ_k g_k x_{i+k}``, ``(N, 3)``, with the root g of the moments' covariance."""
+    padded = np.pad(vectors, ((_ROOT_REACH, _ROOT_REACH), (0, 0)))
+    return np.stack([np.convolve(column, covariance_root(order), mode="valid") for column in padded.T], axis=1)
+
+
+def _product_sigma(vectors: Array, sigma: Array) -> Array:
+    """One sigma by axis of ``x × m``, ``(N, 3)``, for independent components of m with sigmas ``(N, 3)``."""
+    (x, y, z), (a, b, c) = (vectors**2).T, (sigma**2).T
+    return np.sqrt(np.stack((y * c + z * b, z * a + x * c, x * b + y * a), axis=1))
 
 
 def second_difference(mean: Array) -> Array:
@@ -219,9 +225,3 @@ def second_difference(mean: Array) -> Array:
     out = np.zeros_like(mean)
     out[1:-1] = mean[1:-1] - 0.5 * (mean[:-2] + mean[2:])
     return out
-
-
-def _length(vectors: Array) -> Array:
-    """Length of each row."""
-    x, y, z = vectors.T
-    return np.asarray(np.sqrt(x * x + y * y + z * z), np.float64)

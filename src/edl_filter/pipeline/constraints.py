@@ -67,8 +67,8 @@ def build_constraints(
     if c.pre_entry_zero_force is not None:
         z = c.pre_entry_zero_force
         part = window(samples, z.start_s, z.end_s, "pre_entry_zero_force")
-        noise = float(np.sqrt(np.mean(part.force_noise**2) / len(part.time)))
-        constraints.append(models.ZeroSpecificForce(start, mean(part), np.full(3, np.hypot(z.sigma, noise))))
+        noise = np.sqrt(np.mean(part.force_noise**2, axis=0) / len(part.time))
+        constraints.append(models.ZeroSpecificForce(start, mean(part), np.hypot(z.sigma, noise)))
     if c.onboard_attitude is not None:
         constraints += onboard_attitudes(telemetry, c.onboard_attitude.interval_s, start)
     if c.parachute is not None:
@@ -261,11 +261,11 @@ def _velocity_sigma_at_stop(record: ImuRecord, time: float) -> float:
 
 
 def _sigma_of_mean(interval: Array, noise: Array, fill_sigma: Array) -> float:
-    """One sigma of the mean over samples with an interval (N,), s, and the noise (N,): largest axis.
+    """One sigma of the mean over samples with an interval (N,), s, and the noise (N, 3): largest axis.
 
     Some were filled in (N, 3).
     """
-    increments = interval[:, None] ** 2 * (noise[:, None] ** 2 + fill_sigma**2)
+    increments = interval[:, None] ** 2 * (noise**2 + fill_sigma**2)
     return float(np.sqrt(np.max(np.sum(increments, axis=0))) / interval.sum())
 
 

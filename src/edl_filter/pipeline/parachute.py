@@ -158,7 +158,7 @@ def _axial_force(
             f"{time:g} s is {-deceleration:.3g} m/s^2; a deceleration is negative."
         )
     errors = telemetry.driving.errors[int(part.unit[-1])]
-    noise = float(np.sqrt(weights**2 @ part.force_noise**2))
+    noise = float(np.sqrt(weights**2 @ part.force_noise[:, 0] ** 2))
     vehicle = mission.vehicle
     force = body_of(mission, effects).mass * deceleration / vehicle.reference_area
     ca, ca_sigma = (float(value[0]) for value in model.axial_coefficient(flow))

@@ -135,8 +135,8 @@ def postflight_inputs(reconstruction: Reconstruction, air: AirData) -> Postfligh
         wind_sigma=wind * np.abs(np.cos(path)),
         specific_force=trajectory.specific_force[1:],
         angular_rate=trajectory.angular_rate[1:],
-        force_noise=np.hypot(samples.force_noise, samples.force_fill_sigma.max(axis=1)),
-        rate_noise=np.hypot(samples.rate_noise, samples.rate_fill_sigma.max(axis=1)),
+        force_noise=_noise_of_an_axis(samples.force_noise, samples.force_fill_sigma),
+        rate_noise=_noise_of_an_axis(samples.rate_noise, samples.rate_fill_sigma),
         bias_sigma=remaining("accelerometer_bias"),
         alignment_sigma=float(np.max(remaining("accelerometer_misalignment"))),
         mass=mass,
@@ -161,6 +161,11 @@ def postflight_inputs(reconstruction: Reconstruction, air: AirData) -> Postfligh
         top_temperature_sigma=mission.postflight.top_temperature_sigma,
         windows=None if stated is None else tuple(Window(w.name, w.start_s, w.end_s) for w in stated),
     )
+
+
+def _noise_of_an_axis(noise: Array, fill_sigma: Array) -> Array:
+    """One sigma ``(N,)`` of noise ``(N, 3)``, root mean square over the axes, and of filled values, largest axis."""
+    return np.asarray(np.sqrt(np.mean(noise**2, axis=1) + np.max(fill_sigma, axis=1) ** 2), np.float64)
 
 
 def _mass_properties(

@@ -147,9 +147,10 @@ def _sample_mask(count: int, begins: IntArray, ends: IntArray, chosen: BoolArray
 
 def _without_gyro_noise(samples: Samples, affected: BoolArray) -> Samples:
     """Samples of which the rate noise of those that are `affected` ``(N,)`` is the motion within the samples alone."""
-    gyro = float(np.min(samples.rate_noise * np.sqrt(samples.interval))) / np.sqrt(samples.interval)
+    root = np.sqrt(samples.interval)[:, None]
+    gyro = float(np.min(samples.rate_noise * root)) / root
     motion = np.sqrt(np.maximum(samples.rate_noise**2 - gyro**2, 0.0))
-    noise = np.where(affected, motion, samples.rate_noise)
+    noise = np.where(affected[:, None], motion, samples.rate_noise)
     return replace(samples, rate_noise=noise, shared_rate_noise=np.minimum(samples.shared_rate_noise, noise))
 
 
