@@ -26,9 +26,9 @@ _ONE_EDGE = SAME_TIME - 1e-9
 #: Number of samples from which the course up to a jump is extrapolated; those before them have no weight left.
 _EXTRAPOLATED = 40
 #: Part of one sample's unresolved rotation in which the attitude that was computed on board differs from the integral
-#: of the same samples by its algorithm (`onboard_rates`), about any axis. Spirit's quaternions differ from it by 0.19
-#: under the parachute and 0.14 during the bounces, their rounding subtracted.
-INTEGRATION_DIFFERENCE = 0.2
+#: of the same samples by its algorithm (`onboard_rates`). Spirit's quaternions differ from it by 0.12 under the
+#: parachute and 0.13 during the bounces, their rounding subtracted.
+INTEGRATION_DIFFERENCE = 0.15
 
 
 @dataclass(frozen=True)

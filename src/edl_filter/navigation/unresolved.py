@@ -18,7 +18,8 @@ oscillation near the sampling frequency add up. A sample gets the sigma of indep
 has the variance of the correlated ones: with the root g of C (``g * g = C``), that of ``(Σ_k g_k Δθ_{i+k}) × n``,
 where the components of n are independent and have the sigmas ``s h^(q+1/2)`` of their axes. The sigma differs between
 the axes of the body: the coning of a pendulum that swings about the transverse axes has its errors about the axis of
-symmetry.
+symmetry. At an impact, which is one jump inside one sample, nothing is known of the axes that do not jump, and rigid
+rotation is only an approximation: there the moment has any direction and the sigma is the same for all axes.
 
 The intensity is that of the readings themselves, for each axis: the spline of degree 2q + 1 through their integral
 minimises the integral of the square of its derivative of order q + 1, whose expectation is s² a sample, since the
@@ -48,6 +49,8 @@ _SUPPORT = 41
 _ROOT_REACH = 12
 #: Number of samples on each side over which an intensity is averaged: half a second at 8 Hz.
 _AVERAGED = 4
+#: Root mean square of a component of the vector product of two vectors of unit length, the angle between them unknown.
+_ANGLE_UNKNOWN = np.sqrt(2.0 / 3.0)
 
 
 class UnresolvedMotion(NamedTuple):
@@ -58,7 +61,7 @@ class UnresolvedMotion(NamedTuple):
     force_sigma, rate_sigma : (N, 3) arrays
         One sigma, m/s² and rad/s, body axes, of independent errors whose sums have the variance of the true ones.
     sample_rate_sigma : (N,) array
-        One sigma of the rate's error in this sample alone, rad/s, root mean square over the axes.
+        One sigma per axis of the rate's error in this sample alone, rad/s, for a moment of any direction.
     """
 
     force_sigma: Array
@@ -194,18 +197,18 @@ def unresolved_motion(
     force_jumps = intensity_sigma(edges, interval, force, 1) * dt**1.5
     by_force = _product_sigma(_summed(turn, 1), force_jumps)
     of_gain, of_turn = _product_sigma(_summed(gain, 2), jerk), _product_sigma(_summed(turn, 2), jerk)
-    sample = _product_sigma(turn, np.sqrt(moment_covariance(2)[0]) * jerk)
-    impact = (time > impacts_from)[:, None]
+    in_sample = _length(turn) * np.sqrt(moment_covariance(2)[0]) * _mean_sigma(jerk)
+    impact = time > impacts_from
     if impact.any():
-        jumps = intensity_sigma(edges, interval, rate, 1) * dt**1.5
+        jumps = _mean_sigma(intensity_sigma(edges, interval, rate, 1) * dt**1.5)
         # white noise: the difference from the mean of both neighbours has 3/2 of its variance
-        blows = np.sqrt(moving_mean(second_difference(gain) ** 2 / 1.5))
-        by_force = np.where(impact, _product_sigma(_summed(turn, 0), blows), by_force)
-        of_gain = np.where(impact, _product_sigma(_summed(gain, 1), jumps), of_gain)
-        of_turn = np.where(impact, _product_sigma(_summed(turn, 1), jumps), of_turn)
-        sample = np.where(impact, _product_sigma(turn, np.sqrt(moment_covariance(1)[0]) * jumps), sample)
-    in_sample = np.sqrt(np.mean(sample**2, axis=1)) / interval
-    return UnresolvedMotion(np.hypot(by_force, of_gain) / dt, of_turn / dt, in_sample)
+        blows = _mean_sigma(np.sqrt(moving_mean(second_difference(gain) ** 2 / 1.5)))
+        rows = impact[:, None]
+        by_force = np.where(rows, _isotropic_sigma(turn, blows, 0), by_force)
+        of_gain = np.where(rows, _isotropic_sigma(gain, jumps, 1), of_gain)
+        of_turn = np.where(rows, _isotropic_sigma(turn, jumps, 1), of_turn)
+        in_sample = np.where(impact, _length(turn) * np.sqrt(moment_covariance(1)[0]) * jumps, in_sample)
+    return UnresolvedMotion(np.hypot(by_force, of_gain) / dt, of_turn / dt, _ANGLE_UNKNOWN * in_sample / interval)
 
 
 def _summed(vectors: Array, order: int) -> Array:
@@ -220,8 +223,24 @@ def _product_sigma(vectors: Array, sigma: Array) -> Array:
     return np.sqrt(np.stack((y * c + z * b, z * a + x * c, x * b + y * a), axis=1))
 
 
+def _isotropic_sigma(vectors: Array, sigma: Array, order: int) -> Array:
+    """The same for all axes, ``(N, 1)``, for a moment of any direction with one sigma per axis ``(N,)``."""
+    return np.asarray(_ANGLE_UNKNOWN * _length(_summed(vectors * sigma[:, None], order)), np.float64)[:, None]
+
+
+def _mean_sigma(sigma: Array) -> Array:
+    """Root mean square ``(N,)`` over the axes ``(N, 3)``."""
+    return np.asarray(np.sqrt(np.mean(sigma**2, axis=1)), np.float64)
+
+
 def second_difference(mean: Array) -> Array:
     """Each sample of ``(N, 3)`` minus the mean of its two neighbours; zero at the ends."""
     out = np.zeros_like(mean)
     out[1:-1] = mean[1:-1] - 0.5 * (mean[:-2] + mean[2:])
     return out
+
+
+def _length(vectors: Array) -> Array:
+    """Length of each row."""
+    x, y, z = vectors.T
+    return np.asarray(np.sqrt(x * x + y * y + z * z), np.float64)
