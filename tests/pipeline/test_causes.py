@@ -23,7 +23,7 @@ from edl_filter.pipeline.causes import (
         pytest.param(SWAP_XZ, "angular_rate", "axes", marks=pytest.mark.slow),
         pytest.param(np.diag([1.0, 1.0, -1.0]), "specific_force", "sign", marks=pytest.mark.slow),
         pytest.param(-np.eye(3), "angular_rate", "sign", marks=pytest.mark.slow),
-        (np.eye(3) / 0.3048, "specific_force", "units"),
+        pytest.param(np.eye(3) / 0.3048, "specific_force", "units", marks=pytest.mark.slow),
         pytest.param(np.eye(3) * np.pi / 180.0, "angular_rate", "units", marks=pytest.mark.slow),
     ],
 )
@@ -100,7 +100,7 @@ def test_a_number_has_the_digits_of_its_sigma(size, sigma, text):
 @pytest.mark.parametrize(
     ("convention", "text"),
     [
-        (lambda q: np.roll(q, 1), "its quaternion has its scalar part first"),
+        pytest.param(lambda q: np.roll(q, 1), "its quaternion has its scalar part first", marks=pytest.mark.slow),
         pytest.param(
             rotations.conjugate, "its quaternion turns from inertial axes to those of the body", marks=pytest.mark.slow
         ),
