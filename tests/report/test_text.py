@@ -8,6 +8,7 @@ from edl_filter.report.text import (
     chance,
     constraint_verdict,
     event_label,
+    gain_text,
     information_text,
     limited_probability_sentence,
     number,
@@ -43,6 +44,10 @@ def test_estimates_have_the_digits_that_they_deserve(estimate, sigma, text):
 
 def test_numbers_for_people():
     assert [number(x) for x in (0.91234, 1073.4, 6.4e7, None, float("nan"))] == ["0.912", "1073", "6.4e+07", "–", "–"]
+
+
+def test_a_gain_that_is_rounding_is_zero():
+    assert [gain_text(x) for x in (-2.9e-11, 0.0, 0.02, -196.06, None)] == ["0", "0", "0.02", "-196", "–"]
     assert [chance(x) for x in (1.0, 0.25, 1e-7)] == ["> 0.999", "0.250", "< 0.001"]
     assert parameters_text({"a": {"estimate": None, "sigma": 0.0, "unit": "s"}}) == ""
 

@@ -86,7 +86,7 @@ def state_sentences(diagnosis: DiagnosisContent) -> list[str]:
 
 def none_gain_text(diagnosis: DiagnosisContent) -> str:
     """Gain of the hypothesis that nothing is missing; a hopeless one in words, which `none_gain_sentence` explains."""
-    return "excluded" if _is_excluded(diagnosis) else number(diagnosis.none_gain)
+    return "excluded" if _is_excluded(diagnosis) else gain_text(diagnosis.none_gain)
 
 
 def none_gain_sentence(diagnosis: DiagnosisContent) -> str:
@@ -149,6 +149,11 @@ def number(value: float | None) -> str:
     if value is None or not math.isfinite(value):
         return "–"
     return f"{value:.0f}" if 100.0 <= abs(value) < 1e6 else f"{value:.3g}"
+
+
+def gain_text(gain: float | None) -> str:
+    """A gain in nats; below a thousandth it is rounding of two equal log-likelihoods, and zero is written."""
+    return "0" if gain is not None and abs(gain) < 1e-3 else number(gain)
 
 
 def chance(probability: float | None) -> str:
@@ -234,13 +239,13 @@ def ranking_rows(diagnosis: DiagnosisContent) -> list[tuple[str, ...]]:
     return [
         *(
             (
-                hypothesis_label(h), chance(h.probability), number(h.gain), number(h.score_gain),
+                hypothesis_label(h), chance(h.probability), gain_text(h.gain), gain_text(h.score_gain),
                 parameters_text(h.parameters), f"{words(h.channel)} {error_fall(h)}",
             )
             for h in diagnosis.ranking
         ),
         ("nothing is missing", chance(diagnosis.none), none_gain_text(diagnosis), "–", "", ""),
-        ("something else", chance(something.probability), number(something.gain), "–", "", ""),
+        ("something else", chance(something.probability), gain_text(something.gain), "–", "", ""),
     ]  # fmt: skip
 
 

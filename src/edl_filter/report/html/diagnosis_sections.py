@@ -26,6 +26,7 @@ from edl_filter.report.text import (
     chance,
     effect_names,
     error_fall,
+    gain_text,
     limited_probability_sentence,
     none_gain_sentence,
     none_gain_text,
@@ -175,13 +176,13 @@ def _ranking(diagnosis: DiagnosisContent) -> Table:
     rows: list[tuple[float, list[Cell]]] = []
     for h in diagnosis.ranking:
         row: list[Cell] = [
-            h.label, chance(h.probability), readable(number(h.gain)), readable(number(h.score_gain)),
+            h.label, chance(h.probability), readable(gain_text(h.gain)), readable(gain_text(h.score_gain)),
             readable(parameters_text(h.parameters)), effect_names(h.same_as) or "nothing",
             f"{words(h.channel)}\n{error_fall(h)}",
         ]  # fmt: skip
         rows.append((h.probability or 0.0, row))
     something = diagnosis.something_else
-    none, unnamed = readable(none_gain_text(diagnosis)), readable(number(something.gain))
+    none, unnamed = readable(none_gain_text(diagnosis)), readable(gain_text(something.gain))
     rows.append((diagnosis.none or 0.0, ["nothing is missing", chance(diagnosis.none), none, "–", "", "", ""]))
     unnamed_row: list[Cell] = ["something else", chance(something.probability), unnamed, "–", _size(something), "", ""]
     rows.append((something.probability or 0.0, unnamed_row))
@@ -203,7 +204,7 @@ def _screened(effects: Mapping[str, ScreenedEffect]) -> Table:
         return -math.inf if effect.gain is None or not math.isfinite(effect.gain) else effect.gain
 
     rows = [
-        [name, readable(number(e.gain)), parameters_text(e.parameters)]
+        [name, readable(gain_text(e.gain)), parameters_text(e.parameters)]
         for name, e in sorted(effects.items(), key=lambda item: -gain(item[1]))
     ]
     return Table("Effects as linear estimates", ("effect", "gain (nats)", "size, SI units"), rows, wide=(2,))

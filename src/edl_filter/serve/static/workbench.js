@@ -71,7 +71,7 @@ function number(x, digits = 3) {
 const rmsText = (rms) => (rms == null ? "–" : rms.toFixed(rms < 10 ? 2 : rms < 100 ? 1 : 0));
 
 /** A number of nats, rounded to an integer from 100. */
-const nats = (x) => (x == null ? "–" : `${Math.abs(x) < 100 ? number(x) : Math.round(x).toLocaleString("en").replaceAll(",", "\u202f").replace("-", "−")} nats`);
+const nats = (x) => (x == null ? "–" : Math.abs(x) < 1e-3 ? "0 nats" : `${Math.abs(x) < 100 ? number(x) : Math.round(x).toLocaleString("en").replaceAll(",", "\u202f").replace("-", "−")} nats`);
 
 /** A value with its sigma, both rounded to the second digit of the sigma. */
 function withSigma(value, sigma) {
