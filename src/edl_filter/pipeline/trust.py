@@ -10,7 +10,8 @@ either if
 - most of the parachute's inflation is among lost samples that no other IMU covers: neither side of them shows its
   force;
 - the IMU shows no opening shock at the stated deployment of the parachute;
-- the clock of a single IMU runs at another rate than its sampling interval states, so that its rotation is not known;
+- the clock of a single IMU runs at another rate than its sampling interval states, so that its rotation is not known,
+  or its velocity less well than stated;
 - two IMUs disagree and it is not known which one is at fault (`redundancy`);
 - by its altimeter the vehicle did not come to rest on the ground (`ground_height`).
 
@@ -55,6 +56,8 @@ _OPENING_SHOCK, _LEAST_DECELERATION = 2.0, 1.0
 _SHOCK_STEP = 0.25
 #: Largest attitude error that the linear error model describes, rad.
 _LARGEST_ERROR = 0.2
+#: Part of a sigma up to which an error that it does not contain is negligible.
+_NEGLIGIBLE_PART = 0.5
 
 
 @dataclass(frozen=True)
@@ -93,7 +96,7 @@ def judge(reconstruction: Reconstruction) -> Trust:
     r = reconstruction
     rejected = contradicting(r.filter_pass)
     diverged = r.recovery is not None and r.recovery.cause != "gap"
-    lost = lost_motion(r) or _disagreement(r.telemetry) or _no_opening_shock(r) or _unknown_rotation(r)
+    lost = lost_motion(r) or _disagreement(r.telemetry) or _no_opening_shock(r) or _unknown_clock(r)
     if lost is not None:
         return Trust(False, f"Do not trust this result: {lost}.", rejected, ())
     if not rejected and not diverged:
@@ -273,23 +276,33 @@ def _force_increase(time: Array, size: Array, at: float) -> float:
     return float(np.max(after) / np.mean(before))
 
 
-def _unknown_rotation(reconstruction: Reconstruction) -> str | None:
-    """That a single IMU's clock leaves its rotation unknown, as words; None if it does not.
+def _unknown_clock(reconstruction: Reconstruction) -> str | None:
+    """That a single IMU's clock leaves its rotation or velocity unknown, as words; None if it does not.
 
-    Its rates may be off by the ratio of its times to its stated interval. The linear error model does not hold for
-    attitude errors beyond `_LARGEST_ERROR`.
+    The lengths of its samples may be off by the ratio of its times to its stated interval. The rotation is off by as
+    much, and the linear error model does not hold for attitude errors beyond `_LARGEST_ERROR`. The velocity that
+    gravity gives is off by as much too, which no scale error of the instruments contains: at the deployment of the
+    parachute it is compared with the sigma of the velocity.
     """
-    t = reconstruction.telemetry
+    r, t = reconstruction, reconstruction.telemetry
     if t.checking or not any(f.kind == "clock_drift" for f in t.findings):
         return None
     record, ratio = t.driving, drift_ratio(t.driving)
     until = record.time <= reconstruction.event_times.get("parachute_deploy", np.inf)
     angle = abs(ratio) * float(np.sum(np.linalg.norm(record.angular_rate[until], axis=1) * record.interval[until]))
-    if angle <= _LARGEST_ERROR:
+    node = int(np.argmin(np.abs(r.smoothed.time - record.time[until][-1])))
+    gravity = float(np.linalg.norm(r.planet.gravity(r.smoothed.states[node].nav[:3])))
+    speed = abs(ratio) * gravity * float(r.smoothed.time[node] - r.smoothed.time[0])
+    sigma = float(np.sqrt(np.trace(r.smoothed.covariance[node][3:6, 3:6])))
+    if angle > _LARGEST_ERROR:
+        unknown = f"the attitude is uncertain by {np.degrees(angle):.0f} degrees"
+    elif speed > _NEGLIGIBLE_PART * sigma:
+        unknown = f"the velocity is uncertain by {speed:.2g} m/s, which its sigma of {sigma:.2g} m/s does not contain"
+    else:
         return None
     return (
         f"the times of IMU {record.name} differ by {100.0 * ratio:+.2g} % from its stated sampling interval, no other "
-        f"IMU shows which is wrong, and the attitude is uncertain by {np.degrees(angle):.0f} degrees"
+        f"IMU shows which is wrong, and {unknown}"
     )
 
 
