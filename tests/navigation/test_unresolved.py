@@ -96,16 +96,20 @@ def test_an_oscillation_that_is_sampled_well_has_no_noise_to_speak_of():
     assert np.all(sigma[:, 0] > 0.0) and not sigma[:, 1:].any()
 
 
-def rotation_errors(order, impacts_from, runs=120, count=230, h=0.125):
-    """Errors of the summed rotation and of the summed velocity over their sigmas, ``(runs, 3)`` each."""
+def rotation_errors(order, impacts_from, steady_force=None, runs=120, count=230, h=0.125):
+    """Errors of the summed rotation and of the summed velocity over their sigmas, ``(runs, 3)`` each.
+
+    And errors of the rotation over single samples over their sigma, ``(runs * samples, 3)``.
+    """
     rng = np.random.default_rng(20 + order)
     time, interval = h * np.arange(1, count + 1), np.full(count, h)
     inner = slice(15, count - 15)
-    turns, gains = [], []
+    turns, gains, single = [], [], []
     for _ in range(runs):
         steady = rng.standard_normal((2, 3)) * [[0.3], [5.0]]
         rate = steady[0] + 0.03 * h ** (order - 0.5) * process(rng, order, count, 3)
-        force = steady[1] + 3.0 * h ** (order - 1.5) * process(rng, order - 1, count, 3)
+        jumps = 3.0 * h ** (order - 1.5) * process(rng, order - 1, count, 3)
+        force = steady[1] + jumps if steady_force is None else np.zeros_like(jumps) + steady_force
         cells = [x.reshape(count, FINE, 3) for x in (rate, force)]
         mean_rate, mean_force = (x.mean(axis=1) for x in cells)
         step = h / FINE
@@ -114,12 +118,13 @@ def rotation_errors(order, impacts_from, runs=120, count=230, h=0.125):
         exact_gain = 0.5 * step * (np.cross(angle, cells[1]) + np.cross(velocity, cells[0])).sum(axis=1)
         to_force, to_rate = rotation_corrections(time, interval, mean_force, mean_rate)
         to_force -= np.cross(mean_rate, np.cross(mean_rate, mean_force)) * h**2 / 24.0
-        force_sigma, rate_sigma, _ = unresolved_motion(time, interval, mean_force, mean_rate, impacts_from)
+        force_sigma, rate_sigma, in_sample = unresolved_motion(time, interval, mean_force, mean_rate, impacts_from)
+        single.append(((exact_turn - to_rate * h) / (in_sample * h)[:, None])[inner])
         for out, error, sigma in (
             (turns, exact_turn - to_rate * h, rate_sigma), (gains, exact_gain - to_force * h, force_sigma)
         ):  # fmt: skip
             out.append(error[inner].sum(axis=0) / np.sqrt(np.sum((sigma[inner] * h) ** 2, axis=0)))
-    return np.array(turns), np.array(gains)
+    return np.array(turns), np.array(gains), np.concatenate(single)
 
 
 @pytest.mark.parametrize(("order", "impacts_from"), [(2, np.inf), (1, -np.inf)], ids=["flight", "impacts"])
@@ -128,10 +133,19 @@ def test_nees_of_integrated_rotation_and_velocity(order, impacts_from):
 
     The ends of a stretch, where errors do not cancel, add 3 % in flight.
     """
-    turns, gains = rotation_errors(order, impacts_from)
+    turns, gains, single = rotation_errors(order, impacts_from)
     low, high = chi2.ppf([0.001, 0.999], turns.size) / turns.size
     assert low < np.mean(turns**2) < high
     assert low < np.mean(gains**2) < high
+    assert np.mean(single**2) == pytest.approx(1.0, abs=0.1)
+
+
+def test_nees_of_the_velocity_that_a_steady_force_gives_to_an_unresolved_rotation():
+    """The force is along x, so that the errors are about y and z alone."""
+    _, gains, _ = rotation_errors(2, np.inf, steady_force=[-50.0, 0.0, 0.0])
+    transverse = gains[:, 1:]
+    low, high = chi2.ppf([0.001, 0.999], transverse.size) / transverse.size
+    assert low < np.mean(transverse**2) < high
 
 
 def test_second_difference_is_the_deviation_from_both_neighbours():
