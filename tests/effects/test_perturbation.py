@@ -60,8 +60,20 @@ def test_coefficients_and_vehicle(world, practice_06):
     actual = replace(world, perturbation=replace(changes, units=units)).coefficients(flow)
     for name, by in (("ca", 1e-3 * flow.time), ("cn", 0.02), ("cm_nose", 0.0015)):
         np.testing.assert_allclose(getattr(actual, name) - getattr(expected, name), by, atol=1e-12)
-    assert perturbed.rigid_body.mass == pytest.approx(1.01 * world.rigid_body.mass)
-    np.testing.assert_allclose(perturbed.rigid_body.inertia, 0.98 * world.rigid_body.inertia)
+    assert perturbed.rigid_body.mass == pytest.approx(np.exp(0.01) * world.rigid_body.mass)
+    np.testing.assert_allclose(perturbed.rigid_body.inertia, np.exp(-0.02) * world.rigid_body.inertia)
+
+
+@pytest.mark.parametrize("logarithm", [-6.6, -1.0, 1.0])
+def test_mass_and_inertia_stay_positive_and_opposite_perturbations_cancel(world, logarithm):
+    """A step of a fit may be many sigmas long: with a relative change the inertia would reach zero."""
+    body = world.rigid_body
+    changed = perturbation(mass=logarithm, inertia=logarithm).perturb_body(body)
+    assert changed.mass > 0.0
+    assert np.all(np.linalg.eigvalsh(changed.inertia) > 0.0)
+    restored = perturbation(mass=-logarithm, inertia=-logarithm).perturb_body(changed)
+    assert restored.mass == pytest.approx(body.mass, rel=1e-12)
+    np.testing.assert_allclose(restored.inertia, body.inertia, rtol=1e-12)
 
 
 # --- increments that are functions of the flow ----------------------------------------------------------------------

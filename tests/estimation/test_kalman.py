@@ -101,6 +101,29 @@ def test_innovations_are_the_factor_times_the_white_rows():
     np.testing.assert_allclose(innovations[first], measurements[first], atol=1e-12)
 
 
+@pytest.mark.parametrize(("seed", "memory", "count"), [(3, 0.3, 1), (4, 2.0, 3), (5, 50.0, 2)])
+def test_predictions_of_last_states_are_their_part_of_those_of_the_kalman_filter(seed, memory, count):
+    """A textbook filter, whose prediction is divided between the last states and the others."""
+    rng = np.random.default_rng(seed)
+    base = random_model(seed)
+    constant = append_constant_states(base, rng.normal(size=(base.row_start[-1], count)), np.ones(count))
+    model = with_gauss_markov_states(constant, rng.uniform(0.1, 1.0, 40), memory, 4.0, count)
+    measurements, initial_mean = rng.normal(size=base.row_start[-1]), np.concatenate((np.ones(7), np.zeros(count)))
+    expected = np.zeros_like(measurements)
+    p, x = model.initial_covariance.copy(), initial_mean.copy()
+    for k, rows in enumerate(step_rows(model)):
+        f, h = transition(model, k), model.design[rows]
+        p, x = f @ p @ f.T + model.process_noise[k], f @ x
+        expected[rows] = h[:, 7:] @ x[7:]
+        gain = p @ h.T @ np.linalg.inv(h @ p @ h.T + model.row_noise[rows, : len(h)])
+        x, p = x + gain @ (measurements[rows] - h @ x), p - gain @ h @ p
+    whiten = whitening_filter(model)
+    white = whiten_column(whiten, measurements, initial_mean)
+    actual = whiten.predictions_of_last_states(white, count)
+    assert np.max(np.abs(expected)) > 0.1
+    np.testing.assert_allclose(actual, expected, atol=1e-9)
+
+
 def test_sampled_innovations_have_the_stated_covariance():
     """Of 20 000 sampled data sets; a sampled covariance of S has the variance (S_ii S_jj + S_ij²) / count."""
     model, count = random_model(), 20_000

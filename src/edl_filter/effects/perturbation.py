@@ -119,7 +119,8 @@ class Perturbation:
         Added to the coefficients, in `units`.
     units : CoefficientUnits
     mass, inertia : float
-        Relative change.
+        Added to the logarithm of the mass, and of a common factor of all moments and products of inertia: whatever the
+        size of a perturbation, both stay positive.
     field : FieldPerturbation, optional
         Increments of the coefficients that are functions of the flow.
     """
@@ -202,4 +203,4 @@ class Perturbation:
 
     def perturb_body(self, body: Body) -> Body:
         """The rigid body with the perturbation."""
-        return replace(body, mass=body.mass * (1.0 + self.mass), inertia=body.inertia * (1.0 + self.inertia))
+        return replace(body, mass=body.mass * np.exp(self.mass), inertia=body.inertia * np.exp(self.inertia))

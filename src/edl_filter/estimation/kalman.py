@@ -247,6 +247,25 @@ class WhiteningFilter:
         """Innovations ``(R,)`` of white rows ``(R,)``, in the units of the measurements."""
         return _unwhiten(self.model.row_start, self.factor, white)
 
+    def predictions_of_last_states(self, white: Array, count: int) -> Array:
+        """Part of the predictions ``(R,)`` that the last states contribute, in the units of the measurements.
+
+        The innovations plus this part are what measurements differ by from the prediction of the other states.
+
+        Parameters
+        ----------
+        white : (R,) array
+            White rows.
+        count : int
+            Number of states, of zero initial mean, whose transition neither depends on the other states nor acts on
+            them, as that of `with_gauss_markov_states`.
+        """
+        s, first = self.model, self.model.size - count
+        own = s.increment.row >= first
+        row, column = s.increment.row[own] - first, s.increment.column[own] - first
+        gain, design = (np.ascontiguousarray(a[:, first:]) for a in (self.gain, s.design))
+        return _predictions(row, column, s.increment.values[:, own], s.row_start, design, gain, white)
+
     @property
     def innovation_sigma(self) -> Array:
         """Standard deviation of each innovation ``(R,)``."""
@@ -324,6 +343,21 @@ def measurement_update(covariance: Array, design: Array, noise: Array) -> tuple[
     gain = np.linalg.solve(symmetric_part(cross @ design.T) + noise, cross).T
     reduction = np.eye(len(covariance)) - gain @ design
     return gain, symmetric_part(reduction @ covariance @ reduction.T + gain @ noise @ gain.T)
+
+
+@njit(cache=True)
+def _predictions(row, column, increment, row_start, design, gain, white):
+    """Predictions of states that begin at zero; `row` and `column` are the places of the transition's increments."""
+    out, x = np.empty_like(white), np.zeros(design.shape[1])
+    for k in range(row_start.size - 1):
+        before = x.copy()
+        for z in range(row.size):
+            x[row[z]] += increment[k, z] * before[column[z]]
+        for i in range(row_start[k], row_start[k + 1]):
+            out[i] = np.dot(design[i], x)
+        for i in range(row_start[k], row_start[k + 1]):
+            x += gain[i] * white[i]
+    return out
 
 
 @njit(cache=True)

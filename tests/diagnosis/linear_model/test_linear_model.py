@@ -9,6 +9,13 @@ import pytest
 from edl_filter.diagnosis.linear_model import linear_model as module
 from edl_filter.diagnosis.linear_model.linear_model import LinearizedModel
 from edl_filter.diagnosis.noise.variance_components import ExcessColour, ExcessVariance
+from edl_filter.estimation.block_sparse import from_blocks
+from edl_filter.estimation.kalman import (
+    LinearStateSpace,
+    append_constant_states,
+    whitening_filter,
+    with_gauss_markov_states,
+)
 from edl_filter.mission.decision_settings import DecisionSettings
 
 ROWS = 100
@@ -119,6 +126,32 @@ def test_the_penalty_of_the_noise_is_that_of_its_variances_and_of_a_colour_that_
         model.release_filters()
     assert model.noise_penalty == pytest.approx(penalty)
     assert model.log_evidence == pytest.approx(-0.5 * 4.0 * ROWS - penalty)
+
+
+@pytest.mark.parametrize("memory", [0.5, 5.0, 500.0])
+def test_what_a_model_lacks_stays_in_its_normalised_innovations(memory):
+    """Five sigmas in every row, of a model without free states; its noise follows them, and its innovations fall.
+
+    With white noise, or at the stated noise, innovations are what the measurements differ by from the prediction.
+    """
+    rows, lacking = 400, 5.0
+    exact = LinearStateSpace(
+        increment=from_blocks(1, [(slice(0, 1), slice(0, 1), np.zeros((rows, 1, 1)))]),
+        process_noise=from_blocks(1, [(slice(0, 1), slice(0, 1), np.zeros((rows, 1, 1)))]),
+        row_start=np.arange(rows + 1),
+        design=np.ones((rows, 1)),
+        row_noise=np.ones((rows, 1)),
+        initial_covariance=np.zeros((1, 1)),
+    )
+    model = model_with(residuals=np.full(rows, lacking))
+    model.__dict__.update(state_space=exact, initial_mean=np.zeros(1))
+    constant = append_constant_states(exact, np.full((rows, 1), lacking), np.ones(1))
+    coloured = whitening_filter(with_gauss_markov_states(constant, np.full(rows, 0.1), memory, 1.0, 1))
+    white = model.white_residuals(coloured)
+    assert np.sqrt(np.mean(coloured.innovations(white)[20:] ** 2)) < 2.0
+    for whiten in (coloured, whitening_filter(exact)):
+        normalised = model.normalised_innovations(whiten, model.white_residuals(whiten))
+        np.testing.assert_allclose(normalised, lacking, rtol=1e-9)
 
 
 @pytest.mark.parametrize(("size", "mean_square"), [(0.2, 0.16), (3.0, 1.0)])

@@ -40,9 +40,9 @@ def model():
             problem=SimpleNamespace(constraints=[SimpleNamespace(name=n) for n in names]),
         ),
         index=SimpleNamespace(bin_rows=BIN_ROWS, constraint_rows=(slice(48, 49), slice(49, 52), slice(52, 53))),
-        fitted_noise_filter=SimpleNamespace(innovations=lambda rows: 3.0 * rows),
+        fitted_noise_filter=3.0,
         white_residuals=lambda whiten: white,
-        stated_noise_sigma=sigma,
+        normalised_innovations=lambda whiten, white: whiten * white / sigma,
     )
 
 
@@ -53,7 +53,7 @@ def test_channels_are_force_moment_and_each_checking_imu(model):
     assert [unit for _, unit in channels(model)][::3] == ["m/s^2", "rad/s^2", "m/s^2", "rad/s"]
 
 
-def test_innovations_of_the_fitted_noise_are_divided_by_the_stated_sigma(model):
+def test_innovations_are_those_at_the_fitted_noise(model):
     expected = 3.0 * np.random.default_rng(1).normal(size=53) / np.linspace(1.0, 2.0, 53)
     np.testing.assert_allclose(normalised_innovations(model), expected)
 

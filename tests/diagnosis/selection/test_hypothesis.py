@@ -98,7 +98,8 @@ def constructed_flight(monkeypatch):
         point="first point",
         stated_noise_filter=filters["stated"], fitted_noise_filter=filters["fitted"],
         index=SimpleNamespace(time=np.linspace(0.0, 200.0, ROWS)), settings=SETTINGS,
-        white_residuals=lambda whiten: np.zeros(ROWS), stated_noise_sigma=np.ones(ROWS), release=lambda: None,
+        white_residuals=lambda whiten: np.zeros(ROWS), release=lambda: None,
+        normalised_innovations=lambda whiten, white: whiten.innovations(white) / 2.0,
     )  # fmt: skip
     case = SimpleNamespace(
         settings=SETTINGS, effects=(), mission="mission", log_abs_det_jacobian=lambda effects: 0.0
@@ -168,8 +169,7 @@ def test_only_the_sizes_of_the_effect_itself_explain(flight):
     assert h.score_gain == pytest.approx(held_out - 0.5 * before @ before + 7.0 + 90.0)
 
 
-def test_innovations_are_normalised_by_the_stated_noise(flight):
-    flight.model.stated_noise_sigma = np.full(ROWS, 2.0)
+def test_innovations_are_normalised_as_those_of_the_model(flight):
     white = np.arange(float(ROWS))
     np.testing.assert_array_equal(hypothesis_of(flight, Fit(-80.0, white=white), Null()).normalised, white / 2.0)
 
@@ -413,15 +413,18 @@ def test_gain_of_an_effect_beside_a_model_that_holds(reconstructed, sigmas, own,
     ("gain", "over_zero", "better"),
     [
         (500.0, -20.0, True),
-        (500.0, 5.9, True),
-        (500.0, 6.1, False),
+        (500.0, 249.0, True),
+        (500.0, 251.0, False),
         (500.0, 490.0, False),
+        (11.9, 5.8, True),
+        (11.9, 6.1, False),
+        (12.1, 6.2, False),
         (5.0, 0.0, False),
         (5.0, -20.0, True),
     ],
 )
 def test_evidence_that_is_not_that_of_the_effect_is_that_of_its_point(flight, monkeypatch, gain, over_zero, better):
-    """The null model about that point; `named_gain_nats`, 6, is the limit of the effect and of the rest of the gain."""
+    """The null model about that point, unless half of the gain and at least `named_gain_nats`, 6, are the effect's."""
     about = []
 
     def linearize_at(case, point, excess):

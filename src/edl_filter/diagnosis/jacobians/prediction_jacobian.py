@@ -45,8 +45,8 @@ class PredictionJacobian:
     rate_step : (B - 1, 3, c) array
         Of the steps of the mean rate.
     columns : dict
-        position, velocity, attitude (error of the state), density (relative), wind_east, wind_north (m/s), ca, cn, cm
-        (in sigmas of the numerical error), mass, inertia (relative), rate (rad/s), and field_ca, field_cn, field_cm
+        position, velocity, attitude (error of the state), density (logarithm), wind_east, wind_north (m/s), ca, cn, cm
+        (in sigmas of the numerical error), mass, inertia (logarithm), rate (rad/s), and field_ca, field_cn, field_cm
         (amplitudes of the discrepancy's modes) → slice of columns.
     force_nonlinearity, rate_step_nonlinearity : (B, 3), (B - 1, 3) arrays
         Departure of the predictions from linearity over two sigmas of density (where one table ends and another begins,

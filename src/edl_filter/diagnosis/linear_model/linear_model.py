@@ -265,6 +265,25 @@ class LinearizedModel:
         """Residuals whitened by a filter ``(R,)``."""
         return whiten(self.residual_vector[:, None], self.initial_mean[:, None])[:, 0]
 
+    def normalised_innovations(self, whiten: WhiteningFilter, white: Array) -> Array:
+        """Measurements less what the model predicts from the ones before, over the sigma at the stated noise ``(R,)``.
+
+        Excess variance that is correlated in time has states of its own, which follow what the model lacks from one
+        bin to the next. They are noise, not the model's prediction, and stay in these innovations: without them a force
+        that is missing for longer than their correlation time would hardly be seen.
+
+        Parameters
+        ----------
+        whiten : WhiteningFilter
+            Of the model at any noise.
+        white : (R,) array
+            White residuals under it.
+        """
+        innovations, count = whiten.innovations(white), whiten.model.size - self.state_space.size
+        if count:
+            innovations = innovations + whiten.predictions_of_last_states(white, count)
+        return np.asarray(innovations / self.stated_noise_sigma, float)
+
     @cached_property
     def log_likelihood(self) -> float:
         """Log marginal likelihood of the residuals at the noise that they show, nats."""

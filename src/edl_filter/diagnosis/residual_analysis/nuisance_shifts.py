@@ -60,7 +60,9 @@ def nuisance_shifts(model: LinearizedModel, update: DatabaseUpdate | None) -> tu
         if name in nuisance and len(steps):
             values = states[steps, nuisance[name].start]
             sigmas = float(values[np.argmax(np.abs(values))])
-            shifts.append(NuisanceShift(name, sigmas, sigmas * model.case.uncertainty.sigma[name], unit))
+            value = sigmas * model.case.uncertainty.sigma[name]
+            # without a unit: perturbations of a logarithm
+            shifts.append(NuisanceShift(name, sigmas, value if unit else float(np.expm1(value)), unit))
     place = nuisance.size
     for stated in model.case.constants:
         units = {p.name: p.unit for p in stated.instance.effect.parameters}

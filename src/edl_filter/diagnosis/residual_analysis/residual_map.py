@@ -44,9 +44,9 @@ def channels(model: LinearizedModel) -> list[tuple[str, str]]:
 
 
 def normalised_innovations(model: LinearizedModel) -> Array:
-    """Innovations ``(R,)`` at the fitted noise, over their sigma at the stated noise."""
+    """Those of the model at the fitted noise ``(R,)``: `LinearizedModel.normalised_innovations`."""
     whiten = model.fitted_noise_filter
-    return whiten.innovations(model.white_residuals(whiten)) / model.stated_noise_sigma
+    return model.normalised_innovations(whiten, model.white_residuals(whiten))
 
 
 def rms_by_channel(model: LinearizedModel, normalised: Array) -> dict[str, float]:

@@ -38,7 +38,7 @@ class Hypothesis:
         Name of the effect, and its IMU.
     fit : MapFit
     normalised : (R,) array
-        Innovations with it at the noise at which it was fitted, over their sigma at the stated noise.
+        `LinearizedModel.normalised_innovations` with it, at the noise at which it was fitted.
     gain : float
         Log Bayes factor over the model without it, nats.
     score_gain : float
@@ -171,7 +171,7 @@ def _fit_where_model_holds(
     return Hypothesis(
         key=key,
         fit=fit,
-        normalised=_normalised(model, model.fitted_noise_filter, fit),
+        normalised=model.normalised_innovations(model.fitted_noise_filter, fit.white),
         gain=fit.evidence - null.evidence,
         score_gain=predictive,
         at_floor=model.excess_variance.share < settings.solved_share * null.excess_share,
@@ -275,7 +275,7 @@ def _hypothesis(
     return Hypothesis(
         key=key,
         fit=fit,
-        normalised=_normalised(model, whiten, fit),
+        normalised=model.normalised_innovations(whiten, fit.white),
         gain=fit.evidence - noise_penalty - null.evidence,
         score_gain=predictive - noise_penalty - null.log_likelihood,
         at_floor=at_floor,
@@ -284,11 +284,6 @@ def _hypothesis(
         model=model,
         null=null,
     )
-
-
-def _normalised(model: LinearizedModel, whiten: WhiteningFilter, fit: MapFit) -> Array:
-    """Innovations ``(R,)`` of a fit over their sigma at the stated noise."""
-    return np.asarray(whiten.innovations(fit.white) / model.stated_noise_sigma, float)
 
 
 def with_gain_where_model_holds(
@@ -318,10 +313,11 @@ def with_gain_where_model_holds(
 
 
 def null_model_about(h: Hypothesis, case: FlightCase) -> tuple[LinearizedModel, NullModelFit] | None:
-    """The model without an effect about the point of its hypothesis, where its evidence is in the point alone.
+    """The model without an effect about the point of its hypothesis, where most of its gain is in the point.
 
-    The iteration of a failing model's point may end before the model holds, whereas that with an effect of no size goes
-    on. The evidence that this point has over that of the null model is none for the effect.
+    The iteration of a failing model's point may end before the model holds, or at a mode that is not the most probable
+    one, whereas that with an effect of hardly any size goes on. The evidence that this point has over that of the null
+    model is none for the effect.
 
     Parameters
     ----------
@@ -334,10 +330,10 @@ def null_model_about(h: Hypothesis, case: FlightCase) -> tuple[LinearizedModel, 
     -------
     model : LinearizedModel
     null : NullModelFit
-        None for both where the effect is significant at its own point, or where the gain is that of the effect.
+        None for both where the larger part of the gain is that of the effect at its own point (Savage-Dickey ratio).
     """
     over_zero, least = h.fit.gain_over_zero(h.key), case.settings.named_gain_nats
-    if over_zero > least or h.gain - over_zero < least:
+    if over_zero > max(least, 0.5 * h.gain) or h.gain - over_zero < least:
         return None
     model = linearize_at(case, h.fit.point, h.model.failing_excess)
     null = fit_null_model(model, case.effects, h.null.excess_share)
