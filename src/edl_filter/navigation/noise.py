@@ -80,12 +80,11 @@ class IncrementVariances(NamedTuple):
 
 def increment_variances(samples: Samples) -> IncrementVariances:
     """Variances of the increments of `samples`."""
-    square, rate_fill = samples.interval[:, None] ** 2, samples.rate_fill_sigma**2
-    rotation = samples.rate_noise**2 + rate_fill
+    s = samples
     return IncrementVariances(
-        square * (samples.force_noise**2 + samples.force_fill_sigma**2),
-        square * rotation,
-        square * np.maximum(rotation - samples.shared_rate_noise**2, 0.0),
+        *_increment_variances(
+            s.interval, s.force_noise, s.force_fill_sigma, s.rate_noise, s.rate_fill_sigma, s.shared_rate_noise
+        )
     )
 
 
@@ -111,6 +110,20 @@ def onboard_rotation(samples: Samples) -> tuple[Array, Array]:
     weight = np.where(samples.coning_corrected, 0.0, samples.interval)
     to_end = rotations.to_matrix(rotations.multiply(rotations.conjugate(end), middle)) * weight[:, None, None]
     return -to_end.sum(axis=0), np.einsum("nij,njk->ik", to_end, rotations.cross_matrix(samples.rate))
+
+
+@njit(cache=True, error_model="numpy")
+def _increment_variances(interval, force_noise, force_fill_sigma, rate_noise, rate_fill_sigma, shared_rate_noise):
+    """`increment_variances` of the arrays of samples: sigmas ``(N, 3)``, intervals ``(N,)``."""
+    velocity, rotation, unshared = np.empty_like(rate_noise), np.empty_like(rate_noise), np.empty_like(rate_noise)
+    for i in range(interval.size):
+        square = interval[i] ** 2
+        for j in range(3):
+            rate = rate_noise[i, j] ** 2 + rate_fill_sigma[i, j] ** 2
+            velocity[i, j] = square * (force_noise[i, j] ** 2 + force_fill_sigma[i, j] ** 2)
+            rotation[i, j] = square * rate
+            unshared[i, j] = square * max(rate - shared_rate_noise[i, j] ** 2, 0.0)
+    return velocity, rotation, unshared
 
 
 @njit(cache=True, error_model="numpy")
