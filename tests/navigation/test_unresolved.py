@@ -140,9 +140,10 @@ def test_nees_of_integrated_rotation_and_velocity(order, impacts_from):
     assert np.mean(single**2) == pytest.approx(1.0, abs=0.1)
 
 
-def test_nees_of_the_velocity_that_a_steady_force_gives_to_an_unresolved_rotation():
-    """The force is along x, so that the errors are about y and z alone."""
-    _, gains, _ = rotation_errors(2, np.inf, steady_force=[-50.0, 0.0, 0.0])
+@pytest.mark.parametrize(("order", "impacts_from"), [(2, np.inf), (1, -np.inf)], ids=["flight", "impacts"])
+def test_nees_of_the_velocity_that_a_steady_force_gives_to_an_unresolved_rotation(order, impacts_from):
+    """The force is along x, so that the errors are along y and z alone, whatever the direction of the moment."""
+    _, gains, _ = rotation_errors(order, impacts_from, steady_force=[-50.0, 0.0, 0.0])
     transverse = gains[:, 1:]
     low, high = chi2.ppf([0.001, 0.999], transverse.size) / transverse.size
     assert low < np.mean(transverse**2) < high

@@ -18,8 +18,8 @@ oscillation near the sampling frequency add up. A sample gets the sigma of indep
 has the variance of the correlated ones: with the root g of C (``g * g = C``), that of ``(Σ_k g_k Δθ_{i+k}) × n``,
 where the components of n are independent and have the sigmas ``s h^(q+1/2)`` of their axes. The sigma differs between
 the axes of the body: the coning of a pendulum that swings about the transverse axes has its errors about the axis of
-symmetry. At an impact, which is one jump inside one sample, nothing is known of the axes that do not jump, and rigid
-rotation is only an approximation: there the moment has any direction and the sigma is the same for all axes.
+symmetry. At an impact, which is one jump inside one sample, nothing is known of the axes that do not jump: there the
+moment has any direction, with one sigma for all of its axes.
 
 The intensity is that of the readings themselves, for each axis: the spline of degree 2q + 1 through their integral
 minimises the integral of the square of its derivative of order q + 1, whose expectation is s² a sample, since the
@@ -204,9 +204,9 @@ def unresolved_motion(
         # white noise: the difference from the mean of both neighbours has 3/2 of its variance
         blows = _mean_sigma(np.sqrt(moving_mean(second_difference(gain) ** 2 / 1.5)))
         rows = impact[:, None]
-        by_force = np.where(rows, _isotropic_sigma(turn, blows, 0), by_force)
-        of_gain = np.where(rows, _isotropic_sigma(gain, jumps, 1), of_gain)
-        of_turn = np.where(rows, _isotropic_sigma(turn, jumps, 1), of_turn)
+        by_force = np.where(rows, _product_sigma(_summed(turn, 0), _any_direction(blows)), by_force)
+        of_gain = np.where(rows, _product_sigma(_summed(gain, 1), _any_direction(jumps)), of_gain)
+        of_turn = np.where(rows, _product_sigma(_summed(turn, 1), _any_direction(jumps)), of_turn)
         in_sample = np.where(impact, _length(turn) * np.sqrt(moment_covariance(1)[0]) * jumps, in_sample)
     return UnresolvedMotion(np.hypot(by_force, of_gain) / dt, of_turn / dt, _ANGLE_UNKNOWN * in_sample / interval)
 
@@ -223,9 +223,9 @@ def _product_sigma(vectors: Array, sigma: Array) -> Array:
     return np.sqrt(np.stack((y * c + z * b, z * a + x * c, x * b + y * a), axis=1))
 
 
-def _isotropic_sigma(vectors: Array, sigma: Array, order: int) -> Array:
-    """The same for all axes, ``(N, 1)``, for a moment of any direction with one sigma per axis ``(N,)``."""
-    return np.asarray(_ANGLE_UNKNOWN * _length(_summed(vectors * sigma[:, None], order)), np.float64)[:, None]
+def _any_direction(sigma: Array) -> Array:
+    """Sigmas ``(N, 3)`` of a vector with the same one for each axis ``(N,)``."""
+    return np.repeat(sigma[:, None], 3, axis=1)
 
 
 def _mean_sigma(sigma: Array) -> Array:
