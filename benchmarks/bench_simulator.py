@@ -27,26 +27,26 @@ DURATION, STEP = 20.0, 0.0125  # s: of the comparison, in the denser air, with t
 LATER = 70.0  # s: begin of the comparison
 
 
-def derivative(world: ForwardModel, time: float, state: Array) -> Array:
+def derivative(forward_model: ForwardModel, time: float, state: Array) -> Array:
     """Derivative of position, velocity, attitude and rates ``(13,)``, as one writes it with the forward model."""
     position, velocity, attitude, rate = state[:3], state[3:6], state[6:10], state[10:13]
-    flow = world.flow(np.array([time]), position[None], velocity[None], attitude[None], rate[None])
-    force, moment = (x[0] for x in world.loads(flow))
-    body = world.rigid_body
+    flow = forward_model.flow(np.array([time]), position[None], velocity[None], attitude[None], rate[None])
+    force, moment = (x[0] for x in forward_model.loads(flow))
+    body = forward_model.rigid_body
     return np.concatenate(
         (
             velocity,
-            world.gravity_planet.gravity(position) + rotations.rotate(attitude, force / body.mass),
+            forward_model.gravity_planet.gravity(position) + rotations.rotate(attitude, force / body.mass),
             0.5 * rotations.multiply(attitude, np.append(rate, 0.0)),
             np.linalg.solve(body.inertia, moment - np.cross(rate, body.inertia @ rate)),
         )
     )
 
 
-def marched(world: ForwardModel, start: Array, duration: float) -> Array:
+def marched(forward_model: ForwardModel, start: Array, duration: float) -> Array:
     """State after `duration` by the simulator's kernel."""
     steps = round(duration / STEP)
-    tables = tabulate(world, Parachute(15.0))
+    tables = tabulate(forward_model, Parachute(15.0))
     state, slope = np.zeros((steps + 1, dynamics.SIZE)), np.zeros((steps + 1, dynamics.SIZE))
     state[0, :13] = start
     dynamics.march(0.0, STEP, state, slope, dynamics.ENTRY, tables, np.zeros(7), NOTHING, 1, 1e9, False)
@@ -55,17 +55,19 @@ def marched(world: ForwardModel, start: Array, duration: float) -> Array:
 
 def against_scipy(scenario: Scenario) -> list[Row]:
     """Rows of the integration alone."""
-    world = flown_world(scenario, (), np.random.default_rng(0))
-    start = marched(world, true_start(scenario, world, np.random.default_rng(1)), LATER)
+    forward_model = flown_world(scenario, (), np.random.default_rng(0))
+    start = marched(forward_model, true_start(scenario, forward_model, np.random.default_rng(1)), LATER)
 
     def scipy() -> Array:
         tolerance = {"rtol": 1e-9, "atol": 1e-7}
-        return solve_ivp(lambda t, y: derivative(world, t, y), (0.0, DURATION), start, "DOP853", **tolerance).y[:, -1]
+        return solve_ivp(lambda t, y: derivative(forward_model, t, y), (0.0, DURATION), start, "DOP853", **tolerance).y[
+            :, -1
+        ]
 
-    ours, theirs = marched(world, start, DURATION), scipy()
+    ours, theirs = marched(forward_model, start, DURATION), scipy()
     distance, turn = np.linalg.norm(ours[:3] - theirs[:3]), np.max(np.abs(ours[6:10] - theirs[6:10]))
     assert distance < 0.1 and turn < 1e-4, (distance, turn)
-    times = interleaved({"scipy": scipy, "ours": lambda: marched(world, start, DURATION)}, rounds=3)
+    times = interleaved({"scipy": scipy, "ours": lambda: marched(forward_model, start, DURATION)}, rounds=3)
     return [
         times.row(
             f"scipy DOP853 (relative 1e-9) on `ForwardModel.loads`, {DURATION:g} s of entry",

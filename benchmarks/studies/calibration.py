@@ -150,37 +150,37 @@ def navigation_errors(reconstruction, motion):
     return out
 
 
-def true_air(world, motion):
+def true_air(forward_model, motion):
     """Altitude, density, pressure and temperature along a flight: the pressure is the weight of the flown air."""
     time_s, state = motion.time[::10], motion.state[::10]
-    flow = world.flow(time_s, state[:, :3], state[:, 3:6], state[:, 6:10], state[:, 10:13])
-    potential = world.planet.geopotential(state[:, :3])
+    flow = forward_model.flow(time_s, state[:, :3], state[:, 3:6], state[:, 6:10], state[:, 10:13])
+    potential = forward_model.planet.geopotential(state[:, :3])
     layers = 0.5 * (flow.density[1:] + flow.density[:-1]) * -np.diff(potential)
-    top = flow.density[0] * world.gas.constant * TOP_TEMPERATURE
+    top = flow.density[0] * forward_model.gas.constant * TOP_TEMPERATURE
     pressure = top + np.concatenate(([0.0], np.cumsum(layers)))
-    return time_s, flow.density, pressure, pressure / (flow.density * world.gas.constant)
+    return time_s, flow.density, pressure, pressure / (flow.density * forward_model.gas.constant)
 
 
 def postflight_errors(reconstruction, flight):
     """Errors over sigmas of density, pressure, temperature, coefficients and CA with the preflight air, by altitude."""
     post = derived_quantities(reconstruction).postflight
-    world, motion, case = flight.world, flight.motion, post.flight
-    time_s, *air = true_air(world, motion)
+    forward_model, motion, case = flight.forward_model, flight.motion, post.flight
+    time_s, *air = true_air(forward_model, motion)
     true = dict(
         zip(("density", "pressure", "temperature"), (np.interp(post.time, time_s, x) for x in air), strict=True)
     )
     state = motion.at(post.time)
-    flow = world.flow(post.time, state[:, :3], state[:, 3:6], state[:, 6:10], state[:, 10:13])
-    force, moment = world.loads(flow)
-    push = flow.dynamic_pressure * world.area
+    flow = forward_model.flow(post.time, state[:, :3], state[:, 3:6], state[:, 6:10], state[:, 10:13])
+    force, moment = forward_model.loads(flow)
+    push = flow.dynamic_pressure * forward_model.area
     smoother, rate = post.motion.smoother, flow.rate
-    inertia = world.rigid_body.inertia
+    inertia = forward_model.rigid_body.inertia
     turning = np.linalg.solve(inertia, (moment - rotations.cross(rate, rate @ inertia.T)).T).T
     # through the same sampling and smoothing as the readings, and Euler's equations again
     rate = smoother.as_smoothed(rate)
     moment = smoother.as_derived(turning) @ inertia.T + rotations.cross(rate, rate @ inertia.T)
     force = smoother.as_smoothed(force)
-    coefficients = np.hstack((-force[:, 2:], force[:, 1:2], moment / world.diameter)) / push[:, None]
+    coefficients = np.hstack((-force[:, 2:], force[:, 1:2], moment / forward_model.diameter)) / push[:, None]
     true |= dict(zip(COEFFICIENTS, coefficients.T, strict=True))
     true["CA preflight"] = -force[:, 0] / push
     out = {}

@@ -12,7 +12,7 @@ from edl_filter.pipeline.forward_model import forward_model_of
 
 
 @pytest.fixture(scope="module")
-def world(practice_06):
+def forward_model(practice_06):
     """The shipped mission's world."""
     r = practice_06
     return forward_model_of(r.mission, r.planet, r.atmosphere, ())
@@ -25,49 +25,54 @@ def perturbation(**changes):
     return replace(Perturbation(time=time, wind=np.zeros((2, 2)), units=units, **nothing), **changes)
 
 
-def fast_flow(world, r):
+def fast_flow(forward_model, r):
     """The flow where the shipped flight is fast and the air is thick."""
     nodes = zip(r.filter_pass.nodes, r.smoothed.states, strict=True)
     states = [(node.time, state.nav) for node, state in nodes if 100.0 < node.time < 150.0]
     time, nav = (np.array(x) for x in zip(*states, strict=True))
-    return world.flow(time, nav[:, :3], nav[:, 3:6], nav[:, 6:10], np.zeros((len(nav), 3)))
+    return forward_model.flow(time, nav[:, :3], nav[:, 3:6], nav[:, 6:10], np.zeros((len(nav), 3)))
 
 
-def test_none_changes_nothing(world, practice_06):
-    flow, perturbed = fast_flow(world, practice_06), fast_flow(replace(world, perturbation=perturbation()), practice_06)
+def test_none_changes_nothing(forward_model, practice_06):
+    flow, perturbed = (
+        fast_flow(forward_model, practice_06),
+        fast_flow(replace(forward_model, perturbation=perturbation()), practice_06),
+    )
     for expected, actual in zip(vars(flow).values(), vars(perturbed).values(), strict=True):
         np.testing.assert_array_equal(expected, actual)
-    assert np.all(np.array(world.loads(flow)) == np.array(replace(world, perturbation=perturbation()).loads(flow)))
+    assert np.all(
+        np.array(forward_model.loads(flow)) == np.array(replace(forward_model, perturbation=perturbation()).loads(flow))
+    )
 
 
-def test_density_and_wind_are_added_against_time(world, practice_06):
-    flow = fast_flow(world, practice_06)
-    denser = fast_flow(replace(world, perturbation=perturbation(density=np.array([0.0, 0.2]))), practice_06)
+def test_density_and_wind_are_added_against_time(forward_model, practice_06):
+    flow = fast_flow(forward_model, practice_06)
+    denser = fast_flow(replace(forward_model, perturbation=perturbation(density=np.array([0.0, 0.2]))), practice_06)
     np.testing.assert_allclose(denser.density / flow.density, np.exp(1e-3 * flow.time), rtol=1e-12)
-    windy = fast_flow(replace(world, perturbation=perturbation(wind=np.full((2, 2), 10.0))), practice_06)
+    windy = fast_flow(replace(forward_model, perturbation=perturbation(wind=np.full((2, 2), 10.0))), practice_06)
     change = np.linalg.norm(windy.velocity_body - flow.velocity_body, axis=1)
     np.testing.assert_allclose(change, np.hypot(10.0, 10.0), rtol=1e-9)
 
 
-def test_coefficients_and_vehicle(world, practice_06):
-    flow = fast_flow(world, practice_06)
+def test_coefficients_and_vehicle(forward_model, practice_06):
+    flow = fast_flow(forward_model, practice_06)
     changes = perturbation(ca=np.full(2, 0.1), cn=np.full(2, 0.02), cm=np.full(2, 0.003), mass=0.01, inertia=-0.02)
-    perturbed = replace(world, perturbation=changes)
-    expected, actual = world.coefficients(flow), perturbed.coefficients(flow)
+    perturbed = replace(forward_model, perturbation=changes)
+    expected, actual = forward_model.coefficients(flow), perturbed.coefficients(flow)
     for name, by in (("ca", 0.1), ("cn", 0.02), ("cm_nose", 0.003), ("cl", 0.0)):
         np.testing.assert_allclose(getattr(actual, name) - getattr(expected, name), by, atol=1e-12)
     units = CoefficientUnits(np.array([0.0, 200.0]), ca=np.array([0.0, 2.0]), cn=np.ones(2), cm=np.full(2, 0.5))
-    actual = replace(world, perturbation=replace(changes, units=units)).coefficients(flow)
+    actual = replace(forward_model, perturbation=replace(changes, units=units)).coefficients(flow)
     for name, by in (("ca", 1e-3 * flow.time), ("cn", 0.02), ("cm_nose", 0.0015)):
         np.testing.assert_allclose(getattr(actual, name) - getattr(expected, name), by, atol=1e-12)
-    assert perturbed.rigid_body.mass == pytest.approx(np.exp(0.01) * world.rigid_body.mass)
-    np.testing.assert_allclose(perturbed.rigid_body.inertia, np.exp(-0.02) * world.rigid_body.inertia)
+    assert perturbed.rigid_body.mass == pytest.approx(np.exp(0.01) * forward_model.rigid_body.mass)
+    np.testing.assert_allclose(perturbed.rigid_body.inertia, np.exp(-0.02) * forward_model.rigid_body.inertia)
 
 
 @pytest.mark.parametrize("logarithm", [-6.6, -1.0, 1.0])
-def test_mass_and_inertia_stay_positive_and_opposite_perturbations_cancel(world, logarithm):
+def test_mass_and_inertia_stay_positive_and_opposite_perturbations_cancel(forward_model, logarithm):
     """A step of a fit may be many sigmas long: with a relative change the inertia would reach zero."""
-    body = world.rigid_body
+    body = forward_model.rigid_body
     changed = perturbation(mass=logarithm, inertia=logarithm).perturb_body(body)
     assert changed.mass > 0.0
     assert np.all(np.linalg.eigvalsh(changed.inertia) > 0.0)
@@ -172,29 +177,29 @@ def test_a_large_amplitude_of_a_small_mode_is_no_large_increment():
     np.testing.assert_allclose(z["ca"], (0.5 + 0.06) / np.hypot(1.0, 0.01), rtol=1e-12)
 
 
-def test_a_field_changes_the_coefficients_by_its_increments(world, practice_06):
+def test_a_field_changes_the_coefficients_by_its_increments(forward_model, practice_06):
     """Of the flow's own time and total angle, in addition to those against time; a field of zeros changes nothing."""
-    flow = fast_flow(world, practice_06)
-    expected = world.coefficients(flow)
+    flow = fast_flow(forward_model, practice_06)
+    expected = forward_model.coefficients(flow)
     plain = perturbation(ca=np.full(2, 0.1))
     zero = replace(plain, field=FieldPerturbation.zero(MODES, UNITS, 1e-3))
     for name in ("ca", "cn", "cm_nose", "cl"):
-        values = [getattr(replace(world, perturbation=p).coefficients(flow), name) for p in (plain, zero)]
+        values = [getattr(replace(forward_model, perturbation=p).coefficients(flow), name) for p in (plain, zero)]
         np.testing.assert_array_equal(*values)
     wide = {
         name: AngleModes(*(np.linspace(t[0], t[-1], 1200) for t in (m.continuum, m.rarefied)))
         for name, m in MODES.items()
     }
     with_field = replace(plain, field=field(modes=wide))
-    actual = replace(world, perturbation=with_field).coefficients(flow)
+    actual = replace(forward_model, perturbation=with_field).coefficients(flow)
     increments = with_field.field.increments(flow)
     assert np.ptp(increments["ca"]) > 0.1 and np.ptp(increments["cm"]) > 1e-3
     for name, by in (("ca", 0.1 + increments["ca"]), ("cn", 0.0), ("cm_nose", increments["cm"]), ("cl", 0.0)):
         np.testing.assert_allclose(getattr(actual, name) - getattr(expected, name), by, atol=1e-12)
 
 
-def test_a_unit_of_a_coefficient_is_added_to_one_and_leaves_the_field(world, practice_06):
-    flow = fast_flow(world, practice_06)
+def test_a_unit_of_a_coefficient_is_added_to_one_and_leaves_the_field(forward_model, practice_06):
+    flow = fast_flow(forward_model, practice_06)
     start = perturbation(cn=np.full(2, 0.02), field=field())
     for name in ("ca", "cn", "cm"):
         unit = start.with_unit(name)
@@ -203,7 +208,7 @@ def test_a_unit_of_a_coefficient_is_added_to_one_and_leaves_the_field(world, pra
             np.testing.assert_array_equal(
                 getattr(unit, coefficient), getattr(start, coefficient) + (name == coefficient)
             )
-        before, after = (replace(world, perturbation=p).coefficients(flow) for p in (start, unit))
+        before, after = (replace(forward_model, perturbation=p).coefficients(flow) for p in (start, unit))
         by = {n: getattr(after, n) - getattr(before, n) for n in ("ca", "cn", "cm_nose")}
         for total, difference in by.items():
             np.testing.assert_allclose(difference, float(total.startswith(name)), atol=1e-12)

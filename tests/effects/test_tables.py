@@ -50,12 +50,12 @@ def test_the_example_finds_what_practice_08_hides(practice, tmp_path):
     d, t = derived_quantities(flight).postflight, flight.trajectory
     rms = []
     for effects in ((), None):
-        world = forward_model_of(flight.mission, flight.planet, flight.atmosphere, effects)
-        flow = world.flow(t.time, t.position, t.velocity, t.inertial_from_body, t.angular_rate)
-        force, moment = (0.5 * (x[1:] + x[:-1])[: len(d.time)] for x in world.loads(flow))
+        forward_model = forward_model_of(flight.mission, flight.planet, flight.atmosphere, effects)
+        flow = forward_model.flow(t.time, t.position, t.velocity, t.inertial_from_body, t.angular_rate)
+        force, moment = (0.5 * (x[1:] + x[:-1])[: len(d.time)] for x in forward_model.loads(flow))
         part = (d.time > 65.0) & (d.time < 80.0)  # before the aerodynamic moments are large
         pitch = d.motion.moments.moment[:, 1] - d.motion.smoother.smooth(moment)[:, 1]
-        normal = d.motion.force[:, 2] * world.rigid_body.mass - d.motion.smoother.smooth(force)[:, 2]
+        normal = d.motion.force[:, 2] * forward_model.rigid_body.mass - d.motion.smoother.smooth(force)[:, 2]
         rms.append([np.sqrt(np.mean(x[part] ** 2)) for x in (pitch, normal)])
     assert rms[0][0] > 3.0 and rms[1][0] < 0.3 * rms[0][0], rms
     assert rms[1][1] < 0.5 * rms[0][1], rms

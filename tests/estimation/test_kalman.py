@@ -107,7 +107,9 @@ def test_predictions_of_last_states_are_their_part_of_those_of_the_kalman_filter
     rng = np.random.default_rng(seed)
     base = random_model(seed)
     constant = append_constant_states(base, rng.normal(size=(base.row_start[-1], count)), np.ones(count))
-    model = with_gauss_markov_states(constant, rng.uniform(0.1, 1.0, 40), memory, 4.0, count)
+    model = with_gauss_markov_states(
+        constant, rng.uniform(0.1, 1.0, 40), memory * np.arange(1.0, count + 1.0), np.linspace(4.0, 2.0, count)
+    )
     measurements, initial_mean = rng.normal(size=base.row_start[-1]), np.concatenate((np.ones(7), np.zeros(count)))
     expected = np.zeros_like(measurements)
     p, x = model.initial_covariance.copy(), initial_mean.copy()
@@ -170,7 +172,7 @@ def test_gauss_markov_states_add_a_covariance_that_decays_exponentially(memory, 
     design = rng.normal(size=(model.row_start[-1], 2))
     interval = rng.uniform(0.05, 0.4, len(model.increment))
     constant = append_constant_states(model, design, np.ones(2))
-    processes = with_gauss_markov_states(constant, interval, memory, variance, 2)
+    processes = with_gauss_markov_states(constant, interval, np.full(2, memory), np.full(2, variance))
     assert processes.design is constant.design
     mean = rng.normal(size=7)
     time = np.repeat(np.cumsum(interval), np.diff(model.row_start))

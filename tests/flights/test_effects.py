@@ -129,9 +129,9 @@ def test_the_world_with_the_true_effect_predicts_the_moments(flown, postflight_o
     for on in (False, True):
         flight = flown(n, on)
         d, t = postflight_of(n, on), flight.trajectory
-        world = forward_model_of(flight.mission, flight.planet, flight.atmosphere)
-        flow = world.flow(t.time, t.position, t.velocity, t.inertial_from_body, t.angular_rate)
-        _, moment = world.loads(flow)
+        forward_model = forward_model_of(flight.mission, flight.planet, flight.atmosphere)
+        flow = forward_model.flow(t.time, t.position, t.velocity, t.inertial_from_body, t.angular_rate)
+        _, moment = forward_model.loads(flow)
         expected = d.motion.smoother.smooth(0.5 * (moment[1:] + moment[:-1])[: len(d.time)])
         miss = (d.motion.moments.moment - expected)[d.time > 80.0, 1:]
         rms.append(np.sqrt(np.mean(miss**2)))

@@ -45,10 +45,10 @@ def test_moments_use_one_centre_of_mass(off_axis, practice_06):
     flow = plain.flow(t.time, t.position, t.velocity, t.inertial_from_body, t.angular_rate)
     force, moment = plain.loads(flow)
     np.testing.assert_allclose(stated.loads(flow)[1], by_effect.loads(flow)[1], atol=1e-9)
-    for world in (stated, both):
-        expected = moment - np.cross(world.rigid_body.offset, force)
-        np.testing.assert_allclose(world.loads(flow)[1], expected, atol=1e-6)
-        np.testing.assert_array_equal(world.loads(flow)[0], force)
+    for forward_model in (stated, both):
+        expected = moment - np.cross(forward_model.rigid_body.offset, force)
+        np.testing.assert_allclose(forward_model.loads(flow)[1], expected, atol=1e-6)
+        np.testing.assert_array_equal(forward_model.loads(flow)[0], force)
 
 
 def test_only_an_effect_changes_the_lever_arms_of_the_imus(off_axis, practice_06):

@@ -22,4 +22,4 @@ def mer_flight(mer_scenario):
 @pytest.fixture(scope="session")
 def nominal(mer_flight):
     """The nominal world of that vehicle."""
-    return mer_flight.world.with_effects(())
+    return mer_flight.forward_model.with_effects(())

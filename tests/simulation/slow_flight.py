@@ -36,9 +36,9 @@ def smooth_world(planet=MARS, density=1.5e-2, scale_height=11e3, ca=1.6, cn=0.4,
     )
 
 
-def empty(world):
+def empty(forward_model):
     """The world without its air."""
-    return replace(world, atmosphere=replace(world.atmosphere, log_density=np.array([-600.0, -600.1])))
+    return replace(forward_model, atmosphere=replace(forward_model.atmosphere, log_density=np.array([-600.0, -600.1])))
 
 
 def turned_into(air_velocity, alpha, beta=0.0):
@@ -52,16 +52,16 @@ def turned_into(air_velocity, alpha, beta=0.0):
     return rotations.normalise(wind)
 
 
-def entering(world, alpha=0.1, beta=0.05):
+def entering(forward_model, alpha=0.1, beta=0.05):
     """A state in the air, nose first, with small angles."""
     start = START.copy()
-    start[6:10] = turned_into(world.planet.velocity_relative(start[:3], start[3:6]), alpha, beta)
+    start[6:10] = turned_into(forward_model.planet.velocity_relative(start[:3], start[3:6]), alpha, beta)
     return start
 
 
-def parachute_force(world, flow, chute, age):
+def parachute_force(forward_model, flow, chute, age):
     """Force and moment about the true centre of mass of a canopy `age` seconds after deployment, (3,) each."""
-    arm = np.array([-chute.arm, 0.0, 0.0]) - world.rigid_body.offset
+    arm = np.array([-chute.arm, 0.0, 0.0]) - forward_model.rigid_body.offset
     wind = flow.velocity_body[0] + np.cross(flow.rate[0], arm)
     speed = np.linalg.norm(wind)
     drag = np.interp(speed / (flow.speed[0] / flow.mach[0]), chute.mach, chute.drag_coefficient) * chute.area
@@ -69,24 +69,26 @@ def parachute_force(world, flow, chute, age):
     return force, np.cross(arm, force)
 
 
-def derivative(world, time, state, chute=None, age=0.0):
+def derivative(forward_model, time, state, chute=None, age=0.0):
     """Time derivative of position, velocity, attitude and rates, ``(13,)``, from `ForwardModel.loads`."""
     position, velocity, attitude, rate = state[:3], state[3:6], state[6:10], state[10:13]
-    flow = world.flow(np.array([time]), position[None], velocity[None], attitude[None], rate[None])
-    force, moment = (x[0] for x in world.loads(flow))
+    flow = forward_model.flow(np.array([time]), position[None], velocity[None], attitude[None], rate[None])
+    force, moment = (x[0] for x in forward_model.loads(flow))
     if chute is not None:
-        more = parachute_force(world, flow, chute, age)
+        more = parachute_force(forward_model, flow, chute, age)
         force, moment = force + more[0], moment + more[1]
-    body = world.rigid_body
+    body = forward_model.rigid_body
     return np.concatenate((
         velocity,
-        world.gravity_planet.gravity(position) + rotations.rotate(attitude, force / body.mass),
+        forward_model.gravity_planet.gravity(position) + rotations.rotate(attitude, force / body.mass),
         0.5 * rotations.multiply(attitude, np.append(rate, 0.0)),
         np.linalg.solve(body.inertia, moment - np.cross(rate, body.inertia @ rate)),
     ))  # fmt: skip
 
 
-def integrate(world, start, time):
+def integrate(forward_model, start, time):
     """State at `time` by DOP853."""
-    solution = solve_ivp(lambda t, y: derivative(world, t, y), (0.0, time), start, "DOP853", rtol=1e-11, atol=1e-9)
+    solution = solve_ivp(
+        lambda t, y: derivative(forward_model, t, y), (0.0, time), start, "DOP853", rtol=1e-11, atol=1e-9
+    )
     return solution.y[:, -1]

@@ -22,8 +22,8 @@ CHUTE = Parachute(15.0)
 NO_STOP = np.zeros(7)
 
 
-def march(world, start, step, steps, phase=dynamics.ENTRY, stop=NO_STOP):
-    tables = tabulate(world, CHUTE)
+def march(forward_model, start, step, steps, phase=dynamics.ENTRY, stop=NO_STOP):
+    tables = tabulate(forward_model, CHUTE)
     state, slope = np.zeros((steps + 1, dynamics.SIZE)), np.zeros((steps + 1, dynamics.SIZE))
     state[0, :13] = start
     done, event, _ = dynamics.march(0.0, step, state, slope, phase, tables, stop, NOTHING, 1, 1e9, False)
@@ -36,15 +36,15 @@ def nominal_tables(nominal):
     return tabulate(nominal, CHUTE)
 
 
-def random_states(world, count, seed=1):
+def random_states(forward_model, count, seed=1):
     """States between 5 and 110 km altitude, nose first, with the angles and rates of a flight."""
     random = np.random.default_rng(seed)
     for _ in range(count):
         up = rotations.normalise(random.standard_normal(3))
         position = up * (3.38e6 + random.uniform(20e3, 110e3))
         velocity = random.uniform(200.0, 5500.0) * rotations.normalise(random.standard_normal(3) - up)
-        velocity += np.cross([0.0, 0.0, world.planet.rotation_rate], position)
-        air = world.planet.velocity_relative(position, velocity)
+        velocity += np.cross([0.0, 0.0, forward_model.planet.rotation_rate], position)
+        air = forward_model.planet.velocity_relative(position, velocity)
         attitude = slow.turned_into(air, *random.uniform(-0.25, 0.25, 2))
         yield np.concatenate((position, velocity, attitude, random.normal(0.0, 0.2, 3)))
 
@@ -65,23 +65,25 @@ def effects():
 @pytest.mark.parametrize("phase", [dynamics.ENTRY, dynamics.DESCENT])
 def test_derivative_is_its_twin(nominal, phase):
     """Nominal loads, wind, density, air's turning, mass properties and gravity, in continuum and rarefied flow."""
-    world = nominal.with_effects(effects())
-    tables = tabulate(world, CHUTE)
+    forward_model = nominal.with_effects(effects())
+    tables = tabulate(forward_model, CHUTE)
     tables.parachute[3] = 9.8
     d = np.zeros(dynamics.SIZE)
-    for start in random_states(world, 60):
+    for start in random_states(forward_model, 60):
         state = np.concatenate((start, np.zeros(12)))
         dynamics.derivative(10.0, state, d, phase, tables, NO_STOP, NOTHING[0])
-        twin = slow.derivative(world, 10.0, start, CHUTE if phase == dynamics.DESCENT else None, 0.2)
+        twin = slow.derivative(forward_model, 10.0, start, CHUTE if phase == dynamics.DESCENT else None, 0.2)
         for part in (slice(0, 3), slice(3, 6), slice(6, 10), slice(10, 13)):
             # the air's table is linear between its nodes: 1e-6 of the wave
             np.testing.assert_allclose(d[:13][part], twin[part], rtol=0.0, atol=3e-6 * np.abs(twin[part]).max())
-        np.testing.assert_allclose(rotations.rotate(start[6:10], d[13:16]), d[3:6] - gravity(world, start), atol=1e-9)
+        np.testing.assert_allclose(
+            rotations.rotate(start[6:10], d[13:16]), d[3:6] - gravity(forward_model, start), atol=1e-9
+        )
         np.testing.assert_allclose(d[16:19], start[10:])
 
 
-def gravity(world, state):
-    return world.gravity_planet.gravity(state[:3])
+def gravity(forward_model, state):
+    return forward_model.gravity_planet.gravity(state[:3])
 
 
 def test_place_is_the_ellipsoids():
@@ -97,29 +99,29 @@ def test_place_is_the_ellipsoids():
 @pytest.mark.slow
 def test_a_free_symmetric_body_precesses():
     """w_y + i w_z rotates at (Ixx - Iyy) / Iyy of the spin (Goldstein, Poole & Safko 2002, eq. 5.47)."""
-    world = slow.empty(slow.smooth_world(inertia=np.diag([300.0, 200.0, 200.0])))
+    forward_model = slow.empty(slow.smooth_world(inertia=np.diag([300.0, 200.0, 200.0])))
     start = slow.START.copy()
     start[10:] = [0.8, 0.1, 0.0]
-    end = march(world, start, 0.01, 6000)[-1]
+    end = march(forward_model, start, 0.01, 6000)[-1]
     turned = (300.0 - 200.0) / 200.0 * 0.8 * 60.0
     np.testing.assert_allclose(end[10:13], [0.8, 0.1 * np.cos(turned), 0.1 * np.sin(turned)], atol=1e-9)
 
 
 def test_a_free_body_keeps_its_angular_momentum():
-    world = slow.empty(slow.smooth_world())
+    forward_model = slow.empty(slow.smooth_world())
     start = slow.START.copy()
     start[10:] = [0.5, -0.7, 0.3]
-    states = march(world, start, 0.01, 3000)
+    states = march(forward_model, start, 0.01, 3000)
     momentum = rotations.rotate(states[:, 6:10], states[:, 10:13] @ slow.INERTIA)
     np.testing.assert_allclose(momentum, np.tile(momentum[0], (len(momentum), 1)), atol=1e-7)
 
 
 def test_an_orbit_keeps_energy_and_its_momentum_about_the_pole():
-    world = slow.empty(slow.smooth_world())
+    forward_model = slow.empty(slow.smooth_world())
     start = slow.START.copy()
     start[:6] = [3.6e6, 0.0, 5e5, 100.0, 3000.0, 1800.0]
-    s = march(world, start, 0.5, 4000)
-    energy = 0.5 * np.sum(s[:, 3:6] ** 2, axis=1) - world.planet.potential(s[:, :3])
+    s = march(forward_model, start, 0.5, 4000)
+    energy = 0.5 * np.sum(s[:, 3:6] ** 2, axis=1) - forward_model.planet.potential(s[:, :3])
     about = s[:, 0] * s[:, 4] - s[:, 1] * s[:, 3]
     np.testing.assert_allclose(energy, energy[0], rtol=1e-11)
     np.testing.assert_allclose(about, about[0], rtol=1e-11)
@@ -129,12 +131,12 @@ def test_an_orbit_keeps_energy_and_its_momentum_about_the_pole():
 def test_constant_drag_slows_as_the_inverse_of_the_distance_in_time():
     """Without gravity in even air: v = v0 / (1 + k v0 t), distance = log(1 + k v0 t) / k."""
     planet = replace(slow.MARS, mu=0.0, rotation_rate=0.0)
-    world = slow.smooth_world(planet, density=1e-3, scale_height=1e15)
+    forward_model = slow.smooth_world(planet, density=1e-3, scale_height=1e15)
     start = slow.START.copy()
     start[:6] = [3.45e6, 0.0, 0.0, 0.0, 4000.0, 0.0]
     start[6:10], start[10:] = slow.turned_into(start[3:6], 0.0), 0.0
-    end = march(world, start, 0.02, 3000)[-1]
-    k = 0.5 * 1e-3 * 1.6 * world.area / 832.0
+    end = march(forward_model, start, 0.02, 3000)[-1]
+    k = 0.5 * 1e-3 * 1.6 * forward_model.area / 832.0
     grown = 1.0 + k * 4000.0 * 60.0
     assert end[4] == pytest.approx(4000.0 / grown, rel=1e-9)
     assert end[1] == pytest.approx(np.log(grown) / k, rel=1e-9)
@@ -143,9 +145,9 @@ def test_constant_drag_slows_as_the_inverse_of_the_distance_in_time():
 
 def test_order_is_four():
     """Each halving of the step leaves a sixteenth of the error, in everything that is integrated."""
-    world = slow.smooth_world()
-    start = slow.entering(world)
-    ends = [march(world, start, 8.0 / n, n)[-1] for n in (200, 400, 800, 6400)]
+    forward_model = slow.smooth_world()
+    start = slow.entering(forward_model)
+    ends = [march(forward_model, start, 8.0 / n, n)[-1] for n in (200, 400, 800, 6400)]
     errors = np.array([[np.linalg.norm((e - ends[-1])[p]) for p in PARTS] for e in ends[:-1]])
     order = np.log2(errors[:-1] / errors[1:])
     assert np.all(np.abs(order - 4.0) < 0.25), order
@@ -156,20 +158,20 @@ PARTS = (slice(0, 3), slice(3, 6), slice(6, 10), slice(10, 13), slice(13, 16), s
 
 def test_touchdown_brings_the_vehicle_to_rest():
     """Velocity relative to the ground and rate relative to the planet's end at zero, and stay zero."""
-    world = slow.smooth_world()
+    forward_model = slow.smooth_world()
     start = slow.START.copy()
-    ground = np.array([0.0, 0.0, world.planet.rotation_rate])
+    ground = np.array([0.0, 0.0, forward_model.planet.rotation_rate])
     start[3:6] = np.array([-60.0, 20.0, 5.0]) + np.cross(ground, start[:3])
     rate = start[10:] - rotations.rotate(rotations.conjugate(start[6:10]), ground)
     stop = np.concatenate(([0.0], [60.0 / 0.5, -20.0 / 0.5, -5.0 / 0.5], -rate / 0.5))
-    rest = march(world, start, 0.0125, 40, dynamics.STOP, stop)[-1]
-    later = march(world, rest[:13], 0.0125, 800, dynamics.REST)[-1]
+    rest = march(forward_model, start, 0.0125, 40, dynamics.STOP, stop)[-1]
+    later = march(forward_model, rest[:13], 0.0125, 800, dynamics.REST)[-1]
     for s, time in ((rest, 0.5), (later, 10.0)):
-        assert np.linalg.norm(world.planet.velocity_relative(s[:3], s[3:6])) < 1e-6, time
+        assert np.linalg.norm(forward_model.planet.velocity_relative(s[:3], s[3:6])) < 1e-6, time
         np.testing.assert_allclose(rotations.rotate(s[6:10], s[10:13]), ground, atol=1e-12)
     # what accelerometers gain at rest is minus gravity, and the centrifugal part
     felt = rotations.rotate(later[6:10], later[13:16] / 10.0)
-    push = -world.planet.gravity(later[:3]) - ground[2] ** 2 * later[:3] * [1.0, 1.0, 0.0]
+    push = -forward_model.planet.gravity(later[:3]) - ground[2] ** 2 * later[:3] * [1.0, 1.0, 0.0]
     np.testing.assert_allclose(felt, push, atol=1e-3 * np.linalg.norm(push))
 
 
@@ -244,8 +246,8 @@ def march_twin(start, step, first, steps, phase, tables, more, every, limit):
 @pytest.mark.parametrize("phase", [dynamics.ENTRY, dynamics.DESCENT])
 def test_steps_and_events_are_those_of_the_twin(phase, event, with_increments):
     """Entry through thick air, where the dynamic pressure falls below nine tenths; descent by 1.5 km."""
-    world = slow.smooth_world(density=0.5 if phase == dynamics.ENTRY else 1.5e-2)
-    tables = tabulate(world, CHUTE)
+    forward_model = slow.smooth_world(density=0.5 if phase == dynamics.ENTRY else 1.5e-2)
+    tables = tabulate(forward_model, CHUTE)
     tables.parachute[3] = 4.0
     start, step, steps, every = 4.0, 0.0125, 400, 3
     more = NOTHING
@@ -253,7 +255,7 @@ def test_steps_and_events_are_those_of_the_twin(phase, event, with_increments):
         more = np.random.default_rng(5).normal(0.0, 1e-3, (2 * steps + 1, dynamics.INCREMENTS))
         more[:, 10:16] *= 1e4  # N and N m
     state, slope = (np.zeros((steps + 1, dynamics.SIZE)) for _ in range(2))
-    state[0, :13] = slow.entering(world)
+    state[0, :13] = slow.entering(forward_model)
     first = state[0].copy()
     pressure = dynamics.derivative(start, first, np.empty(dynamics.SIZE), phase, tables, NO_STOP, more[0])
     limit = 0.9 * pressure if phase == dynamics.ENTRY else np.linalg.norm(first[:3]) - 1500.0

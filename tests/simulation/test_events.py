@@ -42,21 +42,21 @@ def test_the_structure_moves_on_continuously(flight, mer_flight):
 
 def test_the_new_body_flies_on(flight):
     """Accelerations before and after the event are those of the slow model with the body of either side."""
-    k, motion, world = at_event(flight), flight.motion, flight.world
-    ((_, after),) = world.changed_bodies
+    k, motion, forward_model = at_event(flight), flight.motion, flight.forward_model
+    ((_, after),) = forward_model.changed_bodies
     assert after.mass == 812.0
-    for body, row in ((world.body, motion.after[k - 1]), (after, motion.before[k])):
+    for body, row in ((forward_model.body, motion.after[k - 1]), (after, motion.before[k])):
         state = motion.state[k].copy()
-        simple = simple_world(world, body)
-        if body is world.body:  # its own centre of mass
+        simple = simple_world(forward_model, body)
+        if body is forward_model.body:  # its own centre of mass
             state[:3] -= rotations.rotate(state[6:10], SHIFT)
             state[3:6] -= rotations.rotate(state[6:10], np.cross(state[10:13], SHIFT))
         np.testing.assert_allclose(row[:13], derivative(simple, 150.0, state[:13]), rtol=1e-5, atol=1e-6)
 
 
-def simple_world(world, body):
+def simple_world(forward_model, body):
     """The world whose vehicle is one body all the time."""
-    return replace(world, body=body, changed_bodies=())
+    return replace(forward_model, body=body, changed_bodies=())
 
 
 def test_what_an_imu_measures_is_the_motion_of_its_place(flight):
@@ -66,7 +66,7 @@ def test_what_an_imu_measures_is_the_motion_of_its_place(flight):
     arm = np.where((motion.time[:-1] >= 150.0 - 1e-6)[:, None], place - SHIFT, place)
     force, _ = step_means(motion, arm)
     rows = slice(k - 2, k + 3)
-    planet, state = flight.world.gravity_planet, motion.state
+    planet, state = flight.forward_model.gravity_planet, motion.state
     arms = np.where((motion.time >= 150.0 - 1e-6)[:, None], place - SHIFT, place)[rows]
     velocity = state[rows, 3:6] + rotations.rotate(state[rows, 6:10], np.cross(state[rows, 10:13], arms))
     h = np.diff(motion.time[rows])[:, None]

@@ -56,10 +56,10 @@ def short_course(seconds):
     return Course(interval=0.125, substeps=20, deploy_pressure=1e9, surface_radius=1.0, longest=seconds)
 
 
-def state_after(world, start, seconds, window=1.0):
+def state_after(forward_model, start, seconds, window=1.0):
     """State after some seconds of entry, by the simulator."""
     course = short_course(seconds)
-    flight = motion._Flight(motion.tabulate(world, CHUTE), motion.Increments.of(world), course, start)
+    flight = motion._Flight(motion.tabulate(forward_model, CHUTE), motion.Increments.of(forward_model), course, start)
     while flight.time < seconds - 1e-9:
         flight._window(motion.ENTRY, 1e12, flight._steps(min(window, seconds - flight.time)))
     return flight
@@ -68,11 +68,11 @@ def state_after(world, start, seconds, window=1.0):
 @pytest.mark.parametrize("name", HOOKED)
 def test_increments_are_those_of_the_loads(name):
     """Against an integration of ForwardModel.loads, effects included, by another method."""
-    world = slow.smooth_world().with_effects((HOOKED[name],))
-    start = slow.entering(world)
-    flight = state_after(world, start, 8.0)
-    twin = slow.integrate(world, start, 8.0)
-    clean = slow.integrate(world.with_effects(()), start, 8.0)
+    forward_model = slow.smooth_world().with_effects((HOOKED[name],))
+    start = slow.entering(forward_model)
+    flight = state_after(forward_model, start, 8.0)
+    twin = slow.integrate(forward_model, start, 8.0)
+    clean = slow.integrate(forward_model.with_effects(()), start, 8.0)
     off, effect = flight.state[:13] - twin, twin - clean
     for part in (slice(0, 3), slice(3, 6), slice(6, 10), slice(10, 13)):
         assert np.linalg.norm(off[part]) < 1e-4 * np.linalg.norm(effect[part]) + 1e-7, part
@@ -80,9 +80,9 @@ def test_increments_are_those_of_the_loads(name):
 
 
 def test_windows_leave_no_trace():
-    world = slow.smooth_world().with_effects(tuple(HOOKED.values()))
-    start = slow.entering(world)
-    short, long = (state_after(world, start, 4.0, window).state for window in (0.25, 2.0))
+    forward_model = slow.smooth_world().with_effects(tuple(HOOKED.values()))
+    start = slow.entering(forward_model)
+    short, long = (state_after(forward_model, start, 4.0, window).state for window in (0.25, 2.0))
     np.testing.assert_allclose(short[3:13], long[3:13], rtol=0.0, atol=1e-8)
     np.testing.assert_allclose(short[:3], long[:3], rtol=0.0, atol=1e-6)
 
@@ -93,19 +93,19 @@ def test_nothing_is_iterated_without_hooks(mer_flight):
 
 def test_events_of_a_flight(mer_flight, mer_scenario):
     """Deployment at the pressure, landing at the radius, rest at the end; all on samples."""
-    m, world = mer_flight.motion, mer_flight.world
+    m, forward_model = mer_flight.motion, mer_flight.forward_model
     for event in (m.deployed, m.landed, m.stopped):
         assert event / 0.125 == pytest.approx(round(event / 0.125), abs=1e-9)
     around = np.array([m.deployed - 0.125, m.deployed])
     s = m.at(around)
-    q = world.flow(around, s[:, :3], s[:, 3:6], s[:, 6:10], s[:, 10:13]).dynamic_pressure
+    q = forward_model.flow(around, s[:, :3], s[:, 3:6], s[:, 6:10], s[:, 10:13]).dynamic_pressure
     assert q[0] > 700.0 >= q[1]
     radius = np.linalg.norm(m.at(np.array([m.landed - 0.125, m.landed]))[:, :3], axis=1)
     assert radius[0] > mer_scenario.landing.surface_radius >= radius[1]
     assert m.time[-1] == pytest.approx(m.stopped + 19.5)
     assert 200.0 < m.deployed < 300.0 < m.landed < 400.0
     last = m.state[-1]
-    assert np.linalg.norm(world.planet.velocity_relative(last[:3], last[3:6])) < 1e-5
+    assert np.linalg.norm(forward_model.planet.velocity_relative(last[:3], last[3:6])) < 1e-5
 
 
 def test_states_between_steps_are_of_order_four(mer_flight):
@@ -123,16 +123,16 @@ def test_states_between_steps_are_of_order_four(mer_flight):
 
 
 def test_a_vehicle_that_does_not_come_down_is_refused():
-    world = slow.empty(slow.smooth_world())
+    forward_model = slow.empty(slow.smooth_world())
     with pytest.raises(InputError, match="has not reached the parachute's dynamic pressure"):
-        fly(world, CHUTE, slow.entering(world), Course(0.125, 1, 700.0, 3.39e6, longest=100.0))
+        fly(forward_model, CHUTE, slow.entering(forward_model), Course(0.125, 1, 700.0, 3.39e6, longest=100.0))
 
 
 def test_a_vehicle_that_tumbles_is_refused():
-    world = slow.smooth_world(cm=0.0)
-    start = slow.entering(world)
+    forward_model = slow.smooth_world(cm=0.0)
+    start = slow.entering(forward_model)
     with pytest.raises(InputError, match="the vehicle tumbles"):
-        fly(world, CHUTE, start, Course(0.125, 10, 700.0, 3.39e6, longest=500.0))
+        fly(forward_model, CHUTE, start, Course(0.125, 10, 700.0, 3.39e6, longest=500.0))
 
 
 def test_a_users_hook_is_evaluated_along_the_true_flight():
@@ -147,9 +147,9 @@ def test_a_users_hook_is_evaluated_along_the_true_flight():
             seen.append(flow.alpha_total.copy())
             return dataclasses.replace(totals, cm_nose=totals.cm_nose * (1.0 + p["k"]))
 
-    world = slow.smooth_world().with_effects((EffectInstance(Watch(), {"k": 0.5}),))
-    flight = state_after(world, slow.entering(world), 1.0)
+    forward_model = slow.smooth_world().with_effects((EffectInstance(Watch(), {"k": 0.5}),))
+    flight = state_after(forward_model, slow.entering(forward_model), 1.0)
     state, slope = flight.parts[-1]
     middles = motion.with_middles(flight.step, state, slope)
-    flow = world.flow(np.arange(len(middles)) * 0.5 * flight.step, *np.split(middles, [3, 6, 10], axis=1))
+    flow = forward_model.flow(np.arange(len(middles)) * 0.5 * flight.step, *np.split(middles, [3, 6, 10], axis=1))
     np.testing.assert_allclose(seen[-1][: len(middles)], flow.alpha_total, atol=1e-9)

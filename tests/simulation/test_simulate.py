@@ -58,9 +58,9 @@ def test_forces_of_the_file_are_the_loads_of_the_world(mer_scenario):
         EffectInstance(find_effect("density_wave"), {"A": 0.1, "L": 12e3}),
     ]
     flight = simulate(scenario, effects)
-    m, world = flight.motion, flight.world
-    flow = world.flow(m.time, *np.split(m.state[:, :13], [3, 6, 10], axis=1))
-    force = world.loads(flow)[0] / world.rigid_body.mass
+    m, forward_model = flight.motion, flight.forward_model
+    flow = forward_model.flow(m.time, *np.split(m.state[:, :13], [3, 6, 10], axis=1))
+    force = forward_model.loads(flow)[0] / forward_model.rigid_body.mass
     means = (0.5 * (force[:-1] + force[1:]))[: 10 * len(flight.contents.imus["primary"].time)]
     means = means.reshape(-1, 10, 3).mean(axis=1)
     imu = flight.contents.imus["primary"]
@@ -124,7 +124,7 @@ def test_a_missions_centre_of_mass_off_the_axis_moves_no_instrument(mer_scenario
 def test_under_the_parachute_the_vehicle_drifts_with_the_air(mer_scenario):
     """Air that does not rotate moves at 230 m/s over the ground, and the vehicle with it."""
     flight = simulate(mer_scenario, [EffectInstance(find_effect("atmosphere_rotation"), {"k": 1.0})])
-    m, planet = flight.motion, flight.world.planet
+    m, planet = flight.motion, flight.forward_model.planet
     late = m.at(np.array([m.landed - 5.0]))[0]
     assert 200.0 < np.linalg.norm(planet.velocity_relative(late[:3], late[3:6])) < 260.0
 

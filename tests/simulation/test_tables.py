@@ -46,10 +46,10 @@ def test_air_has_the_effects_on_it(nominal):
         EffectInstance(find_effect("density_wave"), {"A": 0.1, "L": 10e3, "phase": 0.4}),
         EffectInstance(find_effect("wind"), {"east": 30.0, "north": -10.0, "h_lo": 10e3, "h_hi": 50e3}),
     )
-    world = nominal.with_effects(on)
-    tables = tabulate(world, Parachute(15.0))
+    forward_model = nominal.with_effects(on)
+    tables = tabulate(forward_model, Parachute(15.0))
     heights = np.random.default_rng(4).uniform(-5e3, 140e3, 300)
-    expected = air_table(world, heights)
+    expected = air_table(forward_model, heights)
     for h, (log_density, square, east, north) in zip(heights, expected, strict=True):
         density, sound, *wind = dynamics.air_at(tables, h)
         assert density == pytest.approx(np.exp(log_density), rel=1e-6)

@@ -25,8 +25,8 @@ def test_mass_entry_state_and_sensor_errors_differ_as_stated():
     np.testing.assert_allclose(flight.motion.state[0, :6] - nominal.motion.state[0, :6], start[:6], atol=1e-8)
     turn = rotations.multiply(rotations.conjugate(nominal.motion.state[0, 6:10]), flight.motion.state[0, 6:10])
     np.testing.assert_allclose(rotations.to_rotation_vector(turn), start[6:], atol=1e-12)
-    assert flight.world.body.mass == 1.02 * nominal.world.body.mass
-    np.testing.assert_allclose(flight.world.body.inertia, 1.1 * nominal.world.body.inertia)
+    assert flight.forward_model.body.mass == 1.02 * nominal.forward_model.body.mass
+    np.testing.assert_allclose(flight.forward_model.body.inertia, 1.1 * nominal.forward_model.body.inertia)
     errors = [f.contents.truth["sensor_errors"]["primary"]["accelerometer_bias"] for f in (nominal, flight)]
     np.testing.assert_allclose(errors[1], 3.0 * errors[0])
     stated = [f.contents.imus["primary"].errors for f in (nominal, flight)]
@@ -36,8 +36,8 @@ def test_mass_entry_state_and_sensor_errors_differ_as_stated():
 def test_another_database_is_flown():
     scenario = Scenario.load("builtin:mer")
     nominal = simulate(scenario, seed=3)
-    table = nominal.world.database.continuum
-    changed = replace(nominal.world.database, continuum=replace(table, CA=1.1 * table.CA))
+    table = nominal.forward_model.database.continuum
+    changed = replace(nominal.forward_model.database, continuum=replace(table, CA=1.1 * table.CA))
     flight = simulate(scenario, seed=3, errors=WorldErrors(changed))
     peaks = [np.linalg.norm(f.contents.imus["primary"].specific_force, axis=1)[:1200].max() for f in (nominal, flight)]
-    assert peaks[1] != peaks[0] and flight.world.database is changed
+    assert peaks[1] != peaks[0] and flight.forward_model.database is changed

@@ -110,7 +110,7 @@ def append_constant_states(model: LinearStateSpace, design: Array, sigma: Array)
 
 
 def with_gauss_markov_states(
-    model: LinearStateSpace, interval: Array, memory: float, variance: float, count: int
+    model: LinearStateSpace, interval: Array, memory: Array, variance: Array
 ) -> LinearStateSpace:
     """The model whose last states, constant so far, are independent first-order Gauss–Markov processes instead.
 
@@ -123,20 +123,17 @@ def with_gauss_markov_states(
         n states, the last of them by `append_constant_states`.
     interval : (K,) array
         Time between a step and the one before.
-    memory : float
-        Correlation time, in the unit of `interval`.
-    variance : float
-        Of each process.
-    count : int
-        Number of processes.
+    memory, variance : (c,) arrays
+        Correlation time, in the unit of `interval`, and variance of each process.
     """
-    n, part = model.size, slice(model.size - count, model.size)
-    decay = np.exp(-interval / memory)[:, None, None]
+    n, part = model.size, slice(model.size - len(memory), model.size)
+    decay = np.exp(-interval[:, None] / memory)
     increment, noise = (
-        from_blocks(n, [(part, part, v * np.eye(count))]) for v in (decay - 1.0, variance * (1.0 - decay**2))
+        from_blocks(n, [(part, part, v[:, :, None] * np.eye(len(memory)))])
+        for v in (decay - 1.0, variance * (1.0 - decay**2))
     )
     covariance = model.initial_covariance.copy()
-    covariance[part, part] = variance * np.eye(count)
+    covariance[part, part] = np.diag(variance)
     return replace(
         model,
         increment=merge(model.increment, increment, n),

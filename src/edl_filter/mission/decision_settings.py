@@ -73,8 +73,9 @@ class DecisionSettings(Section):
         CHANCE,
     )
     excess_memories_s: Annotated[tuple[Positive, ...], Field(min_length=1)] = _setting(
-        (0.1, 0.3, 1.0, 3.0, 10.0, 30.0),
-        "s: correlation times of the excess variance that are compared with white noise",
+        (0.1, 0.2, 0.4, 0.8, 1.6, 3.2, 6.4, 12.8, 25.6),
+        "s: correlation times of the excess variance that are compared with white noise; in the ratio of the factors, "
+        "since the likelihood has a ridge where both increase together",
         STUDY,
     )
     excess_colour_factors: Annotated[tuple[Positive, ...], Field(min_length=1)] = _setting(

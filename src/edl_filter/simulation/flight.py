@@ -25,14 +25,14 @@ class Flight:
     ----------
     contents : FlightContents
         Measurements and ``/truth``: the contents of its flight file.
-    world : ForwardModel
+    forward_model : ForwardModel
         Model that was simulated: the nominal one, the effects, and the errors of the preflight atmosphere.
     motion : Motion
         True motion at every step.
     """
 
     contents: FlightContents
-    world: ForwardModel
+    forward_model: ForwardModel
     motion: Motion
 
     def write(self, path: str | Path) -> Path:
@@ -81,12 +81,12 @@ def stated_state(
     return invert_entry_state(stated, effects)
 
 
-def true_course(world: ForwardModel, motion: Motion, each: int) -> dict[str, Array]:
+def true_course(forward_model: ForwardModel, motion: Motion, each: int) -> dict[str, Array]:
     """State and flow at the beginning and at the end of every `each`-th step, for ``/truth``.
 
     Parameters
     ----------
-    world : ForwardModel
+    forward_model : ForwardModel
         The true models.
     motion : Motion
         The flight.
@@ -99,7 +99,7 @@ def true_course(world: ForwardModel, motion: Motion, each: int) -> dict[str, Arr
         Name of a dataset → ``(N,)``, ``(N, 3)`` or ``(N, 4)`` array, SI units and rad.
     """
     time, state = motion.time[::each], motion.state[::each]
-    flow = world.flow(time, state[:, :3], state[:, 3:6], state[:, 6:10], state[:, 10:13])
+    flow = forward_model.flow(time, state[:, :3], state[:, 3:6], state[:, 6:10], state[:, 10:13])
     u, v, w = flow.velocity_body.T
     return {
         "time": time,

@@ -33,22 +33,22 @@ class Increments:
 
     Attributes
     ----------
-    world : ForwardModel
+    forward_model : ForwardModel
     on_coefficients, on_loads : tuple of EffectInstance
         Those that change coefficients, and those that add a force and moment.
     """
 
-    world: ForwardModel
+    forward_model: ForwardModel
     on_coefficients: tuple[EffectInstance, ...]
     on_loads: tuple[EffectInstance, ...]
 
     @classmethod
-    def of(cls, world: ForwardModel) -> Increments:
+    def of(cls, forward_model: ForwardModel) -> Increments:
         """Increments of all effects of a model."""
         return cls(
-            world,
-            tuple(a for a in world.effects if a.effect.acts("coefficients")),
-            tuple(a for a in world.effects if a.effect.acts("force_moment")),
+            forward_model,
+            tuple(a for a in forward_model.effects if a.effect.acts("coefficients")),
+            tuple(a for a in forward_model.effects if a.effect.acts("force_moment")),
         )
 
     @property
@@ -72,7 +72,7 @@ class Increments:
             As `edl_filter.simulation.dynamics.INCREMENTS` says.
         """
         n = len(time)
-        flow = self.world.flow(time, states[:, :3], states[:, 3:6], states[:, 6:10], states[:, 10:13])
+        flow = self.forward_model.flow(time, states[:, :3], states[:, 3:6], states[:, 6:10], states[:, 10:13])
         out = np.zeros((n, INCREMENTS))
         out[:, 16] = flow.alpha_total
         if self.on_coefficients:
@@ -84,9 +84,9 @@ class Increments:
 
     def _coefficients(self, flow: FlightCondition) -> Array:
         """Change of the five coefficients, ``(N, 5)``."""
-        n, world = len(flow.time), self.world
-        ca, cn, cm = world.database.at(flow.mach, flow.knudsen, flow.speed).evaluate(flow.alpha_total)
-        base = AeroCoefficients(ca, cn, cm, np.zeros(n), world.damping.at(flow.mach))
+        n, forward_model = len(flow.time), self.forward_model
+        ca, cn, cm = forward_model.database.at(flow.mach, flow.knudsen, flow.speed).evaluate(flow.alpha_total)
+        base = AeroCoefficients(ca, cn, cm, np.zeros(n), forward_model.damping.at(flow.mach))
         totals = compose_coefficients(base, self.on_coefficients, flow)
         return np.column_stack([getattr(totals, f.name) - getattr(base, f.name) for f in fields(AeroCoefficients)])
 

@@ -101,12 +101,12 @@ class Motion:
         return out
 
 
-def fly(world: ForwardModel, parachute: Parachute, start: Array, course: Course) -> Motion:
+def fly(forward_model: ForwardModel, parachute: Parachute, start: Array, course: Course) -> Motion:
     """Integrate a flight from time 0 to rest.
 
     Parameters
     ----------
-    world : ForwardModel
+    forward_model : ForwardModel
         With its effects. Times of its `changed_bodies` are multiples of the course's interval.
     parachute : Parachute
         Canopy that opens at deployment.
@@ -124,9 +124,9 @@ def fly(world: ForwardModel, parachute: Parachute, start: Array, course: Course)
     InputError
         The vehicle never reaches the parachute's dynamic pressure, or the surface.
     """
-    tables = tabulate(world, parachute)
-    flight = _Flight(tables, Increments.of(world), course, start)
-    flight.changes = [(t, tabulate_body(world, body)) for t, body in world.changed_bodies]
+    tables = tabulate(forward_model, parachute)
+    flight = _Flight(tables, Increments.of(forward_model), course, start)
+    flight.changes = [(t, tabulate_body(forward_model, body)) for t, body in forward_model.changed_bodies]
     deployed = flight.until(ENTRY, course.deploy_pressure, "the parachute's dynamic pressure, falling")
     chute = tables.parachute.copy()
     chute[3] = deployed
@@ -272,7 +272,7 @@ class _Flight:
         wrong = ~np.all(np.isfinite(state[::each]), axis=1)
         if not wrong.any() and flying:
             time = self.time + self.step * np.arange(0, len(state), each, dtype=float)
-            flow = self.increments.world.flow(time, *np.split(state[::each, :13], [3, 6, 10], axis=1))
+            flow = self.increments.forward_model.flow(time, *np.split(state[::each, :13], [3, 6, 10], axis=1))
             wrong = flow.velocity_body[:, 0] < 0.0
         if wrong.any():
             when = self.time + self.course.interval * int(np.argmax(wrong))

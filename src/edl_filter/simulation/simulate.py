@@ -65,7 +65,7 @@ def simulate(
     effects = scenario.active_effects() if effects is None else tuple(effects)
     _check_imus(effects, scenario)
     errors = WorldErrors() if errors is None else errors
-    world = errors.applied(flown_world(scenario, effects, _random(seed, _WEATHER)))
+    forward_model = errors.applied(flown_world(scenario, effects, _random(seed, _WEATHER)))
     s = scenario
     course = Course(
         interval=s.sampling.interval_s,
@@ -78,11 +78,11 @@ def simulate(
     parachute = s.model.vehicle.parachute
     assert parachute is not None  # the scenario is checked
     chute = Parachute(parachute.area_diameter, s.parachute.arm, s.parachute.inflation_s)
-    motion = fly(world, chute, errors.moved(true_start(scenario, world, _random(seed, _ENTRY))), course)
-    imus, sensor_errors = _measured(scenario, world, motion, effects, seed, errors.imu_scale)
+    motion = fly(forward_model, chute, errors.moved(true_start(scenario, forward_model, _random(seed, _ENTRY))), course)
+    imus, sensor_errors = _measured(scenario, forward_model, motion, effects, seed, errors.imu_scale)
     fixes = _random(seed, _FIXES)
     truth: dict[str, Any] = {
-        **true_course(world, motion, course.substeps),
+        **true_course(forward_model, motion, course.substeps),
         "seed": seed,
         "scenario": s.name,
         "events": {"parachute_deploy": motion.deployed, "landing": motion.landed, "rest": motion.stopped},
@@ -92,9 +92,9 @@ def simulate(
     }
     contents = FlightContents(
         name=s.name,
-        planet=world.planet.name,
+        planet=forward_model.planet.name,
         epoch_utc=s.epoch_utc,
-        prime_meridian_at_epoch=world.planet.prime_meridian_at_epoch,
+        prime_meridian_at_epoch=forward_model.planet.prime_meridian_at_epoch,
         imus=imus,
         initial=stated_state(_random(seed, _STATED), motion, s.stated_state.sigma, effects),
         events={
@@ -102,12 +102,12 @@ def simulate(
             "landing": (motion.landed, s.landing.time_sigma_s),
             **{name: (event.time_s, event.sigma_s) for name, event in s.events.items()},
         },
-        parachute=_parachute_fix(scenario, world, motion, fixes),
-        landing=_landing_fix(scenario, world, motion, fixes),
+        parachute=_parachute_fix(scenario, forward_model, motion, fixes),
+        landing=_landing_fix(scenario, forward_model, motion, fixes),
         altimeter=_altimeter(scenario, motion, _random(seed, _ALTIMETER)),
         truth=truth,
     )
-    return Flight(contents, world, motion)
+    return Flight(contents, forward_model, motion)
 
 
 def _random(seed: int, *purpose: int) -> np.random.Generator:
@@ -120,22 +120,28 @@ def flown_world(scenario: Scenario, effects: Sequence[EffectInstance], random: n
     angle = None if scenario.prime_meridian_deg is None else scenario.prime_meridian_deg * DEG
     nominal = forward_model_of(mission, mission.planet_model(angle), read_atmosphere(mission), ())
     events = [(event.time_s, event) for event in scenario.events.values()]
-    world = replace(nominal, changed_bodies=changed_bodies(nominal.body, events))
+    forward_model = replace(nominal, changed_bodies=changed_bodies(nominal.body, events))
     w = scenario.weather
-    return world.with_effects((*effects, *chance.weather(random, w.density_sigma, w.wind_sigma, w.correlation_length)))
+    return forward_model.with_effects(
+        (*effects, *chance.weather(random, w.density_sigma, w.wind_sigma, w.correlation_length))
+    )
 
 
-def true_start(scenario: Scenario, world: ForwardModel, random: np.random.Generator) -> Array:
+def true_start(scenario: Scenario, forward_model: ForwardModel, random: np.random.Generator) -> Array:
     """State at time 0, ``(13,)``: position (m), velocity (m/s), attitude (scalar last), rates (rad/s)."""
     e = scenario.entry
     position, velocity = inertial_state(
-        world.planet, e.radius, e.latitude_deg * DEG, e.longitude_deg * DEG, e.speed, e.flight_path_angle_deg * DEG,
-        e.azimuth_deg * DEG,
+        forward_model.planet, e.radius, e.latitude_deg * DEG, e.longitude_deg * DEG, e.speed,
+        e.flight_path_angle_deg * DEG, e.azimuth_deg * DEG,
     )  # fmt: skip
     deviates = random.standard_normal(4)
     alpha, beta = np.array([e.angle_of_attack_deg, e.sideslip_deg]) * DEG + e.attitude_sigma_deg * DEG * deviates[:2]
     inertial_from_body = attitude(
-        world.planet.velocity_relative(position, velocity), position, float(alpha), float(beta), e.bank_deg * DEG
+        forward_model.planet.velocity_relative(position, velocity),
+        position,
+        float(alpha),
+        float(beta),
+        e.bank_deg * DEG,
     )
     rates = np.array([e.spin_rpm * np.pi / 30.0, *(e.rate_sigma_deg_s * DEG * deviates[2:])])
     return np.concatenate((position, velocity, inertial_from_body, rates))
@@ -150,7 +156,7 @@ def _check_imus(effects: Sequence[EffectInstance], scenario: Scenario) -> None:
 
 def _measured(
     scenario: Scenario,
-    world: ForwardModel,
+    forward_model: ForwardModel,
     motion: Motion,
     effects: Sequence[EffectInstance],
     seed: int,
@@ -159,7 +165,7 @@ def _measured(
     """Readings of the IMUs and their constant errors, by name."""
     imus, errors = {}, {}
     # positions are stated from the mission's centre of mass, that is without effects
-    offset = world.rigid_body.offset - world.body.offset
+    offset = forward_model.rigid_body.offset - forward_model.body.offset
     changes = [(event.time_s, event) for event in scenario.events.values()]
     middle = 0.5 * (motion.time[1:] + motion.time[:-1])
     for k, (name, imu) in enumerate(scenario.imus.items()):
@@ -175,19 +181,21 @@ def _measured(
 
 
 def _parachute_fix(
-    scenario: Scenario, world: ForwardModel, motion: Motion, random: np.random.Generator
+    scenario: Scenario, forward_model: ForwardModel, motion: Motion, random: np.random.Generator
 ) -> ParachuteFix:
     time = np.array([motion.deployed])
     s = motion.at(time)
-    pressure = float(world.flow(time, s[:, :3], s[:, 3:6], s[:, 6:10], s[:, 10:13]).dynamic_pressure[0])
+    pressure = float(forward_model.flow(time, s[:, :3], s[:, 3:6], s[:, 6:10], s[:, 10:13]).dynamic_pressure[0])
     sigma = scenario.parachute.dynamic_pressure_sigma * pressure
     return ParachuteFix(motion.deployed, pressure + sigma * random.standard_normal(), sigma)
 
 
-def _landing_fix(scenario: Scenario, world: ForwardModel, motion: Motion, random: np.random.Generator) -> LandingFix:
+def _landing_fix(
+    scenario: Scenario, forward_model: ForwardModel, motion: Motion, random: np.random.Generator
+) -> LandingFix:
     rest = motion.at(np.array([motion.stopped]))[0, :3]
     sigma = scenario.landing.position_sigma
-    position = world.planet.rotation.to_fixed(motion.stopped, rest) + sigma * random.standard_normal(3)
+    position = forward_model.planet.rotation.to_fixed(motion.stopped, rest) + sigma * random.standard_normal(3)
     return LandingFix(motion.stopped, position, np.full(3, sigma))
 
 

@@ -101,37 +101,37 @@ class RigidBody(NamedTuple):
     inverse: Array
 
 
-def tabulate_body(world: ForwardModel, body: Body) -> RigidBody:
-    """A body without effects as the kernel takes it, with the effects of the world."""
-    changed = replace(world, body=body).rigid_body
+def tabulate_body(forward_model: ForwardModel, body: Body) -> RigidBody:
+    """A body without effects as the kernel takes it, with those of the forward model."""
+    changed = replace(forward_model, body=body).rigid_body
     inertia = np.ascontiguousarray(changed.inertia, float)
     return RigidBody(changed.mass, np.asarray(changed.offset, float), inertia, np.asarray(np.linalg.inv(inertia)))
 
 
-def tabulate(world: ForwardModel, parachute: Parachute) -> Tables:
+def tabulate(forward_model: ForwardModel, parachute: Parachute) -> Tables:
     """Arrays for the kernel, with the effects on planet, air and rigid body.
 
     Effects on coefficients, and added forces and moments, are not in them: see `edl_filter.simulation.increments`.
     """
-    planet, body = world.gravity_planet, tabulate_body(world, world.body)
-    mach, alpha, continuum = _continuum(world.database)
-    start, log_knudsen, thin_alpha, thin, share = _rarefied(world.database)
-    unit_knudsen = float(world.gas.knudsen(1.0, world.diameter))
+    planet, body = forward_model.gravity_planet, tabulate_body(forward_model, forward_model.body)
+    mach, alpha, continuum = _continuum(forward_model.database)
+    start, log_knudsen, thin_alpha, thin, share = _rarefied(forward_model.database)
+    unit_knudsen = float(forward_model.gas.knudsen(1.0, forward_model.diameter))
     altitude = np.arange(AIR_SPAN[0], AIR_SPAN[1] + AIR_STEP, AIR_STEP)
     return Tables(
         planet=np.array([
             planet.mu, planet.j2, planet.gravity_radius, planet.equatorial_radius, planet.flattening,
-            planet.rotation_rate, compose_air_rotation(planet, world.effects).rotation_rate,
+            planet.rotation_rate, compose_air_rotation(planet, forward_model.effects).rotation_rate,
         ]),
         vehicle=np.array([
-            body.mass, world.diameter, world.area, world.x_over_d, *body.offset, unit_knudsen, start,
-            world.database.speed_per_mach or 0.0,
+            body.mass, forward_model.diameter, forward_model.area, forward_model.x_over_d, *body.offset, unit_knudsen,
+            start, forward_model.database.speed_per_mach or 0.0,
         ]),
         inertia=body.inertia,
         inverse=body.inverse,
         air_start=AIR_SPAN[0],
         air_step=AIR_STEP,
-        air=air_table(world, altitude),
+        air=air_table(forward_model, altitude),
         mach=mach,
         alpha=alpha,
         continuum=continuum,
@@ -139,20 +139,20 @@ def tabulate(world: ForwardModel, parachute: Parachute) -> Tables:
         thin_alpha=thin_alpha,
         thin=thin,
         share=share,
-        damping_mach=np.asarray(world.damping.mach, float),
-        damping=np.asarray(world.damping.cmq, float),
+        damping_mach=np.asarray(forward_model.damping.mach, float),
+        damping=np.asarray(forward_model.damping.cmq, float),
         parachute=np.array([parachute.area, parachute.arm, parachute.inflation, np.inf]),
         parachute_mach=np.asarray(parachute.mach, float),
         parachute_drag=np.asarray(parachute.drag_coefficient, float),
     )  # fmt: skip
 
 
-def air_table(world: ForwardModel, altitude: Array) -> Array:
+def air_table(forward_model: ForwardModel, altitude: Array) -> Array:
     """Air with the effects.
 
     Parameters
     ----------
-    world : ForwardModel
+    forward_model : ForwardModel
         Atmosphere and effects.
     altitude : (N,) array
         Areodetic, m.
@@ -162,8 +162,8 @@ def air_table(world: ForwardModel, altitude: Array) -> Array:
     (N, 4) array
         Logarithm of the density (kg/m³), square of the speed of sound (m²/s²), wind towards east and north (m/s).
     """
-    density, wind = world.air_at(altitude)
-    return np.column_stack((np.log(density), world.atmosphere.speed_of_sound(altitude) ** 2, wind))
+    density, wind = forward_model.air_at(altitude)
+    return np.column_stack((np.log(density), forward_model.atmosphere.speed_of_sound(altitude) ** 2, wind))
 
 
 def _continuum(database: Database) -> tuple[Array, Array, Array]:

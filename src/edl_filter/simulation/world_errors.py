@@ -35,14 +35,14 @@ class WorldErrors:
     start: Array = field(default_factory=lambda: np.zeros(9))
     imu_scale: float = 1.0
 
-    def applied(self, world: ForwardModel) -> ForwardModel:
+    def applied(self, forward_model: ForwardModel) -> ForwardModel:
         """The forward model with these differences."""
         if self.database is not None:
-            world = replace(world, database=self.database)
+            forward_model = replace(forward_model, database=self.database)
         if self.mass_factor == 1.0 and self.inertia_factor == 1.0:
-            return world
-        changed = tuple((time, self._body(body)) for time, body in world.changed_bodies)
-        return replace(world, body=self._body(world.body), changed_bodies=changed)
+            return forward_model
+        changed = tuple((time, self._body(body)) for time, body in forward_model.changed_bodies)
+        return replace(forward_model, body=self._body(forward_model.body), changed_bodies=changed)
 
     def _body(self, body: Body) -> Body:
         return replace(body, mass=body.mass * self.mass_factor, inertia=body.inertia * self.inertia_factor)

@@ -99,7 +99,7 @@ class CaseRunner:
         reconstruction = self._reconstructed(flight, inputs, mission.active_effects())
         values = self._values(reconstruction) | state_errors(reconstruction, flown.motion)
         rest = flown.motion.at(np.array([flown.motion.stopped]))[0, :3]
-        fixed = flown.world.planet.rotation.to_fixed(flown.motion.stopped, rest)
+        fixed = flown.forward_model.planet.rotation.to_fixed(flown.motion.stopped, rest)
         values["true_landing_position"] = dict(zip(AXES, fixed.tolist(), strict=True))
         if self.campaign.analysis == "diagnose":
             values |= diagnosis_values(flight, inputs, mission.active_effects(), draw.hidden)

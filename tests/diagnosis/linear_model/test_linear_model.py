@@ -8,7 +8,8 @@ import pytest
 
 from edl_filter.diagnosis.linear_model import linear_model as module
 from edl_filter.diagnosis.linear_model.linear_model import LinearizedModel
-from edl_filter.diagnosis.noise.variance_components import ExcessColour, ExcessVariance
+from edl_filter.diagnosis.noise.excess_colour import ExcessColour
+from edl_filter.diagnosis.noise.variance_components import ExcessVariance
 from edl_filter.estimation.block_sparse import from_blocks
 from edl_filter.estimation.kalman import (
     LinearStateSpace,
@@ -44,7 +45,9 @@ def noise(monkeypatch):
 
     `white` says whether white excess variance is more likely than the most likely colour.
     """
-    noise = SimpleNamespace(share=0.4, colour=(4, 1), white=False, initial=[], initial_colour=[], stated=UnitFilter())
+    noise = SimpleNamespace(
+        share=0.4, colour=((4, 1), (2, 0)), white=False, initial=[], initial_colour=[], stated=UnitFilter()
+    )
 
     def estimate(stated, index, residuals, mean, settings, initial):
         noise.initial.append(initial)
@@ -78,13 +81,13 @@ def test_a_failing_model_passes_on_its_excess_variance_with_the_most_likely_colo
     assert model.failing_excess.colour is None  # not searched for yet
     _ = model.fitted_noise_filter
     passed = model.failing_excess
-    assert passed.colour == (4, 1) and passed.share == 0.4
+    assert passed.colour == ((4, 1), (2, 0)) and passed.share == 0.4
     similar = model_with(passed)
-    assert similar.failing_excess.colour == (4, 1)  # until its own is known, it is that of the model before
-    noise.colour = (5, 2)
+    assert similar.failing_excess.colour == ((4, 1), (2, 0))  # until its own is known, it is that of the model before
+    noise.colour = ((5, 2), (2, 0))
     _ = similar.fitted_noise_filter
-    assert similar.failing_excess.colour == (5, 2)
-    assert noise.initial == [None, passed] and noise.initial_colour == [None, (4, 1)]
+    assert similar.failing_excess.colour == ((5, 2), (2, 0))
+    assert noise.initial == [None, passed] and noise.initial_colour == [None, ((4, 1), (2, 0))]
 
 
 def test_a_model_that_holds_passes_on_nothing(noise):
@@ -107,7 +110,7 @@ def test_released_filters_are_computed_again_and_what_was_estimated_is_kept(nois
     ("share", "white", "penalty"),
     [
         (0.4, True, 2.0),  # that of the variances
-        (0.4, False, 2.0 + np.log(15.0)),  # of three correlation times and five factors
+        (0.4, False, 2.0 + 2.0 * np.log(15.0)),  # of three correlation times and five factors, for each kind
         (0.0, True, 0.0),
     ],
 )
@@ -146,7 +149,7 @@ def test_what_a_model_lacks_stays_in_its_normalised_innovations(memory):
     model = model_with(residuals=np.full(rows, lacking))
     model.__dict__.update(state_space=exact, initial_mean=np.zeros(1))
     constant = append_constant_states(exact, np.full((rows, 1), lacking), np.ones(1))
-    coloured = whitening_filter(with_gauss_markov_states(constant, np.full(rows, 0.1), memory, 1.0, 1))
+    coloured = whitening_filter(with_gauss_markov_states(constant, np.full(rows, 0.1), np.array([memory]), np.ones(1)))
     white = model.white_residuals(coloured)
     assert np.sqrt(np.mean(coloured.innovations(white)[20:] ** 2)) < 2.0
     for whiten in (coloured, whitening_filter(exact)):

@@ -19,15 +19,18 @@ from edl_filter.diagnosis.linear_model.linearization_point import (
     distance_from_stated,
     nuisance_offset,
 )
-from edl_filter.diagnosis.noise.unmodelled_acceleration import UnmodelledAcceleration, augment
-from edl_filter.diagnosis.noise.variance_components import (
+from edl_filter.diagnosis.noise.excess_colour import (
     ExcessColour,
-    ExcessVariance,
-    add_variance,
     colour_penalty,
-    estimate_variance_components,
     filter_at_excess,
     most_likely_colour,
+)
+from edl_filter.diagnosis.noise.unmodelled_acceleration import UnmodelledAcceleration, augment
+from edl_filter.diagnosis.noise.variance_components import (
+    ColourPlaces,
+    ExcessVariance,
+    add_variance,
+    estimate_variance_components,
 )
 from edl_filter.diagnosis.prediction.residuals import (
     ModelInputs,
@@ -228,7 +231,7 @@ class LinearizedModel:
     @cached_property
     def excess_colour(self) -> ExcessColour | None:
         """Most likely correlation of the excess variance in time; None without excess variance."""
-        similar, likelihood = self._place_of_colour, self.white_excess_log_likelihood
+        similar, likelihood = self._places_of_colour, self.white_excess_log_likelihood
         if not self.excess_variance.is_zero:  # the filter at white excess variance would be kept with the fitted one
             self.__dict__.pop("white_excess_filter", None)
         return most_likely_colour(
@@ -252,14 +255,14 @@ class LinearizedModel:
     @property
     def failing_excess(self) -> ExcessVariance | None:
         """Excess variance with which the estimation for a similar model starts; None if the model holds."""
-        return None if self.holds else replace(self.excess_variance, colour=self._place_of_colour)
+        return None if self.holds else replace(self.excess_variance, colour=self._places_of_colour)
 
     @property
-    def _place_of_colour(self) -> tuple[int, int] | None:
-        """Place of the most likely colour of the excess variance, or that of the similar model until it is known."""
+    def _places_of_colour(self) -> ColourPlaces | None:
+        """Places of the most likely colour of the excess variance, or those of the similar model until it is known."""
         if "excess_colour" not in self.__dict__:
             return None if self.initial_excess is None else self.initial_excess.colour
-        return None if self.excess_colour is None else self.excess_colour.place
+        return None if self.excess_colour is None else self.excess_colour.places
 
     def white_residuals(self, whiten: Whitening) -> Array:
         """Residuals whitened by a filter ``(R,)``."""

@@ -75,7 +75,8 @@ def augment(
             used = rows >= 0
             columns[rows[used], axis] = size[used]
     constant = append_constant_states(model, columns, np.ones(_STATES))
-    return with_gauss_markov_states(constant, index.step_interval, unmodelled.memory, 1.0, _STATES)
+    memory = np.full(_STATES, unmodelled.memory)
+    return with_gauss_markov_states(constant, index.step_interval, memory, np.ones(_STATES))
 
 
 def amplitude(flow: FlightCondition, unmodelled: UnmodelledAcceleration) -> Array:

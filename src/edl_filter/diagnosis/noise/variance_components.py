@@ -20,21 +20,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from edl_filter.diagnosis.prediction.residuals import RowIndex
-from edl_filter.estimation.kalman import (
-    LinearStateSpace,
-    WhiteningFilter,
-    append_constant_states,
-    log_likelihood,
-    whitening_filter,
-    with_gauss_markov_states,
-)
-from edl_filter.estimation.parallel import map_threads
+from edl_filter.estimation.kalman import LinearStateSpace, WhiteningFilter, log_likelihood, whitening_filter
 from edl_filter.estimation.smoothing import precision_weighted_residuals
 from edl_filter.mission.decision_settings import DecisionSettings
 from edl_filter.types import Array, BoolArray, IntArray
 
-#: Axes of force and moment.
-_AXES = 6
+#: Places of correlation time and factor in the settings, of forces and of moments (`excess_colour`).
+ColourPlaces = tuple[tuple[int, int], tuple[int, int]]
 
 
 @dataclass(frozen=True)
@@ -50,14 +42,14 @@ class ExcessVariance:
     penalty : float
         Cost in evidence, nats: each interval was selected among all, and its variance estimated from the interval's own
         rows (Schwarz, Annals of Statistics 6 (1978) 461).
-    colour : (int, int) or None
-        Most likely correlation time and factor (`most_likely_colour`), as places in the settings; None if unknown.
+    colour : ColourPlaces or None
+        Most likely correlation times and factors (`excess_colour`); None if unknown.
     """
 
     variance: Array
     significant: BoolArray
     penalty: float = 0.0
-    colour: tuple[int, int] | None = None
+    colour: ColourPlaces | None = None
 
     @classmethod
     def zero(cls, count: int) -> ExcessVariance:
@@ -89,159 +81,6 @@ def add_variance(model: LinearStateSpace, index: RowIndex, excess: ExcessVarianc
     noise = model.row_noise.copy()
     noise[np.arange(len(noise)), index.column] += excess.variance
     return replace(model, row_noise=noise)
-
-
-@dataclass(frozen=True)
-class ExcessColour:
-    """Most likely correlation in time of excess variance.
-
-    Attributes
-    ----------
-    place : (int, int)
-        Of the most likely correlation time and factor in the settings, also where white excess variance is more likely.
-    is_correlated : bool
-        Whether correlated excess variance is more likely than white.
-    """
-
-    place: tuple[int, int]
-    is_correlated: bool
-
-
-def colour_excess(
-    model: LinearStateSpace, index: RowIndex, excess: ExcessVariance, memory: float, factor: float = 1.0
-) -> LinearStateSpace:
-    """The state-space model whose excess variance of forces and moments is correlated in time.
-
-    A force or moment that the model lacks lasts for longer than a time bin: each axis is a first-order Gauss–Markov
-    process, times the standard deviation of the excess, as the last six states. Both IMUs measure it, so that it is in
-    the rows of the driving IMU against the prediction and not in those of a checking IMU, whose excess stays white.
-
-    Parameters
-    ----------
-    model : LinearStateSpace
-        At the stated noise.
-    index : RowIndex
-        Positions of the rows.
-    excess : ExcessVariance
-        Its size, which may change from interval to interval.
-    memory : float
-        Correlation time, s.
-    factor : float
-        By which all of the excess variance is multiplied.
-    """
-    return _coloured(_with_constant_excess(model, index, excess), index, excess, memory, factor)
-
-
-def _with_constant_excess(model: LinearStateSpace, index: RowIndex, excess: ExcessVariance) -> LinearStateSpace:
-    """The model whose last six states are constant: the excess of each axis over its standard deviation."""
-    columns = np.zeros((index.count, _AXES))
-    for axis in range(_AXES):
-        rows = _rows_of_axis(index, axis)
-        columns[rows, axis] = np.sqrt(excess.variance[rows])
-    return append_constant_states(model, columns, np.ones(_AXES))
-
-
-def _coloured(
-    constant: LinearStateSpace, index: RowIndex, excess: ExcessVariance, memory: float, factor: float
-) -> LinearStateSpace:
-    """`colour_excess` of a model of `_with_constant_excess`, whose design matrix it shares."""
-    white = factor * excess.variance
-    for axis in range(_AXES):
-        white[_rows_of_axis(index, axis)] = 0.0
-    coloured = with_gauss_markov_states(constant, index.step_interval, memory, factor, _AXES)
-    return add_variance(coloured, index, replace(excess, variance=white))
-
-
-def _rows_of_axis(index: RowIndex, axis: int) -> IntArray:
-    """Rows of one axis of force or moment against the prediction."""
-    rows = index.bin_rows[:, axis]
-    return np.asarray(rows[rows >= 0], np.int64)
-
-
-def filter_at_excess(
-    model: LinearStateSpace,
-    index: RowIndex,
-    excess: ExcessVariance,
-    colour: ExcessColour | None,
-    settings: DecisionSettings,
-) -> WhiteningFilter:
-    """The whitening filter with excess variance of a colour.
-
-    Parameters
-    ----------
-    model, index, excess
-        As in `colour_excess`.
-    colour : ExcessColour or None
-        Of `most_likely_colour`; None for white excess variance.
-    settings : DecisionSettings
-        Thresholds of the diagnosis.
-    """
-    if colour is None or not colour.is_correlated:
-        return whitening_filter(add_variance(model, index, excess))
-    memory, factor = colour.place
-    memories, factors = settings.excess_memories_s, settings.excess_colour_factors
-    return whitening_filter(colour_excess(model, index, excess, memories[memory], factors[factor]))
-
-
-def most_likely_colour(
-    at_white: float,
-    model: LinearStateSpace,
-    index: RowIndex,
-    excess: ExcessVariance,
-    residuals: Array,
-    initial_mean: Array,
-    settings: DecisionSettings,
-    initial: tuple[int, int] | None = None,
-) -> ExcessColour | None:
-    """Most likely correlation of the excess variance in time; None without excess variance.
-
-    Parameters
-    ----------
-    at_white : float
-        Log-likelihood with white excess variance, nats.
-    model : LinearStateSpace
-        At the stated noise.
-    index : RowIndex
-        Positions of the rows.
-    excess : ExcessVariance
-        Its size.
-    residuals : (R,) array
-        Residuals about the linearisation point.
-    initial_mean : (n,) array
-        Prior mean of the states at the beginning.
-    settings : DecisionSettings
-        Thresholds of the diagnosis: the correlation times and factors that are tried (`colour_penalty`).
-    initial : (int, int), optional
-        Places of correlation time and factor at which the search begins: the most likely ones of a similar model.
-    """
-    if excess.is_zero:
-        return None
-    constant = _with_constant_excess(model, index, excess)  # large: one for all places
-
-    def evaluate(place: tuple[int, int]) -> float:
-        memory, factor = place
-        coloured = _coloured(constant, index, excess, memories[memory], factors[factor])
-        return log_likelihood(coloured, residuals, initial_mean)
-
-    memories, factors = settings.excess_memories_s, settings.excess_colour_factors
-    place = (len(memories) // 2, len(factors) // 2) if initial is None else initial
-    likelihoods = {place: evaluate(place)}
-    # uphill on the grid; the data determine the ratio of variance and time best: along the ridge both increase together
-    steps = ((1, 0), (-1, 0), (0, 1), (0, -1), (1, 1), (-1, -1))
-    while True:
-        neighbours = [(place[0] + a, place[1] + b) for a, b in steps]
-        new = [p for p in neighbours if 0 <= p[0] < len(memories) and 0 <= p[1] < len(factors) and p not in likelihoods]
-        likelihoods |= zip(new, map_threads(evaluate, new), strict=True)
-        best = max((place, *new), key=lambda p: likelihoods[p])
-        if best == place:
-            break
-        place = best
-    return ExcessColour(place, likelihoods[place] - colour_penalty(settings) > at_white)
-
-
-def colour_penalty(settings: DecisionSettings) -> float:
-    """Cost in evidence of choosing a correlation time and a factor of the excess variance, nats."""
-    return float(np.log(len(settings.excess_memories_s) * len(settings.excess_colour_factors)))
 
 
 def moment_estimate(
