@@ -34,7 +34,7 @@ from edl_filter import Mission
 from edl_filter.diagnosis.diagnosis import diagnose
 from edl_filter.diagnosis.linear_model import linearization
 from edl_filter.diagnosis.linear_model.flight_case import flight_case
-from edl_filter.diagnosis.noise import variance_components
+from edl_filter.diagnosis.noise import excess_colour, variance_components
 from edl_filter.diagnosis.selection import map_fit, outer_loop, ranking, screening
 from edl_filter.effects.registry import catalogue
 from edl_filter.errors import InputError
@@ -132,7 +132,7 @@ def tracked_outcome(path, tracked, plain):
     with ExitStack() as stack:
         for module in ITERATING:
             stack.enter_context(patch.object(module, "range", tracked_range, create=True))
-        for module in (kalman, variance_components):
+        for module in (kalman, excess_colour):
             stack.enter_context(patch.object(module, "map_threads", lambda f, items: [f(item) for item in items]))
         stack.enter_context(patch.object(ranking, "start_thread", lambda function: partial(lambda x: x, function())))
         stack.enter_context(patch.object(DecisionSettings, "__getattribute__", _untracked))
