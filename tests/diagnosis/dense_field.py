@@ -13,7 +13,7 @@ import numpy as np
 from edl_filter.aero.discrepancy import FIELD_COEFFICIENTS
 from edl_filter.diagnosis.jacobians.nuisance import FIELD_STATES
 from edl_filter.diagnosis.prediction.dead_reckoning import NODES_PER_BIN
-from edl_filter.estimation.kalman import LinearStateSpace
+from edl_filter.estimation.linear_state_space import LinearStateSpace
 from edl_filter.types import Array
 
 #: Number of bins of a stretch.

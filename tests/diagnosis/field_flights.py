@@ -5,7 +5,8 @@ import numpy as np
 from edl_filter.aero.discrepancy import FIELD_COEFFICIENTS, DiscrepancyPrior
 from edl_filter.diagnosis.jacobians.nuisance import FIELD_STATES
 from edl_filter.estimation.block_sparse import from_blocks
-from edl_filter.estimation.kalman import LinearStateSpace, append_constant_states, whitening_filter
+from edl_filter.estimation.kalman import whitening_filter
+from edl_filter.estimation.linear_state_space import LinearStateSpace, append_constant_states
 from edl_filter.estimation.matern import MATERN32_COVARIANCE, matern32_transition
 
 PRIOR = DiscrepancyPrior(scale=1.0)

@@ -9,7 +9,7 @@ from edl_filter.diagnosis.prediction.predicted_readings import bin_average, tria
 from edl_filter.diagnosis.prediction.residuals import RowIndex
 from edl_filter.diagnosis.prediction.time_bins import TimeBins
 from edl_filter.estimation.block_sparse import from_blocks
-from edl_filter.estimation.kalman import LinearStateSpace
+from edl_filter.estimation.linear_state_space import LinearStateSpace
 
 DT = 0.125
 FORCE_SIGMA, STEP_SIGMA = 5e-3, 2e-4

@@ -3,7 +3,7 @@
 import numpy as np
 
 from edl_filter.estimation.block_sparse import from_blocks
-from edl_filter.estimation.kalman import LinearStateSpace
+from edl_filter.estimation.linear_state_space import LinearStateSpace
 
 
 def from_dense(matrices):
@@ -37,6 +37,11 @@ def random_model(seed=3, steps=40, size=7, moving=3):
         row_noise=row_noise,
         initial_covariance=root @ root.T,
     )
+
+
+def whiten_column(whiten, measurements, initial_mean):
+    """White rows ``(R,)`` of one column."""
+    return whiten(measurements[:, None], initial_mean[:, None])[:, 0]
 
 
 def transition(model, k):

@@ -15,7 +15,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from edl_filter.estimation.block_sparse import from_blocks
-from edl_filter.estimation.kalman import LinearStateSpace, log_likelihood
+from edl_filter.estimation.kalman import log_likelihood
+from edl_filter.estimation.linear_state_space import LinearStateSpace
 from edl_filter.navigation.rotational_dynamics import (
     DISTURBANCES,
     ERROR_SIZE,

@@ -11,12 +11,8 @@ from edl_filter.diagnosis.linear_model.linear_model import LinearizedModel
 from edl_filter.diagnosis.noise.excess_colour import ExcessColour
 from edl_filter.diagnosis.noise.variance_components import ExcessVariance
 from edl_filter.estimation.block_sparse import from_blocks
-from edl_filter.estimation.kalman import (
-    LinearStateSpace,
-    append_constant_states,
-    whitening_filter,
-    with_gauss_markov_states,
-)
+from edl_filter.estimation.kalman import whitening_filter
+from edl_filter.estimation.linear_state_space import LinearStateSpace, append_constant_states, with_gauss_markov_states
 from edl_filter.mission.decision_settings import DecisionSettings
 
 ROWS = 100

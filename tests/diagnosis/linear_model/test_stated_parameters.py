@@ -26,7 +26,8 @@ from edl_filter.diagnosis.linear_model.stated_parameters import (
 )
 from edl_filter.effects.base import EffectInstance
 from edl_filter.effects.registry import catalogue
-from edl_filter.estimation.kalman import whitening_filter, with_known_states
+from edl_filter.estimation.kalman import whitening_filter
+from edl_filter.estimation.linear_state_space import with_known_states
 
 STATED = ("vehicle.centre_of_mass_sigma=[0.002, 0.0, 0.001]",)
 MACH, ALPHA = np.array([5.0, 10.0, 20.0]), np.array([0.0, 0.05, 0.1])

@@ -17,7 +17,8 @@ from edl_filter.diagnosis.noise.variance_components import (
     moment_estimate,
 )
 from edl_filter.diagnosis.prediction.residuals import RowIndex
-from edl_filter.estimation.kalman import LinearStateSpace, whitening_filter
+from edl_filter.estimation.kalman import whitening_filter
+from edl_filter.estimation.linear_state_space import LinearStateSpace
 from edl_filter.mission.decision_settings import DecisionSettings
 
 SETTINGS = DecisionSettings()

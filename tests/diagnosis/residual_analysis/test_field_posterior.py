@@ -16,7 +16,8 @@ from edl_filter.diagnosis.residual_analysis.field_posterior import (
     knot_coordinates,
     white_columns,
 )
-from edl_filter.estimation.kalman import LinearStateSpace, whitening_filter
+from edl_filter.estimation.kalman import whitening_filter
+from edl_filter.estimation.linear_state_space import LinearStateSpace
 
 STEPS, MODES = 25, 2
 #: States: a constant with which no amplitude is correlated, then the values of both modes, then their derivatives.

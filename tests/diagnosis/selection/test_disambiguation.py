@@ -24,7 +24,8 @@ from edl_filter.diagnosis.selection.disambiguation import (
 )
 from edl_filter.effects import EffectInstance
 from edl_filter.effects.registry import find_effect
-from edl_filter.estimation.kalman import LinearStateSpace, whitening_filter
+from edl_filter.estimation.kalman import whitening_filter
+from edl_filter.estimation.linear_state_space import LinearStateSpace
 from edl_filter.mission import Mission
 from edl_filter.mission.decision_settings import DecisionSettings
 from edl_filter.navigation.layout import Layout

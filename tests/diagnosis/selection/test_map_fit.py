@@ -22,7 +22,8 @@ from edl_filter.diagnosis.selection.map_fit import (
 )
 from edl_filter.effects import EffectInstance
 from edl_filter.effects.registry import find_effect
-from edl_filter.estimation.kalman import append_constant_states, whitening_filter
+from edl_filter.estimation.kalman import whitening_filter
+from edl_filter.estimation.linear_state_space import append_constant_states
 from edl_filter.estimation.regression import regress
 from edl_filter.simulation import Scenario, simulate
 

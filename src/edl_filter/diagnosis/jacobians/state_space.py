@@ -17,7 +17,7 @@ from edl_filter.diagnosis.jacobians.transitions import PathTransitions
 from edl_filter.diagnosis.prediction.residuals import ModelInputs, Residuals, RowIndex
 from edl_filter.diagnosis.prediction.time_bins import TimeBins, bin_sigma
 from edl_filter.estimation.block_sparse import BlockSparse, from_blocks
-from edl_filter.estimation.kalman import LinearStateSpace
+from edl_filter.estimation.linear_state_space import LinearStateSpace
 from edl_filter.estimation.matern import MATERN32_COVARIANCE, matern32_transition
 from edl_filter.navigation.ekf import linearized_measurement
 from edl_filter.navigation.initial import initial_estimate

@@ -43,7 +43,8 @@ from edl_filter.diagnosis.prediction.residuals import (
 from edl_filter.diagnosis.prediction.time_bins import TimeBins
 from edl_filter.effects.base import EffectInstance, model_effects
 from edl_filter.effects.perturbation import CoefficientUnits, FieldPerturbation
-from edl_filter.estimation.kalman import LinearStateSpace, Whitening, WhiteningFilter, whitening_filter
+from edl_filter.estimation.kalman import Whitening, WhiteningFilter, whitening_filter
+from edl_filter.estimation.linear_state_space import LinearStateSpace
 from edl_filter.mission.decision_settings import DecisionSettings
 from edl_filter.types import Array
 

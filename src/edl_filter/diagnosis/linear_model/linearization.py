@@ -34,7 +34,8 @@ from edl_filter.diagnosis.prediction.residuals import (
 )
 from edl_filter.effects.base import EffectInstance
 from edl_filter.effects.perturbation import FieldPerturbation
-from edl_filter.estimation.kalman import WhiteningFilter, append_constant_states
+from edl_filter.estimation.kalman import WhiteningFilter
+from edl_filter.estimation.linear_state_space import append_constant_states
 from edl_filter.estimation.smoothing import smoothed_states
 from edl_filter.navigation.layout import ONBOARD
 from edl_filter.types import Array

@@ -20,14 +20,8 @@ import numpy as np
 
 from edl_filter.diagnosis.noise.variance_components import ColourPlaces, ExcessVariance, add_variance
 from edl_filter.diagnosis.prediction.residuals import RowIndex
-from edl_filter.estimation.kalman import (
-    LinearStateSpace,
-    WhiteningFilter,
-    append_constant_states,
-    log_likelihood,
-    whitening_filter,
-    with_gauss_markov_states,
-)
+from edl_filter.estimation.kalman import WhiteningFilter, log_likelihood, whitening_filter
+from edl_filter.estimation.linear_state_space import LinearStateSpace, append_constant_states, with_gauss_markov_states
 from edl_filter.estimation.parallel import map_threads
 from edl_filter.mission.decision_settings import DecisionSettings
 from edl_filter.types import Array, IntArray

@@ -17,7 +17,7 @@ from edl_filter.diagnosis.prediction.predicted_readings import bin_average, tria
 from edl_filter.diagnosis.prediction.residuals import RowIndex
 from edl_filter.diagnosis.prediction.time_bins import TimeBins
 from edl_filter.effects.types import FlightCondition
-from edl_filter.estimation.kalman import LinearStateSpace, append_constant_states, with_gauss_markov_states
+from edl_filter.estimation.linear_state_space import LinearStateSpace, append_constant_states, with_gauss_markov_states
 from edl_filter.mission.decision_settings import DecisionSettings
 from edl_filter.types import Array
 

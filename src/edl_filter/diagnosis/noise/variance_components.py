@@ -20,7 +20,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from edl_filter.diagnosis.prediction.residuals import RowIndex
-from edl_filter.estimation.kalman import LinearStateSpace, WhiteningFilter, log_likelihood, whitening_filter
+from edl_filter.estimation.kalman import WhiteningFilter, log_likelihood, whitening_filter
+from edl_filter.estimation.linear_state_space import LinearStateSpace
 from edl_filter.estimation.smoothing import precision_weighted_residuals
 from edl_filter.mission.decision_settings import DecisionSettings
 from edl_filter.types import Array, BoolArray, IntArray

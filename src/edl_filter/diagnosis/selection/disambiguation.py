@@ -18,13 +18,8 @@ from edl_filter.diagnosis.jacobians.nuisance import CHECKING, FIELD_STATES
 from edl_filter.diagnosis.linear_model.effect_jacobian import effect_jacobian
 from edl_filter.diagnosis.linear_model.linear_model import LinearizedModel
 from edl_filter.effects.base import EffectInstance
-from edl_filter.estimation.kalman import (
-    LinearStateSpace,
-    Whitening,
-    whitening_filter,
-    with_known_states,
-    with_less_noise,
-)
+from edl_filter.estimation.kalman import Whitening, whitening_filter
+from edl_filter.estimation.linear_state_space import LinearStateSpace, with_known_states, with_less_noise
 from edl_filter.types import Array, IntArray
 
 #: What could be known, and the states that would then have no error: nuisance parameters by name. For a coefficient

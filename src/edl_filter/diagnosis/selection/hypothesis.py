@@ -26,6 +26,9 @@ from edl_filter.types import Array
 
 #: Relative difference up to which two places are the same starting point: about a second, or some hundred metres.
 _SAME_PLACE = 0.005
+#: Share of a gain that is the effect's own, below which the null model is also fitted about the effect's point. The
+#: more probable null model is the reference in any case.
+_OWN_SHARE = 0.5
 
 
 @dataclass(frozen=True)
@@ -333,7 +336,7 @@ def null_model_about(h: Hypothesis, case: FlightCase) -> tuple[LinearizedModel, 
         None for both where the larger part of the gain is that of the effect at its own point (Savage-Dickey ratio).
     """
     over_zero, least = h.fit.gain_over_zero(h.key), case.settings.named_gain_nats
-    if over_zero > max(least, 0.5 * h.gain) or h.gain - over_zero < least:
+    if over_zero > max(least, _OWN_SHARE * h.gain) or h.gain - over_zero < least:
         return None
     model = linearize_at(case, h.fit.point, h.model.failing_excess)
     null = fit_null_model(model, case.effects, h.null.excess_share)
