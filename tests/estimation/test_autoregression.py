@@ -5,6 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from edl_filter.estimation import autoregression
 from edl_filter.estimation.autoregression import ORDERS, interpolate
 
 #: Variance of a value of which nothing is known, for a series of unit variance.
@@ -42,8 +43,8 @@ def fitted(x, known, first, last, order, part):
     return solution[:order], solution[order], variance + 1e-16 + 1e-6 * excess * np.mean(residual**2)
 
 
-def conditional_gaussian(x, known, first, last, order, part=None):
-    """Mean and covariance of ``x[first:last]`` given the known values that adjoin it on both sides.
+def conditional_gaussian(x, known, first, last, order, part=None, given=None):
+    """Mean and covariance of ``x[first:last]`` given the known values that adjoin it on both sides, or those `given`.
 
     By the covariance of these values and of the missing ones: unknown first values and independent innovations, and the
     response to each by running the autoregression. No matrix of the implementation, whose unknowns are the missing
@@ -54,9 +55,10 @@ def conditional_gaussian(x, known, first, last, order, part=None):
         return None
     coefficients, constant, variance = model
     begin, end = first, last
-    while begin > 0 and known[begin - 1]:
+    adjoining = known if given is None else given
+    while begin > 0 and adjoining[begin - 1]:
         begin -= 1
-    while end < len(x) and known[end]:
+    while end < len(x) and adjoining[end]:
         end += 1
     mean, response = np.zeros(end - begin), np.zeros((end - begin, end - begin))
     for t in range(end - begin):
@@ -95,7 +97,12 @@ def dense_interpolation(series, known, first, last):
         squares, log_sigma = [], 0.0
         for a in stretches:
             left = known & ~((np.arange(len(x)) >= a) & (np.arange(len(x)) < a + length))
-            trial = conditional_gaussian(x, left, a, a + length, order)
+            place, one_sided = np.arange(len(x)), left.copy()
+            if not known[:first].any():
+                one_sided &= place >= a
+            if not known[last:].any():
+                one_sided &= place < a
+            trial = conditional_gaussian(x, left, a, a + length, order, given=one_sided)
             if trial is not None:
                 variance = trial[1].sum()
                 squares.append((trial[0] - x[a : a + length]).sum() ** 2 / variance)
@@ -178,6 +185,39 @@ def test_errors_of_the_sum_agree_with_their_sigma(length):
         fill = interpolate(series, np.ones(200, bool), 90, 90 + length)
         ratios.append((fill.values - series[90 : 90 + length]).sum() / sum_sigma(fill))
     assert 1.0 - 4.0 * np.sqrt(2 / 60) * 0.9 < np.mean(np.square(ratios)) < 1.33 + 4.0 * np.sqrt(2 / 60)
+
+
+@pytest.mark.parametrize("length", [4, 12])
+@pytest.mark.parametrize("backwards", [False, True])
+def test_errors_of_an_extrapolated_sum_agree_with_their_sigma(length, backwards):
+    """After the last known value, and before the first one."""
+    rng = np.random.default_rng(length)
+    ratios = []
+    for _ in range(60):
+        series = oscillation(rng, 100 + length, 0.02)[:: -1 if backwards else 1]
+        known = np.ones(len(series), bool)
+        first = 0 if backwards else 100
+        known[first : first + length] = False
+        fill = interpolate(series, known, first, first + length)
+        ratios.append((fill.values - series[first : first + length]).sum() / sum_sigma(fill))
+    assert 1.0 - 4.0 * np.sqrt(2 / 60) * 0.9 < np.mean(np.square(ratios)) < 1.33 + 4.0 * np.sqrt(2 / 60)
+
+
+def test_an_extrapolation_is_judged_by_extrapolations(monkeypatch):
+    """No value of a trial is predicted from those that lie where the stretch itself has none."""
+    calls = []
+    fill = autoregression._fill
+
+    def recorded(series, observed, first, last, order, fitted=None, given=None):
+        calls.append((first, last, given))
+        return fill(series, observed, first, last, order, fitted, given)
+
+    monkeypatch.setattr(autoregression, "_fill", recorded)
+    known = np.ones(100, bool)
+    known[90:] = False
+    interpolate(oscillation(np.random.default_rng(1), 100, 0.02), known, 90, 100)
+    trials = [c for c in calls if c[2] is not None]
+    assert len(trials) > 10 and all(not given[first:].any() and given[:first].all() for first, _, given in trials)
 
 
 def test_a_constant_series_is_continued_exactly():

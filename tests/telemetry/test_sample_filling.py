@@ -6,9 +6,17 @@ import numpy as np
 import pytest
 
 from edl_filter import rotations
+from edl_filter.estimation.autoregression import Interpolation
 from edl_filter.navigation.noise import IDENTITY, sample_attitudes
 from edl_filter.telemetry.flight_file import read_flight_file
 from edl_filter.telemetry.sample_checks import CheckSettings
+from edl_filter.telemetry.sample_filling import (
+    ACROSS_OPENING,
+    BY_AUTOREGRESSION,
+    _drag_before,
+    filled,
+    tilt_variance,
+)
 from edl_filter.telemetry.sample_repair import repaired
 
 
@@ -74,3 +82,112 @@ def test_the_rotation_across_a_gap_has_the_coning_of_an_oscillation_whose_phase_
         squares.append(error**2 / np.diag(covariance))
     assert np.max(squares) < 9.0
     assert np.all(np.mean(squares, axis=0) < 2.0)
+
+
+#: s; of the shipped flight.
+DEPLOYMENT = 252.75
+READINGS = ("specific_force", "angular_rate")
+
+
+def across_deployment(telemetry, begin, end, changed=None):
+    """Record without the samples between two times after the deployment, filled; `changed` acts on its readings."""
+    record = telemetry.driving
+    lost = (record.time > DEPLOYMENT + begin) & (record.time <= DEPLOYMENT + end)
+    values = {k: getattr(record, k).copy() for k in READINGS}
+    for v in values.values():
+        if changed is not None:
+            changed(record.time, v)
+        v[lost] = np.nan
+    gap = replace(telemetry, driving=replace(record, **values))
+    return lost, repaired(gap, CheckSettings(enabled=False), DEPLOYMENT)
+
+
+def test_what_the_parachute_opens_in_is_filled_from_each_side(builtin_flight):
+    """Before the deployment the readings after it do not matter; both parts are named."""
+    telemetry = alone(read_flight_file(builtin_flight))
+
+    def tripled_after(time, values):
+        values[time > DEPLOYMENT] *= 3.0
+
+    lost, plain = across_deployment(telemetry, -1.0, 1.0)
+    _, changed = across_deployment(telemetry, -1.0, 1.0, tripled_after)
+    before = lost & (telemetry.driving.time <= DEPLOYMENT)
+    after = lost & ~before
+    for name in ("specific_force", "angular_rate", "force_fill_sigma", "rate_fill_sigma"):
+        a, b = (getattr(t.driving, name) for t in (plain, changed))
+        np.testing.assert_array_equal(a[before], b[before])
+        assert np.any(a[after] != b[after])
+    true = telemetry.driving.specific_force
+    np.testing.assert_allclose(plain.driving.specific_force[before, 0], true[before, 0], atol=0.1)
+    values = {k: np.where(lost[:, None], np.nan, getattr(telemetry.driving, k)) for k in READINGS}
+    _, repairs = filled(replace(telemetry.driving, **values), None, CheckSettings(), DEPLOYMENT)
+    parts = [(DEPLOYMENT - 1.0, DEPLOYMENT, BY_AUTOREGRESSION), (DEPLOYMENT, DEPLOYMENT + 1.0, ACROSS_OPENING)]
+    for repair, part in zip(repairs, 2 * parts, strict=True):  # of forces and of rates
+        assert repair[:2] == pytest.approx(part[:2], abs=0.13) and repair[2] == part[2]
+
+
+@pytest.mark.parametrize("end", [0.5, 1.0, 2.5])
+def test_the_force_of_the_opening_canopy_is_between_that_of_both_sides(end, builtin_flight):
+    """The velocity change is within three sigmas; the canopy of the simulator is full after 0.6 s."""
+    telemetry = alone(read_flight_file(builtin_flight))
+    lost, complete = across_deployment(telemetry, -1.0, end)
+    record, true = complete.driving, telemetry.driving
+    after = lost & (record.time > DEPLOYMENT)
+    dt, count = record.interval[after][0], np.count_nonzero(after)
+    error = dt * np.sum(record.specific_force[after] - true.specific_force[after], axis=0)
+    sigma = dt * np.sqrt(count) * record.force_fill_sigma[after][0]
+    assert np.all(np.abs(error) < 3.0 * sigma)
+    assert sigma[0] < dt * np.sum(np.abs(true.specific_force[after, 0]))  # no more than the whole change
+
+
+def fills_of(covariances):
+    count = len(covariances[0])
+    return [Interpolation(np.zeros(count), c, 1, 1.0) for c in covariances]
+
+
+def test_independent_rates_of_exact_forces_need_no_further_variance():
+    covariance = 0.04 * np.eye(10)
+    sigma = np.full((10, 3), 0.2)
+    force = np.tile([-50.0, 1.0, 2.0], (10, 1))
+    out = tilt_variance(fills_of([covariance] * 3), sigma, force, np.zeros((10, 3)), 0.1)
+    np.testing.assert_allclose(out, 0.0, atol=1e-12)
+
+
+def test_the_variance_by_tilt_is_that_of_drawn_rates():
+    """Oscillating rates about y and z under a force of uncertain size along x, both drawn; the third axis is exact."""
+    rng, count, interval = np.random.default_rng(2), 16, 0.125
+    t = interval * np.arange(count)
+    waves = 0.3 * np.stack((np.cos(9.0 * t), np.sin(9.0 * t)))
+    wave = waves.T @ waves
+    force, force_sigma = np.tile([-40.0, 0.0, 0.0], (count, 1)), np.tile([5.0, 0.0, 0.0], (count, 1))
+    fills = fills_of([np.zeros((count, count)), wave, wave])
+    rate_sigma = np.zeros((count, 3))
+    rate_sigma[:, 1:] = np.sqrt(wave.sum() / count)
+    variance = tilt_variance(fills, rate_sigma, force, force_sigma, interval)
+    change = []
+    for _ in range(4000):
+        rate = rng.normal(size=(2, 2)) @ waves  # about y and z
+        # errors of the force are independent of each other, so that the product is that of the mean square angle
+        axial = -40.0 + 5.0 * rng.normal(size=count)
+        angle = interval * np.cumsum(rate, axis=1)
+        change.append((np.sum(angle[1] * axial) * interval, -np.sum(angle[0] * axial) * interval))
+    weight = -40.0 * interval * np.tril(np.ones((count, count))).T.sum(axis=1) * interval
+    linear = np.sum((weight * rate_sigma[0, 1]) ** 2)
+    assert variance[0] == 0.0
+    np.testing.assert_allclose(variance[1:] + linear, np.mean(np.square(change), axis=0), rtol=0.15)
+
+
+def test_the_drag_of_a_full_canopy_is_extrapolated_as_it_decelerates():
+    """``dv/dt = -k v²`` has a closed solution; lateral forces have their mean and scatter."""
+    time = 0.125 * np.arange(30)
+    force = -60.0 / (1.0 + 0.2 * time) ** 2
+    observed = np.arange(30) >= 10
+    fill = _drag_before(np.where(observed, force, 0.0), observed, 0, 10)
+    np.testing.assert_allclose(fill.values, force[:10], rtol=1e-9)
+    assert np.abs(fill.covariance).max() < 1e-15
+    lateral = np.where(np.arange(30) % 2 == 0, 0.3, -0.1)
+    fill = _drag_before(lateral, observed, 0, 10)
+    np.testing.assert_allclose(fill.values, 0.1, rtol=1e-12)
+    np.testing.assert_allclose(fill.covariance, np.var(lateral[10:20], ddof=1) * np.eye(10))
+    steep = _drag_before(np.where(observed, -60.0 * np.exp(-3.0 * time), 0.0), observed, 0, 10)
+    assert np.all(steep.values >= -4.0 * 60.0 * np.exp(-3.0 * time[10])) and np.all(np.isfinite(steep.values))

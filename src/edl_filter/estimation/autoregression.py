@@ -7,7 +7,8 @@ ASSP 34 (1986) 317), and their covariance is the inverse of the information that
 innovations' variance may differ between the two sides; inside the stretch it is the larger one. What the process itself
 changes across the stretch is covered by the spread of the values between fits to one side and to both. Order and scale
 of the covariance come from cross-validation: stretches of the same length on both sides are predicted from a fit
-without them, and the errors of their sums are compared with the predicted sigmas. Values that leave the range of the
+without them, and the errors of their sums are compared with the predicted sigmas; for an extrapolation they are
+predicted from one side, too. Values that leave the range of the
 observed ones by more than its width are those of an unstable fit, which is not used.
 """
 
@@ -84,6 +85,7 @@ def interpolate(series: Array, observed: BoolArray, first: int, last: int) -> In
     scaled = np.where(observed, (series - centre) / size, 0.0)
     trials = trial_stretches(observed, first, last)
     low, high = _credible_range(scaled, observed)
+    extrapolated = not observed[:first].any(), not observed[last:].any()
     best: tuple[float, Interpolation] | None = None
     for order in ORDERS:
         fit = _fill(scaled, observed, first, last, order)
@@ -93,7 +95,12 @@ def interpolate(series: Array, observed: BoolArray, first: int, last: int) -> In
         for a, b in trials:
             without = observed.copy()
             without[a:b] = False
-            trial = _fill(scaled, without, a, b, order)
+            given = without.copy()
+            if extrapolated[0]:
+                given[:a] = False
+            if extrapolated[1]:
+                given[b:] = False
+            trial = _fill(scaled, without, a, b, order, given=given)
             if trial is not None:
                 error = float(np.sum(trial[0] - scaled[a:b]))
                 ratios.append(error**2 / trial[1].sum())
@@ -160,12 +167,20 @@ def trial_stretches(observed: BoolArray, first: int, last: int) -> list[tuple[in
 
 
 def _fill(
-    series: Array, observed: BoolArray, first: int, last: int, order: int, fitted: slice | None = None
+    series: Array,
+    observed: BoolArray,
+    first: int,
+    last: int,
+    order: int,
+    fitted: slice | None = None,
+    given: BoolArray | None = None,
 ) -> tuple[Array, Array] | None:
     """Values and covariance of ``series[first:last]`` by an autoregression; None with too few equations.
 
-    With `fitted` its coefficients are those of this part of the series.
+    With `fitted` its coefficients are those of this part of the series. The values are those most probable given the
+    observed ones, or given those that are `given` alone.
     """
+    given = observed if given is None else given
     if len(series) <= order:
         return None
     lagged = np.lib.stride_tricks.sliding_window_view(series, order + 1)  # row t: series[t : t + order + 1]
@@ -192,7 +207,7 @@ def _fill(
     length = last - first
     start, stop = max(0, first - order), min(len(lagged), last)
     equations = np.arange(start, stop)
-    usable = np.array([observed[t : min(t + order + 1, first)].all() and observed[max(t, last) : t + order + 1].all()
+    usable = np.array([given[t : min(t + order + 1, first)].all() and given[max(t, last) : t + order + 1].all()
                        for t in equations])  # fmt: skip
     equations = equations[usable]
     weights = np.concatenate((-coefficients[:order], [1.0]))

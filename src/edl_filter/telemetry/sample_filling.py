@@ -33,8 +33,14 @@ INFLATION = 3.0
 #: Repair of a stretch that no other IMU covers, and where dynamics have filled it anew.
 BY_AUTOREGRESSION = "filled by a fitted oscillation"
 BY_DYNAMICS = "filled by rotational dynamics with the database"
+#: Repair of the part of a stretch in which the parachute opens.
+ACROSS_OPENING = "filled across the parachute's opening from both sides"
 #: Samples on each side of a stretch to which an autoregression is fitted: at least, and relative to its length.
 _LEAST_SIDE, _SIDE_RATIO = 80, 1.5
+#: Time after the deployment by which the canopy is full, s: 1.1 to 1.3 s on both rovers.
+_FULL = 2.0
+#: Fewest values from which the drag of the full canopy is extrapolated.
+_LEAST_VALUES = 8
 _TRIADS = ("force", "rate")
 
 
@@ -90,10 +96,14 @@ def filled(
         read = values[triad].copy()  # an autoregression is fitted to readings alone
         for a, b in runs(lost[triad]):
             _refuse_long_gap(record, a, b, settings)
-            fills = _by_dynamics(record, read, a, b, parachute)
-            values[triad][a:b] = np.stack([fill.values for fill in fills], axis=1)
-            sigmas[triad][a:b] = fill_sigma(fills, noise[triad][a:b], record.interval[a], coning=triad == "rate")
-            repairs.append(_repair(record, a, b, BY_AUTOREGRESSION))
+            for rows, fills, how in _interpolated(record, triad, read, a, b, parachute):
+                values[triad][rows] = np.stack([fill.values for fill in fills], axis=1)
+                sigmas[triad][rows] = fill_sigma(fills, noise[triad][rows], record.interval[a], coning=triad == "rate")
+                repairs.append(_repair(record, rows.start, rows.stop, how))
+                if how == ACROSS_OPENING and triad == "rate":
+                    interval, force_sigma = float(record.interval[a]), sigmas["force"][rows]
+                    tilt = tilt_variance(fills, sigmas["rate"][rows], values["force"][rows], force_sigma, interval)
+                    sigmas["force"][rows] = np.sqrt(force_sigma**2 + tilt / len(force_sigma) / interval**2)
     changed = np.any(sigmas["rate"] > 0.0, axis=1)
     complete = replace(
         record,
@@ -126,7 +136,119 @@ def _transfer_sigma(source: TransferredReadings, triad: str, rows: slice, noise:
     return np.sqrt(independent + len(scatter) * common**2)
 
 
-def _by_dynamics(record: ImuRecord, values: Array, a: int, b: int, parachute: float) -> list[Interpolation]:
+def _interpolated(
+    record: ImuRecord, triad: str, values: Array, a: int, b: int, parachute: float
+) -> list[tuple[slice, list[Interpolation], str]]:
+    """Rows, values and repair of the stretch ``[a, b)``: of two parts where the parachute opens in it."""
+    opening = a + int(np.searchsorted(record.time[a:b], parachute, side="right"))
+    if opening in (a, b):
+        return [(slice(a, b), _by_autoregression(record, values, a, b, parachute), BY_AUTOREGRESSION)]
+    before, after = _across_opening(record, triad, values, a, opening, b)
+    return [(slice(a, opening), before, BY_AUTOREGRESSION), (slice(opening, b), after, ACROSS_OPENING)]
+
+
+def _across_opening(
+    record: ImuRecord, triad: str, values: Array, a: int, opening: int, b: int
+) -> tuple[list[Interpolation], list[Interpolation]]:
+    """Values of the stretches ``[a, opening)`` and ``[opening, b)`` about the parachute's deployment, of each axis.
+
+    Before the deployment, the process before the stretch goes on. After it, the canopy fills at a time that is uniform
+    between the deployment and the end of the stretch, or `_FULL` if that is earlier: a value x is u until then and v
+    from then on, with u and v extrapolated from the two sides. With the probability P(t) that the canopy is full, the
+    mean of x is ``u + P (v - u)``, and its covariance
+    ``(P(min(s, t)) - P(s) P(t)) (v - u)(s) (v - u)(t) + (1 - max(P(s), P(t))) U(s, t) + P(min(s, t)) V(s, t)`` with the
+    covariances U and V of u and v.
+    """
+    known, first, last = _neighbours(record, a, b)
+    before, after = np.arange(first, last) < a, np.arange(first, last) >= b
+    fills: tuple[list[Interpolation], list[Interpolation]] = ([], [])
+    count = opening - a
+    elapsed = record.interval[a] * (np.arange(b - opening) + 0.5)
+    full = np.minimum(elapsed / min(_FULL, record.interval[a] * (b - opening)), 1.0)
+    earlier, later = np.minimum.outer(full, full), np.maximum.outer(full, full)
+    for series in values[first:last].T:
+        usable, series = known & np.isfinite(series), np.nan_to_num(series)
+        u = interpolate(series, usable & before, a - first, b - first)
+        extrapolate = _drag_before if triad == "force" else interpolate
+        v = extrapolate(series, usable & after, opening - first, b - first)
+        fills[0].append(replace(u, values=u.values[:count], covariance=u.covariance[:count, :count]))
+        difference = v.values - u.values[count:]
+        covariance = (earlier - np.outer(full, full)) * np.outer(difference, difference)
+        covariance += (1.0 - later) * u.covariance[count:, count:] + earlier * v.covariance
+        fills[1].append(replace(v, values=u.values[count:] + full * difference, covariance=covariance))
+    return fills
+
+
+def _drag_before(series: Array, observed: BoolArray, first: int, last: int) -> Interpolation:
+    """Extrapolate ``series[first:last]``, a force under a full canopy, from as many observed values after it.
+
+    A drag ``k v²`` decelerates in proportion to itself, so that the inverse of its square root is linear in time. The
+    force along an axis whose values change sign is no drag, and is extrapolated by its mean. At least `_LEAST_VALUES`
+    are used, and the drag is at most four times the first of them.
+    """
+    length = last - first
+    nearest = np.flatnonzero(observed & (np.arange(len(series)) >= last))[: max(length, _LEAST_VALUES)]
+    if len(nearest) < 3:
+        return interpolate(series, observed, first, last)
+    x, steps = series[nearest], np.arange(first, last) - last
+    if np.ptp(np.sign(x)) > 0.0 or np.any(x == 0.0):
+        return Interpolation(np.full(length, x.mean()), np.var(x, ddof=1) * np.eye(length), 0, 1.0)
+    inverse = np.polynomial.Polynomial.fit(nearest - last, 1.0 / np.sqrt(np.abs(x)), 1)
+    least = 0.5 / np.sqrt(np.abs(x[0]))
+    drag, fitted = (np.sign(x[0]) / np.maximum(inverse(t), least) ** 2 for t in (steps, nearest - last))
+    return Interpolation(drag, float(np.sum((x - fitted) ** 2) / (len(x) - 2)) * np.eye(length), 1, 1.0)
+
+
+def tilt_variance(
+    fills: Sequence[Interpolation], rate_sigma: Array, force: Array, force_sigma: Array, interval: float
+) -> Array:
+    """Variance of the velocity change in a filled stretch by errors of filled rates, beyond that of `rate_sigma`.
+
+    With the error δω of the rates, the attitude in the stretch is wrong by θ = ∫ δω dt, and the velocity change by
+    ``∫ θ × f dt``. Independent errors of the sum of the rates' variance do not have the angles in the stretch: an
+    oscillation has large ones that vanish at its end. The variance is that with the covariance of the values, less that
+    of independent errors with `rate_sigma`, and the product of both variances, of the angles and of the force, which no
+    linear propagation has.
+
+    Parameters
+    ----------
+    fills : sequence of three Interpolation
+        Rates, rad/s.
+    rate_sigma : (n, 3) array
+        Of `fill_sigma`, rad/s.
+    force, force_sigma : (n, 3) arrays
+        Filled specific force and its sigma by `fill_sigma`, m/s².
+    interval : float
+        Sampling interval, s.
+
+    Returns
+    -------
+    (3,) array
+        About the body axes at the beginning, m²/s².
+    """
+    count = len(force)
+    summed = interval * np.tril(np.ones((count, count)))
+    out = np.zeros(3)
+    for axis in range(3):
+        covariance = fills[axis].covariance
+        mean_square = float(np.mean(np.diag(summed @ covariance @ summed.T)))
+        for other, lateral in (((axis + 1) % 3, (axis + 2) % 3), ((axis + 2) % 3, (axis + 1) % 3)):
+            weight = interval * summed.T @ force[:, other]  # of δω about `axis` in the velocity along `lateral`
+            excess = float(weight @ covariance @ weight) - float(np.sum((weight * rate_sigma[:, axis]) ** 2))
+            out[lateral] += max(excess, 0.0) + mean_square * interval**2 * float(np.sum(force_sigma[:, other] ** 2))
+    return out
+
+
+def _neighbours(record: ImuRecord, a: int, b: int) -> tuple[BoolArray, int, int]:
+    """Samples ``[first, last)`` about the stretch ``[a, b)``, and which of them are of its kind and regular."""
+    side = max(_LEAST_SIDE, int(_SIDE_RATIO * (b - a)) + _LEAST_SIDE // 2)
+    first, last = max(0, a - side), min(len(record), b + side)
+    interval = record.interval[a]
+    regular = np.abs(record.interval[first:last] - interval) < 0.2 * interval
+    return regular & _same_kind(record, a)[first:last], first, last
+
+
+def _by_autoregression(record: ImuRecord, values: Array, a: int, b: int, parachute: float) -> list[Interpolation]:
     """Values of the stretch ``[a, b)`` by an autoregression of each axis, with their covariances.
 
     A stretch is fitted to samples of the same part of the flight, before or after the parachute's shock, if that part
@@ -134,11 +256,7 @@ def _by_dynamics(record: ImuRecord, values: Array, a: int, b: int, parachute: fl
     process acts in the other part, and the shock between them is no oscillation of either. Nearer to the shock, the
     samples of both parts are used, which bound the stretch.
     """
-    side = max(_LEAST_SIDE, int(_SIDE_RATIO * (b - a)) + _LEAST_SIDE // 2)
-    first, last = max(0, a - side), min(len(record), b + side)
-    interval = record.interval[a]
-    regular = np.abs(record.interval[first:last] - interval) < 0.2 * interval
-    regular &= _same_kind(record, a)[first:last]
+    regular, first, last = _neighbours(record, a, b)
     same_part = _same_part(record, a, parachute)
     if same_part[a:b].all() and all(np.count_nonzero(s) >= b - a for s in (same_part[:a], same_part[b:])):
         regular &= same_part[first:last]

@@ -32,7 +32,13 @@ from edl_filter.telemetry.record import (
 from edl_filter.telemetry.resampling import with_interpolation_noise
 from edl_filter.telemetry.rest_drift import KIND as REST_DRIFT
 from edl_filter.telemetry.sample_checks import CheckSettings, findings_of, with_repair
-from edl_filter.telemetry.sample_filling import BY_AUTOREGRESSION, PARACHUTE_MARGIN, filled, is_complete
+from edl_filter.telemetry.sample_filling import (
+    ACROSS_OPENING,
+    BY_AUTOREGRESSION,
+    PARACHUTE_MARGIN,
+    filled,
+    is_complete,
+)
 from edl_filter.telemetry.spikes import bad_triads
 from edl_filter.types import Array
 
@@ -286,7 +292,7 @@ def _is_flight(telemetry: Telemetry) -> bool:
 def _explained(finding: SampleFinding, repairs: list[tuple[float, float, str]]) -> SampleFinding:
     """A finding with what was done about it: the repairs of the stretches that it overlaps."""
     over = [(a, b, p) for a, b, p in repairs if a < finding.end - SAME_TIME and b > finding.start + SAME_TIME]
-    interpolated = tuple((a, b) for a, b, p in over if p == BY_AUTOREGRESSION)
+    interpolated = tuple((a, b) for a, b, p in over if p in (BY_AUTOREGRESSION, ACROSS_OPENING))
     phrase = ", ".join(dict.fromkeys(p for _, _, p in over)) or "not used"
     return replace(finding, repair=phrase, interpolated=interpolated)
 
