@@ -28,6 +28,7 @@
 #   make thesis-claims      write docs/thesis-claims.md: every statement of the thesis on the rovers with our number (seconds)
 #   make study-comparators  what stepwise regression and pysindy say of the practice flights
 #   make study-cross-prediction  learn the database's increments on one rover and predict the other (a minute)
+#   make study-moment-regression  which kind of moment the models of both rovers lack (seconds)
 
 PYTHON ?= python3
 BIN := .venv/bin
@@ -37,7 +38,7 @@ BENCH_STAMP := .venv/installed-bench
 COVERAGE_STAMP := .venv/installed-coverage
 FAST := not browser and not notebook and not slow and (not effects or representative)
 
-.PHONY: demo test coverage notebooks test-browser test-effects lint types layers bench docs study study-inexact study-simulation study-closure study-filters study-thresholds study-comparators study-cross-prediction thesis-claims clean fuzz study-faults study-lost-seconds study-dynamics-filling study-kills study-mutation calibrate
+.PHONY: demo test coverage notebooks test-browser test-effects lint types layers bench docs study study-inexact study-simulation study-closure study-filters study-thresholds study-comparators study-cross-prediction study-moment-regression thesis-claims clean fuzz study-faults study-lost-seconds study-dynamics-filling study-kills study-mutation calibrate
 
 demo: $(STAMP)
 	$(BIN)/edl-filter demo -o demo-results
@@ -143,6 +144,10 @@ study-comparators: $(STAMP)
 study-cross-prediction: $(STAMP)
 	$(BIN)/python benchmarks/studies/cross_prediction.py
 	$(BIN)/python benchmarks/studies/cross_prediction.py --estimate
+
+study-moment-regression: $(STAMP)
+	$(BIN)/python benchmarks/studies/moment_regression.py --set aerodynamics.discrepancy.asymmetry_sigma=0
+	$(BIN)/python benchmarks/studies/moment_regression.py
 
 thesis-claims: $(STAMP)
 	PYTHONPATH=benchmarks/studies $(BIN)/python -m thesis_claims

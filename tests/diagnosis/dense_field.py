@@ -10,7 +10,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from edl_filter.aero.discrepancy import FIELD_COEFFICIENTS
 from edl_filter.diagnosis.jacobians.nuisance import FIELD_STATES
 from edl_filter.diagnosis.prediction.dead_reckoning import NODES_PER_BIN
 from edl_filter.estimation.linear_state_space import LinearStateSpace
@@ -124,7 +123,7 @@ def field_loadings(model, stretch, x):
     end, unless the regime of the flow changes within the bin.
     """
     jacobian, s = model.jacobian, stretch.model
-    names = [n for n in FIELD_COEFFICIENTS if n in model.field.modes]
+    names = list(model.nuisance.fields)
     force = np.concatenate([jacobian.force[:, :, jacobian.columns[f"field_{n}"]] for n in names], axis=2)
     step = np.concatenate([jacobian.rate_step[:, :, jacobian.columns[f"field_{n}"]] for n in names], axis=2)
     out = np.zeros((len(s.design), force.shape[2], 2))

@@ -97,7 +97,7 @@ UNITS = CoefficientUnits(np.array([0.0, 200.0]), ca=np.array([0.0, 0.2]), cn=np.
 
 
 def field(**changes):
-    return replace(FieldPerturbation(FIELD_TIME, AMPLITUDES, MODES, UNITS, continuum_limit=1e-3), **changes)
+    return replace(FieldPerturbation(FIELD_TIME, AMPLITUDES, MODES, UNITS, None, continuum_limit=1e-3), **changes)
 
 
 def flow_of(time, angle, knudsen=1e-5):
@@ -144,7 +144,7 @@ def test_increments_are_linear_in_the_amplitudes():
     time, angle = np.linspace(95.0, 135.0, 30), np.linspace(0.0, 2.0, 30) * STEP
     doubled = field(amplitudes={name: 2.0 * a for name, a in AMPLITUDES.items()}).increments(flow_of(time, angle))
     single = field().increments(flow_of(time, angle))
-    zero = FieldPerturbation.zero(MODES, UNITS, 1e-3).increments(flow_of(time, angle))
+    zero = FieldPerturbation.zero(MODES, UNITS, None, 1e-3).increments(flow_of(time, angle))
     for name in single:
         np.testing.assert_allclose(doubled[name], 2.0 * single[name], rtol=1e-12, atol=1e-15)
         assert not zero[name].any()
@@ -170,6 +170,64 @@ def test_standardised_increments_of_prior_amplitudes_are_standard_normal():
         assert abs(np.mean(z[name])) < 4.0 / np.sqrt(count) and abs(np.var(z[name]) - 1.0) < 4.0 * np.sqrt(2.0 / count)
 
 
+#: Amplitudes of an asymmetry at `FIELD_TIME`, and one sigma of its coefficients.
+FIXED = {
+    "side_asymmetry": [1.0, 0.0, 2.0], "normal_asymmetry": [-1.0, 1.0, 1.0], "pitch_asymmetry": [0.0, 4.0, 0.0],
+    "yaw_asymmetry": [3.0, 3.0, -3.0],
+}  # fmt: skip
+ASYMMETRY = CoefficientUnits(np.array([0.0, 200.0]), ca=np.ones(2), cn=np.array([0.0, 0.02]), cm=np.full(2, 0.001))
+
+
+def asymmetric_field():
+    """No increment of a coefficient; an asymmetry."""
+    none = AngleModes(np.zeros((3, 0)), np.zeros((3, 0)))
+    zero = FieldPerturbation.zero(dict.fromkeys(("ca", "cn", "cm"), none), UNITS, ASYMMETRY, 1e-3)
+    amplitudes = {name: np.array([a]).T for name, a in FIXED.items()}
+    return replace(zero, time=FIELD_TIME, amplitudes=dict.fromkeys(("ca", "cn", "cm"), np.zeros((3, 0))) | amplitudes)
+
+
+@pytest.mark.parametrize(
+    ("time", "side", "normal", "pitch", "yaw"),
+    [
+        (100.0, 0.01, -0.01, 0.0, 0.003),
+        (105.0, 0.0105 * 0.5, 0.0, 0.002, 0.003),
+        (120.0, 0.012, 0.012, 0.002, 0.0),
+        (150.0, 0.03, 0.015, 0.0, -0.003),
+    ],
+)
+def test_an_asymmetry_is_linear_in_time_and_the_same_at_all_angles(time, side, normal, pitch, yaw):
+    for angle in (0.0, 1.0):
+        fixed = asymmetric_field().body_fixed(flow_of(np.array([time]), np.array([angle])))
+        for name, value in zip(FIXED, (side, normal, pitch, yaw), strict=True):
+            assert fixed[name] == pytest.approx([value], abs=1e-15)
+
+
+def test_an_asymmetry_is_standardised_by_its_own_sigma():
+    z = asymmetric_field().standardised(flow_of(FIELD_TIME, np.zeros(3)))
+    assert list(z) == ["ca", "cn", "cm", *FIXED]
+    for name, amplitudes in FIXED.items():
+        np.testing.assert_allclose(z[name], amplitudes, atol=1e-12)
+
+
+def test_a_field_without_asymmetry_has_none():
+    assert field().body_fixed(flow_of(FIELD_TIME, np.zeros(3))) == {}
+    assert perturbation().body_fixed(flow_of(FIELD_TIME, np.zeros(3))) == {}
+
+
+def test_the_loads_of_an_asymmetry_are_fixed_to_the_body(forward_model, practice_06):
+    """The same in every direction of the flow: force right and up at the centre of mass, and the moment about it."""
+    flow = fast_flow(forward_model, practice_06)
+    plain = forward_model.loads(flow)
+    asymmetric = replace(forward_model, perturbation=replace(perturbation(), field=asymmetric_field()))
+    force, moment = (b - a for a, b in zip(plain, asymmetric.loads(flow), strict=True))
+    push = flow.dynamic_pressure * forward_model.area
+    side, normal, pitch, yaw = asymmetric_field().body_fixed(flow).values()
+    np.testing.assert_allclose(force, push[:, None] * np.stack((0.0 * side, side, -normal), axis=1), atol=1e-9)
+    about_centre = push[:, None] * forward_model.diameter * np.stack((0.0 * pitch, pitch, yaw), axis=1)
+    assert np.ptp(force[:, 1]) > 0.0 and np.ptp(moment[:, 1]) > 0.0
+    np.testing.assert_allclose(moment, about_centre, rtol=1e-9, atol=1e-7)
+
+
 def test_a_large_amplitude_of_a_small_mode_is_no_large_increment():
     small = AngleModes(np.tile([1.0, 0.01], (3, 1)), np.tile([1.0, 0.01], (3, 1)))
     amplitudes = AMPLITUDES | {"ca": np.tile([0.5, 6.0], (3, 1))}
@@ -182,7 +240,7 @@ def test_a_field_changes_the_coefficients_by_its_increments(forward_model, pract
     flow = fast_flow(forward_model, practice_06)
     expected = forward_model.coefficients(flow)
     plain = perturbation(ca=np.full(2, 0.1))
-    zero = replace(plain, field=FieldPerturbation.zero(MODES, UNITS, 1e-3))
+    zero = replace(plain, field=FieldPerturbation.zero(MODES, UNITS, None, 1e-3))
     for name in ("ca", "cn", "cm_nose", "cl"):
         values = [getattr(replace(forward_model, perturbation=p).coefficients(flow), name) for p in (plain, zero)]
         np.testing.assert_array_equal(*values)

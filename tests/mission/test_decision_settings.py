@@ -47,7 +47,8 @@ DEFAULTS = {
     "named_explained_share": 0.4, "complemented_explained_share": 0.2,
     "sufficient_share": 0.9, "explained_share_shape": 10.0, "same_correlation": 0.9, "separable_gain_nats": 6.0,
     "constraint_improvement": 10.0,
-    "cell_fails_sigmas": 5.0, "cell_minimum_rms": 1.1, "onset_samples": 10, "onset_nats": 12.0,
+    "cell_fails_sigmas": 5.0, "cell_minimum_rms": 1.1,
+    "abrupt_changes": 8, "abrupt_change_spacing_s": 2.0, "onset_samples": 10, "onset_nats": 12.0,
     "unexplained_piece_s": 2.5, "line_power_share": 0.3, "line_cycles": 3.0, "follows_correlation": 0.5,
     "max_effects": 12,
 }  # fmt: skip

@@ -11,6 +11,11 @@ length in continuum flow, that of the Knudsen number in rarefied flow, and k the
 (`estimation.matern`), whose slope may change as that of a table does at its nodes. s(α) = tanh(α/α_0) for CN and Cm,
 which vanish at zero angle by symmetry; s = 1 for CA.
 
+A vehicle that is not exactly axisymmetric also has a lateral force and a lateral moment that are fixed to its body and
+do not vanish at zero angle. The pressure over its irregularities changes with the shock, so that each of the four
+coefficients is a Matérn process along x, the same at all angles. The uncertainties of the database are additive at any
+angle (thesis tables 11.3 to 11.5), so their sigmas are the scale of these coefficients too, times a factor.
+
 Along a trajectory x changes slowly and the angle oscillates. The kernel over the angle is therefore replaced by a few
 modes (Karhunen–Loève expansion with respect to the information that the flight has at each angle: Rasmussen and
 Williams, Gaussian Processes for Machine Learning, 2006, section 4.3), whose amplitudes are independent Matérn processes
@@ -30,6 +35,9 @@ from edl_filter.types import Array, BoolArray
 
 #: Coefficients with a field over Mach number and angle.
 FIELD_COEFFICIENTS = ("ca", "cn", "cm")
+#: Coefficients of a vehicle's asymmetry, which are fixed to its body, and the coefficient whose sigma they have: CY and
+#: CN of a force at the centre of mass, Cm and Cn about it.
+ASYMMETRIES = {"side_asymmetry": "cn", "normal_asymmetry": "cn", "pitch_asymmetry": "cm", "yaw_asymmetry": "cm"}
 #: Product of prior variance and information of a mode below which it is left out: its posterior is its prior.
 NEGLIGIBLE_INFORMATION = 1.0
 #: Spacing of the angles at which modes are tabulated, rad, and range of the angles.
@@ -59,6 +67,8 @@ class DiscrepancyPrior:
         The same in the total angle of attack, rad.
     vanishing_angle : float
         α_0, rad.
+    asymmetry : float
+        Factor on the database's sigmas for the coefficients of the asymmetry; 0: an axisymmetric vehicle.
     """
 
     scale: float = 0.0
@@ -66,6 +76,12 @@ class DiscrepancyPrior:
     log_knudsen_length: float = 1.0
     angle_length: float = np.radians(6.0)
     vanishing_angle: float = np.radians(4.0)
+    asymmetry: float = 0.0
+
+    @property
+    def is_exact(self) -> bool:
+        """Whether neither the database nor the symmetry has an error."""
+        return self.scale == 0.0 and self.asymmetry == 0.0
 
     def angle_kernel(self, coefficient: str, a: Array, b: Array) -> Array:
         """Covariance over the angle.
@@ -223,6 +239,12 @@ class AngleModes:
 
     continuum: Array
     rarefied: Array
+
+    @classmethod
+    def constant(cls) -> AngleModes:
+        """One mode, which is the same at all angles."""
+        ones = np.ones((len(np.arange(0.0, _MODE_RANGE, _MODE_STEP)), 1))
+        return cls(ones, ones)
 
     @property
     def count(self) -> int:

@@ -394,6 +394,9 @@ class ForwardModel:
         damping = totals.cmq * d / (2.0 * np.maximum(flow.speed, 1.0))
         cm = cm + damping * flow.rate[:, 1]
         yaw = yaw + damping * flow.rate[:, 2]
+        if self.perturbation is not None and (fixed := self.perturbation.body_fixed(flow)):
+            cy, cn = cy + fixed["side_asymmetry"], cn + fixed["normal_asymmetry"]
+            cm, yaw = cm + fixed["pitch_asymmetry"], yaw + fixed["yaw_asymmetry"]
         push = (flow.dynamic_pressure * self.area)[:, None]
         force = push * np.stack((-totals.ca, cy, -cn), axis=1)
         moment = push * d * np.stack((cl, cm, yaw), axis=1)

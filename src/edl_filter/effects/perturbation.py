@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from edl_filter.aero.discrepancy import FIELD_COEFFICIENTS, AngleModes
+from edl_filter.aero.discrepancy import ASYMMETRIES, FIELD_COEFFICIENTS, AngleModes
 from edl_filter.effects.types import AeroCoefficients, Body, FlightCondition
 from edl_filter.types import Array
 
@@ -33,6 +33,10 @@ class CoefficientUnits:
     cn: Array
     cm: Array
 
+    def at(self, coefficient: str, time: Array) -> Array:
+        """The unit of a coefficient (``ca``, ``cn``, ``cm``) at times ``(N,)``, s."""
+        return np.asarray(np.interp(time, self.time, getattr(self, coefficient)), float)
+
 
 @dataclass(frozen=True)
 class FieldPerturbation:
@@ -43,12 +47,14 @@ class FieldPerturbation:
     time : (M,) array
         s.
     amplitudes : dict
-        Coefficient → amplitudes of its modes ``(M, J)``, against time: the Mach number along the trajectory is a
-        function of time.
+        Coefficient or asymmetry → amplitudes of its modes ``(M, J)``, against time: the Mach number along the
+        trajectory is a function of time.
     modes : dict
-        Coefficient → `AngleModes`.
+        Coefficient or asymmetry → `AngleModes`.
     units : CoefficientUnits
         One sigma of the database.
+    asymmetry : CoefficientUnits or None
+        One sigma of the coefficients that are fixed to the body; None where there are none.
     continuum_limit : float
         Knudsen number above which the rarefied table applies.
     """
@@ -57,13 +63,22 @@ class FieldPerturbation:
     amplitudes: dict[str, Array]
     modes: dict[str, AngleModes]
     units: CoefficientUnits
+    asymmetry: CoefficientUnits | None
     continuum_limit: float
 
     @classmethod
-    def zero(cls, modes: dict[str, AngleModes], units: CoefficientUnits, continuum_limit: float) -> FieldPerturbation:
+    def zero(
+        cls,
+        modes: dict[str, AngleModes],
+        units: CoefficientUnits,
+        asymmetry: CoefficientUnits | None,
+        continuum_limit: float,
+    ) -> FieldPerturbation:
         """No increments."""
+        if asymmetry is not None:
+            modes = modes | dict.fromkeys(ASYMMETRIES, AngleModes.constant())
         amplitudes = {name: np.zeros((1, m.count)) for name, m in modes.items()}
-        return cls(units.time[:1], amplitudes, modes, units, continuum_limit)
+        return cls(units.time[:1], amplitudes, modes, units, asymmetry, continuum_limit)
 
     def shapes(self, coefficient: str, flow: FlightCondition) -> Array:
         """Values of the modes of a coefficient ``(N, J)`` in a flow of N samples, in sigmas of the database."""
@@ -75,18 +90,27 @@ class FieldPerturbation:
         out = {}
         for name in FIELD_COEFFICIENTS:
             value = np.einsum("nj,nj->n", self._amplitudes_at(name, time), self.shapes(name, flow))
-            out[name] = value * np.interp(time, self.units.time, getattr(self.units, name))
+            out[name] = value * self.units.at(name, time)
         return out
 
+    def body_fixed(self, flow: FlightCondition) -> dict[str, Array]:
+        """Coefficients of the asymmetry ``(N,)`` in a flow of N samples; empty without one."""
+        if self.asymmetry is None:
+            return {}
+        return {
+            name: self._amplitudes_at(name, flow.time)[:, 0] * self.asymmetry.at(coefficient, flow.time)
+            for name, coefficient in ASYMMETRIES.items()
+        }
+
     def standardised(self, flow: FlightCondition) -> dict[str, Array]:
-        """Increments of the coefficients ``(N,)`` over their prior standard deviation in a flow of N samples.
+        """Increments and coefficients of the asymmetry ``(N,)``, over their prior sigma, in a flow of N samples.
 
         The standard deviation is that of the modes at the sample's angle, so that each value is standard normal under
         the prior; zero where a coefficient has no mode. Amplitudes of single modes are no measure of it: that of a mode
         with a hundredth of the variance is large where the increment is not.
         """
         out = {}
-        for name in FIELD_COEFFICIENTS:
+        for name in self.modes:
             shapes = self.shapes(name, flow)
             value = np.einsum("nj,nj->n", self._amplitudes_at(name, flow.time), shapes)
             deviation = np.sqrt(np.sum(shapes**2, axis=1))
@@ -200,6 +224,10 @@ class Perturbation:
             increments = self.field.increments(flow)
             ca, cn, cm = ca + increments["ca"], cn + increments["cn"], cm + increments["cm"]
         return replace(totals, ca=totals.ca + ca, cn=totals.cn + cn, cm_nose=totals.cm_nose + cm)
+
+    def body_fixed(self, flow: FlightCondition) -> dict[str, Array]:
+        """Coefficients of the asymmetry ``(N,)`` in a flow of N samples; empty without one."""
+        return {} if self.field is None else self.field.body_fixed(flow)
 
     def perturb_body(self, body: Body) -> Body:
         """The rigid body with the perturbation."""

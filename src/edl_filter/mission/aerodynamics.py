@@ -46,8 +46,10 @@ class DiscrepancyConfig(Section):
         default=4.0,
         description="angle below which the errors of CN and Cm vanish by symmetry, as tanh(angle / it), deg",
     )
-    asymmetry_sigma: Annotated[Number, Within("", 0.0, 0.1)] = Field(
-        default=0.0, description="1 sigma of a constant Cm and of a constant Cn that are fixed to the body; 0: none"
+    asymmetry_sigma: Annotated[Number, Within("", 0.0, 10.0)] = Field(
+        default=0.0,
+        description="asymmetry: CN, CY, Cm and Cn that are fixed to the body and vary with Mach or Knudsen number over "
+        "the lengths above; 1 sigma over the database's own, which is additive at any angle; 0: axisymmetric",
     )
     rolling_sigma: Annotated[Number, Within("", 0.0, 1e-3)] = Field(
         default=0.0,
@@ -156,6 +158,7 @@ class AerodynamicsConfig(Section):
             log_knudsen_length=c.log_knudsen_length,
             angle_length=c.angle_length_deg * DEG,
             vanishing_angle=c.vanishing_angle_deg * DEG,
+            asymmetry=c.asymmetry_sigma,
         )
 
     @model_validator(mode="after")

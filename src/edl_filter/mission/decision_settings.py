@@ -306,6 +306,14 @@ class DecisionSettings(Section):
     cell_minimum_rms: Annotated[Number, Within("", 1.0, 10.0)] = _setting(
         1.1, "normalised RMS that a failing cell exceeds: a tenth more than the noise", STUDY
     )
+    abrupt_changes: Annotated[int, Field(strict=True, ge=0, le=100)] = _setting(
+        8,
+        "times of the largest innovations at which an effect that begins at a time is screened as well as on its scan",
+        NUMERICS,
+    )
+    abrupt_change_spacing_s: Annotated[Number, Within("s", 0.0, 100.0, above=True)] = _setting(
+        2.0, "s: least distance between two of these times, within which innovations follow one change", NUMERICS
+    )
     onset_samples: Annotated[int, Field(strict=True, ge=2, le=1000)] = _setting(
         10, "samples on either side of a change point", NUMERICS
     )

@@ -16,7 +16,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from edl_filter.aero.database import load_database
-from edl_filter.aero.discrepancy import AngleModes
+from edl_filter.aero.discrepancy import ASYMMETRIES, AngleModes
 from edl_filter.diagnosis.jacobians.coefficient_errors import numerical_error_units
 from edl_filter.diagnosis.jacobians.nuisance import StatedUncertainty
 from edl_filter.diagnosis.jacobians.prediction_jacobian import prediction_jacobian
@@ -36,6 +36,7 @@ PRESSURES = {"rarefied": 0.2, "hypersonic": 800.0, "peak": np.inf}
 COLUMNS = {
     "position": 3, "velocity": 3, "attitude": 3, "density": 1, "wind_east": 1, "wind_north": 1, "ca": 1, "cn": 1,
     "cm": 1, "mass": 1, "inertia": 1, "rate": 3, "field_ca": 2, "field_cn": 1, "field_cm": 2,
+    "field_side_asymmetry": 1, "field_normal_asymmetry": 1, "field_pitch_asymmetry": 1, "field_yaw_asymmetry": 1,
 }  # fmt: skip
 
 
@@ -110,7 +111,7 @@ def stretch_of(flight, where, changed, smooth=True):
     units = numerical_error_units(residuals, uncertainty)
     database = CoefficientUnits(units.time, ca=5.0 * units.ca, cn=np.full_like(units.cn, 0.01), cm=3.0 * units.cm)
     modes = {"ca": modes_of(2, 1), "cn": modes_of(1, 2), "cm": modes_of(2, 3)}
-    field = FieldPerturbation.zero(modes, database, model.database.continuum_limit)
+    field = FieldPerturbation.zero(modes, database, database, model.database.continuum_limit)
     if changed:
         effects = (
             EffectInstance(find_effect("density_scale"), {"k": 0.1}),
@@ -154,8 +155,8 @@ def test_columns_follow_each_other(stretch):
     exact = prediction_jacobian(
         stretch.inputs, stretch.bins, stretch.residuals, stretch.uncertainty, stretch.units, None
     )
-    assert list(exact.columns) == list(COLUMNS)[:-3]
-    np.testing.assert_array_equal(exact.force, stretch.jacobian.force[:, :, :-5])
+    assert list(exact.columns) == list(COLUMNS)[:-7]
+    np.testing.assert_array_equal(exact.force, stretch.jacobian.force[:, :, :-9])
 
 
 def test_position_and_velocity(stretch):
@@ -219,7 +220,7 @@ def test_coefficients_in_their_units(stretch, name):
     assert_columns(stretch, name, [stretch.derivative(lambda s: stretch.prediction(**{name: s}), 0.5)], 1e-7)
 
 
-@pytest.mark.parametrize("name", ["ca", "cn", "cm"])
+@pytest.mark.parametrize("name", ["ca", "cn", "cm", *ASYMMETRIES])
 def test_amplitudes_of_the_discrepancy(stretch, name):
     """One column for each mode: a field in which this mode alone has an amplitude, the same at all times."""
     expected = []

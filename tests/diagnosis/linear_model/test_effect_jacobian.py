@@ -266,6 +266,15 @@ def test_the_scan_grid_has_all_combinations_of_ordered_places(lowest):
     assert all("a" not in p for p in grid)
 
 
+def test_times_are_also_scanned_at_the_changes_within_their_bounds():
+    grid = scan_grid(Placed(), 60.0, 240.0, 0.0, SETTINGS, changes=(239.7, 150.0, 12.0, 61.1))
+    assert {p["t0"] for p in grid} == {60.0, 61.1, 150.0, 239.7, 240.0}
+    assert len(grid) == math.comb(4, 2) * 5 * 6
+    assert scan_grid(find_effect("wind"), 60.0, 240.0, 8e3, SETTINGS, changes=(100.0,)) == scan_grid(
+        find_effect("wind"), 60.0, 240.0, 8e3, SETTINGS
+    )
+
+
 def test_an_effect_without_places_has_one_combination():
     assert scan_grid(find_effect("gyro_bias"), 0.0, 1.0, 8e3, SETTINGS) == [{}]
 

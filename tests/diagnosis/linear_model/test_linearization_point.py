@@ -98,7 +98,8 @@ def test_the_onboard_attitude_can_be_excluded(spirit):
 
 def test_there_is_no_point_beyond_the_limits(spirit):
     """At the stated noise Spirit's proxy database, if it were exact, would move the density beyond all belief."""
-    exact = Mission.load("builtin:mer_a", ["telemetry.path=builtin:mer_a", "aerodynamics.coefficient_sigma=0.0"])
+    changes = ["aerodynamics.coefficient_sigma=0.0", "aerodynamics.discrepancy.asymmetry_sigma=0.0"]
+    exact = Mission.load("builtin:mer_a", ["telemetry.path=builtin:mer_a", *changes])
     model = linearize(flight_case(replace(spirit, mission=exact)))
     assert model.field is None and next_point(model) is None
     assert next_point(model, model.fitted_noise_filter) is not None

@@ -18,7 +18,6 @@ from edl_filter.diagnosis.linear_model.flight_case import load_case
 from edl_filter.diagnosis.linear_model.linearization import linearize_at, map_point
 from edl_filter.diagnosis.linear_model.linearization_point import smoothed_point
 from edl_filter.diagnosis.linear_model.stated_parameters import (
-    BodyAsymmetry,
     ImuAlignment,
     ImuClock,
     LearnedIncrements,
@@ -58,7 +57,6 @@ def test_what_a_mission_states_as_exact_is_no_parameter(practice_06):
             "products_of_inertia",
             {"a": 0.5, "c": 2.0},
         ),
-        ("aerodynamics.discrepancy.asymmetry_sigma=0.0002", "body_asymmetry", {"Cm": 2e-4, "Cn": 2e-4}),
         ("aerodynamics.discrepancy.rolling_sigma=4.1e-7", "rolling_moment", {"c": 4.1e-7}),
         ("aerodynamics.discrepancy.damping_sigma=0.1", "pitch_damping", {"a": 0.1}),
     ],
@@ -119,8 +117,11 @@ def test_a_corrected_reading_is_the_true_one(effect):
 
 @pytest.fixture(scope="module")
 def case(practice_06):
-    """The shipped flight with an uncertain centre of mass and an asymmetry beside an uncertain database."""
-    changes = (*STATED, "aerodynamics.discrepancy.asymmetry_sigma=0.0002", "aerodynamics.coefficient_sigma=0.5")
+    """The shipped flight with an uncertain centre of mass, roll and damping beside an uncertain database."""
+    changes = (*STATED,
+        "aerodynamics.discrepancy.rolling_sigma=2e-6", "aerodynamics.discrepancy.damping_sigma=0.1",
+        "aerodynamics.coefficient_sigma=0.5",
+    )  # fmt: skip
     return load_case(Mission.load("builtin:practice_mer", changes))
 
 
@@ -140,7 +141,7 @@ def at_constants(model, values):
 
 def test_the_columns_are_constant_states_with_the_stated_sigmas(case, model):
     sigma = [s for c in case.constants for s in c.sigma.values()]
-    assert sigma == [2e-3, 1e-3, 2e-4, 2e-4]
+    assert sigma == [2e-3, 1e-3, 2e-6, 0.1]
     s, count = model.state_space, len(sigma)
     assert s.size == model.nuisance.size + count
     np.testing.assert_allclose(np.diag(s.initial_covariance)[-count:], np.square(sigma), rtol=1e-12)
@@ -149,8 +150,9 @@ def test_the_columns_are_constant_states_with_the_stated_sigmas(case, model):
     steps = [0, len(s.increment) // 2, len(s.increment) - 1]
     assert all(not s.increment[k][-count:].any() and not s.process_noise[k][-count:].any() for k in steps)
     np.testing.assert_array_equal(model.constant_values, 0.0)
-    expected = effect_jacobian(model, EffectInstance(BodyAsymmetry(), {})).rows
-    np.testing.assert_allclose(model.constant_columns[:, 2:], expected, rtol=1e-9, atol=1e-15)
+    by_name = [("rolling_moment", ("c",)), ("pitch_damping", ("a",))]
+    expected = [effect_jacobian(model, EffectInstance(catalogue()[n], {}), p).rows for n, p in by_name]
+    np.testing.assert_allclose(model.constant_columns[:, 2:], np.concatenate(expected, axis=1), rtol=1e-9, atol=1e-15)
     assert all(np.linalg.norm(column) > 0.0 for column in model.constant_columns.T)
 
 

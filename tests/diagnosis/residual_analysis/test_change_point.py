@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from edl_filter.diagnosis.residual_analysis.change_point import onsets, variance_change_point
+from edl_filter.diagnosis.residual_analysis.change_point import abrupt_changes, onsets, variance_change_point
 from edl_filter.mission.decision_settings import DecisionSettings
 
 SETTINGS = DecisionSettings()
@@ -73,3 +73,36 @@ def test_onsets_are_those_of_the_channels_that_begin_to_fail(monkeypatch):
     first, second = onsets(model)
     assert (first.channel, second.channel) == ("moment_y", "force_x") and first.gain > second.gain
     assert first.time == pytest.approx(70.0, abs=1.2) and second.time == pytest.approx(80.0, abs=1.2)
+
+
+def model_of(white, excess=True, **settings):
+    """Two channels of forces and moments in ten bins of 0.5 s from 100 s on, and a row of a checking IMU."""
+    rows = np.full((10, 12), -1)
+    rows[1:, 0], rows[:, 4] = np.arange(9), 9 + np.arange(10)
+    rows[:, 7] = 19 + np.arange(10)
+    return SimpleNamespace(
+        excess_variance=SimpleNamespace(is_zero=not excess),
+        settings=DecisionSettings(**settings),
+        bins=SimpleNamespace(edges=100.0 + 0.5 * np.arange(11)),
+        index=SimpleNamespace(bin_rows=rows),
+        stated_noise_filter="stated",
+        white_residuals=lambda whiten: {"stated": white}[whiten],
+    )
+
+
+def test_abrupt_changes_are_the_bins_of_the_largest_innovations_apart_from_each_other():
+    """Bin 3 by two rows together, bin 4 next to it, bin 8 by one; the rows of a checking IMU do not count."""
+    white = np.zeros(29)
+    white[2], white[9 + 3] = 6.0, -8.0  # bin 3: 100
+    white[9 + 4] = 9.0  # bin 4
+    white[7] = 7.0  # bin 8
+    white[9] = 0.1  # bin 0
+    white[19 + 6] = 50.0
+    assert abrupt_changes(model_of(white, abrupt_change_spacing_s=1.0)) == [101.5, 104.0, 100.0]
+    assert abrupt_changes(model_of(white, abrupt_change_spacing_s=0.5)) == [101.5, 102.0, 104.0, 100.0]
+    assert abrupt_changes(model_of(white, abrupt_changes=1)) == [101.5]
+    assert abrupt_changes(model_of(white, abrupt_changes=0)) == []
+
+
+def test_a_model_without_excess_variance_has_no_abrupt_change():
+    assert abrupt_changes(model_of(np.full(29, 9.0), excess=False)) == []

@@ -7,11 +7,19 @@ import numpy as np
 import pytest
 from field_flights import ALPHA, CHANGE, PRIOR, Flight
 
+from edl_filter import Mission
 from edl_filter.aero.database import load_database
 from edl_filter.aero.discrepancy import DiscrepancyPrior
 from edl_filter.aero.increments import REGIMES, RegimeUpdate
 from edl_filter.diagnosis.jacobians.coefficient_errors import database_units
-from edl_filter.diagnosis.residual_analysis.database_update import _sigma_at_knots, posterior_at_knots
+from edl_filter.diagnosis.linear_model.flight_case import flight_case
+from edl_filter.diagnosis.linear_model.linearization import linearize_at
+from edl_filter.diagnosis.linear_model.linearization_point import smoothed_point
+from edl_filter.diagnosis.residual_analysis.database_update import (
+    _sigma_at_knots,
+    estimate_database_update,
+    posterior_at_knots,
+)
 from edl_filter.diagnosis.residual_analysis.field_posterior import FlownPath
 
 
@@ -75,3 +83,22 @@ def test_the_sigma_at_the_knots_is_the_unit_of_the_amplitudes(increments):
     sigma = _sigma_at_knots(model, path, path.distance, path.alpha_total)
     for c, name in enumerate(("ca", "cn", "cm")):
         np.testing.assert_allclose(np.diag(sigma[c]), getattr(units, name), rtol=1e-9)
+
+
+def test_exact_tables_of_a_vehicle_with_an_asymmetry_have_no_increments(practice_06):
+    """Its coefficients are nuisance parameters, one mode each; the tables have none."""
+    changes = ["aerodynamics.coefficient_sigma=0", "aerodynamics.discrepancy.asymmetry_sigma=1"]
+    mission = Mission.load("builtin:practice_mer", changes)
+    case = flight_case(replace(practice_06, mission=mission))
+    model = linearize_at(case, smoothed_point(case.reconstruction))
+    assert {name: part.stop - part.start for name, part in model.nuisance.fields.items()} == {
+        "ca": 0, "cn": 0, "cm": 0, "side_asymmetry": 1, "normal_asymmetry": 1, "pitch_asymmetry": 1, "yaw_asymmetry": 1
+    }  # fmt: skip
+    assert model.holds and estimate_database_update(model) is None
+    start = np.diag(model.state_space.initial_covariance)[model.nuisance.fields["yaw_asymmetry"].start :][:2]
+    np.testing.assert_allclose(start, [1.0, 3.0])
+    # one sigma of the database's Cm above Mach 10, a third of 0.003, and of CN below the limit of the Knudsen number
+    mach = model.residuals.flow.mach
+    fast = (mach > 10.0) & (model.residuals.flow.knudsen < 1e-3)
+    np.testing.assert_allclose(model.field.asymmetry.cm[fast], 0.001, rtol=1e-12)
+    np.testing.assert_allclose(model.field.asymmetry.cn[fast], 0.01 / 3.0, rtol=1e-12)

@@ -1,6 +1,6 @@
 """Nuisance parameters that a flight moves: which are listed, with which value, unit and order."""
 
-from types import SimpleNamespace
+from types import MappingProxyType, SimpleNamespace
 
 import numpy as np
 import pytest
@@ -8,6 +8,7 @@ import pytest
 from edl_filter.diagnosis.residual_analysis import nuisance_shifts as module
 from edl_filter.diagnosis.residual_analysis.nuisance_shifts import nuisance_shifts
 from edl_filter.effects.base import EffectInstance
+from edl_filter.effects.perturbation import CoefficientUnits
 from edl_filter.effects.registry import find_effect
 
 #: Vector of the constructed model: three states of the filter, density, wind to the east, then two constants.
@@ -18,7 +19,7 @@ STEPS = np.array([1, 3, 4])
 class Nuisance(dict):
     """Slices by name, and the size without constants."""
 
-    size = SIZE
+    size, fields = SIZE, MappingProxyType({})
 
 
 @pytest.fixture
@@ -46,6 +47,21 @@ def test_a_flight_that_moves_nothing_has_no_shifts(model):
     model.states[:] = 1.9
     model.initial[SIZE:] = 0.0015, -0.003  # 1.5 sigmas
     assert nuisance_shifts(model, None) == ()
+
+
+def test_an_asymmetry_is_reported_in_units_of_its_coefficient_at_the_time(model):
+    """Steps 1, 3 and 4 are the ends of bins 0, 1 and 2, at 10, 20 and 30 s."""
+    names = ("side_asymmetry", "normal_asymmetry", "pitch_asymmetry", "yaw_asymmetry")
+    model.nuisance.fields = {name: slice(k, k + 1) for k, name in enumerate(names[1:])}
+    model.bins = SimpleNamespace(edges=np.array([0.0, 10.0, 20.0, 30.0]))
+    units = CoefficientUnits(np.array([0.0, 40.0]), np.ones(2), np.array([0.0, 0.04]), np.array([0.001, 0.005]))
+    model.field = SimpleNamespace(asymmetry=units)
+    model.states[STEPS, 0] = 1.0, 3.0, -2.0
+    model.states[STEPS, 1] = 0.0, 0.0, -4.0
+    model.states[STEPS, 2] = 1.9
+    shifts = nuisance_shifts(model, None)
+    assert [(s.name, s.sigmas) for s in shifts] == [("asymmetry Cm", -4.0), ("asymmetry CN", 3.0)]
+    assert [s.value for s in shifts] == pytest.approx([-4.0 * 0.004, 3.0 * 0.02])
 
 
 def test_shifts_are_the_largest_of_the_flight_in_their_unit_the_farthest_first(model):

@@ -9,7 +9,6 @@ from linear_problems import from_dense
 from edl_filter.diagnosis.jacobians.nuisance import NuisanceLayout, checking_state
 from edl_filter.diagnosis.linear_model.effect_jacobian import EffectJacobian
 from edl_filter.diagnosis.linear_model.stated_parameters import (
-    BodyAsymmetry,
     ImuAlignment,
     ImuClock,
     LearnedIncrements,
@@ -177,7 +176,7 @@ def model_with_all_kinds():
     }  # fmt: skip
     constants = (
         constant(find_effect("com_offset"), "dx", "dz"),
-        constant(BodyAsymmetry(), "Cm"),
+        constant(find_effect("rolling_moment"), "c"),
         constant(find_effect("imu_lever_arm"), "dy", imu="secondary"),
         constant(ImuAlignment(), "mx", imu="secondary"),
         constant(ImuClock(), "tau", imu="secondary"),

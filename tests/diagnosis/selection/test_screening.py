@@ -191,6 +191,18 @@ def test_an_effect_whose_hooks_fail_is_reported_or_raised(monkeypatch):
         list(scan_jacobians(model_of(None), effects, 240.0))
 
 
+def test_an_effect_that_begins_at_a_time_is_screened_at_abrupt_changes(monkeypatch):
+    """Besides its scan of 40 times; the changes of a model are computed for such effects alone."""
+    monkeypatch.setattr(screening, "scan_range", lambda model: (60.0, 8e3))
+    monkeypatch.setattr(screening, "effect_jacobian", lambda model, instance: instance)
+    monkeypatch.setattr(screening, "abrupt_changes", lambda model: [130.05, 77.0, 300.0])
+    torque, mass = (EffectInstance(find_effect(n), {}) for n in ("remnant_torque", "mass"))
+    times = [i.values["t0"] for i in scan_jacobians(model_of(None), [torque], 240.0)]
+    assert times == pytest.approx(sorted([*np.linspace(60.0, 240.0, 40), 77.0, 130.05]))
+    monkeypatch.setattr(screening, "abrupt_changes", None)
+    assert len(list(scan_jacobians(model_of(None), [mass], 240.0))) == 1
+
+
 @pytest.mark.parametrize("columns", [1, 4, 64])
 def test_batches_of_any_size_have_the_same_result(monkeypatch, columns):
     """The places of an effect may be in several batches; each filter has its own result."""

@@ -10,14 +10,14 @@ from dataclasses import replace
 import numpy as np
 
 from edl_filter.aero.database import Database
-from edl_filter.aero.discrepancy import FIELD_COEFFICIENTS, AngleModes, DiscrepancyPrior
+from edl_filter.aero.discrepancy import ASYMMETRIES, FIELD_COEFFICIENTS, AngleModes, DiscrepancyPrior
 from edl_filter.aero.grid import GridTable
 from edl_filter.diagnosis.jacobians.nuisance import StatedUncertainty
 from edl_filter.diagnosis.prediction.dead_reckoning import NODES_PER_BIN
 from edl_filter.diagnosis.prediction.predicted_readings import predict_increment
 from edl_filter.diagnosis.prediction.residuals import ModelInputs, Residuals
 from edl_filter.diagnosis.prediction.time_bins import TimeBins, bin_sigma
-from edl_filter.effects.perturbation import CoefficientUnits, Perturbation
+from edl_filter.effects.perturbation import CoefficientUnits, FieldPerturbation, Perturbation
 from edl_filter.types import Array
 
 
@@ -34,6 +34,16 @@ def database_units(inputs: ModelInputs, residuals: Residuals, prior: Discrepancy
     flow = residuals.flow
     places = flow.mach, flow.knudsen, flow.alpha_total, flow.speed
     return CoefficientUnits(flow.time, **discrepancy_sigma(inputs.forward_model.database, prior, *places))
+
+
+def asymmetry_units(inputs: ModelInputs, residuals: Residuals, prior: DiscrepancyPrior) -> CoefficientUnits | None:
+    """One sigma of the coefficients that are fixed to the body at the nodes; None where there are none."""
+    if prior.asymmetry == 0.0:
+        return None
+    flow = residuals.flow
+    limits = inputs.forward_model.database.lookup(flow.mach, flow.knudsen, flow.alpha_total, flow.speed).three_sigma
+    sigma = {name: prior.asymmetry / 3.0 * getattr(limits, name) for name in FIELD_COEFFICIENTS}
+    return CoefficientUnits(flow.time, **sigma)
 
 
 def discrepancy_sigma(
@@ -89,6 +99,35 @@ def coefficient_loads(
     nominal = replace(model, perturbation=Perturbation.zero(units)).loads(flow, tables)
     changed = replace(model, perturbation=perturbation).loads(flow, tables)
     return changed[0] - nominal[0], changed[1] - nominal[1]
+
+
+def field_loads(inputs: ModelInputs, residuals: Residuals, name: str, field: FieldPerturbation) -> tuple[Array, Array]:
+    """Change of force (N) and moment (N m) at the nodes ``(M, 3)`` by one sigma of a coefficient or of an asymmetry.
+
+    Parameters
+    ----------
+    inputs : ModelInputs
+        The model, and the readings corrected by its sensor effects.
+    residuals : Residuals
+        With the flow along the path.
+    name : str
+        Of a coefficient or an asymmetry that the field has.
+    field : FieldPerturbation
+        Modes and one sigma of the database's discrepancy.
+    """
+    if name not in ASYMMETRIES:
+        return coefficient_loads(inputs, residuals, name, field.units)
+    assert field.asymmetry is not None
+    flow, model = residuals.flow, inputs.forward_model
+    force, moment = np.zeros((2, len(flow.time), 3))
+    load = flow.dynamic_pressure * model.area * field.asymmetry.at(ASYMMETRIES[name], flow.time)
+    if name == "side_asymmetry":
+        force[:, 1] = load
+    elif name == "normal_asymmetry":
+        force[:, 2] = -load
+    else:
+        moment[:, 1 if name == "pitch_asymmetry" else 2] = load * model.diameter
+    return force, moment
 
 
 def field_modes(

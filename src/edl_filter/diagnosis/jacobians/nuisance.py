@@ -16,9 +16,10 @@ ca, cn, cm
     Numerical errors of the prediction (sampling, interpolation, small angles), pairs of the same kind against time.
 mass, inertia
     Relative errors.
-fields of ca, cn, cm
+fields of ca, cn, cm, and of the asymmetry
     Amplitudes of the modes of the database's discrepancy (`aero.discrepancy`), Matérn processes of order 3/2 against
-    the distance along the flow: all values, then all derivatives. None with an exact database.
+    the distance along the flow: all values, then all derivatives. None with an exact database; one mode for each
+    coefficient of an asymmetry.
 
 An unmodelled acceleration (`noise.unmodelled_acceleration`) is appended to all of them where it is allowed for.
 """
@@ -114,7 +115,7 @@ class NuisanceLayout:
         Name → slice, for the others.
     size : int
     fields : dict
-        Coefficient → slice of the amplitudes of its discrepancy; the derivatives of all of them follow.
+        Coefficient or asymmetry → slice of the amplitudes of its discrepancy; the derivatives of all of them follow.
     """
 
     layout: Layout
@@ -149,7 +150,7 @@ def nuisance_layout(
     uncertainty : StatedUncertainty
         Uncertainties that the mission states.
     modes : dict
-        Coefficient → modes of its discrepancy; empty with an exact database.
+        Coefficient or asymmetry → modes of its discrepancy; empty with an exact database.
     """
     sizes = {"gyro_noise_before": 3, "gyro_noise_after": 3}
     for i, record in enumerate(checking):

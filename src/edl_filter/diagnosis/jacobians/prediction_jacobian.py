@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from edl_filter import rotations
-from edl_filter.diagnosis.jacobians.coefficient_errors import coefficient_loads
+from edl_filter.diagnosis.jacobians.coefficient_errors import field_loads
 from edl_filter.diagnosis.jacobians.nuisance import StatedUncertainty
 from edl_filter.diagnosis.prediction.dead_reckoning import PathNodes
 from edl_filter.diagnosis.prediction.predicted_readings import (
@@ -46,8 +46,8 @@ class PredictionJacobian:
         Of the steps of the mean rate.
     columns : dict
         position, velocity, attitude (error of the state), density (logarithm), wind_east, wind_north (m/s), ca, cn, cm
-        (in sigmas of the numerical error), mass, inertia (logarithm), rate (rad/s), and field_ca, field_cn, field_cm
-        (amplitudes of the discrepancy's modes) → slice of columns.
+        (in sigmas of the numerical error), mass, inertia (logarithm), rate (rad/s), and field_ca, field_cn,
+        field_cm, field_pitch_asymmetry, field_yaw_asymmetry (amplitudes of the discrepancy's modes) → slice of columns.
     force_nonlinearity, rate_step_nonlinearity : (B, 3), (B - 1, 3) arrays
         Departure of the predictions from linearity over two sigmas of density (where one table ends and another begins,
         the time of the transition is uncertain by a tenth of a second), combined with the quadrature error.
@@ -131,7 +131,7 @@ def prediction_jacobian(
     widths |= {"ca": 1, "cn": 1, "cm": 1, "mass": 1, "inertia": 1, "rate": 3}
     if field is not None:
         for name, mode in field.modes.items():
-            unit_force, unit_moment = coefficient_loads(inputs, residuals, name, field.units)
+            unit_force, unit_moment = field_loads(inputs, residuals, name, field)
             for shape in field.shapes(name, flow).T[:, :, None]:
                 by_force, by_rate = predict_increment(model, bins, unit_force * shape, unit_moment * shape)
                 force_columns.append(by_force)

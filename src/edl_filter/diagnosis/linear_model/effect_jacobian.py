@@ -75,6 +75,7 @@ def scan_grid(
     lowest: float,
     settings: DecisionSettings,
     stated: Mapping[str, Sequence[float]] | None = None,
+    changes: Sequence[float] = (),
 ) -> list[dict[str, float]]:
     """All combinations of places at which an effect is screened, at least one.
 
@@ -90,6 +91,8 @@ def scan_grid(
         Thresholds of the diagnosis.
     stated : mapping, optional
         Name of a place → the values at which it is screened, instead of its scan.
+    changes : sequence of float
+        Times at which parameters of kind ``time`` are screened as well, s.
     """
     grids: list[Sequence[float]] = []
     for q in effect.places:
@@ -106,7 +109,8 @@ def scan_grid(
         elif q.kind == "phase":
             grids.append(list(np.arange(q.scan) * (high - low) / q.scan + low))
         else:
-            grids.append(list(np.linspace(low, high, q.scan)))
+            added = [t for t in changes if low <= t <= high] if q.kind == "time" else []
+            grids.append(sorted({*np.linspace(low, high, q.scan).tolist(), *added}))
     names = [q.name for q in effect.places]
     combinations = [dict(zip(names, values, strict=True)) for values in product(*grids)]
     return [places for places in combinations if is_ordered(EffectInstance(effect, places))]

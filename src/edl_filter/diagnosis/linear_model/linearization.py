@@ -8,7 +8,12 @@ from dataclasses import replace
 import numpy as np
 
 from edl_filter.diagnosis.jacobians.bin_rows import bin_rows
-from edl_filter.diagnosis.jacobians.coefficient_errors import database_units, field_modes, numerical_error_units
+from edl_filter.diagnosis.jacobians.coefficient_errors import (
+    asymmetry_units,
+    database_units,
+    field_modes,
+    numerical_error_units,
+)
 from edl_filter.diagnosis.jacobians.nuisance import nuisance_layout
 from edl_filter.diagnosis.jacobians.prediction_jacobian import prediction_jacobian
 from edl_filter.diagnosis.jacobians.state_space import assemble_state_space
@@ -73,10 +78,12 @@ def linearize_at(
         units, field = perturbation.units, perturbation.field
     else:
         units = numerical_error_units(residuals, uncertainty)
-        if uncertainty.discrepancy.scale > 0.0:
+        if not uncertainty.discrepancy.is_exact:
             database = database_units(inputs, residuals, uncertainty.discrepancy)
             modes = field_modes(inputs, bins, residuals, uncertainty.discrepancy, database)
-            field = FieldPerturbation.zero(modes, database, inputs.forward_model.database.continuum_limit)
+            asymmetry = asymmetry_units(inputs, residuals, uncertainty.discrepancy)
+            limit = inputs.forward_model.database.continuum_limit
+            field = FieldPerturbation.zero(modes, database, asymmetry, limit)
     jacobian = prediction_jacobian(inputs, bins, residuals, uncertainty, units, field)
     modes = {} if field is None else field.modes
     nuisance = nuisance_layout(inputs.problem.layout, inputs.checking, bins, uncertainty, modes)

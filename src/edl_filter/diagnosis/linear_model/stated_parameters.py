@@ -1,6 +1,6 @@
 """Constant nuisance parameters: what a mission states with a sigma and the catalogue knows as an effect.
 
-Centre of mass, products of inertia, asymmetry, rolling moment and damping, place, alignment and clock of each IMU are
+Centre of mass, products of inertia, rolling moment and damping, place, alignment and clock of each IMU are
 constant over a flight and change the readings, the path or the loads as effects do. Each is therefore an effect with
 the mission's sigma as prior (a consider parameter: Tapley, Schutz and Born, Statistical Orbit Determination, 2004, ch.
 6): its columns are those of `effect_jacobian`, its value belongs to the linearisation point, and it is marginalised as
@@ -61,20 +61,6 @@ class ImuClock(Effect):
     def corrected(self, p: Values, time: Array, force: Array, rate: Array) -> tuple[Array, Array]:
         """Force and rate of the time `tau` later."""
         return delayed(time, force, -p["tau"]), delayed(time, rate, -p["tau"])
-
-
-class BodyAsymmetry(Effect):
-    """Pitching and yawing moments in proportion to the dynamic pressure, fixed to the body."""
-
-    name = "body_asymmetry"
-    parameters = tuple(
-        Parameter(q, "", f"{q} about the centre of mass", 1e-4, low=-0.1, high=0.1) for q in ("Cm", "Cn")
-    )
-
-    def force_moment(self, p: Values, flow: FlightCondition) -> tuple[Array, Array]:
-        """Moment ``q S D (0, Cm, Cn)``, N m."""
-        size = flow.dynamic_pressure * flow.area * flow.diameter
-        return np.zeros((len(size), 3)), size[:, None] * np.array([0.0, p["Cm"], p["Cn"]])
 
 
 class LearnedIncrements(Effect):
@@ -139,8 +125,6 @@ def stated_parameters(mission: Mission, telemetry: Telemetry) -> tuple[StatedPar
         candidates.append((effects["products_of_inertia"], None, products))
     if aero is not None:
         stated_errors = aero.discrepancy
-        asymmetry = stated_errors.asymmetry_sigma
-        candidates.append((BodyAsymmetry(), None, {"Cm": asymmetry, "Cn": asymmetry}))
         candidates.append((effects["rolling_moment"], None, {"c": stated_errors.rolling_sigma}))
         candidates.append((effects["pitch_damping"], None, {"a": stated_errors.damping_sigma}))
     driving = telemetry.driving.units[int(telemetry.driving.unit[0])] if telemetry.driving.units else None

@@ -1,7 +1,10 @@
-"""Change points: the times at which channels begin to fail.
+"""Change points: the times at which channels begin to fail, and at which the model changes abruptly.
 
-Input: the normalised innovations of a linearised model. Method: a likelihood-ratio scan of each channel for a larger
-variance. Output: onsets, each with its channel, time and log-likelihood ratio.
+Input: a linearised model. Method: for the beginnings, a likelihood-ratio scan of the normalised innovations of each
+channel for a larger variance; for an abrupt change, the largest innovations of all forces and moments together: the
+nuisance parameters that vary with time or with the flow follow what is missing from some bins after its beginning on,
+so that the innovations are largest at the change itself (Willsky and Jones, IEEE Trans. Automatic Control 21 (1976)
+108). Output: onsets, each with its channel, time and log-likelihood ratio; times.
 """
 
 from __future__ import annotations
@@ -13,6 +16,9 @@ import numpy as np
 from edl_filter.diagnosis.linear_model.linear_model import LinearizedModel
 from edl_filter.diagnosis.residual_analysis.residual_map import channels, normalised_innovations
 from edl_filter.types import Array, IntArray
+
+#: Rows of a bin that are predicted: forces and steps of the rate; those of the checking IMUs follow.
+_PREDICTED = 6
 
 
 @dataclass(frozen=True)
@@ -45,6 +51,33 @@ def onsets(model: LinearizedModel) -> list[Onset]:
         if gain > settings.onset_nats:
             by_channel.append(Onset(channel, float(model.bins.edges[used[first]]), gain))
     return sorted(by_channel, key=lambda o: -o.gain)
+
+
+def abrupt_changes(model: LinearizedModel) -> list[float]:
+    """Beginnings of the bins with the largest innovations at the stated noise (s), largest first.
+
+    At most `abrupt_changes` of the settings, which lie `abrupt_change_spacing_s` apart; none where no residual has
+    excess variance.
+
+    Parameters
+    ----------
+    model : LinearizedModel
+        The linearised model.
+    """
+    if model.excess_variance.is_zero:
+        return []
+    settings, bins = model.settings, model.bins
+    white = model.white_residuals(model.stated_noise_filter)
+    rows = model.index.bin_rows[:, :_PREDICTED]
+    size = np.sum(np.where(rows >= 0, white[rows], 0.0) ** 2, axis=1)
+    times: list[float] = []
+    for k in np.argsort(-size, kind="stable"):
+        if len(times) == settings.abrupt_changes or size[k] == 0.0:
+            break
+        begin = float(bins.edges[k])
+        if all(abs(begin - t) >= settings.abrupt_change_spacing_s for t in times):
+            times.append(begin)
+    return times
 
 
 def variance_change_point(normalised: Array, shortest: int) -> tuple[int, float]:

@@ -39,7 +39,7 @@ def estimate_database_update(model: LinearizedModel) -> DatabaseUpdate | None:
         Of the flight, with the effects that are in its model: what another effect causes is taken for an error of the
         database as far as that can be.
     """
-    if model.field is None:
+    if model.field is None or model.case.uncertainty.discrepancy.scale == 0.0:
         return None
     path, prior = FlownPath.of(model), model.case.uncertainty.discrepancy
     database = model.inputs.forward_model.database

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from edl_filter.aero.discrepancy import ASYMMETRIES
 from edl_filter.aero.increments import SYMBOLS, DatabaseUpdate
 from edl_filter.diagnosis.linear_model.linear_model import LinearizedModel
 from edl_filter.estimation.smoothing import smoothed_states
@@ -18,6 +19,8 @@ from edl_filter.estimation.smoothing import smoothed_states
 REPORTED_SIGMAS = 2.0
 #: Nuisance parameters with a stated sigma and their units.
 _UNITS = {"density": "", "wind_east": "m/s", "wind_north": "m/s", "mass": "", "inertia": ""}
+#: What each coefficient of the asymmetry is called.
+_ASYMMETRY_SYMBOLS = dict(zip(ASYMMETRIES, ("CY", "CN", "Cm", "Cn"), strict=True))
 
 
 @dataclass(frozen=True)
@@ -28,7 +31,7 @@ class NuisanceShift:
     ----------
     name : str
         ``density``, ``wind_east``, ``mass`` and so on; label and parameter of a constant one, such as ``com_offset
-        dy``; ``database CA`` and so on for the database.
+        dy``; ``database CA`` and so on for the database; ``asymmetry Cm`` and so on for what is fixed to the body.
     sigmas : float
         Over the stated sigma; where it varies during the flight, the largest.
     value : float
@@ -54,7 +57,7 @@ def nuisance_shifts(model: LinearizedModel, update: DatabaseUpdate | None) -> tu
     """
     whiten, nuisance = model.fitted_noise_filter, model.nuisance
     initial, states = smoothed_states(whiten, model.white_residuals(whiten), model.initial_mean)
-    _, steps = model.index.step_of_bins(whiten.model.row_start)
+    used, steps = model.index.step_of_bins(whiten.model.row_start)
     shifts = []
     for name, unit in _UNITS.items():
         if name in nuisance and len(steps):
@@ -70,6 +73,13 @@ def nuisance_shifts(model: LinearizedModel, update: DatabaseUpdate | None) -> tu
             value = float(initial[place])
             shifts.append(NuisanceShift(f"{stated.instance.label} {name}", value / sigma, value, units[name]))
             place += 1
+    for name, symbol in _ASYMMETRY_SYMBOLS.items():
+        if name in nuisance.fields and len(steps):
+            assert model.field is not None and model.field.asymmetry is not None
+            values = states[steps, nuisance.fields[name].start]
+            k = int(np.argmax(np.abs(values)))
+            sigma = model.field.asymmetry.at(ASYMMETRIES[name], model.bins.edges[1:][used[[k]]])[0]
+            shifts.append(NuisanceShift(f"asymmetry {symbol}", float(values[k]), float(values[k] * sigma), ""))
     for largest in () if update is None else update.largest():
         shifts.append(NuisanceShift(f"database {SYMBOLS[largest.coefficient]}", largest.sigmas, largest.increment, ""))
     moved = [s for s in shifts if abs(s.sigmas) > REPORTED_SIGMAS]

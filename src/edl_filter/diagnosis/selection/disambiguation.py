@@ -14,6 +14,7 @@ from functools import partial
 
 import numpy as np
 
+from edl_filter.aero.discrepancy import ASYMMETRIES
 from edl_filter.diagnosis.jacobians.nuisance import CHECKING, FIELD_STATES
 from edl_filter.diagnosis.linear_model.effect_jacobian import effect_jacobian
 from edl_filter.diagnosis.linear_model.linear_model import LinearizedModel
@@ -29,7 +30,7 @@ KNOWLEDGE = {
     "the winds": ("wind_east", "wind_north"),
     "the mass": ("mass",),
     "the inertia": ("inertia",),
-    "the coefficients, by a database without error": ("ca", "cn", "cm"),
+    "the coefficients, by a database without error": ("ca", "cn", "cm", *ASYMMETRIES),
     "the attitude at entry": ("attitude", "entry_frame", "onboard_attitude", "onboard_mounting"),
     "the entry state's position and velocity": ("position", "velocity", "entry_epoch"),
     "the accelerometers' errors": ("accelerometer_bias", "accelerometer_scale", "accelerometer_misalignment"),
@@ -38,7 +39,6 @@ KNOWLEDGE = {
 #: The same for constant nuisance parameters: effects that a mission states with a sigma.
 CONSTANT_KNOWLEDGE = {
     "the coefficients, by a database without error": (
-        "body_asymmetry",
         "rolling_moment",
         "pitch_damping",
         "database_increments",

@@ -22,6 +22,7 @@ from edl_filter.diagnosis.linear_model.effect_jacobian import (
     scan_range,
 )
 from edl_filter.diagnosis.linear_model.linear_model import LinearizedModel
+from edl_filter.diagnosis.residual_analysis.change_point import abrupt_changes
 from edl_filter.diagnosis.residual_analysis.unexplained import Remainder, describe_remainder
 from edl_filter.effects.base import Effect, EffectInstance, EffectKey, Parameter
 from edl_filter.errors import InputError
@@ -99,10 +100,12 @@ def scan_jacobians(
     begin, lowest = scan_range(model)
     oscillating = any(_frequencies(a.effect) for a in effects)
     line = describe_remainder(model) if oscillating else None
+    beginning = any(q.kind == "time" and q.scan > 1 for a in effects for q in a.effect.places)
+    changes = abrupt_changes(model) if beginning else []
     for instance in effects:
         try:
             stated = _places_of_line(instance.effect, line)
-            for places in scan_grid(instance.effect, begin, end, lowest, model.settings, stated):
+            for places in scan_grid(instance.effect, begin, end, lowest, model.settings, stated, changes):
                 yield effect_jacobian(model, replace(instance, values=places))
         except InputError as error:
             if failed is None:
