@@ -142,7 +142,7 @@ study-comparators: $(STAMP)
 	$(BIN)/python benchmarks/studies/comparators.py
 
 study-cross-prediction: $(STAMP)
-	$(BIN)/python benchmarks/studies/cross_prediction.py
+	$(BIN)/python benchmarks/studies/cross_prediction.py --figure docs/figures/increments_of_both_rovers.png
 	$(BIN)/python benchmarks/studies/cross_prediction.py --estimate
 
 study-moment-regression: $(STAMP)

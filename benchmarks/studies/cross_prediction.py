@@ -23,6 +23,7 @@ those of each row given all earlier rows, so that the gain over the prior divide
 from __future__ import annotations
 
 import argparse
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -30,13 +31,17 @@ import numpy as np
 from scipy.linalg import solve_triangular
 
 from edl_filter.aero.discrepancy import FIELD_COEFFICIENTS, AngleModes, DiscrepancyPrior
-from edl_filter.aero.increments import REGIMES
+from edl_filter.aero.increments import REGIMES, SYMBOLS
 from edl_filter.diagnosis.jacobians.coefficient_errors import interpolated_angles
 from edl_filter.diagnosis.linear_model.credible_model import with_estimated_discrepancy
 from edl_filter.diagnosis.linear_model.flight_case import load_case
 from edl_filter.diagnosis.linear_model.linear_model import LinearizedModel
 from edl_filter.diagnosis.linear_model.linearization import linearize
-from edl_filter.diagnosis.residual_analysis.database_update import FLOW_SPACING, knot_angles
+from edl_filter.diagnosis.residual_analysis.database_update import (
+    FLOW_SPACING,
+    estimate_database_update,
+    knot_angles,
+)
 from edl_filter.diagnosis.residual_analysis.field_posterior import (
     FlownPath,
     amplitude_covariance,
@@ -54,6 +59,8 @@ from edl_filter.types import Array
 SCALE = "coefficient_sigma"
 #: Channels of the driving IMU; the others compare two IMUs.
 CHANNELS = ("force_x", "force_y", "force_z", "moment_x", "moment_y", "moment_z")
+#: Angles of the figure, deg.
+FIGURE_ANGLES = (2.0, 4.0)
 #: Eigenvalue of the covariance over the angle, relative to the largest, below which a principal mode is left out.
 _NEGLIGIBLE_MODE = 1e-8
 #: Information about a combination of z below which it is left out.
@@ -270,6 +277,49 @@ def table(prediction: CrossPrediction) -> str:
     return "\n".join(lines)
 
 
+def draw_increments(models: Sequence[LinearizedModel], path: Path) -> None:
+    """Figure of the increments that each flight gives in continuum flow, at the tables' angles of `FIGURE_ANGLES`.
+
+    Parameters
+    ----------
+    models : sequence of LinearizedModel
+        Of the flights.
+    path : Path
+        PNG file.
+    """
+    import matplotlib.pyplot as plt  # imported on use: the tables need none
+
+    figure, axes = plt.subplots(
+        3, len(FIGURE_ANGLES), figsize=(9.0, 7.5), sharex=True, sharey="row", layout="constrained"
+    )
+    for model, colour in zip(models, ("tab:blue", "tab:orange"), strict=True):
+        mission = model.case.mission
+        update = estimate_database_update(model)
+        assert update is not None
+        regime = next(r for r in update.regimes if r.regime == "mach")
+        for c, row in enumerate(axes):
+            for ax, angle in zip(row, FIGURE_ANGLES, strict=True):
+                a = int(np.argmin(np.abs(regime.alpha - np.radians(angle))))
+                mean, sigma = regime.increment[c][:, a], regime.sigma[c][:, a]
+                flown = regime.bins[:, a] > 0
+                ax.fill_between(
+                    regime.nodes, mean - 2.0 * sigma, mean + 2.0 * sigma, color=colour, alpha=0.2, linewidth=0
+                )
+                ax.plot(regime.nodes, mean, color=colour, label=mission.title or mission.name)
+                ax.plot(regime.nodes[flown], mean[flown], "o", color=colour, markersize=3)
+                ax.axhline(0.0, color="grey", linewidth=0.8)
+                ax.set_xscale("log")
+                ax.set_title(f"{np.degrees(regime.alpha[a]):.3g} deg" if c == 0 else "")
+            row[0].set_ylabel(f"Δ{SYMBOLS[FIELD_COEFFICIENTS[c]]}")
+    for ax in axes[-1]:
+        ax.set_xlabel("Mach number")
+        ax.set_xticks([2, 5, 10, 20], ["2", "5", "10", "20"])
+        ax.minorticks_off()
+    axes[0, 0].legend(fontsize="small", title="bands: 2 sigma; circles: flown", title_fontsize="small")
+    figure.savefig(path, dpi=100)
+    plt.close(figure)
+
+
 def with_scale(mission: Mission, scale: float) -> Mission:
     """The mission with another scale of the database's error."""
     assert mission.aerodynamics is not None
@@ -292,12 +342,15 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("missions", nargs="*", type=Path, help="two missions of one vehicle")
     parser.add_argument("--estimate", action="store_true", help="estimate the scale on the flight that is learned from")
+    parser.add_argument("--figure", type=Path, help="PNG file of the increments of both flights")
     a = parser.parse_args()
     if len(a.missions) not in (0, 2):
         parser.error("two missions or none")
     files = a.missions or [shipped_mission(name) for name in ("mer_a", "mer_b")]
     missions = [Mission.load(file) for file in files]
     stated = [linear_model(mission) for mission in missions]
+    if a.figure:
+        draw_increments(stated, a.figure)
     names = [mission.title or mission.name for mission in missions]
     for first, second in ((0, 1), (1, 0)):
         models = stated

@@ -1,6 +1,7 @@
 """Errors of the aerodynamic coefficients along a path: their size, their loads, and the modes that a flight resolves.
 
-Two kinds: the numerical error of a prediction, and the discrepancy of the database (`aero.discrepancy`).
+Three kinds: the numerical error of a prediction, the discrepancy of the database, and the asymmetry of the vehicle
+(`aero.discrepancy`).
 """
 
 from __future__ import annotations

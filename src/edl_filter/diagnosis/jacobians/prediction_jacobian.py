@@ -47,7 +47,8 @@ class PredictionJacobian:
     columns : dict
         position, velocity, attitude (error of the state), density (logarithm), wind_east, wind_north (m/s), ca, cn, cm
         (in sigmas of the numerical error), mass, inertia (logarithm), rate (rad/s), and field_ca, field_cn,
-        field_cm, field_pitch_asymmetry, field_yaw_asymmetry (amplitudes of the discrepancy's modes) → slice of columns.
+        field_cm (amplitudes of the discrepancy's modes), field_side_asymmetry, field_normal_asymmetry,
+        field_pitch_asymmetry, field_yaw_asymmetry (amplitudes of the asymmetry) → slice of columns.
     force_nonlinearity, rate_step_nonlinearity : (B, 3), (B - 1, 3) arrays
         Departure of the predictions from linearity over two sigmas of density (where one table ends and another begins,
         the time of the transition is uncertain by a tenth of a second), combined with the quadrature error.

@@ -1,9 +1,9 @@
 """Constant nuisance parameters: what a mission states with a sigma and the catalogue knows as an effect.
 
-Centre of mass, products of inertia, rolling moment and damping, place, alignment and clock of each IMU are
-constant over a flight and change the readings, the path or the loads as effects do. Each is therefore an effect with
-the mission's sigma as prior (a consider parameter: Tapley, Schutz and Born, Statistical Orbit Determination, 2004, ch.
-6): its columns are those of `effect_jacobian`, its value belongs to the linearisation point, and it is marginalised as
+Centre of mass, products of inertia, rolling moment and damping, place, alignment and clock of each IMU are constant
+over a flight and change the readings, the path or the loads as effects do. Each is therefore an effect with the
+mission's sigma as prior (a consider parameter: Tapley, Schutz and Born, Statistical Orbit Determination, 2004, ch. 6):
+its columns are those of `effect_jacobian`, its value belongs to the linearisation point, and it is marginalised as
 a constant state. What is stated without a sigma is exact and has no state.
 
 Increments that a mission takes from another flight belong to them. Their mean is added to the tables. What remains
