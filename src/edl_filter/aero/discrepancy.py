@@ -40,8 +40,9 @@ FIELD_COEFFICIENTS = ("ca", "cn", "cm")
 ASYMMETRIES = {"side_asymmetry": "cn", "normal_asymmetry": "cn", "pitch_asymmetry": "cm", "yaw_asymmetry": "cm"}
 #: Product of prior variance and information of a mode below which it is left out: its posterior is its prior.
 NEGLIGIBLE_INFORMATION = 1.0
-#: Spacing of the angles at which modes are tabulated, rad, and range of the angles.
-_MODE_STEP, _MODE_RANGE = np.radians(0.05), np.radians(60.0)
+#: Spacing of the angles at which modes are tabulated, and these angles, rad.
+_MODE_STEP = np.radians(0.05)
+_MODE_ANGLES = np.arange(0.0, np.radians(60.0), _MODE_STEP)
 #: Distance, in correlation lengths, of two regimes with independent errors: their correlation is below 1e-70.
 _INDEPENDENT = 100.0
 #: Spacing of the angles in the eigenvalue problem, in correlation lengths.
@@ -128,11 +129,10 @@ class DiscrepancyPrior:
         nodes, root = nodes[used], np.sqrt(weight[used])
         size, vectors = np.linalg.eigh(root[:, None] * self.angle_kernel(coefficient, nodes, nodes) * root)
         informative = size > NEGLIGIBLE_INFORMATION
-        grid = np.asarray(np.arange(0.0, _MODE_RANGE, _MODE_STEP), float)
         # Nyström extension of each eigenvector, so that the sum of squares is the prior variance
-        extension = self.angle_kernel(coefficient, grid, nodes) * root
+        extension = self.angle_kernel(coefficient, _MODE_ANGLES, nodes) * root
         smooth = extension @ (vectors[:, informative] / np.sqrt(size[informative]))[:, ::-1]
-        continuum, rarefied = (_linear_between(grid, smooth, angles) for angles in table_angles)
+        continuum, rarefied = (_linear_between(_MODE_ANGLES, smooth, angles) for angles in table_angles)
         return AngleModes(continuum, rarefied)
 
     def flow_distance(self, mach: Array, knudsen: Array, continuum_limit: float, separate_regimes: bool) -> Array:
@@ -243,7 +243,7 @@ class AngleModes:
     @classmethod
     def constant(cls) -> AngleModes:
         """One mode, which is the same at all angles."""
-        ones = np.ones((len(np.arange(0.0, _MODE_RANGE, _MODE_STEP)), 1))
+        ones = np.ones((len(_MODE_ANGLES), 1))
         return cls(ones, ones)
 
     @property

@@ -94,11 +94,19 @@ def coefficient_loads(
     units : CoefficientUnits
         The units.
     """
+    zero = Perturbation.zero(units)
+    return _load_change(inputs, residuals, zero, zero.with_unit(name))
+
+
+def _load_change(
+    inputs: ModelInputs, residuals: Residuals, before: Perturbation, after: Perturbation
+) -> tuple[Array, Array]:
+    """Change of force (N) and moment (N m) at the nodes ``(M, 3)`` from one perturbation to another one.
+
+    Effects act on the tables before a perturbation is added; the loads are linear in the sum.
+    """
     model, flow, tables = inputs.forward_model, residuals.flow, residuals.tables
-    perturbation = Perturbation.zero(units).with_unit(name)
-    # effects act on the tables before a perturbation is added; the loads are linear in the sum
-    nominal = replace(model, perturbation=Perturbation.zero(units)).loads(flow, tables)
-    changed = replace(model, perturbation=perturbation).loads(flow, tables)
+    nominal, changed = (replace(model, perturbation=p).loads(flow, tables) for p in (before, after))
     return changed[0] - nominal[0], changed[1] - nominal[1]
 
 
@@ -118,17 +126,10 @@ def field_loads(inputs: ModelInputs, residuals: Residuals, name: str, field: Fie
     """
     if name not in ASYMMETRIES:
         return coefficient_loads(inputs, residuals, name, field.units)
-    assert field.asymmetry is not None
-    flow, model = residuals.flow, inputs.forward_model
-    force, moment = np.zeros((2, len(flow.time), 3))
-    load = flow.dynamic_pressure * model.area * field.asymmetry.at(ASYMMETRIES[name], flow.time)
-    if name == "side_asymmetry":
-        force[:, 1] = load
-    elif name == "normal_asymmetry":
-        force[:, 2] = -load
-    else:
-        moment[:, 1 if name == "pitch_asymmetry" else 2] = load * model.diameter
-    return force, moment
+    nothing = FieldPerturbation.zero(field.modes, field.units, field.asymmetry, field.continuum_limit)
+    unit = replace(nothing, amplitudes=nothing.amplitudes | {name: np.ones((1, 1))})
+    zero = Perturbation.zero(field.units)
+    return _load_change(inputs, residuals, zero, replace(zero, field=unit))
 
 
 def field_modes(
