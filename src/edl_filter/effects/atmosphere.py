@@ -40,7 +40,7 @@ class DensityWave(Effect):
     source = "thermal tides and gravity waves in entry profiles; Withers and Smith (2006)"
     parameters = (
         Parameter("A", "", "amplitude, relative", 0.1, low=-0.9, high=0.9),
-        Parameter("L", "m", "vertical wavelength", kind="length", low=8e3, high=25e3, scan=14, default=14e3),
+        Parameter("L", "m", "vertical wavelength", kind="length", low=8e3, high=25e3, scan=28, default=14e3),
         Parameter("phase", "rad", "phase at altitude zero", kind="phase", low=0.0, high=2.0 * np.pi, scan=8),
     )
     half_turn = ("A",)

@@ -1,10 +1,15 @@
-"""Stated error of a lever-arm acceleration: of the size of the true one where a torque begins, else zero."""
+"""Noise of the rows: a lever-arm acceleration where a torque begins, and bins in which either table may apply."""
+
+from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from edl_filter.diagnosis.jacobians.bin_rows import discontinuity_sigma
+from edl_filter.diagnosis.jacobians.bin_rows import bins_of_either_regime, discontinuity_sigma
+from edl_filter.diagnosis.prediction.dead_reckoning import NODES_PER_BIN
 from edl_filter.diagnosis.prediction.time_bins import TimeBins, bin_sigma
+from edl_filter.effects.perturbation import CoefficientUnits, Perturbation
 from edl_filter.imu_model.lever_arm import edge_values
 
 DT, N, ARM = 0.125, 80, np.array([-0.8, 0.5, -0.6])
@@ -54,3 +59,34 @@ def test_sigma_of_a_mean_over_bins(per_bin):
     samples = noise * rng.normal(size=(20_000, 12))
     means = np.add.reduceat(samples * interval, np.arange(0, 12, per_bin), axis=1) / bins.interval
     np.testing.assert_allclose(bin_sigma(bins, time, interval, noise), means.std(axis=0), rtol=0.03)
+
+
+def either_regime(log_knudsen, join="switch", density=None):
+    """Bins of either regime: the Knudsen number over its limit at the nodes, with a perturbation of the density."""
+    time = np.arange(len(log_knudsen), dtype=float)
+    perturbation = None
+    if density is not None:
+        units = CoefficientUnits(time, time, time, time)
+        perturbation = replace(Perturbation.zero(units), time=time, density=density, wind=np.zeros((len(time), 2)))
+    database = SimpleNamespace(join=join, continuum_limit=1e-3)
+    flow = SimpleNamespace(time=time, knudsen=1e-3 * np.exp(log_knudsen))
+    model = SimpleNamespace(database=database, perturbation=perturbation)
+    return bins_of_either_regime(model, SimpleNamespace(flow=flow), 0.1)
+
+
+def test_bins_near_the_limit_and_the_one_before_are_of_either_regime():
+    """Three sigmas of the density of 10 %; the step of the rate at a bin's end spans the next bin."""
+    log_knudsen = np.linspace(1.0, -1.0, 10 * NODES_PER_BIN + 1)
+    near = np.flatnonzero(either_regime(log_knudsen))
+    np.testing.assert_array_equal(near, [2, 3, 4, 5, 6])  # within 0.3 of the limit: 3 to 6
+    assert not either_regime(log_knudsen, join="blend").any()
+
+
+@pytest.mark.parametrize("shift", [-0.25, 0.25])
+def test_bins_of_either_regime_do_not_depend_on_the_point(shift):
+    """A point with another density has another Knudsen number; the rows' noise stays the same."""
+    log_knudsen = np.linspace(1.0, -1.0, 10 * NODES_PER_BIN + 1)
+    density = np.full(len(log_knudsen), shift)
+    about_point = either_regime(log_knudsen - shift, density=density)
+    np.testing.assert_array_equal(about_point, either_regime(log_knudsen))
+    assert np.any(either_regime(log_knudsen - shift) != about_point)

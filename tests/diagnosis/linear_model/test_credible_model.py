@@ -101,10 +101,18 @@ def test_a_failing_model_is_relinearised_to_where_it_is_more_probable(monkeypatc
     assert relinearize_failing_model(SimpleNamespace(settings=SETTINGS), models[0]) is models[1]
 
 
+def test_of_the_points_at_which_the_model_holds_the_most_likely_is_taken(monkeypatch):
+    """The first one need not have converged, and what it has not gained yet would be a gain of every effect."""
+    shares, likelihoods = [0.1, 0.05, 0.0, 0.0, 0.0], [90.0, 80.0, 10.0, 60.0, 14.0]
+    models = [constructed_model(k, s, v) for k, (s, v) in enumerate(zip(shares, likelihoods, strict=True))]
+    monkeypatch.setattr(module, "iterate_point", lambda case, iterations, max_share, first: iter(models[:iterations]))
+    assert relinearize_failing_model(SimpleNamespace(settings=SETTINGS), models[0]) is models[3]
+
+
 @pytest.mark.parametrize(
     ("shares", "index"),
     [
-        ([0.1, 0.05, 0.01, 0.0], 3),  # where no row has excess variance
+        ([0.1, 0.05, 0.01, 0.0, 0.01], 3),  # where no row has excess variance
         ([0.1, 0.05, 0.01], 2),  # where it holds, if that is the last point
         ([0.1, 0.05, 0.01, 0.03, 0.0], 2),  # not where it fails again
         ([0.1, 0.05, 0.045, 0.0], None),  # the progress is too small

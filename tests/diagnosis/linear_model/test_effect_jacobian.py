@@ -279,6 +279,29 @@ def test_an_effect_without_places_has_one_combination():
     assert scan_grid(find_effect("gyro_bias"), 0.0, 1.0, 8e3, SETTINGS) == [{}]
 
 
+def test_waves_are_scanned_at_equal_steps_of_the_wave_number_over_half_a_turn():
+    """The sign of the amplitude covers the other half of the turn."""
+    grid = scan_grid(find_effect("density_wave"), 60.0, 240.0, 8e3, SETTINGS)
+    assert sorted({1.0 / p["L"] for p in grid}) == pytest.approx(np.linspace(1.0 / 25e3, 1.0 / 8e3, 28))
+    assert sorted({p["phase"] for p in grid}) == pytest.approx(np.arange(4) * np.pi / 4.0)
+    assert len(grid) == 28 * 4
+
+
+@pytest.mark.parametrize("length", [8.2e3, 8.7e3, 9.9e3, 12.2e3, 17e3, 24e3])
+@pytest.mark.parametrize("phase", [0.2, 1.9, 4.04])
+def test_a_wave_at_any_place_is_similar_to_one_of_the_scan(length, phase):
+    """Over 10 to 70 km of altitude, with at least three quarters of its squared norm: none lies between the places."""
+    altitude = np.linspace(10e3, 70e3, 500)
+    wave = find_effect("density_wave")
+
+    def shape(places):
+        y = wave.density({"A": 1.0, **places}, altitude) - 1.0
+        return y / np.linalg.norm(y)
+
+    grid = scan_grid(wave, 60.0, 240.0, 8e3, SETTINGS)
+    assert max((shape(p) @ shape({"L": length, "phase": phase})) ** 2 for p in grid) > 0.75
+
+
 @pytest.mark.parametrize("name", ["wind", "remnant_torque", "density_wave", "static_instability"])
 def test_scan_grids_of_the_catalogue(name):
     effect = find_effect(name)

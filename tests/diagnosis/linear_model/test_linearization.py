@@ -75,24 +75,24 @@ def test_a_failing_model_has_a_least_number_of_points(monkeypatch, least, count)
 
 @pytest.mark.parametrize(("gain", "count"), [(-3.0, 2), (0.9, 2), (1.1, 4)])
 def test_the_iteration_ends_where_the_likelihood_gains_little(monkeypatch, gain, count):
-    """In parts of the setting; the point at which it gains little is the converged one."""
+    """In parts of the setting; the more likely of the last two points is returned."""
     likelihoods = [k * gain * SETTINGS.linearization_convergence_nats for k in range(4)]
     models, _ = patched_iteration(monkeypatch, [0.0], likelihoods)
     best = linearize(CASE, iterations=4)
-    assert len(models) == count and best is models[-1]
+    assert len(models) == count and best is models[-1 if gain > 0.0 else 0]
 
 
 @pytest.mark.parametrize(
     ("shares", "likelihoods", "best"),
     [
-        ([0.0, 0.0, 0.0], [1.0, 9.0, 2.0], 3),  # the noise of the rows differs from point to point
+        ([0.0, 0.0, 0.0], [1.0, 9.0, 2.0], 2),  # the iteration is no descent
         ([0.5, 0.0, 0.0], [9.0, 1.0, 22.0], 2),  # one that holds, although another is more likely
         ([0.5, 0.0, 0.4], [1.0, 9.0, 22.0], 2),
         ([0.5, 0.0, 0.01], [1.0, 9.0, 22.0], 2),  # one without excess variance
-        ([0.5, 0.01, 0.01], [1.0, 9.0, 2.0], 3),
+        ([0.5, 0.01, 0.01], [1.0, 9.0, 2.0], 2),
         ([0.5, 0.4, 0.3], [1.0, 9.0, 2.0], 2),
     ],
 )
-def test_the_last_model_that_holds_is_returned_or_the_most_likely(monkeypatch, shares, likelihoods, best):
+def test_the_most_likely_of_the_models_that_hold_is_returned_or_of_all(monkeypatch, shares, likelihoods, best):
     patched_iteration(monkeypatch, shares, likelihoods)
     assert linearize(CASE, iterations=3).number == best

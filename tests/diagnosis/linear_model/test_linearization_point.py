@@ -8,12 +8,14 @@ import pytest
 
 from edl_filter import Mission
 from edl_filter.diagnosis.linear_model.flight_case import flight_case, load_case
-from edl_filter.diagnosis.linear_model.linearization import linearize, map_point
+from edl_filter.diagnosis.linear_model.linearization import linearize, linearize_at, map_point
 from edl_filter.diagnosis.linear_model.linearization_point import (
     distance_from_stated,
     largest_change,
     nuisance_offset,
+    perturbation_from_states,
     smoothed_point,
+    states_of_bins,
 )
 from edl_filter.simulation import Scenario, simulate
 
@@ -143,18 +145,54 @@ def test_the_offset_cancels_a_small_perturbation(models, inexact_model, name):
     assert np.linalg.norm(displaced.residual_vector - model.residual_vector) < 1e-2 * change
 
 
-def test_the_offset_is_that_of_the_rows_alone(inexact_model):
-    """What the rows predict of the point's states; states that a perturbation has not are not in the point."""
+def test_the_offset_has_the_means_over_the_bins_of_each_row(inexact_model):
+    """By the derivatives of the rows; states that a perturbation has not, and derivatives, are not in the point."""
     model, point = inexact_model, next_point(inexact_model)
     nuisance, states = model.nuisance, point.bin_states
-    assert states.shape == (len(model.bins.middle), nuisance.size)
-    assert not states[:, : nuisance["density"].start].any() and states[:, nuisance["density"].start].any()
-    assert all(states[:, f].any() for f in nuisance.fields.values())
+    assert states.shape == (2, len(model.bins.middle), nuisance.size)
+    density = nuisance["density"].start
+    assert not states[..., :density].any() and states[..., density].any() and not states[..., density + 1].any()
+    assert all(states[..., f].any() for f in nuisance.fields.values())
+    sigma = model.case.uncertainty.sigma["density"]
+    assert states[0, 300, density] * sigma == pytest.approx(np.mean(point.perturbation.density[299:301]))
     offset = nuisance_offset(model.index, model.state_space.design, states)
     for b in (10, 300, 800):
-        rows = model.index.bin_rows[b][model.index.bin_rows[b] >= 0]
-        np.testing.assert_allclose(
-            offset[rows], model.state_space.design[rows, : nuisance.size] @ states[b], rtol=1e-12
-        )
+        for mean, rows in zip(states[:, b], (model.index.bin_rows[b, :3], model.index.bin_rows[b, 3:6]), strict=True):
+            np.testing.assert_allclose(offset[rows], model.state_space.design[rows, : nuisance.size] @ mean, rtol=1e-12)
+    checking = model.index.bin_rows[:, 6:]
     constraints = [row for rows in model.index.constraint_rows for row in range(rows.start, rows.stop)]
-    assert constraints and not offset[constraints].any()
+    assert constraints and not offset[constraints].any() and not offset[checking[checking >= 0]].any()
+
+
+@pytest.mark.parametrize("name", ["density", "field"])
+def test_the_offset_cancels_a_perturbation_that_varies_from_bin_to_bin(inexact_model, name):
+    """As the most probable density does, which follows the noise of the forces: the twin integrates the loads."""
+    model, nuisance = inexact_model, inexact_model.nuisance
+    whiten = model.stated_noise_filter
+    count = len(whiten.model.row_start)
+    parts = [nuisance["density"].start] if name == "density" else [f.start for f in nuisance.fields.values()]
+    states = np.zeros((count, nuisance.size))
+    sign = np.random.default_rng(3).choice([-1.0, 1.0], (count, len(parts)))
+    states[:, parts] = (3e-3 if name == "density" else 1e-3) * sign
+    states[:, [i + 1 for i in parts]] = 1.0 if name == "density" else 0.0  # a derivative that no residual contains
+    perturbation = perturbation_from_states(
+        model.index, model.bins, nuisance, model.case.uncertainty.sigma, model.units, model.field,
+        whiten.model.row_start, states,
+    )  # fmt: skip
+    means = states_of_bins(model.index, model.bins, nuisance, whiten.model.row_start, states)
+    point = replace(model.point, perturbation=perturbation, bin_states=means)
+    displaced, sigma = model.at_point(point, ()), model.stated_noise_sigma
+    change = (displaced.index.stack(displaced.residuals) - model.residual_vector) / sigma
+    assert np.abs(change).max() > 0.1
+    size = np.linalg.norm(change)
+    left = np.linalg.norm((displaced.residual_vector - model.residual_vector) / sigma)
+    ends = states[1 : len(model.bins.middle) + 1]
+    at_ends = replace(displaced, point=replace(point, bin_states=np.stack((ends, ends))))
+    assert left < 0.1 * size < 0.2 * np.linalg.norm((at_ends.residual_vector - model.residual_vector) / sigma)
+
+
+def test_two_successive_points_are_equally_likely(models):
+    """Where the iteration has converged; by a tenth of the gain that names an effect."""
+    point = next_point(models[1])
+    following = linearize_at(models[1].case, point)
+    assert following.log_likelihood == pytest.approx(models[1].log_likelihood, abs=0.6)

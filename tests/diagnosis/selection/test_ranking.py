@@ -247,6 +247,8 @@ class Constructed:
 
 
 FAILING, HOLDING = Constructed("failing", False), Constructed("holding", True)
+#: What an effect explains that no other one of a test does.
+DISSIMILAR = np.array([0.0, 1.0])
 
 
 @dataclass(frozen=True)
@@ -465,7 +467,8 @@ def test_where_the_model_holds_a_leader_is_relinearised_if_it_can_be_named(monke
 
 def test_about_a_failing_model_the_rivals_of_the_leader_are_relinearised(monkeypatch):
     """Those with a quarter of its gain; effects with the largest evidence at other noises before them."""
-    hypotheses = [named("weak", 24.0), named("close", 26.0), named("leader", 100.0, own_noise_evidence=-9.0)]
+    leader = named("leader", 100.0, own_noise_evidence=-9.0, explained=DISSIMILAR)
+    hypotheses = [named("weak", 24.0), named("close", 26.0), leader]
     assert relinearize(monkeypatch, hypotheses)[1] == [("leader", True), ("close", True)]
     own_noise = [*hypotheses, named("own", 10.0, own_noise_evidence=-5.0)]
     assert relinearize(monkeypatch, own_noise)[1] == [("leader", True), ("own", False), ("close", True)]
@@ -474,7 +477,7 @@ def test_about_a_failing_model_the_rivals_of_the_leader_are_relinearised(monkeyp
         return SimpleNamespace(evidence=evidence)
 
     stated = [
-        named("leader", 100.0, own_noise_evidence=-4.0),
+        named("leader", 100.0, own_noise_evidence=-4.0, explained=DISSIMILAR),
         named("close", 26.0),
         named("worse", 5.0, stated_noise_fit=at_stated_noise(-300.0)),
         named("stated", 2.0, stated_noise_fit=at_stated_noise(-200.0)),
@@ -485,7 +488,27 @@ def test_about_a_failing_model_the_rivals_of_the_leader_are_relinearised(monkeyp
 
 def test_a_failing_model_has_no_least_gain(monkeypatch):
     """Gains about a failing model are too small by a factor that is not known."""
-    assert relinearize(monkeypatch, [named("a", 1.0), named("b", 0.1)])[1] == [("a", True)]
+    hypotheses = [named("a", 1.0), named("b", 0.1, explained=DISSIMILAR)]
+    assert relinearize(monkeypatch, hypotheses)[1] == [("a", True)]
+
+
+@pytest.mark.parametrize(
+    ("model", "at_floor", "cosine", "expected"),
+    [
+        (FAILING, False, 0.91, ["leader", "same"]),
+        (FAILING, False, 0.89, ["leader"]),
+        (FAILING, True, 0.91, ["leader"]),  # what the leader explains, the other one cannot explain better
+        (HOLDING, False, 0.91, ["leader"]),  # gains about the first point are accurate
+    ],
+)
+def test_an_effect_that_explains_the_same_may_explain_all_about_its_own_reconstruction(
+    monkeypatch, model, at_floor, cosine, expected
+):
+    """An error of the clock of one IMU, say, or of the other one: 0.9 of `same_correlation`."""
+    same = np.array([cosine, np.sqrt(1.0 - cosine**2)])
+    hypotheses = [named("leader", 100.0, model=model), named("same", 1.0, model=model, explained=same)]
+    asked = relinearize(monkeypatch, hypotheses, {"leader": {"at_floor": at_floor}})[1]
+    assert [name for name, _ in asked] == expected
 
 
 def test_no_more_than_a_number_of_hypotheses_are_relinearised(monkeypatch):

@@ -332,11 +332,15 @@ def test_a_place_moves_to_the_largest_evidence_within_its_bounds(monkeypatch, st
     assert values["M0"] == pytest.approx(expected, abs=0.2) and values["a"] == 1e-3
 
 
+#: Change of a length of 12 km by a step of the wave number, of 27 between those of 25 and 8 km.
+WAVE_STEP = 12e3**2 * (1.0 / 8e3 - 1.0 / 25e3) / 27.0
+
+
 @pytest.mark.parametrize(
     ("effect", "start", "steps"),
     [
         ("static_instability", {"M0": 18.0}, {"M0": 4.0}),  # of four steps between the bounds 10 and 26
-        ("density_wave", {"L": 12e3, "phase": 1.0}, {"L": 17e3 / 13.0, "phase": np.pi / 4.0}),  # a circle closes
+        ("density_wave", {"L": 12e3, "phase": 1.0}, {"L": WAVE_STEP, "phase": np.pi / 4.0}),  # a circle closes
         ("wind", {"h_lo": 5e3, "h_hi": 25e3}, {"h_lo": 4e3, "h_hi": 4e3}),
         ("remnant_torque", {"t0": 100.0}, {"t0": 250.0 / 39.0}),  # of the flight
     ],

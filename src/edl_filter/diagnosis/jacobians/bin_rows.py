@@ -194,6 +194,9 @@ def bin_rows(
 def bins_of_either_regime(model: ForwardModel, residuals: Residuals, density_sigma: float) -> BoolArray:
     """Bins ``(B,)`` in which either of two tables with independent errors may apply.
 
+    By the Knudsen number at the stated density, so that they are the same about every point: a bin more or less changes
+    the likelihood by tens of nats, which would count as evidence where models about two points are compared.
+
     Parameters
     ----------
     model : ForwardModel
@@ -203,7 +206,10 @@ def bins_of_either_regime(model: ForwardModel, residuals: Residuals, density_sig
     density_sigma : float
         Relative sigma of the density, which the Knudsen number has too.
     """
-    database, knudsen = model.database, residuals.flow.knudsen
+    database, flow = model.database, residuals.flow
+    knudsen = flow.knudsen
+    if model.perturbation is not None:
+        knudsen = model.perturbation.perturb_density(flow.time, knudsen)  # inversely proportional to the density
     if database.join != "switch":
         return np.zeros((len(knudsen) - 1) // NODES_PER_BIN, bool)
     near = np.abs(np.log(knudsen / database.continuum_limit)) < _REGIME_SIGMAS * density_sigma

@@ -28,7 +28,7 @@ from edl_filter.diagnosis.linear_model.flight_case import (
     flight_case,
 )
 from edl_filter.diagnosis.linear_model.linear_model import LinearizedModel
-from edl_filter.diagnosis.linear_model.linearization import iterate_point, linearize, linearize_at
+from edl_filter.diagnosis.linear_model.linearization import iterate_point, linearize, linearize_at, preference
 from edl_filter.diagnosis.linear_model.linearization_point import smoothed_point
 from edl_filter.mission import Mission
 from edl_filter.types import Array
@@ -116,8 +116,8 @@ def relinearize_failing_model(case: FlightCase, model: LinearizedModel) -> Linea
     """The alternative mode of a failing model: the point at which it holds, or at which it is more probable.
 
     The model fails about the smoothed reconstruction. After some iterations a nuisance parameter may have absorbed what
-    is missing, by as many sigmas as that takes (`LinearizedModel.largest_nuisance_sigmas`), wholly or in part. A point
-    at which the model holds with excess variance in a few rows has not converged, and is iterated further.
+    is missing, by as many sigmas as that takes (`LinearizedModel.largest_nuisance_sigmas`), wholly or in part. The
+    point is iterated until it converges, as in `linearize`.
 
     Parameters
     ----------
@@ -135,12 +135,9 @@ def relinearize_failing_model(case: FlightCase, model: LinearizedModel) -> Linea
     if model.holds:
         return None
     for candidate in islice(iterate_point(case, settings.alternative_iterations, 1.0, model), 1, None):
-        if candidate.excess_variance.is_zero:
-            return candidate
         if best.holds and not candidate.holds:
             break
-        if (candidate.holds, candidate.log_likelihood) > (best.holds, best.log_likelihood):
-            best = candidate
+        best = max(best, candidate, key=lambda m: preference(m, m.log_likelihood))
         if not candidate.holds and candidate.excess_variance.share > settings.alternative_progress * share:
             break
         share = candidate.excess_variance.share

@@ -79,6 +79,9 @@ def scan_grid(
 ) -> list[dict[str, float]]:
     """All combinations of places at which an effect is screened, at least one.
 
+    Lengths have equal steps of their inverse: over a flight's range of altitudes, two waves are dissimilar by the
+    difference of their wave numbers, not of their lengths.
+
     Parameters
     ----------
     effect : Effect
@@ -107,7 +110,11 @@ def scan_grid(
             span = min(high, settings.altitude_scan_top_m) - first
             grids.append(list(first + span * (np.arange(q.scan) / (q.scan - 1)) ** _ALTITUDE_SPACING))
         elif q.kind == "phase":
-            grids.append(list(np.arange(q.scan) * (high - low) / q.scan + low))
+            # the sign of the size covers the other half of the turn
+            turn, count = (0.5 * (high - low), (q.scan + 1) // 2) if effect.half_turn else (high - low, q.scan)
+            grids.append(np.linspace(low, low + turn, count, endpoint=False).tolist())
+        elif q.kind == "length" and low > 0.0:
+            grids.append((1.0 / np.linspace(1.0 / high, 1.0 / low, q.scan)).tolist())
         else:
             added = [t for t in changes if low <= t <= high] if q.kind == "time" else []
             grids.append(sorted({*np.linspace(low, high, q.scan).tolist(), *added}))

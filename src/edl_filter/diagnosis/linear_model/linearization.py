@@ -174,7 +174,8 @@ def map_point(
         replace(c.instance, values=c.instance.values | {name: next(values) for name in c.sigma})
         for c in model.case.constants
     )
-    bin_states = states_of_bins(model.index, model.nuisance, whiten.model.row_start, states[:, : model.nuisance.size])
+    own = states[:, : model.nuisance.size]
+    bin_states = states_of_bins(model.index, model.bins, model.nuisance, whiten.model.row_start, own)
     return LinearizationPoint(start, errors, perturbation, bin_states, constants)
 
 
@@ -230,10 +231,11 @@ def linearize(
     The first point is the smoothed reconstruction, which has no information from the aerodynamic model. With further
     iterations the point moves to the most probable nuisance parameters until it converges. A failing model may move the
     point away from the truth; so the iteration ends where more than `max_excess_share` of the rows have excess
-    variance. The noise of the rows depends on the point, and with it the likelihood by some nats; so the last model
-    that holds is returned, of those without excess variance if there are any, or the most likely one where none holds.
-    The iteration is no descent: where the angle of attack passes the nodes of a table, the likelihood may fall by tens
-    of nats from one point to the next.
+    variance. The iteration is no descent: the noise of the rows depends on the point, and where the angle of attack
+    passes the nodes of a table, the likelihood may fall by tens of nats from one point to the next. So the most likely
+    model of all points is returned: of those that hold without excess variance, if there are any, or of those that
+    hold. An effect is fitted about the most likely of its points too (`at_map_point`); if the model without it were
+    about a less likely one, the difference would be a gain of every effect.
 
     Parameters
     ----------
@@ -255,12 +257,26 @@ def linearize(
     first = first or linearize_at(case, smoothed_point(case.reconstruction))
     best = first
     for model in iterate_point(case, iterations, max_excess_share, first, least_iterations):  # large: one is kept
-        if best.holds:
-            better = model.holds and (model.excess_variance.is_zero or not best.excess_variance.is_zero)
-        else:
-            better = model.holds or model.white_excess_log_likelihood > best.white_excess_log_likelihood
-        best = model if better else best
+        best = max(best, model, key=lambda m: preference(m, m.white_excess_log_likelihood))
     return best
+
+
+def preference(model: LinearizedModel, log_likelihood: float) -> tuple[bool, bool, float]:
+    """Order of the linearisation points of one case: the largest is the best.
+
+    Parameters
+    ----------
+    model : LinearizedModel
+        About the point.
+    log_likelihood : float
+        Of the model, nats.
+
+    Returns
+    -------
+    tuple of (bool, bool, float)
+        Whether the model holds, whether it holds without excess variance, and the log-likelihood.
+    """
+    return model.holds, model.holds and model.excess_variance.is_zero, log_likelihood
 
 
 def iterate_point(

@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from edl_filter.diagnosis.jacobians.nuisance import FIELD_STATES, PERTURBED, NuisanceLayout
+from edl_filter.diagnosis.jacobians.nuisance import PERTURBED, NuisanceLayout
 from edl_filter.diagnosis.prediction.residuals import RowIndex
 from edl_filter.diagnosis.prediction.time_bins import TimeBins
 from edl_filter.effects.base import EffectInstance
@@ -37,8 +37,8 @@ class LinearizationPoint:
         Sensor errors by instrument, each in the filter's vector.
     perturbation : Perturbation, optional
         Of air, tables and vehicle; none at the first point.
-    bin_states : (B, n) array, optional
-        States at the bins' ends from which the perturbation was taken (`states_of_bins`).
+    bin_states : (2, B, n) array, optional
+        Means of the states from which the perturbation was taken, for each bin's rows (`states_of_bins`).
     constants : tuple of EffectInstance
         Constant nuisance parameters at their values (`stated_parameters`); empty at the first point.
     """
@@ -122,13 +122,21 @@ def perturbation_from_states(
     )
 
 
-def states_of_bins(index: RowIndex, nuisance: NuisanceLayout, row_start: IntArray, states: Array) -> Array:
-    """Smoothed states at the bins' ends ``(B, n)``: those that a perturbation has, zero in all others.
+def states_of_bins(
+    index: RowIndex, bins: TimeBins, nuisance: NuisanceLayout, row_start: IntArray, states: Array
+) -> Array:
+    """Means of the states that a perturbation has, for each bin's rows ``(2, B, n)``; zero for all other states.
+
+    The first are means over the bins, of the specific force; the second are means over a bin and the next one with the
+    triangular weight of a step of the rate. Between the bins' ends the states are linear in time, as in a
+    `Perturbation`. Derivatives of a process are zero, since a perturbation has none.
 
     Parameters
     ----------
     index : RowIndex
         Positions of the rows.
+    bins : TimeBins
+        Time bins of the comparison.
     nuisance : NuisanceLayout
         Positions of the nuisance parameters.
     row_start : (K + 1,) array of int
@@ -136,23 +144,31 @@ def states_of_bins(index: RowIndex, nuisance: NuisanceLayout, row_start: IntArra
     states : (K, n) array
         Smoothed states at every step.
     """
-    perturbing = np.zeros(states.shape[1], bool)
-    for name in PERTURBED:
-        if name in nuisance:
-            perturbing[nuisance[name]] = True
-    for values in nuisance.fields.values():
-        perturbing[values.start : values.start + FIELD_STATES * (values.stop - values.start)] = True
+    ends, dt = bins.edges[1:], bins.interval[:, None]
     used, step = index.step_of_bins(row_start)
-    out = np.zeros((len(index.bin_rows), states.shape[1]))
-    out[used] = np.where(perturbing, states[step], 0.0)
+    out = np.zeros((2, len(ends), states.shape[1]))
+    values = [nuisance[name].start for name in PERTURBED if name in nuisance]
+    values += [i for part in nuisance.fields.values() for i in range(part.start, part.stop)]
+    if not len(used):
+        return out
+    at_end = np.stack([np.interp(ends, ends[used], states[step, i]) for i in values], axis=1)
+    at_begin = np.concatenate((at_end[:1], at_end[:-1]))  # held before the first bin's end
+    following = np.concatenate((at_end[1:], at_end[-1:]))
+    next_dt = np.concatenate((dt[1:], dt[-1:]))
+    weighted = dt * (at_begin + 2.0 * at_end) + next_dt * (2.0 * at_end + following)
+    out[0, :, values] = 0.5 * (at_begin + at_end).T
+    out[1, :, values] = (weighted / (3.0 * (dt + next_dt))).T
     return out
 
 
 def nuisance_offset(index: RowIndex, design: Array, bin_states: Array) -> Array:
-    """Change of the residuals ``(R,)`` by the states of a point, by the same rows that estimate them.
+    """Change of the residuals ``(R,)`` by the states of a point, by the derivatives of the rows that estimate them.
 
     The nuisance parameters change the residuals by up to thousands of sigmas, so that any other linearisation, correct
-    to a thousandth, would leave a residual that is not zero at the most probable point.
+    to a thousandth, would leave a residual that is not zero at the most probable point. A row contains a process at the
+    bin's end and its derivative; the residuals contain its mean over the bin. Both are the same for a smooth process.
+    The estimated derivative of the density, however, follows the noise of the forces from bin to bin, and what it
+    changes in a row is in no residual: the means are added, so that the sum does not depend on the point.
 
     Parameters
     ----------
@@ -160,13 +176,14 @@ def nuisance_offset(index: RowIndex, design: Array, bin_states: Array) -> Array:
         Positions of the rows.
     design : (R, n) array
         Of the state-space model.
-    bin_states : (B, m) array
+    bin_states : (2, B, m) array
         Of `states_of_bins`; m ≤ n.
     """
     out = np.zeros(index.count)
-    bins, channels = np.nonzero(index.bin_rows >= 0)
-    rows = index.bin_rows[bins, channels]
-    out[rows] = np.einsum("rn,rn->r", design[rows, : bin_states.shape[1]], bin_states[bins])
+    for mean, channels in zip(bin_states, (slice(0, 3), slice(3, 6)), strict=True):
+        bins, channel = np.nonzero(index.bin_rows[:, channels] >= 0)
+        rows = index.bin_rows[:, channels][bins, channel]
+        out[rows] = np.einsum("rn,rn->r", design[rows, : mean.shape[1]], mean[bins])
     return out
 
 

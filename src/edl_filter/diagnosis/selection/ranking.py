@@ -312,7 +312,8 @@ def _relinearize_leaders(
     About a failing model gains are accurate to a factor only: a wrong name may lead where the right one changes the
     path by much. The right one reaches the noise about its own path, if nothing else is missing. So those with a share
     `rival_gain_share` of the leader's gain are relinearised too, and the ones that are best at the stated noise and at
-    the noise that they leave. Where the leader explains everything, only those that explain the same can be as good.
+    the noise that they leave. Where the leader explains everything, only those that explain the same can be as good;
+    where it leaves excess variance, those that explain the same may explain the rest about their own reconstruction.
     All gains are over the null model about the point where it is most probable, which is no advantage to those that are
     not relinearised. That point may be one of a hypothesis whose effect is insignificant there (`null_model_about`):
     then the null model about it, the most probable one of these, is returned too, and None otherwise.
@@ -326,16 +327,17 @@ def _relinearize_leaders(
         evidence = {h.key: h.stated_noise_fit.evidence for h in hypotheses if h.stated_noise_fit is not None}
         best_by_evidence = [max(hypotheses, key=lambda h: h.own_noise_evidence).key]
         best_by_evidence += sorted(evidence, key=lambda k: evidence[k])[-1:]
-    explained = {h.key: h.explained for h in ranked}
+    explained, model_holds = {h.key: h.explained for h in ranked}, bool(ranked) and ranked[0].model.holds
     relinearized: set[EffectKey] = set()
-    if ranked and ranked[0].model.holds and ranked[0].gain < _NAMEABLE_SHARE * settings.named_gain_nats:
+    if model_holds and ranked[0].gain < _NAMEABLE_SHARE * settings.named_gain_nats:
         return [h.with_reference(reference) for h in ranked], None  # none of them can be named
     better: tuple[LinearizedModel, NullModelFit] | None = None
     while ranked and len(relinearized) < settings.relinearized_hypotheses:
-        rivals = [*best_by_evidence, *close]
+        leader, rivals = explained[ranked[0].key], [*best_by_evidence, *close]
         if ranked[0].at_floor and ranked[0].gain > 0.0:
-            leader = explained[ranked[0].key]
             rivals = [k for k in close if correlation(leader, explained[k]) >= settings.distinct_correlation]
+        elif not ranked[0].at_floor and not model_holds:
+            rivals += [h.key for h in ranked if correlation(leader, explained[h.key]) >= settings.same_correlation]
         waiting = [key for key in (ranked[0].key, *rivals) if key not in relinearized]
         if not waiting:
             break

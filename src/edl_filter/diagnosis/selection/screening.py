@@ -277,6 +277,8 @@ def refine_places(model: LinearizedModel, instance: EffectInstance, whiten: Whit
     for q in scanned:
         low, high = (q.low, q.high) if np.isfinite([q.low, q.high]).all() else (0.0, model.bins.edges[-1])
         spacing = (high - low) / (q.scan if q.kind == "phase" else q.scan - 1)
+        if q.kind == "length" and low > 0.0:  # steps of the wave number
+            spacing = instance.values[q.name] ** 2 * (1.0 / low - 1.0 / high) / (q.scan - 1)
         steps[q.name] = settings.altitude_step_m if q.kind == "altitude" else spacing
     for _ in range(settings.place_refinements):
         for name in steps:
