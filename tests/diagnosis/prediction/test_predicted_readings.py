@@ -160,3 +160,23 @@ def test_the_quadrature_error_at_a_change_of_slope_is_half_as_large_again_as_the
     h = EVEN.interval[0] / NODES_PER_BIN  # the sum over 100 places is the integral to 1e-3
     assert np.sqrt(np.mean(np.square(stated))) == pytest.approx(h / np.sqrt(486.0), rel=2e-3)
     assert np.sqrt(np.mean(np.square(true))) == pytest.approx(h / np.sqrt(1080.0), rel=2e-3)
+
+
+def test_the_error_where_a_vehicle_passes_several_nodes_of_a_table_in_a_bin_is_covered():
+    """It oscillates by 9 deg at 1.3 Hz, the table has nodes at each degree, and its slope changes from node to node."""
+    bins = bins_of(np.arange(601) / 10.0)
+    degrees, rng = np.arange(12.0), np.random.default_rng(7)
+    coefficient = np.concatenate(([0.0], np.cumsum(1.0 + 0.1 * rng.normal(size=len(degrees) - 1))))
+
+    def load(time):
+        angle = 9.0 * np.sin(2.0 * np.pi * 1.3 * time) * (1.0 + 0.01 * time / 60.0)
+        return np.sign(angle) * np.interp(np.abs(angle), degrees, coefficient)
+
+    fine = bins.edges[:-1, None] + bins.interval[:, None] * (np.arange(2000) + 0.5) / 2000.0
+    exact = np.mean(load(fine), axis=1)
+    three_axes = np.repeat(load(nodes(bins))[:, None], 3, axis=1)
+    flow = SimpleNamespace(time=nodes(bins), rate=np.zeros_like(three_axes))
+    stated, _ = quadrature_error(model_of(np.eye(3), 1.0), bins, flow, three_axes, three_axes)
+    errors = (bin_average(load(nodes(bins)), bins) - exact) / stated[:, 0]
+    assert 0.5 < np.sqrt(np.mean(errors**2)) < 1.3  # 13 with the bound of each bin alone
+    assert np.abs(errors).max() < 5.0  # 190

@@ -231,11 +231,11 @@ def linearize(
     The first point is the smoothed reconstruction, which has no information from the aerodynamic model. With further
     iterations the point moves to the most probable nuisance parameters until it converges. A failing model may move the
     point away from the truth; so the iteration ends where more than `max_excess_share` of the rows have excess
-    variance. The iteration is no descent: the noise of the rows depends on the point, and where the angle of attack
-    passes the nodes of a table, the likelihood may fall by tens of nats from one point to the next. So the most likely
-    model of all points is returned: of those that hold without excess variance, if there are any, or of those that
-    hold. An effect is fitted about the most likely of its points too (`at_map_point`); if the model without it were
-    about a less likely one, the difference would be a gain of every effect.
+    variance. The iteration is no descent: where the angle of attack passes the nodes of a table, the likelihood may
+    fall by some nats from one point to the next. So the most likely model of all points is returned: of those that hold
+    without excess variance, if there are any, or of those that hold. An effect is fitted about the most likely of its
+    points too (`at_map_point`); if the model without it were about a less likely one, the difference would be a gain of
+    every effect.
 
     Parameters
     ----------
