@@ -157,9 +157,9 @@ def test_times_are_scanned_where_the_model_fails(loop, no_excess, fitted):
     ("shifts", "count"),
     [
         ([5.0, -9.9], 2),  # within an interval of excess variance
-        ([30.0], 2),  # in the first iteration: no more of them than from the beginning
-        ([0.0, 30.0], 3),
-        ([30.0, -30.0, 10.1, 0.0], 4),
+        ([30.0], 3),  # two about the points that follow the move
+        ([0.0, 30.0], 4),
+        ([30.0, -30.0, 10.1, 0.0], 5),
         ([30.0] * 9, 2 + SETTINGS.outer_iterations),  # a scan that does not converge
     ],
 )

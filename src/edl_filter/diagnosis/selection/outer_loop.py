@@ -101,8 +101,8 @@ def iterate_to_convergence(
     case : FlightCase
         The flight with what its mission states as uncertain.
     iterations : int, optional
-        Largest number of reconstructions; counted anew, a few times, where a scan moves a time of an effect by more
-        than an interval of excess variance.
+        Largest number of reconstructions; counted anew from the next one on, a few times, where a scan moves a time of
+        an effect by more than an interval of excess variance: the point so far belongs to the wrong time.
     progress : callable
         Called with a text for each stage.
     first : LinearizedModel, optional
@@ -130,8 +130,8 @@ def iterate_to_convergence(
     iteration, last = 1, limit
     while True:
         fit, moved = fit_to(model)
-        if moved:  # the most probable point changes with the time: as many iterations as from the beginning
-            last = min(iteration + limit - 1, limit + settings.outer_iterations)
+        if moved:  # the most probable point changes with the time: as many iterations with it as from the beginning
+            last = min(iteration + limit, limit + settings.outer_iterations)
         if iteration == last or _largest_change(case.effects, fit) <= settings.outer_tolerance_sigmas:
             return case, model, fit
         iteration += 1
