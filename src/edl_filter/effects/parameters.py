@@ -31,7 +31,8 @@ class Parameter:
     low, high : float
         Bounds. For a ``time``, infinite bounds mean the flight's own, from entry to parachute.
     scan : int
-        For kinds other than ``size``: number of values between the bounds at which the diagnosis evaluates the effect.
+        For kinds other than ``size``: number of values between the bounds at which the diagnosis evaluates the effect;
+        of a phase, over a whole turn, half of which suffices where half a turn changes the sign of a size.
     default : float
         Value where none is stated.
     """

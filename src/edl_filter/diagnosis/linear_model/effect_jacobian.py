@@ -113,7 +113,7 @@ def scan_grid(
             # the sign of the size covers the other half of the turn
             turn, count = (0.5 * (high - low), (q.scan + 1) // 2) if effect.half_turn else (high - low, q.scan)
             grids.append(np.linspace(low, low + turn, count, endpoint=False).tolist())
-        elif q.kind == "length" and low > 0.0:
+        elif is_wavelength(q):
             grids.append((1.0 / np.linspace(1.0 / high, 1.0 / low, q.scan)).tolist())
         else:
             added = [t for t in changes if low <= t <= high] if q.kind == "time" else []
@@ -121,6 +121,11 @@ def scan_grid(
     names = [q.name for q in effect.places]
     combinations = [dict(zip(names, values, strict=True)) for values in product(*grids)]
     return [places for places in combinations if is_ordered(EffectInstance(effect, places))]
+
+
+def is_wavelength(parameter: Parameter) -> bool:
+    """Whether a place is scanned at equal steps of its inverse, the wave number."""
+    return parameter.kind == "length" and parameter.low > 0.0
 
 
 def scan_range(model: LinearizedModel) -> tuple[float, float]:

@@ -93,20 +93,13 @@ def perturbation_from_states(
     states : (K, n) array
         Smoothed states at every step.
     """
-    ends = bins.edges[1:]
-    used, step = index.step_of_bins(row_start)
+    ends, at_end = bins.edges[1:], _states_at_ends(index, bins, row_start, states)
 
     def against_time(name: str) -> Array:
-        if name not in nuisance or not len(used):
-            return np.zeros(len(ends))
-        values = states[step, nuisance[name].start]
-        return np.interp(ends, ends[used], values) * sigma[name]
+        return at_end[:, nuisance[name].start] * sigma[name] if name in nuisance else np.zeros(len(ends))
 
-    if field is not None and len(used):
-        amplitudes = {
-            name: np.stack([np.interp(ends, ends[used], v) for v in states[step, part].T], axis=1)
-            for name, part in nuisance.fields.items()
-        }
+    if field is not None:
+        amplitudes = {name: at_end[:, part] for name, part in nuisance.fields.items()}
         field = replace(field, time=ends, amplitudes=amplitudes)
     return Perturbation(
         time=ends,
@@ -120,6 +113,15 @@ def perturbation_from_states(
         units=units,
         field=field,
     )
+
+
+def _states_at_ends(index: RowIndex, bins: TimeBins, row_start: IntArray, states: Array) -> Array:
+    """Smoothed states at the bins' ends ``(B, n)``, linear in time across bins that are not compared."""
+    ends = bins.edges[1:]
+    used, step = index.step_of_bins(row_start)
+    if not len(used):
+        return np.zeros((len(ends), states.shape[1]))
+    return np.stack([np.interp(ends, ends[used], values) for values in states[step].T], axis=1)
 
 
 def states_of_bins(
@@ -144,20 +146,16 @@ def states_of_bins(
     states : (K, n) array
         Smoothed states at every step.
     """
-    ends, dt = bins.edges[1:], bins.interval[:, None]
-    used, step = index.step_of_bins(row_start)
-    out = np.zeros((2, len(ends), states.shape[1]))
-    values = [nuisance[name].start for name in PERTURBED if name in nuisance]
-    values += [i for part in nuisance.fields.values() for i in range(part.start, part.stop)]
-    if not len(used):
-        return out
-    at_end = np.stack([np.interp(ends, ends[used], states[step, i]) for i in values], axis=1)
+    perturbing = [nuisance[name].start for name in PERTURBED if name in nuisance]
+    perturbing += [i for part in nuisance.fields.values() for i in range(part.start, part.stop)]
+    at_end, dt = _states_at_ends(index, bins, row_start, states[:, perturbing]), bins.interval[:, None]
     at_begin = np.concatenate((at_end[:1], at_end[:-1]))  # held before the first bin's end
     following = np.concatenate((at_end[1:], at_end[-1:]))
     next_dt = np.concatenate((dt[1:], dt[-1:]))
     weighted = dt * (at_begin + 2.0 * at_end) + next_dt * (2.0 * at_end + following)
-    out[0, :, values] = 0.5 * (at_begin + at_end).T
-    out[1, :, values] = (weighted / (3.0 * (dt + next_dt))).T
+    out = np.zeros((2, len(at_end), states.shape[1]))
+    out[0][:, perturbing] = 0.5 * (at_begin + at_end)
+    out[1][:, perturbing] = weighted / (3.0 * (dt + next_dt))
     return out
 
 

@@ -18,6 +18,7 @@ from edl_filter.diagnosis.linear_model.effect_jacobian import (
     EffectJacobian,
     effect_jacobian,
     is_ordered,
+    is_wavelength,
     scan_grid,
     scan_range,
 )
@@ -277,7 +278,7 @@ def refine_places(model: LinearizedModel, instance: EffectInstance, whiten: Whit
     for q in scanned:
         low, high = (q.low, q.high) if np.isfinite([q.low, q.high]).all() else (0.0, model.bins.edges[-1])
         spacing = (high - low) / (q.scan if q.kind == "phase" else q.scan - 1)
-        if q.kind == "length" and low > 0.0:  # steps of the wave number
+        if is_wavelength(q):
             spacing = instance.values[q.name] ** 2 * (1.0 / low - 1.0 / high) / (q.scan - 1)
         steps[q.name] = settings.altitude_step_m if q.kind == "altitude" else spacing
     for _ in range(settings.place_refinements):
