@@ -6,7 +6,7 @@ import sys
 
 import numpy as np
 import pytest
-from contents import diagnosis, hypothesis
+from contents import cell, diagnosis, hypothesis
 from starlette.testclient import TestClient
 
 from edl_filter.mission import Mission, shipped_mission
@@ -21,8 +21,14 @@ from edl_filter.workflow.run import write_outputs
 PORT = 8765
 ORIGIN = f"http://127.0.0.1:{PORT}"
 
+MAP = [
+    cell(channel=channel, regime=regime, normalised_rms=rms, fails=rms == 12.0, sentence=f"{channel} in {regime}.")
+    for channel, regime, rms in (
+        ("force_x", "hypersonic", 12.0), ("force_y", "hypersonic", None), ("landing", "constraints", 0.9),
+    )
+]  # fmt: skip
 DIAGNOSIS = diagnosis(
-    sentence="Missing: wind (gain 100 nats).", where=[], map=[], errors={"force_x": 9.0},
+    sentence="Missing: wind (gain 100 nats).", where=[], map=MAP, errors={"force_x": 9.0},
     ranking=[hypothesis(
         effect="wind", label="wind",
         same_as=["com_offset"], probability=1.0, gain=100.0, score_gain=90.0, channel="force_x",

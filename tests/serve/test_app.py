@@ -1,12 +1,15 @@
 """Routes: library, results, residuals, and jobs that succeed, fail or are cancelled."""
 
+import base64
 import json
 import time
 
+import numpy as np
 import pytest
 from contents import unknown
 
 from edl_filter.report.html.bundle import with_bundle
+from edl_filter.report.residual_map import cell_colours, gradient
 
 #: The force of the shipped flight at rest does not turn with the planet.
 FINDING = "1 finding about samples; the report lists them."
@@ -25,7 +28,7 @@ def test_the_page_and_its_parts(client):
     page = client.get("/")
     assert page.headers["content-type"].startswith("text/html")
     assert "http" not in page.text.replace("http-equiv", "")  # no external resources
-    for part in ("workbench.css", "workbench.js", "reconstruction.js", "plotly.js"):
+    for part in ("workbench.css", "workbench.js", "figures.js", "reconstruction.js", "plotly.js"):
         assert part in page.text
         assert client.get(f"/{part}").status_code == 200
 
@@ -78,11 +81,12 @@ def test_overview_of_a_reconstruction(client, root):
     assert overview["constraints"]["landing"] == {"uses": 1, "accepted_uses": 1, "dof": 3} | {
         "nis": summary["constraints"]["landing"]["nis"], "verdict": "✓ accepted", "tone": "good"
     }  # fmt: skip
-    trajectory = overview["trajectory"]
-    assert len({len(values) for values in trajectory.values()}) == 1 and len(trajectory["time"]) <= 600
+    curves = {trace["name"]: trace for trace in overview["trajectory"]["data"]}
+    assert list(curves) == ["altitude", "velocity", "altitude (m)", "velocity (m/s)"]
+    time, altitude = (unpacked(curves["altitude"][axis]) for axis in "xy")
     landing = summary["events"]["landing"]["time_s"]
-    assert landing < trajectory["time"][-1] < landing + 3.0  # not the rest on the ground
-    assert trajectory["altitude"][0] == pytest.approx(summary["events"]["entry_interface"]["altitude_m"], rel=1e-3)
+    assert landing < time[-1] < landing + 3.0  # not the rest on the ground
+    assert altitude[0] == pytest.approx(1e-3 * summary["events"]["entry_interface"]["altitude_m"], rel=1e-3)
 
 
 def test_warnings_about_trust_come_first(client, root):
@@ -116,9 +120,41 @@ def test_the_report_is_in_a_sandbox(client, root):
     assert client.get("/report", params={"path": "results/flight"}).status_code == 400
 
 
+def unpacked(numbers):
+    return np.frombuffer(base64.b64decode(numbers["bdata"]), "<f4")
+
+
 def test_residual(client):
-    residual = client.get("/api/residual", params={"path": "results/flight", "channel": "force_y"}).json()
-    assert residual["residual"] == [5.0, 6.0, 7.0, 8.0]
+    residual = client.get("/api/residual", params={"path": "results/flight", "channel": "force_x"}).json()
+    channel = residual["channel"]
+    assert channel["unit"] == "m/s²" and residual["uses"] is None and residual["axes"]["span"] == [0.0, 3.0]
+    expected = {"x": [0.0, 1.0, 2.0, 3.0], "y": [1.0, np.nan, 3.0, 4.0], "sigma": [0.5, np.nan, 1.5, 2.0]}
+    for key, values in expected.items():  # a gap where the channel was not compared
+        assert unpacked(channel[key]) == pytest.approx(values, nan_ok=True)
+
+
+def test_innovations_of_a_constraint(client):
+    residual = client.get("/api/residual", params={"path": "results/flight", "channel": "landing"}).json()
+    assert residual["channel"] is None and residual["uses"]["once"] and len(residual["uses"]["values"]) == 3
+
+
+def test_residual_that_does_not_exist(client, root):
+    ask = {"path": "results/flight", "channel": "wind"}
+    response = client.get("/api/residual", params=ask)
+    assert response.status_code == 400
+    assert response.json()["error"] == "residual: found 'wind'; accepted: force_x, force_y, landing."
+    (root / "results/flight/diagnosis.json").unlink()
+    assert "diagnose the result first" in client.get("/api/residual", params=ask).json()["error"]
+
+
+def test_the_map_is_drawn_as_in_the_report(client):
+    residual_map = client.get("/api/result", params={"path": "results/flight"}).json()["map"]
+    assert residual_map["channels"] == ["force_x", "force_y"] and residual_map["regimes"] == ["hypersonic"]
+    fails, holds, constraint = residual_map["drawn"]
+    assert (fails["background"], fails["ink"]) == cell_colours(12.0, 12.0) and fails["text"] == "12.0"
+    assert fails["sentence"].startswith("force x") and constraint["text"] == "0.90"
+    assert holds == {}  # no RMS
+    assert residual_map["worst"] == 12.0 and residual_map["gradient"] == gradient()
 
 
 @pytest.mark.parametrize("path", ["..", "../served/results/flight", "/etc", "out"])

@@ -65,7 +65,7 @@ def assert_reconstruction(page):
     for event in ("entry interface", "parachute deploy", "landing"):
         assert event in page.inner_text("#events")
     page.wait_for_selector("#trajectory .scatterlayer .trace >> nth=1")
-    assert page.locator("#trajectory .legendtext").all_text_contents() == ["altitude", "velocity"]
+    assert page.locator("#trajectory .legendtext").all_text_contents() == ["altitude (m)", "velocity (m/s)"]
     assert page.locator("#constraints tbody tr").count() >= 3
     labels = page.locator("#trajectory .annotation").evaluate_all(
         "(all) => all.map((a) => a.getBoundingClientRect()).map((box) => [box.left, box.right, box.bottom])"
@@ -108,7 +108,7 @@ def test_from_the_first_run_to_the_noise_floor(page, folder):
     assert failing.count() > 5
     page.click('.map button.fails[data-channel="moment_y"]')
     page.wait_for_selector("#residual .plot .scatterlayer .trace")
-    assert page.locator("#residual .legendtext").all_text_contents() == ["residual", "±1 sigma", "±2 sigma"]
+    assert page.locator("#residual .legendtext").all_text_contents() == ["±2 sigma", "±1 sigma", "residual"]
     assert "rad/s²" in page.inner_text("#residual")
 
     page.keyboard.press("ArrowUp")  # one tab stop: arrow keys move from cell to cell

@@ -76,19 +76,6 @@ def test_an_invalid_diagnosis_is_an_error(root):
         library.find_result(root, "results/flight")
 
 
-def test_residual_at_the_times_at_which_it_was_computed(root):
-    residual = library.residual(root, "results/flight", "force_x")
-    assert residual == {
-        "unit": "m/s^2", "time": [0.0, 2.0, 3.0], "residual": [1.0, 3.0, 4.0], "sigma": [0.5, 1.5, 2.0],
-        "normalised": [2.0, 6.0, 8.0],
-    }  # fmt: skip
-    with pytest.raises(InputError, match="residual: found 'landing'; accepted: force_x, force_y"):
-        library.residual(root, "results/flight", "landing")
-    (root / "results/flight/residuals.nc").unlink()
-    with pytest.raises(InputError, match=r"found no residuals.nc; diagnose the result again"):
-        library.residual(root, "results/flight", "force_x")
-
-
 def result(path, *effects, flight="first", changed=0.0):
     return ServedResult(path, "", "m", flight, {name: {} for name in effects}, None, None, changed)
 

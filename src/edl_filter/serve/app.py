@@ -18,14 +18,15 @@ from starlette.routing import Route
 
 from edl_filter._version import __version__
 from edl_filter.errors import InputError
-from edl_filter.report.html.bundle import bundle_path, with_bundle
+from edl_filter.report.colours import page_roles
+from edl_filter.report.html.bundle import bundle_path, script_path, with_bundle
 from edl_filter.report.next_step import next_step
 from edl_filter.report.text import limited_probability_sentence, none_gain_sentence
 from edl_filter.results.files import REPORT
 from edl_filter.results.schema import DiagnosisContent
 from edl_filter.serve import library
 from edl_filter.serve.jobs import BusyError, Worker
-from edl_filter.serve.overview import overview
+from edl_filter.serve.overview import map_view, overview, residual_view
 from edl_filter.serve.plans import (
     Plan,
     plan_add,
@@ -66,6 +67,7 @@ def make_app(root: Path, port: int, worker: Worker | None = None) -> Starlette:
         Route("/", _file_route(_STATIC / "workbench.html")),
         Route("/workbench.css", _file_route(_STATIC / "workbench.css")),
         Route("/workbench.js", _file_route(_STATIC / "workbench.js")),
+        Route("/figures.js", _file_route(script_path())),
         Route("/reconstruction.js", _file_route(_STATIC / "reconstruction.js")),
         Route("/plotly.js", _file_route(bundle_path())),
         Route("/api/library", handlers.library),
@@ -118,8 +120,10 @@ class _Handlers:
             {"path": r.path, "title": r.title, "effects": list(r.effects), "verdict": r.verdict, "headline": r.headline}
             for r in library.results(self.root)
         ]
-        content = {"root": str(self.root), "version": __version__, "missions": missions, "results": results}
-        return JSONResponse(content)
+        return JSONResponse({
+            "root": str(self.root), "version": __version__, "missions": missions, "results": results,
+            "roles": page_roles(),
+        })  # fmt: skip
 
     def result(self, request: Request) -> Response:
         """A result, its diagnosis, the results of the preceding models, and the commands of the next steps."""
@@ -136,7 +140,8 @@ class _Handlers:
             "headline": result.headline,
             "path": result.path, "title": result.title, "mission": result.mission, "effects": result.effects,
             "diagnosis": diagnosis and diagnosis.model_dump(mode="json", exclude_unset=True),
-            "steps": steps, "adding": adding, **_report_sentences(diagnosis, result.path),
+            "map": diagnosis and map_view(diagnosis), "steps": steps, "adding": adding,
+            **_report_sentences(diagnosis, result.path),
             "diagnosing": plan_diagnose(self.root, result.path).lines(),
             "comparing": plan_compare([s.path for s in lineage]).lines() if len(lineage) > 1 else [],
         })  # fmt: skip
@@ -154,8 +159,8 @@ class _Handlers:
         return HTMLResponse(page, headers={"Content-Security-Policy": REPORT_POLICY})
 
     def residual(self, request: Request) -> Response:
-        """A channel's residual against time."""
-        return JSONResponse(library.residual(self.root, _query_text(request, "path"), _query_text(request, "channel")))
+        """A channel's residual, or a constraint's innovations, against time."""
+        return JSONResponse(residual_view(self.root, _query_text(request, "path"), _query_text(request, "channel")))
 
     def job(self, _: Request) -> Response:
         """The current job, or the last one."""

@@ -10,14 +10,12 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from edl_filter.errors import InputError
 from edl_filter.mission.problems import mission_problems
 from edl_filter.mission.shipped import BUILTIN, shipped_mission, shipped_names
 from edl_filter.mission.yaml_text import parse, read_text
-from edl_filter.results.files import DIAGNOSIS, RESIDUALS, RESULT, finite, read_diagnosis
-from edl_filter.results.reader import ResidualSeries, ResultReader
+from edl_filter.results.files import DIAGNOSIS, RESULT, read_diagnosis
+from edl_filter.results.reader import ResultReader
 from edl_filter.results.schema import DiagnosisContent
 from edl_filter.serve.safety import ForbiddenError, inside, leads_inside
 
@@ -137,32 +135,6 @@ def find_result(root: Path, name: str) -> ServedResult:
     flight = f"{mission} {sorted(checksums.items())}"
     changed = path.stat().st_mtime
     return ServedResult(name, title, mission, flight, parameters, _diagnosis(root, name), headline, changed)
-
-
-def residual(root: Path, name: str, channel: str) -> dict[str, Any]:
-    """Residual of one channel against time from ``residuals.nc``, at the times at which it was computed.
-
-    Returns
-    -------
-    dict
-        ``time`` (s), ``residual`` and ``sigma`` (in ``unit``), ``normalised``: lists of one length.
-
-    Raises
-    ------
-    ForbiddenError
-        The path leads out of the folder.
-    InputError
-        The file or channel does not exist.
-    """
-    series = ResidualSeries.from_file(inside(root, f"{name}/{RESIDUALS}"))
-    k = series.index(channel)
-    used = ~np.isnan(series.normalised[k])
-    values = {"residual": series.residual, "sigma": series.sigma, "normalised": series.normalised}
-    return {
-        "unit": series.units[k],
-        "time": finite(series.time[used]),
-        **{quantity: finite(by_channel[k][used]) for quantity, by_channel in values.items()},
-    }
 
 
 def lineage(result: ServedResult, candidates: list[ServedResult]) -> list[ServedResult]:

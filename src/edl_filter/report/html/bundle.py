@@ -25,6 +25,11 @@ def bundle_path() -> Path:
     return Path(spec.submodule_search_locations[0]) / "package_data" / BUNDLE
 
 
+def script_path() -> Path:
+    """Path of the script that draws the figures of the report and of the workbench."""
+    return Path(__file__).parent / "templates" / "figures.js"
+
+
 def write_bundle(folder: Path) -> Path:
     """Write the library into a folder unless it or the folder above has it; returns its path."""
     source = bundle_path()

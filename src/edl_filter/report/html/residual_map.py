@@ -113,26 +113,39 @@ def _button(index: int, cell: MapCell, worst: float) -> MapButton:
 
 def _payload(reader: ResultReader, diagnosis: DiagnosisContent) -> dict[str, Any]:
     """Data from which the script draws the residual of any cell."""
-    series = reader.residuals
-    span = (0.0, 1.0) if series is None else (float(series.time[0]), float(series.time[-1]))
-    shapes, notes = event_marks(reader.events, span)
     cells = diagnosis.map
     known = [k for k, c in enumerate(cells) if c.normalised_rms is not None]
-    return {
+    series = reader.residuals
+    channels = () if series is None else series.channels
+    bins = min(_BINS, _ALL_BINS // max(len(channels), 1))
+    payloads = {name: residual_payload(reader, name, bins) for name in channels}
+    return residual_axes(reader, diagnosis) | {
         "cells": [
-            {"channel": c.channel, "regime": c.regime, "t0": c.t0_s, "t1": c.t1_s, "text": cell_sentence(c)}
+            {"channel": c.channel, "regime": c.regime, "t0_s": c.t0_s, "t1_s": c.t1_s, "text": cell_sentence(c)}
             for c in cells
         ],
         "first": max(known or [0], key=lambda k: _precedence(cells[k])),
-        "channels": _channels(reader),
-        "constraints": {c.channel: _uses(reader, c.channel) for c in cells if c.regime == CONSTRAINTS},
-        "onsets": {onset.channel: onset.time_s for onset in diagnosis.onsets},
-        "span": span,
-        "shapes": shapes,
-        "notes": notes,
-        "layout": layout(_HEIGHT, top=74)
-        | {"xaxis": axis_layout(f"{time_label(reader.epoch_utc)} (s)"), "yaxis": axis_layout("")},
+        "channels": {name: payload for name, payload in payloads.items() if payload is not None},
+        "constraints": {c.channel: constraint_payload(reader, c.channel) for c in cells if c.regime == CONSTRAINTS},
     }
+
+
+def residual_axes(reader: ResultReader, diagnosis: DiagnosisContent) -> dict[str, Any]:
+    """What the plots of all residuals have in common, for ``residualFigure`` of the script ``figures.js``.
+
+    Returns
+    -------
+    dict
+        ``span`` (s, s), ``layout``, ``shapes`` and ``notes`` of the events, ``onsets`` (channel → time, s).
+    """
+    series = reader.residuals
+    span = (0.0, 1.0) if series is None else (float(series.time[0]), float(series.time[-1]))
+    shapes, notes = event_marks(reader.events, span)
+    axes = {"xaxis": axis_layout(f"{time_label(reader.epoch_utc)} (s)"), "yaxis": axis_layout("")}
+    return {
+        "span": span, "shapes": shapes, "notes": notes, "layout": layout(_HEIGHT, top=74) | axes,
+        "onsets": {onset.channel: onset.time_s for onset in diagnosis.onsets},
+    }  # fmt: skip
 
 
 def _precedence(cell: MapCell) -> tuple[bool, bool, float]:
@@ -140,28 +153,29 @@ def _precedence(cell: MapCell) -> tuple[bool, bool, float]:
     return cell.fails, cell.regime != CONSTRAINTS, cell.normalised_rms or 0.0
 
 
-def _channels(reader: ResultReader) -> dict[str, Any]:
-    """Each channel against time: residual and one sigma in its unit, with the peaks of both and of their ratio."""
+def residual_payload(reader: ResultReader, channel: str, bins: int) -> dict[str, Any] | None:
+    """A channel against time: residual and one sigma in its unit, with the extremes of both and of their ratio.
+
+    None for a channel that was compared nowhere, or if the result has no residuals. `bins` is the number of bins whose
+    extremes remain.
+    """
     series = reader.residuals
-    if series is None:
-        return {}
-    bins = min(_BINS, _ALL_BINS // max(len(series.channels), 1))
-    channels = {}
-    for k, name in enumerate(series.channels):
-        variables = series.residual[k], series.sigma[k], series.normalised[k]
-        if not np.isfinite(variables[0]).any():
-            continue
-        index = np.unique(np.concatenate([extremes(v, bins) for v in variables]))
-        channels[name] = {
-            "unit": readable(series.units[k]),
-            "x": packed(series.time[index]),
-            "y": packed(series.residual[k, index]),
-            "sigma": packed(series.sigma[k, index]),
-        }
-    return channels
+    if series is None or channel not in series.channels:
+        return None
+    k = series.index(channel)
+    variables = series.residual[k], series.sigma[k], series.normalised[k]
+    if not np.isfinite(variables[0]).any():
+        return None
+    index = np.unique(np.concatenate([extremes(v, bins) for v in variables]))
+    return {
+        "unit": readable(series.units[k]),
+        "x": packed(series.time[index]),
+        "y": packed(series.residual[k, index]),
+        "sigma": packed(series.sigma[k, index]),
+    }
 
 
-def _uses(reader: ResultReader, name: str) -> dict[str, Any] | None:
+def constraint_payload(reader: ResultReader, name: str) -> dict[str, Any] | None:
     """Innovations of a constraint in sigmas: against time if it is used often, by component if it is used once."""
     group = f"constraints/{name}"
     time, innovation, sigma = (reader.variable(group, v) for v in ("time", "innovation", "innovation_sigma"))

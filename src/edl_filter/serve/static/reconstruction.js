@@ -23,10 +23,6 @@ function plusMinus(value, sigma, scale, places) {
   return (value / scale).toFixed(digits).replace("-", "−") + (sigma == null ? "" : ` ± ${(sigma / scale).toFixed(digits)}`);
 }
 
-/** Short labels of events, those of the report. */
-const EVENT_LABELS = { parachute_deploy: "parachute", peak_deceleration: "peak", heat_shield_separation: "heat shield",
-  backshell_separation: "backshell", retro_rocket_fire: "rockets" };
-
 /** Events, trajectory and constraints. */
 function reconstructionView(overview) {
   const events = Object.entries(overview.events).sort((a, b) => a[1].time_s - b[1].time_s);
@@ -44,9 +40,9 @@ function reconstructionView(overview) {
   const columnsBox = make("div", { class: "reconstruction" }, lists);
   const section = make("section", {}, make("h2", {}, "Reconstruction"), columnsBox);
   if (overview.trajectory) {
-    const plot = make("div", { class: "plot", id: "trajectory", role: "img", "aria-label": "Altitude and velocity against time" });
+    const plot = make("div", { class: "plot", id: "trajectory", role: "img", "aria-label": "Altitude, velocity and their sigmas against time" });
     columnsBox.append(plot);
-    requestAnimationFrame(() => drawTrajectory(plot, overview.trajectory, events));
+    requestAnimationFrame(() => figures.draw(plot, overview.trajectory));
   }
   if (constraints.length) {
     const rejected = constraints.filter(([, c]) => c.tone === "bad").length;
@@ -65,39 +61,6 @@ function reconstructionView(overview) {
 function landingView(landing) {
   if (!landing || landing.miss_m == null) return null;
   return make("p", { class: "secondary" }, `Landing ${plusMinus(landing.miss_m, landing.sigma_m, 1, 0)} m from the stated site.`);
-}
-
-function drawTrajectory(plot, trajectory, events) {
-  const style = getComputedStyle(document.documentElement);
-  const [text, line, background] = ["--text", "--line", "--background"].map((n) => style.getPropertyValue(n).trim());
-  const dark = matchMedia("(prefers-color-scheme: dark)").matches;
-  const colours = dark ? ["#56B4E9", "#E69F00"] : ["#0072B2", "#B35900"];
-  const axis = { gridcolor: line, zerolinecolor: line, linecolor: line, automargin: true };
-  const kilo = (values) => values.map((v) => (v == null ? null : v / 1000));
-  const marks = events.filter(([name]) => name !== "entry_interface");
-  const [begin, end] = [trajectory.time[0], trajectory.time.at(-1)];
-  const width = Math.max(plot.clientWidth - 120, 100); // without the axes
-  const [top, bottom] = [marks.length ? 78 : 8, 72]; // labels of events; tick labels, title and legend
-  let previous = -Infinity; // label before, pixels
-  const annotations = marks.map(([name, e]) => {
-    const at = (width * (e.time_s - begin)) / (end - begin);
-    previous = Math.max(at, previous + 14);
-    return { x: e.time_s, xshift: previous - at, y: 1, yref: "paper", yanchor: "bottom", showarrow: false, textangle: -90,
-      text: EVENT_LABELS[name] || plain(name), font: { size: 12 } };
-  });
-  Plotly.newPlot(plot, [
-    { x: trajectory.time, y: kilo(trajectory.altitude), name: "altitude", mode: "lines", line: { color: colours[0], width: 2 },
-      hovertemplate: "%{x:.1f} s: %{y:.3f} km<extra></extra>" },
-    { x: trajectory.time, y: kilo(trajectory.speed), name: "velocity", mode: "lines", yaxis: "y2", line: { color: colours[1], width: 2, dash: "dash" },
-      hovertemplate: "%{x:.1f} s: %{y:.3f} km/s<extra></extra>" },
-  ], {
-    margin: { l: 10, r: 10, t: top, b: bottom }, paper_bgcolor: background, plot_bgcolor: background, font: { color: text, size: 12, family: "system-ui, sans-serif" },
-    xaxis: { ...axis, title: { text: "time (s)", standoff: 4 }, range: [begin, end] }, yaxis: { ...axis, title: { text: "altitude (km)" } },
-    yaxis2: { ...axis, title: { text: "velocity (km/s)" }, overlaying: "y", side: "right", showgrid: false, zeroline: false, tickmode: "auto" },
-    legend: { orientation: "h", x: 0, y: -46 / Math.max(plot.clientHeight - top - bottom, 50), yanchor: "top" }, hovermode: "closest",
-    shapes: marks.map(([, e]) => ({ type: "line", x0: e.time_s, x1: e.time_s, yref: "paper", y0: 0, y1: 1, line: { color: text, width: 1, dash: "dot" } })),
-    annotations,
-  }, { responsive: true, displaylogo: false, displayModeBar: false });
 }
 
 /** Smallest detectable sizes, the output of `edl-filter identifiability`. */

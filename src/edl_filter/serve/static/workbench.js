@@ -4,6 +4,9 @@
 
 const $ = (id) => document.getElementById(id);
 // openCount: number of views requested; startedJob: number of the last job that this page started or joined
+const wantsDark = window.matchMedia("(prefers-color-scheme: dark)");
+let figures; // functions that draw figures, with the colours that the server states
+wantsDark.addEventListener("change", () => figures && figures.redraw());
 const state = { library: null, job: null, busy: false, timer: 0, openCount: 0, effect: null, startedJob: 0 };
 
 // ---- elements, requests and number formats ---------------------------------------------------------------------
@@ -66,9 +69,6 @@ function number(x, digits = 3) {
   const places = Math.max(0, digits - 1 - Math.floor(Math.log10(size)));
   return x.toFixed(places).replace("-", "−");
 }
-
-/** A normalised RMS in a cell of the map. */
-const rmsText = (rms) => (rms == null ? "–" : rms.toFixed(rms < 10 ? 2 : rms < 100 ? 1 : 0));
 
 /** A number of nats, rounded to an integer from 100. */
 const nats = (x) => (x == null ? "–" : Math.abs(x) < 1e-3 ? "0 nats" : `${Math.abs(x) < 100 ? number(x) : Math.round(x).toLocaleString("en").replaceAll(",", "\u202f").replace("-", "−")} nats`);
@@ -136,6 +136,7 @@ const brokenBadge = (mission) => (mission.problems.length ? make("span", { class
 
 async function loadLibrary() {
   state.library = await request("api/library");
+  figures ||= figureDrawing(state.library.roles, { dark: () => wantsDark.matches, printing: () => false });
   const { root, missions, results } = state.library;
   $("root").textContent = root;
   const entry = (kind, name, title, extra) => {
@@ -302,44 +303,29 @@ function ledgerView(result) {
 
 // ---- the map ---------------------------------------------------------------------------------------------------
 
-// cividis (Nuñez, Anderton and Renslow 2018) at equal intervals
-const CIVIDIS = [[0, 34, 78], [18, 53, 112], [59, 73, 108], [87, 93, 109], [112, 113, 115], [138, 134, 120], [165, 156, 116], [195, 179, 105], [225, 204, 85], [254, 232, 56]];
-
-/** Colour at a fraction of the scale. */
-function colour(fraction) {
-  const x = Math.min(1, Math.max(0, fraction)) * (CIVIDIS.length - 1);
-  const k = Math.min(CIVIDIS.length - 2, Math.floor(x));
-  return CIVIDIS[k].map((a, i) => Math.round(a + (CIVIDIS[k + 1][i] - a) * (x - k)));
-}
-
 function mapView(result) {
   const cells = result.diagnosis.map;
   if (!cells.length) return [];
   const flight = cells.filter((c) => c.regime !== "constraints");
   const constraints = cells.filter((c) => c.regime === "constraints");
-  const regimes = [...new Set([...flight].sort((a, b) => a.t0_s - b.t0_s).map((c) => c.regime))];
-  const low = Math.log(0.5);
-  const worst = Math.max(10, ...cells.map((c) => c.normalised_rms || 0));
-  const fraction = (rms) => (Math.log(Math.max(rms, 0.5)) - low) / (Math.log(worst) - low);
+  const { channels, regimes, gradient, worst, drawn } = result.map;
   const panel = make("div", { id: "residual", "aria-live": "polite" },
     make("p", { class: "secondary" }, "Click a cell to display its residual against time."));
   const cell = (c) => {
-    if (!c) return make("td");
-    const rgb = colour(fraction(c.normalised_rms ?? 1));
-    const [red, green, blue] = rgb.map((c) => (c < 10.3 ? c / 3294.6 : ((c / 255 + 0.055) / 1.055) ** 2.4));
-    const bright = 0.2126 * red + 0.7152 * green + 0.0722 * blue > 0.18;  // black has the better contrast then (WCAG 2)
+    const { background, ink, text, sentence } = c ? drawn[cells.indexOf(c)] : {};
+    if (!text) return make("td");
     const button = make("button", {
-      type: "button", class: c.fails ? "fails" : null, title: plain(c.sentence), "aria-pressed": "false", tabindex: "-1",
+      type: "button", class: c.fails ? "fails" : null, title: sentence, "aria-pressed": "false", tabindex: "-1",
       "data-channel": c.channel, "data-regime": c.regime,
       "aria-label": `${plain(c.channel)}, ${c.regime}: ${number(c.normalised_rms)} sigmas${c.fails ? ", fails" : ""}`,
-    }, rmsText(c.normalised_rms));
-    button.style.background = `rgb(${rgb})`;
-    button.style.color = bright ? "#000" : "#fff";
+    }, text);
+    button.style.background = background;
+    button.style.color = ink;
     button.onkeydown = moveInMap;
     button.onfocus = () => makeTabStop(button);
     button.onclick = withErrors(async () => {
       for (const each of document.querySelectorAll(".map button")) each.setAttribute("aria-pressed", String(each === button));
-      await residualView(panel, result, c);
+      await residualView(panel, result, c, sentence);
     });
     return make("td", {}, button);
   };
@@ -348,15 +334,14 @@ function mapView(result) {
     make("tbody", {}, ...names.map((n) => make("tr", {}, make("th", { scope: "row" }, plain(n)),
       ...columns.map((r) => cell(gridCells.find((c) => c.channel === n && c.regime === r))))))));
   const bar = make("span", { class: "bar" });
-  bar.style.background = `linear-gradient(to right, ${CIVIDIS.map((c) => `rgb(${c})`).join(",")})`;
-  const names = [...new Set(flight.map((c) => c.channel))];
+  bar.style.background = gradient;
   const failing = cells.filter((c) => c.fails).length;
   return [
     make("h2", {}, "Where the model fails"),
     make("p", {}, failing ? `${failing} of ${cells.length} cells fail.` : `None of ${cells.length} cells fails.`),
     make("p", { class: "legend" }, "Normalised RMS: 0.5", bar, number(worst), make("span", {}, make("span", { class: "box" }), ` outlined: fails (above ${number(result.diagnosis.settings.cell_minimum_rms)} and statistically significant)`)),
     make("div", { class: "map-and-residual" }, make("div", {},
-      flight.length ? grid("channel", regimes, names, flight) : null,
+      flight.length ? grid("channel", regimes, channels, flight) : null,
       constraints.length ? make("details", { open: constraints.some((c) => c.fails) }, make("summary", {}, "Constraints"),
         grid("constraint", ["constraints"], constraints.map((c) => c.channel), constraints)) : null), panel),
   ];
@@ -389,59 +374,38 @@ function moveInMap(event) {
   }
 }
 
-async function residualView(panel, result, cell) {
-  const sentence = make("p", {}, plain(cell.sentence));
-  if (cell.regime === "constraints") {
-    panel.replaceChildren(make("h3", {}, plain(cell.channel)), sentence,
-      make("p", { class: "secondary" }, "A constraint applies at single times; it has no residual against time."));
+async function residualView(panel, result, cell, sentence) {
+  const query = `path=${encodeURIComponent(result.path)}&channel=${encodeURIComponent(cell.channel)}`;
+  const { axes, channel, uses } = await request(`api/residual?${query}`);
+  const inFlight = cell.regime !== "constraints";
+  const heading = make("h3", {}, inFlight ? `${plain(cell.channel)}: measured minus predicted` : plain(cell.channel));
+  if (!(inFlight ? channel : uses)) {
+    panel.replaceChildren(heading, make("p", {}, sentence), make("p", { class: "secondary" }, "There is no residual against time for it."));
     return;
   }
-  const residual = await request(`api/residual?path=${encodeURIComponent(result.path)}&channel=${encodeURIComponent(cell.channel)}`);
-  const plot = make("div", { class: "plot", role: "img", "aria-label": `Residual of ${plain(cell.channel)} against time` });
-  const zoom = make("button", { type: "button", id: "zoom", "aria-pressed": "false" }, "Zoom to the sigma band");
-  zoom.onclick = () => {
-    const zoomed = zoom.getAttribute("aria-pressed") !== "true";
-    zoom.setAttribute("aria-pressed", String(zoomed));
-    zoom.textContent = zoomed ? "Show all" : "Zoom to the sigma band";
-    const sigma = [...residual.sigma].sort((a, b) => a - b)[Math.floor(0.9 * (residual.sigma.length - 1))]; // 90 % quantile
-    Plotly.relayout(plot, zoomed ? { "yaxis.range": [-5 * sigma, 5 * sigma] } : { "yaxis.autorange": true });
-  };
-  panel.replaceChildren(make("div", { class: "line" }, make("h3", {}, `${plain(cell.channel)}: measured minus predicted`), zoom), sentence, plot,
-    make("p", { class: "secondary" }, `Data: ${result.path}/residuals.nc, written by diagnose. Shaded: ${cell.regime}. Drag to zoom, double-click to show all.`));
-  drawResidual(plot, residual, cell);
+  const title = inFlight ? `Residual of ${plain(cell.channel)} against time` : `Innovations of ${plain(cell.channel)}`;
+  const plot = make("div", { class: "plot", role: "img", "aria-label": title });
+  if (inFlight) {
+    const figure = residualFigure(axes, cell, channel, { window: "flight", unit: "unit" });
+    const zoom = make("button", { type: "button", id: "zoom", "aria-pressed": "false" }, "Zoom to the sigma band");
+    zoom.onclick = () => {
+      const zoomed = zoom.getAttribute("aria-pressed") !== "true";
+      zoom.setAttribute("aria-pressed", String(zoomed));
+      zoom.textContent = zoomed ? "Show all" : "Zoom to the sigma band";
+      const sigmas = unpacked(channel.sigma).filter((s) => !Number.isNaN(s)).sort(); // a typed array sorts numerically
+      const limit = 5 * sigmas[Math.floor(0.9 * (sigmas.length - 1))]; // 90 % quantile
+      const yaxis = { ...figure.layout.yaxis, range: zoomed ? [-limit, limit] : figure.layout.yaxis.range };
+      figures.draw(plot, { ...figure, layout: { ...figure.layout, yaxis } });
+    };
+    panel.replaceChildren(make("div", { class: "line" }, heading, zoom), make("p", {}, sentence), plot,
+      make("p", { class: "secondary" }, `Data: ${result.path}/residuals.nc, written by diagnose. Shaded: ${cell.regime}. Drag to zoom, double-click to show all.`));
+    figures.draw(plot, figure);
+  } else {
+    panel.replaceChildren(heading, make("p", {}, sentence), plot,
+      make("p", { class: "secondary" }, "Innovations of the filter on the way forwards, in sigmas; bands of one and three sigmas."));
+    figures.draw(plot, constraintFigure(axes, uses));
+  }
   panel.scrollIntoView({ block: "nearest", behavior: matchMedia("(prefers-reduced-motion: reduce)").matches ? "auto" : "smooth" });
-}
-
-/** Range that contains the residuals and the band of two sigmas, but for samples that say little: a sigma ten times the median. */
-function informativeRange(residual) {
-  const median = [...residual.sigma].sort((a, b) => a - b)[Math.floor(residual.sigma.length / 2)];
-  const limit = residual.time.reduce((largest, _, k) => (residual.sigma[k] > 10 * median ? largest
-    : Math.max(largest, Math.abs(residual.residual[k]), 2 * residual.sigma[k])), 0);
-  return [-1.08 * limit, 1.08 * limit];
-}
-
-function drawResidual(plot, residual, cell) {
-  const style = getComputedStyle(document.documentElement);
-  const [text, line, background] = ["--text", "--line", "--background"].map((n) => style.getPropertyValue(n).trim());
-  const dark = matchMedia("(prefers-color-scheme: dark)").matches;
-  const shade = dark ? "230,159,0" : "0,114,178";
-  const band = (n, alpha) => [-1, 1].map((side) => ({
-    x: residual.time, y: residual.sigma.map((s) => side * n * s), mode: "lines", line: { width: 0 }, hoverinfo: "skip",
-    name: `±${n} sigma`, showlegend: side > 0, fill: side > 0 ? "tonexty" : "none", fillcolor: `rgba(${shade},${alpha})`,
-  }));
-  const points = {
-    x: residual.time, y: residual.residual, customdata: residual.normalised, mode: "markers", name: "residual",
-    marker: { size: 3.5, color: dark ? "#56B4E9" : "#000000" },
-    hovertemplate: `%{x:.2f} s: %{y:.3g}${unitText(residual.unit)} (%{customdata:.2f} sigma)<extra></extra>`,
-  };
-  const axis = { gridcolor: line, zerolinecolor: line, linecolor: line, automargin: true };
-  Plotly.newPlot(plot, [...band(2, 0.16), ...band(1, 0.28), points], {
-    margin: { l: 10, r: 10, t: 8, b: 10 }, paper_bgcolor: background, plot_bgcolor: background, font: { color: text, size: 12, family: "system-ui, sans-serif" },
-    xaxis: { ...axis, title: { text: "time (s)" } },
-    yaxis: { ...axis, range: informativeRange(residual), title: { text: `residual (${unitText(residual.unit).trim() || "1"})` }, exponentformat: "power" },
-    legend: { orientation: "h", x: 0, y: 1.02, yanchor: "bottom" }, hovermode: "closest",
-    shapes: [{ type: "rect", xref: "x", yref: "paper", x0: cell.t0_s, x1: cell.t1_s, y0: 0, y1: 1, layer: "below", line: { width: 0 }, fillcolor: dark ? "rgba(255,255,255,.07)" : "rgba(0,0,0,.06)" }],
-  }, { responsive: true, displaylogo: false, displayModeBar: false });
 }
 
 // ---- hypotheses ------------------------------------------------------------------------------------------------
