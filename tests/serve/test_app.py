@@ -1,4 +1,4 @@
-"""Routes: library, results, residuals, and jobs that succeed, fail or are cancelled."""
+"""Routes: library, results, figures, and jobs that succeed, fail or are cancelled."""
 
 import base64
 import json
@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from contents import unknown
 
+from edl_filter.report.description import Axis, Figure, Panel
 from edl_filter.report.html.bundle import with_bundle
 from edl_filter.report.residual_map import cell_colours, gradient
 
@@ -145,6 +146,14 @@ def test_residual_that_does_not_exist(client, root):
     assert response.json()["error"] == "residual: found 'wind'; accepted: force_x, force_y, landing."
     (root / "results/flight/diagnosis.json").unlink()
     assert "diagnose the result first" in client.get("/api/residual", params=ask).json()["error"]
+
+
+def test_a_figure_without_finite_limits_is_displayed(client, monkeypatch):
+    """JSON has no NaN: a response with it would be an error of the server."""
+    figure = Figure("", ((Panel(Axis(range=(0.0, np.nan)), Axis(), ()),),), (1.0,))
+    monkeypatch.setattr("edl_filter.serve.overview.altitude_velocity", lambda _: figure)
+    response = client.get("/api/overview", params={"path": "results/flight"})
+    assert response.json()["trajectory"]["layout"]["xaxis"]["range"] == [0.0, None]
 
 
 def test_the_map_is_drawn_as_in_the_report(client):

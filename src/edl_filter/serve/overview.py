@@ -20,7 +20,7 @@ from edl_filter.report.residual_map import (
 from edl_filter.report.sentences import warnings
 from edl_filter.report.text import constraint_verdict
 from edl_filter.report.trajectory import altitude_velocity
-from edl_filter.results.files import REPORT, read_summary
+from edl_filter.results.files import REPORT, finite, read_summary
 from edl_filter.results.reader import ResultReader
 from edl_filter.results.schema import DiagnosisContent, Summary
 from edl_filter.results.schema.summary import ConstraintSummary
@@ -102,7 +102,7 @@ def _trajectory(folder: Path) -> dict[str, Any] | None:
     with ResultReader.open(folder) as reader:
         if not reader.has("trajectory:altitude", "trajectory:speed"):
             return None
-        return plotly_figure(altitude_velocity(reader), _HEIGHT)
+        return dict(finite(plotly_figure(altitude_velocity(reader), _HEIGHT)))
 
 
 def map_view(diagnosis: DiagnosisContent) -> dict[str, Any]:
@@ -163,7 +163,7 @@ def residual_view(root: Path, name: str, channel: str) -> dict[str, Any]:
         if channel not in accepted:
             raise InputError(f"residual: found {channel!r}; accepted: {', '.join(accepted)}.")
         return {
-            "axes": residual_axes(reader, diagnosis),
+            "axes": finite(residual_axes(reader, diagnosis)),
             "channel": residual_payload(reader, channel, _BINS),
             "uses": constraint_payload(reader, channel),
         }
