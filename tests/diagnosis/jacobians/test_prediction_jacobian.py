@@ -297,3 +297,29 @@ def test_only_where_the_coefficients_depend_on_the_density_is_the_force_not_line
         if where == "rarefied":
             assert s.jacobian.force_nonlinearity.max() > 0.9 * np.abs(second).max()
     assert departures["rarefied"] > 1e-3 > 1e-10 > max(departures["hypersonic"], departures["peak"])
+
+
+def test_no_derivative_is_taken_across_the_step_between_two_tables(flight):
+    """Wherever the limit lies between two nodes: a node next to it would be in the other table after a step."""
+    s = stretch_of(flight, "rarefied", changed=False, smooth=False)
+    knudsen, model = s.residuals.flow.knudsen, s.inputs.forward_model
+    node = (BINS // 2) * NODES_PER_BIN + 1
+    assert knudsen[node] > knudsen[node + 1]  # the vehicle descends
+
+    def jacobian_with_limit(limit):
+        database = replace(model.database, continuum_limit=limit)
+        inputs = replace(s.inputs, forward_model=replace(model, database=database))
+        tables = inputs.forward_model.table_coefficients(s.residuals.flow)
+        residuals = replace(s.residuals, tables=tables)
+        return prediction_jacobian(inputs, s.bins, residuals, s.uncertainty, s.units), tables
+
+    near, near_tables = jacobian_with_limit(knudsen[node] * (1.0 - 1e-5))
+    between, tables = jacobian_with_limit(np.sqrt(knudsen[node] * knudsen[node + 1]))
+    assert abs(tables.ca[node + 1] / tables.ca[node] - 1.0) > 0.01  # the step
+    np.testing.assert_array_equal(tables.ca, near_tables.ca)
+    for name in ("position", "velocity", "density", "wind_east", "wind_north"):
+        part, rtol = near.columns[name], 2e-2 if name == "position" else 5e-3  # coefficients vary up to the limit
+        for a, b in ((near.force, between.force), (near.rate_step, between.rate_step)):
+            np.testing.assert_allclose(a[..., part], b[..., part], rtol=0.0, atol=rtol * np.abs(b[..., part]).max())
+    part, pressure = near.columns["density"], s.residuals.predicted_force
+    np.testing.assert_allclose(near.force[:, 0, part.start], pressure[:, 0], rtol=0.1)  # nearly proportional to it

@@ -5,6 +5,7 @@ from dataclasses import replace
 import h5py
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from edl_filter import Mission
 from edl_filter.diagnosis.linear_model.flight_case import flight_case, load_case
@@ -17,6 +18,8 @@ from edl_filter.diagnosis.linear_model.linearization_point import (
     smoothed_point,
     states_of_bins,
 )
+from edl_filter.diagnosis.prediction.dead_reckoning import NODES_PER_BIN, dead_reckon, path_deviation
+from edl_filter.estimation.smoothing import smoothed_states
 from edl_filter.simulation import Scenario, simulate
 
 
@@ -189,6 +192,45 @@ def test_the_offset_cancels_a_perturbation_that_varies_from_bin_to_bin(inexact_m
     ends = states[1 : len(model.bins.middle) + 1]
     at_ends = replace(displaced, point=replace(point, bin_states=np.stack((ends, ends))))
     assert left < 0.1 * size < 0.2 * np.linalg.norm((at_ends.residual_vector - model.residual_vector) / sigma)
+
+
+def about_another_initial_state(model, shift, deviates):
+    """The model with its path dead-reckoned from another initial state, and its flow along the same path or not."""
+    start, edges = model.point.start.plus(shift), model.bins.edges
+    path = dead_reckon(model.inputs.problem, start.nav[:10], model.point.errors)
+    before, after = (p.nav[p.indices(edges)] for p in (model.residuals.path, path))
+    deviation = path_deviation(before, after) if deviates else None
+    return linearize_at(model.case, replace(model.point, start=start, deviation=deviation))
+
+
+@pytest.mark.parametrize("state", ["position", "velocity", "attitude"])
+def test_the_likelihood_does_not_depend_on_the_initial_state_of_the_path(models, state):
+    """Where the flow is evaluated along the same path: the errors are measured from the dead-reckoned one."""
+    model = models[0]
+    shift = np.zeros(model.nuisance.layout.size)
+    shift[model.nuisance.layout[state]] = {"position": 500.0, "velocity": 2.0, "attitude": 2e-3}[state]
+    same, another = (about_another_initial_state(model, shift, deviates) for deviates in (True, False))
+    np.testing.assert_allclose(same.residuals.flow.alpha_total, model.residuals.flow.alpha_total, rtol=0.0, atol=1e-6)
+    assert same.log_likelihood == pytest.approx(model.log_likelihood, abs=0.3)
+    assert np.abs(same.index.stack(same.residuals) - same.residual_vector).max() > 1e-4
+    assert abs(another.log_likelihood - model.log_likelihood) > 1.0
+
+
+def test_the_flow_is_evaluated_along_the_most_probable_path(models):
+    """The smoothed errors, added to the path about which they were computed."""
+    model = models[0]
+    whiten = model.stated_noise_filter
+    states = smoothed_states(whiten, model.white_residuals(whiten), model.initial_mean)[1]
+    displaced = model.at_point(next_point(model), ())
+    assert np.abs(displaced.point.deviation).max() > 1e-3
+    before = model.residuals.path
+    used, step = model.index.step_of_bins(whiten.model.row_start)
+    ends = model.bins.edges[1:][used]
+    smoothed = before.nav[before.indices(ends), :6] + states[step, :6]
+    at_ends = displaced.residuals.nodes.nav[NODES_PER_BIN::NODES_PER_BIN][used]
+    np.testing.assert_allclose(at_ends[:, :6], smoothed, rtol=0.0, atol=1e-6)
+    attitude = Rotation.from_quat(before.nav[before.indices(ends), 6:]) * Rotation.from_rotvec(states[step, 6:9])
+    assert (attitude.inv() * Rotation.from_quat(at_ends[:, 6:])).magnitude().max() < 1e-9
 
 
 def test_two_successive_points_are_equally_likely(models):

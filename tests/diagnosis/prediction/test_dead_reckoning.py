@@ -5,14 +5,17 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
+from scipy.spatial.transform import Rotation
 
 from edl_filter import rotations
 from edl_filter.diagnosis.prediction.dead_reckoning import (
     NODES_PER_BIN,
     DeadReckonedPath,
     dead_reckon,
+    displace_nodes,
     node_rates,
     node_times,
+    path_deviation,
     path_nodes,
 )
 from edl_filter.diagnosis.prediction.time_bins import TimeBins
@@ -223,6 +226,21 @@ def test_position_and_velocity_between_samples_are_cubics(coning_nodes):
     nodes, _ = coning_nodes
     np.testing.assert_allclose(nodes.nav[:, 0], nodes.time**3, rtol=1e-10, atol=1e-9)
     np.testing.assert_allclose(nodes.nav[:, 4], 3.0 * nodes.time**2 + 1.0, rtol=1e-10, atol=1e-9)
+
+
+def test_displaced_nodes_deviate_as_stated(coning_nodes):
+    """At the edges by the stated values, by rotations of another package; linear in between."""
+    nodes, path = coning_nodes
+    deviation = np.random.default_rng(8).normal(0.0, np.repeat([50.0, 0.5, 1e-3], 3), (81, 9))
+    displaced = displace_nodes(nodes, path.time, deviation)
+    at_edges, nav = displaced.nav[::NODES_PER_BIN], path.nav
+    np.testing.assert_allclose(at_edges[:, :6] - nav[:, :6], deviation[:, :6], rtol=0.0, atol=1e-9)
+    attitude = Rotation.from_quat(nav[:, 6:]) * Rotation.from_rotvec(deviation[:, 6:])
+    assert (attitude.inv() * Rotation.from_quat(at_edges[:, 6:])).magnitude().max() < 1e-12
+    np.testing.assert_allclose(path_deviation(at_edges, nav), deviation, rtol=0.0, atol=1e-9)
+    middle = path_deviation(displaced.nav, nodes.nav)[NODES_PER_BIN // 2 :: NODES_PER_BIN]
+    np.testing.assert_allclose(middle, 0.5 * (deviation[1:] + deviation[:-1]), rtol=0.0, atol=1e-9)
+    assert displaced.time is nodes.time and displaced.rate is nodes.rate
 
 
 def test_a_bin_without_rates_affects_only_its_neighbourhood():

@@ -1,7 +1,9 @@
 """Jacobian of the predictions, bin by bin.
 
 The error of the path is linear in the error of the filter's vector (`transitions`); the derivatives of the prediction
-with respect to state, air, database and vehicle are central differences of the forward model along the path.
+with respect to state, air, database and vehicle are central differences of the forward model along the path. Every node
+keeps its table: where one table ends and another begins a coefficient has a step, and a difference across it would
+depend on its own step size. What the step contributes is part of the departure from linearity, which is noise.
 """
 
 from __future__ import annotations
@@ -11,6 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from edl_filter import rotations
+from edl_filter.aero.database import Database
 from edl_filter.diagnosis.jacobians.coefficient_errors import field_loads
 from edl_filter.diagnosis.jacobians.nuisance import StatedUncertainty
 from edl_filter.diagnosis.prediction.dead_reckoning import PathNodes
@@ -27,6 +30,7 @@ from edl_filter.effects.base import Effect, EffectInstance
 from edl_filter.effects.forward_model import ForwardModel
 from edl_filter.effects.parameters import Parameter, Values
 from edl_filter.effects.perturbation import CoefficientUnits, FieldPerturbation, Perturbation
+from edl_filter.effects.types import FlightCondition
 from edl_filter.types import Array
 
 #: Steps of the differences with respect to position (m), velocity (m/s), attitude (rad), and the rate (rad/s).
@@ -107,15 +111,18 @@ def prediction_jacobian(
         force_columns.append((plus[0] - minus[0]) / step)
         rate_columns.append((plus[1] - minus[1]) / step)
 
+    def predict_with_tables_kept(changed: ForwardModel, at: PathNodes) -> tuple[Array, Array]:
+        return predict(changed, bins, _in_regime_of(flow, flow_at(changed, at), model.database))
+
+    def with_air(**change: float) -> ForwardModel:
+        return model.with_effects((*model.effects, EffectInstance(_AirProbe(), change)))
+
     for j, step in enumerate(_NAV_STEPS):
-        plus, minus = (_predict_at(model, bins, _displaced(nodes, j, s)) for s in (step, -step))
+        plus, minus = (predict_with_tables_kept(model, _displaced(nodes, j, s)) for s in (step, -step))
         add_difference(plus, minus, 2.0 * step)
-
-    def with_air(**change: float) -> tuple[Array, Array]:
-        return _predict_at(model.with_effects((*model.effects, EffectInstance(_AirProbe(), change))), bins, nodes)
-
     for name, step in (("density", 1e-3), ("east", 0.5), ("north", 0.5)):
-        add_difference(with_air(**{name: step}), with_air(**{name: -step}), 2.0 * step)
+        plus, minus = (predict_with_tables_kept(with_air(**{name: s}), nodes) for s in (step, -step))
+        add_difference(plus, minus, 2.0 * step)
     nominal = predict(model, bins, flow, tables)
     perturbation = model.perturbation or Perturbation.zero(units)
     for name in ("ca", "cn", "cm"):
@@ -143,7 +150,9 @@ def prediction_jacobian(
         columns[name] = slice(start, start + width)
         start += width
     two_sigma = 2.0 * uncertainty.density
-    denser, thinner = with_air(density=two_sigma), with_air(density=-two_sigma)
+    denser, thinner = (
+        predict(m, bins, flow_at(m, nodes)) for m in (with_air(density=two_sigma), with_air(density=-two_sigma))
+    )
     quadrature = quadrature_error(model, bins, flow, force, moment)
     nonlinearity = [
         np.hypot(a + b - 2.0 * c, r) for a, b, c, r in zip(denser, thinner, nominal, quadrature, strict=True)
@@ -163,5 +172,10 @@ def _displaced(nodes: PathNodes, component: int, step: float) -> PathNodes:
     return replace(nodes, nav=nav)
 
 
-def _predict_at(model: ForwardModel, bins: TimeBins, nodes: PathNodes) -> tuple[Array, Array]:
-    return predict(model, bins, flow_at(model, nodes))
+def _in_regime_of(reference: FlightCondition, flow: FlightCondition, database: Database) -> FlightCondition:
+    """A flow whose Knudsen numbers select, node by node, the same one of two tables as those of a reference do."""
+    if database.join != "switch":
+        return flow
+    limit = database.continuum_limit
+    rarefied = np.maximum(flow.knudsen, np.nextafter(limit, np.inf))
+    return replace(flow, knudsen=np.where(reference.knudsen > limit, rarefied, np.minimum(flow.knudsen, limit)))

@@ -16,6 +16,7 @@ from edl_filter.diagnosis.jacobians.state_space import stated_initial_error
 from edl_filter.diagnosis.linear_model.flight_case import FlightCase
 from edl_filter.diagnosis.linear_model.linearization_point import (
     LinearizationPoint,
+    deviation_offset,
     distance_from_stated,
     nuisance_offset,
 )
@@ -123,11 +124,13 @@ class LinearizedModel:
 
     @cached_property
     def residual_vector(self) -> Array:
-        """Residuals ``(R,)``, the point's nuisance parameters added to them again."""
+        """Residuals ``(R,)``, the point's nuisance parameters and errors of the path added to them again."""
         residuals = self.index.stack(self.residuals) + self.constant_columns @ self.constant_values
-        if self.point.bin_states is None:
-            return residuals
-        return residuals + nuisance_offset(self.index, self.state_space.design, self.point.bin_states)
+        if self.point.bin_states is not None:
+            residuals = residuals + nuisance_offset(self.index, self.state_space.design, self.point.bin_states)
+        if self.point.deviation is not None:
+            residuals = residuals + deviation_offset(self.index, self.bins, self.jacobian, self.point.deviation)
+        return residuals
 
     @property
     def constant_values(self) -> Array:
@@ -159,7 +162,7 @@ class LinearizedModel:
 
     def at_point(self, point: LinearizationPoint, effects: Sequence[EffectInstance]) -> LinearizedModel:
         """The same Jacobians with the residuals about another point and with other effects."""
-        reference = replace(self.reference, start=point.start.nav[:10], errors=point.errors)
+        reference = replace(self.reference, start=point.start.nav[:10], errors=point.errors, deviation=point.deviation)
         displaced = replace(self, effects=tuple(effects), reference=reference, point=point, computed_jacobians={})
         inputs = displaced.model_inputs(effects)
         return replace(displaced, inputs=inputs, residuals=compute_residuals(reference, inputs))

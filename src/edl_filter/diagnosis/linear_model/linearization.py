@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from edl_filter import rotations
 from edl_filter.diagnosis.jacobians.bin_rows import bin_rows
 from edl_filter.diagnosis.jacobians.coefficient_errors import (
     asymmetry_units,
@@ -26,10 +27,16 @@ from edl_filter.diagnosis.linear_model.linearization_point import (
     largest_change,
     perturbation_from_states,
     smoothed_point,
+    states_at_edges,
     states_of_bins,
 )
 from edl_filter.diagnosis.noise.variance_components import ExcessVariance
-from edl_filter.diagnosis.prediction.dead_reckoning import corrected_readings
+from edl_filter.diagnosis.prediction.dead_reckoning import (
+    DeadReckonedPath,
+    corrected_readings,
+    dead_reckon,
+    path_deviation,
+)
 from edl_filter.diagnosis.prediction.residuals import (
     PathReference,
     bin_readings,
@@ -43,7 +50,7 @@ from edl_filter.estimation.kalman import WhiteningFilter
 from edl_filter.estimation.linear_state_space import append_constant_states
 from edl_filter.estimation.smoothing import smoothed_states
 from edl_filter.navigation.layout import ONBOARD
-from edl_filter.types import Array
+from edl_filter.types import Array, IntArray
 
 #: States of the attitude that was computed on board, which the model does not affect.
 _ONBOARD_STATES = ("onboard_rate", "onboard_mounting", ONBOARD)
@@ -69,7 +76,7 @@ def linearize_at(
     effects = (*case.effects, *point.constants)
     inputs = perturbed(case.model_inputs(effects), point)
     transitions = propagate_path(inputs.problem, bins, point.start, point.errors)
-    reference = PathReference(bins=bins, start=point.start.nav[:10], errors=point.errors, onboard=transitions.onboard)
+    reference = PathReference(bins, point.start.nav[:10], point.errors, transitions.onboard, deviation=point.deviation)
     residuals = compute_residuals(reference, inputs)
     errors = lever_arm_errors(reference, inputs, residuals)
     reference, residuals = replace(reference, lever_arm_errors=errors), correct_lever_arms(residuals, errors)
@@ -176,7 +183,24 @@ def map_point(
     )
     own = states[:, : model.nuisance.size]
     bin_states = states_of_bins(model.index, model.bins, model.nuisance, whiten.model.row_start, own)
-    return LinearizationPoint(start, errors, perturbation, bin_states, constants)
+    deviation = _smoothed_deviation(
+        model, whiten.model.row_start, states, dead_reckon(model.inputs.problem, start.nav[:10], errors)
+    )
+    return LinearizationPoint(start, errors, perturbation, bin_states, constants, deviation)
+
+
+def _smoothed_deviation(model: LinearizedModel, row_start: IntArray, states: Array, path: DeadReckonedPath) -> Array:
+    """Deviation of the smoothed path from a dead-reckoned one at the bins' edges ``(B + 1, 9)``.
+
+    `states` are smoothed errors about the model's path at every step ``(K, n)``.
+    """
+    layout, bins = model.nuisance.layout, model.bins
+    nav = slice(layout["position"].start, layout["attitude"].stop)
+    error = states_at_edges(model.index, bins, row_start, states[:, nav])
+    before = model.residuals.path.nav[model.residuals.path.indices(bins.edges)]
+    attitude = rotations.multiply(before[:, 6:], rotations.from_rotation_vector(error[:, 6:]))
+    smoothed = np.concatenate((before[:, :6] + error[:, :6], attitude), axis=1)
+    return path_deviation(smoothed, path.nav[path.indices(bins.edges)])
 
 
 def at_map_point(

@@ -2,12 +2,14 @@
 
 A smoothed trajectory has absorbed part of the disagreement between model and measurement, and by a different amount at
 every sample. The path here is a function of the initial state, the sensor errors and the samples alone; its error is
-linear in those and is a nuisance state of the linear model, with the priors and constraints of the reconstruction.
+linear in those and in the noise of the samples, and is a nuisance state of the linear model, with the priors and
+constraints of the reconstruction. The flow is evaluated about the most probable path, which deviates from the
+dead-reckoned one by the noise that the samples are estimated to have.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -147,6 +149,39 @@ def path_nodes(path: DeadReckonedPath, bins: TimeBins, mean_rate: Array) -> Path
     rotation = _rotation_since_edge(bins, angle(time), rate)
     nav[:, 6:] = rotations.multiply(edge_nav[bin_index, 6:], rotations.from_rotation_vector(rotation))
     return PathNodes(time, nav, rate)
+
+
+def displace_nodes(nodes: PathNodes, edges: Array, deviation: Array) -> PathNodes:
+    """Nodes of a path that deviates from the dead-reckoned one.
+
+    Parameters
+    ----------
+    nodes : PathNodes
+        Of the dead-reckoned path.
+    edges : (B + 1,) array
+        Edges of the bins, s.
+    deviation : (B + 1, 9) array
+        Of position (m), velocity (m/s) and attitude (rotation vector, rad, body axes) at the edges; linear in between.
+    """
+    change = np.stack([np.interp(nodes.time, edges, values) for values in deviation.T], axis=1)
+    attitude = rotations.multiply(nodes.nav[:, 6:], rotations.from_rotation_vector(change[:, 6:]))
+    return replace(nodes, nav=np.concatenate((nodes.nav[:, :6] + change[:, :6], attitude), axis=1))
+
+
+def path_deviation(nav: Array, reference: Array) -> Array:
+    """Deviation of states from a reference, as `displace_nodes` takes it.
+
+    Parameters
+    ----------
+    nav, reference : (K, 10) arrays
+        Inertial position (m) and velocity (m/s), inertial_from_body.
+
+    Returns
+    -------
+    (K, 9) array
+    """
+    rotation = rotations.multiply(rotations.conjugate(reference[:, 6:]), nav[:, 6:])
+    return np.concatenate((nav[:, :6] - reference[:, :6], rotations.to_rotation_vector(rotation)), axis=1)
 
 
 def _rotation_since_edge(bins: TimeBins, angle: Array, rate: Array) -> Array:

@@ -17,6 +17,7 @@ from edl_filter.diagnosis.prediction.dead_reckoning import (
     DeadReckonedPath,
     PathNodes,
     dead_reckon,
+    displace_nodes,
     path_nodes,
 )
 from edl_filter.diagnosis.prediction.interpolation_error import interpolation_error
@@ -70,6 +71,8 @@ class PathReference:
     lever_arm_errors : tuple of (B, 3) arrays
         Of the driving IMU and each checking one, `lever_arm_errors` of the linearisation point, m/s²; none: not
         corrected for.
+    deviation : (B + 1, 9) array or None
+        Of the path along which the flow is evaluated, from the dead-reckoned one (`dead_reckoning.displace_nodes`).
     """
 
     bins: TimeBins
@@ -77,6 +80,7 @@ class PathReference:
     errors: Array
     onboard: Array | None
     lever_arm_errors: tuple[Array, ...] = ()
+    deviation: Array | None = None
 
 
 @dataclass(frozen=True)
@@ -93,6 +97,7 @@ class Residuals:
         Of each checking IMU, m/s² and rad/s.
     constraints : tuple of (m,) arrays
     path : DeadReckonedPath
+        Dead-reckoned.
     nodes : PathNodes
     flow : FlightCondition
         At the nodes.
@@ -194,6 +199,8 @@ def compute_residuals(reference: PathReference, inputs: ModelInputs) -> Residual
     samples = problem.samples
     force, rate = bin_readings(bins, samples, (path.force, path.rate))
     nodes = path_nodes(path, bins, rate)
+    if reference.deviation is not None:
+        nodes = displace_nodes(nodes, bins.edges, reference.deviation)
     flow = flow_at(model, nodes)
     tables = model.table_coefficients(flow)
     predicted_force, predicted_rate_step = predict(model, bins, flow, tables)
