@@ -318,8 +318,9 @@ def test_no_derivative_is_taken_across_the_step_between_two_tables(flight):
     assert abs(tables.ca[node + 1] / tables.ca[node] - 1.0) > 0.01  # the step
     np.testing.assert_array_equal(tables.ca, near_tables.ca)
     for name in ("position", "velocity", "density", "wind_east", "wind_north"):
-        part, rtol = near.columns[name], 2e-2 if name == "position" else 5e-3  # coefficients vary up to the limit
+        part = near.columns[name]
         for a, b in ((near.force, between.force), (near.rate_step, between.rate_step)):
-            np.testing.assert_allclose(a[..., part], b[..., part], rtol=0.0, atol=rtol * np.abs(b[..., part]).max())
-    part, pressure = near.columns["density"], s.residuals.predicted_force
-    np.testing.assert_allclose(near.force[:, 0, part.start], pressure[:, 0], rtol=0.1)  # nearly proportional to it
+            # at the limit a coefficient is constant on the far side: half of its derivative at one node of a bin
+            np.testing.assert_allclose(a[..., part], b[..., part], rtol=0.0, atol=0.03 * np.abs(b[..., part]).max())
+    part, force = near.columns["density"], s.residuals.predicted_force
+    np.testing.assert_allclose(near.force[:, 0, part.start], force[:, 0], rtol=0.3)  # the coefficient falls with it
