@@ -96,7 +96,9 @@ def simulated_mission(vehicle, seed, effects, folder):
 
 
 def expected_gains(case, effects):
-    """Gain of each effect's noise-free columns at the truth, beside those of the other effects, nats, by name.
+    """Log Bayes factor of each effect for the noise-free residuals of the truth, given the others, nats, by name.
+
+    Sizes and places have their priors, as in the diagnosis: what an unknown place costs is part of the factor.
 
     Parameters
     ----------
@@ -111,10 +113,15 @@ def expected_gains(case, effects):
         truth = instance
         if instance.name == "gravity_oblateness":
             truth = EffectInstance(instance.effect, {"J2": TRUE_J2 - case.mission.planet.gravity.j2})
-        j = effect_jacobian(model, truth.at_zero())
-        columns.append(model.stated_noise_filter(j.rows, j.initial_mean))
-        sigmas.append(j.sigma)
-        signal = signal + columns[-1] @ np.array([truth.values[n] for n in j.names])
+        by_size = effect_jacobian(model, truth.at_zero())
+        size = model.stated_noise_filter(by_size.rows, by_size.initial_mean)
+        signal = signal + size @ np.array([truth.values[n] for n in by_size.names])
+        columns.append(size)
+        sigmas.append(by_size.sigma)
+        if places := [q.name for q in truth.fitted if q.kind != "size"]:
+            by_place = effect_jacobian(model, truth, places)
+            place = model.stated_noise_filter(by_place.rows, by_place.initial_mean)
+            columns[-1], sigmas[-1] = np.hstack((size, place)), np.concatenate((by_size.sigma, by_place.sigma))
 
     def joint_gain(chosen):
         if not chosen:
@@ -124,7 +131,7 @@ def expected_gains(case, effects):
         ).gain
 
     every = list(range(len(effects)))
-    return {a.name: joint_gain(every) - joint_gain([k for k in every if k != i]) for i, a in enumerate(effects)}
+    return {a.name: float(joint_gain(every) - joint_gain([k for k in every if k != i])) for i, a in enumerate(effects)}
 
 
 def ranking_rows(content, count, keys):
