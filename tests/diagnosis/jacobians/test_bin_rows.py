@@ -6,10 +6,14 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from edl_filter.diagnosis.jacobians.bin_rows import bins_of_either_regime, discontinuity_sigma
+from edl_filter import Mission
+from edl_filter.diagnosis.jacobians.bin_rows import discontinuity_sigma, wrong_regime_probability
+from edl_filter.diagnosis.linear_model.flight_case import load_case
 from edl_filter.diagnosis.prediction.dead_reckoning import NODES_PER_BIN
 from edl_filter.diagnosis.prediction.time_bins import TimeBins, bin_sigma
+from edl_filter.effects import EffectInstance
 from edl_filter.effects.perturbation import CoefficientUnits, Perturbation
+from edl_filter.effects.registry import find_effect
 from edl_filter.imu_model.lever_arm import edge_values
 
 DT, N, ARM = 0.125, 80, np.array([-0.8, 0.5, -0.6])
@@ -61,32 +65,38 @@ def test_sigma_of_a_mean_over_bins(per_bin):
     np.testing.assert_allclose(bin_sigma(bins, time, interval, noise), means.std(axis=0), rtol=0.03)
 
 
-def either_regime(log_knudsen, join="switch", density=None):
-    """Bins of either regime: the Knudsen number over its limit at the nodes, with a perturbation of the density."""
-    time = np.arange(len(log_knudsen), dtype=float)
-    perturbation = None
-    if density is not None:
-        units = CoefficientUnits(time, time, time, time)
-        perturbation = replace(Perturbation.zero(units), time=time, density=density, wind=np.zeros((len(time), 2)))
+def wrong_regime(log_knudsen, join="switch", density_sigma=0.1, **model):
+    """Probabilities by bin: the Knudsen number over its limit at the nodes, by a density that falls with altitude."""
+    altitude = 10e3 * (log_knudsen - log_knudsen[0])
+    air = SimpleNamespace(density=lambda h: np.exp(-h / 10e3))
+    gas = SimpleNamespace(knudsen=lambda density, diameter: 1e-3 * np.exp(log_knudsen[0]) / (density * diameter))
     database = SimpleNamespace(join=join, continuum_limit=1e-3)
-    flow = SimpleNamespace(time=time, knudsen=1e-3 * np.exp(log_knudsen))
-    model = SimpleNamespace(database=database, perturbation=perturbation)
-    return bins_of_either_regime(model, SimpleNamespace(flow=flow), 0.1)
+    stated = SimpleNamespace(database=database, atmosphere=air, gas=gas, diameter=1.0, **model)
+    return wrong_regime_probability(stated, altitude, density_sigma)
 
 
-def test_bins_near_the_limit_and_the_one_before_are_of_either_regime():
-    """Three sigmas of the density of 10 %; the step of the rate at a bin's end spans the next bin."""
-    log_knudsen = np.linspace(1.0, -1.0, 10 * NODES_PER_BIN + 1)
-    near = np.flatnonzero(either_regime(log_knudsen))
-    np.testing.assert_array_equal(near, [2, 3, 4, 5, 6])  # within 0.3 of the limit: 3 to 6
-    assert not either_regime(log_knudsen, join="blend").any()
+def test_about_the_limit_the_other_table_may_apply():
+    """By drawing the error of the density; the step of the rate at a bin's end spans the next bin."""
+    log_knudsen = np.linspace(0.4, -0.4, 10 * NODES_PER_BIN + 1)
+    probability = wrong_regime(log_knudsen)
+    error = np.random.default_rng(4).normal(0.0, 0.1, 100_000)
+    other = np.array([np.mean((v + error > 0.0) != (v > 0.0)) for v in log_knudsen])
+    by_bin = other[:-1].reshape(10, NODES_PER_BIN).max(axis=1)
+    np.testing.assert_allclose(probability, np.maximum(by_bin, np.append(by_bin[1:], 0.0)), atol=5e-3)
+    assert probability[4] == probability[5] == pytest.approx(0.5) and probability[0] < 1e-2
+    assert not wrong_regime(log_knudsen, join="blend").any() and not wrong_regime(log_knudsen, density_sigma=0.0).any()
 
 
-@pytest.mark.parametrize("shift", [-0.25, 0.25])
-def test_bins_of_either_regime_do_not_depend_on_the_point(shift):
-    """A point with another density has another Knudsen number; the rows' noise stays the same."""
-    log_knudsen = np.linspace(1.0, -1.0, 10 * NODES_PER_BIN + 1)
-    density = np.full(len(log_knudsen), shift)
-    about_point = either_regime(log_knudsen - shift, density=density)
-    np.testing.assert_array_equal(about_point, either_regime(log_knudsen))
-    assert np.any(either_regime(log_knudsen - shift) != about_point)
+def test_the_noise_about_the_limit_is_the_same_about_every_point_and_with_every_effect():
+    """The log determinant of the noise is no evidence."""
+    settings = ("aerodynamics.coefficient_sigma=1.0", "atmosphere.density_sigma=0.1")
+    case = load_case(Mission.load("builtin:practice_mer", settings), ())
+    inputs = case.model_inputs(())
+    altitude = np.linspace(90e3, 40e3, 400 * NODES_PER_BIN + 1)
+    stated = wrong_regime_probability(inputs.forward_model, altitude, 0.1)
+    assert stated.max() > 0.4 and np.count_nonzero(stated > 1e-6) < 250
+    effect = EffectInstance(find_effect("density_scale"), {"k": 0.2})
+    time = np.zeros(1)
+    shifted = replace(Perturbation.zero(CoefficientUnits(time, time, time, time)), density=np.full(1, -0.1))
+    changed = replace(inputs.forward_model.with_effects((effect,)), perturbation=shifted)
+    np.testing.assert_array_equal(wrong_regime_probability(changed, altitude, 0.1), stated)

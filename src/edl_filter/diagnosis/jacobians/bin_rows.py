@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.ndimage import median_filter
+from scipy.special import ndtr
 
 from edl_filter.diagnosis.jacobians.nuisance import NuisanceLayout, StatedUncertainty, checking_state
 from edl_filter.diagnosis.jacobians.prediction_jacobian import PredictionJacobian
@@ -25,8 +26,6 @@ from edl_filter.types import Array, BoolArray
 #: Share of a bin's gyro noise that a step of the rate has in addition to the noise of the two bins' means, which are
 #: states: the covariance of the rows is regular, and the variance of a step increases by 0.1 %.
 _STEP_NOISE_SHARE = 0.05
-#: Sigmas of the density within which the regime of the flow is uncertain: the limit is beyond them in 0.3 %.
-_REGIME_SIGMAS = 3.0
 #: Variance of the errors of two tables in units of that of one: its upper bound, (1 + 1)² where they are correlated.
 _EITHER_REGIME = 4.0
 #: Factor over the median around it from which a change of the rate's slope is a discontinuity, and number of edges of
@@ -159,8 +158,8 @@ def bin_rows(
     noise[:, range(3, 6), range(3, 6)] = ((_STEP_NOISE_SHARE * sigma_w) ** 2)[:, None]
     noise[:-1, range(3, 6), range(3, 6)] += jacobian.rate_step_nonlinearity**2
     # which of two tables applies is not known about the limit: the errors of both are noise there
-    either = bins_of_either_regime(inputs.forward_model, residuals, uncertainty.density)
-    noise[:, range(6), range(6)] += np.where(either[:, None], _EITHER_REGIME * discrepancy[:, :6], 0.0)
+    either = wrong_regime_probability(inputs.forward_model, residuals.flow.altitude, uncertainty.density)
+    noise[:, range(6), range(6)] += _EITHER_REGIME * either[:, None] * discrepancy[:, :6]
     for i, record in enumerate(inputs.checking):
         f0, w0 = 6 + 6 * i, 9 + 6 * i
         at_bin = record.index_at(middle)
@@ -191,30 +190,30 @@ def bin_rows(
     return BinRows(design, noise, used, np.where(used, values, 0.0))
 
 
-def bins_of_either_regime(model: ForwardModel, residuals: Residuals, density_sigma: float) -> BoolArray:
-    """Bins ``(B,)`` in which either of two tables with independent errors may apply.
+def wrong_regime_probability(model: ForwardModel, altitude: Array, density_sigma: float) -> Array:
+    """Probability that another one of two tables applies than the stated density says, by bin ``(B,)``.
 
-    By the Knudsen number at the stated density, so that they are the same about every point: a bin more or less changes
-    the likelihood by tens of nats, which would count as evidence where models about two points are compared.
+    The Knudsen number has the relative error of the density, a normal variable. It is that of the stated density, so
+    that the rows' noise is the same about every point and with every effect: their log determinant would change by
+    hundreds of nats, which would count as evidence where two models are compared.
 
     Parameters
     ----------
     model : ForwardModel
         With the database.
-    residuals : Residuals
-        With the flow along the path.
+    altitude : (M,) array
+        At the nodes, m.
     density_sigma : float
-        Relative sigma of the density, which the Knudsen number has too.
+        Relative sigma of the density.
     """
-    database, flow = model.database, residuals.flow
-    knudsen = flow.knudsen
-    if model.perturbation is not None:
-        knudsen = model.perturbation.perturb_density(flow.time, knudsen)  # inversely proportional to the density
-    if database.join != "switch":
-        return np.zeros((len(knudsen) - 1) // NODES_PER_BIN, bool)
-    near = np.abs(np.log(knudsen / database.continuum_limit)) < _REGIME_SIGMAS * density_sigma
-    uncertain = np.any(near[:-1].reshape(-1, NODES_PER_BIN), axis=1)
-    return uncertain | np.append(uncertain[1:], False)  # the step of the rate spans the next bin too
+    database = model.database
+    bins = (len(altitude) - 1) // NODES_PER_BIN
+    if database.join != "switch" or density_sigma == 0.0:
+        return np.zeros(bins)
+    knudsen = model.gas.knudsen(model.atmosphere.density(altitude), model.diameter)
+    distance = np.abs(np.log(knudsen / database.continuum_limit)) / density_sigma
+    in_bin = np.max(ndtr(-distance)[:-1].reshape(-1, NODES_PER_BIN), axis=1)
+    return np.maximum(in_bin, np.append(in_bin[1:], 0.0))  # the step of the rate spans the next bin too
 
 
 def discontinuity_sigma(bins: TimeBins, rate: Array, position: Array) -> Array:
