@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from edl_filter import Mission
-from edl_filter.diagnosis.jacobians.bin_rows import discontinuity_sigma, wrong_regime_probability
+from edl_filter.diagnosis.jacobians.bin_rows import discontinuity_sigma, weight_of_either_regime
 from edl_filter.diagnosis.linear_model.flight_case import load_case
 from edl_filter.diagnosis.prediction.dead_reckoning import NODES_PER_BIN
 from edl_filter.diagnosis.prediction.time_bins import TimeBins, bin_sigma
@@ -65,26 +65,30 @@ def test_sigma_of_a_mean_over_bins(per_bin):
     np.testing.assert_allclose(bin_sigma(bins, time, interval, noise), means.std(axis=0), rtol=0.03)
 
 
-def wrong_regime(log_knudsen, join="switch", density_sigma=0.1, **model):
-    """Probabilities by bin: the Knudsen number over its limit at the nodes, by a density that falls with altitude."""
+def either_regime(log_knudsen, join="switch", density_sigma=0.1, **model):
+    """Weights by bin: the Knudsen number over its limit at the nodes, by a density that falls with altitude."""
     altitude = 10e3 * (log_knudsen - log_knudsen[0])
     air = SimpleNamespace(density=lambda h: np.exp(-h / 10e3))
     gas = SimpleNamespace(knudsen=lambda density, diameter: 1e-3 * np.exp(log_knudsen[0]) / (density * diameter))
     database = SimpleNamespace(join=join, continuum_limit=1e-3)
     stated = SimpleNamespace(database=database, atmosphere=air, gas=gas, diameter=1.0, **model)
-    return wrong_regime_probability(stated, altitude, density_sigma)
+    return weight_of_either_regime(stated, altitude, density_sigma)
 
 
-def test_about_the_limit_the_other_table_may_apply():
-    """By drawing the error of the density; the step of the rate at a bin's end spans the next bin."""
-    log_knudsen = np.linspace(0.4, -0.4, 10 * NODES_PER_BIN + 1)
-    probability = wrong_regime(log_knudsen)
-    error = np.random.default_rng(4).normal(0.0, 0.1, 100_000)
-    other = np.array([np.mean((v + error > 0.0) != (v > 0.0)) for v in log_knudsen])
-    by_bin = other[:-1].reshape(10, NODES_PER_BIN).max(axis=1)
-    np.testing.assert_allclose(probability, np.maximum(by_bin, np.append(by_bin[1:], 0.0)), atol=5e-3)
-    assert probability[4] == probability[5] == pytest.approx(0.5) and probability[0] < 1e-2
-    assert not wrong_regime(log_knudsen, join="blend").any() and not wrong_regime(log_knudsen, density_sigma=0.0).any()
+def test_about_the_limit_either_table_may_apply():
+    """One within three sigmas of 10 %, none from 4.5 on, without a step; the rate's step spans the next bin."""
+    log_knudsen = np.linspace(1.0, -1.0, 200 * NODES_PER_BIN + 1)
+    weight = either_regime(log_knudsen)
+    distance = np.abs(log_knudsen) / 0.1
+    near, far = (distance[:-1].reshape(200, NODES_PER_BIN).max(axis=1) < 3.0, distance[:-1:NODES_PER_BIN] > 4.6)
+    assert near.sum() == 60 and np.all(weight[near] == 1.0) and weight[far].max() < 1e-6
+    assert np.abs(np.diff(weight)).max() < 0.3
+    nearest = np.array([distance[NODES_PER_BIN * b : NODES_PER_BIN * (b + 1)].min() for b in range(200)])
+    by_bin = np.exp(-0.5 * (np.maximum(nearest - 3.0, 0.0) / 0.25) ** 2)
+    np.testing.assert_allclose(weight, np.maximum(by_bin, np.append(by_bin[1:], 0.0)), rtol=1e-9)
+    assert (
+        not either_regime(log_knudsen, join="blend").any() and not either_regime(log_knudsen, density_sigma=0.0).any()
+    )
 
 
 def test_the_noise_about_the_limit_is_the_same_about_every_point_and_with_every_effect():
@@ -93,10 +97,10 @@ def test_the_noise_about_the_limit_is_the_same_about_every_point_and_with_every_
     case = load_case(Mission.load("builtin:practice_mer", settings), ())
     inputs = case.model_inputs(())
     altitude = np.linspace(90e3, 40e3, 400 * NODES_PER_BIN + 1)
-    stated = wrong_regime_probability(inputs.forward_model, altitude, 0.1)
+    stated = weight_of_either_regime(inputs.forward_model, altitude, 0.1)
     assert stated.max() > 0.4 and np.count_nonzero(stated > 1e-6) < 250
     effect = EffectInstance(find_effect("density_scale"), {"k": 0.2})
     time = np.zeros(1)
     shifted = replace(Perturbation.zero(CoefficientUnits(time, time, time, time)), density=np.full(1, -0.1))
     changed = replace(inputs.forward_model.with_effects((effect,)), perturbation=shifted)
-    np.testing.assert_array_equal(wrong_regime_probability(changed, altitude, 0.1), stated)
+    np.testing.assert_array_equal(weight_of_either_regime(changed, altitude, 0.1), stated)

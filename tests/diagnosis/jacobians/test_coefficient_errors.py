@@ -315,7 +315,7 @@ def test_without_air_no_mode_is_resolved():
 def field_model():
     """The shipped flight, a simulated one, with a database that errs, an asymmetry, and an uncertain centre of mass."""
     changes = (
-        "aerodynamics.coefficient_sigma=1.0", "atmosphere.density_sigma=0.1", "atmosphere.wind_sigma=10.0",
+        "aerodynamics.coefficient_sigma=1.0", "atmosphere.density_sigma=0.05", "atmosphere.wind_sigma=10.0",
         "vehicle.mass_sigma=4.0", "vehicle.centre_of_mass_sigma=[0.001, 0.001, 0.001]",
         "aerodynamics.discrepancy.asymmetry_sigma=0.5",
     )  # fmt: skip

@@ -256,10 +256,15 @@ def test_rate(stretch):
 
 
 def test_nonlinearity_over_two_sigmas_of_density(stretch):
-    """The second difference over two sigmas, with the bound of the quadrature's error at right angles to it."""
-    model, flow, bins = stretch.inputs.forward_model, stretch.residuals.flow, stretch.bins
+    """The second difference over two sigmas, with the bound of the quadrature's error at right angles to it.
+
+    Of the stated model: neither the effects nor the point change the noise.
+    """
+    model, bins = replace(stretch.inputs.forward_model, effects=(), perturbation=None), stretch.bins
+    stated = replace(stretch, inputs=replace(stretch.inputs, forward_model=model))
+    flow = flow_at(model, stretch.residuals.nodes)
     denser, thinner, nominal = (
-        stretch.prediction(density=np.log1p(s * 2.0 * stretch.uncertainty.density)) for s in (1.0, -1.0, 0.0)
+        stated.prediction(density=np.log1p(s * 2.0 * stretch.uncertainty.density)) for s in (1.0, -1.0, 0.0)
     )
     force, moment = model.loads(flow)
     specific_force, acceleration = (
@@ -324,3 +329,23 @@ def test_no_derivative_is_taken_across_the_step_between_two_tables(flight):
             np.testing.assert_allclose(a[..., part], b[..., part], rtol=0.0, atol=0.03 * np.abs(b[..., part]).max())
     part, force = near.columns["density"], s.residuals.predicted_force
     np.testing.assert_allclose(near.force[:, 0, part.start], force[:, 0], rtol=0.3)  # the coefficient falls with it
+
+
+def test_the_other_table_is_that_beyond_the_limit(flight):
+    """By a limit above all Knudsen numbers, and by one below: in the stretch the rarefied table applies."""
+    s = stretch_of(flight, "rarefied", changed=False, smooth=False)
+    knudsen, model = s.residuals.flow.knudsen, s.inputs.forward_model
+    limit = 0.9 * knudsen.min()
+
+    def with_limit(value):
+        return replace(model, database=replace(model.database, continuum_limit=value))
+
+    inputs = replace(s.inputs, forward_model=with_limit(limit))
+    jacobian = prediction_jacobian(inputs, s.bins, s.residuals, s.uncertainty, s.units)
+    continuum, rarefied = (predict(with_limit(v), s.bins, s.residuals.flow) for v in (2.0 * knudsen.max(), limit))
+    for actual, a, b in zip((jacobian.force_by_regime, jacobian.rate_step_by_regime), continuum, rarefied, strict=True):
+        np.testing.assert_allclose(actual, a - b, rtol=1e-9, atol=1e-12 * np.abs(b).max())
+    assert np.abs(jacobian.force_by_regime[:, 0]).min() > 1e-3 * np.abs(s.residuals.predicted_force[:, 0]).max()
+    joined = replace(s.inputs, forward_model=replace(model, database=replace(model.database, join="blend")))
+    without = prediction_jacobian(joined, s.bins, s.residuals, s.uncertainty, s.units)
+    assert not without.force_by_regime.any() and not without.rate_step_by_regime.any()

@@ -11,7 +11,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.ndimage import median_filter
-from scipy.special import ndtr
 
 from edl_filter.diagnosis.jacobians.nuisance import NuisanceLayout, StatedUncertainty, checking_state
 from edl_filter.diagnosis.jacobians.prediction_jacobian import PredictionJacobian
@@ -26,6 +25,9 @@ from edl_filter.types import Array, BoolArray
 #: Share of a bin's gyro noise that a step of the rate has in addition to the noise of the two bins' means, which are
 #: states: the covariance of the rows is regular, and the variance of a step increases by 0.1 %.
 _STEP_NOISE_SHARE = 0.05
+#: Sigmas of the density within which the regime of the flow is uncertain (the limit is beyond them in 0.3 %), and over
+#: which the variance declines beyond: with a step of it the likelihood would have steps, as the path moves.
+_REGIME_SIGMAS, _DECLINE_SIGMAS = 3.0, 0.25
 #: Variance of the errors of two tables in units of that of one: its upper bound, (1 + 1)² where they are correlated.
 _EITHER_REGIME = 4.0
 #: Factor over the median around it from which a change of the rate's slope is a discontinuity, and number of edges of
@@ -157,9 +159,12 @@ def bin_rows(
     noise[:, range(3), range(3)] = (sigma_f**2)[:, None] + jacobian.force_nonlinearity**2 + driving_lever**2
     noise[:, range(3, 6), range(3, 6)] = ((_STEP_NOISE_SHARE * sigma_w) ** 2)[:, None]
     noise[:-1, range(3, 6), range(3, 6)] += jacobian.rate_step_nonlinearity**2
-    # which of two tables applies is not known about the limit: the errors of both are noise there
-    either = wrong_regime_probability(inputs.forward_model, residuals.flow.altitude, uncertainty.density)
-    noise[:, range(6), range(6)] += _EITHER_REGIME * either[:, None] * discrepancy[:, :6]
+    # which of two tables applies is not known about the limit: their difference and the errors of both are noise there
+    either = weight_of_either_regime(inputs.forward_model, residuals.flow.altitude, uncertainty.density)
+    variance = _EITHER_REGIME * discrepancy[:, :6]
+    variance[:, :3] += jacobian.force_by_regime**2
+    variance[:-1, 3:] += jacobian.rate_step_by_regime**2
+    noise[:, range(6), range(6)] += either[:, None] * variance
     for i, record in enumerate(inputs.checking):
         f0, w0 = 6 + 6 * i, 9 + 6 * i
         at_bin = record.index_at(middle)
@@ -190,12 +195,13 @@ def bin_rows(
     return BinRows(design, noise, used, np.where(used, values, 0.0))
 
 
-def wrong_regime_probability(model: ForwardModel, altitude: Array, density_sigma: float) -> Array:
-    """Probability that another one of two tables applies than the stated density says, by bin ``(B,)``.
+def weight_of_either_regime(model: ForwardModel, altitude: Array, density_sigma: float) -> Array:
+    """Weight of the variance where either of two tables may apply, by bin ``(B,)``: one near the limit, zero far off.
 
-    The Knudsen number has the relative error of the density, a normal variable. It is that of the stated density, so
-    that the rows' noise is the same about every point and with every effect: their log determinant would change by
-    hundreds of nats, which would count as evidence where two models are compared.
+    By the Knudsen number at the stated density, so that the rows' noise is the same about every point and with every
+    effect: their log determinant would change by hundreds of nats, which would count as evidence where two models are
+    compared. Within `_REGIME_SIGMAS` the weight is one: the table about a point follows its density, and is wrong in
+    a few bins with the whole difference, wherever they lie.
 
     Parameters
     ----------
@@ -212,7 +218,8 @@ def wrong_regime_probability(model: ForwardModel, altitude: Array, density_sigma
         return np.zeros(bins)
     knudsen = model.gas.knudsen(model.atmosphere.density(altitude), model.diameter)
     distance = np.abs(np.log(knudsen / database.continuum_limit)) / density_sigma
-    in_bin = np.max(ndtr(-distance)[:-1].reshape(-1, NODES_PER_BIN), axis=1)
+    beyond = np.maximum(distance - _REGIME_SIGMAS, 0.0) / _DECLINE_SIGMAS
+    in_bin = np.max(np.exp(-0.5 * beyond**2)[:-1].reshape(-1, NODES_PER_BIN), axis=1)
     return np.maximum(in_bin, np.append(in_bin[1:], 0.0))  # the step of the rate spans the next bin too
 
 

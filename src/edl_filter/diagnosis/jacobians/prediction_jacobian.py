@@ -3,7 +3,9 @@
 The error of the path is linear in the error of the filter's vector (`transitions`); the derivatives of the prediction
 with respect to state, air, database and vehicle are central differences of the forward model along the path. Every node
 keeps its table: where one table ends and another begins a coefficient has a step, and a difference across it would
-depend on its own step size. What the step contributes is part of the departure from linearity, which is noise.
+depend on its own step size. What the step contributes where the table is uncertain is noise, as the departure from
+linearity is. Both are those of the stated model, so that the noise is the same about every point and with every effect:
+a difference of the log determinants would count as evidence where two models are compared.
 """
 
 from __future__ import annotations
@@ -54,8 +56,10 @@ class PredictionJacobian:
         field_cm (amplitudes of the discrepancy's modes), field_side_asymmetry, field_normal_asymmetry,
         field_pitch_asymmetry, field_yaw_asymmetry (amplitudes of the asymmetry) → slice of columns.
     force_nonlinearity, rate_step_nonlinearity : (B, 3), (B - 1, 3) arrays
-        Departure of the predictions from linearity over two sigmas of density (where one table ends and another begins,
-        the time of the transition is uncertain by a tenth of a second), combined with the quadrature error.
+        Departure of the stated model's predictions from linearity over two sigmas of density, combined with the
+        quadrature error.
+    force_by_regime, rate_step_by_regime : (B, 3), (B - 1, 3) arrays
+        Change of the stated model's predictions where the other one of two tables applies; zero without a step.
     """
 
     force: Array
@@ -63,6 +67,8 @@ class PredictionJacobian:
     columns: dict[str, slice]
     force_nonlinearity: Array
     rate_step_nonlinearity: Array
+    force_by_regime: Array
+    rate_step_by_regime: Array
 
 
 class _AirProbe(Effect):
@@ -112,7 +118,7 @@ def prediction_jacobian(
         rate_columns.append((plus[1] - minus[1]) / step)
 
     def predict_with_tables_kept(changed: ForwardModel, at: PathNodes) -> tuple[Array, Array]:
-        return predict(changed, bins, _in_regime_of(flow, flow_at(changed, at), model.database))
+        return predict(changed, bins, _in_regime(flow.knudsen, flow_at(changed, at), model.database))
 
     def with_air(**change: float) -> ForwardModel:
         return model.with_effects((*model.effects, EffectInstance(_AirProbe(), change)))
@@ -128,7 +134,7 @@ def prediction_jacobian(
     for name in ("ca", "cn", "cm"):
         increased = perturbation.with_unit(name)
         add_difference(predict(replace(model, perturbation=increased), bins, flow, tables), nominal, 1.0)
-    force, moment = model.loads(flow, tables)
+    _, moment = model.loads(flow, tables)
     force_columns += [-nominal[0], np.zeros_like(nominal[0])]  # mass, inertia
     without_moment = rate_step_from_moment(model, bins, flow, np.zeros_like(moment))
     rate_columns += [np.zeros_like(nominal[1]), without_moment - nominal[1]]
@@ -149,15 +155,33 @@ def prediction_jacobian(
     for name, width in widths.items():
         columns[name] = slice(start, start + width)
         start += width
-    two_sigma = 2.0 * uncertainty.density
-    denser, thinner = (
-        predict(m, bins, flow_at(m, nodes)) for m in (with_air(density=two_sigma), with_air(density=-two_sigma))
+    return PredictionJacobian(
+        np.stack(force_columns, axis=2),
+        np.stack(rate_columns, axis=2),
+        columns,
+        *_nonlinearity(inputs.forward_model, bins, nodes, uncertainty.density),
     )
-    quadrature = quadrature_error(model, bins, flow, force, moment)
-    nonlinearity = [
-        np.hypot(a + b - 2.0 * c, r) for a, b, c, r in zip(denser, thinner, nominal, quadrature, strict=True)
-    ]
-    return PredictionJacobian(np.stack(force_columns, axis=2), np.stack(rate_columns, axis=2), columns, *nonlinearity)
+
+
+def _nonlinearity(
+    model: ForwardModel, bins: TimeBins, nodes: PathNodes, density_sigma: float
+) -> tuple[Array, Array, Array, Array]:
+    """Departure from linearity, and change by the other table, of force and steps of the rate, in the stated model."""
+    stated = replace(model, effects=(), perturbation=None)
+    flow = flow_at(stated, nodes)
+    nominal = predict(stated, bins, flow)
+    probes = [EffectInstance(_AirProbe(), {"density": s * 2.0 * density_sigma}) for s in (1.0, -1.0)]
+    denser, thinner = (
+        predict(stated, bins, _in_regime(flow.knudsen, flow_at(stated.with_effects((p,)), nodes), model.database))
+        for p in probes
+    )
+    quadrature = quadrature_error(stated, bins, flow, *stated.loads(flow))
+    departure = [np.hypot(a + b - 2.0 * c, r) for a, b, c, r in zip(denser, thinner, nominal, quadrature, strict=True)]
+    if model.database.join != "switch":
+        return departure[0], departure[1], np.zeros_like(nominal[0]), np.zeros_like(nominal[1])
+    mirrored = model.database.continuum_limit**2 / flow.knudsen
+    other = predict(stated, bins, _in_regime(mirrored, flow, model.database))
+    return departure[0], departure[1], other[0] - nominal[0], other[1] - nominal[1]
 
 
 def _displaced(nodes: PathNodes, component: int, step: float) -> PathNodes:
@@ -172,10 +196,10 @@ def _displaced(nodes: PathNodes, component: int, step: float) -> PathNodes:
     return replace(nodes, nav=nav)
 
 
-def _in_regime_of(reference: FlightCondition, flow: FlightCondition, database: Database) -> FlightCondition:
-    """A flow whose Knudsen numbers select, node by node, the same one of two tables as those of a reference do."""
+def _in_regime(knudsen: Array, flow: FlightCondition, database: Database) -> FlightCondition:
+    """A flow whose Knudsen numbers select, node by node, the same one of two tables as the given ones ``(M,)`` do."""
     if database.join != "switch":
         return flow
     limit = database.continuum_limit
     rarefied = np.maximum(flow.knudsen, np.nextafter(limit, np.inf))
-    return replace(flow, knudsen=np.where(reference.knudsen > limit, rarefied, np.minimum(flow.knudsen, limit)))
+    return replace(flow, knudsen=np.where(knudsen > limit, rarefied, np.minimum(flow.knudsen, limit)))
