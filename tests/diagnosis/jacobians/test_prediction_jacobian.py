@@ -258,11 +258,11 @@ def test_rate(stretch):
 def test_nonlinearity_over_two_sigmas_of_density(stretch):
     """The second difference over two sigmas, with the bound of the quadrature's error at right angles to it.
 
-    Of the stated model: neither the effects nor the point change the noise.
+    The difference is that of the stated model: neither the effects nor the point change it.
     """
-    model, bins = replace(stretch.inputs.forward_model, effects=(), perturbation=None), stretch.bins
-    stated = replace(stretch, inputs=replace(stretch.inputs, forward_model=model))
-    flow = flow_at(model, stretch.residuals.nodes)
+    model, flow, bins = stretch.inputs.forward_model, stretch.residuals.flow, stretch.bins
+    without = replace(model, effects=(), perturbation=None)
+    stated = replace(stretch, inputs=replace(stretch.inputs, forward_model=without))
     denser, thinner, nominal = (
         stated.prediction(density=np.log1p(s * 2.0 * stretch.uncertainty.density)) for s in (1.0, -1.0, 0.0)
     )

@@ -208,7 +208,7 @@ def test_the_likelihood_does_not_depend_on_the_initial_state_of_the_path(models,
     """Where the flow is evaluated along the same path: the errors are measured from the dead-reckoned one."""
     model = models[0]
     shift = np.zeros(model.nuisance.layout.size)
-    shift[model.nuisance.layout[state]] = {"position": 500.0, "velocity": 2.0, "attitude": 2e-3}[state]
+    shift[model.nuisance.layout[state]] = {"position": 500.0, "velocity": 2.0, "attitude": 2e-4}[state]
     same, another = (about_another_initial_state(model, shift, deviates) for deviates in (True, False))
     np.testing.assert_allclose(same.residuals.flow.alpha_total, model.residuals.flow.alpha_total, rtol=0.0, atol=1e-6)
     assert same.log_likelihood == pytest.approx(model.log_likelihood, abs=0.3)

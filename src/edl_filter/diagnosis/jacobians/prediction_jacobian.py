@@ -4,8 +4,8 @@ The error of the path is linear in the error of the filter's vector (`transition
 with respect to state, air, database and vehicle are central differences of the forward model along the path. Every node
 keeps its table: where one table ends and another begins a coefficient has a step, and a difference across it would
 depend on its own step size. What the step contributes where the table is uncertain is noise, as the departure from
-linearity is. Both are those of the stated model, so that the noise is the same about every point and with every effect:
-a difference of the log determinants would count as evidence where two models are compared.
+linearity in the density is. Both are those of the stated model, so that they are the same about every point and with
+every effect: a difference of the log determinants would count as evidence where two models are compared.
 """
 
 from __future__ import annotations
@@ -57,7 +57,7 @@ class PredictionJacobian:
         field_pitch_asymmetry, field_yaw_asymmetry (amplitudes of the asymmetry) → slice of columns.
     force_nonlinearity, rate_step_nonlinearity : (B, 3), (B - 1, 3) arrays
         Departure of the stated model's predictions from linearity over two sigmas of density, combined with the
-        quadrature error.
+        quadrature error of the model about the point, whose tables have other changes of slope.
     force_by_regime, rate_step_by_regime : (B, 3), (B - 1, 3) arrays
         Change of the stated model's predictions where the other one of two tables applies; zero without a step.
     """
@@ -134,7 +134,7 @@ def prediction_jacobian(
     for name in ("ca", "cn", "cm"):
         increased = perturbation.with_unit(name)
         add_difference(predict(replace(model, perturbation=increased), bins, flow, tables), nominal, 1.0)
-    _, moment = model.loads(flow, tables)
+    force, moment = model.loads(flow, tables)
     force_columns += [-nominal[0], np.zeros_like(nominal[0])]  # mass, inertia
     without_moment = rate_step_from_moment(model, bins, flow, np.zeros_like(moment))
     rate_columns += [np.zeros_like(nominal[1]), without_moment - nominal[1]]
@@ -155,18 +155,26 @@ def prediction_jacobian(
     for name, width in widths.items():
         columns[name] = slice(start, start + width)
         start += width
+    departure, by_regime = _nonlinearity_in_density(model, bins, nodes, uncertainty.density)
+    quadrature = quadrature_error(model, bins, flow, force, moment)
     return PredictionJacobian(
-        np.stack(force_columns, axis=2),
-        np.stack(rate_columns, axis=2),
-        columns,
-        *_nonlinearity(inputs.forward_model, bins, nodes, uncertainty.density),
+        force=np.stack(force_columns, axis=2),
+        rate_step=np.stack(rate_columns, axis=2),
+        columns=columns,
+        force_nonlinearity=np.hypot(departure[0], quadrature[0]),
+        rate_step_nonlinearity=np.hypot(departure[1], quadrature[1]),
+        force_by_regime=by_regime[0],
+        rate_step_by_regime=by_regime[1],
     )
 
 
-def _nonlinearity(
+def _nonlinearity_in_density(
     model: ForwardModel, bins: TimeBins, nodes: PathNodes, density_sigma: float
-) -> tuple[Array, Array, Array, Array]:
-    """Departure from linearity, and change by the other table, of force and steps of the rate, in the stated model."""
+) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
+    """Second difference of force and steps of the rate over two sigmas, and their change by the other table.
+
+    Both of the stated model: without effects and perturbation.
+    """
     stated = replace(model, effects=(), perturbation=None)
     flow = flow_at(stated, nodes)
     nominal = predict(stated, bins, flow)
@@ -175,13 +183,12 @@ def _nonlinearity(
         predict(stated, bins, _in_regime(flow.knudsen, flow_at(stated.with_effects((p,)), nodes), model.database))
         for p in probes
     )
-    quadrature = quadrature_error(stated, bins, flow, *stated.loads(flow))
-    departure = [np.hypot(a + b - 2.0 * c, r) for a, b, c, r in zip(denser, thinner, nominal, quadrature, strict=True)]
+    departure = denser[0] + thinner[0] - 2.0 * nominal[0], denser[1] + thinner[1] - 2.0 * nominal[1]
     if model.database.join != "switch":
-        return departure[0], departure[1], np.zeros_like(nominal[0]), np.zeros_like(nominal[1])
-    mirrored = model.database.continuum_limit**2 / flow.knudsen
+        return departure, (np.zeros_like(nominal[0]), np.zeros_like(nominal[1]))
+    mirrored = model.database.continuum_limit**2 / flow.knudsen  # on the other side of the limit
     other = predict(stated, bins, _in_regime(mirrored, flow, model.database))
-    return departure[0], departure[1], other[0] - nominal[0], other[1] - nominal[1]
+    return departure, (other[0] - nominal[0], other[1] - nominal[1])
 
 
 def _displaced(nodes: PathNodes, component: int, step: float) -> PathNodes:
