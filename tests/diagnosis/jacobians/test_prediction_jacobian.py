@@ -346,6 +346,12 @@ def test_the_other_table_is_that_beyond_the_limit(flight):
     for actual, a, b in zip((jacobian.force_by_regime, jacobian.rate_step_by_regime), continuum, rarefied, strict=True):
         np.testing.assert_allclose(actual, a - b, rtol=1e-9, atol=1e-12 * np.abs(b).max())
     assert np.abs(jacobian.force_by_regime[:, 0]).min() > 1e-3 * np.abs(s.residuals.predicted_force[:, 0]).max()
+    other = stretch_of(flight, "rarefied", changed=True, smooth=False)  # with effects, about another point
+    database = replace(other.inputs.forward_model.database, continuum_limit=limit)
+    inputs = replace(other.inputs, forward_model=replace(other.inputs.forward_model, database=database))
+    about_point = prediction_jacobian(inputs, other.bins, other.residuals, other.uncertainty, other.units)
+    np.testing.assert_array_equal(about_point.force_by_regime, jacobian.force_by_regime)
+    np.testing.assert_array_equal(about_point.rate_step_by_regime, jacobian.rate_step_by_regime)
     joined = replace(s.inputs, forward_model=replace(model, database=replace(model.database, join="blend")))
     without = prediction_jacobian(joined, s.bins, s.residuals, s.uncertainty, s.units)
     assert not without.force_by_regime.any() and not without.rate_step_by_regime.any()

@@ -101,7 +101,7 @@ def perturbation_from_states(
     states : (K, n) array
         Smoothed states at every step.
     """
-    ends, at_end = bins.edges[1:], _states_at_ends(index, bins, row_start, states)
+    ends, at_end = bins.edges[1:], states_at_edges(index, bins, row_start, states)[1:]
 
     def against_time(name: str) -> Array:
         return at_end[:, nuisance[name].start] * sigma[name] if name in nuisance else np.zeros(len(ends))
@@ -124,7 +124,9 @@ def perturbation_from_states(
 
 
 def states_at_edges(index: RowIndex, bins: TimeBins, row_start: IntArray, states: Array) -> Array:
-    """Smoothed states at the bins' edges ``(B + 1, n)``; held before the first bin's end.
+    """Smoothed states at the bins' edges ``(B + 1, n)``.
+
+    Linear in time across bins that are not compared, and held before the end of the first one that is.
 
     Parameters
     ----------
@@ -137,17 +139,10 @@ def states_at_edges(index: RowIndex, bins: TimeBins, row_start: IntArray, states
     states : (K, n) array
         Smoothed states at every step.
     """
-    at_end = _states_at_ends(index, bins, row_start, states)
-    return np.concatenate((at_end[:1], at_end))
-
-
-def _states_at_ends(index: RowIndex, bins: TimeBins, row_start: IntArray, states: Array) -> Array:
-    """Smoothed states at the bins' ends ``(B, n)``, linear in time across bins that are not compared."""
-    ends = bins.edges[1:]
     used, step = index.step_of_bins(row_start)
     if not len(used):
-        return np.zeros((len(ends), states.shape[1]))
-    return np.stack([np.interp(ends, ends[used], values) for values in states[step].T], axis=1)
+        return np.zeros((len(bins.edges), states.shape[1]))
+    return np.stack([np.interp(bins.edges, bins.edges[1:][used], values) for values in states[step].T], axis=1)
 
 
 def states_of_bins(
