@@ -10,8 +10,9 @@ from numpy.polynomial import Polynomial
 
 from edl_filter.diagnosis.prediction.dead_reckoning import NODES_PER_BIN
 from edl_filter.diagnosis.prediction.predicted_readings import (
+    FINE_NODES_PER_BIN,
     bin_average,
-    quadrature_error,
+    fine_rule_sigma,
     rate_step_from_moment,
     triangular_integral,
 )
@@ -25,8 +26,8 @@ def bins_of(edges):
     return TimeBins(edges, np.ones(len(edges) - 1, bool))
 
 
-def nodes(bins):
-    inner = bins.edges[:-1, None] + bins.interval[:, None] * np.arange(NODES_PER_BIN) / NODES_PER_BIN
+def nodes(bins, per_bin=NODES_PER_BIN):
+    inner = bins.edges[:-1, None] + bins.interval[:, None] * np.arange(per_bin) / per_bin
     return np.append(inner.ravel(), bins.edges[-1])
 
 
@@ -125,41 +126,52 @@ def test_eulers_equations_hold(seed):
         np.testing.assert_allclose(inertia @ a + np.cross(w, inertia @ w), m, atol=1e-9)
 
 
-def quadrature_errors(values):
-    """Stated error of a force and of a moment with the same values at the nodes, mass and inertia one."""
-    three_axes = np.repeat(values[:, None], 3, axis=1)
-    flow = SimpleNamespace(time=nodes(EVEN), rate=np.zeros_like(three_axes))
-    force, rate_step = quadrature_error(model_of(np.eye(3), 1.0), EVEN, flow, three_axes, three_axes)
-    assert np.all(force >= 0.0) and np.all(rate_step >= 0.0)
-    return force[:, 0], rate_step[:, 0]
+def averages(load, bins):
+    """Means of a load over the bins by both rules, and the sigma that the fine rule is stated to have."""
+    by_nodes, fine = (bin_average(load(nodes(bins, count)), bins) for count in (NODES_PER_BIN, FINE_NODES_PER_BIN))
+    return by_nodes, fine, fine_rule_sigma((fine - by_nodes)[:, None])[:, 0]
 
 
 def test_smooth_loads_have_no_quadrature_error():
-    t = nodes(EVEN)
-    force, rate_step = quadrature_errors(1.0 + t - 0.3 * t**2)
-    assert force.max() < 1e-12 and rate_step.max() < 1e-12
-    force, rate_step = quadrature_errors(np.sin(2.0 * np.pi * 0.7 * t))
-    assert force.max() < 3e-4 and rate_step.max() < 3e-4 / 8.0
+    _, _, sigma = averages(lambda t: 1.0 + t - 0.3 * t**2, EVEN)
+    assert 0.0 <= sigma.max() < 1e-12
+    _, _, sigma = averages(lambda t: np.sin(2.0 * np.pi * 0.7 * t), EVEN)
+    assert sigma.max() < 2e-5
 
 
-def test_the_quadrature_error_at_a_change_of_slope_is_half_as_large_again_as_the_true_error():
-    """RMS over all places of the change: stated h / √486, true h / √1080 with the node distance h, by integration.
+@pytest.mark.parametrize("rule", ["mean", "rate step"])
+def test_the_sigma_at_a_change_of_slope_is_the_rms_of_the_error(rule):
+    """RMS over all places of the change: true h / √1080 for a mean, with the distance h of the rule's nodes.
 
     Simpson's integral of ``|t - kink|`` errs by h² (2u/3 - u²), where the kink is u h < h from the end of a panel.
     """
-    t, edges = nodes(EVEN), EVEN.edges
-    stated, true = [], []
-    for kink in 2.0 + (np.arange(100) + 0.5) / 800.0:
-        integral = 0.5 * (edges - kink) * np.abs(edges - kink)
-        force, _ = quadrature_errors(np.abs(t - kink))
-        error = bin_average(np.abs(t - kink), EVEN) - np.diff(integral) / EVEN.interval
+    edges = EVEN.edges
+    step = EVEN.interval[0]
+    errors, sigmas = [], []
+    for kink in 2.0 + (np.arange(400) + 0.5) / 400.0 * step:
+
+        def load(t, kink=kink):
+            return np.abs(t - kink)
+
+        if rule == "mean":
+            by_nodes, fine, sigma = averages(load, EVEN)
+            exact = np.diff(0.5 * (edges - kink) * np.abs(edges - kink)) / step
+        else:
+            by_nodes, fine = (
+                triangular_integral(load(nodes(EVEN, count)), EVEN) for count in (NODES_PER_BIN, FINE_NODES_PER_BIN)
+            )
+            sigma = fine_rule_sigma((fine - by_nodes)[:, None])[:, 0]
+            exact = np.diff(np.diff(np.abs(edges - kink) ** 3 / 6.0) / step)
         inside = int(np.searchsorted(edges, kink)) - 1
-        assert np.delete(force, inside).max() < 1e-12 and np.abs(np.delete(error, inside)).max() < 1e-12
-        stated.append(force[inside])
-        true.append(error[inside])
-    h = EVEN.interval[0] / NODES_PER_BIN  # the sum over 100 places is the integral to 1e-3
-    assert np.sqrt(np.mean(np.square(stated))) == pytest.approx(h / np.sqrt(486.0), rel=2e-3)
-    assert np.sqrt(np.mean(np.square(true))) == pytest.approx(h / np.sqrt(1080.0), rel=2e-3)
+        near = [inside] if rule == "mean" else [inside - 1, inside]
+        assert np.abs(np.delete(fine - exact, near)).max() < 1e-12 and np.delete(sigma, near).max() < 1e-12
+        errors.append(np.stack(((by_nodes - exact)[near], (fine - exact)[near]), axis=1))
+        sigmas.append(sigma[near])
+    by_nodes, fine = np.sqrt(np.mean(np.square(errors), axis=(0, 1)))
+    if rule == "mean":
+        assert by_nodes == pytest.approx(step / NODES_PER_BIN / np.sqrt(1080.0), rel=2e-3)
+    assert by_nodes / fine == pytest.approx((FINE_NODES_PER_BIN / NODES_PER_BIN) ** 2, rel=0.05)
+    assert np.sqrt(np.mean(np.square(sigmas))) == pytest.approx(fine, rel=0.1)
 
 
 def test_the_error_where_a_vehicle_passes_several_nodes_of_a_table_in_a_bin_is_covered():
@@ -172,11 +184,10 @@ def test_the_error_where_a_vehicle_passes_several_nodes_of_a_table_in_a_bin_is_c
         angle = 9.0 * np.sin(2.0 * np.pi * 1.3 * time) * (1.0 + 0.01 * time / 60.0)
         return np.sign(angle) * np.interp(np.abs(angle), degrees, coefficient)
 
-    fine = bins.edges[:-1, None] + bins.interval[:, None] * (np.arange(2000) + 0.5) / 2000.0
-    exact = np.mean(load(fine), axis=1)
-    three_axes = np.repeat(load(nodes(bins))[:, None], 3, axis=1)
-    flow = SimpleNamespace(time=nodes(bins), rate=np.zeros_like(three_axes))
-    stated, _ = quadrature_error(model_of(np.eye(3), 1.0), bins, flow, three_axes, three_axes)
-    errors = (bin_average(load(nodes(bins)), bins) - exact) / stated[:, 0]
-    assert 0.5 < np.sqrt(np.mean(errors**2)) < 1.3  # 13 with the bound of each bin alone
-    assert np.abs(errors).max() < 5.0  # 190
+    inside = bins.edges[:-1, None] + bins.interval[:, None] * (np.arange(2000) + 0.5) / 2000.0
+    exact = np.mean(load(inside), axis=1)
+    by_nodes, fine, sigma = averages(load, bins)
+    errors = (fine - exact) / sigma
+    assert 0.5 < np.sqrt(np.mean(errors**2)) < 1.3
+    assert np.abs(errors).max() < 5.0
+    assert np.std(fine - exact) < 0.15 * np.std(by_nodes - exact)

@@ -20,10 +20,10 @@ from edl_filter.diagnosis.jacobians.coefficient_errors import field_loads
 from edl_filter.diagnosis.jacobians.nuisance import StatedUncertainty
 from edl_filter.diagnosis.prediction.dead_reckoning import PathNodes
 from edl_filter.diagnosis.prediction.predicted_readings import (
+    fine_rule_sigma,
     flow_at,
     predict,
     predict_increment,
-    quadrature_error,
     rate_step_from_moment,
 )
 from edl_filter.diagnosis.prediction.residuals import ModelInputs, Residuals
@@ -134,9 +134,8 @@ def prediction_jacobian(
     for name in ("ca", "cn", "cm"):
         increased = perturbation.with_unit(name)
         add_difference(predict(replace(model, perturbation=increased), bins, flow, tables), nominal, 1.0)
-    force, moment = model.loads(flow, tables)
-    force_columns += [-nominal[0], np.zeros_like(nominal[0])]  # mass, inertia
-    without_moment = rate_step_from_moment(model, bins, flow, np.zeros_like(moment))
+    force_columns += [-residuals.predicted_force, np.zeros_like(nominal[0])]  # mass, inertia
+    without_moment = rate_step_from_moment(model, bins, flow, np.zeros_like(flow.rate))
     rate_columns += [np.zeros_like(nominal[1]), without_moment - nominal[1]]
     for change in _RATE_STEP * np.eye(3):
         plus, minus = (predict(model, bins, replace(flow, rate=flow.rate + s), tables) for s in (change, -change))
@@ -156,7 +155,7 @@ def prediction_jacobian(
         columns[name] = slice(start, start + width)
         start += width
     departure, by_regime = _nonlinearity_in_density(model, bins, nodes, uncertainty.density)
-    quadrature = quadrature_error(model, bins, flow, force, moment)
+    quadrature = [fine_rule_sigma(correction) for correction in residuals.quadrature_correction]
     return PredictionJacobian(
         force=np.stack(force_columns, axis=2),
         rate_step=np.stack(rate_columns, axis=2),

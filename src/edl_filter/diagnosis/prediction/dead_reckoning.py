@@ -106,7 +106,7 @@ def _corrected(problem: Problem, errors: Array, force: Array, rate: Array) -> tu
 
 @dataclass(frozen=True)
 class PathNodes:
-    """States at the times at which the model is evaluated: `NODES_PER_BIN` in a bin, and the end of the last bin.
+    """States at the times at which the model is evaluated: the same number in each bin, and the end of the last bin.
 
     Attributes
     ----------
@@ -123,7 +123,7 @@ class PathNodes:
     rate: Array
 
 
-def path_nodes(path: DeadReckonedPath, bins: TimeBins, mean_rate: Array) -> PathNodes:
+def path_nodes(path: DeadReckonedPath, bins: TimeBins, mean_rate: Array, per_bin: int = NODES_PER_BIN) -> PathNodes:
     """States at the nodes.
 
     The integral of the rates is known at the bins' edges. A quintic spline through it gives the rotation since the last
@@ -138,10 +138,12 @@ def path_nodes(path: DeadReckonedPath, bins: TimeBins, mean_rate: Array) -> Path
         Time bins of the comparison.
     mean_rate : (B, 3) array
         Means over the bins, rad/s.
+    per_bin : int
+        Number of nodes in a bin.
     """
     edges, count = bins.edges, len(bins.interval)
-    time, angle = node_times(bins), _angle(bins, mean_rate)
-    bin_index = np.append(np.repeat(np.arange(count), NODES_PER_BIN), count)
+    time, angle = node_times(bins, per_bin), _angle(bins, mean_rate)
+    bin_index = np.append(np.repeat(np.arange(count), per_bin), count)
     edge_nav = path.nav[path.indices(edges)]
     nav = np.empty((len(time), 10))
     nav[:, :6] = CubicSpline(edges, edge_nav[:, :6], axis=0)(time)
@@ -200,11 +202,12 @@ def _rotation_since_edge(bins: TimeBins, angle: Array, rate: Array) -> Array:
         Integral of the rate at the nodes, rad, and the rate, rad/s, body axes.
     """
     count = len(bins.interval)
-    by_bin = (count, NODES_PER_BIN, 3)
-    alpha = angle[:-1].reshape(by_bin) - angle[:-1:NODES_PER_BIN, None]
+    per_bin = (len(angle) - 1) // count
+    by_bin = (count, per_bin, 3)
+    alpha = angle[:-1].reshape(by_bin) - angle[:-1:per_bin, None]
     before, after = rate[:-1].reshape(by_bin), rate[1:].reshape(by_bin)
     step = np.diff(angle, axis=0).reshape(by_bin)
-    spacing = bins.interval[:, None, None] / NODES_PER_BIN
+    spacing = bins.interval[:, None, None] / per_bin
     coning = 0.5 * rotations.cross(alpha, step) + spacing**2 / 12.0 * rotations.cross(before, after)
     out = np.zeros((len(angle), 3))
     inside = out[:-1].reshape(by_bin)
@@ -218,9 +221,9 @@ def node_rates(bins: TimeBins, mean_rate: Array) -> Array:
     return _angle(bins, mean_rate).derivative()(node_times(bins))
 
 
-def node_times(bins: TimeBins) -> Array:
-    """Times of the nodes ``(M,)``, s."""
-    fraction = np.arange(NODES_PER_BIN) / NODES_PER_BIN
+def node_times(bins: TimeBins, per_bin: int = NODES_PER_BIN) -> Array:
+    """Times of the nodes ``(M,)``, s, `per_bin` in each bin."""
+    fraction = np.arange(per_bin) / per_bin
     return np.append((bins.edges[:-1, None] + bins.interval[:, None] * fraction).ravel(), bins.edges[-1])
 
 

@@ -7,7 +7,11 @@ with a triangular weight,
     w[k+1] - w[k] = ∫ α(t) (t - t[k-1])/dt dt over bin k  +  ∫ α(t) (t[k+1] - t)/dt' dt over bin k + 1,
 
 and Euler's equations (Thomas 2011, eqs. 6.6 to 6.8) give α at the nodes. Output: means of the specific force by bin,
-steps of the mean rate between adjoining bins, and a bound of the quadrature's error.
+and steps of the mean rate between adjoining bins.
+
+Between the nodes of its tables the model is smooth and the error of the rule is negligible. A change of slope inside a
+bin reduces the rule to second order: the error of a step of the rate is then up to twice the gyros' noise with
+`NODES_PER_BIN` nodes. The predictions about a linearisation point are corrected by those with `FINE_NODES_PER_BIN`.
 """
 
 from __future__ import annotations
@@ -21,14 +25,9 @@ from edl_filter.effects.forward_model import ForwardModel
 from edl_filter.effects.types import AeroCoefficients, FlightCondition
 from edl_filter.types import Array
 
-#: Weights of Simpson's rule over a bin of unit length, with all nodes and with every second one.
-_SIMPSON = np.where(np.arange(NODES_PER_BIN + 1) % 2, 4.0, 2.0) / (3.0 * NODES_PER_BIN)
-_COARSE_SIMPSON = np.where(
-    np.arange(NODES_PER_BIN + 1) % 4 == 2, 8.0, np.where(np.arange(NODES_PER_BIN + 1) % 4 == 0, 4.0, 0.0)
-) / (3.0 * NODES_PER_BIN)
-_SIMPSON[[0, -1]] /= 2.0
-_COARSE_SIMPSON[[0, -1]] /= 2.0
-#: Bins of the median below which no error bound is: ten before and ten after.
+#: Nodes in a bin of the fine rule, a multiple of `NODES_PER_BIN`.
+FINE_NODES_PER_BIN = 16
+#: Bins of the median below which no sigma of the fine rule is: ten before and ten after.
 _MEDIAN_BINS = 21
 
 
@@ -49,7 +48,7 @@ def predict(
     bins : TimeBins
         Time bins of the comparison.
     flow : FlightCondition
-        At the nodes.
+        At the nodes, of which each bin has the same even number.
     tables : AeroCoefficients, optional
         Coefficients of the database there, if they are computed already.
 
@@ -80,8 +79,8 @@ def predict_increment(model: ForwardModel, bins: TimeBins, force: Array, moment:
 
 
 def bin_average(values: Array, bins: TimeBins) -> Array:
-    """Means over the bins ``(B, ...)`` from values at the nodes ``(NODES_PER_BIN B + 1, ...)``, by Simpson's rule."""
-    return _weighted_sum(values, _SIMPSON)
+    """Means over the bins ``(B, ...)`` by Simpson's rule, from values at the nodes ``(n B + 1, ...)`` with n even."""
+    return _weighted_sum(values, _simpson_weights(values, bins))
 
 
 def rate_step_from_moment(model: ForwardModel, bins: TimeBins, flow: FlightCondition, moment: Array) -> Array:
@@ -89,74 +88,60 @@ def rate_step_from_moment(model: ForwardModel, bins: TimeBins, flow: FlightCondi
     return triangular_integral(model.angular_acceleration(flow.time, flow.rate, moment), bins)
 
 
-def triangular_integral(values: Array, bins: TimeBins, weights: Array | None = None) -> Array:
-    """Integrals over two adjoining bins with a triangular weight.
+def triangular_integral(values: Array, bins: TimeBins) -> Array:
+    """Integrals over two adjoining bins with a triangular weight, by Simpson's rule.
 
     Parameters
     ----------
-    values : (NODES_PER_BIN B + 1, ...) array
-        At the nodes.
+    values : (n B + 1, ...) array
+        At the nodes, with an even number n of them in a bin.
     bins : TimeBins
         Time bins of the comparison.
-    weights : (NODES_PER_BIN + 1,) array, optional
-        Quadrature weights over a bin of unit length; Simpson's rule if not given.
 
     Returns
     -------
     (B - 1, ...) array
     """
-    rule = _SIMPSON if weights is None else weights
+    rule = _simpson_weights(values, bins)
     dt = bins.interval.reshape(-1, *(1,) * (values.ndim - 1))
-    fraction = np.arange(NODES_PER_BIN + 1) / NODES_PER_BIN
+    fraction = np.linspace(0.0, 1.0, len(rule))
     rising, falling = _weighted_sum(values, rule * fraction), _weighted_sum(values, rule * (1.0 - fraction))
     return dt[:-1] * rising[:-1] + dt[1:] * falling[1:]
 
 
-def quadrature_error(
-    model: ForwardModel, bins: TimeBins, flow: FlightCondition, force: Array, moment: Array
-) -> tuple[Array, Array]:
-    """Error bound of the sums over nodes: a third of their change when every second node is left out.
+def fine_rule_sigma(correction: Array) -> Array:
+    """Sigma of the fine rule's error, from the difference of the fine rule and the one with `NODES_PER_BIN` nodes.
 
-    Between the nodes of its tables the model is smooth and the error is negligible. A change of slope inside a bin
-    reduces the rule to second order, whose error is a third of the last refinement (Richardson). Over all places of the
-    change in a bin, the RMS of the bound is 1.5 times that of the error.
-
-    A vehicle that oscillates fast passes several nodes of a table in each bin. Bound and error are then independent,
-    and in one bin of a few the bound is much smaller than the error. So it is at least its median over the ten bins
-    before and after: that of the modulus of a normal variable with 1.5 sigmas, about one sigma of the error.
+    At a change of slope the RMS error over all its places in a bin is proportional to the square of the nodes' distance
+    (Richardson 1911). In a single bin the two errors are independent, and the difference may be small by chance: no
+    sigma is below the median of those of the ten bins before and after.
 
     Parameters
     ----------
-    model : ForwardModel
-        The forward model.
-    bins : TimeBins
-        Time bins of the comparison.
-    flow : FlightCondition
-        Flow at the nodes.
-    force, moment : (M, 3) arrays
-        At the nodes, N and N m.
+    correction : (B, 3) array
+        Predictions by the fine rule less those by the other.
 
     Returns
     -------
-    force, rate_step : (B, 3), (B - 1, 3) arrays
-        m/s², rad/s.
+    (B, 3) array
+        In the unit of the correction.
     """
-    acceleration = model.angular_acceleration(flow.time, flow.rate, moment)
-    specific_force = model.specific_force(flow.time, force)
-    force_bound = np.abs(_weighted_sum(specific_force, _SIMPSON - _COARSE_SIMPSON)) / 3.0
-    rate_bound = np.abs(triangular_integral(acceleration, bins, _SIMPSON - _COARSE_SIMPSON)) / 3.0
-    return _at_least_median(force_bound), _at_least_median(rate_bound)
+    sigma = np.abs(correction) / ((FINE_NODES_PER_BIN / NODES_PER_BIN) ** 2 - 1.0)
+    return np.maximum(sigma, median_filter(sigma, (_MEDIAN_BINS, 1)))
 
 
-def _at_least_median(bound: Array) -> Array:
-    """Values ``(B, 3)``, each not below the median of those around it."""
-    return np.maximum(bound, median_filter(bound, (_MEDIAN_BINS, 1)))
+def _simpson_weights(values: Array, bins: TimeBins) -> Array:
+    """Weights ``(n + 1,)`` over a bin of unit length, for values at n nodes in each bin and at the end of the last."""
+    count = (len(values) - 1) // len(bins.interval)
+    weights = np.where(np.arange(count + 1) % 2, 4.0, 2.0) / (3.0 * count)
+    weights[[0, -1]] /= 2.0
+    return weights
 
 
 def _weighted_sum(values: Array, weights: Array) -> Array:
-    """Weighted sums over the nodes of every bin."""
-    last = len(values) - 1
-    out = weights[0] * values[:last:NODES_PER_BIN]
-    for i in range(1, NODES_PER_BIN):
-        out = out + weights[i] * values[i:last:NODES_PER_BIN]
-    return out + weights[NODES_PER_BIN] * values[NODES_PER_BIN::NODES_PER_BIN]
+    """Weighted sums over the nodes of every bin, and the first of the next."""
+    count, last = len(weights) - 1, len(values) - 1
+    out = weights[0] * values[:last:count]
+    for i in range(1, count):
+        out = out + weights[i] * values[i:last:count]
+    return out + weights[count] * values[count::count]

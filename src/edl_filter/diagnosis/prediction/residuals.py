@@ -3,7 +3,8 @@
 Along a dead-reckoned path the forward model predicts specific force and steps of the rate (`predicted_readings`) as the
 IMU samples them. A checking IMU is compared with the readings that the driving IMU implies for its place; the
 constraints are compared with the path. Lever-arm accelerations of all IMUs are corrected for the error of the rates'
-interpolation about the linearisation point (`interpolation_error`).
+interpolation about the linearisation point (`interpolation_error`), and predictions for that of the quadrature
+(`predicted_readings`).
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ import numpy as np
 
 from edl_filter import rotations
 from edl_filter.diagnosis.prediction.dead_reckoning import (
+    NODES_PER_BIN,
     DeadReckonedPath,
     PathNodes,
     dead_reckon,
@@ -21,7 +23,12 @@ from edl_filter.diagnosis.prediction.dead_reckoning import (
     path_nodes,
 )
 from edl_filter.diagnosis.prediction.interpolation_error import interpolation_error
-from edl_filter.diagnosis.prediction.predicted_readings import accelerations_at_nodes, flow_at, predict
+from edl_filter.diagnosis.prediction.predicted_readings import (
+    FINE_NODES_PER_BIN,
+    accelerations_at_nodes,
+    flow_at,
+    predict,
+)
 from edl_filter.diagnosis.prediction.time_bins import TimeBins, bin_means
 from edl_filter.effects.forward_model import ForwardModel
 from edl_filter.effects.types import AeroCoefficients, FlightCondition
@@ -104,6 +111,8 @@ class Residuals:
     tables : AeroCoefficients
         Coefficients of the database there, without effects.
     predicted_force, predicted_rate_step : (B, 3), (B - 1, 3) arrays
+    quadrature_correction : ((B, 3), (B - 1, 3)) arrays
+        Part of the predictions: by the fine rule less by the nodes.
     """
 
     force: Array
@@ -117,6 +126,7 @@ class Residuals:
     tables: AeroCoefficients
     predicted_force: Array
     predicted_rate_step: Array
+    quadrature_correction: tuple[Array, Array]
 
 
 @dataclass(frozen=True)
@@ -198,12 +208,13 @@ def compute_residuals(reference: PathReference, inputs: ModelInputs) -> Residual
     path = dead_reckon(problem, reference.start, reference.errors)
     samples = problem.samples
     force, rate = bin_readings(bins, samples, (path.force, path.rate))
-    nodes = path_nodes(path, bins, rate)
+    nodes, fine_nodes = (path_nodes(path, bins, rate, count) for count in (NODES_PER_BIN, FINE_NODES_PER_BIN))
     if reference.deviation is not None:
-        nodes = displace_nodes(nodes, bins.edges, reference.deviation)
+        nodes, fine_nodes = (displace_nodes(n, bins.edges, reference.deviation) for n in (nodes, fine_nodes))
     flow = flow_at(model, nodes)
     tables = model.table_coefficients(flow)
-    predicted_force, predicted_rate_step = predict(model, bins, flow, tables)
+    predicted_force, predicted_rate_step = predict(model, bins, flow_at(model, fine_nodes))
+    by_nodes = predict(model, bins, flow, tables)
     checking = [_checking_residuals(record, bins, samples, path.rate, force, rate) for record in inputs.checking]
     residuals = Residuals(
         force=force - predicted_force,
@@ -217,6 +228,7 @@ def compute_residuals(reference: PathReference, inputs: ModelInputs) -> Residual
         tables=tables,
         predicted_force=predicted_force,
         predicted_rate_step=predicted_rate_step,
+        quadrature_correction=(predicted_force - by_nodes[0], predicted_rate_step - by_nodes[1]),
     )
     return correct_lever_arms(residuals, reference.lever_arm_errors)
 
@@ -271,7 +283,7 @@ def lever_arm_errors(reference: PathReference, inputs: ModelInputs, residuals: R
 
 
 def with_predictions(residuals: Residuals, bins: TimeBins, model: ForwardModel, changed_air: bool) -> Residuals:
-    """Residuals along the same path with the predictions of another forward model.
+    """Residuals along the same path with the predictions of another forward model, and the same quadrature correction.
 
     Parameters
     ----------
@@ -288,7 +300,10 @@ def with_predictions(residuals: Residuals, bins: TimeBins, model: ForwardModel, 
     if changed_air:
         flow = flow_at(model, residuals.nodes)
         tables = model.table_coefficients(flow)
-    predicted_force, predicted_rate_step = predict(model, bins, flow, tables)
+    by_nodes = predict(model, bins, flow, tables)
+    predicted_force, predicted_rate_step = (
+        p + c for p, c in zip(by_nodes, residuals.quadrature_correction, strict=True)
+    )
     return replace(
         residuals,
         force=residuals.force + residuals.predicted_force - predicted_force,
