@@ -8,8 +8,20 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from edl_filter.diagnosis.prediction.residuals import Residuals, RowIndex, _checking_residuals, correct_lever_arms
+from edl_filter.diagnosis.linear_model.flight_case import flight_case
+from edl_filter.diagnosis.linear_model.linearization import linearize
+from edl_filter.diagnosis.prediction.dead_reckoning import path_nodes
+from edl_filter.diagnosis.prediction.predicted_readings import fine_rule_sigma, flow_at, predict
+from edl_filter.diagnosis.prediction.residuals import (
+    Residuals,
+    RowIndex,
+    _checking_residuals,
+    bin_readings,
+    correct_lever_arms,
+)
 from edl_filter.diagnosis.prediction.time_bins import TimeBins
+from edl_filter.effects import EffectInstance
+from edl_filter.effects.registry import find_effect
 from edl_filter.imu_model.sensor_errors import SensorErrors
 from edl_filter.navigation.increments import effective_samples
 from edl_filter.telemetry.record import ImuRecord
@@ -52,6 +64,42 @@ def test_an_error_that_both_imus_have_is_no_difference_between_them():
     assert correct_lever_arms(residuals, ()) is residuals
     with pytest.raises(ValueError, match="shorter"):
         correct_lever_arms(residuals, (error, error))  # an IMU without its error
+
+
+# --- quadrature of the predictions -----------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def model(practice_06):
+    """The shipped flight, linearised about its reconstruction."""
+    return linearize(flight_case(practice_06))
+
+
+def test_the_predictions_are_those_of_a_much_finer_rule(model):
+    """The angle of attack passes nodes of the tables, so that four nodes in a bin are too few for the moments."""
+    residuals, bins, path = model.residuals, model.bins, model.residuals.path
+    _, mean_rate = bin_readings(bins, model.inputs.problem.samples, (path.force, path.rate))
+    flow = flow_at(model.inputs.forward_model, path_nodes(path, bins, mean_rate, 128))
+    exact = predict(model.inputs.forward_model, bins, flow)
+    predicted = residuals.predicted_force, residuals.predicted_rate_step
+    for value, reference, correction, lateral in zip(
+        predicted, exact, residuals.quadrature_correction, (slice(0, 1), slice(1, 3)), strict=True
+    ):
+        error = (value - reference)[:, lateral]
+        by_nodes = error - correction[:, lateral]
+        rms, sigma = np.sqrt(np.mean(error**2)), np.sqrt(np.mean(fine_rule_sigma(correction)[:, lateral] ** 2))
+        assert 0.5 * sigma < rms < 1.3 * sigma
+        assert rms < 0.12 * np.sqrt(np.mean(by_nodes**2))
+
+
+def test_the_correction_is_kept_where_an_effect_changes_the_model_alone(model):
+    effect = EffectInstance(find_effect("axial_force_scale"), {"k": 0.1})
+    changed = model.with_effects([effect])
+    by_nodes = predict(changed.inputs.forward_model, model.bins, model.residuals.flow, model.residuals.tables)
+    before, after = model.residuals, changed.residuals
+    np.testing.assert_array_equal(after.predicted_force, by_nodes[0] + before.quadrature_correction[0])
+    np.testing.assert_array_equal(after.predicted_rate_step, by_nodes[1] + before.quadrature_correction[1])
+    assert np.abs(after.predicted_force - before.predicted_force).max() > 1.0
 
 
 # --- rows as one vector ----------------------------------------------------------------------------------------------
