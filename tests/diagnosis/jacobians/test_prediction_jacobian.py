@@ -277,6 +277,29 @@ def test_nonlinearity_over_two_sigmas_of_density(stretch):
         np.testing.assert_allclose(stated, expected, rtol=1e-6, atol=1e-12 if row == 0 else 1e-14)
 
 
+@pytest.mark.parametrize("place", [0.1, 0.5, 0.9])
+def test_an_abrupt_torque_has_the_uncertainty_of_its_time_between_two_nodes(flight, place):
+    """A twelfth of the square of the nodes' distance, whose step of the rate two rows share."""
+    s = stretch_of(flight, "peak", changed=False, smooth=False)
+    model, middle = s.inputs.forward_model, BINS // 2
+    begin = s.bins.edges[middle] + (np.floor(place * NODES_PER_BIN) + 0.5) / NODES_PER_BIN * s.bins.interval[middle]
+    torque = EffectInstance(find_effect("remnant_torque"), {"Cm": 1e-3, "t0": float(begin)})
+
+    def jacobian_with(effects):
+        inputs = replace(s.inputs, forward_model=model.with_effects(effects))
+        return inputs, prediction_jacobian(inputs, s.bins, s.residuals, s.uncertainty, s.units)
+
+    inputs, with_torque = jacobian_with((torque,))
+    added = np.sqrt(with_torque.rate_step_nonlinearity**2 - jacobian_with(())[1].rate_step_nonlinearity ** 2)[:, 1]
+    flow = s.residuals.flow
+    node = int(np.searchsorted(flow.time, begin))
+    change = inputs.forward_model.angular_acceleration(flow.time, flow.rate, inputs.forward_model.loads(flow)[1])
+    change -= model.angular_acceleration(flow.time, flow.rate, model.loads(flow)[1])
+    resolution = s.bins.interval[middle] / NODES_PER_BIN / np.sqrt(12.0)
+    assert np.sum(added) == pytest.approx(abs(change[node, 1]) * resolution, rel=0.35)  # Simpson's weights differ
+    assert np.delete(added, [middle - 2, middle - 1, middle, middle + 1]).max() < 1e-3 * added.max()
+
+
 def test_only_where_the_coefficients_depend_on_the_density_is_the_force_not_linear_in_it(flight):
     """In continuum flow the coefficients do not; in rarefied flow they do, by the Knudsen number."""
     departures = {}

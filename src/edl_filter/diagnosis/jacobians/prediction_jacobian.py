@@ -18,7 +18,7 @@ from edl_filter import rotations
 from edl_filter.aero.database import Database
 from edl_filter.diagnosis.jacobians.coefficient_errors import field_loads
 from edl_filter.diagnosis.jacobians.nuisance import StatedUncertainty
-from edl_filter.diagnosis.prediction.dead_reckoning import PathNodes
+from edl_filter.diagnosis.prediction.dead_reckoning import NODES_PER_BIN, PathNodes
 from edl_filter.diagnosis.prediction.predicted_readings import (
     fine_rule_sigma,
     flow_at,
@@ -32,7 +32,7 @@ from edl_filter.effects.base import Effect, EffectInstance
 from edl_filter.effects.forward_model import ForwardModel
 from edl_filter.effects.parameters import Parameter, Values
 from edl_filter.effects.perturbation import CoefficientUnits, FieldPerturbation, Perturbation
-from edl_filter.effects.types import FlightCondition
+from edl_filter.effects.types import AeroCoefficients, FlightCondition
 from edl_filter.types import Array
 
 #: Steps of the differences with respect to position (m), velocity (m/s), attitude (rad), and the rate (rad/s).
@@ -56,8 +56,8 @@ class PredictionJacobian:
         field_cm (amplitudes of the discrepancy's modes), field_side_asymmetry, field_normal_asymmetry,
         field_pitch_asymmetry, field_yaw_asymmetry (amplitudes of the asymmetry) → slice of columns.
     force_nonlinearity, rate_step_nonlinearity : (B, 3), (B - 1, 3) arrays
-        Departure of the stated model's predictions from linearity over two sigmas of density, combined with the
-        quadrature error of the model about the point, whose tables have other changes of slope.
+        Departure of the stated model's predictions from linearity over two sigmas of density, combined with the error
+        of the quadrature and with the times of the model's effects, which are resolved to the distance of two nodes.
     force_by_regime, rate_step_by_regime : (B, 3), (B - 1, 3) arrays
         Change of the stated model's predictions where the other one of two tables applies; zero without a step.
     """
@@ -156,15 +156,42 @@ def prediction_jacobian(
         start += width
     departure, by_regime = _nonlinearity_in_density(model, bins, nodes, uncertainty.density)
     quadrature = [fine_rule_sigma(correction) for correction in residuals.quadrature_correction]
+    unresolved = _time_resolution_sigma(model, bins, flow, tables)
     return PredictionJacobian(
         force=np.stack(force_columns, axis=2),
         rate_step=np.stack(rate_columns, axis=2),
         columns=columns,
-        force_nonlinearity=np.hypot(departure[0], quadrature[0]),
-        rate_step_nonlinearity=np.hypot(departure[1], quadrature[1]),
+        force_nonlinearity=np.sqrt(departure[0] ** 2 + quadrature[0] ** 2 + unresolved[0] ** 2),
+        rate_step_nonlinearity=np.sqrt(departure[1] ** 2 + quadrature[1] ** 2 + unresolved[1] ** 2),
         force_by_regime=by_regime[0],
         rate_step_by_regime=by_regime[1],
     )
+
+
+def _time_resolution_sigma(
+    model: ForwardModel, bins: TimeBins, flow: FlightCondition, tables: AeroCoefficients
+) -> tuple[Array, Array]:
+    """Sigma of force and steps of the rate by the times at which the model's effects begin or end.
+
+    A time is resolved to the distance of two nodes (`selection.map_fit`) and distributed uniformly between them. The
+    change of the predictions from one node to the next is half of that over two.
+    """
+    spacing = float(np.median(bins.interval)) / NODES_PER_BIN
+    force, rate_step = np.zeros((len(bins.interval), 3)), np.zeros((len(bins.interval) - 1, 3))
+    for i, instance in enumerate(model.effects):
+        for q in instance.effect.places:
+            if q.kind == "time" and np.isfinite(instance.values[q.name]):
+                later, earlier = (
+                    replace(instance, values=instance.values | {q.name: instance.values[q.name] + shift})
+                    for shift in (spacing, -spacing)
+                )
+                plus, minus = (
+                    predict(model.with_effects((*model.effects[:i], a, *model.effects[i + 1 :])), bins, flow, tables)
+                    for a in (later, earlier)
+                )
+                force += (0.5 * (plus[0] - minus[0])) ** 2 / 12.0
+                rate_step += (0.5 * (plus[1] - minus[1])) ** 2 / 12.0
+    return np.sqrt(force), np.sqrt(rate_step)
 
 
 def _nonlinearity_in_density(
