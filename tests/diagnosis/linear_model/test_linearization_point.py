@@ -214,7 +214,7 @@ def test_the_likelihood_does_not_depend_on_the_initial_state_of_the_path(models,
     shift[model.nuisance.layout[state]] = {"position": 500.0, "velocity": 2.0, "attitude": 1e-4}[state]
     same, another = (about_another_initial_state(model, shift, deviates) for deviates in (True, False))
     np.testing.assert_allclose(same.residuals.flow.alpha_total, model.residuals.flow.alpha_total, rtol=0.0, atol=1e-6)
-    assert same.log_likelihood == pytest.approx(model.log_likelihood, abs=0.3)
+    assert same.log_likelihood == pytest.approx(model.log_likelihood, abs=0.15)
     assert np.abs(same.index.stack(same.residuals) - same.residual_vector).max() > 1e-4
     assert abs(another.log_likelihood - model.log_likelihood) > 1.0
 
