@@ -17,6 +17,7 @@ from linear_problems import (
 )
 from scipy.stats import multivariate_normal
 
+from edl_filter.estimation import kalman
 from edl_filter.estimation.kalman import log_likelihood, measurement_update, solve_lower, whitening_filter
 from edl_filter.estimation.linear_state_space import (
     append_constant_states,
@@ -162,6 +163,25 @@ def test_columns_do_not_affect_each_other(count):
     white = whiten(columns, initial_mean)
     for c in {0, count // 2, count - 1}:
         np.testing.assert_allclose(white[:, c], whiten_column(whiten, columns[:, c], initial_mean[:, c]), atol=1e-12)
+
+
+@pytest.mark.parametrize(("steps", "count", "together"), [(1, 1, 64), (40, 3, 1), (64, 70, 64), (200, 70, 64)])
+def test_normal_equations_are_the_products_of_all_white_rows(steps, count, together, monkeypatch):
+    """The recursion goes on from part to part, some without rows; columns are asked for in the order of their rows."""
+    monkeypatch.setattr(kalman, "_STEPS_PER_SUM", together)
+    model, rng, asked = random_model(seed=5, steps=steps), np.random.default_rng(7), []
+    whiten, rows = whitening_filter(model), model.row_start[-1]
+    columns, residuals = rng.normal(size=(rows, count)), rng.normal(size=rows)
+
+    def of_rows(part):
+        asked.append(part)
+        return columns[part]
+
+    product, projection = whiten.normal_equations(of_rows, count, residuals)
+    white = np.stack([whiten_column(whiten, columns[:, c], np.zeros(7)) for c in range(count)], axis=1)
+    np.testing.assert_allclose(product, white.T @ white, rtol=1e-12, atol=1e-10)
+    np.testing.assert_allclose(projection, white.T @ residuals, rtol=1e-12, atol=1e-10)
+    assert np.array_equal(np.concatenate([np.arange(p.start, p.stop) for p in asked]), np.arange(rows))
 
 
 def test_initial_means_that_are_not_given_are_zero():

@@ -15,6 +15,7 @@ from edl_filter.navigation.filter import EntryErrors, Settings, build_problem, r
 from edl_filter.navigation.layout import State
 from edl_filter.navigation.smoother import Smoothed, smooth
 from edl_filter.navigation.trajectory import (
+    Trajectory,
     distribute_correction,
     inertial_covariance,
     propagate_state,
@@ -199,7 +200,8 @@ def test_covariances_are_in_inertial_axes_and_even_between_nodes():
     ]
     nodes = np.array([twins.random_covariance(rng, rng.uniform(1, 2, 9)) for _ in "abc"])
     smoothed = Smoothed(np.array([0.0, 2.0, 6.0]), np.zeros(3, int), states, nodes, np.zeros((2, *nodes.shape[1:])))
-    covariances = inertial_covariance(smoothed, np.array([0.0, 1.0, 2.0, 5.0, 6.0]))
+    times, empty = np.array([0.0, 1.0, 2.0, 5.0, 6.0]), np.zeros((5, 3))
+    path = Trajectory(times, empty, empty, np.zeros((5, 4)), smoothed.time, inertial_covariance(smoothed), empty, empty)
 
     def inertial(k):
         # errors drawn in body axes, turned one by one
@@ -208,7 +210,7 @@ def test_covariances_are_in_inertial_axes_and_even_between_nodes():
         return x @ x.T
 
     a, b, c = (inertial(k) for k in range(3))
-    for got, expected in zip(covariances, (a, (a + b) / 2, b, b / 4 + 3 * c / 4, c), strict=True):
+    for got, expected in zip(path.covariance, (a, (a + b) / 2, b, b / 4 + 3 * c / 4, c), strict=True):
         np.testing.assert_allclose(got, expected, atol=1e-13)
 
 

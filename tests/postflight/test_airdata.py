@@ -39,7 +39,8 @@ def flight(latitude, longitude, altitude, local, alpha=0.0, beta=0.0, covariance
     attitude = rotations.conjugate(rotations.from_matrix(body_from_inertial))[None]
     zero = np.zeros((1, 3))
     covariance = np.zeros((9, 9)) if covariance is None else covariance
-    return Trajectory(np.array([time]), position, velocity, attitude, covariance[None], zero, zero)
+    epochs, covariances = np.array([time, time + 1.0]), np.array([covariance, covariance])
+    return Trajectory(np.array([time]), position, velocity, attitude, epochs, covariances, zero, zero)
 
 
 def triad(first, second):
@@ -96,7 +97,8 @@ def test_sigmas_are_those_of_sampled_errors(local):
         centre.position + errors[:, :3],
         centre.velocity + errors[:, 3:6],
         rotations.multiply(rotations.from_rotation_vector(errors[:, 6:]), centre.inertial_from_body),
-        np.zeros((count, 9, 9)),
+        centre.epochs,
+        np.zeros((2, 9, 9)),
         np.zeros((count, 3)),
         np.zeros((count, 3)),
     )
@@ -115,7 +117,7 @@ def test_gradients_by_finite_differences():
     for k in range(9):
         error = np.zeros(9)
         error[k] = step[k]
-        stated = air_data(replace(base, covariance=np.outer(error, error)[None]), MARS, windy)
+        stated = air_data(replace(base, epoch_covariance=np.array(2 * [np.outer(error, error)])), MARS, windy)
         sides = [
             air_data(
                 replace(

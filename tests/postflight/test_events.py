@@ -48,7 +48,7 @@ def record_and_trajectory(deceleration, interval):
     forces = np.concatenate((forces[:1], forces))
     rows = len(times)
     empty = np.zeros((rows, 3))
-    trajectory = Trajectory(times, empty, empty, np.zeros((rows, 4)), np.zeros((rows, 9, 9)), forces, empty)
+    trajectory = Trajectory(times, empty, empty, np.zeros((rows, 4)), times, np.zeros((rows, 9, 9)), forces, empty)
     return trajectory, record
 
 

@@ -36,6 +36,8 @@ Whitening = Callable[[Array, Array], Array]
 _MANY_COLUMNS = 64
 #: Largest number of columns that one thread whitens in one pass: its arrays are small compared with the result.
 _PASS_COLUMNS = 64
+#: Steps after which the products of white columns are added to those of the steps before.
+_STEPS_PER_SUM = 64
 
 
 @dataclass(frozen=True)
@@ -83,10 +85,49 @@ class WhiteningFilter:
             with one_blas_thread():
                 return whiten(slice(None))
         out = np.empty(columns.shape)
-        passes = max(THREADS, -(-count // _PASS_COLUMNS))
-        cuts = np.linspace(0, count, passes + 1).astype(int)
-        map_threads(write, [slice(a, b) for a, b in pairwise(cuts)])
+        map_threads(write, _passes(count))
         return out
+
+    def normal_equations(self, columns: Callable[[slice], Array], count: int, white: Array) -> tuple[Array, Array]:
+        """``WᵀW`` and ``Wᵀe`` of white columns W ``(R, c)`` and white rows e ``(R,)``; W is not kept.
+
+        Parameters
+        ----------
+        columns : callable
+            From a slice of rows to these rows of the columns, ``(r, c)``; their initial means are zero.
+        count : int
+            c.
+        white : (R,) array
+            White rows.
+
+        Returns
+        -------
+        (c, c), (c,) arrays
+        """
+        s, pattern, passes = self.model, row_pattern(self.model.increment), _passes(count)
+        states = [np.zeros((s.size, part.stop - part.start)) for part in passes]
+
+        def whiten(first: int, last: int, rows: slice) -> Array:
+            row_start, increment = s.row_start[first : last + 1] - rows.start, s.increment.values[first:last]
+            design, gain, factor = s.design[rows], self.gain[rows], self.factor[rows]
+            part = columns(rows)
+            out = np.empty(part.shape)
+
+            def write(k: int) -> None:
+                of_pass = np.ascontiguousarray(part[:, passes[k]])
+                out[:, passes[k]] = _whiten(pattern, increment, row_start, design, gain, factor, of_pass, states[k])
+
+            map_threads(write, range(len(passes)))
+            return out
+
+        product, projection = np.zeros((count, count)), np.zeros(count)
+        cuts = [*range(0, len(s.row_start) - 1, _STEPS_PER_SUM), len(s.row_start) - 1]
+        for first, last in pairwise(cuts):
+            rows = slice(int(s.row_start[first]), int(s.row_start[last]))
+            part = whiten(first, last, rows)
+            product += part.T @ part
+            projection += part.T @ white[rows]
+        return product, projection
 
     def posterior_initial_covariance(self, count: int) -> Array:
         """Covariance ``(count, count)`` of the first states at the beginning, given all measurements.
@@ -130,6 +171,13 @@ class WhiteningFilter:
     def log_likelihood(self, white: Array) -> float:
         """Log-likelihood of the column whose white rows are `white` ``(R,)``, without the constant R/2 log 2π, nats."""
         return -0.5 * float(white @ white) - 0.5 * self.log_determinant
+
+
+def _passes(count: int) -> list[slice]:
+    """Parts of `count` columns, each of which one thread whitens in one pass."""
+    passes = max(THREADS, -(-count // _PASS_COLUMNS))
+    cuts = np.unique(np.linspace(0, count, passes + 1).astype(int))
+    return [slice(int(a), int(b)) for a, b in pairwise(cuts)]
 
 
 def whitening_filter(model: LinearStateSpace) -> WhiteningFilter:

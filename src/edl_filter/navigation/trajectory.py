@@ -9,6 +9,7 @@ inertial axes.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numba import njit
@@ -32,9 +33,11 @@ class Trajectory:
     position, velocity : (N, 3) arrays
         m, m/s.
     inertial_from_body : (N, 4) array
-    covariance : (N, 9, 9) array
-        Of position (m), velocity (m/s) and attitude error (rad), the latter as an inertial rotation vector:
-        ``true = exp(error) ⊗ estimate``.
+    epochs : (K,) array
+        Times of the smoother's states, two or more, s.
+    epoch_covariance : (K, 9, 9) array
+        Of position (m), velocity (m/s) and attitude error (rad) at the epochs, the latter as an inertial rotation
+        vector: ``true = exp(error) ⊗ estimate``.
     specific_force, angular_rate : (N, 3) arrays
         Corrected for the estimated sensor errors, at the centre of mass, body axes, m/s² and rad/s: means over the
         interval that ends at `time`. The first row repeats the second.
@@ -44,9 +47,23 @@ class Trajectory:
     position: Array
     velocity: Array
     inertial_from_body: Array
-    covariance: Array
+    epochs: Array
+    epoch_covariance: Array
     specific_force: Array
     angular_rate: Array
+
+    @cached_property
+    def covariance(self) -> Array:
+        """Covariance ``(N, 9, 9)`` at every sample: many numbers, which are computed when they are asked for."""
+        return self.covariance_at(self.time)
+
+    def covariance_at(self, time: Array) -> Array:
+        """Covariance ``(M, 9, 9)`` at `time` ``(M,)``, s: linear between the epochs."""
+        k = np.clip(np.searchsorted(self.epochs, time, side="right") - 1, 0, len(self.epochs) - 2)
+        step = self.epochs[k + 1] - self.epochs[k]
+        share = np.divide(time - self.epochs[k], step, out=np.ones_like(time), where=step > 0.0)
+        share = np.clip(share, 0.0, 1.0)[:, None, None]
+        return np.asarray((1.0 - share) * self.epoch_covariance[k] + share * self.epoch_covariance[k + 1])
 
 
 def smoothed_trajectory(problem: Problem, smoothed: Smoothed, layout: Layout) -> Trajectory:
@@ -86,7 +103,8 @@ def smoothed_trajectory(problem: Problem, smoothed: Smoothed, layout: Layout) ->
         position=nav[:, :3],
         velocity=nav[:, 3:6],
         inertial_from_body=nav[:, 6:],
-        covariance=inertial_covariance(smoothed, time),
+        epochs=smoothed.time,
+        epoch_covariance=inertial_covariance(smoothed),
         specific_force=np.concatenate((force[:1], force)),
         angular_rate=np.concatenate((rate[:1], rate)),
     )
@@ -141,16 +159,11 @@ def distribute_correction(path: Array, target: State, motion_share: Array, attit
     return out
 
 
-def inertial_covariance(smoothed: Smoothed, time: Array) -> Array:
-    """Covariance of position (m), velocity (m/s) and inertial attitude error (rad) at `time` (N,): ``(N, 9, 9)``."""
+def inertial_covariance(smoothed: Smoothed) -> Array:
+    """Covariance ``(K, 9, 9)`` of position (m), velocity (m/s) and inertial attitude error (rad) at the K epochs."""
     turn = np.tile(np.eye(9), (len(smoothed.time), 1, 1))
     turn[:, 6:, 6:] = rotations.to_matrix(np.array([s.nav[6:10] for s in smoothed.states]))
-    nodes = turn @ smoothed.covariance[:, :9, :9] @ np.swapaxes(turn, 1, 2)
-    k = np.clip(np.searchsorted(smoothed.time, time, side="right") - 1, 0, len(smoothed.time) - 2)
-    step = smoothed.time[k + 1] - smoothed.time[k]
-    share = np.divide(time - smoothed.time[k], step, out=np.ones_like(time), where=step > 0.0)
-    share = np.clip(share, 0.0, 1.0)[:, None, None]
-    return (1.0 - share) * nodes[k] + share * nodes[k + 1]
+    return turn @ smoothed.covariance[:, :9, :9] @ np.swapaxes(turn, 1, 2)
 
 
 @njit(cache=True, error_model="numpy", nogil=True)

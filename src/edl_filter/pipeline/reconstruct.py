@@ -46,6 +46,21 @@ from edl_filter.types import Array
 
 
 @dataclass(frozen=True)
+class FlightInputs:
+    """Telemetry and preflight atmosphere of a mission, for several reconstructions of one flight.
+
+    Attributes
+    ----------
+    telemetry : Telemetry
+    atmosphere : Atmosphere, optional
+        Read from the mission's table if not given.
+    """
+
+    telemetry: Telemetry
+    atmosphere: Atmosphere | None = None
+
+
+@dataclass(frozen=True)
 class Reconstruction:
     """A reconstructed entry, and what it was computed from.
 
@@ -76,6 +91,8 @@ class Reconstruction:
         Those that were removed from the telemetry (`without_effects`).
     recovery : Recovery or None
         What was added to `problem` since its state diverged from the measurements; None where it did not.
+    inputs : FlightInputs or None
+        As they were read, for further reconstructions of the same flight.
     """
 
     mission: Mission
@@ -94,6 +111,7 @@ class Reconstruction:
     timing: dict[str, float]
     effects: tuple[EffectInstance, ...] = ()
     recovery: Recovery | None = None
+    inputs: FlightInputs | None = None
 
     def __repr__(self) -> str:
         added = ", ".join(a.name for a in self.effects) or "no effects"
@@ -210,21 +228,6 @@ def assemble_free(
     )
 
 
-@dataclass(frozen=True)
-class FlightInputs:
-    """Telemetry and preflight atmosphere of a mission, for several reconstructions of one flight.
-
-    Attributes
-    ----------
-    telemetry : Telemetry
-    atmosphere : Atmosphere, optional
-        Read from the mission's table if not given.
-    """
-
-    telemetry: Telemetry
-    atmosphere: Atmosphere | None = None
-
-
 def reconstruct(
     mission: Mission,
     effects: Sequence[EffectInstance] | None = None,
@@ -277,6 +280,7 @@ def _reconstruct(
         if inputs is None:
             inputs = FlightInputs(read_telemetry(mission))
         telemetry, atmosphere = inputs.telemetry, inputs.atmosphere or read_atmosphere(mission)
+        inputs = FlightInputs(telemetry, atmosphere)
         planet = mission.planet_model(telemetry.prime_meridian_at_epoch)
         active = mission.active_effects() if effects is None else tuple(effects)
     with _timed(timing, "filter"):
@@ -319,6 +323,7 @@ def _reconstruct(
         timing=timing,
         effects=active,
         recovery=recovery,
+        inputs=inputs,
     )
 
 

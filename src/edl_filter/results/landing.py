@@ -68,7 +68,9 @@ def landing(reconstruction: Reconstruction) -> dict[str, Any]:
     latitude, longitude, radius = ellipsoid.areocentric_from_fixed(position)
     enu = _enu(position if site is None else site)
     enu_from_inertial = rotation.to_inertial(trajectory.time[k], enu)
-    covariance = enu_from_inertial @ trajectory.covariance[k, :3, :3] @ enu_from_inertial.T
+    covariance = (
+        enu_from_inertial @ trajectory.covariance_at(trajectory.time[k : k + 1])[0, :3, :3] @ enu_from_inertial.T
+    )
     content: dict[str, Any] = {
         "time_s": float(trajectory.time[k]),
         "lat_deg": float(np.rad2deg(latitude)),

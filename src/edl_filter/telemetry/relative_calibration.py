@@ -148,7 +148,7 @@ def relative_calibration(
     for _ in range(_ITERATIONS):  # products of the errors: delay times lever arm, rotation times lever arm
         predicted = force + arm_acceleration(offset + error)
         checked_force, checked_rate = means_between(integral, edges + delay)
-        differences = {"force": (checked_force - predicted)[used], "rate": (checked_rate - rate)[used]}
+        differences = np.hstack((checked_force - predicted, checked_rate - rate))[used].T
         design = _design(reference, predicted, rate, used, columns)
         values, sigma, scatter = _least_squares(reference.time[used], differences, design)
         error, delay = error + values["lever_arm"], delay + float(values["delay"][0])
@@ -173,8 +173,8 @@ def relative_calibration(
         rate_bias_sigma=sigma["rate_bias"],
         delay=delay,
         delay_sigma=float(sigma["delay"][0]),
-        force_rms=scatter["force"],
-        rate_rms=scatter["rate"],
+        force_rms=scatter[:3],
+        rate_rms=scatter[3:],
     )
 
 
@@ -208,46 +208,58 @@ def _covered(reference: ImuRecord, checked: ImuRecord, first: float, last: float
     return out & (reference.time - reference.interval >= checked.start - SAME_TIME)
 
 
-def _design(reference: ImuRecord, force: Array, rate: Array, used: BoolArray, arm: list[Array]) -> dict[str, Array]:
-    """Derivatives of the differences by the parameters: ``{"force": (n, 3, P), "rate": (n, 3, P)}``."""
+def _design(reference: ImuRecord, force: Array, rate: Array, used: BoolArray, arm: list[Array]) -> Array:
+    """Derivatives ``(6, n, P)`` of the differences by the parameters: three axes of force, three of rate."""
     interval = reference.interval[:, None]
     force_change, rate_change = (np.diff(edge_values(reference.interval, x), axis=0) / interval for x in (force, rate))
-    width = sum(_BLOCKS.values())
     columns = dict(zip(_BLOCKS, np.cumsum([0, *_BLOCKS.values()]), strict=False))
-    design = {channel: np.zeros((int(used.sum()), 3, width)) for channel in ("force", "rate")}
+    design = np.zeros((6, int(used.sum()), sum(_BLOCKS.values())))
+    of_force, of_rate = design[:3], design[3:]
     errors = reading_jacobian(force[used], rate[used])
     for k in range(3):
-        design["force"][:, :, columns["lever_arm"] + k] = arm[k][used]
+        of_force[:, :, columns["lever_arm"] + k] = arm[k][used].T
         rotation = columns["rate_alignment"] if k == 0 else columns["force_alignment"] + k - 1
-        design["force"][:, :, rotation] = -errors["accelerometer_misalignment"][:, :, k]
-        design["force"][:, :, columns["force_bias"] + k] = errors["accelerometer_bias"][:, :, k]
-        design["rate"][:, :, columns["rate_alignment"] + k] = rotations.cross_matrix(rate[used])[:, :, k]
-        design["rate"][:, :, columns["rate_bias"] + k] = errors["gyro_bias"][:, :, k]
-    design["force"][:, :, columns["axial_scale"]] = errors["accelerometer_scale"][:, :, 0]
-    design["force"][:, :, columns["delay"]] = -force_change[used]
-    design["rate"][:, :, columns["delay"]] = -rate_change[used]
+        of_force[:, :, rotation] = -errors["accelerometer_misalignment"][:, :, k].T
+        of_force[:, :, columns["force_bias"] + k] = errors["accelerometer_bias"][:, :, k].T
+        of_rate[:, :, columns["rate_alignment"] + k] = rotations.cross_matrix(rate[used])[:, :, k].T
+        of_rate[:, :, columns["rate_bias"] + k] = errors["gyro_bias"][:, :, k].T
+    of_force[:, :, columns["axial_scale"]] = errors["accelerometer_scale"][:, :, 0].T
+    of_force[:, :, columns["delay"]] = -force_change[used].T
+    of_rate[:, :, columns["delay"]] = -rate_change[used].T
     return design
 
 
-def _least_squares(
-    times: Array, differences: dict[str, Array], design: dict[str, Array]
-) -> tuple[dict[str, Array], dict[str, Array], dict[str, Array]]:
+def _least_squares(times: Array, differences: Array, design: Array) -> tuple[dict[str, Array], dict[str, Array], Array]:
     """Weighted least squares with the covariance of correlated residuals.
 
-    Returns the estimates and their sigmas by the names of `_BLOCKS`, and the scatter of the residuals by channel.
+    Parameters
+    ----------
+    times : (n,) array
+        s.
+    differences : (6, n) array
+        Of the force, m/s², and the rate, rad/s, by axis.
+    design : (6, n, P) array
+        Of `_design`.
+
+    Returns
+    -------
+    estimates, sigmas : dict
+        By the names of `_BLOCKS`.
+    scatter : (6,) array
+        Of the residuals of each axis.
     """
-    channels = ("force", "rate")
-    scatter = {c: np.std(differences[c], axis=0) for c in channels}
+    products = np.swapaxes(design, 1, 2) @ design  # of each axis, whose weights change
+    projections = (differences[:, None, :] @ design)[:, 0]
+    scatter = np.std(differences, axis=1)
     for _ in range(_WEIGHT_ITERATIONS):
-        rows = np.concatenate([design[c] / scatter[c][:, None] for c in channels], axis=1)  # (n, 6, P)
-        data = np.concatenate([differences[c] / scatter[c] for c in channels], axis=1)
-        normal = _products(rows, rows)
+        weight = scatter**-2.0
+        normal = np.tensordot(weight, products, 1)
         size = np.sqrt(np.diag(normal))
         inverse = np.linalg.pinv(normal / np.outer(size, size), hermitian=True)
-        values = inverse @ (_products(rows, data[:, :, None])[:, 0] / size)
-        residual = data - rows @ (values / size)
-        scatter = {c: s * np.std(residual[:, 3 * i : 3 * i + 3], axis=0) for i, (c, s) in enumerate(scatter.items())}
-    scores = (residual[:, None, :] @ rows)[:, 0, :] / size
+        values = inverse @ (weight @ projections / size) / size
+        residual = differences - design @ values
+        scatter = np.std(residual, axis=1)
+    scores = sum((weight[k] * residual[k])[:, None] * design[k] for k in range(6)) / size
     length = min(_BLOCK_LENGTH, (times[-1] - times[0]) / _FEWEST_BLOCKS)
     _, block = np.unique(np.floor((times - times[0]) / length), return_inverse=True)
     sums = np.zeros((block[-1] + 1, scores.shape[1]))
@@ -255,13 +267,5 @@ def _least_squares(
     sandwich = inverse @ (sums.T @ sums) @ inverse * len(sums) / (len(sums) - 1.0)
     sigma = np.sqrt(np.diag(sandwich)) / size
     ends = np.cumsum(list(_BLOCKS.values()))[:-1]
-    return (
-        dict(zip(_BLOCKS, np.split(values / size, ends), strict=True)),
-        dict(zip(_BLOCKS, np.split(sigma, ends), strict=True)),
-        scatter,
-    )
-
-
-def _products(a: Array, b: Array) -> Array:
-    """Sums of products (P, Q) of the columns of a (n, 6, P) and b (n, 6, Q) over all rows."""
-    return a.reshape(-1, a.shape[2]).T @ b.reshape(-1, b.shape[2])
+    estimates, sigmas = (dict(zip(_BLOCKS, np.split(v, ends), strict=True)) for v in (values, sigma))
+    return estimates, sigmas, scatter

@@ -144,7 +144,8 @@ def landing_values(reconstruction: Reconstruction) -> dict[str, Any]:
     k = int(np.argmin(np.abs(r.trajectory.time - time_of_landing)))
     rotation, instant = r.planet.rotation, float(r.trajectory.time[k])
     position = rotation.to_fixed(instant, r.trajectory.position[k])
-    covariance = rotation.to_fixed(instant, rotation.to_fixed(instant, r.trajectory.covariance[k, :3, :3]).T)
+    inertial_covariance = r.trajectory.covariance_at(r.trajectory.time[k : k + 1])[0, :3, :3]
+    covariance = rotation.to_fixed(instant, rotation.to_fixed(instant, inertial_covariance).T)
     values: dict[str, Any] = {
         "landing_position": dict(zip(AXES, position.tolist(), strict=True)),
         "landing_sigma": _horizontal_sigma(position, covariance),

@@ -7,6 +7,7 @@ from edl_filter.diagnosis.linear_model import flight_case as flight_case_module
 from edl_filter.diagnosis.linear_model.flight_case import flight_case, load_case
 from edl_filter.effects.base import EffectInstance
 from edl_filter.effects.registry import find_effect
+from edl_filter.pipeline import reconstruct as reconstruct_module
 
 
 @pytest.fixture(scope="module")
@@ -66,6 +67,21 @@ def test_the_comparison_ends_before_the_parachute(case, practice_06):
     margin = case.settings.parachute_margin_s
     assert deployment - margin - 2.0 < case.end <= deployment - margin
     assert case.bins.edges[0] == pytest.approx(practice_06.problem.initial.time)
+
+
+def test_a_case_is_reconstructed_with_other_effects_without_its_files(monkeypatch, practice_06):
+    """As `load_case` reconstructs it; what compares the IMUs, which no diagnosis reads, is left out."""
+    effects = (instance("accelerometer_bias", bx=0.01), instance("wind", east=20.0, low=1e4, high=2e4))
+    case, expected = load_case(practice_06.mission), load_case(practice_06.mission, effects)
+    monkeypatch.setattr(reconstruct_module, "read_telemetry", lambda *_: pytest.fail("read again"))
+    monkeypatch.setattr(reconstruct_module, "read_atmosphere", lambda *_: pytest.fail("read again"))
+    again = case.reconstruct_with(effects)
+    assert again.effects == effects and case.effects == ()
+    for name in ("position", "velocity", "inertial_from_body", "covariance", "specific_force"):
+        actual, value = (getattr(c.reconstruction.trajectory, name) for c in (again, expected))
+        np.testing.assert_array_equal(actual, value)
+    np.testing.assert_array_equal(again.bins.edges, expected.bins.edges)
+    assert again.reconstruction.recovery is None and again.reconstruction.inputs is not None
 
 
 def test_a_reconstruction_for_a_diagnosis_adds_no_noise_where_it_diverges(monkeypatch, practice_06):

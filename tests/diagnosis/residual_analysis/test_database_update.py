@@ -21,9 +21,22 @@ from edl_filter.diagnosis.residual_analysis.database_update import (
     posterior_at_knots,
 )
 from edl_filter.diagnosis.residual_analysis.field_posterior import FlownPath
+from edl_filter.estimation.kalman import whitening_filter
 
 
-def test_the_posterior_at_knots_is_that_of_dense_regression():
+def with_empty_steps(whiten, count):
+    """The same filter after steps without rows or motion, as long as a flight is compared nowhere."""
+    model = whiten.model
+    increment, noise = (
+        replace(m, values=np.concatenate((np.zeros((count, m.values.shape[1])), m.values)))
+        for m in (model.increment, model.process_noise)
+    )
+    row_start = np.concatenate((np.zeros(count, int), model.row_start))
+    return whitening_filter(replace(model, increment=increment, process_noise=noise, row_start=row_start))
+
+
+@pytest.mark.parametrize("empty_steps", [0, 150])
+def test_the_posterior_at_knots_is_that_of_dense_regression(empty_steps):
     flight = Flight()
     places = [
         np.linspace(flight.distance[0], flight.distance[2 * CHANGE[0] - 1], 4),
@@ -31,7 +44,7 @@ def test_the_posterior_at_knots_is_that_of_dense_regression():
     ]
     whiten, white = flight.white()
     mean, covariance, prior = posterior_at_knots(
-        whiten,
+        with_empty_steps(whiten, empty_steps),
         white,
         flight.fields,
         flight.distance,

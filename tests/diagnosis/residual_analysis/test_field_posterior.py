@@ -14,7 +14,6 @@ from edl_filter.diagnosis.residual_analysis.field_posterior import (
     FlownPath,
     amplitude_covariance,
     knot_coordinates,
-    white_columns,
 )
 from edl_filter.estimation.kalman import whitening_filter
 from edl_filter.estimation.linear_state_space import LinearStateSpace
@@ -81,11 +80,12 @@ def posterior_at(flight, knots):
     model, row_distance, residuals = flight
     whiten = whitening_filter(model)
     white = whiten(residuals[:, None], np.zeros((0, 1)))[:, 0]
-    columns = white_columns(whiten, [amplitude_covariance(model.design, VALUES, row_distance, knots)])
+    covariance = amplitude_covariance(model.design, VALUES, row_distance, knots).reshape(len(row_distance), -1)
+    reduction, mean = whiten.normal_equations(lambda rows: covariance[rows], covariance.shape[1], white)
     prior = np.array([[matern(a - b) for b in knots] for a in knots])
     shape = (len(knots), MODES)
-    covariance = np.kron(prior, np.eye(MODES)) - columns.T @ columns
-    return (columns.T @ white).reshape(shape), covariance.reshape(*shape, *shape)
+    covariance = np.kron(prior, np.eye(MODES)) - reduction
+    return mean.reshape(shape), covariance.reshape(*shape, *shape)
 
 
 def test_the_covariance_with_the_amplitudes_is_that_of_each_pair():

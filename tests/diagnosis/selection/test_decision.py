@@ -748,7 +748,7 @@ def ranked(monkeypatch):
     def run(share, seconds, at_floor=False):
         first = hypothesis_of("wind", 700.0, at_floor=at_floor, explained_share=share)
         without = ranking_of(first, hypothesis_of("mass", 10.0, at_floor=False))
-        without = replace(without, case=SimpleNamespace(settings=SETTINGS, mission=None))
+        without = replace(without, case=SimpleNamespace(settings=SETTINGS, reconstruct_with=lambda effects: effects))
         rankings = [without, ranking_of(*seconds)]
         calls = []
 
@@ -758,7 +758,6 @@ def ranked(monkeypatch):
 
         monkeypatch.setattr(ranking_module, "_rank", next_ranking)
         monkeypatch.setattr(ranking_module, "candidate_instances", lambda *_: [])
-        monkeypatch.setattr(ranking_module, "load_case", lambda mission, effects: effects)
         return ranking_module.rank(without.case, [find_effect("wind")]).hypotheses, calls
 
     return run

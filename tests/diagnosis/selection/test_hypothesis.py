@@ -342,7 +342,7 @@ def reconstructed(flight, monkeypatch):
     flight.model.point = SimpleNamespace(bin_states=None)
     flight.own, flight.iterated, flight.first = -30.0, False, about_own
     case = SimpleNamespace(**vars(flight.case), reconstruction="with the effect")
-    monkeypatch.setattr(module, "load_case", lambda mission, effects: case)
+    flight.case.reconstruct_with = lambda effects: case
     monkeypatch.setattr(module, "smoothed_point", lambda reconstruction: "smoothed point")
     monkeypatch.setattr(module, "linearize_at", lambda case, point, initial: about_own)
 

@@ -96,16 +96,15 @@ def loop(monkeypatch):
                 replace(a, values=a.values | {n: v + shift for n, v in a.values.items() if n == "t0"}) for a in effects
             )
 
-        def load_case(mission, effects):
-            return SimpleNamespace(mission=mission, effects=tuple(effects), settings=SETTINGS)
+        def case_with(effects):
+            return SimpleNamespace(effects=tuple(effects), settings=SETTINGS, reconstruct_with=case_with)
 
         monkeypatch.setattr(outer_loop, "linearize", linearize)
         monkeypatch.setattr(outer_loop, "linearize_at", linearize_at)
         monkeypatch.setattr(outer_loop, "fit_map", fit_map)
         monkeypatch.setattr(outer_loop, "scan_times", scan_times)
-        monkeypatch.setattr(outer_loop, "load_case", load_case)
         monkeypatch.setattr(outer_loop, "most_probable_point", lambda model, fit: f"point {model.number}")
-        case = load_case("mission", initial)
+        case = case_with(initial)
         record.case, record.model, record.fit = iterate_to_convergence(
             case, iterations, record.messages.append, first=first
         )
@@ -203,12 +202,11 @@ def test_a_fit_ends_with_a_reconstruction_at_the_estimates(monkeypatch):
     free, held, messages = bias(*(3.0 * SIGMA for _ in range(3))), bias(1e-3, imu="secondary", fixed=True), []
     fit = fit_of([free, held])
     driving = SimpleNamespace(name="primary", unit_of=np.zeros(3, int))
-    case = SimpleNamespace(
-        mission="mission", effects=(), reconstruction=SimpleNamespace(telemetry=SimpleNamespace(driving=driving))
-    )
+    reconstruction = SimpleNamespace(telemetry=SimpleNamespace(driving=driving), inputs="as read")
+    case = SimpleNamespace(mission="mission", effects=(), reconstruction=reconstruction)
 
-    def reconstruct(mission, effects, leave_one_out):
-        assert mission == "mission" and leave_one_out
+    def reconstruct(mission, effects, leave_one_out, inputs):
+        assert mission == "mission" and leave_one_out and inputs == "as read"
         return FinalReconstruction(effects, {"filter": 2.0})
 
     monkeypatch.setattr(outer_loop, "load_case", lambda mission, effects: case)

@@ -315,7 +315,6 @@ def names_of(hypotheses):
 def test_a_second_effect_is_sought_where_the_first_explains_a_part(monkeypatch, share, seconds, expected):
     """With `complemented_explained_share` 0.2, `named_explained_share` 0.4 and `sufficient_share` 0.9."""
     searches = []
-    monkeypatch.setattr(module, "load_case", lambda mission, effects: (mission, effects))
     monkeypatch.setattr(module, "candidate_instances", lambda case, effects: (case, effects))
 
     def second_ranking(case, candidates, progress):
@@ -323,13 +322,14 @@ def test_a_second_effect_is_sought_where_the_first_explains_a_part(monkeypatch, 
         return SimpleNamespace(hypotheses=seconds)
 
     monkeypatch.setattr(module, "_rank", second_ranking)
-    case, effects, messages = SimpleNamespace(settings=SETTINGS, mission="mission"), ["catalogue"], []
+    case = SimpleNamespace(settings=SETTINGS, reconstruct_with=lambda effects: ("again", effects))
+    effects, messages = ["catalogue"], []
     lower = named("lower", 1.0)
     before = Ranking(case, None, {}, [named("first", 9.0, explained_share=share), lower], None, 0.0, 0.0)
     after = module._with_complement(before, effects, messages.append)
     assert after.hypotheses[0] == replace(before.hypotheses[0], complemented=expected)
     assert after.hypotheses[1:] == [lower]
-    with_first = ("mission", ("the first effect",))
+    with_first = ("again", ("the first effect",))
     assert searches == ([] if expected is None else [(with_first, (with_first, effects))])
     assert messages == ([] if expected is None else ["searching for a second effect in addition to first"])
 

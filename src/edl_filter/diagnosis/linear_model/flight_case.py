@@ -106,6 +106,13 @@ class FlightCase:
         """End of the comparison, s."""
         return float(self.bins.edges[-1])
 
+    def reconstruct_with(self, effects: Sequence[EffectInstance]) -> FlightCase:
+        """The same flight reconstructed with other effects in the model; its files are not read again."""
+        r = self.reconstruction
+        return flight_case(
+            reconstruct(r.mission, effects, leave_one_out=False, recover=False, inputs=r.inputs, compare_imus=False)
+        )
+
     def model_inputs(self, effects: Sequence[EffectInstance]) -> ModelInputs:
         """Model and measurements with the given effects; the noise of unresolved motion does not depend on them."""
         r = self.reconstruction

@@ -19,7 +19,6 @@ from edl_filter.diagnosis.residual_analysis.field_posterior import (
     FlownPath,
     amplitude_covariance,
     knot_coordinates,
-    white_columns,
 )
 from edl_filter.estimation.kalman import WhiteningFilter
 from edl_filter.estimation.matern import matern32_correlation
@@ -142,13 +141,16 @@ def posterior_at_knots(
         In the order of regime, coefficient, place, angle.
     covariance, prior_covariance : (N, N) arrays
     """
-    covariances = (
-        amplitude_covariance(whiten.model.design, fields[name], row_distance, d)
-        for d in distances.values()
-        for name in FIELD_COEFFICIENTS
-    )
-    columns = white_columns(whiten, covariances)
-    return field_at_knots(prior, modes, distances, angles, columns.T @ white, columns.T @ columns)
+    blocks = [(fields[name], d) for d in distances.values() for name in FIELD_COEFFICIENTS]
+    widths = [(values.stop - values.start) * len(d) for values, d in blocks]
+
+    def columns(rows: slice) -> Array:
+        design, distance = whiten.model.design[rows], row_distance[rows]
+        parts = (amplitude_covariance(design, values, distance, d) for values, d in blocks)
+        return np.concatenate([p.reshape(len(p), w) for p, w in zip(parts, widths, strict=True)], axis=1)
+
+    reduction, mean = whiten.normal_equations(columns, sum(widths), white)
+    return field_at_knots(prior, modes, distances, angles, mean, reduction)
 
 
 def field_at_knots(

@@ -14,7 +14,6 @@ prior less WᵀW. Rows of a regime whose table errs independently are so far awa
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -22,7 +21,6 @@ import numpy as np
 from edl_filter.diagnosis.jacobians.nuisance import FIELD_STATES
 from edl_filter.diagnosis.linear_model.linear_model import LinearizedModel
 from edl_filter.diagnosis.prediction.dead_reckoning import NODES_PER_BIN
-from edl_filter.estimation.kalman import WhiteningFilter
 from edl_filter.estimation.matern import matern32_correlation
 from edl_filter.types import Array, BoolArray
 
@@ -47,19 +45,6 @@ def amplitude_covariance(design: Array, values: slice, row_distance: Array, knot
     columns = design[:, values.start : values.start + FIELD_STATES * count].reshape(len(design), FIELD_STATES, count)
     correlation = matern32_correlation(np.subtract.outer(row_distance, knot_distance))
     return np.asarray(np.einsum("rkd,rdj->rkj", correlation, columns))
-
-
-def white_columns(whiten: WhiteningFilter, covariances: Iterable[Array]) -> Array:
-    """W: covariances of all rows with further variables, each ``(R, ...)``, whitened: ``(R, C)`` of all in succession.
-
-    One covariance is whitened after the other: of an iterator that computes them only one is kept.
-    """
-
-    def whitened(covariance: Array) -> Array:
-        columns = covariance.reshape(len(covariance), -1)
-        return whiten(columns, np.zeros((0, columns.shape[1])))
-
-    return np.concatenate([whitened(covariance) for covariance in covariances], axis=1)
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from edl_filter.diagnosis.linear_model.flight_case import FlightCase, load_case
+from edl_filter.diagnosis.linear_model.flight_case import FlightCase
 from edl_filter.diagnosis.linear_model.linear_model import LinearizedModel
 from edl_filter.diagnosis.linear_model.linearization import linearize_at
 from edl_filter.diagnosis.linear_model.linearization_point import smoothed_point
@@ -370,7 +370,7 @@ def relinearize_with_effect(h: Hypothesis, reference: NullModelFit, contends: bo
         at_stated_noise = [h.stated_noise_fit] if h.stated_noise_fit is not None else []
         start = _best(h.key, [h.fit], at_stated_noise, h.null, h.case, h.model, thorough=True)
     h.model.release()
-    case = load_case(h.case.mission, start.fit.effects)
+    case = h.case.reconstruct_with(start.fit.effects)
     first = linearize_at(case, smoothed_point(case.reconstruction), h.model.failing_excess)
     failing_share = max(settings.holds_share, settings.alternative_progress * h.null.excess_share)
     explained_share = h.null.explained_share(first.white_excess_log_likelihood)

@@ -80,7 +80,7 @@ def fit_effects(
     case = load_case(mission, effects)
     check_single_instances(case.mission, case.effects, case.reconstruction.telemetry.driving)
     _, _, fit = iterate_to_convergence(case, progress=progress)
-    final = reconstruct(mission, fit.effects, leave_one_out=True)
+    final = reconstruct(mission, fit.effects, leave_one_out=True, inputs=case.reconstruction.inputs)
     timing = final.timing | {"refit": time.perf_counter() - begin}
     gains = {a.key: fit.gain_over_zero(a.key) for a in fit.effects if a.effect.sizes and a.fitted}
     return FittedEffects(replace(final, timing=timing), _sigma_by_effect(fit), gains)
@@ -138,7 +138,7 @@ def iterate_to_convergence(
         progress(f"refitting the effects, iteration {iteration}")
         point = most_probable_point(model, fit)
         model.release()
-        case = load_case(case.mission, fit.effects)
+        case = case.reconstruct_with(fit.effects)
         model = linearize_at(case, point, model.failing_excess)
 
 

@@ -14,7 +14,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from edl_filter.diagnosis.linear_model.credible_model import credible_model
-from edl_filter.diagnosis.linear_model.flight_case import FlightCase, load_case
+from edl_filter.diagnosis.linear_model.flight_case import FlightCase
 from edl_filter.diagnosis.linear_model.linear_model import LinearizedModel
 from edl_filter.diagnosis.noise.unmodelled_acceleration import UnmodelledAcceleration, most_likely_process
 from edl_filter.diagnosis.noise.variance_components import estimate_variance_components
@@ -120,7 +120,7 @@ def _with_complement(ranking: Ranking, effects: Sequence[Effect], progress: Prog
     if first.at_floor or not ambiguous:
         return ranking
     progress(f"searching for a second effect in addition to {first.label}")
-    case = load_case(ranking.case.mission, first.fit.effects)
+    case = ranking.case.reconstruct_with(first.fit.effects)
     seconds = _rank(case, candidate_instances(case, effects), progress).hypotheses
     least = settings.sufficient_share if first.explained_share >= settings.named_explained_share else np.inf
     complemented = any(h.at_floor or h.explained_share >= least for h in seconds)
