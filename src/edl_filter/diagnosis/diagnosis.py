@@ -146,7 +146,8 @@ class Diagnosis:
             "none_gain": 0.0 - max(ranking.excess_noise_gain, ranking.nuisance_gain, 0.0),
             "something_else": {
                 "probability": verdict.something_else,
-                "gain": ranking.unmodelled_gain,
+                "gain": verdict.something_else_gain,
+                "unmodelled_gain": ranking.unmodelled_gain,
                 "force_m_s2": ranking.unmodelled.force,
                 "angular_acceleration_rad_s2": ranking.unmodelled.moment,
                 "correlation_time_s": ranking.unmodelled.memory,

@@ -95,8 +95,8 @@ def none_gain_sentence(diagnosis: DiagnosisContent) -> str:
         return ""
     nats = _with_thousands(-(diagnosis.none_gain or 0.0))
     return (
-        "“Nothing is missing” is excluded: at the stated noise the residuals are less probable than at the noise that "
-        f"they show, by a log evidence of {nats} nats."
+        f"“Nothing is missing” is excluded, by a log evidence of {nats} nats: the residuals show more noise than is "
+        "stated, or a nuisance parameter would have to be many of its sigmas from its stated value."
     )
 
 

@@ -356,6 +356,19 @@ def test_an_acceleration_is_the_evidence_of_something_else_where_it_exceeds_a_ne
         assert [verdict.none, verdict.something_else] == pytest.approx(expected.tolist(), rel=1e-9)
 
 
+@pytest.mark.parametrize("gains", [
+    {"noise": NOISE + 4.0, "unmodelled_gain": -600.0},  # both rovers: an acceleration explains less than the noise
+    {"noise": NOISE + 4.0, "unmodelled_gain": 291.0}, {"nuisance": COST + 4.0, "unmodelled_gain": 2.0},
+    {"unmodelled_gain": 30.0}, {"unmodelled_gain": -4.0}, {"noise": NOISE - 0.5, "unmodelled_gain": 3.0},
+])  # fmt: skip
+def test_a_name_is_as_probable_as_something_else_at_its_gain(gains):
+    """Else something else would be the most probable with a gain that is smaller than that of a name."""
+    gain = decide(ranking_of(**gains)).something_else_gain
+    less, equal, more = (decide(ranking_of(hypothesis_of("wind", gain + d), **gains)) for d in (-1.0, 0.0, 1.0))
+    assert equal.entries[0].probability == pytest.approx(equal.something_else, rel=1e-9)
+    assert less.entries[0].probability < less.something_else and more.entries[0].probability > more.something_else
+
+
 @pytest.mark.parametrize("stated", ["noise", "nuisance"])
 def test_a_sigma_that_is_as_probable_as_not_leaves_the_flight_undecided(stated):
     """At the prior cost of the contradiction: nothing is missing and something else have equal probabilities."""

@@ -99,6 +99,8 @@ class Verdict:
         Most probable first.
     none, something_else : float
         Their probabilities.
+    something_else_gain : float
+        Gain with which a name is as probable as something else, nats: the log evidence of something else, plus c.
     required_gain : float
         Gain that a name needs, nats: c of this module.
     sentence : str
@@ -108,6 +110,7 @@ class Verdict:
     entries: list[Entry]
     none: float
     something_else: float
+    something_else_gain: float
     required_gain: float
     sentence: str
 
@@ -171,10 +174,10 @@ def decide(ranking: Ranking) -> Verdict:
         Entry(groups[i][0], tuple(groups[i][1:]), float(probability[2 + i]), _discriminators(groups[i]))
         for i in sorted(range(len(groups)), key=lambda i: -evidence[i])
     ]
-    none, something_else = float(probability[0]), float(probability[1])
-    verdict = verdict_of([e.probability for e in entries], none, something_else, settings.decided_probability)
-    sentence = _sentence(verdict, entries, none, something_else)
-    return Verdict(verdict, entries, none, something_else, cost, sentence)
+    of_none, of_something_else = float(probability[0]), float(probability[1])
+    verdict = verdict_of([e.probability for e in entries], of_none, of_something_else, settings.decided_probability)
+    sentence = _sentence(verdict, entries, of_none, of_something_else)
+    return Verdict(verdict, entries, of_none, of_something_else, something_else + cost, cost, sentence)
 
 
 def prior_cost(excess_noise_gain: float, settings: DecisionSettings) -> float:

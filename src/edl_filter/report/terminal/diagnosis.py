@@ -100,8 +100,9 @@ def where_table(diagnosis: DiagnosisContent) -> Table:
 
 def ranking_table(diagnosis: DiagnosisContent) -> Table:
     """Hypotheses, most probable first, with nothing and something else below them."""
+    required = "" if diagnosis.required_gain is None else f"; an effect needs {diagnosis.required_gain:.3g}"
     table = empty_table(
-        "Hypotheses (gains in nats; held-out: on data that were not fitted)",
+        f"Hypotheses (gains in nats{required}; held-out: on data that were not fitted)",
         ("effect",),
         ("probability", "gain", "held-out"),
         ("parameters",),

@@ -89,7 +89,11 @@ class SomethingElse(Content):
     """The hypothesis that something is missing which is no effect of the catalogue."""
 
     probability: Number = key("posterior probability")
-    gain: Number = key("log Bayes factor of an unmodelled force and moment, nats")
+    gain: Number = key(
+        "gain with which an effect is as probable, nats: required_gain if a sigma is not what is stated, else "
+        "unmodelled_gain unless the evidence for excess noise is larger"
+    )
+    unmodelled_gain: Number = key("log Bayes factor of an unmodelled force and moment, nats")
     force_m_s2: Number = key("1 sigma of the unmodelled specific force, m/s^2")
     angular_acceleration_rad_s2: Number = key("1 sigma of the unmodelled angular acceleration, rad/s^2")
     correlation_time_s: Number = key("correlation time of both, s")
