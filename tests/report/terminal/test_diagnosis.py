@@ -17,6 +17,7 @@ def test_a_diagnosis_says_what_a_person_wants_to_read(capsys):
         "With it no cell fails.",
         "In the model: mass.",
         "Where it fails (the worst 8 of 12)",
+        "Hypotheses (gains in nats, 12 needed; held-out: on data that were not fitted)\n",
         "0.05 rad/s^2",
         "remnant_torque or com_offset",
         "> 0.999",

@@ -100,7 +100,7 @@ def where_table(diagnosis: DiagnosisContent) -> Table:
 
 def ranking_table(diagnosis: DiagnosisContent) -> Table:
     """Hypotheses, most probable first, with nothing and something else below them."""
-    required = "" if diagnosis.required_gain is None else f"; an effect needs {diagnosis.required_gain:.3g}"
+    required = "" if diagnosis.required_gain is None else f", {diagnosis.required_gain:.3g} needed"
     table = empty_table(
         f"Hypotheses (gains in nats{required}; held-out: on data that were not fitted)",
         ("effect",),
