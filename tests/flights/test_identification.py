@@ -2,18 +2,23 @@
 
 import pytest
 
+from edl_filter.diagnosis.linear_model.credible_model import credible_model
 from edl_filter.diagnosis.linear_model.flight_case import load_case
 from edl_filter.diagnosis.linear_model.linearization import linearize
 from edl_filter.diagnosis.residual_analysis.residual_map import failing_cells, residual_map
 from edl_filter.diagnosis.residual_analysis.unexplained import describe_remainder
 from edl_filter.diagnosis.selection.decision import decide
 from edl_filter.diagnosis.selection.ranking import rank
+from edl_filter.effects import EffectInstance
 from edl_filter.effects.registry import find_effect
 from edl_filter.mission import Mission
+from edl_filter.simulation import Scenario, simulate
 
 #: practice/answers.json: the misalignment, rad, and the jet's frequency (Hz) and span (s).
 MISALIGNED = {"mx": 0.0, "my": 0.01127612, "mz": 0.00712172}
 JET, JET_SPAN = 0.679365, (63.537, 164.025)
+#: A layer of wind of the plausible size, m/s and m.
+WIND = {"east": -38.54284418215444, "north": 41.405907336395416, "h_lo": 8761.228329379068, "h_hi": 21774.94477610613}
 
 
 def case(path):
@@ -31,6 +36,25 @@ def test_the_misalignment_of_practice_04(practice):
         # a rotation about the force's axis has little effect on the residuals
         assert 0.0 < sigma < (1e-2 if name == "mx" else 1e-3), name
         assert value == pytest.approx(true, abs=3.0 * sigma), name
+
+
+@pytest.mark.slow
+def test_a_wind_that_nuisance_parameters_have_absorbed_has_its_own_layer(tmp_path):
+    """The model without it is most probable with a nuisance parameter 42 sigmas off, and fails there.
+
+    With the nuisance parameters held at that point the wind is less probable than none, and a layer of 1.3 km with the
+    opposite wind was the estimate, 84 sigmas off.
+    """
+    wind = find_effect("wind")
+    path = simulate(Scenario.load("builtin:phoenix"), [EffectInstance(wind, WIND)], 16).write(tmp_path / "flight.h5")
+    case = load_case(Mission.load("builtin:practice_phoenix", [f"telemetry.path={path}"]))
+    model, _ = credible_model(case)
+    assert not model.holds and model.largest_nuisance_sigmas > 20.0
+    verdict = decide(rank(case, [wind]))
+    assert verdict.verdict == "missing" and verdict.entries[0].hypothesis.at_floor
+    for name, (value, sigma) in verdict.entries[0].hypothesis.fit.parameters(("wind", None)).items():
+        assert value == pytest.approx(WIND[name], abs=4.0 * sigma), name
+        assert 0.0 < sigma < (1.0 if name in ("east", "north") else 100.0), name
 
 
 def test_a_jet_outside_the_catalogue_is_described(practice):

@@ -34,6 +34,8 @@ LESS_EXCESS = 0.5 * (SETTINGS.holds_share + 0.5 * SETTINGS.alternative_progress)
 PENALTY, OWN_PENALTY = 5.0, 3.0
 TORQUE, MASS = find_effect("remnant_torque"), find_effect("mass")
 KEY = ("mass", None)
+#: The smoothed reconstruction: no nuisance parameter has absorbed anything.
+FIRST_POINT = SimpleNamespace(bin_states=None)
 
 
 class Identity:
@@ -67,7 +69,7 @@ class Fit:
     evidence: float
     excess: float = 0.5  # share of rows with excess variance that it leaves, by moments
     effects: tuple = (EffectInstance(MASS, {"k": 0.1}),)
-    point: str = "first point"
+    point: object = field(default_factory=lambda: FIRST_POINT)
     names: tuple = ((KEY, "k"),)
     columns: np.ndarray = field(default_factory=lambda: np.ones((ROWS, 1)))
     white: np.ndarray = field(default_factory=lambda: np.zeros(ROWS))
@@ -95,7 +97,7 @@ def constructed_flight(monkeypatch):
     filters = {"stated": Identity(), "fitted": Identity(), "own": Identity()}
     model = SimpleNamespace(
         holds=False, excess_variance=excess_of(0.5), noise_penalty=PENALTY, failing_excess="excess",
-        point="first point",
+        point=FIRST_POINT,
         stated_noise_filter=filters["stated"], fitted_noise_filter=filters["fitted"],
         index=SimpleNamespace(time=np.linspace(0.0, 200.0, ROWS)), settings=SETTINGS,
         white_residuals=lambda whiten: np.zeros(ROWS), release=lambda: None,
@@ -205,6 +207,25 @@ def test_a_fit_that_leaves_much_excess_is_not_fitted_at_its_own_noise(flight):
     assert h.gain == 20.0 and not h.at_floor
     assert h.own_noise_evidence == -80.0 - PENALTY  # at the noise of the model without it, whose penalty it pays
     assert h.stated_noise_fit.evidence == -300.0
+
+
+@pytest.mark.parametrize(
+    ("states", "evidence", "moves"), [(np.zeros(1), -400.0, True), (np.zeros(1), -90.0, False), (None, -400.0, False)]
+)
+def test_the_point_moves_with_an_effect_that_nuisance_parameters_have_absorbed_there(flight, states, evidence, moves):
+    """With these held, the effect at its true size is less probable than none; the better of both fits counts."""
+    flight.model.point = SimpleNamespace(bin_states=states)
+    held, moved = Fit(evidence, point=flight.model.point), Fit(-20.0, point="moved")
+    flight.fits = [held, *([moved] if moves else []), Fit(-500.0)]
+    h = fit_hypothesis(flight.case, flight.model, [screened(MASS_START)], Null())
+    expected = (
+        [("fitted", False), ("fitted", True), ("stated", True)] if moves else [("fitted", False), ("stated", False)]
+    )
+    assert [(noise, moving) for _, noise, moving in flight.fitted] == expected
+    assert h.fit is (moved if moves else held)
+    flight.fits, flight.fitted = [replace(held, evidence=-300.0), replace(moved, evidence=-310.0), Fit(-500.0)], []
+    if moves:  # the chord iteration of the point may lose
+        assert fit_hypothesis(flight.case, flight.model, [screened(MASS_START)], Null()).fit.evidence == -300.0
 
 
 def test_a_fit_that_solves_the_excess_counts_at_the_noise_that_it_leaves(flight):

@@ -137,16 +137,29 @@ def fit_hypothesis(
             if any(_same_places(instance, a) for a in starting_points):
                 continue
             starting_points.append(instance)
-            effects = (*case.effects, instance)
-            steps = settings.comparison_fit_iterations
-            fits.append(fit_map(model, effects, model.fitted_noise_filter, steps=steps))
+            fits.append(_fit_from(model, (*case.effects, instance), null))
             if _remaining_excess(model, fits[-1], model.excess_variance.share) < settings.solved_share:
                 return _best(key, fits[-1:], [], null, case, model)
         if fits and not model.excess_variance.is_zero:
             best = max(fits, key=lambda f: f.evidence)
-            at_stated_noise.append(fit_map(model, best.effects, model.stated_noise_filter))
+            moving = best.point is not model.point
+            at_stated_noise.append(fit_map(model, best.effects, model.stated_noise_filter, moving=moving))
         at_fitted_noise += fits
     return _best(key, at_fitted_noise, at_stated_noise, null, case, model)
+
+
+def _fit_from(model: LinearizedModel, effects: tuple[EffectInstance, ...], null: NullModelFit) -> MapFit:
+    """Fit about the model's point, and about a point that moves with the effects where that is more probable.
+
+    About the smoothed reconstruction no nuisance parameter has absorbed an effect. About another point of a failing
+    model one may have, by tens of its sigmas: with the nuisance parameters held there, the effect at its true size is
+    less probable than none. Then the point has to move.
+    """
+    whiten, steps = model.fitted_noise_filter, model.settings.comparison_fit_iterations
+    fit = fit_map(model, effects, whiten, steps=steps)
+    if model.point.bin_states is None or fit.evidence >= null.evidence:
+        return fit
+    return max(fit, fit_map(model, effects, whiten, steps=steps, moving=True), key=lambda f: f.evidence)
 
 
 def _fit_where_model_holds(
