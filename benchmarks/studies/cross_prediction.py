@@ -46,7 +46,6 @@ from edl_filter.diagnosis.residual_analysis.field_posterior import (
     FlownPath,
     amplitude_covariance,
     knot_coordinates,
-    white_columns,
 )
 from edl_filter.diagnosis.residual_analysis.residual_map import channels, flow_regimes
 from edl_filter.errors import InputError
@@ -207,7 +206,8 @@ def knot_columns(
         at_knots = np.moveaxis(covariance @ principal, 1, 0)
         independent = solve_triangular(factor, at_knots.reshape(len(distance), -1), lower=True)
         blocks.append(np.moveaxis(independent.reshape(at_knots.shape), 0, 1).reshape(len(row_distance), -1))
-    return white_columns(whiten, blocks)
+    columns = np.concatenate(blocks, axis=1)
+    return whiten(columns, np.zeros((0, columns.shape[1])))
 
 
 def row_gains(learned: Array, learned_white: Array, predicted: Array, predicted_white: Array) -> Array:
