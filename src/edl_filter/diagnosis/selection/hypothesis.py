@@ -153,11 +153,12 @@ def _fit_from(model: LinearizedModel, effects: tuple[EffectInstance, ...], null:
 
     About the smoothed reconstruction no nuisance parameter has absorbed an effect. About another point of a failing
     model one may have, by tens of its sigmas: with the nuisance parameters held there, the effect at its true size is
-    less probable than none. Then the point has to move.
+    less probable than none, by more than none is less probable than a model that holds. Then the point has to move.
     """
     whiten, steps = model.fitted_noise_filter, model.settings.comparison_fit_iterations
     fit = fit_map(model, effects, whiten, steps=steps)
-    if model.point.bin_states is None or fit.evidence >= null.evidence:
+    misfit = null.holding_log_likelihood - null.log_likelihood
+    if model.point.bin_states is None or fit.evidence >= null.evidence - misfit:
         return fit
     return max(fit, fit_map(model, effects, whiten, steps=steps, moving=True), key=lambda f: f.evidence)
 
