@@ -56,7 +56,8 @@ class Null:
 
     evidence: float = -100.0 - PENALTY
     log_likelihood: float = -90.0 - PENALTY
-    holding_log_likelihood: float = -PENALTY
+    white_log_likelihood: float = -90.0
+    holding_log_likelihood: float = 0.0
     excess_share: float = 0.5
 
     def explained_share(self, white_log_likelihood):
@@ -211,7 +212,8 @@ def test_a_fit_that_leaves_much_excess_is_not_fitted_at_its_own_noise(flight):
 
 
 @pytest.mark.parametrize(
-    ("states", "evidence", "moves"), [(np.zeros(1), -400.0, True), (np.zeros(1), -190.0, False), (None, -400.0, False)]
+    ("states", "evidence", "moves"),
+    [(np.zeros(1), -400.0, True), (np.zeros(1), -190.0, False), (np.zeros(1), -190.5, True), (None, -400.0, False)],
 )
 def test_the_point_moves_with_an_effect_that_nuisance_parameters_have_absorbed_there(flight, states, evidence, moves):
     """With these held, the effect at its true size is less probable than none; the better of both fits counts."""

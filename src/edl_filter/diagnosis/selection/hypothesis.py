@@ -157,8 +157,8 @@ def _fit_from(model: LinearizedModel, effects: tuple[EffectInstance, ...], null:
     """
     whiten, steps = model.fitted_noise_filter, model.settings.comparison_fit_iterations
     fit = fit_map(model, effects, whiten, steps=steps)
-    misfit = null.holding_log_likelihood - null.log_likelihood
-    if model.point.bin_states is None or fit.evidence >= null.evidence - misfit:
+    misfit = null.holding_log_likelihood - null.white_log_likelihood
+    if model.point.bin_states is None or fit.evidence - model.noise_penalty >= null.evidence - misfit:
         return fit
     return max(fit, fit_map(model, effects, whiten, steps=steps, moving=True), key=lambda f: f.evidence)
 

@@ -91,7 +91,7 @@ class SomethingElse(Content):
     probability: Number = key("posterior probability")
     gain: Number = key(
         "gain with which an effect is as probable, nats: required_gain if a sigma is not what is stated, else "
-        "unmodelled_gain unless the evidence for excess noise is larger"
+        "unmodelled_gain unless the evidence against a stated sigma is larger"
     )
     unmodelled_gain: Number = key("log Bayes factor of an unmodelled force and moment, nats")
     force_m_s2: Number = key("1 sigma of the unmodelled specific force, m/s^2")
