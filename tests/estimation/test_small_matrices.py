@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from scipy.linalg import cholesky
+from scipy.linalg import cholesky, solve_triangular
 
 from edl_filter.estimation.small_matrices import (
+    back_substitution,
     matrix_product,
     solve_few,
     solve_from_right,
@@ -33,9 +34,19 @@ def test_the_cholesky_factor_is_that_of_scipy(seed, n):
     np.testing.assert_allclose(factor, cholesky(2.5 * matrix), rtol=1e-9, atol=1e-9)
 
 
-def test_a_matrix_that_is_not_positive_has_no_factor():
+@pytest.mark.parametrize("place", range(6))
+def test_a_matrix_that_is_not_positive_has_no_factor(place):
     for wrong in (0.0, -1.0, np.nan):
-        assert not upper_cholesky(np.diag([1.0, wrong, 1.0]), 1.0)[1]
+        matrix = np.eye(6)
+        matrix[place, place] = wrong
+        assert not upper_cholesky(matrix, 1.0)[1]
+
+
+def test_the_lower_triangle_is_not_used_and_the_factor_has_none():
+    matrix = positive(np.random.default_rng(3), 7)
+    factor, _ = upper_cholesky(np.triu(matrix), 1.0)
+    np.testing.assert_allclose(factor.T @ factor, matrix, rtol=1e-10, atol=1e-10)
+    np.testing.assert_array_equal(np.tril(factor, -1), 0.0)
 
 
 @given(seeds, st.integers(1, 40))
@@ -72,6 +83,17 @@ def test_substitution_divides_by_the_factored_matrix(n):
     matrix, cross = positive(random, n), random.standard_normal((5, n))
     factor, _ = upper_cholesky(matrix, 1.0)
     np.testing.assert_allclose(solve_from_right(cross, factor) @ matrix, cross, atol=1e-9 * np.max(np.abs(matrix)))
+
+
+@given(seeds, st.integers(1, 40))
+def test_back_substitution_is_that_of_scipy(seed, n):
+    """What stands below the diagonal is not used, and the right-hand sides stay as they are."""
+    random = np.random.default_rng(seed)
+    factor, right = upper_cholesky(positive(random, n), 1.0)[0], random.standard_normal((n, 3))
+    before, expected = right.copy(), solve_triangular(factor, right)
+    solution = back_substitution(factor + np.tril(np.ones((n, n)), -1), right)
+    np.testing.assert_allclose(solution, expected, rtol=1e-8, atol=1e-8 * np.max(np.abs(expected)))
+    np.testing.assert_array_equal(right, before)
 
 
 def test_the_symmetric_part():

@@ -19,7 +19,7 @@ from edl_filter.estimation.parallel import one_blas_thread
 from edl_filter.imu_model.sensor_errors import SensorErrors
 from edl_filter.mission import Mission
 from edl_filter.navigation.compiled_noise import in_body_axes, noise_of_samples
-from edl_filter.navigation.compiled_ukf import CompiledUKF
+from edl_filter.navigation.compiled_ukf import CompiledUKF, smooth_states
 from edl_filter.navigation.constraints import Altimeter, LandingSite, OnboardAttitude, RestVelocity
 from edl_filter.navigation.filter import Settings, build_problem, new_filter, run_filter
 from edl_filter.navigation.initial import EntryErrors
@@ -447,3 +447,27 @@ def test_a_reading_at_the_last_epoch_is_smoothed_as_by_the_reference():
     assert np.all(sigma[-2, :3] < 0.9 * filtered[:3])
     unit = sigma[:-1, :, None] / sigma[1:, None, :]
     np.testing.assert_allclose(smoothed.gain / unit, expected.gain / unit, atol=1e-8)
+
+
+@pytest.mark.parametrize("layout", [EVERY, FEW])
+def test_states_that_do_not_move_keep_their_covariance_and_their_gain(layout):
+    """Sensor errors are constant: a prediction leaves their covariance as it is, and the smoother's gain is one."""
+    estimator, _ = both_filters(layout, 15)
+    before = estimator.covariance.copy()
+    transition = estimator.predict(uneven_samples(np.random.default_rng(16)))
+    constant = slice(9, layout.size - 3 if "onboard_attitude" in layout else layout.size)
+    np.testing.assert_array_equal(transition.covariance[constant, constant], before[constant, constant])
+    np.testing.assert_array_equal(transition.cross_covariance[constant], transition.covariance[constant])
+    state = estimator.state
+    smoothed = smooth_states(
+        np.array([state.nav, state.nav]), np.array([state.errors, state.errors]), np.array([before, 0.5 * before]),
+        state.nav[None], state.errors[None], transition.covariance[None], transition.cross_covariance[None],
+        layout.size - 3 if "onboard_attitude" in layout else -1,
+    )  # fmt: skip
+    gain = np.linalg.solve(transition.covariance, transition.cross_covariance.T).T
+    scale = np.sqrt(np.diag(before))
+    np.testing.assert_allclose(smoothed[3][0] * scale / scale[:, None], gain * scale / scale[:, None], atol=1e-9)
+    np.testing.assert_array_equal(smoothed[3][0, constant], np.eye(layout.size)[constant])
+    expected = before + gain @ (0.5 * before - transition.covariance) @ gain.T
+    np.testing.assert_allclose((smoothed[2][0] - expected) / np.outer(scale, scale), 0.0, atol=1e-9)
+    np.testing.assert_array_equal(smoothed[2][0], smoothed[2][0].T)

@@ -35,10 +35,10 @@ def noise_of_samples(interval, middle, force, velocity_variance, rotation_varian
     covariance, unshared : (9, 9) arrays
         By all errors of the rotation, and by those that an on-board attitude has too.
     """
-    cov, unshared = np.zeros((9, 9)), np.zeros((9, 9))
+    cov, unshared, moments = np.zeros((9, 9)), np.zeros((9, 9)), np.zeros((3, 3, 3))
     gain, path, axes = np.zeros(3), np.zeros(3), np.empty((3, 3))
     inertial, half_gain, half_path = np.empty(3), np.empty(3), np.empty(3)
-    square = np.empty((3, 3))
+    square, by_path, by_gain = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
     remaining = 0.0
     for i in range(interval.size - 1, -1, -1):
         dt = interval[i]
@@ -51,17 +51,22 @@ def noise_of_samples(interval, middle, force, velocity_variance, rotation_varian
             half_gain[k] = gain[k] + 0.5 * dt * inertial[k]
             half_path[k] = path[k] + moment * inertial[k]
         _in_inertial_axes(axes, velocity_variance[i], square)
-        _add_force_noise(cov, square, half_remaining)
-        _add_force_noise(unshared, square, half_remaining)
+        for r in range(3):
+            for c in range(r, 3):
+                moments[0, r, c] += square[r, c]
+                moments[1, r, c] += square[r, c] * half_remaining
+                moments[2, r, c] += square[r, c] * half_remaining * half_remaining
         _in_inertial_axes(axes, rotation_variance[i], square)
-        _add_rotation_noise(cov, square, half_path, half_gain)
+        _add_rotation_noise(cov, square, half_path, half_gain, by_path, by_gain)
         if unshared_variance[i, 0] + unshared_variance[i, 1] + unshared_variance[i, 2] > 0.0:
             _in_inertial_axes(axes, unshared_variance[i], square)
-            _add_rotation_noise(unshared, square, half_path, half_gain)
+            _add_rotation_noise(unshared, square, half_path, half_gain, by_path, by_gain)
         for k in range(3):
             path[k] += (dt * remaining + 0.5 * dt * dt) * inertial[k]
             gain[k] += dt * inertial[k]
         remaining += dt
+    _complete(cov, moments)
+    _complete(unshared, moments)
     return cov, unshared
 
 
@@ -78,40 +83,50 @@ def _in_inertial_axes(axes, variance, square):
 
 
 @COMPILED
-def _add_force_noise(cov, square, remaining):
-    """Covariance of a velocity increment, ``(m/s)²``, with the time that remains, s."""
-    for r in range(3):
-        for c in range(3):
-            value = square[r, c]
-            cov[r, c] += value * remaining * remaining
-            cov[r, 3 + c] += value * remaining
-            cov[3 + r, c] += value * remaining
-            cov[3 + r, 3 + c] += value
+def _add_rotation_noise(cov, square, path, gain, by_path, by_gain):
+    """Upper triangle of the covariance of a rotation, rad², with the path and velocity that the force gives after it.
 
-
-@COMPILED
-def _add_rotation_noise(cov, square, path, gain):
-    """Covariance of a rotation, rad², with the path and velocity that the force gives from there to the end."""
-    by_path, by_gain = np.empty((3, 3)), np.empty((3, 3))
+    `by_path` and `by_gain`, ``(3, 3)``, are overwritten: its covariances with the position and with the velocity.
+    """
     for r in range(3):
-        for c in range(3):
-            cov[6 + r, 6 + c] += square[r, c]
         j, k = (r + 1) % 3, (r + 2) % 3
         for c in range(3):  # ψ × v, component r: ψ_j v_k - ψ_k v_j
             by_path[r, c] = square[j, c] * path[k] - square[k, c] * path[j]
             by_gain[r, c] = square[j, c] * gain[k] - square[k, c] * gain[j]
             cov[r, 6 + c] += by_path[r, c]
-            cov[6 + c, r] += by_path[r, c]
             cov[3 + r, 6 + c] += by_gain[r, c]
-            cov[6 + c, 3 + r] += by_gain[r, c]
     for r in range(3):
         for c in range(3):
             j, k = (c + 1) % 3, (c + 2) % 3
-            cov[r, c] += by_path[r, j] * path[k] - by_path[r, k] * path[j]
-            cov[3 + r, 3 + c] += by_gain[r, j] * gain[k] - by_gain[r, k] * gain[j]
-            both = by_path[r, j] * gain[k] - by_path[r, k] * gain[j]
-            cov[r, 3 + c] += both
-            cov[3 + c, r] += both
+            cov[r, 3 + c] += by_path[r, j] * gain[k] - by_path[r, k] * gain[j]
+            if c >= r:
+                cov[6 + r, 6 + c] += square[r, c]
+                cov[r, c] += by_path[r, j] * path[k] - by_path[r, k] * path[j]
+                cov[3 + r, 3 + c] += by_gain[r, j] * gain[k] - by_gain[r, k] * gain[j]
+
+
+@COMPILED
+def _complete(cov, moments):
+    """Add the noise of velocity increments, and the lower triangle.
+
+    Parameters
+    ----------
+    cov : (9, 9) array, changed in place
+        With its upper triangle.
+    moments : (3, 3, 3) array
+        Sums of the increments' covariances, (m/s)², times the power 0, 1 and 2 of the time that remains, s; upper
+        triangles.
+    """
+    for r in range(3):
+        for c in range(3):
+            a, b = min(r, c), max(r, c)
+            cov[r, 3 + c] += moments[1, a, b]
+            if c >= r:
+                cov[r, c] += moments[2, r, c]
+                cov[3 + r, 3 + c] += moments[0, r, c]
+    for r in range(9):
+        for c in range(r):
+            cov[r, c] = cov[c, r]
 
 
 @COMPILED

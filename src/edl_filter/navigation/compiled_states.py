@@ -52,6 +52,28 @@ def turn_between(p, q):
 
 
 @COMPILED
+def turns_between(attitude, attitudes):
+    """Rotation vectors in body axes that take one attitude to each of several, as `layout.attitude_errors`.
+
+    Parameters
+    ----------
+    attitude : (4,) array
+        Quaternion, scalar last.
+    attitudes : (4, S) array
+        Unit quaternions, one per column.
+
+    Returns
+    -------
+    (S, 3) array
+        rad.
+    """
+    out = np.empty((attitudes.shape[1], 3))
+    for s in range(len(out)):
+        out[s, 0], out[s, 1], out[s, 2] = turn_between(attitude, attitudes[:, s])
+    return out
+
+
+@COMPILED
 def states_of_points(nav, errors, points, columns, onboard):
     """States of sigma points, as `layout.sigma_states`.
 
@@ -77,13 +99,16 @@ def states_of_points(nav, errors, points, columns, onboard):
     """
     n = len(errors)
     states, full = np.empty((len(nav), columns)), np.empty((n, columns))
+    unturned = turned_attitude(nav[6:10], 0.0, 0.0, 0.0)
     for s in range(columns):
         if s >= len(points):
             states[:, s], full[:, s] = nav, errors
         else:
             for k in range(6):
                 states[k, s] = nav[k] + points[s, k]
-            turned = turned_attitude(nav[6:10], points[s, 6], points[s, 7], points[s, 8])
+            turned = unturned
+            if points[s, 6] != 0.0 or points[s, 7] != 0.0 or points[s, 8] != 0.0:  # nine rows of a triangular factor
+                turned = turned_attitude(nav[6:10], points[s, 6], points[s, 7], points[s, 8])
             for k in range(4):
                 states[6 + k, s] = turned[k]
             for k in range(9):
@@ -135,6 +160,34 @@ def moved_state(nav, errors, delta, onboard):
             moved[10 + k] = turned[k]
         full[onboard:] = 0.0
     return moved, full
+
+
+@COMPILED
+def moving_errors(states, count):
+    """Errors of position, velocity and attitudes about the first state, of those states that move between epochs.
+
+    Parameters
+    ----------
+    states : (10 or 14, S) array
+        As `State.nav`, one per column: m, m/s and quaternions.
+    count : int
+        Columns that are used.
+
+    Returns
+    -------
+    (count, 9 or 12) array
+        m, m/s and rad; the error of an on-board attitude stands last.
+    """
+    moving = 9 if len(states) == 10 else 12
+    out = np.empty((count, moving))
+    centre = states[:, 0].copy()
+    for s in range(count):
+        for k in range(6):
+            out[s, k] = states[k, s] - centre[k]
+        out[s, 6], out[s, 7], out[s, 8] = turn_between(centre[6:10], states[6:10, s])
+        if moving == 12:
+            out[s, 9], out[s, 10], out[s, 11] = turn_between(centre[10:], states[10:, s])
+    return out
 
 
 @COMPILED

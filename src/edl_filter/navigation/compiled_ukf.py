@@ -14,8 +14,11 @@ call updates, with S the covariance of the innovation y and D that of error and 
     K = D S⁻¹           x = K y           P = P⁻ - K S Kᵀ
 
 and a third one smooths the flight: ``G = C (P⁻)⁻¹``, ``P_s = P + G (P_s⁺ - P⁻) Gᵀ`` (Särkkä 2008, IEEE Trans. Autom.
-Control 53, 845). After each step the reference moves by x and the mean of the error is zero. Measurement models are
-Python and are evaluated at all sigma points at once, so that a new constraint needs no compiled code.
+Control 53, 845). Sensor errors are constant over an interval: their covariance stays as it is, and their covariance
+with position, velocity and attitudes is the same in P⁻ and C. Only what belongs to the latter states is computed. A
+row of C that is that of P⁻ has a row of the unit matrix as its gain. After each step the reference moves by x and the
+mean of the error is zero. Measurement models are Python and are evaluated at all sigma points at once, so that a new
+constraint needs no compiled code.
 
 A matrix that has no Cholesky factor raises `numpy.linalg.LinAlgError`, as scipy does for the reference.
 """
@@ -42,13 +45,14 @@ from edl_filter.navigation.compiled_noise import in_body_axes, noise_of_samples,
 from edl_filter.navigation.compiled_states import (
     error_between,
     moved_state,
+    moving_errors,
     states_of_points,
 )
 from edl_filter.navigation.constraints import Constraint
 from edl_filter.navigation.estimator import Innovation, Transition, statistical_jacobian
 from edl_filter.navigation.increments import Samples
 from edl_filter.navigation.layout import ONBOARD, Layout, State
-from edl_filter.navigation.noise import IDENTITY, increment_variances, sample_attitudes
+from edl_filter.navigation.noise import IDENTITY, sample_attitudes, variances_of_increments
 from edl_filter.planet import Planet
 from edl_filter.rotation_kernels import product, quaternion
 from edl_filter.types import Array, IntArray
@@ -112,9 +116,9 @@ class CompiledUKF:
         """Propagate estimate and covariance to the end of `samples`."""
         s, p = samples, self.planet
         nav, errors, covariance, cross, points, valid = _predict(
-            self.state.nav, self.state.errors, self.covariance, self._places, self._scale, self._weights,
-            s.interval, s.force, s.rate, *increment_variances(s), s.coning_corrected, s.onboard_rate,
-            p.mu, p.j2, p.gravity_radius,
+            self.state.nav, self.state.errors, self.covariance, self.sigma_points, self._places, self._scale,
+            self._weights, s.interval, s.force, s.rate, s.force_noise, s.force_fill_sigma, s.rate_noise,
+            s.rate_fill_sigma, s.shared_rate_noise, s.coning_corrected, s.onboard_rate, p.mu, p.j2, p.gravity_radius,
         )  # fmt: skip
         _check(valid)
         self.state, self.covariance, self.sigma_points = State(nav, errors), covariance, points
@@ -247,55 +251,63 @@ def _propagated_states(
                 states[10 + k, s] = turned[k]
     force_map, rate_map = sensor_correction_maps(full, places)
     strapdown.propagate(states[:10], force_map, rate_map, interval, force, rate, mu, j2, radius)
-    return states, full
+    return states
 
 
 @COMPILED
 def _cross_covariance(points, rows, weight):
-    """Covariance ``(n, n)`` of the sigma points with `rows`; they are symmetric, and half of their numbers are zero."""
-    n = points.shape[1]
-    out, difference = np.zeros((n, n)), np.empty(n)
+    """Covariance ``(n, k)`` of the sigma points with `rows`; they are symmetric, and half of their numbers are zero."""
+    n, columns = points.shape[1], rows.shape[1]
+    out, difference = np.zeros((n, columns)), np.empty(columns)
     for s in range(1, n + 1):
-        for j in range(n):
+        for j in range(columns):
             difference[j] = weight * (rows[s, j] - rows[s + n, j])
         for i in range(s - 1, n):
             factor = points[s, i]
-            for j in range(n):
+            for j in range(columns):
                 out[i, j] += factor * difference[j]
     return out
 
 
 @COMPILED
 def _predict(
-    nav, errors, covariance, places, scale, weights, interval, force, rate, velocity_variance, rotation_variance,
-    unshared_variance, coning_corrected, onboard_rate, mu, j2, radius,
+    nav, errors, covariance, points, places, scale, weights, interval, force, rate, force_noise, force_fill_sigma,
+    rate_noise, rate_fill_sigma, shared_rate_noise, coning_corrected, onboard_rate, mu, j2, radius,
 ):  # fmt: skip
-    """One prediction: state, covariance, cross-covariance, sigma points, and whether the covariances are positive."""
+    """One prediction: state, covariance, cross-covariance, sigma points, and whether the covariance is positive."""
     n, onboard = len(errors), places[7]
-    points, valid = _sigma_points(covariance, scale)
     middle, end = sample_attitudes(interval, rate, nav[6:10])
-    states, full = _propagated_states(
+    states = _propagated_states(
         nav, errors, points, places, interval, force, rate, coning_corrected, onboard_rate, middle, end, mu, j2, radius
     )
-    centre_nav, centre_errors = states[:, 0].copy(), full[:, 0].copy()
-    centre_errors[:9] = 0.0
-    rows = np.empty((len(points), n))
-    for s in range(len(points)):
-        rows[s] = error_between(states[:, s], full[:, s], centre_nav, centre_errors, onboard)
+    rows = moving_errors(states, len(points))
     mean = weighted_mean(rows, weights[0], weights[2])
     rows -= mean
-    cross = _cross_covariance(points, rows, weights[2])
-    out = weighted_square(rows, weights[1], weights[2])
+    with_moving = _cross_covariance(points, rows, weights[2])
+    of_moving = weighted_square(rows, weights[1], weights[2])
+    velocity_variance, rotation_variance, unshared_variance = variances_of_increments(
+        interval, force_noise, force_fill_sigma, rate_noise, rate_fill_sigma, shared_rate_noise
+    )
     noise, unshared = noise_of_samples(interval, middle, force, velocity_variance, rotation_variance, unshared_variance)
-    out[:9, :9] += in_body_axes(noise, end)
+    of_moving[:9, :9] += in_body_axes(noise, end)
     if onboard >= 0:
         common = in_body_axes(unshared, end)
-        out[onboard:, :9] += common[6:]
-        out[:9, onboard:] += common[:, 6:]
-        out[onboard:, onboard:] += common[6:, 6:]
+        of_moving[9:, :9] += common[6:]
+        of_moving[:9, 9:] += common[:, 6:]
+        of_moving[9:, 9:] += common[6:, 6:]
+    change, cross, out = np.zeros(n), covariance.copy(), covariance.copy()
+    for k in range(len(mean)):
+        place = k if k < 9 else onboard + k - 9
+        change[place] = mean[k]
+        for i in range(n):
+            cross[i, place] = out[i, place] = out[place, i] = with_moving[i, k]
+    for k in range(len(mean)):
+        place = k if k < 9 else onboard + k - 9
+        for i in range(len(mean)):
+            out[place, i if i < 9 else onboard + i - 9] = 0.5 * (of_moving[k, i] + of_moving[i, k])
     new_points, positive = _sigma_points(out, scale)
-    moved, moved_errors = moved_state(centre_nav, centre_errors, mean, onboard)
-    return moved, moved_errors, symmetric_part(out), cross, new_points, valid and positive
+    moved, moved_errors = moved_state(states[:, 0].copy(), errors, change, onboard)
+    return moved, moved_errors, out, cross, new_points, positive
 
 
 @COMPILED
@@ -347,14 +359,58 @@ def _smooth(nav, errors, covariance, predicted_nav, predicted_errors, predicted_
         factor, valid = upper_cholesky(predicted_covariance[k], 1.0)
         if not valid:
             return nav, errors, covariance, gains, False
-        gain = solve_from_right(cross_covariance[k], factor)
-        gains[k] = gain
+        moving = _moving(cross_covariance[k], predicted_covariance[k])
+        gain = solve_from_right(cross_covariance[k][moving], factor)
+        gains[k] = np.eye(n)
+        gains[k][moving] = gain
         change = error_between(nav[k + 1], errors[k + 1], predicted_nav[k], predicted_errors[k], onboard)
-        difference = covariance[k + 1] - predicted_covariance[k]
-        error = np.zeros(n)
-        for i in range(n):
+        error = change.copy()
+        for i in range(len(moving)):
+            error[moving[i]] = 0.0
             for j in range(n):
-                error[i] += gain[i, j] * change[j]
-        covariance[k] = symmetric_part(covariance[k] + matrix_product(matrix_product(gain, difference), gain.T.copy()))
+                error[moving[i]] += gain[i, j] * change[j]
+        covariance[k] += _gained(gain, moving, covariance[k + 1] - predicted_covariance[k])
         nav[k], errors[k] = moved_state(nav[k], errors[k], error, onboard)
     return nav, errors, covariance, gains, True
+
+
+@COMPILED
+def _moving(cross_covariance, predicted_covariance):
+    """States whose smoother gain is not a row of the unit matrix: those that an interval or its noise changes."""
+    n, count = len(cross_covariance), 0
+    moving = np.empty(n, np.int64)
+    for i in range(n):
+        if np.any(cross_covariance[i] != predicted_covariance[i]):
+            moving[count] = i
+            count += 1
+    return moving[:count]
+
+
+@COMPILED
+def _gained(gain, moving, difference):
+    """``G D Gᵀ`` with a smoother gain of which all rows but those of `moving` are of the unit matrix.
+
+    Parameters
+    ----------
+    gain : (k, n) array
+        Rows of G.
+    moving : (k,) array of int
+        Their indices.
+    difference : (n, n) array
+        D, symmetric.
+
+    Returns
+    -------
+    (n, n) array
+        Symmetric.
+    """
+    product = matrix_product(gain, difference)
+    square = symmetric_part(matrix_product(product, gain.T.copy()))
+    out = difference.copy()
+    for i in range(len(moving)):
+        for j in range(len(difference)):
+            out[moving[i], j] = out[j, moving[i]] = product[i, j]
+    for i in range(len(moving)):
+        for j in range(len(moving)):
+            out[moving[i], moving[j]] = square[i, j]
+    return out

@@ -29,7 +29,6 @@ from functools import lru_cache
 from itertools import combinations
 
 import numpy as np
-from scipy.linalg import block_diag
 from scipy.special import chdtri
 
 from edl_filter.estimation.small_matrices import solve_from_right, upper_cholesky
@@ -142,7 +141,10 @@ def predict_jointly(estimator: ErrorStateFilter, samples: Samples, readings: Seq
         residuals.append(innovation.residual)
         sensitivities.append(jacobian @ change)
         row = end
-    noise = block_diag(*(reading.noise for reading in readings))
+    noise = np.zeros_like(covariance)
+    for reading, end in zip(readings, ends.tolist(), strict=True):
+        rows = slice(end - len(reading.measured), end)
+        noise[rows, rows] = reading.noise
     return JointPrediction(np.array(residuals), covariance + noise, noise, np.concatenate(sensitivities))
 
 
@@ -183,21 +185,25 @@ def find_consensus(prediction: JointPrediction, gate: float) -> Consensus:
         residual = prediction.residual.ravel()[rows]
         return float(residual @ np.linalg.solve(covariance[np.ix_(rows, rows)], residual))
 
-    def cost(selected: Sequence[int], covariance: Array) -> float:
-        return squares(selected, covariance) + limit * (count - len(selected))
+    def cost(selected: Sequence[int], nis: float) -> float:
+        return nis + limit * (count - len(selected))
 
-    best = min((members, within), key=lambda selected: cost(selected, state))
+    candidates = (members,) if within == members else (members, within)
+    best, best_nis = min(((c, squares(c, state)) for c in candidates), key=lambda candidate: cost(*candidate))
+    members_nis = squares(members, free)
     scaled = prediction.sensitivity[_rows(members, components)] * np.repeat([FREE_POSITION, FREE_VELOCITY], 3)
     scaled /= np.sqrt(np.diag(prediction.noise)[_rows(members, components)])[:, None]
     directions = int(np.sum(np.linalg.svd(scaled, compute_uv=False) > 1.0))
-    ratio = cost(best, state) - cost(members, free)
+    ratio = cost(best, best_nis) - cost(members, members_nis)
     searched = 1 if len(members) == count else count * (count - 1) // 2
     threshold = quantile(1.0 - (1.0 - gate) / searched, directions) if directions else np.inf
     outlier = bool(2 * len(members) > count and ratio > threshold)
     agreeing = members if outlier else best
     agree = np.zeros(count, bool)
     agree[agreeing] = True
-    return Consensus(agree, squares(agreeing, state), squares(agreeing, free), directions, outlier)
+    nis = best_nis if agreeing == best else squares(agreeing, state)
+    free_nis = members_nis if agreeing == members else squares(agreeing, free)
+    return Consensus(agree, nis, free_nis, directions, outlier)
 
 
 def _rows(members: Sequence[int], components: int) -> list[int]:
@@ -262,8 +268,10 @@ def _refine(residual: Array, covariance: Array, members: list[int], limit: float
     for _ in range(4 * len(residual)):
         # of two readings, neither is the outlier
         inside = _left_out(residual, covariance, members) if len(members) > 2 else np.zeros(0)
-        outside, _ = _predicted(residual, covariance, members)
-        outside[members] = np.inf
+        outside = np.full(len(residual), np.inf)
+        if len(members) < len(residual):
+            outside, _ = _predicted(residual, covariance, members)
+            outside[members] = np.inf
         if np.max(inside, initial=0.0) > limit:
             members = [k for k in members if k != members[int(np.argmax(inside))]]
         elif np.min(outside) <= limit:

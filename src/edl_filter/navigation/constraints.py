@@ -14,7 +14,8 @@ import numpy as np
 
 from edl_filter import rotations
 from edl_filter.imu_model.sensor_errors import apply_errors
-from edl_filter.navigation.layout import Layout, attitude_errors
+from edl_filter.navigation.compiled_states import turns_between
+from edl_filter.navigation.layout import Layout
 from edl_filter.planet import Planet
 from edl_filter.planet.atmosphere import Atmosphere
 from edl_filter.types import Array
@@ -109,7 +110,7 @@ class OnboardAttitude(_OneSigma):
 
     def predict(self, nav: Array, errors: Array, layout: Layout) -> Array:
         """Rotation vector from the telemetered quaternion to the propagated one, rad."""
-        return attitude_errors(self.inertial_from_body, nav[10:])
+        return np.asarray(turns_between(self.inertial_from_body, nav[10:]), np.float64)
 
 
 @dataclass(frozen=True)

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
-from scipy.linalg import solve_triangular
 
+from edl_filter.estimation.small_matrices import back_substitution
 from edl_filter.navigation.constraints import Constraint
 from edl_filter.navigation.increments import Samples
 from edl_filter.navigation.layout import Layout, State
@@ -129,4 +129,4 @@ def statistical_jacobian(predictions: Array, points: Array) -> Array:
     """
     n = points.shape[1]
     half_difference = 0.5 * (predictions[1 : n + 1] - predictions[n + 1 :])
-    return np.asarray(solve_triangular(points[1 : n + 1], half_difference, check_finite=False), np.float64).T
+    return np.asarray(back_substitution(points[1 : n + 1], half_difference), np.float64).T

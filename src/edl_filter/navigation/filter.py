@@ -380,7 +380,7 @@ def _continue(
 
 def _check_position_sigma(problem: Problem, time: float, covariance: Array) -> None:
     """Raise InputError where the position is less well known than the planet's size: gravity cannot be linearised."""
-    variance = np.diag(covariance)[:3].sum()
+    variance = covariance[0, 0] + covariance[1, 1] + covariance[2, 2]
     if not variance < problem.planet.equatorial_radius**2:  # NaN too
         raise InputError(
             f"At {time:.3f} s the position has a sigma of {np.sqrt(variance):.3g} m, more than the planet's radius: "

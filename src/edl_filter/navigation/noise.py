@@ -82,7 +82,7 @@ def increment_variances(samples: Samples) -> IncrementVariances:
     """Variances of the increments of `samples`."""
     s = samples
     return IncrementVariances(
-        *_increment_variances(
+        *variances_of_increments(
             s.interval, s.force_noise, s.force_fill_sigma, s.rate_noise, s.rate_fill_sigma, s.shared_rate_noise
         )
     )
@@ -113,8 +113,23 @@ def onboard_rotation(samples: Samples) -> tuple[Array, Array]:
 
 
 @njit(cache=True, error_model="numpy")
-def _increment_variances(interval, force_noise, force_fill_sigma, rate_noise, rate_fill_sigma, shared_rate_noise):
-    """`increment_variances` of the arrays of samples: sigmas ``(N, 3)``, intervals ``(N,)``."""
+def variances_of_increments(interval, force_noise, force_fill_sigma, rate_noise, rate_fill_sigma, shared_rate_noise):
+    """`increment_variances` of the arrays of samples, compiled.
+
+    Parameters
+    ----------
+    interval : (N,) array
+        s.
+    force_noise, force_fill_sigma : (N, 3) arrays
+        As of `Samples`, m/s².
+    rate_noise, rate_fill_sigma, shared_rate_noise : (N, 3) arrays
+        As of `Samples`, rad/s.
+
+    Returns
+    -------
+    velocity, rotation, unshared : (N, 3) arrays
+        As of `IncrementVariances`.
+    """
     velocity, rotation, unshared = np.empty_like(rate_noise), np.empty_like(rate_noise), np.empty_like(rate_noise)
     for i in range(interval.size):
         square = interval[i] ** 2
