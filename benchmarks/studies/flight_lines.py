@@ -26,7 +26,14 @@ def append_missing(cases, result_of, output, worker, workers):
         File of the study; worker K writes to one with ``_K`` at the end of its stem.
     worker, workers : int
         Number of this process, and how many there are.
+
+    Raises
+    ------
+    ValueError
+        The file's name does not end in ``.jsonl``: the study would not find its own lines when it goes on.
     """
+    if output.suffix != ".jsonl":
+        raise ValueError(f"{output}: state a file whose name ends in .jsonl")
     done = {flight_key(line) for line in read_lines(output.parent.glob(f"{output.stem}*.jsonl"))}
     output.parent.mkdir(parents=True, exist_ok=True)
     for i, case in enumerate(cases):

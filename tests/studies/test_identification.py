@@ -3,6 +3,7 @@
 import json
 import sys
 
+import flight_lines
 import identification as study
 import identification_report
 import numpy as np
@@ -52,6 +53,12 @@ def test_a_flight_is_diagnosed(line):
 def test_a_flight_that_tumbles_is_refused():
     line = study.result_of(("phoenix", 1, ("normal_force_scale",), 1.0))
     assert "tumbles" in line["refused"] and "verdict" not in line
+
+
+def test_a_file_from_which_the_study_could_not_go_on_is_refused(tmp_path):
+    with pytest.raises(ValueError, match="ends in .jsonl"):
+        flight_lines.append_missing([("mer", 0, (), 0.0)], lambda _: {}, tmp_path / "identification", 0, 1)
+    assert not list(tmp_path.iterdir())
 
 
 def test_flights_in_the_file_are_not_repeated_and_are_reported(line, tmp_path, monkeypatch, capsys):
