@@ -26,6 +26,8 @@ from edl_filter.telemetry.mer_segments import (
     register_segment,
     transformed_segment,
 )
+from edl_filter.telemetry.sample_checks import CheckSettings
+from edl_filter.telemetry.sample_repair import repaired
 
 ROVERS = {"mer_a": 2, "mer_b": 1}
 
@@ -104,10 +106,10 @@ def test_gyros_agree_with_the_on_board_quaternion(rover):
 
 def test_rate_correction_is_applied_to_highrate(rover):
     mission, tables, setup, _ = rover
-    corrected = highrate_segment(tables, setup, "rover").rate.mean(axis=0)
+    corrected = highrate_segment(tables, setup, "rover")[0].rate.mean(axis=0)
     key = "telemetry.imus.rover.onboard_rate_correction_deg_h=[0, 0, 0]"
     uncorrected_setup = mer_setup(Mission.load(mission.source, [key]))
-    uncorrected = highrate_segment(tables, uncorrected_setup, "rover").rate.mean(axis=0)
+    uncorrected = highrate_segment(tables, uncorrected_setup, "rover")[0].rate.mean(axis=0)
     correction = np.degrees(uncorrected - corrected) * 3600.0
     assert correction[0] == pytest.approx(mission.telemetry.imus["rover"].onboard_rate_correction_deg_h[2])
 
@@ -232,6 +234,105 @@ def test_tables_of_the_other_rover_raise(rover):
     _, tables, setup, _ = rover
     with pytest.raises(InputError, match=r"^telemetry\.spacecraft: .*telemetry\.epoch_sclk = 1000\.000"):
         mer_telemetry(tables, replace(setup, epoch_sclk=1000.0))
+
+
+def with_increments(tables, unit, change):
+    """Tables whose increments of velocity and angle of one IMU are changed in place by a function."""
+    names = [f"{unit}_{quantity}_increment" for quantity in ("velocity", "angle")]
+    arrays = {name: getattr(tables.highrate, name).copy() for name in names}
+    change(*arrays.values())
+    return replace(tables, highrate=replace(tables.highrate, **arrays))
+
+
+def row_at(tables, setup, time):
+    return int(np.searchsorted(tables.highrate.sclk - setup.epoch_sclk, time))
+
+
+class TestLostIncrements:
+    """Increments that no sensor can have read, in the columns of one IMU."""
+
+    def test_those_of_the_driving_imu_are_filled_from_the_other_one(self, rover):
+        _, tables, setup, telemetry = rover
+        first = row_at(tables, setup, 130.0)
+
+        def packets_of_zeros(velocity, angle):
+            velocity[first : first + 16] = angle[first : first + 16] = 0.0
+
+        read = mer_telemetry(with_increments(tables, "backshell", packets_of_zeros), setup)
+        (finding,) = read.findings
+        assert (finding.imu, finding.kind, finding.samples) == ("driving", "all_zero", 16)
+        lost = (read.driving.time > finding.start + 0.01) & (read.driving.time < finding.end + 0.01)
+        for name in ("specific_force", "angular_rate"):
+            values, complete = getattr(read.driving, name), getattr(telemetry.driving, name)
+            assert np.isnan(values[lost]).all() and lost.sum() == 16
+            np.testing.assert_array_equal(values[~lost], complete[~lost])
+        filled = repaired(read, parachute=setup.events["parachute_deploy"])
+        assert filled.findings[0].repair == "filled from rover"
+        difference = np.sum((filled.driving.specific_force - telemetry.driving.specific_force)[lost] * 0.125, axis=0)
+        fill, noise = filled.driving.force_fill_sigma[lost], filled.driving.force_noise[lost][:, None]
+        sigma = 0.125 * np.sqrt(np.sum(fill**2 + noise**2, axis=0))
+        assert np.all(np.abs(difference) < 3.0 * sigma) and np.all(sigma < 0.1)  # m/s, of more than 50
+
+    def test_a_stuck_axis_loses_its_triad(self, rover):
+        _, tables, setup, telemetry = rover
+        first = row_at(tables, setup, 150.0)
+
+        def stuck_gyro(_, angle):
+            angle[first + 1 : first + 40, 1] = angle[first, 1]
+
+        read = mer_telemetry(with_increments(tables, "rover", stuck_gyro), setup)
+        (finding,) = read.findings
+        assert (finding.imu, finding.channel, finding.kind) == ("rover", "rate y", "stuck")
+        (checking,) = read.checking
+        assert np.isnan(checking.angular_rate).any(axis=1).sum() == finding.samples
+        assert finding.samples in (40, 41)  # the next reading may have the same value
+        np.testing.assert_array_equal(checking.specific_force, telemetry.checking[0].specific_force)
+        np.testing.assert_array_equal(read.driving.angular_rate, telemetry.driving.angular_rate)
+
+    def test_what_the_record_does_not_have_is_no_finding(self, rover):
+        """The backshell's IMU after the time up to which it is read."""
+        _, tables, setup, _ = rover
+        first = row_at(tables, setup, 150.0)
+
+        def packets_of_zeros(velocity, angle):
+            velocity[first : first + 16] = angle[first : first + 16] = 0.0
+
+        read = mer_telemetry(with_increments(tables, "backshell", packets_of_zeros), replace(setup, end=140.0))
+        assert read.findings == ()
+
+    def test_checks_that_are_disabled_leave_them(self, rover):
+        _, tables, setup, _ = rover
+        first = row_at(tables, setup, 130.0)
+
+        def packets_of_zeros(velocity, angle):
+            velocity[first : first + 16] = angle[first : first + 16] = 0.0
+
+        faulty = with_increments(tables, "backshell", packets_of_zeros)
+        read = mer_telemetry(faulty, setup, CheckSettings(enabled=False))
+        assert read.findings == () and np.isfinite(read.driving.specific_force).all()
+
+    def test_next_to_a_gap_of_the_table_the_attitude_across_it_stays(self, rover):
+        """The gyros between the quaternions and the gap are interpolated where they were lost."""
+        _, tables, setup, telemetry = rover
+        gap = from_source(telemetry.driving, "gap")
+        last = row_at(tables, setup, telemetry.driving.time[gap][0] - 0.2)
+
+        def lost_before_the_gap(velocity, angle):
+            velocity[last - 16 : last + 1] = angle[last - 16 : last + 1] = 0.0
+
+        read = mer_telemetry(with_increments(tables, unit_at_gap(telemetry), lost_before_the_gap), setup)
+        assert read.findings[0].kind == "all_zero"
+        rate, expected = read.driving.angular_rate[gap], telemetry.driving.angular_rate[gap]
+        rotation = np.sum((rate - expected) * telemetry.driving.interval[gap, None], axis=0)
+        assert np.degrees(np.linalg.norm(rotation)) < 5.0
+        assert np.isfinite(read.driving.force_noise).all() and np.isfinite(read.driving.rate_noise).all()
+        complete = repaired(read, parachute=setup.events["parachute_deploy"])
+        assert np.isfinite(complete.driving.specific_force).all() and np.isfinite(complete.driving.angular_rate).all()
+
+
+def unit_at_gap(telemetry):
+    record = telemetry.driving
+    return record.units[record.unit[np.flatnonzero(from_source(record, "gap"))[0]]]
 
 
 @pytest.fixture(scope="module")

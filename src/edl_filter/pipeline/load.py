@@ -51,7 +51,7 @@ def read_telemetry(mission: Mission) -> Telemetry:
     spacecraft = mission.telemetry.spacecraft
     if path is None:
         path = find_mer_imu(spacecraft) or package_data(FILE_NAMES[spacecraft])
-    return _repaired(mission, mer_telemetry(read_mer_tables(path, spacecraft), mer_setup(mission)), checks)
+    return _repaired(mission, mer_telemetry(read_mer_tables(path, spacecraft), mer_setup(mission), checks), checks)
 
 
 def prepare_telemetry(mission: Mission, telemetry: Telemetry, label: str) -> Telemetry:

@@ -37,6 +37,7 @@ from edl_filter.telemetry.sample_checks import (
     CheckSettings,
     completed,
     findings_of,
+    highest_readings,
     lost_readings,
     ordered_packets,
     stuck_runs,
@@ -52,8 +53,6 @@ _REST = Limits("m/s^2", 0.5, 30.0, {"g": 9.80665, "mg": 9.80665e-3})
 MOST_OUT_OF_RANGE = 16
 #: Largest relative difference between the median step in time and the sampling interval.
 STEP_TOLERANCE = 0.1
-#: Largest rotation within one sample, rad: larger values cannot be readings of a vehicle whose attitude is tracked.
-MAX_ROTATION = 1.5
 #: Largest difference between the times of the parachute's constraint and of its event, s.
 DEPLOYMENT_TOLERANCE = 0.5
 #: Attribute and its limits, by field of `SensorErrors`.
@@ -64,7 +63,7 @@ ERROR_ATTRIBUTES = {
     "gyro_bias": ("gyro_bias_sigma", Limits("rad/s", 0.0, 0.1, DEGREE_RATES)),
     "gyro_scale": ("gyro_scale_sigma", Limits("", 0.0, 0.1, PARTS)),
 }
-_FORCE = Limits("m/s^2", 0.0, 5e3, {"mg": 9.80665e-3})
+_FORCE_UNITS = {"mg": 9.80665e-3}
 
 
 def conflicting_median_step(time: Array, interval: float) -> float | None:
@@ -118,15 +117,15 @@ def _read_imu(
     interval = node.attribute("sample_interval", positive=True)
     body_from_imu = node.unit("@body_from_imu", node.attribute("body_from_imu", 4))
     measured = {key: node.numbers(key, len(time), 3, finite=False) for key in ("specific_force", "angular_rate")}
-    rate_limits = Limits("rad/s", 0.0, min(50.0, MAX_ROTATION / interval), DEGREE_RATES)
-    for key, limits in (("specific_force", _FORCE), ("angular_rate", rate_limits)):
-        _check_unit(node, key, measured[key], limits)
+    highest = highest_readings(interval)
+    limits = Limits("m/s^2", 0.0, highest[0], _FORCE_UNITS), Limits("rad/s", 0.0, highest[1], DEGREE_RATES)
+    for (key, values), allowed in zip(measured.items(), limits, strict=True):
+        _check_unit(node, key, values, allowed)
     time, uneven = evened(time, interval, name) if settings.enabled else (time, [])
     time, readings, findings = ordered_packets(time, np.hstack(list(measured.values())), interval, name)
     node.within("time", time[[0, -1]], TIME)
     if median := conflicting_median_step(time, interval):
         raise node.error("@sample_interval", f"is {interval:g} s, but the usual step of its time is {median:g} s.")
-    highest = _FORCE.high, rate_limits.high
     steps = [quantum(readings[:, triad]) if settings.enabled else 0.0 for triad in (slice(0, 3), slice(3, 6))]
     readings, bad = lost_readings(time, readings, interval, name, highest, settings)
     time, readings, inserted, missing = completed(time, readings, interval, name)

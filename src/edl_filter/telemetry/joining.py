@@ -109,7 +109,7 @@ def _filled_gap(segment: Segment, before: int) -> Segment:
     def noise(values: Array) -> Array:
         lag = max(1, count // 2)
         nearby = values[max(0, before - 80) : before + 80]
-        change = np.sqrt(np.mean((nearby[lag:] - nearby[:-lag]) ** 2))
+        change = np.sqrt(np.nanmean((nearby[lag:] - nearby[:-lag]) ** 2))
         return np.full(count, change * np.sqrt(count))
 
     return Segment(

@@ -11,6 +11,7 @@ Input: the cleaned tables (`mer_archive`), and the calibration, times and frames
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -19,8 +20,9 @@ from edl_filter import rotations
 from edl_filter.errors import InputError
 from edl_filter.telemetry.increment_clock import INCREMENT
 from edl_filter.telemetry.joining import Segment, join
-from edl_filter.telemetry.mer_archive import MerTables
+from edl_filter.telemetry.mer_archive import SAMPLE_INTERVAL, MerTables
 from edl_filter.telemetry.mer_segments import (
+    HIGHRATE,
     UNITS,
     MerImu,
     MerSetup,
@@ -34,12 +36,13 @@ from edl_filter.telemetry.mer_segments import (
     to_body,
     transformed_segment,
 )
-from edl_filter.telemetry.record import SAME_TIME, Telemetry
+from edl_filter.telemetry.record import SAME_TIME, ImuRecord, SampleFinding, Telemetry
+from edl_filter.telemetry.sample_checks import CheckSettings
 
 __all__ = ["MerImu", "MerSetup", "mer_telemetry"]
 
 
-def mer_telemetry(tables: MerTables, setup: MerSetup) -> Telemetry:
+def mer_telemetry(tables: MerTables, setup: MerSetup, settings: CheckSettings | None = None) -> Telemetry:
     """Telemetry of one rover's entry, in body axes and seconds since the epoch.
 
     Parameters
@@ -48,13 +51,16 @@ def mer_telemetry(tables: MerTables, setup: MerSetup) -> Telemetry:
         Cleaned tables of the rover.
     setup : MerSetup
         Calibration, times and frames of the mission.
+    settings : CheckSettings, optional
+        Thresholds of the checks of HIGHRATE's increments.
 
     Returns
     -------
     Telemetry
         `driving` is joined from the three products; `checking` is the rover's IMU up to separation, from its register
         before HIGHRATE, or the backshell's where the rover's drives before separation; `attitude` is the quaternion of
-        the IMU that drives.
+        the IMU that drives. Increments that no sensor
+        can have read are NaN, and stand in `findings`.
 
     Raises
     ------
@@ -75,8 +81,8 @@ def mer_telemetry(tables: MerTables, setup: MerSetup) -> Telemetry:
             f"telemetry.driving_from_s: found {change:g} s; expected a time up to the backshell's separation at "
             f"{setup.separation:g} s, from which the rover's IMU drives anyway."
         )
-    backshell = highrate_segment(tables, setup, "backshell")
-    rover = highrate_segment(tables, setup, "rover")
+    backshell, lost_of_backshell = highrate_segment(tables, setup, "backshell", settings)
+    rover, lost_of_rover = highrate_segment(tables, setup, "rover", settings)
     handover = _handover(tables, setup)
     driving_backshell = backshell.between(-np.inf, change)
     driving_rover = _continue_from(rover.between(change - INCREMENT, handover), driving_backshell.time[-1])
@@ -105,16 +111,30 @@ def mer_telemetry(tables: MerTables, setup: MerSetup) -> Telemetry:
         )
     checking = join(name, _at_current_position(setup, segments), UNITS, errors)
     start, end = max(setup.start, checking.start), min(setup.end, float(checking.time[-1]))
+    records = driving.between(setup.start, setup.end), *((checking.between(start, end),) if end - start > 1.0 else ())
     return Telemetry(
-        driving=driving.between(setup.start, setup.end),
-        checking=(checking.between(start, end),) if end - start > 1.0 else (),
+        driving=records[0],
+        checking=records[1:],
         attitude=onboard_attitude(tables, setup),
         events=dict(setup.events),
         epoch_utc=setup.epoch_utc,
         epoch_sclk=setup.epoch_sclk,
         files=tables.files,
         notes=tables.notes,
+        findings=_of_records([*lost_of_backshell, *lost_of_rover], records),
     )
+
+
+def _of_records(findings: Sequence[SampleFinding], records: Sequence[ImuRecord]) -> tuple[SampleFinding, ...]:
+    """Findings of HIGHRATE, whose `imu` is the unit, with the name of the record that has the sample."""
+    named = []
+    for finding in findings:
+        for record in records:
+            index = int(record.index_at(np.array([finding.start + 0.5 * SAMPLE_INTERVAL]))[0])
+            origin = record.units[record.unit[index]], record.sources[record.source[index]]
+            if record.start <= finding.start + SAME_TIME < record.time[-1] and origin == (finding.imu, HIGHRATE):
+                named.append(replace(finding, imu=record.name))
+    return tuple(named)
 
 
 def _check_epoch(tables: MerTables, setup: MerSetup) -> None:

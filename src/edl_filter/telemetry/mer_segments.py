@@ -19,7 +19,8 @@ from edl_filter.errors import InputError
 from edl_filter.imu_model.sensor_errors import SensorErrors
 from edl_filter.telemetry.joining import GAP, Segment, fill_gaps
 from edl_filter.telemetry.mer_archive import SAMPLE_INTERVAL, MerTables
-from edl_filter.telemetry.record import SAME_TIME, AttitudeRecord
+from edl_filter.telemetry.record import SAME_TIME, AttitudeRecord, SampleFinding, finite_rows
+from edl_filter.telemetry.sample_checks import CheckSettings, highest_readings, lost_readings
 from edl_filter.telemetry.smoothing import rates_from_quaternions
 from edl_filter.types import Array, BoolArray, IntArray
 
@@ -32,6 +33,8 @@ MAX_ROUNDING_SIGMA = 2e-5
 REGISTER_STEP = 0.25
 #: Sources of samples with a calibration of their own.
 UNITS = ("backshell", "rover", "register")
+#: Source of the samples of the increments.
+HIGHRATE = "HIGHRATE"
 
 
 @dataclass(frozen=True)
@@ -205,8 +208,29 @@ def _quaternion_rates(time: Array, quaternion: Array, sigma: Array) -> tuple[Arr
     return rate[index], np.hypot(noise[index], np.where(skipped, change[index], 0.0))
 
 
-def highrate_segment(tables: MerTables, setup: MerSetup, unit: str) -> Segment:
-    """HIGHRATE of one IMU in body axes: increments divided by the length of their sample. Gaps are not filled."""
+def highrate_segment(
+    tables: MerTables, setup: MerSetup, unit: str, settings: CheckSettings | None = None
+) -> tuple[Segment, list[SampleFinding]]:
+    """HIGHRATE of one IMU in body axes: increments divided by the length of their sample. Gaps are not filled.
+
+    Parameters
+    ----------
+    tables : MerTables
+        Cleaned tables.
+    setup : MerSetup
+        Constants of the mission.
+    unit : str
+        ``backshell`` or ``rover``.
+    settings : CheckSettings, optional
+        Thresholds of the checks of increments in the axes of the IMU (`lost_readings`).
+
+    Returns
+    -------
+    segment : Segment
+        Lost triads are NaN.
+    findings : list of SampleFinding
+        What is lost; `imu` is the unit.
+    """
     h, imu = tables.highrate, setup.imus[unit]
     angle, velocity = (
         (h.backshell_angle_increment, h.backshell_velocity_increment)
@@ -219,18 +243,28 @@ def highrate_segment(tables: MerTables, setup: MerSetup, unit: str) -> Segment:
     n = int(complete.sum())
     time = sample_end(tables, setup, unit, h.sclk[complete])
     interval = time - sample_end(tables, setup, unit, h.sclk[complete] - SAMPLE_INTERVAL)
-    return Segment(
-        source="HIGHRATE",
+    increments = np.hstack((velocity, angle))[complete] / SAMPLE_INTERVAL
+    readings, findings = lost_readings(
+        time, increments, SAMPLE_INTERVAL, unit, highest_readings(SAMPLE_INTERVAL), settings or CheckSettings()
+    )
+    lost = ~np.isfinite(readings)
+    force, rate = (
+        np.where(lost[:, triad], np.nan, values[complete] @ body_from_imu.T / interval[:, None])
+        for triad, values in ((slice(0, 3), velocity), (slice(3, 6), angle))
+    )
+    segment = Segment(
+        source=HIGHRATE,
         unit=unit,
         time=time,
         interval=interval,
-        force=velocity[complete] @ body_from_imu.T / interval[:, None],
-        rate=angle[complete] @ body_from_imu.T / interval[:, None] - to_body(imu.onboard_rate_correction),
+        force=force,
+        rate=rate - to_body(imu.onboard_rate_correction),
         position=np.tile(to_body(imu.position), (n, 1)),
         force_noise=np.full(n, imu.accelerometer_noise),
         rate_noise=np.full(n, imu.gyro_noise),
         shared_rate_noise=np.full(n, imu.gyro_noise),
     )
+    return segment, findings
 
 
 def fill_highrate_gaps(tables: MerTables, setup: MerSetup, segment: Segment) -> list[Segment]:
@@ -240,12 +274,22 @@ def fill_highrate_gaps(tables: MerTables, setup: MerSetup, segment: Segment) -> 
     of more than ten degrees.
     """
     segments = fill_gaps(segment)
+    read = [_with_interpolated_rates(s) for s in segments]
     for i, gap in enumerate(segments):
         if gap.source == GAP:
-            rate, sigma = _rates_across_gap(tables, setup, segments[i - 1], gap, segments[i + 1])
+            rate, sigma = _rates_across_gap(tables, setup, read[i - 1], gap, read[i + 1])
             noise = np.full(len(gap.time), sigma / gap.interval[0] / np.sqrt(len(gap.time)))
             segments[i] = replace(gap, rate=rate, rate_noise=noise, coning_corrected=True)
     return segments
+
+
+def _with_interpolated_rates(segment: Segment) -> Segment:
+    """Segment with linearly interpolated rates in place of lost ones."""
+    finite = finite_rows(segment.rate)
+    if finite.all() or not finite.any():
+        return segment
+    columns = [np.interp(segment.time, segment.time[finite], values) for values in segment.rate[finite].T]
+    return replace(segment, rate=np.stack(columns, axis=1))
 
 
 def _rates_across_gap(

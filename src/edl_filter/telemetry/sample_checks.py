@@ -24,6 +24,9 @@ _WRONG_TIMES = 8
 _REPEAT_REACH = 256
 #: Share of rows that repeat another one from which repetition is a property of the data.
 _USUAL_REPETITION = 0.02
+#: Largest specific force (m/s²) and rate (rad/s) of a reading, and largest rotation within one sample (rad): larger
+#: values cannot be readings of a vehicle whose attitude is tracked.
+_HIGHEST_FORCE, _HIGHEST_RATE, MAX_ROTATION = 5e3, 50.0, 1.5
 #: Share of rows of zeros from which zero is what a simulation without noise gives.
 _MOST_ZERO = 0.9
 #: Triads and axes of the readings' columns.
@@ -53,6 +56,11 @@ class CheckSettings:
     disagreement_sigmas: float = 15.0
     false_alarm_probability: float = 1e-6
     longest_gap_s: float = 30.0
+
+
+def highest_readings(interval: float) -> tuple[float, float]:
+    """Largest specific force (m/s²) and rate (rad/s) that a sample of this `interval` (s) can have."""
+    return _HIGHEST_FORCE, min(_HIGHEST_RATE, MAX_ROTATION / interval)
 
 
 def runs(selected: BoolArray) -> list[tuple[int, int]]:
