@@ -10,6 +10,7 @@
 #                       take longest (a quarter of an hour)
 #   make fuzz    search for files that break a reader, a minute for each kind of file
 #   make study-faults       faults of an IMU's samples in simulated flights: how many are repaired (an hour; goes on)
+#   make study-rover-faults  faults of one IMU in the telemetry of Spirit and Opportunity (ten minutes; goes on)
 #   make study-lost-seconds  a second of the first IMU lost at 50 times of 40 flights: do the errors agree with the sigmas
 #   make study-dynamics-filling  lost stretches filled by an autoregression and by rotational dynamics (ten minutes)
 #   make study-kills        kill -9 at 50 moments of run, diagnose, improve and campaign: is a result ever torn (ten minutes)
@@ -38,7 +39,7 @@ BENCH_STAMP := .venv/installed-bench
 COVERAGE_STAMP := .venv/installed-coverage
 FAST := not browser and not notebook and not slow and (not effects or representative)
 
-.PHONY: demo test coverage notebooks test-browser test-effects lint types layers bench docs study study-inexact study-simulation study-closure study-filters study-thresholds study-comparators study-cross-prediction study-moment-regression thesis-claims clean fuzz study-faults study-lost-seconds study-dynamics-filling study-kills study-mutation calibrate
+.PHONY: demo test coverage notebooks test-browser test-effects lint types layers bench docs study study-inexact study-simulation study-closure study-filters study-thresholds study-comparators study-cross-prediction study-moment-regression thesis-claims clean fuzz study-faults study-rover-faults study-lost-seconds study-dynamics-filling study-kills study-mutation calibrate
 
 demo: $(STAMP)
 	$(BIN)/edl-filter demo -o demo-results
@@ -117,6 +118,9 @@ study-thresholds: $(STAMP)
 
 study-faults: $(STAMP)
 	$(BIN)/python benchmarks/studies/faults.py -o study-results/faults.jsonl --imus 2 1
+
+study-rover-faults: $(STAMP)
+	$(BIN)/python benchmarks/studies/rover_faults.py -o study-results/rover-faults.jsonl
 
 study-lost-seconds: $(STAMP)
 	$(BIN)/python benchmarks/studies/lost_seconds.py -o study-results/lost-seconds.jsonl

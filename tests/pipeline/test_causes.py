@@ -8,12 +8,16 @@ import pytest
 from faulty_telemetry import SWAP_XY, SWAP_XZ, turned, with_altimeter
 
 from edl_filter import rotations
+from edl_filter.navigation.recovery import Recovery
+from edl_filter.navigation.screening import Divergence
 from edl_filter.pipeline.causes import (
     _curvature_sigma,
+    _evaluate,
     _is_significant,
     _with_sigma,
     rank_causes,
 )
+from edl_filter.pipeline.reconstruct import assemble
 
 
 @pytest.mark.parametrize(
@@ -128,3 +132,18 @@ def test_a_record_whose_repair_overflows_is_refused(inputs):
         warnings.simplefilter("error", RuntimeWarning)
         causes = rank_causes(mission, both, planet, atmosphere, ())
     assert causes[0].kind == "units" and "deg/s" in causes[0].sentence
+
+
+def test_a_run_that_ends_is_no_cause(inputs):
+    """Of the flight with what the filter added, with a position that is not known to the planet's size."""
+    mission, telemetry, planet, atmosphere = inputs
+    problem = assemble(mission, telemetry, planet, atmosphere)
+    unknown = replace(problem, initial=replace(problem.initial, covariance=1e10 * problem.initial.covariance))
+    assert _evaluate(unknown) is None and _evaluate(problem)[1]
+    divergence = Divergence(100.0, ("altimeter",), 8, 900.0, 8.0, 3)
+    addition = Recovery(divergence, "process_noise", 1.0, 0.1, 1e-3, 100.0, 110.0, 0.0)
+    faulty = with_altimeter(telemetry, 3000.0)
+    causes = rank_causes(mission, faulty, planet, atmosphere, (), addition, (unknown, True))
+    assert causes and addition.cause not in {cause.kind for cause in causes}
+    lost = replace(faulty, initial=replace(telemetry.initial, covariance=unknown.initial.covariance))
+    assert rank_causes(mission, lost, planet, atmosphere, ()) == []

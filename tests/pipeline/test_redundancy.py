@@ -1,15 +1,18 @@
 """Which of two IMUs is at fault where they disagree; a constant error is left to the diagnosis."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from edl_filter.mission import Mission
+from edl_filter.pipeline import load
 from edl_filter.pipeline.load import read_atmosphere, read_telemetry
 from edl_filter.pipeline.reconstruct import FlightInputs, assemble, reconstruct
-from edl_filter.pipeline.redundancy import _hypotheses, undecided
+from edl_filter.pipeline.redundancy import _gain, _hypotheses, undecided
 from edl_filter.pipeline.trust import check_record, judge
+from edl_filter.telemetry.mer_archive import read_mer_tables
 from edl_filter.telemetry.record import SampleFinding
 from edl_filter.telemetry.sample_repair import UNDECIDED, repaired
 
@@ -72,6 +75,46 @@ def test_the_samples_of_the_imu_at_fault_are_replaced(at_fault, changes, end, fl
     flawless, covariance = (x[flawless_node] for x in (practice_06.smoothed.states, practice_06.smoothed.covariance))
     # the samples of two IMUs have independent noise
     assert np.all(np.abs(state - flawless.nav[:6]) < 3.0 * np.hypot(sigma, np.sqrt(np.diag(covariance)[:6])))
+
+
+@pytest.mark.slow
+def test_an_imu_that_is_separated_later_is_replaced_up_to_there(monkeypatch):
+    """Spirit: the backshell's IMU drives up to its separation, the rover's IMU has no second one from there on."""
+    mission = Mission.load("builtin:mer_a")
+    deployed = 251.1
+    complete = reconstruct(mission, leave_one_out=False)
+
+    def read(path, spacecraft):
+        tables = read_mer_tables(path, spacecraft)
+        velocity = tables.highrate.backshell_velocity_increment.copy()
+        velocity[tables.highrate.sclk - load.mer_setup(mission).epoch_sclk > 182.0, 1] *= -1.0
+        return replace(tables, highrate=replace(tables.highrate, backshell_velocity_increment=velocity))
+
+    monkeypatch.setattr(load, "read_mer_tables", read)
+    result = reconstruct(mission, leave_one_out=False)
+    (fault,) = [f for f in result.telemetry.findings if f.kind == "disagreement"]
+    assert fault.imu == "driving" and "filled from rover; the fault of driving is shown by" in fault.repair
+    assert fault.end == pytest.approx(mission.event_times()["backshell_separation"], abs=0.2)
+    assert judge(result).trustworthy
+    (state, covariance), (expected, _) = (
+        (r.smoothed.states[k].nav[:6], r.smoothed.covariance[k][:6, :6])
+        for r in (result, complete)
+        for k in [int(np.argmin([abs(n.time - deployed) for n in r.filter_pass.nodes]))]
+    )
+    difference = state - expected
+    assert difference @ np.linalg.solve(covariance, difference) < 20.06  # 99.73 % of chi-square, 6
+    assert np.linalg.norm(difference[3:]) < 5.0  # 432 m/s if the rover's samples are replaced
+
+
+def test_an_imu_that_cannot_be_replaced_is_sound_only_if_the_flight_with_it_is_consistent():
+    """Else neither IMU is shown to be at fault."""
+    likely, consistent, contradicted = (
+        SimpleNamespace(likelihood=value, run=SimpleNamespace(consistent=flag))
+        for value, flag in ((-10.0, False), (-40.0, True), (-40.0, False))
+    )
+    assert _gain(likely, consistent) == 30.0 and _gain(consistent, likely) == -30.0
+    assert _gain(None, consistent) == -np.inf and _gain(consistent, None) == np.inf
+    assert _gain(None, contradicted) == _gain(contradicted, None) == _gain(None, None) == 0.0
 
 
 def finding(triad, start, end):

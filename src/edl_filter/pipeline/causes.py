@@ -100,7 +100,7 @@ def rank_causes(
     Returns
     -------
     list of Cause
-        Consistent ones first, each group by its gain.
+        Consistent ones first, each group by its gain. None if the short run with the telemetry as read ends.
     """
 
     def problem_of(repaired: Telemetry) -> Problem:
@@ -108,13 +108,14 @@ def rank_causes(
 
     def evaluate(repaired: Telemetry) -> tuple[float, bool] | None:
         try:
-            with np.errstate(over="raise", invalid="raise"):
-                return _evaluate(problem_of(repaired))
-        except (InputError, np.linalg.LinAlgError, FloatingPointError):  # the repaired record is no flight
+            return _evaluate(problem_of(repaired))
+        except InputError:  # the repaired record is no flight
             return None
 
-    baseline, _ = _evaluate(problem_of(telemetry))
-    causes = []
+    evaluated = _evaluate(problem_of(telemetry))
+    if evaluated is None:
+        return []
+    baseline, causes = evaluated[0], []
     for hypothesis in fault_hypotheses(mission, telemetry):
         evaluated = evaluate(hypothesis.repair(telemetry))
         if evaluated is not None:
@@ -129,14 +130,19 @@ def rank_causes(
     ]
     if recovery is not None and recovery.cause is not None and recovered is not None:
         kind, text = _ADDITIONS[recovery.cause]
-        likelihood, _ = _evaluate(recovered[0])
-        sentence = text.format(start=recovery.start, end=recovery.end, size=recovery.size)
-        causes.append(Cause(kind, sentence, likelihood - baseline - PENALTY, recovered[1]))
+        evaluated = _evaluate(recovered[0])
+        if evaluated is not None:
+            sentence = text.format(start=recovery.start, end=recovery.end, size=recovery.size)
+            causes.append(Cause(kind, sentence, evaluated[0] - baseline - PENALTY, recovered[1]))
     return sorted(causes, key=lambda c: (not c.consistent, -c.gain))
 
 
-def _evaluate(problem: Problem) -> tuple[float, bool]:
-    """Log likelihood of the constraints in a short run, nats, and whether none of them is rejected."""
+def _evaluate(problem: Problem) -> tuple[float, bool] | None:
+    """Log likelihood of the constraints in a short run, nats, and whether none of them is rejected.
+
+    None if the run ends: a covariance is not positive definite, or the position is less well known than the planet's
+    size.
+    """
     altimeter = [c for c in problem.constraints if isinstance(c, Altimeter)]
     every = max(1, -(-len(altimeter) // ALTIMETER_READINGS))
     dropped = {c.time for k, c in enumerate(altimeter) if k % every}
@@ -148,7 +154,11 @@ def _evaluate(problem: Problem) -> tuple[float, bool]:
     epochs = merge(np.concatenate((sorted(needed), changes, regular)))
     settings = replace(problem.settings, method="ekf", robust="none")
     short = replace(problem, constraints=constraints, epochs=epochs, settings=settings)
-    filter_pass = run_filter(short)
+    try:
+        with np.errstate(over="raise", invalid="raise"):
+            filter_pass = run_filter(short)
+    except (InputError, np.linalg.LinAlgError, FloatingPointError):
+        return None
     rejected = [f for f in filter_pass.fused if not f.accepted]
     many = len(filter_pass.fused) - sum(used_once(filter_pass, f) for f in filter_pass.fused)
     once = [f for f in rejected if used_once(filter_pass, f)]
@@ -255,7 +265,9 @@ def _without_each(problem: Problem) -> Iterator[tuple[str, float, bool]]:
             inflated = tuple(
                 cast(Constraint, _WithLargeSigma(c)) if c is constraint else c for c in problem.constraints
             )
-            yield constraint.name, *_evaluate(replace(problem, constraints=inflated))
+            evaluated = _evaluate(replace(problem, constraints=inflated))
+            if evaluated is not None:
+                yield constraint.name, *evaluated
 
 
 class _WithLargeSigma:

@@ -132,8 +132,7 @@ def arbitrated(first: Run, run: Callable[[Telemetry], Run], checks: Checks) -> R
     names = [record.name for record in records]
     hypotheses = _hypotheses(findings, max(record.start for record in records), checks.parachute)
     best = [_best(first, name, hypotheses, run, checks) for name in names]
-    likelihoods = [-np.inf if b is None else b.likelihood for b in best]
-    gain = likelihoods[0] - likelihoods[1] if max(likelihoods) > -np.inf else 0.0
+    gain = _gain(*best)
     errors = independent_error(*records, findings, checks.parachute)
     at_fault = _decision(gain, errors[names[0]] - errors[names[1]])
     chosen = None if at_fault is None else best[at_fault]
@@ -145,6 +144,20 @@ def arbitrated(first: Run, run: Callable[[Telemetry], Run], checks: Checks) -> R
     if max(errors.values()) > DECISIVE:
         reasons.append("an error that the other IMU does not have")
     return _with_reason(chosen.run, names[at_fault], " and ".join(reasons))
+
+
+def _gain(first: _Hypothesis | None, second: _Hypothesis | None) -> float:
+    """Log likelihood ratio of two hypotheses, nats.
+
+    Infinite if the samples of one IMU cannot be replaced: it is sound if the flight without the other one's is
+    consistent; else nothing is known of it.
+    """
+    if first is not None and second is not None:
+        return first.likelihood - second.likelihood
+    possible = first or second
+    if possible is None or not possible.run.consistent:
+        return 0.0
+    return np.inf if second is None else -np.inf
 
 
 @dataclass(frozen=True)

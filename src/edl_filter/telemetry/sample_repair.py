@@ -175,7 +175,8 @@ def without_samples(
     name : str
         Name of the IMU.
     lost : dict
-        Triad (``force``, ``rate``) → begin and end of its stretches, s.
+        Triad (``force``, ``rate``) → begin and end of its stretches, s. Samples of an instrument that has none before
+        the parachute's deployment stay: it drives after another one.
     settings : CheckSettings, optional
         Thresholds of the checks.
     parachute : float
@@ -197,8 +198,10 @@ def without_samples(
         if record.name == name:
             changed: dict[str, Any] = {}
             interval = float(np.median(record.interval))
+            instrument = np.isin(record.unit, record.unit[record.time <= parachute])
             for triad, stretches in lost.items():
                 inside = np.any([(record.time > a) & (record.time <= b + SAME_TIME) for a, b in stretches], axis=0)
+                inside &= instrument
                 values = getattr(record, TRIADS[triad])
                 changed[TRIADS[triad]] = np.where(inside[:, None], np.nan, values)
                 findings += findings_of(name, triad, "disagreement", inside, record.time, interval)

@@ -1,0 +1,128 @@
+"""Faults in the increments of one IMU of Spirit and Opportunity: is the answer still that of the flawless telemetry?
+
+Each fault of `faults.SAMPLE_FAULTS` that changes values is put into the columns of one IMU of the table HIGHRATE, whose
+other IMU is complete up to the backshell's separation, at a random time between `FIRST_S` and `BEFORE_DEPLOYMENT_S`
+before the parachute. The truth is unknown: position and velocity at the parachute's deployment are compared with those
+of the flawless telemetry, in the sigmas of the former. ``python rover_faults.py -o FILE.jsonl`` goes on where it
+stopped, and reports.
+"""
+
+from __future__ import annotations
+
+import argparse
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+from unittest import mock
+
+import numpy as np
+from calibration import append_line, complete_lines
+from faults import FORCE, RATE, SAMPLE_FAULTS, THREE_SIGMAS
+from lost_seconds import ROVERS, at_deployment
+
+from edl_filter import Mission
+from edl_filter.errors import InputError
+from edl_filter.pipeline import load
+from edl_filter.pipeline.reconstruct import reconstruct
+from edl_filter.pipeline.trust import judge
+from edl_filter.telemetry.mer_archive import SAMPLE_INTERVAL, MerTables, read_mer_tables
+
+UNITS = ("backshell", "rover")
+#: Faults of a stretch of the telemetry, and those that last to its end.
+TRANSIENT = (
+    "spike in force", "spike in rate", "burst in force", "burst in rate", "NaN rows", "zeros", "stuck force",
+    "stuck rate", "saturated force", "repeated", "frozen packet", "bit flips", "noise of 10 sigmas",
+    "noise of 300 sigmas",
+)  # fmt: skip
+LASTING = (
+    "coarse, rounded", "sign of a force axis", "sign of a rate axis", "axes exchanged", "force scale of 1 %",
+    "rate scale of 1 %", "force bias", "rate bias", "force ramp", "rate ramp",
+)  # fmt: skip
+#: HIGHRATE begins at 90 s; the time before the parachute, s.
+FIRST_S, BEFORE_DEPLOYMENT_S = 95.0, 15.0
+
+
+def with_fault(tables: MerTables, epoch: float, unit: str, name: str, at: float, seed: list[int]) -> MerTables:
+    """Tables with a fault in the increments of one IMU from the time `at` on, s since the `epoch` (clock count)."""
+    keys = {FORCE: f"{unit}_velocity_increment", RATE: f"{unit}_angle_increment"}
+    time = tables.highrate.sclk - epoch
+    data = {key: getattr(tables.highrate, attribute) / SAMPLE_INTERVAL for key, attribute in keys.items()}
+    data["time"] = time.copy()
+    changed = SAMPLE_FAULTS[name](data, int(np.searchsorted(time, at)), np.random.default_rng(seed)) or data
+    increments = {attribute: changed[key] * SAMPLE_INTERVAL for key, attribute in keys.items()}
+    return replace(tables, highrate=replace(tables.highrate, **increments))
+
+
+def flown(mission: Mission, unit: str, name: str, number: int, complete: np.ndarray, deployed: float) -> dict[str, Any]:
+    """Outcome of one fault."""
+    seed = [number, UNITS.index(unit)]
+    at = float(np.random.default_rng(seed).uniform(FIRST_S, deployed - BEFORE_DEPLOYMENT_S))
+    epoch = load.mer_setup(mission).epoch_sclk
+
+    def read(path: Path, spacecraft: int) -> MerTables:
+        return with_fault(read_mer_tables(path, spacecraft), epoch, unit, name, at, seed)
+
+    row: dict[str, Any] = {"flight": mission.name, "unit": unit, "fault": name, "time_s": at}
+    try:
+        with mock.patch.object(load, "read_mer_tables", read):
+            result = reconstruct(mission, leave_one_out=False)
+    except InputError as error:
+        return row | {"refused": str(error)}
+    state, covariance = at_deployment(result, deployed)
+    difference, trust = state - complete, judge(result)
+    return row | {
+        "square": float(difference @ np.linalg.solve(covariance, difference)),
+        "position_m": float(np.linalg.norm(difference[:3])),
+        "velocity_m_s": float(np.linalg.norm(difference[3:])),
+        "trustworthy": trust.trustworthy,
+        "headline": trust.headline,
+        "findings": sorted({f"{f.imu} {f.kind}: {f.repair}" for f in result.telemetry.findings}),
+    }
+
+
+def answer(row: dict[str, Any]) -> str:
+    """``right``, ``flagged``, ``refused`` or ``lost``."""
+    if "refused" in row:
+        return "refused"
+    if not row["trustworthy"]:
+        return "flagged"
+    return "right" if row["square"] <= THREE_SIGMAS else "lost"
+
+
+def report(rows: list[dict[str, Any]]) -> None:
+    """Print a table of the answers, and a line for each one that is not right."""
+    print("| faults | tried | right | flagged | refused with a message | lost |\n|---|---|---|---|---|---|")
+    for label, names in (("of a stretch", TRANSIENT), ("that last to the end", LASTING)):
+        answers = [answer(row) for row in rows if row["fault"] in names]
+        counts = " | ".join(str(answers.count(kind)) for kind in ("right", "flagged", "refused", "lost"))
+        print(f"| {label} | {len(answers)} | {counts} |")
+    for row in rows:
+        if answer(row) != "right":
+            size = (
+                f"{np.sqrt(row['square'] / 6.0):.2f} sigmas, {row['position_m']:.0f} m, {row['velocity_m_s']:.2f} m/s"
+            )
+            detail = row.get("refused") or f"{size}; {row['headline']}"
+            print(f"{row['flight']} {row['unit']} {row['fault']} at {row['time_s']:.0f} s: {answer(row)}, {detail}")
+
+
+def main() -> None:
+    """Fly what is missing in the file, then report."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("-o", "--output", type=Path, default=Path("study-results/rover-faults.jsonl"))
+    arguments = parser.parse_args()
+    arguments.output.parent.mkdir(parents=True, exist_ok=True)
+    done = {(row["flight"], row["unit"], row["fault"]) for row in complete_lines(arguments.output)}
+    for rover in ROVERS:
+        mission = Mission.load(f"builtin:{rover}")
+        telemetry = load.read_telemetry(mission)
+        deployed = load.event_times(mission, telemetry)["parachute_deploy"]
+        complete, _ = at_deployment(reconstruct(mission, leave_one_out=False), deployed)
+        for unit in UNITS:
+            for number, name in enumerate((*TRANSIENT, *LASTING)):
+                if (mission.name, unit, name) not in done:
+                    append_line(arguments.output, flown(mission, unit, name, number, complete, deployed))
+    report(complete_lines(arguments.output))
+
+
+if __name__ == "__main__":
+    main()
