@@ -98,10 +98,10 @@ def report(rows: list[dict[str, Any]]) -> None:
         print(f"| {label} | {len(answers)} | {counts} |")
     for row in rows:
         if answer(row) != "right":
-            size = (
-                f"{np.sqrt(row['square'] / 6.0):.2f} sigmas, {row['position_m']:.0f} m, {row['velocity_m_s']:.2f} m/s"
+            detail = row.get("refused") or (
+                f"{np.sqrt(row['square'] / 6.0):.2f} sigmas, {row['position_m']:.0f} m, {row['velocity_m_s']:.2f} m/s; "
+                f"{row['headline']}"
             )
-            detail = row.get("refused") or f"{size}; {row['headline']}"
             print(f"{row['flight']} {row['unit']} {row['fault']} at {row['time_s']:.0f} s: {answer(row)}, {detail}")
 
 
