@@ -1,5 +1,7 @@
 """The constraint at parachute deployment on a simulated flight, with the pressure and Mach number of the truth."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from left_out import left_out_sigmas
@@ -80,3 +82,12 @@ def test_the_flight_agrees_with_every_form():
 def test_a_window_without_samples_is_named(practice_06):
     with pytest.raises(InputError, match=r"axial_force_window_s: found 0.1 s, in which there are [01] samples"):
         constraint(practice_06, "{axial_force_window_s: 0.1}")
+
+
+def test_an_axial_force_with_another_sign_is_refused_with_advice(practice_06):
+    m = mission("{axial_force_window_s: 1.0}")
+    driving = practice_06.telemetry.driving
+    turned = replace(driving, specific_force=driving.specific_force * [-1.0, 1.0, 1.0])
+    telemetry = replace(practice_06.telemetry, driving=turned)
+    with pytest.raises(InputError, match=r"a deceleration is negative\. Check the sign of the x axis of the IMU 'prim"):
+        assemble(m, telemetry, practice_06.planet, read_atmosphere(m))

@@ -155,7 +155,8 @@ def _axial_force(
     if deceleration <= 0.0:
         raise InputError(
             f"{mission.source}: constraints.parachute.axial_force_window_s: the axial specific force before "
-            f"{time:g} s is {-deceleration:.3g} m/s^2; a deceleration is negative."
+            f"{time:g} s is {-deceleration:.3g} m/s^2; a deceleration is negative. Check the sign of the x axis of the "
+            f"IMU '{telemetry.driving.name}' and the event's time; 'edl-filter validate' lists what its samples lack."
         )
     errors = telemetry.driving.errors[int(part.unit[-1])]
     noise = float(np.sqrt(weights**2 @ part.force_noise[:, 0] ** 2))
