@@ -369,7 +369,9 @@ def _smooth(nav, errors, covariance, predicted_nav, predicted_errors, predicted_
             error[moving[i]] = 0.0
             for j in range(n):
                 error[moving[i]] += gain[i, j] * change[j]
-        covariance[k] += _gained(gain, moving, covariance[k + 1] - predicted_covariance[k])
+        covariance[k] = symmetric_part(
+            covariance[k] + _gained(gain, moving, covariance[k + 1] - predicted_covariance[k])
+        )
         nav[k], errors[k] = moved_state(nav[k], errors[k], error, onboard)
     return nav, errors, covariance, gains, True
 
@@ -397,15 +399,15 @@ def _gained(gain, moving, difference):
     moving : (k,) array of int
         Their indices.
     difference : (n, n) array
-        D, symmetric.
+        D, symmetric to rounding.
 
     Returns
     -------
     (n, n) array
-        Symmetric.
+        Symmetric to rounding.
     """
     product = matrix_product(gain, difference)
-    square = symmetric_part(matrix_product(product, gain.T.copy()))
+    square = matrix_product(product, gain.T.copy())
     out = difference.copy()
     for i in range(len(moving)):
         for j in range(len(difference)):

@@ -100,7 +100,7 @@ def rank_causes(
     Returns
     -------
     list of Cause
-        Consistent ones first, each group by its gain. None if the short run with the telemetry as read ends.
+        Consistent ones first, each group by its gain. Empty if the short run with the telemetry as read ends.
     """
 
     def problem_of(repaired: Telemetry) -> Problem:
