@@ -8,7 +8,9 @@ import pytest
 import targets
 
 from edl_filter.errors import InputError
+from edl_filter.io.yaml_guard import refuse_aliases
 from edl_filter.mission import Mission
+from edl_filter.mission.yaml_text import parse
 from edl_filter.results.netcdf import load
 from edl_filter.telemetry.csv_spec import read_spec
 from edl_filter.telemetry.fetch import REGISTRY
@@ -108,6 +110,25 @@ def test_yaml_that_multiplies_or_never_ends_is_refused(text, reason, reader, tmp
     with pytest.raises(InputError, match=rf"(?s)bomb\.yaml.*{reason}"):
         reader(path)
     assert time.perf_counter() - begin < 10.0
+
+
+@pytest.mark.parametrize(
+    "nested",
+    [
+        lambda levels: "[" * levels + "]" * levels,
+        lambda levels: "".join(" " * k + "a:\n" for k in range(levels)),
+        lambda levels: "- " * levels + "a",
+        lambda levels: "- " * (levels // 2) + "[" * (levels - levels // 2) + "]" * (levels - levels // 2),
+    ],
+    ids=["brackets", "indented keys", "dashes", "both"],
+)
+@pytest.mark.parametrize("check", [parse, refuse_aliases])
+def test_yaml_has_at_most_64_levels(check, nested):
+    """The scanner ends there: a parser would look a thousand characters ahead at each level."""
+    check(nested(64), "x.yaml")
+    for levels in (65, 500):
+        with pytest.raises(InputError, match=r"^x\.yaml: cannot be read as YAML: it has too many levels"):
+            check(nested(levels), "x.yaml")
 
 
 @pytest.mark.parametrize("name", ["../T.TAB", "/etc/passwd", "a/T.TAB", "..", "T" * 5000])

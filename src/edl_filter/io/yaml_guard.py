@@ -14,13 +14,25 @@ from edl_filter.errors import InputError
 LARGEST = 256 * 1024
 #: Deepest level: beyond some hundred the parser's recursion ends, and its time grows with the square.
 DEEPEST = 64
-_BEGIN = (
-    yaml.FlowSequenceStartToken,
-    yaml.FlowMappingStartToken,
-    yaml.BlockSequenceStartToken,
-    yaml.BlockMappingStartToken,
-)
-_END = (yaml.FlowSequenceEndToken, yaml.FlowMappingEndToken, yaml.BlockEndToken)
+
+
+class BoundedLoader(yaml.SafeLoader):
+    """PyYAML's safe loader, which raises RecursionError beyond `DEEPEST` levels, before it looks any further ahead."""
+
+    def fetch_flow_collection_start(self, token: type[yaml.Token]) -> None:
+        """Begin a list or mapping in brackets."""
+        self._check_depth()
+        super().fetch_flow_collection_start(token)
+
+    def add_indent(self, column: int) -> bool:
+        """Begin a list or mapping by indentation, if this column is further to the right."""
+        if self.indent < column:
+            self._check_depth()
+        return bool(super().add_indent(column))
+
+    def _check_depth(self) -> None:
+        if self.flow_level + len(self.indents) >= DEEPEST:
+            raise RecursionError
 
 
 def check_size(text: str, label: str) -> None:
@@ -30,7 +42,7 @@ def check_size(text: str, label: str) -> None:
 
 
 def refuse_aliases(text: str, label: str) -> None:
-    """Raise InputError, which begins with `label`, if a text is too long or has anchors or aliases.
+    """Raise InputError, which begins with `label`, if a text is too long or too deep, or has anchors or aliases.
 
     Raises
     ------
@@ -39,14 +51,13 @@ def refuse_aliases(text: str, label: str) -> None:
         It is not YAML.
     """
     check_size(text, label)
-    depth = 0
-    for token in yaml.scan(text, Loader=yaml.SafeLoader):
-        if isinstance(token, yaml.AliasToken | yaml.AnchorToken):
-            line = token.start_mark.line + 1
-            raise InputError(f"{label}, line {line}: anchors and aliases (& and *) are not used here.")
-        depth += isinstance(token, _BEGIN) - isinstance(token, _END)
-        if depth > DEEPEST:
-            raise cannot_parse(label, RecursionError())
+    try:
+        for token in yaml.scan(text, Loader=BoundedLoader):
+            if isinstance(token, yaml.AliasToken | yaml.AnchorToken):
+                line = token.start_mark.line + 1
+                raise InputError(f"{label}, line {line}: anchors and aliases (& and *) are not used here.")
+    except RecursionError as error:
+        raise cannot_parse(label, error) from None
 
 
 def cannot_parse(label: str, error: RecursionError | ValueError) -> InputError:

@@ -16,12 +16,12 @@ from typing import Any
 import yaml
 
 from edl_filter.errors import InputError
-from edl_filter.io.yaml_guard import cannot_parse, check_size
+from edl_filter.io.yaml_guard import BoundedLoader, cannot_parse, check_size
 from edl_filter.mission.shipped import BUILTIN
 
 
-class _Loader(yaml.SafeLoader):
-    """PyYAML with the scalars of YAML 1.2, without repeated keys and anchors."""
+class _Loader(BoundedLoader):
+    """PyYAML with the scalars of YAML 1.2, without repeated keys, anchors and more than `DEEPEST` levels."""
 
     def compose_node(self, parent: Any, index: Any) -> Any:
         event = self.peek_event()

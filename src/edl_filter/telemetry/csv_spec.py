@@ -13,7 +13,7 @@ import yaml
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from edl_filter.errors import InputError, quoted
-from edl_filter.io.yaml_guard import cannot_parse, refuse_aliases
+from edl_filter.io.yaml_guard import refuse_aliases
 
 Positive = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
 NotNegative = Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
@@ -150,8 +150,6 @@ def read_spec(path: str | Path) -> LogSpec:
         text = path.read_text(encoding="utf-8")
         refuse_aliases(text, str(path))
         content = yaml.safe_load(text)
-    except RecursionError as error:
-        raise cannot_parse(str(path), error) from None
     except OSError as error:
         raise InputError(f"{path}: the specification cannot be read ({error.strerror}).") from None
     except (yaml.YAMLError, ValueError) as error:

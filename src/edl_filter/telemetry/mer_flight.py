@@ -59,8 +59,7 @@ def mer_telemetry(tables: MerTables, setup: MerSetup, settings: CheckSettings | 
     Telemetry
         `driving` is joined from the three products; `checking` is the rover's IMU up to separation, from its register
         before HIGHRATE, or the backshell's where the rover's drives before separation; `attitude` is the quaternion of
-        the IMU that drives. Increments that
-        no sensor can have read are NaN, and stand in `findings`.
+        the IMU that drives. Increments that no sensor can have read are NaN, and stand in `findings`.
 
     Raises
     ------
