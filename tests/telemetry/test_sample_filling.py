@@ -1,7 +1,10 @@
 """Samples that stand for lost ones: from which side they are filled, and the rotation across a gap."""
 
+import shutil
 from dataclasses import replace
+from pathlib import Path
 
+import h5py
 import numpy as np
 import pytest
 
@@ -9,6 +12,7 @@ from edl_filter import rotations
 from edl_filter.estimation.autoregression import Interpolation
 from edl_filter.navigation.noise import IDENTITY, sample_attitudes
 from edl_filter.telemetry.flight_file import read_flight_file
+from edl_filter.telemetry.record import SampleFinding
 from edl_filter.telemetry.sample_checks import CheckSettings
 from edl_filter.telemetry.sample_filling import (
     ACROSS_OPENING,
@@ -16,6 +20,7 @@ from edl_filter.telemetry.sample_filling import (
     _drag_before,
     filled,
     tilt_variance,
+    with_limits,
 )
 from edl_filter.telemetry.sample_repair import repaired
 
@@ -191,3 +196,55 @@ def test_the_drag_of_a_full_canopy_is_extrapolated_as_it_decelerates():
     np.testing.assert_allclose(fill.covariance, np.var(lateral[10:20], ddof=1) * np.eye(10))
     steep = _drag_before(np.where(observed, -60.0 * np.exp(-3.0 * time), 0.0), observed, 0, 10)
     assert np.all(steep.values >= -4.0 * 60.0 * np.exp(-3.0 * time[10])) and np.all(np.isfinite(steep.values))
+
+
+def test_a_saturated_sample_that_its_neighbours_fill_is_at_the_limit_with_the_missed_part_as_sigma(builtin_flight):
+    record = replace(read_flight_file(builtin_flight).driving)
+    force = np.tile([-20.0, 1.0, 2.0], (len(record), 1))
+    force[102] = [-45.0, 1.0, 2.0]  # already beyond the limit
+    record = replace(record, specific_force=force, force_fill_sigma=np.full_like(force, 3.0))
+    begin, end = record.time[99], record.time[102]
+    finding = SampleFinding(
+        record.name, "force x", begin, end, 3, "saturated", interpolated=((begin, end),), limit=(-36.0, 0.0, 12.0)
+    )
+    axis = np.array([-3.0, 0.0, 1.0]) / np.sqrt(10.0)
+    deficit = (np.sqrt(36.0**2 + 12.0**2) - (60.0 + 2.0) / np.sqrt(10.0)) * axis
+    limited = with_limits(record, [finding])
+    expected, sigma = force.copy(), np.full_like(force, 3.0)
+    expected[100:102] += deficit
+    sigma[100:102] = np.sqrt(9.0 + 3 * deficit**2)
+    np.testing.assert_allclose(limited.specific_force, expected, atol=1e-12)
+    np.testing.assert_allclose(limited.force_fill_sigma, sigma, atol=1e-12)
+    for elsewhere in (
+        replace(finding, imu="secondary"),
+        replace(finding, limit=None),
+        replace(finding, interpolated=()),
+    ):
+        np.testing.assert_array_equal(with_limits(record, [elsewhere]).specific_force, force)
+
+
+def test_an_impact_that_saturates_the_only_imu_is_inside_its_sigma(builtin_flight, tmp_path):
+    """The neighbours of an impact do not show it: they alone are wrong by more than ten of their sigmas."""
+    path = Path(shutil.copy(builtin_flight, tmp_path / "flight.h5"))
+    impact = np.array([-150.0, -260.0, -310.0, -210.0, -160.0, -120.0])
+    with h5py.File(path, "a") as file:
+        del file["imu/secondary"]
+        force = file["imu/primary/specific_force"]
+        force[:] += np.random.default_rng(0).normal(scale=1e-3, size=force.shape)  # equal values are rare
+        rows = slice(2400, 2400 + len(impact))
+        axis = int(np.argmax(np.abs(rotations.rotate(file["imu/primary"].attrs["body_from_imu"], np.eye(3))[:, 0])))
+        true = force[rows, axis] + impact
+        force[rows, axis] = np.maximum(true, -100.0)
+    telemetry = read_flight_file(path)
+    assert {f.kind for f in telemetry.findings} == {"saturated"}
+    record, lost = telemetry.driving, np.isnan(telemetry.driving.specific_force[:, 0])
+    assert np.count_nonzero(lost) == len(impact)
+    outcome = repaired(telemetry, parachute=252.75)
+    mounting = rotations.to_matrix(h5py.File(path)["imu/primary"].attrs["body_from_imu"])
+    error = (outcome.driving.specific_force[lost] @ mounting)[:, axis] - true
+    total = np.sqrt(np.sum((outcome.driving.force_fill_sigma[lost] @ np.abs(mounting))[:, axis] ** 2))
+    assert abs(error.sum()) < 3.0 * total
+    neighbours, _ = filled(record, None, CheckSettings(), 252.75)
+    error = (neighbours.specific_force[lost] @ mounting)[:, axis] - true
+    total = np.sqrt(np.sum((neighbours.force_fill_sigma[lost] @ np.abs(mounting))[:, axis] ** 2))
+    assert abs(error.sum()) > 10.0 * total

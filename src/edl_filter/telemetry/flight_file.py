@@ -38,6 +38,7 @@ from edl_filter.telemetry.sample_checks import (
     completed,
     findings_of,
     highest_readings,
+    in_body_axes,
     lost_readings,
     ordered_packets,
     stuck_runs,
@@ -128,6 +129,7 @@ def _read_imu(
         raise node.error("@sample_interval", f"is {interval:g} s, but the usual step of its time is {median:g} s.")
     steps = [quantum(readings[:, triad]) if settings.enabled else 0.0 for triad in (slice(0, 3), slice(3, 6))]
     readings, bad = lost_readings(time, readings, interval, name, highest, settings)
+    bad = in_body_axes(bad, rotations.to_matrix(body_from_imu))
     time, readings, inserted, missing = completed(time, readings, interval, name)
     force, rate = (rotations.rotate(body_from_imu, v) for v in (readings[:, :3].copy(), readings[:, 3:].copy()))
     force_sigma = node.attribute("accelerometer_noise", positive=True, limits=Limits("m/s^2", 0.0, 1.0))

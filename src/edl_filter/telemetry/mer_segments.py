@@ -20,7 +20,7 @@ from edl_filter.imu_model.sensor_errors import SensorErrors
 from edl_filter.telemetry.joining import GAP, Segment, fill_gaps
 from edl_filter.telemetry.mer_archive import SAMPLE_INTERVAL, MerTables
 from edl_filter.telemetry.record import SAME_TIME, AttitudeRecord, SampleFinding, finite_rows
-from edl_filter.telemetry.sample_checks import CheckSettings, highest_readings, lost_readings
+from edl_filter.telemetry.sample_checks import CheckSettings, highest_readings, in_body_axes, lost_readings
 from edl_filter.telemetry.smoothing import rates_from_quaternions
 from edl_filter.types import Array, BoolArray, IntArray
 
@@ -264,7 +264,7 @@ def highrate_segment(
         rate_noise=np.full(n, imu.gyro_noise),
         shared_rate_noise=np.full(n, imu.gyro_noise),
     )
-    return segment, findings
+    return segment, in_body_axes(findings, body_from_imu)
 
 
 def fill_highrate_gaps(tables: MerTables, setup: MerSetup, segment: Segment) -> list[Segment]:

@@ -205,6 +205,8 @@ class SampleFinding:
         What was done, one phrase.
     interpolated : tuple of (float, float)
         Parts that no other IMU covers, from begin to end, s: filled from their neighbours.
+    limit : tuple of three floats, optional
+        Of a saturated axis: the reading at its limit times the axis, m/s² or rad/s, body axes.
     """
 
     imu: str
@@ -215,6 +217,7 @@ class SampleFinding:
     kind: str
     repair: str = ""
     interpolated: tuple[tuple[float, float], ...] = ()
+    limit: tuple[float, float, float] | None = None
 
 
 #: Kinds of findings, with their names for people.

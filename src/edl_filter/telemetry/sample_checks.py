@@ -198,6 +198,7 @@ def lost_readings(
     -------
     readings : (N, 6) array
     findings : list of SampleFinding
+        Their limits are in the axes of the IMU (`in_body_axes`).
     """
     findings: list[SampleFinding] = []
     readings = readings.copy()
@@ -224,9 +225,11 @@ def lost_readings(
             kind = "saturated" if values[a] in (np.nanmin(nearby), np.nanmax(nearby)) else "stuck"
             lost = np.zeros(len(time), bool)
             lost[a:b] = True
+            reading = None
             if kind == "saturated":  # single samples at the limit, too
                 lost = (values == values[a]) & np.isfinite(readings[:, column])
-            findings += findings_of(imu, name, kind, lost, time, interval)
+                reading = _vector(values[a] * np.eye(3)[column % 3])
+            findings += [replace(f, limit=reading) for f in findings_of(imu, name, kind, lost, time, interval)]
             readings[lost, triad] = np.nan
     return readings, findings
 
@@ -347,6 +350,16 @@ def interpolation_error(values: Array) -> Array:
     out, v = np.zeros_like(values), values
     out[2:-2] = v[2:-2] - (4.0 * (v[1:-3] + v[3:-1]) - v[:-4] - v[4:]) / 6.0
     return out
+
+
+def in_body_axes(findings: list[SampleFinding], body_from_imu: Array) -> list[SampleFinding]:
+    """Findings of `lost_readings` with their limits in body axes, by the rotation matrix (3, 3) of the mounting."""
+    return [f if f.limit is None else replace(f, limit=_vector(body_from_imu @ f.limit)) for f in findings]
+
+
+def _vector(values: Array) -> tuple[float, float, float]:
+    x, y, z = (float(value) for value in values)
+    return x, y, z
 
 
 def with_repair(finding: SampleFinding, repair: str) -> SampleFinding:

@@ -20,7 +20,7 @@ import numpy as np
 
 from edl_filter.errors import InputError
 from edl_filter.estimation.autoregression import Interpolation, interpolate
-from edl_filter.telemetry.record import ImuRecord, finite_rows
+from edl_filter.telemetry.record import ImuRecord, SampleFinding, finite_rows
 from edl_filter.telemetry.sample_checks import CheckSettings, runs
 from edl_filter.telemetry.transfer import TransferredReadings, transferred
 from edl_filter.types import Array, BoolArray
@@ -114,6 +114,42 @@ def filled(
         shared_rate_noise=np.where(changed, 0.0, record.shared_rate_noise),
     )
     return complete, repairs
+
+
+def with_limits(record: ImuRecord, findings: Sequence[SampleFinding]) -> ImuRecord:
+    """A filled record whose saturated samples are at least at the limit of their axis where their neighbours fill them.
+
+    A reading at its limit L is censored (Tobin 1958, Econometrica 26, 24): the true value is L or beyond. Where the
+    fill is below L by d, it has missed an excursion, an impact for example, of whose height only L is known. The value
+    is then L, with the further sigma d that n samples of a run have in common.
+
+    Parameters
+    ----------
+    record : ImuRecord
+        By `filled`.
+    findings : sequence of SampleFinding
+        Of any record, with their interpolated parts.
+    """
+    values = {"force": record.specific_force.copy(), "rate": record.angular_rate.copy()}
+    sigmas = {"force": record.force_fill_sigma.copy(), "rate": record.rate_fill_sigma.copy()}
+    middle = record.time - 0.5 * record.interval
+    for finding in findings:
+        if finding.limit is None or finding.imu != record.name:
+            continue
+        limit, triad = np.array(finding.limit), finding.channel.split()[0]
+        axis = limit / np.linalg.norm(limit)
+        for start, end in finding.interpolated:
+            rows = np.flatnonzero((middle > max(start, finding.start)) & (middle < min(end, finding.end)))
+            deficit = np.maximum(np.linalg.norm(limit) - values[triad][rows] @ axis, 0.0)[:, None] * axis
+            values[triad][rows] += deficit
+            sigmas[triad][rows] = np.sqrt(sigmas[triad][rows] ** 2 + len(rows) * deficit**2)
+    return replace(
+        record,
+        specific_force=values["force"],
+        angular_rate=values["rate"],
+        force_fill_sigma=sigmas["force"],
+        rate_fill_sigma=sigmas["rate"],
+    )
 
 
 def _repair(record: ImuRecord, a: int, b: int, phrase: str) -> tuple[float, float, str]:

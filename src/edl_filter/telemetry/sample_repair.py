@@ -38,6 +38,7 @@ from edl_filter.telemetry.sample_filling import (
     PARACHUTE_MARGIN,
     filled,
     is_complete,
+    with_limits,
 )
 from edl_filter.telemetry.spikes import bad_triads
 from edl_filter.types import Array
@@ -115,6 +116,7 @@ def repaired(telemetry: Telemetry, settings: CheckSettings | None = None, parach
         phrases[record.name] = how
         outcome.append(complete)
     findings = [f if f.repair else _explained(f, phrases.get(f.imu, [])) for f in findings]
+    outcome = [with_limits(record, findings) for record in outcome]
     findings.sort(key=lambda f: (f.start, f.imu))
     return replace(
         telemetry,
