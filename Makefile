@@ -93,17 +93,13 @@ docs: $(DOCS_STAMP)
 	@echo "Open docs/_build/html/index.html"
 
 study: $(STAMP)
-	mkdir -p study-results
-	for w in 0 1; do $(BIN)/python benchmarks/studies/identification.py --worker $$w --workers 2 \
-	  -o study-results/identification.jsonl & done; wait
-	$(BIN)/python benchmarks/studies/identification_report.py study-results/identification*.jsonl \
+	$(BIN)/python benchmarks/studies/identification.py -o study-results/identification.jsonl
+	$(BIN)/python benchmarks/studies/identification_report.py study-results/identification.jsonl \
 	  --figure docs/figures/identification.png
 
 study-inexact: $(STAMP)
-	mkdir -p study-results
-	for w in 0 1; do $(BIN)/python benchmarks/studies/inexact.py --worker $$w --workers 2 \
-	  -o study-results/inexact.jsonl & done; wait
-	$(BIN)/python benchmarks/studies/inexact_report.py study-results/inexact*.jsonl
+	$(BIN)/python benchmarks/studies/inexact.py -o study-results/inexact.jsonl
+	$(BIN)/python benchmarks/studies/inexact_report.py study-results/inexact.jsonl
 
 study-simulation: $(STAMP)
 	$(BIN)/python benchmarks/studies/simulation.py
@@ -112,8 +108,7 @@ study-closure: $(STAMP)
 	$(BIN)/python benchmarks/studies/closure.py
 
 study-thresholds: $(STAMP)
-	for w in 0 1; do $(BIN)/python benchmarks/studies/thresholds.py \
-	  -o study-results/thresholds.jsonl --worker $$w --workers 2 & done; wait
+	$(BIN)/python benchmarks/studies/thresholds.py -o study-results/thresholds.jsonl
 	$(BIN)/python benchmarks/studies/thresholds.py --report study-results/thresholds.jsonl
 
 study-faults: $(STAMP)
@@ -137,7 +132,7 @@ study-mutation: $(STAMP)
 calibrate: $(STAMP)
 	$(BIN)/python benchmarks/studies/calibration.py -o study-results/calibration.jsonl
 	$(BIN)/python benchmarks/studies/calibration_report.py study-results/calibration.jsonl \
-	  --inexact study-results/inexact*.jsonl
+	  --inexact study-results/inexact.jsonl
 
 study-filters: $(STAMP)
 	$(BIN)/python benchmarks/studies/filter_comparison.py

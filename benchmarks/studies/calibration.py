@@ -3,14 +3,12 @@
 A flight is given by its number alone: vehicle, seed, noise of the IMUs and sigma of the entry state (half to double the
 scenario's), every second flight in an inexact world (`inexact_world`), two of three with lost samples of the first IMU
 (0.125 to 20 s at a random time), half of these without a second IMU. Its line in the JSONL file is appended in one
-write, so that a study that was interrupted goes on behind the last complete line. `calibration_report.py` makes
+write, so that a study that was interrupted continues (`study_lines`). `calibration_report.py` makes
 ``docs/calibration.md`` of them.
 
     python benchmarks/studies/calibration.py -o study-results/calibration.jsonl [--flights 300]
 """
 
-import argparse
-import json
 import os
 import tempfile
 import time
@@ -21,6 +19,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import numpy as np
 from inexact_world import draw_world
+from study_lines import append_missing, study_parser
 
 from edl_filter import Mission, rotations
 from edl_filter.errors import InputError
@@ -225,43 +224,22 @@ def result_of(case):
     return line
 
 
-def complete_lines(path):
-    """Lines of a file that are complete; a last one that an interruption tore is left out."""
-    lines = []
-    if path.exists():
-        for text in path.read_text(encoding="utf-8").splitlines():
-            try:
-                lines.append(json.loads(text))
-            except json.JSONDecodeError:
-                continue
-    return lines
+def line_of(number):
+    """Line of a case by its number."""
+    return result_of(case_of(number))
 
 
-def append_line(path, line):
-    """Append one line in one write; behind a torn line on a line of its own."""
-    text = json.dumps(line, default=float) + "\n"
-    if path.exists() and path.stat().st_size and not path.read_bytes().endswith(b"\n"):
-        text = "\n" + text
-    with path.open("ab", buffering=0) as file:
-        file.write(text.encode())
-
-
-def run(path, flights):
-    """Append the flights that the file does not have."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    done = {line["case"]["number"] for line in complete_lines(path)}
-    for number in range(flights):
-        if number not in done:
-            append_line(path, result_of(case_of(number)))
+def case_number(line):
+    """Number of a line's case."""
+    return line["case"]["number"]
 
 
 def main():
     """Run the study."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = study_parser(__doc__, "study-results/calibration.jsonl")
     parser.add_argument("--flights", type=int, default=300)
-    parser.add_argument("-o", "--output", type=Path, default=Path("study-results/calibration.jsonl"))
     a = parser.parse_args()
-    run(a.output, a.flights)
+    append_missing(range(a.flights), line_of, case_number, a)
 
 
 if __name__ == "__main__":

@@ -9,8 +9,9 @@ from pathlib import Path
 
 import inexact_report
 import numpy as np
-from calibration import COEFFICIENTS, PHASES, complete_lines
+from calibration import COEFFICIENTS, PHASES
 from scipy.stats import chi2, norm
+from study_lines import lines_so_far, read_lines
 
 PARTS = ("position", "velocity", "attitude")
 QUANTITIES = ("density", "pressure", "temperature", "CA preflight", *COEFFICIENTS)
@@ -233,8 +234,8 @@ def main():
     parser.add_argument("--inexact", type=Path, nargs="*", default=[])
     parser.add_argument("--page", type=Path, default=Path("docs/calibration.md"))
     a = parser.parse_args()
-    lines = complete_lines(a.lines)
-    inexact = [line for path in a.inexact if path.exists() for line in complete_lines(path)]
+    lines = read_lines(a.lines)
+    inexact = [line for path in a.inexact for line in lines_so_far(path)]
     numbers = report(lines, inexact)
     print(numbers)
     draw(lines, a.page.parent / "figures")

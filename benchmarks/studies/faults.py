@@ -9,20 +9,20 @@ crash. ``python faults.py -o faults.jsonl`` goes on where it stopped.
 
 from __future__ import annotations
 
-import argparse
-import json
 import tempfile
 import time
 import traceback
 import warnings
 from collections import defaultdict
 from collections.abc import Callable
+from itertools import product
 from pathlib import Path
 from typing import Any
 
 import h5py
 import numpy as np
 from scipy.stats import chi2
+from study_lines import append_missing, read_lines, study_parser
 
 from edl_filter import Mission
 from edl_filter.errors import InputError
@@ -598,33 +598,32 @@ def report(rows: list[dict[str, Any]]) -> None:
         print(f"{imus} IMU {fault:<20} {len(members):3d}: {listed}; named {named}; median error {ratio:.2f} sigmas")
 
 
+def line_of(case: tuple[str, int, str, int]) -> dict[str, Any]:
+    """Line of a scenario, seed, fault and number of IMUs."""
+    name, seed, fault, imus = case
+    row = {"scenario": name, "seed": seed, "fault": fault, "imus": imus}
+    return row | flown(Scenario.load(f"builtin:{name}"), seed, fault, imus)
+
+
+def case_of(row: dict[str, Any]) -> tuple[str, int, str, int]:
+    """Scenario, seed, fault and number of IMUs of a line."""
+    return row["scenario"], row["seed"], row["fault"], row["imus"]
+
+
 def main() -> None:
     """Fly what is missing in the file, then report."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("-o", "--output", type=Path, default=Path("study-results/faults.jsonl"))
+    parser = study_parser(__doc__, "study-results/faults.jsonl")
     parser.add_argument("--seeds", type=int, default=5)
     parser.add_argument("--first", type=int, default=0, help="first seed")
     parser.add_argument("--faults", nargs="*", default=list(FAULTS))
     parser.add_argument("--imus", type=int, nargs="*", default=[2])
     parser.add_argument("--scenarios", nargs="*", default=["mer", "phoenix"])
     arguments = parser.parse_args()
-    arguments.output.parent.mkdir(parents=True, exist_ok=True)
-    lines = arguments.output.read_text().splitlines() if arguments.output.is_file() else []
-    rows = [json.loads(line) for line in lines]
-    flown_before = {(r["scenario"], r["seed"], r["fault"], r["imus"]) for r in rows}
-    for seed in range(arguments.first, arguments.first + arguments.seeds):
-        for name in arguments.scenarios:
-            scenario = Scenario.load(f"builtin:{name}")
-            for fault in arguments.faults:
-                for imus in arguments.imus:
-                    if (name, seed, fault, imus) in flown_before or (imus == 1 and "second: " in fault):
-                        continue
-                    row = {"scenario": name, "seed": seed, "fault": fault, "imus": imus}
-                    row |= flown(scenario, seed, fault, imus)
-                    rows.append(row)
-                    with arguments.output.open("a") as file:
-                        file.write(json.dumps(row) + "\n")
-    report(rows)
+    seeds = range(arguments.first, arguments.first + arguments.seeds)
+    every = product(arguments.scenarios, seeds, arguments.faults, arguments.imus)
+    cases = [case for case in every if case[3] == 2 or "second: " not in case[2]]
+    append_missing(cases, line_of, case_of, arguments)
+    report(read_lines(arguments.output))
 
 
 if __name__ == "__main__":

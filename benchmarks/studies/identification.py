@@ -8,7 +8,6 @@ linear fit of its noise-free columns would have, at its true places, exceeds `na
 ``docs/identification.md``.
 """
 
-import argparse
 import os
 import tempfile
 import time
@@ -17,8 +16,8 @@ from pathlib import Path
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import numpy as np
-from flight_lines import append_missing
 from outside_effects import OUTSIDE_EFFECTS
+from study_lines import append_missing, flight_key, study_parser
 
 from edl_filter import Mission
 from edl_filter.diagnosis.diagnosis import diagnose
@@ -169,16 +168,13 @@ def result_of(case):
 
 
 def main():
-    parser = argparse.ArgumentParser(description=__doc__)
+    parser = study_parser(__doc__, "study-results/identification.jsonl")
     parser.add_argument("--seeds", type=int, default=1, help="how many draws of sizes, places, weather and noise")
     parser.add_argument("--first-seed", type=int, default=0, help="the first draw")
     parser.add_argument("--clean", type=int, default=20, help="clean flights for each seed")
-    parser.add_argument("--worker", type=int, default=0, help="number of this process among --workers")
-    parser.add_argument("--workers", type=int, default=1)
-    parser.add_argument("-o", "--output", type=Path, default=Path("identification.jsonl"))
     a = parser.parse_args()
     flights = cases(range(a.first_seed, a.first_seed + a.seeds), a.clean)
-    append_missing(flights, result_of, a.output, a.worker, a.workers)
+    append_missing(flights, result_of, flight_key, a)
 
 
 if __name__ == "__main__":

@@ -13,8 +13,8 @@ import matplotlib
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 import numpy as np
-from flight_lines import read_lines
 from identification import OUTSIDE, TRUE_J2
+from study_lines import read_lines
 
 from edl_filter.effects.registry import catalogue
 from edl_filter.mission.decision_settings import DecisionSettings
@@ -84,7 +84,7 @@ def main():
     parser.add_argument("files", nargs="+", type=Path)
     parser.add_argument("--figure", type=Path)
     a = parser.parse_args()
-    lines = read_lines(a.files)
+    lines = [line for path in a.files for line in read_lines(path)]
     single = [line for line in lines if len(line["hidden"]) == 1 and line["hidden"][0] not in OUTSIDE]
     diagnosed = [line for line in single if "verdict" in line]
     detectable = [line for line in diagnosed if line["expected_gain"] > DETECTABLE]

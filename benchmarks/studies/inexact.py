@@ -7,12 +7,11 @@ All are diagnosed with the whole catalogue. The expected gain is computed with t
 parameters, before the diagnosis. The flights are in random order, so that a part of the study is a fair sample. Results
 go to ``inexact.jsonl``, one line a flight; ``inexact_report.py`` makes of them ``docs/identification-inexact.md``.
 
-    python benchmarks/studies/inexact.py -o study-results/inexact.jsonl [--worker K --workers N]
+    python benchmarks/studies/inexact.py -o study-results/inexact.jsonl [--workers N | --scheduler ADDRESS]
     python benchmarks/studies/inexact.py --list
     python benchmarks/studies/inexact.py --write FOLDER --flight NUMBER
 """
 
-import argparse
 import os
 import tempfile
 import time
@@ -22,10 +21,10 @@ from pathlib import Path
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import numpy as np
-from flight_lines import append_missing
 from identification import PAIRS, VEHICLES, expected_gains, hidden_by_mission, random_instance, ranking_rows
 from inexact_world import STATED_UNCERTAINTY, draw_world
 from outside_effects import OUTSIDE_EFFECTS, random_outside_instance
+from study_lines import append_missing, flight_key, study_parser
 
 from edl_filter.aero.increments import SYMBOLS
 from edl_filter.diagnosis.diagnosis import diagnose
@@ -186,13 +185,10 @@ def result_of(case):
 
 
 def main():
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = study_parser(__doc__, "study-results/inexact.jsonl")
     parser.add_argument("--clean", type=int, default=60, help="clean flights")
     parser.add_argument("--draws", type=int, default=2, help="flights of each effect and size")
     parser.add_argument("--first-seed", type=int, default=0, help="another number gives new flights")
-    parser.add_argument("--worker", type=int, default=0, help="number of this process among --workers")
-    parser.add_argument("--workers", type=int, default=1)
-    parser.add_argument("-o", "--output", type=Path, default=Path("study-results/inexact.jsonl"))
     parser.add_argument("--list", action="store_true", help="print the flights with their numbers, and end")
     parser.add_argument("--write", type=Path, metavar="FOLDER", help="write one flight and its world, and end")
     parser.add_argument("--flight", type=int, default=0, help="number of that flight")
@@ -209,7 +205,7 @@ def main():
         sets = (f"telemetry.path={mission.telemetry.path}", *STATED_UNCERTAINTY, *changes)
         print(f"edl-filter run builtin:{mission.name} " + " ".join(f"--set {s}" for s in sets))
     else:
-        append_missing(flights, result_of, a.output, a.worker, a.workers)
+        append_missing(flights, result_of, flight_key, a)
 
 
 if __name__ == "__main__":

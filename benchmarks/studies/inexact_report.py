@@ -17,11 +17,11 @@ import matplotlib
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 import numpy as np
-from flight_lines import read_lines
 from identification_report import DETECTABLE, standardised_errors
 from inexact import cases
 from outside_effects import OUTSIDE_EFFECTS
 from scipy.stats import beta
+from study_lines import read_lines
 
 #: Edges of the bins of probability.
 BINS = (0.0, 0.5, 0.8, 0.95, 0.99, 1.0)
@@ -442,7 +442,7 @@ def main():
     parser.add_argument("--page", type=Path, default=Path("docs/identification-inexact.md"))
     parser.add_argument("--figure", type=Path, default=Path("docs/figures/identification-inexact.png"))
     a = parser.parse_args()
-    lines = read_lines(a.files)
+    lines = [line for path in a.files for line in read_lines(path)]
     text = report(lines, Path(os.path.relpath(a.figure, a.page.parent)).as_posix())
     draw([x for x in lines if "verdict" in x], a.figure)
     a.page.write_text(text, encoding="utf-8")

@@ -9,7 +9,6 @@ errors of all other samples in common. ``python lost_seconds.py -o FILE.jsonl`` 
 
 from __future__ import annotations
 
-import argparse
 import shutil
 import tempfile
 from collections import defaultdict
@@ -20,10 +19,11 @@ from typing import Any
 
 import h5py
 import numpy as np
-from calibration import VEHICLES, append_line, complete_lines
+from calibration import VEHICLES
 from faults import THREE_SIGMAS, imu, outcome, removed
 from gaps import with_gap
 from scipy.stats import chi2
+from study_lines import append_line, computed, lines_so_far, read_lines, study_parser
 
 from edl_filter import Mission
 from edl_filter.errors import InputError
@@ -127,25 +127,28 @@ def report(rows: list[dict[str, Any]]) -> None:
         )
 
 
+def rows_of(case: tuple[str, int, int, tuple[int, ...]]) -> list[dict[str, Any]]:
+    """Outcomes of a flight, its seed, its number of times, and the times that are done."""
+    flight, seed, times, done = case
+    return list(of_rover(flight, set(done)) if flight in ROVERS else simulated(flight, seed, times, set(done)))
+
+
 def main() -> None:
     """Fly what is missing in the file, then report."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("-o", "--output", type=Path, default=Path("study-results/lost-seconds.jsonl"))
+    parser = study_parser(__doc__, "study-results/lost-seconds.jsonl")
     parser.add_argument("--flights", type=int, default=20, help="seeds of each vehicle")
     parser.add_argument("--times", type=int, default=50, help="lost seconds of each flight")
     arguments = parser.parse_args()
-    arguments.output.parent.mkdir(parents=True, exist_ok=True)
-    done: dict[tuple[str, int], set[int]] = defaultdict(set)
-    for row in complete_lines(arguments.output):
-        done[row["flight"], row["seed"]].add(row["number"])
-    for name in ROVERS:
-        for row in of_rover(name, done[name, 0]):
+    done: dict[tuple[str, int], list[int]] = defaultdict(list)
+    for row in lines_so_far(arguments.output):
+        done[row["flight"], row["seed"]].append(row["number"])
+    flights = [(rover, 0) for rover in ROVERS]
+    flights += [(vehicle, seed) for seed in range(200, 200 + arguments.flights) for vehicle in VEHICLES]
+    cases = [(*flight, arguments.times, tuple(done[flight])) for flight in flights]
+    for rows in computed(rows_of, cases, arguments.scheduler, arguments.workers):
+        for row in rows:
             append_line(arguments.output, row)
-    for seed in range(200, 200 + arguments.flights):
-        for vehicle in VEHICLES:
-            for row in simulated(vehicle, seed, arguments.times, done[vehicle, seed]):
-                append_line(arguments.output, row)
-    report(complete_lines(arguments.output))
+    report(read_lines(arguments.output))
 
 
 if __name__ == "__main__":

@@ -9,16 +9,17 @@ stopped, and reports.
 
 from __future__ import annotations
 
-import argparse
 from dataclasses import replace
+from functools import cache
+from itertools import product
 from pathlib import Path
 from typing import Any
 from unittest import mock
 
 import numpy as np
-from calibration import append_line, complete_lines
 from faults import FORCE, RATE, SAMPLE_FAULTS, THREE_SIGMAS
 from lost_seconds import ROVERS, at_deployment
+from study_lines import append_missing, read_lines, study_parser
 
 from edl_filter import Mission
 from edl_filter.errors import InputError
@@ -105,23 +106,33 @@ def report(rows: list[dict[str, Any]]) -> None:
             print(f"{row['flight']} {row['unit']} {row['fault']} at {row['time_s']:.0f} s: {answer(row)}, {detail}")
 
 
+@cache
+def flawless(rover: str) -> tuple[Mission, np.ndarray, float]:
+    """Mission of a rover, its state (6,) at the parachute's deployment without a fault, and the time of this, s."""
+    mission = Mission.load(f"builtin:{rover}")
+    deployed = load.event_times(mission, load.read_telemetry(mission))["parachute_deploy"]
+    complete, _ = at_deployment(reconstruct(mission, leave_one_out=False), deployed)
+    return mission, complete, deployed
+
+
+def line_of(case: tuple[str, str, str]) -> dict[str, Any]:
+    """Line of a rover, IMU and fault."""
+    rover, unit, name = case
+    mission, complete, deployed = flawless(rover)
+    return flown(mission, unit, name, (*TRANSIENT, *LASTING).index(name), complete, deployed)
+
+
+def case_of(row: dict[str, Any]) -> tuple[str, str, str]:
+    """Rover, IMU and fault of a line."""
+    return row["flight"], row["unit"], row["fault"]
+
+
 def main() -> None:
     """Fly what is missing in the file, then report."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("-o", "--output", type=Path, default=Path("study-results/rover-faults.jsonl"))
-    arguments = parser.parse_args()
-    arguments.output.parent.mkdir(parents=True, exist_ok=True)
-    done = {(row["flight"], row["unit"], row["fault"]) for row in complete_lines(arguments.output)}
-    for rover in ROVERS:
-        mission = Mission.load(f"builtin:{rover}")
-        telemetry = load.read_telemetry(mission)
-        deployed = load.event_times(mission, telemetry)["parachute_deploy"]
-        complete, _ = at_deployment(reconstruct(mission, leave_one_out=False), deployed)
-        for unit in UNITS:
-            for number, name in enumerate((*TRANSIENT, *LASTING)):
-                if (mission.name, unit, name) not in done:
-                    append_line(arguments.output, flown(mission, unit, name, number, complete, deployed))
-    report(complete_lines(arguments.output))
+    arguments = study_parser(__doc__, "study-results/rover-faults.jsonl").parse_args()
+    cases = list(product(ROVERS, UNITS, (*TRANSIENT, *LASTING)))
+    append_missing(cases, line_of, case_of, arguments)
+    report(read_lines(arguments.output))
 
 
 if __name__ == "__main__":

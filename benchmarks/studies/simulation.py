@@ -8,11 +8,11 @@ import argparse
 import tempfile
 import time
 from collections import defaultdict
-from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 
 import numpy as np
 from scipy.stats import chi2
+from study_lines import computed
 
 from edl_filter import Mission, rotations
 from edl_filter.pipeline.reconstruct import reconstruct
@@ -54,11 +54,12 @@ def flown(job):
 def main():
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--flights", type=int, default=50, help="of each scenario")
-    parser.add_argument("--workers", type=int, default=2)
+    parser.add_argument("--scheduler", help="address of a dask scheduler")
+    parser.add_argument("--workers", type=int, help="processes of this machine; by default one for each processor")
     arguments = parser.parse_args()
     for name in ("mer", "phoenix"):
-        with ProcessPoolExecutor(arguments.workers) as pool:
-            flights = list(pool.map(flown, [(name, seed) for seed in range(arguments.flights)]))
+        jobs = [(name, seed) for seed in range(arguments.flights)]
+        flights = list(computed(flown, jobs, arguments.scheduler, arguments.workers))
         print(f"\n{name}: {len(flights)} clean flights, {np.median([f[2] for f in flights]):.2f} s each to simulate")
         groups = defaultdict(list)
         for nis, _, _ in flights:

@@ -10,14 +10,14 @@ variations change the outcome of a comparison or a number that is used; the othe
 and have ``"decided": "no comparison changes"`` in their line. This is done for all flights first. The diagnosis is then
 repeated, and each remaining variation is continued in a copy of the process from where it first differs.
 
-    python benchmarks/studies/thresholds.py [--flights FOLDER] -o thresholds.jsonl [--worker K --workers N]
+    python benchmarks/studies/thresholds.py [--flights FOLDER] -o thresholds.jsonl [--workers N | --scheduler ADDRESS]
     python benchmarks/studies/thresholds.py --verify FLIGHT SETTING FACTOR [--flights FOLDER] -o thresholds.jsonl
     python benchmarks/studies/thresholds.py --report thresholds.jsonl
 """
 
-import argparse
-import json
 import os
+import subprocess
+import sys
 import time
 import traceback
 from contextlib import ExitStack
@@ -28,6 +28,7 @@ from unittest.mock import patch
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 from calibration_report import insert
+from study_lines import append_line, computed, lines_so_far, read_lines, study_parser
 from tracked_thresholds import TrackedSettings, Variations, fork, names_in, tracked_range
 
 from edl_filter import Mission
@@ -164,17 +165,11 @@ def tracked_run(path, keys, branch):
             plain |= refused
 
 
-def write_line(output, line):
-    """Append a line to the study's file."""
-    with output.open("a", encoding="utf-8") as file:
-        file.write(json.dumps(line) + "\n")
-
-
 def write_decided(path, keys, result, output):
     """Lines of variations that never differ from the defaults."""
     for name, factor in sorted(keys):
         line = {"flight": path.stem, "setting": name, "factor": factor, "decided": "no comparison changes"}
-        write_line(output, line | result)
+        append_line(output, line | result)
 
 
 def place():
@@ -198,7 +193,7 @@ def decide_by_comparisons(path, output):
     if differing:
         raise RuntimeError(f"{path.stem}: the diagnosis with tracked settings differs: {', '.join(differing)}")
     write_decided(path, tracked.pending, result, output)
-    write_line(output, line | {"remaining": remaining})
+    append_line(output, line | {"remaining": remaining})
 
 
 def compute_remaining(path, keys, output):
@@ -219,7 +214,7 @@ def compute_remaining(path, keys, output):
     name, factor = tracked.current
     if result:
         line = {"flight": path.stem, "setting": name, "factor": factor} | result
-        write_line(output, line | {"seconds": round(time.perf_counter() - begin, 1)})
+        append_line(output, line | {"seconds": round(time.perf_counter() - begin, 1)})
     os._exit(0)
 
 
@@ -227,7 +222,7 @@ def compute_separately(path, keys, output):
     """Lines of variations, each from a diagnosis of its own."""
     for key in sorted(keys):
         print(f"{path.stem}: {key} has no line from its copy of the process and is diagnosed", flush=True)
-        write_line(output, diagnosis_line(path, *key))
+        append_line(output, diagnosis_line(path, *key))
 
 
 def verify(path, name, factor, lines):
@@ -249,9 +244,18 @@ def remaining_keys(flight, lines, longest):
     return {(name, factor) for name, factor, time, _ in remaining if end - time < longest} - done
 
 
-def read_lines(path):
-    """Lines of the study so far."""
-    return [json.loads(text) for text in path.read_text().splitlines()] if path.is_file() else []
+def compute_flight(path, output, longest):
+    """Lines of one flight that the file does not contain."""
+    if not any(line["flight"] == path.stem and line["setting"] is None for line in lines_so_far(output)):
+        decide_by_comparisons(path, output)
+    for attempt in (compute_remaining, compute_separately):
+        if keys := remaining_keys(path.stem, lines_so_far(output), longest):
+            attempt(path, keys, output)
+
+
+def run_command(command):
+    """Run the study for one flight in a process of its own: `compute_remaining` copies its process."""
+    subprocess.run(command, check=True)
 
 
 def answer(line):
@@ -322,19 +326,17 @@ def number_text(value):
 
 
 def main():
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = study_parser(__doc__.splitlines()[0], "study-results/thresholds.jsonl")
     parser.add_argument(
         "--flights", type=Path, default=Path("tests/data/practice"), help="folder with practice_01.h5, …"
     )
-    parser.add_argument("-o", "--output", type=Path, default=Path("study-results/thresholds.jsonl"))
     parser.add_argument(
         "--longest",
         type=float,
         default=float("inf"),
         help="s; only variations that are continued for this long; 0: none",
     )
-    parser.add_argument("--worker", type=int, default=0)
-    parser.add_argument("--workers", type=int, default=1)
+    parser.add_argument("--flight", help="this flight only, in this process")
     parser.add_argument("--verify", nargs=3, metavar=("FLIGHT", "SETTING", "FACTOR"), help="against its own diagnosis")
     parser.add_argument("--report", type=Path, help="write docs/thresholds.md from this file")
     options = parser.parse_args()
@@ -349,15 +351,15 @@ def main():
         verify(paths[flight], name, float(factor), read_lines(options.output))
         return
     flights = sorted(paths.values(), key=lambda path: (path.stem not in FIRST, path.stem))
-    flights = flights[options.worker :: options.workers]
-    done = {line["flight"] for line in read_lines(options.output) if line["setting"] is None}
-    for path in flights:
-        if path.stem not in done:
-            decide_by_comparisons(path, options.output)
-    for path in flights:
-        for attempt in (compute_remaining, compute_separately):
-            if keys := remaining_keys(path.stem, read_lines(options.output), options.longest):
-                attempt(path, keys, options.output)
+    if options.flight is not None:
+        compute_flight(paths[options.flight], options.output, options.longest)
+        return
+    command = (sys.executable, __file__, "--flights", str(options.flights.resolve()))
+    for longest in (0.0, options.longest):
+        settings = "-o", str(options.output.resolve()), "--longest", str(longest)
+        commands = [(*command, *settings, "--flight", path.stem) for path in flights]
+        for _ in computed(run_command, commands, options.scheduler, options.workers):
+            pass
 
 
 if __name__ == "__main__":

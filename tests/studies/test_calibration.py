@@ -1,6 +1,7 @@
 """The calibration study: its cases, resumption, statistics, and twenty flights whose sigmas must be true."""
 
 import json
+import sys
 from pathlib import Path
 
 import calibration as study
@@ -8,6 +9,7 @@ import calibration_report as page
 import numpy as np
 import pytest
 from scipy.stats import chi2
+from study_lines import read_lines
 
 FLIGHTS = 20
 
@@ -69,16 +71,16 @@ def test_cases_are_given_by_their_numbers():
     assert all(c.imus == 2 for c in cases if not c.gap)
 
 
-def test_an_interrupted_study_goes_on_behind_its_last_complete_line(tmp_path, monkeypatch):
+@pytest.mark.usefixtures("in_this_process")
+def test_the_study_computes_the_cases_that_its_file_lacks(tmp_path, monkeypatch):
     run = []
     monkeypatch.setattr(study, "result_of", lambda c: run.append(c.number) or {"case": {"number": c.number}})
     path = tmp_path / "lines.jsonl"
-    study.run(path, 3)
-    with path.open("a") as file:
-        file.write('{"case": {"numb')  # torn by a kill
-    study.run(path, 5)
+    for flights in ("3", "5"):
+        monkeypatch.setattr(sys, "argv", ["calibration.py", "-o", str(path), "--flights", flights])
+        study.main()
     assert run == [0, 1, 2, 3, 4]
-    assert [line["case"]["number"] for line in study.complete_lines(path)] == [0, 1, 2, 3, 4]
+    assert [line["case"]["number"] for line in read_lines(path)] == run
 
 
 def test_lost_samples_and_a_missing_imu_are_in_the_file(tmp_path):

@@ -3,7 +3,6 @@
 import json
 import sys
 
-import flight_lines
 import identification as study
 import identification_report
 import numpy as np
@@ -55,12 +54,7 @@ def test_a_flight_that_tumbles_is_refused():
     assert "tumbles" in line["refused"] and "verdict" not in line
 
 
-def test_a_file_from_which_the_study_could_not_go_on_is_refused(tmp_path):
-    with pytest.raises(ValueError, match="ends in"):
-        flight_lines.append_missing([("mer", 0, (), 0.0)], lambda _: {}, tmp_path / "identification", 0, 1)
-    assert not list(tmp_path.iterdir())
-
-
+@pytest.mark.usefixtures("in_this_process")
 def test_flights_in_the_file_are_not_repeated_and_are_reported(line, tmp_path, monkeypatch, capsys):
     path = tmp_path / "study.jsonl"
     calls = []
@@ -74,15 +68,13 @@ def test_flights_in_the_file_are_not_repeated_and_are_reported(line, tmp_path, m
             or {"vehicle": case[0], "seed": case[1], "hidden": [], "part": 0.0, "verdict": "clean", "ranking": []}
         ),
     )
-    path.with_stem("study_0").write_text(json.dumps(line) + "\n")
+    path.write_text(json.dumps(line) + "\n")
     monkeypatch.setattr(sys, "argv", ["identification.py", "-o", str(path)])
     study.main()
     study.main()
     assert calls == [clean]
     figure = tmp_path / "confusion.png"
-    monkeypatch.setattr(
-        sys, "argv", ["identification_report.py", str(path.with_stem("study_0")), "--figure", str(figure)]
-    )
+    monkeypatch.setattr(sys, "argv", ["identification_report.py", str(path), "--figure", str(figure)])
     identification_report.main()
     printed = capsys.readouterr().out
     assert "| detectable effect | 1 | right name first: 1 |" in printed

@@ -203,10 +203,10 @@ def test_the_bootstrap_interval_is_that_of_independent_flights():
     np.testing.assert_allclose(inexact_report.bootstrap_interval(counts), exact, rtol=1e-12)
 
 
+@pytest.mark.usefixtures("in_this_process")
 def test_flights_in_the_file_are_not_repeated(tmp_path, monkeypatch):
     flights = study.cases()[:6]
     calls = []
-    monkeypatch.setattr(study, "cases", lambda *_: flights)
 
     def line_of(case):
         calls.append(case)
@@ -214,10 +214,11 @@ def test_flights_in_the_file_are_not_repeated(tmp_path, monkeypatch):
 
     monkeypatch.setattr(study, "result_of", line_of)
     output = tmp_path / "new" / "inexact.jsonl"
-    for worker in ("0", "1", "0"):
-        monkeypatch.setattr(sys, "argv", ["inexact.py", "-o", str(output), "--worker", worker, "--workers", "2"])
+    monkeypatch.setattr(sys, "argv", ["inexact.py", "-o", str(output)])
+    for total in (4, 6, 6):
+        monkeypatch.setattr(study, "cases", lambda *_, total=total: flights[:total])
         study.main()
-    assert calls == flights[::2] + flights[1::2]
+    assert calls == flights
 
 
 @pytest.mark.slow

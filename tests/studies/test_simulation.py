@@ -1,7 +1,6 @@
 """The study of reconstructions: one simulated flight, and the tables of a few."""
 
 import sys
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -25,20 +24,9 @@ def test_errors_and_innovations_of_a_flight_are_consistent(flight):
         assert nees < chi2.isf(1e-5, 9) / 9.0, phase
 
 
-def test_both_vehicles_are_in_the_tables(flight, monkeypatch, capsys):
+def test_both_vehicles_are_in_the_tables(flight, in_this_process, monkeypatch, capsys):
     jobs = []
-
-    class Serial:
-        def __init__(self, workers):
-            pass
-
-        def __enter__(self):
-            return SimpleNamespace(map=lambda function, items: [function(item) for item in items])
-
-        def __exit__(self, *_):
-            pass
-
-    monkeypatch.setattr(study, "ProcessPoolExecutor", Serial)
+    monkeypatch.setattr(study, "computed", in_this_process)
     monkeypatch.setattr(study, "flown", lambda job: jobs.append(job) or flight)
     monkeypatch.setattr(sys, "argv", ["simulation.py", "--flights", "2"])
     study.main()

@@ -5,6 +5,7 @@ import sys
 
 import pytest
 import thresholds as study
+from study_lines import read_lines
 
 from edl_filter.effects.registry import find_effect
 from edl_filter.errors import InputError
@@ -26,9 +27,9 @@ def lines(builtin_flight, one_candidate, tmp_path_factory):
     """Lines of the shipped flight with one candidate: defaults, what comparisons decide, and the last that differ."""
     path = tmp_path_factory.mktemp("thresholds") / "lines.jsonl"
     study.decide_by_comparisons(builtin_flight, path)
-    keys = study.remaining_keys(builtin_flight.stem, study.read_lines(path), 0.5)
+    keys = study.remaining_keys(builtin_flight.stem, read_lines(path), 0.5)
     study.compute_remaining(builtin_flight, keys, path)
-    return {(line["setting"], line["factor"]): line for line in study.read_lines(path)}
+    return {(line["setting"], line["factor"]): line for line in read_lines(path)}
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -81,6 +82,22 @@ def test_refused_settings_are_read_as_plain_numbers(builtin_flight, monkeypatch,
     assert "read as plain numbers: holds_share" in capsys.readouterr().out
 
 
+def test_every_flight_is_computed_twice_by_a_process_of_its_own(builtin_flight, in_this_process, tmp_path, monkeypatch):
+    """First with the variations that comparisons decide, for all flights, then with the others."""
+    commands = []
+    monkeypatch.setattr(study, "computed", lambda function, cases, *_: in_this_process(function, cases))
+    monkeypatch.setattr(study.subprocess, "run", lambda command, check: commands.append(command))
+    folder, path = tmp_path / "flights", tmp_path / "lines.jsonl"
+    folder.mkdir()
+    (folder / "practice_02.h5").touch()
+    monkeypatch.setattr(sys, "argv", ["thresholds.py", "--flights", str(folder), "-o", str(path)])
+    study.main()
+    fixed = [sys.executable, study.__file__, "--flights", str(folder), "-o", str(path), "--longest"]
+    assert [list(command) for command in commands] == [
+        [*fixed, longest, "--flight", flight] for longest in ("0.0", "inf") for flight in ("practice_06", "practice_02")
+    ]
+
+
 def test_study_has_a_line_of_each_variation_and_resumes(builtin_flight, tmp_path, monkeypatch):
     """With a function of three settings in place of the diagnosis."""
 
@@ -97,16 +114,16 @@ def test_study_has_a_line_of_each_variation_and_resumes(builtin_flight, tmp_path
     monkeypatch.setattr(study, "place", lambda: "here")
     monkeypatch.chdir(tmp_path)
     path = tmp_path / "lines.jsonl"
-    arguments = ["thresholds.py", "--flights", str(builtin_flight.parent), "-o", str(path)]
+    arguments = ["thresholds.py", "--flights", str(builtin_flight.parent), "-o", str(path), "--flight", "practice_06"]
     monkeypatch.setattr(sys, "argv", [*arguments, "--longest", "0"])
     study.main()
-    count = len(study.read_lines(path))
+    count = len(read_lines(path))
     monkeypatch.setattr(sys, "argv", arguments)
     study.main()
-    lines = study.read_lines(path)
+    lines = read_lines(path)
     assert len(lines) == count + 4 == len(study.variations()) + 1
     study.main()
-    assert study.read_lines(path) == lines
+    assert read_lines(path) == lines
     (tmp_path / "docs").mkdir()
     page = tmp_path / "docs/thresholds.md"
     page.write_text("before\n<!-- numbers: begin -->\nold\n<!-- numbers: end -->\nafter\n")

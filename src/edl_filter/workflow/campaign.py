@@ -146,7 +146,7 @@ def run_campaign(
     if program is not None:
         job = replace(job, program=program)
     stopped = ""
-    with _connections(scheduler, workers, patience_s) as connect:
+    with connections(scheduler, workers, patience_s) as connect:
         deadline = time.monotonic() + patience_s
         while True:
             client = connect()
@@ -270,8 +270,29 @@ class _Distribution:
 
 
 @contextmanager
-def _connections(scheduler: str | None, workers: int | None, patience_s: float) -> Iterator[Callable[[], Any]]:
-    """A function that connects, again where a connection was lost, and returns None if that fails for too long."""
+def connections(scheduler: str | None, workers: int | None, patience_s: float) -> Iterator[Callable[[], Any]]:
+    """Connections to a scheduler, or to a cluster of this machine that ends with the context.
+
+    Parameters
+    ----------
+    scheduler : str or None
+        Address of a dask scheduler; None: processes of this machine.
+    workers : int or None
+        Number of these; None: one for each processor.
+    patience_s : float
+        How long a scheduler is waited for, s.
+
+    Yields
+    ------
+    callable
+        Returns a client, again where a connection was lost, and None if that fails for too long.
+
+    Raises
+    ------
+    InputError
+        dask is not installed, or no scheduler answers at the first connection.
+    """
+    _require_dask()
     import dask
     from distributed import Client, LocalCluster
 
