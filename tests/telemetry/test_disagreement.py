@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 from edl_filter.effects.sensors import delayed
+from edl_filter.imu_model.sensor_errors import SensorErrors
 from edl_filter.mission import Mission
 from edl_filter.pipeline.load import read_telemetry
-from edl_filter.telemetry.disagreement import disagreements, independent_error
+from edl_filter.telemetry.disagreement import _pair, _variance, disagreements, independent_error
 from edl_filter.telemetry.flight_file import read_flight_file
 from edl_filter.telemetry.sample_checks import CheckSettings
 from edl_filter.telemetry.sample_repair import UNDECIDED, repaired, without_samples
@@ -107,6 +108,48 @@ def test_the_imus_of_the_rovers_agree(rover):
     end = rovers.events["parachute_deploy"] - 1.0
     for pair in ((rovers.driving, rovers.checking[0]), (rovers.checking[0], rovers.driving)):
         assert disagreements(*pair, end, PROBABILITY) == []
+
+
+@pytest.mark.parametrize("rover", ["mer_a", "mer_b"])
+@pytest.mark.parametrize("at_fault", [0, 1])
+def test_a_scale_that_changes_in_flight_is_no_misalignment(rover, at_fault):
+    """A misalignment of 1 mrad, which the rovers state, gives 1e-3 of the axial force to the lateral axes only."""
+    rovers = read_telemetry(Mission.load(f"builtin:{rover}"))
+    end = rovers.events["parachute_deploy"] - 1.0
+    for change, agree in ((1.01, False), (1.0003, True)):
+        records = [rovers.driving, rovers.checking[0]]
+        records[at_fault] = with_change(records[at_fault], FORCE, lambda v, change=change: change * v, start=151.0)
+        assert (disagreements(*records, end, PROBABILITY) == []) is agree
+
+
+def test_the_variance_of_the_parity_is_that_of_random_errors(telemetry):
+    """Biases, scale errors and misalignments of both IMUs are drawn with their stated sigmas, and the noise."""
+    random = np.random.default_rng(0)
+    records = [
+        replace(r, errors=(SensorErrors(0.02, 2e-3, 5e-3, 1e-4, 3e-3),))
+        for r in (telemetry.driving, telemetry.checking[0])
+    ]
+    pair = _pair(*records, END)
+    rows, draws = slice(800, 1200, 50), 20000  # high deceleration
+    for triad, own in (("force", pair.force), ("rate", pair.rate)):
+        values, expected = own[rows], _variance(pair, triad, own)[rows]
+        difference = np.zeros((draws, *values.shape))
+        for record in records:
+            e = record.errors[0]
+            sigmas = (
+                (record.force_noise[0], e.accelerometer_bias, e.accelerometer_scale, e.accelerometer_misalignment)
+                if triad == "force"
+                else (record.rate_noise[0], e.gyro_bias, e.gyro_scale, e.gyro_scale)
+            )
+            noise_sigma, bias, scale, misalignment = sigmas
+            matrix = misalignment * random.standard_normal((draws, 3, 3))
+            matrix[:, range(3), range(3)] = scale * random.standard_normal((draws, 3))
+            difference += np.einsum("dij,nj->dni", matrix, values)
+            difference += bias * random.standard_normal((draws, 1, 3))
+            difference += noise_sigma * random.standard_normal(difference.shape)
+        if triad == "force":
+            expected = expected - pair.arm_error[rows, None] ** 2
+        np.testing.assert_allclose(difference.var(axis=0), expected, rtol=6.0 * np.sqrt(2.0 / draws))
 
 
 def test_noise_that_is_stated_too_small_by_half_is_no_disagreement(telemetry):

@@ -297,7 +297,7 @@ def _squared_parity(pair: _Pair, triad: str, rows: BoolArray, delay: float) -> t
             delays[k], weights[k] = values[4], np.sum(change[fitted, k] ** 2)
         if weights.any():
             delay = float(np.clip(delay + np.average(delays, weights=weights), -_LARGEST_DELAY, _LARGEST_DELAY))
-    return np.sum(parity**2, axis=1) / _variance(pair, triad, own), delay
+    return np.sum(parity**2 / _variance(pair, triad, own), axis=1), delay
 
 
 def _arm_accelerations(pair: _Pair, rate: Array) -> list[Array]:
@@ -327,18 +327,29 @@ def _regressors(time: Array, own: Array, change: Array, columns: list[Array], ax
 
 
 def _variance(pair: _Pair, triad: str, own: Array) -> Array:
-    """Variance (N,) of each axis of the parity: noise of both IMUs, and stated errors that may vary in flight."""
+    """Variance (N, 3) of the parity: noise of both IMUs, and stated errors that may vary in flight.
+
+    A scale error is along the reading of its axis, a misalignment across the readings of the others. Gyros have no
+    stated misalignment; theirs counts as large as the scale error.
+    """
     nearest = pair.checked.index_at(pair.reference.time)
-    square = np.sum(own**2, axis=1)
-    variance = np.zeros(len(own))
+    along = own**2
+    across = np.sum(along, axis=1, keepdims=True) - along
+    variance = np.zeros_like(own)
     for record, rows in ((pair.reference, slice(None)), (pair.checked, nearest)):
         errors = record.errors[0]
-        if triad == "force":
-            relative = errors.accelerometer_scale**2 + errors.accelerometer_misalignment**2
-            variance += record.force_noise[rows] ** 2 + errors.accelerometer_bias**2 + relative * square
-        else:
-            variance += record.rate_noise[rows] ** 2 + errors.gyro_bias**2 + errors.gyro_scale**2 * square
-    return variance + pair.arm_error**2 if triad == "force" else variance
+        noise, bias, scale, misalignment = (
+            (
+                record.force_noise,
+                errors.accelerometer_bias,
+                errors.accelerometer_scale,
+                errors.accelerometer_misalignment,
+            )
+            if triad == "force"
+            else (record.rate_noise, errors.gyro_bias, errors.gyro_scale, errors.gyro_scale)
+        )
+        variance += noise[rows, None] ** 2 + bias**2 + scale**2 * along + misalignment**2 * across
+    return variance + pair.arm_error[:, None] ** 2 if triad == "force" else variance
 
 
 def _running_median(square: Array, record: ImuRecord) -> Array:
