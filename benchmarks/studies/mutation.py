@@ -85,6 +85,7 @@ TESTS = {
     "estimation/regression.py": ("estimation/test_regression.py",),
     "estimation/matern.py": ("estimation/test_matern.py",),
     "estimation/block_sparse.py": ("estimation/test_block_sparse.py", "estimation/test_kalman.py"),
+    "estimation/linear_state_space.py": ("estimation/test_linear_state_space.py",),
     "estimation/smoothing.py": ("estimation/test_smoothing.py",),
     "estimation/kalman.py": ("estimation/test_kalman.py",),
     "estimation/autoregression.py": ("estimation/test_autoregression.py",),

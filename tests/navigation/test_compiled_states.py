@@ -22,11 +22,12 @@ def test_states_and_their_errors_are_those_of_the_reference(layout):
     """With turns of about a radian, and with columns that are filled with the reference."""
     random = np.random.default_rng(5)
     reference, onboard = random_state(random, layout), state_places(layout)[-1]
-    points = random.standard_normal((5, layout.size))
+    points = random.standard_normal((8, layout.size))
     points[1, 6:9] = 0.0
-    points[3, 6:8] = 0.0
+    for k in range(3):  # turned about one axis, by less than one radian
+        points[3 + k, 6:9] = 0.3 * np.eye(3)[k]
     before = replace(reference, nav=reference.nav.copy(), errors=reference.errors.copy())
-    for columns in (5, 8):
+    for columns in (8, 12):
         states = states_of_points(reference.nav, reference.errors, points, columns, onboard)
         for array, expected in zip(states, sigma_states(reference, points, columns), strict=True):
             np.testing.assert_allclose(array, expected, rtol=1e-14, atol=1e-14)
