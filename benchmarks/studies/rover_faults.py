@@ -2,9 +2,10 @@
 
 Each fault of `faults.SAMPLE_FAULTS` that changes values is put into the columns of one IMU of the table HIGHRATE, whose
 other IMU is complete up to the backshell's separation, at a random time between `FIRST_S` and `BEFORE_DEPLOYMENT_S`
-before the parachute. The truth is unknown: position and velocity at the parachute's deployment are compared with those
-of the flawless telemetry, in the sigmas of the former. ``python rover_faults.py -o FILE.jsonl`` goes on where it
-stopped, and reports.
+before the parachute. Those of a stretch of forces are also put into the accelerations of the table TRANSFORMED, at a
+random time in `BEFORE_HIGHRATE_S`. The truth is unknown: position and velocity at the parachute's deployment are
+compared with those of the flawless telemetry, in the sigmas of the former. ``python rover_faults.py -o FILE.jsonl``
+goes on where it stopped, and reports.
 """
 
 from __future__ import annotations
@@ -29,6 +30,8 @@ from edl_filter.pipeline.trust import judge
 from edl_filter.telemetry.mer_archive import SAMPLE_INTERVAL, MerTables, read_mer_tables
 
 UNITS = ("backshell", "rover")
+#: In place of a unit: the accelerations of TRANSFORMED, which are the backshell's, at the centre of mass.
+ACCELERATIONS = "TRANSFORMED"
 #: Faults of a stretch of the telemetry, and those that last to its end.
 TRANSIENT = (
     "spike in force", "spike in rate", "burst in force", "burst in rate", "NaN rows", "zeros", "stuck force",
@@ -39,25 +42,33 @@ LASTING = (
     "coarse, rounded", "sign of a force axis", "sign of a rate axis", "axes exchanged", "force scale of 1 %",
     "rate scale of 1 %", "force bias", "rate bias", "force ramp", "rate ramp",
 )  # fmt: skip
-#: HIGHRATE begins at 90 s; the time before the parachute, s.
-FIRST_S, BEFORE_DEPLOYMENT_S = 95.0, 15.0
+#: Faults of a stretch of the forces alone.
+OF_FORCES = tuple(name for name in TRANSIENT if "rate" not in name and name != "saturated force")
+#: HIGHRATE begins at 90 s; the time before the parachute; times of faults in TRANSFORMED, s.
+FIRST_S, BEFORE_DEPLOYMENT_S, BEFORE_HIGHRATE_S = 95.0, 15.0, (40.0, 85.0)
 
 
 def with_fault(tables: MerTables, epoch: float, unit: str, name: str, at: float, seed: list[int]) -> MerTables:
-    """Tables with a fault in the increments of one IMU from the time `at` on, s since the `epoch` (clock count)."""
-    keys = {FORCE: f"{unit}_velocity_increment", RATE: f"{unit}_angle_increment"}
-    time = tables.highrate.sclk - epoch
-    data = {key: getattr(tables.highrate, attribute) / SAMPLE_INTERVAL for key, attribute in keys.items()}
-    data["time"] = time.copy()
+    """Tables with a fault in the columns of one IMU from the time `at` on, s since the `epoch` (clock count)."""
+    if unit == ACCELERATIONS:
+        part, keys, interval = "transformed", {FORCE: "backshell_acceleration"}, 1.0
+    else:
+        part, interval = "highrate", SAMPLE_INTERVAL
+        keys = {FORCE: f"{unit}_velocity_increment", RATE: f"{unit}_angle_increment"}
+    table = getattr(tables, part)
+    time = table.sclk - epoch
+    data = {key: getattr(table, attribute) / interval for key, attribute in keys.items()}
+    data |= {"time": time.copy()} | ({} if RATE in data else {RATE: np.zeros_like(data[FORCE])})
     changed = SAMPLE_FAULTS[name](data, int(np.searchsorted(time, at)), np.random.default_rng(seed)) or data
-    increments = {attribute: changed[key] * SAMPLE_INTERVAL for key, attribute in keys.items()}
-    return replace(tables, highrate=replace(tables.highrate, **increments))
+    columns = {attribute: changed[key] * interval for key, attribute in keys.items()}
+    return replace(tables, **{part: replace(table, **columns)})
 
 
 def flown(mission: Mission, unit: str, name: str, number: int, complete: np.ndarray, deployed: float) -> dict[str, Any]:
     """Outcome of one fault."""
-    seed = [number, UNITS.index(unit)]
-    at = float(np.random.default_rng(seed).uniform(FIRST_S, deployed - BEFORE_DEPLOYMENT_S))
+    seed = [number, (*UNITS, ACCELERATIONS).index(unit)]
+    times = BEFORE_HIGHRATE_S if unit == ACCELERATIONS else (FIRST_S, deployed - BEFORE_DEPLOYMENT_S)
+    at = float(np.random.default_rng(seed).uniform(*times))
     epoch = load.mer_setup(mission).epoch_sclk
 
     def read(path: Path, spacecraft: int) -> MerTables:
@@ -93,8 +104,15 @@ def answer(row: dict[str, Any]) -> str:
 def report(rows: list[dict[str, Any]]) -> None:
     """Print a table of the answers, and a line for each one that is not right."""
     print("| faults | tried | right | flagged | refused with a message | lost |\n|---|---|---|---|---|---|")
-    for label, names in (("of a stretch", TRANSIENT), ("that last to the end", LASTING)):
-        answers = [answer(row) for row in rows if row["fault"] in names]
+    increments, accelerations = (
+        [row for row in rows if (row["unit"] == ACCELERATIONS) is chosen] for chosen in (False, True)
+    )
+    for label, group, names in (
+        ("of a stretch of HIGHRATE", increments, TRANSIENT),
+        ("of HIGHRATE that last to the end", increments, LASTING),
+        ("of a stretch of TRANSFORMED", accelerations, OF_FORCES),
+    ):
+        answers = [answer(row) for row in group if row["fault"] in names]
         counts = " | ".join(str(answers.count(kind)) for kind in ("right", "flagged", "refused", "lost"))
         print(f"| {label} | {len(answers)} | {counts} |")
     for row in rows:
@@ -130,7 +148,7 @@ def case_of(row: dict[str, Any]) -> tuple[str, str, str]:
 def main() -> None:
     """Fly what is missing in the file, then report."""
     arguments = study_parser(__doc__, "study-results/rover-faults.jsonl").parse_args()
-    cases = list(product(ROVERS, UNITS, (*TRANSIENT, *LASTING)))
+    cases = [*product(ROVERS, UNITS, (*TRANSIENT, *LASTING)), *product(ROVERS, [ACCELERATIONS], OF_FORCES)]
     append_missing(cases, line_of, case_of, arguments)
     report(read_lines(arguments.output))
 

@@ -189,8 +189,9 @@ def test_on_board_attitude_is_used_with_gyros_and_not_inside_the_gap(rover):
 def test_transformed_alignment_is_subtracted(rover):
     mission, tables, setup, _ = rover
     key = "telemetry.imus.backshell.transformed_alignment_deg=[0, 0]"
-    uncorrected = transformed_segment(tables, mer_setup(Mission.load(mission.source, [key])), 80.0)
-    corrected = transformed_segment(tables, setup, 80.0)
+    uncorrected, _ = transformed_segment(tables, mer_setup(Mission.load(mission.source, [key])), 80.0)
+    corrected, findings = transformed_segment(tables, setup, 80.0)
+    assert findings == []
     ratio = (uncorrected.force - corrected.force)[:, 1:] / corrected.force[:, :1]
     expected = np.radians(mission.telemetry.imus["backshell"].transformed_alignment_deg)
     np.testing.assert_allclose(ratio[-40:], np.tile(expected, (40, 1)), rtol=1e-9)
@@ -246,6 +247,29 @@ def with_increments(tables, unit, change):
 
 def row_at(tables, setup, time):
     return int(np.searchsorted(tables.highrate.sclk - setup.epoch_sclk, time))
+
+
+@pytest.mark.parametrize(("kind", "value"), [("all_zero", 0.0), ("not_finite", np.nan), ("duplicated", None)])
+def test_accelerations_that_no_sensor_can_have_read_are_filled_from_the_other_imu(kind, value, rover):
+    """Of TRANSFORMED, before the increments begin; None: the packet is repeated. The rates are left."""
+    _, tables, setup, telemetry = rover
+    acceleration = tables.transformed.backshell_acceleration.copy()
+    first = int(np.searchsorted(tables.transformed.sclk - setup.epoch_sclk, 80.0))
+    acceleration[first + 1 : first + 17] = acceleration[first] if value is None else value
+    read = mer_telemetry(
+        replace(tables, transformed=replace(tables.transformed, backshell_acceleration=acceleration)), setup
+    )
+    (finding,) = read.findings
+    assert (finding.imu, finding.channel, finding.kind, finding.samples) == ("driving", "force", kind, 16)
+    lost = (read.driving.time > finding.start + 0.01) & (read.driving.time < finding.end + 0.01)
+    assert np.isnan(read.driving.specific_force[lost]).all() and lost.sum() == 16
+    np.testing.assert_array_equal(read.driving.angular_rate, telemetry.driving.angular_rate)
+    filled = repaired(read, parachute=setup.events["parachute_deploy"]).driving
+    interval = filled.interval[lost, None]
+    difference = np.sum((filled.specific_force - telemetry.driving.specific_force)[lost] * interval, axis=0)
+    variance = (filled.force_fill_sigma[lost] ** 2 + filled.force_noise[lost][:, None] ** 2) * interval**2
+    sigma = np.sqrt(np.sum(variance, axis=0))
+    assert np.all(np.abs(difference) < 3.0 * sigma) and np.all(sigma < 0.5)  # m/s, of about 55
 
 
 class TestLostIncrements:

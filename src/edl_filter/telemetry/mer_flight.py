@@ -23,6 +23,7 @@ from edl_filter.telemetry.joining import Segment, join
 from edl_filter.telemetry.mer_archive import SAMPLE_INTERVAL, MerTables
 from edl_filter.telemetry.mer_segments import (
     HIGHRATE,
+    TRANSFORMED,
     UNITS,
     MerImu,
     MerSetup,
@@ -52,14 +53,14 @@ def mer_telemetry(tables: MerTables, setup: MerSetup, settings: CheckSettings | 
     setup : MerSetup
         Calibration, times and frames of the mission.
     settings : CheckSettings, optional
-        Thresholds of the checks of HIGHRATE's increments.
+        Thresholds of the checks of TRANSFORMED's accelerations and HIGHRATE's increments.
 
     Returns
     -------
     Telemetry
         `driving` is joined from the three products; `checking` is the rover's IMU up to separation, from its register
         before HIGHRATE, or the backshell's where the rover's drives before separation; `attitude` is the quaternion of
-        the IMU that drives. Increments that no sensor can have read are NaN, and stand in `findings`.
+        the IMU that drives. What no sensor can have read is NaN, and stands in `findings`.
 
     Raises
     ------
@@ -82,12 +83,13 @@ def mer_telemetry(tables: MerTables, setup: MerSetup, settings: CheckSettings | 
         )
     backshell, lost_of_backshell = highrate_segment(tables, setup, "backshell", settings)
     rover, lost_of_rover = highrate_segment(tables, setup, "rover", settings)
+    transformed, lost_before = transformed_segment(tables, setup, backshell.start, settings)
     handover = _handover(tables, setup)
     driving_backshell = backshell.between(-np.inf, change)
     driving_rover = _continue_from(rover.between(change - INCREMENT, handover), driving_backshell.time[-1])
     errors = tuple(setup.imus[unit].errors for unit in UNITS)
     segments = [
-        transformed_segment(tables, setup, until=backshell.start),
+        transformed,
         *_at_current_position(setup, fill_highrate_gaps(tables, setup, driving_backshell)),
         *_at_current_position(setup, fill_highrate_gaps(tables, setup, driving_rover)),
         *register_segment(tables, setup, handover, np.inf),
@@ -120,18 +122,19 @@ def mer_telemetry(tables: MerTables, setup: MerSetup, settings: CheckSettings | 
         epoch_sclk=setup.epoch_sclk,
         files=tables.files,
         notes=tables.notes,
-        findings=_of_records([*lost_of_backshell, *lost_of_rover], records),
+        findings=_of_records([*lost_before, *lost_of_backshell, *lost_of_rover], records),
     )
 
 
 def _of_records(findings: Sequence[SampleFinding], records: Sequence[ImuRecord]) -> tuple[SampleFinding, ...]:
-    """Findings of HIGHRATE, whose `imu` is the unit, with the name of the record that has the sample."""
+    """Findings of the tables, whose `imu` is the unit, with the name of the record that has the sample."""
     named = []
     for finding in findings:
         for record in records:
             index = int(record.index_at(np.array([finding.start + 0.5 * SAMPLE_INTERVAL]))[0])
-            origin = record.units[record.unit[index]], record.sources[record.source[index]]
-            if record.start <= finding.start + SAME_TIME < record.time[-1] and origin == (finding.imu, HIGHRATE):
+            unit, source = record.units[record.unit[index]], record.sources[record.source[index]]
+            checked = unit == finding.imu and source in (TRANSFORMED, HIGHRATE)
+            if record.start <= finding.start + SAME_TIME < record.time[-1] and checked:
                 named.append(replace(finding, imu=record.name))
     return tuple(named)
 

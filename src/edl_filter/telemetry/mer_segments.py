@@ -33,8 +33,8 @@ MAX_ROUNDING_SIGMA = 2e-5
 REGISTER_STEP = 0.25
 #: Sources of samples with a calibration of their own.
 UNITS = ("backshell", "rover", "register")
-#: Source of the samples of the increments.
-HIGHRATE = "HIGHRATE"
+#: Sources of the samples of the on-board navigation and of the increments.
+TRANSFORMED, HIGHRATE = "TRANSFORMED", "HIGHRATE"
 
 
 @dataclass(frozen=True)
@@ -141,27 +141,51 @@ def _usable(quaternion: Array, sigma: Array) -> BoolArray:
     return np.isfinite(quaternion[:, 0]) & (sigma < MAX_ROUNDING_SIGMA)
 
 
-def transformed_segment(tables: MerTables, setup: MerSetup, until: float) -> Segment:
-    """TRANSFORMED up to `until` (s): force at the centre of mass, and rates from the backshell's quaternion.
+def transformed_segment(
+    tables: MerTables, setup: MerSetup, until: float, settings: CheckSettings | None = None
+) -> tuple[Segment, list[SampleFinding]]:
+    """TRANSFORMED up to a time: force at the centre of mass, and rates from the backshell's quaternion.
 
     The lateral error of the on-board transform is subtracted, so that these samples and those of HIGHRATE have the same
     alignment. The on-board software divides two increments of velocity by their nominal length; here it is that of the
     IMU's clock. Rates at quaternions with a large rounding error are computed from the neighbouring quaternions.
+
+    Parameters
+    ----------
+    tables : MerTables
+        Cleaned tables.
+    setup : MerSetup
+        Constants of the mission.
+    until : float
+        Last time, s since the epoch.
+    settings : CheckSettings, optional
+        Thresholds of the checks of the stored accelerations (`lost_readings`).
+
+    Returns
+    -------
+    segment : Segment
+        Lost forces are NaN.
+    findings : list of SampleFinding
+        What is lost; `imu` is the unit, an axis that of the archive's spacecraft.
     """
     t, imu = tables.transformed, setup.imus["backshell"]
     time = sample_end(tables, setup, "backshell", t.sclk)
     rows = np.flatnonzero(time <= until + SAME_TIME)
     nominal = 2.0 * SAMPLE_INTERVAL
     length = time[rows] - sample_end(tables, setup, "backshell", t.sclk[rows] - nominal)
-    time, force = time[rows], t.backshell_acceleration[rows] * (nominal / length)[:, None]
+    time, stored = time[rows], t.backshell_acceleration[rows]
+    checked, findings = lost_readings(
+        time[1:], stored[1:], nominal, "backshell", highest_readings(nominal), settings or CheckSettings()
+    )
+    force = np.vstack((stored[:1], checked)) * (nominal / length)[:, None]
     if imu.transformed_alignment is not None:
         force[:, :2] -= imu.transformed_alignment * force[:, 2:]
     sigma = t.backshell_sigma[rows]
     rate, rounding = _quaternion_rates(time, t.backshell_j2000_from_sc[rows], sigma)
     gyro_noise = imu.gyro_noise * np.sqrt(SAMPLE_INTERVAL / np.diff(time))
     n = len(time) - 1
-    return Segment(
-        source="TRANSFORMED",
+    segment = Segment(
+        source=TRANSFORMED,
         unit="backshell",
         time=time[1:],
         interval=np.diff(time),
@@ -173,6 +197,7 @@ def transformed_segment(tables: MerTables, setup: MerSetup, until: float) -> Seg
         shared_rate_noise=gyro_noise,
         coning_corrected=True,
     )
+    return segment, in_body_axes(findings, BODY_FROM_SPACECRAFT)
 
 
 def _quaternion_rates(time: Array, quaternion: Array, sigma: Array) -> tuple[Array, Array]:

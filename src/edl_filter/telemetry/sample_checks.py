@@ -183,8 +183,8 @@ def lost_readings(
     ----------
     time : (N,) array
         Increasing, s.
-    readings : (N, 6) array
-        Specific force (m/s²) and angular rate (rad/s), axes of the IMU.
+    readings : (N, 6) or (N, 3) array
+        Specific force (m/s²), and angular rate (rad/s) where it is read, axes of the IMU.
     interval : float
         Sampling interval, s.
     imu : str
@@ -196,13 +196,16 @@ def lost_readings(
 
     Returns
     -------
-    readings : (N, 6) array
+    readings : (N, 6) or (N, 3) array
     findings : list of SampleFinding
         Their limits are in the axes of the IMU (`in_body_axes`).
     """
     findings: list[SampleFinding] = []
     readings = readings.copy()
-    for triad, name, limit in ((slice(0, 3), "force", limits[0]), (slice(3, 6), "rate", limits[1])):
+    channels = CHANNELS[: readings.shape[1]]
+    triads = [(slice(0, 3), "force", limits[0]), (slice(3, 6), "rate", limits[1])][: len(channels) // 3]
+    row = "all" if len(triads) == 2 else "force"
+    for triad, name, limit in triads:
         broken = ~finite_rows(readings[:, triad])
         beyond = np.linalg.norm(np.nan_to_num(readings[:, triad], nan=0.0, posinf=0.0, neginf=0.0), axis=1) > limit
         for kind, lost in (("not_finite", broken), ("out_of_range", beyond & ~broken)):
@@ -212,12 +215,12 @@ def lost_readings(
         return readings, findings
     zero = _improbable_zeros(readings, settings.false_alarm_probability)
     if zero.any():
-        findings += findings_of(imu, "all", "all_zero", zero, time, interval)
+        findings += findings_of(imu, row, "all_zero", zero, time, interval)
         readings[zero] = np.nan
     repeated = _repeated_rows(readings)
-    findings += findings_of(imu, "all", "duplicated", repeated, time, interval)
+    findings += findings_of(imu, row, "duplicated", repeated, time, interval)
     readings[repeated] = np.nan
-    for column, name in enumerate(CHANNELS):
+    for column, name in enumerate(channels):
         values = readings[:, column].copy()
         triad = slice(0, 3) if column < 3 else slice(3, 6)
         for a, b in stuck_runs(values, settings.false_alarm_probability):
