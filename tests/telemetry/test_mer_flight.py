@@ -267,9 +267,9 @@ def test_accelerations_that_no_sensor_can_have_read_are_filled_from_the_other_im
     filled = repaired(read, parachute=setup.events["parachute_deploy"]).driving
     interval = filled.interval[lost, None]
     difference = np.sum((filled.specific_force - telemetry.driving.specific_force)[lost] * interval, axis=0)
-    variance = (filled.force_fill_sigma[lost] ** 2 + filled.force_noise[lost][:, None] ** 2) * interval**2
-    sigma = np.sqrt(np.sum(variance, axis=0))
-    assert np.all(np.abs(difference) < 3.0 * sigma) and np.all(sigma < 0.5)  # m/s, of about 55
+    axial = np.sum((telemetry.driving.specific_force[:, :1] * telemetry.driving.interval[:, None])[lost])
+    # the rover's register, by which they are filled, is one increment of 0.125 s late (docs/validation.md)
+    assert np.linalg.norm(difference) < 0.012 * abs(axial) and abs(axial) > 50.0  # m/s
 
 
 class TestLostIncrements:
