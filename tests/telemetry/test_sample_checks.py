@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from edl_filter.telemetry.sample_checks import CheckSettings, interpolation_error, lost_readings
+from edl_filter.telemetry.sample_checks import CheckSettings, in_body_axes, interpolation_error, lost_readings
 
 
 def _quantised_flight(seed=0, count=4000, step=0.05):
@@ -28,6 +28,24 @@ def test_packets_of_zeros_where_the_readings_are_many_steps_are_lost(row, count)
     assert (finding.kind, finding.samples) == ("all_zero", count)
     assert np.isnan(out[row : row + count]).all()
     assert np.isfinite(np.delete(out, slice(row, row + count), axis=0)).all()
+
+
+@pytest.mark.parametrize(
+    ("centre", "low", "high", "limit"),
+    [(4.0, -np.inf, 5.0, 5.0), (-4.0, -5.0, np.inf, -5.0), (4.0, 3.0, np.inf, None), (0.5, 0.0, np.inf, None)],
+)
+def test_a_saturated_axis_has_a_limit_where_its_reading_is_the_farthest_from_zero(centre, low, high, limit):
+    """The true value is beyond it; an axis that is stuck at its value nearest to zero has no such bound."""
+    count = 4000
+    readings = np.random.default_rng(1).standard_normal((count, 6))
+    motion = centre + 1.5 * np.sin(0.01 * np.arange(count)) + 0.01 * readings[:, 1]
+    readings[:, 1] = np.clip(motion, low, high)
+    _, findings = lost_readings(0.01 * np.arange(1, count + 1), readings, 0.01, "a", (1e3, 10.0), CheckSettings())
+    assert {(f.channel, f.kind) for f in findings} == {("force y", "saturated")}
+    expected = None if limit is None else (0.0, limit, 0.0)
+    assert {f.limit for f in findings} == {expected}
+    turned = in_body_axes(findings, np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]))
+    assert {f.limit for f in turned} == {None if limit is None else (limit, 0.0, 0.0)}
 
 
 def test_a_sample_is_interpolated_as_the_cubic_through_its_four_neighbours():

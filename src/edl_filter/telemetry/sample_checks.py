@@ -225,13 +225,16 @@ def lost_readings(
         triad = slice(0, 3) if column < 3 else slice(3, 6)
         for a, b in stuck_runs(values, settings.false_alarm_probability):
             nearby = values[max(0, a - _REPEAT_REACH) : b + _REPEAT_REACH]
-            kind = "saturated" if values[a] in (np.nanmin(nearby), np.nanmax(nearby)) else "stuck"
+            lowest, highest = np.nanmin(nearby), np.nanmax(nearby)
+            kind = "saturated" if values[a] in (lowest, highest) else "stuck"
             lost = np.zeros(len(time), bool)
             lost[a:b] = True
             reading = None
             if kind == "saturated":  # single samples at the limit, too
                 lost = (values == values[a]) & np.isfinite(readings[:, column])
-                reading = _vector(values[a] * np.eye(3)[column % 3])
+                farthest = highest if values[a] > 0.0 else lowest  # a range of an instrument is on both sides of zero
+                if values[a] == farthest and values[a] != 0.0:
+                    reading = _vector(values[a] * np.eye(3)[column % 3])
             findings += [replace(f, limit=reading) for f in findings_of(imu, name, kind, lost, time, interval)]
             readings[lost, triad] = np.nan
     return readings, findings
