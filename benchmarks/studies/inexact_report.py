@@ -409,7 +409,7 @@ def draw(lines, path):
     left.set_title("Reliability; numbers are counts of names")
     left.set_xlim(-0.03, 1.03)
     rows = [row for row in detection(lines) if row[3]]
-    _plot_shares(right, [row[2] for row in rows], [(row[4], row[3]) for row in rows], "o", "named", (-14, 4))
+    _plot_shares(right, [row[2] for row in rows], [(row[4], row[3]) for row in rows], "o", "named", (-9, 3))
     _plot_shares(
         right, [1.06 * row[2] for row in rows], [(row[5], row[3]) for row in rows], "^",
         "named, undecided or unknown", None,
@@ -419,9 +419,9 @@ def draw(lines, path):
     right.set_xlabel("size of the hidden effect in smallest detectable sizes")
     right.set_ylabel("share of flights, with its 95 % interval")
     right.set_title("Detection; numbers are counts of flights")
-    for ax, place in ((left, "upper left"), (right, "lower right")):
-        ax.set_ylim(-0.03, 1.03)
-        ax.legend(loc=place)
+    for ax in (left, right):
+        ax.set_ylim(-0.03, 1.06)
+        ax.legend(loc="upper center", bbox_to_anchor=(0.5, -0.14), ncol=3, frameon=False)
     path.parent.mkdir(parents=True, exist_ok=True)
     fig.savefig(path, dpi=110)
     plt.close(fig)
