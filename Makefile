@@ -12,6 +12,7 @@
 #   make study-faults       faults of an IMU's samples in simulated flights: how many are repaired (an hour; goes on)
 #   make study-rover-faults  faults of one IMU in the telemetry of Spirit and Opportunity (ten minutes; goes on)
 #   make study-velocity-register  when the rovers' computer added an increment to its velocity register (seconds)
+#   make study-imu-difference  how the rovers' two IMUs differ, and what is filled from the other one (two minutes)
 #   make study-lost-seconds  a second of the first IMU lost at 50 times of 40 flights: do the errors agree with the sigmas
 #   make study-dynamics-filling  lost stretches filled by an autoregression and by rotational dynamics (ten minutes)
 #   make study-kills        kill -9 at 50 moments of run, diagnose, improve and campaign: is a result ever torn (ten minutes)
@@ -40,7 +41,7 @@ BENCH_STAMP := .venv/installed-bench
 COVERAGE_STAMP := .venv/installed-coverage
 FAST := not browser and not notebook and not slow and (not effects or representative)
 
-.PHONY: demo test coverage notebooks test-browser test-effects lint types layers bench docs study study-inexact study-simulation study-closure study-filters study-thresholds study-comparators study-cross-prediction study-moment-regression thesis-claims clean fuzz study-faults study-rover-faults study-velocity-register study-lost-seconds study-dynamics-filling study-kills study-mutation calibrate
+.PHONY: demo test coverage notebooks test-browser test-effects lint types layers bench docs study study-inexact study-simulation study-closure study-filters study-thresholds study-comparators study-cross-prediction study-moment-regression thesis-claims clean fuzz study-faults study-rover-faults study-velocity-register study-imu-difference study-lost-seconds study-dynamics-filling study-kills study-mutation calibrate
 
 demo: $(STAMP)
 	$(BIN)/edl-filter demo -o demo-results
@@ -120,6 +121,9 @@ study-rover-faults: $(STAMP)
 
 study-velocity-register: $(STAMP)
 	$(BIN)/python benchmarks/studies/velocity_register.py
+
+study-imu-difference: $(STAMP)
+	$(BIN)/python benchmarks/studies/imu_difference.py
 
 study-lost-seconds: $(STAMP)
 	$(BIN)/python benchmarks/studies/lost_seconds.py -o study-results/lost-seconds.jsonl

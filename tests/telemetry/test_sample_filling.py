@@ -198,6 +198,28 @@ def test_the_drag_of_a_full_canopy_is_extrapolated_as_it_decelerates():
     assert np.all(steep.values >= -4.0 * 60.0 * np.exp(-3.0 * time[10])) and np.all(np.isfinite(steep.values))
 
 
+def test_the_other_imu_need_not_be_linear(builtin_flight):
+    """Its axial force differs as that of both rovers' IMUs does: 0.03 m/s² at 12 m/s², as much less at 48 m/s²."""
+    telemetry = read_flight_file(builtin_flight)
+    second = telemetry.checking[0]
+    force = second.specific_force.copy()
+    axial = -force[:, 0]
+    force[:, 0] += 2.65e-6 * axial * (axial - 30.0) * (axial - 61.0)
+    pair = replace(telemetry, checking=(replace(second, specific_force=force),))
+    record = telemetry.driving
+    outcomes = []
+    for begin in np.arange(60.0, 240.0, 12.0):
+        lost = (record.time > begin) & (record.time <= begin + 5.0)
+        missing = replace(record, specific_force=np.where(lost[:, None], np.nan, record.specific_force))
+        complete = repaired(replace(pair, driving=missing), parachute=252.75).driving
+        difference = (complete.specific_force - record.specific_force)[lost, 0] @ record.interval[lost]
+        variance = complete.force_fill_sigma[lost, 0] ** 2 + record.force_noise[lost] ** 2
+        outcomes.append((difference, np.sqrt(np.sum(record.interval[lost] ** 2 * variance))))
+    error, sigma = np.array(outcomes).T
+    assert np.abs(error / sigma).max() < 3.0 and np.sqrt(np.mean((error / sigma) ** 2)) < 1.3
+    assert sigma.max() < 0.06  # m/s; constant errors of the calibration would leave up to 0.2
+
+
 def test_a_saturated_sample_that_its_neighbours_fill_is_at_the_limit_with_the_missed_part_as_sigma(builtin_flight):
     record = read_flight_file(builtin_flight).driving
     force = np.tile([-20.0, 1.0, 2.0], (len(record), 1))

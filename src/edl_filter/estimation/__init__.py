@@ -7,8 +7,9 @@ Read in this order: `block_sparse` (matrices with one pattern of non-zero elemen
 state-space model and those derived from it), `kalman` (the Kalman filter that whitens measurements under it, and one
 Kalman update), `smoothing` (backward recursions: smoothed states, their covariance between steps, precision-weighted
 residuals), `matern` (Matérn processes in state-space form), `regression` (Bayesian linear regression on white rows),
-`autoregression` (interpolation of a missing stretch of a series, with its covariance), `interpolating_spline` (spline
-through values, or through the integral of a series), `small_matrices` (algebra for compiled loops), `random_fields`
+`autoregression` (interpolation of a missing stretch of a series, with its covariance), `gauss_markov` (a Gauss-Markov
+process in white noise, in a stretch without observations), `interpolating_spline` (spline through values, or through
+the integral of a series), `small_matrices` (algebra for compiled loops), `random_fields`
 (correlation and realisations of smooth Gaussian processes), `parallel` (threads for compiled loops).
 
 References: Särkkä, Bayesian Filtering and Smoothing (2013); Durbin and Koopman, Time Series Analysis by State Space

@@ -22,6 +22,7 @@ from edl_filter.telemetry.increment_clock import INCREMENT
 from edl_filter.telemetry.joining import Segment, join
 from edl_filter.telemetry.mer_archive import SAMPLE_INTERVAL, MerTables
 from edl_filter.telemetry.mer_segments import (
+    BODY_FROM_SPACECRAFT,
     HIGHRATE,
     TRANSFORMED,
     UNITS,
@@ -39,6 +40,7 @@ from edl_filter.telemetry.mer_segments import (
 )
 from edl_filter.telemetry.record import SAME_TIME, ImuRecord, SampleFinding, Telemetry
 from edl_filter.telemetry.sample_checks import CheckSettings
+from edl_filter.types import Array
 
 __all__ = ["MerImu", "MerSetup", "mer_telemetry"]
 
@@ -92,7 +94,7 @@ def mer_telemetry(tables: MerTables, setup: MerSetup, settings: CheckSettings | 
         transformed,
         *_at_current_position(setup, fill_highrate_gaps(tables, setup, driving_backshell)),
         *_at_current_position(setup, fill_highrate_gaps(tables, setup, driving_rover)),
-        *register_segment(tables, setup, handover, np.inf),
+        *register_segment(tables, setup, handover, np.inf, _turn_after(rover, handover)),
     ]
     driving = join("driving", segments, UNITS, errors)
     if not driving.start <= setup.start + 0.5 or driving.time[-1] < setup.end - 0.5:
@@ -103,11 +105,14 @@ def mer_telemetry(tables: MerTables, setup: MerSetup, settings: CheckSettings | 
     if change < setup.separation:
         name, segments = "backshell", fill_highrate_gaps(tables, setup, backshell.between(change, setup.separation))
     else:
+        # not divided: across rows that the table lacks, its users interpolate
+        register = register_segment(tables, setup, -5.0, float(rover.time[0]), longest_step=np.inf)
+        begin = register[-1].time[-1] if register else -np.inf
         name, segments = (
             "rover",
             [
-                *register_segment(tables, setup, -5.0, rover.start),
-                *fill_highrate_gaps(tables, setup, _aligned(setup, rover.between(-np.inf, setup.separation))),
+                *register,
+                *fill_highrate_gaps(tables, setup, _aligned(setup, rover.between(begin, setup.separation))),
             ],
         )
     checking = join(name, _at_current_position(setup, segments), UNITS, errors)
@@ -189,8 +194,14 @@ def _continue_from(segment: Segment, start: float) -> Segment:
 
 
 def _handover(tables: MerTables, setup: MerSetup) -> float:
-    """Last time up to the end of HIGHRATE at which the rover's quaternion and register are usable, s."""
+    """End of the register's increments, s, in the last row with quaternion and register up to the end of HIGHRATE."""
     sclk = tables.transformed.sclk[register_rows(tables)]
     before = sclk[sclk <= tables.highrate.sclk[-1] + SAME_TIME]
     last = before[-1:] if len(before) else tables.highrate.sclk[-1:]
-    return float(sample_end(tables, setup, "rover", last)[0])
+    return float(sample_end(tables, setup, "register", last)[0])
+
+
+def _turn_after(segment: Segment, time: float) -> Array | None:
+    """Rotation vector (3,) of the sample that begins at a time, rad, spacecraft axes; None without such a sample."""
+    sample = segment.between(time, time + 1.5 * SAMPLE_INTERVAL)
+    return sample.rate[0] * sample.interval[0] @ BODY_FROM_SPACECRAFT if len(sample.time) else None

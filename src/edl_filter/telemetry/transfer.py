@@ -40,6 +40,8 @@ class TransferredReadings:
         One sigma of the errors that are independent between samples.
     force_error, rate_error : (N, 3) arrays
         One sigma of the errors that are the same in all samples of a stretch: what the calibration does not determine.
+        What remains between the IMUs because their errors are not constant is not part of it
+        (`sample_filling.filled`).
     """
 
     force: Array
@@ -162,23 +164,24 @@ def _crossed(vectors: Array, sigma: Array) -> Array:
 def _scatter(difference: Array, mean: Array, noise: Array) -> Array:
     """Sigma (N, 3) of the errors that are independent between samples.
 
-    The local RMS of the difference between the two IMUs; where nothing is known nearby, that of the nearest samples
-    that are known. In a shock, where the means vary from sample to sample more than around, it is at least in the
-    ratio to this variation that it has in the flight's other shocks.
+    The local standard deviation of the difference between the two IMUs; where nothing is known nearby, that of the
+    nearest samples that are known. In a shock, where the means vary from sample to sample more than around, it is at
+    least in the ratio to this variation that it has in the flight's other shocks.
     """
     known = finite_rows(difference)
     if not known.any():
         return np.tile(noise[:, None], (1, 3)) * np.sqrt(2.0)
     rows = np.flatnonzero(known)
-    square = np.concatenate((np.zeros((1, 3)), np.cumsum(difference[rows] ** 2, axis=0)))
+    powers = (difference[rows], difference[rows] ** 2)
+    sums = [np.concatenate((np.zeros((1, 3)), np.cumsum(power, axis=0))) for power in powers]
     middle = np.searchsorted(rows, np.arange(len(difference)))
     first, last = np.maximum(middle - _SCATTER_REACH, 0), np.minimum(middle + _SCATTER_REACH, len(rows))
-    mean_square = (square[last] - square[first]) / np.maximum(last - first, 1)[:, None]
+    local, mean_square = ((total[last] - total[first]) / np.maximum(last - first, 1)[:, None] for total in sums)
     variation = _shock(np.nan_to_num(mean))
     power = np.sum(variation[rows] ** 4)
     share = np.sum(np.mean(difference[rows] ** 2, axis=1) * variation[rows] ** 2) / power if power > 0.0 else 0.0
     shock = min(share, 1.0) * variation[:, None] ** 2
-    return np.sqrt(np.maximum(mean_square, noise[:, None] ** 2) + shock)
+    return np.sqrt(np.maximum(mean_square - local**2, noise[:, None] ** 2) + shock)
 
 
 def _shock(mean: Array) -> Array:
