@@ -27,7 +27,7 @@ IMUS = {"backshell": "primary", "rover": "secondary"}
 def write_archive(folder: Path, flight: Flight) -> Mission:
     """Write the four files of "Spirit" to ``folder/DATA`` and return a mission that reads them.
 
-    Like the archive the tables have repeated rows, a gap, a register that is reset, angle increments under the name of
+    Like the archive the tables have repeated rows, a gap, a register that is late and reset, angle increments under the name of
     rates, and rover columns in place of the backshell's after its IMU is off.
     """
     mission = _mission(folder, flight)
@@ -52,7 +52,8 @@ def _transformed(mission: Mission, flight: Flight, records: dict) -> tuple[list,
     quaternions = [_onboard(matrix, attitude[0], record) for record in (rover, backshell)]
 
     middle = rotations.multiply(attitude[1:], rotations.from_rotation_vector(-0.5 * STEP * rover.angular_rate))
-    gain = rotations.rotate(middle, rover.specific_force) * STEP @ matrix.T @ REGISTER.T
+    before = np.vstack((np.zeros(3), rover.specific_force[:-1]))  # a cycle adds the increment of the one before
+    gain = rotations.rotate(middle, before) * STEP @ matrix.T @ REGISTER.T
     register = np.vstack((np.zeros(3), np.cumsum(gain, axis=0))) + REGISTER_START
     parachute = mission.event_times()["parachute_deploy"]
     for reset in RESETS:
