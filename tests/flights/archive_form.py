@@ -27,8 +27,8 @@ IMUS = {"backshell": "primary", "rover": "secondary"}
 def write_archive(folder: Path, flight: Flight) -> Mission:
     """Write the four files of "Spirit" to ``folder/DATA`` and return a mission that reads them.
 
-    Like the archive the tables have repeated rows, a gap, a register that is late and reset, angle increments under the name of
-    rates, and rover columns in place of the backshell's after its IMU is off.
+    Like the archive the tables have repeated rows, a gap, a register that is late and reset, angle increments under the
+    name of rates, and rover columns in place of the backshell's after its IMU is off.
     """
     mission = _mission(folder, flight)
     records = _records(flight)
