@@ -412,7 +412,7 @@ def register_segment(
         First and last end of the register's increments, s since the epoch.
     turn_before : (3,) array, optional
         Rotation vector from the end of the first row's increments to its quaternion, rad, spacecraft axes; default: by
-        the rate of the neighbouring interval.
+        the rates of the neighbouring intervals.
     longest_step : float
         Longest sample, s: longer intervals between two rows are divided.
 
@@ -424,16 +424,16 @@ def register_segment(
     t, imu = tables.transformed, setup.imus["register"]
     rows = register_rows(tables)
     time = sample_end(tables, setup, "register", t.sclk[rows])
-    inside = (time >= start - SAME_TIME) & (time <= end + SAME_TIME)
-    rows, time = rows[inside], time[inside]
-    if len(rows) < 2:
+    inside = np.flatnonzero((time >= start - SAME_TIME) & (time <= end + SAME_TIME))
+    if len(inside) < 2:
         return []
-    read = t.rover_j2000_from_sc[rows]
-    time_read = sample_end(tables, setup, "rover", t.sclk[rows])
+    # attitudes where the register's increments end: one increment before each quaternion
+    read, time_read = t.rover_j2000_from_sc[rows], sample_end(tables, setup, "rover", t.sclk[rows])
     rate_read = rates_from_quaternions(time_read, read)
-    turn = rate_read[_nearest_intervals(time_read)] * (time_read - time)[:, None]
+    turn = (_rates_before(time_read, rate_read, time_read - time) * (time_read - time)[:, None])[inside]
     if turn_before is not None:
         turn[0] = turn_before
+    rows, time, read, rate_read = rows[inside], time[inside], read[inside], rate_read[inside[:-1]]
     attitude = rotations.multiply(read, rotations.from_rotation_vector(-turn))
     rate = rates_from_quaternions(time, attitude)
     velocity_increment = rotations.rotate(setup.j2000_from_register, np.diff(t.velocity[rows], axis=0))
@@ -463,14 +463,19 @@ def register_segment(
     return [segment]
 
 
-def _nearest_intervals(time: Array) -> IntArray:
-    """Index (N,) of the interval before each of N times, or of the one after it where that is much shorter.
+def _rates_before(time: Array, rate: Array, length: Array) -> Array:
+    """Mean rates (N, 3) over a length (N,), s, that ends at each of N times, by rates linear in time.
 
-    The mean rate over a gap of the table says nothing about the rate at its end.
+    `rate` (N - 1, 3) has the means between the times. The mean over a gap of the table says nothing about the rate at
+    its ends: only the other one of the two neighbouring intervals is used there.
     """
-    length = np.diff(time)
-    before, after = np.r_[np.inf, length], np.r_[length, np.inf]
-    return np.arange(len(time)) - (before < 2.0 * after)
+    interval = np.diff(time)
+    before, after = np.r_[0, np.arange(len(interval))], np.r_[np.arange(len(interval)), len(interval) - 1]
+    slope = (rate[after] - rate[before]) / (0.5 * (interval[after] + interval[before]))[:, None]
+    mean = rate[before] + slope * (0.5 * (interval[before] - length))[:, None]
+    gap = interval > 1.1 * REGISTER_STEP
+    mean = np.where(gap[after][:, None], rate[before], mean)
+    return np.where(gap[before][:, None], rate[after], mean)
 
 
 def onboard_attitude(tables: MerTables, setup: MerSetup) -> AttitudeRecord:
