@@ -5,7 +5,7 @@ import pytest
 
 from edl_filter.errors import InputError
 from edl_filter.imu_model.sensor_errors import SensorErrors
-from edl_filter.telemetry.joining import GAP, Segment, fill_gaps, join
+from edl_filter.telemetry.joining import GAP, Segment, fill_gaps, interpolated_between, join
 
 
 def segment(times, unit="backshell", source="HIGHRATE", slope=1.0):
@@ -72,3 +72,30 @@ def test_segments_that_do_not_adjoin_raise():
 
 def test_between_selects_whole_samples():
     np.testing.assert_allclose(segment(sample_times(0.0, 16)).between(0.5, 1.05).time, sample_times(0.5, 4))
+
+
+@pytest.mark.parametrize("missing", [0.0, 0.125])
+def test_one_sample_between_two_products_is_linear_in_time(missing):
+    """Of a force and rate that are linear in time, by samples of 0.25 s before and of 0.125 s after it."""
+
+    def linear(source, start, step, count):
+        end = start + step * np.arange(1, count + 1)
+        middle = (end - 0.5 * step)[:, None]
+        noise = np.full(count, 1e-3)
+        return Segment(
+            source, "rover", end, np.full(count, step), -20.0 - 2.0 * middle * [1.0, 0.1, 0.0],
+            0.2 + 0.05 * middle * np.ones(3), np.tile([0.1, 0.2, 0.3], (count, 1)), noise, noise, noise,
+        )  # fmt: skip
+
+    before, after = linear("register", 88.0, 0.25, 4), linear("HIGHRATE", 89.0 + missing, 0.125, 8)
+    between = interpolated_between(before, after)
+    if not missing:
+        assert between == []
+        return
+    (sample,) = between
+    assert (sample.time, sample.interval) == (pytest.approx([89.125]), pytest.approx([0.125]))
+    assert sample.source == "gap" and sample.coning_corrected
+    np.testing.assert_allclose(sample.force, [-20.0 - 2.0 * 89.0625 * np.array([1.0, 0.1, 0.0])], atol=1e-9)
+    np.testing.assert_allclose(sample.rate, [np.full(3, 0.2 + 0.05 * 89.0625)], atol=1e-9)
+    np.testing.assert_allclose(sample.force_noise, [2.0 * 0.3125], atol=1e-9)
+    np.testing.assert_array_equal(sample.position, after.position[:1])

@@ -219,7 +219,9 @@ class TestRegister:
         rate = np.diff(self.turned(edges), axis=0) / segment.interval[:, None]
         across_rate = (middle > ends[first + 18]) & (middle < ends[first + 31]) & bool(lost)
         inside = ~across_rate & (middle > 0.2) & (middle < middle[-1])  # the rates beyond the ends are not known
-        np.testing.assert_allclose(segment.rate[inside], rate[inside], atol=3e-4)
+        np.testing.assert_allclose(
+            segment.rate[inside], rate[inside], atol=7e-4
+        )  # the spline has no angular acceleration at its ends
         np.testing.assert_allclose(segment.rate, rate, atol=0.15)
         across = (middle > ends[first + 19]) & (middle < ends[first + 30]) & bool(lost)
         np.testing.assert_allclose(segment.force[~across], self.force(middle[~across]), atol=6e-3)

@@ -126,6 +126,35 @@ def _filled_gap(segment: Segment, before: int) -> Segment:
     )
 
 
+def interpolated_between(before: Segment, after: Segment) -> list[Segment]:
+    """Segment of one sample between two segments that do not adjoin, by linear interpolation; none if they do.
+
+    One sigma of its force and rate is the largest difference of the samples on both sides. Unit and position are those
+    of the later segment.
+    """
+    start, end = float(before.time[-1]), after.start
+    if end - start <= SAME_TIME:
+        return []
+    weight = 0.5 * np.array([before.interval[-1] + end - start, after.interval[0] + end - start])
+    weight = weight[::-1] / weight.sum()
+    sides = [(before.force[-1], after.force[0]), (before.rate[-1], after.rate[0])]
+    force, rate = (weight[0] * first + weight[1] * second for first, second in sides)
+    noise = [np.array([np.max(np.abs(second - first))]) for first, second in sides]
+    sample = replace(
+        after._take(np.arange(1)),
+        source=GAP,
+        time=np.array([end]),
+        interval=np.array([end - start]),
+        force=force[None],
+        rate=rate[None],
+        force_noise=noise[0],
+        rate_noise=noise[1],
+        shared_rate_noise=np.zeros(1),
+        coning_corrected=True,
+    )
+    return [sample]
+
+
 def join(name: str, segments: Sequence[Segment], units: tuple[str, ...], errors: tuple[SensorErrors, ...]) -> ImuRecord:
     """Join segments that adjoin in time into one record.
 

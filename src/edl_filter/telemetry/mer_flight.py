@@ -19,7 +19,7 @@ import numpy as np
 from edl_filter import rotations
 from edl_filter.errors import InputError
 from edl_filter.telemetry.increment_clock import INCREMENT
-from edl_filter.telemetry.joining import Segment, join
+from edl_filter.telemetry.joining import Segment, interpolated_between, join
 from edl_filter.telemetry.mer_archive import SAMPLE_INTERVAL, MerTables
 from edl_filter.telemetry.mer_segments import (
     BODY_FROM_SPACECRAFT,
@@ -106,13 +106,14 @@ def mer_telemetry(tables: MerTables, setup: MerSetup, settings: CheckSettings | 
         name, segments = "backshell", fill_highrate_gaps(tables, setup, backshell.between(change, setup.separation))
     else:
         # not divided: across rows that the table lacks, its users interpolate
-        register = register_segment(tables, setup, -5.0, float(rover.time[0]), longest_step=np.inf)
-        begin = register[-1].time[-1] if register else -np.inf
+        register = register_segment(tables, setup, -5.0, rover.start, longest_step=np.inf)
+        increments = _aligned(setup, rover.between(-np.inf, setup.separation))
         name, segments = (
             "rover",
             [
                 *register,
-                *fill_highrate_gaps(tables, setup, _aligned(setup, rover.between(begin, setup.separation))),
+                *(interpolated_between(register[-1], increments) if register else []),
+                *fill_highrate_gaps(tables, setup, increments),
             ],
         )
     checking = join(name, _at_current_position(setup, segments), UNITS, errors)

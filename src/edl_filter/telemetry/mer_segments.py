@@ -412,7 +412,7 @@ def register_segment(
         First and last end of the register's increments, s since the epoch.
     turn_before : (3,) array, optional
         Rotation vector from the end of the first row's increments to its quaternion, rad, spacecraft axes; default: by
-        the rates of the neighbouring intervals.
+        the quaternions (`_attitudes_between`).
     longest_step : float
         Longest sample, s: longer intervals between two rows are divided.
 
@@ -430,11 +430,10 @@ def register_segment(
     # attitudes where the register's increments end: one increment before each quaternion
     read, time_read = t.rover_j2000_from_sc[rows], sample_end(tables, setup, "rover", t.sclk[rows])
     rate_read = rates_from_quaternions(time_read, read)
-    turn = (_rates_before(time_read, rate_read, time_read - time) * (time_read - time)[:, None])[inside]
-    if turn_before is not None:
-        turn[0] = turn_before
+    attitude = _attitudes_between(time_read, read, time)[inside]
     rows, time, read, rate_read = rows[inside], time[inside], read[inside], rate_read[inside[:-1]]
-    attitude = rotations.multiply(read, rotations.from_rotation_vector(-turn))
+    if turn_before is not None:
+        attitude[0] = rotations.multiply(read[0], rotations.from_rotation_vector(-turn_before))
     rate = rates_from_quaternions(time, attitude)
     velocity_increment = rotations.rotate(setup.j2000_from_register, np.diff(t.velocity[rows], axis=0))
     samples_per_row = np.maximum(np.ceil(np.diff(time) / longest_step - 1e-6), 1).astype(int)
@@ -463,19 +462,24 @@ def register_segment(
     return [segment]
 
 
-def _rates_before(time: Array, rate: Array, length: Array) -> Array:
-    """Mean rates (N, 3) over a length (N,), s, that ends at each of N times, by rates linear in time.
+def _attitudes_between(time: Array, attitude: Array, wanted: Array) -> Array:
+    """Attitudes (N, 4) at N times that are each up to one interval before one of `time` (N,), s.
 
-    `rate` (N - 1, 3) has the means between the times. The mean over a gap of the table says nothing about the rate at
-    its ends: only the other one of the two neighbouring intervals is used there.
+    A spline of rotations with continuous angular acceleration goes through the attitudes (N, 4) between two gaps of the
+    table. Where a time is before the first one after a gap, the rate is that of the next interval.
     """
-    interval = np.diff(time)
-    before, after = np.r_[0, np.arange(len(interval))], np.r_[np.arange(len(interval)), len(interval) - 1]
-    slope = (rate[after] - rate[before]) / (0.5 * (interval[after] + interval[before]))[:, None]
-    mean = rate[before] + slope * (0.5 * (interval[before] - length))[:, None]
-    gap = interval > 1.1 * REGISTER_STEP
-    mean = np.where(gap[after][:, None], rate[before], mean)
-    return np.where(gap[before][:, None], rate[after], mean)
+    from scipy.spatial.transform import Rotation, RotationSpline  # slow to import
+
+    out = np.empty_like(attitude)
+    for run in np.split(np.arange(len(time)), np.flatnonzero(np.diff(time) > 1.1 * REGISTER_STEP) + 1):
+        first = run[:1]
+        if len(run) > 1:
+            out[run] = RotationSpline(time[run], Rotation.from_quat(attitude[run]))(wanted[run]).as_quat()
+        nearest = run[:2] if len(run) > 1 else np.array([max(run[0] - 1, 0), run[0]])
+        rate = rates_from_quaternions(time[nearest], attitude[nearest])
+        turn = rate * (wanted[first] - time[first])
+        out[first] = rotations.multiply(attitude[first], rotations.from_rotation_vector(turn))
+    return out
 
 
 def onboard_attitude(tables: MerTables, setup: MerSetup) -> AttitudeRecord:
