@@ -219,14 +219,21 @@ class TestRegister:
         rate = np.diff(self.turned(edges), axis=0) / segment.interval[:, None]
         across_rate = (middle > ends[first + 18]) & (middle < ends[first + 31]) & bool(lost)
         inside = ~across_rate & (middle > 0.2) & (middle < middle[-1])  # the rates beyond the ends are not known
-        np.testing.assert_allclose(
-            segment.rate[inside], rate[inside], atol=7e-4
-        )  # the spline has no angular acceleration at its ends
+        # the spline has no angular acceleration at its ends
+        np.testing.assert_allclose(segment.rate[inside], rate[inside], atol=7e-4)
         np.testing.assert_allclose(segment.rate, rate, atol=0.15)
         across = (middle > ends[first + 19]) & (middle < ends[first + 30]) & bool(lost)
         np.testing.assert_allclose(segment.force[~across], self.force(middle[~across]), atol=6e-3)
         # across lost rows the force is constant in the register's axes, and the velocity at their end is exact
         np.testing.assert_allclose(segment.force[across], self.force(middle[across]), atol=4.0)
+
+    def test_a_row_between_two_gaps_has_the_mean_rate_across_one_of_them(self, rover):
+        first = int(np.searchsorted(rover[1].transformed.sclk - rover[2].epoch_sclk, 440.0))
+        segment = self.segment(rover, np.r_[first, first + 8 : first + 20, first + 30])
+        assert segment.start == pytest.approx(-0.125, abs=1e-3)
+        edges = np.append(segment.start, segment.time)
+        rate = np.diff(self.turned(edges), axis=0) / segment.interval[:, None]
+        np.testing.assert_allclose(segment.rate, rate, atol=0.06)
 
     def test_the_rotation_to_the_first_quaternion_can_be_stated(self, rover):
         first = int(np.searchsorted(rover[1].transformed.sclk - rover[2].epoch_sclk, 440.0))

@@ -475,7 +475,7 @@ def _attitudes_between(time: Array, attitude: Array, wanted: Array) -> Array:
         first = run[:1]
         if len(run) > 1:
             out[run] = RotationSpline(time[run], Rotation.from_quat(attitude[run]))(wanted[run]).as_quat()
-        nearest = run[:2] if len(run) > 1 else np.array([max(run[0] - 1, 0), run[0]])
+        nearest = run[:2] if len(run) > 1 else max(run[0] - 1, 0) + np.arange(2)
         rate = rates_from_quaternions(time[nearest], attitude[nearest])
         turn = rate * (wanted[first] - time[first])
         out[first] = rotations.multiply(attitude[first], rotations.from_rotation_vector(turn))

@@ -175,8 +175,8 @@ def _remaining_difference(
     """Difference (n, 3) of the record to the transferred readings in the stretch ``[a, b)``; variance (3,) of its mean.
 
     The calibration of the two IMUs is one of constant errors. What it leaves varies slowly, by itself or in proportion
-    to the reading, and is interpolated from both sides: on the rovers 0.04 m/s² along the axis, since one of the
-    accelerometers is not linear.
+    to the reading, and is interpolated from both sides: on the rovers 0.04 m/s² along the axis, since the
+    accelerometers are not both linear.
     """
     own = record.specific_force if triad == "force" else record.angular_rate
     difference = own - getattr(source, triad)
