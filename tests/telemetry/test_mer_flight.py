@@ -221,11 +221,10 @@ class TestRegister:
         inside = ~across_rate & (middle > 0.2) & (middle < middle[-1])  # the rates beyond the ends are not known
         # the spline has no angular acceleration at its ends
         np.testing.assert_allclose(segment.rate[inside], rate[inside], atol=7e-4)
-        np.testing.assert_allclose(segment.rate, rate, atol=0.15)
+        rotation = segment.interval @ segment.rate  # about one axis
+        np.testing.assert_allclose(rotation, self.turned(edges[-1]) - self.turned(edges[0]), atol=1e-3)
         across = (middle > ends[first + 19]) & (middle < ends[first + 30]) & bool(lost)
         np.testing.assert_allclose(segment.force[~across], self.force(middle[~across]), atol=6e-3)
-        # across lost rows the force is constant in the register's axes, and the velocity at their end is exact
-        np.testing.assert_allclose(segment.force[across], self.force(middle[across]), atol=4.0)
 
     def test_a_row_between_two_gaps_has_the_mean_rate_across_one_of_them(self, rover):
         first = int(np.searchsorted(rover[1].transformed.sclk - rover[2].epoch_sclk, 440.0))
