@@ -91,6 +91,7 @@ COVERED_BY = {
     "telemetry/comparison.py": ["telemetry/test_mer_flight.py"],
     "telemetry/csv_spec.py": ["telemetry/test_csv_log.py"],
     "telemetry/hdf5_checks.py": ["telemetry/test_flight_file.py"],
+    "telemetry/mer_register.py": ["telemetry/test_mer_flight.py"],
     "telemetry/mer_segments.py": ["telemetry/test_mer_flight.py"],
     "telemetry/quantisation.py": ["telemetry/test_flight_file.py", "telemetry/test_sample_repair.py"],
     "telemetry/record.py": ["telemetry/test_calibration.py", "telemetry/test_sample_repair.py"],

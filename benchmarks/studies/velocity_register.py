@@ -19,7 +19,8 @@ from edl_filter.io.csv_table import package_data
 from edl_filter.pipeline.load import mer_setup
 from edl_filter.telemetry.mer_archive import read_mer_tables
 from edl_filter.telemetry.mer_compact import FILE_NAMES
-from edl_filter.telemetry.mer_segments import highrate_segment, register_rows, sample_end
+from edl_filter.telemetry.mer_register import register_rows
+from edl_filter.telemetry.mer_segments import highrate_segment, sample_end
 
 #: Hypothesis → whether the increment, and whether the attitude with which it is rotated, is that of the cycle before.
 HYPOTHESES = {

@@ -20,11 +20,11 @@ from edl_filter.telemetry.comparison import compare
 from edl_filter.telemetry.increment_clock import INCREMENT
 from edl_filter.telemetry.mer_archive import read_mer_tables
 from edl_filter.telemetry.mer_flight import mer_telemetry
+from edl_filter.telemetry.mer_register import register_segment
 from edl_filter.telemetry.mer_segments import (
     BODY_FROM_SPACECRAFT,
     highrate_segment,
     onboard_attitude,
-    register_segment,
     sample_end,
     transformed_segment,
 )

@@ -11,8 +11,8 @@ Read in this order:
 2. `hdf5_checks`, `flight_file`, `flight_file_writer`: reader and writer of flight files. `csv_log` and `csv_spec`:
    conversion of a CSV log into a flight file.
 3. `fetch`, `pds3`, `mer_compact`, `mer_archive`, `mer_cleaning`: download, reader of PDS tables, their compact form,
-   correction of MER's tables. `increment_clock` (clock of an IMU that counts increments), `mer_segments`, `joining`,
-   `mer_flight`: from the tables to segments in body axes, and to one record.
+   correction of MER's tables. `increment_clock` (clock of an IMU that counts increments), `mer_segments`,
+   `mer_register`, `joining`, `mer_flight`: from the tables to segments in body axes, and to one record.
 4. `time_stamps`, `quantisation`: times that scatter, and steps of the readings. `sample_checks`, `resampling`,
    `transfer`, `spikes`, `disagreement`, `clock_drift`: missing and bad samples, by one IMU and by the comparison of
    two. `rest_drift`: a force at rest that is not constant. `sample_filling`, `sample_repair`: samples are filled.

@@ -21,6 +21,7 @@ from edl_filter.errors import InputError
 from edl_filter.telemetry.increment_clock import INCREMENT
 from edl_filter.telemetry.joining import Segment, interpolated_between, join
 from edl_filter.telemetry.mer_archive import SAMPLE_INTERVAL, MerTables
+from edl_filter.telemetry.mer_register import register_rows, register_segment
 from edl_filter.telemetry.mer_segments import (
     BODY_FROM_SPACECRAFT,
     HIGHRATE,
@@ -32,8 +33,6 @@ from edl_filter.telemetry.mer_segments import (
     fill_highrate_gaps,
     highrate_segment,
     onboard_attitude,
-    register_rows,
-    register_segment,
     sample_end,
     to_body,
     transformed_segment,

@@ -1,8 +1,8 @@
 """Segments of MER's telemetry in body axes, one function for each product of the archive.
 
 Input: the cleaned tables (`mer_archive`) and the constants of the mission (`MerSetup`, `MerImu`). Output: segments
-(`joining.Segment`) of TRANSFORMED, of HIGHRATE with its gaps filled and of the rover's velocity register, and the
-on-board attitude.
+(`joining.Segment`) of TRANSFORMED and of HIGHRATE with its gaps filled, and the on-board attitude. The rover's velocity
+register is `mer_register`'s.
 
 Body axes are a cyclic permutation of the archive's spacecraft axes: x is the archive's +z (forward along the symmetry
 axis, as in the thesis, whose y and z are not stated), y its +x, z its +y.
@@ -22,15 +22,13 @@ from edl_filter.telemetry.mer_archive import SAMPLE_INTERVAL, MerTables
 from edl_filter.telemetry.record import SAME_TIME, AttitudeRecord, SampleFinding, finite_rows
 from edl_filter.telemetry.sample_checks import CheckSettings, highest_readings, in_body_axes, lost_readings
 from edl_filter.telemetry.smoothing import rates_from_quaternions
-from edl_filter.types import Array, BoolArray, IntArray
+from edl_filter.types import Array, BoolArray
 
 #: Takes spacecraft components to body components.
 BODY_FROM_SPACECRAFT = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
 #: Largest rounding error (one sigma, rad) of a quaternion from which rates are computed; near a zero fourth element it
 #: is larger.
 MAX_ROUNDING_SIGMA = 2e-5
-#: Longest sample between two rows of the rover's quaternion and register, s.
-REGISTER_STEP = 0.25
 #: Sources of samples with a calibration of their own.
 UNITS = ("backshell", "rover", "register")
 #: Sources of the samples of the on-board navigation and of the increments.
@@ -142,7 +140,7 @@ def _inertial_from_body(setup: MerSetup, j2000_from_spacecraft: Array) -> Array:
     return rotations.multiply(attitude, spacecraft_from_body)
 
 
-def _usable(quaternion: Array, sigma: Array) -> BoolArray:
+def usable_quaternions(quaternion: Array, sigma: Array) -> BoolArray:
     """True (N,) where a quaternion (N, 4) is not missing and its rounding error (N,), rad, is small enough."""
     return np.isfinite(quaternion[:, 0]) & (sigma < MAX_ROUNDING_SIGMA)
 
@@ -228,7 +226,7 @@ def _quaternion_rates(time: Array, quaternion: Array, sigma: Array) -> tuple[Arr
     rate_sigma : (N - 1,) array
         rad/s.
     """
-    usable = np.flatnonzero(_usable(quaternion, sigma))
+    usable = np.flatnonzero(usable_quaternions(quaternion, sigma))
     if len(usable) < 3:
         raise InputError("telemetry: fewer than three usable quaternions in the span asked for.")
     rate = rates_from_quaternions(time[usable], quaternion[usable])
@@ -342,7 +340,7 @@ def _rates_across_gap(
     quaternion = t.rover_j2000_from_sc if gap.unit == "rover" else t.backshell_j2000_from_sc
     sigma = t.rover_sigma if gap.unit == "rover" else t.backshell_sigma
     time = sample_end(tables, setup, gap.unit, t.sclk)
-    usable = np.flatnonzero(_usable(quaternion, sigma))
+    usable = np.flatnonzero(usable_quaternions(quaternion, sigma))
     start, end = gap.start, float(gap.time[-1])
     first = int(np.searchsorted(time[usable], start + SAME_TIME)) - 1
     last = int(np.searchsorted(time[usable], end - SAME_TIME))
@@ -367,121 +365,6 @@ def _gyro_rotation(segment: Segment) -> Array:
     return rotation
 
 
-def register_rows(tables: MerTables) -> IntArray:
-    """Rows of TRANSFORMED with a usable rover quaternion and a register value.
-
-    Parameters
-    ----------
-    tables : MerTables
-        With N rows of TRANSFORMED.
-
-    Returns
-    -------
-    (K,) array of int
-        Indices of the rows.
-    """
-    t = tables.transformed
-    return np.flatnonzero(_usable(t.rover_j2000_from_sc, t.rover_sigma) & np.isfinite(t.velocity[:, 0]))
-
-
-def register_segment(
-    tables: MerTables,
-    setup: MerSetup,
-    start: float,
-    end: float,
-    turn_before: Array | None = None,
-    longest_step: float = REGISTER_STEP,
-) -> list[Segment]:
-    """Segment from `start` to `end` (s): rates from the rover's quaternion, force from its accumulated velocity.
-
-    The register accumulates in axes that do not rotate, so that the difference of two rows is exact for any rotation of
-    the lander in between. It is one increment late (`sample_end`), and each increment is rotated with the attitude of
-    the cycle in which it is added: with both, the register agrees with the velocity from HIGHRATE to 0.04 m/s
-    (Opportunity) and 0.16 m/s (Spirit) RMS from 92 to 244 s; without the delay to 0.7 m/s (docs/validation.md). Samples
-    end where the register's increments end; the attitude there is that between two quaternions. Between two rows force
-    (in the register's axes) and rate are constant: velocity and attitude are therefore exact at the end of a gap, also
-    of one of 15.75 s.
-
-    Parameters
-    ----------
-    tables : MerTables
-        Cleaned tables.
-    setup : MerSetup
-        Constants of the mission.
-    start, end : float
-        First and last end of the register's increments, s since the epoch.
-    turn_before : (3,) array, optional
-        Rotation vector from the end of the first row's increments to its quaternion, rad, spacecraft axes; default: by
-        the quaternions (`_attitudes_between`).
-    longest_step : float
-        Longest sample, s: longer intervals between two rows are divided.
-
-    Returns
-    -------
-    list of Segment
-        One segment; none if there are fewer than two rows.
-    """
-    t, imu = tables.transformed, setup.imus["register"]
-    rows = register_rows(tables)
-    time = sample_end(tables, setup, "register", t.sclk[rows])
-    inside = np.flatnonzero((time >= start - SAME_TIME) & (time <= end + SAME_TIME))
-    if len(inside) < 2:
-        return []
-    # attitudes where the register's increments end: one increment before each quaternion
-    read, time_read = t.rover_j2000_from_sc[rows], sample_end(tables, setup, "rover", t.sclk[rows])
-    rate_read = rates_from_quaternions(time_read, read)
-    attitude = _attitudes_between(time_read, read, time)[inside]
-    rows, time, read, rate_read = rows[inside], time[inside], read[inside], rate_read[inside[:-1]]
-    if turn_before is not None:
-        attitude[0] = rotations.multiply(read[0], rotations.from_rotation_vector(-turn_before))
-    rate = rates_from_quaternions(time, attitude)
-    velocity_increment = rotations.rotate(setup.j2000_from_register, np.diff(t.velocity[rows], axis=0))
-    samples_per_row = np.maximum(np.ceil(np.diff(time) / longest_step - 1e-6), 1).astype(int)
-    row = np.repeat(np.arange(len(samples_per_row)), samples_per_row)
-    step = np.diff(time)[row] / samples_per_row[row]
-    ordinal = np.arange(len(row)) - np.repeat(np.cumsum(samples_per_row) - samples_per_row, samples_per_row)
-    turn_to_middle = rate_read[row] * (step * (ordinal + 0.5))[:, None]
-    attitude_at_middle = rotations.multiply(read[row], rotations.from_rotation_vector(turn_to_middle))
-    force_j2000 = velocity_increment[row] / np.diff(time)[row][:, None]
-    force = rotations.rotate(rotations.conjugate(attitude_at_middle), force_j2000)
-    noise_factor = np.sqrt(SAMPLE_INTERVAL / step)
-    segment = Segment(
-        source="register",
-        unit="register",
-        time=time[row] + step * (ordinal + 1),
-        interval=step,
-        force=force @ BODY_FROM_SPACECRAFT.T,
-        rate=rate[row] @ BODY_FROM_SPACECRAFT.T,
-        position=np.zeros((len(row), 3)),
-        force_noise=imu.accelerometer_noise * noise_factor,
-        rate_noise=imu.gyro_noise * noise_factor,
-        shared_rate_noise=imu.gyro_noise * noise_factor,
-        coning_corrected=True,
-        sculling_corrected=True,
-    )
-    return [segment]
-
-
-def _attitudes_between(time: Array, attitude: Array, wanted: Array) -> Array:
-    """Attitudes (N, 4) at N times that are each up to one interval before one of `time` (N,), s.
-
-    A spline of rotations with continuous angular acceleration goes through the attitudes (N, 4) between two gaps of the
-    table. Where a time is before the first one after a gap, the rate is that of the next interval.
-    """
-    from scipy.spatial.transform import Rotation, RotationSpline  # slow to import
-
-    out = np.empty_like(attitude)
-    for run in np.split(np.arange(len(time)), np.flatnonzero(np.diff(time) > 1.1 * REGISTER_STEP) + 1):
-        first = run[:1]
-        if len(run) > 1:
-            out[run] = RotationSpline(time[run], Rotation.from_quat(attitude[run]))(wanted[run]).as_quat()
-        nearest = run[:2] if len(run) > 1 else max(run[0] - 1, 0) + np.arange(2)
-        rate = rates_from_quaternions(time[nearest], attitude[nearest])
-        turn = rate * (wanted[first] - time[first])
-        out[first] = rotations.multiply(attitude[first], rotations.from_rotation_vector(turn))
-    return out
-
-
 def onboard_attitude(tables: MerTables, setup: MerSetup) -> AttitudeRecord:
     """On-board attitude: of the IMU that drives, the backshell's and then the rover's, without unusable quaternions."""
     t = tables.transformed
@@ -489,7 +372,7 @@ def onboard_attitude(tables: MerTables, setup: MerSetup) -> AttitudeRecord:
     time = np.where(from_rover, *(sample_end(tables, setup, unit, t.sclk) for unit in ("rover", "backshell")))
     quaternion = np.where(from_rover[:, None], t.rover_j2000_from_sc, t.backshell_j2000_from_sc)
     sigma = np.where(from_rover, t.rover_sigma, t.backshell_sigma)
-    selected = _usable(quaternion, sigma) & (time >= setup.start) & (time <= setup.end)
+    selected = usable_quaternions(quaternion, sigma) & (time >= setup.start) & (time <= setup.end)
     return AttitudeRecord(
         time=time[selected],
         inertial_from_body=_inertial_from_body(setup, quaternion[selected]),
