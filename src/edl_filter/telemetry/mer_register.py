@@ -19,8 +19,8 @@ from edl_filter.types import Array, IntArray
 
 #: Longest sample between two rows of the rover's quaternion and register, s.
 REGISTER_STEP = 0.25
-#: Time before and after a segment from which quaternions are used for its attitudes, s: the ends of their spline have no
-#: effect beyond some four rows.
+#: Time before and after a segment from which quaternions are used for its attitudes, s: the ends of their spline have
+#: no effect beyond some four rows.
 _SPLINE_MARGIN = 4.0
 
 
