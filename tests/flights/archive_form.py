@@ -22,6 +22,8 @@ GAP, RESETS, SEPARATION, OFF = (17.875, 18.75), (22.125, 27.125), 30.0, 60.0
 REGISTER = np.array([[0.42660, -0.61253, 0.66545], [0.89454, 0.17721, -0.41035], [0.13343, 0.77033, 0.62353]])
 REGISTER_START = (-1.5, 0.75, -0.25)
 IMUS = {"backshell": "primary", "rover": "secondary"}
+#: Shares of the axial force that the on-board transform adds to the forces along the archive's x and y, deg.
+ALIGNMENT = {"backshell": (-0.295, -0.030), "rover": (0.073, 0.066)}
 
 
 def write_archive(folder: Path, flight: Flight) -> Mission:
@@ -52,7 +54,9 @@ def _transformed(mission: Mission, flight: Flight, records: dict) -> tuple[list,
     quaternions = [_onboard(matrix, attitude[0], record) for record in (rover, backshell)]
 
     middle = rotations.multiply(attitude[1:], rotations.from_rotation_vector(-0.5 * STEP * rover.angular_rate))
-    before = np.vstack((np.zeros(3), rover.specific_force[:-1]))  # a cycle adds the increment of the one before
+    before = np.vstack(
+        (np.zeros(3), _onboard_force(rover.specific_force[:-1], "rover"))
+    )  # a cycle adds the increment of the one before
     gain = rotations.rotate(middle, before) * STEP @ matrix.T @ REGISTER.T
     register = np.vstack((np.zeros(3), np.cumsum(gain, axis=0))) + REGISTER_START
     parachute = mission.event_times()["parachute_deploy"]
@@ -66,7 +70,7 @@ def _transformed(mission: Mission, flight: Flight, records: dict) -> tuple[list,
     place = backshell.position
     at_centre = backshell.specific_force - np.cross(turn, place) - np.cross(rate, np.cross(rate, place))
     pairs = 0.5 * (at_centre[1:] + at_centre[:-1])
-    force = np.vstack((at_centre[:1], at_centre[:1], pairs)) @ BODY_FROM_SPACECRAFT
+    force = _onboard_force(np.vstack((at_centre[:1], at_centre[:1], pairs)), "backshell") @ BODY_FROM_SPACECRAFT
 
     rows = np.column_stack((EPOCH_SCLK + time, *quaternions, register, force))
     rows[time > parachute + SEPARATION + OFF, 5:9] = 0.0
@@ -77,6 +81,11 @@ def _transformed(mission: Mission, flight: Flight, records: dict) -> tuple[list,
     columns = [("SPACECRAFT_CLOCK_START_COUNT", 13, 3), *((name, 14, 6) for name in names)]
     columns += [(f"{name}_{axis}", 14, 6) for name in ("ROVER_IMU_DELTA_VEL", "BACKSHELL_IMU_ACCEL") for axis in "XYZ"]
     return columns, np.repeat(rows, np.where(np.arange(len(rows)) % 100 == 50, 2, 1), axis=0)
+
+
+def _onboard_force(force: np.ndarray, imu: str) -> np.ndarray:
+    """Force (N, 3), body axes, with the alignment error of the on-board transform."""
+    return force + force[:, :1] * np.array([0.0, *np.radians(ALIGNMENT[imu])])
 
 
 def _onboard(j2000_from_inertial: np.ndarray, start: np.ndarray, record: ImuRecord) -> np.ndarray:
@@ -147,7 +156,7 @@ def _mission(folder: Path, flight: Flight) -> Mission:
         "format": "mer-imu", "path": str(folder), "spacecraft": 2, "epoch_sclk": EPOCH_SCLK,
         "clock": {"sclk": EPOCH_SCLK, "utc": "2004-01-04T04:19:52"}, "start_s": 0.0, "end_s": end,
         "velocity_register": {"frame": REGISTER.tolist(), "accelerometer_noise": 0.003, "gyro_noise": 2e-5},
-        "imus": {imu: _imu(contents.imus[name]) for imu, name in IMUS.items()},
+        "imus": {imu: _imu(imu, contents.imus[name]) for imu, name in IMUS.items()},
     }  # fmt: skip
     rover = contents.imus[IMUS["rover"]].position @ BODY_FROM_SPACECRAFT
     content["vehicle"]["events"] = {
@@ -182,12 +191,12 @@ def _mission(folder: Path, flight: Flight) -> Mission:
     return Mission.load(path)
 
 
-def _imu(imu) -> dict:
+def _imu(name: str, imu) -> dict:
     spacecraft_from_body = rotations.from_matrix(BODY_FROM_SPACECRAFT.T)
     errors = imu.errors
     return {
         "spacecraft_from_imu": rotations.multiply(spacecraft_from_body, imu.body_from_imu).tolist(),
-        "position": (imu.position @ BODY_FROM_SPACECRAFT).tolist(),
+        "position": (imu.position @ BODY_FROM_SPACECRAFT).tolist(), "transformed_alignment_deg": list(ALIGNMENT[name]),
         "accelerometer_noise": imu.accelerometer_noise, "gyro_noise": imu.gyro_noise,
         "accelerometer_bias_sigma": errors.accelerometer_bias,
         "accelerometer_scale_sigma": errors.accelerometer_scale,

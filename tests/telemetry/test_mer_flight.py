@@ -157,10 +157,15 @@ def test_register_ends_at_the_quaternion_and_velocity_also_across_a_gap_of_15_se
     error = rotations.rotation_vector_between(between(ends[stop]).as_quat(), end)
     assert np.degrees(np.linalg.norm(error)) < 1e-3
     attitude_at_middle = between(np.minimum(part.time - 0.5 * part.interval + 0.125, read[stop])).as_quat()
-    velocity_increment = part.interval @ rotations.rotate(attitude_at_middle, part.force)
+    velocity_increment = part.interval @ rotations.rotate(attitude_at_middle, onboard_force(part.force, setup))
     register = rotations.rotate(setup.j2000_from_register, t.velocity[stop] - t.velocity[start])
     np.testing.assert_allclose(velocity_increment, register, atol=1e-3)
     assert np.max(part.interval) <= 0.25 + 1e-9
+
+
+def onboard_force(force, setup):
+    """Force of the rover's IMU, body axes, with the alignment error of the on-board transform."""
+    return force + force[:, :1] * np.array([0.0, *setup.imus["rover"].transformed_alignment])
 
 
 def from_highrate(tables, setup, end, attitude):
@@ -189,6 +194,8 @@ class TestRegister:
     def segment(self, rover, rows, turn_before=None):
         """Segment of the register over rows of the table; its times are relative to the first row."""
         _, tables, setup, _ = rover
+        aligned = replace(setup.imus["rover"], transformed_alignment=np.array([0.02, -0.03]))
+        setup = replace(setup, imus={**setup.imus, "rover": aligned})
         t = tables.transformed
         read = t.sclk - setup.epoch_sclk - tables.clocks["rover"].lag(t.sclk)
         time = read - read[rows[0]]
@@ -197,7 +204,7 @@ class TestRegister:
         )
         cycle_end = np.arange(0.0, time[rows[-1]] + 0.01, 0.125)
         attitude_of_cycle = rotations.from_rotation_vector(self.turned(cycle_end - 0.0625))
-        increment_before = self.force(cycle_end - 0.125 - 0.0625) * 0.125
+        increment_before = onboard_force(self.force(cycle_end - 0.125 - 0.0625), setup) * 0.125
         summed = np.cumsum(rotations.rotate(attitude_of_cycle, increment_before), axis=0)
         velocity = np.full_like(t.velocity, np.nan)
         cycles = np.round(time[rows] / 0.125).astype(int)

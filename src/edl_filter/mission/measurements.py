@@ -113,7 +113,9 @@ class ImuConfig(ErrorBudgetConfig):
         description="1 sigma of the offset of its clock from that of the driving IMU while it checks, s; 0: exact",
     )
     transformed_alignment_deg: tuple[Angle, Angle] = Field(
-        default=(0.0, 0.0), description="share of a_z that the on-board transform adds to a_x and a_y, deg"
+        default=(0.0, 0.0),
+        description="share of a_z that the on-board transform adds to a_x and a_y, deg: of the backshell's in the "
+        "accelerations of TRANSFORMED, of the rover's in the velocity register",
     )
     onboard_rate_correction_deg_h: tuple[RateDegH, RateDegH, RateDegH] = Field(
         default=(0.0, 0.0, 0.0),

@@ -2,7 +2,8 @@
 
 Input: the cleaned tables (`mer_archive`) and the constants of the mission (`MerSetup`). The table TRANSFORMED has the
 velocity that the computer accumulated from the increments of the rover's IMU, in axes that do not rotate, one increment
-late (`make study-velocity-register`). Output: segments (`joining.Segment`) in body axes.
+late and with the alignment error of the on-board transform (`make study-velocity-register`). Output: segments
+(`joining.Segment`) in body axes.
 """
 
 from __future__ import annotations
@@ -12,7 +13,13 @@ import numpy as np
 from edl_filter import rotations
 from edl_filter.telemetry.joining import Segment
 from edl_filter.telemetry.mer_archive import SAMPLE_INTERVAL, MerTables
-from edl_filter.telemetry.mer_segments import BODY_FROM_SPACECRAFT, MerSetup, sample_end, usable_quaternions
+from edl_filter.telemetry.mer_segments import (
+    BODY_FROM_SPACECRAFT,
+    MerSetup,
+    in_highrate_axes,
+    sample_end,
+    usable_quaternions,
+)
 from edl_filter.telemetry.record import SAME_TIME
 from edl_filter.telemetry.smoothing import rates_from_quaternions
 from edl_filter.types import Array, IntArray
@@ -53,11 +60,11 @@ def register_segment(
 
     The register accumulates in axes that do not rotate, so that the difference of two rows is exact for any rotation of
     the lander in between. It is one increment late (`sample_end`), and each increment is rotated with the attitude of
-    the cycle in which it is added: with both, the register agrees with the velocity from HIGHRATE to 0.04 m/s
-    (Opportunity) and 0.16 m/s (Spirit) RMS from 92 to 244 s; without the delay to 0.7 m/s (docs/validation.md). Samples
-    end where the register's increments end; the attitude there is that between two quaternions. Between two rows force
-    (in the register's axes) and rate are constant: velocity and attitude are therefore exact at the end of a gap, also
-    of one of 15.75 s.
+    the cycle in which it is added. With both and without the alignment error of the on-board transform
+    (`in_highrate_axes`), the register agrees with the velocity from HIGHRATE to 0.022 m/s (Opportunity) and 0.015 m/s
+    (Spirit) RMS from 91 to 200 s; without the delay to 0.7 m/s (docs/validation.md). Samples end where the register's
+    increments end; the attitude there is that between two quaternions. Between two rows force (in the register's axes)
+    and rate are constant: velocity and attitude are therefore exact at the end of a gap, also of one of 15.75 s.
 
     Parameters
     ----------
@@ -103,6 +110,7 @@ def register_segment(
     attitude_at_middle = rotations.multiply(read[row], rotations.from_rotation_vector(turn_to_middle))
     force_j2000 = velocity_increment[row] / np.diff(time)[row][:, None]
     force = rotations.rotate(rotations.conjugate(attitude_at_middle), force_j2000)
+    force = in_highrate_axes(force, setup.imus["rover"])
     noise_factor = np.sqrt(SAMPLE_INTERVAL / step)
     segment = Segment(
         source="register",

@@ -51,7 +51,8 @@ class MerImu:
     alignment : (3,) array or None
         Rotation vector of its axes against those of the other IMU, rad, spacecraft axes.
     transformed_alignment : (2,) array or None
-        Error of the on-board transform of acceleration: force along the archive's x and y per force along z, rad.
+        Error of the on-board transform of acceleration: force along the archive's x and y per force along z, rad
+        (`in_highrate_axes`).
     onboard_rate_correction : (3,) array or None
         Rate that the on-board software subtracts from the gyros' before it computes its quaternion, rad/s, spacecraft
         axes. The archive's HIGHRATE does not contain this correction; `highrate_segment` applies it, so that all
@@ -145,6 +146,17 @@ def usable_quaternions(quaternion: Array, sigma: Array) -> BoolArray:
     return np.isfinite(quaternion[:, 0]) & (sigma < MAX_ROUNDING_SIGMA)
 
 
+def in_highrate_axes(force: Array, imu: MerImu) -> Array:
+    """Force (N, 3), m/s², spacecraft axes, without the alignment error of the on-board transform.
+
+    The on-board software adds a share of the axial force to the lateral ones (`MerImu.transformed_alignment`), in
+    TRANSFORMED's acceleration and in its velocity register, but not in the increments of HIGHRATE.
+    """
+    if imu.transformed_alignment is None:
+        return force
+    return np.column_stack((force[:, :2] - imu.transformed_alignment * force[:, 2:], force[:, 2:]))
+
+
 def transformed_segment(
     tables: MerTables, setup: MerSetup, until: float, settings: CheckSettings | None = None
 ) -> tuple[Segment, list[SampleFinding]]:
@@ -181,9 +193,7 @@ def transformed_segment(
     checked, findings = lost_readings(
         time[1:], stored[1:], nominal, "backshell", highest_readings(nominal), settings or CheckSettings()
     )
-    force = np.vstack((stored[:1], checked)) * (nominal / length)[:, None]
-    if imu.transformed_alignment is not None:
-        force[:, :2] -= imu.transformed_alignment * force[:, 2:]
+    force = in_highrate_axes(np.vstack((stored[:1], checked)) * (nominal / length)[:, None], imu)
     sigma = t.backshell_sigma[rows]
     rate, rounding = _quaternion_rates(time, t.backshell_j2000_from_sc[rows], sigma)
     gyro_noise = imu.gyro_noise * np.sqrt(SAMPLE_INTERVAL / np.diff(time))
