@@ -12,9 +12,9 @@ from edl_filter.diagnosis.stepwise import Step
 from edl_filter.effects import EffectInstance
 from edl_filter.effects.registry import find_effect
 from edl_filter.mission import Mission
-from edl_filter.results.files import LEDGER
-from edl_filter.results.schema import LedgerStep
-from edl_filter.workflow import improve_model, improvement_state
+from edl_filter.results.files import DIAGNOSIS, LEDGER, RESIDUALS, RESULT
+from edl_filter.results.schema import DiagnosisContent, LedgerStep
+from edl_filter.workflow import diagnose_result, improve_model, improvement_state
 from edl_filter.workflow.improvement_state import NextStep
 
 NAMES = ("mass", "wind", "gyro_bias")
@@ -27,6 +27,10 @@ def mission():
 
 class Killed(BaseException):
     """In place of a kill: nothing catches it."""
+
+
+def kill(*_):
+    raise Killed
 
 
 @pytest.fixture
@@ -99,9 +103,6 @@ def test_a_killed_improvement_goes_on_with_the_same_files(mission, tmp_path, sel
 
 
 def test_a_kill_between_the_ledger_and_the_state_repeats_one_step(mission, tmp_path, selection, monkeypatch):
-    def kill(*_):
-        raise Killed
-
     with monkeypatch.context() as patch:
         patch.setattr(improvement_state, "write", kill)
         with pytest.raises(Killed):
@@ -109,6 +110,18 @@ def test_a_kill_between_the_ledger_and_the_state_repeats_one_step(mission, tmp_p
     assert len((tmp_path / LEDGER).read_text().splitlines()) == 1
     assert improved(mission, tmp_path) == ["Step 0", "Step 1", "Step 2", "Step 3"]
     assert len((tmp_path / LEDGER).read_text().splitlines()) == 4
+
+
+def test_a_kill_while_the_final_diagnosis_is_written_leaves_none_of_it(mission, tmp_path, monkeypatch):
+    content = DiagnosisContent.of(diagnosis_of(effects=[], errors={}, ranking=[], where=[], map=[]))
+    diagnosis = SimpleNamespace(update=None, ranking=SimpleNamespace(model=None))
+    last = improve_model.StepFiles(Step((), diagnosis, None, ()), content, mission.text, "Step 0")
+    monkeypatch.setattr("edl_filter.report.diagnosis.draw_diagnosis", lambda *_: [])
+    monkeypatch.setattr(diagnose_result, "residual_series", kill)  # after diagnosis.json
+    with pytest.raises(Killed):
+        improve_model.write_final_model(mission, tmp_path, [last])
+    assert (tmp_path / RESULT).is_file()
+    assert not (tmp_path / DIAGNOSIS).exists() and not (tmp_path / RESIDUALS).exists()
 
 
 def test_another_mission_or_catalogue_begins_at_the_first_step(mission, tmp_path):

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from edl_filter.diagnosis.diagnosis import diagnose
+from edl_filter.diagnosis.diagnosis import Diagnosis, diagnose
 from edl_filter.diagnosis.linear_model.flight_case import load_case
 from edl_filter.diagnosis.residual_analysis.residual_map import CONSTRAINTS, OVERALL, residual_series
 from edl_filter.diagnosis.selection.ranking import Progress, candidate_instances
@@ -102,19 +102,42 @@ def diagnose_result(
     content = diagnosis.content()
     content |= _own_effects(content, file)
     progress("drawing")
-    from edl_filter.report.diagnosis import draw_diagnosis
-
-    with staged_output(folder, _removals) as staged:
-        drawn = draw_diagnosis(content, mission.title or mission.name, staged / FIGURES, diagnosis.update)
-        write_json(content, staged / DIAGNOSIS)
-        write(residual_series(diagnosis.ranking.model), staged / RESIDUALS)
-        write_update(diagnosis.update, staged)
-    figures, path = [folder / FIGURES / figure.name for figure in drawn], folder / DIAGNOSIS
+    figures = write_diagnosis(folder, content, diagnosis, mission.title or mission.name)
+    path = folder / DIAGNOSIS
     step = following_step(reopened, content)
     progress("writing the report")
     from edl_filter.report.html import write_report
 
     return DiagnosisFiles(content, path, figures, step, write_report(folder), _warnings(reopened), reopened.headline)
+
+
+def write_diagnosis(folder: Path, content: dict[str, Any], diagnosis: Diagnosis, title: str) -> list[Path]:
+    """Write ``diagnosis.json``, ``residuals.nc``, increments and figures so that all appear together, or none.
+
+    Parameters
+    ----------
+    folder : Path
+        Of the result.
+    content : dict
+        Of ``diagnosis.json``.
+    diagnosis : Diagnosis
+        Whose residuals and increments are written.
+    title : str
+        Of the figures.
+
+    Returns
+    -------
+    list of Path
+        The figures.
+    """
+    from edl_filter.report.diagnosis import draw_diagnosis
+
+    with staged_output(folder, _removals) as staged:
+        drawn = draw_diagnosis(content, title, staged / FIGURES, diagnosis.update)
+        write_json(content, staged / DIAGNOSIS)
+        write(residual_series(diagnosis.ranking.model), staged / RESIDUALS)
+        write_update(diagnosis.update, staged)
+    return [folder / FIGURES / figure.name for figure in drawn]
 
 
 def _warnings(reopened: Reopened) -> list[str]:

@@ -13,7 +13,6 @@ from dataclasses import dataclass
 from itertools import count
 from pathlib import Path
 
-from edl_filter.diagnosis.residual_analysis.residual_map import residual_series
 from edl_filter.diagnosis.selection.outer_loop import fit_effects
 from edl_filter.diagnosis.selection.ranking import Progress
 from edl_filter.diagnosis.stepwise import Step, improve
@@ -25,15 +24,13 @@ from edl_filter.mission.edit_effects import text_with_effects
 from edl_filter.mission.files import write_mission
 from edl_filter.mission.mission import require_prediction_inputs
 from edl_filter.pipeline.reconstruct import reconstruct
-from edl_filter.results.database_update import write_update
-from edl_filter.results.files import DIAGNOSIS, FIGURES, LEDGER, RESIDUALS, finite, read_ledger, write_json
-from edl_filter.results.netcdf import write
+from edl_filter.results.files import DIAGNOSIS, FIGURES, LEDGER, finite, read_ledger, write_json
 from edl_filter.results.result import Result
 from edl_filter.results.schema import DiagnosisContent, LedgerEnd, LedgerLine, LedgerStep
 from edl_filter.results.schema.ledger import ErrorChange
 from edl_filter.results.summary import RefitSummary
 from edl_filter.workflow import improvement_state
-from edl_filter.workflow.diagnose_result import rms_by_channel
+from edl_filter.workflow.diagnose_result import rms_by_channel, write_diagnosis
 from edl_filter.workflow.improvement_state import NextStep
 from edl_filter.workflow.run import write_outputs
 
@@ -123,7 +120,7 @@ def write_final_model(
     mission: Mission, folder: Path, steps: Sequence[StepFiles], progress: Progress = lambda _: None
 ) -> tuple[list[Path], str | None]:
     """Write the final model's mission, result, diagnosis and figures; returns their paths, and the headline if any."""
-    from edl_filter.report.diagnosis import draw_diagnosis, ledger_figure, model_change
+    from edl_filter.report.diagnosis import ledger_figure, model_change
     from edl_filter.report.html import write_report
     from edl_filter.report.matplotlib_renderer import write_figure
 
@@ -139,7 +136,7 @@ def write_final_model(
     result = Result(reconstruction, RefitSummary(sigma, rms_by_channel(last.content)))
     written = write_outputs(result, folder, False)
     title = mission.title or mission.name
-    figures = draw_diagnosis(last.content, title, folder / FIGURES, last.step.diagnosis.update)
+    figures = write_diagnosis(folder, last.content.model_dump(exclude_unset=True), last.step.diagnosis, title)
     lines = read_ledger(folder)
     errors = [{name: error.before for name, error in line.errors.items()} for line in lines]
     changes = [model_change(line.label, line.removed) for line in lines if isinstance(line, LedgerStep)]
@@ -147,12 +144,9 @@ def write_final_model(
         errors, changes, last.content.noise_floor, last.content.settings.cell_minimum_rms, title
     )
     figures.append(write_figure(ledger_drawing, folder / FIGURES / "ledger.png"))
-    diagnosis = write_json(last.content.model_dump(exclude_unset=True), folder / DIAGNOSIS)
-    write(residual_series(last.step.diagnosis.ranking.model), folder / RESIDUALS)
-    write_update(last.step.diagnosis.update, folder)
     report = write_report(folder)
     improvement_state.remove(folder)
-    paths = [path, written["result"], written["summary"], diagnosis, folder / LEDGER, report, *figures]
+    paths = [path, written["result"], written["summary"], folder / DIAGNOSIS, folder / LEDGER, report, *figures]
     return paths, result.trust.headline
 
 
