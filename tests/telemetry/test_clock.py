@@ -81,3 +81,10 @@ def test_utc_across_midnight():
 def test_reference_that_is_no_time_raises():
     with pytest.raises(InputError, match="is no UTC time; ISO 8601"):
         SclkClock(0.0, "the fourth of January")
+
+
+@pytest.mark.parametrize("text", ["2031-05-04T12:00:00" + "9" * 5000, "0001-01-01T00:00:00+14:00"])
+def test_a_time_that_is_too_long_or_before_the_calendar_is_refused_in_one_sentence(text):
+    with pytest.raises(InputError, match="is no UTC time; ISO 8601") as raised:
+        parse_utc(text)
+    assert len(str(raised.value)) < 200

@@ -101,6 +101,11 @@ VALID_LINE = "500200,0,0,0,0,0,0,"
         ),
         (lambda s: replace_line(s, 6, "500200,0,nan,0,0,0,0,"), None, r"line 6, column 'ay': found 'nan'"),
         (lambda s: replace_line(s, 6, "500200,0,0,,0,0,0,"), None, r"line 6, column 'az': found ''"),
+        (
+            lambda s: replace_line(s, 6, '500200,"0,0,0,0,0,0,'),
+            None,
+            r"log.csv, line 6: a quotation mark is not closed",
+        ),
         (lambda s: replace_line(s, 6, "500200,0,0"), None, r"log.csv, line 6: 3 fields; the header has 8"),
         (
             lambda s: replace_line(s, 6, VALID_LINE.replace("200", "100")),

@@ -12,7 +12,7 @@ from datetime import UTC, datetime, timedelta
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from edl_filter.errors import InputError
+from edl_filter.errors import InputError, quoted
 
 
 def parse_utc(text: str) -> datetime:
@@ -25,9 +25,11 @@ def parse_utc(text: str) -> datetime:
     """
     try:
         time = datetime.fromisoformat(text)
-    except (TypeError, ValueError):
-        raise InputError(f"{text!r} is no UTC time; ISO 8601 such as 2004-01-04T04:21:21.532 is accepted.") from None
-    return time.replace(tzinfo=UTC) if time.tzinfo is None else time.astimezone(UTC)
+        return time.replace(tzinfo=UTC) if time.tzinfo is None else time.astimezone(UTC)
+    except (TypeError, ValueError, OverflowError):
+        raise InputError(
+            f"{quoted(text)} is no UTC time; ISO 8601 such as 2004-01-04T04:21:21.532 is accepted."
+        ) from None
 
 
 def _milliseconds(time: datetime) -> str:

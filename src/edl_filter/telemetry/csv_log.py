@@ -63,6 +63,9 @@ class _Log:
             rows = list(csv.reader([line for _, line in lines], skipinitialspace=True))
         except csv.Error as error:
             raise InputError(f"{path}: the log is no CSV ({error}).") from None
+        if len(rows) < len(lines):  # a quoted field goes on in the next line
+            number = next((number for number, line in lines if line.count('"') % 2), lines[0][0])
+            raise InputError(f"{path}, line {number}: a quotation mark is not closed on its line.")
         if len(rows) < 3:
             raise InputError(f"{path}: {len(rows)} lines; a header and at least two samples are needed.")
         self.header, self.rows = [name.strip() for name in rows[0]], rows[1:]
