@@ -45,7 +45,7 @@ SMOOTH, BOUNCES = (92.0, 244.0), ((335.0, 340.0), (340.0, 345.0), (345.0, 350.0)
 #: Span in which axes and alignment are fitted, its parts and the span after it, s: the force is above 11 m/s² up to
 #: 200 s. The spread of the fits over the latter four is how well the axes are known.
 FIT, PARTS = (91.0, 200.0), ((91.0, 122.0), (122.0, 160.0), (160.0, 200.0), (200.0, 244.0))
-#: Latitude and east longitude (deg) of the landing site that was aimed at (Desai & Knocke 2007).
+#: Latitude and east longitude (deg) of the landing site that was aimed at (Desai and Knocke, docs/citations.md).
 TARGETS = {"mer_a": (-14.59, 175.3), "mer_b": (-1.98, 360.0 - 5.94)}
 
 
