@@ -89,6 +89,7 @@ TESTS = {
     "estimation/smoothing.py": ("estimation/test_smoothing.py",),
     "estimation/kalman.py": ("estimation/test_kalman.py",),
     "estimation/autoregression.py": ("estimation/test_autoregression.py",),
+    "estimation/gauss_markov.py": ("estimation/test_gauss_markov.py",),
     "estimation/interpolating_spline.py": ("estimation/test_interpolating_spline.py",),
     "estimation/random_fields.py": ("estimation/test_random_fields.py",),
     "estimation/small_matrices.py": ("estimation/test_small_matrices.py",),

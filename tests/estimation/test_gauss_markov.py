@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from edl_filter.estimation import gauss_markov
@@ -46,6 +46,8 @@ def drawn(rng, time, tau, sigma, noise):
 
 @settings(max_examples=10, deadline=None)
 @given(st.integers(0, 10**6), st.integers(0, 40), st.integers(1, 30))
+@example(1, 0, 20)
+@example(2, 70, 20)
 def test_the_estimate_is_that_of_the_dense_gaussians(seed, first, length):
     rng = np.random.default_rng(seed)
     time = 0.25 * np.arange(90)
@@ -110,11 +112,28 @@ def test_many_observations_are_used_by_blocks():
     assert np.all(np.abs(mean.mean(axis=0) - 5.0) < 3.0 * np.sqrt(variance)) and np.all(np.sqrt(variance) < 0.15)
 
 
+def test_the_origin_of_time_has_no_effect():
+    time = 0.125 * np.arange(80)
+    lost = (np.arange(80) >= 30) & (np.arange(80) < 50)
+    _, read = drawn(np.random.default_rng(3), time, 2.0, 3.0, 1.0)
+    estimates = [
+        estimate_in_stretch(start + time[~lost], read[~lost, None], start + time[lost]) for start in (0.0, 64.0)
+    ]
+    np.testing.assert_allclose(estimates[1][0], estimates[0][0], rtol=1e-9)
+    np.testing.assert_allclose(estimates[1][1], estimates[0][1], rtol=1e-9)
+
+
+def test_three_observations_are_the_fewest_from_which_a_process_is_estimated():
+    mean, variance = estimate_in_stretch(np.arange(3.0), np.array([[1.0], [1.1], [0.9]]), np.array([3.0, 4.0]))
+    assert np.all(mean > 0.05) and 0.0 < variance[0] < 1.0
+
+
 def test_few_observations_give_their_size_as_the_sigma():
     wanted = np.array([1.0, 2.0])
     mean, variance = estimate_in_stretch(np.array([0.0, 3.0]), np.array([[3.0, 0.0], [4.0, 2.0]]), wanted)
     np.testing.assert_array_equal(mean, np.zeros((2, 2)))
     np.testing.assert_allclose(variance, [12.5, 2.0])
+    np.testing.assert_allclose(estimate_in_stretch(np.zeros(1), np.array([[3.0]]), wanted)[1], [9.0])
     mean, variance = estimate_in_stretch(np.zeros(0), np.zeros((0, 2)), wanted)
     np.testing.assert_array_equal(mean, np.zeros((2, 2)))
     np.testing.assert_array_equal(variance, [0.0, 0.0])
