@@ -408,6 +408,36 @@ def test_an_effect_that_may_lead_is_fitted_about_its_own_reconstruction(reconstr
     assert len(reconstructed.fitted) == (1 if change == "solved" else 2)
 
 
+def test_an_effect_with_the_sizes_of_a_leader_is_fitted_from_these(reconstructed):
+    """Neither its fit about the failing model nor what it explains there counts."""
+    reconstructed.fits, reconstructed.left = [Fit(-30.0)], 0.5
+    h = hypothesis_of(reconstructed, Fit(-80.0), Null())
+    result = relinearize_with_effect(h, Null(), converged=True)
+    assert reconstructed.iterated and result.gain == -30.0 - PENALTY - Null().evidence
+    assert len(reconstructed.fitted) == 1
+
+
+@pytest.mark.parametrize("cosine", [1.0, 0.6])
+def test_sizes_by_which_an_effect_reproduces_another_one_about_its_point(flight, monkeypatch, cosine):
+    """In closed form: a column at an angle to what the leader explains, a size of 0.3."""
+    along, across = np.eye(ROWS)[:2]
+    columns = {"mass": cosine * along + np.sqrt(1.0 - cosine**2) * across, "axial_force_scale": along}
+    monkeypatch.setattr(
+        module,
+        "effect_jacobian",
+        lambda model, a: SimpleNamespace(
+            rows=columns[a.name][:, None], initial_mean=np.zeros((1, 1)), names=("k",), sigma=np.array([1e3])
+        ),
+    )
+    flight.model.fitted_noise_filter = lambda rows, initial_mean: rows
+    h = hypothesis_of(flight, Fit(-80.0), Null())
+    leader = SimpleNamespace(model=flight.model, instance=EffectInstance(find_effect("axial_force_scale"), {"k": 0.3}))
+    similarity, start = module.as_imitation(h, leader)
+    assert similarity == pytest.approx(cosine)
+    assert start.instance.values["k"] == pytest.approx(0.3 * cosine, rel=1e-5)
+    assert replace(start, fit=h.fit) == h
+
+
 def test_an_effect_that_does_not_contend_is_not_iterated_for_a_better_null_model(reconstructed):
     reconstructed.fits, reconstructed.left = [Fit(-80.0)], 0.5
     h = hypothesis_of(reconstructed, Fit(-80.0), Null())

@@ -276,6 +276,8 @@ class Candidate:
     stated_noise_fit: object = None
     complemented: bool | None = None
     null: Null = NULL
+    imitates: bool = False
+    case: object = field(default_factory=lambda: SimpleNamespace(settings=SETTINGS))
 
     fit = SimpleNamespace(effects=("the first effect",))
 
@@ -415,8 +417,10 @@ def test_an_effect_whose_hooks_fail_is_reported_and_the_next_one_fitted(monkeypa
     assert failed == {"a": "its table is empty"}
 
 
-def relinearize(monkeypatch, hypotheses, outcomes=None, nulls=None, better=None):
+def relinearize(monkeypatch, hypotheses, outcomes=None, nulls=None, better=None, similar=None):
     """Ranked names, what was relinearised with whether it contends, and messages of failed ones.
+
+    `similar` is the similarity to a leader about its reconstruction, by name: those are fitted from its sizes.
 
     `outcomes` are changes of the hypothesis by name, or the message of a failing fit; `nulls` by name the evidence of
     the null model about its own point, where its effect is insignificant, and `better` the name of the most probable.
@@ -425,8 +429,13 @@ def relinearize(monkeypatch, hypotheses, outcomes=None, nulls=None, better=None)
     about = {n: (Constructed(f"without {n}", True), replace(REFERENCE, evidence=e)) for n, e in (nulls or {}).items()}
     expected = about[better][1] if better else REFERENCE
 
-    def with_effect(h, reference, contends):
+    def imitation(h, leader):
+        assert leader.at_floor and leader.model in models and not leader.model.released
+        return (similar or {}).get(h.name, 0.0), replace(h, imitates=True)
+
+    def with_effect(h, reference, contends, converged):
         assert better or reference == REFERENCE
+        assert converged == h.imitates
         asked.append((h.name, contends))
         outcome = (outcomes or {}).get(h.name, {})
         if isinstance(outcome, str):
@@ -435,6 +444,7 @@ def relinearize(monkeypatch, hypotheses, outcomes=None, nulls=None, better=None)
         return replace(h.with_reference(reference), **({"model": models[-1]} | outcome))
 
     monkeypatch.setattr(module, "relinearize_with_effect", with_effect)
+    monkeypatch.setattr(module, "as_imitation", imitation)
     monkeypatch.setattr(module, "null_model_about", lambda h, of_case: about.get(h.name))
     case = SimpleNamespace(settings=SETTINGS)
     ranked, most_probable = module._relinearize_leaders(case, hypotheses, REFERENCE, failed, messages.append)
@@ -508,6 +518,30 @@ def test_an_effect_that_explains_the_same_may_explain_all_about_its_own_reconstr
     same = np.array([cosine, np.sqrt(1.0 - cosine**2)])
     hypotheses = [named("leader", 100.0, model=model), named("same", 1.0, model=model, explained=same)]
     asked = relinearize(monkeypatch, hypotheses, {"leader": {"at_floor": at_floor}})[1]
+    assert [name for name, _ in asked] == expected
+
+
+@pytest.mark.parametrize(
+    ("model", "gain", "similarity", "expected"),
+    [
+        (FAILING, 200.0, 0.91, ["leader", "same"]),  # about the first point it explains something else
+        (FAILING, 200.0, 0.89, ["leader"]),
+        (FAILING, 0.5, 0.91, ["leader", "other"]),  # it does not lead about its own point
+        (HOLDING, 200.0, 0.91, ["leader"]),
+    ],
+)
+def test_effects_are_compared_with_a_leader_about_its_own_reconstruction(
+    monkeypatch, model, gain, similarity, expected
+):
+    """About a failing model the Jacobians are those of another motion."""
+    own = [np.eye(4)[k] for k in range(4)]
+    hypotheses = [
+        named("leader", 100.0, model=model, explained=own[0]),
+        named("other", 24.0, model=model, explained=own[1]),
+        named("same", 1.0, model=model, explained=own[2]),
+    ]
+    outcomes = {"leader": {"at_floor": True, "gain": gain}}
+    asked = relinearize(monkeypatch, hypotheses, outcomes, similar={"same": similarity})[1]
     assert [name for name, _ in asked] == expected
 
 

@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from edl_filter.diagnosis.linear_model.effect_jacobian import effect_jacobian
 from edl_filter.diagnosis.linear_model.flight_case import FlightCase
 from edl_filter.diagnosis.linear_model.linear_model import LinearizedModel
 from edl_filter.diagnosis.linear_model.linearization import linearize_at
@@ -18,10 +19,10 @@ from edl_filter.diagnosis.linear_model.linearization_point import smoothed_point
 from edl_filter.diagnosis.noise.variance_components import estimate_variance_components, moment_estimate
 from edl_filter.diagnosis.selection.map_fit import MapFit, NullModelFit, fit_linear, fit_map, fit_null_model
 from edl_filter.diagnosis.selection.outer_loop import iterate_to_convergence
-from edl_filter.diagnosis.selection.screening import ScreeningResult, refine_places
+from edl_filter.diagnosis.selection.screening import ScreeningResult, correlation, refine_places
 from edl_filter.effects.base import EffectInstance, EffectKey, effect_with_key, label_of
 from edl_filter.estimation.kalman import Whitening, WhiteningFilter
-from edl_filter.estimation.regression import held_out_gain
+from edl_filter.estimation.regression import held_out_gain, regress
 from edl_filter.types import Array
 
 #: Relative difference up to which two places are the same starting point: about a second, or some hundred metres.
@@ -357,7 +358,43 @@ def null_model_about(h: Hypothesis, case: FlightCase) -> tuple[LinearizedModel, 
     return model, replace(null, white_log_likelihood=max(null.white_log_likelihood, h.null.white_log_likelihood))
 
 
-def relinearize_with_effect(h: Hypothesis, reference: NullModelFit, contends: bool = True) -> Hypothesis:
+def as_imitation(h: Hypothesis, leader: Hypothesis) -> tuple[float, Hypothesis]:
+    """A hypothesis with the sizes by which its effect reproduces best what another one explains about its own point.
+
+    Where the model without an effect fails, the Jacobians about its point are those of another motion, and neither the
+    sizes of an effect nor its similarity to another one are known there. About the reconstruction of a leader that
+    explains the flight they are.
+
+    Parameters
+    ----------
+    h : Hypothesis
+        Fitted about a failing model.
+    leader : Hypothesis
+        Fitted about its own reconstruction.
+
+    Returns
+    -------
+    similarity : float
+        Correlation of the explained white residuals, between 0 and 1.
+    hypothesis : Hypothesis
+        With the sizes within their bounds.
+    """
+    model = leader.model
+    own, target = (effect_jacobian(model, a.at_zero()) for a in (h.instance, leader.instance))
+    rows = np.concatenate((own.rows, target.rows), axis=1)
+    white = model.fitted_noise_filter(rows, np.concatenate((own.initial_mean, target.initial_mean), axis=1))
+    x = white[:, : len(own.names)]
+    explained = white[:, len(own.names) :] @ np.array([leader.instance.values[name] for name in target.names])
+    estimate = regress(explained, x, own.sigma).estimate
+    values = h.instance.values | dict(zip(own.names, estimate.tolist(), strict=True))
+    instance = replace(h.instance, values=values).within_bounds()
+    effects = tuple(instance if a.key == h.key else a for a in h.fit.effects)
+    return correlation(explained, x @ estimate), replace(h, fit=replace(h.fit, effects=effects))
+
+
+def relinearize_with_effect(
+    h: Hypothesis, reference: NullModelFit, contends: bool = True, converged: bool = False
+) -> Hypothesis:
     """The same hypothesis fitted about a reconstruction that has the effect.
 
     The effect's change of the path then enters to all orders. The fit starts at the most likely parameters at the noise
@@ -378,9 +415,12 @@ def relinearize_with_effect(h: Hypothesis, reference: NullModelFit, contends: bo
         The model without the effect about the point where it is most probable.
     contends : bool
         Whether its gain about the first point is near that of the leader.
+    converged : bool
+        Whether its parameters are estimates about a reconstruction that has the effect (`as_imitation`), from which the
+        fit starts.
     """
     settings, start = h.case.settings, h
-    if not (h.at_floor or h.model.holds):
+    if not (h.at_floor or h.model.holds or converged):
         at_stated_noise = [h.stated_noise_fit] if h.stated_noise_fit is not None else []
         start = _best(h.key, [h.fit], at_stated_noise, h.null, h.case, h.model, thorough=True)
     h.model.release()
@@ -392,7 +432,7 @@ def relinearize_with_effect(h: Hypothesis, reference: NullModelFit, contends: bo
     # not where the null model is about another point, or becomes more probable there
     smoothed = h.model.point.bin_states is None
     comparable = smoothed and not (contends and reference.evidence > h.null.evidence)
-    if comparable and fails and explained_share < settings.least_progress:
+    if comparable and fails and not converged and explained_share < settings.least_progress:
         return replace(start.with_reference(reference), explained_share=explained_share)
     case, model, fit = iterate_to_convergence(case, iterations=2, first=first)
     relinearized = _best(h.key, [fit], [], reference, case, model, thorough=True)
