@@ -74,6 +74,29 @@ def test_the_rotation_across_a_stretch_is_known_to_a_hundredth_of_a_degree(start
     assert [f.repair for f in run.telemetry.findings] == [BY_DYNAMICS]
 
 
+def test_rates_that_are_read_are_kept_where_one_axis_is_lost(inputs):
+    """An axis oblique to those of the body: the errors along it are a hundredth of those of a lost triad."""
+    mission, telemetry, planet, atmosphere = inputs
+    axis = np.array([0.0, 1.0, -1.0]) / np.sqrt(2.0)
+    truth = telemetry.driving
+    lost = (truth.time > 126.5) & (truth.time <= 131.5)
+    across = truth.angular_rate - np.outer(truth.angular_rate @ axis, axis)
+    partial = np.where(lost[:, None, None], np.stack((across, np.tile(axis, (len(truth), 1))), axis=1), 0.0)
+    finding = SampleFinding(truth.name, "rate x", 126.5, 131.5, int(lost.sum()), "stuck")
+    rate = np.where(lost[:, None], np.nan, truth.angular_rate)
+    driving = replace(truth, angular_rate=rate, partial_rate=partial)
+    gap = replace(telemetry, driving=driving, checking=(), findings=(finding,))
+    run = first_run(mission, repaired(gap, parachute=PARACHUTE), planet, atmosphere, ())
+    outcome = run.telemetry.driving
+    assert [f.repair for f in run.telemetry.findings] == [BY_DYNAMICS]
+    error, sigma = (outcome.angular_rate - truth.angular_rate)[lost], outcome.rate_fill_sigma[lost]
+    np.testing.assert_allclose(error - np.outer(error @ axis, axis), 0.0, atol=1e-9)
+    total_sigma = np.sqrt(np.sum(sigma**2 + truth.rate_noise[lost, None] ** 2, axis=0))
+    assert np.all(np.abs(error.sum(axis=0)) <= 4.0 * total_sigma)
+    assert np.abs(error).max() < 5e-4  # of rates of 0.1 rad/s, which the database alone predicts to 0.02 rad/s
+    np.testing.assert_array_equal(outcome.specific_force[lost], truth.specific_force[lost])
+
+
 def test_the_sigmas_of_the_samples_are_those_of_the_prediction(inputs):
     """Independent errors of the filled samples have, with the noise, the variance of the predicted sums."""
     mission, telemetry, planet, atmosphere = inputs

@@ -431,6 +431,12 @@ class TestLostIncrements:
         assert finding.samples in (40, 41)  # the next reading may have the same value
         np.testing.assert_array_equal(checking.specific_force, telemetry.checking[0].specific_force)
         np.testing.assert_array_equal(read.driving.angular_rate, telemetry.driving.angular_rate)
+        lost, expected = np.isnan(checking.angular_rate).any(axis=1), telemetry.checking[0].angular_rate
+        known, axis = checking.partial_rate[lost].swapaxes(0, 1)  # the other two axes are read
+        np.testing.assert_allclose(np.linalg.norm(axis, axis=1), 1.0, atol=1e-12)
+        across = expected[lost] - np.sum(expected[lost] * axis, axis=1, keepdims=True) * axis
+        np.testing.assert_allclose(known, across, atol=1e-12)
+        assert not checking.partial_rate[~lost].any() and not checking.partial_force.any()
 
     def test_what_the_record_does_not_have_is_no_finding(self, rover):
         """The backshell's IMU after the time up to which it is read."""

@@ -43,6 +43,7 @@ def at_rest(imu, seed, direction_held=False, slope=(0.0, 0.0, 0.0), seconds=20.0
     full |= {key: np.zeros(count, bool) for key in ("coning_corrected", "sculling_corrected")}
     full |= {key: np.zeros(count, int) for key in ("unit", "source")}
     full |= {key: np.zeros((count, 3)) for key in ("position", "force_fill_sigma", "rate_fill_sigma")}
+    full |= {key: np.zeros((count, 2, 3)) for key in ("partial_force", "partial_rate")}
     return replace(imu, **full)
 
 

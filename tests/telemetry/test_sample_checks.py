@@ -2,8 +2,17 @@
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
-from edl_filter.telemetry.sample_checks import CheckSettings, in_body_axes, interpolation_error, lost_readings
+from edl_filter import rotations
+from edl_filter.telemetry.sample_checks import (
+    CheckSettings,
+    in_body_axes,
+    interpolation_error,
+    lost_readings,
+    partial_readings,
+)
 
 
 def _quantised_flight(seed=0, count=4000, step=0.05):
@@ -54,3 +63,35 @@ def test_a_sample_is_interpolated_as_the_cubic_through_its_four_neighbours():
     error = interpolation_error(values)
     np.testing.assert_allclose(error[:, [0, 2]], 0.0, atol=1e-12)
     np.testing.assert_allclose(error[2:-2, 1], [5.0 / 6.0, -20.0 / 6.0, 5.0, -20.0 / 6.0, 5.0 / 6.0])
+
+
+@pytest.mark.parametrize("column", [1, 5])
+def test_a_stuck_axis_is_lost_alone(column):
+    """The other axes of its triad are read, and so is the other triad."""
+    readings = np.random.default_rng(2).standard_normal((4000, 6))
+    stuck = readings.copy()
+    stuck[1000:1040, column] = stuck[1000, column]
+    out, (finding,) = lost_readings(0.01 * np.arange(1, 4001), stuck, 0.01, "a", (1e3, 10.0), CheckSettings())
+    assert (finding.kind, finding.samples) == ("stuck", 40)
+    assert np.isnan(out[1000:1040, column]).all()
+    out[1000:1040, column] = readings[1000:1040, column]
+    np.testing.assert_array_equal(out, readings)
+
+
+@given(
+    st.lists(st.floats(-1.0, 1.0), min_size=4, max_size=4).filter(lambda q: np.linalg.norm(q) > 0.1),
+    st.lists(st.floats(-100.0, 100.0), min_size=3, max_size=3),
+    st.integers(0, 2),
+)
+def test_two_axes_and_the_lost_one_are_the_reading_in_body_axes(quaternion, reading, axis):
+    matrix = rotations.to_matrix(np.array(quaternion) / np.linalg.norm(quaternion))
+    readings = np.array([reading] * 4)
+    readings[1, axis] = np.nan
+    readings[2, [axis, axis - 1]] = np.nan
+    readings[3] = np.nan
+    partial = partial_readings(readings, matrix)
+    assert not partial[[0, 2, 3]].any()  # complete, or more than one axis is lost
+    known, direction = partial[1]
+    np.testing.assert_allclose(direction, matrix[:, axis], atol=1e-12)
+    np.testing.assert_allclose(known @ direction, 0.0, atol=1e-10)
+    np.testing.assert_allclose(known + reading[axis] * direction, matrix @ reading, atol=1e-10)

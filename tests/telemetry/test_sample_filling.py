@@ -7,6 +7,8 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from edl_filter import rotations
 from edl_filter.estimation.autoregression import Interpolation
@@ -19,6 +21,7 @@ from edl_filter.telemetry.sample_filling import (
     BY_AUTOREGRESSION,
     _drag_before,
     filled,
+    given_readings,
     tilt_variance,
     with_limits,
 )
@@ -270,3 +273,85 @@ def test_an_impact_that_saturates_the_only_imu_is_inside_its_sigma(builtin_fligh
     error = (neighbours.specific_force[lost] @ mounting)[:, axis] - true
     total = np.sqrt(np.sum((neighbours.force_fill_sigma[lost] @ np.abs(mounting))[:, axis] ** 2))
     assert abs(error.sum()) > 10.0 * total
+
+
+def _predictions(random, count):
+    """Three independent predictions of a stretch with full covariances."""
+    factors = random.standard_normal((3, count, count)) * np.array([0.1, 1.0, 3.0])[:, None, None]
+    covariances = factors @ factors.swapaxes(1, 2) + 0.01 * np.eye(count)
+    return [Interpolation(random.standard_normal(count), c, 1, 1.0) for c in covariances]
+
+
+@given(st.integers(0, 2**31), st.sampled_from([(1.0, 0.0, 0.0), (0.6, -0.8, 0.0), (0.48, 0.6, -0.64)]))
+def test_the_lost_axis_is_the_weighted_least_squares_of_the_predictions(seed, axis):
+    """Twin: the mean and covariance of three Gaussian vectors given two linear combinations of them."""
+    random, axis, count = np.random.default_rng(seed), np.array(axis), 4
+    fills = _predictions(random, count)
+    readings = random.standard_normal((count, 3))
+    out = given_readings(fills, readings, axis)
+    # condition on (I - a a') x = (I - a a') p with a readings' noise that is nearly zero
+    prior, mean = np.zeros((3 * count, 3 * count)), np.concatenate([f.values for f in fills])
+    for i, fill in enumerate(fills):
+        rows = slice(i * count, (i + 1) * count)
+        prior[rows, rows] = fill.covariance
+    basis = np.linalg.svd(axis[None])[2][1:]  # the two axes that are read
+    observe = np.kron(basis, np.eye(count))
+    innovation = (basis @ readings.T).ravel() - observe @ mean
+    gain = prior @ observe.T @ np.linalg.inv(observe @ prior @ observe.T + 1e-14 * np.eye(2 * count))
+    expected = (mean + gain @ innovation).reshape(3, count)
+    covariance = prior - gain @ observe @ prior
+    np.testing.assert_allclose([f.values for f in out], expected, atol=1e-5)
+    bound = np.zeros_like(prior)
+    for i, fill in enumerate(out):
+        rows = slice(i * count, (i + 1) * count)
+        bound[rows, rows] = fill.covariance
+    size = np.abs(covariance).max()
+    assert np.linalg.eigvalsh(bound - covariance).min() > -1e-5 * size
+    if axis[0] == 1.0:  # the lost axis is one of the body: the other two have no error, and the bound is exact
+        np.testing.assert_allclose(bound, covariance, atol=1e-5 * size)
+
+
+@pytest.mark.parametrize("second", [False, True], ids=["one IMU", "two IMUs"])
+@pytest.mark.parametrize("key", ["specific_force", "angular_rate"])
+@pytest.mark.parametrize("axis", [0, 2])
+def test_two_axes_that_are_read_are_kept_where_the_third_is_stuck(second, key, axis, builtin_flight, tmp_path):
+    """The axes of the IMU are oblique to those of the body; the errors are along the lost axis alone."""
+    truth = read_flight_file(builtin_flight)
+    path = shutil.copy(builtin_flight, tmp_path / "flight.h5")
+    with h5py.File(path, "a") as file:
+        values = file[f"imu/primary/{key}"]
+        values[800:840, axis] = values[800, axis]
+        matrix = rotations.to_matrix(file["imu/primary"].attrs["body_from_imu"])
+    telemetry = read_flight_file(path)
+    telemetry = telemetry if second else alone(telemetry)
+    (finding,) = telemetry.findings
+    assert finding.kind == "stuck" and np.isnan(getattr(telemetry.driving, key)).all(axis=1).sum() == finding.samples
+    outcome = repaired(telemetry, parachute=DEPLOYMENT).driving
+    lost = np.isnan(getattr(telemetry.driving, key)).all(axis=1)
+    error = (getattr(outcome, key) - getattr(truth.driving, key))[lost]
+    sigma = (outcome.force_fill_sigma if key == "specific_force" else outcome.rate_fill_sigma)[lost]
+    direction = matrix[:, axis]
+    np.testing.assert_allclose(error - np.outer(error @ direction, direction), 0.0, atol=1e-12)
+    assert np.all(np.abs(error.sum(axis=0)) <= 4.0 * np.sqrt((sigma**2).sum(axis=0)))
+    whole = {key: np.where(lost[:, None], np.nan, getattr(telemetry.driving, key))}
+    kind = "force" if key == "specific_force" else "rate"
+    without = replace(telemetry.driving, **whole, **{f"partial_{kind}": np.zeros((len(lost), 2, 3))})
+    unread = repaired(replace(telemetry, driving=without), parachute=DEPLOYMENT).driving
+    unread_sigma = (unread.force_fill_sigma if key == "specific_force" else unread.rate_fill_sigma)[lost]
+    assert np.linalg.norm(sigma) < (1.01 if second else 0.9) * np.linalg.norm(unread_sigma)
+
+
+def test_a_stretch_is_divided_where_another_axis_is_lost(builtin_flight):
+    """One axis alone in a part of it, all of them in another."""
+    telemetry = alone(read_flight_file(builtin_flight))
+    record = telemetry.driving
+    rate, partial = record.angular_rate.copy(), np.zeros((len(record), 2, 3))
+    rate[800:820] = np.nan
+    partial[800:810, 1] = [1.0, 0.0, 0.0]
+    partial[800:810, 0, 1:] = record.angular_rate[800:810, 1:]
+    changed = replace(record, angular_rate=rate, partial_rate=partial)
+    complete, repairs = filled(changed, None, CheckSettings(), DEPLOYMENT)
+    edges = [record.time[k] for k in (799, 809, 819)]
+    np.testing.assert_allclose([(a, b) for a, b, _ in repairs], [(edges[0], edges[1]), (edges[1], edges[2])])
+    np.testing.assert_array_equal(complete.angular_rate[800:810, 1:], record.angular_rate[800:810, 1:])
+    assert np.all(complete.rate_fill_sigma[810:820] > 1e-9)

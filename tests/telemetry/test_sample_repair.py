@@ -12,7 +12,7 @@ from edl_filter.mission import Mission
 from edl_filter.pipeline.load import read_telemetry
 from edl_filter.telemetry.flight_file import read_flight_file
 from edl_filter.telemetry.sample_checks import CheckSettings
-from edl_filter.telemetry.sample_repair import repaired
+from edl_filter.telemetry.sample_repair import repaired, without_samples
 
 FORCE, RATE = "specific_force", "angular_rate"
 FIRST = 800  # 100 s after entry
@@ -342,3 +342,16 @@ def test_a_second_imu_of_a_few_samples_is_dead(builtin_flight, count):
     outcome = repaired(replace(telemetry, checking=(few,)), parachute=parachute(telemetry))
     assert {(f.imu, f.kind) for f in outcome.findings} == {("secondary", "dead")}
     np.testing.assert_array_equal(outcome.driving.specific_force, telemetry.driving.specific_force)
+
+
+def test_an_imu_at_fault_loses_the_axes_that_it_reads_too(builtin_flight):
+    """What a stretch at fault has of a stuck axis is no reading."""
+    telemetry = read_flight_file(builtin_flight)
+    partial = np.zeros((len(telemetry.driving), 2, 3))
+    partial[800:840, 1] = [1.0, 0.0, 0.0]
+    rate = telemetry.driving.angular_rate.copy()
+    rate[800:840] = np.nan
+    driving = replace(telemetry.driving, angular_rate=rate, partial_rate=partial)
+    lost = {"rate": [(100.0, 102.5)]}
+    outcome = without_samples(replace(telemetry, driving=driving), "primary", lost, parachute=252.75).driving
+    assert not outcome.partial_rate[800:820].any() and outcome.partial_rate[820:840, 1, 0].all()

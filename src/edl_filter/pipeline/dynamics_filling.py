@@ -25,7 +25,13 @@ from edl_filter.navigation.smoother import smooth
 from edl_filter.navigation.trajectory import Trajectory, smoothed_trajectory
 from edl_filter.pipeline.redundancy import Run
 from edl_filter.telemetry.record import SAME_TIME, ImuRecord, SampleFinding, Telemetry
-from edl_filter.telemetry.sample_filling import BY_AUTOREGRESSION, BY_DYNAMICS, PARACHUTE_MARGIN, fill_sigma
+from edl_filter.telemetry.sample_filling import (
+    BY_AUTOREGRESSION,
+    BY_DYNAMICS,
+    PARACHUTE_MARGIN,
+    fill_sigma,
+    given_readings,
+)
 from edl_filter.types import Array
 
 #: Shortest stretch that is filled, s: in a shorter one the autoregression is as good.
@@ -253,9 +259,12 @@ def _with_fills(
     """
     edges = window.time[window.first : window.last + 1]
     a, b = (int(k) for k in np.searchsorted(base.time, edges[[0, -1]] + np.array([SAME_TIME, -SAME_TIME])))
-    rows = slice(a, b + 1)
+    rows, inside = slice(a, b + 1), window.readings[window.first : window.last]
+    fills = _given_read_axes(fills[:3], base.partial_rate[rows], inside[:, :3]) + _given_read_axes(
+        fills[3:], base.partial_force[rows], inside[:, 3:]
+    )
     predicted = np.stack([fill.values for fill in fills], axis=1)
-    change = predicted - window.readings[window.first : window.last]
+    change = predicted - inside
     total = np.concatenate((np.zeros((1, 6)), np.cumsum(change * np.diff(edges)[:, None], axis=0)))
     ends = np.clip(base.edges[a : b + 2], edges[0], edges[-1])
     means = np.stack([np.interp(ends, edges, c) for c in total.T], axis=1)
@@ -286,3 +295,14 @@ def _with_fills(
             array[rows] = np.where(lost, new, array[rows])
             changed[name] = array
     return replace(record, **changed)
+
+
+def _given_read_axes(fills: list[Interpolation], partial: Array, readings: Array) -> list[Interpolation]:
+    """Fills of a triad of a stretch, given the axes that are read if one and the same axis is lost in all its samples.
+
+    The readings (n, 3) of the window contain the axes that are read, corrected for the sensor errors.
+    """
+    axis = partial[0, 1]
+    if not axis.any() or np.any(partial[:, 1] != axis):
+        return fills
+    return given_readings(fills, readings, axis)

@@ -41,6 +41,7 @@ from edl_filter.telemetry.sample_checks import (
     in_body_axes,
     lost_readings,
     ordered_packets,
+    partial_readings,
     stuck_runs,
     with_repair,
 )
@@ -129,7 +130,8 @@ def _read_imu(
         raise node.error("@sample_interval", f"is {interval:g} s, but the usual step of its time is {median:g} s.")
     steps = [quantum(readings[:, triad]) if settings.enabled else 0.0 for triad in (slice(0, 3), slice(3, 6))]
     readings, bad = lost_readings(time, readings, interval, name, highest, settings)
-    bad = in_body_axes(bad, rotations.to_matrix(body_from_imu))
+    matrix = rotations.to_matrix(body_from_imu)
+    bad = in_body_axes(bad, matrix)
     time, readings, inserted, missing = completed(time, readings, interval, name)
     force, rate = (rotations.rotate(body_from_imu, v) for v in (readings[:, :3].copy(), readings[:, 3:].copy()))
     force_sigma = node.attribute("accelerometer_noise", positive=True, limits=Limits("m/s^2", 0.0, 1.0))
@@ -157,6 +159,8 @@ def _read_imu(
         sources=("flight file", "gap") if inserted.any() else ("flight file",),
         errors=(errors,),
         stated_interval=interval,
+        partial_force=partial_readings(readings[:, :3], matrix),
+        partial_rate=partial_readings(readings[:, 3:], matrix),
     )
     return record, (*uneven, *findings, *bad, *missing, *rounded)
 

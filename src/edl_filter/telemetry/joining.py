@@ -8,7 +8,7 @@ linearly interpolated between the two samples around it (`fill_gaps`); segments 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, field, fields, replace
 from itertools import pairwise
 from typing import Any
 
@@ -42,6 +42,7 @@ class Segment:
         m/s², rad/s, rad/s.
     coning_corrected, sculling_corrected : bool
         Valid for all samples of the segment.
+    partial_force, partial_rate : (N, 2, 3) arrays, optional
     """
 
     source: str
@@ -56,6 +57,13 @@ class Segment:
     shared_rate_noise: Array
     coning_corrected: bool = False
     sculling_corrected: bool = False
+    partial_force: Array = field(default_factory=lambda: np.zeros((0, 2, 3)))
+    partial_rate: Array = field(default_factory=lambda: np.zeros((0, 2, 3)))
+
+    def __post_init__(self) -> None:
+        for key in ("partial_force", "partial_rate"):
+            if not len(getattr(self, key)):
+                object.__setattr__(self, key, np.zeros((len(self.time), 2, 3)))
 
     @property
     def start(self) -> float:
@@ -151,6 +159,8 @@ def interpolated_between(before: Segment, after: Segment) -> list[Segment]:
         rate_noise=noise[1],
         shared_rate_noise=np.zeros(1),
         coning_corrected=True,
+        partial_force=np.zeros((1, 2, 3)),
+        partial_rate=np.zeros((1, 2, 3)),
     )
     return [sample]
 
@@ -210,4 +220,6 @@ def join(name: str, segments: Sequence[Segment], units: tuple[str, ...], errors:
         source=repeated([sources.index(segment.source) for segment in segments], np.int64),
         sources=sources,
         errors=errors,
+        partial_force=stack("partial_force"),
+        partial_rate=stack("partial_rate"),
     )

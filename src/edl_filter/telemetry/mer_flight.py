@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -181,9 +182,9 @@ def _aligned(setup: MerSetup, segment: Segment) -> Segment:
     After the separation it drives, and stays in the axes of its own on-board quaternion.
     """
     rotation = rotations.from_rotation_vector(to_body(setup.imus["rover"].alignment))
-    return replace(
-        segment, force=rotations.rotate(rotation, segment.force), rate=rotations.rotate(rotation, segment.rate)
-    )
+    names = ("force", "rate", "partial_force", "partial_rate")
+    turned: dict[str, Any] = {name: rotations.rotate(rotation, getattr(segment, name)) for name in names}
+    return replace(segment, **turned)
 
 
 def _continue_from(segment: Segment, start: float) -> Segment:

@@ -20,7 +20,13 @@ from edl_filter.imu_model.sensor_errors import SensorErrors
 from edl_filter.telemetry.joining import GAP, Segment, fill_gaps
 from edl_filter.telemetry.mer_archive import SAMPLE_INTERVAL, MerTables
 from edl_filter.telemetry.record import SAME_TIME, AttitudeRecord, SampleFinding, finite_rows
-from edl_filter.telemetry.sample_checks import CheckSettings, highest_readings, in_body_axes, lost_readings
+from edl_filter.telemetry.sample_checks import (
+    CheckSettings,
+    highest_readings,
+    in_body_axes,
+    lost_readings,
+    partial_readings,
+)
 from edl_filter.telemetry.smoothing import rates_from_quaternions
 from edl_filter.types import Array, BoolArray
 
@@ -266,7 +272,7 @@ def highrate_segment(
     Returns
     -------
     segment : Segment
-        Lost triads are NaN.
+        Triads of which an axis is lost are NaN.
     findings : list of SampleFinding
         What is lost; `imu` is the unit.
     """
@@ -286,22 +292,27 @@ def highrate_segment(
     readings, findings = lost_readings(
         time, increments, SAMPLE_INTERVAL, unit, highest_readings(SAMPLE_INTERVAL), settings or CheckSettings()
     )
-    lost = ~np.isfinite(readings)
-    force, rate = (
-        np.where(lost[:, triad], np.nan, values[complete] @ body_from_imu.T / interval[:, None])
-        for triad, values in ((slice(0, 3), velocity), (slice(3, 6), angle))
-    )
+    correction = to_body(imu.onboard_rate_correction)
+    whole, partial = [], []
+    for triad, values, offset in ((slice(0, 3), velocity, np.zeros(3)), (slice(3, 6), angle, correction)):
+        body = values[complete] @ body_from_imu.T / interval[:, None] - offset
+        read = np.where(np.isnan(readings[:, triad]), np.nan, body @ body_from_imu)
+        whole.append(np.where(finite_rows(read)[:, None], body, np.nan))
+        partial.append(partial_readings(read, body_from_imu))
+    force, rate = whole
     segment = Segment(
         source=HIGHRATE,
         unit=unit,
         time=time,
         interval=interval,
         force=force,
-        rate=rate - to_body(imu.onboard_rate_correction),
+        rate=rate,
         position=np.tile(to_body(imu.position), (n, 1)),
         force_noise=np.full(n, imu.accelerometer_noise),
         rate_noise=np.full(n, imu.gyro_noise),
         shared_rate_noise=np.full(n, imu.gyro_noise),
+        partial_force=partial[0],
+        partial_rate=partial[1],
     )
     return segment, in_body_axes(findings, body_from_imu)
 

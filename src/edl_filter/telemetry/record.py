@@ -51,6 +51,12 @@ def filled_samples(force_fill_sigma: Array, rate_fill_sigma: Array) -> BoolArray
     return np.any(force_fill_sigma > 0.0, axis=1) | np.any(rate_fill_sigma > 0.0, axis=1)
 
 
+#: Arrays of a record that are zero unless samples were lost, and the shape of one sample's.
+_OPTIONAL_ARRAYS: dict[str, tuple[int, ...]] = {
+    "force_fill_sigma": (3,), "rate_fill_sigma": (3,), "partial_force": (2, 3), "partial_rate": (2, 3),
+}  # fmt: skip
+
+
 @dataclass(frozen=True)
 class ImuRecord:
     """Samples of one IMU, or of several IMUs joined in time, in body axes.
@@ -93,6 +99,10 @@ class ImuRecord:
         these are the sigmas of independent errors whose sum over the stretch has the variance of the correlated ones.
     stated_interval : float, optional
         Sampling interval that the telemetry states besides the times, s; NaN if there is none.
+    partial_force, partial_rate : (N, 2, 3) arrays, optional
+        Of a triad of which one axis is lost: the readings of the other two axes as a vector, m/s² or rad/s, and the
+        unit vector of the lost axis, both in body axes; zeros elsewhere. `specific_force` or `angular_rate` is NaN
+        there until it is filled.
     """
 
     name: str
@@ -114,12 +124,14 @@ class ImuRecord:
     force_fill_sigma: Array = field(default_factory=lambda: np.zeros((0, 3)))
     rate_fill_sigma: Array = field(default_factory=lambda: np.zeros((0, 3)))
     stated_interval: float = np.nan
+    partial_force: Array = field(default_factory=lambda: np.zeros((0, 2, 3)))
+    partial_rate: Array = field(default_factory=lambda: np.zeros((0, 2, 3)))
 
     def __post_init__(self) -> None:
         n = len(self.time)
-        for key in ("force_fill_sigma", "rate_fill_sigma"):
+        for key, shape in _OPTIONAL_ARRAYS.items():
             if not len(getattr(self, key)):
-                object.__setattr__(self, key, np.zeros((n, 3)))
+                object.__setattr__(self, key, np.zeros((n, *shape)))
         if n < 2:
             raise InputError(f"IMU '{self.name}': {n} samples; at least 2 are needed.")
         for key in (
@@ -128,9 +140,13 @@ class ImuRecord:
         ):  # fmt: skip
             if getattr(self, key).shape != (n,):
                 raise InputError(f"IMU '{self.name}': {key} has shape {getattr(self, key).shape}, not ({n},).")
-        for key in ("specific_force", "angular_rate", "position", "force_fill_sigma", "rate_fill_sigma"):
-            if getattr(self, key).shape != (n, 3):
-                raise InputError(f"IMU '{self.name}': {key} has shape {getattr(self, key).shape}, not ({n}, 3).")
+        vectors: dict[str, tuple[int, ...]] = dict.fromkeys(("specific_force", "angular_rate", "position"), (3,))
+        for key, shape in {**vectors, **_OPTIONAL_ARRAYS}.items():
+            if getattr(self, key).shape != (n, *shape):
+                raise InputError(
+                    f"IMU '{self.name}': {key} has shape {getattr(self, key).shape}, not "
+                    f"({n}, {', '.join(str(size) for size in shape)})."
+                )
         if np.any(self.shared_rate_noise > self.rate_noise):
             raise InputError(f"IMU '{self.name}': shared_rate_noise is a part of rate_noise and cannot exceed it.")
         step = np.diff(self.time)
@@ -179,8 +195,7 @@ class ImuRecord:
         """Samples where the boolean array `selected` (N,) is true."""
         names = (
             "time", "interval", "specific_force", "angular_rate", "position", "force_noise", "rate_noise",
-            "shared_rate_noise", "coning_corrected", "sculling_corrected", "unit", "source", "force_fill_sigma",
-            "rate_fill_sigma",
+            "shared_rate_noise", "coning_corrected", "sculling_corrected", "unit", "source", *_OPTIONAL_ARRAYS,
         )  # fmt: skip
         return replace(self, **{name: getattr(self, name)[selected] for name in names})
 

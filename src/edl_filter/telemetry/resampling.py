@@ -117,6 +117,8 @@ def averaged(record: ImuRecord, target: ImuRecord) -> ImuRecord:
         shared_rate_noise=share * record.shared_rate_noise[nearest],
         force_fill_sigma=share[:, None] * record.force_fill_sigma[nearest],
         rate_fill_sigma=share[:, None] * record.rate_fill_sigma[nearest],
+        partial_force=np.zeros((len(target), 2, 3)),  # the samples of a mean may differ in what they read
+        partial_rate=np.zeros((len(target), 2, 3)),
     )
 
 

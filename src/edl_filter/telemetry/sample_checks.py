@@ -1,8 +1,9 @@
 """Checks of one IMU's samples as they are stored: order of the packets, and values that no sensor can have read.
 
 Input: times and readings in the axes of the IMU, before rotation. Method: packets are put in order (`ordered_packets`),
-then triads that are not finite, out of range, all zero, stuck or saturated are marked as lost (`lost_readings`), and
-rows with NaN are inserted where samples are missing (`completed`). A repetition is a fault only where it is
+then triads that are not finite, out of range or all zero and axes that are stuck or saturated are marked as lost
+(`lost_readings`), and rows with NaN are inserted where samples are missing (`completed`). Two axes that are read where
+the third is lost are kept in body axes (`partial_readings`). A repetition is a fault only where it is
 improbable: the probability that a channel repeats a value by its quantisation is taken from the samples around it.
 Output: readings with NaN where they are lost, and a `SampleFinding` for each stretch.
 """
@@ -177,7 +178,7 @@ def _counted_times(time: Array, interval: float) -> tuple[Array, BoolArray]:
 def lost_readings(
     time: Array, readings: Array, interval: float, imu: str, limits: tuple[float, float], settings: CheckSettings
 ) -> tuple[Array, list[SampleFinding]]:
-    """Readings with NaN in the triads that no sensor can have read, and what they are.
+    """Readings with NaN in the triads and axes that no sensor can have read, and what they are.
 
     Parameters
     ----------
@@ -222,7 +223,6 @@ def lost_readings(
     readings[repeated] = np.nan
     for column, name in enumerate(channels):
         values = readings[:, column].copy()
-        triad = slice(0, 3) if column < 3 else slice(3, 6)
         for a, b in stuck_runs(values, settings.false_alarm_probability):
             nearby = values[max(0, a - _REPEAT_REACH) : b + _REPEAT_REACH]
             lowest, highest = np.nanmin(nearby), np.nanmax(nearby)
@@ -236,8 +236,29 @@ def lost_readings(
                 if values[a] == farthest and values[a] != 0.0:
                     reading = _vector(values[a] * np.eye(3)[column % 3])
             findings += [replace(f, limit=reading) for f in findings_of(imu, name, kind, lost, time, interval)]
-            readings[lost, triad] = np.nan
+            readings[lost, column] = np.nan
     return readings, findings
+
+
+def partial_readings(readings: Array, body_from_imu: Array) -> Array:
+    """What triads read of which one axis is lost.
+
+    Parameters
+    ----------
+    readings : (N, 3) array
+        Of one triad, axes of the IMU; NaN where an axis is lost.
+    body_from_imu : (3, 3) array
+        Rotation matrix of the mounting.
+
+    Returns
+    -------
+    (N, 2, 3) array
+        As `ImuRecord.partial_force`.
+    """
+    lost = np.isnan(readings)
+    one_axis = np.count_nonzero(lost, axis=1) == 1
+    pair = np.stack((np.where(lost, 0.0, readings), lost.astype(np.float64)), axis=1)
+    return np.where(one_axis[:, None, None], pair @ body_from_imu.T, 0.0)
 
 
 def _improbable_zeros(readings: Array, probability: float) -> BoolArray:

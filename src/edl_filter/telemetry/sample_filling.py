@@ -16,6 +16,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 
@@ -44,6 +45,8 @@ _FULL = 2.0
 #: Fewest values from which the drag of the full canopy is extrapolated.
 _LEAST_VALUES = 8
 _TRIADS = ("force", "rate")
+#: Least variance of a prediction that is combined with readings, relative to its largest one and absolute.
+_LEAST_RELATIVE_VARIANCE, _LEAST_VARIANCE = 1e-9, 1e-24
 
 
 def is_complete(record: ImuRecord) -> bool:
@@ -80,6 +83,7 @@ def filled(
     """
     if is_complete(record):
         return record, []
+    partial = {"force": record.partial_force, "rate": record.partial_rate}
     repairs: list[tuple[float, float, str]] = []
     source = None if second is None else transferred(record, second, parachute - PARACHUTE_MARGIN)
     values = {"force": record.specific_force.copy(), "rate": record.angular_rate.copy()}
@@ -95,12 +99,16 @@ def filled(
                 remaining, variance = _remaining_difference(record, source, triad, a, b, parachute)
                 values[triad][rows] = getattr(source, triad)[rows] + remaining
                 sigmas[triad][rows] = _transfer_sigma(source, triad, rows, noise[triad][rows], variance)
+                _keep_read_axes(values[triad], sigmas[triad], partial[triad], rows)
                 repairs.append(_repair(record, a, b, f"filled from {second.name}" if second else ""))
             lost[triad] = lost[triad] & ~source.valid
         read = values[triad].copy()  # an autoregression is fitted to readings alone
         for a, b in runs(lost[triad]):
             _refuse_long_gap(record, a, b, settings)
+        for a, b in _with_one_axis(runs(lost[triad]), partial[triad]):
             for rows, fills, how in _interpolated(record, triad, read, a, b, parachute):
+                axes_read, axis = partial[triad][rows, 0], partial[triad][a, 1]
+                fills = given_readings(fills, axes_read, axis) if axis.any() else fills
                 values[triad][rows] = np.stack([fill.values for fill in fills], axis=1)
                 sigmas[triad][rows] = fill_sigma(fills, noise[triad][rows], record.interval[a], coning=triad == "rate")
                 repairs.append(_repair(record, rows.start, rows.stop, how))
@@ -118,6 +126,65 @@ def filled(
         shared_rate_noise=np.where(changed, 0.0, record.shared_rate_noise),
     )
     return complete, repairs
+
+
+def given_readings(fills: Sequence[Interpolation], readings: Array, axis: Array) -> list[Interpolation]:
+    """Fills of a triad given the readings of the two axes that are not lost.
+
+    With the reading p without its component along the lost axis, whose unit vector is a, the values are ``p + a t``.
+    Predictions f_i with covariances C_i along the body axes, independent of each other, give the weighted least squares
+    ``t = S Σ a_i C_i⁻¹ (f_i - p_i)`` with the covariance ``S = (Σ a_i² C_i⁻¹)⁻¹``. The errors ``a_i t`` along the body
+    axes are correlated; independent ones with the covariances ``|a_i| Σ|a_j| S`` are not smaller in any direction.
+
+    Parameters
+    ----------
+    fills : sequence of three Interpolation
+        Predictions of n values along the body axes, the noise of a reading included.
+    readings : (n, 3) array
+        Body axes; the component along the lost axis is ignored.
+    axis : (3,) array
+        Unit vector of the lost axis, body axes.
+
+    Returns
+    -------
+    list of three Interpolation
+    """
+    read = readings - np.outer(readings @ axis, axis)
+    count = len(read)
+    information, weighted = np.zeros((count, count)), np.zeros(count)
+    for fill, known, component in zip(fills, read.T, axis, strict=True):
+        least = _LEAST_RELATIVE_VARIANCE * float(np.max(np.diag(fill.covariance))) + _LEAST_VARIANCE
+        inverse = np.linalg.inv(fill.covariance + least * np.eye(count))
+        information += component**2 * inverse
+        weighted += component * (inverse @ (fill.values - known))
+    covariance = np.linalg.inv(information)
+    along = covariance @ weighted
+    bound = np.abs(axis) * np.sum(np.abs(axis))
+    return [
+        replace(fill, values=read[:, i] + axis[i] * along, covariance=bound[i] * covariance)
+        for i, fill in enumerate(fills)
+    ]
+
+
+def _with_one_axis(stretches: list[tuple[int, int]], partial: Array) -> list[tuple[int, int]]:
+    """Stretches ``[a, b)`` divided where another axis of the triad is lost, or all axes are."""
+    out = []
+    for a, b in stretches:
+        cuts = a + 1 + np.flatnonzero(np.any(np.diff(partial[a:b, 1], axis=0) != 0.0, axis=1))
+        edges = [a, *(int(cut) for cut in cuts), b]
+        out += list(pairwise(edges))
+    return out
+
+
+def _keep_read_axes(values: Array, sigma: Array, partial: Array, rows: slice) -> None:
+    """Replace transferred values (N, 3) and their sigmas by what is read, where one axis alone is lost."""
+    axis = partial[rows, 1]
+    one_axis = np.any(axis != 0.0, axis=1)[:, None]
+    along = np.sum(axis * values[rows], axis=1, keepdims=True)
+    bound = np.abs(axis) * np.sum(np.abs(axis), axis=1, keepdims=True)  # as `given_readings`
+    variance = np.sum(axis**2 * sigma[rows] ** 2, axis=1, keepdims=True)
+    values[rows] = np.where(one_axis, partial[rows, 0] + along * axis, values[rows])
+    sigma[rows] = np.where(one_axis, np.sqrt(bound * variance), sigma[rows])
 
 
 def with_limits(record: ImuRecord, findings: Sequence[SampleFinding]) -> ImuRecord:

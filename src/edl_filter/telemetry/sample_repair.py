@@ -206,6 +206,8 @@ def without_samples(
                 inside &= instrument
                 values = getattr(record, TRIADS[triad])
                 changed[TRIADS[triad]] = np.where(inside[:, None], np.nan, values)
+                partial = f"partial_{triad}"
+                changed[partial] = np.where(inside[:, None, None], 0.0, getattr(record, partial))
                 findings += findings_of(name, triad, "disagreement", inside, record.time, interval)
             record = replace(record, **changed)
         records.append(record)
@@ -347,6 +349,8 @@ def _lengthened(record: ImuRecord, time: Array, interval: Array, before: bool) -
         source=longer(record.source),
         force_fill_sigma=longer(record.force_fill_sigma),
         rate_fill_sigma=longer(record.rate_fill_sigma),
+        partial_force=longer(record.partial_force, np.zeros((count, 2, 3))),
+        partial_rate=longer(record.partial_rate, np.zeros((count, 2, 3))),
     )
 
 
