@@ -420,7 +420,7 @@ def test_an_effect_whose_hooks_fail_is_reported_and_the_next_one_fitted(monkeypa
 def relinearize(monkeypatch, hypotheses, outcomes=None, nulls=None, better=None, similar=None):
     """Ranked names, what was relinearised with whether it contends, and messages of failed ones.
 
-    `similar` is the similarity to a leader about its reconstruction, by name: those are fitted from its sizes.
+    `similar` is the similarity to a leader about its reconstruction, by name, or the message of a failing effect.
 
     `outcomes` are changes of the hypothesis by name, or the message of a failing fit; `nulls` by name the evidence of
     the null model about its own point, where its effect is insignificant, and `better` the name of the most probable.
@@ -431,7 +431,10 @@ def relinearize(monkeypatch, hypotheses, outcomes=None, nulls=None, better=None,
 
     def imitation(h, leader):
         assert leader.at_floor and leader.model in models and not leader.model.released
-        return (similar or {}).get(h.name, 0.0), replace(h, imitates=True)
+        similarity = (similar or {}).get(h.name, 0.0)
+        if isinstance(similarity, str):
+            raise InputError(similarity)
+        return similarity, replace(h, imitates=True)
 
     def with_effect(h, reference, contends, converged):
         assert better or reference == REFERENCE
@@ -543,6 +546,9 @@ def test_effects_are_compared_with_a_leader_about_its_own_reconstruction(
     outcomes = {"leader": {"at_floor": True, "gain": gain}}
     asked = relinearize(monkeypatch, hypotheses, outcomes, similar={"same": similarity})[1]
     assert [name for name, _ in asked] == expected
+    if model is FAILING and gain == 200.0:
+        failed = relinearize(monkeypatch, hypotheses, outcomes, similar={"same": "its table ends"})[2]
+        assert failed == {"same": "its table ends"}
 
 
 def test_no_more_than_a_number_of_hypotheses_are_relinearised(monkeypatch):

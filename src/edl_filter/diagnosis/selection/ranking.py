@@ -361,7 +361,7 @@ def _relinearize_leaders(
         except InputError as error:
             failed[label_of(key)] = str(error)
         if ranked[i].at_floor and not model_holds and ranked[i].gain >= max(h.gain for h in ranked):
-            imitations |= _imitations(ranked[i], [h for h in ranked if h.key not in relinearized])
+            imitations |= _imitations(ranked[i], [h for h in ranked if h.key not in relinearized], failed)
         if ranked[i].model is not model_at_first_point:
             ranked[i].model.release()
         ranked.sort(key=lambda h: -h.gain)
@@ -370,7 +370,17 @@ def _relinearize_leaders(
     return sorted((h.with_reference(reference) for h in ranked), key=lambda h: -h.gain), better
 
 
-def _imitations(leader: Hypothesis, others: Sequence[Hypothesis]) -> dict[EffectKey, Hypothesis]:
+def _imitations(
+    leader: Hypothesis, others: Sequence[Hypothesis], failed: dict[str, str]
+) -> dict[EffectKey, Hypothesis]:
     """Of other hypotheses, those that reproduce what the leader explains about its own reconstruction, with sizes."""
-    pairs = [as_imitation(h, leader) for h in others]
-    return {h.key: h for similarity, h in pairs if similarity >= leader.case.settings.same_correlation}
+    imitations = {}
+    for h in others:
+        try:
+            similarity, start = as_imitation(h, leader)
+        except InputError as error:
+            failed[h.label] = str(error)
+            continue
+        if similarity >= leader.case.settings.same_correlation:
+            imitations[h.key] = start
+    return imitations
