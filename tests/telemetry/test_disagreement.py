@@ -1,5 +1,6 @@
 """Two IMUs that differ by more than constant errors explain: found, and nothing is found where they do not."""
 
+import warnings
 from dataclasses import replace
 
 import numpy as np
@@ -11,6 +12,7 @@ from edl_filter.mission import Mission
 from edl_filter.pipeline.load import read_telemetry
 from edl_filter.telemetry.disagreement import _pair, _variance, disagreements, independent_error
 from edl_filter.telemetry.flight_file import read_flight_file
+from edl_filter.telemetry.record import SampleFinding
 from edl_filter.telemetry.sample_checks import CheckSettings
 from edl_filter.telemetry.sample_repair import UNDECIDED, repaired, without_samples
 
@@ -172,6 +174,16 @@ def test_the_imu_with_an_independent_error_is_identified(key, change, end, at_fa
     findings = disagreements(*records, END, PROBABILITY)
     evidence = list(independent_error(*records, findings, END).values())
     assert evidence[at_fault] > 30.0 and evidence[1 - at_fault] == 0.0
+
+
+@pytest.mark.parametrize("begin", [-10.0, END + 10.0], ids=["before the record", "after the comparison"])
+def test_a_disagreement_in_which_no_sample_is_compared_is_no_evidence(begin, telemetry):
+    """Of single samples whose neighbours are lost, for example."""
+    finding = SampleFinding("primary", "rate", begin, begin + 5.0, 40, "disagreement", UNDECIDED)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")  # the mean of no values
+        evidence = independent_error(telemetry.driving, telemetry.checking[0], [finding], END)
+    assert evidence == {"primary": 0.0, "secondary": 0.0}
 
 
 @pytest.mark.parametrize("at_fault", [0, 1])

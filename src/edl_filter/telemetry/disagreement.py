@@ -170,11 +170,13 @@ def independent_error(
         both = (pair.force, readings[0]) if finding.channel == "force" else (pair.rate, readings[1])
         values = [interpolation_error(v) for v in both]
         inside, adjoining = used & _within(reference.time, [finding]), used & _adjoining(reference, finding)
+        if not inside.any() or not adjoining.any():
+            continue
         slope, sigma = _slope(values[0][inside], (values[0] - values[1])[inside])
         at_fault = 0 if slope > 0.5 else 1
         sound = values[1 - at_fault]
         fits = abs(slope - (1 - at_fault)) <= max(_SIGMAS * sigma, _SLOPE)
-        if not fits or not adjoining.any() or _mean_square(sound[inside]) * _SMOOTHER < _mean_square(sound[adjoining]):
+        if not fits or _mean_square(sound[inside]) * _SMOOTHER < _mean_square(sound[adjoining]):
             continue
         evidence[names[at_fault]] += abs(slope - 0.5) / sigma**2
     return evidence
