@@ -299,7 +299,8 @@ def test_the_lost_axis_is_the_weighted_least_squares_of_the_predictions(seed, ax
     innovation = (basis @ readings.T).ravel() - observe @ mean
     gain = prior @ observe.T @ np.linalg.inv(observe @ prior @ observe.T + 1e-14 * np.eye(2 * count))
     expected = (mean + gain @ innovation).reshape(3, count)
-    covariance = prior - gain @ observe @ prior
+    square = innovation @ np.linalg.solve(observe @ prior @ observe.T, innovation)
+    covariance = (prior - gain @ observe @ prior) * max(square / (2 * count), 1.0)
     np.testing.assert_allclose([f.values for f in out], expected, atol=1e-5)
     bound = np.zeros_like(prior)
     for i, fill in enumerate(out):
@@ -339,6 +340,19 @@ def test_two_axes_that_are_read_are_kept_where_the_third_is_stuck(second, key, a
     unread = repaired(replace(telemetry, driving=without), parachute=DEPLOYMENT).driving
     unread_sigma = (unread.force_fill_sigma if key == "specific_force" else unread.rate_fill_sigma)[lost]
     assert np.linalg.norm(sigma) < (1.01 if second else 0.9) * np.linalg.norm(unread_sigma)
+
+
+def test_an_impact_that_no_prediction_has_is_in_the_sigma_of_the_lost_axis():
+    """The axes that are read deviate by thousands of their predicted sigmas: nothing is known of the lost one."""
+    axis, count = np.array([0.8, 0.6, 0.0]), 4
+    fills = [Interpolation(np.zeros(count), 1e-4 * np.eye(count), 1, 1.0)] * 3
+    impact = np.random.default_rng(1).normal(0.0, 40.0, (count, 3))
+    out = given_readings(fills, impact, axis)
+    error = np.stack([f.values for f in out], axis=1) - impact
+    sigma = np.stack([np.sqrt(np.diag(f.covariance)) for f in out], axis=1)
+    assert np.all(np.abs(error) <= 4.0 * sigma + 1e-9)
+    as_predicted = given_readings(fills, np.zeros((count, 3)), axis)
+    assert np.sqrt(as_predicted[0].covariance[0, 0]) < 0.02
 
 
 def test_a_stretch_is_divided_where_another_axis_is_lost(builtin_flight):

@@ -133,8 +133,10 @@ def given_readings(fills: Sequence[Interpolation], readings: Array, axis: Array)
 
     With the reading p without its component along the lost axis, whose unit vector is a, the values are ``p + a t``.
     Predictions f_i with covariances C_i along the body axes, independent of each other, give the weighted least squares
-    ``t = S Σ a_i C_i⁻¹ (f_i - p_i)`` with the covariance ``S = (Σ a_i² C_i⁻¹)⁻¹``. The errors ``a_i t`` along the body
-    axes are correlated; independent ones with the covariances ``|a_i| Σ|a_j| S`` are not smaller in any direction.
+    ``t = S Σ a_i C_i⁻¹ (f_i - p_i)`` with the covariance ``S = (Σ a_i² C_i⁻¹)⁻¹``. The predictions have 3 n values, and
+    t has n. Where the mean square of the remaining 2 n residuals exceeds one, the motion is not as predicted (in an
+    impact, for example), and S is multiplied by it (Birge 1932, Phys. Rev. 40, 207). The errors ``a_i t`` along the
+    body axes are correlated; independent ones with the covariances ``|a_i| Σ|a_j| S`` are not smaller in any direction.
 
     Parameters
     ----------
@@ -151,14 +153,16 @@ def given_readings(fills: Sequence[Interpolation], readings: Array, axis: Array)
     """
     read = readings - np.outer(readings @ axis, axis)
     count = len(read)
-    information, weighted = np.zeros((count, count)), np.zeros(count)
-    for fill, known, component in zip(fills, read.T, axis, strict=True):
+    information = []
+    for fill in fills:
         least = _LEAST_RELATIVE_VARIANCE * float(np.max(np.diag(fill.covariance))) + _LEAST_VARIANCE
-        inverse = np.linalg.inv(fill.covariance + least * np.eye(count))
-        information += component**2 * inverse
-        weighted += component * (inverse @ (fill.values - known))
-    covariance = np.linalg.inv(information)
-    along = covariance @ weighted
+        information.append(np.linalg.inv(fill.covariance + least * np.eye(count)))
+    difference = np.array([fill.values for fill in fills]) - read.T
+    covariance = np.linalg.inv(np.einsum("i,ijk->jk", axis**2, information))
+    along = covariance @ np.einsum("i,ijk,ik->j", axis, information, difference)
+    residual = difference - np.outer(axis, along)
+    mean_square = float(np.einsum("ij,ijk,ik->", residual, information, residual)) / (2 * count)
+    covariance = covariance * max(mean_square, 1.0)
     bound = np.abs(axis) * np.sum(np.abs(axis))
     return [
         replace(fill, values=read[:, i] + axis[i] * along, covariance=bound[i] * covariance)
