@@ -74,11 +74,25 @@ def stuck(key: str, count: int) -> Fault:
     return change
 
 
-def saturated(data: Samples, i: int, rng: np.random.Generator) -> None:
-    """The accelerometers' largest axis is limited to 60 % of its peak before the parachute."""
-    axis = int(np.argmax(np.abs(data[FORCE][: len(data["time"]) * 2 // 3]).max(axis=0)))
-    limit = 0.6 * np.abs(data[FORCE][: len(data["time"]) * 2 // 3, axis]).max()
-    data[FORCE][:, axis] = np.clip(data[FORCE][:, axis], -limit, limit)
+def saturated(share: float) -> Fault:
+    """The accelerometers' largest axis is limited to a share of its peak before the parachute."""
+
+    def change(data: Samples, i: int, rng: np.random.Generator) -> None:
+        before = data[FORCE][: len(data["time"]) * 2 // 3]
+        axis = int(np.argmax(np.abs(before).max(axis=0)))
+        limit = share * np.abs(before[:, axis]).max()
+        data[FORCE][:, axis] = np.clip(data[FORCE][:, axis], -limit, limit)
+
+    return change
+
+
+def without_rates(count: int) -> Fault:
+    """The gyros have no readings for a number of samples."""
+
+    def change(data: Samples, i: int, rng: np.random.Generator) -> None:
+        data[RATE][i : i + count] = np.nan
+
+    return change
 
 
 def ended(data: Samples, i: int, _: np.random.Generator) -> Samples:
@@ -327,7 +341,7 @@ SAMPLE_FAULTS: dict[str, Fault] = {
     "zeros": constant(16, 0.0),
     "stuck force": stuck(FORCE, 40),
     "stuck rate": stuck(RATE, 40),
-    "saturated force": saturated,
+    "saturated force": saturated(0.6),
     "dead": ended,
     "reordered": exchanged,
     "sent twice": sent_twice,
@@ -523,6 +537,10 @@ FAULTS: dict[str, FileFault] = {
     "attitude: scalar first": scalar_first,
     "attitude: conjugated": conjugated,
     **{f"{a}; second: {b}": in_each(SAMPLE_FAULTS[a], SAMPLE_FAULTS[b]) for a, b in PAIRS},
+    "peak saturated": imu(saturated(0.95), "primary"),
+    "gyros lost for 10 s": imu(without_rates(80), "primary"),
+    "force stuck for 20 s": imu(stuck(FORCE, 160), "primary"),
+    "rate stuck for 20 s": imu(stuck(RATE, 160), "primary"),
 }
 
 

@@ -74,27 +74,60 @@ def test_the_rotation_across_a_stretch_is_known_to_a_hundredth_of_a_degree(start
     assert [f.repair for f in run.telemetry.findings] == [BY_DYNAMICS]
 
 
-def test_rates_that_are_read_are_kept_where_one_axis_is_lost(inputs):
-    """An axis oblique to those of the body: the errors along it are a hundredth of those of a lost triad."""
+AXIS = np.array([0.0, 1.0, -1.0]) / np.sqrt(2.0)  # oblique to those of the body
+
+
+def without_axis(record, key, start, end):
+    """Change of a record: readings of a triad without those along `AXIS` in a stretch, and which samples these are."""
+    lost, values = (record.time > start) & (record.time <= end), getattr(record, key)
+    across = values - np.outer(values @ AXIS, AXIS)
+    pair = np.stack((across, np.tile(AXIS, (len(record), 1))), axis=1)
+    partial = "partial_rate" if key == "angular_rate" else "partial_force"
+    return {key: np.where(lost[:, None], np.nan, values), partial: np.where(lost[:, None, None], pair, 0.0)}, lost
+
+
+@pytest.mark.parametrize(("key", "largest"), [("angular_rate", 5e-4), ("specific_force", 0.03)])
+def test_axes_that_are_read_are_kept_where_one_axis_is_lost(key, largest, inputs):
+    """Of rates of 0.1 rad/s, which the database alone predicts to 0.02 rad/s; of lateral forces."""
     mission, telemetry, planet, atmosphere = inputs
-    axis = np.array([0.0, 1.0, -1.0]) / np.sqrt(2.0)
     truth = telemetry.driving
-    lost = (truth.time > 126.5) & (truth.time <= 131.5)
-    across = truth.angular_rate - np.outer(truth.angular_rate @ axis, axis)
-    partial = np.where(lost[:, None, None], np.stack((across, np.tile(axis, (len(truth), 1))), axis=1), 0.0)
-    finding = SampleFinding(truth.name, "rate x", 126.5, 131.5, int(lost.sum()), "stuck")
-    rate = np.where(lost[:, None], np.nan, truth.angular_rate)
-    driving = replace(truth, angular_rate=rate, partial_rate=partial)
-    gap = replace(telemetry, driving=driving, checking=(), findings=(finding,))
+    changed, lost = without_axis(truth, key, 126.5, 131.5)
+    channel = "rate x" if key == "angular_rate" else "force x"
+    finding = SampleFinding(truth.name, channel, 126.5, 131.5, int(lost.sum()), "stuck")
+    gap = replace(telemetry, driving=replace(truth, **changed), checking=(), findings=(finding,))
     run = first_run(mission, repaired(gap, parachute=PARACHUTE), planet, atmosphere, ())
     outcome = run.telemetry.driving
     assert [f.repair for f in run.telemetry.findings] == [BY_DYNAMICS]
-    error, sigma = (outcome.angular_rate - truth.angular_rate)[lost], outcome.rate_fill_sigma[lost]
-    np.testing.assert_allclose(error - np.outer(error @ axis, axis), 0.0, atol=1e-9)
-    total_sigma = np.sqrt(np.sum(sigma**2 + truth.rate_noise[lost, None] ** 2, axis=0))
+    fill, noise = (
+        (outcome.rate_fill_sigma, truth.rate_noise)
+        if key == "angular_rate"
+        else (outcome.force_fill_sigma, truth.force_noise)
+    )
+    error, sigma = (getattr(outcome, key) - getattr(truth, key))[lost], fill[lost]
+    np.testing.assert_allclose(error - np.outer(error @ AXIS, AXIS), 0.0, atol=1e-9)
+    total_sigma = np.sqrt(np.sum(sigma**2 + noise[lost, None] ** 2, axis=0))
     assert np.all(np.abs(error.sum(axis=0)) <= 4.0 * total_sigma)
-    assert np.abs(error).max() < 5e-4  # of rates of 0.1 rad/s, which the database alone predicts to 0.02 rad/s
-    np.testing.assert_array_equal(outcome.specific_force[lost], truth.specific_force[lost])
+    assert np.abs(error).max() < largest
+    other = "specific_force" if key == "angular_rate" else "angular_rate"
+    np.testing.assert_array_equal(getattr(outcome, other), getattr(truth, other))
+
+
+def test_axes_that_are_read_within_a_stretch_of_the_other_triad_are_kept(inputs):
+    """All rates are lost for longer than one axis of the force."""
+    mission, telemetry, planet, atmosphere = inputs
+    truth = telemetry.driving
+    changed, lost = without_axis(truth, "specific_force", 128.0, 128.375)
+    rates = (truth.time > 126.5) & (truth.time <= 131.5)
+    changed["angular_rate"] = np.where(rates[:, None], np.nan, truth.angular_rate)
+    findings = (
+        SampleFinding(truth.name, "rate", 126.5, 131.5, int(rates.sum()), "not_finite"),
+        SampleFinding(truth.name, "force x", 128.0, 128.375, int(lost.sum()), "stuck"),
+    )
+    gap = replace(telemetry, driving=replace(truth, **changed), checking=(), findings=findings)
+    outcome = first_run(mission, repaired(gap, parachute=PARACHUTE), planet, atmosphere, ()).telemetry.driving
+    error = outcome.specific_force - truth.specific_force
+    np.testing.assert_allclose(error - np.outer(error @ AXIS, AXIS), 0.0, atol=1e-9)
+    assert np.all(outcome.rate_fill_sigma[rates] > 0.0) and lost.sum() == 3
 
 
 def test_the_sigmas_of_the_samples_are_those_of_the_prediction(inputs):

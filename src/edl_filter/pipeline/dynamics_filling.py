@@ -31,6 +31,7 @@ from edl_filter.telemetry.sample_filling import (
     PARACHUTE_MARGIN,
     fill_sigma,
     given_readings,
+    lost_axis,
 )
 from edl_filter.types import Array
 
@@ -260,9 +261,15 @@ def _with_fills(
     edges = window.time[window.first : window.last + 1]
     a, b = (int(k) for k in np.searchsorted(base.time, edges[[0, -1]] + np.array([SAME_TIME, -SAME_TIME])))
     rows, inside = slice(a, b + 1), window.readings[window.first : window.last]
-    fills = _given_read_axes(fills[:3], base.partial_rate[rows], inside[:, :3]) + _given_read_axes(
-        fills[3:], base.partial_force[rows], inside[:, 3:]
-    )
+    partial = {"angular_rate": base.partial_rate[rows], "specific_force": base.partial_force[rows]}
+    axes = {name: lost_axis(of_triad) for name, of_triad in partial.items()}
+    for name, columns in (("angular_rate", slice(0, 3)), ("specific_force", slice(3, 6))):
+        if (axis := axes[name]) is not None:  # the readings of the window contain the axes that are read
+            fills = [
+                *fills[: columns.start],
+                *given_readings(fills[columns], inside[:, columns], axis),
+                *fills[columns.stop :],
+            ]
     predicted = np.stack([fill.values for fill in fills], axis=1)
     change = predicted - inside
     total = np.concatenate((np.zeros((1, 6)), np.cumsum(change * np.diff(edges)[:, None], axis=0)))
@@ -289,20 +296,14 @@ def _with_fills(
             * (edges[-1] - edges[0])
             / (len(bin_noise) * interval)
         )
-        lost = getattr(base, names[1])[rows] > 0.0
+        lost, axis = getattr(base, names[1])[rows] > 0.0, axes[names[0]]
+        if axis is not None:
+            read = getattr(current, names[0])[rows]
+            values[rows] = read + np.outer((values[rows] - read) @ axis, axis)
+        else:  # samples of which one axis alone is lost in a part of the stretch stay as they are
+            lost = lost & ~np.any(partial[names[0]][:, 1] != 0.0, axis=1, keepdims=True)
         for name, new in zip(names, (values[rows], np.broadcast_to(sigma, lost.shape)), strict=True):
             array = getattr(record, name).copy()
             array[rows] = np.where(lost, new, array[rows])
             changed[name] = array
     return replace(record, **changed)
-
-
-def _given_read_axes(fills: list[Interpolation], partial: Array, readings: Array) -> list[Interpolation]:
-    """Fills of a triad of a stretch, given the axes that are read if one and the same axis is lost in all its samples.
-
-    The readings (n, 3) of the window contain the axes that are read, corrected for the sensor errors.
-    """
-    axis = partial[0, 1]
-    if not axis.any() or np.any(partial[:, 1] != axis):
-        return fills
-    return given_readings(fills, readings, axis)

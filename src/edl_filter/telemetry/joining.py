@@ -43,6 +43,7 @@ class Segment:
     coning_corrected, sculling_corrected : bool
         Valid for all samples of the segment.
     partial_force, partial_rate : (N, 2, 3) arrays, optional
+        What a triad reads of which one axis is lost.
     """
 
     source: str

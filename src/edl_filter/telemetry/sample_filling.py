@@ -16,7 +16,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from itertools import pairwise
 
 import numpy as np
 
@@ -99,16 +98,19 @@ def filled(
                 remaining, variance = _remaining_difference(record, source, triad, a, b, parachute)
                 values[triad][rows] = getattr(source, triad)[rows] + remaining
                 sigmas[triad][rows] = _transfer_sigma(source, triad, rows, noise[triad][rows], variance)
-                _keep_read_axes(values[triad], sigmas[triad], partial[triad], rows)
+                limit = settings.disagreement_sigmas * np.linalg.norm(
+                    np.hypot(sigmas[triad], noise[triad][:, None]), axis=1
+                )
+                _keep_read_axes(values[triad], sigmas[triad], partial[triad], rows, limit)
                 repairs.append(_repair(record, a, b, f"filled from {second.name}" if second else ""))
             lost[triad] = lost[triad] & ~source.valid
         read = values[triad].copy()  # an autoregression is fitted to readings alone
         for a, b in runs(lost[triad]):
             _refuse_long_gap(record, a, b, settings)
-        for a, b in _with_one_axis(runs(lost[triad]), partial[triad]):
+            axis = lost_axis(partial[triad][a:b])
             for rows, fills, how in _interpolated(record, triad, read, a, b, parachute):
-                axes_read, axis = partial[triad][rows, 0], partial[triad][a, 1]
-                fills = given_readings(fills, axes_read, axis) if axis.any() else fills
+                if axis is not None:
+                    fills = given_readings(fills, partial[triad][rows, 0], axis)
                 values[triad][rows] = np.stack([fill.values for fill in fills], axis=1)
                 sigmas[triad][rows] = fill_sigma(fills, noise[triad][rows], record.interval[a], coning=triad == "rate")
                 repairs.append(_repair(record, rows.start, rows.stop, how))
@@ -143,13 +145,14 @@ def given_readings(fills: Sequence[Interpolation], readings: Array, axis: Array)
     fills : sequence of three Interpolation
         Predictions of n values along the body axes, the noise of a reading included.
     readings : (n, 3) array
-        Body axes; the component along the lost axis is ignored.
+        Body axes, in the unit of the fills; the component along the lost axis is ignored.
     axis : (3,) array
         Unit vector of the lost axis, body axes.
 
     Returns
     -------
     list of three Interpolation
+        Values along the body axes, with the covariances that bound the correlated errors.
     """
     read = readings - np.outer(readings @ axis, axis)
     count = len(read)
@@ -170,21 +173,33 @@ def given_readings(fills: Sequence[Interpolation], readings: Array, axis: Array)
     ]
 
 
-def _with_one_axis(stretches: list[tuple[int, int]], partial: Array) -> list[tuple[int, int]]:
-    """Stretches ``[a, b)`` divided where another axis of the triad is lost, or all axes are."""
-    out = []
-    for a, b in stretches:
-        cuts = a + 1 + np.flatnonzero(np.any(np.diff(partial[a:b, 1], axis=0) != 0.0, axis=1))
-        edges = [a, *(int(cut) for cut in cuts), b]
-        out += list(pairwise(edges))
-    return out
+def lost_axis(partial: Array) -> Array | None:
+    """The axis that alone is lost in all samples of a stretch; None where it is another one in some, or all axes are.
+
+    Parameters
+    ----------
+    partial : (n, 2, 3) array
+        Of the stretch, as `ImuRecord.partial_force`.
+
+    Returns
+    -------
+    (3,) array or None
+        Unit vector, body axes.
+    """
+    axis: Array = partial[0, 1]
+    return axis if axis.any() and np.all(partial[:, 1] == axis) else None
 
 
-def _keep_read_axes(values: Array, sigma: Array, partial: Array, rows: slice) -> None:
-    """Replace transferred values (N, 3) and their sigmas by what is read, where one axis alone is lost."""
+def _keep_read_axes(values: Array, sigma: Array, partial: Array, rows: slice, limit: Array) -> None:
+    """Replace transferred values (N, 3) and their sigmas by what is read, where one axis alone is lost.
+
+    Where the axes that are read differ from the transferred ones by more than the `limit` (N,), they are lost, too.
+    """
     axis = partial[rows, 1]
-    one_axis = np.any(axis != 0.0, axis=1)[:, None]
     along = np.sum(axis * values[rows], axis=1, keepdims=True)
+    across = values[rows] - along * axis
+    agree = np.linalg.norm(partial[rows, 0] - across, axis=1) <= limit[rows]
+    one_axis = (np.any(axis != 0.0, axis=1) & agree)[:, None]
     bound = np.abs(axis) * np.sum(np.abs(axis), axis=1, keepdims=True)  # as `given_readings`
     variance = np.sum(axis**2 * sigma[rows] ** 2, axis=1, keepdims=True)
     values[rows] = np.where(one_axis, partial[rows, 0] + along * axis, values[rows])

@@ -432,7 +432,7 @@ def test_sizes_by_which_an_effect_reproduces_another_one_about_its_point(flight,
     flight.model.fitted_noise_filter = lambda rows, initial_mean: rows
     h = hypothesis_of(flight, Fit(-80.0), Null())
     leader = SimpleNamespace(model=flight.model, instance=EffectInstance(find_effect("axial_force_scale"), {"k": 0.3}))
-    similarity, start = module.as_imitation(h, leader)
+    similarity, start = module.as_projection(h, leader)
     assert similarity == pytest.approx(cosine)
     assert start.instance.values["k"] == pytest.approx(0.3 * cosine, rel=1e-5)
     assert replace(start, fit=h.fit) == h

@@ -276,7 +276,7 @@ class Candidate:
     stated_noise_fit: object = None
     complemented: bool | None = None
     null: Null = NULL
-    imitates: bool = False
+    projected: bool = False
     case: object = field(default_factory=lambda: SimpleNamespace(settings=SETTINGS))
 
     fit = SimpleNamespace(effects=("the first effect",))
@@ -429,16 +429,16 @@ def relinearize(monkeypatch, hypotheses, outcomes=None, nulls=None, better=None,
     about = {n: (Constructed(f"without {n}", True), replace(REFERENCE, evidence=e)) for n, e in (nulls or {}).items()}
     expected = about[better][1] if better else REFERENCE
 
-    def imitation(h, leader):
+    def projection(h, leader):
         assert leader.at_floor and leader.model in models and not leader.model.released
         similarity = (similar or {}).get(h.name, 0.0)
         if isinstance(similarity, str):
             raise InputError(similarity)
-        return similarity, replace(h, imitates=True)
+        return similarity, replace(h, projected=True)
 
     def with_effect(h, reference, contends, converged):
         assert better or reference == REFERENCE
-        assert converged == h.imitates
+        assert converged == h.projected
         asked.append((h.name, contends))
         outcome = (outcomes or {}).get(h.name, {})
         if isinstance(outcome, str):
@@ -447,7 +447,7 @@ def relinearize(monkeypatch, hypotheses, outcomes=None, nulls=None, better=None,
         return replace(h.with_reference(reference), **({"model": models[-1]} | outcome))
 
     monkeypatch.setattr(module, "relinearize_with_effect", with_effect)
-    monkeypatch.setattr(module, "as_imitation", imitation)
+    monkeypatch.setattr(module, "as_projection", projection)
     monkeypatch.setattr(module, "null_model_about", lambda h, of_case: about.get(h.name))
     case = SimpleNamespace(settings=SETTINGS)
     ranked, most_probable = module._relinearize_leaders(case, hypotheses, REFERENCE, failed, messages.append)

@@ -358,8 +358,8 @@ def null_model_about(h: Hypothesis, case: FlightCase) -> tuple[LinearizedModel, 
     return model, replace(null, white_log_likelihood=max(null.white_log_likelihood, h.null.white_log_likelihood))
 
 
-def as_imitation(h: Hypothesis, leader: Hypothesis) -> tuple[float, Hypothesis]:
-    """A hypothesis with the sizes by which its effect reproduces best what another one explains about its own point.
+def as_projection(h: Hypothesis, leader: Hypothesis) -> tuple[float, Hypothesis]:
+    """A hypothesis with the least squares projection of what a leader explains about its own point on its columns.
 
     Where the model without an effect fails, the Jacobians about its point are those of another motion, and neither the
     sizes of an effect nor its similarity to another one are known there. About the reconstruction of a leader that
@@ -375,9 +375,9 @@ def as_imitation(h: Hypothesis, leader: Hypothesis) -> tuple[float, Hypothesis]:
     Returns
     -------
     similarity : float
-        Correlation of the explained white residuals, between 0 and 1.
+        Correlation of the leader's explained white residuals with the projection, between 0 and 1.
     hypothesis : Hypothesis
-        With the sizes within their bounds.
+        With the sizes of the projection, within their bounds.
     """
     model = leader.model
     own, target = (effect_jacobian(model, a.at_zero()) for a in (h.instance, leader.instance))
@@ -389,7 +389,8 @@ def as_imitation(h: Hypothesis, leader: Hypothesis) -> tuple[float, Hypothesis]:
     values = h.instance.values | dict(zip(own.names, estimate.tolist(), strict=True))
     instance = replace(h.instance, values=values).within_bounds()
     effects = tuple(instance if a.key == h.key else a for a in h.fit.effects)
-    return correlation(explained, x @ estimate), replace(h, fit=replace(h.fit, effects=effects))
+    limited = np.array([instance.values[name] for name in own.names])
+    return correlation(explained, x @ limited), replace(h, fit=replace(h.fit, effects=effects))
 
 
 def relinearize_with_effect(
@@ -416,8 +417,8 @@ def relinearize_with_effect(
     contends : bool
         Whether its gain about the first point is near that of the leader.
     converged : bool
-        Whether its parameters are estimates about a reconstruction that has the effect (`as_imitation`), from which the
-        fit starts.
+        Whether its parameters are estimates about a reconstruction that has the effect (`as_projection`): the fit
+        starts from them.
     """
     settings, start = h.case.settings, h
     if not (h.at_floor or h.model.holds or converged):

@@ -20,7 +20,7 @@ from edl_filter.diagnosis.noise.unmodelled_acceleration import UnmodelledAcceler
 from edl_filter.diagnosis.noise.variance_components import estimate_variance_components
 from edl_filter.diagnosis.selection.hypothesis import (
     Hypothesis,
-    as_imitation,
+    as_projection,
     fit_hypothesis,
     null_model_about,
     relinearize_with_effect,
@@ -316,7 +316,7 @@ def _relinearize_leaders(
     the noise that they leave. Where the leader explains everything, only those that explain the same can be as good;
     where it leaves excess variance, those that explain the same may explain the rest about their own reconstruction.
     About the reconstruction of a leader that explains everything, all hypotheses are compared with it once more
-    (`_imitations`).
+    (`_projections`).
     All gains are over the null model about the point where it is most probable, which is no advantage to those that are
     not relinearised. That point may be one of a hypothesis whose effect is insignificant there (`null_model_about`):
     then the null model about it, the most probable one of these, is returned too, and None otherwise.
@@ -330,7 +330,7 @@ def _relinearize_leaders(
         evidence = {h.key: h.stated_noise_fit.evidence for h in hypotheses if h.stated_noise_fit is not None}
         best_by_evidence = [max(hypotheses, key=lambda h: h.own_noise_evidence).key]
         best_by_evidence += sorted(evidence, key=lambda k: evidence[k])[-1:]
-    imitations: dict[EffectKey, Hypothesis] = {}
+    projections: dict[EffectKey, Hypothesis] = {}
     explained, model_holds = {h.key: h.explained for h in ranked}, bool(ranked) and ranked[0].model.holds
     relinearized: set[EffectKey] = set()
     if model_holds and ranked[0].gain < _NAMEABLE_SHARE * settings.named_gain_nats:
@@ -340,7 +340,7 @@ def _relinearize_leaders(
         leader, rivals = explained[ranked[0].key], [*best_by_evidence, *close]
         if ranked[0].at_floor and ranked[0].gain > 0.0:
             rivals = [k for k in close if correlation(leader, explained[k]) >= settings.distinct_correlation]
-            rivals += [h.key for h in ranked if h.key in imitations]
+            rivals += [h.key for h in ranked if h.key in projections]
         elif not ranked[0].at_floor and not model_holds:
             rivals += [h.key for h in ranked if correlation(leader, explained[h.key]) >= settings.same_correlation]
         waiting = [key for key in (ranked[0].key, *rivals) if key not in relinearized]
@@ -352,17 +352,17 @@ def _relinearize_leaders(
         progress(f"refitting {label_of(key)} about a new reconstruction")
         model_at_first_point = ranked[i].model
         try:
-            start = imitations.get(key, ranked[i])
-            ranked[i] = relinearize_with_effect(start, reference, key in close, key in imitations)
+            start = projections.get(key, ranked[i])
+            ranked[i] = relinearize_with_effect(start, reference, key in close, key in projections)
             null = null_model_about(ranked[i], case)
             if null is not None and null[1].evidence > reference.evidence:
                 better, reference = null, null[1]
                 ranked = [h.with_reference(reference) if h.key in relinearized else h for h in ranked]
         except InputError as error:
             failed[label_of(key)] = str(error)
-        if ranked[i].at_floor and not model_holds and ranked[i].gain >= max(h.gain for h in ranked):
-            imitations |= _imitations(ranked[i], [h for h in ranked if h.key not in relinearized], failed)
         if ranked[i].model is not model_at_first_point:
+            if ranked[i].at_floor and not model_holds and ranked[i].gain >= max(h.gain for h in ranked):
+                projections = _projections(ranked[i], [h for h in ranked if h.key not in relinearized], failed)
             ranked[i].model.release()
         ranked.sort(key=lambda h: -h.gain)
     if better is not None:
@@ -370,17 +370,17 @@ def _relinearize_leaders(
     return sorted((h.with_reference(reference) for h in ranked), key=lambda h: -h.gain), better
 
 
-def _imitations(
+def _projections(
     leader: Hypothesis, others: Sequence[Hypothesis], failed: dict[str, str]
 ) -> dict[EffectKey, Hypothesis]:
-    """Of other hypotheses, those that reproduce what the leader explains about its own reconstruction, with sizes."""
-    imitations = {}
+    """Other hypotheses on whose columns the projection of what the leader explains is similar to it, with its sizes."""
+    projections = {}
     for h in others:
         try:
-            similarity, start = as_imitation(h, leader)
+            similarity, start = as_projection(h, leader)
         except InputError as error:
             failed[h.label] = str(error)
             continue
         if similarity >= leader.case.settings.same_correlation:
-            imitations[h.key] = start
-    return imitations
+            projections[h.key] = start
+    return projections
