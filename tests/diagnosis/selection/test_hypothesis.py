@@ -417,9 +417,9 @@ def test_an_effect_with_the_sizes_of_a_leader_is_fitted_from_these(reconstructed
     assert len(reconstructed.fitted) == 1
 
 
-@pytest.mark.parametrize("cosine", [1.0, 0.6])
-def test_sizes_by_which_an_effect_reproduces_another_one_about_its_point(flight, monkeypatch, cosine):
-    """In closed form: a column at an angle to what the leader explains, a size of 0.3."""
+@pytest.mark.parametrize(("cosine", "size"), [(1.0, 0.3), (0.6, 0.3), (1.0, 5.0)])
+def test_sizes_by_which_an_effect_reproduces_another_one_about_its_point(flight, monkeypatch, cosine, size):
+    """In closed form: a column at an angle to what the leader explains; the size is limited to its bounds."""
     along, across = np.eye(ROWS)[:2]
     columns = {"mass": cosine * along + np.sqrt(1.0 - cosine**2) * across, "axial_force_scale": along}
     monkeypatch.setattr(
@@ -431,10 +431,10 @@ def test_sizes_by_which_an_effect_reproduces_another_one_about_its_point(flight,
     )
     flight.model.fitted_noise_filter = lambda rows, initial_mean: rows
     h = hypothesis_of(flight, Fit(-80.0), Null())
-    leader = SimpleNamespace(model=flight.model, instance=EffectInstance(find_effect("axial_force_scale"), {"k": 0.3}))
+    leader = SimpleNamespace(model=flight.model, instance=EffectInstance(find_effect("axial_force_scale"), {"k": size}))
     similarity, start = module.as_projection(h, leader)
     assert similarity == pytest.approx(cosine)
-    assert start.instance.values["k"] == pytest.approx(0.3 * cosine, rel=1e-5)
+    assert start.instance.values["k"] == pytest.approx(min(size * cosine, 1.0), rel=1e-5)
     assert replace(start, fit=h.fit) == h
 
 
