@@ -2,16 +2,12 @@
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
-from edl_filter import rotations
 from edl_filter.telemetry.sample_checks import (
     CheckSettings,
     in_body_axes,
     interpolation_error,
     lost_readings,
-    partial_readings,
 )
 
 
@@ -76,22 +72,3 @@ def test_a_stuck_axis_is_lost_alone(column):
     assert np.isnan(out[1000:1040, column]).all()
     out[1000:1040, column] = readings[1000:1040, column]
     np.testing.assert_array_equal(out, readings)
-
-
-@given(
-    st.lists(st.floats(-1.0, 1.0), min_size=4, max_size=4).filter(lambda q: np.linalg.norm(q) > 0.1),
-    st.lists(st.floats(-100.0, 100.0), min_size=3, max_size=3),
-    st.integers(0, 2),
-)
-def test_two_axes_and_the_lost_one_are_the_reading_in_body_axes(quaternion, reading, axis):
-    matrix = rotations.to_matrix(np.array(quaternion) / np.linalg.norm(quaternion))
-    readings = np.array([reading] * 4)
-    readings[1, axis] = np.nan
-    readings[2, [axis, axis - 1]] = np.nan
-    readings[3] = np.nan
-    partial = partial_readings(readings, matrix)
-    assert not partial[[0, 2, 3]].any()  # complete, or more than one axis is lost
-    known, direction = partial[1]
-    np.testing.assert_allclose(direction, matrix[:, axis], atol=1e-12)
-    np.testing.assert_allclose(known @ direction, 0.0, atol=1e-10)
-    np.testing.assert_allclose(known + reading[axis] * direction, matrix @ reading, atol=1e-10)

@@ -7,8 +7,6 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from edl_filter import rotations
 from edl_filter.estimation.autoregression import Interpolation
@@ -21,7 +19,6 @@ from edl_filter.telemetry.sample_filling import (
     BY_AUTOREGRESSION,
     _drag_before,
     filled,
-    given_readings,
     tilt_variance,
     with_limits,
 )
@@ -275,43 +272,6 @@ def test_an_impact_that_saturates_the_only_imu_is_inside_its_sigma(builtin_fligh
     assert abs(error.sum()) > 10.0 * total
 
 
-def _predictions(random, count):
-    """Three independent predictions of a stretch with full covariances."""
-    factors = random.standard_normal((3, count, count)) * np.array([0.1, 1.0, 3.0])[:, None, None]
-    covariances = factors @ factors.swapaxes(1, 2) + 0.01 * np.eye(count)
-    return [Interpolation(random.standard_normal(count), c, 1, 1.0) for c in covariances]
-
-
-@given(st.integers(0, 2**31), st.sampled_from([(1.0, 0.0, 0.0), (0.6, -0.8, 0.0), (0.48, 0.6, -0.64)]))
-def test_the_lost_axis_is_the_weighted_least_squares_of_the_predictions(seed, axis):
-    """Twin: the mean and covariance of three Gaussian vectors given two linear combinations of them."""
-    random, axis, count = np.random.default_rng(seed), np.array(axis), 4
-    fills = _predictions(random, count)
-    readings = random.standard_normal((count, 3))
-    out = given_readings(fills, readings, axis)
-    # condition on (I - a a') x = (I - a a') p with a readings' noise that is nearly zero
-    prior, mean = np.zeros((3 * count, 3 * count)), np.concatenate([f.values for f in fills])
-    for i, fill in enumerate(fills):
-        rows = slice(i * count, (i + 1) * count)
-        prior[rows, rows] = fill.covariance
-    basis = np.linalg.svd(axis[None])[2][1:]  # the two axes that are read
-    observe = np.kron(basis, np.eye(count))
-    innovation = (basis @ readings.T).ravel() - observe @ mean
-    gain = prior @ observe.T @ np.linalg.inv(observe @ prior @ observe.T + 1e-14 * np.eye(2 * count))
-    expected = (mean + gain @ innovation).reshape(3, count)
-    square = innovation @ np.linalg.solve(observe @ prior @ observe.T, innovation)
-    covariance = (prior - gain @ observe @ prior) * max(square / (2 * count), 1.0)
-    np.testing.assert_allclose([f.values for f in out], expected, atol=1e-5)
-    bound = np.zeros_like(prior)
-    for i, fill in enumerate(out):
-        rows = slice(i * count, (i + 1) * count)
-        bound[rows, rows] = fill.covariance
-    size = np.abs(covariance).max()
-    assert np.linalg.eigvalsh(bound - covariance).min() > -1e-5 * size
-    if axis[0] == 1.0:  # the lost axis is one of the body: the other two have no error, and the bound is exact
-        np.testing.assert_allclose(bound, covariance, atol=1e-5 * size)
-
-
 @pytest.mark.parametrize("second", [False, True], ids=["one IMU", "two IMUs"])
 @pytest.mark.parametrize("key", ["specific_force", "angular_rate"])
 @pytest.mark.parametrize("axis", [0, 2])
@@ -340,19 +300,6 @@ def test_two_axes_that_are_read_are_kept_where_the_third_is_stuck(second, key, a
     unread = repaired(replace(telemetry, driving=without), parachute=DEPLOYMENT).driving
     unread_sigma = (unread.force_fill_sigma if key == "specific_force" else unread.rate_fill_sigma)[lost]
     assert np.linalg.norm(sigma) < (1.01 if second else 0.9) * np.linalg.norm(unread_sigma)
-
-
-def test_an_impact_that_no_prediction_has_is_in_the_sigma_of_the_lost_axis():
-    """The axes that are read deviate by thousands of their predicted sigmas: nothing is known of the lost one."""
-    axis, count = np.array([0.8, 0.6, 0.0]), 4
-    fills = [Interpolation(np.zeros(count), 1e-4 * np.eye(count), 1, 1.0)] * 3
-    impact = np.random.default_rng(1).normal(0.0, 40.0, (count, 3))
-    out = given_readings(fills, impact, axis)
-    error = np.stack([f.values for f in out], axis=1) - impact
-    sigma = np.stack([np.sqrt(np.diag(f.covariance)) for f in out], axis=1)
-    assert np.all(np.abs(error) <= 4.0 * sigma + 1e-9)
-    as_predicted = given_readings(fills, np.zeros((count, 3)), axis)
-    assert np.sqrt(as_predicted[0].covariance[0, 0]) < 0.02
 
 
 def test_a_stretch_in_which_not_the_same_axis_is_lost_throughout_is_filled_as_one(builtin_flight):

@@ -24,14 +24,13 @@ from edl_filter.navigation.rotational_dynamics import SIZE, PathLoads
 from edl_filter.navigation.smoother import smooth
 from edl_filter.navigation.trajectory import Trajectory, smoothed_trajectory
 from edl_filter.pipeline.redundancy import Run
+from edl_filter.telemetry.partial_readings import given_readings, lost_axis
 from edl_filter.telemetry.record import SAME_TIME, ImuRecord, SampleFinding, Telemetry
 from edl_filter.telemetry.sample_filling import (
     BY_AUTOREGRESSION,
     BY_DYNAMICS,
     PARACHUTE_MARGIN,
     fill_sigma,
-    given_readings,
-    lost_axis,
 )
 from edl_filter.types import Array
 

@@ -22,6 +22,7 @@ from edl_filter.errors import InputError
 from edl_filter.imu_model.sensor_errors import SensorErrors
 from edl_filter.io.hdf5_guard import open_hdf5
 from edl_filter.telemetry.hdf5_checks import DEGREE_RATES, DEGREES, PARTS, TIME, Limits, Node
+from edl_filter.telemetry.partial_readings import partial_readings
 from edl_filter.telemetry.quantisation import bias_with_rounding, coarse, noise_with_rounding, quantum
 from edl_filter.telemetry.record import (
     AltimeterRecord,
@@ -41,7 +42,6 @@ from edl_filter.telemetry.sample_checks import (
     in_body_axes,
     lost_readings,
     ordered_packets,
-    partial_readings,
     stuck_runs,
     with_repair,
 )

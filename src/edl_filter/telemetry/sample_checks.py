@@ -2,10 +2,9 @@
 
 Input: times and readings in the axes of the IMU, before rotation. Method: packets are put in order (`ordered_packets`),
 then triads that are not finite, out of range or all zero and axes that are stuck or saturated are marked as lost
-(`lost_readings`), and rows with NaN are inserted where samples are missing (`completed`). Two axes that are read where
-the third is lost are kept in body axes (`partial_readings`). A repetition is a fault only where it is
-improbable: the probability that a channel repeats a value by its quantisation is taken from the samples around it.
-Output: readings with NaN where they are lost, and a `SampleFinding` for each stretch.
+(`lost_readings`), and rows with NaN are inserted where samples are missing (`completed`). A repetition is a fault only
+where it is improbable: the probability that a channel repeats a value by its quantisation is taken from the samples
+around it. Output: readings with NaN where they are lost, and a `SampleFinding` for each stretch.
 """
 
 from __future__ import annotations
@@ -238,27 +237,6 @@ def lost_readings(
             findings += [replace(f, limit=reading) for f in findings_of(imu, name, kind, lost, time, interval)]
             readings[lost, column] = np.nan
     return readings, findings
-
-
-def partial_readings(readings: Array, body_from_imu: Array) -> Array:
-    """What triads read of which one axis is lost.
-
-    Parameters
-    ----------
-    readings : (N, 3) array
-        Of one triad, axes of the IMU; NaN where an axis is lost.
-    body_from_imu : (3, 3) array
-        Rotation matrix of the mounting.
-
-    Returns
-    -------
-    (N, 2, 3) array
-        As `ImuRecord.partial_force`.
-    """
-    lost = np.isnan(readings)
-    one_axis = np.count_nonzero(lost, axis=1) == 1
-    pair = np.stack((np.where(lost, 0.0, readings), lost.astype(np.float64)), axis=1)
-    return np.where(one_axis[:, None, None], pair @ body_from_imu.T, 0.0)
 
 
 def _improbable_zeros(readings: Array, probability: float) -> BoolArray:

@@ -22,6 +22,7 @@ import numpy as np
 from edl_filter.errors import InputError
 from edl_filter.estimation.autoregression import Interpolation, interpolate
 from edl_filter.estimation.gauss_markov import estimate_in_stretch
+from edl_filter.telemetry.partial_readings import given_readings, keep_read_axes, lost_axis
 from edl_filter.telemetry.record import ImuRecord, SampleFinding, finite_rows
 from edl_filter.telemetry.sample_checks import CheckSettings, runs
 from edl_filter.telemetry.transfer import TransferredReadings, transferred
@@ -44,8 +45,6 @@ _FULL = 2.0
 #: Fewest values from which the drag of the full canopy is extrapolated.
 _LEAST_VALUES = 8
 _TRIADS = ("force", "rate")
-#: Least variance of a prediction that is combined with readings, relative to its largest one and absolute.
-_LEAST_RELATIVE_VARIANCE, _LEAST_VARIANCE = 1e-9, 1e-24
 
 
 def is_complete(record: ImuRecord) -> bool:
@@ -101,7 +100,7 @@ def filled(
                 limit = settings.disagreement_sigmas * np.linalg.norm(
                     np.hypot(sigmas[triad], noise[triad][:, None]), axis=1
                 )
-                _keep_read_axes(values[triad], sigmas[triad], partial[triad], rows, limit)
+                keep_read_axes(values[triad], sigmas[triad], partial[triad], rows, limit)
                 repairs.append(_repair(record, a, b, f"filled from {second.name}" if second else ""))
             lost[triad] = lost[triad] & ~source.valid
         read = values[triad].copy()  # an autoregression is fitted to readings alone
@@ -128,82 +127,6 @@ def filled(
         shared_rate_noise=np.where(changed, 0.0, record.shared_rate_noise),
     )
     return complete, repairs
-
-
-def given_readings(fills: Sequence[Interpolation], readings: Array, axis: Array) -> list[Interpolation]:
-    """Fills of a triad given the readings of the two axes that are not lost.
-
-    With the reading p without its component along the lost axis, whose unit vector is a, the values are ``p + a t``.
-    Predictions f_i with covariances C_i along the body axes, independent of each other, give the weighted least squares
-    ``t = S Σ a_i C_i⁻¹ (f_i - p_i)`` with the covariance ``S = (Σ a_i² C_i⁻¹)⁻¹``. The predictions have 3 n values, and
-    t has n. Where the mean square of the remaining 2 n residuals exceeds one, the motion is not as predicted (in an
-    impact, for example), and S is multiplied by it (Birge 1932, Phys. Rev. 40, 207). The errors ``a_i t`` along the
-    body axes are correlated; independent ones with the covariances ``|a_i| Σ|a_j| S`` are not smaller in any direction.
-
-    Parameters
-    ----------
-    fills : sequence of three Interpolation
-        Predictions of n values along the body axes, the noise of a reading included.
-    readings : (n, 3) array
-        Body axes, in the unit of the fills; the component along the lost axis is ignored.
-    axis : (3,) array
-        Unit vector of the lost axis, body axes.
-
-    Returns
-    -------
-    list of three Interpolation
-        Values along the body axes, with the covariances that bound the correlated errors.
-    """
-    read = readings - np.outer(readings @ axis, axis)
-    count = len(read)
-    information = []
-    for fill in fills:
-        least = _LEAST_RELATIVE_VARIANCE * float(np.max(np.diag(fill.covariance))) + _LEAST_VARIANCE
-        information.append(np.linalg.inv(fill.covariance + least * np.eye(count)))
-    difference = np.array([fill.values for fill in fills]) - read.T
-    covariance = np.linalg.inv(np.einsum("i,ijk->jk", axis**2, information))
-    along = covariance @ np.einsum("i,ijk,ik->j", axis, information, difference)
-    residual = difference - np.outer(axis, along)
-    mean_square = float(np.einsum("ij,ijk,ik->", residual, information, residual)) / (2 * count)
-    covariance = covariance * max(mean_square, 1.0)
-    bound = np.abs(axis) * np.sum(np.abs(axis))
-    return [
-        replace(fill, values=read[:, i] + axis[i] * along, covariance=bound[i] * covariance)
-        for i, fill in enumerate(fills)
-    ]
-
-
-def lost_axis(partial: Array) -> Array | None:
-    """The axis that alone is lost in all samples of a stretch; None where it is another one in some, or all axes are.
-
-    Parameters
-    ----------
-    partial : (n, 2, 3) array
-        Of the stretch, as `ImuRecord.partial_force`.
-
-    Returns
-    -------
-    (3,) array or None
-        Unit vector, body axes.
-    """
-    axis: Array = partial[0, 1]
-    return axis if axis.any() and np.all(partial[:, 1] == axis) else None
-
-
-def _keep_read_axes(values: Array, sigma: Array, partial: Array, rows: slice, limit: Array) -> None:
-    """Replace transferred values (N, 3) and their sigmas by what is read, where one axis alone is lost.
-
-    Where the axes that are read differ from the transferred ones by more than the `limit` (N,), they are lost, too.
-    """
-    axis = partial[rows, 1]
-    along = np.sum(axis * values[rows], axis=1, keepdims=True)
-    across = values[rows] - along * axis
-    agree = np.linalg.norm(partial[rows, 0] - across, axis=1) <= limit[rows]
-    one_axis = (np.any(axis != 0.0, axis=1) & agree)[:, None]
-    bound = np.abs(axis) * np.sum(np.abs(axis), axis=1, keepdims=True)  # as `given_readings`
-    variance = np.sum(axis**2 * sigma[rows] ** 2, axis=1, keepdims=True)
-    values[rows] = np.where(one_axis, partial[rows, 0] + along * axis, values[rows])
-    sigma[rows] = np.where(one_axis, np.sqrt(bound * variance), sigma[rows])
 
 
 def with_limits(record: ImuRecord, findings: Sequence[SampleFinding]) -> ImuRecord:
