@@ -1,5 +1,7 @@
 """Windows of a simulated rotational motion with a lost stretch, and the dense form of their linear model."""
 
+from dataclasses import replace
+
 import numpy as np
 from test_rotational_dynamics import DISTURBED, a_state, advanced, loads_of, node_times, varying_loads
 
@@ -33,7 +35,7 @@ def a_window(count, first, last, disturbances=(), random=None, change=None):
     readings = truth.copy()
     if random is not None:
         readings += NOISE * random.standard_normal(truth.shape)
-    observed = np.ones(count, bool)
+    observed = np.ones((count, 6), bool)
     observed[first:last] = False
     approximate = np.zeros((count, SIZE))
     approximate[:, :7] = states[:, :7]
@@ -41,7 +43,8 @@ def a_window(count, first, last, disturbances=(), random=None, change=None):
     readings[first:last] = readings[first - 1]
     noise = np.tile(NOISE, (count, 1))
     time = INTERVAL * np.arange(count + 1)
-    return Window(time, readings, noise, observed, first, last, approximate, loads, STEPS), truth
+    still = np.eye(6), np.zeros((count, 3))
+    return Window(time, readings, noise, observed, *still, first, last, approximate, loads, STEPS), truth
 
 
 def dense(window, motion, c):
@@ -71,12 +74,13 @@ def uneven_window():
     edges, steps = np.array([0.0, 0.03, 0.05, 0.09, 0.1, 0.14, 0.16, 0.2]), 3
     loads, count = varying_loads(node_times(edges, steps)), len(edges) - 1
     state = a_state(0.5 * np.array(DISTURBED), (-1.2, 0.22, 0.12), (-0.5, 0.6, 0.4))
-    observed = np.ones(count, bool)
+    observed = np.ones((count, 6), bool)
     observed[3:5] = False
     states, readings = np.zeros((count, SIZE)), np.zeros((count, 6))
     window = Window(
-        edges, readings, np.tile(NOISE, (count, 1)), observed, 3, 5, np.tile(state, (count, 1)), loads, steps
-    )
+        edges, readings, np.tile(NOISE, (count, 1)), observed, np.eye(6), np.zeros((count, 3)), 3, 5,
+        np.tile(state, (count, 1)), loads, steps,
+    )  # fmt: skip
     decay = np.diagonal(linearise_window(window, window.states).transition, axis1=1, axis2=2)[:, 6:]
     for t in range(count):
         states[t] = state
@@ -85,7 +89,30 @@ def uneven_window():
         state[7:] *= decay[t]
     window.states[:] = states
     window.states[:, 7:] = 0.0
-    return window, states
+    return window, np.concatenate((states, state[None]))
+
+
+#: Axes of which the first rate is oblique to the body, and the place of an IMU, m.
+OBLIQUE = np.eye(6)
+OBLIQUE[:3, :3] = [[0.6, 0.0, 0.8], [0.0, 1.0, 0.0], [-0.8, 0.0, 0.6]]
+ARM = np.array([0.3, -0.5, 0.2])
+
+
+def partly_read(window, ends):
+    """The window with one rate lost alone, along an oblique axis, and forces that are read at a place off the centre.
+
+    The acceleration of that place is the difference of its velocity ``ω × r`` over the bin, and ``ω × (ω × r)``, with
+    the rate linear in time, by Simpson's rule.
+    """
+    change, observed, arm = np.diff(ends, axis=0), window.observed.copy(), np.zeros_like(window.arm)
+    part = slice(window.first, window.last)
+    observed[part, 1:], arm[part] = True, ARM
+    readings = window.readings.copy()
+    for share, weight in ((-0.5, 1.0 / 6.0), (0.0, 4.0 / 6.0), (0.5, 1.0 / 6.0)):
+        rate = window.readings[:, :3] + share * change
+        readings[:, 3:] += weight * np.cross(rate, np.cross(rate, arm))
+    readings[:, 3:] += np.cross(change, arm) / window.interval[:, None]
+    return replace(window, readings=readings @ OBLIQUE.T, observed=observed, axes=OBLIQUE, arm=arm)
 
 
 def small_window():

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from motion_windows import NOISE, a_window, dense, small_window, uneven_window
+from motion_windows import ARM, NOISE, OBLIQUE, a_window, dense, partly_read, small_window, uneven_window
 from scipy.stats import multivariate_normal
 
 from edl_filter.navigation.motion_model import MEDIANS, WIDTHS, covariances, linearise_window, log_posterior
@@ -25,19 +25,30 @@ def small():
 def uneven():
     """Bins of different lengths, the true states, and the window linearised about other states."""
     window, states = uneven_window()
+    states = states[:-1]
     moved = add_errors(states, 1e-3 * np.random.default_rng(0).standard_normal((len(states), ERROR_SIZE)))
     return window, states, linearise_window(window, moved)
 
 
-@pytest.mark.parametrize("bins", ["equal", "different"])
-def test_the_marginal_likelihood_is_that_of_a_dense_normal_distribution(small, uneven, bins):
+@pytest.fixture(scope="module")
+def part_read(uneven):
+    """The window with readings within the stretch, linearised about the same states."""
+    window, truth = uneven_window()
+    window = partly_read(window, truth[:, 4:7])
+    return window, linearise_window(window, uneven[2].states)
+
+
+@pytest.mark.parametrize("bins", ["equal", "different", "partly read"])
+def test_the_marginal_likelihood_is_that_of_a_dense_normal_distribution(small, uneven, part_read, bins):
     window, motion = small[:2] if bins == "equal" else (uneven[0], uneven[2])
+    if bins == "partly read":
+        window, motion = part_read
     values = []
     for shift in (0.0, 0.7):
         log_sizes = MEDIANS + shift * WIDTHS
         c = covariances(window, motion, log_sizes)
         mean, covariance, design = dense(window, motion, c)
-        rows = np.repeat(window.observed, 6)
+        rows = window.observed.ravel()
         h = design[rows]
         law = multivariate_normal(h @ mean, h @ covariance @ h.T + np.diag(c.row_variance.ravel()[rows]))
         prior = 0.5 * len(log_sizes) * shift**2
@@ -66,9 +77,11 @@ def test_a_linearised_motion_predicts_the_readings_of_a_motion_nearby():
     assert remaining[1] < 0.35 * remaining[0]
 
 
-def test_a_motion_in_bins_of_different_lengths_is_explained_to_second_order():
-    """As above, with loads and disturbances that change: states and readings of all bins."""
+@pytest.mark.parametrize("within", [False, True])
+def test_a_motion_in_bins_of_different_lengths_is_explained_to_second_order(within):
+    """As above, with loads and disturbances that change, and oblique axes and a lever arm: states and readings."""
     window, truth = uneven_window()
+    window, truth = partly_read(window, truth[:, 4:7]) if within else window, truth[:-1]
     directions = np.random.default_rng(1).standard_normal((len(truth), ERROR_SIZE))
     directions *= np.array([1.0] * 6 + [3.0] + [1.0] * 3 + [3.0] * 2 + [1.0] * 2 + [3.0] * 2 + [1e3] * 3)
     remaining = []
@@ -114,6 +127,21 @@ def test_noise_of_the_moments_is_that_of_a_response_to_a_moment(uneven):
         expected = response @ response.T / interval
         size = np.sqrt(np.diag(expected))
         np.testing.assert_allclose((motion.moment_noise[t] - expected) / np.outer(size, size), 0.0, atol=0.15)
+
+
+def test_white_moments_accelerate_the_place_of_an_imu(part_read):
+    """Variance of ``δω × r / dt`` along the axes of the force, with the rates' covariance by these moments."""
+    window, motion = part_read
+    random, sizes = np.random.default_rng(3), MEDIANS.copy()
+    sizes[0] = 0.0
+    more, less = (covariances(window, motion, s).row_variance for s in (sizes, MEDIANS))
+    for t in range(len(window.interval)):
+        rates = random.multivariate_normal(np.zeros(3), motion.moment_noise[t], 20000)
+        read = np.cross(rates, ARM) @ OBLIQUE[3:, 3:].T / window.interval[t]
+        expected = np.var(read, axis=0) if window.first <= t < window.last else np.zeros(3)
+        added = (more - less)[t] / (1.0 - np.exp(2.0 * MEDIANS[0]))
+        np.testing.assert_allclose(added[3:], expected, rtol=0.05)
+        np.testing.assert_array_equal(added[:3], 0.0)
 
 
 def test_each_process_noise_has_its_hyperparameter(uneven):

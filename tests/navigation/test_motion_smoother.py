@@ -1,11 +1,12 @@
 """Smoothing of the rotational motion across a lost stretch: dense twins, consistency, and what is refused."""
 
 from dataclasses import replace
+from functools import partial
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from motion_windows import INTERVAL, a_window, dense, small_window, uneven_window
+from motion_windows import INTERVAL, NOISE, a_window, dense, flown, partly_read, small_window, uneven_window
 from scipy.stats import chi2
 
 from edl_filter.navigation import motion_smoother
@@ -29,16 +30,26 @@ def small():
 def uneven():
     """Seven bins of different lengths, of which three are lost, linearised off the true motion."""
     window, states = uneven_window()
-    window = replace(window, observed=np.array([True] * 2 + [False] * 3 + [True] * 2), first=2)
+    window.observed[2] = False
+    window, states = replace(window, first=2), states[:-1]
     moved = add_errors(states, 1e-4 * np.random.default_rng(0).standard_normal((len(states), ERROR_SIZE)))
     motion = linearise_window(window, moved)
     return window, motion, covariances(window, motion, MEDIANS)
 
 
-def test_the_smoothed_errors_are_those_of_dense_conditioning(small):
-    window, motion, c = small
+@pytest.fixture(scope="module")
+def part_read(small):
+    """The small window with readings within its stretch."""
+    window = partly_read(small[0], np.append(small[0].states[:, 4:7], small[0].states[-1:, 4:7], axis=0))
+    motion = linearise_window(window, small[1].states)
+    return window, motion, covariances(window, motion, MEDIANS)
+
+
+@pytest.mark.parametrize("stretch", ["lost", "partly read"])
+def test_the_smoothed_errors_are_those_of_dense_conditioning(small, part_read, stretch):
+    window, motion, c = small if stretch == "lost" else part_read
     mean, covariance, design = dense(window, motion, c)
-    rows = np.repeat(window.observed, 6)
+    rows = window.observed.ravel()
     h = design[rows]
     unit = np.sqrt(np.diag(covariance))
     scaled, h = covariance / np.outer(unit, unit), h * unit
@@ -58,7 +69,7 @@ def test_the_smoothed_errors_are_those_of_dense_conditioning(small):
 def test_a_prediction_is_that_of_dense_conditioning(small, uneven, bins):
     window, motion, c = small if bins == "equal" else uneven
     mean, covariance, design = dense(window, motion, c)
-    rows = np.repeat(window.observed, 6)
+    rows = window.observed.ravel()
     joint = design @ covariance @ design.T + np.diag(c.row_variance.ravel())
     known, lost = np.flatnonzero(rows), np.flatnonzero(~rows)
     scale = np.sqrt(np.diag(joint))
@@ -239,7 +250,7 @@ def test_the_covariance_is_scaled_by_the_errors_of_trial_stretches(small, monkey
         if (first, last) == (window.first, window.last):
             return 0.0, variance
         trials.append((first, last))
-        kept = np.ones(len(observed), bool)
+        kept = np.ones_like(observed)
         kept[first:last] = False
         np.testing.assert_array_equal(observed, window.observed & kept)
         return sigmas * np.sqrt(2.0 * variance) / 2.0, variance
@@ -255,8 +266,43 @@ def test_the_covariance_is_scaled_by_the_errors_of_trial_stretches(small, monkey
         assert fill.order == 0
 
 
+def test_trial_stretches_and_predictions_from_one_side_have_what_is_read_within(part_read, monkeypatch):
+    window, motion, _ = part_read
+    part, used = slice(window.first, window.last), []
+
+    def stub(_, _motion, _c, observed, first, last):
+        used.append((first, observed))
+        return window.readings[first:last], np.tile(0.04 * np.eye(last - first), (6, 1, 1))
+
+    monkeypatch.setattr(motion_smoother, "_prediction", stub)
+    motion_smoother._validated(window, motion, MEDIANS)
+    assert sorted(first for first, _ in used) == [0, 1, 3, 3, 3, 5, 6]
+    for k, (first, observed) in enumerate(used):
+        expected = window.observed.copy()
+        expected[first : first + 2] = window.observed[part]
+        if k >= len(used) - 2:
+            expected[slice(window.last, None) if k == len(used) - 2 else slice(0, window.first)] = False
+        np.testing.assert_array_equal(observed, expected)
+
+
+@pytest.mark.parametrize(("size", "expected"), [(0.5, 1.0), (3.0, 9.0)])
+def test_readings_within_the_stretch_that_do_not_fit_enlarge_the_covariance(part_read, size, expected):
+    """A motion that is known: its residuals are the readings', here one number of sigmas in the stretch."""
+    window, motion, c = part_read
+    least = 1e-26 * np.eye(ERROR_SIZE)
+    known = replace(c, process_noise=np.tile(least, (8, 1, 1)), initial=least)
+    still = replace(motion, initial=np.zeros(ERROR_SIZE), residual=size * np.sqrt(c.row_variance))
+    still.residual[~window.observed] = 1e3
+    still.residual[: window.first] = 1e3
+    assert motion_smoother._misfit(window, still, known) == pytest.approx(expected)
+    nothing = replace(window, observed=np.where(np.arange(8)[:, None] == 3, False, window.observed))
+    nothing.observed[window.first : window.last] = False
+    assert motion_smoother._misfit(nothing, still, known) == 1.0
+
+
 def test_without_trial_stretches_the_covariance_is_that_of_the_model(small, monkeypatch):
-    window = replace(small[0], observed=np.array([False, True, False, False, False, False, True, False]))
+    window = replace(small[0], observed=np.zeros((8, 6), bool))
+    window.observed[[1, 6]] = True
     for fill in predicted_by(monkeypatch, window, lambda *_: (0.0, 0.04)):
         np.testing.assert_allclose(fill.covariance, 0.04 * np.eye(2))
 
@@ -264,9 +310,9 @@ def test_without_trial_stretches_the_covariance_is_that_of_the_model(small, monk
 @pytest.mark.parametrize("sides", ["both", "left", "right"])
 def test_what_one_side_alone_predicts_otherwise_enlarges_the_covariance(small, monkeypatch, sides):
     window = replace(small[0], observed=small[0].observed.copy())
-    bins = np.arange(8)
+    bins = np.arange(8)[:, None]
     if sides != "both":
-        window.observed[bins >= window.last if sides == "left" else bins < window.first] = False
+        window.observed[(bins >= window.last if sides == "left" else bins < window.first).ravel()] = False
     multiples, predicted = np.array([0.0, 1.0, 2.9, 3.1, -4.0, 9.0]), []
     # from one side: as uncertain that the difference has a variance of the sum of 0.36 (both: 0.16)
     part, sigma = np.array([0.2, 0.8]), 0.6
@@ -274,7 +320,7 @@ def test_what_one_side_alone_predicts_otherwise_enlarges_the_covariance(small, m
         "left": window.observed & (bins < window.first),
         "right": window.observed & (bins >= window.last),
     }
-    trials = len(motion_smoother.trial_stretches(window.observed, window.first, window.last))
+    trials = len(motion_smoother.trial_stretches(window.complete, window.first, window.last))
 
     def prediction(observed, first, last):
         if (first, last) != (window.first, window.last):  # trials whose errors give a scale of two
@@ -333,10 +379,38 @@ def test_a_stretch_of_several_oscillations_is_predicted_within_its_sigmas(distur
     assert sum(squares) < chi2.ppf(0.999, 12)
 
 
-def test_a_moment_that_begins_in_the_stretch_enlarges_its_sigma():
-    def kick(t, state):
-        return state + np.eye(SIZE)[5] * 0.02 if t == 82 else state
+def kick(t, state, size=0.02):
+    """A state, whose rate an impulse changes at the 82nd bin."""
+    return state + np.eye(SIZE)[5] * size if t == 82 else state
 
+
+@pytest.mark.parametrize(("rates", "share"), [("one axis is lost", 0.1), ("all are lost", 0.5)])
+def test_what_is_read_within_a_stretch_determines_the_motion_there(rates, share):
+    """A moment begins in the stretch, which the readings on both sides alone do not locate in time."""
+    squares, errors, hit = [], [], partial(kick, size=0.2)
+    for seed in range(3):
+        random = np.random.default_rng(seed)
+        window, truth = a_window(160, 70, 94, random=random, change=hit)
+        part = slice(window.first, window.last)
+        window.readings[part] = truth[part] + NOISE * random.standard_normal((24, 6))
+        states = flown(160, (), hit)[1]
+        within = partly_read(window, np.append(states[:, 4:7], states[-1:, 4:7], axis=0))
+        if rates == "all are lost":
+            within.observed[part, :3] = False
+        values = []
+        for w in (window, within):
+            fills, _ = predict_stretch(w)
+            values.append(np.stack([f.values for f in fills[:3]], axis=1) @ w.axes[:3, :3])
+        errors.append([INTERVAL * np.abs(np.cumsum(v - truth[part, :3], axis=0)).max() for v in values])  # rad
+        error = (values[1] - truth[part, :3]) @ within.axes[:3, :3].T
+        lost = [0] if rates == "one axis is lost" else [0, 1, 2]
+        squares += [error[:, k].sum() ** 2 / fills[k].covariance.sum() for k in lost]
+    without, given = np.sum(errors, axis=0)
+    assert given < share * without
+    assert sum(squares) < chi2.ppf(0.999, len(squares))
+
+
+def test_a_moment_that_begins_in_the_stretch_enlarges_its_sigma():
     steady, _ = a_window(160, 70, 94, random=np.random.default_rng(0))
     kicked, truth = a_window(160, 70, 94, random=np.random.default_rng(0), change=kick)
     fills = [predict_stretch(w)[0] for w in (steady, kicked)]

@@ -137,7 +137,9 @@ def test_the_sigmas_of_the_samples_are_those_of_the_prediction(inputs):
     result = reconstruct(mission, leave_one_out=False, inputs=FlightInputs(replace(telemetry, checking=()), atmosphere))
     run = Run(changed, assemble(mission, changed, planet, atmosphere, ()), result.filter_pass)
     model = forward_model_of(mission, planet, atmosphere)
-    window = window_around(changed.findings[0].interpolated[0], run, result.trajectory, model, PARACHUTE - 1.0)
+    window = window_around(
+        changed.findings[0].interpolated[0], changed.driving, run, result.trajectory, model, PARACHUTE - 1.0
+    )
     fills, _ = predict_stretch(window)
     driving = changed.driving
     record = dynamics_filling._with_fills(driving, driving, driving, window, fills)
@@ -239,7 +241,7 @@ def test_bins_of_a_window_have_the_means_and_the_noise_of_their_samples(inputs, 
     windows = []
     for length in (0.125, 0.25):
         monkeypatch.setattr(dynamics_filling, "_BIN", length)
-        windows.append(window_around(stretch, run, result.trajectory, model, PARACHUTE - 1.0))
+        windows.append(window_around(stretch, changed.driving, run, result.trajectory, model, PARACHUTE - 1.0))
     single, double = windows
     assert single.last - single.first == lost.sum() == 2 * (double.last - double.first)
     fine, coarse = single.readings[single.first :], double.readings[double.first :]
@@ -248,7 +250,7 @@ def test_bins_of_a_window_have_the_means_and_the_noise_of_their_samples(inputs, 
     np.testing.assert_allclose(double.noise[1] * np.sqrt(2.0), single.noise[1], rtol=1e-6)
     for window in windows:
         assert not window.observed[window.first : window.last].any()
-        assert window.observed.sum() == len(window.observed) - (window.last - window.first)
+        assert window.complete.sum() == len(window.observed) - (window.last - window.first)
         assert window.time[window.first] == pytest.approx(stretch[0], abs=1e-6)
         assert window.time[window.last] == pytest.approx(stretch[1], abs=1e-6)
 

@@ -1,10 +1,10 @@
 """Stochastic model of a vehicle's rotational motion around a lost stretch of readings, linearised about a motion.
 
-Input: mean rates and specific force in bins of samples on both sides of the stretch, and what acts on the vehicle along
-its path (`rotational_dynamics.PathLoads`). Model: attitude and rates follow Euler's equations with disturbances of the
-coefficients and of the wind, which are Gauss-Markov processes. Their sizes are hyperparameters with log-normal priors
-(`_PRIORS`). Output: the linear-Gaussian state-space model of the error about a motion, and the posterior density of the
-hyperparameters.
+Input: mean rates and specific force in bins of samples on both sides of the stretch and, of axes that are read there,
+within it, and what acts on the vehicle along its path (`rotational_dynamics.PathLoads`). Model: attitude and rates
+follow Euler's equations with disturbances of the coefficients and of the wind, which are Gauss-Markov processes. Their
+sizes are hyperparameters with log-normal priors (`_PRIORS`). Output: the linear-Gaussian state-space model of the error
+about a motion, and the posterior density of the hyperparameters.
 """
 
 from __future__ import annotations
@@ -24,6 +24,7 @@ from edl_filter.navigation.rotational_dynamics import (
     linearise,
     state_differences,
 )
+from edl_filter.rotations import cross_matrix
 from edl_filter.types import Array, BoolArray
 
 #: Hyperparameter → median and width of its log-normal prior. The first two are white noise of the moment coefficients
@@ -79,9 +80,15 @@ class Window:
     time : (T + 1,) array
         Edges, s.
     readings, noise : (T, 6) arrays
-        Mean rates (rad/s) and specific force (m/s²) at the centre of mass, body axes, and one sigma of each.
-    observed : (T,) boolean array
-        False in this stretch and where other samples were filled.
+        Components of mean rates (rad/s) and specific force (m/s²) along `axes`, and one sigma of each.
+    observed : (T, 6) boolean array
+        False for components that are lost in this stretch, or were filled elsewhere.
+    axes : (6, 6) array
+        Rows: unit vectors of the components, body axes, of three rates and three forces. Other axes than the body's
+        where one axis of an oblique IMU is lost alone.
+    arm : (T, 3) array
+        From the centre of mass to the place where the force is read, m, body axes. Zero where the force has been
+        transferred to the centre of mass with rates that were read.
     first, last : int
         The stretch is ``first:last``.
     states : (T, 20) array
@@ -95,6 +102,8 @@ class Window:
     readings: Array
     noise: Array
     observed: BoolArray
+    axes: Array
+    arm: Array
     first: int
     last: int
     states: Array
@@ -105,6 +114,11 @@ class Window:
     def interval(self) -> Array:
         """Length (T,) of each bin, s."""
         return np.diff(self.time)
+
+    @property
+    def complete(self) -> BoolArray:
+        """Bins (T,) of which all components are observed."""
+        return np.asarray(self.observed.all(axis=1))
 
 
 @dataclass(frozen=True)
@@ -121,7 +135,7 @@ class LinearisedMotion:
     transition : (T, 19, 19) array
         From the beginning to the end of each bin.
     design : (T, 6, 19) array
-        Of the readings.
+        Of the readings, along the window's axes.
     offset : (T, 19) array
         Response to the defects of the linearisation point: its states need not follow from each other.
     residual : (T, 6) array
@@ -130,6 +144,8 @@ class LinearisedMotion:
         Prior mean of e at the first bin.
     moment_noise : (T, 3, 3) array
         Covariance of the rates at the end of each bin by white noise of the moment coefficients of 1 √s.
+    arm_noise : (T, 6) array
+        Variance of the readings by this noise, which accelerates the place where a force is read.
     """
 
     states: Array
@@ -139,6 +155,7 @@ class LinearisedMotion:
     residual: Array
     initial: Array
     moment_noise: Array
+    arm_noise: Array
 
 
 @dataclass(frozen=True)
@@ -160,6 +177,8 @@ class Covariances:
 def linearise_window(window: Window, states: Array) -> LinearisedMotion:
     """Linearise a window about states ``(T, 20)``."""
     ends, readings, transition, design = linearise(states, window.loads, window.interval, window.steps)
+    _with_arm(window, states, ends, transition, readings, design)
+    readings, design = readings @ window.axes.T, window.axes @ design
     decay = np.exp(-window.interval[:, None] / _CORRELATION_TIME)
     ends[:, -len(DISTURBANCES) :] *= decay
     transition[:, _DISTURBED, _DISTURBED] *= decay
@@ -170,6 +189,11 @@ def linearise_window(window: Window, states: Array) -> LinearisedMotion:
     loads = window.loads
     push = loads.pressure_area[: -1 : 2 * window.steps] * loads.diameter
     response = push[:, None, None] * loads.inverse
+    moment_noise = window.interval[:, None, None] * response @ np.swapaxes(response, 1, 2)
+    acceleration_noise = moment_noise / window.interval[:, None, None] ** 2
+    cross = cross_matrix(window.arm) @ window.axes[3:, 3:].T
+    arm_noise = np.zeros_like(readings)
+    arm_noise[:, 3:] = np.einsum("tji,tjk,tki->ti", cross, acceleration_noise, cross)
     return LinearisedMotion(
         states=states,
         transition=transition,
@@ -177,8 +201,36 @@ def linearise_window(window: Window, states: Array) -> LinearisedMotion:
         offset=offset,
         residual=window.readings - readings - np.einsum("tij,tj->ti", design, offset),
         initial=state_differences(window.states[:1], states[:1])[0],
-        moment_noise=window.interval[:, None, None] * response @ np.swapaxes(response, 1, 2),
+        moment_noise=moment_noise,
+        arm_noise=arm_noise,
     )
+
+
+def _with_arm(window: Window, states: Array, ends: Array, transition: Array, readings: Array, design: Array) -> None:
+    """Move forces (T, 6) and their design to the place where they are read, in place: lever arm of the mean rates.
+
+    As in `imu_model.lever_arm`: ``Δω × r / dt + ω × (ω × r) + Δω × (Δω × r) / 12``, with the mean rate ω and its change
+    Δω over the bin.
+    """
+    if not window.arm.any():
+        return
+    change = ends[:, 4:7] - states[:, 4:7]
+    of_change = transition[:, 3:6].copy()
+    of_change[:, range(3), range(3, 6)] -= 1.0
+    for rate, of_rate, share in ((readings[:, :3], design[:, :3], 1.0), (change, of_change, 1.0 / 12.0)):
+        acceleration, of_acceleration = _centripetal(rate, window.arm)
+        readings[:, 3:] += share * acceleration
+        design[:, 3:] += share * of_acceleration @ of_rate
+    readings[:, 3:] += np.cross(change, window.arm) / window.interval[:, None]
+    design[:, 3:] -= cross_matrix(window.arm) @ of_change / window.interval[:, None, None]
+
+
+def _centripetal(rate: Array, arm: Array) -> tuple[Array, Array]:
+    """``ω × (ω × r) = ω (ω · r) - r ω²`` (T, 3) and its derivative (T, 3, 3) with respect to ω."""
+    along = np.sum(rate * arm, axis=1)[:, None]
+    square = np.sum(rate**2, axis=1)[:, None]
+    derivative = along[:, :, None] * np.eye(3) + rate[:, :, None] * arm[:, None] - 2.0 * arm[:, :, None] * rate[:, None]
+    return rate * along - arm * square, derivative
 
 
 def covariances(window: Window, motion: LinearisedMotion, log_sizes: Array) -> Covariances:
@@ -204,7 +256,7 @@ def covariances(window: Window, motion: LinearisedMotion, log_sizes: Array) -> C
     noise[:, range(3), range(3)] = _ATTITUDE_NOISE**2
     noise[:, rates, rates] = sizes[0] ** 2 * motion.moment_noise
     noise[:, _DISTURBED, _DISTURBED] = sigma**2 * (1.0 - decay**2)
-    variance = window.noise**2
+    variance = window.noise**2 + sizes[0] ** 2 * motion.arm_noise
     variance[:, 3:] += sizes[1] ** 2 * np.sum(window.readings[:, 3:] ** 2, axis=1, keepdims=True)
     first = _FIRST_SIGMA.copy()
     first[6:] = np.maximum(first[6:], sigma)
@@ -227,22 +279,23 @@ def log_posterior(window: Window, motion: LinearisedMotion) -> Callable[[Array],
         From the logarithms of the hyperparameters ``(11,)`` to nats, without a constant. Its calls share what does not
         depend on them.
     """
-    observed, count = window.observed, int(np.sum(window.observed))
-    readings, design = motion.residual[observed].ravel(), motion.design[observed].reshape(-1, ERROR_SIZE)
+    observed = window.observed
+    readings, design = motion.residual[observed], motion.design[observed]
     every, still = slice(0, ERROR_SIZE), np.zeros((1, ERROR_SIZE, ERROR_SIZE))
     # a step begins where a bin begins, and has the readings of that bin
     change = np.concatenate((still, motion.transition[:-1] - np.eye(ERROR_SIZE)))
     increment = from_blocks(ERROR_SIZE, [(every, every, change)])
-    row_start = np.concatenate(([0], np.cumsum(6 * observed)))
+    row_start = np.concatenate(([0], np.cumsum(observed.sum(axis=1))))
+    column = (np.cumsum(observed, axis=1) - 1)[observed]
     noise = from_blocks(ERROR_SIZE, [(every, every, covariances(window, motion, MEDIANS).process_noise)])
 
     def value(log_sizes: Array) -> float:
         c = covariances(window, motion, log_sizes)
-        process_noise, row_noise = np.zeros_like(noise.values), np.zeros((count, 6, 6))
+        process_noise, row_noise = np.zeros_like(noise.values), np.zeros((len(readings), 6))
         process_noise[1:] = c.process_noise[:-1, noise.row, noise.column]
-        row_noise[:, range(6), range(6)] = c.row_variance[observed]
+        row_noise[range(len(readings)), column] = c.row_variance[observed]
         model = LinearStateSpace(
-            increment, replace(noise, values=process_noise), row_start, design, row_noise.reshape(-1, 6), c.initial
+            increment, replace(noise, values=process_noise), row_start, design, row_noise, c.initial
         )
         deviation = (log_sizes - MEDIANS) / WIDTHS
         return log_likelihood(model, readings, motion.initial) - 0.5 * float(deviation @ deviation)

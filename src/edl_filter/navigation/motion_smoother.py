@@ -1,14 +1,15 @@
 """Smoothing of a vehicle's rotational motion across lost readings, and prediction of these readings.
 
-Input: readings on both sides of a lost stretch with the stochastic model of the motion (`motion_model`), whose
-disturbances contain the errors of the database: the motion in the stretch has forces and moments of the size that the
-readings around it have. Method:
+Input: readings on both sides of a lost stretch, and those within it of axes that are not lost, with the stochastic
+model of the motion (`motion_model`), whose disturbances contain the errors of the database: the motion in the stretch
+has forces and moments of the size that the readings around it have. Method:
 
 - most probable motion by the iterated extended Kalman smoother, which is the Gauss-Newton method (Bell, SIAM J. Optim.
   4 (1994) 626);
 - sizes of the disturbances by the largest marginal likelihood of the readings on both sides, with log-normal priors;
 - scale of the covariance by cross-validation: stretches of the same length on both sides are predicted without their
   own readings;
+- where the readings within the stretch do not fit the motion, their mean square residual is a further scale;
 - where a prediction from one side alone differs from that from both by more than its sigma explains, the motion changes
   in the stretch, and the difference is added to the covariance.
 
@@ -100,7 +101,7 @@ def estimate_sizes(window: Window, motion: LinearisedMotion, start: Array) -> Ar
 
 
 def smooth_errors(motion: LinearisedMotion, c: Covariances, observed: BoolArray) -> tuple[Array, Array, Array]:
-    """Errors given the observed bins, by the Rauch-Tung-Striebel smoother.
+    """Errors given the observed readings, by the Rauch-Tung-Striebel smoother.
 
     Parameters
     ----------
@@ -108,8 +109,8 @@ def smooth_errors(motion: LinearisedMotion, c: Covariances, observed: BoolArray)
         The linearised window.
     c : Covariances
         Its covariances.
-    observed : (T,) boolean array
-        Bins whose readings are used.
+    observed : (T, 6) boolean array
+        Readings that are used.
 
     Returns
     -------
@@ -130,9 +131,11 @@ def smooth_errors(motion: LinearisedMotion, c: Covariances, observed: BoolArray)
     x, p = motion.initial, c.initial
     for t in range(count):
         predicted_mean[t], predicted[t] = x, p
-        if observed[t]:
-            gain, p = measurement_update(p, motion.design[t], np.diag(c.row_variance[t]))
-            x = x + gain @ (motion.residual[t] - motion.design[t] @ x)
+        rows = observed[t]
+        if rows.any():
+            design = motion.design[t, rows]
+            gain, p = measurement_update(p, design, np.diag(c.row_variance[t, rows]))
+            x = x + gain @ (motion.residual[t, rows] - design @ x)
         mean[t], covariance[t] = x, p
         f = motion.transition[t]
         x, p = f @ x, f @ p @ f.T + c.process_noise[t]
@@ -227,7 +230,7 @@ def predict_stretch(window: Window, before: Solution | None = None) -> tuple[lis
     Returns
     -------
     fills : list of six Interpolation
-        Rates (rad/s) and specific force (m/s²) along the three axes, with their noise.
+        Rates (rad/s) and specific force (m/s²) along the window's axes, with their noise; forces where they are read.
     solution : Solution
         None instead of both where no search for the most probable motion converges.
     """
@@ -245,21 +248,24 @@ def _validated(window: Window, motion: LinearisedMotion, log_sizes: Array) -> li
     """Prediction of the stretch with its covariance scaled by cross-validation."""
     c, part = covariances(window, motion, log_sizes), (window.first, window.last)
     values, covariance = _prediction(window, motion, c, window.observed, *part)
+    read = window.observed[slice(*part)]
     ratios = []
-    for a, b in trial_stretches(window.observed, *part):
+    for a, b in trial_stretches(window.complete, *part):
         without = window.observed.copy()
-        without[a:b] = False
+        without[a:b] = read
         trial, spread = _prediction(window, motion, c, without, a, b)
         ratios.append(np.sum(trial - window.readings[a:b], axis=0) ** 2 / spread.sum(axis=(1, 2)))
     # not less than one: the hyperparameters were estimated from the same readings
     scale = np.maximum(1.0, (_PRIOR_STRETCHES + np.sum(ratios, axis=0)) / (_PRIOR_STRETCHES + len(ratios)) * np.ones(6))
+    scale = scale * _misfit(window, motion, c)
     covariance = covariance * scale[:, None, None]
     both = covariance.sum(axis=(1, 2))
     for side in (slice(0, window.first), slice(window.last, None)):
-        alone = np.zeros(len(window.observed), bool)
+        alone = np.zeros_like(window.observed)
         alone[side] = window.observed[side]
         if not alone.any():
             continue
+        alone[slice(*part)] = read
         from_side, spread = _prediction(window, motion, c, alone, *part)
         difference = (from_side - values).T
         expected = np.maximum(scale * spread.sum(axis=(1, 2)) - both, 0.0)
@@ -268,10 +274,21 @@ def _validated(window: Window, motion: LinearisedMotion, log_sizes: Array) -> li
     return [Interpolation(v, p, 0, float(np.sqrt(s))) for v, p, s in zip(values.T, covariance, scale, strict=True)]
 
 
+def _misfit(window: Window, motion: LinearisedMotion, c: Covariances) -> float:
+    """Mean square of the standardised residuals of the readings within the stretch, if above one; one without any."""
+    inside = np.zeros_like(window.observed)
+    inside[window.first : window.last] = window.observed[window.first : window.last]
+    if not inside.any():
+        return 1.0
+    mean, _, _ = smooth_errors(motion, c, window.observed)
+    residual = motion.residual - np.einsum("tij,tj->ti", motion.design, mean)
+    return max(1.0, float(np.mean((residual**2 / c.row_variance)[inside])))
+
+
 def _prediction(
     window: Window, motion: LinearisedMotion, c: Covariances, observed: BoolArray, first: int, last: int
 ) -> tuple[Array, Array]:
-    """Readings (n, 6) of a stretch given the observed bins, and their covariances (6, n, n), noise included."""
+    """Readings (n, 6) of a stretch given the observed ones, and their covariances (6, n, n), noise included."""
     mean, covariance, gain = smooth_errors(motion, c, observed)
     part, steps = slice(first, last), range(last - first)
     design = motion.design[part]

@@ -2,9 +2,10 @@
 
 Input: telemetry whose lost stretches an autoregression has filled (`telemetry.sample_filling`), a run of the filter
 with it, and the forward model. Method: along the path of that run, the rotational motion across each stretch is
-smoothed from the readings on both sides (`navigation.motion_smoother`). Output: a run with telemetry in which the
-stretches have these values. Of two methods the one with the smaller sigma would be the one that is too certain: where
-motion or air density change across the stretch, which the autoregression does not model, it is wrong by ten sigmas.
+smoothed from the readings on both sides, and within it from the axes that are read (`navigation.motion_smoother`).
+Output: a run with telemetry in which the stretches have these values. Of two methods the one with the smaller sigma
+would be the one that is too certain: where motion or air density change across the stretch, which the autoregression
+does not model, it is wrong by ten sigmas.
 """
 
 from __future__ import annotations
@@ -24,15 +25,16 @@ from edl_filter.navigation.rotational_dynamics import SIZE, PathLoads
 from edl_filter.navigation.smoother import smooth
 from edl_filter.navigation.trajectory import Trajectory, smoothed_trajectory
 from edl_filter.pipeline.redundancy import Run
-from edl_filter.telemetry.partial_readings import given_readings, lost_axis
+from edl_filter.telemetry.partial_readings import bound_of_axis, lost_axis
 from edl_filter.telemetry.record import SAME_TIME, ImuRecord, SampleFinding, Telemetry
 from edl_filter.telemetry.sample_filling import (
     BY_AUTOREGRESSION,
     BY_DYNAMICS,
     PARACHUTE_MARGIN,
     fill_sigma,
+    tilt_variance,
 )
-from edl_filter.types import Array
+from edl_filter.types import Array, BoolArray, IntArray
 
 #: Shortest stretch that is filled, s: in a shorter one the autoregression is as good.
 SHORTEST = 0.5
@@ -48,6 +50,8 @@ _FEWEST_READINGS = 20
 _BIN, _MOST_BINS, _STEP = 0.05, 200, 0.025
 #: Most stretches that are filled, the longest ones: each takes seconds.
 MOST_STRETCHES = 8
+#: Relative difference from which on two readings are not the same one.
+_SAME_READING = 1e-9
 #: Angles at which the coefficients are evaluated, rad.
 _ANGLES = np.radians(np.linspace(0.0, 60.0, 61))
 
@@ -82,7 +86,7 @@ def filled_by_dynamics(first: Run, model: ForwardModel, parachute: float, run: C
         trajectory = smoothed_trajectory(problem, smooth(result.filter_pass), result.filter_pass.layout)
         record, predicted = base.driving, set[tuple[float, float]]()
         for stretch in chosen:
-            window = window_around(stretch, result, trajectory, model, end)
+            window = window_around(stretch, base.driving, result, trajectory, model, end)
             prediction = None if window is None else predict_stretch(window, solutions.get(stretch))
             if window is not None and prediction is not None:
                 fills, solutions[stretch] = prediction
@@ -120,7 +124,7 @@ def _largest_change(previous: ImuRecord, record: ImuRecord) -> float:
 
 
 def window_around(
-    stretch: tuple[float, float], run: Run, trajectory: Trajectory, model: ForwardModel, end: float
+    stretch: tuple[float, float], base: ImuRecord, run: Run, trajectory: Trajectory, model: ForwardModel, end: float
 ) -> Window | None:
     """Readings around a stretch and what acts on the vehicle there.
 
@@ -128,6 +132,8 @@ def window_around(
     ----------
     stretch : tuple of two floats
         Its begin and end, s.
+    base : ImuRecord
+        The driving IMU, filled by the autoregression.
     run : Run
         The filter's run.
     trajectory : Trajectory
@@ -142,7 +148,7 @@ def window_around(
     Window or None
         None where too few readings are before the stretch.
     """
-    samples, record = run.problem.samples, run.telemetry.driving
+    samples = run.problem.samples
     edges = trajectory.time
     first, last = (int(k) for k in np.searchsorted(edges, np.array(stretch) - SAME_TIME))
     interval = float(np.median(np.diff(edges[first : last + 1])))
@@ -157,20 +163,21 @@ def window_around(
     counts = np.diff(cuts)
     widths = np.diff(edges)[cuts[0] : cuts[-1], None]
     lengths = np.diff(edges[cuts])[:, None]
+    rows = base.index_at(samples.time - 0.5 * samples.interval)[cuts[0] : cuts[-1]]
+    axes, lost = _lost_components(base, rows, slice(first - cuts[0], last - cuts[0]))
+    observed = np.add.reduceat(lost.astype(int), cuts[:-1] - cuts[0]) == 0
+    rate, force = (v[cuts[0] + 1 : cuts[-1] + 1] for v in (trajectory.angular_rate, trajectory.specific_force))
+    # where rates are lost, the force is that which the IMU reads: with wrong rates it cannot be transferred
+    arm = np.where(np.repeat(~observed[:, :3].all(axis=1), counts)[:, None], base.position[rows], 0.0)
+    force = force + lever_arm_acceleration(widths[:, 0], rate, arm, base.unit[rows])
+    arm = arm[cuts[:-1] - cuts[0]]
     readings, noise = [], []
-    nearest = record.index_at(samples.time - 0.5 * samples.interval)
-    for values, sigma in (
-        (trajectory.angular_rate, record.rate_noise),
-        (trajectory.specific_force, record.force_noise),
-    ):
-        part = slice(cuts[0], cuts[-1])
-        weighted = values[cuts[0] + 1 : cuts[-1] + 1] * widths
-        readings.append(np.add.reduceat(weighted, cuts[:-1] - cuts[0]) / lengths)
+    for values, sigma in ((rate, base.rate_noise), (force, base.force_noise)):
+        readings.append(np.add.reduceat(values * widths, cuts[:-1] - cuts[0]) / lengths)
         # noise of a sample that is split at an event: that of its random walk
-        variance = sigma[nearest[part]] ** 2 * record.interval[nearest[part]] * widths[:, 0]
+        variance = sigma[rows] ** 2 * base.interval[rows] * widths[:, 0]
         variance = np.add.reduceat(variance, cuts[:-1] - cuts[0]) / lengths[:, 0] ** 2
         noise.append(np.repeat(np.sqrt(variance)[:, None], 3, axis=1))
-    observed = np.add.reduceat(samples.filled[cuts[0] : cuts[-1]].astype(int), cuts[:-1] - cuts[0]) == 0
     states = np.zeros((len(counts), SIZE))
     states[:, :4] = trajectory.inertial_from_body[cuts[:-1]]
     states[:, 4:7] = edge_values(lengths[:, 0], readings[0])[:-1]
@@ -178,9 +185,39 @@ def window_around(
     loads = path_loads(model, edges[cuts], trajectory.position[cuts], trajectory.velocity[cuts], steps)
     position = int(np.flatnonzero(cuts == first)[0])
     return Window(
-        edges[cuts], np.hstack(readings), np.hstack(noise), observed, position, position + len(inside) - 1, states,
-        loads, steps,
+        edges[cuts], np.hstack(readings) @ axes.T, np.hstack(noise), observed, axes, arm, position,
+        position + len(inside) - 1, states, loads, steps,
     )  # fmt: skip
+
+
+def _lost_components(base: ImuRecord, rows: IntArray, stretch: slice) -> tuple[Array, BoolArray]:
+    """Axes (6, 6) of a window (`Window.axes`), and which components of its samples (n, 6) are lost.
+
+    Where one axis of a triad is lost alone in the stretch, it is the first one of the triad's axes, and the others are
+    observed in all samples whose values contain what they read.
+    """
+    axes, lost = np.eye(6), np.zeros((len(rows), 6), bool)
+    for k, (sigma, partial, values) in enumerate((
+        (base.rate_fill_sigma, base.partial_rate, base.angular_rate),
+        (base.force_fill_sigma, base.partial_force, base.specific_force),
+    )):  # fmt: skip
+        columns = slice(3 * k, 3 * k + 3)
+        filled, partial, values = np.any(sigma[rows] > 0.0, axis=1), partial[rows], values[rows]
+        lost[:, columns] = filled[:, None]
+        if not filled[stretch].any() or (axis := lost_axis(partial[stretch][filled[stretch]])) is None:
+            continue
+        axes[columns, columns] = _basis(axis)
+        across = values - np.outer(values @ axis, axis)
+        kept = np.linalg.norm(across - partial[:, 0], axis=1) <= _SAME_READING * np.linalg.norm(values, axis=1)
+        lost[:, 3 * k + 1 : 3 * k + 3] &= ~(kept & np.all(partial[:, 1] == axis, axis=1))[:, None]
+    return axes, lost
+
+
+def _basis(axis: Array) -> Array:
+    """Right-handed orthonormal axes, rows (3, 3), of which the first is given."""
+    second = np.cross(axis, np.eye(3)[np.argmin(np.abs(axis))])
+    second /= np.linalg.norm(second)
+    return np.array([axis, second, np.cross(axis, second)])
 
 
 def path_loads(model: ForwardModel, time: Array, position: Array, velocity: Array, steps: int) -> PathLoads:
@@ -257,20 +294,10 @@ def _with_fills(
     fills : list of six Interpolation
         Rates and specific force at the centre of mass.
     """
-    edges = window.time[window.first : window.last + 1]
+    edges, part = window.time[window.first : window.last + 1], slice(window.first, window.last)
     a, b = (int(k) for k in np.searchsorted(base.time, edges[[0, -1]] + np.array([SAME_TIME, -SAME_TIME])))
-    rows, inside = slice(a, b + 1), window.readings[window.first : window.last]
-    partial = {"angular_rate": base.partial_rate[rows], "specific_force": base.partial_force[rows]}
-    axes = {name: lost_axis(of_triad) for name, of_triad in partial.items()}
-    for name, columns in (("angular_rate", slice(0, 3)), ("specific_force", slice(3, 6))):
-        if (axis := axes[name]) is not None:  # the readings of the window contain the axes that are read
-            fills = [
-                *fills[: columns.start],
-                *given_readings(fills[columns], inside[:, columns], axis),
-                *fills[columns.stop :],
-            ]
-    predicted = np.stack([fill.values for fill in fills], axis=1)
-    change = predicted - inside
+    rows, observed = slice(a, b + 1), window.observed[part]
+    change = np.where(observed, 0.0, np.stack([f.values for f in fills], axis=1) - window.readings[part]) @ window.axes
     total = np.concatenate((np.zeros((1, 6)), np.cumsum(change * np.diff(edges)[:, None], axis=0)))
     ends = np.clip(base.edges[a : b + 2], edges[0], edges[-1])
     means = np.stack([np.interp(ends, edges, c) for c in total.T], axis=1)
@@ -278,31 +305,44 @@ def _with_fills(
     rate = current.angular_rate.copy()
     rate[rows] += rate_change
     arms = [lever_arm_acceleration(base.interval, w, base.position, base.unit) for w in (rate, current.angular_rate)]
+    read = ~np.any(base.rate_fill_sigma[rows] > 0.0, axis=1, keepdims=True)  # elsewhere the window has the IMU's place
     force = current.specific_force.copy()
-    force[rows] += force_change + (arms[0] - arms[1])[rows]
+    force[rows] += force_change + np.where(read, (arms[0] - arms[1])[rows], 0.0)
     interval, count = float(np.median(base.interval[rows])), b + 1 - a
-    changed = {}
-    for values, names, column in (
-        (rate, ("angular_rate", "rate_fill_sigma"), 0),
-        (force, ("specific_force", "force_fill_sigma"), 3),
+    length, bins = float(np.median(np.diff(edges))), len(observed)
+    changed, tilt = {}, np.zeros(3)
+    for values, names, column, partial in (
+        (rate, ("angular_rate", "rate_fill_sigma"), 0, base.partial_rate),
+        (force, ("specific_force", "force_fill_sigma"), 3, base.partial_force),
     ):
-        bin_noise = window.noise[window.first : window.last, column]
-        triad = fills[column : column + 3]
-        sigma = fill_sigma(triad, bin_noise, float(np.median(np.diff(edges))), coning=column == 0)
+        columns = slice(column, column + 3)
+        triad_axes = window.axes[columns, columns]
+        one_axis = not np.array_equal(triad_axes, np.eye(3))
+        triad = _one_axis(fills[columns], triad_axes) if one_axis else fills[columns]
+        lost = getattr(base, names[1])[rows] > 0.0
+        sigma = fill_sigma(triad, window.noise[part, column], length, coning=column == 0)
+        if column == 0 and lost.any() and observed[:, 3:].any():
+            inside = window.readings[part, 3:] @ window.axes[3:, 3:]
+            tilt = tilt_variance(triad, sigma, inside, np.zeros((bins, 3)), length)
         # independent errors of bins become those of samples with the same variance of the sum
-        sigma = (
-            np.sqrt(np.mean(sigma**2, axis=0) * len(bin_noise) / count)
-            * (edges[-1] - edges[0])
-            / (len(bin_noise) * interval)
-        )
-        lost, axis = getattr(base, names[1])[rows] > 0.0, axes[names[0]]
-        if axis is not None:
-            read = getattr(current, names[0])[rows]
-            values[rows] = read + np.outer((values[rows] - read) @ axis, axis)
+        sigma = np.sqrt(np.mean(sigma**2, axis=0) * bins / count) * (edges[-1] - edges[0]) / (bins * interval)
+        if one_axis:
+            before = getattr(current, names[0])[rows]
+            values[rows] = before + np.outer((values[rows] - before) @ triad_axes[0], triad_axes[0])
         else:  # samples of which one axis alone is lost in a part of the stretch stay as they are
-            lost = lost & ~np.any(partial[names[0]][:, 1] != 0.0, axis=1, keepdims=True)
+            lost = lost & ~np.any(partial[rows, 1] != 0.0, axis=1, keepdims=True)
         for name, new in zip(names, (values[rows], np.broadcast_to(sigma, lost.shape)), strict=True):
             array = getattr(record, name).copy()
             array[rows] = np.where(lost, new, array[rows])
             changed[name] = array
+    changed["force_fill_sigma"][rows] = np.sqrt(changed["force_fill_sigma"][rows] ** 2 + tilt / count / interval**2)
     return replace(record, **changed)
+
+
+def _one_axis(fills: list[Interpolation], axes: Array) -> list[Interpolation]:
+    """Fills of a triad along its axes, rows (3, 3), of which the first alone is lost, as fills along the body axes.
+
+    Independent errors along the body axes are not smaller than the error along the lost axis (`bound_of_axis`).
+    """
+    values, bound = np.stack([f.values for f in fills], axis=1) @ axes, bound_of_axis(axes[0])
+    return [replace(fills[0], values=values[:, i], covariance=bound[i] * fills[0].covariance) for i in range(3)]
