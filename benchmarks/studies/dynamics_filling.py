@@ -1,9 +1,9 @@
 """Lost stretches of the only IMU, filled by an autoregression and by rotational dynamics: which is nearer to the truth?
 
 Stretches at random times of a flight are taken out, filled by either method, and compared with the readings that were
-taken out: rotation and velocity across the stretch, with their errors in sigmas, and position and velocity at the
-parachute against the result of all samples. ``python dynamics_filling.py MISSION --set KEY=VALUE …`` prints two lines
-for each length.
+taken out: rotation and velocity across the stretch, with their errors in sigmas, the largest angle in it, and position
+and velocity at the parachute against the result of all samples. ``python dynamics_filling.py MISSION --set KEY=VALUE``
+prints two lines for each length. With ``--rates`` the rates alone are lost.
 """
 
 from __future__ import annotations
@@ -42,11 +42,14 @@ def errors(record: ImuRecord, truth: ImuRecord, rows: slice) -> tuple[np.ndarray
 
 
 def outcome(result: Reconstruction, complete: Reconstruction, rows: slice, deployed: float) -> np.ndarray:
-    """Errors (6,), errors in sigmas (6,), change of position (m), of velocity (m/s), and its square in sigmas / 6."""
-    error, sigma = errors(result.telemetry.driving, complete.telemetry.driving, rows)
+    """Errors (6,), the same in sigmas (6,); position (m), velocity (m/s), their square in sigmas / 6; angle (rad)."""
+    filled, truth = result.telemetry.driving, complete.telemetry.driving
+    error, sigma = errors(filled, truth, rows)
+    angles = np.cumsum((filled.angular_rate - truth.angular_rate)[rows] * truth.interval[rows, None], axis=0)
     (state, covariance), (expected, _) = at_deployment(result, deployed), at_deployment(complete, deployed)
     d = state - expected
     last = [np.linalg.norm(d[:3]), np.linalg.norm(d[3:]), d @ np.linalg.solve(covariance, d) / 6.0]
+    last.append(np.abs(angles).max())
     return np.concatenate((error, error / sigma, last))
 
 
@@ -56,6 +59,7 @@ def main() -> None:
     parser.add_argument("mission")
     parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE")
     parser.add_argument("--count", type=int, default=12)
+    parser.add_argument("--rates", action="store_true", help="the rates alone are lost")
     parser.add_argument("--lengths", type=float, nargs="*", default=LENGTHS_S)
     args = parser.parse_args()
     mission = Mission.load(args.mission, args.set)
@@ -68,7 +72,8 @@ def main() -> None:
         outcomes: dict[str, list[np.ndarray]] = {name: [] for name in METHODS}
         for _ in range(args.count):
             first = int(record.index_at(random.uniform(FIRST_S, deployed - BEFORE_DEPLOYMENT_S - length)))
-            lost = repaired(with_gap(telemetry, first, count, two=False), check_settings(mission), deployed)
+            gap = with_gap(telemetry, first, count, two=False, rates_alone=args.rates)
+            lost = repaired(gap, check_settings(mission), deployed)
             for name, passes in METHODS.items():
                 dynamics_filling.PASSES = passes
                 result = reconstruct(mission, leave_one_out=False, inputs=FlightInputs(lost))
@@ -78,6 +83,7 @@ def main() -> None:
             sigmas, last = np.array(values)[:, 6:12], np.mean(np.array(values)[:, 14])
             print(
                 f"{mission.name} {length:4.1f} s {name:>14}: "
+                f"largest angle {np.degrees(rms[15]):.3f} deg, "
                 f"lateral rotation {np.degrees(np.hypot(*rms[1:3])):.4f} deg, roll {np.degrees(rms[0]):.4f} deg, "
                 f"axial velocity {rms[3]:.3f} m/s; in sigmas {rms[6:12].round(2)}, largest {np.abs(sigmas).max():.1f}; "
                 f"at the parachute {rms[12]:.1f} m, {rms[13]:.3f} m/s, {last:.3f} of sigma^2",

@@ -21,15 +21,17 @@ from edl_filter.telemetry.sample_repair import repaired
 LENGTHS_S = (0.125, 0.5, 1.0, 3.0, 10.0, 20.0)
 
 
-def with_gap(telemetry: Telemetry, first: int, count: int, two: bool) -> Telemetry:
-    """Telemetry with `count` samples of the driving IMU lost from the index `first` on."""
+def with_gap(telemetry: Telemetry, first: int, count: int, two: bool, rates_alone: bool = False) -> Telemetry:
+    """Telemetry with `count` samples of the driving IMU, or their rates alone, lost from the index `first` on."""
     record = telemetry.driving
     force, rate = record.specific_force.copy(), record.angular_rate.copy()
-    force[first : first + count] = rate[first : first + count] = np.nan
+    rate[first : first + count] = np.nan
+    if not rates_alone:
+        force[first : first + count] = np.nan
     driving = replace(record, specific_force=force, angular_rate=rate)
     last = first + count - 1
     start, end = float(record.time[first] - record.interval[first]), float(record.time[last])
-    finding = SampleFinding(record.name, "all", start, end, count, "not_finite")
+    finding = SampleFinding(record.name, "rate" if rates_alone else "all", start, end, count, "not_finite")
     checking = telemetry.checking if two else ()
     return replace(telemetry, driving=driving, checking=checking, findings=(*telemetry.findings, finding))
 

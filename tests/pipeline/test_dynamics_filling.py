@@ -160,6 +160,72 @@ def test_samples_outside_the_stretch_stay_as_they_were_read(filled, inputs):
     assert not run.telemetry.driving.filled[~lost].any()
 
 
+def rates_lost(telemetry, start, end, axis=None):
+    """Telemetry without the second IMU, with all rates lost in a stretch or with one axis alone, and these samples."""
+    truth = telemetry.driving
+    lost = (truth.time > start) & (truth.time <= end)
+    changed = {"angular_rate": np.where(lost[:, None], np.nan, truth.angular_rate)}
+    if axis is not None:
+        across = truth.angular_rate - np.outer(truth.angular_rate @ axis, axis)
+        pair = np.stack((across, np.tile(axis, (len(truth), 1))), axis=1)
+        changed["partial_rate"] = np.where(lost[:, None, None], pair, 0.0)
+    finding = SampleFinding(truth.name, "rate" if axis is None else "rate z", start, end, int(lost.sum()), "stuck")
+    gap = replace(telemetry, driving=replace(truth, **changed), checking=(), findings=(finding,))
+    return repaired(gap, parachute=PARACHUTE), lost
+
+
+@pytest.mark.parametrize(("axis", "lateral"), [(None, [1, 2]), (np.array([0.0, 0.0, 1.0]), [1])])
+def test_rates_that_are_lost_leave_the_forces_as_they_are_read(axis, lateral, inputs):
+    """All gyros, or one along a body axis: angles within five seconds, and the velocity's sigma by their errors."""
+    mission, telemetry, planet, atmosphere = inputs
+    changed, lost = rates_lost(telemetry, 118.0, 123.0, axis)
+    truth, record = telemetry.driving, first_run(mission, changed, planet, atmosphere, ()).telemetry.driving
+    np.testing.assert_array_equal(record.specific_force, truth.specific_force)
+    error = (record.angular_rate - truth.angular_rate)[lost]
+    angles = np.cumsum(error * truth.interval[lost, None], axis=0)
+    assert np.abs(angles).max() < np.radians(0.02)
+    turned = np.sum(np.cross(angles, truth.specific_force[lost]) * truth.interval[lost, None], axis=0)
+    assert np.all((record.force_fill_sigma[lost, 1:] > 0.0) == np.isin([1, 2], lateral))
+    sigma = np.sqrt(np.sum((record.force_fill_sigma[lost] * truth.interval[lost, None]) ** 2, axis=0))
+    assert np.all(np.abs(turned)[lateral] < 4.0 * sigma[lateral])
+
+
+def test_a_window_has_the_force_where_it_is_read_while_rates_are_lost(inputs):
+    """Readings, their axes and the lever arm; a sample whose values do not contain its readings is lost whole."""
+    mission, telemetry, planet, atmosphere = inputs
+    axis = np.array([0.6, 0.0, 0.8])
+    changed, lost = rates_lost(telemetry, 118.0, 123.0, axis)
+    base = changed.driving
+    place = base.position.copy()
+    place[:] = [0.3, -0.4, 0.2]
+    base = replace(base, position=place)
+    changed = replace(changed, driving=base)
+    result = reconstruct(mission, leave_one_out=False, inputs=FlightInputs(changed, atmosphere))
+    run = Run(changed, assemble(mission, changed, planet, atmosphere, ()), result.filter_pass)
+    model, stretch = forward_model_of(mission, planet, atmosphere), changed.findings[0].interpolated[0]
+    around = stretch, base, run, result.trajectory, model, PARACHUTE - 1.0
+    window = window_around(*around)
+    part = slice(window.first, window.last)
+    np.testing.assert_array_equal(window.observed[part], np.tile([False] + [True] * 5, (lost.sum(), 1)))
+    assert window.complete.sum() == len(window.observed) - lost.sum()
+    np.testing.assert_allclose(window.axes[0, :3], axis)
+    np.testing.assert_allclose(window.axes @ window.axes.T, np.eye(6), atol=1e-12)
+    np.testing.assert_array_equal(window.axes[3:, 3:], np.eye(3))
+    np.testing.assert_array_equal(window.arm[part], place[lost])
+    assert not window.arm[: window.first].any() and not window.arm[window.last :].any()
+    # sensor errors of the filter's estimate are the rest: biases of the accelerometers
+    rest = window.readings[part, 3:] - base.specific_force[lost]
+    assert np.abs(rest - rest.mean(axis=0)).max() < 2e-3 * np.abs(base.specific_force[lost]).max()
+    read = base.angular_rate[lost] @ window.axes[1:3, :3].T
+    np.testing.assert_allclose(window.readings[part, 1:3], read, atol=5e-5)
+    other = base.partial_rate.copy()
+    other[np.flatnonzero(lost)[3], 0] += 1e-3  # axes that were read, and were not used
+    window = window_around(stretch, replace(base, partial_rate=other), *around[2:])
+    expected = np.tile([False] + [True] * 5, (lost.sum(), 1))
+    expected[3, :3] = False
+    np.testing.assert_array_equal(window.observed[part], expected)
+
+
 def test_what_dynamics_have_filled_is_not_filled_again(filled, inputs):
     mission, _, planet, atmosphere = inputs
     run, _, _ = filled(118.0)

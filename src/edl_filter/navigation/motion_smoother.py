@@ -44,9 +44,11 @@ _BELOW, _ABOVE = 1.5, 3.0
 #: Iterations of a search for the hyperparameters, its step, most searches, and the change, in widths, below which the
 #: hyperparameters are those of the search before.
 _SEARCH_ITERATIONS, _SEARCH_STEP, _MOST_SEARCHES, _SAME_SIZES = 12, 0.05, 6, 0.3
-#: Most Gauss-Newton steps between two searches, the one from which steps that do not become smaller are halved, and the
-#: change of a prediction, in its sigmas, below which it has converged.
-_MOST_STEPS, _HALVED_FROM, _CONVERGED = 8, 5, 0.1
+#: Most Gauss-Newton steps between two searches, the one from which steps that do not become smaller are halved, the
+#: least part of a step, and the change of a prediction, in its sigmas, below which it has converged. A change of what
+#: is read counts by `_READ_SHARE`: coefficients are linear between the nodes of a table, and whole steps can alternate
+#: about a node.
+_MOST_STEPS, _HALVED_FROM, _LEAST_FACTOR, _CONVERGED, _READ_SHARE = 14, 5, 0.25, 0.1, 0.2
 #: Weight of the model's own covariance against the cross-validation, in stretches, as in the autoregression.
 _PRIOR_STRETCHES = 2.0
 #: Sigmas by which a prediction from one side may differ from that from both.
@@ -177,22 +179,26 @@ def most_probable_motion(window: Window, before: Solution | None = None) -> Solu
 
 
 def _search(window: Window, states: Array, log_sizes: Array) -> Solution | None:
-    """Motion and hyperparameters in turns, from a start; None where they do not converge."""
-    solution = None
+    """Motion and hyperparameters in turns, from a start: the most probable of converged motions, None without any."""
+    best = None
     try:
         for _ in range(_MOST_SEARCHES):
             step = _gauss_newton(window, states, log_sizes)
             if step is None:
-                return None
+                break
             (states, converged), used = step, log_sizes
             motion = linearise_window(window, states)
             log_sizes = estimate_sizes(window, motion, used)
-            solution = Solution(motion, used, log_posterior(window, motion)(used)) if converged else None
-            if converged and np.max(np.abs(log_sizes - used) / WIDTHS) < _SAME_SIZES:
+            if not converged:
+                continue
+            solution = Solution(motion, used, log_posterior(window, motion)(used))
+            if best is None or solution.log_posterior >= best.log_posterior:
+                best = solution
+            if np.max(np.abs(log_sizes - used) / WIDTHS) < _SAME_SIZES:
                 break
     except np.linalg.LinAlgError:  # a covariance is singular to working precision
-        return None
-    return solution
+        pass
+    return best
 
 
 def _gauss_newton(window: Window, states: Array, log_sizes: Array) -> tuple[Array, bool] | None:
@@ -205,11 +211,12 @@ def _gauss_newton(window: Window, states: Array, log_sizes: Array) -> tuple[Arra
         mean, covariance, _ = smooth_errors(motion, covariances(window, motion, log_sizes), window.observed)
         change, design = mean + motion.offset, motion.design[part]
         sigma = np.sqrt(np.einsum("tij,tjk,tik->ti", design, covariance[part], design))
-        size = float(np.max(np.abs(np.einsum("tij,tj->ti", design, change[part])) / sigma))
+        ratio = np.abs(np.einsum("tij,tj->ti", design, change[part])) / sigma
+        size = float(np.max(np.where(window.observed[part], _READ_SHARE, 1.0) * ratio))
         if not np.isfinite(size):
             return None
         if iteration > _HALVED_FROM and size > 0.5 * previous:
-            factor = 0.5
+            factor = max(0.5 * factor, _LEAST_FACTOR)
         previous = size
         states = add_errors(states, factor * change)
         if size < _CONVERGED:
